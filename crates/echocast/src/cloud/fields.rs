@@ -1,0 +1,374 @@
+//! The one table of point-cloud columns. Everything that lists columns walks it: the cloud, the
+//! writers, `--fields`, the help.
+
+use crate::error::{Error, Result};
+
+/// Element type of a column.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum ColumnType {
+    /// 32-bit IEEE float; NaN marks a miss in organised clouds.
+    F32,
+    /// 64-bit IEEE float.
+    F64,
+    /// Unsigned byte.
+    U8,
+    /// 16-bit unsigned.
+    U16,
+    /// 32-bit unsigned.
+    U32,
+}
+
+impl ColumnType {
+    /// Bytes of one element.
+    pub const fn size(self) -> usize {
+        match self {
+            ColumnType::U8 => 1,
+            ColumnType::U16 => 2,
+            ColumnType::F32 | ColumnType::U32 => 4,
+            ColumnType::F64 => 8,
+        }
+    }
+}
+
+/// A whole column, borrowed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Column<'a> {
+    /// See [`ColumnType::F32`].
+    F32(&'a [f32]),
+    /// See [`ColumnType::F64`].
+    F64(&'a [f64]),
+    /// See [`ColumnType::U8`].
+    U8(&'a [u8]),
+    /// See [`ColumnType::U16`].
+    U16(&'a [u16]),
+    /// See [`ColumnType::U32`].
+    U32(&'a [u32]),
+}
+
+impl<'a> Column<'a> {
+    /// Elements as bytes in the machine's order.
+    pub fn bytes(self) -> &'a [u8] {
+        match self {
+            Column::F32(c) => bytemuck::cast_slice(c),
+            Column::F64(c) => bytemuck::cast_slice(c),
+            Column::U8(c) => c,
+            Column::U16(c) => bytemuck::cast_slice(c),
+            Column::U32(c) => bytemuck::cast_slice(c),
+        }
+    }
+
+    /// Number of elements.
+    pub fn len(self) -> usize {
+        match self {
+            Column::F32(c) => c.len(),
+            Column::F64(c) => c.len(),
+            Column::U8(c) => c.len(),
+            Column::U16(c) => c.len(),
+            Column::U32(c) => c.len(),
+        }
+    }
+
+    /// Whether there are no elements.
+    pub fn is_empty(self) -> bool {
+        self.len() == 0
+    }
+
+    /// Element `index` as f64 (exact for every column type).
+    pub fn get_f64(self, index: usize) -> f64 {
+        match self {
+            Column::F32(c) => f64::from(c[index]),
+            Column::F64(c) => c[index],
+            Column::U8(c) => f64::from(c[index]),
+            Column::U16(c) => f64::from(c[index]),
+            Column::U32(c) => f64::from(c[index]),
+        }
+    }
+}
+
+/// Element types that columns may have.
+pub(crate) trait Element: Copy + Default + bytemuck::Pod + Send + Sync {
+    const TYPE: ColumnType;
+    /// What a beam without a return holds in an organised cloud.
+    const MISS: Self;
+    fn column(slice: &[Self]) -> Column<'_>;
+}
+
+macro_rules! element {
+    ($($t:ty, $kind:ident, $miss:expr;)*) => {$(
+        impl Element for $t {
+            const TYPE: ColumnType = ColumnType::$kind;
+            const MISS: Self = $miss;
+            fn column(slice: &[Self]) -> Column<'_> { Column::$kind(slice) }
+        }
+    )*};
+}
+element! { f32, F32, f32::NAN; f64, F64, f64::NAN; u8, U8, 0; u16, U16, 0; u32, U32, 0; }
+
+/// One row of the table of columns.
+#[derive(Clone, Copy, Debug)]
+pub struct FieldInfo {
+    /// The column it describes.
+    pub field: Field,
+    /// Name in every format and language.
+    pub name: &'static str,
+    /// Element type.
+    pub kind: ColumnType,
+    /// SI unit, `1` for ratios, empty for counts and ids.
+    pub unit: &'static str,
+    /// Whether it is computed and written when nothing is asked for.
+    pub default: bool,
+    /// Name of the LAS dimension that carries it; `None`: carried as LAS extra bytes under `name`.
+    pub las: Option<&'static str>,
+    /// What it holds.
+    pub meaning: &'static str,
+}
+
+macro_rules! columns {
+    ($( $name:ident, $variant:ident, $t:ty, $unit:literal, $default:literal, $las:expr, $meaning:literal; )*) => {
+        /// A point-cloud column.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+        #[repr(u8)]
+        pub enum Field { $( #[doc = $meaning] $variant ),* }
+
+        /// The table of columns, in the order formats write them.
+        pub const FIELDS: &[FieldInfo] = &[ $( FieldInfo {
+            field: Field::$variant,
+            name: stringify!($name),
+            kind: <$t as Element>::TYPE,
+            unit: $unit,
+            default: $default,
+            las: $las,
+            meaning: $meaning,
+        } ),* ];
+
+        /// The columns of a cloud; one that was not asked for is empty.
+        #[derive(Clone, Debug, Default, PartialEq)]
+        pub struct Columns { $( #[doc = $meaning] pub $name: Vec<$t> ),* }
+
+        impl Columns {
+            /// Column `field`; empty when it was not computed.
+            pub fn get(&self, field: Field) -> Column<'_> {
+                match field { $( Field::$variant => <$t as Element>::column(&self.$name) ),* }
+            }
+
+            /// Makes every column of `fields` `len` long (zeros behind what it held), the others empty.
+            pub(crate) fn resize(&mut self, fields: FieldSet, len: usize) {
+                $( if fields.contains(Field::$variant) { self.$name.resize(len, Default::default()) } else { self.$name.clear() } )*
+            }
+
+            /// Moves `count` rows from row `from` to row `to`, in every column that is there.
+            pub(crate) fn move_rows(&mut self, from: usize, to: usize, count: usize) {
+                $( if !self.$name.is_empty() { self.$name.copy_within(from..from + count, to) } )*
+            }
+
+            /// Appends the rows of `other`, which must hold the same columns.
+            pub(crate) fn append(&mut self, other: &Columns) {
+                $( self.$name.extend_from_slice(&other.$name); )*
+            }
+
+            /// Puts row `order[i]` at row `i`, in every column.
+            pub(crate) fn permute(&mut self, order: &[u32]) {
+                $( if !self.$name.is_empty() {
+                    self.$name = order.iter().map(|&row| self.$name[row as usize]).collect();
+                } )*
+            }
+
+            /// Mutable slices of rows `start..end` of every column that is there.
+            pub(crate) fn slices(&mut self, start: usize, end: usize) -> Slices<'_> {
+                Slices { $( $name: if self.$name.is_empty() { &mut [] } else { &mut self.$name[start..end] } ),* }
+            }
+        }
+
+        /// Mutable rows of a cloud's columns; a column that was not asked for is empty.
+        pub(crate) struct Slices<'a> { $( pub $name: &'a mut [$t] ),* }
+
+        impl<'a> Slices<'a> {
+            /// The first `count` rows, and the rest.
+            pub(crate) fn split_at(self, count: usize) -> (Slices<'a>, Slices<'a>) {
+                $( let $name = if self.$name.is_empty() { (Default::default(), Default::default()) } else { self.$name.split_at_mut(count) }; )*
+                (Slices { $( $name: $name.0 ),* }, Slices { $( $name: $name.1 ),* })
+            }
+
+            /// Mutable rows from `start` on, borrowed for a while.
+            pub(crate) fn from_row(&mut self, start: usize) -> Slices<'_> {
+                Slices { $( $name: if self.$name.is_empty() { &mut [] } else { &mut self.$name[start..] } ),* }
+            }
+        }
+    };
+}
+
+columns! {
+    // name, variant, type, unit, default, LAS dimension, meaning
+    x, X, f32, "m", true, Some("X"), "measured position, relative to the cloud's origin";
+    y, Y, f32, "m", true, Some("Y"), "measured position, relative to the cloud's origin";
+    z, Z, f32, "m", true, Some("Z"), "measured position, relative to the cloud's origin";
+    range, Range, f32, "m", true, None, "measured slant range";
+    intensity, Intensity, f32, "1", true, Some("intensity"), "what the instrument reports: 0..1, or 0..255 for 8-bit encodings";
+    category_id, CategoryId, u32, "", true, None, "semantic class, 0 = unlabelled";
+    part_id, PartId, u32, "", true, None, "part of the object, 0 = unlabelled";
+    instance_id, InstanceId, u32, "", true, None, "individual object, 0 = unlabelled";
+    material_id, MaterialId, u32, "", false, None, "material of the surface, 0 = none";
+    return_number, ReturnNumber, u8, "", true, Some("return_number"), "which return of its beam, from 1";
+    return_count, ReturnCount, u8, "", true, Some("number_of_returns"), "how many returns the beam has";
+    channel, Channel, u16, "", true, None, "emitter index (LAS and ROS say ring)";
+    time, Time, f64, "s", true, Some("gps_time"), "time of the firing since the start of the run";
+    frame, Frame, u32, "", false, None, "frame index";
+    beam, Beam, u32, "", false, None, "index of the beam in its frame: row * columns + column";
+    firing, Firing, u32, "", false, None, "index of the emission event: column of a spinning sensor";
+    azimuth, Azimuth, f32, "rad", false, None, "reported direction in the sensor frame, counter-clockwise from x";
+    elevation, Elevation, f32, "rad", false, None, "reported direction in the sensor frame, up from the xy plane";
+    red, Red, u8, "", true, Some("red"), "base colour of the surface, sRGB";
+    green, Green, u8, "", true, Some("green"), "base colour of the surface, sRGB";
+    blue, Blue, u8, "", true, Some("blue"), "base colour of the surface, sRGB";
+    normal_x, NormalX, f32, "1", false, None, "unit surface normal on the sensor's side, in the cloud's frame";
+    normal_y, NormalY, f32, "1", false, None, "unit surface normal on the sensor's side, in the cloud's frame";
+    normal_z, NormalZ, f32, "1", false, None, "unit surface normal on the sensor's side, in the cloud's frame";
+    cos_incidence, CosIncidence, f32, "1", false, None, "cosine of the incidence angle, 1 = head-on";
+    depth, Depth, f32, "m", false, None, "measured distance along the sensor's x axis";
+    true_x, TrueX, f32, "m", false, None, "position without noise or error, relative to the cloud's origin";
+    true_y, TrueY, f32, "m", false, None, "position without noise or error, relative to the cloud's origin";
+    true_z, TrueZ, f32, "m", false, None, "position without noise or error, relative to the cloud's origin";
+    true_range, TrueRange, f32, "m", false, None, "slant range without noise or error";
+    cause, Cause, u8, "", false, None, "why the point is there: 0 surface";
+    bounces, Bounces, u8, "", false, None, "specular events on the path";
+}
+
+impl Field {
+    /// Its row of the table.
+    pub fn info(self) -> &'static FieldInfo {
+        &FIELDS[self as usize]
+    }
+
+    /// The column called `name`.
+    ///
+    /// # Errors
+    /// [`Error::Missing`] with the names that come near.
+    pub fn from_name(name: &str) -> Result<Field> {
+        FIELDS
+            .iter()
+            .find(|info| info.name == name)
+            .map(|info| info.field)
+            .ok_or_else(|| Error::missing("column", name, FIELDS.iter().map(|info| info.name)))
+    }
+}
+
+/// A set of columns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct FieldSet(u64);
+
+impl FieldSet {
+    /// No column.
+    pub const EMPTY: FieldSet = FieldSet(0);
+
+    /// Every column.
+    pub fn all() -> Self {
+        FIELDS.iter().map(|info| info.field).collect()
+    }
+
+    /// Reads `"x,y,z,range"`, `"all"` or `"default"`; names may be mixed: `"default,normal_x"`.
+    ///
+    /// # Errors
+    /// [`Error::Missing`] for an unknown name, [`Error::InvalidParameter`] for an empty list.
+    pub fn parse(list: &str) -> Result<Self> {
+        let mut set = FieldSet::EMPTY;
+        for name in list.split(',').map(str::trim).filter(|name| !name.is_empty()) {
+            set = match name {
+                "all" => FieldSet::all(),
+                "default" => set.union(FieldSet::default()),
+                _ => set.with(Field::from_name(name)?),
+            };
+        }
+        if set == FieldSet::EMPTY {
+            return Err(Error::invalid(
+                "fields",
+                format!("{list:?}"),
+                "column names separated by commas, \"default\" or \"all\"",
+            ));
+        }
+        Ok(set)
+    }
+
+    /// This set and `field`.
+    #[must_use]
+    pub const fn with(self, field: Field) -> Self {
+        FieldSet(self.0 | 1 << field as u8)
+    }
+
+    /// This set without `field`.
+    #[must_use]
+    pub const fn without(self, field: Field) -> Self {
+        FieldSet(self.0 & !(1 << field as u8))
+    }
+
+    /// Columns of either set.
+    #[must_use]
+    pub const fn union(self, other: Self) -> Self {
+        FieldSet(self.0 | other.0)
+    }
+
+    /// Whether `field` is in it.
+    pub const fn contains(self, field: Field) -> bool {
+        self.0 & (1 << field as u8) != 0
+    }
+
+    /// Whether any of `fields` is in it.
+    pub fn contains_any(self, fields: &[Field]) -> bool {
+        fields.iter().any(|&field| self.contains(field))
+    }
+
+    /// Its columns in table order.
+    pub fn iter(self) -> impl Iterator<Item = &'static FieldInfo> {
+        FIELDS.iter().filter(move |info| self.contains(info.field))
+    }
+}
+
+impl Default for FieldSet {
+    /// The columns written when nothing is asked for.
+    fn default() -> Self {
+        FIELDS.iter().filter(|info| info.default).map(|info| info.field).collect()
+    }
+}
+
+impl FromIterator<Field> for FieldSet {
+    fn from_iter<I: IntoIterator<Item = Field>>(fields: I) -> Self {
+        fields.into_iter().fold(FieldSet::EMPTY, FieldSet::with)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn table_rows_stand_at_their_field() {
+        assert!(FIELDS.len() <= 64, "FieldSet holds 64 columns");
+        for (row, info) in FIELDS.iter().enumerate() {
+            assert_eq!(info.field as usize, row);
+            assert_eq!(Field::from_name(info.name).unwrap(), info.field);
+        }
+    }
+
+    #[test]
+    fn lists_are_parsed() {
+        assert_eq!(FieldSet::parse("all").unwrap().iter().count(), FIELDS.len());
+        let set = FieldSet::parse(" x, normal_z").unwrap();
+        assert!(set.contains(Field::X) && set.contains(Field::NormalZ) && !set.contains(Field::Y));
+        assert!(FieldSet::parse("x,rnage").unwrap_err().to_string().contains("range"));
+        assert!(FieldSet::parse(",").is_err());
+        assert!(!FieldSet::default().contains(Field::Beam));
+    }
+
+    #[test]
+    fn rows_move_split_and_permute() {
+        let mut columns = Columns::default();
+        columns.resize(FieldSet::EMPTY.with(Field::Range).with(Field::Beam), 4);
+        assert!(columns.x.is_empty());
+        let (first, second) = columns.slices(0, 4).split_at(2);
+        first.range.copy_from_slice(&[1.0, 2.0]);
+        second.beam.copy_from_slice(&[7, 8]);
+        columns.move_rows(2, 1, 2);
+        assert_eq!(columns.beam, [0, 7, 8, 8]);
+        columns.permute(&[2, 1]);
+        assert_eq!(columns.beam, [8, 7]);
+    }
+}

@@ -1,0 +1,125 @@
+//! The labelled point cloud: a column each for position, range, labels and what else was asked for.
+
+mod fields;
+
+pub use fields::{Column, ColumnType, Columns, FIELDS, Field, FieldInfo, FieldSet};
+pub(crate) use fields::{Element, Slices};
+
+use crate::emitter::Pose;
+use crate::error::Result;
+use crate::export;
+use crate::report::Report;
+use crate::scene::Labels;
+use glam::DVec3;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Coordinates of the output points.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Frame {
+    /// World, z up.
+    #[default]
+    World,
+    /// Sensor at the time of each firing: x forward, y left, z up.
+    Sensor,
+}
+
+/// What a scan returns: columns of equal length, one row per return (or per beam when organised).
+#[derive(Clone, Debug)]
+pub struct PointCloud {
+    /// World (or sensor) coordinates of position 0, 0, 0, metres; add it to `x`, `y`, `z`.
+    pub origin: DVec3,
+    /// The data; a column that was not asked for is empty.
+    pub columns: Columns,
+    /// Which columns are there.
+    pub fields: FieldSet,
+    /// Number of rows.
+    pub len: usize,
+    /// `[rows, columns]` of the sensor when every beam has its row (misses are NaN).
+    pub organised: Option<[u32; 2]>,
+    /// What `x`, `y`, `z` and the normals refer to.
+    pub frame: Frame,
+    /// World pose of the sensor at the start of the (first) scan.
+    pub sensor_pose: Pose,
+    /// Value of `intensity` that means full scale: 1, or 255 for 8-bit encodings.
+    pub intensity_full_scale: f32,
+    /// Names of the numbers in the label columns.
+    pub labels: Arc<Labels>,
+}
+
+impl Default for PointCloud {
+    /// An empty cloud without columns: what [`crate::BuiltScene::scan_into`] fills.
+    fn default() -> Self {
+        PointCloud {
+            origin: DVec3::ZERO,
+            columns: Columns::default(),
+            fields: FieldSet::EMPTY,
+            len: 0,
+            organised: None,
+            frame: Frame::World,
+            sensor_pose: Pose::IDENTITY,
+            intensity_full_scale: 1.0,
+            labels: Arc::default(),
+        }
+    }
+}
+
+impl PointCloud {
+    /// Column `field`; empty when it was not computed.
+    pub fn column(&self, field: Field) -> Column<'_> {
+        self.columns.get(field)
+    }
+
+    /// Column called `name`.
+    ///
+    /// # Errors
+    /// [`crate::Error::Missing`] when there is no such column at all.
+    pub fn column_by_name(&self, name: &str) -> Result<Column<'_>> {
+        Ok(self.column(Field::from_name(name)?))
+    }
+
+    /// World (or sensor) position of row `row`, metres, f64.
+    pub fn position(&self, row: usize) -> DVec3 {
+        let c = &self.columns;
+        self.origin + DVec3::new(f64::from(c.x[row]), f64::from(c.y[row]), f64::from(c.z[row]))
+    }
+
+    /// Writes the cloud to `path`; the format is chosen by the extension.
+    ///
+    /// The file appears under its name only when it is complete.
+    ///
+    /// # Errors
+    /// Unknown extension, a cloud without positions, a full disk.
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<Report> {
+        export::write(self, path.as_ref(), None)
+    }
+
+    /// Appends the rows of `other`, a later scan of the same scene with the same columns.
+    ///
+    /// # Errors
+    /// When origins, frames, columns or labels differ.
+    pub fn append(&mut self, other: &PointCloud) -> Result<()> {
+        if self.len == 0 && self.fields == FieldSet::EMPTY {
+            *self = other.clone();
+            return Ok(());
+        }
+        let same = self.origin == other.origin
+            && self.frame == other.frame
+            && self.fields == other.fields
+            && self.labels == other.labels;
+        if !same {
+            return Err(crate::Error::invalid(
+                "cloud to append",
+                "of another origin, frame, set of columns or labels",
+                "a scan of the same scene with the same options",
+            ));
+        }
+        self.columns.append(&other.columns);
+        self.len += other.len;
+        self.organised = match (self.organised, other.organised) {
+            (Some([rows, columns]), Some([more, same])) if columns == same => Some([rows + more, columns]),
+            _ => None,
+        };
+        Ok(())
+    }
+}

@@ -1,0 +1,11 @@
+//! What is sent, when and from where.
+
+mod beams;
+pub mod pattern;
+mod pose;
+mod trajectory;
+
+pub use beams::{BeamTable, FiringOrder};
+pub use pattern::Pattern;
+pub use pose::Pose;
+pub use trajectory::Trajectory;

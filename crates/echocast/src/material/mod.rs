@@ -1,0 +1,78 @@
+//! What surfaces are made of, and how much light they send back.
+
+mod library;
+
+pub use library::MaterialEntry;
+
+use crate::scene::TextureRef;
+
+/// Where the reflectance of a surface comes from when neither its material nor the material library says it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ReflectanceSource {
+    /// Luminance of the linear base colour (Rec. 709 weights).
+    #[default]
+    Luminance,
+    /// Alpha of the base colour, as in the paper's system.
+    Alpha,
+}
+
+/// A surface material as the scene file gave it; colours are linear.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Material {
+    /// Name in the file.
+    pub name: String,
+    /// Linear base colour and alpha, 0..1.
+    pub base_color: [f32; 4],
+    /// Image that multiplies the base colour.
+    pub base_color_texture: Option<TextureRef>,
+    /// Reflectance at the sensor's wavelength, 0..1, where the file says it (`extras.reflectance` or `blainder_rgba`'s fourth number).
+    pub reflectance: Option<f32>,
+    /// glTF metallic factor, 0..1; 1 with roughness 0 is a mirror.
+    pub metallic: f32,
+    /// glTF roughness factor, 0..1.
+    pub roughness: f32,
+    /// Index of refraction (`KHR_materials_ior`, `blainder_ior`), 1 at least.
+    pub ior: f32,
+    /// Fraction of light that passes the surface (`KHR_materials_transmission`), 0..1.
+    pub transmission: f32,
+    /// Thickness of the volume behind the surface (`KHR_materials_volume`), metres; 0 = a thin sheet.
+    pub thickness_m: f32,
+    /// Distance after which light has the attenuation colour (`KHR_materials_volume`), metres, infinite = clear.
+    pub attenuation_distance_m: f32,
+    /// Linear colour of white light after the attenuation distance (`KHR_materials_volume`).
+    pub attenuation_color: [f32; 3],
+    /// Whether the file wants the surface drawn without lighting (`KHR_materials_unlit`).
+    pub unlit: bool,
+}
+
+impl Default for Material {
+    /// glTF's default material: white, fully rough, not metallic here (a scanner sees no mirrors where nothing is said).
+    fn default() -> Self {
+        Material {
+            name: String::new(),
+            base_color: [1.0; 4],
+            base_color_texture: None,
+            reflectance: None,
+            metallic: 0.0,
+            roughness: 1.0,
+            ior: 1.5,
+            transmission: 0.0,
+            thickness_m: 0.0,
+            attenuation_distance_m: f32::INFINITY,
+            attenuation_color: [1.0; 3],
+            unlit: false,
+        }
+    }
+}
+
+impl ReflectanceSource {
+    /// Reflectance, 0..1, of a linear base colour and alpha.
+    #[inline(always)]
+    pub fn of(self, rgba: [f32; 4]) -> f32 {
+        match self {
+            // Rec. ITU-R BT.709 luma coefficients on linear light.
+            ReflectanceSource::Luminance => 0.2126 * rgba[0] + 0.7152 * rgba[1] + 0.0722 * rgba[2],
+            ReflectanceSource::Alpha => rgba[3],
+        }
+    }
+}

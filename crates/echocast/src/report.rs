@@ -1,0 +1,28 @@
+//! What a load, a scan or a write did beyond its result: warnings are data, libraries do not print.
+
+/// Warnings and counts of one piece of work.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Report {
+    /// One sentence each, in the order they arose; repeated ones are kept once.
+    pub warnings: Vec<String>,
+}
+
+impl Report {
+    /// Adds `warning` unless it has been said.
+    pub fn warn(&mut self, warning: impl Into<String>) {
+        let warning = warning.into();
+        if !self.warnings.contains(&warning) {
+            log::warn!("{warning}");
+            self.warnings.push(warning);
+        }
+    }
+
+    /// Takes over the warnings of `other`.
+    pub fn absorb(&mut self, other: Report) {
+        for warning in other.warnings {
+            if !self.warnings.contains(&warning) {
+                self.warnings.push(warning);
+            }
+        }
+    }
+}

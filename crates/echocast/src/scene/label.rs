@@ -1,0 +1,184 @@
+//! Names to numbers: categories, parts, materials and instances.
+
+use crate::error::{Error, Result};
+use crate::yaml;
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::path::Path;
+
+/// Numbers and names of one label column, sorted by number.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct NameTable {
+    /// Numbers, rising; 0 never stands here (it means unlabelled).
+    pub ids: Vec<u32>,
+    /// Names, one for each number.
+    pub names: Vec<String>,
+}
+
+impl NameTable {
+    /// Numbers `names` in sorted order from 1, keeping the numbers that `fixed` gives.
+    ///
+    /// Names without a fixed number take the free numbers in sorted order. An empty name gets none.
+    pub fn number(names: impl IntoIterator<Item = String>, fixed: &BTreeMap<String, u32>) -> Self {
+        let names: BTreeSet<String> = names.into_iter().filter(|name| !name.is_empty()).collect();
+        let taken: BTreeSet<u32> = fixed.values().copied().collect();
+        let mut free = (1u32..).filter(|id| !taken.contains(id));
+        let mut rows: Vec<(u32, String)> = names
+            .into_iter()
+            .map(|name| (fixed.get(&name).copied().unwrap_or_else(|| free.next().unwrap_or(0)), name))
+            .filter(|(id, _)| *id != 0)
+            .collect();
+        rows.sort();
+        let (ids, names) = rows.into_iter().unzip();
+        NameTable { ids, names }
+    }
+
+    /// Number of `name`; 0 when it has none.
+    pub fn id(&self, name: &str) -> u32 {
+        self.names.iter().position(|n| n == name).map_or(0, |row| self.ids[row])
+    }
+
+    /// Names to numbers.
+    pub(crate) fn to_map(&self) -> HashMap<&str, u32> {
+        self.iter().map(|(id, name)| (name, id)).collect()
+    }
+
+    /// Name of number `id`.
+    pub fn name(&self, id: u32) -> Option<&str> {
+        // Two names may share one fixed number; the first in sorted order speaks for it.
+        let row = self.ids.partition_point(|&known| known < id);
+        (self.ids.get(row) == Some(&id)).then(|| self.names[row].as_str())
+    }
+
+    /// `(number, name)` pairs, rising.
+    pub fn iter(&self) -> impl Iterator<Item = (u32, &str)> {
+        self.ids.iter().copied().zip(self.names.iter().map(String::as_str))
+    }
+}
+
+/// The name tables of a scene; they travel with every output.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Labels {
+    /// Names of `category_id`.
+    pub category: NameTable,
+    /// Names of `part_id`.
+    pub part: NameTable,
+    /// Names of `material_id`.
+    pub material: NameTable,
+    /// Names of `instance_id`: the objects. Names may repeat here, numbers do not.
+    pub instance: NameTable,
+}
+
+impl Labels {
+    /// The four tables with the stems of their column names: `category`, `part`, `material`, `instance`.
+    pub fn tables(&self) -> [(&'static str, &NameTable); 4] {
+        [("category", &self.category), ("part", &self.part), ("material", &self.material), ("instance", &self.instance)]
+    }
+}
+
+/// A label file: fixed numbers, and patterns that give names.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LabelRules {
+    /// Category or part name to number, from 1.
+    pub numbers: BTreeMap<String, u32>,
+    /// Object name pattern (`*` and `?`) to category; the longest matching pattern wins.
+    pub objects: BTreeMap<String, String>,
+    /// Material name pattern (`*` and `?`) to part; the longest matching pattern wins.
+    pub materials: BTreeMap<String, String>,
+}
+
+impl LabelRules {
+    /// Reads a label file (YAML).
+    ///
+    /// # Errors
+    /// A missing file, an unknown key, a number that is 0 or no number.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
+        let rules: LabelRules = yaml::load(path)?;
+        if let Some((name, _)) = rules.numbers.iter().find(|(_, number)| **number == 0) {
+            return Err(Error::parse(path, format!("numbers.{name}"), "0 means unlabelled; allowed: 1 to 4294967295"));
+        }
+        Ok(rules)
+    }
+
+    /// Category that the patterns give an object; they go before what the scene file says.
+    pub fn category(&self, object: &str) -> Option<&str> {
+        best_match(&self.objects, object)
+    }
+
+    /// Part that the patterns give the faces of a material; they go before what the scene file says.
+    pub fn part(&self, material: &str) -> Option<&str> {
+        best_match(&self.materials, material)
+    }
+}
+
+fn best_match<'a>(patterns: &'a BTreeMap<String, String>, name: &str) -> Option<&'a str> {
+    patterns
+        .iter()
+        .filter(|(pattern, _)| matches(pattern, name))
+        .max_by_key(|(pattern, _)| pattern.chars().filter(|c| !"*?".contains(*c)).count())
+        .map(|(_, value)| value.as_str())
+}
+
+/// Shell-style match: `*` any run of characters, `?` any one.
+fn matches(pattern: &str, name: &str) -> bool {
+    let (pattern, name): (Vec<char>, Vec<char>) = (pattern.chars().collect(), name.chars().collect());
+    let (mut p, mut n) = (0, 0);
+    // Where to go on when the text after the last `*` does not fit: (pattern after it, next start).
+    let mut retry: Option<(usize, usize)> = None;
+    while n < name.len() {
+        match pattern.get(p) {
+            Some('*') => {
+                retry = Some((p + 1, n + 1));
+                p += 1;
+            }
+            Some(&c) if c == '?' || c == name[n] => {
+                p += 1;
+                n += 1;
+            }
+            _ => match retry {
+                Some((after, start)) => {
+                    p = after;
+                    n = start;
+                    retry = Some((after, start + 1));
+                }
+                None => return false,
+            },
+        }
+    }
+    pattern[p..].iter().all(|&c| c == '*')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_numbered_in_sorted_order_around_fixed_numbers() {
+        let names = ["wall", "chair", "", "floor", "road"].map(String::from);
+        let plain = NameTable::number(names.clone(), &BTreeMap::new());
+        assert_eq!(plain.iter().collect::<Vec<_>>(), [(1, "chair"), (2, "floor"), (3, "road"), (4, "wall")]);
+        let fixed = BTreeMap::from([("road".to_owned(), 40), ("wall".to_owned(), 1), ("unused".to_owned(), 2)]);
+        let table = NameTable::number(names, &fixed);
+        assert_eq!(table.iter().collect::<Vec<_>>(), [(1, "wall"), (3, "chair"), (4, "floor"), (40, "road")]);
+        assert_eq!((table.id("road"), table.id("sky"), table.name(40), table.name(2)), (40, 0, Some("road"), None));
+    }
+
+    #[test]
+    fn patterns_give_names() {
+        let rules = LabelRules {
+            objects: BTreeMap::from([
+                ("Desk_*".into(), "desk".into()),
+                ("*".into(), "thing".into()),
+                ("Desk_1?".into(), "big".into()),
+            ]),
+            ..LabelRules::default()
+        };
+        assert_eq!(rules.category("Desk_7"), Some("desk"));
+        assert_eq!(rules.category("Desk_12"), Some("big"));
+        assert_eq!(rules.category("Lamp"), Some("thing"));
+        assert_eq!(rules.part("leg_metal"), None);
+        assert!(matches("a*b*c", "axxbyybc") && !matches("a*b*c", "axxbyyb") && matches("*", "") && !matches("?", ""));
+    }
+}

@@ -1,0 +1,166 @@
+//! Images on surfaces: decoding happens in the readers, sampling here.
+
+use std::sync::OnceLock;
+
+/// What lies beyond the edge of an image.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Wrap {
+    /// The image again.
+    #[default]
+    Repeat,
+    /// The image again, every second one mirrored.
+    MirroredRepeat,
+    /// The edge pixel.
+    ClampToEdge,
+}
+
+/// How colours between pixel centres are found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Filter {
+    /// The nearest pixel.
+    Nearest,
+    /// Bilinear between four pixels, in linear light.
+    #[default]
+    Linear,
+}
+
+/// An image, 8 bit RGBA, colour channels sRGB-encoded, row 0 at the top.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Texture {
+    /// Pixels per row, at least 1.
+    pub width: u32,
+    /// Rows, at least 1.
+    pub height: u32,
+    /// `width * height` pixels.
+    pub pixels: Vec<[u8; 4]>,
+}
+
+/// A use of an image by a material.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TextureRef {
+    /// Index into [`super::Scene::textures`].
+    pub texture: usize,
+    /// Beyond the left and right edges.
+    pub wrap_u: Wrap,
+    /// Beyond the top and bottom edges.
+    pub wrap_v: Wrap,
+    /// Between pixel centres.
+    pub filter: Filter,
+    /// Rows of the 2x3 matrix that takes a vertex's (u, v, 1) to the image's (u, v), v downwards.
+    pub transform: [[f32; 3]; 2],
+}
+
+impl TextureRef {
+    /// The plain use of `texture`: repeated, bilinear, coordinates as they are.
+    pub fn plain(texture: usize) -> Self {
+        TextureRef {
+            texture,
+            wrap_u: Wrap::Repeat,
+            wrap_v: Wrap::Repeat,
+            filter: Filter::Linear,
+            transform: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+        }
+    }
+
+    /// Linear RGBA of `image` at the vertex coordinates `uv`.
+    pub fn sample(&self, image: &Texture, uv: [f32; 2]) -> [f32; 4] {
+        let [u, v] = self.transform.map(|row| row[0] * uv[0] + row[1] * uv[1] + row[2]);
+        let (width, height) = (image.width as i64, image.height as i64);
+        // Pixel centres lie at half-integers.
+        let (x, y) = (f64::from(u) * width as f64, f64::from(v) * height as f64);
+        if !(x.is_finite() && y.is_finite()) {
+            return [0.0; 4];
+        }
+        let pixel = |px: i64, py: i64| {
+            let column = wrap_index(px, width, self.wrap_u);
+            let row = wrap_index(py, height, self.wrap_v);
+            linear_rgba(image.pixels[(row * width + column) as usize])
+        };
+        match self.filter {
+            Filter::Nearest => pixel(x.floor() as i64, y.floor() as i64),
+            Filter::Linear => {
+                let (left, top) = ((x - 0.5).floor(), (y - 0.5).floor());
+                let (fx, fy) = ((x - 0.5 - left) as f32, (y - 0.5 - top) as f32);
+                let (left, top) = (left as i64, top as i64);
+                let corners = [pixel(left, top), pixel(left + 1, top), pixel(left, top + 1), pixel(left + 1, top + 1)];
+                std::array::from_fn(|c| {
+                    let upper = corners[0][c] + (corners[1][c] - corners[0][c]) * fx;
+                    let lower = corners[2][c] + (corners[3][c] - corners[2][c]) * fx;
+                    upper + (lower - upper) * fy
+                })
+            }
+        }
+    }
+}
+
+fn wrap_index(index: i64, size: i64, wrap: Wrap) -> i64 {
+    match wrap {
+        Wrap::Repeat => index.rem_euclid(size),
+        Wrap::ClampToEdge => index.clamp(0, size - 1),
+        Wrap::MirroredRepeat => {
+            let period = index.rem_euclid(2 * size);
+            if period < size { period } else { 2 * size - 1 - period }
+        }
+    }
+}
+
+fn linear_rgba(pixel: [u8; 4]) -> [f32; 4] {
+    let table = srgb_table();
+    [table[pixel[0] as usize], table[pixel[1] as usize], table[pixel[2] as usize], f32::from(pixel[3]) / 255.0]
+}
+
+fn srgb_table() -> &'static [f32; 256] {
+    static TABLE: OnceLock<[f32; 256]> = OnceLock::new();
+    TABLE.get_or_init(|| std::array::from_fn(|i| linear_from_srgb(i as f32 / 255.0)))
+}
+
+/// sRGB-encoded 0..1 to linear 0..1 (IEC 61966-2-1).
+pub(crate) fn linear_from_srgb(encoded: f32) -> f32 {
+    if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+}
+
+/// Linear 0..1 to an sRGB-encoded byte (IEC 61966-2-1).
+pub(crate) fn srgb_byte(linear: f32) -> u8 {
+    let encoded = if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
+    (encoded * 255.0).round().clamp(0.0, 255.0) as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn checker() -> Texture {
+        Texture { width: 2, height: 1, pixels: vec![[0, 0, 0, 255], [255, 255, 255, 0]] }
+    }
+
+    #[test]
+    fn wrap_modes_continue_the_image() {
+        let at = |wrap, index| wrap_index(index, 3, wrap);
+        assert_eq!((-4..5).map(|i| at(Wrap::Repeat, i)).collect::<Vec<_>>(), [2, 0, 1, 2, 0, 1, 2, 0, 1]);
+        assert_eq!((-4..5).map(|i| at(Wrap::ClampToEdge, i)).collect::<Vec<_>>(), [0, 0, 0, 0, 0, 1, 2, 2, 2]);
+        assert_eq!((-4..5).map(|i| at(Wrap::MirroredRepeat, i)).collect::<Vec<_>>(), [2, 2, 1, 0, 0, 1, 2, 2, 1]);
+    }
+
+    #[test]
+    fn filters_hit_pixel_centres_and_mix_between_them() {
+        let image = checker();
+        let mut use_ = TextureRef::plain(0);
+        assert_eq!(use_.sample(&image, [0.25, 0.5]), [0.0, 0.0, 0.0, 1.0]);
+        assert_eq!(use_.sample(&image, [0.75, 0.5]), [1.0, 1.0, 1.0, 0.0]);
+        let middle = use_.sample(&image, [0.5, 0.5]);
+        assert!((middle[0] - 0.5).abs() < 1e-6, "the mean is taken in linear light");
+        use_.filter = Filter::Nearest;
+        assert_eq!(use_.sample(&image, [0.51, 0.5])[0], 1.0);
+        use_.transform = [[1.0, 0.0, 0.5], [0.0, 1.0, 0.0]];
+        assert_eq!(use_.sample(&image, [0.25, 0.5])[0], 1.0);
+        assert_eq!(use_.sample(&image, [f32::NAN, 0.5]), [0.0; 4]);
+    }
+
+    #[test]
+    fn srgb_round_trips_every_byte() {
+        for byte in 0..=255u8 {
+            assert_eq!(srgb_byte(linear_from_srgb(f32::from(byte) / 255.0)), byte);
+        }
+        assert!((linear_from_srgb(0.5) - 0.214_041_14).abs() < 1e-6);
+    }
+}
