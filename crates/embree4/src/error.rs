@@ -1,0 +1,88 @@
+use embree4_sys as sys;
+
+use crate::Device;
+
+/// What can go wrong while a scene is set up. Each variant's text is one sentence.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The library that was loaded has a version whose memory layout may differ from the one compiled in.
+    #[error(
+        "the Embree library loaded is version {}.{}.{}, but 4.{} or a later 4.x is needed",
+        .found.0, .found.1, .found.2, crate::device::OLDEST_MINOR
+    )]
+    Version {
+        /// Major, minor and patch number of the library.
+        found: (u32, u32, u32),
+    },
+    /// A device configuration with a NUL character in it, which C cannot be given.
+    #[error("the Embree configuration {config:?} contains a NUL character")]
+    Config {
+        /// The configuration as it was given.
+        config: String,
+    },
+    /// A mesh without a vertex or without a triangle.
+    #[error("a mesh needs vertices and triangles, but this one has {vertices} and {triangles}")]
+    EmptyMesh {
+        /// Number of vertices given.
+        vertices: usize,
+        /// Number of triangles given.
+        triangles: usize,
+    },
+    /// More vertices or triangles than 32-bit numbers can name.
+    #[error("a mesh can have up to 4294967294 vertices and triangles, but this one has {vertices} and {triangles}")]
+    MeshTooLarge {
+        /// Number of vertices given.
+        vertices: usize,
+        /// Number of triangles given.
+        triangles: usize,
+    },
+    /// A triangle with a corner that does not exist.
+    #[error("triangle {triangle} refers to vertex {index}, but there are {vertices} vertices, counted from 0")]
+    IndexOutOfRange {
+        /// Position of the triangle, from 0.
+        triangle: usize,
+        /// The vertex number found there.
+        index: u32,
+        /// Number of vertices given.
+        vertices: usize,
+    },
+    /// A mesh or scene of one device attached to a scene of another.
+    #[error("a mesh or scene can only be attached to a scene of the device it was made with")]
+    OtherDevice,
+    /// An instance of a scene that has instances itself.
+    #[error("a scene that contains instances cannot be instanced: Embree is used with one level of instances")]
+    NestedInstance,
+    /// An instance's transform that is not finite or that flattens space.
+    #[error("the instance transform {transform:?} (3x4, column by column) is not finite or cannot be inverted")]
+    Transform {
+        /// The transform as it was given.
+        transform: [f32; 12],
+    },
+    /// Embree itself reported an error.
+    #[error("Embree's {call} failed: {reason}")]
+    Embree {
+        /// The C function that was called.
+        call: &'static str,
+        /// Embree's error in words.
+        reason: &'static str,
+    },
+}
+
+/// Reads and clears the calling thread's error, which is the first since it was read last.
+/// `device` is `None` where there is no device because its creation failed.
+pub(crate) fn check(device: Option<&Device>, call: &'static str) -> Result<(), Error> {
+    let raw = device.map_or(std::ptr::null_mut(), Device::raw);
+    // SAFETY: `raw` is null, which Embree allows here, or a live device.
+    let code = unsafe { sys::rtcGetDeviceError(raw) };
+    let reason = match code {
+        sys::RTC_ERROR_NONE => return Ok(()),
+        sys::RTC_ERROR_INVALID_ARGUMENT => "invalid argument",
+        sys::RTC_ERROR_INVALID_OPERATION => "invalid operation",
+        sys::RTC_ERROR_OUT_OF_MEMORY => "out of memory",
+        sys::RTC_ERROR_UNSUPPORTED_CPU => "this CPU is not supported",
+        sys::RTC_ERROR_CANCELLED => "cancelled",
+        _ => "unknown error",
+    };
+    Err(Error::Embree { call, reason })
+}

@@ -1,0 +1,255 @@
+use std::sync::Arc;
+
+use embree4_sys as sys;
+
+use crate::error::{Error, check};
+use crate::mesh::Geometry;
+use crate::{Coherence, Device, Mesh, Packet, Ray};
+
+/// What a scene is optimised for. The default is none: fastest to trace.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SceneFlags {
+    /// Watertight at shared edges and vertices: 10 to 40 % more time per ray.
+    pub robust: bool,
+    /// Half the memory: 25 to 40 % more time per ray.
+    pub compact: bool,
+    /// Faster to build, for scenes that are built anew for every frame; half as much memory again.
+    pub dynamic: bool,
+}
+
+/// How much work goes into building a scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Quality {
+    /// Builds in a third of the time, traces up to twice as slowly.
+    Low,
+    /// The default.
+    #[default]
+    Medium,
+    /// Builds twice as long; spatial splits, worth a try for long thin triangles.
+    High,
+}
+
+/// A scene that is being put together from meshes and instances. [`Scene::commit`] makes it ready to trace.
+#[derive(Debug)]
+pub struct Scene(Owned);
+
+/// A finished scene: immutable, shared by threads, ready to trace. Clones are handles of the same scene.
+#[derive(Clone, Debug)]
+pub struct CommittedScene(Arc<Committed>);
+
+#[derive(Debug)]
+struct Committed {
+    scene: Owned,
+    bounds: ([f32; 3], [f32; 3]),
+}
+
+/// One reference to an Embree scene, and what it stands on. Embree counts references of scenes to their geometries
+/// and, though only its source says so, of instances to their scenes; the latter we do not rely on.
+#[derive(Debug)]
+struct Owned {
+    raw: sys::RTCScene,
+    device: Device,
+    instanced: Vec<CommittedScene>,
+}
+
+// SAFETY: Embree's scenes are reference counted and not bound to a thread.
+unsafe impl Send for Owned {}
+// SAFETY: what changes a scene takes `&mut self` or consumes it; a shared one is only traced, which Embree allows from
+// any number of threads.
+unsafe impl Sync for Owned {}
+
+impl Scene {
+    /// An empty scene of medium quality without flags.
+    ///
+    /// # Errors
+    /// [`Error::Embree`] when memory runs out.
+    pub fn new(device: &Device) -> Result<Scene, Error> {
+        Self::with_flags(device, SceneFlags::default(), Quality::default())
+    }
+
+    /// An empty scene.
+    ///
+    /// # Errors
+    /// [`Error::Embree`] when memory runs out.
+    pub fn with_flags(device: &Device, flags: SceneFlags, quality: Quality) -> Result<Scene, Error> {
+        // SAFETY: the device is alive.
+        let raw = unsafe { sys::rtcNewScene(device.raw()) };
+        check(Some(device), "rtcNewScene")?;
+        if raw.is_null() {
+            return Err(Error::Embree { call: "rtcNewScene", reason: "no scene and no error returned" });
+        }
+        let scene = Scene(Owned { raw, device: device.clone(), instanced: Vec::new() });
+        let flag = |on: bool, bit| if on { bit } else { sys::RTC_SCENE_FLAG_NONE };
+        let flags = flag(flags.robust, sys::RTC_SCENE_FLAG_ROBUST)
+            | flag(flags.compact, sys::RTC_SCENE_FLAG_COMPACT)
+            | flag(flags.dynamic, sys::RTC_SCENE_FLAG_DYNAMIC);
+        let quality = match quality {
+            Quality::Low => sys::RTC_BUILD_QUALITY_LOW,
+            Quality::Medium => sys::RTC_BUILD_QUALITY_MEDIUM,
+            Quality::High => sys::RTC_BUILD_QUALITY_HIGH,
+        };
+        // SAFETY: the scene is alive and ours alone.
+        unsafe { sys::rtcSetSceneFlags(raw, flags) };
+        check(Some(device), "rtcSetSceneFlags")?;
+        // SAFETY: as above.
+        unsafe { sys::rtcSetSceneBuildQuality(raw, quality) };
+        check(Some(device), "rtcSetSceneBuildQuality")?;
+        Ok(scene)
+    }
+
+    /// Adds a mesh and returns its geometry id: 0, 1, 2 ... over meshes and instances in the order they are attached.
+    ///
+    /// # Errors
+    /// [`Error::OtherDevice`]; [`Error::Embree`] when memory runs out.
+    pub fn attach_mesh(&mut self, mesh: &Mesh) -> Result<u32, Error> {
+        self.attach(mesh.geometry())
+    }
+
+    /// Adds an instance of another scene and returns its geometry id, which hits report as `inst_id`.
+    ///
+    /// `world_from_object` is the 3x4 matrix column by column: the images of x, y and z, then the translation. It may
+    /// scale, shear and mirror.
+    ///
+    /// # Errors
+    /// [`Error::OtherDevice`]; [`Error::NestedInstance`] when `of` contains instances; [`Error::Transform`] when the
+    /// matrix is not finite or has no inverse in f32; [`Error::Embree`] when memory runs out.
+    pub fn attach_instance(&mut self, of: &CommittedScene, world_from_object: [f32; 12]) -> Result<u32, Error> {
+        let instanced = &of.0.scene;
+        if !instanced.instanced.is_empty() {
+            return Err(Error::NestedInstance);
+        }
+        if !instanced.device.is(&self.0.device) {
+            return Err(Error::OtherDevice);
+        }
+        if !is_invertible(&world_from_object) {
+            return Err(Error::Transform { transform: world_from_object });
+        }
+        let device = &self.0.device;
+        let mut geometry = Geometry::new(device, sys::RTC_GEOMETRY_TYPE_INSTANCE)?;
+        // SAFETY: both handles are alive and of one device, and the geometry is ours alone. `self` keeps the scene
+        // alive (below) as long as it can be traced.
+        unsafe { sys::rtcSetGeometryInstancedScene(geometry.raw(), instanced.raw) };
+        check(Some(device), "rtcSetGeometryInstancedScene")?;
+        // SAFETY: the format names 12 floats without padding, and Embree copies them.
+        unsafe {
+            sys::rtcSetGeometryTransform(
+                geometry.raw(),
+                0,
+                sys::RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR,
+                world_from_object.as_ptr().cast(),
+            );
+        }
+        check(Some(device), "rtcSetGeometryTransform")?;
+        geometry.commit()?;
+        // First, so that Embree never holds an instance of a scene that we do not.
+        self.0.instanced.push(of.clone());
+        self.attach(&geometry)
+    }
+
+    fn attach(&mut self, geometry: &Geometry) -> Result<u32, Error> {
+        if !geometry.device().is(&self.0.device) {
+            return Err(Error::OtherDevice);
+        }
+        // SAFETY: both handles are alive and of one device; the scene takes a reference of its own.
+        let id = unsafe { sys::rtcAttachGeometry(self.0.raw, geometry.raw()) };
+        check(Some(&self.0.device), "rtcAttachGeometry")?;
+        Ok(id)
+    }
+
+    /// Builds what is needed to trace the scene, on all of the device's build threads.
+    ///
+    /// # Errors
+    /// [`Error::Embree`] when memory runs out.
+    pub fn commit(self) -> Result<CommittedScene, Error> {
+        let scene = self.0;
+        // SAFETY: the scene is alive and ours alone, everything attached to it is committed.
+        unsafe { sys::rtcCommitScene(scene.raw) };
+        check(Some(&scene.device), "rtcCommitScene")?;
+        let mut bounds = sys::RTCBounds {
+            lower_x: 0.0,
+            lower_y: 0.0,
+            lower_z: 0.0,
+            align0: 0.0,
+            upper_x: 0.0,
+            upper_y: 0.0,
+            upper_z: 0.0,
+            align1: 0.0,
+        };
+        // SAFETY: the scene is alive and committed, `bounds` is writable and aligned.
+        unsafe { sys::rtcGetSceneBounds(scene.raw, &mut bounds) };
+        check(Some(&scene.device), "rtcGetSceneBounds")?;
+        let lower = [bounds.lower_x, bounds.lower_y, bounds.lower_z];
+        let upper = [bounds.upper_x, bounds.upper_y, bounds.upper_z];
+        Ok(CommittedScene(Arc::new(Committed { scene, bounds: (lower, upper) })))
+    }
+}
+
+impl CommittedScene {
+    /// Finds the closest hit of each ray whose lane in `valid` is -1; lanes where it is 0 stay as they are.
+    ///
+    /// `W` is 4, 8 or 16 (anything else does not compile); [`Device::packet_width`] says which is fastest. A lane
+    /// with a coordinate that is not finite, or with neither -1 nor 0 in `valid`, gives a meaningless hit or none.
+    #[inline]
+    pub fn intersect<const W: usize>(&self, valid: &[i32; W], rays: &mut Packet<W>, coherence: Coherence) {
+        const { assert!(W == 4 || W == 8 || W == 16, "Embree traces packets of 4, 8 and 16 rays") };
+        let mut arguments = arguments(match coherence {
+            Coherence::Coherent => sys::RTC_RAY_QUERY_FLAG_COHERENT,
+            Coherence::Incoherent => sys::RTC_RAY_QUERY_FLAG_INCOHERENT,
+        });
+        let valid = Aligned(*valid);
+        let (valid, scene, rays) = (valid.0.as_ptr(), self.0.scene.raw, std::ptr::from_mut(rays));
+        // SAFETY: the scene is alive and committed. `valid` has W lanes, aligned to 64 bytes. `rays` has the size,
+        // alignment and fields of RTCRayHitW (proved where Packet is defined), and Embree writes nothing else.
+        unsafe {
+            match W {
+                4 => sys::rtcIntersect4(valid, scene, rays.cast(), &mut arguments),
+                8 => sys::rtcIntersect8(valid, scene, rays.cast(), &mut arguments),
+                _ => sys::rtcIntersect16(valid, scene, rays.cast(), &mut arguments),
+            }
+        }
+    }
+
+    /// Finds the closest hit of one ray.
+    #[inline]
+    pub fn intersect1(&self, ray: &mut Ray) {
+        let mut arguments = arguments(sys::RTC_RAY_QUERY_FLAG_INCOHERENT);
+        // SAFETY: the scene is alive and committed; `ray` has the size, alignment and fields of RTCRayHit (proved where
+        // Ray is defined), and Embree writes nothing else.
+        unsafe { sys::rtcIntersect1(self.0.scene.raw, std::ptr::from_mut(ray).cast(), &mut arguments) }
+    }
+
+    /// Lower and upper corner of the box around everything. For an empty scene lower is +infinity and upper -infinity.
+    pub fn bounds(&self) -> ([f32; 3], [f32; 3]) {
+        self.0.bounds
+    }
+}
+
+/// Embree loads the lanes of `valid` as one vector, which must be aligned to its size.
+#[repr(align(64))]
+struct Aligned<const W: usize>([i32; W]);
+
+/// What `rtcInitIntersectArguments` sets, and `flags`.
+#[inline]
+fn arguments(flags: sys::RTCRayQueryFlags) -> sys::RTCIntersectArguments {
+    sys::RTCIntersectArguments {
+        flags,
+        feature_mask: sys::RTC_FEATURE_FLAG_ALL,
+        context: std::ptr::null_mut(),
+        filter: None,
+        intersect: None,
+    }
+}
+
+/// Embree inverts the matrix in f32; without an inverse every ray would become NaN.
+fn is_invertible(m: &[f32; 12]) -> bool {
+    let [a, b, c, d, e, f, g, h, i] = std::array::from_fn(|k| f64::from(m[k]));
+    let determinant = (a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g)) as f32;
+    m.iter().all(|x| x.is_finite()) && determinant.is_normal() && determinant.recip().is_normal()
+}
+
+impl Drop for Owned {
+    fn drop(&mut self) {
+        // SAFETY: we own one reference, given by rtcNewScene. The fields dropped after this outlive it.
+        unsafe { sys::rtcReleaseScene(self.raw) }
+    }
+}
