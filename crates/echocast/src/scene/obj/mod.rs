@@ -86,7 +86,7 @@ pub(super) fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
     scene.degenerate_triangles = maker.degenerate_triangles;
     for (count, what) in [
         (maker.degenerate_triangles, "triangles without area are left out"),
-        (maker.tangled_polygons, "polygons cross themselves: their triangles may cover more or less than they do"),
+        (maker.tangled_polygons, "polygons cross themselves or are folded: their triangles are a guess"),
     ] {
         if count > 0 {
             scene.report.warn(format!("{}: {count} {what}", path.display()));
@@ -425,7 +425,7 @@ mod tests {
         let scene = read_text(&format!("{QUAD}f 1 3 2 4")).unwrap();
         assert_eq!(
             warnings(&scene),
-            ["1 polygons cross themselves: their triangles may cover more or less than they do"]
+            ["1 polygons cross themselves or are folded: their triangles are a guess"]
         );
     }
 

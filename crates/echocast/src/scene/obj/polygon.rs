@@ -12,7 +12,8 @@ const LOOKS_PER_CORNER: usize = 4000;
 /// hands their corners (positions in `points`) to `add`. The polygon may be concave, may have
 /// collinear or repeated corners and need not be quite plane. Triangles without area can occur.
 ///
-/// Returns false for a polygon that crosses itself: then the triangles may cover more or less than it.
+/// Returns false for a polygon that crosses itself or is folded so that it seems to: then the triangles
+/// may cover more or less than was meant.
 pub(super) fn triangulate(points: &[DVec3], mut add: impl FnMut([usize; 3])) -> bool {
     match *points {
         [_, _, _] => {
@@ -20,15 +21,17 @@ pub(super) fn triangulate(points: &[DVec3], mut add: impl FnMut([usize; 3])) -> 
             return true;
         }
         [a, b, c, d] => {
-            // One of the two diagonals lies inside: the one whose triangles face the same way.
-            if (b - a).cross(c - a).dot((c - a).cross(d - a)) > 0.0 {
+            // A diagonal lies inside where its two triangles face the same way; a convex quad has two such.
+            let ac_is_inside = (b - a).cross(c - a).dot((c - a).cross(d - a)) > 0.0;
+            let bd_may_be = (b - a).cross(d - a).dot((c - b).cross(d - b)) >= 0.0;
+            if ac_is_inside || !bd_may_be {
                 add([0, 1, 2]);
                 add([0, 2, 3]);
-                return true;
+            } else {
+                add([0, 1, 3]);
+                add([1, 2, 3]);
             }
-            add([0, 1, 3]);
-            add([1, 2, 3]);
-            return (b - a).cross(d - a).dot((c - b).cross(d - b)) >= 0.0;
+            return ac_is_inside || bd_may_be;
         }
         _ => {}
     }
