@@ -1,7 +1,7 @@
 //! The yardstick: nothing but Embree, on the rays of a scan.
 
 use super::{BuiltScene, LANES, RayBatch, Tables};
-use crate::emitter::{Aim, Trajectory};
+use crate::emitter::{Aim, Pose, Trajectory};
 use crate::sensor::Sensor;
 use embree4::{Coherence, INVALID, Packet};
 use pulp::{Arch, Simd, WithSimd};
@@ -57,10 +57,11 @@ impl BareHits {
 }
 
 impl<'a> BareLoop<'a> {
-    /// Prepares the rays that [`BuiltScene::scan`] would trace for the same arguments.
-    pub fn new(scene: &'a BuiltScene, sensor: &Sensor, trajectory: &Trajectory) -> Self {
+    /// Prepares the rays that [`BuiltScene::scan`] would trace with `sensor` standing at `pose`.
+    pub fn new(scene: &'a BuiltScene, sensor: &Sensor, pose: Pose) -> Self {
         let beams = sensor.beams();
-        let aim = Aim::new(trajectory, 0.0, scene.origin());
+        let trajectory = Trajectory::fixed(pose);
+        let aim = Aim::new(&trajectory, 0.0, scene.origin());
         let rays: Vec<RayBatch> = (0..beams.len())
             .step_by(LANES)
             .map(|first| {
