@@ -1,6 +1,7 @@
 //! What is sent, when and from where.
 
 mod beams;
+mod csv;
 pub mod pattern;
 mod pose;
 mod trajectory;
