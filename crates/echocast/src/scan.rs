@@ -136,7 +136,6 @@ impl BuiltScene {
 /// Everything that is the same for all beams of one scan.
 struct Scan<'a> {
     scene: &'a Tables,
-    sensor: &'a Sensor,
     beams: &'a BeamTable,
     options: &'a ScanOptions,
     trajectory: &'a Trajectory,
@@ -183,7 +182,6 @@ impl<'a> Scan<'a> {
         let beams = sensor.beams();
         Scan {
             scene,
-            sensor,
             beams,
             options,
             trajectory,
