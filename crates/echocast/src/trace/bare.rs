@@ -1,7 +1,7 @@
 //! The yardstick: nothing but Embree, on the rays of a scan.
 
 use super::{BuiltScene, LANES, RayBatch, Tables};
-use crate::emitter::{Aim, Trajectory};
+use crate::emitter::{Aim, Pose, Trajectory};
 use crate::sensor::Sensor;
 use embree4::{Coherence, INVALID, Packet};
 use pulp::{Arch, Simd, WithSimd};
@@ -57,10 +57,11 @@ impl BareHits {
 }
 
 impl<'a> BareLoop<'a> {
-    /// Prepares the rays that [`BuiltScene::scan`] would trace for the same arguments.
-    pub fn new(scene: &'a BuiltScene, sensor: &Sensor, trajectory: &Trajectory) -> Self {
+    /// Prepares the rays that [`BuiltScene::scan`] would trace with `sensor` standing at `pose`.
+    pub fn new(scene: &'a BuiltScene, sensor: &Sensor, pose: Pose) -> Self {
         let beams = sensor.beams();
-        let aim = Aim::new(trajectory, 0.0, scene.origin());
+        let trajectory = Trajectory::fixed(pose);
+        let aim = Aim::new(&trajectory, 0.0, scene.origin());
         let rays: Vec<RayBatch> = (0..beams.len())
             .step_by(LANES)
             .map(|first| {
@@ -126,7 +127,9 @@ impl BareChunk<'_> {
     fn run<const W: usize>(self) {
         let coherence = if self.coherent { Coherence::Coherent } else { Coherence::Incoherent };
         let mut packet = Packet::<W>::new();
+        let mut valid = [-1; W];
         for (block, (rays, out)) in self.rays.iter().zip(self.hits).enumerate() {
+            // Only the last block can be short, so lanes that become invalid stay so.
             let count = (self.count - block * LANES).min(LANES);
             packet.org_x = [rays.org_x[0]; W];
             packet.org_y = [rays.org_y[0]; W];
@@ -139,7 +142,9 @@ impl BareChunk<'_> {
                 packet.tfar.copy_from_slice(&rays.range_max[lanes.clone()]);
                 packet.geom_id = [INVALID; W];
                 packet.inst_id = [INVALID; W];
-                let valid: [i32; W] = std::array::from_fn(|lane| if first + lane < count { -1 } else { 0 });
+                if first + W > count {
+                    valid[count - first..].fill(0);
+                }
                 self.scene.committed.intersect(&valid, &mut packet, coherence);
                 for lane in 0..W {
                     out.x[first + lane] = packet.org_x[lane] + packet.dir_x[lane] * packet.tfar[lane];
