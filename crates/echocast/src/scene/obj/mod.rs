@@ -41,7 +41,7 @@ pub(super) fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
     let mut materials = Materials::read(path, &file, &mut scene)?;
 
     let by_group = file.objects.iter().next().is_none();
-    let (names, object_of): (_, fn(&Run) -> u32) =
+    let (names, object_of): (_, fn(&Run) -> usize) =
         if by_group { (&file.groups, |run| run.group) } else { (&file.objects, |run| run.object) };
     let mut runs = file.runs.clone();
     runs.sort_by_key(|run| (object_of(run), run.material));
@@ -70,7 +70,7 @@ pub(super) fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
         }
         let name = match object_of(&runs[0]) {
             0 => stem.to_string(),
-            number => names.list[number as usize].clone(),
+            number => names.list[number].clone(),
         };
         objects.push(RawObject {
             name: name.clone(),
@@ -99,7 +99,7 @@ pub(super) fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
 struct Materials {
     entries: HashMap<String, mtl::Entry>,
     /// Scene material of each number of `usemtl`.
-    chosen: HashMap<u32, usize>,
+    chosen: HashMap<usize, usize>,
     /// Scene texture of each image file; `None`: it cannot be read.
     textures: HashMap<PathBuf, Option<usize>>,
     unknown: Vec<String>,
@@ -130,14 +130,14 @@ impl Materials {
     }
 
     /// Index of the scene's material for a number of `usemtl`.
-    fn choose(&mut self, file: &Statements, number: u32, scene: &mut Scene) -> Option<usize> {
+    fn choose(&mut self, file: &Statements, number: usize, scene: &mut Scene) -> Option<usize> {
         if number == 0 {
             return None;
         }
         if let Some(&index) = self.chosen.get(&number) {
             return Some(index);
         }
-        let name = &file.materials.list[number as usize];
+        let name = &file.materials.list[number];
         let material = match self.entries.remove(name) {
             Some(entry) => {
                 let base_color_texture = entry.map.and_then(|map| self.texture(&map, scene));

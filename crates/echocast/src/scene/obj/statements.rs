@@ -50,9 +50,9 @@ pub(super) struct Corner {
 /// Consecutive faces of one kind; the names are numbers in their [`Names`].
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Run {
-    pub object: u32,
-    pub group: u32,
-    pub material: u32,
+    pub object: usize,
+    pub group: usize,
+    pub material: usize,
     /// First face.
     pub start: usize,
     /// One past the last face.
@@ -61,7 +61,7 @@ pub(super) struct Run {
 
 /// Names in the order in which they first occur. Number 0 is no name.
 pub(super) struct Names {
-    numbers: HashMap<String, u32>,
+    numbers: HashMap<String, usize>,
     pub list: Vec<String>,
 }
 
@@ -72,9 +72,8 @@ impl Default for Names {
 }
 
 impl Names {
-    fn number(&mut self, name: String) -> u32 {
-        // A name takes more than a byte of file, and files of 4 GB of names do not come here: 32 bits do.
-        let next = self.list.len() as u32;
+    fn number(&mut self, name: String) -> usize {
+        let next = self.list.len();
         *self.numbers.entry(name).or_insert_with_key(|name| {
             self.list.push(name.clone());
             next
