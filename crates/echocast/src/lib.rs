@@ -15,6 +15,7 @@ pub mod error;
 pub mod export;
 pub mod material;
 mod presets;
+mod rng;
 pub mod report;
 mod scan;
 pub mod scene;
@@ -33,4 +34,4 @@ pub use scene::{LabelRules, LoadOptions, Scene};
 pub use sensor::{
     BeamSpec, Expectations, IntensitySpec, PresetInfo, RangeSpec, ReturnMode, ReturnsSpec, Sensor, SensorKind, SensorSpec,
 };
-pub use trace::BuiltScene;
+pub use trace::{BareLoop, BuiltScene};

@@ -85,6 +85,25 @@ impl BeamTable {
         self.dir_x.is_empty()
     }
 
+    /// Whether neighbours in beam order are neighbours in angle: then rays are traced in coherent packets.
+    pub(crate) fn is_coherent(&self) -> bool {
+        /// A packet of 16 beams of 1 degree apart still gains from being traced together.
+        const WIDEST_PACKET: usize = 16;
+        const COS_LIMIT: f32 = 0.94;
+        /// One packet in so many is looked at.
+        const STRIDE: usize = 61 * WIDEST_PACKET;
+        let dot = |a: usize, b: usize| {
+            self.dir_x[a] * self.dir_x[b] + self.dir_y[a] * self.dir_y[b] + self.dir_z[a] * self.dir_z[b]
+        };
+        let (mut seen, mut close) = (0, 0);
+        for first in (0..self.len()).step_by(STRIDE) {
+            let last = (first + WIDEST_PACKET).min(self.len());
+            seen += 1;
+            close += usize::from((first..last).all(|beam| dot(first, beam) > COS_LIMIT));
+        }
+        2 * close > seen
+    }
+
     /// Firing that beam `beam` belongs to.
     pub fn firing(&self, beam: u32) -> u32 {
         match self.firing_order {
