@@ -31,5 +31,7 @@ pub use material::ReflectanceSource;
 pub use report::Report;
 pub use scan::{Order, Profile, ScanOptions};
 pub use scene::{LabelRules, LoadOptions, Scene};
-pub use sensor::Sensor;
+pub use sensor::{
+    BeamSpec, Expectations, IntensitySpec, PresetInfo, RangeSpec, ReturnMode, ReturnsSpec, Sensor, SensorKind, SensorSpec,
+};
 pub use trace::{BareLoop, BuiltScene};
