@@ -1,6 +1,7 @@
 //! Clouds to files: one file per format, one table of formats.
 
 mod atomic;
+pub mod preview;
 
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
