@@ -32,10 +32,10 @@ pub struct BeamTable {
     pub time: Vec<f32>,
     /// Emitter index.
     pub channel: Vec<u16>,
-    /// Nearest range that is reported, m, by channel; empty: the sensor's for all.
-    pub channel_range_min: Vec<f32>,
-    /// Farthest range that is reported, m, by channel; empty: the sensor's for all.
-    pub channel_range_max: Vec<f32>,
+    /// Nearest range that is reported, m; empty: the sensor's for all beams.
+    pub range_min: Vec<f32>,
+    /// Farthest range that is reported, m; empty: the sensor's for all beams.
+    pub range_max: Vec<f32>,
     /// How beams share firings.
     pub firing_order: FiringOrder,
     /// Time from the start of one scan to the start of the next, s.
@@ -51,6 +51,25 @@ impl BeamTable {
     /// Whether there are no beams.
     pub fn is_empty(&self) -> bool {
         self.dir_x.is_empty()
+    }
+
+    /// Whether neighbours in beam order are neighbours in angle: then rays are traced in coherent packets.
+    pub(crate) fn is_coherent(&self) -> bool {
+        /// A packet of 16 beams of 1 degree apart still gains from being traced together.
+        const WIDEST_PACKET: usize = 16;
+        const COS_LIMIT: f32 = 0.94;
+        /// One packet in so many is looked at.
+        const STRIDE: usize = 61 * WIDEST_PACKET;
+        let dot = |a: usize, b: usize| {
+            self.dir_x[a] * self.dir_x[b] + self.dir_y[a] * self.dir_y[b] + self.dir_z[a] * self.dir_z[b]
+        };
+        let (mut seen, mut close) = (0, 0);
+        for first in (0..self.len()).step_by(STRIDE) {
+            let last = (first + WIDEST_PACKET).min(self.len());
+            seen += 1;
+            close += usize::from((first..last).all(|beam| dot(first, beam) > COS_LIMIT));
+        }
+        2 * close > seen
     }
 
     /// Firing that beam `beam` belongs to.

@@ -1,10 +1,12 @@
 //! What is sent, when and from where.
 
+mod aim;
 mod beams;
 pub mod pattern;
 mod pose;
 mod trajectory;
 
+pub(crate) use aim::Aim;
 pub use beams::{BeamTable, FiringOrder};
 pub use pattern::Pattern;
 pub use pose::Pose;

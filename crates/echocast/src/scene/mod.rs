@@ -18,9 +18,10 @@ pub use camera::Camera;
 pub use label::{LabelRules, Labels, NameTable};
 pub use mesh::{Mesh, Part};
 pub use texture::{Filter, Texture, TextureRef, Wrap};
+pub(crate) use texture::srgb_byte;
 
 use crate::error::{Error, Result};
-use crate::material::Material;
+pub use crate::material::Material;
 use crate::report::Report;
 use crate::trace::BuiltScene;
 use glam::{DAffine3, DVec3};
