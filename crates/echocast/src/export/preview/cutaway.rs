@@ -5,28 +5,40 @@ use glam::Vec3;
 
 /// Thickness of the layer that a ceiling's points lie in, metres.
 const LAYER: f32 = 0.15;
-
-/// Height right under a ceiling above the sensor.
-///
-/// The highest points of a room lie in one thin layer, fuller than the part of the walls under it; the
-/// highest points outdoors do not.
-pub(super) fn ceiling(points: &Points<'_>) -> Option<f32> {
-    let mut heights: Vec<f32> = points.sample().map(|(_, position)| position.z).collect();
-    let top = quantile(&mut heights, 0.998);
-    let below = top - 1.5 * LAYER;
-    let within = |low: f32, high: f32| heights.iter().filter(|&&z| low < z && z <= high).count();
-    let (layer, under) = (within(top - LAYER, top), within(top - 4.0 * LAYER, top - LAYER));
-    let full = layer as f32 > 0.02 * heights.len() as f32 && layer > under;
-    (full && points.sensor.z < below).then_some(below)
+/// Where a cloud is cut open.
+pub(super) struct Cutaway {
+    /// Height right under a ceiling above the sensor; infinite without one.
+    ///
+    /// The highest points of a room lie in one thin layer, fuller than the part of the walls under it; the
+    /// highest points outdoors do not.
+    pub ceiling: f32,
+    sensor: Vec3,
+    /// Height below which surfaces may be floors.
+    floor: f32,
 }
 
-/// Whether a viewer in the direction `toward_viewer` (unit) sees the surface at `position` from behind.
-///
-/// A surface shows its front to the sensor. So one above the sensor, where no floor is, that is seen from
-/// nearly the opposite side is seen from behind, and is left out, as in a doll's house.
-pub(super) fn from_behind(points: &Points<'_>, position: Vec3, toward_viewer: Vec3) -> bool {
-    let to_sensor = points.sensor - position;
-    to_sensor.z < 0.0 && to_sensor.dot(toward_viewer) < -0.3 * to_sensor.length()
+impl Cutaway {
+    pub(super) fn new(points: &Points<'_>) -> Cutaway {
+        let mut heights: Vec<f32> = points.sample.iter().map(|(_, position)| position.z).collect();
+        let (bottom, top) = (quantile(&mut heights, 0.02), quantile(&mut heights, 0.998));
+        let below = top - 1.5 * LAYER;
+        let within = |low: f32, high: f32| heights.iter().filter(|&&z| low < z && z <= high).count();
+        let (layer, under) = (within(top - LAYER, top), within(top - 4.0 * LAYER, top - LAYER));
+        // Most of a cloud is no ceiling, or nothing would be left to see.
+        let part = layer as f32 / heights.len().max(1) as f32;
+        let full = (0.02..0.6).contains(&part) && layer > under;
+        let ceiling = if full && points.sensor.z < below { below } else { f32::INFINITY };
+        Cutaway { ceiling, sensor: points.sensor, floor: bottom.midpoint(points.sensor.z) }
+    }
+
+    /// Whether a viewer in the direction `toward_viewer` (unit) sees the surface at `position` from behind.
+    ///
+    /// A surface shows its front to the sensor. So one well above the floor that is seen from nearly the
+    /// opposite side is seen from behind; left out, it gives the view into a doll's house.
+    pub(super) fn from_behind(&self, position: Vec3, toward_viewer: Vec3) -> bool {
+        let to_sensor = self.sensor - position;
+        position.z > self.floor && to_sensor.dot(toward_viewer) < -0.25 * to_sensor.length()
+    }
 }
 
 #[cfg(test)]
@@ -56,18 +68,18 @@ mod tests {
 
     #[test]
     fn a_ceiling_is_found_and_a_floor_or_a_wall_is_none() {
-        let found = |slab| ceiling(&Points::new(&room(slab), &mut Report::default()));
-        let height = found(Some(2.5)).unwrap();
+        let found = |slab| Cutaway::new(&Points::new(&room(slab), &mut Report::default())).ceiling;
+        let height = found(Some(2.5));
         assert!((2.2..2.5).contains(&height), "{height}");
-        assert_eq!((found(None), found(Some(0.0))), (None, None));
+        assert_eq!((found(None), found(Some(0.0))), (f32::INFINITY, f32::INFINITY));
     }
 
     #[test]
-    fn only_what_is_above_and_beyond_the_sensor_is_seen_from_behind() {
+    fn only_what_stands_beyond_the_sensor_is_seen_from_behind() {
         let cloud = room(None);
-        let points = Points::new(&cloud, &mut Report::default());
+        let cutaway = Cutaway::new(&Points::new(&cloud, &mut Report::default()));
         let viewer = Vec3::new(-0.8, 0.0, 0.6);
-        let behind = |x, z| from_behind(&points, Vec3::new(x, 0.0, z), viewer);
+        let behind = |x, z| cutaway.from_behind(Vec3::new(x, 0.0, z), viewer);
         assert!(behind(-3.0, 1.5), "wall behind the sensor");
         assert!(!behind(3.0, 1.5), "wall before it");
         assert!(!behind(-3.0, 0.0), "floor");

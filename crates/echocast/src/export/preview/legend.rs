@@ -8,6 +8,8 @@ use glam::Vec2;
 
 /// Longest name that a legend shows, characters.
 const LONGEST: usize = 32;
+/// Left of text, so that the pen's width is not cut off, pixels.
+const INSET: f32 = 2.0;
 
 /// The legend as a picture as wide as the page's inner width.
 pub(super) fn draw(legend: &Legend, page: &Page) -> Picture {
@@ -33,7 +35,7 @@ fn names(entries: &[Entry], page: &Page) -> Picture {
     let rows = labels.len().div_ceil(columns);
     let mut picture = Picture::new(page.inner(), (rows as f32 * row_height) as u32, PAGE);
     for (index, (entry, (name, count))) in entries.iter().zip(&labels).enumerate() {
-        let left = (index % columns) as f32 * (entry_width + 3.0 * gap);
+        let left = INSET + (index % columns) as f32 * (entry_width + 3.0 * gap);
         let baseline = (index / columns) as f32 * row_height + 1.5 * capitals;
         let middle = baseline - capitals / 2.0;
         let ends = [Vec2::new(left + 0.35 * swatch, middle), Vec2::new(left + 0.75 * swatch, middle)];
@@ -52,8 +54,8 @@ fn scale(caption: &str, ramp: &Ramp, [low, high]: [f64; 2], page: &Page) -> Pict
     let tick_baseline = (bar_top + bar_height) as f32 + 2.0 * capitals;
     let mut picture = Picture::new(page.inner(), (tick_baseline + 0.5 * capitals).ceil() as u32, PAGE);
     let caption_baseline = bar_top as f32 + (bar_height as f32 + capitals) / 2.0;
-    picture.text(caption, Vec2::new(0.0, caption_baseline), capitals, TEXT);
-    let left = (font::width(caption, capitals) + 2.0 * capitals).ceil() as u32;
+    picture.text(caption, Vec2::new(INSET, caption_baseline), capitals, TEXT);
+    let left = (INSET + font::width(caption, capitals) + 2.0 * capitals).ceil() as u32;
     let width = page.px(720.0).min(page.inner().saturating_sub(left + 2 * capitals as u32)).max(2);
     for x in 0..width {
         let color = ramp.color(x as f32 / (width - 1) as f32);

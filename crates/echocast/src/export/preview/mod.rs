@@ -24,7 +24,7 @@ use glam::Vec2;
 use paint::Paint;
 use points::Points;
 use std::fs::File;
-use std::io::{BufWriter, Write as _};
+use std::io::BufWriter;
 use std::path::Path;
 use std::str::FromStr;
 
@@ -150,7 +150,7 @@ pub fn render(cloud: &PointCloud, options: &PreviewOptions, report: &mut Report)
     let mut notes = Vec::new();
     let (view, panel) = match options.view {
         View::Top => ("Top view", top::draw(&points, &paint, &page, &mut notes)),
-        View::Perspective => ("Perspective", perspective::draw(&points, &paint, &page, &mut notes)),
+        View::Perspective => ("Perspective view", perspective::draw(&points, &paint, &page, &mut notes)),
         View::Range => ("Range image", range_image::draw(cloud, &points, &paint, &page)),
     };
     let title = format!("{view} of {} by {}", legend::counted(points.count, "point"), paint.name());
@@ -228,5 +228,128 @@ impl Page {
         let start = middle + Vec2::new(-font::width(words, capitals), capitals) / 2.0;
         page.text(words, start, capitals, DIM);
         page
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    const VIEWS: [View; 3] = [View::Top, View::Perspective, View::Range];
+    const COLORS: [ColorBy; 4] = [ColorBy::Label, ColorBy::Intensity, ColorBy::Range, ColorBy::Height];
+
+    fn cloud(positions: &[[f32; 3]]) -> PointCloud {
+        let mut cloud = PointCloud { len: positions.len(), ..PointCloud::default() };
+        let c = &mut cloud.columns;
+        for [x, y, z] in positions {
+            c.x.push(*x);
+            c.y.push(*y);
+            c.z.push(*z);
+        }
+        c.range = vec![f32::NAN; cloud.len];
+        c.intensity = (0..cloud.len).map(|row| [0.5, f32::INFINITY, f32::NAN][row % 3]).collect();
+        c.category_id = (0..cloud.len as u32).collect();
+        c.channel = vec![0; cloud.len];
+        cloud
+    }
+
+    #[test]
+    fn names_are_read_and_wrong_ones_are_explained() {
+        assert_eq!("perspective".parse::<View>().unwrap(), View::Perspective);
+        assert_eq!("height".parse::<ColorBy>().unwrap(), ColorBy::Height);
+        let error = "prespective".parse::<View>().unwrap_err().to_string();
+        assert_eq!(error, "there is no view named \"prespective\"; near: perspective, top, range");
+        let error = "hieght".parse::<ColorBy>().unwrap_err().to_string();
+        assert_eq!(error, "there is no preview colour named \"hieght\"; near: height, label, intensity, range");
+    }
+
+    #[test]
+    fn strange_clouds_give_pictures() {
+        let mut strange = vec![
+            cloud(&[]),
+            cloud(&[[f32::NAN; 3], [0.0, f32::INFINITY, 0.0]]),
+            cloud(&[[1.0, 2.0, 3.0]]),
+            cloud(&[[0.0; 3]]),
+            cloud(&[[4.0, 5.0, 6.0]; 1000]),
+            cloud(&[[1e14, -1e14, 1e14], [-1e14; 3], [0.0; 3]]),
+            cloud(&[[3e38; 3], [1.0; 3]]),
+            cloud(&[[1e-30, 0.0, 0.0], [0.0; 3]]),
+            cloud(&[[0.0, 0.0, -5.0], [0.0, 0.0, 5.0], [0.0, 0.0, 1.0]]),
+            PointCloud { len: 5, ..PointCloud::default() },
+        ];
+        for index in 0..strange.len() {
+            let rows = strange[index].len as u32;
+            strange.push(PointCloud { organised: Some([rows, 1]), ..strange[index].clone() });
+            strange.push(PointCloud { organised: Some([1, rows]), ..strange[index].clone() });
+            // A shape that does not belong to the cloud, and a sensor far from it.
+            strange.push(PointCloud { organised: Some([rows, 7]), ..strange[index].clone() });
+            strange.push(PointCloud {
+                sensor_pose: crate::Pose { position: DVec3::splat(1e300), ..crate::Pose::IDENTITY },
+                ..strange[index].clone()
+            });
+        }
+        for (index, cloud) in strange.iter().enumerate() {
+            for (turn, view) in VIEWS.into_iter().enumerate() {
+                let options = PreviewOptions { view, color: COLORS[(index + turn) % COLORS.len()], width: 320 };
+                let picture = render(cloud, &options, &mut Report::default()).unwrap();
+                assert_eq!(picture.pixels.len(), 3 * 320 * picture.height as usize, "{index} {options:?}");
+                assert!(picture.height < 600, "{index} {options:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_point_leaves_its_colour_in_every_view() {
+        for view in VIEWS {
+            let mut one = cloud(&[[3.0, 1.0, 1.0]]);
+            one.columns.category_id = vec![4];
+            let options = PreviewOptions { view, ..PreviewOptions::default() };
+            let picture = render(&one, &options, &mut Report::default()).unwrap();
+            let page = Page::new(options.width);
+            // The panel, without the swatch in the legend.
+            let panel = (page.panel_top()..picture.height - page.margin() - 3 * page.text() as u32)
+                .flat_map(|y| (0..picture.width).map(move |x| (x, y)));
+            let lit = panel.filter(|&(x, y)| picture.pixel(x, y) == palette::category(4)).count();
+            assert!(lit > 0, "{view:?}");
+        }
+    }
+
+    #[test]
+    fn the_same_cloud_gives_the_same_pixels() {
+        let positions: Vec<[f32; 3]> = (0..200_000u32)
+            .map(|i| [i.wrapping_mul(2_654_435_761), i.wrapping_mul(40_503), i % 7].map(|v| (v % 1000) as f32 / 100.0))
+            .collect();
+        let mut cloud = cloud(&positions);
+        cloud.columns.category_id.iter_mut().for_each(|id| *id %= 5);
+        for view in VIEWS {
+            let options = PreviewOptions { view, ..PreviewOptions::default() };
+            let draw = |threads: usize| {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                pool.install(|| render(&cloud, &options, &mut Report::default()).unwrap())
+            };
+            assert!(draw(1) == draw(3), "{view:?}");
+        }
+    }
+
+    #[test]
+    fn files_are_png_and_appear_only_when_complete() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("preview.png");
+        let mut cloud = cloud(&[[1.0, 2.0, 3.0], [2.0, 2.0, 3.0]]);
+        cloud.columns.intensity.clear();
+        let options = PreviewOptions { color: ColorBy::Intensity, width: 400, ..PreviewOptions::default() };
+        let report = write(&cloud, &path, &options).unwrap();
+        assert_eq!(report.warnings.len(), 1, "{report:?}");
+        let mut reader = png::Decoder::new(std::io::BufReader::new(File::open(&path).unwrap())).read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut pixels).unwrap();
+        assert_eq!(pixels, render(&cloud, &options, &mut Report::default()).unwrap().pixels);
+
+        assert!(write(&cloud, &folder.path().join("none/preview.png"), &options).is_err());
+        let wide = PreviewOptions { width: 100_000, ..options };
+        let error = write(&cloud, &path, &wide).unwrap_err().to_string();
+        assert_eq!(error, "preview width is 100000; allowed: 320 to 4096 pixels");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 }

@@ -8,13 +8,12 @@ use crate::cloud::PointCloud;
 use crate::report::Report;
 use crate::scene::NameTable;
 use rayon::prelude::*;
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 
 /// How many names a legend lists before it sums up the rest.
 const LISTED: usize = 16;
 /// Part of the values at each end of a scale that shares the colour of its end.
 const CLIPPED: f32 = 0.01;
-
 /// Colours of a cloud's points.
 pub(super) struct Paint<'a> {
     name: &'static str,
@@ -62,21 +61,15 @@ impl<'a> Paint<'a> {
         let (columns, rows) = (&cloud.columns, cloud.len);
         match color {
             ColorBy::Label => {
-                let tables = [
-                    ("category", columns.category_id.as_slice(), &cloud.labels.category),
-                    ("part", columns.part_id.as_slice(), &cloud.labels.part),
-                ];
-                let counted = tables.map(|(name, ids, names)| {
-                    let counts = if ids.len() >= rows { count(ids, points) } else { HashMap::new() };
-                    (name, ids, names, counts)
-                });
+                let count = |ids: &[u32]| if ids.len() >= rows { count(ids, points) } else { HashMap::new() };
+                let categories = count(&columns.category_id);
                 // One category says nothing; its parts may.
-                let [category, part] = &counted;
-                let chosen = if category.3.len() <= 1 && part.3.len() > category.3.len() { 1 } else { 0 };
-                let [category, part] = counted;
-                let (name, ids, names, counts) = if chosen == 1 { part } else { category };
-                if !counts.is_empty() {
-                    return Paint::labels(name, ids, names, &counts);
+                let parts = if categories.len() <= 1 { count(&columns.part_id) } else { HashMap::new() };
+                if parts.len() > categories.len() {
+                    return Paint::labels("part", &columns.part_id, &cloud.labels.part, &parts);
+                }
+                if !categories.is_empty() {
+                    return Paint::labels("category", &columns.category_id, &cloud.labels.category, &categories);
                 }
                 report.warn("preview: the cloud has no column category_id or part_id; coloured by height instead");
                 Paint::height(points)
@@ -143,7 +136,7 @@ impl<'a> Paint<'a> {
         offset: f64,
     ) -> Self {
         let mut sample: Vec<f32> =
-            points.sample().map(|(row, _)| values.get(row, points)).filter(|value| value.is_finite()).collect();
+            points.sample.iter().map(|&(row, _)| values.get(row, points)).filter(|value| value.is_finite()).collect();
         let [low, high] = wide([quantile(&mut sample, CLIPPED), quantile(&mut sample, 1.0 - CLIPPED)]);
         let legend = Legend::Scale { caption, ramp, low: f64::from(low) + offset, high: f64::from(high) + offset };
         Paint { name, source: Source::Values { values, points, table: ramp.table(), low, high }, legend }
@@ -183,38 +176,27 @@ impl Values<'_> {
 
 /// How many points have each of `ids`.
 fn count(ids: &[u32], points: &Points<'_>) -> HashMap<u32, usize> {
+    const CHUNK: usize = 1 << 16;
+    let count_chunk = |(chunk, ids): (usize, &[u32])| {
+        let mut counts = HashMap::new();
+        let mut row = chunk * CHUNK;
+        // Neighbours mostly share their label, so runs are counted, not points.
+        for run in ids.chunk_by(|a, b| a == b) {
+            let hits = (row..row + run.len()).filter(|&row| points.get(row as u32).is_some()).count();
+            if hits > 0 {
+                *counts.entry(run[0]).or_default() += hits;
+            }
+            row += run.len();
+        }
+        counts
+    };
     let add = |mut sum: HashMap<u32, usize>, part: HashMap<u32, usize>| {
         for (id, count) in part {
             *sum.entry(id).or_default() += count;
         }
         sum
     };
-    // Neighbours mostly share their label, so runs are counted, not points.
-    let (sum, run) = points
-        .rows()
-        .filter(|&row| points.get(row).is_some())
-        .fold(
-            || (HashMap::new(), (0, 0)),
-            |(mut sum, (id, length)), row| {
-                let next = ids[row as usize];
-                if next == id {
-                    return (sum, (id, length + 1));
-                }
-                *sum.entry(id).or_default() += length;
-                (sum, (next, 1))
-            },
-        )
-        .reduce(
-            || (HashMap::new(), (0, 0)),
-            |(a, run), (b, (id, length))| {
-                let mut sum = add(a, b);
-                *sum.entry(id).or_default() += length;
-                (sum, run)
-            },
-        );
-    let mut sum = add(sum, HashMap::from([run]));
-    sum.retain(|_, count| *count > 0);
-    sum
+    ids[..points.len()].par_chunks(CHUNK).enumerate().map(count_chunk).reduce(HashMap::new, add)
 }
 
 #[cfg(test)]

@@ -50,8 +50,8 @@ pub(super) fn category(id: u32) -> Color {
     // Numbers past the table take its colours again, lighter and darker in turn.
     match (index as usize / CATEGORIES.len()) % 3 {
         0 => base,
-        1 => base.map(|value| value / 2 + 0x70),
-        _ => base.map(|value| (u16::from(value) * 5 / 8) as u8 + 0x10),
+        1 => base.map(|value| value / 2 + 0x60),
+        _ => base.map(|value| value / 2),
     }
 }
 
@@ -68,26 +68,26 @@ pub(super) struct Ramp {
 }
 
 /// For range: violet by red to yellow.
-pub(super) const RANGE: Ramp = Ramp { lightness: [0.40, 0.94], hue: [0.78, 1.30], chroma: 0.20 };
+pub(super) const RANGE: Ramp = Ramp { lightness: [0.42, 0.95], hue: [0.77, 1.28], chroma: 0.155 };
 /// For height: violet by blue and green to yellow.
-pub(super) const HEIGHT: Ramp = Ramp { lightness: [0.40, 0.93], hue: [0.83, 0.30], chroma: 0.16 };
+pub(super) const HEIGHT: Ramp = Ramp { lightness: [0.40, 0.93], hue: [0.83, 0.30], chroma: 0.135 };
 /// For intensity: ember to pale yellow.
-pub(super) const INTENSITY: Ramp = Ramp { lightness: [0.32, 0.97], hue: [0.03, 0.28], chroma: 0.15 };
+pub(super) const INTENSITY: Ramp = Ramp { lightness: [0.36, 0.97], hue: [0.03, 0.28], chroma: 0.14 };
 
 impl Ramp {
     /// Colour at `t` from 0 to 1.
     pub(super) fn color(&self, t: f32) -> Color {
         let mix = |[from, to]: [f32; 2]| from + (to - from) * t.clamp(0.0, 1.0);
         let (lightness, hue) = (mix(self.lightness), mix(self.hue) * TAU);
-        // The most chroma that the screen can show, up to the scale's own.
-        let linear = (0..=40)
-            .map(|step| {
-                let chroma = self.chroma * (1.0 - step as f32 / 40.0);
-                linear_srgb_from_oklab(lightness, chroma * hue.cos(), chroma * hue.sin())
-            })
-            .find(|rgb| rgb.iter().all(|value| (0.0..=1.0).contains(value)))
-            .unwrap_or([lightness; 3]);
-        linear.map(|value| (255.0 * srgb_from_linear(value)).round() as u8)
+        let at = |chroma: f32| linear_srgb_from_oklab(lightness, chroma * hue.cos(), chroma * hue.sin());
+        // The most chroma that the screen can show, up to the scale's own; grey it always can.
+        let (mut low, mut high) = (0.0f32, self.chroma);
+        for _ in 0..16 {
+            let middle = low.midpoint(high);
+            let shown = at(middle).iter().all(|value| (-0.001..=1.001).contains(value));
+            if shown { low = middle } else { high = middle }
+        }
+        at(low).map(|value| (255.0 * srgb_from_linear(value)).round() as u8)
     }
 
     /// [`Ramp::color`] at 256 even steps.
@@ -99,7 +99,7 @@ impl Ramp {
 /// Björn Ottosson, "A perceptual color space for image processing" (2020), linear sRGB from Oklab.
 fn linear_srgb_from_oklab(lightness: f32, a: f32, b: f32) -> [f32; 3] {
     let l = (lightness + 0.396_337_78 * a + 0.215_803_76 * b).powi(3);
-    let m = (lightness - 0.105_561_346 * a - 0.063_854_173 * b).powi(3);
+    let m = (lightness - 0.105_561_346 * a - 0.063_854_17 * b).powi(3);
     let s = (lightness - 0.089_484_18 * a - 1.291_485_5 * b).powi(3);
     [
         4.076_741_7 * l - 3.307_711_6 * m + 0.230_969_94 * s,
@@ -122,9 +122,9 @@ mod tests {
         let distance = |a: Color, b: Color| (0..3).map(|i| i32::from(a[i].abs_diff(b[i])).pow(2)).sum::<i32>();
         for id in 0..72 {
             for other in 0..id {
-                assert!(distance(category(id), category(other)) > 200, "{id} and {other}");
+                assert!(distance(category(id), category(other)) > 400, "{id} and {other}");
             }
-            assert!(distance(category(id), OTHER) > 200, "{id}");
+            assert!(distance(category(id), OTHER) > 400, "{id}");
         }
         category(u32::MAX);
     }

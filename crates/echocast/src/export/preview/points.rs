@@ -8,16 +8,18 @@ use rayon::prelude::*;
 
 /// Places farther out than this are treated as misses, so that squares stay finite, metres.
 const FARTHEST: f32 = 1e15;
-/// How many points stand for the cloud where a picture is framed.
-const SAMPLE: usize = 200_000;
+/// Most points of a sample; a percentile of it is good to a thousandth.
+const SAMPLE: usize = 50_000;
 
 /// The positions of a cloud, relative to its origin.
 pub(super) struct Points<'a> {
     x: &'a [f32],
     y: &'a [f32],
     z: &'a [f32],
-    /// Rows that have a position.
+    /// Number of rows that have a position.
     pub count: usize,
+    /// Some rows with their positions, evenly spread over the cloud: what pictures are framed by.
+    pub sample: Vec<(u32, Vec3)>,
     /// Height of z = 0 in the cloud's frame, metres.
     pub height_origin: f64,
     /// Where the sensor stood at the start.
@@ -46,17 +48,26 @@ impl<'a> Points<'a> {
             y,
             z,
             count: 0,
+            sample: Vec::new(),
             height_origin: cloud.origin.z,
             sensor: (pose.position - cloud.origin).as_vec3(),
             orientation: pose.orientation.as_quat(),
         };
         points.count = points.rows().filter(|&row| points.get(row).is_some()).count();
+        let step = points.count.div_ceil(SAMPLE).max(1);
+        let hits = (0..points.len() as u32).filter_map(|row| Some((row, points.get(row)?)));
+        points.sample = hits.step_by(step).collect();
         points
+    }
+
+    /// Number of rows, with and without a position.
+    pub(super) fn len(&self) -> usize {
+        self.x.len()
     }
 
     /// Every row, in parallel.
     pub(super) fn rows(&self) -> impl ParallelIterator<Item = u32> {
-        (0..self.x.len() as u32).into_par_iter().with_min_len(1 << 16)
+        (0..self.len() as u32).into_par_iter().with_min_len(1 << 16)
     }
 
     /// Position of row `row`; none for a miss.
@@ -66,19 +77,13 @@ impl<'a> Points<'a> {
         (position.abs().max_element() < FARTHEST && position.is_finite()).then_some(position)
     }
 
-    /// At most [`SAMPLE`] rows that have positions, evenly spread over the cloud.
-    pub(super) fn sample(&self) -> impl Iterator<Item = (u32, Vec3)> {
-        let step = self.count.div_ceil(SAMPLE).max(1);
-        (0..self.x.len() as u32).filter_map(|row| Some((row, self.get(row)?))).step_by(step)
-    }
-
     /// Distance of `position` from the sensor, metres.
     pub(super) fn distance(&self, position: Vec3) -> f32 {
         position.distance(self.sensor)
     }
 
     /// `position` in the sensor frame: x forward, y left, z up.
-    pub(super) fn from_sensor(&self, position: Vec3) -> Vec3 {
+    pub(super) fn in_sensor_frame(&self, position: Vec3) -> Vec3 {
         self.orientation.inverse() * (position - self.sensor)
     }
 }
@@ -127,9 +132,9 @@ mod tests {
         let mut report = Report::default();
         let points = Points::new(&cloud, &mut report);
         assert_eq!(points.count, 1);
-        assert_eq!(points.sample().collect::<Vec<_>>(), [(0, Vec3::new(1.0, 2.0, 3.0))]);
+        assert_eq!(points.sample, [(0, Vec3::new(1.0, 2.0, 3.0))]);
         assert_eq!(points.sensor, Vec3::new(0.0, 0.0, 1.5));
-        assert!(points.from_sensor(Vec3::new(0.0, 2.0, 1.5)).distance(Vec3::new(2.0, 0.0, 0.0)) < 1e-6);
+        assert!(points.in_sensor_frame(Vec3::new(0.0, 2.0, 1.5)).distance(Vec3::new(2.0, 0.0, 0.0)) < 1e-6);
         assert!(report.warnings.is_empty());
         cloud.columns.y.clear();
         assert_eq!(Points::new(&cloud, &mut report).count, 0);

@@ -16,7 +16,6 @@ const FLATTEST: f32 = 0.22;
 const STEEPEST: f32 = 0.62;
 /// With more channels than any spinning sensor has, the column `channel` does not tell rows.
 const CHANNELS: usize = 128;
-
 /// The range image: rows and columns of the sensor when the cloud has them, azimuth and elevation else.
 pub(super) fn draw(cloud: &PointCloud, points: &Points<'_>, paint: &Paint<'_>, page: &Page) -> Picture {
     let channel = &cloud.columns.channel;
@@ -33,8 +32,8 @@ pub(super) fn draw(cloud: &PointCloud, points: &Points<'_>, paint: &Paint<'_>, p
             splats = panorama.splats(points, &picture);
         }
     }
-    // A neighbour nearer by a fifth of the range darkens as much as one can.
-    splats.draw(&mut picture, paint, |range| range.max(1e-3).ln() / 0.2);
+    // A neighbour nearer by a quarter of the range darkens as much as one can.
+    splats.draw(&mut picture, paint, |range| range.max(1e-3).ln() / 0.25);
     picture
 }
 
@@ -64,7 +63,7 @@ struct Grid {
 impl Grid {
     fn new(points: &Points<'_>, [rows, columns]: [u32; 2], channel: &[u16]) -> Grid {
         let cell = |row: u32, column: u32| row * columns + column;
-        let direction = |row, column| Some(angles(points.from_sensor(points.get(cell(row, column))?)));
+        let direction = |row, column| Some(angles(points.in_sensor_frame(points.get(cell(row, column))?)));
         // A few hundred places of each row are enough to tell how it runs.
         let step = columns.div_ceil(512) as usize;
         let (mut leftward, mut rightward) = (0, 0);
@@ -89,7 +88,7 @@ impl Grid {
         let mut order: Vec<u32> = (0..rows).collect();
         let rows_are_channels = rows as usize <= CHANNELS
             && channel.len() == rows as usize * columns as usize
-            && points.sample().all(|(row, _)| u32::from(channel[row as usize]) == row / columns);
+            && points.sample.iter().all(|&(row, _)| u32::from(channel[row as usize]) == row / columns);
         if rows_are_channels {
             // Channels may be numbered in any order. A row without a return looks at the sky.
             let height = |row: &u32| elevations[*row as usize].unwrap_or(f32::INFINITY);
@@ -139,7 +138,7 @@ impl<'a> Panorama<'a> {
             .then_some((columns.azimuth.as_slice(), columns.elevation.as_slice()));
         let mut panorama = Panorama { reported, azimuth: [0.0; 2], elevation: [0.0; 2], channels: None };
         let sample: Vec<(u32, Vec2)> =
-            points.sample().map(|(row, position)| (row, panorama.direction(points, row, position))).collect();
+            points.sample.iter().map(|&(row, position)| (row, panorama.direction(points, row, position))).collect();
         let [azimuth, elevation] = [0, 1].map(|axis| {
             let mut values: Vec<f32> =
                 sample.iter().map(|(_, angles)| angles[axis]).filter(|a| a.is_finite()).collect();
@@ -170,7 +169,7 @@ impl<'a> Panorama<'a> {
     fn direction(&self, points: &Points<'_>, row: u32, position: Vec3) -> Vec2 {
         match self.reported {
             Some((azimuth, elevation)) => Vec2::new(azimuth[row as usize], elevation[row as usize]),
-            None => angles(points.from_sensor(position)),
+            None => angles(points.in_sensor_frame(position)),
         }
     }
 
@@ -308,7 +307,10 @@ mod tests {
         let (height, top) = (STEEPEST * page.inner() as f32, page.panel_top() as f32);
         let at = |x: f32, y: f32| picture.pixel((400.0 + (x - 0.5) * height) as u32, (top + y * height) as u32);
         let corners = [at(0.2, 0.25), at(0.8, 0.25), at(0.2, 0.75), at(0.8, 0.75)];
-        assert_eq!(corners, [2, 4, 1, 3].map(palette::category));
+        for (corner, id) in corners.into_iter().zip([2, 4, 1, 3]) {
+            // Slanted surfaces are a little darker.
+            assert!(corner.iter().zip(palette::category(id)).all(|(is, full)| is.abs_diff(full) < 5), "{corners:?}");
+        }
     }
 
     #[test]

@@ -123,7 +123,7 @@ impl Splats {
                 near.then(|| (own - levels[self.index(x, y)]).clamp(0.0, 1.0))
             })
             .sum();
-        (-1.6 * occlusion / AROUND.len() as f32).exp()
+        (-2.0 * occlusion / AROUND.len() as f32).exp()
     }
 }
 
@@ -183,7 +183,7 @@ fn samples(pixels: f32) -> i32 {
 /// dense and stay visible dots, no thicker than `thickest`, where they are thin.
 pub(super) fn diameter(count: usize, picture: &Picture, thickest: f32) -> f32 {
     let area = picture.width as f32 * picture.height as f32;
-    (1.4 * (area / count.max(1) as f32).sqrt()).clamp(0.5, thickest)
+    (1.5 * (area / count.max(1) as f32).sqrt()).clamp(1.5, thickest)
 }
 
 #[cfg(test)]
@@ -209,9 +209,9 @@ mod tests {
         assert_eq!((at(1, 2), at(4, 3), at(2, 4)), (EMPTY, EMPTY, EMPTY));
         let stamp = Stamp::rectangle(2.0, 1.0);
         assert_eq!(stamp.spans, [(0, 0, 3), (1, 0, 3)]);
-        for place in [-0.4, 1e20, -1e20, f32::NAN] {
+        for place in [-0.2, 1e20, -1e20, f32::NAN] {
             splats.put(Vec2::splat(place), &stamp, 0.0, 1);
         }
-        assert_eq!(splats.cells.iter().filter(|cell| cell.load(Ordering::Relaxed) as u32 == 1).count(), 1);
+        assert_eq!(splats.cells.iter().filter(|cell| cell.load(Ordering::Relaxed) as u32 == 1).count(), 2);
     }
 }

@@ -1,7 +1,7 @@
 //! The cloud from above, without perspective: a map.
 
 use super::canvas::{GRID, GROUND, Picture, TEXT};
-use super::cutaway;
+use super::cutaway::Cutaway;
 use super::legend::{counted, round_down};
 use super::paint::Paint;
 use super::points::{Points, robust_span};
@@ -23,7 +23,7 @@ struct Map {
 impl Map {
     fn new(points: &Points<'_>, page: &Page) -> Map {
         let along = |axis: usize| {
-            let mut values: Vec<f32> = points.sample().map(|(_, position)| position[axis]).collect();
+            let mut values: Vec<f32> = points.sample.iter().map(|(_, position)| position[axis]).collect();
             let [low, high] = robust_span(&mut values, 0.005);
             // The sensor belongs on the map unless that makes the scene small.
             let (first, last) = (low.min(points.sensor[axis]), high.max(points.sensor[axis]));
@@ -57,7 +57,7 @@ pub(super) fn draw(points: &Points<'_>, paint: &Paint<'_>, page: &Page, notes: &
     let unit = round_down(f64::from(map.width as f32 / map.zoom) / 6.0);
     grid(&mut picture, &map, unit, page);
 
-    let ceiling = cutaway::ceiling(points).unwrap_or(f32::INFINITY);
+    let ceiling = Cutaway::new(points).ceiling;
     let stamp = Stamp::disc(splat::diameter(points.count, &picture, 3.5 * page.scale));
     let splats = Splats::new(map.width, map.height);
     let outside = points
@@ -144,4 +144,85 @@ fn length(metres: f64) -> String {
         m => (m * 1000.0, "mm"),
     };
     if value >= 0.995 { format!("{value:.0} {unit}") } else { format!("{value:.1e} {unit}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::palette;
+    use super::super::{ColorBy, PreviewOptions, View, render};
+    use super::*;
+    use crate::cloud::PointCloud;
+    use crate::report::Report;
+
+    /// Every centimetre of a floor 10 m x 5 m with its corner at the origin, category 1, and a table 1 m x 1 m
+    /// at 7, 3, category 2.
+    fn scene() -> PointCloud {
+        let mut cloud = PointCloud::default();
+        let mut push = |[x, y, z]: [f32; 3], category| {
+            cloud.columns.x.push(x);
+            cloud.columns.y.push(y);
+            cloud.columns.z.push(z);
+            cloud.columns.category_id.push(category);
+        };
+        for i in 0..=200 {
+            for j in 0..=100 {
+                let [x, y] = [i as f32 / 20.0, j as f32 / 20.0];
+                let table = (7.0..8.0).contains(&x) && (3.0..4.0).contains(&y);
+                if table {
+                    push([x, y, 0.7], 2);
+                }
+                push([x, y, 0.0], 1);
+            }
+        }
+        cloud.len = cloud.columns.x.len();
+        cloud
+    }
+
+    fn picture(cloud: &PointCloud) -> Picture {
+        let options = PreviewOptions { view: View::Top, color: ColorBy::Label, width: 800 };
+        render(cloud, &options, &mut Report::default()).unwrap()
+    }
+
+    #[test]
+    fn points_lie_where_the_map_says_and_the_highest_wins() {
+        let cloud = scene();
+        let points = Points::new(&cloud, &mut Report::default());
+        let page = Page::new(800);
+        let map = Map::new(&points, &page);
+        let picture = picture(&cloud);
+        let at = |x, y| {
+            let at = map.project(Vec3::new(x, y, 0.0));
+            picture.pixel(page.margin() + at.x as u32, page.panel_top() + at.y as u32)
+        };
+        assert_eq!(at(7.5, 3.5), palette::category(2));
+        assert_eq!(at(3.0, 3.5), palette::category(1));
+        assert_eq!(at(7.5, 1.0), palette::category(1));
+        assert_eq!(at(4.3, 5.11), GROUND);
+        // y runs up, x to the right, and the whole width is used.
+        assert!(map.project(Vec3::Y).y < map.project(Vec3::ZERO).y);
+        let used = (map.project(10.0 * Vec3::X) - map.project(Vec3::ZERO)).x / map.width as f32;
+        assert!((0.9..0.96).contains(&used), "{used}");
+    }
+
+    #[test]
+    fn few_far_points_do_not_shrink_the_scene() {
+        let mut cloud = scene();
+        let near = Map::new(&Points::new(&cloud, &mut Report::default()), &Page::new(800)).zoom;
+        for row in 0..10 {
+            cloud.columns.x[row * 1000] = 500.0 * row as f32;
+        }
+        let points = Points::new(&cloud, &mut Report::default());
+        let zoom = Map::new(&points, &Page::new(800)).zoom;
+        assert!((zoom / near - 1.0).abs() < 0.02, "{zoom} {near}");
+        let mut notes = Vec::new();
+        let paint = Paint::new(&cloud, &points, ColorBy::Height, &mut Report::default());
+        draw(&points, &paint, &Page::new(800), &mut notes);
+        assert_eq!(notes, ["9 points outside of the picture"]);
+    }
+
+    #[test]
+    fn lengths_have_fitting_units() {
+        let words = [2000.0, 50.0, 1.0, 0.2, 0.005].map(length);
+        assert_eq!(words, ["2 km", "50 m", "1 m", "20 cm", "5 mm"]);
+    }
 }
