@@ -57,9 +57,16 @@ impl Rng {
         const N: usize = 16;
         let mut beam = first_beam;
         for chunk in out.chunks_mut(N) {
-            let beams: [u32; N] = std::array::from_fn(|lane| beam.wrapping_add(lane as u32));
+            // Plain loops: closures would be compiled apart, without the vector instructions of the caller.
+            let mut beams = [0; N];
+            for (lane, value) in beams.iter_mut().enumerate() {
+                *value = beam.wrapping_add(lane as u32);
+            }
             let words = philox([beams, [self.frame; N], [0; N], [draw as u32; N]], self.key);
-            let values: [f32; N] = std::array::from_fn(|lane| normal(words[0][lane], words[1][lane]));
+            let mut values = [0.0; N];
+            for lane in 0..N {
+                values[lane] = normal(words[0][lane], words[1][lane]);
+            }
             chunk.copy_from_slice(&values[..chunk.len()]);
             beam = beam.wrapping_add(N as u32);
         }

@@ -95,9 +95,9 @@ impl ScanOptions {
 /// lose nothing at this size.
 const CHUNK: usize = 2048;
 
-/// Chunks between two passes that close the gaps of misses: few enough that their rows are still in
-/// the cache, enough to keep every thread busy.
-const WINDOW: usize = 64;
+/// Chunks per thread between two passes that close the gaps of misses: few enough that their rows are
+/// still in the cache, enough to keep the thread busy.
+const CHUNKS_PER_THREAD: usize = 4;
 
 impl BuiltScene {
     /// Scans once with `sensor` along `trajectory`.
@@ -136,7 +136,6 @@ impl BuiltScene {
 /// Everything that is the same for all beams of one scan.
 struct Scan<'a> {
     scene: &'a Tables,
-    sensor: &'a Sensor,
     beams: &'a BeamTable,
     options: &'a ScanOptions,
     trajectory: &'a Trajectory,
@@ -183,7 +182,6 @@ impl<'a> Scan<'a> {
         let beams = sensor.beams();
         Scan {
             scene,
-            sensor,
             beams,
             options,
             trajectory,
@@ -212,11 +210,12 @@ impl<'a> Scan<'a> {
         let computed = if sorted { options.fields.with(Field::Time) } else { options.fields };
         cloud.columns.resize(computed, beams);
         let arch = Arch::new();
+        let chunks = CHUNKS_PER_THREAD * rayon::current_num_threads();
         let mut rows = 0;
-        for window in (0..beams).step_by(CHUNK * WINDOW) {
-            let end = (window + CHUNK * WINDOW).min(beams);
+        for window in (0..beams).step_by(CHUNK * chunks) {
+            let end = (window + CHUNK * chunks).min(beams);
             let mut rest = cloud.columns.slices(window, end);
-            let mut tasks = Vec::with_capacity(WINDOW);
+            let mut tasks = Vec::with_capacity(chunks);
             for first in (window..end).step_by(CHUNK) {
                 let count = CHUNK.min(end - first);
                 let (rows, others) = rest.split_at(count);
@@ -317,6 +316,9 @@ impl Block {
     fn scan(&mut self, scan: &Scan, first: usize, count: usize, rows: Slices) -> usize {
         self.aim(scan, first, count);
         self.trace(scan, count);
+        if !scan.options.organised && self.hits.surface[..count].iter().all(|&surface| surface == MISS) {
+            return 0;
+        }
         self.detect(scan, first, count);
         self.collect(scan, first, count, rows)
     }
@@ -471,11 +473,17 @@ impl Block {
             }
             kept.put_beam(&time, rows.time);
         }
-        kept.put_beam(&[scan.options.frame; LANES], rows.frame);
-        let beam: [u32; LANES] = std::array::from_fn(|lane| (first + lane) as u32);
-        kept.put_beam(&beam, rows.beam);
-        if !rows.firing.is_empty() {
-            kept.put_beam(&beam.map(|beam| beams.firing(beam)), rows.firing);
+        if !rows.frame.is_empty() {
+            kept.put_beam(&[scan.options.frame; LANES], rows.frame);
+        }
+        if !rows.beam.is_empty() || !rows.firing.is_empty() {
+            let (mut beam, mut firing) = ([0; LANES], [0; LANES]);
+            for lane in 0..LANES {
+                beam[lane] = (first + lane) as u32;
+                firing[lane] = beams.firing(beam[lane]);
+            }
+            kept.put_beam(&beam, rows.beam);
+            kept.put_beam(&firing, rows.firing);
         }
         if !rows.azimuth.is_empty() || !rows.elevation.is_empty() {
             let (x, y, z) = (&beams.dir_x[range.clone()], &beams.dir_y[range.clone()], &beams.dir_z[range]);

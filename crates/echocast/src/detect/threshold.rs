@@ -1,6 +1,7 @@
 //! Which echoes are strong enough to be reported.
 
-use serde::{Deserialize, Serialize};
+use crate::yaml;
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// A point of the linear reflectivity limit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -13,8 +14,8 @@ pub struct LimitPoint {
 }
 
 /// Detection model of an instrument.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "model", rename_all = "snake_case", deny_unknown_fields)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[serde(tag = "model", rename_all = "snake_case")]
 pub enum Detection {
     /// Every echo is reported.
     #[default]
@@ -35,6 +36,36 @@ pub enum Detection {
         /// Far point.
         upper: LimitPoint,
     },
+}
+
+impl<'de> Deserialize<'de> for Detection {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Nothing {}
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Limits {
+            lower: LimitPoint,
+            upper: LimitPoint,
+        }
+        let (word, section) = yaml::split_tag(deserializer, "model")?;
+        Ok(match word.as_str() {
+            "none" => {
+                let Nothing {} = section.read()?;
+                Detection::None
+            }
+            "radar_equation" => {
+                let LimitPoint { reflectance, at_m } = section.read()?;
+                Detection::RadarEquation { reflectance, at_m }
+            }
+            "reflectivity_limit" => {
+                let Limits { lower, upper } = section.read()?;
+                Detection::ReflectivityLimit { lower, upper }
+            }
+            _ => return Err(section.unknown(&word, &["none", "radar_equation", "reflectivity_limit"])),
+        })
+    }
 }
 
 /// A detection model made ready for one scan.

@@ -2,6 +2,7 @@
 
 mod aim;
 mod beams;
+mod csv;
 pub mod pattern;
 mod pose;
 mod trajectory;

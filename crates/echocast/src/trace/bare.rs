@@ -127,7 +127,9 @@ impl BareChunk<'_> {
     fn run<const W: usize>(self) {
         let coherence = if self.coherent { Coherence::Coherent } else { Coherence::Incoherent };
         let mut packet = Packet::<W>::new();
+        let mut valid = [-1; W];
         for (block, (rays, out)) in self.rays.iter().zip(self.hits).enumerate() {
+            // Only the last block can be short, so lanes that become invalid stay so.
             let count = (self.count - block * LANES).min(LANES);
             packet.org_x = [rays.org_x[0]; W];
             packet.org_y = [rays.org_y[0]; W];
@@ -140,7 +142,9 @@ impl BareChunk<'_> {
                 packet.tfar.copy_from_slice(&rays.range_max[lanes.clone()]);
                 packet.geom_id = [INVALID; W];
                 packet.inst_id = [INVALID; W];
-                let valid: [i32; W] = std::array::from_fn(|lane| if first + lane < count { -1 } else { 0 });
+                if first + W > count {
+                    valid[count - first..].fill(0);
+                }
                 self.scene.committed.intersect(&valid, &mut packet, coherence);
                 for lane in 0..W {
                     out.x[first + lane] = packet.org_x[lane] + packet.dir_x[lane] * packet.tfar[lane];

@@ -80,6 +80,7 @@ impl HitBatch {
     #[inline(always)]
     fn trace_packets<const W: usize>(&mut self, scene: &Tables, rays: &RayBatch, count: usize, coherence: Coherence) {
         let mut packet = Packet::<W>::new();
+        let mut valid = [-1; W];
         for first in (0..count).step_by(W) {
             let lanes = first..first + W;
             packet.org_x.copy_from_slice(&rays.org_x[lanes.clone()]);
@@ -91,7 +92,9 @@ impl HitBatch {
             packet.tfar.copy_from_slice(&rays.range_max[lanes.clone()]);
             packet.geom_id = [INVALID; W];
             packet.inst_id = [INVALID; W];
-            let valid: [i32; W] = std::array::from_fn(|lane| if first + lane < count { -1 } else { 0 });
+            if first + W > count {
+                valid[count - first..].fill(0);
+            }
             scene.committed.intersect(&valid, &mut packet, coherence);
             self.range[lanes.clone()].copy_from_slice(&packet.tfar);
             self.normal_x[lanes.clone()].copy_from_slice(&packet.ng_x);
