@@ -127,7 +127,7 @@ fn the_only_camera_is_the_default_place() {
     // Pitch 30 degrees down from 1 m above the floor.
     let ranges = range("--at 1,1,1 --rpy 0,30,0");
     assert!((ranges[0] - 2.0).abs() < 1e-5, "{ranges:?}");
-    assert_eq!(range("--at 1,1,1"), []);
+    assert!(range("--at 1,1,1").is_empty());
 }
 
 #[test]
