@@ -1,12 +1,17 @@
-//! Embeds every file of `presets/` by directory listing, so that adding a preset is adding a file.
+//! Passes on where Embree lies (rpath.rs, shared with the other packages), and embeds every file of `presets/` by directory listing, so that adding a preset is adding a file.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
+mod rpath;
+
 fn main() {
+    rpath::main();
     let root = PathBuf::from(env::var("CARGO_MANIFEST_DIR").expect("cargo sets it")).join("presets");
     println!("cargo::rerun-if-changed={}", root.display());
+    // Set by cargo-fuzz.
+    println!("cargo::rustc-check-cfg=cfg(fuzzing)");
     let mut files = Vec::new();
     list(&root, &root, &mut files);
     files.sort();

@@ -15,6 +15,7 @@ pub mod error;
 pub mod export;
 pub mod material;
 mod presets;
+mod rng;
 pub mod report;
 mod scan;
 pub mod scene;
@@ -30,5 +31,7 @@ pub use material::ReflectanceSource;
 pub use report::Report;
 pub use scan::{Order, Profile, ScanOptions};
 pub use scene::{LabelRules, LoadOptions, Scene};
-pub use sensor::Sensor;
-pub use trace::BuiltScene;
+pub use sensor::{
+    BeamSpec, Expectations, IntensitySpec, PresetInfo, RangeSpec, ReturnMode, ReturnsSpec, Sensor, SensorKind, SensorSpec,
+};
+pub use trace::{BareLoop, BuiltScene};

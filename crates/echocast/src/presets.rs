@@ -5,4 +5,23 @@ pub(crate) fn embedded(folder: &str) -> impl Iterator<Item = (&'static str, &'st
     EMBEDDED.iter().copied().filter(move |(path, _)| path.starts_with(folder))
 }
 
+/// An embedded sensor file.
+pub(crate) struct SensorFile {
+    pub path: &'static str,
+    pub folder: &'static str,
+    /// The file's name without `.yaml`.
+    pub name: &'static str,
+    pub text: &'static str,
+}
+
+/// All embedded sensor files, by folder and name.
+pub(crate) fn sensors() -> impl Iterator<Item = SensorFile> {
+    embedded("").filter_map(|(path, text)| {
+        let (folder, file) = path.split_once('/')?;
+        let name = file.strip_suffix(".yaml")?;
+        // The other folders hold surfaces and media.
+        ["lidar", "tof", "sonar", "paper"].contains(&folder).then_some(SensorFile { path, folder, name, text })
+    })
+}
+
 include!(concat!(env!("OUT_DIR"), "/presets.rs"));

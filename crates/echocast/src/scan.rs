@@ -1,11 +1,16 @@
 //! The driver: one scan, step by step.
 
-use crate::cloud::{FieldSet, Frame, PointCloud};
-use crate::emitter::Trajectory;
-use crate::error::Result;
+use crate::cloud::{Field, FieldSet, Frame, Kept, PointCloud, Slices};
+use crate::detect::{RangeError, Threshold};
+use crate::echo::{Contribution, IntensityModel, Reflectances};
+use crate::emitter::{Aim, BeamTable, Trajectory};
+use crate::error::{Error, Result};
 use crate::material::ReflectanceSource;
+use crate::rng::Rng;
 use crate::sensor::Sensor;
-use crate::trace::BuiltScene;
+use crate::trace::{BuiltScene, HitBatch, LANES, MISS, RayBatch, Tables};
+use pulp::{Arch, Simd, WithSimd};
+use rayon::prelude::*;
 
 /// Which model set a scan follows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -86,6 +91,14 @@ impl ScanOptions {
     }
 }
 
+/// Beams per task. A constant, so that results cannot depend on the number of threads; traced rays
+/// lose nothing at this size.
+const CHUNK: usize = 2048;
+
+/// Chunks per thread between two passes that close the gaps of misses: few enough that their rows are
+/// still in the cache, enough to keep the thread busy.
+const CHUNKS_PER_THREAD: usize = 4;
+
 impl BuiltScene {
     /// Scans once with `sensor` along `trajectory`.
     ///
@@ -103,11 +116,385 @@ impl BuiltScene {
     /// As [`BuiltScene::scan`].
     pub fn scan_into(
         &self,
-        _sensor: &Sensor,
-        _trajectory: &Trajectory,
-        _options: &ScanOptions,
-        _cloud: &mut PointCloud,
+        sensor: &Sensor,
+        trajectory: &Trajectory,
+        options: &ScanOptions,
+        cloud: &mut PointCloud,
     ) -> Result<()> {
-        todo!()
+        let scan = Scan::new(&self.0, sensor, trajectory, options);
+        match options.threads {
+            None => scan.run(cloud),
+            Some(threads) => rayon::ThreadPoolBuilder::new()
+                .num_threads(threads.max(1))
+                .build()
+                .map_err(|e| Error::Internal(format!("cannot start {threads} threads: {e}")))?
+                .install(|| scan.run(cloud)),
+        }
+    }
+}
+
+/// Everything that is the same for all beams of one scan.
+struct Scan<'a> {
+    scene: &'a Tables,
+    beams: &'a BeamTable,
+    options: &'a ScanOptions,
+    trajectory: &'a Trajectory,
+    aim: Aim<'a>,
+    reflectances: Reflectances,
+    threshold: Threshold,
+    intensity: IntensityModel,
+    range_error: RangeError,
+    rng: Rng,
+    range_min: f32,
+    range_max: f32,
+    coherent: bool,
+    /// Whether normals or what depends on them are asked for.
+    wants_normals: bool,
+    /// Whether incidence follows the interpolated shading normal rather than the triangle's.
+    smooth: bool,
+    /// Whether labels, colours or reflectances are asked for.
+    wants_surfaces: bool,
+    /// Undetected echoes stay, with intensity 0.
+    keeps_undetected: bool,
+}
+
+impl<'a> Scan<'a> {
+    fn new(scene: &'a Tables, sensor: &'a Sensor, trajectory: &'a Trajectory, options: &'a ScanOptions) -> Self {
+        let fields = options.fields;
+        let blainder = options.profile == Profile::Blainder;
+        let intensity = match options.profile {
+            Profile::Physical => IntensityModel::Encoded(sensor.intensity),
+            Profile::Paper => IntensityModel::PaperEq5,
+            Profile::Blainder => IntensityModel::Blainder,
+        };
+        let source = options.reflectance_source.unwrap_or(if blainder {
+            ReflectanceSource::Alpha
+        } else {
+            ReflectanceSource::Luminance
+        });
+        let threshold = Threshold::new(sensor.detection, blainder);
+        let wants_echo = threshold != Threshold::Open || fields.contains(Field::Intensity);
+        let wants_normals = wants_echo
+            || fields.contains_any(&[Field::NormalX, Field::NormalY, Field::NormalZ, Field::CosIncidence]);
+        let wants_surfaces = wants_echo
+            || fields.contains_any(&[Field::CategoryId, Field::PartId, Field::InstanceId, Field::MaterialId])
+            || fields.contains_any(&[Field::Red, Field::Green, Field::Blue]);
+        let beams = sensor.beams();
+        Scan {
+            scene,
+            beams,
+            options,
+            trajectory,
+            aim: Aim::new(trajectory, options.start_time, scene.origin),
+            reflectances: Reflectances::new(&scene.materials, sensor.wavelength_nm, source),
+            threshold,
+            intensity,
+            range_error: RangeError::new(&sensor.noise, sensor.range_resolution_m, threshold),
+            rng: Rng::new(options.seed, options.frame),
+            range_min: sensor.range_min_m as f32,
+            range_max: sensor.range_max_m as f32,
+            coherent: beams.is_coherent(),
+            wants_normals,
+            smooth: !blainder && scene.has_shading_normals,
+            wants_surfaces,
+            keeps_undetected: blainder,
+        }
+    }
+
+    /// Fills `cloud`: windows of chunks in parallel, each chunk into its own rows, then the gaps of
+    /// misses are closed in order.
+    fn run(&self, cloud: &mut PointCloud) -> Result<()> {
+        let options = self.options;
+        let beams = self.beams.len();
+        let sorted = options.order == Order::Time;
+        let computed = if sorted { options.fields.with(Field::Time) } else { options.fields };
+        cloud.columns.resize(computed, beams);
+        let arch = Arch::new();
+        let chunks = CHUNKS_PER_THREAD * rayon::current_num_threads();
+        let mut rows = 0;
+        for window in (0..beams).step_by(CHUNK * chunks) {
+            let end = (window + CHUNK * chunks).min(beams);
+            let mut rest = cloud.columns.slices(window, end);
+            let mut tasks = Vec::with_capacity(chunks);
+            for first in (window..end).step_by(CHUNK) {
+                let count = CHUNK.min(end - first);
+                let (rows, others) = rest.split_at(count);
+                rest = others;
+                tasks.push(Task { scan: self, first, count, rows });
+            }
+            let found: Vec<usize> = tasks
+                .into_par_iter()
+                .map_init(|| Box::new(Block::new()), |block, task| arch.dispatch(TaskOn { task, block }))
+                .collect();
+            let mut from = window;
+            for count in found {
+                if rows != from {
+                    cloud.columns.move_rows(from, rows, count);
+                }
+                rows += count;
+                from += CHUNK;
+            }
+        }
+        cloud.columns.resize(computed, rows);
+        cloud.len = rows;
+        if sorted {
+            cloud.sort_by_time();
+            cloud.columns.resize(options.fields, rows);
+        }
+        cloud.fields = options.fields;
+        cloud.frame = options.coordinates;
+        cloud.origin = match options.coordinates {
+            Frame::World => self.scene.origin,
+            Frame::Sensor => glam::DVec3::ZERO,
+        };
+        cloud.organised = (options.organised && !sorted).then_some([self.beams.rows, self.beams.columns]);
+        cloud.sensor_pose = self.trajectory.at(options.start_time);
+        cloud.intensity_full_scale = self.intensity.full_scale();
+        cloud.labels = self.scene.labels.clone();
+        Ok(())
+    }
+}
+
+/// Beams `first .. first + count` and the rows they may fill.
+struct Task<'a> {
+    scan: &'a Scan<'a>,
+    first: usize,
+    count: usize,
+    rows: Slices<'a>,
+}
+
+/// A task with the memory it works in, to be run with the widest vector instructions of this machine.
+struct TaskOn<'a, 'b> {
+    task: Task<'a>,
+    block: &'b mut Block,
+}
+
+impl WithSimd for TaskOn<'_, '_> {
+    type Output = usize;
+
+    /// The rows filled.
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> usize {
+        let Task { scan, first, count, mut rows } = self.task;
+        let mut filled = 0;
+        for start in (0..count).step_by(LANES) {
+            let beam = first + start;
+            filled += self.block.scan(scan, beam, LANES.min(count - start), rows.from_row(filled));
+        }
+        filled
+    }
+}
+
+/// The intermediate results of one block of beams: the table in the crate's documentation, column by column.
+struct Block {
+    rays: RayBatch,
+    hits: HitBatch,
+    surfaces: Contribution,
+    rho_eff: [f32; LANES],
+    measured: [f32; LANES],
+    intensity: [f32; LANES],
+    kept: Kept,
+    scratch: [f32; LANES],
+}
+
+impl Block {
+    fn new() -> Self {
+        Block {
+            rays: RayBatch::new(),
+            hits: HitBatch::new(),
+            surfaces: Contribution::new(),
+            rho_eff: [0.0; LANES],
+            measured: [0.0; LANES],
+            intensity: [0.0; LANES],
+            kept: Kept::new(),
+            scratch: [0.0; LANES],
+        }
+    }
+
+    /// Scans beams `first .. first + count` (at most [`LANES`]) and fills the first of `rows`; returns how many.
+    #[inline(always)]
+    fn scan(&mut self, scan: &Scan, first: usize, count: usize, rows: Slices) -> usize {
+        self.aim(scan, first, count);
+        self.trace(scan, count);
+        if !scan.options.organised && self.hits.surface[..count].iter().all(|&surface| surface == MISS) {
+            return 0;
+        }
+        self.detect(scan, first, count);
+        self.collect(scan, first, count, rows)
+    }
+
+    /// Steps 4 and 5: every beam at the pose of its own time.
+    #[inline(always)]
+    fn aim(&mut self, scan: &Scan, first: usize, count: usize) {
+        scan.aim.rays(scan.beams, first, count, &mut self.rays);
+        match scan.beams.range_max.get(first..first + count) {
+            Some(limits) => self.rays.range_max[..count].copy_from_slice(limits),
+            None => self.rays.range_max = [scan.range_max; LANES],
+        }
+    }
+
+    /// Steps 6 and 8: what the rays hit and what it is like.
+    #[inline(always)]
+    fn trace(&mut self, scan: &Scan, count: usize) {
+        let Block { rays, hits, surfaces, .. } = self;
+        hits.trace(scan.scene, rays, count, scan.coherent);
+        if scan.wants_normals {
+            if scan.scene.has_instances {
+                hits.orient_normals(scan.scene, count);
+            }
+            if scan.smooth {
+                hits.shade_normals(scan.scene, count);
+            }
+            surfaces.meet(rays, hits);
+        }
+        if scan.wants_surfaces {
+            surfaces.look_up(scan.scene, &scan.reflectances, hits, count);
+        }
+    }
+
+    /// Steps 9 and 10: what the instrument makes of it.
+    #[inline(always)]
+    fn detect(&mut self, scan: &Scan, first: usize, count: usize) {
+        let Block { hits, surfaces, rho_eff, measured, intensity, .. } = self;
+        for lane in 0..LANES {
+            rho_eff[lane] = surfaces.reflectance[lane] * surfaces.cos_incidence[lane];
+            let (rho, cos) = (surfaces.reflectance[lane], surfaces.cos_incidence[lane]);
+            intensity[lane] = scan.intensity.of(rho, cos, hits.range[lane]);
+        }
+        if scan.threshold != Threshold::Open {
+            for lane in 0..LANES {
+                if !scan.threshold.detects(rho_eff[lane], hits.range[lane]) {
+                    intensity[lane] = 0.0;
+                    if !scan.keeps_undetected {
+                        hits.surface[lane] = MISS;
+                    }
+                }
+            }
+        }
+        match scan.beams.range_min.get(first..first + count) {
+            Some(limits) => {
+                for (lane, &limit) in limits.iter().enumerate() {
+                    if hits.range[lane] < limit {
+                        hits.surface[lane] = MISS;
+                    }
+                }
+            }
+            None if scan.range_min > 0.0 => {
+                for lane in 0..LANES {
+                    if hits.range[lane] < scan.range_min {
+                        hits.surface[lane] = MISS;
+                    }
+                }
+            }
+            None => {}
+        }
+        let beams = first as u32;
+        scan.range_error.measure(&scan.rng, beams, &rho_eff[..count], &hits.range[..count], &mut measured[..count]);
+    }
+
+    /// Step 11: the columns that were asked for, row by row.
+    #[inline(always)]
+    fn collect(&mut self, scan: &Scan, first: usize, count: usize, rows: Slices) -> usize {
+        let Block { rays, hits, surfaces, measured, intensity, kept, scratch, .. } = self;
+        let surface = &hits.surface;
+        let filled = kept.choose(surface, count, scan.options.organised);
+
+        // Positions along the beam: in the world from where the beam starts, in the sensor frame from 0.
+        let world = scan.options.coordinates == Frame::World;
+        let beams = scan.beams;
+        let range = first..first + count;
+        let axes = [
+            (&rays.org_x, &rays.dir_x, &beams.dir_x, rows.x, rows.true_x),
+            (&rays.org_y, &rays.dir_y, &beams.dir_y, rows.y, rows.true_y),
+            (&rays.org_z, &rays.dir_z, &beams.dir_z, rows.z, rows.true_z),
+        ];
+        for (org, world_dir, sensor_dir, measured_to, true_to) in axes {
+            for (ranges, to) in [(&*measured, measured_to), (&hits.range, true_to)] {
+                if to.is_empty() {
+                    continue;
+                }
+                if world {
+                    for lane in 0..LANES {
+                        scratch[lane] = org[lane] + world_dir[lane] * ranges[lane];
+                    }
+                } else {
+                    for ((value, dir), range) in scratch.iter_mut().zip(&sensor_dir[range.clone()]).zip(ranges) {
+                        *value = dir * range;
+                    }
+                }
+                kept.put(surface, scratch, to);
+            }
+        }
+        kept.put(surface, measured, rows.range);
+        kept.put(surface, &hits.range, rows.true_range);
+        kept.put(surface, intensity, rows.intensity);
+        kept.put(surface, &surfaces.cos_incidence, rows.cos_incidence);
+        if !rows.depth.is_empty() {
+            for ((value, dir), range) in scratch.iter_mut().zip(&beams.dir_x[range.clone()]).zip(measured) {
+                *value = dir * *range;
+            }
+            kept.put(surface, scratch, rows.depth);
+        }
+        if !world && scan.wants_normals {
+            for lane in 0..count {
+                let (rotation, _) = scan.aim.pose(beams, first + lane);
+                let normal = glam::Vec3::new(hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]);
+                let normal = rotation.transpose() * normal;
+                (hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]) = normal.into();
+            }
+        }
+        let surface = &hits.surface;
+        kept.put(surface, &hits.normal_x, rows.normal_x);
+        kept.put(surface, &hits.normal_y, rows.normal_y);
+        kept.put(surface, &hits.normal_z, rows.normal_z);
+
+        kept.put(surface, &surfaces.category_id, rows.category_id);
+        kept.put(surface, &surfaces.part_id, rows.part_id);
+        kept.put(surface, &surfaces.instance_id, rows.instance_id);
+        kept.put(surface, &surfaces.material_id, rows.material_id);
+        kept.put(surface, &surfaces.red, rows.red);
+        kept.put(surface, &surfaces.green, rows.green);
+        kept.put(surface, &surfaces.blue, rows.blue);
+        kept.put(surface, &[1; LANES], rows.return_number);
+        kept.put(surface, &[1; LANES], rows.return_count);
+        kept.put(surface, &[0; LANES], rows.cause);
+        kept.put(surface, &[0; LANES], rows.bounces);
+
+        // What is known of every beam, return or not.
+        if !rows.channel.is_empty() {
+            let mut channel = [0; LANES];
+            channel[..count].copy_from_slice(&beams.channel[range.clone()]);
+            kept.put_beam(&channel, rows.channel);
+        }
+        if !rows.time.is_empty() {
+            let mut time = [0.0; LANES];
+            for (value, offset) in time.iter_mut().zip(&beams.time[range.clone()]) {
+                *value = scan.options.start_time + f64::from(*offset);
+            }
+            kept.put_beam(&time, rows.time);
+        }
+        if !rows.frame.is_empty() {
+            kept.put_beam(&[scan.options.frame; LANES], rows.frame);
+        }
+        if !rows.beam.is_empty() || !rows.firing.is_empty() {
+            let (mut beam, mut firing) = ([0; LANES], [0; LANES]);
+            for lane in 0..LANES {
+                beam[lane] = (first + lane) as u32;
+                firing[lane] = beams.firing(beam[lane]);
+            }
+            kept.put_beam(&beam, rows.beam);
+            kept.put_beam(&firing, rows.firing);
+        }
+        if !rows.azimuth.is_empty() || !rows.elevation.is_empty() {
+            let (x, y, z) = (&beams.dir_x[range.clone()], &beams.dir_y[range.clone()], &beams.dir_z[range]);
+            let (mut azimuth, mut elevation) = ([0.0; LANES], [0.0; LANES]);
+            for lane in 0..count {
+                azimuth[lane] = y[lane].atan2(x[lane]);
+                elevation[lane] = z[lane].atan2(x[lane].hypot(y[lane]));
+            }
+            kept.put_beam(&azimuth, rows.azimuth);
+            kept.put_beam(&elevation, rows.elevation);
+        }
+        filled
     }
 }

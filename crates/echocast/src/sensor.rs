@@ -1,16 +1,323 @@
 //! Sensors: a scan pattern, a beam and a receiver, read from YAML or taken from a preset.
 
-use crate::detect::{Detection, Noise};
+use crate::detect::{Detection, LimitPoint, Noise};
 use crate::echo::IntensityEncoding;
 use crate::emitter::BeamTable;
-use crate::error::Result;
-use std::path::Path;
+use crate::emitter::pattern::Pattern;
+use crate::error::{Error, Result};
+use crate::presets;
+use crate::yaml::{self, Document};
+use serde::de::{self, Deserializer, SeqAccess, Visitor};
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+/// A sensor file: what each key of its YAML means. What is left out is ideal.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SensorSpec {
+    /// Name, as a preset also the name of its file.
+    pub name: String,
+    /// Name for people.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub title: String,
+    /// What it measures with.
+    pub kind: SensorKind,
+    /// Where the numbers come from.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub source: String,
+    /// Where its beams point and when they fire.
+    pub pattern: Pattern,
+    /// A single beam.
+    #[serde(default)]
+    pub beam: BeamSpec,
+    /// Ranges that it reports.
+    #[serde(default)]
+    pub range: RangeSpec,
+    /// Which echoes it sees.
+    #[serde(default)]
+    pub detection: Detection,
+    /// Which echoes of a beam it reports.
+    #[serde(default)]
+    pub returns: ReturnsSpec,
+    /// Errors of its ranges.
+    #[serde(default)]
+    pub noise: Noise,
+    /// What it reports as intensity.
+    #[serde(default)]
+    pub intensity: IntensitySpec,
+    /// Figures of the maker that the pattern is tested against.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub expect: Option<Expectations>,
+}
+
+/// What a sensor measures with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SensorKind {
+    /// Pulses of light, beam by beam.
+    Lidar,
+    /// A depth camera.
+    Tof,
+    /// Pings of sound.
+    Sonar,
+}
+
+impl fmt::Display for SensorKind {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str(match self {
+            SensorKind::Lidar => "lidar",
+            SensorKind::Tof => "tof",
+            SensorKind::Sonar => "sonar",
+        })
+    }
+}
+
+/// `beam`: light and shape of a single beam.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct BeamSpec {
+    /// Wavelength, nm, 200 to 20000.
+    pub wavelength_nm: f64,
+    /// Full divergence at 1/e^2, horizontal and vertical, mrad, at least 0; one number stands for both.
+    #[serde(deserialize_with = "number_or_pair")]
+    pub divergence_mrad: [f64; 2],
+    /// Length of the pulse, ns, at least 0.
+    pub pulse_ns: f64,
+}
+
+impl Default for BeamSpec {
+    fn default() -> Self {
+        BeamSpec { wavelength_nm: 905.0, divergence_mrad: [0.0; 2], pulse_ns: 0.0 }
+    }
+}
+
+/// `range`: ranges that are reported.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RangeSpec {
+    /// Nearest, m, at least 0.
+    pub min_m: f64,
+    /// Farthest, m, above the nearest; none is no limit.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_m: Option<f64>,
+    /// Step of the reported range, m; 0 is none.
+    pub resolution_m: f64,
+}
+
+/// Which echoes of a beam are reported.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ReturnMode {
+    /// The strongest echo.
+    #[default]
+    Strongest,
+    /// The nearest echo.
+    First,
+    /// The farthest echo.
+    Last,
+    /// The strongest and the farthest echo.
+    Dual,
+    /// All echoes up to the greatest number.
+    All,
+}
+
+/// `returns`: which echoes of a beam are reported. Kept for later: this version reports one echo a beam.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ReturnsSpec {
+    /// Which echoes.
+    pub mode: ReturnMode,
+    /// Greatest number of them, 1 to 255.
+    pub max: u8,
+    /// Echoes nearer to each other than this are one, m, at least 0.
+    pub separation_m: f64,
+}
+
+impl Default for ReturnsSpec {
+    fn default() -> Self {
+        ReturnsSpec { mode: ReturnMode::Strongest, max: 1, separation_m: 0.0 }
+    }
+}
+
+/// `intensity`: what is reported as intensity.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct IntensitySpec {
+    /// How received energy becomes a number.
+    pub encoding: IntensityEncoding,
+}
+
+/// `expect`: figures that a test draws the pattern against. They do not change a scan.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Expectations {
+    /// Beams of a scan.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub beams: Option<u64>,
+    /// Channels.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub channels: Option<u64>,
+    /// Columns of the range image.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub columns: Option<u64>,
+    /// Lowest and highest elevation, degrees.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub elevation_deg: Option<[f64; 2]>,
+    /// Angle from column to column, degrees.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub azimuth_step_deg: Option<f64>,
+    /// Points per second.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub points_per_s: Option<f64>,
+    /// Where the figures come from: `data sheet`, or `computed` from the pattern's own numbers.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub source: String,
+}
+
+/// Reads `x` as `[x, x]`, or a pair.
+fn number_or_pair<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[f64; 2], D::Error> {
+    struct NumberOrPair;
+
+    impl<'de> Visitor<'de> for NumberOrPair {
+        type Value = [f64; 2];
+
+        fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+            f.write_str("a number or a pair of numbers")
+        }
+        fn visit_i64<E>(self, value: i64) -> Result<[f64; 2], E> {
+            Ok([value as f64; 2])
+        }
+        fn visit_u64<E>(self, value: u64) -> Result<[f64; 2], E> {
+            Ok([value as f64; 2])
+        }
+        fn visit_f64<E>(self, value: f64) -> Result<[f64; 2], E> {
+            Ok([value; 2])
+        }
+        fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<[f64; 2], A::Error> {
+            Deserialize::deserialize(de::value::SeqAccessDeserializer::new(seq))
+        }
+    }
+    deserializer.deserialize_any(NumberOrPair)
+}
+
+/// That `value` of `key` is `low` to `high`.
+fn check_within(key: &str, value: f64, low: f64, high: f64) -> Result<()> {
+    if (low..=high).contains(&value) {
+        return Ok(());
+    }
+    Err(Error::invalid(key, value, format!("{low} to {high}")))
+}
+
+/// Farthest range that makes sense anywhere here, m.
+const FARTHEST_M: f64 = 1e9;
+
+impl SensorSpec {
+    /// Whether all values are within what is allowed.
+    ///
+    /// # Errors
+    /// [`Error::InvalidParameter`] that names the key.
+    pub fn check(&self) -> Result<()> {
+        if self.name.is_empty() {
+            return Err(Error::invalid("name", "empty", "a word"));
+        }
+        if self.kind == SensorKind::Sonar {
+            return Err(sonar_unsupported());
+        }
+        self.pattern.check()?;
+        let SensorSpec { beam, range, returns, noise, .. } = self;
+        check_within("beam.wavelength_nm", beam.wavelength_nm, 200.0, 20_000.0)?;
+        check_within("beam.divergence_mrad[0]", beam.divergence_mrad[0], 0.0, 1000.0)?;
+        check_within("beam.divergence_mrad[1]", beam.divergence_mrad[1], 0.0, 1000.0)?;
+        check_within("beam.pulse_ns", beam.pulse_ns, 0.0, 1e9)?;
+        check_within("range.min_m", range.min_m, 0.0, FARTHEST_M)?;
+        if let Some(max) = range.max_m {
+            check_within("range.max_m", max, 0.0, FARTHEST_M)?;
+            if max <= range.min_m {
+                return Err(Error::invalid("range.max_m", max, format!("above range.min_m ({})", range.min_m)));
+            }
+        }
+        check_within("range.resolution_m", range.resolution_m, 0.0, FARTHEST_M)?;
+        if returns.max == 0 {
+            return Err(Error::invalid("returns.max", 0, "1 to 255"));
+        }
+        check_within("returns.separation_m", returns.separation_m, 0.0, FARTHEST_M)?;
+        self.detection.check()?;
+        check_within("noise.range_offset_m", noise.range_offset_m, -FARTHEST_M, FARTHEST_M)?;
+        check_within("noise.range_offset_percent", noise.range_offset_percent, -100.0, 1000.0)?;
+        check_within("noise.range_mean_m", noise.range_mean_m, -FARTHEST_M, FARTHEST_M)?;
+        check_within("noise.range_sigma_m", noise.range_sigma_m, 0.0, FARTHEST_M)?;
+        check_within("noise.range_snr_sigma_m", noise.range_snr_sigma_m, 0.0, FARTHEST_M)?;
+        if noise.range_snr_sigma_m > 0.0 && !matches!(self.detection, Detection::RadarEquation { .. }) {
+            let allowed = "0, or above with detection.model: radar_equation";
+            return Err(Error::invalid("noise.range_snr_sigma_m", noise.range_snr_sigma_m, allowed));
+        }
+        Ok(())
+    }
+
+    /// Turns `document` into a checked description.
+    fn read(document: &Document) -> Result<SensorSpec> {
+        // Before the rest: a sonar's sections are unknown here.
+        if document.value().get("kind").and_then(|kind| kind.as_str()) == Some("sonar") {
+            return Err(sonar_unsupported());
+        }
+        let spec: SensorSpec = document.read()?;
+        spec.check().map_err(|error| document.locate(error))?;
+        Ok(spec)
+    }
+}
+
+fn sonar_unsupported() -> Error {
+    Error::Unsupported { what: "kind: sonar".into(), instead: "this version simulates lidar and tof".into() }
+}
+
+impl Detection {
+    fn check(&self) -> Result<()> {
+        let point = |name: &str, LimitPoint { reflectance, at_m }: LimitPoint, least_m: f64| {
+            check_within(&format!("detection.{name}reflectance"), reflectance, 0.0, 1.0)?;
+            check_within(&format!("detection.{name}at_m"), at_m, least_m, FARTHEST_M)
+        };
+        match *self {
+            Detection::None => Ok(()),
+            Detection::RadarEquation { reflectance, at_m } => {
+                if reflectance == 0.0 {
+                    return Err(Error::invalid("detection.reflectance", 0, "above 0, at most 1"));
+                }
+                point("", LimitPoint { reflectance, at_m }, 1e-3)
+            }
+            Detection::ReflectivityLimit { lower, upper } => {
+                point("lower.", lower, 0.0)?;
+                point("upper.", upper, 0.0)?;
+                if upper.at_m <= lower.at_m {
+                    let allowed = format!("above detection.lower.at_m ({})", lower.at_m);
+                    return Err(Error::invalid("detection.upper.at_m", upper.at_m, allowed));
+                }
+                Ok(())
+            }
+        }
+    }
+}
+
+/// A preset that ships with the library.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PresetInfo {
+    /// Name for [`Sensor::preset`].
+    pub name: String,
+    /// Name for people.
+    pub title: String,
+    /// What it measures with.
+    pub kind: SensorKind,
+    /// Group: `lidar`, `tof`, `paper`.
+    pub folder: String,
+}
 
 /// A depth sensor, ready to scan.
 #[derive(Clone, Debug)]
 pub struct Sensor {
-    pub(crate) name: String,
+    spec: SensorSpec,
+    /// Where relative file names in it start.
+    folder: PathBuf,
     pub(crate) beams: Arc<BeamTable>,
     pub(crate) wavelength_nm: f64,
     pub(crate) range_min_m: f64,
@@ -26,25 +333,439 @@ impl Sensor {
     ///
     /// # Errors
     /// [`crate::Error::Missing`] with near names.
-    pub fn preset(_name: &str) -> Result<Sensor> {
-        todo!()
+    pub fn preset(name: &str) -> Result<Sensor> {
+        match presets::sensors().find(|preset| preset.name == name) {
+            Some(preset) => Sensor::from_document(&Document::parse(preset.path, preset.text)?, Path::new("")),
+            None => Err(Error::missing("sensor preset", name, presets::sensors().map(|preset| preset.name))),
+        }
+    }
+
+    /// All presets, by folder and name.
+    pub fn presets() -> Vec<PresetInfo> {
+        /// The keys that a list shows; the others are left unread.
+        #[derive(Deserialize)]
+        struct Head {
+            title: String,
+            kind: SensorKind,
+        }
+        presets::sensors()
+            .filter_map(|preset| {
+                let Head { title, kind } = yaml::from_str(preset.path, preset.text).ok()?;
+                Some(PresetInfo { name: preset.name.to_owned(), title, kind, folder: preset.folder.to_owned() })
+            })
+            .collect()
     }
 
     /// Reads a sensor file.
     ///
     /// # Errors
     /// File, line and key of what is wrong, with the nearest known key.
-    pub fn load(_path: impl AsRef<Path>) -> Result<Sensor> {
-        todo!()
+    pub fn load(path: impl AsRef<Path>) -> Result<Sensor> {
+        let path = path.as_ref();
+        Sensor::from_document(&Document::load(path)?, path.parent().unwrap_or(Path::new("")))
+    }
+
+    /// Reads the text of a sensor file; names of other files in it start at `folder`.
+    ///
+    /// # Errors
+    /// As [`Sensor::load`].
+    pub fn from_yaml(text: &str, folder: impl AsRef<Path>) -> Result<Sensor> {
+        Sensor::from_document(&Document::parse("YAML text", text)?, folder.as_ref())
+    }
+
+    fn from_document(document: &Document, folder: &Path) -> Result<Sensor> {
+        let spec = SensorSpec::read(document)?;
+        let beams = spec.pattern.beams(folder).map_err(|error| document.locate(error))?;
+        Ok(Sensor::new(spec, folder.to_owned(), Arc::new(beams)))
+    }
+
+    fn new(spec: SensorSpec, folder: PathBuf, beams: Arc<BeamTable>) -> Sensor {
+        Sensor {
+            wavelength_nm: spec.beam.wavelength_nm,
+            range_min_m: spec.range.min_m,
+            range_max_m: spec.range.max_m.unwrap_or(f64::INFINITY),
+            range_resolution_m: spec.range.resolution_m,
+            detection: spec.detection,
+            noise: spec.noise,
+            intensity: spec.intensity.encoding,
+            spec,
+            folder,
+            beams,
+        }
+    }
+
+    /// An ideal lidar with beams of your own: no noise, no threshold, no range limit but the table's.
+    ///
+    /// # Errors
+    /// As [`BeamTable::check`].
+    pub fn from_beams(name: impl Into<String>, beams: BeamTable) -> Result<Sensor> {
+        beams.check()?;
+        let spec = SensorSpec {
+            name: name.into(),
+            title: String::new(),
+            kind: SensorKind::Lidar,
+            source: String::new(),
+            pattern: Pattern::Custom,
+            beam: BeamSpec::default(),
+            range: RangeSpec::default(),
+            detection: Detection::None,
+            returns: ReturnsSpec::default(),
+            noise: Noise::default(),
+            intensity: IntensitySpec::default(),
+            expect: None,
+        };
+        spec.check()?;
+        Ok(Sensor::new(spec, PathBuf::new(), Arc::new(beams)))
+    }
+
+    /// Changes one parameter: `key` is its path in the YAML (`noise.range_sigma_m`, `pattern.resolution[0]`), `value`
+    /// is YAML too, a number, a word, a list or a whole section; `null` takes an optional key away. On an error the
+    /// sensor stays as it was.
+    ///
+    /// # Errors
+    /// An unknown key (with near ones), a wrong type, a value out of range, a pattern that cannot be drawn.
+    pub fn set(&mut self, key: &str, value: &str) -> Result<()> {
+        let mut tree = serde_json::to_value(&self.spec).map_err(|error| Error::Internal(error.to_string()))?;
+        yaml::set(&mut tree, key, value)?;
+        let document = Document::from_value(format!("{key}={value}"), tree);
+        let spec = SensorSpec::read(&document)?;
+        let beams = if spec.pattern == self.spec.pattern {
+            self.beams.clone()
+        } else {
+            Arc::new(spec.pattern.beams(&self.folder).map_err(|error| document.locate(error))?)
+        };
+        *self = Sensor::new(spec, std::mem::take(&mut self.folder), beams);
+        Ok(())
+    }
+
+    /// Its description, with every key that has a value.
+    pub fn to_yaml(&self) -> Result<String> {
+        yaml::to_string(&self.spec)
+    }
+
+    /// Its description.
+    pub fn spec(&self) -> &SensorSpec {
+        &self.spec
     }
 
     /// Its name.
     pub fn name(&self) -> &str {
-        &self.name
+        &self.spec.name
+    }
+
+    /// Its name for people; may be empty.
+    pub fn title(&self) -> &str {
+        &self.spec.title
+    }
+
+    /// What it measures with.
+    pub fn kind(&self) -> SensorKind {
+        self.spec.kind
+    }
+
+    /// Where its numbers come from; may be empty.
+    pub fn source(&self) -> &str {
+        &self.spec.source
+    }
+
+    /// Figures of the maker that its pattern is tested against.
+    pub fn expectations(&self) -> Option<&Expectations> {
+        self.spec.expect.as_ref()
     }
 
     /// The beams of one scan.
     pub fn beams(&self) -> &BeamTable {
         &self.beams
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MINIMAL: &str = "
+name: mini
+kind: lidar
+pattern:
+  type: spinning
+  azimuth: {fov_deg: 90, rate_hz: 10, step_deg: 1}
+  elevation: {fov_deg: 10, step_deg: 1}
+";
+
+    fn message(text: &str) -> String {
+        Sensor::from_yaml(text, "").unwrap_err().to_string()
+    }
+
+    #[test]
+    fn what_is_left_out_is_ideal() {
+        let sensor = Sensor::from_yaml(MINIMAL, "").unwrap();
+        assert_eq!((sensor.name(), sensor.kind(), sensor.beams().len()), ("mini", SensorKind::Lidar, 91 * 11));
+        assert_eq!((sensor.range_min_m, sensor.range_max_m, sensor.range_resolution_m), (0.0, f64::INFINITY, 0.0));
+        assert_eq!((sensor.wavelength_nm, sensor.detection, sensor.noise), (905.0, Detection::None, Noise::default()));
+        assert_eq!(sensor.intensity, IntensityEncoding::Reflectivity);
+    }
+
+    #[test]
+    fn presets_are_found_by_name() {
+        let sensor = Sensor::preset("velodyne_vlp32c").unwrap();
+        assert_eq!((sensor.name(), sensor.beams().rows), ("velodyne_vlp32c", 32));
+        assert_eq!(sensor.range_max_m, 200.0);
+        assert_eq!(sensor.detection, Detection::RadarEquation { reflectance: 0.8, at_m: 200.0 });
+        let error = Sensor::preset("velodyne_vlp32").unwrap_err().to_string();
+        assert!(
+            error.starts_with("there is no sensor preset named \"velodyne_vlp32\"; near: velodyne_vlp32c"),
+            "{error}"
+        );
+        assert_eq!(Sensor::presets().len(), presets::sensors().count());
+    }
+
+    #[test]
+    fn errors_name_line_and_key() {
+        let cases = [
+            ("noise: {range_sigma: 1}", "line 8: noise.range_sigma: unknown key \"range_sigma\"; near: range_sigma_m"),
+            ("nois: {}", "line 8: nois: unknown key \"nois\"; near: noise; allowed: name, title, kind"),
+            (
+                "noise:\n  range_sigma_m: lots",
+                "line 9: noise.range_sigma_m: invalid type: string \"lots\", expected a number",
+            ),
+            ("noise:\n  range_sigma_m: -1", "line 9: noise.range_sigma_m: is -1; allowed: 0 to 1000000000"),
+            ("noise:\n  range_sigma_m: .nan", "line 9: "),
+            ("noise:\n  range_snr_sigma_m: 1", "line 9: noise.range_snr_sigma_m: is 1; allowed: 0, or above with"),
+            ("range: {min_m: 5, max_m: 4}", "line 8: range.max_m: is 4; allowed: above range.min_m (5)"),
+            ("returns: {mode: best}", "line 8: returns.mode: unknown value \"best\"; allowed: strongest, first, last"),
+            (
+                "returns: {max: 256}",
+                "line 8: returns.max: invalid value: integer `256`, expected a whole number from 0 to 255",
+            ),
+            (
+                "detection:\n  model: radar_equation\n  reflectance: 2\n  at_m: 1",
+                "line 10: detection.reflectance: is 2; allowed: 0 to 1",
+            ),
+            (
+                "detection:\n  model: radar_equation\n  reflectance: x\n  at_m: 1",
+                "line 10: detection.reflectance: invalid type: string \"x\"",
+            ),
+            ("detection:\n  model: radar_equation\n  reflectance: 1", "line 8: detection: the key `at_m` is missing"),
+            (
+                "detection:\n  model: radar_equation\n  reflectance: 1\n  at_n: 1",
+                "line 11: detection.at_n: unknown key \"at_n\"; near: at_m",
+            ),
+            ("detection: {model: radar}", "line 8: detection.model: unknown value \"radar\"; near: radar_equation"),
+            ("detection: {reflectance: 1}", "line 8: detection: the key `model` is missing"),
+            (
+                "detection: {model: reflectivity_limit, lower: {reflectance: 0, at_m: 5}, upper: {reflectance: 1, at_m: 5}}",
+                "line 8: detection.upper.at_m: is 5; allowed: above detection.lower.at_m (5)",
+            ),
+            ("beam: {divergence_mrad: [1, 2, 3]}", "line 8: beam.divergence_mrad"),
+            (
+                "beam: {divergence_mrad: wide}",
+                "line 8: beam.divergence_mrad: invalid type: string \"wide\", expected a number or a pair of numbers",
+            ),
+            ("name: again", "line 8: duplicate"),
+            ("title: [", "line 8: unclosed bracket"),
+            ("noise:", "line 8: noise: invalid type: null, expected a section of keys"),
+        ];
+        for (text, expected) in cases {
+            let error = message(&format!("{MINIMAL}{text}\n"));
+            assert!(
+                error.starts_with(&format!("YAML text: {expected}")),
+                "{text}\n  gives {error}\n  not   {expected}"
+            );
+        }
+    }
+
+    #[test]
+    fn errors_in_patterns_name_line_and_key() {
+        let cases = [
+            (
+                "azimuth: {fov_deg: 90,",
+                "azimuth: {fov: 90,",
+                "line 6: pattern.azimuth.fov: unknown key \"fov\"; near: fov_deg",
+            ),
+            ("step_deg: 1}\n  e", "step_deg: 0}\n  e", "line 6: pattern.azimuth.step_deg: is 0; allowed: above 0"),
+            ("rate_hz: 10, ", "", "line 6: pattern.azimuth: the key `rate_hz` is missing"),
+            (
+                "rate_hz: 10",
+                "rate_hz: fast",
+                "line 6: pattern.azimuth.rate_hz: invalid type: string \"fast\", expected a number",
+            ),
+            ("fov_deg: 90", "fov_deg: 361", "line 6: pattern.azimuth.fov_deg: is 361; allowed: above 0, at most 360"),
+            (
+                "step_deg: 1}\n  e",
+                "step_deg: 1e-9}\n  e",
+                "line 6: pattern.azimuth: is 11 x 90000000001 beams; allowed: at most",
+            ),
+            (
+                ", step_deg: 1}\n  e",
+                "}\n  e",
+                "line 6: pattern.azimuth.step_deg: is missing; allowed: it, or pattern.cycle_us",
+            ),
+            ("fov_deg: 10", "fov_deg: 190", "line 7: pattern.elevation.fov_deg: is 190; allowed: above 0, at most 180"),
+            (
+                "type: spinning",
+                "type: spining",
+                "line 5: pattern.type: unknown value \"spining\"; near: spinning; allowed:",
+            ),
+            ("type: spinning", "type: custom", "line 5: pattern.type: is custom; allowed: spinning, raster"),
+            ("  type: spinning\n", "", "line 4: pattern: the key `type` is missing"),
+            (
+                "elevation: {fov_deg: 10, step_deg: 1}",
+                "channels: {}",
+                "line 7: pattern.channels.elevation_deg: is a list of 0; allowed: 1 to",
+            ),
+            (
+                "elevation: {fov_deg: 10, step_deg: 1}",
+                "channels: {elevation_deg: [1, 91]}",
+                "line 7: pattern.channels.elevation_deg[1]: is 91; allowed: -90 to 90",
+            ),
+            (
+                "elevation: {fov_deg: 10, step_deg: 1}",
+                "channels:\n    elevation_deg:\n      [1,\n      up]",
+                "line 10: pattern.channels.elevation_deg[1]: invalid type: string \"up\"",
+            ),
+            (
+                "elevation: {fov_deg: 10, step_deg: 1}",
+                "channels: {elevation_deg: [1, 2], fire_time_us: [1]}",
+                "line 7: pattern.channels.fire_time_us: is a list of 1; allowed: as many as elevation_deg (2)",
+            ),
+            ("kind: lidar", "kind: radar", "line 3: kind: unknown value \"radar\"; allowed: lidar, tof, sonar"),
+        ];
+        for (old, new, expected) in cases {
+            assert!(MINIMAL.contains(old), "{old}");
+            let error = message(&MINIMAL.replace(old, new));
+            assert!(error.starts_with(&format!("YAML text: {expected}")), "{new}\n  gives {error}\n  not   {expected}");
+        }
+        assert_eq!(message(""), "YAML text: line 1: invalid type: null, expected a section of keys");
+        assert!(message("kind: sonar\nacoustics: {}").starts_with("kind: sonar is not supported"));
+    }
+
+    #[test]
+    fn parameters_are_set_by_path() {
+        let mut sensor = Sensor::preset("velodyne_vlp32c").unwrap();
+        let beams = sensor.beams.clone();
+        sensor.set("noise.range_sigma_m", "0").unwrap();
+        assert_eq!(sensor.noise.range_sigma_m, 0.0);
+        sensor.set("range.max_m", "null").unwrap();
+        assert_eq!(sensor.range_max_m, f64::INFINITY);
+        sensor.set("range.max_m", "50").unwrap();
+        sensor.set("detection", "{model: none}").unwrap();
+        assert_eq!((sensor.range_max_m, sensor.detection), (50.0, Detection::None));
+        assert!(Arc::ptr_eq(&beams, &sensor.beams), "the pattern is not drawn again");
+        sensor.set("pattern.azimuth.rate_hz", "20").unwrap();
+        assert_eq!((sensor.beams().columns, sensor.beams().period), (904, 0.05));
+        sensor.set("pattern.channels.elevation_deg[0]", "-30").unwrap();
+        assert!((sensor.beams().dir_z[0] + 0.5).abs() < 1e-7);
+    }
+
+    #[test]
+    fn a_wrong_setting_changes_nothing() {
+        let mut sensor = Sensor::preset("velodyne_vlp32c").unwrap();
+        let before = sensor.to_yaml().unwrap();
+        let cases = [
+            (
+                "noise.range_sigma",
+                "0",
+                "noise.range_sigma=0: noise.range_sigma: unknown key \"range_sigma\"; near: range_sigma_m",
+            ),
+            (
+                "noise.range_sigma_m",
+                "x",
+                "noise.range_sigma_m=x: noise.range_sigma_m: invalid type: string \"x\", expected a number",
+            ),
+            ("noise.range_sigma_m", "-1", "noise.range_sigma_m=-1: noise.range_sigma_m: is -1; allowed: 0 to"),
+            ("noise.range_sigma_m", "[", "noise.range_sigma_m=[: line 1: "),
+            (
+                "noise.range_sigma_m.x",
+                "1",
+                "noise.range_sigma_m.x=1: noise.range_sigma_m has no key \"x\": it is not a section",
+            ),
+            (
+                "beam.divergence_mrad[2]",
+                "1",
+                "beam.divergence_mrad[2]=1: beam.divergence_mrad[2] is past the end of the list of 2",
+            ),
+            ("noise[0]", "1", "noise[0]=1: noise is not a list"),
+            ("noise..x", "1", "noise..x=1: the key has an empty part"),
+            ("", "1", "=1: the key has an empty part"),
+            ("weather.rain", "1", "weather.rain=1: weather: unknown key \"weather\""),
+            ("pattern.type", "raster", "pattern.type=raster: pattern.azimuth.rate_hz: unknown key \"rate_hz\""),
+            (
+                "pattern.azimuth.step_deg",
+                "0.4",
+                "pattern.azimuth.step_deg=0.4: pattern.azimuth.step_deg: is 0.4; allowed: one of",
+            ),
+            ("kind", "sonar", "kind: sonar is not supported"),
+        ];
+        for (key, value, expected) in cases {
+            let error = sensor.set(key, value).unwrap_err().to_string();
+            assert!(error.starts_with(expected), "{key}={value}\n  gives {error}\n  not   {expected}");
+        }
+        assert_eq!(sensor.to_yaml().unwrap(), before);
+    }
+
+    #[test]
+    fn written_yaml_reads_back_the_same() {
+        for preset in presets::sensors() {
+            let sensor = Sensor::preset(preset.name).unwrap();
+            let text = sensor.to_yaml().unwrap();
+            let again = Sensor::from_yaml(&text, "").unwrap_or_else(|error| panic!("{error}\n{text}"));
+            assert_eq!(again.spec, sensor.spec, "{text}");
+            assert!(text.lines().all(|line| line.len() <= 120 || line.starts_with("source:")), "{text}");
+        }
+    }
+
+    #[test]
+    fn sensors_are_made_of_beams() {
+        let beams = Sensor::from_yaml(MINIMAL, "").unwrap().beams().clone();
+        let mut sensor = Sensor::from_beams("mine", beams.clone()).unwrap();
+        sensor.set("range.max_m", "10").unwrap();
+        assert_eq!((sensor.name(), sensor.range_max_m, sensor.beams()), ("mine", 10.0, &beams));
+        let mut short = beams.clone();
+        short.time.pop();
+        let error = Sensor::from_beams("mine", short).unwrap_err().to_string();
+        assert_eq!(error, "time is 1000 beams long; allowed: 1001 beams");
+        let mut long = beams.clone();
+        long.dir_x[3] = 2.0;
+        assert!(Sensor::from_beams("mine", long).unwrap_err().to_string().starts_with("direction of beam 3 is (2, "));
+        let nan = BeamTable { period: f64::NAN, ..beams };
+        assert!(Sensor::from_beams("mine", nan).is_err());
+    }
+
+    #[test]
+    fn tables_are_found_beside_the_sensor_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let csv = "channel,elevation_deg,azimuth_deg,time_us,range_max_m\n# two beams\n3,30,0,5,10\n4,0,90,7.5,20\n";
+        std::fs::write(folder.path().join("rays.csv"), csv).unwrap();
+        let file = folder.path().join("mine.yaml");
+        std::fs::write(&file, "name: mine\nkind: lidar\npattern: {type: table, file: rays.csv, rate_hz: 10}\n")
+            .unwrap();
+        let mut sensor = Sensor::load(&file).unwrap();
+        sensor.set("pattern.rate_hz", "20").unwrap();
+        let table = sensor.beams();
+        assert_eq!((table.rows, table.columns, table.period, table.firing(1)), (1, 2, 0.05, 1));
+        assert!((table.dir_z[0] - 0.5).abs() < 1e-7 && (table.dir_y[1] - 1.0).abs() < 1e-7);
+        assert_eq!((&table.channel[..], &table.time[..]), (&[3, 4][..], &[5e-6, 7.5e-6][..]));
+        assert_eq!((&table.range_max[..], table.range_min.len()), (&[10.0, 20.0][..], 0));
+        table.check().unwrap();
+        let cases = [
+            ("azimuth_deg\n", "line 1: the column elevation_deg is missing"),
+            ("azimuth_deg,elevation_deg,colour\n", "line 1: unknown column \"colour\"; allowed: azimuth_deg"),
+            ("azimuth_deg,elevation_deg,azimuth_deg\n", "line 1: has the column \"azimuth_deg\" twice"),
+            ("azimuth_deg,elevation_deg\n", "has no beams"),
+            ("", "is empty; expected a header"),
+            ("azimuth_deg,elevation_deg\n0,0\n0,inf\n", "line 3: elevation_deg is \"inf\"; expected a finite number"),
+            ("azimuth_deg,elevation_deg\n0,91\n", "line 2: elevation_deg is 91; allowed: -90 to 90"),
+            ("azimuth_deg,elevation_deg\n0\n", "line 2: has 1 numbers; the header has 2"),
+            ("azimuth_deg,elevation_deg\n0,0,0\n", "line 2: has 3 numbers; the header has 2"),
+            ("azimuth_deg,elevation_deg,channel\n0,0,1.5\n", "line 2: channel is 1.5; allowed: whole numbers"),
+            ("azimuth_deg,elevation_deg,range_max_m\n0,0,0\n", "line 2: range_max_m is 0; allowed: above range_min_m"),
+        ];
+        for (csv, expected) in cases {
+            std::fs::write(folder.path().join("rays.csv"), csv).unwrap();
+            let error = Sensor::load(&file).unwrap_err().to_string();
+            assert!(error.contains(&format!("rays.csv: {expected}")), "{csv}  gives {error}");
+        }
+        std::fs::remove_file(folder.path().join("rays.csv")).unwrap();
+        assert!(Sensor::load(&file).unwrap_err().to_string().contains("rays.csv: No such file"));
     }
 }

@@ -10,7 +10,7 @@
 //! for it. So every package that makes binaries, tests or shared libraries on top of this one
 //!
 //! * names `embree4-sys` as a direct dependency, and
-//! * has `build.rs` as a symbolic link to `crates/embree4-sys/rpath.rs`.
+//! * has `build.rs` as a symbolic link to `crates/embree4-sys/rpath.rs`, or calls that file as a module.
 #![allow(unsafe_code)] // declarations of a C library
 
 #[allow(missing_docs, non_camel_case_types, non_snake_case)] // as bindgen wrote them

@@ -151,9 +151,16 @@ macro_rules! columns {
                 match field { $( Field::$variant => <$t as Element>::column(&self.$name) ),* }
             }
 
-            /// Makes every column of `fields` `len` long (zeros behind what it held), the others empty.
+            /// Makes every column of `fields` `len` long, the others empty. What it held is kept only where it need not grow.
             pub(crate) fn resize(&mut self, fields: FieldSet, len: usize) {
-                $( if fields.contains(Field::$variant) { self.$name.resize(len, Default::default()) } else { self.$name.clear() } )*
+                $( if !fields.contains(Field::$variant) {
+                    self.$name = Vec::new();
+                } else if self.$name.capacity() < len {
+                    // Fresh zeroed memory costs nothing until it is touched; growing would copy.
+                    self.$name = vec![<$t>::default(); len];
+                } else {
+                    self.$name.resize(len, <$t>::default());
+                } )*
             }
 
             /// Moves `count` rows from row `from` to row `to`, in every column that is there.

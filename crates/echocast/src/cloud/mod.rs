@@ -1,8 +1,10 @@
 //! The labelled point cloud: a column each for position, range, labels and what else was asked for.
 
+mod collect;
 mod fields;
 
 pub use fields::{Column, ColumnType, Columns, FIELDS, Field, FieldInfo, FieldSet};
+pub(crate) use collect::Kept;
 pub(crate) use fields::{Element, Slices};
 
 use crate::emitter::Pose;
@@ -92,6 +94,14 @@ impl PointCloud {
     /// Unknown extension, a cloud without positions, a full disk.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<Report> {
         export::write(self, path.as_ref(), None)
+    }
+
+    /// Puts the rows in rising order of the `time` column; rows of one time keep their order.
+    pub(crate) fn sort_by_time(&mut self) {
+        let times = &self.columns.time;
+        let mut order: Vec<u32> = (0..self.len as u32).collect();
+        order.sort_by(|&a, &b| times[a as usize].total_cmp(&times[b as usize]));
+        self.columns.permute(&order);
     }
 
     /// Appends the rows of `other`, a later scan of the same scene with the same columns.

@@ -1,5 +1,8 @@
 //! From hits to echoes: how much light comes back, and what the instrument reports of it.
 
+mod contribution;
 mod intensity;
 
+pub(crate) use contribution::{Contribution, Reflectances};
 pub use intensity::IntensityEncoding;
+pub(crate) use intensity::IntensityModel;

@@ -1,5 +1,7 @@
 //! The beams of one scan, direction by direction: what every pattern compiles to.
 
+use crate::error::{Error, Result};
+
 /// How beams share firings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FiringOrder {
@@ -10,6 +12,9 @@ pub enum FiringOrder {
     /// The whole frame is one exposure (pinhole).
     Frame,
 }
+
+/// Most beams of one scan. A fuzzer would spend its time drawing.
+pub(crate) const MAX_BEAMS: u64 = if cfg!(fuzzing) { 1_000_000 } else { 64_000_000 };
 
 /// The beams of one scan in beam order, a column each; directions are unit vectors in the sensor
 /// frame (x forward, y left, z up).
@@ -32,10 +37,10 @@ pub struct BeamTable {
     pub time: Vec<f32>,
     /// Emitter index.
     pub channel: Vec<u16>,
-    /// Nearest range that is reported, m, by channel; empty: the sensor's for all.
-    pub channel_range_min: Vec<f32>,
-    /// Farthest range that is reported, m, by channel; empty: the sensor's for all.
-    pub channel_range_max: Vec<f32>,
+    /// Nearest range that is reported, m, beam by beam; empty: the sensor's for all.
+    pub range_min: Vec<f32>,
+    /// Farthest range that is reported, m, beam by beam; empty: the sensor's for all.
+    pub range_max: Vec<f32>,
     /// How beams share firings.
     pub firing_order: FiringOrder,
     /// Time from the start of one scan to the start of the next, s.
@@ -43,6 +48,33 @@ pub struct BeamTable {
 }
 
 impl BeamTable {
+    /// An empty table of `rows` x `columns` beams, with room for them.
+    pub(crate) fn with_size(rows: usize, columns: usize, firing_order: FiringOrder, period: f64) -> BeamTable {
+        let beams = rows * columns;
+        BeamTable {
+            rows: rows as u32,
+            columns: columns as u32,
+            dir_x: Vec::with_capacity(beams),
+            dir_y: Vec::with_capacity(beams),
+            dir_z: Vec::with_capacity(beams),
+            time: Vec::with_capacity(beams),
+            channel: Vec::with_capacity(beams),
+            range_min: Vec::new(),
+            range_max: Vec::new(),
+            firing_order,
+            period,
+        }
+    }
+
+    /// Adds a beam: unit direction, time in s, channel.
+    pub(crate) fn push(&mut self, [x, y, z]: [f64; 3], time: f64, channel: u16) {
+        self.dir_x.push(x as f32);
+        self.dir_y.push(y as f32);
+        self.dir_z.push(z as f32);
+        self.time.push(time as f32);
+        self.channel.push(channel);
+    }
+
     /// Number of beams.
     pub fn len(&self) -> usize {
         self.dir_x.len()
@@ -53,6 +85,25 @@ impl BeamTable {
         self.dir_x.is_empty()
     }
 
+    /// Whether neighbours in beam order are neighbours in angle: then rays are traced in coherent packets.
+    pub(crate) fn is_coherent(&self) -> bool {
+        /// A packet of 16 beams of 1 degree apart still gains from being traced together.
+        const WIDEST_PACKET: usize = 16;
+        const COS_LIMIT: f32 = 0.94;
+        /// One packet in so many is looked at.
+        const STRIDE: usize = 61 * WIDEST_PACKET;
+        let dot = |a: usize, b: usize| {
+            self.dir_x[a] * self.dir_x[b] + self.dir_y[a] * self.dir_y[b] + self.dir_z[a] * self.dir_z[b]
+        };
+        let (mut seen, mut close) = (0, 0);
+        for first in (0..self.len()).step_by(STRIDE) {
+            let last = (first + WIDEST_PACKET).min(self.len());
+            seen += 1;
+            close += usize::from((first..last).all(|beam| dot(first, beam) > COS_LIMIT));
+        }
+        2 * close > seen
+    }
+
     /// Firing that beam `beam` belongs to.
     pub fn firing(&self, beam: u32) -> u32 {
         match self.firing_order {
@@ -61,4 +112,69 @@ impl BeamTable {
             FiringOrder::Frame => 0,
         }
     }
+
+    /// Whether the table can be scanned with: columns of equal length, unit directions (to 1e-4), finite
+    /// times, ranges at least 0 with the nearest below the farthest, a period above 0.
+    ///
+    /// # Errors
+    /// The column and the beam that is wrong, and what is allowed.
+    pub fn check(&self) -> Result<()> {
+        let beams = u64::from(self.rows) * u64::from(self.columns);
+        if beams == 0 || beams > MAX_BEAMS {
+            return Err(Error::invalid(
+                "rows x columns",
+                format!("{} x {}", self.rows, self.columns),
+                format!("1 to {MAX_BEAMS} beams"),
+            ));
+        }
+        let lengths = [
+            ("dir_x", self.dir_x.len(), false),
+            ("dir_y", self.dir_y.len(), false),
+            ("dir_z", self.dir_z.len(), false),
+            ("time", self.time.len(), false),
+            ("channel", self.channel.len(), false),
+            ("range_min", self.range_min.len(), true),
+            ("range_max", self.range_max.len(), true),
+        ];
+        for (name, length, optional) in lengths {
+            if length as u64 != beams && !(optional && length == 0) {
+                let allowed = if optional { format!("{beams} beams, or none") } else { format!("{beams} beams") };
+                return Err(Error::invalid(name, format!("{length} beams long"), allowed));
+            }
+        }
+        for beam in 0..self.len() {
+            let [x, y, z] = [self.dir_x[beam], self.dir_y[beam], self.dir_z[beam]];
+            let length = (x * x + y * y + z * z).sqrt();
+            if !(0.9999..=1.0001).contains(&length) {
+                return Err(Error::invalid(
+                    format!("direction of beam {beam}"),
+                    format!("({x}, {y}, {z}), of length {length}"),
+                    "unit vectors",
+                ));
+            }
+            if !self.time[beam].is_finite() {
+                return Err(Error::invalid(format!("time of beam {beam}"), self.time[beam], "finite numbers"));
+            }
+            let near = self.range_min.get(beam).copied().unwrap_or(0.0);
+            let far = self.range_max.get(beam).copied().unwrap_or(f32::INFINITY);
+            if !(0.0 <= near && near < far) {
+                return Err(Error::invalid(
+                    format!("ranges of beam {beam}"),
+                    format!("{near} to {far} m"),
+                    "0 or more, the nearest below the farthest",
+                ));
+            }
+        }
+        if !(self.period > 0.0 && self.period.is_finite()) {
+            return Err(Error::invalid("period", self.period, "finite numbers above 0"));
+        }
+        Ok(())
+    }
+}
+
+/// Unit vector in the sensor frame of a direction given by its azimuth, degrees, and the sine and cosine of its
+/// elevation, which a row of beams shares.
+pub(crate) fn direction(azimuth_deg: f64, (sin_el, cos_el): (f64, f64)) -> [f64; 3] {
+    let (sin_az, cos_az) = azimuth_deg.to_radians().sin_cos();
+    [cos_el * cos_az, cos_el * sin_az, sin_el]
 }

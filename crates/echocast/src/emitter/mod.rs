@@ -1,10 +1,13 @@
 //! What is sent, when and from where.
 
+mod aim;
 mod beams;
+mod csv;
 pub mod pattern;
 mod pose;
 mod trajectory;
 
+pub(crate) use aim::Aim;
 pub use beams::{BeamTable, FiringOrder};
 pub use pattern::Pattern;
 pub use pose::Pose;

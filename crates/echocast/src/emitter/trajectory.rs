@@ -1,7 +1,9 @@
 //! Poses over time.
 
 use super::Pose;
-use crate::error::Result;
+use super::csv::{Csv, Lines};
+use crate::error::{Error, Result};
+use glam::{DQuat, DVec3};
 use std::path::Path;
 
 /// The path of a sensor: poses at rising times, linear in position and slerp in orientation between
@@ -17,29 +19,217 @@ impl Trajectory {
         Trajectory { keys: vec![(0.0, pose)] }
     }
 
-    /// A sensor that passes `keys`: (time in s, pose), times strictly rising.
+    /// A sensor that passes `keys`: (time in s, pose), times strictly rising. Quaternions are brought to length 1.
     ///
     /// # Errors
     /// No key, times that do not rise, numbers that are not finite, a quaternion without length.
-    pub fn new(_keys: Vec<(f64, Pose)>) -> Result<Self> {
-        todo!()
+    pub fn new(mut keys: Vec<(f64, Pose)>) -> Result<Self> {
+        if keys.is_empty() {
+            return Err(Error::invalid("trajectory", "empty", "at least one pose"));
+        }
+        let mut before = None;
+        for (index, (time, pose)) in keys.iter_mut().enumerate() {
+            *pose = check_key(before, *time, *pose).map_err(|message| {
+                Error::invalid(format!("trajectory key {index}"), message, "rising times, finite poses")
+            })?;
+            before = Some(*time);
+        }
+        Ok(Trajectory { keys })
     }
 
-    /// Reads TUM text (`t x y z qx qy qz qw`, `#` comments) or CSV with a header.
+    /// Reads TUM text (`t x y z qx qy qz qw`, `#` comments) or CSV with a header: the time `time_s`, `t` or `time` in
+    /// seconds, `x,y,z` in metres, and `qx,qy,qz,qw` or `roll_deg,pitch_deg,yaw_deg` ([`Pose::with_rpy_deg`]).
+    ///
+    /// Times stay as the file has them, also when they count from 1970: see [`Trajectory::shifted_to_zero`].
     ///
     /// # Errors
     /// A missing file, or the line and what is wrong with it.
-    pub fn load(_path: impl AsRef<Path>) -> Result<Self> {
-        todo!()
+    pub fn load(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
+        let mut lines = Lines::open(path)?;
+        if !lines.advance()? {
+            return Err(Error::parse(
+                path,
+                "",
+                "has no poses; expected TUM text (t x y z qx qy qz qw) or CSV with a header",
+            ));
+        }
+        let keys = if lines.text().starts_with(|c: char| c.is_alphabetic() || c == '"') {
+            read_csv(Csv::with_header(lines)?)?
+        } else {
+            read_tum(lines)?
+        };
+        if keys.is_empty() {
+            return Err(Error::parse(path, "", "has no poses below the header"));
+        }
+        Ok(Trajectory { keys })
+    }
+
+    /// The same with the first key at time 0, as a scan that starts at time 0 wants it.
+    #[must_use]
+    pub fn shifted_to_zero(mut self) -> Self {
+        let start = self.keys[0].0;
+        for (time, _) in &mut self.keys {
+            *time -= start;
+        }
+        self
     }
 
     /// The pose, where it never changes.
     pub fn constant(&self) -> Option<Pose> {
-        (self.keys.len() == 1).then(|| self.keys[0].1)
+        let (_, first) = self.keys[0];
+        self.keys.iter().all(|(_, pose)| *pose == first).then_some(first)
+    }
+
+    /// Times of the first and the last key, s.
+    pub fn span(&self) -> (f64, f64) {
+        (self.keys[0].0, self.keys[self.keys.len() - 1].0)
     }
 
     /// Pose at `time`, s.
-    pub fn at(&self, _time: f64) -> Pose {
-        todo!()
+    pub fn at(&self, time: f64) -> Pose {
+        let after = self.keys.partition_point(|(key, _)| *key <= time);
+        if after == 0 {
+            return self.keys[0].1;
+        }
+        let (t0, a) = self.keys[after - 1];
+        let Some(&(t1, b)) = self.keys.get(after) else { return a };
+        let part = (time - t0) / (t1 - t0);
+        Pose {
+            position: a.position.lerp(b.position, part),
+            // glam goes the shorter of the two ways.
+            orientation: a.orientation.slerp(b.orientation, part).normalize(),
+        }
+    }
+}
+
+/// The pose with a unit quaternion, or what is wrong with a key that follows the one at time `before`.
+fn check_key(before: Option<f64>, time: f64, pose: Pose) -> Result<Pose, String> {
+    if !(time.is_finite() && pose.position.is_finite() && pose.orientation.is_finite()) {
+        return Err("a number that is not finite".into());
+    }
+    if let Some(before) = before.filter(|before| *before >= time) {
+        return Err(format!("time {time} s after {before} s: times must rise"));
+    }
+    let length = pose.orientation.length();
+    if !(1e-6..1e6).contains(&length) {
+        return Err(format!("a quaternion of length {length}: it must be near 1"));
+    }
+    Ok(Pose { orientation: pose.orientation.normalize(), ..pose })
+}
+
+fn read_tum(mut lines: Lines) -> Result<Vec<(f64, Pose)>> {
+    let mut keys: Vec<(f64, Pose)> = Vec::new();
+    loop {
+        let numbers: Vec<f64> = lines
+            .text()
+            .split_ascii_whitespace()
+            .map(|word| word.parse().map_err(|_| lines.error(format!("{word:?} is not a number"))))
+            .collect::<Result<_>>()?;
+        let [time, x, y, z, qx, qy, qz, qw] = numbers[..] else {
+            return Err(lines.error(format!("has {} numbers; expected 8: t x y z qx qy qz qw", numbers.len())));
+        };
+        let pose = Pose { position: DVec3::new(x, y, z), orientation: DQuat::from_xyzw(qx, qy, qz, qw) };
+        let before = keys.last().map(|key| key.0);
+        keys.push((time, check_key(before, time, pose).map_err(|message| lines.error(message))?));
+        if !lines.advance()? {
+            return Ok(keys);
+        }
+    }
+}
+
+fn read_csv(mut csv: Csv) -> Result<Vec<(f64, Pose)>> {
+    let times = csv.optional(["time_s", "t", "time"]);
+    let [x, y, z] = csv.required(["x", "y", "z"])?;
+    let Some(time) = times.into_iter().flatten().next() else {
+        return Err(csv.error("has no column of times; expected time_s, t or time".into()));
+    };
+    let angles = csv.optional(["roll_deg", "pitch_deg", "yaw_deg"]);
+    let with_angles = angles.iter().any(Option::is_some);
+    let [roll, pitch, yaw] = if with_angles { csv.required(["roll_deg", "pitch_deg", "yaw_deg"])? } else { [0; 3] };
+    let [qx, qy, qz, qw] = if with_angles { [0; 4] } else { csv.required(["qx", "qy", "qz", "qw"])? };
+    let mut keys: Vec<(f64, Pose)> = Vec::new();
+    while let Some(row) = csv.next_row()? {
+        let (time, at) = (row[time], Pose::at(row[x], row[y], row[z]));
+        let pose = if with_angles {
+            at.with_rpy_deg(row[roll], row[pitch], row[yaw])
+        } else {
+            Pose { orientation: DQuat::from_xyzw(row[qx], row[qy], row[qz], row[qw]), ..at }
+        };
+        let before = keys.last().map(|key| key.0);
+        keys.push((time, check_key(before, time, pose).map_err(|message| csv.error(message))?));
+    }
+    Ok(keys)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+
+    fn load(text: &str) -> Result<Trajectory> {
+        let mut file = tempfile::NamedTempFile::new().unwrap();
+        file.write_all(text.as_bytes()).unwrap();
+        Trajectory::load(file.path())
+    }
+
+    fn message(text: &str) -> String {
+        let text = load(text).unwrap_err().to_string();
+        // Without the name of the temporary file.
+        text.split_once(": ").unwrap().1.to_owned()
+    }
+
+    #[test]
+    fn poses_between_keys_are_linear_and_turn_the_short_way() {
+        let a = Pose::at(0.0, 0.0, 1.0).with_rpy_deg(0.0, 0.0, 170.0);
+        let mut b = Pose::at(2.0, 4.0, 1.0).with_rpy_deg(0.0, 0.0, -170.0);
+        // The same orientation, named by the quaternion on the other side.
+        b.orientation = -b.orientation;
+        let path = Trajectory::new(vec![(1.0, a), (3.0, b)]).unwrap();
+        let middle = path.at(1.5);
+        assert!((middle.position - DVec3::new(0.5, 1.0, 1.0)).length() < 1e-12);
+        let expected = Pose::IDENTITY.with_rpy_deg(0.0, 0.0, 175.0);
+        assert!(middle.orientation.angle_between(expected.orientation) < 1e-7);
+        assert_eq!(path.at(-1.0), a);
+        assert_eq!(path.at(3.0).position, b.position);
+        assert_eq!(path.at(1e9).position, b.position);
+        assert_eq!(path.span(), (1.0, 3.0));
+        assert_eq!(path.shifted_to_zero().span(), (0.0, 2.0));
+    }
+
+    #[test]
+    fn a_path_is_constant_where_nothing_moves() {
+        let pose = Pose::at(1.0, 2.0, 3.0);
+        assert_eq!(Trajectory::fixed(pose).constant(), Some(pose));
+        assert_eq!(Trajectory::new(vec![(0.0, pose), (1.0, pose)]).unwrap().constant(), Some(pose));
+        assert_eq!(Trajectory::new(vec![(0.0, pose), (1.0, Pose::IDENTITY)]).unwrap().constant(), None);
+    }
+
+    #[test]
+    fn tum_and_csv_say_the_same() {
+        let tum = load("# a comment\n1305031098.5 1 2 3 0 0 0.6 0.8\n\n1305031099.5 2 2 3 0 0 0 1\n").unwrap();
+        let csv =
+            load("x,y,z,time_s,qx,qy,qz,qw,comment\n1,2,3,1305031098.5,0,0,0.6,0.8,0\r\n2,2,3,1305031099.5,0,0,0,1,0");
+        assert_eq!(tum, csv.unwrap());
+        assert_eq!(tum.span(), (1_305_031_098.5, 1_305_031_099.5));
+        let angles = load("t,x,y,z,roll_deg,pitch_deg,yaw_deg\n0,1,2,3,10,20,30\n").unwrap();
+        let expected = Pose::at(1.0, 2.0, 3.0).with_rpy_deg(10.0, 20.0, 30.0);
+        assert!(angles.at(0.0).orientation.abs_diff_eq(expected.orientation, 1e-12));
+    }
+
+    #[test]
+    fn errors_name_the_line() {
+        assert_eq!(message("0 1 2 3 0 0 0 1\n1 1 2 3\n"), "line 2: has 4 numbers; expected 8: t x y z qx qy qz qw");
+        assert_eq!(message("0 1 2 3 0 0 0 1\n\n0 1 2 3 0 0 0 1\n"), "line 3: time 0 s after 0 s: times must rise");
+        assert_eq!(message("0 1 2 3 0 0 0 0\n"), "line 1: a quaternion of length 0: it must be near 1");
+        assert_eq!(message("0 1 2 nan 0 0 0 1\n"), "line 1: a number that is not finite");
+        assert_eq!(message("0,1,2,3,0,0,0,1\n"), "line 1: \"0,1,2,3,0,0,0,1\" is not a number");
+        assert!(message("x,y,z,qx,qy,qz,qw\n").starts_with("line 1: has no column of times"));
+        assert!(message("t,x,y,z,yaw_deg\n").starts_with("line 1: the column roll_deg is missing"));
+        assert_eq!(message("t,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,x\n"), "line 2: qw is \"x\"; expected a finite number");
+        assert_eq!(message("t,x,y,z,qx,qy,qz,qw\n"), "has no poses below the header");
+        assert!(message("").starts_with("has no poses"));
+        assert!(Trajectory::new(vec![]).is_err());
+        assert!(Trajectory::new(vec![(f64::NAN, Pose::IDENTITY)]).is_err());
     }
 }

@@ -1,19 +1,93 @@
 //! Scan patterns: where each beam points and when it fires.
 
+mod fan;
+mod pinhole;
+mod raster;
+mod spinning;
+mod table;
+
+pub use fan::Fan;
+pub use pinhole::{Pinhole, Rays};
+pub use raster::Raster;
+pub use spinning::{Channels, Direction, Spinning, SpinningAzimuth};
+pub use table::Table;
+
 use super::BeamTable;
-use crate::error::Result;
+use super::beams::MAX_BEAMS;
+use crate::error::{Error, Result};
+use crate::yaml;
+use serde::{Deserialize, Deserializer, Serialize};
 use std::path::Path;
 
 /// A scan pattern, as the `pattern` section of a sensor file says it.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Pattern {}
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(tag = "type", rename_all = "snake_case")]
+pub enum Pattern {
+    /// Emitters that turn about the z axis.
+    Spinning(Spinning),
+    /// One beam that sweeps row by row.
+    Raster(Raster),
+    /// A camera: one exposure of all pixels.
+    Pinhole(Pinhole),
+    /// Beams listed in a CSV file.
+    Table(Table),
+    /// Beams given in code ([`crate::Sensor::from_beams`]); no file can say this.
+    Custom,
+}
+
+impl<'de> Deserialize<'de> for Pattern {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let (word, section) = yaml::split_tag(deserializer, "type")?;
+        Ok(match word.as_str() {
+            "spinning" => Pattern::Spinning(section.read()?),
+            "raster" => Pattern::Raster(section.read()?),
+            "pinhole" => Pattern::Pinhole(section.read()?),
+            "table" => Pattern::Table(section.read()?),
+            "custom" => Pattern::Custom,
+            _ => return Err(section.unknown(&word, &["spinning", "raster", "pinhole", "table"])),
+        })
+    }
+}
 
 impl Pattern {
+    /// Whether all values are within what is allowed.
+    ///
+    /// # Errors
+    /// [`Error::InvalidParameter`] that names the key, from `pattern` on.
+    pub fn check(&self) -> Result<()> {
+        match self {
+            Pattern::Spinning(spinning) => spinning.check(),
+            Pattern::Raster(raster) => raster.check(),
+            Pattern::Pinhole(pinhole) => pinhole.check(),
+            Pattern::Table(table) => table.check(),
+            Pattern::Custom => Ok(()),
+        }
+    }
+
     /// The beams of one scan. `folder` is where relative file names start.
     ///
     /// # Errors
     /// Values out of range, naming the key; a beam table that cannot be read.
-    pub fn beams(&self, _folder: &Path) -> Result<BeamTable> {
-        match *self {}
+    pub fn beams(&self, folder: &Path) -> Result<BeamTable> {
+        self.check()?;
+        match self {
+            Pattern::Spinning(spinning) => Ok(spinning.beams()),
+            Pattern::Raster(raster) => Ok(raster.beams()),
+            Pattern::Pinhole(pinhole) => Ok(pinhole.beams()),
+            Pattern::Table(table) => table.beams(folder),
+            Pattern::Custom => Err(Error::invalid(
+                "pattern.type",
+                "custom",
+                "spinning, raster, pinhole or table (custom beams are given in code)",
+            )),
+        }
     }
+}
+
+/// That `rows` x `columns` beams are not too many; `keys` say how many there are.
+fn check_count(keys: &str, rows: u64, columns: u64) -> Result<()> {
+    if rows.checked_mul(columns).is_some_and(|beams| beams <= MAX_BEAMS) {
+        return Ok(());
+    }
+    Err(Error::invalid(keys, format!("{rows} x {columns} beams"), format!("at most {MAX_BEAMS} beams in a scan")))
 }

@@ -1,0 +1,49 @@
+//! `make bench`: rays per second beside the bare Embree loop, the paper's two experiments, and how
+//! fast files are read and written. Prints tables and writes `target/bench.json`.
+//!
+//! All ratios come from interleaved rounds in one process; times are processor time, medians.
+#![forbid(unsafe_code)]
+
+mod clock;
+mod files;
+mod memory;
+mod paper;
+mod rays;
+mod scenes;
+
+use serde_json::{Map, Value};
+use std::error::Error;
+
+/// A named benchmark.
+type Section = (&'static str, fn() -> Result<Value, Box<dyn Error>>);
+
+const SECTIONS: &[Section] = &[
+    ("rays", rays::run),
+    ("paper", paper::run),
+    ("files", files::run),
+    ("memory", memory::run),
+];
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let asked: Vec<String> = std::env::args().skip(1).collect();
+    if let [first, scene] = asked.as_slice()
+        && first == memory::CHILD
+    {
+        return memory::child(scene);
+    }
+    if let Some(unknown) = asked.iter().find(|name| SECTIONS.iter().all(|(known, _)| known != name)) {
+        let known: Vec<&str> = SECTIONS.iter().map(|(name, _)| *name).collect();
+        return Err(format!("there is no benchmark {unknown:?}; there are {}", known.join(", ")).into());
+    }
+    let mut results = Map::new();
+    for (name, run) in SECTIONS {
+        if asked.is_empty() || asked.iter().any(|wanted| wanted == name) {
+            results.insert((*name).to_owned(), run()?);
+        }
+    }
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/bench.json");
+    std::fs::create_dir_all(path.parent().expect("a file in a folder"))?;
+    std::fs::write(&path, serde_json::to_string_pretty(&results)?)?;
+    println!("written: target/bench.json");
+    Ok(())
+}

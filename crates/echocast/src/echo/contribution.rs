@@ -1,0 +1,135 @@
+//! What surfaces send back to the sensor.
+
+use crate::material::{Material, MaterialEntry, ReflectanceSource};
+use crate::scene::srgb_byte;
+use crate::trace::{HitBatch, LANES, MISS, RayBatch, Surface, Tables};
+
+/// Reflectance of every material at one wavelength, for one scan.
+pub(crate) struct Reflectances {
+    /// By [`Surface::material`]; NaN where only the image of the surface knows.
+    by_material: Vec<f32>,
+    source: ReflectanceSource,
+}
+
+impl Reflectances {
+    /// In this order: the material's own word, the material library, the base colour as `source` says.
+    pub(crate) fn new(materials: &[Material], wavelength_nm: f64, source: ReflectanceSource) -> Self {
+        let of = |material: &Material| {
+            if let Some(value) = material.reflectance {
+                value
+            } else if let Some(entry) = MaterialEntry::find(&material.name) {
+                entry.reflectance_at(wavelength_nm)
+            } else if material.base_color_texture.is_some() {
+                f32::NAN
+            } else {
+                source.of(material.base_color)
+            }
+        };
+        Reflectances { by_material: materials.iter().map(of).collect(), source }
+    }
+}
+
+/// The surfaces that a block of beams meets, lane by lane.
+pub(crate) struct Contribution {
+    /// Cosine of the incidence angle, 0..1.
+    pub cos_incidence: [f32; LANES],
+    /// Lambert reflectance of the surface, 0..1.
+    pub reflectance: [f32; LANES],
+    pub category_id: [u32; LANES],
+    pub part_id: [u32; LANES],
+    pub instance_id: [u32; LANES],
+    pub material_id: [u32; LANES],
+    pub red: [u8; LANES],
+    pub green: [u8; LANES],
+    pub blue: [u8; LANES],
+}
+
+impl Contribution {
+    pub(crate) fn new() -> Self {
+        Contribution {
+            cos_incidence: [0.0; LANES],
+            reflectance: [0.0; LANES],
+            category_id: [0; LANES],
+            part_id: [0; LANES],
+            instance_id: [0; LANES],
+            material_id: [0; LANES],
+            red: [0; LANES],
+            green: [0; LANES],
+            blue: [0; LANES],
+        }
+    }
+
+    /// Incidence, with the normals of `hits` made unit vectors on the sensor's side.
+    #[inline(always)]
+    pub(crate) fn meet(&mut self, rays: &RayBatch, hits: &mut HitBatch) {
+        for lane in 0..LANES {
+            let n = [hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]];
+            let along = n[0] * rays.dir_x[lane] + n[1] * rays.dir_y[lane] + n[2] * rays.dir_z[lane];
+            let length = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
+            let scale = if along > 0.0 { -1.0 } else { 1.0 } / length;
+            hits.normal_x[lane] = n[0] * scale;
+            hits.normal_y[lane] = n[1] * scale;
+            hits.normal_z[lane] = n[2] * scale;
+            self.cos_incidence[lane] = (-along * scale).min(1.0);
+        }
+    }
+
+    /// Labels, colours and reflectance of the surfaces hit by the first `count` rays. Neighbours mostly
+    /// meet the same surface, so whole runs of lanes are filled at once.
+    #[inline(always)]
+    pub(crate) fn look_up(&mut self, scene: &Tables, reflectances: &Reflectances, hits: &HitBatch, count: usize) {
+        let mut start = 0;
+        while start < count {
+            let index = hits.surface[start];
+            let mut end = start + 1;
+            while end < count && hits.surface[end] == index {
+                end += 1;
+            }
+            if index != MISS {
+                let surface = &scene.surfaces[index as usize];
+                let run = start..end;
+                let reflectance = reflectances.by_material[surface.material as usize];
+                self.category_id[run.clone()].fill(surface.category_id);
+                self.part_id[run.clone()].fill(surface.part_id);
+                self.instance_id[run.clone()].fill(surface.instance_id);
+                self.material_id[run.clone()].fill(surface.material_id);
+                self.reflectance[run.clone()].fill(reflectance);
+                self.red[run.clone()].fill(surface.rgb[0]);
+                self.green[run.clone()].fill(surface.rgb[1]);
+                self.blue[run.clone()].fill(surface.rgb[2]);
+                if surface.textured || reflectance.is_nan() {
+                    self.sample(scene, reflectances.source, surface, hits, run);
+                }
+            }
+            start = end;
+        }
+    }
+
+    /// Colour and reflectance of lanes whose surface has an image.
+    #[inline(never)]
+    fn sample(
+        &mut self,
+        scene: &Tables,
+        source: ReflectanceSource,
+        surface: &Surface,
+        hits: &HitBatch,
+        lanes: std::ops::Range<usize>,
+    ) {
+        let material = &scene.materials[surface.material as usize];
+        let part = &scene.parts[surface.part as usize];
+        for lane in lanes {
+            let mut rgba = material.base_color;
+            if let (Some(image), Some(uvs)) = (&material.base_color_texture, &part.uvs) {
+                let [a, b, c] = part.triangles[hits.triangle[lane] as usize].map(|index| uvs[index as usize]);
+                let (u, v) = (hits.u[lane], hits.v[lane]);
+                let uv = std::array::from_fn(|k| a[k] * (1.0 - u - v) + b[k] * u + c[k] * v);
+                let texel = image.sample(&scene.textures[image.texture], uv);
+                rgba = std::array::from_fn(|k| rgba[k] * texel[k]);
+            }
+            [self.red[lane], self.green[lane], self.blue[lane]] = std::array::from_fn(|k| srgb_byte(rgba[k]));
+            if self.reflectance[lane].is_nan() {
+                self.reflectance[lane] = source.of(rgba);
+            }
+        }
+    }
+}

@@ -1,0 +1,77 @@
+//! Beams listed in a CSV file.
+
+use super::fan::check_above_zero;
+use crate::emitter::beams::{MAX_BEAMS, direction};
+use crate::emitter::csv::Csv;
+use crate::emitter::{BeamTable, FiringOrder};
+use crate::error::{Error, Result};
+use crate::units::seconds_from_us;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// Beams listed in a CSV file with the header `azimuth_deg,elevation_deg` and optionally
+/// `time_us,channel,range_min_m,range_max_m`, in any order; a row for each beam.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Table {
+    /// The file; a relative name starts at the folder of the sensor file.
+    pub file: PathBuf,
+    /// Scans per second, above 0.
+    pub rate_hz: f64,
+}
+
+impl Table {
+    pub(super) fn check(&self) -> Result<()> {
+        check_above_zero("pattern.rate_hz", self.rate_hz)
+    }
+
+    pub(super) fn beams(&self, folder: &Path) -> Result<BeamTable> {
+        const REQUIRED: [&str; 2] = ["azimuth_deg", "elevation_deg"];
+        const OPTIONAL: [&str; 4] = ["time_us", "channel", "range_min_m", "range_max_m"];
+        let path = folder.join(&self.file);
+        let mut csv = Csv::open(&path)?;
+        let [azimuth, elevation] = csv.required(REQUIRED)?;
+        let [time, channel, range_min, range_max] = csv.optional(OPTIONAL);
+        csv.only(&[&REQUIRED[..], &OPTIONAL[..]].concat())?;
+        let mut table = BeamTable::with_size(1, 0, FiringOrder::Beams, 1.0 / self.rate_hz);
+        while let Some(row) = csv.next_row()? {
+            let number = |column: Option<usize>, absent: f64| column.map_or(absent, |column| row[column]);
+            let (az, el) = (row[azimuth], row[elevation]);
+            let (us, emitter) = (number(time, 0.0), number(channel, 0.0));
+            let (near, far) = (number(range_min, 0.0), number(range_max, f64::INFINITY));
+            if table.len() as u64 == MAX_BEAMS {
+                return Err(csv.error(format!("row {} is one too many; allowed: {MAX_BEAMS} beams", MAX_BEAMS + 1)));
+            }
+            let fault = if !(-360.0..=360.0).contains(&az) {
+                Some(("azimuth_deg", az, "-360 to 360"))
+            } else if !(-90.0..=90.0).contains(&el) {
+                Some(("elevation_deg", el, "-90 to 90"))
+            } else if us.abs() > 1e12 {
+                Some(("time_us", us, "-1e12 to 1e12"))
+            } else if !(0.0..=65535.0).contains(&emitter) || emitter.fract() != 0.0 {
+                Some(("channel", emitter, "whole numbers from 0 to 65535"))
+            } else if near < 0.0 {
+                Some(("range_min_m", near, "0 or more"))
+            } else if far <= near {
+                Some(("range_max_m", far, "above range_min_m"))
+            } else {
+                None
+            };
+            if let Some((name, value, allowed)) = fault {
+                return Err(csv.error(format!("{name} is {value}; allowed: {allowed}")));
+            }
+            table.push(direction(az, el.to_radians().sin_cos()), seconds_from_us(us), emitter as u16);
+            if range_min.is_some() {
+                table.range_min.push(near as f32);
+            }
+            if range_max.is_some() {
+                table.range_max.push(far as f32);
+            }
+        }
+        if table.is_empty() {
+            return Err(Error::parse(path, "", "has no beams; expected a row for each below the header"));
+        }
+        table.columns = table.len() as u32;
+        Ok(table)
+    }
+}

@@ -1,0 +1,177 @@
+//! Random numbers that are a pure function of their address: no state, so results do not depend on
+//! threads or on the order of work.
+//!
+//! Philox4x32-10 (Salmon, Moraes, Dror, Shaw 2011, "Parallel random numbers: as easy as 1, 2, 3"):
+//! key = seed, counter = (beam, frame, sub-ray, [`Draw`]). The per-beam draws are made for many lanes
+//! at once; one lane computes what [`Rng`] computes.
+
+/// What a random number is for. Numbers are written out and never reused, so that a new purpose leaves
+/// the draws of the others as they are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub(crate) enum Draw {
+    /// Gaussian error of the measured range.
+    RangeJitter = 1,
+}
+
+const MULTIPLIER: [u32; 2] = [0xD251_1F53, 0xCD9E_8D57];
+const WEYL: [u32; 2] = [0x9E37_79B9, 0xBB67_AE85];
+const ROUNDS: u32 = 10;
+
+/// One block of Philox4x32-10 for each of `N` counters under one key.
+#[inline(always)]
+fn philox<const N: usize>(mut counter: [[u32; N]; 4], mut key: [u32; 2]) -> [[u32; N]; 4] {
+    for _ in 0..ROUNDS {
+        let [c0, c1, c2, c3] = counter;
+        let mut next = [[0u32; N]; 4];
+        for lane in 0..N {
+            let product0 = u64::from(MULTIPLIER[0]) * u64::from(c0[lane]);
+            let product1 = u64::from(MULTIPLIER[1]) * u64::from(c2[lane]);
+            next[0][lane] = (product1 >> 32) as u32 ^ c1[lane] ^ key[0];
+            next[1][lane] = product1 as u32;
+            next[2][lane] = (product0 >> 32) as u32 ^ c3[lane] ^ key[1];
+            next[3][lane] = product0 as u32;
+        }
+        counter = next;
+        key = [key[0].wrapping_add(WEYL[0]), key[1].wrapping_add(WEYL[1])];
+    }
+    counter
+}
+
+/// Random numbers of one scan.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rng {
+    key: [u32; 2],
+    frame: u32,
+}
+
+impl Rng {
+    pub(crate) fn new(seed: u64, frame: u32) -> Self {
+        Rng { key: [seed as u32, (seed >> 32) as u32], frame }
+    }
+
+    /// Standard normal numbers of beams `first_beam ..`, one for each element of `out`.
+    #[inline(always)]
+    pub(crate) fn normals(&self, first_beam: u32, draw: Draw, out: &mut [f32]) {
+        /// Lanes per block: two AVX2 registers hide the latency of the multiplications.
+        const N: usize = 16;
+        let mut beam = first_beam;
+        for chunk in out.chunks_mut(N) {
+            // Plain loops: closures would be compiled apart, without the vector instructions of the caller.
+            let mut beams = [0; N];
+            for (lane, value) in beams.iter_mut().enumerate() {
+                *value = beam.wrapping_add(lane as u32);
+            }
+            let words = philox([beams, [self.frame; N], [0; N], [draw as u32; N]], self.key);
+            let mut values = [0.0; N];
+            for lane in 0..N {
+                values[lane] = normal(words[0][lane], words[1][lane]);
+            }
+            chunk.copy_from_slice(&values[..chunk.len()]);
+            beam = beam.wrapping_add(N as u32);
+        }
+    }
+}
+
+/// A standard normal number from 48 random bits (Box and Muller 1958); its greatest value is
+/// sqrt(2 ln 2^24) = 5.77.
+#[inline(always)]
+fn normal(a: u32, b: u32) -> f32 {
+    const UNIT: f32 = 1.0 / (1 << 24) as f32;
+    // In (0, 1], so that the logarithm is finite; the conversions go through i32 because SIMD units have no other.
+    let u = ((a >> 8) as i32 + 1) as f32 * UNIT;
+    let turn = (b >> 8) as i32 as f32 * UNIT - 0.5;
+    let radius = (-2.0 * ln(u)).sqrt();
+    // -cos(2 pi t) = 2 sin^2(pi t) - 1
+    let sine = sin_pi(turn);
+    radius * (2.0 * sine * sine - 1.0)
+}
+
+/// Natural logarithm of a normal positive number, to 2e-7 absolute.
+///
+/// x = 2^e m with m in [sqrt(1/2), sqrt(2)); ln m = 2 artanh(s), s = (m - 1)/(m + 1), by its power
+/// series: the first term left out is 2 s^11 / 11 < 1e-9.
+#[inline(always)]
+fn ln(x: f32) -> f32 {
+    const LN_2: f32 = std::f32::consts::LN_2;
+    /// Bits of sqrt(1/2), so that the subtraction below carries into the exponent exactly from sqrt(2) on.
+    const SQRT_HALF: i32 = 0x3f35_04f3;
+    let bits = x.to_bits() as i32;
+    let exponent = (bits - SQRT_HALF) >> 23;
+    let m = f32::from_bits((bits - (exponent << 23)) as u32);
+    let s = (m - 1.0) / (m + 1.0);
+    let q = s * s;
+    let series = 2.0 * s * (1.0 + q * (1.0 / 3.0 + q * (1.0 / 5.0 + q * (1.0 / 7.0 + q * (1.0 / 9.0)))));
+    exponent as f32 * LN_2 + series
+}
+
+/// sin(pi t) for |t| <= 1/2 by its power series, to 1e-7.
+#[inline(always)]
+fn sin_pi(t: f32) -> f32 {
+    let x = t * std::f32::consts::PI;
+    let q = x * x;
+    x * (1.0
+        - q * (1.0 / 6.0 - q * (1.0 / 120.0 - q * (1.0 / 5040.0 - q * (1.0 / 362_880.0 - q * (1.0 / 39_916_800.0))))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Known-answer vectors of Random123 1.14 (DEShawResearch, `tests/kat_vectors`, rows `philox4x32 10`).
+    #[test]
+    fn known_answers_of_random123() {
+        let cases: [([u32; 4], [u32; 2], [u32; 4]); 3] = [
+            ([0; 4], [0; 2], [0x6627_e8d5, 0xe169_c58d, 0xbc57_ac4c, 0x9b00_dbd8]),
+            ([u32::MAX; 4], [u32::MAX; 2], [0x408f_276d, 0x41c8_3b0e, 0xa20b_c7c6, 0x6d54_51fd]),
+            (
+                [0x243f_6a88, 0x85a3_08d3, 0x1319_8a2e, 0x0370_7344],
+                [0xa409_3822, 0x299f_31d0],
+                [0xd16c_fe09, 0x94fd_cceb, 0x5001_e420, 0x2412_6ea1],
+            ),
+        ];
+        for (counter, key, expected) in cases {
+            assert_eq!(philox(counter.map(|word| [word]), key).map(|[word]| word), expected);
+            assert_eq!(philox(counter.map(|word| [word; 16]), key).map(|lanes| lanes[15]), expected);
+        }
+    }
+
+    #[test]
+    fn series_follow_the_functions() {
+        for i in 0..=1 << 16 {
+            let u = (i as f32 + 1.0) / (1 << 16) as f32;
+            assert!((f64::from(ln(u)) - f64::from(u).ln()).abs() < 1e-6, "ln({u})");
+            let t = i as f32 / (1 << 16) as f32 - 0.5;
+            assert!((f64::from(sin_pi(t)) - (f64::from(t) * std::f64::consts::PI).sin()).abs() < 2e-7, "sin_pi({t})");
+        }
+        assert_eq!(ln(1.0), 0.0);
+    }
+
+    #[test]
+    fn a_number_depends_on_its_address_only() {
+        let rng = Rng::new(7, 3);
+        let mut long = [0.0; 100];
+        rng.normals(1000, Draw::RangeJitter, &mut long);
+        for start in [0, 1, 15, 16, 37] {
+            let mut short = [0.0; 21];
+            rng.normals(1000 + start as u32, Draw::RangeJitter, &mut short);
+            assert_eq!(short, long[start..start + 21]);
+        }
+        let mut other = [0.0; 100];
+        Rng::new(7, 4).normals(1000, Draw::RangeJitter, &mut other);
+        assert_ne!(long, other);
+    }
+
+    #[test]
+    fn moments_are_those_of_a_normal() {
+        let mut sample = vec![0.0f32; 1_000_000];
+        Rng::new(1, 0).normals(0, Draw::RangeJitter, &mut sample);
+        let n = sample.len() as f64;
+        let moment = |power: i32| sample.iter().map(|&x| f64::from(x).powi(power)).sum::<f64>() / n;
+        // Standard errors of the first four moments of N(0, 1): 1, sqrt 2, sqrt 15, sqrt 96 over sqrt n.
+        for (power, expected, spread) in [(1, 0.0, 1.0), (2, 1.0, 2f64.sqrt()), (3, 0.0, 15f64.sqrt()), (4, 3.0, 96f64.sqrt())] {
+            let error = (moment(power) - expected).abs() / (spread / n.sqrt());
+            assert!(error < 5.0, "moment {power} is off by {error} standard errors");
+        }
+    }
+}

@@ -1,0 +1,166 @@
+//! The yardstick: nothing but Embree, on the rays of a scan.
+
+use super::{BuiltScene, LANES, RayBatch, Tables};
+use crate::emitter::{Aim, Pose, Trajectory};
+use crate::sensor::Sensor;
+use embree4::{Coherence, INVALID, Packet};
+use pulp::{Arch, Simd, WithSimd};
+use rayon::prelude::*;
+
+/// Beams per task, as in a scan.
+const CHUNK: usize = 2048;
+
+/// A bare loop over the fastest Embree call, on the same committed scene and the same rays as a scan:
+/// what there is to reach. It stores 48 bytes a ray (position, range, normal, u, v, three ids) and
+/// does nothing else; rays are prepared beforehand.
+pub struct BareLoop<'a> {
+    scene: &'a Tables,
+    coherent: bool,
+    /// World directions, range limits; a block of [`LANES`] rays each.
+    rays: Vec<RayBatch>,
+    hits: Vec<BareHits>,
+    count: usize,
+}
+
+/// 48 bytes a ray.
+#[derive(Clone)]
+struct BareHits {
+    x: [f32; LANES],
+    y: [f32; LANES],
+    z: [f32; LANES],
+    range: [f32; LANES],
+    normal_x: [f32; LANES],
+    normal_y: [f32; LANES],
+    normal_z: [f32; LANES],
+    u: [f32; LANES],
+    v: [f32; LANES],
+    triangle: [u32; LANES],
+    geometry: [u32; LANES],
+    instance: [u32; LANES],
+}
+
+impl BareHits {
+    const ZERO: BareHits = BareHits {
+        x: [0.0; LANES],
+        y: [0.0; LANES],
+        z: [0.0; LANES],
+        range: [0.0; LANES],
+        normal_x: [0.0; LANES],
+        normal_y: [0.0; LANES],
+        normal_z: [0.0; LANES],
+        u: [0.0; LANES],
+        v: [0.0; LANES],
+        triangle: [0; LANES],
+        geometry: [0; LANES],
+        instance: [0; LANES],
+    };
+}
+
+impl<'a> BareLoop<'a> {
+    /// Prepares the rays that [`BuiltScene::scan`] would trace with `sensor` standing at `pose`.
+    pub fn new(scene: &'a BuiltScene, sensor: &Sensor, pose: Pose) -> Self {
+        let beams = sensor.beams();
+        let trajectory = Trajectory::fixed(pose);
+        let aim = Aim::new(&trajectory, 0.0, scene.origin());
+        let rays: Vec<RayBatch> = (0..beams.len())
+            .step_by(LANES)
+            .map(|first| {
+                let count = LANES.min(beams.len() - first);
+                let mut rays = RayBatch::new();
+                aim.rays(beams, first, count, &mut rays);
+                match beams.range_max.get(first..first + count) {
+                    Some(limits) => rays.range_max[..count].copy_from_slice(limits),
+                    None => rays.range_max = [sensor.range_max_m as f32; LANES],
+                }
+                rays
+            })
+            .collect();
+        let hits = vec![BareHits::ZERO; rays.len()];
+        BareLoop { scene: &scene.0, coherent: beams.is_coherent(), rays, hits, count: beams.len() }
+    }
+
+    /// Traces all rays once.
+    pub fn run(&mut self) {
+        let arch = Arch::new();
+        let (scene, coherent, count) = (self.scene, self.coherent, self.count);
+        let blocks = CHUNK / LANES;
+        self.rays.par_chunks(blocks).zip(self.hits.par_chunks_mut(blocks)).enumerate().for_each(|(chunk, (rays, hits))| {
+            let count = (count - chunk * CHUNK).min(CHUNK);
+            arch.dispatch(BareChunk { scene, coherent, count, rays, hits });
+        });
+    }
+
+    /// Number of rays.
+    pub fn len(&self) -> usize {
+        self.count
+    }
+
+    /// Whether there are no rays.
+    pub fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+}
+
+struct BareChunk<'a> {
+    scene: &'a Tables,
+    coherent: bool,
+    count: usize,
+    rays: &'a [RayBatch],
+    hits: &'a mut [BareHits],
+}
+
+impl WithSimd for BareChunk<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        match self.scene.packet_width {
+            16 => self.run::<16>(),
+            8 => self.run::<8>(),
+            _ => self.run::<4>(),
+        }
+    }
+}
+
+impl BareChunk<'_> {
+    #[inline(always)]
+    fn run<const W: usize>(self) {
+        let coherence = if self.coherent { Coherence::Coherent } else { Coherence::Incoherent };
+        let mut packet = Packet::<W>::new();
+        let mut valid = [-1; W];
+        for (block, (rays, out)) in self.rays.iter().zip(self.hits).enumerate() {
+            // Only the last block can be short, so lanes that become invalid stay so.
+            let count = (self.count - block * LANES).min(LANES);
+            packet.org_x = [rays.org_x[0]; W];
+            packet.org_y = [rays.org_y[0]; W];
+            packet.org_z = [rays.org_z[0]; W];
+            for first in (0..count).step_by(W) {
+                let lanes = first..first + W;
+                packet.dir_x.copy_from_slice(&rays.dir_x[lanes.clone()]);
+                packet.dir_y.copy_from_slice(&rays.dir_y[lanes.clone()]);
+                packet.dir_z.copy_from_slice(&rays.dir_z[lanes.clone()]);
+                packet.tfar.copy_from_slice(&rays.range_max[lanes.clone()]);
+                packet.geom_id = [INVALID; W];
+                packet.inst_id = [INVALID; W];
+                if first + W > count {
+                    valid[count - first..].fill(0);
+                }
+                self.scene.committed.intersect(&valid, &mut packet, coherence);
+                for lane in 0..W {
+                    out.x[first + lane] = packet.org_x[lane] + packet.dir_x[lane] * packet.tfar[lane];
+                    out.y[first + lane] = packet.org_y[lane] + packet.dir_y[lane] * packet.tfar[lane];
+                    out.z[first + lane] = packet.org_z[lane] + packet.dir_z[lane] * packet.tfar[lane];
+                }
+                out.range[lanes.clone()].copy_from_slice(&packet.tfar);
+                out.normal_x[lanes.clone()].copy_from_slice(&packet.ng_x);
+                out.normal_y[lanes.clone()].copy_from_slice(&packet.ng_y);
+                out.normal_z[lanes.clone()].copy_from_slice(&packet.ng_z);
+                out.u[lanes.clone()].copy_from_slice(&packet.u);
+                out.v[lanes.clone()].copy_from_slice(&packet.v);
+                out.triangle[lanes.clone()].copy_from_slice(&packet.prim_id);
+                out.geometry[lanes.clone()].copy_from_slice(&packet.geom_id);
+                out.instance[lanes].copy_from_slice(&packet.inst_id);
+            }
+        }
+    }
+}

@@ -1,0 +1,149 @@
+//! Blocks of rays and their hits, a lane each.
+
+use super::Tables;
+use embree4::{Coherence, INVALID, Packet};
+
+/// Rays of one block. All arrays of a block together (about 25 kB) stay in the first-level cache.
+pub(crate) const LANES: usize = 256;
+
+/// Surface index of a ray that hit nothing.
+pub(crate) const MISS: u32 = u32::MAX;
+
+/// Rays of one block, relative to the scene's local origin; directions have unit length.
+pub(crate) struct RayBatch {
+    pub org_x: [f32; LANES],
+    pub org_y: [f32; LANES],
+    pub org_z: [f32; LANES],
+    pub dir_x: [f32; LANES],
+    pub dir_y: [f32; LANES],
+    pub dir_z: [f32; LANES],
+    /// Greatest range, m; behind it nothing is hit.
+    pub range_max: [f32; LANES],
+}
+
+impl RayBatch {
+    pub(crate) fn new() -> Self {
+        RayBatch {
+            org_x: [0.0; LANES],
+            org_y: [0.0; LANES],
+            org_z: [0.0; LANES],
+            dir_x: [0.0; LANES],
+            dir_y: [0.0; LANES],
+            dir_z: [0.0; LANES],
+            range_max: [0.0; LANES],
+        }
+    }
+}
+
+/// Closest hits of one block.
+pub(crate) struct HitBatch {
+    /// Slant range, m.
+    pub range: [f32; LANES],
+    /// Geometric normal, any length and sign; in the mesh's frame until [`HitBatch::orient_normals`].
+    pub normal_x: [f32; LANES],
+    pub normal_y: [f32; LANES],
+    pub normal_z: [f32; LANES],
+    /// Barycentric weights of the second and third corner.
+    pub u: [f32; LANES],
+    pub v: [f32; LANES],
+    /// Triangle of the part.
+    pub triangle: [u32; LANES],
+    /// Index into [`Tables::surfaces`], or [`MISS`].
+    pub surface: [u32; LANES],
+}
+
+impl HitBatch {
+    pub(crate) fn new() -> Self {
+        HitBatch {
+            range: [0.0; LANES],
+            normal_x: [0.0; LANES],
+            normal_y: [0.0; LANES],
+            normal_z: [0.0; LANES],
+            u: [0.0; LANES],
+            v: [0.0; LANES],
+            triangle: [0; LANES],
+            surface: [MISS; LANES],
+        }
+    }
+
+    /// Traces the first `count` rays. `coherent`: neighbours in the batch are neighbours in angle.
+    #[inline(always)]
+    pub(crate) fn trace(&mut self, scene: &Tables, rays: &RayBatch, count: usize, coherent: bool) {
+        let coherence = if coherent { Coherence::Coherent } else { Coherence::Incoherent };
+        match scene.packet_width {
+            16 => self.trace_packets::<16>(scene, rays, count, coherence),
+            8 => self.trace_packets::<8>(scene, rays, count, coherence),
+            _ => self.trace_packets::<4>(scene, rays, count, coherence),
+        }
+    }
+
+    #[inline(always)]
+    fn trace_packets<const W: usize>(&mut self, scene: &Tables, rays: &RayBatch, count: usize, coherence: Coherence) {
+        let mut packet = Packet::<W>::new();
+        let mut valid = [-1; W];
+        for first in (0..count).step_by(W) {
+            let lanes = first..first + W;
+            packet.org_x.copy_from_slice(&rays.org_x[lanes.clone()]);
+            packet.org_y.copy_from_slice(&rays.org_y[lanes.clone()]);
+            packet.org_z.copy_from_slice(&rays.org_z[lanes.clone()]);
+            packet.dir_x.copy_from_slice(&rays.dir_x[lanes.clone()]);
+            packet.dir_y.copy_from_slice(&rays.dir_y[lanes.clone()]);
+            packet.dir_z.copy_from_slice(&rays.dir_z[lanes.clone()]);
+            packet.tfar.copy_from_slice(&rays.range_max[lanes.clone()]);
+            packet.geom_id = [INVALID; W];
+            packet.inst_id = [INVALID; W];
+            if first + W > count {
+                valid[count - first..].fill(0);
+            }
+            scene.committed.intersect(&valid, &mut packet, coherence);
+            self.range[lanes.clone()].copy_from_slice(&packet.tfar);
+            self.normal_x[lanes.clone()].copy_from_slice(&packet.ng_x);
+            self.normal_y[lanes.clone()].copy_from_slice(&packet.ng_y);
+            self.normal_z[lanes.clone()].copy_from_slice(&packet.ng_z);
+            self.u[lanes.clone()].copy_from_slice(&packet.u);
+            self.v[lanes.clone()].copy_from_slice(&packet.v);
+            self.triangle[lanes.clone()].copy_from_slice(&packet.prim_id);
+            for (lane, surface) in self.surface[lanes].iter_mut().enumerate() {
+                let (geometry, instance) = (packet.geom_id[lane], packet.inst_id[lane]);
+                *surface = if geometry == INVALID {
+                    MISS
+                } else if instance == INVALID {
+                    scene.first_surface[geometry as usize]
+                } else {
+                    scene.first_surface[instance as usize] + geometry
+                };
+            }
+        }
+    }
+
+    /// Brings the normals of hits in instances to the world's frame.
+    #[inline(always)]
+    pub(crate) fn orient_normals(&mut self, scene: &Tables, count: usize) {
+        for lane in 0..count {
+            let Some(surface) = scene.surfaces.get(self.surface[lane] as usize) else { continue };
+            if surface.instanced {
+                let n = scene.normal_matrices[surface.object as usize]
+                    * glam::Vec3::new(self.normal_x[lane], self.normal_y[lane], self.normal_z[lane]);
+                (self.normal_x[lane], self.normal_y[lane], self.normal_z[lane]) = (n.x, n.y, n.z);
+            }
+        }
+    }
+
+    /// Replaces the normals of hits on smooth parts by the interpolated shading normal.
+    #[inline(always)]
+    pub(crate) fn shade_normals(&mut self, scene: &Tables, count: usize) {
+        for lane in 0..count {
+            let Some(surface) = scene.surfaces.get(self.surface[lane] as usize) else { continue };
+            let part = &scene.parts[surface.part as usize];
+            let Some(normals) = &part.normals else { continue };
+            let corners = part.triangles[self.triangle[lane] as usize];
+            let [a, b, c] = corners.map(|index| glam::Vec3::from(normals[index as usize]));
+            let (u, v) = (self.u[lane], self.v[lane]);
+            let n = scene.normal_matrices[surface.object as usize] * (a * (1.0 - u - v) + b * u + c * v);
+            // Opposite vertex normals can cancel; then the triangle's own normal stays.
+            if n.length_squared() > f32::MIN_POSITIVE {
+                (self.normal_x[lane], self.normal_y[lane], self.normal_z[lane]) = (n.x, n.y, n.z);
+            }
+        }
+    }
+}

@@ -1,0 +1,151 @@
+//! From the resolved scene to Embree's structure and the tables behind its ids.
+
+use super::Tables;
+use crate::error::Result;
+use crate::material::Material;
+use crate::scene::{Mesh, Object, Scene};
+use embree4::{CommittedScene, Device};
+use glam::{DAffine3, DVec3, Mat3};
+use std::sync::Arc;
+
+/// A part of an object: what a hit on it means.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Surface {
+    pub category_id: u32,
+    pub part_id: u32,
+    pub instance_id: u32,
+    pub material_id: u32,
+    /// Index into [`Tables::materials`].
+    pub material: u32,
+    /// Index into [`Tables::parts`].
+    pub part: u32,
+    /// Index into [`Tables::normal_matrices`].
+    pub object: u32,
+    /// Base colour of the material's factor, sRGB.
+    pub rgb: [u8; 3],
+    /// Whether the base colour comes from an image.
+    pub textured: bool,
+    /// Whether hits come with normals in the mesh's frame.
+    pub instanced: bool,
+}
+
+/// Scenes within this distance of the world's origin keep it as their own, so that coordinates stay
+/// as the file has them: an f32 step there is 0.06 mm.
+const NEAR_ORIGIN_M: f64 = 1000.0;
+
+pub(super) fn build(scene: &Scene) -> Result<Tables> {
+    let device = Device::new()?;
+    let origin = local_origin(scene);
+    let mut uses = vec![0usize; scene.meshes.len()];
+    for object in &scene.objects {
+        uses[object.mesh] += 1;
+    }
+
+    let mut parts = Vec::new();
+    let first_part: Vec<u32> = scene
+        .meshes
+        .iter()
+        .map(|mesh| {
+            let first = parts.len() as u32;
+            parts.extend(mesh.parts.iter().cloned());
+            first
+        })
+        .collect();
+    let materials: Vec<Material> = scene.materials.iter().cloned().chain([Material::default()]).collect();
+    let material_ids = scene.labels.material.to_map();
+    let default_material = scene.materials.len();
+
+    let mut top = embree4::Scene::new(&device)?;
+    let mut first_surface = Vec::new();
+    let mut surfaces = Vec::new();
+    let mut normal_matrices = Vec::with_capacity(scene.objects.len());
+    let mut shared: Vec<Option<CommittedScene>> = vec![None; scene.meshes.len()];
+    let mut has_instances = false;
+    for (index, object) in scene.objects.iter().enumerate() {
+        let mesh = &scene.meshes[object.mesh];
+        let local_from_object = DAffine3::from_translation(-origin) * object.world_from_object;
+        let first = surfaces.len() as u32;
+        if uses[object.mesh] == 1 {
+            // Placed once: vertices go to the top level in world space, so that rays need no transform.
+            for (number, part) in mesh.parts.iter().enumerate() {
+                let positions = part.positions.iter().map(|p| {
+                    let local = DVec3::from(p.map(f64::from));
+                    local_from_object.transform_point3(local).as_vec3().to_array()
+                });
+                top.attach_mesh(&embree4::Mesh::new(&device, positions, &part.triangles)?)?;
+                first_surface.push(first + number as u32);
+            }
+        } else {
+            has_instances = true;
+            let of = match &mut shared[object.mesh] {
+                Some(built) => &*built,
+                empty => empty.insert(mesh_scene(&device, mesh)?),
+            };
+            let m = local_from_object;
+            let columns = [m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis, m.translation];
+            let mut matrix = [0.0f32; 12];
+            for (entry, value) in matrix.iter_mut().zip(columns.iter().flat_map(|column| column.to_array())) {
+                *entry = value as f32;
+            }
+            top.attach_instance(of, matrix)?;
+            first_surface.push(first);
+        }
+        for (number, part) in mesh.parts.iter().enumerate() {
+            let material = &materials[part.material.unwrap_or(default_material)];
+            surfaces.push(Surface {
+                category_id: object.category_id,
+                part_id: object.part_ids[number],
+                instance_id: object.instance_id,
+                material_id: material_ids.get(material.name.as_str()).copied().unwrap_or(0),
+                material: part.material.unwrap_or(default_material) as u32,
+                part: first_part[object.mesh] + number as u32,
+                object: index as u32,
+                rgb: std::array::from_fn(|c| crate::scene::srgb_byte(material.base_color[c])),
+                textured: material.base_color_texture.is_some() && part.uvs.is_some(),
+                instanced: uses[object.mesh] > 1,
+            });
+        }
+        normal_matrices.push(normal_matrix(object));
+    }
+    Ok(Tables {
+        committed: top.commit()?,
+        packet_width: device.packet_width(),
+        origin,
+        first_surface,
+        has_instances,
+        has_shading_normals: parts.iter().any(|part| part.normals.is_some()),
+        surfaces,
+        normal_matrices,
+        parts,
+        materials,
+        textures: scene.textures.clone(),
+        labels: Arc::new(scene.labels.clone()),
+    })
+}
+
+/// The world's origin where the scene is near it, else the scene's centre in whole metres.
+fn local_origin(scene: &Scene) -> DVec3 {
+    match scene.bounds() {
+        Some((low, high)) if low.abs().max(high.abs()).max_element() > NEAR_ORIGIN_M => ((low + high) / 2.0).round(),
+        _ => DVec3::ZERO,
+    }
+}
+
+fn mesh_scene(device: &Device, mesh: &Mesh) -> Result<CommittedScene> {
+    let mut scene = embree4::Scene::new(device)?;
+    for part in &mesh.parts {
+        scene.attach_mesh(&embree4::Mesh::new(device, part.positions.iter().copied(), &part.triangles)?)?;
+    }
+    Ok(scene.commit()?)
+}
+
+/// The matrix that takes an object's normals to the world's: the cofactors of the linear part, which
+/// are right for any scale and mirror, up to length (and scaled to unit size against underflow).
+fn normal_matrix(object: &Object) -> Mat3 {
+    let m = object.world_from_object.matrix3;
+    let cofactors = glam::DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
+    let size = cofactors.x_axis.abs().max(cofactors.y_axis.abs()).max(cofactors.z_axis.abs()).max_element();
+    let scale = if size > 0.0 { 1.0 / size } else { 0.0 };
+    // A mirrored object's cofactors point its normals inwards; surfaces are two-sided, so that is no matter.
+    (cofactors * scale).as_mat3()
+}

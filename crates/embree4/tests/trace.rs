@@ -1,0 +1,414 @@
+//! The wrapper against geometry whose hits are known.
+
+use embree4::{Coherence, CommittedScene, Device, Error, INVALID, Mesh, Packet, Quality, Ray, Scene, SceneFlags};
+
+const IDENTITY: [f32; 12] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
+
+/// The unit right triangle at height `z`; its normal is +z.
+fn triangle(device: &Device, z: f32) -> Mesh {
+    let corners = [[0.0, 0.0, z], [1.0, 0.0, z], [0.0, 1.0, z]];
+    Mesh::new(device, corners.into_iter(), &[[0, 1, 2]]).unwrap()
+}
+
+fn scene(device: &Device, meshes: &[Mesh]) -> CommittedScene {
+    let mut scene = Scene::new(device).unwrap();
+    for (id, mesh) in (0..).zip(meshes) {
+        assert_eq!(scene.attach_mesh(mesh).unwrap(), id);
+    }
+    scene.commit().unwrap()
+}
+
+/// A few thousand triangles without order, from a small generator of numbers (a 64-bit LCG, Knuth's MMIX constants).
+fn clutter(device: &Device) -> Mesh {
+    let mut state = 1_u64;
+    let mut next = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 40) as f32 / (1 << 24) as f32
+    };
+    let positions: Vec<[f32; 3]> = (0..4000)
+        .flat_map(|_| {
+            let centre: [f32; 3] = std::array::from_fn(|_| 20.0 * next() - 10.0);
+            [(); 3].map(|()| centre.map(|c| c + 2.0 * next()))
+        })
+        .collect();
+    let triangles: Vec<[u32; 3]> = (0..4000).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+    Mesh::new(device, positions.into_iter(), &triangles).unwrap()
+}
+
+/// A fan of `count` unit directions from the origin.
+fn fan(count: usize) -> Vec<[f32; 3]> {
+    (0..count)
+        .map(|i| {
+            let (sin, cos) = (0.01 * i as f32).sin_cos();
+            let up = -0.5 + (i % 97) as f32 / 97.0;
+            let level = (1.0 - up * up).sqrt();
+            [level * cos, level * sin, up]
+        })
+        .collect()
+}
+
+/// Traces rays from the origin in packets and takes them apart again.
+fn trace<const W: usize>(scene: &CommittedScene, directions: &[[f32; 3]], coherence: Coherence) -> Vec<Ray> {
+    let mut hits = Vec::new();
+    for directions in directions.chunks(W) {
+        let mut rays = Packet::<W>::new();
+        let mut valid = [0; W];
+        for (lane, direction) in directions.iter().enumerate() {
+            [rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]] = *direction;
+            valid[lane] = -1;
+        }
+        scene.intersect(&valid, &mut rays, coherence);
+        hits.extend((0..directions.len()).map(|lane| lane_of(&rays, lane)));
+    }
+    hits
+}
+
+fn lane_of<const W: usize>(rays: &Packet<W>, lane: usize) -> Ray {
+    Ray {
+        org_x: rays.org_x[lane],
+        org_y: rays.org_y[lane],
+        org_z: rays.org_z[lane],
+        tnear: rays.tnear[lane],
+        dir_x: rays.dir_x[lane],
+        dir_y: rays.dir_y[lane],
+        dir_z: rays.dir_z[lane],
+        time: rays.time[lane],
+        tfar: rays.tfar[lane],
+        mask: rays.mask[lane],
+        id: rays.id[lane],
+        flags: rays.flags[lane],
+        ng_x: rays.ng_x[lane],
+        ng_y: rays.ng_y[lane],
+        ng_z: rays.ng_z[lane],
+        u: rays.u[lane],
+        v: rays.v[lane],
+        prim_id: rays.prim_id[lane],
+        geom_id: rays.geom_id[lane],
+        inst_id: rays.inst_id[lane],
+        inst_prim_id: rays.inst_prim_id[lane],
+    }
+}
+
+fn trace1(scene: &CommittedScene, directions: &[[f32; 3]]) -> Vec<Ray> {
+    directions
+        .iter()
+        .map(|&direction| {
+            let mut ray = Ray::new([0.0; 3], direction);
+            scene.intersect1(&mut ray);
+            ray
+        })
+        .collect()
+}
+
+fn close(a: f32, b: f32) -> bool {
+    (a - b).abs() <= 1e-5 * a.abs().max(1.0)
+}
+
+#[test]
+fn the_device_names_a_version_and_a_width_that_fit() {
+    let device = Device::new().unwrap();
+    let (major, minor, _) = device.version();
+    assert!(major == 4 && minor >= 3);
+    assert!([4, 8, 16].contains(&device.packet_width()));
+    assert_eq!(Device::with_config("isa=sse4.2").unwrap().packet_width(), 4);
+}
+
+#[test]
+fn a_configuration_with_nul_is_an_error() {
+    let error = Device::with_config("threads=1\0isa=sse2").unwrap_err();
+    assert_eq!(error.to_string(), r#"the Embree configuration "threads=1\0isa=sse2" contains a NUL character"#);
+}
+
+#[test]
+fn every_width_and_the_single_ray_find_the_triangle() {
+    let device = Device::new().unwrap();
+    let scene = scene(&device, &[triangle(&device, 4.0), triangle(&device, 2.0)]);
+    assert_eq!(scene.bounds(), ([0.0, 0.0, 2.0], [1.0, 1.0, 4.0]));
+    let slanted = [0.25, 0.5, 2.0].map(|x: f32| x / (0.25_f32 * 0.25 + 0.5 * 0.5 + 2.0 * 2.0).sqrt());
+    let directions = [slanted, [-0.6, 0.0, 0.8]];
+    let single = trace1(&scene, &directions);
+    for coherence in [Coherence::Coherent, Coherence::Incoherent] {
+        for [hit, miss] in [
+            trace::<4>(&scene, &directions, coherence),
+            trace::<8>(&scene, &directions, coherence),
+            trace::<16>(&scene, &directions, coherence),
+            single.clone(),
+        ]
+        .map(|rays| <[Ray; 2]>::try_from(rays).unwrap())
+        {
+            // It passes (0.25, 0.5, 2): the second mesh, nearer than the first.
+            assert!(close(hit.tfar * slanted[2], 2.0), "{hit:?}");
+            assert!(close(hit.u, 0.25) && close(hit.v, 0.5), "{hit:?}");
+            assert!(close(hit.ng_x, 0.0) && close(hit.ng_y, 0.0) && close(hit.ng_z, 1.0), "{hit:?}");
+            assert_eq!((hit.geom_id, hit.prim_id, hit.inst_id), (1, 0, INVALID));
+            assert_eq!(miss, Ray::new([0.0; 3], directions[1]));
+        }
+    }
+}
+
+#[test]
+fn every_width_finds_the_hits_of_the_single_ray_in_clutter() {
+    let device = Device::new().unwrap();
+    let scene = scene(&device, &[clutter(&device)]);
+    let directions = fan(2000);
+    let single = trace1(&scene, &directions);
+    assert!(single.iter().filter(|ray| ray.geom_id == 0).count() > 1000);
+    for coherence in [Coherence::Coherent, Coherence::Incoherent] {
+        for rays in [
+            trace::<4>(&scene, &directions, coherence),
+            trace::<8>(&scene, &directions, coherence),
+            trace::<16>(&scene, &directions, coherence),
+        ] {
+            // Rays that graze an edge may go either way, and no more than a few do.
+            let other = rays.iter().zip(&single).filter(|(a, b)| a.prim_id != b.prim_id).count();
+            assert!(other <= 2, "{other} rays hit something else");
+            for (a, b) in rays.iter().zip(&single).filter(|(a, b)| a.prim_id == b.prim_id) {
+                assert!(a.tfar == b.tfar || close(a.tfar, b.tfar), "{a:?} {b:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn lanes_that_are_not_valid_stay_as_they_are() {
+    let device = Device::new().unwrap();
+    let scene = scene(&device, &[triangle(&device, 3.0)]);
+    fn check<const W: usize>(scene: &CommittedScene) {
+        let mut rays = Packet::<W>::new();
+        rays.org_x = [0.2; W];
+        rays.org_y = [0.2; W];
+        rays.dir_z = [1.0; W];
+        let before = rays;
+        scene.intersect(&[0; W], &mut rays, Coherence::Coherent);
+        assert_eq!(rays, before);
+        scene.intersect(&std::array::from_fn(|lane| -(lane as i32 % 2)), &mut rays, Coherence::Coherent);
+        for lane in 0..W {
+            if lane % 2 == 0 {
+                assert_eq!(lane_of(&rays, lane), lane_of(&before, lane));
+            } else {
+                assert!(close(rays.tfar[lane], 3.0) && rays.geom_id[lane] == 0);
+            }
+        }
+    }
+    check::<4>(&scene);
+    check::<8>(&scene);
+    check::<16>(&scene);
+}
+
+#[test]
+fn instances_scale_mirror_and_keep_the_mesh_and_scene_alive() {
+    let device = Device::new().unwrap();
+    let mut world = Scene::new(&device).unwrap();
+    {
+        let object = scene(&device, &[triangle(&device, 1.0)]);
+        // x twice as long and mirrored, y three times, z half and turned over; then moved by (10, 0, 5).
+        let matrix = [-2.0, 0.0, 0.0, 0.0, 3.0, 0.0, 0.0, 0.0, -0.5, 10.0, 0.0, 5.0];
+        assert_eq!(world.attach_instance(&object, IDENTITY).unwrap(), 0);
+        assert_eq!(world.attach_instance(&object, matrix).unwrap(), 1);
+    }
+    drop(device);
+    let world = world.commit().unwrap();
+    let (lower, upper) = world.bounds();
+    for (found, expected) in lower.iter().chain(&upper).zip([0.0, 0.0, 1.0, 10.0, 3.0, 4.5]) {
+        assert!(close(*found, expected), "{lower:?} {upper:?}");
+    }
+    // Object point (0.25, 0.5, 1) is world point (9.5, 1.5, 4.5).
+    let mut ray = Ray::new([9.5, 1.5, 0.0], [0.0, 0.0, 1.0]);
+    world.intersect1(&mut ray);
+    let mut rays = Packet::<8>::new();
+    rays.org_x = [9.5; 8];
+    rays.org_y = [1.5; 8];
+    rays.dir_z = [1.0; 8];
+    world.intersect(&[-1; 8], &mut rays, Coherence::Coherent);
+    for hit in [ray, lane_of(&rays, 0), lane_of(&rays, 7)] {
+        assert_eq!((hit.inst_id, hit.geom_id, hit.prim_id), (1, 0, 0));
+        assert!(close(hit.tfar, 4.5) && close(hit.u, 0.25) && close(hit.v, 0.5), "{hit:?}");
+        // The normal is in the space of the mesh.
+        assert!(hit.ng_x == 0.0 && hit.ng_y == 0.0 && close(hit.ng_z, 1.0), "{hit:?}");
+    }
+}
+
+#[test]
+fn instances_of_instances_are_refused() {
+    let device = Device::new().unwrap();
+    let object = scene(&device, &[triangle(&device, 1.0)]);
+    let mut middle = Scene::new(&device).unwrap();
+    middle.attach_instance(&object, IDENTITY).unwrap();
+    let middle = middle.commit().unwrap();
+    assert_eq!(Scene::new(&device).unwrap().attach_instance(&middle, IDENTITY), Err(Error::NestedInstance));
+}
+
+#[test]
+fn transforms_without_inverse_are_refused() {
+    let device = Device::new().unwrap();
+    let object = scene(&device, &[triangle(&device, 1.0)]);
+    for (place, value) in [(4, 0.0), (9, f32::NAN), (0, f32::INFINITY), (8, 1e-45)] {
+        let mut transform = IDENTITY;
+        transform[place] = value;
+        let result = Scene::new(&device).unwrap().attach_instance(&object, transform);
+        assert!(matches!(result, Err(Error::Transform { .. })), "{transform:?} gave {result:?}");
+    }
+}
+
+#[test]
+fn devices_do_not_mix() {
+    let (one, two) = (Device::new().unwrap(), Device::new().unwrap());
+    let mut scene_of_one = Scene::new(&one).unwrap();
+    assert_eq!(scene_of_one.attach_mesh(&triangle(&two, 1.0)), Err(Error::OtherDevice));
+    let object = scene(&two, &[triangle(&two, 1.0)]);
+    assert_eq!(scene_of_one.attach_instance(&object, IDENTITY), Err(Error::OtherDevice));
+    assert_eq!(scene_of_one.attach_mesh(&triangle(&one.clone(), 1.0)), Ok(0));
+}
+
+#[test]
+fn meshes_without_content_or_with_wrong_indices_are_refused() {
+    let device = Device::new().unwrap();
+    let corners = || [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]].into_iter();
+    assert_eq!(Mesh::new(&device, corners(), &[]).unwrap_err(), Error::EmptyMesh { vertices: 3, triangles: 0 });
+    assert_eq!(
+        Mesh::new(&device, std::iter::empty(), &[[0, 0, 0]]).unwrap_err(),
+        Error::EmptyMesh { vertices: 0, triangles: 1 }
+    );
+    assert_eq!(
+        Mesh::new(&device, corners(), &[[0, 1, 2], [0, 3, 1]]).unwrap_err(),
+        Error::IndexOutOfRange { triangle: 1, index: 3, vertices: 3 }
+    );
+    // As many vertices as an iterator can claim; it must not be believed before it is checked.
+    let endless = (0..u32::MAX).map(|_| [0.0; 3]);
+    let error = Mesh::new(&device, endless, &[[0, 1, 2]]).unwrap_err();
+    assert_eq!(error, Error::MeshTooLarge { vertices: u32::MAX as usize, triangles: 1 });
+}
+
+#[test]
+fn an_iterator_shorter_than_it_says_leaves_vertices_that_are_never_hit() {
+    struct Liar;
+    impl Iterator for Liar {
+        type Item = [f32; 3];
+        fn next(&mut self) -> Option<[f32; 3]> {
+            None
+        }
+        fn size_hint(&self) -> (usize, Option<usize>) {
+            (3, Some(3))
+        }
+    }
+    impl ExactSizeIterator for Liar {}
+    let device = Device::new().unwrap();
+    let scene = scene(&device, &[Mesh::new(&device, Liar, &[[0, 1, 2]]).unwrap()]);
+    let mut ray = Ray::new([0.0, 0.0, -1.0], [0.0, 0.0, 1.0]);
+    scene.intersect1(&mut ray);
+    assert_eq!(ray.geom_id, INVALID);
+}
+
+#[test]
+fn triangles_with_vertices_that_are_not_finite_are_never_hit() {
+    let device = Device::new().unwrap();
+    let corners = [
+        [0.0, 0.0, 1.0],
+        [1.0, 0.0, f32::NAN],
+        [0.0, 1.0, 1.0],
+        [0.0, 0.0, 2.0],
+        [f32::INFINITY, 0.0, 2.0],
+        [0.0, 1.0, 2.0],
+        [0.0, 0.0, 3.0],
+        [1.0, 0.0, 3.0],
+        [0.0, 1.0, 3.0],
+    ];
+    let mesh = Mesh::new(&device, corners.into_iter(), &[[0, 1, 2], [3, 4, 5], [6, 7, 8]]).unwrap();
+    let scene = scene(&device, &[mesh]);
+    let mut ray = Ray::new([0.25, 0.25, 0.0], [0.0, 0.0, 1.0]);
+    scene.intersect1(&mut ray);
+    assert_eq!(ray.prim_id, 2);
+    assert!(close(ray.tfar, 3.0));
+}
+
+#[test]
+fn an_empty_scene_is_missed() {
+    let scene = Scene::new(&Device::new().unwrap()).unwrap().commit().unwrap();
+    assert_eq!(scene.bounds(), ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]));
+    assert!(trace::<16>(&scene, &fan(16), Coherence::Coherent).iter().all(|ray| ray.geom_id == INVALID));
+}
+
+#[test]
+fn flags_and_qualities_do_not_change_what_is_hit() {
+    let device = Device::new().unwrap();
+    let mesh = clutter(&device);
+    let directions = fan(500);
+    let plain = trace1(&scene(&device, std::slice::from_ref(&mesh)), &directions);
+    for (robust, compact, dynamic, quality) in [
+        (true, false, false, Quality::Medium),
+        (false, true, false, Quality::Medium),
+        (false, false, true, Quality::Low),
+        (true, true, true, Quality::High),
+    ] {
+        let mut scene = Scene::with_flags(&device, SceneFlags { robust, compact, dynamic }, quality).unwrap();
+        scene.attach_mesh(&mesh).unwrap();
+        let rays = trace1(&scene.commit().unwrap(), &directions);
+        let other = rays.iter().zip(&plain).filter(|(a, b)| a.prim_id != b.prim_id).count();
+        assert!(other <= 1, "{other} rays hit something else with {robust} {compact} {dynamic} {quality:?}");
+    }
+}
+
+/// Embree does not promise this; results that do not depend on the machine's load rest on it.
+#[test]
+fn build_threads_do_not_change_a_bit() {
+    let run = |config| {
+        let device = Device::with_config(config).unwrap();
+        let mut world = Scene::new(&device).unwrap();
+        let object = scene(&device, &[clutter(&device)]);
+        world.attach_mesh(&clutter(&device)).unwrap();
+        for i in 0..50 {
+            let mut transform = IDENTITY.map(|x| 0.7 * x);
+            transform[9] = 2.0 * i as f32 - 50.0;
+            transform[10] = 30.0;
+            world.attach_instance(&object, transform).unwrap();
+        }
+        let world = world.commit().unwrap();
+        let directions = fan(4000);
+        let hits = [trace::<16>(&world, &directions, Coherence::Coherent), trace1(&world, &directions)].concat();
+        let bits = |ray: &Ray| {
+            let floats = [ray.tfar, ray.u, ray.v, ray.ng_x, ray.ng_y, ray.ng_z].map(f32::to_bits);
+            (floats, ray.geom_id, ray.prim_id, ray.inst_id)
+        };
+        hits.iter().map(bits).collect::<Vec<_>>()
+    };
+    let one = run("threads=1");
+    assert!(one.iter().filter(|(_, geom_id, _, _)| *geom_id != INVALID).count() > 4000);
+    assert!(one.iter().any(|(_, _, _, inst_id)| *inst_id != INVALID));
+    assert!(one == run("threads=2"), "2 build threads give other hits than 1");
+}
+
+#[test]
+fn threads_share_one_scene() {
+    let device = Device::new().unwrap();
+    let shared = scene(&device, &[clutter(&device)]);
+    let directions = fan(1000);
+    let alone = trace::<16>(&shared, &directions, Coherence::Coherent);
+    std::thread::scope(|scope| {
+        for _ in 0..4 {
+            let own = shared.clone();
+            let (directions, alone) = (&directions, &alone);
+            scope.spawn(move || assert_eq!(&trace::<16>(&own, directions, Coherence::Coherent), alone));
+        }
+    });
+}
+
+/// With flush-to-zero the quotient would be 0, with denormals-are-zero the product.
+#[test]
+fn building_and_tracing_leave_denormal_numbers_alone() {
+    let device = Device::new().unwrap();
+    let scene = scene(&device, &[clutter(&device)]);
+    trace::<16>(&scene, &fan(64), Coherence::Coherent);
+    let denormal = std::hint::black_box(f32::MIN_POSITIVE) / 4.0;
+    assert!(denormal > 0.0);
+    assert_eq!(std::hint::black_box(denormal) * 4.0, f32::MIN_POSITIVE);
+}
+
+#[test]
+fn handles_can_be_sent_and_shared() {
+    fn check<T: Send + Sync>() {}
+    check::<Device>();
+    check::<Mesh>();
+    check::<Scene>();
+    check::<CommittedScene>();
+    check::<Error>();
+}
