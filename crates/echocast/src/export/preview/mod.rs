@@ -15,7 +15,7 @@ mod top;
 
 pub use canvas::Picture;
 
-use super::atomic;
+use super::atomic::Pending;
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
 use crate::report::Report;
@@ -123,10 +123,10 @@ impl Default for PreviewOptions {
 pub fn write(cloud: &PointCloud, path: &Path, options: &PreviewOptions) -> Result<Report> {
     let mut report = Report::default();
     let picture = render(cloud, options, &mut report)?;
-    atomic::replace(path, |temporary| {
-        let file = File::create(temporary).map_err(|source| Error::io(path, source))?;
-        picture.write_png(BufWriter::new(file)).map_err(|source| Error::io(path, source))
-    })?;
+    let pending = Pending::create(path)?;
+    let file = File::create(pending.path()).map_err(|source| Error::io(path, source))?;
+    picture.write_png(BufWriter::new(file)).map_err(|source| Error::io(path, source))?;
+    pending.commit()?;
     Ok(report)
 }
 
