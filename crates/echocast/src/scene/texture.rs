@@ -1,5 +1,8 @@
 //! Images on surfaces: decoding happens in the readers, sampling here.
 
+use crate::error::{Error, Result};
+use image::{ImageReader, Limits};
+use std::io::Cursor;
 use std::sync::OnceLock;
 
 /// What lies beyond the edge of an image.
@@ -33,6 +36,33 @@ pub struct Texture {
     pub height: u32,
     /// `width * height` pixels.
     pub pixels: Vec<[u8; 4]>,
+}
+
+impl Texture {
+    /// Decodes a PNG or JPEG image; `origin` is where it comes from, for errors.
+    ///
+    /// # Errors
+    /// Another format, damaged data, more than 16384 pixels a side or 512 MiB of memory.
+    pub(crate) fn decode(bytes: &[u8], origin: &str) -> Result<Texture> {
+        let error = |message: String| Error::Parse { origin: origin.to_owned(), place: String::new(), message };
+        let mut reader = ImageReader::new(Cursor::new(bytes))
+            .with_guessed_format()
+            .map_err(|source| error(format!("the image cannot be read: {source}")))?;
+        if reader.format().is_none() {
+            return Err(error("the image is neither PNG nor JPEG".to_owned()));
+        }
+        let mut limits = Limits::default();
+        (limits.max_image_width, limits.max_image_height) = (Some(16384), Some(16384));
+        limits.max_alloc = Some(512 << 20);
+        reader.limits(limits);
+        let image = reader.decode().map_err(|source| error(format!("the image cannot be decoded: {source}")))?;
+        let image = image.into_rgba8();
+        let (width, height) = image.dimensions();
+        if width == 0 || height == 0 {
+            return Err(error("the image has no pixel".to_owned()));
+        }
+        Ok(Texture { width, height, pixels: bytemuck::cast_slice(image.as_raw()).to_vec() })
+    }
 }
 
 /// A use of an image by a material.

@@ -1,0 +1,467 @@
+//! Wavefront OBJ with MTL.
+//!
+//! The format is the appendix "Object Files (.obj)" of Alias|Wavefront's Advanced Visualizer manual, read as exporters write it.
+
+mod mtl;
+mod parts;
+mod polygon;
+mod statements;
+mod text;
+
+use super::{LoadOptions, Part, RawObject, Scene, Texture, TextureRef, UpAxis, Wrap};
+use crate::error::{Error, Result};
+use crate::material::Material;
+use crate::scene::Mesh;
+use glam::{DAffine3, DMat3, DVec3};
+use parts::PartMaker;
+use statements::{Run, Statements};
+use std::collections::{HashMap, HashSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Reads the OBJ file at `path` and the MTL files and images it names.
+///
+/// Every `o`, or in files without one every `g`, is an object, whatever lies between its faces; faces
+/// before the first belong to an object called like the file.
+///
+/// # Errors
+/// A file that cannot be read; a line that says no number where one must stand or a vertex that is not
+/// there; no faces. A missing MTL file, material or image is a warning.
+pub(super) fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
+    if !(options.scale.is_finite() && options.scale > 0.0) {
+        return Err(Error::invalid("scale", options.scale, "finite numbers above 0"));
+    }
+    let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
+    let mut file = Statements::parse(path, &bytes)?;
+    drop(bytes);
+
+    let mut scene = Scene::default();
+    file.warnings.drain(..).for_each(|warning| scene.report.warn(warning));
+    let mut materials = Materials::read(path, &file, &mut scene)?;
+
+    let by_group = file.objects.iter().next().is_none();
+    let (names, object_of): (_, fn(&Run) -> u32) =
+        if by_group { (&file.groups, |run| run.group) } else { (&file.objects, |run| run.object) };
+    let mut runs = file.runs.clone();
+    runs.sort_by_key(|run| (object_of(run), run.material));
+
+    let axes = DMat3::from_cols(
+        DVec3::X,
+        if options.up == UpAxis::Y { DVec3::Z } else { DVec3::Y },
+        if options.up == UpAxis::Y { -DVec3::Y } else { DVec3::Z },
+    );
+    let world_from_file = axes * options.scale;
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let mut maker = PartMaker::new(&file);
+    let mut objects = Vec::new();
+    for runs in runs.chunk_by(|a, b| object_of(a) == object_of(b)) {
+        let middle = maker.middle(runs);
+        let parts: Vec<Part> = runs
+            .chunk_by(|a, b| a.material == b.material)
+            .filter_map(|runs| {
+                let material = materials.choose(&file, runs[0].material, &mut scene);
+                let textured = material.is_some_and(|index| scene.materials[index].base_color_texture.is_some());
+                Some(Part { material, ..maker.part(runs, middle, textured)? })
+            })
+            .collect();
+        if parts.is_empty() {
+            continue;
+        }
+        let name = match object_of(&runs[0]) {
+            0 => stem.to_string(),
+            number => names.list[number as usize].clone(),
+        };
+        objects.push(RawObject {
+            name: name.clone(),
+            mesh: scene.meshes.len(),
+            world_from_object: DAffine3::from_mat3_translation(world_from_file, world_from_file * middle),
+            category: None,
+            part: None,
+        });
+        scene.meshes.push(Arc::new(Mesh { name, parts }));
+    }
+
+    materials.warn(path, &mut scene);
+    scene.degenerate_triangles = maker.degenerate_triangles;
+    for (count, what) in [
+        (maker.degenerate_triangles, "triangles without area are left out"),
+        (maker.tangled_polygons, "polygons cross themselves or are folded: their triangles are a guess"),
+    ] {
+        if count > 0 {
+            scene.report.warn(format!("{}: {count} {what}", path.display()));
+        }
+    }
+    Ok(scene.assemble(objects, &options.labels))
+}
+
+/// The materials of the MTL files, and which of them the scene has got.
+struct Materials {
+    entries: HashMap<String, mtl::Entry>,
+    /// Scene material of each number of `usemtl`.
+    chosen: HashMap<u32, usize>,
+    /// Scene texture of each image file; `None`: it cannot be read.
+    textures: HashMap<PathBuf, Option<usize>>,
+    unknown: Vec<String>,
+    unread_images: Vec<String>,
+}
+
+impl Materials {
+    fn read(path: &Path, file: &Statements, scene: &mut Scene) -> Result<Self> {
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let mut entries = HashMap::new();
+        let (mut read, mut missing) = (HashSet::new(), Vec::new());
+        for (name, library) in file.libraries.iter().flat_map(|names| mtl::libraries(folder, names)) {
+            match library {
+                // Many names may mean one file.
+                Some(library) => {
+                    if read.insert(fs::canonicalize(&library).unwrap_or(library.clone())) {
+                        mtl::read(&library, &mut entries)?;
+                    }
+                }
+                None => missing.push(name),
+            }
+        }
+        if !missing.is_empty() {
+            scene.report.warn(format!("{}: material files not found: {}", path.display(), some_of(&missing)));
+        }
+        let (chosen, textures) = (HashMap::new(), HashMap::new());
+        Ok(Materials { entries, chosen, textures, unknown: Vec::new(), unread_images: Vec::new() })
+    }
+
+    /// Index of the scene's material for a number of `usemtl`.
+    fn choose(&mut self, file: &Statements, number: u32, scene: &mut Scene) -> Option<usize> {
+        if number == 0 {
+            return None;
+        }
+        if let Some(&index) = self.chosen.get(&number) {
+            return Some(index);
+        }
+        let name = &file.materials.list[number as usize];
+        let material = match self.entries.remove(name) {
+            Some(entry) => {
+                let base_color_texture = entry.map.and_then(|map| self.texture(&map, scene));
+                Material { base_color_texture, ..entry.material }
+            }
+            None => {
+                self.unknown.push(name.clone());
+                Material { name: name.clone(), ..Material::default() }
+            }
+        };
+        let index = scene.materials.len();
+        scene.materials.push(material);
+        self.chosen.insert(number, index);
+        Some(index)
+    }
+
+    /// The use of an image, which is read when it is first needed.
+    fn texture(&mut self, map: &mtl::Map, scene: &mut Scene) -> Option<TextureRef> {
+        let Some(path) = mtl::find(&map.folder, &map.file) else {
+            self.unread_images.push(format!("{} (not found)", map.file));
+            return None;
+        };
+        let key = fs::canonicalize(&path).unwrap_or(path.clone());
+        let texture = *self.textures.entry(key).or_insert_with(|| {
+            let image = fs::read(&path)
+                .map_err(|source| Error::io(&path, source))
+                .and_then(|bytes| Texture::decode(&bytes, &path.display().to_string()));
+            match image {
+                Ok(image) => {
+                    scene.textures.push(Arc::new(image));
+                    Some(scene.textures.len() - 1)
+                }
+                Err(error) => {
+                    self.unread_images.push(error.to_string());
+                    None
+                }
+            }
+        });
+        let wrap = if map.clamp { Wrap::ClampToEdge } else { Wrap::Repeat };
+        let ([su, sv], [ou, ov]) = (map.scale, map.offset);
+        Some(TextureRef {
+            wrap_u: wrap,
+            wrap_v: wrap,
+            // v is 0 at the bottom of the image here, at the top in ours.
+            transform: [[su, 0.0, ou], [0.0, -sv, 1.0 - ov]],
+            ..TextureRef::plain(texture?)
+        })
+    }
+
+    fn warn(&self, path: &Path, scene: &mut Scene) {
+        let path = path.display();
+        if !self.unknown.is_empty() {
+            let unknown = some_of(&self.unknown);
+            scene.report.warn(format!("{path}: materials without definition are taken as white: {unknown}"));
+        }
+        if !self.unread_images.is_empty() {
+            let images = some_of(&self.unread_images);
+            scene.report.warn(format!("{path}: images not read, the plain colour Kd stands in: {images}"));
+        }
+    }
+}
+
+/// The first names of a list, and how many more there are.
+fn some_of(names: &[String]) -> String {
+    const SHOWN: usize = 5;
+    let shown = names[..names.len().min(SHOWN)].join(", ");
+    match names.len().saturating_sub(SHOWN) {
+        0 => shown,
+        more => format!("{shown} and {more} more"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::LabelRules;
+    use std::collections::BTreeMap;
+
+    /// Writes files, the first of which is the scene, and reads it.
+    fn read_files(files: &[(&str, &[u8])], options: &LoadOptions) -> Result<Scene> {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, bytes) in files {
+            fs::write(folder.path().join(name), bytes).unwrap();
+        }
+        read(&folder.path().join(files[0].0), options)
+    }
+
+    fn read_text(text: &str) -> Result<Scene> {
+        read_files(&[("scene.obj", text.as_bytes())], &LoadOptions::default())
+    }
+
+    /// A warning without the folder in front.
+    fn warnings(scene: &Scene) -> Vec<String> {
+        let strip = |warning: &String| warning.split_once("scene.obj: ").map(|(_, text)| text.to_owned());
+        scene.report.warnings.iter().filter_map(strip).collect()
+    }
+
+    /// World corners of all triangles.
+    fn triangles(scene: &Scene) -> Vec<[DVec3; 3]> {
+        let mut all = Vec::new();
+        for object in &scene.objects {
+            for part in &scene.meshes[object.mesh].parts {
+                let world = |&i: &u32| {
+                    let local = glam::Vec3::from(part.positions[i as usize]).as_dvec3();
+                    object.world_from_object.transform_point3(local)
+                };
+                all.extend(part.triangles.iter().map(|triangle| triangle.each_ref().map(world)));
+            }
+        }
+        all
+    }
+
+    const QUAD: &str = "v 0 0 0\nv 2 0 0\nv 2 1 0\nv 0 1 0\n";
+
+    #[test]
+    fn a_quad_becomes_two_triangles_that_share_vertices() {
+        let scene = read_text(&format!("{QUAD}f 1 2 3 4")).unwrap();
+        let part = &scene.meshes[0].parts[0];
+        assert_eq!((part.positions.len(), part.triangles.len()), (4, 2));
+        assert!(part.normals.is_none() && part.uvs.is_none() && part.material.is_none());
+        assert_eq!(scene.bounds().unwrap(), (DVec3::ZERO, DVec3::new(2.0, 1.0, 0.0)));
+        assert_eq!((scene.objects[0].name.as_str(), scene.objects[0].part_ids.as_slice()), ("scene", &[0][..]));
+        assert!(scene.report.warnings.is_empty());
+    }
+
+    #[test]
+    fn concave_polygons_keep_their_area() {
+        let text = "v 0 0 5\nv 3 0 5\nv 3 1 5\nv 1 1 5\nv 1 3 5\nv 0 3 5\nf 1 2 3 4 5 6";
+        let scene = read_text(text).unwrap();
+        let areas = triangles(&scene).into_iter().map(|[a, b, c]| (b - a).cross(c - a).z / 2.0);
+        assert_eq!(areas.sum::<f64>(), 5.0);
+    }
+
+    #[test]
+    fn objects_come_from_o_else_g_else_the_file() {
+        let names = |text: &str| -> Vec<String> {
+            let scene = read_text(&format!("{QUAD}{text}")).unwrap();
+            scene.objects.iter().map(|object| object.name.clone()).collect()
+        };
+        assert_eq!(
+            names("f 1 2 3\no a b\ng x\nf 1 2 3\ng y\nf 1 2 3\no c\nf 1 2 3\no a b\nf 1 2 4"),
+            ["scene", "a b", "c"]
+        );
+        assert_eq!(names("g x\nf 1 2 3\ng y\nf 1 2 3\ng x\nf 1 2 3\no\n"), ["x", "y"]);
+        assert_eq!(names("o empty\no full\nf 1 2 3"), ["full"]);
+        let scene = read_files(
+            &[("scene.obj", format!("{QUAD}o caf\u{e9}\nf 1 2 3\no b\nf 1 2 3").replace('\u{e9}', "?").as_bytes())],
+            &LoadOptions::default(),
+        );
+        assert_eq!(scene.unwrap().objects[0].name, "caf?");
+        let scene =
+            read_files(&[("scene.obj", &[QUAD.as_bytes(), b"o caf\xe9\nf 1 2 3"].concat())], &LoadOptions::default());
+        assert_eq!(scene.unwrap().objects[0].name, "caf\u{fffd}");
+    }
+
+    #[test]
+    fn one_part_for_each_material_with_labels() {
+        let mtl = b"newmtl wood\nKd 0.5 0.25 0.125\nd 0.5\nreflectance 0.7\nnewmtl unused\n";
+        let text = format!(
+            "mtllib my mats.mtl gone.mtl\n{QUAD}o Desk_1\nusemtl wood\nf 1 2 3\nusemtl steel\nf 1 3 4\nusemtl wood\nf 2 3 4\nusemtl \nf 1 2 4\n"
+        );
+        let options = LoadOptions {
+            labels: LabelRules {
+                objects: BTreeMap::from([("Desk_*".into(), "desk".into())]),
+                materials: BTreeMap::from([("st*".into(), "leg".into())]),
+                ..LabelRules::default()
+            },
+            ..LoadOptions::default()
+        };
+        let scene = read_files(&[("scene.obj", text.as_bytes()), ("my mats.mtl", mtl)], &options).unwrap();
+        let parts = &scene.meshes[0].parts;
+        assert_eq!(parts.iter().map(|part| part.triangles.len()).collect::<Vec<_>>(), [1, 2, 1]);
+        let materials: Vec<_> = parts.iter().map(|p| p.material.map(|i| scene.materials[i].name.as_str())).collect();
+        assert_eq!(materials, [None, Some("wood"), Some("steel")]);
+        assert_eq!(scene.materials.len(), 2);
+        let wood = &scene.materials[parts[1].material.unwrap()];
+        assert_eq!((wood.base_color, wood.reflectance), ([0.5, 0.25, 0.125, 0.5], Some(0.7)));
+        let part_names: Vec<_> = scene.objects[0].part_ids.iter().map(|&id| scene.labels.part.name(id)).collect();
+        assert_eq!(part_names, [None, Some("wood"), Some("leg")]);
+        assert_eq!(scene.labels.category.name(scene.objects[0].category_id), Some("desk"));
+        assert_eq!(
+            warnings(&scene),
+            ["material files not found: gone.mtl", "materials without definition are taken as white: steel"]
+        );
+    }
+
+    #[test]
+    fn survey_coordinates_keep_a_tenth_of_a_millimetre() {
+        let corners = [
+            [500000.1234, 5600000.5678, 123.4567],
+            [500100.4321, 5600000.5, 120.0],
+            [500050.0, 5600099.9876, 0.5],
+        ];
+        let lines: String = corners.iter().map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect();
+        for (up, scale) in [(UpAxis::Z, 1.0), (UpAxis::Y, 1.0), (UpAxis::Y, 0.5)] {
+            let options = LoadOptions { up, scale, ..LoadOptions::default() };
+            let text = format!("{lines}f 1 2 3\n");
+            let scene = read_files(&[("scene.obj", text.as_bytes())], &options).unwrap();
+            for (found, [x, y, z]) in triangles(&scene)[0].iter().zip(corners) {
+                let wanted = if up == UpAxis::Y { DVec3::new(x, -z, y) } else { DVec3::new(x, y, z) } * scale;
+                assert!(found.distance(wanted) < 1e-5, "{found} {wanted}");
+            }
+        }
+    }
+
+    #[test]
+    fn normals_stay_where_they_say_more_than_the_faces() {
+        let flat = format!("{QUAD}vn 0 0 2\nvn 0 0 -3\nf 1//1 2//1 3//1\nf 1//2 3//2 4");
+        let scene = read_text(&flat).unwrap();
+        let part = &scene.meshes[0].parts[0];
+        assert!(part.normals.is_none());
+        assert_eq!(part.positions.len(), 4, "normals that are dropped split no vertices");
+
+        let round = format!("{QUAD}vn 0 1 1\nvn 0 0 0\nvn 0 0 1\nf 1//1 2//1 3//2\nf 1//1 3 4//3\nf 1//1 2//1 4//-1");
+        let scene = read_text(&round).unwrap();
+        let part = &scene.meshes[0].parts[0];
+        let normals = part.normals.as_ref().unwrap();
+        let half = 0.5f32.sqrt();
+        let of = |triangle: usize| part.triangles[triangle].map(|i| normals[i as usize]);
+        assert_eq!(of(0), [[0.0, half, half], [0.0, half, half], [0.0, 0.0, 1.0]]);
+        assert_eq!(of(1), [[0.0, half, half], [0.0, 0.0, 1.0], [0.0, 0.0, 1.0]]);
+        assert_eq!(part.triangles[0][..2], part.triangles[2][..2]);
+        assert_eq!(part.triangles[1][2], part.triangles[2][2]);
+    }
+
+    /// A PNG of 1 x 2 pixels: red above, blue below.
+    fn red_above_blue() -> Vec<u8> {
+        let image = image::RgbaImage::from_raw(1, 2, vec![255, 0, 0, 255, 0, 0, 255, 255]).unwrap();
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        image.write_to(&mut bytes, image::ImageFormat::Png).unwrap();
+        bytes.into_inner()
+    }
+
+    #[test]
+    fn textures_lie_the_right_way_up() {
+        let text = format!(
+            "mtllib m.mtl\n{QUAD}vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1 0\nusemtl a\nf 1/1 2/2 3/3\nusemtl b\nf 1/1 2/2 3/3\nf 1 2 4\nusemtl plain\nf 1/1 2/2 3/3\n"
+        );
+        let mtl = b"newmtl a\nmap_Kd pic.png\nnewmtl b\nmap_Kd -clamp on -s 1 0.25 -o 0 0.5 .\\pic.png\nnewmtl plain\nKd 1 1 1";
+        let files: &[(&str, &[u8])] = &[("scene.obj", text.as_bytes()), ("m.mtl", mtl), ("pic.png", &red_above_blue())];
+        let scene = read_files(files, &LoadOptions::default()).unwrap();
+        assert_eq!(scene.textures.len(), 1, "one image, read once");
+        let color = |part: usize, vertex: usize| {
+            let part = &scene.meshes[0].parts[part];
+            let use_ = scene.materials[part.material.unwrap()].base_color_texture.as_ref().unwrap();
+            use_.sample(&scene.textures[use_.texture], part.uvs.as_ref().unwrap()[vertex])
+        };
+        let scaled = scene.materials[1].base_color_texture.as_ref().unwrap();
+        assert_eq!((scaled.wrap_u, scaled.transform), (Wrap::ClampToEdge, [[1.0, 0.0, 0.0], [0.0, -0.25, 0.5]]));
+        // v = 0.75 there: the middle of the upper pixel; v = 0.5: half and half.
+        assert_eq!(color(1, 2), [1.0, 0.0, 0.0, 1.0]);
+        assert_eq!(color(1, 0), [0.5, 0.0, 0.5, 1.0]);
+        let plain = TextureRef {
+            transform: scene.materials[0].base_color_texture.as_ref().unwrap().transform,
+            ..TextureRef::plain(0)
+        };
+        assert_eq!(plain.sample(&scene.textures[0], [0.5, 0.75]), [1.0, 0.0, 0.0, 1.0]);
+        assert_eq!(plain.sample(&scene.textures[0], [0.5, 0.25]), [0.0, 0.0, 1.0, 1.0]);
+        let uvs = scene.meshes[0].parts.iter().map(|part| part.uvs.as_ref().map(|uvs| uvs.len()));
+        assert_eq!(uvs.collect::<Vec<_>>(), [Some(3), Some(6), None]);
+        assert!(scene.report.warnings.is_empty());
+    }
+
+    #[test]
+    fn images_that_cannot_be_read_are_warned_of() {
+        let text = format!("mtllib m.mtl\n{QUAD}vt 0 0\nusemtl a\nf 1/1 2/1 3/1\nusemtl b\nf 1/1 2/1 3/1\n");
+        let mtl = b"newmtl a\nKd 1 0 0\nmap_Kd gone.png\nnewmtl b\nmap_Kd bad.png";
+        let files: &[(&str, &[u8])] =
+            &[("scene.obj", text.as_bytes()), ("m.mtl", mtl), ("bad.png", &red_above_blue()[..40])];
+        let scene = read_files(files, &LoadOptions::default()).unwrap();
+        let [warning] = &scene.report.warnings[..] else { panic!("{:?}", scene.report) };
+        assert!(warning.contains("the plain colour Kd stands in: gone.png (not found), "), "{warning}");
+        assert!(warning.contains("bad.png: the image cannot be decoded"), "{warning}");
+        assert_eq!(scene.materials[0].base_color, [1.0, 0.0, 0.0, 1.0]);
+        assert!(scene.materials.iter().all(|material| material.base_color_texture.is_none()));
+        assert!(scene.meshes[0].parts[0].uvs.is_none());
+    }
+
+    #[test]
+    fn triangles_without_area_are_counted() {
+        let text = format!("{QUAD}v 1 0 0\nf 1 2 3\nf 1 1 2\nf 1 5 2\nf 1 5 2 5 2\nf 1 5 2 3 4\n");
+        let scene = read_text(&text).unwrap();
+        assert_eq!((scene.degenerate_triangles, scene.triangle_count()), (3, 4));
+        assert_eq!(warnings(&scene), ["3 triangles without area are left out"]);
+        let scene = read_text(&format!("{QUAD}f 1 3 2 4")).unwrap();
+        assert_eq!(
+            warnings(&scene),
+            ["1 polygons cross themselves or are folded: their triangles are a guess"]
+        );
+    }
+
+    #[test]
+    fn errors_name_file_and_line() {
+        let message = |text: &str| read_text(text).unwrap_err().to_string();
+        assert!(message(&format!("{QUAD}f 1 2 9")).ends_with("scene.obj: line 5: vertex index 9 of 4"));
+        assert!(message("v 0 inf 0").ends_with("scene.obj: line 1: \"inf\" is not a finite number"));
+        assert!(message(QUAD).ends_with("scene.obj: the file holds no face (f) with 3 or more corners"));
+        let mtl = b"newmtl a\nKd 1 1 x";
+        let text = format!("mtllib m.mtl\n{QUAD}f 1 2 3");
+        let error = read_files(&[("scene.obj", text.as_bytes()), ("m.mtl", mtl)], &LoadOptions::default());
+        assert!(error.unwrap_err().to_string().ends_with("m.mtl: line 2: \"x\" is not a finite number"));
+        let missing = read(Path::new("no/such.obj"), &LoadOptions::default()).unwrap_err().to_string();
+        assert!(missing.starts_with("no/such.obj: "), "{missing}");
+        let options = LoadOptions { scale: 0.0, ..LoadOptions::default() };
+        let error = read_files(&[("scene.obj", QUAD.as_bytes())], &options).unwrap_err().to_string();
+        assert_eq!(error, "scale is 0; allowed: finite numbers above 0");
+    }
+
+    #[test]
+    fn hostile_files_end_soon() {
+        // A hundred thousand corners at one position, each with its own normal.
+        let mut text = QUAD.to_owned();
+        for i in 0..100_000 {
+            text.push_str(&format!("vn 1 {i} 1\nf 1//-1 2 3\n"));
+        }
+        let scene = read_text(&text).unwrap();
+        assert_eq!(scene.triangle_count(), 100_000);
+        // Objects and unknown materials without end.
+        let mut text = QUAD.to_owned();
+        for i in 0..20_000 {
+            text.push_str(&format!("o {i}\nusemtl {i}\nmtllib {i}\nf 1 2 3\n"));
+        }
+        let scene = read_text(&text).unwrap();
+        assert_eq!((scene.objects.len(), scene.report.warnings.len()), (20_000, 2));
+        assert!(warnings(&scene)[0].ends_with("not found: 0, 1, 2, 3, 4 and 19995 more"));
+    }
+}

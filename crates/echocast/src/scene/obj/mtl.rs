@@ -1,0 +1,252 @@
+//! MTL files: the materials of OBJ files.
+
+use super::text::Text;
+use crate::error::{Error, Result};
+use crate::material::Material;
+use std::collections::HashMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// A material of an MTL file.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Entry {
+    /// All but the texture.
+    pub material: Material,
+    /// `map_Kd`.
+    pub map: Option<Map>,
+}
+
+/// An image that colours a surface.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Map {
+    /// File as the MTL names it.
+    pub file: String,
+    /// The folder of the MTL.
+    pub folder: PathBuf,
+    /// `-s`, then `-o`: the image is seen at `u * scale + offset`.
+    pub scale: [f32; 2],
+    pub offset: [f32; 2],
+    /// `-clamp on`.
+    pub clamp: bool,
+}
+
+/// Adds the materials of the MTL file at `path` to `entries`; a name that comes again replaces what was there.
+///
+/// Read are `Kd` (taken as linear, 0..1), `d` and `Tr`, `Ni`, `map_Kd`, the extension `Pm` and `Pr`, and our
+/// own `reflectance`. What draws highlights and reflections says nothing about a scanner's wavelength.
+///
+/// # Errors
+/// A file that cannot be read, a number that is none, a reflectance outside 0..1. Other numbers are
+/// brought into their range, as many exporters do not care.
+pub(super) fn read(path: &Path, entries: &mut HashMap<String, Entry>) -> Result<()> {
+    let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
+    let mut text = Text::new(path, &bytes)?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let mut entry = Entry::default();
+    // Where both are given, `d` counts: exporters do not agree on what `Tr` means.
+    let mut dissolve_given = false;
+    while text.next_statement() {
+        let material = &mut entry.material;
+        match text.word() {
+            b"newmtl" => {
+                let name = text.rest();
+                let done = std::mem::take(&mut entry);
+                entries.insert(done.material.name.clone(), done);
+                entry.material.name = name;
+                dissolve_given = false;
+            }
+            b"Kd" => match text.peek_word() {
+                // Spectral files and CIE XYZ: rare, and no base colour.
+                b"spectral" | b"xyz" => {}
+                _ => {
+                    let red = text.number()?;
+                    let grey = text.statement_is_over();
+                    let color = if grey { [red; 3] } else { [red, text.number()?, text.number()?] };
+                    let [r, g, b] = color.map(fraction);
+                    material.base_color = [r, g, b, material.base_color[3]];
+                }
+            },
+            b"d" => {
+                if text.peek_word() == b"-halo" {
+                    text.word();
+                }
+                material.base_color[3] = fraction(text.number()?);
+                dissolve_given = true;
+            }
+            b"Tr" => {
+                let opacity = fraction(1.0 - text.number()?);
+                if !dissolve_given {
+                    material.base_color[3] = opacity;
+                }
+            }
+            b"Ni" => material.ior = text.number()?.max(1.0) as f32,
+            b"Pm" => material.metallic = fraction(text.number()?),
+            b"Pr" => material.roughness = fraction(text.number()?),
+            b"reflectance" => {
+                let value = text.number()?;
+                if !(0.0..=1.0).contains(&value) {
+                    return Err(text.error(format!("reflectance is {value}; allowed: 0 to 1")));
+                }
+                material.reflectance = Some(value as f32);
+            }
+            b"map_Kd" => entry.map = map(&mut text, folder),
+            _ => {}
+        }
+        text.skip_statement();
+    }
+    entries.insert(entry.material.name.clone(), entry);
+    // What stands before the first `newmtl` belongs to nobody.
+    entries.remove("");
+    Ok(())
+}
+
+fn fraction(value: f64) -> f32 {
+    value.clamp(0.0, 1.0) as f32
+}
+
+/// Options and file name of a `map_Kd`; `None` without a file name.
+fn map(text: &mut Text, folder: &Path) -> Option<Map> {
+    let mut map =
+        Map { file: String::new(), folder: folder.to_owned(), scale: [1.0; 2], offset: [0.0; 2], clamp: false };
+    loop {
+        let option = text.peek_word();
+        let arguments = match option {
+            b"-s" | b"-o" | b"-t" => 0,
+            b"-mm" => 2,
+            b"-blendu" | b"-blendv" | b"-boost" | b"-bm" | b"-cc" | b"-clamp" | b"-colorspace" | b"-imfchan"
+            | b"-texres" | b"-type" => 1,
+            _ => break,
+        };
+        text.word();
+        if arguments == 0 {
+            let target = match option {
+                b"-s" => &mut map.scale,
+                b"-o" => &mut map.offset,
+                _ => &mut [0.0; 2],
+            };
+            // One to three numbers: u, v and w, which an image does not have.
+            for axis in 0..3 {
+                let Some(value) = text.optional_number() else { break };
+                if let Some(slot) = target.get_mut(axis) {
+                    *slot = value as f32;
+                }
+            }
+        }
+        for _ in 0..arguments {
+            let argument = text.word();
+            if option == b"-clamp" {
+                map.clamp = argument == b"on";
+            }
+        }
+    }
+    map.file = text.rest();
+    (!map.file.is_empty()).then_some(map)
+}
+
+/// The file that `name` means, seen from `folder`: as it stands, with Windows separators, or, as many
+/// files carry paths of the machine they were made on, its last piece beside. Only plain files count.
+pub(super) fn find(folder: &Path, name: &str) -> Option<PathBuf> {
+    let slashed = name.replace('\\', "/");
+    let last = slashed.rsplit('/').next().unwrap_or(&slashed);
+    [name, &slashed, last]
+        .iter()
+        .filter(|name| !name.is_empty())
+        .map(|name| folder.join(name))
+        .find(|path| path.is_file())
+}
+
+/// The files that a `mtllib` names, with what was looked for: one name with blanks, or several names that end in `.mtl`.
+pub(super) fn libraries(folder: &Path, names: &str) -> Vec<(String, Option<PathBuf>)> {
+    if let Some(path) = find(folder, names) {
+        return vec![(names.to_owned(), Some(path))];
+    }
+    let mut pieces = vec![String::new()];
+    for word in names.split_whitespace() {
+        if let Some(piece) = pieces.last_mut() {
+            if !piece.is_empty() {
+                piece.push(' ');
+            }
+            piece.push_str(word);
+        }
+        if word.to_ascii_lowercase().ends_with(".mtl") {
+            pieces.push(String::new());
+        }
+    }
+    pieces.retain(|piece| !piece.is_empty());
+    pieces.into_iter().map(|piece| (piece.clone(), find(folder, &piece))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn entries(text: &str) -> Result<HashMap<String, Entry>> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.mtl");
+        fs::write(&path, text).unwrap();
+        let mut entries = HashMap::new();
+        read(&path, &mut entries).map(|()| entries)
+    }
+
+    #[test]
+    fn materials_are_read() {
+        let text = "# made by hand\nKd 1 0 0\nnewmtl steel plate\nKd 0.25 .5 2\nTr 0.9\nd 0.75\nTr 0.9\nNi 0\nPm 0.5\nPr 1e-1\n\
+                    Ks nan\nreflectance 0.3\n\nnewmtl grey\r\n\tKd 0.5\r\nTr 0.25\nNi 1.33\nnewmtl xyz\nKd xyz 1 1 1\nd -halo 0.5";
+        let entries = entries(text).unwrap();
+        assert_eq!(entries.len(), 3);
+        let steel = &entries["steel plate"].material;
+        assert_eq!((steel.base_color, steel.ior), ([0.25, 0.5, 1.0, 0.75], 1.0));
+        assert_eq!((steel.metallic, steel.roughness, steel.reflectance), (0.5, 0.1, Some(0.3)));
+        let grey = &entries["grey"].material;
+        assert_eq!((grey.base_color, grey.ior, grey.reflectance), ([0.5, 0.5, 0.5, 0.75], 1.33, None));
+        assert_eq!(entries["xyz"].material.base_color, [1.0, 1.0, 1.0, 0.5]);
+    }
+
+    #[test]
+    fn texture_options_are_read() {
+        let text = "newmtl a\nmap_Kd -blendu on -mm 0 1 -s 2 -o .5 .25 0 -clamp on my wood #1.png\nnewmtl b\nmap_Kd\n\
+                    newmtl c\nmap_Kd -t 1 1 1 -bm 0.3 C:\\tex\\a.png";
+        let entries = entries(text).unwrap();
+        let map = entries["a"].map.as_ref().unwrap();
+        assert_eq!((map.file.as_str(), map.clamp), ("my wood #1.png", true));
+        assert_eq!((map.scale, map.offset), ([2.0, 1.0], [0.5, 0.25]));
+        assert_eq!(entries["b"].map, None);
+        let map = entries["c"].map.as_ref().unwrap();
+        assert_eq!(
+            (map.file.as_str(), map.clamp, map.scale, map.offset),
+            ("C:\\tex\\a.png", false, [1.0; 2], [0.0; 2])
+        );
+    }
+
+    #[test]
+    fn errors_name_file_and_line() {
+        for (text, message) in [
+            ("newmtl a\nKd 1 nan 0", "line 2: \"nan\" is not a finite number"),
+            ("newmtl a\nKd 1 1", "line 2: a number is missing"),
+            ("newmtl a\n\nreflectance 1.5", "line 3: reflectance is 1.5; allowed: 0 to 1"),
+        ] {
+            let error = entries(text).unwrap_err().to_string();
+            assert!(error.ends_with(&format!("a.mtl: {message}")), "{error}");
+        }
+    }
+
+    #[test]
+    fn files_are_found_under_the_names_people_write() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::create_dir(at("sub")).unwrap();
+        for name in ["a.mtl", "my b.mtl", "sub/c.mtl", "no ending"] {
+            fs::write(at(name), "").unwrap();
+        }
+        let found = |names: &str| -> Vec<Option<PathBuf>> {
+            libraries(folder.path(), names).into_iter().map(|(_, path)| path).collect()
+        };
+        assert_eq!(found("my b.mtl"), [Some(at("my b.mtl"))]);
+        assert_eq!(found("a.mtl my b.mtl gone.mtl"), [Some(at("a.mtl")), Some(at("my b.mtl")), None]);
+        assert_eq!(found("sub\\c.mtl  sub/c.mtl"), [Some(at("sub/c.mtl")), Some(at("sub/c.mtl"))]);
+        assert_eq!(found("C:\\Users\\me\\a.mtl"), [Some(at("a.mtl"))]);
+        assert_eq!(found("no ending"), [Some(at("no ending"))]);
+        assert_eq!(found("sub"), [None], "a folder is no file");
+        assert_eq!(found(""), []);
+    }
+}
