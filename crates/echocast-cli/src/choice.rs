@@ -15,8 +15,7 @@ pub const REFLECTANCE_SOURCE: Choices<ReflectanceSource> =
     &[("luminance", ReflectanceSource::Luminance), ("alpha", ReflectanceSource::Alpha)];
 pub const FRAME: Choices<Frame> = &[("world", Frame::World), ("sensor", Frame::Sensor)];
 pub const ORDER: Choices<Order> = &[("beam", Order::Beam), ("time", Order::Time)];
-pub const VIEW: Choices<View> =
-    &[("top", View::Top), ("perspective", View::Perspective), ("range", View::Range)];
+pub const VIEW: Choices<View> = &[("top", View::Top), ("perspective", View::Perspective), ("range", View::Range)];
 pub const COLOR: Choices<ColorBy> = &[
     ("label", ColorBy::Label),
     ("intensity", ColorBy::Intensity),

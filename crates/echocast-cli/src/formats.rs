@@ -51,5 +51,6 @@ pub fn column_help() -> StyledStr {
         };
         help.push_str(&format!("{mark} {:<14} {}{unit}\n", info.name, info.meaning));
     }
+    help.truncate(help.trim_end().len());
     help.into()
 }

@@ -29,7 +29,11 @@ fn describe(name: &str, scene: &Scene) -> Result<String> {
     writeln!(text, "objects     {} instances of {} meshes", thousands(placed), thousands(scene.meshes.len()))?;
     if let Some((low, high)) = scene.bounds() {
         let [x, y, z] = (high - low).to_array();
-        writeln!(text, "bounds      [{:.3}, {:.3}, {:.3}] to [{:.3}, {:.3}, {:.3}] m", low.x, low.y, low.z, high.x, high.y, high.z)?;
+        writeln!(
+            text,
+            "bounds      [{:.3}, {:.3}, {:.3}] to [{:.3}, {:.3}, {:.3}] m",
+            low.x, low.y, low.z, high.x, high.y, high.z
+        )?;
         writeln!(text, "size        {x:.3} x {y:.3} x {z:.3} m")?;
     }
     writeln!(text, "textures    {}", scene.textures.len())?;

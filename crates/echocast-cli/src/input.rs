@@ -72,7 +72,7 @@ impl SensorArgs {
     pub fn load(&self) -> Result<Sensor> {
         let mut sensor = load_sensor(&self.sensor).context("--sensor")?;
         for (key, value) in &self.set {
-            sensor.set(key, value).with_context(|| format!("--set {key}={value}"))?;
+            sensor.set(key, value).context("--set")?;
         }
         Ok(sensor)
     }
@@ -94,7 +94,10 @@ fn key_value(text: &str) -> Result<(String, String), String> {
 
 /// A number above 0.
 pub fn positive(text: &str) -> Result<f64, String> {
-    text.parse().ok().filter(|number: &f64| *number > 0.0 && number.is_finite()).ok_or("expected a number above 0".into())
+    text.parse()
+        .ok()
+        .filter(|number: &f64| *number > 0.0 && number.is_finite())
+        .ok_or("expected a number above 0".into())
 }
 
 /// Uses `threads` threads for all parallel work; all cores without a number.

@@ -55,7 +55,12 @@ impl OutputArgs {
         if let Some(file) = &self.preview {
             let is_png = file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png"));
             ensure!(is_png, "--preview {}: pictures are written as .png", file.display());
-            ensure!(folder(file).is_dir(), "--preview {}: there is no folder {}", file.display(), folder(file).display());
+            ensure!(
+                folder(file).is_dir(),
+                "--preview {}: there is no folder {}",
+                file.display(),
+                folder(file).display()
+            );
         }
         Ok(())
     }

@@ -39,20 +39,22 @@ impl PlaceArgs {
             let [roll, pitch, yaw] = self.rpy.unwrap_or_default();
             return Ok(Pose::at(x, y, z).with_rpy_deg(roll, pitch, yaw));
         }
-        if let Some(name) = &self.camera {
-            return Ok(scene.camera(name)?.pose);
-        }
-        match scene.cameras.as_slice() {
-            [camera] => Ok(camera.pose),
-            [] => bail!("the scene has no camera node: say where the sensor stands with --at X,Y,Z"),
-            cameras => {
-                let names: Vec<&str> = cameras.iter().map(|camera| camera.name.as_str()).collect();
-                bail!(
-                    "the scene has {} camera nodes ({}): choose one with --camera NODE, or a place with --at X,Y,Z",
-                    cameras.len(),
-                    names.join(", ")
-                )
+        let names = || scene.cameras.iter().map(|camera| camera.name.as_str()).collect::<Vec<_>>().join(", ");
+        match (&self.camera, scene.cameras.as_slice()) {
+            (None, [camera]) => Ok(camera.pose),
+            (None, []) => bail!("the scene has no camera node: say where the sensor stands with --at X,Y,Z"),
+            (None, cameras) => bail!(
+                "the scene has {} camera nodes ({}): choose one with --camera NODE, or a place with --at X,Y,Z",
+                cameras.len(),
+                names()
+            ),
+            (Some(name), []) => {
+                bail!("--camera {name}: the scene has no camera node; a place can be given with --at X,Y,Z")
             }
+            (Some(name), _) => match scene.camera(name) {
+                Ok(camera) => Ok(camera.pose),
+                Err(error) => bail!("--camera {name}: {error}; the scene has {}", names()),
+            },
         }
     }
 }

@@ -170,7 +170,10 @@ pub fn run(args: &Args) -> Result<()> {
 fn frame_rate(asked: Option<f64>, sensor: &Sensor) -> Result<f64> {
     let period = sensor.beams().period;
     let fps = asked.unwrap_or(1.0 / period);
-    ensure!(fps.is_finite() && fps > 0.0, "the sensor's period is {period} s: say how many frames a second with --fps N");
+    ensure!(
+        fps.is_finite() && fps > 0.0,
+        "the sensor's period is {period} s: say how many frames a second with --fps N"
+    );
     Ok(fps)
 }
 

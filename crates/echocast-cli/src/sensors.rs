@@ -7,9 +7,7 @@ use std::fmt::Write as _;
 
 /// List the sensor presets, or show one sensor, fully resolved, as YAML
 #[derive(clap::Args)]
-#[command(
-    after_help = "Examples:\n  echocast sensors\n  echocast sensors velodyne_vlp16 > mine.yaml"
-)]
+#[command(after_help = "Examples:\n  echocast sensors\n  echocast sensors velodyne_vlp16 > mine.yaml")]
 pub struct Args {
     /// Preset or sensor file (.yaml) to show
     name: Option<String>,

@@ -4,7 +4,7 @@
 //! Run it from the root of the repository: `cargo run --release -p echocast-example -- scan.las`.
 #![forbid(unsafe_code)]
 
-use echocast::{PointCloud, Pose, Scene, ScanOptions, Sensor, Trajectory};
+use echocast::{PointCloud, Pose, ScanOptions, Scene, Sensor, Trajectory};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let path = std::env::args().nth(1).unwrap_or("hall.las".into());
