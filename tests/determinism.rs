@@ -6,7 +6,7 @@ use echocast::{
     BuiltScene, Field, FieldSet, Frame, Order, PointCloud, Pose, Profile, ScanOptions, Sensor, Trajectory,
 };
 use glam::{DAffine3, DVec3};
-use reference::{Random, SceneBuilder, Shape};
+use echocast_tests::reference::{Random, SceneBuilder, Shape};
 use std::collections::BTreeMap;
 
 /// Balls, smooth and flat, and loose triangles: once and as copies.

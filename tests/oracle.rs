@@ -3,7 +3,7 @@
 use echocast::scene::{Material, Scene};
 use echocast::{FieldSet, Frame, PointCloud, Pose, ScanOptions, Trajectory};
 use glam::{DAffine3, DQuat, DVec3};
-use reference::{Hit, Random, SceneBuilder, Shape, Tracer, raster, sensor};
+use echocast_tests::reference::{Hit, Random, SceneBuilder, Shape, Tracer, raster, sensor};
 
 /// How a comparison went.
 #[derive(Debug, Default)]

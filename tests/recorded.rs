@@ -8,7 +8,7 @@ use echocast::scene::Scene;
 use echocast::{Field, FieldSet, PointCloud, Pose, Profile, ScanOptions, Sensor, Trajectory};
 use flate2::read::GzDecoder;
 use glam::{DQuat, DVec3};
-use reference::{Table, sensor};
+use echocast_tests::reference::{Table, sensor};
 use serde_json::Value;
 use std::collections::HashMap;
 use std::fs::{self, File};

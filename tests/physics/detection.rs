@@ -1,7 +1,7 @@
 use super::{assert_near, scan, target};
 use echocast::{Profile, ScanOptions};
 use glam::DVec3;
-use reference::{SceneBuilder, Shape, Table, one_beam};
+use echocast_tests::reference::{SceneBuilder, Shape, Table, one_beam};
 
 /// How many points a target gives.
 fn seen(sections: &str, [reflectance, range, angle]: [f64; 3], profile: Profile) -> usize {

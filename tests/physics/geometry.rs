@@ -1,7 +1,7 @@
 use super::{assert_near, scan, scan_at, vector};
 use echocast::{Frame, PointCloud, Pose, ScanOptions, Sensor};
 use glam::{DAffine3, DQuat, DVec3};
-use reference::{SceneBuilder, Shape, raster, sensor};
+use echocast_tests::reference::{SceneBuilder, Shape, raster, sensor};
 
 /// Checks every point of `cloud`: `expected` gives range, unit normal on the sensor's side and part number for a world
 /// direction; intensity is `reflectance` times the cosine. Normals, cosine and intensity within `tolerance`, range within
@@ -63,7 +63,7 @@ fn a_tilted_plane_is_met_where_its_equation_says() {
     let paint = scene.reflector(0.35);
     scene.stand(Shape::plate(point, normal, 100.0), Some(paint));
     let built = scene.finish().build().unwrap();
-    let pose = Pose::at(1.0, 2.0, -0.5).with_rpy_deg(10.0, -5.0, 20.0);
+    let pose = Pose::at(1.0, 2.0, -0.5).with_rpy_deg(10.0, 10.0, -5.0);
     let sensor = sensor(&raster(64, 64, 0.8));
     let cloud = scan_at(&built, &sensor, pose, ScanOptions::default());
     check(&cloud, &sensor, pose, (0.35, 1e-5), |along| {
@@ -71,11 +71,11 @@ fn a_tilted_plane_is_met_where_its_equation_says() {
     });
 }
 
-/// A unit sphere and the ellipsoids made of it by scale, each once and as copies. Its facets of 0.6 degrees keep the range
+/// A unit sphere and the ellipsoids made of it by scale, each once and as copies. Its facets of less than half a degree keep the range
 /// to 1e-5 and the normals to 3e-5.
 #[test]
 fn spheres_and_scaled_spheres_are_met_where_their_equation_says() {
-    let ball = || Shape::sphere(1.0, 300);
+    let ball = || Shape::sphere(1.0, 400);
     let scale = DVec3::new(1.0, -2.0, 0.7);
     let turn = DQuat::from_rotation_z(0.4) * DQuat::from_rotation_x(0.2);
     for (scale, copies) in [(DVec3::ONE, 1), (DVec3::ONE, 2), (scale, 1), (scale, 2)] {
@@ -231,7 +231,7 @@ fn reported_directions_are_those_of_the_beams() {
     let mut scene = SceneBuilder::new();
     scene.stand(Shape::sphere(5.0, 8).flat(), None);
     let built = scene.finish().build().unwrap();
-    let axes = [DVec3::X, DVec3::Y, -DVec3::Y, DVec3::Z, -DVec3::X, DVec3::new(1.0, 1.0, -1.0)];
+    let axes = [DVec3::X, DVec3::Y, -DVec3::Y, DVec3::Z, DVec3::new(-1.0, 0.0, 0.0), DVec3::new(1.0, 1.0, -1.0)];
     let options = ScanOptions { organised: true, ..ScanOptions::default() };
     let cloud = scan_at(&built, &sensor(&axes), Pose::at(0.1, 0.2, 0.3), options);
     let expected = [(0.0, 0.0), (90.0, 0.0), (-90.0, 0.0), (0.0, 90.0), (-180.0, 0.0), (45.0, -35.264_389_7)];

@@ -2,7 +2,7 @@ use super::{assert_near, scan, target};
 use echocast::scene::{Filter, Material, Scene, Texture, TextureRef};
 use echocast::{Profile, ReflectanceSource, ScanOptions};
 use glam::{DAffine3, DVec3};
-use reference::{SceneBuilder, Shape, Table, one_beam, sensor};
+use echocast_tests::reference::{SceneBuilder, Shape, Table, one_beam, sensor};
 use std::sync::Arc;
 
 fn profile(profile: Profile) -> ScanOptions {

@@ -2,7 +2,7 @@ use super::{assert_near, scan, vector};
 use echocast::cloud::FIELDS;
 use echocast::{BuiltScene, Field, PointCloud, ScanOptions, Sensor};
 use glam::DVec3;
-use reference::{SceneBuilder, Shape};
+use echocast_tests::reference::{SceneBuilder, Shape};
 
 /// A camera of 300 x 300 pixels and a tilted wall that fills its view, 7 to 30 m away.
 fn wall() -> BuiltScene {
