@@ -10,7 +10,8 @@ use crate::text::duration;
 use crate::{choice, formats, interrupt, text};
 use anyhow::{Context as _, Result, ensure};
 use echocast::{
-    FieldSet, Frame, Order, PointCloud, Profile, ReflectanceSource, Report, ScanOptions, Scene, Sensor, Trajectory,
+    Field, FieldSet, Frame, Order, PointCloud, Profile, ReflectanceSource, Report, ScanOptions, Scene, Sensor,
+    Trajectory,
 };
 use serde_json::{Value, json};
 use std::io::Write as _;
@@ -126,7 +127,7 @@ pub fn run(args: &Args) -> Result<()> {
         };
         progress.phase("scanning".into());
         timed(&mut seconds.scan, || built.scan_into(&sensor, &trajectory, &options, &mut cloud))?;
-        points += cloud.len;
+        points += returns(&cloud);
         if args.output.single() {
             progress.phase("writing".into());
             timed(&mut seconds.write, || writer.write_frame(frame, &cloud))?;
@@ -164,6 +165,15 @@ pub fn run(args: &Args) -> Result<()> {
         text::print(&report.summary(&format!("{} in {}", sensor.name(), args.scene.names())))?;
     }
     Ok(())
+}
+
+/// Rows of `cloud` that are returns: all but the misses of an organised cloud, where the columns tell them.
+fn returns(cloud: &PointCloud) -> usize {
+    let telling = [Field::Range, Field::ReturnNumber].map(|field| cloud.column(field));
+    match telling.iter().find(|column| !column.is_empty()) {
+        Some(column) if cloud.organised.is_some() => (0..cloud.len).filter(|&row| column.get_f64(row) > 0.0).count(),
+        _ => cloud.len,
+    }
 }
 
 /// Frames per second: as asked for, else as many as the sensor makes.

@@ -80,7 +80,7 @@ fn failed_work_is_1_and_one_line_that_names_the_cause() {
         (&format!("{scene} -o DIR/x.lsa"), &["x.lsa", ".las", ".npz"]),
         (&format!("{scene} -o DIR/x --format laz2"), &["laz2", "las2"]),
         (&format!("{scene} -o DIR/no/x.las"), &["no/x.las: No such file"]),
-        (&format!("{scene} -o DIR"), &["allowed", "name of a file"]),
+        (&format!("{scene} -o DIR --format las"), &["allowed", "name of a file"]),
         (&format!("{scene} -o DIR/x.csv -o DIR/x.csv"), &["-o", "x.csv", "twice"]),
         (&format!("{scene} --preview DIR/x.jpg"), &["--preview", "x.jpg", ".png"]),
         (&format!("{scene} --preview DIR/no/x.png"), &["--preview", "DIR/no"]),

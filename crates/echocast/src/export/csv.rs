@@ -96,7 +96,7 @@ fn push_float<F: zmij::Float + Into<f64>>(text: &mut Vec<u8>, value: F) {
 fn push_position(text: &mut Vec<u8>, metres: f64) {
     let micrometres = (metres * 1e6).round();
     // Beyond 2^53 micrometres, 9 million kilometres, they are no longer counted exactly.
-    if !(micrometres.abs() < 9_007_199_254_740_992.0) {
+    if micrometres.is_nan() || micrometres.abs() > 9_007_199_254_740_992.0 {
         return push_float(text, metres);
     }
     if micrometres < 0.0 {

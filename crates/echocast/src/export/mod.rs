@@ -9,6 +9,7 @@ mod hdf5;
 mod las;
 mod npz;
 mod ply;
+pub mod preview;
 mod record;
 
 #[cfg(feature = "hdf5")]

@@ -120,18 +120,31 @@ impl Scene {
                 FORMATS.iter().flat_map(|f| f.extensions).map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ")
             ),
         })?;
-        let mut scene = (reader.read)(path, options)?;
-        if scene.triangle_count() == 0 {
-            return Err(Error::parse(path, "", "no triangle to scan: the file holds no mesh with area"));
+        (reader.read)(path, options)?.checked(path)
+    }
+
+    /// Reads the bytes of a `.glb` file, or of a `.gltf` file whose buffers and images are data URIs.
+    ///
+    /// # Errors
+    /// As [`Scene::load`]; messages say `glTF data` in place of the path. Also a URI that leads to a file.
+    pub fn from_glb_bytes(bytes: &[u8], options: &LoadOptions) -> Result<Scene> {
+        let origin = Path::new("glTF data");
+        gltf::read_bytes(bytes, origin, None, options)?.checked(origin)
+    }
+
+    /// The scene as read from `origin` if there is something to scan in it.
+    fn checked(mut self, origin: &Path) -> Result<Scene> {
+        if self.triangle_count() == 0 {
+            return Err(Error::parse(origin, "", "no triangle to scan: the file holds no mesh with area"));
         }
-        if !scene.animations.is_empty() {
-            scene.report.warn(format!(
+        if !self.animations.is_empty() {
+            self.report.warn(format!(
                 "{}: {} animation(s) are not played: the scene stands still at time 0",
-                path.display(),
-                scene.animations.len()
+                origin.display(),
+                self.animations.len()
             ));
         }
-        Ok(scene)
+        Ok(self)
     }
 
     /// Builds the ray-tracing structure.
