@@ -1,4 +1,7 @@
 //! Helpers of the tests in this package.
+#![forbid(unsafe_code)]
+
+pub mod reference;
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
