@@ -10,6 +10,8 @@ fn main() {
     rpath::main();
     let root = PathBuf::from(env::var("CARGO_MANIFEST_DIR").expect("cargo sets it")).join("presets");
     println!("cargo::rerun-if-changed={}", root.display());
+    // Set by cargo-fuzz.
+    println!("cargo::rustc-check-cfg=cfg(fuzzing)");
     let mut files = Vec::new();
     list(&root, &root, &mut files);
     files.sort();

@@ -1,10 +1,42 @@
-//! echocast simulates depth sensors: it casts the beams of LiDAR, ToF and sonar instruments over a
-//! 3D scene through Embree and returns what the instrument would have reported, every point labelled.
+//! echocast simulates depth sensors: it casts the beams of LiDAR and time-of-flight instruments over
+//! a 3D scene through Embree and returns what the instrument would have reported, every point labelled.
 //!
-//! The module list, read top to bottom, is the path of one scan: a [`scene`] is read and resolved,
-//! [`BuiltScene`] traces it, the [`emitter`] of a [`Sensor`] says which beams go out when and from
-//! where, hits become [`echo`]es, echoes are [`detect`]ed and collected in a [`PointCloud`], which
-//! [`export`] writes to files.
+//! ```no_run
+//! use echocast::{Pose, ScanOptions, Scene, Sensor, Trajectory};
+//!
+//! let scene = Scene::load("street.glb")?.build()?;
+//! let sensor = Sensor::preset("velodyne_vlp32c")?;
+//! let pose = Pose::at(0.0, 0.0, 1.8);
+//! let cloud = scene.scan(&sensor, &Trajectory::fixed(pose), &ScanOptions::default().seed(7))?;
+//! cloud.write("street.las")?;
+//! # Ok::<(), echocast::Error>(())
+//! ```
+//!
+//! # The path of a scan
+//!
+//! | step | room | what comes out |
+//! |---|---|---|
+//! | read, resolve | [`scene`] | [`Scene`]: z up, metres, labels and materials attached |
+//! | build | `trace` | [`BuiltScene`]: Embree's structure and what its ids mean, shared by threads |
+//! | aim | [`emitter`] | the beams of a [`Sensor`], each at the pose of its own time |
+//! | trace | `trace` | range, normal, surface of every beam |
+//! | interact | [`echo`], with [`material`] | reflectance, incidence, intensity |
+//! | detect | [`detect`] | which echoes are seen, and at which measured range |
+//! | collect | [`cloud`] | [`PointCloud`]: a column each, truth beside measurement |
+//! | write | [`export`] | a file and a [`Report`] of what it could not hold |
+//!
+//! # Conventions
+//!
+//! Lengths are metres, angles radians, times seconds; a name with another unit says so (`fov_deg`).
+//! Frames are right-handed, z up; sensors look along x, y is left. Azimuth counts counter-clockwise
+//! from x, elevation up from the xy plane. `range` is the slant range, `depth` the distance along x.
+//!
+//! # Promises
+//!
+//! * Same binary, same machine, same inputs and seed: the same bits, for any number of threads.
+//! * A random number is a function of seed, frame, beam and purpose: a new noise model does not move
+//!   the draws of the others.
+//! * Nothing panics, prints or hangs on input; errors name what was found and what is allowed.
 #![forbid(unsafe_code)]
 
 pub mod cloud;

@@ -1,7 +1,4 @@
-//! Physical constants and conversions.
-
-/// Speed of light in vacuum, m/s (exact, SI).
-pub const SPEED_OF_LIGHT_M_S: f64 = 299_792_458.0;
+//! Unit conversions: SI inside, other units only at the edges and under a name that says so.
 
 /// Microseconds to seconds.
 pub const fn seconds_from_us(us: f64) -> f64 {

@@ -135,6 +135,8 @@ impl Document {
             message = format!("unknown {what} {found:?}{near}; allowed: {}", known.join(", "));
         } else if let Some(missing) = message.strip_prefix("missing field ") {
             message = format!("the key {missing} is missing");
+        } else if let Some((found, expected)) = message.rsplit_once(", expected ") {
+            message = format!("{found}, expected {}", plain_type(expected));
         }
         self.error(&key, &message)
     }
@@ -157,6 +159,20 @@ impl Document {
             }
             other => other,
         }
+    }
+}
+
+/// What a user calls a type.
+fn plain_type(expected: &str) -> &str {
+    match expected {
+        "f64" | "f32" => "a number",
+        "u8" => "a whole number from 0 to 255",
+        "u32" => "a whole number from 0 to 4294967295",
+        "u64" => "a whole number",
+        "a sequence" => "a list",
+        "a map" => "a section of keys",
+        name if name.starts_with("struct ") => "a section of keys",
+        other => other,
     }
 }
 
@@ -245,7 +261,10 @@ pub fn set(value: &mut Value, path: &str, new: &str) -> Result<()> {
 }
 
 /// A mapping without the key that says which of several kinds it is, see [`split_tag`].
-pub struct Section(Map<String, Value>);
+pub struct Section {
+    tag: &'static str,
+    keys: Map<String, Value>,
+}
 
 /// Reads a mapping whose key `tag` says which of several kinds of section it is: the word, and the
 /// other keys. Unlike serde's own tagged enums, errors keep the key they are about.
@@ -253,9 +272,9 @@ pub struct Section(Map<String, Value>);
 /// # Errors
 /// Not a mapping; no such key, or no word at it.
 pub fn split_tag<'de, D: Deserializer<'de>>(deserializer: D, tag: &'static str) -> Result<(String, Section), D::Error> {
-    let mut map = Map::deserialize(deserializer)?;
-    match map.shift_remove(tag) {
-        Some(Value::String(word)) => Ok((word, Section(map))),
+    let mut keys = Map::deserialize(deserializer)?;
+    match keys.shift_remove(tag) {
+        Some(Value::String(word)) => Ok((word, Section { tag, keys })),
         Some(_) => Err(de::Error::custom(format!("{tag}: is not a word"))),
         None => Err(de::Error::missing_field(tag)),
     }
@@ -267,10 +286,17 @@ impl Section {
     /// # Errors
     /// As [`Document::read`], with the key in front.
     pub fn read<T: DeserializeOwned, E: de::Error>(self) -> Result<T, E> {
-        serde_path_to_error::deserialize(Value::Object(self.0)).map_err(|error| match error.path().to_string().as_str() {
-            "." => E::custom(error.inner()),
-            path => E::custom(format!("{path}: {}", error.inner())),
+        serde_path_to_error::deserialize(Value::Object(self.keys)).map_err(|error| {
+            match error.path().to_string().as_str() {
+                "." => E::custom(error.inner()),
+                path => E::custom(format!("{path}: {}", error.inner())),
+            }
         })
+    }
+
+    /// That `word` is none of the kinds `known`.
+    pub fn unknown<E: de::Error>(&self, word: &str, known: &'static [&'static str]) -> E {
+        E::custom(format!("{}: {}", self.tag, E::unknown_variant(word, known)))
     }
 }
 
@@ -305,7 +331,8 @@ fn options() -> Options {
 /// What the YAML crate says, in one line, without the place (which we name ourselves).
 fn plain_message(error: &serde_saphyr::Error) -> String {
     let text = error.without_snippet().to_string();
-    cut(text.lines().next().unwrap_or_default())
+    let line = text.lines().next().unwrap_or_default();
+    cut(line.rsplit_once(" at line ").map_or(line, |(message, _)| message))
 }
 
 impl<'de> Deserialize<'de> for Tree {
@@ -379,7 +406,6 @@ fn write_map(text: &mut String, map: &Map<String, Value>, indent: usize) {
         text.push_str(&start);
         let inline = flow(value);
         match value {
-            // The root keeps a line for each key of its sections where they do not fit one line.
             _ if start.len() + 1 + inline.len() <= WIDTH => {
                 text.push(' ');
                 text.push_str(&inline);
@@ -423,7 +449,8 @@ fn write_list(text: &mut String, items: &[Value], indent: usize) {
 fn flow(value: &Value) -> String {
     match value {
         Value::Object(map) => {
-            let entries: Vec<String> = map.iter().map(|(key, value)| format!("{}: {}", scalar(key), flow(value))).collect();
+            let entries: Vec<String> =
+                map.iter().map(|(key, value)| format!("{}: {}", scalar(key), flow(value))).collect();
             format!("{{{}}}", entries.join(", "))
         }
         Value::Array(items) => format!("[{}]", items.iter().map(flow).collect::<Vec<_>>().join(", ")),
@@ -447,4 +474,81 @@ fn scalar(text: &str) -> String {
         && !words.contains(&text.to_ascii_lowercase().as_str());
     // A JSON string is a YAML string.
     if bare { text.to_owned() } else { Value::from(text).to_string() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn value(text: &str) -> Result<Value> {
+        Document::parse("text", text).map(|document| document.value)
+    }
+
+    #[test]
+    fn words_are_those_of_yaml_1_2() {
+        let text = "{a: yes, b: true, c: 0x1F, d: 1e3, e: ~, f: '1', g: [1, -2.5], h: on, i: 2024-01-01}";
+        let expected = json!({"a": "yes", "b": true, "c": 31, "d": 1000.0, "e": null, "f": "1", "g": [1, -2.5], "h": "on", "i": "2024-01-01"});
+        assert_eq!(value(text).unwrap(), expected);
+        assert_eq!(value("base: &b {x: 1}\nmore: *b\n").unwrap(), json!({"base": {"x": 1}, "more": {"x": 1}}));
+    }
+
+    #[test]
+    fn numbers_are_finite() {
+        for text in ["x: .inf", "x: [.nan]", "x: 1e999"] {
+            assert!(value(text).unwrap_err().to_string().starts_with("text: line 1: "), "{text}");
+        }
+    }
+
+    #[test]
+    fn texts_made_to_exhaust_memory_are_refused() {
+        let deep = "[".repeat(100_000);
+        let deep_blocks: String = (0..10_000).map(|i| format!("{}a:\n", " ".repeat(i))).collect();
+        let doubling: String = (1..40).map(|i| format!("k{i}: &k{i} [*k{0}, *k{0}]\n", i - 1)).collect();
+        let doubling = format!("k0: &k0 [x, x]\n{doubling}");
+        let long = format!("a: &a {}\nb: [{}]\n", "x".repeat(1_000_000), "*a, ".repeat(40_000));
+        let wide = format!("[{}]", "1,".repeat(300_000));
+        for text in [deep, deep_blocks, doubling, long, wide] {
+            let error = value(&text).unwrap_err().to_string();
+            assert!(error.starts_with("text: line ") && error.len() < 1000, "{error}");
+        }
+    }
+
+    #[test]
+    fn a_file_is_read_up_to_a_limit() {
+        let error = Document::load(Path::new("/dev/zero")).err().unwrap().to_string();
+        assert_eq!(error, "/dev/zero: is longer than 16 MiB, the most allowed");
+        assert!(Document::load(Path::new("no/such.yaml")).err().unwrap().to_string().starts_with("no/such.yaml: "));
+    }
+
+    #[test]
+    fn written_text_reads_back_the_same() {
+        let tree = json!({
+            "plain": "two words", "number": "12", "word": "Yes", "empty": "", "colon": "a: b", "hash": "a #b", "dash": "- a",
+            "quote": "\"\\\n\t", "accent": "\u{e9}\u{1f600}", "a b": {"x": {}, "y": []}, "null": null, "true": true, "1": 1,
+            "small": 1e-9, "large": 1e300, "whole": 3.0, "tenth": 0.1, "int": u64::MAX,
+            "long": (0..100).map(f64::from).collect::<Vec<_>>(),
+            "section": {"first": "x".repeat(80), "second": "y".repeat(80), "deeper": {"list": vec!["word"; 40]}},
+        });
+        let text = to_string(&tree).unwrap();
+        let back = value(&text).unwrap_or_else(|error| panic!("{error}\n{text}"));
+        // Whole numbers may come back as integers.
+        let same = |a: &Value, b: &Value| a == b || (a.as_f64().is_some() && a.as_f64() == b.as_f64());
+        for (key, expected) in tree.as_object().unwrap() {
+            let list = expected.as_array().zip(back[key].as_array());
+            let equal = list.map_or(same(expected, &back[key]), |(a, b)| {
+                a.len() == b.len() && a.iter().zip(b).all(|(a, b)| same(a, b))
+            });
+            assert!(equal, "{key}: {expected} is not {}\n{text}", back[key]);
+        }
+        assert_eq!(to_string(&back).unwrap(), text);
+    }
+
+    #[test]
+    fn unknown_names_are_found_in_what_serde_says() {
+        assert_eq!(unknown_name("unknown field `a`, expected `b` or `c`"), Some(("a", vec!["b", "c"])));
+        assert_eq!(unknown_name("unknown field `a`, there are no fields"), Some(("a", vec![])));
+        assert_eq!(unknown_name("unknown variant ``, expected `, expected `b`"), Some(("`, expected ", vec!["b"])));
+        assert_eq!(unknown_name("missing field `a`"), None);
+    }
 }

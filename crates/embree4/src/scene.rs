@@ -240,8 +240,9 @@ fn arguments(flags: sys::RTCRayQueryFlags) -> sys::RTCIntersectArguments {
     }
 }
 
-/// Embree inverts the matrix in f32; without an inverse every ray would become NaN.
-fn is_invertible(m: &[f32; 12]) -> bool {
+/// Whether [`Scene::attach_instance`] takes the transform `m`: Embree inverts it in f32, and without an inverse every
+/// ray would become NaN.
+pub fn is_invertible(m: &[f32; 12]) -> bool {
     let [a, b, c, d, e, f, g, h, i] = std::array::from_fn(|k| f64::from(m[k]));
     let determinant = (a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g)) as f32;
     m.iter().all(|x| x.is_finite()) && determinant.is_normal() && determinant.recip().is_normal()

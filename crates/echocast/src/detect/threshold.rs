@@ -1,7 +1,7 @@
 //! Which echoes are strong enough to be reported.
 
 use crate::yaml;
-use serde::{Deserialize, Deserializer, Serialize, de};
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// A point of the linear reflectivity limit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -63,7 +63,7 @@ impl<'de> Deserialize<'de> for Detection {
                 let Limits { lower, upper } = section.read()?;
                 Detection::ReflectivityLimit { lower, upper }
             }
-            _ => return Err(de::Error::unknown_variant(&word, &["none", "radar_equation", "reflectivity_limit"])),
+            _ => return Err(section.unknown(&word, &["none", "radar_equation", "reflectivity_limit"])),
         })
     }
 }

@@ -73,7 +73,7 @@ impl Csv {
     pub fn open(path: &Path) -> Result<Csv> {
         let mut lines = Lines::open(path)?;
         if !lines.advance()? {
-            return Err(lines.error("is empty; expected a header".into()));
+            return Err(Error::parse(path, "", "is empty; expected a header"));
         }
         Csv::with_header(lines)
     }
@@ -81,7 +81,8 @@ impl Csv {
     /// Takes the current line of `lines` for the header.
     pub fn with_header(lines: Lines) -> Result<Csv> {
         let header: Vec<String> = lines.text().split(',').map(|name| name.trim().to_owned()).collect();
-        if let Some(twice) = header.iter().enumerate().find_map(|(i, name)| header[..i].contains(name).then_some(name)) {
+        if let Some(twice) = header.iter().enumerate().find_map(|(i, name)| header[..i].contains(name).then_some(name))
+        {
             return Err(lines.error(format!("has the column {twice:?} twice")));
         }
         let row = Vec::with_capacity(header.len());

@@ -1,11 +1,26 @@
 //! Clouds to files: one file per format, one table of formats.
 
-mod atomic;
+pub(crate) mod atomic;
+mod csv;
+#[cfg(feature = "hdf5")]
+mod frames;
+#[cfg(feature = "hdf5")]
+mod hdf5;
+mod las;
+mod npz;
+mod ply;
+pub mod preview;
+mod record;
 
-use crate::cloud::PointCloud;
+#[cfg(feature = "hdf5")]
+pub use frames::FramesFile;
+
+use crate::cloud::{Field, FieldInfo, FieldSet, PointCloud};
 use crate::error::{Error, Result};
 use crate::report::Report;
-use std::path::Path;
+use atomic::Pending;
+use std::io;
+use std::path::{Path, PathBuf};
 
 /// A point-cloud file format.
 pub trait Format: Sync {
@@ -13,26 +28,44 @@ pub trait Format: Sync {
     fn name(&self) -> &'static str;
     /// File name endings, lower case, without the dot; the first format with an ending owns it.
     fn extensions(&self) -> &'static [&'static str];
-    /// One line for people: what it is and what it cannot hold.
+    /// One line for people: what it is and how it differs from the others.
     fn description(&self) -> &'static str;
-    /// Writes `cloud` to the new file `path`, which nobody else sees yet. What the format cannot
-    /// hold goes to `report`.
-    ///
-    /// # Errors
-    /// A full disk, or a cloud that lacks what the format must have.
-    fn write(&self, cloud: &PointCloud, path: &Path, report: &mut Report) -> Result<()>;
+    /// Whether it can hold the column `info`.
+    fn holds(&self, info: &FieldInfo) -> bool;
+    /// Whether it can only hold clouds with the columns `x`, `y` and `z`.
+    fn needs_positions(&self) -> bool;
     /// Whether the label names stand inside the file; otherwise they go to `NAME.labels.json`.
     fn holds_label_names(&self) -> bool;
+    /// Writes `cloud` to the file `path`, which nobody else sees yet. `cloud` is consistent and has positions if the
+    /// format needs them. Columns that the format does not hold are left out; what else is lost goes to `report`.
+    ///
+    /// # Errors
+    /// The system's: a full disk.
+    fn write(&self, cloud: &PointCloud, path: &Path, report: &mut Report) -> io::Result<()>;
 }
 
 /// Every output format.
-pub const FORMATS: &[&dyn Format] = &[];
+pub const FORMATS: &[&dyn Format] = &[
+    &las::LAS,
+    &las::LAS2,
+    #[cfg(feature = "hdf5")]
+    &hdf5::Hdf5,
+    &csv::Csv,
+    &ply::Ply,
+    &npz::Npz,
+];
 
 /// The format called `name`, or the one that owns the ending of `path`.
 ///
 /// # Errors
-/// [`Error::Missing`] or [`Error::Unsupported`], listing what there is.
+/// [`Error::Missing`] or [`Error::Unsupported`], listing what there is, or naming the feature that is missing.
 pub fn format_for(path: &Path, name: Option<&str>) -> Result<&'static dyn Format> {
+    let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    #[cfg(not(feature = "hdf5"))]
+    if matches!(name.unwrap_or(&ending), "hdf5" | "h5") {
+        let instead = "build echocast with the feature hdf5".into();
+        return Err(Error::Unsupported { what: "HDF5 in this build".into(), instead });
+    }
     if let Some(name) = name {
         return FORMATS
             .iter()
@@ -40,10 +73,9 @@ pub fn format_for(path: &Path, name: Option<&str>) -> Result<&'static dyn Format
             .copied()
             .ok_or_else(|| Error::missing("output format", name, FORMATS.iter().map(|format| format.name())));
     }
-    let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     FORMATS.iter().find(|format| format.extensions().contains(&ending.as_str())).copied().ok_or_else(|| {
         Error::Unsupported {
-            what: format!("{}: output format", path.display()),
+            what: format!("the ending of the output file {}", path.display()),
             instead: format!(
                 "clouds are written as {}",
                 FORMATS.iter().flat_map(|f| f.extensions()).map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ")
@@ -52,16 +84,132 @@ pub fn format_for(path: &Path, name: Option<&str>) -> Result<&'static dyn Format
     })
 }
 
+/// Says before a long scan whether a cloud with the columns `fields` could be written to `path`.
+///
+/// # Errors
+/// As [`format_for`]; a missing folder or one that cannot be written to; no `x`, `y`, `z` for a format that needs them.
+pub fn check(path: &Path, format: Option<&str>, fields: FieldSet) -> Result<()> {
+    let format = format_for(path, format)?;
+    check_fields(format, fields)?;
+    Pending::create(path).map(drop)
+}
+
+fn check_fields(format: &dyn Format, fields: FieldSet) -> Result<()> {
+    let missing: Vec<&str> = [Field::X, Field::Y, Field::Z]
+        .map(Field::info)
+        .iter()
+        .filter(|i| !fields.contains(i.field))
+        .map(|i| i.name)
+        .collect();
+    if format.needs_positions() && !missing.is_empty() {
+        let allowed = format!("columns that include x, y and z, which a {} file must have", format.name());
+        return Err(Error::invalid("fields", format!("a list without {}", missing.join(", ")), allowed));
+    }
+    Ok(())
+}
+
 /// Writes `cloud` to `path` in the format called `format`, or the one its ending says.
 ///
 /// The file, and `NAME.labels.json` beside formats that cannot hold the label names, appear under
-/// their names only when complete.
+/// their names only when complete. The report says what the format could not hold.
 ///
 /// # Errors
-/// As [`format_for`] and [`Format::write`].
+/// As [`check`], and a full disk.
 pub fn write(cloud: &PointCloud, path: &Path, format: Option<&str>) -> Result<Report> {
     let format = format_for(path, format)?;
+    check_fields(format, cloud.fields)?;
+    check_cloud(cloud)?;
     let mut report = Report::default();
-    atomic::replace(path, |temporary| format.write(cloud, temporary, &mut report))?;
+    let lost: Vec<&str> = cloud.fields.iter().filter(|info| !format.holds(info)).map(|info| info.name).collect();
+    if !lost.is_empty() {
+        report.warn(format!("{}: the format {} cannot hold {}", path.display(), format.name(), lost.join(", ")));
+    }
+    let file = Pending::create(path)?;
+    format.write(cloud, file.path(), &mut report).map_err(|source| Error::io(path, source))?;
+    if !format.holds_label_names() {
+        let path = labels_path(file.target());
+        let names = Pending::create(&path)?;
+        std::fs::write(names.path(), labels_json(cloud)).map_err(|source| Error::io(&path, source))?;
+        names.commit()?;
+    }
+    file.commit()?;
     Ok(report)
+}
+
+/// Columns are public, so they may disagree.
+fn check_cloud(cloud: &PointCloud) -> Result<()> {
+    match cloud.fields.iter().find(|info| cloud.column(info.field).len() != cloud.len) {
+        None => Ok(()),
+        Some(info) => Err(Error::invalid(
+            format!("column {}", info.name),
+            format!("{} rows long", cloud.column(info.field).len()),
+            format!("the cloud's {} rows", cloud.len),
+        )),
+    }
+}
+
+/// `street.labels.json` beside `street.csv`.
+fn labels_path(path: &Path) -> PathBuf {
+    path.with_extension("labels.json")
+}
+
+/// Origin and name tables under the names that every format gives them, for people and programs.
+fn labels_json(cloud: &PointCloud) -> String {
+    let mut map = serde_json::Map::new();
+    map.insert("origin".into(), cloud.origin.to_array().as_slice().into());
+    if let Some(shape) = cloud.organised {
+        map.insert("shape".into(), shape.as_slice().into());
+    }
+    for (stem, table) in cloud.labels.tables() {
+        map.insert(format!("{stem}_ids"), table.ids.as_slice().into());
+        map.insert(format!("{stem}_names"), table.names.as_slice().into());
+    }
+    serde_json::Value::Object(map).to_string()
+}
+
+/// What to add to a column of positions to get f64 world (or sensor) coordinates; `None` for other columns.
+fn offset(cloud: &PointCloud, field: Field) -> Option<f64> {
+    match field {
+        Field::X | Field::TrueX => Some(cloud.origin.x),
+        Field::Y | Field::TrueY => Some(cloud.origin.y),
+        Field::Z | Field::TrueZ => Some(cloud.origin.z),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::FIELDS;
+    use std::fs;
+
+    #[test]
+    fn formats_are_found_by_name_and_ending() {
+        let of = |path: &str, name| format_for(Path::new(path), name).map(Format::name);
+        assert_eq!(of("a/Street.LAS", None).unwrap(), "las");
+        assert_eq!(of("street.bin", Some("las2")).unwrap(), "las2");
+        assert!(of("street", None).unwrap_err().to_string().contains(".npz"));
+        assert!(of("street.las", Some("la2")).unwrap_err().to_string().contains("las2"));
+        for (i, format) in FORMATS.iter().enumerate() {
+            assert!(FORMATS[..i].iter().all(|other| other.name() != format.name()));
+            assert!(!format.needs_positions() || FIELDS[..3].iter().all(|info| format.holds(info)));
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_written_is_an_error_that_leaves_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut cloud = PointCloud { len: 2, ..PointCloud::default() };
+        cloud.fields = FieldSet::EMPTY.with(Field::X).with(Field::Range);
+        cloud.columns.resize(cloud.fields, 2);
+        let error = write(&cloud, &folder.path().join("a.las"), None).unwrap_err().to_string();
+        assert!(error.contains("without y, z"), "{error}");
+        assert!(check(&folder.path().join("a.las"), None, cloud.fields).is_err());
+        assert!(check(&folder.path().join("no/a.csv"), None, cloud.fields).is_err());
+        check(&folder.path().join("a.csv"), None, cloud.fields).unwrap();
+        cloud.columns.range.pop();
+        let error = write(&cloud, &folder.path().join("a.csv"), None).unwrap_err().to_string();
+        assert_eq!(error, "column range is 1 rows long; allowed: the cloud's 2 rows");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
 }

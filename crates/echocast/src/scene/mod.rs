@@ -10,6 +10,7 @@
 mod camera;
 mod gltf;
 mod label;
+mod merge;
 mod mesh;
 mod obj;
 mod texture;
@@ -119,18 +120,31 @@ impl Scene {
                 FORMATS.iter().flat_map(|f| f.extensions).map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ")
             ),
         })?;
-        let mut scene = (reader.read)(path, options)?;
-        if scene.triangle_count() == 0 {
-            return Err(Error::parse(path, "", "no triangle to scan: the file holds no mesh with area"));
+        (reader.read)(path, options)?.checked(path)
+    }
+
+    /// Reads the bytes of a `.glb` file, or of a `.gltf` file whose buffers and images are data URIs.
+    ///
+    /// # Errors
+    /// As [`Scene::load`]; messages say `glTF data` in place of the path. Also a URI that leads to a file.
+    pub fn from_glb_bytes(bytes: &[u8], options: &LoadOptions) -> Result<Scene> {
+        let origin = Path::new("glTF data");
+        gltf::read_bytes(bytes, origin, None, options)?.checked(origin)
+    }
+
+    /// The scene as read from `origin` if there is something to scan in it.
+    fn checked(mut self, origin: &Path) -> Result<Scene> {
+        if self.triangle_count() == 0 {
+            return Err(Error::parse(origin, "", "no triangle to scan: the file holds no mesh with area"));
         }
-        if !scene.animations.is_empty() {
-            scene.report.warn(format!(
+        if !self.animations.is_empty() {
+            self.report.warn(format!(
                 "{}: {} animation(s) are not played: the scene stands still at time 0",
-                path.display(),
-                scene.animations.len()
+                origin.display(),
+                self.animations.len()
             ));
         }
-        Ok(scene)
+        Ok(self)
     }
 
     /// Builds the ray-tracing structure.
@@ -187,24 +201,48 @@ pub(crate) struct RawObject {
     pub part: Option<String>,
 }
 
+/// An object whose labels are words: what gets numbers next.
+struct NamedObject {
+    name: String,
+    mesh: usize,
+    world_from_object: DAffine3,
+    category: String,
+    /// One for each part of the mesh; empty = unlabelled.
+    parts: Vec<String>,
+}
+
 impl Scene {
     /// Gives every object and part its label numbers; the last step of every reader.
-    pub(crate) fn assemble(mut self, objects: Vec<RawObject>, rules: &LabelRules) -> Scene {
+    pub(crate) fn assemble(self, objects: Vec<RawObject>, rules: &LabelRules) -> Scene {
         let material_name = |part: &Part| part.material.map_or("", |index| self.materials[index].name.as_str());
-        let category_name = |object: &RawObject| -> String {
-            rules.category(&object.name).or(object.category.as_deref()).unwrap_or(&object.name).to_owned()
-        };
-        let part_name = |object: &RawObject, part: &Part| -> String {
-            let material = material_name(part);
-            rules.part(material).or(object.part.as_deref()).unwrap_or(material).to_owned()
-        };
-        let parts_of = |object: &RawObject| self.meshes[object.mesh].parts.iter();
+        let named = objects
+            .into_iter()
+            .map(|object| NamedObject {
+                category: rules
+                    .category(&object.name)
+                    .or(object.category.as_deref())
+                    .unwrap_or(&object.name)
+                    .to_owned(),
+                parts: self.meshes[object.mesh]
+                    .parts
+                    .iter()
+                    .map(|part| {
+                        let material = material_name(part);
+                        rules.part(material).or(object.part.as_deref()).unwrap_or(material).to_owned()
+                    })
+                    .collect(),
+                name: object.name,
+                mesh: object.mesh,
+                world_from_object: object.world_from_object,
+            })
+            .collect();
+        self.number(named, &rules.numbers)
+    }
 
-        let category = NameTable::number(objects.iter().map(category_name), &rules.numbers);
-        let part = NameTable::number(
-            objects.iter().flat_map(|object| parts_of(object).map(|p| part_name(object, p))),
-            &rules.numbers,
-        );
+    /// Numbers the labels of `objects`, which become this scene's.
+    fn number(mut self, objects: Vec<NamedObject>, numbers: &BTreeMap<String, u32>) -> Scene {
+        let category = NameTable::number(objects.iter().map(|object| object.category.clone()), numbers);
+        let part = NameTable::number(objects.iter().flat_map(|object| object.parts.iter().cloned()), numbers);
         let material = NameTable::number(self.materials.iter().map(|m| m.name.clone()), &BTreeMap::new());
 
         // Instances are numbered in sorted order of their names; equal names keep the file's order.
@@ -220,20 +258,19 @@ impl Scene {
         };
 
         let (category_ids, part_ids) = (category.to_map(), part.to_map());
-        let number = |ids: &HashMap<&str, u32>, name: String| ids.get(name.as_str()).copied().unwrap_or(0);
-        let placed = objects
-            .iter()
+        let number = |ids: &HashMap<&str, u32>, name: &str| ids.get(name).copied().unwrap_or(0);
+        self.objects = objects
+            .into_iter()
             .zip(instance_ids)
             .map(|(object, instance_id)| Object {
-                name: object.name.clone(),
+                category_id: number(&category_ids, &object.category),
+                part_ids: object.parts.iter().map(|name| number(&part_ids, name)).collect(),
+                name: object.name,
                 mesh: object.mesh,
                 world_from_object: object.world_from_object,
-                category_id: number(&category_ids, category_name(object)),
-                part_ids: parts_of(object).map(|p| number(&part_ids, part_name(object, p))).collect(),
                 instance_id,
             })
             .collect();
-        self.objects = placed;
         self.labels = Labels { category, part, material, instance };
         self
     }

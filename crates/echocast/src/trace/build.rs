@@ -65,8 +65,11 @@ pub(super) fn build(scene: &Scene) -> Result<Tables> {
         let mesh = &scene.meshes[object.mesh];
         let local_from_object = DAffine3::from_translation(-origin) * object.world_from_object;
         let first = surfaces.len() as u32;
-        if uses[object.mesh] == 1 {
-            // Placed once: vertices go to the top level in world space, so that rays need no transform.
+        let matrix = columns(&local_from_object);
+        // A copy that is squeezed flat cannot be an instance: rays could not be brought to its frame.
+        let instanced = uses[object.mesh] > 1 && embree4::is_invertible(&matrix);
+        if !instanced {
+            // Vertices go to the top level in world space, so that rays need no transform.
             for (number, part) in mesh.parts.iter().enumerate() {
                 let positions = part.positions.iter().map(|p| {
                     let local = DVec3::from(p.map(f64::from));
@@ -81,12 +84,6 @@ pub(super) fn build(scene: &Scene) -> Result<Tables> {
                 Some(built) => &*built,
                 empty => empty.insert(mesh_scene(&device, mesh)?),
             };
-            let m = local_from_object;
-            let columns = [m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis, m.translation];
-            let mut matrix = [0.0f32; 12];
-            for (entry, value) in matrix.iter_mut().zip(columns.iter().flat_map(|column| column.to_array())) {
-                *entry = value as f32;
-            }
             top.attach_instance(of, matrix)?;
             first_surface.push(first);
         }
@@ -102,7 +99,7 @@ pub(super) fn build(scene: &Scene) -> Result<Tables> {
                 object: index as u32,
                 rgb: std::array::from_fn(|c| crate::scene::srgb_byte(material.base_color[c])),
                 textured: material.base_color_texture.is_some() && part.uvs.is_some(),
-                instanced: uses[object.mesh] > 1,
+                instanced,
             });
         }
         normal_matrices.push(normal_matrix(object));
@@ -139,11 +136,18 @@ fn mesh_scene(device: &Device, mesh: &Mesh) -> Result<CommittedScene> {
     Ok(scene.commit()?)
 }
 
+/// A transform as Embree takes it: column by column, single precision.
+fn columns(m: &DAffine3) -> [f32; 12] {
+    let columns = [m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis, m.translation];
+    std::array::from_fn(|k| columns[k / 3][k % 3] as f32)
+}
+
 /// The matrix that takes an object's normals to the world's: the cofactors of the linear part, which
 /// are right for any scale and mirror, up to length (and scaled to unit size against underflow).
 fn normal_matrix(object: &Object) -> Mat3 {
     let m = object.world_from_object.matrix3;
-    let cofactors = glam::DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
+    let cofactors =
+        glam::DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
     let size = cofactors.x_axis.abs().max(cofactors.y_axis.abs()).max(cofactors.z_axis.abs()).max_element();
     let scale = if size > 0.0 { 1.0 / size } else { 0.0 };
     // A mirrored object's cofactors point its normals inwards; surfaces are two-sided, so that is no matter.

@@ -66,7 +66,7 @@ pub(super) fn check_fov(key: &str, value: f64, widest: f64) -> Result<()> {
 
 pub(super) fn check_above_zero(key: &str, value: f64) -> Result<()> {
     // Far below any instrument, and far from where quotients overflow.
-    if value >= 1e-9 && value <= 1e12 {
+    if (1e-9..=1e12).contains(&value) {
         return Ok(());
     }
     Err(Error::invalid(key, value, "above 0 (1e-9 to 1e12)"))

@@ -16,7 +16,7 @@ use super::BeamTable;
 use super::beams::MAX_BEAMS;
 use crate::error::{Error, Result};
 use crate::yaml;
-use serde::{Deserialize, Deserializer, Serialize, de};
+use serde::{Deserialize, Deserializer, Serialize};
 use std::path::Path;
 
 /// A scan pattern, as the `pattern` section of a sensor file says it.
@@ -37,7 +37,6 @@ pub enum Pattern {
 
 impl<'de> Deserialize<'de> for Pattern {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        const TYPES: [&str; 4] = ["spinning", "raster", "pinhole", "table"];
         let (word, section) = yaml::split_tag(deserializer, "type")?;
         Ok(match word.as_str() {
             "spinning" => Pattern::Spinning(section.read()?),
@@ -45,7 +44,7 @@ impl<'de> Deserialize<'de> for Pattern {
             "pinhole" => Pattern::Pinhole(section.read()?),
             "table" => Pattern::Table(section.read()?),
             "custom" => Pattern::Custom,
-            _ => return Err(de::Error::unknown_variant(&word, &TYPES)),
+            _ => return Err(section.unknown(&word, &["spinning", "raster", "pinhole", "table"])),
         })
     }
 }
@@ -76,9 +75,11 @@ impl Pattern {
             Pattern::Raster(raster) => Ok(raster.beams()),
             Pattern::Pinhole(pinhole) => Ok(pinhole.beams()),
             Pattern::Table(table) => table.beams(folder),
-            Pattern::Custom => {
-                Err(Error::invalid("pattern.type", "custom", "spinning, raster, pinhole or table (custom beams are given in code)"))
-            }
+            Pattern::Custom => Err(Error::invalid(
+                "pattern.type",
+                "custom",
+                "spinning, raster, pinhole or table (custom beams are given in code)",
+            )),
         }
     }
 }

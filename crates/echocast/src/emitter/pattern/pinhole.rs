@@ -55,8 +55,7 @@ impl Pinhole {
 
     pub(super) fn beams(&self) -> BeamTable {
         let [columns, rows] = self.resolution;
-        let mut table =
-            BeamTable::with_size(rows as usize, columns as usize, FiringOrder::Frame, 1.0 / self.rate_hz);
+        let mut table = BeamTable::with_size(rows as usize, columns as usize, FiringOrder::Frame, 1.0 / self.rate_hz);
         let [half_width, half_height] = self.fov_deg.map(|fov| (0.5 * fov).to_radians().tan());
         for row in 0..rows {
             let z = half_height * self.plane(row, rows);

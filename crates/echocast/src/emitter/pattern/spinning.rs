@@ -135,7 +135,11 @@ impl Spinning {
         }
         let most = u64::from(u16::MAX) + 1;
         if self.rows() > most {
-            return Err(Error::invalid("pattern.elevation.step_deg", format!("{} channels", self.rows()), format!("at most {most} channels")));
+            return Err(Error::invalid(
+                "pattern.elevation.step_deg",
+                format!("{} channels", self.rows()),
+                format!("at most {most} channels"),
+            ));
         }
         check_count("pattern.azimuth", self.rows(), self.columns())
     }
@@ -145,7 +149,8 @@ impl Spinning {
         let channels = match (&self.channels, &self.elevation) {
             (Some(channels), _) => channels.clone(),
             (None, fan) => {
-                let elevation_deg = fan.iter().flat_map(|fan| (0..fan.len() as usize).map(|i| fan.angle_deg(i))).collect();
+                let elevation_deg =
+                    fan.iter().flat_map(|fan| (0..fan.len() as usize).map(|i| fan.angle_deg(i))).collect();
                 Channels { elevation_deg, ..Channels::default() }
             }
         };
@@ -160,15 +165,17 @@ impl Spinning {
         for channel in 0..rows {
             let fire_time = seconds_from_us(cycled(&channels.fire_time_us, channel));
             let offset = cycled(&channels.azimuth_offset_deg, channel);
+            let elevation = channels.elevation_deg[channel].to_radians().sin_cos();
             for column in 0..columns {
                 let turned = column as f64 * step;
                 // The rotor goes on turning while a channel waits for its turn.
                 let rotor = azimuth.centre_deg + sense * (turned - 0.5 * azimuth.fov_deg + speed * fire_time);
                 let time = turned / speed + fire_time;
-                table.push(direction(rotor + offset, channels.elevation_deg[channel]), time, channel as u16);
+                table.push(direction(rotor + offset, elevation), time, channel as u16);
             }
         }
-        let per_beam = |list: &[f64]| list.iter().flat_map(|&range| std::iter::repeat_n(range as f32, columns)).collect();
+        let per_beam =
+            |list: &[f64]| list.iter().flat_map(|&range| std::iter::repeat_n(range as f32, columns)).collect();
         table.range_min = per_beam(&channels.range_min_m);
         table.range_max = per_beam(&channels.range_max_m);
         table
@@ -282,6 +289,8 @@ mod tests {
         spinning.azimuth.step_deg = Some(0.1990656);
         spinning.check().unwrap();
         spinning.azimuth.step_deg = Some(0.2);
-        assert!(spinning.check().unwrap_err().to_string().starts_with("pattern.azimuth.step_deg is 0.2; allowed: one of"));
+        assert!(
+            spinning.check().unwrap_err().to_string().starts_with("pattern.azimuth.step_deg is 0.2; allowed: one of")
+        );
     }
 }

@@ -4,7 +4,7 @@ use super::fan::check_above_zero;
 use crate::emitter::beams::{MAX_BEAMS, direction};
 use crate::emitter::csv::Csv;
 use crate::emitter::{BeamTable, FiringOrder};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::units::seconds_from_us;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -28,7 +28,8 @@ impl Table {
     pub(super) fn beams(&self, folder: &Path) -> Result<BeamTable> {
         const REQUIRED: [&str; 2] = ["azimuth_deg", "elevation_deg"];
         const OPTIONAL: [&str; 4] = ["time_us", "channel", "range_min_m", "range_max_m"];
-        let mut csv = Csv::open(&folder.join(&self.file))?;
+        let path = folder.join(&self.file);
+        let mut csv = Csv::open(&path)?;
         let [azimuth, elevation] = csv.required(REQUIRED)?;
         let [time, channel, range_min, range_max] = csv.optional(OPTIONAL);
         csv.only(&[&REQUIRED[..], &OPTIONAL[..]].concat())?;
@@ -59,7 +60,7 @@ impl Table {
             if let Some((name, value, allowed)) = fault {
                 return Err(csv.error(format!("{name} is {value}; allowed: {allowed}")));
             }
-            table.push(direction(az, el), seconds_from_us(us), emitter as u16);
+            table.push(direction(az, el.to_radians().sin_cos()), seconds_from_us(us), emitter as u16);
             if range_min.is_some() {
                 table.range_min.push(near as f32);
             }
@@ -68,7 +69,7 @@ impl Table {
             }
         }
         if table.is_empty() {
-            return Err(csv.error("has no beams; expected a row for each below the header".to_owned()));
+            return Err(Error::parse(path, "", "has no beams; expected a row for each below the header"));
         }
         table.columns = table.len() as u32;
         Ok(table)

@@ -1,0 +1,38 @@
+# Two commands do everything on a fresh machine with a Rust toolchain and a C compiler: `make demo` and `make test`.
+
+PREFIX ?= /usr/local
+SHELL := /bin/bash
+.SHELLFLAGS := -euo pipefail -c
+
+help:
+	@echo "make demo                  scan the example scenes; clouds and pictures go to out/demo"
+	@echo "make test                  run every test"
+	@echo "make build                 release build; the program is target/release/echocast"
+	@echo "make bench                 how fast it is beside bare Embree; writes target/bench.json"
+	@echo "make install PREFIX=DIR    put the program below DIR [$(PREFIX)]"
+	@echo "make clean                 remove what was built and written"
+
+demo:
+	@scripts/setup
+	@scripts/demo
+
+test:
+	@scripts/setup --test
+	@scripts/test
+
+build:
+	@scripts/setup
+	cargo build --release --workspace --locked
+
+bench:
+	@scripts/setup
+	cargo run --release --locked -p echocast-benches
+
+install: build
+	@scripts/install "$(DESTDIR)$(PREFIX)"
+
+clean:
+	cargo clean
+	rm -rf out fuzz/target
+
+.PHONY: help demo test build bench install clean

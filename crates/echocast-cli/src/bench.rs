@@ -1,0 +1,131 @@
+//! `echocast bench`
+
+use crate::input::{self, SceneArgs, SensorArgs};
+use crate::place::PlaceArgs;
+use crate::text::{self, counted, duration};
+use anyhow::Result;
+use echocast::{BareLoop, PointCloud, ScanOptions, Trajectory};
+use rustix::time::{ClockId, clock_gettime};
+use serde_json::{Value, json};
+use std::time::{Duration, Instant};
+
+/// Measure how fast a scene is here: warm scans for some seconds, beside the bare Embree loop on the same rays
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  echocast bench street.glb --sensor velodyne_vls128 --camera Sensor --threads 1")]
+pub struct Args {
+    #[command(flatten)]
+    scene: SceneArgs,
+    #[command(flatten)]
+    sensor: SensorArgs,
+    #[command(flatten)]
+    place: PlaceArgs,
+    /// Worker threads [default: all cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Print the figures as one JSON object on stdout
+    #[arg(long)]
+    json: bool,
+}
+
+/// Interleaved rounds of both loops; the machine may be busy with other things.
+const ROUNDS: usize = 15;
+/// A round of one loop lasts at least so long.
+const ROUND: Duration = Duration::from_millis(100);
+
+pub fn run(args: &Args) -> Result<()> {
+    let threads = input::set_threads(args.threads)?;
+    let sensor = args.sensor.load()?;
+    let scene = args.scene.load()?;
+    let pose = args.place.pose(&scene)?;
+    let built = scene.build()?;
+
+    let mut bare = BareLoop::new(&built, &sensor, pose);
+    let (trajectory, options) = (Trajectory::fixed(pose), ScanOptions::default());
+    let mut cloud = PointCloud::default();
+    let mut scan = || built.scan_into(&sensor, &trajectory, &options, &mut cloud);
+    scan()?;
+    bare.run();
+
+    let (mut scans, mut bares) = (Vec::with_capacity(ROUNDS), Vec::with_capacity(ROUNDS));
+    for _ in 0..ROUNDS {
+        bares.push(round(|| {
+            bare.run();
+            Ok(())
+        })?);
+        scans.push(round(|| Ok(scan()?))?);
+    }
+    let rays = bare.len();
+    let wall = Figures::of(scans.iter().map(|time| time.wall));
+    let cpu = Figures::of(scans.iter().map(|time| time.cpu));
+    let bare_cpu = Figures::of(bares.iter().map(|time| time.cpu));
+    let ratio = Figures::of(bares.iter().zip(&scans).map(|(bare, scan)| bare.cpu / scan.cpu)).median;
+    if args.json {
+        let figures = json!({
+            "rays": rays,
+            "threads": threads,
+            "seconds_per_scan": wall.to_json(),
+            "cpu_seconds_per_scan": cpu.to_json(),
+            "bare_cpu_seconds_per_scan": bare_cpu.to_json(),
+            "ratio": ratio,
+        });
+        return text::print(&format!("{figures:#}\n"));
+    }
+    text::print(&format!(
+        "{} in {}: {}, {}, default columns\n\
+         scan        best {}, median {} on the wall: {:.1} M rays/s\n\
+         scan, CPU   best {}, median {}\n\
+         bare, CPU   best {}, median {} (nothing but Embree on the same rays)\n\
+         ratio       {ratio:.2} (bare / scan, CPU time, median of {ROUNDS} interleaved rounds)\n",
+        sensor.name(),
+        args.scene.names(),
+        counted(rays, "ray"),
+        counted(threads, "thread"),
+        duration(wall.best),
+        duration(wall.median),
+        rays as f64 / wall.median / 1e6,
+        duration(cpu.best),
+        duration(cpu.median),
+        duration(bare_cpu.best),
+        duration(bare_cpu.median),
+    ))
+}
+
+/// Seconds per call.
+struct Time {
+    wall: f64,
+    cpu: f64,
+}
+
+/// Repeats `work` for a round.
+fn round(mut work: impl FnMut() -> Result<()>) -> Result<Time> {
+    let (start, cpu) = (Instant::now(), cpu_seconds());
+    let mut calls = 0.0;
+    while calls == 0.0 || start.elapsed() < ROUND {
+        work()?;
+        calls += 1.0;
+    }
+    Ok(Time { wall: start.elapsed().as_secs_f64() / calls, cpu: (cpu_seconds() - cpu) / calls })
+}
+
+/// Processor time of all threads of this process, s.
+fn cpu_seconds() -> f64 {
+    let now = clock_gettime(ClockId::ProcessCPUTime);
+    now.tv_sec as f64 + now.tv_nsec as f64 * 1e-9
+}
+
+struct Figures {
+    best: f64,
+    median: f64,
+}
+
+impl Figures {
+    fn of(values: impl Iterator<Item = f64>) -> Self {
+        let mut values: Vec<f64> = values.collect();
+        values.sort_by(f64::total_cmp);
+        Figures { best: values[0], median: values[values.len() / 2] }
+    }
+
+    fn to_json(&self) -> Value {
+        json!({ "best": self.best, "median": self.median })
+    }
+}

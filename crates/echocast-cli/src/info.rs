@@ -1,0 +1,76 @@
+//! `echocast info`
+
+use crate::input::SceneArgs;
+use crate::text::{self, thousands};
+use anyhow::Result;
+use echocast::Scene;
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+/// Show what a scene holds: triangles, instances, materials, labels, cameras, animations, bounds
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  echocast info street.glb --labels street.labels.yaml")]
+pub struct Args {
+    #[command(flatten)]
+    scene: SceneArgs,
+}
+
+pub fn run(args: &Args) -> Result<()> {
+    text::print(&describe(&args.scene.names(), &args.scene.load()?)?)
+}
+
+fn describe(name: &str, scene: &Scene) -> Result<String> {
+    let mut text = format!("{name}\n");
+    let placed = scene.objects.len();
+    writeln!(text, "triangles   {}", thousands(scene.triangle_count()))?;
+    if scene.degenerate_triangles > 0 {
+        writeln!(text, "            {} without area were left out", thousands(scene.degenerate_triangles))?;
+    }
+    writeln!(text, "objects     {} instances of {} meshes", thousands(placed), thousands(scene.meshes.len()))?;
+    if let Some((low, high)) = scene.bounds() {
+        let [x, y, z] = (high - low).to_array();
+        writeln!(
+            text,
+            "bounds      [{:.3}, {:.3}, {:.3}] to [{:.3}, {:.3}, {:.3}] m",
+            low.x, low.y, low.z, high.x, high.y, high.z
+        )?;
+        writeln!(text, "size        {x:.3} x {y:.3} x {z:.3} m")?;
+    }
+    writeln!(text, "textures    {}", scene.textures.len())?;
+
+    writeln!(text, "materials   {}", scene.materials.len())?;
+    for material in &scene.materials {
+        let [r, g, b, a] = material.base_color;
+        let texture = if material.base_color_texture.is_some() { ", texture" } else { "" };
+        let reflectance = material.reflectance.map_or(String::new(), |value| format!(", reflectance {value:.3}"));
+        writeln!(text, "  {:<28} linear rgba {r:.3} {g:.3} {b:.3} {a:.3}{texture}{reflectance}", material.name)?;
+    }
+
+    let mut objects_of: BTreeMap<u32, usize> = BTreeMap::new();
+    for object in &scene.objects {
+        *objects_of.entry(object.category_id).or_default() += 1;
+    }
+    writeln!(text, "categories  {}", scene.labels.category.ids.len())?;
+    for (id, name) in scene.labels.category.iter() {
+        let objects = text::counted(objects_of.get(&id).copied().unwrap_or(0), "object");
+        writeln!(text, "  {id:>4} {name:<23} {objects}")?;
+    }
+    writeln!(text, "parts       {}", scene.labels.part.ids.len())?;
+    for (id, name) in scene.labels.part.iter() {
+        writeln!(text, "  {id:>4} {name}")?;
+    }
+
+    writeln!(text, "cameras     {}", scene.cameras.len())?;
+    for camera in &scene.cameras {
+        let at = camera.pose.position;
+        writeln!(text, "  {:<28} at {:.3},{:.3},{:.3}", camera.name, at.x, at.y, at.z)?;
+    }
+    writeln!(text, "animations  {}", scene.animations.len())?;
+    for animation in &scene.animations {
+        writeln!(text, "  {animation}")?;
+    }
+    for warning in &scene.report.warnings {
+        writeln!(text, "warning: {warning}")?;
+    }
+    Ok(text)
+}

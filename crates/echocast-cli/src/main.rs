@@ -1,0 +1,62 @@
+//! The `echocast` program: arguments, progress and printing. The work is the library's.
+#![forbid(unsafe_code)]
+
+mod bench;
+mod choice;
+mod formats;
+mod frames;
+mod info;
+mod input;
+mod interrupt;
+mod output;
+mod place;
+mod progress;
+mod report;
+mod scan;
+mod sensors;
+mod text;
+
+use clap::{Parser, Subcommand};
+use std::io::Write as _;
+use std::process::ExitCode;
+
+/// Simulates depth sensors: casts the beams of LiDARs and depth cameras over a 3D scene and writes what the instrument
+/// would have reported, every point labelled.
+#[derive(Parser)]
+#[command(
+    version,
+    arg_required_else_help = true,
+    after_help = "Example:\n  echocast scan street.glb --sensor velodyne_vlp32c --camera Sensor -o scan.las --preview scan.png\n\n\
+                  Exit codes: 0 done; 1 the work failed; 2 wrong usage."
+)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Scan(Box<scan::Args>),
+    Sensors(sensors::Args),
+    Info(info::Args),
+    Formats(formats::Args),
+    Bench(bench::Args),
+}
+
+fn main() -> ExitCode {
+    let done = match Cli::parse().command {
+        Command::Scan(args) => scan::run(&args),
+        Command::Sensors(args) => sensors::run(&args),
+        Command::Info(args) => info::run(&args),
+        Command::Formats(formats::Args {}) => formats::run(),
+        Command::Bench(args) => bench::run(&args),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            // Nobody is left to tell when stderr is closed.
+            let _ = writeln!(std::io::stderr(), "error: {}", text::one_line(&error));
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -1,0 +1,180 @@
+//! Where clouds and pictures go.
+
+use crate::choice;
+use anyhow::{Context as _, Result, ensure};
+use clap::Args;
+use echocast::export::preview::{self, ColorBy, PreviewOptions, View};
+use echocast::export::{self, FramesFile};
+use echocast::{FieldSet, PointCloud, Report};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+
+/// Files to write.
+#[derive(Args)]
+pub struct OutputArgs {
+    /// Cloud file, repeatable; the format is chosen by the ending (`echocast formats` lists them)
+    #[arg(short, long, value_name = "FILE", required_unless_present = "preview", help_heading = "Output")]
+    output: Vec<PathBuf>,
+    /// Format of the cloud files, whatever their endings
+    #[arg(long, value_name = "NAME", requires = "output", help_heading = "Output")]
+    format: Option<String>,
+    /// One file per frame: `name_0007.las`; in HDF5 one file, one variable-length row per frame and column
+    #[arg(long, overrides_with = "_merged", help_heading = "Output")]
+    single: bool,
+    /// All frames in one cloud (the default)
+    #[arg(long = "merged", help_heading = "Output")]
+    _merged: bool,
+    /// Picture of the cloud
+    #[arg(long, value_name = "FILE.png", help_heading = "Output")]
+    preview: Option<PathBuf>,
+    /// What the colours of the picture show
+    #[arg(long, requires = "preview", default_value = "label", value_parser = choice::of(choice::COLOR), help_heading = "Output")]
+    color: ColorBy,
+    /// From where the picture looks at the cloud
+    #[arg(long, requires = "preview", default_value = "top", value_parser = choice::of(choice::VIEW), help_heading = "Output")]
+    view: View,
+}
+
+impl OutputArgs {
+    /// Whether every frame is written by itself.
+    pub fn single(&self) -> bool {
+        self.single
+    }
+
+    /// Folders that files go to.
+    pub fn folders(&self) -> Vec<PathBuf> {
+        self.output.iter().chain(&self.preview).map(|file| folder(file).to_owned()).collect()
+    }
+
+    /// Says before a long scan what would fail after it.
+    pub fn check(&self, fields: FieldSet) -> Result<()> {
+        for (index, file) in self.output.iter().enumerate() {
+            ensure!(!self.output[..index].contains(file), "-o {}: given twice", file.display());
+            export::check(file, self.format.as_deref(), fields)?;
+        }
+        if let Some(file) = &self.preview {
+            let is_png = file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png"));
+            ensure!(is_png, "--preview {}: pictures are written as .png", file.display());
+            ensure!(
+                folder(file).is_dir(),
+                "--preview {}: there is no folder {}",
+                file.display(),
+                folder(file).display()
+            );
+        }
+        Ok(())
+    }
+
+    /// For the report.
+    pub fn to_json(&self) -> Value {
+        let preview = self.preview.as_ref().map(|file| {
+            json!({
+                "file": file,
+                "color": choice::name(choice::COLOR, self.color),
+                "view": choice::name(choice::VIEW, self.view),
+            })
+        });
+        json!({ "files": self.output, "format": self.format, "single": self.single, "preview": preview })
+    }
+}
+
+fn folder(file: &Path) -> &Path {
+    file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// Writes the clouds of a run.
+pub struct Writer<'a> {
+    args: &'a OutputArgs,
+    /// HDF5 files that take frame after frame, in the order of `args.output`.
+    growing: Vec<(&'a Path, FramesFile)>,
+    /// Every file written.
+    pub files: Vec<PathBuf>,
+    /// What formats could not hold.
+    pub report: Report,
+}
+
+impl<'a> Writer<'a> {
+    pub fn new(args: &'a OutputArgs) -> Self {
+        Writer { args, growing: Vec::new(), files: Vec::new(), report: Report::default() }
+    }
+
+    /// Writes the only cloud of the run.
+    pub fn write(&mut self, cloud: &PointCloud) -> Result<()> {
+        for file in &self.args.output {
+            self.write_cloud(cloud, file)?;
+        }
+        self.write_preview(cloud, self.args.preview.clone())
+    }
+
+    /// Writes the cloud of one of many frames.
+    pub fn write_frame(&mut self, frame: u32, cloud: &PointCloud) -> Result<()> {
+        for file in &self.args.output {
+            if export::format_for(file, self.args.format.as_deref())?.name() == "hdf5" {
+                self.add_frame(cloud, file)?;
+            } else {
+                self.write_cloud(cloud, &numbered(file, frame))?;
+            }
+        }
+        self.write_preview(cloud, self.args.preview.as_ref().map(|file| numbered(file, frame)))
+    }
+
+    /// Gives files that grew frame by frame their names.
+    pub fn finish(&mut self) -> Result<()> {
+        for (file, frames) in self.growing.drain(..) {
+            frames.finish()?;
+            self.files.push(file.to_owned());
+        }
+        Ok(())
+    }
+
+    fn write_cloud(&mut self, cloud: &PointCloud, file: &Path) -> Result<()> {
+        let format = self.args.format.as_deref();
+        self.report.absorb(export::write(cloud, file, format)?);
+        self.files.push(file.to_owned());
+        if !export::format_for(file, format)?.holds_label_names() {
+            self.files.push(export::labels_path(file));
+        }
+        Ok(())
+    }
+
+    fn add_frame(&mut self, cloud: &PointCloud, file: &'a Path) -> Result<()> {
+        let index = match self.growing.iter().position(|(known, _)| *known == file) {
+            Some(index) => index,
+            None => {
+                self.growing.push((file, FramesFile::create(file)?));
+                self.growing.len() - 1
+            }
+        };
+        Ok(self.growing[index].1.add(cloud)?)
+    }
+
+    fn write_preview(&mut self, cloud: &PointCloud, file: Option<PathBuf>) -> Result<()> {
+        let Some(file) = file else { return Ok(()) };
+        let options = PreviewOptions { view: self.args.view, color: self.args.color, ..PreviewOptions::default() };
+        self.report.absorb(preview::write(cloud, &file, &options).context("--preview")?);
+        self.files.push(file);
+        Ok(())
+    }
+}
+
+/// `name_0007.las` for frame 7 of `name.las`.
+fn numbered(file: &Path, frame: u32) -> PathBuf {
+    let mut name = file.file_stem().unwrap_or_default().to_owned();
+    name.push(format!("_{frame:04}"));
+    if let Some(ending) = file.extension() {
+        name.push(".");
+        name.push(ending);
+    }
+    file.with_file_name(name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_are_numbered_before_the_ending() {
+        assert_eq!(numbered(Path::new("out/a.b.las"), 7), Path::new("out/a.b_0007.las"));
+        assert_eq!(numbered(Path::new("name"), 12345), Path::new("name_12345"));
+    }
+}

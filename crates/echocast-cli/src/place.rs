@@ -1,0 +1,66 @@
+//! Where the sensor stands.
+
+use anyhow::{Result, bail};
+use clap::Args;
+use echocast::{Pose, Scene};
+
+/// A fixed place for the sensor.
+#[derive(Args)]
+pub struct PlaceArgs {
+    /// Position in the world (z up), metres
+    #[arg(
+        long,
+        value_name = "X,Y,Z",
+        value_parser = three_numbers,
+        allow_hyphen_values = true,
+        conflicts_with = "camera",
+        help_heading = "Place"
+    )]
+    at: Option<[f64; 3]>,
+    /// Roll, pitch, yaw about the world's x, y, z, degrees; positive pitch looks down, positive yaw left
+    #[arg(
+        long,
+        value_name = "R,P,Y",
+        value_parser = three_numbers,
+        allow_hyphen_values = true,
+        requires = "at",
+        help_heading = "Place"
+    )]
+    rpy: Option<[f64; 3]>,
+    /// Camera node of the scene: sensor x = its view direction, z = its up [default: the only one]
+    #[arg(long, value_name = "NODE", help_heading = "Place")]
+    camera: Option<String>,
+}
+
+impl PlaceArgs {
+    /// The pose that was asked for, or that of the scene's only camera.
+    pub fn pose(&self, scene: &Scene) -> Result<Pose> {
+        if let Some([x, y, z]) = self.at {
+            let [roll, pitch, yaw] = self.rpy.unwrap_or_default();
+            return Ok(Pose::at(x, y, z).with_rpy_deg(roll, pitch, yaw));
+        }
+        let names = || scene.cameras.iter().map(|camera| camera.name.as_str()).collect::<Vec<_>>().join(", ");
+        match (&self.camera, scene.cameras.as_slice()) {
+            (None, [camera]) => Ok(camera.pose),
+            (None, []) => bail!("the scene has no camera node: say where the sensor stands with --at X,Y,Z"),
+            (None, cameras) => bail!(
+                "the scene has {} camera nodes ({}): choose one with --camera NODE, or a place with --at X,Y,Z",
+                cameras.len(),
+                names()
+            ),
+            (Some(name), []) => {
+                bail!("--camera {name}: the scene has no camera node; a place can be given with --at X,Y,Z")
+            }
+            (Some(name), _) => match scene.camera(name) {
+                Ok(camera) => Ok(camera.pose),
+                Err(error) => bail!("--camera {name}: {error}; the scene has {}", names()),
+            },
+        }
+    }
+}
+
+fn three_numbers(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Option<Vec<f64>> =
+        text.split(',').map(|part| part.trim().parse().ok().filter(|number: &f64| number.is_finite())).collect();
+    numbers.and_then(|numbers| numbers.try_into().ok()).ok_or("expected three numbers, such as 1.5,-2,0.8".into())
+}

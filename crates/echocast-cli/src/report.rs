@@ -1,0 +1,75 @@
+//! What a run did, for programs and for people.
+
+use crate::text::{counted, duration};
+use serde_json::{Value, json};
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Seconds on the wall, by kind of work.
+#[derive(Default)]
+pub struct Seconds {
+    pub load: f64,
+    pub build: f64,
+    pub scan: f64,
+    pub write: f64,
+}
+
+/// Runs `work` and adds the seconds it took to `to`.
+pub fn timed<T>(to: &mut f64, work: impl FnOnce() -> T) -> T {
+    let start = Instant::now();
+    let result = work();
+    *to += start.elapsed().as_secs_f64();
+    result
+}
+
+/// The report of a scan.
+pub struct RunReport {
+    pub rays: usize,
+    pub points: usize,
+    pub frames: usize,
+    pub threads: usize,
+    pub seconds: Seconds,
+    pub warnings: Vec<String>,
+    pub outputs: Vec<PathBuf>,
+    /// Everything that is needed to repeat the run.
+    pub run: Value,
+}
+
+impl RunReport {
+    /// The object of `--json`.
+    pub fn to_json(&self) -> Value {
+        let Seconds { load, build, scan, write } = self.seconds;
+        json!({
+            "version": env!("CARGO_PKG_VERSION"),
+            "rays": self.rays,
+            "points": self.points,
+            "frames": self.frames,
+            "threads": self.threads,
+            "seconds": { "load": load, "build": build, "scan": scan, "write": write },
+            "warnings": self.warnings,
+            "outputs": self.outputs,
+            "run": self.run,
+        })
+    }
+
+    /// A few lines: counts, times, files. `title` says what was scanned.
+    pub fn summary(&self, title: &str) -> String {
+        let Seconds { load, build, scan, write } = self.seconds;
+        let mut text = format!(
+            "{title}: {} of {}, {}\n  load {}, build {}, scan {} ({:.1} M rays/s, {}), write {}\n",
+            counted(self.points, "point"),
+            counted(self.rays, "ray"),
+            counted(self.frames, "frame"),
+            duration(load),
+            duration(build),
+            duration(scan),
+            self.rays as f64 / scan / 1e6,
+            counted(self.threads, "thread"),
+            duration(write),
+        );
+        for file in &self.outputs {
+            text.push_str(&format!("  {}\n", file.display()));
+        }
+        text
+    }
+}

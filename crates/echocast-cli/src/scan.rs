@@ -1,0 +1,260 @@
+//! `echocast scan`
+
+use crate::frames::Frames;
+use crate::input::{self, SceneArgs, SensorArgs};
+use crate::output::{OutputArgs, Writer};
+use crate::place::PlaceArgs;
+use crate::progress::Progress;
+use crate::report::{RunReport, Seconds, timed};
+use crate::text::duration;
+use crate::{choice, formats, interrupt, text};
+use anyhow::{Context as _, Result, ensure};
+use echocast::{
+    Field, FieldSet, Frame, Order, PointCloud, Profile, ReflectanceSource, Report, ScanOptions, Scene, Sensor,
+    Trajectory,
+};
+use serde_json::{Value, json};
+use std::io::Write as _;
+use std::path::PathBuf;
+
+/// Scan a scene with one sensor: one or more frames, labelled clouds and pictures
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  echocast scan street.glb --sensor velodyne_vlp32c --camera Sensor -o scan.las --preview scan.png
+  echocast scan hall.glb --sensor kinect_v2 --at 1,2,1.5 --rpy 0,15,90 --organised --fields default,depth -o hall.npz
+  echocast scan city.obj --up y --sensor velodyne_hdl64e --trajectory drive.txt --frames 0:99 --single -o drive.las")]
+pub struct Args {
+    #[command(flatten)]
+    scene: SceneArgs,
+    /// Where reflectance comes from when the material does not say it [default: alpha for the profile blainder, luminance for the others]
+    #[arg(long, value_parser = choice::of(choice::REFLECTANCE_SOURCE), help_heading = "Scene")]
+    reflectance_source: Option<ReflectanceSource>,
+    #[command(flatten)]
+    sensor: SensorArgs,
+    /// Model set: physics as we know it, the paper's equations as printed, or what its program computes
+    #[arg(long, default_value = "physical", value_parser = choice::of(choice::PROFILE), help_heading = "Sensor")]
+    profile: Profile,
+    /// Seed of all random draws
+    #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Sensor")]
+    seed: u64,
+    #[command(flatten)]
+    place: PlaceArgs,
+    /// Poses over time: TUM text (`t x y z qx qy qz qw`) or CSV with a header; time 0 of the run is the first pose
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["at", "camera"], help_heading = "Place")]
+    trajectory: Option<PathBuf>,
+    /// Frames A to B, both included, every STEPth; frame k starts at k / fps seconds [default: frame 0 alone]
+    #[arg(long, value_name = "A:B[:STEP]", help_heading = "Place")]
+    frames: Option<Frames>,
+    /// Frames per second [default: the sensor's rate]
+    #[arg(long, value_name = "N", value_parser = input::positive, requires = "frames", help_heading = "Place")]
+    fps: Option<f64>,
+    /// Columns to compute and write: names separated by commas, `default` or `all`; `--help` lists them
+    #[arg(long, value_name = "LIST", value_parser = FieldSet::parse, long_help = formats::column_help(), help_heading = "Points")]
+    fields: Option<FieldSet>,
+    /// Coordinates of the points
+    #[arg(long = "frame", default_value = "world", value_parser = choice::of(choice::FRAME), help_heading = "Points")]
+    coordinates: Frame,
+    /// Order of the points: rising frame, beam, return; or rising time
+    #[arg(long, default_value = "beam", value_parser = choice::of(choice::ORDER), help_heading = "Points")]
+    order: Order,
+    /// Keep beams without a return (NaN), rows and columns of the sensor
+    #[arg(long, conflicts_with = "order", help_heading = "Points")]
+    organised: bool,
+    #[command(flatten)]
+    output: OutputArgs,
+    /// Worker threads [default: all cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Print the run's report as one JSON object on stdout
+    #[arg(long)]
+    json: bool,
+    /// Print nothing but errors
+    #[arg(short, long, conflicts_with = "verbose")]
+    quiet: bool,
+    /// Print more: scene, sensor and pose
+    #[arg(short, long)]
+    verbose: bool,
+}
+
+pub fn run(args: &Args) -> Result<()> {
+    let threads = input::set_threads(args.threads)?;
+    let fields = args.fields.unwrap_or_default();
+    args.output.check(fields)?;
+    interrupt::clean_up_in(args.output.folders())?;
+    let progress = Progress::new(args.quiet);
+    let mut seconds = Seconds::default();
+    let mut warnings = Report::default();
+
+    progress.phase(format!("loading {}", args.scene.names()));
+    let (sensor, scene, trajectory) = timed(&mut seconds.load, || -> Result<(Sensor, Scene, Trajectory)> {
+        let sensor = args.sensor.load()?;
+        let trajectory = args.trajectory.as_ref().map(Trajectory::load).transpose()?;
+        let scene = args.scene.load()?;
+        let trajectory = match trajectory {
+            Some(trajectory) => trajectory.shifted_to_zero(),
+            None => Trajectory::fixed(args.place.pose(&scene)?),
+        };
+        Ok((sensor, scene, trajectory))
+    })?;
+    warnings.absorb(scene.report.clone());
+    let frames = args.frames.unwrap_or(Frames::ONE);
+    let fps = frame_rate(args.fps, &sensor)?;
+    if args.trajectory.is_some() {
+        warn_beyond_end(&trajectory, f64::from(frames.last) / fps, &mut warnings);
+    }
+
+    progress.phase("building".into());
+    let built = timed(&mut seconds.build, || scene.build())?;
+
+    progress.count_frames(frames.len());
+    let mut writer = Writer::new(&args.output);
+    let mut all = PointCloud::default();
+    let mut cloud = PointCloud::default();
+    let mut points = 0;
+    for frame in frames.iter() {
+        let options = ScanOptions {
+            fields,
+            seed: args.seed,
+            frame,
+            start_time: f64::from(frame) / fps,
+            organised: args.organised,
+            coordinates: args.coordinates,
+            order: args.order,
+            profile: args.profile,
+            reflectance_source: args.reflectance_source,
+            threads: None,
+        };
+        progress.phase("scanning".into());
+        timed(&mut seconds.scan, || built.scan_into(&sensor, &trajectory, &options, &mut cloud))?;
+        points += returns(&cloud);
+        if args.output.single() {
+            progress.phase("writing".into());
+            timed(&mut seconds.write, || writer.write_frame(frame, &cloud))?;
+        } else if frames.len() > 1 {
+            timed(&mut seconds.scan, || all.append(&cloud))?;
+        }
+        progress.frame_done();
+    }
+    progress.phase("writing".into());
+    timed(&mut seconds.write, || match args.output.single() {
+        true => writer.finish(),
+        false => writer.write(if frames.len() > 1 { &all } else { &cloud }),
+    })?;
+    drop(progress);
+    warnings.absorb(writer.report);
+
+    let report = RunReport {
+        rays: sensor.beams().len() * frames.len(),
+        points,
+        frames: frames.len(),
+        threads,
+        seconds,
+        warnings: warnings.warnings,
+        outputs: writer.files,
+        run: repeatable(args, &sensor, &trajectory, frames, fps, fields)?,
+    };
+    if args.verbose {
+        tell_more(&scene, &sensor, &trajectory);
+    }
+    if args.json {
+        return text::print(&format!("{:#}\n", report.to_json()));
+    }
+    if !args.quiet {
+        report.warnings.iter().for_each(|warning| note(&format!("warning: {warning}")));
+        text::print(&report.summary(&format!("{} in {}", sensor.name(), args.scene.names())))?;
+    }
+    Ok(())
+}
+
+/// Rows of `cloud` that are returns: all but the misses of an organised cloud, where the columns tell them.
+fn returns(cloud: &PointCloud) -> usize {
+    let telling = [Field::Range, Field::ReturnNumber].map(|field| cloud.column(field));
+    match telling.iter().find(|column| !column.is_empty()) {
+        Some(column) if cloud.organised.is_some() => (0..cloud.len).filter(|&row| column.get_f64(row) > 0.0).count(),
+        _ => cloud.len,
+    }
+}
+
+/// Frames per second: as asked for, else as many as the sensor makes.
+fn frame_rate(asked: Option<f64>, sensor: &Sensor) -> Result<f64> {
+    let period = sensor.beams().period;
+    let fps = asked.unwrap_or(1.0 / period);
+    ensure!(
+        fps.is_finite() && fps > 0.0,
+        "the sensor's period is {period} s: say how many frames a second with --fps N"
+    );
+    Ok(fps)
+}
+
+/// Warns when frames start after the last pose.
+fn warn_beyond_end(trajectory: &Trajectory, last_start: f64, warnings: &mut Report) {
+    let (_, end) = trajectory.span();
+    if last_start > end {
+        warnings.warn(format!(
+            "the last frame starts at {last_start:.3} s, but the trajectory ends at {end:.3} s: the sensor stands there"
+        ));
+    }
+}
+
+/// The resolved scenario.
+fn repeatable(
+    args: &Args,
+    sensor: &Sensor,
+    trajectory: &Trajectory,
+    frames: Frames,
+    fps: f64,
+    fields: FieldSet,
+) -> Result<Value> {
+    let start = trajectory.at(0.0);
+    let place = match &args.trajectory {
+        Some(file) => json!({ "file": file, "duration_s": trajectory.span().1 }),
+        None => json!({
+            "position_m": start.position.to_array(),
+            "orientation_xyzw": start.orientation.to_array(),
+        }),
+    };
+    Ok(json!({
+        "scene": args.scene.to_json(),
+        "sensors": [serde_json::to_value(sensor.spec()).context("the sensor cannot be reported")?],
+        "trajectory": place,
+        "frames": { "first": frames.first, "last": frames.last, "step": frames.step, "fps": fps },
+        "profile": choice::name(choice::PROFILE, args.profile),
+        "reflectance_source": args.reflectance_source.map(|source| choice::name(choice::REFLECTANCE_SOURCE, source)),
+        "seed": args.seed,
+        "fields": fields.iter().map(|info| info.name).collect::<Vec<_>>(),
+        "frame": choice::name(choice::FRAME, args.coordinates),
+        "order": choice::name(choice::ORDER, args.order),
+        "organised": args.organised,
+        "outputs": args.output.to_json(),
+    }))
+}
+
+/// What `--verbose` adds, on stderr: stdout belongs to the summary or the report.
+fn tell_more(scene: &Scene, sensor: &Sensor, trajectory: &Trajectory) {
+    let beams = sensor.beams();
+    let pose = trajectory.at(0.0);
+    let [x, y, z] = pose.position.to_array();
+    note(&format!(
+        "scene: {} in {}, {}, {}",
+        text::counted(scene.triangle_count(), "triangle"),
+        text::counted(scene.objects.len(), "object"),
+        text::counted(scene.materials.len(), "material"),
+        text::counted(scene.textures.len(), "texture"),
+    ));
+    note(&format!(
+        "sensor: {} ({}), {} x {} beams, a scan takes {}",
+        sensor.name(),
+        sensor.title(),
+        text::thousands(beams.rows as usize),
+        text::thousands(beams.columns as usize),
+        duration(beams.period),
+    ));
+    let forward = pose.rotation().x_axis;
+    note(&format!("start: at {x:.3},{y:.3},{z:.3}, looking along {:.3},{:.3},{:.3}", forward.x, forward.y, forward.z));
+}
+
+/// A line on stderr; nobody is left to tell when it is closed.
+fn note(line: &str) {
+    let _ = writeln!(std::io::stderr(), "{line}");
+}

@@ -1,0 +1,229 @@
+//! Scans: files, reports, frames, places.
+
+mod common;
+
+use common::{csv_column, files, report, run, stderr, stdout, write_room, write_single_beam};
+use std::fs;
+use std::process::{Command, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+const SCAN: &str = "scan HALL --sensor velodyne_vlp16 --at -6,6,1.2";
+
+#[test]
+fn files_appear_and_nothing_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let summary = stdout(
+        folder.path(),
+        &format!("{SCAN} -o DIR/a.las -o DIR/b.csv -o DIR/c.ply -o DIR/d.npz -o DIR/e.h5 --preview DIR/f.png"),
+    );
+    assert!(summary.contains("points of 28,928 rays, 1 frame") && summary.contains("a.las"), "{summary}");
+    assert_eq!(
+        files(folder.path()),
+        ["a.las", "b.csv", "b.labels.json", "c.labels.json", "c.ply", "d.npz", "e.h5", "f.png"]
+    );
+    assert!(fs::read(folder.path().join("f.png")).unwrap().starts_with(b"\x89PNG"));
+    assert!(fs::read_to_string(folder.path().join("b.labels.json")).unwrap().contains("\"chair\""));
+
+    let quiet = run(folder.path(), &format!("{SCAN} -q -o DIR/x --format csv"));
+    assert!(quiet.status.success() && quiet.stdout.is_empty() && quiet.stderr.is_empty());
+    assert_eq!(fs::read(folder.path().join("x")).unwrap(), fs::read(folder.path().join("b.csv")).unwrap());
+}
+
+#[test]
+fn the_report_says_what_was_done_and_how_to_repeat_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let report = report(
+        folder.path(),
+        &format!("{SCAN} --rpy 0,0,90 --set noise.range_sigma_m=0.5 --seed 9 --threads 2 --profile paper -o DIR/a.csv"),
+    );
+    assert_eq!(report["version"], env!("CARGO_PKG_VERSION"));
+    assert_eq!(report["rays"], 28928);
+    assert_eq!(report["points"], csv_column(&folder.path().join("a.csv"), "range").len());
+    assert_eq!((&report["frames"], &report["threads"]), (&1.into(), &2.into()));
+    for phase in ["load", "build", "scan", "write"] {
+        assert!(report["seconds"][phase].as_f64().is_some_and(|seconds| seconds > 0.0), "{phase}");
+    }
+    assert!(report["warnings"].is_array());
+    let outputs: Vec<&str> = report["outputs"].as_array().unwrap().iter().map(|file| file.as_str().unwrap()).collect();
+    assert!(outputs[0].ends_with("/a.csv") && outputs[1].ends_with("/a.labels.json") && outputs.len() == 2);
+
+    let run = &report["run"];
+    assert!(run["scene"]["files"][0].as_str().unwrap().ends_with("indoor-1.glb"));
+    assert_eq!(run["sensors"][0]["name"], "velodyne_vlp16");
+    assert_eq!(run["sensors"][0]["noise"]["range_sigma_m"], 0.5);
+    assert_eq!(run["trajectory"]["position_m"], serde_json::json!([-6.0, 6.0, 1.2]));
+    assert_eq!((&run["seed"], &run["profile"]), (&9.into(), &"paper".into()));
+    assert_eq!(run["fields"].as_array().unwrap().len(), echocast::FieldSet::default().iter().count());
+    for key in ["frames", "reflectance_source", "frame", "order", "organised", "outputs"] {
+        assert!(run.get(key).is_some(), "{key}");
+    }
+}
+
+#[test]
+fn equal_input_gives_equal_bytes_whatever_the_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, options) in [("a", ""), ("b", ""), ("one", "--threads 1"), ("two", "--threads 2"), ("seed", "--seed 1")]
+    {
+        stdout(folder.path(), &format!("{SCAN} --fields all {options} -o DIR/{name}.npz"));
+    }
+    let bytes = |name: &str| fs::read(folder.path().join(name).with_extension("npz")).unwrap();
+    let first = bytes("a");
+    assert!(first == bytes("b") && first == bytes("one") && first == bytes("two"));
+    assert!(first != bytes("seed"));
+}
+
+#[test]
+fn an_older_file_survives_a_failed_or_killed_write() {
+    let folder = tempfile::tempdir().unwrap();
+    let old = folder.path().join("a.csv");
+    fs::write(&old, "old").unwrap();
+    // Files may not grow beyond 64 KiB: the write fails, or kills the program when it does not ignore the signal.
+    for (trap, code) in [("trap '' XFSZ;", Some(1)), ("", None)] {
+        let program = common::command(folder.path(), &format!("{SCAN} -o DIR/a.csv"));
+        let mut limited = Command::new("sh");
+        limited.args(["-c", &format!("{trap} ulimit -c 0; ulimit -f 128; exec \"$@\""), "sh"]);
+        let output = limited.arg(program.get_program()).args(program.get_args()).output().unwrap();
+        assert_eq!(output.status.code(), code, "{}", stderr(&output));
+        assert_eq!(fs::read_to_string(&old).unwrap(), "old");
+        if code.is_some() {
+            assert!(stderr(&output).starts_with("error: ") && stderr(&output).contains("a.csv"), "{}", stderr(&output));
+            assert_eq!(files(folder.path()), ["a.csv"]);
+        }
+    }
+}
+
+#[test]
+fn an_interrupted_run_leaves_nothing_behind() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut program = common::command(folder.path(), &format!("{SCAN} --frames 0:1000000 --single -o DIR/a.h5"));
+    let mut child = program.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let start = Instant::now();
+    // Once the unfinished file has some size the program is in its frames.
+    let unfinished =
+        || fs::read_dir(folder.path()).unwrap().flatten().any(|file| file.metadata().is_ok_and(|m| m.len() > 1 << 16));
+    while !unfinished() {
+        assert!(start.elapsed() < Duration::from_secs(60) && child.try_wait().unwrap().is_none());
+        sleep(Duration::from_millis(20));
+    }
+    let killed = Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
+    assert!(killed.success());
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    assert!(files(folder.path()).is_empty(), "{:?}", files(folder.path()));
+}
+
+#[test]
+fn the_only_camera_is_the_default_place() {
+    let folder = tempfile::tempdir().unwrap();
+    write_room(folder.path(), &["Down"]);
+    write_single_beam(folder.path());
+    let scan = "scan DIR/room.gltf --sensor DIR/pole.yaml --fields x,y,z,range";
+    let range = |args: &str| {
+        stdout(folder.path(), &format!("{scan} {args} -o DIR/a.csv"));
+        csv_column(&folder.path().join("a.csv"), "range")
+    };
+    assert_eq!(range(""), [2.0]);
+    assert_eq!(range("--camera Down"), [2.0]);
+    // Pitch 30 degrees down from 1 m above the floor.
+    let ranges = range("--at 1,1,1 --rpy 0,30,0");
+    assert!((ranges[0] - 2.0).abs() < 1e-5, "{ranges:?}");
+    assert!(range("--at 1,1,1").is_empty());
+}
+
+#[test]
+fn frames_follow_the_trajectory() {
+    let folder = tempfile::tempdir().unwrap();
+    write_room(folder.path(), &[]);
+    write_single_beam(folder.path());
+    // Rises from 1 m to 2 m within a second, looking straight down; the clock counts from 1970.
+    let (w, y) = (std::f64::consts::FRAC_1_SQRT_2, std::f64::consts::FRAC_1_SQRT_2);
+    fs::write(folder.path().join("rise.txt"), format!("1700000000 0 0 1 0 {y} 0 {w}\n1700000001 0 0 2 0 {y} 0 {w}\n"))
+        .unwrap();
+    let scan = "scan DIR/room.gltf --sensor DIR/pole.yaml --trajectory DIR/rise.txt --fields x,y,z,range,time,frame";
+    let close = |found: Vec<f64>, expected: &[f64]| {
+        assert_eq!(found.len(), expected.len(), "{found:?}");
+        assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-5), "{found:?} is not {expected:?}");
+    };
+
+    let merged = report(folder.path(), &format!("{scan} --frames 0:8:4 -o DIR/a.csv"));
+    assert_eq!((&merged["frames"], &merged["rays"], &merged["points"]), (&3.into(), &3.into(), &3.into()));
+    let column = |file: &str, name: &str| csv_column(&folder.path().join(file), name);
+    close(column("a.csv", "range"), &[1.0, 1.4, 1.8]);
+    close(column("a.csv", "time"), &[0.0, 0.4, 0.8]);
+    close(column("a.csv", "frame"), &[0.0, 4.0, 8.0]);
+
+    let single = report(folder.path(), &format!("{scan} --frames 1:2 --fps 4 --single -o DIR/b.csv -o DIR/b.h5"));
+    assert_eq!(single["points"], 2);
+    close(column("b_0001.csv", "range"), &[1.25]);
+    close(column("b_0002.csv", "range"), &[1.5]);
+    let written: Vec<String> = files(folder.path()).into_iter().filter(|name| name.starts_with('b')).collect();
+    assert_eq!(written, ["b.h5", "b_0001.csv", "b_0001.labels.json", "b_0002.csv", "b_0002.labels.json"]);
+
+    let late = report(folder.path(), &format!("{scan} --frames 0:20:20 -o DIR/c.csv"));
+    close(column("c.csv", "range"), &[1.0, 2.0]);
+    assert!(late["warnings"][0].as_str().unwrap().contains("trajectory ends at 1.000 s"), "{late}");
+}
+
+#[test]
+fn points_can_be_organised_ordered_and_told_in_the_sensor_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    let column = |file: &str, name: &str| csv_column(&folder.path().join(file), name);
+    let organised = report(folder.path(), &format!("{SCAN} --organised -o DIR/a.csv"));
+    let ranges = column("a.csv", "range");
+    let returns = ranges.iter().filter(|range| !range.is_nan()).count();
+    assert!(ranges.len() == 28928 && (1..28928).contains(&returns));
+    assert_eq!(organised["points"], returns);
+
+    stdout(folder.path(), &format!("{SCAN} --order time -o DIR/b.csv"));
+    let times = column("b.csv", "time");
+    assert!(times.is_sorted() && times.len() < 28928);
+
+    stdout(folder.path(), &format!("{SCAN} --frame sensor --fields all -o DIR/c.csv"));
+    let (x, y, z) = (column("c.csv", "x"), column("c.csv", "y"), column("c.csv", "z"));
+    for (row, range) in column("c.csv", "range").iter().enumerate() {
+        let length = (x[row].powi(2) + y[row].powi(2) + z[row].powi(2)).sqrt();
+        assert!((length - range).abs() < 1e-4 * range, "row {row}: {length} is not {range}");
+    }
+}
+
+#[test]
+fn units_and_up_axis_of_obj_files_can_be_told() {
+    let folder = tempfile::tempdir().unwrap();
+    // A wall, 4 cm before the origin in the file's z, which is the file's up or not.
+    fs::write(folder.path().join("wall.obj"), "o Wall\nv -9 -9 4\nv 9 -9 4\nv 9 9 4\nv -9 9 4\nf 1 2 3 4\n").unwrap();
+    write_single_beam(folder.path());
+    for (args, range) in [
+        // z is up: the wall is a ceiling.
+        ("--rpy 0,-90,0", 4.0),
+        ("--rpy 0,-90,0 --scale 0.01", 0.04),
+        // y is up: the file's z is the world's -y.
+        ("--up y --rpy 0,0,-90", 4.0),
+    ] {
+        stdout(folder.path(), &format!("scan DIR/wall.obj --sensor DIR/pole.yaml --at 0,0,0 {args} -o DIR/a.csv"));
+        let ranges = csv_column(&folder.path().join("a.csv"), "range");
+        assert!(ranges.len() == 1 && (ranges[0] - range).abs() < 1e-5, "{args}: {ranges:?}");
+    }
+}
+
+#[test]
+fn several_scenes_are_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let alone = report(folder.path(), &format!("{SCAN} -o DIR/a.csv"));
+    let both = report(folder.path(), "scan HALL FLAT --sensor velodyne_vlp16 --at -6,6,1.2 -o DIR/b.csv");
+    assert_ne!(alone["points"], both["points"]);
+    let names = fs::read_to_string(folder.path().join("b.labels.json")).unwrap();
+    assert!(names.contains("\"whiteboard\"") && names.contains("\"IKEA_sofa_EKTORP\""), "{names}");
+    assert_eq!(both["run"]["scene"]["files"].as_array().unwrap().len(), 2);
+}
+
+#[test]
+fn bench_compares_with_the_bare_loop() {
+    let folder = tempfile::tempdir().unwrap();
+    let figures = report(folder.path(), "bench HALL --sensor velodyne_vlp16 --at -6,6,1.2 --threads 2");
+    assert_eq!((&figures["rays"], &figures["threads"]), (&28928.into(), &2.into()));
+    for key in ["seconds_per_scan", "cpu_seconds_per_scan", "bare_cpu_seconds_per_scan"] {
+        let [best, median] = ["best", "median"].map(|name| figures[key][name].as_f64().expect(key));
+        assert!(0.0 < best && best <= median, "{key}: {best} {median}");
+    }
+    assert!(figures["ratio"].as_f64().is_some_and(|ratio| ratio > 0.0));
+}

@@ -1,0 +1,150 @@
+//! CSV: a header of column names, one row per point.
+
+use super::{Format, offset};
+use crate::cloud::{Column, FieldInfo, PointCloud};
+use crate::report::Report;
+use rayon::prelude::*;
+use std::fs::File;
+use std::io::{self, Write};
+use std::path::Path;
+
+/// Text for everything that reads nothing else.
+pub(super) struct Csv;
+
+/// Rows that one thread formats at a time: about 1 MB of text.
+const ROWS: usize = 8192;
+
+impl Format for Csv {
+    fn name(&self) -> &'static str {
+        "csv"
+    }
+
+    fn extensions(&self) -> &'static [&'static str] {
+        &["csv"]
+    }
+
+    fn description(&self) -> &'static str {
+        "comma separated text with a header; positions to the micrometre, misses are nan"
+    }
+
+    fn holds(&self, _: &FieldInfo) -> bool {
+        true
+    }
+
+    fn needs_positions(&self) -> bool {
+        false
+    }
+
+    fn holds_label_names(&self) -> bool {
+        false
+    }
+
+    fn write(&self, cloud: &PointCloud, path: &Path, _: &mut Report) -> io::Result<()> {
+        let columns: Vec<(Column, Option<f64>)> =
+            cloud.fields.iter().map(|info| (cloud.column(info.field), offset(cloud, info.field))).collect();
+        let names: Vec<&str> = cloud.fields.iter().map(|info| info.name).collect();
+        let mut file = File::create(path)?;
+        file.write_all(format!("{}\n", names.join(",")).as_bytes())?;
+        let mut texts = vec![Vec::new(); rayon::current_num_threads()];
+        for start in (0..cloud.len).step_by(ROWS * texts.len()) {
+            texts.par_iter_mut().enumerate().for_each(|(i, text)| {
+                text.clear();
+                let start = start + i * ROWS;
+                for row in start..cloud.len.min(start + ROWS) {
+                    push_row(text, &columns, row);
+                }
+            });
+            for text in &texts {
+                file.write_all(text)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn push_row(text: &mut Vec<u8>, columns: &[(Column, Option<f64>)], row: usize) {
+    for &(column, offset) in columns {
+        match (column, offset) {
+            (Column::F32(c), Some(offset)) => push_position(text, f64::from(c[row]) + offset),
+            (Column::F32(c), None) => push_float(text, c[row]),
+            (Column::F64(c), _) => push_float(text, c[row]),
+            (Column::U8(c), _) => push_integer(text, c[row]),
+            (Column::U16(c), _) => push_integer(text, c[row]),
+            (Column::U32(c), _) => push_integer(text, c[row]),
+        }
+        text.push(b',');
+    }
+    if let Some(comma) = text.last_mut() {
+        *comma = b'\n';
+    }
+}
+
+fn push_integer(text: &mut Vec<u8>, value: impl itoa::Integer) {
+    text.extend_from_slice(itoa::Buffer::new().format(value).as_bytes());
+}
+
+/// The shortest text that reads back as the same number.
+fn push_float<F: zmij::Float + Into<f64>>(text: &mut Vec<u8>, value: F) {
+    if value.into().is_nan() {
+        text.extend_from_slice(b"nan");
+    } else {
+        text.extend_from_slice(zmij::Buffer::new().format(value).as_bytes());
+    }
+}
+
+/// Metres with six decimals: coordinates such as 5600000 carry no more than f32 micrometres beside them.
+fn push_position(text: &mut Vec<u8>, metres: f64) {
+    let micrometres = (metres * 1e6).round();
+    // Beyond 2^53 micrometres, 9 million kilometres, they are no longer counted exactly.
+    if micrometres.is_nan() || micrometres.abs() > 9_007_199_254_740_992.0 {
+        return push_float(text, metres);
+    }
+    if micrometres < 0.0 {
+        text.push(b'-');
+    }
+    let micrometres = micrometres.abs() as u64;
+    push_integer(text, micrometres / 1_000_000);
+    // A leading 1 keeps the zeros; the point goes in its place.
+    let point = text.len();
+    push_integer(text, micrometres % 1_000_000 + 1_000_000);
+    text[point] = b'.';
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_become_text() {
+        let position = |metres| {
+            let mut text = Vec::new();
+            push_position(&mut text, metres);
+            String::from_utf8(text).unwrap()
+        };
+        assert_eq!(position(5_600_000.000_1), "5600000.000100");
+        assert_eq!(position(-0.25), "-0.250000");
+        assert_eq!(position(0.999_999_6), "1.000000");
+        assert_eq!(position(-1e-9), "0.000000");
+        assert_eq!(position(-1e12), "-1000000000000.0");
+        assert_eq!(position(f64::NAN), "nan");
+        let mut text = Vec::new();
+        push_float(&mut text, 0.1f32);
+        text.push(b' ');
+        push_float(&mut text, f32::NAN);
+        assert_eq!(text, b"0.1 nan");
+    }
+
+    #[test]
+    fn rows_are_in_order_across_blocks() {
+        let mut cloud = PointCloud { len: 3 * ROWS + 7, ..PointCloud::default() };
+        cloud.fields = cloud.fields.with(crate::Field::Beam);
+        cloud.columns.beam = (0..cloud.len as u32).collect();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("beams.csv");
+        Csv.write(&cloud, &path, &mut Report::default()).unwrap();
+        let text = std::fs::read_to_string(path).unwrap();
+        let mut lines = text.lines();
+        assert_eq!(lines.next(), Some("beam"));
+        assert!(lines.map(|line| line.parse::<u32>().unwrap()).eq(0..cloud.len as u32));
+    }
+}

@@ -1,0 +1,133 @@
+//! Frames of a sequence in one HDF5 file, written one by one.
+
+use super::atomic::Pending;
+use super::check_cloud;
+use super::hdf5::{add_tables, describe};
+use crate::cloud::{Column, FieldInfo, FieldSet, PointCloud};
+use crate::error::{Error, Result};
+use crate::scene::Labels;
+use ::hdf5::types::VarLenArray;
+use ::hdf5::{Dataset, Extent, File, H5Type};
+use glam::DVec3;
+use std::io;
+use std::path::Path;
+use std::sync::Arc;
+
+/// An HDF5 file that grows by one frame at a time: one dataset per column, one variable-length row per frame. Names,
+/// attributes, origin and name tables are those of a merged HDF5 file. Only one frame is in memory at a time.
+///
+/// The file appears under its name with [`FramesFile::finish`]; dropped before, it leaves nothing behind.
+#[derive(Debug)]
+pub struct FramesFile {
+    // The datasets go before the file, the file before its name.
+    columns: Vec<(&'static FieldInfo, Dataset)>,
+    file: File,
+    pending: Pending,
+    frames: usize,
+    /// What every frame must share with the first.
+    common: Option<Common>,
+}
+
+#[derive(Debug, PartialEq)]
+struct Common {
+    fields: FieldSet,
+    origin: DVec3,
+    organised: Option<[u32; 2]>,
+    labels: Arc<Labels>,
+}
+
+/// Rows that are allocated together; a row is 16 bytes, its data stand elsewhere.
+const ROWS: usize = 256;
+
+impl FramesFile {
+    /// Starts the file that will be called `path`.
+    ///
+    /// # Errors
+    /// A missing folder, no permission, or `path` is something else than a file.
+    pub fn create(path: impl AsRef<Path>) -> Result<Self> {
+        let pending = Pending::create(path.as_ref())?;
+        let file = File::create(pending.path()).map_err(|e| hdf5_error(&pending, e))?;
+        Ok(FramesFile { columns: Vec::new(), file, pending, frames: 0, common: None })
+    }
+
+    /// Appends `cloud` as the next frame.
+    ///
+    /// # Errors
+    /// A cloud with other columns, another origin, shape or other labels than the first; a full disk.
+    pub fn add(&mut self, cloud: &PointCloud) -> Result<()> {
+        check_cloud(cloud)?;
+        let common = Common {
+            fields: cloud.fields,
+            origin: cloud.origin,
+            organised: cloud.organised,
+            labels: Arc::clone(&cloud.labels),
+        };
+        if self.common.as_ref().is_some_and(|first| *first != common) {
+            return Err(Error::invalid(
+                format!("frame {}", self.frames),
+                "of another origin, shape, set of columns or labels",
+                "a scan of the same scene with the same options as the first frame",
+            ));
+        }
+        self.add_row(cloud, common).map_err(|e| hdf5_error(&self.pending, e))
+    }
+
+    fn add_row(&mut self, cloud: &PointCloud, common: Common) -> ::hdf5::Result<()> {
+        if self.common.is_none() {
+            add_tables(&self.file, cloud)?;
+            for info in cloud.fields.iter() {
+                let dataset = match cloud.column(info.field) {
+                    Column::F32(_) => create::<f32>(&self.file, info),
+                    Column::F64(_) => create::<f64>(&self.file, info),
+                    Column::U8(_) => create::<u8>(&self.file, info),
+                    Column::U16(_) => create::<u16>(&self.file, info),
+                    Column::U32(_) => create::<u32>(&self.file, info),
+                }?;
+                self.columns.push((info, dataset));
+            }
+            self.common = Some(common);
+        }
+        for (info, dataset) in &self.columns {
+            dataset.resize(self.frames + 1)?;
+            match cloud.column(info.field) {
+                Column::F32(c) => put(dataset, self.frames, c),
+                Column::F64(c) => put(dataset, self.frames, c),
+                Column::U8(c) => put(dataset, self.frames, c),
+                Column::U16(c) => put(dataset, self.frames, c),
+                Column::U32(c) => put(dataset, self.frames, c),
+            }?;
+        }
+        self.frames += 1;
+        Ok(())
+    }
+
+    /// Gives the file its name, in place of an older one.
+    ///
+    /// # Errors
+    /// A full disk.
+    pub fn finish(self) -> Result<()> {
+        let FramesFile { columns, file, pending, .. } = self;
+        drop(columns);
+        file.close().map_err(|e| hdf5_error(&pending, e))?;
+        pending.commit()
+    }
+}
+
+fn hdf5_error(pending: &Pending, error: ::hdf5::Error) -> Error {
+    Error::io(pending.target(), io::Error::other(error))
+}
+
+fn create<T: H5Type + Copy>(file: &File, info: &FieldInfo) -> ::hdf5::Result<Dataset> {
+    let dataset = file
+        .new_dataset::<VarLenArray<T>>()
+        .obj_track_times(false)
+        .chunk(ROWS)
+        .shape(Extent::resizable(0))
+        .create(info.name)?;
+    describe(&dataset, info)?;
+    Ok(dataset)
+}
+
+fn put<T: H5Type + Copy>(dataset: &Dataset, frame: usize, column: &[T]) -> ::hdf5::Result<()> {
+    dataset.write_slice(&[VarLenArray::from_slice(column)], frame..frame + 1)
+}

@@ -1,0 +1,99 @@
+//! HDF5: one dataset per column at the root.
+
+use super::Format;
+use crate::cloud::{Column, FieldInfo, PointCloud};
+use crate::report::Report;
+use ::hdf5::types::VarLenUnicode;
+use ::hdf5::{Attribute, Dataset, File, H5Type, Location};
+use std::io;
+use std::path::Path;
+
+/// Contiguous datasets named like the columns, with the attributes `unit` and `meaning`; positions f32 relative to the
+/// dataset `origin`. Organised clouds stay lists of rows, and the dataset `shape` holds their rows and columns.
+pub(super) struct Hdf5;
+
+impl Format for Hdf5 {
+    fn name(&self) -> &'static str {
+        "hdf5"
+    }
+
+    fn extensions(&self) -> &'static [&'static str] {
+        &["h5", "hdf5"]
+    }
+
+    fn description(&self) -> &'static str {
+        "HDF5, one dataset per column; f32 positions relative to the dataset origin"
+    }
+
+    fn holds(&self, _: &FieldInfo) -> bool {
+        true
+    }
+
+    fn needs_positions(&self) -> bool {
+        false
+    }
+
+    fn holds_label_names(&self) -> bool {
+        true
+    }
+
+    fn write(&self, cloud: &PointCloud, path: &Path, _: &mut Report) -> io::Result<()> {
+        self.write_file(cloud, path).map_err(io::Error::other)
+    }
+}
+
+impl Hdf5 {
+    fn write_file(&self, cloud: &PointCloud, path: &Path) -> ::hdf5::Result<()> {
+        let file = File::create(path)?;
+        for info in cloud.fields.iter() {
+            let dataset = match cloud.column(info.field) {
+                Column::F32(c) => add(&file, info.name, c),
+                Column::F64(c) => add(&file, info.name, c),
+                Column::U8(c) => add(&file, info.name, c),
+                Column::U16(c) => add(&file, info.name, c),
+                Column::U32(c) => add(&file, info.name, c),
+            }?;
+            describe(&dataset, info)?;
+        }
+        add_tables(&file, cloud)?;
+        file.close()
+    }
+}
+
+/// Adds origin, shape and name tables.
+pub(super) fn add_tables(file: &File, cloud: &PointCloud) -> ::hdf5::Result<()> {
+    add(file, "origin", &cloud.origin.to_array())?;
+    if let Some(shape) = cloud.organised {
+        add(file, "shape", &shape)?;
+    }
+    for (stem, table) in cloud.labels.tables() {
+        add(file, &format!("{stem}_ids"), &table.ids)?;
+        let names: Vec<VarLenUnicode> = table.names.iter().map(|name| text(name)).collect();
+        add(file, &format!("{stem}_names"), &names)?;
+    }
+    Ok(())
+}
+
+fn add<T: H5Type>(file: &File, name: &str, data: &[T]) -> ::hdf5::Result<Dataset> {
+    // Without times of change the same run gives the same bytes.
+    let dataset = file.new_dataset::<T>().obj_track_times(false).shape(data.len()).create(name)?;
+    if !data.is_empty() {
+        dataset.write_raw(data)?;
+    }
+    Ok(dataset)
+}
+
+/// Adds the attributes that say what a dataset holds.
+pub(super) fn describe(dataset: &Location, info: &FieldInfo) -> ::hdf5::Result<()> {
+    let add = |name: &str, value: &str| -> ::hdf5::Result<()> {
+        let attribute: Attribute = dataset.new_attr::<VarLenUnicode>().create(name)?;
+        attribute.write_scalar(&text(value))
+    };
+    add("unit", info.unit)?;
+    add("meaning", info.meaning)
+}
+
+/// HDF5 text ends at a zero, which therefore cannot stand in it.
+fn text(name: &str) -> VarLenUnicode {
+    name.replace('\0', "\u{fffd}").parse().expect("there is no zero in it")
+}

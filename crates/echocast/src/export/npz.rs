@@ -1,0 +1,98 @@
+//! NPZ: a stored zip of NumPy arrays, `numpy.load` without anything else.
+
+use super::Format;
+use crate::cloud::{ColumnType, FieldInfo, PointCloud};
+use crate::report::Report;
+use std::fs::File;
+use std::io::{self, Write};
+use std::path::Path;
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipWriter};
+
+/// One array per column; positions f32 relative to the array `origin`. Organised clouds stay lists of rows, and the
+/// array `shape` holds their rows and columns: `x.reshape(shape)` is the image.
+pub(super) struct Npz;
+
+impl Format for Npz {
+    fn name(&self) -> &'static str {
+        "npz"
+    }
+
+    fn extensions(&self) -> &'static [&'static str] {
+        &["npz"]
+    }
+
+    fn description(&self) -> &'static str {
+        "NumPy arrays, uncompressed; f32 positions relative to the array origin"
+    }
+
+    fn holds(&self, _: &FieldInfo) -> bool {
+        true
+    }
+
+    fn needs_positions(&self) -> bool {
+        false
+    }
+
+    fn holds_label_names(&self) -> bool {
+        true
+    }
+
+    fn write(&self, cloud: &PointCloud, path: &Path, _: &mut Report) -> io::Result<()> {
+        let mut zip = Archive(ZipWriter::new(File::create(path)?));
+        for info in cloud.fields.iter() {
+            let column = cloud.column(info.field);
+            zip.add(info.name, numpy_type(info.kind), column.len(), column.bytes())?;
+        }
+        zip.add("origin", "f8", 3, bytemuck::cast_slice(&cloud.origin.to_array()))?;
+        if let Some(shape) = cloud.organised {
+            zip.add("shape", "u4", 2, bytemuck::cast_slice(&shape))?;
+        }
+        for (stem, table) in cloud.labels.tables() {
+            zip.add(&format!("{stem}_ids"), "u4", table.ids.len(), bytemuck::cast_slice(&table.ids))?;
+            // NumPy text: UTF-32, every element as wide as the longest, ended by zeros.
+            let width = table.names.iter().map(|name| name.chars().count()).max().unwrap_or(0).max(1);
+            let mut names: Vec<u32> = Vec::with_capacity(table.names.len() * width);
+            for (row, name) in table.names.iter().enumerate() {
+                names.extend(name.chars().map(u32::from));
+                names.resize((row + 1) * width, 0);
+            }
+            zip.add(&format!("{stem}_names"), &format!("U{width}"), table.names.len(), bytemuck::cast_slice(&names))?;
+        }
+        zip.0.finish()?;
+        Ok(())
+    }
+}
+
+struct Archive(ZipWriter<File>);
+
+impl Archive {
+    /// Adds the one-dimensional array `name` of `len` elements of the NumPy type `kind`, in the machine's byte order.
+    fn add(&mut self, name: &str, kind: &str, len: usize, data: &[u8]) -> io::Result<()> {
+        // Format 1.0 (numpy.lib.format): magic, version, length of the text, text ended so that data starts at 64 n.
+        let order = if cfg!(target_endian = "big") { '>' } else { '<' };
+        let mut text = format!("{{'descr': '{order}{kind}', 'fortran_order': False, 'shape': ({len},), }}");
+        let start = (10 + text.len() + 1).next_multiple_of(64);
+        text.extend(std::iter::repeat_n(' ', start - 11 - text.len()));
+        text.push('\n');
+        let mut header = b"\x93NUMPY\x01\x00".to_vec();
+        header.extend((text.len() as u16).to_le_bytes());
+        header.extend(text.bytes());
+        // Entries from 4 GiB on need the zip64 fields.
+        let large = header.len() + data.len() >= u32::MAX as usize;
+        let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored).large_file(large);
+        self.0.start_file(format!("{name}.npy"), options)?;
+        self.0.write_all(&header)?;
+        self.0.write_all(data)
+    }
+}
+
+fn numpy_type(kind: ColumnType) -> &'static str {
+    match kind {
+        ColumnType::F32 => "f4",
+        ColumnType::F64 => "f8",
+        ColumnType::U8 => "u1",
+        ColumnType::U16 => "u2",
+        ColumnType::U32 => "u4",
+    }
+}

@@ -1,0 +1,355 @@
+//! A picture of a cloud for people: from above, in perspective or as range image, coloured by label,
+//! intensity, range or height, with a legend.
+
+mod canvas;
+mod cutaway;
+mod font;
+mod legend;
+mod paint;
+mod palette;
+mod perspective;
+mod points;
+mod range_image;
+mod splat;
+mod top;
+
+pub use canvas::Picture;
+
+use super::atomic::Pending;
+use crate::cloud::PointCloud;
+use crate::error::{Error, Result};
+use crate::report::Report;
+use canvas::{DIM, PAGE, TEXT};
+use glam::Vec2;
+use paint::Paint;
+use points::Points;
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::Path;
+use std::str::FromStr;
+
+/// Widths that a picture may have, pixels.
+const WIDTHS: std::ops::RangeInclusive<u32> = 320..=4096;
+
+/// From where a preview looks at the cloud.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum View {
+    /// Straight down without perspective: +x to the right, +y up.
+    #[default]
+    Top,
+    /// From behind and above the sensor, along its heading.
+    Perspective,
+    /// As the sensor sees it: rows and columns of the sensor, or azimuth and elevation.
+    Range,
+}
+
+impl FromStr for View {
+    type Err = Error;
+
+    fn from_str(name: &str) -> Result<View> {
+        by_name("view", name, &[("top", View::Top), ("perspective", View::Perspective), ("range", View::Range)])
+    }
+}
+
+/// What the colours of a preview show.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ColorBy {
+    /// Category, or part when there is only one category.
+    #[default]
+    Label,
+    /// Intensity that the instrument reports.
+    Intensity,
+    /// Slant range.
+    Range,
+    /// Height, z.
+    Height,
+}
+
+impl FromStr for ColorBy {
+    type Err = Error;
+
+    fn from_str(name: &str) -> Result<ColorBy> {
+        by_name(
+            "preview colour",
+            name,
+            &[
+                ("label", ColorBy::Label),
+                ("intensity", ColorBy::Intensity),
+                ("range", ColorBy::Range),
+                ("height", ColorBy::Height),
+            ],
+        )
+    }
+}
+
+/// The value that `name` has in `table`, or an error that tells the near names and all there are.
+fn by_name<T: Copy>(what: &'static str, name: &str, table: &[(&str, T)]) -> Result<T> {
+    if let Some((_, value)) = table.iter().find(|(known, _)| *known == name) {
+        return Ok(*value);
+    }
+    // There are so few names that all of them may stand in the message, the near ones first.
+    let mut names = crate::error::nearest(name, table.iter().map(|(known, _)| known));
+    for (known, _) in table {
+        if !names.iter().any(|near| near == known) {
+            names.push((*known).to_owned());
+        }
+    }
+    Err(Error::Missing { what, name: name.to_owned(), near: names })
+}
+
+/// How a preview looks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PreviewOptions {
+    /// From where; default top.
+    pub view: View,
+    /// What the colours show; default label.
+    pub color: ColorBy,
+    /// Width of the picture in pixels, 320 to 4096, default 1600; the height follows the content.
+    pub width: u32,
+}
+
+impl Default for PreviewOptions {
+    fn default() -> Self {
+        PreviewOptions { view: View::default(), color: ColorBy::default(), width: 1600 }
+    }
+}
+
+/// Writes a picture of `cloud` to the PNG file `path`, which appears only when it is complete.
+///
+/// Columns that the colours need and the cloud lacks are replaced by others, which the report says.
+///
+/// # Errors
+/// A width out of bounds, a folder that cannot be written, a full disk.
+pub fn write(cloud: &PointCloud, path: &Path, options: &PreviewOptions) -> Result<Report> {
+    let mut report = Report::default();
+    let picture = render(cloud, options, &mut report)?;
+    let pending = Pending::create(path)?;
+    let file = File::create(pending.path()).map_err(|source| Error::io(path, source))?;
+    picture.write_png(BufWriter::new(file)).map_err(|source| Error::io(path, source))?;
+    pending.commit()?;
+    Ok(report)
+}
+
+/// The picture of `cloud`; the same cloud and options give the same pixels.
+///
+/// A cloud without points gives a picture that says so.
+///
+/// # Errors
+/// A width out of bounds.
+pub fn render(cloud: &PointCloud, options: &PreviewOptions, report: &mut Report) -> Result<Picture> {
+    if !WIDTHS.contains(&options.width) {
+        let allowed = format!("{} to {} pixels", WIDTHS.start(), WIDTHS.end());
+        return Err(Error::invalid("preview width", options.width, allowed));
+    }
+    let page = Page::new(options.width);
+    let points = Points::new(cloud, report);
+    if points.count == 0 {
+        return Ok(page.without_points());
+    }
+    let paint = Paint::new(cloud, &points, options.color, report);
+    let mut notes = Vec::new();
+    let (view, panel) = match options.view {
+        View::Top => ("Top view", top::draw(&points, &paint, &page, &mut notes)),
+        View::Perspective => ("Perspective view", perspective::draw(&points, &paint, &page, &mut notes)),
+        View::Range => ("Range image", range_image::draw(cloud, &points, &paint, &page)),
+    };
+    let title = format!("{view} of {} by {}", legend::counted(points.count, "point"), paint.name());
+    Ok(page.compose(&title, &notes.join("; "), &panel, &legend::draw(paint.legend(), &page)))
+}
+
+/// Sizes that grow with the width of the picture.
+struct Page {
+    width: u32,
+    /// Pixels per design pixel of a picture 1600 wide; small pictures keep readable text.
+    scale: f32,
+}
+
+impl Page {
+    fn new(width: u32) -> Page {
+        Page { width, scale: (width as f32 / 1600.0).max(0.7) }
+    }
+
+    /// `design` pixels of a picture 1600 wide, in pixels of this one.
+    fn px(&self, design: f32) -> u32 {
+        (design * self.scale).round().max(1.0) as u32
+    }
+
+    /// Height of capital letters in small text, pixels.
+    fn text(&self) -> f32 {
+        11.0 * self.scale
+    }
+
+    fn margin(&self) -> u32 {
+        self.px(28.0)
+    }
+
+    /// Between title, panel and legend.
+    fn gap(&self) -> u32 {
+        self.px(20.0)
+    }
+
+    /// Height of capital letters in the title, pixels.
+    fn title(&self) -> f32 {
+        16.0 * self.scale
+    }
+
+    /// Rows above the panel.
+    fn panel_top(&self) -> u32 {
+        self.margin() + self.title().ceil() as u32 + self.gap()
+    }
+
+    /// Width between the margins, pixels.
+    fn inner(&self) -> u32 {
+        self.width - 2 * self.margin()
+    }
+
+    /// Title and notes above the panel, legend below it.
+    fn compose(&self, title: &str, notes: &str, panel: &Picture, legend: &Picture) -> Picture {
+        let (margin, gap, capitals) = (self.margin(), self.gap(), self.title());
+        let legend_top = self.panel_top() + panel.height + gap;
+        let mut page = Picture::new(self.width, legend_top + legend.height + margin, PAGE);
+        let baseline = margin as f32 + capitals;
+        let (left, right) = (margin as f32, (self.width - margin) as f32);
+        page.text(title, Vec2::new(left, baseline), capitals, TEXT);
+        let room = right - left - font::width(title, capitals) - gap as f32;
+        let notes_width = font::width(notes, self.text());
+        if notes_width <= room {
+            page.text(notes, Vec2::new(right - notes_width, baseline), self.text(), DIM);
+        }
+        page.paste(panel, margin + (self.inner() - panel.width) / 2, self.panel_top());
+        page.paste(legend, margin, legend_top);
+        page
+    }
+
+    fn without_points(&self) -> Picture {
+        let mut page = Picture::new(self.width, self.width / 4, PAGE);
+        let (words, capitals) = ("no points", 24.0 * self.scale);
+        let middle = Vec2::new(page.width as f32, page.height as f32) / 2.0;
+        let start = middle + Vec2::new(-font::width(words, capitals), capitals) / 2.0;
+        page.text(words, start, capitals, DIM);
+        page
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    const VIEWS: [View; 3] = [View::Top, View::Perspective, View::Range];
+    const COLORS: [ColorBy; 4] = [ColorBy::Label, ColorBy::Intensity, ColorBy::Range, ColorBy::Height];
+
+    fn cloud(positions: &[[f32; 3]]) -> PointCloud {
+        let mut cloud = PointCloud { len: positions.len(), ..PointCloud::default() };
+        let c = &mut cloud.columns;
+        for [x, y, z] in positions {
+            c.x.push(*x);
+            c.y.push(*y);
+            c.z.push(*z);
+        }
+        c.range = vec![f32::NAN; cloud.len];
+        c.intensity = (0..cloud.len).map(|row| [0.5, f32::INFINITY, f32::NAN][row % 3]).collect();
+        c.category_id = (0..cloud.len as u32).collect();
+        c.channel = vec![0; cloud.len];
+        cloud
+    }
+
+    #[test]
+    fn names_are_read_and_wrong_ones_are_explained() {
+        assert_eq!("perspective".parse::<View>().unwrap(), View::Perspective);
+        assert_eq!("height".parse::<ColorBy>().unwrap(), ColorBy::Height);
+        let error = "prespective".parse::<View>().unwrap_err().to_string();
+        assert_eq!(error, "there is no view named \"prespective\"; near: perspective, top, range");
+        let error = "hieght".parse::<ColorBy>().unwrap_err().to_string();
+        assert_eq!(error, "there is no preview colour named \"hieght\"; near: height, label, intensity, range");
+    }
+
+    #[test]
+    fn strange_clouds_give_pictures() {
+        let mut strange = vec![
+            cloud(&[]),
+            cloud(&[[f32::NAN; 3], [0.0, f32::INFINITY, 0.0]]),
+            cloud(&[[1.0, 2.0, 3.0]]),
+            cloud(&[[0.0; 3]]),
+            cloud(&[[4.0, 5.0, 6.0]; 1000]),
+            cloud(&[[1e14, -1e14, 1e14], [-1e14; 3], [0.0; 3]]),
+            cloud(&[[3e38; 3], [1.0; 3]]),
+            cloud(&[[1e-30, 0.0, 0.0], [0.0; 3]]),
+            cloud(&[[0.0, 0.0, -5.0], [0.0, 0.0, 5.0], [0.0, 0.0, 1.0]]),
+            PointCloud { len: 5, ..PointCloud::default() },
+        ];
+        for index in 0..strange.len() {
+            let rows = strange[index].len as u32;
+            strange.push(PointCloud { organised: Some([rows, 1]), ..strange[index].clone() });
+            strange.push(PointCloud { organised: Some([1, rows]), ..strange[index].clone() });
+            // A shape that does not belong to the cloud, and a sensor far from it.
+            strange.push(PointCloud { organised: Some([rows, 7]), ..strange[index].clone() });
+            strange.push(PointCloud {
+                sensor_pose: crate::Pose { position: DVec3::splat(1e300), ..crate::Pose::IDENTITY },
+                ..strange[index].clone()
+            });
+        }
+        for (index, cloud) in strange.iter().enumerate() {
+            for (turn, view) in VIEWS.into_iter().enumerate() {
+                let options = PreviewOptions { view, color: COLORS[(index + turn) % COLORS.len()], width: 320 };
+                let picture = render(cloud, &options, &mut Report::default()).unwrap();
+                assert_eq!(picture.pixels.len(), 3 * 320 * picture.height as usize, "{index} {options:?}");
+                assert!(picture.height < 600, "{index} {options:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_point_leaves_its_colour_in_every_view() {
+        for view in VIEWS {
+            let mut one = cloud(&[[3.0, 1.0, 1.0]]);
+            one.columns.category_id = vec![4];
+            let options = PreviewOptions { view, ..PreviewOptions::default() };
+            let picture = render(&one, &options, &mut Report::default()).unwrap();
+            let page = Page::new(options.width);
+            // The panel, without the swatch in the legend.
+            let panel = (page.panel_top()..picture.height - page.margin() - 3 * page.text() as u32)
+                .flat_map(|y| (0..picture.width).map(move |x| (x, y)));
+            let lit = panel.filter(|&(x, y)| picture.pixel(x, y) == palette::category(4)).count();
+            assert!(lit > 0, "{view:?}");
+        }
+    }
+
+    #[test]
+    fn the_same_cloud_gives_the_same_pixels() {
+        let positions: Vec<[f32; 3]> = (0..200_000u32)
+            .map(|i| [i.wrapping_mul(2_654_435_761), i.wrapping_mul(40_503), i % 7].map(|v| (v % 1000) as f32 / 100.0))
+            .collect();
+        let mut cloud = cloud(&positions);
+        cloud.columns.category_id.iter_mut().for_each(|id| *id %= 5);
+        for view in VIEWS {
+            let options = PreviewOptions { view, ..PreviewOptions::default() };
+            let draw = |threads: usize| {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                pool.install(|| render(&cloud, &options, &mut Report::default()).unwrap())
+            };
+            assert!(draw(1) == draw(3), "{view:?}");
+        }
+    }
+
+    #[test]
+    fn files_are_png_and_appear_only_when_complete() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("preview.png");
+        let mut cloud = cloud(&[[1.0, 2.0, 3.0], [2.0, 2.0, 3.0]]);
+        cloud.columns.intensity.clear();
+        let options = PreviewOptions { color: ColorBy::Intensity, width: 400, ..PreviewOptions::default() };
+        let report = write(&cloud, &path, &options).unwrap();
+        assert_eq!(report.warnings.len(), 1, "{report:?}");
+        let mut reader = png::Decoder::new(std::io::BufReader::new(File::open(&path).unwrap())).read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut pixels).unwrap();
+        assert_eq!(pixels, render(&cloud, &options, &mut Report::default()).unwrap().pixels);
+
+        assert!(write(&cloud, &folder.path().join("none/preview.png"), &options).is_err());
+        let wide = PreviewOptions { width: 100_000, ..options };
+        let error = write(&cloud, &path, &wide).unwrap_err().to_string();
+        assert_eq!(error, "preview width is 100000; allowed: 320 to 4096 pixels");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+}

@@ -1,0 +1,254 @@
+//! Materials: what glTF, its extensions and custom properties say, as echocast keeps it.
+
+use super::accessor::Accessors;
+use super::{Document, Notes, extras, place, uri};
+use crate::error::Result;
+use crate::material::Material;
+use crate::scene::{Filter, Texture, TextureRef, Wrap};
+use gltf::json;
+use gltf::json::texture::{Info, MagFilter, WrappingMode};
+use gltf::json::validation::Checked;
+use serde_json::Value;
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// Decoded images of one file, bytes: more is a mistake or an attack.
+const TEXTURE_LIMIT: usize = 4 << 30;
+
+/// The materials of a file, and those made of them while meshes are read.
+pub(super) struct Materials {
+    /// The file's materials in its order, then tinted ones.
+    pub list: Vec<Material>,
+    pub textures: Vec<Arc<Texture>>,
+    /// Texture coordinate set of each material's texture.
+    sets: Vec<Option<u32>>,
+    /// Materials multiplied by a colour, by material and bits of the colour.
+    tinted: HashMap<(Option<usize>, [u32; 4]), usize>,
+}
+
+impl Materials {
+    pub fn read(document: &Document<'_>, accessors: &Accessors<'_>, notes: &mut Notes) -> Result<Materials> {
+        let mut images = Images { document, accessors, textures: Vec::new(), by_image: HashMap::new(), bytes: 0 };
+        let (mut list, mut sets) = (Vec::new(), Vec::new());
+        for (index, source) in document.json.materials.iter().enumerate() {
+            let here = || place("material", index, source.name.as_deref());
+            let name = source.name.clone().unwrap_or_else(|| format!("material_{index}"));
+            let mut factors = Factors { place: &here, notes };
+            let mut material =
+                surface(source, name, &mut factors).map_err(|message| document.error(here(), message))?;
+            let mut set = None;
+            if let Some(info) = base_color_texture(source) {
+                material.base_color_texture = images.texture_ref(info, &here(), notes)?;
+                let transform = info.extensions.as_ref().and_then(|all| all.texture_transform.as_ref());
+                set = material
+                    .base_color_texture
+                    .is_some()
+                    .then(|| transform.and_then(|t| t.tex_coord).unwrap_or(info.tex_coord));
+            }
+            list.push(material);
+            sets.push(set);
+        }
+        Ok(Materials { list, textures: images.textures, sets, tinted: HashMap::new() })
+    }
+
+    /// Texture coordinate set that a material needs, `None` without a texture.
+    pub fn set_of(&self, material: Option<usize>) -> Option<u32> {
+        material.and_then(|index| self.sets[index])
+    }
+
+    /// The material multiplied by a linear colour.
+    pub fn tint(&mut self, material: Option<usize>, color: [f32; 4]) -> usize {
+        let key = (material, color.map(f32::to_bits));
+        *self.tinted.entry(key).or_insert_with(|| {
+            let mut tinted = material.map(|index| self.list[index].clone()).unwrap_or_default();
+            for (channel, factor) in tinted.base_color.iter_mut().zip(color) {
+                *channel *= factor;
+            }
+            self.list.push(tinted);
+            self.sets.push(material.and_then(|index| self.sets[index]));
+            self.list.len() - 1
+        })
+    }
+}
+
+/// The texture that multiplies the base colour.
+fn base_color_texture(source: &json::Material) -> Option<&Info> {
+    match source.extensions.as_ref().and_then(|all| all.pbr_specular_glossiness.as_ref()) {
+        Some(older) => older.diffuse_texture.as_ref(),
+        None => source.pbr_metallic_roughness.base_color_texture.as_ref(),
+    }
+}
+
+/// Everything but the texture.
+fn surface(source: &json::Material, name: String, factors: &mut Factors<'_>) -> Result<Material, String> {
+    let extensions = source.extensions.clone().unwrap_or_default();
+    let mut material = Material { name, unlit: extensions.unlit.is_some(), ..Material::default() };
+    if let Some(older) = &extensions.pbr_specular_glossiness {
+        material.base_color = factors.units("diffuseFactor", older.diffuse_factor.0);
+        material.roughness = 1.0 - factors.unit("glossinessFactor", older.glossiness_factor.0);
+    } else {
+        let pbr = &source.pbr_metallic_roughness;
+        material.base_color = factors.units("baseColorFactor", pbr.base_color_factor.0);
+        material.metallic = factors.unit("metallicFactor", pbr.metallic_factor.0);
+        material.roughness = factors.unit("roughnessFactor", pbr.roughness_factor.0);
+    }
+    if let Some(transmission) = &extensions.transmission {
+        material.transmission = factors.unit("transmissionFactor", transmission.transmission_factor.0);
+    }
+    if let Some(ior) = &extensions.ior {
+        material.ior = refraction("ior", &Value::from(ior.ior.0))?.unwrap_or(material.ior);
+    }
+    if let Some(volume) = &extensions.volume {
+        let (thickness, distance) = (volume.thickness_factor.0, volume.attenuation_distance.0);
+        material.thickness_m = checked("thicknessFactor", f64::from(thickness), "0 or more", |v| v >= 0.0)?;
+        material.attenuation_distance_m =
+            checked("attenuationDistance", f64::from(distance), "more than 0", |v| v > 0.0)?;
+        material.attenuation_color = factors.units("attenuationColor", volume.attenuation_color.0);
+    }
+
+    let property = |key: &str| extras::get(&source.extras, key);
+    let zero_to_one = |v: f64| (0.0..=1.0).contains(&v);
+    if let Some(value) = property("reflectance") {
+        material.reflectance = Some(number("extras.reflectance", &value, "a number from 0 to 1", zero_to_one)?);
+    } else if let Some(value) = property("blainder_rgba") {
+        let fourth = value.get(3).unwrap_or(&Value::Null);
+        material.reflectance = Some(number("extras.blainder_rgba[3]", fourth, "a number from 0 to 1", zero_to_one)?);
+    }
+    if let Some(value) = property("blainder_metallic") {
+        material.metallic = number("extras.blainder_metallic", &value, "a number from 0 to 1", zero_to_one)?;
+    }
+    if let Some(value) = property("blainder_ior") {
+        material.ior = refraction("extras.blainder_ior", &value)?.unwrap_or(material.ior);
+    }
+    Ok(material)
+}
+
+/// An index of refraction; both glTF's extension and the paper's system write 0 for "does not refract".
+fn refraction(name: &str, value: &Value) -> Result<Option<f32>, String> {
+    let ior = number(name, value, "0 for none, or 1 and more", |ior| ior == 0.0 || ior >= 1.0)?;
+    Ok((ior != 0.0).then_some(ior))
+}
+
+/// `value` if `allows` allows it.
+fn checked(name: &str, value: f64, allowed: &str, allows: impl Fn(f64) -> bool) -> Result<f32, String> {
+    if allows(value) { Ok(value as f32) } else { Err(format!("{name} is {value}; allowed: {allowed}")) }
+}
+
+/// The number in `value` if `allows` allows it.
+fn number(name: &str, value: &Value, allowed: &str, allows: impl Fn(f64) -> bool) -> Result<f32, String> {
+    let number = value.as_f64().ok_or_else(|| format!("{name} is not a number; allowed: {allowed}"))?;
+    checked(name, number, allowed, allows)
+}
+
+/// glTF's own factors are drawn clamped by every viewer, so a stray 1.001 only earns a note.
+struct Factors<'a> {
+    place: &'a dyn Fn() -> String,
+    notes: &'a mut Notes,
+}
+
+impl Factors<'_> {
+    fn unit(&mut self, name: &str, value: f32) -> f32 {
+        if !(0.0..=1.0).contains(&value) {
+            self.notes.add("factors outside 0..1 are clamped", || format!("{} {name} {value}", (self.place)()));
+        }
+        value.clamp(0.0, 1.0)
+    }
+
+    fn units<const N: usize>(&mut self, name: &str, values: [f32; N]) -> [f32; N] {
+        values.map(|value| self.unit(name, value))
+    }
+}
+
+/// Images, decoded when the first material asks for them.
+struct Images<'a> {
+    document: &'a Document<'a>,
+    accessors: &'a Accessors<'a>,
+    textures: Vec<Arc<Texture>>,
+    /// Index in `textures` by index of the image.
+    by_image: HashMap<usize, usize>,
+    /// Memory that `textures` take.
+    bytes: usize,
+}
+
+impl Images<'_> {
+    /// The use that `info` makes of an image; `None`, with a note, where the file only has it in a
+    /// format of an extension.
+    fn texture_ref(&mut self, info: &Info, user: &str, notes: &mut Notes) -> Result<Option<TextureRef>> {
+        let json = &self.document.json;
+        let missing = |what: &str, index: usize| {
+            Err(self.document.error(user, format!("its {what} {index} does not exist in the file")))
+        };
+        let Some(texture) = json.textures.get(info.index.value()) else {
+            return missing("texture", info.index.value());
+        };
+        let sampler = match texture.sampler {
+            None => None,
+            Some(index) => match json.samplers.get(index.value()) {
+                None => return missing("sampler", index.value()),
+                sampler => sampler,
+            },
+        };
+        // The crate's mark for a texture without `source`.
+        if texture.source.value() == u32::MAX as usize {
+            notes.add("textures without a PNG or JPEG image are left out", || user.to_owned());
+            return Ok(None);
+        }
+        let mut use_ = TextureRef::plain(self.image(texture.source.value(), user)?);
+        if let Some(sampler) = sampler {
+            use_.wrap_u = wrap(sampler.wrap_s);
+            use_.wrap_v = wrap(sampler.wrap_t);
+            if sampler.mag_filter == Some(Checked::Valid(MagFilter::Nearest)) {
+                use_.filter = Filter::Nearest;
+            }
+        }
+        if let Some(transform) = info.extensions.as_ref().and_then(|all| all.texture_transform.as_ref()) {
+            // KHR_texture_transform: scale first, then rotate, then move. The rotation is
+            // counter-clockwise as seen in the image, whose v points down.
+            let ([su, sv], [tu, tv]) = (transform.scale.0, transform.offset.0);
+            let (sin, cos) = transform.rotation.0.sin_cos();
+            use_.transform = [[cos * su, sin * sv, tu], [-sin * su, cos * sv, tv]];
+            if use_.transform.iter().flatten().any(|number| !number.is_finite()) {
+                return Err(self.document.error(user, "its KHR_texture_transform has numbers that are not finite"));
+            }
+        }
+        Ok(Some(use_))
+    }
+
+    /// Index of the decoded image `index`.
+    fn image(&mut self, index: usize, user: &str) -> Result<usize> {
+        if let Some(&known) = self.by_image.get(&index) {
+            return Ok(known);
+        }
+        let document = self.document;
+        let Some(image) = document.json.images.get(index) else {
+            return Err(document.error(user, format!("its image {index} does not exist in the file")));
+        };
+        let here = place("image", index, image.name.as_deref());
+        let fault = |message: String| document.error(&here, message);
+        let loaded;
+        let bytes = match (&image.uri, image.buffer_view) {
+            (Some(uri), _) => {
+                loaded = uri::load(uri, document.folder).map_err(fault)?;
+                &loaded
+            }
+            (None, Some(view)) => self.accessors.view(view).map_err(|message| fault(format!("it {message}")))?,
+            (None, None) => return Err(fault("it has neither uri nor bufferView".into())),
+        };
+        let texture = Texture::decode(bytes, &format!("{}: {here}", document.origin.display()))?;
+        self.bytes += texture.pixels.len() * 4;
+        if self.bytes > TEXTURE_LIMIT {
+            return Err(fault(format!("the images take more than {} GiB decoded", TEXTURE_LIMIT >> 30)));
+        }
+        self.textures.push(Arc::new(texture));
+        self.by_image.insert(index, self.textures.len() - 1);
+        Ok(self.textures.len() - 1)
+    }
+}
+
+fn wrap(mode: Checked<WrappingMode>) -> Wrap {
+    match mode {
+        Checked::Valid(WrappingMode::ClampToEdge) => Wrap::ClampToEdge,
+        Checked::Valid(WrappingMode::MirroredRepeat) => Wrap::MirroredRepeat,
+        Checked::Valid(WrappingMode::Repeat) | Checked::Invalid => Wrap::Repeat,
+    }
+}

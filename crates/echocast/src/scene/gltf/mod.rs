@@ -1,0 +1,271 @@
+//! glTF 2.0, binary (`.glb`) or text (`.gltf`).
+//!
+//! The `gltf` crate parses the JSON; buffers, accessors and the node tree are ours, because every
+//! length and index in a file may be wrong and survey coordinates need double precision.
+
+mod accessor;
+mod container;
+mod extras;
+mod hierarchy;
+mod instancing;
+mod material;
+mod primitive;
+#[cfg(test)]
+mod tests;
+mod uri;
+
+use super::{Camera, LoadOptions, RawObject, Scene};
+use crate::emitter::Pose;
+use crate::error::{Error, Result};
+use crate::report::Report;
+use accessor::Accessors;
+use glam::DAffine3;
+use gltf::json::Root;
+use gltf::json::extras::RawValue;
+use hierarchy::{Placed, Transform};
+use material::Materials;
+use primitive::Meshes;
+use serde::Deserialize;
+use std::collections::HashMap;
+use std::path::Path;
+
+/// Extensions that a file may require. Those of materials are accepted by their prefix: they say how
+/// light is shaded, and what echocast knows of them is read.
+const EXTENSIONS: &[&str] =
+    &["KHR_lights_punctual", "KHR_mesh_quantization", "KHR_texture_transform", instancing::EXTENSION];
+const MATERIAL_EXTENSIONS: &str = "KHR_materials_";
+
+/// Reads a `.glb` or `.gltf` file.
+pub(super) fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
+    let bytes = std::fs::read(path).map_err(|source| Error::io(path, source))?;
+    // The parent of a bare file name is the empty path, which joins as the working folder.
+    read_bytes(&bytes, path, path.parent(), options)
+}
+
+/// Reads the bytes of a file; `folder` is where its URIs lead, `None`: nowhere.
+pub(super) fn read_bytes(bytes: &[u8], origin: &Path, folder: Option<&Path>, options: &LoadOptions) -> Result<Scene> {
+    let container = container::split(bytes).map_err(|message| Error::parse(origin, "", message))?;
+    let document = Document::parse(container.json, origin, folder)?;
+    let external = external_buffers(&document)?;
+    let buffers = buffers(&document, container.bin, &external)?;
+    let accessors = Accessors::new(&document.json, &buffers, container.json.len());
+
+    let mut notes = Notes::default();
+    let materials = Materials::read(&document, &accessors, &mut notes)?;
+    let mut meshes = Meshes {
+        document: &document,
+        accessors: &accessors,
+        materials,
+        notes,
+        list: Vec::new(),
+        degenerate_triangles: 0,
+        cache: primitive::Cache::default(),
+    };
+    let labels = hierarchy::label_extras(&document);
+    let (mut objects, mut cameras) = (Vec::new(), Vec::new());
+    for placed in hierarchy::walk(&document, &labels)? {
+        objects_of(&placed, &mut meshes, &mut objects)?;
+        cameras.extend(camera_of(&placed, &document)?);
+    }
+
+    let Meshes { materials, notes, list, degenerate_triangles, .. } = meshes;
+    let mut report = Report::default();
+    notes.tell(origin, &mut report);
+    if degenerate_triangles > 0 {
+        report.warn(format!("{}: {degenerate_triangles} triangle(s) without area are left out", origin.display()));
+    }
+    let animations = document.json.animations.iter().enumerate();
+    let scene = Scene {
+        meshes: list,
+        materials: materials.list,
+        textures: materials.textures,
+        cameras,
+        animations: animations.map(|(i, a)| a.name.clone().unwrap_or_else(|| format!("animation_{i}"))).collect(),
+        degenerate_triangles,
+        report,
+        ..Scene::default()
+    };
+    Ok(scene.assemble(objects, &options.labels))
+}
+
+/// Adds the objects that a node stands for: none, one, or all its instances.
+fn objects_of(placed: &Placed<'_>, meshes: &mut Meshes<'_>, objects: &mut Vec<RawObject>) -> Result<()> {
+    let document = meshes.document;
+    let node = &document.json.nodes[placed.node];
+    let Some(index) = node.mesh.map(|mesh| mesh.value()) else { return Ok(()) };
+    let here = || document.node_place(placed.node);
+    let fault = |message: String| document.error(here(), message);
+    let Some(source) = document.json.meshes.get(index) else {
+        return Err(fault(format!("its mesh {index} does not exist: the file has {}", document.json.meshes.len())));
+    };
+    if node.skin.is_some() {
+        meshes.notes.add("skins are not applied, meshes stand as they were bound", here);
+    }
+    if node.weights.as_ref().or(source.weights.as_ref()).is_some_and(|all| all.iter().any(|&weight| weight != 0.0)) {
+        meshes.notes.add("morph targets are not applied, meshes have their base shape", here);
+    }
+    let Some(mesh) = meshes.get(index)? else { return Ok(()) };
+    let name = node.name.as_ref().or(source.name.as_ref());
+    let instances = instancing::node_from_instances(meshes.accessors, node).map_err(fault)?;
+    for node_from_object in instances.unwrap_or_else(|| vec![DAffine3::IDENTITY]) {
+        let world_from_object = placed.world_from_node * node_from_object;
+        let inverse = world_from_object.inverse();
+        if !(world_from_object.is_finite() && inverse.is_finite()) {
+            meshes.notes.add("objects scaled to nothing are left out", here);
+            continue;
+        }
+        let object = RawObject {
+            name: name.cloned().unwrap_or_else(|| format!("object_{}", placed.node)),
+            mesh,
+            world_from_object,
+            category: placed.category.map(str::to_owned),
+            part: placed.part.map(str::to_owned),
+        };
+        let text = object.name.len() + placed.category.map_or(0, str::len) + placed.part.map_or(0, str::len);
+        meshes.accessors.charge(size_of::<RawObject>() + text).map_err(fault)?;
+        objects.push(object);
+    }
+    Ok(())
+}
+
+/// The camera at a node, if there is one.
+fn camera_of(placed: &Placed<'_>, document: &Document<'_>) -> Result<Option<Camera>> {
+    let node = &document.json.nodes[placed.node];
+    let Some(index) = node.camera.map(|camera| camera.value()) else { return Ok(None) };
+    let known = &document.json.cameras;
+    let Some(camera) = known.get(index) else {
+        let message = format!("its camera {index} does not exist: the file has {}", known.len());
+        return Err(document.error(document.node_place(placed.node), message));
+    };
+    let name = node.name.as_ref().or(camera.name.as_ref());
+    Ok(Some(Camera {
+        name: name.cloned().unwrap_or_else(|| format!("camera_{index}")),
+        pose: Pose::from_camera_node(&placed.world_from_node),
+    }))
+}
+
+/// A parsed file, without its buffers.
+struct Document<'a> {
+    /// Path, or a word for data in memory; for messages.
+    origin: &'a Path,
+    /// Where relative URIs lead.
+    folder: Option<&'a Path>,
+    json: Root,
+    /// Of every node of `json`.
+    transforms: Vec<Transform>,
+}
+
+/// What must be known before the rest can be understood.
+#[derive(Deserialize)]
+struct Header<'a> {
+    asset: Asset,
+    #[serde(default, rename = "extensionsRequired")]
+    extensions_required: Vec<String>,
+    #[serde(borrow)]
+    nodes: Option<&'a RawValue>,
+}
+
+#[derive(Deserialize)]
+struct Asset {
+    version: String,
+}
+
+impl<'a> Document<'a> {
+    fn parse(json: &[u8], origin: &'a Path, folder: Option<&'a Path>) -> Result<Self> {
+        let broken = |error: serde_json::Error| Error::parse(origin, "", format!("not a glTF file: {error}"));
+        let header: Header<'_> = serde_json::from_slice(json).map_err(broken)?;
+        if header.asset.version.split('.').next() != Some("2") {
+            return Err(Error::parse(origin, "asset", format!("glTF version {}; allowed: 2.0", header.asset.version)));
+        }
+        let supported = |name: &str| EXTENSIONS.contains(&name) || name.starts_with(MATERIAL_EXTENSIONS);
+        if let Some(name) = header.extensions_required.iter().find(|name| !supported(name)) {
+            return Err(Error::Unsupported {
+                what: format!("{}: the extension {name}, which the file requires,", origin.display()),
+                instead: "convert the file with another tool first (gltf-transform can decompress Draco and meshopt)"
+                    .into(),
+            });
+        }
+        let transforms = match header.nodes {
+            Some(nodes) => serde_json::from_str(nodes.get()).map_err(broken)?,
+            None => Vec::new(),
+        };
+        let json = serde_json::from_slice(json).map_err(broken)?;
+        Ok(Document { origin, folder, json, transforms })
+    }
+
+    fn error(&self, place: impl Into<String>, message: impl Into<String>) -> Error {
+        Error::parse(self.origin, place, message)
+    }
+
+    fn node_place(&self, node: usize) -> String {
+        place("node", node, self.json.nodes[node].name.as_deref())
+    }
+}
+
+/// `mesh 3 "Chair"`.
+fn place(kind: &str, index: usize, name: Option<&str>) -> String {
+    name.map_or_else(|| format!("{kind} {index}"), |name| format!("{kind} {index} {name:?}"))
+}
+
+/// Contents of the buffers that lie in files of their own or in data URIs, each URI once.
+fn external_buffers<'a>(document: &'a Document<'_>) -> Result<HashMap<&'a str, Vec<u8>>> {
+    let mut contents = HashMap::new();
+    for (index, buffer) in document.json.buffers.iter().enumerate() {
+        let Some(uri) = buffer.uri.as_deref().filter(|uri| !contents.contains_key(uri)) else { continue };
+        let loaded = uri::load(uri, document.folder)
+            .map_err(|message| document.error(place("buffer", index, buffer.name.as_deref()), message))?;
+        contents.insert(uri, loaded);
+    }
+    Ok(contents)
+}
+
+/// The bytes of every buffer, exactly as many as it declares.
+fn buffers<'a>(
+    document: &Document<'_>,
+    bin: Option<&'a [u8]>,
+    external: &'a HashMap<&str, Vec<u8>>,
+) -> Result<Vec<&'a [u8]>> {
+    let buffers = document.json.buffers.iter().enumerate();
+    buffers
+        .map(|(index, buffer)| {
+            let fault = |message| document.error(place("buffer", index, buffer.name.as_deref()), message);
+            let bytes = match &buffer.uri {
+                Some(uri) => external[uri.as_str()].as_slice(),
+                // Only the first buffer may be the GLB's binary chunk (glTF 2.0, 4.4.3.3).
+                None => bin.filter(|_| index == 0).ok_or_else(|| fault("it has neither uri nor GLB chunk".into()))?,
+            };
+            let declared = buffer.byte_length.0;
+            usize::try_from(declared)
+                .ok()
+                .and_then(|length| bytes.get(..length))
+                .ok_or_else(|| fault(format!("it is cut off: {} bytes, its byteLength is {declared}", bytes.len())))
+        })
+        .collect()
+}
+
+/// What is worth a warning, told once for each kind however often it occurs.
+#[derive(Default)]
+struct Notes(Vec<Note>);
+
+struct Note {
+    what: &'static str,
+    count: usize,
+    /// Where it was met first.
+    first: String,
+}
+
+impl Notes {
+    fn add(&mut self, what: &'static str, place: impl FnOnce() -> String) {
+        match self.0.iter_mut().find(|note| note.what == what) {
+            Some(note) => note.count += 1,
+            None => self.0.push(Note { what, count: 1, first: place() }),
+        }
+    }
+
+    fn tell(self, origin: &Path, report: &mut Report) {
+        for Note { what, count, first } in self.0 {
+            let more = if count > 1 { format!(" and {} more", count - 1) } else { String::new() };
+            report.warn(format!("{}: {what}: {first}{more}", origin.display()));
+        }
+    }
+}

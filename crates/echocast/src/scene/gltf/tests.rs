@@ -1,0 +1,952 @@
+use super::read_bytes;
+use crate::error::Result;
+use crate::scene::{Filter, LoadOptions, Scene, Wrap};
+use glam::{DAffine3, DQuat, DVec3};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+const F32: u32 = 5126;
+
+/// A file in the making.
+struct File {
+    json: Value,
+    bin: Vec<u8>,
+}
+
+impl File {
+    /// One node, `Chair`, with one triangle: (0, 0, 0), (1, 0, 0), (0, 1, 0). Its positions are accessor 0.
+    fn triangle() -> File {
+        let mut file = File {
+            json: json!({
+                "asset": {"version": "2.0"},
+                "nodes": [{"name": "Chair", "mesh": 0}],
+                "meshes": [{"name": "Seat", "primitives": [{"attributes": {"POSITION": 0}}]}],
+                "accessors": [], "bufferViews": [], "buffers": [{}],
+            }),
+            bin: Vec::new(),
+        };
+        file.floats("VEC3", &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
+        file
+    }
+
+    /// Four vertices of the unit square in the plane z = 0, round the edge, instead of three.
+    fn square() -> File {
+        let mut file = File::triangle();
+        let square = file.floats("VEC3", &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0]);
+        file.primitive()["attributes"]["POSITION"] = square.into();
+        file
+    }
+
+    fn view(&mut self, bytes: &[u8]) -> usize {
+        self.bin.resize(self.bin.len().next_multiple_of(4), 0);
+        let offset = self.bin.len();
+        self.bin.extend_from_slice(bytes);
+        push(&mut self.json["bufferViews"], json!({"buffer": 0, "byteOffset": offset, "byteLength": bytes.len()}))
+    }
+
+    fn accessor(&mut self, kind: &str, component: u32, count: usize, bytes: &[u8]) -> usize {
+        let view = self.view(bytes);
+        let accessor = json!({"bufferView": view, "componentType": component, "type": kind, "count": count});
+        push(&mut self.json["accessors"], accessor)
+    }
+
+    fn floats(&mut self, kind: &str, numbers: &[f32]) -> usize {
+        let width = match kind {
+            "SCALAR" => 1,
+            _ => kind[3..].parse().unwrap(),
+        };
+        self.accessor(kind, F32, numbers.len() / width, bytemuck::cast_slice(numbers))
+    }
+
+    fn primitive(&mut self) -> &mut Value {
+        &mut self.json["meshes"][0]["primitives"][0]
+    }
+
+    fn node(&mut self) -> &mut Value {
+        &mut self.json["nodes"][0]
+    }
+
+    /// Gives the primitive a material.
+    fn material(&mut self, material: Value) {
+        self.json["materials"] = json!([material]);
+        self.primitive()["material"] = json!(0);
+    }
+
+    /// Gives the primitive a base colour texture of 2 x 1 pixels, red and green, and texture coordinates.
+    fn texture(&mut self) {
+        let image = self.view(&png(2, 1, &[255, 0, 0, 255, 0, 255, 0, 255]));
+        self.json["images"] = json!([{"bufferView": image, "name": "wood"}]);
+        self.json["textures"] = json!([{"source": 0}]);
+        self.material(json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}));
+        let uvs = self.floats("VEC2", &[0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
+        self.primitive()["attributes"]["TEXCOORD_0"] = uvs.into();
+    }
+
+    fn bytes(&self) -> Vec<u8> {
+        let mut json = self.json.clone();
+        if json["buffers"][0].get("uri").is_none() && json["buffers"][0].get("byteLength").is_none() {
+            json["buffers"][0]["byteLength"] = self.bin.len().into();
+        }
+        glb(json.to_string().as_bytes(), &self.bin)
+    }
+
+    fn load(&self) -> Result<Scene> {
+        read_bytes(&self.bytes(), Path::new("street.glb"), None, &LoadOptions::default())
+    }
+
+    fn error(&self) -> String {
+        self.load().expect_err("the file is bad").to_string()
+    }
+}
+
+fn push(array: &mut Value, value: Value) -> usize {
+    let array = array.as_array_mut().unwrap();
+    array.push(value);
+    array.len() - 1
+}
+
+fn glb(json: &[u8], bin: &[u8]) -> Vec<u8> {
+    let mut bytes = b"glTF\x02\0\0\0\0\0\0\0".to_vec();
+    for (kind, data, padding) in [(b"JSON", json, b' '), (b"BIN\0", bin, 0)] {
+        let length = data.len().next_multiple_of(4);
+        bytes.extend((length as u32).to_le_bytes());
+        bytes.extend(kind);
+        bytes.extend(data);
+        bytes.resize(bytes.len() + length - data.len(), padding);
+    }
+    let length = bytes.len() as u32;
+    bytes[8..12].copy_from_slice(&length.to_le_bytes());
+    bytes
+}
+
+fn png(width: u32, height: u32, rgba: &[u8]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, width, height);
+    encoder.set_color(png::ColorType::Rgba);
+    encoder.write_header().unwrap().write_image_data(rgba).unwrap();
+    bytes
+}
+
+/// World position of a vertex of the first part of an object.
+fn world_vertex(scene: &Scene, object: usize, vertex: usize) -> DVec3 {
+    let object = &scene.objects[object];
+    let position = scene.meshes[object.mesh].parts[0].positions[vertex];
+    object.world_from_object.transform_point3(DVec3::from(position.map(f64::from)))
+}
+
+fn close(a: DVec3, b: DVec3, tolerance: f64) {
+    assert!((a - b).length() <= tolerance, "{a} is not {b}");
+}
+
+fn only_warning(scene: &Scene) -> &str {
+    assert_eq!(scene.report.warnings.len(), 1, "{:?}", scene.report.warnings);
+    &scene.report.warnings[0]
+}
+
+#[test]
+fn y_up_becomes_z_up_once() {
+    let scene = File::triangle().load().unwrap();
+    close(world_vertex(&scene, 0, 1), DVec3::X, 0.0);
+    close(world_vertex(&scene, 0, 2), DVec3::Z, 0.0);
+    let mut moved = File::triangle();
+    moved.node()["translation"] = json!([1, 2, 3]);
+    close(world_vertex(&moved.load().unwrap(), 0, 0), DVec3::new(1.0, -3.0, 2.0), 0.0);
+}
+
+#[test]
+fn survey_coordinates_keep_a_tenth_of_a_millimetre() {
+    // z up: x = 500000.1234, y = 5600000.5678, z = 100.25.
+    let (translation, world) =
+        (json!([500000.1234, 100.25, -5600000.5678]), DVec3::new(500000.1234, 5600000.5678, 100.25));
+    let mut file = File::triangle();
+    file.node()["translation"] = translation.clone();
+    close(world_vertex(&file.load().unwrap(), 0, 0), world, 1e-9);
+
+    let mut file = File::triangle();
+    file.node()["matrix"] = json!([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 500000.1234, 100.25, -5600000.5678, 1]);
+    close(world_vertex(&file.load().unwrap(), 0, 0), world, 1e-9);
+
+    let mut file = File::triangle();
+    push(&mut file.json["nodes"], json!({"translation": translation, "children": [0]}));
+    close(world_vertex(&file.load().unwrap(), 0, 1), world + DVec3::X, 1e-9);
+}
+
+#[test]
+fn transforms_add_up_through_the_hierarchy() {
+    let (turn, scale) = (DQuat::from_rotation_y(0.7), DVec3::new(2.0, -3.0, 0.5));
+    let mut file = File::triangle();
+    *file.node() = json!({"mesh": 0, "scale": scale.to_array()});
+    push(&mut file.json["nodes"], json!({"rotation": turn.to_array(), "translation": [5, 6, 7], "children": [0]}));
+    let shear = DAffine3::from_cols_array(&[1.0, 0.0, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0, 1.0, 9.0, 8.0, 7.0]);
+    let columns = glam::DMat4::from(shear).to_cols_array();
+    push(&mut file.json["nodes"], json!({"matrix": columns, "children": [1]}));
+    let scene = file.load().unwrap();
+    let expected =
+        shear * DAffine3::from_rotation_translation(turn, DVec3::new(5.0, 6.0, 7.0)) * DAffine3::from_scale(scale);
+    for (vertex, p) in [DVec3::ZERO, DVec3::X, DVec3::Y].into_iter().enumerate() {
+        let q = expected.transform_point3(p);
+        close(world_vertex(&scene, 0, vertex), DVec3::new(q.x, -q.z, q.y), 1e-12);
+    }
+    assert!(scene.objects[0].world_from_object.matrix3.determinant() < 0.0, "a mirrored object stays mirrored");
+}
+
+#[test]
+fn a_very_deep_hierarchy_is_walked_without_recursion() {
+    const DEPTH: usize = 100_000;
+    let mut file = File::triangle();
+    let mut nodes: Vec<Value> =
+        (1..DEPTH).map(|child| json!({"children": [child], "translation": [1, 0, 0]})).collect();
+    nodes.push(json!({"mesh": 0}));
+    file.json["nodes"] = nodes.into();
+    close(world_vertex(&file.load().unwrap(), 0, 0), DVec3::X * (DEPTH - 1) as f64, 0.0);
+}
+
+#[test]
+fn nodes_that_are_no_tree_are_errors() {
+    for (nodes, message) in [
+        (
+            json!([{"children": [1]}, {"children": [0]}]),
+            "street.glb: node 0: it is, or lies below, its own ancestor (a cycle)",
+        ),
+        (json!([{"mesh": 0}, {"children": [1], "name": "loop"}]), "node 1 \"loop\": it is, or lies below"),
+        (
+            json!([{"children": [2]}, {"children": [2], "name": "b"}, {}]),
+            "node 1 \"b\": its child 2 is already a child of node 0",
+        ),
+        (json!([{"children": [7]}]), "node 0: its child 7 does not exist: the file has 1 nodes"),
+        (json!([{"mesh": 5}]), "node 0: its mesh 5 does not exist"),
+        (json!([{"camera": 5}]), "node 0: its camera 5 does not exist"),
+        (json!([{"mesh": 0, "rotation": [0, 0, 0, 0]}]), "node 0: its rotation [0, 0, 0, 0] has no direction"),
+        (json!([{"matrix": [1, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]}]), "node 0: the last row of its matrix"),
+        (
+            json!([{"scale": [1e300, 1, 1], "children": [1]}, {"scale": [1e300, 1, 1]}]),
+            "node 1: its place in the world is not finite",
+        ),
+    ] {
+        let mut file = File::triangle();
+        file.json["nodes"] = nodes;
+        assert!(file.error().contains(message), "{}", file.error());
+    }
+    for (scenes, message) in [
+        (json!([{"nodes": [4]}]), "scene 0: its node 4 does not exist"),
+        (json!([{"nodes": [0, 0], "name": "s"}]), "scene 0 \"s\": it lists node 0 twice"),
+        (json!([{"nodes": [1]}]), "scene 0: its node 1 is a child of node 0"),
+        (json!([]), "its scene 3 does not exist"),
+    ] {
+        let mut file = File::triangle();
+        file.json["nodes"] = json!([{"children": [1]}, {"mesh": 0}]);
+        if scenes.as_array().unwrap().is_empty() {
+            file.json["scene"] = json!(3);
+        }
+        file.json["scenes"] = scenes;
+        assert!(file.error().contains(message), "{}", file.error());
+    }
+}
+
+#[test]
+fn the_default_scene_is_read() {
+    let mut file = File::triangle();
+    file.json["nodes"] = json!([{"mesh": 0, "name": "a"}, {"mesh": 0, "name": "b"}, {"mesh": 0, "name": "c"}]);
+    let names = |file: &File| file.load().unwrap().objects.into_iter().map(|o| o.name).collect::<Vec<_>>();
+    assert_eq!(names(&file), ["a", "b", "c"]);
+    file.json["scenes"] = json!([{"nodes": [0]}, {"nodes": [2, 1]}]);
+    assert_eq!(names(&file), ["a"]);
+    file.json["scene"] = json!(1);
+    assert_eq!(names(&file), ["c", "b"]);
+}
+
+#[test]
+fn an_object_scaled_to_nothing_is_left_out() {
+    let mut file = File::triangle();
+    push(&mut file.json["nodes"], json!({"mesh": 0, "scale": [1, 0, 1], "name": "Flat"}));
+    let scene = file.load().unwrap();
+    assert_eq!(scene.objects.len(), 1);
+    assert_eq!(only_warning(&scene), "street.glb: objects scaled to nothing are left out: node 1 \"Flat\"");
+}
+
+#[test]
+fn a_mesh_of_many_nodes_is_kept_once() {
+    let mut file = File::triangle();
+    file.json["nodes"] = (0..50).map(|i| json!({"mesh": 0, "translation": [i, 0, 0]})).collect::<Vec<_>>().into();
+    let scene = file.load().unwrap();
+    assert_eq!((scene.meshes.len(), scene.objects.len(), scene.triangle_count()), (1, 50, 50));
+    assert_eq!((scene.objects[7].name.as_str(), scene.meshes[0].name.as_str()), ("Seat", "Seat"));
+    file.json["meshes"][0].as_object_mut().unwrap().remove("name");
+    assert_eq!(file.load().unwrap().objects[7].name, "object_7");
+}
+
+#[test]
+fn data_that_primitives_share_is_decoded_once() {
+    let mut file = File::triangle();
+    let (one, two) = (file.accessor("SCALAR", 5121, 3, &[0, 1, 2]), file.accessor("SCALAR", 5121, 3, &[2, 1, 0]));
+    file.json["materials"] = json!([{"name": "leg"}, {"name": "plate"}]);
+    file.json["meshes"][0]["primitives"] = json!([
+        {"attributes": {"POSITION": 0}, "indices": one, "material": 0},
+        {"attributes": {"POSITION": 0}, "indices": one, "material": 1},
+        {"attributes": {"POSITION": 0}, "indices": two, "material": 1},
+    ]);
+    let scene = file.load().unwrap();
+    let parts = &scene.meshes[0].parts;
+    assert!(Arc::ptr_eq(&parts[0].positions, &parts[2].positions));
+    assert!(Arc::ptr_eq(&parts[0].triangles, &parts[1].triangles));
+    assert!(!Arc::ptr_eq(&parts[0].triangles, &parts[2].triangles));
+    let names: Vec<_> = scene.objects[0].part_ids.iter().map(|&id| scene.labels.part.name(id).unwrap()).collect();
+    assert_eq!(names, ["leg", "plate", "plate"]);
+}
+
+#[test]
+fn every_kind_of_index_is_read() {
+    let expected = [[0, 1, 2], [0, 2, 3]];
+    let indices = [0u8, 1, 2, 0, 2, 3];
+    for component in [5121, 5123, 5125] {
+        let bytes: Vec<u8> = match component {
+            5121 => indices.to_vec(),
+            5123 => indices.iter().flat_map(|&i| u16::from(i).to_le_bytes()).collect(),
+            _ => indices.iter().flat_map(|&i| u32::from(i).to_le_bytes()).collect(),
+        };
+        let mut file = File::square();
+        file.primitive()["indices"] = file.accessor("SCALAR", component, 6, &bytes).into();
+        assert_eq!(*file.load().unwrap().meshes[0].parts[0].triangles, expected);
+    }
+}
+
+#[test]
+fn strips_and_fans_keep_the_winding() {
+    let triangles = |file: &File| file.load().unwrap().meshes[0].parts[0].triangles.to_vec();
+    let mut strip = File::square();
+    strip.primitive()["indices"] = strip.accessor("SCALAR", 5121, 4, &[0, 1, 3, 2]).into();
+    strip.primitive()["mode"] = json!(5);
+    assert_eq!(triangles(&strip), [[0, 1, 3], [1, 2, 3]]);
+    let mut fan = File::square();
+    fan.primitive()["mode"] = json!(6);
+    assert_eq!(triangles(&fan), [[1, 2, 0], [2, 3, 0]]);
+}
+
+#[test]
+fn points_lines_and_leftovers_are_skipped_with_one_warning_each() {
+    let mut file = File::square();
+    let square = file.primitive()["attributes"].clone();
+    file.json["meshes"][0]["primitives"] = json!([
+        {"attributes": square, "mode": 0},
+        {"attributes": square, "mode": 1},
+        {"attributes": square, "mode": 3},
+        {"attributes": {"NORMAL": 0}},
+        {"attributes": square},
+    ]);
+    let scene = file.load().unwrap();
+    assert_eq!(scene.meshes[0].triangle_count(), 1, "four vertices without indices hold one whole triangle");
+    assert_eq!(
+        scene.report.warnings,
+        [
+            "street.glb: points and lines are skipped: mesh 0 \"Seat\" primitive 0 and 2 more",
+            "street.glb: primitives without positions are skipped: mesh 0 \"Seat\" primitive 3",
+            "street.glb: corners left over after the last whole triangle are skipped: mesh 0 \"Seat\" primitive 4",
+        ]
+    );
+}
+
+#[test]
+fn interleaved_vertices_are_read() {
+    let mut file = File::triangle();
+    // x y z nx ny nz, 24 bytes a vertex; one normal leans, so that they are not flat.
+    let vertices: [f32; 18] =
+        [0.0, 0.0, 0.0, 0.0, 0.0, 2.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.6, 0.0, 0.8];
+    let view = file.view(bytemuck::cast_slice(&vertices));
+    file.json["bufferViews"][view]["byteStride"] = json!(24);
+    let accessor =
+        |offset| json!({"bufferView": view, "byteOffset": offset, "componentType": F32, "type": "VEC3", "count": 3});
+    let position = push(&mut file.json["accessors"], accessor(0));
+    let normal = push(&mut file.json["accessors"], accessor(12));
+    file.primitive()["attributes"] = json!({"POSITION": position, "NORMAL": normal});
+    let scene = file.load().unwrap();
+    let part = &scene.meshes[0].parts[0];
+    assert_eq!(*part.positions, [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    let normals = part.normals.as_ref().expect("they are not flat");
+    assert_eq!(normals[0], [0.0, 0.0, 1.0], "normals have unit length");
+    close(DVec3::from(normals[2].map(f64::from)), DVec3::new(0.6, 0.0, 0.8), 1e-6);
+}
+
+#[test]
+fn flat_and_broken_normals_are_not_kept() {
+    let mut flat = File::triangle();
+    flat.primitive()["attributes"]["NORMAL"] =
+        flat.floats("VEC3", &[0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0]).into();
+    let scene = flat.load().unwrap();
+    assert!(scene.meshes[0].parts[0].normals.is_none() && scene.report.warnings.is_empty());
+    for bad in [0.0, f32::NAN] {
+        let mut broken = File::triangle();
+        let normals = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, bad];
+        broken.primitive()["attributes"]["NORMAL"] = broken.floats("VEC3", &normals).into();
+        let scene = broken.load().unwrap();
+        assert!(scene.meshes[0].parts[0].normals.is_none());
+        assert!(only_warning(&scene).contains("normals of no length are not used"));
+    }
+}
+
+#[test]
+fn sparse_accessors_replace_elements() {
+    let mut file = File::square();
+    let indices = file.view(&[2, 0, 3, 0]);
+    let values = file.view(bytemuck::cast_slice(&[5.0f32, 5.0, 5.0, 6.0, 6.0, 6.0]));
+    let sparse = json!({"count": 2, "indices": {"bufferView": indices, "componentType": 5123}, "values": {"bufferView": values}});
+    let square = file.primitive()["attributes"]["POSITION"].as_u64().unwrap() as usize;
+    file.json["accessors"][square]["sparse"] = sparse.clone();
+    let positions = |file: &File| file.load().unwrap().meshes[0].parts[0].positions.to_vec();
+    let over_square = [[0.0; 3], [1.0, 0.0, 0.0], [5.0; 3], [6.0; 3]];
+    assert_eq!(positions(&file), over_square);
+    // Over nothing: zeros.
+    file.json["accessors"][square].as_object_mut().unwrap().remove("bufferView");
+    file.primitive()["indices"] = file.accessor("SCALAR", 5121, 3, &[0, 2, 3]).into();
+    let on_a_line = file.load().unwrap();
+    assert_eq!((on_a_line.triangle_count(), on_a_line.degenerate_triangles), (0, 1));
+    file.json["accessors"][square]["sparse"]["indices"]["bufferView"] = json!(99);
+    assert!(file.error().contains("POSITION: accessor 1 sparse data refers to buffer view 99"), "{}", file.error());
+    file.json["accessors"][square]["sparse"] = sparse;
+    file.json["accessors"][square]["count"] = json!(3);
+    assert!(file.error().contains("accessor 1 sparse data replaces element 3 of 3"), "{}", file.error());
+    file.json["accessors"][square]["count"] = json!(4_000_000_000_000u64);
+    assert!(file.error().contains("64 times its size"), "{}", file.error());
+}
+
+#[test]
+fn quantised_vertices_and_texture_coordinates_are_read() {
+    let mut file = File::triangle();
+    file.texture();
+    file.json["extensionsRequired"] = json!(["KHR_mesh_quantization"]);
+    let positions = file.accessor("VEC3", 5122, 3, bytemuck::cast_slice(&[0i16, 0, 0, 100, 0, 0, 0, -200, 0]));
+    let uvs = file.accessor("VEC2", 5123, 3, bytemuck::cast_slice(&[0u16, 65535, 13107, 0, 0, 0]));
+    let normals = file.accessor("VEC3", 5120, 3, &[127, 0, 0, 0, 127, 0, 0, 0, 129]);
+    file.json["accessors"][uvs]["normalized"] = json!(true);
+    file.json["accessors"][normals]["normalized"] = json!(true);
+    file.primitive()["attributes"] = json!({"POSITION": positions, "NORMAL": normals, "TEXCOORD_0": uvs});
+    let scene = file.load().unwrap();
+    let part = &scene.meshes[0].parts[0];
+    assert_eq!(part.positions[2], [0.0, -200.0, 0.0]);
+    assert_eq!(part.normals.as_ref().unwrap()[2], [0.0, 0.0, -1.0]);
+    assert_eq!(part.uvs.as_ref().unwrap()[..2], [[0.0, 1.0], [0.2, 0.0]]);
+    // 8-bit texture coordinates.
+    let uvs = file.accessor("VEC2", 5121, 3, &[0, 255, 51, 0, 0, 0]);
+    file.json["accessors"][uvs]["normalized"] = json!(true);
+    file.primitive()["attributes"]["TEXCOORD_0"] = uvs.into();
+    assert_eq!(file.load().unwrap().meshes[0].parts[0].uvs.as_ref().unwrap()[..2], [[0.0, 1.0], [0.2, 0.0]]);
+}
+
+#[test]
+fn degenerate_triangles_are_left_out_and_counted() {
+    let mut file = File::square();
+    file.primitive()["indices"] = file.accessor("SCALAR", 5121, 9, &[0, 1, 1, 0, 1, 2, 3, 3, 3]).into();
+    let scene = file.load().unwrap();
+    assert_eq!((scene.degenerate_triangles, scene.triangle_count()), (2, 1));
+    assert_eq!(only_warning(&scene), "street.glb: 2 triangle(s) without area are left out");
+}
+
+#[test]
+fn bad_geometry_is_an_error_that_names_the_place() {
+    let with = |edit: &dyn Fn(&mut File)| {
+        let mut file = File::square();
+        edit(&mut file);
+        file.error()
+    };
+    let attribute =
+        |file: &mut File, name: &str, accessor: usize| file.primitive()["attributes"][name] = accessor.into();
+    let cases: [(&dyn Fn(&mut File), &str); 22] = [
+        (
+            &|f| f.primitive()["indices"] = f.accessor("SCALAR", 5121, 3, &[0, 1, 4]).into(),
+            "street.glb: mesh 0 \"Seat\" primitive 0: index 4 is past the last of 4 vertices",
+        ),
+        (
+            &|f| {
+                let bad = f.floats("VEC3", &[0.0, 0.0, 0.0, 1.0, f32::NAN, 0.0, 1.0, 1.0, 0.0]);
+                attribute(f, "POSITION", bad);
+            },
+            "mesh 0 \"Seat\" primitive 0: vertex 1 is [1.0, NaN, 0.0]; allowed: finite numbers",
+        ),
+        (
+            &|f| {
+                let bad = f.floats("VEC3", &[f32::INFINITY; 9]);
+                attribute(f, "POSITION", bad);
+            },
+            "vertex 0 is [inf, inf, inf]",
+        ),
+        (&|f| attribute(f, "POSITION", 77), "POSITION: accessor 77 does not exist: the file has 2"),
+        (
+            &|f| f.json["accessors"][1]["count"] = json!(5),
+            "accessor 1 ends beyond buffer view 1: 5 elements 12 bytes apart from byte 0 on, the view has 48 bytes",
+        ),
+        (&|f| f.json["accessors"][1]["count"] = json!(u64::MAX), "accessor 1 ends beyond buffer view 1"),
+        (&|f| f.json["accessors"][1]["byteOffset"] = json!(4), "accessor 1 ends beyond buffer view 1"),
+        (&|f| f.json["accessors"][1]["byteOffset"] = json!(u64::MAX), "accessor 1 ends beyond buffer view 1"),
+        (&|f| f.json["accessors"][1]["bufferView"] = json!(9), "accessor 1 refers to buffer view 9, the file has 2"),
+        (&|f| f.json["accessors"][1]["type"] = json!("VEC2"), "accessor 1 is not of type VEC3"),
+        (&|f| f.json["accessors"][1]["componentType"] = json!(5125), "accessor 1 holds 32-bit integers"),
+        (&|f| f.json["accessors"][1]["componentType"] = json!(1), "accessor 1 has an unknown componentType"),
+        (&|f| drop(f.json["accessors"][1].as_object_mut().unwrap().remove("bufferView")), "accessor 1 has no data"),
+        (
+            &|f| f.json["bufferViews"][1]["byteStride"] = json!(8),
+            "accessor 1 has elements of 12 bytes, but buffer view 1 a byteStride of 8",
+        ),
+        (
+            &|f| f.json["bufferViews"][1]["byteLength"] = json!(4000),
+            "buffer view 1, which ends beyond buffer 0: 4000 bytes from byte 36 on, the buffer has 84 bytes",
+        ),
+        (&|f| f.json["bufferViews"][1]["byteOffset"] = json!(u64::MAX), "buffer view 1, which ends beyond buffer 0"),
+        (&|f| f.json["bufferViews"][1]["buffer"] = json!(3), "accessor 1 refers to buffer 3, the file has 1"),
+        (
+            &|f| f.primitive()["indices"] = f.floats("SCALAR", &[0.0, 1.0, 2.0]).into(),
+            "indices: accessor 2 holds no indices",
+        ),
+        (&|f| attribute(f, "NORMAL", 0), "NORMAL has 3 elements for 4 vertices"),
+        (&|f| attribute(f, "COLOR_0", 0), "COLOR_0 has 3 elements for 4 vertices"),
+        (&|f| f.primitive()["material"] = json!(2), "its material 2 does not exist: the file has 0"),
+        (&|f| f.primitive()["mode"] = json!(9), "its mode is unknown"),
+    ];
+    for (edit, message) in cases {
+        assert!(with(edit).contains(message), "{} does not say {message}", with(edit));
+        assert!(with(edit).contains("street.glb: mesh 0 \"Seat\" primitive 0: "), "{}", with(edit));
+    }
+}
+
+#[test]
+fn accessors_that_overlap_a_thousandfold_are_refused() {
+    let mut file = File::triangle();
+    let vertices = vec![0.0f32; 300_000];
+    file.floats("VEC3", &vertices);
+    let accessor = file.json["accessors"][1].clone();
+    let primitives: Vec<Value> = (0..100)
+        .map(|_| json!({"attributes": {"POSITION": push(&mut file.json["accessors"], accessor.clone())}}))
+        .collect();
+    file.json["meshes"][0]["primitives"] = primitives.into();
+    assert!(file.error().contains("is too much: the file would take more than 64 times its size"), "{}", file.error());
+}
+
+#[test]
+fn a_file_without_triangles_has_nothing_to_scan() {
+    let mut file = File::triangle();
+    file.primitive()["mode"] = json!(0);
+    assert_eq!(file.load().unwrap().triangle_count(), 0);
+    let error = Scene::from_glb_bytes(&file.bytes(), &LoadOptions::default()).unwrap_err().to_string();
+    assert_eq!(error, "glTF data: no triangle to scan: the file holds no mesh with area");
+}
+
+#[test]
+fn materials_are_read_with_their_extensions() {
+    let mut file = File::triangle();
+    file.json["extensionsRequired"] = json!(["KHR_materials_transmission", "KHR_materials_clearcoat"]);
+    file.material(json!({
+        "name": "glass",
+        "pbrMetallicRoughness": {"baseColorFactor": [0.1, 0.2, 0.3, 0.4], "metallicFactor": 0.25, "roughnessFactor": 0.5},
+        "extensions": {
+            "KHR_materials_transmission": {"transmissionFactor": 0.75},
+            "KHR_materials_ior": {"ior": 1.33},
+            "KHR_materials_volume": {"thicknessFactor": 0.01, "attenuationDistance": 2, "attenuationColor": [1, 0.5, 0]},
+            "KHR_materials_unlit": {},
+        },
+        "extras": {"reflectance": 0.6, "blainder_rgba": [0, 0, 0, 0.9]},
+    }));
+    let scene = file.load().unwrap();
+    let m = &scene.materials[scene.meshes[0].parts[0].material.unwrap()];
+    assert_eq!((m.name.as_str(), m.base_color, m.metallic, m.roughness), ("glass", [0.1, 0.2, 0.3, 0.4], 0.25, 0.5));
+    assert_eq!((m.transmission, m.ior, m.unlit, m.reflectance), (0.75, 1.33, true, Some(0.6)));
+    assert_eq!((m.thickness_m, m.attenuation_distance_m, m.attenuation_color), (0.01, 2.0, [1.0, 0.5, 0.0]));
+
+    file.material(json!({}));
+    let scene = file.load().unwrap();
+    let m = &scene.materials[0];
+    // glTF's defaults of a material that says nothing.
+    assert_eq!((m.name.as_str(), m.metallic, m.roughness, m.ior), ("material_0", 1.0, 1.0, 1.5));
+    assert_eq!((m.reflectance, m.thickness_m, m.attenuation_distance_m), (None, 0.0, f32::INFINITY));
+
+    file.material(json!({"extensions": {"KHR_materials_pbrSpecularGlossiness":
+        {"diffuseFactor": [0.5, 0.25, 0.125, 1], "glossinessFactor": 0.75}}}));
+    let scene = file.load().unwrap();
+    let m = &scene.materials[0];
+    assert_eq!((m.base_color, m.metallic, m.roughness), ([0.5, 0.25, 0.125, 1.0], 0.0, 0.25));
+}
+
+#[test]
+fn properties_of_the_papers_system_are_read() {
+    let mut file = File::triangle();
+    file.material(json!({"pbrMetallicRoughness": {"metallicFactor": 0.5}, "extras":
+        {"blainder_rgba": [0.8, 0.8, 0.8, 0.9], "blainder_metallic": 1.0, "blainder_ior": 1.45, "other": {"x": []}}}));
+    let read = |file: &File| file.load().unwrap().materials.swap_remove(0);
+    assert_eq!((read(&file).reflectance, read(&file).metallic, read(&file).ior), (Some(0.9), 1.0, 1.45));
+    file.json["materials"][0]["extras"]["blainder_ior"] = json!(0.0);
+    assert_eq!(read(&file).ior, 1.5, "0: no refraction said");
+}
+
+#[test]
+fn material_values_out_of_range_are_errors() {
+    for (material, message) in [
+        (
+            json!({"name": "x", "extras": {"reflectance": 1.5}}),
+            "street.glb: material 0 \"x\": extras.reflectance is 1.5; allowed: a number from 0 to 1",
+        ),
+        (
+            json!({"extras": {"reflectance": "high"}}),
+            "extras.reflectance is not a number; allowed: a number from 0 to 1",
+        ),
+        (json!({"extras": {"blainder_rgba": [1, 1, 1]}}), "extras.blainder_rgba[3] is not a number"),
+        (json!({"extras": {"blainder_rgba": [1, 1, 1, -1]}}), "extras.blainder_rgba[3] is -1"),
+        (json!({"extras": {"blainder_metallic": 2}}), "extras.blainder_metallic is 2"),
+        (json!({"extras": {"blainder_ior": 0.5}}), "extras.blainder_ior is 0.5; allowed: 0 for none, or 1 and more"),
+        (json!({"extensions": {"KHR_materials_ior": {"ior": 0.5}}}), "ior is 0.5"),
+        (
+            json!({"extensions": {"KHR_materials_volume": {"thicknessFactor": -1}}}),
+            "thicknessFactor is -1; allowed: 0 or more",
+        ),
+        (
+            json!({"extensions": {"KHR_materials_volume": {"attenuationDistance": 0}}}),
+            "attenuationDistance is 0; allowed: more than 0",
+        ),
+        (json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 3}}}), "its texture 3 does not exist"),
+    ] {
+        let mut file = File::triangle();
+        file.material(material);
+        assert!(file.error().contains(message), "{} does not say {message}", file.error());
+    }
+    let mut file = File::triangle();
+    file.material(json!({"pbrMetallicRoughness": {"baseColorFactor": [1.5, 0, 0, 1], "roughnessFactor": -0.1}}));
+    let scene = file.load().unwrap();
+    assert_eq!((scene.materials[0].base_color[0], scene.materials[0].roughness), (1.0, 0.0));
+    assert_eq!(
+        only_warning(&scene),
+        "street.glb: factors outside 0..1 are clamped: material 0 baseColorFactor 1.5 and 1 more"
+    );
+}
+
+#[test]
+fn a_texture_is_read_with_its_sampler() {
+    let mut file = File::triangle();
+    file.texture();
+    let scene = file.load().unwrap();
+    let image = &scene.textures[0];
+    assert_eq!((image.width, image.height, &image.pixels[..]), (2, 1, &[[255, 0, 0, 255], [0, 255, 0, 255]][..]));
+    let plain = scene.materials[0].base_color_texture.clone().unwrap();
+    assert_eq!((plain.wrap_u, plain.wrap_v, plain.filter), (Wrap::Repeat, Wrap::Repeat, Filter::Linear));
+    assert_eq!(*scene.meshes[0].parts[0].uvs.clone().unwrap(), [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]);
+
+    file.json["samplers"] = json!([{"magFilter": 9728, "wrapS": 33071, "wrapT": 33648}]);
+    file.json["textures"][0]["sampler"] = json!(0);
+    let scene = file.load().unwrap();
+    let use_ = scene.materials[0].base_color_texture.clone().unwrap();
+    assert_eq!((use_.wrap_u, use_.wrap_v, use_.filter), (Wrap::ClampToEdge, Wrap::MirroredRepeat, Filter::Nearest));
+
+    // Two materials with one image: decoded once.
+    let again = file.json["materials"][0].clone();
+    push(&mut file.json["materials"], again);
+    assert_eq!(file.load().unwrap().textures.len(), 1);
+}
+
+#[test]
+fn a_texture_transform_moves_the_coordinates() {
+    let mut file = File::triangle();
+    file.texture();
+    let other = file.floats("VEC2", &[0.5, 0.5, 0.25, 0.75, 0.0, 1.0]);
+    file.primitive()["attributes"]["TEXCOORD_1"] = other.into();
+    file.json["extensionsRequired"] = json!(["KHR_texture_transform"]);
+    file.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]["extensions"] = json!(
+        {"KHR_texture_transform": {"offset": [0.5, 0.25], "rotation": std::f64::consts::FRAC_PI_2, "scale": [2, 3], "texCoord": 1}}
+    );
+    let scene = file.load().unwrap();
+    assert_eq!(scene.meshes[0].parts[0].uvs.as_ref().unwrap()[1], [0.25, 0.75], "its texCoord goes before");
+    let rows = scene.materials[0].base_color_texture.as_ref().unwrap().transform;
+    let at = |u: f32, v: f32| rows.map(|row| row[0] * u + row[1] * v + row[2]);
+    // (1, 0) is scaled to (2, 0), turned counter-clockwise in the image, v down, to (0, -2), and moved.
+    for (found, expected) in [(at(1.0, 0.0), [0.5, -1.75]), (at(0.0, 1.0), [3.5, 0.25])] {
+        assert!((found[0] - expected[0]).abs() < 1e-6 && (found[1] - expected[1]).abs() < 1e-6, "{found:?}");
+    }
+}
+
+#[test]
+fn textures_that_cannot_be_used_are_told() {
+    let mut file = File::triangle();
+    file.texture();
+    file.primitive()["attributes"].as_object_mut().unwrap().remove("TEXCOORD_0");
+    let scene = file.load().unwrap();
+    assert!(scene.meshes[0].parts[0].uvs.is_none());
+    assert!(only_warning(&scene).contains("textures are not used where texture coordinates are missing: mesh 0"));
+
+    file.json["textures"] = json!([{"extensions": {"EXT_texture_webp": {"source": 0}}}]);
+    let scene = file.load().unwrap();
+    assert!(scene.materials[0].base_color_texture.is_none());
+    assert!(only_warning(&scene).contains("textures without a PNG or JPEG image are left out: material 0"));
+}
+
+#[test]
+fn bad_images_are_errors() {
+    let cases: [(&dyn Fn(&mut File), &str); 7] = [
+        (&|f| f.json["images"][0] = json!({}), "street.glb: image 0: it has neither uri nor bufferView"),
+        (&|f| f.json["images"][0]["bufferView"] = json!(8), "image 0 \"wood\": it refers to buffer view 8"),
+        (&|f| f.json["images"][0] = json!({"uri": "data:,hello"}), "image 0: the image is neither PNG nor JPEG"),
+        (&|f| f.json["images"][0] = json!({"uri": "wood.png"}), "image 0: \"wood.png\" is a file of its own"),
+        (&|f| f.json["bufferViews"][1]["byteLength"] = json!(50), "image 0 \"wood\": the image cannot be decoded"),
+        (&|f| f.json["textures"][0]["source"] = json!(4), "material 0: its image 4 does not exist"),
+        (&|f| f.json["textures"][0]["sampler"] = json!(4), "material 0: its sampler 4 does not exist"),
+    ];
+    for (edit, message) in cases {
+        let mut file = File::triangle();
+        file.texture();
+        edit(&mut file);
+        assert!(file.error().contains(message), "{} does not say {message}", file.error());
+    }
+    // A header that announces 100,000 x 100,000 pixels.
+    let mut huge = png(1, 1, &[0; 4]);
+    huge[16..20].copy_from_slice(&100_000u32.to_be_bytes());
+    huge[20..24].copy_from_slice(&100_000u32.to_be_bytes());
+    let mut file = File::triangle();
+    file.texture();
+    let view = file.view(&huge);
+    file.json["images"][0]["bufferView"] = view.into();
+    assert!(file.error().contains("image 0 \"wood\": the image cannot be decoded"), "{}", file.error());
+}
+
+#[test]
+fn one_colour_of_all_vertices_tints_the_material() {
+    let mut file = File::triangle();
+    file.material(json!({"name": "paint", "pbrMetallicRoughness": {"baseColorFactor": [0.5, 1, 1, 1]}}));
+    let constant = file.floats("VEC3", &[0.5, 0.25, 1.0, 0.5, 0.25, 1.0, 0.5, 0.25, 1.0]);
+    file.primitive()["attributes"]["COLOR_0"] = constant.into();
+    let scene = file.load().unwrap();
+    let material = &scene.materials[scene.meshes[0].parts[0].material.unwrap()];
+    assert_eq!((material.name.as_str(), material.base_color), ("paint", [0.25, 0.25, 1.0, 1.0]));
+    assert_eq!(scene.materials[0].base_color, [0.5, 1.0, 1.0, 1.0], "others may use the material untinted");
+    assert_eq!(scene.labels.material.names, ["paint"]);
+
+    file.primitive()["attributes"]["COLOR_0"] = file.accessor("VEC4", 5121, 3, &[255; 12]).into();
+    file.json["accessors"][2]["normalized"] = json!(true);
+    assert_eq!(file.load().unwrap().materials.len(), 1, "white tints nothing");
+
+    file.primitive()["attributes"]["COLOR_0"] =
+        file.accessor("VEC4", 5121, 3, &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11]).into();
+    let scene = file.load().unwrap();
+    assert_eq!(scene.materials.len(), 1);
+    assert!(only_warning(&scene).contains("vertex colours that change over a primitive are not used: mesh 0"));
+
+    file.json.as_object_mut().unwrap().remove("materials");
+    *file.primitive() = json!({"attributes": {"POSITION": 0, "COLOR_0": constant}});
+    let scene = file.load().unwrap();
+    assert_eq!(scene.materials[scene.meshes[0].parts[0].material.unwrap()].base_color, [0.5, 0.25, 1.0, 1.0]);
+}
+
+#[test]
+fn cameras_are_named_and_placed() {
+    let mut file = File::triangle();
+    file.json["cameras"] = json!([
+        {"type": "perspective", "perspective": {"yfov": 1.0, "znear": 0.1}, "name": "lens"},
+        {"type": "orthographic", "orthographic": {"xmag": 1.0, "ymag": 1.0, "znear": 0.1, "zfar": 9.0}},
+    ]);
+    file.json["nodes"] = json!([
+        {"mesh": 0, "children": [1]},
+        {"camera": 0, "name": "Sensor", "translation": [1, 2, 3]},
+        {"camera": 0},
+        {"camera": 1},
+    ]);
+    let scene = file.load().unwrap();
+    let names: Vec<_> = scene.cameras.iter().map(|camera| camera.name.as_str()).collect();
+    assert_eq!(names, ["Sensor", "lens", "camera_1"]);
+    let pose = scene.camera("Sensor").unwrap().pose;
+    close(pose.position, DVec3::new(1.0, -3.0, 2.0), 0.0);
+    // glTF cameras look along -z, which is +y here, and have y, here z, up.
+    close(pose.orientation * DVec3::X, DVec3::Y, 1e-12);
+    close(pose.orientation * DVec3::Z, DVec3::Z, 1e-12);
+}
+
+#[test]
+fn labels_come_from_the_node_or_its_nearest_ancestor() {
+    let mut file = File::triangle();
+    file.material(json!({"name": "wood"}));
+    file.json["nodes"] = json!([
+        {"name": "Room", "children": [1, 2], "extras": {"categoryID": "room", "partID": 7}},
+        {"name": "Chair", "children": [3], "extras": {"categoryID": "chair"}},
+        {"name": "Wall", "mesh": 0},
+        {"name": "Seat", "mesh": 0, "extras": {"partID": "seat", "x": 1}},
+        {"name": "Lamp", "mesh": 0, "extras": {"categoryID": {"not": "text"}}},
+        {"name": "Tag", "mesh": 0, "extras": {"categoryID": 3.0, "partID": 2.5}},
+    ]);
+    let scene = file.load().unwrap();
+    let labels = |name: &str| {
+        let object = scene.objects.iter().find(|object| object.name == name).unwrap();
+        let part = scene.labels.part.name(object.part_ids[0]).unwrap();
+        (scene.labels.category.name(object.category_id).unwrap(), part)
+    };
+    assert_eq!(labels("Wall"), ("room", "7"));
+    assert_eq!(labels("Seat"), ("chair", "seat"));
+    assert_eq!(labels("Lamp"), ("Lamp", "wood"));
+    assert_eq!(labels("Tag"), ("3", "2.5"));
+}
+
+#[test]
+fn instances_of_a_node_become_objects() {
+    let mut file = File::triangle();
+    let translation = file.floats("VEC3", &[0.0, 0.0, 0.0, 10.0, 0.0, 0.0]);
+    let scale = file.floats("VEC3", &[1.0, 1.0, 1.0, 2.0, 2.0, 2.0]);
+    file.json["extensionsRequired"] = json!(["EXT_mesh_gpu_instancing"]);
+    file.node()["translation"] = json!([0, 0, 5]);
+    file.node()["extensions"] =
+        json!({"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": translation, "SCALE": scale, "_ID": 0}}});
+    let scene = file.load().unwrap();
+    assert_eq!((scene.meshes.len(), scene.objects.len()), (1, 2));
+    close(world_vertex(&scene, 1, 1), DVec3::new(12.0, -5.0, 0.0), 0.0);
+    let rotation = file.floats("VEC4", &[0.0; 8]);
+    let attributes =
+        |file: &mut File, value| file.node()["extensions"]["EXT_mesh_gpu_instancing"]["attributes"] = value;
+    for (value, message) in [
+        (json!({"TRANSLATION": translation, "SCALE": 0}), "its accessors have 3 and other counts"),
+        (json!({}), "it has no attributes"),
+        (json!({"ROTATION": rotation}), "instance 0 has a place that is not finite"),
+        (json!({"TRANSLATION": "x"}), "EXT_mesh_gpu_instancing: invalid type"),
+        (json!({"TRANSLATION": 55}), "accessor 55 does not exist"),
+    ] {
+        attributes(&mut file, value);
+        assert!(
+            file.error().contains("street.glb: node 0 \"Chair\": ") && file.error().contains(message),
+            "{}",
+            file.error()
+        );
+    }
+}
+
+#[test]
+fn what_moves_is_read_standing_still() {
+    let mut file = File::triangle();
+    file.json["skins"] = json!([{"joints": [0]}]);
+    file.json["animations"] =
+        json!([{"name": "walk", "channels": [], "samplers": []}, {"channels": [], "samplers": []}]);
+    file.node()["skin"] = json!(0);
+    file.node()["weights"] = json!([0.0, 0.5]);
+    let scene = file.load().unwrap();
+    assert_eq!(scene.animations, ["walk", "animation_1"]);
+    assert_eq!(
+        scene.report.warnings,
+        [
+            "street.glb: skins are not applied, meshes stand as they were bound: node 0 \"Chair\"",
+            "street.glb: morph targets are not applied, meshes have their base shape: node 0 \"Chair\"",
+        ]
+    );
+}
+
+#[test]
+fn extensions_that_are_not_supported_are_named() {
+    for name in ["KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_texture_basisu", "ACME_anything"] {
+        let mut file = File::triangle();
+        file.json["extensionsRequired"] = json!([name]);
+        assert_eq!(
+            file.error(),
+            format!(
+                "street.glb: the extension {name}, which the file requires, is not supported: convert the file with another \
+                 tool first (gltf-transform can decompress Draco and meshopt)"
+            )
+        );
+    }
+}
+
+#[test]
+fn damaged_files_are_errors() {
+    let read = |bytes: &[u8]| {
+        let scene = read_bytes(bytes, Path::new("street.glb"), None, &LoadOptions::default());
+        scene.expect_err("the file is damaged").to_string()
+    };
+    assert_eq!(read(b""), "street.glb: the file is empty");
+    assert_eq!(read(b"glTF\x02\0\0\0"), "street.glb: the file is cut off: 8 bytes, a GLB header alone has 12");
+    assert_eq!(read(b"glTF\x01\0\0\0\x0c\0\0\0"), "street.glb: GLB version 1; allowed: 2");
+    assert_eq!(read(b"glTF\x02\0\0\0\x03\0\0\0"), "street.glb: the first GLB chunk is not JSON");
+    assert!(read(b"{\"asset\": 3,\n ?}").contains("street.glb: not a glTF file: "));
+    assert!(read(b"{}").contains("missing field `asset`"));
+    assert!(read(b"\xff\xfe\x00").contains("not a glTF file"));
+    assert!(read(br#"{"asset":{"version":"2.0"},"nodes":[{"mesh":-1}]}"#).contains("not a glTF file: invalid "));
+    assert!(read(br#"{"asset":{"version":"2.0"},"nodes":{"a":{}}}"#).contains("not a glTF file: invalid type: map"));
+    let first = br#"{"asset":{"version":"1.0"},"nodes":{"a":{}}}"#;
+    assert_eq!(read(first), "street.glb: asset: glTF version 1.0; allowed: 2.0");
+
+    let whole = File::triangle().bytes();
+    for length in 1..whole.len() {
+        let error = read(&whole[..length]);
+        assert!(error.contains("cut off") || length < 4, "{length}: {error}");
+    }
+    // The length in the header fits what is left, the chunks do not.
+    for length in 12..whole.len() {
+        let mut cut = whole[..length].to_vec();
+        cut[8..12].copy_from_slice(&(length as u32).to_le_bytes());
+        let error = read(&cut);
+        let known = ["cut off", "the first GLB chunk is not JSON", "neither uri nor GLB chunk"];
+        assert!(known.iter().any(|message| error.contains(message)), "{length}: {error}");
+    }
+    let mut file = File::triangle();
+    file.json["buffers"][0]["byteLength"] = json!(u64::MAX);
+    let message = "street.glb: buffer 0: it is cut off: 36 bytes, its byteLength is 18446744073709551615";
+    assert_eq!(file.error(), message);
+    push(&mut file.json["buffers"], json!({"byteLength": 4}));
+    file.json["buffers"][0]["byteLength"] = json!(36);
+    assert_eq!(file.error(), "street.glb: buffer 1: it has neither uri nor GLB chunk");
+}
+
+#[test]
+fn text_files_lead_to_their_buffers_and_images() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("street.gltf");
+    let mut file = File::triangle();
+    file.texture();
+    let image = png(1, 1, &[1, 2, 3, 4]);
+    std::fs::create_dir(folder.path().join("my textures")).unwrap();
+    std::fs::write(folder.path().join("my textures/wood.png"), &image).unwrap();
+    std::fs::write(folder.path().join("mesh data.bin"), &file.bin).unwrap();
+    file.json["images"][0] = json!({"uri": "my%20textures/wood.png"});
+    file.json["buffers"][0] = json!({"uri": "mesh%20data.bin", "byteLength": file.bin.len(), "name": "data"});
+    let load = |file: &File| {
+        std::fs::write(&path, format!("\u{feff}{}", file.json)).unwrap();
+        Scene::load(&path)
+    };
+    let error = |file: &File| load(file).unwrap_err().to_string();
+    let scene = load(&file).unwrap();
+    assert_eq!((scene.triangle_count(), scene.textures[0].pixels[0]), (1, [1, 2, 3, 4]));
+
+    let place = format!("{}: ", path.display());
+    file.json["buffers"][0]["uri"] = json!("gone.bin");
+    assert!(error(&file).starts_with(&format!("{place}buffer 0 \"data\": cannot read ")), "{}", error(&file));
+    assert!(error(&file).contains("gone.bin: No such file"));
+    file.json["buffers"][0]["uri"] = json!("mesh data.bin");
+    file.json["buffers"][0]["byteLength"] = json!(file.bin.len() + 1);
+    assert!(error(&file).contains("buffer 0 \"data\": it is cut off"), "{}", error(&file));
+    file.json["buffers"][0]["byteLength"] = json!(file.bin.len());
+    file.json["images"][0]["uri"] = json!("gone.png");
+    assert!(error(&file).starts_with(&format!("{place}image 0: cannot read ")), "{}", error(&file));
+    for absolute in [format!("file://{}", path.display()), path.display().to_string()] {
+        file.json["images"][0]["uri"] = absolute.into();
+        assert!(error(&file).contains("is not a relative path; allowed: "), "{}", error(&file));
+    }
+    let missing = Scene::load(folder.path().join("none.glb")).unwrap_err().to_string();
+    assert!(missing.contains("none.glb: No such file"), "{missing}");
+}
+
+/// The folder of scenes and recordings that some development machines have, if it is here.
+fn shared() -> Option<PathBuf> {
+    let folder = match std::env::var_os("ECHOCAST_SHARED") {
+        Some(folder) => PathBuf::from(folder),
+        None => Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared"),
+    };
+    if folder.join("scenes").is_dir() {
+        return Some(folder);
+    }
+    println!("skipped: {} is not here", folder.display());
+    None
+}
+
+#[test]
+fn scenes_of_other_programs_are_read() {
+    let Some(shared) = shared() else { return };
+    for (name, triangles) in [("apartment", 10_628), ("indoor-1", 58_951), ("tum_kitchen", 93_252)] {
+        let scene = Scene::load(shared.join(format!("scenes/{name}.glb"))).unwrap();
+        let kept: usize = scene.meshes.iter().map(|mesh| mesh.triangle_count()).sum();
+        assert_eq!(kept + scene.degenerate_triangles, triangles, "{name}");
+    }
+    let scene = Scene::load(shared.join("reference/scans/e_chairs.glb")).unwrap();
+    assert_eq!(scene.labels.category.names, ["chair", "floor", "wall"]);
+    // Part names of nodes go before material names; chair 3 is one mesh of two materials.
+    assert_eq!(scene.labels.part.names, ["back", "floor", "leg_black", "legs", "paint", "plate", "seat_red"]);
+    assert!(scene.materials.iter().all(|material| material.reflectance.is_some()));
+    let scene = Scene::load(shared.join("reference/scans/f_mirror.glb")).unwrap();
+    let mirror = scene.materials.iter().find(|material| material.name == "mirror").unwrap();
+    assert_eq!((mirror.metallic, mirror.roughness, mirror.reflectance), (1.0, 0.0, Some(1.0)));
+    assert!(scene.camera("Sensor").is_ok());
+}

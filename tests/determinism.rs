@@ -1,0 +1,196 @@
+//! The same scan gives the same bits: whatever the threads, in every run, in reused memory; and options that say nothing
+//! of a column leave it as it is.
+
+use echocast::cloud::FIELDS;
+use echocast::{
+    BuiltScene, Field, FieldSet, Frame, Order, PointCloud, Pose, Profile, ScanOptions, Sensor, Trajectory,
+};
+use glam::{DAffine3, DVec3};
+use echocast_tests::reference::{Random, SceneBuilder, Shape};
+use std::collections::BTreeMap;
+
+/// Balls, smooth and flat, and loose triangles: once and as copies.
+fn scene() -> BuiltScene {
+    let random = &mut Random::new(5);
+    let mut scene = SceneBuilder::new();
+    let paints = [0.2, 0.5, 0.9].map(|reflectance| scene.reflector(reflectance));
+    scene.stand(Shape::plate(-2.0 * DVec3::Z, DVec3::Z, 200.0), Some(paints[0]));
+    for copies in [1, 40] {
+        let mesh = scene.mesh([(Shape::sphere(1.2, 8), Some(paints[1])), (Shape::sphere(1.0, 4).flat(), Some(paints[2]))]);
+        for _ in 0..copies {
+            scene.place(mesh, DAffine3::from_mat3_translation(random.linear_map(), random.in_cube(15.0)));
+        }
+    }
+    scene.finish().build().unwrap()
+}
+
+fn lidar() -> Sensor {
+    let mut sensor = Sensor::preset("velodyne_vlp32c").unwrap();
+    sensor.set("noise.range_sigma_m", "0.03").unwrap();
+    sensor
+}
+
+/// A camera with more beams than a scan keeps in flight at once.
+fn camera() -> Sensor {
+    let yaml = "
+name: camera
+kind: tof
+pattern: {type: pinhole, resolution: [640, 480], fov_deg: [100, 80]}
+range: {max_m: 14, resolution_m: 0.001}
+detection: {model: radar_equation, reflectance: 0.9, at_m: 12}
+noise: {range_sigma_m: 0.01, range_snr_sigma_m: 0.02}
+";
+    Sensor::from_yaml(yaml, "").unwrap()
+}
+
+fn drive() -> Trajectory {
+    let turned = Pose::at(2.0, 1.0, 0.5).with_rpy_deg(3.0, -4.0, 70.0);
+    Trajectory::new(vec![(0.0, Pose::at(0.0, 0.0, 0.0)), (0.15, turned)]).unwrap()
+}
+
+fn all() -> ScanOptions {
+    ScanOptions { fields: FieldSet::all(), seed: 11, frame: 3, ..ScanOptions::default() }
+}
+
+/// The names of the columns that differ in any bit.
+fn differences(a: &PointCloud, b: &PointCloud) -> Vec<&'static str> {
+    assert_eq!((a.len, a.fields, a.organised, a.origin), (b.len, b.fields, b.organised, b.origin));
+    let differ = |field: Field| a.column(field).bytes() != b.column(field).bytes();
+    FIELDS.iter().filter(|info| differ(info.field)).map(|info| info.name).collect()
+}
+
+#[test]
+fn threads_do_not_change_a_bit() {
+    let scene = scene();
+    for sensor in [lidar(), camera()] {
+        for path in [Trajectory::fixed(Pose::IDENTITY), drive()] {
+            for organised in [false, true] {
+                let scan = |threads| {
+                    scene.scan(&sensor, &path, &ScanOptions { threads, organised, ..all() }).unwrap()
+                };
+                let one = scan(Some(1));
+                assert!(one.len > 10_000, "{} points", one.len);
+                for threads in [Some(2), Some(7), None, Some(1)] {
+                    assert_eq!(differences(&one, &scan(threads)), [""; 0], "{threads:?} threads");
+                }
+            }
+        }
+    }
+}
+
+/// The scene too is built the same twice.
+#[test]
+fn two_runs_give_the_same_bits() {
+    let path = drive();
+    for sensor in [lidar(), camera()] {
+        let run = || scene().scan(&sensor, &path, &all()).unwrap();
+        assert_eq!(differences(&run(), &run()), [""; 0]);
+    }
+}
+
+#[test]
+fn reused_memory_gives_the_same_bits() {
+    let (scene, path) = (scene(), drive());
+    let mut reused = PointCloud::default();
+    let few = ScanOptions { fields: FieldSet::default(), coordinates: Frame::Sensor, ..all() };
+    let kept = ScanOptions { organised: true, ..all() };
+    let sorted = ScanOptions { order: Order::Time, ..all() };
+    for (sensor, options) in [
+        (camera(), all()),
+        (lidar(), all()),
+        (lidar(), few.clone()),
+        (camera(), kept.clone()),
+        (lidar(), sorted),
+        (camera(), few),
+        (lidar(), kept),
+        (camera(), all()),
+    ] {
+        scene.scan_into(&sensor, &path, &options, &mut reused).unwrap();
+        let fresh = scene.scan(&sensor, &path, &options).unwrap();
+        assert_eq!(differences(&fresh, &reused), [""; 0]);
+        for info in FIELDS {
+            let length = if options.fields.contains(info.field) { fresh.len } else { 0 };
+            assert_eq!(reused.column(info.field).len(), length, "{}", info.name);
+        }
+    }
+}
+
+/// Each column alone, or without it, is what it is among all.
+#[test]
+fn columns_do_not_depend_on_which_are_asked_for() {
+    let (scene, path) = (scene(), drive());
+    // Quick, and with all that detection needs.
+    let mut sensor = camera();
+    sensor.set("pattern.resolution", "[160, 120]").unwrap();
+    for profile in [Profile::Physical, Profile::Paper, Profile::Blainder] {
+        for coordinates in [Frame::World, Frame::Sensor] {
+            let scan = |fields| {
+                let options = ScanOptions { fields, profile, coordinates, ..all() };
+                scene.scan(&sensor, &path, &options).unwrap()
+            };
+            let together = scan(FieldSet::all());
+            for info in FIELDS {
+                let alone = scan(FieldSet::EMPTY.with(info.field));
+                assert_eq!(alone.len, together.len, "{} alone", info.name);
+                let bytes = together.column(info.field).bytes();
+                assert!(alone.column(info.field).bytes() == bytes, "{} alone, {profile:?}, {coordinates:?}", info.name);
+            }
+        }
+    }
+}
+
+/// Another seed or frame moves what is measured with noise, and nothing else but the frame's own number.
+#[test]
+fn seeds_and_frames_change_only_what_has_noise() {
+    let (scene, path) = (scene(), drive());
+    let sensor = lidar();
+    let scan = |seed, frame| scene.scan(&sensor, &path, &ScanOptions { seed, frame, ..all() }).unwrap();
+    let first = scan(11, 3);
+    let noisy = ["x", "y", "z", "range", "depth"];
+    assert_eq!(differences(&first, &scan(12, 3)), noisy);
+    assert_eq!(differences(&first, &scan(11, 4)), ["x", "y", "z", "range", "frame", "depth"]);
+}
+
+/// Bits of each row by its beam.
+fn rows_by_beam(cloud: &PointCloud) -> BTreeMap<u32, Vec<u64>> {
+    let row = |index: usize| FIELDS.iter().map(|info| cloud.column(info.field).get_f64(index).to_bits()).collect();
+    (0..cloud.len).map(|index| (cloud.columns.beam[index], row(index))).collect()
+}
+
+#[test]
+fn order_by_time_is_the_same_set_of_points() {
+    let (scene, path) = (scene(), drive());
+    let by_beam = scene.scan(&lidar(), &path, &all()).unwrap();
+    let by_time = scene.scan(&lidar(), &path, &ScanOptions { order: Order::Time, ..all() }).unwrap();
+    assert!(by_beam.columns.beam.is_sorted() && !by_beam.columns.time.is_sorted());
+    assert!(by_time.columns.time.is_sorted() && !by_time.columns.beam.is_sorted());
+    assert_eq!(by_beam.len, by_time.len);
+    assert!(rows_by_beam(&by_beam) == rows_by_beam(&by_time));
+}
+
+/// An organised cloud has the same points, with a row of its own for each beam.
+#[test]
+fn organised_clouds_hold_the_same_points() {
+    let (scene, path) = (scene(), drive());
+    for sensor in [lidar(), camera()] {
+        let loose = scene.scan(&sensor, &path, &all()).unwrap();
+        let organised = scene.scan(&sensor, &path, &ScanOptions { organised: true, ..all() }).unwrap();
+        let beams = sensor.beams();
+        assert_eq!(organised.organised, Some([beams.rows, beams.columns]));
+        assert_eq!((organised.len, loose.organised), (beams.len(), None));
+        let c = &organised.columns;
+        assert!(c.beam.iter().copied().eq(0..beams.len() as u32));
+        assert!(loose.len < organised.len, "some beams miss");
+        let found = rows_by_beam(&loose);
+        for (beam, row) in rows_by_beam(&organised) {
+            if let Some(expected) = found.get(&beam) {
+                assert_eq!(&row, expected);
+            } else {
+                let beam = beam as usize;
+                assert!(c.range[beam].is_nan() && c.x[beam].is_nan() && c.return_number[beam] == 0);
+                assert_eq!(c.channel[beam], beams.channel[beam]);
+                assert_eq!(c.time[beam], f64::from(beams.time[beam]));
+            }
+        }
+    }
+}

@@ -1,0 +1,339 @@
+//! Every format, read back by other people's readers.
+
+use echocast::cloud::{ColumnType, Columns, FIELDS, Field, FieldSet};
+use echocast::export::{self, FORMATS, FramesFile};
+use echocast::scene::{Labels, NameTable};
+use echocast::{Error, PointCloud, Report};
+use echocast_tests::python;
+use serde_json::Value;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::Arc;
+
+/// A cloud of `len` rows that holds what is hard to write: large ids, a far origin, all numbers of returns.
+fn cloud(len: usize, fields: FieldSet) -> PointCloud {
+    let mut random = 1u64;
+    let mut draw = move || {
+        random = random.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (random >> 40) as u32 // 24 bits
+    };
+    let mut columns = Columns::default();
+    macro_rules! fill {
+        ($($name:ident: $value:expr;)*) => {$(
+            if fields.contains(Field::from_name(stringify!($name)).unwrap()) {
+                columns.$name = (0..len).map($value).collect();
+            }
+        )*};
+    }
+    let mut metres = |scale: f32| (draw() as f32 / 8_388_608.0 - 1.0) * scale;
+    let mut whole =
+        |row: usize, limit: u32| if row == 1 { limit } else { (row as u32).wrapping_mul(2_654_435_761) % limit };
+    fill! {
+        x: |_| metres(120.0);
+        y: |_| metres(0.001);
+        z: |_| metres(3000.0);
+        range: |_| metres(50.0).abs();
+        intensity: |row| [0.0, 1.0, 0.25, 0.123_456_79][row % 4];
+        category_id: |row| whole(row, i32::MAX as u32);
+        part_id: |row| whole(row, 70_000);
+        instance_id: |row| whole(row, 100_000_000);
+        material_id: |row| whole(row, 300);
+        return_number: |row| 1 + (row % 7) as u8;
+        return_count: |row| 7 - (row % 3) as u8;
+        channel: |row| whole(row, 65_535) as u16;
+        time: |row| 1_700_000_000.0 + row as f64 * 2.304e-6;
+        frame: |row| whole(row, 1000);
+        beam: |row| row as u32 + 16_777_216;
+        firing: |row| whole(row, 2_000_000_000);
+        azimuth: |_| metres(3.0);
+        elevation: |_| metres(1e-6);
+        red: |row| row as u8;
+        green: |row| (row * 7) as u8;
+        blue: |row| 255 - row as u8;
+        normal_x: |_| metres(1.0);
+        normal_y: |_| metres(1e-30);
+        normal_z: |_| -0.0;
+        cos_incidence: |_| metres(1.0).abs();
+        depth: |_| metres(1e6);
+        true_x: |_| metres(120.0);
+        true_y: |_| metres(120.0);
+        true_z: |_| metres(120.0);
+        true_range: |_| metres(120.0);
+        cause: |row| (row % 10) as u8;
+        bounces: |row| (row % 256) as u8;
+    }
+    let table = |rows: &[(u32, &str)]| NameTable {
+        ids: rows.iter().map(|row| row.0).collect(),
+        names: rows.iter().map(|row| row.1.into()).collect(),
+    };
+    let labels = Labels {
+        category: table(&[(1, "chair"), (2, "Tür, \"groß\""), (70_000, "木の 🌲")]),
+        part: table(&[(7, "a\nb\\c")]),
+        material: table(&[]),
+        instance: table(&[(1, "Desk"), (2, "Desk"), (100_000_000, "")]),
+    };
+    PointCloud {
+        origin: [500_000.0, 5_600_000.0, 100.25].into(),
+        columns,
+        fields,
+        len,
+        labels: Arc::new(labels),
+        ..PointCloud::default()
+    }
+}
+
+/// A grid of 4 by 5 beams, some without a return.
+fn organised() -> PointCloud {
+    let mut cloud = cloud(20, FieldSet::all());
+    cloud.organised = Some([4, 5]);
+    for miss in [0, 7, 8, 19] {
+        let c = &mut cloud.columns;
+        for column in [&mut c.x, &mut c.y, &mut c.z, &mut c.range, &mut c.true_x, &mut c.normal_z, &mut c.intensity] {
+            column[miss] = f32::NAN;
+        }
+        c.return_number[miss] = 0;
+    }
+    cloud
+}
+
+/// What `tests/readers/clouds.py` finds in `files`.
+fn read(format: &str, files: &[PathBuf]) -> Vec<Value> {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("readers/clouds.py");
+    let output = python().arg(script).arg(format).args(files).output().unwrap();
+    assert!(output.status.success(), "{format}: {}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// Compares `found` in a file with what `cloud` holds in `rows` of the columns `held`.
+fn compare(cloud: &PointCloud, format: &str, found: &Value, rows: &[usize], held: FieldSet) {
+    let las = format.starts_with("las");
+    let columns = found["columns"].as_object().unwrap();
+    for info in FIELDS {
+        let Some(column) = columns.get(info.name) else {
+            assert!(!held.contains(info.field), "{format} lost {}", info.name);
+            continue;
+        };
+        if !held.contains(info.field) {
+            let always = las && info.las.is_some() || format == "las2" && info.field == Field::CategoryId;
+            assert!(always, "{format} made up {}", info.name);
+            continue;
+        }
+        let offset = match info.field {
+            Field::X | Field::TrueX => cloud.origin.x,
+            Field::Y | Field::TrueY => cloud.origin.y,
+            Field::Z | Field::TrueZ => cloud.origin.z,
+            _ => 0.0,
+        };
+        let column = column.as_array().unwrap();
+        assert_eq!(column.len(), rows.len(), "{format} {}", info.name);
+        for (found_value, &row) in column.iter().zip(rows) {
+            let mut read = found_value.as_str().unwrap().parse::<f64>().unwrap();
+            let mut value = cloud.column(info.field).get_f64(row) + offset;
+            let mut tolerance = 0.0;
+            match (info.field, format) {
+                // Half a step, and what f64 resolves at such coordinates.
+                (Field::X | Field::Y | Field::Z, "las" | "las2") => {
+                    tolerance = found["scale"].as_f64().unwrap() / 2.0 + 2e-9;
+                }
+                (Field::Intensity, "las" | "las2") => value = (value * 65535.0).round(),
+                (Field::CategoryId, "las2") => value = value.min(65535.0),
+                (_, "csv") if offset != 0.0 => tolerance = 0.5e-6 + 2e-9,
+                // The shortest text of an f32 is that number again only as f32.
+                (_, "csv") if info.kind == ColumnType::F32 => read = f64::from(read as f32),
+                _ => {}
+            }
+            let same = (read - value).abs() <= tolerance || read.is_nan() && value.is_nan();
+            assert!(same, "{format} {} row {row}: {read} is not {value}", info.name);
+        }
+    }
+    for (stem, table) in cloud.labels.tables() {
+        let names: Vec<(u32, String)> = serde_json::from_value(found["names"][stem].clone()).unwrap();
+        assert!(table.iter().eq(names.iter().map(|(id, name)| (*id, name.as_str()))), "{format} {stem}: {names:?}");
+    }
+}
+
+fn points(cloud: &PointCloud) -> Vec<usize> {
+    (0..cloud.len).filter(|&row| !cloud.columns.x[row].is_nan()).collect()
+}
+
+fn said(report: &Report, words: &str) -> bool {
+    report.warnings.iter().any(|warning| warning.contains(words))
+}
+
+#[test]
+fn every_format_is_read_back() {
+    let mut many_names = cloud(3, FieldSet::default());
+    let labels = Arc::make_mut(&mut many_names.labels);
+    labels.instance.ids = (1..=5000).collect();
+    labels.instance.names = (1..=5000).map(|id| format!("object number {id}")).collect();
+    let positions = FieldSet::parse("x,y,z").unwrap();
+    let clouds = [
+        cloud(5000, FieldSet::all()),
+        cloud(3000, FieldSet::default()),
+        organised(),
+        cloud(1, FieldSet::all()),
+        cloud(0, FieldSet::all()),
+        cloud(10, positions),
+        many_names,
+    ];
+    let folder = tempfile::tempdir().unwrap();
+    for format in FORMATS {
+        let name = format.name();
+        let mut files = Vec::new();
+        for (i, cloud) in clouds.iter().enumerate() {
+            let path = folder.path().join(format!("{name} {i}.file"));
+            let report = export::write(cloud, &path, Some(name)).unwrap();
+            for info in cloud.fields.iter() {
+                let lost = !format.holds(info);
+                let words = report.warnings.iter().find(|w| w.contains("cannot hold"));
+                assert_eq!(
+                    lost,
+                    words.is_some_and(|w| w.replace(',', " ").split(' ').any(|w| w == info.name)),
+                    "{words:?}"
+                );
+            }
+            assert_eq!(format.holds_label_names(), !path.with_extension("labels.json").exists());
+            if name.starts_with("las") {
+                assert_eq!(said(&report, "4 rows without a position"), cloud.organised.is_some(), "{report:?}");
+            }
+            assert_eq!(said(&report, "category ids above 65535"), name == "las2" && i != 5 && cloud.len > 1);
+            files.push(path);
+        }
+        for (cloud, found) in clouds.iter().zip(read(name, &files)) {
+            let keeps_misses = !name.starts_with("las");
+            let rows = if keeps_misses { (0..cloud.len).collect() } else { points(cloud) };
+            let held = cloud.fields.iter().filter(|info| format.holds(info)).map(|info| info.field).collect();
+            compare(cloud, name, &found, &rows, held);
+            if let Some(shape) = found.get("shape") {
+                assert_eq!(*shape, serde_json::json!(cloud.organised), "{name}");
+            }
+        }
+    }
+}
+
+#[test]
+fn formats_that_need_no_positions_hold_any_columns() {
+    let cloud = cloud(12, FieldSet::parse("range,category_id,time").unwrap());
+    let folder = tempfile::tempdir().unwrap();
+    for format in FORMATS {
+        let path = folder.path().join(format.name());
+        let result = export::write(&cloud, &path, Some(format.name()));
+        if format.needs_positions() {
+            assert!(result.unwrap_err().to_string().contains("without x, y, z"));
+            assert!(!path.exists());
+        } else {
+            result.unwrap();
+            let rows: Vec<usize> = (0..cloud.len).collect();
+            compare(&cloud, format.name(), &read(format.name(), &[path])[0], &rows, cloud.fields);
+        }
+    }
+}
+
+#[test]
+fn las_says_what_it_rounds_and_clamps() {
+    let mut cloud = cloud(100, FieldSet::all());
+    cloud.columns.x[3] = 300_000.0;
+    cloud.columns.return_count[4] = 16;
+    cloud.columns.intensity[5] = 1.5;
+    cloud.columns.intensity[6] = f32::NAN;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("far.las");
+    let report = cloud.write(&path).unwrap();
+    assert!(said(&report, "rounded to 0.001 m") && said(&report, "2 intensities outside 0 to 1"), "{report:?}");
+    assert!(said(&report, "return numbers of 1 points clamped to 1 to 15"), "{report:?}");
+    cloud.columns.return_count[4] = 15;
+    cloud.columns.intensity[5] = 1.0;
+    cloud.columns.intensity[6] = 0.0;
+    let found = read("las", &[path]);
+    assert_eq!(found[0]["scale"], 0.001);
+    compare(&cloud, "las", &found[0], &points(&cloud), cloud.fields);
+}
+
+#[test]
+fn eight_bit_intensities_fill_the_range_of_las() {
+    let mut cloud = cloud(256, FieldSet::default());
+    cloud.intensity_full_scale = 255.0;
+    cloud.columns.intensity = (0..256u16).map(f32::from).collect();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.las");
+    cloud.write(&path).unwrap();
+    let found = read("las", &[path]);
+    let wide: Vec<String> = (0..256).map(|i| format!("{}.0", i * 257)).collect();
+    assert_eq!(found[0]["columns"]["intensity"], serde_json::json!(wide));
+}
+
+#[test]
+fn frames_are_rows_of_one_hdf5_file() {
+    let clouds = [cloud(700, FieldSet::default()), cloud(0, FieldSet::default()), cloud(1, FieldSet::default())];
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frames.h5");
+    fs::write(&path, "old").unwrap();
+    let mut file = FramesFile::create(&path).unwrap();
+    for cloud in &clouds {
+        file.add(cloud).unwrap();
+    }
+    let other = file.add(&cloud(5, FieldSet::all())).unwrap_err();
+    assert!(matches!(other, Error::InvalidParameter { .. }), "{other}");
+    for cloud in clouds.iter().cycle().take(600) {
+        file.add(cloud).unwrap();
+    }
+    assert_eq!(fs::read(&path).unwrap(), b"old");
+    file.finish().unwrap();
+    let found = read("frames", &[path]);
+    let frames = found[0]["frames"].as_array().unwrap();
+    assert_eq!(frames.len(), 603);
+    for (cloud, frame) in clouds.iter().cycle().zip(frames) {
+        compare(cloud, "frames", frame, &points(cloud), cloud.fields);
+    }
+    drop(FramesFile::create(folder.path().join("dropped.h5")).unwrap());
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+}
+
+#[test]
+fn the_same_cloud_gives_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    for format in FORMATS {
+        let [first, second] = ["first", "second"].map(|name| {
+            let path = folder.path().join(name);
+            export::write(&cloud(2000, FieldSet::all()), &path, Some(format.name())).unwrap();
+            std::thread::sleep(std::time::Duration::from_millis(if name == "first" { 1100 } else { 0 }));
+            fs::read(path).unwrap()
+        });
+        assert!(first == second, "{}", format.name());
+    }
+}
+
+/// Set in the process that may write no more than 100 kB to a file.
+const FULL_DISK: &str = "ECHOCAST_TEST_FULL_DISK";
+
+#[test]
+fn a_full_disk_leaves_the_older_file() {
+    if let Some(path) = std::env::var_os(FULL_DISK) {
+        let path = Path::new(&path);
+        let cloud = cloud(50_000, FieldSet::default());
+        for format in FORMATS {
+            let error = export::write(&cloud, path, Some(format.name())).unwrap_err();
+            assert!(matches!(&error, Error::Io { path: named, .. } if named == path), "{error}");
+        }
+        let mut frames = FramesFile::create(path).unwrap();
+        let error = (0..3).try_for_each(|_| frames.add(&cloud)).and_then(|()| frames.finish()).unwrap_err();
+        assert!(matches!(&error, Error::Io { path: named, .. } if named == path), "{error}");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("cloud");
+    fs::write(&path, "old").unwrap();
+    // A limit on the size of files fails writes as a full disk does, once its signal is ignored.
+    let output = Command::new("sh")
+        .args(["-c", "trap '' XFSZ; ulimit -f 200; exec \"$0\" \"$@\""])
+        .arg(std::env::current_exe().unwrap())
+        .args(["--exact", "a_full_disk_leaves_the_older_file", "--nocapture"])
+        .env(FULL_DISK, &path)
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&output.stdout) + String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && text.contains("1 passed"), "{text}");
+    assert_eq!(fs::read(&path).unwrap(), b"old");
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+}

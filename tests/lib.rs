@@ -1,0 +1,22 @@
+//! Helpers of the tests in this package.
+#![forbid(unsafe_code)]
+
+pub mod reference;
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Root of the repository.
+pub fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("this package is a folder of the repository")
+}
+
+/// The Python of `.venv`, where `scripts/setup --test` puts other people's readers, or `ECHOCAST_PYTHON`.
+pub fn python() -> Command {
+    let python = match std::env::var_os("ECHOCAST_PYTHON") {
+        Some(path) => PathBuf::from(path),
+        None => root().join(".venv/bin/python"),
+    };
+    assert!(python.exists(), "{} is not there: run scripts/setup --test, or set ECHOCAST_PYTHON", python.display());
+    Command::new(python)
+}

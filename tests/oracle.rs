@@ -1,0 +1,342 @@
+//! The library against the oracle of `reference/`: random scenes, random rays, every column of every hit.
+
+use echocast::scene::{Material, Scene};
+use echocast::{FieldSet, Frame, PointCloud, Pose, ScanOptions, Trajectory};
+use glam::{DAffine3, DQuat, DVec3};
+use echocast_tests::reference::{Hit, Random, SceneBuilder, Shape, Tracer, raster, sensor};
+
+/// How a comparison went.
+#[derive(Debug, Default)]
+struct Tally {
+    rays: usize,
+    hits: usize,
+    /// Rays that the oracle itself is not sure of.
+    doubtful: usize,
+    wrong: Vec<String>,
+}
+
+impl Tally {
+    /// That nothing was wrong, that `least_hits` of the rays hit something, and few were doubtful.
+    fn check(&self, least_hits: f64) {
+        let share = |count: usize| count as f64 / self.rays as f64;
+        assert!(
+            self.wrong.is_empty(),
+            "{} of {} rays differ from the oracle:\n{}",
+            self.wrong.len(),
+            self.rays,
+            self.wrong[..self.wrong.len().min(8)].join("\n")
+        );
+        assert!(share(self.hits) >= least_hits, "only {} of {} rays hit", self.hits, self.rays);
+        assert!(share(self.doubtful) <= 0.01, "{} of {} rays are doubtful", self.doubtful, self.rays);
+    }
+}
+
+fn options(coordinates: Frame) -> ScanOptions {
+    ScanOptions { fields: FieldSet::all(), organised: true, coordinates, ..ScanOptions::default() }
+}
+
+/// Scans `scene` from `pose` along `directions` (sensor frame) and asks the oracle about each ray.
+fn compare(scene: &Scene, pose: Pose, directions: &[DVec3]) -> Tally {
+    let built = scene.build().unwrap();
+    let sensor = sensor(directions);
+    let beams = sensor.beams();
+    let path = Trajectory::fixed(pose);
+    let world = built.scan(&sensor, &path, &options(Frame::World)).unwrap();
+    let own = built.scan(&sensor, &path, &options(Frame::Sensor)).unwrap();
+    assert_eq!((world.len, own.len), (directions.len(), directions.len()));
+
+    let tracer = Tracer::new(scene, built.origin());
+    let mut tally = Tally { rays: directions.len(), ..Tally::default() };
+    for beam in 0..beams.len() {
+        let column = [&beams.dir_x, &beams.dir_y, &beams.dir_z];
+        let direction = DVec3::from_array(column.map(|c| f64::from(c[beam]))).normalize();
+        let along = pose.orientation * direction;
+        let answer = tracer.trace(pose.position, along, f64::INFINITY);
+        tally.doubtful += usize::from(!answer.is_sure());
+        let range = f64::from(world.columns.true_range[beam]);
+        let labels = (world.columns.instance_id[beam], world.columns.part_id[beam]);
+        let verdict = if range.is_nan() {
+            if answer.nearest.is_none() { check_miss(&world, beam) } else { Err("misses".into()) }
+        } else {
+            tally.hits += 1;
+            // Among the answers that are as good as each other, one must be right in everything.
+            let matching = answer.candidates().filter(|hit| {
+                let surface = tracer.surface(hit);
+                (surface.instance_id, surface.part_id) == labels && (hit.range - range).abs() <= hit.range_tolerance
+            });
+            let mut verdict = Err(format!("hits object and part {labels:?} at {range} m"));
+            for hit in matching {
+                verdict = verdict.or_else(|_| check_hit(&tracer, hit, pose, direction, [&world, &own], beam));
+            }
+            verdict
+        };
+        if let Err(what) = verdict {
+            let of = |hit: &Hit| format!("{:?} at {} +- {:.1e} m", tracer.address(hit), hit.range, hit.range_tolerance);
+            let near: Vec<String> = answer.candidates().map(of).collect();
+            tally.wrong.push(format!("beam {beam}: {what}; oracle: {}", near.join(", ")));
+        }
+    }
+    tally
+}
+
+/// What the columns hold for a beam without a return.
+fn check_miss(cloud: &PointCloud, row: usize) -> Result<(), String> {
+    let c = &cloud.columns;
+    let floats = [&c.x, &c.y, &c.z, &c.range, &c.intensity, &c.normal_x, &c.normal_y, &c.normal_z, &c.cos_incidence]
+        .into_iter()
+        .chain([&c.depth, &c.true_x, &c.true_y, &c.true_z, &c.true_range]);
+    if let Some(number) = floats.map(|column| column[row]).find(|value| !value.is_nan()) {
+        return Err(format!("is a miss that holds {number}"));
+    }
+    let labels = [c.category_id[row], c.part_id[row], c.instance_id[row], c.material_id[row]];
+    let bytes = [c.return_number[row], c.return_count[row], c.red[row], c.green[row], c.blue[row]];
+    if labels != [0; 4] || bytes != [0; 5] || c.beam[row] != row as u32 {
+        return Err(format!("is a miss with labels {labels:?}, bytes {bytes:?}, beam {}", c.beam[row]));
+    }
+    Ok(())
+}
+
+/// Every column of a hit that the oracle agrees with.
+fn check_hit(
+    tracer: &Tracer,
+    hit: &Hit,
+    pose: Pose,
+    direction: DVec3,
+    [world, own]: [&PointCloud; 2],
+    row: usize,
+) -> Result<(), String> {
+    let near = |what: &str, is: f64, expected: f64, tolerance: f64| {
+        // Written so that NaN fails too.
+        if (is - expected).abs() <= tolerance {
+            Ok(())
+        } else {
+            Err(format!("{what} is {is}, not {expected} +- {tolerance:.1e}"))
+        }
+    };
+    let near3 = |what: &str, is: DVec3, expected: DVec3, tolerance: f64| {
+        let off = (is - expected).length();
+        if off <= tolerance { Ok(()) } else { Err(format!("{what} is {is}, not {expected} +- {tolerance:.1e}")) }
+    };
+    let vector = |x: &[f32], y: &[f32], z: &[f32]| DVec3::new(x[row].into(), y[row].into(), z[row].into());
+    let (c, s) = (&world.columns, &own.columns);
+    let surface = tracer.surface(hit);
+    let along = pose.orientation * direction;
+
+    let tolerance = hit.range_tolerance;
+    near("range", c.range[row].into(), hit.range, tolerance)?;
+    near3("position", world.position(row), pose.position + hit.range * along, 2.0 * tolerance)?;
+    near3("true position", world.origin + vector(&c.true_x, &c.true_y, &c.true_z), world.position(row), 0.0)?;
+    near3("position in the sensor frame", own.position(row), hit.range * direction, tolerance)?;
+    near("depth", c.depth[row].into(), hit.range * direction.x, tolerance)?;
+    near("azimuth", c.azimuth[row].into(), direction.y.atan2(direction.x), 5e-7)?;
+    near("elevation", c.elevation[row].into(), direction.z.asin(), 5e-7)?;
+
+    let side = if surface.normal.dot(along) > 0.0 { -1.0 } else { 1.0 };
+    let (normal, cos) = (side * surface.normal, surface.normal.dot(along).abs());
+    let tolerance = surface.normal_tolerance + 1e-6;
+    let is = vector(&c.normal_x, &c.normal_y, &c.normal_z);
+    near("length of the normal", is.length(), 1.0, 1e-6)?;
+    if is.dot(along) > 1e-6 {
+        return Err(format!("normal {is} points away from the sensor"));
+    }
+    // Seen edge-on, either side may be the sensor's.
+    let turned = if cos <= tolerance { normal * is.dot(normal).signum() } else { normal };
+    near3("normal", is, turned, tolerance)?;
+    near3("normal in the sensor frame", pose.orientation * vector(&s.normal_x, &s.normal_y, &s.normal_z), is, 1e-6)?;
+    near("cosine", c.cos_incidence[row].into(), cos, tolerance)?;
+
+    let white = Material::default();
+    let material = surface.material.unwrap_or(&white);
+    let [red, green, blue, _] = material.base_color.map(f64::from);
+    let reflectance = material.reflectance.map_or(0.2126 * red + 0.7152 * green + 0.0722 * blue, f64::from);
+    near("intensity", c.intensity[row].into(), reflectance * cos, reflectance * tolerance + 1e-6)?;
+    for (what, is, linear) in [("red", c.red[row], red), ("green", c.green[row], green), ("blue", c.blue[row], blue)] {
+        let encoded = if linear <= 0.0031308 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
+        near(what, is.into(), 255.0 * encoded, 0.5001)?;
+    }
+
+    let material_id = surface.material.map_or(0, |material| world.labels.material.id(&material.name));
+    let labels = [c.category_id[row], c.part_id[row], c.instance_id[row], c.material_id[row]];
+    let expected = [surface.category_id, surface.part_id, surface.instance_id, material_id];
+    let bytes = [c.return_number[row], c.return_count[row], c.cause[row], c.bounces[row]];
+    if labels != expected || bytes != [1, 1, 0, 0] || c.beam[row] != row as u32 {
+        return Err(format!("labels {labels:?} are not {expected:?}, or bytes {bytes:?} or beam {}", c.beam[row]));
+    }
+    Ok(())
+}
+
+/// Half of `count` directions (sensor frame) at random, half at random points of the scene's triangles.
+fn random_rays(random: &mut Random, scene: &Scene, pose: Pose, count: usize) -> Vec<DVec3> {
+    let tracer = Tracer::new(scene, DVec3::ZERO);
+    (0..count)
+        .map(|ray| {
+            if ray % 2 == 0 {
+                return random.direction();
+            }
+            let (u, v) = (random.unit(), random.unit());
+            let weights = if u + v < 1.0 { [1.0 - u - v, u, v] } else { [u + v - 1.0, 1.0 - u, 1.0 - v] };
+            let target = tracer.point(random.below(tracer.len()), weights);
+            pose.orientation.inverse() * (target - pose.position).normalize()
+        })
+        .collect()
+}
+
+/// A random place within `half` of `centre`, from which x points to one of the scene's triangles.
+fn random_pose(random: &mut Random, scene: &Scene, centre: DVec3, half: f64) -> Pose {
+    let tracer = Tracer::new(scene, centre);
+    let position = centre + random.in_cube(half);
+    let ahead = (tracer.centre(random.below(tracer.len())) - position).normalize();
+    let roll = DQuat::from_rotation_x(random.between(0.0, std::f64::consts::TAU));
+    Pose { position, orientation: DQuat::from_rotation_arc(DVec3::X, ahead) * roll }
+}
+
+fn random_material(random: &mut Random, name: &str) -> Material {
+    let reflectance = (random.unit() < 0.5).then(|| random.unit() as f32);
+    let base_color = std::array::from_fn(|_| random.unit() as f32);
+    Material { name: name.to_owned(), reflectance, base_color, ..Material::default() }
+}
+
+/// `count` triangles with corners within `size` of places within `half` of 0.
+fn random_triangles(random: &mut Random, count: usize, half: f64, size: f64) -> Vec<Shape> {
+    (0..count)
+        .map(|_| {
+            let place = random.in_cube(half);
+            Shape::triangle([place + random.in_cube(size), place + random.in_cube(size), place + random.in_cube(size)])
+        })
+        .collect()
+}
+
+/// Each triangle is a part of its own, so that the part number is the triangle's.
+#[test]
+fn triangle_soups_are_hit_as_the_oracle_says() {
+    for seed in 0..4 {
+        let random = &mut Random::new(seed);
+        let mut scene = SceneBuilder::new();
+        let materials: Vec<usize> =
+            (0..5).map(|index| scene.material(random_material(random, &format!("paint {index}")))).collect();
+        // From many small to few large triangles.
+        let (count, size) = [(500, 1.0), (250, 3.0), (120, 8.0), (400, 0.3)][seed as usize];
+        let soup = random_triangles(random, count, 10.0, size);
+        let parts: Vec<_> =
+            soup.into_iter().enumerate().map(|(i, shape)| (shape, (i % 6 < 5).then(|| materials[i % 5]))).collect();
+        let mesh = scene.mesh(parts);
+        scene.place(mesh, DAffine3::from_rotation_translation(random.rotation(), random.in_cube(3.0)));
+        let scene = scene.finish();
+        let pose = random_pose(random, &scene, DVec3::ZERO, 8.0);
+        compare(&scene, pose, &random_rays(random, &scene, pose, 20_000)).check(0.5);
+        // Neighbours near to each other: coherent packets.
+        compare(&scene, pose, &raster(100, 100, 1.2)).check(0.01);
+    }
+}
+
+/// Objects that share a mesh are instances; instance and part number together are the triangle's.
+#[test]
+fn scaled_sheared_and_mirrored_instances_are_hit_as_the_oracle_says() {
+    for seed in 10..14 {
+        let random = &mut Random::new(seed);
+        let mut scene = SceneBuilder::new();
+        let paint = scene.material(random_material(random, "paint"));
+        for _ in 0..2 {
+            let soup = random_triangles(random, 20, 1.5, 1.5);
+            let mesh = scene.mesh(soup.into_iter().map(|shape| (shape, Some(paint))));
+            for _ in 0..8 {
+                scene.place(mesh, DAffine3::from_mat3_translation(random.linear_map(), random.in_cube(9.0)));
+            }
+        }
+        let scene = scene.finish();
+        let pose = random_pose(random, &scene, DVec3::ZERO, 12.0);
+        compare(&scene, pose, &random_rays(random, &scene, pose, 20_000)).check(0.5);
+        compare(&scene, pose, &raster(100, 100, 1.2)).check(0.01);
+    }
+}
+
+/// Boxes, flat and smooth spheres; meshes of several parts and materials; each once and many times.
+#[test]
+fn smooth_and_flat_solids_are_hit_as_the_oracle_says() {
+    for seed in 20..24 {
+        let random = &mut Random::new(seed);
+        let mut scene = SceneBuilder::new();
+        let paints: Vec<usize> =
+            (0..4).map(|index| scene.material(random_material(random, &format!("paint {index}")))).collect();
+        let cuboid = |random: &mut Random| {
+            let low = random.in_cube(1.0);
+            Shape::cuboid(low, low + DVec3::splat(1.1) + random.in_cube(1.0))
+        };
+        for copies in [1, 1, 6] {
+            let box_mesh = cuboid(random);
+            let ball = Shape::sphere(random.between(0.5, 1.5), 5);
+            let mesh = scene.mesh([
+                (box_mesh, Some(paints[0])),
+                (ball, Some(paints[1])),
+                (Shape::sphere(random.between(0.5, 1.5), 4).flat(), None),
+                (cuboid(random), Some(paints[3])),
+            ]);
+            for _ in 0..copies {
+                scene.place(mesh, DAffine3::from_mat3_translation(random.linear_map(), random.in_cube(8.0)));
+            }
+        }
+        let scene = scene.finish();
+        let pose = random_pose(random, &scene, DVec3::ZERO, 10.0);
+        compare(&scene, pose, &random_rays(random, &scene, pose, 15_000)).check(0.5);
+        compare(&scene, pose, &raster(80, 80, 1.5)).check(0.01);
+    }
+}
+
+/// Far from the world's origin single precision is taken relative to the scene's own centre.
+#[test]
+fn survey_coordinates_are_hit_as_the_oracle_says() {
+    let random = &mut Random::new(30);
+    let survey = DVec3::new(500_000.0, 5_600_000.0, 100.0);
+    let mut scene = SceneBuilder::new();
+    let paint = scene.material(random_material(random, "paint"));
+    let soup = random_triangles(random, 40, 4.0, 2.0);
+    let mesh = scene.mesh(soup.into_iter().map(|shape| (shape, Some(paint))));
+    for _ in 0..4 {
+        let place = survey + random.in_cube(20.0);
+        scene.place(mesh, DAffine3::from_mat3_translation(random.linear_map(), place));
+    }
+    let ball = Shape::sphere(2.0, 6);
+    let mesh = scene.mesh([(ball, Some(paint))]);
+    scene.place(mesh, DAffine3::from_mat3_translation(random.linear_map(), survey));
+    let scene = scene.finish();
+    let pose = random_pose(random, &scene, survey, 10.0);
+    compare(&scene, pose, &random_rays(random, &scene, pose, 20_000)).check(0.5);
+}
+
+/// Copies squeezed flat: they have no inverse, but are there to be hit.
+#[test]
+fn copies_without_thickness_are_hit_as_the_oracle_says() {
+    let random = &mut Random::new(40);
+    let mut scene = SceneBuilder::new();
+    let paint = scene.material(random_material(random, "paint"));
+    let mesh = scene.mesh([(Shape::quad(DVec3::new(-1.0, -1.0, 0.3), 2.0 * DVec3::X, 2.0 * DVec3::Y), Some(paint))]);
+    let flatten = DVec3::new(1.0, 1.0, 0.0);
+    for x in [3.0, 6.0] {
+        let turn = DQuat::from_rotation_y(0.3);
+        scene.place(mesh, DAffine3::from_scale_rotation_translation(flatten, turn, DVec3::X * x));
+    }
+    let scene = scene.finish();
+    let pose = Pose::at(0.0, 0.0, 4.0).with_rpy_deg(0.0, 45.0, 0.0);
+    compare(&scene, pose, &raster(60, 60, 1.2)).check(0.05);
+}
+
+/// Single precision may let a ray through between two triangles, but only one in a million that comes within a rounding
+/// error of their edge.
+#[test]
+fn closed_shells_are_closed() {
+    let random = &mut Random::new(50);
+    for copies in [1, 2] {
+        let mut scene = SceneBuilder::new();
+        let mesh = scene.mesh([(Shape::sphere(5.0, 12), None)]);
+        for copy in 0..copies {
+            scene.place(mesh, DAffine3::from_translation(DVec3::X * 50.0 * f64::from(copy)));
+        }
+        let directions: Vec<DVec3> = (0..200_000).map(|_| random.direction()).collect();
+        let position = random.in_cube(2.0);
+        let path = Trajectory::fixed(Pose::at(position.x, position.y, position.z));
+        let built = scene.finish().build().unwrap();
+        let cloud = built.scan(&sensor(&directions), &path, &options(Frame::World)).unwrap();
+        let leaks = cloud.columns.instance_id.iter().filter(|&&instance| instance != 1).count();
+        assert!(leaks <= 2, "{leaks} of {} rays, {copies} copies", directions.len());
+    }
+}

@@ -1,0 +1,150 @@
+use super::{assert_near, scan, target};
+use echocast::scene::{Filter, Material, Scene, Texture, TextureRef};
+use echocast::{Profile, ReflectanceSource, ScanOptions};
+use glam::{DAffine3, DVec3};
+use echocast_tests::reference::{SceneBuilder, Shape, Table, one_beam, sensor};
+use std::sync::Arc;
+
+fn profile(profile: Profile) -> ScanOptions {
+    ScanOptions { profile, ..ScanOptions::default() }
+}
+
+#[test]
+fn received_energy_is_that_of_the_radar_equation() {
+    let table = Table::parse(include_str!("../data/pn_vs_range.csv"), ',');
+    let power = one_beam("intensity: {encoding: power}");
+    assert_eq!(table.len(), 90);
+    for row in 0..table.len() {
+        let number = |column| table.number(row, column);
+        let scene = target(number("gamma"), number("R_m"), number("theta_deg"));
+        for (options, expected) in [
+            (ScanOptions::default(), number("P_n_with_cos")),
+            (profile(Profile::Paper), number("P_n_paper_eq5_no_cos")),
+        ] {
+            let cloud = scan(&scene, &power, options);
+            assert_eq!(cloud.len, 1);
+            assert_near("intensity", cloud.columns.intensity[0].into(), expected, 1e-5 * expected);
+        }
+    }
+}
+
+#[test]
+fn energy_falls_with_the_square_of_range_and_the_cosine_of_incidence() {
+    let power = one_beam("intensity: {encoding: power}");
+    let energy = |range: f64, angle: f64| {
+        f64::from(scan(&target(0.4, range, angle), &power, ScanOptions::default()).columns.intensity[0])
+    };
+    for range in [3.0, 17.0, 110.0] {
+        assert_near("ratio", energy(range, 0.0) / energy(2.0 * range, 0.0), 4.0, 4e-5);
+        for angle in [10.0f64, 45.0, 75.0, 85.0] {
+            let cos = angle.to_radians().cos();
+            assert_near("ratio", energy(range, angle) / energy(range, 0.0), cos, 1e-5);
+        }
+    }
+}
+
+#[test]
+fn reflectivity_does_not_depend_on_range() {
+    for (encoding, scale, tolerance) in [("reflectivity", 1.0, 1e-5), ("reflectivity8", 100.0, 0.5)] {
+        let sensor = one_beam(&format!("intensity: {{encoding: {encoding}}}"));
+        for range in [1.0, 30.0, 250.0] {
+            for angle in [0.0f64, 33.0, 60.0] {
+                let cloud = scan(&target(0.7, range, angle), &sensor, ScanOptions::default());
+                let intensity = f64::from(cloud.columns.intensity[0]);
+                assert_near("intensity", intensity, scale * 0.7 * angle.to_radians().cos(), tolerance);
+                assert!(scale == 1.0 || intensity.fract() == 0.0, "8 bits hold whole numbers, not {intensity}");
+            }
+        }
+    }
+}
+
+/// The intensity of head-on hits on `material`.
+fn head_on(material: Material, options: ScanOptions) -> f64 {
+    let mut scene = SceneBuilder::new();
+    let paint = scene.material(material);
+    scene.stand(Shape::triangle([DVec3::new(5.0, -1.0, -1.0), DVec3::new(5.0, 1.0, -1.0), DVec3::new(5.0, 0.1, 1.0)]), Some(paint));
+    f64::from(scan(&scene.finish().build().unwrap(), &one_beam(""), options).columns.intensity[0])
+}
+
+#[test]
+fn reflectance_comes_from_the_material_then_the_library_then_the_colour() {
+    let base_color = [0.1, 0.6, 0.3, 0.45];
+    let plain = Material { name: "no such thing".into(), base_color, ..Material::default() };
+    let with = |reflectance_source| ScanOptions { reflectance_source, ..ScanOptions::default() };
+    let luminance = 0.2126 * 0.1 + 0.7152 * 0.6 + 0.0722 * 0.3;
+    assert_near("luminance", head_on(plain.clone(), with(None)), luminance, 1e-6);
+    assert_near("alpha", head_on(plain.clone(), with(Some(ReflectanceSource::Alpha))), 0.45, 1e-6);
+    assert_near("the program's alpha", head_on(plain.clone(), profile(Profile::Blainder)), 0.45, 1e-6);
+    let both = ScanOptions { reflectance_source: Some(ReflectanceSource::Luminance), ..profile(Profile::Blainder) };
+    assert_near("the program with luminance", head_on(plain.clone(), both), luminance, 1e-6);
+
+    let library = Material { name: "Concrete.001".into(), ..plain.clone() };
+    let entry = echocast::material::MaterialEntry::find("concrete").unwrap();
+    let known = f64::from(entry.reflectance_at(905.0));
+    assert!((known - luminance).abs() > 0.01);
+    assert_near("library", head_on(library.clone(), with(None)), known, 1e-6);
+    let own = Material { reflectance: Some(0.123), ..library };
+    assert_near("the material's own", head_on(own, with(None)), 0.123, 1e-6);
+}
+
+/// A sheet with a picture of `width` x 1 pixels from y = 0 (left, u = 0) to y = -`width`, 4 m before the sensor.
+fn picture(pixels: &[[u8; 4]], filter: Filter, copies: usize) -> Scene {
+    let width = pixels.len() as f64;
+    let mut sheet = Shape::quad(DVec3::new(4.0, 0.0, 1.0), -width * DVec3::Y, -2.0 * DVec3::Z);
+    sheet.uvs = Some(vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]);
+    let mut scene = SceneBuilder::new();
+    let paint = scene.material(Material {
+        name: "print".into(),
+        base_color: [0.5, 1.0, 1.0, 0.8],
+        base_color_texture: Some(TextureRef { filter, ..TextureRef::plain(0) }),
+        ..Material::default()
+    });
+    let mesh = scene.mesh([(sheet, Some(paint))]);
+    for copy in 0..copies {
+        scene.place(mesh, DAffine3::from_translation(-100.0 * copy as f64 * DVec3::X));
+    }
+    let mut scene = scene.finish();
+    scene.textures.push(Arc::new(Texture { width: pixels.len() as u32, height: 1, pixels: pixels.to_vec() }));
+    scene
+}
+
+fn linear(byte: u8) -> f64 {
+    let encoded = f64::from(byte) / 255.0;
+    if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+}
+
+#[test]
+fn pictures_colour_surfaces_and_say_their_reflectance() {
+    let pixels = [[255, 0, 0, 255], [10, 200, 30, 128], [0, 0, 250, 64], [255, 255, 255, 0]];
+    // Off the diagonal, where two triangles meet.
+    let aims: Vec<DVec3> = (0..pixels.len()).map(|i| DVec3::new(4.0, -0.5 - i as f64, 0.97)).collect();
+    for copies in [1, 2] {
+        let built = picture(&pixels, Filter::Nearest, copies).build().unwrap();
+        let bright = scan(&built, &sensor(&aims), ScanOptions::default());
+        let opaque = scan(&built, &sensor(&aims), profile(Profile::Blainder));
+        assert_eq!((bright.len, opaque.len), (4, 4));
+        for (row, pixel) in pixels.into_iter().enumerate() {
+            let [red, green, blue] = [0, 1, 2].map(|channel| linear(pixel[channel]));
+            let cos = 4.0 / aims[row].length();
+            let luminance = 0.2126 * 0.5 * red + 0.7152 * green + 0.0722 * blue;
+            assert_near("luminance", bright.columns.intensity[row].into(), luminance * cos, 1e-5);
+            let alpha = 0.8 * f64::from(pixel[3]) / 255.0;
+            assert_near("alpha", opaque.columns.intensity[row].into(), alpha * cos, 1e-5);
+            assert_eq!((bright.columns.green[row], bright.columns.blue[row]), (pixel[1], pixel[2]));
+            assert_near("red, halved in linear light", linear(bright.columns.red[row]), 0.5 * red, 0.004);
+        }
+    }
+}
+
+#[test]
+fn between_pixels_light_is_mixed_linearly() {
+    let built = picture(&[[0, 0, 0, 0], [0, 255, 0, 255]], Filter::Linear, 1).build().unwrap();
+    let options = ScanOptions { reflectance_source: Some(ReflectanceSource::Alpha), ..ScanOptions::default() };
+    // From the centre of the first pixel (y = -0.5) to that of the second.
+    for share in [0.0, 0.25, 0.5, 0.8, 1.0] {
+        let aim = DVec3::new(4.0, -0.5 - share, 0.9);
+        let cloud = scan(&built, &sensor(&[aim]), options.clone());
+        assert_near("alpha", f64::from(cloud.columns.intensity[0]) * aim.length() / 4.0, 0.8 * share, 1e-5);
+        assert_near("green", linear(cloud.columns.green[0]), share, 0.005);
+    }
+}

@@ -1,0 +1,44 @@
+//! Laws: scenes whose answer is a formula, and tables made elsewhere from the formulas.
+
+mod detection;
+mod geometry;
+mod intensity;
+mod moving;
+mod noise;
+
+use echocast::{BuiltScene, FieldSet, PointCloud, Pose, ScanOptions, Sensor, Trajectory};
+use glam::DVec3;
+use echocast_tests::reference::{SceneBuilder, Shape};
+
+/// Scans with `sensor` at the world's origin and all columns.
+fn scan(scene: &BuiltScene, sensor: &Sensor, options: ScanOptions) -> PointCloud {
+    scan_at(scene, sensor, Pose::IDENTITY, options)
+}
+
+fn scan_at(scene: &BuiltScene, sensor: &Sensor, pose: Pose, options: ScanOptions) -> PointCloud {
+    scene.scan(sensor, &Trajectory::fixed(pose), &options.fields(FieldSet::all())).unwrap()
+}
+
+/// A target of `reflectance` that the x axis meets at `range` m, turned by `angle_deg` from head-on.
+fn target(reflectance: f64, range: f64, angle_deg: f64) -> BuiltScene {
+    let (sin, cos) = angle_deg.to_radians().sin_cos();
+    let along = DVec3::new(sin, cos, 0.0);
+    let corners = [-along - DVec3::Z, along - DVec3::Z, 0.1 * along + 2.0 * DVec3::Z];
+    let mut scene = SceneBuilder::new();
+    let paint = scene.reflector(reflectance as f32);
+    // As wide as the range asks: single precision keeps the direction of a small triangle far away only roughly.
+    let size = 0.1 * range;
+    scene.stand(Shape::triangle(corners.map(|corner| DVec3::X * range + size * corner)), Some(paint));
+    scene.finish().build().unwrap()
+}
+
+#[track_caller]
+fn assert_near(what: &str, is: f64, expected: f64, tolerance: f64) {
+    // Written so that NaN fails too.
+    assert!((is - expected).abs() <= tolerance, "{what} is {is}, not {expected} +- {tolerance:.1e}");
+}
+
+/// Row `row` of three columns.
+fn vector(x: &[f32], y: &[f32], z: &[f32], row: usize) -> DVec3 {
+    DVec3::new(x[row].into(), y[row].into(), z[row].into())
+}

@@ -1,0 +1,155 @@
+use super::{assert_near, scan, vector};
+use echocast::cloud::FIELDS;
+use echocast::{BuiltScene, Field, PointCloud, ScanOptions, Sensor};
+use glam::DVec3;
+use echocast_tests::reference::{SceneBuilder, Shape};
+
+/// A camera of 300 x 300 pixels and a tilted wall that fills its view, 7 to 30 m away.
+fn wall() -> BuiltScene {
+    let mut scene = SceneBuilder::new();
+    let paint = scene.reflector(0.5);
+    scene.stand(Shape::plate(12.0 * DVec3::X, DVec3::new(-1.0, 0.5, 0.3).normalize(), 200.0), Some(paint));
+    scene.finish().build().unwrap()
+}
+
+fn camera(sections: &str) -> Sensor {
+    let pattern = "name: camera\nkind: lidar\npattern: {type: pinhole, resolution: [300, 300], fov_deg: [60, 60]}\n";
+    Sensor::from_yaml(&format!("{pattern}{sections}\n"), "").unwrap()
+}
+
+/// Error of each measured range.
+fn errors(cloud: &PointCloud) -> Vec<f64> {
+    assert_eq!(cloud.len, 90_000);
+    let pairs = cloud.columns.range.iter().zip(&cloud.columns.true_range);
+    pairs.map(|(&measured, &truth)| f64::from(measured) - f64::from(truth)).collect()
+}
+
+fn mean(sample: &[f64]) -> f64 {
+    sample.iter().sum::<f64>() / sample.len() as f64
+}
+
+fn sigma(sample: &[f64]) -> f64 {
+    let mean = mean(sample);
+    (sample.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / sample.len() as f64).sqrt()
+}
+
+/// That `sample` is Gaussian with `mean` and `sigma`, within 5 standard errors of mean, deviation and tails.
+#[track_caller]
+fn assert_gaussian(sample: &[f64], expected_mean: f64, expected_sigma: f64) {
+    let n = sample.len() as f64;
+    let error = expected_sigma / n.sqrt();
+    assert_near("mean", mean(sample), expected_mean, 5.0 * error);
+    assert_near("sigma", sigma(sample), expected_sigma, 5.0 * error / 2f64.sqrt());
+    for (limit, probability) in [(1.0, 0.317_310_5), (2.0, 0.045_500_3), (3.0, 0.002_699_8)] {
+        let outside = sample.iter().filter(|x| (**x - expected_mean).abs() > limit * expected_sigma).count() as f64 / n;
+        assert_near("share of the tails", outside, probability, 5.0 * (probability * (1.0 - probability) / n).sqrt());
+    }
+    let above = sample.iter().filter(|x| **x > expected_mean).count() as f64 / n;
+    assert_near("share above the mean", above, 0.5, 5.0 * 0.5 / n.sqrt());
+}
+
+#[test]
+fn gaussian_noise_has_its_mean_and_sigma() {
+    let cloud = scan(&wall(), &camera("noise: {range_sigma_m: 0.03, range_mean_m: 0.1}"), ScanOptions::default().seed(1));
+    assert_gaussian(&errors(&cloud), 0.1, 0.03);
+}
+
+#[test]
+fn timing_noise_grows_as_the_signal_falls() {
+    let sections = "detection: {model: radar_equation, reflectance: 0.8, at_m: 80}\n\
+                    noise: {range_sigma_m: 0.02, range_snr_sigma_m: 0.5}";
+    let cloud = scan(&wall(), &camera(sections), ScanOptions::default().seed(2));
+    let c = &cloud.columns;
+    let expected: Vec<f64> = (0..cloud.len)
+        .map(|row| {
+            let rho_eff = 0.5 * f64::from(c.cos_incidence[row]);
+            let relative_snr = rho_eff / f64::from(c.true_range[row]).powi(2) / (0.8 / 80f64.powi(2));
+            0.02f64.hypot(0.5 / relative_snr)
+        })
+        .collect();
+    let spread = expected.iter().fold((f64::MAX, 0.0f64), |(least, most), s| (least.min(*s), most.max(*s)));
+    assert!(spread.1 > 3.0 * spread.0, "the scene tells near from far: {spread:?}");
+    let scaled: Vec<f64> = errors(&cloud).iter().zip(expected).map(|(error, sigma)| error / sigma).collect();
+    assert_gaussian(&scaled, 0.0, 1.0);
+}
+
+#[test]
+fn offsets_are_constant_or_a_share_of_the_range() {
+    let cloud = scan(&wall(), &camera("noise: {range_offset_m: -0.25, range_offset_percent: 2}"), ScanOptions::default());
+    for (&measured, &truth) in cloud.columns.range.iter().zip(&cloud.columns.true_range) {
+        assert_near("range", measured.into(), 1.02 * f64::from(truth) - 0.25, 1e-5);
+    }
+}
+
+#[test]
+fn ranges_are_whole_steps_and_the_nearest_of_them() {
+    let step = 0.004;
+    let cloud = scan(&wall(), &camera("range: {resolution_m: 0.004}"), ScanOptions::default());
+    for &range in &cloud.columns.range {
+        assert_near("steps", f64::from(range) / step, (f64::from(range) / step).round(), 1e-3);
+    }
+    let errors = errors(&cloud);
+    assert!(errors.iter().all(|error| error.abs() <= 0.501 * step));
+    // Even over a step: sigma = step / sqrt(12), and the standard error of a variance of an even distribution.
+    assert_near("sigma", sigma(&errors), step / 12f64.sqrt(), 5.0 * step / 12f64.sqrt() * (0.8 / 4.0 / 9e4f64).sqrt());
+
+    // Noise comes before the rounding.
+    let noisy = "range: {resolution_m: 0.004}\nnoise: {range_sigma_m: 0.03}";
+    let cloud = scan(&wall(), &camera(noisy), ScanOptions::default());
+    for &range in &cloud.columns.range {
+        assert_near("steps", f64::from(range) / step, (f64::from(range) / step).round(), 1e-3);
+    }
+}
+
+#[test]
+fn noise_moves_points_along_their_beams() {
+    let camera = camera("noise: {range_sigma_m: 0.2}");
+    let cloud = scan(&wall(), &camera, ScanOptions::default().seed(3));
+    let (c, beams) = (&cloud.columns, camera.beams());
+    for row in 0..cloud.len {
+        let along = vector(&beams.dir_x, &beams.dir_y, &beams.dir_z, row);
+        let measured = f64::from(c.range[row]) * along;
+        assert!((cloud.position(row) - measured).length() < 1e-5);
+        let truth = f64::from(c.true_range[row]) * along;
+        assert!((vector(&c.true_x, &c.true_y, &c.true_z, row) - truth).length() < 1e-5);
+        assert_near("depth", c.depth[row].into(), measured.x, 1e-5);
+    }
+}
+
+/// Switching noise on moves what is measured and nothing else, bit by bit.
+#[test]
+fn truth_and_labels_do_not_feel_noise() {
+    let radar = "detection: {model: radar_equation, reflectance: 0.8, at_m: 50}\n";
+    let quiet = scan(&wall(), &camera(radar), ScanOptions::default());
+    let noise = "range: {resolution_m: 0.01}\nnoise: {range_sigma_m: 0.05, range_offset_m: 1, range_snr_sigma_m: 0.1}";
+    let noisy = scan(&wall(), &camera(&format!("{radar}{noise}")), ScanOptions::default());
+    assert!(quiet.len > 50_000);
+    let measured = [Field::X, Field::Y, Field::Z, Field::Range, Field::Depth];
+    for info in FIELDS {
+        let equal = quiet.column(info.field).bytes() == noisy.column(info.field).bytes();
+        assert_eq!(equal, !measured.contains(&info.field), "{}", info.name);
+    }
+    for (truth, range) in [(&quiet.columns.true_range, &quiet.columns.range), (&quiet.columns.true_x, &quiet.columns.x)] {
+        assert_eq!(truth, range, "without noise the truth is measured");
+    }
+}
+
+/// Seed, frame and beam: each gives numbers of its own, uncorrelated with the others'.
+#[test]
+fn draws_of_other_seeds_frames_and_beams_are_uncorrelated() {
+    let camera = camera("noise: {range_sigma_m: 0.05}");
+    let draw = |seed, frame| {
+        let options = ScanOptions { seed, frame, ..ScanOptions::default() };
+        errors(&scan(&wall(), &camera, options)).iter().map(|error| error / 0.05).collect::<Vec<_>>()
+    };
+    let first = draw(7, 0);
+    assert_eq!(first, draw(7, 0));
+    let correlation = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>() / a.len() as f64;
+    let limit = 5.0 / (first.len() as f64).sqrt();
+    for (seed, frame) in [(8, 0), (7, 1), (7 << 32, 0), (0, 7)] {
+        assert_near("correlation", correlation(&first, &draw(seed, frame)), 0.0, limit);
+    }
+    for lag in [1, 2, 4, 8, 16, 256, 300, 2048] {
+        assert_near("correlation", correlation(&first[lag..], &first[..first.len() - lag]), 0.0, limit);
+    }
+}

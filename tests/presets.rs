@@ -1,0 +1,179 @@
+//! Draws the pattern of every preset and compares it with the figures in its `expect` section, and a few with figures
+//! worked out by hand.
+
+use echocast::emitter::BeamTable;
+use echocast::emitter::pattern::{Pattern, Spinning};
+use echocast::{Sensor, SensorKind};
+use std::collections::BTreeSet;
+use std::path::Path;
+
+/// Azimuth of a beam, degrees.
+fn azimuth(beams: &BeamTable, beam: usize) -> f64 {
+    f64::from(beams.dir_y[beam]).atan2(f64::from(beams.dir_x[beam])).to_degrees()
+}
+
+/// Elevation of a beam, degrees.
+fn elevation(beams: &BeamTable, beam: usize) -> f64 {
+    let [x, y, z] = [beams.dir_x[beam], beams.dir_y[beam], beams.dir_z[beam]].map(f64::from);
+    z.atan2(x.hypot(y)).to_degrees()
+}
+
+/// `a - b`, degrees, in -180 to 180.
+fn turn(a: f64, b: f64) -> f64 {
+    (a - b + 540.0).rem_euclid(360.0) - 180.0
+}
+
+#[track_caller]
+fn assert_near(what: &str, found: f64, expected: f64, tolerance: f64) {
+    assert!((found - expected).abs() <= tolerance, "{what} is {found}, expected {expected} +- {tolerance}");
+}
+
+fn spinning(sensor: &Sensor) -> &Spinning {
+    match &sensor.spec().pattern {
+        Pattern::Spinning(spinning) => spinning,
+        other => panic!("{} is not spinning: {other:?}", sensor.name()),
+    }
+}
+
+#[test]
+fn every_file_is_a_preset_with_a_name_of_its_own() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../presets");
+    let mut files = Vec::new();
+    for folder in ["lidar", "tof", "paper"] {
+        for entry in std::fs::read_dir(root.join(folder)).unwrap() {
+            let path = entry.unwrap().path();
+            files.push((folder.to_owned(), path.file_stem().unwrap().to_string_lossy().into_owned()));
+        }
+    }
+    files.sort();
+    let mut presets: Vec<_> = Sensor::presets().into_iter().map(|preset| (preset.folder, preset.name)).collect();
+    presets.sort();
+    assert_eq!(presets, files);
+    let names: BTreeSet<_> = presets.iter().map(|(_, name)| name).collect();
+    assert_eq!(names.len(), presets.len(), "two folders have a preset of the same name");
+}
+
+#[test]
+fn every_preset_says_what_it_is() {
+    for preset in Sensor::presets() {
+        let sensor = Sensor::preset(&preset.name).unwrap();
+        assert_eq!(sensor.name(), preset.name);
+        assert_eq!((sensor.title(), sensor.kind()), (preset.title.as_str(), preset.kind));
+        assert!(!sensor.title().is_empty() && !sensor.source().is_empty(), "{}", preset.name);
+        let kind = match preset.folder.as_str() {
+            "lidar" => SensorKind::Lidar,
+            "tof" => SensorKind::Tof,
+            // The paper has both.
+            _ => preset.kind,
+        };
+        assert_eq!(sensor.kind(), kind, "{}", preset.name);
+    }
+}
+
+#[test]
+fn patterns_have_the_figures_of_their_files() {
+    for preset in Sensor::presets() {
+        let name = &preset.name;
+        let sensor = Sensor::preset(name).unwrap();
+        let beams = sensor.beams();
+        beams.check().unwrap();
+        let expected = sensor.expectations().unwrap_or_else(|| panic!("{name} has no section expect"));
+        assert_eq!(Some(beams.len() as u64), expected.beams, "{name}: beams");
+
+        let is_spinning = matches!(sensor.spec().pattern, Pattern::Spinning(_));
+        if is_spinning {
+            assert_eq!(Some(u64::from(beams.rows)), expected.channels, "{name}: channels");
+            assert_eq!(Some(u64::from(beams.columns)), expected.columns, "{name}: columns");
+            let step = expected.azimuth_step_deg.unwrap_or_else(|| panic!("{name} has no azimuth_step_deg"));
+            // Data sheets round to four places.
+            for beam in [0, beams.len() / 2, beams.len() - 2] {
+                let found = turn(azimuth(beams, beam + 1), azimuth(beams, beam)).abs();
+                assert_near(&format!("{name}: azimuth step"), found, step, 1e-4);
+            }
+        }
+
+        let angles: Vec<f64> = (0..beams.len()).map(|beam| elevation(beams, beam)).collect();
+        let [low, high] = expected.elevation_deg.unwrap_or_else(|| panic!("{name} has no elevation_deg"));
+        let lowest = angles.iter().copied().fold(f64::INFINITY, f64::min);
+        let highest = angles.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        assert_near(&format!("{name}: lowest elevation"), lowest, low, 1e-3);
+        assert_near(&format!("{name}: highest elevation"), highest, high, 1e-3);
+
+        // A turn is not a whole number of cycles, and data sheets round.
+        let rate = expected.points_per_s.unwrap_or_else(|| panic!("{name} has no points_per_s"));
+        let tolerance = if expected.source == "computed" { 1e-3 } else { 0.03 };
+        assert_near(&format!("{name}: points per second"), beams.len() as f64 / beams.period, rate, tolerance * rate);
+
+        // A scan is over before the next one starts, but for channels that fire early or late in their cycle.
+        let slack = if is_spinning { 1e-4 } else { 0.0 };
+        for &time in &beams.time {
+            assert!((-slack..beams.period + slack).contains(&f64::from(time)), "{name}: a beam at {time} s");
+        }
+    }
+}
+
+/// A cycle takes 55.296 us, in which a rotor of 10 turns/s advances 0.1990656 deg; the last of 16 firings 2.304 us apart
+/// comes 34.56 us after the first, 0.124416 deg further on.
+#[test]
+fn pucks_turn_while_their_lasers_wait() {
+    for (name, channels) in [("velodyne_vlp16", 16), ("velodyne_vlp32c", 32)] {
+        let sensor = Sensor::preset(name).unwrap();
+        let beams = sensor.beams();
+        let columns = beams.columns as usize;
+        let offsets = &spinning(&sensor).channels.as_ref().unwrap().azimuth_offset_deg;
+        let offset = |channel: usize| offsets.get(channel).copied().unwrap_or(0.0);
+        assert_eq!(beams.rows, channels);
+        let last = channels as usize - 1;
+        for column in [0, 1, 777, columns - 2] {
+            let (first_beam, last_beam) = (column, last * columns + column);
+            assert_eq!(
+                (beams.firing(first_beam as u32), beams.firing(last_beam as u32)),
+                (column as u32, column as u32)
+            );
+            // Clockwise: azimuth falls.
+            let advance = turn(azimuth(beams, first_beam + 1), azimuth(beams, first_beam));
+            assert_near(&format!("{name}: advance in a cycle"), advance, -0.199_065_6, 1e-5);
+            let waited = turn(azimuth(beams, last_beam), azimuth(beams, first_beam)) - (offset(last) - offset(0));
+            assert_near(&format!("{name}: advance of the last channel"), waited, -0.124_416, 1e-5);
+            let wait = f64::from(beams.time[last_beam]) - f64::from(beams.time[first_beam]);
+            assert_near(&format!("{name}: wait of the last channel"), wait, 34.56e-6, 1e-8);
+            let cycle = f64::from(beams.time[first_beam + 1]) - f64::from(beams.time[first_beam]);
+            assert_near(&format!("{name}: cycle"), cycle, 55.296e-6, 1e-8);
+        }
+    }
+}
+
+/// The paper's cameras put their outermost rays on the edges of the field of view; real ones look through pixel centres.
+#[test]
+fn cameras_reach_their_field_of_view() {
+    let paper = Sensor::preset("kinect_v1_default").unwrap();
+    let corner = paper.beams();
+    let tangents = |beams: &BeamTable, beam: usize| {
+        let [x, y, z] = [beams.dir_x[beam], beams.dir_y[beam], beams.dir_z[beam]].map(f64::from);
+        (y / x, z / x)
+    };
+    let (left, up) = (28.5f64.to_radians().tan(), 21.5f64.to_radians().tan());
+    assert_eq!((corner.columns, corner.rows), (320, 240));
+    for (beam, y, z) in [(0, left, up), (319, -left, up), (239 * 320, left, -up), (240 * 320 - 1, -left, -up)] {
+        let found = tangents(corner, beam);
+        assert_near("tangent to the left", found.0, y, 1e-6);
+        assert_near("tangent up", found.1, z, 1e-6);
+    }
+    let real = Sensor::preset("kinect_v1").unwrap();
+    let found = tangents(real.beams(), 0);
+    assert_eq!((real.beams().columns, real.beams().rows), (640, 480));
+    assert_near("tangent to the left", found.0, left * 639.0 / 640.0, 1e-6);
+    assert_near("tangent up", found.1, up * 479.0 / 480.0, 1e-6);
+}
+
+/// The fan of the generic lidar of the paper rises from -45 degrees in steps of one, and turns counter-clockwise.
+#[test]
+fn fans_rise_with_the_row() {
+    let sensor = Sensor::preset("generic_lidar").unwrap();
+    let beams = sensor.beams();
+    for row in 0..beams.rows as usize {
+        assert_near("elevation", elevation(beams, row * 31), row as f64 - 45.0, 1e-5);
+        assert_near("azimuth of the first column", azimuth(beams, row * 31), -15.0, 1e-5);
+        assert_near("azimuth of the last column", azimuth(beams, row * 31 + 30), 15.0, 1e-5);
+    }
+}

@@ -1,0 +1,148 @@
+"""Reads point clouds with readers that have nothing to do with echocast and prints them as JSON.
+
+usage: clouds.py FORMAT FILE...
+
+One list element per file: columns (world positions), names of the labels, and what else the file says.
+"""
+
+import csv
+import json
+import sys
+from pathlib import Path
+
+import h5py
+import laspy
+import numpy
+import plyfile
+
+TABLES = ("category", "part", "material", "instance")
+POSITIONS = {"x": 0, "y": 1, "z": 2, "true_x": 0, "true_y": 1, "true_z": 2}
+
+
+def names(tables):
+    """Name tables out of a mapping that has category_ids, category_names and so on."""
+    for table in TABLES:
+        assert len(tables[f"{table}_ids"]) == len(tables[f"{table}_names"])
+    return {t: [[int(i), str(n)] for i, n in zip(tables[f"{t}_ids"], tables[f"{t}_names"])] for t in TABLES}
+
+
+def beside(path):
+    return json.loads(Path(path).with_suffix(".labels.json").read_text(encoding="utf-8"))
+
+
+def las_header(las):
+    """What the header says of the points must be true of them."""
+    header, number = las.header, numpy.asarray(las.return_number)
+    assert header.point_count == len(las.points)
+    assert header.creation_date is None
+    if len(las.points):
+        assert (header.mins == [las.x.min(), las.y.min(), las.z.min()]).all(), header.mins
+        assert (header.maxs == [las.x.max(), las.y.max(), las.z.max()]).all(), header.maxs
+    places = 15 if header.version.minor >= 4 else 5
+    for i, count in enumerate(header.number_of_points_by_return[:places]):
+        assert count == (number == i + 1).sum()
+    assert not numpy.asarray(las.classification).any()
+
+
+def las_columns(las, others):
+    columns = {"x": las.x, "y": las.y, "z": las.z, "intensity": las.intensity, "return_number": las.return_number}
+    columns["return_count"] = las.number_of_returns
+    for colour in ("red", "green", "blue"):
+        wide = numpy.asarray(las[colour])
+        assert (wide % 257 == 0).all()
+        columns[colour] = wide // 257
+    columns.update({name: las[dimension] for name, dimension in others.items()})
+    return columns
+
+
+def read_las(path):
+    las = laspy.read(path)
+    assert (str(las.header.version), las.header.point_format.id) == ("1.4", 7)
+    las_header(las)
+    records = [v for v in list(las.header.vlrs) + list(las.evlrs or []) if v.user_id == "echocast"]
+    assert [v.record_id for v in records] == [1]
+    said = json.loads(records[0].record_data_bytes().decode("utf-8"))
+    assert said["origin"] == list(las.header.offsets)
+    extra = {name: name for name in las.point_format.extra_dimension_names}
+    for dimension in las.point_format.extra_dimensions:
+        assert dimension.description, dimension.name
+    return {"columns": las_columns(las, {"time": "gps_time"} | extra), "names": names(said), "scale": las.header.scales[0]}
+
+
+def read_las2(path):
+    las = laspy.read(path)
+    assert (str(las.header.version), las.header.point_format.id) == ("1.2", 2)
+    las_header(las)
+    columns = las_columns(las, {"category_id": "point_source_id"})
+    return {"columns": columns, "names": names(beside(path)), "scale": las.header.scales[0]}
+
+
+def read_csv(path):
+    with open(path, newline="") as file:
+        rows = list(csv.reader(file))
+    columns = {name: [float(row[i]) for row in rows[1:]] for i, name in enumerate(rows[0])}
+    return {"columns": columns, "names": names(beside(path))}
+
+
+def read_ply(path):
+    ply = plyfile.PlyData.read(path)
+    assert not ply.text and ply.byte_order == "<"
+    vertex = ply["vertex"]
+    read_by_open3d = {"float", "double", "uchar", "int"}
+    assert {str(p).split()[1] for p in vertex.properties} <= read_by_open3d
+    renamed = {"nx": "normal_x", "ny": "normal_y", "nz": "normal_z"}
+    columns = {renamed.get(p.name, p.name.removeprefix("scalar_")): vertex[p.name] for p in vertex.properties}
+    grid = dict(line.split() for line in ply.obj_info)
+    shape = [int(grid["num_rows"]), int(grid["num_cols"])] if grid else None
+    return {"columns": columns, "names": names(beside(path)), "shape": shape}
+
+
+def from_arrays(arrays):
+    """A mapping of arrays whose positions are relative to `origin`."""
+    arrays = dict(arrays)
+    said = {f"{table}_{what}": arrays.pop(f"{table}_{what}") for table in TABLES for what in ("ids", "names")}
+    origin, shape = arrays.pop("origin"), arrays.pop("shape", None)
+    for name, axis in POSITIONS.items():
+        if name in arrays:
+            assert arrays[name].dtype == numpy.float32
+            arrays[name] = arrays[name].astype(float) + origin[axis]
+    return {"columns": arrays, "names": names(said), "shape": None if shape is None else shape.tolist()}
+
+
+def read_npz(path):
+    with numpy.load(path) as file:
+        return from_arrays(file)
+
+
+def read_hdf5(path):
+    with h5py.File(path) as file:
+        text = {f"{table}_names" for table in TABLES}
+        for name, dataset in file.items():
+            other = name in text or name in ("origin", "shape") or name.removesuffix("_ids") in TABLES
+            assert other or ({"unit", "meaning"} == set(dataset.attrs) and dataset.attrs["meaning"]), name
+        return from_arrays({k: d.asstr()[:] if k in text else d[:] for k, d in file.items()})
+
+
+def read_frames(path):
+    """A file of frames: one result per frame."""
+    with h5py.File(path) as file:
+        text = {k for k in file if h5py.check_string_dtype(file[k].dtype)}
+        rows = {k: d for k, d in file.items() if k not in text and h5py.check_vlen_dtype(d.dtype) is not None}
+        common = {k: d.asstr()[:] if k in text else d[:] for k, d in file.items() if k not in rows}
+        count = {len(d) for d in rows.values()}
+        assert len(count) == 1 and all(d.attrs["meaning"] for d in rows.values())
+        return {"frames": [plain(from_arrays({k: d[i] for k, d in rows.items()} | common)) for i in range(*count)]}
+
+
+def plain(result):
+    """Numbers as text, which keeps every bit and nan."""
+    columns = result.get("columns", {})
+    for name, column in columns.items():
+        column = numpy.asarray(column, dtype=float)
+        assert column.ndim == 1 and not numpy.isinf(column).any()
+        columns[name] = [repr(value) for value in column.tolist()]
+    return result
+
+
+reader = globals()[f"read_{sys.argv[1]}"]
+json.dump([plain(reader(path)) for path in sys.argv[2:]], sys.stdout)
