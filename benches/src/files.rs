@@ -30,7 +30,7 @@ fn write(folder: &Path) -> Result<Value, Box<dyn Error>> {
     println!("{:<10}{:>16}{:>16}{:>10}", "format", "M points/CPU s", "M points/s", "MB");
     let mut rows = Vec::new();
     for format in export::FORMATS {
-        let path = folder.join(format!("cloud.{}", format.extensions()[0]));
+        let path = folder.join(format!("cloud.{}", format.name()));
         let (mut cpu, mut wall) = (f64::INFINITY, f64::INFINITY);
         for _ in 0..ROUNDS {
             let (start, clock) = (cpu_seconds(), std::time::Instant::now());
