@@ -2,11 +2,9 @@
 //! of a column leave it as it is.
 
 use echocast::cloud::FIELDS;
-use echocast::{
-    BuiltScene, Field, FieldSet, Frame, Order, PointCloud, Pose, Profile, ScanOptions, Sensor, Trajectory,
-};
-use glam::{DAffine3, DVec3};
+use echocast::{BuiltScene, Field, FieldSet, Frame, Order, PointCloud, Pose, Profile, ScanOptions, Sensor, Trajectory};
 use echocast_tests::reference::{Random, SceneBuilder, Shape};
+use glam::{DAffine3, DVec3};
 use std::collections::BTreeMap;
 
 /// Balls, smooth and flat, and loose triangles: once and as copies.
@@ -16,7 +14,8 @@ fn scene() -> BuiltScene {
     let paints = [0.2, 0.5, 0.9].map(|reflectance| scene.reflector(reflectance));
     scene.stand(Shape::plate(-2.0 * DVec3::Z, DVec3::Z, 200.0), Some(paints[0]));
     for copies in [1, 40] {
-        let mesh = scene.mesh([(Shape::sphere(1.2, 8), Some(paints[1])), (Shape::sphere(1.0, 4).flat(), Some(paints[2]))]);
+        let mesh =
+            scene.mesh([(Shape::sphere(1.2, 8), Some(paints[1])), (Shape::sphere(1.0, 4).flat(), Some(paints[2]))]);
         for _ in 0..copies {
             scene.place(mesh, DAffine3::from_mat3_translation(random.linear_map(), random.in_cube(15.0)));
         }
@@ -65,9 +64,7 @@ fn threads_do_not_change_a_bit() {
     for sensor in [lidar(), camera()] {
         for path in [Trajectory::fixed(Pose::IDENTITY), drive()] {
             for organised in [false, true] {
-                let scan = |threads| {
-                    scene.scan(&sensor, &path, &ScanOptions { threads, organised, ..all() }).unwrap()
-                };
+                let scan = |threads| scene.scan(&sensor, &path, &ScanOptions { threads, organised, ..all() }).unwrap();
                 let one = scan(Some(1));
                 assert!(one.len > 10_000, "{} points", one.len);
                 for threads in [Some(2), Some(7), None, Some(1)] {

@@ -27,7 +27,7 @@ fn cloud(len: usize, fields: FieldSet) -> PointCloud {
         )*};
     }
     let mut metres = |scale: f32| (draw() as f32 / 8_388_608.0 - 1.0) * scale;
-    let mut whole =
+    let whole =
         |row: usize, limit: u32| if row == 1 { limit } else { (row as u32).wrapping_mul(2_654_435_761) % limit };
     fill! {
         x: |_| metres(120.0);

@@ -18,5 +18,8 @@ pub fn python() -> Command {
         None => root().join(".venv/bin/python"),
     };
     assert!(python.exists(), "{} is not there: run scripts/setup --test, or set ECHOCAST_PYTHON", python.display());
-    Command::new(python)
+    let mut command = Command::new(python);
+    // Processes started by tests that run meanwhile inherit the open files of this one, and their locks with them.
+    command.env("HDF5_USE_FILE_LOCKING", "FALSE");
+    command
 }

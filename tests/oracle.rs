@@ -2,8 +2,8 @@
 
 use echocast::scene::{Material, Scene};
 use echocast::{FieldSet, Frame, PointCloud, Pose, ScanOptions, Trajectory};
-use glam::{DAffine3, DQuat, DVec3};
 use echocast_tests::reference::{Hit, Random, SceneBuilder, Shape, Tracer, raster, sensor};
+use glam::{DAffine3, DQuat, DVec3};
 
 /// How a comparison went.
 #[derive(Debug, Default)]

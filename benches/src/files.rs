@@ -1,23 +1,23 @@
 //! How fast clouds are written and scenes are read, on one core.
 
+use crate::Result;
 use crate::clock::cpu_seconds;
 use crate::scenes;
 use echocast::{Pose, ScanOptions, Scene, Sensor, Trajectory, export};
 use rayon::ThreadPoolBuilder;
 use serde_json::{Value, json};
-use std::error::Error;
 use std::fmt::Write as _;
 use std::path::Path;
 
 const ROUNDS: usize = 5;
 
-pub fn run() -> Result<Value, Box<dyn Error>> {
+pub fn run() -> Result<Value> {
     let folder = tempfile::tempdir()?;
     let one = ThreadPoolBuilder::new().num_threads(1).build()?;
     one.install(|| Ok(json!({"write": write(folder.path())?, "read": read(folder.path())?})))
 }
 
-fn write(folder: &Path) -> Result<Value, Box<dyn Error>> {
+fn write(folder: &Path) -> Result<Value> {
     let built = scenes::city().build()?;
     let trajectory = Trajectory::fixed(Pose::at(0.0, 0.0, 2.0));
     let sensor = Sensor::preset("velodyne_vls128")?;
@@ -30,7 +30,7 @@ fn write(folder: &Path) -> Result<Value, Box<dyn Error>> {
     println!("{:<10}{:>16}{:>16}{:>10}", "format", "M points/CPU s", "M points/s", "MB");
     let mut rows = Vec::new();
     for format in export::FORMATS {
-        let path = folder.join(format!("cloud.{}", format.extensions()[0]));
+        let path = folder.join(format!("cloud.{}", format.name()));
         let (mut cpu, mut wall) = (f64::INFINITY, f64::INFINITY);
         for _ in 0..ROUNDS {
             let (start, clock) = (cpu_seconds(), std::time::Instant::now());
@@ -46,7 +46,7 @@ fn write(folder: &Path) -> Result<Value, Box<dyn Error>> {
     Ok(json!(rows))
 }
 
-fn read(folder: &Path) -> Result<Value, Box<dyn Error>> {
+fn read(folder: &Path) -> Result<Value> {
     let scene = scenes::million();
     let part = &scene.meshes[0].parts[0];
     let mut obj = String::new();

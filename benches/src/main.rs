@@ -12,19 +12,16 @@ mod rays;
 mod scenes;
 
 use serde_json::{Map, Value};
-use std::error::Error;
+
+type Result<T> = std::result::Result<T, Box<dyn std::error::Error + Send + Sync>>;
 
 /// A named benchmark.
-type Section = (&'static str, fn() -> Result<Value, Box<dyn Error>>);
+type Section = (&'static str, fn() -> Result<Value>);
 
-const SECTIONS: &[Section] = &[
-    ("rays", rays::run),
-    ("paper", paper::run),
-    ("files", files::run),
-    ("memory", memory::run),
-];
+const SECTIONS: &[Section] =
+    &[("rays", rays::run), ("paper", paper::run), ("files", files::run), ("memory", memory::run)];
 
-fn main() -> Result<(), Box<dyn Error>> {
+fn main() -> Result<()> {
     let asked: Vec<String> = std::env::args().skip(1).collect();
     if let [first, scene] = asked.as_slice()
         && first == memory::CHILD

@@ -1,17 +1,20 @@
 //! Peak memory of a scan, beside what it must hold: scene data, Embree's own, output columns.
 
+use crate::Result;
 use crate::scenes;
 use echocast::{FieldSet, Pose, ScanOptions, Scene, Sensor, Trajectory};
 use serde_json::{Value, json};
-use std::error::Error;
 use std::process::Command;
 
 /// First argument of the child process that is measured.
 pub const CHILD: &str = "measure-memory-of";
 
-pub fn run() -> Result<Value, Box<dyn Error>> {
+pub fn run() -> Result<Value> {
     println!("\nPeak memory of a process that scans once (all columns), beside scene data + Embree's + columns");
-    println!("{:<10}{:>12}{:>12}{:>12}{:>10}{:>10}{:>8}", "scene", "scene MB", "Embree MB", "columns MB", "base MB", "peak MB", "ratio");
+    println!(
+        "{:<10}{:>12}{:>12}{:>12}{:>10}{:>10}{:>8}",
+        "scene", "scene MB", "Embree MB", "columns MB", "base MB", "peak MB", "ratio"
+    );
     let mut rows = Vec::new();
     for name in ["city", "terrain", "forest", "million"] {
         let output = Command::new(std::env::current_exe()?).args([CHILD, name]).output()?;
@@ -22,7 +25,12 @@ pub fn run() -> Result<Value, Box<dyn Error>> {
         let mb = |key: &str| row[key].as_f64().unwrap_or(f64::NAN) / 1e6;
         println!(
             "{name:<10}{:>12.1}{:>12.1}{:>12.1}{:>10.1}{:>10.1}{:>8.2}",
-            mb("scene"), mb("embree"), mb("columns"), mb("base"), mb("peak"), row["ratio"].as_f64().unwrap_or(f64::NAN)
+            mb("scene"),
+            mb("embree"),
+            mb("columns"),
+            mb("base"),
+            mb("peak"),
+            row["ratio"].as_f64().unwrap_or(f64::NAN)
         );
         rows.push(row);
     }
@@ -30,7 +38,7 @@ pub fn run() -> Result<Value, Box<dyn Error>> {
 }
 
 /// Scans `name` once and prints what was measured as JSON.
-pub fn child(name: &str) -> Result<(), Box<dyn Error>> {
+pub fn child(name: &str) -> Result<()> {
     let base = status("VmRSS")?;
     let scene = match name {
         "city" => scenes::city(),
@@ -62,7 +70,7 @@ fn scene_bytes(scene: &Scene) -> usize {
 }
 
 /// A line of `/proc/self/status`, bytes.
-fn status(key: &str) -> Result<usize, Box<dyn Error>> {
+fn status(key: &str) -> Result<usize> {
     let text = std::fs::read_to_string("/proc/self/status")?;
     let line = text.lines().find(|line| line.starts_with(key)).ok_or("no such line in /proc/self/status")?;
     let kilobytes: usize = line.split_whitespace().nth(1).ok_or("no number in /proc/self/status")?.parse()?;

@@ -1,25 +1,25 @@
 //! The paper's experiments 5.2.1 (number of rays) and 5.2.2 (number of objects).
 
+use crate::Result;
 use crate::clock::{cpu_per_call, median};
 use crate::rays::GEOMETRY;
 use crate::scenes;
 use echocast::{BareLoop, FieldSet, PointCloud, Pose, ScanOptions, Sensor, Trajectory};
 use rayon::ThreadPoolBuilder;
 use serde_json::{Value, json};
-use std::error::Error;
 use std::time::{Duration, Instant};
 
 const ROUNDS: usize = 7;
 const LEAST: Duration = Duration::from_millis(30);
 
-fn camera(width: u32, height: u32) -> Result<Sensor, echocast::Error> {
+fn camera(width: u32, height: u32) -> echocast::Result<Sensor> {
     let text = format!(
         "name: camera\nkind: tof\npattern: {{type: pinhole, resolution: [{width}, {height}], fov_deg: [90, 90], rate_hz: 30}}\n"
     );
-    Sensor::from_yaml(&text, ".".as_ref())
+    Sensor::from_yaml(&text, ".")
 }
 
-pub fn run() -> Result<Value, Box<dyn Error>> {
+pub fn run() -> Result<Value> {
     let one = ThreadPoolBuilder::new().num_threads(1).build()?;
     let pose = Pose::IDENTITY;
     let trajectory = Trajectory::fixed(pose);
@@ -61,7 +61,9 @@ pub fn run() -> Result<Value, Box<dyn Error>> {
             let (a, b) = one.install(|| {
                 let a = cpu_per_call(LEAST, || bare.run());
                 let b = cpu_per_call(LEAST, || {
-                    built.scan_into(&sensor, &trajectory, &options, &mut cloud).expect("a scan of a built scene succeeds");
+                    built
+                        .scan_into(&sensor, &trajectory, &options, &mut cloud)
+                        .expect("a scan of a built scene succeeds");
                 });
                 (a, b)
             });

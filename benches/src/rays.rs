@@ -1,11 +1,11 @@
 //! Rays per second: four scenes, three sensors, beside the bare Embree loop on the same rays.
 
+use crate::Result;
 use crate::clock::{cpu_per_call, median};
 use crate::scenes;
 use echocast::{BareLoop, FieldSet, PointCloud, Pose, ScanOptions, Sensor, Trajectory};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde_json::{Value, json};
-use std::error::Error;
 use std::time::Duration;
 
 const ROUNDS: usize = 7;
@@ -24,30 +24,31 @@ noise: {range_sigma_m: 0.01}
 ";
 
 /// An instrument without errors and threshold, for the geometry alone.
-fn ideal(sensor: &Sensor) -> Result<Sensor, Box<dyn Error>> {
+fn ideal(sensor: &Sensor) -> Result<Sensor> {
     let mut ideal = sensor.clone();
-    for (key, value) in [
-        ("detection", "{model: none}"),
-        ("noise", "{}"),
-        ("range.resolution_m", "0"),
-    ] {
+    for (key, value) in [("detection", "{model: none}"), ("noise", "{}"), ("range.resolution_m", "0")] {
         ideal.set(key, value)?;
     }
     Ok(ideal)
 }
 
-pub fn run() -> Result<Value, Box<dyn Error>> {
-    let sensors = [
-        Sensor::preset("velodyne_vlp32c")?,
-        Sensor::preset("velodyne_vls128")?,
-        Sensor::from_yaml(CAMERA, ".".as_ref())?,
-    ];
+pub fn run() -> Result<Value> {
+    let sensors =
+        [Sensor::preset("velodyne_vlp32c")?, Sensor::preset("velodyne_vls128")?, Sensor::from_yaml(CAMERA, ".")?];
     let one = ThreadPoolBuilder::new().num_threads(1).build()?;
     let all = ThreadPoolBuilder::new().build()?;
     let threads = all.current_num_threads();
     println!("Rays: M rays per second and core of the bare Embree loop, and what part of it a scan reaches");
     println!("(geometry: {GEOMETRY}; default: default columns with the sensor's noise and intensity)");
-    println!("{:<10}{:<18}{:>9}{:>10}{:>10}{:>24}", "scene", "sensor", "bare", "geometry", "default", format!("{threads} threads / 1, per ray"));
+    println!(
+        "{:<10}{:<18}{:>9}{:>10}{:>10}{:>24}",
+        "scene",
+        "sensor",
+        "bare",
+        "geometry",
+        "default",
+        format!("{threads} threads / 1, per ray")
+    );
     let mut rows = Vec::new();
     for (name, scene, pose) in [
         ("quad", scenes::quad(), Pose::at(0.0, 0.0, 0.0)),
@@ -64,10 +65,12 @@ pub fn run() -> Result<Value, Box<dyn Error>> {
             let mut bare = BareLoop::new(&built, sensor, pose);
             let mut clouds = [PointCloud::default(), PointCloud::default(), PointCloud::default()];
             let rays = bare.len() as f64;
-            let mut scan = |pool: &ThreadPool, sensor: &Sensor, options: &ScanOptions, cloud: &mut PointCloud| {
-                pool.install(|| cpu_per_call(LEAST, || {
-                    built.scan_into(sensor, &trajectory, options, cloud).expect("a scan of a built scene succeeds");
-                }))
+            let scan = |pool: &ThreadPool, sensor: &Sensor, options: &ScanOptions, cloud: &mut PointCloud| {
+                pool.install(|| {
+                    cpu_per_call(LEAST, || {
+                        built.scan_into(sensor, &trajectory, options, cloud).expect("a scan of a built scene succeeds");
+                    })
+                })
             };
             let mut times = [const { Vec::new() }; 4];
             for round in 0..=ROUNDS {
@@ -82,9 +85,8 @@ pub fn run() -> Result<Value, Box<dyn Error>> {
                     times.iter_mut().zip(sample).for_each(|(list, time)| list.push(time));
                 }
             }
-            let ratio = |over: usize, under: usize| {
-                median(times[over].iter().zip(&times[under]).map(|(a, b)| a / b).collect())
-            };
+            let ratio =
+                |over: usize, under: usize| median(times[over].iter().zip(&times[under]).map(|(a, b)| a / b).collect());
             let (bare_rate, geometry, default) = (rays / median(times[0].clone()) / 1e6, ratio(0, 1), ratio(0, 2));
             let scaling = ratio(3, 2);
             println!("{name:<10}{:<18}{bare_rate:>9.1}{geometry:>10.2}{default:>10.2}{scaling:>24.2}", sensor.name());

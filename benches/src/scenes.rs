@@ -110,10 +110,7 @@ pub fn city() -> Scene {
     let mut ground = Builder::default();
     let far = 2000.0;
     ground.quad([[-far, -far, 0.0], [far, -far, 0.0], [far, far, 0.0], [-far, far, 0.0]]);
-    scene(
-        vec![ground.mesh("ground"), houses.mesh("building")],
-        vec![(0, DAffine3::IDENTITY), (1, DAffine3::IDENTITY)],
-    )
+    scene(vec![ground.mesh("ground"), houses.mesh("building")], vec![(0, DAffine3::IDENTITY), (1, DAffine3::IDENTITY)])
 }
 
 fn leaves(tree: &mut Builder, shapes: &mut Shapes, at: [f32; 3], count: usize, size: f32) {
@@ -128,11 +125,8 @@ fn leaves(tree: &mut Builder, shapes: &mut Shapes, at: [f32; 3], count: usize, s
         let centre = Vec3::new(at[0] + 2.0 * p[0], at[1] + 2.0 * p[1], at[2] + 4.5 + 2.0 * p[2]);
         let first = tree.positions.len() as u32;
         for _ in 0..3 {
-            let offset = Vec3::new(
-                shapes.between(-size, size),
-                shapes.between(-size, size),
-                shapes.between(-size, size),
-            );
+            let offset =
+                Vec3::new(shapes.between(-size, size), shapes.between(-size, size), shapes.between(-size, size));
             tree.positions.push((centre + offset).to_array());
         }
         tree.triangles.push([first, first + 1, first + 2]);
@@ -143,7 +137,9 @@ fn leaves(tree: &mut Builder, shapes: &mut Shapes, at: [f32; 3], count: usize, s
 pub fn terrain() -> Scene {
     let mut shapes = Shapes::new(2);
     let height = |x: f32, y: f32| {
-        6.0 * (x / 40.0).sin() * (y / 55.0).cos() + 1.2 * (x / 9.0 + y / 13.0).sin() + 0.15 * (x * 1.1).sin() * (y * 1.3).cos()
+        6.0 * (x / 40.0).sin() * (y / 55.0).cos()
+            + 1.2 * (x / 9.0 + y / 13.0).sin()
+            + 0.15 * (x * 1.1).sin() * (y * 1.3).cos()
             - 6.0 * (-(x * x + y * y) / 900.0).exp()
     };
     const CELLS: u32 = 350;
@@ -168,10 +164,7 @@ pub fn terrain() -> Scene {
         trees.cuboid([x - 0.2, y - 0.2, z - 0.5], [x + 0.2, y + 0.2, z + 3.0]);
         leaves(&mut trees, &mut shapes, [x, y, z], 88, 0.35);
     }
-    scene(
-        vec![ground.mesh("ground"), trees.mesh("vegetation")],
-        vec![(0, DAffine3::IDENTITY), (1, DAffine3::IDENTITY)],
-    )
+    scene(vec![ground.mesh("ground"), trees.mesh("vegetation")], vec![(0, DAffine3::IDENTITY), (1, DAffine3::IDENTITY)])
 }
 
 /// 10,000 instances of one tree of 10,000 triangles, 5 m apart, on a plane.
@@ -191,7 +184,7 @@ pub fn forest() -> Scene {
                 f64::from(row) * 5.0 - 247.5 + jitter(&mut shapes),
                 0.0,
             );
-            let turn = glam::DQuat::from_rotation_z(f64::from(shapes.between(0.0, 6.28)));
+            let turn = glam::DQuat::from_rotation_z(f64::from(shapes.between(0.0, std::f32::consts::TAU)));
             let size = DVec3::splat(f64::from(shapes.between(0.7, 1.3)));
             placed.push((1, DAffine3::from_scale_rotation_translation(size, turn, at)));
         }

@@ -1,7 +1,7 @@
 use super::{assert_near, scan, target};
 use echocast::{Profile, ScanOptions};
-use glam::DVec3;
 use echocast_tests::reference::{SceneBuilder, Shape, Table, one_beam};
+use glam::DVec3;
 
 /// How many points a target gives.
 fn seen(sections: &str, [reflectance, range, angle]: [f64; 3], profile: Profile) -> usize {
@@ -18,8 +18,16 @@ fn targets_are_seen_up_to_the_range_of_the_radar_equation() {
         let (rho, limit) = (table.number(row, "rho"), table.number(row, "R_max_m"));
         let capped = table.number(row, "R_max_capped_200_m");
         for (sections, limit) in [(radar.to_owned(), limit), (format!("{radar}\nrange: {{max_m: 200}}"), capped)] {
-            assert_eq!(seen(&sections, [rho, limit * (1.0 - 1e-4), 0.0], Profile::Physical), 1, "{rho} before {limit} m");
-            assert_eq!(seen(&sections, [rho, limit * (1.0 + 1e-4), 0.0], Profile::Physical), 0, "{rho} behind {limit} m");
+            assert_eq!(
+                seen(&sections, [rho, limit * (1.0 - 1e-4), 0.0], Profile::Physical),
+                1,
+                "{rho} before {limit} m"
+            );
+            assert_eq!(
+                seen(&sections, [rho, limit * (1.0 + 1e-4), 0.0], Profile::Physical),
+                0,
+                "{rho} behind {limit} m"
+            );
         }
         // Turned by 60 degrees, half of the light comes back.
         let turned = limit * 0.5f64.sqrt();

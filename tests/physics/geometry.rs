@@ -1,7 +1,7 @@
 use super::{assert_near, scan, scan_at, vector};
 use echocast::{Frame, PointCloud, Pose, ScanOptions, Sensor};
-use glam::{DAffine3, DQuat, DVec3};
 use echocast_tests::reference::{SceneBuilder, Shape, raster, sensor};
+use glam::{DAffine3, DQuat, DVec3};
 
 /// Checks every point of `cloud`: `expected` gives range, unit normal on the sensor's side and part number for a world
 /// direction; intensity is `reflectance` times the cosine. Normals, cosine and intensity within `tolerance`, range within
@@ -212,7 +212,8 @@ fn in_the_sensor_frame_points_lie_along_the_beams() {
     let pose = Pose::at(1.0, -0.5, 0.7).with_rpy_deg(25.0, 40.0, 130.0);
     let sensor = sensor(&raster(40, 40, 3.0));
     let options = || ScanOptions { coordinates: Frame::Sensor, ..ScanOptions::default() };
-    let (world, own) = (scan_at(&built, &sensor, pose, ScanOptions::default()), scan_at(&built, &sensor, pose, options()));
+    let (world, own) =
+        (scan_at(&built, &sensor, pose, ScanOptions::default()), scan_at(&built, &sensor, pose, options()));
     assert_eq!((own.frame, own.origin, own.len), (Frame::Sensor, DVec3::ZERO, world.len));
     for row in 0..own.len {
         let moved = pose.position + pose.orientation * own.position(row);

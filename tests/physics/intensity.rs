@@ -1,8 +1,8 @@
 use super::{assert_near, scan, target};
 use echocast::scene::{Filter, Material, Scene, Texture, TextureRef};
 use echocast::{Profile, ReflectanceSource, ScanOptions};
-use glam::{DAffine3, DVec3};
 use echocast_tests::reference::{SceneBuilder, Shape, Table, one_beam, sensor};
+use glam::{DAffine3, DVec3};
 use std::sync::Arc;
 
 fn profile(profile: Profile) -> ScanOptions {
@@ -62,7 +62,10 @@ fn reflectivity_does_not_depend_on_range() {
 fn head_on(material: Material, options: ScanOptions) -> f64 {
     let mut scene = SceneBuilder::new();
     let paint = scene.material(material);
-    scene.stand(Shape::triangle([DVec3::new(5.0, -1.0, -1.0), DVec3::new(5.0, 1.0, -1.0), DVec3::new(5.0, 0.1, 1.0)]), Some(paint));
+    scene.stand(
+        Shape::triangle([DVec3::new(5.0, -1.0, -1.0), DVec3::new(5.0, 1.0, -1.0), DVec3::new(5.0, 0.1, 1.0)]),
+        Some(paint),
+    );
     f64::from(scan(&scene.finish().build().unwrap(), &one_beam(""), options).columns.intensity[0])
 }
 

@@ -7,8 +7,8 @@ mod moving;
 mod noise;
 
 use echocast::{BuiltScene, FieldSet, PointCloud, Pose, ScanOptions, Sensor, Trajectory};
-use glam::DVec3;
 use echocast_tests::reference::{SceneBuilder, Shape};
+use glam::DVec3;
 
 /// Scans with `sensor` at the world's origin and all columns.
 fn scan(scene: &BuiltScene, sensor: &Sensor, options: ScanOptions) -> PointCloud {

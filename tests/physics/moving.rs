@@ -1,7 +1,7 @@
 use super::{assert_near, scan_at, vector};
 use echocast::{BuiltScene, FieldSet, Frame, PointCloud, Pose, ScanOptions, Sensor, Trajectory};
-use glam::{DQuat, DVec3};
 use echocast_tests::reference::{SceneBuilder, Shape};
+use glam::{DQuat, DVec3};
 
 /// A spinning sensor of 16 channels that fire one after the other, 10 turns a second.
 fn spinner() -> Sensor {

@@ -1,8 +1,8 @@
 use super::{assert_near, scan, vector};
 use echocast::cloud::FIELDS;
 use echocast::{BuiltScene, Field, PointCloud, ScanOptions, Sensor};
-use glam::DVec3;
 use echocast_tests::reference::{SceneBuilder, Shape};
+use glam::DVec3;
 
 /// A camera of 300 x 300 pixels and a tilted wall that fills its view, 7 to 30 m away.
 fn wall() -> BuiltScene {
@@ -50,7 +50,8 @@ fn assert_gaussian(sample: &[f64], expected_mean: f64, expected_sigma: f64) {
 
 #[test]
 fn gaussian_noise_has_its_mean_and_sigma() {
-    let cloud = scan(&wall(), &camera("noise: {range_sigma_m: 0.03, range_mean_m: 0.1}"), ScanOptions::default().seed(1));
+    let cloud =
+        scan(&wall(), &camera("noise: {range_sigma_m: 0.03, range_mean_m: 0.1}"), ScanOptions::default().seed(1));
     assert_gaussian(&errors(&cloud), 0.1, 0.03);
 }
 
@@ -75,7 +76,8 @@ fn timing_noise_grows_as_the_signal_falls() {
 
 #[test]
 fn offsets_are_constant_or_a_share_of_the_range() {
-    let cloud = scan(&wall(), &camera("noise: {range_offset_m: -0.25, range_offset_percent: 2}"), ScanOptions::default());
+    let cloud =
+        scan(&wall(), &camera("noise: {range_offset_m: -0.25, range_offset_percent: 2}"), ScanOptions::default());
     for (&measured, &truth) in cloud.columns.range.iter().zip(&cloud.columns.true_range) {
         assert_near("range", measured.into(), 1.02 * f64::from(truth) - 0.25, 1e-5);
     }
@@ -129,7 +131,8 @@ fn truth_and_labels_do_not_feel_noise() {
         let equal = quiet.column(info.field).bytes() == noisy.column(info.field).bytes();
         assert_eq!(equal, !measured.contains(&info.field), "{}", info.name);
     }
-    for (truth, range) in [(&quiet.columns.true_range, &quiet.columns.range), (&quiet.columns.true_x, &quiet.columns.x)] {
+    for (truth, range) in [(&quiet.columns.true_range, &quiet.columns.range), (&quiet.columns.true_x, &quiet.columns.x)]
+    {
         assert_eq!(truth, range, "without noise the truth is measured");
     }
 }

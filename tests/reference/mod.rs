@@ -1,7 +1,6 @@
 //! What the black-box tests share: a slow, plain tracer in f64 that the library is compared with, and what makes
 //! scenes, sensors and tables of expected values for them.
 
-
 mod random;
 mod scenes;
 mod sensors;

@@ -55,14 +55,13 @@ impl OutputArgs {
         if let Some(file) = &self.preview {
             let is_png = file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png"));
             ensure!(is_png, "--preview {}: pictures are written as .png", file.display());
-            ensure!(
-                folder(file).is_dir(),
-                "--preview {}: there is no folder {}",
-                file.display(),
-                folder(file).display()
-            );
+            preview::check(file, &self.picture()).context("--preview")?;
         }
         Ok(())
+    }
+
+    fn picture(&self) -> PreviewOptions {
+        PreviewOptions { view: self.view, color: self.color, ..PreviewOptions::default() }
     }
 
     /// For the report.
@@ -150,8 +149,7 @@ impl<'a> Writer<'a> {
 
     fn write_preview(&mut self, cloud: &PointCloud, file: Option<PathBuf>) -> Result<()> {
         let Some(file) = file else { return Ok(()) };
-        let options = PreviewOptions { view: self.args.view, color: self.args.color, ..PreviewOptions::default() };
-        self.report.absorb(preview::write(cloud, &file, &options).context("--preview")?);
+        self.report.absorb(preview::write(cloud, &file, &self.args.picture()).context("--preview")?);
         self.files.push(file);
         Ok(())
     }

@@ -97,7 +97,7 @@ impl Error {
     }
 }
 
-/// Up to three of `known` within a small edit distance of `name` or containing it, best first.
+/// Up to three of `known` within a few slips of the pen of `name` or containing it, best first.
 pub fn nearest<S: AsRef<str>>(name: &str, known: impl IntoIterator<Item = S>) -> Vec<String> {
     let wanted = name.to_lowercase();
     let mut scored: Vec<(usize, String)> = known
@@ -105,7 +105,7 @@ pub fn nearest<S: AsRef<str>>(name: &str, known: impl IntoIterator<Item = S>) ->
         .filter_map(|candidate| {
             let candidate = candidate.as_ref();
             let lower = candidate.to_lowercase();
-            let distance = edit_distance(&wanted, &lower);
+            let distance = strsim::osa_distance(&wanted, &lower);
             let contained = !wanted.is_empty() && (lower.contains(&wanted) || wanted.contains(&lower));
             let limit = wanted.chars().count().max(3) / 3;
             (distance <= limit || contained).then(|| (distance, candidate.to_owned()))
@@ -114,22 +114,6 @@ pub fn nearest<S: AsRef<str>>(name: &str, known: impl IntoIterator<Item = S>) ->
     scored.sort();
     scored.truncate(3);
     scored.into_iter().map(|(_, name)| name).collect()
-}
-
-/// Levenshtein distance in characters.
-fn edit_distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().take(64).collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, ca) in a.chars().take(64).enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, &cb) in b.iter().enumerate() {
-            let substitute = diagonal + usize::from(ca != cb);
-            diagonal = row[j + 1];
-            row[j + 1] = substitute.min(row[j] + 1).min(diagonal + 1);
-        }
-    }
-    row[b.len()]
 }
 
 #[cfg(test)]

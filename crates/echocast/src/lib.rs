@@ -47,8 +47,8 @@ pub mod error;
 pub mod export;
 pub mod material;
 mod presets;
-mod rng;
 pub mod report;
+mod rng;
 mod scan;
 pub mod scene;
 mod sensor;
@@ -64,6 +64,7 @@ pub use report::Report;
 pub use scan::{Order, Profile, ScanOptions};
 pub use scene::{LabelRules, LoadOptions, Scene};
 pub use sensor::{
-    BeamSpec, Expectations, IntensitySpec, PresetInfo, RangeSpec, ReturnMode, ReturnsSpec, Sensor, SensorKind, SensorSpec,
+    BeamSpec, Expectations, IntensitySpec, PresetInfo, RangeSpec, ReturnMode, ReturnsSpec, Sensor, SensorKind,
+    SensorSpec,
 };
 pub use trace::{BareLoop, BuiltScene};

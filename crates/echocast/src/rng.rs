@@ -169,7 +169,9 @@ mod tests {
         let n = sample.len() as f64;
         let moment = |power: i32| sample.iter().map(|&x| f64::from(x).powi(power)).sum::<f64>() / n;
         // Standard errors of the first four moments of N(0, 1): 1, sqrt 2, sqrt 15, sqrt 96 over sqrt n.
-        for (power, expected, spread) in [(1, 0.0, 1.0), (2, 1.0, 2f64.sqrt()), (3, 0.0, 15f64.sqrt()), (4, 3.0, 96f64.sqrt())] {
+        for (power, expected, spread) in
+            [(1, 0.0, 1.0), (2, 1.0, 2f64.sqrt()), (3, 0.0, 15f64.sqrt()), (4, 3.0, 96f64.sqrt())]
+        {
             let error = (moment(power) - expected).abs() / (spread / n.sqrt());
             assert!(error < 5.0, "moment {power} is off by {error} standard errors");
         }

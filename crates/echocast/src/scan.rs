@@ -11,6 +11,7 @@ use crate::sensor::Sensor;
 use crate::trace::{BuiltScene, HitBatch, LANES, MISS, RayBatch, Tables};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
+use std::f32::consts::PI;
 
 /// Which model set a scan follows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -174,8 +175,8 @@ impl<'a> Scan<'a> {
         });
         let threshold = Threshold::new(sensor.detection, blainder);
         let wants_echo = threshold != Threshold::Open || fields.contains(Field::Intensity);
-        let wants_normals = wants_echo
-            || fields.contains_any(&[Field::NormalX, Field::NormalY, Field::NormalZ, Field::CosIncidence]);
+        let wants_normals =
+            wants_echo || fields.contains_any(&[Field::NormalX, Field::NormalY, Field::NormalZ, Field::CosIncidence]);
         let wants_surfaces = wants_echo
             || fields.contains_any(&[Field::CategoryId, Field::PartId, Field::InstanceId, Field::MaterialId])
             || fields.contains_any(&[Field::Red, Field::Green, Field::Blue]);
@@ -279,7 +280,7 @@ impl WithSimd for TaskOn<'_, '_> {
         let mut filled = 0;
         for start in (0..count).step_by(LANES) {
             let beam = first + start;
-            filled += self.block.scan(scan, beam, LANES.min(count - start), rows.from_row(filled));
+            filled += self.block.scan(scan, beam, LANES.min(count - start), rows.rows_after(filled));
         }
         filled
     }
@@ -489,7 +490,9 @@ impl Block {
             let (x, y, z) = (&beams.dir_x[range.clone()], &beams.dir_y[range.clone()], &beams.dir_z[range]);
             let (mut azimuth, mut elevation) = ([0.0; LANES], [0.0; LANES]);
             for lane in 0..count {
-                azimuth[lane] = y[lane].atan2(x[lane]);
+                // Straight back is -pi, whichever way it is rounded.
+                let turn = y[lane].atan2(x[lane]);
+                azimuth[lane] = if turn < PI { turn } else { -PI };
                 elevation[lane] = z[lane].atan2(x[lane].hypot(y[lane]));
             }
             kept.put_beam(&azimuth, rows.azimuth);

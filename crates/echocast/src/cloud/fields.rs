@@ -197,7 +197,7 @@ macro_rules! columns {
             }
 
             /// Mutable rows from `start` on, borrowed for a while.
-            pub(crate) fn from_row(&mut self, start: usize) -> Slices<'_> {
+            pub(crate) fn rows_after(&mut self, start: usize) -> Slices<'_> {
                 Slices { $( $name: if self.$name.is_empty() { &mut [] } else { &mut self.$name[start..] } ),* }
             }
         }

@@ -3,8 +3,8 @@
 mod collect;
 mod fields;
 
-pub use fields::{Column, ColumnType, Columns, FIELDS, Field, FieldInfo, FieldSet};
 pub(crate) use collect::Kept;
+pub use fields::{Column, ColumnType, Columns, FIELDS, Field, FieldInfo, FieldSet};
 pub(crate) use fields::{Element, Slices};
 
 use crate::emitter::Pose;

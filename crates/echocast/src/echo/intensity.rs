@@ -67,9 +67,9 @@ mod tests {
     #[test]
     fn relative_energy_follows_the_radar_equation() {
         for (gamma, range, theta, without, with) in [
-            (0.05f32, 1.0f32, 0.0f32, 0.015_915_494_3f32, 0.015_915_494_3f32),
-            (0.05, 5.0, 60.0, 0.000_636_619_772, 0.000_318_309_886),
-            (0.5, 10.0, 60.0, 1.5915e-3, 7.9577e-4),
+            (0.05f32, 1.0f32, 0.0f32, 1.591_549_4e-2, 1.591_549_4e-2),
+            (0.05, 5.0, 60.0, 6.366_197_6e-4, 3.183_098_8e-4),
+            (0.5, 10.0, 60.0, 1.591_549_4e-3, 7.957_747e-4),
         ] {
             let cos = theta.to_radians().cos();
             let power = IntensityModel::Encoded(IntensityEncoding::Power).of(gamma, cos, range);

@@ -5,10 +5,27 @@ use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use tempfile::TempPath;
 
+/// Lets `write` fill a file beside `path`, then renames it to `path`; on failure nothing is left and an older file is
+/// untouched.
+///
+/// # Errors
+/// Those of `write`, or the system's.
+pub(super) fn replace(path: &Path, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
+    let pending = Pending::create(path)?;
+    write(pending.path())?;
+    pending.commit()
+}
+
+/// How the names of this process's unfinished files begin: a program that is interrupted may remove them from the
+/// folders it writes to.
+pub fn unfinished_prefix() -> String {
+    format!(".echocast-{}-", std::process::id())
+}
+
 /// A file being written beside its final name. Dropped without [`Pending::commit`] it leaves nothing behind, and an
 /// older file of that name stays as it was.
 #[derive(Debug)]
-pub(crate) struct Pending {
+pub(super) struct Pending {
     temporary: TempPath,
     target: PathBuf,
 }
@@ -18,7 +35,7 @@ impl Pending {
     ///
     /// # Errors
     /// When the folder is missing or not writable, or `target` is something else than a file: a folder, a device.
-    pub(crate) fn create(target: &Path) -> Result<Self> {
+    pub(super) fn create(target: &Path) -> Result<Self> {
         // A link stays, what it points to is replaced.
         let target = fs::canonicalize(target).unwrap_or_else(|_| target.to_owned());
         if fs::metadata(&target).is_ok_and(|what| !what.is_file()) {
@@ -29,7 +46,7 @@ impl Pending {
             ));
         }
         let file = tempfile::Builder::new()
-            .prefix(".echocast-")
+            .prefix(&unfinished_prefix())
             // Not tempfile's own way of making files, which only their owner may read.
             .make_in(folder(&target), |path| File::create_new(path))
             .map_err(|source| Error::io(&target, source))?;
@@ -37,12 +54,12 @@ impl Pending {
     }
 
     /// Where to write.
-    pub(crate) fn path(&self) -> &Path {
+    pub(super) fn path(&self) -> &Path {
         &self.temporary
     }
 
     /// The name it will have.
-    pub(crate) fn target(&self) -> &Path {
+    pub(super) fn target(&self) -> &Path {
         &self.target
     }
 
@@ -50,7 +67,7 @@ impl Pending {
     ///
     /// # Errors
     /// The system's.
-    pub(crate) fn commit(self) -> Result<()> {
+    pub(super) fn commit(self) -> Result<()> {
         self.temporary.persist(&self.target).map_err(|e| Error::io(&self.target, e.error))
     }
 }

@@ -1,6 +1,6 @@
 //! Clouds to files: one file per format, one table of formats.
 
-pub(crate) mod atomic;
+mod atomic;
 mod csv;
 #[cfg(feature = "hdf5")]
 mod frames;
@@ -12,6 +12,7 @@ mod ply;
 pub mod preview;
 mod record;
 
+pub use atomic::unfinished_prefix;
 #[cfg(feature = "hdf5")]
 pub use frames::FramesFile;
 
@@ -19,8 +20,8 @@ use crate::cloud::{Field, FieldInfo, FieldSet, PointCloud};
 use crate::error::{Error, Result};
 use crate::report::Report;
 use atomic::Pending;
-use std::io;
 use std::path::{Path, PathBuf};
+use std::{fs, io};
 
 /// A point-cloud file format.
 pub trait Format: Sync {
@@ -122,17 +123,16 @@ pub fn write(cloud: &PointCloud, path: &Path, format: Option<&str>) -> Result<Re
     let mut report = Report::default();
     let lost: Vec<&str> = cloud.fields.iter().filter(|info| !format.holds(info)).map(|info| info.name).collect();
     if !lost.is_empty() {
-        report.warn(format!("{}: the format {} cannot hold {}", path.display(), format.name(), lost.join(", ")));
+        report.warn(format!("{}: cannot hold the columns {}", format.name(), lost.join(", ")));
     }
-    let file = Pending::create(path)?;
-    format.write(cloud, file.path(), &mut report).map_err(|source| Error::io(path, source))?;
-    if !format.holds_label_names() {
-        let path = labels_path(file.target());
-        let names = Pending::create(&path)?;
-        std::fs::write(names.path(), labels_json(cloud)).map_err(|source| Error::io(&path, source))?;
-        names.commit()?;
-    }
-    file.commit()?;
+    atomic::replace(path, |file| {
+        format.write(cloud, file, &mut report).map_err(|source| Error::io(path, source))?;
+        if format.holds_label_names() {
+            return Ok(());
+        }
+        let names = labels_path(path);
+        atomic::replace(&names, |file| fs::write(file, labels_json(cloud)).map_err(|source| Error::io(&names, source)))
+    })?;
     Ok(report)
 }
 
@@ -148,8 +148,9 @@ fn check_cloud(cloud: &PointCloud) -> Result<()> {
     }
 }
 
-/// `street.labels.json` beside `street.csv`.
-fn labels_path(path: &Path) -> PathBuf {
+/// Where the label names of the cloud file at `path` stand if its format cannot hold them: `street.labels.json` beside
+/// `street.csv`.
+pub fn labels_path(path: &Path) -> PathBuf {
     path.with_extension("labels.json")
 }
 
@@ -181,7 +182,6 @@ fn offset(cloud: &PointCloud, field: Field) -> Option<f64> {
 mod tests {
     use super::*;
     use crate::cloud::FIELDS;
-    use std::fs;
 
     #[test]
     fn formats_are_found_by_name_and_ending() {

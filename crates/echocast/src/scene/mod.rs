@@ -18,8 +18,8 @@ mod texture;
 pub use camera::Camera;
 pub use label::{LabelRules, Labels, NameTable};
 pub use mesh::{Mesh, Part};
-pub use texture::{Filter, Texture, TextureRef, Wrap};
 pub(crate) use texture::srgb_byte;
+pub use texture::{Filter, Texture, TextureRef, Wrap};
 
 use crate::error::{Error, Result};
 pub use crate::material::Material;

@@ -84,10 +84,12 @@ impl<'a> BareLoop<'a> {
         let arch = Arch::new();
         let (scene, coherent, count) = (self.scene, self.coherent, self.count);
         let blocks = CHUNK / LANES;
-        self.rays.par_chunks(blocks).zip(self.hits.par_chunks_mut(blocks)).enumerate().for_each(|(chunk, (rays, hits))| {
-            let count = (count - chunk * CHUNK).min(CHUNK);
-            arch.dispatch(BareChunk { scene, coherent, count, rays, hits });
-        });
+        self.rays.par_chunks(blocks).zip(self.hits.par_chunks_mut(blocks)).enumerate().for_each(
+            |(chunk, (rays, hits))| {
+                let count = (count - chunk * CHUNK).min(CHUNK);
+                arch.dispatch(BareChunk { scene, coherent, count, rays, hits });
+            },
+        );
     }
 
     /// Number of rays.

@@ -35,7 +35,7 @@ impl Cutaway {
     ///
     /// A surface shows its front to the sensor. So one well above the floor that is seen from nearly the
     /// opposite side is seen from behind; left out, it gives the view into a doll's house.
-    pub(super) fn from_behind(&self, position: Vec3, toward_viewer: Vec3) -> bool {
+    pub(super) fn seen_from_behind(&self, position: Vec3, toward_viewer: Vec3) -> bool {
         let to_sensor = self.sensor - position;
         position.z > self.floor && to_sensor.dot(toward_viewer) < -0.25 * to_sensor.length()
     }
@@ -75,11 +75,11 @@ mod tests {
     }
 
     #[test]
-    fn only_what_stands_beyond_the_sensor_is_seen_from_behind() {
+    fn only_what_stands_beyond_the_sensor_is_seen_seen_from_behind() {
         let cloud = room(None);
         let cutaway = Cutaway::new(&Points::new(&cloud, &mut Report::default()));
         let viewer = Vec3::new(-0.8, 0.0, 0.6);
-        let behind = |x, z| cutaway.from_behind(Vec3::new(x, 0.0, z), viewer);
+        let behind = |x, z| cutaway.seen_from_behind(Vec3::new(x, 0.0, z), viewer);
         assert!(behind(-3.0, 1.5), "wall behind the sensor");
         assert!(!behind(3.0, 1.5), "wall before it");
         assert!(!behind(-3.0, 0.0), "floor");

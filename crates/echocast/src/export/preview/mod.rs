@@ -114,18 +114,36 @@ impl Default for PreviewOptions {
     }
 }
 
+/// Says before a long scan whether a picture could be written to `path`.
+///
+/// # Errors
+/// A width out of bounds, a folder that is missing or cannot be written to.
+pub fn check(path: &Path, options: &PreviewOptions) -> Result<()> {
+    check_width(options.width)?;
+    Pending::create(path).map(drop)
+}
+
+fn check_width(width: u32) -> Result<()> {
+    if !WIDTHS.contains(&width) {
+        let allowed = format!("{} to {} pixels", WIDTHS.start(), WIDTHS.end());
+        return Err(Error::invalid("preview width", width, allowed));
+    }
+    Ok(())
+}
+
 /// Writes a picture of `cloud` to the PNG file `path`, which appears only when it is complete.
 ///
 /// Columns that the colours need and the cloud lacks are replaced by others, which the report says.
 ///
 /// # Errors
-/// A width out of bounds, a folder that cannot be written, a full disk.
+/// As [`check`], and a full disk.
 pub fn write(cloud: &PointCloud, path: &Path, options: &PreviewOptions) -> Result<Report> {
     let mut report = Report::default();
     let picture = render(cloud, options, &mut report)?;
     let pending = Pending::create(path)?;
-    let file = File::create(pending.path()).map_err(|source| Error::io(path, source))?;
-    picture.write_png(BufWriter::new(file)).map_err(|source| Error::io(path, source))?;
+    File::create(pending.path())
+        .and_then(|file| picture.write_png(BufWriter::new(file)))
+        .map_err(|source| Error::io(path, source))?;
     pending.commit()?;
     Ok(report)
 }
@@ -137,10 +155,7 @@ pub fn write(cloud: &PointCloud, path: &Path, options: &PreviewOptions) -> Resul
 /// # Errors
 /// A width out of bounds.
 pub fn render(cloud: &PointCloud, options: &PreviewOptions, report: &mut Report) -> Result<Picture> {
-    if !WIDTHS.contains(&options.width) {
-        let allowed = format!("{} to {} pixels", WIDTHS.start(), WIDTHS.end());
-        return Err(Error::invalid("preview width", options.width, allowed));
-    }
+    check_width(options.width)?;
     let page = Page::new(options.width);
     let points = Points::new(cloud, report);
     if points.count == 0 {
@@ -346,7 +361,9 @@ mod tests {
         reader.next_frame(&mut pixels).unwrap();
         assert_eq!(pixels, render(&cloud, &options, &mut Report::default()).unwrap().pixels);
 
-        assert!(write(&cloud, &folder.path().join("none/preview.png"), &options).is_err());
+        let missing = folder.path().join("none/preview.png");
+        assert!(write(&cloud, &missing, &options).is_err() && check(&missing, &options).is_err());
+        check(&path, &options).unwrap();
         let wide = PreviewOptions { width: 100_000, ..options };
         let error = write(&cloud, &path, &wide).unwrap_err().to_string();
         assert_eq!(error, "preview width is 100000; allowed: 320 to 4096 pixels");

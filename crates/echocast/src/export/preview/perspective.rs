@@ -104,7 +104,7 @@ pub(super) fn draw(points: &Points<'_>, paint: &Paint<'_>, page: &Page, notes: &
     let mut picture = Picture::new(width, height, GROUND);
     let cutaway = Cutaway::new(points);
     let seen = |position: Vec3, toward_viewer: Vec3| {
-        position.z <= cutaway.ceiling && !cutaway.from_behind(position, toward_viewer)
+        position.z <= cutaway.ceiling && !cutaway.seen_from_behind(position, toward_viewer)
     };
     let camera = Camera::new(points, &picture, seen);
 

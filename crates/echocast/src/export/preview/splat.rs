@@ -183,7 +183,7 @@ fn samples(pixels: f32) -> i32 {
 /// dense and stay visible dots, no thicker than `thickest`, where they are thin.
 pub(super) fn diameter(count: usize, picture: &Picture, thickest: f32) -> f32 {
     let area = picture.width as f32 * picture.height as f32;
-    (1.5 * (area / count.max(1) as f32).sqrt()).clamp(1.5, thickest)
+    (1.5 * (area / count.max(1) as f32).sqrt()).max(1.5).min(thickest)
 }
 
 #[cfg(test)]

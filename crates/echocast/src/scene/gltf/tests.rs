@@ -14,6 +14,9 @@ struct File {
     bin: Vec<u8>,
 }
 
+/// What spoils a file.
+type Edit<'a> = &'a dyn Fn(&mut File);
+
 impl File {
     /// One node, `Chair`, with one triangle: (0, 0, 0), (1, 0, 0), (0, 1, 0). Its positions are accessor 0.
     fn triangle() -> File {
@@ -443,14 +446,14 @@ fn degenerate_triangles_are_left_out_and_counted() {
 
 #[test]
 fn bad_geometry_is_an_error_that_names_the_place() {
-    let with = |edit: &dyn Fn(&mut File)| {
+    let with = |edit: Edit| {
         let mut file = File::square();
         edit(&mut file);
         file.error()
     };
     let attribute =
         |file: &mut File, name: &str, accessor: usize| file.primitive()["attributes"][name] = accessor.into();
-    let cases: [(&dyn Fn(&mut File), &str); 22] = [
+    let cases: [(Edit, &str); 22] = [
         (
             &|f| f.primitive()["indices"] = f.accessor("SCALAR", 5121, 3, &[0, 1, 4]).into(),
             "street.glb: mesh 0 \"Seat\" primitive 0: index 4 is past the last of 4 vertices",
@@ -675,7 +678,7 @@ fn textures_that_cannot_be_used_are_told() {
 
 #[test]
 fn bad_images_are_errors() {
-    let cases: [(&dyn Fn(&mut File), &str); 7] = [
+    let cases: [(Edit, &str); 7] = [
         (&|f| f.json["images"][0] = json!({}), "street.glb: image 0: it has neither uri nor bufferView"),
         (&|f| f.json["images"][0]["bufferView"] = json!(8), "image 0 \"wood\": it refers to buffer view 8"),
         (&|f| f.json["images"][0] = json!({"uri": "data:,hello"}), "image 0: the image is neither PNG nor JPEG"),

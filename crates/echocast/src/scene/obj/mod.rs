@@ -326,11 +326,8 @@ mod tests {
 
     #[test]
     fn survey_coordinates_keep_a_tenth_of_a_millimetre() {
-        let corners = [
-            [500000.1234, 5600000.5678, 123.4567],
-            [500100.4321, 5600000.5, 120.0],
-            [500050.0, 5600099.9876, 0.5],
-        ];
+        let corners =
+            [[500000.1234, 5600000.5678, 123.4567], [500100.4321, 5600000.5, 120.0], [500050.0, 5600099.9876, 0.5]];
         let lines: String = corners.iter().map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect();
         for (up, scale) in [(UpAxis::Z, 1.0), (UpAxis::Y, 1.0), (UpAxis::Y, 0.5)] {
             let options = LoadOptions { up, scale, ..LoadOptions::default() };
@@ -423,10 +420,7 @@ mod tests {
         assert_eq!((scene.degenerate_triangles, scene.triangle_count()), (3, 4));
         assert_eq!(warnings(&scene), ["3 triangles without area are left out"]);
         let scene = read_text(&format!("{QUAD}f 1 3 2 4")).unwrap();
-        assert_eq!(
-            warnings(&scene),
-            ["1 polygons cross themselves or are folded: their triangles are a guess"]
-        );
+        assert_eq!(warnings(&scene), ["1 polygons cross themselves or are folded: their triangles are a guess"]);
     }
 
     #[test]
