@@ -41,13 +41,14 @@ pub fn run() -> Result<Value> {
     println!("Rays: M rays per second and core of the bare Embree loop, and what part of it a scan reaches");
     println!("(geometry: {GEOMETRY}; default: default columns with the sensor's noise and intensity)");
     println!(
-        "{:<10}{:<18}{:>9}{:>10}{:>10}{:>24}",
+        "{:<10}{:<18}{:>9}{:>10}{:>10}{:>24}{:>8}",
         "scene",
         "sensor",
         "bare",
         "geometry",
         "default",
-        format!("{threads} threads / 1, per ray")
+        format!("{threads} threads / 1, per ray"),
+        "bare"
     );
     let mut rows = Vec::new();
     for (name, scene, pose) in [
@@ -72,13 +73,14 @@ pub fn run() -> Result<Value> {
                     })
                 })
             };
-            let mut times = [const { Vec::new() }; 4];
+            let mut times = [const { Vec::new() }; 5];
             for round in 0..=ROUNDS {
                 let sample = [
                     one.install(|| cpu_per_call(LEAST, || bare.run())),
                     scan(&one, &plain, &geometry, &mut clouds[0]),
                     scan(&one, sensor, &default, &mut clouds[1]),
                     scan(&all, sensor, &default, &mut clouds[2]),
+                    all.install(|| cpu_per_call(LEAST, || bare.run())),
                 ];
                 // The first round warms memory and caches.
                 if round > 0 {
@@ -88,12 +90,12 @@ pub fn run() -> Result<Value> {
             let ratio =
                 |over: usize, under: usize| median(times[over].iter().zip(&times[under]).map(|(a, b)| a / b).collect());
             let (bare_rate, geometry, default) = (rays / median(times[0].clone()) / 1e6, ratio(0, 1), ratio(0, 2));
-            let scaling = ratio(3, 2);
-            println!("{name:<10}{:<18}{bare_rate:>9.1}{geometry:>10.2}{default:>10.2}{scaling:>24.2}", sensor.name());
+            let (scaling, bare_scaling) = (ratio(3, 2), ratio(4, 0));
+            println!("{name:<10}{:<18}{bare_rate:>9.1}{geometry:>10.2}{default:>10.2}{scaling:>24.2}{bare_scaling:>8.2}", sensor.name());
             rows.push(json!({
                 "scene": name, "sensor": sensor.name(), "rays": rays, "points": clouds[1].len,
                 "bare_mrays_per_cpu_s": bare_rate, "geometry_ratio": geometry, "default_ratio": default,
-                "cpu_per_ray_all_threads_over_one": scaling, "threads": threads,
+                "cpu_per_ray_all_threads_over_one": scaling, "bare_cpu_per_ray_all_threads_over_one": bare_scaling, "threads": threads,
             }));
         }
     }

@@ -98,7 +98,7 @@ const CHUNK: usize = 2048;
 
 /// Chunks per thread between two passes that close the gaps of misses: few enough that their rows are
 /// still in the cache, enough to keep the thread busy.
-const CHUNKS_PER_THREAD: usize = 4;
+const CHUNKS_PER_THREAD: usize = 8;
 
 impl BuiltScene {
     /// Scans once with `sensor` along `trajectory`.
@@ -215,7 +215,8 @@ impl<'a> Scan<'a> {
         let mut rows = 0;
         for window in (0..beams).step_by(CHUNK * chunks) {
             let end = (window + CHUNK * chunks).min(beams);
-            let mut rest = cloud.columns.slices(window, end);
+            // Right after the rows there are: memory beyond the last return is never touched.
+            let mut rest = cloud.columns.slices(rows, rows + end - window);
             let mut tasks = Vec::with_capacity(chunks);
             for first in (window..end).step_by(CHUNK) {
                 let count = CHUNK.min(end - first);
@@ -227,7 +228,7 @@ impl<'a> Scan<'a> {
                 .into_par_iter()
                 .map_init(|| Box::new(Block::new()), |block, task| arch.dispatch(TaskOn { task, block }))
                 .collect();
-            let mut from = window;
+            let mut from = rows;
             for count in found {
                 if rows != from {
                     cloud.columns.move_rows(from, rows, count);

@@ -59,6 +59,7 @@ impl Pending {
     }
 
     /// The name it will have.
+    #[cfg(feature = "hdf5")]
     pub(super) fn target(&self) -> &Path {
         &self.target
     }
