@@ -184,7 +184,9 @@ impl<'a> Panorama<'a> {
             // Wide enough to close the row when all its beams return.
             Some(height) => {
                 let per_row = points.count as f32 * height / size.y;
-                Stamp::rectangle((1.3 * size.x / per_row).min(0.01 * size.x), height)
+                // Rounded up: no gap between rows.
+                let closed = (height * splat::SAMPLES as f32).ceil() / splat::SAMPLES as f32;
+                Stamp::rectangle((1.3 * size.x / per_row).min(0.01 * size.x), closed)
             }
             None => {
                 let side = splat::diameter(points.count, picture, 0.01 * size.x);
