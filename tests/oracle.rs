@@ -131,16 +131,15 @@ fn check_hit(
     near("azimuth", c.azimuth[row].into(), direction.y.atan2(direction.x), 5e-7)?;
     near("elevation", c.elevation[row].into(), direction.z.asin(), 5e-7)?;
 
-    let side = if surface.normal.dot(along) > 0.0 { -1.0 } else { 1.0 };
-    let (normal, cos) = (side * surface.normal, surface.normal.dot(along).abs());
+    // The triangle says on which side of the surface the sensor is.
+    let facing = surface.geometric_normal * -surface.geometric_normal.dot(along).signum();
     let tolerance = surface.normal_tolerance + 1e-6;
     let is = vector(&c.normal_x, &c.normal_y, &c.normal_z);
     near("length of the normal", is.length(), 1.0, 1e-6)?;
-    if is.dot(along) > 1e-6 {
-        return Err(format!("normal {is} points away from the sensor"));
-    }
     // Seen edge-on, either side may be the sensor's.
-    let turned = if cos <= tolerance { normal * is.dot(normal).signum() } else { normal };
+    let either = facing.dot(along).abs().min(surface.normal.dot(facing).abs()) <= tolerance;
+    let turned = surface.normal * surface.normal.dot(if either { is } else { facing }).signum();
+    let cos = (-turned.dot(along)).max(0.0);
     near3("normal", is, turned, tolerance)?;
     near3("normal in the sensor frame", pose.orientation * vector(&s.normal_x, &s.normal_y, &s.normal_z), is, 1e-6)?;
     near("cosine", c.cos_incidence[row].into(), cos, tolerance)?;

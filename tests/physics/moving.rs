@@ -31,7 +31,10 @@ fn check(cloud: &PointCloud, sensor: &Sensor, start_time: f64, pose_at: impl Fn(
     let (c, beams) = (&cloud.columns, sensor.beams());
     for row in 0..cloud.len {
         let beam = c.beam[row] as usize;
-        assert_near("time", c.time[row], start_time + f64::from(beams.time[beam]), 1e-12);
+        // A column every 200 us, its channels 2 us apart.
+        let (channel, column) = (beam as u32 / beams.columns, beam as u32 % beams.columns);
+        let fired = f64::from(column) * 200e-6 + f64::from(channel) * 2e-6;
+        assert_near("time", c.time[row], start_time + fired, 1e-12);
         let pose = pose_at(c.time[row]);
         let own = vector(&beams.dir_x, &beams.dir_y, &beams.dir_z, beam);
         let along = pose.orientation * own;
@@ -74,8 +77,8 @@ fn a_sensor_that_drives_draws_a_spiral() {
         }
     }
     // One turn advances the sensor by 2 m.
-    let last = sensor.beams().time.iter().fold(0.0f32, |last, &time| last.max(time));
-    assert_near("advance", f64::from(last) * 20.0, 2.0, 0.01);
+    let last = sensor.beams().time.iter().fold(0.0, |last: f64, &time| last.max(time));
+    assert_near("advance", last * 20.0, 2.0, 0.01);
 }
 
 #[test]

@@ -1,6 +1,6 @@
-use super::{assert_near, scan, vector};
+use super::{assert_near, scan, scan_at, vector};
 use echocast::cloud::FIELDS;
-use echocast::{BuiltScene, Field, PointCloud, ScanOptions, Sensor};
+use echocast::{BuiltScene, Field, Frame, PointCloud, Pose, Profile, ScanOptions, Sensor};
 use echocast_tests::reference::{SceneBuilder, Shape};
 use glam::DVec3;
 
@@ -155,4 +155,63 @@ fn draws_of_other_seeds_frames_and_beams_are_uncorrelated() {
     for lag in [1, 2, 4, 8, 16, 256, 300, 2048] {
         assert_near("correlation", correlation(&first[lag..], &first[..first.len() - lag]), 0.0, limit);
     }
+}
+
+/// Points of a wall all around: the reported azimuth, and with it the point, is off; range and elevation are not.
+#[test]
+fn azimuth_noise_turns_points_about_the_sensors_axis() {
+    let mut sensor = camera("noise: {azimuth_sigma_deg: 0.2}");
+    for frame in [Frame::World, Frame::Sensor] {
+        let pose = Pose::at(1.0, 2.0, 3.0).with_rpy_deg(10.0, -20.0, 30.0);
+        let options = ScanOptions { coordinates: frame, ..ScanOptions::default().seed(3) };
+        let cloud = scan_at(&wall(), &sensor, pose, options);
+        let c = &cloud.columns;
+        let to_sensor = |point: DVec3| match frame {
+            Frame::World => pose.orientation.inverse() * (point - pose.position),
+            Frame::Sensor => point,
+        };
+        let angles: Vec<f64> = (0..cloud.len)
+            .map(|row| {
+                let measured = to_sensor(cloud.position(row));
+                let truth = to_sensor(cloud.origin + vector(&c.true_x, &c.true_y, &c.true_z, row));
+                assert_near("range", measured.length(), truth.length(), 1e-4);
+                assert_near("height", measured.z, truth.z, 1e-4);
+                assert_near("azimuth", c.azimuth[row].into(), measured.y.atan2(measured.x), 1e-5);
+                (measured.y.atan2(measured.x) - truth.y.atan2(truth.x)).to_degrees()
+            })
+            .collect();
+        assert_gaussian(&angles, 0.0, 0.2);
+    }
+    sensor.set("noise.azimuth_sigma_deg", "11").unwrap_err();
+}
+
+#[test]
+fn dropout_loses_its_part_of_the_returns() {
+    let cloud = scan(&wall(), &camera("noise: {dropout: 0.3}"), ScanOptions::default().seed(4));
+    let kept = cloud.len as f64 / 90_000.0;
+    assert_near("part that is kept", kept, 0.7, 5.0 * (0.3f64 * 0.7 / 90_000.0).sqrt());
+    assert_eq!(scan(&wall(), &camera("noise: {dropout: 1}"), ScanOptions::default()).len, 0);
+}
+
+/// An instrument reports no range outside its limits, whatever the truth.
+#[test]
+fn measured_ranges_keep_to_the_limits() {
+    let sections = "range: {min_m: 8, max_m: 20}\nnoise: {range_sigma_m: 0.5, range_offset_m: -1}";
+    let cloud = scan(&wall(), &camera(sections), ScanOptions::default());
+    let c = &cloud.columns;
+    assert!(c.range.iter().all(|range| (8.0..=20.0).contains(range)));
+    assert!(c.true_range.iter().any(|range| *range > 19.9), "the truth reaches as far as the beam");
+    let near = scan(&wall(), &camera("noise: {range_offset_m: -15}"), ScanOptions::default());
+    assert!(near.columns.range.iter().all(|range| *range > 0.0) && near.len < 90_000);
+}
+
+/// Echoes below the threshold, which the paper's program keeps, have no signal to time: their error is that at the
+/// threshold.
+#[test]
+fn errors_of_undetected_echoes_stay_finite() {
+    let sections = "detection: {model: radar_equation, reflectance: 0.9, at_m: 2}\nnoise: {range_snr_sigma_m: 0.02}";
+    let options = ScanOptions { profile: Profile::Blainder, ..ScanOptions::default() };
+    let cloud = scan(&wall(), &camera(sections), options);
+    assert!(cloud.columns.intensity.iter().all(|intensity| *intensity == 0.0));
+    assert_gaussian(&errors(&cloud), 0.0, 0.02);
 }

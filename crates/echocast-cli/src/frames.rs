@@ -17,7 +17,7 @@ impl Frames {
 
     /// Number of frames.
     pub fn len(self) -> usize {
-        ((self.last - self.first) / self.step + 1) as usize
+        ((self.last - self.first) / self.step) as usize + 1
     }
 
     /// Frame numbers, rising.
@@ -60,6 +60,7 @@ mod tests {
         assert_eq!(frames.len(), 3);
         assert_eq!("4:4".parse::<Frames>().unwrap().len(), 1);
         assert_eq!("7:9".parse::<Frames>().unwrap().to_string(), "7:9:1");
+        assert_eq!("0:4294967295".parse::<Frames>().unwrap().len(), 1 << 32);
         for wrong in ["", "5", "3:2", "0:9:0", "0:9:1:1", "-1:3", "a:b"] {
             assert!(wrong.parse::<Frames>().is_err(), "{wrong}");
         }

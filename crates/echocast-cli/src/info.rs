@@ -26,7 +26,11 @@ fn describe(name: &str, scene: &Scene) -> Result<String> {
     if scene.degenerate_triangles > 0 {
         writeln!(text, "            {} without area were left out", thousands(scene.degenerate_triangles))?;
     }
-    writeln!(text, "objects     {} instances of {} meshes", thousands(placed), thousands(scene.meshes.len()))?;
+    let meshes = match scene.meshes.len() {
+        1 => "1 mesh".to_owned(),
+        count => format!("{} meshes", thousands(count)),
+    };
+    writeln!(text, "objects     {} of {meshes}", text::counted(placed, "instance"))?;
     if let Some((low, high)) = scene.bounds() {
         let [x, y, z] = (high - low).to_array();
         writeln!(
@@ -62,8 +66,12 @@ fn describe(name: &str, scene: &Scene) -> Result<String> {
 
     writeln!(text, "cameras     {}", scene.cameras.len())?;
     for camera in &scene.cameras {
-        let at = camera.pose.position;
-        writeln!(text, "  {:<28} at {:.3},{:.3},{:.3}", camera.name, at.x, at.y, at.z)?;
+        let (at, along) = (camera.pose.position, camera.pose.rotation().x_axis);
+        writeln!(
+            text,
+            "  {:<28} at {:.3},{:.3},{:.3} looking along {:.3},{:.3},{:.3}",
+            camera.name, at.x, at.y, at.z, along.x, along.y, along.z
+        )?;
     }
     writeln!(text, "animations  {}", scene.animations.len())?;
     for animation in &scene.animations {

@@ -1,12 +1,12 @@
 //! What a scan needs: scene and sensor.
 
 use crate::choice;
-use anyhow::{Context as _, Result};
+use anyhow::{Context as _, Result, ensure};
 use clap::Args;
 use echocast::scene::UpAxis;
 use echocast::{LabelRules, LoadOptions, Scene, Sensor};
 use serde_json::{Value, json};
-use std::path::{MAIN_SEPARATOR, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 /// Scene files and how to read them.
 #[derive(Args)]
@@ -32,6 +32,13 @@ impl SceneArgs {
         let options = LoadOptions { up: self.up, scale: self.scale, labels };
         let mut scenes = Vec::with_capacity(self.files.len());
         for file in &self.files {
+            let told = self.up != UpAxis::Z || self.scale != 1.0;
+            let is_obj = file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("obj"));
+            ensure!(
+                is_obj || !told || self.files.len() > 1,
+                "--up, --scale: {} says itself which axis is up and what its unit is",
+                file.display()
+            );
             scenes.push(Scene::load_with(file, &options)?);
         }
         Ok(match scenes.len() {
@@ -78,11 +85,17 @@ impl SensorArgs {
     }
 }
 
-/// A preset, or the file where `name` is one's.
+/// A preset (`NAME` or `FOLDER/NAME`), or the file where `name` is one's.
 pub fn load_sensor(name: &str) -> Result<Sensor> {
-    let is_file = name.contains(MAIN_SEPARATOR)
-        || Path::new(name).extension().is_some_and(|ending| ending == "yaml" || ending == "yml");
-    Ok(if is_file { Sensor::load(name)? } else { Sensor::preset(name)? })
+    let is_yaml = Path::new(name).extension().is_some_and(|ending| ending == "yaml" || ending == "yml");
+    if is_yaml || Path::new(name).is_file() {
+        return Ok(Sensor::load(name)?);
+    }
+    let preset = match name.split_once('/') {
+        Some((folder, preset)) if Sensor::presets().iter().any(|p| p.folder == folder && p.name == preset) => preset,
+        _ => name,
+    };
+    Sensor::preset(preset).with_context(|| format!("{name} is neither a preset nor a file"))
 }
 
 fn key_value(text: &str) -> Result<(String, String), String> {

@@ -24,6 +24,7 @@ use std::process::ExitCode;
 /// would have reported, every point labelled.
 #[derive(Parser)]
 #[command(
+    name = "echocast",
     version,
     arg_required_else_help = true,
     after_help = "Example:\n  echocast scan street.glb --sensor velodyne_vlp32c --camera Sensor -o scan.las --preview scan.png\n\n\

@@ -7,6 +7,7 @@ use echocast::export::preview::{self, ColorBy, PreviewOptions, View};
 use echocast::export::{self, FramesFile};
 use echocast::{FieldSet, PointCloud, Report};
 use serde_json::{Value, json};
+use std::collections::{BTreeSet, HashSet};
 use std::path::{Path, PathBuf};
 
 /// Files to write.
@@ -48,14 +49,35 @@ impl OutputArgs {
 
     /// Says before a long scan what would fail after it.
     pub fn check(&self, fields: FieldSet) -> Result<()> {
-        for (index, file) in self.output.iter().enumerate() {
-            ensure!(!self.output[..index].contains(file), "-o {}: given twice", file.display());
+        for file in &self.output {
+            ensure!(file != Path::new("-"), "-o -: clouds go to files; allowed: the name of a file");
             export::check(file, self.format.as_deref(), fields)?;
         }
         if let Some(file) = &self.preview {
             let is_png = file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png"));
             ensure!(is_png, "--preview {}: pictures are written as .png", file.display());
             preview::check(file, &self.picture()).context("--preview")?;
+        }
+        self.check_names()
+    }
+
+    /// That no file would be written over another.
+    fn check_names(&self) -> Result<()> {
+        // Files of one stem share their label file, which is the same for all clouds of a run.
+        let mut labels = BTreeSet::new();
+        for file in &self.output {
+            if !export::format_for(file, self.format.as_deref())?.holds_label_names() {
+                labels.insert(export::labels_path(file));
+            }
+        }
+        let mut seen = HashSet::new();
+        for name in self.output.iter().chain(&labels).chain(&self.preview) {
+            let place = folder(name).canonicalize().unwrap_or_default().join(name.file_name().unwrap_or_default());
+            ensure!(
+                seen.insert(place),
+                "{}: would be written twice; allowed: another name for each file",
+                name.display()
+            );
         }
         Ok(())
     }
@@ -130,8 +152,9 @@ impl<'a> Writer<'a> {
         let format = self.args.format.as_deref();
         self.report.absorb(export::write(cloud, file, format)?);
         self.files.push(file.to_owned());
-        if !export::format_for(file, format)?.holds_label_names() {
-            self.files.push(export::labels_path(file));
+        let labels = export::labels_path(file);
+        if !export::format_for(file, format)?.holds_label_names() && !self.files.contains(&labels) {
+            self.files.push(labels);
         }
         Ok(())
     }

@@ -67,8 +67,14 @@ impl RunReport {
             counted(self.threads, "thread"),
             duration(write),
         );
-        for file in &self.outputs {
-            text.push_str(&format!("  {}\n", file.display()));
+        /// More files are told by the first and the last.
+        const MOST_LINES: usize = 12;
+        match self.outputs.as_slice() {
+            [first, .., last] if self.outputs.len() > MOST_LINES => {
+                let files = counted(self.outputs.len(), "file");
+                text.push_str(&format!("  {} ... {} ({files})\n", first.display(), last.display()));
+            }
+            files => files.iter().for_each(|file| text.push_str(&format!("  {}\n", file.display()))),
         }
         text
     }

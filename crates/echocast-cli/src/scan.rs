@@ -10,8 +10,8 @@ use crate::text::duration;
 use crate::{choice, formats, interrupt, text};
 use anyhow::{Context as _, Result, ensure};
 use echocast::{
-    Field, FieldSet, Frame, Order, PointCloud, Profile, ReflectanceSource, Report, ScanOptions, Scene, Sensor,
-    Trajectory,
+    Field, FieldSet, Frame, Order, PointCloud, Profile, ReflectanceSource, Report, ReturnMode, ScanOptions, Scene,
+    Sensor, Trajectory,
 };
 use serde_json::{Value, json};
 use std::io::Write as _;
@@ -36,12 +36,12 @@ pub struct Args {
     #[arg(long, default_value = "physical", value_parser = choice::of(choice::PROFILE), help_heading = "Sensor")]
     profile: Profile,
     /// Seed of all random draws
-    #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Sensor")]
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true, help_heading = "Sensor")]
     seed: u64,
     #[command(flatten)]
     place: PlaceArgs,
     /// Poses over time: TUM text (`t x y z qx qy qz qw`) or CSV with a header; time 0 of the run is the first pose
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["at", "camera"], help_heading = "Place")]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["at", "rpy", "camera"], help_heading = "Place")]
     trajectory: Option<PathBuf>,
     /// Frames A to B, both included, every STEPth; frame k starts at k / fps seconds [default: frame 0 alone]
     #[arg(long, value_name = "A:B[:STEP]", help_heading = "Place")]
@@ -59,7 +59,7 @@ pub struct Args {
     #[arg(long, default_value = "beam", value_parser = choice::of(choice::ORDER), help_heading = "Points")]
     order: Order,
     /// Keep beams without a return (NaN), rows and columns of the sensor
-    #[arg(long, conflicts_with = "order", help_heading = "Points")]
+    #[arg(long, help_heading = "Points")]
     organised: bool,
     #[command(flatten)]
     output: OutputArgs,
@@ -80,6 +80,10 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<()> {
     let threads = input::set_threads(args.threads)?;
     let fields = args.fields.unwrap_or_default();
+    ensure!(
+        !(args.organised && args.order == Order::Time),
+        "--organised: its rows and columns are beams; allowed: --order beam"
+    );
     args.output.check(fields)?;
     interrupt::clean_up_in(args.output.folders())?;
     let progress = Progress::new(args.quiet);
@@ -101,11 +105,22 @@ pub fn run(args: &Args) -> Result<()> {
     let frames = args.frames.unwrap_or(Frames::ONE);
     let fps = frame_rate(args.fps, &sensor)?;
     if args.trajectory.is_some() {
-        warn_beyond_end(&trajectory, f64::from(frames.last) / fps, &mut warnings);
+        warn_of_other_span(&trajectory, args.frames, fps, &mut warnings);
     }
+    if let mode @ (ReturnMode::Dual | ReturnMode::All) = sensor.spec().returns.mode {
+        warnings.warn(format!("returns.mode: {mode:?} gives one return per beam in this version"));
+    }
+    let rows = sensor.beams().len() as u64 * frames.len() as u64;
+    ensure!(
+        args.output.single() || frames.len() == 1 || rows <= MOST_MERGED,
+        "--frames: {} frames of {} beams are too many for one cloud; allowed: {MOST_MERGED} beams, or --single",
+        frames.len(),
+        sensor.beams().len()
+    );
 
     progress.phase("building".into());
     let built = timed(&mut seconds.build, || scene.build())?;
+    warnings.absorb(built.report().clone());
 
     progress.count_frames(frames.len());
     let mut writer = Writer::new(&args.output);
@@ -143,6 +158,9 @@ pub fn run(args: &Args) -> Result<()> {
     })?;
     drop(progress);
     warnings.absorb(writer.report);
+    if points == 0 {
+        warn_of_nothing(&scene, &sensor, &trajectory, &mut warnings);
+    }
 
     let report = RunReport {
         rays: sensor.beams().len() * frames.len(),
@@ -167,14 +185,21 @@ pub fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// Rows of `cloud` that are returns: all but the misses of an organised cloud, where the columns tell them.
+/// Rows of `cloud` that are returns: all but the misses of an organised cloud, where a column tells them.
 fn returns(cloud: &PointCloud) -> usize {
-    let telling = [Field::Range, Field::ReturnNumber].map(|field| cloud.column(field));
-    match telling.iter().find(|column| !column.is_empty()) {
-        Some(column) if cloud.organised.is_some() => (0..cloud.len).filter(|&row| column.get_f64(row) > 0.0).count(),
+    /// Columns that only returns have: misses are NaN.
+    const TELLING: [Field; 5] = [Field::X, Field::Range, Field::TrueRange, Field::Intensity, Field::NormalX];
+    let told = TELLING.map(|field| cloud.column(field)).into_iter().find(|column| !column.is_empty());
+    match told {
+        Some(column) if cloud.organised.is_some() => {
+            (0..cloud.len).filter(|&row| !column.get_f64(row).is_nan()).count()
+        }
         _ => cloud.len,
     }
 }
+
+/// Beams of a merged run: what memory of some hundred gigabytes could hold.
+const MOST_MERGED: u64 = 4_000_000_000;
 
 /// Frames per second: as asked for, else as many as the sensor makes.
 fn frame_rate(asked: Option<f64>, sensor: &Sensor) -> Result<f64> {
@@ -187,14 +212,35 @@ fn frame_rate(asked: Option<f64>, sensor: &Sensor) -> Result<f64> {
     Ok(fps)
 }
 
-/// Warns when frames start after the last pose.
-fn warn_beyond_end(trajectory: &Trajectory, last_start: f64, warnings: &mut Report) {
+/// Warns when frames start after the last pose, or when no frames were asked for though the path goes on.
+fn warn_of_other_span(trajectory: &Trajectory, asked: Option<Frames>, fps: f64, warnings: &mut Report) {
     let (_, end) = trajectory.span();
+    let last_start = f64::from(asked.unwrap_or(Frames::ONE).last) / fps;
     if last_start > end {
         warnings.warn(format!(
             "the last frame starts at {last_start:.3} s, but the trajectory ends at {end:.3} s: the sensor stands there"
         ));
     }
+    let whole = (end * fps).ceil() - 1.0;
+    if asked.is_none() && whole >= 1.0 {
+        warnings.warn(format!(
+            "the trajectory lasts {end:.3} s, one frame of {:.3} s is scanned: --frames 0:{whole} takes all",
+            1.0 / fps
+        ));
+    }
+}
+
+/// Says what may be the cause of an empty cloud.
+fn warn_of_nothing(scene: &Scene, sensor: &Sensor, trajectory: &Trajectory, warnings: &mut Report) {
+    let [x, y, z] = trajectory.at(0.0).position.to_array();
+    let bounds = scene.bounds().map_or(String::new(), |(low, high)| {
+        format!(
+            ", the scene reaches from {:.1},{:.1},{:.1} to {:.1},{:.1},{:.1}",
+            low.x, low.y, low.z, high.x, high.y, high.z
+        )
+    });
+    let range = sensor.spec().range.max_m.map_or("any range".into(), |max| format!("{max} m"));
+    warnings.warn(format!("no beam has a return: the sensor starts at {x:.1},{y:.1},{z:.1} and sees {range}{bounds}"));
 }
 
 /// The resolved scenario.
@@ -215,6 +261,7 @@ fn repeatable(
         }),
     };
     Ok(json!({
+        "folder": std::env::current_dir().ok(),
         "scene": args.scene.to_json(),
         "sensors": [serde_json::to_value(sensor.spec()).context("the sensor cannot be reported")?],
         "trajectory": place,

@@ -55,7 +55,7 @@ fn the_report_says_what_was_done_and_how_to_repeat_it() {
     assert_eq!(run["trajectory"]["position_m"], serde_json::json!([-6.0, 6.0, 1.2]));
     assert_eq!((&run["seed"], &run["profile"]), (&9.into(), &"paper".into()));
     assert_eq!(run["fields"].as_array().unwrap().len(), echocast::FieldSet::default().iter().count());
-    for key in ["frames", "reflectance_source", "frame", "order", "organised", "outputs"] {
+    for key in ["folder", "frames", "reflectance_source", "frame", "order", "organised", "outputs"] {
         assert!(run.get(key).is_some(), "{key}");
     }
 }
@@ -159,9 +159,24 @@ fn frames_follow_the_trajectory() {
     let written: Vec<String> = files(folder.path()).into_iter().filter(|name| name.starts_with('b')).collect();
     assert_eq!(written, ["b.h5", "b_0001.csv", "b_0001.labels.json", "b_0002.csv", "b_0002.labels.json"]);
 
+    let whole = report(folder.path(), &format!("{scan} -o DIR/d.csv"));
+    assert!(whole["warnings"][0].as_str().unwrap().contains("--frames 0:9 takes all"), "{whole}");
+
     let late = report(folder.path(), &format!("{scan} --frames 0:20:20 -o DIR/c.csv"));
     close(column("c.csv", "range"), &[1.0, 2.0]);
     assert!(late["warnings"][0].as_str().unwrap().contains("trajectory ends at 1.000 s"), "{late}");
+}
+
+#[test]
+fn an_empty_cloud_is_explained() {
+    let folder = tempfile::tempdir().unwrap();
+    let report = report(folder.path(), "scan HALL --sensor paper/generic_lidar --at 5000,0,1 -o DIR/a.csv");
+    assert_eq!(report["points"], 0);
+    let warnings = report["warnings"].to_string();
+    assert!(
+        warnings.contains("no beam has a return: the sensor starts at 5000.0,0.0,1.0 and sees 120 m"),
+        "{warnings}"
+    );
 }
 
 #[test]
@@ -173,6 +188,8 @@ fn points_can_be_organised_ordered_and_told_in_the_sensor_frame() {
     let returns = ranges.iter().filter(|range| !range.is_nan()).count();
     assert!(ranges.len() == 28928 && (1..28928).contains(&returns));
     assert_eq!(organised["points"], returns);
+    let fewer = report(folder.path(), &format!("{SCAN} --organised --order beam --fields x,y,z -o DIR/d.csv"));
+    assert_eq!(fewer["points"], returns);
 
     stdout(folder.path(), &format!("{SCAN} --order time -o DIR/b.csv"));
     let times = column("b.csv", "time");

@@ -48,6 +48,7 @@ fn wrong_usage_is_2() {
         ("scan HALL --sensor kinect_v2 --at 0,0,0 --profile papre -o DIR/x.las", "blainder"),
         ("scan HALL --sensor kinect_v2 --at 0,0,0 --fields x,rnge -o DIR/x.las", "near: range"),
         ("scan HALL --sensor kinect_v2 --at 0,0,0 --set noise -o DIR/x.las", "KEY=VALUE"),
+        ("scan HALL --sensor kinect_v2 --trajectory DIR/t.csv --rpy 0,0,90 -o DIR/x.las", "--rpy"),
         ("scan HALL --sensor kinect_v2 --at 0,0,0 --rain 10 -o DIR/x.las", "--rain"),
         ("scan HALL --sensor kinect_v2 --at 0,0,0 --threads 0 -o DIR/x.las", "--threads"),
         ("scan HALL --sensor kinect_v2 --at 0,0,0 --view top -o DIR/x.las", "--preview"),
@@ -64,6 +65,7 @@ fn wrong_usage_is_2() {
 fn failed_work_is_1_and_one_line_that_names_the_cause() {
     let folder = tempfile::tempdir().unwrap();
     let scene = "scan HALL --sensor kinect_v2 --at 0,0,1";
+    let name = folder.path().file_name().unwrap().to_str().unwrap();
     for (args, says) in [
         ("scan DIR/no.glb --sensor kinect_v2 --at 0,0,0 -o DIR/x.las", &["no.glb: No such file"][..]),
         ("scan DIR/scene.blend --sensor kinect_v2 --at 0,0,0 -o DIR/x.las", &["scene.blend", ".glb", ".obj"]),
@@ -81,7 +83,15 @@ fn failed_work_is_1_and_one_line_that_names_the_cause() {
         (&format!("{scene} -o DIR/x --format laz2"), &["laz2", "las2"]),
         (&format!("{scene} -o DIR/no/x.las"), &["no/x.las: No such file"]),
         (&format!("{scene} -o DIR --format las"), &["allowed", "name of a file"]),
-        (&format!("{scene} -o DIR/x.csv -o DIR/x.csv"), &["-o", "x.csv", "twice"]),
+        (&format!("{scene} -o DIR/x.csv -o DIR/x.csv"), &["x.csv", "twice"]),
+        (&format!("{scene} -o DIR/x.csv -o DIR/../{name}/x.csv"), &["x.csv", "twice"]),
+        (&format!("{scene} -o DIR/x.png --format las --preview DIR/x.png"), &["x.png", "twice"]),
+        (&format!("{scene} -o DIR/x.labels.json --format csv -o DIR/x.csv"), &["x.labels.json", "twice"]),
+        (&format!("{scene} -o - --format las"), &["-o -", "name of a file"]),
+        (&format!("{scene} --set noise.range_sigma_m= -o DIR/x.las"), &["has no value"]),
+        (&format!("{scene} --organised --order time -o DIR/x.las"), &["--organised", "--order beam"]),
+        (&format!("{scene} --up y -o DIR/x.las"), &["--up", "indoor-1.glb"]),
+        (&format!("{scene} --frames 0:4294967295 -o DIR/x.las"), &["--frames", "--single"]),
         (&format!("{scene} --preview DIR/x.jpg"), &["--preview", "x.jpg", ".png"]),
         (&format!("{scene} --preview DIR/no/x.png"), &["--preview", "DIR/no"]),
         (&format!("{scene} --fields range -o DIR/x.las"), &["x, y and z"]),

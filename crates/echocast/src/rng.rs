@@ -12,6 +12,10 @@
 pub(crate) enum Draw {
     /// Gaussian error of the measured range.
     RangeJitter = 1,
+    /// Gaussian error of the reported azimuth.
+    AzimuthJitter = 2,
+    /// Whether a return gets lost.
+    Dropout = 3,
 }
 
 const MULTIPLIER: [u32; 2] = [0xD251_1F53, 0xCD9E_8D57];
@@ -71,6 +75,16 @@ impl Rng {
             beam = beam.wrapping_add(N as u32);
         }
     }
+
+    /// Numbers in [0, 1) of beams `first_beam ..`, one for each element of `out`.
+    #[inline(always)]
+    pub(crate) fn uniforms(&self, first_beam: u32, draw: Draw, out: &mut [f32]) {
+        for (lane, value) in out.iter_mut().enumerate() {
+            let beam = first_beam.wrapping_add(lane as u32);
+            let [[word], ..] = philox([[beam], [self.frame], [0], [draw as u32]], self.key);
+            *value = (word >> 8) as f32 / (1 << 24) as f32;
+        }
+    }
 }
 
 /// A standard normal number from 48 random bits (Box and Muller 1958); its greatest value is
@@ -87,7 +101,7 @@ fn normal(a: u32, b: u32) -> f32 {
     radius * (2.0 * sine * sine - 1.0)
 }
 
-/// Natural logarithm of a normal positive number, to 2e-7 absolute.
+/// Natural logarithm of a normal positive number, to 1e-6 absolute.
 ///
 /// x = 2^e m with m in [sqrt(1/2), sqrt(2)); ln m = 2 artanh(s), s = (m - 1)/(m + 1), by its power
 /// series: the first term left out is 2 s^11 / 11 < 1e-9.
@@ -105,7 +119,7 @@ fn ln(x: f32) -> f32 {
     exponent as f32 * LN_2 + series
 }
 
-/// sin(pi t) for |t| <= 1/2 by its power series, to 1e-7.
+/// sin(pi t) for |t| <= 1/2 by its power series, to 2e-7.
 #[inline(always)]
 fn sin_pi(t: f32) -> f32 {
     let x = t * std::f32::consts::PI;

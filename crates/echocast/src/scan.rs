@@ -1,14 +1,14 @@
 //! The driver: one scan, step by step.
 
 use crate::cloud::{Field, FieldSet, Frame, Kept, PointCloud, Slices};
-use crate::detect::{RangeError, Threshold};
-use crate::echo::{Contribution, IntensityModel, Reflectances};
+use crate::detect::{Noise, RangeError, Threshold};
+use crate::echo::{Contribution, IntensityModel, Reflectances, Wanted};
 use crate::emitter::{Aim, BeamTable, Trajectory};
 use crate::error::{Error, Result};
 use crate::material::ReflectanceSource;
-use crate::rng::Rng;
+use crate::rng::{Draw, Rng};
 use crate::sensor::Sensor;
-use crate::trace::{BuiltScene, HitBatch, LANES, MISS, RayBatch, Tables};
+use crate::trace::{BuiltScene, CHUNK, HitBatch, LANES, MISS, RayBatch, Tables};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 use std::f32::consts::PI;
@@ -92,10 +92,6 @@ impl ScanOptions {
     }
 }
 
-/// Beams per task. A constant, so that results cannot depend on the number of threads; traced rays
-/// lose nothing at this size.
-const CHUNK: usize = 2048;
-
 /// Chunks per thread between two passes that close the gaps of misses: few enough that their rows are
 /// still in the cache, enough to keep the thread busy.
 const CHUNKS_PER_THREAD: usize = 8;
@@ -104,7 +100,7 @@ impl BuiltScene {
     /// Scans once with `sensor` along `trajectory`.
     ///
     /// # Errors
-    /// When memory for the columns cannot be had.
+    /// A pose that is not finite, an organised cloud ordered by time, no memory for the columns.
     pub fn scan(&self, sensor: &Sensor, trajectory: &Trajectory, options: &ScanOptions) -> Result<PointCloud> {
         let mut cloud = PointCloud::default();
         self.scan_into(sensor, trajectory, options, &mut cloud)?;
@@ -122,6 +118,17 @@ impl BuiltScene {
         options: &ScanOptions,
         cloud: &mut PointCloud,
     ) -> Result<()> {
+        let start = trajectory.at(options.start_time);
+        if !(start.position.is_finite() && start.orientation.is_finite()) {
+            return Err(Error::invalid("pose", format!("{start:?}"), "finite numbers, a quaternion that is not 0"));
+        }
+        if options.organised && options.order == Order::Time {
+            return Err(Error::invalid(
+                "order",
+                "time",
+                "beam for an organised cloud, whose rows and columns are beams",
+            ));
+        }
         let scan = Scan::new(&self.0, sensor, trajectory, options);
         match options.threads {
             None => scan.run(cloud),
@@ -146,6 +153,8 @@ struct Scan<'a> {
     intensity: IntensityModel,
     range_error: RangeError,
     rng: Rng,
+    azimuth_sigma: f32,
+    dropout: f32,
     range_min: f32,
     range_max: f32,
     coherent: bool,
@@ -155,8 +164,11 @@ struct Scan<'a> {
     smooth: bool,
     /// Whether labels, colours or reflectances are asked for.
     wants_surfaces: bool,
+    wanted: Wanted,
     /// Undetected echoes stay, with intensity 0.
     keeps_undetected: bool,
+    /// Whether the range limits hold for what is measured too; the paper's program adds its errors afterwards.
+    limits_measured: bool,
 }
 
 impl<'a> Scan<'a> {
@@ -177,9 +189,10 @@ impl<'a> Scan<'a> {
         let wants_echo = threshold != Threshold::Open || fields.contains(Field::Intensity);
         let wants_normals =
             wants_echo || fields.contains_any(&[Field::NormalX, Field::NormalY, Field::NormalZ, Field::CosIncidence]);
+        let colors = fields.contains_any(&[Field::Red, Field::Green, Field::Blue]);
         let wants_surfaces = wants_echo
             || fields.contains_any(&[Field::CategoryId, Field::PartId, Field::InstanceId, Field::MaterialId])
-            || fields.contains_any(&[Field::Red, Field::Green, Field::Blue]);
+            || colors;
         let beams = sensor.beams();
         Scan {
             scene,
@@ -192,13 +205,17 @@ impl<'a> Scan<'a> {
             intensity,
             range_error: RangeError::new(&sensor.noise, sensor.range_resolution_m, threshold),
             rng: Rng::new(options.seed, options.frame),
+            azimuth_sigma: sensor.noise.azimuth_sigma_deg.to_radians() as f32,
+            dropout: sensor.noise.dropout as f32,
             range_min: sensor.range_min_m as f32,
             range_max: sensor.range_max_m as f32,
             coherent: beams.is_coherent(),
             wants_normals,
             smooth: !blainder && scene.has_shading_normals,
             wants_surfaces,
+            wanted: Wanted { colors, reflectance: wants_echo },
             keeps_undetected: blainder,
+            limits_measured: options.profile == Profile::Physical && sensor.noise != Noise::default(),
         }
     }
 
@@ -209,7 +226,7 @@ impl<'a> Scan<'a> {
         let beams = self.beams.len();
         let sorted = options.order == Order::Time;
         let computed = if sorted { options.fields.with(Field::Time) } else { options.fields };
-        cloud.columns.resize(computed, beams);
+        cloud.columns.resize(computed, beams)?;
         let arch = Arch::new();
         let chunks = CHUNKS_PER_THREAD * rayon::current_num_threads();
         let mut rows = 0;
@@ -237,11 +254,11 @@ impl<'a> Scan<'a> {
                 from += CHUNK;
             }
         }
-        cloud.columns.resize(computed, rows);
+        cloud.columns.resize(computed, rows)?;
         cloud.len = rows;
         if sorted {
             cloud.sort_by_time();
-            cloud.columns.resize(options.fields, rows);
+            cloud.columns.resize(options.fields, rows)?;
         }
         cloud.fields = options.fields;
         cloud.frame = options.coordinates;
@@ -249,11 +266,38 @@ impl<'a> Scan<'a> {
             Frame::World => self.scene.origin,
             Frame::Sensor => glam::DVec3::ZERO,
         };
-        cloud.organised = (options.organised && !sorted).then_some([self.beams.rows, self.beams.columns]);
+        cloud.organised = options.organised.then_some([self.beams.rows, self.beams.columns]);
         cloud.sensor_pose = self.trajectory.at(options.start_time);
         cloud.intensity_full_scale = self.intensity.full_scale();
         cloud.labels = self.scene.labels.clone();
         Ok(())
+    }
+}
+
+impl Scan<'_> {
+    /// Takes away the hits whose range is none that the instrument reports.
+    #[inline(always)]
+    fn limit(&self, surface: &mut [u32; LANES], ranges: &[f32; LANES], first: usize, count: usize) {
+        let span = first..first + count;
+        match (self.beams.range_min.get(span.clone()), self.beams.range_max.get(span)) {
+            (None, None) => {
+                for lane in 0..LANES {
+                    // Written so that a miss, at an infinite range or none, stays one.
+                    if !(ranges[lane] > 0.0 && ranges[lane] >= self.range_min && ranges[lane] <= self.range_max) {
+                        surface[lane] = MISS;
+                    }
+                }
+            }
+            (low, high) => {
+                for lane in 0..count {
+                    let low = low.map_or(self.range_min, |limits| limits[lane]);
+                    let high = high.map_or(self.range_max, |limits| limits[lane]);
+                    if !(ranges[lane] > 0.0 && ranges[lane] >= low && ranges[lane] <= high) {
+                        surface[lane] = MISS;
+                    }
+                }
+            }
+        }
     }
 }
 
@@ -295,6 +339,8 @@ struct Block {
     rho_eff: [f32; LANES],
     measured: [f32; LANES],
     intensity: [f32; LANES],
+    /// Angle by which a beam is reported turned to the left, rad.
+    turn: [f32; LANES],
     kept: Kept,
     scratch: [f32; LANES],
 }
@@ -308,6 +354,7 @@ impl Block {
             rho_eff: [0.0; LANES],
             measured: [0.0; LANES],
             intensity: [0.0; LANES],
+            turn: [0.0; LANES],
             kept: Kept::new(),
             scratch: [0.0; LANES],
         }
@@ -328,11 +375,7 @@ impl Block {
     /// Steps 4 and 5: every beam at the pose of its own time.
     #[inline(always)]
     fn aim(&mut self, scan: &Scan, first: usize, count: usize) {
-        scan.aim.rays(scan.beams, first, count, &mut self.rays);
-        match scan.beams.range_max.get(first..first + count) {
-            Some(limits) => self.rays.range_max[..count].copy_from_slice(limits),
-            None => self.rays.range_max = [scan.range_max; LANES],
-        }
+        scan.aim.rays(scan.beams, first, count, scan.range_max, &mut self.rays);
     }
 
     /// Steps 6 and 8: what the rays hit and what it is like.
@@ -344,20 +387,20 @@ impl Block {
             if scan.scene.has_instances {
                 hits.orient_normals(scan.scene, count);
             }
-            if scan.smooth {
-                hits.shade_normals(scan.scene, count);
-            }
             surfaces.meet(rays, hits);
+            if scan.smooth {
+                surfaces.shade(scan.scene, rays, hits, count);
+            }
         }
         if scan.wants_surfaces {
-            surfaces.look_up(scan.scene, &scan.reflectances, hits, count);
+            surfaces.look_up(scan.scene, &scan.reflectances, hits, count, scan.wanted);
         }
     }
 
     /// Steps 9 and 10: what the instrument makes of it.
     #[inline(always)]
     fn detect(&mut self, scan: &Scan, first: usize, count: usize) {
-        let Block { hits, surfaces, rho_eff, measured, intensity, .. } = self;
+        let Block { hits, surfaces, rho_eff, measured, intensity, turn, scratch, .. } = self;
         for lane in 0..LANES {
             rho_eff[lane] = surfaces.reflectance[lane] * surfaces.cos_incidence[lane];
             let (rho, cos) = (surfaces.reflectance[lane], surfaces.cos_incidence[lane]);
@@ -373,31 +416,30 @@ impl Block {
                 }
             }
         }
-        match scan.beams.range_min.get(first..first + count) {
-            Some(limits) => {
-                for (lane, &limit) in limits.iter().enumerate() {
-                    if hits.range[lane] < limit {
-                        hits.surface[lane] = MISS;
-                    }
-                }
-            }
-            None if scan.range_min > 0.0 => {
-                for lane in 0..LANES {
-                    if hits.range[lane] < scan.range_min {
-                        hits.surface[lane] = MISS;
-                    }
-                }
-            }
-            None => {}
-        }
         let beams = first as u32;
         scan.range_error.measure(&scan.rng, beams, &rho_eff[..count], &hits.range[..count], &mut measured[..count]);
+        scan.limit(&mut hits.surface, &hits.range, first, count);
+        if scan.limits_measured {
+            scan.limit(&mut hits.surface, measured, first, count);
+        }
+        if scan.dropout > 0.0 {
+            scan.rng.uniforms(beams, Draw::Dropout, &mut scratch[..count]);
+            for lane in 0..count {
+                if scratch[lane] < scan.dropout {
+                    hits.surface[lane] = MISS;
+                }
+            }
+        }
+        if scan.azimuth_sigma > 0.0 {
+            scan.rng.normals(beams, Draw::AzimuthJitter, &mut turn[..count]);
+            turn.iter_mut().for_each(|angle| *angle *= scan.azimuth_sigma);
+        }
     }
 
     /// Step 11: the columns that were asked for, row by row.
     #[inline(always)]
     fn collect(&mut self, scan: &Scan, first: usize, count: usize, rows: Slices) -> usize {
-        let Block { rays, hits, surfaces, measured, intensity, kept, scratch, .. } = self;
+        let Block { rays, hits, surfaces, measured, intensity, turn, kept, scratch, .. } = self;
         let surface = &hits.surface;
         let filled = kept.choose(surface, count, scan.options.organised);
 
@@ -405,27 +447,31 @@ impl Block {
         let world = scan.options.coordinates == Frame::World;
         let beams = scan.beams;
         let range = first..first + count;
-        let axes = [
-            (&rays.org_x, &rays.dir_x, &beams.dir_x, rows.x, rows.true_x),
-            (&rays.org_y, &rays.dir_y, &beams.dir_y, rows.y, rows.true_y),
-            (&rays.org_z, &rays.dir_z, &beams.dir_z, rows.z, rows.true_z),
-        ];
-        for (org, world_dir, sensor_dir, measured_to, true_to) in axes {
-            for (ranges, to) in [(&*measured, measured_to), (&hits.range, true_to)] {
-                if to.is_empty() {
-                    continue;
-                }
-                if world {
-                    for lane in 0..LANES {
-                        scratch[lane] = org[lane] + world_dir[lane] * ranges[lane];
-                    }
-                } else {
-                    for ((value, dir), range) in scratch.iter_mut().zip(&sensor_dir[range.clone()]).zip(ranges) {
-                        *value = dir * range;
-                    }
-                }
-                kept.put(surface, scratch, to);
+        if !world {
+            (rays.org_x, rays.org_y, rays.org_z) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+            rays.dir_x[..count].copy_from_slice(&beams.dir_x[range.clone()]);
+            rays.dir_y[..count].copy_from_slice(&beams.dir_y[range.clone()]);
+            rays.dir_z[..count].copy_from_slice(&beams.dir_z[range.clone()]);
+        }
+        for (org, dir, to) in [
+            (&rays.org_x, &rays.dir_x, rows.true_x),
+            (&rays.org_y, &rays.dir_y, rows.true_y),
+            (&rays.org_z, &rays.dir_z, rows.true_z),
+        ] {
+            put_positions(kept, surface, [org, dir, &hits.range], scratch, to);
+        }
+        if scan.azimuth_sigma > 0.0 {
+            for lane in 0..count {
+                let up = if world { scan.aim.pose(beams, first + lane).0.z_axis } else { glam::Vec3::Z };
+                let dir = glam::Vec3::new(rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]);
+                let turned = glam::Quat::from_axis_angle(up, turn[lane]) * dir;
+                (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = turned.into();
             }
+        }
+        for (org, dir, to) in
+            [(&rays.org_x, &rays.dir_x, rows.x), (&rays.org_y, &rays.dir_y, rows.y), (&rays.org_z, &rays.dir_z, rows.z)]
+        {
+            put_positions(kept, surface, [org, dir, measured], scratch, to);
         }
         kept.put(surface, measured, rows.range);
         kept.put(surface, &hits.range, rows.true_range);
@@ -437,7 +483,7 @@ impl Block {
             }
             kept.put(surface, scratch, rows.depth);
         }
-        if !world && scan.wants_normals {
+        if !world && scan.options.fields.contains_any(&[Field::NormalX, Field::NormalY, Field::NormalZ]) {
             for lane in 0..count {
                 let (rotation, _) = scan.aim.pose(beams, first + lane);
                 let normal = glam::Vec3::new(hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]);
@@ -471,7 +517,7 @@ impl Block {
         if !rows.time.is_empty() {
             let mut time = [0.0; LANES];
             for (value, offset) in time.iter_mut().zip(&beams.time[range.clone()]) {
-                *value = scan.options.start_time + f64::from(*offset);
+                *value = scan.options.start_time + offset;
             }
             kept.put_beam(&time, rows.time);
         }
@@ -491,9 +537,13 @@ impl Block {
             let (x, y, z) = (&beams.dir_x[range.clone()], &beams.dir_y[range.clone()], &beams.dir_z[range]);
             let (mut azimuth, mut elevation) = ([0.0; LANES], [0.0; LANES]);
             for lane in 0..count {
+                let reported = y[lane].atan2(x[lane]) + turn[lane];
                 // Straight back is -pi, whichever way it is rounded.
-                let turn = y[lane].atan2(x[lane]);
-                azimuth[lane] = if turn < PI { turn } else { -PI };
+                azimuth[lane] = match reported {
+                    PI.. => reported - 2.0 * PI,
+                    _ if reported < -PI => reported + 2.0 * PI,
+                    _ => reported,
+                };
                 elevation[lane] = z[lane].atan2(x[lane].hypot(y[lane]));
             }
             kept.put_beam(&azimuth, rows.azimuth);
@@ -501,4 +551,22 @@ impl Block {
         }
         filled
     }
+}
+
+/// Writes one coordinate of the points at `ranges` along rays from `org` in the direction `dir`.
+#[inline(always)]
+fn put_positions(
+    kept: &Kept,
+    surface: &[u32; LANES],
+    [org, dir, ranges]: [&[f32; LANES]; 3],
+    scratch: &mut [f32; LANES],
+    to: &mut [f32],
+) {
+    if to.is_empty() {
+        return;
+    }
+    for lane in 0..LANES {
+        scratch[lane] = org[lane] + dir[lane] * ranges[lane];
+    }
+    kept.put(surface, scratch, to);
 }

@@ -202,14 +202,6 @@ fn number_or_pair<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[f64; 2]
     deserializer.deserialize_any(NumberOrPair)
 }
 
-/// That `value` of `key` is `low` to `high`.
-fn check_within(key: &str, value: f64, low: f64, high: f64) -> Result<()> {
-    if (low..=high).contains(&value) {
-        return Ok(());
-    }
-    Err(Error::invalid(key, value, format!("{low} to {high}")))
-}
-
 /// Farthest range that makes sense anywhere here, m.
 const FARTHEST_M: f64 = 1e9;
 
@@ -227,28 +219,33 @@ impl SensorSpec {
         }
         self.pattern.check()?;
         let SensorSpec { beam, range, returns, noise, .. } = self;
-        check_within("beam.wavelength_nm", beam.wavelength_nm, 200.0, 20_000.0)?;
-        check_within("beam.divergence_mrad[0]", beam.divergence_mrad[0], 0.0, 1000.0)?;
-        check_within("beam.divergence_mrad[1]", beam.divergence_mrad[1], 0.0, 1000.0)?;
-        check_within("beam.pulse_ns", beam.pulse_ns, 0.0, 1e9)?;
-        check_within("range.min_m", range.min_m, 0.0, FARTHEST_M)?;
+        Error::unless_within("beam.wavelength_nm", beam.wavelength_nm, 200.0, 20_000.0)?;
+        Error::unless_within("beam.divergence_mrad[0]", beam.divergence_mrad[0], 0.0, 1000.0)?;
+        Error::unless_within("beam.divergence_mrad[1]", beam.divergence_mrad[1], 0.0, 1000.0)?;
+        Error::unless_within("beam.pulse_ns", beam.pulse_ns, 0.0, 1e9)?;
+        Error::unless_within("range.min_m", range.min_m, 0.0, FARTHEST_M)?;
         if let Some(max) = range.max_m {
-            check_within("range.max_m", max, 0.0, FARTHEST_M)?;
+            Error::unless_within("range.max_m", max, 0.0, FARTHEST_M)?;
             if max <= range.min_m {
                 return Err(Error::invalid("range.max_m", max, format!("above range.min_m ({})", range.min_m)));
             }
         }
-        check_within("range.resolution_m", range.resolution_m, 0.0, FARTHEST_M)?;
+        // Finer than a micrometre, single precision overflows.
+        if range.resolution_m != 0.0 {
+            Error::unless_within("range.resolution_m", range.resolution_m, 1e-6, FARTHEST_M)?;
+        }
         if returns.max == 0 {
             return Err(Error::invalid("returns.max", 0, "1 to 255"));
         }
-        check_within("returns.separation_m", returns.separation_m, 0.0, FARTHEST_M)?;
+        Error::unless_within("returns.separation_m", returns.separation_m, 0.0, FARTHEST_M)?;
         self.detection.check()?;
-        check_within("noise.range_offset_m", noise.range_offset_m, -FARTHEST_M, FARTHEST_M)?;
-        check_within("noise.range_offset_percent", noise.range_offset_percent, -100.0, 1000.0)?;
-        check_within("noise.range_mean_m", noise.range_mean_m, -FARTHEST_M, FARTHEST_M)?;
-        check_within("noise.range_sigma_m", noise.range_sigma_m, 0.0, FARTHEST_M)?;
-        check_within("noise.range_snr_sigma_m", noise.range_snr_sigma_m, 0.0, FARTHEST_M)?;
+        Error::unless_within("noise.range_offset_m", noise.range_offset_m, -FARTHEST_M, FARTHEST_M)?;
+        Error::unless_within("noise.range_offset_percent", noise.range_offset_percent, -100.0, 1000.0)?;
+        Error::unless_within("noise.range_mean_m", noise.range_mean_m, -FARTHEST_M, FARTHEST_M)?;
+        Error::unless_within("noise.range_sigma_m", noise.range_sigma_m, 0.0, FARTHEST_M)?;
+        Error::unless_within("noise.range_snr_sigma_m", noise.range_snr_sigma_m, 0.0, FARTHEST_M)?;
+        Error::unless_within("noise.azimuth_sigma_deg", noise.azimuth_sigma_deg, 0.0, 10.0)?;
+        Error::unless_within("noise.dropout", noise.dropout, 0.0, 1.0)?;
         if noise.range_snr_sigma_m > 0.0 && !matches!(self.detection, Detection::RadarEquation { .. }) {
             let allowed = "0, or above with detection.model: radar_equation";
             return Err(Error::invalid("noise.range_snr_sigma_m", noise.range_snr_sigma_m, allowed));
@@ -275,8 +272,8 @@ fn sonar_unsupported() -> Error {
 impl Detection {
     fn check(&self) -> Result<()> {
         let point = |name: &str, LimitPoint { reflectance, at_m }: LimitPoint, least_m: f64| {
-            check_within(&format!("detection.{name}reflectance"), reflectance, 0.0, 1.0)?;
-            check_within(&format!("detection.{name}at_m"), at_m, least_m, FARTHEST_M)
+            Error::unless_within(&format!("detection.{name}reflectance"), reflectance, 0.0, 1.0)?;
+            Error::unless_within(&format!("detection.{name}at_m"), at_m, least_m, FARTHEST_M)
         };
         match *self {
             Detection::None => Ok(()),
@@ -349,9 +346,10 @@ impl Sensor {
             kind: SensorKind,
         }
         presets::sensors()
-            .filter_map(|preset| {
-                let Head { title, kind } = yaml::from_str(preset.path, preset.text).ok()?;
-                Some(PresetInfo { name: preset.name.to_owned(), title, kind, folder: preset.folder.to_owned() })
+            .map(|preset| {
+                let Head { title, kind } =
+                    yaml::from_str(preset.path, preset.text).expect("presets that are compiled in can be read");
+                PresetInfo { name: preset.name.to_owned(), title, kind, folder: preset.folder.to_owned() }
             })
             .collect()
     }
@@ -374,8 +372,9 @@ impl Sensor {
     }
 
     fn from_document(document: &Document, folder: &Path) -> Result<Sensor> {
-        let spec = SensorSpec::read(document)?;
-        let beams = spec.pattern.beams(folder).map_err(|error| document.locate(error))?;
+        let mut spec = SensorSpec::read(document)?;
+        spec.pattern.resolve(folder);
+        let beams = spec.pattern.beams().map_err(|error| document.locate(error))?;
         Ok(Sensor::new(spec, folder.to_owned(), Arc::new(beams)))
     }
 
@@ -398,8 +397,9 @@ impl Sensor {
     ///
     /// # Errors
     /// As [`BeamTable::check`].
-    pub fn from_beams(name: impl Into<String>, beams: BeamTable) -> Result<Sensor> {
+    pub fn from_beams(name: impl Into<String>, mut beams: BeamTable) -> Result<Sensor> {
         beams.check()?;
+        beams.normalize();
         let spec = SensorSpec {
             name: name.into(),
             title: String::new(),
@@ -428,11 +428,12 @@ impl Sensor {
         let mut tree = serde_json::to_value(&self.spec).map_err(|error| Error::Internal(error.to_string()))?;
         yaml::set(&mut tree, key, value)?;
         let document = Document::from_value(format!("{key}={value}"), tree);
-        let spec = SensorSpec::read(&document)?;
+        let mut spec = SensorSpec::read(&document)?;
+        spec.pattern.resolve(&self.folder);
         let beams = if spec.pattern == self.spec.pattern {
             self.beams.clone()
         } else {
-            Arc::new(spec.pattern.beams(&self.folder).map_err(|error| document.locate(error))?)
+            Arc::new(spec.pattern.beams().map_err(|error| document.locate(error))?)
         };
         *self = Sensor::new(spec, std::mem::take(&mut self.folder), beams);
         Ok(())
@@ -583,7 +584,7 @@ pattern:
                 "line 6: pattern.azimuth.fov: unknown key \"fov\"; near: fov_deg",
             ),
             ("step_deg: 1}\n  e", "step_deg: 0}\n  e", "line 6: pattern.azimuth.step_deg: is 0; allowed: above 0"),
-            ("rate_hz: 10, ", "", "line 6: pattern.azimuth: the key `rate_hz` is missing"),
+            ("fov_deg: 90, ", "", "line 6: pattern.azimuth: the key `fov_deg` is missing"),
             (
                 "rate_hz: 10",
                 "rate_hz: fast",
@@ -648,7 +649,7 @@ pattern:
         sensor.set("range.max_m", "null").unwrap();
         assert_eq!(sensor.range_max_m, f64::INFINITY);
         sensor.set("range.max_m", "50").unwrap();
-        sensor.set("detection", "{model: none}").unwrap();
+        sensor.set("detection.model", "none").unwrap();
         assert_eq!((sensor.range_max_m, sensor.detection), (50.0, Detection::None));
         assert!(Arc::ptr_eq(&beams, &sensor.beams), "the pattern is not drawn again");
         sensor.set("pattern.azimuth.rate_hz", "20").unwrap();
@@ -687,8 +688,15 @@ pattern:
             ("noise[0]", "1", "noise[0]=1: noise is not a list"),
             ("noise..x", "1", "noise..x=1: the key has an empty part"),
             ("", "1", "=1: the key has an empty part"),
+            ("noise.range_sigma_m", " ", "noise.range_sigma_m= : has no value; `null` takes a key away"),
+            ("noise.rnage_sigma_m", "null", "noise.rnage_sigma_m=null: noise.rnage_sigma_m: unknown key"),
+            (
+                "range.resolution_m",
+                "1e-7",
+                "range.resolution_m=1e-7: range.resolution_m: is 0.0000001; allowed: 0.000001 to",
+            ),
             ("weather.rain", "1", "weather.rain=1: weather: unknown key \"weather\""),
-            ("pattern.type", "raster", "pattern.type=raster: pattern.azimuth.rate_hz: unknown key \"rate_hz\""),
+            ("pattern.type", "raster", "pattern.type=raster: pattern: the key `azimuth` is missing"),
             (
                 "pattern.azimuth.step_deg",
                 "0.4",
@@ -720,6 +728,10 @@ pattern:
         let mut sensor = Sensor::from_beams("mine", beams.clone()).unwrap();
         sensor.set("range.max_m", "10").unwrap();
         assert_eq!((sensor.name(), sensor.range_max_m, sensor.beams()), ("mine", 10.0, &beams));
+        let mut slack = beams.clone();
+        slack.dir_x.iter_mut().chain(&mut slack.dir_y).chain(&mut slack.dir_z).for_each(|value| *value *= 1.00009);
+        let tight = Sensor::from_beams("tight", slack).unwrap();
+        assert!(tight.beams().dir_x.iter().zip(&beams.dir_x).all(|(is, exact)| (is - exact).abs() < 2e-7));
         let mut short = beams.clone();
         short.time.pop();
         let error = Sensor::from_beams("mine", short).unwrap_err().to_string();

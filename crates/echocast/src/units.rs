@@ -2,5 +2,5 @@
 
 /// Microseconds to seconds.
 pub const fn seconds_from_us(us: f64) -> f64 {
-    us * 1e-6
+    us / 1e6
 }

@@ -132,7 +132,8 @@ impl Document {
             if what == "key" && !(key == found || key.ends_with(&format!(".{found}"))) {
                 key = join(&key, found);
             }
-            message = format!("unknown {what} {found:?}{near}; allowed: {}", known.join(", "));
+            let allowed = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
+            message = format!("unknown {what} {found:?}{near}; allowed: {allowed}");
         } else if let Some(missing) = message.strip_prefix("missing field ") {
             message = format!("the key {missing} is missing");
         } else if let Some((found, expected)) = message.rsplit_once(", expected ") {
@@ -223,15 +224,22 @@ fn steps(path: &str) -> impl Iterator<Item = Step<'_>> {
     })
 }
 
-/// Puts the YAML text `new` at `path` (`noise.range_sigma_m`, `pattern.resolution[0]`) below `value`;
-/// `null` takes the key away. Sections on the way that are not there are made.
+/// Keys that say which of several kinds of section this is, see [`split_tag`].
+const TAGS: [&str; 2] = ["type", "model"];
+
+/// Puts the YAML `text` at `path` (`noise.range_sigma_m`, `pattern.resolution[0]`) below `value`;
+/// `null` takes the key away. Sections on the way that are not there are made. Another kind of section (`type`, `model`)
+/// takes the keys of the old kind away.
 ///
 /// # Errors
-/// Text that is no YAML, a path through something that is no section, an index past the end.
-pub fn set(value: &mut Value, path: &str, new: &str) -> Result<()> {
-    let origin = format!("{path}={new}");
-    let new = Document::parse(&origin, new)?.value;
+/// No text or text that is no YAML, a path through something that is no section, an index past the end.
+pub fn set(value: &mut Value, path: &str, text: &str) -> Result<()> {
+    let origin = format!("{path}={text}");
+    let new = Document::parse(&origin, text)?.value;
     let fail = |message: String| Error::Parse { origin: origin.clone(), place: String::new(), message };
+    if text.trim().is_empty() {
+        return Err(fail("has no value; `null` takes a key away".into()));
+    }
     let mut place = value;
     let mut done = String::new();
     let mut steps = steps(path).peekable();
@@ -240,9 +248,12 @@ pub fn set(value: &mut Value, path: &str, new: &str) -> Result<()> {
         place = match (step, place) {
             (Step::Key(""), _) => return Err(fail("the key has an empty part; allowed: names joined by dots".into())),
             (Step::Key(key), Value::Object(map)) => {
-                if last && new.is_null() {
-                    map.shift_remove(key);
+                // A key that is not there gets its null: whether it could be there is told when it is read.
+                if last && new.is_null() && map.shift_remove(key).is_some() {
                     return Ok(());
+                }
+                if last && TAGS.contains(&key) && map.get(key).is_some_and(|old| *old != new) {
+                    map.clear();
                 }
                 done = join(&done, key);
                 map.entry(key).or_insert_with(|| Value::Object(Map::new()))

@@ -2,6 +2,7 @@
 //! writers, `--fields`, the help.
 
 use crate::error::{Error, Result};
+use bytemuck::allocation::try_zeroed_vec;
 
 /// Element type of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -152,15 +153,19 @@ macro_rules! columns {
             }
 
             /// Makes every column of `fields` `len` long, the others empty. What it held is kept only where it need not grow.
-            pub(crate) fn resize(&mut self, fields: FieldSet, len: usize) {
+            ///
+            /// # Errors
+            /// No memory.
+            pub(crate) fn resize(&mut self, fields: FieldSet, len: usize) -> Result<()> {
                 $( if !fields.contains(Field::$variant) {
                     self.$name = Vec::new();
                 } else if self.$name.capacity() < len {
                     // Fresh zeroed memory costs nothing until it is touched; growing would copy.
-                    self.$name = vec![<$t>::default(); len];
+                    self.$name = try_zeroed_vec(len).map_err(|()| no_memory(len))?;
                 } else {
                     self.$name.resize(len, <$t>::default());
                 } )*
+                Ok(())
             }
 
             /// Moves `count` rows from row `from` to row `to`, in every column that is there.
@@ -342,6 +347,10 @@ impl FromIterator<Field> for FieldSet {
     }
 }
 
+fn no_memory(rows: usize) -> Error {
+    Error::Internal(format!("no memory for {rows} rows of points"))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -368,7 +377,7 @@ mod tests {
     #[test]
     fn rows_move_split_and_permute() {
         let mut columns = Columns::default();
-        columns.resize(FieldSet::EMPTY.with(Field::Range).with(Field::Beam), 4);
+        columns.resize(FieldSet::EMPTY.with(Field::Range).with(Field::Beam), 4).unwrap();
         assert!(columns.x.is_empty());
         let (first, second) = columns.slices(0, 4).split_at(2);
         first.range.copy_from_slice(&[1.0, 2.0]);

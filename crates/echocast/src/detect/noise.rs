@@ -1,10 +1,10 @@
-//! Errors of the measured range.
+//! Errors of what is measured.
 
 use super::Threshold;
 use crate::rng::{Draw, Rng};
 use serde::{Deserialize, Serialize};
 
-/// Range errors of an instrument; all zero is an ideal one.
+/// Errors of an instrument; all zero is an ideal one.
 ///
 /// `R_out = Q[R + offset + R percent/100 + N(mean, sigma)]` along the beam, Q = rounding to the
 /// instrument's range step.
@@ -19,9 +19,13 @@ pub struct Noise {
     pub range_mean_m: f64,
     /// Standard deviation of the Gaussian error, m, at least 0.
     pub range_sigma_m: f64,
-    /// Standard deviation at the detection threshold, m, at least 0; it falls as 1/SNR and adds in
-    /// squares to `range_sigma_m`. Needs `detection.model: radar_equation`.
+    /// Standard deviation at the detection threshold, m, at least 0; it falls as 1/SNR (the Cramer-Rao bound of a
+    /// Gaussian pulse, `sigma_R = (c/2) sqrt(2) sigma_p / SNR`) and adds in squares to `range_sigma_m`. Needs `detection.model: radar_equation`.
     pub range_snr_sigma_m: f64,
+    /// Standard deviation of the reported azimuth, degrees, 0 to 10: points are reported turned about the sensor's z.
+    pub azimuth_sigma_deg: f64,
+    /// Part of the returns that gets lost at random, 0 to 1.
+    pub dropout: f64,
 }
 
 /// The range errors of one scan, in the units of the lanes.
@@ -55,7 +59,8 @@ impl RangeError {
             rng.normals(first_beam, Draw::RangeJitter, measured);
             if self.snr_sigma > 0.0 {
                 for ((value, &rho_eff), &range) in measured.iter_mut().zip(rho_eff).zip(truth) {
-                    let timing = self.threshold.relative_snr(rho_eff, range).map_or(0.0, |snr| self.snr_sigma / snr);
+                    let timing =
+                        self.threshold.relative_snr(rho_eff, range).map_or(0.0, |snr| self.snr_sigma / snr.max(1.0));
                     *value *= (self.sigma * self.sigma + timing * timing).sqrt();
                 }
             } else {

@@ -3,6 +3,7 @@
 use crate::material::{Material, MaterialEntry, ReflectanceSource};
 use crate::scene::srgb_byte;
 use crate::trace::{HitBatch, LANES, MISS, RayBatch, Surface, Tables};
+use glam::Vec3;
 
 /// Reflectance of every material at one wavelength, for one scan.
 pub(crate) struct Reflectances {
@@ -27,6 +28,13 @@ impl Reflectances {
         };
         Reflectances { by_material: materials.iter().map(of).collect(), source }
     }
+}
+
+/// What images are read for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Wanted {
+    pub colors: bool,
+    pub reflectance: bool,
 }
 
 /// The surfaces that a block of beams meets, lane by lane.
@@ -74,10 +82,41 @@ impl Contribution {
         }
     }
 
+    /// Puts the interpolated shading normal in place of the triangle's on smooth parts, and its incidence. The triangle,
+    /// made to face the sensor by [`Contribution::meet`], says on which side of the surface the sensor is; where the
+    /// shading normal turns away from the sensor nothing comes back.
+    #[inline(always)]
+    pub(crate) fn shade(&mut self, scene: &Tables, rays: &RayBatch, hits: &mut HitBatch, count: usize) {
+        for lane in 0..count {
+            let Some(surface) = scene.surfaces.get(hits.surface[lane] as usize) else { continue };
+            let part = &scene.parts[surface.part as usize];
+            let Some(normals) = &part.normals else { continue };
+            let corners = part.triangles[hits.triangle[lane] as usize];
+            let [a, b, c] = corners.map(|index| Vec3::from(normals[index as usize]));
+            let (u, v) = (hits.u[lane], hits.v[lane]);
+            let smooth = scene.normal_matrices[surface.object as usize] * (a * (1.0 - u - v) + b * u + c * v);
+            // Opposite vertex normals can cancel; then the triangle's own normal stays.
+            if smooth.length_squared() > f32::MIN_POSITIVE {
+                let facing = Vec3::new(hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]);
+                let n = smooth.normalize() * if smooth.dot(facing) < 0.0 { -1.0 } else { 1.0 };
+                let direction = Vec3::new(rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]);
+                (hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]) = n.into();
+                self.cos_incidence[lane] = (-n.dot(direction)).clamp(0.0, 1.0);
+            }
+        }
+    }
+
     /// Labels, colours and reflectance of the surfaces hit by the first `count` rays. Neighbours mostly
     /// meet the same surface, so whole runs of lanes are filled at once.
     #[inline(always)]
-    pub(crate) fn look_up(&mut self, scene: &Tables, reflectances: &Reflectances, hits: &HitBatch, count: usize) {
+    pub(crate) fn look_up(
+        &mut self,
+        scene: &Tables,
+        reflectances: &Reflectances,
+        hits: &HitBatch,
+        count: usize,
+        wanted: Wanted,
+    ) {
         let mut start = 0;
         while start < count {
             let index = hits.surface[start];
@@ -97,7 +136,7 @@ impl Contribution {
                 self.red[run.clone()].fill(surface.rgb[0]);
                 self.green[run.clone()].fill(surface.rgb[1]);
                 self.blue[run.clone()].fill(surface.rgb[2]);
-                if surface.textured || reflectance.is_nan() {
+                if (wanted.colors && surface.textured) || (wanted.reflectance && reflectance.is_nan()) {
                     self.sample(scene, reflectances.source, surface, hits, run);
                 }
             }

@@ -30,15 +30,19 @@ impl<'a> Aim<'a> {
         match *self {
             Aim::Fixed { rotation, origin } => (rotation, origin),
             Aim::Moving { trajectory, start_time, local_origin } => {
-                local(&trajectory.at(start_time + f64::from(beams.time[beam])), local_origin)
+                local(&trajectory.at(start_time + beams.time[beam]), local_origin)
             }
         }
     }
 
-    /// Origins and directions of beams `first .. first + count`.
+    /// Origins, directions and farthest ranges of beams `first .. first + count`; `range_max`, m, where the table has none.
     #[inline(always)]
-    pub(crate) fn rays(&self, beams: &BeamTable, first: usize, count: usize, rays: &mut RayBatch) {
+    pub(crate) fn rays(&self, beams: &BeamTable, first: usize, count: usize, range_max: f32, rays: &mut RayBatch) {
         let range = first..first + count;
+        match beams.range_max.get(range.clone()) {
+            Some(limits) => rays.range_max[..count].copy_from_slice(limits),
+            None => rays.range_max = [range_max; LANES],
+        }
         let (x, y, z) = (&beams.dir_x[range.clone()], &beams.dir_y[range.clone()], &beams.dir_z[range]);
         match self {
             Aim::Fixed { rotation, origin } => {

@@ -34,7 +34,7 @@ pub struct BeamTable {
     /// z of the direction.
     pub dir_z: Vec<f32>,
     /// Time of the firing since the start of the scan, s.
-    pub time: Vec<f32>,
+    pub time: Vec<f64>,
     /// Emitter index.
     pub channel: Vec<u16>,
     /// Nearest range that is reported, m, beam by beam; empty: the sensor's for all.
@@ -71,8 +71,18 @@ impl BeamTable {
         self.dir_x.push(x as f32);
         self.dir_y.push(y as f32);
         self.dir_z.push(z as f32);
-        self.time.push(time as f32);
+        self.time.push(time);
         self.channel.push(channel);
+    }
+
+    /// Brings the directions to length 1 as well as f32 can, because ranges count in them; those that are stay.
+    pub(crate) fn normalize(&mut self) {
+        for ((x, y), z) in self.dir_x.iter_mut().zip(&mut self.dir_y).zip(&mut self.dir_z) {
+            let direction = glam::DVec3::new((*x).into(), (*y).into(), (*z).into());
+            if (direction.length() - 1.0).abs() > 2e-7 {
+                (*x, *y, *z) = direction.normalize().as_vec3().into();
+            }
+        }
     }
 
     /// Number of beams.
@@ -107,7 +117,7 @@ impl BeamTable {
     /// Firing that beam `beam` belongs to.
     pub fn firing(&self, beam: u32) -> u32 {
         match self.firing_order {
-            FiringOrder::Columns => beam % self.columns,
+            FiringOrder::Columns => beam % self.columns.max(1),
             FiringOrder::Beams => beam,
             FiringOrder::Frame => 0,
         }

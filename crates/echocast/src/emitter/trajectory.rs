@@ -14,9 +14,9 @@ pub struct Trajectory {
 }
 
 impl Trajectory {
-    /// A sensor that stands at `pose`.
+    /// A sensor that stands at `pose`, whose quaternion is brought to length 1.
     pub fn fixed(pose: Pose) -> Self {
-        Trajectory { keys: vec![(0.0, pose)] }
+        Trajectory { keys: vec![(0.0, Pose { orientation: pose.orientation.normalize(), ..pose })] }
     }
 
     /// A sensor that passes `keys`: (time in s, pose), times strictly rising. Quaternions are brought to length 1.

@@ -201,7 +201,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mut cloud = PointCloud { len: 2, ..PointCloud::default() };
         cloud.fields = FieldSet::EMPTY.with(Field::X).with(Field::Range);
-        cloud.columns.resize(cloud.fields, 2);
+        cloud.columns.resize(cloud.fields, 2).unwrap();
         let error = write(&cloud, &folder.path().join("a.las"), None).unwrap_err().to_string();
         assert!(error.contains("without y, z"), "{error}");
         assert!(check(&folder.path().join("a.las"), None, cloud.fields).is_err());

@@ -59,7 +59,9 @@ fn entries() -> &'static [MaterialEntry] {
     static ENTRIES: OnceLock<Vec<MaterialEntry>> = OnceLock::new();
     ENTRIES.get_or_init(|| {
         presets::embedded("material/")
-            .filter_map(|(path, text)| yaml::from_str::<MaterialEntry>(path, text).ok())
+            .map(|(path, text)| {
+                yaml::from_str::<MaterialEntry>(path, text).expect("presets that are compiled in can be read")
+            })
             .filter(|entry| !entry.reflectance.is_empty())
             .collect()
     })

@@ -162,17 +162,21 @@ impl Scene {
 
     /// World-space box around all objects, metres; `None` for an empty scene.
     pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
-        let mut bounds: Option<(DVec3, DVec3)> = None;
-        for object in &self.objects {
-            let Some((low, high)) = self.meshes[object.mesh].bounds() else { continue };
-            for corner in 0..8 {
-                let pick = |axis: usize| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] };
-                let local = DVec3::new(f64::from(pick(0)), f64::from(pick(1)), f64::from(pick(2)));
-                let p = object.world_from_object.transform_point3(local);
-                bounds = Some(bounds.map_or((p, p), |(l, h)| (l.min(p), h.max(p))));
-            }
-        }
-        bounds
+        self.object_bounds().into_iter().flatten().reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
+    }
+
+    /// World-space box around each object, metres; `None` for one without triangles.
+    pub(crate) fn object_bounds(&self) -> Vec<Option<(DVec3, DVec3)>> {
+        let of_mesh: Vec<_> = self.meshes.iter().map(|mesh| mesh.bounds()).collect();
+        let of_object = |object: &Object| {
+            let (low, high) = of_mesh[object.mesh]?;
+            let corners = (0..8).map(|corner| {
+                let pick = |axis: usize| f64::from(if corner >> axis & 1 == 0 { low[axis] } else { high[axis] });
+                object.world_from_object.transform_point3(DVec3::new(pick(0), pick(1), pick(2)))
+            });
+            corners.map(|p| (p, p)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
+        };
+        self.objects.iter().map(of_object).collect()
     }
 
     /// The camera node called `name`.

@@ -1,14 +1,11 @@
 //! The yardstick: nothing but Embree, on the rays of a scan.
 
-use super::{BuiltScene, LANES, RayBatch, Tables};
+use super::{BuiltScene, CHUNK, LANES, RayBatch, Tables};
 use crate::emitter::{Aim, Pose, Trajectory};
 use crate::sensor::Sensor;
 use embree4::{Coherence, INVALID, Packet};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
-
-/// Beams per task, as in a scan.
-const CHUNK: usize = 2048;
 
 /// A bare loop over the fastest Embree call, on the same committed scene and the same rays as a scan:
 /// what there is to reach. It stores 48 bytes a ray (position, range, normal, u, v, three ids) and
@@ -67,11 +64,7 @@ impl<'a> BareLoop<'a> {
             .map(|first| {
                 let count = LANES.min(beams.len() - first);
                 let mut rays = RayBatch::new();
-                aim.rays(beams, first, count, &mut rays);
-                match beams.range_max.get(first..first + count) {
-                    Some(limits) => rays.range_max[..count].copy_from_slice(limits),
-                    None => rays.range_max = [sensor.range_max_m as f32; LANES],
-                }
+                aim.rays(beams, first, count, sensor.range_max_m as f32, &mut rays);
                 rays
             })
             .collect();

@@ -128,22 +128,4 @@ impl HitBatch {
             }
         }
     }
-
-    /// Replaces the normals of hits on smooth parts by the interpolated shading normal.
-    #[inline(always)]
-    pub(crate) fn shade_normals(&mut self, scene: &Tables, count: usize) {
-        for lane in 0..count {
-            let Some(surface) = scene.surfaces.get(self.surface[lane] as usize) else { continue };
-            let part = &scene.parts[surface.part as usize];
-            let Some(normals) = &part.normals else { continue };
-            let corners = part.triangles[self.triangle[lane] as usize];
-            let [a, b, c] = corners.map(|index| glam::Vec3::from(normals[index as usize]));
-            let (u, v) = (self.u[lane], self.v[lane]);
-            let n = scene.normal_matrices[surface.object as usize] * (a * (1.0 - u - v) + b * u + c * v);
-            // Opposite vertex normals can cancel; then the triangle's own normal stays.
-            if n.length_squared() > f32::MIN_POSITIVE {
-                (self.normal_x[lane], self.normal_y[lane], self.normal_z[lane]) = (n.x, n.y, n.z);
-            }
-        }
-    }
 }

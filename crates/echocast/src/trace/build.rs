@@ -3,6 +3,7 @@
 use super::Tables;
 use crate::error::Result;
 use crate::material::Material;
+use crate::report::Report;
 use crate::scene::{Mesh, Object, Scene};
 use embree4::{CommittedScene, Device};
 use glam::{DAffine3, DVec3, Mat3};
@@ -104,7 +105,10 @@ pub(super) fn build(scene: &Scene) -> Result<Tables> {
         }
         normal_matrices.push(normal_matrix(object));
     }
+    let mut report = Report::default();
+    warn_of_far_objects(scene, origin, &mut report);
     Ok(Tables {
+        report,
         committed: top.commit()?,
         packet_width: device.packet_width(),
         origin,
@@ -120,11 +124,53 @@ pub(super) fn build(scene: &Scene) -> Result<Tables> {
     })
 }
 
-/// The world's origin where the scene is near it, else the scene's centre in whole metres.
+/// Farther from the scene's origin than this, coordinates lose more than half a millimetre.
+const FAR_M: f64 = 8192.0;
+
+/// The world's origin where the scene is near it, else, in whole metres, where the middle one of its triangles lies: a
+/// stray object far from all others does not draw it away.
 fn local_origin(scene: &Scene) -> DVec3 {
-    match scene.bounds() {
-        Some((low, high)) if low.abs().max(high.abs()).max_element() > NEAR_ORIGIN_M => ((low + high) / 2.0).round(),
-        _ => DVec3::ZERO,
+    let boxes = scene.object_bounds();
+    let reach = boxes.iter().flatten().map(|(low, high)| low.abs().max(high.abs()).max_element());
+    if reach.fold(0.0, f64::max) <= NEAR_ORIGIN_M {
+        return DVec3::ZERO;
+    }
+    let weights = || scene.objects.iter().map(|object| scene.meshes[object.mesh].triangle_count());
+    let half = weights().sum::<usize>() / 2;
+    let middle = |axis: usize| {
+        let mut centres: Vec<(f64, usize)> = boxes
+            .iter()
+            .zip(weights())
+            .filter_map(|(bounds, weight)| bounds.map(|(low, high)| (low.midpoint(high)[axis], weight)))
+            .collect();
+        centres.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut before = 0;
+        let found = centres.iter().find(|(_, weight)| {
+            before += weight;
+            before > half
+        });
+        found.map_or(0.0, |(centre, _)| centre.round())
+    };
+    DVec3::new(middle(0), middle(1), middle(2))
+}
+
+fn warn_of_far_objects(scene: &Scene, origin: DVec3, report: &mut Report) {
+    let boxes = scene.object_bounds();
+    let distance = |(low, high): (DVec3, DVec3)| (low - origin).abs().max((high - origin).abs()).max_element();
+    let far = scene.objects.iter().zip(&boxes).filter_map(|(object, bounds)| Some((object, distance((*bounds)?))));
+    if let Some((object, distance)) = far.filter(|(_, d)| *d > FAR_M).max_by(|a, b| a.1.total_cmp(&b.1)) {
+        let km = distance / 1000.0;
+        // Spacing of f32 numbers of this size.
+        let step = 2f64.powi(distance.log2().floor() as i32 - 23);
+        report.warn(format!(
+            "object {:?} reaches {km:.0} km from the scene's origin at {:.0},{:.0},{:.0}: coordinates there are rounded to \
+             {:.1} mm",
+            object.name,
+            origin.x,
+            origin.y,
+            origin.z,
+            step * 1000.0
+        ));
     }
 }
 

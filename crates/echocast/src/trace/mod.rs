@@ -10,10 +10,15 @@ pub(crate) use build::Surface;
 
 use crate::error::Result;
 use crate::material::Material;
+use crate::report::Report;
 use crate::scene::{Labels, Part, Scene, Texture};
 use embree4::CommittedScene;
 use glam::{DVec3, Mat3};
 use std::sync::Arc;
+
+/// Beams per task. A constant, so that results cannot depend on the number of threads; traced rays
+/// lose nothing at this size.
+pub(crate) const CHUNK: usize = 2048;
 
 /// A scene with its ray-tracing structure, immutable and shared by threads; clones share it.
 #[derive(Clone)]
@@ -42,6 +47,7 @@ pub(crate) struct Tables {
     pub materials: Vec<Material>,
     pub textures: Vec<Arc<Texture>>,
     pub labels: Arc<Labels>,
+    pub report: Report,
 }
 
 impl BuiltScene {
@@ -52,6 +58,11 @@ impl BuiltScene {
     /// Names of the label numbers.
     pub fn labels(&self) -> &Labels {
         &self.0.labels
+    }
+
+    /// What building noticed.
+    pub fn report(&self) -> &Report {
+        &self.0.report
     }
 
     /// World position that single-precision coordinates are relative to, metres; the origin of

@@ -36,7 +36,7 @@ impl Fan {
     pub(super) fn check(&self, key: &str, widest_deg: f64) -> Result<()> {
         check_fov(&format!("{key}.fov_deg"), self.fov_deg, widest_deg)?;
         check_above_zero(&format!("{key}.step_deg"), self.step_deg)?;
-        check_within(&format!("{key}.centre_deg"), self.centre_deg, -360.0, 360.0)
+        Error::unless_within(&format!("{key}.centre_deg"), self.centre_deg, -360.0, 360.0)
     }
 
     /// That all elevations lie between straight down and straight up.
@@ -70,13 +70,6 @@ pub(super) fn check_above_zero(key: &str, value: f64) -> Result<()> {
         return Ok(());
     }
     Err(Error::invalid(key, value, "above 0 (1e-9 to 1e12)"))
-}
-
-pub(super) fn check_within(key: &str, value: f64, low: f64, high: f64) -> Result<()> {
-    if (low..=high).contains(&value) {
-        return Ok(());
-    }
-    Err(Error::invalid(key, value, format!("{low} to {high}")))
 }
 
 #[cfg(test)]

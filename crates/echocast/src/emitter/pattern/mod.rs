@@ -64,17 +64,25 @@ impl Pattern {
         }
     }
 
-    /// The beams of one scan. `folder` is where relative file names start.
+    /// Makes file names absolute, relative ones from `folder`: then the pattern means the same everywhere.
+    pub(crate) fn resolve(&mut self, folder: &Path) {
+        if let Pattern::Table(Table { file, .. }) = self {
+            let path = folder.join(&*file);
+            *file = std::path::absolute(&path).unwrap_or(path);
+        }
+    }
+
+    /// The beams of one scan.
     ///
     /// # Errors
     /// Values out of range, naming the key; a beam table that cannot be read.
-    pub fn beams(&self, folder: &Path) -> Result<BeamTable> {
+    pub fn beams(&self) -> Result<BeamTable> {
         self.check()?;
         match self {
             Pattern::Spinning(spinning) => Ok(spinning.beams()),
             Pattern::Raster(raster) => Ok(raster.beams()),
             Pattern::Pinhole(pinhole) => Ok(pinhole.beams()),
-            Pattern::Table(table) => table.beams(folder),
+            Pattern::Table(table) => table.beams(),
             Pattern::Custom => Err(Error::invalid(
                 "pattern.type",
                 "custom",
@@ -82,6 +90,11 @@ impl Pattern {
             )),
         }
     }
+}
+
+/// Scans per second of patterns that do not say.
+fn ten() -> f64 {
+    10.0
 }
 
 /// That `rows` x `columns` beams are not too many; `keys` say how many there are.

@@ -16,7 +16,8 @@ pub struct Raster {
     pub azimuth: Fan,
     /// Elevations of the rows, within -90 to 90 degrees.
     pub elevation: Fan,
-    /// Scans per second, above 0.
+    /// Scans per second, above 0 [10].
+    #[serde(default = "super::ten")]
     pub rate_hz: f64,
 }
 
@@ -61,7 +62,7 @@ mod tests {
         assert_eq!((table.rows, table.columns, table.len(), table.period), (2, 3, 6, 0.1));
         assert_eq!(table.firing(4), 4);
         for beam in 0..6 {
-            assert!((f64::from(table.time[beam]) - beam as f64 * 0.1 / 6.0).abs() < 1e-8);
+            assert!((table.time[beam] - beam as f64 * 0.1 / 6.0).abs() < 1e-8);
         }
         // Beam 4: second row (30 deg up), middle column.
         assert!((table.dir_z[4] - 0.5).abs() < 1e-7 && table.dir_y[4].abs() < 1e-7);

@@ -1,6 +1,6 @@
 //! Emitters that turn about the z axis.
 
-use super::fan::{check_above_zero, check_fov, check_within, samples};
+use super::fan::{check_above_zero, check_fov, samples};
 use super::{Fan, check_count};
 use crate::emitter::beams::direction;
 use crate::emitter::{BeamTable, FiringOrder};
@@ -42,7 +42,8 @@ pub struct Spinning {
 pub struct SpinningAzimuth {
     /// Angle in which it measures, degrees, above 0, at most 360.
     pub fov_deg: f64,
-    /// Turns per second, above 0.
+    /// Turns per second, above 0 [10].
+    #[serde(default = "super::ten")]
     pub rate_hz: f64,
     /// Angle from column to column, degrees, above 0; or `cycle_us`.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -103,7 +104,7 @@ impl Spinning {
         let azimuth = &self.azimuth;
         check_fov("pattern.azimuth.fov_deg", azimuth.fov_deg, 360.0)?;
         check_above_zero("pattern.azimuth.rate_hz", azimuth.rate_hz)?;
-        check_within("pattern.azimuth.centre_deg", azimuth.centre_deg, -360.0, 360.0)?;
+        Error::unless_within("pattern.azimuth.centre_deg", azimuth.centre_deg, -360.0, 360.0)?;
         if let Some(step) = azimuth.step_deg {
             check_above_zero("pattern.azimuth.step_deg", step)?;
         }
@@ -220,7 +221,7 @@ impl Channels {
                 ));
             }
             for (i, &value) in list.iter().enumerate() {
-                check_within(&format!("pattern.channels.{name}[{i}]"), value, low, high)?;
+                Error::unless_within(&format!("pattern.channels.{name}[{i}]"), value, low, high)?;
             }
         }
         for (i, (near, far)) in self.range_min_m.iter().zip(&self.range_max_m).enumerate() {
@@ -266,7 +267,7 @@ mod tests {
         assert!((azimuth_deg(&table, 90) - (20.0 + 45.0 + 0.5)).abs() < 1e-5);
         // 100 us early the rotor is 0.36 deg behind.
         assert!((azimuth_deg(&table, 91) - (20.0 - 45.0 + 0.5 - 0.36)).abs() < 1e-5);
-        assert!((f64::from(table.time[91 + 90]) - (90.0 / 3600.0 - 1e-4)).abs() < 1e-9);
+        assert!((table.time[91 + 90] - (90.0 / 3600.0 - 1e-4)).abs() < 1e-9);
         assert_eq!((table.channel[90], table.channel[91], table.firing(91 + 7)), (0, 1, 7));
         assert_eq!((table.range_max[90], table.range_max[91], table.range_min.len()), (30.0, 50.0, 0));
         table.check().unwrap();

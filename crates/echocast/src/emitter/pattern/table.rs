@@ -7,7 +7,7 @@ use crate::emitter::{BeamTable, FiringOrder};
 use crate::error::{Error, Result};
 use crate::units::seconds_from_us;
 use serde::{Deserialize, Serialize};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Beams listed in a CSV file with the header `azimuth_deg,elevation_deg` and optionally
 /// `time_us,channel,range_min_m,range_max_m`, in any order; a row for each beam.
@@ -16,7 +16,8 @@ use std::path::{Path, PathBuf};
 pub struct Table {
     /// The file; a relative name starts at the folder of the sensor file.
     pub file: PathBuf,
-    /// Scans per second, above 0.
+    /// Scans per second, above 0 [10].
+    #[serde(default = "super::ten")]
     pub rate_hz: f64,
 }
 
@@ -25,11 +26,10 @@ impl Table {
         check_above_zero("pattern.rate_hz", self.rate_hz)
     }
 
-    pub(super) fn beams(&self, folder: &Path) -> Result<BeamTable> {
+    pub(super) fn beams(&self) -> Result<BeamTable> {
         const REQUIRED: [&str; 2] = ["azimuth_deg", "elevation_deg"];
         const OPTIONAL: [&str; 4] = ["time_us", "channel", "range_min_m", "range_max_m"];
-        let path = folder.join(&self.file);
-        let mut csv = Csv::open(&path)?;
+        let mut csv = Csv::open(&self.file)?;
         let [azimuth, elevation] = csv.required(REQUIRED)?;
         let [time, channel, range_min, range_max] = csv.optional(OPTIONAL);
         csv.only(&[&REQUIRED[..], &OPTIONAL[..]].concat())?;
@@ -69,7 +69,7 @@ impl Table {
             }
         }
         if table.is_empty() {
-            return Err(Error::parse(path, "", "has no beams; expected a row for each below the header"));
+            return Err(Error::parse(&self.file, "", "has no beams; expected a row for each below the header"));
         }
         table.columns = table.len() as u32;
         Ok(table)
