@@ -107,7 +107,7 @@ fn patterns_have_the_figures_of_their_files() {
         // A scan is over before the next one starts, but for channels that fire early or late in their cycle.
         let slack = if is_spinning { 1e-4 } else { 0.0 };
         for &time in &beams.time {
-            assert!((-slack..beams.period + slack).contains(&f64::from(time)), "{name}: a beam at {time} s");
+            assert!((-slack..beams.period + slack).contains(&time), "{name}: a beam at {time} s");
         }
     }
 }
@@ -135,9 +135,9 @@ fn pucks_turn_while_their_lasers_wait() {
             assert_near(&format!("{name}: advance in a cycle"), advance, -0.199_065_6, 1e-5);
             let waited = turn(azimuth(beams, last_beam), azimuth(beams, first_beam)) - (offset(last) - offset(0));
             assert_near(&format!("{name}: advance of the last channel"), waited, -0.124_416, 1e-5);
-            let wait = f64::from(beams.time[last_beam]) - f64::from(beams.time[first_beam]);
+            let wait = beams.time[last_beam] - beams.time[first_beam];
             assert_near(&format!("{name}: wait of the last channel"), wait, 34.56e-6, 1e-8);
-            let cycle = f64::from(beams.time[first_beam + 1]) - f64::from(beams.time[first_beam]);
+            let cycle = beams.time[first_beam + 1] - beams.time[first_beam];
             assert_near(&format!("{name}: cycle"), cycle, 55.296e-6, 1e-8);
         }
     }
