@@ -241,3 +241,21 @@ fn reported_directions_are_those_of_the_beams() {
         assert_near("elevation", f64::from(cloud.columns.elevation[row]).to_degrees(), elevation, 1e-5);
     }
 }
+
+/// Survey coordinates keep a tenth of a millimetre, though a stray object stands at the other end of the country.
+#[test]
+fn a_stray_object_does_not_cost_the_others_their_precision() {
+    let site = DVec3::new(500_000.0, 5_600_000.0, 100.0);
+    let mut scene = SceneBuilder::new();
+    scene.stand(Shape::sphere(1.0, 4).flat(), None);
+    let ball = scene.mesh([(Shape::sphere(1.0, 40), None)]);
+    scene.place(ball, DAffine3::from_translation(site + 10.0 * DVec3::X));
+    let built = scene.finish().build().unwrap();
+    assert!((built.origin() - site).length() < 20.0, "{}", built.origin());
+    let [warning] = &built.report().warnings[..] else { panic!("{:?}", built.report()) };
+    assert!(warning.contains("reaches 5600 km from the scene's origin") && warning.contains("500.0 mm"), "{warning}");
+
+    let pose = Pose { position: site, ..Pose::IDENTITY };
+    let cloud = scan_at(&built, &sensor(&[DVec3::X]), pose, ScanOptions::default());
+    assert!((cloud.position(0) - site - 9.0 * DVec3::X).length() < 1e-4, "{}", cloud.position(0));
+}

@@ -3,6 +3,7 @@
 use anyhow::{Context as _, Result};
 use echocast::export;
 use std::fs;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::exit;
 
@@ -13,6 +14,7 @@ const INTERRUPTED: i32 = 130;
 pub fn clean_up_in(folders: Vec<PathBuf>) -> Result<()> {
     ctrlc::set_handler(move || {
         folders.iter().for_each(|folder| remove_unfinished(folder));
+        let _ = writeln!(std::io::stderr(), "error: interrupted; files that were complete stay, others are gone");
         exit(INTERRUPTED);
     })
     .context("cannot listen to Ctrl-C")

@@ -31,7 +31,7 @@ pub struct OutputArgs {
     /// What the colours of the picture show
     #[arg(long, requires = "preview", default_value = "label", value_parser = choice::of(choice::COLOR), help_heading = "Output")]
     color: ColorBy,
-    /// From where the picture looks at the cloud
+    /// From where the picture looks at the cloud; `range` shows the last of several frames
     #[arg(long, requires = "preview", default_value = "top", value_parser = choice::of(choice::VIEW), help_heading = "Output")]
     view: View,
 }
@@ -119,12 +119,13 @@ impl<'a> Writer<'a> {
         Writer { args, growing: Vec::new(), files: Vec::new(), report: Report::default() }
     }
 
-    /// Writes the only cloud of the run.
-    pub fn write(&mut self, cloud: &PointCloud) -> Result<()> {
+    /// Writes the only cloud of the run, whose last frame is `last`: a range image shows what is seen from one place.
+    pub fn write(&mut self, cloud: &PointCloud, last: &PointCloud) -> Result<()> {
         for file in &self.args.output {
             self.write_cloud(cloud, file)?;
         }
-        self.write_preview(cloud, self.args.preview.clone())
+        let pictured = if self.args.view == View::Range { last } else { cloud };
+        self.write_preview(pictured, self.args.preview.clone())
     }
 
     /// Writes the cloud of one of many frames.

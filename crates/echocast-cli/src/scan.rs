@@ -154,7 +154,7 @@ pub fn run(args: &Args) -> Result<()> {
     progress.phase("writing".into());
     timed(&mut seconds.write, || match args.output.single() {
         true => writer.finish(),
-        false => writer.write(if frames.len() > 1 { &all } else { &cloud }),
+        false => writer.write(if frames.len() > 1 { &all } else { &cloud }, &cloud),
     })?;
     drop(progress);
     warnings.absorb(writer.report);

@@ -40,4 +40,4 @@ pub use device::Device;
 pub use error::Error;
 pub use mesh::Mesh;
 pub use ray::{Coherence, INVALID, Packet, Ray};
-pub use scene::{CommittedScene, Quality, Scene, SceneFlags, is_invertible};
+pub use scene::{CommittedScene, Scene, is_invertible};

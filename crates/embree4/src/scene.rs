@@ -6,42 +6,13 @@ use crate::error::{Error, check};
 use crate::mesh::Geometry;
 use crate::{Coherence, Device, Mesh, Packet, Ray};
 
-/// What a scene is optimised for. The default is none: fastest to trace.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct SceneFlags {
-    /// Watertight at shared edges and vertices: 10 to 40 % more time per ray.
-    pub robust: bool,
-    /// Half the memory: 25 to 40 % more time per ray.
-    pub compact: bool,
-    /// Faster to build, for scenes that are built anew for every frame; half as much memory again.
-    pub dynamic: bool,
-}
-
-/// How much work goes into building a scene.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Quality {
-    /// Builds in a third of the time, traces up to twice as slowly.
-    Low,
-    /// The default.
-    #[default]
-    Medium,
-    /// Builds twice as long; spatial splits, worth a try for long thin triangles.
-    High,
-}
-
 /// A scene that is being put together from meshes and instances. [`Scene::commit`] makes it ready to trace.
 #[derive(Debug)]
 pub struct Scene(Owned);
 
 /// A finished scene: immutable, shared by threads, ready to trace. Clones are handles of the same scene.
 #[derive(Clone, Debug)]
-pub struct CommittedScene(Arc<Committed>);
-
-#[derive(Debug)]
-struct Committed {
-    scene: Owned,
-    bounds: ([f32; 3], [f32; 3]),
-}
+pub struct CommittedScene(Arc<Owned>);
 
 /// One reference to an Embree scene, and what it stands on. Embree counts references of scenes to their geometries
 /// and, though only its source says so, of instances to their scenes; the latter we do not rely on.
@@ -59,42 +30,18 @@ unsafe impl Send for Owned {}
 unsafe impl Sync for Owned {}
 
 impl Scene {
-    /// An empty scene of medium quality without flags.
+    /// An empty scene, of medium quality and without flags: what is fastest to trace.
     ///
     /// # Errors
     /// [`Error::Embree`] when memory runs out.
     pub fn new(device: &Device) -> Result<Scene, Error> {
-        Self::with_flags(device, SceneFlags::default(), Quality::default())
-    }
-
-    /// An empty scene.
-    ///
-    /// # Errors
-    /// [`Error::Embree`] when memory runs out.
-    pub fn with_flags(device: &Device, flags: SceneFlags, quality: Quality) -> Result<Scene, Error> {
         // SAFETY: the device is alive.
         let raw = unsafe { sys::rtcNewScene(device.raw()) };
         check(Some(device), "rtcNewScene")?;
         if raw.is_null() {
             return Err(Error::Embree { call: "rtcNewScene", reason: "no scene and no error returned" });
         }
-        let scene = Scene(Owned { raw, device: device.clone(), instanced: Vec::new() });
-        let flag = |on: bool, bit| if on { bit } else { sys::RTC_SCENE_FLAG_NONE };
-        let flags = flag(flags.robust, sys::RTC_SCENE_FLAG_ROBUST)
-            | flag(flags.compact, sys::RTC_SCENE_FLAG_COMPACT)
-            | flag(flags.dynamic, sys::RTC_SCENE_FLAG_DYNAMIC);
-        let quality = match quality {
-            Quality::Low => sys::RTC_BUILD_QUALITY_LOW,
-            Quality::Medium => sys::RTC_BUILD_QUALITY_MEDIUM,
-            Quality::High => sys::RTC_BUILD_QUALITY_HIGH,
-        };
-        // SAFETY: the scene is alive and ours alone.
-        unsafe { sys::rtcSetSceneFlags(raw, flags) };
-        check(Some(device), "rtcSetSceneFlags")?;
-        // SAFETY: as above.
-        unsafe { sys::rtcSetSceneBuildQuality(raw, quality) };
-        check(Some(device), "rtcSetSceneBuildQuality")?;
-        Ok(scene)
+        Ok(Scene(Owned { raw, device: device.clone(), instanced: Vec::new() }))
     }
 
     /// Adds a mesh and returns its geometry id: 0, 1, 2 ... over meshes and instances in the order they are attached.
@@ -114,7 +61,7 @@ impl Scene {
     /// [`Error::OtherDevice`]; [`Error::NestedInstance`] when `of` contains instances; [`Error::Transform`] when the
     /// matrix is not finite or has no inverse in f32; [`Error::Embree`] when memory runs out.
     pub fn attach_instance(&mut self, of: &CommittedScene, world_from_object: [f32; 12]) -> Result<u32, Error> {
-        let instanced = &of.0.scene;
+        let instanced = &of.0;
         if !instanced.instanced.is_empty() {
             return Err(Error::NestedInstance);
         }
@@ -165,22 +112,7 @@ impl Scene {
         // SAFETY: the scene is alive and ours alone, everything attached to it is committed.
         unsafe { sys::rtcCommitScene(scene.raw) };
         check(Some(&scene.device), "rtcCommitScene")?;
-        let mut bounds = sys::RTCBounds {
-            lower_x: 0.0,
-            lower_y: 0.0,
-            lower_z: 0.0,
-            align0: 0.0,
-            upper_x: 0.0,
-            upper_y: 0.0,
-            upper_z: 0.0,
-            align1: 0.0,
-        };
-        // SAFETY: the scene is alive and committed, `bounds` is writable and aligned.
-        unsafe { sys::rtcGetSceneBounds(scene.raw, &mut bounds) };
-        check(Some(&scene.device), "rtcGetSceneBounds")?;
-        let lower = [bounds.lower_x, bounds.lower_y, bounds.lower_z];
-        let upper = [bounds.upper_x, bounds.upper_y, bounds.upper_z];
-        Ok(CommittedScene(Arc::new(Committed { scene, bounds: (lower, upper) })))
+        Ok(CommittedScene(Arc::new(scene)))
     }
 }
 
@@ -197,7 +129,7 @@ impl CommittedScene {
             Coherence::Incoherent => sys::RTC_RAY_QUERY_FLAG_INCOHERENT,
         });
         let valid = Aligned(*valid);
-        let (valid, scene, rays) = (valid.0.as_ptr(), self.0.scene.raw, std::ptr::from_mut(rays));
+        let (valid, scene, rays) = (valid.0.as_ptr(), self.0.raw, std::ptr::from_mut(rays));
         // SAFETY: the scene is alive and committed. `valid` has W lanes, aligned to 64 bytes. `rays` has the size,
         // alignment and fields of RTCRayHitW (proved where Packet is defined), and Embree writes nothing else.
         unsafe {
@@ -215,12 +147,7 @@ impl CommittedScene {
         let mut arguments = arguments(sys::RTC_RAY_QUERY_FLAG_INCOHERENT);
         // SAFETY: the scene is alive and committed; `ray` has the size, alignment and fields of RTCRayHit (proved where
         // Ray is defined), and Embree writes nothing else.
-        unsafe { sys::rtcIntersect1(self.0.scene.raw, std::ptr::from_mut(ray).cast(), &mut arguments) }
-    }
-
-    /// Lower and upper corner of the box around everything. For an empty scene lower is +infinity and upper -infinity.
-    pub fn bounds(&self) -> ([f32; 3], [f32; 3]) {
-        self.0.bounds
+        unsafe { sys::rtcIntersect1(self.0.raw, std::ptr::from_mut(ray).cast(), &mut arguments) }
     }
 }
 

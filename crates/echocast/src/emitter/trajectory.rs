@@ -54,11 +54,12 @@ impl Trajectory {
                 "has no poses; expected TUM text (t x y z qx qy qz qw) or CSV with a header",
             ));
         }
-        let keys = if lines.text().starts_with(|c: char| c.is_alphabetic() || c == '"') {
-            read_csv(Csv::with_header(lines)?)?
-        } else {
-            read_tum(lines)?
-        };
+        let has_header = lines.text().starts_with(|c: char| c.is_alphabetic() || c == '"');
+        if has_header && !lines.text().contains(',') {
+            let expected = "expected CSV with a header, or TUM text (t x y z qx qy qz qw) without one";
+            return Err(lines.error(format!("has a header without commas; {expected}")));
+        }
+        let keys = if has_header { read_csv(Csv::with_header(lines)?)? } else { read_tum(lines)? };
         if keys.is_empty() {
             return Err(Error::parse(path, "", "has no poses below the header"));
         }
@@ -146,6 +147,9 @@ fn read_csv(mut csv: Csv) -> Result<Vec<(f64, Pose)>> {
     };
     let angles = csv.optional(["roll_deg", "pitch_deg", "yaw_deg"]);
     let with_angles = angles.iter().any(Option::is_some);
+    if !with_angles && csv.optional(["qx", "qy", "qz", "qw"]).iter().all(Option::is_none) {
+        return Err(csv.error("has no orientation; expected qx,qy,qz,qw or roll_deg,pitch_deg,yaw_deg".into()));
+    }
     let [roll, pitch, yaw] = if with_angles { csv.required(["roll_deg", "pitch_deg", "yaw_deg"])? } else { [0; 3] };
     let [qx, qy, qz, qw] = if with_angles { [0; 4] } else { csv.required(["qx", "qy", "qz", "qw"])? };
     let mut keys: Vec<(f64, Pose)> = Vec::new();
@@ -224,6 +228,8 @@ mod tests {
         assert_eq!(message("0 1 2 3 0 0 0 0\n"), "line 1: a quaternion of length 0: it must be near 1");
         assert_eq!(message("0 1 2 nan 0 0 0 1\n"), "line 1: a number that is not finite");
         assert_eq!(message("0,1,2,3,0,0,0,1\n"), "line 1: \"0,1,2,3,0,0,0,1\" is not a number");
+        assert!(message("t x y z qx qy qz qw\n0 0 0 0 0 0 0 1\n").starts_with("line 1: has a header without commas"));
+        assert!(message("t,x,y,z,roll,pitch,yaw\n").starts_with("line 1: has no orientation; expected qx,qy,qz,qw or"));
         assert!(message("x,y,z,qx,qy,qz,qw\n").starts_with("line 1: has no column of times"));
         assert!(message("t,x,y,z,yaw_deg\n").starts_with("line 1: the column roll_deg is missing"));
         assert_eq!(message("t,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,x\n"), "line 2: qw is \"x\"; expected a finite number");
