@@ -36,8 +36,12 @@ pub(super) struct Cache {
     meshes: HashMap<usize, Option<usize>>,
     positions: HashMap<usize, Shared<3>>,
     triangles: HashMap<TriangleKey, Triangles>,
-    normals: HashMap<(usize, TriangleKey), Option<Shared<3>>>,
+    /// Unit normals; `None`: some have no length.
+    normals: HashMap<usize, Option<Shared<3>>>,
     uvs: HashMap<usize, Shared<2>>,
+    /// Normals and texture coordinates as the parts have them.
+    part_normals: HashMap<(usize, TriangleKey), Option<Shared<3>>>,
+    part_uvs: HashMap<(usize, TriangleKey), Shared<2>>,
     colors: HashMap<usize, VertexColors>,
 }
 
@@ -47,6 +51,10 @@ type TriangleKey = (usize, Option<usize>, u32);
 #[derive(Clone)]
 struct Triangles {
     kept: Arc<Vec<[u32; 3]>>,
+    /// The vertices that `kept` counts.
+    positions: Shared<3>,
+    /// Which of the accessor's vertices those are; `None`: all, in its order.
+    used: Option<Arc<Vec<u32>>>,
     /// How many were left out because they have no area.
     degenerate: usize,
 }
@@ -103,23 +111,24 @@ impl Meshes<'_> {
             return Err(format!("its material {missing} does not exist: the file has {known}"));
         }
 
-        let positions = self.positions(position)?;
         let key = (position.value(), primitive.indices.map(|index| index.value()), mode.as_gl_enum());
-        let Triangles { kept: triangles, degenerate } =
-            self.triangles(key, primitive.indices, mode, &positions, here)?;
-        self.degenerate_triangles += degenerate;
-        if triangles.is_empty() {
+        let vertices = self.positions(position)?;
+        let triangles = self.triangles(key, primitive.indices, mode, &vertices, here)?;
+        self.degenerate_triangles += triangles.degenerate;
+        if triangles.kept.is_empty() {
             return Ok(None);
         }
         let normals = match attribute(primitive, Semantic::Normals) {
-            Some(normal) => self.normals(normal, key, &positions, &triangles, here)?,
+            Some(normal) => self.normals(normal, key, vertices.len(), &triangles, here)?,
             None => None,
         };
         let uvs = match self.materials.set_of(material) {
-            Some(set) => self.uvs(attribute(primitive, Semantic::TexCoords(set)), positions.len(), here)?,
+            Some(set) => {
+                self.uvs(attribute(primitive, Semantic::TexCoords(set)), key, vertices.len(), &triangles, here)?
+            }
             None => None,
         };
-        let color = attribute(primitive, Semantic::Colors(0)).map(|color| self.colors(color, positions.len()));
+        let color = attribute(primitive, Semantic::Colors(0)).map(|color| self.colors(color, vertices.len()));
         let material = match color.transpose()? {
             Some(VertexColors::Constant(color)) if color != [1.0; 4] => Some(self.materials.tint(material, color)),
             Some(VertexColors::Varying) => {
@@ -128,7 +137,7 @@ impl Meshes<'_> {
             }
             Some(VertexColors::Constant(_)) | None => material,
         };
-        Ok(Some(Part { positions, normals, uvs, triangles, material }))
+        Ok(Some(Part { positions: triangles.positions, normals, uvs, triangles: triangles.kept, material }))
     }
 
     fn positions(&mut self, index: Index<Accessor>) -> Result<Shared<3>, String> {
@@ -149,7 +158,7 @@ impl Meshes<'_> {
         key: TriangleKey,
         indices: Option<Index<Accessor>>,
         mode: Mode,
-        positions: &[[f32; 3]],
+        positions: &Shared<3>,
         here: &str,
     ) -> Result<Triangles, String> {
         if let Some(known) = self.cache.triangles.get(&key) {
@@ -182,64 +191,91 @@ impl Meshes<'_> {
             let [a, b, c] = corners.map(|corner| positions[corner as usize]);
             !is_degenerate(a, b, c)
         });
-        let read = Triangles { degenerate: all - triangles.len(), kept: Arc::new(triangles) };
+        let degenerate = all - triangles.len();
+        let used = used_vertices(&mut triangles, count).map(Arc::new);
+        self.accessors.charge(used.as_ref().map_or(0, |used| used.len() * size_of::<u32>()))?;
+        let positions = self.pick(positions, used.as_deref())?;
+        let read = Triangles { kept: Arc::new(triangles), positions, used, degenerate };
         self.cache.triangles.insert(key, read.clone());
         Ok(read)
     }
 
-    /// Unit normals; `None` where they are flat or useless.
+    /// Those of `all` that a part uses.
+    fn pick<const N: usize>(&self, all: &Shared<N>, used: Option<&Vec<u32>>) -> Result<Shared<N>, String> {
+        let Some(used) = used else { return Ok(all.clone()) };
+        self.accessors.charge(used.len() * size_of::<[f32; N]>())?;
+        Ok(Arc::new(used.iter().map(|&vertex| all[vertex as usize]).collect()))
+    }
+
+    /// Unit normals of a part; `None` where they are flat or useless. `vertices` is the length of the accessors.
     fn normals(
         &mut self,
         index: Index<Accessor>,
         triangle_key: TriangleKey,
-        positions: &[[f32; 3]],
-        triangles: &[[u32; 3]],
+        vertices: usize,
+        triangles: &Triangles,
         here: &str,
     ) -> Result<Option<Shared<3>>, String> {
         let key = (index.value(), triangle_key);
-        if let Some(known) = self.cache.normals.get(&key) {
+        if let Some(known) = self.cache.part_normals.get(&key) {
             return Ok(known.clone());
         }
-        let mut normals = self.accessors.vectors::<3>(index).map_err(|message| format!("NORMAL: {message}"))?;
-        same_count("NORMAL", normals.len(), positions.len())?;
-        let mut usable = true;
-        for normal in &mut normals {
-            match glam::Vec3::from(*normal).try_normalize() {
-                Some(unit) => *normal = unit.to_array(),
-                None => usable = false,
+        let fault = |message: String| format!("NORMAL: {message}");
+        let described = self.accessors.describe(index).map_err(fault)?;
+        same_count("NORMAL", described, vertices)?;
+        let all = match self.cache.normals.get(&index.value()) {
+            Some(known) => known.clone(),
+            None => {
+                let read = self.accessors.vectors::<3>(index).map_err(fault)?;
+                let unit = |normal| Some(glam::Vec3::from(normal).try_normalize()?.to_array());
+                let units: Option<Vec<_>> = read.into_iter().map(unit).collect();
+                let units = units.map(Arc::new);
+                self.cache.normals.insert(index.value(), units.clone());
+                units
             }
-        }
-        if !usable {
+        };
+        if all.is_none() {
             self.notes.add("normals of no length are not used, the surface is flat-shaded", || here.to_owned());
         }
-        let normals = (usable && !normals_are_flat(positions, &normals, triangles)).then(|| Arc::new(normals));
-        self.cache.normals.insert(key, normals.clone());
+        let picked = all.map(|all| self.pick(&all, triangles.used.as_deref())).transpose()?;
+        let normals = picked.filter(|normals| !normals_are_flat(&triangles.positions, normals, &triangles.kept));
+        self.cache.part_normals.insert(key, normals.clone());
         Ok(normals)
     }
 
+    /// Texture coordinates of a part. `vertices` is the length of the accessors.
     fn uvs(
         &mut self,
         index: Option<Index<Accessor>>,
+        triangle_key: TriangleKey,
         vertices: usize,
+        triangles: &Triangles,
         here: &str,
     ) -> Result<Option<Shared<2>>, String> {
         let Some(index) = index else {
             self.notes.add("textures are not used where texture coordinates are missing", || here.to_owned());
             return Ok(None);
         };
-        let uvs = match self.cache.uvs.get(&index.value()) {
+        let key = (index.value(), triangle_key);
+        if let Some(known) = self.cache.part_uvs.get(&key) {
+            return Ok(Some(known.clone()));
+        }
+        let fault = |message: String| format!("TEXCOORD: {message}");
+        same_count("TEXCOORD", self.accessors.describe(index).map_err(fault)?, vertices)?;
+        let all = match self.cache.uvs.get(&index.value()) {
             Some(known) => known.clone(),
-            None => Arc::new(self.accessors.vectors::<2>(index).map_err(|message| format!("TEXCOORD: {message}"))?),
+            None => Arc::new(self.accessors.vectors::<2>(index).map_err(fault)?),
         };
-        same_count("TEXCOORD", uvs.len(), vertices)?;
-        self.cache.uvs.insert(index.value(), uvs.clone());
+        self.cache.uvs.insert(index.value(), all.clone());
+        let uvs = self.pick(&all, triangles.used.as_deref())?;
+        self.cache.part_uvs.insert(key, uvs.clone());
         Ok(Some(uvs))
     }
 
     fn colors(&mut self, index: Index<Accessor>, vertices: usize) -> Result<VertexColors, String> {
         let fault = |message: String| format!("COLOR_0: {message}");
         let described = self.accessors.describe(index).map_err(fault)?;
-        same_count("COLOR_0", usize::try_from(described.count.0).unwrap_or(usize::MAX), vertices)?;
+        same_count("COLOR_0", described, vertices)?;
         if let Some(&known) = self.cache.colors.get(&index.value()) {
             return Ok(known);
         }
@@ -274,8 +310,29 @@ fn assemble(mode: Mode, corners: &[u32]) -> Vec<[u32; 3]> {
     }
 }
 
-fn same_count(what: &str, found: usize, vertices: usize) -> Result<(), String> {
-    if found == vertices { Ok(()) } else { Err(format!("{what} has {found} elements for {vertices} vertices")) }
+/// The vertices that `triangles` use, rising, when those are less than half of `vertices`: `triangles` then count
+/// in them. A part must not carry a buffer that hundreds share; it is copied for each when the scene is built.
+fn used_vertices(triangles: &mut [[u32; 3]], vertices: usize) -> Option<Vec<u32>> {
+    // Closed meshes have two triangles for each vertex: so many need no closer look.
+    if triangles.len() >= vertices {
+        return None;
+    }
+    let mut used: Vec<u32> = triangles.as_flattened().to_vec();
+    used.sort_unstable();
+    used.dedup();
+    if used.len() >= vertices.div_ceil(2) {
+        return None;
+    }
+    used.shrink_to_fit();
+    for corner in triangles.as_flattened_mut() {
+        *corner = used.partition_point(|vertex| vertex < corner) as u32;
+    }
+    Some(used)
+}
+
+fn same_count(what: &str, accessor: &Accessor, vertices: usize) -> Result<(), String> {
+    let found = accessor.count.0;
+    if found == vertices as u64 { Ok(()) } else { Err(format!("{what} has {found} elements for {vertices} vertices")) }
 }
 
 /// The colour that all vertices have, clamped to 0..1.

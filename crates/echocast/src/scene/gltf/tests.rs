@@ -299,6 +299,40 @@ fn data_that_primitives_share_is_decoded_once() {
 }
 
 #[test]
+fn parts_carry_only_the_vertices_they_use() {
+    const VERTICES: usize = 30_000;
+    let mut file = File::triangle();
+    file.texture();
+    let corner = |i: usize| [(i % 3 == 1) as u8 as f32, (i % 3 == 2) as u8 as f32, i as f32];
+    let positions = file.floats("VEC3", &(0..VERTICES).flat_map(corner).collect::<Vec<_>>());
+    let normals = file.floats("VEC3", &(0..VERTICES).flat_map(|i| [1.0, i as f32, 0.0]).collect::<Vec<_>>());
+    let uvs = file.floats("VEC2", &(0..VERTICES).flat_map(|i| [i as f32, 0.5]).collect::<Vec<_>>());
+    let attributes = json!({"POSITION": positions, "NORMAL": normals, "TEXCOORD_0": uvs});
+    // So many that whole buffers would go beyond the limit.
+    let primitives: Vec<Value> = (0..400)
+        .map(|i| {
+            let corners = [3 * i + 2, 3 * i, 3 * i + 1].map(|corner: u16| corner.to_le_bytes());
+            let indices = file.accessor("SCALAR", 5123, 3, corners.as_flattened());
+            json!({"attributes": attributes, "indices": indices, "material": 0})
+        })
+        .collect();
+    file.json["meshes"][0]["primitives"] = primitives.into();
+    let scene = file.load().unwrap();
+    for (i, part) in scene.meshes[0].parts.iter().enumerate() {
+        assert_eq!((part.positions.len(), part.triangles[0]), (3, [2, 0, 1]));
+        let (normals, uvs) = (part.normals.as_ref().unwrap(), part.uvs.as_ref().unwrap());
+        assert_eq!((part.positions[1][2], uvs[1], normals.len()), ((3 * i + 1) as f32, [(3 * i + 1) as f32, 0.5], 3));
+        assert!((normals[1][1] / normals[1][0] / (3 * i + 1) as f32 - 1.0).abs() < 1e-6);
+    }
+    // The same normals for another number of vertices.
+    file.primitive()["attributes"] = json!({"POSITION": 0, "NORMAL": normals});
+    assert!(file.error().contains("primitive 0: NORMAL has 30000 elements for 3 vertices"), "{}", file.error());
+    file.json["meshes"][0]["primitives"].as_array_mut().unwrap().reverse();
+    file.primitive()["attributes"] = attributes;
+    assert!(file.error().contains("primitive 399: NORMAL has 30000 elements for 3 vertices"), "{}", file.error());
+}
+
+#[test]
 fn every_kind_of_index_is_read() {
     let expected = [[0, 1, 2], [0, 2, 3]];
     let indices = [0u8, 1, 2, 0, 2, 3];
