@@ -30,14 +30,7 @@ impl SceneArgs {
     pub fn load(&self) -> Result<Scene> {
         let labels = self.labels.as_ref().map(LabelRules::load).transpose()?.unwrap_or_default();
         let options = LoadOptions { up: self.up, scale: self.scale, labels };
-        let mut scenes = Vec::with_capacity(self.files.len());
-        for file in &self.files {
-            scenes.push(Scene::load_with(file, &options)?);
-        }
-        Ok(match scenes.len() {
-            1 => scenes.remove(0),
-            _ => Scene::merge(scenes, &options.labels.numbers),
-        })
+        Ok(Scene::load_all(&self.files, &options)?)
     }
 
     /// File names, for people.

@@ -3,7 +3,7 @@
 use super::Tables;
 use crate::error::Result;
 use crate::material::Material;
-use crate::scene::{Mesh, Object, Scene};
+use crate::scene::{Mesh, Object, Scene, cofactors};
 use embree4::{CommittedScene, Device};
 use glam::{DAffine3, DVec3, Mat3};
 use std::sync::Arc;
@@ -142,12 +142,9 @@ fn columns(m: &DAffine3) -> [f32; 12] {
     std::array::from_fn(|k| columns[k / 3][k % 3] as f32)
 }
 
-/// The matrix that takes an object's normals to the world's: the cofactors of the linear part, which
-/// are right for any scale and mirror, up to length (and scaled to unit size against underflow).
+/// The matrix that takes an object's normals to the world's, up to length (scaled to unit size against underflow).
 fn normal_matrix(object: &Object) -> Mat3 {
-    let m = object.world_from_object.matrix3;
-    let cofactors =
-        glam::DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
+    let cofactors = cofactors(&object.world_from_object.matrix3);
     let size = cofactors.x_axis.abs().max(cofactors.y_axis.abs()).max(cofactors.z_axis.abs()).max_element();
     let scale = if size > 0.0 { 1.0 / size } else { 0.0 };
     // A mirrored object's cofactors point its normals inwards; surfaces are two-sided, so that is no matter.

@@ -5,7 +5,7 @@ use super::material::Materials;
 use super::{Document, Notes, place};
 use crate::error::Result;
 use crate::scene::mesh::{is_degenerate, normals_are_flat};
-use crate::scene::{Mesh, Part};
+use crate::scene::{LARGEST, Mesh, Part};
 use gltf::json::accessor::Type;
 use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked;
@@ -145,8 +145,9 @@ impl Meshes<'_> {
             return Ok(known.clone());
         }
         let positions = self.accessors.vectors::<3>(index).map_err(|message| format!("POSITION: {message}"))?;
-        if let Some(vertex) = positions.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
-            return Err(format!("vertex {vertex} is {:?}; allowed: finite numbers", positions[vertex]));
+        let in_reach = |p: &[f32; 3]| p.iter().all(|x| f64::from(x.abs()) <= LARGEST);
+        if let Some(vertex) = positions.iter().position(|p| !in_reach(p)) {
+            return Err(format!("vertex {vertex} is {:?}; allowed: -1e18 to 1e18", positions[vertex]));
         }
         let positions = Arc::new(positions);
         self.cache.positions.insert(index.value(), positions.clone());

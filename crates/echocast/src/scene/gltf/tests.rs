@@ -260,12 +260,37 @@ fn the_default_scene_is_read() {
 }
 
 #[test]
-fn an_object_scaled_to_nothing_is_left_out() {
+fn what_is_scaled_flat_stays_what_is_scaled_to_a_line_goes() {
     let mut file = File::triangle();
-    push(&mut file.json["nodes"], json!({"mesh": 0, "scale": [1, 0, 1], "name": "Flat"}));
+    push(&mut file.json["nodes"], json!({"mesh": 0, "scale": [1, 1, 0], "name": "Sign"}));
+    push(&mut file.json["nodes"], json!({"mesh": 0, "scale": [1, 0, 0], "name": "Line"}));
+    push(&mut file.json["nodes"], json!({"mesh": 0, "scale": [0, 0, 0], "name": "Point"}));
     let scene = file.load().unwrap();
-    assert_eq!(scene.objects.len(), 1);
-    assert_eq!(only_warning(&scene), "street.glb: objects scaled to nothing are left out: node 1 \"Flat\"");
+    assert_eq!(scene.objects.iter().map(|object| object.name.as_str()).collect::<Vec<_>>(), ["Chair", "Sign"]);
+    let message = "street.glb: objects scaled to a line or a point are left out: node 2 \"Line\" and 1 more";
+    assert_eq!(only_warning(&scene), message);
+    scene.build().unwrap();
+}
+
+#[test]
+fn coordinates_beyond_all_reach_are_errors() {
+    for far in [1e19f32, f32::MAX, -1e19] {
+        let mut file = File::triangle();
+        let positions = file.floats("VEC3", &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, far, 0.0]);
+        file.primitive()["attributes"]["POSITION"] = positions.into();
+        let error = file.error();
+        assert!(error.contains("mesh 0 \"Seat\" primitive 0: vertex 2 is [0.0, "), "{error}");
+        assert!(error.ends_with("allowed: -1e18 to 1e18"), "{error}");
+    }
+    for place in
+        [json!({"translation": [0, 1e19, 0]}), json!({"scale": [1e19, 1, 1]}), json!({"scale": [1, -1e300, 1]})]
+    {
+        let mut file = File::triangle();
+        file.node().as_object_mut().unwrap().append(&mut place.as_object().unwrap().clone());
+        let error = Scene::from_glb_bytes(&file.bytes(), &LoadOptions::default()).unwrap_err().to_string();
+        assert!(error.starts_with("glTF data: object \"Chair\": it reaches to ["), "{error}");
+        assert!(error.ends_with("in the world; allowed: -1e18 to 1e18"), "{error}");
+    }
 }
 
 #[test]
@@ -475,7 +500,7 @@ fn degenerate_triangles_are_left_out_and_counted() {
     file.primitive()["indices"] = file.accessor("SCALAR", 5121, 9, &[0, 1, 1, 0, 1, 2, 3, 3, 3]).into();
     let scene = file.load().unwrap();
     assert_eq!((scene.degenerate_triangles, scene.triangle_count()), (2, 1));
-    assert_eq!(only_warning(&scene), "street.glb: 2 triangle(s) without area are left out");
+    assert_eq!(only_warning(&scene), "street.glb: 2 triangles without area left out");
 }
 
 #[test]
@@ -497,7 +522,7 @@ fn bad_geometry_is_an_error_that_names_the_place() {
                 let bad = f.floats("VEC3", &[0.0, 0.0, 0.0, 1.0, f32::NAN, 0.0, 1.0, 1.0, 0.0]);
                 attribute(f, "POSITION", bad);
             },
-            "mesh 0 \"Seat\" primitive 0: vertex 1 is [1.0, NaN, 0.0]; allowed: finite numbers",
+            "mesh 0 \"Seat\" primitive 0: vertex 1 is [1.0, NaN, 0.0]; allowed: -1e18 to 1e18",
         ),
         (
             &|f| {

@@ -8,7 +8,7 @@ mod polygon;
 mod statements;
 mod text;
 
-use super::{LoadOptions, Part, RawObject, Scene, Texture, TextureRef, UpAxis, Wrap};
+use super::{LoadOptions, Part, RawObject, Scene, Texture, TextureRef, UpAxis, Wrap, count, some_of};
 use crate::error::{Error, Result};
 use crate::material::Material;
 use crate::scene::Mesh;
@@ -84,12 +84,12 @@ pub(super) fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
 
     materials.warn(path, &mut scene);
     scene.degenerate_triangles = maker.degenerate_triangles;
-    for (count, what) in [
-        (maker.degenerate_triangles, "triangles without area are left out"),
-        (maker.tangled_polygons, "polygons cross themselves or are folded: their triangles are a guess"),
+    for (number, what, fate) in [
+        (maker.degenerate_triangles, "triangle", "without area left out"),
+        (maker.tangled_polygons, "polygon", "crossing itself or folded: the triangles there are a guess"),
     ] {
-        if count > 0 {
-            scene.report.warn(format!("{}: {count} {what}", path.display()));
+        if number > 0 {
+            scene.report.warn(format!("{}: {} {fate}", path.display(), count(number, what)));
         }
     }
     Ok(scene.assemble(objects, &options.labels))
@@ -197,16 +197,6 @@ impl Materials {
             let images = some_of(&self.unread_images);
             scene.report.warn(format!("{path}: images not read, the plain colour Kd stands in: {images}"));
         }
-    }
-}
-
-/// The first names of a list, and how many more there are.
-fn some_of(names: &[String]) -> String {
-    const SHOWN: usize = 5;
-    let shown = names[..names.len().min(SHOWN)].join(", ");
-    match names.len().saturating_sub(SHOWN) {
-        0 => shown,
-        more => format!("{shown} and {more} more"),
     }
 }
 
@@ -418,9 +408,9 @@ mod tests {
         let text = format!("{QUAD}v 1 0 0\nf 1 2 3\nf 1 1 2\nf 1 5 2\nf 1 5 2 5 2\nf 1 5 2 3 4\n");
         let scene = read_text(&text).unwrap();
         assert_eq!((scene.degenerate_triangles, scene.triangle_count()), (3, 4));
-        assert_eq!(warnings(&scene), ["3 triangles without area are left out"]);
+        assert_eq!(warnings(&scene), ["3 triangles without area left out"]);
         let scene = read_text(&format!("{QUAD}f 1 3 2 4")).unwrap();
-        assert_eq!(warnings(&scene), ["1 polygons cross themselves or are folded: their triangles are a guess"]);
+        assert_eq!(warnings(&scene), ["1 polygon crossing itself or folded: the triangles there are a guess"]);
     }
 
     #[test]
