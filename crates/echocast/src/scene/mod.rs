@@ -13,7 +13,7 @@ mod label;
 mod merge;
 mod mesh;
 mod obj;
-mod texture;
+pub(crate) mod texture;
 
 pub use camera::Camera;
 pub use label::{LabelRules, Labels, NameTable};

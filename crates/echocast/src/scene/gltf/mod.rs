@@ -76,10 +76,11 @@ pub(super) fn read_bytes(bytes: &[u8], origin: &Path, folder: Option<&Path>, opt
         report.warn(format!("{}: {triangles} without area left out", origin.display()));
     }
     let animations = document.json.animations.iter().enumerate();
+    let (materials, textures) = materials.finish();
     let scene = Scene {
         meshes: list,
-        materials: materials.list,
-        textures: materials.textures,
+        materials,
+        textures,
         cameras,
         animations: animations.map(|(i, a)| a.name.clone().unwrap_or_else(|| format!("animation_{i}"))).collect(),
         degenerate_triangles,

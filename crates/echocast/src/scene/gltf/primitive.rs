@@ -17,7 +17,7 @@ use std::sync::Arc;
 pub(super) struct Meshes<'a> {
     pub document: &'a Document<'a>,
     pub accessors: &'a Accessors<'a>,
-    pub materials: Materials,
+    pub materials: Materials<'a>,
     pub notes: Notes,
     /// Meshes read so far.
     pub list: Vec<Arc<Mesh>>,
@@ -80,7 +80,7 @@ impl Meshes<'_> {
         let mut parts = Vec::new();
         for (number, primitive) in source.primitives.iter().enumerate() {
             let here = format!("{here} primitive {number}");
-            parts.extend(self.part(primitive, &here).map_err(|message| document.error(&here, message))?);
+            parts.extend(self.part(primitive, &here)?);
         }
         let read = (!parts.is_empty()).then(|| {
             let name = source.name.clone().unwrap_or_else(|| format!("mesh_{index}"));
@@ -92,44 +92,48 @@ impl Meshes<'_> {
     }
 
     /// A primitive as a part; `None` if it has no triangle.
-    fn part(&mut self, primitive: &Primitive, here: &str) -> Result<Option<Part>, String> {
+    fn part(&mut self, primitive: &Primitive, here: &str) -> Result<Option<Part>> {
+        let document = self.document;
+        let fault = |message: String| document.error(here, message);
         let mode = match primitive.mode {
             Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => mode,
             Checked::Valid(Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) => {
                 self.notes.add("points and lines are skipped", || here.to_owned());
                 return Ok(None);
             }
-            Checked::Invalid => return Err("its mode is unknown; allowed: 0 to 6".into()),
+            Checked::Invalid => return Err(fault("its mode is unknown; allowed: 0 to 6".into())),
         };
         let Some(position) = attribute(primitive, Semantic::Positions) else {
             self.notes.add("primitives without positions are skipped", || here.to_owned());
             return Ok(None);
         };
         let material = primitive.material.map(|index| index.value());
-        let known = self.document.json.materials.len();
+        let known = document.json.materials.len();
         if let Some(missing) = material.filter(|&index| index >= known) {
-            return Err(format!("its material {missing} does not exist: the file has {known}"));
+            return Err(fault(format!("its material {missing} does not exist: the file has {known}")));
         }
 
         let key = (position.value(), primitive.indices.map(|index| index.value()), mode.as_gl_enum());
-        let vertices = self.positions(position)?;
-        let triangles = self.triangles(key, primitive.indices, mode, &vertices, here)?;
+        let vertices = self.positions(position).map_err(fault)?;
+        let triangles = self.triangles(key, primitive.indices, mode, &vertices, here).map_err(fault)?;
         self.degenerate_triangles += triangles.degenerate;
         if triangles.kept.is_empty() {
             return Ok(None);
         }
         let normals = match attribute(primitive, Semantic::Normals) {
-            Some(normal) => self.normals(normal, key, vertices.len(), &triangles, here)?,
+            Some(normal) => self.normals(normal, key, vertices.len(), &triangles, here).map_err(fault)?,
             None => None,
         };
-        let uvs = match self.materials.set_of(material) {
-            Some(set) => {
-                self.uvs(attribute(primitive, Semantic::TexCoords(set)), key, vertices.len(), &triangles, here)?
-            }
+        let set = match material {
+            Some(index) => self.materials.texture_set(index, &mut self.notes)?,
+            None => None,
+        };
+        let uvs = match set.map(|set| attribute(primitive, Semantic::TexCoords(set))) {
+            Some(uvs) => self.uvs(uvs, key, vertices.len(), &triangles, here).map_err(fault)?,
             None => None,
         };
         let color = attribute(primitive, Semantic::Colors(0)).map(|color| self.colors(color, vertices.len()));
-        let material = match color.transpose()? {
+        let material = match color.transpose().map_err(fault)? {
             Some(VertexColors::Constant(color)) if color != [1.0; 4] => Some(self.materials.tint(material, color)),
             Some(VertexColors::Varying) => {
                 self.notes.add("vertex colours that change over a primitive are not used", || here.to_owned());
