@@ -59,17 +59,12 @@ pub(super) fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
     let mut objects = Vec::new();
     for runs in runs.chunk_by(|a, b| object_of(a) == object_of(b)) {
         let middle = maker.middle(runs);
-        let parts: Vec<Part> = runs
-            .chunk_by(|a, b| a.material == b.material)
-            .filter_map(|runs| {
-                let material = match materials.choose(&file, runs[0].material, &mut scene) {
-                    Ok(material) => material,
-                    Err(error) => return Some(Err(error)),
-                };
-                let textured = material.is_some_and(|index| scene.materials[index].base_color_texture.is_some());
-                Some(Ok(Part { material, ..maker.part(runs, middle, textured)? }))
-            })
-            .collect::<Result<_>>()?;
+        let mut parts = Vec::new();
+        for runs in runs.chunk_by(|a, b| a.material == b.material) {
+            let material = materials.choose(&file, runs[0].material, &mut scene)?;
+            let textured = material.is_some_and(|index| scene.materials[index].base_color_texture.is_some());
+            parts.extend(maker.part(runs, middle, textured).map(|part| Part { material, ..part }));
+        }
         if parts.is_empty() {
             continue;
         }
