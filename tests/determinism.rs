@@ -186,7 +186,7 @@ fn organised_clouds_hold_the_same_points() {
                 let beam = beam as usize;
                 assert!(c.range[beam].is_nan() && c.x[beam].is_nan() && c.return_number[beam] == 0);
                 assert_eq!(c.channel[beam], beams.channel[beam]);
-                assert_eq!(c.time[beam], f64::from(beams.time[beam]));
+                assert_eq!(c.time[beam], beams.time[beam]);
             }
         }
     }

@@ -30,21 +30,14 @@ impl SceneArgs {
     pub fn load(&self) -> Result<Scene> {
         let labels = self.labels.as_ref().map(LabelRules::load).transpose()?.unwrap_or_default();
         let options = LoadOptions { up: self.up, scale: self.scale, labels };
-        let mut scenes = Vec::with_capacity(self.files.len());
-        for file in &self.files {
-            let told = self.up != UpAxis::Z || self.scale != 1.0;
-            let is_obj = file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("obj"));
-            ensure!(
-                is_obj || !told || self.files.len() > 1,
-                "--up, --scale: {} says itself which axis is up and what its unit is",
-                file.display()
-            );
-            scenes.push(Scene::load_with(file, &options)?);
-        }
-        Ok(match scenes.len() {
-            1 => scenes.remove(0),
-            _ => Scene::merge(scenes, &options.labels.numbers),
-        })
+        let told = self.up != UpAxis::Z || self.scale != 1.0;
+        let is_obj = |file: &PathBuf| file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("obj"));
+        ensure!(
+            !told || self.files.iter().any(is_obj),
+            "--up, --scale: {} says itself which axis is up and what its unit is",
+            self.names()
+        );
+        Ok(Scene::load_all(&self.files, &options)?)
     }
 
     /// File names, for people.

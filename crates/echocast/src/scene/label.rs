@@ -1,5 +1,6 @@
 //! Names to numbers: categories, parts, materials and instances.
 
+use super::{Scene, some_of};
 use crate::error::{Error, Result};
 use crate::yaml;
 use serde::{Deserialize, Serialize};
@@ -9,7 +10,7 @@ use std::path::Path;
 /// Numbers and names of one label column, sorted by number.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct NameTable {
-    /// Numbers, rising; 0 never stands here (it means unlabelled).
+    /// Numbers, rising, each once; 0 never stands here (it means unlabelled).
     pub ids: Vec<u32>,
     /// Names, one for each number.
     pub names: Vec<String>,
@@ -45,9 +46,7 @@ impl NameTable {
 
     /// Name of number `id`.
     pub fn name(&self, id: u32) -> Option<&str> {
-        // Two names may share one fixed number; the first in sorted order speaks for it.
-        let row = self.ids.partition_point(|&known| known < id);
-        (self.ids.get(row) == Some(&id)).then(|| self.names[row].as_str())
+        self.ids.binary_search(&id).ok().map(|row| self.names[row].as_str())
     }
 
     /// `(number, name)` pairs, rising.
@@ -80,7 +79,7 @@ impl Labels {
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LabelRules {
-    /// Category or part name to number, from 1.
+    /// Category or part name to number, from 1, no number twice.
     pub numbers: BTreeMap<String, u32>,
     /// Object name pattern (`*` and `?`) to category; the longest matching pattern wins.
     pub objects: BTreeMap<String, String>,
@@ -92,14 +91,45 @@ impl LabelRules {
     /// Reads a label file (YAML).
     ///
     /// # Errors
-    /// A missing file, an unknown key, a number that is 0 or no number.
+    /// A missing file, an unknown key, a number that is 0 or no number or that two names have.
     pub fn load(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let rules: LabelRules = yaml::load(path)?;
         if let Some((name, _)) = rules.numbers.iter().find(|(_, number)| **number == 0) {
             return Err(Error::parse(path, format!("numbers.{name}"), "0 means unlabelled; allowed: 1 to 4294967295"));
         }
+        let mut names = HashMap::new();
+        for (name, number) in &rules.numbers {
+            if let Some(other) = names.insert(number, name) {
+                let message = format!("{other:?} has the number {number} too; allowed: one name for each number");
+                return Err(Error::parse(path, format!("numbers.{name}"), message));
+            }
+        }
         Ok(rules)
+    }
+
+    /// Sentences about what these rules name and `scene`, read with them, does not have: mostly slips of the pen.
+    pub(super) fn idle(&self, scene: &Scene) -> Vec<String> {
+        let objects: BTreeSet<&str> = scene.objects.iter().map(|object| object.name.as_str()).collect();
+        let parts = scene.meshes.iter().flat_map(|mesh| &mesh.parts);
+        let materials: BTreeSet<&str> = parts.map(|part| scene.material_name(part)).collect();
+        let unmatched = |patterns: &BTreeMap<String, String>, names: &BTreeSet<&str>| -> Vec<String> {
+            patterns.keys().filter(|pattern| !names.iter().any(|name| matches(pattern, name))).cloned().collect()
+        };
+        let Labels { category, part, .. } = &scene.labels;
+        let known: BTreeSet<&String> = category.names.iter().chain(&part.names).collect();
+        [
+            ("patterns that no object's name matches (objects)", unmatched(&self.objects, &objects)),
+            ("patterns that no used material's name matches (materials)", unmatched(&self.materials, &materials)),
+            (
+                "names that no object and no part has (numbers)",
+                self.numbers.keys().filter(|name| !known.contains(name)).cloned().collect(),
+            ),
+        ]
+        .into_iter()
+        .filter(|(_, names)| !names.is_empty())
+        .map(|(what, names)| format!("label rules: {what}: {}", some_of(&names)))
+        .collect()
     }
 
     /// Category that the patterns give an object; they go before what the scene file says.
@@ -180,5 +210,23 @@ mod tests {
         assert_eq!(rules.category("Lamp"), Some("thing"));
         assert_eq!(rules.part("leg_metal"), None);
         assert!(matches("a*b*c", "axxbyybc") && !matches("a*b*c", "axxbyyb") && matches("*", "") && !matches("?", ""));
+    }
+
+    #[test]
+    fn a_number_has_one_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("labels.yaml");
+        let error = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            LabelRules::load(&path).unwrap_err().to_string()
+        };
+        assert_eq!(
+            error("numbers: {chair: 10, wall: 2, desk: 10}"),
+            format!(
+                "{}: numbers.desk: \"chair\" has the number 10 too; allowed: one name for each number",
+                path.display()
+            )
+        );
+        assert!(error("numbers: {chair: 0}").ends_with("numbers.chair: 0 means unlabelled; allowed: 1 to 4294967295"));
     }
 }

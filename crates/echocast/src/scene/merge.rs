@@ -1,15 +1,15 @@
 //! Several scene files as one scene.
 
-use super::{Mesh, NamedObject, Scene};
-use std::collections::BTreeMap;
+use super::{LabelRules, Mesh, NamedObject, Scene};
 use std::sync::Arc;
 
 impl Scene {
-    /// Puts `scenes` together as they stand: one world, one numbering of the labels. Objects, cameras and warnings keep
-    /// their order. `numbers` are those of the label rules that the scenes were read with
-    /// ([`super::LabelRules::numbers`]).
-    #[must_use]
-    pub fn merge(scenes: Vec<Scene>, numbers: &BTreeMap<String, u32>) -> Scene {
+    /// Puts `scenes`, which were read with `rules`, together as they stand: one world, one numbering of the labels.
+    /// Objects, cameras and warnings keep their order.
+    pub(super) fn merge(mut scenes: Vec<Scene>, rules: &LabelRules) -> Scene {
+        if scenes.len() == 1 {
+            return scenes.remove(0);
+        }
         let mut all = Scene::default();
         let mut objects = Vec::new();
         for scene in scenes {
@@ -36,7 +36,7 @@ impl Scene {
             all.degenerate_triangles += scene.degenerate_triangles;
             all.report.absorb(scene.report);
         }
-        all.number(objects, numbers)
+        all.number(objects, &rules.numbers)
     }
 }
 
@@ -52,9 +52,10 @@ fn with_materials_from(mut mesh: Arc<Mesh>, offset: usize) -> Arc<Mesh> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{LabelRules, Material, Part, RawObject, Texture, TextureRef};
+    use super::super::{Material, Part, RawObject, Texture, TextureRef};
     use super::*;
     use glam::DAffine3;
+    use std::collections::BTreeMap;
 
     /// One object of one triangle with a textured material.
     fn scene(object: &str, category: Option<&str>, material: &str, rules: &LabelRules) -> Scene {
@@ -91,7 +92,7 @@ mod tests {
         let first = scene("Tree", None, "wood", &rules);
         let second = scene("Street_1", Some("road"), "asphalt", &rules);
         let third = scene("Car", None, "wood", &rules);
-        let all = Scene::merge(vec![first, second, third], &rules.numbers);
+        let all = Scene::merge(vec![first, second, third], &rules);
 
         let category = |index: usize| all.labels.category.name(all.objects[index].category_id);
         assert_eq!([category(0), category(1), category(2)], [Some("Tree"), Some("road"), Some("Car")]);
@@ -106,5 +107,34 @@ mod tests {
             assert_eq!(all.meshes[index].parts[0].material, Some(index));
             assert_eq!(all.materials[index].base_color_texture.as_ref().map(|t| t.texture), Some(index));
         }
+    }
+
+    #[test]
+    fn rules_that_say_nothing_are_told_of_once_all_files_are_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let files = ["Tree_1", "Car"].map(|name| folder.path().join(format!("{name}.obj")));
+        for (path, name) in files.iter().zip(["Tree_1", "Car"]) {
+            std::fs::write(path, format!("o {name}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl {name}s\nf 1 2 3\n")).unwrap();
+        }
+        let words = |pairs: &[(&str, &str)]| pairs.iter().map(|(a, b)| (a.to_string(), b.to_string())).collect();
+        let labels = LabelRules {
+            numbers: ["tree", "vehicle", "Cars", "sky"].map(str::to_owned).into_iter().zip(1..).collect(),
+            objects: words(&[("Tree_*", "tree"), ("Car", "vehicle"), ("Lamp*", "lamp")]),
+            materials: words(&[("Tree?1s", "bark"), ("Steal", "steel"), ("Wod", "wood")]),
+        };
+        let options = super::super::LoadOptions { labels, ..Default::default() };
+        let warnings = |files: &[std::path::PathBuf]| {
+            let warnings = Scene::load_all(files, &options).unwrap().report.warnings;
+            warnings.into_iter().filter(|warning| warning.starts_with("label rules: ")).collect::<Vec<_>>()
+        };
+        assert_eq!(
+            warnings(&files),
+            [
+                "label rules: patterns that no object's name matches (objects): Lamp*",
+                "label rules: patterns that no used material's name matches (materials): Steal, Wod",
+                "label rules: names that no object and no part has (numbers): sky",
+            ]
+        );
+        assert!(warnings(&files[1..])[0].ends_with(": Lamp*, Tree_*"));
     }
 }

@@ -32,13 +32,13 @@ impl Mesh {
         self.parts.iter().map(|part| part.triangles.len()).sum()
     }
 
-    /// Box around the vertices that triangles use; `None` without triangles.
-    pub fn bounds(&self) -> Option<([f32; 3], [f32; 3])> {
-        let mut bounds: Option<([f32; 3], [f32; 3])> = None;
+    /// Lowest and highest corner of the box around the vertices that triangles use; `None` without triangles.
+    pub fn bounds(&self) -> Option<[[f32; 3]; 2]> {
+        let mut bounds: Option<[[f32; 3]; 2]> = None;
         for part in &self.parts {
             for &index in part.triangles.iter().flatten() {
                 let p = part.positions[index as usize];
-                let (low, high) = bounds.get_or_insert((p, p));
+                let [low, high] = bounds.get_or_insert([p, p]);
                 for axis in 0..3 {
                     low[axis] = low[axis].min(p[axis]);
                     high[axis] = high[axis].max(p[axis]);

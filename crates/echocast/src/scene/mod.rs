@@ -13,7 +13,7 @@ mod label;
 mod merge;
 mod mesh;
 mod obj;
-mod texture;
+pub(crate) mod texture;
 
 pub use camera::Camera;
 pub use label::{LabelRules, Labels, NameTable};
@@ -25,10 +25,14 @@ use crate::error::{Error, Result};
 pub use crate::material::Material;
 use crate::report::Report;
 use crate::trace::BuiltScene;
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DMat3, DVec3};
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 use std::sync::Arc;
+
+/// Largest magnitude of a coordinate that is taken, in files and in the world: well inside `f32`, so that no later
+/// step overflows.
+const LARGEST: f64 = 1e18;
 
 /// Which axis of a file points up, for formats that do not say.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -112,15 +116,16 @@ impl Scene {
     /// # Errors
     /// As [`Scene::load`].
     pub fn load_with(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Scene> {
-        let path = path.as_ref();
-        let reader = FORMATS.iter().find(|format| format.reads(path)).ok_or_else(|| Error::Unsupported {
-            what: format!("{}: scene format", path.display()),
-            instead: format!(
-                "scenes are read from {}",
-                FORMATS.iter().flat_map(|f| f.extensions).map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ")
-            ),
-        })?;
-        (reader.read)(path, options)?.checked(path)
+        Scene::load_all(&[path], options)
+    }
+
+    /// Reads several scene files as they stand into one scene: one world, one numbering of the labels.
+    ///
+    /// # Errors
+    /// As [`Scene::load`].
+    pub fn load_all<P: AsRef<Path>>(paths: &[P], options: &LoadOptions) -> Result<Scene> {
+        let scenes: Vec<Scene> = paths.iter().map(|path| read(path.as_ref(), options)).collect::<Result<_>>()?;
+        Ok(Scene::merge(scenes, &options.labels).with_idle_rules(&options.labels))
     }
 
     /// Reads the bytes of a `.glb` file, or of a `.gltf` file whose buffers and images are data URIs.
@@ -129,7 +134,8 @@ impl Scene {
     /// As [`Scene::load`]; messages say `glTF data` in place of the path. Also a URI that leads to a file.
     pub fn from_glb_bytes(bytes: &[u8], options: &LoadOptions) -> Result<Scene> {
         let origin = Path::new("glTF data");
-        gltf::read_bytes(bytes, origin, None, options)?.checked(origin)
+        let scene = gltf::read_bytes(bytes, origin, None, options)?.checked(origin)?;
+        Ok(scene.with_idle_rules(&options.labels))
     }
 
     /// The scene as read from `origin` if there is something to scan in it.
@@ -137,14 +143,31 @@ impl Scene {
         if self.triangle_count() == 0 {
             return Err(Error::parse(origin, "", "no triangle to scan: the file holds no mesh with area"));
         }
+        // A comparison that not-a-number fails too.
+        let in_reach = |corner: &DVec3| corner.abs().max_element() <= LARGEST && corner.is_finite();
+        for (object, corners) in self.object_boxes() {
+            if let Some(corner) = corners.iter().find(|corner| !in_reach(corner)) {
+                let message = format!("it reaches to {:?} in the world; allowed: -1e18 to 1e18", corner.to_array());
+                return Err(Error::parse(origin, format!("object {:?}", object.name), message));
+            }
+        }
         if !self.animations.is_empty() {
-            self.report.warn(format!(
-                "{}: {} animation(s) are not played: the scene stands still at time 0",
-                origin.display(),
-                self.animations.len()
-            ));
+            let animations = count(self.animations.len(), "animation");
+            self.report
+                .warn(format!("{}: {animations} not played: the scene stands still at time 0", origin.display()));
         }
         Ok(self)
+    }
+
+    /// This scene with warnings about the rules that say nothing in it.
+    fn with_idle_rules(mut self, rules: &LabelRules) -> Scene {
+        rules.idle(&self).into_iter().for_each(|warning| self.report.warn(warning));
+        self
+    }
+
+    /// Name of the material of a part; empty without one.
+    fn material_name(&self, part: &Part) -> &str {
+        part.material.map_or("", |index| &self.materials[index].name)
     }
 
     /// Builds the ray-tracing structure.
@@ -155,6 +178,19 @@ impl Scene {
         BuiltScene::new(self)
     }
 
+    /// Every object with a mesh that is not empty, and the corners of its box in the world.
+    pub(crate) fn object_boxes(&self) -> impl Iterator<Item = (&Object, [DVec3; 8])> {
+        let boxes: Vec<_> = self.meshes.iter().map(|mesh| mesh.bounds()).collect();
+        self.objects.iter().filter_map(move |object| {
+            let bounds = boxes[object.mesh]?;
+            let corner = |corner: usize| {
+                let local = DVec3::from_array(std::array::from_fn(|axis| f64::from(bounds[corner >> axis & 1][axis])));
+                object.world_from_object.transform_point3(local)
+            };
+            Some((object, std::array::from_fn(corner)))
+        })
+    }
+
     /// Triangles, each mesh counted as often as it is placed.
     pub fn triangle_count(&self) -> usize {
         self.objects.iter().map(|object| self.meshes[object.mesh].triangle_count()).sum()
@@ -162,21 +198,8 @@ impl Scene {
 
     /// World-space box around all objects, metres; `None` for an empty scene.
     pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
-        self.object_bounds().into_iter().flatten().reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
-    }
-
-    /// World-space box around each object, metres; `None` for one without triangles.
-    pub(crate) fn object_bounds(&self) -> Vec<Option<(DVec3, DVec3)>> {
-        let of_mesh: Vec<_> = self.meshes.iter().map(|mesh| mesh.bounds()).collect();
-        let of_object = |object: &Object| {
-            let (low, high) = of_mesh[object.mesh]?;
-            let corners = (0..8).map(|corner| {
-                let pick = |axis: usize| f64::from(if corner >> axis & 1 == 0 { low[axis] } else { high[axis] });
-                object.world_from_object.transform_point3(DVec3::new(pick(0), pick(1), pick(2)))
-            });
-            corners.map(|p| (p, p)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
-        };
-        self.objects.iter().map(of_object).collect()
+        let corners = self.object_boxes().flat_map(|(_, corners)| corners);
+        corners.map(|p| (p, p)).reduce(|(low, high), (p, _)| (low.min(p), high.max(p)))
     }
 
     /// The camera node called `name`.
@@ -188,6 +211,39 @@ impl Scene {
             .iter()
             .find(|camera| camera.name == name)
             .ok_or_else(|| Error::missing("camera node", name, self.cameras.iter().map(|camera| &camera.name)))
+    }
+}
+
+/// The cofactors of the linear part of a transform: up to length they take normals to where it takes surfaces, whatever
+/// its scale and mirror. They are zero where it leaves no surface.
+pub(crate) fn cofactors(m: &DMat3) -> DMat3 {
+    DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis))
+}
+
+/// `1 triangle`, `2 triangles`.
+fn count(number: usize, what: &str) -> String {
+    format!("{number} {what}{}", if number == 1 { "" } else { "s" })
+}
+
+/// Reads one scene file.
+fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
+    let reader = FORMATS.iter().find(|format| format.reads(path)).ok_or_else(|| Error::Unsupported {
+        what: format!("{}: scene format", path.display()),
+        instead: format!(
+            "scenes are read from {}",
+            FORMATS.iter().flat_map(|f| f.extensions).map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ")
+        ),
+    })?;
+    (reader.read)(path, options)?.checked(path)
+}
+
+/// The first names of a list, and how many more there are.
+fn some_of(names: &[String]) -> String {
+    const SHOWN: usize = 5;
+    let shown = names[..names.len().min(SHOWN)].join(", ");
+    match names.len().saturating_sub(SHOWN) {
+        0 => shown,
+        more => format!("{shown} and {more} more"),
     }
 }
 
@@ -218,7 +274,6 @@ struct NamedObject {
 impl Scene {
     /// Gives every object and part its label numbers; the last step of every reader.
     pub(crate) fn assemble(self, objects: Vec<RawObject>, rules: &LabelRules) -> Scene {
-        let material_name = |part: &Part| part.material.map_or("", |index| self.materials[index].name.as_str());
         let named = objects
             .into_iter()
             .map(|object| NamedObject {
@@ -231,7 +286,7 @@ impl Scene {
                     .parts
                     .iter()
                     .map(|part| {
-                        let material = material_name(part);
+                        let material = self.material_name(part);
                         rules.part(material).or(object.part.as_deref()).unwrap_or(material).to_owned()
                     })
                     .collect(),

@@ -38,12 +38,26 @@ pub struct Texture {
     pub pixels: Vec<[u8; 4]>,
 }
 
+/// Bytes that the decoded images of one file may still take.
+pub(crate) struct TextureBudget(usize);
+
+impl TextureBudget {
+    /// More is a mistake or an attack.
+    const GIB: usize = 4;
+}
+
+impl Default for TextureBudget {
+    fn default() -> Self {
+        TextureBudget(TextureBudget::GIB << 30)
+    }
+}
+
 impl Texture {
-    /// Decodes a PNG or JPEG image; `origin` is where it comes from, for errors.
+    /// Decodes a PNG or JPEG image of a file with `budget`; `origin` is where it comes from, for errors.
     ///
     /// # Errors
-    /// Another format, damaged data, more than 16384 pixels a side or 512 MiB of memory.
-    pub(crate) fn decode(bytes: &[u8], origin: &str) -> Result<Texture> {
+    /// Another format, damaged data, more than 16384 pixels a side or 512 MiB of memory, no budget left.
+    pub(crate) fn decode(bytes: &[u8], origin: &str, budget: &mut TextureBudget) -> Result<Texture> {
         let error = |message: String| Error::Parse { origin: origin.to_owned(), place: String::new(), message };
         let mut reader = ImageReader::new(Cursor::new(bytes))
             .with_guessed_format()
@@ -61,7 +75,14 @@ impl Texture {
         if width == 0 || height == 0 {
             return Err(error("the image has no pixel".to_owned()));
         }
-        Ok(Texture { width, height, pixels: bytemuck::cast_slice(image.as_raw()).to_vec() })
+        let size = image.as_raw().len();
+        let Some(left) = budget.0.checked_sub(size) else {
+            return Err(error(format!("the images of the file take more than {} GiB decoded", TextureBudget::GIB)));
+        };
+        budget.0 = left;
+        // No copy, unless the bytes have room for a broken pixel behind them.
+        let pixels = bytemuck::allocation::try_cast_vec(image.into_raw());
+        Ok(Texture { width, height, pixels: pixels.unwrap_or_else(|(_, bytes)| bytemuck::cast_slice(&bytes).to_vec()) })
     }
 }
 
@@ -101,6 +122,9 @@ impl TextureRef {
         if !(x.is_finite() && y.is_finite()) {
             return [0.0; 4];
         }
+        // So far out pixels have no fractions: what colour is there does not matter, but whole numbers must hold it.
+        const FAR: f64 = (1u64 << 52) as f64;
+        let (x, y) = (x.clamp(-FAR, FAR), y.clamp(-FAR, FAR));
         let pixel = |px: i64, py: i64| {
             let column = wrap_index(px, width, self.wrap_u);
             let row = wrap_index(py, height, self.wrap_v);
@@ -149,10 +173,14 @@ pub(crate) fn linear_from_srgb(encoded: f32) -> f32 {
     if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }
 
-/// Linear 0..1 to an sRGB-encoded byte (IEC 61966-2-1).
+/// Linear 0..1 to sRGB-encoded 0..1 (IEC 61966-2-1).
+pub(crate) fn srgb_from_linear(linear: f32) -> f32 {
+    if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// Linear 0..1 to an sRGB-encoded byte.
 pub(crate) fn srgb_byte(linear: f32) -> u8 {
-    let encoded = if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
-    (encoded * 255.0).round().clamp(0.0, 255.0) as u8
+    (srgb_from_linear(linear) * 255.0).round().clamp(0.0, 255.0) as u8
 }
 
 #[cfg(test)]
@@ -183,7 +211,38 @@ mod tests {
         assert_eq!(use_.sample(&image, [0.51, 0.5])[0], 1.0);
         use_.transform = [[1.0, 0.0, 0.5], [0.0, 1.0, 0.0]];
         assert_eq!(use_.sample(&image, [0.25, 0.5])[0], 1.0);
-        assert_eq!(use_.sample(&image, [f32::NAN, 0.5]), [0.0; 4]);
+    }
+
+    #[test]
+    fn coordinates_from_anywhere_are_sampled() {
+        let image = checker();
+        for wrap in [Wrap::Repeat, Wrap::MirroredRepeat, Wrap::ClampToEdge] {
+            for filter in [Filter::Nearest, Filter::Linear] {
+                let use_ = TextureRef { wrap_u: wrap, wrap_v: wrap, filter, ..TextureRef::plain(0) };
+                for far in [3e38, -3e38, 1e18, 1e-45] {
+                    for uv in [[far, 0.0], [0.0, far]] {
+                        assert!(use_.sample(&image, uv).iter().all(|x| (0.0..=1.0).contains(x)), "{uv:?}");
+                    }
+                }
+                for none in [f32::NAN, f32::INFINITY] {
+                    assert_eq!(use_.sample(&image, [none, 0.5]), [0.0; 4]);
+                }
+            }
+        }
+        let clamped = TextureRef { wrap_u: Wrap::ClampToEdge, ..TextureRef::plain(0) };
+        assert_eq!(clamped.sample(&image, [3e38, 0.5]), [1.0, 1.0, 1.0, 0.0]);
+    }
+
+    #[test]
+    fn images_share_one_budget() {
+        let mut png = Cursor::new(Vec::new());
+        let image = image::RgbImage::from_raw(2, 1, vec![1, 2, 3, 4, 5, 6]).unwrap();
+        image.write_to(&mut png, image::ImageFormat::Png).unwrap();
+        let mut budget = TextureBudget(15);
+        let mut decode = || Texture::decode(png.get_ref(), "wood.png", &mut budget);
+        assert_eq!(decode().unwrap().pixels, [[1, 2, 3, 255], [4, 5, 6, 255]]);
+        let error = decode().unwrap_err().to_string();
+        assert_eq!(error, "wood.png: the images of the file take more than 4 GiB decoded");
     }
 
     #[test]

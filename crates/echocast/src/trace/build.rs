@@ -4,7 +4,7 @@ use super::Tables;
 use crate::error::Result;
 use crate::material::Material;
 use crate::report::Report;
-use crate::scene::{Mesh, Object, Scene};
+use crate::scene::{Mesh, Object, Scene, cofactors};
 use embree4::{CommittedScene, Device};
 use glam::{DAffine3, DVec3, Mat3};
 use std::sync::Arc;
@@ -130,19 +130,16 @@ const FAR_M: f64 = 8192.0;
 /// The world's origin where the scene is near it, else, in whole metres, where the middle one of its triangles lies: a
 /// stray object far from all others does not draw it away.
 fn local_origin(scene: &Scene) -> DVec3 {
-    let boxes = scene.object_bounds();
-    let reach = boxes.iter().flatten().map(|(low, high)| low.abs().max(high.abs()).max_element());
-    if reach.fold(0.0, f64::max) <= NEAR_ORIGIN_M {
+    if scene.object_boxes().all(|(_, corners)| reach(&corners, DVec3::ZERO) <= NEAR_ORIGIN_M) {
         return DVec3::ZERO;
     }
-    let weights = || scene.objects.iter().map(|object| scene.meshes[object.mesh].triangle_count());
-    let half = weights().sum::<usize>() / 2;
+    let weight = |object: &Object| scene.meshes[object.mesh].triangle_count();
+    let half = scene.triangle_count() / 2;
     let middle = |axis: usize| {
-        let mut centres: Vec<(f64, usize)> = boxes
-            .iter()
-            .zip(weights())
-            .filter_map(|(bounds, weight)| bounds.map(|(low, high)| (low.midpoint(high)[axis], weight)))
-            .collect();
+        // The first and the last corner of a box face each other.
+        let centre = |corners: [DVec3; 8]| corners[0].midpoint(corners[7])[axis];
+        let mut centres: Vec<_> =
+            scene.object_boxes().map(|(object, corners)| (centre(corners), weight(object))).collect();
         centres.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut before = 0;
         let found = centres.iter().find(|(_, weight)| {
@@ -154,22 +151,22 @@ fn local_origin(scene: &Scene) -> DVec3 {
     DVec3::new(middle(0), middle(1), middle(2))
 }
 
+/// Greatest coordinate of `corners` relative to `origin`, m.
+fn reach(corners: &[DVec3; 8], origin: DVec3) -> f64 {
+    corners.iter().map(|corner| (*corner - origin).abs().max_element()).fold(0.0, f64::max)
+}
+
 fn warn_of_far_objects(scene: &Scene, origin: DVec3, report: &mut Report) {
-    let boxes = scene.object_bounds();
-    let distance = |(low, high): (DVec3, DVec3)| (low - origin).abs().max((high - origin).abs()).max_element();
-    let far = scene.objects.iter().zip(&boxes).filter_map(|(object, bounds)| Some((object, distance((*bounds)?))));
-    if let Some((object, distance)) = far.filter(|(_, d)| *d > FAR_M).max_by(|a, b| a.1.total_cmp(&b.1)) {
-        let km = distance / 1000.0;
+    let far = scene.object_boxes().map(|(object, corners)| (object, reach(&corners, origin)));
+    let farthest = far.filter(|(_, reach)| *reach > FAR_M).max_by(|a, b| a.1.total_cmp(&b.1));
+    if let Some((object, reach)) = farthest {
+        let km = reach / 1000.0;
         // Spacing of f32 numbers of this size.
-        let step = 2f64.powi(distance.log2().floor() as i32 - 23);
+        let step_mm = 1000.0 * 2f64.powi(reach.log2().floor() as i32 - 23);
         report.warn(format!(
             "object {:?} reaches {km:.0} km from the scene's origin at {:.0},{:.0},{:.0}: coordinates there are rounded to \
-             {:.1} mm",
-            object.name,
-            origin.x,
-            origin.y,
-            origin.z,
-            step * 1000.0
+             {step_mm:.1} mm",
+            object.name, origin.x, origin.y, origin.z,
         ));
     }
 }
@@ -188,12 +185,9 @@ fn columns(m: &DAffine3) -> [f32; 12] {
     std::array::from_fn(|k| columns[k / 3][k % 3] as f32)
 }
 
-/// The matrix that takes an object's normals to the world's: the cofactors of the linear part, which
-/// are right for any scale and mirror, up to length (and scaled to unit size against underflow).
+/// The matrix that takes an object's normals to the world's, up to length (scaled to unit size against underflow).
 fn normal_matrix(object: &Object) -> Mat3 {
-    let m = object.world_from_object.matrix3;
-    let cofactors =
-        glam::DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
+    let cofactors = cofactors(&object.world_from_object.matrix3);
     let size = cofactors.x_axis.abs().max(cofactors.y_axis.abs()).max(cofactors.z_axis.abs()).max_element();
     let scale = if size > 0.0 { 1.0 / size } else { 0.0 };
     // A mirrored object's cofactors point its normals inwards; surfaces are two-sided, so that is no matter.

@@ -4,6 +4,7 @@ use super::accessor::Accessors;
 use super::{Document, Notes, extras, place, uri};
 use crate::error::Result;
 use crate::material::Material;
+use crate::scene::texture::TextureBudget;
 use crate::scene::{Filter, Texture, TextureRef, Wrap};
 use gltf::json;
 use gltf::json::texture::{Info, MagFilter, WrappingMode};
@@ -12,48 +13,52 @@ use serde_json::Value;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Decoded images of one file, bytes: more is a mistake or an attack.
-const TEXTURE_LIMIT: usize = 4 << 30;
-
 /// The materials of a file, and those made of them while meshes are read.
-pub(super) struct Materials {
-    /// The file's materials in its order, then tinted ones.
-    pub list: Vec<Material>,
-    pub textures: Vec<Arc<Texture>>,
-    /// Texture coordinate set of each material's texture.
-    sets: Vec<Option<u32>>,
+pub(super) struct Materials<'a> {
+    /// The file's materials in its order, then tinted ones. They have their textures once they are used.
+    list: Vec<Material>,
+    images: Images<'a>,
+    /// Texture coordinate set of the texture of each of the file's materials that has been used.
+    sets: HashMap<usize, Option<u32>>,
     /// Materials multiplied by a colour, by material and bits of the colour.
     tinted: HashMap<(Option<usize>, [u32; 4]), usize>,
 }
 
-impl Materials {
-    pub fn read(document: &Document<'_>, accessors: &Accessors<'_>, notes: &mut Notes) -> Result<Materials> {
-        let mut images = Images { document, accessors, textures: Vec::new(), by_image: HashMap::new(), bytes: 0 };
-        let (mut list, mut sets) = (Vec::new(), Vec::new());
+impl<'a> Materials<'a> {
+    pub fn read(document: &'a Document<'a>, accessors: &'a Accessors<'a>, notes: &mut Notes) -> Result<Self> {
+        let mut list = Vec::new();
         for (index, source) in document.json.materials.iter().enumerate() {
             let here = || place("material", index, source.name.as_deref());
             let name = source.name.clone().unwrap_or_else(|| format!("material_{index}"));
             let mut factors = Factors { place: &here, notes };
-            let mut material =
-                surface(source, name, &mut factors).map_err(|message| document.error(here(), message))?;
-            let mut set = None;
-            if let Some(info) = base_color_texture(source) {
-                material.base_color_texture = images.texture_ref(info, &here(), notes)?;
-                let transform = info.extensions.as_ref().and_then(|all| all.texture_transform.as_ref());
-                set = material
-                    .base_color_texture
-                    .is_some()
-                    .then(|| transform.and_then(|t| t.tex_coord).unwrap_or(info.tex_coord));
-            }
-            list.push(material);
-            sets.push(set);
+            list.push(surface(source, name, &mut factors).map_err(|message| document.error(here(), message))?);
         }
-        Ok(Materials { list, textures: images.textures, sets, tinted: HashMap::new() })
+        let budget = TextureBudget::default();
+        let images = Images { document, accessors, textures: Vec::new(), by_image: HashMap::new(), budget };
+        Ok(Materials { list, images, sets: HashMap::new(), tinted: HashMap::new() })
     }
 
-    /// Texture coordinate set that a material needs, `None` without a texture.
-    pub fn set_of(&self, material: Option<usize>) -> Option<u32> {
-        material.and_then(|index| self.sets[index])
+    /// Reads the texture of a material of the file, which a part uses; the texture coordinate set that it needs.
+    pub fn texture_set(&mut self, index: usize, notes: &mut Notes) -> Result<Option<u32>> {
+        if let Some(&known) = self.sets.get(&index) {
+            return Ok(known);
+        }
+        let source = &self.images.document.json.materials[index];
+        let mut set = None;
+        if let Some(info) = base_color_texture(source) {
+            let user = place("material", index, source.name.as_deref());
+            let texture = self.images.texture_ref(info, &user, notes)?;
+            let transform = info.extensions.as_ref().and_then(|all| all.texture_transform.as_ref());
+            set = texture.is_some().then(|| transform.and_then(|t| t.tex_coord).unwrap_or(info.tex_coord));
+            self.list[index].base_color_texture = texture;
+        }
+        self.sets.insert(index, set);
+        Ok(set)
+    }
+
+    /// All materials and textures.
+    pub fn finish(self) -> (Vec<Material>, Vec<Arc<Texture>>) {
+        (self.list, self.images.textures)
     }
 
     /// The material multiplied by a linear colour.
@@ -65,7 +70,6 @@ impl Materials {
                 *channel *= factor;
             }
             self.list.push(tinted);
-            self.sets.push(material.and_then(|index| self.sets[index]));
             self.list.len() - 1
         })
     }
@@ -159,24 +163,24 @@ impl Factors<'_> {
     }
 }
 
-/// Images, decoded when the first material asks for them.
+/// Images, decoded when the first material in use asks for them.
 struct Images<'a> {
     document: &'a Document<'a>,
     accessors: &'a Accessors<'a>,
     textures: Vec<Arc<Texture>>,
     /// Index in `textures` by index of the image.
     by_image: HashMap<usize, usize>,
-    /// Memory that `textures` take.
-    bytes: usize,
+    budget: TextureBudget,
 }
 
 impl Images<'_> {
     /// The use that `info` makes of an image; `None`, with a note, where the file only has it in a
     /// format of an extension.
     fn texture_ref(&mut self, info: &Info, user: &str, notes: &mut Notes) -> Result<Option<TextureRef>> {
-        let json = &self.document.json;
+        let document = self.document;
+        let json = &document.json;
         let missing = |what: &str, index: usize| {
-            Err(self.document.error(user, format!("its {what} {index} does not exist in the file")))
+            Err(document.error(user, format!("its {what} {index} does not exist in the file")))
         };
         let Some(texture) = json.textures.get(info.index.value()) else {
             return missing("texture", info.index.value());
@@ -234,11 +238,8 @@ impl Images<'_> {
             (None, Some(view)) => self.accessors.view(view).map_err(|message| fault(format!("it {message}")))?,
             (None, None) => return Err(fault("it has neither uri nor bufferView".into())),
         };
-        let texture = Texture::decode(bytes, &format!("{}: {here}", document.origin.display()))?;
-        self.bytes += texture.pixels.len() * 4;
-        if self.bytes > TEXTURE_LIMIT {
-            return Err(fault(format!("the images take more than {} GiB decoded", TEXTURE_LIMIT >> 30)));
-        }
+        let origin = format!("{}: {here}", document.origin.display());
+        let texture = Texture::decode(bytes, &origin, &mut self.budget)?;
         self.textures.push(Arc::new(texture));
         self.by_image.insert(index, self.textures.len() - 1);
         Ok(self.textures.len() - 1)

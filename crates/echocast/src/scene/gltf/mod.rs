@@ -14,12 +14,12 @@ mod primitive;
 mod tests;
 mod uri;
 
-use super::{Camera, LoadOptions, RawObject, Scene};
+use super::{Camera, LoadOptions, RawObject, Scene, cofactors, count};
 use crate::emitter::Pose;
 use crate::error::{Error, Result};
 use crate::report::Report;
 use accessor::Accessors;
-use glam::DAffine3;
+use glam::{DAffine3, DMat3};
 use gltf::json::Root;
 use gltf::json::extras::RawValue;
 use hierarchy::{Placed, Transform};
@@ -72,13 +72,15 @@ pub(super) fn read_bytes(bytes: &[u8], origin: &Path, folder: Option<&Path>, opt
     let mut report = Report::default();
     notes.tell(origin, &mut report);
     if degenerate_triangles > 0 {
-        report.warn(format!("{}: {degenerate_triangles} triangle(s) without area are left out", origin.display()));
+        let triangles = count(degenerate_triangles, "triangle");
+        report.warn(format!("{}: {triangles} without area left out", origin.display()));
     }
     let animations = document.json.animations.iter().enumerate();
+    let (materials, textures) = materials.finish();
     let scene = Scene {
         meshes: list,
-        materials: materials.list,
-        textures: materials.textures,
+        materials,
+        textures,
         cameras,
         animations: animations.map(|(i, a)| a.name.clone().unwrap_or_else(|| format!("animation_{i}"))).collect(),
         degenerate_triangles,
@@ -109,9 +111,9 @@ fn objects_of(placed: &Placed<'_>, meshes: &mut Meshes<'_>, objects: &mut Vec<Ra
     let instances = instancing::node_from_instances(meshes.accessors, node).map_err(fault)?;
     for node_from_object in instances.unwrap_or_else(|| vec![DAffine3::IDENTITY]) {
         let world_from_object = placed.world_from_node * node_from_object;
-        let inverse = world_from_object.inverse();
-        if !(world_from_object.is_finite() && inverse.is_finite()) {
-            meshes.notes.add("objects scaled to nothing are left out", here);
+        // What is squeezed flat can still be seen.
+        if cofactors(&world_from_object.matrix3) == DMat3::ZERO {
+            meshes.notes.add("objects scaled to a line or a point are left out", here);
             continue;
         }
         let object = RawObject {

@@ -5,7 +5,7 @@ use super::material::Materials;
 use super::{Document, Notes, place};
 use crate::error::Result;
 use crate::scene::mesh::{is_degenerate, normals_are_flat};
-use crate::scene::{Mesh, Part};
+use crate::scene::{LARGEST, Mesh, Part};
 use gltf::json::accessor::Type;
 use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked;
@@ -17,7 +17,7 @@ use std::sync::Arc;
 pub(super) struct Meshes<'a> {
     pub document: &'a Document<'a>,
     pub accessors: &'a Accessors<'a>,
-    pub materials: Materials,
+    pub materials: Materials<'a>,
     pub notes: Notes,
     /// Meshes read so far.
     pub list: Vec<Arc<Mesh>>,
@@ -36,8 +36,12 @@ pub(super) struct Cache {
     meshes: HashMap<usize, Option<usize>>,
     positions: HashMap<usize, Shared<3>>,
     triangles: HashMap<TriangleKey, Triangles>,
-    normals: HashMap<(usize, TriangleKey), Option<Shared<3>>>,
+    /// Unit normals; `None`: some have no length.
+    normals: HashMap<usize, Option<Shared<3>>>,
     uvs: HashMap<usize, Shared<2>>,
+    /// Normals and texture coordinates as the parts have them.
+    part_normals: HashMap<(usize, TriangleKey), Option<Shared<3>>>,
+    part_uvs: HashMap<(usize, TriangleKey), Shared<2>>,
     colors: HashMap<usize, VertexColors>,
 }
 
@@ -47,6 +51,10 @@ type TriangleKey = (usize, Option<usize>, u32);
 #[derive(Clone)]
 struct Triangles {
     kept: Arc<Vec<[u32; 3]>>,
+    /// The vertices that `kept` counts.
+    positions: Shared<3>,
+    /// Which of the accessor's vertices those are; `None`: all, in its order.
+    used: Option<Arc<Vec<u32>>>,
     /// How many were left out because they have no area.
     degenerate: usize,
 }
@@ -72,7 +80,7 @@ impl Meshes<'_> {
         let mut parts = Vec::new();
         for (number, primitive) in source.primitives.iter().enumerate() {
             let here = format!("{here} primitive {number}");
-            parts.extend(self.part(primitive, &here).map_err(|message| document.error(&here, message))?);
+            parts.extend(self.part(primitive, &here)?);
         }
         let read = (!parts.is_empty()).then(|| {
             let name = source.name.clone().unwrap_or_else(|| format!("mesh_{index}"));
@@ -84,43 +92,48 @@ impl Meshes<'_> {
     }
 
     /// A primitive as a part; `None` if it has no triangle.
-    fn part(&mut self, primitive: &Primitive, here: &str) -> Result<Option<Part>, String> {
+    fn part(&mut self, primitive: &Primitive, here: &str) -> Result<Option<Part>> {
+        let document = self.document;
+        let fault = |message: String| document.error(here, message);
         let mode = match primitive.mode {
             Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => mode,
             Checked::Valid(Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) => {
                 self.notes.add("points and lines are skipped", || here.to_owned());
                 return Ok(None);
             }
-            Checked::Invalid => return Err("its mode is unknown; allowed: 0 to 6".into()),
+            Checked::Invalid => return Err(fault("its mode is unknown; allowed: 0 to 6".into())),
         };
         let Some(position) = attribute(primitive, Semantic::Positions) else {
             self.notes.add("primitives without positions are skipped", || here.to_owned());
             return Ok(None);
         };
         let material = primitive.material.map(|index| index.value());
-        let known = self.document.json.materials.len();
+        let known = document.json.materials.len();
         if let Some(missing) = material.filter(|&index| index >= known) {
-            return Err(format!("its material {missing} does not exist: the file has {known}"));
+            return Err(fault(format!("its material {missing} does not exist: the file has {known}")));
         }
 
-        let positions = self.positions(position)?;
         let key = (position.value(), primitive.indices.map(|index| index.value()), mode.as_gl_enum());
-        let Triangles { kept: triangles, degenerate } =
-            self.triangles(key, primitive.indices, mode, &positions, here)?;
-        self.degenerate_triangles += degenerate;
-        if triangles.is_empty() {
+        let vertices = self.positions(position).map_err(fault)?;
+        let triangles = self.triangles(key, primitive.indices, mode, &vertices, here).map_err(fault)?;
+        self.degenerate_triangles += triangles.degenerate;
+        if triangles.kept.is_empty() {
             return Ok(None);
         }
         let normals = match attribute(primitive, Semantic::Normals) {
-            Some(normal) => self.normals(normal, key, &positions, &triangles, here)?,
+            Some(normal) => self.normals(normal, key, vertices.len(), &triangles, here).map_err(fault)?,
             None => None,
         };
-        let uvs = match self.materials.set_of(material) {
-            Some(set) => self.uvs(attribute(primitive, Semantic::TexCoords(set)), positions.len(), here)?,
+        let set = match material {
+            Some(index) => self.materials.texture_set(index, &mut self.notes)?,
             None => None,
         };
-        let color = attribute(primitive, Semantic::Colors(0)).map(|color| self.colors(color, positions.len()));
-        let material = match color.transpose()? {
+        let uvs = match set.map(|set| attribute(primitive, Semantic::TexCoords(set))) {
+            Some(uvs) => self.uvs(uvs, key, vertices.len(), &triangles, here).map_err(fault)?,
+            None => None,
+        };
+        let color = attribute(primitive, Semantic::Colors(0)).map(|color| self.colors(color, vertices.len()));
+        let material = match color.transpose().map_err(fault)? {
             Some(VertexColors::Constant(color)) if color != [1.0; 4] => Some(self.materials.tint(material, color)),
             Some(VertexColors::Varying) => {
                 self.notes.add("vertex colours that change over a primitive are not used", || here.to_owned());
@@ -128,7 +141,7 @@ impl Meshes<'_> {
             }
             Some(VertexColors::Constant(_)) | None => material,
         };
-        Ok(Some(Part { positions, normals, uvs, triangles, material }))
+        Ok(Some(Part { positions: triangles.positions, normals, uvs, triangles: triangles.kept, material }))
     }
 
     fn positions(&mut self, index: Index<Accessor>) -> Result<Shared<3>, String> {
@@ -136,8 +149,9 @@ impl Meshes<'_> {
             return Ok(known.clone());
         }
         let positions = self.accessors.vectors::<3>(index).map_err(|message| format!("POSITION: {message}"))?;
-        if let Some(vertex) = positions.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
-            return Err(format!("vertex {vertex} is {:?}; allowed: finite numbers", positions[vertex]));
+        let in_reach = |p: &[f32; 3]| p.iter().all(|x| f64::from(x.abs()) <= LARGEST);
+        if let Some(vertex) = positions.iter().position(|p| !in_reach(p)) {
+            return Err(format!("vertex {vertex} is {:?}; allowed: -1e18 to 1e18", positions[vertex]));
         }
         let positions = Arc::new(positions);
         self.cache.positions.insert(index.value(), positions.clone());
@@ -149,7 +163,7 @@ impl Meshes<'_> {
         key: TriangleKey,
         indices: Option<Index<Accessor>>,
         mode: Mode,
-        positions: &[[f32; 3]],
+        positions: &Shared<3>,
         here: &str,
     ) -> Result<Triangles, String> {
         if let Some(known) = self.cache.triangles.get(&key) {
@@ -182,64 +196,91 @@ impl Meshes<'_> {
             let [a, b, c] = corners.map(|corner| positions[corner as usize]);
             !is_degenerate(a, b, c)
         });
-        let read = Triangles { degenerate: all - triangles.len(), kept: Arc::new(triangles) };
+        let degenerate = all - triangles.len();
+        let used = used_vertices(&mut triangles, count).map(Arc::new);
+        self.accessors.charge(used.as_ref().map_or(0, |used| used.len() * size_of::<u32>()))?;
+        let positions = self.pick(positions, used.as_deref())?;
+        let read = Triangles { kept: Arc::new(triangles), positions, used, degenerate };
         self.cache.triangles.insert(key, read.clone());
         Ok(read)
     }
 
-    /// Unit normals; `None` where they are flat or useless.
+    /// Those of `all` that a part uses.
+    fn pick<const N: usize>(&self, all: &Shared<N>, used: Option<&Vec<u32>>) -> Result<Shared<N>, String> {
+        let Some(used) = used else { return Ok(all.clone()) };
+        self.accessors.charge(used.len() * size_of::<[f32; N]>())?;
+        Ok(Arc::new(used.iter().map(|&vertex| all[vertex as usize]).collect()))
+    }
+
+    /// Unit normals of a part; `None` where they are flat or useless. `vertices` is the length of the accessors.
     fn normals(
         &mut self,
         index: Index<Accessor>,
         triangle_key: TriangleKey,
-        positions: &[[f32; 3]],
-        triangles: &[[u32; 3]],
+        vertices: usize,
+        triangles: &Triangles,
         here: &str,
     ) -> Result<Option<Shared<3>>, String> {
         let key = (index.value(), triangle_key);
-        if let Some(known) = self.cache.normals.get(&key) {
+        if let Some(known) = self.cache.part_normals.get(&key) {
             return Ok(known.clone());
         }
-        let mut normals = self.accessors.vectors::<3>(index).map_err(|message| format!("NORMAL: {message}"))?;
-        same_count("NORMAL", normals.len(), positions.len())?;
-        let mut usable = true;
-        for normal in &mut normals {
-            match glam::Vec3::from(*normal).try_normalize() {
-                Some(unit) => *normal = unit.to_array(),
-                None => usable = false,
+        let fault = |message: String| format!("NORMAL: {message}");
+        let described = self.accessors.describe(index).map_err(fault)?;
+        same_count("NORMAL", described, vertices)?;
+        let all = match self.cache.normals.get(&index.value()) {
+            Some(known) => known.clone(),
+            None => {
+                let read = self.accessors.vectors::<3>(index).map_err(fault)?;
+                let unit = |normal| Some(glam::Vec3::from(normal).try_normalize()?.to_array());
+                let units: Option<Vec<_>> = read.into_iter().map(unit).collect();
+                let units = units.map(Arc::new);
+                self.cache.normals.insert(index.value(), units.clone());
+                units
             }
-        }
-        if !usable {
+        };
+        if all.is_none() {
             self.notes.add("normals of no length are not used, the surface is flat-shaded", || here.to_owned());
         }
-        let normals = (usable && !normals_are_flat(positions, &normals, triangles)).then(|| Arc::new(normals));
-        self.cache.normals.insert(key, normals.clone());
+        let picked = all.map(|all| self.pick(&all, triangles.used.as_deref())).transpose()?;
+        let normals = picked.filter(|normals| !normals_are_flat(&triangles.positions, normals, &triangles.kept));
+        self.cache.part_normals.insert(key, normals.clone());
         Ok(normals)
     }
 
+    /// Texture coordinates of a part. `vertices` is the length of the accessors.
     fn uvs(
         &mut self,
         index: Option<Index<Accessor>>,
+        triangle_key: TriangleKey,
         vertices: usize,
+        triangles: &Triangles,
         here: &str,
     ) -> Result<Option<Shared<2>>, String> {
         let Some(index) = index else {
             self.notes.add("textures are not used where texture coordinates are missing", || here.to_owned());
             return Ok(None);
         };
-        let uvs = match self.cache.uvs.get(&index.value()) {
+        let key = (index.value(), triangle_key);
+        if let Some(known) = self.cache.part_uvs.get(&key) {
+            return Ok(Some(known.clone()));
+        }
+        let fault = |message: String| format!("TEXCOORD: {message}");
+        same_count("TEXCOORD", self.accessors.describe(index).map_err(fault)?, vertices)?;
+        let all = match self.cache.uvs.get(&index.value()) {
             Some(known) => known.clone(),
-            None => Arc::new(self.accessors.vectors::<2>(index).map_err(|message| format!("TEXCOORD: {message}"))?),
+            None => Arc::new(self.accessors.vectors::<2>(index).map_err(fault)?),
         };
-        same_count("TEXCOORD", uvs.len(), vertices)?;
-        self.cache.uvs.insert(index.value(), uvs.clone());
+        self.cache.uvs.insert(index.value(), all.clone());
+        let uvs = self.pick(&all, triangles.used.as_deref())?;
+        self.cache.part_uvs.insert(key, uvs.clone());
         Ok(Some(uvs))
     }
 
     fn colors(&mut self, index: Index<Accessor>, vertices: usize) -> Result<VertexColors, String> {
         let fault = |message: String| format!("COLOR_0: {message}");
         let described = self.accessors.describe(index).map_err(fault)?;
-        same_count("COLOR_0", usize::try_from(described.count.0).unwrap_or(usize::MAX), vertices)?;
+        same_count("COLOR_0", described, vertices)?;
         if let Some(&known) = self.cache.colors.get(&index.value()) {
             return Ok(known);
         }
@@ -274,8 +315,29 @@ fn assemble(mode: Mode, corners: &[u32]) -> Vec<[u32; 3]> {
     }
 }
 
-fn same_count(what: &str, found: usize, vertices: usize) -> Result<(), String> {
-    if found == vertices { Ok(()) } else { Err(format!("{what} has {found} elements for {vertices} vertices")) }
+/// The vertices that `triangles` use, rising, when those are less than half of `vertices`: `triangles` then count
+/// in them. A part must not carry a buffer that hundreds share; it is copied for each when the scene is built.
+fn used_vertices(triangles: &mut [[u32; 3]], vertices: usize) -> Option<Vec<u32>> {
+    // Closed meshes have two triangles for each vertex: so many need no closer look.
+    if triangles.len() >= vertices {
+        return None;
+    }
+    let mut used: Vec<u32> = triangles.as_flattened().to_vec();
+    used.sort_unstable();
+    used.dedup();
+    if used.len() >= vertices.div_ceil(2) {
+        return None;
+    }
+    used.shrink_to_fit();
+    for corner in triangles.as_flattened_mut() {
+        *corner = used.partition_point(|vertex| vertex < corner) as u32;
+    }
+    Some(used)
+}
+
+fn same_count(what: &str, accessor: &Accessor, vertices: usize) -> Result<(), String> {
+    let found = accessor.count.0;
+    if found == vertices as u64 { Ok(()) } else { Err(format!("{what} has {found} elements for {vertices} vertices")) }
 }
 
 /// The colour that all vertices have, clamped to 0..1.

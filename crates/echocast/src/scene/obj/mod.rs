@@ -8,13 +8,15 @@ mod polygon;
 mod statements;
 mod text;
 
-use super::{LoadOptions, Part, RawObject, Scene, Texture, TextureRef, UpAxis, Wrap};
+use super::{LoadOptions, Part, RawObject, Scene, Texture, TextureRef, UpAxis, Wrap, count, some_of};
 use crate::error::{Error, Result};
 use crate::material::Material;
 use crate::scene::Mesh;
+use crate::scene::texture::TextureBudget;
 use glam::{DAffine3, DMat3, DVec3};
 use parts::PartMaker;
 use statements::{Run, Statements};
+use std::collections::hash_map::Entry;
 use std::collections::{HashMap, HashSet};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -22,12 +24,12 @@ use std::sync::Arc;
 
 /// Reads the OBJ file at `path` and the MTL files and images it names.
 ///
-/// Every `o`, or in files without one every `g`, is an object, whatever lies between its faces; faces
-/// before the first belong to an object called like the file.
+/// Every `o`, or in files without one every name of a `g`, is an object, whatever lies between its faces;
+/// faces before the first belong to an object called like the file.
 ///
 /// # Errors
 /// A file that cannot be read; a line that says no number where one must stand or a vertex that is not
-/// there; no faces. A missing MTL file, material or image is a warning.
+/// there; no faces; an image that is missing or damaged. A missing MTL file or material is a warning.
 pub(super) fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
     if !(options.scale.is_finite() && options.scale > 0.0) {
         return Err(Error::invalid("scale", options.scale, "finite numbers above 0"));
@@ -57,14 +59,12 @@ pub(super) fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
     let mut objects = Vec::new();
     for runs in runs.chunk_by(|a, b| object_of(a) == object_of(b)) {
         let middle = maker.middle(runs);
-        let parts: Vec<Part> = runs
-            .chunk_by(|a, b| a.material == b.material)
-            .filter_map(|runs| {
-                let material = materials.choose(&file, runs[0].material, &mut scene);
-                let textured = material.is_some_and(|index| scene.materials[index].base_color_texture.is_some());
-                Some(Part { material, ..maker.part(runs, middle, textured)? })
-            })
-            .collect();
+        let mut parts = Vec::new();
+        for runs in runs.chunk_by(|a, b| a.material == b.material) {
+            let material = materials.choose(&file, runs[0].material, &mut scene)?;
+            let textured = material.is_some_and(|index| scene.materials[index].base_color_texture.is_some());
+            parts.extend(maker.part(runs, middle, textured).map(|part| Part { material, ..part }));
+        }
         if parts.is_empty() {
             continue;
         }
@@ -84,12 +84,12 @@ pub(super) fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
 
     materials.warn(path, &mut scene);
     scene.degenerate_triangles = maker.degenerate_triangles;
-    for (count, what) in [
-        (maker.degenerate_triangles, "triangles without area are left out"),
-        (maker.tangled_polygons, "polygons cross themselves or are folded: their triangles are a guess"),
+    for (number, what, fate) in [
+        (maker.degenerate_triangles, "triangle", "without area left out"),
+        (maker.tangled_polygons, "polygon", "crossing itself or folded: the triangles there are a guess"),
     ] {
-        if count > 0 {
-            scene.report.warn(format!("{}: {count} {what}", path.display()));
+        if number > 0 {
+            scene.report.warn(format!("{}: {} {fate}", path.display(), count(number, what)));
         }
     }
     Ok(scene.assemble(objects, &options.labels))
@@ -100,18 +100,17 @@ struct Materials {
     entries: HashMap<String, mtl::Entry>,
     /// Scene material of each number of `usemtl`.
     chosen: HashMap<usize, usize>,
-    /// Scene texture of each image file; `None`: it cannot be read.
-    textures: HashMap<PathBuf, Option<usize>>,
+    /// Scene texture of each image file.
+    textures: HashMap<PathBuf, usize>,
+    budget: TextureBudget,
     unknown: Vec<String>,
-    unread_images: Vec<String>,
 }
 
 impl Materials {
     fn read(path: &Path, file: &Statements, scene: &mut Scene) -> Result<Self> {
-        let folder = path.parent().unwrap_or(Path::new(""));
         let mut entries = HashMap::new();
         let (mut read, mut missing) = (HashSet::new(), Vec::new());
-        for (name, library) in file.libraries.iter().flat_map(|names| mtl::libraries(folder, names)) {
+        for (name, library) in file.libraries.iter().flat_map(|names| mtl::libraries(path, names)) {
             match library {
                 // Many names may mean one file.
                 Some(library) => {
@@ -126,21 +125,22 @@ impl Materials {
             scene.report.warn(format!("{}: material files not found: {}", path.display(), some_of(&missing)));
         }
         let (chosen, textures) = (HashMap::new(), HashMap::new());
-        Ok(Materials { entries, chosen, textures, unknown: Vec::new(), unread_images: Vec::new() })
+        Ok(Materials { entries, chosen, textures, budget: TextureBudget::default(), unknown: Vec::new() })
     }
 
     /// Index of the scene's material for a number of `usemtl`.
-    fn choose(&mut self, file: &Statements, number: usize, scene: &mut Scene) -> Option<usize> {
+    fn choose(&mut self, file: &Statements, number: usize, scene: &mut Scene) -> Result<Option<usize>> {
         if number == 0 {
-            return None;
+            return Ok(None);
         }
         if let Some(&index) = self.chosen.get(&number) {
-            return Some(index);
+            return Ok(Some(index));
         }
         let name = &file.materials.list[number];
         let material = match self.entries.remove(name) {
+            Some(mtl::Entry { fault: Some(error), .. }) => return Err(error),
             Some(entry) => {
-                let base_color_texture = entry.map.and_then(|map| self.texture(&map, scene));
+                let base_color_texture = entry.map.map(|map| self.texture(&map, scene)).transpose()?;
                 Material { base_color_texture, ..entry.material }
             }
             None => {
@@ -151,39 +151,29 @@ impl Materials {
         let index = scene.materials.len();
         scene.materials.push(material);
         self.chosen.insert(number, index);
-        Some(index)
+        Ok(Some(index))
     }
 
     /// The use of an image, which is read when it is first needed.
-    fn texture(&mut self, map: &mtl::Map, scene: &mut Scene) -> Option<TextureRef> {
-        let Some(path) = mtl::find(&map.folder, &map.file) else {
-            self.unread_images.push(format!("{} (not found)", map.file));
-            return None;
-        };
-        let key = fs::canonicalize(&path).unwrap_or(path.clone());
-        let texture = *self.textures.entry(key).or_insert_with(|| {
-            let image = fs::read(&path)
-                .map_err(|source| Error::io(&path, source))
-                .and_then(|bytes| Texture::decode(&bytes, &path.display().to_string()));
-            match image {
-                Ok(image) => {
-                    scene.textures.push(Arc::new(image));
-                    Some(scene.textures.len() - 1)
-                }
-                Err(error) => {
-                    self.unread_images.push(error.to_string());
-                    None
-                }
+    fn texture(&mut self, map: &mtl::Map, scene: &mut Scene) -> Result<TextureRef> {
+        let path = map.path()?;
+        let texture = match self.textures.entry(fs::canonicalize(&path).unwrap_or(path.clone())) {
+            Entry::Occupied(known) => *known.get(),
+            Entry::Vacant(new) => {
+                let bytes = fs::read(&path).map_err(|source| Error::io(&path, source))?;
+                let image = Texture::decode(&bytes, &path.display().to_string(), &mut self.budget)?;
+                scene.textures.push(Arc::new(image));
+                *new.insert(scene.textures.len() - 1)
             }
-        });
+        };
         let wrap = if map.clamp { Wrap::ClampToEdge } else { Wrap::Repeat };
         let ([su, sv], [ou, ov]) = (map.scale, map.offset);
-        Some(TextureRef {
+        Ok(TextureRef {
             wrap_u: wrap,
             wrap_v: wrap,
             // v is 0 at the bottom of the image here, at the top in ours.
             transform: [[su, 0.0, ou], [0.0, -sv, 1.0 - ov]],
-            ..TextureRef::plain(texture?)
+            ..TextureRef::plain(texture)
         })
     }
 
@@ -193,20 +183,13 @@ impl Materials {
             let unknown = some_of(&self.unknown);
             scene.report.warn(format!("{path}: materials without definition are taken as white: {unknown}"));
         }
-        if !self.unread_images.is_empty() {
-            let images = some_of(&self.unread_images);
-            scene.report.warn(format!("{path}: images not read, the plain colour Kd stands in: {images}"));
+        // Those in use have been taken out.
+        let mut faults: Vec<_> =
+            self.entries.values().filter_map(|entry| Some(entry.fault.as_ref()?.to_string())).collect();
+        faults.sort();
+        if !faults.is_empty() {
+            scene.report.warn(format!("{path}: materials that nothing uses are faulty: {}", some_of(&faults)));
         }
-    }
-}
-
-/// The first names of a list, and how many more there are.
-fn some_of(names: &[String]) -> String {
-    const SHOWN: usize = 5;
-    let shown = names[..names.len().min(SHOWN)].join(", ");
-    match names.len().saturating_sub(SHOWN) {
-        0 => shown,
-        more => format!("{shown} and {more} more"),
     }
 }
 
@@ -279,7 +262,7 @@ mod tests {
         };
         assert_eq!(
             names("f 1 2 3\no a b\ng x\nf 1 2 3\ng y\nf 1 2 3\no c\nf 1 2 3\no a b\nf 1 2 4"),
-            ["scene", "a b", "c"]
+            ["scene", "a b", "c", "a b"]
         );
         assert_eq!(names("g x\nf 1 2 3\ng y\nf 1 2 3\ng x\nf 1 2 3\no\n"), ["x", "y"]);
         assert_eq!(names("o empty\no full\nf 1 2 3"), ["full"]);
@@ -399,18 +382,19 @@ mod tests {
     }
 
     #[test]
-    fn images_that_cannot_be_read_are_warned_of() {
-        let text = format!("mtllib m.mtl\n{QUAD}vt 0 0\nusemtl a\nf 1/1 2/1 3/1\nusemtl b\nf 1/1 2/1 3/1\n");
-        let mtl = b"newmtl a\nKd 1 0 0\nmap_Kd gone.png\nnewmtl b\nmap_Kd bad.png";
-        let files: &[(&str, &[u8])] =
-            &[("scene.obj", text.as_bytes()), ("m.mtl", mtl), ("bad.png", &red_above_blue()[..40])];
-        let scene = read_files(files, &LoadOptions::default()).unwrap();
-        let [warning] = &scene.report.warnings[..] else { panic!("{:?}", scene.report) };
-        assert!(warning.contains("the plain colour Kd stands in: gone.png (not found), "), "{warning}");
-        assert!(warning.contains("bad.png: the image cannot be decoded"), "{warning}");
-        assert_eq!(scene.materials[0].base_color, [1.0, 0.0, 0.0, 1.0]);
-        assert!(scene.materials.iter().all(|material| material.base_color_texture.is_none()));
-        assert!(scene.meshes[0].parts[0].uvs.is_none());
+    fn images_that_cannot_be_read_are_errors_where_they_are_used() {
+        let text = format!("mtllib m.mtl\n{QUAD}vt 0 0\nusemtl a\nf 1/1 2/1 3/1\n");
+        let with = |mtl: &[u8]| {
+            let bad = &red_above_blue()[..40];
+            let files: &[(&str, &[u8])] = &[("scene.obj", text.as_bytes()), ("m.mtl", mtl), ("bad.png", bad)];
+            read_files(files, &LoadOptions::default())
+        };
+        let error = with(b"newmtl a\nKd 1 0 0\nmap_Kd gone.png").unwrap_err().to_string();
+        assert!(error.ends_with("m.mtl: line 3: there is no image \"gone.png\""), "{error}");
+        let error = with(b"newmtl a\nmap_Kd bad.png").unwrap_err().to_string();
+        assert!(error.contains("bad.png: the image cannot be decoded"), "{error}");
+        let scene = with(b"newmtl a\nnewmtl b\nmap_Kd gone.png\nnewmtl c\nmap_Kd bad.png").unwrap();
+        assert!(scene.textures.is_empty() && scene.report.warnings.is_empty());
     }
 
     #[test]
@@ -418,9 +402,9 @@ mod tests {
         let text = format!("{QUAD}v 1 0 0\nf 1 2 3\nf 1 1 2\nf 1 5 2\nf 1 5 2 5 2\nf 1 5 2 3 4\n");
         let scene = read_text(&text).unwrap();
         assert_eq!((scene.degenerate_triangles, scene.triangle_count()), (3, 4));
-        assert_eq!(warnings(&scene), ["3 triangles without area are left out"]);
+        assert_eq!(warnings(&scene), ["3 triangles without area left out"]);
         let scene = read_text(&format!("{QUAD}f 1 3 2 4")).unwrap();
-        assert_eq!(warnings(&scene), ["1 polygons cross themselves or are folded: their triangles are a guess"]);
+        assert_eq!(warnings(&scene), ["1 polygon crossing itself or folded: the triangles there are a guess"]);
     }
 
     #[test]
@@ -429,10 +413,15 @@ mod tests {
         assert!(message(&format!("{QUAD}f 1 2 9")).ends_with("scene.obj: line 5: vertex index 9 of 4"));
         assert!(message("v 0 inf 0").ends_with("scene.obj: line 1: \"inf\" is not a finite number"));
         assert!(message(QUAD).ends_with("scene.obj: the file holds no face (f) with 3 or more corners"));
-        let mtl = b"newmtl a\nKd 1 1 x";
-        let text = format!("mtllib m.mtl\n{QUAD}f 1 2 3");
-        let error = read_files(&[("scene.obj", text.as_bytes()), ("m.mtl", mtl)], &LoadOptions::default());
-        assert!(error.unwrap_err().to_string().ends_with("m.mtl: line 2: \"x\" is not a finite number"));
+        let mtl = b"newmtl a\nKd 1 1 x\nd 0.5\nnewmtl b\n";
+        let with_material = |name: &str| {
+            let text = format!("mtllib m.mtl\n{QUAD}usemtl {name}\nf 1 2 3");
+            read_files(&[("scene.obj", text.as_bytes()), ("m.mtl", mtl)], &LoadOptions::default())
+        };
+        let bad_number = "m.mtl: line 2: \"x\" is not a finite number";
+        assert!(with_material("a").unwrap_err().to_string().ends_with(bad_number));
+        let [warning] = &warnings(&with_material("b").unwrap())[..] else { panic!("one warning") };
+        assert!(warning.starts_with("materials that nothing uses are faulty: ") && warning.ends_with(bad_number));
         let missing = read(Path::new("no/such.obj"), &LoadOptions::default()).unwrap_err().to_string();
         assert!(missing.starts_with("no/such.obj: "), "{missing}");
         let options = LoadOptions { scale: 0.0, ..LoadOptions::default() };

@@ -8,12 +8,16 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// A material of an MTL file.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Debug, Default)]
 pub(super) struct Entry {
     /// All but the texture.
     pub material: Material,
     /// `map_Kd`.
     pub map: Option<Map>,
+    /// What is wrong with it, first of all; no matter where it is not used.
+    pub fault: Option<Error>,
+    /// Where both are given, `d` counts: exporters do not agree on what `Tr` means.
+    dissolve_given: bool,
 }
 
 /// An image that colours a surface.
@@ -21,8 +25,9 @@ pub(super) struct Entry {
 pub(super) struct Map {
     /// File as the MTL names it.
     pub file: String,
-    /// The folder of the MTL.
-    pub folder: PathBuf,
+    /// The MTL and the line there.
+    library: PathBuf,
+    line: usize,
     /// `-s`, then `-o`: the image is seen at `u * scale + offset`.
     pub scale: [f32; 2],
     pub offset: [f32; 2],
@@ -30,31 +35,60 @@ pub(super) struct Map {
     pub clamp: bool,
 }
 
+impl Map {
+    /// The image file.
+    ///
+    /// # Errors
+    /// It is not there.
+    pub fn path(&self) -> Result<PathBuf> {
+        find(&self.library, &self.file).ok_or_else(|| {
+            let message = format!("there is no image {:?}", self.file);
+            Error::parse(&self.library, format!("line {}", self.line), message)
+        })
+    }
+}
+
 /// Adds the materials of the MTL file at `path` to `entries`; a name that comes again replaces what was there.
 ///
 /// Read are `Kd` (taken as linear, 0..1), `d` and `Tr`, `Ni`, `map_Kd`, the extension `Pm` and `Pr`, and our
 /// own `reflectance`. What draws highlights and reflections says nothing about a scanner's wavelength.
 ///
+/// Numbers are brought into their range, as many exporters do not care. One that is none, or a reflectance
+/// outside 0..1, is the fault of its material.
+///
 /// # Errors
-/// A file that cannot be read, a number that is none, a reflectance outside 0..1. Other numbers are
-/// brought into their range, as many exporters do not care.
+/// A file that cannot be read.
 pub(super) fn read(path: &Path, entries: &mut HashMap<String, Entry>) -> Result<()> {
     let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
     let mut text = Text::new(path, &bytes)?;
-    let folder = path.parent().unwrap_or(Path::new(""));
     let mut entry = Entry::default();
-    // Where both are given, `d` counts: exporters do not agree on what `Tr` means.
-    let mut dissolve_given = false;
     while text.next_statement() {
-        let material = &mut entry.material;
         match text.word() {
             b"newmtl" => {
-                let name = text.rest();
-                let done = std::mem::take(&mut entry);
+                let material = Material { name: text.rest(), ..Material::default() };
+                let done = std::mem::replace(&mut entry, Entry { material, ..Entry::default() });
                 entries.insert(done.material.name.clone(), done);
-                entry.material.name = name;
-                dissolve_given = false;
             }
+            b"map_Kd" => entry.map = map(&mut text, path),
+            word => {
+                if let Err(error) = entry.number(word, &mut text) {
+                    entry.fault.get_or_insert(error);
+                }
+            }
+        }
+        text.skip_statement();
+    }
+    entries.insert(entry.material.name.clone(), entry);
+    // What stands before the first `newmtl` belongs to nobody.
+    entries.remove("");
+    Ok(())
+}
+
+impl Entry {
+    /// Reads the numbers of a statement that begins with `word`.
+    fn number(&mut self, word: &[u8], text: &mut Text) -> Result<()> {
+        let material = &mut self.material;
+        match word {
             b"Kd" => match text.peek_word() {
                 // Spectral files and CIE XYZ: rare, and no base colour.
                 b"spectral" | b"xyz" => {}
@@ -71,11 +105,11 @@ pub(super) fn read(path: &Path, entries: &mut HashMap<String, Entry>) -> Result<
                     text.word();
                 }
                 material.base_color[3] = fraction(text.number()?);
-                dissolve_given = true;
+                self.dissolve_given = true;
             }
             b"Tr" => {
                 let opacity = fraction(1.0 - text.number()?);
-                if !dissolve_given {
+                if !self.dissolve_given {
                     material.base_color[3] = opacity;
                 }
             }
@@ -89,15 +123,10 @@ pub(super) fn read(path: &Path, entries: &mut HashMap<String, Entry>) -> Result<
                 }
                 material.reflectance = Some(value as f32);
             }
-            b"map_Kd" => entry.map = map(&mut text, folder),
             _ => {}
         }
-        text.skip_statement();
+        Ok(())
     }
-    entries.insert(entry.material.name.clone(), entry);
-    // What stands before the first `newmtl` belongs to nobody.
-    entries.remove("");
-    Ok(())
 }
 
 fn fraction(value: f64) -> f32 {
@@ -105,9 +134,15 @@ fn fraction(value: f64) -> f32 {
 }
 
 /// Options and file name of a `map_Kd`; `None` without a file name.
-fn map(text: &mut Text, folder: &Path) -> Option<Map> {
-    let mut map =
-        Map { file: String::new(), folder: folder.to_owned(), scale: [1.0; 2], offset: [0.0; 2], clamp: false };
+fn map(text: &mut Text, library: &Path) -> Option<Map> {
+    let mut map = Map {
+        file: String::new(),
+        library: library.to_owned(),
+        line: text.line(),
+        scale: [1.0; 2],
+        offset: [0.0; 2],
+        clamp: false,
+    };
     loop {
         let option = text.peek_word();
         let arguments = match option {
@@ -143,21 +178,21 @@ fn map(text: &mut Text, folder: &Path) -> Option<Map> {
     (!map.file.is_empty()).then_some(map)
 }
 
-/// The file that `name` means, seen from `folder`: as it stands, with Windows separators, or, as many
+/// The file that `name` means in the file `from`: as it stands, with Windows separators, or, as many
 /// files carry paths of the machine they were made on, its last piece beside. Only plain files count.
-pub(super) fn find(folder: &Path, name: &str) -> Option<PathBuf> {
+fn find(from: &Path, name: &str) -> Option<PathBuf> {
     let slashed = name.replace('\\', "/");
     let last = slashed.rsplit('/').next().unwrap_or(&slashed);
     [name, &slashed, last]
         .iter()
         .filter(|name| !name.is_empty())
-        .map(|name| folder.join(name))
+        .map(|name| from.with_file_name(name))
         .find(|path| path.is_file())
 }
 
-/// The files that a `mtllib` names, with what was looked for: one name with blanks, or several names that end in `.mtl`.
-pub(super) fn libraries(folder: &Path, names: &str) -> Vec<(String, Option<PathBuf>)> {
-    if let Some(path) = find(folder, names) {
+/// The files that a `mtllib` in the file `from` names, with what was looked for: one name with blanks, or several names that end in `.mtl`.
+pub(super) fn libraries(from: &Path, names: &str) -> Vec<(String, Option<PathBuf>)> {
+    if let Some(path) = find(from, names) {
         return vec![(names.to_owned(), Some(path))];
     }
     let mut pieces = vec![String::new()];
@@ -173,7 +208,7 @@ pub(super) fn libraries(folder: &Path, names: &str) -> Vec<(String, Option<PathB
         }
     }
     pieces.retain(|piece| !piece.is_empty());
-    pieces.into_iter().map(|piece| (piece.clone(), find(folder, &piece))).collect()
+    pieces.into_iter().map(|piece| (piece.clone(), find(from, &piece))).collect()
 }
 
 #[cfg(test)]
@@ -222,10 +257,10 @@ mod tests {
     fn errors_name_file_and_line() {
         for (text, message) in [
             ("newmtl a\nKd 1 nan 0", "line 2: \"nan\" is not a finite number"),
-            ("newmtl a\nKd 1 1", "line 2: a number is missing"),
+            ("newmtl a\nKd 1 1\nNi x", "line 2: a number is missing"),
             ("newmtl a\n\nreflectance 1.5", "line 3: reflectance is 1.5; allowed: 0 to 1"),
         ] {
-            let error = entries(text).unwrap_err().to_string();
+            let error = entries(text).unwrap().remove("a").unwrap().fault.unwrap().to_string();
             assert!(error.ends_with(&format!("a.mtl: {message}")), "{error}");
         }
     }
@@ -239,7 +274,7 @@ mod tests {
             fs::write(at(name), "").unwrap();
         }
         let found = |names: &str| -> Vec<Option<PathBuf>> {
-            libraries(folder.path(), names).into_iter().map(|(_, path)| path).collect()
+            libraries(&at("scene.obj"), names).into_iter().map(|(_, path)| path).collect()
         };
         assert_eq!(found("my b.mtl"), [Some(at("my b.mtl"))]);
         assert_eq!(found("a.mtl my b.mtl gone.mtl"), [Some(at("a.mtl")), Some(at("my b.mtl")), None]);

@@ -1,6 +1,6 @@
 //! Faces to parts: polygons become triangles, corners become shared vertices.
 
-use super::polygon::triangulate;
+use super::polygon::{looks, triangulate};
 use super::statements::{Corner, NONE, Run, Statements};
 use crate::scene::Part;
 use crate::scene::mesh::{is_degenerate, normals_are_flat};
@@ -17,6 +17,8 @@ pub(super) struct PartMaker<'a> {
     /// For every position the part that used it last (counted from 1) and its newest vertex there.
     newest: Vec<[u32; 2]>,
     parts: u32,
+    /// What is left for [`triangulate`].
+    looks_left: usize,
     /// Triangles without area that were left out.
     pub degenerate_triangles: usize,
     /// Polygons that cross themselves.
@@ -26,7 +28,8 @@ pub(super) struct PartMaker<'a> {
 impl<'a> PartMaker<'a> {
     pub fn new(file: &'a Statements) -> Self {
         let newest = vec![[0; 2]; file.positions.len()];
-        PartMaker { file, newest, parts: 0, degenerate_triangles: 0, tangled_polygons: 0 }
+        let looks_left = looks(file.corners.len());
+        PartMaker { file, newest, parts: 0, looks_left, degenerate_triangles: 0, tangled_polygons: 0 }
     }
 
     /// The middle of the vertices of `runs`, in whole units: relative to it `f32` keeps what `f64` coordinates say.
@@ -58,7 +61,7 @@ impl<'a> PartMaker<'a> {
     fn triangles(&mut self, runs: &[Run], middle: DVec3) -> Vec<[Corner; 3]> {
         let mut triangles = Vec::with_capacity(runs.iter().map(|run| run.end - run.start).sum());
         let mut points = Vec::new();
-        let (mut degenerate, mut tangled) = (0, 0);
+        let (mut degenerate, mut tangled, mut looks_left) = (0, 0, self.looks_left);
         let mut add = |triangle: [Corner; 3]| {
             let [a, b, c] = triangle.map(|corner| self.local(&corner, middle));
             let has_area = !is_degenerate(a, b, c);
@@ -75,7 +78,7 @@ impl<'a> PartMaker<'a> {
             points.clear();
             points.extend(face.iter().map(|corner| self.position(corner)));
             let (mut added, mut empty) = (0, 0);
-            let simple = triangulate(&points, |corners| {
+            let simple = triangulate(&points, &mut looks_left, |corners| {
                 let has_area = add(corners.map(|i| face[i]));
                 added += usize::from(has_area);
                 empty += usize::from(!has_area);
@@ -86,6 +89,7 @@ impl<'a> PartMaker<'a> {
         }
         self.degenerate_triangles += degenerate;
         self.tangled_polygons += tangled;
+        self.looks_left = looks_left;
         triangles
     }
 

@@ -8,13 +8,23 @@ use std::iter::successors;
 /// A star with 20,000 corners takes 360; what takes more goes through the same few points over and over.
 const LOOKS_PER_CORNER: usize = 4000;
 
+/// Looks that all polygons of a file may take together, and more for each corner in the file: some seconds.
+/// Files of many small polygons, which take fewer, never come to the end of them.
+const LOOKS: usize = 20_000_000;
+const MORE_LOOKS_PER_CORNER: usize = 16;
+
+/// [`triangulate`]'s budget for a file whose faces have `corners` corners.
+pub(super) fn looks(corners: usize) -> usize {
+    LOOKS + MORE_LOOKS_PER_CORNER * corners
+}
+
 /// Splits the polygon with corners `points`, at least three, into triangles that keep its winding and
 /// hands their corners (positions in `points`) to `add`. The polygon may be concave, may have
 /// collinear or repeated corners and need not be quite plane. Triangles without area can occur.
 ///
 /// Returns false for a polygon that crosses itself or is folded so that it seems to: then the triangles
-/// may cover more or less than was meant.
-pub(super) fn triangulate(points: &[DVec3], mut add: impl FnMut([usize; 3])) -> bool {
+/// may cover more or less than was meant. So may they when `looks_left`, the file's budget, is used up.
+pub(super) fn triangulate(points: &[DVec3], looks_left: &mut usize, mut add: impl FnMut([usize; 3])) -> bool {
     match *points {
         [_, _, _] => {
             add([0, 1, 2]);
@@ -57,7 +67,11 @@ pub(super) fn triangulate(points: &[DVec3], mut add: impl FnMut([usize; 3])) -> 
     };
     let (u, v) = if side < 0.0 { (v, u) } else { (u, v) };
     let plane: Vec<DVec2> = points.iter().map(|&p| DVec2::new((p - origin).dot(u), (p - origin).dot(v))).collect();
-    clip_ears(&plane, add)
+    let mut own_looks = (LOOKS_PER_CORNER * points.len()).min(*looks_left);
+    *looks_left -= own_looks;
+    let simple = clip_ears(&plane, &mut own_looks, add);
+    *looks_left += own_looks;
+    simple
 }
 
 /// Twice the signed area of a triangle, positive when counter-clockwise.
@@ -70,7 +84,7 @@ fn turn(a: DVec2, b: DVec2, c: DVec2) -> f64 {
 /// Cutting one makes or breaks only the two neighbours (every cut shrinks the polygon), so a queue of
 /// candidates sees at most three times the corners; the grid makes each look short. See Eberly,
 /// "Triangulation by ear clipping" (Geometric Tools, 2002), for the method.
-fn clip_ears(points: &[DVec2], mut add: impl FnMut([usize; 3])) -> bool {
+fn clip_ears(points: &[DVec2], looks_left: &mut usize, mut add: impl FnMut([usize; 3])) -> bool {
     let count = points.len();
     let mut ring = Ring {
         points,
@@ -78,7 +92,6 @@ fn clip_ears(points: &[DVec2], mut add: impl FnMut([usize; 3])) -> bool {
         after: (0..count).map(|i| (i + 1) % count).collect(),
     };
     let mut grid = Grid::new(points, (0..count).filter(|&i| ring.turn(i) <= 0.0));
-    let mut looks_left = LOOKS_PER_CORNER * count;
     let mut candidates: VecDeque<usize> = (0..count).collect();
     let mut left = count;
     let mut left_at_refill = usize::MAX;
@@ -88,8 +101,8 @@ fn clip_ears(points: &[DVec2], mut add: impl FnMut([usize; 3])) -> bool {
         let (tip, forced) = match candidates.pop_front() {
             Some(tip) => (tip, false),
             // A corner on the edge of an ear blocks it and may have gone as collinear: all get another look.
-            None if left < left_at_refill && looks_left > left => {
-                (left_at_refill, looks_left) = (left, looks_left - left);
+            None if left < left_at_refill && *looks_left > left => {
+                (left_at_refill, *looks_left) = (left, *looks_left - left);
                 candidates.extend(successors(Some(anchor), |&i| Some(ring.after[i])).take(left));
                 continue;
             }
@@ -106,7 +119,7 @@ fn clip_ears(points: &[DVec2], mut add: impl FnMut([usize; 3])) -> bool {
         let area = ring.turn(tip);
         let (a, c) = (ring.before[tip], ring.after[tip]);
         if area != 0.0 {
-            if !forced && (area < 0.0 || grid.blocks(&ring, tip, &mut looks_left)) {
+            if !forced && (area < 0.0 || grid.blocks(&ring, tip, looks_left)) {
                 continue;
             }
             add([a, tip, c]);
@@ -120,7 +133,7 @@ fn clip_ears(points: &[DVec2], mut add: impl FnMut([usize; 3])) -> bool {
     if ring.turn(anchor) != 0.0 {
         add([a, anchor, c]);
     }
-    simple && looks_left > 0
+    simple && *looks_left > 0
 }
 
 /// The corners that are left, linked in a ring.
@@ -181,7 +194,7 @@ impl Grid {
     /// Every look costs one of `looks_left`; without any nothing blocks, so a polygon that goes
     /// through the same few points a million times ends too.
     fn blocks(&mut self, ring: &Ring, tip: usize, looks_left: &mut usize) -> bool {
-        if self.side == 0 {
+        if self.side == 0 || *looks_left == 0 {
             return false;
         }
         let [a, b, c] = [ring.before[tip], tip, ring.after[tip]].map(|i| ring.points[i]);
@@ -227,7 +240,7 @@ mod tests {
     fn check(points: &[DVec3]) {
         let whole = area_vector(points);
         let (mut sum, mut absolute) = (0.0, 0.0);
-        let simple = triangulate(points, |corners| {
+        let simple = triangulate(points, &mut looks(points.len()), |corners| {
             let area = area_vector(&corners.map(|i| points[i]));
             sum += area.dot(whole.normalize());
             absolute += area.length();
@@ -307,17 +320,37 @@ mod tests {
     }
 
     #[test]
+    fn small_polygons_take_few_looks() {
+        for corners in [6, 8, 12, 16] {
+            let step = TAU / f64::from(corners);
+            let radius = |i: u32| if i.is_multiple_of(2) { 1.0 } else { 0.4 };
+            let star: Vec<DVec3> =
+                (0..corners).map(|i| (DVec2::from_angle(f64::from(i) * step) * radius(i)).extend(0.0)).collect();
+            let mut looks_left = looks(star.len());
+            assert!(triangulate(&star, &mut looks_left, |_| ()));
+            let taken = looks(star.len()) - looks_left;
+            assert!(taken <= MORE_LOOKS_PER_CORNER * star.len(), "{taken} for {corners} corners");
+        }
+    }
+
+    #[test]
     fn tangled_polygons_end() {
         let bow = flat(&[[0.0, 0.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]]);
-        assert!(!triangulate(&bow, |_| {}));
+        assert!(!triangulate(&bow, &mut looks(4), |_| {}));
         let line: Vec<DVec3> = (0..1000).map(|i| DVec3::X * f64::from(i % 7)).collect();
-        triangulate(&line, |_| {});
-        // The same nine points twenty thousand times over, in a hardly repeating order.
-        let ninth = |i: u64| DVec2::from_angle(i.wrapping_mul(0x9E37_79B9_7F4A_7C15).rotate_left(17) as f64 % 9.0);
-        let tangle: Vec<DVec3> = (0..20_000).map(|i| ninth(i).extend(0.0)).collect();
-        let mut count = 0;
-        assert!(!triangulate(&tangle, |_| count += 1));
-        assert!(count <= tangle.len() - 2);
+        triangulate(&line, &mut looks(1000), |_| {});
+        // A million times the same nine points, or others, in a hardly repeating order.
+        let scatter = |i: u64| i.wrapping_mul(0x9E37_79B9_7F4A_7C15).rotate_left(17) as f64;
+        for different in [9.0, 1e6] {
+            let angle = |i: u64| scatter(i) % different * (9.0 / different);
+            let tangle: Vec<DVec3> = (0..1_000_000).map(|i| DVec2::from_angle(angle(i)).extend(0.0)).collect();
+            let (mut count, mut looks_left) = (0, looks(tangle.len()));
+            assert!(!triangulate(&tangle, &mut looks_left, |_| count += 1));
+            assert!(count <= tangle.len() - 2);
+            // Nothing is left for a second one.
+            assert_eq!(looks_left, 0);
+            assert!(!triangulate(&tangle, &mut looks_left, |_| ()));
+        }
     }
 
     proptest! {
@@ -333,7 +366,7 @@ mod tests {
         fn any_points_end(points in prop::collection::vec((0..4i32, 0..4i32), 3..40)) {
             let points: Vec<DVec3> = points.iter().map(|&(x, y)| DVec3::new(f64::from(x), f64::from(y), 0.0)).collect();
             let mut count = 0;
-            triangulate(&points, |corners| {
+            triangulate(&points, &mut looks(points.len()), |corners| {
                 count += 1;
                 assert!(corners.iter().all(|&i| i < points.len()));
             });

@@ -24,7 +24,7 @@ pub(super) struct Statements {
     pub face_ends: Vec<usize>,
     /// Faces with the same object, group and material, in the file's order.
     pub runs: Vec<Run>,
-    /// Names of `o`.
+    /// Names of `o`: each statement begins an object, even with a name that came before.
     pub objects: Names,
     /// Names of `g`.
     pub groups: Names,
@@ -72,6 +72,15 @@ impl Default for Names {
 }
 
 impl Names {
+    /// A number of its own for a name that may have come before.
+    fn add(&mut self, name: String) -> usize {
+        if name.is_empty() {
+            return 0;
+        }
+        self.list.push(name);
+        self.list.len() - 1
+    }
+
     fn number(&mut self, name: String) -> usize {
         let next = self.list.len();
         *self.numbers.entry(name).or_insert_with_key(|name| {
@@ -188,7 +197,7 @@ impl Statements {
                     }
                 }
                 b"o" => {
-                    let object = file.objects.number(text.rest());
+                    let object = file.objects.add(text.rest());
                     file.start_run(&mut run, |run| run.object = object);
                 }
                 b"g" => {
@@ -347,8 +356,8 @@ mod tests {
         );
         let file = parse(&text).unwrap();
         let runs: Vec<_> = file.runs.iter().map(|r| (r.object, r.group, r.material, r.start..r.end)).collect();
-        assert_eq!(runs, [(0, 0, 0, 0..1), (1, 1, 0, 1..3), (1, 1, 1, 3..4), (2, 0, 0, 4..5), (1, 0, 0, 5..6)]);
-        assert_eq!(file.objects.iter().collect::<Vec<_>>(), ["a", "b c"]);
+        assert_eq!(runs, [(0, 0, 0, 0..1), (1, 1, 0, 1..3), (1, 1, 1, 3..4), (2, 0, 0, 4..5), (3, 0, 0, 5..6)]);
+        assert_eq!(file.objects.iter().collect::<Vec<_>>(), ["a", "b c", "a"]);
         assert_eq!(file.materials.iter().collect::<Vec<_>>(), ["m n"]);
         assert_eq!(file.faces(&file.runs[1]).map(<[_]>::len).collect::<Vec<_>>(), [3, 3]);
     }

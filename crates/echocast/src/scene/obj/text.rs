@@ -1,10 +1,8 @@
 //! The text of OBJ and MTL files: statements, words and numbers, read byte by byte without copies.
 
 use crate::error::{Error, Result};
+use crate::scene::LARGEST;
 use std::path::Path;
-
-/// Largest magnitude of a number that is taken: well inside `f32`, so that no later step overflows.
-const LARGEST: f64 = 1e18;
 
 /// A place in the text of a file.
 pub(super) struct Text<'a> {

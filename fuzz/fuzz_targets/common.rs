@@ -1,0 +1,61 @@
+//! What the fuzz targets of the scene readers share.
+
+use echocast::Scene;
+use echocast::scene::Part;
+
+/// Scenes up to here are built too: Embree is the slow part.
+const MOST_TO_BUILD: usize = 1000;
+
+/// Texture coordinates that are sampled besides a part's own.
+const UVS: [[f32; 2]; 5] = [[0.0, 0.0], [0.999, -7.3], [3e38, 0.5], [0.5, f32::NAN], [f32::INFINITY, 1.0]];
+
+/// Asserts what the module `scene` promises of every scene that has been read.
+pub fn check(scene: &Scene) {
+    assert!(scene.triangle_count() > 0);
+    for part in scene.meshes.iter().flat_map(|mesh| {
+        assert!(!mesh.parts.is_empty());
+        &mesh.parts
+    }) {
+        check_part(scene, part);
+    }
+    for material in &scene.materials {
+        let fractions = material.base_color.into_iter().chain([material.metallic, material.roughness]);
+        assert!(fractions.chain(material.reflectance).all(|x| (0.0..=1.0).contains(&x)));
+        assert!(material.ior >= 1.0);
+        assert!(material.base_color_texture.as_ref().is_none_or(|use_| use_.texture < scene.textures.len()));
+    }
+    for object in &scene.objects {
+        assert!(object.world_from_object.is_finite());
+        assert_eq!(object.part_ids.len(), scene.meshes[object.mesh].parts.len());
+    }
+    let (low, high) = scene.bounds().expect("a box around the triangles");
+    assert!(low.abs().max(high.abs()).max_element() <= 1e18);
+    if scene.triangle_count() < MOST_TO_BUILD {
+        scene.build().expect("the scene can be built");
+    }
+}
+
+fn check_part(scene: &Scene, part: &Part) {
+    let vertices = part.positions.len();
+    assert!(!part.triangles.is_empty());
+    assert!(part.positions.iter().flatten().all(|x| x.abs() <= 1e18));
+    for triangle in part.triangles.iter() {
+        let corners = triangle.map(|index| part.positions[index as usize].map(f64::from));
+        let [ab, ac] = [1, 2].map(|i| [0, 1, 2].map(|axis| corners[i][axis] - corners[0][axis]));
+        let area = [(1, 2), (2, 0), (0, 1)].map(|(u, v)| ab[u] * ac[v] - ab[v] * ac[u]);
+        assert!(area != [0.0; 3], "a degenerate triangle");
+    }
+    if let Some(normals) = &part.normals {
+        assert_eq!(normals.len(), vertices);
+        let length = |n: &[f32; 3]| n.iter().map(|x| x * x).sum::<f32>();
+        assert!(normals.iter().all(|normal| (length(normal) - 1.0).abs() < 1e-5));
+    }
+    assert!(part.uvs.as_ref().is_none_or(|uvs| uvs.len() == vertices));
+    assert!(part.material.is_none_or(|index| index < scene.materials.len()));
+    let Some(use_) = part.material.and_then(|index| scene.materials[index].base_color_texture.as_ref()) else { return };
+    let own = part.uvs.iter().flat_map(|uvs| uvs.iter().take(20));
+    for &uv in own.chain(&UVS) {
+        let color = use_.sample(&scene.textures[use_.texture], uv);
+        assert!(color.iter().all(|x| (-1e-6..=1.000_001).contains(x)), "{color:?} at {uv:?}");
+    }
+}
