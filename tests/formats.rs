@@ -240,7 +240,7 @@ fn las_says_what_it_rounds_and_clamps() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("far.las");
     let report = cloud.write(&path).unwrap();
-    assert!(said(&report, "rounded to 0.001 m") && said(&report, "2 intensities outside 0 to 1"), "{report:?}");
+    assert!(said(&report, "rounded to 0.001 m") && said(&report, "intensities below 0"), "{report:?}");
     assert!(said(&report, "return numbers of 1 points clamped to 1 to 15"), "{report:?}");
     cloud.columns.return_count[4] = 15;
     cloud.columns.intensity[5] = 1.0;
@@ -253,7 +253,7 @@ fn las_says_what_it_rounds_and_clamps() {
 #[test]
 fn eight_bit_intensities_fill_the_range_of_las() {
     let mut cloud = cloud(256, FieldSet::default());
-    cloud.intensity_full_scale = 255.0;
+    cloud.intensity_full_scale = Some(255.0);
     cloud.columns.intensity = (0..256u16).map(f32::from).collect();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.las");
@@ -261,6 +261,28 @@ fn eight_bit_intensities_fill_the_range_of_las() {
     let found = read("las", &[path]);
     let wide: Vec<String> = (0..256).map(|i| format!("{}.0", i * 257)).collect();
     assert_eq!(found[0]["columns"]["intensity"], serde_json::json!(wide));
+}
+
+#[test]
+fn relative_energy_fills_the_range_of_las() {
+    let mut cloud = cloud(4, FieldSet::default());
+    cloud.intensity_full_scale = None;
+    cloud.columns.intensity = vec![1e-5, 4e-5, 0.0, 3e-5];
+    let folder = tempfile::tempdir().unwrap();
+    for (format, strongest) in [("las", 4e-5), ("las2", 3.0)] {
+        cloud.columns.intensity[1] = strongest;
+        let path = folder.path().join(format);
+        let report = export::write(&cloud, &path, Some(format)).unwrap();
+        assert!(said(&report, "has no full scale"), "{report:?}");
+        let stored = |i: f32| format!("{}.0", (f64::from(i) / f64::from(strongest) * 65535.0).round());
+        let wanted: Vec<String> = cloud.columns.intensity.iter().map(|&i| stored(i)).collect();
+        assert_eq!(wanted[1], "65535.0");
+        assert_eq!(read(format, &[path])[0]["columns"]["intensity"], serde_json::json!(wanted));
+    }
+    cloud.columns.intensity = vec![0.0; 4];
+    let dark = folder.path().join("dark.las");
+    cloud.write(&dark).unwrap();
+    assert_eq!(read("las", &[dark])[0]["columns"]["intensity"], serde_json::json!(vec!["0.0"; 4]));
 }
 
 #[test]

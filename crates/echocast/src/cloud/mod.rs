@@ -43,8 +43,8 @@ pub struct PointCloud {
     pub frame: Frame,
     /// World pose of the sensor at the start of the (first) scan.
     pub sensor_pose: Pose,
-    /// Value of `intensity` that means full scale: 1, or 255 for 8-bit encodings.
-    pub intensity_full_scale: f32,
+    /// Value of `intensity` that means full scale: 1, or 255 for 8-bit encodings; relative energy has none.
+    pub intensity_full_scale: Option<f32>,
     /// Names of the numbers in the label columns.
     pub labels: Arc<Labels>,
 }
@@ -60,7 +60,7 @@ impl Default for PointCloud {
             organised: None,
             frame: Frame::World,
             sensor_pose: Pose::IDENTITY,
-            intensity_full_scale: 1.0,
+            intensity_full_scale: Some(1.0),
             labels: Arc::default(),
         }
     }
@@ -107,7 +107,7 @@ impl PointCloud {
     /// Appends the rows of `other`, a later scan of the same scene with the same columns.
     ///
     /// # Errors
-    /// When origins, frames, columns or labels differ.
+    /// When origins, frames, columns, intensity scales or labels differ.
     pub fn append(&mut self, other: &PointCloud) -> Result<()> {
         if self.len == 0 && self.fields == FieldSet::EMPTY {
             *self = other.clone();
@@ -116,11 +116,12 @@ impl PointCloud {
         let same = self.origin == other.origin
             && self.frame == other.frame
             && self.fields == other.fields
+            && self.intensity_full_scale == other.intensity_full_scale
             && self.labels == other.labels;
         if !same {
             return Err(crate::Error::invalid(
                 "cloud to append",
-                "of another origin, frame, set of columns or labels",
+                "of another origin, frame, set of columns, intensity scale or labels",
                 "a scan of the same scene with the same options",
             ));
         }

@@ -186,7 +186,7 @@ impl Las {
         let mut rows = Vec::with_capacity(block);
         let c = &cloud.columns;
         let per_metre = 10f64.powi(-survey.exponent);
-        let per_full_scale = 65535.0 / f64::from(cloud.intensity_full_scale);
+        let per_full_scale = 65535.0 / f64::from(survey.full_intensity);
         for start in (0..cloud.len).step_by(block) {
             rows.clear();
             rows.extend((start..cloud.len.min(start + block)).filter(|&row| is_point(cloud, row)));
@@ -250,6 +250,12 @@ fn io_error(error: ::las::Error) -> io::Error {
     }
 }
 
+/// Greatest intensity of the points, never 0, which nothing can be divided by.
+fn strongest(cloud: &PointCloud) -> f32 {
+    let finite = |&(row, intensity): &(usize, &f32)| intensity.is_finite() && is_point(cloud, row);
+    cloud.columns.intensity.iter().enumerate().filter(finite).fold(f32::MIN_POSITIVE, |most, (_, &i)| most.max(i))
+}
+
 /// What the header must say of the points, and what they lose.
 struct Survey {
     /// Least and greatest coordinates relative to the origin, metres.
@@ -258,6 +264,8 @@ struct Survey {
     by_return: [u64; 15],
     /// Power of ten of the coordinates' step.
     exponent: i32,
+    /// Intensity that is stored as 65535.
+    full_intensity: f32,
     misses: usize,
     clamped_intensities: usize,
     clamped_returns: usize,
@@ -272,12 +280,13 @@ impl Survey {
             high: [f32::NEG_INFINITY; 3],
             by_return: [0; 15],
             exponent: FINEST_STEP,
+            full_intensity: cloud.intensity_full_scale.unwrap_or_else(|| strongest(cloud)),
             misses: 0,
             clamped_intensities: 0,
             clamped_returns: 0,
             clamped_categories: 0,
         };
-        let intensities = 0.0..=cloud.intensity_full_scale;
+        let intensities = 0.0..=survey.full_intensity;
         let returns = 1..=las.most_returns();
         for row in 0..cloud.len {
             if !is_point(cloud, row) {
@@ -330,8 +339,12 @@ impl Survey {
             ));
         }
         if self.clamped_intensities > 0 {
-            let full = cloud.intensity_full_scale;
-            report.warn(format!("{name}: {} intensities outside 0 to {full} clamped", self.clamped_intensities));
+            report.warn(format!("{name}: intensities below 0, above full scale or without a value clamped"));
+        }
+        if cloud.intensity_full_scale.is_none() && !cloud.columns.intensity.is_empty() {
+            report.warn(format!(
+                "{name}: intensity is relative energy, which has no full scale; 65535 is the strongest point of the file"
+            ));
         }
         if self.clamped_returns > 0 {
             let most = las.most_returns();
