@@ -251,6 +251,22 @@ fn las_says_what_it_rounds_and_clamps() {
 }
 
 #[test]
+fn one_long_name_does_not_make_an_npz_file_huge() {
+    let mut cloud = cloud(1, FieldSet::default());
+    let instances = &mut Arc::make_mut(&mut cloud.labels).instance;
+    instances.ids = (1..=1000).collect();
+    instances.names = (1..=1000).map(|id| format!("object {id}")).collect();
+    instances.names[500] = "木".repeat(100_000);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.npz");
+    let report = cloud.write(&path).unwrap();
+    assert!(said(&report, "longer than 1024 characters cut"), "{report:?}");
+    assert!(fs::metadata(&path).unwrap().len() < 1000 * 4 * 1024 + 100_000);
+    Arc::make_mut(&mut cloud.labels).instance.names[500] = "木".repeat(1024);
+    compare(&cloud, "npz", &read("npz", &[path])[0], &[0], cloud.fields);
+}
+
+#[test]
 fn eight_bit_intensities_fill_the_range_of_las() {
     let mut cloud = cloud(256, FieldSet::default());
     cloud.intensity_full_scale = Some(255.0);
