@@ -85,14 +85,15 @@ pub fn format_for(path: &Path, name: Option<&str>) -> Result<&'static dyn Format
     })
 }
 
-/// Says before a long scan whether a cloud with the columns `fields` could be written to `path`.
+/// Says before a long scan whether a cloud with the columns `fields` could be written to `path`, and its label names
+/// beside it.
 ///
 /// # Errors
 /// As [`format_for`]; a missing folder or one that cannot be written to; no `x`, `y`, `z` for a format that needs them.
 pub fn check(path: &Path, format: Option<&str>, fields: FieldSet) -> Result<()> {
     let format = format_for(path, format)?;
     check_fields(format, fields)?;
-    Pending::create(path).map(drop)
+    Output::create(path, format).map(drop)
 }
 
 fn check_fields(format: &dyn Format, fields: FieldSet) -> Result<()> {
@@ -112,7 +113,7 @@ fn check_fields(format: &dyn Format, fields: FieldSet) -> Result<()> {
 /// Writes `cloud` to `path` in the format called `format`, or the one its ending says.
 ///
 /// The file, and `NAME.labels.json` beside formats that cannot hold the label names, appear under
-/// their names only when complete. The report says what the format could not hold.
+/// their names only when both are complete. The report says what the format could not hold.
 ///
 /// # Errors
 /// As [`check`], and a full disk.
@@ -125,15 +126,29 @@ pub fn write(cloud: &PointCloud, path: &Path, format: Option<&str>) -> Result<Re
     if !lost.is_empty() {
         report.warn(format!("{}: cannot hold the columns {}", format.name(), lost.join(", ")));
     }
-    atomic::replace(path, |file| {
-        format.write(cloud, file, &mut report).map_err(|source| Error::io(path, source))?;
-        if format.holds_label_names() {
-            return Ok(());
-        }
-        let names = labels_path(path);
-        atomic::replace(&names, |file| fs::write(file, labels_json(cloud)).map_err(|source| Error::io(&names, source)))
-    })?;
+    let Output { file, labels } = Output::create(path, format)?;
+    format.write(cloud, file.path(), &mut report).map_err(|source| Error::io(path, source))?;
+    if let Some(labels) = &labels {
+        fs::write(labels.path(), labels_json(cloud)).map_err(|source| Error::io(labels_path(path), source))?;
+    }
+    file.commit()?;
+    labels.map_or(Ok(()), Pending::commit)?;
     Ok(report)
+}
+
+/// The files of one cloud.
+struct Output {
+    file: Pending,
+    /// For the label names, if `file` cannot hold them.
+    labels: Option<Pending>,
+}
+
+impl Output {
+    fn create(path: &Path, format: &dyn Format) -> Result<Output> {
+        let file = Pending::create(path)?;
+        let labels = (!format.holds_label_names()).then(|| Pending::create(&labels_path(path))).transpose()?;
+        Ok(Output { file, labels })
+    }
 }
 
 /// Columns are public, so they may disagree.
@@ -211,5 +226,19 @@ mod tests {
         let error = write(&cloud, &folder.path().join("a.csv"), None).unwrap_err().to_string();
         assert_eq!(error, "column range is 1 rows long; allowed: the cloud's 2 rows");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn a_cloud_without_its_label_names_is_not_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.csv");
+        fs::write(&path, "old").unwrap();
+        fs::create_dir(labels_path(&path)).unwrap();
+        let cloud = PointCloud::default();
+        let error = check(&path, None, cloud.fields).unwrap_err().to_string();
+        assert!(error.contains("a.labels.json"), "{error}");
+        assert!(write(&cloud, &path, None).is_err());
+        assert_eq!(fs::read_to_string(&path).unwrap(), "old");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
     }
 }

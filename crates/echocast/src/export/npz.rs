@@ -59,7 +59,8 @@ impl Format for Npz {
                 report.warn(format!("npz: label names longer than {NAME_CHARS} characters cut"));
             }
             let width = longest.clamp(1, NAME_CHARS);
-            zip.start(&format!("{stem}_names"), &format!("U{width}"), table.names.len(), table.names.len() * width * 4)?;
+            let (names, bytes) = (table.names.len(), table.names.len() * width * 4);
+            zip.start(&format!("{stem}_names"), &format!("U{width}"), names, bytes)?;
             for name in &table.names {
                 let mut characters: Vec<u32> = name.chars().take(width).map(u32::from).collect();
                 characters.resize(width, 0);
