@@ -193,7 +193,7 @@ fn every_format_is_read_back() {
                     "{words:?}"
                 );
             }
-            assert_eq!(format.holds_label_names(), !path.with_extension("labels.json").exists());
+            assert_eq!(format.holds_label_names(), !export::labels_path(&path).exists());
             if name.starts_with("las") {
                 assert_eq!(said(&report, "4 rows without a position"), cloud.organised.is_some(), "{report:?}");
             }

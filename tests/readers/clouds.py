@@ -27,7 +27,7 @@ def names(tables):
 
 
 def beside(path):
-    return json.loads(Path(path).with_suffix(".labels.json").read_text(encoding="utf-8"))
+    return json.loads(Path(f"{path}.labels.json").read_text(encoding="utf-8"))
 
 
 def las_header(las):

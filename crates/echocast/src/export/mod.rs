@@ -61,7 +61,7 @@ pub const FORMATS: &[&dyn Format] = &[
 /// # Errors
 /// [`Error::Missing`] or [`Error::Unsupported`], listing what there is, or naming the feature that is missing.
 pub fn format_for(path: &Path, name: Option<&str>) -> Result<&'static dyn Format> {
-    let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    let ending = ending(path);
     #[cfg(not(feature = "hdf5"))]
     if matches!(name.unwrap_or(&ending), "hdf5" | "h5") {
         let instead = "build echocast with the feature hdf5".into();
@@ -74,15 +74,23 @@ pub fn format_for(path: &Path, name: Option<&str>) -> Result<&'static dyn Format
             .copied()
             .ok_or_else(|| Error::missing("output format", name, FORMATS.iter().map(|format| format.name())));
     }
-    FORMATS.iter().find(|format| format.extensions().contains(&ending.as_str())).copied().ok_or_else(|| {
-        Error::Unsupported {
-            what: format!("the ending of the output file {}", path.display()),
-            instead: format!(
-                "clouds are written as {}",
-                FORMATS.iter().flat_map(|f| f.extensions()).map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ")
-            ),
-        }
+    format_with(&ending).ok_or_else(|| Error::Unsupported {
+        what: format!("the ending of the output file {}", path.display()),
+        instead: format!(
+            "clouds are written as {}",
+            FORMATS.iter().flat_map(|f| f.extensions()).map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ")
+        ),
     })
+}
+
+/// Ending of the file name `path`, lower case, without the dot.
+fn ending(path: &Path) -> String {
+    path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase()
+}
+
+/// The format that owns `ending`.
+fn format_with(ending: &str) -> Option<&'static dyn Format> {
+    FORMATS.iter().find(|format| format.extensions().contains(&ending)).copied()
 }
 
 /// Says before a long scan whether a cloud with the columns `fields` could be written to `path`, and its label names
@@ -164,9 +172,12 @@ fn check_cloud(cloud: &PointCloud) -> Result<()> {
 }
 
 /// Where the label names of the cloud file at `path` stand if its format cannot hold them: `street.labels.json` beside
-/// `street.csv`.
+/// `street.csv`. An ending that belongs to no format is a part of the name: `run_1.5m.labels.json` beside `run_1.5m`.
 pub fn labels_path(path: &Path) -> PathBuf {
-    path.with_extension("labels.json")
+    match format_with(&ending(path)) {
+        Some(_) => path.with_extension("labels.json"),
+        None => path.with_added_extension("labels.json"),
+    }
 }
 
 /// Origin and name tables under the names that every format gives them, for people and programs.
@@ -226,6 +237,14 @@ mod tests {
         let error = write(&cloud, &folder.path().join("a.csv"), None).unwrap_err().to_string();
         assert_eq!(error, "column range is 1 rows long; allowed: the cloud's 2 rows");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn label_names_stand_beside_their_own_cloud() {
+        let of = |path: &str| labels_path(Path::new(path));
+        assert_eq!(of("a.b/street.CSV"), Path::new("a.b/street.labels.json"));
+        assert_eq!(of("run_1.5m"), Path::new("run_1.5m.labels.json"));
+        assert_eq!(of("a.b/street"), Path::new("a.b/street.labels.json"));
     }
 
     #[test]
