@@ -1,11 +1,12 @@
 //! Every format, read back by other people's readers.
 
-use echocast::cloud::{ColumnType, Columns, FIELDS, Field, FieldSet};
+use echocast::cloud::{ColumnType, Columns, FIELDS, Field, FieldSet, Frame};
 use echocast::export::{self, FORMATS, FramesFile};
 use echocast::scene::{Labels, NameTable};
-use echocast::{Error, PointCloud, Report};
+use echocast::{Error, PointCloud, Pose, Report};
 use echocast_tests::python;
-use serde_json::Value;
+use glam::DQuat;
+use serde_json::{Value, json};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -78,6 +79,10 @@ fn cloud(len: usize, fields: FieldSet) -> PointCloud {
         columns,
         fields,
         len,
+        sensor_pose: Pose {
+            orientation: DQuat::from_xyzw(0.1, -0.7, 0.1, 0.7),
+            ..Pose::at(500_001.1, 5_600_002.2, -3.3)
+        },
         labels: Arc::new(labels),
         ..PointCloud::default()
     }
@@ -151,6 +156,13 @@ fn compare(cloud: &PointCloud, format: &str, found: &Value, rows: &[usize], held
         let names: Vec<(u32, String)> = serde_json::from_value(found["names"][stem].clone()).unwrap();
         assert!(table.iter().eq(names.iter().map(|(id, name)| (*id, name.as_str()))), "{format} {stem}: {names:?}");
     }
+    let about = json!({
+        "coordinates": cloud.frame.name(),
+        "sensor_position": cloud.sensor_pose.position.to_array(),
+        "sensor_orientation_xyzw": cloud.sensor_pose.orientation.to_array(),
+        "intensity_full_scale": cloud.intensity_full_scale,
+    });
+    assert_eq!(found["about"], about, "{format}");
 }
 
 fn points(cloud: &PointCloud) -> Vec<usize> {
@@ -168,13 +180,16 @@ fn every_format_is_read_back() {
     labels.instance.ids = (1..=5000).collect();
     labels.instance.names = (1..=5000).map(|id| format!("object number {id}")).collect();
     let positions = FieldSet::parse("x,y,z").unwrap();
+    let mut sensor_frame = cloud(10, positions);
+    sensor_frame.frame = Frame::Sensor;
+    sensor_frame.intensity_full_scale = None;
     let clouds = [
         cloud(5000, FieldSet::all()),
         cloud(3000, FieldSet::default()),
         organised(),
         cloud(1, FieldSet::all()),
         cloud(0, FieldSet::all()),
-        cloud(10, positions),
+        sensor_frame,
         many_names,
     ];
     let folder = tempfile::tempdir().unwrap();
@@ -206,7 +221,7 @@ fn every_format_is_read_back() {
             let held = cloud.fields.iter().filter(|info| format.holds(info)).map(|info| info.field).collect();
             compare(cloud, name, &found, &rows, held);
             if let Some(shape) = found.get("shape") {
-                assert_eq!(*shape, serde_json::json!(cloud.organised), "{name}");
+                assert_eq!(*shape, json!(cloud.organised), "{name}");
             }
         }
     }
@@ -276,7 +291,7 @@ fn eight_bit_intensities_fill_the_range_of_las() {
     cloud.write(&path).unwrap();
     let found = read("las", &[path]);
     let wide: Vec<String> = (0..256).map(|i| format!("{}.0", i * 257)).collect();
-    assert_eq!(found[0]["columns"]["intensity"], serde_json::json!(wide));
+    assert_eq!(found[0]["columns"]["intensity"], json!(wide));
 }
 
 #[test]
@@ -293,17 +308,18 @@ fn relative_energy_fills_the_range_of_las() {
         let stored = |i: f32| format!("{}.0", (f64::from(i) / f64::from(strongest) * 65535.0).round());
         let wanted: Vec<String> = cloud.columns.intensity.iter().map(|&i| stored(i)).collect();
         assert_eq!(wanted[1], "65535.0");
-        assert_eq!(read(format, &[path])[0]["columns"]["intensity"], serde_json::json!(wanted));
+        assert_eq!(read(format, &[path])[0]["columns"]["intensity"], json!(wanted));
     }
     cloud.columns.intensity = vec![0.0; 4];
     let dark = folder.path().join("dark.las");
     cloud.write(&dark).unwrap();
-    assert_eq!(read("las", &[dark])[0]["columns"]["intensity"], serde_json::json!(vec!["0.0"; 4]));
+    assert_eq!(read("las", &[dark])[0]["columns"]["intensity"], json!(vec!["0.0"; 4]));
 }
 
 #[test]
 fn frames_are_rows_of_one_hdf5_file() {
-    let clouds = [cloud(700, FieldSet::default()), cloud(0, FieldSet::default()), cloud(1, FieldSet::default())];
+    let mut clouds = [700, 0, 1].map(|len| cloud(len, FieldSet::default()));
+    clouds[1].sensor_pose.position.x += 0.5;
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("frames.h5");
     fs::write(&path, "old").unwrap();

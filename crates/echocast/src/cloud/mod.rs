@@ -26,6 +26,16 @@ pub enum Frame {
     Sensor,
 }
 
+impl Frame {
+    /// Its name in files: `world` or `sensor`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Frame::World => "world",
+            Frame::Sensor => "sensor",
+        }
+    }
+}
+
 /// What a scan returns: columns of equal length, one row per return (or per beam when organised).
 #[derive(Clone, Debug)]
 pub struct PointCloud {

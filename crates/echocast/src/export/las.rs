@@ -139,7 +139,7 @@ impl Las {
             let labels = Vlr {
                 user_id: "echocast".into(),
                 record_id: 1,
-                description: "origin and label names, JSON".into(),
+                description: "pose and label names, JSON".into(),
                 data: labels_json(cloud).into_bytes(),
             };
             builder.vlrs.extend([columns, labels]);

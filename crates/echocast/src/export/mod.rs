@@ -17,6 +17,7 @@ pub use atomic::unfinished_prefix;
 pub use frames::FramesFile;
 
 use crate::cloud::{Field, FieldInfo, FieldSet, PointCloud};
+use crate::emitter::Pose;
 use crate::error::{Error, Result};
 use crate::report::Report;
 use atomic::Pending;
@@ -180,10 +181,22 @@ pub fn labels_path(path: &Path) -> PathBuf {
     }
 }
 
-/// Origin and name tables under the names that every format gives them, for people and programs.
+/// World position and orientation of the sensor under the names that every format gives them.
+fn sensor_pose(cloud: &PointCloud) -> [(&'static str, Vec<f64>); 2] {
+    let Pose { position, orientation } = cloud.sensor_pose;
+    [("sensor_position", position.to_array().into()), ("sensor_orientation_xyzw", orientation.to_array().into())]
+}
+
+/// What the columns do not say, under the names that every format gives it. There is no origin: where this goes,
+/// positions are complete.
 fn labels_json(cloud: &PointCloud) -> String {
     let mut map = serde_json::Map::new();
-    map.insert("origin".into(), cloud.origin.to_array().as_slice().into());
+    // Not "frame", which is a column.
+    map.insert("coordinates".into(), cloud.frame.name().into());
+    map.extend(sensor_pose(cloud).map(|(name, values)| (name.into(), values.into())));
+    if let Some(full) = cloud.intensity_full_scale {
+        map.insert("intensity_full_scale".into(), full.into());
+    }
     if let Some(shape) = cloud.organised {
         map.insert("shape".into(), shape.as_slice().into());
     }

@@ -1,6 +1,6 @@
 //! NPZ: a stored zip of NumPy arrays, `numpy.load` without anything else.
 
-use super::Format;
+use super::{Format, sensor_pose};
 use crate::cloud::{ColumnType, FieldInfo, PointCloud};
 use crate::report::Report;
 use std::fs::File;
@@ -45,22 +45,28 @@ impl Format for Npz {
         let mut zip = Archive(ZipWriter::new(BufWriter::new(File::create(path)?)));
         for info in cloud.fields.iter() {
             let column = cloud.column(info.field);
-            zip.add(info.name, numpy_type(info.kind), column.len(), column.bytes())?;
+            zip.add(info.name, numpy_type(info.kind), &[column.len()], column.bytes())?;
         }
-        zip.add("origin", "f8", 3, bytemuck::cast_slice(&cloud.origin.to_array()))?;
+        zip.add("origin", "f8", &[3], &cloud.origin.to_array())?;
+        for (name, values) in sensor_pose(cloud) {
+            zip.add(name, "f8", &[values.len()], &values)?;
+        }
+        zip.add("intensity_full_scale", "f4", &[], &[cloud.intensity_full_scale.unwrap_or(f32::NAN)])?;
+        let coordinates: Vec<u32> = cloud.frame.name().chars().map(u32::from).collect();
+        zip.add("coordinates", &format!("U{}", coordinates.len()), &[], &coordinates)?;
         if let Some(shape) = cloud.organised {
-            zip.add("shape", "u4", 2, bytemuck::cast_slice(&shape))?;
+            zip.add("shape", "u4", &[2], &shape)?;
         }
         for (stem, table) in cloud.labels.tables() {
-            zip.add(&format!("{stem}_ids"), "u4", table.ids.len(), bytemuck::cast_slice(&table.ids))?;
+            zip.add(&format!("{stem}_ids"), "u4", &[table.ids.len()], &table.ids)?;
             // NumPy text: UTF-32, every element as wide as the longest, ended by zeros.
             let longest = table.names.iter().map(|name| name.chars().count()).max().unwrap_or(0);
             if longest > NAME_CHARS {
                 report.warn(format!("npz: label names longer than {NAME_CHARS} characters cut"));
             }
             let width = longest.clamp(1, NAME_CHARS);
-            let (names, bytes) = (table.names.len(), table.names.len() * width * 4);
-            zip.start(&format!("{stem}_names"), &format!("U{width}"), names, bytes)?;
+            let count = table.names.len();
+            zip.start(&format!("{stem}_names"), &format!("U{width}"), &[count], count * width * 4)?;
             for name in &table.names {
                 let mut characters: Vec<u32> = name.chars().take(width).map(u32::from).collect();
                 characters.resize(width, 0);
@@ -75,17 +81,18 @@ impl Format for Npz {
 struct Archive(ZipWriter<BufWriter<File>>);
 
 impl Archive {
-    /// Adds the one-dimensional array `name` of `len` elements of the NumPy type `kind`, in the machine's byte order.
-    fn add(&mut self, name: &str, kind: &str, len: usize, data: &[u8]) -> io::Result<()> {
-        self.start(name, kind, len, data.len())?;
-        self.0.write_all(data)
+    /// Adds the array `name` of elements of the NumPy type `kind`, in the machine's byte order.
+    fn add<T: bytemuck::NoUninit>(&mut self, name: &str, kind: &str, shape: &[usize], data: &[T]) -> io::Result<()> {
+        self.start(name, kind, shape, size_of_val(data))?;
+        self.0.write_all(bytemuck::cast_slice(data))
     }
 
     /// Adds an array whose data, `bytes` long, the caller writes next.
-    fn start(&mut self, name: &str, kind: &str, len: usize, bytes: usize) -> io::Result<()> {
+    fn start(&mut self, name: &str, kind: &str, shape: &[usize], bytes: usize) -> io::Result<()> {
         // Format 1.0 (numpy.lib.format): magic, version, length of the text, text ended so that data starts at 64 n.
         let order = if cfg!(target_endian = "big") { '>' } else { '<' };
-        let mut text = format!("{{'descr': '{order}{kind}', 'fortran_order': False, 'shape': ({len},), }}");
+        let shape: String = shape.iter().map(|length| format!("{length},")).collect();
+        let mut text = format!("{{'descr': '{order}{kind}', 'fortran_order': False, 'shape': ({shape}), }}");
         let start = (10 + text.len() + 1).next_multiple_of(64);
         text.extend(std::iter::repeat_n(' ', start - 11 - text.len()));
         text.push('\n');
