@@ -26,6 +26,8 @@ pub struct FramesFile {
     file: File,
     pending: Pending,
     frames: usize,
+    /// Whether adding a frame failed half-way, which leaves columns of unequal length.
+    broken: bool,
     /// What every frame must share with the first.
     common: Option<Common>,
 }
@@ -51,7 +53,7 @@ impl FramesFile {
     pub fn create(path: impl AsRef<Path>) -> Result<Self> {
         let pending = Pending::create(path.as_ref())?;
         let file = File::create(pending.path()).map_err(|e| hdf5_error(&pending, e))?;
-        Ok(FramesFile { columns: Vec::new(), poses: Vec::new(), file, pending, frames: 0, common: None })
+        Ok(FramesFile { columns: Vec::new(), poses: Vec::new(), file, pending, frames: 0, broken: false, common: None })
     }
 
     /// Appends `cloud` as the next frame.
@@ -76,7 +78,9 @@ impl FramesFile {
                 "a scan of the same scene with the same options as the first frame",
             ));
         }
-        self.add_row(cloud, common).map_err(|e| hdf5_error(&self.pending, e))
+        let added = self.add_row(cloud, common);
+        self.broken |= added.is_err();
+        added.map_err(|e| hdf5_error(&self.pending, e))
     }
 
     fn add_row(&mut self, cloud: &PointCloud, common: Common) -> ::hdf5::Result<()> {
@@ -120,8 +124,12 @@ impl FramesFile {
     /// Gives the file its name, in place of an older one.
     ///
     /// # Errors
-    /// A full disk.
+    /// A full disk, also when that made [`FramesFile::add`] fail before.
     pub fn finish(self) -> Result<()> {
+        if self.broken {
+            let file = format!("frame {} of {}", self.frames, self.pending.target().display());
+            return Err(Error::invalid(file, "incomplete, because adding it failed", "a file of complete frames"));
+        }
         let FramesFile { columns, poses, file, pending, .. } = self;
         drop((columns, poses));
         file.close().map_err(|e| hdf5_error(&pending, e))?;
@@ -146,4 +154,28 @@ fn create<T: H5Type + Copy>(file: &File, info: &FieldInfo) -> ::hdf5::Result<Dat
 
 fn put<T: H5Type + Copy>(dataset: &Dataset, frame: usize, column: &[T]) -> ::hdf5::Result<()> {
     dataset.write_slice(&[VarLenArray::from_slice(column)], frame..frame + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    #[test]
+    fn a_frame_that_failed_half_way_is_not_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("frames.h5");
+        fs::write(&path, "old").unwrap();
+        let mut cloud = PointCloud { fields: FieldSet::default(), len: 3, ..PointCloud::default() };
+        cloud.columns.resize(cloud.fields, 3);
+        let mut file = FramesFile::create(&path).unwrap();
+        file.add(&cloud).unwrap();
+        // A dataset of one dimension holds no pose: this frame fails when its columns are there.
+        file.poses[0] = file.columns[0].1.clone();
+        assert!(file.add(&cloud).is_err());
+        let error = file.finish().unwrap_err().to_string();
+        assert!(error.contains("frame 1 of") && error.contains("incomplete"), "{error}");
+        assert_eq!(fs::read(&path).unwrap(), b"old");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
 }
