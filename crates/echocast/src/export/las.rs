@@ -267,9 +267,9 @@ struct Survey {
     /// Intensity that is stored as 65535.
     full_intensity: f32,
     misses: usize,
-    clamped_intensities: usize,
-    clamped_returns: usize,
-    clamped_categories: usize,
+    clamped_intensities: bool,
+    clamped_returns: bool,
+    clamped_categories: bool,
 }
 
 impl Survey {
@@ -282,9 +282,9 @@ impl Survey {
             exponent: FINEST_STEP,
             full_intensity: cloud.intensity_full_scale.unwrap_or_else(|| strongest(cloud)),
             misses: 0,
-            clamped_intensities: 0,
-            clamped_returns: 0,
-            clamped_categories: 0,
+            clamped_intensities: false,
+            clamped_returns: false,
+            clamped_categories: false,
         };
         let intensities = 0.0..=survey.full_intensity;
         let returns = 1..=las.most_returns();
@@ -299,10 +299,9 @@ impl Survey {
             }
             survey.by_return[usize::from(las.return_number(cloud, row)) - 1] += 1;
             let inside = |column: &[u8]| column.get(row).is_none_or(|number| returns.contains(number));
-            survey.clamped_returns += usize::from(!inside(&c.return_number) || !inside(&c.return_count));
-            survey.clamped_intensities += usize::from(c.intensity.get(row).is_some_and(|i| !intensities.contains(i)));
-            survey.clamped_categories +=
-                usize::from(c.category_id.get(row).is_some_and(|&id| id > u32::from(u16::MAX)));
+            survey.clamped_returns |= !inside(&c.return_number) || !inside(&c.return_count);
+            survey.clamped_intensities |= c.intensity.get(row).is_some_and(|i| !intensities.contains(i));
+            survey.clamped_categories |= c.category_id.get(row).is_some_and(|&id| id > u32::from(u16::MAX));
         }
         if survey.misses == cloud.len {
             (survey.low, survey.high) = ([0.0; 3], [0.0; 3]);
@@ -327,10 +326,11 @@ impl Survey {
         })
     }
 
+    /// Without counts, so that the files of a sequence say the same.
     fn tell(&self, cloud: &PointCloud, las: &Las, report: &mut Report) {
         let name = las.name;
         if self.misses > 0 {
-            report.warn(format!("{name}: {} rows without a position left out", self.misses));
+            report.warn(format!("{name}: rows without a position left out"));
         }
         if self.exponent != FINEST_STEP {
             report.warn(format!(
@@ -338,7 +338,7 @@ impl Survey {
                 self.step()
             ));
         }
-        if self.clamped_intensities > 0 {
+        if self.clamped_intensities {
             report.warn(format!("{name}: intensities below 0, above full scale or without a value clamped"));
         }
         if cloud.intensity_full_scale.is_none() && !cloud.columns.intensity.is_empty() {
@@ -346,12 +346,12 @@ impl Survey {
                 "{name}: intensity is relative energy, which has no full scale; 65535 is the strongest point of the file"
             ));
         }
-        if self.clamped_returns > 0 {
+        if self.clamped_returns {
             let most = las.most_returns();
-            report.warn(format!("{name}: return numbers of {} points clamped to 1 to {most}", self.clamped_returns));
+            report.warn(format!("{name}: return numbers clamped to 1 to {most}"));
         }
-        if !las.extra_bytes && self.clamped_categories > 0 {
-            report.warn(format!("{name}: {} category ids above 65535 written as 65535", self.clamped_categories));
+        if !las.extra_bytes && self.clamped_categories {
+            report.warn(format!("{name}: category ids above 65535 written as 65535"));
         }
     }
 }
