@@ -407,10 +407,30 @@ impl<'a> Extra<'a> {
             (Column::F32(_), Some(_)) | (Column::F64(_), _) => 10,
         };
         bytes[4..4 + self.info.name.len()].copy_from_slice(self.info.name.as_bytes());
-        let unit = if matches!(self.info.unit, "" | "1") { String::new() } else { format!("[{}] ", self.info.unit) };
-        let text = unit + self.info.meaning;
-        let text = text.get(..32).map_or(text.as_str(), |head| head.rsplit_once(' ').map_or(head, |(words, _)| words));
+        let text = description(self.info);
         bytes[160..160 + text.len()].copy_from_slice(text.as_bytes());
         bytes
+    }
+}
+
+/// The short form of a column's meaning, at most 31 bytes.
+fn description(info: &FieldInfo) -> String {
+    let unit = if matches!(info.unit, "" | "1") { String::new() } else { format!("[{}] ", info.unit) };
+    let short = info.meaning.split([',', ':', '(']).next().unwrap_or_default();
+    unit + short.trim_end()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::{FIELDS, Field};
+
+    #[test]
+    fn descriptions_of_extra_bytes_fit_whole() {
+        for info in FIELDS.iter().filter(|info| info.las.is_none()) {
+            assert!((3..32).contains(&description(info).len()) && info.name.len() < 32, "{}", description(info));
+        }
+        assert_eq!(description(Field::TrueX.info()), "[m] position without errors");
+        assert_eq!(description(Field::Channel.info()), "emitter index");
     }
 }
