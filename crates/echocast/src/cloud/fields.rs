@@ -174,9 +174,9 @@ macro_rules! columns {
             }
 
             /// Puts row `order[i]` at row `i`, in every column.
-            pub(crate) fn permute(&mut self, order: &[u32]) {
+            pub(crate) fn permute(&mut self, order: &[usize]) {
                 $( if !self.$name.is_empty() {
-                    self.$name = order.iter().map(|&row| self.$name[row as usize]).collect();
+                    self.$name = order.iter().map(|&row| self.$name[row]).collect();
                 } )*
             }
 
