@@ -274,14 +274,17 @@ mod tests {
     }
 
     #[test]
-    fn captions_say_what_intensity_is() {
-        let mut cloud = cloud(vec![0; 2], vec![]);
-        cloud.columns.intensity = vec![1e-5, 1e-3];
+    fn intensity_has_a_caption_and_none_is_dark() {
+        let mut cloud = cloud(vec![0; 3], vec![]);
+        cloud.columns.intensity = vec![1e-5, 1e-3, f32::NAN];
         let captions = [Some(1.0), Some(255.0), None].map(|full| {
             cloud.intensity_full_scale = full;
             names(&cloud, ColorBy::Intensity, &mut Report::default()).1[0].0.clone()
         });
         assert_eq!(captions, ["intensity", "intensity, full scale 255", "intensity, relative energy"]);
+        let points = Points::new(&cloud, &mut Report::default());
+        let paint = Paint::new(&cloud, &points, ColorBy::Intensity, &mut Report::default());
+        assert_eq!([0, 1, 2].map(|row| paint.color(row)), [0.0, 1.0, 0.0].map(|t| INTENSITY.color(t)));
     }
 
     #[test]
