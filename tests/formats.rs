@@ -1,11 +1,12 @@
 //! Every format, read back by other people's readers.
 
-use echocast::cloud::{ColumnType, Columns, FIELDS, Field, FieldSet};
+use echocast::cloud::{ColumnType, Columns, FIELDS, Field, FieldSet, Frame};
 use echocast::export::{self, FORMATS, FramesFile};
 use echocast::scene::{Labels, NameTable};
-use echocast::{Error, PointCloud, Report};
+use echocast::{Error, PointCloud, Pose, Report};
 use echocast_tests::python;
-use serde_json::Value;
+use glam::DQuat;
+use serde_json::{Value, json};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -78,6 +79,10 @@ fn cloud(len: usize, fields: FieldSet) -> PointCloud {
         columns,
         fields,
         len,
+        sensor_pose: Pose {
+            orientation: DQuat::from_xyzw(0.1, -0.7, 0.1, 0.7),
+            ..Pose::at(500_001.1, 5_600_002.2, -3.3)
+        },
         labels: Arc::new(labels),
         ..PointCloud::default()
     }
@@ -151,6 +156,13 @@ fn compare(cloud: &PointCloud, format: &str, found: &Value, rows: &[usize], held
         let names: Vec<(u32, String)> = serde_json::from_value(found["names"][stem].clone()).unwrap();
         assert!(table.iter().eq(names.iter().map(|(id, name)| (*id, name.as_str()))), "{format} {stem}: {names:?}");
     }
+    let about = json!({
+        "coordinates": cloud.frame.name(),
+        "sensor_position": cloud.sensor_pose.position.to_array(),
+        "sensor_orientation_xyzw": cloud.sensor_pose.orientation.to_array(),
+        "intensity_full_scale": cloud.intensity_full_scale,
+    });
+    assert_eq!(found["about"], about, "{format}");
 }
 
 fn points(cloud: &PointCloud) -> Vec<usize> {
@@ -168,13 +180,16 @@ fn every_format_is_read_back() {
     labels.instance.ids = (1..=5000).collect();
     labels.instance.names = (1..=5000).map(|id| format!("object number {id}")).collect();
     let positions = FieldSet::parse("x,y,z").unwrap();
+    let mut sensor_frame = cloud(10, positions);
+    sensor_frame.frame = Frame::Sensor;
+    sensor_frame.intensity_full_scale = None;
     let clouds = [
         cloud(5000, FieldSet::all()),
         cloud(3000, FieldSet::default()),
         organised(),
         cloud(1, FieldSet::all()),
         cloud(0, FieldSet::all()),
-        cloud(10, positions),
+        sensor_frame,
         many_names,
     ];
     let folder = tempfile::tempdir().unwrap();
@@ -193,9 +208,9 @@ fn every_format_is_read_back() {
                     "{words:?}"
                 );
             }
-            assert_eq!(format.holds_label_names(), !path.with_extension("labels.json").exists());
+            assert_eq!(format.holds_label_names(), !export::labels_path(&path).exists());
             if name.starts_with("las") {
-                assert_eq!(said(&report, "4 rows without a position"), cloud.organised.is_some(), "{report:?}");
+                assert_eq!(said(&report, "rows without a position"), cloud.organised.is_some(), "{report:?}");
             }
             assert_eq!(said(&report, "category ids above 65535"), name == "las2" && i != 5 && cloud.len > 1);
             files.push(path);
@@ -206,7 +221,7 @@ fn every_format_is_read_back() {
             let held = cloud.fields.iter().filter(|info| format.holds(info)).map(|info| info.field).collect();
             compare(cloud, name, &found, &rows, held);
             if let Some(shape) = found.get("shape") {
-                assert_eq!(*shape, serde_json::json!(cloud.organised), "{name}");
+                assert_eq!(*shape, json!(cloud.organised), "{name}");
             }
         }
     }
@@ -231,6 +246,26 @@ fn formats_that_need_no_positions_hold_any_columns() {
 }
 
 #[test]
+fn frames_of_a_sequence_warn_alike() {
+    let folder = tempfile::tempdir().unwrap();
+    for format in FORMATS {
+        let mut report = Report::default();
+        let mut seen = None;
+        for frame in 1..4 {
+            let mut cloud = organised();
+            cloud.intensity_full_scale = None;
+            cloud.columns.x[frame] = f32::NAN;
+            cloud.columns.y[1 + 2 * frame] = f32::NAN;
+            cloud.columns.intensity[10..10 + frame].fill(-1.0);
+            cloud.columns.return_count[10..10 + frame].fill(16);
+            cloud.columns.category_id[10..10 + frame].fill(u32::MAX);
+            report.absorb(export::write(&cloud, &folder.path().join(format.name()), Some(format.name())).unwrap());
+            assert_eq!(*seen.get_or_insert(report.warnings.len()), report.warnings.len(), "{report:?}");
+        }
+    }
+}
+
+#[test]
 fn las_says_what_it_rounds_and_clamps() {
     let mut cloud = cloud(100, FieldSet::all());
     cloud.columns.x[3] = 300_000.0;
@@ -240,8 +275,8 @@ fn las_says_what_it_rounds_and_clamps() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("far.las");
     let report = cloud.write(&path).unwrap();
-    assert!(said(&report, "rounded to 0.001 m") && said(&report, "2 intensities outside 0 to 1"), "{report:?}");
-    assert!(said(&report, "return numbers of 1 points clamped to 1 to 15"), "{report:?}");
+    assert!(said(&report, "rounded to 0.001 m") && said(&report, "intensities below 0"), "{report:?}");
+    assert!(said(&report, "return numbers clamped to 1 to 15"), "{report:?}");
     cloud.columns.return_count[4] = 15;
     cloud.columns.intensity[5] = 1.0;
     cloud.columns.intensity[6] = 0.0;
@@ -251,21 +286,60 @@ fn las_says_what_it_rounds_and_clamps() {
 }
 
 #[test]
+fn one_long_name_does_not_make_an_npz_file_huge() {
+    let mut cloud = cloud(1, FieldSet::default());
+    let instances = &mut Arc::make_mut(&mut cloud.labels).instance;
+    instances.ids = (1..=1000).collect();
+    instances.names = (1..=1000).map(|id| format!("object {id}")).collect();
+    instances.names[500] = "木".repeat(100_000);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.npz");
+    let report = cloud.write(&path).unwrap();
+    assert!(said(&report, "longer than 1024 characters cut"), "{report:?}");
+    assert!(fs::metadata(&path).unwrap().len() < 1000 * 4 * 1024 + 100_000);
+    Arc::make_mut(&mut cloud.labels).instance.names[500] = "木".repeat(1024);
+    compare(&cloud, "npz", &read("npz", &[path])[0], &[0], cloud.fields);
+}
+
+#[test]
 fn eight_bit_intensities_fill_the_range_of_las() {
     let mut cloud = cloud(256, FieldSet::default());
-    cloud.intensity_full_scale = 255.0;
+    cloud.intensity_full_scale = Some(255.0);
     cloud.columns.intensity = (0..256u16).map(f32::from).collect();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.las");
     cloud.write(&path).unwrap();
     let found = read("las", &[path]);
     let wide: Vec<String> = (0..256).map(|i| format!("{}.0", i * 257)).collect();
-    assert_eq!(found[0]["columns"]["intensity"], serde_json::json!(wide));
+    assert_eq!(found[0]["columns"]["intensity"], json!(wide));
+}
+
+#[test]
+fn relative_energy_fills_the_range_of_las() {
+    let mut cloud = cloud(4, FieldSet::default());
+    cloud.intensity_full_scale = None;
+    cloud.columns.intensity = vec![1e-5, 4e-5, 0.0, 3e-5];
+    let folder = tempfile::tempdir().unwrap();
+    for (format, strongest) in [("las", 4e-5), ("las2", 3.0)] {
+        cloud.columns.intensity[1] = strongest;
+        let path = folder.path().join(format);
+        let report = export::write(&cloud, &path, Some(format)).unwrap();
+        assert!(said(&report, "has no full scale"), "{report:?}");
+        let stored = |i: f32| format!("{}.0", (f64::from(i) / f64::from(strongest) * 65535.0).round());
+        let wanted: Vec<String> = cloud.columns.intensity.iter().map(|&i| stored(i)).collect();
+        assert_eq!(wanted[1], "65535.0");
+        assert_eq!(read(format, &[path])[0]["columns"]["intensity"], json!(wanted));
+    }
+    cloud.columns.intensity = vec![0.0; 4];
+    let dark = folder.path().join("dark.las");
+    cloud.write(&dark).unwrap();
+    assert_eq!(read("las", &[dark])[0]["columns"]["intensity"], json!(vec!["0.0"; 4]));
 }
 
 #[test]
 fn frames_are_rows_of_one_hdf5_file() {
-    let clouds = [cloud(700, FieldSet::default()), cloud(0, FieldSet::default()), cloud(1, FieldSet::default())];
+    let mut clouds = [700, 0, 1].map(|len| cloud(len, FieldSet::default()));
+    clouds[1].sensor_pose.position.x += 0.5;
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("frames.h5");
     fs::write(&path, "old").unwrap();

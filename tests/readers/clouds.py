@@ -16,6 +16,9 @@ import numpy
 import plyfile
 
 TABLES = ("category", "part", "material", "instance")
+POSE = ("sensor_position", "sensor_orientation_xyzw")
+ABOUT = [f"{table}_{what}" for table in TABLES for what in ("ids", "names")]
+ABOUT += ["coordinates", "intensity_full_scale", *POSE]
 POSITIONS = {"x": 0, "y": 1, "z": 2, "true_x": 0, "true_y": 1, "true_z": 2}
 
 
@@ -26,8 +29,19 @@ def names(tables):
     return {t: [[int(i), str(n)] for i, n in zip(tables[f"{t}_ids"], tables[f"{t}_names"])] for t in TABLES}
 
 
+def meaning(said):
+    """What a mapping says of the whole cloud; no full scale of intensities is none, or nan."""
+    full = float(said.get("intensity_full_scale", numpy.nan))
+    about = {name: [float(value) for value in said[name]] for name in POSE}
+    about["coordinates"] = str(said["coordinates"])
+    about["intensity_full_scale"] = None if numpy.isnan(full) else full
+    return {"names": names(said), "about": about}
+
+
 def beside(path):
-    return json.loads(Path(path).with_suffix(".labels.json").read_text(encoding="utf-8"))
+    said = json.loads(Path(f"{path}.labels.json").read_text(encoding="utf-8"))
+    assert "origin" not in said
+    return said
 
 
 def las_header(las):
@@ -62,11 +76,11 @@ def read_las(path):
     records = [v for v in list(las.header.vlrs) + list(las.evlrs or []) if v.user_id == "echocast"]
     assert [v.record_id for v in records] == [1]
     said = json.loads(records[0].record_data_bytes().decode("utf-8"))
-    assert said["origin"] == list(las.header.offsets)
     extra = {name: name for name in las.point_format.extra_dimension_names}
     for dimension in las.point_format.extra_dimensions:
         assert dimension.description, dimension.name
-    return {"columns": las_columns(las, {"time": "gps_time"} | extra), "names": names(said), "scale": las.header.scales[0]}
+    columns = las_columns(las, {"time": "gps_time"} | extra)
+    return {"columns": columns, "scale": las.header.scales[0]} | meaning(said)
 
 
 def read_las2(path):
@@ -74,14 +88,14 @@ def read_las2(path):
     assert (str(las.header.version), las.header.point_format.id) == ("1.2", 2)
     las_header(las)
     columns = las_columns(las, {"category_id": "point_source_id"})
-    return {"columns": columns, "names": names(beside(path)), "scale": las.header.scales[0]}
+    return {"columns": columns, "scale": las.header.scales[0]} | meaning(beside(path))
 
 
 def read_csv(path):
     with open(path, newline="") as file:
         rows = list(csv.reader(file))
     columns = {name: [float(row[i]) for row in rows[1:]] for i, name in enumerate(rows[0])}
-    return {"columns": columns, "names": names(beside(path))}
+    return {"columns": columns} | meaning(beside(path))
 
 
 def read_ply(path):
@@ -94,19 +108,19 @@ def read_ply(path):
     columns = {renamed.get(p.name, p.name.removeprefix("scalar_")): vertex[p.name] for p in vertex.properties}
     grid = dict(line.split() for line in ply.obj_info)
     shape = [int(grid["num_rows"]), int(grid["num_cols"])] if grid else None
-    return {"columns": columns, "names": names(beside(path)), "shape": shape}
+    return {"columns": columns, "shape": shape} | meaning(beside(path))
 
 
 def from_arrays(arrays):
     """A mapping of arrays whose positions are relative to `origin`."""
     arrays = dict(arrays)
-    said = {f"{table}_{what}": arrays.pop(f"{table}_{what}") for table in TABLES for what in ("ids", "names")}
+    said = {name: arrays.pop(name) for name in ABOUT}
     origin, shape = arrays.pop("origin"), arrays.pop("shape", None)
     for name, axis in POSITIONS.items():
         if name in arrays:
             assert arrays[name].dtype == numpy.float32
             arrays[name] = arrays[name].astype(float) + origin[axis]
-    return {"columns": arrays, "names": names(said), "shape": None if shape is None else shape.tolist()}
+    return {"columns": arrays, "shape": None if shape is None else shape.tolist()} | meaning(said)
 
 
 def read_npz(path):
@@ -114,23 +128,27 @@ def read_npz(path):
         return from_arrays(file)
 
 
+def whole(dataset):
+    return (dataset.asstr() if h5py.check_string_dtype(dataset.dtype) else dataset)[()]
+
+
 def read_hdf5(path):
     with h5py.File(path) as file:
-        text = {f"{table}_names" for table in TABLES}
         for name, dataset in file.items():
-            other = name in text or name in ("origin", "shape") or name.removesuffix("_ids") in TABLES
+            other = name in ABOUT or name in ("origin", "shape")
             assert other or ({"unit", "meaning"} == set(dataset.attrs) and dataset.attrs["meaning"]), name
-        return from_arrays({k: d.asstr()[:] if k in text else d[:] for k, d in file.items()})
+        return from_arrays({name: whole(dataset) for name, dataset in file.items()})
 
 
 def read_frames(path):
     """A file of frames: one result per frame."""
     with h5py.File(path) as file:
-        text = {k for k in file if h5py.check_string_dtype(file[k].dtype)}
-        rows = {k: d for k, d in file.items() if k not in text and h5py.check_vlen_dtype(d.dtype) is not None}
-        common = {k: d.asstr()[:] if k in text else d[:] for k, d in file.items() if k not in rows}
+        columns = {k: d for k, d in file.items() if k not in ABOUT and h5py.check_vlen_dtype(d.dtype)}
+        assert all(d.attrs["meaning"] for d in columns.values())
+        rows = columns | {k: file[k] for k in POSE}
+        common = {k: whole(d) for k, d in file.items() if k not in rows}
         count = {len(d) for d in rows.values()}
-        assert len(count) == 1 and all(d.attrs["meaning"] for d in rows.values())
+        assert len(count) == 1
         return {"frames": [plain(from_arrays({k: d[i] for k, d in rows.items()} | common)) for i in range(*count)]}
 
 

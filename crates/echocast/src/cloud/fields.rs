@@ -179,9 +179,9 @@ macro_rules! columns {
             }
 
             /// Puts row `order[i]` at row `i`, in every column.
-            pub(crate) fn permute(&mut self, order: &[u32]) {
+            pub(crate) fn permute(&mut self, order: &[usize]) {
                 $( if !self.$name.is_empty() {
-                    self.$name = order.iter().map(|&row| self.$name[row as usize]).collect();
+                    self.$name = order.iter().map(|&row| self.$name[row]).collect();
                 } )*
             }
 
@@ -210,7 +210,8 @@ macro_rules! columns {
 }
 
 columns! {
-    // name, variant, type, unit, default, LAS dimension, meaning
+    // name, variant, type, unit, default, LAS dimension, meaning: up to a comma, colon or parenthesis it is what LAS says
+    // of an extra dimension in 31 bytes with the unit
     x, X, f32, "m", true, Some("X"), "measured position, relative to the cloud's origin";
     y, Y, f32, "m", true, Some("Y"), "measured position, relative to the cloud's origin";
     z, Z, f32, "m", true, Some("Z"), "measured position, relative to the cloud's origin";
@@ -227,20 +228,20 @@ columns! {
     frame, Frame, u32, "", false, None, "frame index";
     beam, Beam, u32, "", false, None, "index of the beam in its frame: row * columns + column";
     firing, Firing, u32, "", false, None, "index of the emission event: column of a spinning sensor";
-    azimuth, Azimuth, f32, "rad", false, None, "reported direction in the sensor frame, counter-clockwise from x";
-    elevation, Elevation, f32, "rad", false, None, "reported direction in the sensor frame, up from the xy plane";
+    azimuth, Azimuth, f32, "rad", false, None, "reported azimuth, in the sensor frame, counter-clockwise from x";
+    elevation, Elevation, f32, "rad", false, None, "reported elevation, in the sensor frame, up from the xy plane";
     red, Red, u8, "", true, Some("red"), "base colour of the surface, sRGB";
     green, Green, u8, "", true, Some("green"), "base colour of the surface, sRGB";
     blue, Blue, u8, "", true, Some("blue"), "base colour of the surface, sRGB";
-    normal_x, NormalX, f32, "1", false, None, "unit surface normal on the sensor's side, in the cloud's frame";
-    normal_y, NormalY, f32, "1", false, None, "unit surface normal on the sensor's side, in the cloud's frame";
-    normal_z, NormalZ, f32, "1", false, None, "unit surface normal on the sensor's side, in the cloud's frame";
-    cos_incidence, CosIncidence, f32, "1", false, None, "cosine of the incidence angle, 1 = head-on";
-    depth, Depth, f32, "m", false, None, "measured distance along the sensor's x axis";
-    true_x, TrueX, f32, "m", false, None, "position without noise or error, relative to the cloud's origin";
-    true_y, TrueY, f32, "m", false, None, "position without noise or error, relative to the cloud's origin";
-    true_z, TrueZ, f32, "m", false, None, "position without noise or error, relative to the cloud's origin";
-    true_range, TrueRange, f32, "m", false, None, "slant range without noise or error";
+    normal_x, NormalX, f32, "1", false, None, "unit surface normal, on the sensor's side, in the cloud's frame";
+    normal_y, NormalY, f32, "1", false, None, "unit surface normal, on the sensor's side, in the cloud's frame";
+    normal_z, NormalZ, f32, "1", false, None, "unit surface normal, on the sensor's side, in the cloud's frame";
+    cos_incidence, CosIncidence, f32, "1", false, None, "cosine of incidence angle, 1 = head-on";
+    depth, Depth, f32, "m", false, None, "distance along x, measured, in the sensor frame";
+    true_x, TrueX, f32, "m", false, None, "position without errors, relative to the cloud's origin";
+    true_y, TrueY, f32, "m", false, None, "position without errors, relative to the cloud's origin";
+    true_z, TrueZ, f32, "m", false, None, "position without errors, relative to the cloud's origin";
+    true_range, TrueRange, f32, "m", false, None, "slant range without errors";
     cause, Cause, u8, "", false, None, "why the point is there: 0 surface";
     bounces, Bounces, u8, "", false, None, "specular events on the path";
 }

@@ -26,6 +26,16 @@ pub enum Frame {
     Sensor,
 }
 
+impl Frame {
+    /// Its name in files: `world` or `sensor`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Frame::World => "world",
+            Frame::Sensor => "sensor",
+        }
+    }
+}
+
 /// What a scan returns: columns of equal length, one row per return (or per beam when organised).
 #[derive(Clone, Debug)]
 pub struct PointCloud {
@@ -43,8 +53,8 @@ pub struct PointCloud {
     pub frame: Frame,
     /// World pose of the sensor at the start of the (first) scan.
     pub sensor_pose: Pose,
-    /// Value of `intensity` that means full scale: 1, or 255 for 8-bit encodings.
-    pub intensity_full_scale: f32,
+    /// Value of `intensity` that means full scale: 1, or 255 for 8-bit encodings; relative energy has none.
+    pub intensity_full_scale: Option<f32>,
     /// Names of the numbers in the label columns.
     pub labels: Arc<Labels>,
 }
@@ -60,7 +70,7 @@ impl Default for PointCloud {
             organised: None,
             frame: Frame::World,
             sensor_pose: Pose::IDENTITY,
-            intensity_full_scale: 1.0,
+            intensity_full_scale: Some(1.0),
             labels: Arc::default(),
         }
     }
@@ -81,6 +91,9 @@ impl PointCloud {
     }
 
     /// World (or sensor) position of row `row`, metres, f64.
+    ///
+    /// # Panics
+    /// Without such a row, or when `x`, `y` or `z` was not computed.
     pub fn position(&self, row: usize) -> DVec3 {
         let c = &self.columns;
         self.origin + DVec3::new(f64::from(c.x[row]), f64::from(c.y[row]), f64::from(c.z[row]))
@@ -99,15 +112,16 @@ impl PointCloud {
     /// Puts the rows in rising order of the `time` column; rows of one time keep their order.
     pub(crate) fn sort_by_time(&mut self) {
         let times = &self.columns.time;
-        let mut order: Vec<u32> = (0..self.len as u32).collect();
-        order.sort_by(|&a, &b| times[a as usize].total_cmp(&times[b as usize]));
+        let mut order: Vec<usize> = (0..self.len).collect();
+        order.sort_by(|&a, &b| times[a].total_cmp(&times[b]));
         self.columns.permute(&order);
     }
 
     /// Appends the rows of `other`, a later scan of the same scene with the same columns.
     ///
     /// # Errors
-    /// When origins, frames, columns or labels differ.
+    /// When origins, frames, columns, intensity scales or labels differ; more than 4,294,967,295 rows of an organised
+    /// cloud.
     pub fn append(&mut self, other: &PointCloud) -> Result<()> {
         if self.len == 0 && self.fields == FieldSet::EMPTY {
             *self = other.clone();
@@ -116,20 +130,56 @@ impl PointCloud {
         let same = self.origin == other.origin
             && self.frame == other.frame
             && self.fields == other.fields
+            && self.intensity_full_scale == other.intensity_full_scale
             && self.labels == other.labels;
         if !same {
             return Err(crate::Error::invalid(
                 "cloud to append",
-                "of another origin, frame, set of columns or labels",
+                "of another origin, frame, set of columns, intensity scale or labels",
                 "a scan of the same scene with the same options",
             ));
         }
-        self.columns.append(&other.columns);
-        self.len += other.len;
         self.organised = match (self.organised, other.organised) {
-            (Some([rows, columns]), Some([more, same])) if columns == same => Some([rows + more, columns]),
+            (Some([rows, columns]), Some([more, same])) if columns == same => {
+                let sum = rows.checked_add(more).ok_or_else(|| {
+                    let found = format!("{more} rows of beams long, after {rows}");
+                    crate::Error::invalid("cloud to append", found, format!("{} rows together", u32::MAX))
+                })?;
+                Some([sum, columns])
+            }
             _ => None,
         };
+        self.columns.append(&other.columns);
+        self.len += other.len;
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn clouds_are_appended_only_if_they_fit_together() {
+        let mut cloud = PointCloud { organised: Some([2, 0]), ..PointCloud::default() };
+        cloud.fields = cloud.fields.with(Field::Range);
+        let mut more = cloud.clone();
+        cloud.append(&more).unwrap();
+        assert_eq!(cloud.organised, Some([4, 0]));
+        more.organised = Some([u32::MAX, 0]);
+        let error = cloud.append(&more).unwrap_err().to_string();
+        assert!(error.contains("4294967295 rows of beams long, after 4"), "{error}");
+        assert_eq!(cloud.organised, Some([4, 0]));
+        more.intensity_full_scale = None;
+        assert!(cloud.append(&more).unwrap_err().to_string().contains("intensity scale"));
+    }
+
+    #[test]
+    fn rows_of_one_time_keep_their_order() {
+        let mut cloud = PointCloud { len: 4, ..PointCloud::default() };
+        cloud.columns.time = vec![2.0, 1.0, 2.0, 0.0];
+        cloud.columns.beam = vec![0, 1, 2, 3];
+        cloud.sort_by_time();
+        assert_eq!(cloud.columns.beam, [3, 1, 0, 2]);
     }
 }

@@ -17,11 +17,12 @@ pub enum IntensityEncoding {
 }
 
 impl IntensityEncoding {
-    /// Value that means full scale.
-    pub fn full_scale(self) -> f32 {
+    /// Value that means full scale; relative energy has none.
+    pub fn full_scale(self) -> Option<f32> {
         match self {
-            IntensityEncoding::Reflectivity | IntensityEncoding::Power => 1.0,
-            IntensityEncoding::Reflectivity8 => 255.0,
+            IntensityEncoding::Reflectivity => Some(1.0),
+            IntensityEncoding::Reflectivity8 => Some(255.0),
+            IntensityEncoding::Power => None,
         }
     }
 }
@@ -38,11 +39,12 @@ pub(crate) enum IntensityModel {
 }
 
 impl IntensityModel {
-    /// Value that means full scale.
-    pub(crate) fn full_scale(self) -> f32 {
+    /// As [`IntensityEncoding::full_scale`].
+    pub(crate) fn full_scale(self) -> Option<f32> {
         match self {
             IntensityModel::Encoded(encoding) => encoding.full_scale(),
-            IntensityModel::PaperEq5 | IntensityModel::Blainder => 1.0,
+            IntensityModel::PaperEq5 => None,
+            IntensityModel::Blainder => Some(1.0),
         }
     }
 
@@ -84,6 +86,7 @@ mod tests {
         let model = IntensityModel::Encoded(IntensityEncoding::Power);
         let ratio = model.of(0.3, 0.7, 20.0) / model.of(0.3, 0.7, 40.0);
         assert!((ratio - 4.0).abs() < 1e-5);
+        assert_eq!((model.full_scale(), IntensityModel::PaperEq5.full_scale()), (None, None));
     }
 
     #[test]
@@ -91,6 +94,6 @@ mod tests {
         let model = IntensityModel::Encoded(IntensityEncoding::Reflectivity8);
         assert_eq!(model.of(0.8, 0.5, 33.0), 40.0);
         assert_eq!(model.of(1.0, 1.0, 33.0), 100.0);
-        assert_eq!(model.full_scale(), 255.0);
+        assert_eq!(model.full_scale(), Some(255.0));
     }
 }

@@ -5,17 +5,6 @@ use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use tempfile::TempPath;
 
-/// Lets `write` fill a file beside `path`, then renames it to `path`; on failure nothing is left and an older file is
-/// untouched.
-///
-/// # Errors
-/// Those of `write`, or the system's.
-pub(super) fn replace(path: &Path, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
-    let pending = Pending::create(path)?;
-    write(pending.path())?;
-    pending.commit()
-}
-
 /// How the names of this process's unfinished files begin: a program that is interrupted may remove them from the
 /// folders it writes to.
 pub fn unfinished_prefix() -> String {

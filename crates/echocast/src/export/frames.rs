@@ -1,9 +1,9 @@
 //! Frames of a sequence in one HDF5 file, written one by one.
 
 use super::atomic::Pending;
-use super::check_cloud;
 use super::hdf5::{add_tables, describe};
-use crate::cloud::{Column, FieldInfo, FieldSet, PointCloud};
+use super::{check_cloud, sensor_pose};
+use crate::cloud::{Column, FieldInfo, FieldSet, Frame, PointCloud};
 use crate::error::{Error, Result};
 use crate::scene::Labels;
 use ::hdf5::types::VarLenArray;
@@ -13,17 +13,21 @@ use std::io;
 use std::path::Path;
 use std::sync::Arc;
 
-/// An HDF5 file that grows by one frame at a time: one dataset per column, one variable-length row per frame. Names,
-/// attributes, origin and name tables are those of a merged HDF5 file. Only one frame is in memory at a time.
+/// An HDF5 file that grows by one frame at a time: one dataset per column, one variable-length row per frame, and a row
+/// of `sensor_position` and `sensor_orientation_xyzw` per frame. All else is as in a merged HDF5 file. Only one frame is
+/// in memory at a time.
 ///
 /// The file appears under its name with [`FramesFile::finish`]; dropped before, it leaves nothing behind.
 #[derive(Debug)]
 pub struct FramesFile {
     // The datasets go before the file, the file before its name.
     columns: Vec<(&'static FieldInfo, Dataset)>,
+    poses: Vec<Dataset>,
     file: File,
     pending: Pending,
     frames: usize,
+    /// Whether adding a frame failed half-way, which leaves columns of unequal length.
+    broken: bool,
     /// What every frame must share with the first.
     common: Option<Common>,
 }
@@ -31,7 +35,9 @@ pub struct FramesFile {
 #[derive(Debug, PartialEq)]
 struct Common {
     fields: FieldSet,
+    frame: Frame,
     origin: DVec3,
+    intensity_full_scale: Option<f32>,
     organised: Option<[u32; 2]>,
     labels: Arc<Labels>,
 }
@@ -47,29 +53,34 @@ impl FramesFile {
     pub fn create(path: impl AsRef<Path>) -> Result<Self> {
         let pending = Pending::create(path.as_ref())?;
         let file = File::create(pending.path()).map_err(|e| hdf5_error(&pending, e))?;
-        Ok(FramesFile { columns: Vec::new(), file, pending, frames: 0, common: None })
+        Ok(FramesFile { columns: Vec::new(), poses: Vec::new(), file, pending, frames: 0, broken: false, common: None })
     }
 
     /// Appends `cloud` as the next frame.
     ///
     /// # Errors
-    /// A cloud with other columns, another origin, shape or other labels than the first; a full disk.
+    /// A cloud with other columns or labels, another frame, origin, shape or intensity scale than the first; a full
+    /// disk.
     pub fn add(&mut self, cloud: &PointCloud) -> Result<()> {
         check_cloud(cloud)?;
         let common = Common {
             fields: cloud.fields,
+            frame: cloud.frame,
             origin: cloud.origin,
+            intensity_full_scale: cloud.intensity_full_scale,
             organised: cloud.organised,
             labels: Arc::clone(&cloud.labels),
         };
         if self.common.as_ref().is_some_and(|first| *first != common) {
             return Err(Error::invalid(
                 format!("frame {}", self.frames),
-                "of another origin, shape, set of columns or labels",
+                "of another frame, origin, shape, intensity scale, set of columns or labels",
                 "a scan of the same scene with the same options as the first frame",
             ));
         }
-        self.add_row(cloud, common).map_err(|e| hdf5_error(&self.pending, e))
+        let added = self.add_row(cloud, common);
+        self.broken |= added.is_err();
+        added.map_err(|e| hdf5_error(&self.pending, e))
     }
 
     fn add_row(&mut self, cloud: &PointCloud, common: Common) -> ::hdf5::Result<()> {
@@ -85,6 +96,11 @@ impl FramesFile {
                 }?;
                 self.columns.push((info, dataset));
             }
+            for (name, values) in sensor_pose(cloud) {
+                let shape = (Extent::resizable(0), Extent::fixed(values.len()));
+                let rows = self.file.new_dataset::<f64>().obj_track_times(false).chunk((ROWS, values.len()));
+                self.poses.push(rows.shape(shape).create(name)?);
+            }
             self.common = Some(common);
         }
         for (info, dataset) in &self.columns {
@@ -97,6 +113,10 @@ impl FramesFile {
                 Column::U32(c) => put(dataset, self.frames, c),
             }?;
         }
+        for ((_, values), dataset) in sensor_pose(cloud).iter().zip(&self.poses) {
+            dataset.resize((self.frames + 1, values.len()))?;
+            dataset.write_slice(values, (self.frames, ..))?;
+        }
         self.frames += 1;
         Ok(())
     }
@@ -104,10 +124,14 @@ impl FramesFile {
     /// Gives the file its name, in place of an older one.
     ///
     /// # Errors
-    /// A full disk.
+    /// A full disk, also when that made [`FramesFile::add`] fail before.
     pub fn finish(self) -> Result<()> {
-        let FramesFile { columns, file, pending, .. } = self;
-        drop(columns);
+        if self.broken {
+            let file = format!("frame {} of {}", self.frames, self.pending.target().display());
+            return Err(Error::invalid(file, "incomplete, because adding it failed", "a file of complete frames"));
+        }
+        let FramesFile { columns, poses, file, pending, .. } = self;
+        drop((columns, poses));
         file.close().map_err(|e| hdf5_error(&pending, e))?;
         pending.commit()
     }
@@ -130,4 +154,28 @@ fn create<T: H5Type + Copy>(file: &File, info: &FieldInfo) -> ::hdf5::Result<Dat
 
 fn put<T: H5Type + Copy>(dataset: &Dataset, frame: usize, column: &[T]) -> ::hdf5::Result<()> {
     dataset.write_slice(&[VarLenArray::from_slice(column)], frame..frame + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    #[test]
+    fn a_frame_that_failed_half_way_is_not_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("frames.h5");
+        fs::write(&path, "old").unwrap();
+        let mut cloud = PointCloud { fields: FieldSet::default(), len: 3, ..PointCloud::default() };
+        cloud.columns.resize(cloud.fields, 3);
+        let mut file = FramesFile::create(&path).unwrap();
+        file.add(&cloud).unwrap();
+        // A dataset of one dimension holds no pose: this frame fails when its columns are there.
+        file.poses[0] = file.columns[0].1.clone();
+        assert!(file.add(&cloud).is_err());
+        let error = file.finish().unwrap_err().to_string();
+        assert!(error.contains("frame 1 of") && error.contains("incomplete"), "{error}");
+        assert_eq!(fs::read(&path).unwrap(), b"old");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
 }

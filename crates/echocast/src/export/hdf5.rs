@@ -1,6 +1,6 @@
 //! HDF5: one dataset per column at the root.
 
-use super::Format;
+use super::{Format, sensor_pose};
 use crate::cloud::{Column, FieldInfo, PointCloud};
 use crate::report::Report;
 use ::hdf5::types::VarLenUnicode;
@@ -55,14 +55,19 @@ impl Hdf5 {
             }?;
             describe(&dataset, info)?;
         }
+        for (name, values) in sensor_pose(cloud) {
+            add(&file, name, &values)?;
+        }
         add_tables(&file, cloud)?;
         file.close()
     }
 }
 
-/// Adds origin, shape and name tables.
+/// Adds what says how to read the columns: frame, origin, shape, scale and name tables.
 pub(super) fn add_tables(file: &File, cloud: &PointCloud) -> ::hdf5::Result<()> {
+    add_one(file, "coordinates", &text(cloud.frame.name()))?;
     add(file, "origin", &cloud.origin.to_array())?;
+    add_one(file, "intensity_full_scale", &cloud.intensity_full_scale.unwrap_or(f32::NAN))?;
     if let Some(shape) = cloud.organised {
         add(file, "shape", &shape)?;
     }
@@ -81,6 +86,11 @@ fn add<T: H5Type>(file: &File, name: &str, data: &[T]) -> ::hdf5::Result<Dataset
         dataset.write_raw(data)?;
     }
     Ok(dataset)
+}
+
+/// Adds a dataset of one value without a shape.
+fn add_one<T: H5Type>(file: &File, name: &str, value: &T) -> ::hdf5::Result<()> {
+    file.new_dataset::<T>().obj_track_times(false).create(name)?.write_scalar(value)
 }
 
 /// Adds the attributes that say what a dataset holds.

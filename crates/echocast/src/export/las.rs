@@ -139,7 +139,7 @@ impl Las {
             let labels = Vlr {
                 user_id: "echocast".into(),
                 record_id: 1,
-                description: "origin and label names, JSON".into(),
+                description: "pose and label names, JSON".into(),
                 data: labels_json(cloud).into_bytes(),
             };
             builder.vlrs.extend([columns, labels]);
@@ -186,7 +186,7 @@ impl Las {
         let mut rows = Vec::with_capacity(block);
         let c = &cloud.columns;
         let per_metre = 10f64.powi(-survey.exponent);
-        let per_full_scale = 65535.0 / f64::from(cloud.intensity_full_scale);
+        let per_full_scale = 65535.0 / f64::from(survey.full_intensity);
         for start in (0..cloud.len).step_by(block) {
             rows.clear();
             rows.extend((start..cloud.len.min(start + block)).filter(|&row| is_point(cloud, row)));
@@ -250,6 +250,12 @@ fn io_error(error: ::las::Error) -> io::Error {
     }
 }
 
+/// Greatest intensity of the points, never 0, which nothing can be divided by.
+fn strongest(cloud: &PointCloud) -> f32 {
+    let finite = |&(row, intensity): &(usize, &f32)| intensity.is_finite() && is_point(cloud, row);
+    cloud.columns.intensity.iter().enumerate().filter(finite).fold(f32::MIN_POSITIVE, |most, (_, &i)| most.max(i))
+}
+
 /// What the header must say of the points, and what they lose.
 struct Survey {
     /// Least and greatest coordinates relative to the origin, metres.
@@ -258,10 +264,12 @@ struct Survey {
     by_return: [u64; 15],
     /// Power of ten of the coordinates' step.
     exponent: i32,
+    /// Intensity that is stored as 65535.
+    full_intensity: f32,
     misses: usize,
-    clamped_intensities: usize,
-    clamped_returns: usize,
-    clamped_categories: usize,
+    clamped_intensities: bool,
+    clamped_returns: bool,
+    clamped_categories: bool,
 }
 
 impl Survey {
@@ -272,12 +280,13 @@ impl Survey {
             high: [f32::NEG_INFINITY; 3],
             by_return: [0; 15],
             exponent: FINEST_STEP,
+            full_intensity: cloud.intensity_full_scale.unwrap_or_else(|| strongest(cloud)),
             misses: 0,
-            clamped_intensities: 0,
-            clamped_returns: 0,
-            clamped_categories: 0,
+            clamped_intensities: false,
+            clamped_returns: false,
+            clamped_categories: false,
         };
-        let intensities = 0.0..=cloud.intensity_full_scale;
+        let intensities = 0.0..=survey.full_intensity;
         let returns = 1..=las.most_returns();
         for row in 0..cloud.len {
             if !is_point(cloud, row) {
@@ -290,10 +299,9 @@ impl Survey {
             }
             survey.by_return[usize::from(las.return_number(cloud, row)) - 1] += 1;
             let inside = |column: &[u8]| column.get(row).is_none_or(|number| returns.contains(number));
-            survey.clamped_returns += usize::from(!inside(&c.return_number) || !inside(&c.return_count));
-            survey.clamped_intensities += usize::from(c.intensity.get(row).is_some_and(|i| !intensities.contains(i)));
-            survey.clamped_categories +=
-                usize::from(c.category_id.get(row).is_some_and(|&id| id > u32::from(u16::MAX)));
+            survey.clamped_returns |= !inside(&c.return_number) || !inside(&c.return_count);
+            survey.clamped_intensities |= c.intensity.get(row).is_some_and(|i| !intensities.contains(i));
+            survey.clamped_categories |= c.category_id.get(row).is_some_and(|&id| id > u32::from(u16::MAX));
         }
         if survey.misses == cloud.len {
             (survey.low, survey.high) = ([0.0; 3], [0.0; 3]);
@@ -318,10 +326,11 @@ impl Survey {
         })
     }
 
+    /// Without counts, so that the files of a sequence say the same.
     fn tell(&self, cloud: &PointCloud, las: &Las, report: &mut Report) {
         let name = las.name;
         if self.misses > 0 {
-            report.warn(format!("{name}: {} rows without a position left out", self.misses));
+            report.warn(format!("{name}: rows without a position left out"));
         }
         if self.exponent != FINEST_STEP {
             report.warn(format!(
@@ -329,16 +338,20 @@ impl Survey {
                 self.step()
             ));
         }
-        if self.clamped_intensities > 0 {
-            let full = cloud.intensity_full_scale;
-            report.warn(format!("{name}: {} intensities outside 0 to {full} clamped", self.clamped_intensities));
+        if self.clamped_intensities {
+            report.warn(format!("{name}: intensities below 0, above full scale or without a value clamped"));
         }
-        if self.clamped_returns > 0 {
+        if cloud.intensity_full_scale.is_none() && !cloud.columns.intensity.is_empty() {
+            report.warn(format!(
+                "{name}: intensity is relative energy, which has no full scale; 65535 is the strongest point of the file"
+            ));
+        }
+        if self.clamped_returns {
             let most = las.most_returns();
-            report.warn(format!("{name}: return numbers of {} points clamped to 1 to {most}", self.clamped_returns));
+            report.warn(format!("{name}: return numbers clamped to 1 to {most}"));
         }
-        if !las.extra_bytes && self.clamped_categories > 0 {
-            report.warn(format!("{name}: {} category ids above 65535 written as 65535", self.clamped_categories));
+        if !las.extra_bytes && self.clamped_categories {
+            report.warn(format!("{name}: category ids above 65535 written as 65535"));
         }
     }
 }
@@ -394,10 +407,30 @@ impl<'a> Extra<'a> {
             (Column::F32(_), Some(_)) | (Column::F64(_), _) => 10,
         };
         bytes[4..4 + self.info.name.len()].copy_from_slice(self.info.name.as_bytes());
-        let unit = if matches!(self.info.unit, "" | "1") { String::new() } else { format!("[{}] ", self.info.unit) };
-        let text = unit + self.info.meaning;
-        let text = text.get(..32).map_or(text.as_str(), |head| head.rsplit_once(' ').map_or(head, |(words, _)| words));
+        let text = description(self.info);
         bytes[160..160 + text.len()].copy_from_slice(text.as_bytes());
         bytes
+    }
+}
+
+/// The short form of a column's meaning, at most 31 bytes.
+fn description(info: &FieldInfo) -> String {
+    let unit = if matches!(info.unit, "" | "1") { String::new() } else { format!("[{}] ", info.unit) };
+    let short = info.meaning.split([',', ':', '(']).next().unwrap_or_default();
+    unit + short.trim_end()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::{FIELDS, Field};
+
+    #[test]
+    fn descriptions_of_extra_bytes_fit_whole() {
+        for info in FIELDS.iter().filter(|info| info.las.is_none()) {
+            assert!((3..32).contains(&description(info).len()) && info.name.len() < 32, "{}", description(info));
+        }
+        assert_eq!(description(Field::TrueX.info()), "[m] position without errors");
+        assert_eq!(description(Field::Channel.info()), "emitter index");
     }
 }

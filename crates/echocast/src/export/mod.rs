@@ -17,6 +17,7 @@ pub use atomic::unfinished_prefix;
 pub use frames::FramesFile;
 
 use crate::cloud::{Field, FieldInfo, FieldSet, PointCloud};
+use crate::emitter::Pose;
 use crate::error::{Error, Result};
 use crate::report::Report;
 use atomic::Pending;
@@ -61,7 +62,7 @@ pub const FORMATS: &[&dyn Format] = &[
 /// # Errors
 /// [`Error::Missing`] or [`Error::Unsupported`], listing what there is, or naming the feature that is missing.
 pub fn format_for(path: &Path, name: Option<&str>) -> Result<&'static dyn Format> {
-    let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    let ending = ending(path);
     #[cfg(not(feature = "hdf5"))]
     if matches!(name.unwrap_or(&ending), "hdf5" | "h5") {
         let instead = "build echocast with the feature hdf5".into();
@@ -74,25 +75,34 @@ pub fn format_for(path: &Path, name: Option<&str>) -> Result<&'static dyn Format
             .copied()
             .ok_or_else(|| Error::missing("output format", name, FORMATS.iter().map(|format| format.name())));
     }
-    FORMATS.iter().find(|format| format.extensions().contains(&ending.as_str())).copied().ok_or_else(|| {
-        Error::Unsupported {
-            what: format!("the ending of the output file {}", path.display()),
-            instead: format!(
-                "clouds are written as {}",
-                FORMATS.iter().flat_map(|f| f.extensions()).map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ")
-            ),
-        }
+    format_with(&ending).ok_or_else(|| Error::Unsupported {
+        what: format!("the ending of the output file {}", path.display()),
+        instead: format!(
+            "clouds are written as {}",
+            FORMATS.iter().flat_map(|f| f.extensions()).map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ")
+        ),
     })
 }
 
-/// Says before a long scan whether a cloud with the columns `fields` could be written to `path`.
+/// Ending of the file name `path`, lower case, without the dot.
+fn ending(path: &Path) -> String {
+    path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase()
+}
+
+/// The format that owns `ending`.
+fn format_with(ending: &str) -> Option<&'static dyn Format> {
+    FORMATS.iter().find(|format| format.extensions().contains(&ending)).copied()
+}
+
+/// Says before a long scan whether a cloud with the columns `fields` could be written to `path`, and its label names
+/// beside it.
 ///
 /// # Errors
 /// As [`format_for`]; a missing folder or one that cannot be written to; no `x`, `y`, `z` for a format that needs them.
 pub fn check(path: &Path, format: Option<&str>, fields: FieldSet) -> Result<()> {
     let format = format_for(path, format)?;
     check_fields(format, fields)?;
-    Pending::create(path).map(drop)
+    Output::create(path, format).map(drop)
 }
 
 fn check_fields(format: &dyn Format, fields: FieldSet) -> Result<()> {
@@ -112,7 +122,7 @@ fn check_fields(format: &dyn Format, fields: FieldSet) -> Result<()> {
 /// Writes `cloud` to `path` in the format called `format`, or the one its ending says.
 ///
 /// The file, and `NAME.labels.json` beside formats that cannot hold the label names, appear under
-/// their names only when complete. The report says what the format could not hold.
+/// their names only when both are complete. The report says what the format could not hold.
 ///
 /// # Errors
 /// As [`check`], and a full disk.
@@ -125,15 +135,29 @@ pub fn write(cloud: &PointCloud, path: &Path, format: Option<&str>) -> Result<Re
     if !lost.is_empty() {
         report.warn(format!("{}: cannot hold the columns {}", format.name(), lost.join(", ")));
     }
-    atomic::replace(path, |file| {
-        format.write(cloud, file, &mut report).map_err(|source| Error::io(path, source))?;
-        if format.holds_label_names() {
-            return Ok(());
-        }
-        let names = labels_path(path);
-        atomic::replace(&names, |file| fs::write(file, labels_json(cloud)).map_err(|source| Error::io(&names, source)))
-    })?;
+    let Output { file, labels } = Output::create(path, format)?;
+    format.write(cloud, file.path(), &mut report).map_err(|source| Error::io(path, source))?;
+    if let Some(labels) = &labels {
+        fs::write(labels.path(), labels_json(cloud)).map_err(|source| Error::io(labels_path(path), source))?;
+    }
+    file.commit()?;
+    labels.map_or(Ok(()), Pending::commit)?;
     Ok(report)
+}
+
+/// The files of one cloud.
+struct Output {
+    file: Pending,
+    /// For the label names, if `file` cannot hold them.
+    labels: Option<Pending>,
+}
+
+impl Output {
+    fn create(path: &Path, format: &dyn Format) -> Result<Output> {
+        let file = Pending::create(path)?;
+        let labels = (!format.holds_label_names()).then(|| Pending::create(&labels_path(path))).transpose()?;
+        Ok(Output { file, labels })
+    }
 }
 
 /// Columns are public, so they may disagree.
@@ -149,15 +173,30 @@ fn check_cloud(cloud: &PointCloud) -> Result<()> {
 }
 
 /// Where the label names of the cloud file at `path` stand if its format cannot hold them: `street.labels.json` beside
-/// `street.csv`.
+/// `street.csv`. An ending that belongs to no format is a part of the name: `run_1.5m.labels.json` beside `run_1.5m`.
 pub fn labels_path(path: &Path) -> PathBuf {
-    path.with_extension("labels.json")
+    match format_with(&ending(path)) {
+        Some(_) => path.with_extension("labels.json"),
+        None => path.with_added_extension("labels.json"),
+    }
 }
 
-/// Origin and name tables under the names that every format gives them, for people and programs.
+/// World position and orientation of the sensor under the names that every format gives them.
+fn sensor_pose(cloud: &PointCloud) -> [(&'static str, Vec<f64>); 2] {
+    let Pose { position, orientation } = cloud.sensor_pose;
+    [("sensor_position", position.to_array().into()), ("sensor_orientation_xyzw", orientation.to_array().into())]
+}
+
+/// What the columns do not say, under the names that every format gives it. There is no origin: where this goes,
+/// positions are complete.
 fn labels_json(cloud: &PointCloud) -> String {
     let mut map = serde_json::Map::new();
-    map.insert("origin".into(), cloud.origin.to_array().as_slice().into());
+    // Not "frame", which is a column.
+    map.insert("coordinates".into(), cloud.frame.name().into());
+    map.extend(sensor_pose(cloud).map(|(name, values)| (name.into(), values.into())));
+    if let Some(full) = cloud.intensity_full_scale {
+        map.insert("intensity_full_scale".into(), full.into());
+    }
     if let Some(shape) = cloud.organised {
         map.insert("shape".into(), shape.as_slice().into());
     }
@@ -211,5 +250,27 @@ mod tests {
         let error = write(&cloud, &folder.path().join("a.csv"), None).unwrap_err().to_string();
         assert_eq!(error, "column range is 1 rows long; allowed: the cloud's 2 rows");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn label_names_stand_beside_their_own_cloud() {
+        let of = |path: &str| labels_path(Path::new(path));
+        assert_eq!(of("a.b/street.CSV"), Path::new("a.b/street.labels.json"));
+        assert_eq!(of("run_1.5m"), Path::new("run_1.5m.labels.json"));
+        assert_eq!(of("a.b/street"), Path::new("a.b/street.labels.json"));
+    }
+
+    #[test]
+    fn a_cloud_without_its_label_names_is_not_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.csv");
+        fs::write(&path, "old").unwrap();
+        fs::create_dir(labels_path(&path)).unwrap();
+        let cloud = PointCloud::default();
+        let error = check(&path, None, cloud.fields).unwrap_err().to_string();
+        assert!(error.contains("a.labels.json"), "{error}");
+        assert!(write(&cloud, &path, None).is_err());
+        assert_eq!(fs::read_to_string(&path).unwrap(), "old");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
     }
 }

@@ -1,13 +1,16 @@
 //! NPZ: a stored zip of NumPy arrays, `numpy.load` without anything else.
 
-use super::Format;
+use super::{Format, sensor_pose};
 use crate::cloud::{ColumnType, FieldInfo, PointCloud};
 use crate::report::Report;
 use std::fs::File;
-use std::io::{self, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::Path;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
+
+/// Most characters of a label name: NumPy makes all names of an array as wide as the longest.
+const NAME_CHARS: usize = 1024;
 
 /// One array per column; positions f32 relative to the array `origin`. Organised clouds stay lists of rows, and the
 /// array `shape` holds their rows and columns: `x.reshape(shape)` is the image.
@@ -38,40 +41,58 @@ impl Format for Npz {
         true
     }
 
-    fn write(&self, cloud: &PointCloud, path: &Path, _: &mut Report) -> io::Result<()> {
-        let mut zip = Archive(ZipWriter::new(File::create(path)?));
+    fn write(&self, cloud: &PointCloud, path: &Path, report: &mut Report) -> io::Result<()> {
+        let mut zip = Archive(ZipWriter::new(BufWriter::new(File::create(path)?)));
         for info in cloud.fields.iter() {
             let column = cloud.column(info.field);
-            zip.add(info.name, numpy_type(info.kind), column.len(), column.bytes())?;
+            zip.add(info.name, numpy_type(info.kind), &[column.len()], column.bytes())?;
         }
-        zip.add("origin", "f8", 3, bytemuck::cast_slice(&cloud.origin.to_array()))?;
+        zip.add("origin", "f8", &[3], &cloud.origin.to_array())?;
+        for (name, values) in sensor_pose(cloud) {
+            zip.add(name, "f8", &[values.len()], &values)?;
+        }
+        zip.add("intensity_full_scale", "f4", &[], &[cloud.intensity_full_scale.unwrap_or(f32::NAN)])?;
+        let coordinates: Vec<u32> = cloud.frame.name().chars().map(u32::from).collect();
+        zip.add("coordinates", &format!("U{}", coordinates.len()), &[], &coordinates)?;
         if let Some(shape) = cloud.organised {
-            zip.add("shape", "u4", 2, bytemuck::cast_slice(&shape))?;
+            zip.add("shape", "u4", &[2], &shape)?;
         }
         for (stem, table) in cloud.labels.tables() {
-            zip.add(&format!("{stem}_ids"), "u4", table.ids.len(), bytemuck::cast_slice(&table.ids))?;
+            zip.add(&format!("{stem}_ids"), "u4", &[table.ids.len()], &table.ids)?;
             // NumPy text: UTF-32, every element as wide as the longest, ended by zeros.
-            let width = table.names.iter().map(|name| name.chars().count()).max().unwrap_or(0).max(1);
-            let mut names: Vec<u32> = Vec::with_capacity(table.names.len() * width);
-            for (row, name) in table.names.iter().enumerate() {
-                names.extend(name.chars().map(u32::from));
-                names.resize((row + 1) * width, 0);
+            let longest = table.names.iter().map(|name| name.chars().count()).max().unwrap_or(0);
+            if longest > NAME_CHARS {
+                report.warn(format!("npz: label names longer than {NAME_CHARS} characters cut"));
             }
-            zip.add(&format!("{stem}_names"), &format!("U{width}"), table.names.len(), bytemuck::cast_slice(&names))?;
+            let width = longest.clamp(1, NAME_CHARS);
+            let count = table.names.len();
+            zip.start(&format!("{stem}_names"), &format!("U{width}"), &[count], count * width * 4)?;
+            for name in &table.names {
+                let mut characters: Vec<u32> = name.chars().take(width).map(u32::from).collect();
+                characters.resize(width, 0);
+                zip.0.write_all(bytemuck::cast_slice(&characters))?;
+            }
         }
         zip.0.finish()?;
         Ok(())
     }
 }
 
-struct Archive(ZipWriter<File>);
+struct Archive(ZipWriter<BufWriter<File>>);
 
 impl Archive {
-    /// Adds the one-dimensional array `name` of `len` elements of the NumPy type `kind`, in the machine's byte order.
-    fn add(&mut self, name: &str, kind: &str, len: usize, data: &[u8]) -> io::Result<()> {
+    /// Adds the array `name` of elements of the NumPy type `kind`, in the machine's byte order.
+    fn add<T: bytemuck::NoUninit>(&mut self, name: &str, kind: &str, shape: &[usize], data: &[T]) -> io::Result<()> {
+        self.start(name, kind, shape, size_of_val(data))?;
+        self.0.write_all(bytemuck::cast_slice(data))
+    }
+
+    /// Adds an array whose data, `bytes` long, the caller writes next.
+    fn start(&mut self, name: &str, kind: &str, shape: &[usize], bytes: usize) -> io::Result<()> {
         // Format 1.0 (numpy.lib.format): magic, version, length of the text, text ended so that data starts at 64 n.
         let order = if cfg!(target_endian = "big") { '>' } else { '<' };
-        let mut text = format!("{{'descr': '{order}{kind}', 'fortran_order': False, 'shape': ({len},), }}");
+        let shape: String = shape.iter().map(|length| format!("{length},")).collect();
+        let mut text = format!("{{'descr': '{order}{kind}', 'fortran_order': False, 'shape': ({shape}), }}");
         let start = (10 + text.len() + 1).next_multiple_of(64);
         text.extend(std::iter::repeat_n(' ', start - 11 - text.len()));
         text.push('\n');
@@ -79,11 +100,10 @@ impl Archive {
         header.extend((text.len() as u16).to_le_bytes());
         header.extend(text.bytes());
         // Entries from 4 GiB on need the zip64 fields.
-        let large = header.len() + data.len() >= u32::MAX as usize;
+        let large = header.len() + bytes >= u32::MAX as usize;
         let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored).large_file(large);
         self.0.start_file(format!("{name}.npy"), options)?;
-        self.0.write_all(&header)?;
-        self.0.write_all(data)
+        self.0.write_all(&header)
     }
 }
 

@@ -53,11 +53,10 @@ impl Format for Ply {
             let _ = writeln!(header, "property {kind} {}", property_name(info));
             size += bytes;
             properties.push(property);
-            if let Column::U32(ids) = cloud.column(info.field) {
-                let large = ids.iter().filter(|&&id| i32::try_from(id).is_err()).count();
-                if large > 0 {
-                    report.warn(format!("ply: {large} numbers above {} in {} written as that", i32::MAX, info.name));
-                }
+            if let Column::U32(ids) = cloud.column(info.field)
+                && ids.iter().any(|&id| i32::try_from(id).is_err())
+            {
+                report.warn(format!("ply: numbers above {} in {} written as that", i32::MAX, info.name));
             }
         }
         header.push_str("end_header\n");

@@ -1,10 +1,17 @@
-//! What hides the scene from a viewer who is not the sensor: ceilings, and walls behind the sensor.
+//! What hides the scene from a viewer who is not the sensor: ceilings, and the walls nearest to the viewer.
 
 use super::points::{Points, quantile};
-use glam::Vec3;
+use glam::{Vec2, Vec3};
+use std::f32::consts::TAU;
 
 /// Thickness of the layer that a ceiling's points lie in, metres.
 const LAYER: f32 = 0.15;
+/// Sectors of azimuth that the reach of a cloud is taken in, and how many on both sides count with each: gaps in walls.
+const SECTORS: usize = 64;
+const NEIGHBOURS: usize = 3;
+/// Part of the reach from which on surfaces close the room off; nearer ones are furniture.
+const CLOSING: f32 = 0.6;
+
 /// Where a cloud is cut open.
 pub(super) struct Cutaway {
     /// Height right under a ceiling above the sensor; infinite without one.
@@ -13,6 +20,8 @@ pub(super) struct Cutaway {
     /// highest points outdoors do not.
     pub ceiling: f32,
     sensor: Vec3,
+    /// Greatest horizontal distance from the sensor by sector of azimuth, metres.
+    reach: [f32; SECTORS],
     /// Height below which surfaces may be floors.
     floor: f32,
 }
@@ -28,17 +37,32 @@ impl Cutaway {
         let part = layer as f32 / heights.len().max(1) as f32;
         let full = (0.02..0.6).contains(&part) && layer > under;
         let ceiling = if full && points.sensor.z < below { below } else { f32::INFINITY };
-        Cutaway { ceiling, sensor: points.sensor, floor: bottom.midpoint(points.sensor.z) }
+        let mut farthest = [0.0f32; SECTORS];
+        for (_, position) in &points.sample {
+            let out = (position - points.sensor).truncate();
+            farthest[sector(out)] = farthest[sector(out)].max(out.length());
+        }
+        let around = |sector: usize| (0..=2 * NEIGHBOURS).map(move |i| (sector + SECTORS + i - NEIGHBOURS) % SECTORS);
+        let reach = std::array::from_fn(|sector| around(sector).map(|i| farthest[i]).fold(0.0, f32::max));
+        Cutaway { ceiling, sensor: points.sensor, reach, floor: bottom.midpoint(points.sensor.z) }
     }
 
-    /// Whether a viewer in the direction `toward_viewer` (unit) sees the surface at `position` from behind.
+    /// Whether a viewer in the direction `toward_viewer` (unit) sees a wall at `position` from behind.
     ///
     /// A surface shows its front to the sensor. So one well above the floor that is seen from nearly the
-    /// opposite side is seen from behind; left out, it gives the view into a doll's house.
+    /// opposite side is seen from behind; where it ends the view of the sensor, leaving it out gives the view into a
+    /// doll's house.
     pub(super) fn seen_from_behind(&self, position: Vec3, toward_viewer: Vec3) -> bool {
-        let to_sensor = self.sensor - position;
-        position.z > self.floor && to_sensor.dot(toward_viewer) < -0.25 * to_sensor.length()
+        let out = position - self.sensor;
+        let horizontal = out.truncate();
+        position.z > self.floor
+            && out.dot(toward_viewer) > 0.25 * out.length()
+            && horizontal.length() >= CLOSING * self.reach[sector(horizontal)]
     }
+}
+
+fn sector(out: Vec2) -> usize {
+    (out.to_angle().rem_euclid(TAU) / TAU * SECTORS as f32) as usize % SECTORS
 }
 
 #[cfg(test)]
@@ -75,13 +99,14 @@ mod tests {
     }
 
     #[test]
-    fn only_what_stands_beyond_the_sensor_is_seen_seen_from_behind() {
+    fn only_walls_between_viewer_and_sensor_are_seen_from_behind() {
         let cloud = room(None);
         let cutaway = Cutaway::new(&Points::new(&cloud, &mut Report::default()));
-        let viewer = Vec3::new(-0.8, 0.0, 0.6);
-        let behind = |x, z| cutaway.seen_from_behind(Vec3::new(x, 0.0, z), viewer);
-        assert!(behind(-3.0, 1.5), "wall behind the sensor");
-        assert!(!behind(3.0, 1.5), "wall before it");
-        assert!(!behind(-3.0, 0.0), "floor");
+        // The wall at x = 3 between the viewer and the sensor, then beyond it.
+        let behind = |x, z, viewer| cutaway.seen_from_behind(Vec3::new(x, 0.0, z), Vec3::new(viewer, 0.0, 0.6));
+        assert!(behind(3.0, 1.5, 0.8), "wall");
+        assert!(!behind(1.5, 1.5, 0.8), "desk before it");
+        assert!(!behind(3.0, 1.5, -0.8), "wall beyond the sensor");
+        assert!(!behind(3.0, 0.0, 0.8), "floor");
     }
 }

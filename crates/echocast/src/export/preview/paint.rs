@@ -75,10 +75,10 @@ impl<'a> Paint<'a> {
                 Paint::height(points)
             }
             ColorBy::Intensity if columns.intensity.len() >= rows => {
-                let caption = if cloud.intensity_full_scale == 1.0 {
-                    "intensity".to_owned()
-                } else {
-                    format!("intensity, full scale {}", cloud.intensity_full_scale)
+                let caption = match cloud.intensity_full_scale {
+                    Some(1.0) => "intensity".to_owned(),
+                    Some(full) => format!("intensity, full scale {full}"),
+                    None => "intensity, relative energy".to_owned(),
                 };
                 Paint::values("intensity", caption, INTENSITY, Values::Column(&columns.intensity), points, 0.0)
             }
@@ -271,6 +271,20 @@ mod tests {
         cloud.columns.category_id.clear();
         assert_eq!(names(&cloud, ColorBy::Label, &mut report).0, "height");
         assert_eq!(report.warnings.len(), 3, "{report:?}");
+    }
+
+    #[test]
+    fn intensity_has_a_caption_and_none_is_dark() {
+        let mut cloud = cloud(vec![0; 3], vec![]);
+        cloud.columns.intensity = vec![1e-5, 1e-3, f32::NAN];
+        let captions = [Some(1.0), Some(255.0), None].map(|full| {
+            cloud.intensity_full_scale = full;
+            names(&cloud, ColorBy::Intensity, &mut Report::default()).1[0].0.clone()
+        });
+        assert_eq!(captions, ["intensity", "intensity, full scale 255", "intensity, relative energy"]);
+        let points = Points::new(&cloud, &mut Report::default());
+        let paint = Paint::new(&cloud, &points, ColorBy::Intensity, &mut Report::default());
+        assert_eq!([0, 1, 2].map(|row| paint.color(row)), [0.0, 1.0, 0.0].map(|t| INTENSITY.color(t)));
     }
 
     #[test]

@@ -18,7 +18,8 @@ const YAW_DEG: f32 = 18.0;
 const HALF_WIDTH: f32 = 0.466;
 const HALF_HEIGHT: f32 = HALF_WIDTH * 9.0 / 16.0;
 /// Part of the points at each edge that may lie outside of the picture.
-const OUTSIDE: f32 = 0.01;
+const OUTSIDE: f32 = 0.001;
+
 /// A pinhole camera.
 struct Camera {
     position: Vec3,
@@ -186,6 +187,21 @@ mod tests {
         let at = |x, y, z| camera.project(Vec3::new(x, y, z)).unwrap().0;
         assert!(at(8.0, 2.0, 1.0).x < at(8.0, -2.0, 1.0).x);
         assert!(at(8.0, 0.0, 2.0).y < at(8.0, 0.0, 0.0).y);
+    }
+
+    #[test]
+    fn the_thin_end_of_a_wall_is_in_the_picture() {
+        let mut cloud = scene(Pose::at(0.0, 0.0, 1.5), Vec3::new(4.0, -3.0, 0.0), Vec3::new(12.0, 3.0, 2.0));
+        let c = &mut cloud.columns;
+        for column in [&mut c.x, &mut c.y, &mut c.z] {
+            *column = column.repeat(10);
+        }
+        c.x.extend([12.0; 30]);
+        c.y.extend((0..30).map(|i| -3.0 - 0.2 * i as f32));
+        c.z.extend([2.0; 30]);
+        cloud.len = c.x.len();
+        let (at, _) = camera(&cloud).project(Vec3::new(12.0, -8.8, 2.0)).unwrap();
+        assert!((0.0..1600.0).contains(&at.x) && (0.0..900.0).contains(&at.y), "{at}");
     }
 
     #[test]

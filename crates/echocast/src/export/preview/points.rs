@@ -8,6 +8,8 @@ use rayon::prelude::*;
 
 /// Places farther out than this are treated as misses, so that squares stay finite, metres.
 const FARTHEST: f32 = 1e15;
+/// Most rows that a picture shows: it numbers them in 32 bits.
+const MOST_ROWS: usize = u32::MAX as usize;
 /// Most points of a sample; a percentile of it is good to a thousandth.
 const SAMPLE: usize = 50_000;
 
@@ -32,7 +34,10 @@ impl<'a> Points<'a> {
     /// The positions of `cloud`; none, with a warning, when it lacks them.
     pub(super) fn new(cloud: &'a PointCloud, report: &mut Report) -> Self {
         let columns = &cloud.columns;
-        let rows = cloud.len.min(u32::MAX as usize);
+        let rows = cloud.len.min(MOST_ROWS);
+        if rows < cloud.len {
+            report.warn(format!("preview: rows after the first {MOST_ROWS} are left out"));
+        }
         let axes = [&columns.x, &columns.y, &columns.z];
         let here = axes.iter().all(|axis| axis.len() >= rows);
         if !here {
@@ -139,6 +144,9 @@ mod tests {
         cloud.columns.y.clear();
         assert_eq!(Points::new(&cloud, &mut report).count, 0);
         assert_eq!(report.warnings.len(), 1);
+        cloud.len = MOST_ROWS + 1;
+        Points::new(&cloud, &mut report);
+        assert!(report.warnings[1].contains("rows after the first 4294967295"), "{report:?}");
     }
 
     #[test]
