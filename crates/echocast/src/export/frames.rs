@@ -167,7 +167,7 @@ mod tests {
         let path = folder.path().join("frames.h5");
         fs::write(&path, "old").unwrap();
         let mut cloud = PointCloud { fields: FieldSet::default(), len: 3, ..PointCloud::default() };
-        cloud.columns.resize(cloud.fields, 3);
+        cloud.columns.resize(cloud.fields, 3).unwrap();
         let mut file = FramesFile::create(&path).unwrap();
         file.add(&cloud).unwrap();
         // A dataset of one dimension holds no pose: this frame fails when its columns are there.
