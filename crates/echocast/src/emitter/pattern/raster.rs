@@ -16,7 +16,7 @@ pub struct Raster {
     pub azimuth: Fan,
     /// Elevations of the rows, within -90 to 90 degrees.
     pub elevation: Fan,
-    /// Scans per second, above 0 [10].
+    /// Scans per second, above 0; 10 when not given.
     #[serde(default = "super::ten")]
     pub rate_hz: f64,
 }

@@ -42,7 +42,7 @@ pub struct Spinning {
 pub struct SpinningAzimuth {
     /// Angle in which it measures, degrees, above 0, at most 360.
     pub fov_deg: f64,
-    /// Turns per second, above 0 [10].
+    /// Turns per second, above 0; 10 when not given.
     #[serde(default = "super::ten")]
     pub rate_hz: f64,
     /// Angle from column to column, degrees, above 0; or `cycle_us`.

@@ -16,7 +16,7 @@ use std::path::PathBuf;
 pub struct Table {
     /// The file; a relative name starts at the folder of the sensor file.
     pub file: PathBuf,
-    /// Scans per second, above 0 [10].
+    /// Scans per second, above 0; 10 when not given.
     #[serde(default = "super::ten")]
     pub rate_hz: f64,
 }
