@@ -18,7 +18,7 @@ const YAW_DEG: f32 = 18.0;
 const HALF_WIDTH: f32 = 0.466;
 const HALF_HEIGHT: f32 = HALF_WIDTH * 9.0 / 16.0;
 /// Part of the points at each edge that may lie outside of the picture.
-const OUTSIDE: f32 = 0.001;
+const OUTSIDE: f32 = 0.006;
 
 /// A pinhole camera.
 struct Camera {
