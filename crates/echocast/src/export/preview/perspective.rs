@@ -196,11 +196,12 @@ mod tests {
         for column in [&mut c.x, &mut c.y, &mut c.z] {
             *column = column.repeat(10);
         }
-        c.x.extend([12.0; 30]);
-        c.y.extend((0..30).map(|i| -3.0 - 0.2 * i as f32));
-        c.z.extend([2.0; 30]);
+        // A hundredth of the points, of which no more than the outermost may be cut off.
+        c.x.extend([12.0; 100]);
+        c.y.extend((0..100).map(|i| -3.0 - 0.06 * i as f32));
+        c.z.extend([2.0; 100]);
         cloud.len = c.x.len();
-        let (at, _) = camera(&cloud).project(Vec3::new(12.0, -8.8, 2.0)).unwrap();
+        let (at, _) = camera(&cloud).project(Vec3::new(12.0, -5.4, 2.0)).unwrap();
         assert!((0.0..1600.0).contains(&at.x) && (0.0..900.0).contains(&at.y), "{at}");
     }
 
