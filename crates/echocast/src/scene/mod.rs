@@ -124,6 +124,9 @@ impl Scene {
     /// # Errors
     /// As [`Scene::load`].
     pub fn load_all<P: AsRef<Path>>(paths: &[P], options: &LoadOptions) -> Result<Scene> {
+        if paths.is_empty() {
+            return Err(Error::invalid("scene files", "none", "at least one"));
+        }
         let scenes: Vec<Scene> = paths.iter().map(|path| read(path.as_ref(), options)).collect::<Result<_>>()?;
         Ok(Scene::merge(scenes, &options.labels).with_idle_rules(&options.labels))
     }
