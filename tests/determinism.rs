@@ -2,13 +2,19 @@
 //! of a column leave it as it is.
 
 use echocast::cloud::FIELDS;
-use echocast::{BuiltScene, Field, FieldSet, Frame, Order, PointCloud, Pose, Profile, ScanOptions, Sensor, Trajectory};
+use echocast::{
+    BuiltScene, Engine, Field, FieldSet, Frame, Order, PointCloud, Pose, Profile, ScanOptions, Sensor, Trajectory,
+};
 use echocast_tests::reference::{Random, SceneBuilder, Shape};
 use glam::{DAffine3, DVec3};
 use std::collections::BTreeMap;
 
 /// Balls, smooth and flat, and loose triangles: once and as copies.
 fn scene() -> BuiltScene {
+    scene_with(&Engine::new().unwrap())
+}
+
+fn scene_with(engine: &Engine) -> BuiltScene {
     let random = &mut Random::new(5);
     let mut scene = SceneBuilder::new();
     let paints = [0.2, 0.5, 0.9].map(|reflectance| scene.reflector(reflectance));
@@ -20,7 +26,7 @@ fn scene() -> BuiltScene {
             scene.place(mesh, DAffine3::from_mat3_translation(random.linear_map(), random.in_cube(15.0)));
         }
     }
-    scene.finish().build().unwrap()
+    scene.finish().build_with(engine).unwrap()
 }
 
 fn lidar() -> Sensor {
@@ -60,15 +66,16 @@ fn differences(a: &PointCloud, b: &PointCloud) -> Vec<&'static str> {
 
 #[test]
 fn threads_do_not_change_a_bit() {
-    let scene = scene();
+    let [one, two, seven] = [1, 2, 7].map(|threads| scene_with(&Engine::with_threads(threads).unwrap()));
     for sensor in [lidar(), camera()] {
         for path in [Trajectory::fixed(Pose::IDENTITY), drive()] {
             for organised in [false, true] {
-                let scan = |threads| scene.scan(&sensor, &path, &ScanOptions { threads, organised, ..all() }).unwrap();
-                let one = scan(Some(1));
-                assert!(one.len > 10_000, "{} points", one.len);
-                for threads in [Some(2), Some(7), None, Some(1)] {
-                    assert_eq!(differences(&one, &scan(threads)), [""; 0], "{threads:?} threads");
+                let options = ScanOptions { organised, ..all() };
+                let alone = one.scan(&sensor, &path, &options).unwrap();
+                assert!(alone.len > 10_000, "{} points", alone.len);
+                for (scene, threads) in [(&two, "2 threads"), (&seven, "7 threads"), (&scene(), "rayon's threads")] {
+                    let cloud = scene.scan(&sensor, &path, &options).unwrap();
+                    assert_eq!(differences(&alone, &cloud), [""; 0], "{threads}");
                 }
             }
         }

@@ -48,7 +48,7 @@ fn write(folder: &Path) -> Result<Value> {
 
 fn read(folder: &Path) -> Result<Value> {
     let scene = scenes::million();
-    let part = &scene.meshes[0].parts[0];
+    let part = &scene.meshes()[0].parts[0];
     let mut obj = String::new();
     for [x, y, z] in part.positions.iter() {
         writeln!(obj, "v {x} {y} {z}")?;

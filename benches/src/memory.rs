@@ -66,7 +66,8 @@ pub fn child(name: &str) -> Result<()> {
 }
 
 fn scene_bytes(scene: &Scene) -> usize {
-    let parts = scene.meshes.iter().flat_map(|mesh| &mesh.parts);
+    let meshes = scene.meshes();
+    let parts = meshes.iter().flat_map(|mesh| &mesh.parts);
     parts.map(|part| part.positions.len() * 12 + part.triangles.len() * 12).sum::<usize>()
         + scene.objects.len() * std::mem::size_of::<echocast::scene::Object>()
 }

@@ -2,7 +2,7 @@
 
 use echocast::scene::{Labels, Material, Mesh, NameTable, Object, Part, Scene};
 use glam::{DAffine3, DVec3, Vec3};
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 /// Random numbers for shapes: any generator will do, as long as it is the same everywhere (xorshift64*).
 pub struct Shapes(u64);
@@ -45,39 +45,40 @@ impl Builder {
 
     pub fn mesh(self, name: &str) -> Mesh {
         let part = Part {
-            positions: Arc::new(self.positions),
-            triangles: Arc::new(self.triangles),
-            material: Some(0),
+            positions: self.positions.into(),
+            triangles: self.triangles.into(),
+            material: Some(grey()),
             ..Part::default()
         };
-        Mesh { name: name.to_owned(), parts: vec![part] }
+        Mesh::new(name, vec![part]).expect("sound parts")
     }
 }
 
+fn grey() -> Arc<Material> {
+    static GREY: LazyLock<Arc<Material>> = LazyLock::new(|| {
+        Arc::new(Material { name: "grey".into(), base_color: [0.5, 0.5, 0.5, 1.0], ..Material::default() })
+    });
+    GREY.clone()
+}
+
 fn scene(meshes: Vec<Mesh>, placed: Vec<(usize, DAffine3)>) -> Scene {
+    let meshes: Vec<Arc<Mesh>> = meshes.into_iter().map(Arc::new).collect();
     let objects = placed
         .into_iter()
         .enumerate()
         .map(|(index, (mesh, world_from_object))| Object {
-            name: format!("{}_{index}", meshes[mesh].name),
-            mesh,
             world_from_object,
             category_id: mesh as u32 + 1,
             part_ids: vec![1; meshes[mesh].parts.len()],
             instance_id: index as u32 + 1,
+            ..Object::new(format!("{}_{index}", meshes[mesh].name), meshes[mesh].clone())
         })
         .collect();
     let category = NameTable {
         ids: (1..=meshes.len() as u32).collect(),
         names: meshes.iter().map(|mesh| mesh.name.clone()).collect(),
     };
-    Scene {
-        meshes: meshes.into_iter().map(Arc::new).collect(),
-        objects,
-        materials: vec![Material { name: "grey".into(), base_color: [0.5, 0.5, 0.5, 1.0], ..Material::default() }],
-        labels: Labels { category, ..Labels::default() },
-        ..Scene::default()
-    }
+    Scene { objects, materials: vec![grey()], labels: Labels { category, ..Labels::default() }, ..Scene::default() }
 }
 
 /// One square of 2000 m at 10 m before the sensor (x forward), for the widest camera.

@@ -12,21 +12,20 @@ const UVS: [[f32; 2]; 5] = [[0.0, 0.0], [0.999, -7.3], [3e38, 0.5], [0.5, f32::N
 /// Asserts what the module `scene` promises of every scene that has been read.
 pub fn check(scene: &Scene) {
     assert!(scene.triangle_count() > 0);
-    for part in scene.meshes.iter().flat_map(|mesh| {
+    for part in scene.meshes().iter().flat_map(|mesh| {
         assert!(!mesh.parts.is_empty());
         &mesh.parts
     }) {
-        check_part(scene, part);
+        check_part(part);
     }
     for material in &scene.materials {
         let fractions = material.base_color.into_iter().chain([material.metallic, material.roughness]);
         assert!(fractions.chain(material.reflectance).all(|x| (0.0..=1.0).contains(&x)));
         assert!(material.ior >= 1.0);
-        assert!(material.base_color_texture.as_ref().is_none_or(|use_| use_.texture < scene.textures.len()));
     }
     for object in &scene.objects {
         assert!(object.world_from_object.is_finite());
-        assert_eq!(object.part_ids.len(), scene.meshes[object.mesh].parts.len());
+        assert_eq!(object.part_ids.len(), object.mesh.parts.len());
     }
     let (low, high) = scene.bounds().expect("a box around the triangles");
     assert!(low.abs().max(high.abs()).max_element() <= 1e18);
@@ -35,7 +34,7 @@ pub fn check(scene: &Scene) {
     }
 }
 
-fn check_part(scene: &Scene, part: &Part) {
+fn check_part(part: &Part) {
     let vertices = part.positions.len();
     assert!(!part.triangles.is_empty());
     assert!(part.positions.iter().flatten().all(|x| x.abs() <= 1e18));
@@ -51,11 +50,10 @@ fn check_part(scene: &Scene, part: &Part) {
         assert!(normals.iter().all(|normal| (length(normal) - 1.0).abs() < 1e-5));
     }
     assert!(part.uvs.as_ref().is_none_or(|uvs| uvs.len() == vertices));
-    assert!(part.material.is_none_or(|index| index < scene.materials.len()));
-    let Some(use_) = part.material.and_then(|index| scene.materials[index].base_color_texture.as_ref()) else { return };
+    let Some(use_) = part.material.as_ref().and_then(|material| material.base_color_texture.as_ref()) else { return };
     let own = part.uvs.iter().flat_map(|uvs| uvs.iter().take(20));
     for &uv in own.chain(&UVS) {
-        let color = use_.sample(&scene.textures[use_.texture], uv);
+        let color = use_.sample(uv);
         assert!(color.iter().all(|x| (-1e-6..=1.000_001).contains(x)), "{color:?} at {uv:?}");
     }
 }

@@ -95,20 +95,19 @@ fn picture(pixels: &[[u8; 4]], filter: Filter, copies: usize) -> Scene {
     let width = pixels.len() as f64;
     let mut sheet = Shape::quad(DVec3::new(4.0, 0.0, 1.0), -width * DVec3::Y, -2.0 * DVec3::Z);
     sheet.uvs = Some(vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]);
+    let image = Texture { width: pixels.len() as u32, height: 1, pixels: pixels.to_vec() };
     let mut scene = SceneBuilder::new();
     let paint = scene.material(Material {
         name: "print".into(),
         base_color: [0.5, 1.0, 1.0, 0.8],
-        base_color_texture: Some(TextureRef { filter, ..TextureRef::plain(0) }),
+        base_color_texture: Some(TextureRef { filter, ..TextureRef::plain(Arc::new(image)) }),
         ..Material::default()
     });
     let mesh = scene.mesh([(sheet, Some(paint))]);
     for copy in 0..copies {
         scene.place(mesh, DAffine3::from_translation(-100.0 * copy as f64 * DVec3::X));
     }
-    let mut scene = scene.finish();
-    scene.textures.push(Arc::new(Texture { width: pixels.len() as u32, height: 1, pixels: pixels.to_vec() }));
-    scene
+    scene.finish()
 }
 
 fn linear(byte: u8) -> f64 {

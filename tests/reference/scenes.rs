@@ -1,6 +1,6 @@
 //! Scenes put together by hand.
 
-use echocast::scene::{Labels, Material, Mesh, NameTable, Object, Part, Scene};
+use echocast::scene::{Array, Labels, Material, Mesh, NameTable, Object, Part, Scene};
 use glam::{DAffine3, DVec3};
 use std::sync::Arc;
 
@@ -100,12 +100,12 @@ impl Shape {
         self
     }
 
-    fn part(self, material: Option<usize>) -> Part {
+    fn part(self, material: Option<Arc<Material>>) -> Part {
         Part {
-            positions: Arc::new(self.positions),
-            normals: self.normals.map(Arc::new),
-            uvs: self.uvs.map(Arc::new),
-            triangles: Arc::new(self.triangles),
+            positions: self.positions.into(),
+            normals: self.normals.map(Array::from),
+            uvs: self.uvs.map(Array::from),
+            triangles: self.triangles.into(),
             material,
         }
     }
@@ -116,6 +116,7 @@ impl Shape {
 #[derive(Default)]
 pub struct SceneBuilder {
     scene: Scene,
+    meshes: Vec<Arc<Mesh>>,
     parts: u32,
     part_ids: Vec<Vec<u32>>,
 }
@@ -128,7 +129,7 @@ impl SceneBuilder {
 
     /// Adds a material and returns its index.
     pub fn material(&mut self, material: Material) -> usize {
-        self.scene.materials.push(material);
+        self.scene.materials.push(Arc::new(material));
         self.scene.materials.len() - 1
     }
 
@@ -140,11 +141,14 @@ impl SceneBuilder {
 
     /// Adds a mesh of parts with their materials and returns its index.
     pub fn mesh(&mut self, parts: impl IntoIterator<Item = (Shape, Option<usize>)>) -> usize {
-        let index = self.scene.meshes.len();
-        let parts: Vec<Part> = parts.into_iter().map(|(shape, material)| shape.part(material)).collect();
+        let index = self.meshes.len();
+        let materials = &self.scene.materials;
+        let with_material =
+            |(shape, index): (Shape, Option<usize>)| shape.part(index.map(|index| materials[index].clone()));
+        let parts: Vec<Part> = parts.into_iter().map(with_material).collect();
         self.part_ids.push((1..=parts.len() as u32).map(|number| self.parts + number).collect());
         self.parts += parts.len() as u32;
-        self.scene.meshes.push(Arc::new(Mesh { name: format!("mesh {index}"), parts }));
+        self.meshes.push(Arc::new(Mesh::new(format!("mesh {index}"), parts).expect("sound parts")));
         index
     }
 
@@ -152,12 +156,11 @@ impl SceneBuilder {
     pub fn place(&mut self, mesh: usize, world_from_object: DAffine3) -> &mut Self {
         let instance_id = self.scene.objects.len() as u32 + 1;
         self.scene.objects.push(Object {
-            name: format!("object {instance_id}"),
-            mesh,
             world_from_object,
             category_id: mesh as u32 + 1,
             part_ids: self.part_ids[mesh].clone(),
             instance_id,
+            ..Object::new(format!("object {instance_id}"), self.meshes[mesh].clone())
         });
         self
     }
@@ -175,7 +178,7 @@ impl SceneBuilder {
             names: (1..=count).map(|number| format!("{stem} {number}")).collect(),
         };
         self.scene.labels = Labels {
-            category: table("category", self.scene.meshes.len()),
+            category: table("category", self.meshes.len()),
             part: table("part", self.parts as usize),
             material: NameTable {
                 ids: (1..=self.scene.materials.len() as u32).collect(),

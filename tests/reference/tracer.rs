@@ -98,7 +98,7 @@ impl<'a> Tracer<'a> {
             let m = object.world_from_object;
             // Inverse transpose: right for every map that has an inverse.
             let normals_to_world: DMat3 = m.matrix3.inverse().transpose();
-            for (part_index, part) in scene.meshes[object.mesh].parts.iter().enumerate() {
+            for (part_index, part) in object.mesh.parts.iter().enumerate() {
                 let vector = |p: [f32; 3]| DVec3::from_array(p.map(f64::from));
                 for (index, corners) in part.triangles.iter().enumerate() {
                     let local = corners.map(|vertex| vector(part.positions[vertex as usize]));
@@ -207,7 +207,7 @@ impl<'a> Tracer<'a> {
     pub fn surface(&self, hit: &Hit) -> Surface<'a> {
         let triangle = &self.triangles[hit.triangle];
         let object = &self.scene.objects[triangle.object];
-        let part = &self.scene.meshes[object.mesh].parts[triangle.part];
+        let part = &object.mesh.parts[triangle.part];
         let flat_tolerance = ROUNDING * (self.size + triangle.longest_edge) / triangle.altitude;
         let (normal, normal_tolerance) = match triangle.normals {
             None => (triangle.normal, flat_tolerance),
@@ -223,7 +223,7 @@ impl<'a> Tracer<'a> {
             category_id: object.category_id,
             part_id: object.part_ids[triangle.part],
             instance_id: object.instance_id,
-            material: part.material.map(|index| &self.scene.materials[index]),
+            material: part.material.as_deref(),
             geometric_normal: triangle.normal,
             normal,
             normal_tolerance,

@@ -26,7 +26,7 @@ fn describe(name: &str, scene: &Scene) -> Result<String> {
     if scene.degenerate_triangles > 0 {
         writeln!(text, "            {} without area were left out", thousands(scene.degenerate_triangles))?;
     }
-    let meshes = match scene.meshes.len() {
+    let meshes = match scene.meshes().len() {
         1 => "1 mesh".to_owned(),
         count => format!("{} meshes", thousands(count)),
     };
@@ -40,7 +40,7 @@ fn describe(name: &str, scene: &Scene) -> Result<String> {
         )?;
         writeln!(text, "size        {x:.3} x {y:.3} x {z:.3} m")?;
     }
-    writeln!(text, "textures    {}", scene.textures.len())?;
+    writeln!(text, "textures    {}", scene.textures().len())?;
 
     writeln!(text, "materials   {}", scene.materials.len())?;
     for material in &scene.materials {

@@ -138,7 +138,7 @@ pub fn run(args: &Args) -> Result<()> {
             order: args.order,
             profile: args.profile,
             reflectance_source: args.reflectance_source,
-            threads: None,
+            mask: u32::MAX,
         };
         progress.phase("scanning".into());
         timed(&mut seconds.scan, || built.scan_into(&sensor, &trajectory, &options, &mut cloud))?;
@@ -287,7 +287,7 @@ fn tell_more(scene: &Scene, sensor: &Sensor, trajectory: &Trajectory) {
         text::counted(scene.triangle_count(), "triangle"),
         text::counted(scene.objects.len(), "object"),
         text::counted(scene.materials.len(), "material"),
-        text::counted(scene.textures.len(), "texture"),
+        text::counted(scene.textures().len(), "texture"),
     ));
     note(&format!(
         "sensor: {} ({}), {} x {} beams, a scan takes {}",

@@ -56,6 +56,9 @@ pub enum Error {
         /// Which feature, format or tool would do it.
         instead: String,
     },
+    /// The caller did not want it any more.
+    #[error("cancelled by the progress callback")]
+    Cancelled,
     /// Embree failed.
     #[error("Embree: {0}")]
     Embree(#[from] embree4::Error),

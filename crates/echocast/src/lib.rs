@@ -46,6 +46,7 @@ pub mod emitter;
 pub mod error;
 pub mod export;
 pub mod material;
+mod parallel;
 mod presets;
 pub mod report;
 mod rng;
@@ -61,10 +62,10 @@ pub use emitter::{Pose, Trajectory};
 pub use error::{Error, Result};
 pub use material::ReflectanceSource;
 pub use report::Report;
-pub use scan::{Order, Profile, ScanOptions};
+pub use scan::{Order, Profile, Progress, ScanOptions};
 pub use scene::{LabelRules, LoadOptions, Scene};
 pub use sensor::{
     BeamSpec, Expectations, IntensitySpec, PresetInfo, RangeSpec, ReturnMode, ReturnsSpec, Sensor, SensorKind,
     SensorSpec,
 };
-pub use trace::{BareLoop, BuiltScene};
+pub use trace::{BareLoop, BuiltScene, Engine, LiveScene, ObjectId};

@@ -1,17 +1,19 @@
 //! The driver: one scan, step by step.
 
-use crate::cloud::{Field, FieldSet, Frame, Kept, PointCloud, Slices};
+use crate::cloud::{Columns, Field, FieldSet, Frame, Kept, PointCloud, Slices};
 use crate::detect::{Noise, RangeError, Threshold};
-use crate::echo::{Contribution, IntensityModel, Reflectances, Wanted};
+use crate::echo::{Contribution, IntensityModel, Wanted};
 use crate::emitter::{Aim, BeamTable, Trajectory};
 use crate::error::{Error, Result};
-use crate::material::ReflectanceSource;
+use crate::material::{ReflectanceSource, Reflectances};
+use crate::parallel;
 use crate::rng::{Draw, Rng};
 use crate::sensor::Sensor;
 use crate::trace::{BuiltScene, CHUNK, HitBatch, LANES, MISS, RayBatch, Tables};
 use pulp::{Arch, Simd, WithSimd};
-use rayon::prelude::*;
 use std::f32::consts::PI;
+use std::ops::{ControlFlow, Range};
+use std::sync::Arc;
 
 /// Which model set a scan follows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -57,8 +59,8 @@ pub struct ScanOptions {
     /// Where reflectance comes from when the material does not say; `None`: as the profile has it
     /// (`blainder`: alpha, the others: luminance).
     pub reflectance_source: Option<ReflectanceSource>,
-    /// Worker threads; `None`: rayon's global pool (all cores).
-    pub threads: Option<usize>,
+    /// Objects are seen whose mask shares a bit with this.
+    pub mask: u32,
 }
 
 impl Default for ScanOptions {
@@ -73,7 +75,7 @@ impl Default for ScanOptions {
             order: Order::Beam,
             profile: Profile::Physical,
             reflectance_source: None,
-            threads: None,
+            mask: u32::MAX,
         }
     }
 }
@@ -96,6 +98,12 @@ impl ScanOptions {
 /// still in the cache, enough to keep the thread busy.
 const CHUNKS_PER_THREAD: usize = 8;
 
+/// Most chunks between two such passes.
+const MOST_CHUNKS: usize = 512;
+
+/// Hears how much of the work is done, 0 to 1, and says whether to go on.
+pub type Progress<'a> = &'a mut dyn FnMut(f64) -> ControlFlow<()>;
+
 impl BuiltScene {
     /// Scans once with `sensor` along `trajectory`.
     ///
@@ -107,16 +115,43 @@ impl BuiltScene {
         Ok(cloud)
     }
 
-    /// [`BuiltScene::scan`] into the memory of `cloud`, whose old content is lost.
+    /// [`BuiltScene::scan`] into the memory of `cloud`: a scan like the one before it, in the order of beams, allocates
+    /// nothing.
     ///
     /// # Errors
-    /// As [`BuiltScene::scan`].
+    /// As [`BuiltScene::scan`]. `cloud` stays as it was when pose or options are at fault; without memory it is empty.
     pub fn scan_into(
         &self,
         sensor: &Sensor,
         trajectory: &Trajectory,
         options: &ScanOptions,
         cloud: &mut PointCloud,
+    ) -> Result<()> {
+        self.scan_watched(sensor, trajectory, options, cloud, None)
+    }
+
+    /// [`BuiltScene::scan_into`] that tells `progress`, on this thread, how far it is, some times in a long scan.
+    ///
+    /// # Errors
+    /// As [`BuiltScene::scan_into`], and [`Error::Cancelled`] when `progress` wants no more; then `cloud` is empty.
+    pub fn scan_with_progress(
+        &self,
+        sensor: &Sensor,
+        trajectory: &Trajectory,
+        options: &ScanOptions,
+        cloud: &mut PointCloud,
+        progress: Progress,
+    ) -> Result<()> {
+        self.scan_watched(sensor, trajectory, options, cloud, Some(progress))
+    }
+
+    fn scan_watched(
+        &self,
+        sensor: &Sensor,
+        trajectory: &Trajectory,
+        options: &ScanOptions,
+        cloud: &mut PointCloud,
+        progress: Option<Progress>,
     ) -> Result<()> {
         let start = trajectory.at(options.start_time);
         if !(start.position.is_finite() && start.orientation.is_finite()) {
@@ -129,15 +164,11 @@ impl BuiltScene {
                 "beam for an organised cloud, whose rows and columns are beams",
             ));
         }
-        let scan = Scan::new(&self.0, sensor, trajectory, options);
-        match options.threads {
-            None => scan.run(cloud),
-            Some(threads) => rayon::ThreadPoolBuilder::new()
-                .num_threads(threads.max(1))
-                .build()
-                .map_err(|e| Error::Internal(format!("cannot start {threads} threads: {e}")))?
-                .install(|| scan.run(cloud)),
+        let scanned = Scan::new(&self.0, sensor, trajectory, options).run(cloud, progress);
+        if scanned.is_err() {
+            *cloud = PointCloud::default();
         }
+        scanned
     }
 }
 
@@ -148,7 +179,7 @@ struct Scan<'a> {
     options: &'a ScanOptions,
     trajectory: &'a Trajectory,
     aim: Aim<'a>,
-    reflectances: Reflectances,
+    reflectances: Arc<Reflectances>,
     threshold: Threshold,
     intensity: IntensityModel,
     range_error: RangeError,
@@ -200,7 +231,7 @@ impl<'a> Scan<'a> {
             options,
             trajectory,
             aim: Aim::new(trajectory, options.start_time, scene.origin),
-            reflectances: Reflectances::new(&scene.materials, sensor.wavelength_nm, source),
+            reflectances: scene.surfaces.reflectances(sensor.wavelength_nm, source),
             threshold,
             intensity,
             range_error: RangeError::new(&sensor.noise, sensor.range_resolution_m, threshold),
@@ -211,7 +242,7 @@ impl<'a> Scan<'a> {
             range_max: sensor.range_max_m as f32,
             coherent: beams.is_coherent(),
             wants_normals,
-            smooth: !blainder && scene.has_shading_normals,
+            smooth: !blainder && scene.surfaces.has_shading_normals,
             wants_surfaces,
             wanted: Wanted { colors, reflectance: wants_echo },
             keeps_undetected: blainder,
@@ -221,39 +252,30 @@ impl<'a> Scan<'a> {
 
     /// Fills `cloud`: windows of chunks in parallel, each chunk into its own rows, then the gaps of
     /// misses are closed in order.
-    fn run(&self, cloud: &mut PointCloud) -> Result<()> {
+    fn run(&self, cloud: &mut PointCloud, progress: Option<Progress>) -> Result<()> {
         let options = self.options;
         let beams = self.beams.len();
         let sorted = options.order == Order::Time;
         let computed = if sorted { options.fields.with(Field::Time) } else { options.fields };
-        cloud.columns.resize(computed, beams)?;
-        let arch = Arch::new();
-        let chunks = CHUNKS_PER_THREAD * rayon::current_num_threads();
-        let mut rows = 0;
-        for window in (0..beams).step_by(CHUNK * chunks) {
-            let end = (window + CHUNK * chunks).min(beams);
-            // Right after the rows there are: memory beyond the last return is never touched.
-            let mut rest = cloud.columns.slices(rows, rows + end - window);
-            let mut tasks = Vec::with_capacity(chunks);
-            for first in (window..end).step_by(CHUNK) {
-                let count = CHUNK.min(end - first);
-                let (rows, others) = rest.split_at(count);
-                rest = others;
-                tasks.push(Task { scan: self, first, count, rows });
-            }
-            let found: Vec<usize> = tasks
-                .into_par_iter()
-                .map_init(|| Box::new(Block::new()), |block, task| arch.dispatch(TaskOn { task, block }))
-                .collect();
-            let mut from = rows;
-            for count in found {
-                if rows != from {
-                    cloud.columns.move_rows(from, rows, count);
+        let columns = &mut cloud.columns;
+        columns.resize(computed, beams)?;
+        let engine = &self.scene.engine;
+        let window = CHUNK * (CHUNKS_PER_THREAD * engine.threads()).min(MOST_CHUNKS);
+        let windows = (0..beams).step_by(window).map(|first| first..(first + window).min(beams));
+        let rows = match progress {
+            None => engine.install(|| windows.fold(0, |rows, beams| self.window(beams, rows, columns))),
+            Some(progress) => {
+                let mut rows = 0;
+                for window in windows {
+                    let done = window.end as f64 / beams as f64;
+                    rows = engine.install(|| self.window(window, rows, columns));
+                    if progress(done).is_break() {
+                        return Err(Error::Cancelled);
+                    }
                 }
-                rows += count;
-                from += CHUNK;
+                rows
             }
-        }
+        };
         cloud.columns.resize(computed, rows)?;
         cloud.len = rows;
         if sorted {
@@ -269,8 +291,43 @@ impl<'a> Scan<'a> {
         cloud.organised = options.organised.then_some([self.beams.rows, self.beams.columns]);
         cloud.sensor_pose = self.trajectory.at(options.start_time);
         cloud.intensity_full_scale = self.intensity.full_scale();
-        cloud.labels = self.scene.labels.clone();
+        cloud.labels = self.scene.surfaces.labels.clone();
         Ok(())
+    }
+
+    /// Scans some beams into the rows after the first `rows`; returns how many rows there are then.
+    fn window(&self, beams: Range<usize>, mut rows: usize, columns: &mut Columns) -> usize {
+        // Right after the rows there are: memory beyond the last return is never touched.
+        let free = columns.slices(rows, rows + beams.len());
+        let mut found = [0; MOST_CHUNKS];
+        let found = &mut found[..beams.len().div_ceil(CHUNK)];
+        self.chunks(Arch::new(), beams, free, found);
+        let mut from = rows;
+        for &mut count in found {
+            if rows != from {
+                columns.move_rows(from, rows, count);
+            }
+            rows += count;
+            from += CHUNK;
+        }
+        rows
+    }
+
+    /// Scans chunks of beams, each into its own of `rows`, and counts in `found` those that it fills.
+    fn chunks(&self, arch: Arch, beams: Range<usize>, rows: Slices, found: &mut [usize]) {
+        if let [found] = found {
+            let task = Task { scan: self, first: beams.start, count: beams.len(), rows };
+            *found = arch.dispatch(TaskOn { task, block: &mut Block::new() });
+            return;
+        }
+        let half = found.len() / 2;
+        let middle = beams.start + half * CHUNK;
+        let (left_rows, right_rows) = rows.split_at(half * CHUNK);
+        let (left, right) = found.split_at_mut(half);
+        parallel::join(
+            || self.chunks(arch, beams.start..middle, left_rows, left),
+            || self.chunks(arch, middle..beams.end, right_rows, right),
+        );
     }
 }
 
@@ -382,9 +439,9 @@ impl Block {
     #[inline(always)]
     fn trace(&mut self, scan: &Scan, count: usize) {
         let Block { rays, hits, surfaces, .. } = self;
-        hits.trace(scan.scene, rays, count, scan.coherent);
+        hits.trace(scan.scene, rays, count, scan.coherent, scan.options.mask);
         if scan.wants_normals {
-            if scan.scene.has_instances {
+            if scan.scene.surfaces.has_instances {
                 hits.orient_normals(scan.scene, count);
             }
             surfaces.meet(rays, hits);
@@ -393,7 +450,7 @@ impl Block {
             }
         }
         if scan.wants_surfaces {
-            surfaces.look_up(scan.scene, &scan.reflectances, hits, count, scan.wanted);
+            surfaces.look_up(&scan.scene.surfaces, &scan.reflectances, hits, count, scan.wanted);
         }
     }
 

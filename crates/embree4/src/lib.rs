@@ -2,12 +2,12 @@
 //! one level of instances, and the closest hit of single rays and of packets of 4, 8 and 16.
 //!
 //! ```
-//! use embree4::{Coherence, Device, Mesh, Packet, Scene, INVALID};
+//! use embree4::{Coherence, Device, Mesh, Packet, Quality, Scene, INVALID};
 //!
 //! let device = Device::new()?;
 //! let corners = [[0.0, 0.0, 5.0], [1.0, 0.0, 5.0], [0.0, 1.0, 5.0]];
-//! let mut scene = Scene::new(&device)?;
-//! scene.attach_mesh(&Mesh::new(&device, corners.into_iter(), &[[0, 1, 2]])?)?;
+//! let mut scene = Scene::new(&device, Quality::Medium)?;
+//! scene.attach_mesh(&Mesh::new(&device, corners.into_iter(), &[[0, 1, 2]], u32::MAX)?)?;
 //! let scene = scene.commit()?;
 //!
 //! let mut rays = Packet::<4>::new();
@@ -40,4 +40,4 @@ pub use device::Device;
 pub use error::Error;
 pub use mesh::Mesh;
 pub use ray::{Coherence, INVALID, Packet, Ray};
-pub use scene::{CommittedScene, Scene, is_invertible};
+pub use scene::{CommittedScene, Instance, Quality, Scene, is_invertible};

@@ -11,7 +11,7 @@ use crate::error::{Error, check};
 pub struct Mesh(Arc<Geometry>);
 
 impl Mesh {
-    /// Copies vertices and triangles into memory of Embree's own.
+    /// Copies vertices and triangles into memory of Embree's own. Rays hit it whose mask shares a bit with `mask`.
     ///
     /// A triangle with a coordinate that is not finite, or beyond 1.8e18, is never hit.
     ///
@@ -22,6 +22,7 @@ impl Mesh {
         device: &Device,
         mut positions: impl ExactSizeIterator<Item = [f32; 3]>,
         triangles: &[[u32; 3]],
+        mask: u32,
     ) -> Result<Mesh, Error> {
         let vertices = positions.len();
         if vertices == 0 || triangles.is_empty() {
@@ -45,7 +46,7 @@ impl Mesh {
         for (slot, &corners) in slots.iter_mut().zip(triangles) {
             slot.write(corners);
         }
-        geometry.commit()?;
+        geometry.commit(mask)?;
         Ok(Mesh(Arc::new(geometry)))
     }
 
@@ -96,9 +97,13 @@ impl Geometry {
         Ok(unsafe { std::slice::from_raw_parts_mut(data.cast(), count) })
     }
 
-    pub(crate) fn commit(&mut self) -> Result<(), Error> {
+    /// Makes it ready to be attached.
+    pub(crate) fn commit(&mut self, mask: u32) -> Result<(), Error> {
         // SAFETY: the geometry is alive and not shared yet; its buffers are filled.
-        unsafe { sys::rtcCommitGeometry(self.raw) };
+        unsafe {
+            sys::rtcSetGeometryMask(self.raw, mask);
+            sys::rtcCommitGeometry(self.raw);
+        }
         check(Some(&self.device), "rtcCommitGeometry")
     }
 

@@ -38,7 +38,7 @@ pub struct Ray {
     pub time: f32,
     /// Where the ray ends; the hit's distance afterwards.
     pub tfar: f32,
-    /// Geometries are hit when they share a bit with this; all of this crate's have the lowest one.
+    /// Meshes and instances are hit when their mask shares a bit with this.
     pub mask: u32,
     /// The caller's own number.
     pub id: u32,

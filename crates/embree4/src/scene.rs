@@ -6,6 +6,16 @@ use crate::error::{Error, check};
 use crate::mesh::Geometry;
 use crate::{Coherence, Device, Mesh, Packet, Ray};
 
+/// How much work goes into a scene's structure.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Quality {
+    /// Built four times as fast as medium, traced up to twice as slowly: for what is built anew for every frame.
+    Low,
+    /// Fastest to trace.
+    #[default]
+    Medium,
+}
+
 /// A scene that is being put together from meshes and instances. [`Scene::commit`] makes it ready to trace.
 #[derive(Debug)]
 pub struct Scene(Owned);
@@ -20,7 +30,19 @@ pub struct CommittedScene(Arc<Owned>);
 struct Owned {
     raw: sys::RTCScene,
     device: Device,
-    instanced: Vec<CommittedScene>,
+    instances: Vec<Instance>,
+}
+
+/// A scene placed in another one, ready to be attached to any number of scenes. Clones are handles of the same
+/// instance.
+#[derive(Clone, Debug)]
+pub struct Instance(Arc<Placed>);
+
+#[derive(Debug)]
+struct Placed {
+    geometry: Geometry,
+    /// What Embree's geometry refers to; dropped after it.
+    of: CommittedScene,
 }
 
 // SAFETY: Embree's scenes are reference counted and not bound to a thread.
@@ -30,18 +52,26 @@ unsafe impl Send for Owned {}
 unsafe impl Sync for Owned {}
 
 impl Scene {
-    /// An empty scene, of medium quality and without flags: what is fastest to trace.
+    /// An empty scene without flags.
     ///
     /// # Errors
     /// [`Error::Embree`] when memory runs out.
-    pub fn new(device: &Device) -> Result<Scene, Error> {
+    pub fn new(device: &Device, quality: Quality) -> Result<Scene, Error> {
         // SAFETY: the device is alive.
         let raw = unsafe { sys::rtcNewScene(device.raw()) };
         check(Some(device), "rtcNewScene")?;
         if raw.is_null() {
             return Err(Error::Embree { call: "rtcNewScene", reason: "no scene and no error returned" });
         }
-        Ok(Scene(Owned { raw, device: device.clone(), instanced: Vec::new() }))
+        let scene = Scene(Owned { raw, device: device.clone(), instances: Vec::new() });
+        let quality = match quality {
+            Quality::Low => sys::RTC_BUILD_QUALITY_LOW,
+            Quality::Medium => sys::RTC_BUILD_QUALITY_MEDIUM,
+        };
+        // SAFETY: the scene is alive and ours alone.
+        unsafe { sys::rtcSetSceneBuildQuality(raw, quality) };
+        check(Some(device), "rtcSetSceneBuildQuality")?;
+        Ok(scene)
     }
 
     /// Adds a mesh and returns its geometry id: 0, 1, 2 ... over meshes and instances in the order they are attached.
@@ -52,45 +82,14 @@ impl Scene {
         self.attach(mesh.geometry())
     }
 
-    /// Adds an instance of another scene and returns its geometry id, which hits report as `inst_id`.
-    ///
-    /// `world_from_object` is the 3x4 matrix column by column: the images of x, y and z, then the translation. It may
-    /// scale, shear and mirror.
+    /// Adds an instance and returns its geometry id, which hits report as `inst_id`.
     ///
     /// # Errors
-    /// [`Error::OtherDevice`]; [`Error::NestedInstance`] when `of` contains instances; [`Error::Transform`] when the
-    /// matrix is not finite or has no inverse in f32; [`Error::Embree`] when memory runs out.
-    pub fn attach_instance(&mut self, of: &CommittedScene, world_from_object: [f32; 12]) -> Result<u32, Error> {
-        let instanced = &of.0;
-        if !instanced.instanced.is_empty() {
-            return Err(Error::NestedInstance);
-        }
-        if !instanced.device.is(&self.0.device) {
-            return Err(Error::OtherDevice);
-        }
-        if !is_invertible(&world_from_object) {
-            return Err(Error::Transform { transform: world_from_object });
-        }
-        let device = &self.0.device;
-        let mut geometry = Geometry::new(device, sys::RTC_GEOMETRY_TYPE_INSTANCE)?;
-        // SAFETY: both handles are alive and of one device, and the geometry is ours alone. `self` keeps the scene
-        // alive (below) as long as it can be traced.
-        unsafe { sys::rtcSetGeometryInstancedScene(geometry.raw(), instanced.raw) };
-        check(Some(device), "rtcSetGeometryInstancedScene")?;
-        // SAFETY: the format names 12 floats without padding, and Embree copies them.
-        unsafe {
-            sys::rtcSetGeometryTransform(
-                geometry.raw(),
-                0,
-                sys::RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR,
-                world_from_object.as_ptr().cast(),
-            );
-        }
-        check(Some(device), "rtcSetGeometryTransform")?;
-        geometry.commit()?;
+    /// [`Error::OtherDevice`]; [`Error::Embree`] when memory runs out.
+    pub fn attach_instance(&mut self, instance: &Instance) -> Result<u32, Error> {
         // First, so that Embree never holds an instance of a scene that we do not.
-        self.0.instanced.push(of.clone());
-        self.attach(&geometry)
+        self.0.instances.push(instance.clone());
+        self.attach(&instance.0.geometry)
     }
 
     fn attach(&mut self, geometry: &Geometry) -> Result<u32, Error> {
@@ -116,7 +115,54 @@ impl Scene {
     }
 }
 
+impl Instance {
+    /// Places `of` in the world. Rays hit it whose mask shares a bit with `mask`.
+    ///
+    /// `world_from_object` is the 3x4 matrix column by column: the images of x, y and z, then the translation. It may
+    /// scale, shear and mirror.
+    ///
+    /// # Errors
+    /// [`Error::NestedInstance`] when `of` contains instances; [`Error::Transform`] when the matrix is not finite or has
+    /// no inverse in f32; [`Error::Embree`] when memory runs out.
+    pub fn new(of: &CommittedScene, world_from_object: [f32; 12], mask: u32) -> Result<Instance, Error> {
+        if !of.0.instances.is_empty() {
+            return Err(Error::NestedInstance);
+        }
+        if !is_invertible(&world_from_object) {
+            return Err(Error::Transform { transform: world_from_object });
+        }
+        let device = &of.0.device;
+        let mut geometry = Geometry::new(device, sys::RTC_GEOMETRY_TYPE_INSTANCE)?;
+        // SAFETY: both handles are alive and of one device, and the geometry is ours alone. `Placed` keeps the scene
+        // alive as long as the geometry.
+        unsafe { sys::rtcSetGeometryInstancedScene(geometry.raw(), of.0.raw) };
+        check(Some(device), "rtcSetGeometryInstancedScene")?;
+        // SAFETY: the format names 12 floats without padding, and Embree copies them.
+        unsafe {
+            sys::rtcSetGeometryTransform(
+                geometry.raw(),
+                0,
+                sys::RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR,
+                world_from_object.as_ptr().cast(),
+            );
+        }
+        check(Some(device), "rtcSetGeometryTransform")?;
+        geometry.commit(mask)?;
+        Ok(Instance(Arc::new(Placed { geometry, of: of.clone() })))
+    }
+
+    /// The scene that is placed.
+    pub fn of(&self) -> &CommittedScene {
+        &self.0.of
+    }
+}
+
 impl CommittedScene {
+    /// Whether it was made with `device`.
+    pub fn is_of(&self, device: &Device) -> bool {
+        self.0.device.is(device)
+    }
+
     /// Finds the closest hit of each ray whose lane in `valid` is -1; lanes where it is 0 stay as they are.
     ///
     /// `W` is 4, 8 or 16 (anything else does not compile); [`Device::packet_width`] says which is fastest. A lane
@@ -167,7 +213,7 @@ fn arguments(flags: sys::RTCRayQueryFlags) -> sys::RTCIntersectArguments {
     }
 }
 
-/// Whether [`Scene::attach_instance`] takes the transform `m`: Embree inverts it in f32, and without an inverse every
+/// Whether [`Instance::new`] takes the transform `m`: Embree inverts it in f32, and without an inverse every
 /// ray would become NaN.
 pub fn is_invertible(m: &[f32; 12]) -> bool {
     let [a, b, c, d, e, f, g, h, i] = std::array::from_fn(|k| f64::from(m[k]));

@@ -1,21 +1,25 @@
 //! The wrapper against geometry whose hits are known.
 
-use embree4::{Coherence, CommittedScene, Device, Error, INVALID, Mesh, Packet, Ray, Scene};
+use embree4::{Coherence, CommittedScene, Device, Error, INVALID, Instance, Mesh, Packet, Quality, Ray, Scene};
 
 const IDENTITY: [f32; 12] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
 
 /// The unit right triangle at height `z`; its normal is +z.
 fn triangle(device: &Device, z: f32) -> Mesh {
     let corners = [[0.0, 0.0, z], [1.0, 0.0, z], [0.0, 1.0, z]];
-    Mesh::new(device, corners.into_iter(), &[[0, 1, 2]]).unwrap()
+    Mesh::new(device, corners.into_iter(), &[[0, 1, 2]], u32::MAX).unwrap()
 }
 
 fn scene(device: &Device, meshes: &[Mesh]) -> CommittedScene {
-    let mut scene = Scene::new(device).unwrap();
+    let mut scene = Scene::new(device, Quality::Medium).unwrap();
     for (id, mesh) in (0..).zip(meshes) {
         assert_eq!(scene.attach_mesh(mesh).unwrap(), id);
     }
     scene.commit().unwrap()
+}
+
+fn placed(of: &CommittedScene, world_from_object: [f32; 12]) -> Instance {
+    Instance::new(of, world_from_object, u32::MAX).unwrap()
 }
 
 /// A few thousand triangles without order, from a small generator of numbers (a 64-bit LCG, Knuth's MMIX constants).
@@ -32,7 +36,7 @@ fn clutter(device: &Device) -> Mesh {
         })
         .collect();
     let triangles: Vec<[u32; 3]> = (0..4000).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-    Mesh::new(device, positions.into_iter(), &triangles).unwrap()
+    Mesh::new(device, positions.into_iter(), &triangles, u32::MAX).unwrap()
 }
 
 /// A fan of `count` unit directions from the origin.
@@ -197,13 +201,13 @@ fn lanes_that_are_not_valid_stay_as_they_are() {
 #[test]
 fn instances_scale_mirror_and_keep_the_mesh_and_scene_alive() {
     let device = Device::new().unwrap();
-    let mut world = Scene::new(&device).unwrap();
+    let mut world = Scene::new(&device, Quality::Medium).unwrap();
     {
         let object = scene(&device, &[triangle(&device, 1.0)]);
         // x twice as long and mirrored, y three times, z half and turned over; then moved by (10, 0, 5).
         let matrix = [-2.0, 0.0, 0.0, 0.0, 3.0, 0.0, 0.0, 0.0, -0.5, 10.0, 0.0, 5.0];
-        assert_eq!(world.attach_instance(&object, IDENTITY).unwrap(), 0);
-        assert_eq!(world.attach_instance(&object, matrix).unwrap(), 1);
+        assert_eq!(world.attach_instance(&placed(&object, IDENTITY)).unwrap(), 0);
+        assert_eq!(world.attach_instance(&placed(&object, matrix)).unwrap(), 1);
     }
     drop(device);
     let world = world.commit().unwrap();
@@ -224,13 +228,34 @@ fn instances_scale_mirror_and_keep_the_mesh_and_scene_alive() {
 }
 
 #[test]
+fn masks_hide_meshes_and_instances() {
+    let device = Device::new().unwrap();
+    let corners = |z: f32| [[0.0, 0.0, z], [1.0, 0.0, z], [0.0, 1.0, z]].into_iter();
+    let inner = scene(&device, &[triangle(&device, 2.0)]);
+    let mut world = Scene::new(&device, Quality::Low).unwrap();
+    world.attach_mesh(&Mesh::new(&device, corners(1.0), &[[0, 1, 2]], 0b01).unwrap()).unwrap();
+    world.attach_instance(&Instance::new(&inner, IDENTITY, 0b10).unwrap()).unwrap();
+    world.attach_mesh(&Mesh::new(&device, corners(3.0), &[[0, 1, 2]], 1 << 31).unwrap()).unwrap();
+    let world = world.commit().unwrap();
+    for (mask, range) in [(0b01, 1.0), (0b10, 2.0), (0b11, 1.0), (1 << 31, 3.0), (0b100, f32::INFINITY)] {
+        let mut ray = Ray { mask, ..Ray::new([0.2, 0.2, 0.0], [0.0, 0.0, 1.0]) };
+        world.intersect1(&mut ray);
+        let mut rays = Packet::<8>::new();
+        (rays.org_x, rays.org_y, rays.dir_z, rays.mask) = ([0.2; 8], [0.2; 8], [1.0; 8], [mask; 8]);
+        world.intersect(&[-1; 8], &mut rays, Coherence::Coherent);
+        let found = |tfar: f32| tfar == range || close(tfar, range);
+        assert!(found(ray.tfar) && rays.tfar.iter().all(|&tfar| found(tfar)), "mask {mask:b}: {ray:?}");
+    }
+}
+
+#[test]
 fn instances_of_instances_are_refused() {
     let device = Device::new().unwrap();
     let object = scene(&device, &[triangle(&device, 1.0)]);
-    let mut middle = Scene::new(&device).unwrap();
-    middle.attach_instance(&object, IDENTITY).unwrap();
+    let mut middle = Scene::new(&device, Quality::Medium).unwrap();
+    middle.attach_instance(&placed(&object, IDENTITY)).unwrap();
     let middle = middle.commit().unwrap();
-    assert_eq!(Scene::new(&device).unwrap().attach_instance(&middle, IDENTITY), Err(Error::NestedInstance));
+    assert_eq!(Instance::new(&middle, IDENTITY, u32::MAX).unwrap_err(), Error::NestedInstance);
 }
 
 #[test]
@@ -240,7 +265,7 @@ fn transforms_without_inverse_are_refused() {
     for (place, value) in [(4, 0.0), (9, f32::NAN), (0, f32::INFINITY), (8, 1e-45)] {
         let mut transform = IDENTITY;
         transform[place] = value;
-        let result = Scene::new(&device).unwrap().attach_instance(&object, transform);
+        let result = Instance::new(&object, transform, u32::MAX);
         assert!(matches!(result, Err(Error::Transform { .. })), "{transform:?} gave {result:?}");
     }
 }
@@ -248,10 +273,10 @@ fn transforms_without_inverse_are_refused() {
 #[test]
 fn devices_do_not_mix() {
     let (one, two) = (Device::new().unwrap(), Device::new().unwrap());
-    let mut scene_of_one = Scene::new(&one).unwrap();
+    let mut scene_of_one = Scene::new(&one, Quality::Medium).unwrap();
     assert_eq!(scene_of_one.attach_mesh(&triangle(&two, 1.0)), Err(Error::OtherDevice));
     let object = scene(&two, &[triangle(&two, 1.0)]);
-    assert_eq!(scene_of_one.attach_instance(&object, IDENTITY), Err(Error::OtherDevice));
+    assert_eq!(scene_of_one.attach_instance(&placed(&object, IDENTITY)), Err(Error::OtherDevice));
     assert_eq!(scene_of_one.attach_mesh(&triangle(&one.clone(), 1.0)), Ok(0));
 }
 
@@ -259,18 +284,21 @@ fn devices_do_not_mix() {
 fn meshes_without_content_or_with_wrong_indices_are_refused() {
     let device = Device::new().unwrap();
     let corners = || [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]].into_iter();
-    assert_eq!(Mesh::new(&device, corners(), &[]).unwrap_err(), Error::EmptyMesh { vertices: 3, triangles: 0 });
     assert_eq!(
-        Mesh::new(&device, std::iter::empty(), &[[0, 0, 0]]).unwrap_err(),
+        Mesh::new(&device, corners(), &[], u32::MAX).unwrap_err(),
+        Error::EmptyMesh { vertices: 3, triangles: 0 }
+    );
+    assert_eq!(
+        Mesh::new(&device, std::iter::empty(), &[[0, 0, 0]], u32::MAX).unwrap_err(),
         Error::EmptyMesh { vertices: 0, triangles: 1 }
     );
     assert_eq!(
-        Mesh::new(&device, corners(), &[[0, 1, 2], [0, 3, 1]]).unwrap_err(),
+        Mesh::new(&device, corners(), &[[0, 1, 2], [0, 3, 1]], u32::MAX).unwrap_err(),
         Error::IndexOutOfRange { triangle: 1, index: 3, vertices: 3 }
     );
     // As many vertices as an iterator can claim; it must not be believed before it is checked.
     let endless = (0..u32::MAX).map(|_| [0.0; 3]);
-    let error = Mesh::new(&device, endless, &[[0, 1, 2]]).unwrap_err();
+    let error = Mesh::new(&device, endless, &[[0, 1, 2]], u32::MAX).unwrap_err();
     assert_eq!(error, Error::MeshTooLarge { vertices: u32::MAX as usize, triangles: 1 });
 }
 
@@ -288,7 +316,7 @@ fn an_iterator_shorter_than_it_says_leaves_vertices_that_are_never_hit() {
     }
     impl ExactSizeIterator for Liar {}
     let device = Device::new().unwrap();
-    let scene = scene(&device, &[Mesh::new(&device, Liar, &[[0, 1, 2]]).unwrap()]);
+    let scene = scene(&device, &[Mesh::new(&device, Liar, &[[0, 1, 2]], u32::MAX).unwrap()]);
     let mut ray = Ray::new([0.0, 0.0, -1.0], [0.0, 0.0, 1.0]);
     scene.intersect1(&mut ray);
     assert_eq!(ray.geom_id, INVALID);
@@ -308,7 +336,7 @@ fn triangles_with_vertices_that_are_not_finite_are_never_hit() {
         [1.0, 0.0, 3.0],
         [0.0, 1.0, 3.0],
     ];
-    let mesh = Mesh::new(&device, corners.into_iter(), &[[0, 1, 2], [3, 4, 5], [6, 7, 8]]).unwrap();
+    let mesh = Mesh::new(&device, corners.into_iter(), &[[0, 1, 2], [3, 4, 5], [6, 7, 8]], u32::MAX).unwrap();
     let scene = scene(&device, &[mesh]);
     let mut ray = Ray::new([0.25, 0.25, 0.0], [0.0, 0.0, 1.0]);
     scene.intersect1(&mut ray);
@@ -318,7 +346,7 @@ fn triangles_with_vertices_that_are_not_finite_are_never_hit() {
 
 #[test]
 fn an_empty_scene_is_missed() {
-    let scene = Scene::new(&Device::new().unwrap()).unwrap().commit().unwrap();
+    let scene = Scene::new(&Device::new().unwrap(), Quality::Medium).unwrap().commit().unwrap();
     assert!(trace::<16>(&scene, &fan(16), Coherence::Coherent).iter().all(|ray| ray.geom_id == INVALID));
 }
 
@@ -327,14 +355,14 @@ fn an_empty_scene_is_missed() {
 fn build_threads_do_not_change_a_bit() {
     let run = |config| {
         let device = Device::with_config(config).unwrap();
-        let mut world = Scene::new(&device).unwrap();
+        let mut world = Scene::new(&device, Quality::Medium).unwrap();
         let object = scene(&device, &[clutter(&device)]);
         world.attach_mesh(&clutter(&device)).unwrap();
         for i in 0..50 {
             let mut transform = IDENTITY.map(|x| 0.7 * x);
             transform[9] = 2.0 * i as f32 - 50.0;
             transform[10] = 30.0;
-            world.attach_instance(&object, transform).unwrap();
+            world.attach_instance(&placed(&object, transform)).unwrap();
         }
         let world = world.commit().unwrap();
         let directions = fan(4000);

@@ -1,34 +1,9 @@
 //! What surfaces send back to the sensor.
 
-use crate::material::{Material, MaterialEntry, ReflectanceSource};
+use crate::material::{ReflectanceSource, Reflectances};
 use crate::scene::srgb_byte;
-use crate::trace::{HitBatch, LANES, MISS, RayBatch, Surface, Tables};
+use crate::trace::{HitBatch, LANES, MISS, RayBatch, Surface, Surfaces, Tables};
 use glam::Vec3;
-
-/// Reflectance of every material at one wavelength, for one scan.
-pub(crate) struct Reflectances {
-    /// By [`Surface::material`]; NaN where only the image of the surface knows.
-    by_material: Vec<f32>,
-    source: ReflectanceSource,
-}
-
-impl Reflectances {
-    /// In this order: the material's own word, the material library, the base colour as `source` says.
-    pub(crate) fn new(materials: &[Material], wavelength_nm: f64, source: ReflectanceSource) -> Self {
-        let of = |material: &Material| {
-            if let Some(value) = material.reflectance {
-                value
-            } else if let Some(entry) = MaterialEntry::find(&material.name) {
-                entry.reflectance_at(wavelength_nm)
-            } else if material.base_color_texture.is_some() {
-                f32::NAN
-            } else {
-                source.of(material.base_color)
-            }
-        };
-        Reflectances { by_material: materials.iter().map(of).collect(), source }
-    }
-}
 
 /// What images are read for.
 #[derive(Clone, Copy, Debug)]
@@ -87,11 +62,18 @@ impl Contribution {
     /// shading normal turns away from the sensor nothing comes back.
     #[inline(always)]
     pub(crate) fn shade(&mut self, scene: &Tables, rays: &RayBatch, hits: &mut HitBatch, count: usize) {
+        let surfaces = &scene.surfaces;
+        // Neighbours mostly meet the same part.
+        let (mut part, mut arrays) = (u32::MAX, None);
         for lane in 0..count {
-            let Some(surface) = scene.surfaces.get(hits.surface[lane] as usize) else { continue };
-            let part = &scene.parts[surface.part as usize];
-            let Some(normals) = &part.normals else { continue };
-            let corners = part.triangles[hits.triangle[lane] as usize];
+            let Some(surface) = surfaces.rows.get(hits.surface[lane] as usize) else { continue };
+            if surface.part != part {
+                part = surface.part;
+                let part = &surfaces.parts[part as usize];
+                arrays = part.normals.as_ref().map(|normals| (&**normals, &*part.triangles));
+            }
+            let Some((normals, triangles)) = arrays else { continue };
+            let corners = triangles[hits.triangle[lane] as usize];
             let [a, b, c] = corners.map(|index| Vec3::from(normals[index as usize]));
             let (u, v) = (hits.u[lane], hits.v[lane]);
             let smooth = scene.normal_matrices[surface.object as usize] * (a * (1.0 - u - v) + b * u + c * v);
@@ -111,7 +93,7 @@ impl Contribution {
     #[inline(always)]
     pub(crate) fn look_up(
         &mut self,
-        scene: &Tables,
+        surfaces: &Surfaces,
         reflectances: &Reflectances,
         hits: &HitBatch,
         count: usize,
@@ -125,7 +107,7 @@ impl Contribution {
                 end += 1;
             }
             if index != MISS {
-                let surface = &scene.surfaces[index as usize];
+                let surface = &surfaces.rows[index as usize];
                 let run = start..end;
                 let reflectance = reflectances.by_material[surface.material as usize];
                 self.category_id[run.clone()].fill(surface.category_id);
@@ -137,7 +119,7 @@ impl Contribution {
                 self.green[run.clone()].fill(surface.rgb[1]);
                 self.blue[run.clone()].fill(surface.rgb[2]);
                 if (wanted.colors && surface.textured) || (wanted.reflectance && reflectance.is_nan()) {
-                    self.sample(scene, reflectances.source, surface, hits, run);
+                    self.sample(surfaces, reflectances.source, surface, hits, run);
                 }
             }
             start = end;
@@ -148,21 +130,22 @@ impl Contribution {
     #[inline(never)]
     fn sample(
         &mut self,
-        scene: &Tables,
+        surfaces: &Surfaces,
         source: ReflectanceSource,
         surface: &Surface,
         hits: &HitBatch,
         lanes: std::ops::Range<usize>,
     ) {
-        let material = &scene.materials[surface.material as usize];
-        let part = &scene.parts[surface.part as usize];
+        let material = &surfaces.materials[surface.material as usize];
+        let part = &surfaces.parts[surface.part as usize];
+        let (uvs, triangles) = (part.uvs.as_deref(), &*part.triangles);
         for lane in lanes {
             let mut rgba = material.base_color;
-            if let (Some(image), Some(uvs)) = (&material.base_color_texture, &part.uvs) {
-                let [a, b, c] = part.triangles[hits.triangle[lane] as usize].map(|index| uvs[index as usize]);
+            if let (Some(image), Some(uvs)) = (&material.base_color_texture, uvs) {
+                let [a, b, c] = triangles[hits.triangle[lane] as usize].map(|index| uvs[index as usize]);
                 let (u, v) = (hits.u[lane], hits.v[lane]);
                 let uv = std::array::from_fn(|k| a[k] * (1.0 - u - v) + b[k] * u + c[k] * v);
-                let texel = image.sample(&scene.textures[image.texture], uv);
+                let texel = image.sample(uv);
                 rgba = std::array::from_fn(|k| rgba[k] * texel[k]);
             }
             [self.red[lane], self.green[lane], self.blue[lane]] = std::array::from_fn(|k| srgb_byte(rgba[k]));

@@ -3,6 +3,6 @@
 mod contribution;
 mod intensity;
 
-pub(crate) use contribution::{Contribution, Reflectances, Wanted};
+pub(crate) use contribution::{Contribution, Wanted};
 pub use intensity::IntensityEncoding;
 pub(crate) use intensity::IntensityModel;

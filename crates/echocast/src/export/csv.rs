@@ -2,8 +2,8 @@
 
 use super::{Format, offset};
 use crate::cloud::{Column, FieldInfo, PointCloud};
+use crate::parallel;
 use crate::report::Report;
-use rayon::prelude::*;
 use std::fs::File;
 use std::io::{self, Write};
 use std::path::Path;
@@ -45,9 +45,9 @@ impl Format for Csv {
         let names: Vec<&str> = cloud.fields.iter().map(|info| info.name).collect();
         let mut file = File::create(path)?;
         file.write_all(format!("{}\n", names.join(",")).as_bytes())?;
-        let mut texts = vec![Vec::new(); rayon::current_num_threads()];
+        let mut texts = vec![Vec::new(); parallel::threads()];
         for start in (0..cloud.len).step_by(ROWS * texts.len()) {
-            texts.par_iter_mut().enumerate().for_each(|(i, text)| {
+            parallel::for_each(&mut texts, |i, text| {
                 text.clear();
                 let start = start + i * ROWS;
                 for row in start..cloud.len.min(start + ROWS) {

@@ -1,8 +1,10 @@
 //! What surfaces are made of, and how much light they send back.
 
 mod library;
+mod reflectances;
 
 pub use library::MaterialEntry;
+pub(crate) use reflectances::Reflectances;
 
 use crate::scene::TextureRef;
 

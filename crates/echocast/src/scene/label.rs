@@ -1,6 +1,6 @@
 //! Names to numbers: categories, parts, materials and instances.
 
-use super::{Scene, some_of};
+use super::{Part, Scene, some_of};
 use crate::error::{Error, Result};
 use crate::yaml;
 use serde::{Deserialize, Serialize};
@@ -32,6 +32,54 @@ impl NameTable {
         rows.sort();
         let (ids, names) = rows.into_iter().unzip();
         NameTable { ids, names }
+    }
+
+    /// Gives the number `id` a name, whatever it was called before; 0 has none.
+    pub(crate) fn set(&mut self, id: u32, name: &str) {
+        match self.ids.binary_search(&id) {
+            _ if id == 0 => {}
+            Ok(row) => name.clone_into(&mut self.names[row]),
+            Err(row) => {
+                self.ids.insert(row, id);
+                self.names.insert(row, name.to_owned());
+            }
+        }
+    }
+
+    /// Forgets the number `id`.
+    pub(crate) fn remove(&mut self, id: u32) {
+        if let Ok(row) = self.ids.binary_search(&id) {
+            self.ids.remove(row);
+            self.names.remove(row);
+        }
+    }
+
+    /// Takes the names of `other`: those that are here keep their number, the others theirs if it is free. Returns what
+    /// the numbers of `other` are here, where they differ.
+    pub(crate) fn absorb(&mut self, other: &NameTable) -> HashMap<u32, u32> {
+        let known: HashMap<String, u32> = self.iter().map(|(id, name)| (name.to_owned(), id)).collect();
+        let mut changed = HashMap::new();
+        for (id, name) in other.iter() {
+            let here = known.get(name).copied().unwrap_or_else(|| {
+                let id = self.free(id);
+                self.set(id, name);
+                id
+            });
+            if here != id {
+                changed.insert(id, here);
+            }
+        }
+        changed
+    }
+
+    /// A number that is not in use: `wanted`, else the one after the last.
+    pub(crate) fn free(&self, wanted: u32) -> u32 {
+        let is_free = |id: &u32| self.ids.binary_search(id).is_err();
+        if is_free(&wanted) {
+            return wanted;
+        }
+        let next = self.ids.last().and_then(|last| last.checked_add(1));
+        next.or_else(|| (1..).find(is_free)).unwrap_or(wanted)
     }
 
     /// Number of `name`; 0 when it has none.
@@ -111,8 +159,8 @@ impl LabelRules {
     /// Sentences about what these rules name and `scene`, read with them, does not have: mostly slips of the pen.
     pub(super) fn idle(&self, scene: &Scene) -> Vec<String> {
         let objects: BTreeSet<&str> = scene.objects.iter().map(|object| object.name.as_str()).collect();
-        let parts = scene.meshes.iter().flat_map(|mesh| &mesh.parts);
-        let materials: BTreeSet<&str> = parts.map(|part| scene.material_name(part)).collect();
+        let parts = scene.objects.iter().flat_map(|object| &object.mesh.parts);
+        let materials: BTreeSet<&str> = parts.map(Part::material_name).collect();
         let unmatched = |patterns: &BTreeMap<String, String>, names: &BTreeSet<&str>| -> Vec<String> {
             patterns.keys().filter(|pattern| !names.iter().any(|name| matches(pattern, name))).cloned().collect()
         };

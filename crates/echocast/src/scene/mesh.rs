@@ -1,20 +1,108 @@
 //! Triangle meshes, split into parts of one material each.
 
+use crate::error::{Error, Result};
+use crate::material::Material;
+use crate::scene::LARGEST;
+use crate::trace::{Engine, MeshStructure};
+use std::fmt;
+use std::ops::Deref;
 use std::sync::Arc;
+
+/// Numbers of a mesh, immutable and shared by clones: a vector, or memory that somebody else keeps.
+pub struct Array<T>(Arc<dyn AsRef<[T]> + Send + Sync>);
+
+impl<T> Array<T> {
+    /// What `owner` shows, which must always be the same; it is dropped with the last clone, on any thread.
+    pub fn new(owner: impl AsRef<[T]> + Send + Sync + 'static) -> Self {
+        Array(Arc::new(owner))
+    }
+
+    /// Whether both are clones of one array.
+    pub fn is(&self, other: &Array<T>) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
+}
+
+impl<T: Send + Sync + 'static> From<Vec<T>> for Array<T> {
+    fn from(numbers: Vec<T>) -> Self {
+        Array::new(numbers)
+    }
+}
+
+impl<T: Send + Sync + 'static> Default for Array<T> {
+    fn default() -> Self {
+        Vec::new().into()
+    }
+}
+
+impl<T> Clone for Array<T> {
+    fn clone(&self) -> Self {
+        Array(self.0.clone())
+    }
+}
+
+impl<T> Deref for Array<T> {
+    type Target = [T];
+
+    fn deref(&self) -> &[T] {
+        (*self.0).as_ref()
+    }
+}
+
+impl<T> fmt::Debug for Array<T> {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        write!(f, "[{} elements]", self.len())
+    }
+}
 
 /// Triangles with one material.
 #[derive(Clone, Debug, Default)]
 pub struct Part {
     /// Vertex positions, metres, mesh frame. Shared where several parts use the same vertices.
-    pub positions: Arc<Vec<[f32; 3]>>,
+    pub positions: Array<[f32; 3]>,
     /// Unit shading normals per vertex; `None`: the surface is flat-shaded.
-    pub normals: Option<Arc<Vec<[f32; 3]>>>,
+    pub normals: Option<Array<[f32; 3]>>,
     /// Texture coordinates per vertex, of the set the material's base colour texture uses.
-    pub uvs: Option<Arc<Vec<[f32; 2]>>>,
+    pub uvs: Option<Array<[f32; 2]>>,
     /// Vertex indices, three per triangle, all in range.
-    pub triangles: Arc<Vec<[u32; 3]>>,
-    /// Index into [`super::Scene::materials`]; `None`: the default material.
-    pub material: Option<usize>,
+    pub triangles: Array<[u32; 3]>,
+    /// What it is made of; `None`: the default material.
+    pub material: Option<Arc<Material>>,
+}
+
+impl Part {
+    fn check(&self) -> Result<()> {
+        let vertices = self.positions.len();
+        if self.triangles.is_empty() {
+            return Err(Error::invalid("triangles", "none", "at least one"));
+        }
+        if let Some(index) = self.triangles.iter().flatten().find(|&&index| index as usize >= vertices) {
+            return Err(Error::invalid("index", index, format!("below the number of vertices, {vertices}")));
+        }
+        // A comparison that not-a-number fails too.
+        let in_reach = |p: &[f32; 3]| p.iter().all(|x| f64::from(x.abs()) <= LARGEST);
+        if let Some(vertex) = self.positions.iter().position(|p| !in_reach(p)) {
+            return Err(Error::invalid(
+                format!("vertex {vertex}"),
+                format!("{:?}", self.positions[vertex]),
+                "-1e18 to 1e18",
+            ));
+        }
+        let lengths =
+            [("normals", self.normals.as_ref().map(|n| n.len())), ("uvs", self.uvs.as_ref().map(|uvs| uvs.len()))];
+        for (name, length) in lengths {
+            if length.is_some_and(|length| length != vertices) {
+                let found = format!("{} elements long", length.unwrap_or_default());
+                return Err(Error::invalid(name, found, format!("as many as vertices, {vertices}")));
+            }
+        }
+        Ok(())
+    }
+
+    /// Name of its material; empty without one.
+    pub(crate) fn material_name(&self) -> &str {
+        self.material.as_ref().map_or("", |material| &material.name)
+    }
 }
 
 /// A mesh: one or more parts.
@@ -24,9 +112,67 @@ pub struct Mesh {
     pub name: String,
     /// Its parts, none empty.
     pub parts: Vec<Part>,
+    /// What objects that move need to be traced, once they do.
+    pub(crate) structure: MeshStructure,
 }
 
 impl Mesh {
+    /// A mesh of parts that may come from anywhere.
+    ///
+    /// # Errors
+    /// No part; one without triangles; a corner past the last vertex; a coordinate that is not finite or beyond 1e18;
+    /// normals or texture coordinates of another number than vertices.
+    pub fn new(name: impl Into<String>, parts: Vec<Part>) -> Result<Mesh> {
+        if parts.is_empty() {
+            return Err(Error::invalid("parts", "none", "at least one"));
+        }
+        for (number, part) in parts.iter().enumerate() {
+            part.check().map_err(|error| match error {
+                Error::InvalidParameter { name, value, allowed } => {
+                    Error::InvalidParameter { name: format!("part {number}: {name}"), value, allowed }
+                }
+                other => other,
+            })?;
+        }
+        Ok(Mesh::trusted(name.into(), parts))
+    }
+
+    /// A mesh of parts that have been checked.
+    pub(crate) fn trusted(name: String, parts: Vec<Part>) -> Mesh {
+        Mesh { name, parts, structure: MeshStructure::default() }
+    }
+
+    /// Builds what objects with this mesh need to be traced, which otherwise happens when the first of them is
+    /// committed. It can be done on any thread, while scenes are edited.
+    ///
+    /// # Errors
+    /// Embree's: out of memory.
+    pub fn prepare(&self, engine: &Engine) -> Result<()> {
+        self.structure.get(self, engine).map(drop)
+    }
+
+    /// This mesh with other vertex positions and, if there are any, shading normals.
+    ///
+    /// # Errors
+    /// As [`Mesh::new`]; another number of vertices; parts that do not share their vertices.
+    pub(crate) fn with_vertices(&self, positions: Array<[f32; 3]>, normals: Option<Array<[f32; 3]>>) -> Result<Mesh> {
+        let before = &self.parts[0].positions;
+        if !self.parts.iter().all(|part| part.positions.is(before)) {
+            let found = "those of a mesh whose parts have vertices of their own";
+            return Err(Error::invalid("positions", found, "meshes whose parts share their vertices"));
+        }
+        if positions.len() != before.len() {
+            return Err(Error::invalid("positions", positions.len(), format!("as many as before, {}", before.len())));
+        }
+        let parts = self.parts.iter().map(|part| Part {
+            positions: positions.clone(),
+            normals: normals.clone(),
+            ..part.clone()
+        });
+        let mesh = Mesh::new(self.name.clone(), parts.collect())?;
+        Ok(Mesh { structure: MeshStructure::changing(), ..mesh })
+    }
+
     /// Triangles of all parts.
     pub fn triangle_count(&self) -> usize {
         self.parts.iter().map(|part| part.triangles.len()).sum()

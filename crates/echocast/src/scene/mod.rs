@@ -17,22 +17,22 @@ pub(crate) mod texture;
 
 pub use camera::Camera;
 pub use label::{LabelRules, Labels, NameTable};
-pub use mesh::{Mesh, Part};
+pub use mesh::{Array, Mesh, Part};
 pub(crate) use texture::srgb_byte;
 pub use texture::{Filter, Texture, TextureRef, Wrap};
 
 use crate::error::{Error, Result};
 pub use crate::material::Material;
 use crate::report::Report;
-use crate::trace::BuiltScene;
+use crate::trace::{BuiltScene, Engine, LiveScene};
 use glam::{DAffine3, DMat3, DVec3};
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::Path;
 use std::sync::Arc;
 
 /// Largest magnitude of a coordinate that is taken, in files and in the world: well inside `f32`, so that no later
 /// step overflows.
-const LARGEST: f64 = 1e18;
+pub(crate) const LARGEST: f64 = 1e18;
 
 /// Which axis of a file points up, for formats that do not say.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -66,8 +66,8 @@ impl Default for LoadOptions {
 pub struct Object {
     /// Name in the file.
     pub name: String,
-    /// Index into [`Scene::meshes`].
-    pub mesh: usize,
+    /// Its shape, which other objects may share.
+    pub mesh: Arc<Mesh>,
     /// Placement, metres.
     pub world_from_object: DAffine3,
     /// Semantic class number, 0 = unlabelled.
@@ -76,19 +76,35 @@ pub struct Object {
     pub part_ids: Vec<u32>,
     /// Number of this very object, from 1.
     pub instance_id: u32,
+    /// Scans see it whose mask shares a bit with this.
+    pub mask: u32,
+    /// In place of the materials of all parts.
+    pub material: Option<Arc<Material>>,
+}
+
+impl Object {
+    /// `mesh` where its own coordinates say, without labels, seen by every scan.
+    pub fn new(name: impl Into<String>, mesh: Arc<Mesh>) -> Object {
+        Object {
+            name: name.into(),
+            part_ids: vec![0; mesh.parts.len()],
+            mesh,
+            world_from_object: DAffine3::IDENTITY,
+            category_id: 0,
+            instance_id: 0,
+            mask: u32::MAX,
+            material: None,
+        }
+    }
 }
 
 /// A scene ready to be built; see the module's promises.
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
-    /// Meshes, each kept once.
-    pub meshes: Vec<Arc<Mesh>>,
     /// Objects, each places one mesh.
     pub objects: Vec<Object>,
-    /// Surface materials; parts refer to them by index.
-    pub materials: Vec<Material>,
-    /// Decoded images that materials use.
-    pub textures: Vec<Arc<Texture>>,
+    /// The surface materials that there are, whether a part has them or not.
+    pub materials: Vec<Arc<Material>>,
     /// Camera nodes, places for a sensor.
     pub cameras: Vec<Camera>,
     /// Names of the label numbers.
@@ -168,35 +184,47 @@ impl Scene {
         self
     }
 
-    /// Name of the material of a part; empty without one.
-    fn material_name(&self, part: &Part) -> &str {
-        part.material.map_or("", |index| &self.materials[index].name)
-    }
-
-    /// Builds the ray-tracing structure.
+    /// Builds the ray-tracing structure with all cores.
     ///
     /// # Errors
     /// Embree's: out of memory, library too old or too new.
     pub fn build(&self) -> Result<BuiltScene> {
-        BuiltScene::new(self)
+        self.build_with(&Engine::new()?)
+    }
+
+    /// [`Scene::build`] with the threads of `engine`, which scan the scene too.
+    ///
+    /// # Errors
+    /// As [`Scene::build`].
+    pub fn build_with(&self, engine: &Engine) -> Result<BuiltScene> {
+        let mut live = LiveScene::new(engine);
+        live.add_scene(self)?;
+        live.commit()
     }
 
     /// Every object with a mesh that is not empty, and the corners of its box in the world.
     pub(crate) fn object_boxes(&self) -> impl Iterator<Item = (&Object, [DVec3; 8])> {
-        let boxes: Vec<_> = self.meshes.iter().map(|mesh| mesh.bounds()).collect();
+        let mut boxes = HashMap::new();
         self.objects.iter().filter_map(move |object| {
-            let bounds = boxes[object.mesh]?;
-            let corner = |corner: usize| {
-                let local = DVec3::from_array(std::array::from_fn(|axis| f64::from(bounds[corner >> axis & 1][axis])));
-                object.world_from_object.transform_point3(local)
-            };
-            Some((object, std::array::from_fn(corner)))
+            let bounds = (*boxes.entry(Arc::as_ptr(&object.mesh)).or_insert_with(|| object.mesh.bounds()))?;
+            Some((object, corners(bounds, &object.world_from_object)))
         })
     }
 
     /// Triangles, each mesh counted as often as it is placed.
     pub fn triangle_count(&self) -> usize {
-        self.objects.iter().map(|object| self.meshes[object.mesh].triangle_count()).sum()
+        self.objects.iter().map(|object| object.mesh.triangle_count()).sum()
+    }
+
+    /// The meshes of the objects, each once, in their order.
+    pub fn meshes(&self) -> Vec<&Arc<Mesh>> {
+        once(self.objects.iter().map(|object| &object.mesh))
+    }
+
+    /// The images of the materials, each once, in their order.
+    pub fn textures(&self) -> Vec<&Arc<Texture>> {
+        let uses = self.materials.iter().filter_map(|material| material.base_color_texture.as_ref());
+        once(uses.map(|use_| &use_.texture))
     }
 
     /// World-space box around all objects, metres; `None` for an empty scene.
@@ -221,6 +249,20 @@ impl Scene {
 /// its scale and mirror. They are zero where it leaves no surface.
 pub(crate) fn cofactors(m: &DMat3) -> DMat3 {
     DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis))
+}
+
+/// The corners of the box `bounds` of a mesh in the world; the first and the last face each other.
+pub(crate) fn corners(bounds: [[f32; 3]; 2], world_from_object: &DAffine3) -> [DVec3; 8] {
+    std::array::from_fn(|corner| {
+        let local = DVec3::from_array(std::array::from_fn(|axis| f64::from(bounds[corner >> axis & 1][axis])));
+        world_from_object.transform_point3(local)
+    })
+}
+
+/// What `all` shares, each once.
+fn once<'a, T>(all: impl Iterator<Item = &'a Arc<T>>) -> Vec<&'a Arc<T>> {
+    let mut seen = HashSet::new();
+    all.filter(|one| seen.insert(Arc::as_ptr(one))).collect()
 }
 
 /// `1 triangle`, `2 triangles`.
@@ -254,8 +296,8 @@ fn some_of(names: &[String]) -> String {
 pub(crate) struct RawObject {
     /// Name in the file.
     pub name: String,
-    /// Index of the mesh.
-    pub mesh: usize,
+    /// Its shape.
+    pub mesh: Arc<Mesh>,
     /// Placement, metres.
     pub world_from_object: DAffine3,
     /// `categoryID` of the node or its nearest ancestor.
@@ -267,7 +309,7 @@ pub(crate) struct RawObject {
 /// An object whose labels are words: what gets numbers next.
 struct NamedObject {
     name: String,
-    mesh: usize,
+    mesh: Arc<Mesh>,
     world_from_object: DAffine3,
     category: String,
     /// One for each part of the mesh; empty = unlabelled.
@@ -285,11 +327,12 @@ impl Scene {
                     .or(object.category.as_deref())
                     .unwrap_or(&object.name)
                     .to_owned(),
-                parts: self.meshes[object.mesh]
+                parts: object
+                    .mesh
                     .parts
                     .iter()
                     .map(|part| {
-                        let material = self.material_name(part);
+                        let material = part.material_name();
                         rules.part(material).or(object.part.as_deref()).unwrap_or(material).to_owned()
                     })
                     .collect(),
@@ -331,6 +374,8 @@ impl Scene {
                 mesh: object.mesh,
                 world_from_object: object.world_from_object,
                 instance_id,
+                mask: u32::MAX,
+                material: None,
             })
             .collect();
         self.labels = Labels { category, part, material, instance };

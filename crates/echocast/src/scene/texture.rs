@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use image::{ImageReader, Limits};
 use std::io::Cursor;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 /// What lies beyond the edge of an image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -89,8 +89,8 @@ impl Texture {
 /// A use of an image by a material.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TextureRef {
-    /// Index into [`super::Scene::textures`].
-    pub texture: usize,
+    /// The image.
+    pub texture: Arc<Texture>,
     /// Beyond the left and right edges.
     pub wrap_u: Wrap,
     /// Beyond the top and bottom edges.
@@ -103,7 +103,7 @@ pub struct TextureRef {
 
 impl TextureRef {
     /// The plain use of `texture`: repeated, bilinear, coordinates as they are.
-    pub fn plain(texture: usize) -> Self {
+    pub fn plain(texture: Arc<Texture>) -> Self {
         TextureRef {
             texture,
             wrap_u: Wrap::Repeat,
@@ -113,8 +113,9 @@ impl TextureRef {
         }
     }
 
-    /// Linear RGBA of `image` at the vertex coordinates `uv`.
-    pub fn sample(&self, image: &Texture, uv: [f32; 2]) -> [f32; 4] {
+    /// Linear RGBA at the vertex coordinates `uv`.
+    pub fn sample(&self, uv: [f32; 2]) -> [f32; 4] {
+        let image = &*self.texture;
         let [u, v] = self.transform.map(|row| row[0] * uv[0] + row[1] * uv[1] + row[2]);
         let (width, height) = (image.width as i64, image.height as i64);
         // Pixel centres lie at half-integers.
@@ -187,8 +188,9 @@ pub(crate) fn srgb_byte(linear: f32) -> u8 {
 mod tests {
     use super::*;
 
-    fn checker() -> Texture {
-        Texture { width: 2, height: 1, pixels: vec![[0, 0, 0, 255], [255, 255, 255, 0]] }
+    fn checker() -> TextureRef {
+        let image = Texture { width: 2, height: 1, pixels: vec![[0, 0, 0, 255], [255, 255, 255, 0]] };
+        TextureRef::plain(Arc::new(image))
     }
 
     #[test]
@@ -201,36 +203,34 @@ mod tests {
 
     #[test]
     fn filters_hit_pixel_centres_and_mix_between_them() {
-        let image = checker();
-        let mut use_ = TextureRef::plain(0);
-        assert_eq!(use_.sample(&image, [0.25, 0.5]), [0.0, 0.0, 0.0, 1.0]);
-        assert_eq!(use_.sample(&image, [0.75, 0.5]), [1.0, 1.0, 1.0, 0.0]);
-        let middle = use_.sample(&image, [0.5, 0.5]);
+        let mut use_ = checker();
+        assert_eq!(use_.sample([0.25, 0.5]), [0.0, 0.0, 0.0, 1.0]);
+        assert_eq!(use_.sample([0.75, 0.5]), [1.0, 1.0, 1.0, 0.0]);
+        let middle = use_.sample([0.5, 0.5]);
         assert!((middle[0] - 0.5).abs() < 1e-6, "the mean is taken in linear light");
         use_.filter = Filter::Nearest;
-        assert_eq!(use_.sample(&image, [0.51, 0.5])[0], 1.0);
+        assert_eq!(use_.sample([0.51, 0.5])[0], 1.0);
         use_.transform = [[1.0, 0.0, 0.5], [0.0, 1.0, 0.0]];
-        assert_eq!(use_.sample(&image, [0.25, 0.5])[0], 1.0);
+        assert_eq!(use_.sample([0.25, 0.5])[0], 1.0);
     }
 
     #[test]
     fn coordinates_from_anywhere_are_sampled() {
-        let image = checker();
         for wrap in [Wrap::Repeat, Wrap::MirroredRepeat, Wrap::ClampToEdge] {
             for filter in [Filter::Nearest, Filter::Linear] {
-                let use_ = TextureRef { wrap_u: wrap, wrap_v: wrap, filter, ..TextureRef::plain(0) };
+                let use_ = TextureRef { wrap_u: wrap, wrap_v: wrap, filter, ..checker() };
                 for far in [3e38, -3e38, 1e18, 1e-45] {
                     for uv in [[far, 0.0], [0.0, far]] {
-                        assert!(use_.sample(&image, uv).iter().all(|x| (0.0..=1.0).contains(x)), "{uv:?}");
+                        assert!(use_.sample(uv).iter().all(|x| (0.0..=1.0).contains(x)), "{uv:?}");
                     }
                 }
                 for none in [f32::NAN, f32::INFINITY] {
-                    assert_eq!(use_.sample(&image, [none, 0.5]), [0.0; 4]);
+                    assert_eq!(use_.sample([none, 0.5]), [0.0; 4]);
                 }
             }
         }
-        let clamped = TextureRef { wrap_u: Wrap::ClampToEdge, ..TextureRef::plain(0) };
-        assert_eq!(clamped.sample(&image, [3e38, 0.5]), [1.0, 1.0, 1.0, 0.0]);
+        let clamped = TextureRef { wrap_u: Wrap::ClampToEdge, ..checker() };
+        assert_eq!(clamped.sample([3e38, 0.5]), [1.0, 1.0, 1.0, 0.0]);
     }
 
     #[test]

@@ -48,7 +48,7 @@ pub(crate) struct HitBatch {
     pub v: [f32; LANES],
     /// Triangle of the part.
     pub triangle: [u32; LANES],
-    /// Index into [`Tables::surfaces`], or [`MISS`].
+    /// Row of [`super::Surfaces`], or [`MISS`].
     pub surface: [u32; LANES],
 }
 
@@ -66,20 +66,28 @@ impl HitBatch {
         }
     }
 
-    /// Traces the first `count` rays. `coherent`: neighbours in the batch are neighbours in angle.
+    /// Traces the first `count` rays. `coherent`: neighbours in the batch are neighbours in angle. `mask`: objects are
+    /// hit whose mask shares a bit with it.
     #[inline(always)]
-    pub(crate) fn trace(&mut self, scene: &Tables, rays: &RayBatch, count: usize, coherent: bool) {
+    pub(crate) fn trace(&mut self, scene: &Tables, rays: &RayBatch, count: usize, coherent: bool, mask: u32) {
         let coherence = if coherent { Coherence::Coherent } else { Coherence::Incoherent };
         match scene.packet_width {
-            16 => self.trace_packets::<16>(scene, rays, count, coherence),
-            8 => self.trace_packets::<8>(scene, rays, count, coherence),
-            _ => self.trace_packets::<4>(scene, rays, count, coherence),
+            16 => self.trace_packets::<16>(scene, rays, count, coherence, mask),
+            8 => self.trace_packets::<8>(scene, rays, count, coherence, mask),
+            _ => self.trace_packets::<4>(scene, rays, count, coherence, mask),
         }
     }
 
     #[inline(always)]
-    fn trace_packets<const W: usize>(&mut self, scene: &Tables, rays: &RayBatch, count: usize, coherence: Coherence) {
-        let mut packet = Packet::<W>::new();
+    fn trace_packets<const W: usize>(
+        &mut self,
+        scene: &Tables,
+        rays: &RayBatch,
+        count: usize,
+        coherence: Coherence,
+        mask: u32,
+    ) {
+        let mut packet = Packet { mask: [mask; W], ..Packet::<W>::new() };
         let mut valid = [-1; W];
         for first in (0..count).step_by(W) {
             let lanes = first..first + W;
@@ -108,9 +116,9 @@ impl HitBatch {
                 *surface = if geometry == INVALID {
                     MISS
                 } else if instance == INVALID {
-                    scene.first_surface[geometry as usize]
+                    geometry
                 } else {
-                    scene.first_surface[instance as usize] + geometry
+                    scene.surfaces.first_row[instance as usize] + geometry
                 };
             }
         }
@@ -120,7 +128,7 @@ impl HitBatch {
     #[inline(always)]
     pub(crate) fn orient_normals(&mut self, scene: &Tables, count: usize) {
         for lane in 0..count {
-            let Some(surface) = scene.surfaces.get(self.surface[lane] as usize) else { continue };
+            let Some(surface) = scene.surfaces.rows.get(self.surface[lane] as usize) else { continue };
             if surface.instanced {
                 let n = scene.normal_matrices[surface.object as usize]
                     * glam::Vec3::new(self.normal_x[lane], self.normal_y[lane], self.normal_z[lane]);

@@ -2,16 +2,19 @@
 
 mod bare;
 mod batch;
-mod build;
+mod engine;
+mod live;
+mod surface;
 
 pub use bare::BareLoop;
 pub(crate) use batch::{HitBatch, LANES, MISS, RayBatch};
-pub(crate) use build::Surface;
+pub use engine::Engine;
+pub(crate) use live::MeshStructure;
+pub use live::{LiveScene, ObjectId};
+pub(crate) use surface::{Surface, Surfaces};
 
-use crate::error::Result;
-use crate::material::Material;
 use crate::report::Report;
-use crate::scene::{Labels, Part, Scene, Texture};
+use crate::scene::Labels;
 use embree4::CommittedScene;
 use glam::{DVec3, Mat3};
 use std::sync::Arc;
@@ -26,38 +29,22 @@ pub struct BuiltScene(pub(crate) Arc<Tables>);
 
 /// What a [`BuiltScene`] holds: Embree's structure, and what its ids mean.
 pub(crate) struct Tables {
+    pub engine: Engine,
     pub committed: CommittedScene,
     /// Widest ray packet that runs natively here: 16, 8 or 4.
     pub packet_width: usize,
     /// World position of Embree's (0, 0, 0).
     pub origin: DVec3,
-    /// First surface of each top-level geometry id: of a mesh part placed once, or of an instance.
-    pub first_surface: Vec<u32>,
-    /// Whether hits can lie in instances; otherwise normals come in world space.
-    pub has_instances: bool,
-    /// Whether any part has shading normals.
-    pub has_shading_normals: bool,
-    /// One row for each part of each object.
-    pub surfaces: Vec<Surface>,
     /// World-from-object matrices for normals (cofactors of the linear part), by [`Surface::object`].
     pub normal_matrices: Vec<Mat3>,
-    /// Mesh parts, by [`Surface::part`].
-    pub parts: Vec<Part>,
-    /// Materials, by [`Surface::material`]; the last is the default material.
-    pub materials: Vec<Material>,
-    pub textures: Vec<Arc<Texture>>,
-    pub labels: Arc<Labels>,
+    pub surfaces: Arc<Surfaces>,
     pub report: Report,
 }
 
 impl BuiltScene {
-    pub(crate) fn new(scene: &Scene) -> Result<BuiltScene> {
-        build::build(scene).map(|tables| BuiltScene(Arc::new(tables)))
-    }
-
     /// Names of the label numbers.
     pub fn labels(&self) -> &Labels {
-        &self.0.labels
+        &self.0.surfaces.labels
     }
 
     /// What building noticed.

@@ -16,7 +16,7 @@ use std::sync::Arc;
 /// The materials of a file, and those made of them while meshes are read.
 pub(super) struct Materials<'a> {
     /// The file's materials in its order, then tinted ones. They have their textures once they are used.
-    list: Vec<Material>,
+    list: Vec<Arc<Material>>,
     images: Images<'a>,
     /// Texture coordinate set of the texture of each of the file's materials that has been used.
     sets: HashMap<usize, Option<u32>>,
@@ -31,10 +31,11 @@ impl<'a> Materials<'a> {
             let here = || place("material", index, source.name.as_deref());
             let name = source.name.clone().unwrap_or_else(|| format!("material_{index}"));
             let mut factors = Factors { place: &here, notes };
-            list.push(surface(source, name, &mut factors).map_err(|message| document.error(here(), message))?);
+            let material = surface(source, name, &mut factors).map_err(|message| document.error(here(), message))?;
+            list.push(Arc::new(material));
         }
         let budget = TextureBudget::default();
-        let images = Images { document, accessors, textures: Vec::new(), by_image: HashMap::new(), budget };
+        let images = Images { document, accessors, by_image: HashMap::new(), budget };
         Ok(Materials { list, images, sets: HashMap::new(), tinted: HashMap::new() })
     }
 
@@ -50,26 +51,32 @@ impl<'a> Materials<'a> {
             let texture = self.images.texture_ref(info, &user, notes)?;
             let transform = info.extensions.as_ref().and_then(|all| all.texture_transform.as_ref());
             set = texture.is_some().then(|| transform.and_then(|t| t.tex_coord).unwrap_or(info.tex_coord));
-            self.list[index].base_color_texture = texture;
+            // No part has this material yet.
+            Arc::make_mut(&mut self.list[index]).base_color_texture = texture;
         }
         self.sets.insert(index, set);
         Ok(set)
     }
 
-    /// All materials and textures.
-    pub fn finish(self) -> (Vec<Material>, Vec<Arc<Texture>>) {
-        (self.list, self.images.textures)
+    /// A material for a part that uses it.
+    pub fn get(&self, index: usize) -> Arc<Material> {
+        self.list[index].clone()
+    }
+
+    /// All materials.
+    pub fn finish(self) -> Vec<Arc<Material>> {
+        self.list
     }
 
     /// The material multiplied by a linear colour.
     pub fn tint(&mut self, material: Option<usize>, color: [f32; 4]) -> usize {
         let key = (material, color.map(f32::to_bits));
         *self.tinted.entry(key).or_insert_with(|| {
-            let mut tinted = material.map(|index| self.list[index].clone()).unwrap_or_default();
+            let mut tinted = material.map(|index| (*self.list[index]).clone()).unwrap_or_default();
             for (channel, factor) in tinted.base_color.iter_mut().zip(color) {
                 *channel *= factor;
             }
-            self.list.push(tinted);
+            self.list.push(Arc::new(tinted));
             self.list.len() - 1
         })
     }
@@ -167,9 +174,8 @@ impl Factors<'_> {
 struct Images<'a> {
     document: &'a Document<'a>,
     accessors: &'a Accessors<'a>,
-    textures: Vec<Arc<Texture>>,
-    /// Index in `textures` by index of the image.
-    by_image: HashMap<usize, usize>,
+    /// Decoded, by index of the image.
+    by_image: HashMap<usize, Arc<Texture>>,
     budget: TextureBudget,
 }
 
@@ -218,10 +224,10 @@ impl Images<'_> {
         Ok(Some(use_))
     }
 
-    /// Index of the decoded image `index`.
-    fn image(&mut self, index: usize, user: &str) -> Result<usize> {
-        if let Some(&known) = self.by_image.get(&index) {
-            return Ok(known);
+    /// The decoded image `index`.
+    fn image(&mut self, index: usize, user: &str) -> Result<Arc<Texture>> {
+        if let Some(known) = self.by_image.get(&index) {
+            return Ok(known.clone());
         }
         let document = self.document;
         let Some(image) = document.json.images.get(index) else {
@@ -239,10 +245,9 @@ impl Images<'_> {
             (None, None) => return Err(fault("it has neither uri nor bufferView".into())),
         };
         let origin = format!("{}: {here}", document.origin.display());
-        let texture = Texture::decode(bytes, &origin, &mut self.budget)?;
-        self.textures.push(Arc::new(texture));
-        self.by_image.insert(index, self.textures.len() - 1);
-        Ok(self.textures.len() - 1)
+        let texture = Arc::new(Texture::decode(bytes, &origin, &mut self.budget)?);
+        self.by_image.insert(index, texture.clone());
+        Ok(texture)
     }
 }
 

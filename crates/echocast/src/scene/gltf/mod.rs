@@ -57,7 +57,6 @@ pub(super) fn read_bytes(bytes: &[u8], origin: &Path, folder: Option<&Path>, opt
         accessors: &accessors,
         materials,
         notes,
-        list: Vec::new(),
         degenerate_triangles: 0,
         cache: primitive::Cache::default(),
     };
@@ -68,7 +67,7 @@ pub(super) fn read_bytes(bytes: &[u8], origin: &Path, folder: Option<&Path>, opt
         cameras.extend(camera_of(&placed, &document)?);
     }
 
-    let Meshes { materials, notes, list, degenerate_triangles, .. } = meshes;
+    let Meshes { materials, notes, degenerate_triangles, .. } = meshes;
     let mut report = Report::default();
     notes.tell(origin, &mut report);
     if degenerate_triangles > 0 {
@@ -76,11 +75,8 @@ pub(super) fn read_bytes(bytes: &[u8], origin: &Path, folder: Option<&Path>, opt
         report.warn(format!("{}: {triangles} without area left out", origin.display()));
     }
     let animations = document.json.animations.iter().enumerate();
-    let (materials, textures) = materials.finish();
     let scene = Scene {
-        meshes: list,
-        materials,
-        textures,
+        materials: materials.finish(),
         cameras,
         animations: animations.map(|(i, a)| a.name.clone().unwrap_or_else(|| format!("animation_{i}"))).collect(),
         degenerate_triangles,
@@ -118,7 +114,7 @@ fn objects_of(placed: &Placed<'_>, meshes: &mut Meshes<'_>, objects: &mut Vec<Ra
         }
         let object = RawObject {
             name: name.cloned().unwrap_or_else(|| format!("object_{}", placed.node)),
-            mesh,
+            mesh: mesh.clone(),
             world_from_object,
             category: placed.category.map(str::to_owned),
             part: placed.part.map(str::to_owned),

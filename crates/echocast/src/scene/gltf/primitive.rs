@@ -5,7 +5,7 @@ use super::material::Materials;
 use super::{Document, Notes, place};
 use crate::error::Result;
 use crate::scene::mesh::{is_degenerate, normals_are_flat};
-use crate::scene::{LARGEST, Mesh, Part};
+use crate::scene::{Array, LARGEST, Mesh, Part};
 use gltf::json::accessor::Type;
 use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked;
@@ -19,21 +19,19 @@ pub(super) struct Meshes<'a> {
     pub accessors: &'a Accessors<'a>,
     pub materials: Materials<'a>,
     pub notes: Notes,
-    /// Meshes read so far.
-    pub list: Vec<Arc<Mesh>>,
     /// Triangles without area that were left out.
     pub degenerate_triangles: usize,
     pub cache: Cache,
 }
 
 /// Vectors that several parts may use.
-type Shared<const N: usize> = Arc<Vec<[f32; N]>>;
+type Shared<const N: usize> = Array<[f32; N]>;
 
 /// What has been decoded, by accessor.
 #[derive(Default)]
 pub(super) struct Cache {
-    /// Index in `Meshes::list`; `None`: nothing to scan in it.
-    meshes: HashMap<usize, Option<usize>>,
+    /// `None`: nothing to scan in it.
+    meshes: HashMap<usize, Option<Arc<Mesh>>>,
     positions: HashMap<usize, Shared<3>>,
     triangles: HashMap<TriangleKey, Triangles>,
     /// Unit normals; `None`: some have no length.
@@ -50,7 +48,7 @@ type TriangleKey = (usize, Option<usize>, u32);
 
 #[derive(Clone)]
 struct Triangles {
-    kept: Arc<Vec<[u32; 3]>>,
+    kept: Array<[u32; 3]>,
     /// The vertices that `kept` counts.
     positions: Shared<3>,
     /// Which of the accessor's vertices those are; `None`: all, in its order.
@@ -69,10 +67,10 @@ enum VertexColors {
 }
 
 impl Meshes<'_> {
-    /// Index in `list` of the file's mesh `index`; `None` if it has nothing to scan.
-    pub fn get(&mut self, index: usize) -> Result<Option<usize>> {
-        if let Some(&known) = self.cache.meshes.get(&index) {
-            return Ok(known);
+    /// The file's mesh `index`; `None` if it has nothing to scan.
+    pub fn get(&mut self, index: usize) -> Result<Option<Arc<Mesh>>> {
+        if let Some(known) = self.cache.meshes.get(&index) {
+            return Ok(known.clone());
         }
         let document = self.document;
         let source = &document.json.meshes[index];
@@ -84,10 +82,9 @@ impl Meshes<'_> {
         }
         let read = (!parts.is_empty()).then(|| {
             let name = source.name.clone().unwrap_or_else(|| format!("mesh_{index}"));
-            self.list.push(Arc::new(Mesh { name, parts }));
-            self.list.len() - 1
+            Arc::new(Mesh::trusted(name, parts))
         });
-        self.cache.meshes.insert(index, read);
+        self.cache.meshes.insert(index, read.clone());
         Ok(read)
     }
 
@@ -141,6 +138,7 @@ impl Meshes<'_> {
             }
             Some(VertexColors::Constant(_)) | None => material,
         };
+        let material = material.map(|index| self.materials.get(index));
         Ok(Some(Part { positions: triangles.positions, normals, uvs, triangles: triangles.kept, material }))
     }
 
@@ -153,7 +151,7 @@ impl Meshes<'_> {
         if let Some(vertex) = positions.iter().position(|p| !in_reach(p)) {
             return Err(format!("vertex {vertex} is {:?}; allowed: -1e18 to 1e18", positions[vertex]));
         }
-        let positions = Arc::new(positions);
+        let positions = Shared::from(positions);
         self.cache.positions.insert(index.value(), positions.clone());
         Ok(positions)
     }
@@ -200,7 +198,7 @@ impl Meshes<'_> {
         let used = used_vertices(&mut triangles, count).map(Arc::new);
         self.accessors.charge(used.as_ref().map_or(0, |used| used.len() * size_of::<u32>()))?;
         let positions = self.pick(positions, used.as_deref())?;
-        let read = Triangles { kept: Arc::new(triangles), positions, used, degenerate };
+        let read = Triangles { kept: triangles.into(), positions, used, degenerate };
         self.cache.triangles.insert(key, read.clone());
         Ok(read)
     }
@@ -209,7 +207,7 @@ impl Meshes<'_> {
     fn pick<const N: usize>(&self, all: &Shared<N>, used: Option<&Vec<u32>>) -> Result<Shared<N>, String> {
         let Some(used) = used else { return Ok(all.clone()) };
         self.accessors.charge(used.len() * size_of::<[f32; N]>())?;
-        Ok(Arc::new(used.iter().map(|&vertex| all[vertex as usize]).collect()))
+        Ok(used.iter().map(|&vertex| all[vertex as usize]).collect::<Vec<_>>().into())
     }
 
     /// Unit normals of a part; `None` where they are flat or useless. `vertices` is the length of the accessors.
@@ -234,7 +232,7 @@ impl Meshes<'_> {
                 let read = self.accessors.vectors::<3>(index).map_err(fault)?;
                 let unit = |normal| Some(glam::Vec3::from(normal).try_normalize()?.to_array());
                 let units: Option<Vec<_>> = read.into_iter().map(unit).collect();
-                let units = units.map(Arc::new);
+                let units = units.map(Shared::from);
                 self.cache.normals.insert(index.value(), units.clone());
                 units
             }
@@ -269,7 +267,7 @@ impl Meshes<'_> {
         same_count("TEXCOORD", self.accessors.describe(index).map_err(fault)?, vertices)?;
         let all = match self.cache.uvs.get(&index.value()) {
             Some(known) => known.clone(),
-            None => Arc::new(self.accessors.vectors::<2>(index).map_err(fault)?),
+            None => self.accessors.vectors::<2>(index).map_err(fault)?.into(),
         };
         self.cache.uvs.insert(index.value(), all.clone());
         let uvs = self.pick(&all, triangles.used.as_deref())?;

@@ -62,7 +62,7 @@ pub(super) fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
         let mut parts = Vec::new();
         for runs in runs.chunk_by(|a, b| a.material == b.material) {
             let material = materials.choose(&file, runs[0].material, &mut scene)?;
-            let textured = material.is_some_and(|index| scene.materials[index].base_color_texture.is_some());
+            let textured = material.as_ref().is_some_and(|material| material.base_color_texture.is_some());
             parts.extend(maker.part(runs, middle, textured).map(|part| Part { material, ..part }));
         }
         if parts.is_empty() {
@@ -74,12 +74,11 @@ pub(super) fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
         };
         objects.push(RawObject {
             name: name.clone(),
-            mesh: scene.meshes.len(),
+            mesh: Arc::new(Mesh::trusted(name, parts)),
             world_from_object: DAffine3::from_mat3_translation(world_from_file, world_from_file * middle),
             category: None,
             part: None,
         });
-        scene.meshes.push(Arc::new(Mesh { name, parts }));
     }
 
     materials.warn(path, &mut scene);
@@ -99,9 +98,9 @@ pub(super) fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
 struct Materials {
     entries: HashMap<String, mtl::Entry>,
     /// Scene material of each number of `usemtl`.
-    chosen: HashMap<usize, usize>,
-    /// Scene texture of each image file.
-    textures: HashMap<PathBuf, usize>,
+    chosen: HashMap<usize, Arc<Material>>,
+    /// Image of each file.
+    textures: HashMap<PathBuf, Arc<Texture>>,
     budget: TextureBudget,
     unknown: Vec<String>,
 }
@@ -128,19 +127,19 @@ impl Materials {
         Ok(Materials { entries, chosen, textures, budget: TextureBudget::default(), unknown: Vec::new() })
     }
 
-    /// Index of the scene's material for a number of `usemtl`.
-    fn choose(&mut self, file: &Statements, number: usize, scene: &mut Scene) -> Result<Option<usize>> {
+    /// The scene's material for a number of `usemtl`.
+    fn choose(&mut self, file: &Statements, number: usize, scene: &mut Scene) -> Result<Option<Arc<Material>>> {
         if number == 0 {
             return Ok(None);
         }
-        if let Some(&index) = self.chosen.get(&number) {
-            return Ok(Some(index));
+        if let Some(known) = self.chosen.get(&number) {
+            return Ok(Some(known.clone()));
         }
         let name = &file.materials.list[number];
         let material = match self.entries.remove(name) {
             Some(mtl::Entry { fault: Some(error), .. }) => return Err(error),
             Some(entry) => {
-                let base_color_texture = entry.map.map(|map| self.texture(&map, scene)).transpose()?;
+                let base_color_texture = entry.map.map(|map| self.texture(&map)).transpose()?;
                 Material { base_color_texture, ..entry.material }
             }
             None => {
@@ -148,22 +147,21 @@ impl Materials {
                 Material { name: name.clone(), ..Material::default() }
             }
         };
-        let index = scene.materials.len();
-        scene.materials.push(material);
-        self.chosen.insert(number, index);
-        Ok(Some(index))
+        let material = Arc::new(material);
+        scene.materials.push(material.clone());
+        self.chosen.insert(number, material.clone());
+        Ok(Some(material))
     }
 
     /// The use of an image, which is read when it is first needed.
-    fn texture(&mut self, map: &mtl::Map, scene: &mut Scene) -> Result<TextureRef> {
+    fn texture(&mut self, map: &mtl::Map) -> Result<TextureRef> {
         let path = map.path()?;
         let texture = match self.textures.entry(fs::canonicalize(&path).unwrap_or(path.clone())) {
-            Entry::Occupied(known) => *known.get(),
+            Entry::Occupied(known) => known.get().clone(),
             Entry::Vacant(new) => {
                 let bytes = fs::read(&path).map_err(|source| Error::io(&path, source))?;
                 let image = Texture::decode(&bytes, &path.display().to_string(), &mut self.budget)?;
-                scene.textures.push(Arc::new(image));
-                *new.insert(scene.textures.len() - 1)
+                new.insert(Arc::new(image)).clone()
             }
         };
         let wrap = if map.clamp { Wrap::ClampToEdge } else { Wrap::Repeat };
@@ -222,7 +220,7 @@ mod tests {
     fn triangles(scene: &Scene) -> Vec<[DVec3; 3]> {
         let mut all = Vec::new();
         for object in &scene.objects {
-            for part in &scene.meshes[object.mesh].parts {
+            for part in &object.mesh.parts {
                 let world = |&i: &u32| {
                     let local = glam::Vec3::from(part.positions[i as usize]).as_dvec3();
                     object.world_from_object.transform_point3(local)
@@ -238,7 +236,7 @@ mod tests {
     #[test]
     fn a_quad_becomes_two_triangles_that_share_vertices() {
         let scene = read_text(&format!("{QUAD}f 1 2 3 4")).unwrap();
-        let part = &scene.meshes[0].parts[0];
+        let part = &scene.meshes()[0].parts[0];
         assert_eq!((part.positions.len(), part.triangles.len()), (4, 2));
         assert!(part.normals.is_none() && part.uvs.is_none() && part.material.is_none());
         assert_eq!(scene.bounds().unwrap(), (DVec3::ZERO, DVec3::new(2.0, 1.0, 0.0)));
@@ -291,12 +289,13 @@ mod tests {
             ..LoadOptions::default()
         };
         let scene = read_files(&[("scene.obj", text.as_bytes()), ("my mats.mtl", mtl)], &options).unwrap();
-        let parts = &scene.meshes[0].parts;
+        let parts = &scene.meshes()[0].parts;
         assert_eq!(parts.iter().map(|part| part.triangles.len()).collect::<Vec<_>>(), [1, 2, 1]);
-        let materials: Vec<_> = parts.iter().map(|p| p.material.map(|i| scene.materials[i].name.as_str())).collect();
+        let materials: Vec<_> =
+            parts.iter().map(|p| p.material.as_ref().map(|material| material.name.as_str())).collect();
         assert_eq!(materials, [None, Some("wood"), Some("steel")]);
         assert_eq!(scene.materials.len(), 2);
-        let wood = &scene.materials[parts[1].material.unwrap()];
+        let wood = parts[1].material.as_ref().unwrap();
         assert_eq!((wood.base_color, wood.reflectance), ([0.5, 0.25, 0.125, 0.5], Some(0.7)));
         let part_names: Vec<_> = scene.objects[0].part_ids.iter().map(|&id| scene.labels.part.name(id)).collect();
         assert_eq!(part_names, [None, Some("wood"), Some("leg")]);
@@ -327,13 +326,13 @@ mod tests {
     fn normals_stay_where_they_say_more_than_the_faces() {
         let flat = format!("{QUAD}vn 0 0 2\nvn 0 0 -3\nf 1//1 2//1 3//1\nf 1//2 3//2 4");
         let scene = read_text(&flat).unwrap();
-        let part = &scene.meshes[0].parts[0];
+        let part = &scene.meshes()[0].parts[0];
         assert!(part.normals.is_none());
         assert_eq!(part.positions.len(), 4, "normals that are dropped split no vertices");
 
         let round = format!("{QUAD}vn 0 1 1\nvn 0 0 0\nvn 0 0 1\nf 1//1 2//1 3//2\nf 1//1 3 4//3\nf 1//1 2//1 4//-1");
         let scene = read_text(&round).unwrap();
-        let part = &scene.meshes[0].parts[0];
+        let part = &scene.meshes()[0].parts[0];
         let normals = part.normals.as_ref().unwrap();
         let half = 0.5f32.sqrt();
         let of = |triangle: usize| part.triangles[triangle].map(|i| normals[i as usize]);
@@ -359,24 +358,21 @@ mod tests {
         let mtl = b"newmtl a\nmap_Kd pic.png\nnewmtl b\nmap_Kd -clamp on -s 1 0.25 -o 0 0.5 .\\pic.png\nnewmtl plain\nKd 1 1 1";
         let files: &[(&str, &[u8])] = &[("scene.obj", text.as_bytes()), ("m.mtl", mtl), ("pic.png", &red_above_blue())];
         let scene = read_files(files, &LoadOptions::default()).unwrap();
-        assert_eq!(scene.textures.len(), 1, "one image, read once");
+        assert_eq!(scene.textures().len(), 1, "one image, read once");
         let color = |part: usize, vertex: usize| {
-            let part = &scene.meshes[0].parts[part];
-            let use_ = scene.materials[part.material.unwrap()].base_color_texture.as_ref().unwrap();
-            use_.sample(&scene.textures[use_.texture], part.uvs.as_ref().unwrap()[vertex])
+            let part = &scene.meshes()[0].parts[part];
+            let use_ = part.material.as_ref().unwrap().base_color_texture.as_ref().unwrap();
+            use_.sample(part.uvs.as_ref().unwrap()[vertex])
         };
         let scaled = scene.materials[1].base_color_texture.as_ref().unwrap();
         assert_eq!((scaled.wrap_u, scaled.transform), (Wrap::ClampToEdge, [[1.0, 0.0, 0.0], [0.0, -0.25, 0.5]]));
         // v = 0.75 there: the middle of the upper pixel; v = 0.5: half and half.
         assert_eq!(color(1, 2), [1.0, 0.0, 0.0, 1.0]);
         assert_eq!(color(1, 0), [0.5, 0.0, 0.5, 1.0]);
-        let plain = TextureRef {
-            transform: scene.materials[0].base_color_texture.as_ref().unwrap().transform,
-            ..TextureRef::plain(0)
-        };
-        assert_eq!(plain.sample(&scene.textures[0], [0.5, 0.75]), [1.0, 0.0, 0.0, 1.0]);
-        assert_eq!(plain.sample(&scene.textures[0], [0.5, 0.25]), [0.0, 0.0, 1.0, 1.0]);
-        let uvs = scene.meshes[0].parts.iter().map(|part| part.uvs.as_ref().map(|uvs| uvs.len()));
+        let plain = scene.materials[0].base_color_texture.as_ref().unwrap();
+        assert_eq!(plain.sample([0.5, 0.75]), [1.0, 0.0, 0.0, 1.0]);
+        assert_eq!(plain.sample([0.5, 0.25]), [0.0, 0.0, 1.0, 1.0]);
+        let uvs = scene.meshes()[0].parts.iter().map(|part| part.uvs.as_ref().map(|uvs| uvs.len()));
         assert_eq!(uvs.collect::<Vec<_>>(), [Some(3), Some(6), None]);
         assert!(scene.report.warnings.is_empty());
     }
@@ -394,7 +390,7 @@ mod tests {
         let error = with(b"newmtl a\nmap_Kd bad.png").unwrap_err().to_string();
         assert!(error.contains("bad.png: the image cannot be decoded"), "{error}");
         let scene = with(b"newmtl a\nnewmtl b\nmap_Kd gone.png\nnewmtl c\nmap_Kd bad.png").unwrap();
-        assert!(scene.textures.is_empty() && scene.report.warnings.is_empty());
+        assert!(scene.textures().is_empty() && scene.report.warnings.is_empty());
     }
 
     #[test]

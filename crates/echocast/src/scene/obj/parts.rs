@@ -5,7 +5,6 @@ use super::statements::{Corner, NONE, Run, Statements};
 use crate::scene::Part;
 use crate::scene::mesh::{is_degenerate, normals_are_flat};
 use glam::{DVec3, Vec3};
-use std::sync::Arc;
 
 /// How many vertices at one position are compared before a corner gets a vertex of its own: sharing is
 /// worth little there, and a million corners at one point must not be compared with each other.
@@ -135,10 +134,10 @@ impl<'a> PartMaker<'a> {
             }));
         }
         Part {
-            positions: Arc::new(positions),
-            normals: smooth.then(|| Arc::new(normals)),
-            uvs: textured.then(|| Arc::new(uvs)),
-            triangles: Arc::new(indices),
+            positions: positions.into(),
+            normals: smooth.then(|| normals.into()),
+            uvs: textured.then(|| uvs.into()),
+            triangles: indices.into(),
             material: None,
         }
     }

@@ -1,0 +1,719 @@
+//! A scene that is edited while it is scanned: from objects to Embree's structure and the tables behind its ids.
+
+use super::{BuiltScene, Engine, Surfaces, Tables};
+use crate::emitter::Pose;
+use crate::error::{Error, Result};
+use crate::material::Material;
+use crate::report::Report;
+use crate::scene::{Array, Camera, LARGEST, Labels, Mesh, NameTable, Object, Scene, cofactors, corners};
+use embree4::{CommittedScene, Instance, Quality};
+use glam::{DAffine3, DVec3, Mat3};
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::{fmt, mem};
+
+/// A scene that changes. [`LiveScene::commit`] makes what is scanned, a [`BuiltScene`] that never changes: any number of
+/// threads may scan it while the next one is prepared.
+///
+/// Objects that may move are placed one by one, so that a commit after moving them costs a few microseconds for each
+/// object, whatever the size of their meshes. Fixed objects are built together, which makes them as fast to trace as
+/// can be; adding or removing one, or moving it for the first time, builds all of them anew.
+pub struct LiveScene {
+    engine: Engine,
+    slots: Vec<Slot>,
+    free: Vec<u32>,
+    cameras: Vec<Camera>,
+    labels: Arc<Labels>,
+    /// World position of Embree's (0, 0, 0); `None`: chosen by the next commit.
+    origin: Option<DVec3>,
+    /// `None`: fixed objects have changed.
+    fixed: Option<Fixed>,
+    /// `None`: objects have come, gone, or mean something else.
+    surfaces: Option<Arc<Surfaces>>,
+    /// `None`: something has changed.
+    built: Option<BuiltScene>,
+}
+
+/// Names an object of a [`LiveScene`]; it is never given to another object, not even after the first is gone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct ObjectId {
+    slot: u32,
+    generation: u32,
+}
+
+impl ObjectId {
+    /// As one number, never 0.
+    pub fn to_u64(self) -> u64 {
+        u64::from(self.generation) << 32 | u64::from(self.slot)
+    }
+
+    /// The object that [`ObjectId::to_u64`] gave this number; one of no object is found out where it is used.
+    pub fn from_u64(number: u64) -> ObjectId {
+        ObjectId { slot: number as u32, generation: (number >> 32) as u32 }
+    }
+}
+
+#[derive(Default)]
+struct Slot {
+    /// Counted from 1, up with every object.
+    generation: u32,
+    live: Option<Box<Live>>,
+}
+
+struct Live {
+    object: Object,
+    /// Of its mesh.
+    bounds: Option<[[f32; 3]; 2]>,
+    place: Place,
+    /// Whether it has been put where it is since the last commit.
+    moved: bool,
+}
+
+/// How an object is in Embree's structure.
+enum Place {
+    /// Together with the other fixed objects, if it can be; known once those are built.
+    Fixed { together: bool },
+    /// By itself.
+    Free,
+}
+
+/// The fixed objects, built.
+struct Fixed {
+    /// Slots of those that are together, in the order of their geometries.
+    together: Vec<u32>,
+    scene: CommittedScene,
+    /// The scene placed as it stands, beside which others can be placed.
+    instance: Instance,
+    /// All others placed by now, by slot.
+    placed: HashMap<u32, Placed>,
+}
+
+struct Placed {
+    instance: Instance,
+    /// Whether its normals come in the mesh's frame.
+    turned: bool,
+}
+
+/// The structure of a mesh by itself, built when it is first needed.
+#[derive(Default)]
+pub(crate) struct MeshStructure {
+    /// Whether the mesh is one of many that follow each other.
+    changing: bool,
+    built: Mutex<Option<CommittedScene>>,
+}
+
+impl MeshStructure {
+    /// Of a mesh that follows others with other positions.
+    pub(crate) fn changing() -> Self {
+        MeshStructure { changing: true, ..MeshStructure::default() }
+    }
+
+    /// The structure of `mesh`, whose own this is.
+    pub(crate) fn get(&self, mesh: &Mesh, engine: &Engine) -> Result<CommittedScene> {
+        let mut built = self.built.lock().unwrap_or_else(PoisonError::into_inner);
+        match &*built {
+            Some(scene) if scene.is_of(engine.device()) => Ok(scene.clone()),
+            _ => {
+                let quality = if self.changing { Quality::Low } else { Quality::Medium };
+                let scene = mesh_scene(engine, mesh, quality, None)?;
+                Ok(built.insert(scene).clone())
+            }
+        }
+    }
+}
+
+impl Clone for MeshStructure {
+    /// For a mesh that may differ.
+    fn clone(&self) -> Self {
+        MeshStructure { changing: self.changing, ..MeshStructure::default() }
+    }
+}
+
+impl fmt::Debug for MeshStructure {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str("MeshStructure")
+    }
+}
+
+impl fmt::Debug for LiveScene {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.debug_struct("LiveScene").field("objects", &self.objects().count()).finish_non_exhaustive()
+    }
+}
+
+impl LiveScene {
+    /// A scene without objects.
+    pub fn new(engine: &Engine) -> LiveScene {
+        LiveScene {
+            engine: engine.clone(),
+            slots: Vec::new(),
+            free: Vec::new(),
+            cameras: Vec::new(),
+            labels: Arc::default(),
+            origin: None,
+            fixed: None,
+            surfaces: None,
+            built: None,
+        }
+    }
+
+    /// What builds and scans it.
+    pub fn engine(&self) -> &Engine {
+        &self.engine
+    }
+
+    /// Sets the world position, metres, that the single-precision coordinates of clouds are relative to. Without it the
+    /// first commit chooses: the world's own origin for scenes within a kilometre of it, else where the middle one of
+    /// the triangles lies. Coordinates more than 8 km from it lose more than half a millimetre.
+    ///
+    /// # Errors
+    /// A position that is not finite or beyond 1e18 m.
+    pub fn set_origin(&mut self, origin: DVec3) -> Result<()> {
+        if !within_reach(&origin) {
+            return Err(Error::invalid("origin", origin, "finite numbers from -1e18 to 1e18"));
+        }
+        self.origin = Some(origin);
+        (self.fixed, self.built) = (None, None);
+        Ok(())
+    }
+
+    /// Adds the objects of a scene file, all fixed, its cameras and the names of its labels, and returns the objects in
+    /// their order. In a scene with labels, a name that is known keeps its number here, and so does the file's number of
+    /// any other name if it is free; instances are numbered on.
+    ///
+    /// # Errors
+    /// As [`LiveScene::add`]; then none is added.
+    pub fn add_scene(&mut self, scene: &Scene) -> Result<Vec<ObjectId>> {
+        for object in &scene.objects {
+            check_pose(&object.name, object.mesh.bounds(), &object.world_from_object)?;
+        }
+        let labels = Arc::make_mut(&mut self.labels);
+        let category = labels.category.absorb(&scene.labels.category);
+        let part = labels.part.absorb(&scene.labels.part);
+        labels.material.absorb(&scene.labels.material);
+        let last = labels.instance.ids.last().copied().unwrap_or(0);
+        let NameTable { ids, names } = &scene.labels.instance;
+        labels.instance.ids.extend(ids.iter().map(|id| id.saturating_add(last)));
+        labels.instance.names.extend_from_slice(names);
+        let renumbered = |changed: &HashMap<u32, u32>, id: u32| changed.get(&id).copied().unwrap_or(id);
+        self.cameras.extend_from_slice(&scene.cameras);
+        let mut boxes = HashMap::new();
+        let objects = scene.objects.iter().map(|object| {
+            let bounds = *boxes.entry(Arc::as_ptr(&object.mesh)).or_insert_with(|| object.mesh.bounds());
+            let object = Object {
+                category_id: renumbered(&category, object.category_id),
+                part_ids: object.part_ids.iter().map(|&id| renumbered(&part, id)).collect(),
+                instance_id: if object.instance_id == 0 { 0 } else { object.instance_id.saturating_add(last) },
+                ..object.clone()
+            };
+            self.insert(object, bounds, Place::Fixed { together: false })
+        });
+        Ok(objects.collect())
+    }
+
+    /// Adds an object that may move.
+    ///
+    /// # Errors
+    /// A place that is not finite or reaches beyond 1e18 m; another number of part numbers than parts.
+    pub fn add(&mut self, object: Object) -> Result<ObjectId> {
+        self.add_at(object, Place::Free)
+    }
+
+    /// Adds an object that stays where it is.
+    ///
+    /// # Errors
+    /// As [`LiveScene::add`].
+    pub fn add_fixed(&mut self, object: Object) -> Result<ObjectId> {
+        self.add_at(object, Place::Fixed { together: false })
+    }
+
+    fn add_at(&mut self, object: Object, place: Place) -> Result<ObjectId> {
+        let bounds = object.mesh.bounds();
+        check_pose(&object.name, bounds, &object.world_from_object)?;
+        check_parts(&object.mesh, &object.part_ids)?;
+        let labels = Arc::make_mut(&mut self.labels);
+        labels.instance.set(object.instance_id, &object.name);
+        let parts = object.mesh.parts.iter().filter_map(|part| part.material.as_ref());
+        for material in parts.chain(&object.material) {
+            name_material(labels, material);
+        }
+        Ok(self.insert(object, bounds, place))
+    }
+
+    fn insert(&mut self, object: Object, bounds: Option<[[f32; 3]; 2]>, place: Place) -> ObjectId {
+        if let Place::Fixed { .. } = place {
+            self.fixed = None;
+        }
+        (self.surfaces, self.built) = (None, None);
+        let slot = self.free.pop().unwrap_or_else(|| {
+            self.slots.push(Slot::default());
+            self.slots.len() as u32 - 1
+        });
+        let entry = &mut self.slots[slot as usize];
+        entry.generation += 1;
+        entry.live = Some(Box::new(Live { object, bounds, place, moved: true }));
+        ObjectId { slot, generation: entry.generation }
+    }
+
+    /// Takes an object away.
+    ///
+    /// # Errors
+    /// As [`LiveScene::object`].
+    pub fn remove(&mut self, id: ObjectId) -> Result<()> {
+        let live = self.live(id)?;
+        let (number, together) = (live.object.instance_id, live.place.is_together());
+        self.take_out(id, together);
+        (self.surfaces, self.built) = (None, None);
+        let slot = &mut self.slots[id.slot as usize];
+        slot.live = None;
+        // A slot whose numbers are used up is left empty.
+        if slot.generation < u32::MAX {
+            self.free.push(id.slot);
+        }
+        if number != 0 && !self.objects().any(|(_, object)| object.instance_id == number) {
+            Arc::make_mut(&mut self.labels).instance.remove(number);
+        }
+        Ok(())
+    }
+
+    /// Puts an object somewhere else. A fixed one may move from now on.
+    ///
+    /// # Errors
+    /// As [`LiveScene::object`]; a place that is not finite or reaches beyond 1e18 m, then it stays.
+    pub fn set_pose(&mut self, id: ObjectId, world_from_object: DAffine3) -> Result<()> {
+        let live = self.live(id)?;
+        check_pose(&live.object.name, live.bounds, &world_from_object)?;
+        live.object.world_from_object = world_from_object;
+        live.moved = true;
+        self.loosen(id);
+        Ok(())
+    }
+
+    /// Gives the vertices of an object new positions, and shading normals if it is to have some: it gets a mesh of its
+    /// own, built for speed of building, with the triangles it had.
+    ///
+    /// # Errors
+    /// As [`LiveScene::object`] and [`Mesh::new`]; another number of vertices than before; a mesh whose parts do not
+    /// share their vertices. Then it stays as it is.
+    pub fn set_vertices(
+        &mut self,
+        id: ObjectId,
+        positions: Array<[f32; 3]>,
+        normals: Option<Array<[f32; 3]>>,
+    ) -> Result<()> {
+        let live = self.live(id)?;
+        let mesh = live.object.mesh.with_vertices(positions, normals)?;
+        let bounds = mesh.bounds();
+        check_pose(&live.object.name, bounds, &live.object.world_from_object)?;
+        (live.object.mesh, live.bounds) = (Arc::new(mesh), bounds);
+        live.moved = true;
+        self.loosen(id);
+        self.surfaces = None;
+        Ok(())
+    }
+
+    /// Sets what an object is: category, number of this very object, and of each part of its mesh.
+    ///
+    /// # Errors
+    /// As [`LiveScene::object`]; another number of part numbers than parts.
+    pub fn set_labels(&mut self, id: ObjectId, category_id: u32, instance_id: u32, part_ids: &[u32]) -> Result<()> {
+        let live = self.live(id)?;
+        check_parts(&live.object.mesh, part_ids)?;
+        live.object.category_id = category_id;
+        live.object.part_ids = part_ids.to_vec();
+        let before = mem::replace(&mut live.object.instance_id, instance_id);
+        if before != instance_id {
+            let name = live.object.name.clone();
+            let others = self.objects().any(|(_, object)| object.instance_id == before);
+            let labels = Arc::make_mut(&mut self.labels);
+            labels.instance.set(instance_id, &name);
+            if !others {
+                labels.instance.remove(before);
+            }
+        }
+        (self.surfaces, self.built) = (None, None);
+        Ok(())
+    }
+
+    /// Sets by which scans an object is seen: those whose mask shares a bit with `mask`.
+    ///
+    /// # Errors
+    /// As [`LiveScene::object`].
+    pub fn set_mask(&mut self, id: ObjectId, mask: u32) -> Result<()> {
+        let live = self.live(id)?;
+        live.object.mask = mask;
+        let together = live.place.is_together();
+        self.take_out(id, together);
+        self.built = None;
+        Ok(())
+    }
+
+    /// Gives an object one material in place of those of its mesh, or with `None` those of its mesh again.
+    ///
+    /// # Errors
+    /// As [`LiveScene::object`].
+    pub fn set_material(&mut self, id: ObjectId, material: Option<Arc<Material>>) -> Result<()> {
+        self.live(id)?.object.material = material.clone();
+        if let Some(material) = material {
+            name_material(Arc::make_mut(&mut self.labels), &material);
+        }
+        (self.surfaces, self.built) = (None, None);
+        Ok(())
+    }
+
+    /// Names a number of a label column: `category`, `part` or `instance`; the names travel with every file.
+    ///
+    /// # Errors
+    /// Another table; the number 0, which means unlabelled.
+    pub fn name_label(&mut self, table: &str, number: u32, name: &str) -> Result<()> {
+        if number == 0 {
+            return Err(Error::invalid("number", 0, "1 to 4294967295: 0 means unlabelled"));
+        }
+        let labels = Arc::make_mut(&mut self.labels);
+        match table {
+            "category" => labels.category.set(number, name),
+            "part" => labels.part.set(number, name),
+            "instance" => labels.instance.set(number, name),
+            _ => return Err(Error::invalid("table", format!("{table:?}"), "category, part, instance")),
+        }
+        (self.surfaces, self.built) = (None, None);
+        Ok(())
+    }
+
+    /// An object as it is now.
+    ///
+    /// # Errors
+    /// [`Error::InvalidParameter`] for an object that has been removed or is of another scene.
+    pub fn object(&self, id: ObjectId) -> Result<&Object> {
+        let slot = self.slots.get(id.slot as usize).filter(|slot| slot.generation == id.generation);
+        slot.and_then(|slot| slot.live.as_ref()).map(|live| &live.object).ok_or_else(|| gone(id))
+    }
+
+    /// All objects.
+    pub fn objects(&self) -> impl Iterator<Item = (ObjectId, &Object)> {
+        self.lives()
+            .map(|(slot, live)| (ObjectId { slot, generation: self.slots[slot as usize].generation }, &live.object))
+    }
+
+    /// The first object called `name`.
+    ///
+    /// # Errors
+    /// [`Error::Missing`] with near names.
+    pub fn find(&self, name: &str) -> Result<ObjectId> {
+        let found = self.objects().find(|(_, object)| object.name == name).map(|(id, _)| id);
+        found.ok_or_else(|| Error::missing("object", name, self.objects().map(|(_, object)| &object.name)))
+    }
+
+    /// Where the camera node called `name` of an added scene stands.
+    ///
+    /// # Errors
+    /// [`Error::Missing`] with near names.
+    pub fn camera(&self, name: &str) -> Result<Pose> {
+        let found = self.cameras.iter().find(|camera| camera.name == name).map(|camera| camera.pose);
+        found.ok_or_else(|| Error::missing("camera node", name, self.cameras.iter().map(|camera| &camera.name)))
+    }
+
+    /// Builds what has changed and returns the scene as it is now, to be scanned.
+    ///
+    /// # Errors
+    /// Embree's: out of memory.
+    pub fn commit(&mut self) -> Result<BuiltScene> {
+        if let Some(built) = &self.built {
+            return Ok(built.clone());
+        }
+        let engine = self.engine.clone();
+        let built = engine.install(|| self.build())?;
+        self.built = Some(built.clone());
+        Ok(built)
+    }
+
+    fn build(&mut self) -> Result<BuiltScene> {
+        let origin = *self.origin.get_or_insert_with(|| local_origin(&self.slots));
+        if self.fixed.is_none() {
+            // The order of objects may change with what is together.
+            self.surfaces = None;
+            self.fixed = Some(self.build_fixed(origin)?);
+        }
+        let Some(fixed) = &mut self.fixed else { unreachable!("made above") };
+        for (slot, live) in lives(&self.slots) {
+            if !live.place.is_together() && !fixed.placed.contains_key(&slot) {
+                let placed = place(&self.engine, &live.object, origin)?;
+                if !placed.turned {
+                    self.surfaces = None;
+                }
+                fixed.placed.insert(slot, placed);
+            }
+        }
+
+        let order = || {
+            let apart = lives(&self.slots).filter(|(_, live)| !live.place.is_together());
+            let together =
+                fixed.together.iter().filter_map(|&slot| Some((slot, self.slots[slot as usize].live.as_deref()?)));
+            together.chain(apart)
+        };
+        let committed = if fixed.placed.is_empty() {
+            fixed.scene.clone()
+        } else {
+            let mut top = embree4::Scene::new(self.engine.device(), Quality::Medium)?;
+            top.attach_instance(&fixed.instance)?;
+            for (slot, _) in order().skip(fixed.together.len()) {
+                top.attach_instance(&fixed.placed[&slot].instance)?;
+            }
+            top.commit()?
+        };
+        let surfaces = match &self.surfaces {
+            Some(surfaces) => surfaces.clone(),
+            None => {
+                let turned = |slot| fixed.placed.get(&slot).is_some_and(|placed| placed.turned);
+                let objects = order().map(|(slot, live)| (&live.object, turned(slot)));
+                let mut surfaces = Surfaces::new(objects, self.labels.clone());
+                let rows = |live: &Live| live.object.mesh.parts.len() as u32;
+                let mut row = order().take(fixed.together.len()).map(|(_, live)| rows(live)).sum();
+                surfaces.first_row.push(0);
+                for (_, live) in order().skip(fixed.together.len()) {
+                    surfaces.first_row.push(row);
+                    row += rows(live);
+                }
+                Arc::new(surfaces)
+            }
+        };
+        let normal_matrices = order().map(|(_, live)| normal_matrix(&live.object)).collect();
+        let mut report = Report::default();
+        warn_of_far_objects(&self.slots, origin, &mut report);
+        let device = self.engine.device();
+        let tables = Tables {
+            engine: self.engine.clone(),
+            committed,
+            packet_width: device.packet_width(),
+            origin,
+            normal_matrices,
+            surfaces: surfaces.clone(),
+            report,
+        };
+        self.surfaces = Some(surfaces);
+        for slot in &mut self.slots {
+            if let Some(live) = &mut slot.live {
+                live.moved = false;
+            }
+        }
+        Ok(BuiltScene(Arc::new(tables)))
+    }
+
+    /// Builds the fixed objects: in one scene those whose mesh nobody else has, the others to be placed like free ones.
+    fn build_fixed(&mut self, origin: DVec3) -> Result<Fixed> {
+        let mut uses: HashMap<*const Mesh, usize> = HashMap::new();
+        for (_, live) in self.lives() {
+            *uses.entry(Arc::as_ptr(&live.object.mesh)).or_default() += 1;
+        }
+        let mut scene = embree4::Scene::new(self.engine.device(), Quality::Medium)?;
+        let mut together = Vec::new();
+        for (slot, live) in
+            self.slots.iter_mut().enumerate().filter_map(|(slot, entry)| Some((slot, entry.live.as_mut()?)))
+        {
+            let Place::Fixed { together: is_together } = &mut live.place else { continue };
+            let local_from_object = DAffine3::from_translation(-origin) * live.object.world_from_object;
+            // A copy that is squeezed flat cannot be an instance: rays could not be brought to its frame.
+            *is_together =
+                uses[&Arc::as_ptr(&live.object.mesh)] == 1 || !embree4::is_invertible(&columns(&local_from_object));
+            if *is_together {
+                together.push(slot as u32);
+                attach(&mut scene, &self.engine, &live.object.mesh, live.object.mask, Some(&local_from_object))?;
+            }
+        }
+        let scene = scene.commit()?;
+        let instance = Instance::new(&scene, columns(&DAffine3::IDENTITY), u32::MAX)?;
+        Ok(Fixed { together, scene, instance, placed: HashMap::new() })
+    }
+
+    /// An object has been put elsewhere: it may move from now on.
+    fn loosen(&mut self, id: ObjectId) {
+        if let Some(live) = &mut self.slots[id.slot as usize].live {
+            let together = live.place.is_together();
+            live.place = Place::Free;
+            self.take_out(id, together);
+        }
+        self.built = None;
+    }
+
+    /// What has been built of an object no longer holds.
+    fn take_out(&mut self, id: ObjectId, together: bool) {
+        if together {
+            self.fixed = None;
+        } else if let Some(placed) = self.fixed.as_mut().and_then(|fixed| fixed.placed.remove(&id.slot))
+            && !placed.turned
+        {
+            self.surfaces = None;
+        }
+    }
+
+    fn live(&mut self, id: ObjectId) -> Result<&mut Live> {
+        let slot = self.slots.get_mut(id.slot as usize).filter(|slot| slot.generation == id.generation);
+        slot.and_then(|slot| slot.live.as_deref_mut()).ok_or_else(|| gone(id))
+    }
+
+    fn lives(&self) -> impl Iterator<Item = (u32, &Live)> {
+        lives(&self.slots)
+    }
+}
+
+impl Place {
+    fn is_together(&self) -> bool {
+        matches!(self, Place::Fixed { together: true })
+    }
+}
+
+fn lives(slots: &[Slot]) -> impl Iterator<Item = (u32, &Live)> {
+    (0..).zip(slots).filter_map(|(slot, entry)| Some((slot, entry.live.as_deref()?)))
+}
+
+fn gone(id: ObjectId) -> Error {
+    Error::invalid("object", format!("{:#x}", id.to_u64()), "objects of this scene that have not been removed")
+}
+
+fn within_reach(point: &DVec3) -> bool {
+    // A comparison that not-a-number fails too.
+    point.abs().max_element() <= LARGEST && point.is_finite()
+}
+
+fn check_pose(name: &str, bounds: Option<[[f32; 3]; 2]>, world_from_object: &DAffine3) -> Result<()> {
+    let corners = corners(bounds.unwrap_or_default(), world_from_object);
+    match corners.iter().find(|corner| !within_reach(corner)) {
+        None if world_from_object.is_finite() => Ok(()),
+        corner => Err(Error::invalid(
+            format!("pose of object {name:?}"),
+            corner.map_or("not finite".into(), |corner| format!("such that it reaches to {corner} m")),
+            "finite numbers, places from -1e18 to 1e18 m",
+        )),
+    }
+}
+
+fn check_parts(mesh: &Mesh, part_ids: &[u32]) -> Result<()> {
+    match mesh.parts.len() {
+        parts if parts == part_ids.len() => Ok(()),
+        parts => Err(Error::invalid("part numbers", part_ids.len(), format!("one for each part of the mesh, {parts}"))),
+    }
+}
+
+/// Gives the name of a material a number, if it has none.
+fn name_material(labels: &mut Labels, material: &Material) {
+    if !material.name.is_empty() && labels.material.id(&material.name) == 0 {
+        let id = labels.material.free(labels.material.ids.len() as u32 + 1);
+        labels.material.set(id, &material.name);
+    }
+}
+
+/// Places an object by itself.
+fn place(engine: &Engine, object: &Object, origin: DVec3) -> Result<Placed> {
+    let local_from_object = DAffine3::from_translation(-origin) * object.world_from_object;
+    let matrix = columns(&local_from_object);
+    if embree4::is_invertible(&matrix) {
+        let of = object.mesh.structure.get(&object.mesh, engine)?;
+        return Ok(Placed { instance: Instance::new(&of, matrix, object.mask)?, turned: true });
+    }
+    // Squeezed flat, it gets a mesh of its own in the world.
+    let of = mesh_scene(engine, &object.mesh, Quality::Low, Some(&local_from_object))?;
+    Ok(Placed { instance: Instance::new(&of, columns(&DAffine3::IDENTITY), object.mask)?, turned: false })
+}
+
+fn mesh_scene(engine: &Engine, mesh: &Mesh, quality: Quality, transform: Option<&DAffine3>) -> Result<CommittedScene> {
+    let mut scene = embree4::Scene::new(engine.device(), quality)?;
+    attach(&mut scene, engine, mesh, u32::MAX, transform)?;
+    Ok(scene.commit()?)
+}
+
+/// Adds the parts of `mesh` to `scene`, a geometry each.
+fn attach(
+    scene: &mut embree4::Scene,
+    engine: &Engine,
+    mesh: &Mesh,
+    mask: u32,
+    transform: Option<&DAffine3>,
+) -> Result<()> {
+    for part in &mesh.parts {
+        let device = engine.device();
+        let triangles = &part.triangles;
+        let mesh = match transform {
+            None => embree4::Mesh::new(device, part.positions.iter().copied(), triangles, mask)?,
+            Some(transform) => {
+                let positions = part
+                    .positions
+                    .iter()
+                    .map(|p| transform.transform_point3(DVec3::from(p.map(f64::from))).as_vec3().to_array());
+                embree4::Mesh::new(device, positions, triangles, mask)?
+            }
+        };
+        scene.attach_mesh(&mesh)?;
+    }
+    Ok(())
+}
+
+/// Scenes within this distance of the world's origin keep it as their own, so that coordinates stay
+/// as the file has them: an f32 step there is 0.06 mm.
+const NEAR_ORIGIN_M: f64 = 1000.0;
+
+/// Farther from the scene's origin than this, coordinates lose more than half a millimetre.
+const FAR_M: f64 = 8192.0;
+
+/// Objects that have a box, and its corners in the world.
+fn boxes(slots: &[Slot]) -> impl Iterator<Item = (&Live, [DVec3; 8])> {
+    lives(slots).filter_map(|(_, live)| Some((live, corners(live.bounds?, &live.object.world_from_object))))
+}
+
+/// The world's origin where the scene is near it, else, in whole metres, where the middle one of its triangles lies: a
+/// stray object far from all others does not draw it away.
+fn local_origin(slots: &[Slot]) -> DVec3 {
+    if boxes(slots).all(|(_, corners)| reach(&corners, DVec3::ZERO) <= NEAR_ORIGIN_M) {
+        return DVec3::ZERO;
+    }
+    let weight = |live: &Live| live.object.mesh.triangle_count();
+    let half = boxes(slots).map(|(live, _)| weight(live)).sum::<usize>() / 2;
+    let middle = |axis: usize| {
+        // The first and the last corner of a box face each other.
+        let centre = |corners: [DVec3; 8]| corners[0].midpoint(corners[7])[axis];
+        let mut centres: Vec<_> = boxes(slots).map(|(live, corners)| (centre(corners), weight(live))).collect();
+        centres.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut before = 0;
+        let found = centres.iter().find(|(_, weight)| {
+            before += weight;
+            before > half
+        });
+        found.map_or(0.0, |(centre, _)| centre.round())
+    };
+    DVec3::new(middle(0), middle(1), middle(2))
+}
+
+/// Greatest coordinate of `corners` relative to `origin`, m.
+fn reach(corners: &[DVec3; 8], origin: DVec3) -> f64 {
+    corners.iter().map(|corner| (*corner - origin).abs().max_element()).fold(0.0, f64::max)
+}
+
+fn warn_of_far_objects(slots: &[Slot], origin: DVec3, report: &mut Report) {
+    let moved = boxes(slots).filter(|(live, _)| live.moved);
+    let far = moved.map(|(live, corners)| (live, reach(&corners, origin)));
+    let farthest = far.filter(|(_, reach)| *reach > FAR_M).max_by(|a, b| a.1.total_cmp(&b.1));
+    if let Some((live, reach)) = farthest {
+        let km = reach / 1000.0;
+        // Spacing of f32 numbers of this size.
+        let step_mm = 1000.0 * 2f64.powi(reach.log2().floor() as i32 - 23);
+        report.warn(format!(
+            "object {:?} reaches {km:.0} km from the scene's origin at {:.0},{:.0},{:.0}: coordinates there are rounded to \
+             {step_mm:.1} mm",
+            live.object.name, origin.x, origin.y, origin.z,
+        ));
+    }
+}
+
+/// A transform as Embree takes it: column by column, single precision.
+fn columns(m: &DAffine3) -> [f32; 12] {
+    let columns = [m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis, m.translation];
+    std::array::from_fn(|k| columns[k / 3][k % 3] as f32)
+}
+
+/// The matrix that takes an object's normals to the world's, up to length (scaled to unit size against underflow).
+fn normal_matrix(object: &Object) -> Mat3 {
+    let cofactors = cofactors(&object.world_from_object.matrix3);
+    let size = cofactors.x_axis.abs().max(cofactors.y_axis.abs()).max(cofactors.z_axis.abs()).max_element();
+    let scale = if size > 0.0 { 1.0 / size } else { 0.0 };
+    // A mirrored object's cofactors point its normals inwards; surfaces are two-sided, so that is no matter.
+    (cofactors * scale).as_mat3()
+}

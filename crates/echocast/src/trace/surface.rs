@@ -1,0 +1,102 @@
+//! What the ids of Embree's hits mean.
+
+use crate::material::{Material, ReflectanceSource, Reflectances};
+use crate::scene::{Labels, Mesh, Object, Part, srgb_byte};
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// A part of an object: what a hit on it means.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Surface {
+    pub category_id: u32,
+    pub part_id: u32,
+    pub instance_id: u32,
+    pub material_id: u32,
+    /// Index into [`Surfaces::materials`].
+    pub material: u32,
+    /// Index into [`Surfaces::parts`].
+    pub part: u32,
+    /// Index into [`super::Tables::normal_matrices`].
+    pub object: u32,
+    /// Base colour of the material's factor, sRGB.
+    pub rgb: [u8; 3],
+    /// Whether the base colour comes from an image.
+    pub textured: bool,
+    /// Whether hits come with normals in the mesh's frame.
+    pub instanced: bool,
+}
+
+/// All parts of all objects, as they are found by Embree's ids: first those that lie in the top level or in its group
+/// of fixed objects, by geometry, then the instances, by part.
+#[derive(Default)]
+pub(crate) struct Surfaces {
+    pub rows: Vec<Surface>,
+    /// First row of each top-level geometry, where those are instances.
+    pub first_row: Vec<u32>,
+    /// Mesh parts, by [`Surface::part`].
+    pub parts: Vec<Part>,
+    /// Materials, by [`Surface::material`]; the first is the default material.
+    pub materials: Vec<Arc<Material>>,
+    pub labels: Arc<Labels>,
+    /// Whether hits can lie in instances whose normals must be turned.
+    pub has_instances: bool,
+    /// Whether any part has shading normals.
+    pub has_shading_normals: bool,
+    /// Found once for each wavelength: a scan in a loop allocates nothing.
+    reflectances: Mutex<Vec<Arc<Reflectances>>>,
+}
+
+impl Surfaces {
+    /// Rows of `objects` in their order; with each, whether its normals come in the mesh's frame.
+    pub(crate) fn new<'a>(objects: impl Iterator<Item = (&'a Object, bool)>, labels: Arc<Labels>) -> Surfaces {
+        let mut surfaces = Surfaces { materials: vec![Arc::default()], ..Surfaces::default() };
+        let material_ids = labels.material.to_map();
+        let mut first_part: HashMap<*const Mesh, u32> = HashMap::new();
+        let mut material_index: HashMap<*const Material, u32> = HashMap::new();
+        for (index, (object, instanced)) in objects.enumerate() {
+            let parts = &mut surfaces.parts;
+            let first_part = *first_part.entry(Arc::as_ptr(&object.mesh)).or_insert_with(|| {
+                parts.extend(object.mesh.parts.iter().cloned());
+                (parts.len() - object.mesh.parts.len()) as u32
+            });
+            for (number, part) in object.mesh.parts.iter().enumerate() {
+                let material = match object.material.as_ref().or(part.material.as_ref()) {
+                    None => 0,
+                    Some(material) => *material_index.entry(Arc::as_ptr(material)).or_insert_with(|| {
+                        surfaces.materials.push(material.clone());
+                        surfaces.materials.len() as u32 - 1
+                    }),
+                };
+                let made_of = &surfaces.materials[material as usize];
+                surfaces.rows.push(Surface {
+                    category_id: object.category_id,
+                    part_id: object.part_ids.get(number).copied().unwrap_or(0),
+                    instance_id: object.instance_id,
+                    material_id: material_ids.get(made_of.name.as_str()).copied().unwrap_or(0),
+                    material,
+                    part: first_part + number as u32,
+                    object: index as u32,
+                    rgb: std::array::from_fn(|c| srgb_byte(made_of.base_color[c])),
+                    textured: made_of.base_color_texture.is_some() && part.uvs.is_some(),
+                    instanced,
+                });
+            }
+            surfaces.has_instances |= instanced;
+        }
+        drop(material_ids);
+        surfaces.has_shading_normals = surfaces.parts.iter().any(|part| part.normals.is_some());
+        surfaces.labels = labels;
+        surfaces
+    }
+
+    /// Reflectance of every material at `wavelength_nm`.
+    pub(crate) fn reflectances(&self, wavelength_nm: f64, source: ReflectanceSource) -> Arc<Reflectances> {
+        let mut known = self.reflectances.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(found) = known.iter().find(|reflectances| reflectances.are_for(wavelength_nm, source)) {
+            return found.clone();
+        }
+        let made = Arc::new(Reflectances::new(&self.materials, wavelength_nm, source));
+        known.push(made.clone());
+        made
+    }
+}
