@@ -1,0 +1,66 @@
+//! A scan in a loop allocates nothing, and an engine with one thread starts no other. Alone in its file: every
+//! allocation and every thread of the process is counted.
+#![allow(unsafe_code)] // a global allocator is unsafe by nature; this one only counts
+
+use echocast::scene::{Mesh, Object, Part};
+use echocast::{Engine, FieldSet, LiveScene, PointCloud, Pose, ScanOptions, Sensor, Trajectory};
+use echocast_tests::reference::Shape;
+use glam::{DAffine3, DVec3};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+struct Counting;
+
+static COUNT: AtomicUsize = AtomicUsize::new(0);
+
+// SAFETY: everything is left to the system's allocator.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        COUNT.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: as the caller promises.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
+        // SAFETY: as the caller promises.
+        unsafe { System.dealloc(memory, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+#[test]
+fn a_loop_of_scans_allocates_nothing_and_starts_only_its_own_threads() {
+    let shape = Shape::cuboid(-DVec3::ONE, DVec3::ONE);
+    let part = Part { positions: shape.positions.into(), triangles: shape.triangles.into(), ..Part::default() };
+    let mesh = Arc::new(Mesh::new("car", vec![part]).unwrap());
+    let sensor = Sensor::preset("velodyne_vlp16").unwrap();
+    let trajectory = Trajectory::new(vec![(0.0, Pose::at(0.0, 0.0, 1.0)), (0.1, Pose::at(1.0, 0.0, 1.0))]).unwrap();
+    let threads_now = || std::fs::read_dir("/proc/self/task").unwrap().count();
+    let threads_before = threads_now();
+    for (threads, allowed) in [(1, 0), (2, 4)] {
+        let mut live = LiveScene::new(&Engine::with_threads(threads).unwrap());
+        let car = live.add(Object::new("car", mesh.clone())).unwrap();
+        let mut cloud = PointCloud::default();
+        let mut most = 0;
+        for frame in 0..60 {
+            let pose = DAffine3::from_translation(DVec3::new(6.0, f64::from(frame) / 10.0 - 3.0, 0.0));
+            live.set_pose(car, pose).unwrap();
+            let built = live.commit().unwrap();
+            let options = ScanOptions { frame, fields: FieldSet::all(), ..ScanOptions::default() };
+            let before = COUNT.load(Ordering::Relaxed);
+            built.scan_into(&sensor, &trajectory, &options, &mut cloud).unwrap();
+            let count = COUNT.load(Ordering::Relaxed) - before;
+            assert!(cloud.len > 100);
+            // The first scan makes the columns. rayon's queue of tasks takes a block now and then.
+            if frame > 0 {
+                most = most.max(count);
+            }
+        }
+        assert!(most <= allowed, "{most} allocations in a scan with {threads} threads");
+        let started = threads_now() - threads_before;
+        assert!(if threads == 1 { started == 0 } else { started >= 2 }, "{started} threads started for {threads}");
+    }
+}
