@@ -10,7 +10,7 @@
 pub fn main() {
     println!("cargo::rerun-if-env-changed=DEP_EMBREE4_LIB_DIR");
     if let Ok(dir) = std::env::var("DEP_EMBREE4_LIB_DIR") {
-        println!("cargo::rustc-link-arg=-Wl,-rpath,$ORIGIN/../lib");
+        println!("cargo::rustc-link-arg=-Wl,-rpath,$ORIGIN/../lib/echocast");
         println!("cargo::rustc-link-arg=-Wl,-rpath,{dir}");
     }
 }

@@ -4,9 +4,9 @@ use crate::choice;
 use anyhow::{Context as _, Result, ensure};
 use clap::Args;
 use echocast::scene::UpAxis;
-use echocast::{LabelRules, LoadOptions, Scene, Sensor};
+use echocast::{Error, LabelRules, LoadOptions, Scene, Sensor};
 use serde_json::{Value, json};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Scene files and how to read them.
 #[derive(Args)]
@@ -80,15 +80,12 @@ impl SensorArgs {
 
 /// A preset (`NAME` or `FOLDER/NAME`), or the file where `name` is one's.
 pub fn load_sensor(name: &str) -> Result<Sensor> {
-    let is_yaml = Path::new(name).extension().is_some_and(|ending| ending == "yaml" || ending == "yml");
-    if is_yaml || Path::new(name).is_file() {
-        return Ok(Sensor::load(name)?);
-    }
-    let preset = match name.split_once('/') {
-        Some((folder, preset)) if Sensor::presets().iter().any(|p| p.folder == folder && p.name == preset) => preset,
-        _ => name,
-    };
-    Sensor::preset(preset).with_context(|| format!("{name} is neither a preset nor a file"))
+    Sensor::open(name).map_err(|error| match error {
+        missing @ Error::Missing { .. } => {
+            anyhow::Error::new(missing).context(format!("{name} is neither a preset nor a file"))
+        }
+        other => other.into(),
+    })
 }
 
 fn key_value(text: &str) -> Result<(String, String), String> {

@@ -59,12 +59,26 @@ pub enum Error {
     /// The caller did not want it any more.
     #[error("cancelled by the progress callback")]
     Cancelled,
+    /// The system gives no more memory.
+    #[error("no memory for {0}")]
+    Memory(String),
     /// Embree failed.
     #[error("Embree: {0}")]
-    Embree(#[from] embree4::Error),
+    Embree(#[source] embree4::Error),
     /// A defect of this library.
     #[error("internal error (please report): {0}")]
     Internal(String),
+}
+
+impl From<embree4::Error> for Error {
+    fn from(error: embree4::Error) -> Error {
+        match error {
+            embree4::Error::Embree { call, reason: embree4::OUT_OF_MEMORY } => {
+                Error::Memory(format!("Embree's {call}"))
+            }
+            other => Error::Embree(other),
+        }
+    }
 }
 
 fn place_suffix(place: &str) -> String {

@@ -337,6 +337,23 @@ impl Sensor {
         }
     }
 
+    /// The preset called `name` (or `FOLDER/NAME`), or the sensor file of that name.
+    ///
+    /// # Errors
+    /// As [`Sensor::preset`] and [`Sensor::load`].
+    pub fn open(name: &str) -> Result<Sensor> {
+        let path = Path::new(name);
+        let is_yaml = path.extension().is_some_and(|ending| ending == "yaml" || ending == "yml");
+        if is_yaml || path.is_file() {
+            return Sensor::load(path);
+        }
+        let mut presets = presets::sensors();
+        match name.split_once('/') {
+            Some((folder, preset)) if presets.any(|p| p.folder == folder && p.name == preset) => Sensor::preset(preset),
+            _ => Sensor::preset(name),
+        }
+    }
+
     /// All presets, by folder and name.
     pub fn presets() -> Vec<PresetInfo> {
         /// The keys that a list shows; the others are left unread.

@@ -69,6 +69,9 @@ pub enum Error {
     },
 }
 
+/// The `reason` of [`Error::Embree`] when memory runs out.
+pub const OUT_OF_MEMORY: &str = "out of memory";
+
 /// Reads and clears the calling thread's error, which is the first since it was read last.
 /// `device` is `None` where there is no device because its creation failed.
 pub(crate) fn check(device: Option<&Device>, call: &'static str) -> Result<(), Error> {
@@ -79,7 +82,7 @@ pub(crate) fn check(device: Option<&Device>, call: &'static str) -> Result<(), E
         sys::RTC_ERROR_NONE => return Ok(()),
         sys::RTC_ERROR_INVALID_ARGUMENT => "invalid argument",
         sys::RTC_ERROR_INVALID_OPERATION => "invalid operation",
-        sys::RTC_ERROR_OUT_OF_MEMORY => "out of memory",
+        sys::RTC_ERROR_OUT_OF_MEMORY => OUT_OF_MEMORY,
         sys::RTC_ERROR_UNSUPPORTED_CPU => "this CPU is not supported",
         sys::RTC_ERROR_CANCELLED => "cancelled",
         _ => "unknown error",

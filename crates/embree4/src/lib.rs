@@ -37,7 +37,7 @@ mod ray;
 mod scene;
 
 pub use device::Device;
-pub use error::Error;
+pub use error::{Error, OUT_OF_MEMORY};
 pub use mesh::Mesh;
 pub use ray::{Coherence, INVALID, Packet, Ray};
 pub use scene::{CommittedScene, Instance, Quality, Scene, is_invertible};

@@ -349,7 +349,7 @@ impl FromIterator<Field> for FieldSet {
 }
 
 fn no_memory(rows: usize) -> Error {
-    Error::Internal(format!("no memory for {rows} rows of points"))
+    Error::Memory(format!("{rows} rows of points"))
 }
 
 #[cfg(test)]

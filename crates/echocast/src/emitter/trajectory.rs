@@ -76,6 +76,11 @@ impl Trajectory {
         self
     }
 
+    /// The keys, times in s.
+    pub fn into_keys(self) -> Vec<(f64, Pose)> {
+        self.keys
+    }
+
     /// The pose, where it never changes.
     pub fn constant(&self) -> Option<Pose> {
         let (_, first) = self.keys[0];

@@ -143,6 +143,13 @@ impl LabelRules {
     pub fn load(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let rules: LabelRules = yaml::load(path)?;
+        rules.check(path)?;
+        Ok(rules)
+    }
+
+    /// Whether each number has one name; `path`: where the rules come from.
+    pub(super) fn check(&self, path: &Path) -> Result<()> {
+        let rules = self;
         if let Some((name, _)) = rules.numbers.iter().find(|(_, number)| **number == 0) {
             return Err(Error::parse(path, format!("numbers.{name}"), "0 means unlabelled; allowed: 1 to 4294967295"));
         }
@@ -153,7 +160,7 @@ impl LabelRules {
                 return Err(Error::parse(path, format!("numbers.{name}"), message));
             }
         }
-        Ok(rules)
+        Ok(())
     }
 
     /// Sentences about what these rules name and `scene`, read with them, does not have: mostly slips of the pen.

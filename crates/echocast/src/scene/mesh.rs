@@ -5,21 +5,32 @@ use crate::material::Material;
 use crate::scene::LARGEST;
 use crate::trace::{Engine, MeshStructure};
 use std::fmt;
-use std::ops::Deref;
+use std::ops::{Deref, Range};
 use std::sync::Arc;
 
 /// Numbers of a mesh, immutable and shared by clones: a vector, or memory that somebody else keeps.
-pub struct Array<T>(Arc<dyn AsRef<[T]> + Send + Sync>);
+pub struct Array<T> {
+    owner: Arc<dyn AsRef<[T]> + Send + Sync>,
+    range: Range<usize>,
+}
 
 impl<T> Array<T> {
     /// What `owner` shows, which must always be the same; it is dropped with the last clone, on any thread.
     pub fn new(owner: impl AsRef<[T]> + Send + Sync + 'static) -> Self {
-        Array(Arc::new(owner))
+        Array { range: 0..owner.as_ref().len(), owner: Arc::new(owner) }
     }
 
     /// Whether both are clones of one array.
     pub fn is(&self, other: &Array<T>) -> bool {
-        Arc::ptr_eq(&self.0, &other.0)
+        Arc::ptr_eq(&self.owner, &other.owner) && self.range == other.range
+    }
+
+    /// The elements from `range.start` to before `range.end`, as far as there are some.
+    #[must_use]
+    pub fn range(&self, range: Range<usize>) -> Array<T> {
+        let end = range.end.min(self.len());
+        let start = self.range.start + range.start.min(end);
+        Array { owner: self.owner.clone(), range: start..self.range.start + end }
     }
 }
 
@@ -37,7 +48,7 @@ impl<T: Send + Sync + 'static> Default for Array<T> {
 
 impl<T> Clone for Array<T> {
     fn clone(&self) -> Self {
-        Array(self.0.clone())
+        Array { owner: self.owner.clone(), range: self.range.clone() }
     }
 }
 
@@ -45,7 +56,7 @@ impl<T> Deref for Array<T> {
     type Target = [T];
 
     fn deref(&self) -> &[T] {
-        (*self.0).as_ref()
+        &(*self.owner).as_ref()[self.range.clone()]
     }
 }
 

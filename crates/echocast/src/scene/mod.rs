@@ -25,7 +25,9 @@ use crate::error::{Error, Result};
 pub use crate::material::Material;
 use crate::report::Report;
 use crate::trace::{BuiltScene, Engine, LiveScene};
+use crate::yaml;
 use glam::{DAffine3, DMat3, DVec3};
+use serde::Deserialize;
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::Path;
 use std::sync::Arc;
@@ -35,7 +37,8 @@ use std::sync::Arc;
 pub(crate) const LARGEST: f64 = 1e18;
 
 /// Which axis of a file points up, for formats that do not say.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum UpAxis {
     /// The file is y up: (x, y, z) becomes (x, -z, y).
     Y,
@@ -45,7 +48,8 @@ pub enum UpAxis {
 }
 
 /// How to read a scene file.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct LoadOptions {
     /// Up axis of formats that do not say (OBJ). glTF is always y up.
     pub up: UpAxis,
@@ -58,6 +62,19 @@ pub struct LoadOptions {
 impl Default for LoadOptions {
     fn default() -> Self {
         LoadOptions { up: UpAxis::Z, scale: 1.0, labels: LabelRules::default() }
+    }
+}
+
+impl LoadOptions {
+    /// Reads options from YAML: `up` (`y` or `z`), `scale`, and `labels`, which holds what a label file does.
+    ///
+    /// # Errors
+    /// Line and key of what is wrong, with the nearest known key.
+    pub fn from_yaml(text: &str) -> Result<LoadOptions> {
+        const ORIGIN: &str = "load options";
+        let options: LoadOptions = yaml::from_str(ORIGIN, text)?;
+        options.labels.check(Path::new(ORIGIN))?;
+        Ok(options)
     }
 }
 

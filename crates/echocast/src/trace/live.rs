@@ -276,6 +276,15 @@ impl LiveScene {
         Ok(())
     }
 
+    /// Whether [`LiveScene::set_pose`] would take a pose.
+    ///
+    /// # Errors
+    /// As [`LiveScene::set_pose`].
+    pub fn check_pose(&self, id: ObjectId, world_from_object: &DAffine3) -> Result<()> {
+        let live = self.slot(id)?;
+        check_pose(&live.object.name, live.bounds, world_from_object)
+    }
+
     /// Puts an object somewhere else. A fixed one may move from now on.
     ///
     /// # Errors
@@ -385,8 +394,7 @@ impl LiveScene {
     /// # Errors
     /// [`Error::InvalidParameter`] for an object that has been removed or is of another scene.
     pub fn object(&self, id: ObjectId) -> Result<&Object> {
-        let slot = self.slots.get(id.slot as usize).filter(|slot| slot.generation == id.generation);
-        slot.and_then(|slot| slot.live.as_ref()).map(|live| &live.object).ok_or_else(|| gone(id))
+        self.slot(id).map(|live| &live.object)
     }
 
     /// All objects.
@@ -411,6 +419,17 @@ impl LiveScene {
     pub fn camera(&self, name: &str) -> Result<Pose> {
         let found = self.cameras.iter().find(|camera| camera.name == name).map(|camera| camera.pose);
         found.ok_or_else(|| Error::missing("camera node", name, self.cameras.iter().map(|camera| &camera.name)))
+    }
+
+    /// Triangles of all objects.
+    pub fn triangle_count(&self) -> usize {
+        self.objects().map(|(_, object)| object.mesh.triangle_count()).sum()
+    }
+
+    /// World-space box around all objects, metres; `None` without any.
+    pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
+        let corners = boxes(&self.slots).flat_map(|(_, corners)| corners);
+        corners.map(|p| (p, p)).reduce(|(low, high), (p, _)| (low.min(p), high.max(p)))
     }
 
     /// Builds what has changed and returns the scene as it is now, to be scanned.
@@ -544,6 +563,11 @@ impl LiveScene {
         {
             self.surfaces = None;
         }
+    }
+
+    fn slot(&self, id: ObjectId) -> Result<&Live> {
+        let slot = self.slots.get(id.slot as usize).filter(|slot| slot.generation == id.generation);
+        slot.and_then(|slot| slot.live.as_deref()).ok_or_else(|| gone(id))
     }
 
     fn live(&mut self, id: ObjectId) -> Result<&mut Live> {
