@@ -4,7 +4,7 @@
 
 use echocast::export::preview::{self, ColorBy, PreviewOptions, View};
 use echocast::export::{self, FORMATS};
-use echocast::{Engine, FieldSet, Pose, Report, ScanOptions, Sensor, Trajectory};
+use echocast::{Engine, Field, FieldSet, PackItem, PackType, Pose, Report, ScanOptions, Sensor, Trajectory};
 use echocast_tests::reference::{SceneBuilder, Shape};
 
 fn threads() -> usize {
@@ -23,6 +23,8 @@ fn an_engine_with_one_thread_starts_none() {
     let cloud = scene.scan(&sensor, &Trajectory::fixed(Pose::at(1.0, 2.0, 3.0)), &options).unwrap();
     assert!(cloud.len > 200_000, "{} points", cloud.len);
     engine.install(|| {
+        let item = PackItem { field: Field::Range, kind: PackType::F32, offset: 0 };
+        cloud.pack(&[item], 4, &mut vec![0; 4 * cloud.len]).unwrap();
         let folder = tempfile::tempdir().unwrap();
         for format in FORMATS {
             export::write(&cloud, &folder.path().join("cloud"), Some(format.name())).unwrap();
