@@ -1,5 +1,4 @@
-//! A scan in a loop allocates nothing, and an engine with one thread starts no other. Alone in its file: every
-//! allocation and every thread of the process is counted.
+//! A scan in a loop allocates nothing. Alone in its file: every allocation of the process is counted.
 #![allow(unsafe_code)] // a global allocator is unsafe by nature; this one only counts
 
 use echocast::scene::{Mesh, Object, Part};
@@ -32,14 +31,12 @@ unsafe impl GlobalAlloc for Counting {
 static ALLOCATOR: Counting = Counting;
 
 #[test]
-fn a_loop_of_scans_allocates_nothing_and_starts_only_its_own_threads() {
+fn a_scan_in_a_loop_allocates_nothing() {
     let shape = Shape::cuboid(-DVec3::ONE, DVec3::ONE);
     let part = Part { positions: shape.positions.into(), triangles: shape.triangles.into(), ..Part::default() };
     let mesh = Arc::new(Mesh::new("car", vec![part]).unwrap());
     let sensor = Sensor::preset("velodyne_vlp16").unwrap();
     let trajectory = Trajectory::new(vec![(0.0, Pose::at(0.0, 0.0, 1.0)), (0.1, Pose::at(1.0, 0.0, 1.0))]).unwrap();
-    let threads_now = || std::fs::read_dir("/proc/self/task").unwrap().count();
-    let threads_before = threads_now();
     for (threads, allowed) in [(1, 0), (2, 4)] {
         let mut live = LiveScene::new(&Engine::with_threads(threads).unwrap());
         let car = live.add(Object::new("car", mesh.clone())).unwrap();
@@ -60,7 +57,5 @@ fn a_loop_of_scans_allocates_nothing_and_starts_only_its_own_threads() {
             }
         }
         assert!(most <= allowed, "{most} allocations in a scan with {threads} threads");
-        let started = threads_now() - threads_before;
-        assert!(if threads == 1 { started == 0 } else { started >= 2 }, "{started} threads started for {threads}");
     }
 }

@@ -57,7 +57,7 @@ mod trace;
 pub mod units;
 mod yaml;
 
-pub use cloud::{Field, FieldSet, Frame, PointCloud};
+pub use cloud::{Field, FieldSet, Frame, PackItem, PackType, PointCloud};
 pub use emitter::{Pose, Trajectory};
 pub use error::{Error, Result};
 pub use material::ReflectanceSource;

@@ -2,13 +2,16 @@
 
 mod collect;
 mod fields;
+mod pack;
+pub(crate) mod record;
 
 pub(crate) use collect::Kept;
 pub use fields::{Column, ColumnType, Columns, FIELDS, Field, FieldInfo, FieldSet};
 pub(crate) use fields::{Element, Slices};
+pub use pack::{PackItem, PackType};
 
 use crate::emitter::Pose;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::export;
 use crate::report::Report;
 use crate::scene::Labels;
@@ -109,6 +112,28 @@ impl PointCloud {
         export::write(self, path.as_ref(), None)
     }
 
+    /// What to add to a column of positions to get f64 world (or sensor) coordinates; `None` for other columns.
+    pub(crate) fn offset(&self, field: Field) -> Option<f64> {
+        match field {
+            Field::X | Field::TrueX => Some(self.origin.x),
+            Field::Y | Field::TrueY => Some(self.origin.y),
+            Field::Z | Field::TrueZ => Some(self.origin.z),
+            _ => None,
+        }
+    }
+
+    /// That the columns are as long as the cloud: they are public, so they may disagree.
+    pub(crate) fn check(&self) -> Result<()> {
+        match self.fields.iter().find(|info| self.column(info.field).len() != self.len) {
+            None => Ok(()),
+            Some(info) => Err(Error::invalid(
+                format!("column {}", info.name),
+                format!("{} rows long", self.column(info.field).len()),
+                format!("the cloud's {} rows", self.len),
+            )),
+        }
+    }
+
     /// Puts the rows in rising order of the `time` column; rows of one time keep their order.
     pub(crate) fn sort_by_time(&mut self) {
         let times = &self.columns.time;
@@ -133,7 +158,7 @@ impl PointCloud {
             && self.intensity_full_scale == other.intensity_full_scale
             && self.labels == other.labels;
         if !same {
-            return Err(crate::Error::invalid(
+            return Err(Error::invalid(
                 "cloud to append",
                 "of another origin, frame, set of columns, intensity scale or labels",
                 "a scan of the same scene with the same options",
@@ -143,7 +168,7 @@ impl PointCloud {
             (Some([rows, columns]), Some([more, same])) if columns == same => {
                 let sum = rows.checked_add(more).ok_or_else(|| {
                     let found = format!("{more} rows of beams long, after {rows}");
-                    crate::Error::invalid("cloud to append", found, format!("{} rows together", u32::MAX))
+                    Error::invalid("cloud to append", found, format!("{} rows together", u32::MAX))
                 })?;
                 Some([sum, columns])
             }

@@ -1,6 +1,6 @@
 //! CSV: a header of column names, one row per point.
 
-use super::{Format, offset};
+use super::Format;
 use crate::cloud::{Column, FieldInfo, PointCloud};
 use crate::parallel;
 use crate::report::Report;
@@ -41,7 +41,7 @@ impl Format for Csv {
 
     fn write(&self, cloud: &PointCloud, path: &Path, _: &mut Report) -> io::Result<()> {
         let columns: Vec<(Column, Option<f64>)> =
-            cloud.fields.iter().map(|info| (cloud.column(info.field), offset(cloud, info.field))).collect();
+            cloud.fields.iter().map(|info| (cloud.column(info.field), cloud.offset(info.field))).collect();
         let names: Vec<&str> = cloud.fields.iter().map(|info| info.name).collect();
         let mut file = File::create(path)?;
         file.write_all(format!("{}\n", names.join(",")).as_bytes())?;

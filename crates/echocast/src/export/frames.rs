@@ -2,7 +2,7 @@
 
 use super::atomic::Pending;
 use super::hdf5::{add_tables, describe};
-use super::{check_cloud, sensor_pose};
+use super::sensor_pose;
 use crate::cloud::{Column, FieldInfo, FieldSet, Frame, PointCloud};
 use crate::error::{Error, Result};
 use crate::scene::Labels;
@@ -62,7 +62,7 @@ impl FramesFile {
     /// A cloud with other columns or labels, another frame, origin, shape or intensity scale than the first; a full
     /// disk.
     pub fn add(&mut self, cloud: &PointCloud) -> Result<()> {
-        check_cloud(cloud)?;
+        cloud.check()?;
         let common = Common {
             fields: cloud.fields,
             frame: cloud.frame,

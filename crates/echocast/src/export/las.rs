@@ -3,8 +3,8 @@
 //! Layouts: ASPRS LAS Specification 1.4 R15. Header and variable length records are written by the crate `las`, point
 //! records by our own code, which is several times faster.
 
-use super::record::{self, BLOCK_BYTES};
-use super::{Format, labels_json, offset};
+use super::{Format, labels_json};
+use crate::cloud::record::{self, BLOCK_BYTES};
 use crate::cloud::{Column, FieldInfo, PointCloud};
 use crate::report::Report;
 use ::las::raw::header::{Evlr, LargeFile};
@@ -371,7 +371,7 @@ impl<'a> Extra<'a> {
         let mut all: Vec<Self> = Vec::new();
         for info in cloud.fields.iter().filter(|info| info.las.is_none()) {
             let at = Extra::size(&all);
-            all.push(Extra { info, column: cloud.column(info.field), offset: offset(cloud, info.field), at });
+            all.push(Extra { info, column: cloud.column(info.field), offset: cloud.offset(info.field), at });
         }
         all
     }

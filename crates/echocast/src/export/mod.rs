@@ -10,7 +10,6 @@ mod las;
 mod npz;
 mod ply;
 pub mod preview;
-mod record;
 
 pub use atomic::unfinished_prefix;
 #[cfg(feature = "hdf5")]
@@ -129,7 +128,7 @@ fn check_fields(format: &dyn Format, fields: FieldSet) -> Result<()> {
 pub fn write(cloud: &PointCloud, path: &Path, format: Option<&str>) -> Result<Report> {
     let format = format_for(path, format)?;
     check_fields(format, cloud.fields)?;
-    check_cloud(cloud)?;
+    cloud.check()?;
     let mut report = Report::default();
     let lost: Vec<&str> = cloud.fields.iter().filter(|info| !format.holds(info)).map(|info| info.name).collect();
     if !lost.is_empty() {
@@ -157,18 +156,6 @@ impl Output {
         let file = Pending::create(path)?;
         let labels = (!format.holds_label_names()).then(|| Pending::create(&labels_path(path))).transpose()?;
         Ok(Output { file, labels })
-    }
-}
-
-/// Columns are public, so they may disagree.
-fn check_cloud(cloud: &PointCloud) -> Result<()> {
-    match cloud.fields.iter().find(|info| cloud.column(info.field).len() != cloud.len) {
-        None => Ok(()),
-        Some(info) => Err(Error::invalid(
-            format!("column {}", info.name),
-            format!("{} rows long", cloud.column(info.field).len()),
-            format!("the cloud's {} rows", cloud.len),
-        )),
     }
 }
 
@@ -205,16 +192,6 @@ fn labels_json(cloud: &PointCloud) -> String {
         map.insert(format!("{stem}_names"), table.names.as_slice().into());
     }
     serde_json::Value::Object(map).to_string()
-}
-
-/// What to add to a column of positions to get f64 world (or sensor) coordinates; `None` for other columns.
-fn offset(cloud: &PointCloud, field: Field) -> Option<f64> {
-    match field {
-        Field::X | Field::TrueX => Some(cloud.origin.x),
-        Field::Y | Field::TrueY => Some(cloud.origin.y),
-        Field::Z | Field::TrueZ => Some(cloud.origin.z),
-        _ => None,
-    }
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Binary PLY, for viewers.
 
-use super::record::{self, BLOCK_BYTES};
-use super::{Format, offset};
+use super::Format;
+use crate::cloud::record::{self, BLOCK_BYTES};
 use crate::cloud::{Column, FieldInfo, PointCloud};
 use crate::report::Report;
 use std::fmt::Write as _;
@@ -48,7 +48,7 @@ impl Format for Ply {
         let mut properties = Vec::new();
         let mut size = 0;
         for info in cloud.fields.iter() {
-            let property = Property { column: cloud.column(info.field), offset: offset(cloud, info.field), at: size };
+            let property = Property { column: cloud.column(info.field), offset: cloud.offset(info.field), at: size };
             let (kind, bytes) = property.kind();
             let _ = writeln!(header, "property {kind} {}", property_name(info));
             size += bytes;

@@ -249,6 +249,7 @@ impl Page {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Engine;
     use glam::DVec3;
 
     const VIEWS: [View; 3] = [View::Top, View::Perspective, View::Range];
@@ -340,8 +341,8 @@ mod tests {
         for view in VIEWS {
             let options = PreviewOptions { view, ..PreviewOptions::default() };
             let draw = |threads: usize| {
-                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-                pool.install(|| render(&cloud, &options, &mut Report::default()).unwrap())
+                let engine = Engine::with_threads(threads).unwrap();
+                engine.install(|| render(&cloud, &options, &mut Report::default()).unwrap())
             };
             assert!(draw(1) == draw(3), "{view:?}");
         }

@@ -3,12 +3,13 @@
 use super::ColorBy;
 use super::canvas::Color;
 use super::palette::{self, HEIGHT, INTENSITY, RANGE, Ramp};
-use super::points::{Points, quantile, wide};
+use super::points::{CHUNK, Points, quantile, wide};
 use crate::cloud::PointCloud;
+use crate::parallel;
 use crate::report::Report;
 use crate::scene::NameTable;
-use rayon::prelude::*;
 use std::collections::HashMap;
+use std::ops::Range;
 
 /// How many names a legend lists before it sums up the rest.
 const LISTED: usize = 16;
@@ -176,12 +177,11 @@ impl Values<'_> {
 
 /// How many points have each of `ids`.
 fn count(ids: &[u32], points: &Points<'_>) -> HashMap<u32, usize> {
-    const CHUNK: usize = 1 << 16;
-    let count_chunk = |(chunk, ids): (usize, &[u32])| {
+    let count_rows = |rows: Range<usize>| {
         let mut counts = HashMap::new();
-        let mut row = chunk * CHUNK;
+        let mut row = rows.start;
         // Neighbours mostly share their label, so runs are counted, not points.
-        for run in ids.chunk_by(|a, b| a == b) {
+        for run in ids[rows].chunk_by(|a, b| a == b) {
             let hits = (row..row + run.len()).filter(|&row| points.get(row as u32).is_some()).count();
             if hits > 0 {
                 *counts.entry(run[0]).or_default() += hits;
@@ -196,7 +196,7 @@ fn count(ids: &[u32], points: &Points<'_>) -> HashMap<u32, usize> {
         }
         sum
     };
-    ids[..points.len()].par_chunks(CHUNK).enumerate().map(count_chunk).reduce(HashMap::new, add)
+    parallel::map_reduce(points.len(), CHUNK, count_rows, add)
 }
 
 #[cfg(test)]

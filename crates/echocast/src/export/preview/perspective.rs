@@ -8,7 +8,6 @@ use super::paint::Paint;
 use super::points::{Points, quantile, robust_span, wide};
 use super::splat::{self, Splats, Stamp};
 use glam::{Quat, Vec2, Vec3};
-use rayon::prelude::*;
 
 /// How far the camera may look down: the angle at which the cloud fills the picture best is taken.
 const PITCHES_DEG: [f32; 7] = [16.0, 20.0, 24.0, 28.0, 32.0, 36.0, 40.0];
@@ -111,17 +110,14 @@ pub(super) fn draw(points: &Points<'_>, paint: &Paint<'_>, page: &Page, notes: &
 
     let stamp = Stamp::disc(splat::diameter(points.count, &picture, 3.0 * page.scale));
     let splats = Splats::new(width, height);
-    let behind = points
-        .rows()
-        .filter(|&row| {
-            let Some(position) = points.get(row) else { return false };
-            let shown = seen(position, -camera.forward);
-            if shown && let Some((at, depth)) = camera.project(position) {
-                splats.put(at, &stamp, depth, row);
-            }
-            !shown && position.z <= cutaway.ceiling
-        })
-        .count();
+    let behind = points.count_rows(|row| {
+        let Some(position) = points.get(row) else { return false };
+        let shown = seen(position, -camera.forward);
+        if shown && let Some((at, depth)) = camera.project(position) {
+            splats.put(at, &stamp, depth, row);
+        }
+        !shown && position.z <= cutaway.ceiling
+    });
     // A neighbour nearer by 5 % of the distance darkens as much as one can.
     splats.draw(&mut picture, paint, |depth| depth.ln() / 0.05);
 

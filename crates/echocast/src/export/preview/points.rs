@@ -2,14 +2,17 @@
 
 use crate::cloud::{Frame, PointCloud};
 use crate::emitter::Pose;
+use crate::parallel;
 use crate::report::Report;
 use glam::{Quat, Vec3};
-use rayon::prelude::*;
+use std::ops::Range;
 
 /// Places farther out than this are treated as misses, so that squares stay finite, metres.
 const FARTHEST: f32 = 1e15;
 /// Most rows that a picture shows: it numbers them in 32 bits.
 const MOST_ROWS: usize = u32::MAX as usize;
+/// Rows that are worth a task of their own.
+pub(super) const CHUNK: usize = 1 << 16;
 /// Most points of a sample; a percentile of it is good to a thousandth.
 const SAMPLE: usize = 50_000;
 
@@ -58,7 +61,7 @@ impl<'a> Points<'a> {
             sensor: (pose.position - cloud.origin).as_vec3(),
             orientation: pose.orientation.as_quat(),
         };
-        points.count = points.rows().filter(|&row| points.get(row).is_some()).count();
+        points.count = points.count_rows(|row| points.get(row).is_some());
         let step = points.count.div_ceil(SAMPLE).max(1);
         let hits = (0..points.len() as u32).filter_map(|row| Some((row, points.get(row)?)));
         points.sample = hits.step_by(step).collect();
@@ -70,9 +73,10 @@ impl<'a> Points<'a> {
         self.x.len()
     }
 
-    /// Every row, in parallel.
-    pub(super) fn rows(&self) -> impl ParallelIterator<Item = u32> {
-        (0..self.len() as u32).into_par_iter().with_min_len(1 << 16)
+    /// Shows every row to `counts`, in parallel, and returns how often it said yes.
+    pub(super) fn count_rows(&self, counts: impl Fn(u32) -> bool + Sync) -> usize {
+        let count = |rows: Range<usize>| rows.filter(|&row| counts(row as u32)).count();
+        parallel::map_reduce(self.len(), CHUNK, count, |left, right| left + right)
     }
 
     /// Position of row `row`; none for a miss.

@@ -3,11 +3,11 @@
 use super::Page;
 use super::canvas::{GROUND, Picture};
 use super::paint::Paint;
-use super::points::{Points, robust_span};
+use super::points::{CHUNK, Points, robust_span};
 use super::splat::{self, Splats, Stamp};
 use crate::cloud::PointCloud;
+use crate::parallel;
 use glam::{Vec2, Vec3};
-use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::f32::consts::{PI, TAU};
 
@@ -195,18 +195,20 @@ impl<'a> Panorama<'a> {
         };
         let splats = Splats::new(picture.width, picture.height);
         let part = |value: f32, [low, high]: [f32; 2]| (high - value) / (high - low);
-        points.rows().for_each(|row| {
-            let Some(position) = points.get(row) else { return };
-            let direction = self.direction(points, row, position);
-            let x = part(direction.x, self.azimuth) * size.x;
-            let y = match (&self.channels, row_height) {
-                (Some((channel, rows)), Some(height)) => match rows.get(&channel[row as usize]) {
-                    Some(&row) => (row as f32 + 0.5) * height,
-                    None => return,
-                },
-                _ => part(direction.y, self.elevation) * size.y,
-            };
-            splats.put(Vec2::new(x, y), &stamp, points.distance(position), row);
+        parallel::for_each_range(points.len(), CHUNK, |rows| {
+            for row in rows {
+                let Some(position) = points.get(row as u32) else { continue };
+                let direction = self.direction(points, row as u32, position);
+                let x = part(direction.x, self.azimuth) * size.x;
+                let y = match (&self.channels, row_height) {
+                    (Some((channel, rows)), Some(height)) => match rows.get(&channel[row]) {
+                        Some(&row) => (row as f32 + 0.5) * height,
+                        None => continue,
+                    },
+                    _ => part(direction.y, self.elevation) * size.y,
+                };
+                splats.put(Vec2::new(x, y), &stamp, points.distance(position), row as u32);
+            }
         });
         splats
     }

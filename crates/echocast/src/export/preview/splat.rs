@@ -2,8 +2,9 @@
 
 use super::canvas::{Color, Picture};
 use super::paint::Paint;
+use super::points::CHUNK;
+use crate::parallel;
 use glam::Vec2;
-use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Samples per pixel in each direction; averaging them smooths the edges.
@@ -57,10 +58,12 @@ impl Splats {
 
     /// Asks `point` for the depth and row of every sample from its column, its row and the size in samples.
     pub(super) fn fill(&self, point: impl Fn(u32, u32, [u32; 2]) -> Option<(f32, u32)> + Sync) {
-        self.cells.par_iter().enumerate().for_each(|(index, cell)| {
-            let (x, y) = (index % self.width as usize, index / self.width as usize);
-            if let Some((depth, row)) = point(x as u32, y as u32, [self.width, self.height]) {
-                cell.fetch_min(key(depth, row), Ordering::Relaxed);
+        parallel::for_each_range(self.cells.len(), CHUNK, |indices| {
+            for index in indices {
+                let (x, y) = (index % self.width as usize, index / self.width as usize);
+                if let Some((depth, row)) = point(x as u32, y as u32, [self.width, self.height]) {
+                    self.cells[index].fetch_min(key(depth, row), Ordering::Relaxed);
+                }
             }
         });
     }
@@ -71,16 +74,17 @@ impl Splats {
     /// données", 2009): a sample is the darker the nearer its neighbours are, measured in `level` of the
     /// depth.
     pub(super) fn draw(&self, picture: &mut Picture, paint: &Paint<'_>, level: impl Fn(f32) -> f32 + Sync) {
-        let levels: Vec<f32> = self
-            .cells
-            .par_iter()
-            .map(|cell| match cell.load(Ordering::Relaxed) {
-                EMPTY => f32::INFINITY,
-                key => level(unordered((key >> 32) as u32)),
-            })
-            .collect();
+        let mut levels = vec![f32::INFINITY; self.cells.len()];
+        parallel::for_each_chunk(&mut levels, CHUNK, |chunk, levels| {
+            for (to, cell) in levels.iter_mut().zip(&self.cells[chunk * CHUNK..]) {
+                let key = cell.load(Ordering::Relaxed);
+                if key != EMPTY {
+                    *to = level(unordered((key >> 32) as u32));
+                }
+            }
+        });
         let stride = 3 * picture.width as usize;
-        picture.pixels.par_chunks_mut(stride).enumerate().for_each(|(row, line)| {
+        parallel::for_each_chunk(&mut picture.pixels, stride, |row, line| {
             for (column, pixel) in line.chunks_exact_mut(3).enumerate() {
                 self.pixel(pixel, column as u32, row as u32, paint, &levels);
             }

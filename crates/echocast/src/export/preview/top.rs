@@ -8,7 +8,6 @@ use super::points::{Points, robust_span};
 use super::splat::{self, Splats, Stamp};
 use super::{Page, font};
 use glam::{Vec2, Vec3};
-use rayon::prelude::*;
 
 /// Where the map lies in the world.
 struct Map {
@@ -60,18 +59,15 @@ pub(super) fn draw(points: &Points<'_>, paint: &Paint<'_>, page: &Page, notes: &
     let ceiling = Cutaway::new(points).ceiling;
     let stamp = Stamp::disc(splat::diameter(points.count, &picture, 3.5 * page.scale));
     let splats = Splats::new(map.width, map.height);
-    let outside = points
-        .rows()
-        .filter(|&row| {
-            let Some(position) = points.get(row).filter(|position| position.z <= ceiling) else {
-                return false;
-            };
-            let at = map.project(position);
-            // Higher is nearer to the viewer.
-            splats.put(at, &stamp, -position.z, row);
-            !map.shows(at)
-        })
-        .count();
+    let outside = points.count_rows(|row| {
+        let Some(position) = points.get(row).filter(|position| position.z <= ceiling) else {
+            return false;
+        };
+        let at = map.project(position);
+        // Higher is nearer to the viewer.
+        splats.put(at, &stamp, -position.z, row);
+        !map.shows(at)
+    });
     // A step of 2 % of the map's height is as dark as steps get.
     let step = 0.02 * map.height as f32 / map.zoom;
     splats.draw(&mut picture, paint, |depth| depth / step);

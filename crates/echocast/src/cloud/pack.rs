@@ -1,0 +1,399 @@
+//! Clouds in the memory layouts of other programs: PointCloud2, PCL's point types, Autoware's.
+
+use super::record::{self, BLOCK_BYTES};
+use super::{Column, Field, PointCloud};
+use crate::error::{Error, Result};
+use crate::parallel;
+use bytemuck::NoUninit;
+use std::ops::Range;
+
+/// Type of a number in a packed row, in the machine's byte order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum PackType {
+    /// 32-bit IEEE float.
+    F32,
+    /// 64-bit IEEE float.
+    F64,
+    /// Unsigned byte.
+    U8,
+    /// 16-bit unsigned.
+    U16,
+    /// 32-bit unsigned.
+    U32,
+    /// Signed byte.
+    I8,
+    /// 16-bit signed.
+    I16,
+    /// 32-bit signed.
+    I32,
+    /// 64-bit signed.
+    I64,
+    /// 64-bit unsigned.
+    U64,
+}
+
+impl PackType {
+    /// Bytes of one number.
+    pub const fn size(self) -> usize {
+        match self {
+            PackType::U8 | PackType::I8 => 1,
+            PackType::U16 | PackType::I16 => 2,
+            PackType::F32 | PackType::U32 | PackType::I32 => 4,
+            PackType::F64 | PackType::I64 | PackType::U64 => 8,
+        }
+    }
+}
+
+/// A number of every packed row: see [`PointCloud::pack`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct PackItem {
+    /// Column that it comes from.
+    pub field: Field,
+    /// Type that it gets.
+    pub kind: PackType,
+    /// Its first byte in the row; any, aligned or not.
+    pub offset: usize,
+}
+
+impl PointCloud {
+    /// Writes row `i` at byte `i * stride` of `to`: of each of `items` a number of that type. All other bytes stay as
+    /// they are.
+    ///
+    /// Positions (`x`, `true_x` and so on) become world (or sensor) coordinates as [`PackType::F64`] and stay relative
+    /// to [`PointCloud::origin`] as any other type. Floats become integers by rounding to the nearest, halves to the
+    /// even one; what an integer type cannot hold becomes its least or greatest value, NaN becomes 0.
+    ///
+    /// The work is shared by the threads of the [`crate::Engine::install`] around the call, or rayon's.
+    ///
+    /// # Errors
+    /// A column that was not computed; an item that reaches past `stride`, or into another; a stride of 0; a `to` that
+    /// is shorter than [`PointCloud::packed_len`].
+    pub fn pack(&self, items: &[PackItem], stride: usize, to: &mut [u8]) -> Result<()> {
+        self.check()?;
+        self.check_items(items, stride)?;
+        let length = to.len();
+        let to = self.packed_len(stride).and_then(|needed| to.get_mut(..needed)).ok_or_else(|| {
+            let needed = self.len as u128 * stride as u128;
+            let allowed = format!("{needed} bytes or more, {} rows of {stride} bytes", self.len);
+            Error::invalid("memory to pack into", format!("{length} bytes long"), allowed)
+        })?;
+        let rows = (BLOCK_BYTES / stride).max(1);
+        parallel::for_each_chunk(to, rows * stride, |block, records| {
+            let first = block * rows;
+            let rows = first..first + records.len() / stride;
+            for item in items {
+                self.put(item, records, stride, rows.clone());
+            }
+        });
+        Ok(())
+    }
+
+    /// Bytes of all rows, packed `stride` bytes apart; `None` when no memory holds as many.
+    pub fn packed_len(&self, stride: usize) -> Option<usize> {
+        self.len.checked_mul(stride)
+    }
+
+    fn check_items(&self, items: &[PackItem], stride: usize) -> Result<()> {
+        if stride == 0 {
+            return Err(Error::invalid("stride", 0, "1 byte or more"));
+        }
+        let name = |index: usize| format!("item {index} ({})", items[index].field.info().name);
+        let bytes = |item: &PackItem| item.offset..item.offset.saturating_add(item.kind.size());
+        for (index, item) in items.iter().enumerate() {
+            if !self.fields.contains(item.field) {
+                let columns: Vec<&str> = self.fields.iter().map(|info| info.name).collect();
+                let allowed = format!("columns of the cloud: {}", columns.join(", "));
+                return Err(Error::invalid(name(index), "a column that was not computed", allowed));
+            }
+            let Range { start, end } = bytes(item);
+            let found = format!("from byte {start} to {end}");
+            if end > stride {
+                return Err(Error::invalid(name(index), found, format!("up to the stride, {stride}")));
+            }
+            let over = |other: &PackItem| bytes(other).start < end && start < bytes(other).end;
+            if let Some(other) = items[..index].iter().position(over) {
+                let allowed = format!("bytes beside those of {}", name(other));
+                return Err(Error::invalid(name(index), found, allowed));
+            }
+        }
+        Ok(())
+    }
+
+    /// Puts one number of each of `rows` into its record.
+    fn put(&self, item: &PackItem, records: &mut [u8], stride: usize, rows: Range<usize>) {
+        let column = self.column(item.field);
+        let at = item.offset;
+        match item.kind {
+            PackType::F32 => put_as::<f32>(column, records, stride, at, rows),
+            PackType::F64 => match (column, self.offset(item.field)) {
+                (Column::F32(c), Some(origin)) => {
+                    record::put(records, stride, at, &c[rows], |&v| f64::from(v) + origin);
+                }
+                _ => put_as::<f64>(column, records, stride, at, rows),
+            },
+            PackType::U8 => put_as::<u8>(column, records, stride, at, rows),
+            PackType::U16 => put_as::<u16>(column, records, stride, at, rows),
+            PackType::U32 => put_as::<u32>(column, records, stride, at, rows),
+            PackType::I8 => put_as::<i8>(column, records, stride, at, rows),
+            PackType::I16 => put_as::<i16>(column, records, stride, at, rows),
+            PackType::I32 => put_as::<i32>(column, records, stride, at, rows),
+            PackType::I64 => put_as::<i64>(column, records, stride, at, rows),
+            PackType::U64 => put_as::<u64>(column, records, stride, at, rows),
+        }
+    }
+}
+
+/// A type of packed numbers, made of those of any column.
+trait Number: NoUninit {
+    fn from_f64(value: f64) -> Self;
+    fn from_u32(value: u32) -> Self;
+}
+
+macro_rules! floats {
+    ($($t:ty)*) => {$(
+        impl Number for $t {
+            fn from_f64(value: f64) -> Self { value as $t }
+            fn from_u32(value: u32) -> Self { value as $t }
+        }
+    )*};
+}
+floats! { f32 f64 }
+
+macro_rules! integers {
+    ($($t:ty)*) => {$(
+        impl Number for $t {
+            // The cast saturates, and makes 0 of NaN.
+            #[inline(always)]
+            fn from_f64(value: f64) -> Self { nearest(value) as $t }
+            // The greatest value of a wider type becomes the greatest u32 here.
+            fn from_u32(value: u32) -> Self { value.min(<$t>::MAX as u32) as $t }
+        }
+    )*};
+}
+integers! { u8 u16 u32 i8 i16 i32 i64 u64 }
+
+/// The whole number nearest to `value`, halves to the even one.
+#[inline(always)]
+fn nearest(value: f64) -> f64 {
+    /// The sum of this and a smaller number has no bits below 1; much faster than a call of the C library.
+    const WHOLE: f64 = (1u64 << 52) as f64;
+    if value.abs() < WHOLE { (value.abs() + WHOLE - WHOLE).copysign(value) } else { value }
+}
+
+fn put_as<T: Number>(column: Column, records: &mut [u8], stride: usize, at: usize, rows: Range<usize>) {
+    match column {
+        Column::F32(c) => record::put(records, stride, at, &c[rows], |&v| T::from_f64(v.into())),
+        Column::F64(c) => record::put(records, stride, at, &c[rows], |&v| T::from_f64(v)),
+        Column::U8(c) => record::put(records, stride, at, &c[rows], |&v| T::from_u32(v.into())),
+        Column::U16(c) => record::put(records, stride, at, &c[rows], |&v| T::from_u32(v.into())),
+        Column::U32(c) => record::put(records, stride, at, &c[rows], |&v| T::from_u32(v)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Engine, FieldSet};
+    use PackType::*;
+    use glam::DVec3;
+
+    const fn item(field: Field, kind: PackType, offset: usize) -> PackItem {
+        PackItem { field, kind, offset }
+    }
+
+    /// A cloud far from the world's origin.
+    fn cloud(rows: usize) -> PointCloud {
+        let mut cloud = PointCloud { len: rows, origin: DVec3::new(5e5, 5.6e6, 100.0), ..PointCloud::default() };
+        cloud.fields = FieldSet::parse("x,y,z,intensity,return_number,channel,category_id,time").unwrap();
+        let c = &mut cloud.columns;
+        c.x = (0..rows).map(|row| row as f32 / 8.0).collect();
+        c.y = (0..rows).map(|row| -(row as f32)).collect();
+        c.z = vec![0.5; rows];
+        c.intensity = (0..rows).map(|row| (row % 300) as f32).collect();
+        c.return_number = vec![1; rows];
+        c.channel = (0..rows).map(|row| (row % 1000) as u16).collect();
+        c.category_id = (0..rows as u32).collect();
+        c.time = (0..rows).map(|row| row as f64 * 1e-6).collect();
+        cloud
+    }
+
+    /// The `N` bytes at `offset` in row `row`.
+    fn bytes<const N: usize>(packed: &[u8], stride: usize, row: usize, offset: usize) -> [u8; N] {
+        packed[row * stride + offset..][..N].try_into().unwrap()
+    }
+
+    #[test]
+    fn rows_are_packed_as_in_a_point_cloud_2() {
+        let cloud = cloud(10_000);
+        let items = [
+            item(Field::X, F32, 0),
+            item(Field::Y, F32, 4),
+            item(Field::Z, F32, 8),
+            item(Field::Intensity, F32, 12),
+            item(Field::Channel, U16, 16),
+            item(Field::Time, F64, 18),
+        ];
+        let pack = |threads| {
+            let mut packed = vec![0xee; 26 * 10_000 + 5];
+            let engine = Engine::with_threads(threads).unwrap();
+            engine.install(|| cloud.pack(&items, 26, &mut packed)).unwrap();
+            packed
+        };
+        let packed = pack(1);
+        assert!(packed == pack(3));
+        let c = &cloud.columns;
+        for row in 0..10_000 {
+            let float = |offset| f32::from_ne_bytes(bytes(&packed, 26, row, offset));
+            assert_eq!([0, 4, 8, 12].map(float), [c.x[row], c.y[row], c.z[row], c.intensity[row]]);
+            assert_eq!(u16::from_ne_bytes(bytes(&packed, 26, row, 16)), c.channel[row]);
+            assert_eq!(f64::from_ne_bytes(bytes(&packed, 26, row, 18)), c.time[row]);
+        }
+        assert_eq!(packed[26 * 10_000..], [0xee; 5]);
+        assert_eq!(cloud.packed_len(26), Some(260_000));
+    }
+
+    #[test]
+    fn rows_are_packed_as_in_autowares_points() {
+        let mut cloud = cloud(3);
+        cloud.columns.intensity = vec![254.5, 400.0, f32::NAN];
+        cloud.columns.time = vec![0.5, 1.5, -1.0];
+        // Without azimuth, elevation and distance, which are floats like x.
+        let items = [
+            item(Field::X, F32, 0),
+            item(Field::Y, F32, 4),
+            item(Field::Z, F32, 8),
+            item(Field::Intensity, U8, 12),
+            item(Field::ReturnNumber, U8, 13),
+            item(Field::Channel, U16, 14),
+            item(Field::Time, U32, 28),
+        ];
+        let mut packed = vec![7; 96];
+        cloud.pack(&items, 32, &mut packed).unwrap();
+        for (row, (intensity, time)) in [(254, 0u32), (255, 2), (0, 0)].into_iter().enumerate() {
+            assert_eq!(bytes(&packed, 32, row, 4), cloud.columns.y[row].to_ne_bytes());
+            assert_eq!(bytes(&packed, 32, row, 12), [intensity, 1]);
+            assert_eq!(bytes(&packed, 32, row, 14), (row as u16).to_ne_bytes());
+            assert_eq!(bytes(&packed, 32, row, 16), [7; 12]);
+            assert_eq!(bytes(&packed, 32, row, 28), time.to_ne_bytes());
+        }
+    }
+
+    #[test]
+    fn positions_are_complete_in_double_precision_only() {
+        let mut cloud = cloud(2);
+        cloud.fields = cloud.fields.with(Field::TrueZ);
+        cloud.columns.true_z = vec![0.25; 2];
+        let items = [item(Field::Y, F64, 1), item(Field::TrueZ, F64, 9), item(Field::Y, I32, 17)];
+        let mut packed = vec![0; 42];
+        cloud.pack(&items, 21, &mut packed).unwrap();
+        assert_eq!(f64::from_ne_bytes(bytes(&packed, 21, 1, 1)), 5.6e6 - 1.0);
+        assert_eq!(f64::from_ne_bytes(bytes(&packed, 21, 1, 9)), 100.25);
+        assert_eq!(i32::from_ne_bytes(bytes(&packed, 21, 1, 17)), -1);
+    }
+
+    #[test]
+    fn numbers_are_rounded_and_kept_within_their_type() {
+        fn of<T: Number + PartialEq + std::fmt::Debug>(cases: &[(f64, T)]) {
+            for &(value, expected) in cases {
+                assert_eq!(T::from_f64(value), expected, "{value}");
+            }
+        }
+        of::<u8>(&[(0.5, 0), (1.5, 2), (2.5, 2), (254.6, 255), (1e9, 255), (-1.0, 0), (f64::NAN, 0)]);
+        of::<i8>(&[(-0.5, 0), (-1.5, -2), (127.4, 127), (f64::INFINITY, 127), (f64::NEG_INFINITY, -128)]);
+        of::<i32>(&[
+            (2_147_483_646.5, 2_147_483_646),
+            (1e10, i32::MAX),
+            (-1e10, i32::MIN),
+            (0.499_999_999_999_999_94, 0),
+        ]);
+        of::<u16>(&[(65_535.4, 65_535)]);
+        of::<i16>(&[(-32_768.4, i16::MIN)]);
+        of::<u32>(&[(4_294_967_294.6, u32::MAX)]);
+        let half = 2_251_799_813_685_249.5; // 2^51 + 1.5
+        of::<i64>(&[
+            (half, half as i64 + 1),
+            (-half, -(half as i64) - 1),
+            (-1e300, i64::MIN),
+            (9e15, 9_000_000_000_000_000),
+        ]);
+        of::<u64>(&[(1e300, u64::MAX), (9.007_199_254_740_993e15, 9_007_199_254_740_992)]);
+        of::<f32>(&[(1e300, f32::INFINITY), (0.1, 0.1)]);
+        let large = u32::MAX;
+        assert_eq!((u8::from_u32(256), u16::from_u32(large), u32::from_u32(large)), (255, 65_535, large));
+        assert_eq!((i8::from_u32(128), i16::from_u32(large), i32::from_u32(large)), (127, 32_767, i32::MAX));
+        assert_eq!((i64::from_u32(large), u64::from_u32(large)), (large.into(), large.into()));
+        assert_eq!((f32::from_u32(large), f64::from_u32(large)), (4_294_967_296.0, 4_294_967_295.0));
+    }
+
+    #[test]
+    fn every_column_becomes_every_type() {
+        let cloud = cloud(1000);
+        for field in cloud.fields.iter().map(|info| info.field) {
+            for kind in [F32, F64, U8, U16, U32, I8, I16, I32, I64, U64] {
+                let mut packed = vec![0; 8000];
+                cloud.pack(&[item(field, kind, 0)], 8, &mut packed).unwrap();
+                for row in [0, 100, 999] {
+                    let is = match kind {
+                        F32 => f32::from_ne_bytes(bytes(&packed, 8, row, 0)).into(),
+                        F64 => f64::from_ne_bytes(bytes(&packed, 8, row, 0)) - cloud.offset(field).unwrap_or(0.0),
+                        U8 => u8::from_ne_bytes(bytes(&packed, 8, row, 0)).into(),
+                        U16 => u16::from_ne_bytes(bytes(&packed, 8, row, 0)).into(),
+                        U32 => u32::from_ne_bytes(bytes(&packed, 8, row, 0)).into(),
+                        I8 => i8::from_ne_bytes(bytes(&packed, 8, row, 0)).into(),
+                        I16 => i16::from_ne_bytes(bytes(&packed, 8, row, 0)).into(),
+                        I32 => i32::from_ne_bytes(bytes(&packed, 8, row, 0)).into(),
+                        I64 => i64::from_ne_bytes(bytes(&packed, 8, row, 0)) as f64,
+                        U64 => u64::from_ne_bytes(bytes(&packed, 8, row, 0)) as f64,
+                    };
+                    let (low, high) = match kind {
+                        U8 => (0.0, 255.0),
+                        U16 | U32 | U64 => (0.0, 65_535.0),
+                        I8 => (-128.0, 127.0),
+                        _ => (-32_768.0, 32_767.0),
+                    };
+                    let value = cloud.column(field).get_f64(row).clamp(low, high);
+                    let slack = if matches!(kind, F32 | F64) { 1e-9 } else { 0.5 };
+                    assert!((is - value).abs() <= slack, "{field:?} {kind:?} {row}: {is}, {value}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn layouts_that_do_not_fit_are_refused() {
+        let cloud = cloud(10);
+        let x = item(Field::X, F32, 0);
+        let refused = |items: &[PackItem], stride, length| {
+            let mut packed = vec![9; length];
+            let error = cloud.pack(items, stride, &mut packed).unwrap_err().to_string();
+            assert_eq!(packed, vec![9; length]);
+            error
+        };
+        assert_eq!(refused(&[x], 0, 40), "stride is 0; allowed: 1 byte or more");
+        assert_eq!(
+            refused(&[x, item(Field::Range, F32, 4)], 8, 80),
+            "item 1 (range) is a column that was not computed; allowed: columns of the cloud: \
+             x, y, z, intensity, category_id, return_number, channel, time"
+        );
+        assert_eq!(
+            refused(&[x, item(Field::Time, F64, 4)], 11, 110),
+            "item 1 (time) is from byte 4 to 12; allowed: up to the stride, 11"
+        );
+        assert!(refused(&[item(Field::X, U8, usize::MAX)], 8, 80).contains("to 18446744073709551615; allowed"));
+        assert_eq!(
+            refused(&[item(Field::Channel, U16, 7), x, item(Field::Y, F32, 3)], 16, 160),
+            "item 2 (y) is from byte 3 to 7; allowed: bytes beside those of item 1 (x)"
+        );
+        assert_eq!(
+            refused(&[x], 16, 159),
+            "memory to pack into is 159 bytes long; allowed: 160 bytes or more, 10 rows of 16 bytes"
+        );
+        assert!(refused(&[x], usize::MAX, 159).contains("184467440737095516150 bytes or more"));
+        cloud.pack(&[], 1, &mut [0; 10]).unwrap();
+        let mut broken = cloud.clone();
+        broken.columns.z.pop();
+        let error = broken.pack(&[x], 4, &mut [0; 40]).unwrap_err().to_string();
+        assert_eq!(error, "column z is 9 rows long; allowed: the cloud's 10 rows");
+        PointCloud::default().pack(&[], 4, &mut []).unwrap();
+    }
+}

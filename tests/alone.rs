@@ -1,0 +1,40 @@
+//! An engine with one thread starts none. A program of its own, because other tests start threads.
+
+#![cfg(target_os = "linux")]
+
+use echocast::export::preview::{self, ColorBy, PreviewOptions, View};
+use echocast::export::{self, FORMATS};
+use echocast::{Engine, Field, FieldSet, PackItem, PackType, Pose, Report, ScanOptions, Sensor, Trajectory};
+use echocast_tests::reference::{SceneBuilder, Shape};
+
+fn threads() -> usize {
+    std::fs::read_dir("/proc/self/task").unwrap().count()
+}
+
+#[test]
+fn an_engine_with_one_thread_starts_none() {
+    let before = threads();
+    let engine = Engine::with_threads(1).unwrap();
+    let mut scene = SceneBuilder::new();
+    scene.stand(Shape::sphere(20.0, 30), None);
+    let scene = scene.finish().build_with(&engine).unwrap();
+    let sensor = Sensor::preset("velodyne_vls128").unwrap();
+    let options = ScanOptions { fields: FieldSet::all(), ..ScanOptions::default() };
+    let cloud = scene.scan(&sensor, &Trajectory::fixed(Pose::at(1.0, 2.0, 3.0)), &options).unwrap();
+    assert!(cloud.len > 200_000, "{} points", cloud.len);
+    engine.install(|| {
+        let item = PackItem { field: Field::Range, kind: PackType::F32, offset: 0 };
+        cloud.pack(&[item], 4, &mut vec![0; 4 * cloud.len]).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        for format in FORMATS {
+            export::write(&cloud, &folder.path().join("cloud"), Some(format.name())).unwrap();
+        }
+        for view in [View::Top, View::Perspective, View::Range] {
+            for color in [ColorBy::Label, ColorBy::Height] {
+                let options = PreviewOptions { view, color, ..PreviewOptions::default() };
+                preview::render(&cloud, &options, &mut Report::default()).unwrap();
+            }
+        }
+    });
+    assert_eq!(threads(), before);
+}
