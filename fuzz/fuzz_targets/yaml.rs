@@ -13,6 +13,7 @@ fuzz_target!(|text: &str| {
         assert_eq!(again.spec(), sensor.spec());
         // The last line as a setting.
         if let Some((key, value)) = text.lines().next_back().and_then(|line| line.split_once('=')) {
+            let _ = sensor.parameter(key);
             let _ = sensor.set(key, value);
         }
     }

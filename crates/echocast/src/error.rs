@@ -108,14 +108,6 @@ impl Error {
         Error::InvalidParameter { name: name.into(), value: value.to_string(), allowed: allowed.into() }
     }
 
-    /// That `value` of the key `name` is `low` to `high`.
-    pub(crate) fn unless_within(name: &str, value: f64, low: f64, high: f64) -> Result<()> {
-        if (low..=high).contains(&value) {
-            return Ok(());
-        }
-        Err(Error::invalid(name, value, format!("{low} to {high}")))
-    }
-
     /// An [`Error::Missing`] that lists the names of `known` that come near `name`.
     pub fn missing<S: AsRef<str>>(what: &'static str, name: &str, known: impl IntoIterator<Item = S>) -> Self {
         Error::Missing { what, name: name.to_owned(), near: nearest(name, known) }

@@ -39,6 +39,7 @@
 //! * Nothing panics, prints or hangs on input; errors name what was found and what is allowed.
 #![forbid(unsafe_code)]
 
+mod bounds;
 pub mod cloud;
 pub mod detect;
 pub mod echo;
@@ -57,6 +58,7 @@ mod trace;
 pub mod units;
 mod yaml;
 
+pub use bounds::Parameter;
 pub use cloud::{Field, FieldSet, Frame, PackItem, PackType, PointCloud};
 pub use emitter::{Pose, Trajectory};
 pub use error::{Error, Result};

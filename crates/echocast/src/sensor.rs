@@ -1,5 +1,6 @@
 //! Sensors: a scan pattern, a beam and a receiver, read from YAML or taken from a preset.
 
+use crate::bounds::{ABOVE_ZERO, Bounds, Parameter};
 use crate::detect::{Detection, LimitPoint, Noise};
 use crate::echo::IntensityEncoding;
 use crate::emitter::BeamTable;
@@ -9,6 +10,8 @@ use crate::presets;
 use crate::yaml::{self, Document};
 use serde::de::{self, Deserializer, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use std::collections::BTreeSet;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -205,50 +208,54 @@ fn number_or_pair<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[f64; 2]
 /// Farthest range that makes sense anywhere here, m.
 const FARTHEST_M: f64 = 1e9;
 
+/// Finest step of ranges, m.
+const FINEST_M: f64 = 1e-6;
+
 impl SensorSpec {
     /// Whether all values are within what is allowed.
     ///
     /// # Errors
     /// [`Error::InvalidParameter`] that names the key.
     pub fn check(&self) -> Result<()> {
+        self.check_with(&mut Bounds::none())
+    }
+
+    /// [`SensorSpec::check`] that shows all numbers that have bounds to `bounds`.
+    fn check_with(&self, bounds: &mut Bounds) -> Result<()> {
         if self.name.is_empty() {
             return Err(Error::invalid("name", "empty", "a word"));
         }
         if self.kind == SensorKind::Sonar {
             return Err(sonar_unsupported());
         }
-        self.pattern.check()?;
+        self.pattern.check_with(bounds)?;
         let SensorSpec { beam, range, returns, noise, .. } = self;
-        Error::unless_within("beam.wavelength_nm", beam.wavelength_nm, 200.0, 20_000.0)?;
-        Error::unless_within("beam.divergence_mrad[0]", beam.divergence_mrad[0], 0.0, 1000.0)?;
-        Error::unless_within("beam.divergence_mrad[1]", beam.divergence_mrad[1], 0.0, 1000.0)?;
-        Error::unless_within("beam.pulse_ns", beam.pulse_ns, 0.0, 1e9)?;
-        Error::unless_within("range.min_m", range.min_m, 0.0, FARTHEST_M)?;
-        if let Some(max) = range.max_m {
-            Error::unless_within("range.max_m", max, 0.0, FARTHEST_M)?;
-            if max <= range.min_m {
-                return Err(Error::invalid("range.max_m", max, format!("above range.min_m ({})", range.min_m)));
-            }
-        }
+        bounds.within("beam.wavelength_nm", beam.wavelength_nm, 200.0, 20_000.0)?;
+        bounds.within("beam.divergence_mrad[0]", beam.divergence_mrad[0], 0.0, 1000.0)?;
+        bounds.within("beam.divergence_mrad[1]", beam.divergence_mrad[1], 0.0, 1000.0)?;
+        bounds.within("beam.pulse_ns", beam.pulse_ns, 0.0, 1e9)?;
+        bounds.within("range.min_m", range.min_m, 0.0, FARTHEST_M)?;
+        bounds.within("range.max_m", range.max_m, 0.0, FARTHEST_M)?;
+        bounds.rising(("range.min_m", range.min_m), ("range.max_m", range.max_m))?;
         // Finer than a micrometre, single precision overflows.
-        if range.resolution_m != 0.0 {
-            Error::unless_within("range.resolution_m", range.resolution_m, 1e-6, FARTHEST_M)?;
+        let steps = format!("{FINEST_M} to {FARTHEST_M}");
+        bounds.number("range.resolution_m", range.resolution_m, [0.0, FARTHEST_M], &steps)?;
+        if range.resolution_m > 0.0 && range.resolution_m < FINEST_M {
+            return Err(Error::invalid("range.resolution_m", range.resolution_m, steps));
         }
-        if returns.max == 0 {
-            return Err(Error::invalid("returns.max", 0, "1 to 255"));
-        }
-        Error::unless_within("returns.separation_m", returns.separation_m, 0.0, FARTHEST_M)?;
-        self.detection.check()?;
-        Error::unless_within("noise.range_offset_m", noise.range_offset_m, -FARTHEST_M, FARTHEST_M)?;
-        Error::unless_within("noise.range_offset_percent", noise.range_offset_percent, -100.0, 1000.0)?;
-        Error::unless_within("noise.range_mean_m", noise.range_mean_m, -FARTHEST_M, FARTHEST_M)?;
-        Error::unless_within("noise.range_sigma_m", noise.range_sigma_m, 0.0, FARTHEST_M)?;
-        Error::unless_within("noise.range_snr_sigma_m", noise.range_snr_sigma_m, 0.0, FARTHEST_M)?;
-        Error::unless_within("noise.azimuth_sigma_deg", noise.azimuth_sigma_deg, 0.0, 10.0)?;
-        Error::unless_within("noise.dropout", noise.dropout, 0.0, 1.0)?;
-        if noise.range_snr_sigma_m > 0.0 && !matches!(self.detection, Detection::RadarEquation { .. }) {
+        bounds.within("returns.max", f64::from(returns.max), 1.0, u8::MAX.into())?;
+        bounds.within("returns.separation_m", returns.separation_m, 0.0, FARTHEST_M)?;
+        self.detection.check(bounds)?;
+        bounds.within("noise.range_offset_m", noise.range_offset_m, -FARTHEST_M, FARTHEST_M)?;
+        bounds.within("noise.range_offset_percent", noise.range_offset_percent, -100.0, 1000.0)?;
+        bounds.within("noise.range_mean_m", noise.range_mean_m, -FARTHEST_M, FARTHEST_M)?;
+        bounds.within("noise.range_sigma_m", noise.range_sigma_m, 0.0, FARTHEST_M)?;
+        bounds.within("noise.range_snr_sigma_m", noise.range_snr_sigma_m, 0.0, FARTHEST_M)?;
+        bounds.within("noise.azimuth_sigma_deg", noise.azimuth_sigma_deg, 0.0, 10.0)?;
+        bounds.within("noise.dropout", noise.dropout, 0.0, 1.0)?;
+        if !matches!(self.detection, Detection::RadarEquation { .. }) {
             let allowed = "0, or above with detection.model: radar_equation";
-            return Err(Error::invalid("noise.range_snr_sigma_m", noise.range_snr_sigma_m, allowed));
+            bounds.number("noise.range_snr_sigma_m", noise.range_snr_sigma_m, [0.0; 2], allowed)?;
         }
         Ok(())
     }
@@ -270,30 +277,29 @@ fn sonar_unsupported() -> Error {
 }
 
 impl Detection {
-    fn check(&self) -> Result<()> {
-        let point = |name: &str, LimitPoint { reflectance, at_m }: LimitPoint, least_m: f64| {
-            Error::unless_within(&format!("detection.{name}reflectance"), reflectance, 0.0, 1.0)?;
-            Error::unless_within(&format!("detection.{name}at_m"), at_m, least_m, FARTHEST_M)
+    fn check(&self, bounds: &mut Bounds) -> Result<()> {
+        let mut point = |name: &str, LimitPoint { reflectance, at_m }: LimitPoint, least_m: f64| {
+            bounds.within(format_args!("detection.{name}reflectance"), reflectance, 0.0, 1.0)?;
+            bounds.within(format_args!("detection.{name}at_m"), at_m, least_m, FARTHEST_M)
         };
         match *self {
             Detection::None => Ok(()),
             Detection::RadarEquation { reflectance, at_m } => {
-                if reflectance == 0.0 {
-                    return Err(Error::invalid("detection.reflectance", 0, "above 0, at most 1"));
-                }
-                point("", LimitPoint { reflectance, at_m }, 1e-3)
+                point("", LimitPoint { reflectance, at_m }, 1e-3)?;
+                bounds.number("detection.reflectance", reflectance, [ABOVE_ZERO, 1.0], "above 0, at most 1")
             }
             Detection::ReflectivityLimit { lower, upper } => {
                 point("lower.", lower, 0.0)?;
                 point("upper.", upper, 0.0)?;
-                if upper.at_m <= lower.at_m {
-                    let allowed = format!("above detection.lower.at_m ({})", lower.at_m);
-                    return Err(Error::invalid("detection.upper.at_m", upper.at_m, allowed));
-                }
-                Ok(())
+                bounds.rising(("detection.lower.at_m", lower.at_m), ("detection.upper.at_m", upper.at_m))
             }
         }
     }
+}
+
+/// Whether a sensor file could have a number at `key`, where `tree` has nothing.
+fn takes_numbers(mut tree: Value, key: &str) -> bool {
+    yaml::set(&mut tree, key, "1").is_ok() && Document::from_value(key, tree).read::<SensorSpec>().is_ok()
 }
 
 /// A preset that ships with the library.
@@ -442,7 +448,7 @@ impl Sensor {
     /// # Errors
     /// An unknown key (with near ones), a wrong type, a value out of range, a pattern that cannot be drawn.
     pub fn set(&mut self, key: &str, value: &str) -> Result<()> {
-        let mut tree = serde_json::to_value(&self.spec).map_err(|error| Error::Internal(error.to_string()))?;
+        let mut tree = self.tree()?;
         yaml::set(&mut tree, key, value)?;
         let document = Document::from_value(format!("{key}={value}"), tree);
         let mut spec = SensorSpec::read(&document)?;
@@ -454,6 +460,45 @@ impl Sensor {
         };
         *self = Sensor::new(spec, std::mem::take(&mut self.folder), beams);
         Ok(())
+    }
+
+    /// A numeric parameter by its path in the YAML, as [`Sensor::set`] takes it, and the bounds of its key. Within them
+    /// `set` may still refuse a value where several keys must fit together: too many beams, steps that two keys say
+    /// differently, a `range.resolution_m` between 0 and a micrometre.
+    ///
+    /// # Errors
+    /// [`Error::Missing`] with near keys; [`Error::InvalidParameter`] for the key of a word, a list or a section.
+    pub fn parameter(&self, key: &str) -> Result<Parameter> {
+        let tree = self.tree()?;
+        let mut bounds = Bounds::of(key);
+        self.spec.check_with(&mut bounds)?;
+        let value = match yaml::lookup(&tree, key) {
+            Some(Value::Number(number)) => number.as_f64().unwrap_or(f64::NAN),
+            Some(other) => {
+                let found = match other {
+                    Value::Array(_) => "a list",
+                    Value::Object(_) => "a section of keys",
+                    _ => "a word",
+                };
+                return Err(Error::invalid(
+                    key,
+                    found,
+                    "the keys of numbers, such as range.min_m or pattern.fov_deg[0]",
+                ));
+            }
+            None if yaml::same_path(key, "range.max_m") => f64::INFINITY,
+            None if takes_numbers(tree.clone(), key) => f64::NAN,
+            None => {
+                let known: BTreeSet<String> = yaml::numbers(&tree).into_iter().chain(bounds.keys).collect();
+                return Err(Error::missing("numeric parameter", key, known));
+            }
+        };
+        Ok(Parameter { value, min: bounds.min, max: bounds.max })
+    }
+
+    /// Its description as a tree of values.
+    fn tree(&self) -> Result<Value> {
+        serde_json::to_value(&self.spec).map_err(|error| Error::Internal(error.to_string()))
     }
 
     /// Its description, with every key that has a value.
@@ -726,6 +771,90 @@ pattern:
             assert!(error.starts_with(expected), "{key}={value}\n  gives {error}\n  not   {expected}");
         }
         assert_eq!(sensor.to_yaml().unwrap(), before);
+    }
+
+    #[test]
+    fn parameters_lie_within_bounds_that_hold() {
+        for preset in presets::sensors() {
+            let sensor = Sensor::preset(preset.name).unwrap();
+            let tree = sensor.tree().unwrap();
+            let keys = yaml::numbers(&tree);
+            assert!(keys.len() > 15, "{keys:?}");
+            for key in keys {
+                let number = yaml::lookup(&tree, &key).unwrap();
+                let Parameter { value, min, max } = sensor.parameter(&key).unwrap();
+                assert_eq!(Some(value), number.as_f64());
+                assert!(min <= value && value <= max, "{}: {key} {value} {min} {max}", preset.name);
+                assert_eq!(min.is_finite() && max.is_finite(), !key.starts_with("expect."), "{key}");
+                let outside = if number.is_u64() { [min - 1.0, max + 1.0] } else { [min.next_down(), max.next_up()] };
+                for value in outside.into_iter().filter(|value| value.abs() < 1e300) {
+                    let text = if number.is_u64() { format!("{value}") } else { format!("{value:e}") };
+                    assert!(sensor.clone().set(&key, &text).is_err(), "{}: {key}={text}", preset.name);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn bounds_follow_the_other_keys() {
+        let mut sensor = Sensor::from_yaml(MINIMAL, "").unwrap();
+        let bounds = |sensor: &Sensor, key: &str| {
+            let Parameter { min, max, .. } = sensor.parameter(key).unwrap();
+            (min, max)
+        };
+        assert_eq!(bounds(&sensor, "noise.range_snr_sigma_m"), (0.0, 0.0));
+        assert_eq!(
+            sensor.parameter("range.max_m").unwrap(),
+            Parameter { value: f64::INFINITY, min: ABOVE_ZERO, max: 1e9 }
+        );
+        sensor.set("range", "{min_m: 2, max_m: 5}").unwrap();
+        assert_eq!(bounds(&sensor, "range.max_m"), (2f64.next_up(), 1e9));
+        assert_eq!(bounds(&sensor, "range.min_m"), (0.0, 5f64.next_down()));
+        sensor.set("range.min_m", &format!("{:e}", 5f64.next_down())).unwrap();
+        sensor.set("range.max_m", "5").unwrap();
+        sensor.set("detection", "{model: radar_equation, reflectance: 1, at_m: 9}").unwrap();
+        assert_eq!(bounds(&sensor, "noise.range_snr_sigma_m"), (0.0, 1e9));
+        assert_eq!(bounds(&sensor, "detection.reflectance"), (ABOVE_ZERO, 1.0));
+        let limits = "{model: reflectivity_limit, lower: {reflectance: 0, at_m: 3}, upper: {reflectance: 1, at_m: 9}}";
+        sensor.set("detection", limits).unwrap();
+        assert_eq!(bounds(&sensor, "detection.upper.at_m"), (3f64.next_up(), 1e9));
+        assert_eq!(bounds(&sensor, "detection.lower.at_m"), (0.0, 9f64.next_down()));
+        assert_eq!(bounds(&sensor, "returns.max"), (1.0, 255.0));
+        let yaml = "{name: a, kind: tof, pattern: {type: pinhole, resolution: [640, 480], fov_deg: [90, 60]}}";
+        let camera = Sensor::from_yaml(yaml, "").unwrap();
+        assert_eq!(bounds(&camera, "pattern.resolution[1]"), (1.0, 100_000.0));
+        assert_eq!(bounds(&camera, "pattern.fov_deg[0]"), (ABOVE_ZERO, 180f64.next_down()));
+    }
+
+    #[test]
+    fn parameters_are_numbers_that_there_are() {
+        let sensor = Sensor::preset("velodyne_vlp32c").unwrap();
+        // A key that stands for another, one that the file leaves out, one without bounds.
+        assert_eq!(sensor.parameter("pattern.channels.elevation_deg[00]").unwrap().min, -90.0);
+        let step = sensor.parameter("pattern.azimuth.step_deg").unwrap();
+        assert!(step.value.is_nan() && (step.min, step.max) == (1e-9, 1e12), "{step:?}");
+        let points = sensor.parameter("expect.points_per_s").unwrap();
+        assert_eq!((points.min, points.max), (f64::NEG_INFINITY, f64::INFINITY));
+        let mine = Sensor::from_yaml(MINIMAL, "").unwrap();
+        assert!(mine.parameter("expect.beams").unwrap().value.is_nan());
+        let cases = [
+            (
+                "noise.range_sigma",
+                "there is no numeric parameter named \"noise.range_sigma\"; near: noise.range_sigma_m",
+            ),
+            ("range.mx_m", "there is no numeric parameter named \"range.mx_m\"; near: range.max_m, range.min_m"),
+            ("detection.at_m", "there is no numeric parameter named \"detection.at_m\""),
+            ("noise.dropout.x", "there is no numeric parameter named \"noise.dropout.x\"; near: noise.dropout"),
+            ("pattern.channels", "there is no numeric parameter named \"pattern.channels\""),
+            ("", "there is no numeric parameter named \"\""),
+            ("kind", "kind is a word; allowed: the keys of numbers, such as range.min_m or pattern.fov_deg[0]"),
+            ("beam.divergence_mrad", "beam.divergence_mrad is a list; allowed: the keys of numbers"),
+            ("beam", "beam is a section of keys; allowed: the keys of numbers"),
+        ];
+        for (key, expected) in cases {
+            let error = mine.parameter(key).unwrap_err().to_string();
+            assert!(error.starts_with(expected), "{key}\n  gives {error}\n  not   {expected}");
+        }
     }
 
     #[test]

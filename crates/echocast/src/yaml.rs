@@ -204,13 +204,36 @@ fn unknown_name(message: &str) -> Option<(&str, Vec<&str>)> {
 }
 
 /// The value at `path` (`a.b[3]`) below `value`.
-fn lookup<'v>(value: &'v Value, path: &str) -> Option<&'v Value> {
+pub fn lookup<'v>(value: &'v Value, path: &str) -> Option<&'v Value> {
     steps(path).try_fold(value, |value, step| match step {
         Step::Key(key) => value.get(key),
         Step::Index(index) => value.get(index),
     })
 }
 
+/// Whether two paths name the same place.
+pub fn same_path(a: &str, b: &str) -> bool {
+    steps(a).eq(steps(b))
+}
+
+/// Paths of all numbers below `value`.
+pub fn numbers(value: &Value) -> Vec<String> {
+    fn add(value: &Value, path: &str, paths: &mut Vec<String>) {
+        match value {
+            Value::Number(_) => paths.push(path.to_owned()),
+            Value::Array(items) => {
+                items.iter().enumerate().for_each(|(index, item)| add(item, &format!("{path}[{index}]"), paths));
+            }
+            Value::Object(map) => map.iter().for_each(|(key, item)| add(item, &join(path, key), paths)),
+            _ => {}
+        }
+    }
+    let mut paths = Vec::new();
+    add(value, "", &mut paths);
+    paths
+}
+
+#[derive(PartialEq)]
 enum Step<'p> {
     Key(&'p str),
     Index(usize),

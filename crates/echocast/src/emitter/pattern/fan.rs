@@ -1,7 +1,9 @@
 //! Evenly spaced angles.
 
+use crate::bounds::{ABOVE_ZERO, Bounds};
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
+use std::fmt::Display;
 
 /// Angles at `centre - fov/2 + i step`, both ends included when `fov / step` is whole; a full turn has no
 /// duplicate at its seam.
@@ -33,15 +35,15 @@ impl Fan {
         self.centre_deg - 0.5 * self.fov_deg + i as f64 * self.step_deg
     }
 
-    pub(super) fn check(&self, key: &str, widest_deg: f64) -> Result<()> {
-        check_fov(&format!("{key}.fov_deg"), self.fov_deg, widest_deg)?;
-        check_above_zero(&format!("{key}.step_deg"), self.step_deg)?;
-        Error::unless_within(&format!("{key}.centre_deg"), self.centre_deg, -360.0, 360.0)
+    pub(super) fn check(&self, bounds: &mut Bounds, key: &str, widest_deg: f64) -> Result<()> {
+        check_fov(bounds, format_args!("{key}.fov_deg"), self.fov_deg, widest_deg)?;
+        check_above_zero(bounds, format_args!("{key}.step_deg"), self.step_deg)?;
+        bounds.within(format_args!("{key}.centre_deg"), self.centre_deg, -360.0, 360.0)
     }
 
     /// That all elevations lie between straight down and straight up.
-    pub(super) fn check_elevations(&self, key: &str) -> Result<()> {
-        self.check(key, 180.0)?;
+    pub(super) fn check_elevations(&self, bounds: &mut Bounds, key: &str) -> Result<()> {
+        self.check(bounds, key, 180.0)?;
         let (low, high) = (self.angle_deg(0), self.angle_deg(self.len() as usize - 1));
         // Sums of decimal fractions may pass the pole by a rounding.
         if low < -90.0 - 1e-9 || high > 90.0 + 1e-9 {
@@ -57,19 +59,13 @@ pub(super) fn samples(fov_deg: f64, step_deg: f64) -> u64 {
     if fov_deg == 360.0 { (steps.round() as u64).max(1) } else { ((steps + 1e-6).floor() as u64).saturating_add(1) }
 }
 
-pub(super) fn check_fov(key: &str, value: f64, widest: f64) -> Result<()> {
-    if value > 0.0 && value <= widest {
-        return Ok(());
-    }
-    Err(Error::invalid(key, value, format!("above 0, at most {widest}")))
+pub(super) fn check_fov(bounds: &mut Bounds, key: impl Display, value: f64, widest: f64) -> Result<()> {
+    bounds.number(key, value, [ABOVE_ZERO, widest], format_args!("above 0, at most {widest}"))
 }
 
-pub(super) fn check_above_zero(key: &str, value: f64) -> Result<()> {
+pub(super) fn check_above_zero(bounds: &mut Bounds, key: impl Display, value: impl Into<Option<f64>>) -> Result<()> {
     // Far below any instrument, and far from where quotients overflow.
-    if (1e-9..=1e12).contains(&value) {
-        return Ok(());
-    }
-    Err(Error::invalid(key, value, "above 0 (1e-9 to 1e12)"))
+    bounds.number(key, value, [1e-9, 1e12], "above 0 (1e-9 to 1e12)")
 }
 
 #[cfg(test)]
@@ -92,8 +88,10 @@ mod tests {
     #[test]
     fn fans_do_not_pass_the_poles() {
         let fan = Fan { fov_deg: 60.0, step_deg: 1.0, centre_deg: 70.0 };
-        let error = fan.check_elevations("pattern.elevation").unwrap_err().to_string();
+        let error = fan.check_elevations(&mut Bounds::none(), "pattern.elevation").unwrap_err().to_string();
         assert_eq!(error, "pattern.elevation is 40 to 100 deg; allowed: elevations of -90 to 90 deg");
-        assert!(Fan { fov_deg: 180.0, step_deg: 0.1, centre_deg: 0.0 }.check_elevations("e").is_ok());
+        assert!(
+            Fan { fov_deg: 180.0, step_deg: 0.1, centre_deg: 0.0 }.check_elevations(&mut Bounds::none(), "e").is_ok()
+        );
     }
 }

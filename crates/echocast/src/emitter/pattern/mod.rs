@@ -14,6 +14,7 @@ pub use table::Table;
 
 use super::BeamTable;
 use super::beams::MAX_BEAMS;
+use crate::bounds::Bounds;
 use crate::error::{Error, Result};
 use crate::yaml;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -55,11 +56,16 @@ impl Pattern {
     /// # Errors
     /// [`Error::InvalidParameter`] that names the key, from `pattern` on.
     pub fn check(&self) -> Result<()> {
+        self.check_with(&mut Bounds::none())
+    }
+
+    /// [`Pattern::check`] that shows all numbers that have bounds to `bounds`.
+    pub(crate) fn check_with(&self, bounds: &mut Bounds) -> Result<()> {
         match self {
-            Pattern::Spinning(spinning) => spinning.check(),
-            Pattern::Raster(raster) => raster.check(),
-            Pattern::Pinhole(pinhole) => pinhole.check(),
-            Pattern::Table(table) => table.check(),
+            Pattern::Spinning(spinning) => spinning.check(bounds),
+            Pattern::Raster(raster) => raster.check(bounds),
+            Pattern::Pinhole(pinhole) => pinhole.check(bounds),
+            Pattern::Table(table) => table.check(bounds),
             Pattern::Custom => Ok(()),
         }
     }

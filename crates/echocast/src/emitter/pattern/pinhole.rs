@@ -2,8 +2,10 @@
 
 use super::check_count;
 use super::fan::check_above_zero;
+use crate::bounds::{ABOVE_ZERO, Bounds};
+use crate::emitter::beams::MAX_BEAMS;
 use crate::emitter::{BeamTable, FiringOrder};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use serde::{Deserialize, Serialize};
 
 /// Where in a pixel its ray goes through.
@@ -39,18 +41,22 @@ fn thirty() -> f64 {
 }
 
 impl Pinhole {
-    pub(super) fn check(&self) -> Result<()> {
+    pub(super) fn check(&self, bounds: &mut Bounds) -> Result<()> {
+        let pixels = |axis: usize| (format!("pattern.resolution[{axis}]"), f64::from(self.resolution[axis]));
         for axis in 0..2 {
-            if self.resolution[axis] == 0 {
-                return Err(Error::invalid(format!("pattern.resolution[{axis}]"), 0, "1 or more"));
-            }
-            let fov = self.fov_deg[axis];
-            if !(fov > 0.0 && fov < 180.0) {
-                return Err(Error::invalid(format!("pattern.fov_deg[{axis}]"), fov, "above 0 and below 180"));
-            }
+            let (key, count) = pixels(axis);
+            bounds.number(key, count, [1.0, u32::MAX.into()], "1 or more")?;
+            let key = format_args!("pattern.fov_deg[{axis}]");
+            bounds.number(key, self.fov_deg[axis], [ABOVE_ZERO, 180f64.next_down()], "above 0 and below 180")?;
         }
-        check_above_zero("pattern.rate_hz", self.rate_hz)?;
-        check_count("pattern.resolution", self.resolution[1].into(), self.resolution[0].into())
+        check_above_zero(bounds, "pattern.rate_hz", self.rate_hz)?;
+        check_count("pattern.resolution", self.resolution[1].into(), self.resolution[0].into())?;
+        // What that leaves for the one beside the other.
+        for axis in 0..2 {
+            let (key, count) = pixels(axis);
+            bounds.within(key, count, 1.0, (MAX_BEAMS / u64::from(self.resolution[1 - axis])) as f64)?;
+        }
+        Ok(())
     }
 
     pub(super) fn beams(&self) -> BeamTable {
@@ -85,7 +91,7 @@ mod tests {
 
     fn camera(rays: Rays) -> BeamTable {
         let camera = Pinhole { resolution: [4, 2], fov_deg: [90.0, 60.0], rate_hz: 30.0, rays };
-        camera.check().unwrap();
+        camera.check(&mut Bounds::none()).unwrap();
         camera.beams()
     }
 

@@ -2,6 +2,7 @@
 
 use super::fan::check_above_zero;
 use super::{Fan, check_count};
+use crate::bounds::Bounds;
 use crate::emitter::beams::direction;
 use crate::emitter::{BeamTable, FiringOrder};
 use crate::error::Result;
@@ -22,10 +23,10 @@ pub struct Raster {
 }
 
 impl Raster {
-    pub(super) fn check(&self) -> Result<()> {
-        self.azimuth.check("pattern.azimuth", 360.0)?;
-        self.elevation.check_elevations("pattern.elevation")?;
-        check_above_zero("pattern.rate_hz", self.rate_hz)?;
+    pub(super) fn check(&self, bounds: &mut Bounds) -> Result<()> {
+        self.azimuth.check(bounds, "pattern.azimuth", 360.0)?;
+        self.elevation.check_elevations(bounds, "pattern.elevation")?;
+        check_above_zero(bounds, "pattern.rate_hz", self.rate_hz)?;
         let keys = "pattern.azimuth.step_deg and pattern.elevation.step_deg";
         check_count(keys, self.elevation.len(), self.azimuth.len())
     }
@@ -57,7 +58,7 @@ mod tests {
             elevation: Fan { fov_deg: 60.0, step_deg: 60.0, centre_deg: 0.0 },
             rate_hz: 10.0,
         };
-        raster.check().unwrap();
+        raster.check(&mut Bounds::none()).unwrap();
         let table = raster.beams();
         assert_eq!((table.rows, table.columns, table.len(), table.period), (2, 3, 6, 0.1));
         assert_eq!(table.firing(4), 4);

@@ -2,6 +2,7 @@
 
 use super::fan::{check_above_zero, check_fov, samples};
 use super::{Fan, check_count};
+use crate::bounds::Bounds;
 use crate::emitter::beams::direction;
 use crate::emitter::{BeamTable, FiringOrder};
 use crate::error::{Error, Result};
@@ -100,17 +101,13 @@ impl Spinning {
         }
     }
 
-    pub(super) fn check(&self) -> Result<()> {
+    pub(super) fn check(&self, bounds: &mut Bounds) -> Result<()> {
         let azimuth = &self.azimuth;
-        check_fov("pattern.azimuth.fov_deg", azimuth.fov_deg, 360.0)?;
-        check_above_zero("pattern.azimuth.rate_hz", azimuth.rate_hz)?;
-        Error::unless_within("pattern.azimuth.centre_deg", azimuth.centre_deg, -360.0, 360.0)?;
-        if let Some(step) = azimuth.step_deg {
-            check_above_zero("pattern.azimuth.step_deg", step)?;
-        }
-        if let Some(cycle) = self.cycle_us {
-            check_above_zero("pattern.cycle_us", cycle)?;
-        }
+        check_fov(bounds, "pattern.azimuth.fov_deg", azimuth.fov_deg, 360.0)?;
+        check_above_zero(bounds, "pattern.azimuth.rate_hz", azimuth.rate_hz)?;
+        bounds.within("pattern.azimuth.centre_deg", azimuth.centre_deg, -360.0, 360.0)?;
+        check_above_zero(bounds, "pattern.azimuth.step_deg", azimuth.step_deg)?;
+        check_above_zero(bounds, "pattern.cycle_us", self.cycle_us)?;
         match (azimuth.step_deg, self.cycle_us) {
             (None, None) => {
                 return Err(Error::invalid("pattern.azimuth.step_deg", "missing", "it, or pattern.cycle_us"));
@@ -125,8 +122,8 @@ impl Spinning {
             _ => {}
         }
         match (&self.channels, &self.elevation) {
-            (Some(channels), None) => channels.check()?,
-            (None, Some(fan)) => fan.check_elevations("pattern.elevation")?,
+            (Some(channels), None) => channels.check(bounds)?,
+            (None, Some(fan)) => fan.check_elevations(bounds, "pattern.elevation")?,
             (Some(_), Some(_)) => {
                 return Err(Error::invalid("pattern.elevation", "given beside channels", "one of the two"));
             }
@@ -189,7 +186,7 @@ fn cycled(list: &[f64], index: usize) -> f64 {
 }
 
 impl Channels {
-    fn check(&self) -> Result<()> {
+    fn check(&self, bounds: &mut Bounds) -> Result<()> {
         let count = self.elevation_deg.len();
         let most = usize::from(u16::MAX) + 1;
         if count == 0 || count > most {
@@ -221,14 +218,12 @@ impl Channels {
                 ));
             }
             for (i, &value) in list.iter().enumerate() {
-                Error::unless_within(&format!("pattern.channels.{name}[{i}]"), value, low, high)?;
+                bounds.within(format_args!("pattern.channels.{name}[{i}]"), value, low, high)?;
             }
         }
-        for (i, (near, far)) in self.range_min_m.iter().zip(&self.range_max_m).enumerate() {
-            if near >= far {
-                let allowed = format!("below range_max_m[{i}] ({far})");
-                return Err(Error::invalid(format!("pattern.channels.range_min_m[{i}]"), near, allowed));
-            }
+        for (i, (&near, &far)) in self.range_min_m.iter().zip(&self.range_max_m).enumerate() {
+            let [min, max] = ["min", "max"].map(|end| format!("pattern.channels.range_{end}_m[{i}]"));
+            bounds.rising((min, near), (max, far))?;
         }
         Ok(())
     }
@@ -260,7 +255,7 @@ mod tests {
     #[test]
     fn columns_turn_counter_clockwise() {
         let spinning = two_channels(Direction::Ccw);
-        spinning.check().unwrap();
+        spinning.check(&mut Bounds::none()).unwrap();
         let table = spinning.beams();
         assert_eq!((table.rows, table.columns, table.period), (2, 91, 0.1));
         assert!((azimuth_deg(&table, 0) - (20.0 - 45.0 + 0.5)).abs() < 1e-5);
@@ -288,10 +283,14 @@ mod tests {
         spinning.cycle_us = Some(55.296);
         assert!((spinning.step_deg() - 0.1990656).abs() < 1e-12);
         spinning.azimuth.step_deg = Some(0.1990656);
-        spinning.check().unwrap();
+        spinning.check(&mut Bounds::none()).unwrap();
         spinning.azimuth.step_deg = Some(0.2);
         assert!(
-            spinning.check().unwrap_err().to_string().starts_with("pattern.azimuth.step_deg is 0.2; allowed: one of")
+            spinning
+                .check(&mut Bounds::none())
+                .unwrap_err()
+                .to_string()
+                .starts_with("pattern.azimuth.step_deg is 0.2; allowed: one of")
         );
     }
 }

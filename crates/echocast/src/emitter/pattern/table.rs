@@ -1,6 +1,7 @@
 //! Beams listed in a CSV file.
 
 use super::fan::check_above_zero;
+use crate::bounds::Bounds;
 use crate::emitter::beams::{MAX_BEAMS, direction};
 use crate::emitter::csv::Csv;
 use crate::emitter::{BeamTable, FiringOrder};
@@ -22,8 +23,8 @@ pub struct Table {
 }
 
 impl Table {
-    pub(super) fn check(&self) -> Result<()> {
-        check_above_zero("pattern.rate_hz", self.rate_hz)
+    pub(super) fn check(&self, bounds: &mut Bounds) -> Result<()> {
+        check_above_zero(bounds, "pattern.rate_hz", self.rate_hz)
     }
 
     pub(super) fn beams(&self) -> Result<BeamTable> {
