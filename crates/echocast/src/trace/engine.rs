@@ -44,6 +44,9 @@ impl Engine {
     /// Works with `threads` threads of its own, which end with it; with 1, no thread is started at all and the calling
     /// thread does everything; with 0, there are as many as the machine has cores.
     ///
+    /// Embree builds with TBB and, while such engines live, allows it no more threads in this process than the largest
+    /// of them has; when the last of them ends, TBB may start an idle one.
+    ///
     /// # Errors
     /// As [`Engine::new`]; threads that the system does not give; more than 1024.
     pub fn with_threads(threads: usize) -> Result<Engine> {

@@ -19,10 +19,12 @@ use super::atomic::Pending;
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
 use crate::report::Report;
+use crate::yaml;
 use canvas::{DIM, PAGE, TEXT};
 use glam::Vec2;
 use paint::Paint;
 use points::Points;
+use serde::Deserialize;
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::Path;
@@ -32,7 +34,8 @@ use std::str::FromStr;
 const WIDTHS: std::ops::RangeInclusive<u32> = 320..=4096;
 
 /// From where a preview looks at the cloud.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum View {
     /// Straight down without perspective: +x to the right, +y up.
     #[default]
@@ -52,7 +55,8 @@ impl FromStr for View {
 }
 
 /// What the colours of a preview show.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum ColorBy {
     /// Category, or part when there is only one category.
     #[default]
@@ -98,7 +102,8 @@ fn by_name<T: Copy>(what: &'static str, name: &str, table: &[(&str, T)]) -> Resu
 }
 
 /// How a preview looks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct PreviewOptions {
     /// From where; default top.
     pub view: View,
@@ -111,6 +116,16 @@ pub struct PreviewOptions {
 impl Default for PreviewOptions {
     fn default() -> Self {
         PreviewOptions { view: View::default(), color: ColorBy::default(), width: 1600 }
+    }
+}
+
+impl PreviewOptions {
+    /// Reads options from YAML: `view`, `color`, `width`.
+    ///
+    /// # Errors
+    /// Line and key of what is wrong, with the nearest known key.
+    pub fn from_yaml(text: &str) -> Result<PreviewOptions> {
+        yaml::from_str("preview options", text)
     }
 }
 
