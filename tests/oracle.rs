@@ -1,5 +1,6 @@
 //! The library against the oracle of `reference/`: random scenes, random rays, every column of every hit.
 
+use echocast::material::Reflectance;
 use echocast::scene::{Material, Scene};
 use echocast::{FieldSet, Frame, PointCloud, Pose, ScanOptions, Trajectory};
 use echocast_tests::reference::{Hit, Random, SceneBuilder, Shape, Tracer, raster, sensor};
@@ -147,7 +148,8 @@ fn check_hit(
     let white = Material::default();
     let material = surface.material.unwrap_or(&white);
     let [red, green, blue, _] = material.base_color.map(f64::from);
-    let reflectance = material.reflectance.map_or(0.2126 * red + 0.7152 * green + 0.0722 * blue, f64::from);
+    let luminance = 0.2126 * red + 0.7152 * green + 0.0722 * blue;
+    let reflectance = material.reflectance.as_ref().map_or(luminance, |own| own.at(905.0).into());
     near("intensity", c.intensity[row].into(), reflectance * cos, reflectance * tolerance + 1e-6)?;
     for (what, is, linear) in [("red", c.red[row], red), ("green", c.green[row], green), ("blue", c.blue[row], blue)] {
         let encoded = if linear <= 0.0031308 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
@@ -190,7 +192,7 @@ fn random_pose(random: &mut Random, scene: &Scene, centre: DVec3, half: f64) -> 
 }
 
 fn random_material(random: &mut Random, name: &str) -> Material {
-    let reflectance = (random.unit() < 0.5).then(|| random.unit() as f32);
+    let reflectance = (random.unit() < 0.5).then(|| Reflectance::Constant(random.unit() as f32));
     let base_color = std::array::from_fn(|_| random.unit() as f32);
     Material { name: name.to_owned(), reflectance, base_color, ..Material::default() }
 }

@@ -1,5 +1,6 @@
 //! Scenes put together by hand.
 
+use echocast::material::Reflectance;
 use echocast::scene::{Array, Labels, Material, Mesh, NameTable, Object, Part, Scene};
 use glam::{DAffine3, DVec3};
 use std::sync::Arc;
@@ -136,7 +137,8 @@ impl SceneBuilder {
     /// Adds a material of reflectance `reflectance`.
     pub fn reflector(&mut self, reflectance: f32) -> usize {
         let name = format!("reflector {}", self.scene.materials.len());
-        self.material(Material { name, reflectance: Some(reflectance), ..Material::default() })
+        let reflectance = Some(Reflectance::Constant(reflectance));
+        self.material(Material { name, reflectance, ..Material::default() })
     }
 
     /// Adds a mesh of parts with their materials and returns its index.

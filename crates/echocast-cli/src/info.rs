@@ -4,6 +4,7 @@ use crate::input::SceneArgs;
 use crate::text::{self, thousands};
 use anyhow::Result;
 use echocast::Scene;
+use echocast::material::Reflectance;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
@@ -17,6 +18,16 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<()> {
     text::print(&describe(&args.scene.names(), &args.scene.load()?)?)
+}
+
+fn reflectance(of: &Reflectance) -> String {
+    match of {
+        Reflectance::Constant(value) => format!(", reflectance {value:.3}"),
+        Reflectance::Samples(samples) => {
+            let samples = samples.iter().map(|sample| format!("{:.3} at {} nm", sample.value, sample.wavelength_nm));
+            format!(", reflectance {}", samples.collect::<Vec<_>>().join(", "))
+        }
+    }
 }
 
 fn describe(name: &str, scene: &Scene) -> Result<String> {
@@ -46,7 +57,7 @@ fn describe(name: &str, scene: &Scene) -> Result<String> {
     for material in &scene.materials {
         let [r, g, b, a] = material.base_color;
         let texture = if material.base_color_texture.is_some() { ", texture" } else { "" };
-        let reflectance = material.reflectance.map_or(String::new(), |value| format!(", reflectance {value:.3}"));
+        let reflectance = material.reflectance.as_ref().map_or(String::new(), reflectance);
         writeln!(text, "  {:<28} linear rgba {r:.3} {g:.3} {b:.3} {a:.3}{texture}{reflectance}", material.name)?;
     }
 

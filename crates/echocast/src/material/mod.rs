@@ -1,12 +1,14 @@
 //! What surfaces are made of, and how much light they send back.
 
+mod file;
 mod library;
-mod reflectances;
+mod reflectance;
 
-pub use library::MaterialEntry;
-pub(crate) use reflectances::Reflectances;
+pub(crate) use reflectance::Reflectances;
+pub use reflectance::{Reflectance, ReflectanceSample};
 
 use crate::scene::TextureRef;
+use serde::Deserialize;
 
 /// Where the reflectance of a surface comes from when neither its material nor the material library says it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -18,17 +20,22 @@ pub enum ReflectanceSource {
     Alpha,
 }
 
-/// A surface material as the scene file gave it; colours are linear.
-#[derive(Clone, Debug, PartialEq)]
+/// A surface material as a file gave it; colours are linear.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct Material {
     /// Name in the file.
     pub name: String,
+    /// Where the numbers come from; may be empty.
+    pub source: String,
     /// Linear base colour and alpha, 0..1.
+    #[serde(deserialize_with = "file::color_and_alpha")]
     pub base_color: [f32; 4],
     /// Image that multiplies the base colour.
+    #[serde(skip)]
     pub base_color_texture: Option<TextureRef>,
-    /// Reflectance at the sensor's wavelength, 0..1, where the file says it (`extras.reflectance` or `blainder_rgba`'s fourth number).
-    pub reflectance: Option<f32>,
+    /// Reflectance, where the file says it (in glTF `extras.reflectance` or `blainder_rgba`'s fourth number).
+    pub reflectance: Option<Reflectance>,
     /// glTF metallic factor, 0..1; 1 with roughness 0 is a mirror.
     pub metallic: f32,
     /// glTF roughness factor, 0..1.
@@ -52,6 +59,7 @@ impl Default for Material {
     fn default() -> Self {
         Material {
             name: String::new(),
+            source: String::new(),
             base_color: [1.0; 4],
             base_color_texture: None,
             reflectance: None,

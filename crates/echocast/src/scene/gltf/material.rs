@@ -3,7 +3,7 @@
 use super::accessor::Accessors;
 use super::{Document, Notes, extras, place, uri};
 use crate::error::Result;
-use crate::material::Material;
+use crate::material::{Material, Reflectance};
 use crate::scene::texture::TextureBudget;
 use crate::scene::{Filter, Texture, TextureRef, Wrap};
 use gltf::json;
@@ -120,10 +120,12 @@ fn surface(source: &json::Material, name: String, factors: &mut Factors<'_>) -> 
     let property = |key: &str| extras::get(&source.extras, key);
     let zero_to_one = |v: f64| (0.0..=1.0).contains(&v);
     if let Some(value) = property("reflectance") {
-        material.reflectance = Some(number("extras.reflectance", &value, "a number from 0 to 1", zero_to_one)?);
+        let value = number("extras.reflectance", &value, "a number from 0 to 1", zero_to_one)?;
+        material.reflectance = Some(Reflectance::Constant(value));
     } else if let Some(value) = property("blainder_rgba") {
         let fourth = value.get(3).unwrap_or(&Value::Null);
-        material.reflectance = Some(number("extras.blainder_rgba[3]", fourth, "a number from 0 to 1", zero_to_one)?);
+        let value = number("extras.blainder_rgba[3]", fourth, "a number from 0 to 1", zero_to_one)?;
+        material.reflectance = Some(Reflectance::Constant(value));
     }
     if let Some(value) = property("blainder_metallic") {
         material.metallic = number("extras.blainder_metallic", &value, "a number from 0 to 1", zero_to_one)?;

@@ -1,5 +1,6 @@
 use super::read_bytes;
 use crate::error::Result;
+use crate::material::Reflectance;
 use crate::scene::{Filter, LabelRules, LoadOptions, Scene, Wrap};
 use glam::{DAffine3, DQuat, DVec3};
 use serde_json::{Value, json};
@@ -608,7 +609,8 @@ fn materials_are_read_with_their_extensions() {
     let scene = file.load().unwrap();
     let m = scene.meshes()[0].parts[0].material.as_ref().unwrap();
     assert_eq!((m.name.as_str(), m.base_color, m.metallic, m.roughness), ("glass", [0.1, 0.2, 0.3, 0.4], 0.25, 0.5));
-    assert_eq!((m.transmission, m.ior, m.unlit, m.reflectance), (0.75, 1.33, true, Some(0.6)));
+    assert_eq!((m.transmission, m.ior, m.unlit), (0.75, 1.33, true));
+    assert_eq!(m.reflectance, Some(Reflectance::Constant(0.6)));
     assert_eq!((m.thickness_m, m.attenuation_distance_m, m.attenuation_color), (0.01, 2.0, [1.0, 0.5, 0.0]));
 
     file.material(json!({}));
@@ -616,7 +618,7 @@ fn materials_are_read_with_their_extensions() {
     let m = &scene.materials[0];
     // glTF's defaults of a material that says nothing.
     assert_eq!((m.name.as_str(), m.metallic, m.roughness, m.ior), ("material_0", 1.0, 1.0, 1.5));
-    assert_eq!((m.reflectance, m.thickness_m, m.attenuation_distance_m), (None, 0.0, f32::INFINITY));
+    assert_eq!((&m.reflectance, m.thickness_m, m.attenuation_distance_m), (&None, 0.0, f32::INFINITY));
 
     file.material(json!({"extensions": {"KHR_materials_pbrSpecularGlossiness":
         {"diffuseFactor": [0.5, 0.25, 0.125, 1], "glossinessFactor": 0.75}}}));
@@ -631,7 +633,8 @@ fn properties_of_the_papers_system_are_read() {
     file.material(json!({"pbrMetallicRoughness": {"metallicFactor": 0.5}, "extras":
         {"blainder_rgba": [0.8, 0.8, 0.8, 0.9], "blainder_metallic": 1.0, "blainder_ior": 1.45, "other": {"x": []}}}));
     let read = |file: &File| file.load().unwrap().materials.swap_remove(0);
-    assert_eq!((read(&file).reflectance, read(&file).metallic, read(&file).ior), (Some(0.9), 1.0, 1.45));
+    let m = read(&file);
+    assert_eq!((&m.reflectance, m.metallic, m.ior), (&Some(Reflectance::Constant(0.9)), 1.0, 1.45));
     file.json["materials"][0]["extras"]["blainder_ior"] = json!(0.0);
     assert_eq!(read(&file).ior, 1.5, "0: no refraction said");
 }

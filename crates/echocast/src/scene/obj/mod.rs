@@ -194,6 +194,7 @@ impl Materials {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::material::Reflectance;
     use crate::scene::LabelRules;
     use std::collections::BTreeMap;
 
@@ -296,7 +297,8 @@ mod tests {
         assert_eq!(materials, [None, Some("wood"), Some("steel")]);
         assert_eq!(scene.materials.len(), 2);
         let wood = parts[1].material.as_ref().unwrap();
-        assert_eq!((wood.base_color, wood.reflectance), ([0.5, 0.25, 0.125, 0.5], Some(0.7)));
+        assert_eq!(wood.base_color, [0.5, 0.25, 0.125, 0.5]);
+        assert_eq!(wood.reflectance, Some(Reflectance::Constant(0.7)));
         let part_names: Vec<_> = scene.objects[0].part_ids.iter().map(|&id| scene.labels.part.name(id)).collect();
         assert_eq!(part_names, [None, Some("wood"), Some("leg")]);
         assert_eq!(scene.labels.category.name(scene.objects[0].category_id), Some("desk"));

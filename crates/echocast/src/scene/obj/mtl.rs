@@ -2,7 +2,7 @@
 
 use super::text::Text;
 use crate::error::{Error, Result};
-use crate::material::Material;
+use crate::material::{Material, Reflectance};
 use std::collections::HashMap;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -121,7 +121,7 @@ impl Entry {
                 if !(0.0..=1.0).contains(&value) {
                     return Err(text.error(format!("reflectance is {value}; allowed: 0 to 1")));
                 }
-                material.reflectance = Some(value as f32);
+                material.reflectance = Some(Reflectance::Constant(value as f32));
             }
             _ => {}
         }
@@ -231,9 +231,10 @@ mod tests {
         assert_eq!(entries.len(), 3);
         let steel = &entries["steel plate"].material;
         assert_eq!((steel.base_color, steel.ior), ([0.25, 0.5, 1.0, 0.75], 1.0));
-        assert_eq!((steel.metallic, steel.roughness, steel.reflectance), (0.5, 0.1, Some(0.3)));
+        assert_eq!((steel.metallic, steel.roughness), (0.5, 0.1));
+        assert_eq!(steel.reflectance, Some(Reflectance::Constant(0.3)));
         let grey = &entries["grey"].material;
-        assert_eq!((grey.base_color, grey.ior, grey.reflectance), ([0.5, 0.5, 0.5, 0.75], 1.33, None));
+        assert_eq!((grey.base_color, grey.ior, &grey.reflectance), ([0.5, 0.5, 0.5, 0.75], 1.33, &None));
         assert_eq!(entries["xyz"].material.base_color, [1.0, 1.0, 1.0, 0.5]);
     }
 

@@ -1,0 +1,179 @@
+//! Materials as YAML.
+
+use super::{Material, Reflectance};
+use crate::error::{Error, Result};
+use crate::yaml::Document;
+use serde::de::{Deserialize, Deserializer, Error as _};
+use std::fmt::Display;
+
+impl Material {
+    /// Reads the text of a material file, whose keys are the fields of this type but for the texture. Only `name` must
+    /// be there; `base_color` may lack alpha, and `reflectance` is a number or a list of [`super::ReflectanceSample`].
+    ///
+    /// # Errors
+    /// Line and key of what is wrong, with the nearest known key.
+    pub fn from_yaml(text: &str) -> Result<Material> {
+        Material::read(&Document::parse("YAML text", text)?)
+    }
+
+    /// Turns `document` into a checked material.
+    pub(super) fn read(document: &Document) -> Result<Material> {
+        let material: Material = document.read()?;
+        if document.value().get("name").is_none() {
+            return Err(document.error("", "the key `name` is missing"));
+        }
+        material.check().map_err(|error| document.locate(error))?;
+        Ok(material)
+    }
+
+    /// Whether all values are within what is allowed.
+    fn check(&self) -> Result<()> {
+        if self.name.is_empty() {
+            return Err(Error::invalid("name", "empty", "a word"));
+        }
+        let colors = [("base_color", &self.base_color[..]), ("attenuation_color", &self.attenuation_color[..])];
+        for (key, color) in colors {
+            for (index, &value) in color.iter().enumerate() {
+                fraction(format_args!("{key}[{index}]"), value.into(), value)?;
+            }
+        }
+        match &self.reflectance {
+            None => {}
+            Some(Reflectance::Constant(value)) => fraction("reflectance", (*value).into(), value)?,
+            Some(Reflectance::Samples(samples)) => {
+                allow("reflectance", "an empty list", !samples.is_empty(), "a number, or one sample or more")?;
+                let mut above = 0.0;
+                for (index, sample) in samples.iter().enumerate() {
+                    let (wavelength, key) = (sample.wavelength_nm, format!("reflectance[{index}].wavelength_nm"));
+                    allow(key, wavelength, wavelength > above, format_args!("above {above}, in rising order"))?;
+                    above = wavelength;
+                    fraction(format_args!("reflectance[{index}].value"), sample.value, sample.value)?;
+                }
+            }
+        }
+        let fractions =
+            [("metallic", self.metallic), ("roughness", self.roughness), ("transmission", self.transmission)];
+        for (key, value) in fractions {
+            fraction(key, value.into(), value)?;
+        }
+        let (ior, thickness, distance) = (self.ior, self.thickness_m, self.attenuation_distance_m);
+        allow("ior", ior, ior >= 1.0 && ior.is_finite(), "1 or more")?;
+        allow("thickness_m", thickness, thickness >= 0.0 && thickness.is_finite(), "0 or more")?;
+        allow("attenuation_distance_m", distance, distance > 0.0, "above 0")
+    }
+}
+
+fn allow(key: impl Display, found: impl Display, holds: bool, allowed: impl Display) -> Result<()> {
+    if holds { Ok(()) } else { Err(Error::invalid(key.to_string(), found, allowed.to_string())) }
+}
+
+/// That `value`, which errors write as `found`, is 0 to 1.
+fn fraction(key: impl Display, value: f64, found: impl Display) -> Result<()> {
+    allow(key, found, (0.0..=1.0).contains(&value), "0 to 1")
+}
+
+/// Reads red, green, blue and perhaps alpha.
+pub(super) fn color_and_alpha<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[f32; 4], D::Error> {
+    match Vec::deserialize(deserializer)?[..] {
+        [red, green, blue] => Ok([red, green, blue, 1.0]),
+        [red, green, blue, alpha] => Ok([red, green, blue, alpha]),
+        ref other => Err(D::Error::custom(format!("is a list of {}; allowed: 3 or 4 numbers", other.len()))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::ReflectanceSample;
+    use super::*;
+
+    #[test]
+    fn a_name_is_enough() {
+        let material = Material::from_yaml("name: plain").unwrap();
+        assert_eq!(material, Material { name: "plain".into(), ..Material::default() });
+    }
+
+    #[test]
+    fn every_key_is_read() {
+        let text = "
+name: tinted glass
+source: as a test
+base_color: [0.1, 0.2, 0.3, 0.4]
+reflectance: [{wavelength_nm: 905, value: 0.5}, {wavelength_nm: 1550, value: 0.25}]
+metallic: 0.1
+roughness: 0
+ior: 1.45
+transmission: 0.9
+thickness_m: 0.005
+attenuation_distance_m: 0.02
+attenuation_color: [1, 0.5, 0]
+unlit: true
+";
+        let sample = |wavelength_nm, value| ReflectanceSample { wavelength_nm, value };
+        let expected = Material {
+            name: "tinted glass".into(),
+            source: "as a test".into(),
+            base_color: [0.1, 0.2, 0.3, 0.4],
+            base_color_texture: None,
+            reflectance: Some(Reflectance::Samples(vec![sample(905.0, 0.5), sample(1550.0, 0.25)])),
+            metallic: 0.1,
+            roughness: 0.0,
+            ior: 1.45,
+            transmission: 0.9,
+            thickness_m: 0.005,
+            attenuation_distance_m: 0.02,
+            attenuation_color: [1.0, 0.5, 0.0],
+            unlit: true,
+        };
+        assert_eq!(Material::from_yaml(text).unwrap(), expected);
+        let short = Material::from_yaml("{name: a, base_color: [0.5, 0.5, 1], reflectance: 1}").unwrap();
+        assert_eq!(short.base_color, [0.5, 0.5, 1.0, 1.0]);
+        assert_eq!(short.reflectance, Some(Reflectance::Constant(1.0)));
+    }
+
+    #[test]
+    fn errors_name_line_and_key() {
+        let cases = [
+            ("reflectence: 0.5", "line 2: reflectence: unknown key \"reflectence\"; near: reflectance; allowed: name,"),
+            ("base_color_texture: a.png", "line 2: base_color_texture: unknown key"),
+            ("base_color: [1, 1]", "line 2: base_color: is a list of 2; allowed: 3 or 4 numbers"),
+            ("base_color: [1, 1,\n  1.1]", "line 3: base_color[2]: is 1.1; allowed: 0 to 1"),
+            ("base_color: red", "line 2: base_color: invalid type: string \"red\", expected a list"),
+            ("reflectance: -0.1", "line 2: reflectance: is -0.1; allowed: 0 to 1"),
+            ("reflectance: high", "line 2: reflectance: invalid type: string \"high\", expected a number or a list of"),
+            ("reflectance: []", "line 2: reflectance: is an empty list; allowed: a number, or one sample or more"),
+            ("reflectance: [0.1]", "line 2: reflectance[0]: invalid type: floating point `0.1`, expected a section"),
+            ("reflectance: [{value: 1}]", "line 2: reflectance[0]: the key `wavelength_nm` is missing"),
+            (
+                "reflectance:\n- {wavelength_nm: 905, valeu: 1}",
+                "line 3: reflectance[0].valeu: unknown key \"valeu\"; near: value; allowed: wavelength_nm, value",
+            ),
+            (
+                "reflectance: [{wavelength_nm: 905, value: 1.5}]",
+                "line 2: reflectance[0].value: is 1.5; allowed: 0 to 1",
+            ),
+            (
+                "reflectance:\n- {wavelength_nm: 905, value: 1}\n- {wavelength_nm: 905, value: 1}",
+                "line 4: reflectance[1].wavelength_nm: is 905; allowed: above 905, in rising order",
+            ),
+            ("metallic: 2", "line 2: metallic: is 2; allowed: 0 to 1"),
+            ("transmission: 1e300", "line 2: transmission: is inf; allowed: 0 to 1"),
+            ("ior: 0", "line 2: ior: is 0; allowed: 1 or more"),
+            ("thickness_m: -1", "line 2: thickness_m: is -1; allowed: 0 or more"),
+            ("attenuation_distance_m: 0", "line 2: attenuation_distance_m: is 0; allowed: above 0"),
+            ("attenuation_color: [0, 0, 2]", "line 2: attenuation_color[2]: is 2; allowed: 0 to 1"),
+            ("unlit: 1", "line 2: unlit: invalid type: integer `1`, expected a"),
+            ("name: again", "line 2: duplicate"),
+        ];
+        for (text, expected) in cases {
+            let error = Material::from_yaml(&format!("name: a\n{text}\n")).unwrap_err().to_string();
+            assert!(
+                error.starts_with(&format!("YAML text: {expected}")),
+                "{text}\n  gives {error}\n  not   {expected}"
+            );
+        }
+        let message = |text| Material::from_yaml(text).unwrap_err().to_string();
+        assert_eq!(message("ior: 1.5"), "YAML text: line 1: the key `name` is missing");
+        assert_eq!(message("ior: 1\nname: ''"), "YAML text: line 2: name: is empty; allowed: a word");
+        assert_eq!(message(""), "YAML text: line 1: invalid type: null, expected a section of keys");
+    }
+}

@@ -1,0 +1,117 @@
+//! How much light surfaces send back: of one material at every wavelength, of all materials of a scene at one.
+
+use super::{Material, ReflectanceSource, library};
+use serde::Deserialize;
+use serde::de::{self, Deserializer, SeqAccess, Visitor};
+use std::fmt;
+use std::sync::Arc;
+
+/// Hemispherical reflectance of a surface.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Reflectance {
+    /// The same at every wavelength, 0..1.
+    Constant(f32),
+    /// Measured at some wavelengths, in rising order; without any, 0.
+    Samples(Vec<ReflectanceSample>),
+}
+
+/// Reflectance at one wavelength.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ReflectanceSample {
+    /// Wavelength, nm.
+    pub wavelength_nm: f64,
+    /// Hemispherical reflectance, 0..1.
+    pub value: f64,
+}
+
+impl Reflectance {
+    /// Reflectance at `wavelength_nm`, 0..1: linear between samples, constant outside them.
+    pub fn at(&self, wavelength_nm: f64) -> f32 {
+        let samples = match self {
+            Reflectance::Constant(value) => return *value,
+            Reflectance::Samples(samples) => samples,
+        };
+        let (below, above) = samples.split_at(samples.partition_point(|sample| sample.wavelength_nm < wavelength_nm));
+        let value = match (below.last(), above.first()) {
+            (Some(low), Some(high)) => {
+                let t = (wavelength_nm - low.wavelength_nm) / (high.wavelength_nm - low.wavelength_nm);
+                low.value + (high.value - low.value) * t
+            }
+            (Some(only), None) | (None, Some(only)) => only.value,
+            (None, None) => 0.0,
+        };
+        value as f32
+    }
+}
+
+impl<'de> Deserialize<'de> for Reflectance {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct NumberOrSamples;
+
+        impl<'de> Visitor<'de> for NumberOrSamples {
+            type Value = Reflectance;
+
+            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+                f.write_str("a number or a list of {wavelength_nm, value}")
+            }
+            fn visit_i64<E>(self, value: i64) -> Result<Reflectance, E> {
+                Ok(Reflectance::Constant(value as f32))
+            }
+            fn visit_u64<E>(self, value: u64) -> Result<Reflectance, E> {
+                Ok(Reflectance::Constant(value as f32))
+            }
+            fn visit_f64<E>(self, value: f64) -> Result<Reflectance, E> {
+                Ok(Reflectance::Constant(value as f32))
+            }
+            fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Reflectance, A::Error> {
+                let samples = Deserialize::deserialize(de::value::SeqAccessDeserializer::new(seq))?;
+                Ok(Reflectance::Samples(samples))
+            }
+        }
+        deserializer.deserialize_any(NumberOrSamples)
+    }
+}
+
+/// Reflectance of every material at one wavelength.
+pub(crate) struct Reflectances {
+    /// In the order of the materials; NaN where only the image of the surface knows.
+    pub by_material: Vec<f32>,
+    wavelength_nm: f64,
+    pub source: ReflectanceSource,
+}
+
+impl Reflectances {
+    /// In this order: the material's own word, the material library, the base colour as `source` says.
+    pub fn new(materials: &[Arc<Material>], wavelength_nm: f64, source: ReflectanceSource) -> Self {
+        let of = |material: &Arc<Material>| {
+            let known = material.reflectance.as_ref();
+            match known.or_else(|| library::find(&material.name)?.reflectance.as_ref()) {
+                Some(reflectance) => reflectance.at(wavelength_nm),
+                None if material.base_color_texture.is_some() => f32::NAN,
+                None => source.of(material.base_color),
+            }
+        };
+        Reflectances { by_material: materials.iter().map(of).collect(), wavelength_nm, source }
+    }
+
+    /// Whether they hold at this wavelength, for this source.
+    pub fn are_for(&self, wavelength_nm: f64, source: ReflectanceSource) -> bool {
+        (self.wavelength_nm, self.source) == (wavelength_nm, source)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reflectance_is_linear_between_samples() {
+        let sample = |wavelength_nm, value| ReflectanceSample { wavelength_nm, value };
+        let samples = Reflectance::Samples(vec![sample(800.0, 0.2), sample(1000.0, 0.6)]);
+        assert_eq!([500.0, 800.0, 900.0, 1000.0, 1550.0].map(|nm| samples.at(nm)), [0.2, 0.2, 0.4, 0.6, 0.6]);
+        assert_eq!(Reflectance::Samples(vec![sample(905.0, 0.3)]).at(1550.0), 0.3);
+        assert_eq!(Reflectance::Samples(vec![]).at(905.0), 0.0);
+        assert_eq!(Reflectance::Constant(0.7).at(905.0), 0.7);
+    }
+}
