@@ -1,6 +1,7 @@
 //! Scenes that are edited while they are scanned.
 
 use echocast::cloud::FIELDS;
+use echocast::material::Reflectance;
 use echocast::scene::{Material, Mesh, Object, Part};
 use echocast::{
     BuiltScene, Engine, FieldSet, LiveScene, ObjectId, PointCloud, Pose, ScanOptions, Scene, Sensor, Trajectory,
@@ -22,7 +23,7 @@ fn mesh(shape: Shape, material: Option<Arc<Material>>) -> Arc<Mesh> {
 }
 
 fn paint(reflectance: f32) -> Arc<Material> {
-    let reflectance = Some(reflectance);
+    let reflectance = Some(Reflectance::Constant(reflectance));
     Arc::new(Material { name: format!("paint {reflectance:?}"), reflectance, ..Material::default() })
 }
 
@@ -298,7 +299,11 @@ fn masks_and_materials_belong_to_objects() {
     assert!((before - 0.5).abs() < 0.01, "{before}");
     live.set_material(
         near,
-        Some(Arc::new(Material { name: "zinc".into(), reflectance: Some(0.9), ..Material::default() })),
+        Some(Arc::new(Material {
+            name: "zinc".into(),
+            reflectance: Some(Reflectance::Constant(0.9)),
+            ..Material::default()
+        })),
     )
     .unwrap();
     let (after, name) = brightest(&mut live);

@@ -1,19 +1,67 @@
-//! The example runs, and says the same each time.
+//! The examples of all languages run, and say the same.
 
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::{env, fs};
 
+const EXAMPLES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+
+/// A folder for programs and what they write.
+fn folder(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = fs::remove_dir_all(&folder);
+    fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
+/// What a program prints.
+#[track_caller]
+fn said(command: &mut Command) -> String {
+    let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
+    assert!(output.status.success(), "{command:?}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// Compiles an example of C or C++ and links it to the library that was just built.
+fn compile(folder: &Path, source: &str) -> PathBuf {
+    let (compiler, standard) = if source.ends_with(".c") { ("cc", "-std=c99") } else { ("c++", "-std=c++11") };
+    let program = folder.join(source.replace(['/', '.'], "-"));
+    let deps = env::current_exe().unwrap().parent().unwrap().to_owned();
+    let mut command = Command::new(compiler);
+    command.args([standard, "-O2", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-I"]);
+    command.arg(Path::new(EXAMPLES).join("../include")).arg(Path::new(EXAMPLES).join(source));
+    for name in ["libechocast.so", "libechocast.so.1"] {
+        let _ = std::os::unix::fs::symlink(deps.join("libechocast_capi.so"), folder.join(name));
+    }
+    command.arg("-L").arg(folder).arg("-lechocast").arg(format!("-Wl,-rpath,{}", folder.display()));
+    said(command.arg("-o").arg(&program));
+    program
+}
+
 #[test]
-fn the_same_scan_has_the_same_digest() {
-    let path = env::temp_dir().join(format!("echocast-example-{}.las", std::process::id()));
-    let run = || {
-        let output = Command::new(env!("CARGO_BIN_EXE_echocast-example")).arg(&path).output().unwrap();
-        assert!(output.status.success(), "{output:?}");
-        let size = fs::metadata(&path).unwrap().len();
+fn one_scan_has_one_digest_in_every_language() {
+    let folder = folder("scan");
+    let scene = format!("{EXAMPLES}/scenes/indoor-1.glb");
+    let rust = |path: &Path| said(Command::new(env!("CARGO_BIN_EXE_echocast-example")).arg(path));
+    let path = folder.join("hall.las");
+    let line = rust(&path);
+    let file = fs::read(&path).unwrap();
+    assert!(line.contains(" points, digest ") && file.len() > 10_000, "{line}, {} bytes", file.len());
+    assert_eq!(rust(&path), line);
+    for source in ["c/scan.c", "cpp/scan.cpp"] {
+        let program = compile(&folder, source);
         fs::remove_file(&path).unwrap();
-        (String::from_utf8(output.stdout).unwrap(), size)
-    };
-    let (line, size) = run();
-    assert!(line.contains(" points, digest ") && size > 10_000, "{line}, {size} bytes");
-    assert_eq!(run(), (line, size));
+        assert_eq!(said(Command::new(program).arg(&scene).arg(&path)), line, "{source}");
+        assert!(fs::read(&path).unwrap() == file, "the file of {source} differs");
+    }
+}
+
+#[test]
+fn a_live_loop_has_one_digest_in_every_language() {
+    let folder = folder("live");
+    let line = said(&mut Command::new(env!("CARGO_BIN_EXE_live")));
+    assert!(line.starts_with("100 frames: ") && line.contains(" points, digest "), "{line}");
+    for source in ["c/live.c", "cpp/live.cpp"] {
+        assert_eq!(said(&mut Command::new(compile(&folder, source))), line, "{source}");
+    }
 }

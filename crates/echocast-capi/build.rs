@@ -1,0 +1,22 @@
+//! Where Embree lies (rpath.rs, shared with the other packages), and the name by which programs ask for the library.
+
+use std::env;
+
+mod rpath;
+
+/// First number of the ABI: it changes when a program that was linked against an older one would break.
+const ABI: u32 = 1;
+
+fn main() {
+    println!("cargo::rerun-if-env-changed=ECHOCAST_INSTALL");
+    if env::var_os("ECHOCAST_INSTALL").is_some() {
+        // Installed, the library finds an Embree that came with it in a folder beside it.
+        println!("cargo::rustc-link-arg-cdylib=-Wl,-rpath,$ORIGIN/echocast");
+    } else {
+        rpath::main();
+    }
+    // cargo-c says so itself.
+    if env::var_os("CARGO_FEATURE_CAPI").is_none() {
+        println!("cargo::rustc-link-arg-cdylib=-Wl,-soname,libechocast.so.{ABI}");
+    }
+}

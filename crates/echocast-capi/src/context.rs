@@ -1,0 +1,142 @@
+//! Contexts: everything else belongs to one.
+
+use crate::guard::{Failure, Outcome, guard};
+use crate::handle::{self, handles};
+use crate::text::{self, Sized_};
+use echocast::{Engine, Report};
+use std::ffi::{CString, c_char, c_void};
+use std::fmt::Display;
+use std::ptr;
+use std::sync::Arc;
+
+/// Threads and Embree's device; everything else belongs to a context. Contexts do not notice each other.
+pub struct echocast_context(());
+
+handles! {
+    echocast_context: Context, "context", 1;
+}
+
+/// Nothing is said.
+pub const ECHOCAST_LOG_OFF: i32 = 0;
+/// What was done nonetheless, though something was left out or looks wrong.
+pub const ECHOCAST_LOG_WARN: i32 = 2;
+/// What was done.
+pub const ECHOCAST_LOG_INFO: i32 = 3;
+
+/// Takes a message of one sentence, valid during the call. It may be called on any thread, on several at once, and must
+/// neither throw nor call the library.
+pub type echocast_log_fn = Option<unsafe extern "C" fn(user: *mut c_void, level: i32, text: *const c_char)>;
+
+/// How a context works; ECHOCAST_CONTEXT_DESC_INIT has the defaults.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct echocast_context_desc {
+    /// sizeof(echocast_context_desc).
+    pub struct_size: usize,
+    /// Threads of the context's own that build and scan: 0 as many as the machine has cores, 1 none at all (the
+    /// calling thread does everything), up to 1024. Embree builds with TBB: a host that shares that library has no
+    /// more threads of it than the largest context while contexts live, and the end of the last may start an idle
+    /// one.
+    pub threads: i32,
+    /// Least important messages for `log`: an ECHOCAST_LOG_ number.
+    pub log_level: i32,
+    /// Takes messages; may be NULL.
+    pub log: echocast_log_fn,
+    /// First argument of `log`.
+    pub log_user: *mut c_void,
+}
+
+impl Default for echocast_context_desc {
+    fn default() -> Self {
+        echocast_context_desc {
+            struct_size: size_of::<Self>(),
+            threads: 0,
+            log_level: ECHOCAST_LOG_WARN,
+            log: None,
+            log_user: ptr::null_mut(),
+        }
+    }
+}
+
+// SAFETY: plain numbers and pointers, the size first.
+unsafe impl Sized_ for echocast_context_desc {}
+
+/// What a context's objects share.
+pub struct Context {
+    pub(crate) engine: Engine,
+    level: i32,
+    log: echocast_log_fn,
+    user: *mut c_void,
+}
+
+// SAFETY: `user` is only handed to `log`, which may be called on any thread, as the header says.
+unsafe impl Send for Context {}
+// SAFETY: as above.
+unsafe impl Sync for Context {}
+
+impl Context {
+    pub(crate) fn say(&self, level: i32, text: impl Display) {
+        let Some(log) = self.log.filter(|_| level <= self.level) else { return };
+        let text = CString::new(text.to_string().replace('\0', "?")).unwrap_or_default();
+        // SAFETY: the function and its argument are the host's, which promised that they can be called.
+        unsafe { log(self.user, level, text.as_ptr()) };
+    }
+
+    pub(crate) fn warn(&self, report: &Report) {
+        report.warnings.iter().for_each(|warning| self.say(ECHOCAST_LOG_WARN, warning));
+    }
+
+    /// That `other`, of the argument `name`, is this context.
+    pub(crate) fn check(self: &Arc<Self>, other: &Arc<Self>, name: &str) -> Outcome {
+        if Arc::ptr_eq(self, other) {
+            return Ok(());
+        }
+        Err(Failure::new(crate::ECHOCAST_E_HANDLE, format!("{name} belongs to another context")))
+    }
+}
+
+/// Makes a context: starts its threads and loads Embree. `desc`: NULL for the defaults. `*out` is the new context, to be
+/// released with echocast_context_release.
+///
+/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_UNSUPPORTED (Embree is too old, or the processor), ECHOCAST_E_MEMORY,
+/// ECHOCAST_E_INTERNAL (the system gives no threads). Any thread may call this.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_context_create(
+    desc: *const echocast_context_desc,
+    out: *mut *mut echocast_context,
+) -> crate::echocast_status {
+    guard(|| {
+        // SAFETY: as the header asks.
+        let out = unsafe { text::output(out, "out") }?.write(ptr::null_mut());
+        let desc = if desc.is_null() {
+            echocast_context_desc::default()
+        } else {
+            // SAFETY: as the header asks.
+            unsafe { text::structure(desc, "desc") }?
+        };
+        let threads =
+            usize::try_from(desc.threads).map_err(|_| Failure::argument("desc->threads", desc.threads, "0 to 1024"))?;
+        if !(ECHOCAST_LOG_OFF..=ECHOCAST_LOG_INFO).contains(&desc.log_level) {
+            return Err(Failure::argument("desc->log_level", desc.log_level, "0 to 3, an ECHOCAST_LOG_ number"));
+        }
+        let engine = Engine::with_threads(threads)?;
+        let context = Context { engine, level: desc.log_level, log: desc.log, user: desc.log_user };
+        let (major, minor, patch) = context.engine.embree_version();
+        context.say(
+            ECHOCAST_LOG_INFO,
+            format_args!("Embree {major}.{minor}.{patch}, threads: {}", context.engine.threads()),
+        );
+        *out = handle::create(context)?;
+        Ok(())
+    })
+}
+
+/// Releases a context. What was made with it stays usable; its threads end with the last of that. NULL is allowed.
+/// Any thread may call this.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_context_release(context: *mut echocast_context) {
+    guard(|| {
+        handle::release(context);
+        Ok(())
+    });
+}

@@ -1,0 +1,166 @@
+//! Files of points.
+
+use crate::context::{Context, echocast_context};
+use crate::guard::{Failure, echocast_status, guard};
+use crate::handle::{self, handles};
+use crate::result::{echocast_result, look};
+use crate::text;
+use echocast::export;
+#[cfg(feature = "hdf5")]
+use echocast::export::FramesFile;
+use echocast::export::preview::{self, PreviewOptions};
+use std::ffi::c_char;
+use std::ptr;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// An HDF5 file that grows by one scan at a time.
+pub struct echocast_frames(());
+
+handles! {
+    echocast_frames: Frames, "frames file", 8;
+}
+
+/// A file that grows, until it is finished.
+pub struct Frames {
+    context: Arc<Context>,
+    file: Mutex<Option<FramesFile>>,
+}
+
+/// Without HDF5 there is no such file.
+#[cfg(not(feature = "hdf5"))]
+enum FramesFile {}
+
+#[cfg(not(feature = "hdf5"))]
+impl FramesFile {
+    fn create(path: &std::path::Path) -> echocast::Result<FramesFile> {
+        export::format_for(path, Some("hdf5"))?;
+        Err(echocast::Error::Internal("HDF5 is known, but not built in".into()))
+    }
+
+    fn add(&mut self, _: &echocast::PointCloud) -> echocast::Result<()> {
+        match *self {}
+    }
+
+    fn finish(self) -> echocast::Result<()> {
+        match self {}
+    }
+}
+
+/// Writes the points to a file, which appears under its name only when it is complete. `format`: a name of the list
+/// "formats"; NULL: as the ending of `path` says. The names of labels stand in the file, or in NAME.labels.json beside it.
+/// What a format cannot hold is told to the context's log.
+///
+/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_IO (a full disk), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_result_write(
+    result: *const echocast_result,
+    path: *const c_char,
+    format: *const c_char,
+) -> echocast_status {
+    guard(|| {
+        // SAFETY: as the header asks.
+        let (path, format) = unsafe { (text::path(path, "path")?, text::optional(format, "format")?) };
+        look(result, |points| {
+            let report = points.context.engine.install(|| export::write(&points.cloud, path, format))?;
+            points.context.warn(&report);
+            Ok(())
+        })
+    })
+}
+
+/// Writes a picture of the points as PNG. `options`: NULL, or YAML with `view` (top, perspective, range), `color` (label,
+/// intensity, range, height) and `width` in pixels.
+///
+/// Errors: ECHOCAST_E_ARGUMENT (columns that the picture needs are missing), ECHOCAST_E_PARSE, ECHOCAST_E_IO,
+/// ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_result_preview(
+    result: *const echocast_result,
+    path: *const c_char,
+    options: *const c_char,
+) -> echocast_status {
+    guard(|| {
+        // SAFETY: as the header asks.
+        let (path, options) = unsafe { (text::path(path, "path")?, text::optional(options, "options")?) };
+        let options = match options.filter(|options| !options.trim().is_empty()) {
+            None => PreviewOptions::default(),
+            Some(options) => PreviewOptions::from_yaml(options)?,
+        };
+        look(result, |points| {
+            let report = points.context.engine.install(|| preview::write(&points.cloud, path, &options))?;
+            points.context.warn(&report);
+            Ok(())
+        })
+    })
+}
+
+/// Starts an HDF5 file that takes scans one by one, each a row of every dataset; only one is in memory at a time. The
+/// file appears under its name with echocast_frames_finish; released before, it leaves nothing behind.
+///
+/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_IO, ECHOCAST_E_UNSUPPORTED (built without HDF5), ECHOCAST_E_HANDLE.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_frames_create(
+    context: *mut echocast_context,
+    path: *const c_char,
+    out: *mut *mut echocast_frames,
+) -> echocast_status {
+    guard(|| {
+        // SAFETY: as the header asks.
+        let out = unsafe { text::output(out, "out") }?.write(ptr::null_mut());
+        let context = handle::get(context, "context")?;
+        // SAFETY: as the header asks.
+        let path = unsafe { text::path(path, "path") }?;
+        let file = Mutex::new(Some(FramesFile::create(path)?));
+        *out = handle::create(Frames { context, file })?;
+        Ok(())
+    })
+}
+
+/// Appends the points of a scan as the next row.
+///
+/// Errors: ECHOCAST_E_ARGUMENT (a scan that does not fit the first), ECHOCAST_E_IO, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_frames_add(
+    frames: *mut echocast_frames,
+    result: *const echocast_result,
+) -> echocast_status {
+    guard(|| {
+        let frames = handle::get(frames, "frames")?;
+        look(result, |points| {
+            frames.context.check(&points.context, "result")?;
+            let mut file = frames.file.lock().unwrap_or_else(PoisonError::into_inner);
+            match &mut *file {
+                None => Err(finished()),
+                Some(file) => Ok(file.add(&points.cloud)?),
+            }
+        })
+    })
+}
+
+/// Completes the file and gives it its name; late errors of the disk show here.
+///
+/// Errors: ECHOCAST_E_IO, ECHOCAST_E_ARGUMENT (it is finished already), ECHOCAST_E_HANDLE.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_frames_finish(frames: *mut echocast_frames) -> echocast_status {
+    guard(|| {
+        let frames = handle::get(frames, "frames")?;
+        let file = frames.file.lock().unwrap_or_else(PoisonError::into_inner).take();
+        match file {
+            None => Err(finished()),
+            Some(file) => Ok(file.finish()?),
+        }
+    })
+}
+
+fn finished() -> Failure {
+    Failure::argument("frames", "finished", "a file that is not")
+}
+
+/// Releases a frames file. NULL is allowed. Any thread may call this.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_frames_release(frames: *mut echocast_frames) {
+    guard(|| {
+        handle::release(frames);
+        Ok(())
+    });
+}

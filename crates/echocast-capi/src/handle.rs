@@ -1,0 +1,139 @@
+//! Handles: numbers dressed up as pointers.
+//!
+//! A handle says which kind of object it is for, which slot of a table that object is in, and how often the slot has
+//! been used. Nothing is read through it, so every handle that stands for nothing is found out, whatever it is. The
+//! tables are the only state that is not in a context; nothing can be seen of one context from another through them.
+
+use crate::guard::{ECHOCAST_E_BUSY, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_STATE, Failure, Outcome};
+use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard, TryLockError};
+
+/// What handles of the C type `Self` stand for.
+pub(crate) trait Handle: Sized + 'static {
+    type Object: Send + Sync + 'static;
+    /// In words.
+    const NAME: &'static str;
+    /// Of the kind; never 0.
+    const KIND: u8;
+    fn table() -> &'static Table<Self::Object>;
+}
+
+/// Says what handles of a C type stand for, what that is called, and the number of the kind.
+macro_rules! handles {
+    ($( $name:ident: $object:ty, $text:literal, $kind:literal; )*) => { $(
+        impl $crate::handle::Handle for $name {
+            type Object = $object;
+            const NAME: &'static str = $text;
+            const KIND: u8 = $kind;
+            fn table() -> &'static $crate::handle::Table<$object> {
+                static TABLE: $crate::handle::Table<$object> = $crate::handle::Table::new();
+                &TABLE
+            }
+        }
+    )* };
+}
+pub(crate) use handles;
+
+/// The objects of one kind.
+pub(crate) struct Table<T>(RwLock<Slots<T>>);
+
+struct Slots<T> {
+    slots: Vec<Slot<T>>,
+    free: Vec<u32>,
+}
+
+struct Slot<T> {
+    /// Counted from 1, up with every object.
+    generation: u32,
+    object: Option<Arc<T>>,
+}
+
+const SLOT_BITS: u32 = 24;
+const KIND_SHIFT: u32 = 56;
+const _: () = assert!(usize::BITS == 64, "handles need pointers of 64 bits");
+
+impl<T> Table<T> {
+    pub const fn new() -> Self {
+        Table(RwLock::new(Slots { slots: Vec::new(), free: Vec::new() }))
+    }
+}
+
+/// Gives `object` a handle.
+pub(crate) fn create<H: Handle>(object: H::Object) -> Outcome<*mut H> {
+    let mut table = H::table().0.write().unwrap_or_else(PoisonError::into_inner);
+    let slot = match table.free.pop() {
+        Some(slot) => slot,
+        None if table.slots.len() < 1 << SLOT_BITS => {
+            table.slots.push(Slot { generation: 0, object: None });
+            table.slots.len() as u32 - 1
+        }
+        None => return Err(Failure::new(ECHOCAST_E_MEMORY, format!("there are 16777216 {}s already", H::NAME))),
+    };
+    let entry = &mut table.slots[slot as usize];
+    entry.generation += 1;
+    entry.object = Some(Arc::new(object));
+    let number = usize::from(H::KIND) << KIND_SHIFT | (entry.generation as usize) << SLOT_BITS | slot as usize;
+    Ok(std::ptr::without_provenance_mut(number))
+}
+
+/// Slot and generation, if `handle` is one of its kind.
+fn parse<H: Handle>(handle: *const H) -> Option<(usize, u32)> {
+    let number = handle.addr();
+    let slot = number & ((1 << SLOT_BITS) - 1);
+    (number >> KIND_SHIFT == usize::from(H::KIND)).then_some((slot, (number >> SLOT_BITS) as u32))
+}
+
+/// The object that `handle`, the argument called `name`, stands for.
+pub(crate) fn get<H: Handle>(handle: *const H, name: &str) -> Outcome<Arc<H::Object>> {
+    if handle.is_null() {
+        return Err(Failure::argument(name, "NULL", &format!("a {}", H::NAME)));
+    }
+    let found = parse(handle).and_then(|(slot, generation)| {
+        let table = H::table().0.read().unwrap_or_else(PoisonError::into_inner);
+        let entry = table.slots.get(slot).filter(|entry| entry.generation == generation)?;
+        entry.object.clone()
+    });
+    found.ok_or_else(|| {
+        Failure::new(
+            ECHOCAST_E_HANDLE,
+            format!("{name} is {handle:p}, which is no {} that has not been released", H::NAME),
+        )
+    })
+}
+
+/// Takes the object from its handle, which stands for nothing from now on; NULL and handles of nothing are left alone.
+pub(crate) fn release<H: Handle>(handle: *mut H) {
+    let Some((slot, generation)) = parse(handle) else { return };
+    let mut table = H::table().0.write().unwrap_or_else(PoisonError::into_inner);
+    let Some(entry) = table.slots.get_mut(slot).filter(|entry| entry.generation == generation) else { return };
+    let object = entry.object.take();
+    // A slot whose numbers are used up is left empty.
+    if object.is_some() && generation < u32::MAX {
+        table.free.push(slot as u32);
+    }
+    // It may take a while, or release others.
+    drop(table);
+    drop(object);
+}
+
+/// Reads an object that threads may read together.
+pub(crate) fn read<'a, T>(lock: &'a RwLock<T>, name: &str) -> Outcome<RwLockReadGuard<'a, T>> {
+    lock.try_read().map_err(|error| locked(&error, name))
+}
+
+/// Changes an object, which one thread at a time may do.
+pub(crate) fn write<'a, T>(lock: &'a RwLock<T>, name: &str) -> Outcome<RwLockWriteGuard<'a, T>> {
+    lock.try_write().map_err(|error| locked(&error, name))
+}
+
+fn locked<T>(error: &TryLockError<T>, name: &str) -> Failure {
+    match error {
+        TryLockError::WouldBlock => Failure::new(
+            ECHOCAST_E_BUSY,
+            format!("{name} is in use by another thread; one thread at a time may change it"),
+        ),
+        TryLockError::Poisoned(_) => Failure::new(
+            ECHOCAST_E_STATE,
+            format!("{name} cannot be used any more: an internal error left it half changed"),
+        ),
+    }
+}

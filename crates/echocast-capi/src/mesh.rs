@@ -1,0 +1,344 @@
+//! Meshes of the host's own vertices and triangles.
+
+use crate::context::{Context, echocast_context};
+use crate::guard::{ECHOCAST_E_MEMORY, Failure, Outcome, echocast_status, guard};
+use crate::handle::{self, handles};
+use crate::material::echocast_material;
+use crate::text::{self, Sized_};
+use echocast::scene::{Array, Mesh, Part};
+use std::ffi::{c_char, c_void};
+use std::ptr;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Triangles that instances place in a scene; immutable.
+pub struct echocast_mesh(());
+
+handles! {
+    echocast_mesh: SharedMesh, "mesh", 3;
+}
+
+/// A mesh, and what C says of its parts.
+pub struct SharedMesh {
+    pub(crate) context: Arc<Context>,
+    pub(crate) mesh: Arc<Mesh>,
+    pub(crate) part_ids: Vec<u32>,
+}
+
+/// The arrays of a mesh are copied by the call.
+pub const ECHOCAST_MESH_COPY: i32 = 0;
+/// The arrays of a mesh stay the host's, who neither changes nor frees them before `released` is called.
+pub const ECHOCAST_MESH_BORROW: i32 = 1;
+
+/// Triangles of one mesh that follow each other and have one material and one part label; ECHOCAST_PART_INIT has the
+/// defaults.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct echocast_part {
+    /// Its first triangle.
+    pub first_triangle: u32,
+    /// How many there are.
+    pub triangle_count: u32,
+    /// What it is made of; NULL for the default material.
+    pub material: *mut echocast_material,
+    /// Its number in the column part_id; 0 = unlabelled.
+    pub part_id: u32,
+    /// 0.
+    pub reserved: u32,
+}
+
+/// A mesh; ECHOCAST_MESH_DESC_INIT has the defaults.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct echocast_mesh_desc {
+    /// sizeof(echocast_mesh_desc).
+    pub struct_size: usize,
+    /// Positions of the vertices, x, y, z in metres, -1e18 to 1e18, in the frame of the mesh.
+    pub positions: *const f32,
+    /// Bytes from vertex to vertex, a multiple of 4; 0 for 12, which borrowed positions must have.
+    pub position_stride: usize,
+    /// Vertices, 1 to 4294967294.
+    pub vertex_count: u32,
+    /// Triangles, 1 to 4294967294.
+    pub triangle_count: u32,
+    /// Three vertices for each triangle.
+    pub indices: *const u32,
+    /// A shading normal of length 1 for each vertex; NULL for flat triangles.
+    pub normals: *const f32,
+    /// Texture coordinates u, v of each vertex, v down from the image's top; NULL without image.
+    pub uvs: *const f32,
+    /// Parts that cover all triangles in their order; NULL for one part of the default material without label.
+    pub parts: *const echocast_part,
+    /// How many parts there are.
+    pub part_count: u32,
+    /// ECHOCAST_MESH_COPY or ECHOCAST_MESH_BORROW.
+    pub ownership: i32,
+    /// Called once, on any thread, when nothing uses borrowed arrays any more: the mesh has been released, and so has
+    /// everything that was made with it. It must neither throw nor call the library. Not called when the mesh could not
+    /// be made. May be NULL.
+    pub released: Option<unsafe extern "C" fn(user: *mut c_void)>,
+    /// Argument of `released`.
+    pub released_user: *mut c_void,
+    /// Name, for messages; NULL for none.
+    pub name: *const c_char,
+}
+
+impl Default for echocast_mesh_desc {
+    fn default() -> Self {
+        echocast_mesh_desc {
+            struct_size: size_of::<Self>(),
+            positions: ptr::null(),
+            position_stride: 0,
+            vertex_count: 0,
+            triangle_count: 0,
+            indices: ptr::null(),
+            normals: ptr::null(),
+            uvs: ptr::null(),
+            parts: ptr::null(),
+            part_count: 0,
+            ownership: ECHOCAST_MESH_COPY,
+            released: None,
+            released_user: ptr::null_mut(),
+            name: ptr::null(),
+        }
+    }
+}
+
+// SAFETY: plain numbers and pointers, the size first.
+unsafe impl Sized_ for echocast_mesh_desc {}
+
+/// Makes a mesh. Its own structure for tracing is built when an instance is first committed, or by
+/// echocast_mesh_prepare.
+///
+/// Errors: ECHOCAST_E_ARGUMENT (the vertex, index or part that is wrong), ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY. Any
+/// thread may call this, also while scenes are edited.
+///
+/// ```c
+/// static const float corners[] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
+/// static const uint32_t indices[] = {0, 1, 2};
+/// echocast_mesh_desc desc = ECHOCAST_MESH_DESC_INIT;
+/// desc.positions = corners; desc.vertex_count = 3;
+/// desc.indices = indices;   desc.triangle_count = 1;
+/// echocast_mesh *mesh;
+/// echocast_mesh_create(context, &desc, &mesh);
+/// ```
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_mesh_create(
+    context: *mut echocast_context,
+    desc: *const echocast_mesh_desc,
+    out: *mut *mut echocast_mesh,
+) -> echocast_status {
+    guard(|| {
+        // SAFETY: as the header asks.
+        let out = unsafe { text::output(out, "out") }?.write(ptr::null_mut());
+        let context = handle::get(context, "context")?;
+        // SAFETY: as the header asks.
+        let desc = unsafe { text::structure(desc, "desc") }?;
+        // SAFETY: as the header asks.
+        let (mesh, part_ids, host) = unsafe { read_mesh(&desc, &context) }?;
+        *out = handle::create(SharedMesh { context, mesh: Arc::new(mesh), part_ids })?;
+        host.armed.store(true, Ordering::Release);
+        Ok(())
+    })
+}
+
+/// Builds the structure that instances of the mesh are traced with, which the first commit would do otherwise.
+///
+/// Errors: ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY. Any thread may call this, also while scenes are edited.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_mesh_prepare(mesh: *mut echocast_mesh) -> echocast_status {
+    guard(|| {
+        let mesh = handle::get(mesh, "mesh")?;
+        let engine = &mesh.context.engine;
+        Ok(engine.install(|| mesh.mesh.prepare(engine))?)
+    })
+}
+
+/// Releases a mesh; instances keep it. NULL is allowed. Any thread may call this.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_mesh_release(mesh: *mut echocast_mesh) {
+    guard(|| {
+        handle::release(mesh);
+        Ok(())
+    });
+}
+
+/// The host, who wants to know when its arrays are free.
+struct Host {
+    released: Option<unsafe extern "C" fn(user: *mut c_void)>,
+    user: *mut c_void,
+    /// Whether a mesh was made of the arrays.
+    armed: AtomicBool,
+}
+
+// SAFETY: `user` is only handed to `released`, which may be called on any thread, as the header says.
+unsafe impl Send for Host {}
+// SAFETY: as above.
+unsafe impl Sync for Host {}
+
+impl Drop for Host {
+    fn drop(&mut self) {
+        if let (Some(released), true) = (self.released, self.armed.load(Ordering::Acquire)) {
+            // SAFETY: the host promised that it can be called, once, now that no array refers to it.
+            unsafe { released(self.user) };
+        }
+    }
+}
+
+/// An array of the host.
+struct Borrowed<T> {
+    data: *const T,
+    count: usize,
+    _host: Arc<Host>,
+}
+
+// SAFETY: the host does not change the array while it is borrowed.
+unsafe impl<T: Sync> Send for Borrowed<T> {}
+// SAFETY: as above.
+unsafe impl<T: Sync> Sync for Borrowed<T> {}
+
+impl<T> AsRef<[T]> for Borrowed<T> {
+    fn as_ref(&self) -> &[T] {
+        // SAFETY: the host promised that the array lives, unchanged, until it is told otherwise; pointer and count were
+        // checked.
+        unsafe { std::slice::from_raw_parts(self.data, self.count) }
+    }
+}
+
+/// The array `data` of `count` vectors, copied or borrowed.
+///
+/// # Safety
+/// `data` points to `count` vectors, which live until `host` is dropped if there is one.
+unsafe fn vectors<T: Copy + Send + Sync + 'static>(
+    data: *const T,
+    count: usize,
+    name: &str,
+    host: Option<&Arc<Host>>,
+) -> Outcome<Array<T>> {
+    text::check_array(data, count, name)?;
+    match host {
+        Some(host) => Ok(Array::new(Borrowed { data, count, _host: host.clone() })),
+        None => {
+            // SAFETY: as the caller promises; the pointer was checked.
+            let from = unsafe { std::slice::from_raw_parts(data, count) };
+            let mut copy = Vec::new();
+            copy.try_reserve_exact(count).map_err(|_| no_memory(count, name))?;
+            copy.extend_from_slice(from);
+            Ok(copy.into())
+        }
+    }
+}
+
+fn no_memory(count: usize, name: &str) -> Failure {
+    Failure::new(ECHOCAST_E_MEMORY, format!("no memory for {count} elements of {name}"))
+}
+
+/// Positions with any number of bytes between them.
+///
+/// # Safety
+/// `data` points to `count` positions, `stride` bytes apart.
+unsafe fn strided(data: *const f32, count: usize, stride: usize) -> Outcome<Array<[f32; 3]>> {
+    let mut copy = Vec::new();
+    copy.try_reserve_exact(count).map_err(|_| no_memory(count, "desc->positions"))?;
+    for vertex in 0..count {
+        // SAFETY: as the caller promises; a multiple of 4 keeps it aligned.
+        copy.push(unsafe { data.byte_add(vertex * stride).cast::<[f32; 3]>().read() });
+    }
+    Ok(copy.into())
+}
+
+/// # Safety
+/// The arrays of `desc` are as it says.
+unsafe fn read_mesh(desc: &echocast_mesh_desc, context: &Arc<Context>) -> Outcome<(Mesh, Vec<u32>, Arc<Host>)> {
+    for (name, count) in [("desc->vertex_count", desc.vertex_count), ("desc->triangle_count", desc.triangle_count)] {
+        if !(1..u32::MAX).contains(&count) {
+            return Err(Failure::argument(name, count, "1 to 4294967294"));
+        }
+    }
+    let borrow = match desc.ownership {
+        ECHOCAST_MESH_COPY => false,
+        ECHOCAST_MESH_BORROW => true,
+        other => return Err(Failure::argument("desc->ownership", other, "ECHOCAST_MESH_COPY or ECHOCAST_MESH_BORROW")),
+    };
+    let host = Arc::new(Host { released: desc.released, user: desc.released_user, armed: AtomicBool::new(false) });
+    let lender = borrow.then_some(&host);
+    let vertices = desc.vertex_count as usize;
+    let stride = if desc.position_stride == 0 { 12 } else { desc.position_stride };
+    if stride < 12 || stride % 4 != 0 || stride > 1 << 20 || (borrow && stride != 12) {
+        let allowed =
+            if borrow { "0 or 12 for borrowed positions" } else { "0, or a multiple of 4 from 12 to 1048576" };
+        return Err(Failure::argument("desc->position_stride", stride, allowed));
+    }
+    let positions = if stride == 12 {
+        // SAFETY: as the caller promises.
+        unsafe { vectors(desc.positions.cast(), vertices, "desc->positions", lender) }?
+    } else {
+        text::check_array(desc.positions, 3, "desc->positions")?;
+        text::check_array(desc.positions, vertices.saturating_mul(stride / 4), "desc->positions")?;
+        // SAFETY: as the caller promises.
+        unsafe { strided(desc.positions, vertices, stride) }?
+    };
+    let optional = |data: *const f32| (!data.is_null()).then_some(data);
+    // SAFETY: as the caller promises.
+    let normals = optional(desc.normals)
+        .map(|normals| unsafe { vectors(normals.cast::<[f32; 3]>(), vertices, "desc->normals", lender) })
+        .transpose()?;
+    // SAFETY: as the caller promises.
+    let uvs = optional(desc.uvs)
+        .map(|uvs| unsafe { vectors(uvs.cast::<[f32; 2]>(), vertices, "desc->uvs", lender) })
+        .transpose()?;
+    let count = desc.triangle_count as usize;
+    // SAFETY: as the caller promises.
+    let triangles: Array<[u32; 3]> = unsafe { vectors(desc.indices.cast(), count, "desc->indices", lender) }?;
+    let whole = [echocast_part {
+        first_triangle: 0,
+        triangle_count: desc.triangle_count,
+        material: ptr::null_mut(),
+        part_id: 0,
+        reserved: 0,
+    }];
+    // SAFETY: as the caller promises.
+    let described = match unsafe { text::array(desc.parts, desc.part_count as usize, "desc->parts") }? {
+        [] => &whole[..],
+        parts => parts,
+    };
+    let mut next = 0;
+    let mut parts = Vec::with_capacity(described.len());
+    for (number, part) in described.iter().enumerate() {
+        let name = |field: &str| format!("desc->parts[{number}].{field}");
+        if part.first_triangle != next {
+            let allowed = format!("{next}: parts follow each other");
+            return Err(Failure::argument(&name("first_triangle"), part.first_triangle, &allowed));
+        }
+        let left = desc.triangle_count - next;
+        if !(1..=left).contains(&part.triangle_count) {
+            return Err(Failure::argument(&name("triangle_count"), part.triangle_count, &format!("1 to {left}")));
+        }
+        if part.reserved != 0 {
+            return Err(Failure::argument(&name("reserved"), part.reserved, "0"));
+        }
+        next += part.triangle_count;
+        let material = if part.material.is_null() {
+            None
+        } else {
+            let material = handle::get(part.material, &name("material"))?;
+            context.check(&material.0, &name("material"))?;
+            Some(material.1.clone())
+        };
+        parts.push(Part {
+            positions: positions.clone(),
+            normals: normals.clone(),
+            uvs: uvs.clone(),
+            triangles: triangles.range(part.first_triangle as usize..next as usize),
+            material,
+        });
+    }
+    if next != desc.triangle_count {
+        let allowed = format!("{}: parts cover all triangles", desc.triangle_count);
+        return Err(Failure::argument("the triangles of all desc->parts", next, &allowed));
+    }
+    // SAFETY: as the caller promises.
+    let name = unsafe { text::optional(desc.name, "desc->name") }?.unwrap_or_default();
+    let part_ids = described.iter().map(|part| part.part_id).collect();
+    Ok((Mesh::new(name, parts)?, part_ids, host))
+}

@@ -1,0 +1,370 @@
+//! Results: the points of scans, column by column.
+
+use crate::context::Context;
+use crate::guard::{Failure, Outcome, echocast_status, guard, guard_or};
+use crate::handle::{self, handles};
+use crate::scene::echocast_pose;
+use crate::text::{self, Sized_};
+use echocast::cloud::{ColumnType, PackItem, PackType};
+use echocast::{Field, Frame, PointCloud, Pose};
+use std::ffi::{CString, c_char, c_void};
+use std::ptr;
+use std::sync::{Arc, Mutex, PoisonError, RwLock};
+
+/// Points, column by column. Any number of threads may read it; one at a time may change it.
+pub struct echocast_result(());
+
+handles! {
+    echocast_result: RwLock<Points>, "result", 7;
+}
+
+/// The points of a result, and memory that a scan uses again.
+pub struct Points {
+    pub(crate) context: Arc<Context>,
+    pub(crate) cloud: PointCloud,
+    pub(crate) keys: Vec<(f64, Pose)>,
+    /// Names that were asked for, which live as long as the labels that they are of.
+    names: Mutex<Vec<(Arc<echocast::scene::Labels>, CString)>>,
+}
+
+impl Points {
+    pub(crate) fn new(context: &Arc<Context>) -> Points {
+        Points { context: context.clone(), cloud: PointCloud::default(), keys: Vec::new(), names: Mutex::default() }
+    }
+}
+
+/// 32-bit IEEE float.
+pub const ECHOCAST_TYPE_F32: i32 = 1;
+/// 64-bit IEEE float.
+pub const ECHOCAST_TYPE_F64: i32 = 2;
+/// Unsigned 8-bit number.
+pub const ECHOCAST_TYPE_U8: i32 = 3;
+/// Unsigned 16-bit number.
+pub const ECHOCAST_TYPE_U16: i32 = 4;
+/// Unsigned 32-bit number.
+pub const ECHOCAST_TYPE_U32: i32 = 5;
+/// Signed 8-bit number; only to pack.
+pub const ECHOCAST_TYPE_I8: i32 = 6;
+/// Signed 16-bit number; only to pack.
+pub const ECHOCAST_TYPE_I16: i32 = 7;
+/// Signed 32-bit number; only to pack.
+pub const ECHOCAST_TYPE_I32: i32 = 8;
+/// Signed 64-bit number; only to pack.
+pub const ECHOCAST_TYPE_I64: i32 = 9;
+/// Unsigned 64-bit number; only to pack.
+pub const ECHOCAST_TYPE_U64: i32 = 10;
+
+/// A column of a result, where it is.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct echocast_view {
+    /// Its first element; NULL without any.
+    pub data: *const c_void,
+    /// Elements: as many as the result has points.
+    pub count: usize,
+    /// Bytes from element to element.
+    pub stride: usize,
+    /// Its type: ECHOCAST_TYPE_F32 to ECHOCAST_TYPE_U32.
+    pub kind: i32,
+    /// 0.
+    pub reserved: i32,
+}
+
+/// A column in packed points.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct echocast_pack_item {
+    /// Name of the column.
+    pub column: *const c_char,
+    /// Type that it gets: an ECHOCAST_TYPE_ number.
+    pub kind: i32,
+    /// Where it starts in a point, bytes.
+    pub offset: u32,
+}
+
+/// What a result is; ECHOCAST_RESULT_INFO_INIT is empty.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct echocast_result_info {
+    /// sizeof(echocast_result_info).
+    pub struct_size: usize,
+    /// Points.
+    pub count: usize,
+    /// Rows of the range image, if every beam has its point (scan_desc.organised); else 0.
+    pub rows: u32,
+    /// Columns of the range image, or 0.
+    pub columns: u32,
+    /// What positions refer to: an ECHOCAST_COORDINATES_ number.
+    pub coordinates: i32,
+    /// What the column `intensity` has at full scale: 1, or 255; 0 if it has none.
+    pub intensity_full_scale: f32,
+    /// World position, metres, that the columns x, y, z and true_x, true_y, true_z are relative to.
+    pub origin: [f64; 3],
+    /// Where the sensor was at the start of the scan.
+    pub sensor_pose: echocast_pose,
+}
+
+impl Default for echocast_result_info {
+    fn default() -> Self {
+        echocast_result_info {
+            struct_size: size_of::<Self>(),
+            count: 0,
+            rows: 0,
+            columns: 0,
+            coordinates: 0,
+            intensity_full_scale: 0.0,
+            origin: [0.0; 3],
+            sensor_pose: echocast_pose::IDENTITY,
+        }
+    }
+}
+
+// SAFETY: plain numbers, the size first.
+unsafe impl Sized_ for echocast_result_info {}
+
+/// Runs `look` on the points, which nobody changes meanwhile.
+pub(crate) fn look<T>(result: *const echocast_result, look: impl FnOnce(&Points) -> Outcome<T>) -> Outcome<T> {
+    let result = handle::get(result, "result")?;
+    look(&*handle::read(&result, "result")?)
+}
+
+/// Tells what a result is. `*info` has its struct_size set.
+///
+/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_result_get_info(
+    result: *const echocast_result,
+    info: *mut echocast_result_info,
+) -> echocast_status {
+    guard(|| {
+        look(result, |points| {
+            let cloud = &points.cloud;
+            let [rows, columns] = cloud.organised.unwrap_or_default();
+            let found = echocast_result_info {
+                struct_size: size_of::<echocast_result_info>(),
+                count: cloud.len,
+                rows,
+                columns,
+                coordinates: match cloud.frame {
+                    Frame::World => crate::ECHOCAST_COORDINATES_WORLD,
+                    Frame::Sensor => crate::ECHOCAST_COORDINATES_SENSOR,
+                },
+                intensity_full_scale: cloud.intensity_full_scale.unwrap_or(0.0),
+                origin: cloud.origin.to_array(),
+                sensor_pose: echocast_pose::of(&cloud.sensor_pose),
+            };
+            // SAFETY: as the header asks.
+            unsafe { text::put_structure(found, info, "info") }
+        })
+    })
+}
+
+/// The number of points; 0 for a handle of nothing.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_result_count(result: *const echocast_result) -> usize {
+    guard_or(0, || look(result, |points| Ok(points.cloud.len)))
+}
+
+/// Shows a column without copying it. The view is valid until the result is scanned into, appended to or released.
+///
+/// Errors: ECHOCAST_E_ARGUMENT (no such column, or one that was not computed), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+///
+/// ```c
+/// echocast_view view;
+/// echocast_result_view(result, "range", &view);
+/// const float *range = view.data;
+/// ```
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_result_view(
+    result: *const echocast_result,
+    column: *const c_char,
+    out: *mut echocast_view,
+) -> echocast_status {
+    guard(|| {
+        let none = echocast_view { data: ptr::null(), count: 0, stride: 0, kind: 0, reserved: 0 };
+        // SAFETY: as the header asks.
+        let (out, name) = unsafe { (text::output(out, "out")?.write(none), text::required(column, "column")?) };
+        look(result, |points| {
+            let field = computed(&points.cloud, name)?;
+            let kind = field.info().kind;
+            let bytes = points.cloud.column(field).bytes();
+            *out = echocast_view {
+                data: if bytes.is_empty() { ptr::null() } else { bytes.as_ptr().cast() },
+                count: points.cloud.len,
+                stride: kind.size(),
+                kind: number_of(kind),
+                reserved: 0,
+            };
+            Ok(())
+        })
+    })
+}
+
+fn number_of(kind: ColumnType) -> i32 {
+    match kind {
+        ColumnType::F32 => ECHOCAST_TYPE_F32,
+        ColumnType::F64 => ECHOCAST_TYPE_F64,
+        ColumnType::U8 => ECHOCAST_TYPE_U8,
+        ColumnType::U16 => ECHOCAST_TYPE_U16,
+        ColumnType::U32 => ECHOCAST_TYPE_U32,
+    }
+}
+
+/// A column that the cloud has.
+fn computed(cloud: &PointCloud, name: &str) -> Outcome<Field> {
+    let field = Field::from_name(name)?;
+    if cloud.fields.contains(field) {
+        return Ok(field);
+    }
+    let has: Vec<&str> = cloud.fields.iter().map(|info| info.name).collect();
+    Err(Failure::argument("column", format!("{name:?}, which was not computed"), &has.join(", ")))
+}
+
+/// Most columns of a packed point.
+const MOST_ITEMS: usize = 64;
+
+/// Writes the points as a host wants them, all at once: point i at `to + i * stride`, each column converted to its type at
+/// its offset; bytes that no item covers stay. Numbers are rounded to the nearest that the type has; not-a-number becomes
+/// 0 in whole numbers. Positions are relative to the result's origin as ECHOCAST_TYPE_F32, complete as
+/// ECHOCAST_TYPE_F64. `capacity`: bytes of `to`; `*needed` (may be NULL): stride * points.
+///
+/// Errors: ECHOCAST_E_ARGUMENT (an item that is wrong, too little room), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+///
+/// ```c
+/// // The layout that most ROS 2 drivers publish.
+/// static const echocast_pack_item items[] = {
+///     {"x", ECHOCAST_TYPE_F32, 0}, {"y", ECHOCAST_TYPE_F32, 4}, {"z", ECHOCAST_TYPE_F32, 8},
+///     {"intensity", ECHOCAST_TYPE_F32, 12}, {"channel", ECHOCAST_TYPE_U16, 16}, {"time", ECHOCAST_TYPE_F64, 18}};
+/// echocast_result_pack(result, items, 6, 26, bytes, sizeof bytes, NULL);
+/// ```
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_result_pack(
+    result: *const echocast_result,
+    items: *const echocast_pack_item,
+    item_count: usize,
+    stride: usize,
+    to: *mut c_void,
+    capacity: usize,
+    needed: *mut usize,
+) -> echocast_status {
+    guard(|| {
+        // SAFETY: as the header asks.
+        let items = unsafe { text::array(items, item_count, "items") }?;
+        if !(1..=MOST_ITEMS).contains(&items.len()) {
+            return Err(Failure::argument("item_count", items.len(), &format!("1 to {MOST_ITEMS}")));
+        }
+        look(result, |points| {
+            let cloud = &points.cloud;
+            let mut packed = [PackItem { field: Field::X, kind: PackType::F32, offset: 0 }; MOST_ITEMS];
+            for (number, (item, to)) in items.iter().zip(&mut packed).enumerate() {
+                let at = |failure: Failure| Failure { text: format!("items[{number}]: {}", failure.text), ..failure };
+                // SAFETY: as the header asks.
+                let name = unsafe { text::required(item.column, "column") }.map_err(at)?;
+                *to = PackItem {
+                    field: computed(cloud, name).map_err(at)?,
+                    kind: pack_type(item.kind).map_err(at)?,
+                    offset: item.offset as usize,
+                };
+            }
+            let room = stride.checked_mul(cloud.len).filter(|&room| room <= isize::MAX as usize);
+            let Some(room) = room else {
+                return Err(Failure::argument("stride", stride, "such that all points fit into memory"));
+            };
+            if !needed.is_null() {
+                // SAFETY: as the header asks.
+                unsafe { text::output(needed, "needed") }?.write(room);
+            }
+            if capacity < room {
+                return Err(Failure::argument("capacity", capacity, &format!("{room} bytes or more")));
+            }
+            let to: &mut [u8] = if room == 0 {
+                &mut []
+            } else {
+                let to = to.cast();
+                text::check_array(to, room, "to")?;
+                // SAFETY: as the header asks: room for so many bytes, which nobody else uses meanwhile. They are only
+                // written, and bytes may hold anything.
+                unsafe { std::slice::from_raw_parts_mut(to, room) }
+            };
+            let packed = &packed[..items.len()];
+            Ok(points.context.engine.install(|| cloud.pack(packed, stride, to))?)
+        })
+    })
+}
+
+fn pack_type(number: i32) -> Outcome<PackType> {
+    Ok(match number {
+        ECHOCAST_TYPE_F32 => PackType::F32,
+        ECHOCAST_TYPE_F64 => PackType::F64,
+        ECHOCAST_TYPE_U8 => PackType::U8,
+        ECHOCAST_TYPE_U16 => PackType::U16,
+        ECHOCAST_TYPE_U32 => PackType::U32,
+        ECHOCAST_TYPE_I8 => PackType::I8,
+        ECHOCAST_TYPE_I16 => PackType::I16,
+        ECHOCAST_TYPE_I32 => PackType::I32,
+        ECHOCAST_TYPE_I64 => PackType::I64,
+        ECHOCAST_TYPE_U64 => PackType::U64,
+        other => return Err(Failure::argument("kind", other, "1 to 10, an ECHOCAST_TYPE_ number")),
+    })
+}
+
+/// The name of a label number. `table`: "category", "part", "material" or "instance". NULL if it has none.
+///
+/// Valid until the result is scanned into or released.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_result_label_name(
+    result: *const echocast_result,
+    table: *const c_char,
+    number: u32,
+) -> *const c_char {
+    guard_or(ptr::null(), || {
+        // SAFETY: as the header asks.
+        let table = unsafe { text::required(table, "table") }?;
+        look(result, |points| {
+            let labels = &points.cloud.labels;
+            let tables = labels.tables();
+            let Some((_, names)) = tables.iter().find(|(stem, _)| *stem == table) else {
+                return Err(Failure::argument("table", format!("{table:?}"), "category, part, material, instance"));
+            };
+            let Some(name) = names.name(number) else { return Ok(ptr::null()) };
+            let name = CString::new(name.replace('\0', "?")).unwrap_or_default();
+            let mut kept = points.names.lock().unwrap_or_else(PoisonError::into_inner);
+            // Those of scenes before are no longer valid.
+            kept.retain(|(of, _)| Arc::ptr_eq(of, labels));
+            if let Some((_, known)) = kept.iter().find(|(_, known)| *known == name) {
+                return Ok(known.as_ptr());
+            }
+            let text = name.as_ptr();
+            kept.push((labels.clone(), name));
+            Ok(text)
+        })
+    })
+}
+
+/// Appends the points of another scan of the same scene with the same columns, to be written to one file.
+///
+/// Errors: ECHOCAST_E_ARGUMENT (a scan that does not fit), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY; then nothing is appended.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_result_append(
+    result: *mut echocast_result,
+    other: *const echocast_result,
+) -> echocast_status {
+    guard(|| {
+        let (result, other) = (handle::get(result, "result")?, handle::get(other, "other")?);
+        if Arc::ptr_eq(&result, &other) {
+            return Err(Failure::argument("other", "the same result", "another one"));
+        }
+        let mut result = handle::write(&result, "result")?;
+        let other = handle::read(&other, "other")?;
+        Ok(result.cloud.append(&other.cloud)?)
+    })
+}
+
+/// Releases a result. NULL is allowed. Any thread may call this.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_result_release(result: *mut echocast_result) {
+    guard(|| {
+        handle::release(result);
+        Ok(())
+    });
+}

@@ -1,0 +1,256 @@
+//! Scans.
+
+use crate::guard::{Failure, Outcome, echocast_status, guard};
+use crate::handle;
+use crate::result::{Points, echocast_result};
+use crate::scene::{echocast_pose, echocast_snapshot};
+use crate::sensor::{echocast_sensor, seconds};
+use crate::text::{self, Sized_};
+use echocast::{BuiltScene, FieldSet, Frame, Order, Profile, ReflectanceSource, ScanOptions, Sensor, Trajectory};
+use std::ffi::{c_char, c_void};
+use std::ops::ControlFlow;
+use std::ptr;
+use std::sync::{Arc, RwLock};
+
+/// A pose at a time.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct echocast_pose_key {
+    /// Time, ns.
+    pub t_ns: i64,
+    /// Where the sensor is then, in the world.
+    pub pose: echocast_pose,
+}
+
+/// Points are in the world.
+pub const ECHOCAST_COORDINATES_WORLD: i32 = 0;
+/// Points are in the frame of the sensor at the time of their own firing, as a driver reports them.
+pub const ECHOCAST_COORDINATES_SENSOR: i32 = 1;
+
+/// Points come in rising order of beams.
+pub const ECHOCAST_ORDER_BEAM: i32 = 0;
+/// Points come in rising order of time.
+pub const ECHOCAST_ORDER_TIME: i32 = 1;
+
+/// Physics as we know it.
+pub const ECHOCAST_PROFILE_PHYSICAL: i32 = 0;
+/// The equations of the paper as printed.
+pub const ECHOCAST_PROFILE_PAPER: i32 = 1;
+/// What the paper's program computes.
+pub const ECHOCAST_PROFILE_BLAINDER: i32 = 2;
+
+/// As the profile has it.
+pub const ECHOCAST_REFLECTANCE_DEFAULT: i32 = 0;
+/// Surfaces whose reflectance nothing says have that of their linear base colour's luminance.
+pub const ECHOCAST_REFLECTANCE_LUMINANCE: i32 = 1;
+/// Surfaces whose reflectance nothing says have that of their base colour's alpha.
+pub const ECHOCAST_REFLECTANCE_ALPHA: i32 = 2;
+
+/// Hears which part of the work is done, 0 to 1; not 0 ends it. Called on the thread that scans, some times in a long
+/// scan. It must not throw.
+pub type echocast_progress_fn = Option<unsafe extern "C" fn(user: *mut c_void, fraction: f64) -> i32>;
+
+/// How to scan; ECHOCAST_SCAN_DESC_INIT has the defaults.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct echocast_scan_desc {
+    /// sizeof(echocast_scan_desc).
+    pub struct_size: usize,
+    /// What to scan with.
+    pub sensor: *const echocast_sensor,
+    /// Where the sensor is: one pose, or several at rising times, between which it moves evenly and turns the shorter
+    /// way. Each beam is cast from the pose at the time of its own firing.
+    pub poses: *const echocast_pose_key,
+    /// How many poses there are, 1 or more.
+    pub pose_count: usize,
+    /// Time of the scan's start, ns. Times of firings in the column `time` count from the same zero. Best kept small:
+    /// seconds since 1970 are rounded to 0.2 microseconds.
+    pub t0_ns: i64,
+    /// Of all random draws: equal seeds, frames and inputs give equal bits, whatever the threads.
+    pub seed: u64,
+    /// Index of the frame; it changes the random draws and fills the column `frame`.
+    pub frame: u32,
+    /// Instances are seen whose mask shares a bit with this.
+    pub mask: u32,
+    /// Columns to compute: names with commas between ("x,y,z,range,category_id"), "all", or NULL for the default ones.
+    pub columns: *const c_char,
+    /// 1: every beam has its row, and those without a return have NaN or 0. 0: only returns have rows.
+    pub organised: i32,
+    /// What the points refer to: an ECHOCAST_COORDINATES_ number.
+    pub coordinates: i32,
+    /// In which order the points come: an ECHOCAST_ORDER_ number.
+    pub order: i32,
+    /// Which models are used: an ECHOCAST_PROFILE_ number.
+    pub profile: i32,
+    /// Where reflectance comes from when no material says: an ECHOCAST_REFLECTANCE_ number.
+    pub reflectance: i32,
+    /// 0.
+    pub reserved: i32,
+    /// Hears how far the scan is and may end it; may be NULL.
+    pub progress: echocast_progress_fn,
+    /// First argument of `progress`.
+    pub progress_user: *mut c_void,
+}
+
+impl Default for echocast_scan_desc {
+    fn default() -> Self {
+        echocast_scan_desc {
+            struct_size: size_of::<Self>(),
+            sensor: ptr::null(),
+            poses: ptr::null(),
+            pose_count: 0,
+            t0_ns: 0,
+            seed: 0,
+            frame: 0,
+            mask: u32::MAX,
+            columns: ptr::null(),
+            organised: 0,
+            coordinates: ECHOCAST_COORDINATES_WORLD,
+            order: ECHOCAST_ORDER_BEAM,
+            profile: ECHOCAST_PROFILE_PHYSICAL,
+            reflectance: ECHOCAST_REFLECTANCE_DEFAULT,
+            reserved: 0,
+            progress: None,
+            progress_user: ptr::null_mut(),
+        }
+    }
+}
+
+// SAFETY: plain numbers and pointers, the size first.
+unsafe impl Sized_ for echocast_scan_desc {}
+
+/// Scans once. `*io`: NULL, then it becomes a new result, to be released with echocast_result_release; or a result, whose
+/// memory is used again: a loop of scans allocates nothing after the first.
+///
+/// On an error in the arguments an old result stays as it was; one that was cancelled, or for which there was no memory,
+/// is empty.
+///
+/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_CANCELLED, ECHOCAST_E_BUSY (another
+/// thread uses the result, or changes the sensor). Any number of threads may scan one snapshot with one sensor, each
+/// with a result of its own.
+///
+/// ```c
+/// echocast_pose_key here = {0, ECHOCAST_POSE_IDENTITY};
+/// echocast_scan_desc desc = ECHOCAST_SCAN_DESC_INIT;
+/// desc.sensor = sensor;
+/// desc.poses = &here;
+/// desc.pose_count = 1;
+/// echocast_result *result = NULL;
+/// echocast_scan(snapshot, &desc, &result);
+/// ```
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_scan(
+    snapshot: *const echocast_snapshot,
+    desc: *const echocast_scan_desc,
+    io: *mut *mut echocast_result,
+) -> echocast_status {
+    guard(|| {
+        if io.is_null() || !io.is_aligned() {
+            return Err(Failure::argument("io", format!("{io:p}"), "where a pointer to a result stands"));
+        }
+        // SAFETY: as the header asks.
+        let old = unsafe { io.read() };
+        let snapshot = handle::get(snapshot, "snapshot")?;
+        // SAFETY: as the header asks.
+        let desc = unsafe { text::structure(desc, "desc") }?;
+        let sensor = handle::get(desc.sensor, "desc->sensor")?;
+        snapshot.0.check(&sensor.0, "desc->sensor")?;
+        let sensor = handle::read(&sensor.1, "desc->sensor")?;
+        if old.is_null() {
+            let mut points = Points::new(&snapshot.0);
+            // SAFETY: as the header asks.
+            unsafe { scan(&snapshot.1, &sensor, &desc, &mut points) }?;
+            let new = handle::create(RwLock::new(points))?;
+            // SAFETY: as the header asks.
+            unsafe { io.write(new) };
+            Ok(())
+        } else {
+            let result: Arc<RwLock<Points>> = handle::get(old, "*io")?;
+            let mut points = handle::write(&result, "*io")?;
+            snapshot.0.check(&points.context, "*io")?;
+            // SAFETY: as the header asks.
+            unsafe { scan(&snapshot.1, &sensor, &desc, &mut points) }
+        }
+    })
+}
+
+/// # Safety
+/// The arrays and strings of `desc` are as it says.
+unsafe fn scan(scene: &BuiltScene, sensor: &Sensor, desc: &echocast_scan_desc, points: &mut Points) -> Outcome {
+    // SAFETY: as the caller promises.
+    let options = unsafe { scan_options(desc) }?;
+    // SAFETY: as the caller promises.
+    let poses = unsafe { text::array(desc.poses, desc.pose_count, "desc->poses") }?;
+    if poses.is_empty() {
+        return Err(Failure::argument("desc->pose_count", 0, "1 or more"));
+    }
+    let mut keys = std::mem::take(&mut points.keys);
+    keys.clear();
+    keys.try_reserve(poses.len())
+        .map_err(|_| Failure::new(crate::ECHOCAST_E_MEMORY, format!("no memory for {} poses", poses.len())))?;
+    for (number, key) in poses.iter().enumerate() {
+        if number > 0 && key.t_ns <= poses[number - 1].t_ns {
+            let name = format!("desc->poses[{number}].t_ns");
+            let allowed = format!("above that of the pose before it, {}", poses[number - 1].t_ns);
+            return Err(Failure::argument(&name, key.t_ns, &allowed));
+        }
+        let pose = key.pose.rigid("desc->poses[i].pose").map_err(|failure| failure.at("[i]", number))?;
+        keys.push((seconds(key.t_ns), pose));
+    }
+    let trajectory = Trajectory::new(keys)?;
+    let done = match desc.progress {
+        None => scene.scan_into(sensor, &trajectory, &options, &mut points.cloud),
+        Some(progress) => {
+            let user = desc.progress_user;
+            let mut heard = |fraction: f64| {
+                // SAFETY: the function and its argument are the host's, which promised that they can be called here.
+                if unsafe { progress(user, fraction) } == 0 {
+                    ControlFlow::Continue(())
+                } else {
+                    ControlFlow::Break(())
+                }
+            };
+            scene.scan_with_progress(sensor, &trajectory, &options, &mut points.cloud, &mut heard)
+        }
+    };
+    points.keys = trajectory.into_keys();
+    Ok(done?)
+}
+
+/// # Safety
+/// The strings of `desc` are such.
+unsafe fn scan_options(desc: &echocast_scan_desc) -> Outcome<ScanOptions> {
+    // SAFETY: as the caller promises.
+    let fields = match unsafe { text::optional(desc.columns, "desc->columns") }? {
+        None => FieldSet::default(),
+        Some(names) => FieldSet::parse(names)?,
+    };
+    if desc.mask == 0 {
+        return Err(Failure::argument("desc->mask", 0, "a bit or more: nothing would be seen"));
+    }
+    if desc.reserved != 0 {
+        return Err(Failure::argument("desc->reserved", desc.reserved, "0"));
+    }
+    Ok(ScanOptions {
+        fields,
+        seed: desc.seed,
+        frame: desc.frame,
+        start_time: seconds(desc.t0_ns),
+        organised: choice(desc.organised, "desc->organised", &[false, true])?,
+        coordinates: choice(desc.coordinates, "desc->coordinates", &[Frame::World, Frame::Sensor])?,
+        order: choice(desc.order, "desc->order", &[Order::Beam, Order::Time])?,
+        profile: choice(desc.profile, "desc->profile", &[Profile::Physical, Profile::Paper, Profile::Blainder])?,
+        reflectance_source: choice(
+            desc.reflectance,
+            "desc->reflectance",
+            &[None, Some(ReflectanceSource::Luminance), Some(ReflectanceSource::Alpha)],
+        )?,
+        mask: desc.mask,
+    })
+}
+
+/// What a number stands for, counted from 0.
+fn choice<T: Copy>(number: i32, name: &str, all: &[T]) -> Outcome<T> {
+    let found = usize::try_from(number).ok().and_then(|number| all.get(number)).copied();
+    found.ok_or_else(|| Failure::argument(name, number, &format!("0 to {}", all.len() - 1)))
+}

@@ -1,0 +1,585 @@
+//! Scenes, their instances, and snapshots of them.
+
+use crate::context::{Context, ECHOCAST_LOG_INFO, echocast_context};
+use crate::guard::{Failure, Outcome, echocast_status, guard};
+use crate::handle::{self, handles};
+use crate::material::echocast_material;
+use crate::mesh::echocast_mesh;
+use crate::text::{self, Sized_};
+use echocast::scene::{Array, Object};
+use echocast::{BuiltScene, LiveScene, LoadOptions, ObjectId, Pose, Scene};
+use glam::{DAffine3, DMat3, DQuat, DVec3};
+use std::ffi::{c_char, c_void};
+use std::ptr;
+use std::sync::{Arc, RwLock};
+
+/// Instances that come, go and move. One thread at a time may edit it; ECHOCAST_E_BUSY tells another one.
+pub struct echocast_scene(());
+
+/// A scene as it was when it was committed; immutable. Any number of threads may scan it.
+pub struct echocast_snapshot(());
+
+handles! {
+    echocast_scene: (Arc<Context>, RwLock<LiveScene>), "scene", 4;
+    echocast_snapshot: (Arc<Context>, BuiltScene), "snapshot", 5;
+}
+
+/// An instance of a mesh in a scene: a number that is never given to another one. 0 is none.
+pub type echocast_instance = u64;
+
+/// A placement: the upper three rows of the 4x4 matrix, row after row, that takes points of the child (an instance, a
+/// sensor) to the parent (the world); the fourth column is the position in metres. Instances may be scaled, sheared and
+/// mirrored; sensors are only turned and moved.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct echocast_pose {
+    /// Row after row.
+    pub m: [f64; 12],
+}
+
+impl echocast_pose {
+    pub(crate) const IDENTITY: echocast_pose =
+        echocast_pose { m: [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0] };
+
+    fn affine(&self) -> DAffine3 {
+        let column = |c: usize| DVec3::new(self.m[c], self.m[4 + c], self.m[8 + c]);
+        DAffine3 { matrix3: DMat3::from_cols(column(0), column(1), column(2)), translation: column(3) }
+    }
+
+    /// As an instance's placement.
+    fn placement(&self, name: &str) -> Outcome<DAffine3> {
+        if self.m == [0.0; 12] {
+            return Err(Failure::argument(name, "all 0", "a matrix, such as ECHOCAST_POSE_IDENTITY"));
+        }
+        Ok(self.affine())
+    }
+
+    /// As a sensor's pose.
+    pub(crate) fn rigid(&self, name: &str) -> Outcome<Pose> {
+        /// Of the entries of the rotation; a quaternion that was rounded to single precision passes.
+        const TOLERANCE: f64 = 1e-4;
+        let DAffine3 { matrix3, translation } = self.placement(name)?;
+        let product = matrix3.transpose() * matrix3;
+        let is_rotation = product.abs_diff_eq(DMat3::IDENTITY, TOLERANCE) && matrix3.determinant() > 0.0;
+        if !is_rotation || !translation.is_finite() {
+            let allowed = "finite numbers, a rotation and a position: the axes of a sensor are of length 1, at right angles and right-handed";
+            return Err(Failure::argument(name, format!("{:?}", self.m), allowed));
+        }
+        Ok(Pose { position: translation, orientation: DQuat::from_mat3(&matrix3).normalize() })
+    }
+
+    pub(crate) fn of(pose: &Pose) -> echocast_pose {
+        let DMat3 { x_axis: x, y_axis: y, z_axis: z } = pose.rotation();
+        let p = pose.position;
+        echocast_pose { m: [x.x, y.x, z.x, p.x, x.y, y.y, z.y, p.y, x.z, y.z, z.z, p.z] }
+    }
+}
+
+/// A new instance; ECHOCAST_INSTANCE_DESC_INIT has the defaults.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct echocast_instance_desc {
+    /// sizeof(echocast_instance_desc).
+    pub struct_size: usize,
+    /// Its shape, of the scene's context.
+    pub mesh: *mut echocast_mesh,
+    /// Where it is in the world.
+    pub pose: echocast_pose,
+    /// Number in the column category_id; 0 = unlabelled.
+    pub category_id: u32,
+    /// Number in the column instance_id; 0 = unlabelled.
+    pub instance_id: u32,
+    /// Scans see it whose mask shares a bit with this; not 0.
+    pub mask: u32,
+    /// 1: it stays where it is. Fixed instances are built together, the fastest to trace, anew whenever one comes or
+    /// goes. 0: it may move, at the cost of a few microseconds a commit.
+    pub fixed: i32,
+    /// In place of the materials of the mesh; NULL for those.
+    pub material: *mut echocast_material,
+    /// Name, for echocast_scene_find, messages and the files' table of instances; NULL for none.
+    pub name: *const c_char,
+}
+
+impl Default for echocast_instance_desc {
+    fn default() -> Self {
+        echocast_instance_desc {
+            struct_size: size_of::<Self>(),
+            mesh: ptr::null_mut(),
+            pose: echocast_pose::IDENTITY,
+            category_id: 0,
+            instance_id: 0,
+            mask: u32::MAX,
+            fixed: 0,
+            material: ptr::null_mut(),
+            name: ptr::null(),
+        }
+    }
+}
+
+// SAFETY: plain numbers and pointers, the size first.
+unsafe impl Sized_ for echocast_instance_desc {}
+
+/// What a scene holds; ECHOCAST_SCENE_INFO_INIT is empty.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct echocast_scene_info {
+    /// sizeof(echocast_scene_info).
+    pub struct_size: usize,
+    /// Instances.
+    pub instances: usize,
+    /// Triangles, each mesh counted as often as it is placed.
+    pub triangles: usize,
+    /// Lowest corner of the box around all instances, world, metres; all 0 without any.
+    pub low: [f64; 3],
+    /// Highest corner.
+    pub high: [f64; 3],
+}
+
+impl Default for echocast_scene_info {
+    fn default() -> Self {
+        echocast_scene_info {
+            struct_size: size_of::<Self>(),
+            instances: 0,
+            triangles: 0,
+            low: [0.0; 3],
+            high: [0.0; 3],
+        }
+    }
+}
+
+// SAFETY: plain numbers, the size first.
+unsafe impl Sized_ for echocast_scene_info {}
+
+/// Makes a scene without instances. `origin`: world position, metres, that the single-precision coordinates of results
+/// are relative to; NULL: the first commit chooses, the world's own origin for scenes within a kilometre of it. Choose
+/// one near the vehicle for survey coordinates: 8 km from it coordinates are rounded to half a millimetre.
+///
+/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE. Any thread may call this.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_scene_create(
+    context: *mut echocast_context,
+    origin: *const f64,
+    out: *mut *mut echocast_scene,
+) -> echocast_status {
+    guard(|| {
+        // SAFETY: as the header asks.
+        let out = unsafe { text::output(out, "out") }?.write(ptr::null_mut());
+        let context = handle::get(context, "context")?;
+        let mut scene = LiveScene::new(&context.engine);
+        if !origin.is_null() {
+            // SAFETY: as the header asks: three numbers.
+            let origin = unsafe { text::array(origin, 3, "origin") }?;
+            scene.set_origin(DVec3::from_slice(origin))?;
+        }
+        *out = handle::create((context, RwLock::new(scene)))?;
+        Ok(())
+    })
+}
+
+/// Releases a scene; its snapshots stay. NULL is allowed. Any thread may call this.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_scene_release(scene: *mut echocast_scene) {
+    guard(|| {
+        handle::release(scene);
+        Ok(())
+    });
+}
+
+/// Runs `edit` on the scene, which no other thread uses meanwhile.
+fn edit<T>(scene: *mut echocast_scene, edit: impl FnOnce(&Arc<Context>, &mut LiveScene) -> Outcome<T>) -> Outcome<T> {
+    let scene = handle::get(scene, "scene")?;
+    let mut live = handle::write(&scene.1, "scene")?;
+    edit(&scene.0, &mut live)
+}
+
+/// Runs `look` on the scene, which nobody edits meanwhile.
+fn look<T>(scene: *const echocast_scene, look: impl FnOnce(&LiveScene) -> Outcome<T>) -> Outcome<T> {
+    let scene = handle::get(scene, "scene")?;
+    look(&*handle::read(&scene.1, "scene")?)
+}
+
+/// # Safety
+/// `options` is NULL or a string.
+unsafe fn load_options(options: *const c_char) -> Outcome<LoadOptions> {
+    // SAFETY: as the caller promises.
+    match unsafe { text::optional(options, "options") }? {
+        None => Ok(LoadOptions::default()),
+        Some(options) if options.trim().is_empty() => Ok(LoadOptions::default()),
+        Some(options) => Ok(LoadOptions::from_yaml(options)?),
+    }
+}
+
+fn add_scene(context: &Context, live: &mut LiveScene, file: &Scene) -> Outcome {
+    context.warn(&file.report);
+    let objects = live.add_scene(file)?.len();
+    context.say(ECHOCAST_LOG_INFO, format_args!("objects: {objects}, triangles: {}", file.triangle_count()));
+    Ok(())
+}
+
+/// Adds what a scene file holds (glTF, GLB, OBJ): its objects as fixed instances with their labels, and its cameras.
+/// `options`: NULL, or YAML with `up` (y or z) and `scale` (metres per unit) for formats that do not say, and `labels`,
+/// which holds what a label file does. Labels whose name the scene knows get the number that it has there.
+///
+/// Errors: ECHOCAST_E_IO, ECHOCAST_E_PARSE (file and place), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_ARGUMENT,
+/// ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY; then the scene is as it was.
+///
+/// ```c
+/// echocast_scene_load(scene, "street.glb", "labels: {numbers: {car: 10, road: 40}}");
+/// ```
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_scene_load(
+    scene: *mut echocast_scene,
+    path: *const c_char,
+    options: *const c_char,
+) -> echocast_status {
+    guard(|| {
+        edit(scene, |context, live| {
+            // SAFETY: as the header asks.
+            let (path, options) = unsafe { (text::path(path, "path")?, load_options(options)?) };
+            let file = context.engine.install(|| Scene::load_with(path, &options))?;
+            add_scene(context, live, &file)
+        })
+    })
+}
+
+/// As echocast_scene_load, from the bytes of a GLB file, or of a glTF file whose buffers and images stand in it.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_scene_load_memory(
+    scene: *mut echocast_scene,
+    data: *const c_void,
+    size: usize,
+    options: *const c_char,
+) -> echocast_status {
+    guard(|| {
+        edit(scene, |context, live| {
+            // SAFETY: as the header asks.
+            let (bytes, options) = unsafe { (text::array(data.cast::<u8>(), size, "data")?, load_options(options)?) };
+            let file = context.engine.install(|| Scene::from_glb_bytes(bytes, &options))?;
+            add_scene(context, live, &file)
+        })
+    })
+}
+
+/// Adds an instance of a mesh. `*out` is its number; NULL if it is not wanted.
+///
+/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY; then the scene is as it was.
+///
+/// ```c
+/// echocast_instance_desc desc = ECHOCAST_INSTANCE_DESC_INIT;
+/// desc.mesh = car_mesh;
+/// desc.category_id = 10;
+/// desc.instance_id = 1;
+/// desc.name = "car 1";
+/// echocast_instance car;
+/// echocast_scene_add(scene, &desc, &car);
+/// ```
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_scene_add(
+    scene: *mut echocast_scene,
+    desc: *const echocast_instance_desc,
+    out: *mut echocast_instance,
+) -> echocast_status {
+    guard(|| {
+        // SAFETY: as the header asks.
+        let out = if out.is_null() { None } else { Some(unsafe { text::output(out, "out") }?.write(0)) };
+        // SAFETY: as the header asks.
+        let desc = unsafe { text::structure(desc, "desc") }?;
+        edit(scene, |context, live| {
+            let mesh = handle::get(desc.mesh, "desc->mesh")?;
+            context.check(&mesh.context, "desc->mesh")?;
+            // SAFETY: as the header asks.
+            let name = unsafe { text::optional(desc.name, "desc->name") }?.unwrap_or_default();
+            let object = Object {
+                world_from_object: desc.pose.placement("desc->pose")?,
+                category_id: desc.category_id,
+                part_ids: mesh.part_ids.clone(),
+                instance_id: desc.instance_id,
+                mask: nonzero_mask(desc.mask, "desc->mask")?,
+                material: material_of(context, desc.material, "desc->material")?,
+                ..Object::new(name, mesh.mesh.clone())
+            };
+            let id = match desc.fixed {
+                0 => live.add(object)?,
+                1 => live.add_fixed(object)?,
+                other => return Err(Failure::argument("desc->fixed", other, "0 or 1")),
+            };
+            if let Some(out) = out {
+                *out = id.to_u64();
+            }
+            Ok(())
+        })
+    })
+}
+
+fn nonzero_mask(mask: u32, name: &str) -> Outcome<u32> {
+    if mask == 0 { Err(Failure::argument(name, 0, "a bit or more: no scan would see anything")) } else { Ok(mask) }
+}
+
+fn material_of(
+    context: &Arc<Context>,
+    material: *mut echocast_material,
+    name: &str,
+) -> Outcome<Option<Arc<echocast::scene::Material>>> {
+    if material.is_null() {
+        return Ok(None);
+    }
+    let material = handle::get(material, name)?;
+    context.check(&material.0, name)?;
+    Ok(Some(material.1.clone()))
+}
+
+/// The instance that a number stands for.
+fn instance(live: &LiveScene, number: echocast_instance, name: &str) -> Outcome<ObjectId> {
+    let id = ObjectId::from_u64(number);
+    match live.object(id) {
+        Ok(_) => Ok(id),
+        Err(_) => Err(Failure::new(
+            crate::ECHOCAST_E_HANDLE,
+            format!("{name} is {number:#x}, which is no instance of this scene that has not been removed"),
+        )),
+    }
+}
+
+/// Takes an instance away. Its number is never used again.
+///
+/// Errors: ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_scene_remove(scene: *mut echocast_scene, id: echocast_instance) -> echocast_status {
+    guard(|| edit(scene, |_, live| Ok(live.remove(instance(live, id, "id")?)?)))
+}
+
+/// Finds the first instance of a name; those of files are called as in the file.
+///
+/// Errors: ECHOCAST_E_ARGUMENT (no such name; near ones are told), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_scene_find(
+    scene: *const echocast_scene,
+    name: *const c_char,
+    out: *mut echocast_instance,
+) -> echocast_status {
+    guard(|| {
+        // SAFETY: as the header asks.
+        let (out, name) = unsafe { (text::output(out, "out")?.write(0), text::required(name, "name")?) };
+        look(scene, |live| {
+            *out = live.find(name)?.to_u64();
+            Ok(())
+        })
+    })
+}
+
+/// Finds where the camera node of a name in a loaded file stands, as a sensor's pose: x along its view, z up.
+///
+/// Errors: ECHOCAST_E_ARGUMENT (no such name; near ones are told), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_scene_camera(
+    scene: *const echocast_scene,
+    name: *const c_char,
+    out: *mut echocast_pose,
+) -> echocast_status {
+    guard(|| {
+        // SAFETY: as the header asks.
+        let (out, name) = unsafe { (text::output(out, "out")?, text::required(name, "name")?) };
+        look(scene, |live| {
+            out.write(echocast_pose::of(&live.camera(name)?));
+            Ok(())
+        })
+    })
+}
+
+/// Tells what a scene holds. `*info` has its struct_size set.
+///
+/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_scene_get_info(
+    scene: *const echocast_scene,
+    info: *mut echocast_scene_info,
+) -> echocast_status {
+    guard(|| {
+        look(scene, |live| {
+            let (low, high) = live.bounds().unwrap_or_default();
+            let found = echocast_scene_info {
+                struct_size: size_of::<echocast_scene_info>(),
+                instances: live.objects().count(),
+                triangles: live.triangle_count(),
+                low: low.to_array(),
+                high: high.to_array(),
+            };
+            // SAFETY: as the header asks.
+            unsafe { text::put_structure(found, info, "info") }
+        })
+    })
+}
+
+/// Puts instances somewhere else: `ids[i]` to `poses[i]`, all or, on an error, none. Fixed ones may move from then on.
+///
+/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_scene_set_poses(
+    scene: *mut echocast_scene,
+    count: usize,
+    ids: *const echocast_instance,
+    poses: *const echocast_pose,
+) -> echocast_status {
+    guard(|| {
+        // SAFETY: as the header asks.
+        let (ids, poses) = unsafe { (text::array(ids, count, "ids")?, text::array(poses, count, "poses")?) };
+        edit(scene, |_, live| {
+            for check in [true, false] {
+                for (number, (&id, pose)) in ids.iter().zip(poses).enumerate() {
+                    // Names are made only for what is wrong: a loop of frames allocates nothing here.
+                    let id = instance(live, id, "ids[i]").map_err(|failure| failure.at("[i]", number))?;
+                    let pose = pose.placement("poses[i]").map_err(|failure| failure.at("[i]", number))?;
+                    if check {
+                        live.check_pose(id, &pose)?;
+                    } else {
+                        live.set_pose(id, pose)?;
+                    }
+                }
+            }
+            Ok(())
+        })
+    })
+}
+
+/// Gives the vertices of an instance new positions: `count` times x, y, z, as many as its mesh has, and shading normals,
+/// or NULL for flat triangles. Its mesh becomes its own; others that share it keep theirs. The arrays are copied.
+///
+/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY; then it is as it was.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_scene_set_vertices(
+    scene: *mut echocast_scene,
+    id: echocast_instance,
+    positions: *const f32,
+    normals: *const f32,
+    count: usize,
+) -> echocast_status {
+    guard(|| {
+        let copy = |data: *const f32, name: &str| -> Outcome<Array<[f32; 3]>> {
+            // SAFETY: as the header asks.
+            let from = unsafe { text::array(data.cast::<[f32; 3]>(), count, name) }?;
+            let mut copy = Vec::new();
+            let no_memory =
+                |_| Failure::new(crate::ECHOCAST_E_MEMORY, format!("no memory for {count} elements of {name}"));
+            copy.try_reserve_exact(count).map_err(no_memory)?;
+            copy.extend_from_slice(from);
+            Ok(copy.into())
+        };
+        edit(scene, |_, live| {
+            let id = instance(live, id, "id")?;
+            let vertices = live.object(id)?.mesh.parts[0].positions.len();
+            if count != vertices {
+                return Err(Failure::argument("count", count, &format!("the vertices of its mesh, {vertices}")));
+            }
+            let positions = copy(positions, "positions")?;
+            let normals = if normals.is_null() { None } else { Some(copy(normals, "normals")?) };
+            Ok(live.set_vertices(id, positions, normals)?)
+        })
+    })
+}
+
+/// Sets the labels of an instance: category, number of this very instance, and those of the parts of its mesh, or NULL
+/// to keep them.
+///
+/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_scene_set_labels(
+    scene: *mut echocast_scene,
+    id: echocast_instance,
+    category_id: u32,
+    instance_id: u32,
+    part_ids: *const u32,
+    part_count: usize,
+) -> echocast_status {
+    guard(|| {
+        edit(scene, |_, live| {
+            let id = instance(live, id, "id")?;
+            let kept;
+            let parts = if part_ids.is_null() {
+                kept = live.object(id)?.part_ids.clone();
+                &kept[..]
+            } else {
+                // SAFETY: as the header asks.
+                unsafe { text::array(part_ids, part_count, "part_ids") }?
+            };
+            Ok(live.set_labels(id, category_id, instance_id, parts)?)
+        })
+    })
+}
+
+/// Sets by which scans an instance is seen: those whose mask shares a bit with `mask`, which may be 0.
+///
+/// Errors: ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_scene_set_mask(
+    scene: *mut echocast_scene,
+    id: echocast_instance,
+    mask: u32,
+) -> echocast_status {
+    guard(|| edit(scene, |_, live| Ok(live.set_mask(instance(live, id, "id")?, mask)?)))
+}
+
+/// Gives an instance one material in place of those of its mesh; NULL: those of its mesh again.
+///
+/// Errors: ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_scene_set_material(
+    scene: *mut echocast_scene,
+    id: echocast_instance,
+    material: *mut echocast_material,
+) -> echocast_status {
+    guard(|| {
+        edit(scene, |context, live| {
+            let id = instance(live, id, "id")?;
+            Ok(live.set_material(id, material_of(context, material, "material")?)?)
+        })
+    })
+}
+
+/// Names a number of a label column; the names travel with every file. `table`: "category", "part" or "instance".
+///
+/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_scene_name_label(
+    scene: *mut echocast_scene,
+    table: *const c_char,
+    number: u32,
+    name: *const c_char,
+) -> echocast_status {
+    guard(|| {
+        edit(scene, |_, live| {
+            // SAFETY: as the header asks.
+            let (table, name) = unsafe { (text::required(table, "table")?, text::required(name, "name")?) };
+            Ok(live.name_label(table, number, name)?)
+        })
+    })
+}
+
+/// Builds what has changed. `*out` is the scene as it is now, which can be scanned while the next one is edited; it is to
+/// be released with echocast_snapshot_release.
+///
+/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_scene_commit(
+    scene: *mut echocast_scene,
+    out: *mut *mut echocast_snapshot,
+) -> echocast_status {
+    guard(|| {
+        // SAFETY: as the header asks.
+        let out = unsafe { text::output(out, "out") }?.write(ptr::null_mut());
+        edit(scene, |context, live| {
+            let built = live.commit()?;
+            context.warn(built.report());
+            *out = handle::create((Arc::clone(context), built))?;
+            Ok(())
+        })
+    })
+}
+
+/// Releases a snapshot. NULL is allowed. Any thread may call this.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_snapshot_release(snapshot: *mut echocast_snapshot) {
+    guard(|| {
+        handle::release(snapshot);
+        Ok(())
+    });
+}

@@ -1,0 +1,321 @@
+//! Sensors.
+
+use crate::context::{Context, echocast_context};
+use crate::guard::{Failure, Outcome, echocast_status, guard};
+use crate::handle::{self, handles};
+use crate::text::{self, Sized_};
+use echocast::Sensor;
+use echocast::emitter::{BeamTable, FiringOrder};
+use std::ffi::c_char;
+use std::ptr;
+use std::sync::{Arc, RwLock};
+
+/// An instrument: where its beams point, what it sees, and the errors that it makes. Any number of threads may scan
+/// with it; one at a time may change it.
+pub struct echocast_sensor(());
+
+handles! {
+    echocast_sensor: (Arc<Context>, RwLock<Sensor>), "sensor", 6;
+}
+
+/// A beam of a sensor.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct echocast_beam {
+    /// Time of its firing since the start of the scan, ns.
+    pub t_ns: i64,
+    /// Direction in the sensor frame, of length 1: x forward, y left, z up.
+    pub direction: [f32; 3],
+    /// Nearest range that is reported, metres.
+    pub range_min_m: f32,
+    /// Farthest range that is reported, metres; 0 for no limit but the sensor's.
+    pub range_max_m: f32,
+    /// Emitter index, 0 to 65535.
+    pub channel: u32,
+}
+
+/// Every beam is a firing of its own.
+pub const ECHOCAST_FIRING_BEAMS: i32 = 0;
+/// All beams of a column belong to one firing.
+pub const ECHOCAST_FIRING_COLUMNS: i32 = 1;
+/// All beams belong to one firing.
+pub const ECHOCAST_FIRING_FRAME: i32 = 2;
+
+/// What a sensor is; ECHOCAST_SENSOR_INFO_INIT is empty.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct echocast_sensor_info {
+    /// sizeof(echocast_sensor_info).
+    pub struct_size: usize,
+    /// Rows of its range image: channels of a spinning sensor, pixel rows of a camera.
+    pub rows: u32,
+    /// Columns of its range image. It has rows * columns beams; beam row * columns + column.
+    pub columns: u32,
+    /// Time from the start of one scan to the start of the next, ns.
+    pub period_ns: i64,
+}
+
+impl Default for echocast_sensor_info {
+    fn default() -> Self {
+        echocast_sensor_info { struct_size: size_of::<Self>(), rows: 0, columns: 0, period_ns: 0 }
+    }
+}
+
+// SAFETY: plain numbers, the size first.
+unsafe impl Sized_ for echocast_sensor_info {}
+
+/// Makes a sensor. `sensor`: the name of a preset ("velodyne_vlp32c", see echocast_name) or the path of a sensor file.
+///
+/// Errors: ECHOCAST_E_ARGUMENT (no such preset; near ones are told), ECHOCAST_E_IO, ECHOCAST_E_PARSE (file, line, key).
+/// Any thread may call this.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_sensor_create(
+    context: *mut echocast_context,
+    sensor: *const c_char,
+    out: *mut *mut echocast_sensor,
+) -> echocast_status {
+    create(context, out, || {
+        // SAFETY: as the header asks.
+        let name = unsafe { text::required(sensor, "sensor") }?;
+        Ok(Sensor::open(name)?)
+    })
+}
+
+/// Makes a sensor of YAML text, which says what a sensor file does. `folder`: where names of other files in it start;
+/// NULL for the working folder.
+///
+/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_IO, ECHOCAST_E_PARSE (line and key). Any thread may call this.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_sensor_from_text(
+    context: *mut echocast_context,
+    yaml: *const c_char,
+    folder: *const c_char,
+    out: *mut *mut echocast_sensor,
+) -> echocast_status {
+    create(context, out, || {
+        // SAFETY: as the header asks.
+        let (yaml, folder) = unsafe { (text::required(yaml, "yaml")?, text::optional(folder, "folder")?) };
+        Ok(Sensor::from_yaml(yaml, folder.unwrap_or_default())?)
+    })
+}
+
+/// Makes an ideal lidar of beams: no noise, no threshold, no range limit but theirs; echocast_sensor_set adds what is
+/// wanted. `beams`: rows * columns of them, row by row; neighbours in a row should be neighbours in angle, which is
+/// several times as fast. `period_ns`: time from one scan to the next. `firing`: an ECHOCAST_FIRING_ number.
+///
+/// Errors: ECHOCAST_E_ARGUMENT (the beam that is wrong), ECHOCAST_E_MEMORY. Any thread may call this.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_sensor_from_beams(
+    context: *mut echocast_context,
+    name: *const c_char,
+    rows: u32,
+    columns: u32,
+    beams: *const echocast_beam,
+    period_ns: i64,
+    firing: i32,
+    out: *mut *mut echocast_sensor,
+) -> echocast_status {
+    create(context, out, || {
+        // SAFETY: as the header asks.
+        let name = unsafe { text::required(name, "name") }?;
+        // 2^64 does not fit two numbers below 2^32, and an array of so many is refused.
+        let count = rows as usize * columns as usize;
+        // SAFETY: as the header asks.
+        let beams = unsafe { text::array(beams, count, "beams") }?;
+        Ok(Sensor::from_beams(name, table(rows, columns, beams, period_ns, firing)?)?)
+    })
+}
+
+fn create(
+    context: *mut echocast_context,
+    out: *mut *mut echocast_sensor,
+    make: impl FnOnce() -> Outcome<Sensor>,
+) -> echocast_status {
+    guard(|| {
+        // SAFETY: as the header asks.
+        let out = unsafe { text::output(out, "out") }?.write(ptr::null_mut());
+        let context = handle::get(context, "context")?;
+        *out = handle::create((context, RwLock::new(make()?)))?;
+        Ok(())
+    })
+}
+
+fn table(rows: u32, columns: u32, beams: &[echocast_beam], period_ns: i64, firing: i32) -> Outcome<BeamTable> {
+    let firing_order = match firing {
+        ECHOCAST_FIRING_BEAMS => FiringOrder::Beams,
+        ECHOCAST_FIRING_COLUMNS => FiringOrder::Columns,
+        ECHOCAST_FIRING_FRAME => FiringOrder::Frame,
+        other => return Err(Failure::argument("firing", other, "0 to 2, an ECHOCAST_FIRING_ number")),
+    };
+    if let Some(number) = beams.iter().position(|beam| beam.channel > u32::from(u16::MAX)) {
+        return Err(Failure::argument(&format!("beams[{number}].channel"), beams[number].channel, "0 to 65535"));
+    }
+    let limited = |limit: fn(&echocast_beam) -> f32| beams.iter().any(|beam| limit(beam) != 0.0);
+    let far = |beam: &echocast_beam| if beam.range_max_m == 0.0 { f32::INFINITY } else { beam.range_max_m };
+    Ok(BeamTable {
+        rows,
+        columns,
+        dir_x: beams.iter().map(|beam| beam.direction[0]).collect(),
+        dir_y: beams.iter().map(|beam| beam.direction[1]).collect(),
+        dir_z: beams.iter().map(|beam| beam.direction[2]).collect(),
+        time: beams.iter().map(|beam| seconds(beam.t_ns)).collect(),
+        channel: beams.iter().map(|beam| beam.channel as u16).collect(),
+        range_min: if limited(|beam| beam.range_min_m) {
+            beams.iter().map(|beam| beam.range_min_m).collect()
+        } else {
+            Vec::new()
+        },
+        range_max: if limited(|beam| beam.range_max_m) { beams.iter().map(far).collect() } else { Vec::new() },
+        firing_order,
+        period: seconds(period_ns),
+    })
+}
+
+pub(crate) fn seconds(ns: i64) -> f64 {
+    // Whole seconds apart, so that a time of 2026 is rounded once.
+    (ns / 1_000_000_000) as f64 + (ns % 1_000_000_000) as f64 * 1e-9
+}
+
+fn nanoseconds(seconds: f64) -> i64 {
+    (seconds * 1e9).round() as i64
+}
+
+fn look<T>(sensor: *const echocast_sensor, look: impl FnOnce(&Sensor) -> Outcome<T>) -> Outcome<T> {
+    let sensor = handle::get(sensor, "sensor")?;
+    look(&*handle::read(&sensor.1, "sensor")?)
+}
+
+/// Changes a parameter: `key` is its path in the sensor file ("noise.range_sigma_m"), `value` YAML: a number, a word, a
+/// list or a whole section; "null" takes an optional one away.
+///
+/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_PARSE (key, what was found, what is allowed), ECHOCAST_E_BUSY (a scan is using
+/// the sensor); then it is as it was.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_sensor_set(
+    sensor: *mut echocast_sensor,
+    key: *const c_char,
+    value: *const c_char,
+) -> echocast_status {
+    guard(|| {
+        // SAFETY: as the header asks.
+        let (key, value) = unsafe { (text::required(key, "key")?, text::required(value, "value")?) };
+        let sensor = handle::get(sensor, "sensor")?;
+        Ok(handle::write(&sensor.1, "sensor")?.set(key, value)?)
+    })
+}
+
+/// Reads a parameter that is a number, with the least and the greatest value that it may have (infinite without a
+/// bound). `value`, `min` and `max` may each be NULL.
+///
+/// Errors: ECHOCAST_E_ARGUMENT (no such key, or no number), ECHOCAST_E_BUSY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_sensor_get(
+    sensor: *const echocast_sensor,
+    key: *const c_char,
+    value: *mut f64,
+    min: *mut f64,
+    max: *mut f64,
+) -> echocast_status {
+    guard(|| {
+        // SAFETY: as the header asks.
+        let key = unsafe { text::required(key, "key") }?;
+        let found = look(sensor, |sensor| Ok(sensor.parameter(key)?))?;
+        for (to, name, number) in [(value, "value", found.value), (min, "min", found.min), (max, "max", found.max)] {
+            if !to.is_null() {
+                // SAFETY: as the header asks.
+                unsafe { text::output(to, name) }?.write(number);
+            }
+        }
+        Ok(())
+    })
+}
+
+/// Writes the sensor as YAML, every key that has a value, to `yaml`, which has room for `capacity` bytes, cut off where
+/// it is longer. `*needed`: bytes of the whole with the 0 at its end. One of `yaml` and `needed` may be NULL.
+///
+/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_BUSY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_sensor_describe(
+    sensor: *const echocast_sensor,
+    yaml: *mut c_char,
+    capacity: usize,
+    needed: *mut usize,
+) -> echocast_status {
+    guard(|| {
+        let described = look(sensor, |sensor| Ok(sensor.to_yaml()?))?;
+        // SAFETY: as the header asks.
+        unsafe { text::put(&described, yaml, capacity, needed) }
+    })
+}
+
+/// Tells the shape of a sensor. `*info` has its struct_size set.
+///
+/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_BUSY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_sensor_get_info(
+    sensor: *const echocast_sensor,
+    info: *mut echocast_sensor_info,
+) -> echocast_status {
+    guard(|| {
+        look(sensor, |sensor| {
+            let beams = sensor.beams();
+            let found = echocast_sensor_info {
+                struct_size: size_of::<echocast_sensor_info>(),
+                rows: beams.rows,
+                columns: beams.columns,
+                period_ns: nanoseconds(beams.period),
+            };
+            // SAFETY: as the header asks.
+            unsafe { text::put_structure(found, info, "info") }
+        })
+    })
+}
+
+/// Writes beams `first` to `first + count - 1` to `beams`, to look at the pattern.
+///
+/// Errors: ECHOCAST_E_ARGUMENT (more than there are), ECHOCAST_E_BUSY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_sensor_get_beams(
+    sensor: *const echocast_sensor,
+    first: usize,
+    count: usize,
+    beams: *mut echocast_beam,
+) -> echocast_status {
+    guard(|| {
+        look(sensor, |sensor| {
+            let table = sensor.beams();
+            if first.checked_add(count).is_none_or(|end| end > table.len()) {
+                let found = format!("{first} + {count}");
+                return Err(Failure::argument(
+                    "first + count",
+                    found,
+                    &format!("up to the {} beams there are", table.len()),
+                ));
+            }
+            if count > 0 {
+                text::check_array(beams, count, "beams")?;
+            }
+            for (to, beam) in (first..first + count).enumerate() {
+                let described = echocast_beam {
+                    t_ns: nanoseconds(table.time[beam]),
+                    direction: [table.dir_x[beam], table.dir_y[beam], table.dir_z[beam]],
+                    range_min_m: table.range_min.get(beam).copied().unwrap_or(0.0),
+                    range_max_m: table.range_max.get(beam).copied().filter(|far| far.is_finite()).unwrap_or(0.0),
+                    channel: table.channel[beam].into(),
+                };
+                // SAFETY: as the header asks; the pointer was checked.
+                unsafe { beams.add(to).write(described) };
+            }
+            Ok(())
+        })
+    })
+}
+
+/// Releases a sensor. NULL is allowed. Any thread may call this.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_sensor_release(sensor: *mut echocast_sensor) {
+    guard(|| {
+        handle::release(sensor);
+        Ok(())
+    });
+}

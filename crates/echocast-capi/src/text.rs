@@ -1,0 +1,191 @@
+//! C's strings, arrays and structures in, text out.
+
+use crate::guard::{ECHOCAST_E_VERSION, Failure, Outcome};
+use std::ffi::{CStr, c_char};
+use std::mem::MaybeUninit;
+use std::path::Path;
+
+/// Longest text that is taken: a string without its end is found out before it leads far astray.
+const LONGEST: usize = 64 << 20;
+
+/// The text `argument`; `None` for NULL.
+///
+/// # Safety
+/// `text` is NULL or ends in 0, and lives as long as the result is used.
+pub(crate) unsafe fn optional<'a>(text: *const c_char, name: &str) -> Outcome<Option<&'a str>> {
+    if text.is_null() {
+        return Ok(None);
+    }
+    // SAFETY: as the caller promises.
+    let text = unsafe { CStr::from_ptr(text) };
+    if text.count_bytes() > LONGEST {
+        return Err(Failure::argument(name, format!("{} bytes long", text.count_bytes()), "up to 64 MiB"));
+    }
+    text.to_str()
+        .map(Some)
+        .map_err(|error| Failure::argument(name, format!("not UTF-8 after byte {}", error.valid_up_to()), "UTF-8 text"))
+}
+
+/// The text `argument`.
+///
+/// # Safety
+/// As [`optional`].
+pub(crate) unsafe fn required<'a>(text: *const c_char, name: &str) -> Outcome<&'a str> {
+    // SAFETY: as the caller promises.
+    unsafe { optional(text, name) }?.ok_or_else(|| Failure::argument(name, "NULL", "a string"))
+}
+
+/// The path `argument`.
+///
+/// # Safety
+/// As [`optional`].
+pub(crate) unsafe fn path<'a>(text: *const c_char, name: &str) -> Outcome<&'a Path> {
+    // SAFETY: as the caller promises.
+    let text = unsafe { required(text, name) }?;
+    if text.is_empty() { Err(Failure::argument(name, "empty", "a path")) } else { Ok(Path::new(text)) }
+}
+
+/// The `count` elements of the array `data`, which may be NULL when there are none.
+///
+/// # Safety
+/// `data` is NULL or points to `count` elements that live, unchanged, as long as the result is used.
+pub(crate) unsafe fn array<'a, T>(data: *const T, count: usize, name: &str) -> Outcome<&'a [T]> {
+    if count == 0 {
+        return Ok(&[]);
+    }
+    check_array(data, count, name)?;
+    // SAFETY: the pointer is not NULL, aligned, and does not wrap around; else as the caller promises.
+    Ok(unsafe { std::slice::from_raw_parts(data, count) })
+}
+
+/// That `data` can be an array of `count` elements, as far as that can be seen.
+pub(crate) fn check_array<T>(data: *const T, count: usize, name: &str) -> Outcome {
+    if data.is_null() {
+        return Err(Failure::argument(name, "NULL", &format!("an array of {count}")));
+    }
+    if !data.is_aligned() {
+        return Err(Failure::argument(name, format!("{data:p}"), &format!("a multiple of {} bytes", align_of::<T>())));
+    }
+    let bytes = count.checked_mul(size_of::<T>()).filter(|&bytes| bytes <= isize::MAX as usize);
+    if bytes.and_then(|bytes| data.addr().checked_add(bytes)).is_none() {
+        return Err(Failure::argument(&format!("the number of {name}"), count, "what fits into memory"));
+    }
+    Ok(())
+}
+
+/// A place to put a result.
+///
+/// # Safety
+/// `to` is NULL or points to room for a `T` that nobody else uses meanwhile.
+pub(crate) unsafe fn output<'a, T>(to: *mut T, name: &str) -> Outcome<&'a mut MaybeUninit<T>> {
+    if to.is_null() {
+        return Err(Failure::null(name));
+    }
+    if !to.is_aligned() {
+        return Err(Failure::argument(name, format!("{to:p}"), &format!("a multiple of {} bytes", align_of::<T>())));
+    }
+    // SAFETY: not NULL, aligned; else as the caller promises.
+    Ok(unsafe { &mut *to.cast::<MaybeUninit<T>>() })
+}
+
+/// Structures of the header that begin with `struct_size` and may grow at their end.
+///
+/// # Safety
+/// The type is `repr(C)`, begins with its size as a `usize`, has no padding but such that may hold anything, and any
+/// bits make a value of it.
+pub(crate) unsafe trait Sized_: Copy + Default {}
+
+/// Largest structure that is looked at.
+const LARGEST_STRUCT: usize = 4096;
+
+/// Reads a structure that may be shorter or longer than this library knows: what an older header lacks has its default,
+/// what a newer one adds must be 0.
+///
+/// # Safety
+/// `from` is NULL or points to as many bytes as its `struct_size` says.
+pub(crate) unsafe fn structure<T: Sized_>(from: *const T, name: &str) -> Outcome<T> {
+    if from.is_null() {
+        return Err(Failure::null(name));
+    }
+    if !from.is_aligned() {
+        return Err(Failure::argument(name, format!("{from:p}"), &format!("a multiple of {} bytes", align_of::<T>())));
+    }
+    // SAFETY: aligned, and every such structure begins with its size.
+    let size = unsafe { from.cast::<usize>().read() };
+    if !(size_of::<usize>()..=LARGEST_STRUCT).contains(&size) {
+        let allowed = format!("sizeof(*{name}), as the INIT macro of the structure has it");
+        return Err(Failure::argument(&format!("{name}->struct_size"), size, &allowed));
+    }
+    let mut value = T::default();
+    let known = size.min(size_of::<T>());
+    // SAFETY: both have `known` bytes; any bits make a value.
+    unsafe { std::ptr::copy_nonoverlapping(from.cast::<u8>(), std::ptr::from_mut(&mut value).cast::<u8>(), known) };
+    for offset in known..size {
+        // SAFETY: within the `size` bytes that the caller promises.
+        if unsafe { from.cast::<u8>().add(offset).read() } != 0 {
+            let text =
+                format!("{name} has something set at byte {offset}, which this version of echocast does not know");
+            return Err(Failure::new(ECHOCAST_E_VERSION, text));
+        }
+    }
+    Ok(value)
+}
+
+/// Writes a structure as far as the caller's, which may be older or newer, has room; `to->struct_size` stays.
+///
+/// # Safety
+/// `to` is NULL or points to as many bytes as its `struct_size` says, which nobody else uses meanwhile.
+pub(crate) unsafe fn put_structure<T: Sized_>(value: T, to: *mut T, name: &str) -> Outcome {
+    // SAFETY: as the caller promises. What it holds does not matter, but its size must make sense.
+    match unsafe { structure(to, name) } {
+        Err(failure) if failure.status != ECHOCAST_E_VERSION => return Err(failure),
+        _ => {}
+    }
+    // SAFETY: it has been read just now.
+    let size = unsafe { to.cast::<usize>().read() };
+    let fields = size_of::<usize>()..size.min(size_of::<T>());
+    // SAFETY: both have so many bytes.
+    unsafe {
+        let from = std::ptr::from_ref(&value).cast::<u8>();
+        std::ptr::copy_nonoverlapping(from.add(fields.start), to.cast::<u8>().add(fields.start), fields.len());
+        if size > size_of::<T>() {
+            to.cast::<u8>().add(size_of::<T>()).write_bytes(0, size - size_of::<T>());
+        }
+    }
+    Ok(())
+}
+
+/// Copies `text` and a 0 to `to`, which has room for `capacity` bytes, as far as they go; `needed`: bytes with the 0.
+///
+/// # Safety
+/// `to` is NULL or has room; `needed` is NULL or a place for a number.
+pub(crate) unsafe fn put(text: &str, to: *mut c_char, capacity: usize, needed: *mut usize) -> Outcome {
+    if to.is_null() && needed.is_null() {
+        return Err(Failure::argument("text and needed", "NULL", "at least one of them"));
+    }
+    let mut bytes = Vec::with_capacity(text.len() + 1);
+    push_lossy(&mut bytes, text);
+    if !needed.is_null() {
+        // SAFETY: as the caller promises; it need not be aligned.
+        unsafe { needed.write_unaligned(bytes.len()) };
+    }
+    if !to.is_null() && capacity > 0 {
+        // Not in the middle of a character.
+        let mut length = (bytes.len() - 1).min(capacity - 1);
+        while length < bytes.len() - 1 && bytes[length] & 0xc0 == 0x80 {
+            length -= 1;
+        }
+        // SAFETY: as the caller promises.
+        unsafe {
+            std::ptr::copy_nonoverlapping(bytes.as_ptr().cast(), to, length);
+            to.add(length).write(0);
+        }
+    }
+    Ok(())
+}
+
+/// Appends `text` and a 0; a 0 within becomes a question mark.
+pub(crate) fn push_lossy(to: &mut Vec<u8>, text: &str) {
+    to.extend(text.bytes().map(|byte| if byte == 0 { b'?' } else { byte }));
+    to.push(0);
+}

@@ -1,0 +1,106 @@
+//! Programs of C that use the library as hosts do: plainly, under AddressSanitizer and under Valgrind.
+
+mod common;
+
+use common::{compilers, folder, is_here, program, run, source};
+use std::path::PathBuf;
+use std::process::Command;
+
+const C99: &[&str] = &["-std=c99"];
+const ASAN: &[&str] = &["-std=c99", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"];
+
+#[track_caller]
+fn passes(output: &std::process::Output) {
+    assert_eq!(String::from_utf8_lossy(&output.stdout), "passed\n");
+}
+
+/// Runs the program of one file in a folder of its own.
+#[track_caller]
+fn check(name: &str, kind: &str, options: &[&str], wrap: &[&str]) {
+    let folder = folder(&format!("{name}-{kind}"));
+    let program = program(&folder, compilers()[0][0], options, &[source(&format!("{name}.c"))]);
+    let mut command = match wrap {
+        [] => Command::new(&program),
+        [first, rest @ ..] => {
+            let mut command = Command::new(first);
+            command.args(rest).arg(&program);
+            command
+        }
+    };
+    passes(&run(command.arg(&folder).env("ASAN_OPTIONS", "detect_leaks=1:abort_on_error=0")));
+}
+
+/// What Valgrind must not find.
+const VALGRIND: &[&str] = &[
+    "valgrind",
+    "-q",
+    "--error-exitcode=9",
+    "--leak-check=full",
+    "--errors-for-leak-kinds=definite",
+    "--show-leak-kinds=definite",
+];
+
+fn under_valgrind(name: &str) {
+    assert!(is_here("valgrind"), "there is no valgrind: run scripts/setup --test");
+    check(name, "valgrind", C99, VALGRIND);
+}
+
+#[test]
+fn functions_do_what_they_say() {
+    check("api", "plain", C99, &[]);
+}
+
+#[test]
+fn functions_do_what_they_say_under_address_sanitizer() {
+    check("api", "asan", ASAN, &[]);
+}
+
+#[test]
+fn functions_do_what_they_say_under_valgrind() {
+    under_valgrind("api");
+}
+
+#[test]
+fn misuse_is_answered() {
+    check("misuse", "plain", C99, &[]);
+}
+
+#[test]
+fn misuse_is_answered_under_address_sanitizer() {
+    // The pointers that are made odd on purpose are never followed.
+    check("misuse", "asan", &["-std=c99", "-fsanitize=address"], &[]);
+}
+
+#[test]
+fn misuse_is_answered_under_valgrind() {
+    under_valgrind("misuse");
+}
+
+#[test]
+fn scans_and_edits_run_beside_each_other() {
+    check("stress", "plain", C99, &[]);
+}
+
+#[test]
+fn scans_and_edits_run_beside_each_other_under_address_sanitizer() {
+    check("stress", "asan", ASAN, &[]);
+}
+
+#[test]
+fn what_is_the_hosts_stays_the_hosts() {
+    check("host", "plain", C99, &[]);
+}
+
+/// Programs of every release of the header work with the library of today.
+#[test]
+fn old_clients_work() {
+    let releases = std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/releases")).unwrap();
+    let releases: Vec<PathBuf> = releases.map(|entry| entry.unwrap().path()).collect();
+    assert!(!releases.is_empty());
+    for release in releases {
+        let folder = folder(&format!("client-{}", release.file_name().unwrap().to_string_lossy()));
+        let header = format!("-I{}", release.display());
+        let program = program(&folder, compilers()[0][0], &["-std=c99", &header], &[release.join("api.c")]);
+        passes(&run(Command::new(program).arg(&folder)));
+    }
+}

@@ -1,0 +1,676 @@
+/* What the functions do, one after the other, and how they fail. argv[1]: a folder for files. */
+#include "check.h"
+
+static char folder[512];
+
+static const char *in_folder(const char *name)
+{
+    static char path[600];
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    return path;
+}
+
+static int exists(const char *path)
+{
+    FILE *file = fopen(path, "rb");
+    if (file)
+        fclose(file);
+    return file != NULL;
+}
+
+static int messages[6];
+static char last_message[512];
+
+static void take_message(void *user, int32_t level, const char *text)
+{
+    CHECK(user == messages && level >= 0 && level < 6);
+    ++messages[level];
+    snprintf(last_message, sizeof last_message, "%s", text);
+}
+
+static void library(void)
+{
+    CHECK(echocast_version() == ECHOCAST_VERSION);
+    CHECK(strncmp(echocast_version_string(), "echocast ", 9) == 0);
+    CHECK(strcmp(echocast_last_error(), "") == 0);
+    CHECK(strcmp(echocast_status_string(ECHOCAST_OK), "ok") == 0);
+    CHECK(strcmp(echocast_status_string(12345), "unknown status") == 0);
+    CHECK(echocast_has_feature("las") == 1 && echocast_has_feature("gltf") == 1);
+    CHECK(echocast_has_feature("true_range") == 1);
+    CHECK(echocast_has_feature("hdf") == 0 && echocast_has_feature(NULL) == 0);
+    size_t presets = 0;
+    int found = 0;
+    for (const char *name; (name = echocast_name("presets", presets)) != NULL; ++presets)
+        found |= strcmp(name, "velodyne_vlp16") == 0;
+    CHECK(found && presets > 20);
+    CHECK(strcmp(echocast_name("columns", 0), "x") == 0);
+    CHECK(echocast_name("columns", 1000) == NULL && echocast_name("colours", 0) == NULL);
+}
+
+static int freed;
+
+static void take_freed(void *user)
+{
+    CHECK(user == &freed);
+    ++freed;
+}
+
+static void meshes(echocast_context *context)
+{
+    echocast_mesh *mesh;
+    echocast_mesh_desc desc = box_desc();
+    /* Positions among other data. */
+    float vertices[8][5];
+    for (int i = 0; i < 8; ++i)
+        memcpy(vertices[i], BOX_POSITIONS + 3 * i, 12);
+    desc.positions = vertices[0];
+    desc.position_stride = sizeof vertices[0];
+    OK(echocast_mesh_create(context, &desc, &mesh));
+    echocast_mesh_release(mesh);
+    desc.ownership = ECHOCAST_MESH_BORROW;
+    FAILS(ECHOCAST_E_ARGUMENT, "desc->position_stride is 20; allowed: 0 or 12 for borrowed positions",
+          echocast_mesh_create(context, &desc, &mesh));
+    CHECK(mesh == NULL);
+    desc.ownership = 7;
+    FAILS(ECHOCAST_E_ARGUMENT, "desc->ownership is 7;", echocast_mesh_create(context, &desc, &mesh));
+
+    desc = box_desc();
+    desc.vertex_count = 7;
+    FAILS(ECHOCAST_E_ARGUMENT, "part 0: index is 7; allowed: below the number of vertices, 7",
+          echocast_mesh_create(context, &desc, &mesh));
+    desc = box_desc();
+    float broken[24];
+    memcpy(broken, BOX_POSITIONS, sizeof broken);
+    broken[10] = NAN;
+    desc.positions = broken;
+    FAILS(ECHOCAST_E_ARGUMENT, "part 0: vertex 3 is [1.0, NaN, -1.0]; allowed: -1e18 to 1e18",
+          echocast_mesh_create(context, &desc, &mesh));
+    desc = box_desc();
+    desc.triangle_count = 0;
+    FAILS(ECHOCAST_E_ARGUMENT, "desc->triangle_count is 0;", echocast_mesh_create(context, &desc, &mesh));
+
+    /* Parts of a mesh. */
+    echocast_material *material;
+    OK(echocast_material_create(context, "{name: brass, reflectance: 0.25}", NULL, &material));
+    echocast_part parts[2] = {ECHOCAST_PART_INIT, ECHOCAST_PART_INIT};
+    parts[0].triangle_count = 4;
+    parts[0].part_id = 11;
+    parts[1].first_triangle = 4;
+    parts[1].triangle_count = 8;
+    parts[1].part_id = 12;
+    parts[1].material = material;
+    desc = box_desc();
+    desc.parts = parts;
+    desc.part_count = 2;
+    OK(echocast_mesh_create(context, &desc, &mesh));
+    echocast_mesh_release(mesh);
+    parts[1].first_triangle = 5;
+    FAILS(ECHOCAST_E_ARGUMENT, "desc->parts[1].first_triangle is 5; allowed: 4: parts follow each other",
+          echocast_mesh_create(context, &desc, &mesh));
+    parts[1].first_triangle = 4;
+    parts[1].triangle_count = 9;
+    FAILS(ECHOCAST_E_ARGUMENT, "desc->parts[1].triangle_count is 9; allowed: 1 to 8",
+          echocast_mesh_create(context, &desc, &mesh));
+    parts[1].triangle_count = 7;
+    FAILS(ECHOCAST_E_ARGUMENT, "the triangles of all desc->parts is 11; allowed: 12",
+          echocast_mesh_create(context, &desc, &mesh));
+    echocast_material_release(material);
+    parts[1].triangle_count = 8;
+    FAILS(ECHOCAST_E_HANDLE, "desc->parts[1].material is 0x", echocast_mesh_create(context, &desc, &mesh));
+
+    /* A copy is the library's own. */
+    float *positions = malloc(sizeof BOX_POSITIONS);
+    memcpy(positions, BOX_POSITIONS, sizeof BOX_POSITIONS);
+    desc = box_desc();
+    desc.positions = positions;
+    OK(echocast_mesh_create(context, &desc, &mesh));
+    memset(positions, 0x7f, sizeof BOX_POSITIONS);
+    free(positions);
+    echocast_scene *scene;
+    OK(echocast_scene_create(context, NULL, &scene));
+    place(scene, mesh, at(5, 0, 0), 1);
+    echocast_mesh_release(mesh);
+    echocast_snapshot *snapshot;
+    OK(echocast_scene_commit(scene, &snapshot));
+    echocast_sensor *sensor = around(context);
+    echocast_result *result = NULL;
+    scan_into(snapshot, sensor, "range", &result);
+    CHECK(close_to(least(result, "range"), 4));
+    echocast_snapshot_release(snapshot);
+    echocast_scene_release(scene);
+
+    /* Borrowed arrays are given back once nothing uses them, and not if no mesh was made. */
+    positions = malloc(sizeof BOX_POSITIONS);
+    memcpy(positions, BOX_POSITIONS, sizeof BOX_POSITIONS);
+    desc.positions = positions;
+    desc.ownership = ECHOCAST_MESH_BORROW;
+    desc.released = take_freed;
+    desc.released_user = &freed;
+    desc.vertex_count = 7;
+    FAILS(ECHOCAST_E_ARGUMENT, "part 0: index is 7;", echocast_mesh_create(context, &desc, &mesh));
+    desc.vertex_count = 8;
+    CHECK(freed == 0);
+    OK(echocast_mesh_create(context, &desc, &mesh));
+    OK(echocast_mesh_prepare(mesh));
+    OK(echocast_scene_create(context, NULL, &scene));
+    echocast_instance id = place(scene, mesh, at(3, 0, 0), 1);
+    echocast_mesh_release(mesh);
+    OK(echocast_scene_commit(scene, &snapshot));
+    OK(echocast_scene_remove(scene, id));
+    echocast_scene_release(scene);
+    CHECK(freed == 0);
+    scan_into(snapshot, sensor, "range", &result);
+    CHECK(close_to(least(result, "range"), 2));
+    echocast_snapshot_release(snapshot);
+    CHECK(freed == 1);
+    free(positions);
+    echocast_result_release(result);
+    echocast_sensor_release(sensor);
+}
+
+static void scenes(echocast_context *context)
+{
+    echocast_scene *scene;
+    double origin[3] = {500000, 5600000, NAN};
+    FAILS(ECHOCAST_E_ARGUMENT, "origin is [500000, 5600000, NaN]", echocast_scene_create(context, origin, &scene));
+    origin[2] = 0;
+    OK(echocast_scene_create(context, origin, &scene));
+    echocast_mesh *mesh = box(context);
+    echocast_instance car = place(scene, mesh, at(500005, 5600000, 0), 7);
+    echocast_snapshot *snapshot;
+    OK(echocast_scene_commit(scene, &snapshot));
+    echocast_sensor *sensor = around(context);
+    echocast_pose_key here = {0, at(500000, 5600000, 0)};
+    echocast_scan_desc desc = ECHOCAST_SCAN_DESC_INIT;
+    desc.sensor = sensor;
+    desc.poses = &here;
+    desc.pose_count = 1;
+    echocast_result *result = NULL;
+    OK(echocast_scan(snapshot, &desc, &result));
+    echocast_result_info info = ECHOCAST_RESULT_INFO_INIT;
+    OK(echocast_result_get_info(result, &info));
+    CHECK(info.origin[0] == 500000 && info.origin[1] == 5600000 && info.sensor_pose.m[3] == 500000);
+    CHECK(info.count == echocast_result_count(result) && info.rows == 0 && info.intensity_full_scale == 1);
+    CHECK(close_to(least(result, "x"), 4));
+    CHECK(*(const uint32_t *)view(result, "instance_id").data == 7);
+    CHECK(strcmp(echocast_result_label_name(result, "instance", 7), "box") == 0);
+    CHECK(echocast_result_label_name(result, "instance", 8) == NULL);
+    CHECK(echocast_result_label_name(result, "planet", 8) == NULL);
+    echocast_snapshot_release(snapshot);
+
+    /* Edits; ids of what is gone. */
+    OK(echocast_scene_name_label(scene, "category", 9, "car"));
+    FAILS(ECHOCAST_E_ARGUMENT, "table is \"colour\"", echocast_scene_name_label(scene, "colour", 9, "car"));
+    OK(echocast_scene_set_labels(scene, car, 9, 8, NULL, 0));
+    uint32_t part = 5;
+    OK(echocast_scene_set_labels(scene, car, 9, 8, &part, 1));
+    FAILS(ECHOCAST_E_ARGUMENT, "part numbers is 0;", echocast_scene_set_labels(scene, car, 9, 8, &part, 0));
+    echocast_instance found;
+    OK(echocast_scene_find(scene, "box", &found));
+    CHECK(found == car);
+    FAILS(ECHOCAST_E_ARGUMENT, "there is no object named \"bax\"; near: box", echocast_scene_find(scene, "bax", &found));
+    CHECK(found == 0);
+    echocast_pose pose;
+    FAILS(ECHOCAST_E_ARGUMENT, "there is no camera node named \"eye\"", echocast_scene_camera(scene, "eye", &pose));
+    float positions[24];
+    for (int i = 0; i < 24; ++i)
+        positions[i] = 2 * BOX_POSITIONS[i];
+    OK(echocast_scene_set_vertices(scene, car, positions, NULL, 8));
+    FAILS(ECHOCAST_E_ARGUMENT, "count is 9; allowed: the vertices of its mesh, 8",
+          echocast_scene_set_vertices(scene, car, positions, NULL, 9));
+    OK(echocast_scene_commit(scene, &snapshot));
+    OK(echocast_scan(snapshot, &desc, &result));
+    CHECK(close_to(least(result, "x"), 3));
+    CHECK(*(const uint32_t *)view(result, "category_id").data == 9 && *(const uint32_t *)view(result, "part_id").data == 5);
+    CHECK(strcmp(echocast_result_label_name(result, "category", 9), "car") == 0);
+    echocast_snapshot_release(snapshot);
+
+    OK(echocast_scene_set_mask(scene, car, 2));
+    OK(echocast_scene_commit(scene, &snapshot));
+    desc.mask = 1;
+    OK(echocast_scan(snapshot, &desc, &result));
+    CHECK(echocast_result_count(result) == 0 && view(result, "x").data == NULL);
+    desc.mask = 2;
+    OK(echocast_scan(snapshot, &desc, &result));
+    CHECK(echocast_result_count(result) > 0);
+    desc.mask = 0;
+    FAILS(ECHOCAST_E_ARGUMENT, "desc->mask is 0;", echocast_scan(snapshot, &desc, &result));
+    CHECK(echocast_result_count(result) > 0);
+    echocast_snapshot_release(snapshot);
+
+    echocast_material *material;
+    OK(echocast_material_create(context, "{name: gold, reflectance: 0.125}", NULL, &material));
+    OK(echocast_scene_set_material(scene, car, material));
+    echocast_material_release(material);
+    OK(echocast_scene_set_mask(scene, car, 0xffffffffu));
+    OK(echocast_scene_commit(scene, &snapshot));
+    desc.mask = 0xffffffffu;
+    desc.columns = "intensity,cos_incidence,material_id";
+    OK(echocast_scan(snapshot, &desc, &result));
+    const float *intensity = view(result, "intensity").data, *incidence = view(result, "cos_incidence").data;
+    for (size_t i = 0; i < echocast_result_count(result); ++i)
+        CHECK(close_to(intensity[i], 0.125 * incidence[i]));
+    uint32_t number = *(const uint32_t *)view(result, "material_id").data;
+    CHECK(strcmp(echocast_result_label_name(result, "material", number), "gold") == 0);
+    echocast_snapshot_release(snapshot);
+    OK(echocast_scene_set_material(scene, car, NULL));
+
+    echocast_instance ids[2] = {car, car + 1};
+    echocast_pose poses[2] = {at(1, 2, 3), at(4, 5, 6)};
+    FAILS(ECHOCAST_E_HANDLE, "ids[1] is 0x", echocast_scene_set_poses(scene, 2, ids, poses));
+    poses[0].m[3] = INFINITY;
+    FAILS(ECHOCAST_E_ARGUMENT, "pose of object \"box\" is ", echocast_scene_set_poses(scene, 1, ids, poses));
+    memset(poses, 0, sizeof poses);
+    FAILS(ECHOCAST_E_ARGUMENT, "poses[0] is all 0;", echocast_scene_set_poses(scene, 1, ids, poses));
+    echocast_scene_info what = ECHOCAST_SCENE_INFO_INIT;
+    OK(echocast_scene_get_info(scene, &what));
+    CHECK(what.instances == 1 && what.triangles == 12 && what.low[0] == 500003 && what.high[0] == 500007);
+    OK(echocast_scene_remove(scene, car));
+    FAILS(ECHOCAST_E_HANDLE, "id is 0x", echocast_scene_remove(scene, car));
+    echocast_instance_desc place_desc = ECHOCAST_INSTANCE_DESC_INIT;
+    place_desc.mesh = mesh;
+    place_desc.mask = 0;
+    FAILS(ECHOCAST_E_ARGUMENT, "desc->mask is 0;", echocast_scene_add(scene, &place_desc, NULL));
+    place_desc.mask = 1;
+    place_desc.fixed = 2;
+    FAILS(ECHOCAST_E_ARGUMENT, "desc->fixed is 2;", echocast_scene_add(scene, &place_desc, NULL));
+    place_desc.fixed = 1;
+    OK(echocast_scene_add(scene, &place_desc, NULL));
+
+    echocast_mesh_release(mesh);
+    echocast_result_release(result);
+    echocast_sensor_release(sensor);
+    echocast_scene_release(scene);
+}
+
+static void files(echocast_context *context)
+{
+    const char *path = in_folder("wall.obj");
+    FILE *file = fopen(path, "w");
+    CHECK(file);
+    fputs("o wall\nv 8 -9 -9\nv 8 9 -9\nv 8 0 19\nusemtl brick\nf 1 2 3\nf 1 1 3\n", file);
+    fclose(file);
+    echocast_scene *scene;
+    OK(echocast_scene_create(context, NULL, &scene));
+    memset(messages, 0, sizeof messages);
+    OK(echocast_scene_load(scene, path, "{scale: 0.5, labels: {numbers: {barrier: 12}, objects: {wall: barrier}}}"));
+    CHECK(messages[ECHOCAST_LOG_WARN] == 2 && messages[ECHOCAST_LOG_INFO] == 1);
+    FAILS(ECHOCAST_E_PARSE, "load options: ", echocast_scene_load(scene, path, "{scal: 0.5}"));
+    FAILS(ECHOCAST_E_IO, in_folder("gone.obj"), echocast_scene_load(scene, in_folder("gone.obj"), NULL));
+    FAILS(ECHOCAST_E_UNSUPPORTED, in_folder("wall.fbx"), echocast_scene_load(scene, in_folder("wall.fbx"), ""));
+    FAILS(ECHOCAST_E_PARSE, "glTF data: ", echocast_scene_load_memory(scene, "glTF", 4, NULL));
+
+    echocast_snapshot *snapshot;
+    OK(echocast_scene_commit(scene, &snapshot));
+    echocast_sensor *sensor = around(context);
+    echocast_result *result = NULL, *other = NULL;
+    scan_into(snapshot, sensor, NULL, &result);
+    scan_into(snapshot, sensor, NULL, &other);
+    CHECK(close_to(least(result, "range"), 4));
+    CHECK(strcmp(echocast_result_label_name(result, "category", 12), "barrier") == 0);
+    size_t count = echocast_result_count(result);
+    OK(echocast_result_append(result, other));
+    CHECK(echocast_result_count(result) == 2 * count);
+    FAILS(ECHOCAST_E_ARGUMENT, "other is the same result;", echocast_result_append(result, result));
+
+    for (size_t i = 0; echocast_name("formats", i) != NULL; ++i) {
+        OK(echocast_result_write(result, in_folder("cloud"), echocast_name("formats", i)));
+        CHECK(exists(in_folder("cloud")));
+        remove(in_folder("cloud"));
+    }
+    OK(echocast_result_write(result, in_folder("cloud.las"), NULL));
+    FAILS(ECHOCAST_E_UNSUPPORTED, "the ending of the output file ", echocast_result_write(result, in_folder("cloud.xyzw"), NULL));
+    FAILS(ECHOCAST_E_ARGUMENT, "there is no output format named \"lass\"; near: las",
+          echocast_result_write(result, in_folder("cloud.las"), "lass"));
+    FAILS(ECHOCAST_E_IO, in_folder("no/cloud.las"), echocast_result_write(result, in_folder("no/cloud.las"), NULL));
+    OK(echocast_result_preview(result, in_folder("cloud.png"), "{view: top, color: range, width: 400}"));
+    CHECK(exists(in_folder("cloud.png")));
+    FAILS(ECHOCAST_E_PARSE, "preview options: ", echocast_result_preview(result, in_folder("cloud.png"), "{view: side}"));
+
+    echocast_frames *frames;
+    if (echocast_has_feature("hdf5")) {
+        OK(echocast_frames_create(context, in_folder("frames.h5"), &frames));
+        OK(echocast_frames_add(frames, other));
+        OK(echocast_frames_add(frames, other));
+        CHECK(!exists(in_folder("frames.h5")));
+        OK(echocast_frames_finish(frames));
+        CHECK(exists(in_folder("frames.h5")));
+        FAILS(ECHOCAST_E_ARGUMENT, "frames is finished;", echocast_frames_finish(frames));
+        FAILS(ECHOCAST_E_ARGUMENT, "frames is finished;", echocast_frames_add(frames, other));
+        echocast_frames_release(frames);
+        OK(echocast_frames_create(context, in_folder("dropped.h5"), &frames));
+        OK(echocast_frames_add(frames, other));
+        echocast_frames_release(frames);
+        CHECK(!exists(in_folder("dropped.h5")));
+    } else {
+        FAILS(ECHOCAST_E_UNSUPPORTED, "HDF5", echocast_frames_create(context, in_folder("frames.h5"), &frames));
+    }
+    echocast_result_release(result);
+    echocast_result_release(other);
+    echocast_sensor_release(sensor);
+    echocast_snapshot_release(snapshot);
+    echocast_scene_release(scene);
+}
+
+static void sensors(echocast_context *context)
+{
+    echocast_sensor *sensor;
+    FAILS(ECHOCAST_E_ARGUMENT, "there is no sensor preset named \"velodyne_vlp17\"; near: velodyne_vlp16",
+          echocast_sensor_create(context, "velodyne_vlp17", &sensor));
+    CHECK(sensor == NULL);
+    FAILS(ECHOCAST_E_IO, "no.yaml: ", echocast_sensor_create(context, "no.yaml", &sensor));
+    FAILS(ECHOCAST_E_PARSE, "YAML text: line 1: ", echocast_sensor_from_text(context, "{name: 1", NULL, &sensor));
+    OK(echocast_sensor_create(context, "velodyne_vlp16", &sensor));
+    echocast_sensor_info info = ECHOCAST_SENSOR_INFO_INIT;
+    OK(echocast_sensor_get_info(sensor, &info));
+    CHECK(info.rows == 16 && info.columns > 1000 && info.period_ns > 90000000);
+    double value, min, max;
+    OK(echocast_sensor_set(sensor, "noise.range_sigma_m", "0.25"));
+    OK(echocast_sensor_get(sensor, "noise.range_sigma_m", &value, &min, &max));
+    CHECK(value == 0.25 && min == 0 && max >= 1);
+    OK(echocast_sensor_get(sensor, "noise.range_sigma_m", NULL, NULL, NULL));
+    FAILS(ECHOCAST_E_PARSE, "noise.range_sigma_m=-1", echocast_sensor_set(sensor, "noise.range_sigma_m", "-1"));
+    OK(echocast_sensor_get(sensor, "noise.range_sigma_m", &value, NULL, NULL));
+    CHECK(value == 0.25);
+    CHECK(echocast_sensor_get(sensor, "noise.range_sigm", &value, NULL, NULL) == ECHOCAST_E_ARGUMENT);
+    size_t needed;
+    OK(echocast_sensor_describe(sensor, NULL, 0, &needed));
+    char *yaml = malloc(needed);
+    OK(echocast_sensor_describe(sensor, yaml, needed, NULL));
+    CHECK(strlen(yaml) + 1 == needed && strstr(yaml, "range_sigma_m: 0.25"));
+    char little[8];
+    OK(echocast_sensor_describe(sensor, little, sizeof little, &needed));
+    CHECK(strlen(little) == 7 && strncmp(yaml, little, 7) == 0);
+    echocast_sensor *same;
+    OK(echocast_sensor_from_text(context, yaml, NULL, &same));
+    free(yaml);
+
+    size_t count = (size_t)info.rows * info.columns;
+    echocast_beam *beams = malloc(count * sizeof *beams);
+    OK(echocast_sensor_get_beams(sensor, 0, count, beams));
+    FAILS(ECHOCAST_E_ARGUMENT, "first + count is 1 + ", echocast_sensor_get_beams(sensor, 1, count, beams));
+    OK(echocast_sensor_get_beams(sensor, count, 0, NULL));
+    echocast_sensor *copy;
+    OK(echocast_sensor_from_beams(context, "copy", info.rows, info.columns, beams, info.period_ns,
+                                  ECHOCAST_FIRING_COLUMNS, &copy));
+    beams[3].direction[0] = 7;
+    FAILS(ECHOCAST_E_ARGUMENT, "direction of beam 3 is (7",
+          echocast_sensor_from_beams(context, "copy", info.rows, info.columns, beams, info.period_ns, 0, &same));
+    free(beams);
+
+    /* The copy sees the same. */
+    OK(echocast_sensor_set(sensor, "noise", "{}"));
+    OK(echocast_sensor_set(sensor, "detection", "{model: none}"));
+    OK(echocast_sensor_set(sensor, "range", "{}"));
+    OK(echocast_sensor_set(sensor, "intensity", "{}"));
+    echocast_scene *scene;
+    OK(echocast_scene_create(context, NULL, &scene));
+    echocast_mesh *mesh = box(context);
+    place(scene, mesh, at(4, 0, 0), 1);
+    echocast_snapshot *snapshot;
+    OK(echocast_scene_commit(scene, &snapshot));
+    echocast_result *a = NULL, *b = NULL;
+    scan_into(snapshot, sensor, "all", &a);
+    scan_into(snapshot, copy, "all", &b);
+    CHECK(echocast_result_count(a) == echocast_result_count(b) && echocast_result_count(a) > 100);
+    const char *name;
+    for (size_t i = 0; (name = echocast_name("columns", i)) != NULL; ++i) {
+        echocast_view one = view(a, name), two = view(b, name);
+        CHECK(one.kind == two.kind && one.count == two.count);
+        if (strcmp(name, "time") != 0) /* rounded to nanoseconds */
+            CHECK(memcmp(one.data, two.data, one.count * one.stride) == 0);
+    }
+    echocast_result_release(a);
+    echocast_result_release(b);
+    echocast_snapshot_release(snapshot);
+    echocast_scene_release(scene);
+    echocast_mesh_release(mesh);
+    echocast_sensor_release(copy);
+    echocast_sensor_release(same);
+    echocast_sensor_release(sensor);
+}
+
+static int32_t count_calls(void *user, double fraction)
+{
+    CHECK(fraction > 0 && fraction <= 1);
+    return ++*(int *)user == 1000000;
+}
+
+static int32_t give_up(void *user, double fraction)
+{
+    (void)fraction;
+    ++*(int *)user;
+    return 1;
+}
+
+static void scans(echocast_context *context)
+{
+    echocast_scene *scene;
+    OK(echocast_scene_create(context, NULL, &scene));
+    echocast_mesh *mesh = box(context);
+    place(scene, mesh, at(4, 0, 0), 1);
+    echocast_snapshot *snapshot;
+    OK(echocast_scene_commit(scene, &snapshot));
+    echocast_sensor *sensor;
+    OK(echocast_sensor_create(context, "kinect_v2", &sensor));
+    echocast_pose_key keys[2] = {{0, ECHOCAST_POSE_IDENTITY}, {100000000, ECHOCAST_POSE_IDENTITY}};
+    keys[1].pose.m[3] = 1;
+    echocast_scan_desc desc = ECHOCAST_SCAN_DESC_INIT;
+    desc.sensor = sensor;
+    desc.poses = keys;
+    desc.pose_count = 2;
+    desc.organised = 1;
+    desc.coordinates = ECHOCAST_COORDINATES_SENSOR;
+    echocast_result *result = NULL;
+    OK(echocast_scan(snapshot, &desc, &result));
+    echocast_result_info info = ECHOCAST_RESULT_INFO_INIT;
+    OK(echocast_result_get_info(result, &info));
+    CHECK(info.count == (size_t)info.rows * info.columns && info.columns == 512);
+    CHECK(info.coordinates == ECHOCAST_COORDINATES_SENSOR);
+
+    int calls = 0;
+    desc.progress = count_calls;
+    desc.progress_user = &calls;
+    OK(echocast_scan(snapshot, &desc, &result));
+    CHECK(calls > 0);
+    calls = 0;
+    desc.progress = give_up;
+    FAILS(ECHOCAST_E_CANCELLED, "cancelled by the progress callback", echocast_scan(snapshot, &desc, &result));
+    CHECK(calls == 1 && echocast_result_count(result) == 0);
+    echocast_result *none = NULL;
+    CHECK(echocast_scan(snapshot, &desc, &none) == ECHOCAST_E_CANCELLED && none == NULL);
+    desc.progress = NULL;
+    OK(echocast_scan(snapshot, &desc, &result));
+
+    keys[1].t_ns = 0;
+    FAILS(ECHOCAST_E_ARGUMENT, "desc->poses[1].t_ns is 0; allowed: above that of the pose before it, 0",
+          echocast_scan(snapshot, &desc, &result));
+    CHECK(echocast_result_count(result) == info.count);
+    keys[1].t_ns = 5;
+    keys[1].pose.m[0] = 2;
+    FAILS(ECHOCAST_E_ARGUMENT, "desc->poses[1].pose is [2.0, ", echocast_scan(snapshot, &desc, &result));
+    desc.pose_count = 0;
+    FAILS(ECHOCAST_E_ARGUMENT, "desc->pose_count is 0;", echocast_scan(snapshot, &desc, &result));
+    desc.pose_count = 1;
+    desc.columns = "x,y,zed";
+    FAILS(ECHOCAST_E_ARGUMENT, "there is no column named \"zed\"", echocast_scan(snapshot, &desc, &result));
+    desc.columns = NULL;
+    desc.order = 2;
+    FAILS(ECHOCAST_E_ARGUMENT, "desc->order is 2; allowed: 0 to 1", echocast_scan(snapshot, &desc, &result));
+    desc.order = ECHOCAST_ORDER_TIME;
+    FAILS(ECHOCAST_E_ARGUMENT, "order is time;", echocast_scan(snapshot, &desc, &result));
+    desc.order = 0;
+    desc.profile = ECHOCAST_PROFILE_BLAINDER;
+    desc.reflectance = ECHOCAST_REFLECTANCE_ALPHA;
+    OK(echocast_scan(snapshot, &desc, &result));
+    echocast_view missing;
+    FAILS(ECHOCAST_E_ARGUMENT, "column is \"normal_x\", which was not computed; allowed: x, y, z, range",
+          echocast_result_view(result, "normal_x", &missing));
+    CHECK(missing.data == NULL && missing.count == 0);
+
+    /* Packed points. */
+    desc.organised = 0;
+    OK(echocast_scan(snapshot, &desc, &result));
+    size_t count = echocast_result_count(result), needed;
+    static const echocast_pack_item items[] = {{"x", ECHOCAST_TYPE_F32, 0},
+                                               {"y", ECHOCAST_TYPE_F32, 4},
+                                               {"z", ECHOCAST_TYPE_F32, 8},
+                                               {"channel", ECHOCAST_TYPE_U16, 12},
+                                               {"time", ECHOCAST_TYPE_F64, 15}};
+    FAILS(ECHOCAST_E_ARGUMENT, "capacity is 0; allowed: ", echocast_result_pack(result, items, 5, 23, NULL, 0, &needed));
+    CHECK(count > 100 && needed == 23 * count);
+    unsigned char *bytes = malloc(needed);
+    OK(echocast_result_pack(result, items, 5, 23, bytes, needed, NULL));
+    const float *x = view(result, "x").data;
+    const double *time = view(result, "time").data;
+    for (size_t i = 0; i < count; ++i) {
+        CHECK(memcmp(bytes + 23 * i, x + i, 4) == 0);
+        CHECK(memcmp(bytes + 23 * i + 15, time + i, 8) == 0);
+    }
+    CHECK(echocast_result_pack(result, items, 5, 22, bytes, needed, NULL) == ECHOCAST_E_ARGUMENT);
+    CHECK(echocast_result_pack(result, items, 0, 23, bytes, needed, NULL) == ECHOCAST_E_ARGUMENT);
+    echocast_pack_item wrong = {"x", 11, 0};
+    FAILS(ECHOCAST_E_ARGUMENT, "items[0]: kind is 11;", echocast_result_pack(result, &wrong, 1, 23, bytes, needed, NULL));
+    wrong.column = "normal_x";
+    FAILS(ECHOCAST_E_ARGUMENT, "items[0]: column is \"normal_x\"", echocast_result_pack(result, &wrong, 1, 23, bytes, needed, NULL));
+    free(bytes);
+
+    echocast_result_release(result);
+    echocast_sensor_release(sensor);
+    echocast_snapshot_release(snapshot);
+    echocast_scene_release(scene);
+    echocast_mesh_release(mesh);
+}
+
+static void images(echocast_context *context)
+{
+    static const unsigned char pixels[] = {255, 0, 0, 0, 0, 255, 99, 99}; /* red, blue; two bytes between rows */
+    echocast_image image = ECHOCAST_IMAGE_INIT;
+    image.data = pixels;
+    image.width = 2;
+    image.height = 1;
+    echocast_material *material;
+    OK(echocast_material_create(context, "{name: print}", &image, &material));
+    image.channels = 2;
+    echocast_material *none;
+    FAILS(ECHOCAST_E_ARGUMENT, "image->channels is 2; allowed: 3 or 4",
+          echocast_material_create(context, "{name: print}", &image, &none));
+    image.channels = 3;
+    image.row_stride = 5;
+    FAILS(ECHOCAST_E_ARGUMENT, "image->row_stride is 5; allowed: 0, or 6 and more",
+          echocast_material_create(context, "{name: print}", &image, &none));
+    image.width = 0;
+    FAILS(ECHOCAST_E_ARGUMENT, "image->width is 0;", echocast_material_create(context, "{name: print}", &image, &none));
+    CHECK(echocast_material_create(context, "{name: print, shine: 1}", NULL, &none) == ECHOCAST_E_PARSE);
+
+    /* A wall with the image on it: red on the left, blue on the right. */
+    static const float corners[] = {5, 5, -5, 5, -5, -5, 5, -5, 5, 5, 5, 5};
+    static const uint32_t indices[] = {0, 1, 2, 0, 2, 3};
+    static const float uvs[] = {0, 1, 1, 1, 1, 0, 0, 0};
+    echocast_part part = ECHOCAST_PART_INIT;
+    part.triangle_count = 2;
+    part.material = material;
+    echocast_mesh_desc desc = ECHOCAST_MESH_DESC_INIT;
+    desc.positions = corners;
+    desc.vertex_count = 4;
+    desc.indices = indices;
+    desc.triangle_count = 2;
+    desc.uvs = uvs;
+    desc.parts = &part;
+    desc.part_count = 1;
+    echocast_mesh *mesh;
+    OK(echocast_mesh_create(context, &desc, &mesh));
+    echocast_scene *scene;
+    OK(echocast_scene_create(context, NULL, &scene));
+    place(scene, mesh, at(0, 0, 0), 1);
+    echocast_snapshot *snapshot;
+    OK(echocast_scene_commit(scene, &snapshot));
+    echocast_sensor *sensor = around(context);
+    echocast_result *result = NULL;
+    scan_into(snapshot, sensor, "y,red,blue", &result);
+    const float *y = view(result, "y").data;
+    const uint8_t *red = view(result, "red").data, *blue = view(result, "blue").data;
+    CHECK(echocast_result_count(result) > 100);
+    for (size_t i = 0; i < echocast_result_count(result); ++i) {
+        if (y[i] > 1 && y[i] < 4)
+            CHECK(red[i] > blue[i]);
+        if (y[i] < -1 && y[i] > -4)
+            CHECK(red[i] < blue[i]);
+    }
+    echocast_result_release(result);
+    echocast_sensor_release(sensor);
+    echocast_snapshot_release(snapshot);
+    echocast_scene_release(scene);
+    echocast_mesh_release(mesh);
+    echocast_material_release(material);
+}
+
+/* Two contexts do not notice each other, and what one made outlives it. */
+static void contexts(echocast_context *context)
+{
+    echocast_context *other;
+    echocast_context_desc desc = ECHOCAST_CONTEXT_DESC_INIT;
+    desc.threads = 1;
+    OK(echocast_context_create(&desc, &other));
+    echocast_mesh *ours = box(context), *theirs = box(other);
+    echocast_scene *scene;
+    OK(echocast_scene_create(other, NULL, &scene));
+    echocast_instance_desc place_desc = ECHOCAST_INSTANCE_DESC_INIT;
+    place_desc.mesh = ours;
+    FAILS(ECHOCAST_E_HANDLE, "desc->mesh belongs to another context", echocast_scene_add(scene, &place_desc, NULL));
+    place(scene, theirs, at(4, 0, 0), 1);
+    echocast_sensor *our_sensor = around(context), *their_sensor = around(other);
+    echocast_context_release(other);
+    echocast_mesh *none;
+    echocast_mesh_desc mesh_desc = box_desc();
+    FAILS(ECHOCAST_E_HANDLE, "context is 0x", echocast_mesh_create(other, &mesh_desc, &none));
+    echocast_snapshot *snapshot;
+    OK(echocast_scene_commit(scene, &snapshot));
+    echocast_result *result = NULL;
+    echocast_pose_key here = {0, ECHOCAST_POSE_IDENTITY};
+    echocast_scan_desc scan = ECHOCAST_SCAN_DESC_INIT;
+    scan.sensor = our_sensor;
+    scan.poses = &here;
+    scan.pose_count = 1;
+    FAILS(ECHOCAST_E_HANDLE, "desc->sensor belongs to another context", echocast_scan(snapshot, &scan, &result));
+    scan_into(snapshot, their_sensor, NULL, &result);
+    CHECK(close_to(least(result, "range"), 3));
+    echocast_result_release(result);
+    echocast_snapshot_release(snapshot);
+    echocast_scene_release(scene);
+    echocast_sensor_release(our_sensor);
+    echocast_sensor_release(their_sensor);
+    echocast_mesh_release(ours);
+    echocast_mesh_release(theirs);
+}
+
+int main(int argc, char **argv)
+{
+    CHECK(argc == 2);
+    snprintf(folder, sizeof folder, "%s", argv[1]);
+    library();
+    echocast_context_desc desc = ECHOCAST_CONTEXT_DESC_INIT;
+    desc.threads = 2;
+    desc.log = take_message;
+    desc.log_user = messages;
+    desc.log_level = ECHOCAST_LOG_INFO;
+    echocast_context *context;
+    OK(echocast_context_create(&desc, &context));
+    CHECK(messages[ECHOCAST_LOG_INFO] == 1 && strstr(last_message, "threads: 2"));
+    desc.threads = -1;
+    echocast_context *none;
+    FAILS(ECHOCAST_E_ARGUMENT, "desc->threads is -1;", echocast_context_create(&desc, &none));
+    desc.threads = 0;
+    desc.log_level = 9;
+    FAILS(ECHOCAST_E_ARGUMENT, "desc->log_level is 9;", echocast_context_create(&desc, &none));
+    meshes(context);
+    scenes(context);
+    files(context);
+    sensors(context);
+    scans(context);
+    images(context);
+    contexts(context);
+    echocast_context_release(context);
+    puts("passed");
+    return 0;
+}

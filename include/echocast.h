@@ -1,0 +1,1046 @@
+/* echocast: simulated depth sensors. C99, no other header needed.
+ *
+ * Made of crates/echocast-capi by its test `header`; do not edit.
+ *
+ * Units are metres, radians and nanoseconds; a name with another unit says so. Frames are right-handed, z up; sensors
+ * look along x, y is left. Strings are UTF-8 and end in 0.
+ *
+ * Functions return ECHOCAST_OK or why they failed; echocast_last_error says it in a sentence. A function that makes
+ * something sets *out to NULL first. Nothing here ends the process, prints, or lets a signal handler in; the
+ * floating-point state is the caller's again after every call.
+ *
+ * Threads: functions that take a pointer to const only look, and any number of threads may call them at once for one
+ * object. Of the others one thread at a time may be in a call for one object; ECHOCAST_E_BUSY tells another one. Handles
+ * may be released on any thread, once; what uses the object keeps it.
+ */
+
+#ifndef ECHOCAST_H
+#define ECHOCAST_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#if defined(_WIN32) && !defined(ECHOCAST_STATIC)
+#define ECHOCAST_API __declspec(dllimport)
+#elif defined(__GNUC__)
+#define ECHOCAST_API __attribute__((visibility("default")))
+#else
+#define ECHOCAST_API
+#endif
+
+/** Version of this header: major << 24 | minor << 12 | patch; that of the library is echocast_version(). */
+#define ECHOCAST_VERSION_MAJOR 0
+#define ECHOCAST_VERSION_MINOR 1
+#define ECHOCAST_VERSION_PATCH 0
+#define ECHOCAST_VERSION                                                                                               \
+    ((uint32_t)ECHOCAST_VERSION_MAJOR << 24 | (uint32_t)ECHOCAST_VERSION_MINOR << 12 | (uint32_t)ECHOCAST_VERSION_PATCH)
+
+/** The pose of what stands at the parent's origin, not turned. */
+#define ECHOCAST_POSE_IDENTITY                                                                                         \
+    { { 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0 } }
+
+/* What a structure has before anything is set in it: `echocast_scan_desc desc = ECHOCAST_SCAN_DESC_INIT;` */
+#define ECHOCAST_CONTEXT_DESC_INIT { sizeof(echocast_context_desc), 0, 2, 0, 0 }
+#define ECHOCAST_IMAGE_INIT { sizeof(echocast_image), 0, 0, 0, 3, 0 }
+#define ECHOCAST_PART_INIT { 0, 0, 0, 0, 0 }
+#define ECHOCAST_MESH_DESC_INIT { sizeof(echocast_mesh_desc), 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0 }
+#define ECHOCAST_INSTANCE_DESC_INIT                                                                                    \
+    { sizeof(echocast_instance_desc), 0, ECHOCAST_POSE_IDENTITY, 0, 0, 0xffffffffu, 0, 0, 0 }
+#define ECHOCAST_SCENE_INFO_INIT { sizeof(echocast_scene_info), 0, 0, { 0, 0, 0 }, { 0, 0, 0 } }
+#define ECHOCAST_SENSOR_INFO_INIT { sizeof(echocast_sensor_info), 0, 0, 0 }
+#define ECHOCAST_SCAN_DESC_INIT                                                                                        \
+    { sizeof(echocast_scan_desc), 0, 0, 0, 0, 0, 0, 0xffffffffu, 0, 0, 0, 0, 0, 0, 0, 0, 0 }
+#define ECHOCAST_RESULT_INFO_INIT                                                                                      \
+    { sizeof(echocast_result_info), 0, 0, 0, 0, 0, { 0, 0, 0 }, ECHOCAST_POSE_IDENTITY }
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* -- Errors ---------------------------------------------------------------------------------------------------------- */
+
+/** Done. */
+#define ECHOCAST_OK 0
+
+/** An argument is not what is allowed. */
+#define ECHOCAST_E_ARGUMENT 1
+
+/** The object cannot be used any more: a call on it failed half-way by a defect of the library. */
+#define ECHOCAST_E_STATE 2
+
+/** A handle or the number of an instance stands for nothing: released, of another kind or another context. */
+#define ECHOCAST_E_HANDLE 3
+
+/** No memory. */
+#define ECHOCAST_E_MEMORY 4
+
+/** The system refused a file: it is missing, not permitted, the disk is full. */
+#define ECHOCAST_E_IO 5
+
+/** A file or text does not say what it should. */
+#define ECHOCAST_E_PARSE 6
+
+/** This build cannot do it. */
+#define ECHOCAST_E_UNSUPPORTED 7
+
+/** The progress callback wanted no more. */
+#define ECHOCAST_E_CANCELLED 8
+
+/** Another thread is changing the object right now. */
+#define ECHOCAST_E_BUSY 10
+
+/** A structure of a header that is newer than this library, with something set that it does not know. */
+#define ECHOCAST_E_VERSION 11
+
+/** A defect of the library; please report the text. */
+#define ECHOCAST_E_INTERNAL 99
+
+/** What became of a call. The numbers never change and are never used for something else; more may be added. */
+typedef int32_t echocast_status;
+
+/**
+ * Why this thread's last call that failed did so: one sentence that names the argument, what it was and what is
+ * allowed. "" if none failed.
+ *
+ * Valid until the next call on this thread that fails. Never NULL.
+ */
+ECHOCAST_API const char *echocast_last_error(void);
+
+/**
+ * What a status means, in a few words.
+ *
+ * Static, never NULL.
+ */
+ECHOCAST_API const char *echocast_status_string(echocast_status status);
+
+/* -- The library ----------------------------------------------------------------------------------------------------- */
+
+/** Version of the library that runs: major << 24 | minor << 12 | patch. That of the header is ECHOCAST_VERSION. */
+ECHOCAST_API uint32_t echocast_version(void);
+
+/**
+ * The version and what is built in, for people: "echocast 0.1.0 (hdf5)".
+ *
+ * Static, never NULL.
+ */
+ECHOCAST_API const char *echocast_version_string(void);
+
+/**
+ * Whether the library can do what has a name: a format that clouds are written in ("las", "hdf5") or scenes read from
+ * ("gltf", "obj"), a column ("true_range"). 1 or 0, also for names that nothing has and for NULL.
+ */
+ECHOCAST_API int32_t echocast_has_feature(const char *name);
+
+/**
+ * Names that functions take, one by one: `list` is "presets" (sensors), "columns", "formats" (of clouds),
+ * "scene_formats"; `index` counts from 0. NULL after the last, and for another list.
+ *
+ * Static: valid as long as the library is loaded.
+ *
+ * ```c
+ * const char *name;
+ * for (size_t i = 0; (name = echocast_name("presets", i)) != NULL; ++i)
+ *     puts(name);
+ * ```
+ */
+ECHOCAST_API const char *echocast_name(const char *list, size_t index);
+
+/* -- Contexts -------------------------------------------------------------------------------------------------------- */
+
+/** Nothing is said. */
+#define ECHOCAST_LOG_OFF 0
+
+/** What was done nonetheless, though something was left out or looks wrong. */
+#define ECHOCAST_LOG_WARN 2
+
+/** What was done. */
+#define ECHOCAST_LOG_INFO 3
+
+/** Threads and Embree's device; everything else belongs to a context. Contexts do not notice each other. */
+typedef struct echocast_context echocast_context;
+
+/**
+ * Takes a message of one sentence, valid during the call. It may be called on any thread, on several at once, and must
+ * neither throw nor call the library.
+ */
+typedef void (*echocast_log_fn)(void *user, int32_t level, const char *text);
+
+/** How a context works; ECHOCAST_CONTEXT_DESC_INIT has the defaults. */
+typedef struct echocast_context_desc {
+    /** sizeof(echocast_context_desc). */
+    size_t struct_size;
+    /**
+     * Threads of the context's own that build and scan: 0 as many as the machine has cores, 1 none at all (the
+     * calling thread does everything), up to 1024. Embree builds with TBB: a host that shares that library has no
+     * more threads of it than the largest context while contexts live, and the end of the last may start an idle
+     * one.
+     */
+    int32_t threads;
+    /** Least important messages for `log`: an ECHOCAST_LOG_ number. */
+    int32_t log_level;
+    /** Takes messages; may be NULL. */
+    echocast_log_fn log;
+    /** First argument of `log`. */
+    void *log_user;
+} echocast_context_desc;
+
+/**
+ * Makes a context: starts its threads and loads Embree. `desc`: NULL for the defaults. `*out` is the new context, to be
+ * released with echocast_context_release.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_UNSUPPORTED (Embree is too old, or the processor), ECHOCAST_E_MEMORY,
+ * ECHOCAST_E_INTERNAL (the system gives no threads). Any thread may call this.
+ */
+ECHOCAST_API
+echocast_status echocast_context_create(const echocast_context_desc *desc,
+                                        echocast_context **out);
+
+/**
+ * Releases a context. What was made with it stays usable; its threads end with the last of that. NULL is allowed.
+ * Any thread may call this.
+ */
+ECHOCAST_API void echocast_context_release(echocast_context *context);
+
+/* -- Materials ------------------------------------------------------------------------------------------------------- */
+
+/** What surfaces are made of; immutable. */
+typedef struct echocast_material echocast_material;
+
+/** An image on a surface: rows from the top, 8 bits a channel, colours sRGB-encoded; ECHOCAST_IMAGE_INIT is empty. */
+typedef struct echocast_image {
+    /** sizeof(echocast_image). */
+    size_t struct_size;
+    /** The pixels; copied by the call. */
+    const uint8_t *data;
+    /** Pixels of a row, 1 to 16384. */
+    uint32_t width;
+    /** Rows, 1 to 16384. */
+    uint32_t height;
+    /** 3 for RGB, 4 for RGBA. */
+    uint32_t channels;
+    /** Bytes from row to row; 0 for width * channels. */
+    size_t row_stride;
+} echocast_image;
+
+/**
+ * Makes a material of YAML text with the keys of a material file: `name`, `base_color`, `reflectance` and so on.
+ * `image` multiplies its base colour where the mesh has texture coordinates; NULL for none.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_PARSE (line and key), ECHOCAST_E_MEMORY. Any thread may call this.
+ *
+ * ```c
+ * echocast_material *paint;
+ * echocast_material_create(context, "{name: paint, base_color: [0.8, 0.1, 0.1], reflectance: 0.6}", NULL, &paint);
+ * ```
+ */
+ECHOCAST_API
+echocast_status echocast_material_create(echocast_context *context,
+                                         const char *yaml,
+                                         const echocast_image *image,
+                                         echocast_material **out);
+
+/** Releases a material; meshes and instances that use it keep it. NULL is allowed. Any thread may call this. */
+ECHOCAST_API void echocast_material_release(echocast_material *material);
+
+/* -- Meshes ---------------------------------------------------------------------------------------------------------- */
+
+/** The arrays of a mesh are copied by the call. */
+#define ECHOCAST_MESH_COPY 0
+
+/** The arrays of a mesh stay the host's, who neither changes nor frees them before `released` is called. */
+#define ECHOCAST_MESH_BORROW 1
+
+/** Triangles that instances place in a scene; immutable. */
+typedef struct echocast_mesh echocast_mesh;
+
+/**
+ * Triangles of one mesh that follow each other and have one material and one part label; ECHOCAST_PART_INIT has the
+ * defaults.
+ */
+typedef struct echocast_part {
+    /** Its first triangle. */
+    uint32_t first_triangle;
+    /** How many there are. */
+    uint32_t triangle_count;
+    /** What it is made of; NULL for the default material. */
+    echocast_material *material;
+    /** Its number in the column part_id; 0 = unlabelled. */
+    uint32_t part_id;
+    /** 0. */
+    uint32_t reserved;
+} echocast_part;
+
+/** A mesh; ECHOCAST_MESH_DESC_INIT has the defaults. */
+typedef struct echocast_mesh_desc {
+    /** sizeof(echocast_mesh_desc). */
+    size_t struct_size;
+    /** Positions of the vertices, x, y, z in metres, -1e18 to 1e18, in the frame of the mesh. */
+    const float *positions;
+    /** Bytes from vertex to vertex, a multiple of 4; 0 for 12, which borrowed positions must have. */
+    size_t position_stride;
+    /** Vertices, 1 to 4294967294. */
+    uint32_t vertex_count;
+    /** Triangles, 1 to 4294967294. */
+    uint32_t triangle_count;
+    /** Three vertices for each triangle. */
+    const uint32_t *indices;
+    /** A shading normal of length 1 for each vertex; NULL for flat triangles. */
+    const float *normals;
+    /** Texture coordinates u, v of each vertex, v down from the image's top; NULL without image. */
+    const float *uvs;
+    /** Parts that cover all triangles in their order; NULL for one part of the default material without label. */
+    const echocast_part *parts;
+    /** How many parts there are. */
+    uint32_t part_count;
+    /** ECHOCAST_MESH_COPY or ECHOCAST_MESH_BORROW. */
+    int32_t ownership;
+    /**
+     * Called once, on any thread, when nothing uses borrowed arrays any more: the mesh has been released, and so has
+     * everything that was made with it. It must neither throw nor call the library. Not called when the mesh could not
+     * be made. May be NULL.
+     */
+    void (*released)(void *user);
+    /** Argument of `released`. */
+    void *released_user;
+    /** Name, for messages; NULL for none. */
+    const char *name;
+} echocast_mesh_desc;
+
+/**
+ * Makes a mesh. Its own structure for tracing is built when an instance is first committed, or by
+ * echocast_mesh_prepare.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (the vertex, index or part that is wrong), ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY. Any
+ * thread may call this, also while scenes are edited.
+ *
+ * ```c
+ * static const float corners[] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
+ * static const uint32_t indices[] = {0, 1, 2};
+ * echocast_mesh_desc desc = ECHOCAST_MESH_DESC_INIT;
+ * desc.positions = corners; desc.vertex_count = 3;
+ * desc.indices = indices;   desc.triangle_count = 1;
+ * echocast_mesh *mesh;
+ * echocast_mesh_create(context, &desc, &mesh);
+ * ```
+ */
+ECHOCAST_API
+echocast_status echocast_mesh_create(echocast_context *context,
+                                     const echocast_mesh_desc *desc,
+                                     echocast_mesh **out);
+
+/**
+ * Builds the structure that instances of the mesh are traced with, which the first commit would do otherwise.
+ *
+ * Errors: ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY. Any thread may call this, also while scenes are edited.
+ */
+ECHOCAST_API echocast_status echocast_mesh_prepare(echocast_mesh *mesh);
+
+/** Releases a mesh; instances keep it. NULL is allowed. Any thread may call this. */
+ECHOCAST_API void echocast_mesh_release(echocast_mesh *mesh);
+
+/* -- Scenes and snapshots -------------------------------------------------------------------------------------------- */
+
+/** Instances that come, go and move. One thread at a time may edit it; ECHOCAST_E_BUSY tells another one. */
+typedef struct echocast_scene echocast_scene;
+
+/** A scene as it was when it was committed; immutable. Any number of threads may scan it. */
+typedef struct echocast_snapshot echocast_snapshot;
+
+/**
+ * A placement: the upper three rows of the 4x4 matrix, row after row, that takes points of the child (an instance, a
+ * sensor) to the parent (the world); the fourth column is the position in metres. Instances may be scaled, sheared and
+ * mirrored; sensors are only turned and moved.
+ */
+typedef struct echocast_pose {
+    /** Row after row. */
+    double m[12];
+} echocast_pose;
+
+/** A new instance; ECHOCAST_INSTANCE_DESC_INIT has the defaults. */
+typedef struct echocast_instance_desc {
+    /** sizeof(echocast_instance_desc). */
+    size_t struct_size;
+    /** Its shape, of the scene's context. */
+    echocast_mesh *mesh;
+    /** Where it is in the world. */
+    echocast_pose pose;
+    /** Number in the column category_id; 0 = unlabelled. */
+    uint32_t category_id;
+    /** Number in the column instance_id; 0 = unlabelled. */
+    uint32_t instance_id;
+    /** Scans see it whose mask shares a bit with this; not 0. */
+    uint32_t mask;
+    /**
+     * 1: it stays where it is. Fixed instances are built together, the fastest to trace, anew whenever one comes or
+     * goes. 0: it may move, at the cost of a few microseconds a commit.
+     */
+    int32_t fixed;
+    /** In place of the materials of the mesh; NULL for those. */
+    echocast_material *material;
+    /** Name, for echocast_scene_find, messages and the files' table of instances; NULL for none. */
+    const char *name;
+} echocast_instance_desc;
+
+/** An instance of a mesh in a scene: a number that is never given to another one. 0 is none. */
+typedef uint64_t echocast_instance;
+
+/** What a scene holds; ECHOCAST_SCENE_INFO_INIT is empty. */
+typedef struct echocast_scene_info {
+    /** sizeof(echocast_scene_info). */
+    size_t struct_size;
+    /** Instances. */
+    size_t instances;
+    /** Triangles, each mesh counted as often as it is placed. */
+    size_t triangles;
+    /** Lowest corner of the box around all instances, world, metres; all 0 without any. */
+    double low[3];
+    /** Highest corner. */
+    double high[3];
+} echocast_scene_info;
+
+/**
+ * Makes a scene without instances. `origin`: world position, metres, that the single-precision coordinates of results
+ * are relative to; NULL: the first commit chooses, the world's own origin for scenes within a kilometre of it. Choose
+ * one near the vehicle for survey coordinates: 8 km from it coordinates are rounded to half a millimetre.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE. Any thread may call this.
+ */
+ECHOCAST_API
+echocast_status echocast_scene_create(echocast_context *context,
+                                      const double *origin,
+                                      echocast_scene **out);
+
+/** Releases a scene; its snapshots stay. NULL is allowed. Any thread may call this. */
+ECHOCAST_API void echocast_scene_release(echocast_scene *scene);
+
+/**
+ * Adds what a scene file holds (glTF, GLB, OBJ): its objects as fixed instances with their labels, and its cameras.
+ * `options`: NULL, or YAML with `up` (y or z) and `scale` (metres per unit) for formats that do not say, and `labels`,
+ * which holds what a label file does. Labels whose name the scene knows get the number that it has there.
+ *
+ * Errors: ECHOCAST_E_IO, ECHOCAST_E_PARSE (file and place), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_ARGUMENT,
+ * ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY; then the scene is as it was.
+ *
+ * ```c
+ * echocast_scene_load(scene, "street.glb", "labels: {numbers: {car: 10, road: 40}}");
+ * ```
+ */
+ECHOCAST_API echocast_status echocast_scene_load(echocast_scene *scene, const char *path, const char *options);
+
+/** As echocast_scene_load, from the bytes of a GLB file, or of a glTF file whose buffers and images stand in it. */
+ECHOCAST_API
+echocast_status echocast_scene_load_memory(echocast_scene *scene,
+                                           const void *data,
+                                           size_t size,
+                                           const char *options);
+
+/**
+ * Adds an instance of a mesh. `*out` is its number; NULL if it is not wanted.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY; then the scene is as it was.
+ *
+ * ```c
+ * echocast_instance_desc desc = ECHOCAST_INSTANCE_DESC_INIT;
+ * desc.mesh = car_mesh;
+ * desc.category_id = 10;
+ * desc.instance_id = 1;
+ * desc.name = "car 1";
+ * echocast_instance car;
+ * echocast_scene_add(scene, &desc, &car);
+ * ```
+ */
+ECHOCAST_API
+echocast_status echocast_scene_add(echocast_scene *scene,
+                                   const echocast_instance_desc *desc,
+                                   echocast_instance *out);
+
+/**
+ * Takes an instance away. Its number is never used again.
+ *
+ * Errors: ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API echocast_status echocast_scene_remove(echocast_scene *scene, echocast_instance id);
+
+/**
+ * Finds the first instance of a name; those of files are called as in the file.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (no such name; near ones are told), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API
+echocast_status echocast_scene_find(const echocast_scene *scene,
+                                    const char *name,
+                                    echocast_instance *out);
+
+/**
+ * Finds where the camera node of a name in a loaded file stands, as a sensor's pose: x along its view, z up.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (no such name; near ones are told), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API
+echocast_status echocast_scene_camera(const echocast_scene *scene,
+                                      const char *name,
+                                      echocast_pose *out);
+
+/**
+ * Tells what a scene holds. `*info` has its struct_size set.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API
+echocast_status echocast_scene_get_info(const echocast_scene *scene,
+                                        echocast_scene_info *info);
+
+/**
+ * Puts instances somewhere else: `ids[i]` to `poses[i]`, all or, on an error, none. Fixed ones may move from then on.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API
+echocast_status echocast_scene_set_poses(echocast_scene *scene,
+                                         size_t count,
+                                         const echocast_instance *ids,
+                                         const echocast_pose *poses);
+
+/**
+ * Gives the vertices of an instance new positions: `count` times x, y, z, as many as its mesh has, and shading normals,
+ * or NULL for flat triangles. Its mesh becomes its own; others that share it keep theirs. The arrays are copied.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY; then it is as it was.
+ */
+ECHOCAST_API
+echocast_status echocast_scene_set_vertices(echocast_scene *scene,
+                                            echocast_instance id,
+                                            const float *positions,
+                                            const float *normals,
+                                            size_t count);
+
+/**
+ * Sets the labels of an instance: category, number of this very instance, and those of the parts of its mesh, or NULL
+ * to keep them.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API
+echocast_status echocast_scene_set_labels(echocast_scene *scene,
+                                          echocast_instance id,
+                                          uint32_t category_id,
+                                          uint32_t instance_id,
+                                          const uint32_t *part_ids,
+                                          size_t part_count);
+
+/**
+ * Sets by which scans an instance is seen: those whose mask shares a bit with `mask`, which may be 0.
+ *
+ * Errors: ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API echocast_status echocast_scene_set_mask(echocast_scene *scene, echocast_instance id, uint32_t mask);
+
+/**
+ * Gives an instance one material in place of those of its mesh; NULL: those of its mesh again.
+ *
+ * Errors: ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API
+echocast_status echocast_scene_set_material(echocast_scene *scene,
+                                            echocast_instance id,
+                                            echocast_material *material);
+
+/**
+ * Names a number of a label column; the names travel with every file. `table`: "category", "part" or "instance".
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API
+echocast_status echocast_scene_name_label(echocast_scene *scene,
+                                          const char *table,
+                                          uint32_t number,
+                                          const char *name);
+
+/**
+ * Builds what has changed. `*out` is the scene as it is now, which can be scanned while the next one is edited; it is to
+ * be released with echocast_snapshot_release.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API
+echocast_status echocast_scene_commit(echocast_scene *scene,
+                                      echocast_snapshot **out);
+
+/** Releases a snapshot. NULL is allowed. Any thread may call this. */
+ECHOCAST_API void echocast_snapshot_release(echocast_snapshot *snapshot);
+
+/* -- Sensors --------------------------------------------------------------------------------------------------------- */
+
+/** Every beam is a firing of its own. */
+#define ECHOCAST_FIRING_BEAMS 0
+
+/** All beams of a column belong to one firing. */
+#define ECHOCAST_FIRING_COLUMNS 1
+
+/** All beams belong to one firing. */
+#define ECHOCAST_FIRING_FRAME 2
+
+/**
+ * An instrument: where its beams point, what it sees, and the errors that it makes. Any number of threads may scan
+ * with it; one at a time may change it.
+ */
+typedef struct echocast_sensor echocast_sensor;
+
+/** A beam of a sensor. */
+typedef struct echocast_beam {
+    /** Time of its firing since the start of the scan, ns. */
+    int64_t t_ns;
+    /** Direction in the sensor frame, of length 1: x forward, y left, z up. */
+    float direction[3];
+    /** Nearest range that is reported, metres. */
+    float range_min_m;
+    /** Farthest range that is reported, metres; 0 for no limit but the sensor's. */
+    float range_max_m;
+    /** Emitter index, 0 to 65535. */
+    uint32_t channel;
+} echocast_beam;
+
+/** What a sensor is; ECHOCAST_SENSOR_INFO_INIT is empty. */
+typedef struct echocast_sensor_info {
+    /** sizeof(echocast_sensor_info). */
+    size_t struct_size;
+    /** Rows of its range image: channels of a spinning sensor, pixel rows of a camera. */
+    uint32_t rows;
+    /** Columns of its range image. It has rows * columns beams; beam row * columns + column. */
+    uint32_t columns;
+    /** Time from the start of one scan to the start of the next, ns. */
+    int64_t period_ns;
+} echocast_sensor_info;
+
+/**
+ * Makes a sensor. `sensor`: the name of a preset ("velodyne_vlp32c", see echocast_name) or the path of a sensor file.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (no such preset; near ones are told), ECHOCAST_E_IO, ECHOCAST_E_PARSE (file, line, key).
+ * Any thread may call this.
+ */
+ECHOCAST_API
+echocast_status echocast_sensor_create(echocast_context *context,
+                                       const char *sensor,
+                                       echocast_sensor **out);
+
+/**
+ * Makes a sensor of YAML text, which says what a sensor file does. `folder`: where names of other files in it start;
+ * NULL for the working folder.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_IO, ECHOCAST_E_PARSE (line and key). Any thread may call this.
+ */
+ECHOCAST_API
+echocast_status echocast_sensor_from_text(echocast_context *context,
+                                          const char *yaml,
+                                          const char *folder,
+                                          echocast_sensor **out);
+
+/**
+ * Makes an ideal lidar of beams: no noise, no threshold, no range limit but theirs; echocast_sensor_set adds what is
+ * wanted. `beams`: rows * columns of them, row by row; neighbours in a row should be neighbours in angle, which is
+ * several times as fast. `period_ns`: time from one scan to the next. `firing`: an ECHOCAST_FIRING_ number.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (the beam that is wrong), ECHOCAST_E_MEMORY. Any thread may call this.
+ */
+ECHOCAST_API
+echocast_status echocast_sensor_from_beams(echocast_context *context,
+                                           const char *name,
+                                           uint32_t rows,
+                                           uint32_t columns,
+                                           const echocast_beam *beams,
+                                           int64_t period_ns,
+                                           int32_t firing,
+                                           echocast_sensor **out);
+
+/**
+ * Changes a parameter: `key` is its path in the sensor file ("noise.range_sigma_m"), `value` YAML: a number, a word, a
+ * list or a whole section; "null" takes an optional one away.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_PARSE (key, what was found, what is allowed), ECHOCAST_E_BUSY (a scan is using
+ * the sensor); then it is as it was.
+ */
+ECHOCAST_API
+echocast_status echocast_sensor_set(echocast_sensor *sensor,
+                                    const char *key,
+                                    const char *value);
+
+/**
+ * Reads a parameter that is a number, with the least and the greatest value that it may have (infinite without a
+ * bound). `value`, `min` and `max` may each be NULL.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (no such key, or no number), ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API
+echocast_status echocast_sensor_get(const echocast_sensor *sensor,
+                                    const char *key,
+                                    double *value,
+                                    double *min,
+                                    double *max);
+
+/**
+ * Writes the sensor as YAML, every key that has a value, to `yaml`, which has room for `capacity` bytes, cut off where
+ * it is longer. `*needed`: bytes of the whole with the 0 at its end. One of `yaml` and `needed` may be NULL.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API
+echocast_status echocast_sensor_describe(const echocast_sensor *sensor,
+                                         char *yaml,
+                                         size_t capacity,
+                                         size_t *needed);
+
+/**
+ * Tells the shape of a sensor. `*info` has its struct_size set.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API
+echocast_status echocast_sensor_get_info(const echocast_sensor *sensor,
+                                         echocast_sensor_info *info);
+
+/**
+ * Writes beams `first` to `first + count - 1` to `beams`, to look at the pattern.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (more than there are), ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API
+echocast_status echocast_sensor_get_beams(const echocast_sensor *sensor,
+                                          size_t first,
+                                          size_t count,
+                                          echocast_beam *beams);
+
+/** Releases a sensor. NULL is allowed. Any thread may call this. */
+ECHOCAST_API void echocast_sensor_release(echocast_sensor *sensor);
+
+/* -- Results --------------------------------------------------------------------------------------------------------- */
+
+/** 32-bit IEEE float. */
+#define ECHOCAST_TYPE_F32 1
+
+/** 64-bit IEEE float. */
+#define ECHOCAST_TYPE_F64 2
+
+/** Unsigned 8-bit number. */
+#define ECHOCAST_TYPE_U8 3
+
+/** Unsigned 16-bit number. */
+#define ECHOCAST_TYPE_U16 4
+
+/** Unsigned 32-bit number. */
+#define ECHOCAST_TYPE_U32 5
+
+/** Signed 8-bit number; only to pack. */
+#define ECHOCAST_TYPE_I8 6
+
+/** Signed 16-bit number; only to pack. */
+#define ECHOCAST_TYPE_I16 7
+
+/** Signed 32-bit number; only to pack. */
+#define ECHOCAST_TYPE_I32 8
+
+/** Signed 64-bit number; only to pack. */
+#define ECHOCAST_TYPE_I64 9
+
+/** Unsigned 64-bit number; only to pack. */
+#define ECHOCAST_TYPE_U64 10
+
+/** Points, column by column. Any number of threads may read it; one at a time may change it. */
+typedef struct echocast_result echocast_result;
+
+/** What a result is; ECHOCAST_RESULT_INFO_INIT is empty. */
+typedef struct echocast_result_info {
+    /** sizeof(echocast_result_info). */
+    size_t struct_size;
+    /** Points. */
+    size_t count;
+    /** Rows of the range image, if every beam has its point (scan_desc.organised); else 0. */
+    uint32_t rows;
+    /** Columns of the range image, or 0. */
+    uint32_t columns;
+    /** What positions refer to: an ECHOCAST_COORDINATES_ number. */
+    int32_t coordinates;
+    /** What the column `intensity` has at full scale: 1, or 255; 0 if it has none. */
+    float intensity_full_scale;
+    /** World position, metres, that the columns x, y, z and true_x, true_y, true_z are relative to. */
+    double origin[3];
+    /** Where the sensor was at the start of the scan. */
+    echocast_pose sensor_pose;
+} echocast_result_info;
+
+/** A column of a result, where it is. */
+typedef struct echocast_view {
+    /** Its first element; NULL without any. */
+    const void *data;
+    /** Elements: as many as the result has points. */
+    size_t count;
+    /** Bytes from element to element. */
+    size_t stride;
+    /** Its type: ECHOCAST_TYPE_F32 to ECHOCAST_TYPE_U32. */
+    int32_t kind;
+    /** 0. */
+    int32_t reserved;
+} echocast_view;
+
+/** A column in packed points. */
+typedef struct echocast_pack_item {
+    /** Name of the column. */
+    const char *column;
+    /** Type that it gets: an ECHOCAST_TYPE_ number. */
+    int32_t kind;
+    /** Where it starts in a point, bytes. */
+    uint32_t offset;
+} echocast_pack_item;
+
+/**
+ * Tells what a result is. `*info` has its struct_size set.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API
+echocast_status echocast_result_get_info(const echocast_result *result,
+                                         echocast_result_info *info);
+
+/** The number of points; 0 for a handle of nothing. */
+ECHOCAST_API size_t echocast_result_count(const echocast_result *result);
+
+/**
+ * Shows a column without copying it. The view is valid until the result is scanned into, appended to or released.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (no such column, or one that was not computed), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ *
+ * ```c
+ * echocast_view view;
+ * echocast_result_view(result, "range", &view);
+ * const float *range = view.data;
+ * ```
+ */
+ECHOCAST_API
+echocast_status echocast_result_view(const echocast_result *result,
+                                     const char *column,
+                                     echocast_view *out);
+
+/**
+ * Writes the points as a host wants them, all at once: point i at `to + i * stride`, each column converted to its type at
+ * its offset; bytes that no item covers stay. Numbers are rounded to the nearest that the type has; not-a-number becomes
+ * 0 in whole numbers. Positions are relative to the result's origin as ECHOCAST_TYPE_F32, complete as
+ * ECHOCAST_TYPE_F64. `capacity`: bytes of `to`; `*needed` (may be NULL): stride * points.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (an item that is wrong, too little room), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ *
+ * ```c
+ * // The layout that most ROS 2 drivers publish.
+ * static const echocast_pack_item items[] = {
+ *     {"x", ECHOCAST_TYPE_F32, 0}, {"y", ECHOCAST_TYPE_F32, 4}, {"z", ECHOCAST_TYPE_F32, 8},
+ *     {"intensity", ECHOCAST_TYPE_F32, 12}, {"channel", ECHOCAST_TYPE_U16, 16}, {"time", ECHOCAST_TYPE_F64, 18}};
+ * echocast_result_pack(result, items, 6, 26, bytes, sizeof bytes, NULL);
+ * ```
+ */
+ECHOCAST_API
+echocast_status echocast_result_pack(const echocast_result *result,
+                                     const echocast_pack_item *items,
+                                     size_t item_count,
+                                     size_t stride,
+                                     void *to,
+                                     size_t capacity,
+                                     size_t *needed);
+
+/**
+ * The name of a label number. `table`: "category", "part", "material" or "instance". NULL if it has none.
+ *
+ * Valid until the result is scanned into or released.
+ */
+ECHOCAST_API
+const char *echocast_result_label_name(const echocast_result *result,
+                                       const char *table,
+                                       uint32_t number);
+
+/**
+ * Appends the points of another scan of the same scene with the same columns, to be written to one file.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (a scan that does not fit), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY; then nothing is appended.
+ */
+ECHOCAST_API
+echocast_status echocast_result_append(echocast_result *result,
+                                       const echocast_result *other);
+
+/** Releases a result. NULL is allowed. Any thread may call this. */
+ECHOCAST_API void echocast_result_release(echocast_result *result);
+
+/* -- Scans ----------------------------------------------------------------------------------------------------------- */
+
+/** Points are in the world. */
+#define ECHOCAST_COORDINATES_WORLD 0
+
+/** Points are in the frame of the sensor at the time of their own firing, as a driver reports them. */
+#define ECHOCAST_COORDINATES_SENSOR 1
+
+/** Points come in rising order of beams. */
+#define ECHOCAST_ORDER_BEAM 0
+
+/** Points come in rising order of time. */
+#define ECHOCAST_ORDER_TIME 1
+
+/** Physics as we know it. */
+#define ECHOCAST_PROFILE_PHYSICAL 0
+
+/** The equations of the paper as printed. */
+#define ECHOCAST_PROFILE_PAPER 1
+
+/** What the paper's program computes. */
+#define ECHOCAST_PROFILE_BLAINDER 2
+
+/** As the profile has it. */
+#define ECHOCAST_REFLECTANCE_DEFAULT 0
+
+/** Surfaces whose reflectance nothing says have that of their linear base colour's luminance. */
+#define ECHOCAST_REFLECTANCE_LUMINANCE 1
+
+/** Surfaces whose reflectance nothing says have that of their base colour's alpha. */
+#define ECHOCAST_REFLECTANCE_ALPHA 2
+
+/** A pose at a time. */
+typedef struct echocast_pose_key {
+    /** Time, ns. */
+    int64_t t_ns;
+    /** Where the sensor is then, in the world. */
+    echocast_pose pose;
+} echocast_pose_key;
+
+/**
+ * Hears which part of the work is done, 0 to 1; not 0 ends it. Called on the thread that scans, some times in a long
+ * scan. It must not throw.
+ */
+typedef int32_t (*echocast_progress_fn)(void *user, double fraction);
+
+/** How to scan; ECHOCAST_SCAN_DESC_INIT has the defaults. */
+typedef struct echocast_scan_desc {
+    /** sizeof(echocast_scan_desc). */
+    size_t struct_size;
+    /** What to scan with. */
+    const echocast_sensor *sensor;
+    /**
+     * Where the sensor is: one pose, or several at rising times, between which it moves evenly and turns the shorter
+     * way. Each beam is cast from the pose at the time of its own firing.
+     */
+    const echocast_pose_key *poses;
+    /** How many poses there are, 1 or more. */
+    size_t pose_count;
+    /**
+     * Time of the scan's start, ns. Times of firings in the column `time` count from the same zero. Best kept small:
+     * seconds since 1970 are rounded to 0.2 microseconds.
+     */
+    int64_t t0_ns;
+    /** Of all random draws: equal seeds, frames and inputs give equal bits, whatever the threads. */
+    uint64_t seed;
+    /** Index of the frame; it changes the random draws and fills the column `frame`. */
+    uint32_t frame;
+    /** Instances are seen whose mask shares a bit with this. */
+    uint32_t mask;
+    /** Columns to compute: names with commas between ("x,y,z,range,category_id"), "all", or NULL for the default ones. */
+    const char *columns;
+    /** 1: every beam has its row, and those without a return have NaN or 0. 0: only returns have rows. */
+    int32_t organised;
+    /** What the points refer to: an ECHOCAST_COORDINATES_ number. */
+    int32_t coordinates;
+    /** In which order the points come: an ECHOCAST_ORDER_ number. */
+    int32_t order;
+    /** Which models are used: an ECHOCAST_PROFILE_ number. */
+    int32_t profile;
+    /** Where reflectance comes from when no material says: an ECHOCAST_REFLECTANCE_ number. */
+    int32_t reflectance;
+    /** 0. */
+    int32_t reserved;
+    /** Hears how far the scan is and may end it; may be NULL. */
+    echocast_progress_fn progress;
+    /** First argument of `progress`. */
+    void *progress_user;
+} echocast_scan_desc;
+
+/**
+ * Scans once. `*io`: NULL, then it becomes a new result, to be released with echocast_result_release; or a result, whose
+ * memory is used again: a loop of scans allocates nothing after the first.
+ *
+ * On an error in the arguments an old result stays as it was; one that was cancelled, or for which there was no memory,
+ * is empty.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_CANCELLED, ECHOCAST_E_BUSY (another
+ * thread uses the result, or changes the sensor). Any number of threads may scan one snapshot with one sensor, each
+ * with a result of its own.
+ *
+ * ```c
+ * echocast_pose_key here = {0, ECHOCAST_POSE_IDENTITY};
+ * echocast_scan_desc desc = ECHOCAST_SCAN_DESC_INIT;
+ * desc.sensor = sensor;
+ * desc.poses = &here;
+ * desc.pose_count = 1;
+ * echocast_result *result = NULL;
+ * echocast_scan(snapshot, &desc, &result);
+ * ```
+ */
+ECHOCAST_API
+echocast_status echocast_scan(const echocast_snapshot *snapshot,
+                              const echocast_scan_desc *desc,
+                              echocast_result **io);
+
+/* -- Files ----------------------------------------------------------------------------------------------------------- */
+
+/** An HDF5 file that grows by one scan at a time. */
+typedef struct echocast_frames echocast_frames;
+
+/**
+ * Writes the points to a file, which appears under its name only when it is complete. `format`: a name of the list
+ * "formats"; NULL: as the ending of `path` says. The names of labels stand in the file, or in NAME.labels.json beside it.
+ * What a format cannot hold is told to the context's log.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_IO (a full disk), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API
+echocast_status echocast_result_write(const echocast_result *result,
+                                      const char *path,
+                                      const char *format);
+
+/**
+ * Writes a picture of the points as PNG. `options`: NULL, or YAML with `view` (top, perspective, range), `color` (label,
+ * intensity, range, height) and `width` in pixels.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (columns that the picture needs are missing), ECHOCAST_E_PARSE, ECHOCAST_E_IO,
+ * ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API
+echocast_status echocast_result_preview(const echocast_result *result,
+                                        const char *path,
+                                        const char *options);
+
+/**
+ * Starts an HDF5 file that takes scans one by one, each a row of every dataset; only one is in memory at a time. The
+ * file appears under its name with echocast_frames_finish; released before, it leaves nothing behind.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_IO, ECHOCAST_E_UNSUPPORTED (built without HDF5), ECHOCAST_E_HANDLE.
+ */
+ECHOCAST_API
+echocast_status echocast_frames_create(echocast_context *context,
+                                       const char *path,
+                                       echocast_frames **out);
+
+/**
+ * Appends the points of a scan as the next row.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (a scan that does not fit the first), ECHOCAST_E_IO, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API echocast_status echocast_frames_add(echocast_frames *frames, const echocast_result *result);
+
+/**
+ * Completes the file and gives it its name; late errors of the disk show here.
+ *
+ * Errors: ECHOCAST_E_IO, ECHOCAST_E_ARGUMENT (it is finished already), ECHOCAST_E_HANDLE.
+ */
+ECHOCAST_API echocast_status echocast_frames_finish(echocast_frames *frames);
+
+/** Releases a frames file. NULL is allowed. Any thread may call this. */
+ECHOCAST_API void echocast_frames_release(echocast_frames *frames);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif /* ECHOCAST_H */

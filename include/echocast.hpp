@@ -1,0 +1,480 @@
+/* echocast for C++11 and later: owners, exceptions and spans around the C functions of echocast.h. Header-only: it adds
+ * nothing to the ABI, and everything of C can be used beside it (get()).
+ *
+ * Objects are moved, not copied, and release what they own. Failures are thrown as echocast::error. What is const can be
+ * used by any number of threads at once.
+ */
+#ifndef ECHOCAST_HPP
+#define ECHOCAST_HPP
+
+#include "echocast.h"
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <exception>
+#include <functional>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace echocast {
+
+/** Why a call failed: what() is the sentence of echocast_last_error. */
+class error : public std::runtime_error {
+public:
+    explicit error(echocast_status status) : std::runtime_error(echocast_last_error()), status_(status) {}
+
+    /** An ECHOCAST_E_ number. */
+    echocast_status status() const noexcept { return status_; }
+
+private:
+    echocast_status status_;
+};
+
+/** Throws error unless `status` is ECHOCAST_OK. */
+inline void check(echocast_status status) {
+    if (status != ECHOCAST_OK) throw error(status);
+}
+
+namespace detail {
+
+template <class T, void (*Release)(T *)>
+struct deleter {
+    void operator()(T *handle) const noexcept { Release(handle); }
+};
+
+/** Owns one handle of C. */
+template <class T, void (*Release)(T *)>
+class owner {
+public:
+    /** The handle, which stays owned here; NULL after a move. */
+    T *get() const noexcept { return handle_.get(); }
+
+    /** Gives the handle away, to be released by the caller. */
+    T *release() noexcept { return handle_.release(); }
+
+    explicit operator bool() const noexcept { return handle_ != nullptr; }
+
+protected:
+    owner() = default;
+    explicit owner(T *handle) : handle_(handle) {}
+
+    /** Made by a C function that puts it where it is told. */
+    template <class Make>
+    static T *made(Make make) {
+        T *handle = nullptr;
+        check(make(&handle));
+        return handle;
+    }
+
+    std::unique_ptr<T, deleter<T, Release>> handle_;
+};
+
+inline const char *c_str_or_null(const std::string &text) { return text.empty() ? nullptr : text.c_str(); }
+
+/** Lets an exception of a callback out of the C call that it was thrown in. */
+struct progress_call {
+    const std::function<bool(double)> *heard;
+    std::exception_ptr thrown;
+
+    static int32_t call(void *user, double fraction) {
+        auto *self = static_cast<progress_call *>(user);
+        try {
+            return (*self->heard)(fraction) ? 0 : 1;
+        } catch (...) {
+            self->thrown = std::current_exception();
+            return 1;
+        }
+    }
+};
+
+template <class T>
+struct type_of;
+template <>
+struct type_of<float> : std::integral_constant<int32_t, ECHOCAST_TYPE_F32> {};
+template <>
+struct type_of<double> : std::integral_constant<int32_t, ECHOCAST_TYPE_F64> {};
+template <>
+struct type_of<uint8_t> : std::integral_constant<int32_t, ECHOCAST_TYPE_U8> {};
+template <>
+struct type_of<uint16_t> : std::integral_constant<int32_t, ECHOCAST_TYPE_U16> {};
+template <>
+struct type_of<uint32_t> : std::integral_constant<int32_t, ECHOCAST_TYPE_U32> {};
+
+} // namespace detail
+
+/** Elements one after the other that somebody else owns. */
+template <class T>
+class span {
+public:
+    span() = default;
+    span(T *data, std::size_t size) : data_(data), size_(size) {}
+
+    T *data() const noexcept { return data_; }
+    std::size_t size() const noexcept { return size_; }
+    bool empty() const noexcept { return size_ == 0; }
+    T *begin() const noexcept { return data_; }
+    T *end() const noexcept { return data_ + size_; }
+    T &operator[](std::size_t index) const { return data_[index]; }
+
+private:
+    T *data_ = nullptr;
+    std::size_t size_ = 0;
+};
+
+/** A pose that is not turned, at x, y, z metres. */
+inline echocast_pose pose_at(double x, double y, double z) {
+    echocast_pose pose = ECHOCAST_POSE_IDENTITY;
+    pose.m[3] = x;
+    pose.m[7] = y;
+    pose.m[11] = z;
+    return pose;
+}
+
+/** Number of an instance in its scene. */
+using instance = echocast_instance;
+
+/** Threads and Embree's device; everything else belongs to a context. */
+class context : public detail::owner<echocast_context, echocast_context_release> {
+public:
+    /** `threads`: 0 as many as the machine has cores, 1 none but the calling one. */
+    explicit context(int threads = 0) : context(with_threads(threads)) {}
+
+    explicit context(const echocast_context_desc &desc)
+        : owner(made([&](echocast_context **out) { return echocast_context_create(&desc, out); })) {}
+
+private:
+    static echocast_context_desc with_threads(int threads) {
+        echocast_context_desc desc = ECHOCAST_CONTEXT_DESC_INIT;
+        desc.threads = threads;
+        return desc;
+    }
+};
+
+/** What surfaces are made of. */
+class material : public detail::owner<echocast_material, echocast_material_release> {
+public:
+    /** Of YAML text with the keys of a material file; `image` may be NULL. */
+    material(const context &context, const std::string &yaml, const echocast_image *image = nullptr)
+        : owner(made([&](echocast_material **out) {
+              return echocast_material_create(context.get(), yaml.c_str(), image, out);
+          })) {}
+};
+
+/** Triangles that instances place in a scene. */
+class mesh : public detail::owner<echocast_mesh, echocast_mesh_release> {
+public:
+    mesh(const context &context, const echocast_mesh_desc &desc)
+        : owner(made([&](echocast_mesh **out) { return echocast_mesh_create(context.get(), &desc, out); })) {}
+
+    /** Of one part; the vectors are copied. */
+    mesh(const context &context, const std::vector<std::array<float, 3>> &positions,
+         const std::vector<std::array<uint32_t, 3>> &triangles, const material *made_of = nullptr, uint32_t part_id = 0)
+        : owner(made([&](echocast_mesh **out) {
+              const auto counted = static_cast<uint32_t>(triangles.size());
+              const echocast_part part = {0, counted, made_of ? made_of->get() : nullptr, part_id, 0};
+              echocast_mesh_desc desc = ECHOCAST_MESH_DESC_INIT;
+              desc.positions = positions.empty() ? nullptr : positions.data()->data();
+              desc.vertex_count = static_cast<uint32_t>(positions.size());
+              desc.indices = triangles.empty() ? nullptr : triangles.data()->data();
+              desc.triangle_count = counted;
+              desc.parts = &part;
+              desc.part_count = 1;
+              return echocast_mesh_create(context.get(), &desc, out);
+          })) {}
+
+    /** Builds its structure for tracing now, rather than in the first commit. */
+    void prepare() { check(echocast_mesh_prepare(get())); }
+};
+
+/** A scene as it was when it was committed. */
+class snapshot : public detail::owner<echocast_snapshot, echocast_snapshot_release> {
+public:
+    explicit snapshot(echocast_snapshot *handle) : owner(handle) {}
+};
+
+/** Instances that come, go and move. */
+class scene : public detail::owner<echocast_scene, echocast_scene_release> {
+public:
+    explicit scene(const context &context)
+        : owner(made([&](echocast_scene **out) { return echocast_scene_create(context.get(), nullptr, out); })) {}
+
+    /** `origin`: world position that results are relative to, metres. */
+    scene(const context &context, const std::array<double, 3> &origin)
+        : owner(made([&](echocast_scene **out) { return echocast_scene_create(context.get(), origin.data(), out); })) {}
+
+    /** Adds what a scene file holds. */
+    void load(const std::string &path, const std::string &options = "") {
+        check(echocast_scene_load(get(), path.c_str(), options.c_str()));
+    }
+
+    void load_memory(const void *data, std::size_t size, const std::string &options = "") {
+        check(echocast_scene_load_memory(get(), data, size, options.c_str()));
+    }
+
+    instance add(const echocast_instance_desc &desc) {
+        instance id = 0;
+        check(echocast_scene_add(get(), &desc, &id));
+        return id;
+    }
+
+    instance add(const mesh &mesh, const echocast_pose &pose, uint32_t category_id, uint32_t instance_id,
+                 const std::string &name = "") {
+        echocast_instance_desc desc = ECHOCAST_INSTANCE_DESC_INIT;
+        desc.mesh = mesh.get();
+        desc.pose = pose;
+        desc.category_id = category_id;
+        desc.instance_id = instance_id;
+        desc.name = detail::c_str_or_null(name);
+        return add(desc);
+    }
+
+    void remove(instance id) { check(echocast_scene_remove(get(), id)); }
+
+    instance find(const std::string &name) const {
+        instance id = 0;
+        check(echocast_scene_find(get(), name.c_str(), &id));
+        return id;
+    }
+
+    /** Where a camera node of a loaded file stands, as a sensor's pose. */
+    echocast_pose camera(const std::string &name) const {
+        echocast_pose pose;
+        check(echocast_scene_camera(get(), name.c_str(), &pose));
+        return pose;
+    }
+
+    echocast_scene_info info() const {
+        echocast_scene_info info = ECHOCAST_SCENE_INFO_INIT;
+        check(echocast_scene_get_info(get(), &info));
+        return info;
+    }
+
+    void set_pose(instance id, const echocast_pose &pose) { check(echocast_scene_set_poses(get(), 1, &id, &pose)); }
+
+    void set_poses(const std::vector<instance> &ids, const std::vector<echocast_pose> &poses) {
+        if (ids.size() != poses.size()) throw std::invalid_argument("as many poses as instances");
+        check(echocast_scene_set_poses(get(), ids.size(), ids.data(), poses.data()));
+    }
+
+    /** `normals`: empty for flat triangles. */
+    void set_vertices(instance id, const std::vector<std::array<float, 3>> &positions,
+                      const std::vector<std::array<float, 3>> &normals = {}) {
+        if (!normals.empty() && normals.size() != positions.size()) {
+            throw std::invalid_argument("as many normals as positions");
+        }
+        check(echocast_scene_set_vertices(get(), id, positions.empty() ? nullptr : positions.data()->data(),
+                                          normals.empty() ? nullptr : normals.data()->data(), positions.size()));
+    }
+
+    /** The parts keep theirs. */
+    void set_labels(instance id, uint32_t category_id, uint32_t instance_id) {
+        check(echocast_scene_set_labels(get(), id, category_id, instance_id, nullptr, 0));
+    }
+
+    void set_labels(instance id, uint32_t category_id, uint32_t instance_id, const std::vector<uint32_t> &part_ids) {
+        static const uint32_t none = 0;
+        check(echocast_scene_set_labels(get(), id, category_id, instance_id,
+                                        part_ids.empty() ? &none : part_ids.data(), part_ids.size()));
+    }
+
+    void set_mask(instance id, uint32_t mask) { check(echocast_scene_set_mask(get(), id, mask)); }
+
+    void set_material(instance id, const material &material) {
+        check(echocast_scene_set_material(get(), id, material.get()));
+    }
+
+    /** Those of its mesh again. */
+    void reset_material(instance id) { check(echocast_scene_set_material(get(), id, nullptr)); }
+
+    void name_label(const std::string &table, uint32_t number, const std::string &name) {
+        check(echocast_scene_name_label(get(), table.c_str(), number, name.c_str()));
+    }
+
+    /** The scene as it is now, to be scanned. */
+    snapshot commit() {
+        return snapshot(made_snapshot());
+    }
+
+private:
+    echocast_snapshot *made_snapshot() {
+        echocast_snapshot *handle = nullptr;
+        check(echocast_scene_commit(get(), &handle));
+        return handle;
+    }
+};
+
+/** A number among the parameters of a sensor. */
+struct parameter {
+    double value, min, max;
+};
+
+/** An instrument. */
+class sensor : public detail::owner<echocast_sensor, echocast_sensor_release> {
+public:
+    /** The preset of a name, or a sensor file. */
+    sensor(const context &context, const std::string &name)
+        : owner(made([&](echocast_sensor **out) { return echocast_sensor_create(context.get(), name.c_str(), out); })) {}
+
+    static sensor from_text(const context &context, const std::string &yaml, const std::string &folder = "") {
+        return sensor(made([&](echocast_sensor **out) {
+            return echocast_sensor_from_text(context.get(), yaml.c_str(), folder.c_str(), out);
+        }));
+    }
+
+    /** `beams`: rows * columns, row by row. */
+    static sensor from_beams(const context &context, const std::string &name, uint32_t rows, uint32_t columns,
+                             const std::vector<echocast_beam> &beams, int64_t period_ns,
+                             int32_t firing = ECHOCAST_FIRING_BEAMS) {
+        if (beams.size() != std::size_t(rows) * columns) throw std::invalid_argument("rows * columns beams");
+        return sensor(made([&](echocast_sensor **out) {
+            return echocast_sensor_from_beams(context.get(), name.c_str(), rows, columns, beams.data(), period_ns, firing,
+                                              out);
+        }));
+    }
+
+    void set(const std::string &key, const std::string &value) {
+        check(echocast_sensor_set(get(), key.c_str(), value.c_str()));
+    }
+
+    parameter get_parameter(const std::string &key) const {
+        parameter found;
+        check(echocast_sensor_get(get(), key.c_str(), &found.value, &found.min, &found.max));
+        return found;
+    }
+
+    /** All of it, as YAML. */
+    std::string describe() const {
+        std::size_t needed = 0;
+        check(echocast_sensor_describe(get(), nullptr, 0, &needed));
+        std::string yaml(needed, '\0');
+        check(echocast_sensor_describe(get(), &yaml[0], yaml.size(), nullptr));
+        yaml.pop_back();
+        return yaml;
+    }
+
+    echocast_sensor_info info() const {
+        echocast_sensor_info info = ECHOCAST_SENSOR_INFO_INIT;
+        check(echocast_sensor_get_info(get(), &info));
+        return info;
+    }
+
+    std::vector<echocast_beam> beams() const {
+        const echocast_sensor_info shape = info();
+        std::vector<echocast_beam> all(std::size_t(shape.rows) * shape.columns);
+        check(echocast_sensor_get_beams(get(), 0, all.size(), all.data()));
+        return all;
+    }
+
+private:
+    explicit sensor(echocast_sensor *handle) : owner(handle) {}
+};
+
+/** Points, column by column. */
+class result : public detail::owner<echocast_result, echocast_result_release> {
+public:
+    /** Empty, until something is scanned into it. */
+    result() = default;
+
+    std::size_t size() const { return get() ? echocast_result_count(get()) : 0; }
+
+    echocast_result_info info() const {
+        echocast_result_info info = ECHOCAST_RESULT_INFO_INIT;
+        check(echocast_result_get_info(get(), &info));
+        return info;
+    }
+
+    /** A column where it is, valid until the next scan into this; T is the type of the column, float or uint32_t. */
+    template <class T>
+    span<const T> column(const std::string &name) const {
+        echocast_view view;
+        check(echocast_result_view(get(), name.c_str(), &view));
+        if (view.kind != detail::type_of<T>::value) {
+            throw std::invalid_argument("the column " + name + " has another type");
+        }
+        return span<const T>(static_cast<const T *>(view.data), view.count);
+    }
+
+    /** Points as a host wants them, `stride` bytes each. */
+    std::vector<uint8_t> pack(const std::vector<echocast_pack_item> &items, std::size_t stride) const {
+        std::vector<uint8_t> bytes(size() * stride);
+        check(echocast_result_pack(get(), items.data(), items.size(), stride, bytes.data(), bytes.size(), nullptr));
+        return bytes;
+    }
+
+    /** Name of a label number, "" if it has none. */
+    std::string label_name(const std::string &table, uint32_t number) const {
+        const char *name = echocast_result_label_name(get(), table.c_str(), number);
+        return name ? name : "";
+    }
+
+    /** The points of another scan behind these. */
+    void append(const result &other) { check(echocast_result_append(get(), other.get())); }
+
+    /** `format`: empty as the ending of `path` says. */
+    void write(const std::string &path, const std::string &format = "") const {
+        check(echocast_result_write(get(), path.c_str(), detail::c_str_or_null(format)));
+    }
+
+    /** A picture. */
+    void preview(const std::string &path, const std::string &options = "") const {
+        check(echocast_result_preview(get(), path.c_str(), options.c_str()));
+    }
+
+private:
+    friend void scan(const snapshot &, const echocast_scan_desc &, result &);
+};
+
+/** Scans once, into the memory of `io`. */
+inline void scan(const snapshot &snapshot, const echocast_scan_desc &desc, result &io) {
+    echocast_result *handle = io.get();
+    const echocast_status status = echocast_scan(snapshot.get(), &desc, &handle);
+    if (!io) io.handle_.reset(handle);
+    check(status);
+}
+
+/** As above; `progress` hears which part is done and says whether to go on. What it throws comes out here. */
+inline void scan(const snapshot &snapshot, echocast_scan_desc desc, result &io,
+                 const std::function<bool(double)> &progress) {
+    detail::progress_call call = {&progress, nullptr};
+    desc.progress = detail::progress_call::call;
+    desc.progress_user = &call;
+    try {
+        scan(snapshot, desc, io);
+    } catch (const error &) {
+        if (call.thrown) std::rethrow_exception(call.thrown);
+        throw;
+    }
+}
+
+/** Scans once with a sensor that stands at `pose`. */
+inline result scan(const snapshot &snapshot, const sensor &sensor, const echocast_pose &pose, uint64_t seed = 0) {
+    const echocast_pose_key here = {0, pose};
+    echocast_scan_desc desc = ECHOCAST_SCAN_DESC_INIT;
+    desc.sensor = sensor.get();
+    desc.poses = &here;
+    desc.pose_count = 1;
+    desc.seed = seed;
+    result points;
+    scan(snapshot, desc, points);
+    return points;
+}
+
+/** An HDF5 file that grows by one scan at a time. */
+class frames : public detail::owner<echocast_frames, echocast_frames_release> {
+public:
+    frames(const context &context, const std::string &path)
+        : owner(made([&](echocast_frames **out) { return echocast_frames_create(context.get(), path.c_str(), out); })) {}
+
+    void add(const result &points) { check(echocast_frames_add(get(), points.get())); }
+
+    /** Completes the file and gives it its name. */
+    void finish() { check(echocast_frames_finish(get())); }
+};
+
+} // namespace echocast
+
+#endif // ECHOCAST_HPP
