@@ -34,12 +34,12 @@ impl Material {
         let colors = [("base_color", &self.base_color[..]), ("attenuation_color", &self.attenuation_color[..])];
         for (key, color) in colors {
             for (index, &value) in color.iter().enumerate() {
-                fraction(format_args!("{key}[{index}]"), value.into(), value)?;
+                fraction(format_args!("{key}[{index}]"), value)?;
             }
         }
         match &self.reflectance {
             None => {}
-            Some(Reflectance::Constant(value)) => fraction("reflectance", (*value).into(), value)?,
+            Some(Reflectance::Constant(value)) => fraction("reflectance", *value)?,
             Some(Reflectance::Samples(samples)) => {
                 allow("reflectance", "an empty list", !samples.is_empty(), "a number, or one sample or more")?;
                 let mut above = 0.0;
@@ -47,14 +47,14 @@ impl Material {
                     let (wavelength, key) = (sample.wavelength_nm, format!("reflectance[{index}].wavelength_nm"));
                     allow(key, wavelength, wavelength > above, format_args!("above {above}, in rising order"))?;
                     above = wavelength;
-                    fraction(format_args!("reflectance[{index}].value"), sample.value, sample.value)?;
+                    fraction(format_args!("reflectance[{index}].value"), sample.value)?;
                 }
             }
         }
         let fractions =
             [("metallic", self.metallic), ("roughness", self.roughness), ("transmission", self.transmission)];
         for (key, value) in fractions {
-            fraction(key, value.into(), value)?;
+            fraction(key, value)?;
         }
         let (ior, thickness, distance) = (self.ior, self.thickness_m, self.attenuation_distance_m);
         allow("ior", ior, ior >= 1.0 && ior.is_finite(), "1 or more")?;
@@ -67,9 +67,8 @@ fn allow(key: impl Display, found: impl Display, holds: bool, allowed: impl Disp
     if holds { Ok(()) } else { Err(Error::invalid(key.to_string(), found, allowed.to_string())) }
 }
 
-/// That `value`, which errors write as `found`, is 0 to 1.
-fn fraction(key: impl Display, value: f64, found: impl Display) -> Result<()> {
-    allow(key, found, (0.0..=1.0).contains(&value), "0 to 1")
+fn fraction(key: impl Display, value: impl Into<f64> + Display + Copy) -> Result<()> {
+    allow(key, value, (0.0..=1.0).contains(&value.into()), "0 to 1")
 }
 
 /// Reads red, green, blue and perhaps alpha.
