@@ -9,7 +9,7 @@ help:
 	@echo "make test                  run every test"
 	@echo "make build                 release build; the program is target/release/echocast"
 	@echo "make bench                 how fast it is beside bare Embree; writes target/bench.json"
-	@echo "make install PREFIX=DIR    put the program below DIR [$(PREFIX)]"
+	@echo "make install PREFIX=DIR    put program, C library and headers below DIR [$(PREFIX)]"
 	@echo "make clean                 remove what was built and written"
 
 demo:
@@ -26,10 +26,11 @@ build:
 
 bench:
 	@scripts/setup
+	cargo build --release --locked -p echocast-capi -p echocast-example
 	cargo run --release --locked -p echocast-benches
 
 install: build
-	@scripts/install "$(DESTDIR)$(PREFIX)"
+	@DESTDIR="$(DESTDIR)" scripts/install "$(PREFIX)"
 
 clean:
 	cargo clean

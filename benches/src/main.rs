@@ -1,10 +1,11 @@
 //! `make bench`: rays per second beside the bare Embree loop, the paper's two experiments, and how
-//! fast files are read and written. Prints tables and writes `target/bench.json`.
+//! fast files are read and written, and the C library beside the Rust crate. Prints tables and writes `target/bench.json`.
 //!
 //! All ratios come from interleaved rounds in one process; times are processor time, medians.
 #![forbid(unsafe_code)]
 
 mod clock;
+mod embedding;
 mod files;
 mod memory;
 mod paper;
@@ -18,8 +19,13 @@ type Result<T> = std::result::Result<T, Box<dyn std::error::Error + Send + Sync>
 /// A named benchmark.
 type Section = (&'static str, fn() -> Result<Value>);
 
-const SECTIONS: &[Section] =
-    &[("rays", rays::run), ("paper", paper::run), ("files", files::run), ("memory", memory::run)];
+const SECTIONS: &[Section] = &[
+    ("rays", rays::run),
+    ("paper", paper::run),
+    ("files", files::run),
+    ("memory", memory::run),
+    ("embedding", embedding::run),
+];
 
 fn main() -> Result<()> {
     let asked: Vec<String> = std::env::args().skip(1).collect();
