@@ -56,12 +56,23 @@ impl<'a> Aim<'a> {
                     rays.dir_z[lane] = cx.z * x[lane] + cy.z * y[lane] + cz.z * z[lane];
                 }
             }
-            Aim::Moving { .. } => {
-                for lane in 0..count {
-                    let (rotation, origin) = self.pose(beams, first + lane);
-                    let direction = rotation * Vec3::new(x[lane], y[lane], z[lane]);
-                    (rays.org_x[lane], rays.org_y[lane], rays.org_z[lane]) = origin.into();
-                    (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = direction.into();
+            Aim::Moving { trajectory, start_time, local_origin } => {
+                let mut lane = 0;
+                while lane < count {
+                    let Some(motion) = trajectory.motion(start_time + beams.time[first + lane]) else {
+                        let (rotation, origin) = self.pose(beams, first + lane);
+                        let direction = rotation * Vec3::new(x[lane], y[lane], z[lane]);
+                        (rays.org_x[lane], rays.org_y[lane], rays.org_z[lane]) = origin.into();
+                        (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = direction.into();
+                        lane += 1;
+                        continue;
+                    };
+                    // Neighbours mostly fire during the same motion.
+                    let times = &beams.time[first + lane..first + count];
+                    let lanes = times.iter().take_while(|&time| motion.covers(start_time + time)).count();
+                    let beams = [&x[lane..], &y[lane..], &z[lane..]];
+                    motion.aim(*start_time, &times[..lanes], beams, *local_origin, lane, rays);
+                    lane += lanes;
                 }
             }
         }

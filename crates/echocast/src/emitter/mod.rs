@@ -3,12 +3,14 @@
 mod aim;
 mod beams;
 mod csv;
+mod motion;
 pub mod pattern;
 mod pose;
 mod trajectory;
 
 pub(crate) use aim::Aim;
 pub use beams::{BeamTable, FiringOrder};
+use motion::Motion;
 pub use pattern::Pattern;
 pub use pose::Pose;
 pub use trajectory::Trajectory;

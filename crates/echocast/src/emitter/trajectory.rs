@@ -1,7 +1,7 @@
 //! Poses over time.
 
-use super::Pose;
 use super::csv::{Csv, Lines};
+use super::{Motion, Pose};
 use crate::error::{Error, Result};
 use glam::{DQuat, DVec3};
 use std::path::Path;
@@ -90,6 +90,13 @@ impl Trajectory {
     /// Times of the first and the last key, s.
     pub fn span(&self) -> (f64, f64) {
         (self.keys[0].0, self.keys[self.keys.len() - 1].0)
+    }
+
+    /// The even motion that the sensor is in at `time`, s; `None`: it stands.
+    pub(super) fn motion(&self, time: f64) -> Option<Motion> {
+        let after = self.keys.partition_point(|(key, _)| *key <= time);
+        let from = *self.keys.get(after.checked_sub(1)?)?;
+        Some(Motion::new(from, *self.keys.get(after)?))
     }
 
     /// Pose at `time`, s.
