@@ -2,7 +2,7 @@
 
 use crate::guard::{Failure, Outcome, guard};
 use crate::handle::{self, handles};
-use crate::text::{self, Sized_};
+use crate::text::{self, Versioned};
 use echocast::{Engine, Report};
 use std::ffi::{CString, c_char, c_void};
 use std::fmt::Display;
@@ -59,7 +59,7 @@ impl Default for echocast_context_desc {
 }
 
 // SAFETY: plain numbers and pointers, the size first.
-unsafe impl Sized_ for echocast_context_desc {}
+unsafe impl Versioned for echocast_context_desc {}
 
 /// What a context's objects share.
 pub struct Context {

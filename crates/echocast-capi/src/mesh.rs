@@ -4,7 +4,7 @@ use crate::context::{Context, echocast_context};
 use crate::guard::{ECHOCAST_E_MEMORY, Failure, Outcome, echocast_status, guard};
 use crate::handle::{self, handles};
 use crate::material::echocast_material;
-use crate::text::{self, Sized_};
+use crate::text::{self, Versioned};
 use echocast::scene::{Array, Mesh, Part};
 use std::ffi::{c_char, c_void};
 use std::ptr;
@@ -105,7 +105,7 @@ impl Default for echocast_mesh_desc {
 }
 
 // SAFETY: plain numbers and pointers, the size first.
-unsafe impl Sized_ for echocast_mesh_desc {}
+unsafe impl Versioned for echocast_mesh_desc {}
 
 /// Makes a mesh. Its own structure for tracing is built when an instance is first committed, or by
 /// echocast_mesh_prepare.

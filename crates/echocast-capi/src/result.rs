@@ -4,7 +4,7 @@ use crate::context::Context;
 use crate::guard::{Failure, Outcome, echocast_status, guard, guard_or};
 use crate::handle::{self, handles};
 use crate::scene::echocast_pose;
-use crate::text::{self, Sized_};
+use crate::text::{self, Versioned};
 use echocast::cloud::{ColumnType, PackItem, PackType};
 use echocast::{Field, Frame, PointCloud, Pose};
 use std::ffi::{CString, c_char, c_void};
@@ -120,7 +120,7 @@ impl Default for echocast_result_info {
 }
 
 // SAFETY: plain numbers, the size first.
-unsafe impl Sized_ for echocast_result_info {}
+unsafe impl Versioned for echocast_result_info {}
 
 /// Runs `look` on the points, which nobody changes meanwhile.
 pub(crate) fn look<T>(result: *const echocast_result, look: impl FnOnce(&Points) -> Outcome<T>) -> Outcome<T> {

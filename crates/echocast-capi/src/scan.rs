@@ -5,7 +5,7 @@ use crate::handle;
 use crate::result::{Points, echocast_result};
 use crate::scene::{echocast_pose, echocast_snapshot};
 use crate::sensor::{echocast_sensor, seconds};
-use crate::text::{self, Sized_};
+use crate::text::{self, Versioned};
 use echocast::{BuiltScene, FieldSet, Frame, Order, Profile, ReflectanceSource, ScanOptions, Sensor, Trajectory};
 use std::ffi::{c_char, c_void};
 use std::ops::ControlFlow;
@@ -117,7 +117,7 @@ impl Default for echocast_scan_desc {
 }
 
 // SAFETY: plain numbers and pointers, the size first.
-unsafe impl Sized_ for echocast_scan_desc {}
+unsafe impl Versioned for echocast_scan_desc {}
 
 /// Scans once. `*io`: NULL, then it becomes a new result, to be released with echocast_result_release; or a result, whose
 /// memory is used again: a loop of scans allocates nothing after the first.

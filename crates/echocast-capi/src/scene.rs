@@ -5,7 +5,7 @@ use crate::guard::{Failure, Outcome, echocast_status, guard};
 use crate::handle::{self, handles};
 use crate::material::echocast_material;
 use crate::mesh::echocast_mesh;
-use crate::text::{self, Sized_};
+use crate::text::{self, Versioned};
 use echocast::scene::{Array, Object};
 use echocast::{BuiltScene, LiveScene, LoadOptions, ObjectId, Pose, Scene};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
@@ -117,7 +117,7 @@ impl Default for echocast_instance_desc {
 }
 
 // SAFETY: plain numbers and pointers, the size first.
-unsafe impl Sized_ for echocast_instance_desc {}
+unsafe impl Versioned for echocast_instance_desc {}
 
 /// What a scene holds; ECHOCAST_SCENE_INFO_INIT is empty.
 #[repr(C)]
@@ -148,7 +148,7 @@ impl Default for echocast_scene_info {
 }
 
 // SAFETY: plain numbers, the size first.
-unsafe impl Sized_ for echocast_scene_info {}
+unsafe impl Versioned for echocast_scene_info {}
 
 /// Makes a scene without instances. `origin`: world position, metres, that the single-precision coordinates of results
 /// are relative to; NULL: the first commit chooses, the world's own origin for scenes within a kilometre of it. Choose

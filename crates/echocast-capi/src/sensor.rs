@@ -3,7 +3,7 @@
 use crate::context::{Context, echocast_context};
 use crate::guard::{Failure, Outcome, echocast_status, guard};
 use crate::handle::{self, handles};
-use crate::text::{self, Sized_};
+use crate::text::{self, Versioned};
 use echocast::Sensor;
 use echocast::emitter::{BeamTable, FiringOrder};
 use std::ffi::c_char;
@@ -62,7 +62,7 @@ impl Default for echocast_sensor_info {
 }
 
 // SAFETY: plain numbers, the size first.
-unsafe impl Sized_ for echocast_sensor_info {}
+unsafe impl Versioned for echocast_sensor_info {}
 
 /// Makes a sensor. `sensor`: the name of a preset ("velodyne_vlp32c", see echocast_name) or the path of a sensor file.
 ///

@@ -93,7 +93,7 @@ pub(crate) unsafe fn output<'a, T>(to: *mut T, name: &str) -> Outcome<&'a mut Ma
 /// # Safety
 /// The type is `repr(C)`, begins with its size as a `usize`, has no padding but such that may hold anything, and any
 /// bits make a value of it.
-pub(crate) unsafe trait Sized_: Copy + Default {}
+pub(crate) unsafe trait Versioned: Copy + Default {}
 
 /// Largest structure that is looked at.
 const LARGEST_STRUCT: usize = 4096;
@@ -103,7 +103,7 @@ const LARGEST_STRUCT: usize = 4096;
 ///
 /// # Safety
 /// `from` is NULL or points to as many bytes as its `struct_size` says.
-pub(crate) unsafe fn structure<T: Sized_>(from: *const T, name: &str) -> Outcome<T> {
+pub(crate) unsafe fn structure<T: Versioned>(from: *const T, name: &str) -> Outcome<T> {
     if from.is_null() {
         return Err(Failure::null(name));
     }
@@ -135,7 +135,7 @@ pub(crate) unsafe fn structure<T: Sized_>(from: *const T, name: &str) -> Outcome
 ///
 /// # Safety
 /// `to` is NULL or points to as many bytes as its `struct_size` says, which nobody else uses meanwhile.
-pub(crate) unsafe fn put_structure<T: Sized_>(value: T, to: *mut T, name: &str) -> Outcome {
+pub(crate) unsafe fn put_structure<T: Versioned>(value: T, to: *mut T, name: &str) -> Outcome {
     // SAFETY: as the caller promises. What it holds does not matter, but its size must make sense.
     match unsafe { structure(to, name) } {
         Err(failure) if failure.status != ECHOCAST_E_VERSION => return Err(failure),
