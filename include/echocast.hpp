@@ -204,7 +204,11 @@ public:
 
     /** `origin`: world position that results are relative to, metres. */
     scene(const context &context, const std::array<double, 3> &origin)
-        : owner(made([&](echocast_scene **out) { return echocast_scene_create(context.get(), origin.data(), out); })) {}
+        : owner(made([&](echocast_scene **out) {
+              echocast_scene_desc desc = ECHOCAST_SCENE_DESC_INIT;
+              desc.origin = origin.data();
+              return echocast_scene_create(context.get(), &desc, out);
+          })) {}
 
     /** Adds what a scene file holds. */
     void load(const std::string &path, const std::string &options = "") {
@@ -238,6 +242,27 @@ public:
         instance id = 0;
         check(echocast_scene_find(get(), name.c_str(), &id));
         return id;
+    }
+
+    /** All instances, in a fixed order. */
+    std::vector<instance> instances() const {
+        std::size_t count = 0;
+        check(echocast_scene_get_instances(get(), 0, 0, nullptr, &count));
+        std::vector<instance> ids(count);
+        check(echocast_scene_get_instances(get(), 0, count, ids.data(), nullptr));
+        return ids;
+    }
+
+    /** What an instance is; `name`, if given, becomes its name, up to 255 bytes of it. */
+    echocast_instance_info info(instance id, std::string *name = nullptr) const {
+        char text[256];
+        echocast_instance_info info = ECHOCAST_INSTANCE_INFO_INIT;
+        info.name = text;
+        info.name_capacity = sizeof text;
+        check(echocast_scene_get_instance(get(), id, &info));
+        if (name) *name = text;
+        info.name = nullptr;
+        return info;
     }
 
     /** Where a camera node of a loaded file stands, as a sensor's pose. */
@@ -330,10 +355,15 @@ public:
                              const std::vector<echocast_beam> &beams, int64_t period_ns,
                              int32_t firing = ECHOCAST_FIRING_BEAMS) {
         if (beams.size() != std::size_t(rows) * columns) throw std::invalid_argument("rows * columns beams");
-        return sensor(made([&](echocast_sensor **out) {
-            return echocast_sensor_from_beams(context.get(), name.c_str(), rows, columns, beams.data(), period_ns, firing,
-                                              out);
-        }));
+        echocast_beams_desc desc = ECHOCAST_BEAMS_DESC_INIT;
+        desc.name = name.c_str();
+        desc.beams = beams.data();
+        desc.rows = rows;
+        desc.columns = columns;
+        desc.period_ns = period_ns;
+        desc.firing = firing;
+        return sensor(
+            made([&](echocast_sensor **out) { return echocast_sensor_from_beams(context.get(), &desc, out); }));
     }
 
     void set(const std::string &key, const std::string &value) {
@@ -387,7 +417,8 @@ public:
         return info;
     }
 
-    /** A column where it is, valid until the next scan into this; T is the type of the column, float or uint32_t. */
+    /** A column where it is, valid until the next scan into this; T is the type of the column: float, double,
+     *  uint8_t, uint16_t or uint32_t. */
     template <class T>
     span<const T> column(const std::string &name) const {
         echocast_view view;

@@ -23,7 +23,7 @@ fn an_engine_with_one_thread_starts_none() {
     let cloud = scene.scan(&sensor, &Trajectory::fixed(Pose::at(1.0, 2.0, 3.0)), &options).unwrap();
     assert!(cloud.len > 200_000, "{} points", cloud.len);
     engine.install(|| {
-        let item = PackItem { field: Field::Range, kind: PackType::F32, offset: 0 };
+        let item = PackItem::new(Field::Range, PackType::F32, 0);
         cloud.pack(&[item], 4, &mut vec![0; 4 * cloud.len]).unwrap();
         let folder = tempfile::tempdir().unwrap();
         for format in FORMATS {

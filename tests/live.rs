@@ -107,7 +107,7 @@ fn edits_lead_to_the_scene_that_has_no_past() {
                 number += 1;
                 let name = format!("object {number}");
                 let stays = random.below(3) == 0;
-                let shape = if stays { ball() } else { shared[random.below(2)].clone() };
+                let shape = if stays && random.below(2) == 0 { ball() } else { shared[random.below(2)].clone() };
                 let object = Object {
                     world_from_object: place(random),
                     category_id: random.below(5) as u32,
@@ -347,6 +347,45 @@ fn scenes_of_files_join_with_their_names() {
     live.set_pose(walls[0], at(5.0, 0.0, 0.0)).unwrap();
     assert!(close(ahead(&live.commit().unwrap()), 5.0));
     assert!(live.camera("eye").unwrap_err().to_string().starts_with("there is no camera node named \"eye\""));
+}
+
+#[test]
+fn numbers_of_instances_are_not_given_twice() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("wall.obj");
+    std::fs::write(&path, "o wall\nv 8 -1 -1\nv 8 1 -1\nv 8 0 1\nf 1 2 3\n").unwrap();
+    let file = Scene::load(path).unwrap();
+    let mut live = LiveScene::new(&Engine::new().unwrap());
+    live.name_label("instance", 5, "my car").unwrap();
+    let numbered = |name: &str, instance_id| Object { instance_id, ..Object::new(name, ball()) };
+    let car = live.add(numbered("", 5)).unwrap();
+    let other = live.add(numbered("other", 5)).unwrap();
+    let wall = live.add_scene(&file).unwrap()[0];
+    assert_eq!(live.object(wall).unwrap().instance_id, 6);
+    let names = |live: &mut LiveScene| {
+        let labels = live.commit().unwrap().labels().instance.clone();
+        labels.iter().map(|(id, name)| format!("{id} {name}")).collect::<Vec<_>>()
+    };
+    assert_eq!(names(&mut live), ["5 my car", "6 wall"]);
+    live.set_labels(car, 0, 9, &[0]).unwrap();
+    live.set_labels(car, 0, 5, &[0]).unwrap();
+    assert_eq!(names(&mut live), ["5 my car", "6 wall"], "what has no name names nothing");
+    live.remove(car).unwrap();
+    assert_eq!(names(&mut live), ["5 my car", "6 wall"], "another one has the number");
+    live.remove(other).unwrap();
+    assert_eq!(names(&mut live), ["6 wall"]);
+    live.add(numbered("last", u32::MAX)).unwrap();
+    let error = live.add_scene(&file).unwrap_err().to_string();
+    assert!(error.starts_with("the greatest instance number is 4294967295;"), "{error}");
+    assert_eq!(live.objects().count(), 2);
+}
+
+#[test]
+fn the_origin_is_chosen_once_there_is_something() {
+    let mut live = LiveScene::new(&Engine::new().unwrap());
+    live.commit().unwrap();
+    live.add(Object { world_from_object: at(7000.0, 0.0, 0.0), ..Object::new("ball", ball()) }).unwrap();
+    assert_eq!(live.commit().unwrap().origin().x, 7000.0);
 }
 
 #[test]

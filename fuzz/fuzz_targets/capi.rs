@@ -82,12 +82,11 @@ fn answered(status: echocast_status) {
 }
 
 const CORNERS: [f32; 24] = [
-    -1.0, -1.0, -1.0, 1.0, -1.0, -1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, -1.0, -1.0, 1.0, 1.0, -1.0, 1.0, -1.0, 1.0, 1.0, 1.0,
-    1.0, 1.0,
+    -1.0, -1.0, -1.0, 1.0, -1.0, -1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, -1.0, -1.0, 1.0, 1.0, -1.0, 1.0, -1.0, 1.0,
+    1.0, 1.0, 1.0, 1.0,
 ];
-const INDICES: [u32; 36] = [
-    0, 4, 6, 0, 6, 2, 1, 3, 7, 1, 7, 5, 0, 1, 5, 0, 5, 4, 2, 6, 7, 2, 7, 3, 0, 2, 3, 0, 3, 1, 4, 5, 7, 4, 7, 6,
-];
+const INDICES: [u32; 36] =
+    [0, 4, 6, 0, 6, 2, 1, 3, 7, 1, 7, 5, 0, 1, 5, 0, 5, 4, 2, 6, 7, 2, 7, 3, 0, 2, 3, 0, 3, 1, 4, 5, 7, 4, 7, 6];
 
 fuzz_target!(|data: &[u8]| {
     let mut input = Input(data);
@@ -163,15 +162,21 @@ fuzz_target!(|data: &[u8]| {
                 6 => echocast_mesh_release(meshes.any(input)),
                 7 => {
                     let origin = [input.number(), input.number(), 0.0];
-                    let origin = if input.byte() < 128 { ptr::null() } else { origin.as_ptr() };
+                    let desc = echocast_scene_desc { origin: origin.as_ptr(), ..Default::default() };
+                    let desc = if input.byte() < 128 { ptr::null() } else { &raw const desc };
                     let mut out = ptr::null_mut();
-                    answered(echocast_scene_create(contexts.any(input), origin, &mut out));
+                    answered(echocast_scene_create(contexts.any(input), desc, &mut out));
                     scenes.keep(out);
                 }
                 8 => echocast_scene_release(scenes.any(input)),
                 9 => {
                     let obj = b"glTF nothing of the kind";
-                    answered(echocast_scene_load_memory(scenes.any(input), obj.as_ptr().cast(), obj.len(), input.text()));
+                    answered(echocast_scene_load_memory(
+                        scenes.any(input),
+                        obj.as_ptr().cast(),
+                        obj.len(),
+                        input.text(),
+                    ));
                 }
                 10..=12 => {
                     let desc = echocast_instance_desc {
@@ -202,20 +207,48 @@ fuzz_target!(|data: &[u8]| {
                     corners[input.below(24)] = input.number() as f32;
                     let id = input.of(&ids);
                     let normals = if input.byte() < 99 { CORNERS.as_ptr() } else { ptr::null() };
-                    answered(echocast_scene_set_vertices(scenes.any(input), id, corners.as_ptr(), normals, input.of(&[8, 7, 0])));
+                    answered(echocast_scene_set_vertices(
+                        scenes.any(input),
+                        id,
+                        corners.as_ptr(),
+                        normals,
+                        input.of(&[8, 7, 0]),
+                    ));
                 }
                 17 => {
                     let (id, parts) = (input.of(&ids), [3, 4]);
                     let parts = if input.byte() < 128 { ptr::null() } else { parts.as_ptr() };
-                    answered(echocast_scene_set_labels(scenes.any(input), id, 1, input.byte().into(), parts, input.below(3)));
+                    answered(echocast_scene_set_labels(
+                        scenes.any(input),
+                        id,
+                        1,
+                        input.byte().into(),
+                        parts,
+                        input.below(3),
+                    ));
                     answered(echocast_scene_set_mask(scenes.any(input), id, input.of(&[0, 1, u32::MAX])));
                     answered(echocast_scene_set_material(scenes.any(input), id, materials.any(input)));
                 }
                 18 => {
-                    answered(echocast_scene_name_label(scenes.any(input), input.text(), input.byte().into(), input.text()));
+                    answered(echocast_scene_name_label(
+                        scenes.any(input),
+                        input.text(),
+                        input.byte().into(),
+                        input.text(),
+                    ));
                     let mut id = 0;
                     answered(echocast_scene_find(scenes.any(input), input.text(), &mut id));
                     ids.push(id);
+                    let mut instance = echocast_instance_info::default();
+                    answered(echocast_scene_get_instance(scenes.any(input), id, &mut instance));
+                    let mut all = [0; 4];
+                    answered(echocast_scene_get_instances(
+                        scenes.any(input),
+                        input.below(3),
+                        4,
+                        all.as_mut_ptr(),
+                        ptr::null_mut(),
+                    ));
                     let mut info = echocast_scene_info::default();
                     answered(echocast_scene_get_info(scenes.any(input), &mut info));
                 }
@@ -233,15 +266,21 @@ fuzz_target!(|data: &[u8]| {
                         range_min_m: input.of(&[0.0, 0.0, 1.0, f32::NAN]),
                         range_max_m: input.of(&[0.0, 0.0, 9.0, f32::INFINITY]),
                         channel: input.of(&[0, 1, 70_000]),
+                        reserved: [0; 4],
                     });
                     let made = if input.byte() < 160 {
                         echocast_sensor_from_text(contexts.any(input), input.text(), ptr::null(), &mut out)
                     } else {
                         let rows = input.of(&[1, 1, 0, u32::MAX]);
-                        let columns = if rows == u32::MAX { u32::MAX } else { input.of(&[3, 2, 0]) };
-                        let period = input.of(&[1_000_000, 0, i64::MIN]);
-                        let name = c"b".as_ptr();
-                        echocast_sensor_from_beams(contexts.any(input), name, rows, columns, beams.as_ptr(), period, 0, &mut out)
+                        let desc = echocast_beams_desc {
+                            name: input.text(),
+                            beams: beams.as_ptr(),
+                            rows,
+                            columns: if rows == u32::MAX { u32::MAX } else { input.of(&[3, 2, 0]) },
+                            period_ns: input.of(&[1_000_000, 0, i64::MIN]),
+                            ..Default::default()
+                        };
+                        echocast_sensor_from_beams(contexts.any(input), &desc, &mut out)
                     };
                     answered(made);
                     sensors.keep(out);
@@ -304,6 +343,8 @@ fuzz_target!(|data: &[u8]| {
                         column: input.text(),
                         kind: input.of(&[1, 2, 3, 5, 9, 11]),
                         offset: input.of(&[0, 4, u32::MAX]),
+                        shift: input.number(),
+                        scale: input.number(),
                     };
                     let mut needed = 0;
                     let to: *mut c_void = packed.as_mut_ptr().cast();

@@ -20,7 +20,9 @@ pub fn check(scene: &Scene) {
     }
     for material in &scene.materials {
         let fractions = material.base_color.into_iter().chain([material.metallic, material.roughness]);
-        assert!(fractions.chain(material.reflectance.as_ref().map(|own| own.at(905.0))).all(|x| (0.0..=1.0).contains(&x)));
+        assert!(
+            fractions.chain(material.reflectance.as_ref().map(|own| own.at(905.0))).all(|x| (0.0..=1.0).contains(&x))
+        );
         assert!(material.ior >= 1.0);
     }
     for object in &scene.objects {

@@ -34,7 +34,7 @@ pub struct echocast_context_desc {
     /// sizeof(echocast_context_desc).
     pub struct_size: usize,
     /// Threads of the context's own that build and scan: 0 as many as the machine has cores, 1 none at all (the
-    /// calling thread does everything), up to 1024. Embree builds with TBB: a host that shares that library has no
+    /// calling thread does everything, on 256 KiB of its stack), up to 1024. Embree builds with TBB: a host that shares that library has no
     /// more threads of it than the largest context while contexts live, and the end of the last may start an idle
     /// one.
     pub threads: i32,
@@ -95,7 +95,8 @@ impl Context {
     }
 }
 
-/// Makes a context: starts its threads and loads Embree. `desc`: NULL for the defaults. `*out` is the new context, to be
+/// Makes a context: starts its threads, which have the signal mask of this one, and loads Embree. A process that was
+/// forked afterwards has no such threads: make contexts after a fork. `desc`: NULL for the defaults. `*out` is the new context, to be
 /// released with echocast_context_release.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_UNSUPPORTED (Embree is too old, or the processor), ECHOCAST_E_MEMORY,
@@ -117,7 +118,7 @@ pub unsafe extern "C" fn echocast_context_create(
         let threads =
             usize::try_from(desc.threads).map_err(|_| Failure::argument("desc->threads", desc.threads, "0 to 1024"))?;
         if !(ECHOCAST_LOG_OFF..=ECHOCAST_LOG_INFO).contains(&desc.log_level) {
-            return Err(Failure::argument("desc->log_level", desc.log_level, "0 to 3, an ECHOCAST_LOG_ number"));
+            return Err(Failure::argument("desc->log_level", desc.log_level, "0, 2 or 3, an ECHOCAST_LOG_ number"));
         }
         let engine = Engine::with_threads(threads)?;
         let context = Context { engine, level: desc.log_level, log: desc.log, user: desc.log_user };

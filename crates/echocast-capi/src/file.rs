@@ -11,7 +11,7 @@ use echocast::export::FramesFile;
 use echocast::export::preview::{self, PreviewOptions};
 use std::ffi::c_char;
 use std::ptr;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 /// An HDF5 file that grows by one scan at a time.
 pub struct echocast_frames(());
@@ -100,7 +100,7 @@ pub unsafe extern "C" fn echocast_result_preview(
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_IO, ECHOCAST_E_UNSUPPORTED (built without HDF5), ECHOCAST_E_HANDLE.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_frames_create(
-    context: *mut echocast_context,
+    context: *const echocast_context,
     path: *const c_char,
     out: *mut *mut echocast_frames,
 ) -> echocast_status {
@@ -128,7 +128,7 @@ pub unsafe extern "C" fn echocast_frames_add(
         let frames = handle::get(frames, "frames")?;
         look(result, |points| {
             frames.context.check(&points.context, "result")?;
-            let mut file = frames.file.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut file = handle::lock(&frames.file, "frames")?;
             match &mut *file {
                 None => Err(finished()),
                 Some(file) => Ok(file.add(&points.cloud)?),
@@ -139,12 +139,13 @@ pub unsafe extern "C" fn echocast_frames_add(
 
 /// Completes the file and gives it its name; late errors of the disk show here.
 ///
-/// Errors: ECHOCAST_E_IO, ECHOCAST_E_ARGUMENT (it is finished already), ECHOCAST_E_HANDLE.
+/// Errors: ECHOCAST_E_IO, ECHOCAST_E_ARGUMENT (it is finished already), ECHOCAST_E_HANDLE,
+/// ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_frames_finish(frames: *mut echocast_frames) -> echocast_status {
     guard(|| {
         let frames = handle::get(frames, "frames")?;
-        let file = frames.file.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let file = handle::lock(&frames.file, "frames")?.take();
         match file {
             None => Err(finished()),
             Some(file) => Ok(file.finish()?),

@@ -29,7 +29,7 @@ pub const ECHOCAST_E_PARSE: i32 = 6;
 pub const ECHOCAST_E_UNSUPPORTED: i32 = 7;
 /// The progress callback wanted no more.
 pub const ECHOCAST_E_CANCELLED: i32 = 8;
-/// Another thread is changing the object right now.
+/// The object is in use right now: by another thread, or by the call that this one is in a callback of. 9 is reserved.
 pub const ECHOCAST_E_BUSY: i32 = 10;
 /// A structure of a header that is newer than this library, with something set that it does not know.
 pub const ECHOCAST_E_VERSION: i32 = 11;
@@ -58,6 +58,14 @@ impl Failure {
     /// The same about element `number` of what was called `name` in general.
     pub fn at(self, name: &str, number: usize) -> Failure {
         Failure { text: self.text.replacen(name, &format!("[{number}]"), 1), ..self }
+    }
+
+    /// A wrong argument, which the caller knows as `name`.
+    pub fn argument_of(error: Error, name: &str) -> Failure {
+        match error {
+            Error::InvalidParameter { value, allowed, .. } => Failure::argument(name, value, &allowed),
+            other => other.into(),
+        }
     }
 
     pub fn null(name: &str) -> Failure {
@@ -108,7 +116,7 @@ pub(crate) fn guard(body: impl FnOnce() -> Outcome) -> echocast_status {
             failure.status
         }
         Err(panic) => {
-            let here = PANIC.with_borrow_mut(std::mem::take);
+            let here = PANIC.try_with(|text| std::mem::take(&mut *text.borrow_mut())).unwrap_or_default();
             // Another thread may have panicked for this one.
             let why = if here.is_empty() { said(&*panic) } else { &here };
             keep(&format!("internal error (please report): {why}"));
@@ -141,7 +149,7 @@ fn silence_panics() {
         let others = std::panic::take_hook();
         std::panic::set_hook(Box::new(move |info| {
             if INSIDE.get() {
-                PANIC.with_borrow_mut(|text| *text = info.to_string());
+                let _ = PANIC.try_with(|text| *text.borrow_mut() = info.to_string());
             } else if !std::thread::current().name().is_some_and(|name| name.starts_with("echocast ")) {
                 others(info);
             }
@@ -150,7 +158,9 @@ fn silence_panics() {
 }
 
 fn keep(text: &str) {
-    LAST.with_borrow_mut(|last| {
+    // A thread at its end has no place for it any more.
+    let _ = LAST.try_with(|last| {
+        let last = &mut *last.borrow_mut();
         last.clear();
         push_lossy(last, text);
     });
@@ -159,10 +169,14 @@ fn keep(text: &str) {
 /// Why this thread's last call that failed did so: one sentence that names the argument, what it was and what is
 /// allowed. "" if none failed.
 ///
-/// Valid until the next call on this thread that fails. Never NULL.
+/// Valid until the next call on this thread that fails, or its end. Never NULL.
 #[unsafe(no_mangle)]
 pub extern "C" fn echocast_last_error() -> *const c_char {
-    LAST.with_borrow(|last| if last.is_empty() { c"".as_ptr() } else { last.as_ptr().cast() })
+    let text = LAST.try_with(|last| {
+        let last = last.borrow();
+        if last.is_empty() { c"".as_ptr() } else { last.as_ptr().cast() }
+    });
+    text.unwrap_or(c"".as_ptr())
 }
 
 /// What a status means, in a few words.
@@ -180,7 +194,7 @@ pub extern "C" fn echocast_status_string(status: echocast_status) -> *const c_ch
         ECHOCAST_E_PARSE => c"a file or text does not say what it should",
         ECHOCAST_E_UNSUPPORTED => c"this build cannot do it",
         ECHOCAST_E_CANCELLED => c"cancelled by the progress callback",
-        ECHOCAST_E_BUSY => c"another thread is changing the object",
+        ECHOCAST_E_BUSY => c"the object is in use",
         ECHOCAST_E_VERSION => c"a structure of a newer header",
         ECHOCAST_E_INTERNAL => c"a defect of the library",
         _ => c"unknown status",

@@ -5,7 +5,7 @@
 //! tables are the only state that is not in a context; nothing can be seen of one context from another through them.
 
 use crate::guard::{ECHOCAST_E_BUSY, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_STATE, Failure, Outcome};
-use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard, TryLockError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard, TryLockError};
 
 /// What handles of the C type `Self` stand for.
 pub(crate) trait Handle: Sized + 'static {
@@ -125,12 +125,16 @@ pub(crate) fn write<'a, T>(lock: &'a RwLock<T>, name: &str) -> Outcome<RwLockWri
     lock.try_write().map_err(|error| locked(&error, name))
 }
 
+/// Changes an object that nobody only reads.
+pub(crate) fn lock<'a, T>(lock: &'a Mutex<T>, name: &str) -> Outcome<MutexGuard<'a, T>> {
+    lock.try_lock().map_err(|error| locked(&error, name))
+}
+
 fn locked<T>(error: &TryLockError<T>, name: &str) -> Failure {
     match error {
-        TryLockError::WouldBlock => Failure::new(
-            ECHOCAST_E_BUSY,
-            format!("{name} is in use by another thread; one thread at a time may change it"),
-        ),
+        TryLockError::WouldBlock => {
+            Failure::new(ECHOCAST_E_BUSY, format!("{name} is in use; one thread at a time may change it"))
+        }
         TryLockError::Poisoned(_) => Failure::new(
             ECHOCAST_E_STATE,
             format!("{name} cannot be used any more: an internal error left it half changed"),

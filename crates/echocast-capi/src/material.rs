@@ -30,6 +30,8 @@ pub struct echocast_image {
     pub height: u32,
     /// 3 for RGB, 4 for RGBA.
     pub channels: u32,
+    /// 0.
+    pub reserved: u32,
     /// Bytes from row to row; 0 for width * channels.
     pub row_stride: usize,
 }
@@ -42,6 +44,7 @@ impl Default for echocast_image {
             width: 0,
             height: 0,
             channels: 3,
+            reserved: 0,
             row_stride: 0,
         }
     }
@@ -61,7 +64,7 @@ unsafe impl Versioned for echocast_image {}
 /// ```
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_material_create(
-    context: *mut echocast_context,
+    context: *const echocast_context,
     yaml: *const c_char,
     image: *const echocast_image,
     out: *mut *mut echocast_material,
@@ -95,6 +98,9 @@ unsafe fn read_image(image: *const echocast_image) -> Outcome<Texture> {
     }
     if image.channels != 3 && image.channels != 4 {
         return Err(Failure::argument("image->channels", image.channels, "3 or 4"));
+    }
+    if image.reserved != 0 {
+        return Err(Failure::argument("image->reserved", image.reserved, "0"));
     }
     let row = (image.width * image.channels) as usize;
     let stride = if image.row_stride == 0 { row } else { image.row_stride };

@@ -40,7 +40,7 @@ pub struct echocast_part {
     /// How many there are.
     pub triangle_count: u32,
     /// What it is made of; NULL for the default material.
-    pub material: *mut echocast_material,
+    pub material: *const echocast_material,
     /// Its number in the column part_id; 0 = unlabelled.
     pub part_id: u32,
     /// 0.
@@ -73,7 +73,7 @@ pub struct echocast_mesh_desc {
     pub part_count: u32,
     /// ECHOCAST_MESH_COPY or ECHOCAST_MESH_BORROW.
     pub ownership: i32,
-    /// Called once, on any thread, when nothing uses borrowed arrays any more: the mesh has been released, and so has
+    /// Called once, on any thread, when nothing uses borrowed arrays any more (not for copied ones): the mesh has been released, and so has
     /// everything that was made with it. It must neither throw nor call the library. Not called when the mesh could not
     /// be made. May be NULL.
     pub released: Option<unsafe extern "C" fn(user: *mut c_void)>,
@@ -124,7 +124,7 @@ unsafe impl Versioned for echocast_mesh_desc {}
 /// ```
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_mesh_create(
-    context: *mut echocast_context,
+    context: *const echocast_context,
     desc: *const echocast_mesh_desc,
     out: *mut *mut echocast_mesh,
 ) -> echocast_status {
@@ -137,7 +137,7 @@ pub unsafe extern "C" fn echocast_mesh_create(
         // SAFETY: as the header asks.
         let (mesh, part_ids, host) = unsafe { read_mesh(&desc, &context) }?;
         *out = handle::create(SharedMesh { context, mesh: Arc::new(mesh), part_ids })?;
-        host.armed.store(true, Ordering::Release);
+        host.armed.store(desc.ownership == ECHOCAST_MESH_BORROW, Ordering::Release);
         Ok(())
     })
 }
@@ -146,11 +146,10 @@ pub unsafe extern "C" fn echocast_mesh_create(
 ///
 /// Errors: ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY. Any thread may call this, also while scenes are edited.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn echocast_mesh_prepare(mesh: *mut echocast_mesh) -> echocast_status {
+pub unsafe extern "C" fn echocast_mesh_prepare(mesh: *const echocast_mesh) -> echocast_status {
     guard(|| {
         let mesh = handle::get(mesh, "mesh")?;
-        let engine = &mesh.context.engine;
-        Ok(engine.install(|| mesh.mesh.prepare(engine))?)
+        Ok(mesh.mesh.prepare(&mesh.context.engine)?)
     })
 }
 
@@ -293,7 +292,7 @@ unsafe fn read_mesh(desc: &echocast_mesh_desc, context: &Arc<Context>) -> Outcom
     let whole = [echocast_part {
         first_triangle: 0,
         triangle_count: desc.triangle_count,
-        material: ptr::null_mut(),
+        material: ptr::null(),
         part_id: 0,
         reserved: 0,
     }];

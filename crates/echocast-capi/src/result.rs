@@ -6,7 +6,9 @@ use crate::handle::{self, handles};
 use crate::scene::echocast_pose;
 use crate::text::{self, Versioned};
 use echocast::cloud::{ColumnType, PackItem, PackType};
+use echocast::scene::Labels;
 use echocast::{Field, Frame, PointCloud, Pose};
+use std::collections::HashMap;
 use std::ffi::{CString, c_char, c_void};
 use std::ptr;
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
@@ -23,8 +25,16 @@ pub struct Points {
     pub(crate) context: Arc<Context>,
     pub(crate) cloud: PointCloud,
     pub(crate) keys: Vec<(f64, Pose)>,
-    /// Names that were asked for, which live as long as the labels that they are of.
-    names: Mutex<Vec<(Arc<echocast::scene::Labels>, CString)>>,
+    names: Mutex<Names>,
+}
+
+/// Names that were asked for.
+#[derive(Default)]
+struct Names {
+    /// What they are of.
+    labels: Arc<Labels>,
+    /// By table and number.
+    texts: HashMap<(&'static str, u32), CString>,
 }
 
 impl Points {
@@ -80,6 +90,10 @@ pub struct echocast_pack_item {
     pub kind: i32,
     /// Where it starts in a point, bytes.
     pub offset: u32,
+    /// What is taken from the column's number first, in its unit: 0, or the start of the scan for times.
+    pub shift: f64,
+    /// What the rest is multiplied by: 1 (0 means 1 too), or 1e9 for nanoseconds, 255 for an intensity of bytes.
+    pub scale: f64,
 }
 
 /// What a result is; ECHOCAST_RESULT_INFO_INIT is empty.
@@ -226,15 +240,17 @@ const MOST_ITEMS: usize = 64;
 /// Writes the points as a host wants them, all at once: point i at `to + i * stride`, each column converted to its type at
 /// its offset; bytes that no item covers stay. Numbers are rounded to the nearest that the type has; not-a-number becomes
 /// 0 in whole numbers. Positions are relative to the result's origin as ECHOCAST_TYPE_F32, complete as
-/// ECHOCAST_TYPE_F64. `capacity`: bytes of `to`; `*needed` (may be NULL): stride * points.
+/// ECHOCAST_TYPE_F64. Up to 64 items. `capacity`: bytes of `to`; `*needed` (may be NULL): stride * points; with `to` NULL
+/// only that is told.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (an item that is wrong, too little room), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 ///
 /// ```c
 /// // The layout that most ROS 2 drivers publish.
 /// static const echocast_pack_item items[] = {
-///     {"x", ECHOCAST_TYPE_F32, 0}, {"y", ECHOCAST_TYPE_F32, 4}, {"z", ECHOCAST_TYPE_F32, 8},
-///     {"intensity", ECHOCAST_TYPE_F32, 12}, {"channel", ECHOCAST_TYPE_U16, 16}, {"time", ECHOCAST_TYPE_F64, 18}};
+///     {"x", ECHOCAST_TYPE_F32, 0, 0, 1},  {"y", ECHOCAST_TYPE_F32, 4, 0, 1},
+///     {"z", ECHOCAST_TYPE_F32, 8, 0, 1},  {"intensity", ECHOCAST_TYPE_F32, 12, 0, 1},
+///     {"channel", ECHOCAST_TYPE_U16, 16, 0, 1}, {"time", ECHOCAST_TYPE_F64, 18, 0, 1}};
 /// echocast_result_pack(result, items, 6, 26, bytes, sizeof bytes, NULL);
 /// ```
 #[unsafe(no_mangle)]
@@ -255,7 +271,7 @@ pub unsafe extern "C" fn echocast_result_pack(
         }
         look(result, |points| {
             let cloud = &points.cloud;
-            let mut packed = [PackItem { field: Field::X, kind: PackType::F32, offset: 0 }; MOST_ITEMS];
+            let mut packed = [PackItem::new(Field::X, PackType::F32, 0); MOST_ITEMS];
             for (number, (item, to)) in items.iter().zip(&mut packed).enumerate() {
                 let at = |failure: Failure| Failure { text: format!("items[{number}]: {}", failure.text), ..failure };
                 // SAFETY: as the header asks.
@@ -264,6 +280,8 @@ pub unsafe extern "C" fn echocast_result_pack(
                     field: computed(cloud, name).map_err(at)?,
                     kind: pack_type(item.kind).map_err(at)?,
                     offset: item.offset as usize,
+                    shift: item.shift,
+                    scale: if item.scale == 0.0 { 1.0 } else { item.scale },
                 };
             }
             let room = stride.checked_mul(cloud.len).filter(|&room| room <= isize::MAX as usize);
@@ -273,6 +291,9 @@ pub unsafe extern "C" fn echocast_result_pack(
             if !needed.is_null() {
                 // SAFETY: as the header asks.
                 unsafe { text::output(needed, "needed") }?.write(room);
+            }
+            if to.is_null() && !needed.is_null() {
+                return Ok(());
             }
             if capacity < room {
                 return Err(Failure::argument("capacity", capacity, &format!("{room} bytes or more")));
@@ -323,27 +344,26 @@ pub unsafe extern "C" fn echocast_result_label_name(
         look(result, |points| {
             let labels = &points.cloud.labels;
             let tables = labels.tables();
-            let Some((_, names)) = tables.iter().find(|(stem, _)| *stem == table) else {
+            let Some((stem, names)) = tables.iter().find(|(stem, _)| *stem == table) else {
                 return Err(Failure::argument("table", format!("{table:?}"), "category, part, material, instance"));
             };
             let Some(name) = names.name(number) else { return Ok(ptr::null()) };
-            let name = CString::new(name.replace('\0', "?")).unwrap_or_default();
             let mut kept = points.names.lock().unwrap_or_else(PoisonError::into_inner);
-            // Those of scenes before are no longer valid.
-            kept.retain(|(of, _)| Arc::ptr_eq(of, labels));
-            if let Some((_, known)) = kept.iter().find(|(_, known)| *known == name) {
-                return Ok(known.as_ptr());
+            if !Arc::ptr_eq(&kept.labels, labels) {
+                // Those of scenes before are no longer valid.
+                *kept = Names { labels: labels.clone(), ..Names::default() };
             }
-            let text = name.as_ptr();
-            kept.push((labels.clone(), name));
-            Ok(text)
+            let made = || CString::new(name.replace('\0', "?")).unwrap_or_default();
+            let text = kept.texts.entry((stem, number)).or_insert_with(made);
+            Ok(text.as_ptr())
         })
     })
 }
 
 /// Appends the points of another scan of the same scene with the same columns, to be written to one file.
 ///
-/// Errors: ECHOCAST_E_ARGUMENT (a scan that does not fit), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY; then nothing is appended.
+/// Errors: ECHOCAST_E_ARGUMENT (a scan that does not fit), ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY; then
+/// nothing is appended.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_result_append(
     result: *mut echocast_result,

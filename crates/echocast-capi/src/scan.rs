@@ -46,8 +46,8 @@ pub const ECHOCAST_REFLECTANCE_LUMINANCE: i32 = 1;
 /// Surfaces whose reflectance nothing says have that of their base colour's alpha.
 pub const ECHOCAST_REFLECTANCE_ALPHA: i32 = 2;
 
-/// Hears which part of the work is done, 0 to 1; not 0 ends it. Called on the thread that scans, some times in a long
-/// scan. It must not throw.
+/// Hears which part of the work is done, 0 to 1; not 0 ends it, unless it is done. Called on the thread that scans, every
+/// 2048 beams of each thread. It must not throw, and finds the result in use.
 pub type echocast_progress_fn = Option<unsafe extern "C" fn(user: *mut c_void, fraction: f64) -> i32>;
 
 /// How to scan; ECHOCAST_SCAN_DESC_INIT has the defaults.
@@ -59,12 +59,12 @@ pub struct echocast_scan_desc {
     /// What to scan with.
     pub sensor: *const echocast_sensor,
     /// Where the sensor is: one pose, or several at rising times, between which it moves evenly and turns the shorter
-    /// way. Each beam is cast from the pose at the time of its own firing.
+    /// way; before the first and after the last it stands. Each beam is cast from the pose at the time of its own firing.
     pub poses: *const echocast_pose_key,
     /// How many poses there are, 1 or more.
     pub pose_count: usize,
-    /// Time of the scan's start, ns. Times of firings in the column `time` count from the same zero. Best kept small:
-    /// seconds since 1970 are rounded to 0.2 microseconds.
+    /// Time of the scan's start, ns, from the same zero as those of the poses. The column `time` counts from it too, in
+    /// seconds: those since 1970 are rounded to 0.2 microseconds there.
     pub t0_ns: i64,
     /// Of all random draws: equal seeds, frames and inputs give equal bits, whatever the threads.
     pub seed: u64,
@@ -120,7 +120,7 @@ impl Default for echocast_scan_desc {
 unsafe impl Versioned for echocast_scan_desc {}
 
 /// Scans once. `*io`: NULL, then it becomes a new result, to be released with echocast_result_release; or a result, whose
-/// memory is used again: a loop of scans allocates nothing after the first.
+/// memory is used again: a loop of scans in the order of beams allocates nothing after the first.
 ///
 /// On an error in the arguments an old result stays as it was; one that was cancelled, or for which there was no memory,
 /// is empty.
@@ -195,7 +195,12 @@ unsafe fn scan(scene: &BuiltScene, sensor: &Sensor, desc: &echocast_scan_desc, p
             return Err(Failure::argument(&name, key.t_ns, &allowed));
         }
         let pose = key.pose.rigid("desc->poses[i].pose").map_err(|failure| failure.at("[i]", number))?;
-        keys.push((seconds(key.t_ns), pose));
+        // Counted from the scan's start, where nothing is rounded away, whatever the zero.
+        let Some(since) = key.t_ns.checked_sub(desc.t0_ns) else {
+            let name = format!("desc->poses[{number}].t_ns");
+            return Err(Failure::argument(&name, key.t_ns, "less than 292 years from desc->t0_ns"));
+        };
+        keys.push((seconds(since), pose));
     }
     let trajectory = Trajectory::new(keys)?;
     let done = match desc.progress {
@@ -236,6 +241,7 @@ unsafe fn scan_options(desc: &echocast_scan_desc) -> Outcome<ScanOptions> {
         seed: desc.seed,
         frame: desc.frame,
         start_time: seconds(desc.t0_ns),
+        trajectory_time: Some(0.0),
         organised: choice(desc.organised, "desc->organised", &[false, true])?,
         coordinates: choice(desc.coordinates, "desc->coordinates", &[Frame::World, Frame::Sensor])?,
         order: choice(desc.order, "desc->order", &[Order::Beam, Order::Time])?,

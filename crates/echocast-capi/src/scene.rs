@@ -69,8 +69,12 @@ impl echocast_pose {
     }
 
     pub(crate) fn of(pose: &Pose) -> echocast_pose {
-        let DMat3 { x_axis: x, y_axis: y, z_axis: z } = pose.rotation();
-        let p = pose.position;
+        echocast_pose::of_placement(&DAffine3 { matrix3: pose.rotation(), translation: pose.position })
+    }
+
+    fn of_placement(placement: &DAffine3) -> echocast_pose {
+        let DMat3 { x_axis: x, y_axis: y, z_axis: z } = placement.matrix3;
+        let p = placement.translation;
         echocast_pose { m: [x.x, y.x, z.x, p.x, x.y, y.y, z.y, p.y, x.z, y.z, z.z, p.z] }
     }
 }
@@ -82,20 +86,21 @@ pub struct echocast_instance_desc {
     /// sizeof(echocast_instance_desc).
     pub struct_size: usize,
     /// Its shape, of the scene's context.
-    pub mesh: *mut echocast_mesh,
+    pub mesh: *const echocast_mesh,
     /// Where it is in the world.
     pub pose: echocast_pose,
     /// Number in the column category_id; 0 = unlabelled.
     pub category_id: u32,
-    /// Number in the column instance_id; 0 = unlabelled.
+    /// Number in the column instance_id; 0 = unlabelled. Instances may share one; the first to have it names it.
     pub instance_id: u32,
     /// Scans see it whose mask shares a bit with this; not 0.
     pub mask: u32,
-    /// 1: it stays where it is. Fixed instances are built together, the fastest to trace, anew whenever one comes or
-    /// goes. 0: it may move, at the cost of a few microseconds a commit.
+    /// 1: it stays where it is. Fixed instances with a mesh of their own are built together, the fastest to trace;
+    /// whenever one comes, goes or is changed, all are built anew. 0: it may move, at the cost of a few microseconds a
+    /// commit.
     pub fixed: i32,
     /// In place of the materials of the mesh; NULL for those.
-    pub material: *mut echocast_material,
+    pub material: *const echocast_material,
     /// Name, for echocast_scene_find, messages and the files' table of instances; NULL for none.
     pub name: *const c_char,
 }
@@ -104,13 +109,13 @@ impl Default for echocast_instance_desc {
     fn default() -> Self {
         echocast_instance_desc {
             struct_size: size_of::<Self>(),
-            mesh: ptr::null_mut(),
+            mesh: ptr::null(),
             pose: echocast_pose::IDENTITY,
             category_id: 0,
             instance_id: 0,
             mask: u32::MAX,
             fixed: 0,
-            material: ptr::null_mut(),
+            material: ptr::null(),
             name: ptr::null(),
         }
     }
@@ -118,6 +123,27 @@ impl Default for echocast_instance_desc {
 
 // SAFETY: plain numbers and pointers, the size first.
 unsafe impl Versioned for echocast_instance_desc {}
+
+/// A new scene; ECHOCAST_SCENE_DESC_INIT has the defaults.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct echocast_scene_desc {
+    /// sizeof(echocast_scene_desc).
+    pub struct_size: usize,
+    /// World position, three numbers, metres, that the single-precision coordinates of results are relative to. NULL:
+    /// the first commit with an instance chooses, the world's own origin for scenes within a kilometre of it. Choose one
+    /// near the vehicle for survey coordinates: 8 km from it coordinates are rounded to half a millimetre.
+    pub origin: *const f64,
+}
+
+impl Default for echocast_scene_desc {
+    fn default() -> Self {
+        echocast_scene_desc { struct_size: size_of::<Self>(), origin: ptr::null() }
+    }
+}
+
+// SAFETY: plain numbers and pointers, the size first.
+unsafe impl Versioned for echocast_scene_desc {}
 
 /// What a scene holds; ECHOCAST_SCENE_INFO_INIT is empty.
 #[repr(C)]
@@ -150,15 +176,13 @@ impl Default for echocast_scene_info {
 // SAFETY: plain numbers, the size first.
 unsafe impl Versioned for echocast_scene_info {}
 
-/// Makes a scene without instances. `origin`: world position, metres, that the single-precision coordinates of results
-/// are relative to; NULL: the first commit chooses, the world's own origin for scenes within a kilometre of it. Choose
-/// one near the vehicle for survey coordinates: 8 km from it coordinates are rounded to half a millimetre.
+/// Makes a scene without instances. `desc`: NULL for the defaults.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE. Any thread may call this.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_scene_create(
-    context: *mut echocast_context,
-    origin: *const f64,
+    context: *const echocast_context,
+    desc: *const echocast_scene_desc,
     out: *mut *mut echocast_scene,
 ) -> echocast_status {
     guard(|| {
@@ -166,10 +190,14 @@ pub unsafe extern "C" fn echocast_scene_create(
         let out = unsafe { text::output(out, "out") }?.write(ptr::null_mut());
         let context = handle::get(context, "context")?;
         let mut scene = LiveScene::new(&context.engine);
-        if !origin.is_null() {
-            // SAFETY: as the header asks: three numbers.
-            let origin = unsafe { text::array(origin, 3, "origin") }?;
-            scene.set_origin(DVec3::from_slice(origin))?;
+        if !desc.is_null() {
+            // SAFETY: as the header asks.
+            let desc = unsafe { text::structure(desc, "desc") }?;
+            if !desc.origin.is_null() {
+                // SAFETY: as the header asks: three numbers.
+                let origin = unsafe { text::array(desc.origin, 3, "desc->origin") }?;
+                scene.set_origin(DVec3::from_slice(origin))?;
+            }
         }
         *out = handle::create((context, RwLock::new(scene)))?;
         Ok(())
@@ -218,7 +246,8 @@ fn add_scene(context: &Context, live: &mut LiveScene, file: &Scene) -> Outcome {
 
 /// Adds what a scene file holds (glTF, GLB, OBJ): its objects as fixed instances with their labels, and its cameras.
 /// `options`: NULL, or YAML with `up` (y or z) and `scale` (metres per unit) for formats that do not say, and `labels`,
-/// which holds what a label file does. Labels whose name the scene knows get the number that it has there.
+/// which holds what a label file does. Categories and parts whose name the scene knows get the number that it has there;
+/// instances count on from the greatest number that has a name, from 1 in a scene without any.
 ///
 /// Errors: ECHOCAST_E_IO, ECHOCAST_E_PARSE (file and place), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_ARGUMENT,
 /// ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY; then the scene is as it was.
@@ -236,7 +265,7 @@ pub unsafe extern "C" fn echocast_scene_load(
         edit(scene, |context, live| {
             // SAFETY: as the header asks.
             let (path, options) = unsafe { (text::path(path, "path")?, load_options(options)?) };
-            let file = context.engine.install(|| Scene::load_with(path, &options))?;
+            let file = Scene::load_with(path, &options)?;
             add_scene(context, live, &file)
         })
     })
@@ -254,7 +283,7 @@ pub unsafe extern "C" fn echocast_scene_load_memory(
         edit(scene, |context, live| {
             // SAFETY: as the header asks.
             let (bytes, options) = unsafe { (text::array(data.cast::<u8>(), size, "data")?, load_options(options)?) };
-            let file = context.engine.install(|| Scene::from_glb_bytes(bytes, &options))?;
+            let file = Scene::from_glb_bytes(bytes, &options)?;
             add_scene(context, live, &file)
         })
     })
@@ -317,7 +346,7 @@ fn nonzero_mask(mask: u32, name: &str) -> Outcome<u32> {
 
 fn material_of(
     context: &Arc<Context>,
-    material: *mut echocast_material,
+    material: *const echocast_material,
     name: &str,
 ) -> Outcome<Option<Arc<echocast::scene::Material>>> {
     if material.is_null() {
@@ -363,6 +392,112 @@ pub unsafe extern "C" fn echocast_scene_find(
         look(scene, |live| {
             *out = live.find(name)?.to_u64();
             Ok(())
+        })
+    })
+}
+
+/// Writes the numbers of instances to `ids`, which has room for `capacity` of them, in a fixed order from the one at
+/// `first` on. `*count` (may be NULL): how many there are in all.
+///
+/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_scene_get_instances(
+    scene: *const echocast_scene,
+    first: usize,
+    capacity: usize,
+    ids: *mut echocast_instance,
+    count: *mut usize,
+) -> echocast_status {
+    guard(|| {
+        if capacity > 0 {
+            text::check_array(ids, capacity, "ids")?;
+        }
+        look(scene, |live| {
+            if !count.is_null() {
+                // SAFETY: as the header asks.
+                unsafe { text::output(count, "count") }?.write(live.objects().count());
+            }
+            for (number, (id, _)) in live.objects().skip(first).take(capacity).enumerate() {
+                // SAFETY: as the header asks; the pointer was checked.
+                unsafe { ids.add(number).write(id.to_u64()) };
+            }
+            Ok(())
+        })
+    })
+}
+
+/// An instance as it is; ECHOCAST_INSTANCE_INFO_INIT is empty.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct echocast_instance_info {
+    /// sizeof(echocast_instance_info).
+    pub struct_size: usize,
+    /// Where it is in the world.
+    pub pose: echocast_pose,
+    /// Number in the column category_id.
+    pub category_id: u32,
+    /// Number in the column instance_id.
+    pub instance_id: u32,
+    /// Scans see it whose mask shares a bit with this.
+    pub mask: u32,
+    /// Parts of its mesh.
+    pub part_count: u32,
+    /// Triangles of its mesh.
+    pub triangle_count: usize,
+    /// Where its name is written, and a 0 behind it, cut off where it is longer; NULL if it is not wanted. To be set.
+    pub name: *mut c_char,
+    /// Bytes of room at `name`. To be set.
+    pub name_capacity: usize,
+}
+
+impl Default for echocast_instance_info {
+    fn default() -> Self {
+        echocast_instance_info {
+            struct_size: size_of::<Self>(),
+            pose: echocast_pose::IDENTITY,
+            category_id: 0,
+            instance_id: 0,
+            mask: 0,
+            part_count: 0,
+            triangle_count: 0,
+            name: ptr::null_mut(),
+            name_capacity: 0,
+        }
+    }
+}
+
+// SAFETY: plain numbers and pointers, the size first.
+unsafe impl Versioned for echocast_instance_info {}
+
+/// Tells what an instance is. `*info` has its struct_size set, and where its name is to go.
+///
+/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_scene_get_instance(
+    scene: *const echocast_scene,
+    id: echocast_instance,
+    info: *mut echocast_instance_info,
+) -> echocast_status {
+    guard(|| {
+        look(scene, |live| {
+            let object = live.object(instance(live, id, "id")?)?;
+            // SAFETY: as the header asks.
+            let asked = unsafe { text::structure(info, "info") }?;
+            if !asked.name.is_null() {
+                // SAFETY: as the header asks.
+                unsafe { text::put(&object.name, asked.name, asked.name_capacity, ptr::null_mut()) }?;
+            }
+            let found = echocast_instance_info {
+                pose: echocast_pose::of_placement(&object.world_from_object),
+                category_id: object.category_id,
+                instance_id: object.instance_id,
+                mask: object.mask,
+                part_count: object.mesh.parts.len() as u32,
+                triangle_count: object.mesh.triangle_count(),
+                ..asked
+            };
+            // SAFETY: as the header asks.
+            unsafe { text::put_structure(found, info, "info") }
         })
     })
 }
@@ -430,7 +565,8 @@ pub unsafe extern "C" fn echocast_scene_set_poses(
                     let id = instance(live, id, "ids[i]").map_err(|failure| failure.at("[i]", number))?;
                     let pose = pose.placement("poses[i]").map_err(|failure| failure.at("[i]", number))?;
                     if check {
-                        live.check_pose(id, &pose)?;
+                        let named = |error: echocast::Error| Failure::argument_of(error, &format!("poses[{number}]"));
+                        live.check_pose(id, &pose).map_err(named)?;
                     } else {
                         live.set_pose(id, pose)?;
                     }
@@ -442,7 +578,8 @@ pub unsafe extern "C" fn echocast_scene_set_poses(
 }
 
 /// Gives the vertices of an instance new positions: `count` times x, y, z, as many as its mesh has, and shading normals,
-/// or NULL for flat triangles. Its mesh becomes its own; others that share it keep theirs. The arrays are copied.
+/// or NULL for flat triangles. Its mesh becomes its own; others that share it keep theirs. The arrays are copied. The
+/// parts of its mesh must share their vertices, as those of echocast_mesh_create do; those of files may not.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY; then it is as it was.
 #[unsafe(no_mangle)]
@@ -525,7 +662,7 @@ pub unsafe extern "C" fn echocast_scene_set_mask(
 pub unsafe extern "C" fn echocast_scene_set_material(
     scene: *mut echocast_scene,
     id: echocast_instance,
-    material: *mut echocast_material,
+    material: *const echocast_material,
 ) -> echocast_status {
     guard(|| {
         edit(scene, |context, live| {

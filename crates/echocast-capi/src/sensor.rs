@@ -32,6 +32,8 @@ pub struct echocast_beam {
     pub range_max_m: f32,
     /// Emitter index, 0 to 65535.
     pub channel: u32,
+    /// 0.
+    pub reserved: [u32; 4],
 }
 
 /// Every beam is a firing of its own.
@@ -70,7 +72,7 @@ unsafe impl Versioned for echocast_sensor_info {}
 /// Any thread may call this.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_sensor_create(
-    context: *mut echocast_context,
+    context: *const echocast_context,
     sensor: *const c_char,
     out: *mut *mut echocast_sensor,
 ) -> echocast_status {
@@ -87,7 +89,7 @@ pub unsafe extern "C" fn echocast_sensor_create(
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_IO, ECHOCAST_E_PARSE (line and key). Any thread may call this.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_sensor_from_text(
-    context: *mut echocast_context,
+    context: *const echocast_context,
     yaml: *const c_char,
     folder: *const c_char,
     out: *mut *mut echocast_sensor,
@@ -99,35 +101,75 @@ pub unsafe extern "C" fn echocast_sensor_from_text(
     })
 }
 
+/// A sensor of beams; ECHOCAST_BEAMS_DESC_INIT is empty.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct echocast_beams_desc {
+    /// sizeof(echocast_beams_desc).
+    pub struct_size: usize,
+    /// Its name.
+    pub name: *const c_char,
+    /// rows * columns beams, row by row. Neighbours in a row should be neighbours in angle, which is several times as
+    /// fast.
+    pub beams: *const echocast_beam,
+    /// Rows of its range image.
+    pub rows: u32,
+    /// Columns of its range image.
+    pub columns: u32,
+    /// Time from the start of one scan to the start of the next, ns, above 0.
+    pub period_ns: i64,
+    /// How beams share firings: an ECHOCAST_FIRING_ number.
+    pub firing: i32,
+    /// 0.
+    pub reserved: i32,
+}
+
+impl Default for echocast_beams_desc {
+    fn default() -> Self {
+        echocast_beams_desc {
+            struct_size: size_of::<Self>(),
+            name: ptr::null(),
+            beams: ptr::null(),
+            rows: 0,
+            columns: 0,
+            period_ns: 0,
+            firing: ECHOCAST_FIRING_BEAMS,
+            reserved: 0,
+        }
+    }
+}
+
+// SAFETY: plain numbers and pointers, the size first.
+unsafe impl Versioned for echocast_beams_desc {}
+
 /// Makes an ideal lidar of beams: no noise, no threshold, no range limit but theirs; echocast_sensor_set adds what is
-/// wanted. `beams`: rows * columns of them, row by row; neighbours in a row should be neighbours in angle, which is
-/// several times as fast. `period_ns`: time from one scan to the next. `firing`: an ECHOCAST_FIRING_ number.
+/// wanted.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (the beam that is wrong), ECHOCAST_E_MEMORY. Any thread may call this.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_sensor_from_beams(
-    context: *mut echocast_context,
-    name: *const c_char,
-    rows: u32,
-    columns: u32,
-    beams: *const echocast_beam,
-    period_ns: i64,
-    firing: i32,
+    context: *const echocast_context,
+    desc: *const echocast_beams_desc,
     out: *mut *mut echocast_sensor,
 ) -> echocast_status {
     create(context, out, || {
         // SAFETY: as the header asks.
-        let name = unsafe { text::required(name, "name") }?;
-        // 2^64 does not fit two numbers below 2^32, and an array of so many is refused.
-        let count = rows as usize * columns as usize;
+        let desc = unsafe { text::structure(desc, "desc") }?;
         // SAFETY: as the header asks.
-        let beams = unsafe { text::array(beams, count, "beams") }?;
-        Ok(Sensor::from_beams(name, table(rows, columns, beams, period_ns, firing)?)?)
+        let name = unsafe { text::required(desc.name, "desc->name") }?;
+        if desc.reserved != 0 {
+            return Err(Failure::argument("desc->reserved", desc.reserved, "0"));
+        }
+        // 2^64 does not fit two numbers below 2^32, and an array of so many is refused.
+        let count = desc.rows as usize * desc.columns as usize;
+        // SAFETY: as the header asks.
+        let beams = unsafe { text::array(desc.beams, count, "desc->beams") }?;
+        Ok(Sensor::from_beams(name, table(&desc, beams)?)?)
     })
 }
 
 fn create(
-    context: *mut echocast_context,
+    context: *const echocast_context,
     out: *mut *mut echocast_sensor,
     make: impl FnOnce() -> Outcome<Sensor>,
 ) -> echocast_status {
@@ -140,35 +182,44 @@ fn create(
     })
 }
 
-fn table(rows: u32, columns: u32, beams: &[echocast_beam], period_ns: i64, firing: i32) -> Outcome<BeamTable> {
-    let firing_order = match firing {
+fn table(desc: &echocast_beams_desc, beams: &[echocast_beam]) -> Outcome<BeamTable> {
+    let firing_order = match desc.firing {
         ECHOCAST_FIRING_BEAMS => FiringOrder::Beams,
         ECHOCAST_FIRING_COLUMNS => FiringOrder::Columns,
         ECHOCAST_FIRING_FRAME => FiringOrder::Frame,
-        other => return Err(Failure::argument("firing", other, "0 to 2, an ECHOCAST_FIRING_ number")),
+        other => return Err(Failure::argument("desc->firing", other, "0 to 2, an ECHOCAST_FIRING_ number")),
     };
     if let Some(number) = beams.iter().position(|beam| beam.channel > u32::from(u16::MAX)) {
-        return Err(Failure::argument(&format!("beams[{number}].channel"), beams[number].channel, "0 to 65535"));
+        let name = format!("desc->beams[{number}].channel");
+        return Err(Failure::argument(&name, beams[number].channel, "0 to 65535"));
+    }
+    if let Some(number) = beams.iter().position(|beam| beam.reserved != [0; 4]) {
+        return Err(Failure::argument(&format!("desc->beams[{number}].reserved"), "not 0", "0"));
     }
     let limited = |limit: fn(&echocast_beam) -> f32| beams.iter().any(|beam| limit(beam) != 0.0);
     let far = |beam: &echocast_beam| if beam.range_max_m == 0.0 { f32::INFINITY } else { beam.range_max_m };
     Ok(BeamTable {
-        rows,
-        columns,
-        dir_x: beams.iter().map(|beam| beam.direction[0]).collect(),
-        dir_y: beams.iter().map(|beam| beam.direction[1]).collect(),
-        dir_z: beams.iter().map(|beam| beam.direction[2]).collect(),
-        time: beams.iter().map(|beam| seconds(beam.t_ns)).collect(),
-        channel: beams.iter().map(|beam| beam.channel as u16).collect(),
-        range_min: if limited(|beam| beam.range_min_m) {
-            beams.iter().map(|beam| beam.range_min_m).collect()
-        } else {
-            Vec::new()
-        },
-        range_max: if limited(|beam| beam.range_max_m) { beams.iter().map(far).collect() } else { Vec::new() },
+        rows: desc.rows,
+        columns: desc.columns,
+        dir_x: column(beams, |beam| beam.direction[0])?,
+        dir_y: column(beams, |beam| beam.direction[1])?,
+        dir_z: column(beams, |beam| beam.direction[2])?,
+        time: column(beams, |beam| seconds(beam.t_ns))?,
+        channel: column(beams, |beam| beam.channel as u16)?,
+        range_min: if limited(|beam| beam.range_min_m) { column(beams, |beam| beam.range_min_m)? } else { Vec::new() },
+        range_max: if limited(|beam| beam.range_max_m) { column(beams, far)? } else { Vec::new() },
         firing_order,
-        period: seconds(period_ns),
+        period: seconds(desc.period_ns),
     })
+}
+
+fn column<T>(beams: &[echocast_beam], of: impl Fn(&echocast_beam) -> T) -> Outcome<Vec<T>> {
+    let mut column = Vec::new();
+    column
+        .try_reserve_exact(beams.len())
+        .map_err(|_| Failure::new(crate::ECHOCAST_E_MEMORY, format!("no memory for {} beams", beams.len())))?;
+    column.extend(beams.iter().map(of));
+    Ok(column)
 }
 
 pub(crate) fn seconds(ns: i64) -> f64 {
@@ -302,6 +353,7 @@ pub unsafe extern "C" fn echocast_sensor_get_beams(
                     range_min_m: table.range_min.get(beam).copied().unwrap_or(0.0),
                     range_max_m: table.range_max.get(beam).copied().filter(|far| far.is_finite()).unwrap_or(0.0),
                     channel: table.channel[beam].into(),
+                    reserved: [0; 4],
                 };
                 // SAFETY: as the header asks; the pointer was checked.
                 unsafe { beams.add(to).write(described) };

@@ -99,7 +99,7 @@ pub(crate) unsafe trait Versioned: Copy + Default {}
 const LARGEST_STRUCT: usize = 4096;
 
 /// Reads a structure that may be shorter or longer than this library knows: what an older header lacks has its default,
-/// what a newer one adds must be 0.
+/// what a newer one adds must be 0. So 0 must be the default of every field that is added.
 ///
 /// # Safety
 /// `from` is NULL or points to as many bytes as its `struct_size` says.

@@ -87,6 +87,11 @@ fn scans_and_edits_run_beside_each_other_under_address_sanitizer() {
 }
 
 #[test]
+fn threads_that_end_may_still_fail() {
+    check("late", "plain", C99, &[]);
+}
+
+#[test]
 fn what_is_the_hosts_stays_the_hosts() {
     check("host", "plain", C99, &[]);
 }

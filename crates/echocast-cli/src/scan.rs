@@ -133,6 +133,7 @@ pub fn run(args: &Args) -> Result<()> {
             seed: args.seed,
             frame,
             start_time: f64::from(frame) / fps,
+            trajectory_time: None,
             organised: args.organised,
             coordinates: args.coordinates,
             order: args.order,

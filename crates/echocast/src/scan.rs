@@ -48,6 +48,8 @@ pub struct ScanOptions {
     pub frame: u32,
     /// Time at which the scan starts, s since the start of the run.
     pub start_time: f64,
+    /// Time of the trajectory at which the scan starts, s; `None`: `start_time`.
+    pub trajectory_time: Option<f64>,
     /// Keep misses, so that every beam has its row.
     pub organised: bool,
     /// Coordinates of the output points.
@@ -70,6 +72,7 @@ impl Default for ScanOptions {
             seed: 0,
             frame: 0,
             start_time: 0.0,
+            trajectory_time: None,
             organised: false,
             coordinates: Frame::World,
             order: Order::Beam,
@@ -85,6 +88,10 @@ impl ScanOptions {
     #[must_use]
     pub fn seed(self, seed: u64) -> Self {
         ScanOptions { seed, ..self }
+    }
+
+    fn trajectory_time(&self) -> f64 {
+        self.trajectory_time.unwrap_or(self.start_time)
     }
 
     /// The same with `fields`.
@@ -153,7 +160,7 @@ impl BuiltScene {
         cloud: &mut PointCloud,
         progress: Option<Progress>,
     ) -> Result<()> {
-        let start = trajectory.at(options.start_time);
+        let start = trajectory.at(options.trajectory_time());
         if !(start.position.is_finite() && start.orientation.is_finite()) {
             return Err(Error::invalid("pose", format!("{start:?}"), "finite numbers, a quaternion that is not 0"));
         }
@@ -230,7 +237,7 @@ impl<'a> Scan<'a> {
             beams,
             options,
             trajectory,
-            aim: Aim::new(trajectory, options.start_time, scene.origin),
+            aim: Aim::new(trajectory, options.trajectory_time(), scene.origin),
             reflectances: scene.surfaces.reflectances(sensor.wavelength_nm, source),
             threshold,
             intensity,
@@ -260,16 +267,19 @@ impl<'a> Scan<'a> {
         let columns = &mut cloud.columns;
         columns.resize(computed, beams)?;
         let engine = &self.scene.engine;
-        let window = CHUNK * (CHUNKS_PER_THREAD * engine.threads()).min(MOST_CHUNKS);
+        // Who wants to hear of the scan hears of it often.
+        let chunks_per_thread = if progress.is_some() { 1 } else { CHUNKS_PER_THREAD };
+        let window = CHUNK * (chunks_per_thread * engine.threads()).min(MOST_CHUNKS);
         let windows = (0..beams).step_by(window).map(|first| first..(first + window).min(beams));
         let rows = match progress {
             None => engine.install(|| windows.fold(0, |rows, beams| self.window(beams, rows, columns))),
             Some(progress) => {
                 let mut rows = 0;
                 for window in windows {
-                    let done = window.end as f64 / beams as f64;
+                    let done = window.end;
                     rows = engine.install(|| self.window(window, rows, columns));
-                    if progress(done).is_break() {
+                    // What is finished is not thrown away.
+                    if progress(done as f64 / beams as f64).is_break() && done < beams {
                         return Err(Error::Cancelled);
                     }
                 }
@@ -279,7 +289,7 @@ impl<'a> Scan<'a> {
         cloud.columns.resize(computed, rows)?;
         cloud.len = rows;
         if sorted {
-            cloud.sort_by_time();
+            cloud.sort_by_time()?;
             cloud.columns.resize(options.fields, rows)?;
         }
         cloud.fields = options.fields;
@@ -289,7 +299,7 @@ impl<'a> Scan<'a> {
             Frame::Sensor => glam::DVec3::ZERO,
         };
         cloud.organised = options.organised.then_some([self.beams.rows, self.beams.columns]);
-        cloud.sensor_pose = self.trajectory.at(options.start_time);
+        cloud.sensor_pose = self.trajectory.at(options.trajectory_time());
         cloud.intensity_full_scale = self.intensity.full_scale();
         cloud.labels = self.scene.surfaces.labels.clone();
         Ok(())

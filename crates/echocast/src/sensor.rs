@@ -450,7 +450,7 @@ impl Sensor {
     pub fn set(&mut self, key: &str, value: &str) -> Result<()> {
         let mut tree = self.tree()?;
         yaml::set(&mut tree, key, value)?;
-        let document = Document::from_value(format!("{key}={value}"), tree);
+        let document = Document::from_value(yaml::assignment(key, value), tree);
         let mut spec = SensorSpec::read(&document)?;
         spec.pattern.resolve(&self.folder);
         let beams = if spec.pattern == self.spec.pattern {

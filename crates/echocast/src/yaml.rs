@@ -250,6 +250,20 @@ fn steps(path: &str) -> impl Iterator<Item = Step<'_>> {
 /// Keys that say which of several kinds of section this is, see [`split_tag`].
 const TAGS: [&str; 2] = ["type", "model"];
 
+/// `key=value` for messages, without what would make them too long to read.
+pub fn assignment(key: &str, value: &str) -> String {
+    format!("{}={}", shortened(key), shortened(value))
+}
+
+/// The beginning of a text, for messages.
+fn shortened(text: &str) -> String {
+    const LONGEST: usize = 100;
+    match text.char_indices().nth(LONGEST) {
+        Some((end, _)) => format!("{}...", &text[..end]),
+        None => text.to_owned(),
+    }
+}
+
 /// Puts the YAML `text` at `path` (`noise.range_sigma_m`, `pattern.resolution[0]`) below `value`;
 /// `null` takes the key away. Sections on the way that are not there are made. Another kind of section (`type`, `model`)
 /// takes the keys of the old kind away.
@@ -257,7 +271,13 @@ const TAGS: [&str; 2] = ["type", "model"];
 /// # Errors
 /// No text or text that is no YAML, a path through something that is no section, an index past the end.
 pub fn set(value: &mut Value, path: &str, text: &str) -> Result<()> {
-    let origin = format!("{path}={text}");
+    /// Deeper than any file of ours; a tree without end could not even be dropped.
+    const DEEPEST: usize = 64;
+    let origin = assignment(path, text);
+    let depth = steps(path).take(DEEPEST + 1).count();
+    if depth > DEEPEST {
+        return Err(Error::invalid("the key", format!("more than {DEEPEST} names deep"), "paths of this file's keys"));
+    }
     let new = Document::parse(&origin, text)?.value;
     let fail = |message: String| Error::Parse { origin: origin.clone(), place: String::new(), message };
     if text.trim().is_empty() {

@@ -96,6 +96,12 @@ int main(int argc, char **argv)
         echocast_sensor_info sensor_wrong = ECHOCAST_SENSOR_INFO_INIT;
         sensor_wrong.struct_size = sizes[i];
         REFUSED(echocast_sensor_get_info(sensor, &sensor_wrong));
+        echocast_instance_info info_wrong = ECHOCAST_INSTANCE_INFO_INIT;
+        info_wrong.struct_size = sizes[i];
+        REFUSED(echocast_scene_get_instance(scene, id, &info_wrong));
+        echocast_scene_desc scene_desc_wrong = ECHOCAST_SCENE_DESC_INIT;
+        scene_desc_wrong.struct_size = sizes[i];
+        REFUSED(echocast_scene_create(context, &scene_desc_wrong, (echocast_scene **)&out));
         echocast_scene_info scene_wrong = ECHOCAST_SCENE_INFO_INIT;
         scene_wrong.struct_size = sizes[i];
         REFUSED(echocast_scene_get_info(scene, &scene_wrong));
@@ -179,12 +185,16 @@ int main(int argc, char **argv)
 
     /* Scenes. */
     double origin[3] = {0, 0, 0};
-    BAD_HANDLES(echocast_context, wrong, echocast_scene_create(wrong == bad[6] ? NULL : wrong, origin, (echocast_scene **)&out));
-    REFUSED(echocast_scene_create(context, (const double *)((char *)somewhere + 1), (echocast_scene **)&out));
-    REFUSED(echocast_scene_create(context, origin, NULL));
+    echocast_scene_desc scene_desc = ECHOCAST_SCENE_DESC_INIT;
+    scene_desc.origin = origin;
+    BAD_HANDLES(echocast_context, wrong, echocast_scene_create(wrong == bad[6] ? NULL : wrong, &scene_desc, (echocast_scene **)&out));
+    scene_desc.origin = (const double *)((char *)somewhere + 1);
+    REFUSED(echocast_scene_create(context, &scene_desc, (echocast_scene **)&out));
+    scene_desc.origin = origin;
+    REFUSED(echocast_scene_create(context, &scene_desc, NULL));
     for (size_t i = 0; i < sizeof odd / sizeof *odd; ++i) {
         origin[1] = odd[i];
-        REFUSED(echocast_scene_create(context, origin, (echocast_scene **)&out));
+        REFUSED(echocast_scene_create(context, &scene_desc, (echocast_scene **)&out));
     }
     BAD_HANDLES(echocast_scene, wrong, echocast_scene_load(wrong, "a.obj", NULL));
     BAD_TEXTS(name, echocast_scene_load(scene, name, NULL));
@@ -243,6 +253,15 @@ int main(int argc, char **argv)
     echocast_scene_info scene_info = ECHOCAST_SCENE_INFO_INIT;
     BAD_HANDLES(echocast_scene, wrong, echocast_scene_get_info(wrong, &scene_info));
     REFUSED(echocast_scene_get_info(scene, NULL));
+    echocast_instance_info instance_info = ECHOCAST_INSTANCE_INFO_INIT;
+    BAD_HANDLES(echocast_scene, wrong, echocast_scene_get_instances(wrong, 0, 1, &found, &needed));
+    REFUSED(echocast_scene_get_instances(scene, 0, 1, NULL, &needed));
+    REFUSED(echocast_scene_get_instances(scene, 0, SIZE_MAX, &found, &needed));
+    REFUSED(echocast_scene_get_instances(scene, 0, 0, NULL, (size_t *)((char *)somewhere + 1)));
+    OK(echocast_scene_get_instances(scene, SIZE_MAX, 1, &found, NULL));
+    BAD_HANDLES(echocast_scene, wrong, echocast_scene_get_instance(wrong, id, &instance_info));
+    REFUSED(echocast_scene_get_instance(scene, id, NULL));
+    REFUSED(echocast_scene_get_instance(scene, 0, &instance_info));
     BAD_HANDLES(echocast_scene, wrong, echocast_scene_set_poses(wrong, 1, &id, &pose));
     REFUSED(echocast_scene_set_poses(scene, 1, NULL, &pose));
     REFUSED(echocast_scene_set_poses(scene, 1, &id, NULL));
@@ -277,33 +296,61 @@ int main(int argc, char **argv)
     BAD_TEXTS(yaml, echocast_sensor_from_text(context, yaml, NULL, (echocast_sensor **)&out));
     REFUSED(echocast_sensor_from_text(context, SENSOR_YAML, "\xff", (echocast_sensor **)&out));
     REFUSED(echocast_sensor_from_text(context, SENSOR_YAML, NULL, NULL));
-    echocast_beam beam = {0, {1, 0, 0}, 0, 0, 0};
-    BAD_HANDLES(echocast_context, wrong, echocast_sensor_from_beams(wrong == bad[6] ? NULL : wrong, "a", 1, 1, &beam, 1000, 0, (echocast_sensor **)&out));
-    BAD_TEXTS(name, echocast_sensor_from_beams(context, name, 1, 1, &beam, 1000, 0, (echocast_sensor **)&out));
-    REFUSED(echocast_sensor_from_beams(context, "", 1, 1, &beam, 1000, 0, (echocast_sensor **)&out));
-    REFUSED(echocast_sensor_from_beams(context, "a", 0, 1, &beam, 1000, 0, (echocast_sensor **)&out));
-    REFUSED(echocast_sensor_from_beams(context, "a", UINT32_MAX, UINT32_MAX, &beam, 1000, 0, (echocast_sensor **)&out));
-    REFUSED(echocast_sensor_from_beams(context, "a", 1, 1, NULL, 1000, 0, (echocast_sensor **)&out));
-    REFUSED(echocast_sensor_from_beams(context, "a", 1, 1, &beam, 0, 0, (echocast_sensor **)&out));
-    REFUSED(echocast_sensor_from_beams(context, "a", 1, 1, &beam, INT64_MIN, 0, (echocast_sensor **)&out));
-    REFUSED(echocast_sensor_from_beams(context, "a", 1, 1, &beam, 1000, 3, (echocast_sensor **)&out));
-    REFUSED(echocast_sensor_from_beams(context, "a", 1, 1, &beam, 1000, 0, NULL));
+    echocast_beam beam = {0, {1, 0, 0}, 0, 0, 0, {0, 0, 0, 0}};
+    echocast_beams_desc beams = ECHOCAST_BEAMS_DESC_INIT;
+    beams.name = "a";
+    beams.beams = &beam;
+    beams.rows = beams.columns = 1;
+    beams.period_ns = 1000;
+    echocast_sensor *made;
+    OK(echocast_sensor_from_beams(context, &beams, &made));
+    echocast_sensor_release(made);
+    BAD_HANDLES(echocast_context, wrong, echocast_sensor_from_beams(wrong == bad[6] ? NULL : wrong, &beams, (echocast_sensor **)&out));
+    BAD_TEXTS(name, (beams.name = name, echocast_sensor_from_beams(context, &beams, (echocast_sensor **)&out)));
+    REFUSED(echocast_sensor_from_beams(context, NULL, (echocast_sensor **)&out));
+    beams.name = "a";
+    REFUSED(echocast_sensor_from_beams(context, &beams, NULL));
+    for (int field = 0; field < 10; ++field) {
+        echocast_beams_desc wrong = beams;
+        switch (field) {
+        case 0: wrong.name = ""; break;
+        case 1: wrong.beams = NULL; break;
+        case 2: wrong.rows = 0; break;
+        case 3: wrong.rows = wrong.columns = UINT32_MAX; break;
+        case 4: wrong.period_ns = 0; break;
+        case 5: wrong.period_ns = INT64_MIN; break;
+        case 6: wrong.firing = 3; break;
+        case 7: wrong.reserved = 1; break;
+        case 8: wrong.struct_size = 0; break;
+        default: wrong.beams = (echocast_beam *)((char *)somewhere + 1); break;
+        }
+        REFUSED(echocast_sensor_from_beams(context, &wrong, (echocast_sensor **)&out));
+    }
     for (size_t i = 0; i < sizeof odd / sizeof *odd; ++i) {
         echocast_beam wrong = beam;
         wrong.direction[1] = (float)odd[i];
-        REFUSED(echocast_sensor_from_beams(context, "a", 1, 1, &wrong, 1000, 0, (echocast_sensor **)&out));
-        if (i < 1) {
-            wrong = beam;
-            wrong.range_max_m = (float)odd[i];
-            REFUSED(echocast_sensor_from_beams(context, "a", 1, 1, &wrong, 1000, 0, (echocast_sensor **)&out));
-        }
+        beams.beams = &wrong;
+        REFUSED(echocast_sensor_from_beams(context, &beams, (echocast_sensor **)&out));
     }
-    beam.channel = 65536;
-    REFUSED(echocast_sensor_from_beams(context, "a", 1, 1, &beam, 1000, 0, (echocast_sensor **)&out));
+    echocast_beam strange_beams[3] = {beam, beam, beam};
+    strange_beams[0].range_max_m = NAN;
+    strange_beams[1].channel = 65536;
+    strange_beams[2].reserved[3] = 1;
+    for (int i = 0; i < 3; ++i) {
+        beams.beams = &strange_beams[i];
+        REFUSED(echocast_sensor_from_beams(context, &beams, (echocast_sensor **)&out));
+    }
     BAD_HANDLES(echocast_sensor, wrong, echocast_sensor_set(wrong, "noise.dropout", "0"));
     BAD_TEXTS(key, echocast_sensor_set(sensor, key, "0"));
     BAD_TEXTS(value, echocast_sensor_set(sensor, "noise.dropout", value));
     REFUSED(echocast_sensor_set(sensor, "", ""));
+    static char deep[600001], wide[1000001];
+    for (size_t i = 0; i + 1 < sizeof deep; ++i)
+        deep[i] = i % 2 ? '.' : 'a';
+    REFUSED(echocast_sensor_set(sensor, deep, "1"));
+    memset(wide, '7', sizeof wide - 1);
+    REFUSED(echocast_sensor_set(sensor, "noise.dropout", wide));
+    CHECK(strlen(echocast_last_error()) < 1000);
     REFUSED(echocast_sensor_set(sensor, "noise.dropout", "[[[[[["));
     REFUSED(echocast_sensor_set(sensor, "noise.dropout", ".nan"));
     REFUSED(echocast_sensor_set(sensor, "pattern.azimuth.step_deg", "1e-9"));
@@ -368,7 +415,7 @@ int main(int argc, char **argv)
         }
     }
     here.pose = at(0, 0, 0);
-    scan.t0_ns = INT64_MIN;
+    scan.t0_ns = INT64_MIN + 1;
     scan.frame = UINT32_MAX;
     scan.seed = UINT64_MAX;
     OK(echocast_scan(snapshot, &scan, &result));
@@ -384,7 +431,7 @@ int main(int argc, char **argv)
     REFUSED(echocast_result_view(result, "x", NULL));
     REFUSED(echocast_result_view(result, "x", (echocast_view *)((char *)somewhere + 1)));
     static unsigned char bytes[1 << 16];
-    echocast_pack_item item = {"x", ECHOCAST_TYPE_F32, 0};
+    echocast_pack_item item = {"x", ECHOCAST_TYPE_F32, 0, 0, 1};
     BAD_HANDLES(echocast_result, wrong, echocast_result_pack(wrong, &item, 1, 4, bytes, sizeof bytes, NULL));
     REFUSED(echocast_result_pack(result, NULL, 1, 4, bytes, sizeof bytes, NULL));
     REFUSED(echocast_result_pack(result, &item, SIZE_MAX, 4, bytes, sizeof bytes, NULL));

@@ -36,6 +36,9 @@ int main(void)
     PRINT(echocast_image, ECHOCAST_IMAGE_INIT);
     PRINT(echocast_mesh_desc, ECHOCAST_MESH_DESC_INIT);
     PRINT(echocast_instance_desc, ECHOCAST_INSTANCE_DESC_INIT);
+    PRINT(echocast_scene_desc, ECHOCAST_SCENE_DESC_INIT);
+    PRINT(echocast_beams_desc, ECHOCAST_BEAMS_DESC_INIT);
+    PRINT(echocast_instance_info, ECHOCAST_INSTANCE_INFO_INIT);
     PRINT(echocast_scene_info, ECHOCAST_SCENE_INFO_INIT);
     PRINT(echocast_sensor_info, ECHOCAST_SENSOR_INFO_INIT);
     PRINT(echocast_scan_desc, ECHOCAST_SCAN_DESC_INIT);

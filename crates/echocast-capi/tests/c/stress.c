@@ -1,11 +1,11 @@
-/* Eight threads scan one snapshot while a ninth edits the scene and commits: the results are those of one thread, bit by
+/* Threads scan one snapshot while another one edits the scene and commits: the results are those of one thread, bit by
  * bit. argv[1] is not used. */
 #define _POSIX_C_SOURCE 200809L
 #include "check.h"
 
 #include <pthread.h>
 
-enum { SCANNERS = 8, ROUNDS = 40, BOXES = 20 };
+enum { SCANNERS = 64, ROUNDS = 8, BOXES = 20 };
 
 static echocast_context *context;
 static echocast_scene *scene;

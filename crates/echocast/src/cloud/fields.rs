@@ -173,16 +173,32 @@ macro_rules! columns {
                 $( if !self.$name.is_empty() { self.$name.copy_within(from..from + count, to) } )*
             }
 
+            /// Makes room for the rows of `other`.
+            ///
+            /// # Errors
+            /// No memory.
+            pub(crate) fn reserve(&mut self, other: &Columns) -> Result<()> {
+                $( self.$name.try_reserve(other.$name.len()).map_err(|_| no_memory(other.$name.len()))?; )*
+                Ok(())
+            }
+
             /// Appends the rows of `other`, which must hold the same columns.
             pub(crate) fn append(&mut self, other: &Columns) {
                 $( self.$name.extend_from_slice(&other.$name); )*
             }
 
             /// Puts row `order[i]` at row `i`, in every column.
-            pub(crate) fn permute(&mut self, order: &[usize]) {
+            ///
+            /// # Errors
+            /// No memory; then some columns are in order and some are not.
+            pub(crate) fn permute(&mut self, order: &[usize]) -> Result<()> {
                 $( if !self.$name.is_empty() {
-                    self.$name = order.iter().map(|&row| self.$name[row]).collect();
+                    let mut sorted = Vec::new();
+                    sorted.try_reserve_exact(order.len()).map_err(|_| no_memory(order.len()))?;
+                    sorted.extend(order.iter().map(|&row| self.$name[row]));
+                    self.$name = sorted;
                 } )*
+                Ok(())
             }
 
             /// Mutable slices of rows `start..end` of every column that is there.
@@ -385,7 +401,7 @@ mod tests {
         second.beam.copy_from_slice(&[7, 8]);
         columns.move_rows(2, 1, 2);
         assert_eq!(columns.beam, [0, 7, 8, 8]);
-        columns.permute(&[2, 1]);
+        columns.permute(&[2, 1]).unwrap();
         assert_eq!(columns.beam, [8, 7]);
     }
 }

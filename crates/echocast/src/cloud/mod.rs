@@ -135,18 +135,26 @@ impl PointCloud {
     }
 
     /// Puts the rows in rising order of the `time` column; rows of one time keep their order.
-    pub(crate) fn sort_by_time(&mut self) {
+    ///
+    /// # Errors
+    /// No memory; then the columns are of no use.
+    pub(crate) fn sort_by_time(&mut self) -> Result<()> {
         let times = &self.columns.time;
-        let mut order: Vec<usize> = (0..self.len).collect();
-        order.sort_by(|&a, &b| times[a].total_cmp(&times[b]));
-        self.columns.permute(&order);
+        let mut order = Vec::new();
+        order
+            .try_reserve_exact(self.len)
+            .map_err(|_| crate::Error::Memory(format!("the order of {} rows", self.len)))?;
+        order.extend(0..self.len);
+        // Rows of one time keep their order, without the memory that a stable sort needs.
+        order.sort_unstable_by(|&a, &b| times[a].total_cmp(&times[b]).then(a.cmp(&b)));
+        self.columns.permute(&order)
     }
 
     /// Appends the rows of `other`, a later scan of the same scene with the same columns.
     ///
     /// # Errors
     /// When origins, frames, columns, intensity scales or labels differ; more than 4,294,967,295 rows of an organised
-    /// cloud.
+    /// cloud; no memory.
     pub fn append(&mut self, other: &PointCloud) -> Result<()> {
         if self.len == 0 && self.fields == FieldSet::EMPTY {
             *self = other.clone();
@@ -174,6 +182,7 @@ impl PointCloud {
             }
             _ => None,
         };
+        self.columns.reserve(&other.columns)?;
         self.columns.append(&other.columns);
         self.len += other.len;
         Ok(())
@@ -204,7 +213,7 @@ mod tests {
         let mut cloud = PointCloud { len: 4, ..PointCloud::default() };
         cloud.columns.time = vec![2.0, 1.0, 2.0, 0.0];
         cloud.columns.beam = vec![0, 1, 2, 3];
-        cloud.sort_by_time();
+        cloud.sort_by_time().unwrap();
         assert_eq!(cloud.columns.beam, [3, 1, 0, 2]);
     }
 }

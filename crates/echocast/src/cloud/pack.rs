@@ -45,7 +45,7 @@ impl PackType {
 }
 
 /// A number of every packed row: see [`PointCloud::pack`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PackItem {
     /// Column that it comes from.
     pub field: Field,
@@ -53,6 +53,17 @@ pub struct PackItem {
     pub kind: PackType,
     /// Its first byte in the row; any, aligned or not.
     pub offset: usize,
+    /// What is taken from the column's number first, in its unit; 0 as a rule.
+    pub shift: f64,
+    /// What the rest is multiplied by; 1 as a rule.
+    pub scale: f64,
+}
+
+impl PackItem {
+    /// `field` as it is, as `kind` at `offset`.
+    pub const fn new(field: Field, kind: PackType, offset: usize) -> PackItem {
+        PackItem { field, kind, offset, shift: 0.0, scale: 1.0 }
+    }
 }
 
 impl PointCloud {
@@ -60,7 +71,7 @@ impl PointCloud {
     /// they are.
     ///
     /// Positions (`x`, `true_x` and so on) become world (or sensor) coordinates as [`PackType::F64`] and stay relative
-    /// to [`PointCloud::origin`] as any other type. Floats become integers by rounding to the nearest, halves to the
+    /// to [`PointCloud::origin`] as any other type. Then the item's shift is taken away and the rest scaled. Floats become integers by rounding to the nearest, halves to the
     /// even one; what an integer type cannot hold becomes its least or greatest value, NaN becomes 0.
     ///
     /// The work is shared by the threads of the [`crate::Engine::install`] around the call, or rayon's.
@@ -106,14 +117,14 @@ impl PointCloud {
                 return Err(Error::invalid(name(index), "a column that was not computed", allowed));
             }
             let Range { start, end } = bytes(item);
-            let found = format!("from byte {start} to {end}");
+            let found = || format!("from byte {start} to {end}");
             if end > stride {
-                return Err(Error::invalid(name(index), found, format!("up to the stride, {stride}")));
+                return Err(Error::invalid(name(index), found(), format!("up to the stride, {stride}")));
             }
             let over = |other: &PackItem| bytes(other).start < end && start < bytes(other).end;
             if let Some(other) = items[..index].iter().position(over) {
                 let allowed = format!("bytes beside those of {}", name(other));
-                return Err(Error::invalid(name(index), found, allowed));
+                return Err(Error::invalid(name(index), found(), allowed));
             }
         }
         Ok(())
@@ -121,24 +132,41 @@ impl PointCloud {
 
     /// Puts one number of each of `rows` into its record.
     fn put(&self, item: &PackItem, records: &mut [u8], stride: usize, rows: Range<usize>) {
-        let column = self.column(item.field);
-        let at = item.offset;
         match item.kind {
-            PackType::F32 => put_as::<f32>(column, records, stride, at, rows),
-            PackType::F64 => match (column, self.offset(item.field)) {
-                (Column::F32(c), Some(origin)) => {
-                    record::put(records, stride, at, &c[rows], |&v| f64::from(v) + origin);
-                }
-                _ => put_as::<f64>(column, records, stride, at, rows),
-            },
-            PackType::U8 => put_as::<u8>(column, records, stride, at, rows),
-            PackType::U16 => put_as::<u16>(column, records, stride, at, rows),
-            PackType::U32 => put_as::<u32>(column, records, stride, at, rows),
-            PackType::I8 => put_as::<i8>(column, records, stride, at, rows),
-            PackType::I16 => put_as::<i16>(column, records, stride, at, rows),
-            PackType::I32 => put_as::<i32>(column, records, stride, at, rows),
-            PackType::I64 => put_as::<i64>(column, records, stride, at, rows),
-            PackType::U64 => put_as::<u64>(column, records, stride, at, rows),
+            PackType::F32 => self.put_as::<f32>(item, records, stride, rows),
+            PackType::F64 => self.put_as::<f64>(item, records, stride, rows),
+            PackType::U8 => self.put_as::<u8>(item, records, stride, rows),
+            PackType::U16 => self.put_as::<u16>(item, records, stride, rows),
+            PackType::U32 => self.put_as::<u32>(item, records, stride, rows),
+            PackType::I8 => self.put_as::<i8>(item, records, stride, rows),
+            PackType::I16 => self.put_as::<i16>(item, records, stride, rows),
+            PackType::I32 => self.put_as::<i32>(item, records, stride, rows),
+            PackType::I64 => self.put_as::<i64>(item, records, stride, rows),
+            PackType::U64 => self.put_as::<u64>(item, records, stride, rows),
+        }
+    }
+
+    fn put_as<T: Number>(&self, item: &PackItem, records: &mut [u8], stride: usize, rows: Range<usize>) {
+        let (column, at) = (self.column(item.field), item.offset);
+        let origin = if item.kind == PackType::F64 { self.offset(item.field) } else { None };
+        let (origin, shift, scale) = (origin.unwrap_or(0.0), item.shift, item.scale);
+        if (origin, shift, scale) == (0.0, 0.0, 1.0) {
+            match column {
+                Column::F32(c) => record::put(records, stride, at, &c[rows], |&v| T::from_f64(v.into())),
+                Column::F64(c) => record::put(records, stride, at, &c[rows], |&v| T::from_f64(v)),
+                Column::U8(c) => record::put(records, stride, at, &c[rows], |&v| T::from_u32(v.into())),
+                Column::U16(c) => record::put(records, stride, at, &c[rows], |&v| T::from_u32(v.into())),
+                Column::U32(c) => record::put(records, stride, at, &c[rows], |&v| T::from_u32(v)),
+            }
+            return;
+        }
+        let of = |v: f64| T::from_f64((v + origin - shift) * scale);
+        match column {
+            Column::F32(c) => record::put(records, stride, at, &c[rows], |&v| of(v.into())),
+            Column::F64(c) => record::put(records, stride, at, &c[rows], |&v| of(v)),
+            Column::U8(c) => record::put(records, stride, at, &c[rows], |&v| of(v.into())),
+            Column::U16(c) => record::put(records, stride, at, &c[rows], |&v| of(v.into())),
+            Column::U32(c) => record::put(records, stride, at, &c[rows], |&v| of(v.into())),
         }
     }
 }
@@ -180,16 +208,6 @@ fn nearest(value: f64) -> f64 {
     if value.abs() < WHOLE { (value.abs() + WHOLE - WHOLE).copysign(value) } else { value }
 }
 
-fn put_as<T: Number>(column: Column, records: &mut [u8], stride: usize, at: usize, rows: Range<usize>) {
-    match column {
-        Column::F32(c) => record::put(records, stride, at, &c[rows], |&v| T::from_f64(v.into())),
-        Column::F64(c) => record::put(records, stride, at, &c[rows], |&v| T::from_f64(v)),
-        Column::U8(c) => record::put(records, stride, at, &c[rows], |&v| T::from_u32(v.into())),
-        Column::U16(c) => record::put(records, stride, at, &c[rows], |&v| T::from_u32(v.into())),
-        Column::U32(c) => record::put(records, stride, at, &c[rows], |&v| T::from_u32(v)),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -198,7 +216,7 @@ mod tests {
     use glam::DVec3;
 
     const fn item(field: Field, kind: PackType, offset: usize) -> PackItem {
-        PackItem { field, kind, offset }
+        PackItem::new(field, kind, offset)
     }
 
     /// A cloud far from the world's origin.

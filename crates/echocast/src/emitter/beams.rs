@@ -49,21 +49,24 @@ pub struct BeamTable {
 
 impl BeamTable {
     /// An empty table of `rows` x `columns` beams, with room for them.
-    pub(crate) fn with_size(rows: usize, columns: usize, firing_order: FiringOrder, period: f64) -> BeamTable {
+    ///
+    /// # Errors
+    /// No memory.
+    pub(crate) fn with_size(rows: usize, columns: usize, firing_order: FiringOrder, period: f64) -> Result<BeamTable> {
         let beams = rows * columns;
-        BeamTable {
+        Ok(BeamTable {
             rows: rows as u32,
             columns: columns as u32,
-            dir_x: Vec::with_capacity(beams),
-            dir_y: Vec::with_capacity(beams),
-            dir_z: Vec::with_capacity(beams),
-            time: Vec::with_capacity(beams),
-            channel: Vec::with_capacity(beams),
+            dir_x: room(beams)?,
+            dir_y: room(beams)?,
+            dir_z: room(beams)?,
+            time: room(beams)?,
+            channel: room(beams)?,
             range_min: Vec::new(),
             range_max: Vec::new(),
             firing_order,
             period,
-        }
+        })
     }
 
     /// Adds a beam: unit direction, time in s, channel.
@@ -180,6 +183,12 @@ impl BeamTable {
         }
         Ok(())
     }
+}
+
+fn room<T>(beams: usize) -> Result<Vec<T>> {
+    let mut column = Vec::new();
+    column.try_reserve_exact(beams).map_err(|_| Error::Memory(format!("{beams} beams")))?;
+    Ok(column)
 }
 
 /// Unit vector in the sensor frame of a direction given by its azimuth, degrees, and the sine and cosine of its

@@ -30,6 +30,9 @@ enum Workers {
 struct Pool {
     pool: Option<ThreadPool>,
     threads: Vec<JoinHandle<()>>,
+    /// Held by the thread whose work is being done: a worker that waits for a part of it would take up the next
+    /// thread's work meanwhile, on the same stack, and so on.
+    turn: Mutex<()>,
 }
 
 impl Engine {
@@ -76,15 +79,17 @@ impl Engine {
         self.0.device.version()
     }
 
-    /// Runs `work` so that its parallel parts are done by this engine's threads.
+    /// Runs `work` so that its parallel parts are done by this engine's threads; work of several threads follows one
+    /// another. `work` must not wait for other work of the engine.
     pub fn install<R: Send>(&self, work: impl FnOnce() -> R + Send) -> R {
         match &self.0.workers {
             Workers::Caller => parallel::alone(work),
             Workers::Rayon => work(),
-            Workers::Own(pool) => match &pool.pool {
-                Some(pool) => pool.install(work),
-                None => work(),
-            },
+            Workers::Own(Pool { pool: Some(pool), turn, .. }) if pool.current_thread_index().is_none() => {
+                let _turn = turn.lock().unwrap_or_else(PoisonError::into_inner);
+                pool.install(work)
+            }
+            Workers::Own(_) => work(),
         }
     }
 
@@ -112,7 +117,8 @@ impl Pool {
             })
             .build()
             .map_err(|error| Error::Internal(format!("cannot start {count} threads: {error}")))?;
-        Ok(Pool { pool: Some(pool), threads: threads.into_inner().unwrap_or_else(PoisonError::into_inner) })
+        let threads = threads.into_inner().unwrap_or_else(PoisonError::into_inner);
+        Ok(Pool { pool: Some(pool), threads, turn: Mutex::new(()) })
     }
 }
 

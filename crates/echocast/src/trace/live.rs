@@ -16,8 +16,8 @@ use std::{fmt, mem};
 /// threads may scan it while the next one is prepared.
 ///
 /// Objects that may move are placed one by one, so that a commit after moving them costs a few microseconds for each
-/// object, whatever the size of their meshes. Fixed objects are built together, which makes them as fast to trace as
-/// can be; adding or removing one, or moving it for the first time, builds all of them anew.
+/// object, whatever the size of their meshes. Fixed objects with a mesh of their own are built together, which makes them as fast to trace as
+/// can be; adding, removing or changing a fixed object, or moving it for the first time, builds all of them anew.
 pub struct LiveScene {
     engine: Engine,
     slots: Vec<Slot>,
@@ -28,6 +28,8 @@ pub struct LiveScene {
     origin: Option<DVec3>,
     /// `None`: fixed objects have changed.
     fixed: Option<Fixed>,
+    /// Objects that are placed by themselves, by slot, as far as they are where they were.
+    placed: HashMap<u32, Placed>,
     /// `None`: objects have come, gone, or mean something else.
     surfaces: Option<Arc<Surfaces>>,
     /// `None`: something has changed.
@@ -84,8 +86,6 @@ struct Fixed {
     scene: CommittedScene,
     /// The scene placed as it stands, beside which others can be placed.
     instance: Instance,
-    /// All others placed by now, by slot.
-    placed: HashMap<u32, Placed>,
 }
 
 struct Placed {
@@ -152,6 +152,7 @@ impl LiveScene {
             labels: Arc::default(),
             origin: None,
             fixed: None,
+            placed: HashMap::new(),
             surfaces: None,
             built: None,
         }
@@ -173,13 +174,14 @@ impl LiveScene {
             return Err(Error::invalid("origin", origin, "finite numbers from -1e18 to 1e18"));
         }
         self.origin = Some(origin);
+        self.placed.clear();
         (self.fixed, self.built) = (None, None);
         Ok(())
     }
 
     /// Adds the objects of a scene file, all fixed, its cameras and the names of its labels, and returns the objects in
     /// their order. In a scene with labels, a name that is known keeps its number here, and so does the file's number of
-    /// any other name if it is free; instances are numbered on.
+    /// any other name if it is free; instances are numbered on from the greatest number that has a name.
     ///
     /// # Errors
     /// As [`LiveScene::add`]; then none is added.
@@ -187,13 +189,19 @@ impl LiveScene {
         for object in &scene.objects {
             check_pose(&object.name, object.mesh.bounds(), &object.world_from_object)?;
         }
+        let last = self.labels.instance.ids.last().copied().unwrap_or(0);
+        let most =
+            scene.objects.iter().map(|object| object.instance_id).chain(scene.labels.instance.ids.last().copied());
+        if most.max().unwrap_or(0).checked_add(last).is_none() {
+            let allowed = "such that those of the file count on after it";
+            return Err(Error::invalid("the greatest instance number", last, allowed));
+        }
         let labels = Arc::make_mut(&mut self.labels);
         let category = labels.category.absorb(&scene.labels.category);
         let part = labels.part.absorb(&scene.labels.part);
         labels.material.absorb(&scene.labels.material);
-        let last = labels.instance.ids.last().copied().unwrap_or(0);
         let NameTable { ids, names } = &scene.labels.instance;
-        labels.instance.ids.extend(ids.iter().map(|id| id.saturating_add(last)));
+        labels.instance.ids.extend(ids.iter().map(|id| id + last));
         labels.instance.names.extend_from_slice(names);
         let renumbered = |changed: &HashMap<u32, u32>, id: u32| changed.get(&id).copied().unwrap_or(id);
         self.cameras.extend_from_slice(&scene.cameras);
@@ -203,7 +211,7 @@ impl LiveScene {
             let object = Object {
                 category_id: renumbered(&category, object.category_id),
                 part_ids: object.part_ids.iter().map(|&id| renumbered(&part, id)).collect(),
-                instance_id: if object.instance_id == 0 { 0 } else { object.instance_id.saturating_add(last) },
+                instance_id: if object.instance_id == 0 { 0 } else { object.instance_id + last },
                 ..object.clone()
             };
             self.insert(object, bounds, Place::Fixed { together: false })
@@ -232,7 +240,7 @@ impl LiveScene {
         check_pose(&object.name, bounds, &object.world_from_object)?;
         check_parts(&object.mesh, &object.part_ids)?;
         let labels = Arc::make_mut(&mut self.labels);
-        labels.instance.set(object.instance_id, &object.name);
+        name_instance(labels, object.instance_id, &object.name);
         let parts = object.mesh.parts.iter().filter_map(|part| part.material.as_ref());
         for material in parts.chain(&object.material) {
             name_material(labels, material);
@@ -261,8 +269,8 @@ impl LiveScene {
     /// As [`LiveScene::object`].
     pub fn remove(&mut self, id: ObjectId) -> Result<()> {
         let live = self.live(id)?;
-        let (number, together) = (live.object.instance_id, live.place.is_together());
-        self.take_out(id, together);
+        let number = live.object.instance_id;
+        self.take_out(id);
         (self.surfaces, self.built) = (None, None);
         let slot = &mut self.slots[id.slot as usize];
         slot.live = None;
@@ -335,7 +343,7 @@ impl LiveScene {
             let name = live.object.name.clone();
             let others = self.objects().any(|(_, object)| object.instance_id == before);
             let labels = Arc::make_mut(&mut self.labels);
-            labels.instance.set(instance_id, &name);
+            name_instance(labels, instance_id, &name);
             if !others {
                 labels.instance.remove(before);
             }
@@ -351,8 +359,7 @@ impl LiveScene {
     pub fn set_mask(&mut self, id: ObjectId, mask: u32) -> Result<()> {
         let live = self.live(id)?;
         live.object.mask = mask;
-        let together = live.place.is_together();
-        self.take_out(id, together);
+        self.take_out(id);
         self.built = None;
         Ok(())
     }
@@ -440,27 +447,34 @@ impl LiveScene {
         if let Some(built) = &self.built {
             return Ok(built.clone());
         }
-        let engine = self.engine.clone();
-        let built = engine.install(|| self.build())?;
+        let built = self.build()?;
         self.built = Some(built.clone());
         Ok(built)
     }
 
     fn build(&mut self) -> Result<BuiltScene> {
-        let origin = *self.origin.get_or_insert_with(|| local_origin(&self.slots));
-        if self.fixed.is_none() {
-            // The order of objects may change with what is together.
-            self.surfaces = None;
-            self.fixed = Some(self.build_fixed(origin)?);
-        }
-        let Some(fixed) = &mut self.fixed else { unreachable!("made above") };
+        let origin = match self.origin {
+            Some(origin) => origin,
+            // Without objects there is nothing to choose by.
+            None if self.lives().next().is_none() => DVec3::ZERO,
+            None => *self.origin.insert(local_origin(&self.slots)),
+        };
+        let fixed = match self.fixed.take() {
+            Some(fixed) => fixed,
+            None => {
+                // The order of objects may change with what is together.
+                self.surfaces = None;
+                self.build_fixed(origin)?
+            }
+        };
+        let fixed = &*self.fixed.insert(fixed);
         for (slot, live) in lives(&self.slots) {
-            if !live.place.is_together() && !fixed.placed.contains_key(&slot) {
+            if !live.place.is_together() && !self.placed.contains_key(&slot) {
                 let placed = place(&self.engine, &live.object, origin)?;
                 if !placed.turned {
                     self.surfaces = None;
                 }
-                fixed.placed.insert(slot, placed);
+                self.placed.insert(slot, placed);
             }
         }
 
@@ -470,20 +484,20 @@ impl LiveScene {
                 fixed.together.iter().filter_map(|&slot| Some((slot, self.slots[slot as usize].live.as_deref()?)));
             together.chain(apart)
         };
-        let committed = if fixed.placed.is_empty() {
+        let committed = if self.placed.is_empty() {
             fixed.scene.clone()
         } else {
             let mut top = embree4::Scene::new(self.engine.device(), Quality::Medium)?;
             top.attach_instance(&fixed.instance)?;
             for (slot, _) in order().skip(fixed.together.len()) {
-                top.attach_instance(&fixed.placed[&slot].instance)?;
+                top.attach_instance(&self.placed[&slot].instance)?;
             }
             top.commit()?
         };
         let surfaces = match &self.surfaces {
             Some(surfaces) => surfaces.clone(),
             None => {
-                let turned = |slot| fixed.placed.get(&slot).is_some_and(|placed| placed.turned);
+                let turned = |slot| self.placed.get(&slot).is_some_and(|placed| placed.turned);
                 let objects = order().map(|(slot, live)| (&live.object, turned(slot)));
                 let mut surfaces = Surfaces::new(objects, self.labels.clone());
                 let rows = |live: &Live| live.object.mesh.parts.len() as u32;
@@ -521,7 +535,7 @@ impl LiveScene {
     /// Builds the fixed objects: in one scene those whose mesh nobody else has, the others to be placed like free ones.
     fn build_fixed(&mut self, origin: DVec3) -> Result<Fixed> {
         let mut uses: HashMap<*const Mesh, usize> = HashMap::new();
-        for (_, live) in self.lives() {
+        for (_, live) in self.lives().filter(|(_, live)| !matches!(live.place, Place::Free)) {
             *uses.entry(Arc::as_ptr(&live.object.mesh)).or_default() += 1;
         }
         let mut scene = embree4::Scene::new(self.engine.device(), Quality::Medium)?;
@@ -535,32 +549,32 @@ impl LiveScene {
             *is_together =
                 uses[&Arc::as_ptr(&live.object.mesh)] == 1 || !embree4::is_invertible(&columns(&local_from_object));
             if *is_together {
+                self.placed.remove(&(slot as u32));
                 together.push(slot as u32);
                 attach(&mut scene, &self.engine, &live.object.mesh, live.object.mask, Some(&local_from_object))?;
             }
         }
         let scene = scene.commit()?;
         let instance = Instance::new(&scene, columns(&DAffine3::IDENTITY), u32::MAX)?;
-        Ok(Fixed { together, scene, instance, placed: HashMap::new() })
+        Ok(Fixed { together, scene, instance })
     }
 
     /// An object has been put elsewhere: it may move from now on.
     fn loosen(&mut self, id: ObjectId) {
+        self.take_out(id);
         if let Some(live) = &mut self.slots[id.slot as usize].live {
-            let together = live.place.is_together();
             live.place = Place::Free;
-            self.take_out(id, together);
         }
         self.built = None;
     }
 
     /// What has been built of an object no longer holds.
-    fn take_out(&mut self, id: ObjectId, together: bool) {
-        if together {
+    fn take_out(&mut self, id: ObjectId) {
+        let live = &self.slots[id.slot as usize].live;
+        if live.as_ref().is_some_and(|live| !matches!(live.place, Place::Free)) {
             self.fixed = None;
-        } else if let Some(placed) = self.fixed.as_mut().and_then(|fixed| fixed.placed.remove(&id.slot))
-            && !placed.turned
-        {
+        }
+        if self.placed.remove(&id.slot).is_some_and(|placed| !placed.turned) {
             self.surfaces = None;
         }
     }
@@ -605,7 +619,7 @@ fn check_pose(name: &str, bounds: Option<[[f32; 3]; 2]>, world_from_object: &DAf
         None if world_from_object.is_finite() => Ok(()),
         corner => Err(Error::invalid(
             format!("pose of object {name:?}"),
-            corner.map_or("not finite".into(), |corner| format!("such that it reaches to {corner} m")),
+            corner.map_or("not finite".into(), |corner| format!("such that it reaches to {:?} m", corner.to_array())),
             "finite numbers, places from -1e18 to 1e18 m",
         )),
     }
@@ -615,6 +629,13 @@ fn check_parts(mesh: &Mesh, part_ids: &[u32]) -> Result<()> {
     match mesh.parts.len() {
         parts if parts == part_ids.len() => Ok(()),
         parts => Err(Error::invalid("part numbers", part_ids.len(), format!("one for each part of the mesh, {parts}"))),
+    }
+}
+
+/// Gives the number of an instance a name, if both are there and it has none.
+fn name_instance(labels: &mut Labels, number: u32, name: &str) {
+    if !name.is_empty() && labels.instance.name(number).is_none() {
+        labels.instance.set(number, name);
     }
 }
 

@@ -26,6 +26,9 @@ pub(crate) struct Surface {
     pub instanced: bool,
 }
 
+/// A scene is scanned with a few sensors; one whose wavelength is changed all the time must not fill the memory.
+const MOST_WAVELENGTHS: usize = 16;
+
 /// All parts of all objects, as they are found by Embree's ids: first those that lie in the top level or in its group
 /// of fixed objects, by geometry, then the instances, by part.
 #[derive(Default)]
@@ -96,6 +99,9 @@ impl Surfaces {
             return found.clone();
         }
         let made = Arc::new(Reflectances::new(&self.materials, wavelength_nm, source));
+        if known.len() == MOST_WAVELENGTHS {
+            known.remove(0);
+        }
         known.push(made.clone());
         made
     }

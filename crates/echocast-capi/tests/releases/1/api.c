@@ -172,9 +172,11 @@ static void scenes(echocast_context *context)
 {
     echocast_scene *scene;
     double origin[3] = {500000, 5600000, NAN};
-    FAILS(ECHOCAST_E_ARGUMENT, "origin is [500000, 5600000, NaN]", echocast_scene_create(context, origin, &scene));
+    echocast_scene_desc scene_desc = ECHOCAST_SCENE_DESC_INIT;
+    scene_desc.origin = origin;
+    FAILS(ECHOCAST_E_ARGUMENT, "origin is [500000, 5600000, NaN]", echocast_scene_create(context, &scene_desc, &scene));
     origin[2] = 0;
-    OK(echocast_scene_create(context, origin, &scene));
+    OK(echocast_scene_create(context, &scene_desc, &scene));
     echocast_mesh *mesh = box(context);
     echocast_instance car = place(scene, mesh, at(500005, 5600000, 0), 7);
     echocast_snapshot *snapshot;
@@ -259,9 +261,31 @@ static void scenes(echocast_context *context)
     echocast_pose poses[2] = {at(1, 2, 3), at(4, 5, 6)};
     FAILS(ECHOCAST_E_HANDLE, "ids[1] is 0x", echocast_scene_set_poses(scene, 2, ids, poses));
     poses[0].m[3] = INFINITY;
-    FAILS(ECHOCAST_E_ARGUMENT, "pose of object \"box\" is ", echocast_scene_set_poses(scene, 1, ids, poses));
+    FAILS(ECHOCAST_E_ARGUMENT, "poses[0] is such that it reaches to [inf", echocast_scene_set_poses(scene, 1, ids, poses));
     memset(poses, 0, sizeof poses);
     FAILS(ECHOCAST_E_ARGUMENT, "poses[0] is all 0;", echocast_scene_set_poses(scene, 1, ids, poses));
+    echocast_instance other, listed[3];
+    size_t known;
+    echocast_instance_desc another = ECHOCAST_INSTANCE_DESC_INIT;
+    another.mesh = mesh;
+    another.pose = at(500000, 5600009, 1);
+    another.instance_id = 8; /* as the first, which has named it */
+    another.name = "second";
+    OK(echocast_scene_add(scene, &another, &other));
+    OK(echocast_scene_get_instances(scene, 0, 3, listed, &known));
+    CHECK(known == 2 && listed[0] == car && listed[1] == other);
+    OK(echocast_scene_get_instances(scene, 1, 1, listed, NULL));
+    CHECK(listed[0] == other);
+    OK(echocast_scene_get_instances(scene, 7, 1, listed, NULL));
+    char name[5];
+    echocast_instance_info instance = ECHOCAST_INSTANCE_INFO_INIT;
+    instance.name = name;
+    instance.name_capacity = sizeof name;
+    OK(echocast_scene_get_instance(scene, other, &instance));
+    CHECK(instance.pose.m[7] == 5600009 && instance.instance_id == 8 && instance.part_count == 1);
+    CHECK(instance.triangle_count == 12 && strcmp(name, "seco") == 0 && instance.name == name);
+    OK(echocast_scene_remove(scene, other));
+    FAILS(ECHOCAST_E_HANDLE, "id is 0x", echocast_scene_get_instance(scene, other, &instance));
     echocast_scene_info what = ECHOCAST_SCENE_INFO_INIT;
     OK(echocast_scene_get_info(scene, &what));
     CHECK(what.instances == 1 && what.triangles == 12 && what.low[0] == 500003 && what.high[0] == 500007);
@@ -391,11 +415,17 @@ static void sensors(echocast_context *context)
     FAILS(ECHOCAST_E_ARGUMENT, "first + count is 1 + ", echocast_sensor_get_beams(sensor, 1, count, beams));
     OK(echocast_sensor_get_beams(sensor, count, 0, NULL));
     echocast_sensor *copy;
-    OK(echocast_sensor_from_beams(context, "copy", info.rows, info.columns, beams, info.period_ns,
-                                  ECHOCAST_FIRING_COLUMNS, &copy));
+    echocast_beams_desc desc = ECHOCAST_BEAMS_DESC_INIT;
+    desc.name = "copy";
+    desc.beams = beams;
+    desc.rows = info.rows;
+    desc.columns = info.columns;
+    desc.period_ns = info.period_ns;
+    desc.firing = ECHOCAST_FIRING_COLUMNS;
+    OK(echocast_sensor_from_beams(context, &desc, &copy));
     beams[3].direction[0] = 7;
-    FAILS(ECHOCAST_E_ARGUMENT, "direction of beam 3 is (7",
-          echocast_sensor_from_beams(context, "copy", info.rows, info.columns, beams, info.period_ns, 0, &same));
+    echocast_sensor *none;
+    FAILS(ECHOCAST_E_ARGUMENT, "direction of beam 3 is (7", echocast_sensor_from_beams(context, &desc, &none));
     free(beams);
 
     /* The copy sees the same. */
@@ -482,6 +512,24 @@ static void scans(echocast_context *context)
     desc.progress = NULL;
     OK(echocast_scan(snapshot, &desc, &result));
 
+    /* Seconds since 1970 do not blur where the sensor is. */
+    int64_t now = INT64_C(1790000000123456789);
+    desc.t0_ns = now;
+    keys[0].t_ns = now;
+    keys[1].t_ns = now + 100;
+    keys[1].pose = at(100, 0, 0);
+    OK(echocast_scan(snapshot, &desc, &result));
+    OK(echocast_result_get_info(result, &info));
+    CHECK(info.sensor_pose.m[3] == 0);
+    desc.t0_ns = now + 50;
+    OK(echocast_scan(snapshot, &desc, &result));
+    OK(echocast_result_get_info(result, &info));
+    CHECK(close_to(info.sensor_pose.m[3], 50));
+    desc.t0_ns = INT64_MIN;
+    FAILS(ECHOCAST_E_ARGUMENT, "desc->poses[0].t_ns is ", echocast_scan(snapshot, &desc, &result));
+    desc.t0_ns = 0;
+    keys[0].t_ns = 0;
+
     keys[1].t_ns = 0;
     FAILS(ECHOCAST_E_ARGUMENT, "desc->poses[1].t_ns is 0; allowed: above that of the pose before it, 0",
           echocast_scan(snapshot, &desc, &result));
@@ -512,12 +560,14 @@ static void scans(echocast_context *context)
     desc.organised = 0;
     OK(echocast_scan(snapshot, &desc, &result));
     size_t count = echocast_result_count(result), needed;
-    static const echocast_pack_item items[] = {{"x", ECHOCAST_TYPE_F32, 0},
-                                               {"y", ECHOCAST_TYPE_F32, 4},
-                                               {"z", ECHOCAST_TYPE_F32, 8},
-                                               {"channel", ECHOCAST_TYPE_U16, 12},
-                                               {"time", ECHOCAST_TYPE_F64, 15}};
-    FAILS(ECHOCAST_E_ARGUMENT, "capacity is 0; allowed: ", echocast_result_pack(result, items, 5, 23, NULL, 0, &needed));
+    static const echocast_pack_item items[] = {{"x", ECHOCAST_TYPE_F32, 0, 0, 1},
+                                               {"y", ECHOCAST_TYPE_F32, 4, 0, 1},
+                                               {"z", ECHOCAST_TYPE_F32, 8, 0, 1},
+                                               {"channel", ECHOCAST_TYPE_U16, 12, 0, 0},
+                                               {"time", ECHOCAST_TYPE_F64, 15, 0, 1}};
+    FAILS(ECHOCAST_E_ARGUMENT, "capacity is 0; allowed: ", echocast_result_pack(result, items, 5, 23, &needed, 0, &needed));
+    needed = 0;
+    OK(echocast_result_pack(result, items, 5, 23, NULL, 0, &needed));
     CHECK(count > 100 && needed == 23 * count);
     unsigned char *bytes = malloc(needed);
     OK(echocast_result_pack(result, items, 5, 23, bytes, needed, NULL));
@@ -529,7 +579,17 @@ static void scans(echocast_context *context)
     }
     CHECK(echocast_result_pack(result, items, 5, 22, bytes, needed, NULL) == ECHOCAST_E_ARGUMENT);
     CHECK(echocast_result_pack(result, items, 0, 23, bytes, needed, NULL) == ECHOCAST_E_ARGUMENT);
-    echocast_pack_item wrong = {"x", 11, 0};
+    /* Shifted and scaled: nanoseconds since a time, intensity of bytes. */
+    static const echocast_pack_item scaled[] = {{"time", ECHOCAST_TYPE_U32, 0, -0.5, 1e9},
+                                                {"intensity", ECHOCAST_TYPE_U8, 4, 0, 255}};
+    OK(echocast_result_pack(result, scaled, 2, 5, bytes, needed, NULL));
+    const float *intensity = view(result, "intensity").data;
+    for (size_t i = 0; i < count; ++i) {
+        uint32_t ns;
+        memcpy(&ns, bytes + 5 * i, 4);
+        CHECK(fabs(ns - 1e9 * (time[i] + 0.5)) <= 1 && fabs(bytes[5 * i + 4] - 255.0 * intensity[i]) <= 0.51);
+    }
+    echocast_pack_item wrong = {"x", 11, 0, 0, 1};
     FAILS(ECHOCAST_E_ARGUMENT, "items[0]: kind is 11;", echocast_result_pack(result, &wrong, 1, 23, bytes, needed, NULL));
     wrong.column = "normal_x";
     FAILS(ECHOCAST_E_ARGUMENT, "items[0]: column is \"normal_x\"", echocast_result_pack(result, &wrong, 1, 23, bytes, needed, NULL));

@@ -6,7 +6,7 @@
  * look along x, y is left. Strings are UTF-8 and end in 0.
  *
  * Functions return ECHOCAST_OK or why they failed; echocast_last_error says it in a sentence. A function that makes
- * something sets *out to NULL first. Nothing here ends the process, prints, or lets a signal handler in; the
+ * something sets *out to NULL first. Nothing here ends the process, prints, or sets a signal handler; the
  * floating-point state is the caller's again after every call.
  *
  * Threads: functions that take a pointer to const only look, and any number of threads may call them at once for one
@@ -41,7 +41,11 @@
 
 /* What a structure has before anything is set in it: `echocast_scan_desc desc = ECHOCAST_SCAN_DESC_INIT;` */
 #define ECHOCAST_CONTEXT_DESC_INIT { sizeof(echocast_context_desc), 0, 2, 0, 0 }
-#define ECHOCAST_IMAGE_INIT { sizeof(echocast_image), 0, 0, 0, 3, 0 }
+#define ECHOCAST_IMAGE_INIT { sizeof(echocast_image), 0, 0, 0, 3, 0, 0 }
+#define ECHOCAST_SCENE_DESC_INIT { sizeof(echocast_scene_desc), 0 }
+#define ECHOCAST_BEAMS_DESC_INIT { sizeof(echocast_beams_desc), 0, 0, 0, 0, 0, 0, 0 }
+#define ECHOCAST_INSTANCE_INFO_INIT                                                                                    \
+    { sizeof(echocast_instance_info), ECHOCAST_POSE_IDENTITY, 0, 0, 0, 0, 0, 0, 0 }
 #define ECHOCAST_PART_INIT { 0, 0, 0, 0, 0 }
 #define ECHOCAST_MESH_DESC_INIT { sizeof(echocast_mesh_desc), 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0 }
 #define ECHOCAST_INSTANCE_DESC_INIT                                                                                    \
@@ -86,7 +90,7 @@ extern "C" {
 /** The progress callback wanted no more. */
 #define ECHOCAST_E_CANCELLED 8
 
-/** Another thread is changing the object right now. */
+/** The object is in use right now: by another thread, or by the call that this one is in a callback of. 9 is reserved. */
 #define ECHOCAST_E_BUSY 10
 
 /** A structure of a header that is newer than this library, with something set that it does not know. */
@@ -102,7 +106,7 @@ typedef int32_t echocast_status;
  * Why this thread's last call that failed did so: one sentence that names the argument, what it was and what is
  * allowed. "" if none failed.
  *
- * Valid until the next call on this thread that fails. Never NULL.
+ * Valid until the next call on this thread that fails, or its end. Never NULL.
  */
 ECHOCAST_API const char *echocast_last_error(void);
 
@@ -171,7 +175,7 @@ typedef struct echocast_context_desc {
     size_t struct_size;
     /**
      * Threads of the context's own that build and scan: 0 as many as the machine has cores, 1 none at all (the
-     * calling thread does everything), up to 1024. Embree builds with TBB: a host that shares that library has no
+     * calling thread does everything, on 256 KiB of its stack), up to 1024. Embree builds with TBB: a host that shares that library has no
      * more threads of it than the largest context while contexts live, and the end of the last may start an idle
      * one.
      */
@@ -185,7 +189,8 @@ typedef struct echocast_context_desc {
 } echocast_context_desc;
 
 /**
- * Makes a context: starts its threads and loads Embree. `desc`: NULL for the defaults. `*out` is the new context, to be
+ * Makes a context: starts its threads, which have the signal mask of this one, and loads Embree. A process that was
+ * forked afterwards has no such threads: make contexts after a fork. `desc`: NULL for the defaults. `*out` is the new context, to be
  * released with echocast_context_release.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_UNSUPPORTED (Embree is too old, or the processor), ECHOCAST_E_MEMORY,
@@ -218,6 +223,8 @@ typedef struct echocast_image {
     uint32_t height;
     /** 3 for RGB, 4 for RGBA. */
     uint32_t channels;
+    /** 0. */
+    uint32_t reserved;
     /** Bytes from row to row; 0 for width * channels. */
     size_t row_stride;
 } echocast_image;
@@ -234,7 +241,7 @@ typedef struct echocast_image {
  * ```
  */
 ECHOCAST_API
-echocast_status echocast_material_create(echocast_context *context,
+echocast_status echocast_material_create(const echocast_context *context,
                                          const char *yaml,
                                          const echocast_image *image,
                                          echocast_material **out);
@@ -263,7 +270,7 @@ typedef struct echocast_part {
     /** How many there are. */
     uint32_t triangle_count;
     /** What it is made of; NULL for the default material. */
-    echocast_material *material;
+    const echocast_material *material;
     /** Its number in the column part_id; 0 = unlabelled. */
     uint32_t part_id;
     /** 0. */
@@ -295,7 +302,7 @@ typedef struct echocast_mesh_desc {
     /** ECHOCAST_MESH_COPY or ECHOCAST_MESH_BORROW. */
     int32_t ownership;
     /**
-     * Called once, on any thread, when nothing uses borrowed arrays any more: the mesh has been released, and so has
+     * Called once, on any thread, when nothing uses borrowed arrays any more (not for copied ones): the mesh has been released, and so has
      * everything that was made with it. It must neither throw nor call the library. Not called when the mesh could not
      * be made. May be NULL.
      */
@@ -324,7 +331,7 @@ typedef struct echocast_mesh_desc {
  * ```
  */
 ECHOCAST_API
-echocast_status echocast_mesh_create(echocast_context *context,
+echocast_status echocast_mesh_create(const echocast_context *context,
                                      const echocast_mesh_desc *desc,
                                      echocast_mesh **out);
 
@@ -333,7 +340,7 @@ echocast_status echocast_mesh_create(echocast_context *context,
  *
  * Errors: ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY. Any thread may call this, also while scenes are edited.
  */
-ECHOCAST_API echocast_status echocast_mesh_prepare(echocast_mesh *mesh);
+ECHOCAST_API echocast_status echocast_mesh_prepare(const echocast_mesh *mesh);
 
 /** Releases a mesh; instances keep it. NULL is allowed. Any thread may call this. */
 ECHOCAST_API void echocast_mesh_release(echocast_mesh *mesh);
@@ -345,6 +352,18 @@ typedef struct echocast_scene echocast_scene;
 
 /** A scene as it was when it was committed; immutable. Any number of threads may scan it. */
 typedef struct echocast_snapshot echocast_snapshot;
+
+/** A new scene; ECHOCAST_SCENE_DESC_INIT has the defaults. */
+typedef struct echocast_scene_desc {
+    /** sizeof(echocast_scene_desc). */
+    size_t struct_size;
+    /**
+     * World position, three numbers, metres, that the single-precision coordinates of results are relative to. NULL:
+     * the first commit with an instance chooses, the world's own origin for scenes within a kilometre of it. Choose one
+     * near the vehicle for survey coordinates: 8 km from it coordinates are rounded to half a millimetre.
+     */
+    const double *origin;
+} echocast_scene_desc;
 
 /**
  * A placement: the upper three rows of the 4x4 matrix, row after row, that takes points of the child (an instance, a
@@ -361,28 +380,51 @@ typedef struct echocast_instance_desc {
     /** sizeof(echocast_instance_desc). */
     size_t struct_size;
     /** Its shape, of the scene's context. */
-    echocast_mesh *mesh;
+    const echocast_mesh *mesh;
     /** Where it is in the world. */
     echocast_pose pose;
     /** Number in the column category_id; 0 = unlabelled. */
     uint32_t category_id;
-    /** Number in the column instance_id; 0 = unlabelled. */
+    /** Number in the column instance_id; 0 = unlabelled. Instances may share one; the first to have it names it. */
     uint32_t instance_id;
     /** Scans see it whose mask shares a bit with this; not 0. */
     uint32_t mask;
     /**
-     * 1: it stays where it is. Fixed instances are built together, the fastest to trace, anew whenever one comes or
-     * goes. 0: it may move, at the cost of a few microseconds a commit.
+     * 1: it stays where it is. Fixed instances with a mesh of their own are built together, the fastest to trace;
+     * whenever one comes, goes or is changed, all are built anew. 0: it may move, at the cost of a few microseconds a
+     * commit.
      */
     int32_t fixed;
     /** In place of the materials of the mesh; NULL for those. */
-    echocast_material *material;
+    const echocast_material *material;
     /** Name, for echocast_scene_find, messages and the files' table of instances; NULL for none. */
     const char *name;
 } echocast_instance_desc;
 
 /** An instance of a mesh in a scene: a number that is never given to another one. 0 is none. */
 typedef uint64_t echocast_instance;
+
+/** An instance as it is; ECHOCAST_INSTANCE_INFO_INIT is empty. */
+typedef struct echocast_instance_info {
+    /** sizeof(echocast_instance_info). */
+    size_t struct_size;
+    /** Where it is in the world. */
+    echocast_pose pose;
+    /** Number in the column category_id. */
+    uint32_t category_id;
+    /** Number in the column instance_id. */
+    uint32_t instance_id;
+    /** Scans see it whose mask shares a bit with this. */
+    uint32_t mask;
+    /** Parts of its mesh. */
+    uint32_t part_count;
+    /** Triangles of its mesh. */
+    size_t triangle_count;
+    /** Where its name is written, and a 0 behind it, cut off where it is longer; NULL if it is not wanted. To be set. */
+    char *name;
+    /** Bytes of room at `name`. To be set. */
+    size_t name_capacity;
+} echocast_instance_info;
 
 /** What a scene holds; ECHOCAST_SCENE_INFO_INIT is empty. */
 typedef struct echocast_scene_info {
@@ -399,15 +441,13 @@ typedef struct echocast_scene_info {
 } echocast_scene_info;
 
 /**
- * Makes a scene without instances. `origin`: world position, metres, that the single-precision coordinates of results
- * are relative to; NULL: the first commit chooses, the world's own origin for scenes within a kilometre of it. Choose
- * one near the vehicle for survey coordinates: 8 km from it coordinates are rounded to half a millimetre.
+ * Makes a scene without instances. `desc`: NULL for the defaults.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE. Any thread may call this.
  */
 ECHOCAST_API
-echocast_status echocast_scene_create(echocast_context *context,
-                                      const double *origin,
+echocast_status echocast_scene_create(const echocast_context *context,
+                                      const echocast_scene_desc *desc,
                                       echocast_scene **out);
 
 /** Releases a scene; its snapshots stay. NULL is allowed. Any thread may call this. */
@@ -416,7 +456,8 @@ ECHOCAST_API void echocast_scene_release(echocast_scene *scene);
 /**
  * Adds what a scene file holds (glTF, GLB, OBJ): its objects as fixed instances with their labels, and its cameras.
  * `options`: NULL, or YAML with `up` (y or z) and `scale` (metres per unit) for formats that do not say, and `labels`,
- * which holds what a label file does. Labels whose name the scene knows get the number that it has there.
+ * which holds what a label file does. Categories and parts whose name the scene knows get the number that it has there;
+ * instances count on from the greatest number that has a name, from 1 in a scene without any.
  *
  * Errors: ECHOCAST_E_IO, ECHOCAST_E_PARSE (file and place), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_ARGUMENT,
  * ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY; then the scene is as it was.
@@ -472,6 +513,29 @@ echocast_status echocast_scene_find(const echocast_scene *scene,
                                     echocast_instance *out);
 
 /**
+ * Writes the numbers of instances to `ids`, which has room for `capacity` of them, in a fixed order from the one at
+ * `first` on. `*count` (may be NULL): how many there are in all.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API
+echocast_status echocast_scene_get_instances(const echocast_scene *scene,
+                                             size_t first,
+                                             size_t capacity,
+                                             echocast_instance *ids,
+                                             size_t *count);
+
+/**
+ * Tells what an instance is. `*info` has its struct_size set, and where its name is to go.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API
+echocast_status echocast_scene_get_instance(const echocast_scene *scene,
+                                            echocast_instance id,
+                                            echocast_instance_info *info);
+
+/**
  * Finds where the camera node of a name in a loaded file stands, as a sensor's pose: x along its view, z up.
  *
  * Errors: ECHOCAST_E_ARGUMENT (no such name; near ones are told), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
@@ -503,7 +567,8 @@ echocast_status echocast_scene_set_poses(echocast_scene *scene,
 
 /**
  * Gives the vertices of an instance new positions: `count` times x, y, z, as many as its mesh has, and shading normals,
- * or NULL for flat triangles. Its mesh becomes its own; others that share it keep theirs. The arrays are copied.
+ * or NULL for flat triangles. Its mesh becomes its own; others that share it keep theirs. The arrays are copied. The
+ * parts of its mesh must share their vertices, as those of echocast_mesh_create do; those of files may not.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY; then it is as it was.
  */
@@ -543,7 +608,7 @@ ECHOCAST_API echocast_status echocast_scene_set_mask(echocast_scene *scene, echo
 ECHOCAST_API
 echocast_status echocast_scene_set_material(echocast_scene *scene,
                                             echocast_instance id,
-                                            echocast_material *material);
+                                            const echocast_material *material);
 
 /**
  * Names a number of a label column; the names travel with every file. `table`: "category", "part" or "instance".
@@ -598,7 +663,32 @@ typedef struct echocast_beam {
     float range_max_m;
     /** Emitter index, 0 to 65535. */
     uint32_t channel;
+    /** 0. */
+    uint32_t reserved[4];
 } echocast_beam;
+
+/** A sensor of beams; ECHOCAST_BEAMS_DESC_INIT is empty. */
+typedef struct echocast_beams_desc {
+    /** sizeof(echocast_beams_desc). */
+    size_t struct_size;
+    /** Its name. */
+    const char *name;
+    /**
+     * rows * columns beams, row by row. Neighbours in a row should be neighbours in angle, which is several times as
+     * fast.
+     */
+    const echocast_beam *beams;
+    /** Rows of its range image. */
+    uint32_t rows;
+    /** Columns of its range image. */
+    uint32_t columns;
+    /** Time from the start of one scan to the start of the next, ns, above 0. */
+    int64_t period_ns;
+    /** How beams share firings: an ECHOCAST_FIRING_ number. */
+    int32_t firing;
+    /** 0. */
+    int32_t reserved;
+} echocast_beams_desc;
 
 /** What a sensor is; ECHOCAST_SENSOR_INFO_INIT is empty. */
 typedef struct echocast_sensor_info {
@@ -619,7 +709,7 @@ typedef struct echocast_sensor_info {
  * Any thread may call this.
  */
 ECHOCAST_API
-echocast_status echocast_sensor_create(echocast_context *context,
+echocast_status echocast_sensor_create(const echocast_context *context,
                                        const char *sensor,
                                        echocast_sensor **out);
 
@@ -630,26 +720,20 @@ echocast_status echocast_sensor_create(echocast_context *context,
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_IO, ECHOCAST_E_PARSE (line and key). Any thread may call this.
  */
 ECHOCAST_API
-echocast_status echocast_sensor_from_text(echocast_context *context,
+echocast_status echocast_sensor_from_text(const echocast_context *context,
                                           const char *yaml,
                                           const char *folder,
                                           echocast_sensor **out);
 
 /**
  * Makes an ideal lidar of beams: no noise, no threshold, no range limit but theirs; echocast_sensor_set adds what is
- * wanted. `beams`: rows * columns of them, row by row; neighbours in a row should be neighbours in angle, which is
- * several times as fast. `period_ns`: time from one scan to the next. `firing`: an ECHOCAST_FIRING_ number.
+ * wanted.
  *
  * Errors: ECHOCAST_E_ARGUMENT (the beam that is wrong), ECHOCAST_E_MEMORY. Any thread may call this.
  */
 ECHOCAST_API
-echocast_status echocast_sensor_from_beams(echocast_context *context,
-                                           const char *name,
-                                           uint32_t rows,
-                                           uint32_t columns,
-                                           const echocast_beam *beams,
-                                           int64_t period_ns,
-                                           int32_t firing,
+echocast_status echocast_sensor_from_beams(const echocast_context *context,
+                                           const echocast_beams_desc *desc,
                                            echocast_sensor **out);
 
 /**
@@ -789,6 +873,10 @@ typedef struct echocast_pack_item {
     int32_t kind;
     /** Where it starts in a point, bytes. */
     uint32_t offset;
+    /** What is taken from the column's number first, in its unit: 0, or the start of the scan for times. */
+    double shift;
+    /** What the rest is multiplied by: 1 (0 means 1 too), or 1e9 for nanoseconds, 255 for an intensity of bytes. */
+    double scale;
 } echocast_pack_item;
 
 /**
@@ -823,15 +911,17 @@ echocast_status echocast_result_view(const echocast_result *result,
  * Writes the points as a host wants them, all at once: point i at `to + i * stride`, each column converted to its type at
  * its offset; bytes that no item covers stay. Numbers are rounded to the nearest that the type has; not-a-number becomes
  * 0 in whole numbers. Positions are relative to the result's origin as ECHOCAST_TYPE_F32, complete as
- * ECHOCAST_TYPE_F64. `capacity`: bytes of `to`; `*needed` (may be NULL): stride * points.
+ * ECHOCAST_TYPE_F64. Up to 64 items. `capacity`: bytes of `to`; `*needed` (may be NULL): stride * points; with `to` NULL
+ * only that is told.
  *
  * Errors: ECHOCAST_E_ARGUMENT (an item that is wrong, too little room), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  *
  * ```c
  * // The layout that most ROS 2 drivers publish.
  * static const echocast_pack_item items[] = {
- *     {"x", ECHOCAST_TYPE_F32, 0}, {"y", ECHOCAST_TYPE_F32, 4}, {"z", ECHOCAST_TYPE_F32, 8},
- *     {"intensity", ECHOCAST_TYPE_F32, 12}, {"channel", ECHOCAST_TYPE_U16, 16}, {"time", ECHOCAST_TYPE_F64, 18}};
+ *     {"x", ECHOCAST_TYPE_F32, 0, 0, 1},  {"y", ECHOCAST_TYPE_F32, 4, 0, 1},
+ *     {"z", ECHOCAST_TYPE_F32, 8, 0, 1},  {"intensity", ECHOCAST_TYPE_F32, 12, 0, 1},
+ *     {"channel", ECHOCAST_TYPE_U16, 16, 0, 1}, {"time", ECHOCAST_TYPE_F64, 18, 0, 1}};
  * echocast_result_pack(result, items, 6, 26, bytes, sizeof bytes, NULL);
  * ```
  */
@@ -857,7 +947,8 @@ const char *echocast_result_label_name(const echocast_result *result,
 /**
  * Appends the points of another scan of the same scene with the same columns, to be written to one file.
  *
- * Errors: ECHOCAST_E_ARGUMENT (a scan that does not fit), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY; then nothing is appended.
+ * Errors: ECHOCAST_E_ARGUMENT (a scan that does not fit), ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY; then
+ * nothing is appended.
  */
 ECHOCAST_API
 echocast_status echocast_result_append(echocast_result *result,
@@ -907,8 +998,8 @@ typedef struct echocast_pose_key {
 } echocast_pose_key;
 
 /**
- * Hears which part of the work is done, 0 to 1; not 0 ends it. Called on the thread that scans, some times in a long
- * scan. It must not throw.
+ * Hears which part of the work is done, 0 to 1; not 0 ends it, unless it is done. Called on the thread that scans, every
+ * 2048 beams of each thread. It must not throw, and finds the result in use.
  */
 typedef int32_t (*echocast_progress_fn)(void *user, double fraction);
 
@@ -920,14 +1011,14 @@ typedef struct echocast_scan_desc {
     const echocast_sensor *sensor;
     /**
      * Where the sensor is: one pose, or several at rising times, between which it moves evenly and turns the shorter
-     * way. Each beam is cast from the pose at the time of its own firing.
+     * way; before the first and after the last it stands. Each beam is cast from the pose at the time of its own firing.
      */
     const echocast_pose_key *poses;
     /** How many poses there are, 1 or more. */
     size_t pose_count;
     /**
-     * Time of the scan's start, ns. Times of firings in the column `time` count from the same zero. Best kept small:
-     * seconds since 1970 are rounded to 0.2 microseconds.
+     * Time of the scan's start, ns, from the same zero as those of the poses. The column `time` counts from it too, in
+     * seconds: those since 1970 are rounded to 0.2 microseconds there.
      */
     int64_t t0_ns;
     /** Of all random draws: equal seeds, frames and inputs give equal bits, whatever the threads. */
@@ -958,7 +1049,7 @@ typedef struct echocast_scan_desc {
 
 /**
  * Scans once. `*io`: NULL, then it becomes a new result, to be released with echocast_result_release; or a result, whose
- * memory is used again: a loop of scans allocates nothing after the first.
+ * memory is used again: a loop of scans in the order of beams allocates nothing after the first.
  *
  * On an error in the arguments an old result stays as it was; one that was cancelled, or for which there was no memory,
  * is empty.
@@ -1018,7 +1109,7 @@ echocast_status echocast_result_preview(const echocast_result *result,
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_IO, ECHOCAST_E_UNSUPPORTED (built without HDF5), ECHOCAST_E_HANDLE.
  */
 ECHOCAST_API
-echocast_status echocast_frames_create(echocast_context *context,
+echocast_status echocast_frames_create(const echocast_context *context,
                                        const char *path,
                                        echocast_frames **out);
 
@@ -1032,7 +1123,8 @@ ECHOCAST_API echocast_status echocast_frames_add(echocast_frames *frames, const 
 /**
  * Completes the file and gives it its name; late errors of the disk show here.
  *
- * Errors: ECHOCAST_E_IO, ECHOCAST_E_ARGUMENT (no scan was added, or it is finished), ECHOCAST_E_HANDLE.
+ * Errors: ECHOCAST_E_IO, ECHOCAST_E_ARGUMENT (it is finished already), ECHOCAST_E_HANDLE,
+ * ECHOCAST_E_BUSY.
  */
 ECHOCAST_API echocast_status echocast_frames_finish(echocast_frames *frames);
 

@@ -85,9 +85,9 @@ impl Pattern {
     pub fn beams(&self) -> Result<BeamTable> {
         self.check()?;
         match self {
-            Pattern::Spinning(spinning) => Ok(spinning.beams()),
-            Pattern::Raster(raster) => Ok(raster.beams()),
-            Pattern::Pinhole(pinhole) => Ok(pinhole.beams()),
+            Pattern::Spinning(spinning) => spinning.beams(),
+            Pattern::Raster(raster) => raster.beams(),
+            Pattern::Pinhole(pinhole) => pinhole.beams(),
             Pattern::Table(table) => table.beams(),
             Pattern::Custom => Err(Error::invalid(
                 "pattern.type",

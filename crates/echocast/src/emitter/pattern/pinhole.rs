@@ -59,9 +59,9 @@ impl Pinhole {
         Ok(())
     }
 
-    pub(super) fn beams(&self) -> BeamTable {
+    pub(super) fn beams(&self) -> Result<BeamTable> {
         let [columns, rows] = self.resolution;
-        let mut table = BeamTable::with_size(rows as usize, columns as usize, FiringOrder::Frame, 1.0 / self.rate_hz);
+        let mut table = BeamTable::with_size(rows as usize, columns as usize, FiringOrder::Frame, 1.0 / self.rate_hz)?;
         let [half_width, half_height] = self.fov_deg.map(|fov| (0.5 * fov).to_radians().tan());
         for row in 0..rows {
             let z = half_height * self.plane(row, rows);
@@ -71,7 +71,7 @@ impl Pinhole {
                 table.push([scale, scale * y, scale * z], 0.0, 0);
             }
         }
-        table
+        Ok(table)
     }
 
     /// Place of pixel `index` of `count` across the image, 1 (left, top) to -1.
@@ -92,7 +92,7 @@ mod tests {
     fn camera(rays: Rays) -> BeamTable {
         let camera = Pinhole { resolution: [4, 2], fov_deg: [90.0, 60.0], rate_hz: 30.0, rays };
         camera.check(&mut Bounds::none()).unwrap();
-        camera.beams()
+        camera.beams().unwrap()
     }
 
     #[test]

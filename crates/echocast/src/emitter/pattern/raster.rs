@@ -31,10 +31,10 @@ impl Raster {
         check_count(keys, self.elevation.len(), self.azimuth.len())
     }
 
-    pub(super) fn beams(&self) -> BeamTable {
+    pub(super) fn beams(&self) -> Result<BeamTable> {
         let (rows, columns) = (self.elevation.len() as usize, self.azimuth.len() as usize);
         let period = 1.0 / self.rate_hz;
-        let mut table = BeamTable::with_size(rows, columns, FiringOrder::Beams, period);
+        let mut table = BeamTable::with_size(rows, columns, FiringOrder::Beams, period)?;
         let interval = period / (rows * columns) as f64;
         for row in 0..rows {
             let elevation = self.elevation.angle_deg(row).to_radians().sin_cos();
@@ -43,7 +43,7 @@ impl Raster {
                 table.push(direction(self.azimuth.angle_deg(column), elevation), time, 0);
             }
         }
-        table
+        Ok(table)
     }
 }
 
@@ -59,7 +59,7 @@ mod tests {
             rate_hz: 10.0,
         };
         raster.check(&mut Bounds::none()).unwrap();
-        let table = raster.beams();
+        let table = raster.beams().unwrap();
         assert_eq!((table.rows, table.columns, table.len(), table.period), (2, 3, 6, 0.1));
         assert_eq!(table.firing(4), 4);
         for beam in 0..6 {

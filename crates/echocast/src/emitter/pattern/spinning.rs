@@ -142,7 +142,7 @@ impl Spinning {
         check_count("pattern.azimuth", self.rows(), self.columns())
     }
 
-    pub(super) fn beams(&self) -> BeamTable {
+    pub(super) fn beams(&self) -> Result<BeamTable> {
         let columns = self.columns() as usize;
         let channels = match (&self.channels, &self.elevation) {
             (Some(channels), _) => channels.clone(),
@@ -154,7 +154,7 @@ impl Spinning {
         };
         let rows = channels.elevation_deg.len();
         let azimuth = &self.azimuth;
-        let mut table = BeamTable::with_size(rows, columns, FiringOrder::Columns, 1.0 / azimuth.rate_hz);
+        let mut table = BeamTable::with_size(rows, columns, FiringOrder::Columns, 1.0 / azimuth.rate_hz)?;
         let sense = match azimuth.direction {
             Direction::Ccw => 1.0,
             Direction::Cw => -1.0,
@@ -176,7 +176,7 @@ impl Spinning {
             |list: &[f64]| list.iter().flat_map(|&range| std::iter::repeat_n(range as f32, columns)).collect();
         table.range_min = per_beam(&channels.range_min_m);
         table.range_max = per_beam(&channels.range_max_m);
-        table
+        Ok(table)
     }
 }
 
@@ -256,7 +256,7 @@ mod tests {
     fn columns_turn_counter_clockwise() {
         let spinning = two_channels(Direction::Ccw);
         spinning.check(&mut Bounds::none()).unwrap();
-        let table = spinning.beams();
+        let table = spinning.beams().unwrap();
         assert_eq!((table.rows, table.columns, table.period), (2, 91, 0.1));
         assert!((azimuth_deg(&table, 0) - (20.0 - 45.0 + 0.5)).abs() < 1e-5);
         assert!((azimuth_deg(&table, 90) - (20.0 + 45.0 + 0.5)).abs() < 1e-5);
@@ -270,7 +270,7 @@ mod tests {
 
     #[test]
     fn columns_turn_clockwise() {
-        let table = two_channels(Direction::Cw).beams();
+        let table = two_channels(Direction::Cw).beams().unwrap();
         assert!((azimuth_deg(&table, 0) - (20.0 + 45.0 + 0.5)).abs() < 1e-5);
         assert!((azimuth_deg(&table, 90) - (20.0 - 45.0 + 0.5)).abs() < 1e-5);
         assert!((azimuth_deg(&table, 91) - (20.0 + 45.0 + 0.5 + 0.36)).abs() < 1e-5);

@@ -34,7 +34,7 @@ impl Table {
         let [azimuth, elevation] = csv.required(REQUIRED)?;
         let [time, channel, range_min, range_max] = csv.optional(OPTIONAL);
         csv.only(&[&REQUIRED[..], &OPTIONAL[..]].concat())?;
-        let mut table = BeamTable::with_size(1, 0, FiringOrder::Beams, 1.0 / self.rate_hz);
+        let mut table = BeamTable::with_size(1, 0, FiringOrder::Beams, 1.0 / self.rate_hz)?;
         while let Some(row) = csv.next_row()? {
             let number = |column: Option<usize>, absent: f64| column.map_or(absent, |column| row[column]);
             let (az, el) = (row[azimuth], row[elevation]);
