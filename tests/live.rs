@@ -8,6 +8,7 @@ use echocast::{
 };
 use echocast_tests::reference::{Random, Shape};
 use glam::{DAffine3, DQuat, DVec3};
+use rayon::prelude::*;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -419,6 +420,26 @@ fn far_scenes_are_relative_to_an_origin_near_them() {
 fn absurd_numbers_of_threads_are_refused() {
     let error = Engine::with_threads(100_000).unwrap_err().to_string();
     assert_eq!(error, "threads is 100000; allowed: 0 to 1024");
+}
+
+/// Scans from the threads of another pool, and work within work, wait for nobody in vain.
+#[test]
+fn scans_of_many_threads_follow_each_other() {
+    for engine in [Engine::new().unwrap(), Engine::with_threads(2).unwrap(), Engine::with_threads(1).unwrap()] {
+        let mut live = LiveScene::new(&engine);
+        live.add(Object { world_from_object: at(5.0, 0.0, 0.0), ..Object::new("ball", ball()) }).unwrap();
+        let built = live.commit().unwrap();
+        let expected = scan(&built);
+        engine.install(|| engine.install(|| assert_same(&expected, &scan(&built))));
+        std::thread::scope(|scope| {
+            for _ in 0..48 {
+                scope.spawn(|| assert_same(&expected, &scan(&built)));
+            }
+        });
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
+        pool.install(|| (0..100).into_par_iter().for_each(|_| assert_same(&expected, &scan(&built))));
+        (0..100).into_par_iter().for_each(|_| assert_same(&expected, &scan(&built)));
+    }
 }
 
 /// Eight threads scan one scene while a ninth edits and commits.

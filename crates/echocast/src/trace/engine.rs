@@ -4,6 +4,7 @@ use crate::error::{Error, Result};
 use crate::parallel;
 use embree4::Device;
 use rayon::ThreadPool;
+use std::cell::Cell;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::{fmt, mem};
@@ -34,6 +35,9 @@ struct Pool {
     /// thread's work meanwhile, on the same stack, and so on.
     turn: Mutex<()>,
 }
+
+/// As [`Pool::turn`], of rayon's global pool.
+static RAYONS_TURN: Mutex<()> = Mutex::new(());
 
 impl Engine {
     /// Works on all cores, with rayon's current pool.
@@ -84,10 +88,13 @@ impl Engine {
     pub fn install<R: Send>(&self, work: impl FnOnce() -> R + Send) -> R {
         match &self.0.workers {
             Workers::Caller => parallel::alone(work),
+            Workers::Rayon if rayon::current_thread_index().is_none() => {
+                // On one of the pool's threads, so that work within this work is known as such.
+                in_turn(&RAYONS_TURN, || rayon::scope(|_| work()))
+            }
             Workers::Rayon => work(),
             Workers::Own(Pool { pool: Some(pool), turn, .. }) if pool.current_thread_index().is_none() => {
-                let _turn = turn.lock().unwrap_or_else(PoisonError::into_inner);
-                pool.install(work)
+                in_turn(turn, || pool.install(work))
             }
             Workers::Own(_) => work(),
         }
@@ -96,6 +103,29 @@ impl Engine {
     pub(crate) fn device(&self) -> &Device {
         &self.0.device
     }
+}
+
+thread_local! {
+    /// Whether it is this thread's turn somewhere.
+    static IN_TURN: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Does `work` while `turn` is held, by this thread alone.
+fn in_turn<R>(turn: &Mutex<()>, work: impl FnOnce() -> R) -> R {
+    struct End;
+    impl Drop for End {
+        fn drop(&mut self) {
+            IN_TURN.set(false);
+        }
+    }
+    // A thread of another pool takes up other tasks while it waits for this one; they must not wait for it.
+    if IN_TURN.get() {
+        return work();
+    }
+    let _turn = turn.lock().unwrap_or_else(PoisonError::into_inner);
+    IN_TURN.set(true);
+    let _end = End;
+    work()
 }
 
 impl fmt::Debug for Engine {
