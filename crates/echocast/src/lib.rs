@@ -12,12 +12,29 @@
 //! # Ok::<(), echocast::Error>(())
 //! ```
 //!
+//! In a loop a [`LiveScene`] changes while what it was is scanned, into the memory of the scan before:
+//!
+//! ```no_run
+//! # use echocast::{Engine, LiveScene, PointCloud, ScanOptions, Scene, Sensor, Trajectory};
+//! # let (sensor, drive) = (Sensor::preset("velodyne_vlp16")?, Trajectory::load("drive.csv")?);
+//! let mut scene = LiveScene::new(&Engine::new()?);
+//! scene.add_scene(&Scene::load("street.glb")?)?;
+//! let car = scene.find("Car")?;
+//! let mut cloud = PointCloud::default();
+//! for frame in 0..100 {
+//!     scene.set_pose(car, glam::DAffine3::from_translation(glam::DVec3::X * f64::from(frame)))?;
+//!     let options = ScanOptions { frame, start_time: f64::from(frame) * 0.1, ..ScanOptions::default() };
+//!     scene.commit()?.scan_into(&sensor, &drive, &options, &mut cloud)?;
+//! }
+//! # Ok::<(), echocast::Error>(())
+//! ```
+//!
 //! # The path of a scan
 //!
 //! | step | room | what comes out |
 //! |---|---|---|
 //! | read, resolve | [`scene`] | [`Scene`]: z up, metres, labels and materials attached |
-//! | build | `trace` | [`BuiltScene`]: Embree's structure and what its ids mean, shared by threads |
+//! | build | `trace` | [`BuiltScene`]: Embree's structure and what its ids mean, shared by threads; a [`LiveScene`] makes one after the other |
 //! | aim | [`emitter`] | the beams of a [`Sensor`], each at the pose of its own time |
 //! | trace | `trace` | range, normal, surface of every beam |
 //! | interact | [`echo`], with [`material`] | reflectance, incidence, intensity |
