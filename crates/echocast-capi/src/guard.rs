@@ -1,6 +1,5 @@
 //! Errors, panics and the floating-point state at the border.
 
-use crate::text::push_lossy;
 use echocast::Error;
 use std::any::Any;
 use std::cell::{Cell, RefCell};
@@ -139,6 +138,12 @@ pub(crate) fn guard_or<T>(otherwise: T, body: impl FnOnce() -> Outcome<T>) -> T 
         Ok(())
     });
     result.unwrap_or(otherwise)
+}
+
+/// Appends `text` and a 0; a 0 within becomes a question mark.
+pub(crate) fn push_lossy(to: &mut Vec<u8>, text: &str) {
+    to.extend(text.bytes().map(|byte| if byte == 0 { b'?' } else { byte }));
+    to.push(0);
 }
 
 /// Rust's own hook prints to stderr, which is the host's: it is kept for threads that have nothing to do with us, of

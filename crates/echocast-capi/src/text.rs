@@ -1,6 +1,6 @@
 //! C's strings, arrays and structures in, text out.
 
-use crate::guard::{ECHOCAST_E_VERSION, Failure, Outcome};
+use crate::guard::{ECHOCAST_E_VERSION, Failure, Outcome, push_lossy};
 use std::ffi::{CStr, c_char};
 use std::mem::MaybeUninit;
 use std::path::Path;
@@ -182,10 +182,4 @@ pub(crate) unsafe fn put(text: &str, to: *mut c_char, capacity: usize, needed: *
         }
     }
     Ok(())
-}
-
-/// Appends `text` and a 0; a 0 within becomes a question mark.
-pub(crate) fn push_lossy(to: &mut Vec<u8>, text: &str) {
-    to.extend(text.bytes().map(|byte| if byte == 0 { b'?' } else { byte }));
-    to.push(0);
 }
