@@ -110,14 +110,9 @@ unsafe fn read_image(image: *const echocast_image) -> Outcome<Texture> {
     let bytes = stride.saturating_mul(image.height as usize - 1).saturating_add(row);
     // SAFETY: as the caller promises.
     let bytes = unsafe { text::array(image.data, bytes, "image->data") }?;
-    let mut pixels = Vec::new();
-    pixels
-        .try_reserve_exact(image.width as usize * image.height as usize)
-        .map_err(|_| Failure::new(crate::ECHOCAST_E_MEMORY, "no memory for the image"))?;
-    for line in bytes.chunks(stride) {
-        let pixel = |p: &[u8]| [p[0], p[1], p[2], p.get(3).copied().unwrap_or(255)];
-        pixels.extend(line[..row].chunks_exact(image.channels as usize).map(pixel));
-    }
+    let pixel = |p: &[u8]| [p[0], p[1], p[2], p.get(3).copied().unwrap_or(255)];
+    let pixels = bytes.chunks(stride).flat_map(|line| line[..row].chunks_exact(image.channels as usize).map(pixel));
+    let pixels = text::collect(pixels, image.width as usize * image.height as usize, "image->data")?;
     Ok(Texture { width: image.width, height: image.height, pixels })
 }
 

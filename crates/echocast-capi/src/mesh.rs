@@ -1,7 +1,7 @@
 //! Meshes of the host's own vertices and triangles.
 
 use crate::context::{Context, echocast_context};
-use crate::guard::{ECHOCAST_E_MEMORY, Failure, Outcome, echocast_status, guard};
+use crate::guard::{Failure, Outcome, echocast_status, guard};
 use crate::handle::{self, handles};
 use crate::material::echocast_material;
 use crate::text::{self, Versioned};
@@ -137,7 +137,9 @@ pub unsafe extern "C" fn echocast_mesh_create(
         // SAFETY: as the header asks.
         let (mesh, part_ids, host) = unsafe { read_mesh(&desc, &context) }?;
         *out = handle::create(SharedMesh { context, mesh: Arc::new(mesh), part_ids })?;
-        host.armed.store(desc.ownership == ECHOCAST_MESH_BORROW, Ordering::Release);
+        if let Some(host) = host {
+            host.armed.store(true, Ordering::Release);
+        }
         Ok(())
     })
 }
@@ -220,16 +222,9 @@ unsafe fn vectors<T: Copy + Send + Sync + 'static>(
         None => {
             // SAFETY: as the caller promises; the pointer was checked.
             let from = unsafe { std::slice::from_raw_parts(data, count) };
-            let mut copy = Vec::new();
-            copy.try_reserve_exact(count).map_err(|_| no_memory(count, name))?;
-            copy.extend_from_slice(from);
-            Ok(copy.into())
+            Ok(text::collect(from.iter().copied(), count, name)?.into())
         }
     }
-}
-
-fn no_memory(count: usize, name: &str) -> Failure {
-    Failure::new(ECHOCAST_E_MEMORY, format!("no memory for {count} elements of {name}"))
 }
 
 /// Positions with any number of bytes between them.
@@ -237,18 +232,14 @@ fn no_memory(count: usize, name: &str) -> Failure {
 /// # Safety
 /// `data` points to `count` positions, `stride` bytes apart.
 unsafe fn strided(data: *const f32, count: usize, stride: usize) -> Outcome<Array<[f32; 3]>> {
-    let mut copy = Vec::new();
-    copy.try_reserve_exact(count).map_err(|_| no_memory(count, "desc->positions"))?;
-    for vertex in 0..count {
-        // SAFETY: as the caller promises; a multiple of 4 keeps it aligned.
-        copy.push(unsafe { data.byte_add(vertex * stride).cast::<[f32; 3]>().read() });
-    }
-    Ok(copy.into())
+    // SAFETY: as the caller promises; a multiple of 4 keeps it aligned.
+    let positions = (0..count).map(|vertex| unsafe { data.byte_add(vertex * stride).cast::<[f32; 3]>().read() });
+    Ok(text::collect(positions, count, "desc->positions")?.into())
 }
 
 /// # Safety
 /// The arrays of `desc` are as it says.
-unsafe fn read_mesh(desc: &echocast_mesh_desc, context: &Arc<Context>) -> Outcome<(Mesh, Vec<u32>, Arc<Host>)> {
+unsafe fn read_mesh(desc: &echocast_mesh_desc, context: &Arc<Context>) -> Outcome<(Mesh, Vec<u32>, Option<Arc<Host>>)> {
     for (name, count) in [("desc->vertex_count", desc.vertex_count), ("desc->triangle_count", desc.triangle_count)] {
         if !(1..u32::MAX).contains(&count) {
             return Err(Failure::argument(name, count, "1 to 4294967294"));
@@ -259,8 +250,9 @@ unsafe fn read_mesh(desc: &echocast_mesh_desc, context: &Arc<Context>) -> Outcom
         ECHOCAST_MESH_BORROW => true,
         other => return Err(Failure::argument("desc->ownership", other, "ECHOCAST_MESH_COPY or ECHOCAST_MESH_BORROW")),
     };
-    let host = Arc::new(Host { released: desc.released, user: desc.released_user, armed: AtomicBool::new(false) });
-    let lender = borrow.then_some(&host);
+    let host = borrow
+        .then(|| Arc::new(Host { released: desc.released, user: desc.released_user, armed: AtomicBool::new(false) }));
+    let lender = host.as_ref();
     let vertices = desc.vertex_count as usize;
     let stride = if desc.position_stride == 0 { 12 } else { desc.position_stride };
     if stride < 12 || stride % 4 != 0 || stride > 1 << 20 || (borrow && stride != 12) {

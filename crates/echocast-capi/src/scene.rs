@@ -594,12 +594,7 @@ pub unsafe extern "C" fn echocast_scene_set_vertices(
         let copy = |data: *const f32, name: &str| -> Outcome<Array<[f32; 3]>> {
             // SAFETY: as the header asks.
             let from = unsafe { text::array(data.cast::<[f32; 3]>(), count, name) }?;
-            let mut copy = Vec::new();
-            let no_memory =
-                |_| Failure::new(crate::ECHOCAST_E_MEMORY, format!("no memory for {count} elements of {name}"));
-            copy.try_reserve_exact(count).map_err(no_memory)?;
-            copy.extend_from_slice(from);
-            Ok(copy.into())
+            Ok(text::collect(from.iter().copied(), count, name)?.into())
         };
         edit(scene, |_, live| {
             let id = instance(live, id, "id")?;

@@ -214,12 +214,7 @@ fn table(desc: &echocast_beams_desc, beams: &[echocast_beam]) -> Outcome<BeamTab
 }
 
 fn column<T>(beams: &[echocast_beam], of: impl Fn(&echocast_beam) -> T) -> Outcome<Vec<T>> {
-    let mut column = Vec::new();
-    column
-        .try_reserve_exact(beams.len())
-        .map_err(|_| Failure::new(crate::ECHOCAST_E_MEMORY, format!("no memory for {} beams", beams.len())))?;
-    column.extend(beams.iter().map(of));
-    Ok(column)
+    text::collect(beams.iter().map(of), beams.len(), "desc->beams")
 }
 
 pub(crate) fn seconds(ns: i64) -> f64 {

@@ -1,6 +1,6 @@
 //! C's strings, arrays and structures in, text out.
 
-use crate::guard::{ECHOCAST_E_VERSION, Failure, Outcome, push_lossy};
+use crate::guard::{ECHOCAST_E_MEMORY, ECHOCAST_E_VERSION, Failure, Outcome, push_lossy};
 use std::ffi::{CStr, c_char};
 use std::mem::MaybeUninit;
 use std::path::Path;
@@ -63,14 +63,19 @@ pub(crate) fn check_array<T>(data: *const T, count: usize, name: &str) -> Outcom
     if data.is_null() {
         return Err(Failure::argument(name, "NULL", &format!("an array of {count}")));
     }
-    if !data.is_aligned() {
-        return Err(Failure::argument(name, format!("{data:p}"), &format!("a multiple of {} bytes", align_of::<T>())));
-    }
+    check_aligned(data, name)?;
     let bytes = count.checked_mul(size_of::<T>()).filter(|&bytes| bytes <= isize::MAX as usize);
     if bytes.and_then(|bytes| data.addr().checked_add(bytes)).is_none() {
         return Err(Failure::argument(&format!("the number of {name}"), count, "what fits into memory"));
     }
     Ok(())
+}
+
+fn check_aligned<T>(pointer: *const T, name: &str) -> Outcome {
+    if pointer.is_aligned() {
+        return Ok(());
+    }
+    Err(Failure::argument(name, format!("{pointer:p}"), &format!("a multiple of {} bytes", align_of::<T>())))
 }
 
 /// A place to put a result.
@@ -81,9 +86,7 @@ pub(crate) unsafe fn output<'a, T>(to: *mut T, name: &str) -> Outcome<&'a mut Ma
     if to.is_null() {
         return Err(Failure::null(name));
     }
-    if !to.is_aligned() {
-        return Err(Failure::argument(name, format!("{to:p}"), &format!("a multiple of {} bytes", align_of::<T>())));
-    }
+    check_aligned(to, name)?;
     // SAFETY: not NULL, aligned; else as the caller promises.
     Ok(unsafe { &mut *to.cast::<MaybeUninit<T>>() })
 }
@@ -107,9 +110,7 @@ pub(crate) unsafe fn structure<T: Versioned>(from: *const T, name: &str) -> Outc
     if from.is_null() {
         return Err(Failure::null(name));
     }
-    if !from.is_aligned() {
-        return Err(Failure::argument(name, format!("{from:p}"), &format!("a multiple of {} bytes", align_of::<T>())));
-    }
+    check_aligned(from, name)?;
     // SAFETY: aligned, and every such structure begins with its size.
     let size = unsafe { from.cast::<usize>().read() };
     if !(size_of::<usize>()..=LARGEST_STRUCT).contains(&size) {
@@ -153,6 +154,15 @@ pub(crate) unsafe fn put_structure<T: Versioned>(value: T, to: *mut T, name: &st
         }
     }
     Ok(())
+}
+
+/// A vector of `count` elements, or the answer that there is no memory for so many of `name`.
+pub(crate) fn collect<T>(elements: impl Iterator<Item = T>, count: usize, name: &str) -> Outcome<Vec<T>> {
+    let mut all = Vec::new();
+    all.try_reserve_exact(count)
+        .map_err(|_| Failure::new(ECHOCAST_E_MEMORY, format!("no memory for {count} elements of {name}")))?;
+    all.extend(elements.take(count));
+    Ok(all)
 }
 
 /// Copies `text` and a 0 to `to`, which has room for `capacity` bytes, as far as they go; `needed`: bytes with the 0.

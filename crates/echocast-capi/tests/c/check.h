@@ -126,6 +126,19 @@ static inline float least(const echocast_result *result, const char *column)
     return low;
 }
 
+/* Two results have the same columns, bit by bit; that called `but` (may be NULL) may differ. */
+static inline void check_same(const echocast_result *a, const echocast_result *b, const char *but)
+{
+    CHECK(echocast_result_count(a) == echocast_result_count(b));
+    const char *name;
+    for (size_t i = 0; (name = echocast_name("columns", i)) != NULL; ++i) {
+        echocast_view one = view(a, name), two = view(b, name);
+        CHECK(one.kind == two.kind && one.count == two.count);
+        if (but == NULL || strcmp(name, but) != 0)
+            CHECK(memcmp(one.data, two.data, one.count * one.stride) == 0);
+    }
+}
+
 static inline int close_to(double found, double expected)
 {
     return fabs(found - expected) < 1e-3;

@@ -16,24 +16,13 @@ static echocast_sensor *sensor;
 static echocast_result *expected;
 static volatile int done;
 
-static const char *const COLUMNS[] = {"x", "y", "z", "range", "intensity", "instance_id", "normal_x", "beam"};
-
-static void check_same(const echocast_result *result)
-{
-    CHECK(echocast_result_count(result) == echocast_result_count(expected));
-    for (size_t i = 0; i < sizeof COLUMNS / sizeof *COLUMNS; ++i) {
-        echocast_view a = view(result, COLUMNS[i]), b = view(expected, COLUMNS[i]);
-        CHECK(a.count == b.count && memcmp(a.data, b.data, a.count * a.stride) == 0);
-    }
-}
-
 static void *scanner(void *unused)
 {
     (void)unused;
     echocast_result *result = NULL;
     for (int round = 0; round < ROUNDS; ++round) {
         scan_into(snapshot, sensor, "all", &result);
-        check_same(result);
+        check_same(result, expected, NULL);
         /* A scan of another thread's result, or a change of the sensor, is refused, not undertaken. */
         echocast_status status = echocast_sensor_set(sensor, "range.max_m", "100");
         CHECK(status == ECHOCAST_OK || status == ECHOCAST_E_BUSY);

@@ -1,6 +1,7 @@
 //! Camera nodes: places in the scene where a sensor can be put.
 
 use crate::emitter::Pose;
+use crate::error::{Error, Result};
 
 /// A camera node of the scene file.
 #[derive(Clone, Debug, PartialEq)]
@@ -9,4 +10,15 @@ pub struct Camera {
     pub name: String,
     /// Sensor pose at the camera: x = the view direction, z = the camera's up.
     pub pose: Pose,
+}
+
+impl Camera {
+    /// The first of `cameras` called `name`.
+    ///
+    /// # Errors
+    /// [`Error::Missing`] with near names.
+    pub(crate) fn find<'a>(cameras: &'a [Camera], name: &str) -> Result<&'a Camera> {
+        let found = cameras.iter().find(|camera| camera.name == name);
+        found.ok_or_else(|| Error::missing("camera node", name, cameras.iter().map(|camera| &camera.name)))
+    }
 }

@@ -90,9 +90,7 @@ impl Part {
         if let Some(index) = self.triangles.iter().flatten().find(|&&index| index as usize >= vertices) {
             return Err(Error::invalid("index", index, format!("below the number of vertices, {vertices}")));
         }
-        // A comparison that not-a-number fails too.
-        let in_reach = |p: &[f32; 3]| p.iter().all(|x| f64::from(x.abs()) <= LARGEST);
-        if let Some(vertex) = self.positions.iter().position(|p| !in_reach(p)) {
+        if let Some(vertex) = beyond_reach(&self.positions) {
             return Err(Error::invalid(
                 format!("vertex {vertex}"),
                 format!("{:?}", self.positions[vertex]),
@@ -204,6 +202,12 @@ impl Mesh {
         }
         bounds
     }
+}
+
+/// The first vertex that is not a place, or so far out that later steps overflow.
+pub(crate) fn beyond_reach(positions: &[[f32; 3]]) -> Option<usize> {
+    // A comparison that not-a-number fails too.
+    positions.iter().position(|p| !p.iter().all(|x| f64::from(x.abs()) <= LARGEST))
 }
 
 /// Whether a triangle has no area: two corners equal, or all three on one line to the last bit.

@@ -34,7 +34,7 @@ use std::sync::Arc;
 
 /// Largest magnitude of a coordinate that is taken, in files and in the world: well inside `f32`, so that no later
 /// step overflows.
-pub(crate) const LARGEST: f64 = 1e18;
+const LARGEST: f64 = 1e18;
 
 /// Which axis of a file points up, for formats that do not say.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
@@ -179,10 +179,8 @@ impl Scene {
         if self.triangle_count() == 0 {
             return Err(Error::parse(origin, "", "no triangle to scan: the file holds no mesh with area"));
         }
-        // A comparison that not-a-number fails too.
-        let in_reach = |corner: &DVec3| corner.abs().max_element() <= LARGEST && corner.is_finite();
         for (object, corners) in self.object_boxes() {
-            if let Some(corner) = corners.iter().find(|corner| !in_reach(corner)) {
+            if let Some(corner) = corners.iter().find(|corner| !within_reach(corner)) {
                 let message = format!("it reaches to {:?} in the world; allowed: -1e18 to 1e18", corner.to_array());
                 return Err(Error::parse(origin, format!("object {:?}", object.name), message));
             }
@@ -246,8 +244,7 @@ impl Scene {
 
     /// World-space box around all objects, metres; `None` for an empty scene.
     pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
-        let corners = self.object_boxes().flat_map(|(_, corners)| corners);
-        corners.map(|p| (p, p)).reduce(|(low, high), (p, _)| (low.min(p), high.max(p)))
+        surrounding(self.object_boxes().flat_map(|(_, corners)| corners))
     }
 
     /// The camera node called `name`.
@@ -255,10 +252,7 @@ impl Scene {
     /// # Errors
     /// [`Error::Missing`] with near names.
     pub fn camera(&self, name: &str) -> Result<&Camera> {
-        self.cameras
-            .iter()
-            .find(|camera| camera.name == name)
-            .ok_or_else(|| Error::missing("camera node", name, self.cameras.iter().map(|camera| &camera.name)))
+        Camera::find(&self.cameras, name)
     }
 }
 
@@ -274,6 +268,17 @@ pub(crate) fn corners(bounds: [[f32; 3]; 2], world_from_object: &DAffine3) -> [D
         let local = DVec3::from_array(std::array::from_fn(|axis| f64::from(bounds[corner >> axis & 1][axis])));
         world_from_object.transform_point3(local)
     })
+}
+
+/// Whether no coordinate is beyond [`LARGEST`].
+pub(crate) fn within_reach(point: &DVec3) -> bool {
+    // A comparison that not-a-number fails too.
+    point.abs().max_element() <= LARGEST && point.is_finite()
+}
+
+/// Lowest and highest corner of the box around `points`; `None` without any.
+pub(crate) fn surrounding(points: impl Iterator<Item = DVec3>) -> Option<(DVec3, DVec3)> {
+    points.map(|p| (p, p)).reduce(|(low, high), (p, _)| (low.min(p), high.max(p)))
 }
 
 /// What `all` shares, each once.

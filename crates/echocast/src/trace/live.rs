@@ -5,7 +5,9 @@ use crate::emitter::Pose;
 use crate::error::{Error, Result};
 use crate::material::Material;
 use crate::report::Report;
-use crate::scene::{Array, Camera, LARGEST, Labels, Mesh, NameTable, Object, Scene, cofactors, corners};
+use crate::scene::{
+    Array, Camera, Labels, Mesh, NameTable, Object, Scene, cofactors, corners, surrounding, within_reach,
+};
 use embree4::{CommittedScene, Instance, Quality};
 use glam::{DAffine3, DVec3, Mat3};
 use std::collections::HashMap;
@@ -186,8 +188,10 @@ impl LiveScene {
     /// # Errors
     /// As [`LiveScene::add`]; then none is added.
     pub fn add_scene(&mut self, scene: &Scene) -> Result<Vec<ObjectId>> {
+        let mut boxes = HashMap::new();
         for object in &scene.objects {
-            check_pose(&object.name, object.mesh.bounds(), &object.world_from_object)?;
+            let bounds = *boxes.entry(Arc::as_ptr(&object.mesh)).or_insert_with(|| object.mesh.bounds());
+            check_pose(&object.name, bounds, &object.world_from_object)?;
         }
         let last = self.labels.instance.ids.last().copied().unwrap_or(0);
         let most =
@@ -205,9 +209,8 @@ impl LiveScene {
         labels.instance.names.extend_from_slice(names);
         let renumbered = |changed: &HashMap<u32, u32>, id: u32| changed.get(&id).copied().unwrap_or(id);
         self.cameras.extend_from_slice(&scene.cameras);
-        let mut boxes = HashMap::new();
         let objects = scene.objects.iter().map(|object| {
-            let bounds = *boxes.entry(Arc::as_ptr(&object.mesh)).or_insert_with(|| object.mesh.bounds());
+            let bounds = boxes[&Arc::as_ptr(&object.mesh)];
             let object = Object {
                 category_id: renumbered(&category, object.category_id),
                 part_ids: object.part_ids.iter().map(|&id| renumbered(&part, id)).collect(),
@@ -424,8 +427,7 @@ impl LiveScene {
     /// # Errors
     /// [`Error::Missing`] with near names.
     pub fn camera(&self, name: &str) -> Result<Pose> {
-        let found = self.cameras.iter().find(|camera| camera.name == name).map(|camera| camera.pose);
-        found.ok_or_else(|| Error::missing("camera node", name, self.cameras.iter().map(|camera| &camera.name)))
+        Camera::find(&self.cameras, name).map(|camera| camera.pose)
     }
 
     /// Triangles of all objects.
@@ -435,8 +437,7 @@ impl LiveScene {
 
     /// World-space box around all objects, metres; `None` without any.
     pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
-        let corners = boxes(&self.slots).flat_map(|(_, corners)| corners);
-        corners.map(|p| (p, p)).reduce(|(low, high), (p, _)| (low.min(p), high.max(p)))
+        surrounding(boxes(&self.slots).flat_map(|(_, corners)| corners))
     }
 
     /// Builds what has changed and returns the scene as it is now, to be scanned.
@@ -606,11 +607,6 @@ fn lives(slots: &[Slot]) -> impl Iterator<Item = (u32, &Live)> {
 
 fn gone(id: ObjectId) -> Error {
     Error::invalid("object", format!("{:#x}", id.to_u64()), "objects of this scene that have not been removed")
-}
-
-fn within_reach(point: &DVec3) -> bool {
-    // A comparison that not-a-number fails too.
-    point.abs().max_element() <= LARGEST && point.is_finite()
 }
 
 fn check_pose(name: &str, bounds: Option<[[f32; 3]; 2]>, world_from_object: &DAffine3) -> Result<()> {

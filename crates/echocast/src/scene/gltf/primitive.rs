@@ -4,8 +4,8 @@ use super::accessor::Accessors;
 use super::material::Materials;
 use super::{Document, Notes, place};
 use crate::error::Result;
-use crate::scene::mesh::{is_degenerate, normals_are_flat};
-use crate::scene::{Array, LARGEST, Mesh, Part};
+use crate::scene::mesh::{beyond_reach, is_degenerate, normals_are_flat};
+use crate::scene::{Array, Mesh, Part};
 use gltf::json::accessor::Type;
 use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked;
@@ -147,8 +147,7 @@ impl Meshes<'_> {
             return Ok(known.clone());
         }
         let positions = self.accessors.vectors::<3>(index).map_err(|message| format!("POSITION: {message}"))?;
-        let in_reach = |p: &[f32; 3]| p.iter().all(|x| f64::from(x.abs()) <= LARGEST);
-        if let Some(vertex) = positions.iter().position(|p| !in_reach(p)) {
+        if let Some(vertex) = beyond_reach(&positions) {
             return Err(format!("vertex {vertex} is {:?}; allowed: -1e18 to 1e18", positions[vertex]));
         }
         let positions = Shared::from(positions);
