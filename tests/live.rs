@@ -437,8 +437,8 @@ fn scans_of_many_threads_follow_each_other() {
             }
         });
         let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
-        pool.install(|| (0..100).into_par_iter().for_each(|_| assert_same(&expected, &scan(&built))));
-        (0..100).into_par_iter().for_each(|_| assert_same(&expected, &scan(&built)));
+        pool.install(|| (0..1000).into_par_iter().for_each(|_| assert_same(&expected, &scan(&built))));
+        (0..1000).into_par_iter().for_each(|_| assert_same(&expected, &scan(&built)));
     }
 }
 

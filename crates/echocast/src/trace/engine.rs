@@ -4,8 +4,7 @@ use crate::error::{Error, Result};
 use crate::parallel;
 use embree4::Device;
 use rayon::ThreadPool;
-use std::cell::Cell;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::{fmt, mem};
 
@@ -84,19 +83,23 @@ impl Engine {
     }
 
     /// Runs `work` so that its parallel parts are done by this engine's threads; work of several threads follows one
-    /// another. `work` must not wait for other work of the engine.
+    /// another. On a thread of a rayon pool, that pool does the work instead, whatever the engine, except for an engine
+    /// of one thread, which never asks for another. `work` must not wait for other work of the engine.
     pub fn install<R: Send>(&self, work: impl FnOnce() -> R + Send) -> R {
         match &self.0.workers {
             Workers::Caller => parallel::alone(work),
-            Workers::Rayon if rayon::current_thread_index().is_none() => {
+            // A thread of a pool takes up other tasks of it while it waits, and these may end up here again: it must
+            // hold no turn, nor wait for one.
+            _ if rayon::current_thread_index().is_some() => work(),
+            Workers::Rayon => {
+                let _turn = wait_for(&RAYONS_TURN);
                 // On one of the pool's threads, so that work within this work is known as such.
-                in_turn(&RAYONS_TURN, || rayon::scope(|_| work()))
+                rayon::scope(|_| work())
             }
-            Workers::Rayon => work(),
-            Workers::Own(Pool { pool: Some(pool), turn, .. }) if pool.current_thread_index().is_none() => {
-                in_turn(turn, || pool.install(work))
+            Workers::Own(workers) => {
+                let _turn = wait_for(&workers.turn);
+                workers.pool.as_ref().expect("only dropping takes it away").install(work)
             }
-            Workers::Own(_) => work(),
         }
     }
 
@@ -105,27 +108,9 @@ impl Engine {
     }
 }
 
-thread_local! {
-    /// Whether it is this thread's turn somewhere.
-    static IN_TURN: Cell<bool> = const { Cell::new(false) };
-}
-
-/// Does `work` while `turn` is held, by this thread alone.
-fn in_turn<R>(turn: &Mutex<()>, work: impl FnOnce() -> R) -> R {
-    struct End;
-    impl Drop for End {
-        fn drop(&mut self) {
-            IN_TURN.set(false);
-        }
-    }
-    // A thread of another pool takes up other tasks while it waits for this one; they must not wait for it.
-    if IN_TURN.get() {
-        return work();
-    }
-    let _turn = turn.lock().unwrap_or_else(PoisonError::into_inner);
-    IN_TURN.set(true);
-    let _end = End;
-    work()
+/// The turn, which ends when what this returns is dropped.
+fn wait_for(turn: &Mutex<()>) -> MutexGuard<'_, ()> {
+    turn.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl fmt::Debug for Engine {
