@@ -151,7 +151,7 @@ ECHOCAST_API const char *echocast_name(const char *list, size_t index);
 
 /* -- Contexts -------------------------------------------------------------------------------------------------------- */
 
-/** Nothing is said. */
+/** Nothing is said. 1 is reserved. */
 #define ECHOCAST_LOG_OFF 0
 
 /** What was done nonetheless, though something was left out or looks wrong. */
@@ -175,9 +175,9 @@ typedef struct echocast_context_desc {
     size_t struct_size;
     /**
      * Threads of the context's own that build and scan: 0 as many as the machine has cores, 1 none at all (the
-     * calling thread does everything, on 256 KiB of its stack), up to 1024. Embree builds with TBB: a host that shares that library has no
-     * more threads of it than the largest context while contexts live, and the end of the last may start an idle
-     * one.
+     * calling thread does everything, on 256 KiB of its stack), up to 1024. Embree builds with TBB: a host that shares
+     * that library has no more threads of it than the largest context while contexts live, and the end of the last may
+     * start an idle one.
      */
     int32_t threads;
     /** Least important messages for `log`: an ECHOCAST_LOG_ number. */
@@ -190,8 +190,8 @@ typedef struct echocast_context_desc {
 
 /**
  * Makes a context: starts its threads, which have the signal mask of this one, and loads Embree. A process that was
- * forked afterwards has no such threads: make contexts after a fork. `desc`: NULL for the defaults. `*out` is the new context, to be
- * released with echocast_context_release.
+ * forked afterwards has no such threads: make contexts after a fork. `desc`: NULL for the defaults. `*out` is the new
+ * context, to be released with echocast_context_release.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_UNSUPPORTED (Embree is too old, or the processor), ECHOCAST_E_MEMORY,
  * ECHOCAST_E_INTERNAL (the system gives no threads). Any thread may call this.
@@ -302,9 +302,9 @@ typedef struct echocast_mesh_desc {
     /** ECHOCAST_MESH_COPY or ECHOCAST_MESH_BORROW. */
     int32_t ownership;
     /**
-     * Called once, on any thread, when nothing uses borrowed arrays any more (not for copied ones): the mesh has been released, and so has
-     * everything that was made with it. It must neither throw nor call the library. Not called when the mesh could not
-     * be made. May be NULL.
+     * Called once, on any thread, when nothing uses borrowed arrays any more (not for copied ones): the mesh has been
+     * released, and so has everything that was made with it. It must neither throw nor call the library. Not called
+     * when the mesh could not be made. May be NULL.
      */
     void (*released)(void *user);
     /** Argument of `released`. */
@@ -908,11 +908,11 @@ echocast_status echocast_result_view(const echocast_result *result,
                                      echocast_view *out);
 
 /**
- * Writes the points as a host wants them, all at once: point i at `to + i * stride`, each column converted to its type at
- * its offset; bytes that no item covers stay. Numbers are rounded to the nearest that the type has; not-a-number becomes
- * 0 in whole numbers. Positions are relative to the result's origin as ECHOCAST_TYPE_F32, complete as
- * ECHOCAST_TYPE_F64. Up to 64 items. `capacity`: bytes of `to`; `*needed` (may be NULL): stride * points; with `to` NULL
- * only that is told.
+ * Writes the points as a host wants them, all at once: point i at `to + i * stride`, each column converted to its type
+ * at its offset; bytes that no item covers stay. Numbers are rounded to the nearest that the type has; not-a-number
+ * becomes 0 in whole numbers. Positions are relative to the result's origin as ECHOCAST_TYPE_F32, complete as
+ * ECHOCAST_TYPE_F64. Up to 64 items. `capacity`: bytes of `to`; `*needed` (may be NULL): stride * points; with `to`
+ * NULL only that is told.
  *
  * Errors: ECHOCAST_E_ARGUMENT (an item that is wrong, too little room), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  *
@@ -1080,15 +1080,12 @@ typedef struct echocast_frames echocast_frames;
 
 /**
  * Writes the points to a file, which appears under its name only when it is complete. `format`: a name of the list
- * "formats"; NULL: as the ending of `path` says. The names of labels stand in the file, or in NAME.labels.json beside it.
- * What a format cannot hold is told to the context's log.
+ * "formats"; NULL: as the ending of `path` says. The names of labels stand in the file, or in NAME.labels.json beside
+ * it. What a format cannot hold is told to the context's log.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_IO (a full disk), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */
-ECHOCAST_API
-echocast_status echocast_result_write(const echocast_result *result,
-                                      const char *path,
-                                      const char *format);
+ECHOCAST_API echocast_status echocast_result_write(const echocast_result *result, const char *path, const char *format);
 
 /**
  * Writes a picture of the points as PNG. `options`: NULL, or YAML with `view` (top, perspective, range), `color` (label,

@@ -1,8 +1,8 @@
 //! Scans recorded with the paper's system (BLAINDER range scanner 7842360 in Blender 3.4.1), against the same rays in the
 //! same scenes under profile `blainder`.
 //!
-//! The recordings are found in `reference/scans` of the folder that the environment variable `ECHOCAST_SHARED` names, else
-//! of `../shared` beside the repository; without them these tests say so and pass.
+//! The recordings are found in `reference/scans` of the folder that the environment variable `ECHOCAST_SHARED` names,
+//! else of `../shared` beside the repository; without them these tests say so and pass.
 
 use echocast::scene::Scene;
 use echocast::{Field, FieldSet, PointCloud, Pose, Profile, ScanOptions, Sensor, Trajectory};

@@ -1,4 +1,5 @@
-//! Passes on where Embree lies (rpath.rs, shared with the other packages), and embeds every file of `presets/` by directory listing, so that adding a preset is adding a file.
+//! Passes on where Embree lies (rpath.rs, shared with the other packages), and embeds every file of `presets/` by
+//! directory listing, so that adding a preset is adding a file.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};

@@ -71,8 +71,8 @@ fn a_tilted_plane_is_met_where_its_equation_says() {
     });
 }
 
-/// A unit sphere and the ellipsoids made of it by scale, each once and as copies. Its facets of less than half a degree keep the range
-/// to 1e-5 and the normals to 3e-5.
+/// A unit sphere and the ellipsoids made of it by scale, each once and as copies. Its facets of less than half a degree
+/// keep the range to 1e-5 and the normals to 3e-5.
 #[test]
 fn spheres_and_scaled_spheres_are_met_where_their_equation_says() {
     let ball = || Shape::sphere(1.0, 400);

@@ -16,7 +16,7 @@ handles! {
     echocast_context: Context, "context", 1;
 }
 
-/// Nothing is said.
+/// Nothing is said. 1 is reserved.
 pub const ECHOCAST_LOG_OFF: i32 = 0;
 /// What was done nonetheless, though something was left out or looks wrong.
 pub const ECHOCAST_LOG_WARN: i32 = 2;
@@ -34,9 +34,9 @@ pub struct echocast_context_desc {
     /// sizeof(echocast_context_desc).
     pub struct_size: usize,
     /// Threads of the context's own that build and scan: 0 as many as the machine has cores, 1 none at all (the
-    /// calling thread does everything, on 256 KiB of its stack), up to 1024. Embree builds with TBB: a host that shares that library has no
-    /// more threads of it than the largest context while contexts live, and the end of the last may start an idle
-    /// one.
+    /// calling thread does everything, on 256 KiB of its stack), up to 1024. Embree builds with TBB: a host that shares
+    /// that library has no more threads of it than the largest context while contexts live, and the end of the last may
+    /// start an idle one.
     pub threads: i32,
     /// Least important messages for `log`: an ECHOCAST_LOG_ number.
     pub log_level: i32,
@@ -96,8 +96,8 @@ impl Context {
 }
 
 /// Makes a context: starts its threads, which have the signal mask of this one, and loads Embree. A process that was
-/// forked afterwards has no such threads: make contexts after a fork. `desc`: NULL for the defaults. `*out` is the new context, to be
-/// released with echocast_context_release.
+/// forked afterwards has no such threads: make contexts after a fork. `desc`: NULL for the defaults. `*out` is the new
+/// context, to be released with echocast_context_release.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_UNSUPPORTED (Embree is too old, or the processor), ECHOCAST_E_MEMORY,
 /// ECHOCAST_E_INTERNAL (the system gives no threads). Any thread may call this.
@@ -117,7 +117,7 @@ pub unsafe extern "C" fn echocast_context_create(
         };
         let threads =
             usize::try_from(desc.threads).map_err(|_| Failure::argument("desc->threads", desc.threads, "0 to 1024"))?;
-        if !(ECHOCAST_LOG_OFF..=ECHOCAST_LOG_INFO).contains(&desc.log_level) {
+        if !matches!(desc.log_level, ECHOCAST_LOG_OFF | ECHOCAST_LOG_WARN | ECHOCAST_LOG_INFO) {
             return Err(Failure::argument("desc->log_level", desc.log_level, "0, 2 or 3, an ECHOCAST_LOG_ number"));
         }
         let engine = Engine::with_threads(threads)?;

@@ -73,9 +73,9 @@ pub struct echocast_mesh_desc {
     pub part_count: u32,
     /// ECHOCAST_MESH_COPY or ECHOCAST_MESH_BORROW.
     pub ownership: i32,
-    /// Called once, on any thread, when nothing uses borrowed arrays any more (not for copied ones): the mesh has been released, and so has
-    /// everything that was made with it. It must neither throw nor call the library. Not called when the mesh could not
-    /// be made. May be NULL.
+    /// Called once, on any thread, when nothing uses borrowed arrays any more (not for copied ones): the mesh has been
+    /// released, and so has everything that was made with it. It must neither throw nor call the library. Not called
+    /// when the mesh could not be made. May be NULL.
     pub released: Option<unsafe extern "C" fn(user: *mut c_void)>,
     /// Argument of `released`.
     pub released_user: *mut c_void,

@@ -237,11 +237,11 @@ fn computed(cloud: &PointCloud, name: &str) -> Outcome<Field> {
 /// Most columns of a packed point.
 const MOST_ITEMS: usize = 64;
 
-/// Writes the points as a host wants them, all at once: point i at `to + i * stride`, each column converted to its type at
-/// its offset; bytes that no item covers stay. Numbers are rounded to the nearest that the type has; not-a-number becomes
-/// 0 in whole numbers. Positions are relative to the result's origin as ECHOCAST_TYPE_F32, complete as
-/// ECHOCAST_TYPE_F64. Up to 64 items. `capacity`: bytes of `to`; `*needed` (may be NULL): stride * points; with `to` NULL
-/// only that is told.
+/// Writes the points as a host wants them, all at once: point i at `to + i * stride`, each column converted to its type
+/// at its offset; bytes that no item covers stay. Numbers are rounded to the nearest that the type has; not-a-number
+/// becomes 0 in whole numbers. Positions are relative to the result's origin as ECHOCAST_TYPE_F32, complete as
+/// ECHOCAST_TYPE_F64. Up to 64 items. `capacity`: bytes of `to`; `*needed` (may be NULL): stride * points; with `to`
+/// NULL only that is told.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (an item that is wrong, too little room), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 ///

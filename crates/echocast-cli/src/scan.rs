@@ -27,7 +27,8 @@ Examples:
 pub struct Args {
     #[command(flatten)]
     scene: SceneArgs,
-    /// Where reflectance comes from when the material does not say it [default: alpha for the profile blainder, luminance for the others]
+    /// Where reflectance comes from when the material does not say it [default: alpha for the profile blainder,
+    /// luminance for the others]
     #[arg(long, value_parser = choice::of(choice::REFLECTANCE_SOURCE), help_heading = "Scene")]
     reflectance_source: Option<ReflectanceSource>,
     #[command(flatten)]

@@ -152,7 +152,8 @@ macro_rules! columns {
                 match field { $( Field::$variant => <$t as Element>::column(&self.$name) ),* }
             }
 
-            /// Makes every column of `fields` `len` long, the others empty. What it held is kept only where it need not grow.
+            /// Makes every column of `fields` `len` long, the others empty. What it held is kept only where it need not
+            /// grow.
             ///
             /// # Errors
             /// No memory.

@@ -71,8 +71,9 @@ impl PointCloud {
     /// they are.
     ///
     /// Positions (`x`, `true_x` and so on) become world (or sensor) coordinates as [`PackType::F64`] and stay relative
-    /// to [`PointCloud::origin`] as any other type. Then the item's shift is taken away and the rest scaled. Floats become integers by rounding to the nearest, halves to the
-    /// even one; what an integer type cannot hold becomes its least or greatest value, NaN becomes 0.
+    /// to [`PointCloud::origin`] as any other type. Then the item's shift is taken away and the rest scaled. Floats
+    /// become integers by rounding to the nearest, halves to the even one; what an integer type cannot hold becomes its
+    /// least or greatest value, NaN becomes 0.
     ///
     /// The work is shared by the threads of the [`crate::Engine::install`] around the call, or rayon's.
     ///

@@ -20,7 +20,8 @@ pub struct Noise {
     /// Standard deviation of the Gaussian error, m, at least 0.
     pub range_sigma_m: f64,
     /// Standard deviation at the detection threshold, m, at least 0; it falls as 1/SNR (the Cramer-Rao bound of a
-    /// Gaussian pulse, `sigma_R = (c/2) sqrt(2) sigma_p / SNR`) and adds in squares to `range_sigma_m`. Needs `detection.model: radar_equation`.
+    /// Gaussian pulse, `sigma_R = (c/2) sqrt(2) sigma_p / SNR`) and adds in squares to `range_sigma_m`. Needs
+    /// `detection.model: radar_equation`.
     pub range_snr_sigma_m: f64,
     /// Standard deviation of the reported azimuth, degrees, 0 to 10: points are reported turned about the sensor's z.
     pub azimuth_sigma_deg: f64,

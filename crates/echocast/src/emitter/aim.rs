@@ -35,7 +35,8 @@ impl<'a> Aim<'a> {
         }
     }
 
-    /// Origins, directions and farthest ranges of beams `first .. first + count`; `range_max`, m, where the table has none.
+    /// Origins, directions and farthest ranges of beams `first .. first + count`; `range_max`, m, where the table has
+    /// none.
     #[inline(always)]
     pub(crate) fn rays(&self, beams: &BeamTable, first: usize, count: usize, range_max: f32, rays: &mut RayBatch) {
         let range = first..first + count;

@@ -45,7 +45,8 @@ impl Motion {
     }
 
     /// Origins and directions of rays from lane `first` on, one for each of `times`, s after `start_time`; `beams` are
-    /// the x, y and z of their directions in the sensor frame, `local_origin` is the world position of the rays' (0, 0, 0).
+    /// the x, y and z of their directions in the sensor frame, `local_origin` is the world position of the rays' (0, 0,
+    /// 0).
     #[inline(always)]
     pub fn aim(
         &self,

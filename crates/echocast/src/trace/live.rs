@@ -18,8 +18,9 @@ use std::{fmt, mem};
 /// threads may scan it while the next one is prepared.
 ///
 /// Objects that may move are placed one by one, so that a commit after moving them costs a few microseconds for each
-/// object, whatever the size of their meshes. Fixed objects with a mesh of their own are built together, which makes them as fast to trace as
-/// can be; adding, removing or changing a fixed object, or moving it for the first time, builds all of them anew.
+/// object, whatever the size of their meshes. Fixed objects with a mesh of their own are built together, which makes
+/// them as fast to trace as can be; adding, removing or changing a fixed object, or moving it for the first time,
+/// builds all of them anew.
 pub struct LiveScene {
     engine: Engine,
     slots: Vec<Slot>,

@@ -1,6 +1,7 @@
 //! Wavefront OBJ with MTL.
 //!
-//! The format is the appendix "Object Files (.obj)" of Alias|Wavefront's Advanced Visualizer manual, read as exporters write it.
+//! The format is the appendix "Object Files (.obj)" of Alias|Wavefront's Advanced Visualizer manual, read as exporters
+//! write it.
 
 mod mtl;
 mod parts;

@@ -190,7 +190,8 @@ fn find(from: &Path, name: &str) -> Option<PathBuf> {
         .find(|path| path.is_file())
 }
 
-/// The files that a `mtllib` in the file `from` names, with what was looked for: one name with blanks, or several names that end in `.mtl`.
+/// The files that a `mtllib` in the file `from` names, with what was looked for: one name with blanks, or several names
+/// that end in `.mtl`.
 pub(super) fn libraries(from: &Path, names: &str) -> Vec<(String, Option<PathBuf>)> {
     if let Some(path) = find(from, names) {
         return vec![(names.to_owned(), Some(path))];
