@@ -53,7 +53,7 @@
 #define ECHOCAST_SCENE_INFO_INIT { sizeof(echocast_scene_info), 0, 0, { 0, 0, 0 }, { 0, 0, 0 } }
 #define ECHOCAST_SENSOR_INFO_INIT { sizeof(echocast_sensor_info), 0, 0, 0 }
 #define ECHOCAST_SCAN_DESC_INIT                                                                                        \
-    { sizeof(echocast_scan_desc), 0, 0, 0, 0, 0, 0, 0xffffffffu, 0, 0, 0, 0, 0, 0, 0, 0, 0 }
+    { sizeof(echocast_scan_desc), 0, 0, 0, 0, 0, 0, 0xffffffffu, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0 }
 #define ECHOCAST_RESULT_INFO_INIT                                                                                      \
     { sizeof(echocast_result_info), 0, 0, 0, 0, 0, { 0, 0, 0 }, ECHOCAST_POSE_IDENTITY }
 
@@ -1045,6 +1045,11 @@ typedef struct echocast_scan_desc {
     echocast_progress_fn progress;
     /** First argument of `progress`. */
     void *progress_user;
+    /**
+     * What is in the air, as YAML with the keys of a scenario's section `environment` ("{rain: {rate_mm_h: 10}}"), or
+     * NULL for nothing. A text that is the same as in the result's last scan is not read again.
+     */
+    const char *environment;
 } echocast_scan_desc;
 
 /**

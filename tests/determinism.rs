@@ -3,7 +3,8 @@
 
 use echocast::cloud::FIELDS;
 use echocast::{
-    BuiltScene, Engine, Field, FieldSet, Frame, Order, PointCloud, Pose, Profile, ScanOptions, Sensor, Trajectory,
+    BuiltScene, Engine, Environment, Field, FieldSet, Frame, Order, PointCloud, Pose, Profile, ScanOptions, Sensor,
+    Trajectory,
 };
 use echocast_tests::reference::{Random, SceneBuilder, Shape};
 use glam::{DAffine3, DVec3};
@@ -57,6 +58,13 @@ fn all() -> ScanOptions {
     ScanOptions { fields: FieldSet::all(), seed: 11, frame: 3, ..ScanOptions::default() }
 }
 
+/// In all kinds of weather.
+fn wet() -> ScanOptions {
+    let weather = "{rain: {rate_mm_h: 30, range_noise: true}, snow: {rate_mm_h: 3}, fog: {visibility_m: 90}, dust: \
+                   {radius_um: 50, per_m3: 1e6, box: {min_m: [1, -9, -2], max_m: [9, 9, 9]}}}";
+    ScanOptions { environment: Environment::from_yaml(weather).unwrap(), ..all() }
+}
+
 /// The names of the columns that differ in any bit.
 fn differences(a: &PointCloud, b: &PointCloud) -> Vec<&'static str> {
     assert_eq!((a.len, a.fields, a.organised, a.origin), (b.len, b.fields, b.organised, b.origin));
@@ -69,8 +77,7 @@ fn threads_do_not_change_a_bit() {
     let [one, two, seven] = [1, 2, 7].map(|threads| scene_with(&Engine::with_threads(threads).unwrap()));
     for sensor in [lidar(), camera()] {
         for path in [Trajectory::fixed(Pose::IDENTITY), drive()] {
-            for organised in [false, true] {
-                let options = ScanOptions { organised, ..all() };
+            for options in [all(), ScanOptions { organised: true, ..all() }, wet()] {
                 let alone = one.scan(&sensor, &path, &options).unwrap();
                 assert!(alone.len > 10_000, "{} points", alone.len);
                 for (scene, threads) in [(&two, "2 threads"), (&seven, "7 threads"), (&scene(), "rayon's threads")] {
@@ -102,6 +109,7 @@ fn reused_memory_gives_the_same_bits() {
     for (sensor, options) in [
         (camera(), all()),
         (lidar(), all()),
+        (lidar(), wet()),
         (lidar(), few.clone()),
         (camera(), kept.clone()),
         (lidar(), sorted),

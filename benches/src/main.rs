@@ -1,5 +1,5 @@
-//! `make bench`: rays per second beside the bare Embree loop, the paper's two experiments, and how
-//! fast files are read and written, and the C library beside the Rust crate. Prints tables and writes `target/bench.json`.
+//! `make bench`: rays per second beside the bare Embree loop, what weather adds, the paper's two experiments, how fast files
+//! are read and written, and the C library beside the Rust crate. Prints tables and writes `target/bench.json`.
 //!
 //! All ratios come from interleaved rounds in one process; times are processor time, medians.
 #![forbid(unsafe_code)]
@@ -7,6 +7,7 @@
 mod clock;
 mod embedding;
 mod files;
+mod light;
 mod memory;
 mod paper;
 mod rays;
@@ -21,6 +22,7 @@ type Section = (&'static str, fn() -> Result<Value>);
 
 const SECTIONS: &[Section] = &[
     ("rays", rays::run),
+    ("light", light::run),
     ("paper", paper::run),
     ("files", files::run),
     ("memory", memory::run),

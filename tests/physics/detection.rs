@@ -1,5 +1,6 @@
 use super::{assert_near, scan, target};
-use echocast::{Profile, ScanOptions};
+use echocast::medium::{Dust, Placed, Rain, Region};
+use echocast::{Environment, Profile, ScanOptions};
 use echocast_tests::reference::{SceneBuilder, Shape, Table, one_beam};
 use glam::DVec3;
 
@@ -12,9 +13,8 @@ fn seen(sections: &str, [reflectance, range, angle]: [f64; 3], profile: Profile)
 #[test]
 fn targets_are_seen_up_to_the_range_of_the_radar_equation() {
     let table = Table::parse(include_str!("../data/detection_range.csv"), ',');
-    assert_eq!(table.len(), 9);
     let radar = "detection: {model: radar_equation, reflectance: 0.8, at_m: 200}";
-    for row in 0..table.len() {
+    for row in (0..table.len()).filter(|&row| table.text(row, "medium") == "none") {
         let (rho, limit) = (table.number(row, "rho"), table.number(row, "R_max_m"));
         let capped = table.number(row, "R_max_capped_200_m");
         for (sections, limit) in [(radar.to_owned(), limit), (format!("{radar}\nrange: {{max_m: 200}}"), capped)] {
@@ -71,12 +71,41 @@ fn the_linear_limit_is_that_of_its_table() {
     }
 }
 
+/// The same table behind rain and fog.
+#[test]
+fn weather_shortens_the_range_of_the_radar_equation() {
+    let table = Table::parse(include_str!("../data/detection_range.csv"), ',');
+    assert_eq!(table.len(), 54);
+    let sensor = one_beam("detection: {model: radar_equation, reflectance: 0.8, at_m: 200}");
+    for row in 0..table.len() {
+        let yaml = match table.text(row, "medium") {
+            "none" => "{}",
+            "clear_V23km_kruse905" => "{clear_air: {visibility_m: 23000}}",
+            "rain10_ITU_mu0" => "{rain: {rate_mm_h: 10, drops: false}}",
+            "rain10_goodin" => "{rain: {rate_mm_h: 10, model: paper, drops: false}}",
+            "fog_MOR200" => "{fog: {mor_m: 200}}",
+            "fog_MOR50" => "{fog: {mor_m: 50}}",
+            other => panic!("{other}"),
+        };
+        let environment = Environment::from_yaml(yaml).unwrap();
+        let (rho, limit) = (table.number(row, "rho"), table.number(row, "R_max_m"));
+        for (range, expected) in [(limit * (1.0 - 1e-4), 1), (limit * (1.0 + 1e-4), 0)] {
+            let options = ScanOptions { environment: environment.clone(), ..ScanOptions::default() };
+            assert_eq!(scan(&target(rho, range, 0.0), &sensor, options).len, expected, "{rho} {yaml} at {range} m");
+        }
+    }
+}
+
 #[test]
 fn profile_blainder_gives_what_the_program_gives() {
     let table = Table::parse(include_str!("../data/blainder_compat.csv"), ',');
-    assert_eq!(table.len(), 5);
-    let options = || ScanOptions { profile: Profile::Blainder, ..ScanOptions::default() };
+    assert_eq!(table.len(), 13);
     for row in 0..table.len() {
+        let options = || ScanOptions {
+            profile: Profile::Blainder,
+            environment: program_weather(&table, row),
+            ..ScanOptions::default()
+        };
         let number = |column| table.number(row, column);
         let scene = target(number("pixel_alpha"), number("distance_m"), number("theta_deg"));
         let cloud = scan(&scene, &one_beam(&limit_section(&table, row)), options());
@@ -85,6 +114,22 @@ fn profile_blainder_gives_what_the_program_gives() {
         let range = number("reported_distance_m_no_noise");
         assert_near("range", cloud.columns.range[0].into(), range, 1e-6 * range);
     }
+}
+
+/// Rain and dust of a row; rain without its range noise.
+fn program_weather(table: &Table, row: usize) -> Environment {
+    let there = |column| !table.text(row, column).is_empty();
+    let number = |column| table.number(row, column);
+    let mut environment = Environment::default();
+    if there("rain_mm_h") {
+        environment.rain = vec![Rain { range_noise: Some(false), ..Rain::new(number("rain_mm_h")) }.into()];
+    }
+    if there("dust_n") {
+        let what = Dust { radius_um: number("dust_r_um"), per_m3: number("dust_n"), q_ext: 1.0 };
+        let region = Region::Shell { start_m: number("dust_start_m"), length_m: number("dust_L_m") };
+        environment.dust = vec![Placed { what, region }];
+    }
+    environment
 }
 
 /// Two plates behind each other: the ray stops at the first, seen or not.

@@ -5,6 +5,7 @@ mod geometry;
 mod intensity;
 mod moving;
 mod noise;
+mod weather;
 
 use echocast::{BuiltScene, FieldSet, PointCloud, Pose, ScanOptions, Sensor, Trajectory};
 use echocast_tests::reference::{SceneBuilder, Shape};

@@ -3,6 +3,7 @@
 use crate::context::Context;
 use crate::guard::{Failure, Outcome, echocast_status, guard, guard_or};
 use crate::handle::{self, handles};
+use crate::scan::Weather;
 use crate::scene::echocast_pose;
 use crate::text::{self, Versioned};
 use echocast::cloud::{ColumnType, PackItem, PackType};
@@ -25,6 +26,7 @@ pub struct Points {
     pub(crate) context: Arc<Context>,
     pub(crate) cloud: PointCloud,
     pub(crate) keys: Vec<(f64, Pose)>,
+    pub(crate) weather: Weather,
     names: Mutex<Names>,
 }
 
@@ -39,7 +41,8 @@ struct Names {
 
 impl Points {
     pub(crate) fn new(context: &Arc<Context>) -> Points {
-        Points { context: context.clone(), cloud: PointCloud::default(), keys: Vec::new(), names: Mutex::default() }
+        let (cloud, keys, weather) = Default::default();
+        Points { context: context.clone(), cloud, keys, weather, names: Mutex::default() }
     }
 }
 

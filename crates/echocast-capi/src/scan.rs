@@ -6,11 +6,13 @@ use crate::result::{Points, echocast_result};
 use crate::scene::{echocast_pose, echocast_snapshot};
 use crate::sensor::{echocast_sensor, seconds};
 use crate::text::{self, Versioned};
-use echocast::{BuiltScene, FieldSet, Frame, Order, Profile, ReflectanceSource, ScanOptions, Sensor, Trajectory};
+use echocast::{
+    BuiltScene, Environment, FieldSet, Frame, Order, Profile, ReflectanceSource, ScanOptions, Sensor, Trajectory,
+};
 use std::ffi::{c_char, c_void};
 use std::ops::ControlFlow;
-use std::ptr;
 use std::sync::{Arc, RwLock};
+use std::{mem, ptr};
 
 /// A pose at a time.
 #[repr(C)]
@@ -90,6 +92,9 @@ pub struct echocast_scan_desc {
     pub progress: echocast_progress_fn,
     /// First argument of `progress`.
     pub progress_user: *mut c_void,
+    /// What is in the air, as YAML with the keys of a scenario's section `environment` ("{rain: {rate_mm_h: 10}}"), or
+    /// NULL for nothing. A text that is the same as in the result's last scan is not read again.
+    pub environment: *const c_char,
 }
 
 impl Default for echocast_scan_desc {
@@ -112,6 +117,7 @@ impl Default for echocast_scan_desc {
             reserved: 0,
             progress: None,
             progress_user: ptr::null_mut(),
+            environment: ptr::null(),
         }
     }
 }
@@ -178,13 +184,15 @@ pub unsafe extern "C" fn echocast_scan(
 /// The arrays and strings of `desc` are as it says.
 unsafe fn scan(scene: &BuiltScene, sensor: &Sensor, desc: &echocast_scan_desc, points: &mut Points) -> Outcome {
     // SAFETY: as the caller promises.
-    let options = unsafe { scan_options(desc) }?;
+    let mut options = unsafe { scan_options(desc) }?;
+    // SAFETY: as the caller promises.
+    points.weather.read(unsafe { text::optional(desc.environment, "desc->environment") }?)?;
     // SAFETY: as the caller promises.
     let poses = unsafe { text::array(desc.poses, desc.pose_count, "desc->poses") }?;
     if poses.is_empty() {
         return Err(Failure::argument("desc->pose_count", 0, "1 or more"));
     }
-    let mut keys = std::mem::take(&mut points.keys);
+    let mut keys = mem::take(&mut points.keys);
     keys.clear();
     keys.try_reserve(poses.len())
         .map_err(|_| Failure::new(crate::ECHOCAST_E_MEMORY, format!("no memory for {} poses", poses.len())))?;
@@ -203,6 +211,7 @@ unsafe fn scan(scene: &BuiltScene, sensor: &Sensor, desc: &echocast_scan_desc, p
         keys.push((seconds(since), pose));
     }
     let trajectory = Trajectory::new(keys)?;
+    options.environment = mem::take(&mut points.weather.environment);
     let done = match desc.progress {
         None => scene.scan_into(sensor, &trajectory, &options, &mut points.cloud),
         Some(progress) => {
@@ -219,6 +228,7 @@ unsafe fn scan(scene: &BuiltScene, sensor: &Sensor, desc: &echocast_scan_desc, p
         }
     };
     points.keys = trajectory.into_keys();
+    points.weather.environment = options.environment;
     Ok(done?)
 }
 
@@ -252,7 +262,28 @@ unsafe fn scan_options(desc: &echocast_scan_desc) -> Outcome<ScanOptions> {
             &[None, Some(ReflectanceSource::Luminance), Some(ReflectanceSource::Alpha)],
         )?,
         mask: desc.mask,
+        environment: Environment::default(),
     })
+}
+
+/// The environment of a result's last scan and its text.
+#[derive(Default)]
+pub(crate) struct Weather {
+    text: String,
+    environment: Environment,
+}
+
+impl Weather {
+    /// Reads `text`, unless it is the one that was read last.
+    fn read(&mut self, text: Option<&str>) -> Outcome {
+        let text = text.unwrap_or_default();
+        if text != self.text {
+            self.environment =
+                if text.trim().is_empty() { Environment::default() } else { Environment::from_yaml(text)? };
+            text.clone_into(&mut self.text);
+        }
+        Ok(())
+    }
 }
 
 /// What a number stands for, counted from 0.

@@ -15,6 +15,7 @@ mod report;
 mod scan;
 mod sensors;
 mod text;
+mod weather;
 
 use clap::{Parser, Subcommand};
 use std::io::Write as _;

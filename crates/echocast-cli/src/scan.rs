@@ -7,11 +7,12 @@ use crate::place::PlaceArgs;
 use crate::progress::Progress;
 use crate::report::{RunReport, Seconds, timed};
 use crate::text::duration;
+use crate::weather::WeatherArgs;
 use crate::{choice, formats, interrupt, text};
 use anyhow::{Context as _, Result, ensure};
 use echocast::{
-    Field, FieldSet, Frame, Order, PointCloud, Profile, ReflectanceSource, Report, ReturnMode, ScanOptions, Scene,
-    Sensor, Trajectory,
+    Environment, Field, FieldSet, Frame, Order, PointCloud, Profile, ReflectanceSource, Report, ReturnMode,
+    ScanOptions, Scene, Sensor, Trajectory,
 };
 use serde_json::{Value, json};
 use std::io::Write as _;
@@ -22,6 +23,7 @@ use std::path::PathBuf;
 #[command(after_help = "\
 Examples:
   echocast scan street.glb --sensor velodyne_vlp32c --camera Sensor -o scan.las --preview scan.png
+  echocast scan street.glb --sensor velodyne_vlp32c --at 0,0,1.8 --rain 20 --fog 150 -o wet.las
   echocast scan hall.glb --sensor kinect_v2 --at 1,2,1.5 --rpy 0,15,90 --organised --fields default,depth -o hall.npz
   echocast scan city.obj --up y --sensor velodyne_hdl64e --trajectory drive.txt --frames 0:99 --single -o drive.las")]
 pub struct Args {
@@ -39,6 +41,8 @@ pub struct Args {
     /// Seed of all random draws
     #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true, help_heading = "Sensor")]
     seed: u64,
+    #[command(flatten)]
+    weather: WeatherArgs,
     #[command(flatten)]
     place: PlaceArgs,
     /// Poses over time: TUM text (`t x y z qx qy qz qw`) or CSV with a header; time 0 of the run is the first pose
@@ -103,6 +107,7 @@ pub fn run(args: &Args) -> Result<()> {
         Ok((sensor, scene, trajectory))
     })?;
     warnings.absorb(scene.report.clone());
+    let environment = args.weather.load()?;
     let frames = args.frames.unwrap_or(Frames::ONE);
     let fps = frame_rate(args.fps, &sensor)?;
     if args.trajectory.is_some() {
@@ -141,6 +146,7 @@ pub fn run(args: &Args) -> Result<()> {
             profile: args.profile,
             reflectance_source: args.reflectance_source,
             mask: u32::MAX,
+            environment: environment.clone(),
         };
         progress.phase("scanning".into());
         timed(&mut seconds.scan, || built.scan_into(&sensor, &trajectory, &options, &mut cloud))?;
@@ -172,7 +178,7 @@ pub fn run(args: &Args) -> Result<()> {
         seconds,
         warnings: warnings.warnings,
         outputs: writer.files,
-        run: repeatable(args, &sensor, &trajectory, frames, fps, fields)?,
+        run: repeatable(args, &sensor, &environment, &trajectory, frames, fps, fields)?,
     };
     if args.verbose {
         tell_more(&scene, &sensor, &trajectory);
@@ -249,6 +255,7 @@ fn warn_of_nothing(scene: &Scene, sensor: &Sensor, trajectory: &Trajectory, warn
 fn repeatable(
     args: &Args,
     sensor: &Sensor,
+    environment: &Environment,
     trajectory: &Trajectory,
     frames: Frames,
     fps: f64,
@@ -266,6 +273,7 @@ fn repeatable(
         "folder": std::env::current_dir().ok(),
         "scene": args.scene.to_json(),
         "sensors": [serde_json::to_value(sensor.spec()).context("the sensor cannot be reported")?],
+        "environment": serde_json::to_value(environment).context("the weather cannot be reported")?,
         "trajectory": place,
         "frames": { "first": frames.first, "last": frames.last, "step": frames.step, "fps": fps },
         "profile": choice::name(choice::PROFILE, args.profile),

@@ -60,6 +60,29 @@ fn the_report_says_what_was_done_and_how_to_repeat_it() {
     }
 }
 
+/// Flags and file say the same; a flag takes the place of the file's weather of its kind.
+#[test]
+fn weather_comes_by_flag_and_by_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let yaml = "environment: {rain: {rate_mm_h: 30}, fog: {visibility_m: 60}, dust: {radius_um: 50, per_m3: 1e6, \
+                start_m: 2, length_m: 3}}";
+    fs::write(folder.path().join("weather.yaml"), yaml).unwrap();
+    fs::write(folder.path().join("rain.yaml"), "rain: {rate_mm_h: 1}").unwrap();
+    let by_flag = "--rain 30 --fog 60 --dust 50,1e6,2,3";
+    for (name, options) in [
+        ("clear", String::new()),
+        ("flag", by_flag.to_owned()),
+        ("file", "--env DIR/weather.yaml".to_owned()),
+        ("both", format!("--env DIR/rain.yaml {by_flag}")),
+    ] {
+        let report = report(folder.path(), &format!("{SCAN} {options} --fields all -o DIR/{name}.csv"));
+        assert_eq!(report["run"]["environment"].get("rain").is_some(), name != "clear");
+    }
+    let text = |name: &str| fs::read(folder.path().join(name).with_extension("csv")).unwrap();
+    assert!(text("flag") == text("file") && text("flag") == text("both"));
+    assert!(text("flag") != text("clear"));
+}
+
 #[test]
 fn equal_input_gives_equal_bytes_whatever_the_threads() {
     let folder = tempfile::tempdir().unwrap();

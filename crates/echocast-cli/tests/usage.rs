@@ -20,7 +20,7 @@ fn every_command_explains_itself_with_an_example() {
     let scan = stdout(folder, "scan --help");
     for option in "--sensor --set --at --rpy --camera --trajectory --frames --fps --profile --frame --fields --labels \
                    --seed --threads --single --merged --order --organised --output --format --preview --color --view \
-                   --up --scale --json --quiet --verbose --reflectance-source"
+                   --up --scale --json --quiet --verbose --reflectance-source --env --rain --snow --fog --dust"
         .split_whitespace()
     {
         assert!(scan.contains(option), "{option}");
@@ -49,7 +49,8 @@ fn wrong_usage_is_2() {
         ("scan HALL --sensor kinect_v2 --at 0,0,0 --fields x,rnge -o DIR/x.las", "near: range"),
         ("scan HALL --sensor kinect_v2 --at 0,0,0 --set noise -o DIR/x.las", "KEY=VALUE"),
         ("scan HALL --sensor kinect_v2 --trajectory DIR/t.csv --rpy 0,0,90 -o DIR/x.las", "--rpy"),
-        ("scan HALL --sensor kinect_v2 --at 0,0,0 --rain 10 -o DIR/x.las", "--rain"),
+        ("scan HALL --sensor kinect_v2 --at 0,0,0 --rian 10 -o DIR/x.las", "--rain"),
+        ("scan HALL --sensor kinect_v2 --at 0,0,0 --dust 50,1e5,5 -o DIR/x.las", "RADIUS_UM,PER_M3,START_M,LENGTH_M"),
         ("scan HALL --sensor kinect_v2 --at 0,0,0 --threads 0 -o DIR/x.las", "--threads"),
         ("scan HALL --sensor kinect_v2 --at 0,0,0 --view top -o DIR/x.las", "--preview"),
     ] {
@@ -79,6 +80,9 @@ fn failed_work_is_1_and_one_line_that_names_the_cause() {
             &["--set", "range_sgma_m", "near: range_sigma_m"],
         ),
         (&format!("{scene} --set noise.range_sigma_m=-1 -o DIR/x.las"), &["--set", "noise.range_sigma_m", "-1"]),
+        (&format!("{scene} --rain=-1 -o DIR/x.las"), &["--rain.rate_mm_h is -1; allowed: 0 to 500"]),
+        (&format!("{scene} --dust 50,1e5,5,-1 -o DIR/x.las"), &["--dust.length_m is -1; allowed: above 0"]),
+        (&format!("{scene} --env DIR/no.yaml -o DIR/x.las"), &["no.yaml: No such file"]),
         (&format!("{scene} -o DIR/x.lsa"), &["x.lsa", ".las", ".npz"]),
         (&format!("{scene} -o DIR/x --format laz2"), &["laz2", "las2"]),
         (&format!("{scene} -o DIR/no/x.las"), &["no/x.las: No such file"]),

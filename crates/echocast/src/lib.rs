@@ -57,6 +57,7 @@
 #![forbid(unsafe_code)]
 
 mod bounds;
+mod cause;
 pub mod cloud;
 pub mod detect;
 pub mod echo;
@@ -64,6 +65,7 @@ pub mod emitter;
 pub mod error;
 pub mod export;
 pub mod material;
+pub mod medium;
 mod parallel;
 mod presets;
 pub mod report;
@@ -76,10 +78,12 @@ pub mod units;
 mod yaml;
 
 pub use bounds::Parameter;
+pub use cause::Cause;
 pub use cloud::{Field, FieldSet, Frame, PackItem, PackType, PointCloud};
 pub use emitter::{Pose, Trajectory};
 pub use error::{Error, Result};
 pub use material::ReflectanceSource;
+pub use medium::Environment;
 pub use report::Report;
 pub use scan::{Order, Profile, Progress, ScanOptions};
 pub use scene::{LabelRules, LoadOptions, Scene};

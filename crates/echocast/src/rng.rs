@@ -16,6 +16,12 @@ pub(crate) enum Draw {
     AzimuthJitter = 2,
     /// Whether a return gets lost.
     Dropout = 3,
+    /// How many rain drops a beam meets, where, how large.
+    Drops = 4,
+    /// Likewise flakes of snow.
+    Flakes = 5,
+    /// Gaussian error of the range from rain.
+    RainRange = 6,
 }
 
 const MULTIPLIER: [u32; 2] = [0xD251_1F53, 0xCD9E_8D57];
@@ -76,15 +82,36 @@ impl Rng {
         }
     }
 
-    /// Numbers in [0, 1) of beams `first_beam ..`, one for each element of `out`.
+    /// Numbers in [0, 1) of beams `first_beam ..` at `sub_ray`, one for each element of `out`.
     #[inline(always)]
-    pub(crate) fn uniforms(&self, first_beam: u32, draw: Draw, out: &mut [f32]) {
-        for (lane, value) in out.iter_mut().enumerate() {
-            let beam = first_beam.wrapping_add(lane as u32);
-            let [[word], ..] = philox([[beam], [self.frame], [0], [draw as u32]], self.key);
-            *value = (word >> 8) as f32 / (1 << 24) as f32;
+    pub(crate) fn uniforms(&self, first_beam: u32, draw: Draw, sub_ray: u32, out: &mut [f32]) {
+        const N: usize = 16;
+        let mut beam = first_beam;
+        for chunk in out.chunks_mut(N) {
+            let mut beams = [0; N];
+            for (lane, value) in beams.iter_mut().enumerate() {
+                *value = beam.wrapping_add(lane as u32);
+            }
+            let [words, ..] = philox([beams, [self.frame; N], [sub_ray; N], [draw as u32; N]], self.key);
+            let mut values = [0.0; N];
+            for lane in 0..N {
+                values[lane] = unit(words[lane]);
+            }
+            chunk.copy_from_slice(&values[..chunk.len()]);
+            beam = beam.wrapping_add(N as u32);
         }
     }
+
+    /// Four numbers in [0, 1) of one beam at `sub_ray`; the first is that of [`Rng::uniforms`].
+    pub(crate) fn four(&self, beam: u32, draw: Draw, sub_ray: u32) -> [f32; 4] {
+        philox([[beam], [self.frame], [sub_ray], [draw as u32]], self.key).map(|[word]| unit(word))
+    }
+}
+
+/// A number in [0, 1) from 24 random bits.
+#[inline(always)]
+fn unit(word: u32) -> f32 {
+    (word >> 8) as i32 as f32 / (1 << 24) as f32
 }
 
 /// A standard normal number from 48 random bits (Box and Muller 1958); its greatest value is

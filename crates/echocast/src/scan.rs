@@ -1,11 +1,13 @@
 //! The driver: one scan, step by step.
 
+use crate::cause::Cause;
 use crate::cloud::{Columns, Field, FieldSet, Frame, Kept, PointCloud, Slices};
 use crate::detect::{Noise, RangeError, Threshold};
-use crate::echo::{Contribution, IntensityModel, Wanted};
+use crate::echo::{Air, Answer, Contribution, IntensityModel, Wanted};
 use crate::emitter::{Aim, BeamTable, Trajectory};
 use crate::error::{Error, Result};
 use crate::material::{ReflectanceSource, Reflectances};
+use crate::medium::{Environment, Weather};
 use crate::parallel;
 use crate::rng::{Draw, Rng};
 use crate::sensor::Sensor;
@@ -63,6 +65,8 @@ pub struct ScanOptions {
     pub reflectance_source: Option<ReflectanceSource>,
     /// Objects are seen whose mask shares a bit with this.
     pub mask: u32,
+    /// What is between sensor and surfaces; it must be sound, see [`Environment::check`].
+    pub environment: Environment,
 }
 
 impl Default for ScanOptions {
@@ -79,6 +83,7 @@ impl Default for ScanOptions {
             profile: Profile::Physical,
             reflectance_source: None,
             mask: u32::MAX,
+            environment: Environment::default(),
         }
     }
 }
@@ -164,6 +169,7 @@ impl BuiltScene {
         if !(start.position.is_finite() && start.orientation.is_finite()) {
             return Err(Error::invalid("pose", format!("{start:?}"), "finite numbers, a quaternion that is not 0"));
         }
+        options.environment.check()?;
         if options.organised && options.order == Order::Time {
             return Err(Error::invalid(
                 "order",
@@ -207,6 +213,8 @@ struct Scan<'a> {
     keeps_undetected: bool,
     /// Whether the range limits hold for what is measured too; the paper's program adds its errors afterwards.
     limits_measured: bool,
+    /// What is in the air, if anything.
+    air: Option<Air>,
 }
 
 impl<'a> Scan<'a> {
@@ -224,14 +232,17 @@ impl<'a> Scan<'a> {
             ReflectanceSource::Luminance
         });
         let threshold = Threshold::new(sensor.detection, blainder);
-        let wants_echo = threshold != Threshold::Open || fields.contains(Field::Intensity);
+        let beams = sensor.beams();
+        let as_the_paper = options.profile != Profile::Physical;
+        let weather = Weather::new(&options.environment, sensor.wavelength_nm, as_the_paper, scene.origin);
+        let air = Air::new(weather, sensor.receiver(threshold), sensor.return_mode(), !blainder);
+        let wants_echo = air.is_some() || threshold != Threshold::Open || fields.contains(Field::Intensity);
         let wants_normals =
             wants_echo || fields.contains_any(&[Field::NormalX, Field::NormalY, Field::NormalZ, Field::CosIncidence]);
         let colors = fields.contains_any(&[Field::Red, Field::Green, Field::Blue]);
         let wants_surfaces = wants_echo
             || fields.contains_any(&[Field::CategoryId, Field::PartId, Field::InstanceId, Field::MaterialId])
             || colors;
-        let beams = sensor.beams();
         Scan {
             scene,
             beams,
@@ -254,6 +265,7 @@ impl<'a> Scan<'a> {
             wanted: Wanted { colors, reflectance: wants_echo },
             keeps_undetected: blainder,
             limits_measured: options.profile == Profile::Physical && sensor.noise != Noise::default(),
+            air,
         }
     }
 
@@ -410,6 +422,7 @@ struct Block {
     turn: [f32; LANES],
     kept: Kept,
     scratch: [f32; LANES],
+    answer: Answer,
 }
 
 impl Block {
@@ -424,6 +437,7 @@ impl Block {
             turn: [0.0; LANES],
             kept: Kept::new(),
             scratch: [0.0; LANES],
+            answer: Answer::new(),
         }
     }
 
@@ -432,7 +446,8 @@ impl Block {
     fn scan(&mut self, scan: &Scan, first: usize, count: usize, rows: Slices) -> usize {
         self.aim(scan, first, count);
         self.trace(scan, count);
-        if !scan.options.organised && self.hits.surface[..count].iter().all(|&surface| surface == MISS) {
+        let needs_surfaces = !scan.options.organised && !scan.air.as_ref().is_some_and(Air::answers);
+        if needs_surfaces && self.hits.surface[..count].iter().all(|&surface| surface == MISS) {
             return 0;
         }
         self.detect(scan, first, count);
@@ -467,13 +482,22 @@ impl Block {
     /// Steps 9 and 10: what the instrument makes of it.
     #[inline(always)]
     fn detect(&mut self, scan: &Scan, first: usize, count: usize) {
-        let Block { hits, surfaces, rho_eff, measured, intensity, turn, scratch, .. } = self;
+        let beams = first as u32;
+        if let Some(air) = scan.air.as_ref().filter(|_| !scan.keeps_undetected) {
+            air.dim(&self.rays, &self.hits.range, count, &mut self.scratch);
+            for lane in 0..LANES {
+                self.surfaces.reflectance[lane] *= self.scratch[lane];
+            }
+        }
+        let Block { hits, surfaces, rho_eff, intensity, .. } = self;
         for lane in 0..LANES {
             rho_eff[lane] = surfaces.reflectance[lane] * surfaces.cos_incidence[lane];
             let (rho, cos) = (surfaces.reflectance[lane], surfaces.cos_incidence[lane]);
             intensity[lane] = scan.intensity.of(rho, cos, hits.range[lane]);
         }
-        if scan.threshold != Threshold::Open {
+        if let Some(air) = scan.air.as_ref().filter(|_| scan.keeps_undetected) {
+            self.weather_of_the_program(scan, air, count);
+        } else if scan.threshold != Threshold::Open {
             for lane in 0..LANES {
                 if !scan.threshold.detects(rho_eff[lane], hits.range[lane]) {
                     intensity[lane] = 0.0;
@@ -483,14 +507,23 @@ impl Block {
                 }
             }
         }
-        let beams = first as u32;
+        scan.limit(&mut self.hits.surface, &self.hits.range, first, count);
+        if let Some(air) = scan.air.as_ref().filter(|air| air.answers()) {
+            self.answer(scan, air, first, count);
+        }
+        let Block { hits, rho_eff, measured, turn, scratch, .. } = self;
         scan.range_error.measure(&scan.rng, beams, &rho_eff[..count], &hits.range[..count], &mut measured[..count]);
-        scan.limit(&mut hits.surface, &hits.range, first, count);
+        if let Some(sigma) = scan.air.as_ref().map(Air::range_noise).filter(|&sigma| sigma > 0.0) {
+            scan.rng.normals(beams, Draw::RainRange, &mut scratch[..count]);
+            for lane in 0..count {
+                measured[lane] = (measured[lane] + sigma * hits.range[lane] * scratch[lane]).max(0.0);
+            }
+        }
         if scan.limits_measured {
             scan.limit(&mut hits.surface, measured, first, count);
         }
         if scan.dropout > 0.0 {
-            scan.rng.uniforms(beams, Draw::Dropout, &mut scratch[..count]);
+            scan.rng.uniforms(beams, Draw::Dropout, 0, &mut scratch[..count]);
             for lane in 0..count {
                 if scratch[lane] < scan.dropout {
                     hits.surface[lane] = MISS;
@@ -503,10 +536,45 @@ impl Block {
         }
     }
 
+    /// Rain and dust as the paper's program has them: intensity is as without, or 0 where nothing is seen.
+    #[inline(never)]
+    fn weather_of_the_program(&mut self, scan: &Scan, air: &Air, count: usize) {
+        let Block { hits, rho_eff, intensity, answer, .. } = self;
+        answer.cause = [Cause::Surface as u8; LANES];
+        for lane in 0..count {
+            let limit = scan.threshold.limit_of_the_program(hits.range[lane]);
+            let (tested, cloud) = air.as_the_program(hits.range[lane], rho_eff[lane], limit);
+            if let Some((range, backscatter)) = cloud {
+                (hits.range[lane], intensity[lane]) = (range, backscatter);
+                answer.cause[lane] = Cause::Dust as u8;
+            }
+            if scan.threshold != Threshold::Open && tested <= limit {
+                intensity[lane] = 0.0;
+            }
+        }
+    }
+
+    /// Echoes of the air in place of surfaces, where the instrument prefers them.
+    #[inline(always)]
+    fn answer(&mut self, scan: &Scan, air: &Air, first: usize, count: usize) {
+        let Block { rays, hits, surfaces, rho_eff, intensity, answer, .. } = self;
+        (answer.range, answer.rho_eff) = (hits.range, *rho_eff);
+        (answer.air, answer.cause) = ([false; LANES], [Cause::Surface as u8; LANES]);
+        air.answer(rays, &scan.rng, first as u32, count, &mut hits.surface, answer);
+        (hits.range, *rho_eff) = (answer.range, answer.rho_eff);
+        for lane in 0..count {
+            if answer.air[lane] {
+                surfaces.clear(lane);
+                (hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]) = (f32::NAN, f32::NAN, f32::NAN);
+                intensity[lane] = scan.intensity.of(rho_eff[lane], 1.0, hits.range[lane]);
+            }
+        }
+    }
+
     /// Step 11: the columns that were asked for, row by row.
     #[inline(always)]
     fn collect(&mut self, scan: &Scan, first: usize, count: usize, rows: Slices) -> usize {
-        let Block { rays, hits, surfaces, measured, intensity, turn, kept, scratch, .. } = self;
+        let Block { rays, hits, surfaces, measured, intensity, turn, kept, scratch, answer, .. } = self;
         let surface = &hits.surface;
         let filled = kept.choose(surface, count, scan.options.organised);
 
@@ -572,7 +640,7 @@ impl Block {
         kept.put(surface, &surfaces.blue, rows.blue);
         kept.put(surface, &[1; LANES], rows.return_number);
         kept.put(surface, &[1; LANES], rows.return_count);
-        kept.put(surface, &[0; LANES], rows.cause);
+        kept.put(surface, &answer.cause, rows.cause);
         kept.put(surface, &[0; LANES], rows.bounces);
 
         // What is known of every beam, return or not.

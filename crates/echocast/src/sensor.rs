@@ -1,8 +1,8 @@
 //! Sensors: a scan pattern, a beam and a receiver, read from YAML or taken from a preset.
 
 use crate::bounds::{ABOVE_ZERO, Bounds, Parameter};
-use crate::detect::{Detection, LimitPoint, Noise};
-use crate::echo::IntensityEncoding;
+use crate::detect::{Detection, LimitPoint, Noise, Threshold};
+use crate::echo::{Cone, IntensityEncoding, Pulse, PulseShape, Receiver};
 use crate::emitter::BeamTable;
 use crate::emitter::pattern::Pattern;
 use crate::error::{Error, Result};
@@ -86,13 +86,27 @@ pub struct BeamSpec {
     /// Full divergence at 1/e^2, horizontal and vertical, mrad, at least 0; one number stands for both.
     #[serde(deserialize_with = "number_or_pair")]
     pub divergence_mrad: [f64; 2],
-    /// Length of the pulse, ns, at least 0.
+    /// Full width of the pulse at half of its greatest power, ns, at least 0.
     pub pulse_ns: f64,
+    /// Power of the pulse over time.
+    pub pulse_shape: PulseShape,
+    /// Diameter of the beam where it leaves the instrument, mm, 0 to 1000.
+    pub exit_diameter_mm: f64,
+    /// Ranges below which the receiver sees nothing of its own beam and from which it sees all of it, m; in between
+    /// linear. It decides how near fog shows.
+    pub overlap_m: [f64; 2],
 }
 
 impl Default for BeamSpec {
     fn default() -> Self {
-        BeamSpec { wavelength_nm: 905.0, divergence_mrad: [0.0; 2], pulse_ns: 0.0 }
+        BeamSpec {
+            wavelength_nm: 905.0,
+            divergence_mrad: [0.0; 2],
+            pulse_ns: 0.0,
+            pulse_shape: PulseShape::Gaussian,
+            exit_diameter_mm: 12.0,
+            overlap_m: [0.5, 2.0],
+        }
     }
 }
 
@@ -234,6 +248,11 @@ impl SensorSpec {
         bounds.within("beam.divergence_mrad[0]", beam.divergence_mrad[0], 0.0, 1000.0)?;
         bounds.within("beam.divergence_mrad[1]", beam.divergence_mrad[1], 0.0, 1000.0)?;
         bounds.within("beam.pulse_ns", beam.pulse_ns, 0.0, 1e9)?;
+        bounds.within("beam.exit_diameter_mm", beam.exit_diameter_mm, 0.0, 1000.0)?;
+        let [near, far] = beam.overlap_m;
+        bounds.within("beam.overlap_m[0]", near, 0.0, 1000.0)?;
+        bounds.within("beam.overlap_m[1]", far, 0.0, 1000.0)?;
+        bounds.rising(("beam.overlap_m[0]", near), ("beam.overlap_m[1]", far))?;
         bounds.within("range.min_m", range.min_m, 0.0, FARTHEST_M)?;
         bounds.within("range.max_m", range.max_m, 0.0, FARTHEST_M)?;
         bounds.rising(("range.min_m", range.min_m), ("range.max_m", range.max_m))?;
@@ -414,6 +433,27 @@ impl Sensor {
             folder,
             beams,
         }
+    }
+
+    /// How it receives, with `threshold` in place of its detection model.
+    pub(crate) fn receiver(&self, threshold: Threshold) -> Receiver {
+        let beam = &self.spec.beam;
+        Receiver {
+            pulse: Pulse::new(beam.pulse_shape, beam.pulse_ns),
+            overlap: beam.overlap_m,
+            cone: Cone {
+                start: beam.exit_diameter_mm * 1e-3,
+                divergence: beam.divergence_mrad.map(|mrad| mrad * 1e-3),
+            },
+            threshold,
+            range_min: self.range_min_m,
+            range_max: self.range_max_m,
+        }
+    }
+
+    /// Which echoes of a beam it reports.
+    pub(crate) fn return_mode(&self) -> ReturnMode {
+        self.spec.returns.mode
     }
 
     /// An ideal lidar with beams of your own: no noise, no threshold, no range limit but the table's.

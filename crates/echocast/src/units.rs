@@ -4,3 +4,6 @@
 pub const fn seconds_from_us(us: f64) -> f64 {
     us / 1e6
 }
+
+/// Speed of light, m/s.
+pub const SPEED_OF_LIGHT: f64 = 299_792_458.0;

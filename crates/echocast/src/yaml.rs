@@ -12,6 +12,7 @@ use serde_saphyr::{Options, Spanned};
 use std::fmt;
 use std::fs::File;
 use std::io::Read;
+use std::marker::PhantomData;
 use std::path::Path;
 
 /// Longest file that is read, bytes.
@@ -334,7 +335,47 @@ pub fn split_tag<'de, D: Deserializer<'de>>(deserializer: D, tag: &'static str) 
     }
 }
 
+/// Reads a mapping as two: the keys that `first` names, and all others.
+///
+/// # Errors
+/// Not a mapping.
+pub fn split_keys<'de, D: Deserializer<'de>>(
+    deserializer: D,
+    first: &'static [&'static str],
+) -> Result<(Section, Section), D::Error> {
+    let (taken, left) = Map::deserialize(deserializer)?.into_iter().partition(|(key, _)| first.contains(&key.as_str()));
+    Ok((Section { tag: "", keys: taken }, Section { tag: "", keys: left }))
+}
+
+/// Reads a list, or a section as a list of one.
+///
+/// # Errors
+/// Neither; what is wrong in an item.
+pub fn one_or_more<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer: D) -> Result<Vec<T>, D::Error> {
+    struct OneOrMore<T>(PhantomData<T>);
+
+    impl<'de, T: Deserialize<'de>> Visitor<'de> for OneOrMore<T> {
+        type Value = Vec<T>;
+
+        fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+            f.write_str("a section of keys or a list of them")
+        }
+        fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Vec<T>, A::Error> {
+            Ok(vec![T::deserialize(de::value::MapAccessDeserializer::new(map))?])
+        }
+        fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Vec<T>, A::Error> {
+            Deserialize::deserialize(de::value::SeqAccessDeserializer::new(seq))
+        }
+    }
+    deserializer.deserialize_any(OneOrMore(PhantomData))
+}
+
 impl Section {
+    /// Names of the keys.
+    pub fn keys(&self) -> impl Iterator<Item = &str> {
+        self.keys.keys().map(String::as_str)
+    }
+
     /// Turns the keys into a `T`.
     ///
     /// # Errors

@@ -536,6 +536,25 @@ static void scans(echocast_context *context)
     desc.pose_count = 1;
     desc.columns = "x,y,zed";
     FAILS(ECHOCAST_E_ARGUMENT, "there is no column named \"zed\"", echocast_scan(snapshot, &desc, &result));
+    desc.columns = "intensity";
+    OK(echocast_scan(snapshot, &desc, &result));
+    echocast_view clear, dim;
+    OK(echocast_result_view(result, "intensity", &clear));
+    const size_t middle = (size_t)212 * 512 + 256;
+    const float before = ((const float *)clear.data)[middle];
+    desc.environment = "{rain: {rate_mm_h: 500, drops: false}}";
+    OK(echocast_scan(snapshot, &desc, &result)); /* the text is read, and the second time known */
+    OK(echocast_scan(snapshot, &desc, &result));
+    OK(echocast_result_view(result, "intensity", &dim));
+    const float after = ((const float *)dim.data)[middle];
+    CHECK(after < before && after > 0);
+    desc.environment = "{rain: {rate: 50}}";
+    FAILS(ECHOCAST_E_PARSE, "YAML text: line 1: rain.rate: unknown key \"rate\"; near: rate_mm_h", echocast_scan(snapshot, &desc, &result));
+    desc.environment = NULL;
+    OK(echocast_scan(snapshot, &desc, &result));
+    OK(echocast_result_view(result, "intensity", &clear));
+    CHECK(((const float *)clear.data)[middle] == before);
+    desc.columns = "zed";
     desc.columns = NULL;
     desc.order = 2;
     FAILS(ECHOCAST_E_ARGUMENT, "desc->order is 2; allowed: 0 to 1", echocast_scan(snapshot, &desc, &result));

@@ -388,7 +388,7 @@ int main(int argc, char **argv)
         REFUSED(echocast_scan(snapshot, &scan, &result));
     }
     scan.sensor = sensor;
-    for (int field = 0; field < 11; ++field) {
+    for (int field = 0; field < 14; ++field) {
         echocast_scan_desc wrong = scan;
         switch (field) {
         case 0: wrong.poses = NULL; break;
@@ -401,6 +401,9 @@ int main(int argc, char **argv)
         case 7: wrong.coordinates = -1; break;
         case 8: wrong.profile = 99; break;
         case 9: wrong.reflectance = 3; break;
+        case 10: wrong.environment = "\xff"; break;
+        case 11: wrong.environment = "{rain: {rate_mm_h: -1}}"; break;
+        case 12: wrong.environment = "{rain: ["; break;
         default: wrong.reserved = 1; break;
         }
         REFUSED(echocast_scan(snapshot, &wrong, &result));

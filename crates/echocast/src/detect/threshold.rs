@@ -109,9 +109,25 @@ impl Threshold {
             Threshold::Open => true,
             Threshold::Calibrated { k } => rho_eff >= k * range * range,
             Threshold::Linear { from, limit, slope } => range < from || rho_eff > limit + slope * (range - from),
-            Threshold::LinearBlainder { from, limit, slope } => {
-                rho_eff > if range < from { 0.0 } else { limit + slope * range }
-            }
+            Threshold::LinearBlainder { .. } => rho_eff > self.limit_of_the_program(range),
+        }
+    }
+
+    /// What the effective reflectance of an echo from `range` m must exceed in the paper's program.
+    #[inline(always)]
+    pub(crate) fn limit_of_the_program(self, range: f32) -> f32 {
+        match self {
+            Threshold::LinearBlainder { from, limit, slope } if range >= from => limit + slope * range,
+            Threshold::Calibrated { k } => k * range * range,
+            _ => 0.0,
+        }
+    }
+
+    /// Least `rho_eff / R^2` that is detected at every range, 1/m^2, where the model knows one.
+    pub(crate) fn least_power(self) -> Option<f64> {
+        match self {
+            Threshold::Calibrated { k } => Some(k.into()),
+            _ => None,
         }
     }
 

@@ -126,6 +126,14 @@ impl Contribution {
         }
     }
 
+    /// Forgets the surface of a lane: it has no label, colour or side.
+    pub(crate) fn clear(&mut self, lane: usize) {
+        self.cos_incidence[lane] = f32::NAN;
+        (self.category_id[lane], self.part_id[lane]) = (0, 0);
+        (self.instance_id[lane], self.material_id[lane]) = (0, 0);
+        (self.red[lane], self.green[lane], self.blue[lane]) = (0, 0, 0);
+    }
+
     /// Colour and reflectance of lanes whose surface has an image.
     #[inline(never)]
     fn sample(

@@ -2,7 +2,14 @@
 
 mod contribution;
 mod intensity;
+mod particles;
+mod pulse;
+mod weather;
 
 pub(crate) use contribution::{Contribution, Wanted};
 pub use intensity::IntensityEncoding;
 pub(crate) use intensity::IntensityModel;
+pub(crate) use particles::Cone;
+pub(crate) use pulse::Pulse;
+pub use pulse::PulseShape;
+pub(crate) use weather::{Air, Answer, Receiver};

@@ -1,0 +1,434 @@
+//! What weather does to the beams of one scan: it dims what lies behind it, and answers itself.
+
+use super::particles::{Cone, Detectable};
+use super::pulse::{Face, Pulse};
+use crate::cause::Cause;
+use crate::detect::Threshold;
+use crate::medium::{Extent, Weather};
+use crate::rng::{Draw, Rng};
+use crate::sensor::ReturnMode;
+use crate::trace::{LANES, MISS, RayBatch};
+use glam::Vec3;
+use std::f64::consts::PI;
+
+/// Surface index of an echo that no surface sent.
+pub(crate) const AIR: u32 = MISS - 1;
+
+/// Most particles that are drawn for one beam and medium.
+const MOST_PARTICLES: u32 = 64;
+
+/// What of an instrument decides how weather shows.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Receiver {
+    pub pulse: Pulse,
+    /// Range below which the receiver does not see its own beam, and from which it sees all of it, m.
+    pub overlap: [f64; 2],
+    pub cone: Cone,
+    pub threshold: Threshold,
+    pub range_min: f64,
+    pub range_max: f64,
+}
+
+impl Receiver {
+    /// Part of the beam at `range` m that the receiver sees, 0..1.
+    fn overlap(&self, range: f64) -> f64 {
+        let [from, to] = self.overlap;
+        if range >= to { 1.0 } else { ((range - from) / (to - from)).max(0.0) }
+    }
+}
+
+/// An echo of the air: where it is and how strong, as the effective reflectance of a surface there that fills the beam.
+#[derive(Clone, Copy, Debug)]
+struct Echo {
+    range: f32,
+    rho_eff: f32,
+}
+
+/// A medium that begins and ends where the world has it.
+struct Placed {
+    extent: Extent,
+    extinction: f32,
+    backscatter: f32,
+    cause: Cause,
+}
+
+/// Drops or flakes.
+struct Flying {
+    extent: Extent,
+    cause: Cause,
+    draw: Draw,
+    /// First sub-ray number of its draws.
+    address: u32,
+    seen: Detectable,
+    /// Probability that a beam meets one or more.
+    some: f32,
+}
+
+/// Weather made ready for one scan.
+pub(crate) struct Air {
+    weather: Weather,
+    /// Echoes that are the same for every beam that gets beyond them.
+    around: Vec<(Echo, Cause)>,
+    placed: Vec<Placed>,
+    flying: Vec<Flying>,
+    receiver: Receiver,
+    mode: ReturnMode,
+}
+
+/// The echo of each beam that is reported.
+pub(crate) struct Answer {
+    pub range: [f32; LANES],
+    pub rho_eff: [f32; LANES],
+    pub cause: [u8; LANES],
+    /// Whether it is the air's.
+    pub air: [bool; LANES],
+}
+
+impl Answer {
+    pub(crate) fn new() -> Self {
+        let (range, rho_eff) = ([0.0; LANES], [0.0; LANES]);
+        Answer { range, rho_eff, cause: [Cause::Surface as u8; LANES], air: [false; LANES] }
+    }
+}
+
+impl Air {
+    /// None where there is nothing in the air. `answers`: whether echoes of the air are looked for.
+    pub(crate) fn new(weather: Weather, receiver: Receiver, mode: ReturnMode, answers: bool) -> Option<Air> {
+        if weather.media.is_empty() {
+            return None;
+        }
+        let mut air = Air { weather, around: Vec::new(), placed: Vec::new(), flying: Vec::new(), receiver, mode };
+        if answers {
+            air.find_echoes();
+        }
+        Some(air)
+    }
+
+    fn find_echoes(&mut self) {
+        let Receiver { pulse, cone, threshold, range_max, .. } = self.receiver;
+        let receiver = self.receiver;
+        let transmittance = |range: f64| (-2.0 * self.weather.depth_around_the_sensor(range)).exp();
+        let farthest = range_max.min(1e4);
+        // What is everywhere answers as one; the strongest of it says why.
+        let everywhere = || self.weather.media.iter().filter(|medium| matches!(medium.extent, Extent::Everywhere));
+        let strongest = everywhere().max_by(|a, b| a.backscatter.total_cmp(&b.backscatter)).map(|medium| medium.cause);
+        let together: f64 = everywhere().map(|medium| medium.backscatter).sum();
+        let around = (strongest.map(|cause| ([receiver.overlap[0], farthest], together, cause)).into_iter()).chain(
+            self.weather.media.iter().filter_map(|medium| match medium.extent {
+                Extent::Shell { start, end } => {
+                    Some(([start.into(), f64::from(end).min(farthest)], medium.backscatter, medium.cause))
+                }
+                _ => None,
+            }),
+        );
+        for ([from, to], backscatter, cause) in around {
+            if backscatter > 0.0 && pulse.width > 0.0 && from < to {
+                let density = |r: f64| receiver.overlap(r) * transmittance(r) / (r * r).max(1e-12);
+                let falls_from = from.max(receiver.overlap[1]);
+                let (range, height) = pulse.peak([from, to], falls_from, density);
+                let rho_eff = PI * backscatter * height * range * range;
+                self.around.push((Echo { range: range as f32, rho_eff: rho_eff as f32 }, cause));
+            }
+        }
+        for (index, medium) in self.weather.media.iter().enumerate() {
+            if medium.backscatter > 0.0 && pulse.width > 0.0 && !medium.extent.is_around_the_sensor() {
+                self.placed.push(Placed {
+                    extent: medium.extent,
+                    extinction: medium.extinction as f32,
+                    backscatter: medium.backscatter as f32,
+                    cause: medium.cause,
+                });
+            }
+            // Without a threshold every particle would be seen, and the nearest would hide all else.
+            let (Some(particles), Some(k)) = (&medium.particles, threshold.least_power()) else { continue };
+            let [from, to] = match medium.extent {
+                Extent::Shell { start, end } => [start.into(), f64::from(end).min(farthest)],
+                _ => [0.0, farthest],
+            };
+            let from = from.max(receiver.overlap[0]).max(receiver.range_min);
+            if from < to {
+                let gain = |range: f64| receiver.overlap(range) * transmittance(range);
+                let seen = Detectable::new(particles, cone, [from, to], gain, k);
+                let draw = if medium.cause == Cause::Snow { Draw::Flakes } else { Draw::Drops };
+                let address = index as u32 * MOST_PARTICLES;
+                let some = 1.0 - (-seen.mean()).exp();
+                self.flying.push(Flying { extent: medium.extent, cause: medium.cause, draw, address, seen, some });
+            }
+        }
+    }
+
+    /// Whether beams may have echoes where no surface is.
+    pub(crate) fn answers(&self) -> bool {
+        !(self.around.is_empty() && self.placed.is_empty() && self.flying.is_empty())
+    }
+
+    /// Standard deviation of ranges over the range, from rain.
+    pub(crate) fn range_noise(&self) -> f32 {
+        self.weather.range_noise
+    }
+
+    /// Transmittance, there and back, of the first `length` m of the first `count` rays, which begin at the sensor.
+    #[inline(always)]
+    pub(crate) fn dim(&self, rays: &RayBatch, length: &[f32; LANES], count: usize, two_way: &mut [f32; LANES]) {
+        two_way.fill(0.0);
+        for medium in &self.weather.media {
+            let extinction = medium.extinction as f32;
+            match medium.extent {
+                Extent::Everywhere => {
+                    for lane in 0..LANES {
+                        two_way[lane] += extinction * length[lane];
+                    }
+                }
+                Extent::Shell { start, end } => {
+                    for lane in 0..LANES {
+                        two_way[lane] += extinction * (length[lane].min(end) - start).max(0.0);
+                    }
+                }
+                _ => {
+                    for lane in 0..count {
+                        let (from, to) =
+                            medium.extent.interval(origin(rays, lane), direction(rays, lane), 0.0, length[lane]);
+                        two_way[lane] += extinction * (to - from).max(0.0);
+                    }
+                }
+            }
+        }
+        for depth in two_way.iter_mut() {
+            *depth = exp_negative(2.0 * *depth);
+        }
+    }
+
+    /// Puts the air's echoes in place of those surfaces' that the return mode gives up for them. `answer` holds the
+    /// surfaces' (range, m, and dimmed effective reflectance); `surface` is [`MISS`] where there is none that is
+    /// detected.
+    #[inline(always)]
+    pub(crate) fn answer(
+        &self,
+        rays: &RayBatch,
+        rng: &Rng,
+        first_beam: u32,
+        count: usize,
+        surface: &mut [u32; LANES],
+        answer: &mut Answer,
+    ) {
+        let hard = answer.range;
+        for &(echo, cause) in &self.around {
+            if !self.is_seen(echo) {
+                continue;
+            }
+            for lane in 0..count {
+                // A surface within the pulse hides it, and what is behind a surface is not there.
+                let end = if surface[lane] == MISS { rays.range_max[lane] } else { hard[lane] };
+                if echo.range + self.receiver.pulse.merging_distance() as f32 <= end {
+                    self.offer(answer, surface, lane, echo, cause);
+                }
+            }
+        }
+        if !self.placed.is_empty() {
+            self.answer_from_places(rays, &hard, count, surface, answer);
+        }
+        for flying in &self.flying {
+            let mut chance = [0.0; LANES];
+            rng.uniforms(first_beam, flying.draw, flying.address, &mut chance[..count]);
+            for lane in 0..count {
+                if chance[lane] < flying.some {
+                    let end = if surface[lane] == MISS { rays.range_max[lane] } else { hard[lane] };
+                    self.answer_from(flying, rays, rng, first_beam, lane, (chance[lane], end), surface, answer);
+                }
+            }
+        }
+    }
+
+    /// What the paper's program makes of a surface at `range` m whose reflectivity is `rho_eff` and must exceed `limit`:
+    /// the reflectivity that it tests, and the range and intensity of a cloud of dust that it reports instead. Rain adds
+    /// what it should multiply, and the backscatter of dust is compared with a reflectivity.
+    pub(crate) fn as_the_program(&self, range: f32, rho_eff: f32, limit: f32) -> (f32, Option<(f32, f32)>) {
+        let (mut rain, mut dust) = (0.0, 0.0);
+        for medium in &self.weather.media {
+            let depth = |length: f32| 2.0 * medium.extinction as f32 * length;
+            match (medium.cause, medium.extent) {
+                (Cause::Rain, _) => rain += depth(range),
+                (_, Extent::Shell { start, end }) if range >= start => {
+                    if medium.backscatter as f32 > limit {
+                        return (rho_eff, Some((start, medium.backscatter as f32)));
+                    }
+                    dust += depth(range.min(end) - start);
+                }
+                (_, Extent::Everywhere) => dust += depth(range),
+                // It knows no other places.
+                _ => {}
+            }
+        }
+        (rho_eff * exp_negative(dust) + exp_negative(rain) - 1.0, None)
+    }
+
+    /// The faces of media that lie in the world.
+    #[inline(never)]
+    fn answer_from_places(
+        &self,
+        rays: &RayBatch,
+        hard: &[f32; LANES],
+        count: usize,
+        surface: &mut [u32; LANES],
+        answer: &mut Answer,
+    ) {
+        let face = Face::get();
+        let sigma = self.receiver.pulse.sigma() as f32;
+        for lane in 0..count {
+            let (org, dir) = (origin(rays, lane), direction(rays, lane));
+            let end = if surface[lane] == MISS { rays.range_max[lane] } else { hard[lane] };
+            for medium in &self.placed {
+                let (from, to) = medium.extent.interval(org, dir, 0.0, end);
+                let from = from.max(self.receiver.overlap[0] as f32);
+                if from >= to {
+                    continue;
+                }
+                let kappa = 2.0 * medium.extinction + 2.0 / from;
+                let [behind, height] = face.peak(kappa * sigma);
+                let range = (from + behind * sigma).max(0.5 * (from + from.min(to)));
+                if range + self.receiver.pulse.merging_distance() as f32 > end {
+                    continue;
+                }
+                // A sheet thinner than the pulse answers in proportion to its thickness.
+                let whole = height * sigma;
+                let j = whole * (1.0 - (-(to - from) / whole).exp());
+                let mut before = 0.0;
+                for other in &self.weather.media {
+                    let (a, b) = other.extent.interval(org, dir, 0.0, from);
+                    before += other.extinction as f32 * (b - a).max(0.0);
+                }
+                let gain = self.receiver.overlap(range.into()) as f32 * (-2.0 * before).exp();
+                let rho_eff = std::f32::consts::PI * medium.backscatter * j * gain * (range / from).powi(2);
+                let echo = Echo { range, rho_eff };
+                if self.is_seen(echo) {
+                    self.offer(answer, surface, lane, echo, medium.cause);
+                }
+            }
+        }
+    }
+
+    /// The particles of one beam.
+    #[inline(never)]
+    #[expect(clippy::too_many_arguments, reason = "one beam's share of `answer`")]
+    fn answer_from(
+        &self,
+        flying: &Flying,
+        rays: &RayBatch,
+        rng: &Rng,
+        first_beam: u32,
+        lane: usize,
+        (chance, end): (f32, f32),
+        surface: &mut [u32; LANES],
+        answer: &mut Answer,
+    ) {
+        let beam = first_beam.wrapping_add(lane as u32);
+        let (from, to) = flying.extent.interval(origin(rays, lane), direction(rays, lane), 0.0, end);
+        let by_range = matches!(self.mode, ReturnMode::First | ReturnMode::Last);
+        let surface_is_last = self.mode == ReturnMode::Last && surface[lane] != MISS;
+        // Mean number up to this particle.
+        let mut number = exponential(chance);
+        for particle in 1..MOST_PARTICLES {
+            if number >= flying.seen.mean() || surface_is_last {
+                break;
+            }
+            let strength = if by_range { 0.0 } else { flying.seen.strongest(number) };
+            // All that follow are weaker still.
+            let is_weaker = || strength * answer.range[lane].powi(2) <= answer.rho_eff[lane];
+            if !by_range && surface[lane] != MISS && is_weaker() {
+                break;
+            }
+            let [place, next, ..] = rng.four(beam, flying.draw, flying.address + particle);
+            let echo = if by_range {
+                let range = flying.seen.nearest(number);
+                Echo { range, rho_eff: flying.seen.brightness(range, place) }
+            } else {
+                let range = flying.seen.place(strength, place);
+                Echo { range, rho_eff: strength * range * range }
+            };
+            if by_range && echo.range >= to {
+                break;
+            }
+            if (from..to).contains(&echo.range) && self.is_seen(echo) {
+                self.offer(answer, surface, lane, echo, flying.cause);
+                if self.mode != ReturnMode::Last {
+                    break;
+                }
+            }
+            number += exponential(next);
+        }
+    }
+
+    /// Whether the instrument detects and reports it.
+    #[inline(always)]
+    fn is_seen(&self, echo: Echo) -> bool {
+        let limits = self.receiver.range_min as f32..=self.receiver.range_max as f32;
+        echo.rho_eff > 0.0 && limits.contains(&echo.range) && self.receiver.threshold.detects(echo.rho_eff, echo.range)
+    }
+
+    /// Takes `echo` if the return mode prefers it.
+    #[inline(always)]
+    fn offer(&self, answer: &mut Answer, surface: &mut [u32; LANES], lane: usize, echo: Echo, cause: Cause) {
+        let (range, rho_eff) = (answer.range[lane], answer.rho_eff[lane]);
+        let better = surface[lane] == MISS
+            || match self.mode {
+                ReturnMode::First => echo.range < range,
+                ReturnMode::Last => echo.range > range,
+                _ => echo.rho_eff * range * range > rho_eff * echo.range * echo.range,
+            };
+        if better {
+            surface[lane] = AIR;
+            answer.range[lane] = echo.range;
+            answer.rho_eff[lane] = echo.rho_eff;
+            answer.cause[lane] = cause as u8;
+            answer.air[lane] = true;
+        }
+    }
+}
+
+/// An exponential number of mean 1 from one in [0, 1).
+#[inline(always)]
+fn exponential(uniform: f32) -> f32 {
+    -(1.0 - uniform).ln()
+}
+
+#[inline(always)]
+fn origin(rays: &RayBatch, lane: usize) -> Vec3 {
+    Vec3::new(rays.org_x[lane], rays.org_y[lane], rays.org_z[lane])
+}
+
+#[inline(always)]
+fn direction(rays: &RayBatch, lane: usize) -> Vec3 {
+    Vec3::new(rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane])
+}
+
+/// `e^-x` for x of 0 and more, to 2e-7 of itself, 0 beyond 87.
+#[inline(always)]
+fn exp_negative(x: f32) -> f32 {
+    const LOG2_E: f32 = std::f32::consts::LOG2_E;
+    const LN_2_HIGH: f32 = 0.693_359_4;
+    const LN_2_LOW: f32 = -2.121_944_4e-4;
+    let x = -x.min(87.0);
+    // e^x = 2^n e^r, |r| <= ln 2 / 2, in two steps so that r is exact.
+    let n = (x * LOG2_E).round_ties_even();
+    let r = x - n * LN_2_HIGH - n * LN_2_LOW;
+    let series =
+        1.0 + r * (1.0 + r * (0.5 + r * (1.0 / 6.0 + r * (1.0 / 24.0 + r * (1.0 / 120.0 + r * (1.0 / 720.0))))));
+    let scale = f32::from_bits(((n as i32 + 127) << 23) as u32);
+    if x <= -87.0 { 0.0 } else { series * scale }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_exponential_follows_its_function() {
+        for i in 0..100_000 {
+            let x = i as f32 * 1e-3;
+            let (found, expected) = (f64::from(exp_negative(x)), (-f64::from(x)).exp());
+            let close = (found / expected - 1.0).abs() < 3e-7 || (x >= 87.0 && found == 0.0);
+            assert!(close, "{x}: {found} {expected}");
+        }
+        assert_eq!(exp_negative(f32::INFINITY), 0.0);
+    }
+}

@@ -1,0 +1,117 @@
+//! Weather as YAML: the section `environment` of a scenario, or a file of its own.
+
+use super::{ClearAir, Dust, Fog, Placed, Rain, Snow, Spray};
+use crate::bounds::Bounds;
+use crate::error::{Error, Result};
+use crate::yaml::{self, Document};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// What is between sensor and surfaces. The default is nothing: no air, no weather.
+///
+/// Each kind is one section of keys or a list of them, and each section may say where it is, see
+/// [`super::Region`].
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Environment {
+    /// Air and haze.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub clear_air: Option<ClearAir>,
+    /// Rain.
+    #[serde(deserialize_with = "yaml::one_or_more", skip_serializing_if = "Vec::is_empty")]
+    pub rain: Vec<Placed<Rain>>,
+    /// Fog.
+    #[serde(deserialize_with = "yaml::one_or_more", skip_serializing_if = "Vec::is_empty")]
+    pub fog: Vec<Placed<Fog>>,
+    /// Snow.
+    #[serde(deserialize_with = "yaml::one_or_more", skip_serializing_if = "Vec::is_empty")]
+    pub snow: Vec<Placed<Snow>>,
+    /// Dust.
+    #[serde(deserialize_with = "yaml::one_or_more", skip_serializing_if = "Vec::is_empty")]
+    pub dust: Vec<Placed<Dust>>,
+    /// Spray.
+    #[serde(deserialize_with = "yaml::one_or_more", skip_serializing_if = "Vec::is_empty")]
+    pub spray: Vec<Placed<Spray>>,
+}
+
+impl Environment {
+    /// Reads the file at `path`: these keys, or a section `environment` that holds them.
+    ///
+    /// # Errors
+    /// A missing file; line and key of what is wrong.
+    pub fn load(path: impl AsRef<Path>) -> Result<Environment> {
+        Environment::read(&Document::load(path.as_ref())?)
+    }
+
+    /// [`Environment::load`] from `text`.
+    ///
+    /// # Errors
+    /// Line and key of what is wrong.
+    pub fn from_yaml(text: &str) -> Result<Environment> {
+        Environment::read(&Document::parse("YAML text", text)?)
+    }
+
+    fn read(document: &Document) -> Result<Environment> {
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct File {
+            environment: Environment,
+        }
+        if document.value().get("environment").is_some() {
+            let File { environment } = document.read()?;
+            let inside = |error| match error {
+                Error::InvalidParameter { name, value, allowed } => {
+                    Error::InvalidParameter { name: format!("environment.{name}"), value, allowed }
+                }
+                other => other,
+            };
+            environment.check().map_err(|error| document.locate(inside(error)))?;
+            return Ok(environment);
+        }
+        let environment: Environment = document.read()?;
+        environment.check().map_err(|error| document.locate(error))?;
+        Ok(environment)
+    }
+
+    /// Whether all values are within what is allowed.
+    ///
+    /// # Errors
+    /// [`Error::InvalidParameter`] that names the key.
+    pub fn check(&self) -> Result<()> {
+        let bounds = &mut Bounds::none();
+        if let Some(air) = &self.clear_air {
+            air.check("clear_air", bounds)?;
+        }
+        check_all("rain", &self.rain, bounds, Rain::check)?;
+        check_all("fog", &self.fog, bounds, Fog::check)?;
+        check_all("snow", &self.snow, bounds, Snow::check)?;
+        check_all("dust", &self.dust, bounds, Dust::check)?;
+        check_all("spray", &self.spray, bounds, Spray::check)
+    }
+
+    /// What [`Environment::from_yaml`] reads as this.
+    ///
+    /// # Errors
+    /// None that is known.
+    pub fn to_yaml(&self) -> Result<String> {
+        yaml::to_string(self)
+    }
+
+    /// Whether there is anything at all.
+    pub fn is_empty(&self) -> bool {
+        *self == Environment::default()
+    }
+}
+
+fn check_all<T>(
+    kind: &str,
+    all: &[Placed<T>],
+    bounds: &mut Bounds,
+    check: impl Fn(&T, &str, &mut Bounds) -> Result<()>,
+) -> Result<()> {
+    all.iter().enumerate().try_for_each(|(index, placed)| {
+        let key = if all.len() == 1 { kind.to_owned() } else { format!("{kind}[{index}]") };
+        check(&placed.what, &key, bounds)?;
+        placed.region.check(&key, bounds)
+    })
+}

@@ -1,0 +1,20 @@
+//! What is in the air: how much it dims a beam and how much it sends back. Weather is a medium, not a filter.
+
+mod droplets;
+mod dust;
+mod environment;
+mod particles;
+mod rain;
+mod region;
+mod visibility;
+mod weather;
+
+pub use droplets::{Fog, Spectrum, Spray};
+pub use dust::Dust;
+pub use environment::Environment;
+pub(crate) use particles::Particles;
+pub use rain::{PerLength, Rain, RainModel, Snow, SnowModel};
+pub(crate) use region::Extent;
+pub use region::{Placed, Region};
+pub use visibility::{ClearAir, VisibilityModel};
+pub(crate) use weather::Weather;

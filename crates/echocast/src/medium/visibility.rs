@@ -1,0 +1,121 @@
+//! How far one sees, and what that means for a beam.
+
+use crate::bounds::{ABOVE_ZERO, Bounds};
+use crate::error::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+/// How extinction depends on the wavelength.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum VisibilityModel {
+    /// Kruse et al. 1962, for haze.
+    Kruse,
+    /// Kim et al. 2001, for fog: below 500 m all wavelengths are dimmed alike.
+    Kim,
+}
+
+/// Clear air or haze, by how far one sees: `{visibility_m: 23000}`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ClearAir {
+    /// Visibility at 550 nm and 2 % contrast, m: extinction is 3.912/V there.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub visibility_m: Option<f64>,
+    /// Meteorological optical range instead, at 5 % contrast, m: extinction is 2.996/MOR.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mor_m: Option<f64>,
+    /// How it depends on the wavelength; default Kruse.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub model: Option<VisibilityModel>,
+}
+
+impl ClearAir {
+    pub(super) fn check(&self, key: &str, bounds: &mut Bounds) -> Result<()> {
+        check_sight(key, self.visibility_m, self.mor_m, bounds)?;
+        if self.visibility_m.is_none() && self.mor_m.is_none() {
+            return Err(Error::invalid(key, "without visibility_m and mor_m", "one of them"));
+        }
+        Ok(())
+    }
+
+    /// Extinction, 1/m.
+    pub fn extinction(&self, wavelength_nm: f64) -> f64 {
+        let at_550 = extinction_at_550(self.visibility_m, self.mor_m).unwrap_or(0.0);
+        scaled(at_550, wavelength_nm, self.model.unwrap_or(VisibilityModel::Kruse))
+    }
+}
+
+/// That both are distances, and not both there.
+pub(super) fn check_sight(key: &str, visibility_m: Option<f64>, mor_m: Option<f64>, bounds: &mut Bounds) -> Result<()> {
+    for (name, value) in [("visibility_m", visibility_m), ("mor_m", mor_m)] {
+        bounds.number(format_args!("{key}.{name}"), value, [ABOVE_ZERO, 1e9], "above 0")?;
+    }
+    match (visibility_m, mor_m) {
+        (Some(_), Some(mor)) => Err(Error::invalid(format!("{key}.mor_m"), mor, "none beside visibility_m")),
+        _ => Ok(()),
+    }
+}
+
+/// Koschmieder's law, `-ln(contrast) / distance`, 1/m: 2 % contrast for a visibility (ITU-R P.1814), 5 % for a
+/// meteorological optical range (WMO).
+pub(super) fn extinction_at_550(visibility_m: Option<f64>, mor_m: Option<f64>) -> Option<f64> {
+    visibility_m.map(|v| -0.02f64.ln() / v).or_else(|| mor_m.map(|mor| -0.05f64.ln() / mor))
+}
+
+/// Extinction `at_550` nm, 1/m, at another wavelength: times `(lambda / 550 nm)^-q`.
+///
+/// Kruse: q = 1.6 above 50 km, 1.3 above 6 km, else 0.585 V^(1/3). Kim: 1.6, 1.3, 0.16 V + 0.34 (1 to 6 km), V - 0.5 (0.5
+/// to 1 km), 0 below; V is the visibility in km at 2 % contrast.
+pub(super) fn scaled(at_550: f64, wavelength_nm: f64, model: VisibilityModel) -> f64 {
+    let km = -0.02f64.ln() / at_550 / 1e3;
+    let q = match model {
+        _ if km > 50.0 => 1.6,
+        VisibilityModel::Kruse if km >= 6.0 => 1.3,
+        VisibilityModel::Kruse => 0.585 * km.cbrt(),
+        VisibilityModel::Kim if km > 6.0 => 1.3,
+        VisibilityModel::Kim if km > 1.0 => 0.16 * km + 0.34,
+        VisibilityModel::Kim if km > 0.5 => km - 0.5,
+        VisibilityModel::Kim => 0.0,
+    };
+    at_550 * (wavelength_nm / 550.0).powf(-q)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn air(visibility_m: f64, model: VisibilityModel, wavelength_nm: f64) -> f64 {
+        ClearAir { visibility_m: Some(visibility_m), mor_m: None, model: Some(model) }.extinction(wavelength_nm)
+    }
+
+    /// Values made with numpy (Koschmieder at 2 and 5 %; Kruse 1962; Kim 2001).
+    #[test]
+    fn visibility_tables() {
+        use VisibilityModel::{Kim, Kruse};
+        for (visibility, model, wavelength, expected) in [
+            (100.0, Kim, 550.0, 3.912_02e-2),
+            (100.0, Kim, 905.0, 3.912_02e-2),
+            (100.0, Kruse, 905.0, 3.417_22e-2),
+            (1e3, Kim, 905.0, 3.049_71e-3),
+            (1e3, Kruse, 905.0, 2.923_31e-3),
+            (1e3, Kim, 1550.0, 2.330_33e-3),
+            (1e3, Kruse, 1550.0, 2.133_88e-3),
+            (23e3, Kruse, 905.0, 8.902_293_48e-5),
+        ] {
+            let found = air(visibility, model, wavelength);
+            assert!((found / expected - 1.0).abs() < 2e-6, "{visibility} {model:?} {wavelength}: {found}");
+        }
+        let mor = ClearAir { mor_m: Some(100.0), ..ClearAir::default() }.extinction(550.0);
+        assert!((mor / 2.995_73e-2 - 1.0).abs() < 2e-6);
+    }
+
+    /// Kim has no steps below 50 km; Kruse has one at 6 km.
+    #[test]
+    fn kim_is_continuous() {
+        for visibility in [500.0, 1e3, 6e3] {
+            let ratio = air(visibility * 1.000_001, VisibilityModel::Kim, 905.0)
+                / air(visibility * 0.999_999, VisibilityModel::Kim, 905.0);
+            assert!((ratio - 1.0).abs() < 1e-4, "{visibility}: {ratio}");
+        }
+    }
+}

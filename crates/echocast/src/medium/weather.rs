@@ -1,0 +1,80 @@
+//! An environment made ready for the beams of one scan.
+
+use super::region::Extent;
+use super::{Environment, Particles, Placed, RainModel, Region};
+use crate::cause::Cause;
+use glam::DVec3;
+
+/// Something in the air.
+#[derive(Clone, Debug)]
+pub(crate) struct Medium {
+    pub extent: Extent,
+    /// Extinction, 1/m.
+    pub extinction: f64,
+    /// Backscatter, 1/(m sr).
+    pub backscatter: f64,
+    pub cause: Cause,
+    /// Drops or flakes that may show one by one.
+    pub particles: Option<Particles>,
+}
+
+/// All that is in the air.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Weather {
+    pub media: Vec<Medium>,
+    /// Standard deviation of ranges over the range, from rain.
+    pub range_noise: f32,
+}
+
+impl Weather {
+    /// `as_the_paper`: where the environment leaves a choice, the paper's. `origin`: world position of the rays'
+    /// (0, 0, 0).
+    pub(crate) fn new(environment: &Environment, wavelength_nm: f64, as_the_paper: bool, origin: DVec3) -> Weather {
+        let mut weather = Weather::default();
+        let mut add = |region: Region, [extinction, backscatter]: [f64; 2], cause, particles: Option<Particles>| {
+            if extinction > 0.0 {
+                let extent = Extent::new(region, origin);
+                weather.media.push(Medium { extent, extinction, backscatter, cause, particles });
+            }
+        };
+        if let Some(air) = &environment.clear_air {
+            add(Region::Everywhere, [air.extinction(wavelength_nm), 0.0], Cause::Fog, None);
+        }
+        let mut range_noise = 0.0f64;
+        for Placed { what: rain, region } in &environment.rain {
+            let model = if as_the_paper { RainModel::Paper } else { RainModel::Itu };
+            let drops = rain.drops().filter(|_| rain.drops.unwrap_or(!as_the_paper));
+            add(*region, [rain.extinction(model), 0.0], Cause::Rain, drops);
+            if rain.range_noise.unwrap_or(as_the_paper) {
+                range_noise = range_noise.hypot(rain.range_noise());
+            }
+        }
+        for Placed { what: fog, region } in &environment.fog {
+            add(*region, [fog.extinction(wavelength_nm), fog.backscatter(wavelength_nm)], Cause::Fog, None);
+        }
+        for Placed { what: snow, region } in &environment.snow {
+            let flakes = snow.flakes().filter(|_| snow.flakes.unwrap_or(!as_the_paper));
+            add(*region, [snow.extinction(), 0.0], Cause::Snow, flakes);
+        }
+        for Placed { what: dust, region } in &environment.dust {
+            add(*region, [dust.extinction(), dust.backscatter()], Cause::Dust, None);
+        }
+        for Placed { what: spray, region } in &environment.spray {
+            add(*region, spray.coefficients(wavelength_nm), Cause::Fog, None);
+        }
+        weather.range_noise = range_noise as f32;
+        weather
+    }
+
+    /// Optical depth, one way, of the first `range` m of a beam in what is around the sensor.
+    pub(crate) fn depth_around_the_sensor(&self, range: f64) -> f64 {
+        self.media
+            .iter()
+            .map(|medium| match medium.extent {
+                Extent::Everywhere => medium.extinction * range,
+                Extent::Shell { start, end } => medium.extinction * (range.min(end.into()) - f64::from(start)).max(0.0),
+                _ => 0.0,
+            })
+            .sum()
+    }
+}

@@ -1,0 +1,283 @@
+use super::{assert_near, scan, target};
+use echocast::medium::{Dust, Fog, Placed, Rain, Region, Snow};
+use echocast::{BuiltScene, Cause, Environment, Field, PointCloud, Profile, ScanOptions, Sensor};
+use echocast_tests::reference::{SceneBuilder, Shape, one_beam};
+use glam::DVec3;
+use std::f64::consts::PI;
+
+const RADAR: &str = "detection: {model: radar_equation, reflectance: 0.8, at_m: 200}";
+
+fn env(yaml: &str) -> Environment {
+    Environment::from_yaml(yaml).unwrap()
+}
+
+fn in_weather(scene: &BuiltScene, sensor: &Sensor, yaml: &str) -> PointCloud {
+    scan(scene, sensor, ScanOptions { environment: env(yaml), ..ScanOptions::default() })
+}
+
+/// Something far behind the sensor: a scene must have something.
+fn nothing() -> BuiltScene {
+    let mut scene = SceneBuilder::new();
+    scene.stand(Shape::plate(DVec3::new(-5000.0, 0.0, 0.0), DVec3::X, 1.0), None);
+    scene.finish().build().unwrap()
+}
+
+/// Many beams of 3 x 1.5 mrad, ahead.
+fn lidar(sections: &str) -> Sensor {
+    let yaml = format!(
+        "name: many\nkind: lidar\npattern: {{type: raster, azimuth: {{fov_deg: 40, step_deg: 0.1}}, elevation: {{fov_deg: \
+         40, step_deg: 0.1}}}}\nrange: {{max_m: 200}}\n{RADAR}\n{sections}"
+    );
+    Sensor::from_yaml(&yaml, "").unwrap()
+}
+
+fn is(cloud: &PointCloud, cause: Cause) -> usize {
+    cloud.columns.cause.iter().filter(|&&value| value == cause as u8).count()
+}
+
+/// Beer and Lambert, there and back: everywhere, and in part of the way.
+#[test]
+fn what_is_left_behind_weather_falls_exponentially() {
+    let scene = target(0.5, 30.0, 0.0);
+    let alpha = Rain::new(10.0).extinction(Default::default());
+    for (yaml, depth) in [
+        ("{rain: {rate_mm_h: 10, drops: false}}", alpha * 30.0),
+        ("{rain: {rate_mm_h: 10, drops: false, start_m: 10, length_m: 5}}", alpha * 5.0),
+        ("{rain: {rate_mm_h: 10, drops: false, start_m: 25, length_m: 50}}", alpha * 5.0),
+        ("{rain: {rate_mm_h: 10, drops: false, start_m: 31, length_m: 5}}", 0.0),
+        ("{rain: {rate_mm_h: 10, drops: false, box: {min_m: [5, -1, -1], max_m: [12, 1, 1]}}}", alpha * 7.0),
+        ("{rain: {rate_mm_h: 10, drops: false, box: {min_m: [5, 1, -1], max_m: [12, 2, 1]}}}", 0.0),
+        ("{rain: {rate_mm_h: 10, drops: false, sphere: {center_m: [10, 3, 0], radius_m: 5}}}", alpha * 8.0),
+        ("{rain: {rate_mm_h: 10, drops: false, half_space: {point_m: [20, 0, 0], normal: [-3, 0, 0]}}}", alpha * 10.0),
+        ("{rain: {rate_mm_h: 10, drops: false, half_space: {point_m: [20, 0, 0], normal: [1, 0, 0]}}}", alpha * 20.0),
+        ("{rain: {rate_mm_h: 10, drops: false, half_space: {point_m: [0, 0, 2], normal: [0, 0, 1]}}}", alpha * 30.0),
+        ("{rain: [{rate_mm_h: 10, drops: false}, {rate_mm_h: 10, drops: false}]}", alpha * 60.0),
+        ("{environment: {rain: {rate_mm_h: 0}}}", 0.0),
+    ] {
+        let cloud = in_weather(&scene, &one_beam(""), yaml);
+        assert_near(yaml, cloud.columns.intensity[0].into(), 0.5 * (-2.0 * depth).exp(), 2e-6);
+        assert_near("range", cloud.columns.range[0].into(), 30.0, 1e-5);
+        assert_eq!(cloud.columns.cause[0], 0);
+    }
+}
+
+/// Fog answers at 1.677 m when the receiver sees its beam from 1 m on and the pulse lasts 20 ns; a wall at 10 m is
+/// stronger from a reflectance of 0.57597 on. Values made with scipy (MOR 99.86 m, pulse sin^2, lidar ratio 18.8 sr).
+#[test]
+fn fog_hides_dark_walls() {
+    let sensor = one_beam("beam: {pulse_ns: 20, pulse_shape: sin2, overlap_m: [0.9, 1.0]}");
+    let fog = "{fog: {mor_m: 99.86, model: kim}}";
+    for (rho, seen) in [(0.57597 * 1.001, Cause::Surface), (0.57597 * 0.999, Cause::Fog)] {
+        let cloud = in_weather(&target(rho, 10.0, 0.0), &sensor, fog);
+        assert_eq!(cloud.columns.cause, [seen as u8], "{rho}");
+        let expected = if seen == Cause::Fog { 1.67707 } else { 10.0 };
+        assert_near("range", cloud.columns.range[0].into(), expected, 2e-3);
+        assert_eq!(cloud.columns.category_id[0] == 0, seen == Cause::Fog);
+    }
+    let mut last = sensor.clone();
+    last.set("returns.mode", "last").unwrap();
+    assert_eq!(is(&in_weather(&target(0.1, 10.0, 0.0), &last, fog), Cause::Surface), 1);
+    let mut first = sensor.clone();
+    first.set("returns.mode", "first").unwrap();
+    assert_eq!(is(&in_weather(&target(0.9, 10.0, 0.0), &first, fog), Cause::Fog), 1);
+    // Nothing stands there, and the fog is seen all the same; nearer than its echo a wall hides it.
+    assert_eq!(is(&in_weather(&nothing(), &sensor, fog), Cause::Fog), 1);
+    assert_eq!(is(&in_weather(&target(0.01, 1.7, 0.0), &first, fog), Cause::Surface), 1);
+}
+
+/// The four regimes of a cloud of dust in front of a wall at 30 m: the wall alone, the wall before the cloud, the cloud
+/// alone, nothing. The cloud lies around the sensor, or in a box of the world.
+#[test]
+fn dust_has_four_regimes() {
+    let places = ["start_m: 5, length_m: 12.5", "box: {min_m: [5, -9, -9], max_m: [17.5, 9, 9]}"];
+    for place in places {
+        for (per_m3, rho, mode, seen) in [
+            (1e5, 0.5, "first", Some(Cause::Surface)),
+            (1e6, 0.5, "strongest", Some(Cause::Surface)),
+            (1e6, 0.5, "first", Some(Cause::Dust)),
+            (1e7, 0.5, "strongest", Some(Cause::Dust)),
+            (1e7, 0.05, "last", Some(Cause::Dust)),
+            (2e5, 0.01, "first", None),
+        ] {
+            let sensor = one_beam(&format!(
+                "{RADAR}\nreturns: {{mode: {mode}}}\nbeam: {{pulse_ns: 5, pulse_shape: sin2, overlap_m: [0, 0.1]}}"
+            ));
+            let yaml = format!("{{dust: {{radius_um: 50, per_m3: {per_m3:e}, {place}}}}}");
+            let cloud = in_weather(&target(rho, 30.0, 0.0), &sensor, &yaml);
+            let found = cloud.columns.cause.first().copied();
+            assert_eq!(found, seen.map(|cause| cause as u8), "{per_m3} {rho} {mode} {place}");
+            if found == Some(Cause::Dust as u8) {
+                let expected = if per_m3 == 1e6 { 5.51253 } else { 5.47695 };
+                let within = if place == places[0] { 2e-3 } else { 0.06 };
+                assert_near("range", cloud.columns.range[0].into(), expected, within);
+            }
+        }
+    }
+}
+
+/// Greatest ranges in weather are in the table of `detection.rs`; this is its counterpart for what comes back: the echo
+/// of a cloud of dust over that of a wall, 5.61957 for 10^7 grains and a reflectance of 0.5.
+#[test]
+fn dust_is_as_bright_as_its_backscatter_says() {
+    let sensor = one_beam("beam: {pulse_ns: 5, pulse_shape: sin2, overlap_m: [0, 0.1]}\nintensity: {encoding: power}");
+    let dust = "{dust: {radius_um: 50, per_m3: 1e7, start_m: 5, length_m: 12.5}}";
+    let cloud = in_weather(&target(0.5, 30.0, 0.0), &sensor, dust).columns.intensity[0];
+    let wall =
+        0.5 * (-2.0 * Dust { radius_um: 50.0, per_m3: 1e7, q_ext: 1.0 }.extinction() * 12.5).exp() / (PI * 900.0);
+    assert_near("ratio", f64::from(cloud) / wall, 5.61957, 1e-2);
+}
+
+/// Drops that the sensor detects, counted in a plain way: the mean number of a beam by small steps of range.
+#[test]
+fn drops_and_flakes_show_as_often_as_they_should() {
+    let [start, h, v] = [0.012, 3e-3, 1.5e-3];
+    let k = 0.8 / 200f64.powi(2);
+    let rain = (8000.0, 4.1 * 10f64.powf(-0.21), 0.0225, Rain::new(10.0).extinction(Default::default()));
+    let growth = 10f64.cbrt();
+    let melted = 2.29 * 2f64.powf(-0.45);
+    let snow = (2.5e3 * 2f64.powf(-0.94) / growth, melted / growth, 0.9, Snow::new(2.0).extinction());
+    let sensor =
+        lidar("beam: {divergence_mrad: [3, 1.5], exit_diameter_mm: 12, overlap_m: [0.5, 2]}\nreturns: {mode: first}");
+    for (yaml, (number, slope, rho, alpha), cause) in
+        [("{rain: {rate_mm_h: 10}}", rain, Cause::Rain), ("{snow: {rate_mm_h: 2}}", snow, Cause::Snow)]
+    {
+        let (mut mean, step) = (0.0f64, 1e-3);
+        let mut nearest = 0.0;
+        for i in 0..200_000 {
+            let r = (f64::from(i) + 0.5) * step;
+            let square = (start + h * r) * (start + v * r);
+            let gain = ((r - 0.5) / 1.5).clamp(0.0, 1.0) * (-2.0 * alpha * r).exp();
+            let fill = k * r * r / (rho * gain);
+            if fill < 1.0 {
+                let least = ((fill * square).sqrt() * 1e3).max(1.0);
+                let rate = PI / 4.0 * square * number / slope * (-slope * least).exp() * step;
+                nearest += (-mean).exp() * rate * r;
+                mean += rate;
+            }
+        }
+        let cloud = in_weather(&nothing(), &sensor, yaml);
+        let beams = sensor.beams().len() as f64;
+        let expected = 1.0 - (-mean).exp();
+        let found = is(&cloud, cause) as f64 / beams;
+        let error = (expected * (1.0 - expected) / beams).sqrt();
+        assert!((found - expected).abs() < 3.0 * error + 0.01 * expected, "{yaml}: {found} {expected}");
+        let mean_range = cloud.columns.range.iter().map(|&r| f64::from(r)).sum::<f64>() / cloud.len as f64;
+        assert_near("mean range of the nearest", mean_range, nearest / expected, 0.05);
+        // The mean is measured, the noise is not asked for.
+        assert_eq!(cloud.columns.range, cloud.columns.true_range);
+    }
+}
+
+/// Eq. 15 as a standard deviation, and off where nobody asks.
+#[test]
+fn rain_scatters_ranges_if_asked() {
+    let mut scene = SceneBuilder::new();
+    scene.stand(Shape::sphere(50.0, 256).flat(), None);
+    let scene = scene.finish().build().unwrap();
+    let sensor = lidar("");
+    let spread = |yaml: &str, profile| {
+        let options = ScanOptions { environment: env(yaml), profile, ..ScanOptions::default() };
+        let cloud = scan(&scene, &sensor, options);
+        let errors: Vec<f64> = (cloud.columns.range.iter())
+            .zip(&cloud.columns.true_range)
+            .map(|(measured, truth)| f64::from(measured - truth) / f64::from(*truth))
+            .collect();
+        (errors.iter().map(|error| error * error).sum::<f64>() / errors.len() as f64).sqrt()
+    };
+    for (rate, expected) in [(1.0, 0.399_576_4 / 50.0), (10.0, 0.999_909_2 / 50.0)] {
+        let yaml = format!("{{rain: {{rate_mm_h: {rate}, drops: false, range_noise: true, model: itu}}}}");
+        assert!((spread(&yaml, Profile::Physical) / expected - 1.0).abs() < 0.03);
+        assert!((spread(&yaml.replace("range_noise: true, ", ""), Profile::Paper) / expected - 1.0).abs() < 0.03);
+    }
+    assert_eq!(spread("{rain: {rate_mm_h: 10, drops: false}}", Profile::Physical), 0.0);
+}
+
+/// Whether it rains does not change the errors of the points that are left.
+#[test]
+fn rain_leaves_the_noise_of_others_alone() {
+    let mut scene = SceneBuilder::new();
+    let paint = scene.reflector(0.9);
+    scene.stand(Shape::plate(DVec3::new(12.0, 0.0, 0.0), -DVec3::X, 40.0), Some(paint));
+    let scene = scene.finish().build().unwrap();
+    let sensor =
+        lidar("beam: {divergence_mrad: 3}\nreturns: {mode: first}\nnoise: {range_sigma_m: 0.03, dropout: 0.1}");
+    let [dry, wet] = ["{}", "{rain: {rate_mm_h: 20}}"].map(|yaml| in_weather(&scene, &sensor, yaml));
+    let mut same = 0;
+    let mut dry_rows = dry.columns.beam.iter().zip(&dry.columns.range).peekable();
+    for ((beam, range), cause) in wet.columns.beam.iter().zip(&wet.columns.range).zip(&wet.columns.cause) {
+        while dry_rows.next_if(|(dry_beam, _)| *dry_beam < beam).is_some() {}
+        if *cause == Cause::Surface as u8 {
+            assert_eq!(dry_rows.next(), Some((beam, range)));
+            same += 1;
+        }
+    }
+    assert!(same > 100_000 && is(&wet, Cause::Rain) > 1000, "{same} {}", is(&wet, Cause::Rain));
+}
+
+/// The unlabelled points of the air have no surface: no label, no side, no colour.
+#[test]
+fn echoes_of_the_air_have_no_surface() {
+    let sensor = lidar("beam: {divergence_mrad: 3, pulse_ns: 5}");
+    let cloud = in_weather(&target(0.02, 60.0, 0.0), &sensor, "{fog: {visibility_m: 60}}");
+    assert!(is(&cloud, Cause::Fog) > 100_000);
+    for (row, &cause) in cloud.columns.cause.iter().enumerate() {
+        if cause == Cause::Fog as u8 {
+            assert!(cloud.columns.normal_x[row].is_nan() && cloud.columns.cos_incidence[row].is_nan());
+            assert_eq!(cloud.columns.material_id[row] + u32::from(cloud.columns.red[row]), 0);
+            assert!(cloud.columns.intensity[row] > 0.0);
+        }
+    }
+    assert!(cloud.fields.contains(Field::Cause));
+}
+
+#[test]
+fn weather_is_read_as_it_is_written() {
+    let environment = Environment {
+        rain: vec![
+            Rain::new(10.0).into(),
+            Placed { what: Rain::new(2.0), region: Region::Shell { start_m: 1.0, length_m: 2.0 } },
+        ],
+        fog: vec![Placed {
+            what: Fog { visibility_m: Some(200.0), ..Fog::default() },
+            region: Region::HalfSpace { point_m: [0.0, 0.0, 2.0], normal: [0.0, 0.0, 1.0] },
+        }],
+        snow: vec![Snow::new(1.0).into()],
+        ..Environment::default()
+    };
+    assert_eq!(env(&environment.to_yaml().unwrap()), environment);
+    assert!(env("{}").is_empty());
+}
+
+#[test]
+fn wrong_weather_is_named() {
+    for (yaml, expected) in [
+        ("rain: {rate_mm_h: -1}", "line 1: rain.rate_mm_h: is -1; allowed: 0 to 500"),
+        ("rain: {rate: 1}", "line 1: rain.rate: unknown key \"rate\"; near: rate_mm_h; allowed: rate_mm_h, model"),
+        (
+            "rain:\n- {rate_mm_h: 1}\n- {rate_mm_h: 1, model: itv}",
+            "line 3: rain[1].model: unknown value \"itv\"; near: itu",
+        ),
+        ("fog: {}", "line 1: fog: is without visibility_m, mor_m and spectrum; allowed: one of them"),
+        ("fog: {visibility_m: 0}", "line 1: fog.visibility_m: is 0; allowed: above 0"),
+        ("fog: {visibility_m: 5, mor_m: 4}", "line 1: fog.mor_m: is 4; allowed: none beside visibility_m"),
+        (
+            "dust: {radius_um: 50, per_m3: 1e5, start_m: 5, length_m: -1}",
+            "line 1: dust.length_m: is -1; allowed: above 0",
+        ),
+        ("dust: {radius_um: 50, per_m3: 1e5, start_m: 5}", "the key `length_m` is missing"),
+        (
+            "dust: {radius_um: 50, per_m3: 1e5, start_m: 5, box: {min_m: [0, 0, 0], max_m: [1, 1, 1]}}",
+            "allowed: one region",
+        ),
+        (
+            "snow: {rate_mm_h: 1, box: {min_m: [0, 0, 3], max_m: [1, 1, 1]}}",
+            "line 1: snow.box.max_m[2]: is 1; allowed: above",
+        ),
+        ("environment: {rain: {rate_mm_h: 501}}", "line 1: environment.rain.rate_mm_h: is 501; allowed: 0 to 500"),
+        ("hail: {}", "unknown key \"hail\"; allowed: clear_air, rain"),
+        ("spray: {spectrum: light}", "spray.spectrum: unknown value \"light\""),
+    ] {
+        let error = Environment::from_yaml(yaml).unwrap_err().to_string();
+        assert!(error.contains(expected), "{yaml}\n  gives {error}\n  not   {expected}");
+    }
+}
