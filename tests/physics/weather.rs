@@ -245,7 +245,8 @@ fn weather_is_read_as_it_is_written() {
         ..Environment::default()
     };
     assert_eq!(env(&environment.to_yaml().unwrap()), environment);
-    assert!(env("{}").is_empty());
+    assert!(env("{}").is_empty() && env("").is_empty());
+    assert_eq!(env(&Environment::default().to_yaml().unwrap()), Environment::default());
 }
 
 #[test]
@@ -274,6 +275,7 @@ fn wrong_weather_is_named() {
             "line 1: snow.box.max_m[2]: is 1; allowed: above",
         ),
         ("environment: {rain: {rate_mm_h: 501}}", "line 1: environment.rain.rate_mm_h: is 501; allowed: 0 to 500"),
+        ("- rain", "line 1: is no section of keys"),
         ("hail: {}", "unknown key \"hail\"; allowed: clear_air, rain"),
         ("spray: {spectrum: light}", "spray.spectrum: unknown value \"light\""),
     ] {

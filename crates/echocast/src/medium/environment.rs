@@ -5,6 +5,7 @@ use crate::bounds::Bounds;
 use crate::error::{Error, Result};
 use crate::yaml::{self, Document};
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use std::path::Path;
 
 /// What is between sensor and surfaces. The default is nothing: no air, no weather.
@@ -35,7 +36,7 @@ pub struct Environment {
 }
 
 impl Environment {
-    /// Reads the file at `path`: these keys, or a section `environment` that holds them.
+    /// Reads the file at `path`: these keys, or a section `environment` that holds them; an empty one is no weather.
     ///
     /// # Errors
     /// A missing file; line and key of what is wrong.
@@ -56,6 +57,11 @@ impl Environment {
         #[serde(deny_unknown_fields)]
         struct File {
             environment: Environment,
+        }
+        match document.value() {
+            Value::Null => return Ok(Environment::default()),
+            Value::Object(_) => {}
+            _ => return Err(document.error("", "is no section of keys")),
         }
         if document.value().get("environment").is_some() {
             let File { environment } = document.read()?;
