@@ -63,6 +63,8 @@ fn cloud(len: usize, fields: FieldSet) -> PointCloud {
         true_range: |_| metres(120.0);
         cause: |row| (row % 10) as u8;
         bounces: |row| (row % 256) as u8;
+        first_category_id: |row| (row % 7) as u32;
+        first_instance_id: |row| (row % 11) as u32;
     }
     let table = |rows: &[(u32, &str)]| NameTable {
         ids: rows.iter().map(|row| row.0).collect(),

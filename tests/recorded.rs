@@ -5,7 +5,7 @@
 //! else of `../shared` beside the repository; without them these tests say so and pass.
 
 use echocast::scene::Scene;
-use echocast::{Field, FieldSet, PointCloud, Pose, Profile, ScanOptions, Sensor, Trajectory};
+use echocast::{Cause, Field, FieldSet, PointCloud, Pose, Profile, ScanOptions, Sensor, Trajectory};
 use echocast_tests::reference::{Table, sensor};
 use flate2::read::GzDecoder;
 use glam::DVec3;
@@ -157,19 +157,32 @@ fn chairs_are_scanned_as_recorded() {
     check("e_chairs", &differences(&cloud, &recording.points, &rows, Field::Depth), rows.len());
 }
 
-/// What is seen directly; what is seen in the mirror comes with mirrors.
+/// What is seen directly, and what is seen in the mirror: along the beam at the length of the way, of which the program
+/// leaves out the millimetre that it starts behind the mirror; with the label of the mirror, which ours has as that of the
+/// first surface.
 #[test]
-fn what_is_not_in_a_mirror_is_scanned_as_recorded() {
-    let Some(recording) = Recording::find("f_mirror_rotating", "f_mirror.glb") else { return };
+fn a_mirror_is_scanned_as_recorded() {
+    let Some(mut recording) = Recording::find("f_mirror_rotating", "f_mirror.glb") else { return };
     assert_eq!(recording.points.len(), 3683);
     let directions = recording.directions();
     let cloud = recording.scan(&sensor(&directions));
-    // The mirror itself is never recorded: beams that meet it first are seen in it.
-    let mirror = cloud.labels.category.id("mirror");
-    assert_ne!(mirror, 0);
-    let rows: Vec<usize> = (0..cloud.len).filter(|&row| cloud.columns.category_id[row] != mirror).collect();
-    assert!(rows.len() > 1000, "{} direct points", rows.len());
-    check("f_mirror_rotating", &differences(&cloud, &recording.points, &rows, Field::Range), rows.len());
+    let (direct, mirrored): (Vec<usize>, Vec<usize>) = (0..cloud.len).partition(|&row| cloud.columns.bounces[row] == 0);
+    assert!(direct.len() > 1000 && mirrored.len() > 1000, "{} direct, {} mirrored", direct.len(), mirrored.len());
+    check("f_mirror_rotating, direct", &differences(&cloud, &recording.points, &direct, Field::Range), direct.len());
+
+    for &row in &mirrored {
+        let (point, beam) = (&mut recording.points[row], directions[row]);
+        point.distance += 1e-3;
+        point.position += recording.pose.orientation * beam * 1e-3;
+        let first = cloud.columns.first_category_id[row];
+        assert_eq!(cloud.labels.category.name(first), Some("mirror"));
+        assert_eq!(cloud.columns.cause[row], Cause::Mirror as u8);
+    }
+    let wrong = differences(&cloud, &recording.points, &mirrored, Field::Range);
+    eprintln!("mirrored: {wrong:?}");
+    for what in ["distance", "position", "intensity"] {
+        assert!(wrong[what] * 1000 <= mirrored.len(), "{what}: {wrong:?}");
+    }
 }
 
 /// The beam of `beams` nearest to each of `directions`, as the greatest angle between them, rad. Both are in the same

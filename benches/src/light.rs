@@ -1,11 +1,13 @@
-//! What weather adds to a scan of the terrain: processor time for each beam.
+//! What weather adds to a scan of the terrain, processor time for each beam; and what mirrors and glass do.
 
 use crate::Result;
 use crate::clock::{cpu_per_call, median};
-use crate::scenes;
+use crate::scenes::{self, Builder};
+use echocast::scene::{Material, Object};
 use echocast::{Environment, PointCloud, Pose, ScanOptions, Sensor, Trajectory};
 use rayon::ThreadPoolBuilder;
 use serde_json::{Value, json};
+use std::sync::Arc;
 use std::time::Duration;
 
 const ROUNDS: usize = 9;
@@ -52,6 +54,61 @@ pub fn run() -> Result<Value> {
             let added = median(with.iter().zip(&times[0]).map(|(with, plain)| with - plain).collect()) / beams * 1e9;
             println!("{name:<18}{what:<36}{added:>12.1}{plain:>14.1}");
             rows.push(json!({"sensor": name, "weather": what, "added_ns": added, "plain_ns": plain}));
+        }
+    }
+    Ok(json!({"weather": rows, "paths": paths()?}))
+}
+
+/// The city around a case of mirrors or glass that the sensor stands in: processor time of a scan over one without.
+fn paths() -> Result<Value> {
+    let one = ThreadPoolBuilder::new().num_threads(1).build()?;
+    println!("\nMirrors and glass around the sensor in the city, one thread: time of a scan over that without");
+    println!("{:<18}{:<24}{:>10}{:>14}", "sensor", "case", "ratio", "plain ns");
+    let smooth = |material| Arc::new(Material { roughness: 0.0, ..material });
+    let cases = [
+        ("mirror", smooth(Material { metallic: 1.0, ..Material::default() })),
+        ("pane", smooth(Material { transmission: 1.0, pane_m: Some(0.004), ..Material::default() })),
+        ("wall of glass", smooth(Material { transmission: 1.0, thickness_m: 0.01, ..Material::default() })),
+    ];
+    let trajectory = Trajectory::fixed(Pose::at(0.0, 0.0, 2.0));
+    let mut rows = Vec::new();
+    for name in ["velodyne_vlp32c", "velodyne_vls128"] {
+        let sensor = Sensor::preset(name)?;
+        let beams = sensor.beams().len() as f64;
+        let mut built = vec![scenes::city().build()?];
+        for (what, material) in &cases {
+            let mut case = Builder::default();
+            // A mirror on one side shows the city on the other; glass is all around.
+            let low = if *what == "mirror" { [2.0, -50.0, 0.5] } else { [-2.0, -2.0, 0.5] };
+            let high = if *what == "mirror" { [2.1, 50.0, 40.0] } else { [2.0, 2.0, 3.5] };
+            case.cuboid(low, high);
+            if *what == "wall of glass" {
+                case.cuboid(low.map(|x| x + 0.01), high.map(|x| x - 0.01));
+            }
+            let mut scene = scenes::city();
+            scene.objects.push(Object::new(*what, Arc::new(case.mesh_of(what, material.clone()))));
+            built.push(scene.build()?);
+        }
+        let mut times = vec![Vec::new(); built.len()];
+        let mut cloud = PointCloud::default();
+        let options = ScanOptions::default();
+        for round in 0..=ROUNDS {
+            for (built, times) in built.iter().zip(&mut times) {
+                let time = one.install(|| {
+                    cpu_per_call(LEAST, || {
+                        built.scan_into(&sensor, &trajectory, &options, &mut cloud).expect("a sound scan succeeds");
+                    })
+                });
+                if round > 0 {
+                    times.push(time);
+                }
+            }
+        }
+        let plain = median(times[0].clone()) / beams * 1e9;
+        for ((what, _), with) in cases.iter().zip(&times[1..]) {
+            let ratio = median(with.iter().zip(&times[0]).map(|(with, plain)| with / plain).collect());
+            println!("{name:<18}{what:<24}{ratio:>10.2}{plain:>14.1}");
+            rows.push(json!({"sensor": name, "case": what, "ratio": ratio, "plain_ns": plain}));
         }
     }
     Ok(json!(rows))

@@ -44,10 +44,14 @@ impl Builder {
     }
 
     pub fn mesh(self, name: &str) -> Mesh {
+        self.mesh_of(name, grey())
+    }
+
+    pub fn mesh_of(self, name: &str, material: Arc<Material>) -> Mesh {
         let part = Part {
             positions: self.positions.into(),
             triangles: self.triangles.into(),
-            material: Some(grey()),
+            material: Some(material),
             ..Part::default()
         };
         Mesh::new(name, vec![part]).expect("sound parts")

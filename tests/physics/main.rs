@@ -5,6 +5,7 @@ mod geometry;
 mod intensity;
 mod moving;
 mod noise;
+mod paths;
 mod weather;
 
 use echocast::{BuiltScene, FieldSet, PointCloud, Pose, ScanOptions, Sensor, Trajectory};

@@ -262,7 +262,7 @@ unsafe fn scan_options(desc: &echocast_scan_desc) -> Outcome<ScanOptions> {
             &[None, Some(ReflectanceSource::Luminance), Some(ReflectanceSource::Alpha)],
         )?,
         mask: desc.mask,
-        environment: Environment::default(),
+        ..ScanOptions::default()
     })
 }
 

@@ -139,14 +139,13 @@ pub fn run(args: &Args) -> Result<()> {
             seed: args.seed,
             frame,
             start_time: f64::from(frame) / fps,
-            trajectory_time: None,
             organised: args.organised,
             coordinates: args.coordinates,
             order: args.order,
             profile: args.profile,
             reflectance_source: args.reflectance_source,
-            mask: u32::MAX,
             environment: environment.clone(),
+            ..ScanOptions::default()
         };
         progress.phase("scanning".into());
         timed(&mut seconds.scan, || built.scan_into(&sensor, &trajectory, &options, &mut cloud))?;

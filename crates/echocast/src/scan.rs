@@ -3,14 +3,16 @@
 use crate::cause::Cause;
 use crate::cloud::{Columns, Field, FieldSet, Frame, Kept, PointCloud, Slices};
 use crate::detect::{Noise, RangeError, Threshold};
-use crate::echo::{Air, Answer, Contribution, IntensityModel, Wanted};
+use crate::echo::{
+    Air, Answer, Chosen, Contribution, Follower, IntensityModel, PathEcho, PathLimits, Surroundings, Wanted,
+};
 use crate::emitter::{Aim, BeamTable, Trajectory};
 use crate::error::{Error, Result};
-use crate::material::{ReflectanceSource, Reflectances};
+use crate::material::{Mirrors, ReflectanceSource, Reflectances};
 use crate::medium::{Environment, Weather};
 use crate::parallel;
 use crate::rng::{Draw, Rng};
-use crate::sensor::Sensor;
+use crate::sensor::{ReturnMode, Sensor};
 use crate::trace::{BuiltScene, CHUNK, HitBatch, LANES, MISS, RayBatch, Tables};
 use pulp::{Arch, Simd, WithSimd};
 use std::f32::consts::PI;
@@ -65,6 +67,8 @@ pub struct ScanOptions {
     pub reflectance_source: Option<ReflectanceSource>,
     /// Objects are seen whose mask shares a bit with this.
     pub mask: u32,
+    /// Most mirrors and faces of glass that a path of light is followed over and through.
+    pub specular_depth: u8,
     /// What is between sensor and surfaces; it must be sound, see [`Environment::check`].
     pub environment: Environment,
 }
@@ -83,6 +87,7 @@ impl Default for ScanOptions {
             profile: Profile::Physical,
             reflectance_source: None,
             mask: u32::MAX,
+            specular_depth: 10,
             environment: Environment::default(),
         }
     }
@@ -105,6 +110,16 @@ impl ScanOptions {
         ScanOptions { fields, ..self }
     }
 }
+
+/// Columns that say which surface it is.
+const LABELS: [Field; 6] = [
+    Field::CategoryId,
+    Field::PartId,
+    Field::InstanceId,
+    Field::MaterialId,
+    Field::FirstCategoryId,
+    Field::FirstInstanceId,
+];
 
 /// Chunks per thread between two passes that close the gaps of misses: few enough that their rows are
 /// still in the cache, enough to keep the thread busy.
@@ -215,6 +230,9 @@ struct Scan<'a> {
     limits_measured: bool,
     /// What is in the air, if anything.
     air: Option<Air>,
+    /// How far light is followed over mirrors and through glass; `None` where nothing depends on it.
+    paths: Option<PathLimits>,
+    mode: ReturnMode,
 }
 
 impl<'a> Scan<'a> {
@@ -236,20 +254,31 @@ impl<'a> Scan<'a> {
         let as_the_paper = options.profile != Profile::Physical;
         let weather = Weather::new(&options.environment, sensor.wavelength_nm, as_the_paper, scene.origin);
         let air = Air::new(weather, sensor.receiver(threshold), sensor.return_mode(), !blainder);
-        let wants_echo = air.is_some() || threshold != Threshold::Open || fields.contains(Field::Intensity);
+        let mirrors = match options.profile {
+            Profile::Physical => Mirrors::Real,
+            Profile::Paper => Mirrors::Lossless,
+            Profile::Blainder => Mirrors::OfTheProgram,
+        };
+        let reflectances = scene.surfaces.reflectances(sensor.wavelength_nm, source, mirrors);
+        let paths = reflectances.go_on.then_some(PathLimits {
+            depth: options.specular_depth,
+            least: 1e-6,
+            geometric: as_the_paper,
+            cosine_after: !blainder,
+        });
+        let wants_echo =
+            air.is_some() || paths.is_some() || threshold != Threshold::Open || fields.contains(Field::Intensity);
         let wants_normals =
             wants_echo || fields.contains_any(&[Field::NormalX, Field::NormalY, Field::NormalZ, Field::CosIncidence]);
         let colors = fields.contains_any(&[Field::Red, Field::Green, Field::Blue]);
-        let wants_surfaces = wants_echo
-            || fields.contains_any(&[Field::CategoryId, Field::PartId, Field::InstanceId, Field::MaterialId])
-            || colors;
+        let wants_surfaces = wants_echo || fields.contains_any(&LABELS) || colors;
         Scan {
             scene,
             beams,
             options,
             trajectory,
             aim: Aim::new(trajectory, options.trajectory_time(), scene.origin),
-            reflectances: scene.surfaces.reflectances(sensor.wavelength_nm, source),
+            reflectances,
             threshold,
             intensity,
             range_error: RangeError::new(&sensor.noise, sensor.range_resolution_m, threshold),
@@ -266,6 +295,8 @@ impl<'a> Scan<'a> {
             keeps_undetected: blainder,
             limits_measured: options.profile == Profile::Physical && sensor.noise != Noise::default(),
             air,
+            paths,
+            mode: sensor.return_mode(),
         }
     }
 
@@ -423,6 +454,8 @@ struct Block {
     kept: Kept,
     scratch: [f32; LANES],
     answer: Answer,
+    /// Memory to follow light in, where a scene has mirrors or glass.
+    paths: Option<Box<(Follower, Chosen)>>,
 }
 
 impl Block {
@@ -438,6 +471,7 @@ impl Block {
             kept: Kept::new(),
             scratch: [0.0; LANES],
             answer: Answer::new(),
+            paths: None,
         }
     }
 
@@ -446,6 +480,12 @@ impl Block {
     fn scan(&mut self, scan: &Scan, first: usize, count: usize, rows: Slices) -> usize {
         self.aim(scan, first, count);
         self.trace(scan, count);
+        if scan.paths.is_some() || scan.air.is_some() {
+            self.answer.reset();
+        }
+        if let Some(limits) = scan.paths {
+            self.follow(scan, limits, count);
+        }
         let needs_surfaces = !scan.options.organised && !scan.air.as_ref().is_some_and(Air::answers);
         if needs_surfaces && self.hits.surface[..count].iter().all(|&surface| surface == MISS) {
             return 0;
@@ -479,12 +519,73 @@ impl Block {
         }
     }
 
+    /// Step 7: beams that meet a mirror or glass see what is behind it. Of all echoes of a beam the one that the return
+    /// mode prefers takes the place of the surface.
+    #[inline(never)]
+    fn follow(&mut self, scan: &Scan, limits: PathLimits, count: usize) {
+        let Block { rays, hits, surfaces, answer, paths, .. } = self;
+        (answer.first_category, answer.first_instance) = (surfaces.category_id, surfaces.instance_id);
+        let goes_on = |surface: u32| match scan.scene.surfaces.rows.get(surface as usize) {
+            Some(surface) => scan.reflectances.optics[surface.material as usize].goes_on(),
+            None => false,
+        };
+        if !hits.surface[..count].iter().any(|&surface| goes_on(surface)) {
+            return;
+        }
+        let (follower, chosen) = &mut **paths.get_or_insert_with(|| Box::new((Follower::new(), Chosen::new())));
+        let depth = |from, direction, travelled, length| {
+            scan.air.as_ref().map_or(0.0, |air| air.depth(from, direction, travelled, length))
+        };
+        let around = Surroundings {
+            scene: scan.scene,
+            reflectances: &scan.reflectances,
+            mask: scan.options.mask,
+            smooth: scan.smooth,
+            wanted: scan.wanted,
+            limits,
+            range_max: scan.range_max,
+            least_power: scan.threshold.least_power().filter(|_| !scan.keeps_undetected).unwrap_or(0.0) as f32,
+            strongest: !scan.keeps_undetected && !matches!(scan.mode, ReturnMode::First | ReturnMode::Last),
+            depth: &depth,
+        };
+        follower.follow(&around, rays, hits, surfaces, count, chosen, |echo: &PathEcho| {
+            let rho_eff = echo.reflectance * echo.cos_incidence;
+            let seen = scan.keeps_undetected || scan.threshold.detects(rho_eff, echo.range);
+            let within = echo.range >= scan.range_min && echo.range <= scan.range_max;
+            (seen && within).then(|| match scan.mode {
+                // The brighter one, whatever its range.
+                _ if scan.keeps_undetected => rho_eff,
+                ReturnMode::First => -echo.range,
+                ReturnMode::Last => echo.range,
+                _ => rho_eff / (echo.range * echo.range),
+            })
+        });
+        for lane in 0..count {
+            if !goes_on(hits.surface[lane]) {
+                continue;
+            }
+            if chosen.strength[lane] == f32::NEG_INFINITY {
+                hits.surface[lane] = MISS;
+                continue;
+            }
+            hits.take(lane, &chosen.hits, lane);
+            surfaces.take(lane, &chosen.surfaces, lane);
+            (answer.cause[lane], answer.bounces[lane]) = (chosen.cause[lane], chosen.bounces[lane]);
+            answer.dimmed[lane] = true;
+        }
+    }
+
     /// Steps 9 and 10: what the instrument makes of it.
     #[inline(always)]
     fn detect(&mut self, scan: &Scan, first: usize, count: usize) {
         let beams = first as u32;
         if let Some(air) = scan.air.as_ref().filter(|_| !scan.keeps_undetected) {
             air.dim(&self.rays, &self.hits.range, count, &mut self.scratch);
+            for lane in 0..LANES {
+                if self.answer.dimmed[lane] {
+                    self.scratch[lane] = 1.0;
+                }
+            }
             for lane in 0..LANES {
                 self.surfaces.reflectance[lane] *= self.scratch[lane];
             }
@@ -540,7 +641,6 @@ impl Block {
     #[inline(never)]
     fn weather_of_the_program(&mut self, scan: &Scan, air: &Air, count: usize) {
         let Block { hits, rho_eff, intensity, answer, .. } = self;
-        answer.cause = [Cause::Surface as u8; LANES];
         for lane in 0..count {
             let limit = scan.threshold.limit_of_the_program(hits.range[lane]);
             let (tested, cloud) = air.as_the_program(hits.range[lane], rho_eff[lane], limit);
@@ -559,12 +659,12 @@ impl Block {
     fn answer(&mut self, scan: &Scan, air: &Air, first: usize, count: usize) {
         let Block { rays, hits, surfaces, rho_eff, intensity, answer, .. } = self;
         (answer.range, answer.rho_eff) = (hits.range, *rho_eff);
-        (answer.air, answer.cause) = ([false; LANES], [Cause::Surface as u8; LANES]);
         air.answer(rays, &scan.rng, first as u32, count, &mut hits.surface, answer);
         (hits.range, *rho_eff) = (answer.range, answer.rho_eff);
         for lane in 0..count {
             if answer.air[lane] {
                 surfaces.clear(lane);
+                (answer.first_category[lane], answer.first_instance[lane], answer.bounces[lane]) = (0, 0, 0);
                 (hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]) = (f32::NAN, f32::NAN, f32::NAN);
                 intensity[lane] = scan.intensity.of(rho_eff[lane], 1.0, hits.range[lane]);
             }
@@ -641,7 +741,14 @@ impl Block {
         kept.put(surface, &[1; LANES], rows.return_number);
         kept.put(surface, &[1; LANES], rows.return_count);
         kept.put(surface, &answer.cause, rows.cause);
-        kept.put(surface, &[0; LANES], rows.bounces);
+        kept.put(surface, &answer.bounces, rows.bounces);
+        if scan.paths.is_some() {
+            kept.put(surface, &answer.first_category, rows.first_category_id);
+            kept.put(surface, &answer.first_instance, rows.first_instance_id);
+        } else {
+            kept.put(surface, &surfaces.category_id, rows.first_category_id);
+            kept.put(surface, &surfaces.instance_id, rows.first_instance_id);
+        }
 
         // What is known of every beam, return or not.
         if !rows.channel.is_empty() {

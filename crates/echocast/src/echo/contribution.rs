@@ -126,6 +126,19 @@ impl Contribution {
         }
     }
 
+    /// Makes `lane` what lane `other` of `from` is.
+    pub(crate) fn take(&mut self, lane: usize, from: &Contribution, other: usize) {
+        self.cos_incidence[lane] = from.cos_incidence[other];
+        self.reflectance[lane] = from.reflectance[other];
+        self.category_id[lane] = from.category_id[other];
+        self.part_id[lane] = from.part_id[other];
+        self.instance_id[lane] = from.instance_id[other];
+        self.material_id[lane] = from.material_id[other];
+        self.red[lane] = from.red[other];
+        self.green[lane] = from.green[other];
+        self.blue[lane] = from.blue[other];
+    }
+
     /// Forgets the surface of a lane: it has no label, colour or side.
     pub(crate) fn clear(&mut self, lane: usize) {
         self.cos_incidence[lane] = f32::NAN;

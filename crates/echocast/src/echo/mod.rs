@@ -3,6 +3,7 @@
 mod contribution;
 mod intensity;
 mod particles;
+mod path;
 mod pulse;
 mod weather;
 
@@ -10,6 +11,7 @@ pub(crate) use contribution::{Contribution, Wanted};
 pub use intensity::IntensityEncoding;
 pub(crate) use intensity::IntensityModel;
 pub(crate) use particles::Cone;
+pub(crate) use path::{Chosen, Follower, PathEcho, PathLimits, Surroundings};
 pub(crate) use pulse::Pulse;
 pub use pulse::PulseShape;
 pub(crate) use weather::{Air, Answer, Receiver};

@@ -4,7 +4,7 @@ use super::particles::{Cone, Detectable};
 use super::pulse::{Face, Pulse};
 use crate::cause::Cause;
 use crate::detect::Threshold;
-use crate::medium::{Extent, Weather};
+use crate::medium::{Extent, Medium, Weather};
 use crate::rng::{Draw, Rng};
 use crate::sensor::ReturnMode;
 use crate::trace::{LANES, MISS, RayBatch};
@@ -82,12 +82,33 @@ pub(crate) struct Answer {
     pub cause: [u8; LANES],
     /// Whether it is the air's.
     pub air: [bool; LANES],
+    /// Mirrors and faces of glass on the way.
+    pub bounces: [u8; LANES],
+    /// Whether the weather on its way is taken off already.
+    pub dimmed: [bool; LANES],
+    /// Labels of the first surface that the beam meets.
+    pub first_category: [u32; LANES],
+    pub first_instance: [u32; LANES],
 }
 
 impl Answer {
     pub(crate) fn new() -> Self {
-        let (range, rho_eff) = ([0.0; LANES], [0.0; LANES]);
-        Answer { range, rho_eff, cause: [Cause::Surface as u8; LANES], air: [false; LANES] }
+        Answer {
+            range: [0.0; LANES],
+            rho_eff: [0.0; LANES],
+            cause: [Cause::Surface as u8; LANES],
+            air: [false; LANES],
+            bounces: [0; LANES],
+            dimmed: [false; LANES],
+            first_category: [0; LANES],
+            first_instance: [0; LANES],
+        }
+    }
+
+    /// Surfaces all over, met directly.
+    pub(crate) fn reset(&mut self) {
+        self.cause = [Cause::Surface as u8; LANES];
+        (self.air, self.bounces, self.dimmed) = ([false; LANES], [0; LANES], [false; LANES]);
     }
 }
 
@@ -165,6 +186,15 @@ impl Air {
     /// Standard deviation of ranges over the range, from rain.
     pub(crate) fn range_noise(&self) -> f32 {
         self.weather.range_noise
+    }
+
+    /// Optical depth, one way, of `length` m from `origin` on; `travelled`: the beam's way to there, m.
+    pub(crate) fn depth(&self, origin: Vec3, direction: Vec3, travelled: f32, length: f32) -> f32 {
+        let of = |medium: &Medium| {
+            let (from, to) = medium.extent.interval(origin, direction, travelled, length);
+            medium.extinction as f32 * (to - from).max(0.0)
+        };
+        self.weather.media.iter().map(of).sum()
     }
 
     /// Transmittance, there and back, of the first `length` m of the first `count` rays, which begin at the sensor.
@@ -292,11 +322,7 @@ impl Air {
                 // A sheet thinner than the pulse answers in proportion to its thickness.
                 let whole = height * sigma;
                 let j = whole * (1.0 - (-(to - from) / whole).exp());
-                let mut before = 0.0;
-                for other in &self.weather.media {
-                    let (a, b) = other.extent.interval(org, dir, 0.0, from);
-                    before += other.extinction as f32 * (b - a).max(0.0);
-                }
+                let before = self.depth(org, dir, 0.0, from);
                 let gain = self.receiver.overlap(range.into()) as f32 * (-2.0 * before).exp();
                 let rho_eff = std::f32::consts::PI * medium.backscatter * j * gain * (range / from).powi(2);
                 let echo = Echo { range, rho_eff };

@@ -59,7 +59,12 @@ impl Material {
         let (ior, thickness, distance) = (self.ior, self.thickness_m, self.attenuation_distance_m);
         allow("ior", ior, ior >= 1.0 && ior.is_finite(), "1 or more")?;
         allow("thickness_m", thickness, thickness >= 0.0 && thickness.is_finite(), "0 or more")?;
-        allow("attenuation_distance_m", distance, distance > 0.0, "above 0")
+        allow("attenuation_distance_m", distance, distance > 0.0, "above 0")?;
+        let (pane, group) = (self.pane_m.unwrap_or(0.0), self.group_index.unwrap_or(1.0));
+        allow("pane_m", pane, (0.0..=10.0).contains(&pane), "0 to 10")?;
+        allow("group_index", group, (1.0..=10.0).contains(&group), "1 to 10")?;
+        let k = self.extinction_index;
+        allow("extinction_index", k, (0.0..=100.0).contains(&k), "0 to 100")
     }
 }
 
@@ -105,6 +110,9 @@ transmission: 0.9
 thickness_m: 0.005
 attenuation_distance_m: 0.02
 attenuation_color: [1, 0.5, 0]
+pane_m: 0.004
+group_index: 1.52
+extinction_index: 6
 unlit: true
 ";
         let sample = |wavelength_nm, value| ReflectanceSample { wavelength_nm, value };
@@ -121,6 +129,9 @@ unlit: true
             thickness_m: 0.005,
             attenuation_distance_m: 0.02,
             attenuation_color: [1.0, 0.5, 0.0],
+            pane_m: Some(0.004),
+            group_index: Some(1.52),
+            extinction_index: 6.0,
             unlit: true,
         };
         assert_eq!(Material::from_yaml(text).unwrap(), expected);
@@ -160,6 +171,9 @@ unlit: true
             ("thickness_m: -1", "line 2: thickness_m: is -1; allowed: 0 or more"),
             ("attenuation_distance_m: 0", "line 2: attenuation_distance_m: is 0; allowed: above 0"),
             ("attenuation_color: [0, 0, 2]", "line 2: attenuation_color[2]: is 2; allowed: 0 to 1"),
+            ("pane_m: 11", "line 2: pane_m: is 11; allowed: 0 to 10"),
+            ("group_index: 0.9", "line 2: group_index: is 0.9; allowed: 1 to 10"),
+            ("extinction_index: -1", "line 2: extinction_index: is -1; allowed: 0 to 100"),
             ("unlit: 1", "line 2: unlit: invalid type: integer `1`, expected a"),
             ("name: again", "line 2: duplicate"),
         ];

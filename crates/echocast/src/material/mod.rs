@@ -1,9 +1,12 @@
 //! What surfaces are made of, and how much light they send back.
 
 mod file;
+pub(crate) mod fresnel;
 mod library;
+mod optics;
 mod reflectance;
 
+pub(crate) use optics::{Mirrors, Optics};
 pub(crate) use reflectance::Reflectances;
 pub use reflectance::{Reflectance, ReflectanceSample};
 
@@ -50,6 +53,14 @@ pub struct Material {
     pub attenuation_distance_m: f32,
     /// Linear colour of white light after the attenuation distance (`KHR_materials_volume`).
     pub attenuation_color: [f32; 3],
+    /// Thickness of a pane that the scene has as a single sheet, metres; none is a body with an inside, or, where
+    /// `thickness_m` is 0, an endlessly thin pane.
+    pub pane_m: Option<f32>,
+    /// Index of refraction for the travel time of pulses, 1 at least; none is `ior`.
+    pub group_index: Option<f32>,
+    /// Imaginary part of a metal's index of refraction, whose real part is `ior`: with it what a mirror takes away depends
+    /// on the angle, without it (0) the reflectance is what it leaves.
+    pub extinction_index: f32,
     /// Whether the file wants the surface drawn without lighting (`KHR_materials_unlit`).
     pub unlit: bool,
 }
@@ -70,6 +81,9 @@ impl Default for Material {
             thickness_m: 0.0,
             attenuation_distance_m: f32::INFINITY,
             attenuation_color: [1.0; 3],
+            pane_m: None,
+            group_index: None,
+            extinction_index: 0.0,
             unlit: false,
         }
     }

@@ -1,6 +1,6 @@
 //! How much light surfaces send back: of one material at every wavelength, of all materials of a scene at one.
 
-use super::{Material, ReflectanceSource, library};
+use super::{Material, Mirrors, Optics, ReflectanceSource, library};
 use serde::Deserialize;
 use serde::de::{self, Deserializer, SeqAccess, Visitor};
 use std::fmt;
@@ -77,13 +77,21 @@ impl<'de> Deserialize<'de> for Reflectance {
 pub(crate) struct Reflectances {
     /// In the order of the materials; NaN where only the image of the surface knows.
     pub by_material: Vec<f32>,
+    /// The greatest of them, 1 where an image knows.
+    pub greatest: f32,
+    /// What smooth surfaces do with light, likewise.
+    pub optics: Vec<Optics>,
+    /// Whether light goes on from any of them.
+    pub go_on: bool,
     wavelength_nm: f64,
     pub source: ReflectanceSource,
+    mirrors: Mirrors,
 }
 
 impl Reflectances {
-    /// In this order: the material's own word, the material library, the base colour as `source` says.
-    pub fn new(materials: &[Arc<Material>], wavelength_nm: f64, source: ReflectanceSource) -> Self {
+    /// In this order: the material's own word, the material library, the base colour as `source` says. `mirrors`: what
+    /// these take away.
+    pub fn new(materials: &[Arc<Material>], wavelength_nm: f64, source: ReflectanceSource, mirrors: Mirrors) -> Self {
         let of = |material: &Arc<Material>| {
             let known = material.reflectance.as_ref();
             match known.or_else(|| library::find(&material.name)?.reflectance.as_ref()) {
@@ -92,12 +100,24 @@ impl Reflectances {
                 None => source.of(material.base_color),
             }
         };
-        Reflectances { by_material: materials.iter().map(of).collect(), wavelength_nm, source }
+        let optics: Vec<Optics> =
+            materials.iter().map(|material| Optics::new(material, wavelength_nm, source, mirrors)).collect();
+        let by_material: Vec<f32> = materials.iter().map(of).collect();
+        let known = |&value: &f32| if value.is_nan() { 1.0 } else { value };
+        Reflectances {
+            greatest: by_material.iter().map(known).fold(0.0, f32::max),
+            by_material,
+            go_on: optics.iter().any(Optics::goes_on),
+            optics,
+            wavelength_nm,
+            source,
+            mirrors,
+        }
     }
 
-    /// Whether they hold at this wavelength, for this source.
-    pub fn are_for(&self, wavelength_nm: f64, source: ReflectanceSource) -> bool {
-        (self.wavelength_nm, self.source) == (wavelength_nm, source)
+    /// Whether they are what [`Reflectances::new`] would make.
+    pub fn are_for(&self, wavelength_nm: f64, source: ReflectanceSource, mirrors: Mirrors) -> bool {
+        (self.wavelength_nm, self.source, self.mirrors) == (wavelength_nm, source, mirrors)
     }
 }
 

@@ -17,4 +17,4 @@ pub use rain::{PerLength, Rain, RainModel, Snow, SnowModel};
 pub(crate) use region::Extent;
 pub use region::{Placed, Region};
 pub use visibility::{ClearAir, VisibilityModel};
-pub(crate) use weather::Weather;
+pub(crate) use weather::{Medium, Weather};

@@ -124,6 +124,17 @@ impl HitBatch {
         }
     }
 
+    /// Makes `lane` what lane `other` of `from` is.
+    pub(crate) fn take(&mut self, lane: usize, from: &HitBatch, other: usize) {
+        self.range[lane] = from.range[other];
+        self.normal_x[lane] = from.normal_x[other];
+        self.normal_y[lane] = from.normal_y[other];
+        self.normal_z[lane] = from.normal_z[other];
+        (self.u[lane], self.v[lane]) = (from.u[other], from.v[other]);
+        self.triangle[lane] = from.triangle[other];
+        self.surface[lane] = from.surface[other];
+    }
+
     /// Brings the normals of hits in instances to the world's frame.
     #[inline(always)]
     pub(crate) fn orient_normals(&mut self, scene: &Tables, count: usize) {

@@ -1,6 +1,6 @@
 //! What the ids of Embree's hits mean.
 
-use crate::material::{Material, ReflectanceSource, Reflectances};
+use crate::material::{Material, Mirrors, ReflectanceSource, Reflectances};
 use crate::scene::{Labels, Mesh, Object, Part, srgb_byte};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -93,12 +93,17 @@ impl Surfaces {
     }
 
     /// Reflectance of every material at `wavelength_nm`.
-    pub(crate) fn reflectances(&self, wavelength_nm: f64, source: ReflectanceSource) -> Arc<Reflectances> {
+    pub(crate) fn reflectances(
+        &self,
+        wavelength_nm: f64,
+        source: ReflectanceSource,
+        mirrors: Mirrors,
+    ) -> Arc<Reflectances> {
         let mut known = self.reflectances.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(found) = known.iter().find(|reflectances| reflectances.are_for(wavelength_nm, source)) {
+        if let Some(found) = known.iter().find(|reflectances| reflectances.are_for(wavelength_nm, source, mirrors)) {
             return found.clone();
         }
-        let made = Arc::new(Reflectances::new(&self.materials, wavelength_nm, source));
+        let made = Arc::new(Reflectances::new(&self.materials, wavelength_nm, source, mirrors));
         if known.len() == MOST_WAVELENGTHS {
             known.remove(0);
         }

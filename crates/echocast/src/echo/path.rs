@@ -1,0 +1,369 @@
+//! Light that goes on: over mirrors, through glass and water, to what is seen in them.
+//!
+//! A beam that meets such a surface becomes a tree of paths. Each path is a straight piece after another; at a smooth
+//! surface it divides into a reflected and a refracted one, and wherever a surface sends light back diffusely there is an
+//! echo, whose light returns the same way. The paths of a block of beams are traced together, generation by generation.
+
+use super::{Contribution, Wanted};
+use crate::cause::Cause;
+use crate::material::fresnel;
+use crate::material::{Optics, Reflectances};
+use crate::trace::{HitBatch, LANES, MISS, RayBatch, Tables};
+use glam::Vec3;
+
+/// How far paths are followed.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PathLimits {
+    /// Most specular events of a path.
+    pub depth: u8,
+    /// Least part of the light, there and back, that is followed.
+    pub least: f32,
+    /// Whether ranges are sums of lengths rather than of travel times.
+    pub geometric: bool,
+    /// Whether the incidence on what is seen in a mirror matters.
+    pub cosine_after: bool,
+}
+
+/// Bodies that a path is within, outermost first: object and material of their surfaces.
+#[derive(Clone, Copy, Debug, Default)]
+struct Inside {
+    bodies: [(u32, u32); Inside::MOST],
+    count: u8,
+}
+
+impl Inside {
+    /// Deeper nesting is taken for an open mesh.
+    const MOST: usize = 4;
+
+    fn material(&self) -> Option<u32> {
+        self.bodies[..usize::from(self.count)].last().map(|&(_, material)| material)
+    }
+
+    /// On the other side of the surface of `body`.
+    fn through(mut self, body: (u32, u32)) -> Inside {
+        let count = usize::from(self.count);
+        match self.bodies[..count].iter().rposition(|&known| known == body) {
+            Some(place) => {
+                self.bodies.copy_within(place + 1..count, place);
+                self.count -= 1;
+            }
+            None if count < Inside::MOST => {
+                self.bodies[count] = body;
+                self.count += 1;
+            }
+            None => {}
+        }
+        self
+    }
+}
+
+/// A path that is still under way.
+#[derive(Clone, Copy, Debug)]
+struct Path {
+    lane: u8,
+    bounces: u8,
+    cause: Cause,
+    inside: Inside,
+    origin: Vec3,
+    direction: Vec3,
+    /// Range so far as the instrument takes it, m.
+    range: f32,
+    /// Length so far that light spreads over, m.
+    spread: f32,
+    /// Way so far, m.
+    length: f32,
+    /// Optical depth of weather so far.
+    depth: f32,
+    /// Part of the light that is left, one way.
+    part: f32,
+}
+
+/// An echo at the end of a path.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PathEcho {
+    pub lane: usize,
+    /// Range as the instrument takes it, m.
+    pub range: f32,
+    /// Effective reflectance of a surface at that range that would send back as much, apart from incidence.
+    pub reflectance: f32,
+    /// Cosine of the incidence angle, 1 where it does not matter.
+    pub cos_incidence: f32,
+    pub cause: Cause,
+    pub bounces: u8,
+    /// Lane of its hit.
+    hit: usize,
+}
+
+/// Memory of a block to follow paths in.
+pub(crate) struct Follower {
+    paths: Next,
+    next: Next,
+    rays: RayBatch,
+    hits: HitBatch,
+    surfaces: Contribution,
+}
+
+/// The next generation of paths. Those of neighbours go on side by side when what is reflected and what is refracted do not
+/// take turns.
+#[derive(Default)]
+struct Next {
+    reflected: Vec<Path>,
+    refracted: Vec<Path>,
+}
+
+/// The echo of each beam that is preferred so far.
+pub(crate) struct Chosen {
+    /// How much it is wanted; the rule is the caller's.
+    pub strength: [f32; LANES],
+    pub hits: HitBatch,
+    pub surfaces: Contribution,
+    pub cause: [u8; LANES],
+    pub bounces: [u8; LANES],
+}
+
+impl Chosen {
+    pub(crate) fn new() -> Self {
+        Chosen {
+            strength: [f32::NEG_INFINITY; LANES],
+            hits: HitBatch::new(),
+            surfaces: Contribution::new(),
+            cause: [0; LANES],
+            bounces: [0; LANES],
+        }
+    }
+
+    /// Takes `echo`, whose surface is among `hits` and `surfaces`.
+    fn take(&mut self, echo: &PathEcho, hits: &HitBatch, surfaces: &Contribution) {
+        let lane = echo.lane;
+        self.hits.take(lane, hits, echo.hit);
+        self.surfaces.take(lane, surfaces, echo.hit);
+        self.hits.range[lane] = echo.range;
+        self.surfaces.reflectance[lane] = echo.reflectance;
+        self.surfaces.cos_incidence[lane] = echo.cos_incidence;
+        (self.cause[lane], self.bounces[lane]) = (echo.cause as u8, echo.bounces);
+    }
+}
+
+/// What paths are followed through.
+pub(crate) struct Surroundings<'a> {
+    pub scene: &'a Tables,
+    pub reflectances: &'a Reflectances,
+    pub mask: u32,
+    pub smooth: bool,
+    pub wanted: Wanted,
+    pub limits: PathLimits,
+    pub range_max: f32,
+    /// Least `rho_eff / R^2` that is detected anywhere, 1/m^2.
+    pub least_power: f32,
+    /// Whether of the echoes of a beam the strongest is preferred, with `rho_eff / R^2` as its strength.
+    pub strongest: bool,
+    /// Optical depth of the weather from a place on, in a direction, after a way, for a length.
+    pub depth: &'a dyn Fn(Vec3, Vec3, f32, f32) -> f32,
+}
+
+impl Follower {
+    pub(crate) fn new() -> Self {
+        Follower {
+            paths: Next::default(),
+            next: Next::default(),
+            rays: RayBatch::new(),
+            hits: HitBatch::new(),
+            surfaces: Contribution::new(),
+        }
+    }
+
+    /// Follows the light of those of the first `count` rays whose surface does not stop it. `prefer` says how much an echo
+    /// is wanted, if at all; the most wanted of each lane, that of the surface itself included, comes into `chosen`.
+    /// `rays`, `hits` and `surfaces` are the beams' own, normals on their side.
+    #[expect(clippy::too_many_arguments, reason = "the columns of a block")]
+    pub(crate) fn follow(
+        &mut self,
+        around: &Surroundings,
+        rays: &RayBatch,
+        hits: &HitBatch,
+        surfaces: &Contribution,
+        count: usize,
+        chosen: &mut Chosen,
+        prefer: impl Fn(&PathEcho) -> Option<f32>,
+    ) {
+        chosen.strength = [f32::NEG_INFINITY; LANES];
+        for lane in 0..count {
+            let Some(optics) = optics(around, hits, lane).filter(|optics| optics.goes_on()) else { continue };
+            let path = Path {
+                lane: lane as u8,
+                bounces: 0,
+                cause: Cause::Surface,
+                inside: Inside::default(),
+                origin: Vec3::new(rays.org_x[lane], rays.org_y[lane], rays.org_z[lane]),
+                direction: Vec3::new(rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]),
+                range: 0.0,
+                spread: 0.0,
+                length: 0.0,
+                depth: 0.0,
+                part: 1.0,
+            };
+            arrive(around, path, optics, (hits, surfaces, lane), &mut self.next, chosen, &prefer);
+        }
+        while !(self.next.reflected.is_empty() && self.next.refracted.is_empty()) {
+            std::mem::swap(&mut self.paths, &mut self.next);
+            // What is refracted first: behind it is mostly what is strongest.
+            let Next { reflected, refracted } = std::mem::take(&mut self.paths);
+            let [refracted, reflected] = [refracted, reflected].map(|mut paths| {
+                paths.retain(|path| {
+                    // The most that a surface right there could send back.
+                    let most = path.part * path.part * around.reflectances.greatest / (path.spread * path.spread);
+                    let known = chosen.strength[usize::from(path.lane)];
+                    most >= around.least_power && !(around.strongest && most <= known)
+                });
+                paths.chunks(LANES).for_each(|paths| self.step(around, paths, chosen, &prefer));
+                paths.clear();
+                paths
+            });
+            // Their memory is used again.
+            self.paths = Next { reflected, refracted };
+        }
+    }
+
+    /// Traces up to [`LANES`] paths.
+    fn step(
+        &mut self,
+        around: &Surroundings,
+        paths: &[Path],
+        chosen: &mut Chosen,
+        prefer: &impl Fn(&PathEcho) -> Option<f32>,
+    ) {
+        for (lane, path) in paths.iter().enumerate() {
+            (self.rays.org_x[lane], self.rays.org_y[lane], self.rays.org_z[lane]) = path.origin.into();
+            (self.rays.dir_x[lane], self.rays.dir_y[lane], self.rays.dir_z[lane]) = path.direction.into();
+            self.rays.range_max[lane] = (around.range_max - path.range).max(0.0);
+        }
+        self.hits.trace(around.scene, &self.rays, paths.len(), true, around.mask);
+        if around.scene.surfaces.has_instances {
+            self.hits.orient_normals(around.scene, paths.len());
+        }
+        self.surfaces.meet(&self.rays, &mut self.hits);
+        if around.smooth {
+            self.surfaces.shade(around.scene, &self.rays, &mut self.hits, paths.len());
+        }
+        let (surfaces, reflectances) = (&around.scene.surfaces, around.reflectances);
+        self.surfaces.look_up(surfaces, reflectances, &self.hits, paths.len(), around.wanted);
+        for (lane, path) in paths.iter().enumerate() {
+            if let Some(optics) = optics(around, &self.hits, lane) {
+                let at = (&self.hits, &self.surfaces, lane);
+                arrive(around, *path, optics, at, &mut self.next, chosen, prefer);
+            }
+        }
+    }
+}
+
+/// The optics of what a ray hits.
+fn optics<'a>(around: &Surroundings<'a>, hits: &HitBatch, lane: usize) -> Option<&'a Optics> {
+    if hits.surface[lane] == MISS {
+        return None;
+    }
+    let surface = around.scene.surfaces.rows.get(hits.surface[lane] as usize)?;
+    Some(&around.reflectances.optics[surface.material as usize])
+}
+
+/// `path` meets the surface of a lane: its echo, and the paths that go on.
+fn arrive(
+    around: &Surroundings,
+    path: Path,
+    optics: &Optics,
+    (hits, surfaces, lane): (&HitBatch, &Contribution, usize),
+    next: &mut Next,
+    chosen: &mut Chosen,
+    prefer: &impl Fn(&PathEcho) -> Option<f32>,
+) {
+    let limits = &around.limits;
+    let of = |material: u32| &around.reflectances.optics[material as usize];
+    let length = hits.range[lane];
+    let within = path.inside.material().map(of);
+    let (index, group_index) = within.map_or((1.0, 1.0), |body| (body.index, body.group_index));
+    let mut path = Path {
+        range: path.range + length * if limits.geometric { 1.0 } else { group_index },
+        spread: path.spread + length / if limits.geometric { 1.0 } else { index },
+        length: path.length + length,
+        // Weather is outside.
+        depth: path.depth
+            + if within.is_none() { (around.depth)(path.origin, path.direction, path.length, length) } else { 0.0 },
+        part: path.part * within.map_or(1.0, |body| (-body.absorption * length).exp()),
+        ..path
+    };
+    let cos = surfaces.cos_incidence[lane];
+    if optics.diffuse > 0.0 {
+        let dimmed = path.part * path.part * (-2.0 * path.depth).exp();
+        let echo = PathEcho {
+            lane: path.lane.into(),
+            range: path.range,
+            reflectance: surfaces.reflectance[lane] * optics.diffuse * dimmed * (path.range / path.spread).powi(2),
+            cos_incidence: if path.bounces > 0 && !limits.cosine_after { 1.0 } else { cos },
+            cause: path.cause,
+            bounces: path.bounces,
+            hit: lane,
+        };
+        if let Some(strength) = prefer(&echo)
+            && strength > chosen.strength[echo.lane]
+        {
+            chosen.strength[echo.lane] = strength;
+            chosen.take(&echo, hits, surfaces);
+        }
+    }
+    if path.bounces >= limits.depth || !optics.goes_on() {
+        return;
+    }
+    let normal = Vec3::new(hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]);
+    let place = path.origin + path.direction * length;
+    // Off the surface by what single precision leaves open there.
+    let off = normal * (2e-5 + 1e-6 * place.abs().max_element());
+    path.bounces += 1;
+    let go = |on: Path, list: &mut Vec<Path>| {
+        if on.part * on.part >= limits.least {
+            // What `off` takes from the way.
+            let skipped = off.dot(on.direction).abs();
+            let (range, spread, length) = (on.range + skipped, on.spread + skipped, on.length + skipped);
+            list.push(Path { range, spread, length, ..on });
+        }
+    };
+    let mirrored = Path { origin: place + off, direction: fresnel::reflected(path.direction, normal), ..path };
+    let seen_in_mirror = Path { cause: Cause::Mirror, ..mirrored };
+    go(Path { part: path.part * optics.mirrored_at(cos), ..seen_in_mirror }, &mut next.reflected);
+    if optics.clear == 0.0 {
+        return;
+    }
+    let seen_through =
+        |on: Path| Path { cause: if on.cause == Cause::Surface { Cause::Glass } else { on.cause }, ..on };
+    if let Some(thickness) = optics.sheet {
+        let (_, cos_t) = fresnel::dielectric(cos, optics.index);
+        let way = thickness / cos_t;
+        let (reflected, passed) = fresnel::plate(cos, optics.index, (-optics.absorption * way).exp());
+        go(Path { part: path.part * optics.clear * reflected, ..seen_in_mirror }, &mut next.reflected);
+        let within = fresnel::refracted(path.direction, normal, optics.index, cos_t);
+        // The pane reaches from the sheet backwards; light goes on from its other face.
+        let on = seen_through(Path {
+            origin: place + within * way - off,
+            range: path.range + way * if limits.geometric { 1.0 } else { optics.group_index },
+            spread: path.spread + way / if limits.geometric { 1.0 } else { optics.index },
+            part: path.part * optics.clear * passed,
+            ..path
+        });
+        go(on, &mut next.refracted);
+        return;
+    }
+    let surface = &around.scene.surfaces.rows[hits.surface[lane] as usize];
+    let inside = path.inside.through((surface.object, surface.material));
+    let beyond = inside.material().map_or(1.0, |material| of(material).index);
+    let m = beyond / index;
+    let (reflected, cos_t) = fresnel::dielectric(cos, m);
+    go(Path { part: path.part * optics.clear * reflected, ..seen_in_mirror }, &mut next.reflected);
+    if reflected < 1.0 {
+        let on = seen_through(Path {
+            origin: place - off,
+            direction: fresnel::refracted(path.direction, normal, m, cos_t),
+            inside,
+            part: path.part * optics.clear * (1.0 - reflected),
+            ..path
+        });
+        go(on, &mut next.refracted);
+    }
+}
