@@ -1054,7 +1054,8 @@ typedef struct echocast_scan_desc {
 
 /**
  * Scans once. `*io`: NULL, then it becomes a new result, to be released with echocast_result_release; or a result, whose
- * memory is used again: a loop of scans in the order of beams allocates nothing after the first.
+ * memory is used again: a loop of scans in the order of beams allocates nothing after the first, but for weather, mirrors
+ * and glass.
  *
  * On an error in the arguments an old result stays as it was; one that was cancelled, or for which there was no memory,
  * is empty.

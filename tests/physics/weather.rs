@@ -1,5 +1,6 @@
 use super::{assert_near, scan, target};
 use echocast::medium::{Dust, Fog, Placed, Rain, Region, Snow};
+use echocast::scene::Material;
 use echocast::{BuiltScene, Cause, Environment, Field, PointCloud, Profile, ScanOptions, Sensor};
 use echocast_tests::reference::{SceneBuilder, Shape, one_beam};
 use glam::DVec3;
@@ -214,6 +215,56 @@ fn rain_leaves_the_noise_of_others_alone() {
     assert!(same > 100_000 && is(&wet, Cause::Rain) > 1000, "{same} {}", is(&wet, Cause::Rain));
 }
 
+/// Nothing answers from behind a surface, be it too dark or too near to be reported, or a mirror.
+#[test]
+fn surfaces_end_what_is_seen_of_the_air() {
+    let dust = "{dust: {radius_um: 50, per_m3: 1e8, box: {min_m: [20, -5, -5], max_m: [30, 5, 5]}}}";
+    let beam = "beam: {pulse_ns: 5, overlap_m: [0, 0.1]}";
+    let sensor = one_beam(&format!("{RADAR}\n{beam}\nrange: {{min_m: 2}}"));
+    assert_eq!(is(&in_weather(&nothing(), &sensor, dust), Cause::Dust), 1);
+    assert_eq!(in_weather(&target(0.0, 10.0, 0.0), &sensor, dust).len, 0);
+    assert_eq!(in_weather(&target(0.5, 1.0, 0.0), &sensor, dust).len, 0);
+    let mut scene = SceneBuilder::new();
+    let mirror = Material { name: "mirror".into(), metallic: 1.0, roughness: 0.0, ..Material::default() };
+    let mirror = scene.material(mirror);
+    scene.stand(Shape::plate(DVec3::new(5.0, 0.0, 0.0), DVec3::new(-1.0, 1.0, 0.0).normalize(), 1.0), Some(mirror));
+    assert_eq!(in_weather(&scene.finish().build().unwrap(), &sensor, dust).len, 0);
+}
+
+/// Fog of a height answers a sensor within it as fog that is everywhere; a thin sheet answers from its middle.
+#[test]
+fn fog_in_places_answers_as_fog_everywhere() {
+    let fog = |place: &str| {
+        let yaml = format!("{{fog: {{mor_m: 99.86, model: kim{place}}}}}");
+        let cloud = in_weather(&nothing(), &one_beam("beam: {pulse_ns: 5}\nintensity: {encoding: power}"), &yaml);
+        (f64::from(cloud.columns.range[0]), f64::from(cloud.columns.intensity[0]))
+    };
+    let (range, power) = fog("");
+    for place in
+        [", half_space: {point_m: [0, 0, 3], normal: [0, 0, 1]}", ", box: {min_m: [-9, -9, -9], max_m: [90, 9, 9]}"]
+    {
+        let (found, as_bright) = fog(place);
+        assert_near("range", found, range, 0.02);
+        assert_near("power", as_bright / power, 1.0, 0.05);
+    }
+    assert_near("thin", fog(", box: {min_m: [10, -9, -9], max_m: [10.2, 9, 9]}").0, 10.1, 1e-3);
+    // Grazing a face of the box is within.
+    assert_near("grazing", fog(", box: {min_m: [-9, -9, 0], max_m: [90, 9, 9]}").0, range, 0.02);
+}
+
+/// In mode last a drop counts behind the fog that answers first.
+#[test]
+fn the_last_echo_of_the_air_may_be_a_drop() {
+    let sensor = lidar("beam: {divergence_mrad: 3, pulse_ns: 5}\nreturns: {mode: last}");
+    let cloud = in_weather(&nothing(), &sensor, "{fog: {visibility_m: 100}, snow: {rate_mm_h: 2}}");
+    assert!(is(&cloud, Cause::Snow) > 1000 && is(&cloud, Cause::Fog) > 1000);
+    // Other weather leaves the flakes where they are.
+    let more = in_weather(&nothing(), &sensor, "{clear_air: {visibility_m: 1e9}, snow: {rate_mm_h: 2}}");
+    let less = in_weather(&nothing(), &sensor, "{snow: {rate_mm_h: 2}}");
+    let same = more.columns.beam.iter().zip(&less.columns.beam).filter(|(a, b)| a == b).count();
+    assert!(same * 1000 > less.len * 999, "{same} of {}", less.len);
+}
+
 /// The unlabelled points of the air have no surface: no label, no side, no colour.
 #[test]
 fn echoes_of_the_air_have_no_surface() {
@@ -259,7 +310,7 @@ fn wrong_weather_is_named() {
             "line 3: rain[1].model: unknown value \"itv\"; near: itu",
         ),
         ("fog: {}", "line 1: fog: is without visibility_m, mor_m and spectrum; allowed: one of them"),
-        ("fog: {visibility_m: 0}", "line 1: fog.visibility_m: is 0; allowed: above 0"),
+        ("fog: {visibility_m: 0}", "line 1: fog.visibility_m: is 0; allowed: 0.1 or more"),
         ("fog: {visibility_m: 5, mor_m: 4}", "line 1: fog.mor_m: is 4; allowed: none beside visibility_m"),
         (
             "dust: {radius_um: 50, per_m3: 1e5, start_m: 5, length_m: -1}",

@@ -3,7 +3,7 @@
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use echocast::export::preview::{ColorBy, View};
 use echocast::scene::UpAxis;
-use echocast::{Frame, Order, Profile, ReflectanceSource};
+use echocast::{Frame, Order, Profile, ReflectanceSource, ReturnMode};
 
 /// Names and what they stand for.
 pub type Choices<T> = &'static [(&'static str, T)];
@@ -13,6 +13,13 @@ pub const PROFILE: Choices<Profile> =
     &[("physical", Profile::Physical), ("paper", Profile::Paper), ("blainder", Profile::Blainder)];
 pub const REFLECTANCE_SOURCE: Choices<ReflectanceSource> =
     &[("luminance", ReflectanceSource::Luminance), ("alpha", ReflectanceSource::Alpha)];
+pub const RETURNS: Choices<ReturnMode> = &[
+    ("strongest", ReturnMode::Strongest),
+    ("first", ReturnMode::First),
+    ("last", ReturnMode::Last),
+    ("dual", ReturnMode::Dual),
+    ("all", ReturnMode::All),
+];
 pub const FRAME: Choices<Frame> = &[("world", Frame::World), ("sensor", Frame::Sensor)];
 pub const ORDER: Choices<Order> = &[("beam", Order::Beam), ("time", Order::Time)];
 pub const VIEW: Choices<View> = &[("top", View::Top), ("perspective", View::Perspective), ("range", View::Range)];

@@ -4,7 +4,7 @@ use crate::choice;
 use anyhow::{Context as _, Result, ensure};
 use clap::Args;
 use echocast::scene::UpAxis;
-use echocast::{Error, LabelRules, LoadOptions, Scene, Sensor};
+use echocast::{Error, LabelRules, LoadOptions, ReturnMode, Scene, Sensor};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -65,6 +65,9 @@ pub struct SensorArgs {
     /// Change one parameter by its path in the sensor's YAML; repeatable
     #[arg(long, value_name = "KEY=VALUE", value_parser = key_value, help_heading = "Sensor")]
     set: Vec<(String, String)>,
+    /// Which echo of a beam is reported [default: as the sensor has it]
+    #[arg(long, value_name = "MODE", value_parser = choice::of(choice::RETURNS), help_heading = "Sensor")]
+    returns: Option<ReturnMode>,
 }
 
 impl SensorArgs {
@@ -73,6 +76,9 @@ impl SensorArgs {
         let mut sensor = load_sensor(&self.sensor).context("--sensor")?;
         for (key, value) in &self.set {
             sensor.set(key, value).context("--set")?;
+        }
+        if let Some(mode) = self.returns {
+            sensor.set("returns.mode", choice::name(choice::RETURNS, mode)).context("--returns")?;
         }
         Ok(sensor)
     }

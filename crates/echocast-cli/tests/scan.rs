@@ -35,7 +35,10 @@ fn the_report_says_what_was_done_and_how_to_repeat_it() {
     let folder = tempfile::tempdir().unwrap();
     let report = report(
         folder.path(),
-        &format!("{SCAN} --rpy 0,0,90 --set noise.range_sigma_m=0.5 --seed 9 --threads 2 --profile paper -o DIR/a.csv"),
+        &format!(
+            "{SCAN} --rpy 0,0,90 --set noise.range_sigma_m=0.5 --returns last --seed 9 --threads 2 --profile paper -o \
+             DIR/a.csv"
+        ),
     );
     assert_eq!(report["version"], env!("CARGO_PKG_VERSION"));
     assert_eq!(report["rays"], 28928);
@@ -52,6 +55,7 @@ fn the_report_says_what_was_done_and_how_to_repeat_it() {
     assert!(run["scene"]["files"][0].as_str().unwrap().ends_with("indoor-1.glb"));
     assert_eq!(run["sensors"][0]["name"], "velodyne_vlp16");
     assert_eq!(run["sensors"][0]["noise"]["range_sigma_m"], 0.5);
+    assert_eq!(run["sensors"][0]["returns"]["mode"], "last");
     assert_eq!(run["trajectory"]["position_m"], serde_json::json!([-6.0, 6.0, 1.2]));
     assert_eq!((&run["seed"], &run["profile"]), (&9.into(), &"paper".into()));
     assert_eq!(run["fields"].as_array().unwrap().len(), echocast::FieldSet::default().iter().count());

@@ -25,9 +25,9 @@ pub enum Profile {
     /// Physics as we know it.
     #[default]
     Physical,
-    /// The equations of the paper as printed.
+    /// The equations of the paper as printed; glass is physical.
     Paper,
-    /// What the paper's program computes.
+    /// What the paper's program computes; glass is physical.
     Blainder,
 }
 
@@ -142,8 +142,8 @@ impl BuiltScene {
         Ok(cloud)
     }
 
-    /// [`BuiltScene::scan`] into the memory of `cloud`: a scan like the one before it, in the order of beams, allocates
-    /// nothing.
+    /// [`BuiltScene::scan`] into the memory of `cloud`: a scan like the one before it, in the order of beams and in a
+    /// scene without weather, mirrors and glass, allocates nothing.
     ///
     /// # Errors
     /// As [`BuiltScene::scan`]. `cloud` stays as it was when pose or options are at fault; without memory it is empty.
@@ -293,7 +293,8 @@ impl<'a> Scan<'a> {
             wants_surfaces,
             wanted: Wanted { colors, reflectance: wants_echo },
             keeps_undetected: blainder,
-            limits_measured: options.profile == Profile::Physical && sensor.noise != Noise::default(),
+            limits_measured: options.profile == Profile::Physical
+                && (sensor.noise != Noise::default() || air.as_ref().is_some_and(|air| air.range_noise() > 0.0)),
             air,
             paths,
             mode: sensor.return_mode(),
@@ -482,9 +483,10 @@ impl Block {
         self.trace(scan, count);
         if scan.paths.is_some() || scan.air.is_some() {
             self.answer.reset();
+            self.answer.end = self.hits.range;
         }
         if let Some(limits) = scan.paths {
-            self.follow(scan, limits, count);
+            self.follow(scan, limits, first, count);
         }
         let needs_surfaces = !scan.options.organised && !scan.air.as_ref().is_some_and(Air::answers);
         if needs_surfaces && self.hits.surface[..count].iter().all(|&surface| surface == MISS) {
@@ -522,7 +524,7 @@ impl Block {
     /// Step 7: beams that meet a mirror or glass see what is behind it. Of all echoes of a beam the one that the return
     /// mode prefers takes the place of the surface.
     #[inline(never)]
-    fn follow(&mut self, scan: &Scan, limits: PathLimits, count: usize) {
+    fn follow(&mut self, scan: &Scan, limits: PathLimits, first: usize, count: usize) {
         let Block { rays, hits, surfaces, answer, paths, .. } = self;
         (answer.first_category, answer.first_instance) = (surfaces.category_id, surfaces.instance_id);
         let goes_on = |surface: u32| match scan.scene.surfaces.rows.get(surface as usize) {
@@ -534,7 +536,9 @@ impl Block {
         }
         let (follower, chosen) = &mut **paths.get_or_insert_with(|| Box::new((Follower::new(), Chosen::new())));
         let depth = |from, direction, travelled, length| {
-            scan.air.as_ref().map_or(0.0, |air| air.depth(from, direction, travelled, length))
+            // The paper's program knows weather on the whole of the way alone.
+            let air = scan.air.as_ref().filter(|_| !scan.keeps_undetected);
+            air.map_or(0.0, |air| air.depth(from, direction, travelled, length))
         };
         let around = Surroundings {
             scene: scan.scene,
@@ -543,7 +547,7 @@ impl Block {
             smooth: scan.smooth,
             wanted: scan.wanted,
             limits,
-            range_max: scan.range_max,
+            range_max: &rays.range_max,
             least_power: scan.threshold.least_power().filter(|_| !scan.keeps_undetected).unwrap_or(0.0) as f32,
             strongest: !scan.keeps_undetected && !matches!(scan.mode, ReturnMode::First | ReturnMode::Last),
             depth: &depth,
@@ -551,7 +555,8 @@ impl Block {
         follower.follow(&around, rays, hits, surfaces, count, chosen, |echo: &PathEcho| {
             let rho_eff = echo.reflectance * echo.cos_incidence;
             let seen = scan.keeps_undetected || scan.threshold.detects(rho_eff, echo.range);
-            let within = echo.range >= scan.range_min && echo.range <= scan.range_max;
+            let least = scan.beams.range_min.get(first + echo.lane).copied().unwrap_or(scan.range_min);
+            let within = echo.range >= least && echo.range <= rays.range_max[echo.lane];
             (seen && within).then(|| match scan.mode {
                 // The brighter one, whatever its range.
                 _ if scan.keeps_undetected => rho_eff,
@@ -620,6 +625,7 @@ impl Block {
                 measured[lane] = (measured[lane] + sigma * hits.range[lane] * scratch[lane]).max(0.0);
             }
         }
+        scan.range_error.round(&mut measured[..count]);
         if scan.limits_measured {
             scan.limit(&mut hits.surface, measured, first, count);
         }

@@ -447,7 +447,10 @@ impl Sensor {
             },
             threshold,
             range_min: self.range_min_m,
-            range_max: self.range_max_m,
+            range_max: match &*self.beams.range_max {
+                [] => self.range_max_m,
+                limits => limits.iter().copied().fold(0.0, f32::max).into(),
+            },
         }
     }
 

@@ -53,7 +53,7 @@ impl RangeError {
         }
     }
 
-    /// Measured ranges of beams `first_beam ..` from their true ranges and effective reflectances.
+    /// Measured ranges of beams `first_beam ..` from their true ranges and effective reflectances, not rounded yet.
     #[inline(always)]
     pub(crate) fn measure(&self, rng: &Rng, first_beam: u32, rho_eff: &[f32], truth: &[f32], measured: &mut [f32]) {
         if self.sigma > 0.0 || self.snr_sigma > 0.0 {
@@ -73,6 +73,11 @@ impl RangeError {
         for (value, &range) in measured.iter_mut().zip(truth) {
             *value = (range * self.gain + self.bias + *value).max(0.0);
         }
+    }
+
+    /// Rounds what is measured to the instrument's range step.
+    #[inline(always)]
+    pub(crate) fn round(&self, measured: &mut [f32]) {
         if self.step > 0.0 {
             let per_step = 1.0 / self.step;
             measured.iter_mut().for_each(|value| *value = (*value * per_step).round_ties_even() * self.step);
@@ -89,6 +94,7 @@ mod tests {
         let error = RangeError::new(&noise, step, Threshold::new(detection, false));
         let mut measured = vec![0.0; count];
         error.measure(&Rng::new(5, 0), 0, &vec![rho_eff; count], &vec![truth; count], &mut measured);
+        error.round(&mut measured);
         measured.into_iter().map(f64::from).collect()
     }
 

@@ -152,7 +152,8 @@ pub(crate) struct Surroundings<'a> {
     pub smooth: bool,
     pub wanted: Wanted,
     pub limits: PathLimits,
-    pub range_max: f32,
+    /// Farthest range of each beam, m.
+    pub range_max: &'a [f32; LANES],
     /// Least `rho_eff / R^2` that is detected anywhere, 1/m^2.
     pub least_power: f32,
     /// Whether of the echoes of a beam the strongest is preferred, with `rho_eff / R^2` as its strength.
@@ -235,8 +236,9 @@ impl Follower {
         for (lane, path) in paths.iter().enumerate() {
             (self.rays.org_x[lane], self.rays.org_y[lane], self.rays.org_z[lane]) = path.origin.into();
             (self.rays.dir_x[lane], self.rays.dir_y[lane], self.rays.dir_z[lane]) = path.direction.into();
-            self.rays.range_max[lane] = (around.range_max - path.range).max(0.0);
+            self.rays.range_max[lane] = (around.range_max[usize::from(path.lane)] - path.range).max(0.0);
         }
+        // Neighbours come from neighbours on the same surface, mostly: packets as for beams take two thirds of the time.
         self.hits.trace(around.scene, &self.rays, paths.len(), true, around.mask);
         if around.scene.surfaces.has_instances {
             self.hits.orient_normals(around.scene, paths.len());
@@ -313,6 +315,10 @@ fn arrive(
         return;
     }
     let normal = Vec3::new(hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]);
+    // At the rim of a smooth body the shading normal may look away; nothing goes on from there.
+    if normal.dot(path.direction) >= 0.0 {
+        return;
+    }
     let place = path.origin + path.direction * length;
     // Off the surface by what single precision leaves open there.
     let off = normal * (2e-5 + 1e-6 * place.abs().max_element());
@@ -327,9 +333,11 @@ fn arrive(
     };
     let mirrored = Path { origin: place + off, direction: fresnel::reflected(path.direction, normal), ..path };
     let seen_in_mirror = Path { cause: Cause::Mirror, ..mirrored };
-    go(Path { part: path.part * optics.mirrored_at(cos), ..seen_in_mirror }, &mut next.reflected);
+    // A metal's share and that of glass go the same way.
+    let mut reflect = |share: f32| go(Path { part: path.part * share, ..seen_in_mirror }, &mut next.reflected);
+    let mirrored = optics.mirrored_at(cos);
     if optics.clear == 0.0 {
-        return;
+        return reflect(mirrored);
     }
     let seen_through =
         |on: Path| Path { cause: if on.cause == Cause::Surface { Cause::Glass } else { on.cause }, ..on };
@@ -337,7 +345,7 @@ fn arrive(
         let (_, cos_t) = fresnel::dielectric(cos, optics.index);
         let way = thickness / cos_t;
         let (reflected, passed) = fresnel::plate(cos, optics.index, (-optics.absorption * way).exp());
-        go(Path { part: path.part * optics.clear * reflected, ..seen_in_mirror }, &mut next.reflected);
+        reflect(mirrored + optics.clear * reflected);
         let within = fresnel::refracted(path.direction, normal, optics.index, cos_t);
         // The pane reaches from the sheet backwards; light goes on from its other face.
         let on = seen_through(Path {
@@ -355,7 +363,7 @@ fn arrive(
     let beyond = inside.material().map_or(1.0, |material| of(material).index);
     let m = beyond / index;
     let (reflected, cos_t) = fresnel::dielectric(cos, m);
-    go(Path { part: path.part * optics.clear * reflected, ..seen_in_mirror }, &mut next.reflected);
+    reflect(mirrored + optics.clear * reflected);
     if reflected < 1.0 {
         let on = seen_through(Path {
             origin: place - off,

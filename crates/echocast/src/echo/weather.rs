@@ -50,7 +50,12 @@ struct Placed {
     extinction: f32,
     backscatter: f32,
     cause: Cause,
+    /// Where the peak is behind a face in [`Air::near`], m, and its height `J`, 1/m.
+    near: [[f32; 2]; NEAR],
 }
+
+/// Faces in a table of those near the sensor.
+const NEAR: usize = 9;
 
 /// Drops or flakes.
 struct Flying {
@@ -73,6 +78,8 @@ pub(crate) struct Air {
     flying: Vec<Flying>,
     receiver: Receiver,
     mode: ReturnMode,
+    /// Least and greatest range of faces that the receiver does not see as distant ones, m.
+    near: [f64; 2],
 }
 
 /// The echo of each beam that is reported.
@@ -80,6 +87,8 @@ pub(crate) struct Answer {
     pub range: [f32; LANES],
     pub rho_eff: [f32; LANES],
     pub cause: [u8; LANES],
+    /// Range at which the first surface ends what a beam sees of the air, m, whether it is detected or not.
+    pub end: [f32; LANES],
     /// Whether it is the air's.
     pub air: [bool; LANES],
     /// Mirrors and faces of glass on the way.
@@ -96,6 +105,7 @@ impl Answer {
         Answer {
             range: [0.0; LANES],
             rho_eff: [0.0; LANES],
+            end: [0.0; LANES],
             cause: [Cause::Surface as u8; LANES],
             air: [false; LANES],
             bounces: [0; LANES],
@@ -118,7 +128,10 @@ impl Air {
         if weather.media.is_empty() {
             return None;
         }
-        let mut air = Air { weather, around: Vec::new(), placed: Vec::new(), flying: Vec::new(), receiver, mode };
+        let [from, to] = receiver.overlap;
+        let near = [from.max(1e-2), to + 4.0 * receiver.pulse.width];
+        let (around, placed, flying) = Default::default();
+        let mut air = Air { weather, around, placed, flying, receiver, mode, near };
         if answers {
             air.find_echoes();
         }
@@ -151,13 +164,22 @@ impl Air {
                 self.around.push((Echo { range: range as f32, rho_eff: rho_eff as f32 }, cause));
             }
         }
-        for (index, medium) in self.weather.media.iter().enumerate() {
+        for medium in &self.weather.media {
             if medium.backscatter > 0.0 && pulse.width > 0.0 && !medium.extent.is_around_the_sensor() {
+                let [first, last] = self.near;
+                let near = std::array::from_fn(|row| {
+                    let from = first + (last - first) * row as f64 / (NEAR - 1) as f64;
+                    let density =
+                        |r: f64| receiver.overlap(r) * (-2.0 * medium.extinction * (r - from)).exp() / (r * r);
+                    let (range, height) = pulse.peak([from, from + 1e3], from.max(receiver.overlap[1]), density);
+                    [(range - from) as f32, height as f32]
+                });
                 self.placed.push(Placed {
                     extent: medium.extent,
                     extinction: medium.extinction as f32,
                     backscatter: medium.backscatter as f32,
                     cause: medium.cause,
+                    near,
                 });
             }
             // Without a threshold every particle would be seen, and the nearest would hide all else.
@@ -171,7 +193,9 @@ impl Air {
                 let gain = |range: f64| receiver.overlap(range) * transmittance(range);
                 let seen = Detectable::new(particles, cone, [from, to], gain, k);
                 let draw = if medium.cause == Cause::Snow { Draw::Flakes } else { Draw::Drops };
-                let address = index as u32 * MOST_PARTICLES;
+                // Counted within the kind, so that other weather does not move it.
+                let before = self.flying.iter().filter(|flying| flying.draw == draw).count();
+                let address = before as u32 * MOST_PARTICLES;
                 let some = 1.0 - (-seen.mean()).exp();
                 self.flying.push(Flying { extent: medium.extent, cause: medium.cause, draw, address, seen, some });
             }
@@ -195,6 +219,17 @@ impl Air {
             medium.extinction as f32 * (to - from).max(0.0)
         };
         self.weather.media.iter().map(of).sum()
+    }
+
+    /// Optical depth, one way, of the first `length` m of a beam in what has a place in the world.
+    fn depth_in_places(&self, origin: Vec3, direction: Vec3, length: f32) -> f32 {
+        let placed = self.weather.media.iter().filter(|medium| !medium.extent.is_around_the_sensor());
+        placed
+            .map(|medium| {
+                let (from, to) = medium.extent.interval(origin, direction, 0.0, length);
+                medium.extinction as f32 * (to - from).max(0.0)
+            })
+            .sum()
     }
 
     /// Transmittance, there and back, of the first `length` m of the first `count` rays, which begin at the sensor.
@@ -241,29 +276,27 @@ impl Air {
         surface: &mut [u32; LANES],
         answer: &mut Answer,
     ) {
-        let hard = answer.range;
         for &(echo, cause) in &self.around {
             if !self.is_seen(echo) {
                 continue;
             }
             for lane in 0..count {
                 // A surface within the pulse hides it, and what is behind a surface is not there.
-                let end = if surface[lane] == MISS { rays.range_max[lane] } else { hard[lane] };
+                let end = answer.end[lane];
                 if echo.range + self.receiver.pulse.merging_distance() as f32 <= end {
                     self.offer(answer, surface, lane, echo, cause);
                 }
             }
         }
         if !self.placed.is_empty() {
-            self.answer_from_places(rays, &hard, count, surface, answer);
+            self.answer_from_places(rays, count, surface, answer);
         }
         for flying in &self.flying {
             let mut chance = [0.0; LANES];
             rng.uniforms(first_beam, flying.draw, flying.address, &mut chance[..count]);
             for lane in 0..count {
                 if chance[lane] < flying.some {
-                    let end = if surface[lane] == MISS { rays.range_max[lane] } else { hard[lane] };
-                    self.answer_from(flying, rays, rng, first_beam, lane, (chance[lane], end), surface, answer);
+                    self.answer_from(flying, rays, rng, first_beam, lane, chance[lane], surface, answer);
                 }
             }
         }
@@ -273,58 +306,62 @@ impl Air {
     /// the reflectivity that it tests, and the range and intensity of a cloud of dust that it reports instead. Rain adds
     /// what it should multiply, and the backscatter of dust is compared with a reflectivity.
     pub(crate) fn as_the_program(&self, range: f32, rho_eff: f32, limit: f32) -> (f32, Option<(f32, f32)>) {
-        let (mut rain, mut dust) = (0.0, 0.0);
-        for medium in &self.weather.media {
-            let depth = |length: f32| 2.0 * medium.extinction as f32 * length;
-            match (medium.cause, medium.extent) {
-                (Cause::Rain, _) => rain += depth(range),
-                (_, Extent::Shell { start, end }) if range >= start => {
-                    if medium.backscatter as f32 > limit {
-                        return (rho_eff, Some((start, medium.backscatter as f32)));
+        let depth = |medium: &Medium, length: f32| 2.0 * medium.extinction as f32 * length;
+        let rain = |medium: &&Medium| medium.cause == Cause::Rain;
+        let wet: f32 = self.weather.media.iter().filter(rain).map(|medium| depth(medium, range)).sum();
+        let left = rho_eff + exp_negative(wet) - 1.0;
+        let mut dry = 0.0;
+        for medium in self.weather.media.iter().filter(|medium| !rain(medium)) {
+            match medium.extent {
+                Extent::Shell { start, end } if range >= start => {
+                    if medium.cause == Cause::Dust && medium.backscatter as f32 > limit {
+                        return (left, Some((start, medium.backscatter as f32)));
                     }
-                    dust += depth(range.min(end) - start);
+                    dry += depth(medium, range.min(end) - start);
                 }
-                (_, Extent::Everywhere) => dust += depth(range),
+                Extent::Everywhere => dry += depth(medium, range),
                 // It knows no other places.
                 _ => {}
             }
         }
-        (rho_eff * exp_negative(dust) + exp_negative(rain) - 1.0, None)
+        (left * exp_negative(dry), None)
     }
 
     /// The faces of media that lie in the world.
     #[inline(never)]
-    fn answer_from_places(
-        &self,
-        rays: &RayBatch,
-        hard: &[f32; LANES],
-        count: usize,
-        surface: &mut [u32; LANES],
-        answer: &mut Answer,
-    ) {
+    fn answer_from_places(&self, rays: &RayBatch, count: usize, surface: &mut [u32; LANES], answer: &mut Answer) {
         let face = Face::get();
         let sigma = self.receiver.pulse.sigma() as f32;
         for lane in 0..count {
             let (org, dir) = (origin(rays, lane), direction(rays, lane));
-            let end = if surface[lane] == MISS { rays.range_max[lane] } else { hard[lane] };
+            let end = answer.end[lane];
             for medium in &self.placed {
                 let (from, to) = medium.extent.interval(org, dir, 0.0, end);
-                let from = from.max(self.receiver.overlap[0] as f32);
+                let [first, last] = self.near.map(|range| range as f32);
+                let from = from.max(first);
                 if from >= to {
                     continue;
                 }
-                let kappa = 2.0 * medium.extinction + 2.0 / from;
-                let [behind, height] = face.peak(kappa * sigma);
-                let range = (from + behind * sigma).max(0.5 * (from + from.min(to)));
+                let [behind, j] = if from < last {
+                    let place = (from - first) / (last - first) * (NEAR - 1) as f32;
+                    let row = (place as usize).min(NEAR - 2);
+                    let part = place - row as f32;
+                    std::array::from_fn(|k| {
+                        medium.near[row][k] + (medium.near[row + 1][k] - medium.near[row][k]) * part
+                    })
+                } else {
+                    let [behind, height] = face.peak((2.0 * medium.extinction + 2.0 / from) * sigma);
+                    [behind * sigma, height * sigma / (from * from)]
+                };
+                // A sheet thinner than the pulse answers from its middle, in proportion to its thickness.
+                let range = from + behind.min(0.5 * (to - from));
                 if range + self.receiver.pulse.merging_distance() as f32 > end {
                     continue;
                 }
-                // A sheet thinner than the pulse answers in proportion to its thickness.
-                let whole = height * sigma;
-                let j = whole * (1.0 - (-(to - from) / whole).exp());
-                let before = self.depth(org, dir, 0.0, from);
-                let gain = self.receiver.overlap(range.into()) as f32 * (-2.0 * before).exp();
-                let rho_eff = std::f32::consts::PI * medium.backscatter * j * gain * (range / from).powi(2);
+                let full = j * range * range;
+                let seen = full * (1.0 - (-(to - from) / full).exp());
+                let gain = exp_negative(2.0 * self.depth(org, dir, 0.0, from));
+                let rho_eff = std::f32::consts::PI * medium.backscatter * seen * gain;
                 let echo = Echo { range, rho_eff };
                 if self.is_seen(echo) {
                     self.offer(answer, surface, lane, echo, medium.cause);
@@ -343,14 +380,15 @@ impl Air {
         rng: &Rng,
         first_beam: u32,
         lane: usize,
-        (chance, end): (f32, f32),
+        chance: f32,
         surface: &mut [u32; LANES],
         answer: &mut Answer,
     ) {
         let beam = first_beam.wrapping_add(lane as u32);
-        let (from, to) = flying.extent.interval(origin(rays, lane), direction(rays, lane), 0.0, end);
+        let (org, dir) = (origin(rays, lane), direction(rays, lane));
+        let (from, to) = flying.extent.interval(org, dir, 0.0, answer.end[lane]);
         let by_range = matches!(self.mode, ReturnMode::First | ReturnMode::Last);
-        let surface_is_last = self.mode == ReturnMode::Last && surface[lane] != MISS;
+        let surface_is_last = self.mode == ReturnMode::Last && surface[lane] < AIR;
         // Mean number up to this particle.
         let mut number = exponential(chance);
         for particle in 1..MOST_PARTICLES {
@@ -364,19 +402,21 @@ impl Air {
                 break;
             }
             let [place, next, ..] = rng.four(beam, flying.draw, flying.address + particle);
-            let echo = if by_range {
+            let mut echo = if by_range {
                 let range = flying.seen.nearest(number);
                 Echo { range, rho_eff: flying.seen.brightness(range, place) }
             } else {
                 let range = flying.seen.place(strength, place);
                 Echo { range, rho_eff: strength * range * range }
             };
+            // Weather that has a place in the world is not in the table: it takes some of the particles away again.
+            echo.rho_eff *= exp_negative(2.0 * self.depth_in_places(org, dir, echo.range));
             if by_range && echo.range >= to {
                 break;
             }
             if (from..to).contains(&echo.range) && self.is_seen(echo) {
                 self.offer(answer, surface, lane, echo, flying.cause);
-                if self.mode != ReturnMode::Last {
+                if self.mode == ReturnMode::First {
                     break;
                 }
             }
@@ -387,8 +427,8 @@ impl Air {
     /// Whether the instrument detects and reports it.
     #[inline(always)]
     fn is_seen(&self, echo: Echo) -> bool {
-        let limits = self.receiver.range_min as f32..=self.receiver.range_max as f32;
-        echo.rho_eff > 0.0 && limits.contains(&echo.range) && self.receiver.threshold.detects(echo.rho_eff, echo.range)
+        let is_far_enough = echo.range >= self.receiver.range_min as f32;
+        echo.rho_eff > 0.0 && is_far_enough && self.receiver.threshold.detects(echo.rho_eff, echo.range)
     }
 
     /// Takes `echo` if the return mode prefers it.

@@ -109,10 +109,10 @@ mod tests {
             (1.33, 0.0, 0.020_059_3),
         ] {
             let (found, cos_t) = dielectric(cos(degrees), m);
-            assert!((found - expected).abs() < 1e-6, "{m} {degrees}: {found}");
+            assert!((found - expected).abs() < 1e-5, "{m} {degrees}: {found}");
             // There and back: the same share the other way.
             let (back, _) = dielectric(cos_t, 1.0 / m);
-            assert!((back - found).abs() < 2e-6, "{m} {degrees}: {back}");
+            assert!((back - found).abs() < 1e-5, "{m} {degrees}: {back}");
         }
         for (m, degrees) in [(1.0 / 1.5, 42.0), (1.0 / 1.5, 60.0), (1.0 / 1.33, 48.76)] {
             assert_eq!(dielectric(cos(degrees), m), (1.0, 0.0));

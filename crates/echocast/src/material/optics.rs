@@ -78,7 +78,7 @@ impl Optics {
         });
         let absorption = -color.clamp(1e-6, 1.0).ln() / material.attenuation_distance_m;
         Optics {
-            diffuse: (1.0 - metallic) * (1.0 - transmission),
+            diffuse: (1.0 - metallic - transmission).max(0.0),
             mirrored: if lossless || metal.is_some() { metallic } else { metallic * mirror },
             metal: metal.filter(|_| !lossless),
             clear: transmission * smooth,

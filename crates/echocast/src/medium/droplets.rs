@@ -64,10 +64,14 @@ impl Spectrum {
         // In units of the mode radius N ~ x^a exp(-(a/g) x^g); x = e^s makes all scales equally fine.
         let (mut droplets, mut area) = (0.0, 0.0);
         let steps = 4000;
-        let (from, to) = (-7.0, 7.0);
+        // Around the droplets that catch most light; slow exponents spread far.
+        let middle = ((a + 3.0) / a).ln() / g;
+        let reach = 7.0 / g.min(1.0);
+        let (from, to) = (middle - reach, middle + reach);
         for step in 0..steps {
             let x = f64::exp(from + (to - from) * (f64::from(step) + 0.5) / f64::from(steps));
-            let weight = x.powf(a + 1.0) * (-(a / g) * x.powf(g)).exp();
+            // In logarithms: neither factor alone need be a number of f64.
+            let weight = ((a + 1.0) * x.ln() - (a / g) * x.powf(g)).exp();
             droplets += weight;
             area += weight * PI * (x * mode).powi(2) * extinction_efficiency(x * mode, wavelength_nm);
         }
@@ -138,9 +142,10 @@ impl Fog {
         }
     }
 
-    /// Backscatter, 1/(m sr).
-    pub fn backscatter(&self, wavelength_nm: f64) -> f64 {
-        self.extinction(wavelength_nm) / self.lidar_ratio_sr.unwrap_or(LIDAR_RATIO_SR)
+    /// Extinction, 1/m, and backscatter, 1/(m sr).
+    pub fn coefficients(&self, wavelength_nm: f64) -> [f64; 2] {
+        let extinction = self.extinction(wavelength_nm);
+        [extinction, extinction / self.lidar_ratio_sr.unwrap_or(LIDAR_RATIO_SR)]
     }
 }
 

@@ -84,6 +84,12 @@ impl Environment {
     /// # Errors
     /// [`Error::InvalidParameter`] that names the key.
     pub fn check(&self) -> Result<()> {
+        /// More are a mistake; every beam would have to look at all of them.
+        const MOST: usize = 100;
+        let count = self.rain.len() + self.fog.len() + self.snow.len() + self.dust.len() + self.spray.len();
+        if count > MOST {
+            return Err(Error::invalid("rain, fog, snow, dust and spray", count, format!("at most {MOST} in all")));
+        }
         let bounds = &mut Bounds::none();
         if let Some(air) = &self.clear_air {
             air.check("clear_air", bounds)?;

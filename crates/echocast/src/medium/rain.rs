@@ -56,11 +56,12 @@ pub struct Rain {
     /// Part of the light that a drop takes away but bends so little that the receiver sees it all the same, 0 to 0.5.
     #[serde(default)]
     pub forward_recovery: f64,
-    /// Whether drops show as points; default true, in profiles `paper` and `blainder` false.
+    /// Whether drops show as points; default true, in profiles `paper` and `blainder` false. Only instruments with
+    /// `detection.model: radar_equation` tell drops that they see from others.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drops: Option<bool>,
-    /// Whether ranges scatter as the paper's eq. 15 has it, `sigma = 0.02 R (1 - e^-rate)^2`; default false, in profiles
-    /// `paper` and `blainder` true.
+    /// Whether ranges scatter as the paper's eq. 15 has it, `sigma = 0.02 R (1 - e^-rate)^2`, where the rain is everywhere;
+    /// default false, in profiles `paper` and `blainder` true.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub range_noise: Option<bool>,
 }
@@ -138,7 +139,8 @@ pub struct Snow {
     /// Density of a flake, kg/m^3, 10 to 917.
     #[serde(default = "flake_density")]
     pub density_kg_m3: f64,
-    /// Whether flakes show as points; default true, in profiles `paper` and `blainder` false.
+    /// Whether flakes show as points; default true, in profiles `paper` and `blainder` false. Only instruments with
+    /// `detection.model: radar_equation` tell flakes that they see from others.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flakes: Option<bool>,
 }

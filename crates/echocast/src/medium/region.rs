@@ -79,8 +79,9 @@ impl Region {
             Region::HalfSpace { point_m, normal } => {
                 point("half_space.point_m", point_m)?;
                 point("half_space.normal", normal)?;
-                if normal == [0.0; 3] {
-                    return Err(Error::invalid(format!("{key}.half_space.normal"), "0, 0, 0", "any other direction"));
+                if normal.iter().all(|along| along.abs() < 1e-6) {
+                    let key = format!("{key}.half_space.normal");
+                    return Err(Error::invalid(key, format!("{normal:?}"), "a direction longer than 1e-6"));
                 }
                 Ok(())
             }
@@ -189,9 +190,15 @@ impl Extent {
             Extent::Everywhere => (0.0, length),
             Extent::Shell { start, end } => (start - travelled, end - travelled),
             Extent::Box { min, max } => {
-                // Parallel to a pair of faces: 1/0 is infinite, and 0 * infinite, on a face, is taken as within.
                 let (mut from, mut to) = (f32::NEG_INFINITY, f32::INFINITY);
                 for axis in 0..3 {
+                    // Parallel to a pair of faces, which themselves are within.
+                    if dir[axis] == 0.0 {
+                        if org[axis] < min[axis] || org[axis] > max[axis] {
+                            return (1.0, 0.0);
+                        }
+                        continue;
+                    }
                     let a = (min[axis] - org[axis]) / dir[axis];
                     let b = (max[axis] - org[axis]) / dir[axis];
                     from = from.max(a.min(b));

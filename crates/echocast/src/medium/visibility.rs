@@ -1,6 +1,6 @@
 //! How far one sees, and what that means for a beam.
 
-use crate::bounds::{ABOVE_ZERO, Bounds};
+use crate::bounds::Bounds;
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 
@@ -48,7 +48,7 @@ impl ClearAir {
 /// That both are distances, and not both there.
 pub(super) fn check_sight(key: &str, visibility_m: Option<f64>, mor_m: Option<f64>, bounds: &mut Bounds) -> Result<()> {
     for (name, value) in [("visibility_m", visibility_m), ("mor_m", mor_m)] {
-        bounds.number(format_args!("{key}.{name}"), value, [ABOVE_ZERO, 1e9], "above 0")?;
+        bounds.number(format_args!("{key}.{name}"), value, [0.1, 1e9], "0.1 or more")?;
     }
     match (visibility_m, mor_m) {
         (Some(_), Some(mor)) => Err(Error::invalid(format!("{key}.mor_m"), mor, "none beside visibility_m")),

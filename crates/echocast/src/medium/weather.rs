@@ -45,12 +45,12 @@ impl Weather {
             let model = if as_the_paper { RainModel::Paper } else { RainModel::Itu };
             let drops = rain.drops().filter(|_| rain.drops.unwrap_or(!as_the_paper));
             add(*region, [rain.extinction(model), 0.0], Cause::Rain, drops);
-            if rain.range_noise.unwrap_or(as_the_paper) {
+            if rain.range_noise.unwrap_or(as_the_paper) && *region == Region::Everywhere {
                 range_noise = range_noise.hypot(rain.range_noise());
             }
         }
         for Placed { what: fog, region } in &environment.fog {
-            add(*region, [fog.extinction(wavelength_nm), fog.backscatter(wavelength_nm)], Cause::Fog, None);
+            add(*region, fog.coefficients(wavelength_nm), Cause::Fog, None);
         }
         for Placed { what: snow, region } in &environment.snow {
             let flakes = snow.flakes().filter(|_| snow.flakes.unwrap_or(!as_the_paper));
