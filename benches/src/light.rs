@@ -4,7 +4,7 @@ use crate::Result;
 use crate::clock::{cpu_per_call, median};
 use crate::scenes::{self, Builder};
 use echocast::scene::{Material, Object};
-use echocast::{Environment, PointCloud, Pose, ScanOptions, Sensor, Trajectory};
+use echocast::{BuiltScene, Environment, PointCloud, Pose, ScanOptions, Sensor, Trajectory};
 use rayon::ThreadPoolBuilder;
 use serde_json::{Value, json};
 use std::sync::Arc;
@@ -14,11 +14,9 @@ const ROUNDS: usize = 9;
 const LEAST: Duration = Duration::from_millis(60);
 
 pub fn run() -> Result<Value> {
-    let one = ThreadPoolBuilder::new().num_threads(1).build()?;
     println!("\nWeather on the terrain, one thread: processor time added to a plain scan, for each beam");
     println!("{:<18}{:<36}{:>12}{:>14}", "sensor", "weather", "added ns", "plain ns");
     let built = scenes::terrain().build()?;
-    let trajectory = Trajectory::fixed(Pose::at(0.0, 0.0, 2.0));
     let mut rows = Vec::new();
     for name in ["velodyne_vlp32c", "velodyne_vls128"] {
         let sensor = Sensor::preset(name)?;
@@ -35,20 +33,8 @@ pub fn run() -> Result<Value> {
         let options: Vec<ScanOptions> = (cases.iter())
             .map(|(_, yaml)| Ok(ScanOptions { environment: Environment::from_yaml(yaml)?, ..ScanOptions::default() }))
             .collect::<Result<_>>()?;
-        let mut times = vec![Vec::new(); cases.len()];
-        let mut cloud = PointCloud::default();
-        for round in 0..=ROUNDS {
-            for (options, times) in options.iter().zip(&mut times) {
-                let time = one.install(|| {
-                    cpu_per_call(LEAST, || {
-                        built.scan_into(&sensor, &trajectory, options, &mut cloud).expect("a sound scan succeeds");
-                    })
-                });
-                if round > 0 {
-                    times.push(time);
-                }
-            }
-        }
+        let scans: Vec<_> = options.iter().map(|options| (&built, options)).collect();
+        let times = interleaved(&scans, &sensor)?;
         let plain = median(times[0].clone()) / beams * 1e9;
         for ((what, _), with) in cases.iter().zip(&times).skip(1) {
             let added = median(with.iter().zip(&times[0]).map(|(with, plain)| with - plain).collect()) / beams * 1e9;
@@ -59,9 +45,30 @@ pub fn run() -> Result<Value> {
     Ok(json!({"weather": rows, "paths": paths()?}))
 }
 
+/// Processor seconds of scans at 2 m on one thread, of each scene with its options, in rounds in turn.
+fn interleaved(scans: &[(&BuiltScene, &ScanOptions)], sensor: &Sensor) -> Result<Vec<Vec<f64>>> {
+    let one = ThreadPoolBuilder::new().num_threads(1).build()?;
+    let trajectory = Trajectory::fixed(Pose::at(0.0, 0.0, 2.0));
+    let mut times = vec![Vec::new(); scans.len()];
+    let mut cloud = PointCloud::default();
+    // The first round warms memory and caches.
+    for round in 0..=ROUNDS {
+        for ((built, options), times) in scans.iter().zip(&mut times) {
+            let time = one.install(|| {
+                cpu_per_call(LEAST, || {
+                    built.scan_into(sensor, &trajectory, options, &mut cloud).expect("a sound scan succeeds");
+                })
+            });
+            if round > 0 {
+                times.push(time);
+            }
+        }
+    }
+    Ok(times)
+}
+
 /// The city around a case of mirrors or glass that the sensor stands in: processor time of a scan over one without.
 fn paths() -> Result<Value> {
-    let one = ThreadPoolBuilder::new().num_threads(1).build()?;
     println!("\nMirrors and glass around the sensor in the city, one thread: time of a scan over that without");
     println!("{:<18}{:<24}{:>10}{:>14}", "sensor", "case", "ratio", "plain ns");
     let smooth = |material| Arc::new(Material { roughness: 0.0, ..material });
@@ -70,7 +77,6 @@ fn paths() -> Result<Value> {
         ("pane", smooth(Material { transmission: 1.0, pane_m: Some(0.004), ..Material::default() })),
         ("wall of glass", smooth(Material { transmission: 1.0, thickness_m: 0.01, ..Material::default() })),
     ];
-    let trajectory = Trajectory::fixed(Pose::at(0.0, 0.0, 2.0));
     let mut rows = Vec::new();
     for name in ["velodyne_vlp32c", "velodyne_vls128"] {
         let sensor = Sensor::preset(name)?;
@@ -89,21 +95,9 @@ fn paths() -> Result<Value> {
             scene.objects.push(Object::new(*what, Arc::new(case.mesh_of(what, material.clone()))));
             built.push(scene.build()?);
         }
-        let mut times = vec![Vec::new(); built.len()];
-        let mut cloud = PointCloud::default();
         let options = ScanOptions::default();
-        for round in 0..=ROUNDS {
-            for (built, times) in built.iter().zip(&mut times) {
-                let time = one.install(|| {
-                    cpu_per_call(LEAST, || {
-                        built.scan_into(&sensor, &trajectory, &options, &mut cloud).expect("a sound scan succeeds");
-                    })
-                });
-                if round > 0 {
-                    times.push(time);
-                }
-            }
-        }
+        let scans: Vec<_> = built.iter().map(|built| (built, &options)).collect();
+        let times = interleaved(&scans, &sensor)?;
         let plain = median(times[0].clone()) / beams * 1e9;
         for ((what, _), with) in cases.iter().zip(&times[1..]) {
             let ratio = median(with.iter().zip(&times[0]).map(|(with, plain)| with / plain).collect());

@@ -4,11 +4,11 @@ use crate::cause::Cause;
 use crate::cloud::{Columns, Field, FieldSet, Frame, Kept, PointCloud, Slices};
 use crate::detect::{Noise, RangeError, Threshold};
 use crate::echo::{
-    Air, Answer, Chosen, Contribution, Follower, IntensityModel, PathEcho, PathLimits, Surroundings, Wanted,
+    AIR, Air, Answer, Chosen, Contribution, Follower, IntensityModel, PathEcho, PathLimits, Surroundings, Wanted,
 };
 use crate::emitter::{Aim, BeamTable, Trajectory};
 use crate::error::{Error, Result};
-use crate::material::{Mirrors, ReflectanceSource, Reflectances};
+use crate::material::{Mirrors, Optics, ReflectanceSource, Reflectances};
 use crate::medium::{Environment, Weather};
 use crate::parallel;
 use crate::rng::{Draw, Rng};
@@ -508,13 +508,7 @@ impl Block {
         let Block { rays, hits, surfaces, .. } = self;
         hits.trace(scan.scene, rays, count, scan.coherent, scan.options.mask);
         if scan.wants_normals {
-            if scan.scene.surfaces.has_instances {
-                hits.orient_normals(scan.scene, count);
-            }
-            surfaces.meet(rays, hits);
-            if scan.smooth {
-                surfaces.shade(scan.scene, rays, hits, count);
-            }
+            surfaces.face(scan.scene, rays, hits, count, scan.smooth);
         }
         if scan.wants_surfaces {
             surfaces.look_up(&scan.scene.surfaces, &scan.reflectances, hits, count, scan.wanted);
@@ -527,10 +521,7 @@ impl Block {
     fn follow(&mut self, scan: &Scan, limits: PathLimits, first: usize, count: usize) {
         let Block { rays, hits, surfaces, answer, paths, .. } = self;
         (answer.first_category, answer.first_instance) = (surfaces.category_id, surfaces.instance_id);
-        let goes_on = |surface: u32| match scan.scene.surfaces.rows.get(surface as usize) {
-            Some(surface) => scan.reflectances.optics[surface.material as usize].goes_on(),
-            None => false,
-        };
+        let goes_on = |surface| scan.scene.surfaces.optics(&scan.reflectances, surface).is_some_and(Optics::goes_on);
         if !hits.surface[..count].iter().any(|&surface| goes_on(surface)) {
             return;
         }
@@ -668,7 +659,7 @@ impl Block {
         air.answer(rays, &scan.rng, first as u32, count, &mut hits.surface, answer);
         (hits.range, *rho_eff) = (answer.range, answer.rho_eff);
         for lane in 0..count {
-            if answer.air[lane] {
+            if hits.surface[lane] == AIR {
                 surfaces.clear(lane);
                 (answer.first_category[lane], answer.first_instance[lane], answer.bounces[lane]) = (0, 0, 0);
                 (hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]) = (f32::NAN, f32::NAN, f32::NAN);

@@ -42,9 +42,22 @@ impl Contribution {
         }
     }
 
+    /// Incidence of the first `count` rays, with the normals of `hits` made unit vectors in the world's frame on the
+    /// sensor's side; interpolated ones where the part has them and `smooth` wants them.
+    #[inline(always)]
+    pub(crate) fn face(&mut self, scene: &Tables, rays: &RayBatch, hits: &mut HitBatch, count: usize, smooth: bool) {
+        if scene.surfaces.has_instances {
+            hits.orient_normals(scene, count);
+        }
+        self.meet(rays, hits);
+        if smooth {
+            self.shade(scene, rays, hits, count);
+        }
+    }
+
     /// Incidence, with the normals of `hits` made unit vectors on the sensor's side.
     #[inline(always)]
-    pub(crate) fn meet(&mut self, rays: &RayBatch, hits: &mut HitBatch) {
+    fn meet(&mut self, rays: &RayBatch, hits: &mut HitBatch) {
         for lane in 0..LANES {
             let n = [hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]];
             let along = n[0] * rays.dir_x[lane] + n[1] * rays.dir_y[lane] + n[2] * rays.dir_z[lane];
@@ -61,7 +74,7 @@ impl Contribution {
     /// made to face the sensor by [`Contribution::meet`], says on which side of the surface the sensor is; where the
     /// shading normal turns away from the sensor nothing comes back.
     #[inline(always)]
-    pub(crate) fn shade(&mut self, scene: &Tables, rays: &RayBatch, hits: &mut HitBatch, count: usize) {
+    fn shade(&mut self, scene: &Tables, rays: &RayBatch, hits: &mut HitBatch, count: usize) {
         let surfaces = &scene.surfaces;
         // Neighbours mostly meet the same part.
         let (mut part, mut arrays) = (u32::MAX, None);

@@ -14,4 +14,4 @@ pub(crate) use particles::Cone;
 pub(crate) use path::{Chosen, Follower, PathEcho, PathLimits, Surroundings};
 pub(crate) use pulse::Pulse;
 pub use pulse::PulseShape;
-pub(crate) use weather::{Air, Answer, Receiver};
+pub(crate) use weather::{AIR, Air, Answer, Receiver};

@@ -132,9 +132,14 @@ impl Detectable {
 
     /// Range, m, of the particle up to which there are `number` in the mean; `number` is less than [`Detectable::mean`].
     pub(crate) fn nearest(&self, number: f32) -> f32 {
-        let cell = self.nearer.partition_point(|&sum| sum <= number).min(CELLS - 1);
-        let before = if cell == 0 { 0.0 } else { self.nearer[cell - 1] };
-        let part = (number - before) / (self.nearer[cell] - before).max(f32::MIN_POSITIVE);
+        self.range_of(&self.nearer, number)
+    }
+
+    /// Range, m, up to which the sum over cells is `wanted`; `sums` has it at the end of each.
+    fn range_of(&self, sums: &[f32; CELLS], wanted: f32) -> f32 {
+        let cell = sums.partition_point(|&sum| sum <= wanted).min(CELLS - 1);
+        let before = if cell == 0 { 0.0 } else { sums[cell - 1] };
+        let part = (wanted - before) / (sums[cell] - before).max(f32::MIN_POSITIVE);
         self.from + self.cell * (cell as f32 + part.clamp(0.0, 1.0))
     }
 
@@ -157,11 +162,7 @@ impl Detectable {
     /// Range, m, of a particle of `strength`, from a number in [0, 1).
     pub(crate) fn place(&self, strength: f32, place: f32) -> f32 {
         let level = ((strength / self.k).log2() * LEVELS_PER_OCTAVE).round() as usize;
-        let shares = &self.shares[level.min(LEVELS - 1)];
-        let cell = shares.partition_point(|&share| share <= place).min(CELLS - 1);
-        let before = if cell == 0 { 0.0 } else { shares[cell - 1] };
-        let part = (place - before) / (shares[cell] - before).max(f32::MIN_POSITIVE);
-        self.from + self.cell * (cell as f32 + part.clamp(0.0, 1.0))
+        self.range_of(&self.shares[level.min(LEVELS - 1)], place)
     }
 }
 

@@ -8,7 +8,7 @@ use super::{Contribution, Wanted};
 use crate::cause::Cause;
 use crate::material::fresnel;
 use crate::material::{Optics, Reflectances};
-use crate::trace::{HitBatch, LANES, MISS, RayBatch, Tables};
+use crate::trace::{HitBatch, LANES, RayBatch, Tables};
 use glam::Vec3;
 
 /// How far paths are followed.
@@ -240,13 +240,7 @@ impl Follower {
         }
         // Neighbours come from neighbours on the same surface, mostly: packets as for beams take two thirds of the time.
         self.hits.trace(around.scene, &self.rays, paths.len(), true, around.mask);
-        if around.scene.surfaces.has_instances {
-            self.hits.orient_normals(around.scene, paths.len());
-        }
-        self.surfaces.meet(&self.rays, &mut self.hits);
-        if around.smooth {
-            self.surfaces.shade(around.scene, &self.rays, &mut self.hits, paths.len());
-        }
+        self.surfaces.face(around.scene, &self.rays, &mut self.hits, paths.len(), around.smooth);
         let (surfaces, reflectances) = (&around.scene.surfaces, around.reflectances);
         self.surfaces.look_up(surfaces, reflectances, &self.hits, paths.len(), around.wanted);
         for (lane, path) in paths.iter().enumerate() {
@@ -260,11 +254,7 @@ impl Follower {
 
 /// The optics of what a ray hits.
 fn optics<'a>(around: &Surroundings<'a>, hits: &HitBatch, lane: usize) -> Option<&'a Optics> {
-    if hits.surface[lane] == MISS {
-        return None;
-    }
-    let surface = around.scene.surfaces.rows.get(hits.surface[lane] as usize)?;
-    Some(&around.reflectances.optics[surface.material as usize])
+    around.scene.surfaces.optics(around.reflectances, hits.surface[lane])
 }
 
 /// `path` meets the surface of a lane: its echo, and the paths that go on.

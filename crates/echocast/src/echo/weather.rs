@@ -89,8 +89,6 @@ pub(crate) struct Answer {
     pub cause: [u8; LANES],
     /// Range at which the first surface ends what a beam sees of the air, m, whether it is detected or not.
     pub end: [f32; LANES],
-    /// Whether it is the air's.
-    pub air: [bool; LANES],
     /// Mirrors and faces of glass on the way.
     pub bounces: [u8; LANES],
     /// Whether the weather on its way is taken off already.
@@ -107,7 +105,6 @@ impl Answer {
             rho_eff: [0.0; LANES],
             end: [0.0; LANES],
             cause: [Cause::Surface as u8; LANES],
-            air: [false; LANES],
             bounces: [0; LANES],
             dimmed: [false; LANES],
             first_category: [0; LANES],
@@ -118,7 +115,7 @@ impl Answer {
     /// Surfaces all over, met directly.
     pub(crate) fn reset(&mut self) {
         self.cause = [Cause::Surface as u8; LANES];
-        (self.air, self.bounces, self.dimmed) = ([false; LANES], [0; LANES], [false; LANES]);
+        (self.bounces, self.dimmed) = ([0; LANES], [false; LANES]);
     }
 }
 
@@ -214,22 +211,13 @@ impl Air {
 
     /// Optical depth, one way, of `length` m from `origin` on; `travelled`: the beam's way to there, m.
     pub(crate) fn depth(&self, origin: Vec3, direction: Vec3, travelled: f32, length: f32) -> f32 {
-        let of = |medium: &Medium| {
-            let (from, to) = medium.extent.interval(origin, direction, travelled, length);
-            medium.extinction as f32 * (to - from).max(0.0)
-        };
-        self.weather.media.iter().map(of).sum()
+        self.weather.media.iter().map(|medium| medium.depth(origin, direction, travelled, length)).sum()
     }
 
     /// Optical depth, one way, of the first `length` m of a beam in what has a place in the world.
     fn depth_in_places(&self, origin: Vec3, direction: Vec3, length: f32) -> f32 {
         let placed = self.weather.media.iter().filter(|medium| !medium.extent.is_around_the_sensor());
-        placed
-            .map(|medium| {
-                let (from, to) = medium.extent.interval(origin, direction, 0.0, length);
-                medium.extinction as f32 * (to - from).max(0.0)
-            })
-            .sum()
+        placed.map(|medium| medium.depth(origin, direction, 0.0, length)).sum()
     }
 
     /// Transmittance, there and back, of the first `length` m of the first `count` rays, which begin at the sensor.
@@ -251,9 +239,7 @@ impl Air {
                 }
                 _ => {
                     for lane in 0..count {
-                        let (from, to) =
-                            medium.extent.interval(origin(rays, lane), direction(rays, lane), 0.0, length[lane]);
-                        two_way[lane] += extinction * (to - from).max(0.0);
+                        two_way[lane] += medium.depth(origin(rays, lane), direction(rays, lane), 0.0, length[lane]);
                     }
                 }
             }
@@ -265,7 +251,7 @@ impl Air {
 
     /// Puts the air's echoes in place of those surfaces' that the return mode gives up for them. `answer` holds the
     /// surfaces' (range, m, and dimmed effective reflectance); `surface` is [`MISS`] where there is none that is
-    /// detected.
+    /// detected, and becomes [`AIR`] where the air's echo is taken.
     #[inline(always)]
     pub(crate) fn answer(
         &self,
@@ -446,7 +432,6 @@ impl Air {
             answer.range[lane] = echo.range;
             answer.rho_eff[lane] = echo.rho_eff;
             answer.cause[lane] = cause as u8;
-            answer.air[lane] = true;
         }
     }
 }

@@ -1,6 +1,6 @@
 //! The material library: reflectance by material name and wavelength, one YAML per material in `presets/material`.
 
-use super::Material;
+use super::{Material, Reflectance};
 use crate::error::{Error, Result};
 use crate::presets;
 use crate::yaml::Document;
@@ -18,12 +18,17 @@ impl Material {
 }
 
 /// What the library knows of a scene material called `name`.
-pub(super) fn find(name: &str) -> Option<&'static Material> {
+fn find(name: &str) -> Option<&'static Material> {
     let stem = match name.rsplit_once('.') {
         Some((stem, digits)) if digits.len() == 3 && digits.bytes().all(|b| b.is_ascii_digit()) => stem,
         _ => name,
     };
     materials().iter().find(|material| material.name.eq_ignore_ascii_case(stem))
+}
+
+/// The reflectance of a material, by its own word or by the library's.
+pub(super) fn reflectance(material: &Material) -> Option<&Reflectance> {
+    material.reflectance.as_ref().or_else(|| find(&material.name)?.reflectance.as_ref())
 }
 
 /// All of them; the files are part of this crate and a test reads every one.

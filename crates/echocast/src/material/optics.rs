@@ -1,6 +1,6 @@
 //! What smooth surfaces do with light, by material.
 
-use super::{Material, Reflectance, ReflectanceSource, fresnel, library};
+use super::{Material, ReflectanceSource, fresnel, library};
 
 /// How a material divides light that meets it, at one wavelength.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,8 +69,8 @@ impl Optics {
         }
         let lossless = mirrors != Mirrors::Real;
         let metal = (material.extinction_index > 0.0).then_some([material.ior, material.extinction_index]);
-        let own = material.reflectance.as_ref().or_else(|| library::find(&material.name)?.reflectance.as_ref());
-        let mirror = own.map_or_else(|| source.of(material.base_color), |known: &Reflectance| known.at(wavelength_nm));
+        let known = library::reflectance(material);
+        let mirror = known.map_or_else(|| source.of(material.base_color), |known| known.at(wavelength_nm));
         // KHR_materials_volume: white light has the colour c after the distance d, so e^(-a d) = c.
         let color = ReflectanceSource::Luminance.of({
             let [r, g, b] = material.attenuation_color;

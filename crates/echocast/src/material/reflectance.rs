@@ -92,13 +92,10 @@ impl Reflectances {
     /// In this order: the material's own word, the material library, the base colour as `source` says. `mirrors`: what
     /// these take away.
     pub fn new(materials: &[Arc<Material>], wavelength_nm: f64, source: ReflectanceSource, mirrors: Mirrors) -> Self {
-        let of = |material: &Arc<Material>| {
-            let known = material.reflectance.as_ref();
-            match known.or_else(|| library::find(&material.name)?.reflectance.as_ref()) {
-                Some(reflectance) => reflectance.at(wavelength_nm),
-                None if material.base_color_texture.is_some() => f32::NAN,
-                None => source.of(material.base_color),
-            }
+        let of = |material: &Arc<Material>| match library::reflectance(material) {
+            Some(reflectance) => reflectance.at(wavelength_nm),
+            None if material.base_color_texture.is_some() => f32::NAN,
+            None => source.of(material.base_color),
         };
         let optics: Vec<Optics> =
             materials.iter().map(|material| Optics::new(material, wavelength_nm, source, mirrors)).collect();

@@ -3,7 +3,7 @@
 use super::region::Extent;
 use super::{Environment, Particles, Placed, RainModel, Region};
 use crate::cause::Cause;
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 /// Something in the air.
 #[derive(Clone, Debug)]
@@ -16,6 +16,15 @@ pub(crate) struct Medium {
     pub cause: Cause,
     /// Drops or flakes that may show one by one.
     pub particles: Option<Particles>,
+}
+
+impl Medium {
+    /// Optical depth, one way, of `length` m from `origin` on; `travelled`: the beam's way to there, m.
+    #[inline(always)]
+    pub(crate) fn depth(&self, origin: Vec3, direction: Vec3, travelled: f32, length: f32) -> f32 {
+        let (from, to) = self.extent.interval(origin, direction, travelled, length);
+        self.extinction as f32 * (to - from).max(0.0)
+    }
 }
 
 /// All that is in the air.

@@ -1,6 +1,6 @@
 //! What the ids of Embree's hits mean.
 
-use crate::material::{Material, Mirrors, ReflectanceSource, Reflectances};
+use crate::material::{Material, Mirrors, Optics, ReflectanceSource, Reflectances};
 use crate::scene::{Labels, Mesh, Object, Part, srgb_byte};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -90,6 +90,12 @@ impl Surfaces {
         surfaces.has_shading_normals = surfaces.parts.iter().any(|part| part.normals.is_some());
         surfaces.labels = labels;
         surfaces
+    }
+
+    /// What `surface`, a row or [`super::MISS`], does with light, as `reflectances` has it.
+    pub(crate) fn optics<'a>(&self, reflectances: &'a Reflectances, surface: u32) -> Option<&'a Optics> {
+        let row = self.rows.get(surface as usize)?;
+        Some(&reflectances.optics[row.material as usize])
     }
 
     /// Reflectance of every material at `wavelength_nm`.
