@@ -1,0 +1,179 @@
+//! The driver: one scan, step by step.
+
+mod block;
+mod collect;
+mod run;
+
+use crate::cloud::{FieldSet, Frame, PointCloud};
+use crate::emitter::Trajectory;
+use crate::error::{Error, Result};
+use crate::material::ReflectanceSource;
+use crate::medium::Environment;
+use crate::sensor::Sensor;
+use crate::trace::BuiltScene;
+use run::Scan;
+use std::ops::ControlFlow;
+
+/// Which model set a scan follows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Profile {
+    /// Physics as we know it.
+    #[default]
+    Physical,
+    /// The equations of the paper as printed; glass is physical.
+    Paper,
+    /// What the paper's program computes; glass is physical.
+    Blainder,
+}
+
+/// Order of the points.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Order {
+    /// Rising frame, beam, return.
+    #[default]
+    Beam,
+    /// Rising time, as drivers publish.
+    Time,
+}
+
+/// How to scan; every setting has a working default.
+#[derive(Clone, Debug)]
+pub struct ScanOptions {
+    /// Columns to compute.
+    pub fields: FieldSet,
+    /// Seed of all random draws.
+    pub seed: u64,
+    /// Frame index; it changes the random draws and fills the `frame` column.
+    pub frame: u32,
+    /// Time at which the scan starts, s since the start of the run.
+    pub start_time: f64,
+    /// Time of the trajectory at which the scan starts, s; `None`: `start_time`.
+    pub trajectory_time: Option<f64>,
+    /// Keep misses, so that every beam has its row.
+    pub organised: bool,
+    /// Coordinates of the output points.
+    pub coordinates: Frame,
+    /// Order of the points.
+    pub order: Order,
+    /// Model set.
+    pub profile: Profile,
+    /// Where reflectance comes from when the material does not say; `None`: as the profile has it
+    /// (`blainder`: alpha, the others: luminance).
+    pub reflectance_source: Option<ReflectanceSource>,
+    /// Objects are seen whose mask shares a bit with this.
+    pub mask: u32,
+    /// Most mirrors and faces of glass that a path of light is followed over and through.
+    pub specular_depth: u8,
+    /// What is between sensor and surfaces; it must be sound, see [`Environment::check`].
+    pub environment: Environment,
+}
+
+impl Default for ScanOptions {
+    fn default() -> Self {
+        ScanOptions {
+            fields: FieldSet::default(),
+            seed: 0,
+            frame: 0,
+            start_time: 0.0,
+            trajectory_time: None,
+            organised: false,
+            coordinates: Frame::World,
+            order: Order::Beam,
+            profile: Profile::Physical,
+            reflectance_source: None,
+            mask: u32::MAX,
+            specular_depth: 10,
+            environment: Environment::default(),
+        }
+    }
+}
+
+impl ScanOptions {
+    /// The same with `seed`.
+    #[must_use]
+    pub fn seed(self, seed: u64) -> Self {
+        ScanOptions { seed, ..self }
+    }
+
+    pub(crate) fn trajectory_time(&self) -> f64 {
+        self.trajectory_time.unwrap_or(self.start_time)
+    }
+
+    /// The same with `fields`.
+    #[must_use]
+    pub fn fields(self, fields: FieldSet) -> Self {
+        ScanOptions { fields, ..self }
+    }
+}
+
+/// Hears how much of the work is done, 0 to 1, and says whether to go on.
+pub type Progress<'a> = &'a mut dyn FnMut(f64) -> ControlFlow<()>;
+
+impl BuiltScene {
+    /// Scans once with `sensor` along `trajectory`.
+    ///
+    /// # Errors
+    /// A pose that is not finite, an organised cloud ordered by time, no memory for the columns.
+    pub fn scan(&self, sensor: &Sensor, trajectory: &Trajectory, options: &ScanOptions) -> Result<PointCloud> {
+        let mut cloud = PointCloud::default();
+        self.scan_into(sensor, trajectory, options, &mut cloud)?;
+        Ok(cloud)
+    }
+
+    /// [`BuiltScene::scan`] into the memory of `cloud`: a scan like the one before it, in the order of beams and in a
+    /// scene without weather, mirrors and glass, allocates nothing.
+    ///
+    /// # Errors
+    /// As [`BuiltScene::scan`]. `cloud` stays as it was when pose or options are at fault; without memory it is empty.
+    pub fn scan_into(
+        &self,
+        sensor: &Sensor,
+        trajectory: &Trajectory,
+        options: &ScanOptions,
+        cloud: &mut PointCloud,
+    ) -> Result<()> {
+        self.scan_watched(sensor, trajectory, options, cloud, None)
+    }
+
+    /// [`BuiltScene::scan_into`] that tells `progress`, on this thread, how far it is, some times in a long scan.
+    ///
+    /// # Errors
+    /// As [`BuiltScene::scan_into`], and [`Error::Cancelled`] when `progress` wants no more; then `cloud` is empty.
+    pub fn scan_with_progress(
+        &self,
+        sensor: &Sensor,
+        trajectory: &Trajectory,
+        options: &ScanOptions,
+        cloud: &mut PointCloud,
+        progress: Progress,
+    ) -> Result<()> {
+        self.scan_watched(sensor, trajectory, options, cloud, Some(progress))
+    }
+
+    fn scan_watched(
+        &self,
+        sensor: &Sensor,
+        trajectory: &Trajectory,
+        options: &ScanOptions,
+        cloud: &mut PointCloud,
+        progress: Option<Progress>,
+    ) -> Result<()> {
+        let start = trajectory.at(options.trajectory_time());
+        if !(start.position.is_finite() && start.orientation.is_finite()) {
+            return Err(Error::invalid("pose", format!("{start:?}"), "finite numbers, a quaternion that is not 0"));
+        }
+        options.environment.check()?;
+        if options.organised && options.order == Order::Time {
+            return Err(Error::invalid(
+                "order",
+                "time",
+                "beam for an organised cloud, whose rows and columns are beams",
+            ));
+        }
+        let scanned = Scan::new(&self.0, sensor, trajectory, options).run(cloud, progress);
+        if scanned.is_err() {
+            *cloud = PointCloud::default();
+        }
+        scanned
+    }
+}

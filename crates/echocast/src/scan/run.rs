@@ -1,0 +1,247 @@
+//! One scan: what is the same for all its beams, and their chunks side by side on threads.
+
+use super::block::{Block, Task, TaskOn};
+use super::{Order, Profile, Progress, ScanOptions};
+use crate::cloud::{Columns, Field, Frame, PointCloud, Slices};
+use crate::detect::{Noise, RangeError, Threshold};
+use crate::echo::{Air, IntensityModel, PathLimits, Wanted};
+use crate::emitter::{Aim, BeamTable, Trajectory};
+use crate::error::{Error, Result};
+use crate::material::{Mirrors, ReflectanceSource, Reflectances};
+use crate::medium::Weather;
+use crate::parallel;
+use crate::rng::Rng;
+use crate::sensor::{ReturnMode, Sensor};
+use crate::trace::{CHUNK, LANES, MISS, Tables};
+use pulp::Arch;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Columns that say which surface it is.
+const LABELS: [Field; 6] = [
+    Field::CategoryId,
+    Field::PartId,
+    Field::InstanceId,
+    Field::MaterialId,
+    Field::FirstCategoryId,
+    Field::FirstInstanceId,
+];
+
+/// Chunks per thread between two passes that close the gaps of misses: few enough that their rows are
+/// still in the cache, enough to keep the thread busy.
+const CHUNKS_PER_THREAD: usize = 8;
+
+/// Most chunks between two such passes.
+const MOST_CHUNKS: usize = 512;
+
+/// Everything that is the same for all beams of one scan.
+pub(super) struct Scan<'a> {
+    pub scene: &'a Tables,
+    pub beams: &'a BeamTable,
+    pub options: &'a ScanOptions,
+    pub trajectory: &'a Trajectory,
+    pub aim: Aim<'a>,
+    pub reflectances: Arc<Reflectances>,
+    pub threshold: Threshold,
+    pub intensity: IntensityModel,
+    pub range_error: RangeError,
+    pub rng: Rng,
+    pub azimuth_sigma: f32,
+    pub dropout: f32,
+    pub range_min: f32,
+    pub range_max: f32,
+    pub coherent: bool,
+    /// Whether normals or what depends on them are asked for.
+    pub wants_normals: bool,
+    /// Whether incidence follows the interpolated shading normal rather than the triangle's.
+    pub smooth: bool,
+    /// Whether labels, colours or reflectances are asked for.
+    pub wants_surfaces: bool,
+    pub wanted: Wanted,
+    /// Undetected echoes stay, with intensity 0.
+    pub keeps_undetected: bool,
+    /// Whether the range limits hold for what is measured too; the paper's program adds its errors afterwards.
+    pub limits_measured: bool,
+    /// What is in the air, if anything.
+    pub air: Option<Air>,
+    /// How far light is followed over mirrors and through glass; `None` where nothing depends on it.
+    pub paths: Option<PathLimits>,
+    pub mode: ReturnMode,
+}
+
+impl<'a> Scan<'a> {
+    pub fn new(scene: &'a Tables, sensor: &'a Sensor, trajectory: &'a Trajectory, options: &'a ScanOptions) -> Self {
+        let fields = options.fields;
+        let blainder = options.profile == Profile::Blainder;
+        let intensity = match options.profile {
+            Profile::Physical => IntensityModel::Encoded(sensor.intensity),
+            Profile::Paper => IntensityModel::PaperEq5,
+            Profile::Blainder => IntensityModel::Blainder,
+        };
+        let source = options.reflectance_source.unwrap_or(if blainder {
+            ReflectanceSource::Alpha
+        } else {
+            ReflectanceSource::Luminance
+        });
+        let threshold = Threshold::new(sensor.detection, blainder);
+        let beams = sensor.beams();
+        let as_the_paper = options.profile != Profile::Physical;
+        let weather = Weather::new(&options.environment, sensor.wavelength_nm, as_the_paper, scene.origin);
+        let air = Air::new(weather, sensor.receiver(threshold), sensor.return_mode(), !blainder);
+        let mirrors = match options.profile {
+            Profile::Physical => Mirrors::Real,
+            Profile::Paper => Mirrors::Lossless,
+            Profile::Blainder => Mirrors::OfTheProgram,
+        };
+        let reflectances = scene.surfaces.reflectances(sensor.wavelength_nm, source, mirrors);
+        let paths = reflectances.go_on.then_some(PathLimits {
+            depth: options.specular_depth,
+            least: 1e-6,
+            geometric: as_the_paper,
+            cosine_after: !blainder,
+        });
+        let wants_echo =
+            air.is_some() || paths.is_some() || threshold != Threshold::Open || fields.contains(Field::Intensity);
+        let wants_normals =
+            wants_echo || fields.contains_any(&[Field::NormalX, Field::NormalY, Field::NormalZ, Field::CosIncidence]);
+        let colors = fields.contains_any(&[Field::Red, Field::Green, Field::Blue]);
+        let wants_surfaces = wants_echo || fields.contains_any(&LABELS) || colors;
+        Scan {
+            scene,
+            beams,
+            options,
+            trajectory,
+            aim: Aim::new(trajectory, options.trajectory_time(), scene.origin),
+            reflectances,
+            threshold,
+            intensity,
+            range_error: RangeError::new(&sensor.noise, sensor.range_resolution_m, threshold),
+            rng: Rng::new(options.seed, options.frame),
+            azimuth_sigma: sensor.noise.azimuth_sigma_deg.to_radians() as f32,
+            dropout: sensor.noise.dropout as f32,
+            range_min: sensor.range_min_m as f32,
+            range_max: sensor.range_max_m as f32,
+            coherent: beams.is_coherent(),
+            wants_normals,
+            smooth: !blainder && scene.surfaces.has_shading_normals,
+            wants_surfaces,
+            wanted: Wanted { colors, reflectance: wants_echo },
+            keeps_undetected: blainder,
+            limits_measured: options.profile == Profile::Physical
+                && (sensor.noise != Noise::default() || air.as_ref().is_some_and(|air| air.range_noise() > 0.0)),
+            air,
+            paths,
+            mode: sensor.return_mode(),
+        }
+    }
+
+    /// Fills `cloud`: windows of chunks in parallel, each chunk into its own rows, then the gaps of
+    /// misses are closed in order.
+    pub fn run(&self, cloud: &mut PointCloud, progress: Option<Progress>) -> Result<()> {
+        let options = self.options;
+        let beams = self.beams.len();
+        let sorted = options.order == Order::Time;
+        let computed = if sorted { options.fields.with(Field::Time) } else { options.fields };
+        let columns = &mut cloud.columns;
+        columns.resize(computed, beams)?;
+        let engine = &self.scene.engine;
+        // Who wants to hear of the scan hears of it often.
+        let chunks_per_thread = if progress.is_some() { 1 } else { CHUNKS_PER_THREAD };
+        let window = CHUNK * (chunks_per_thread * engine.threads()).min(MOST_CHUNKS);
+        let windows = (0..beams).step_by(window).map(|first| first..(first + window).min(beams));
+        let rows = match progress {
+            None => engine.install(|| windows.fold(0, |rows, beams| self.window(beams, rows, columns))),
+            Some(progress) => {
+                let mut rows = 0;
+                for window in windows {
+                    let done = window.end;
+                    rows = engine.install(|| self.window(window, rows, columns));
+                    // What is finished is not thrown away.
+                    if progress(done as f64 / beams as f64).is_break() && done < beams {
+                        return Err(Error::Cancelled);
+                    }
+                }
+                rows
+            }
+        };
+        cloud.columns.resize(computed, rows)?;
+        cloud.len = rows;
+        if sorted {
+            cloud.sort_by_time()?;
+            cloud.columns.resize(options.fields, rows)?;
+        }
+        cloud.fields = options.fields;
+        cloud.frame = options.coordinates;
+        cloud.origin = match options.coordinates {
+            Frame::World => self.scene.origin,
+            Frame::Sensor => glam::DVec3::ZERO,
+        };
+        cloud.organised = options.organised.then_some([self.beams.rows, self.beams.columns]);
+        cloud.sensor_pose = self.trajectory.at(options.trajectory_time());
+        cloud.intensity_full_scale = self.intensity.full_scale();
+        cloud.labels = self.scene.surfaces.labels.clone();
+        Ok(())
+    }
+
+    /// Scans some beams into the rows after the first `rows`; returns how many rows there are then.
+    fn window(&self, beams: Range<usize>, mut rows: usize, columns: &mut Columns) -> usize {
+        // Right after the rows there are: memory beyond the last return is never touched.
+        let free = columns.slices(rows, rows + beams.len());
+        let mut found = [0; MOST_CHUNKS];
+        let found = &mut found[..beams.len().div_ceil(CHUNK)];
+        self.chunks(Arch::new(), beams, free, found);
+        let mut from = rows;
+        for &mut count in found {
+            if rows != from {
+                columns.move_rows(from, rows, count);
+            }
+            rows += count;
+            from += CHUNK;
+        }
+        rows
+    }
+
+    /// Scans chunks of beams, each into its own of `rows`, and counts in `found` those that it fills.
+    fn chunks(&self, arch: Arch, beams: Range<usize>, rows: Slices, found: &mut [usize]) {
+        if let [found] = found {
+            let task = Task { scan: self, first: beams.start, count: beams.len(), rows };
+            *found = arch.dispatch(TaskOn { task, block: &mut Block::new() });
+            return;
+        }
+        let half = found.len() / 2;
+        let middle = beams.start + half * CHUNK;
+        let (left_rows, right_rows) = rows.split_at(half * CHUNK);
+        let (left, right) = found.split_at_mut(half);
+        parallel::join(
+            || self.chunks(arch, beams.start..middle, left_rows, left),
+            || self.chunks(arch, middle..beams.end, right_rows, right),
+        );
+    }
+}
+
+impl Scan<'_> {
+    /// Takes away the hits whose range is none that the instrument reports.
+    #[inline(always)]
+    pub fn limit(&self, surface: &mut [u32; LANES], ranges: &[f32; LANES], first: usize, count: usize) {
+        let span = first..first + count;
+        match (self.beams.range_min.get(span.clone()), self.beams.range_max.get(span)) {
+            (None, None) => {
+                for lane in 0..LANES {
+                    // Written so that a miss, at an infinite range or none, stays one.
+                    if !(ranges[lane] > 0.0 && ranges[lane] >= self.range_min && ranges[lane] <= self.range_max) {
+                        surface[lane] = MISS;
+                    }
+                }
+            }
+            (low, high) => {
+                for lane in 0..count {
+                    let low = low.map_or(self.range_min, |limits| limits[lane]);
+                    let high = high.map_or(self.range_max, |limits| limits[lane]);
+                    if !(ranges[lane] > 0.0 && ranges[lane] >= low && ranges[lane] <= high) {
+                        surface[lane] = MISS;
+                    }
+                }
+            }
+        }
+    }
+}
