@@ -137,8 +137,9 @@ fn drops_and_flakes_show_as_often_as_they_should() {
     let growth = 10f64.cbrt();
     let melted = 2.29 * 2f64.powf(-0.45);
     let snow = (2.5e3 * 2f64.powf(-0.94) / growth, melted / growth, 0.9, Snow::new(2.0).extinction());
-    let sensor =
-        lidar("beam: {divergence_mrad: [3, 1.5], exit_diameter_mm: 12, overlap_m: [0.5, 2]}\nreturns: {mode: first}");
+    let sensor = lidar(
+        "beam: {divergence_mrad: [3, 1.5], exit_diameter_mm: 12, pulse_ns: 5, overlap_m: [0.5, 2]}\nreturns: {mode: first}",
+    );
     for (yaml, (number, slope, rho, alpha), cause) in
         [("{rain: {rate_mm_h: 10}}", rain, Cause::Rain), ("{snow: {rate_mm_h: 2}}", snow, Cause::Snow)]
     {
@@ -200,8 +201,9 @@ fn rain_leaves_the_noise_of_others_alone() {
     let paint = scene.reflector(0.9);
     scene.stand(Shape::plate(DVec3::new(12.0, 0.0, 0.0), -DVec3::X, 40.0), Some(paint));
     let scene = scene.finish().build().unwrap();
-    let sensor =
-        lidar("beam: {divergence_mrad: 3}\nreturns: {mode: first}\nnoise: {range_sigma_m: 0.03, dropout: 0.1}");
+    let sensor = lidar(
+        "beam: {divergence_mrad: 3, pulse_ns: 5}\nreturns: {mode: first}\nnoise: {range_sigma_m: 0.03, dropout: 0.1}",
+    );
     let [dry, wet] = ["{}", "{rain: {rate_mm_h: 20}}"].map(|yaml| in_weather(&scene, &sensor, yaml));
     let mut same = 0;
     let mut dry_rows = dry.columns.beam.iter().zip(&dry.columns.range).peekable();

@@ -17,6 +17,7 @@ pub const RETURNS: Choices<ReturnMode> = &[
     ("strongest", ReturnMode::Strongest),
     ("first", ReturnMode::First),
     ("last", ReturnMode::Last),
+    ("second", ReturnMode::Second),
     ("dual", ReturnMode::Dual),
     ("all", ReturnMode::All),
 ];

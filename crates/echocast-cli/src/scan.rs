@@ -11,8 +11,8 @@ use crate::weather::WeatherArgs;
 use crate::{choice, formats, interrupt, text};
 use anyhow::{Context as _, Result, ensure};
 use echocast::{
-    Environment, Field, FieldSet, Frame, Order, PointCloud, Profile, ReflectanceSource, Report, ReturnMode,
-    ScanOptions, Scene, Sensor, Trajectory,
+    Environment, Field, FieldSet, Frame, Order, PointCloud, Profile, ReflectanceSource, Report, ScanOptions, Scene,
+    Sensor, Trajectory,
 };
 use serde_json::{Value, json};
 use std::io::Write as _;
@@ -112,9 +112,6 @@ pub fn run(args: &Args) -> Result<()> {
     let fps = frame_rate(args.fps, &sensor)?;
     if args.trajectory.is_some() {
         warn_of_other_span(&trajectory, args.frames, fps, &mut warnings);
-    }
-    if let mode @ (ReturnMode::Dual | ReturnMode::All) = sensor.spec().returns.mode {
-        warnings.warn(format!("returns.mode: {mode:?} gives one return per beam in this version"));
     }
     let rows = sensor.beams().len() as u64 * frames.len() as u64;
     ensure!(

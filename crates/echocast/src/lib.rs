@@ -80,6 +80,7 @@ mod yaml;
 pub use bounds::Parameter;
 pub use cause::Cause;
 pub use cloud::{Field, FieldSet, Frame, PackItem, PackType, PointCloud};
+pub use detect::ReturnMode;
 pub use emitter::{Pose, Trajectory};
 pub use error::{Error, Result};
 pub use material::ReflectanceSource;
@@ -88,7 +89,6 @@ pub use report::Report;
 pub use scan::{Order, Profile, Progress, ScanOptions};
 pub use scene::{LabelRules, LoadOptions, Scene};
 pub use sensor::{
-    BeamSpec, Expectations, IntensitySpec, PresetInfo, RangeSpec, ReturnMode, ReturnsSpec, Sensor, SensorKind,
-    SensorSpec,
+    BeamSpec, Expectations, IntensitySpec, PresetInfo, RangeSpec, ReturnsSpec, Sensor, SensorKind, SensorSpec,
 };
 pub use trace::{BareLoop, BuiltScene, Engine, LiveScene, ObjectId};

@@ -22,6 +22,8 @@ pub(crate) enum Draw {
     Flakes = 5,
     /// Gaussian error of the range from rain.
     RainRange = 6,
+    /// By how much the sub-rays of a beam are turned about it.
+    Footprint = 7,
 }
 
 const MULTIPLIER: [u32; 2] = [0xD251_1F53, 0xCD9E_8D57];
@@ -60,46 +62,43 @@ impl Rng {
         Rng { key: [seed as u32, (seed >> 32) as u32], frame }
     }
 
-    /// Standard normal numbers of beams `first_beam ..`, one for each element of `out`.
+    /// Standard normal numbers of `beams` at their `sub_rays`, one for each element of `out`.
     #[inline(always)]
-    pub(crate) fn normals(&self, first_beam: u32, draw: Draw, out: &mut [f32]) {
+    pub(crate) fn normals(&self, beams: &[u32], sub_rays: &[u32], draw: Draw, out: &mut [f32]) {
         /// Lanes per block: two AVX2 registers hide the latency of the multiplications.
         const N: usize = 16;
-        let mut beam = first_beam;
-        for chunk in out.chunks_mut(N) {
+        for ((out, beams), sub_rays) in out.chunks_mut(N).zip(beams.chunks(N)).zip(sub_rays.chunks(N)) {
             // Plain loops: closures would be compiled apart, without the vector instructions of the caller.
-            let mut beams = [0; N];
-            for (lane, value) in beams.iter_mut().enumerate() {
-                *value = beam.wrapping_add(lane as u32);
-            }
-            let words = philox([beams, [self.frame; N], [0; N], [draw as u32; N]], self.key);
+            let words = self.words::<N>(beams, sub_rays, draw);
             let mut values = [0.0; N];
             for lane in 0..N {
                 values[lane] = normal(words[0][lane], words[1][lane]);
             }
-            chunk.copy_from_slice(&values[..chunk.len()]);
-            beam = beam.wrapping_add(N as u32);
+            out.copy_from_slice(&values[..out.len()]);
         }
     }
 
-    /// Numbers in [0, 1) of beams `first_beam ..` at `sub_ray`, one for each element of `out`.
+    /// Numbers in [0, 1) of `beams` at their `sub_rays`, one for each element of `out`.
     #[inline(always)]
-    pub(crate) fn uniforms(&self, first_beam: u32, draw: Draw, sub_ray: u32, out: &mut [f32]) {
+    pub(crate) fn uniforms(&self, beams: &[u32], sub_rays: &[u32], draw: Draw, out: &mut [f32]) {
         const N: usize = 16;
-        let mut beam = first_beam;
-        for chunk in out.chunks_mut(N) {
-            let mut beams = [0; N];
-            for (lane, value) in beams.iter_mut().enumerate() {
-                *value = beam.wrapping_add(lane as u32);
-            }
-            let [words, ..] = philox([beams, [self.frame; N], [sub_ray; N], [draw as u32; N]], self.key);
+        for ((out, beams), sub_rays) in out.chunks_mut(N).zip(beams.chunks(N)).zip(sub_rays.chunks(N)) {
+            let [words, ..] = self.words::<N>(beams, sub_rays, draw);
             let mut values = [0.0; N];
             for lane in 0..N {
                 values[lane] = unit(words[lane]);
             }
-            chunk.copy_from_slice(&values[..chunk.len()]);
-            beam = beam.wrapping_add(N as u32);
+            out.copy_from_slice(&values[..out.len()]);
         }
+    }
+
+    /// Random words of up to `N` beams.
+    #[inline(always)]
+    fn words<const N: usize>(&self, beams: &[u32], sub_rays: &[u32], draw: Draw) -> [[u32; N]; 4] {
+        let (mut beam, mut sub_ray) = ([0; N], [0; N]);
+        beam[..beams.len()].copy_from_slice(beams);
+        sub_ray[..sub_rays.len()].copy_from_slice(sub_rays);
+        philox([beam, [self.frame; N], sub_ray, [draw as u32; N]], self.key)
     }
 
     /// Four numbers in [0, 1) of one beam at `sub_ray`; the first is that of [`Rng::uniforms`].
@@ -191,22 +190,26 @@ mod tests {
     #[test]
     fn a_number_depends_on_its_address_only() {
         let rng = Rng::new(7, 3);
+        let beams: [u32; 100] = std::array::from_fn(|lane| 1000 + lane as u32);
         let mut long = [0.0; 100];
-        rng.normals(1000, Draw::RangeJitter, &mut long);
+        rng.normals(&beams, &[0; 100], Draw::RangeJitter, &mut long);
         for start in [0, 1, 15, 16, 37] {
             let mut short = [0.0; 21];
-            rng.normals(1000 + start as u32, Draw::RangeJitter, &mut short);
+            rng.normals(&beams[start..start + 21], &[0; 21], Draw::RangeJitter, &mut short);
             assert_eq!(short, long[start..start + 21]);
         }
-        let mut other = [0.0; 100];
-        Rng::new(7, 4).normals(1000, Draw::RangeJitter, &mut other);
-        assert_ne!(long, other);
+        for (rng, sub_ray) in [(Rng::new(7, 4), 0), (rng, 1)] {
+            let mut other = [0.0; 100];
+            rng.normals(&beams, &[sub_ray; 100], Draw::RangeJitter, &mut other);
+            assert_ne!(long, other);
+        }
     }
 
     #[test]
     fn moments_are_those_of_a_normal() {
         let mut sample = vec![0.0f32; 1_000_000];
-        Rng::new(1, 0).normals(0, Draw::RangeJitter, &mut sample);
+        let beams: Vec<u32> = (0..1_000_000).collect();
+        Rng::new(1, 0).normals(&beams, &vec![0; beams.len()], Draw::RangeJitter, &mut sample);
         let n = sample.len() as f64;
         let moment = |power: i32| sample.iter().map(|&x| f64::from(x).powi(power)).sum::<f64>() / n;
         // Standard errors of the first four moments of N(0, 1): 1, sqrt 2, sqrt 15, sqrt 96 over sqrt n.

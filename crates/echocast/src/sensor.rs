@@ -1,12 +1,13 @@
 //! Sensors: a scan pattern, a beam and a receiver, read from YAML or taken from a preset.
 
 use crate::bounds::{ABOVE_ZERO, Bounds, Parameter};
-use crate::detect::{Detection, LimitPoint, Noise, Threshold};
+use crate::detect::{Detection, LimitPoint, Noise, ReturnMode, ReturnRule, Threshold};
 use crate::echo::{Cone, IntensityEncoding, Pulse, PulseShape, Receiver};
-use crate::emitter::BeamTable;
 use crate::emitter::pattern::Pattern;
+use crate::emitter::{BeamTable, Footprint};
 use crate::error::{Error, Result};
 use crate::presets;
+use crate::scan::Signals;
 use crate::yaml::{self, Document};
 use serde::de::{self, Deserializer, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize};
@@ -95,6 +96,9 @@ pub struct BeamSpec {
     /// Ranges below which the receiver sees nothing of its own beam and from which it sees all of it, m; in between
     /// linear. It decides how near fog shows.
     pub overlap_m: [f64; 2],
+    /// Rays that stand for a beam, 1 to 1024: one along its axis, or as many over its footprint, which then meet edges and
+    /// slopes as the beam does.
+    pub sub_rays: u32,
 }
 
 impl Default for BeamSpec {
@@ -106,6 +110,7 @@ impl Default for BeamSpec {
             pulse_shape: PulseShape::Gaussian,
             exit_diameter_mm: 12.0,
             overlap_m: [0.5, 2.0],
+            sub_rays: 1,
         }
     }
 }
@@ -123,38 +128,21 @@ pub struct RangeSpec {
     pub resolution_m: f64,
 }
 
-/// Which echoes of a beam are reported.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum ReturnMode {
-    /// The strongest echo.
-    #[default]
-    Strongest,
-    /// The nearest echo.
-    First,
-    /// The farthest echo.
-    Last,
-    /// The strongest and the farthest echo.
-    Dual,
-    /// All echoes up to the greatest number.
-    All,
-}
-
-/// `returns`: which echoes of a beam are reported. Kept for later: this version reports one echo a beam.
+/// `returns`: which echoes of a beam are reported.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ReturnsSpec {
     /// Which echoes.
     pub mode: ReturnMode,
-    /// Greatest number of them, 1 to 255.
+    /// Greatest number of them in mode `all`, 1 to 255.
     pub max: u8,
-    /// Echoes nearer to each other than this are one, m, at least 0.
+    /// Of echoes nearer to each other than this only the strongest is reported, m, at least 0.
     pub separation_m: f64,
 }
 
 impl Default for ReturnsSpec {
     fn default() -> Self {
-        ReturnsSpec { mode: ReturnMode::Strongest, max: 1, separation_m: 0.0 }
+        ReturnsSpec { mode: ReturnMode::Strongest, max: 5, separation_m: 0.0 }
     }
 }
 
@@ -253,6 +241,12 @@ impl SensorSpec {
         bounds.within("beam.overlap_m[0]", near, 0.0, 1000.0)?;
         bounds.within("beam.overlap_m[1]", far, 0.0, 1000.0)?;
         bounds.rising(("beam.overlap_m[0]", near), ("beam.overlap_m[1]", far))?;
+        bounds.within("beam.sub_rays", f64::from(beam.sub_rays), 1.0, 1024.0)?;
+        if beam.pulse_ns == 0.0 && (beam.sub_rays > 1 || beam.divergence_mrad != [0.0; 2]) {
+            let because = if beam.sub_rays > 1 { "beam.sub_rays above 1" } else { "a beam.divergence_mrad" };
+            let allowed = format!("above 0 with {because}: without a pulse echoes of one beam do not join");
+            return Err(Error::invalid("beam.pulse_ns", beam.pulse_ns, allowed));
+        }
         bounds.within("range.min_m", range.min_m, 0.0, FARTHEST_M)?;
         bounds.within("range.max_m", range.max_m, 0.0, FARTHEST_M)?;
         bounds.rising(("range.min_m", range.min_m), ("range.max_m", range.max_m))?;
@@ -452,6 +446,19 @@ impl Sensor {
                 limits => limits.iter().copied().fold(0.0, f32::max).into(),
             },
         }
+    }
+
+    /// How its beams are made of several rays or returns; `None` where they are one each.
+    pub(crate) fn signals(&self) -> Option<Signals> {
+        let SensorSpec { beam, returns, .. } = &self.spec;
+        let rule = ReturnRule { mode: returns.mode, max: returns.max.into(), separation: returns.separation_m as f32 };
+        let footprint = (beam.sub_rays > 1).then(|| {
+            let divergence = beam.divergence_mrad.map(|mrad| mrad * 1e-3);
+            Footprint::new(beam.sub_rays as usize, beam.exit_diameter_mm * 1e-3, divergence)
+        });
+        let sigma = Pulse::new(beam.pulse_shape, beam.pulse_ns).sigma();
+        let single = matches!(returns.mode, ReturnMode::Strongest | ReturnMode::First | ReturnMode::Last);
+        (footprint.is_some() || !single).then_some(Signals { footprint, sigma, rule })
     }
 
     /// Which echoes of a beam it reports.
@@ -662,6 +669,13 @@ pattern:
                 "detection: {model: reflectivity_limit, lower: {reflectance: 0, at_m: 5}, upper: {reflectance: 1, at_m: 5}}",
                 "line 8: detection.upper.at_m: is 5; allowed: above detection.lower.at_m (5)",
             ),
+            (
+                "beam: {divergence_mrad: 3}",
+                "line 8: beam.pulse_ns: is 0; allowed: above 0 with a beam.divergence_mrad: without a pulse",
+            ),
+            ("beam: {sub_rays: 19}", "line 8: beam.pulse_ns: is 0; allowed: above 0 with beam.sub_rays above 1"),
+            ("beam: {sub_rays: 0}", "line 8: beam.sub_rays: is 0; allowed: 1 to 1024"),
+            ("returns: {mode: both}", "line 8: returns.mode: unknown value \"both\"; allowed: strongest, first, last"),
             ("beam: {divergence_mrad: [1, 2, 3]}", "line 8: beam.divergence_mrad"),
             (
                 "beam: {divergence_mrad: wide}",

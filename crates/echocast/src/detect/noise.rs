@@ -53,11 +53,19 @@ impl RangeError {
         }
     }
 
-    /// Measured ranges of beams `first_beam ..` from their true ranges and effective reflectances, not rounded yet.
+    /// Measured ranges of returns from their true ranges and effective reflectances, not rounded yet; `beams` and `numbers`
+    /// are what draws depend on: which beam it is, and which return of it.
     #[inline(always)]
-    pub(crate) fn measure(&self, rng: &Rng, first_beam: u32, rho_eff: &[f32], truth: &[f32], measured: &mut [f32]) {
+    pub(crate) fn measure(
+        &self,
+        rng: &Rng,
+        [beams, numbers]: [&[u32]; 2],
+        rho_eff: &[f32],
+        truth: &[f32],
+        measured: &mut [f32],
+    ) {
         if self.sigma > 0.0 || self.snr_sigma > 0.0 {
-            rng.normals(first_beam, Draw::RangeJitter, measured);
+            rng.normals(beams, numbers, Draw::RangeJitter, measured);
             if self.snr_sigma > 0.0 {
                 for ((value, &rho_eff), &range) in measured.iter_mut().zip(rho_eff).zip(truth) {
                     let timing =
@@ -93,7 +101,9 @@ mod tests {
     fn measure(noise: Noise, step: f64, detection: Detection, rho_eff: f32, truth: f32, count: usize) -> Vec<f64> {
         let error = RangeError::new(&noise, step, Threshold::new(detection, false));
         let mut measured = vec![0.0; count];
-        error.measure(&Rng::new(5, 0), 0, &vec![rho_eff; count], &vec![truth; count], &mut measured);
+        let beams: Vec<u32> = (0..count as u32).collect();
+        let draws = [&beams[..], &vec![0; count]];
+        error.measure(&Rng::new(5, 0), draws, &vec![rho_eff; count], &vec![truth; count], &mut measured);
         error.round(&mut measured);
         measured.into_iter().map(f64::from).collect()
     }

@@ -5,13 +5,17 @@ mod intensity;
 mod particles;
 mod path;
 mod pulse;
+mod waveform;
 mod weather;
 
 pub(crate) use contribution::{Contribution, Wanted};
 pub use intensity::IntensityEncoding;
 pub(crate) use intensity::IntensityModel;
 pub(crate) use particles::Cone;
-pub(crate) use path::{Chosen, Follower, PathEcho, PathLimits, Surroundings};
+pub(crate) use path::{Chosen, Follower, PathEcho, PathEchoes, PathLimits, Preferred, Surroundings};
 pub(crate) use pulse::Pulse;
 pub use pulse::PulseShape;
-pub(crate) use weather::{AIR, Air, Answer, Receiver};
+#[cfg(test)]
+pub(crate) use pulse::erf;
+pub(crate) use waveform::{Part, Peak, Waveform};
+pub(crate) use weather::{AIR, Air, AirEcho, AirEchoes, Answer, Foremost, Receiver};

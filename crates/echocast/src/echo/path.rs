@@ -91,7 +91,7 @@ pub(crate) struct PathEcho {
     pub cause: Cause,
     pub bounces: u8,
     /// Lane of its hit.
-    hit: usize,
+    pub hit: usize,
 }
 
 /// Memory of a block to follow paths in.
@@ -109,6 +109,15 @@ pub(crate) struct Follower {
 struct Next {
     reflected: Vec<Path>,
     refracted: Vec<Path>,
+}
+
+/// Who hears of the echoes of a block's paths.
+pub(crate) trait PathEchoes {
+    /// Light, as `rho_eff / R^2` in 1/m^2, that an echo of `lane` must exceed to matter.
+    fn least(&self, lane: usize) -> f32;
+
+    /// Hears of `echo`, whose surface is among `hits` and `surfaces`.
+    fn take(&mut self, echo: &PathEcho, hits: &HitBatch, surfaces: &Contribution);
 }
 
 /// The echo of each beam that is preferred so far.
@@ -131,16 +140,37 @@ impl Chosen {
             bounces: [0; LANES],
         }
     }
+}
 
-    /// Takes `echo`, whose surface is among `hits` and `surfaces`.
+/// Of the echoes of each beam only the one that is preferred.
+pub(crate) struct Preferred<'a, F> {
+    pub chosen: &'a mut Chosen,
+    /// How much an echo is wanted, if at all.
+    pub prefer: F,
+    /// Least `rho_eff / R^2` that is detected anywhere, 1/m^2.
+    pub least_power: f32,
+    /// Whether the strongest is preferred, with `rho_eff / R^2` as its strength.
+    pub strongest: bool,
+}
+
+impl<F: Fn(&PathEcho) -> Option<f32>> PathEchoes for Preferred<'_, F> {
+    fn least(&self, lane: usize) -> f32 {
+        if self.strongest { self.least_power.max(self.chosen.strength[lane]) } else { self.least_power }
+    }
+
     fn take(&mut self, echo: &PathEcho, hits: &HitBatch, surfaces: &Contribution) {
-        let lane = echo.lane;
-        self.hits.take(lane, hits, echo.hit);
-        self.surfaces.take(lane, surfaces, echo.hit);
-        self.hits.range[lane] = echo.range;
-        self.surfaces.reflectance[lane] = echo.reflectance;
-        self.surfaces.cos_incidence[lane] = echo.cos_incidence;
-        (self.cause[lane], self.bounces[lane]) = (echo.cause as u8, echo.bounces);
+        let (lane, chosen) = (echo.lane, &mut *self.chosen);
+        if let Some(strength) = (self.prefer)(echo)
+            && strength > chosen.strength[lane]
+        {
+            chosen.strength[lane] = strength;
+            chosen.hits.take(lane, hits, echo.hit);
+            chosen.surfaces.take(lane, surfaces, echo.hit);
+            chosen.hits.range[lane] = echo.range;
+            chosen.surfaces.reflectance[lane] = echo.reflectance;
+            chosen.surfaces.cos_incidence[lane] = echo.cos_incidence;
+            (chosen.cause[lane], chosen.bounces[lane]) = (echo.cause as u8, echo.bounces);
+        }
     }
 }
 
@@ -154,10 +184,6 @@ pub(crate) struct Surroundings<'a> {
     pub limits: PathLimits,
     /// Farthest range of each beam, m.
     pub range_max: &'a [f32; LANES],
-    /// Least `rho_eff / R^2` that is detected anywhere, 1/m^2.
-    pub least_power: f32,
-    /// Whether of the echoes of a beam the strongest is preferred, with `rho_eff / R^2` as its strength.
-    pub strongest: bool,
     /// Optical depth of the weather from a place on, in a direction, after a way, for a length.
     pub depth: &'a dyn Fn(Vec3, Vec3, f32, f32) -> f32,
 }
@@ -173,10 +199,8 @@ impl Follower {
         }
     }
 
-    /// Follows the light of those of the first `count` rays whose surface does not stop it. `prefer` says how much an echo
-    /// is wanted, if at all; the most wanted of each lane, that of the surface itself included, comes into `chosen`.
-    /// `rays`, `hits` and `surfaces` are the beams' own, normals on their side.
-    #[expect(clippy::too_many_arguments, reason = "the columns of a block")]
+    /// Follows the light of those of the first `count` rays whose surface does not stop it; `echoes` hears of what comes
+    /// back, from the surface itself too. `rays`, `hits` and `surfaces` are the rays' own, normals on their side.
     pub(crate) fn follow(
         &mut self,
         around: &Surroundings,
@@ -184,10 +208,8 @@ impl Follower {
         hits: &HitBatch,
         surfaces: &Contribution,
         count: usize,
-        chosen: &mut Chosen,
-        prefer: impl Fn(&PathEcho) -> Option<f32>,
+        echoes: &mut impl PathEchoes,
     ) {
-        chosen.strength = [f32::NEG_INFINITY; LANES];
         for lane in 0..count {
             let Some(optics) = optics(around, hits, lane).filter(|optics| optics.goes_on()) else { continue };
             let path = Path {
@@ -203,7 +225,7 @@ impl Follower {
                 depth: 0.0,
                 part: 1.0,
             };
-            arrive(around, path, optics, (hits, surfaces, lane), &mut self.next, chosen, &prefer);
+            arrive(around, path, optics, (hits, surfaces, lane), &mut self.next, echoes);
         }
         while !(self.next.reflected.is_empty() && self.next.refracted.is_empty()) {
             std::mem::swap(&mut self.paths, &mut self.next);
@@ -213,10 +235,9 @@ impl Follower {
                 paths.retain(|path| {
                     // The most that a surface right there could send back.
                     let most = path.part * path.part * around.reflectances.greatest / (path.spread * path.spread);
-                    let known = chosen.strength[usize::from(path.lane)];
-                    most >= around.least_power && !(around.strongest && most <= known)
+                    most > echoes.least(path.lane.into())
                 });
-                paths.chunks(LANES).for_each(|paths| self.step(around, paths, chosen, &prefer));
+                paths.chunks(LANES).for_each(|paths| self.step(around, paths, echoes));
                 paths.clear();
                 paths
             });
@@ -226,13 +247,7 @@ impl Follower {
     }
 
     /// Traces up to [`LANES`] paths.
-    fn step(
-        &mut self,
-        around: &Surroundings,
-        paths: &[Path],
-        chosen: &mut Chosen,
-        prefer: &impl Fn(&PathEcho) -> Option<f32>,
-    ) {
+    fn step(&mut self, around: &Surroundings, paths: &[Path], echoes: &mut impl PathEchoes) {
         for (lane, path) in paths.iter().enumerate() {
             (self.rays.org_x[lane], self.rays.org_y[lane], self.rays.org_z[lane]) = path.origin.into();
             (self.rays.dir_x[lane], self.rays.dir_y[lane], self.rays.dir_z[lane]) = path.direction.into();
@@ -246,7 +261,7 @@ impl Follower {
         for (lane, path) in paths.iter().enumerate() {
             if let Some(optics) = optics(around, &self.hits, lane) {
                 let at = (&self.hits, &self.surfaces, lane);
-                arrive(around, *path, optics, at, &mut self.next, chosen, prefer);
+                arrive(around, *path, optics, at, &mut self.next, echoes);
             }
         }
     }
@@ -264,8 +279,7 @@ fn arrive(
     optics: &Optics,
     (hits, surfaces, lane): (&HitBatch, &Contribution, usize),
     next: &mut Next,
-    chosen: &mut Chosen,
-    prefer: &impl Fn(&PathEcho) -> Option<f32>,
+    echoes: &mut impl PathEchoes,
 ) {
     let limits = &around.limits;
     let of = |material: u32| &around.reflectances.optics[material as usize];
@@ -294,12 +308,7 @@ fn arrive(
             bounces: path.bounces,
             hit: lane,
         };
-        if let Some(strength) = prefer(&echo)
-            && strength > chosen.strength[echo.lane]
-        {
-            chosen.strength[echo.lane] = strength;
-            chosen.take(&echo, hits, surfaces);
-        }
+        echoes.take(&echo, hits, surfaces);
     }
     if path.bounces >= limits.depth || !optics.goes_on() {
         return;

@@ -3,10 +3,10 @@
 use super::particles::{Cone, Detectable};
 use super::pulse::{Face, Pulse};
 use crate::cause::Cause;
+use crate::detect::ReturnMode;
 use crate::detect::Threshold;
 use crate::medium::{Extent, Medium, Weather};
 use crate::rng::{Draw, Rng};
-use crate::sensor::ReturnMode;
 use crate::trace::{LANES, MISS, RayBatch};
 use glam::Vec3;
 use std::f64::consts::PI;
@@ -37,11 +37,25 @@ impl Receiver {
     }
 }
 
-/// An echo of the air: where it is and how strong, as the effective reflectance of a surface there that fills the beam.
+/// An echo of the air.
 #[derive(Clone, Copy, Debug)]
-struct Echo {
-    range: f32,
-    rho_eff: f32,
+pub(crate) struct AirEcho {
+    /// Range, m.
+    pub range: f32,
+    /// How strong it is, as the effective reflectance of a surface there that fills the beam.
+    pub rho_eff: f32,
+}
+
+/// Who hears of the air's echoes that the instrument detects.
+pub(crate) trait AirEchoes {
+    /// Range at which surfaces end what `lane` sees of the air, m.
+    fn end(&self, lane: usize) -> f32;
+
+    /// Light, as `rho_eff / R^2` in 1/m^2, that an echo of `lane` must exceed to matter; infinite where none does.
+    fn least(&self, lane: usize) -> f32;
+
+    /// Hears of `echo`.
+    fn take(&mut self, lane: usize, echo: AirEcho, cause: Cause);
 }
 
 /// A medium that begins and ends where the world has it.
@@ -73,7 +87,7 @@ struct Flying {
 pub(crate) struct Air {
     weather: Weather,
     /// Echoes that are the same for every beam that gets beyond them.
-    around: Vec<(Echo, Cause)>,
+    around: Vec<(AirEcho, Cause)>,
     placed: Vec<Placed>,
     flying: Vec<Flying>,
     receiver: Receiver,
@@ -158,7 +172,7 @@ impl Air {
                 let falls_from = from.max(receiver.overlap[1]);
                 let (range, height) = pulse.peak([from, to], falls_from, density);
                 let rho_eff = PI * backscatter * height * range * range;
-                self.around.push((Echo { range: range as f32, rho_eff: rho_eff as f32 }, cause));
+                self.around.push((AirEcho { range: range as f32, rho_eff: rho_eff as f32 }, cause));
             }
         }
         for medium in &self.weather.media {
@@ -249,40 +263,30 @@ impl Air {
         }
     }
 
-    /// Puts the air's echoes in place of those surfaces' that the return mode gives up for them. `answer` holds the
-    /// surfaces' (range, m, and dimmed effective reflectance); `surface` is [`MISS`] where there is none that is
-    /// detected, and becomes [`AIR`] where the air's echo is taken.
+    /// Tells `echoes` of what the air sends back along `rays`, one of each of `beams`.
     #[inline(always)]
-    pub(crate) fn answer(
-        &self,
-        rays: &RayBatch,
-        rng: &Rng,
-        first_beam: u32,
-        count: usize,
-        surface: &mut [u32; LANES],
-        answer: &mut Answer,
-    ) {
+    pub(crate) fn answer(&self, rays: &RayBatch, rng: &Rng, beams: &[u32], echoes: &mut impl AirEchoes) {
+        let count = beams.len();
         for &(echo, cause) in &self.around {
             if !self.is_seen(echo) {
                 continue;
             }
             for lane in 0..count {
                 // A surface within the pulse hides it, and what is behind a surface is not there.
-                let end = answer.end[lane];
-                if echo.range + self.receiver.pulse.merging_distance() as f32 <= end {
-                    self.offer(answer, surface, lane, echo, cause);
+                if echo.range + self.receiver.pulse.merging_distance() as f32 <= echoes.end(lane) {
+                    echoes.take(lane, echo, cause);
                 }
             }
         }
         if !self.placed.is_empty() {
-            self.answer_from_places(rays, count, surface, answer);
+            self.answer_from_places(rays, count, echoes);
         }
         for flying in &self.flying {
             let mut chance = [0.0; LANES];
-            rng.uniforms(first_beam, flying.draw, flying.address, &mut chance[..count]);
+            rng.uniforms(beams, &[flying.address; LANES][..count], flying.draw, &mut chance[..count]);
             for lane in 0..count {
                 if chance[lane] < flying.some {
-                    self.answer_from(flying, rays, rng, first_beam, lane, chance[lane], surface, answer);
+                    self.answer_from(flying, rays, rng, beams[lane], lane, chance[lane], echoes);
                 }
             }
         }
@@ -315,12 +319,12 @@ impl Air {
 
     /// The faces of media that lie in the world.
     #[inline(never)]
-    fn answer_from_places(&self, rays: &RayBatch, count: usize, surface: &mut [u32; LANES], answer: &mut Answer) {
+    fn answer_from_places(&self, rays: &RayBatch, count: usize, echoes: &mut impl AirEchoes) {
         let face = Face::get();
         let sigma = self.receiver.pulse.sigma() as f32;
         for lane in 0..count {
             let (org, dir) = (origin(rays, lane), direction(rays, lane));
-            let end = answer.end[lane];
+            let end = echoes.end(lane);
             for medium in &self.placed {
                 let (from, to) = medium.extent.interval(org, dir, 0.0, end);
                 let [first, last] = self.near.map(|range| range as f32);
@@ -348,9 +352,9 @@ impl Air {
                 let seen = full * (1.0 - (-(to - from) / full).exp());
                 let gain = exp_negative(2.0 * self.depth(org, dir, 0.0, from));
                 let rho_eff = std::f32::consts::PI * medium.backscatter * seen * gain;
-                let echo = Echo { range, rho_eff };
+                let echo = AirEcho { range, rho_eff };
                 if self.is_seen(echo) {
-                    self.offer(answer, surface, lane, echo, medium.cause);
+                    echoes.take(lane, echo, medium.cause);
                 }
             }
         }
@@ -358,42 +362,38 @@ impl Air {
 
     /// The particles of one beam.
     #[inline(never)]
-    #[expect(clippy::too_many_arguments, reason = "one beam's share of `answer`")]
+    #[expect(clippy::too_many_arguments, reason = "one beam's share of a block")]
     fn answer_from(
         &self,
         flying: &Flying,
         rays: &RayBatch,
         rng: &Rng,
-        first_beam: u32,
+        beam: u32,
         lane: usize,
         chance: f32,
-        surface: &mut [u32; LANES],
-        answer: &mut Answer,
+        echoes: &mut impl AirEchoes,
     ) {
-        let beam = first_beam.wrapping_add(lane as u32);
         let (org, dir) = (origin(rays, lane), direction(rays, lane));
-        let (from, to) = flying.extent.interval(org, dir, 0.0, answer.end[lane]);
+        let (from, to) = flying.extent.interval(org, dir, 0.0, echoes.end(lane));
         let by_range = matches!(self.mode, ReturnMode::First | ReturnMode::Last);
-        let surface_is_last = self.mode == ReturnMode::Last && surface[lane] < AIR;
         // Mean number up to this particle.
         let mut number = exponential(chance);
         for particle in 1..MOST_PARTICLES {
-            if number >= flying.seen.mean() || surface_is_last {
+            if number >= flying.seen.mean() {
                 break;
             }
-            let strength = if by_range { 0.0 } else { flying.seen.strongest(number) };
-            // All that follow are weaker still.
-            let is_weaker = || strength * answer.range[lane].powi(2) <= answer.rho_eff[lane];
-            if !by_range && surface[lane] != MISS && is_weaker() {
+            // In order of strength all that follow are weaker still.
+            let strength = if by_range { f32::MAX } else { flying.seen.strongest(number) };
+            if strength <= echoes.least(lane) {
                 break;
             }
             let [place, next, ..] = rng.four(beam, flying.draw, flying.address + particle);
             let mut echo = if by_range {
                 let range = flying.seen.nearest(number);
-                Echo { range, rho_eff: flying.seen.brightness(range, place) }
+                AirEcho { range, rho_eff: flying.seen.brightness(range, place) }
             } else {
                 let range = flying.seen.place(strength, place);
-                Echo { range, rho_eff: strength * range * range }
+                AirEcho { range, rho_eff: strength * range * range }
             };
             // Weather that has a place in the world is not in the table: it takes some of the particles away again.
             echo.rho_eff *= exp_negative(2.0 * self.depth_in_places(org, dir, echo.range));
@@ -401,7 +401,7 @@ impl Air {
                 break;
             }
             if (from..to).contains(&echo.range) && self.is_seen(echo) {
-                self.offer(answer, surface, lane, echo, flying.cause);
+                echoes.take(lane, echo, flying.cause);
                 if self.mode == ReturnMode::First {
                     break;
                 }
@@ -412,17 +412,43 @@ impl Air {
 
     /// Whether the instrument detects and reports it.
     #[inline(always)]
-    fn is_seen(&self, echo: Echo) -> bool {
+    fn is_seen(&self, echo: AirEcho) -> bool {
         let is_far_enough = echo.range >= self.receiver.range_min as f32;
         echo.rho_eff > 0.0 && is_far_enough && self.receiver.threshold.detects(echo.rho_eff, echo.range)
     }
+}
 
-    /// Takes `echo` if the return mode prefers it.
+/// The echo of each beam that the return mode prefers, when every beam has one return.
+pub(crate) struct Foremost<'a> {
+    /// The surfaces' range and dimmed effective reflectance to begin with.
+    pub answer: &'a mut Answer,
+    /// [`MISS`] where no surface is detected; becomes [`AIR`] where the air's echo is taken.
+    pub surface: &'a mut [u32; LANES],
+    pub mode: ReturnMode,
+}
+
+impl AirEchoes for Foremost<'_> {
     #[inline(always)]
-    fn offer(&self, answer: &mut Answer, surface: &mut [u32; LANES], lane: usize, echo: Echo, cause: Cause) {
+    fn end(&self, lane: usize) -> f32 {
+        self.answer.end[lane]
+    }
+
+    #[inline(always)]
+    fn least(&self, lane: usize) -> f32 {
+        match self.mode {
+            ReturnMode::Last if self.surface[lane] < AIR => f32::INFINITY,
+            ReturnMode::First | ReturnMode::Last => 0.0,
+            _ if self.surface[lane] == MISS => 0.0,
+            _ => self.answer.rho_eff[lane] / (self.answer.range[lane] * self.answer.range[lane]),
+        }
+    }
+
+    #[inline(always)]
+    fn take(&mut self, lane: usize, echo: AirEcho, cause: Cause) {
+        let Foremost { answer, surface, mode } = self;
         let (range, rho_eff) = (answer.range[lane], answer.rho_eff[lane]);
         let better = surface[lane] == MISS
-            || match self.mode {
+            || match mode {
                 ReturnMode::First => echo.range < range,
                 ReturnMode::Last => echo.range > range,
                 _ => echo.rho_eff * range * range > rho_eff * echo.range * echo.range,

@@ -3,6 +3,7 @@
 mod aim;
 mod beams;
 mod csv;
+mod footprint;
 mod motion;
 pub mod pattern;
 mod pose;
@@ -10,6 +11,7 @@ mod trajectory;
 
 pub(crate) use aim::Aim;
 pub use beams::{BeamTable, FiringOrder};
+pub(crate) use footprint::{Across, Footprint};
 use motion::Motion;
 pub use pattern::Pattern;
 pub use pose::Pose;

@@ -1,13 +1,16 @@
 //! One block of beams with a ray each and a return each, step by step.
 
+use super::returns::Gatherer;
 use super::run::Scan;
 use crate::cause::Cause;
 use crate::cloud::{Kept, Slices};
+use crate::detect::ReturnMode;
 use crate::detect::Threshold;
-use crate::echo::{AIR, Air, Answer, Chosen, Contribution, Follower, PathEcho, PathLimits, Surroundings};
+use crate::echo::{
+    AIR, Air, Answer, Chosen, Contribution, Follower, Foremost, PathEcho, PathLimits, Preferred, Surroundings,
+};
 use crate::material::Optics;
 use crate::rng::Draw;
-use crate::sensor::ReturnMode;
 use crate::trace::{HitBatch, LANES, MISS, RayBatch};
 use pulp::{Simd, WithSimd};
 
@@ -35,14 +38,60 @@ impl WithSimd for TaskOn<'_, '_> {
         let mut filled = 0;
         for start in (0..count).step_by(LANES) {
             let beam = first + start;
-            filled += self.block.scan(scan, beam, LANES.min(count - start), rows.rows_after(filled));
+            let (count, rows) = (LANES.min(count - start), rows.rows_after(filled));
+            filled += match &scan.signals {
+                None => self.block.scan(scan, beam, count, rows),
+                Some(signals) => self.block.scan_signals(scan, signals, beam, count, rows),
+            };
         }
         filled
     }
 }
 
+/// Which beam, and which of its returns, each lane of a block is.
+pub(super) struct Lanes {
+    pub beam: [u32; LANES],
+    /// Counted from 0; random draws of a return depend on it.
+    pub number: [u32; LANES],
+    pub return_number: [u8; LANES],
+    pub return_count: [u8; LANES],
+    /// The first beam, where lane after lane is beam after beam with one return each.
+    pub first: Option<usize>,
+}
+
+impl Lanes {
+    fn new() -> Self {
+        Lanes { beam: [0; LANES], number: [0; LANES], return_number: [1; LANES], return_count: [1; LANES], first: None }
+    }
+
+    /// Beams from `first` on, one return each.
+    #[inline(always)]
+    pub fn start_at(&mut self, first: usize) {
+        self.first = Some(first);
+        for lane in 0..LANES {
+            self.beam[lane] = (first + lane) as u32;
+        }
+    }
+
+    /// The values that the first `count` lanes have in a `column` of the table of beams.
+    #[inline(always)]
+    pub fn take<T: Copy + Default>(&self, column: &[T], count: usize) -> [T; LANES] {
+        let mut values = [T::default(); LANES];
+        match self.first {
+            Some(first) => values[..count].copy_from_slice(&column[first..first + count]),
+            None => {
+                for lane in 0..count {
+                    values[lane] = column[self.beam[lane] as usize];
+                }
+            }
+        }
+        values
+    }
+}
+
 /// The intermediate results of one block of beams: the table in the crate's documentation, column by column.
 pub(super) struct Block {
+    pub lanes: Lanes,
     pub rays: RayBatch,
     pub hits: HitBatch,
     pub surfaces: Contribution,
@@ -56,11 +105,14 @@ pub(super) struct Block {
     pub answer: Answer,
     /// Memory to follow light in, where a scene has mirrors or glass.
     pub paths: Option<Box<(Follower, Chosen)>>,
+    /// Memory for beams of several rays or returns.
+    pub gatherer: Option<Box<Gatherer>>,
 }
 
 impl Block {
     pub fn new() -> Self {
         Block {
+            lanes: Lanes::new(),
             rays: RayBatch::new(),
             hits: HitBatch::new(),
             surfaces: Contribution::new(),
@@ -72,12 +124,14 @@ impl Block {
             scratch: [0.0; LANES],
             answer: Answer::new(),
             paths: None,
+            gatherer: None,
         }
     }
 
     /// Scans beams `first .. first + count` (at most [`LANES`]) and fills the first of `rows`; returns how many.
     #[inline(always)]
     fn scan(&mut self, scan: &Scan, first: usize, count: usize, rows: Slices) -> usize {
+        self.lanes.start_at(first);
         self.aim(scan, first, count);
         self.trace(scan, count);
         if scan.paths.is_some() || scan.air.is_some() {
@@ -91,13 +145,14 @@ impl Block {
         if needs_surfaces && self.hits.surface[..count].iter().all(|&surface| surface == MISS) {
             return 0;
         }
-        self.detect(scan, first, count);
-        self.collect(scan, first, count, rows)
+        self.detect(scan, count);
+        self.measure(scan, count);
+        self.collect(scan, count, rows)
     }
 
     /// Steps 4 and 5: every beam at the pose of its own time.
     #[inline(always)]
-    fn aim(&mut self, scan: &Scan, first: usize, count: usize) {
+    pub fn aim(&mut self, scan: &Scan, first: usize, count: usize) {
         scan.aim.rays(scan.beams, first, count, scan.range_max, &mut self.rays);
     }
 
@@ -138,11 +193,10 @@ impl Block {
             wanted: scan.wanted,
             limits,
             range_max: &rays.range_max,
-            least_power: scan.threshold.least_power().filter(|_| !scan.keeps_undetected).unwrap_or(0.0) as f32,
-            strongest: !scan.keeps_undetected && !matches!(scan.mode, ReturnMode::First | ReturnMode::Last),
             depth: &depth,
         };
-        follower.follow(&around, rays, hits, surfaces, count, chosen, |echo: &PathEcho| {
+        chosen.strength = [f32::NEG_INFINITY; LANES];
+        let prefer = |echo: &PathEcho| {
             let rho_eff = echo.reflectance * echo.cos_incidence;
             let seen = scan.keeps_undetected || scan.threshold.detects(rho_eff, echo.range);
             let least = scan.beams.range_min.get(first + echo.lane).copied().unwrap_or(scan.range_min);
@@ -154,7 +208,14 @@ impl Block {
                 ReturnMode::Last => echo.range,
                 _ => rho_eff / (echo.range * echo.range),
             })
-        });
+        };
+        let mut preferred = Preferred {
+            chosen,
+            prefer,
+            least_power: scan.threshold.least_power().filter(|_| !scan.keeps_undetected).unwrap_or(0.0) as f32,
+            strongest: !scan.keeps_undetected && !matches!(scan.mode, ReturnMode::First | ReturnMode::Last),
+        };
+        follower.follow(&around, rays, hits, surfaces, count, &mut preferred);
         for lane in 0..count {
             if !goes_on(hits.surface[lane]) {
                 continue;
@@ -170,10 +231,9 @@ impl Block {
         }
     }
 
-    /// Steps 9 and 10: what the instrument makes of it.
+    /// Steps 9 and 10: which echo the instrument reports.
     #[inline(always)]
-    fn detect(&mut self, scan: &Scan, first: usize, count: usize) {
-        let beams = first as u32;
+    fn detect(&mut self, scan: &Scan, count: usize) {
         if let Some(air) = scan.air.as_ref().filter(|_| !scan.keeps_undetected) {
             air.dim(&self.rays, &self.hits.range, count, &mut self.scratch);
             for lane in 0..LANES {
@@ -203,24 +263,30 @@ impl Block {
                 }
             }
         }
-        scan.limit(&mut self.hits.surface, &self.hits.range, first, count);
+        scan.limit(&mut self.hits.surface, &self.hits.range, &self.lanes, count);
         if let Some(air) = scan.air.as_ref().filter(|air| air.answers()) {
-            self.answer(scan, air, first, count);
+            self.answer(scan, air, count);
         }
-        let Block { hits, rho_eff, measured, turn, scratch, .. } = self;
-        scan.range_error.measure(&scan.rng, beams, &rho_eff[..count], &hits.range[..count], &mut measured[..count]);
+    }
+
+    /// Step 10: errors of what is measured.
+    #[inline(always)]
+    pub fn measure(&mut self, scan: &Scan, count: usize) {
+        let Block { lanes, hits, rho_eff, measured, turn, scratch, .. } = self;
+        let draws = [&lanes.beam[..count], &lanes.number[..count]];
+        scan.range_error.measure(&scan.rng, draws, &rho_eff[..count], &hits.range[..count], &mut measured[..count]);
         if let Some(sigma) = scan.air.as_ref().map(Air::range_noise).filter(|&sigma| sigma > 0.0) {
-            scan.rng.normals(beams, Draw::RainRange, &mut scratch[..count]);
+            scan.rng.normals(draws[0], draws[1], Draw::RainRange, &mut scratch[..count]);
             for lane in 0..count {
                 measured[lane] = (measured[lane] + sigma * hits.range[lane] * scratch[lane]).max(0.0);
             }
         }
         scan.range_error.round(&mut measured[..count]);
         if scan.limits_measured {
-            scan.limit(&mut hits.surface, measured, first, count);
+            scan.limit(&mut hits.surface, measured, lanes, count);
         }
         if scan.dropout > 0.0 {
-            scan.rng.uniforms(beams, Draw::Dropout, 0, &mut scratch[..count]);
+            scan.rng.uniforms(draws[0], draws[1], Draw::Dropout, &mut scratch[..count]);
             for lane in 0..count {
                 if scratch[lane] < scan.dropout {
                     hits.surface[lane] = MISS;
@@ -228,7 +294,8 @@ impl Block {
             }
         }
         if scan.azimuth_sigma > 0.0 {
-            scan.rng.normals(beams, Draw::AzimuthJitter, &mut turn[..count]);
+            // All returns of a beam come from one direction.
+            scan.rng.normals(draws[0], &[0; LANES][..count], Draw::AzimuthJitter, &mut turn[..count]);
             turn.iter_mut().for_each(|angle| *angle *= scan.azimuth_sigma);
         }
     }
@@ -252,10 +319,11 @@ impl Block {
 
     /// Echoes of the air in place of surfaces, where the instrument prefers them.
     #[inline(always)]
-    fn answer(&mut self, scan: &Scan, air: &Air, first: usize, count: usize) {
-        let Block { rays, hits, surfaces, rho_eff, intensity, answer, .. } = self;
+    fn answer(&mut self, scan: &Scan, air: &Air, count: usize) {
+        let Block { lanes, rays, hits, surfaces, rho_eff, intensity, answer, .. } = self;
         (answer.range, answer.rho_eff) = (hits.range, *rho_eff);
-        air.answer(rays, &scan.rng, first as u32, count, &mut hits.surface, answer);
+        let mut foremost = Foremost { answer, surface: &mut hits.surface, mode: scan.mode };
+        air.answer(rays, &scan.rng, &lanes.beam[..count], &mut foremost);
         (hits.range, *rho_eff) = (answer.range, answer.rho_eff);
         for lane in 0..count {
             if hits.surface[lane] == AIR {

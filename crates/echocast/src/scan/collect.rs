@@ -9,20 +9,19 @@ use std::f32::consts::PI;
 impl Block {
     /// Step 11: the columns that were asked for, row by row.
     #[inline(always)]
-    pub fn collect(&mut self, scan: &Scan, first: usize, count: usize, rows: Slices) -> usize {
-        let Block { rays, hits, surfaces, measured, intensity, turn, kept, scratch, answer, .. } = self;
+    pub fn collect(&mut self, scan: &Scan, count: usize, rows: Slices) -> usize {
+        let Block { lanes, rays, hits, surfaces, measured, intensity, turn, kept, scratch, answer, .. } = self;
         let surface = &hits.surface;
         let filled = kept.choose(surface, count, scan.options.organised);
 
         // Positions along the beam: in the world from where the beam starts, in the sensor frame from 0.
         let world = scan.options.coordinates == Frame::World;
         let beams = scan.beams;
-        let range = first..first + count;
         if !world {
             (rays.org_x, rays.org_y, rays.org_z) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
-            rays.dir_x[..count].copy_from_slice(&beams.dir_x[range.clone()]);
-            rays.dir_y[..count].copy_from_slice(&beams.dir_y[range.clone()]);
-            rays.dir_z[..count].copy_from_slice(&beams.dir_z[range.clone()]);
+            rays.dir_x = lanes.take(&beams.dir_x, count);
+            rays.dir_y = lanes.take(&beams.dir_y, count);
+            rays.dir_z = lanes.take(&beams.dir_z, count);
         }
         for (org, dir, to) in [
             (&rays.org_x, &rays.dir_x, rows.true_x),
@@ -33,7 +32,7 @@ impl Block {
         }
         if scan.azimuth_sigma > 0.0 {
             for lane in 0..count {
-                let up = if world { scan.aim.pose(beams, first + lane).0.z_axis } else { glam::Vec3::Z };
+                let up = if world { scan.aim.pose(beams, lanes.beam[lane] as usize).0.z_axis } else { glam::Vec3::Z };
                 let dir = glam::Vec3::new(rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]);
                 let turned = glam::Quat::from_axis_angle(up, turn[lane]) * dir;
                 (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = turned.into();
@@ -49,14 +48,15 @@ impl Block {
         kept.put(surface, intensity, rows.intensity);
         kept.put(surface, &surfaces.cos_incidence, rows.cos_incidence);
         if !rows.depth.is_empty() {
-            for ((value, dir), range) in scratch.iter_mut().zip(&beams.dir_x[range.clone()]).zip(measured) {
-                *value = dir * *range;
+            let dir_x = lanes.take(&beams.dir_x, count);
+            for lane in 0..LANES {
+                scratch[lane] = dir_x[lane] * measured[lane];
             }
             kept.put(surface, scratch, rows.depth);
         }
         if !world && scan.options.fields.contains_any(&[Field::NormalX, Field::NormalY, Field::NormalZ]) {
             for lane in 0..count {
-                let (rotation, _) = scan.aim.pose(beams, first + lane);
+                let (rotation, _) = scan.aim.pose(beams, lanes.beam[lane] as usize);
                 let normal = glam::Vec3::new(hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]);
                 let normal = rotation.transpose() * normal;
                 (hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]) = normal.into();
@@ -74,8 +74,8 @@ impl Block {
         kept.put(surface, &surfaces.red, rows.red);
         kept.put(surface, &surfaces.green, rows.green);
         kept.put(surface, &surfaces.blue, rows.blue);
-        kept.put(surface, &[1; LANES], rows.return_number);
-        kept.put(surface, &[1; LANES], rows.return_count);
+        kept.put(surface, &lanes.return_number, rows.return_number);
+        kept.put(surface, &lanes.return_count, rows.return_count);
         kept.put(surface, &answer.cause, rows.cause);
         kept.put(surface, &answer.bounces, rows.bounces);
         if scan.paths.is_some() {
@@ -88,31 +88,23 @@ impl Block {
 
         // What is known of every beam, return or not.
         if !rows.channel.is_empty() {
-            let mut channel = [0; LANES];
-            channel[..count].copy_from_slice(&beams.channel[range.clone()]);
-            kept.put_beam(&channel, rows.channel);
+            kept.put_beam(&lanes.take(&beams.channel, count), rows.channel);
         }
         if !rows.time.is_empty() {
-            let mut time = [0.0; LANES];
-            for (value, offset) in time.iter_mut().zip(&beams.time[range.clone()]) {
-                *value = scan.options.start_time + offset;
-            }
+            let mut time = lanes.take(&beams.time, count);
+            time.iter_mut().for_each(|time| *time += scan.options.start_time);
             kept.put_beam(&time, rows.time);
         }
         if !rows.frame.is_empty() {
             kept.put_beam(&[scan.options.frame; LANES], rows.frame);
         }
         if !rows.beam.is_empty() || !rows.firing.is_empty() {
-            let (mut beam, mut firing) = ([0; LANES], [0; LANES]);
-            for lane in 0..LANES {
-                beam[lane] = (first + lane) as u32;
-                firing[lane] = beams.firing(beam[lane]);
-            }
-            kept.put_beam(&beam, rows.beam);
+            let firing = lanes.beam.map(|beam| beams.firing(beam));
+            kept.put_beam(&lanes.beam, rows.beam);
             kept.put_beam(&firing, rows.firing);
         }
         if !rows.azimuth.is_empty() || !rows.elevation.is_empty() {
-            let (x, y, z) = (&beams.dir_x[range.clone()], &beams.dir_y[range.clone()], &beams.dir_z[range]);
+            let [x, y, z] = [&beams.dir_x, &beams.dir_y, &beams.dir_z].map(|column| lanes.take(column, count));
             let (mut azimuth, mut elevation) = ([0.0; LANES], [0.0; LANES]);
             for lane in 0..count {
                 let reported = y[lane].atan2(x[lane]) + turn[lane];

@@ -2,6 +2,7 @@
 
 mod block;
 mod collect;
+mod returns;
 mod run;
 
 use crate::cloud::{FieldSet, Frame, PointCloud};
@@ -11,6 +12,7 @@ use crate::material::ReflectanceSource;
 use crate::medium::Environment;
 use crate::sensor::Sensor;
 use crate::trace::BuiltScene;
+pub(crate) use returns::Signals;
 use run::Scan;
 use std::ops::ControlFlow;
 
@@ -113,15 +115,16 @@ impl BuiltScene {
     /// Scans once with `sensor` along `trajectory`.
     ///
     /// # Errors
-    /// A pose that is not finite, an organised cloud ordered by time, no memory for the columns.
+    /// A pose that is not finite, an organised cloud ordered by time or of several returns a beam, no memory for the
+    /// columns.
     pub fn scan(&self, sensor: &Sensor, trajectory: &Trajectory, options: &ScanOptions) -> Result<PointCloud> {
         let mut cloud = PointCloud::default();
         self.scan_into(sensor, trajectory, options, &mut cloud)?;
         Ok(cloud)
     }
 
-    /// [`BuiltScene::scan`] into the memory of `cloud`: a scan like the one before it, in the order of beams and in a
-    /// scene without weather, mirrors and glass, allocates nothing.
+    /// [`BuiltScene::scan`] into the memory of `cloud`: a scan like the one before it, in the order of beams, of one ray and
+    /// return a beam and in a scene without weather, mirrors and glass, allocates nothing.
     ///
     /// # Errors
     /// As [`BuiltScene::scan`]. `cloud` stays as it was when pose or options are at fault; without memory it is empty.
@@ -170,7 +173,16 @@ impl BuiltScene {
                 "beam for an organised cloud, whose rows and columns are beams",
             ));
         }
-        let scanned = Scan::new(&self.0, sensor, trajectory, options).run(cloud, progress);
+        let scan = Scan::new(&self.0, sensor, trajectory, options);
+        if options.organised && scan.most_returns() > 1 {
+            let found = format!("{} returns a beam", scan.most_returns());
+            return Err(Error::invalid(
+                "organised",
+                found,
+                "one return a beam (returns.mode: strongest, first, last or second)",
+            ));
+        }
+        let scanned = scan.run(cloud, progress);
         if scanned.is_err() {
             *cloud = PointCloud::default();
         }

@@ -1,8 +1,10 @@
 //! One scan: what is the same for all its beams, and their chunks side by side on threads.
 
-use super::block::{Block, Task, TaskOn};
+use super::block::{Block, Lanes, Task, TaskOn};
+use super::returns::Signals;
 use super::{Order, Profile, Progress, ScanOptions};
 use crate::cloud::{Columns, Field, Frame, PointCloud, Slices};
+use crate::detect::ReturnMode;
 use crate::detect::{Noise, RangeError, Threshold};
 use crate::echo::{Air, IntensityModel, PathLimits, Wanted};
 use crate::emitter::{Aim, BeamTable, Trajectory};
@@ -11,7 +13,7 @@ use crate::material::{Mirrors, ReflectanceSource, Reflectances};
 use crate::medium::Weather;
 use crate::parallel;
 use crate::rng::Rng;
-use crate::sensor::{ReturnMode, Sensor};
+use crate::sensor::Sensor;
 use crate::trace::{CHUNK, LANES, MISS, Tables};
 use pulp::Arch;
 use std::ops::Range;
@@ -67,6 +69,8 @@ pub(super) struct Scan<'a> {
     /// How far light is followed over mirrors and through glass; `None` where nothing depends on it.
     pub paths: Option<PathLimits>,
     pub mode: ReturnMode,
+    /// How beams of several rays or returns are made; `None` where beams are a ray and a return each.
+    pub signals: Option<Signals>,
 }
 
 impl<'a> Scan<'a> {
@@ -85,9 +89,13 @@ impl<'a> Scan<'a> {
         });
         let threshold = Threshold::new(sensor.detection, blainder);
         let beams = sensor.beams();
+        // The paper's program knows one ray and one return.
+        let signals = sensor.signals().filter(|_| !blainder);
         let as_the_paper = options.profile != Profile::Physical;
         let weather = Weather::new(&options.environment, sensor.wavelength_nm, as_the_paper, scene.origin);
-        let air = Air::new(weather, sensor.receiver(threshold), sensor.return_mode(), !blainder);
+        // Signals hear of all echoes.
+        let mode = if signals.is_some() { ReturnMode::All } else { sensor.return_mode() };
+        let air = Air::new(weather, sensor.receiver(threshold), mode, !blainder);
         let mirrors = match options.profile {
             Profile::Physical => Mirrors::Real,
             Profile::Paper => Mirrors::Lossless,
@@ -100,8 +108,11 @@ impl<'a> Scan<'a> {
             geometric: as_the_paper,
             cosine_after: !blainder,
         });
-        let wants_echo =
-            air.is_some() || paths.is_some() || threshold != Threshold::Open || fields.contains(Field::Intensity);
+        let wants_echo = signals.is_some()
+            || air.is_some()
+            || paths.is_some()
+            || threshold != Threshold::Open
+            || fields.contains(Field::Intensity);
         let wants_normals =
             wants_echo || fields.contains_any(&[Field::NormalX, Field::NormalY, Field::NormalZ, Field::CosIncidence]);
         let colors = fields.contains_any(&[Field::Red, Field::Green, Field::Blue]);
@@ -131,8 +142,14 @@ impl<'a> Scan<'a> {
                 && (sensor.noise != Noise::default() || air.as_ref().is_some_and(|air| air.range_noise() > 0.0)),
             air,
             paths,
-            mode: sensor.return_mode(),
+            mode,
+            signals,
         }
+    }
+
+    /// Greatest number of returns of a beam.
+    pub fn most_returns(&self) -> usize {
+        self.signals.as_ref().map_or(1, |signals| signals.rule.most())
     }
 
     /// Fills `cloud`: windows of chunks in parallel, each chunk into its own rows, then the gaps of
@@ -143,7 +160,7 @@ impl<'a> Scan<'a> {
         let sorted = options.order == Order::Time;
         let computed = if sorted { options.fields.with(Field::Time) } else { options.fields };
         let columns = &mut cloud.columns;
-        columns.resize(computed, beams)?;
+        columns.resize(computed, beams * self.most_returns())?;
         let engine = &self.scene.engine;
         // Who wants to hear of the scan hears of it often.
         let chunks_per_thread = if progress.is_some() { 1 } else { CHUNKS_PER_THREAD };
@@ -186,7 +203,7 @@ impl<'a> Scan<'a> {
     /// Scans some beams into the rows after the first `rows`; returns how many rows there are then.
     fn window(&self, beams: Range<usize>, mut rows: usize, columns: &mut Columns) -> usize {
         // Right after the rows there are: memory beyond the last return is never touched.
-        let free = columns.slices(rows, rows + beams.len());
+        let free = columns.slices(rows, rows + beams.len() * self.most_returns());
         let mut found = [0; MOST_CHUNKS];
         let found = &mut found[..beams.len().div_ceil(CHUNK)];
         self.chunks(Arch::new(), beams, free, found);
@@ -196,7 +213,7 @@ impl<'a> Scan<'a> {
                 columns.move_rows(from, rows, count);
             }
             rows += count;
-            from += CHUNK;
+            from += CHUNK * self.most_returns();
         }
         rows
     }
@@ -210,7 +227,7 @@ impl<'a> Scan<'a> {
         }
         let half = found.len() / 2;
         let middle = beams.start + half * CHUNK;
-        let (left_rows, right_rows) = rows.split_at(half * CHUNK);
+        let (left_rows, right_rows) = rows.split_at(half * CHUNK * self.most_returns());
         let (left, right) = found.split_at_mut(half);
         parallel::join(
             || self.chunks(arch, beams.start..middle, left_rows, left),
@@ -220,27 +237,22 @@ impl<'a> Scan<'a> {
 }
 
 impl Scan<'_> {
+    /// Nearest and farthest range that is reported of `beam`, m.
+    pub fn limits_of(&self, beam: usize) -> [f32; 2] {
+        let low = self.beams.range_min.get(beam).copied().unwrap_or(self.range_min);
+        [low, self.beams.range_max.get(beam).copied().unwrap_or(self.range_max)]
+    }
+
     /// Takes away the hits whose range is none that the instrument reports.
     #[inline(always)]
-    pub fn limit(&self, surface: &mut [u32; LANES], ranges: &[f32; LANES], first: usize, count: usize) {
-        let span = first..first + count;
-        match (self.beams.range_min.get(span.clone()), self.beams.range_max.get(span)) {
-            (None, None) => {
-                for lane in 0..LANES {
-                    // Written so that a miss, at an infinite range or none, stays one.
-                    if !(ranges[lane] > 0.0 && ranges[lane] >= self.range_min && ranges[lane] <= self.range_max) {
-                        surface[lane] = MISS;
-                    }
-                }
-            }
-            (low, high) => {
-                for lane in 0..count {
-                    let low = low.map_or(self.range_min, |limits| limits[lane]);
-                    let high = high.map_or(self.range_max, |limits| limits[lane]);
-                    if !(ranges[lane] > 0.0 && ranges[lane] >= low && ranges[lane] <= high) {
-                        surface[lane] = MISS;
-                    }
-                }
+    pub fn limit(&self, surface: &mut [u32; LANES], ranges: &[f32; LANES], lanes: &Lanes, count: usize) {
+        let (low, high) = (&self.beams.range_min, &self.beams.range_max);
+        let low = if low.is_empty() { [self.range_min; LANES] } else { lanes.take(low, count) };
+        let high = if high.is_empty() { [self.range_max; LANES] } else { lanes.take(high, count) };
+        for lane in 0..LANES {
+            // Written so that a miss, at an infinite range or none, stays one.
+            if !(ranges[lane] > 0.0 && ranges[lane] >= low[lane] && ranges[lane] <= high[lane]) {
+                surface[lane] = MISS;
             }
         }
     }

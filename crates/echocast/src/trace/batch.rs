@@ -10,6 +10,7 @@ pub(crate) const LANES: usize = 256;
 pub(crate) const MISS: u32 = u32::MAX;
 
 /// Rays of one block, relative to the scene's local origin; directions have unit length.
+#[derive(Clone)]
 pub(crate) struct RayBatch {
     pub org_x: [f32; LANES],
     pub org_y: [f32; LANES],

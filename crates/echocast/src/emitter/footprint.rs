@@ -1,0 +1,175 @@
+//! Where within a beam its light goes: sub-rays that stand for it.
+
+use crate::trace::{LANES, RayBatch};
+use glam::Vec3;
+use std::f64::consts::{PI, TAU};
+
+/// A Gaussian beam as sub-rays of equal weight.
+///
+/// Irradiance falls as `exp(-2 r^2 / w^2)` across the beam, `w(R)^2 = w0^2 + (phi R)^2` with the half angle `phi` at 1/e^2,
+/// each axis its own. Sub-ray `i` of `N` crosses it at `r = w sqrt(-ln(1 - u)/2)`, `u = (i + 1/2)/N`, the golden angle
+/// `pi (3 - sqrt 5)` on from the one before it (a Vogel spiral); the spiral is turned at random beam by beam. Straight rays
+/// keep to `w(R)` at every range when they leave the exit disc sideways: a ruled hyperboloid.
+#[derive(Clone, Debug)]
+pub(crate) struct Footprint {
+    /// Cosine and sine of each sub-ray's place on the spiral, times `r / w`.
+    places: Vec<[f32; 2]>,
+    /// Radius of the beam at the exit, m.
+    start: f32,
+    /// Half angles, horizontal and vertical, rad.
+    half_angles: [f32; 2],
+}
+
+/// The axes of the beams of a block.
+pub(crate) struct Across {
+    /// Unit vectors across the beam, to the left and up, in the world.
+    left: [[f32; LANES]; 3],
+    up: [[f32; LANES]; 3],
+    /// Cosine and sine of the spiral's turn.
+    turn: [[f32; LANES]; 2],
+}
+
+impl Across {
+    pub(crate) fn new() -> Self {
+        Across { left: [[0.0; LANES]; 3], up: [[0.0; LANES]; 3], turn: [[0.0; LANES]; 2] }
+    }
+
+    /// The axes of one beam in `direction`, where the sensor's z is `up`, with the spiral turned by `turn` of a circle.
+    #[inline(always)]
+    pub(crate) fn set(&mut self, lane: usize, direction: Vec3, up: Vec3, turn: f32) {
+        let left = up.cross(direction);
+        // A beam straight up or down has no left of its own.
+        let left = if left.length_squared() > 1e-12 { left.normalize() } else { direction.any_orthonormal_vector() };
+        let up = direction.cross(left);
+        for (axis, (left, up)) in left.to_array().into_iter().zip(up.to_array()).enumerate() {
+            self.left[axis][lane] = left;
+            self.up[axis][lane] = up;
+        }
+        let (sin, cos) = (turn * TAU as f32).sin_cos();
+        (self.turn[0][lane], self.turn[1][lane]) = (cos, sin);
+    }
+}
+
+impl Footprint {
+    /// `count` sub-rays, at least 2, of a beam with `diameter` m at the exit and full divergences in rad, at 1/e^2.
+    pub(crate) fn new(count: usize, diameter: f64, divergence: [f64; 2]) -> Footprint {
+        let golden = PI * (3.0 - 5f64.sqrt());
+        let place = |i: usize| {
+            let u = (i as f64 + 0.5) / count as f64;
+            let radius = (-(1.0 - u).ln() / 2.0).sqrt();
+            let (sin, cos) = (golden * i as f64).sin_cos();
+            [(radius * cos) as f32, (radius * sin) as f32]
+        };
+        Footprint {
+            places: (0..count).map(place).collect(),
+            start: (diameter / 2.0) as f32,
+            half_angles: divergence.map(|full| (full / 2.0) as f32),
+        }
+    }
+
+    /// Number of sub-rays.
+    pub(crate) fn len(&self) -> usize {
+        self.places.len()
+    }
+
+    /// Where sub-ray `index` of the beam at `lane` is at `range` m, in the world: to first order in the divergence.
+    pub(crate) fn crossing(&self, index: usize, across: &Across, beams: &RayBatch, lane: usize, range: f32) -> Vec3 {
+        let [cos, sin] = self.places[index];
+        let [horizontal, vertical] = self.half_angles;
+        let c = cos * across.turn[0][lane] - sin * across.turn[1][lane];
+        let s = sin * across.turn[0][lane] + cos * across.turn[1][lane];
+        let vector = |[x, y, z]: [&[f32; LANES]; 3]| Vec3::new(x[lane], y[lane], z[lane]);
+        let [left, up] = [&across.left, &across.up].map(|[x, y, z]| vector([x, y, z]));
+        vector([&beams.org_x, &beams.org_y, &beams.org_z])
+            + vector([&beams.dir_x, &beams.dir_y, &beams.dir_z]) * range
+            + left * (self.start * c - horizontal * range * s)
+            + up * (self.start * s + vertical * range * c)
+    }
+
+    /// Sub-ray `index` of every beam of the block: `beams` turned aside as `across` says. Their range limits are copied.
+    #[inline(always)]
+    pub(crate) fn rays(&self, index: usize, across: &Across, beams: &RayBatch, rays: &mut RayBatch) {
+        let [cos, sin] = self.places[index];
+        let [horizontal, vertical] = self.half_angles;
+        rays.range_max = beams.range_max;
+        for lane in 0..LANES {
+            let c = cos * across.turn[0][lane] - sin * across.turn[1][lane];
+            let s = sin * across.turn[0][lane] + cos * across.turn[1][lane];
+            // Sideways: the place at the exit is a quarter of a turn from where the angle leads.
+            let (a, b) = (self.start * c, self.start * s);
+            let (u, v) = (-horizontal * s, vertical * c);
+            rays.org_x[lane] = beams.org_x[lane] + a * across.left[0][lane] + b * across.up[0][lane];
+            rays.org_y[lane] = beams.org_y[lane] + a * across.left[1][lane] + b * across.up[1][lane];
+            rays.org_z[lane] = beams.org_z[lane] + a * across.left[2][lane] + b * across.up[2][lane];
+            let x = beams.dir_x[lane] + u * across.left[0][lane] + v * across.up[0][lane];
+            let y = beams.dir_y[lane] + u * across.left[1][lane] + v * across.up[1][lane];
+            let z = beams.dir_z[lane] + u * across.left[2][lane] + v * across.up[2][lane];
+            // Unit length: Embree is a third slower otherwise.
+            let scale = 1.0 / (1.0 + u * u + v * v).sqrt();
+            (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = (x * scale, y * scale, z * scale);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::echo::erf;
+
+    /// Sub-rays of a beam along x at `range` m: place across it, left and up.
+    fn crossings(footprint: &Footprint, range: f32, turn: f32) -> Vec<[f64; 2]> {
+        let mut beams = RayBatch::new();
+        beams.dir_x[0] = 1.0;
+        let mut across = Across::new();
+        across.set(0, Vec3::X, Vec3::Z, turn);
+        let mut rays = RayBatch::new();
+        (0..footprint.len())
+            .map(|index| {
+                footprint.rays(index, &across, &beams, &mut rays);
+                let length = range / rays.dir_x[0];
+                let at = |org: f32, dir: f32| f64::from(org + dir * length);
+                [at(rays.org_y[0], rays.dir_y[0]), at(rays.org_z[0], rays.dir_z[0])]
+            })
+            .collect()
+    }
+
+    /// The part of the light on the near side of an edge at `x0` from the axis is `(1 + erf(sqrt 2 x0/w))/2`; measured
+    /// bounds of the spiral over |x0| <= 1.2 w and all turns.
+    #[test]
+    fn a_knife_edge_divides_the_beam_by_the_error_function() {
+        for (count, most) in [(19, 0.13), (64, 0.06), (256, 0.025)] {
+            let footprint = Footprint::new(count, 0.012, [3e-3, 1.5e-3]);
+            for (range, axis) in [(0.0f32, 0), (2.0, 1), (50.0, 0), (50.0, 1)] {
+                let phi = [1.5e-3, 0.75e-3][axis];
+                let w = f64::hypot(6e-3, phi * f64::from(range));
+                for turn in 0..24 {
+                    let places = crossings(&footprint, range, turn as f32 / 24.0);
+                    for step in -12..=12 {
+                        let x0 = 0.1 * f64::from(step);
+                        let near = places.iter().filter(|place| place[axis] < x0 * w).count() as f64 / count as f64;
+                        let expected = (1.0 + erf(2f64.sqrt() * x0)) / 2.0;
+                        assert!((near - expected).abs() <= most, "{count} {range} m {x0}: {near} {expected}");
+                    }
+                }
+            }
+        }
+        // Values of the law itself.
+        for (x0, expected) in [(0.25, 0.691_462), (0.5, 0.841_345), (1.0, 0.977_250)] {
+            assert!(((1.0 + erf(2f64.sqrt() * x0)) / 2.0 - expected).abs() < 1e-6);
+        }
+    }
+
+    /// Half of the mean square of the distance from the axis, in w^2, is 1/4 on either axis.
+    #[test]
+    fn beams_widen_as_hyperbolas() {
+        let footprint = Footprint::new(512, 0.012, [3e-3, 1.5e-3]);
+        for range in [0.0f32, 4.0, 100.0] {
+            let places = crossings(&footprint, range, 0.3);
+            for (axis, phi) in [1.5e-3, 0.75e-3].into_iter().enumerate() {
+                let mean_square = places.iter().map(|place| place[axis] * place[axis]).sum::<f64>() / 512.0;
+                let w = f64::hypot(6e-3, phi * f64::from(range));
+                assert!((mean_square / (w * w / 4.0) - 1.0).abs() < 0.02, "{range} m, axis {axis}");
+            }
+        }
+    }
+}

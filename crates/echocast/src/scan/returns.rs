@@ -1,0 +1,516 @@
+//! One block of beams that are several rays each, or have several returns: what comes back of every ray makes a signal, and
+//! the echoes in it make returns.
+
+use super::block::Block;
+use super::run::Scan;
+use crate::cause::Cause;
+use crate::cloud::Slices;
+use crate::detect::ReturnRule;
+use crate::echo::{
+    AIR, AirEcho, AirEchoes, Contribution, Follower, Part, PathEcho, PathEchoes, Peak, Surroundings, Wanted, Waveform,
+};
+use crate::emitter::{Across, Footprint};
+use crate::material::Optics;
+use crate::rng::Draw;
+use crate::trace::{HitBatch, LANES, MISS, RayBatch};
+use glam::Vec3;
+
+/// How beams of several rays or returns are made; the same for all of a scan.
+pub(crate) struct Signals {
+    /// None: one ray along the beam.
+    pub footprint: Option<Footprint>,
+    /// Standard deviation of the pulse, m of range.
+    pub sigma: f64,
+    pub rule: ReturnRule,
+}
+
+impl Signals {
+    fn rays(&self) -> usize {
+        self.footprint.as_ref().map_or(1, Footprint::len)
+    }
+}
+
+/// Off the surface that sends most of an echo, in sigmas of the pulse: farther away is another surface.
+const OFF_SURFACE: f32 = 0.1;
+
+/// Part of an echo's light that must come from another surface for the echo to be mixed.
+const MIXED: f32 = 0.1;
+
+/// What one ray of a block's beams meets.
+struct Ray {
+    hits: HitBatch,
+    cos_incidence: [f32; LANES],
+    /// What it adds to the signal, `rho_eff / R^2` in 1/m^2, its share of the beam taken into account; 0 is nothing.
+    power: [f32; LANES],
+}
+
+/// An echo that no ray's own surface sends: of what is seen in mirrors and through glass, or of the air.
+#[derive(Clone, Copy)]
+struct Other {
+    range: f32,
+    power: f32,
+    /// The one of the same beam that was noted before it, or [`NONE`].
+    before: u32,
+    cause: Cause,
+    bounces: u8,
+    cos_incidence: f32,
+    /// [`AIR`] for the air.
+    surface: u32,
+    /// First surface on the way.
+    first: u32,
+    triangle: u32,
+    uv: [f32; 2],
+    normal: Vec3,
+}
+
+const NONE: u32 = u32::MAX;
+
+/// All echoes that no ray's own surface sends, chained beam by beam.
+struct Others {
+    list: Vec<Other>,
+    last: [u32; LANES],
+}
+
+impl Others {
+    fn add(&mut self, lane: usize, other: Other) {
+        self.list.push(Other { before: self.last[lane], ..other });
+        self.last[lane] = self.list.len() as u32 - 1;
+    }
+}
+
+/// Memory to make signals and returns of a block of beams in.
+pub(super) struct Gatherer {
+    across: Across,
+    /// Directions of the beams themselves.
+    beams: RayBatch,
+    rays: Vec<Ray>,
+    others: Others,
+    surfaces: Contribution,
+    follower: Follower,
+    forming: Forming,
+}
+
+/// Memory to form the signal of one beam.
+struct Forming {
+    waveform: Waveform,
+    parts: Vec<Part>,
+    peaks: Vec<Peak>,
+    order: Vec<usize>,
+    chosen: Vec<usize>,
+    /// Light of each surface in an echo, and its strongest part: kind of surface, light, light of that part, its source.
+    shares: Vec<([u32; 2], f32, f32, u32)>,
+}
+
+/// An echo and where it comes from.
+#[derive(Clone, Copy)]
+struct Found {
+    peak: Peak,
+    source: u32,
+    mixed: bool,
+}
+
+/// Echoes of what one ray sees in mirrors and through glass.
+struct OfPaths<'a> {
+    others: &'a mut Others,
+    weight: f32,
+    least_power: f32,
+    first: &'a [u32; LANES],
+}
+
+impl PathEchoes for OfPaths<'_> {
+    fn least(&self, _: usize) -> f32 {
+        self.least_power
+    }
+
+    fn take(&mut self, echo: &PathEcho, hits: &HitBatch, _: &Contribution) {
+        let hit = echo.hit;
+        let other = Other {
+            range: echo.range,
+            power: echo.reflectance * echo.cos_incidence * self.weight / (echo.range * echo.range),
+            before: NONE,
+            cause: echo.cause,
+            bounces: echo.bounces,
+            cos_incidence: echo.cos_incidence,
+            surface: hits.surface[hit],
+            first: self.first[echo.lane],
+            triangle: hits.triangle[hit],
+            uv: [hits.u[hit], hits.v[hit]],
+            normal: Vec3::new(hits.normal_x[hit], hits.normal_y[hit], hits.normal_z[hit]),
+        };
+        if other.power > 0.0 {
+            self.others.add(echo.lane, other);
+        }
+    }
+}
+
+/// Echoes of the air in front of what the rays of a beam meet.
+struct OfAir<'a> {
+    others: &'a mut Others,
+    rays: &'a [Ray],
+}
+
+impl AirEchoes for OfAir<'_> {
+    fn end(&self, lane: usize) -> f32 {
+        self.rays.iter().map(|ray| ray.end(lane)).fold(0.0, f32::max)
+    }
+
+    fn least(&self, _: usize) -> f32 {
+        0.0
+    }
+
+    fn take(&mut self, lane: usize, echo: AirEcho, cause: Cause) {
+        // What surfaces stop before does not get there.
+        let on = self.rays.iter().filter(|ray| ray.end(lane) > echo.range).count();
+        let share = on as f32 / self.rays.len() as f32;
+        let other = Other {
+            range: echo.range,
+            power: echo.rho_eff * share / (echo.range * echo.range),
+            before: NONE,
+            cause,
+            bounces: 0,
+            cos_incidence: 1.0,
+            surface: AIR,
+            first: AIR,
+            triangle: 0,
+            uv: [0.0; 2],
+            normal: Vec3::NAN,
+        };
+        if other.power > 0.0 {
+            self.others.add(lane, other);
+        }
+    }
+}
+
+impl Ray {
+    /// Where the first surface is, m.
+    fn end(&self, lane: usize) -> f32 {
+        if self.hits.surface[lane] == MISS { f32::INFINITY } else { self.hits.range[lane] }
+    }
+}
+
+impl Gatherer {
+    pub fn new(signals: &Signals) -> Self {
+        let ray = || Ray { hits: HitBatch::new(), cos_incidence: [0.0; LANES], power: [0.0; LANES] };
+        Gatherer {
+            across: Across::new(),
+            beams: RayBatch::new(),
+            rays: (0..signals.rays()).map(|_| ray()).collect(),
+            others: Others { list: Vec::new(), last: [NONE; LANES] },
+            surfaces: Contribution::new(),
+            follower: Follower::new(),
+            forming: Forming {
+                waveform: Waveform::new(signals.sigma),
+                parts: Vec::new(),
+                peaks: Vec::new(),
+                order: Vec::new(),
+                chosen: Vec::new(),
+                shares: Vec::new(),
+            },
+        }
+    }
+}
+
+impl Block {
+    /// [`Block::scan`] for beams of several rays or returns.
+    #[inline(always)]
+    pub fn scan_signals(
+        &mut self,
+        scan: &Scan,
+        signals: &Signals,
+        first: usize,
+        count: usize,
+        mut rows: Slices,
+    ) -> usize {
+        let mut gatherer = self.gatherer.take().unwrap_or_else(|| Box::new(Gatherer::new(signals)));
+        self.lanes.start_at(first);
+        self.aim(scan, first, count);
+        gatherer.beams = self.rays.clone();
+        gatherer.gather(scan, signals, &mut self.rays, &self.lanes.beam[..count]);
+        let filled = self.report(scan, signals, &mut gatherer, first, count, &mut rows);
+        self.gatherer = Some(gatherer);
+        filled
+    }
+
+    /// Steps 9 and 10: signal, echoes and returns of beam after beam.
+    #[inline(always)]
+    fn report(
+        &mut self,
+        scan: &Scan,
+        signals: &Signals,
+        gatherer: &mut Gatherer,
+        first: usize,
+        count: usize,
+        rows: &mut Slices,
+    ) -> usize {
+        let most = signals.rule.most();
+        let (mut filled, mut lanes) = (0, 0);
+        self.lanes.first = None;
+        self.answer.reset();
+        for lane in 0..count {
+            if lanes + most > LANES {
+                filled += self.flush(scan, lanes, rows.rows_after(filled));
+                lanes = 0;
+            }
+            let beam = first + lane;
+            gatherer.form(scan, signals, lane, beam);
+            for number in 0..gatherer.forming.chosen.len() {
+                let chosen = &gatherer.forming.chosen;
+                // An echo that is reported twice has the same errors twice.
+                let draws = if number > 0 && chosen[number] == chosen[number - 1] { number - 1 } else { number };
+                let echo = gatherer.found(signals, lane, gatherer.forming.peaks[chosen[number]]);
+                self.put(scan, gatherer, lane, lanes, echo);
+                (self.lanes.beam[lanes], self.lanes.number[lanes]) = (beam as u32, draws as u32);
+                lanes += 1;
+            }
+            if gatherer.forming.chosen.is_empty() && scan.options.organised {
+                self.hits.surface[lanes] = MISS;
+                (self.lanes.beam[lanes], self.lanes.number[lanes]) = (beam as u32, 0);
+                lanes += 1;
+            }
+        }
+        filled + self.flush(scan, lanes, rows.rows_after(filled))
+    }
+
+    /// Makes lane `to` the return that `found` of the beam at `lane` is.
+    fn put(&mut self, scan: &Scan, gatherer: &Gatherer, lane: usize, to: usize, found: Found) {
+        let Block { rays, hits, surfaces, rho_eff, answer, .. } = self;
+        let Found { peak, source, mixed } = found;
+        let beams = &gatherer.beams;
+        (rays.org_x[to], rays.org_y[to], rays.org_z[to]) = (beams.org_x[lane], beams.org_y[lane], beams.org_z[lane]);
+        (rays.dir_x[to], rays.dir_y[to], rays.dir_z[to]) = (beams.dir_x[lane], beams.dir_y[lane], beams.dir_z[lane]);
+        let first;
+        let mut cause = Cause::Surface;
+        if let Some(ray) = gatherer.rays.get(source as usize) {
+            hits.take(to, &ray.hits, lane);
+            surfaces.cos_incidence[to] = ray.cos_incidence[lane];
+            (first, answer.bounces[to]) = (ray.hits.surface[lane], 0);
+        } else {
+            let other = &gatherer.others.list[source as usize - gatherer.rays.len()];
+            (hits.normal_x[to], hits.normal_y[to], hits.normal_z[to]) = other.normal.into();
+            [hits.u[to], hits.v[to]] = other.uv;
+            (hits.triangle[to], hits.surface[to]) = (other.triangle, other.surface);
+            surfaces.cos_incidence[to] = other.cos_incidence;
+            (first, cause, answer.bounces[to]) = (other.first, other.cause, other.bounces);
+        }
+        hits.range[to] = peak.range;
+        rho_eff[to] = peak.power * peak.range * peak.range;
+        answer.cause[to] = if mixed { Cause::Mixed } else { cause } as u8;
+        let row = scan.scene.surfaces.rows.get(first as usize);
+        (answer.first_category[to], answer.first_instance[to]) =
+            row.map_or((0, 0), |row| (row.category_id, row.instance_id));
+    }
+
+    /// Step 11 of the first `count` lanes, and the errors before it.
+    #[inline(always)]
+    fn flush(&mut self, scan: &Scan, count: usize, rows: Slices) -> usize {
+        let Block { hits, surfaces, rho_eff, intensity, scratch, .. } = self;
+        // The air has no labels to look up.
+        let mut air = [false; LANES];
+        for lane in 0..count {
+            air[lane] = hits.surface[lane] == AIR;
+            if air[lane] {
+                hits.surface[lane] = MISS;
+            }
+        }
+        let cos_incidence = surfaces.cos_incidence;
+        surfaces.look_up(&scan.scene.surfaces, &scan.reflectances, hits, count, scan.wanted);
+        for lane in 0..LANES {
+            // What the surface would have to be to send back as much.
+            scratch[lane] = rho_eff[lane] / cos_incidence[lane];
+            intensity[lane] = scan.intensity.of(scratch[lane], cos_incidence[lane], hits.range[lane]);
+        }
+        for lane in 0..count {
+            if air[lane] {
+                surfaces.clear(lane);
+                hits.surface[lane] = AIR;
+            }
+        }
+        self.measure(scan, count);
+        self.number_returns(count);
+        self.collect(scan, count, rows)
+    }
+
+    /// Counts the returns of each beam that are left.
+    fn number_returns(&mut self, count: usize) {
+        let Block { lanes, hits, .. } = self;
+        let mut start = 0;
+        while start < count {
+            let same = lanes.beam[start..count].iter().take_while(|&&beam| beam == lanes.beam[start]).count();
+            let beam = start..start + same;
+            let left = beam.clone().filter(|&lane| hits.surface[lane] != MISS).count();
+            let mut number = 0;
+            for lane in beam {
+                number += u8::from(hits.surface[lane] != MISS);
+                (lanes.return_number[lane], lanes.return_count[lane]) = (number, left as u8);
+            }
+            start += same;
+        }
+    }
+}
+
+impl Gatherer {
+    /// Steps 5 to 8: what every ray of `beams` sends back. `rays` is memory for them.
+    #[inline(always)]
+    fn gather(&mut self, scan: &Scan, signals: &Signals, rays: &mut RayBatch, beams: &[u32]) {
+        let count = beams.len();
+        self.others.list.clear();
+        self.others.last = [NONE; LANES];
+        if signals.footprint.is_some() {
+            self.turn(scan, beams);
+        }
+        let weight = 1.0 / signals.rays() as f32;
+        let wanted = Wanted { colors: false, reflectance: true };
+        for index in 0..self.rays.len() {
+            let Gatherer { across, beams, rays: met, others, surfaces, follower, .. } = self;
+            let ray = &mut met[index];
+            if let Some(footprint) = &signals.footprint {
+                footprint.rays(index, across, beams, rays);
+            }
+            ray.hits.trace(scan.scene, rays, count, scan.coherent, scan.options.mask);
+            surfaces.face(scan.scene, rays, &mut ray.hits, count, scan.smooth);
+            surfaces.look_up(&scan.scene.surfaces, &scan.reflectances, &ray.hits, count, wanted);
+            ray.cos_incidence = surfaces.cos_incidence;
+            ray.power = [weight; LANES];
+            if let Some(air) = &scan.air {
+                air.dim(rays, &ray.hits.range, count, &mut ray.power);
+                ray.power.iter_mut().for_each(|part| *part *= weight);
+            }
+            for lane in 0..LANES {
+                let range = ray.hits.range[lane];
+                let power =
+                    ray.power[lane] * surfaces.reflectance[lane] * surfaces.cos_incidence[lane] / (range * range);
+                // A miss has no incidence; rays that begin on a surface have no range.
+                let met = ray.hits.surface[lane] != MISS && power.is_finite();
+                ray.power[lane] = if met { power } else { 0.0 };
+            }
+            if let Some(limits) = scan.paths {
+                let goes_on =
+                    |surface| scan.scene.surfaces.optics(&scan.reflectances, surface).is_some_and(Optics::goes_on);
+                if ray.hits.surface[..count].iter().any(|&surface| goes_on(surface)) {
+                    let depth = |from, direction, travelled, length| {
+                        scan.air.as_ref().map_or(0.0, |air| air.depth(from, direction, travelled, length))
+                    };
+                    let around = Surroundings {
+                        scene: scan.scene,
+                        reflectances: &scan.reflectances,
+                        mask: scan.options.mask,
+                        smooth: scan.smooth,
+                        wanted,
+                        limits,
+                        range_max: &rays.range_max,
+                        depth: &depth,
+                    };
+                    // A hundredth of what is seen adds nothing to what is seen.
+                    let least_power = 0.01 * scan.threshold.least_power().unwrap_or(0.0) as f32;
+                    let mut echoes = OfPaths { others, weight, least_power, first: &ray.hits.surface };
+                    follower.follow(&around, rays, &ray.hits, surfaces, count, &mut echoes);
+                    for lane in 0..count {
+                        if goes_on(ray.hits.surface[lane]) {
+                            ray.power[lane] = 0.0;
+                        }
+                    }
+                }
+            }
+        }
+        if let Some(air) = scan.air.as_ref().filter(|air| air.answers()) {
+            let mut echoes = OfAir { others: &mut self.others, rays: &self.rays };
+            air.answer(&self.beams, &scan.rng, beams, &mut echoes);
+        }
+    }
+
+    /// Turns the footprint of each beam.
+    #[inline(always)]
+    fn turn(&mut self, scan: &Scan, beams: &[u32]) {
+        let mut turns = [0.0; LANES];
+        scan.rng.uniforms(beams, &[0; LANES][..beams.len()], Draw::Footprint, &mut turns[..beams.len()]);
+        for (lane, &beam) in beams.iter().enumerate() {
+            let up = scan.aim.pose(scan.beams, beam as usize).0.z_axis;
+            let rays = &self.beams;
+            let direction = Vec3::new(rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]);
+            self.across.set(lane, direction, up, turns[lane]);
+        }
+    }
+
+    /// Forms the signal of the beam at `lane`: `forming.peaks` has its detected echoes, `forming.chosen` says which are
+    /// reported.
+    #[inline(always)]
+    fn form(&mut self, scan: &Scan, signals: &Signals, lane: usize, beam: usize) {
+        let Gatherer { rays, others, forming, .. } = self;
+        let Forming { waveform, parts, peaks, order, chosen, .. } = forming;
+        parts.clear();
+        for (source, ray) in rays.iter().enumerate() {
+            if ray.power[lane] > 0.0 {
+                parts.push(Part { range: ray.hits.range[lane], power: ray.power[lane], source: source as u32 });
+            }
+        }
+        let mut other = others.last[lane];
+        while other != NONE {
+            let Other { range, power, before, .. } = others.list[other as usize];
+            parts.push(Part { range, power, source: rays.len() as u32 + other });
+            other = before;
+        }
+        waveform.peaks(parts, peaks);
+        let [low, high] = scan.limits_of(beam);
+        peaks.retain(|peak| {
+            let rho_eff = peak.power * peak.range * peak.range;
+            (low..=high).contains(&peak.range) && peak.range > 0.0 && scan.threshold.detects(rho_eff, peak.range)
+        });
+        signals.rule.choose(peaks, order, chosen);
+    }
+
+    /// Which surface sends most of the echo at `peak` of the beam at `lane`, and whether others send much.
+    fn found(&mut self, signals: &Signals, lane: usize, peak: Peak) -> Found {
+        let Gatherer { rays, others, forming, across, beams, .. } = self;
+        let Forming { waveform, parts, shares, .. } = forming;
+        let sigma = waveform.sigma();
+        let rays_count = rays.len();
+        let other_of = |source: u32| &others.list[source as usize - rays_count];
+        let kind = |source: u32| match rays.get(source as usize) {
+            Some(ray) => [ray.hits.surface[lane], Cause::Surface as u32],
+            None => [other_of(source).surface, other_of(source).cause as u32],
+        };
+        shares.clear();
+        // Without a pulse only what is at the very range.
+        let (mut all, reach) = (0.0, (3.0 * sigma).max(1e-6 * peak.range));
+        for part in parts.iter().filter(|part| (part.range - peak.range).abs() <= reach) {
+            let x = if sigma > 0.0 { (part.range - peak.range) / sigma } else { 0.0 };
+            let light = part.power * (-0.5 * x * x).exp();
+            all += light;
+            let kind = kind(part.source);
+            match shares.iter_mut().find(|(known, ..)| *known == kind) {
+                Some((_, sum, most, source)) => {
+                    *sum += light;
+                    if light > *most {
+                        (*most, *source) = (light, part.source);
+                    }
+                }
+                None => shares.push((kind, light, light, part.source)),
+            }
+        }
+        // The first of those that send as much.
+        let mut greatest = (f32::NEG_INFINITY, 0);
+        for &(_, sum, _, source) in shares.iter() {
+            if sum > greatest.0 {
+                greatest = (sum, source);
+            }
+        }
+        let source = greatest.1;
+        let mut mixed = false;
+        if let (Some(ray), Some(footprint)) = (rays.get(source as usize), &signals.footprint) {
+            let normal = Vec3::new(ray.hits.normal_x[lane], ray.hits.normal_y[lane], ray.hits.normal_z[lane]);
+            let place = |source: u32, range: f32| footprint.crossing(source as usize, across, beams, lane, range);
+            let here = place(source, ray.hits.range[lane]);
+            let mut off = 0.0;
+            for part in parts.iter().filter(|part| (part.range - peak.range).abs() <= reach) {
+                let is_off = part.source as usize >= rays_count
+                    || (place(part.source, part.range) - here).dot(normal).abs() > OFF_SURFACE * sigma;
+                if is_off {
+                    let x = (part.range - peak.range) / sigma;
+                    off += part.power * (-0.5 * x * x).exp();
+                }
+            }
+            mixed = off > MIXED * all;
+        }
+        Found { peak, source, mixed }
+    }
+}

@@ -1,0 +1,201 @@
+//! Beams of several rays, and beams with several returns.
+
+use super::{assert_near, scan};
+use echocast::scene::Material;
+use echocast::{BuiltScene, Cause, Environment, PointCloud, Pose, ScanOptions, Trajectory};
+use echocast_tests::reference::{SceneBuilder, Shape, one_beam};
+use glam::DVec3;
+
+/// A board of 0.5 across the x axis at `near` m that covers what is to the left of `edge` m, and a wall at `far` m.
+fn edge(near: f64, edge: f64, far: f64) -> BuiltScene {
+    edge_of(near, edge, far, 0.5)
+}
+
+fn edge_of(near: f64, edge: f64, far: f64, reflectance: f64) -> BuiltScene {
+    let mut scene = SceneBuilder::new();
+    let paint = scene.reflector(0.5);
+    scene.stand(Shape::quad([near, edge, -2.0].into(), 4.0 * DVec3::Y, 4.0 * DVec3::Z), Some(paint));
+    let paint = scene.reflector(reflectance as f32);
+    scene.stand(Shape::plate(DVec3::X * far, -DVec3::X, 5.0), Some(paint));
+    scene.finish().build().unwrap()
+}
+
+fn look(scene: &BuiltScene, sections: &str, frame: u32) -> PointCloud {
+    scan(scene, &one_beam(sections), ScanOptions { frame, ..ScanOptions::default() })
+}
+
+fn sections(sub_rays: u32, returns: &str) -> String {
+    format!(
+        "beam: {{divergence_mrad: [3.0, 1.5], exit_diameter_mm: 12, pulse_ns: 5, sub_rays: {sub_rays}}}\n\
+         returns: {returns}\nintensity: {{encoding: reflectivity}}"
+    )
+}
+
+/// The light of the board in front is `(1 + erf(sqrt 2 x0/w))/2` of the beam's, that of the wall behind the rest.
+#[test]
+fn an_edge_divides_the_beam() {
+    let w = f64::hypot(6e-3, 1.5e-3 * 10.0);
+    for (sub_rays, most) in [(64, 0.06), (256, 0.025)] {
+        let sections = sections(sub_rays, "{mode: all}");
+        // Values of the error function.
+        for (x0, expected) in [(0.25, 0.691_462), (0.5, 0.841_345), (-0.5, 1.0 - 0.841_345), (1.0, 0.977_250)] {
+            let built = edge(10.0, -x0 * w, 30.0);
+            for frame in 0..20 {
+                let c = &look(&built, &sections, frame).columns;
+                let near = if c.range[0] < 20.0 { c.intensity[0] } else { 0.0 };
+                assert_near("share of the board", f64::from(near) / 0.5, expected, most);
+                let all: f32 = c.intensity.iter().sum();
+                // Where a few rays get by, their echo counts too; nothing is lost or won.
+                assert_near("light", all.into(), 0.5, 2e-6);
+            }
+        }
+    }
+}
+
+/// Two echoes of 5 ns that are as strong have one maximum up to 2 sigma = 0.637 m.
+#[test]
+fn echoes_join_within_the_pulse() {
+    let sections = sections(256, "{mode: all}");
+    for frame in 0..10 {
+        let equal = |far: f64| edge_of(10.0, 0.0, far, 0.5 * (far / 10.0).powi(2));
+        let joined = look(&equal(10.6), &sections, frame);
+        let c = &joined.columns;
+        assert_eq!((joined.len, c.cause[0]), (1, Cause::Mixed as u8));
+        assert!((10.1..10.5).contains(&c.range[0]), "{}", c.range[0]);
+        assert_eq!(c.true_range[0], c.range[0]);
+        let apart = look(&equal(10.7), &sections, frame);
+        let c = &apart.columns;
+        assert_eq!((apart.len, &c.return_number[..], &c.return_count[..]), (2, &[1, 2][..], &[2, 2][..]));
+        assert_eq!(c.beam, [0, 0]);
+        assert!((c.range[0] - 10.0).abs() < 0.25 && (c.range[1] - 10.7).abs() < 0.25, "{:?}", c.range);
+    }
+    let far = look(&edge(10.0, 0.0, 13.0), &sections, 0);
+    assert_eq!(far.columns.cause, [Cause::Surface as u8; 2]);
+    assert_near("near", far.columns.range[0].into(), 10.0, 1e-4);
+    assert_near("far", far.columns.range[1].into(), 13.0, 1e-4);
+}
+
+/// On a plain wall many rays see what one sees.
+#[test]
+fn a_wall_across_the_beam_is_one_echo() {
+    let built = super::target(0.5, 40.0, 0.0);
+    for sub_rays in [1, 2, 19, 64] {
+        let c = &look(&built, &sections(sub_rays, "{mode: strongest}"), 3).columns;
+        assert_near("range", c.range[0].into(), 40.0, 2e-4);
+        assert_near("intensity", c.intensity[0].into(), 0.5, 2e-5);
+        assert_eq!((c.cause[0], c.return_count[0]), (Cause::Surface as u8, 1));
+        assert_near("x", c.x[0].into(), 40.0, 2e-4);
+        assert_near("y", c.y[0].into(), 0.0, 1e-6);
+    }
+}
+
+/// A surface tilted by 75 degrees at 100 m under a half angle of 1.5 mrad: the echo's sigma grows from 2.12330 to 2.82760
+/// ns, and its peak falls as much.
+#[test]
+fn tilted_surfaces_stretch_the_echo() {
+    let built = super::target(0.5, 100.0, 75.0);
+    let sections = "beam: {divergence_mrad: 3, exit_diameter_mm: 0, pulse_ns: 5, sub_rays: 512}\nreturns: {mode: all}";
+    let cos = 75f64.to_radians().cos();
+    for frame in 0..5 {
+        let cloud = look(&built, sections, frame);
+        let c = &cloud.columns;
+        assert_eq!((cloud.len, c.cause[0]), (1, Cause::Surface as u8));
+        assert_near("range", c.range[0].into(), 100.0, 5e-3);
+        assert_near("peak", f64::from(c.intensity[0]) / (0.5 * cos), 2.123_30 / 2.827_60, 0.01);
+    }
+}
+
+/// A cloud of dust in front of a wall: both are seen, each with its cause.
+#[test]
+fn dust_and_what_is_behind_it_are_two_returns() {
+    let built = super::target(0.5, 30.0, 0.0);
+    let dust = "{dust: {radius_um: 50, per_m3: 1e6, start_m: 5, length_m: 12.5}}";
+    for sub_rays in [1, 19] {
+        let sections =
+            sections(sub_rays, "{mode: dual}") + "\ndetection: {model: radar_equation, reflectance: 0.1, at_m: 100}";
+        let options = ScanOptions { environment: Environment::from_yaml(dust).unwrap(), ..ScanOptions::default() };
+        let cloud = scan(&built, &one_beam(&sections), options);
+        let c = &cloud.columns;
+        // The wall is the strongest and the last, so the first of the two is the dust.
+        assert_eq!(c.cause, [Cause::Dust as u8, Cause::Surface as u8]);
+        assert_eq!((c.category_id[0], c.return_count[0]), (0, 2));
+        assert_near("dust", c.range[0].into(), 5.5, 0.1);
+        assert_near("wall", c.range[1].into(), 30.0, 2e-4);
+        assert_near("intensity", c.intensity[1].into(), 0.5 * (-2.0f64 * 7.853_98e-3 * 12.5).exp(), 1e-5);
+    }
+}
+
+/// Half a mirror, half a painted surface: its own echo and that of what it shows.
+#[test]
+fn half_a_mirror_gives_two_returns() {
+    let half = 0.5f64.sqrt();
+    let mut scene = SceneBuilder::new();
+    let wall = scene.reflector(0.5);
+    scene.stand(Shape::plate([5.0, 7.0, 0.0].into(), -DVec3::Y, 2.0), Some(wall));
+    let mirror = scene.material(Material { metallic: 0.5, roughness: 0.0, ..Material::default() });
+    scene.stand(Shape::plate([5.0, 0.0, 0.0].into(), DVec3::new(-half, half, 0.0), 1.0), Some(mirror));
+    let built = scene.finish().build().unwrap();
+    for sub_rays in [1, 19] {
+        let cloud = look(&built, &sections(sub_rays, "{mode: all}"), 0);
+        let c = &cloud.columns;
+        assert_eq!(c.cause, [Cause::Surface as u8, Cause::Mirror as u8]);
+        assert_eq!((&c.bounces[..], &c.return_number[..]), (&[0, 1][..], &[1, 2][..]));
+        // A few rays lie on a tilted surface a little to one side.
+        assert_near("near", c.range[0].into(), 5.0, 2e-3);
+        assert_near("far", c.range[1].into(), 12.0, 2e-3);
+        assert_ne!(c.instance_id[0], c.instance_id[1]);
+        assert_eq!(c.first_instance_id, [c.instance_id[0]; 2]);
+    }
+}
+
+/// An echo that is reported twice, and one that another mode reports alone, have the same errors.
+#[test]
+fn errors_belong_to_the_echo() {
+    let built = super::target(0.5, 20.0, 0.0);
+    let noise = "\nnoise: {range_sigma_m: 0.1, azimuth_sigma_deg: 0.1}";
+    let of = |mode: &str| look(&built, &(sections(1, &format!("{{mode: {mode}}}")) + noise), 5).columns;
+    let (alone, twice, all) = (of("strongest"), of("dual"), of("all"));
+    assert_eq!((&twice.return_number[..], &twice.return_count[..]), (&[1, 2][..], &[2, 2][..]));
+    assert_eq!(twice.range, [alone.range[0]; 2]);
+    assert_eq!((&all.range, &all.x, &all.azimuth), (&alone.range, &alone.x, &alone.azimuth));
+    assert!((alone.range[0] - 20.0).abs() > 1e-3);
+}
+
+/// Many returns of many beams: in order, counted, and none but those of the hits.
+#[test]
+fn returns_come_beam_by_beam() {
+    let built = edge(10.0, 0.0, 14.0);
+    let yaml = "{name: a, kind: lidar, pattern: {type: raster, azimuth: {fov_deg: 60, step_deg: 0.05}, \
+                elevation: {fov_deg: 4, step_deg: 1}}, beam: {divergence_mrad: 3, pulse_ns: 5, sub_rays: 7}, \
+                returns: {mode: all, max: 3}, noise: {dropout: 0.1}, range: {max_m: 20}}";
+    let mut sensor = echocast::Sensor::from_yaml(yaml, "").unwrap();
+    let cloud = scan(&built, &sensor, ScanOptions::default());
+    let c = &cloud.columns;
+    assert!(c.beam.windows(2).all(|pair| pair[0] <= pair[1]));
+    let mut doubles = 0;
+    let mut row = 0;
+    while row < cloud.len {
+        let count = usize::from(c.return_count[row]);
+        let beam = c.beam[row];
+        let same = c.beam[row..].iter().take_while(|&&other| other == beam).count();
+        assert_eq!((same, count), (count, same));
+        for number in 0..count {
+            assert_eq!(usize::from(c.return_number[row + number]), number + 1);
+        }
+        doubles += usize::from(count > 1);
+        row += count;
+    }
+    // Five lines of beams pass the edge, a few of each with rays on both sides.
+    assert!((5..200).contains(&doubles), "{doubles}");
+    // Every beam has its row in an organised cloud, so it has one return.
+    let organised = ScanOptions { organised: true, ..ScanOptions::default() };
+    let error = built.scan(&sensor, &Trajectory::fixed(Pose::IDENTITY), &organised).unwrap_err().to_string();
+    assert_eq!(
+        error,
+        "organised is 3 returns a beam; allowed: one return a beam (returns.mode: strongest, first, last or second)"
+    );
+    sensor.set("returns.mode", "last").unwrap();
+    let cloud = scan(&built, &sensor, organised);
+    assert_eq!(cloud.len, sensor.beams().len());
+    assert!(cloud.columns.range.iter().any(|range| range.is_nan()));
+}
