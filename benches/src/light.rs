@@ -4,7 +4,7 @@ use crate::Result;
 use crate::clock::{cpu_per_call, median};
 use crate::scenes::{self, Builder};
 use echocast::scene::{Material, Object};
-use echocast::{BuiltScene, Environment, PointCloud, Pose, ScanOptions, Sensor, Trajectory};
+use echocast::{BareLoop, BuiltScene, Environment, PointCloud, Pose, ScanOptions, Sensor, Trajectory};
 use rayon::ThreadPoolBuilder;
 use serde_json::{Value, json};
 use std::sync::Arc;
@@ -42,7 +42,50 @@ pub fn run() -> Result<Value> {
             rows.push(json!({"sensor": name, "weather": what, "added_ns": added, "plain_ns": plain}));
         }
     }
-    Ok(json!({"weather": rows, "paths": paths()?}))
+    Ok(json!({"weather": rows, "paths": paths()?, "sub_rays": sub_rays()?}))
+}
+
+/// Beams of 19 rays: pulses per second of one core, and the time of the bare Embree loop on the same rays over that of the
+/// scan.
+fn sub_rays() -> Result<Value> {
+    println!(
+        "\nBeams of 19 rays and all their returns, one thread: pulses a second, and the bare loop's time over ours"
+    );
+    println!("{:<18}{:<12}{:>12}{:>12}{:>10}{:>10}", "sensor", "scene", "Mpulses/s", "bare", "ratio", "returns");
+    let one = ThreadPoolBuilder::new().num_threads(1).build()?;
+    let pose = Pose::at(0.0, 0.0, 2.0);
+    let mut rows = Vec::new();
+    for (scene, built) in [("terrain", scenes::terrain().build()?), ("city", scenes::city().build()?)] {
+        for name in ["velodyne_vlp32c", "velodyne_vls128"] {
+            let mut sensor = Sensor::preset(name)?;
+            sensor.set("beam.sub_rays", "19")?;
+            sensor.set("returns", "{mode: all, max: 3}")?;
+            let pulses = sensor.beams().len() as f64;
+            let mut bare = BareLoop::new(&built, &sensor, pose);
+            let (trajectory, options) = (Trajectory::fixed(pose), ScanOptions::default());
+            let mut cloud = PointCloud::default();
+            let (mut ours, mut theirs) = (Vec::new(), Vec::new());
+            for round in 0..=ROUNDS {
+                let times = one.install(|| {
+                    let scan = cpu_per_call(LEAST, || {
+                        built.scan_into(&sensor, &trajectory, &options, &mut cloud).expect("a sound scan succeeds");
+                    });
+                    [scan, cpu_per_call(LEAST, || bare.run())]
+                });
+                if round > 0 {
+                    ours.push(times[0]);
+                    theirs.push(times[1]);
+                }
+            }
+            let ratio = median(theirs.iter().zip(&ours).map(|(bare, scan)| bare / scan).collect());
+            let [rate, bare_rate] = [&ours, &theirs].map(|times| pulses / median(times.clone()) / 1e6);
+            let returns = cloud.len as f64 / pulses;
+            println!("{name:<18}{scene:<12}{rate:>12.3}{bare_rate:>12.3}{ratio:>10.2}{returns:>10.3}");
+            rows.push(json!({"sensor": name, "scene": scene, "mega_pulses_per_s": rate, "bare": bare_rate,
+                "ratio": ratio, "returns_per_pulse": returns}));
+        }
+    }
+    Ok(json!(rows))
 }
 
 /// Processor seconds of scans at 2 m on one thread, of each scene with its options, in rounds in turn.

@@ -43,6 +43,11 @@ impl ReturnRule {
         }
     }
 
+    /// How often an only echo is reported.
+    pub(crate) fn copies(&self) -> usize {
+        if self.mode == ReturnMode::Dual { 2 } else { 1 }
+    }
+
     /// Places among `echoes`, which are detected and rise in range, of those that are reported, in the order of reporting.
     /// `order` is memory to work in.
     pub(crate) fn choose(&self, echoes: &[Peak], order: &mut Vec<usize>, chosen: &mut Vec<usize>) {

@@ -92,9 +92,9 @@ impl Contribution {
             let smooth = scene.normal_matrices[surface.object as usize] * (a * (1.0 - u - v) + b * u + c * v);
             // Opposite vertex normals can cancel; then the triangle's own normal stays.
             if smooth.length_squared() > f32::MIN_POSITIVE {
-                let facing = Vec3::new(hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]);
+                let facing = hits.normal(lane);
                 let n = smooth.normalize() * if smooth.dot(facing) < 0.0 { -1.0 } else { 1.0 };
-                let direction = Vec3::new(rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]);
+                let direction = rays.direction(lane);
                 (hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]) = n.into();
                 self.cos_incidence[lane] = (-n.dot(direction)).clamp(0.0, 1.0);
             }

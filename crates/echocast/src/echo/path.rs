@@ -217,8 +217,8 @@ impl Follower {
                 bounces: 0,
                 cause: Cause::Surface,
                 inside: Inside::default(),
-                origin: Vec3::new(rays.org_x[lane], rays.org_y[lane], rays.org_z[lane]),
-                direction: Vec3::new(rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]),
+                origin: rays.origin(lane),
+                direction: rays.direction(lane),
                 range: 0.0,
                 spread: 0.0,
                 length: 0.0,
@@ -313,7 +313,7 @@ fn arrive(
     if path.bounces >= limits.depth || !optics.goes_on() {
         return;
     }
-    let normal = Vec3::new(hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]);
+    let normal = hits.normal(lane);
     // At the rim of a smooth body the shading normal may look away; nothing goes on from there.
     if normal.dot(path.direction) >= 0.0 {
         return;

@@ -253,7 +253,7 @@ impl Air {
                 }
                 _ => {
                     for lane in 0..count {
-                        two_way[lane] += medium.depth(origin(rays, lane), direction(rays, lane), 0.0, length[lane]);
+                        two_way[lane] += medium.depth(rays.origin(lane), rays.direction(lane), 0.0, length[lane]);
                     }
                 }
             }
@@ -323,7 +323,7 @@ impl Air {
         let face = Face::get();
         let sigma = self.receiver.pulse.sigma() as f32;
         for lane in 0..count {
-            let (org, dir) = (origin(rays, lane), direction(rays, lane));
+            let (org, dir) = (rays.origin(lane), rays.direction(lane));
             let end = echoes.end(lane);
             for medium in &self.placed {
                 let (from, to) = medium.extent.interval(org, dir, 0.0, end);
@@ -373,7 +373,7 @@ impl Air {
         chance: f32,
         echoes: &mut impl AirEchoes,
     ) {
-        let (org, dir) = (origin(rays, lane), direction(rays, lane));
+        let (org, dir) = (rays.origin(lane), rays.direction(lane));
         let (from, to) = flying.extent.interval(org, dir, 0.0, echoes.end(lane));
         let by_range = matches!(self.mode, ReturnMode::First | ReturnMode::Last);
         // Mean number up to this particle.
@@ -468,19 +468,9 @@ fn exponential(uniform: f32) -> f32 {
     -(1.0 - uniform).ln()
 }
 
-#[inline(always)]
-fn origin(rays: &RayBatch, lane: usize) -> Vec3 {
-    Vec3::new(rays.org_x[lane], rays.org_y[lane], rays.org_z[lane])
-}
-
-#[inline(always)]
-fn direction(rays: &RayBatch, lane: usize) -> Vec3 {
-    Vec3::new(rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane])
-}
-
 /// `e^-x` for x of 0 and more, to 2e-7 of itself, 0 beyond 87.
 #[inline(always)]
-fn exp_negative(x: f32) -> f32 {
+pub(super) fn exp_negative(x: f32) -> f32 {
     const LOG2_E: f32 = std::f32::consts::LOG2_E;
     const LN_2_HIGH: f32 = 0.693_359_4;
     const LN_2_LOW: f32 = -2.121_944_4e-4;

@@ -33,7 +33,7 @@ impl Block {
         if scan.azimuth_sigma > 0.0 {
             for lane in 0..count {
                 let up = if world { scan.aim.pose(beams, lanes.beam[lane] as usize).0.z_axis } else { glam::Vec3::Z };
-                let dir = glam::Vec3::new(rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]);
+                let dir = rays.direction(lane);
                 let turned = glam::Quat::from_axis_angle(up, turn[lane]) * dir;
                 (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = turned.into();
             }
@@ -57,7 +57,7 @@ impl Block {
         if !world && scan.options.fields.contains_any(&[Field::NormalX, Field::NormalY, Field::NormalZ]) {
             for lane in 0..count {
                 let (rotation, _) = scan.aim.pose(beams, lanes.beam[lane] as usize);
-                let normal = glam::Vec3::new(hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]);
+                let normal = hits.normal(lane);
                 let normal = rotation.transpose() * normal;
                 (hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]) = normal.into();
             }

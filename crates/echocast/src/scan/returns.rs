@@ -78,8 +78,99 @@ impl Others {
     }
 }
 
+/// Beams all of whose rays meet one place of one surface: most of them. Their signals have one echo each.
+struct Plain {
+    /// Whether a lane is such a beam.
+    is: [bool; LANES],
+    range: [f32; LANES],
+    power: [f32; LANES],
+    nearest: [f32; LANES],
+    farthest: [f32; LANES],
+    /// Plane of the surface that the first ray meets: `normal . place = offset`.
+    normal: [[f32; LANES]; 3],
+    offset: [f32; LANES],
+}
+
+impl Plain {
+    fn new() -> Self {
+        Plain {
+            is: [false; LANES],
+            range: [0.0; LANES],
+            power: [0.0; LANES],
+            nearest: [0.0; LANES],
+            farthest: [0.0; LANES],
+            normal: [[0.0; LANES]; 3],
+            offset: [0.0; LANES],
+        }
+    }
+
+    /// Begins with the first ray of every beam.
+    #[inline(always)]
+    fn start(&mut self, ray: &Ray, rays: &RayBatch) {
+        let hits = &ray.hits;
+        self.normal = [hits.normal_x, hits.normal_y, hits.normal_z];
+        self.offset = self.along_normal(hits, rays);
+        (self.nearest, self.farthest, self.power) = (hits.range, hits.range, ray.power);
+        for lane in 0..LANES {
+            self.is[lane] = ray.power[lane] > 0.0;
+            self.range[lane] = ray.power[lane] * hits.range[lane];
+        }
+    }
+
+    /// Where `hits` of `rays` are along the normal, m.
+    #[inline(always)]
+    fn along_normal(&self, hits: &HitBatch, rays: &RayBatch) -> [f32; LANES] {
+        let [nx, ny, nz] = &self.normal;
+        let mut along = [0.0; LANES];
+        for lane in 0..LANES {
+            let range = hits.range[lane];
+            along[lane] = nx[lane] * (rays.org_x[lane] + rays.dir_x[lane] * range)
+                + ny[lane] * (rays.org_y[lane] + rays.dir_y[lane] * range)
+                + nz[lane] * (rays.org_z[lane] + rays.dir_z[lane] * range);
+        }
+        along
+    }
+
+    /// Takes in what one more of the rays meets; `first` is what the first met.
+    #[inline(always)]
+    fn meet(&mut self, ray: &Ray, first: &[u32; LANES], rays: &RayBatch, sigma: f32) {
+        let along = self.along_normal(&ray.hits, rays);
+        for lane in 0..LANES {
+            let (range, power) = (ray.hits.range[lane], ray.power[lane]);
+            let same = ray.hits.surface[lane] == first[lane];
+            let near = (along[lane] - self.offset[lane]).abs() <= OFF_SURFACE * sigma;
+            self.is[lane] &= same & near & (power > 0.0);
+            self.power[lane] += power;
+            self.range[lane] += power * range;
+            self.nearest[lane] = self.nearest[lane].min(range);
+            self.farthest[lane] = self.farthest[lane].max(range);
+        }
+    }
+
+    /// Finds the echoes of the beams of `rays`, which all have been met.
+    #[inline(always)]
+    fn finish(&mut self, rays: &[Ray], waveform: &Waveform) {
+        let widest = Waveform::NARROW * waveform.sigma();
+        // Closer together there is nothing to refine: the echo is at their mean.
+        let narrowest = 1e-2 * waveform.sigma();
+        let mut refine = false;
+        for lane in 0..LANES {
+            let span = self.farthest[lane] - self.nearest[lane];
+            self.is[lane] &= span <= widest;
+            let mean = self.range[lane] / self.power[lane];
+            self.range[lane] = if span > 0.0 { mean } else { self.nearest[lane] };
+            refine |= self.is[lane] & (span > narrowest);
+        }
+        if refine {
+            let signals = rays.iter().map(|ray| [&ray.hits.range, &ray.power]);
+            waveform.refine_narrow(signals, [&mut self.range, &mut self.power]);
+        }
+    }
+}
+
 /// Memory to make signals and returns of a block of beams in.
 pub(super) struct Gatherer {
+    plain: Plain,
     across: Across,
     /// Directions of the beams themselves.
     beams: RayBatch,
@@ -135,7 +226,7 @@ impl PathEchoes for OfPaths<'_> {
             first: self.first[echo.lane],
             triangle: hits.triangle[hit],
             uv: [hits.u[hit], hits.v[hit]],
-            normal: Vec3::new(hits.normal_x[hit], hits.normal_y[hit], hits.normal_z[hit]),
+            normal: hits.normal(hit),
         };
         if other.power > 0.0 {
             self.others.add(echo.lane, other);
@@ -192,6 +283,7 @@ impl Gatherer {
     pub fn new(signals: &Signals) -> Self {
         let ray = || Ray { hits: HitBatch::new(), cos_incidence: [0.0; LANES], power: [0.0; LANES] };
         Gatherer {
+            plain: Plain::new(),
             across: Across::new(),
             beams: RayBatch::new(),
             rays: (0..signals.rays()).map(|_| ray()).collect(),
@@ -361,8 +453,9 @@ impl Gatherer {
         let weight = 1.0 / signals.rays() as f32;
         let wanted = Wanted { colors: false, reflectance: true };
         for index in 0..self.rays.len() {
-            let Gatherer { across, beams, rays: met, others, surfaces, follower, .. } = self;
-            let ray = &mut met[index];
+            let Gatherer { plain, across, beams, rays: met, others, surfaces, follower, forming } = self;
+            let (before, ray) = met.split_at_mut(index);
+            let ray = &mut ray[0];
             if let Some(footprint) = &signals.footprint {
                 footprint.rays(index, across, beams, rays);
             }
@@ -411,7 +504,12 @@ impl Gatherer {
                     }
                 }
             }
+            match before {
+                [] => plain.start(ray, rays),
+                [first, ..] => plain.meet(ray, &first.hits.surface, rays, forming.waveform.sigma()),
+            }
         }
+        self.plain.finish(&self.rays, &self.forming.waveform);
         if let Some(air) = scan.air.as_ref().filter(|air| air.answers()) {
             let mut echoes = OfAir { others: &mut self.others, rays: &self.rays };
             air.answer(&self.beams, &scan.rng, beams, &mut echoes);
@@ -426,7 +524,7 @@ impl Gatherer {
         for (lane, &beam) in beams.iter().enumerate() {
             let up = scan.aim.pose(scan.beams, beam as usize).0.z_axis;
             let rays = &self.beams;
-            let direction = Vec3::new(rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]);
+            let direction = rays.direction(lane);
             self.across.set(lane, direction, up, turns[lane]);
         }
     }
@@ -435,9 +533,24 @@ impl Gatherer {
     /// reported.
     #[inline(always)]
     fn form(&mut self, scan: &Scan, signals: &Signals, lane: usize, beam: usize) {
-        let Gatherer { rays, others, forming, .. } = self;
+        let Gatherer { plain, rays, others, forming, .. } = self;
         let Forming { waveform, parts, peaks, order, chosen, .. } = forming;
         parts.clear();
+        let [low, high] = scan.limits_of(beam);
+        let is_reported = |peak: &Peak| {
+            let rho_eff = peak.power * peak.range * peak.range;
+            (low..=high).contains(&peak.range) && peak.range > 0.0 && scan.threshold.detects(rho_eff, peak.range)
+        };
+        if plain.is[lane] && others.last[lane] == NONE {
+            let peak = Peak { range: plain.range[lane], power: plain.power[lane] };
+            peaks.clear();
+            chosen.clear();
+            if is_reported(&peak) {
+                peaks.push(peak);
+                chosen.extend((0..signals.rule.copies()).map(|_| 0));
+            }
+            return;
+        }
         for (source, ray) in rays.iter().enumerate() {
             if ray.power[lane] > 0.0 {
                 parts.push(Part { range: ray.hits.range[lane], power: ray.power[lane], source: source as u32 });
@@ -450,16 +563,16 @@ impl Gatherer {
             other = before;
         }
         waveform.peaks(parts, peaks);
-        let [low, high] = scan.limits_of(beam);
-        peaks.retain(|peak| {
-            let rho_eff = peak.power * peak.range * peak.range;
-            (low..=high).contains(&peak.range) && peak.range > 0.0 && scan.threshold.detects(rho_eff, peak.range)
-        });
+        peaks.retain(is_reported);
         signals.rule.choose(peaks, order, chosen);
     }
 
     /// Which surface sends most of the echo at `peak` of the beam at `lane`, and whether others send much.
     fn found(&mut self, signals: &Signals, lane: usize, peak: Peak) -> Found {
+        if self.forming.parts.is_empty() {
+            // A plain beam.
+            return Found { peak, source: 0, mixed: false };
+        }
         let Gatherer { rays, others, forming, across, beams, .. } = self;
         let Forming { waveform, parts, shares, .. } = forming;
         let sigma = waveform.sigma();
@@ -497,7 +610,7 @@ impl Gatherer {
         let source = greatest.1;
         let mut mixed = false;
         if let (Some(ray), Some(footprint)) = (rays.get(source as usize), &signals.footprint) {
-            let normal = Vec3::new(ray.hits.normal_x[lane], ray.hits.normal_y[lane], ray.hits.normal_z[lane]);
+            let normal = ray.hits.normal(lane);
             let place = |source: u32, range: f32| footprint.crossing(source as usize, across, beams, lane, range);
             let here = place(source, ray.hits.range[lane]);
             let mut off = 0.0;

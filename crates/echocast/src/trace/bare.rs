@@ -1,7 +1,7 @@
 //! The yardstick: nothing but Embree, on the rays of a scan.
 
 use super::{BuiltScene, CHUNK, LANES, RayBatch, Tables};
-use crate::emitter::{Aim, Pose, Trajectory};
+use crate::emitter::{Across, Aim, Pose, Trajectory};
 use crate::sensor::Sensor;
 use embree4::{Coherence, INVALID, Packet};
 use pulp::{Arch, Simd, WithSimd};
@@ -13,10 +13,13 @@ use rayon::prelude::*;
 pub struct BareLoop<'a> {
     scene: &'a Tables,
     coherent: bool,
+    /// Whether the rays of a block start at different places.
+    spread: bool,
     /// World directions, range limits; a block of [`LANES`] rays each.
     rays: Vec<RayBatch>,
     hits: Vec<BareHits>,
-    count: usize,
+    /// Rays of each block that count.
+    counts: Vec<usize>,
 }
 
 /// 48 bytes a ray.
@@ -54,52 +57,66 @@ impl BareHits {
 }
 
 impl<'a> BareLoop<'a> {
-    /// Prepares the rays that [`BuiltScene::scan`] would trace with `sensor` standing at `pose`.
+    /// Prepares the rays that [`BuiltScene::scan`] would trace with `sensor` standing at `pose`, those that stand for one
+    /// beam among them.
     pub fn new(scene: &'a BuiltScene, sensor: &Sensor, pose: Pose) -> Self {
         let beams = sensor.beams();
         let trajectory = Trajectory::fixed(pose);
         let aim = Aim::new(&trajectory, 0.0, scene.origin());
-        let rays: Vec<RayBatch> = (0..beams.len())
-            .step_by(LANES)
-            .map(|first| {
-                let count = LANES.min(beams.len() - first);
-                let mut rays = RayBatch::new();
-                aim.rays(beams, first, count, sensor.range_max_m as f32, &mut rays);
-                rays
-            })
-            .collect();
+        let footprint = sensor.signals().and_then(|signals| signals.footprint);
+        let (mut rays, mut counts) = (Vec::new(), Vec::new());
+        for first in (0..beams.len()).step_by(LANES) {
+            let count = LANES.min(beams.len() - first);
+            let mut axes = RayBatch::new();
+            aim.rays(beams, first, count, sensor.range_max_m as f32, &mut axes);
+            match &footprint {
+                None => rays.push(axes),
+                Some(footprint) => {
+                    let mut across = Across::new();
+                    for lane in 0..count {
+                        let up = aim.pose(beams, first + lane).0.z_axis;
+                        across.set(lane, axes.direction(lane), up, (lane as f32 * 0.618).fract());
+                    }
+                    for index in 0..footprint.len() {
+                        let mut batch = RayBatch::new();
+                        footprint.rays(index, &across, &axes, &mut batch);
+                        rays.push(batch);
+                    }
+                }
+            }
+            counts.resize(rays.len(), count);
+        }
         let hits = vec![BareHits::ZERO; rays.len()];
-        BareLoop { scene: &scene.0, coherent: beams.is_coherent(), rays, hits, count: beams.len() }
+        BareLoop { scene: &scene.0, coherent: beams.is_coherent(), spread: footprint.is_some(), rays, hits, counts }
     }
 
     /// Traces all rays once.
     pub fn run(&mut self) {
         let arch = Arch::new();
-        let (scene, coherent, count) = (self.scene, self.coherent, self.count);
+        let (scene, coherent, spread) = (self.scene, self.coherent, self.spread);
         let blocks = CHUNK / LANES;
-        self.rays.par_chunks(blocks).zip(self.hits.par_chunks_mut(blocks)).enumerate().for_each(
-            |(chunk, (rays, hits))| {
-                let count = (count - chunk * CHUNK).min(CHUNK);
-                arch.dispatch(BareChunk { scene, coherent, count, rays, hits });
-            },
-        );
+        let chunks = self.rays.par_chunks(blocks).zip(self.counts.par_chunks(blocks));
+        chunks.zip(self.hits.par_chunks_mut(blocks)).for_each(|((rays, counts), hits)| {
+            arch.dispatch(BareChunk { scene, coherent, spread, counts, rays, hits });
+        });
     }
 
     /// Number of rays.
     pub fn len(&self) -> usize {
-        self.count
+        self.counts.iter().sum()
     }
 
     /// Whether there are no rays.
     pub fn is_empty(&self) -> bool {
-        self.count == 0
+        self.len() == 0
     }
 }
 
 struct BareChunk<'a> {
     scene: &'a Tables,
     coherent: bool,
-    count: usize,
+    spread: bool,
+    counts: &'a [usize],
     rays: &'a [RayBatch],
     hits: &'a mut [BareHits],
 }
@@ -122,15 +139,18 @@ impl BareChunk<'_> {
     fn run<const W: usize>(self) {
         let coherence = if self.coherent { Coherence::Coherent } else { Coherence::Incoherent };
         let mut packet = Packet::<W>::new();
-        let mut valid = [-1; W];
-        for (block, (rays, out)) in self.rays.iter().zip(self.hits).enumerate() {
-            // Only the last block can be short, so lanes that become invalid stay so.
-            let count = (self.count - block * LANES).min(LANES);
+        for ((rays, out), &count) in self.rays.iter().zip(self.hits).zip(self.counts) {
+            let mut valid = [-1; W];
             packet.org_x = [rays.org_x[0]; W];
             packet.org_y = [rays.org_y[0]; W];
             packet.org_z = [rays.org_z[0]; W];
             for first in (0..count).step_by(W) {
                 let lanes = first..first + W;
+                if self.spread {
+                    packet.org_x.copy_from_slice(&rays.org_x[lanes.clone()]);
+                    packet.org_y.copy_from_slice(&rays.org_y[lanes.clone()]);
+                    packet.org_z.copy_from_slice(&rays.org_z[lanes.clone()]);
+                }
                 packet.dir_x.copy_from_slice(&rays.dir_x[lanes.clone()]);
                 packet.dir_y.copy_from_slice(&rays.dir_y[lanes.clone()]);
                 packet.dir_z.copy_from_slice(&rays.dir_z[lanes.clone()]);

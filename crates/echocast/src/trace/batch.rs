@@ -2,6 +2,7 @@
 
 use super::Tables;
 use embree4::{Coherence, INVALID, Packet};
+use glam::Vec3;
 
 /// Rays of one block. All arrays of a block together (about 25 kB) stay in the first-level cache.
 pub(crate) const LANES: usize = 256;
@@ -33,6 +34,18 @@ impl RayBatch {
             dir_z: [0.0; LANES],
             range_max: [0.0; LANES],
         }
+    }
+
+    /// Where the ray of a lane starts.
+    #[inline(always)]
+    pub(crate) fn origin(&self, lane: usize) -> Vec3 {
+        Vec3::new(self.org_x[lane], self.org_y[lane], self.org_z[lane])
+    }
+
+    /// Unit direction of the ray of a lane.
+    #[inline(always)]
+    pub(crate) fn direction(&self, lane: usize) -> Vec3 {
+        Vec3::new(self.dir_x[lane], self.dir_y[lane], self.dir_z[lane])
     }
 }
 
@@ -125,6 +138,12 @@ impl HitBatch {
         }
     }
 
+    /// Normal of the hit of a lane.
+    #[inline(always)]
+    pub(crate) fn normal(&self, lane: usize) -> Vec3 {
+        Vec3::new(self.normal_x[lane], self.normal_y[lane], self.normal_z[lane])
+    }
+
     /// Makes `lane` what lane `other` of `from` is.
     pub(crate) fn take(&mut self, lane: usize, from: &HitBatch, other: usize) {
         self.range[lane] = from.range[other];
@@ -143,7 +162,7 @@ impl HitBatch {
             let Some(surface) = scene.surfaces.rows.get(self.surface[lane] as usize) else { continue };
             if surface.instanced {
                 let n = scene.normal_matrices[surface.object as usize]
-                    * glam::Vec3::new(self.normal_x[lane], self.normal_y[lane], self.normal_z[lane]);
+                    * Vec3::new(self.normal_x[lane], self.normal_y[lane], self.normal_z[lane]);
                 (self.normal_x[lane], self.normal_y[lane], self.normal_z[lane]) = (n.x, n.y, n.z);
             }
         }
