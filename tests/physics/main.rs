@@ -6,6 +6,7 @@ mod intensity;
 mod moving;
 mod noise;
 mod paths;
+mod patterns;
 mod weather;
 
 use echocast::{BuiltScene, FieldSet, PointCloud, Pose, ScanOptions, Sensor, Trajectory};

@@ -45,7 +45,7 @@ pub struct ScanOptions {
     pub seed: u64,
     /// Frame index; it changes the random draws and fills the `frame` column.
     pub frame: u32,
-    /// Time at which the scan starts, s since the start of the run.
+    /// Time at which the scan starts, s since the start of the run; patterns that do not repeat go on with it.
     pub start_time: f64,
     /// Time of the trajectory at which the scan starts, s; `None`: `start_time`.
     pub trajectory_time: Option<f64>,
@@ -113,7 +113,8 @@ impl BuiltScene {
     /// Scans once with `sensor` along `trajectory`.
     ///
     /// # Errors
-    /// A pose that is not finite, an organised cloud ordered by time, no memory for the columns.
+    /// A pose that is not finite, an organised cloud ordered by time, what [`Sensor::beams_at`] says, no memory for the
+    /// columns.
     pub fn scan(&self, sensor: &Sensor, trajectory: &Trajectory, options: &ScanOptions) -> Result<PointCloud> {
         let mut cloud = PointCloud::default();
         self.scan_into(sensor, trajectory, options, &mut cloud)?;
@@ -121,7 +122,7 @@ impl BuiltScene {
     }
 
     /// [`BuiltScene::scan`] into the memory of `cloud`: a scan like the one before it, in the order of beams and in a
-    /// scene without weather, mirrors and glass, allocates nothing.
+    /// scene without weather, mirrors and glass, allocates nothing, but for the beams of a pattern that does not repeat.
     ///
     /// # Errors
     /// As [`BuiltScene::scan`]. `cloud` stays as it was when pose or options are at fault; without memory it is empty.
@@ -170,7 +171,8 @@ impl BuiltScene {
                 "beam for an organised cloud, whose rows and columns are beams",
             ));
         }
-        let scanned = Scan::new(&self.0, sensor, trajectory, options).run(cloud, progress);
+        let beams = sensor.beams_at(options.start_time)?;
+        let scanned = Scan::new(&self.0, sensor, &beams, trajectory, options).run(cloud, progress);
         if scanned.is_err() {
             *cloud = PointCloud::default();
         }
