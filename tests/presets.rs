@@ -1,9 +1,10 @@
 //! Draws the pattern of every preset and compares it with the figures in its `expect` section, and a few with figures
 //! worked out by hand.
 
+use echocast::detect::Detection;
 use echocast::emitter::pattern::{Pattern, Spinning};
 use echocast::emitter::{BeamTable, FiringOrder};
-use echocast::{Sensor, SensorKind};
+use echocast::{PresetInfo, Sensor, SensorKind};
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -253,5 +254,32 @@ fn livox_scans_cover_more_with_time() {
         assert!(covered[9] as f64 > 1.5 * covered[0] as f64, "{name}: {covered:?}");
         assert_ne!(*sensor.beams_at(0.1).unwrap(), *sensor.beams());
         assert_eq!(*sensor.beams_at(0.0).unwrap(), *sensor.beams());
+    }
+}
+
+/// The presets of real instruments, each with the text of its file.
+fn instruments() -> impl Iterator<Item = (PresetInfo, Sensor, String)> {
+    Sensor::presets().into_iter().filter(|preset| preset.folder != "paper").map(|preset| {
+        let file = echocast_tests::root().join(format!("presets/{}/{}.yaml", preset.folder, preset.name));
+        let sensor = Sensor::preset(&preset.name).unwrap();
+        (preset, sensor, std::fs::read_to_string(file).unwrap())
+    })
+}
+
+#[test]
+fn instruments_are_complete() {
+    for (PresetInfo { name, kind, .. }, sensor, text) in instruments() {
+        let spec = sensor.spec();
+        for key in ["\nbeam: {wavelength_nm: ", "\nrange: {min_m: ", "\ndetection: {model: ", "\nreturns: {mode: "] {
+            assert!(text.contains(key), "{name} leaves out {key:?}");
+        }
+        assert!(spec.range.min_m > 0.0 && spec.range.max_m.is_some(), "{name}: {:?}", spec.range);
+        let reason = "\n# No line of reflectance and range was found";
+        let unlimited = spec.detection == Detection::None;
+        assert_eq!(unlimited, text.contains(reason), "{name}: {:?} needs a reason, others none", spec.detection);
+        if kind == SensorKind::Lidar {
+            let beam = &spec.beam;
+            assert!(beam.divergence_mrad.iter().all(|&mrad| mrad > 0.0) && beam.pulse_ns > 0.0, "{name}: {beam:?}");
+        }
     }
 }
