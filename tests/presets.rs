@@ -4,7 +4,7 @@
 use echocast::detect::Detection;
 use echocast::emitter::pattern::{Pattern, Spinning};
 use echocast::emitter::{BeamTable, FiringOrder};
-use echocast::{PresetInfo, Sensor, SensorKind};
+use echocast::{PresetInfo, ReturnsSpec, Sensor, SensorKind};
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -282,4 +282,71 @@ fn instruments_are_complete() {
             assert!(beam.divergence_mrad.iter().all(|&mrad| mrad > 0.0) && beam.pulse_ns > 0.0, "{name}: {beam:?}");
         }
     }
+}
+
+/// Sections of a preset file whose comments, on their lines or right above, call a figure unverified.
+fn unverified(text: &str) -> Vec<&str> {
+    const SECTIONS: [&str; 7] = ["pattern", "beam", "range", "detection", "returns", "noise", "intensity"];
+    let (mut section, mut sections, mut above) = ("", Vec::new(), false);
+    for line in text.lines() {
+        let doubt = line.contains("unverified");
+        if line.starts_with('#') {
+            above |= doubt;
+            continue;
+        }
+        if !line.starts_with(' ') {
+            section = line.split(':').next().unwrap();
+        }
+        if (doubt | std::mem::take(&mut above)) && sections.last() != Some(&section) {
+            sections.push(section);
+        }
+    }
+    sections.retain(|section| SECTIONS.contains(section));
+    sections
+}
+
+/// A row of the table in docs/instruments.md.
+fn row(name: &str, sensor: &Sensor, text: &str) -> String {
+    let (spec, beams) = (sensor.spec(), sensor.beams());
+    let degrees = |angle: f64| ((10.0 * angle).round() / 10.0).to_string();
+    let [low, high] = sensor.expectations().unwrap().elevation_deg.unwrap();
+    let view = match &spec.pattern {
+        Pattern::Spinning(spinning) if low == high => degrees(spinning.azimuth.fov_deg),
+        Pattern::Spinning(spinning) => {
+            format!("{} x {} to {}", degrees(spinning.azimuth.fov_deg), degrees(low), degrees(high))
+        }
+        Pattern::Pinhole(camera) => camera.fov_deg.map(degrees).join(" x "),
+        _ => {
+            let widest = (0..beams.len()).map(|beam| azimuth(beams, beam).abs()).fold(0.0, f64::max);
+            format!("{} x {}", degrees(2.0 * widest), degrees(2.0 * high.max(-low)))
+        }
+    };
+    let seen = match spec.detection {
+        Detection::RadarEquation { reflectance, at_m } => format!("{} % at {at_m} m", 100.0 * reflectance),
+        _ => String::new(),
+    };
+    let divergence = match spec.beam.divergence_mrad {
+        [0.0, 0.0] => String::new(),
+        [across, up] => format!("{across} x {up}"),
+    };
+    let noise = match spec.noise.range_sigma_m {
+        0.0 => String::new(),
+        sigma => sigma.to_string(),
+    };
+    let ReturnsSpec { mode, max, .. } = spec.returns;
+    let returns = format!("{mode:?} of {max}").to_lowercase();
+    let range = format!("{} to {}", spec.range.min_m, spec.range.max_m.unwrap());
+    let rate = (beams.len() as f64 / beams.period).round();
+    let size = format!("{} x {}", beams.rows, beams.columns);
+    let unverified = unverified(text).join(", ");
+    format!(
+        "| `{name}` | {view} | {size} | {rate} | {range} | {seen} | {divergence} | {noise} | {returns} | {unverified} |\n"
+    )
+}
+
+#[test]
+fn the_table_of_instruments_is_up_to_date() {
+    let table: String = instruments().map(|(preset, sensor, text)| row(&preset.name, &sensor, &text)).collect();
+    let file = std::fs::read_to_string(echocast_tests::root().join("docs/instruments.md")).unwrap();
+    assert!(file.contains(&table), "docs/instruments.md is not as the presets are; its rows are:\n{table}");
 }
