@@ -1,9 +1,10 @@
 //! Draws the pattern of every preset and compares it with the figures in its `expect` section, and a few with figures
 //! worked out by hand.
 
-use echocast::emitter::BeamTable;
+use echocast::detect::Detection;
 use echocast::emitter::pattern::{Pattern, Spinning};
-use echocast::{Sensor, SensorKind};
+use echocast::emitter::{BeamTable, FiringOrder};
+use echocast::{PresetInfo, ReturnsSpec, Sensor, SensorKind};
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -81,9 +82,11 @@ fn patterns_have_the_figures_of_their_files() {
         assert_eq!(Some(beams.len() as u64), expected.beams, "{name}: beams");
 
         let is_spinning = matches!(sensor.spec().pattern, Pattern::Spinning(_));
-        if is_spinning {
+        if beams.firing_order == FiringOrder::Columns {
             assert_eq!(Some(u64::from(beams.rows)), expected.channels, "{name}: channels");
             assert_eq!(Some(u64::from(beams.columns)), expected.columns, "{name}: columns");
+        }
+        if is_spinning {
             let step = expected.azimuth_step_deg.unwrap_or_else(|| panic!("{name} has no azimuth_step_deg"));
             // Data sheets round to four places.
             for beam in [0, beams.len() / 2, beams.len() - 2] {
@@ -178,4 +181,172 @@ fn fans_rise_with_the_row() {
         assert_near("azimuth of the first column", azimuth(beams, row * 31), -15.0, 1e-5);
         assert_near("azimuth of the last column", azimuth(beams, row * 31 + 30), 15.0, 1e-5);
     }
+}
+
+/// Cells of half a degree that the scans of `sensor` meet in its first second, after each tenth.
+fn coverage(sensor: &Sensor) -> Vec<usize> {
+    let mut cells = BTreeSet::new();
+    let mut covered = Vec::new();
+    for scan in 0..10 {
+        let beams = sensor.beams_at(f64::from(scan) * 0.1).unwrap();
+        beams.check().unwrap();
+        for beam in 0..beams.len() {
+            cells.insert([azimuth(&beams, beam), elevation(&beams, beam)].map(|angle| (2.0 * angle).floor() as i32));
+        }
+        covered.push(cells.len());
+    }
+    covered
+}
+
+/// The data sheets say cones of 38.4 and 70.4 degrees. The fit to the published patterns reaches 19.26 and 35.82
+/// degrees, azimuth and elevation as the legs of a triangle; ten scans come as near to it as 0.01.
+#[test]
+fn livox_prisms_fill_their_cones() {
+    for (name, cone, reach) in [("livox_mid40", 38.4, 19.26), ("livox_mid70", 70.4, 35.82)] {
+        let sensor = Sensor::preset(name).unwrap();
+        let (mut widest, mut farthest, mut nearest) = (0f64, 0f64, f64::INFINITY);
+        for scan in 0..10 {
+            let beams = sensor.beams_at(f64::from(scan) * 0.1).unwrap();
+            for beam in 0..beams.len() {
+                let off = f64::from(beams.dir_y[beam]).hypot(beams.dir_z[beam].into()).asin().to_degrees();
+                (widest, nearest) = (widest.max(off), nearest.min(off));
+                farthest = farthest.max(azimuth(&beams, beam).hypot(elevation(&beams, beam)));
+            }
+        }
+        assert_near(&format!("{name}: cone"), 2.0 * widest, cone, 0.06);
+        assert_near(&format!("{name}: reach"), farthest, reach, 0.01);
+        assert!(nearest < 0.01, "{name}: a hole of {nearest} deg in the middle");
+    }
+}
+
+/// HELIOS++ estimated the prisms of the Avia; the data sheet says 70.4 x 77.2 degrees.
+#[test]
+fn the_avia_fills_its_field_of_view() {
+    let sensor = Sensor::preset("livox_avia").unwrap();
+    let (mut across, mut up) = (Vec::new(), Vec::new());
+    for scan in 0..10 {
+        let beams = sensor.beams_at(f64::from(scan) * 0.1).unwrap();
+        across.extend((0..beams.len()).map(|beam| azimuth(&beams, beam)));
+        up.extend((0..beams.len()).map(|beam| elevation(&beams, beam)));
+    }
+    for (what, angles, expected) in [("width", across, 70.4), ("height", up, 77.2)] {
+        let low = angles.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = angles.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        assert_near(what, high - low, expected, 0.25);
+    }
+}
+
+#[test]
+fn livox_scans_cover_more_with_time() {
+    // Of the cells of half a degree in the field of view.
+    for (name, first_scan, first_second) in
+        [("livox_mid40", 0.3, 0.9), ("livox_mid70", 0.15, 0.8), ("livox_avia", 0.5, 0.9)]
+    {
+        let sensor = Sensor::preset(name).unwrap();
+        let covered = coverage(&sensor);
+        assert!(covered.windows(2).all(|scans| scans[1] > scans[0]), "{name}: {covered:?}");
+        let cone = if name == "livox_mid40" { 19.2f64 } else { 35.2 };
+        let cells = std::f64::consts::PI * cone * cone * 4.0;
+        assert!(
+            covered[0] as f64 > first_scan * cells && covered[9] as f64 > first_second * cells,
+            "{name}: {covered:?}"
+        );
+        assert!(covered[9] as f64 > 1.5 * covered[0] as f64, "{name}: {covered:?}");
+        assert_ne!(*sensor.beams_at(0.1).unwrap(), *sensor.beams());
+        assert_eq!(*sensor.beams_at(0.0).unwrap(), *sensor.beams());
+    }
+}
+
+/// The presets of real instruments, each with the text of its file.
+fn instruments() -> impl Iterator<Item = (PresetInfo, Sensor, String)> {
+    Sensor::presets().into_iter().filter(|preset| preset.folder != "paper").map(|preset| {
+        let file = echocast_tests::root().join(format!("presets/{}/{}.yaml", preset.folder, preset.name));
+        let sensor = Sensor::preset(&preset.name).unwrap();
+        (preset, sensor, std::fs::read_to_string(file).unwrap())
+    })
+}
+
+#[test]
+fn instruments_are_complete() {
+    for (PresetInfo { name, kind, .. }, sensor, text) in instruments() {
+        let spec = sensor.spec();
+        for key in ["\nbeam: {wavelength_nm: ", "\nrange: {min_m: ", "\ndetection: {model: ", "\nreturns: {mode: "] {
+            assert!(text.contains(key), "{name} leaves out {key:?}");
+        }
+        assert!(spec.range.min_m > 0.0 && spec.range.max_m.is_some(), "{name}: {:?}", spec.range);
+        let reason = "\n# No line of reflectance and range was found";
+        let unlimited = spec.detection == Detection::None;
+        assert_eq!(unlimited, text.contains(reason), "{name}: {:?} needs a reason, others none", spec.detection);
+        if kind == SensorKind::Lidar {
+            let beam = &spec.beam;
+            assert!(beam.divergence_mrad.iter().all(|&mrad| mrad > 0.0) && beam.pulse_ns > 0.0, "{name}: {beam:?}");
+        }
+    }
+}
+
+/// Sections of a preset file whose comments, on their lines or right above, call a figure unverified.
+fn unverified(text: &str) -> Vec<&str> {
+    const SECTIONS: [&str; 7] = ["pattern", "beam", "range", "detection", "returns", "noise", "intensity"];
+    let (mut section, mut sections, mut above) = ("", Vec::new(), false);
+    for line in text.lines() {
+        let doubt = line.contains("unverified");
+        if line.starts_with('#') {
+            above |= doubt;
+            continue;
+        }
+        if !line.starts_with(' ') {
+            section = line.split(':').next().unwrap();
+        }
+        if (doubt | std::mem::take(&mut above)) && sections.last() != Some(&section) {
+            sections.push(section);
+        }
+    }
+    sections.retain(|section| SECTIONS.contains(section));
+    sections
+}
+
+/// A row of the table in docs/instruments.md.
+fn row(name: &str, sensor: &Sensor, text: &str) -> String {
+    let (spec, beams) = (sensor.spec(), sensor.beams());
+    let degrees = |angle: f64| ((10.0 * angle).round() / 10.0).to_string();
+    let [low, high] = sensor.expectations().unwrap().elevation_deg.unwrap();
+    let view = match &spec.pattern {
+        Pattern::Spinning(spinning) if low == high => degrees(spinning.azimuth.fov_deg),
+        Pattern::Spinning(spinning) => {
+            format!("{} x {} to {}", degrees(spinning.azimuth.fov_deg), degrees(low), degrees(high))
+        }
+        Pattern::Pinhole(camera) => camera.fov_deg.map(degrees).join(" x "),
+        _ => {
+            let widest = (0..beams.len()).map(|beam| azimuth(beams, beam).abs()).fold(0.0, f64::max);
+            format!("{} x {}", degrees(2.0 * widest), degrees(2.0 * high.max(-low)))
+        }
+    };
+    let seen = match spec.detection {
+        Detection::RadarEquation { reflectance, at_m } => format!("{} % at {at_m} m", 100.0 * reflectance),
+        _ => String::new(),
+    };
+    let divergence = match spec.beam.divergence_mrad {
+        [0.0, 0.0] => String::new(),
+        [across, up] => format!("{across} x {up}"),
+    };
+    let noise = match spec.noise.range_sigma_m {
+        0.0 => String::new(),
+        sigma => sigma.to_string(),
+    };
+    let ReturnsSpec { mode, max, .. } = spec.returns;
+    let returns = format!("{mode:?} of {max}").to_lowercase();
+    let range = format!("{} to {}", spec.range.min_m, spec.range.max_m.unwrap());
+    let rate = (beams.len() as f64 / beams.period).round();
+    let size = format!("{} x {}", beams.rows, beams.columns);
+    let unverified = unverified(text).join(", ");
+    format!(
+        "| `{name}` | {view} | {size} | {rate} | {range} | {seen} | {divergence} | {noise} | {returns} | {unverified} |\n"
+    )
+}
+
+#[test]
+fn the_table_of_instruments_is_up_to_date() {
+    let table: String = instruments().map(|(preset, sensor, text)| row(&preset.name, &sensor, &text)).collect();
+    let file = std::fs::read_to_string(echocast_tests::root().join("docs/instruments.md")).unwrap();
+    assert!(file.contains(&table), "docs/instruments.md is not as the presets are; its rows are:\n{table}");
 }

@@ -6,6 +6,7 @@ mod intensity;
 mod moving;
 mod noise;
 mod paths;
+mod patterns;
 mod returns;
 mod weather;
 

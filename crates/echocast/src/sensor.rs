@@ -410,7 +410,7 @@ impl Sensor {
     fn from_document(document: &Document, folder: &Path) -> Result<Sensor> {
         let mut spec = SensorSpec::read(document)?;
         spec.pattern.resolve(folder);
-        let beams = spec.pattern.beams().map_err(|error| document.locate(error))?;
+        let beams = spec.pattern.beams(0.0).map_err(|error| document.locate(error))?;
         Ok(Sensor::new(spec, folder.to_owned(), Arc::new(beams)))
     }
 
@@ -506,7 +506,7 @@ impl Sensor {
         let beams = if spec.pattern == self.spec.pattern {
             self.beams.clone()
         } else {
-            Arc::new(spec.pattern.beams().map_err(|error| document.locate(error))?)
+            Arc::new(spec.pattern.beams(0.0).map_err(|error| document.locate(error))?)
         };
         *self = Sensor::new(spec, std::mem::take(&mut self.folder), beams);
         Ok(())
@@ -586,9 +586,21 @@ impl Sensor {
         self.spec.expect.as_ref()
     }
 
-    /// The beams of one scan.
+    /// The beams of one scan; of a pattern that does not repeat, those of the scan that starts at time 0.
     pub fn beams(&self) -> &BeamTable {
         &self.beams
+    }
+
+    /// The beams of the scan that starts at `start_time`, s: as many in every scan, drawn anew if the pattern does not
+    /// repeat.
+    ///
+    /// # Errors
+    /// A start that is not finite, a beam that a prism reflects totally, no memory.
+    pub fn beams_at(&self, start_time: f64) -> Result<Arc<BeamTable>> {
+        if start_time == 0.0 || self.spec.pattern.repeats() {
+            return Ok(self.beams.clone());
+        }
+        self.spec.pattern.beams(start_time).map(Arc::new)
     }
 }
 
@@ -754,6 +766,44 @@ pattern:
             assert!(MINIMAL.contains(old), "{old}");
             let error = message(&MINIMAL.replace(old, new));
             assert!(error.starts_with(&format!("YAML text: {expected}")), "{new}\n  gives {error}\n  not   {expected}");
+        }
+        let risley = "{type: risley, pulse_rate_hz: 10, prisms: [{wedge_deg: 9, ior: 1.5, rpm: 60, first_face: flat}]}";
+        let risley = format!("name: mini\nkind: lidar\npattern: {risley}");
+        Sensor::from_yaml(&risley, "").unwrap();
+        let cases = [
+            ("wedge_deg: 9", "wedge_deg: 61", "pattern.prisms[0].wedge_deg: is 61; allowed: -60 to 60"),
+            ("ior: 1.5", "ior: 0.9", "pattern.prisms[0].ior: is 0.9; allowed: 1 to 4"),
+            ("rpm: 60", "rpm: 1e7", "pattern.prisms[0].rpm: is 10000000; allowed: -1000000 to 1000000"),
+            ("rpm: 60", "rpm: 60, phase_deg: 400", "pattern.prisms[0].phase_deg: is 400; allowed: -360 to 360"),
+            ("rpm", "rpn", "pattern.prisms[0].rpn: unknown key \"rpn\"; near: rpm"),
+            (
+                "first_face: flat",
+                "first_face: round",
+                "pattern.prisms[0].first_face: unknown value \"round\"; allowed: flat",
+            ),
+            (", first_face: flat", "", "pattern.prisms[0]: the key `first_face` is missing"),
+            ("pulse_rate_hz: 10", "pulse_rate_hz: 0", "pattern.pulse_rate_hz: is 0; allowed: above 0"),
+            (
+                "pulse_rate_hz: 10",
+                "pulse_rate_hz: 1e10",
+                "pattern.pulse_rate_hz: is 1 x 1000000000 beams; allowed: at most",
+            ),
+            (
+                "prisms: [{wedge_deg: 9, ior: 1.5, rpm: 60, first_face: flat}]",
+                "prisms: []",
+                "pattern.prisms: is a list of 0; allowed: 1 to 8",
+            ),
+            (
+                "pulse_rate_hz",
+                "line_elevation_deg: [0, 46], pulse_rate_hz",
+                "pattern.line_elevation_deg[1]: is 46; allowed: -45 to 45",
+            ),
+            ("wedge_deg: 9", "wedge_deg: 50", "pattern.prisms: is prisms that reflect beams totally; allowed: wedges"),
+        ];
+        for (old, new, expected) in cases {
+            assert!(risley.contains(old), "{old}");
+            let error = message(&risley.replace(old, new));
+            assert!(error.starts_with(&format!("YAML text: line 3: {expected}")), "{new}\n  gives {error}");
         }
         assert_eq!(message(""), "YAML text: line 1: invalid type: null, expected a section of keys");
         assert!(message("kind: sonar\nacoustics: {}").starts_with("kind: sonar is not supported"));

@@ -47,7 +47,7 @@ pub struct ScanOptions {
     pub seed: u64,
     /// Frame index; it changes the random draws and fills the `frame` column.
     pub frame: u32,
-    /// Time at which the scan starts, s since the start of the run.
+    /// Time at which the scan starts, s since the start of the run; patterns that do not repeat go on with it.
     pub start_time: f64,
     /// Time of the trajectory at which the scan starts, s; `None`: `start_time`.
     pub trajectory_time: Option<f64>,
@@ -115,7 +115,8 @@ impl BuiltScene {
     /// Scans once with `sensor` along `trajectory`.
     ///
     /// # Errors
-    /// A pose that is not finite, an organised cloud ordered by time or of several returns a beam, no memory for the
+    /// A pose that is not finite, an organised cloud ordered by time or of several returns a beam, what
+    /// [`Sensor::beams_at`] says, no memory for the
     /// columns.
     pub fn scan(&self, sensor: &Sensor, trajectory: &Trajectory, options: &ScanOptions) -> Result<PointCloud> {
         let mut cloud = PointCloud::default();
@@ -124,7 +125,8 @@ impl BuiltScene {
     }
 
     /// [`BuiltScene::scan`] into the memory of `cloud`: a scan like the one before it, in the order of beams, of one ray and
-    /// return a beam and in a scene without weather, mirrors and glass, allocates nothing.
+    /// return a beam and in a scene without weather, mirrors and glass, allocates nothing, but for the beams of a pattern
+    /// that does not repeat.
     ///
     /// # Errors
     /// As [`BuiltScene::scan`]. `cloud` stays as it was when pose or options are at fault; without memory it is empty.
@@ -173,7 +175,8 @@ impl BuiltScene {
                 "beam for an organised cloud, whose rows and columns are beams",
             ));
         }
-        let scan = Scan::new(&self.0, sensor, trajectory, options);
+        let beams = sensor.beams_at(options.start_time)?;
+        let scan = Scan::new(&self.0, sensor, &beams, trajectory, options);
         if options.organised && scan.most_returns() > 1 {
             let found = format!("{} returns a beam", scan.most_returns());
             return Err(Error::invalid(

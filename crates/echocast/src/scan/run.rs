@@ -74,7 +74,14 @@ pub(super) struct Scan<'a> {
 }
 
 impl<'a> Scan<'a> {
-    pub fn new(scene: &'a Tables, sensor: &'a Sensor, trajectory: &'a Trajectory, options: &'a ScanOptions) -> Self {
+    /// With the `beams` that `sensor` has when the scan starts.
+    pub fn new(
+        scene: &'a Tables,
+        sensor: &'a Sensor,
+        beams: &'a BeamTable,
+        trajectory: &'a Trajectory,
+        options: &'a ScanOptions,
+    ) -> Self {
         let fields = options.fields;
         let blainder = options.profile == Profile::Blainder;
         let intensity = match options.profile {
@@ -88,7 +95,6 @@ impl<'a> Scan<'a> {
             ReflectanceSource::Luminance
         });
         let threshold = Threshold::new(sensor.detection, blainder);
-        let beams = sensor.beams();
         // The paper's program knows one ray and one return.
         let signals = sensor.signals().filter(|_| !blainder);
         let as_the_paper = options.profile != Profile::Physical;

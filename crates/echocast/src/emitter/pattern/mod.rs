@@ -3,12 +3,14 @@
 mod fan;
 mod pinhole;
 mod raster;
+mod risley;
 mod spinning;
 mod table;
 
 pub use fan::Fan;
 pub use pinhole::{Pinhole, Rays};
 pub use raster::Raster;
+pub use risley::{Face, Prism, Risley};
 pub use spinning::{Channels, Direction, Spinning, SpinningAzimuth};
 pub use table::Table;
 
@@ -30,6 +32,8 @@ pub enum Pattern {
     Raster(Raster),
     /// A camera: one exposure of all pixels.
     Pinhole(Pinhole),
+    /// Beams through turning prisms; no scan repeats another.
+    Risley(Risley),
     /// Beams listed in a CSV file.
     Table(Table),
     /// Beams given in code ([`crate::Sensor::from_beams`]); no file can say this.
@@ -43,9 +47,10 @@ impl<'de> Deserialize<'de> for Pattern {
             "spinning" => Pattern::Spinning(section.read()?),
             "raster" => Pattern::Raster(section.read()?),
             "pinhole" => Pattern::Pinhole(section.read()?),
+            "risley" => Pattern::Risley(section.read()?),
             "table" => Pattern::Table(section.read()?),
             "custom" => Pattern::Custom,
-            _ => return Err(section.unknown(&word, &["spinning", "raster", "pinhole", "table"])),
+            _ => return Err(section.unknown(&word, &["spinning", "raster", "pinhole", "risley", "table"])),
         })
     }
 }
@@ -65,6 +70,7 @@ impl Pattern {
             Pattern::Spinning(spinning) => spinning.check(bounds),
             Pattern::Raster(raster) => raster.check(bounds),
             Pattern::Pinhole(pinhole) => pinhole.check(bounds),
+            Pattern::Risley(risley) => risley.check(bounds),
             Pattern::Table(table) => table.check(bounds),
             Pattern::Custom => Ok(()),
         }
@@ -78,21 +84,27 @@ impl Pattern {
         }
     }
 
-    /// The beams of one scan.
+    /// Whether every scan has the same beams.
+    pub fn repeats(&self) -> bool {
+        !matches!(self, Pattern::Risley(_))
+    }
+
+    /// The beams of the scan that starts at `start_time`, s, which matters to patterns that do not repeat.
     ///
     /// # Errors
     /// Values out of range, naming the key; a beam table that cannot be read.
-    pub fn beams(&self) -> Result<BeamTable> {
+    pub fn beams(&self, start_time: f64) -> Result<BeamTable> {
         self.check()?;
         match self {
             Pattern::Spinning(spinning) => spinning.beams(),
             Pattern::Raster(raster) => raster.beams(),
             Pattern::Pinhole(pinhole) => pinhole.beams(),
+            Pattern::Risley(risley) => risley.beams(start_time),
             Pattern::Table(table) => table.beams(),
             Pattern::Custom => Err(Error::invalid(
                 "pattern.type",
                 "custom",
-                "spinning, raster, pinhole or table (custom beams are given in code)",
+                "spinning, raster, pinhole, risley or table (custom beams are given in code)",
             )),
         }
     }
