@@ -199,3 +199,38 @@ fn returns_come_beam_by_beam() {
     assert_eq!(cloud.len, sensor.beams().len());
     assert!(cloud.columns.range.iter().any(|range| range.is_nan()));
 }
+
+/// What is told of a beam: the way over the mirror, the weather on it, and the echo that is reported.
+#[test]
+fn a_beam_is_explained_step_by_step() {
+    let half = 0.5f64.sqrt();
+    let mut scene = SceneBuilder::new();
+    let wall = scene.reflector(0.5);
+    scene.stand(Shape::plate([5.0, 7.0, 0.0].into(), -DVec3::Y, 2.0), Some(wall));
+    let mirror = Material { name: "silver".into(), metallic: 1.0, roughness: 0.0, ..Material::default() };
+    let mirror = scene.material(mirror);
+    scene.stand(Shape::plate([5.0, 0.0, 0.0].into(), DVec3::new(-half, half, 0.0), 1.0), Some(mirror));
+    let built = scene.finish().build().unwrap();
+    let sensor = one_beam("beam: {pulse_ns: 5}\ndetection: {model: radar_equation, reflectance: 0.1, at_m: 100}");
+    let options = ScanOptions {
+        environment: Environment::from_yaml("{clear_air: {visibility_m: 2000}}").unwrap(),
+        ..ScanOptions::default()
+    };
+    let trajectory = Trajectory::fixed(Pose::IDENTITY);
+    let text = built.explain(&sensor, &trajectory, &options, 0).unwrap();
+    for expected in [
+        "beam 0: row 0, column 0, channel 0",
+        "azimuth 0.0000 deg",
+        "material silver) at 5.0000 m, incidence 45.00 deg",
+        "after 1 events in a mirror",
+        "at 5.0000 7.0000 0.0000 m, range 12.0000 m, incidence 0.00 deg",
+        "echoes, of which those of 1.0000e-5 /m^2 and more are seen",
+        "  12.0000 m",
+        "reported",
+        "1 of 1: range 12.0000 m (+0.0 mm)",
+    ] {
+        assert!(text.contains(expected), "{expected} is not in\n{text}");
+    }
+    let error = built.explain(&sensor, &trajectory, &options, 1).unwrap_err().to_string();
+    assert_eq!(error, "beam is 1; allowed: 0 to 0");
+}

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 #[derive(Args)]
 pub struct OutputArgs {
     /// Cloud file, repeatable; the format is chosen by the ending (`echocast formats` lists them)
-    #[arg(short, long, value_name = "FILE", required_unless_present = "preview", help_heading = "Output")]
+    #[arg(short, long, value_name = "FILE", required_unless_present_any = ["preview", "explain"], help_heading = "Output")]
     output: Vec<PathBuf>,
     /// Format of the cloud files, whatever their endings
     #[arg(long, value_name = "NAME", requires = "output", help_heading = "Output")]

@@ -25,6 +25,7 @@ Examples:
   echocast scan street.glb --sensor velodyne_vlp32c --camera Sensor -o scan.las --preview scan.png
   echocast scan street.glb --sensor velodyne_vlp32c --at 0,0,1.8 --rain 20 --fog 150 -o wet.las
   echocast scan hall.glb --sensor kinect_v2 --at 1,2,1.5 --rpy 0,15,90 --organised --fields default,depth -o hall.npz
+  echocast scan street.glb --sensor velodyne_vlp32c --at 0,0,1.8 --fog 150 --explain 12345
   echocast scan city.obj --up y --sensor velodyne_hdl64e --trajectory drive.txt --frames 0:99 --single -o drive.las")]
 pub struct Args {
     #[command(flatten)]
@@ -66,6 +67,10 @@ pub struct Args {
     /// Keep beams without a return (NaN), rows and columns of the sensor
     #[arg(long, help_heading = "Points")]
     organised: bool,
+    /// Tell what happens to one beam of the first frame, step by step with numbers, and write nothing: rows and columns are
+    /// counted from 0, a beam is row * columns + column
+    #[arg(long, value_name = "BEAM", conflicts_with_all = ["output", "preview", "json"], help_heading = "Output")]
+    explain: Option<u32>,
     #[command(flatten)]
     output: OutputArgs,
     /// Worker threads [default: all cores]
@@ -125,25 +130,33 @@ pub fn run(args: &Args) -> Result<()> {
     let built = timed(&mut seconds.build, || scene.build())?;
     warnings.absorb(built.report().clone());
 
+    let options_of = |frame: u32| ScanOptions {
+        fields,
+        seed: args.seed,
+        frame,
+        start_time: f64::from(frame) / fps,
+        organised: args.organised,
+        coordinates: args.coordinates,
+        order: args.order,
+        profile: args.profile,
+        reflectance_source: args.reflectance_source,
+        environment: environment.clone(),
+        ..ScanOptions::default()
+    };
+    if let Some(beam) = args.explain {
+        drop(progress);
+        return text::print(
+            &built.explain(&sensor, &trajectory, &options_of(frames.first), beam).context("--explain")?,
+        );
+    }
+
     progress.count_frames(frames.len());
     let mut writer = Writer::new(&args.output);
     let mut all = PointCloud::default();
     let mut cloud = PointCloud::default();
     let mut points = 0;
     for frame in frames.iter() {
-        let options = ScanOptions {
-            fields,
-            seed: args.seed,
-            frame,
-            start_time: f64::from(frame) / fps,
-            organised: args.organised,
-            coordinates: args.coordinates,
-            order: args.order,
-            profile: args.profile,
-            reflectance_source: args.reflectance_source,
-            environment: environment.clone(),
-            ..ScanOptions::default()
-        };
+        let options = options_of(frame);
         progress.phase("scanning".into());
         timed(&mut seconds.scan, || built.scan_into(&sensor, &trajectory, &options, &mut cloud))?;
         points += returns(&cloud);

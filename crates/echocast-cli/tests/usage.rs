@@ -96,6 +96,7 @@ fn failed_work_is_1_and_one_line_that_names_the_cause() {
         (&format!("{scene} --organised --order time -o DIR/x.las"), &["--organised", "--order beam"]),
         (&format!("{scene} --up y -o DIR/x.las"), &["--up", "indoor-1.glb"]),
         (&format!("{scene} --frames 0:4294967295 -o DIR/x.las"), &["--frames", "--single"]),
+        (&format!("{scene} --explain 217088"), &["--explain", "beam is 217088; allowed: 0 to 217087"]),
         (&format!("{scene} --preview DIR/x.jpg"), &["--preview", "x.jpg", ".png"]),
         (&format!("{scene} --preview DIR/no/x.png"), &["--preview", "DIR/no"]),
         (&format!("{scene} --fields range -o DIR/x.las"), &["x, y and z"]),
@@ -143,6 +144,18 @@ fn a_closed_pipe_is_not_an_error() {
         assert!(output.status.success(), "{command}");
         assert_eq!(stderr(&output), "", "{command}");
     }
+}
+
+#[test]
+fn one_beam_is_explained() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = run(folder.path(), "scan HALL --sensor kinect_v2 --at 0,0,1 --explain 100000");
+    let text = String::from_utf8(output.stdout.clone()).unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    for word in ["beam 100000: row 195, column 160", "aim:", "ray: one", "echoes", "returns:"] {
+        assert!(text.contains(word), "{word} is not in\n{text}");
+    }
+    assert!(common::files(folder.path()).is_empty());
 }
 
 #[test]

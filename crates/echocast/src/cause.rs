@@ -26,3 +26,21 @@ pub enum Cause {
     /// Light that went another way back than there.
     Multipath = 9,
 }
+
+impl Cause {
+    /// Its name for people.
+    pub fn name(self) -> &'static str {
+        match self {
+            Cause::Surface => "surface",
+            Cause::Mirror => "mirror",
+            Cause::Glass => "glass",
+            Cause::Rain => "rain",
+            Cause::Fog => "fog",
+            Cause::Snow => "snow",
+            Cause::Dust => "dust",
+            Cause::FalseAlarm => "false alarm",
+            Cause::Mixed => "mixed",
+            Cause::Multipath => "multipath",
+        }
+    }
+}

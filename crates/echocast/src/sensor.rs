@@ -448,17 +448,15 @@ impl Sensor {
         }
     }
 
-    /// How its beams are made of several rays or returns; `None` where they are one each.
-    pub(crate) fn signals(&self) -> Option<Signals> {
+    /// How what its beams send back makes returns.
+    pub(crate) fn signals(&self) -> Signals {
         let SensorSpec { beam, returns, .. } = &self.spec;
         let rule = ReturnRule { mode: returns.mode, max: returns.max.into(), separation: returns.separation_m as f32 };
         let footprint = (beam.sub_rays > 1).then(|| {
             let divergence = beam.divergence_mrad.map(|mrad| mrad * 1e-3);
             Footprint::new(beam.sub_rays as usize, beam.exit_diameter_mm * 1e-3, divergence)
         });
-        let sigma = Pulse::new(beam.pulse_shape, beam.pulse_ns).sigma();
-        let single = matches!(returns.mode, ReturnMode::Strongest | ReturnMode::First | ReturnMode::Last);
-        (footprint.is_some() || !single).then_some(Signals { footprint, sigma, rule })
+        Signals { footprint, sigma: Pulse::new(beam.pulse_shape, beam.pulse_ns).sigma(), rule }
     }
 
     /// Which echoes of a beam it reports.

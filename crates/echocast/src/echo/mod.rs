@@ -12,7 +12,7 @@ pub(crate) use contribution::{Contribution, Wanted};
 pub use intensity::IntensityEncoding;
 pub(crate) use intensity::IntensityModel;
 pub(crate) use particles::Cone;
-pub(crate) use path::{Chosen, Follower, PathEcho, PathEchoes, PathLimits, Preferred, Surroundings};
+pub(crate) use path::{Chosen, Follower, Meeting, PathEcho, PathEchoes, PathLimits, Preferred, Surroundings};
 pub(crate) use pulse::Pulse;
 pub use pulse::PulseShape;
 #[cfg(test)]

@@ -111,6 +111,22 @@ struct Next {
     refracted: Vec<Path>,
 }
 
+/// A path at a surface that it meets.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Meeting {
+    pub surface: u32,
+    pub cause: Cause,
+    pub bounces: u8,
+    pub place: Vec3,
+    pub cos_incidence: f32,
+    /// Range so far as the instrument takes it, m.
+    pub range: f32,
+    /// Part of the light that is left, one way.
+    pub part: f32,
+    /// Optical depth of weather so far, one way.
+    pub depth: f32,
+}
+
 /// Who hears of the echoes of a block's paths.
 pub(crate) trait PathEchoes {
     /// Light, as `rho_eff / R^2` in 1/m^2, that an echo of `lane` must exceed to matter.
@@ -118,6 +134,10 @@ pub(crate) trait PathEchoes {
 
     /// Hears of `echo`, whose surface is among `hits` and `surfaces`.
     fn take(&mut self, echo: &PathEcho, hits: &HitBatch, surfaces: &Contribution);
+
+    /// Hears where paths lead.
+    #[inline(always)]
+    fn meet(&mut self, _: Meeting) {}
 }
 
 /// The echo of each beam that is preferred so far.
@@ -297,6 +317,17 @@ fn arrive(
         ..path
     };
     let cos = surfaces.cos_incidence[lane];
+    let place = path.origin + path.direction * length;
+    echoes.meet(Meeting {
+        surface: hits.surface[lane],
+        cause: path.cause,
+        bounces: path.bounces,
+        place,
+        cos_incidence: cos,
+        range: path.range,
+        part: path.part,
+        depth: path.depth,
+    });
     if optics.diffuse > 0.0 {
         let dimmed = path.part * path.part * (-2.0 * path.depth).exp();
         let echo = PathEcho {
@@ -318,7 +349,6 @@ fn arrive(
     if normal.dot(path.direction) >= 0.0 {
         return;
     }
-    let place = path.origin + path.direction * length;
     // Off the surface by what single precision leaves open there.
     let off = normal * (2e-5 + 1e-6 * place.abs().max_element());
     path.bounces += 1;

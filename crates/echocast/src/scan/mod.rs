@@ -2,6 +2,7 @@
 
 mod block;
 mod collect;
+mod explain;
 mod returns;
 mod run;
 
@@ -101,6 +102,23 @@ impl ScanOptions {
         self.trajectory_time.unwrap_or(self.start_time)
     }
 
+    /// That a scan along `trajectory` makes sense.
+    fn check(&self, trajectory: &Trajectory) -> Result<()> {
+        let start = trajectory.at(self.trajectory_time());
+        if !(start.position.is_finite() && start.orientation.is_finite()) {
+            return Err(Error::invalid("pose", format!("{start:?}"), "finite numbers, a quaternion that is not 0"));
+        }
+        self.environment.check()?;
+        if self.organised && self.order == Order::Time {
+            return Err(Error::invalid(
+                "order",
+                "time",
+                "beam for an organised cloud, whose rows and columns are beams",
+            ));
+        }
+        Ok(())
+    }
+
     /// The same with `fields`.
     #[must_use]
     pub fn fields(self, fields: FieldSet) -> Self {
@@ -163,18 +181,7 @@ impl BuiltScene {
         cloud: &mut PointCloud,
         progress: Option<Progress>,
     ) -> Result<()> {
-        let start = trajectory.at(options.trajectory_time());
-        if !(start.position.is_finite() && start.orientation.is_finite()) {
-            return Err(Error::invalid("pose", format!("{start:?}"), "finite numbers, a quaternion that is not 0"));
-        }
-        options.environment.check()?;
-        if options.organised && options.order == Order::Time {
-            return Err(Error::invalid(
-                "order",
-                "time",
-                "beam for an organised cloud, whose rows and columns are beams",
-            ));
-        }
+        options.check(trajectory)?;
         let beams = sensor.beams_at(options.start_time)?;
         let scan = Scan::new(&self.0, sensor, &beams, trajectory, options);
         if options.organised && scan.most_returns() > 1 {
@@ -190,5 +197,26 @@ impl BuiltScene {
             *cloud = PointCloud::default();
         }
         scanned
+    }
+
+    /// Tells what happens to beam `beam` of such a scan, step by step with numbers: where it goes, what it meets, what comes
+    /// back, what of it is seen and reported.
+    ///
+    /// # Errors
+    /// As [`BuiltScene::scan`], and a beam that there is not.
+    pub fn explain(
+        &self,
+        sensor: &Sensor,
+        trajectory: &Trajectory,
+        options: &ScanOptions,
+        beam: u32,
+    ) -> Result<String> {
+        let options = ScanOptions { organised: false, order: Order::Beam, fields: FieldSet::all(), ..options.clone() };
+        options.check(trajectory)?;
+        let beams = sensor.beams_at(options.start_time)?;
+        if beam as usize >= beams.len() {
+            return Err(Error::invalid("beam", beam, format!("0 to {}", beams.len() - 1)));
+        }
+        Scan::new(&self.0, sensor, &beams, trajectory, &options).explain(&sensor.signals(), beam as usize)
     }
 }

@@ -5,9 +5,10 @@ use super::block::Block;
 use super::run::Scan;
 use crate::cause::Cause;
 use crate::cloud::Slices;
-use crate::detect::ReturnRule;
+use crate::detect::{ReturnMode, ReturnRule};
 use crate::echo::{
-    AIR, AirEcho, AirEchoes, Contribution, Follower, Part, PathEcho, PathEchoes, Peak, Surroundings, Wanted, Waveform,
+    AIR, AirEcho, AirEchoes, Contribution, Follower, Meeting, Part, PathEcho, PathEchoes, Peak, Surroundings, Wanted,
+    Waveform,
 };
 use crate::emitter::{Across, Footprint};
 use crate::material::Optics;
@@ -25,6 +26,12 @@ pub(crate) struct Signals {
 }
 
 impl Signals {
+    /// Whether beams are one ray each and have one return each: then there is a shorter way.
+    pub fn are_simple(&self) -> bool {
+        let single = matches!(self.rule.mode, ReturnMode::Strongest | ReturnMode::First | ReturnMode::Last);
+        self.footprint.is_none() && single
+    }
+
     fn rays(&self) -> usize {
         self.footprint.as_ref().map_or(1, Footprint::len)
     }
@@ -37,38 +44,38 @@ const OFF_SURFACE: f32 = 0.1;
 const MIXED: f32 = 0.1;
 
 /// What one ray of a block's beams meets.
-struct Ray {
-    hits: HitBatch,
-    cos_incidence: [f32; LANES],
+pub(super) struct Ray {
+    pub hits: HitBatch,
+    pub cos_incidence: [f32; LANES],
     /// What it adds to the signal, `rho_eff / R^2` in 1/m^2, its share of the beam taken into account; 0 is nothing.
-    power: [f32; LANES],
+    pub power: [f32; LANES],
 }
 
 /// An echo that no ray's own surface sends: of what is seen in mirrors and through glass, or of the air.
 #[derive(Clone, Copy)]
-struct Other {
-    range: f32,
-    power: f32,
+pub(super) struct Other {
+    pub range: f32,
+    pub power: f32,
     /// The one of the same beam that was noted before it, or [`NONE`].
-    before: u32,
-    cause: Cause,
-    bounces: u8,
-    cos_incidence: f32,
+    pub before: u32,
+    pub cause: Cause,
+    pub bounces: u8,
+    pub cos_incidence: f32,
     /// [`AIR`] for the air.
-    surface: u32,
+    pub surface: u32,
     /// First surface on the way.
-    first: u32,
-    triangle: u32,
-    uv: [f32; 2],
-    normal: Vec3,
+    pub first: u32,
+    pub triangle: u32,
+    pub uv: [f32; 2],
+    pub normal: Vec3,
 }
 
-const NONE: u32 = u32::MAX;
+pub(super) const NONE: u32 = u32::MAX;
 
 /// All echoes that no ray's own surface sends, chained beam by beam.
-struct Others {
-    list: Vec<Other>,
-    last: [u32; LANES],
+pub(super) struct Others {
+    pub list: Vec<Other>,
+    pub last: [u32; LANES],
 }
 
 impl Others {
@@ -173,31 +180,33 @@ pub(super) struct Gatherer {
     plain: Plain,
     across: Across,
     /// Directions of the beams themselves.
-    beams: RayBatch,
-    rays: Vec<Ray>,
-    others: Others,
-    surfaces: Contribution,
-    follower: Follower,
-    forming: Forming,
+    pub beams: RayBatch,
+    pub rays: Vec<Ray>,
+    pub others: Others,
+    pub surfaces: Contribution,
+    pub follower: Follower,
+    pub forming: Forming,
+    /// Where paths lead, for those who want to know.
+    pub log: Option<Vec<Meeting>>,
 }
 
 /// Memory to form the signal of one beam.
-struct Forming {
-    waveform: Waveform,
-    parts: Vec<Part>,
-    peaks: Vec<Peak>,
-    order: Vec<usize>,
-    chosen: Vec<usize>,
+pub(super) struct Forming {
+    pub waveform: Waveform,
+    pub parts: Vec<Part>,
+    pub peaks: Vec<Peak>,
+    pub order: Vec<usize>,
+    pub chosen: Vec<usize>,
     /// Light of each surface in an echo, and its strongest part: kind of surface, light, light of that part, its source.
-    shares: Vec<([u32; 2], f32, f32, u32)>,
+    pub shares: Vec<([u32; 2], f32, f32, u32)>,
 }
 
 /// An echo and where it comes from.
 #[derive(Clone, Copy)]
-struct Found {
-    peak: Peak,
-    source: u32,
-    mixed: bool,
+pub(super) struct Found {
+    pub peak: Peak,
+    pub source: u32,
+    pub mixed: bool,
 }
 
 /// Echoes of what one ray sees in mirrors and through glass.
@@ -206,6 +215,7 @@ struct OfPaths<'a> {
     weight: f32,
     least_power: f32,
     first: &'a [u32; LANES],
+    log: Option<&'a mut Vec<Meeting>>,
 }
 
 impl PathEchoes for OfPaths<'_> {
@@ -230,6 +240,12 @@ impl PathEchoes for OfPaths<'_> {
         };
         if other.power > 0.0 {
             self.others.add(echo.lane, other);
+        }
+    }
+
+    fn meet(&mut self, meeting: Meeting) {
+        if let Some(log) = &mut self.log {
+            log.push(meeting);
         }
     }
 }
@@ -298,6 +314,7 @@ impl Gatherer {
                 chosen: Vec::new(),
                 shares: Vec::new(),
             },
+            log: None,
         }
     }
 }
@@ -443,7 +460,7 @@ impl Block {
 impl Gatherer {
     /// Steps 5 to 8: what every ray of `beams` sends back. `rays` is memory for them.
     #[inline(always)]
-    fn gather(&mut self, scan: &Scan, signals: &Signals, rays: &mut RayBatch, beams: &[u32]) {
+    pub fn gather(&mut self, scan: &Scan, signals: &Signals, rays: &mut RayBatch, beams: &[u32]) {
         let count = beams.len();
         self.others.list.clear();
         self.others.last = [NONE; LANES];
@@ -453,7 +470,7 @@ impl Gatherer {
         let weight = 1.0 / signals.rays() as f32;
         let wanted = Wanted { colors: false, reflectance: true };
         for index in 0..self.rays.len() {
-            let Gatherer { plain, across, beams, rays: met, others, surfaces, follower, forming } = self;
+            let Gatherer { plain, across, beams, rays: met, others, surfaces, follower, forming, log } = self;
             let (before, ray) = met.split_at_mut(index);
             let ray = &mut ray[0];
             if let Some(footprint) = &signals.footprint {
@@ -495,7 +512,8 @@ impl Gatherer {
                     };
                     // A hundredth of what is seen adds nothing to what is seen.
                     let least_power = 0.01 * scan.threshold.least_power().unwrap_or(0.0) as f32;
-                    let mut echoes = OfPaths { others, weight, least_power, first: &ray.hits.surface };
+                    let mut echoes =
+                        OfPaths { others, weight, least_power, first: &ray.hits.surface, log: log.as_mut() };
                     follower.follow(&around, rays, &ray.hits, surfaces, count, &mut echoes);
                     for lane in 0..count {
                         if goes_on(ray.hits.surface[lane]) {
@@ -532,7 +550,7 @@ impl Gatherer {
     /// Forms the signal of the beam at `lane`: `forming.peaks` has its detected echoes, `forming.chosen` says which are
     /// reported.
     #[inline(always)]
-    fn form(&mut self, scan: &Scan, signals: &Signals, lane: usize, beam: usize) {
+    pub fn form(&mut self, scan: &Scan, signals: &Signals, lane: usize, beam: usize) {
         let Gatherer { plain, rays, others, forming, .. } = self;
         let Forming { waveform, parts, peaks, order, chosen, .. } = forming;
         parts.clear();
@@ -567,8 +585,20 @@ impl Gatherer {
         signals.rule.choose(peaks, order, chosen);
     }
 
+    /// All echoes of the beam at `lane`, after it was formed, seen or not.
+    pub fn all_peaks(&mut self, lane: usize) -> Vec<Peak> {
+        let Forming { waveform, parts, .. } = &mut self.forming;
+        let mut peaks = Vec::new();
+        if parts.is_empty() && self.plain.is[lane] {
+            peaks.push(Peak { range: self.plain.range[lane], power: self.plain.power[lane] });
+        } else {
+            waveform.peaks(parts, &mut peaks);
+        }
+        peaks
+    }
+
     /// Which surface sends most of the echo at `peak` of the beam at `lane`, and whether others send much.
-    fn found(&mut self, signals: &Signals, lane: usize, peak: Peak) -> Found {
+    pub fn found(&mut self, signals: &Signals, lane: usize, peak: Peak) -> Found {
         if self.forming.parts.is_empty() {
             // A plain beam.
             return Found { peak, source: 0, mixed: false };

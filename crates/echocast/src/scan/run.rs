@@ -96,7 +96,7 @@ impl<'a> Scan<'a> {
         });
         let threshold = Threshold::new(sensor.detection, blainder);
         // The paper's program knows one ray and one return.
-        let signals = sensor.signals().filter(|_| !blainder);
+        let signals = Some(sensor.signals()).filter(|signals| !blainder && !signals.are_simple());
         let as_the_paper = options.profile != Profile::Physical;
         let weather = Weather::new(&options.environment, sensor.wavelength_nm, as_the_paper, scene.origin);
         // Signals hear of all echoes.
@@ -207,7 +207,7 @@ impl<'a> Scan<'a> {
     }
 
     /// Scans some beams into the rows after the first `rows`; returns how many rows there are then.
-    fn window(&self, beams: Range<usize>, mut rows: usize, columns: &mut Columns) -> usize {
+    pub fn window(&self, beams: Range<usize>, mut rows: usize, columns: &mut Columns) -> usize {
         // Right after the rows there are: memory beyond the last return is never touched.
         let free = columns.slices(rows, rows + beams.len() * self.most_returns());
         let mut found = [0; MOST_CHUNKS];

@@ -63,7 +63,7 @@ impl<'a> BareLoop<'a> {
         let beams = sensor.beams();
         let trajectory = Trajectory::fixed(pose);
         let aim = Aim::new(&trajectory, 0.0, scene.origin());
-        let footprint = sensor.signals().and_then(|signals| signals.footprint);
+        let footprint = sensor.signals().footprint;
         let (mut rays, mut counts) = (Vec::new(), Vec::new());
         for first in (0..beams.len()).step_by(LANES) {
             let count = LANES.min(beams.len() - first);

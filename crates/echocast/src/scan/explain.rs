@@ -1,0 +1,266 @@
+//! What happens to one beam, for people to read.
+
+use super::block::Block;
+use super::returns::{Gatherer, NONE, Signals};
+use super::run::Scan;
+use crate::cause::Cause;
+use crate::cloud::{Columns, FieldSet};
+use crate::echo::AIR;
+use crate::error::Result;
+use crate::trace::MISS;
+use glam::{DVec3, Vec3};
+use std::fmt::{self, Write};
+
+/// Most surfaces and echoes of one kind that are listed.
+const MOST: usize = 12;
+
+impl Scan<'_> {
+    /// Tells of beam `beam` step by step. `signals`: how what comes back makes returns.
+    pub fn explain(&self, signals: &Signals, beam: usize) -> Result<String> {
+        let mut block = Block::new();
+        block.lanes.start_at(beam);
+        block.aim(self, beam, 1);
+        let mut gatherer = Gatherer::new(signals);
+        gatherer.log = Some(Vec::new());
+        gatherer.beams = block.rays.clone();
+        gatherer.gather(self, signals, &mut block.rays, &[beam as u32]);
+        gatherer.form(self, signals, 0, beam);
+        let mut columns = Columns::default();
+        columns.resize(FieldSet::all(), self.most_returns())?;
+        let rows = self.window(beam..beam + 1, 0, &mut columns);
+        let mut text = String::new();
+        // Writing to a string cannot fail.
+        let _ = self.tell(&mut text, signals, &mut gatherer, beam, &columns, rows);
+        Ok(text)
+    }
+
+    fn tell(
+        &self,
+        text: &mut String,
+        signals: &Signals,
+        gatherer: &mut Gatherer,
+        beam: usize,
+        columns: &Columns,
+        rows: usize,
+    ) -> fmt::Result {
+        let table = self.beams;
+        let width = table.columns as usize;
+        writeln!(
+            text,
+            "beam {beam}: row {}, column {}, channel {}, fired {:.9} s after the start",
+            beam / width,
+            beam % width,
+            table.channel[beam],
+            self.options.start_time + table.time[beam],
+        )?;
+        let [x, y, z] = [table.dir_x[beam], table.dir_y[beam], table.dir_z[beam]];
+        let (from, along) = (gatherer.beams.origin(0), gatherer.beams.direction(0));
+        writeln!(text, "aim:")?;
+        writeln!(
+            text,
+            "  azimuth {:.4} deg, elevation {:.4} deg; from {} m along {:.6} {:.6} {:.6} in the world",
+            y.atan2(x).to_degrees(),
+            z.atan2(x.hypot(y)).to_degrees(),
+            self.place(from),
+            along.x,
+            along.y,
+            along.z
+        )?;
+        let [low, high] = self.limits_of(beam);
+        writeln!(text, "  ranges from {low} to {high} m are reported")?;
+        self.tell_rays(text, signals, gatherer)?;
+        self.tell_paths(text, gatherer)?;
+        self.tell_air(text, gatherer)?;
+        self.tell_echoes(text, signals, gatherer, [low, high])?;
+        tell_returns(text, columns, rows)
+    }
+
+    /// What the rays meet, surface by surface.
+    fn tell_rays(&self, text: &mut String, signals: &Signals, gatherer: &Gatherer) -> fmt::Result {
+        match &signals.footprint {
+            None => writeln!(text, "ray: one, along the beam")?,
+            Some(footprint) => writeln!(text, "rays: {} over the footprint", footprint.len())?,
+        }
+        // Surface, number of rays, their ranges, their power; of the first the rest.
+        let mut met: Vec<(u32, usize, [f32; 2], f32, usize)> = Vec::new();
+        for (index, ray) in gatherer.rays.iter().enumerate() {
+            let (surface, range, power) = (ray.hits.surface[0], ray.hits.range[0], ray.power[0]);
+            match met.iter_mut().find(|(known, ..)| *known == surface) {
+                Some((_, count, [low, high], sum, _)) => {
+                    (*low, *high) = (low.min(range), high.max(range));
+                    (*count, *sum) = (*count + 1, *sum + power);
+                }
+                None => met.push((surface, 1, [range, range], power, index)),
+            }
+        }
+        for &(surface, count, [low, high], power, first) in met.iter().take(MOST) {
+            if surface == MISS {
+                writeln!(text, "  {count} meet nothing")?;
+                continue;
+            }
+            let ray = &gatherer.rays[first];
+            let cos = ray.cos_incidence[0];
+            let ranges = if high > low { format!("{low:.4} to {high:.4}") } else { format!("{low:.4}") };
+            writeln!(
+                text,
+                "  {count} meet {} at {ranges} m, incidence {:.2} deg",
+                self.name(surface),
+                cos.acos().to_degrees()
+            )?;
+            let depth = self.air.as_ref().map_or(0.0, |air| {
+                air.depth(gatherer.beams.origin(0), gatherer.beams.direction(0), 0.0, ray.hits.range[0])
+            });
+            if depth > 0.0 {
+                let two_way = (-2.0 * depth).exp();
+                writeln!(text, "    weather: optical depth {depth:.4e}, transmittance there and back {two_way:.6}")?;
+            }
+            if power > 0.0 {
+                writeln!(text, "    send back rho_eff T / R^2 = {power:.4e} /m^2 in all")?;
+            } else {
+                writeln!(text, "    send nothing straight back")?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Where light leads over mirrors and through glass.
+    fn tell_paths(&self, text: &mut String, gatherer: &Gatherer) -> fmt::Result {
+        let log = gatherer.log.as_deref().unwrap_or_default();
+        if log.is_empty() {
+            return Ok(());
+        }
+        writeln!(text, "paths over mirrors and through glass, one generation after the other:")?;
+        for meeting in log.iter().take(4 * MOST) {
+            let way = match meeting.cause {
+                Cause::Mirror => " in a mirror",
+                Cause::Glass => " through glass",
+                _ => "",
+            };
+            writeln!(
+                text,
+                "  {:indent$}after {} events{way}: {} at {} m, range {:.4} m, incidence {:.2} deg, {:.4} of the light is left",
+                "",
+                meeting.bounces,
+                self.name(meeting.surface),
+                self.place(meeting.place),
+                meeting.range,
+                meeting.cos_incidence.acos().to_degrees(),
+                meeting.part * (-meeting.depth).exp(),
+                indent = 2 * usize::from(meeting.bounces)
+            )?;
+        }
+        if log.len() > 4 * MOST {
+            writeln!(text, "  and {} more", log.len() - 4 * MOST)?;
+        }
+        Ok(())
+    }
+
+    /// What the air sends back.
+    fn tell_air(&self, text: &mut String, gatherer: &Gatherer) -> fmt::Result {
+        let mut other = gatherer.others.last[0];
+        let mut told = 0;
+        while other != NONE {
+            let echo = &gatherer.others.list[other as usize];
+            if echo.surface == AIR {
+                if told == 0 {
+                    writeln!(text, "air:")?;
+                }
+                if told < MOST {
+                    let cause = echo.cause.name();
+                    writeln!(text, "  {cause} at {:.4} m sends back {:.4e} /m^2", echo.range, echo.power)?;
+                }
+                told += 1;
+            }
+            other = echo.before;
+        }
+        Ok(())
+    }
+
+    /// The maxima of the signal, and which of them are reported.
+    fn tell_echoes(
+        &self,
+        text: &mut String,
+        signals: &Signals,
+        gatherer: &mut Gatherer,
+        [low, high]: [f32; 2],
+    ) -> fmt::Result {
+        match self.threshold.least_power() {
+            Some(k) => writeln!(text, "echoes, of which those of {k:.4e} /m^2 and more are seen:")?,
+            None => writeln!(text, "echoes:")?,
+        }
+        let chosen = gatherer.forming.chosen.clone();
+        let seen = gatherer.forming.peaks.clone();
+        let all = gatherer.all_peaks(0);
+        if all.is_empty() {
+            writeln!(text, "  none")?;
+        }
+        for peak in all {
+            let Some(place) = seen.iter().position(|other| other == &peak) else {
+                let because = if (low..=high).contains(&peak.range) { "too weak" } else { "out of range" };
+                writeln!(text, "  {:.4} m, {:.4e} /m^2: {because}", peak.range, peak.power)?;
+                continue;
+            };
+            let found = gatherer.found(signals, 0, peak);
+            let source = match gatherer.rays.get(found.source as usize) {
+                Some(ray) => self.name(ray.hits.surface[0]),
+                None => {
+                    let other = &gatherer.others.list[found.source as usize - gatherer.rays.len()];
+                    if other.surface == AIR { other.cause.name().into() } else { self.name(other.surface) }
+                }
+            };
+            let mixed = if found.mixed { ", mixed with others" } else { "" };
+            let reported = if chosen.contains(&place) { "reported" } else { "seen, not asked for" };
+            writeln!(
+                text,
+                "  {:.4} m, {:.4e} /m^2, rho_eff {:.4}, of {source}{mixed}: {reported}",
+                peak.range,
+                peak.power,
+                peak.power * peak.range * peak.range
+            )?;
+        }
+        writeln!(text, "  returns.mode: {:?}", signals.rule.mode)
+    }
+
+    /// A place of Embree's in the world, m.
+    fn place(&self, local: Vec3) -> String {
+        let DVec3 { x, y, z } = self.scene.origin + local.as_dvec3();
+        format!("{x:.4} {y:.4} {z:.4}")
+    }
+
+    /// What a surface is called.
+    fn name(&self, surface: u32) -> String {
+        let surfaces = &self.scene.surfaces;
+        let Some(row) = surfaces.rows.get(surface as usize) else { return "nothing".into() };
+        let labels = &surfaces.labels;
+        let category = labels.category.name(row.category_id).unwrap_or("something unlabelled");
+        let material = &surfaces.materials[row.material as usize].name;
+        match material.as_str() {
+            "" => format!("{category} (instance {})", row.instance_id),
+            material => format!("{category} (instance {}, material {material})", row.instance_id),
+        }
+    }
+}
+
+/// What the instrument reports.
+fn tell_returns(text: &mut String, columns: &Columns, rows: usize) -> fmt::Result {
+    writeln!(text, "returns:")?;
+    if rows == 0 || columns.range[..rows].iter().all(|range| range.is_nan()) {
+        return writeln!(text, "  none");
+    }
+    for row in 0..rows {
+        let error = (columns.range[row] - columns.true_range[row]) * 1e3;
+        writeln!(
+            text,
+            "  {} of {}: range {:.4} m ({error:+.1} mm), intensity {:.4}, cause {}, at {:.4} {:.4} {:.4}",
+            columns.return_number[row],
+            columns.return_count[row],
+            columns.range[row],
+            columns.intensity[row],
+            columns.cause[row],
+            columns.x[row],
+            columns.y[row],
+            columns.z[row]
+        )?;
+    }
+    Ok(())
+}
