@@ -22,6 +22,20 @@ pub(crate) enum Draw {
     Flakes = 5,
     /// Gaussian error of the range from rain.
     RainRange = 6,
+    /// Noise that an echo is detected in: sub-ray 0 for the surface that a beam meets, the bits of the range for others.
+    Detection = 20,
+    /// Noise that looks like an echo.
+    FalseAlarm = 21,
+    /// Error of the range of a channel, once for an instrument: seed = its number, counter = (channel, 0, 0).
+    ChannelBias = 22,
+    /// Likewise relative error of the range.
+    ChannelGain = 23,
+    /// Where a beam points beside what is reported: sub-rays 0 and 1 for the two directions across it.
+    Pointing = 24,
+    /// Error of the reported time, by firing.
+    TimeJitter = 25,
+    /// Whether a weak return gets lost.
+    WeakDropout = 26,
 }
 
 const MULTIPLIER: [u32; 2] = [0xD251_1F53, 0xCD9E_8D57];
@@ -63,6 +77,12 @@ impl Rng {
     /// Standard normal numbers of beams `first_beam ..`, one for each element of `out`.
     #[inline(always)]
     pub(crate) fn normals(&self, first_beam: u32, draw: Draw, out: &mut [f32]) {
+        self.normals_at(first_beam, draw, 0, out);
+    }
+
+    /// [`Rng::normals`] at `sub_ray`.
+    #[inline(always)]
+    pub(crate) fn normals_at(&self, first_beam: u32, draw: Draw, sub_ray: u32, out: &mut [f32]) {
         /// Lanes per block: two AVX2 registers hide the latency of the multiplications.
         const N: usize = 16;
         let mut beam = first_beam;
@@ -72,7 +92,7 @@ impl Rng {
             for (lane, value) in beams.iter_mut().enumerate() {
                 *value = beam.wrapping_add(lane as u32);
             }
-            let words = philox([beams, [self.frame; N], [0; N], [draw as u32; N]], self.key);
+            let words = philox([beams, [self.frame; N], [sub_ray; N], [draw as u32; N]], self.key);
             let mut values = [0.0; N];
             for lane in 0..N {
                 values[lane] = normal(words[0][lane], words[1][lane]);
@@ -100,6 +120,12 @@ impl Rng {
             chunk.copy_from_slice(&values[..chunk.len()]);
             beam = beam.wrapping_add(N as u32);
         }
+    }
+
+    /// A standard normal number of one beam at `sub_ray`, that of [`Rng::normals_at`].
+    pub(crate) fn normal(&self, beam: u32, draw: Draw, sub_ray: u32) -> f32 {
+        let [[a], [b], ..] = philox([[beam], [self.frame], [sub_ray], [draw as u32]], self.key);
+        normal(a, b)
     }
 
     /// Four numbers in [0, 1) of one beam at `sub_ray`; the first is that of [`Rng::uniforms`].
@@ -198,6 +224,11 @@ mod tests {
             rng.normals(1000 + start as u32, Draw::RangeJitter, &mut short);
             assert_eq!(short, long[start..start + 21]);
         }
+        assert_eq!(rng.normal(1042, Draw::RangeJitter, 0), long[42]);
+        let mut third = [0.0; 40];
+        rng.normals_at(1000, Draw::RangeJitter, 3, &mut third);
+        assert_eq!(rng.normal(1039, Draw::RangeJitter, 3), third[39]);
+        assert_ne!(third, long[..40]);
         let mut other = [0.0; 100];
         Rng::new(7, 4).normals(1000, Draw::RangeJitter, &mut other);
         assert_ne!(long, other);

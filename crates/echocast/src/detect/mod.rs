@@ -1,9 +1,16 @@
 //! Signal to returns: thresholds first, then measurement noise.
 
+mod alarms;
+mod curve;
 mod noise;
+mod statistical;
 mod threshold;
 
-pub use noise::Noise;
-pub(crate) use noise::RangeError;
+use curve::Curve;
+
+pub(crate) use alarms::FalseAlarms;
+pub(crate) use noise::{AzimuthError, RangeError};
+pub use noise::{Noise, RangePoint, WeakDropout};
+pub use statistical::{Statistical, Sunlight};
 pub(crate) use threshold::Threshold;
-pub use threshold::{Detection, LimitPoint};
+pub use threshold::{Detection, DetectionSpec, LimitPoint};

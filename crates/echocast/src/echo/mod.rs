@@ -12,6 +12,6 @@ pub use intensity::IntensityEncoding;
 pub(crate) use intensity::IntensityModel;
 pub(crate) use particles::Cone;
 pub(crate) use path::{Chosen, Follower, PathEcho, PathLimits, Surroundings};
-pub(crate) use pulse::Pulse;
 pub use pulse::PulseShape;
-pub(crate) use weather::{AIR, Air, Answer, Receiver};
+pub(crate) use pulse::{Pulse, erf};
+pub(crate) use weather::{AIR, Air, Answer, Echo, Receiver};

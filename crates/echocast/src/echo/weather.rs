@@ -18,7 +18,7 @@ pub(crate) const AIR: u32 = MISS - 1;
 const MOST_PARTICLES: u32 = 64;
 
 /// What of an instrument decides how weather shows.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Receiver {
     pub pulse: Pulse,
     /// Range below which the receiver does not see its own beam, and from which it sees all of it, m.
@@ -39,9 +39,9 @@ impl Receiver {
 
 /// An echo of the air: where it is and how strong, as the effective reflectance of a surface there that fills the beam.
 #[derive(Clone, Copy, Debug)]
-struct Echo {
-    range: f32,
-    rho_eff: f32,
+pub(crate) struct Echo {
+    pub range: f32,
+    pub rho_eff: f32,
 }
 
 /// A medium that begins and ends where the world has it.
@@ -93,6 +93,8 @@ pub(crate) struct Answer {
     pub bounces: [u8; LANES],
     /// Whether the weather on its way is taken off already.
     pub dimmed: [bool; LANES],
+    /// Part of the light of echoes that the channel of each beam makes use of.
+    pub efficiency: [f32; LANES],
     /// Labels of the first surface that the beam meets.
     pub first_category: [u32; LANES],
     pub first_instance: [u32; LANES],
@@ -107,6 +109,7 @@ impl Answer {
             cause: [Cause::Surface as u8; LANES],
             bounces: [0; LANES],
             dimmed: [false; LANES],
+            efficiency: [1.0; LANES],
             first_category: [0; LANES],
             first_instance: [0; LANES],
         }
@@ -116,6 +119,30 @@ impl Answer {
     pub(crate) fn reset(&mut self) {
         self.cause = [Cause::Surface as u8; LANES];
         (self.bounces, self.dimmed) = ([0; LANES], [false; LANES]);
+    }
+
+    /// Puts `echo`, which no surface sent, in place of that of `lane` if `mode` prefers it.
+    #[inline(always)]
+    pub(crate) fn offer(
+        &mut self,
+        mode: ReturnMode,
+        surface: &mut [u32; LANES],
+        lane: usize,
+        echo: Echo,
+        cause: Cause,
+    ) {
+        let (range, rho_eff) = (self.range[lane], self.rho_eff[lane]);
+        let better = surface[lane] == MISS
+            || match mode {
+                ReturnMode::First => echo.range < range,
+                ReturnMode::Last => echo.range > range,
+                _ => echo.rho_eff * range * range > rho_eff * echo.range * echo.range,
+            };
+        if better {
+            surface[lane] = AIR;
+            (self.range[lane], self.rho_eff[lane]) = (echo.range, echo.rho_eff);
+            self.cause[lane] = cause as u8;
+        }
     }
 }
 
@@ -136,8 +163,8 @@ impl Air {
     }
 
     fn find_echoes(&mut self) {
-        let Receiver { pulse, cone, threshold, range_max, .. } = self.receiver;
-        let receiver = self.receiver;
+        let receiver = self.receiver.clone();
+        let Receiver { pulse, cone, range_max, .. } = receiver;
         let transmittance = |range: f64| (-2.0 * self.weather.depth_around_the_sensor(range)).exp();
         let farthest = range_max.min(1e4);
         // What is everywhere answers as one; the strongest of it says why.
@@ -180,7 +207,7 @@ impl Air {
                 });
             }
             // Without a threshold every particle would be seen, and the nearest would hide all else.
-            let (Some(particles), Some(k)) = (&medium.particles, threshold.least_power()) else { continue };
+            let (Some(particles), Some(k)) = (&medium.particles, receiver.threshold.least_power()) else { continue };
             let [from, to] = match medium.extent {
                 Extent::Shell { start, end } => [start.into(), f64::from(end).min(farthest)],
                 _ => [0.0, farthest],
@@ -263,19 +290,20 @@ impl Air {
         answer: &mut Answer,
     ) {
         for &(echo, cause) in &self.around {
-            if !self.is_seen(echo) {
-                continue;
-            }
+            let mut noise = [0.0; LANES];
+            self.receiver.threshold.noises(rng, first_beam, echo.range.to_bits(), &mut noise);
             for lane in 0..count {
                 // A surface within the pulse hides it, and what is behind a surface is not there.
                 let end = answer.end[lane];
-                if echo.range + self.receiver.pulse.merging_distance() as f32 <= end {
-                    self.offer(answer, surface, lane, echo, cause);
+                let echo = Echo { rho_eff: echo.rho_eff * answer.efficiency[lane], ..echo };
+                let is_there = echo.range + self.receiver.pulse.merging_distance() as f32 <= end;
+                if is_there && self.is_seen(echo, noise[lane]) {
+                    answer.offer(self.mode, surface, lane, echo, cause);
                 }
             }
         }
         if !self.placed.is_empty() {
-            self.answer_from_places(rays, count, surface, answer);
+            self.answer_from_places(rays, rng, first_beam, count, surface, answer);
         }
         for flying in &self.flying {
             let mut chance = [0.0; LANES];
@@ -315,7 +343,15 @@ impl Air {
 
     /// The faces of media that lie in the world.
     #[inline(never)]
-    fn answer_from_places(&self, rays: &RayBatch, count: usize, surface: &mut [u32; LANES], answer: &mut Answer) {
+    fn answer_from_places(
+        &self,
+        rays: &RayBatch,
+        rng: &Rng,
+        first_beam: u32,
+        count: usize,
+        surface: &mut [u32; LANES],
+        answer: &mut Answer,
+    ) {
         let face = Face::get();
         let sigma = self.receiver.pulse.sigma() as f32;
         for lane in 0..count {
@@ -347,10 +383,11 @@ impl Air {
                 let full = j * range * range;
                 let seen = full * (1.0 - (-(to - from) / full).exp());
                 let gain = exp_negative(2.0 * self.depth(org, dir, 0.0, from));
-                let rho_eff = std::f32::consts::PI * medium.backscatter * seen * gain;
+                let rho_eff = std::f32::consts::PI * medium.backscatter * seen * gain * answer.efficiency[lane];
                 let echo = Echo { range, rho_eff };
-                if self.is_seen(echo) {
-                    self.offer(answer, surface, lane, echo, medium.cause);
+                let beam = first_beam.wrapping_add(lane as u32);
+                if self.is_seen(echo, self.receiver.threshold.noise(rng, beam, range.to_bits())) {
+                    answer.offer(self.mode, surface, lane, echo, medium.cause);
                 }
             }
         }
@@ -383,7 +420,7 @@ impl Air {
             }
             let strength = if by_range { 0.0 } else { flying.seen.strongest(number) };
             // All that follow are weaker still.
-            let is_weaker = || strength * answer.range[lane].powi(2) <= answer.rho_eff[lane];
+            let is_weaker = || strength * answer.efficiency[lane] * answer.range[lane].powi(2) <= answer.rho_eff[lane];
             if !by_range && surface[lane] != MISS && is_weaker() {
                 break;
             }
@@ -396,12 +433,13 @@ impl Air {
                 Echo { range, rho_eff: strength * range * range }
             };
             // Weather that has a place in the world is not in the table: it takes some of the particles away again.
-            echo.rho_eff *= exp_negative(2.0 * self.depth_in_places(org, dir, echo.range));
+            echo.rho_eff *= exp_negative(2.0 * self.depth_in_places(org, dir, echo.range)) * answer.efficiency[lane];
             if by_range && echo.range >= to {
                 break;
             }
-            if (from..to).contains(&echo.range) && self.is_seen(echo) {
-                self.offer(answer, surface, lane, echo, flying.cause);
+            let noise = self.receiver.threshold.noise(rng, beam, echo.range.to_bits());
+            if (from..to).contains(&echo.range) && self.is_seen(echo, noise) {
+                answer.offer(self.mode, surface, lane, echo, flying.cause);
                 if self.mode == ReturnMode::First {
                     break;
                 }
@@ -410,29 +448,11 @@ impl Air {
         }
     }
 
-    /// Whether the instrument detects and reports it.
+    /// Whether the instrument detects it in `noise` and reports it.
     #[inline(always)]
-    fn is_seen(&self, echo: Echo) -> bool {
+    fn is_seen(&self, echo: Echo, noise: f32) -> bool {
         let is_far_enough = echo.range >= self.receiver.range_min as f32;
-        echo.rho_eff > 0.0 && is_far_enough && self.receiver.threshold.detects(echo.rho_eff, echo.range)
-    }
-
-    /// Takes `echo` if the return mode prefers it.
-    #[inline(always)]
-    fn offer(&self, answer: &mut Answer, surface: &mut [u32; LANES], lane: usize, echo: Echo, cause: Cause) {
-        let (range, rho_eff) = (answer.range[lane], answer.rho_eff[lane]);
-        let better = surface[lane] == MISS
-            || match self.mode {
-                ReturnMode::First => echo.range < range,
-                ReturnMode::Last => echo.range > range,
-                _ => echo.rho_eff * range * range > rho_eff * echo.range * echo.range,
-            };
-        if better {
-            surface[lane] = AIR;
-            answer.range[lane] = echo.range;
-            answer.rho_eff[lane] = echo.rho_eff;
-            answer.cause[lane] = cause as u8;
-        }
+        echo.rho_eff > 0.0 && is_far_enough && self.receiver.threshold.detects(echo.rho_eff, echo.range, noise)
     }
 }
 

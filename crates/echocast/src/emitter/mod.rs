@@ -8,7 +8,7 @@ pub mod pattern;
 mod pose;
 mod trajectory;
 
-pub(crate) use aim::Aim;
+pub(crate) use aim::{Aim, scatter};
 pub use beams::{BeamTable, FiringOrder};
 use motion::Motion;
 pub use pattern::Pattern;

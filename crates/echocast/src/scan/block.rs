@@ -4,7 +4,8 @@ use super::run::Scan;
 use crate::cause::Cause;
 use crate::cloud::{Kept, Slices};
 use crate::detect::Threshold;
-use crate::echo::{AIR, Air, Answer, Chosen, Contribution, Follower, PathEcho, PathLimits, Surroundings};
+use crate::echo::{AIR, Air, Answer, Chosen, Contribution, Echo, Follower, PathEcho, PathLimits, Surroundings};
+use crate::emitter;
 use crate::material::Optics;
 use crate::rng::Draw;
 use crate::sensor::ReturnMode;
@@ -54,6 +55,8 @@ pub(super) struct Block {
     pub kept: Kept,
     pub scratch: [f32; LANES],
     pub answer: Answer,
+    /// Where beams really go, in the sensor frame, if that is not where they are reported to.
+    pub pointed: Option<Box<[[f32; LANES]; 3]>>,
     /// Memory to follow light in, where a scene has mirrors or glass.
     pub paths: Option<Box<(Follower, Chosen)>>,
 }
@@ -71,6 +74,7 @@ impl Block {
             kept: Kept::new(),
             scratch: [0.0; LANES],
             answer: Answer::new(),
+            pointed: None,
             paths: None,
         }
     }
@@ -80,14 +84,20 @@ impl Block {
     fn scan(&mut self, scan: &Scan, first: usize, count: usize, rows: Slices) -> usize {
         self.aim(scan, first, count);
         self.trace(scan, count);
-        if scan.paths.is_some() || scan.air.is_some() {
+        if scan.paths.is_some() || scan.air.is_some() || scan.alarms.is_some() {
             self.answer.reset();
             self.answer.end = self.hits.range;
+        }
+        if !scan.efficiency.is_empty() {
+            for (part, &channel) in self.answer.efficiency.iter_mut().zip(&scan.beams.channel[first..first + count]) {
+                *part = scan.efficiency[usize::from(channel)];
+            }
         }
         if let Some(limits) = scan.paths {
             self.follow(scan, limits, first, count);
         }
-        let needs_surfaces = !scan.options.organised && !scan.air.as_ref().is_some_and(Air::answers);
+        let answers = scan.air.as_ref().is_some_and(Air::answers) || scan.alarms.is_some();
+        let needs_surfaces = !scan.options.organised && !answers;
         if needs_surfaces && self.hits.surface[..count].iter().all(|&surface| surface == MISS) {
             return 0;
         }
@@ -98,7 +108,15 @@ impl Block {
     /// Steps 4 and 5: every beam at the pose of its own time.
     #[inline(always)]
     fn aim(&mut self, scan: &Scan, first: usize, count: usize) {
-        scan.aim.rays(scan.beams, first, count, scan.range_max, &mut self.rays);
+        let nominal = scan.beams.directions(first, count);
+        if scan.pointing_sigma > 0.0 {
+            let pointed = self.pointed.get_or_insert_with(|| Box::new([[0.0; LANES]; 3]));
+            emitter::scatter(&scan.rng, first as u32, scan.pointing_sigma, nominal, pointed);
+            let pointed = pointed.each_ref().map(|axis| &axis[..count]);
+            scan.aim.rays(scan.beams, first, pointed, scan.range_max, &mut self.rays);
+        } else {
+            scan.aim.rays(scan.beams, first, nominal, scan.range_max, &mut self.rays);
+        }
     }
 
     /// Steps 6 and 8: what the rays hit and what it is like.
@@ -143,8 +161,12 @@ impl Block {
             depth: &depth,
         };
         follower.follow(&around, rays, hits, surfaces, count, chosen, |echo: &PathEcho| {
-            let rho_eff = echo.reflectance * echo.cos_incidence;
-            let seen = scan.keeps_undetected || scan.threshold.detects(rho_eff, echo.range);
+            let rho_eff = echo.reflectance * echo.cos_incidence * answer.efficiency[echo.lane];
+            let seen = scan.keeps_undetected || {
+                let beam = (first + echo.lane) as u32;
+                let noise = scan.threshold.noise(&scan.rng, beam, echo.range.to_bits());
+                scan.threshold.detects(rho_eff, echo.range, noise)
+            };
             let least = scan.beams.range_min.get(first + echo.lane).copied().unwrap_or(scan.range_min);
             let within = echo.range >= least && echo.range <= rays.range_max[echo.lane];
             (seen && within).then(|| match scan.mode {
@@ -185,6 +207,11 @@ impl Block {
                 self.surfaces.reflectance[lane] *= self.scratch[lane];
             }
         }
+        if !scan.efficiency.is_empty() {
+            for lane in 0..LANES {
+                self.surfaces.reflectance[lane] *= self.answer.efficiency[lane];
+            }
+        }
         let Block { hits, surfaces, rho_eff, intensity, .. } = self;
         for lane in 0..LANES {
             rho_eff[lane] = surfaces.reflectance[lane] * surfaces.cos_incidence[lane];
@@ -194,8 +221,18 @@ impl Block {
         if let Some(air) = scan.air.as_ref().filter(|_| scan.keeps_undetected) {
             self.weather_of_the_program(scan, air, count);
         } else if scan.threshold != Threshold::Open {
+            let mut noise = [0.0; LANES];
+            scan.threshold.noises(&scan.rng, beams, 0, &mut noise);
+            if scan.paths.is_some() {
+                // What is seen in mirrors and through glass is detected already.
+                for lane in 0..LANES {
+                    if self.answer.dimmed[lane] {
+                        noise[lane] = f32::INFINITY;
+                    }
+                }
+            }
             for lane in 0..LANES {
-                if !scan.threshold.detects(rho_eff[lane], hits.range[lane]) {
+                if !scan.threshold.detects(rho_eff[lane], hits.range[lane], noise[lane]) {
                     intensity[lane] = 0.0;
                     if !scan.keeps_undetected {
                         hits.surface[lane] = MISS;
@@ -204,11 +241,23 @@ impl Block {
             }
         }
         scan.limit(&mut self.hits.surface, &self.hits.range, first, count);
-        if let Some(air) = scan.air.as_ref().filter(|air| air.answers()) {
-            self.answer(scan, air, first, count);
+        if scan.alarms.is_some() || scan.air.as_ref().is_some_and(Air::answers) {
+            self.answer(scan, first, count);
         }
-        let Block { hits, rho_eff, measured, turn, scratch, .. } = self;
-        scan.range_error.measure(&scan.rng, beams, &rho_eff[..count], &hits.range[..count], &mut measured[..count]);
+        let Block { hits, rho_eff, measured, intensity, turn, scratch, .. } = self;
+        if let Some(most) = scan.saturation {
+            for lane in 0..LANES {
+                let most = most * hits.range[lane] * hits.range[lane];
+                if rho_eff[lane] > most {
+                    intensity[lane] = scan.intensity.of(most, 1.0, hits.range[lane]);
+                }
+            }
+        }
+        if scan.range_error.draws() {
+            scan.rng.normals(beams, Draw::RangeJitter, &mut measured[..count]);
+        }
+        let channels = &scan.beams.channel[first..first + count];
+        scan.range_error.measure(channels, &rho_eff[..count], &hits.range[..count], &mut measured[..count]);
         if let Some(sigma) = scan.air.as_ref().map(Air::range_noise).filter(|&sigma| sigma > 0.0) {
             scan.rng.normals(beams, Draw::RainRange, &mut scratch[..count]);
             for lane in 0..count {
@@ -227,9 +276,18 @@ impl Block {
                 }
             }
         }
-        if scan.azimuth_sigma > 0.0 {
+        if let Some(weak) = &scan.dropout_weak {
+            scan.rng.uniforms(beams, Draw::WeakDropout, 0, &mut scratch[..count]);
+            for lane in 0..count {
+                if scratch[lane] < weak.probability(rho_eff[lane]) {
+                    hits.surface[lane] = MISS;
+                }
+            }
+        }
+        if let Some(error) = &scan.azimuth_error {
             scan.rng.normals(beams, Draw::AzimuthJitter, &mut turn[..count]);
-            turn.iter_mut().for_each(|angle| *angle *= scan.azimuth_sigma);
+            let [x, y, _] = scan.beams.directions(first, count);
+            error.turn(x, y, &mut turn[..count]);
         }
     }
 
@@ -250,12 +308,27 @@ impl Block {
         }
     }
 
-    /// Echoes of the air in place of surfaces, where the instrument prefers them.
+    /// Echoes of the air and noise in place of surfaces, where the instrument prefers them.
     #[inline(always)]
-    fn answer(&mut self, scan: &Scan, air: &Air, first: usize, count: usize) {
+    fn answer(&mut self, scan: &Scan, first: usize, count: usize) {
         let Block { rays, hits, surfaces, rho_eff, intensity, answer, .. } = self;
         (answer.range, answer.rho_eff) = (hits.range, *rho_eff);
-        air.answer(rays, &scan.rng, first as u32, count, &mut hits.surface, answer);
+        if let Some(air) = scan.air.as_ref().filter(|air| air.answers()) {
+            air.answer(rays, &scan.rng, first as u32, count, &mut hits.surface, answer);
+        }
+        if let Some(alarms) = &scan.alarms {
+            let mut chance = [0.0; LANES];
+            scan.rng.uniforms(first as u32, Draw::FalseAlarm, 0, &mut chance[..count]);
+            let some = alarms.some(scan.range_max);
+            for lane in (0..count).filter(|&lane| chance[lane] < some) {
+                let from = scan.beams.range_min.get(first + lane).copied().unwrap_or(scan.range_min);
+                let to = rays.range_max[lane].min(scan.range_max);
+                alarms.of_beam(&scan.rng, (first + lane) as u32, [from, to], |range, rho_eff| {
+                    let echo = Echo { range, rho_eff };
+                    answer.offer(scan.mode, &mut hits.surface, lane, echo, Cause::FalseAlarm);
+                });
+            }
+        }
         (hits.range, *rho_eff) = (answer.range, answer.rho_eff);
         for lane in 0..count {
             if hits.surface[lane] == AIR {

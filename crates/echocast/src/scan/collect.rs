@@ -3,14 +3,15 @@
 use super::block::Block;
 use super::run::Scan;
 use crate::cloud::{Field, Frame, Kept, Slices};
-use crate::trace::LANES;
+use crate::rng::Draw;
+use crate::trace::{LANES, RayBatch};
 use std::f32::consts::PI;
 
 impl Block {
     /// Step 11: the columns that were asked for, row by row.
     #[inline(always)]
     pub fn collect(&mut self, scan: &Scan, first: usize, count: usize, rows: Slices) -> usize {
-        let Block { rays, hits, surfaces, measured, intensity, turn, kept, scratch, answer, .. } = self;
+        let Block { rays, hits, surfaces, measured, intensity, turn, kept, scratch, answer, pointed, .. } = self;
         let surface = &hits.surface;
         let filled = kept.choose(surface, count, scan.options.organised);
 
@@ -18,11 +19,11 @@ impl Block {
         let world = scan.options.coordinates == Frame::World;
         let beams = scan.beams;
         let range = first..first + count;
+        let nominal = beams.directions(first, count);
         if !world {
             (rays.org_x, rays.org_y, rays.org_z) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
-            rays.dir_x[..count].copy_from_slice(&beams.dir_x[range.clone()]);
-            rays.dir_y[..count].copy_from_slice(&beams.dir_y[range.clone()]);
-            rays.dir_z[..count].copy_from_slice(&beams.dir_z[range.clone()]);
+            let pointed = pointed.as_ref().filter(|_| scan.pointing_sigma > 0.0);
+            put_directions(pointed.map_or(nominal, |pointed| pointed.each_ref().map(|axis| &axis[..count])), rays);
         }
         for (org, dir, to) in [
             (&rays.org_x, &rays.dir_x, rows.true_x),
@@ -31,7 +32,15 @@ impl Block {
         ] {
             put_positions(kept, surface, [org, dir, &hits.range], scratch, to);
         }
-        if scan.azimuth_sigma > 0.0 {
+        if scan.pointing_sigma > 0.0 {
+            // What is reported knows nothing of it.
+            if world {
+                scan.aim.rays(beams, first, nominal, scan.range_max, rays);
+            } else {
+                put_directions(nominal, rays);
+            }
+        }
+        if scan.azimuth_error.is_some() {
             for lane in 0..count {
                 let up = if world { scan.aim.pose(beams, first + lane).0.z_axis } else { glam::Vec3::Z };
                 let dir = glam::Vec3::new(rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]);
@@ -97,6 +106,12 @@ impl Block {
             for (value, offset) in time.iter_mut().zip(&beams.time[range.clone()]) {
                 *value = scan.options.start_time + offset;
             }
+            if scan.time_sigma > 0.0 {
+                for (value, beam) in time[..count].iter_mut().zip(first as u32..) {
+                    let jitter = scan.rng.normal(beams.firing(beam), Draw::TimeJitter, 0);
+                    *value += scan.time_sigma * f64::from(jitter);
+                }
+            }
             kept.put_beam(&time, rows.time);
         }
         if !rows.frame.is_empty() {
@@ -112,7 +127,7 @@ impl Block {
             kept.put_beam(&firing, rows.firing);
         }
         if !rows.azimuth.is_empty() || !rows.elevation.is_empty() {
-            let (x, y, z) = (&beams.dir_x[range.clone()], &beams.dir_y[range.clone()], &beams.dir_z[range]);
+            let [x, y, z] = nominal;
             let (mut azimuth, mut elevation) = ([0.0; LANES], [0.0; LANES]);
             for lane in 0..count {
                 let reported = y[lane].atan2(x[lane]) + turn[lane];
@@ -129,6 +144,14 @@ impl Block {
         }
         filled
     }
+}
+
+/// Sets the directions of rays.
+#[inline(always)]
+fn put_directions([x, y, z]: [&[f32]; 3], rays: &mut RayBatch) {
+    rays.dir_x[..x.len()].copy_from_slice(x);
+    rays.dir_y[..y.len()].copy_from_slice(y);
+    rays.dir_z[..z.len()].copy_from_slice(z);
 }
 
 /// Writes one coordinate of the points at `ranges` along rays from `org` in the direction `dir`.

@@ -64,7 +64,7 @@ impl<'a> BareLoop<'a> {
             .map(|first| {
                 let count = LANES.min(beams.len() - first);
                 let mut rays = RayBatch::new();
-                aim.rays(beams, first, count, sensor.range_max_m as f32, &mut rays);
+                aim.rays(beams, first, beams.directions(first, count), sensor.range_max_m as f32, &mut rays);
                 rays
             })
             .collect();
