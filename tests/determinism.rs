@@ -49,6 +49,21 @@ noise: {range_sigma_m: 0.01, range_snr_sigma_m: 0.02}
     Sensor::from_yaml(yaml, "").unwrap()
 }
 
+/// The same with every error that there is.
+fn noisy() -> Sensor {
+    let mut sensor = camera();
+    let detection = "{model: statistical, reflectance: 0.9, at_m: 12, tnr: 4, bandwidth_mhz: 500, saturation: 50, \
+                     channel_efficiency: [0.9]}";
+    let noise = "{range_sigma_m: 0.01, range_sigma_per_m: 0.001, range_snr_sigma_m: 0.02, range_table: [{at_m: 1, \
+                 mean_m: 0.1, sigma_m: 0.01}, {at_m: 9, sigma_m: 0.1}], channel_bias_sigma_m: 0.1, channel_gain_sigma: \
+                 0.01, instrument: 5, temperature_m_per_k: 0.01, temperature_offset_k: 3, azimuth_sigma_deg: 0.1, \
+                 azimuth_step_deg: 0.05, pointing_sigma_deg: 0.05, time_sigma_us: 3, dropout: 0.1, dropout_weak: {below: \
+                 0.8, at_zero: 0.4}}";
+    sensor.set("detection", detection).unwrap();
+    sensor.set("noise", noise).unwrap();
+    sensor
+}
+
 fn drive() -> Trajectory {
     let turned = Pose::at(2.0, 1.0, 0.5).with_rpy_deg(3.0, -4.0, 70.0);
     Trajectory::new(vec![(0.0, Pose::at(0.0, 0.0, 0.0)), (0.15, turned)]).unwrap()
@@ -75,7 +90,7 @@ fn differences(a: &PointCloud, b: &PointCloud) -> Vec<&'static str> {
 #[test]
 fn threads_do_not_change_a_bit() {
     let [one, two, seven] = [1, 2, 7].map(|threads| scene_with(&Engine::with_threads(threads).unwrap()));
-    for sensor in [lidar(), camera()] {
+    for sensor in [lidar(), camera(), noisy()] {
         for path in [Trajectory::fixed(Pose::IDENTITY), drive()] {
             for options in [all(), ScanOptions { organised: true, ..all() }, wet()] {
                 let alone = one.scan(&sensor, &path, &options).unwrap();
@@ -110,6 +125,8 @@ fn reused_memory_gives_the_same_bits() {
         (camera(), all()),
         (lidar(), all()),
         (lidar(), wet()),
+        (noisy(), all()),
+        (noisy(), wet()),
         (lidar(), few.clone()),
         (camera(), kept.clone()),
         (lidar(), sorted),
@@ -131,11 +148,11 @@ fn reused_memory_gives_the_same_bits() {
 #[test]
 fn columns_do_not_depend_on_which_are_asked_for() {
     let (scene, path) = (scene(), drive());
-    // Quick, and with all that detection needs.
-    let mut sensor = camera();
-    sensor.set("pattern.resolution", "[160, 120]").unwrap();
-    for profile in [Profile::Physical, Profile::Paper, Profile::Blainder] {
-        for coordinates in [Frame::World, Frame::Sensor] {
+    let profiles = [Profile::Physical, Profile::Paper, Profile::Blainder];
+    for (mut sensor, profiles) in [(camera(), &profiles[..]), (noisy(), &profiles[..1])] {
+        // Quick, and with all that detection needs.
+        sensor.set("pattern.resolution", "[160, 120]").unwrap();
+        for (&profile, coordinates) in profiles.iter().flat_map(|p| [(p, Frame::World), (p, Frame::Sensor)]) {
             let scan = |fields| {
                 let options = ScanOptions { fields, profile, coordinates, ..all() };
                 scene.scan(&sensor, &path, &options).unwrap()

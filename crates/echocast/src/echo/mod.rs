@@ -13,9 +13,7 @@ pub use intensity::IntensityEncoding;
 pub(crate) use intensity::IntensityModel;
 pub(crate) use particles::Cone;
 pub(crate) use path::{Chosen, Follower, Meeting, PathEcho, PathEchoes, PathLimits, Preferred, Surroundings};
-pub(crate) use pulse::Pulse;
 pub use pulse::PulseShape;
-#[cfg(test)]
-pub(crate) use pulse::erf;
+pub(crate) use pulse::{Pulse, erf};
 pub(crate) use waveform::{Part, Peak, Waveform};
 pub(crate) use weather::{AIR, Air, AirEcho, AirEchoes, Answer, Foremost, Receiver};

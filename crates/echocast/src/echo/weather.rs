@@ -18,7 +18,7 @@ pub(crate) const AIR: u32 = MISS - 1;
 const MOST_PARTICLES: u32 = 64;
 
 /// What of an instrument decides how weather shows.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Receiver {
     pub pulse: Pulse,
     /// Range below which the receiver does not see its own beam, and from which it sees all of it, m.
@@ -46,7 +46,7 @@ pub(crate) struct AirEcho {
     pub rho_eff: f32,
 }
 
-/// Who hears of the air's echoes that the instrument detects.
+/// Who hears of the air's echoes.
 pub(crate) trait AirEchoes {
     /// Range at which surfaces end what `lane` sees of the air, m.
     fn end(&self, lane: usize) -> f32;
@@ -54,8 +54,8 @@ pub(crate) trait AirEchoes {
     /// Light, as `rho_eff / R^2` in 1/m^2, that an echo of `lane` must exceed to matter; infinite where none does.
     fn least(&self, lane: usize) -> f32;
 
-    /// Hears of `echo`.
-    fn take(&mut self, lane: usize, echo: AirEcho, cause: Cause);
+    /// Hears of `echo`; says whether the instrument sees it.
+    fn take(&mut self, lane: usize, echo: AirEcho, cause: Cause) -> bool;
 }
 
 /// A medium that begins and ends where the world has it.
@@ -107,6 +107,8 @@ pub(crate) struct Answer {
     pub bounces: [u8; LANES],
     /// Whether the weather on its way is taken off already.
     pub dimmed: [bool; LANES],
+    /// Part of the light of echoes that the channel of each beam makes use of.
+    pub efficiency: [f32; LANES],
     /// Labels of the first surface that the beam meets.
     pub first_category: [u32; LANES],
     pub first_instance: [u32; LANES],
@@ -121,6 +123,7 @@ impl Answer {
             cause: [Cause::Surface as u8; LANES],
             bounces: [0; LANES],
             dimmed: [false; LANES],
+            efficiency: [1.0; LANES],
             first_category: [0; LANES],
             first_instance: [0; LANES],
         }
@@ -130,6 +133,30 @@ impl Answer {
     pub(crate) fn reset(&mut self) {
         self.cause = [Cause::Surface as u8; LANES];
         (self.bounces, self.dimmed) = ([0; LANES], [false; LANES]);
+    }
+
+    /// Puts `echo`, which no surface sent, in place of that of `lane` if `mode` prefers it.
+    #[inline(always)]
+    pub(crate) fn offer(
+        &mut self,
+        mode: ReturnMode,
+        surface: &mut [u32; LANES],
+        lane: usize,
+        echo: AirEcho,
+        cause: Cause,
+    ) {
+        let (range, rho_eff) = (self.range[lane], self.rho_eff[lane]);
+        let better = surface[lane] == MISS
+            || match mode {
+                ReturnMode::First => echo.range < range,
+                ReturnMode::Last => echo.range > range,
+                _ => echo.rho_eff * range * range > rho_eff * echo.range * echo.range,
+            };
+        if better {
+            surface[lane] = AIR;
+            (self.range[lane], self.rho_eff[lane]) = (echo.range, echo.rho_eff);
+            self.cause[lane] = cause as u8;
+        }
     }
 }
 
@@ -150,8 +177,8 @@ impl Air {
     }
 
     fn find_echoes(&mut self) {
-        let Receiver { pulse, cone, threshold, range_max, .. } = self.receiver;
-        let receiver = self.receiver;
+        let receiver = self.receiver.clone();
+        let Receiver { pulse, cone, range_max, .. } = receiver;
         let transmittance = |range: f64| (-2.0 * self.weather.depth_around_the_sensor(range)).exp();
         let farthest = range_max.min(1e4);
         // What is everywhere answers as one; the strongest of it says why.
@@ -194,7 +221,7 @@ impl Air {
                 });
             }
             // Without a threshold every particle would be seen, and the nearest would hide all else.
-            let (Some(particles), Some(k)) = (&medium.particles, threshold.least_power()) else { continue };
+            let (Some(particles), Some(k)) = (&medium.particles, receiver.threshold.least_power()) else { continue };
             let [from, to] = match medium.extent {
                 Extent::Shell { start, end } => [start.into(), f64::from(end).min(farthest)],
                 _ => [0.0, farthest],
@@ -268,9 +295,6 @@ impl Air {
     pub(crate) fn answer(&self, rays: &RayBatch, rng: &Rng, beams: &[u32], echoes: &mut impl AirEchoes) {
         let count = beams.len();
         for &(echo, cause) in &self.around {
-            if !self.is_seen(echo) {
-                continue;
-            }
             for lane in 0..count {
                 // A surface within the pulse hides it, and what is behind a surface is not there.
                 if echo.range + self.receiver.pulse.merging_distance() as f32 <= echoes.end(lane) {
@@ -351,11 +375,11 @@ impl Air {
                 let full = j * range * range;
                 let seen = full * (1.0 - (-(to - from) / full).exp());
                 let gain = exp_negative(2.0 * self.depth(org, dir, 0.0, from));
-                let rho_eff = std::f32::consts::PI * medium.backscatter * seen * gain;
-                let echo = AirEcho { range, rho_eff };
-                if self.is_seen(echo) {
-                    echoes.take(lane, echo, medium.cause);
-                }
+                echoes.take(
+                    lane,
+                    AirEcho { range, rho_eff: PI as f32 * medium.backscatter * seen * gain },
+                    medium.cause,
+                );
             }
         }
     }
@@ -400,21 +424,14 @@ impl Air {
             if by_range && echo.range >= to {
                 break;
             }
-            if (from..to).contains(&echo.range) && self.is_seen(echo) {
-                echoes.take(lane, echo, flying.cause);
-                if self.mode == ReturnMode::First {
-                    break;
-                }
+            if (from..to).contains(&echo.range)
+                && echoes.take(lane, echo, flying.cause)
+                && self.mode == ReturnMode::First
+            {
+                break;
             }
             number += exponential(next);
         }
-    }
-
-    /// Whether the instrument detects and reports it.
-    #[inline(always)]
-    fn is_seen(&self, echo: AirEcho) -> bool {
-        let is_far_enough = echo.range >= self.receiver.range_min as f32;
-        echo.rho_eff > 0.0 && is_far_enough && self.receiver.threshold.detects(echo.rho_eff, echo.range)
     }
 }
 
@@ -425,6 +442,10 @@ pub(crate) struct Foremost<'a> {
     /// [`MISS`] where no surface is detected; becomes [`AIR`] where the air's echo is taken.
     pub surface: &'a mut [u32; LANES],
     pub mode: ReturnMode,
+    pub threshold: &'a Threshold,
+    pub range_min: f32,
+    pub rng: &'a Rng,
+    pub beams: &'a [u32],
 }
 
 impl AirEchoes for Foremost<'_> {
@@ -439,26 +460,24 @@ impl AirEchoes for Foremost<'_> {
             ReturnMode::Last if self.surface[lane] < AIR => f32::INFINITY,
             ReturnMode::First | ReturnMode::Last => 0.0,
             _ if self.surface[lane] == MISS => 0.0,
-            _ => self.answer.rho_eff[lane] / (self.answer.range[lane] * self.answer.range[lane]),
+            _ => {
+                let answer = &*self.answer;
+                answer.rho_eff[lane] / (answer.range[lane] * answer.range[lane] * answer.efficiency[lane])
+            }
         }
     }
 
     #[inline(always)]
-    fn take(&mut self, lane: usize, echo: AirEcho, cause: Cause) {
-        let Foremost { answer, surface, mode } = self;
-        let (range, rho_eff) = (answer.range[lane], answer.rho_eff[lane]);
-        let better = surface[lane] == MISS
-            || match mode {
-                ReturnMode::First => echo.range < range,
-                ReturnMode::Last => echo.range > range,
-                _ => echo.rho_eff * range * range > rho_eff * echo.range * echo.range,
-            };
-        if better {
-            surface[lane] = AIR;
-            answer.range[lane] = echo.range;
-            answer.rho_eff[lane] = echo.rho_eff;
-            answer.cause[lane] = cause as u8;
+    fn take(&mut self, lane: usize, echo: AirEcho, cause: Cause) -> bool {
+        let echo = AirEcho { rho_eff: echo.rho_eff * self.answer.efficiency[lane], ..echo };
+        let noise = self.threshold.noise(self.rng, self.beams[lane], echo.range.to_bits());
+        let seen = echo.rho_eff > 0.0
+            && echo.range >= self.range_min
+            && self.threshold.detects(echo.rho_eff, echo.range, noise);
+        if seen {
+            self.answer.offer(self.mode, self.surface, lane, echo, cause);
         }
+        seen
     }
 }
 

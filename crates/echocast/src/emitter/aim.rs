@@ -1,6 +1,7 @@
 //! Rays from beams: the direction of each beam at the pose of its own time.
 
 use super::{BeamTable, Pose, Trajectory};
+use crate::rng::{Draw, Rng};
 use crate::trace::{LANES, RayBatch};
 use glam::{DVec3, Mat3, Vec3};
 
@@ -35,16 +36,22 @@ impl<'a> Aim<'a> {
         }
     }
 
-    /// Origins, directions and farthest ranges of beams `first .. first + count`; `range_max`, m, where the table has
-    /// none.
+    /// Origins, directions and farthest ranges of beams `first ..` that go in the directions `x`, `y`, `z` (sensor frame);
+    /// `range_max`, m, where the table has none.
     #[inline(always)]
-    pub(crate) fn rays(&self, beams: &BeamTable, first: usize, count: usize, range_max: f32, rays: &mut RayBatch) {
-        let range = first..first + count;
-        match beams.range_max.get(range.clone()) {
+    pub(crate) fn rays(
+        &self,
+        beams: &BeamTable,
+        first: usize,
+        [x, y, z]: [&[f32]; 3],
+        range_max: f32,
+        rays: &mut RayBatch,
+    ) {
+        let count = x.len();
+        match beams.range_max.get(first..first + count) {
             Some(limits) => rays.range_max[..count].copy_from_slice(limits),
             None => rays.range_max = [range_max; LANES],
         }
-        let (x, y, z) = (&beams.dir_x[range.clone()], &beams.dir_y[range.clone()], &beams.dir_z[range]);
         match self {
             Aim::Fixed { rotation, origin } => {
                 rays.org_x = [origin.x; LANES];
@@ -82,4 +89,61 @@ impl<'a> Aim<'a> {
 
 fn local(pose: &Pose, local_origin: DVec3) -> (Mat3, Vec3) {
     (pose.rotation().as_mat3(), (pose.position - local_origin).as_vec3())
+}
+
+/// Where `beams` really go that are reported to go in the directions `nominal` (sensor frame): off by a
+/// Gaussian angle of `sigma` rad, small, in each of the two directions across.
+#[inline(always)]
+pub(crate) fn scatter(rng: &Rng, beams: &[u32], sigma: f32, nominal: [&[f32]; 3], pointed: &mut [[f32; LANES]; 3]) {
+    let count = beams.len();
+    let mut angles = [[0.0; LANES]; 2];
+    for (sub_ray, angles) in (0..).zip(&mut angles) {
+        rng.normals(beams, &[sub_ray; LANES][..count], Draw::Pointing, &mut angles[..count]);
+    }
+    for lane in 0..count {
+        let along = Vec3::from(nominal.map(|axis| axis[lane]));
+        // Straight up and down, there is no horizontal: any direction is across.
+        let left = Vec3::Z.cross(along).try_normalize().unwrap_or(Vec3::Y);
+        let across = left * angles[0][lane] + along.cross(left) * angles[1][lane];
+        let direction = (along + sigma * across).normalize();
+        for axis in 0..3 {
+            pointed[axis][lane] = direction[axis];
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Ahead, slanting, straight up: Gaussian in both directions across, by one sigma each, and of length 1.
+    #[test]
+    fn beams_scatter_around_where_they_point() {
+        let sigma = 2e-3;
+        for along in [Vec3::X, Vec3::new(-0.6, 0.0, 0.8), Vec3::Z] {
+            let columns = along.to_array().map(|value| vec![value; LANES]);
+            let (mut pointed, mut sums, blocks) = ([[0.0; LANES]; 3], [0.0; 4], 200);
+            for block in 0..blocks {
+                let nominal = columns.each_ref().map(|axis| &axis[..]);
+                let beams: [u32; LANES] = std::array::from_fn(|lane| block * LANES as u32 + lane as u32);
+                scatter(&Rng::new(3, 0), &beams, sigma, nominal, &mut pointed);
+                for lane in 0..LANES {
+                    let direction = Vec3::from(pointed.map(|axis| axis[lane]));
+                    assert!((direction.length() - 1.0).abs() < 2e-7);
+                    let left = Vec3::Z.cross(along).try_normalize().unwrap_or(Vec3::Y);
+                    let (a, b) = (direction.dot(left) / sigma, direction.dot(along.cross(left)) / sigma);
+                    for (sum, value) in sums.iter_mut().zip([a, a * a, b * b, a * b]) {
+                        *sum += f64::from(value);
+                    }
+                }
+            }
+            // Three standard errors of mean, variances and covariance of normal numbers.
+            let n = f64::from(blocks) * LANES as f64;
+            for (sum, (expected, spread)) in
+                sums.iter().zip([(0.0, 1.0), (1.0, 2f64.sqrt()), (1.0, 2f64.sqrt()), (0.0, 1.0)])
+            {
+                assert!((sum / n - expected).abs() < 3.0 * spread / n.sqrt(), "{along}: {sums:?}");
+            }
+        }
+    }
 }

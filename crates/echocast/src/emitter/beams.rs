@@ -88,6 +88,12 @@ impl BeamTable {
         }
     }
 
+    /// Directions of beams `first .. first + count`, by axis.
+    #[inline(always)]
+    pub(crate) fn directions(&self, first: usize, count: usize) -> [&[f32]; 3] {
+        [&self.dir_x, &self.dir_y, &self.dir_z].map(|axis| &axis[first..first + count])
+    }
+
     /// Number of beams.
     pub fn len(&self) -> usize {
         self.dir_x.len()

@@ -9,7 +9,7 @@ pub mod pattern;
 mod pose;
 mod trajectory;
 
-pub(crate) use aim::Aim;
+pub(crate) use aim::{Aim, scatter};
 pub use beams::{BeamTable, FiringOrder};
 pub(crate) use footprint::{Across, Footprint};
 use motion::Motion;

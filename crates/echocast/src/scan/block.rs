@@ -7,8 +7,9 @@ use crate::cloud::{Kept, Slices};
 use crate::detect::ReturnMode;
 use crate::detect::Threshold;
 use crate::echo::{
-    AIR, Air, Answer, Chosen, Contribution, Follower, Foremost, PathEcho, PathLimits, Preferred, Surroundings,
+    AIR, Air, AirEcho, Answer, Chosen, Contribution, Follower, Foremost, PathEcho, PathLimits, Preferred, Surroundings,
 };
+use crate::emitter;
 use crate::material::Optics;
 use crate::rng::Draw;
 use crate::trace::{HitBatch, LANES, MISS, RayBatch};
@@ -103,6 +104,8 @@ pub(super) struct Block {
     pub kept: Kept,
     pub scratch: [f32; LANES],
     pub answer: Answer,
+    /// The rays that beams are reported to be, where those are not `rays`.
+    pub reported: Option<Box<RayBatch>>,
     /// Memory to follow light in, where a scene has mirrors or glass.
     pub paths: Option<Box<(Follower, Chosen)>>,
     /// Memory for beams of several rays or returns.
@@ -123,6 +126,7 @@ impl Block {
             kept: Kept::new(),
             scratch: [0.0; LANES],
             answer: Answer::new(),
+            reported: None,
             paths: None,
             gatherer: None,
         }
@@ -134,14 +138,18 @@ impl Block {
         self.lanes.start_at(first);
         self.aim(scan, first, count);
         self.trace(scan, count);
-        if scan.paths.is_some() || scan.air.is_some() {
+        if scan.paths.is_some() || scan.air.is_some() || scan.alarms.is_some() {
             self.answer.reset();
             self.answer.end = self.hits.range;
+        }
+        if !scan.efficiency.is_empty() {
+            self.answer.efficiency = scan.efficiencies(&self.lanes, count);
         }
         if let Some(limits) = scan.paths {
             self.follow(scan, limits, first, count);
         }
-        let needs_surfaces = !scan.options.organised && !scan.air.as_ref().is_some_and(Air::answers);
+        let answers = scan.air.as_ref().is_some_and(Air::answers) || scan.alarms.is_some();
+        let needs_surfaces = !scan.options.organised && !answers;
         if needs_surfaces && self.hits.surface[..count].iter().all(|&surface| surface == MISS) {
             return 0;
         }
@@ -153,7 +161,15 @@ impl Block {
     /// Steps 4 and 5: every beam at the pose of its own time.
     #[inline(always)]
     pub fn aim(&mut self, scan: &Scan, first: usize, count: usize) {
-        scan.aim.rays(scan.beams, first, count, scan.range_max, &mut self.rays);
+        let nominal = scan.beams.directions(first, count);
+        scan.aim.rays(scan.beams, first, nominal, scan.range_max, &mut self.rays);
+        if scan.pointing_sigma > 0.0 {
+            self.reported = Some(Box::new(self.rays.clone()));
+            let mut pointed = [[0.0; LANES]; 3];
+            emitter::scatter(&scan.rng, &self.lanes.beam[..count], scan.pointing_sigma, nominal, &mut pointed);
+            let pointed = pointed.each_ref().map(|axis| &axis[..count]);
+            scan.aim.rays(scan.beams, first, pointed, scan.range_max, &mut self.rays);
+        }
     }
 
     /// Steps 6 and 8: what the rays hit and what it is like.
@@ -196,9 +212,14 @@ impl Block {
             depth: &depth,
         };
         chosen.strength = [f32::NEG_INFINITY; LANES];
+        let efficiency = &answer.efficiency;
         let prefer = |echo: &PathEcho| {
-            let rho_eff = echo.reflectance * echo.cos_incidence;
-            let seen = scan.keeps_undetected || scan.threshold.detects(rho_eff, echo.range);
+            let rho_eff = echo.reflectance * echo.cos_incidence * efficiency[echo.lane];
+            let seen = scan.keeps_undetected || {
+                let beam = (first + echo.lane) as u32;
+                let noise = scan.threshold.noise(&scan.rng, beam, echo.range.to_bits());
+                scan.threshold.detects(rho_eff, echo.range, noise)
+            };
             let least = scan.beams.range_min.get(first + echo.lane).copied().unwrap_or(scan.range_min);
             let within = echo.range >= least && echo.range <= rays.range_max[echo.lane];
             (seen && within).then(|| match scan.mode {
@@ -245,6 +266,11 @@ impl Block {
                 self.surfaces.reflectance[lane] *= self.scratch[lane];
             }
         }
+        if !scan.efficiency.is_empty() {
+            for lane in 0..LANES {
+                self.surfaces.reflectance[lane] *= self.answer.efficiency[lane];
+            }
+        }
         let Block { hits, surfaces, rho_eff, intensity, .. } = self;
         for lane in 0..LANES {
             rho_eff[lane] = surfaces.reflectance[lane] * surfaces.cos_incidence[lane];
@@ -254,8 +280,18 @@ impl Block {
         if let Some(air) = scan.air.as_ref().filter(|_| scan.keeps_undetected) {
             self.weather_of_the_program(scan, air, count);
         } else if scan.threshold != Threshold::Open {
+            let mut noise = [0.0; LANES];
+            scan.threshold.noises(&scan.rng, &self.lanes.beam[..count], &mut noise[..count]);
+            if scan.paths.is_some() {
+                // What is seen in mirrors and through glass is detected already.
+                for lane in 0..LANES {
+                    if self.answer.dimmed[lane] {
+                        noise[lane] = f32::INFINITY;
+                    }
+                }
+            }
             for lane in 0..LANES {
-                if !scan.threshold.detects(rho_eff[lane], hits.range[lane]) {
+                if !scan.threshold.detects(rho_eff[lane], hits.range[lane], noise[lane]) {
                     intensity[lane] = 0.0;
                     if !scan.keeps_undetected {
                         hits.surface[lane] = MISS;
@@ -264,17 +300,29 @@ impl Block {
             }
         }
         scan.limit(&mut self.hits.surface, &self.hits.range, &self.lanes, count);
-        if let Some(air) = scan.air.as_ref().filter(|air| air.answers()) {
-            self.answer(scan, air, count);
+        if scan.alarms.is_some() || scan.air.as_ref().is_some_and(Air::answers) {
+            self.answer(scan, count);
         }
     }
 
     /// Step 10: errors of what is measured.
     #[inline(always)]
     pub fn measure(&mut self, scan: &Scan, count: usize) {
-        let Block { lanes, hits, rho_eff, measured, turn, scratch, .. } = self;
+        let Block { lanes, hits, rho_eff, measured, intensity, turn, scratch, .. } = self;
         let draws = [&lanes.beam[..count], &lanes.number[..count]];
-        scan.range_error.measure(&scan.rng, draws, &rho_eff[..count], &hits.range[..count], &mut measured[..count]);
+        if let Some(most) = scan.saturation {
+            for lane in 0..LANES {
+                let most = most * hits.range[lane] * hits.range[lane];
+                if rho_eff[lane] > most {
+                    intensity[lane] = scan.intensity.of(most, 1.0, hits.range[lane]);
+                }
+            }
+        }
+        if scan.range_error.draws() {
+            scan.rng.normals(draws[0], draws[1], Draw::RangeJitter, &mut measured[..count]);
+        }
+        let channels = lanes.take(&scan.beams.channel, count);
+        scan.range_error.measure(&channels[..count], &rho_eff[..count], &hits.range[..count], &mut measured[..count]);
         if let Some(sigma) = scan.air.as_ref().map(Air::range_noise).filter(|&sigma| sigma > 0.0) {
             scan.rng.normals(draws[0], draws[1], Draw::RainRange, &mut scratch[..count]);
             for lane in 0..count {
@@ -293,10 +341,19 @@ impl Block {
                 }
             }
         }
-        if scan.azimuth_sigma > 0.0 {
+        if let Some(weak) = &scan.dropout_weak {
+            scan.rng.uniforms(draws[0], draws[1], Draw::WeakDropout, &mut scratch[..count]);
+            for lane in 0..count {
+                if scratch[lane] < weak.probability(rho_eff[lane]) {
+                    hits.surface[lane] = MISS;
+                }
+            }
+        }
+        if let Some(error) = &scan.azimuth_error {
             // All returns of a beam come from one direction.
             scan.rng.normals(draws[0], &[0; LANES][..count], Draw::AzimuthJitter, &mut turn[..count]);
-            turn.iter_mut().for_each(|angle| *angle *= scan.azimuth_sigma);
+            let [x, y] = [&scan.beams.dir_x, &scan.beams.dir_y].map(|axis| lanes.take(axis, count));
+            error.turn(&x[..count], &y[..count], &mut turn[..count]);
         }
     }
 
@@ -317,13 +374,36 @@ impl Block {
         }
     }
 
-    /// Echoes of the air in place of surfaces, where the instrument prefers them.
+    /// Echoes of the air and noise in place of surfaces, where the instrument prefers them.
     #[inline(always)]
-    fn answer(&mut self, scan: &Scan, air: &Air, count: usize) {
+    fn answer(&mut self, scan: &Scan, count: usize) {
         let Block { lanes, rays, hits, surfaces, rho_eff, intensity, answer, .. } = self;
         (answer.range, answer.rho_eff) = (hits.range, *rho_eff);
-        let mut foremost = Foremost { answer, surface: &mut hits.surface, mode: scan.mode };
-        air.answer(rays, &scan.rng, &lanes.beam[..count], &mut foremost);
+        let beams = &lanes.beam[..count];
+        if let Some(air) = scan.air.as_ref().filter(|air| air.answers()) {
+            let mut foremost = Foremost {
+                answer,
+                surface: &mut hits.surface,
+                mode: scan.mode,
+                threshold: &scan.threshold,
+                range_min: scan.range_min,
+                rng: &scan.rng,
+                beams,
+            };
+            air.answer(rays, &scan.rng, beams, &mut foremost);
+        }
+        if let Some(alarms) = &scan.alarms {
+            alarms.of_beams(
+                &scan.rng,
+                beams,
+                scan.range_max,
+                |beam| scan.limits_of(beam as usize),
+                |lane, range, rho_eff| {
+                    let echo = AirEcho { range, rho_eff };
+                    answer.offer(scan.mode, &mut hits.surface, lane, echo, Cause::FalseAlarm);
+                },
+            );
+        }
         (hits.range, *rho_eff) = (answer.range, answer.rho_eff);
         for lane in 0..count {
             if hits.surface[lane] == AIR {

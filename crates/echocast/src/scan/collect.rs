@@ -1,8 +1,9 @@
 //! The columns of a block's returns.
 
-use super::block::Block;
+use super::block::{Block, Lanes};
 use super::run::Scan;
 use crate::cloud::{Field, Frame, Kept, Slices};
+use crate::rng::Draw;
 use crate::trace::LANES;
 use std::f32::consts::PI;
 
@@ -10,18 +11,28 @@ impl Block {
     /// Step 11: the columns that were asked for, row by row.
     #[inline(always)]
     pub fn collect(&mut self, scan: &Scan, count: usize, rows: Slices) -> usize {
-        let Block { lanes, rays, hits, surfaces, measured, intensity, turn, kept, scratch, answer, .. } = self;
+        let Block { lanes, rays, hits, surfaces, measured, intensity, turn, kept, scratch, answer, reported, .. } =
+            self;
         let surface = &hits.surface;
         let filled = kept.choose(surface, count, scan.options.organised);
 
         // Positions along the beam: in the world from where the beam starts, in the sensor frame from 0.
         let world = scan.options.coordinates == Frame::World;
         let beams = scan.beams;
+        let nominal = |lanes: &Lanes| [&beams.dir_x, &beams.dir_y, &beams.dir_z].map(|axis| lanes.take(axis, count));
+        let reported = reported.as_ref().filter(|_| scan.pointing_sigma > 0.0);
         if !world {
+            if reported.is_some() {
+                // Where beams really go.
+                for lane in 0..count {
+                    let (rotation, _) = scan.aim.pose(beams, lanes.beam[lane] as usize);
+                    let direction = rotation.transpose() * rays.direction(lane);
+                    (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = direction.into();
+                }
+            } else {
+                [rays.dir_x, rays.dir_y, rays.dir_z] = nominal(lanes);
+            }
             (rays.org_x, rays.org_y, rays.org_z) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
-            rays.dir_x = lanes.take(&beams.dir_x, count);
-            rays.dir_y = lanes.take(&beams.dir_y, count);
-            rays.dir_z = lanes.take(&beams.dir_z, count);
         }
         for (org, dir, to) in [
             (&rays.org_x, &rays.dir_x, rows.true_x),
@@ -30,7 +41,15 @@ impl Block {
         ] {
             put_positions(kept, surface, [org, dir, &hits.range], scratch, to);
         }
-        if scan.azimuth_sigma > 0.0 {
+        if let Some(reported) = reported {
+            // What is reported knows nothing of it.
+            if world {
+                rays.clone_from(reported);
+            } else {
+                [rays.dir_x, rays.dir_y, rays.dir_z] = nominal(lanes);
+            }
+        }
+        if scan.azimuth_error.is_some() {
             for lane in 0..count {
                 let up = if world { scan.aim.pose(beams, lanes.beam[lane] as usize).0.z_axis } else { glam::Vec3::Z };
                 let dir = rays.direction(lane);
@@ -93,6 +112,12 @@ impl Block {
         if !rows.time.is_empty() {
             let mut time = lanes.take(&beams.time, count);
             time.iter_mut().for_each(|time| *time += scan.options.start_time);
+            if scan.time_sigma > 0.0 {
+                for (value, &beam) in time[..count].iter_mut().zip(&lanes.beam) {
+                    let jitter = scan.rng.normal(beams.firing(beam), Draw::TimeJitter, 0);
+                    *value += scan.time_sigma * f64::from(jitter);
+                }
+            }
             kept.put_beam(&time, rows.time);
         }
         if !rows.frame.is_empty() {
@@ -104,7 +129,7 @@ impl Block {
             kept.put_beam(&firing, rows.firing);
         }
         if !rows.azimuth.is_empty() || !rows.elevation.is_empty() {
-            let [x, y, z] = [&beams.dir_x, &beams.dir_y, &beams.dir_z].map(|column| lanes.take(column, count));
+            let [x, y, z] = nominal(lanes);
             let (mut azimuth, mut elevation) = ([0.0; LANES], [0.0; LANES]);
             for lane in 0..count {
                 let reported = y[lane].atan2(x[lane]) + turn[lane];

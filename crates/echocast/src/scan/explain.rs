@@ -1,7 +1,7 @@
 //! What happens to one beam, for people to read.
 
 use super::block::Block;
-use super::returns::{Gatherer, NONE, Signals};
+use super::returns::{ALARM, Gatherer, NONE, Signals};
 use super::run::Scan;
 use crate::cause::Cause;
 use crate::cloud::{Columns, FieldSet};
@@ -202,6 +202,7 @@ impl Scan<'_> {
             };
             let found = gatherer.found(signals, 0, peak);
             let source = match gatherer.rays.get(found.source as usize) {
+                _ if found.source == ALARM => Cause::FalseAlarm.name().into(),
                 Some(ray) => self.name(ray.hits.surface[0]),
                 None => {
                     let other = &gatherer.others.list[found.source as usize - gatherer.rays.len()];
@@ -223,7 +224,8 @@ impl Scan<'_> {
 
     /// A place of Embree's in the world, m.
     fn place(&self, local: Vec3) -> String {
-        let DVec3 { x, y, z } = self.scene.origin + local.as_dvec3();
+        // A negative 0 has no meaning to people.
+        let DVec3 { x, y, z } = ((self.scene.origin + local.as_dvec3()) * 1e4).round() / 1e4 + DVec3::ZERO;
         format!("{x:.4} {y:.4} {z:.4}")
     }
 

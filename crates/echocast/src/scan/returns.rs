@@ -72,6 +72,9 @@ pub(super) struct Other {
 
 pub(super) const NONE: u32 = u32::MAX;
 
+/// Source of an echo that is noise.
+pub(super) const ALARM: u32 = u32::MAX;
+
 /// All echoes that no ray's own surface sends, chained beam by beam.
 pub(super) struct Others {
     pub list: Vec<Other>,
@@ -179,13 +182,19 @@ impl Plain {
 pub(super) struct Gatherer {
     plain: Plain,
     across: Across,
-    /// Directions of the beams themselves.
+    /// The beams themselves.
     pub beams: RayBatch,
+    /// The beams as they are reported to be, where those are others.
+    reported: Option<Box<RayBatch>>,
+    /// Part of the light that the channel of each beam makes use of.
+    efficiency: [f32; LANES],
     pub rays: Vec<Ray>,
     pub others: Others,
     pub surfaces: Contribution,
     pub follower: Follower,
     pub forming: Forming,
+    /// Noise that looks like echoes: lane, and what it looks like, lane after lane.
+    alarms: Vec<(usize, Peak)>,
     /// Where paths lead, for those who want to know.
     pub log: Option<Vec<Meeting>>,
 }
@@ -213,6 +222,7 @@ pub(super) struct Found {
 struct OfPaths<'a> {
     others: &'a mut Others,
     weight: f32,
+    efficiency: &'a [f32; LANES],
     least_power: f32,
     first: &'a [u32; LANES],
     log: Option<&'a mut Vec<Meeting>>,
@@ -227,7 +237,8 @@ impl PathEchoes for OfPaths<'_> {
         let hit = echo.hit;
         let other = Other {
             range: echo.range,
-            power: echo.reflectance * echo.cos_incidence * self.weight / (echo.range * echo.range),
+            power: echo.reflectance * echo.cos_incidence * self.weight * self.efficiency[echo.lane]
+                / (echo.range * echo.range),
             before: NONE,
             cause: echo.cause,
             bounces: echo.bounces,
@@ -254,6 +265,7 @@ impl PathEchoes for OfPaths<'_> {
 struct OfAir<'a> {
     others: &'a mut Others,
     rays: &'a [Ray],
+    efficiency: &'a [f32; LANES],
 }
 
 impl AirEchoes for OfAir<'_> {
@@ -265,13 +277,13 @@ impl AirEchoes for OfAir<'_> {
         0.0
     }
 
-    fn take(&mut self, lane: usize, echo: AirEcho, cause: Cause) {
+    fn take(&mut self, lane: usize, echo: AirEcho, cause: Cause) -> bool {
         // What surfaces stop before does not get there.
         let on = self.rays.iter().filter(|ray| ray.end(lane) > echo.range).count();
         let share = on as f32 / self.rays.len() as f32;
         let other = Other {
             range: echo.range,
-            power: echo.rho_eff * share / (echo.range * echo.range),
+            power: echo.rho_eff * share * self.efficiency[lane] / (echo.range * echo.range),
             before: NONE,
             cause,
             bounces: 0,
@@ -285,6 +297,7 @@ impl AirEchoes for OfAir<'_> {
         if other.power > 0.0 {
             self.others.add(lane, other);
         }
+        other.power > 0.0
     }
 }
 
@@ -302,6 +315,8 @@ impl Gatherer {
             plain: Plain::new(),
             across: Across::new(),
             beams: RayBatch::new(),
+            reported: None,
+            efficiency: [1.0; LANES],
             rays: (0..signals.rays()).map(|_| ray()).collect(),
             others: Others { list: Vec::new(), last: [NONE; LANES] },
             surfaces: Contribution::new(),
@@ -314,6 +329,7 @@ impl Gatherer {
                 chosen: Vec::new(),
                 shares: Vec::new(),
             },
+            alarms: Vec::new(),
             log: None,
         }
     }
@@ -334,6 +350,10 @@ impl Block {
         self.lanes.start_at(first);
         self.aim(scan, first, count);
         gatherer.beams = self.rays.clone();
+        gatherer.reported.clone_from(&self.reported);
+        if !scan.efficiency.is_empty() {
+            gatherer.efficiency = scan.efficiencies(&self.lanes, count);
+        }
         gatherer.gather(scan, signals, &mut self.rays, &self.lanes.beam[..count]);
         let filled = self.report(scan, signals, &mut gatherer, first, count, &mut rows);
         self.gatherer = Some(gatherer);
@@ -382,14 +402,19 @@ impl Block {
 
     /// Makes lane `to` the return that `found` of the beam at `lane` is.
     fn put(&mut self, scan: &Scan, gatherer: &Gatherer, lane: usize, to: usize, found: Found) {
-        let Block { rays, hits, surfaces, rho_eff, answer, .. } = self;
+        let Block { rays, reported, hits, surfaces, rho_eff, answer, .. } = self;
         let Found { peak, source, mixed } = found;
-        let beams = &gatherer.beams;
-        (rays.org_x[to], rays.org_y[to], rays.org_z[to]) = (beams.org_x[lane], beams.org_y[lane], beams.org_z[lane]);
-        (rays.dir_x[to], rays.dir_y[to], rays.dir_z[to]) = (beams.dir_x[lane], beams.dir_y[lane], beams.dir_z[lane]);
+        rays.take(to, &gatherer.beams, lane);
+        if let (Some(reported), Some(beams)) = (reported, &gatherer.reported) {
+            reported.take(to, beams, lane);
+        }
         let first;
         let mut cause = Cause::Surface;
-        if let Some(ray) = gatherer.rays.get(source as usize) {
+        if source == ALARM {
+            (hits.surface[to], surfaces.cos_incidence[to]) = (AIR, 1.0);
+            (hits.normal_x[to], hits.normal_y[to], hits.normal_z[to]) = (f32::NAN, f32::NAN, f32::NAN);
+            (first, cause, answer.bounces[to]) = (AIR, Cause::FalseAlarm, 0);
+        } else if let Some(ray) = gatherer.rays.get(source as usize) {
             hits.take(to, &ray.hits, lane);
             surfaces.cos_incidence[to] = ray.cos_incidence[lane];
             (first, answer.bounces[to]) = (ray.hits.surface[lane], 0);
@@ -467,10 +492,13 @@ impl Gatherer {
         if signals.footprint.is_some() {
             self.turn(scan, beams);
         }
+        self.alarm(scan, beams);
         let weight = 1.0 / signals.rays() as f32;
         let wanted = Wanted { colors: false, reflectance: true };
         for index in 0..self.rays.len() {
-            let Gatherer { plain, across, beams, rays: met, others, surfaces, follower, forming, log } = self;
+            let Gatherer {
+                plain, across, beams, efficiency, rays: met, others, surfaces, follower, forming, log, ..
+            } = self;
             let (before, ray) = met.split_at_mut(index);
             let ray = &mut ray[0];
             if let Some(footprint) = &signals.footprint {
@@ -491,7 +519,7 @@ impl Gatherer {
                     ray.power[lane] * surfaces.reflectance[lane] * surfaces.cos_incidence[lane] / (range * range);
                 // A miss has no incidence; rays that begin on a surface have no range.
                 let met = ray.hits.surface[lane] != MISS && power.is_finite();
-                ray.power[lane] = if met { power } else { 0.0 };
+                ray.power[lane] = if met { power * efficiency[lane] } else { 0.0 };
             }
             if let Some(limits) = scan.paths {
                 let goes_on =
@@ -512,8 +540,14 @@ impl Gatherer {
                     };
                     // A hundredth of what is seen adds nothing to what is seen.
                     let least_power = 0.01 * scan.threshold.least_power().unwrap_or(0.0) as f32;
-                    let mut echoes =
-                        OfPaths { others, weight, least_power, first: &ray.hits.surface, log: log.as_mut() };
+                    let mut echoes = OfPaths {
+                        others,
+                        weight,
+                        efficiency,
+                        least_power,
+                        first: &ray.hits.surface,
+                        log: log.as_mut(),
+                    };
                     follower.follow(&around, rays, &ray.hits, surfaces, count, &mut echoes);
                     for lane in 0..count {
                         if goes_on(ray.hits.surface[lane]) {
@@ -529,8 +563,19 @@ impl Gatherer {
         }
         self.plain.finish(&self.rays, &self.forming.waveform);
         if let Some(air) = scan.air.as_ref().filter(|air| air.answers()) {
-            let mut echoes = OfAir { others: &mut self.others, rays: &self.rays };
+            let mut echoes = OfAir { others: &mut self.others, rays: &self.rays, efficiency: &self.efficiency };
             air.answer(&self.beams, &scan.rng, beams, &mut echoes);
+        }
+    }
+
+    /// Draws the noise that looks like echoes.
+    fn alarm(&mut self, scan: &Scan, beams: &[u32]) {
+        self.alarms.clear();
+        if let Some(alarms) = &scan.alarms {
+            let limits = |beam| scan.limits_of(beam as usize);
+            alarms.of_beams(&scan.rng, beams, scan.range_max, limits, |lane, range, rho_eff| {
+                self.alarms.push((lane, Peak { range, power: rho_eff / (range * range) }));
+            });
         }
     }
 
@@ -551,19 +596,22 @@ impl Gatherer {
     /// reported.
     #[inline(always)]
     pub fn form(&mut self, scan: &Scan, signals: &Signals, lane: usize, beam: usize) {
-        let Gatherer { plain, rays, others, forming, .. } = self;
+        let Gatherer { plain, rays, others, forming, alarms, .. } = self;
         let Forming { waveform, parts, peaks, order, chosen, .. } = forming;
         parts.clear();
         let [low, high] = scan.limits_of(beam);
-        let is_reported = |peak: &Peak| {
+        let is_reported = |peak: &Peak, echo: u32| {
             let rho_eff = peak.power * peak.range * peak.range;
-            (low..=high).contains(&peak.range) && peak.range > 0.0 && scan.threshold.detects(rho_eff, peak.range)
+            let noise = scan.threshold.noise(&scan.rng, beam as u32, echo);
+            (low..=high).contains(&peak.range) && peak.range > 0.0 && scan.threshold.detects(rho_eff, peak.range, noise)
         };
-        if plain.is[lane] && others.last[lane] == NONE {
+        let of_beam =
+            alarms.partition_point(|&(other, _)| other < lane)..alarms.partition_point(|&(other, _)| other <= lane);
+        if plain.is[lane] && others.last[lane] == NONE && of_beam.is_empty() {
             let peak = Peak { range: plain.range[lane], power: plain.power[lane] };
             peaks.clear();
             chosen.clear();
-            if is_reported(&peak) {
+            if is_reported(&peak, 0) {
                 peaks.push(peak);
                 chosen.extend((0..signals.rule.copies()).map(|_| 0));
             }
@@ -581,7 +629,11 @@ impl Gatherer {
             other = before;
         }
         waveform.peaks(parts, peaks);
-        peaks.retain(is_reported);
+        // Drawn by the range, so that other echoes do not move it; what comes straight from one surface is echo 0.
+        let alone = others.last[lane] == NONE && peaks.len() == 1;
+        peaks.retain(|peak| is_reported(peak, if alone { 0 } else { peak.range.to_bits() }));
+        peaks.extend(alarms[of_beam].iter().map(|&(_, peak)| peak));
+        peaks.sort_by(|a, b| a.range.total_cmp(&b.range));
         signals.rule.choose(peaks, order, chosen);
     }
 
@@ -594,11 +646,15 @@ impl Gatherer {
         } else {
             waveform.peaks(parts, &mut peaks);
         }
+        peaks.extend(self.alarms.iter().filter(|&&(other, _)| other == lane).map(|&(_, peak)| peak));
         peaks
     }
 
     /// Which surface sends most of the echo at `peak` of the beam at `lane`, and whether others send much.
     pub fn found(&mut self, signals: &Signals, lane: usize, peak: Peak) -> Found {
+        if self.alarms.iter().any(|&(other, alarm)| other == lane && alarm == peak) {
+            return Found { peak, source: ALARM, mixed: false };
+        }
         if self.forming.parts.is_empty() {
             // A plain beam.
             return Found { peak, source: 0, mixed: false };

@@ -4,8 +4,7 @@ use super::block::{Block, Lanes, Task, TaskOn};
 use super::returns::Signals;
 use super::{Order, Profile, Progress, ScanOptions};
 use crate::cloud::{Columns, Field, Frame, PointCloud, Slices};
-use crate::detect::ReturnMode;
-use crate::detect::{Noise, RangeError, Threshold};
+use crate::detect::{AzimuthError, FalseAlarms, Noise, RangeError, ReturnMode, Threshold, WeakDropout};
 use crate::echo::{Air, IntensityModel, PathLimits, Wanted};
 use crate::emitter::{Aim, BeamTable, Trajectory};
 use crate::error::{Error, Result};
@@ -15,6 +14,7 @@ use crate::parallel;
 use crate::rng::Rng;
 use crate::sensor::Sensor;
 use crate::trace::{CHUNK, LANES, MISS, Tables};
+use crate::units::seconds_from_us;
 use pulp::Arch;
 use std::ops::Range;
 use std::sync::Arc;
@@ -45,11 +45,22 @@ pub(super) struct Scan<'a> {
     pub aim: Aim<'a>,
     pub reflectances: Arc<Reflectances>,
     pub threshold: Threshold,
+    /// Noise that looks like echoes, if there is any.
+    pub alarms: Option<FalseAlarms>,
+    /// Part of the light that each channel makes use of; empty where all are alike.
+    pub efficiency: Vec<f32>,
+    /// `rho_eff / R^2` beyond which intensity does not rise, 1/m^2.
+    pub saturation: Option<f32>,
     pub intensity: IntensityModel,
     pub range_error: RangeError,
     pub rng: Rng,
-    pub azimuth_sigma: f32,
+    pub azimuth_error: Option<AzimuthError>,
+    /// Where beams point beside what is reported, rad.
+    pub pointing_sigma: f32,
+    /// Of the reported time, s.
+    pub time_sigma: f64,
     pub dropout: f32,
+    pub dropout_weak: Option<WeakDropout>,
     pub range_min: f32,
     pub range_max: f32,
     pub coherent: bool,
@@ -94,14 +105,14 @@ impl<'a> Scan<'a> {
         } else {
             ReflectanceSource::Luminance
         });
-        let threshold = Threshold::new(sensor.detection, blainder);
+        let threshold = sensor.threshold(blainder);
         // The paper's program knows one ray and one return.
         let signals = Some(sensor.signals()).filter(|signals| !blainder && !signals.are_simple());
         let as_the_paper = options.profile != Profile::Physical;
         let weather = Weather::new(&options.environment, sensor.wavelength_nm, as_the_paper, scene.origin);
         // Signals hear of all echoes.
         let mode = if signals.is_some() { ReturnMode::All } else { sensor.return_mode() };
-        let air = Air::new(weather, sensor.receiver(threshold), mode, !blainder);
+        let air = Air::new(weather, sensor.receiver(threshold.clone()), mode, !blainder);
         let mirrors = match options.profile {
             Profile::Physical => Mirrors::Real,
             Profile::Paper => Mirrors::Lossless,
@@ -114,11 +125,9 @@ impl<'a> Scan<'a> {
             geometric: as_the_paper,
             cosine_after: !blainder,
         });
-        let wants_echo = signals.is_some()
-            || air.is_some()
-            || paths.is_some()
-            || threshold != Threshold::Open
-            || fields.contains(Field::Intensity);
+        let depends = threshold != Threshold::Open || sensor.noise.dropout_weak.is_some();
+        let wants_echo =
+            signals.is_some() || air.is_some() || paths.is_some() || depends || fields.contains(Field::Intensity);
         let wants_normals =
             wants_echo || fields.contains_any(&[Field::NormalX, Field::NormalY, Field::NormalZ, Field::CosIncidence]);
         let colors = fields.contains_any(&[Field::Red, Field::Green, Field::Blue]);
@@ -130,12 +139,18 @@ impl<'a> Scan<'a> {
             trajectory,
             aim: Aim::new(trajectory, options.trajectory_time(), scene.origin),
             reflectances,
+            range_error: RangeError::new(&sensor.noise, sensor.range_resolution_m, sensor.channels, threshold.clone()),
+            efficiency: sensor.detection.channel_efficiency.iter().map(|&part| part as f32).collect(),
+            saturation: threshold.power().zip(sensor.detection.saturation).map(|(power, most)| power * most as f32),
+            alarms: FalseAlarms::new(&sensor.detection.model, &threshold),
             threshold,
             intensity,
-            range_error: RangeError::new(&sensor.noise, sensor.range_resolution_m, threshold),
             rng: Rng::new(options.seed, options.frame),
-            azimuth_sigma: sensor.noise.azimuth_sigma_deg.to_radians() as f32,
+            azimuth_error: AzimuthError::new(&sensor.noise),
+            pointing_sigma: sensor.noise.pointing_sigma_deg.to_radians() as f32,
+            time_sigma: seconds_from_us(sensor.noise.time_sigma_us),
             dropout: sensor.noise.dropout as f32,
+            dropout_weak: sensor.noise.dropout_weak,
             range_min: sensor.range_min_m as f32,
             range_max: sensor.range_max_m as f32,
             coherent: beams.is_coherent(),
@@ -247,6 +262,11 @@ impl Scan<'_> {
     pub fn limits_of(&self, beam: usize) -> [f32; 2] {
         let low = self.beams.range_min.get(beam).copied().unwrap_or(self.range_min);
         [low, self.beams.range_max.get(beam).copied().unwrap_or(self.range_max)]
+    }
+
+    /// Part of the light that the channel of each lane makes use of.
+    pub fn efficiencies(&self, lanes: &Lanes, count: usize) -> [f32; LANES] {
+        lanes.take(&self.beams.channel, count).map(|channel| self.efficiency[usize::from(channel)])
     }
 
     /// Takes away the hits whose range is none that the instrument reports.

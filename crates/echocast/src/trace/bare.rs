@@ -68,7 +68,7 @@ impl<'a> BareLoop<'a> {
         for first in (0..beams.len()).step_by(LANES) {
             let count = LANES.min(beams.len() - first);
             let mut axes = RayBatch::new();
-            aim.rays(beams, first, count, sensor.range_max_m as f32, &mut axes);
+            aim.rays(beams, first, beams.directions(first, count), sensor.range_max_m as f32, &mut axes);
             match &footprint {
                 None => rays.push(axes),
                 Some(footprint) => {

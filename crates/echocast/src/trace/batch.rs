@@ -36,6 +36,12 @@ impl RayBatch {
         }
     }
 
+    /// Makes `lane` what lane `other` of `from` is.
+    pub(crate) fn take(&mut self, lane: usize, from: &RayBatch, other: usize) {
+        (self.org_x[lane], self.org_y[lane], self.org_z[lane]) = from.origin(other).into();
+        (self.dir_x[lane], self.dir_y[lane], self.dir_z[lane]) = from.direction(other).into();
+    }
+
     /// Where the ray of a lane starts.
     #[inline(always)]
     pub(crate) fn origin(&self, lane: usize) -> Vec3 {
