@@ -6,6 +6,7 @@ mod intensity;
 mod moving;
 mod noise;
 mod paths;
+mod surfaces;
 mod weather;
 
 use echocast::{BuiltScene, FieldSet, PointCloud, Pose, ScanOptions, Sensor, Trajectory};

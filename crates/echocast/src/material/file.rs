@@ -51,6 +51,7 @@ impl Material {
                 }
             }
         }
+        self.scattering.check(self.reflectance.as_ref())?;
         let fractions =
             [("metallic", self.metallic), ("roughness", self.roughness), ("transmission", self.transmission)];
         for (key, value) in fractions {
@@ -87,7 +88,7 @@ pub(super) fn color_and_alpha<'de, D: Deserializer<'de>>(deserializer: D) -> Res
 
 #[cfg(test)]
 mod tests {
-    use super::super::ReflectanceSample;
+    use super::super::{ReflectanceSample, RetroSample, Scattering};
     use super::*;
 
     #[test]
@@ -103,6 +104,7 @@ name: tinted glass
 source: as a test
 base_color: [0.1, 0.2, 0.3, 0.4]
 reflectance: [{wavelength_nm: 905, value: 0.5}, {wavelength_nm: 1550, value: 0.25}]
+scattering: {model: phong, specular: 0.25, exponent: 10}
 metallic: 0.1
 roughness: 0
 ior: 1.45
@@ -122,6 +124,7 @@ unlit: true
             base_color: [0.1, 0.2, 0.3, 0.4],
             base_color_texture: None,
             reflectance: Some(Reflectance::Samples(vec![sample(905.0, 0.5), sample(1550.0, 0.25)])),
+            scattering: Scattering::Phong { specular: 0.25, exponent: 10.0 },
             metallic: 0.1,
             roughness: 0.0,
             ior: 1.45,
@@ -138,6 +141,18 @@ unlit: true
         let short = Material::from_yaml("{name: a, base_color: [0.5, 0.5, 1], reflectance: 1}").unwrap();
         assert_eq!(short.base_color, [0.5, 0.5, 1.0, 1.0]);
         assert_eq!(short.reflectance, Some(Reflectance::Constant(1.0)));
+    }
+
+    #[test]
+    fn scattering_models_are_read() {
+        let read = |section: &str| Material::from_yaml(&format!("name: a\nscattering: {section}")).unwrap().scattering;
+        assert_eq!(read("{model: lambert}"), Scattering::Lambert);
+        assert_eq!(read("{model: constant}"), Scattering::Constant);
+        assert_eq!(read("{model: oren_nayar, slope_sigma_deg: 17}"), Scattering::OrenNayar { slope_sigma_deg: 17.0 });
+        assert_eq!(read("{model: ggx, f0: 0.04, alpha: 0.3}"), Scattering::Ggx { f0: 0.04, alpha: 0.3 });
+        let samples = [(5.0, 250.0), (30.0, 150.0)].map(|(angle_deg, cd_lx_m2)| RetroSample { angle_deg, cd_lx_m2 });
+        let text = "{model: retro_reflector, samples: [{angle_deg: 5, cd_lx_m2: 250}, {angle_deg: 30, cd_lx_m2: 150}]}";
+        assert_eq!(read(text), Scattering::RetroReflector { samples: samples.to_vec() });
     }
 
     #[test]
@@ -164,6 +179,54 @@ unlit: true
             (
                 "reflectance:\n- {wavelength_nm: 905, value: 1}\n- {wavelength_nm: 905, value: 1}",
                 "line 4: reflectance[1].wavelength_nm: is 905; allowed: above 905, in rising order",
+            ),
+            ("scattering: lambert", "line 2: scattering: invalid type: string \"lambert\", expected a section of keys"),
+            ("scattering: {f0: 1}", "line 2: scattering: the key `model` is missing"),
+            (
+                "scattering:\n  model: oren_nayer",
+                "line 3: scattering.model: unknown value \"oren_nayer\"; near: oren_nayar; allowed: lambert, constant,",
+            ),
+            (
+                "scattering:\n  model: oren_nayar\n  slope_sigma: 17",
+                "line 4: scattering.slope_sigma: unknown key \"slope_sigma\"; near: slope_sigma_deg; allowed: slope_sigma_deg",
+            ),
+            ("scattering: {model: ggx, f0: 0.04}", "line 2: scattering: the key `alpha` is missing"),
+            (
+                "scattering: {model: oren_nayar, slope_sigma_deg: 91}",
+                "line 2: scattering.slope_sigma_deg: is 91; allowed: 0 to 90",
+            ),
+            (
+                "scattering: {model: phong, specular: 1.5, exponent: 2}",
+                "line 2: scattering.specular: is 1.5; allowed: 0 to 1",
+            ),
+            (
+                "scattering: {model: phong, specular: 0.5, exponent: -2}",
+                "line 2: scattering.exponent: is -2; allowed: 0 to 100000",
+            ),
+            (
+                "reflectance: 0.8\nscattering: {model: phong, specular: 0.5, exponent: 2}",
+                "line 3: scattering.specular: is 0.5; allowed: such that it and the reflectance of 0.8 make at most 1",
+            ),
+            (
+                "reflectance: [{wavelength_nm: 905, value: 0.97}]\nscattering: {model: ggx, f0: 0.04, alpha: 0.2}",
+                "line 3: scattering.f0: is 0.04; allowed: such that it and the reflectance of 0.97 make at most 1",
+            ),
+            ("scattering: {model: ggx, f0: 0.04, alpha: 0}", "line 2: scattering.alpha: is 0; allowed: 0.001 to 1"),
+            (
+                "scattering: {model: retro_reflector, samples: []}",
+                "line 2: scattering.samples: is an empty list; allowed: one sample or more",
+            ),
+            (
+                "scattering: {model: retro_reflector, samples: [{angle_deg: 5, cd_lx_m2: 7e9}]}",
+                "line 2: scattering.samples[0].cd_lx_m2: is 7000000000; allowed: 0 to 10000",
+            ),
+            (
+                "scattering: {model: retro_reflector, samples: [{angle_deg: 90, cd_lx_m2: 7}]}",
+                "line 2: scattering.samples[0].angle_deg: is 90; allowed: 0 to 85",
+            ),
+            (
+                "scattering:\n  model: retro_reflector\n  samples:\n  - {angle_deg: 5, cd_lx_m2: 7}\n  - {angle_deg: 5, cd_lx_m2: 7}",
+                "line 6: scattering.samples[1].angle_deg: is 5; allowed: above 5, in rising order",
             ),
             ("metallic: 2", "line 2: metallic: is 2; allowed: 0 to 1"),
             ("transmission: 1e300", "line 2: transmission: is inf; allowed: 0 to 1"),

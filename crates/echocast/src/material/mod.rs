@@ -5,10 +5,12 @@ pub(crate) mod fresnel;
 mod library;
 mod optics;
 mod reflectance;
+mod scattering;
 
 pub(crate) use optics::{Mirrors, Optics};
 pub(crate) use reflectance::Reflectances;
 pub use reflectance::{Reflectance, ReflectanceSample};
+pub use scattering::{RetroSample, Scattering};
 
 use crate::scene::TextureRef;
 use serde::Deserialize;
@@ -39,6 +41,8 @@ pub struct Material {
     pub base_color_texture: Option<TextureRef>,
     /// Reflectance, where the file says it (in glTF `extras.reflectance` or `blainder_rgba`'s fourth number).
     pub reflectance: Option<Reflectance>,
+    /// How what is sent back is divided over the directions.
+    pub scattering: Scattering,
     /// glTF metallic factor, 0..1; 1 with roughness 0 is a mirror.
     pub metallic: f32,
     /// glTF roughness factor, 0..1.
@@ -74,6 +78,7 @@ impl Default for Material {
             base_color: [1.0; 4],
             base_color_texture: None,
             reflectance: None,
+            scattering: Scattering::Lambert,
             metallic: 0.0,
             roughness: 1.0,
             ior: 1.5,

@@ -127,6 +127,12 @@ fn surface(source: &json::Material, name: String, factors: &mut Factors<'_>) -> 
         let value = number("extras.blainder_rgba[3]", fourth, "a number from 0 to 1", zero_to_one)?;
         material.reflectance = Some(Reflectance::Constant(value));
     }
+    if let Some(value) = property("scattering") {
+        let document = crate::yaml::Document::from_value("extras.scattering", value);
+        material.scattering = document.read().map_err(|error| error.to_string())?;
+        let check = material.scattering.check(material.reflectance.as_ref());
+        check.map_err(|error| format!("extras.{error}"))?;
+    }
     if let Some(value) = property("blainder_metallic") {
         material.metallic = number("extras.blainder_metallic", &value, "a number from 0 to 1", zero_to_one)?;
     }
