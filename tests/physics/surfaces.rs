@@ -1,11 +1,12 @@
 //! What surfaces are made of: how they scatter, where they have holes, how glass shows itself.
 
 use super::{assert_near, scan};
-use echocast::material::{Reflectance, RetroSample, Scattering};
-use echocast::scene::Material;
-use echocast::{Profile, ScanOptions};
-use echocast_tests::reference::{SceneBuilder, Shape, one_beam, sensor};
-use glam::DVec3;
+use echocast::material::{Alpha, Reflectance, RetroSample, Scattering};
+use echocast::scene::{Filter, Material, Texture, TextureRef};
+use echocast::{Cause, Engine, Profile, ScanOptions};
+use echocast_tests::reference::{SceneBuilder, Shape, one_beam, raster, sensor};
+use glam::{DAffine3, DVec3};
+use std::sync::Arc;
 
 fn paint(reflectance: f32, scattering: Scattering) -> Material {
     Material {
@@ -105,5 +106,157 @@ fn others_keep_their_bits() {
     assert_eq!((plain.len(), mixed.len()), (40, 40));
     for row in 0..40 {
         assert_eq!(plain[row].to_bits() == mixed[row].to_bits(), row % 2 == 0);
+    }
+}
+
+/// Leaves: pixels of alpha 0, 100, 200 and 255 in turn, from left to right.
+fn leaves(alpha: Alpha, alpha_cutoff: f32) -> Material {
+    let pixels = [0, 100, 200, 255].map(|alpha| [255, 255, 255, alpha]).to_vec();
+    let texture = Arc::new(Texture { width: 4, height: 1, pixels });
+    Material {
+        name: "leaves".into(),
+        base_color_texture: Some(TextureRef { filter: Filter::Nearest, ..TextureRef::plain(texture) }),
+        alpha,
+        alpha_cutoff,
+        ..Material::default()
+    }
+}
+
+/// A sheet of them from y = 2 to y = -2 across x = 4, a metre for each pixel.
+fn sheet() -> Shape {
+    let mut sheet = Shape::quad(DVec3::new(4.0, 2.0, 1.0), -4.0 * DVec3::Y, -2.0 * DVec3::Z);
+    sheet.uvs = Some(vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]);
+    sheet
+}
+
+/// The middles of the pixels, off the diagonal where two triangles meet.
+fn aims() -> Vec<DVec3> {
+    [1.5, 0.5, -0.5, -1.5].map(|y| DVec3::new(4.0, y, 0.1)).to_vec()
+}
+
+fn wall(scene: &mut SceneBuilder) {
+    let grey = scene.reflector(0.5);
+    scene.stand(Shape::plate(DVec3::new(8.0, 0.0, 0.0), -DVec3::X, 9.0), Some(grey));
+}
+
+/// Light passes where alpha is below the cutoff, by one sheet and by many behind each other, that stand by themselves or
+/// are placed often.
+#[test]
+fn light_passes_the_holes_of_cutouts() {
+    for (alpha, cutoff, solid) in [
+        (Alpha::Ignore, 0.5, [true; 4]),
+        (Alpha::Reflectance, 0.5, [true; 4]),
+        (Alpha::Cutout, 0.5, [false, false, true, true]),
+        (Alpha::Cutout, 0.25, [false, true, true, true]),
+        (Alpha::Cutout, 0.0, [true; 4]),
+        (Alpha::Cutout, 1.0, [false, false, false, true]),
+    ] {
+        for sheets in [1, 2, 30] {
+            let mut scene = SceneBuilder::new();
+            wall(&mut scene);
+            let material = scene.material(leaves(alpha, cutoff));
+            let mesh = scene.mesh([(sheet(), Some(material))]);
+            for copy in 0..sheets {
+                // Nearer ones are smaller, so that beams meet the same pixel of all.
+                let part = 1.0 - f64::from(copy) / 60.0;
+                scene.place(mesh, DAffine3::from_scale(DVec3::splat(part)));
+            }
+            let built = scene.finish().build().unwrap();
+            let cloud = scan(&built, &sensor(&aims()), ScanOptions::default());
+            let first = 4.0 * (1.0 - f64::from(sheets - 1) / 60.0);
+            assert_eq!(cloud.len, 4);
+            for row in 0..4 {
+                let x = if solid[row] { first } else { 8.0 };
+                assert_near(&format!("x of pixel {row}, {alpha:?} {cutoff}"), cloud.columns.x[row].into(), x, 1e-5);
+                let wall = cloud.columns.category_id[row] == 1;
+                assert_eq!(wall, !solid[row]);
+            }
+        }
+    }
+}
+
+/// Alpha is the reflectance of a material that says so, whatever the scan takes.
+#[test]
+fn alpha_may_be_the_reflectance() {
+    let mut scene = SceneBuilder::new();
+    let material = scene.material(Material { name: "concrete".into(), ..leaves(Alpha::Reflectance, 0.5) });
+    scene.stand(sheet(), Some(material));
+    let cloud = scan(&scene.finish().build().unwrap(), &sensor(&aims()), ScanOptions::default());
+    for (row, alpha) in [0.0, 100.0, 200.0, 255.0].into_iter().enumerate() {
+        let cos = 4.0 / aims()[row].length();
+        assert_near("intensity", cloud.columns.intensity[row].into(), alpha / 255.0 * cos, 1e-5);
+    }
+}
+
+/// Without an image alpha is everywhere the same: all is there, or nothing.
+#[test]
+fn cutouts_without_an_image_are_there_or_not() {
+    for (alpha, found) in [(0.49f32, 8.0), (0.51, 4.0)] {
+        let mut scene = SceneBuilder::new();
+        wall(&mut scene);
+        let base_color = [1.0, 1.0, 1.0, alpha];
+        let material = Material { base_color, alpha: Alpha::Cutout, ..Material::default() };
+        let material = scene.material(material);
+        scene.stand(sheet(), Some(material));
+        let cloud = scan(&scene.finish().build().unwrap(), &one_beam(""), ScanOptions::default());
+        assert_near("x", cloud.columns.x[0].into(), found, 1e-5);
+    }
+}
+
+/// What is seen in a mirror has holes too.
+#[test]
+fn mirrors_show_holes() {
+    let half = 0.5f64.sqrt();
+    let mut scene = SceneBuilder::new();
+    let material = scene.material(leaves(Alpha::Cutout, 0.5));
+    let turn = DAffine3::from_rotation_z(std::f64::consts::FRAC_PI_2);
+    let mesh = scene.mesh([(sheet(), Some(material))]);
+    // Across y = 4, its pixels from x = 3 to x = 7.
+    scene.place(mesh, DAffine3::from_translation(5.0 * DVec3::X) * turn);
+    let grey = scene.reflector(0.5);
+    scene.stand(Shape::plate(DVec3::new(5.0, 7.0, 0.0), -DVec3::Y, 3.0), Some(grey));
+    let silver = Material { metallic: 1.0, roughness: 0.0, ..paint(1.0, Scattering::Lambert) };
+    let silver = scene.material(silver);
+    scene.stand(Shape::plate(DVec3::new(5.0, 0.0, 0.0), DVec3::new(-half, half, 0.0), 2.0), Some(silver));
+    let built = scene.finish().build().unwrap();
+    let aims: Vec<DVec3> = [-0.25, -0.1, 0.1, 0.25].map(|y| DVec3::new(5.0, y, 0.02)).to_vec();
+    let cloud = scan(&built, &sensor(&aims), ScanOptions::default());
+    assert_eq!((cloud.len, cloud.columns.cause[0]), (4, Cause::Mirror as u8));
+    for row in 0..4 {
+        // From the mirror, which swaps x and y, to y = 4: pixels with holes lie there up to x = 5.
+        let dir = aims[row].normalize();
+        let at = dir * (5.0 / (dir.x - dir.y));
+        let reflected = DVec3::new(dir.y, dir.x, dir.z);
+        let [leaf, wall] = [4.0, 7.0].map(|y| (y - at.y) / reflected.y);
+        let solid = at.x + reflected.x * leaf > 5.0;
+        let range = at.length() + if solid { leaf } else { wall };
+        assert_near("range", cloud.columns.range[row].into(), range, 3e-4);
+    }
+}
+
+/// A wood of leaves is the same for any number of threads.
+#[test]
+fn threads_do_not_change_holes() {
+    let wood = |threads| {
+        let mut scene = SceneBuilder::new();
+        wall(&mut scene);
+        let material = scene.material(leaves(Alpha::Cutout, 0.5));
+        let mesh = scene.mesh([(sheet(), Some(material))]);
+        for copy in 0..60 {
+            let place = DVec3::new(-2.0 + 0.1 * f64::from(copy), 0.3 * f64::from(copy % 7), 0.0);
+            scene.place(mesh, DAffine3::from_translation(place) * DAffine3::from_rotation_z(0.7 * f64::from(copy)));
+        }
+        let built = scene.finish().build_with(&Engine::with_threads(threads).unwrap()).unwrap();
+        scan(&built, &sensor(&raster(80, 120, 1.0)), ScanOptions::default())
+    };
+    let one = wood(1);
+    assert!(one.columns.x.iter().any(|&x| x > 7.9) && one.columns.x.iter().any(|&x| x < 4.0));
+    for threads in [2, 7] {
+        let other = wood(threads);
+        let bits = |column: &[f32]| column.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+        assert_eq!(one.len, other.len);
+        assert_eq!(bits(&one.columns.range), bits(&other.columns.range));
+        assert_eq!(bits(&one.columns.intensity), bits(&other.columns.intensity));
+        assert_eq!(one.columns.category_id, other.columns.category_id);
     }
 }

@@ -184,18 +184,9 @@ impl Contribution {
         hits: &HitBatch,
         lanes: std::ops::Range<usize>,
     ) {
-        let material = &surfaces.materials[surface.material as usize];
-        let part = &surfaces.parts[surface.part as usize];
-        let (uvs, triangles) = (part.uvs.as_deref(), &*part.triangles);
+        let source = surfaces.materials[surface.material as usize].reflectance_source(source);
         for lane in lanes {
-            let mut rgba = material.base_color;
-            if let (Some(image), Some(uvs)) = (&material.base_color_texture, uvs) {
-                let [a, b, c] = triangles[hits.triangle[lane] as usize].map(|index| uvs[index as usize]);
-                let (u, v) = (hits.u[lane], hits.v[lane]);
-                let uv = std::array::from_fn(|k| a[k] * (1.0 - u - v) + b[k] * u + c[k] * v);
-                let texel = image.sample(uv);
-                rgba = std::array::from_fn(|k| rgba[k] * texel[k]);
-            }
+            let rgba = surfaces.base_color(surface, hits.triangle[lane], [hits.u[lane], hits.v[lane]]);
             [self.red[lane], self.green[lane], self.blue[lane]] = std::array::from_fn(|k| srgb_byte(rgba[k]));
             if self.reflectance[lane].is_nan() {
                 self.reflectance[lane] = source.of(rgba);

@@ -52,8 +52,12 @@ impl Material {
             }
         }
         self.scattering.check(self.reflectance.as_ref())?;
-        let fractions =
-            [("metallic", self.metallic), ("roughness", self.roughness), ("transmission", self.transmission)];
+        let fractions = [
+            ("alpha_cutoff", self.alpha_cutoff),
+            ("metallic", self.metallic),
+            ("roughness", self.roughness),
+            ("transmission", self.transmission),
+        ];
         for (key, value) in fractions {
             fraction(key, value)?;
         }
@@ -88,7 +92,7 @@ pub(super) fn color_and_alpha<'de, D: Deserializer<'de>>(deserializer: D) -> Res
 
 #[cfg(test)]
 mod tests {
-    use super::super::{ReflectanceSample, RetroSample, Scattering};
+    use super::super::{Alpha, ReflectanceSample, RetroSample, Scattering};
     use super::*;
 
     #[test]
@@ -103,6 +107,8 @@ mod tests {
 name: tinted glass
 source: as a test
 base_color: [0.1, 0.2, 0.3, 0.4]
+alpha: cutout
+alpha_cutoff: 0.25
 reflectance: [{wavelength_nm: 905, value: 0.5}, {wavelength_nm: 1550, value: 0.25}]
 scattering: {model: phong, specular: 0.25, exponent: 10}
 metallic: 0.1
@@ -123,6 +129,8 @@ unlit: true
             source: "as a test".into(),
             base_color: [0.1, 0.2, 0.3, 0.4],
             base_color_texture: None,
+            alpha: Alpha::Cutout,
+            alpha_cutoff: 0.25,
             reflectance: Some(Reflectance::Samples(vec![sample(905.0, 0.5), sample(1550.0, 0.25)])),
             scattering: Scattering::Phong { specular: 0.25, exponent: 10.0 },
             metallic: 0.1,
@@ -228,6 +236,8 @@ unlit: true
                 "scattering:\n  model: retro_reflector\n  samples:\n  - {angle_deg: 5, cd_lx_m2: 7}\n  - {angle_deg: 5, cd_lx_m2: 7}",
                 "line 6: scattering.samples[1].angle_deg: is 5; allowed: above 5, in rising order",
             ),
+            ("alpha: mask", "line 2: alpha: unknown value \"mask\"; allowed: ignore, reflectance, cutout"),
+            ("alpha_cutoff: 1.5", "line 2: alpha_cutoff: is 1.5; allowed: 0 to 1"),
             ("metallic: 2", "line 2: metallic: is 2; allowed: 0 to 1"),
             ("transmission: 1e300", "line 2: transmission: is inf; allowed: 0 to 1"),
             ("ior: 0", "line 2: ior: is 0; allowed: 1 or more"),

@@ -25,6 +25,19 @@ pub enum ReflectanceSource {
     Alpha,
 }
 
+/// What the alpha of a surface's base colour means.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Alpha {
+    /// Nothing, unless the scan takes it for the reflectance ([`ReflectanceSource::Alpha`]).
+    #[default]
+    Ignore,
+    /// Its reflectance, where the material gives no other, whatever the scan takes.
+    Reflectance,
+    /// Where there is a surface at all: light passes where alpha is below [`Material::alpha_cutoff`].
+    Cutout,
+}
+
 /// A surface material as a file gave it; colours are linear.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -39,6 +52,10 @@ pub struct Material {
     /// Image that multiplies the base colour.
     #[serde(skip)]
     pub base_color_texture: Option<TextureRef>,
+    /// What alpha means (in glTF `alphaMode: MASK` or `extras.alpha`).
+    pub alpha: Alpha,
+    /// Least alpha of a cut-out that stops light, 0..1.
+    pub alpha_cutoff: f32,
     /// Reflectance, where the file says it (in glTF `extras.reflectance` or `blainder_rgba`'s fourth number).
     pub reflectance: Option<Reflectance>,
     /// How what is sent back is divided over the directions.
@@ -77,6 +94,8 @@ impl Default for Material {
             source: String::new(),
             base_color: [1.0; 4],
             base_color_texture: None,
+            alpha: Alpha::Ignore,
+            alpha_cutoff: 0.5,
             reflectance: None,
             scattering: Scattering::Lambert,
             metallic: 0.0,
@@ -91,6 +110,13 @@ impl Default for Material {
             extinction_index: 0.0,
             unlit: false,
         }
+    }
+}
+
+impl Material {
+    /// Where its reflectance comes from in a scan that takes it from `source`.
+    pub(crate) fn reflectance_source(&self, source: ReflectanceSource) -> ReflectanceSource {
+        if self.alpha == Alpha::Reflectance { ReflectanceSource::Alpha } else { source }
     }
 }
 

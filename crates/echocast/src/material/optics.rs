@@ -70,7 +70,8 @@ impl Optics {
         let lossless = mirrors != Mirrors::Real;
         let metal = (material.extinction_index > 0.0).then_some([material.ior, material.extinction_index]);
         let known = library::reflectance(material);
-        let mirror = known.map_or_else(|| source.of(material.base_color), |known| known.at(wavelength_nm));
+        let by_color = || material.reflectance_source(source).of(material.base_color);
+        let mirror = known.map_or_else(by_color, |known| known.at(wavelength_nm));
         // KHR_materials_volume: white light has the colour c after the distance d, so e^(-a d) = c.
         let color = ReflectanceSource::Luminance.of({
             let [r, g, b] = material.attenuation_color;

@@ -105,7 +105,7 @@ impl Reflectances {
         let of = |material: &Arc<Material>| match library::reflectance(material) {
             Some(reflectance) => reflectance.at(wavelength_nm),
             None if material.base_color_texture.is_some() => f32::NAN,
-            None => source.of(material.base_color),
+            None => material.reflectance_source(source).of(material.base_color),
         };
         let optics: Vec<Optics> =
             materials.iter().map(|material| Optics::new(material, wavelength_nm, source, mirrors)).collect();

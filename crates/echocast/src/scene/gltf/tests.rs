@@ -1,6 +1,6 @@
 use super::read_bytes;
 use crate::error::Result;
-use crate::material::{Reflectance, Scattering};
+use crate::material::{Alpha, Reflectance, Scattering};
 use crate::scene::{Filter, LabelRules, LoadOptions, Scene, Wrap};
 use glam::{DAffine3, DQuat, DVec3};
 use serde_json::{Value, json};
@@ -630,6 +630,25 @@ fn materials_are_read_with_their_extensions() {
 }
 
 #[test]
+fn alpha_modes_say_what_alpha_means() {
+    let mut file = File::triangle();
+    for (source, expected) in [
+        (json!({}), (Alpha::Ignore, 0.5)),
+        (json!({"alphaMode": "OPAQUE"}), (Alpha::Ignore, 0.5)),
+        (json!({"alphaMode": "BLEND", "extras": {"alpha": 0.5}}), (Alpha::Ignore, 0.5)),
+        (json!({"alphaMode": "MASK"}), (Alpha::Cutout, 0.5)),
+        (json!({"alphaMode": "MASK", "alphaCutoff": 0.25}), (Alpha::Cutout, 0.25)),
+        (json!({"alphaMode": "MASK", "extras": {"alpha": "ignore"}}), (Alpha::Ignore, 0.5)),
+        (json!({"alphaMode": "BLEND", "extras": {"alpha": "cutout", "alpha_cutoff": 0.75}}), (Alpha::Cutout, 0.75)),
+        (json!({"extras": {"alpha": "reflectance"}}), (Alpha::Reflectance, 0.5)),
+    ] {
+        file.material(source.clone());
+        let material = &file.load().unwrap().materials[0];
+        assert_eq!((material.alpha, material.alpha_cutoff), expected, "{source}");
+    }
+}
+
+#[test]
 fn properties_of_the_papers_system_are_read() {
     let mut file = File::triangle();
     file.material(json!({"pbrMetallicRoughness": {"metallicFactor": 0.5}, "extras":
@@ -666,6 +685,11 @@ fn material_values_out_of_range_are_errors() {
             json!({"extras": {"scattering": {"model": "phong", "specular": 0.5, "exponent": 9}, "reflectance": 0.6}}),
             "extras.scattering.specular is 0.5; allowed: such that it and the reflectance of 0.6 make at most 1",
         ),
+        (
+            json!({"extras": {"alpha": "mask"}}),
+            "extras.alpha: unknown value \"mask\"; allowed: ignore, reflectance, cutout",
+        ),
+        (json!({"extras": {"alpha_cutoff": 2}}), "extras.alpha_cutoff is 2; allowed: a number from 0 to 1"),
         (json!({"extras": {"blainder_metallic": 2}}), "extras.blainder_metallic is 2"),
         (json!({"extras": {"blainder_ior": 0.5}}), "extras.blainder_ior is 0.5; allowed: 0 for none, or 1 and more"),
         (json!({"extensions": {"KHR_materials_ior": {"ior": 0.5}}}), "ior is 0.5"),
