@@ -260,3 +260,62 @@ fn threads_do_not_change_holes() {
         assert_eq!(one.columns.category_id, other.columns.category_id);
     }
 }
+
+/// A pane at 4 m, turned by `angle_deg`, before a wall at 8 m.
+fn pane(material: Material, angle_deg: f64) -> SceneBuilder {
+    let (sin, cos) = angle_deg.to_radians().sin_cos();
+    let mut scene = SceneBuilder::new();
+    wall(&mut scene);
+    let material = scene.material(material);
+    scene.stand(Shape::plate(DVec3::new(4.0, 0.0, 0.0), DVec3::new(-cos, sin, 0.0), 2.0), Some(material));
+    scene
+}
+
+fn glass() -> Material {
+    Material { name: "glass".into(), transmission: 1.0, roughness: 0.0, ..Material::default() }
+}
+
+/// Dirt shows itself, diffusely, and dims what lies behind it.
+#[test]
+fn dirty_glass_shows_itself() {
+    let look = |dirt: f32, mode: &str| {
+        let built = pane(Material { dirt, ..glass() }, 40.0).finish().build().unwrap();
+        scan(&built, &one_beam(&format!("returns: {{mode: {mode}}}")), ScanOptions::default()).columns
+    };
+    let cos = 40f64.to_radians().cos();
+    let own = look(0.02, "first");
+    assert_eq!((own.cause[0], own.bounces[0]), (Cause::Surface as u8, 0));
+    assert_near("range", own.range[0].into(), 4.0, 1e-5);
+    assert_near("dirt", own.intensity[0].into(), 0.02 * cos, 1e-6);
+    let [clean, behind] = [0.0, 0.02].map(|dirt| look(dirt, "last"));
+    assert_near("behind", behind.intensity[0].into(), f64::from(clean.intensity[0]) * 0.98f64.powi(2), 1e-6);
+    assert_near("clean", look(0.0, "first").range[0].into(), 8.0, 1e-5);
+}
+
+/// Met head-on, glass and mirrors show the instrument itself: with a beam of 5 mm and 1.5 mrad (half), 19.4439 % of what
+/// is reflected at 10 m come into an opening of 10 mm.
+#[test]
+fn smooth_surfaces_glint_head_on() {
+    let beam = "beam: {exit_diameter_mm: 10, divergence_mrad: 3, aperture_mm: 20}\nreturns: {mode: first}";
+    let block = |angle_deg: f64| {
+        let mut scene = SceneBuilder::new();
+        let material = scene.material(Material { thickness_m: 1.0, ..glass() });
+        let (sin, cos) = angle_deg.to_radians().sin_cos();
+        let shape = Shape::plate(DVec3::new(10.0, 0.0, 0.0), DVec3::new(-cos, sin, 0.0), 2.0);
+        scene.stand(shape, Some(material));
+        scene.finish().build().unwrap()
+    };
+    let c = scan(&block(0.0), &one_beam(beam), ScanOptions::default()).columns;
+    assert_eq!((c.cause[0], c.bounces[0]), (Cause::Surface as u8, 0));
+    assert_near("range", c.range[0].into(), 10.0, 1e-5);
+    let expected = 0.04 * 0.194_439 * (10.0f64 / 10e-3).powi(2);
+    assert_near("glint", c.intensity[0].into(), expected, 1e-4 * expected);
+    // 2 theta = 1.5 mrad + 15 mm / 20 m: 0.0645 degrees.
+    let found = |angle, sections: &str| scan(&block(angle), &one_beam(sections), ScanOptions::default()).len;
+    assert_eq!([0.064, 0.065].map(|angle| found(angle, beam)), [1, 0]);
+    assert_eq!(found(0.0, "beam: {exit_diameter_mm: 10, divergence_mrad: 3}"), 0);
+    // So bright that the wall behind a pane is lost, where the strongest echo is reported.
+    let built = pane(glass(), 0.0).finish().build().unwrap();
+    let strongest = scan(&built, &one_beam(&beam.replace("first", "strongest")), ScanOptions::default());
+    assert_near("range", strongest.columns.range[0].into(), 4.0, 1e-5);
+}

@@ -4,7 +4,7 @@
 //! surface it divides into a reflected and a refracted one, and wherever a surface sends light back diffusely there is an
 //! echo, whose light returns the same way. The paths of a block of beams are traced together, generation by generation.
 
-use super::{Contribution, Wanted};
+use super::{Contribution, Glint, Wanted};
 use crate::cause::Cause;
 use crate::material::fresnel;
 use crate::material::{Optics, Reflectances};
@@ -22,6 +22,8 @@ pub(crate) struct PathLimits {
     pub geometric: bool,
     /// Whether the incidence on what is seen in a mirror matters.
     pub cosine_after: bool,
+    /// How the instrument sees itself in what it meets head-on, if it does.
+    pub glint: Option<Glint>,
 }
 
 /// Bodies that a path is within, outermost first: object and material of their surfaces.
@@ -212,7 +214,9 @@ impl Follower {
             let [refracted, reflected] = [refracted, reflected].map(|mut paths| {
                 paths.retain(|path| {
                     // The most that a surface right there could send back.
+                    let own = around.limits.glint.map_or(0.0, |glint| glint.greatest_power(path.spread));
                     let most = path.part * path.part * around.reflectances.greatest / (path.spread * path.spread);
+                    let most = most.max(path.part * path.part * own);
                     let known = chosen.strength[usize::from(path.lane)];
                     most >= around.least_power && !(around.strongest && most <= known)
                 });
@@ -283,15 +287,16 @@ fn arrive(
         ..path
     };
     let cos = surfaces.cos_incidence[lane];
-    if optics.diffuse > 0.0 {
-        let dimmed = path.part * path.part * (-2.0 * path.depth).exp();
+    let seen = path;
+    let mut answer = |reflectance: f32| {
+        let dimmed = seen.part * seen.part * (-2.0 * seen.depth).exp();
         let echo = PathEcho {
-            lane: path.lane.into(),
-            range: path.range,
-            reflectance: surfaces.reflectance[lane] * optics.diffuse * dimmed * (path.range / path.spread).powi(2),
-            cos_incidence: if path.bounces > 0 && !limits.cosine_after { 1.0 } else { cos },
-            cause: path.cause,
-            bounces: path.bounces,
+            lane: seen.lane.into(),
+            range: seen.range,
+            reflectance: reflectance * dimmed * (seen.range / seen.spread).powi(2),
+            cos_incidence: if seen.bounces > 0 && !limits.cosine_after { 1.0 } else { cos },
+            cause: seen.cause,
+            bounces: seen.bounces,
             hit: lane,
         };
         if let Some(strength) = prefer(&echo)
@@ -300,6 +305,9 @@ fn arrive(
             chosen.strength[echo.lane] = strength;
             chosen.take(&echo, hits, surfaces);
         }
+    };
+    if optics.diffuse > 0.0 || optics.dirt > 0.0 {
+        answer(surfaces.reflectance[lane] * optics.diffuse + optics.dirt);
     }
     if path.bounces >= limits.depth || !optics.goes_on() {
         return;
@@ -324,7 +332,16 @@ fn arrive(
     let mirrored = Path { origin: place + off, direction: fresnel::reflected(path.direction, normal), ..path };
     let seen_in_mirror = Path { cause: Cause::Mirror, ..mirrored };
     // A metal's share and that of glass go the same way.
-    let mut reflect = |share: f32| go(Path { part: path.part * share, ..seen_in_mirror }, &mut next.reflected);
+    let mut reflect = |share: f32| {
+        if let Some(glint) = limits.glint {
+            // Near head-on the difference of the directions is the angle, and exact where the cosine is 1 all over.
+            let rho_eff = glint.rho_eff(share, (normal + path.direction).length(), path.spread);
+            if rho_eff > 0.0 {
+                answer(rho_eff / cos);
+            }
+        }
+        go(Path { part: path.part * share, ..seen_in_mirror }, &mut next.reflected);
+    };
     let mirrored = optics.mirrored_at(cos);
     if optics.clear == 0.0 {
         return reflect(mirrored);

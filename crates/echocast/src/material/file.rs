@@ -57,6 +57,7 @@ impl Material {
             ("metallic", self.metallic),
             ("roughness", self.roughness),
             ("transmission", self.transmission),
+            ("dirt", self.dirt),
         ];
         for (key, value) in fractions {
             fraction(key, value)?;
@@ -121,6 +122,7 @@ attenuation_color: [1, 0.5, 0]
 pane_m: 0.004
 group_index: 1.52
 extinction_index: 6
+dirt: 0.02
 unlit: true
 ";
         let sample = |wavelength_nm, value| ReflectanceSample { wavelength_nm, value };
@@ -143,6 +145,7 @@ unlit: true
             pane_m: Some(0.004),
             group_index: Some(1.52),
             extinction_index: 6.0,
+            dirt: 0.02,
             unlit: true,
         };
         assert_eq!(Material::from_yaml(text).unwrap(), expected);
@@ -247,6 +250,7 @@ unlit: true
             ("pane_m: 11", "line 2: pane_m: is 11; allowed: 0 to 10"),
             ("group_index: 0.9", "line 2: group_index: is 0.9; allowed: 1 to 10"),
             ("extinction_index: -1", "line 2: extinction_index: is -1; allowed: 0 to 100"),
+            ("dirt: 1.1", "line 2: dirt: is 1.1; allowed: 0 to 1"),
             ("unlit: 1", "line 2: unlit: invalid type: integer `1`, expected a"),
             ("name: again", "line 2: duplicate"),
         ];

@@ -82,6 +82,8 @@ pub struct Material {
     /// Imaginary part of a metal's index of refraction, whose real part is `ior`: with it what a mirror takes away depends
     /// on the angle, without it (0) the reflectance is what it leaves.
     pub extinction_index: f32,
+    /// Reflectance of the dirt on a mirror, glass or water, 0..1; it is diffuse, and what lies behind it gets the rest.
+    pub dirt: f32,
     /// Whether the file wants the surface drawn without lighting (`KHR_materials_unlit`).
     pub unlit: bool,
 }
@@ -108,6 +110,7 @@ impl Default for Material {
             pane_m: None,
             group_index: None,
             extinction_index: 0.0,
+            dirt: 0.0,
             unlit: false,
         }
     }

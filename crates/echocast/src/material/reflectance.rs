@@ -117,8 +117,10 @@ impl Reflectances {
             let value = if value.is_nan() { 1.0 } else { value };
             if scatter { material.scattering.greatest(value) } else { value }
         };
+        let own = materials.iter().zip(&by_material).map(greatest);
         Reflectances {
-            greatest: materials.iter().zip(&by_material).map(greatest).fold(0.0, f32::max),
+            // Dirt comes on top of what a surface is.
+            greatest: own.zip(&optics).map(|(own, optics)| own * optics.diffuse + optics.dirt).fold(0.0, f32::max),
             by_material,
             scatter,
             go_on: optics.iter().any(Optics::goes_on),

@@ -99,6 +99,7 @@ impl<'a> Scan<'a> {
             least: 1e-6,
             geometric: as_the_paper,
             cosine_after: !blainder,
+            glint: sensor.glint().filter(|_| !as_the_paper),
         });
         let wants_echo =
             air.is_some() || paths.is_some() || threshold != Threshold::Open || fields.contains(Field::Intensity);

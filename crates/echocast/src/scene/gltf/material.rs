@@ -149,6 +149,9 @@ fn surface(source: &json::Material, name: String, factors: &mut Factors<'_>) -> 
     if let Some(value) = property("alpha_cutoff") {
         material.alpha_cutoff = number("extras.alpha_cutoff", &value, "a number from 0 to 1", zero_to_one)?;
     }
+    if let Some(value) = property("dirt") {
+        material.dirt = number("extras.dirt", &value, "a number from 0 to 1", zero_to_one)?;
+    }
     if let Some(value) = property("blainder_metallic") {
         material.metallic = number("extras.blainder_metallic", &value, "a number from 0 to 1", zero_to_one)?;
     }

@@ -605,14 +605,14 @@ fn materials_are_read_with_their_extensions() {
             "KHR_materials_unlit": {},
         },
         "extras": {"reflectance": 0.6, "blainder_rgba": [0, 0, 0, 0.9],
-            "scattering": {"model": "oren_nayar", "slope_sigma_deg": 17}},
+            "scattering": {"model": "oren_nayar", "slope_sigma_deg": 17}, "dirt": 0.02},
     }));
     let scene = file.load().unwrap();
     let m = scene.meshes()[0].parts[0].material.as_ref().unwrap();
     assert_eq!((m.name.as_str(), m.base_color, m.metallic, m.roughness), ("glass", [0.1, 0.2, 0.3, 0.4], 0.25, 0.5));
     assert_eq!((m.transmission, m.ior, m.unlit), (0.75, 1.33, true));
     assert_eq!(m.reflectance, Some(Reflectance::Constant(0.6)));
-    assert_eq!(m.scattering, Scattering::OrenNayar { slope_sigma_deg: 17.0 });
+    assert_eq!((&m.scattering, m.dirt), (&Scattering::OrenNayar { slope_sigma_deg: 17.0 }, 0.02));
     assert_eq!((m.thickness_m, m.attenuation_distance_m, m.attenuation_color), (0.01, 2.0, [1.0, 0.5, 0.0]));
 
     file.material(json!({}));
