@@ -319,3 +319,45 @@ fn smooth_surfaces_glint_head_on() {
     let strongest = scan(&built, &one_beam(&beam.replace("first", "strongest")), ScanOptions::default());
     assert_near("range", strongest.columns.range[0].into(), 4.0, 1e-5);
 }
+
+/// Glass as the paper's program has it: itself within 2 degrees; else twice what the first face lets pass, whatever the
+/// others do, or the brighter of what is behind it and what it reflects. 0.9216 is (1 - 0.04)^2.
+#[test]
+fn glass_of_the_papers_program() {
+    let program = |scene: SceneBuilder| {
+        let options = ScanOptions { profile: Profile::Blainder, ..ScanOptions::default() };
+        scan(&scene.finish().build().unwrap(), &one_beam(""), options).columns
+    };
+    let own = Material { reflectance: Some(Reflectance::Constant(0.3)), ..glass() };
+    let block = |angle_deg: f64| {
+        let mut scene = SceneBuilder::new();
+        wall(&mut scene);
+        let material = scene.material(Material { thickness_m: 1.0, ..own.clone() });
+        let mesh =
+            scene.mesh([(Shape::cuboid(DVec3::new(-1.0, -2.0, -2.0), DVec3::new(1.0, 2.0, 2.0)), Some(material))]);
+        scene.place(
+            mesh,
+            DAffine3::from_translation(5.0 * DVec3::X) * DAffine3::from_rotation_z(angle_deg.to_radians()),
+        );
+        scene
+    };
+    for [narrow, wide] in [[1.9, 2.1].map(|angle| pane(own.clone(), angle)), [1.9, 2.1].map(block)] {
+        let c = program(narrow);
+        assert_eq!(c.cause[0], Cause::Surface as u8);
+        assert_near("itself", c.intensity[0].into(), 0.3 * 1.9f64.to_radians().cos(), 1e-6);
+        let c = program(wide);
+        assert_eq!(c.cause[0], Cause::Glass as u8);
+        assert_near("behind", c.intensity[0].into(), 0.5 * 0.9216, 1e-5);
+    }
+    // Turned by 80 degrees it reflects 0.387704, by 85 0.612800 (numpy); beside it stands a white wall.
+    for (angle, cause, expected) in
+        [(80.0, Cause::Glass, 0.5 * (1.0 - 0.387_704f64).powi(2)), (85.0, Cause::Mirror, 0.612_800f64.powi(2))]
+    {
+        let mut scene = pane(own.clone(), angle);
+        let white = scene.reflector(1.0);
+        scene.stand(Shape::plate(DVec3::new(6.0, 0.5, 0.0), -DVec3::Y, 1.5), Some(white));
+        let c = program(scene);
+        assert_eq!(c.cause[0], cause as u8);
+        assert_near("the brighter", c.intensity[0].into(), expected, 1e-5);
+    }
+}

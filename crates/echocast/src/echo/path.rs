@@ -24,7 +24,14 @@ pub(crate) struct PathLimits {
     pub cosine_after: bool,
     /// How the instrument sees itself in what it meets head-on, if it does.
     pub glint: Option<Glint>,
+    /// Whether glass is that of the paper's program: seen itself where it is met within 2 degrees of head-on, elsewhere
+    /// with a first face alone, the others letting everything pass. Total reflection, for which the program has no
+    /// number, stays.
+    pub glass_of_the_program: bool,
 }
+
+/// Cosine of the 2 degrees within which the paper's program sees glass itself.
+const PROGRAM_COS: f32 = 0.999_390_8;
 
 /// Bodies that a path is within, outermost first: object and material of their surfaces.
 #[derive(Clone, Copy, Debug, Default)]
@@ -309,6 +316,9 @@ fn arrive(
     if optics.diffuse > 0.0 || optics.dirt > 0.0 {
         answer(surfaces.reflectance[lane] * optics.diffuse + optics.dirt);
     }
+    if limits.glass_of_the_program && optics.clear > 0.0 && within.is_none() && cos >= PROGRAM_COS {
+        return answer(surfaces.reflectance[lane]);
+    }
     if path.bounces >= limits.depth || !optics.goes_on() {
         return;
     }
@@ -349,9 +359,13 @@ fn arrive(
     let seen_through =
         |on: Path| Path { cause: if on.cause == Cause::Surface { Cause::Glass } else { on.cause }, ..on };
     if let Some(thickness) = optics.sheet {
-        let (_, cos_t) = fresnel::dielectric(cos, optics.index);
+        let (face, cos_t) = fresnel::dielectric(cos, optics.index);
         let way = thickness / cos_t;
-        let (reflected, passed) = fresnel::plate(cos, optics.index, (-optics.absorption * way).exp());
+        let (reflected, passed) = if limits.glass_of_the_program {
+            (face, 1.0 - face)
+        } else {
+            fresnel::plate(cos, optics.index, (-optics.absorption * way).exp())
+        };
         reflect(mirrored + optics.clear * reflected);
         let within = fresnel::refracted(path.direction, normal, optics.index, cos_t);
         // The pane reaches from the sheet backwards; light goes on from its other face.
@@ -369,7 +383,10 @@ fn arrive(
     let inside = path.inside.through((surface.object, surface.material));
     let beyond = inside.material().map_or(1.0, |material| of(material).index);
     let m = beyond / index;
-    let (reflected, cos_t) = fresnel::dielectric(cos, m);
+    let (mut reflected, cos_t) = fresnel::dielectric(cos, m);
+    if limits.glass_of_the_program && within.is_some() && reflected < 1.0 {
+        reflected = 0.0;
+    }
     reflect(mirrored + optics.clear * reflected);
     if reflected < 1.0 {
         let on = seen_through(Path {

@@ -100,6 +100,7 @@ impl<'a> Scan<'a> {
             geometric: as_the_paper,
             cosine_after: !blainder,
             glint: sensor.glint().filter(|_| !as_the_paper),
+            glass_of_the_program: blainder,
         });
         let wants_echo =
             air.is_some() || paths.is_some() || threshold != Threshold::Open || fields.contains(Field::Intensity);
