@@ -8,6 +8,7 @@ mod noise;
 mod paths;
 mod patterns;
 mod returns;
+mod surfaces;
 mod weather;
 
 use echocast::{BuiltScene, FieldSet, PointCloud, Pose, ScanOptions, Sensor, Trajectory};

@@ -152,7 +152,7 @@ fn normal(a: u32, b: u32) -> f32 {
 /// x = 2^e m with m in [sqrt(1/2), sqrt(2)); ln m = 2 artanh(s), s = (m - 1)/(m + 1), by its power
 /// series: the first term left out is 2 s^11 / 11 < 1e-9.
 #[inline(always)]
-fn ln(x: f32) -> f32 {
+pub(crate) fn ln(x: f32) -> f32 {
     const LN_2: f32 = std::f32::consts::LN_2;
     /// Bits of sqrt(1/2), so that the subtraction below carries into the exponent exactly from sqrt(2) on.
     const SQRT_HALF: i32 = 0x3f35_04f3;

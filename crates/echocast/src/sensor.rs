@@ -4,7 +4,7 @@ use crate::bounds::{ABOVE_ZERO, Bounds, Parameter};
 use crate::detect::{
     Detection, DetectionSpec, LimitPoint, Noise, ReturnMode, ReturnRule, Statistical, Sunlight, Threshold, WeakDropout,
 };
-use crate::echo::{Cone, IntensityEncoding, Pulse, PulseShape, Receiver};
+use crate::echo::{Cone, Glint, IntensityEncoding, Pulse, PulseShape, Receiver};
 use crate::emitter::pattern::Pattern;
 use crate::emitter::{BeamTable, Footprint};
 use crate::error::{Error, Result};
@@ -95,6 +95,10 @@ pub struct BeamSpec {
     pub pulse_shape: PulseShape,
     /// Diameter of the beam where it leaves the instrument, mm, 0 to 1000.
     pub exit_diameter_mm: f64,
+    /// Diameter of the receiver's opening, mm, above 0, at most 1000. With it, smooth surfaces that are met head-on throw
+    /// the instrument's own light back at it; without it that is left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub aperture_mm: Option<f64>,
     /// Ranges below which the receiver sees nothing of its own beam and from which it sees all of it, m; in between
     /// linear. It decides how near fog shows.
     pub overlap_m: [f64; 2],
@@ -111,6 +115,7 @@ impl Default for BeamSpec {
             pulse_ns: 0.0,
             pulse_shape: PulseShape::Gaussian,
             exit_diameter_mm: 12.0,
+            aperture_mm: None,
             overlap_m: [0.5, 2.0],
             sub_rays: 1,
         }
@@ -239,6 +244,7 @@ impl SensorSpec {
         bounds.within("beam.divergence_mrad[1]", beam.divergence_mrad[1], 0.0, 1000.0)?;
         bounds.within("beam.pulse_ns", beam.pulse_ns, 0.0, 1e9)?;
         bounds.within("beam.exit_diameter_mm", beam.exit_diameter_mm, 0.0, 1000.0)?;
+        bounds.number("beam.aperture_mm", beam.aperture_mm, [ABOVE_ZERO, 1000.0], "above 0, at most 1000")?;
         let [near, far] = beam.overlap_m;
         bounds.within("beam.overlap_m[0]", near, 0.0, 1000.0)?;
         bounds.within("beam.overlap_m[1]", far, 0.0, 1000.0)?;
@@ -594,6 +600,17 @@ impl Sensor {
         Signals { footprint, sigma: Pulse::new(beam.pulse_shape, beam.pulse_ns).sigma(), rule }
     }
 
+    /// How it sees itself in smooth surfaces, if it does. Of an elliptic beam the round one of the same area stands for it.
+    pub(crate) fn glint(&self) -> Option<Glint> {
+        let beam = &self.spec.beam;
+        let [horizontal, vertical] = beam.divergence_mrad;
+        beam.aperture_mm.map(|diameter| Glint {
+            start: (0.5e-3 * beam.exit_diameter_mm) as f32,
+            divergence: (0.5e-3 * (horizontal * vertical).sqrt()) as f32,
+            opening: (0.5e-3 * diameter) as f32,
+        })
+    }
+
     /// Which echoes of a beam it reports.
     pub(crate) fn return_mode(&self) -> ReturnMode {
         self.spec.returns.mode
@@ -917,6 +934,7 @@ pattern:
                 "detection: {model: radar_equation, reflectance: 0.1, at_m: 9, saturation: 0.5}",
                 "line 8: detection.saturation: is 0.5; allowed: 1 to 1000000000000",
             ),
+            ("beam: {aperture_mm: 0}", "line 8: beam.aperture_mm: is 0; allowed: above 0, at most 1000"),
             ("beam: {divergence_mrad: [1, 2, 3]}", "line 8: beam.divergence_mrad"),
             (
                 "beam: {divergence_mrad: wide}",

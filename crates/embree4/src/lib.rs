@@ -40,4 +40,4 @@ pub use device::Device;
 pub use error::{Error, OUT_OF_MEMORY};
 pub use mesh::Mesh;
 pub use ray::{Coherence, INVALID, Packet, Ray};
-pub use scene::{CommittedScene, Instance, Quality, Scene, is_invertible};
+pub use scene::{Candidate, CommittedScene, Instance, Quality, Scene, is_invertible};

@@ -12,6 +12,15 @@ pub enum Coherence {
     Incoherent,
 }
 
+impl Coherence {
+    pub(crate) fn flags(self) -> sys::RTCRayQueryFlags {
+        match self {
+            Coherence::Coherent => sys::RTC_RAY_QUERY_FLAG_COHERENT,
+            Coherence::Incoherent => sys::RTC_RAY_QUERY_FLAG_INCOHERENT,
+        }
+    }
+}
+
 /// One ray and its hit, in Embree's layout (`RTCRayHit`).
 ///
 /// Before tracing: origin, direction, `tnear <= tfar` in units of the direction's length, `mask` (not 0), and

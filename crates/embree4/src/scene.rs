@@ -4,7 +4,7 @@ use embree4_sys as sys;
 
 use crate::error::{Error, check};
 use crate::mesh::Geometry;
-use crate::{Coherence, Device, Mesh, Packet, Ray};
+use crate::{Coherence, Device, INVALID, Mesh, Packet, Ray};
 
 /// How much work goes into a scene's structure.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -52,7 +52,7 @@ unsafe impl Send for Owned {}
 unsafe impl Sync for Owned {}
 
 impl Scene {
-    /// An empty scene without flags.
+    /// An empty scene.
     ///
     /// # Errors
     /// [`Error::Embree`] when memory runs out.
@@ -71,6 +71,10 @@ impl Scene {
         // SAFETY: the scene is alive and ours alone.
         unsafe { sys::rtcSetSceneBuildQuality(raw, quality) };
         check(Some(device), "rtcSetSceneBuildQuality")?;
+        // What lets `intersect_where` ask; without a filter it costs nothing that can be measured.
+        // SAFETY: as above.
+        unsafe { sys::rtcSetSceneFlags(raw, sys::RTC_SCENE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS) };
+        check(Some(device), "rtcSetSceneFlags")?;
         Ok(scene)
     }
 
@@ -169,20 +173,53 @@ impl CommittedScene {
     /// with a coordinate that is not finite, or with neither -1 nor 0 in `valid`, gives a meaningless hit or none.
     #[inline]
     pub fn intersect<const W: usize>(&self, valid: &[i32; W], rays: &mut Packet<W>, coherence: Coherence) {
+        // SAFETY: the arguments name no context and no filter.
+        unsafe { self.intersect_with(valid, rays, &mut arguments(coherence.flags())) }
+    }
+
+    /// [`CommittedScene::intersect`] that passes through every hit which `counts` refuses. It is asked about hits in any
+    /// order, about some more than once and about some that are not the closest, so it must answer by the hit alone. A
+    /// panic in it ends the process.
+    #[inline]
+    pub fn intersect_where<const W: usize, F: Fn(&Candidate) -> bool>(
+        &self,
+        valid: &[i32; W],
+        rays: &mut Packet<W>,
+        coherence: Coherence,
+        counts: &F,
+    ) {
+        let context = sys::RTCRayQueryContext { instID: [INVALID], instPrimID: [INVALID] };
+        let mut asking = Asking { context, counts };
+        let flags = coherence.flags() | sys::RTC_RAY_QUERY_FLAG_INVOKE_ARGUMENT_FILTER;
+        let mut arguments = sys::RTCIntersectArguments {
+            context: std::ptr::from_mut(&mut asking).cast(),
+            filter: Some(ask::<F>),
+            ..arguments(flags)
+        };
+        // SAFETY: `ask::<F>` may be called with this context: it begins an `Asking<F>` that outlives the call, and the
+        // pointer to it is one to the whole of it.
+        unsafe { self.intersect_with(valid, rays, &mut arguments) }
+    }
+
+    /// # Safety
+    /// The filter of `arguments`, if any, may be called with their context.
+    #[inline]
+    unsafe fn intersect_with<const W: usize>(
+        &self,
+        valid: &[i32; W],
+        rays: &mut Packet<W>,
+        arguments: &mut sys::RTCIntersectArguments,
+    ) {
         const { assert!(W == 4 || W == 8 || W == 16, "Embree traces packets of 4, 8 and 16 rays") };
-        let mut arguments = arguments(match coherence {
-            Coherence::Coherent => sys::RTC_RAY_QUERY_FLAG_COHERENT,
-            Coherence::Incoherent => sys::RTC_RAY_QUERY_FLAG_INCOHERENT,
-        });
         let valid = Aligned(*valid);
         let (valid, scene, rays) = (valid.0.as_ptr(), self.0.raw, std::ptr::from_mut(rays));
         // SAFETY: the scene is alive and committed. `valid` has W lanes, aligned to 64 bytes. `rays` has the size,
         // alignment and fields of RTCRayHitW (proved where Packet is defined), and Embree writes nothing else.
         unsafe {
             match W {
-                4 => sys::rtcIntersect4(valid, scene, rays.cast(), &mut arguments),
-                8 => sys::rtcIntersect8(valid, scene, rays.cast(), &mut arguments),
-                _ => sys::rtcIntersect16(valid, scene, rays.cast(), &mut arguments),
+                4 => sys::rtcIntersect4(valid, scene, rays.cast(), arguments),
+                8 => sys::rtcIntersect8(valid, scene, rays.cast(), arguments),
+                _ => sys::rtcIntersect16(valid, scene, rays.cast(), arguments),
             }
         }
     }
@@ -190,10 +227,66 @@ impl CommittedScene {
     /// Finds the closest hit of one ray.
     #[inline]
     pub fn intersect1(&self, ray: &mut Ray) {
-        let mut arguments = arguments(sys::RTC_RAY_QUERY_FLAG_INCOHERENT);
+        let mut arguments = arguments(Coherence::Incoherent.flags());
         // SAFETY: the scene is alive and committed; `ray` has the size, alignment and fields of RTCRayHit (proved where
         // Ray is defined), and Embree writes nothing else.
         unsafe { sys::rtcIntersect1(self.0.raw, std::ptr::from_mut(ray).cast(), &mut arguments) }
+    }
+}
+
+/// A hit that a ray may take or pass through, see [`CommittedScene::intersect_where`]; the fields are those of [`Ray`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Candidate {
+    /// Barycentric weight of the triangle's second corner.
+    pub u: f32,
+    /// Barycentric weight of the triangle's third corner.
+    pub v: f32,
+    /// Triangle in the mesh.
+    pub prim_id: u32,
+    /// Mesh in its scene.
+    pub geom_id: u32,
+    /// Instance in the scene that was traced, or [`INVALID`].
+    pub inst_id: u32,
+}
+
+/// What a query takes along for its filter.
+#[repr(C)]
+struct Asking<'a, F> {
+    /// First, so that a pointer to it is one to all.
+    context: sys::RTCRayQueryContext,
+    counts: &'a F,
+}
+
+/// The filter that asks.
+///
+/// # Safety
+/// Only for Embree to call, in a query whose context is that of an [`Asking<F>`].
+unsafe extern "C" fn ask<F: Fn(&Candidate) -> bool>(arguments: *const sys::RTCFilterFunctionNArguments) {
+    // SAFETY: Embree passes its arguments for the time of the call, with the query's context.
+    let (arguments, asking) = unsafe {
+        let arguments = &*arguments;
+        (arguments, &*arguments.context.cast::<Asking<F>>())
+    };
+    let lanes = arguments.N as usize;
+    for lane in 0..lanes {
+        // SAFETY: `valid` has a number for each lane.
+        let valid = unsafe { &mut *arguments.valid.add(lane) };
+        if *valid != -1 {
+            continue;
+        }
+        // SAFETY: an RTCHitN is, for one level of instances, nine rows of `lanes` 32-bit numbers: the normal, u, v,
+        // primID, geomID, instID and instPrimID, as RTCHit4, 8 and 16 have them (rtcore_ray.h, `RTCHitN_u` and others).
+        let row = |row: usize| unsafe { *arguments.hit.cast::<u32>().add(row * lanes + lane) };
+        let candidate = Candidate {
+            u: f32::from_bits(row(3)),
+            v: f32::from_bits(row(4)),
+            prim_id: row(5),
+            geom_id: row(6),
+            inst_id: row(7),
+        };
+        if !(asking.counts)(&candidate) {
+            *valid = 0;
+        }
     }
 }
 

@@ -24,19 +24,23 @@ fn placed(of: &CommittedScene, world_from_object: [f32; 12]) -> Instance {
 
 /// A few thousand triangles without order, from a small generator of numbers (a 64-bit LCG, Knuth's MMIX constants).
 fn clutter(device: &Device) -> Mesh {
+    let (positions, triangles) = clutter_of(4000);
+    Mesh::new(device, positions.into_iter(), &triangles, u32::MAX).unwrap()
+}
+
+fn clutter_of(count: u32) -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
     let mut state = 1_u64;
     let mut next = || {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (state >> 40) as f32 / (1 << 24) as f32
     };
-    let positions: Vec<[f32; 3]> = (0..4000)
+    let positions = (0..count)
         .flat_map(|_| {
             let centre: [f32; 3] = std::array::from_fn(|_| 20.0 * next() - 10.0);
             [(); 3].map(|()| centre.map(|c| c + 2.0 * next()))
         })
         .collect();
-    let triangles: Vec<[u32; 3]> = (0..4000).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-    Mesh::new(device, positions.into_iter(), &triangles, u32::MAX).unwrap()
+    (positions, (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect())
 }
 
 /// A fan of `count` unit directions from the origin.
@@ -196,6 +200,57 @@ fn lanes_that_are_not_valid_stay_as_they_are() {
     check::<4>(&scene);
     check::<8>(&scene);
     check::<16>(&scene);
+}
+
+/// The closest hit among those that count is the closest hit of a scene that holds only them.
+#[test]
+fn rays_pass_through_what_does_not_count() {
+    fn check<const W: usize>(whole: &CommittedScene, rest: &CommittedScene, coherence: Coherence) {
+        let mut hits = 0;
+        for directions in fan(2000).chunks(W) {
+            let mut rays = Packet::<W>::new();
+            let mut valid = [0; W];
+            for (lane, direction) in directions.iter().enumerate() {
+                [rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]] = *direction;
+                valid[lane] = -1;
+            }
+            let mut expected = rays;
+            rest.intersect(&valid, &mut expected, coherence);
+            whole.intersect_where(&valid, &mut rays, coherence, &|hit| {
+                let inside = hit.u >= 0.0 && hit.v >= 0.0 && hit.u + hit.v <= 1.0 + 1e-5;
+                assert!(inside && hit.geom_id == 0 && hit.inst_id < 2, "{hit:?}");
+                hit.inst_id == 1 && hit.prim_id % 3 != 0
+            });
+            for lane in 0..directions.len() {
+                let (found, expected) = (lane_of(&rays, lane), lane_of(&expected, lane));
+                if expected.geom_id == INVALID {
+                    assert_eq!(found, expected);
+                } else {
+                    hits += 1;
+                    assert_eq!(found.prim_id, expected.prim_id / 2 * 3 + expected.prim_id % 2 + 1);
+                    assert!(close(found.tfar, expected.tfar) && found.inst_id == 1, "{found:?} {expected:?}");
+                }
+            }
+        }
+        assert!(hits > 300, "{hits} hits");
+    }
+    let device = Device::new().unwrap();
+    let (positions, triangles) = clutter_of(4000);
+    let kept: Vec<[u32; 3]> = triangles.iter().copied().filter(|corners| corners[0] / 3 % 3 != 0).collect();
+    let of = |triangles: &[[u32; 3]]| {
+        let mesh = Mesh::new(&device, positions.iter().copied(), triangles, u32::MAX).unwrap();
+        scene(&device, &[mesh])
+    };
+    let mut whole = Scene::new(&device, Quality::Medium).unwrap();
+    for _ in 0..2 {
+        whole.attach_instance(&placed(&of(&triangles), IDENTITY)).unwrap();
+    }
+    let whole = whole.commit().unwrap();
+    for coherence in [Coherence::Coherent, Coherence::Incoherent] {
+        check::<4>(&whole, &of(&kept), coherence);
+        check::<8>(&whole, &of(&kept), coherence);
+        check::<16>(&whole, &of(&kept), coherence);
+    }
 }
 
 #[test]

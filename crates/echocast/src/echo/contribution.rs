@@ -1,6 +1,6 @@
 //! What surfaces send back to the sensor.
 
-use crate::material::{ReflectanceSource, Reflectances};
+use crate::material::{ReflectanceSource, Reflectances, Scattering};
 use crate::scene::srgb_byte;
 use crate::trace::{HitBatch, LANES, MISS, RayBatch, Surface, Surfaces, Tables};
 use glam::Vec3;
@@ -16,7 +16,8 @@ pub(crate) struct Wanted {
 pub(crate) struct Contribution {
     /// Cosine of the incidence angle, 0..1.
     pub cos_incidence: [f32; LANES],
-    /// Lambert reflectance of the surface, 0..1.
+    /// Reflectance of a Lambert surface there that would send back as much, 0 or more; above 1 for gloss and
+    /// retro-reflectors, and for others at grazing incidence.
     pub reflectance: [f32; LANES],
     pub category_id: [u32; LANES],
     pub part_id: [u32; LANES],
@@ -101,8 +102,8 @@ impl Contribution {
         }
     }
 
-    /// Labels, colours and reflectance of the surfaces hit by the first `count` rays. Neighbours mostly
-    /// meet the same surface, so whole runs of lanes are filled at once.
+    /// Labels, colours and reflectance of the surfaces hit by the first `count` rays, whose incidence is known
+    /// ([`Contribution::face`]). Neighbours mostly meet the same surface, so whole runs of lanes are filled at once.
     #[inline(always)]
     pub(crate) fn look_up(
         &mut self,
@@ -132,7 +133,10 @@ impl Contribution {
                 self.green[run.clone()].fill(surface.rgb[1]);
                 self.blue[run.clone()].fill(surface.rgb[2]);
                 if (wanted.colors && surface.textured) || (wanted.reflectance && reflectance.is_nan()) {
-                    self.sample(surfaces, reflectances.source, surface, hits, run);
+                    self.sample(surfaces, reflectances.source, surface, hits, run.clone());
+                }
+                if wanted.reflectance && reflectances.scatter {
+                    self.scatter(&surfaces.materials[surface.material as usize].scattering, run);
                 }
             }
             start = end;
@@ -160,6 +164,16 @@ impl Contribution {
         (self.red[lane], self.green[lane], self.blue[lane]) = (0, 0, 0);
     }
 
+    /// Takes lanes that scatter as `model` says for Lambert surfaces as bright as they are at their angle.
+    #[inline(never)]
+    fn scatter(&mut self, model: &Scattering, lanes: std::ops::Range<usize>) {
+        if *model != Scattering::Lambert {
+            for lane in lanes {
+                self.reflectance[lane] = model.as_lambert(self.reflectance[lane], self.cos_incidence[lane]);
+            }
+        }
+    }
+
     /// Colour and reflectance of lanes whose surface has an image.
     #[inline(never)]
     fn sample(
@@ -170,18 +184,9 @@ impl Contribution {
         hits: &HitBatch,
         lanes: std::ops::Range<usize>,
     ) {
-        let material = &surfaces.materials[surface.material as usize];
-        let part = &surfaces.parts[surface.part as usize];
-        let (uvs, triangles) = (part.uvs.as_deref(), &*part.triangles);
+        let source = surfaces.materials[surface.material as usize].reflectance_source(source);
         for lane in lanes {
-            let mut rgba = material.base_color;
-            if let (Some(image), Some(uvs)) = (&material.base_color_texture, uvs) {
-                let [a, b, c] = triangles[hits.triangle[lane] as usize].map(|index| uvs[index as usize]);
-                let (u, v) = (hits.u[lane], hits.v[lane]);
-                let uv = std::array::from_fn(|k| a[k] * (1.0 - u - v) + b[k] * u + c[k] * v);
-                let texel = image.sample(uv);
-                rgba = std::array::from_fn(|k| rgba[k] * texel[k]);
-            }
+            let rgba = surfaces.base_color(surface, hits.triangle[lane], [hits.u[lane], hits.v[lane]]);
             [self.red[lane], self.green[lane], self.blue[lane]] = std::array::from_fn(|k| srgb_byte(rgba[k]));
             if self.reflectance[lane].is_nan() {
                 self.reflectance[lane] = source.of(rgba);

@@ -1,5 +1,6 @@
 //! What an instrument reports as intensity.
 
+use crate::rng::ln;
 use serde::{Deserialize, Serialize};
 use std::f32::consts::PI;
 
@@ -7,11 +8,15 @@ use std::f32::consts::PI;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum IntensityEncoding {
-    /// Range-corrected reflectivity `rho cos(theta)`, 0..1.
+    /// Range-corrected reflectivity: the effective reflectance `rho cos(theta)`, 0..1 for diffuse surfaces, above 1 for
+    /// retro-reflectors and gloss.
     #[default]
     Reflectivity,
-    /// The same in 8 bits: 0..100 diffuse percent, 101..255 retro-reflectors.
+    /// The same in 8 bits as Velodyne and RoboSense have it: 0..100 are percent, 101..255 what sends back more than a
+    /// white surface, in equal steps of the logarithm up to 1000 times as much.
     Reflectivity8,
+    /// The same in 8 bits as Hesai has it: percent, 0..255.
+    Reflectivity255,
     /// Relative received energy of the hard-target radar equation, `rho cos(theta) / (pi R^2)`, 1/(m^2 sr).
     Power,
 }
@@ -21,7 +26,7 @@ impl IntensityEncoding {
     pub fn full_scale(self) -> Option<f32> {
         match self {
             IntensityEncoding::Reflectivity => Some(1.0),
-            IntensityEncoding::Reflectivity8 => Some(255.0),
+            IntensityEncoding::Reflectivity8 | IntensityEncoding::Reflectivity255 => Some(255.0),
             IntensityEncoding::Power => None,
         }
     }
@@ -38,6 +43,9 @@ pub(crate) enum IntensityModel {
     Blainder,
 }
 
+/// Natural logarithm of what gives 255 in [`IntensityEncoding::Reflectivity8`]; the maker does not say it.
+const LN_1000: f32 = 6.907_755;
+
 impl IntensityModel {
     /// As [`IntensityEncoding::full_scale`].
     pub(crate) fn full_scale(self) -> Option<f32> {
@@ -48,13 +56,20 @@ impl IntensityModel {
         }
     }
 
-    /// Intensity of a hard target: reflectance `rho` (0..1), `cos` of the incidence angle, `range` in m.
+    /// Intensity of a hard target: Lambert reflectance `rho` (0 or more), `cos` of the incidence angle, `range` in m.
     #[inline(always)]
     pub(crate) fn of(self, rho: f32, cos: f32, range: f32) -> f32 {
         match self {
             IntensityModel::Encoded(IntensityEncoding::Reflectivity) | IntensityModel::Blainder => rho * cos,
-            // Diffuse targets only reach the lower part of the scale, 1 = 100 %.
-            IntensityModel::Encoded(IntensityEncoding::Reflectivity8) => (100.0 * rho * cos).round_ties_even(),
+            IntensityModel::Encoded(IntensityEncoding::Reflectivity8) => {
+                let percent = 100.0 * rho * cos;
+                let retro = 101.0 + (154.0 / LN_1000 * ln((rho * cos).max(1.0))).round_ties_even();
+                if percent > 100.0 { retro.min(255.0) } else { percent.round_ties_even() }
+            }
+            IntensityModel::Encoded(IntensityEncoding::Reflectivity255) => {
+                let percent = (100.0 * rho * cos).round_ties_even();
+                if percent > 255.0 { 255.0 } else { percent }
+            }
             IntensityModel::Encoded(IntensityEncoding::Power) => rho * cos / (PI * range * range),
             IntensityModel::PaperEq5 => rho / (PI * range * range),
         }
@@ -95,5 +110,39 @@ mod tests {
         assert_eq!(model.of(0.8, 0.5, 33.0), 40.0);
         assert_eq!(model.of(1.0, 1.0, 33.0), 100.0);
         assert_eq!(model.full_scale(), Some(255.0));
+    }
+
+    /// Computed from the two lines of the scale; 785.398 and 219.911 are what 250 and 70 cd/(lx m^2) send back.
+    #[test]
+    fn eight_bits_hold_retro_reflectors() {
+        let model = IntensityModel::Encoded(IntensityEncoding::Reflectivity8);
+        for (rho_eff, expected) in [
+            (0.0, 0.0),
+            (0.994, 99.0),
+            (1.0, 100.0),
+            (1.000_1, 101.0),
+            (2.0, 116.0),
+            (31.622_78, 178.0),
+            (219.911, 221.0),
+            (785.398, 250.0),
+            (1000.0, 255.0),
+            (1e9, 255.0),
+            (f32::INFINITY, 255.0),
+        ] {
+            assert_eq!(model.of(rho_eff, 1.0, 7.0), expected, "{rho_eff}");
+        }
+        // What lanes without a hit have left over.
+        for none in [f32::NAN, -f32::NAN] {
+            assert!(model.of(none, 1.0, 7.0).is_nan());
+        }
+        assert_eq!(model.of(-0.0, 1.0, 7.0), 0.0);
+        let linear = IntensityModel::Encoded(IntensityEncoding::Reflectivity255);
+        for (rho_eff, expected) in
+            [(0.0, 0.0), (0.8, 80.0), (1.234, 123.0), (2.55, 255.0), (2.6, 255.0), (785.0, 255.0)]
+        {
+            assert_eq!(linear.of(rho_eff, 1.0, 7.0), expected, "{rho_eff}");
+        }
+        assert!(linear.of(f32::NAN, 1.0, 7.0).is_nan());
+        assert_eq!(linear.full_scale(), Some(255.0));
     }
 }

@@ -1,6 +1,7 @@
 //! From hits to echoes: how much light comes back, and what the instrument reports of it.
 
 mod contribution;
+mod glint;
 mod intensity;
 mod particles;
 mod path;
@@ -9,6 +10,7 @@ mod waveform;
 mod weather;
 
 pub(crate) use contribution::{Contribution, Wanted};
+pub(crate) use glint::Glint;
 pub use intensity::IntensityEncoding;
 pub(crate) use intensity::IntensityModel;
 pub(crate) use particles::Cone;

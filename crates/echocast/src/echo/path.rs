@@ -4,7 +4,7 @@
 //! surface it divides into a reflected and a refracted one, and wherever a surface sends light back diffusely there is an
 //! echo, whose light returns the same way. The paths of a block of beams are traced together, generation by generation.
 
-use super::{Contribution, Wanted};
+use super::{Contribution, Glint, Wanted};
 use crate::cause::Cause;
 use crate::material::fresnel;
 use crate::material::{Optics, Reflectances};
@@ -22,7 +22,16 @@ pub(crate) struct PathLimits {
     pub geometric: bool,
     /// Whether the incidence on what is seen in a mirror matters.
     pub cosine_after: bool,
+    /// How the instrument sees itself in what it meets head-on, if it does.
+    pub glint: Option<Glint>,
+    /// Whether glass is that of the paper's program: seen itself where it is met within 2 degrees of head-on, elsewhere
+    /// with a first face alone, the others letting everything pass. Total reflection, for which the program has no
+    /// number, stays.
+    pub glass_of_the_program: bool,
 }
+
+/// Cosine of the 2 degrees within which the paper's program sees glass itself.
+const PROGRAM_COS: f32 = 0.999_390_8;
 
 /// Bodies that a path is within, outermost first: object and material of their surfaces.
 #[derive(Clone, Copy, Debug, Default)]
@@ -254,8 +263,9 @@ impl Follower {
             let [refracted, reflected] = [refracted, reflected].map(|mut paths| {
                 paths.retain(|path| {
                     // The most that a surface right there could send back.
+                    let own = around.limits.glint.map_or(0.0, |glint| glint.greatest_power(path.spread));
                     let most = path.part * path.part * around.reflectances.greatest / (path.spread * path.spread);
-                    most > echoes.least(path.lane.into())
+                    most.max(path.part * path.part * own) > echoes.least(path.lane.into())
                 });
                 paths.chunks(LANES).for_each(|paths| self.step(around, paths, echoes));
                 paths.clear();
@@ -328,18 +338,25 @@ fn arrive(
         part: path.part,
         depth: path.depth,
     });
-    if optics.diffuse > 0.0 {
-        let dimmed = path.part * path.part * (-2.0 * path.depth).exp();
+    let seen = path;
+    let mut answer = |reflectance: f32| {
+        let dimmed = seen.part * seen.part * (-2.0 * seen.depth).exp();
         let echo = PathEcho {
-            lane: path.lane.into(),
-            range: path.range,
-            reflectance: surfaces.reflectance[lane] * optics.diffuse * dimmed * (path.range / path.spread).powi(2),
-            cos_incidence: if path.bounces > 0 && !limits.cosine_after { 1.0 } else { cos },
-            cause: path.cause,
-            bounces: path.bounces,
+            lane: seen.lane.into(),
+            range: seen.range,
+            reflectance: reflectance * dimmed * (seen.range / seen.spread).powi(2),
+            cos_incidence: if seen.bounces > 0 && !limits.cosine_after { 1.0 } else { cos },
+            cause: seen.cause,
+            bounces: seen.bounces,
             hit: lane,
         };
         echoes.take(&echo, hits, surfaces);
+    };
+    if optics.diffuse > 0.0 || optics.dirt > 0.0 {
+        answer(surfaces.reflectance[lane] * optics.diffuse + optics.dirt);
+    }
+    if limits.glass_of_the_program && optics.clear > 0.0 && within.is_none() && cos >= PROGRAM_COS {
+        return answer(surfaces.reflectance[lane]);
     }
     if path.bounces >= limits.depth || !optics.goes_on() {
         return;
@@ -363,7 +380,16 @@ fn arrive(
     let mirrored = Path { origin: place + off, direction: fresnel::reflected(path.direction, normal), ..path };
     let seen_in_mirror = Path { cause: Cause::Mirror, ..mirrored };
     // A metal's share and that of glass go the same way.
-    let mut reflect = |share: f32| go(Path { part: path.part * share, ..seen_in_mirror }, &mut next.reflected);
+    let mut reflect = |share: f32| {
+        if let Some(glint) = limits.glint {
+            // Near head-on the difference of the directions is the angle, and exact where the cosine is 1 all over.
+            let rho_eff = glint.rho_eff(share, (normal + path.direction).length(), path.spread);
+            if rho_eff > 0.0 {
+                answer(rho_eff / cos);
+            }
+        }
+        go(Path { part: path.part * share, ..seen_in_mirror }, &mut next.reflected);
+    };
     let mirrored = optics.mirrored_at(cos);
     if optics.clear == 0.0 {
         return reflect(mirrored);
@@ -371,9 +397,13 @@ fn arrive(
     let seen_through =
         |on: Path| Path { cause: if on.cause == Cause::Surface { Cause::Glass } else { on.cause }, ..on };
     if let Some(thickness) = optics.sheet {
-        let (_, cos_t) = fresnel::dielectric(cos, optics.index);
+        let (face, cos_t) = fresnel::dielectric(cos, optics.index);
         let way = thickness / cos_t;
-        let (reflected, passed) = fresnel::plate(cos, optics.index, (-optics.absorption * way).exp());
+        let (reflected, passed) = if limits.glass_of_the_program {
+            (face, 1.0 - face)
+        } else {
+            fresnel::plate(cos, optics.index, (-optics.absorption * way).exp())
+        };
         reflect(mirrored + optics.clear * reflected);
         let within = fresnel::refracted(path.direction, normal, optics.index, cos_t);
         // The pane reaches from the sheet backwards; light goes on from its other face.
@@ -391,7 +421,10 @@ fn arrive(
     let inside = path.inside.through((surface.object, surface.material));
     let beyond = inside.material().map_or(1.0, |material| of(material).index);
     let m = beyond / index;
-    let (reflected, cos_t) = fresnel::dielectric(cos, m);
+    let (mut reflected, cos_t) = fresnel::dielectric(cos, m);
+    if limits.glass_of_the_program && within.is_some() && reflected < 1.0 {
+        reflected = 0.0;
+    }
     reflect(mirrored + optics.clear * reflected);
     if reflected < 1.0 {
         let on = seen_through(Path {

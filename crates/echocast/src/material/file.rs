@@ -51,8 +51,14 @@ impl Material {
                 }
             }
         }
-        let fractions =
-            [("metallic", self.metallic), ("roughness", self.roughness), ("transmission", self.transmission)];
+        self.scattering.check(self.reflectance.as_ref())?;
+        let fractions = [
+            ("alpha_cutoff", self.alpha_cutoff),
+            ("metallic", self.metallic),
+            ("roughness", self.roughness),
+            ("transmission", self.transmission),
+            ("dirt", self.dirt),
+        ];
         for (key, value) in fractions {
             fraction(key, value)?;
         }
@@ -87,7 +93,7 @@ pub(super) fn color_and_alpha<'de, D: Deserializer<'de>>(deserializer: D) -> Res
 
 #[cfg(test)]
 mod tests {
-    use super::super::ReflectanceSample;
+    use super::super::{Alpha, ReflectanceSample, RetroSample, Scattering};
     use super::*;
 
     #[test]
@@ -102,7 +108,10 @@ mod tests {
 name: tinted glass
 source: as a test
 base_color: [0.1, 0.2, 0.3, 0.4]
+alpha: cutout
+alpha_cutoff: 0.25
 reflectance: [{wavelength_nm: 905, value: 0.5}, {wavelength_nm: 1550, value: 0.25}]
+scattering: {model: phong, specular: 0.25, exponent: 10}
 metallic: 0.1
 roughness: 0
 ior: 1.45
@@ -113,6 +122,7 @@ attenuation_color: [1, 0.5, 0]
 pane_m: 0.004
 group_index: 1.52
 extinction_index: 6
+dirt: 0.02
 unlit: true
 ";
         let sample = |wavelength_nm, value| ReflectanceSample { wavelength_nm, value };
@@ -121,7 +131,10 @@ unlit: true
             source: "as a test".into(),
             base_color: [0.1, 0.2, 0.3, 0.4],
             base_color_texture: None,
+            alpha: Alpha::Cutout,
+            alpha_cutoff: 0.25,
             reflectance: Some(Reflectance::Samples(vec![sample(905.0, 0.5), sample(1550.0, 0.25)])),
+            scattering: Scattering::Phong { specular: 0.25, exponent: 10.0 },
             metallic: 0.1,
             roughness: 0.0,
             ior: 1.45,
@@ -132,12 +145,25 @@ unlit: true
             pane_m: Some(0.004),
             group_index: Some(1.52),
             extinction_index: 6.0,
+            dirt: 0.02,
             unlit: true,
         };
         assert_eq!(Material::from_yaml(text).unwrap(), expected);
         let short = Material::from_yaml("{name: a, base_color: [0.5, 0.5, 1], reflectance: 1}").unwrap();
         assert_eq!(short.base_color, [0.5, 0.5, 1.0, 1.0]);
         assert_eq!(short.reflectance, Some(Reflectance::Constant(1.0)));
+    }
+
+    #[test]
+    fn scattering_models_are_read() {
+        let read = |section: &str| Material::from_yaml(&format!("name: a\nscattering: {section}")).unwrap().scattering;
+        assert_eq!(read("{model: lambert}"), Scattering::Lambert);
+        assert_eq!(read("{model: constant}"), Scattering::Constant);
+        assert_eq!(read("{model: oren_nayar, slope_sigma_deg: 17}"), Scattering::OrenNayar { slope_sigma_deg: 17.0 });
+        assert_eq!(read("{model: ggx, f0: 0.04, alpha: 0.3}"), Scattering::Ggx { f0: 0.04, alpha: 0.3 });
+        let samples = [(5.0, 250.0), (30.0, 150.0)].map(|(angle_deg, cd_lx_m2)| RetroSample { angle_deg, cd_lx_m2 });
+        let text = "{model: retro_reflector, samples: [{angle_deg: 5, cd_lx_m2: 250}, {angle_deg: 30, cd_lx_m2: 150}]}";
+        assert_eq!(read(text), Scattering::RetroReflector { samples: samples.to_vec() });
     }
 
     #[test]
@@ -165,6 +191,56 @@ unlit: true
                 "reflectance:\n- {wavelength_nm: 905, value: 1}\n- {wavelength_nm: 905, value: 1}",
                 "line 4: reflectance[1].wavelength_nm: is 905; allowed: above 905, in rising order",
             ),
+            ("scattering: lambert", "line 2: scattering: invalid type: string \"lambert\", expected a section of keys"),
+            ("scattering: {f0: 1}", "line 2: scattering: the key `model` is missing"),
+            (
+                "scattering:\n  model: oren_nayer",
+                "line 3: scattering.model: unknown value \"oren_nayer\"; near: oren_nayar; allowed: lambert, constant,",
+            ),
+            (
+                "scattering:\n  model: oren_nayar\n  slope_sigma: 17",
+                "line 4: scattering.slope_sigma: unknown key \"slope_sigma\"; near: slope_sigma_deg; allowed: slope_sigma_deg",
+            ),
+            ("scattering: {model: ggx, f0: 0.04}", "line 2: scattering: the key `alpha` is missing"),
+            (
+                "scattering: {model: oren_nayar, slope_sigma_deg: 91}",
+                "line 2: scattering.slope_sigma_deg: is 91; allowed: 0 to 90",
+            ),
+            (
+                "scattering: {model: phong, specular: 1.5, exponent: 2}",
+                "line 2: scattering.specular: is 1.5; allowed: 0 to 1",
+            ),
+            (
+                "scattering: {model: phong, specular: 0.5, exponent: -2}",
+                "line 2: scattering.exponent: is -2; allowed: 0 to 100000",
+            ),
+            (
+                "reflectance: 0.8\nscattering: {model: phong, specular: 0.5, exponent: 2}",
+                "line 3: scattering.specular: is 0.5; allowed: such that it and the reflectance of 0.8 make at most 1",
+            ),
+            (
+                "reflectance: [{wavelength_nm: 905, value: 0.97}]\nscattering: {model: ggx, f0: 0.04, alpha: 0.2}",
+                "line 3: scattering.f0: is 0.04; allowed: such that it and the reflectance of 0.97 make at most 1",
+            ),
+            ("scattering: {model: ggx, f0: 0.04, alpha: 0}", "line 2: scattering.alpha: is 0; allowed: 0.001 to 1"),
+            (
+                "scattering: {model: retro_reflector, samples: []}",
+                "line 2: scattering.samples: is an empty list; allowed: one sample or more",
+            ),
+            (
+                "scattering: {model: retro_reflector, samples: [{angle_deg: 5, cd_lx_m2: 7e9}]}",
+                "line 2: scattering.samples[0].cd_lx_m2: is 7000000000; allowed: 0 to 10000",
+            ),
+            (
+                "scattering: {model: retro_reflector, samples: [{angle_deg: 90, cd_lx_m2: 7}]}",
+                "line 2: scattering.samples[0].angle_deg: is 90; allowed: 0 to 85",
+            ),
+            (
+                "scattering:\n  model: retro_reflector\n  samples:\n  - {angle_deg: 5, cd_lx_m2: 7}\n  - {angle_deg: 5, cd_lx_m2: 7}",
+                "line 6: scattering.samples[1].angle_deg: is 5; allowed: above 5, in rising order",
+            ),
+            ("alpha: mask", "line 2: alpha: unknown value \"mask\"; allowed: ignore, reflectance, cutout"),
+            ("alpha_cutoff: 1.5", "line 2: alpha_cutoff: is 1.5; allowed: 0 to 1"),
             ("metallic: 2", "line 2: metallic: is 2; allowed: 0 to 1"),
             ("transmission: 1e300", "line 2: transmission: is inf; allowed: 0 to 1"),
             ("ior: 0", "line 2: ior: is 0; allowed: 1 or more"),
@@ -174,6 +250,7 @@ unlit: true
             ("pane_m: 11", "line 2: pane_m: is 11; allowed: 0 to 10"),
             ("group_index: 0.9", "line 2: group_index: is 0.9; allowed: 1 to 10"),
             ("extinction_index: -1", "line 2: extinction_index: is -1; allowed: 0 to 100"),
+            ("dirt: 1.1", "line 2: dirt: is 1.1; allowed: 0 to 1"),
             ("unlit: 1", "line 2: unlit: invalid type: integer `1`, expected a"),
             ("name: again", "line 2: duplicate"),
         ];

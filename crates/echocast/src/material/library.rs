@@ -1,6 +1,6 @@
 //! The material library: reflectance by material name and wavelength, one YAML per material in `presets/material`.
 
-use super::{Material, Reflectance};
+use super::{Alpha, Material, Reflectance};
 use crate::error::{Error, Result};
 use crate::presets;
 use crate::yaml::Document;
@@ -26,9 +26,10 @@ fn find(name: &str) -> Option<&'static Material> {
     materials().iter().find(|material| material.name.eq_ignore_ascii_case(stem))
 }
 
-/// The reflectance of a material, by its own word or by the library's.
+/// The reflectance of a material, by its own word or by the library's; none where its alpha says it.
 pub(super) fn reflectance(material: &Material) -> Option<&Reflectance> {
-    material.reflectance.as_ref().or_else(|| find(&material.name)?.reflectance.as_ref())
+    let by_name = || find(&material.name).filter(|_| material.alpha != Alpha::Reflectance)?.reflectance.as_ref();
+    material.reflectance.as_ref().or_else(by_name)
 }
 
 /// All of them; the files are part of this crate and a test reads every one.

@@ -5,10 +5,12 @@ pub(crate) mod fresnel;
 mod library;
 mod optics;
 mod reflectance;
+mod scattering;
 
 pub(crate) use optics::{Mirrors, Optics};
 pub(crate) use reflectance::Reflectances;
 pub use reflectance::{Reflectance, ReflectanceSample};
+pub use scattering::{RetroSample, Scattering};
 
 use crate::scene::TextureRef;
 use serde::Deserialize;
@@ -21,6 +23,19 @@ pub enum ReflectanceSource {
     Luminance,
     /// Alpha of the base colour, as in the paper's system.
     Alpha,
+}
+
+/// What the alpha of a surface's base colour means.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Alpha {
+    /// Nothing, unless the scan takes it for the reflectance ([`ReflectanceSource::Alpha`]).
+    #[default]
+    Ignore,
+    /// Its reflectance, where the material gives no other, whatever the scan takes.
+    Reflectance,
+    /// Where there is a surface at all: light passes where alpha is below [`Material::alpha_cutoff`].
+    Cutout,
 }
 
 /// A surface material as a file gave it; colours are linear.
@@ -37,8 +52,14 @@ pub struct Material {
     /// Image that multiplies the base colour.
     #[serde(skip)]
     pub base_color_texture: Option<TextureRef>,
+    /// What alpha means (in glTF `alphaMode: MASK` or `extras.alpha`).
+    pub alpha: Alpha,
+    /// Least alpha of a cut-out that stops light, 0..1.
+    pub alpha_cutoff: f32,
     /// Reflectance, where the file says it (in glTF `extras.reflectance` or `blainder_rgba`'s fourth number).
     pub reflectance: Option<Reflectance>,
+    /// How what is sent back is divided over the directions.
+    pub scattering: Scattering,
     /// glTF metallic factor, 0..1; 1 with roughness 0 is a mirror.
     pub metallic: f32,
     /// glTF roughness factor, 0..1.
@@ -61,6 +82,8 @@ pub struct Material {
     /// Imaginary part of a metal's index of refraction, whose real part is `ior`: with it what a mirror takes away depends
     /// on the angle, without it (0) the reflectance is what it leaves.
     pub extinction_index: f32,
+    /// Reflectance of the dirt on a mirror, glass or water, 0..1; it is diffuse, and what lies behind it gets the rest.
+    pub dirt: f32,
     /// Whether the file wants the surface drawn without lighting (`KHR_materials_unlit`).
     pub unlit: bool,
 }
@@ -73,7 +96,10 @@ impl Default for Material {
             source: String::new(),
             base_color: [1.0; 4],
             base_color_texture: None,
+            alpha: Alpha::Ignore,
+            alpha_cutoff: 0.5,
             reflectance: None,
+            scattering: Scattering::Lambert,
             metallic: 0.0,
             roughness: 1.0,
             ior: 1.5,
@@ -84,8 +110,16 @@ impl Default for Material {
             pane_m: None,
             group_index: None,
             extinction_index: 0.0,
+            dirt: 0.0,
             unlit: false,
         }
+    }
+}
+
+impl Material {
+    /// Where its reflectance comes from in a scan that takes it from `source`.
+    pub(crate) fn reflectance_source(&self, source: ReflectanceSource) -> ReflectanceSource {
+        if self.alpha == Alpha::Reflectance { ReflectanceSource::Alpha } else { source }
     }
 }
 

@@ -7,6 +7,8 @@ use super::{Material, ReflectanceSource, fresnel, library};
 pub(crate) struct Optics {
     /// Part that is sent back diffusely, of which the reflectance is taken, 0..1.
     pub diffuse: f32,
+    /// Reflectance of the dirt on it, 0..1; the parts are of what it leaves.
+    pub dirt: f32,
     /// Part that is mirrored, 0..1; what a metal takes away is not in it, unless that depends on the angle.
     pub mirrored: f32,
     /// Index and extinction index of a metal whose reflectance depends on the angle.
@@ -37,6 +39,7 @@ pub(crate) enum Mirrors {
 impl Optics {
     const DIFFUSE: Optics = Optics {
         diffuse: 1.0,
+        dirt: 0.0,
         mirrored: 0.0,
         metal: None,
         clear: 0.0,
@@ -70,18 +73,21 @@ impl Optics {
         let lossless = mirrors != Mirrors::Real;
         let metal = (material.extinction_index > 0.0).then_some([material.ior, material.extinction_index]);
         let known = library::reflectance(material);
-        let mirror = known.map_or_else(|| source.of(material.base_color), |known| known.at(wavelength_nm));
+        let by_color = || material.reflectance_source(source).of(material.base_color);
+        let mirror = known.map_or_else(by_color, |known| known.at(wavelength_nm));
         // KHR_materials_volume: white light has the colour c after the distance d, so e^(-a d) = c.
         let color = ReflectanceSource::Luminance.of({
             let [r, g, b] = material.attenuation_color;
             [r, g, b, 1.0]
         });
         let absorption = -color.clamp(1e-6, 1.0).ln() / material.attenuation_distance_m;
+        let clean = 1.0 - material.dirt;
         Optics {
-            diffuse: (1.0 - metallic - transmission).max(0.0),
-            mirrored: if lossless || metal.is_some() { metallic } else { metallic * mirror },
+            diffuse: (1.0 - metallic - transmission).max(0.0) * clean,
+            dirt: material.dirt,
+            mirrored: if lossless || metal.is_some() { metallic } else { metallic * mirror } * clean,
             metal: metal.filter(|_| !lossless),
-            clear: transmission * smooth,
+            clear: transmission * smooth * clean,
             index: material.ior,
             group_index: material.group_index.unwrap_or(material.ior),
             absorption,

@@ -1,6 +1,6 @@
 //! How much light surfaces send back: of one material at every wavelength, of all materials of a scene at one.
 
-use super::{Material, Mirrors, Optics, ReflectanceSource, library};
+use super::{Material, Mirrors, Optics, ReflectanceSource, Scattering, library};
 use serde::Deserialize;
 use serde::de::{self, Deserializer, SeqAccess, Visitor};
 use std::fmt;
@@ -43,6 +43,14 @@ impl Reflectance {
         };
         value as f32
     }
+
+    /// The greatest at any wavelength.
+    pub(super) fn greatest(&self) -> f32 {
+        match self {
+            Reflectance::Constant(value) => *value,
+            Reflectance::Samples(samples) => samples.iter().map(|sample| sample.value as f32).fold(0.0, f32::max),
+        }
+    }
 }
 
 impl<'de> Deserialize<'de> for Reflectance {
@@ -77,8 +85,10 @@ impl<'de> Deserialize<'de> for Reflectance {
 pub(crate) struct Reflectances {
     /// In the order of the materials; NaN where only the image of the surface knows.
     pub by_material: Vec<f32>,
-    /// The greatest of them, 1 where an image knows.
+    /// The greatest effective reflectance that any of them has at any angle.
     pub greatest: f32,
+    /// Whether any of them scatters otherwise than Lambert surfaces do, and that matters.
+    pub scatter: bool,
     /// What smooth surfaces do with light, likewise.
     pub optics: Vec<Optics>,
     /// Whether light goes on from any of them.
@@ -95,15 +105,24 @@ impl Reflectances {
         let of = |material: &Arc<Material>| match library::reflectance(material) {
             Some(reflectance) => reflectance.at(wavelength_nm),
             None if material.base_color_texture.is_some() => f32::NAN,
-            None => source.of(material.base_color),
+            None => material.reflectance_source(source).of(material.base_color),
         };
         let optics: Vec<Optics> =
             materials.iter().map(|material| Optics::new(material, wavelength_nm, source, mirrors)).collect();
         let by_material: Vec<f32> = materials.iter().map(of).collect();
-        let known = |&value: &f32| if value.is_nan() { 1.0 } else { value };
+        // The paper knows Lambert surfaces only.
+        let scatter =
+            mirrors == Mirrors::Real && materials.iter().any(|material| material.scattering != Scattering::Lambert);
+        let greatest = |(material, &value): (&Arc<Material>, &f32)| {
+            let value = if value.is_nan() { 1.0 } else { value };
+            if scatter { material.scattering.greatest(value) } else { value }
+        };
+        let own = materials.iter().zip(&by_material).map(greatest);
         Reflectances {
-            greatest: by_material.iter().map(known).fold(0.0, f32::max),
+            // Dirt comes on top of what a surface is.
+            greatest: own.zip(&optics).map(|(own, optics)| own * optics.diffuse + optics.dirt).fold(0.0, f32::max),
             by_material,
+            scatter,
             go_on: optics.iter().any(Optics::goes_on),
             optics,
             wavelength_nm,

@@ -25,7 +25,7 @@ pub enum Profile {
     Physical,
     /// The equations of the paper as printed; glass is physical.
     Paper,
-    /// What the paper's program computes; glass is physical.
+    /// What the paper's program computes; total reflection within glass is physical.
     Blainder,
 }
 

@@ -124,6 +124,8 @@ impl<'a> Scan<'a> {
             least: 1e-6,
             geometric: as_the_paper,
             cosine_after: !blainder,
+            glint: sensor.glint().filter(|_| !as_the_paper),
+            glass_of_the_program: blainder,
         });
         let depends = threshold != Threshold::Open || sensor.noise.dropout_weak.is_some();
         let wants_echo =

@@ -86,7 +86,7 @@ impl HitBatch {
         }
     }
 
-    /// Traces the first `count` rays. `coherent`: neighbours in the batch are neighbours in angle. `mask`: objects are
+    /// Traces the first `count` rays, through the holes of cut-outs. `coherent`: neighbours in the batch are neighbours in angle. `mask`: objects are
     /// hit whose mask shares a bit with it.
     #[inline(always)]
     pub(crate) fn trace(&mut self, scene: &Tables, rays: &RayBatch, count: usize, coherent: bool, mask: u32) {
@@ -123,7 +123,11 @@ impl HitBatch {
             if first + W > count {
                 valid[count - first..].fill(0);
             }
-            scene.committed.intersect(&valid, &mut packet, coherence);
+            if scene.surfaces.has_cutouts {
+                scene.committed.intersect_where(&valid, &mut packet, coherence, &|hit| scene.surfaces.stops(hit));
+            } else {
+                scene.committed.intersect(&valid, &mut packet, coherence);
+            }
             self.range[lanes.clone()].copy_from_slice(&packet.tfar);
             self.normal_x[lanes.clone()].copy_from_slice(&packet.ng_x);
             self.normal_y[lanes.clone()].copy_from_slice(&packet.ng_y);
@@ -133,13 +137,7 @@ impl HitBatch {
             self.triangle[lanes.clone()].copy_from_slice(&packet.prim_id);
             for (lane, surface) in self.surface[lanes].iter_mut().enumerate() {
                 let (geometry, instance) = (packet.geom_id[lane], packet.inst_id[lane]);
-                *surface = if geometry == INVALID {
-                    MISS
-                } else if instance == INVALID {
-                    geometry
-                } else {
-                    scene.surfaces.first_row[instance as usize] + geometry
-                };
+                *surface = if geometry == INVALID { MISS } else { scene.surfaces.row(geometry, instance) };
             }
         }
     }

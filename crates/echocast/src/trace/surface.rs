@@ -1,7 +1,8 @@
 //! What the ids of Embree's hits mean.
 
-use crate::material::{Material, Mirrors, Optics, ReflectanceSource, Reflectances};
+use crate::material::{Alpha, Material, Mirrors, Optics, ReflectanceSource, Reflectances};
 use crate::scene::{Labels, Mesh, Object, Part, srgb_byte};
+use embree4::{Candidate, INVALID};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -24,6 +25,8 @@ pub(crate) struct Surface {
     pub textured: bool,
     /// Whether hits come with normals in the mesh's frame.
     pub instanced: bool,
+    /// Whether it may have holes.
+    pub cutout: bool,
 }
 
 /// A scene is scanned with a few sensors; one whose wavelength is changed all the time must not fill the memory.
@@ -45,6 +48,8 @@ pub(crate) struct Surfaces {
     pub has_instances: bool,
     /// Whether any part has shading normals.
     pub has_shading_normals: bool,
+    /// Whether any surface may have holes.
+    pub has_cutouts: bool,
     /// Found once for each wavelength: a scan in a loop allocates nothing.
     reflectances: Mutex<Vec<Arc<Reflectances>>>,
 }
@@ -71,6 +76,11 @@ impl Surfaces {
                     }),
                 };
                 let made_of = &surfaces.materials[material as usize];
+                let textured = made_of.base_color_texture.is_some() && part.uvs.is_some();
+                // Without an image, alpha is everywhere the same.
+                let cutout =
+                    made_of.alpha == Alpha::Cutout && (textured || made_of.base_color[3] < made_of.alpha_cutoff);
+                surfaces.has_cutouts |= cutout;
                 surfaces.rows.push(Surface {
                     category_id: object.category_id,
                     part_id: object.part_ids.get(number).copied().unwrap_or(0),
@@ -80,8 +90,9 @@ impl Surfaces {
                     part: first_part + number as u32,
                     object: index as u32,
                     rgb: std::array::from_fn(|c| srgb_byte(made_of.base_color[c])),
-                    textured: made_of.base_color_texture.is_some() && part.uvs.is_some(),
+                    textured,
                     instanced,
+                    cutout,
                 });
             }
             surfaces.has_instances |= instanced;
@@ -90,6 +101,33 @@ impl Surfaces {
         surfaces.has_shading_normals = surfaces.parts.iter().any(|part| part.normals.is_some());
         surfaces.labels = labels;
         surfaces
+    }
+
+    /// The row of what is hit: `geometry` by itself, or that of `instance` where that is not [`INVALID`].
+    #[inline(always)]
+    pub(crate) fn row(&self, geometry: u32, instance: u32) -> u32 {
+        if instance == INVALID { geometry } else { self.first_row[instance as usize] + geometry }
+    }
+
+    /// Linear base colour and alpha of `surface` where the second and the third corner of `triangle` weigh `u` and `v`.
+    pub(crate) fn base_color(&self, surface: &Surface, triangle: u32, [u, v]: [f32; 2]) -> [f32; 4] {
+        let material = &self.materials[surface.material as usize];
+        let part = &self.parts[surface.part as usize];
+        let (Some(image), Some(uvs)) = (&material.base_color_texture, part.uvs.as_deref()) else {
+            return material.base_color;
+        };
+        let [a, b, c] = part.triangles[triangle as usize].map(|index| uvs[index as usize]);
+        let texel = image.sample(std::array::from_fn(|k| a[k] * (1.0 - u - v) + b[k] * u + c[k] * v));
+        std::array::from_fn(|k| material.base_color[k] * texel[k])
+    }
+
+    /// Whether light that meets a surface is stopped there, and does not pass one of its holes.
+    pub(crate) fn stops(&self, hit: &Candidate) -> bool {
+        let surface = &self.rows[self.row(hit.geom_id, hit.inst_id) as usize];
+        !surface.cutout || {
+            let [.., alpha] = self.base_color(surface, hit.prim_id, [hit.u, hit.v]);
+            alpha >= self.materials[surface.material as usize].alpha_cutoff
+        }
     }
 
     /// What `surface`, a row or [`super::MISS`], does with light, as `reflectances` has it.

@@ -3,12 +3,15 @@
 use super::accessor::Accessors;
 use super::{Document, Notes, extras, place, uri};
 use crate::error::Result;
-use crate::material::{Material, Reflectance};
+use crate::material::{Alpha, Material, Reflectance};
 use crate::scene::texture::TextureBudget;
 use crate::scene::{Filter, Texture, TextureRef, Wrap};
+use crate::yaml;
 use gltf::json;
+use gltf::json::material::AlphaMode;
 use gltf::json::texture::{Info, MagFilter, WrappingMode};
 use gltf::json::validation::Checked;
+use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -117,6 +120,13 @@ fn surface(source: &json::Material, name: String, factors: &mut Factors<'_>) -> 
         material.attenuation_color = factors.units("attenuationColor", volume.attenuation_color.0);
     }
 
+    if source.alpha_mode == Checked::Valid(AlphaMode::Mask) {
+        material.alpha = Alpha::Cutout;
+    }
+    if let Some(cutoff) = &source.alpha_cutoff {
+        material.alpha_cutoff = factors.unit("alphaCutoff", cutoff.0);
+    }
+
     let property = |key: &str| extras::get(&source.extras, key);
     let zero_to_one = |v: f64| (0.0..=1.0).contains(&v);
     if let Some(value) = property("reflectance") {
@@ -126,6 +136,21 @@ fn surface(source: &json::Material, name: String, factors: &mut Factors<'_>) -> 
         let fourth = value.get(3).unwrap_or(&Value::Null);
         let value = number("extras.blainder_rgba[3]", fourth, "a number from 0 to 1", zero_to_one)?;
         material.reflectance = Some(Reflectance::Constant(value));
+    }
+    if let Some(value) = property("scattering") {
+        material.scattering = section("extras.scattering", value)?;
+        let check = material.scattering.check(material.reflectance.as_ref());
+        check.map_err(|error| format!("extras.{error}"))?;
+    }
+    // A number of that name is somebody else's.
+    if let Some(value) = property("alpha").filter(Value::is_string) {
+        material.alpha = section("extras.alpha", value)?;
+    }
+    if let Some(value) = property("alpha_cutoff") {
+        material.alpha_cutoff = number("extras.alpha_cutoff", &value, "a number from 0 to 1", zero_to_one)?;
+    }
+    if let Some(value) = property("dirt") {
+        material.dirt = number("extras.dirt", &value, "a number from 0 to 1", zero_to_one)?;
     }
     if let Some(value) = property("blainder_metallic") {
         material.metallic = number("extras.blainder_metallic", &value, "a number from 0 to 1", zero_to_one)?;
@@ -140,6 +165,11 @@ fn surface(source: &json::Material, name: String, factors: &mut Factors<'_>) -> 
 fn refraction(name: &str, value: &Value) -> Result<Option<f32>, String> {
     let ior = number(name, value, "0 for none, or 1 and more", |ior| ior == 0.0 || ior >= 1.0)?;
     Ok((ior != 0.0).then_some(ior))
+}
+
+/// What `value` says in the words of a material file.
+fn section<T: DeserializeOwned>(name: &str, value: Value) -> Result<T, String> {
+    yaml::Document::from_value(name, value).read().map_err(|error| error.to_string())
 }
 
 /// `value` if `allows` allows it.

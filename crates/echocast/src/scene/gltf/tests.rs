@@ -1,6 +1,6 @@
 use super::read_bytes;
 use crate::error::Result;
-use crate::material::Reflectance;
+use crate::material::{Alpha, Reflectance, Scattering};
 use crate::scene::{Filter, LabelRules, LoadOptions, Scene, Wrap};
 use glam::{DAffine3, DQuat, DVec3};
 use serde_json::{Value, json};
@@ -604,13 +604,15 @@ fn materials_are_read_with_their_extensions() {
             "KHR_materials_volume": {"thicknessFactor": 0.01, "attenuationDistance": 2, "attenuationColor": [1, 0.5, 0]},
             "KHR_materials_unlit": {},
         },
-        "extras": {"reflectance": 0.6, "blainder_rgba": [0, 0, 0, 0.9]},
+        "extras": {"reflectance": 0.6, "blainder_rgba": [0, 0, 0, 0.9],
+            "scattering": {"model": "oren_nayar", "slope_sigma_deg": 17}, "dirt": 0.02},
     }));
     let scene = file.load().unwrap();
     let m = scene.meshes()[0].parts[0].material.as_ref().unwrap();
     assert_eq!((m.name.as_str(), m.base_color, m.metallic, m.roughness), ("glass", [0.1, 0.2, 0.3, 0.4], 0.25, 0.5));
     assert_eq!((m.transmission, m.ior, m.unlit), (0.75, 1.33, true));
     assert_eq!(m.reflectance, Some(Reflectance::Constant(0.6)));
+    assert_eq!((&m.scattering, m.dirt), (&Scattering::OrenNayar { slope_sigma_deg: 17.0 }, 0.02));
     assert_eq!((m.thickness_m, m.attenuation_distance_m, m.attenuation_color), (0.01, 2.0, [1.0, 0.5, 0.0]));
 
     file.material(json!({}));
@@ -625,6 +627,25 @@ fn materials_are_read_with_their_extensions() {
     let scene = file.load().unwrap();
     let m = &scene.materials[0];
     assert_eq!((m.base_color, m.metallic, m.roughness), ([0.5, 0.25, 0.125, 1.0], 0.0, 0.25));
+}
+
+#[test]
+fn alpha_modes_say_what_alpha_means() {
+    let mut file = File::triangle();
+    for (source, expected) in [
+        (json!({}), (Alpha::Ignore, 0.5)),
+        (json!({"alphaMode": "OPAQUE"}), (Alpha::Ignore, 0.5)),
+        (json!({"alphaMode": "BLEND", "extras": {"alpha": 0.5}}), (Alpha::Ignore, 0.5)),
+        (json!({"alphaMode": "MASK"}), (Alpha::Cutout, 0.5)),
+        (json!({"alphaMode": "MASK", "alphaCutoff": 0.25}), (Alpha::Cutout, 0.25)),
+        (json!({"alphaMode": "MASK", "extras": {"alpha": "ignore"}}), (Alpha::Ignore, 0.5)),
+        (json!({"alphaMode": "BLEND", "extras": {"alpha": "cutout", "alpha_cutoff": 0.75}}), (Alpha::Cutout, 0.75)),
+        (json!({"extras": {"alpha": "reflectance"}}), (Alpha::Reflectance, 0.5)),
+    ] {
+        file.material(source.clone());
+        let material = &file.load().unwrap().materials[0];
+        assert_eq!((material.alpha, material.alpha_cutoff), expected, "{source}");
+    }
 }
 
 #[test]
@@ -652,6 +673,23 @@ fn material_values_out_of_range_are_errors() {
         ),
         (json!({"extras": {"blainder_rgba": [1, 1, 1]}}), "extras.blainder_rgba[3] is not a number"),
         (json!({"extras": {"blainder_rgba": [1, 1, 1, -1]}}), "extras.blainder_rgba[3] is -1"),
+        (
+            json!({"extras": {"scattering": {"model": "ggx", "f0": 2, "alpha": 0.3}}}),
+            "extras.scattering.f0 is 2; allowed: 0 to 1",
+        ),
+        (
+            json!({"extras": {"scattering": {"model": "ggx", "f0": 0.04, "alph": 0.3}}}),
+            "extras.scattering: alph: unknown key \"alph\"; near: alpha; allowed: f0, alpha",
+        ),
+        (
+            json!({"extras": {"scattering": {"model": "phong", "specular": 0.5, "exponent": 9}, "reflectance": 0.6}}),
+            "extras.scattering.specular is 0.5; allowed: such that it and the reflectance of 0.6 make at most 1",
+        ),
+        (
+            json!({"extras": {"alpha": "mask"}}),
+            "extras.alpha: unknown value \"mask\"; allowed: ignore, reflectance, cutout",
+        ),
+        (json!({"extras": {"alpha_cutoff": 2}}), "extras.alpha_cutoff is 2; allowed: a number from 0 to 1"),
         (json!({"extras": {"blainder_metallic": 2}}), "extras.blainder_metallic is 2"),
         (json!({"extras": {"blainder_ior": 0.5}}), "extras.blainder_ior is 0.5; allowed: 0 for none, or 1 and more"),
         (json!({"extensions": {"KHR_materials_ior": {"ior": 0.5}}}), "ior is 0.5"),
