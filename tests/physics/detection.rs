@@ -1,5 +1,7 @@
 use super::{assert_near, scan, target};
+use echocast::material::Reflectance;
 use echocast::medium::{Dust, Placed, Rain, Region};
+use echocast::scene::Material;
 use echocast::{BuiltScene, Cause, Environment, Profile, ScanOptions, Sensor};
 use echocast_tests::reference::{SceneBuilder, Shape, Table, one_beam};
 use glam::DVec3;
@@ -240,6 +242,41 @@ fn noise_decides_what_is_seen() {
         seen(&sections),
         seen(&format!("detection: {{model: radar_equation, reflectance: {rho}, at_m: {at_m}}}"))
     );
+}
+
+/// What is seen in a mirror, and dust in the air, are seen by chance as surfaces are, once each.
+#[test]
+fn noise_decides_what_is_seen_of_mirrors_and_dust() {
+    let mut scene = SceneBuilder::new();
+    let metal = Material {
+        reflectance: Some(Reflectance::Constant(0.9)),
+        metallic: 1.0,
+        roughness: 0.0,
+        ..Material::default()
+    };
+    let (mirror, paint) = (scene.material(metal), scene.reflector(0.5));
+    scene.stand(Shape::plate(5.0 * DVec3::X, DVec3::new(-1.0, 0.1, 0.0).normalize(), 50.0), Some(mirror));
+    scene.stand(Shape::plate(-3.0 * DVec3::X, DVec3::X, 100.0), Some(paint));
+    let dust = "{dust: {radius_um: 50, per_m3: 1e6, start_m: 4, length_m: 10}}";
+    let cases = [
+        (scene.finish().build().unwrap(), Cause::Mirror, "{}", "reflectance: 0.3, at_m: 14"),
+        (nothing_ahead(), Cause::Dust, dust, "reflectance: 0.001, at_m: 3.6"),
+    ];
+    for (scene, cause, weather, line) in cases {
+        let seen = |detection: &str| {
+            let environment = Environment::from_yaml(weather).unwrap();
+            let options = ScanOptions { environment, ..ScanOptions::default().seed(7) };
+            scan(&scene, &camera(&format!("beam: {{pulse_ns: 5}}\ndetection: {{model: {detection}}}")), options)
+        };
+        let (all, cloud) = (seen("none"), seen(&format!("statistical, {line}, tnr: 5")));
+        assert!(cloud.columns.cause.iter().all(|&found| found == cause as u8));
+        let numbers: Vec<f64> = line.split([' ', ',']).filter_map(|word| word.parse().ok()).collect();
+        let strength =
+            |row: usize| f64::from(all.columns.intensity[row]) / f64::from(all.columns.true_range[row]).powi(2);
+        let snr = |row: usize| 6.281_551_566 * strength(row) / (numbers[0] / numbers[1].powi(2));
+        assert!(cloud.len > 5000 && cloud.len + 5000 < all.len, "{cause:?} {} of {}", cloud.len, all.len);
+        assert_count(line, cloud.len, (0..all.len).map(|row| normal_distribution(snr(row) - 5.0)));
+    }
 }
 
 /// 100 MHz at a ratio of 4 over 200 m: 0.0258418 for each beam (made with numpy), anywhere and without labels.
