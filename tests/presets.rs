@@ -275,7 +275,7 @@ fn instruments_are_complete() {
         }
         assert!(spec.range.min_m > 0.0 && spec.range.max_m.is_some(), "{name}: {:?}", spec.range);
         let reason = "\n# No line of reflectance and range was found";
-        let unlimited = spec.detection == Detection::None;
+        let unlimited = spec.detection.model == Detection::None;
         assert_eq!(unlimited, text.contains(reason), "{name}: {:?} needs a reason, others none", spec.detection);
         if kind == SensorKind::Lidar {
             let beam = &spec.beam;
@@ -321,7 +321,7 @@ fn row(name: &str, sensor: &Sensor, text: &str) -> String {
             format!("{} x {}", degrees(2.0 * widest), degrees(2.0 * high.max(-low)))
         }
     };
-    let seen = match spec.detection {
+    let seen = match spec.detection.model {
         Detection::RadarEquation { reflectance, at_m } => format!("{} % at {at_m} m", 100.0 * reflectance),
         _ => String::new(),
     };
