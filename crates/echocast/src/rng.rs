@@ -22,6 +22,12 @@ pub(crate) enum Draw {
     Flakes = 5,
     /// Gaussian error of the range from rain.
     RainRange = 6,
+    /// Gaussian errors of the phases of modulated light, by frequency.
+    Phase = 30,
+    /// Gaussian error of the measured depth.
+    DepthJitter = 31,
+    /// By how much a pixel looks beside its place.
+    LookAside = 32,
 }
 
 const MULTIPLIER: [u32; 2] = [0xD251_1F53, 0xCD9E_8D57];
@@ -100,6 +106,13 @@ impl Rng {
             chunk.copy_from_slice(&values[..chunk.len()]);
             beam = beam.wrapping_add(N as u32);
         }
+    }
+
+    /// Two standard normal numbers of one beam at `sub_ray`; the first at 0 is that of [`Rng::normals`].
+    #[inline(always)]
+    pub(crate) fn normal_pair(&self, beam: u32, draw: Draw, sub_ray: u32) -> [f32; 2] {
+        let [[a], [b], [c], [d]] = philox([[beam], [self.frame], [sub_ray], [draw as u32]], self.key);
+        [normal(a, b), normal(c, d)]
     }
 
     /// Four numbers in [0, 1) of one beam at `sub_ray`; the first is that of [`Rng::uniforms`].
@@ -198,6 +211,7 @@ mod tests {
             rng.normals(1000 + start as u32, Draw::RangeJitter, &mut short);
             assert_eq!(short, long[start..start + 21]);
         }
+        assert_eq!(rng.normal_pair(1002, Draw::RangeJitter, 0)[0], long[2]);
         let mut other = [0.0; 100];
         Rng::new(7, 4).normals(1000, Draw::RangeJitter, &mut other);
         assert_ne!(long, other);

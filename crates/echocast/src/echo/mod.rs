@@ -4,6 +4,7 @@ mod contribution;
 mod intensity;
 mod particles;
 mod path;
+mod phasor;
 mod pulse;
 mod weather;
 
@@ -12,6 +13,7 @@ pub use intensity::IntensityEncoding;
 pub(crate) use intensity::IntensityModel;
 pub(crate) use particles::Cone;
 pub(crate) use path::{Chosen, Follower, PathEcho, PathLimits, Surroundings};
+pub(crate) use phasor::{MOST_FREQUENCIES, Modulation, ShotNoise, natural_vignetting, turns};
 pub(crate) use pulse::Pulse;
 pub use pulse::PulseShape;
 pub(crate) use weather::{AIR, Air, Answer, Receiver};
