@@ -49,6 +49,16 @@ noise: {range_sigma_m: 0.01, range_snr_sigma_m: 0.02}
     Sensor::from_yaml(yaml, "").unwrap()
 }
 
+/// The same with all that is particular to a depth camera.
+fn depth_camera() -> Sensor {
+    let mut sensor = camera();
+    let tof = "{frequencies_mhz: [16, 80, 120], shot_noise: {sigma_m: 0.01, reflectance: 0.5, at_m: 2}, vignetting: cos4, \
+               depth_noise: {model: nguyen}, lateral_sigma_px: 0.8, second_eye_m: [0, -0.1, 0]}";
+    sensor.set("tof", tof).unwrap();
+    sensor.set("detection.at_m", "40").unwrap();
+    sensor
+}
+
 fn drive() -> Trajectory {
     let turned = Pose::at(2.0, 1.0, 0.5).with_rpy_deg(3.0, -4.0, 70.0);
     Trajectory::new(vec![(0.0, Pose::at(0.0, 0.0, 0.0)), (0.15, turned)]).unwrap()
@@ -75,7 +85,7 @@ fn differences(a: &PointCloud, b: &PointCloud) -> Vec<&'static str> {
 #[test]
 fn threads_do_not_change_a_bit() {
     let [one, two, seven] = [1, 2, 7].map(|threads| scene_with(&Engine::with_threads(threads).unwrap()));
-    for sensor in [lidar(), camera()] {
+    for sensor in [lidar(), camera(), depth_camera()] {
         for path in [Trajectory::fixed(Pose::IDENTITY), drive()] {
             for options in [all(), ScanOptions { organised: true, ..all() }, wet()] {
                 let alone = one.scan(&sensor, &path, &options).unwrap();
@@ -93,7 +103,7 @@ fn threads_do_not_change_a_bit() {
 #[test]
 fn two_runs_give_the_same_bits() {
     let path = drive();
-    for sensor in [lidar(), camera()] {
+    for sensor in [lidar(), camera(), depth_camera()] {
         let run = || scene().scan(&sensor, &path, &all()).unwrap();
         assert_eq!(differences(&run(), &run()), [""; 0]);
     }
@@ -184,7 +194,7 @@ fn order_by_time_is_the_same_set_of_points() {
 #[test]
 fn organised_clouds_hold_the_same_points() {
     let (scene, path) = (scene(), drive());
-    for sensor in [lidar(), camera()] {
+    for sensor in [lidar(), camera(), depth_camera()] {
         let loose = scene.scan(&sensor, &path, &all()).unwrap();
         let organised = scene.scan(&sensor, &path, &ScanOptions { organised: true, ..all() }).unwrap();
         let beams = sensor.beams();

@@ -7,6 +7,7 @@ use crate::emitter::BeamTable;
 use crate::emitter::pattern::Pattern;
 use crate::error::{Error, Result};
 use crate::presets;
+use crate::tof::{Camera, TofSpec};
 use crate::yaml::{self, Document};
 use serde::de::{self, Deserializer, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize};
@@ -50,6 +51,9 @@ pub struct SensorSpec {
     /// What it reports as intensity.
     #[serde(default)]
     pub intensity: IntensitySpec,
+    /// What is particular to a depth camera.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tof: Option<TofSpec>,
     /// Figures of the maker that the pattern is tested against.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub expect: Option<Expectations>,
@@ -276,7 +280,11 @@ impl SensorSpec {
             let allowed = "0, or above with detection.model: radar_equation";
             bounds.number("noise.range_snr_sigma_m", noise.range_snr_sigma_m, [0.0; 2], allowed)?;
         }
-        Ok(())
+        match &self.tof {
+            Some(_) if self.kind != SensorKind::Tof => Err(Error::invalid("tof", "given", "with kind: tof only")),
+            Some(tof) => tof.check(&self.pattern, bounds),
+            None => Ok(()),
+        }
     }
 
     /// Turns `document` into a checked description.
@@ -348,6 +356,7 @@ pub struct Sensor {
     pub(crate) detection: Detection,
     pub(crate) noise: Noise,
     pub(crate) intensity: IntensityEncoding,
+    pub(crate) camera: Option<Camera>,
 }
 
 impl Sensor {
@@ -429,6 +438,7 @@ impl Sensor {
             detection: spec.detection,
             noise: spec.noise,
             intensity: spec.intensity.encoding,
+            camera: spec.tof.as_ref().map(|tof| Camera::new(tof, &spec.pattern)),
             spec,
             folder,
             beams,
@@ -478,6 +488,7 @@ impl Sensor {
             returns: ReturnsSpec::default(),
             noise: Noise::default(),
             intensity: IntensitySpec::default(),
+            tof: None,
             expect: None,
         };
         spec.check()?;
@@ -678,6 +689,66 @@ pattern:
                 "{text}\n  gives {error}\n  not   {expected}"
             );
         }
+    }
+
+    #[test]
+    fn errors_of_depth_cameras_name_line_and_key() {
+        const CAMERA: &str = "name: mini\nkind: tof\npattern: {type: pinhole, resolution: [4, 4], fov_deg: [60, 60]}\n";
+        let cases = [
+            ("{frequency_mhz: 20}", "tof.frequency_mhz: unknown key \"frequency_mhz\"; near: frequencies_mhz"),
+            ("{frequencies_mhz: 20}", "tof.frequencies_mhz: invalid type: integer `20`"),
+            ("{frequencies_mhz: [20, 0]}", "tof.frequencies_mhz[1]: is 0; allowed: 0.1 to 10000"),
+            ("{frequencies_mhz: [20.0001]}", "tof.frequencies_mhz[0]: is 20.0001; allowed: whole kHz"),
+            ("{frequencies_mhz: [1, 2, 3, 4]}", "tof.frequencies_mhz: is a list of 4; allowed: up to 3"),
+            (
+                "{frequencies_mhz: [100, 20.001]}",
+                "tof.frequencies_mhz: is [100.0, 20.001], the highest 100000 times their common divisor; allowed: at most",
+            ),
+            ("{wiggle_residual: 2}", "tof.wiggle_residual: is 2; allowed: 0 to 1"),
+            ("{inconsistency_m: 0.1}", "tof.inconsistency_m: is given; allowed: with tof.frequencies_mhz only"),
+            (
+                "{shot_noise: {sigma_m: 0.01, reflectance: 0.5, at_m: 1}}",
+                "tof.shot_noise: is given; allowed: with tof.frequencies_mhz only",
+            ),
+            ("{shot_noise: {sigma_m: 0.01}}", "tof.shot_noise: the key `reflectance` is missing"),
+            (
+                "{frequencies_mhz: [20], shot_noise: {sigma_m: 0, reflectance: 0.5, at_m: 1}}",
+                "tof.shot_noise.sigma_m: is 0; allowed: 0.000000001 to 1000",
+            ),
+            (
+                "{saturation: {reflectance: 0, at_m: 1}}",
+                "tof.saturation.reflectance: is 0; allowed: above 0, at most 1",
+            ),
+            ("{vignetting: cos3}", "tof.vignetting: unknown value \"cos3\"; near: cos4"),
+            (
+                "{illumination: [{angle_deg: 5, value: 1}, {angle_deg: 5, value: 0}]}",
+                "tof.illumination[1].angle_deg: is 5; allowed: above tof.illumination[0].angle_deg (5)",
+            ),
+            ("{depth_noise: {model: khosh}}", "tof.depth_noise.model: unknown value \"khosh\"; near: khoshelham"),
+            ("{depth_noise: {model: nguyen, sigma_m: 1}}", "tof.depth_noise.sigma_m: unknown key \"sigma_m\""),
+            (
+                "{depth_noise: {model: disparity, sigma_px: 0.1}}",
+                "tof.depth_noise.model: is disparity; allowed: with tof.second_eye_m only",
+            ),
+            (
+                "{depth_noise: {model: polynomial, sigma_m: [0, 1001, 0]}}",
+                "tof.depth_noise.sigma_m[1]: is 1001; allowed: -1000 to 1000",
+            ),
+            ("{lateral_sigma_px: 11}", "tof.lateral_sigma_px: is 11; allowed: 0 to 10"),
+            (
+                "{second_eye_m: [0, 0, 0]}",
+                "tof.second_eye_m: is where the camera is; allowed: 1e-6 m or more beside it",
+            ),
+        ];
+        for (section, expected) in cases {
+            let error = message(&format!("{CAMERA}tof: {section}\n"));
+            let expected = format!("YAML text: line 4: {expected}");
+            assert!(error.starts_with(&expected), "{section}\n  gives {error}\n  not   {expected}");
+        }
+        assert!(message(&format!("{MINIMAL}tof: {{}}\n")).contains("tof: is given; allowed: with kind: tof only"));
+        let spinning = MINIMAL.replace("lidar", "tof");
+        let error = message(&format!("{spinning}tof: {{lateral_sigma_px: 1}}\n"));
+        assert!(error.contains("tof.lateral_sigma_px: is given; allowed: with pattern.type: pinhole only"), "{error}");
     }
 
     #[test]

@@ -8,6 +8,7 @@ use crate::echo::{AIR, Air, Answer, Chosen, Contribution, Follower, PathEcho, Pa
 use crate::material::Optics;
 use crate::rng::Draw;
 use crate::sensor::ReturnMode;
+use crate::tof::Camera;
 use crate::trace::{HitBatch, LANES, MISS, RayBatch};
 use pulp::{Simd, WithSimd};
 
@@ -56,6 +57,8 @@ pub(super) struct Block {
     pub answer: Answer,
     /// Memory to follow light in, where a scene has mirrors or glass.
     pub paths: Option<Box<(Follower, Chosen)>>,
+    /// Memory to look from a camera's second eye in.
+    pub second_eye: Option<Box<(RayBatch, HitBatch)>>,
 }
 
 impl Block {
@@ -72,6 +75,7 @@ impl Block {
             scratch: [0.0; LANES],
             answer: Answer::new(),
             paths: None,
+            second_eye: None,
         }
     }
 
@@ -87,6 +91,9 @@ impl Block {
         if let Some(limits) = scan.paths {
             self.follow(scan, limits, first, count);
         }
+        if let Some(eye) = scan.camera.and_then(|camera| camera.second_eye) {
+            self.shadow(scan, eye, first, count);
+        }
         let needs_surfaces = !scan.options.organised && !scan.air.as_ref().is_some_and(Air::answers);
         if needs_surfaces && self.hits.surface[..count].iter().all(|&surface| surface == MISS) {
             return 0;
@@ -98,7 +105,10 @@ impl Block {
     /// Steps 4 and 5: every beam at the pose of its own time.
     #[inline(always)]
     fn aim(&mut self, scan: &Scan, first: usize, count: usize) {
-        scan.aim.rays(scan.beams, first, count, scan.range_max, &mut self.rays);
+        scan.aim.rays(scan.beams, first, count, scan.reach, &mut self.rays);
+        if let Some(camera) = scan.camera.filter(|camera| camera.aside.is_some()) {
+            self.look_aside(scan, camera, first, count);
+        }
     }
 
     /// Steps 6 and 8: what the rays hit and what it is like.
@@ -185,6 +195,9 @@ impl Block {
                 self.surfaces.reflectance[lane] *= self.scratch[lane];
             }
         }
+        if let Some(camera) = scan.camera.filter(|camera| camera.dims()) {
+            self.dim(scan, camera, first, count);
+        }
         let Block { hits, surfaces, rho_eff, intensity, .. } = self;
         for lane in 0..LANES {
             rho_eff[lane] = surfaces.reflectance[lane] * surfaces.cos_incidence[lane];
@@ -203,12 +216,18 @@ impl Block {
                 }
             }
         }
-        scan.limit(&mut self.hits.surface, &self.hits.range, first, count);
+        if !scan.camera.is_some_and(Camera::wraps) {
+            scan.limit(&mut self.hits.surface, &self.hits.range, first, count);
+        }
         if let Some(air) = scan.air.as_ref().filter(|air| air.answers()) {
             self.answer(scan, air, first, count);
         }
+        if let Some(camera) = scan.camera {
+            self.form(scan, camera, first, count);
+        }
         let Block { hits, rho_eff, measured, turn, scratch, .. } = self;
-        scan.range_error.measure(&scan.rng, beams, &rho_eff[..count], &hits.range[..count], &mut measured[..count]);
+        let formed = if scan.camera.is_some() { &*scratch } else { &hits.range };
+        scan.range_error.measure(&scan.rng, beams, &rho_eff[..count], &formed[..count], &mut measured[..count]);
         if let Some(sigma) = scan.air.as_ref().map(Air::range_noise).filter(|&sigma| sigma > 0.0) {
             scan.rng.normals(beams, Draw::RainRange, &mut scratch[..count]);
             for lane in 0..count {

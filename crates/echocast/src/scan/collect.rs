@@ -3,8 +3,10 @@
 use super::block::Block;
 use super::run::Scan;
 use crate::cloud::{Field, Frame, Kept, Slices};
-use crate::trace::LANES;
+use crate::emitter::BeamTable;
+use crate::trace::{LANES, RayBatch};
 use std::f32::consts::PI;
+use std::ops::Range;
 
 impl Block {
     /// Step 11: the columns that were asked for, row by row.
@@ -18,11 +20,18 @@ impl Block {
         let world = scan.options.coordinates == Frame::World;
         let beams = scan.beams;
         let range = first..first + count;
+        let looks_aside = scan.camera.is_some_and(|camera| camera.aside.is_some());
         if !world {
             (rays.org_x, rays.org_y, rays.org_z) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
-            rays.dir_x[..count].copy_from_slice(&beams.dir_x[range.clone()]);
-            rays.dir_y[..count].copy_from_slice(&beams.dir_y[range.clone()]);
-            rays.dir_z[..count].copy_from_slice(&beams.dir_z[range.clone()]);
+            if looks_aside {
+                for lane in 0..count {
+                    let (rotation, _) = scan.aim.pose(beams, first + lane);
+                    let dir = glam::Vec3::new(rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]);
+                    (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = (rotation.transpose() * dir).into();
+                }
+            } else {
+                copy_directions(beams, range.clone(), rays);
+            }
         }
         for (org, dir, to) in [
             (&rays.org_x, &rays.dir_x, rows.true_x),
@@ -30,6 +39,11 @@ impl Block {
             (&rays.org_z, &rays.dir_z, rows.true_z),
         ] {
             put_positions(kept, surface, [org, dir, &hits.range], scratch, to);
+        }
+        if looks_aside && world {
+            scan.aim.rays(beams, first, count, scan.reach, rays);
+        } else if looks_aside {
+            copy_directions(beams, range.clone(), rays);
         }
         if scan.azimuth_sigma > 0.0 {
             for lane in 0..count {
@@ -129,6 +143,15 @@ impl Block {
         }
         filled
     }
+}
+
+/// Directions of `beams` in the sensor frame.
+#[inline(always)]
+fn copy_directions(beams: &BeamTable, range: Range<usize>, rays: &mut RayBatch) {
+    let count = range.len();
+    rays.dir_x[..count].copy_from_slice(&beams.dir_x[range.clone()]);
+    rays.dir_y[..count].copy_from_slice(&beams.dir_y[range.clone()]);
+    rays.dir_z[..count].copy_from_slice(&beams.dir_z[range]);
 }
 
 /// Writes one coordinate of the points at `ranges` along rays from `org` in the direction `dir`.

@@ -12,6 +12,7 @@ use crate::medium::Weather;
 use crate::parallel;
 use crate::rng::Rng;
 use crate::sensor::{ReturnMode, Sensor};
+use crate::tof::Camera;
 use crate::trace::{CHUNK, LANES, MISS, Tables};
 use pulp::Arch;
 use std::ops::Range;
@@ -50,6 +51,8 @@ pub(super) struct Scan<'a> {
     pub dropout: f32,
     pub range_min: f32,
     pub range_max: f32,
+    /// How far rays go, m: beyond the greatest range where what is measured wraps.
+    pub reach: f32,
     pub coherent: bool,
     /// Whether normals or what depends on them are asked for.
     pub wants_normals: bool,
@@ -67,6 +70,8 @@ pub(super) struct Scan<'a> {
     /// How far light is followed over mirrors and through glass; `None` where nothing depends on it.
     pub paths: Option<PathLimits>,
     pub mode: ReturnMode,
+    /// What a depth camera makes of light, if it says so.
+    pub camera: Option<&'a Camera>,
 }
 
 impl<'a> Scan<'a> {
@@ -100,8 +105,13 @@ impl<'a> Scan<'a> {
             geometric: as_the_paper,
             cosine_after: !blainder,
         });
-        let wants_echo =
-            air.is_some() || paths.is_some() || threshold != Threshold::Open || fields.contains(Field::Intensity);
+        let camera = sensor.camera.as_ref().filter(|_| !as_the_paper);
+        let range_max = sensor.range_max_m as f32;
+        let wants_echo = camera.is_some()
+            || air.is_some()
+            || paths.is_some()
+            || threshold != Threshold::Open
+            || fields.contains(Field::Intensity);
         let wants_normals =
             wants_echo || fields.contains_any(&[Field::NormalX, Field::NormalY, Field::NormalZ, Field::CosIncidence]);
         let colors = fields.contains_any(&[Field::Red, Field::Green, Field::Blue]);
@@ -120,7 +130,8 @@ impl<'a> Scan<'a> {
             azimuth_sigma: sensor.noise.azimuth_sigma_deg.to_radians() as f32,
             dropout: sensor.noise.dropout as f32,
             range_min: sensor.range_min_m as f32,
-            range_max: sensor.range_max_m as f32,
+            range_max,
+            reach: if camera.is_some_and(Camera::wraps) { f32::INFINITY } else { range_max },
             coherent: beams.is_coherent(),
             wants_normals,
             smooth: !blainder && scene.surfaces.has_shading_normals,
@@ -128,10 +139,13 @@ impl<'a> Scan<'a> {
             wanted: Wanted { colors, reflectance: wants_echo },
             keeps_undetected: blainder,
             limits_measured: options.profile == Profile::Physical
-                && (sensor.noise != Noise::default() || air.as_ref().is_some_and(|air| air.range_noise() > 0.0)),
+                && (sensor.noise != Noise::default()
+                    || camera.is_some()
+                    || air.as_ref().is_some_and(|air| air.range_noise() > 0.0)),
             air,
             paths,
             mode: sensor.return_mode(),
+            camera,
         }
     }
 
