@@ -53,7 +53,7 @@ noise: {range_sigma_m: 0.01, range_snr_sigma_m: 0.02}
 fn depth_camera() -> Sensor {
     let mut sensor = camera();
     let tof = "{frequencies_mhz: [16, 80, 120], shot_noise: {sigma_m: 0.01, reflectance: 0.5, at_m: 2}, vignetting: cos4, \
-               depth_noise: {model: nguyen}, lateral_sigma_px: 0.8, second_eye_m: [0, -0.1, 0]}";
+               depth_noise: {model: nguyen}, lateral_sigma_px: 0.8, second_eye_m: [0, -0.1, 0], multipath_rays: 2}";
     sensor.set("tof", tof).unwrap();
     sensor.set("detection.at_m", "40").unwrap();
     sensor

@@ -298,6 +298,81 @@ fn surfaces_do_not_hide_themselves() {
     assert!(seen < all * 99 / 100 && seen > all * 95 / 100, "{seen} of {all}");
 }
 
+/// Two square walls of half `half` m that meet at a right angle 2 m ahead, at the corner of a room.
+fn corner(half: f64) -> BuiltScene {
+    let along = |sign: f64| DVec3::new(-1.0, sign, 0.0).normalize();
+    // Each begins at the corner.
+    let wall = |sign: f64| Shape::plate(2.0 * DVec3::X + half * along(sign), along(-sign), half);
+    walls([wall(1.0), wall(-1.0)])
+}
+
+/// A few pixels that look at one place of a corner see it too far, by what the light over the other wall comes to: its
+/// phasors summed over that wall, square by square.
+#[test]
+fn light_over_two_walls_makes_corners_round() {
+    let (half, frequency) = (1.5, 20e6);
+    let built = corner(half);
+    // 100 beams within a twentieth of a degree, 3 degrees left of the corner.
+    let pattern = "name: camera\nkind: tof\npattern: {type: raster, azimuth: {fov_deg: 0.045, step_deg: 0.005, \
+                   centre_deg: 3}, elevation: {fov_deg: 0.045, step_deg: 0.005}}\n";
+    let tof = "tof: {frequencies_mhz: [20], wiggle_residual: 0, multipath_rays: 256}\n";
+    let sensor = Sensor::from_yaml(&format!("{pattern}{tof}"), "").unwrap();
+    let cloud = scan(&built, &sensor, ScanOptions::default().seed(3));
+    let c = &cloud.columns;
+    assert_eq!(cloud.len, 100);
+    let found = errors(&c.range, &c.true_range);
+
+    // Light goes out at the origin; T lies on the left wall, M on the right one. Powers as `rho cos / R^2`.
+    let target = DVec3::new(3f64.to_radians().cos(), 3f64.to_radians().sin(), 0.0);
+    let (to_left, to_right) = (DVec3::new(-1.0, 1.0, 0.0).normalize(), DVec3::new(-1.0, -1.0, 0.0).normalize());
+    let target = target * (2.0 * DVec3::X.dot(to_right) / target.dot(to_right));
+    let wavenumber = 4.0 * std::f64::consts::PI * frequency / 299_792_458.0;
+    let range = target.length();
+    let direct = 0.5 * -target.normalize().dot(to_right) / (range * range);
+    let mut sum = [direct * (wavenumber * range).cos(), direct * (wavenumber * range).sin()];
+    let cells = 1000;
+    let size = 2.0 * half / f64::from(cells);
+    for i in 0..cells {
+        for j in 0..cells {
+            let [a, b] = [i, j].map(|index| (f64::from(index) + 0.5) * size);
+            let place = 2.0 * DVec3::X + a * to_right + (b - half) * DVec3::Z;
+            let (out, back) = (place.length(), target - place);
+            let cosines =
+                [-place.normalize().dot(to_left), back.normalize().dot(to_left), -back.normalize().dot(to_right)];
+            let shape = cosines.iter().product::<f64>() / (std::f64::consts::PI * back.length_squared());
+            let power = 0.25 * shape / (out * out) * size * size;
+            let way = 0.5 * (out + back.length() + range);
+            sum = [sum[0] + power * (wavenumber * way).cos(), sum[1] + power * (wavenumber * way).sin()];
+        }
+    }
+    let expected = sum[1].atan2(sum[0]) / wavenumber - range;
+    assert!(expected > 0.01, "{expected}");
+    let n = found.len() as f64;
+    let mean = found.iter().sum::<f64>() / n;
+    assert_near("error", mean, expected, 3.0 * sigma(&found) / n.sqrt());
+    assert!(c.cause.iter().all(|&cause| cause == echocast::Cause::Multipath as u8));
+}
+
+/// In the image of a corner all points lie behind the walls, most so in its middle; on a wall alone none does.
+#[test]
+fn corners_bend_away_and_walls_stay() {
+    let tof = "{frequencies_mhz: [16, 80, 120], wiggle_residual: 0, multipath_rays: 16}";
+    let mut sensor = camera(tof);
+    sensor.set("pattern.resolution", "[60, 20]").unwrap();
+    sensor.set("pattern.fov_deg", "[60, 20]").unwrap();
+    let cloud = scan(&corner(1.5), &sensor, ScanOptions::default());
+    let c = &cloud.columns;
+    let error = |beam: u32| errors(&c.range, &c.true_range)[beam as usize];
+    assert_eq!(cloud.len, 60 * 20);
+    let column = |x: u32| (0..20).map(|row| error(row * 60 + x)).sum::<f64>() / 20.0;
+    assert!(column(29) > 1.5 * column(2) && column(30) > 1.5 * column(57), "{} {}", column(29), column(2));
+    assert!((0..60).all(|x| column(x) > 0.0));
+    let alone = scan(&wall(2.0), &sensor, ScanOptions::default());
+    let plain = scan(&wall(2.0), &camera("{frequencies_mhz: [20]}"), ScanOptions::default());
+    assert!(errors(&alone.columns.range, &alone.columns.true_range).iter().all(|error| error.abs() < 1e-5));
+    assert!(alone.columns.cause.iter().chain(&plain.columns.cause).all(|&cause| cause == 0));
+}
+
 /// The paper's profiles know none of it.
 #[test]
 fn other_profiles_have_ideal_cameras() {

@@ -28,6 +28,8 @@ pub(crate) enum Draw {
     DepthJitter = 31,
     /// By how much a pixel looks beside its place.
     LookAside = 32,
+    /// Where light that comes to a pixel over two surfaces met the first.
+    SecondBounce = 33,
 }
 
 const MULTIPLIER: [u32; 2] = [0xD251_1F53, 0xCD9E_8D57];

@@ -735,6 +735,8 @@ pattern:
                 "tof.depth_noise.sigma_m[1]: is 1001; allowed: -1000 to 1000",
             ),
             ("{lateral_sigma_px: 11}", "tof.lateral_sigma_px: is 11; allowed: 0 to 10"),
+            ("{multipath_rays: 8}", "tof.multipath_rays: is given; allowed: with tof.frequencies_mhz only"),
+            ("{multipath_rays: 257}", "tof.multipath_rays: is 257; allowed: 0 to 256"),
             (
                 "{second_eye_m: [0, 0, 0]}",
                 "tof.second_eye_m: is where the camera is; allowed: 1e-6 m or more beside it",

@@ -44,6 +44,8 @@ pub struct TofSpec {
     /// from there.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub second_eye_m: Option<[f64; 3]>,
+    /// Rays of each pixel that look for light which came over another surface, 0 to 256; 0 is none.
+    pub multipath_rays: u32,
 }
 
 impl Default for TofSpec {
@@ -59,6 +61,7 @@ impl Default for TofSpec {
             depth_noise: DepthNoise::None,
             lateral_sigma_px: 0.0,
             second_eye_m: None,
+            multipath_rays: 0,
         }
     }
 }
@@ -154,7 +157,12 @@ impl TofSpec {
         if let Some(saturation) = self.saturation {
             target(bounds, "saturation", saturation)?;
         }
-        let needs = [("inconsistency_m", self.inconsistency_m.is_some()), ("shot_noise", self.shot_noise.is_some())];
+        bounds.within("tof.multipath_rays", f64::from(self.multipath_rays), 0.0, 256.0)?;
+        let needs = [
+            ("inconsistency_m", self.inconsistency_m.is_some()),
+            ("shot_noise", self.shot_noise.is_some()),
+            ("multipath_rays", self.multipath_rays > 0),
+        ];
         for (key, is_given) in needs {
             if is_given && self.frequencies_mhz.is_empty() {
                 return Err(Error::invalid(format!("tof.{key}"), "given", "with tof.frequencies_mhz only"));
@@ -230,6 +238,10 @@ pub(crate) struct Camera {
     pub aside: Option<[f32; 2]>,
     /// Place of the second eye in the sensor frame, m.
     pub second_eye: Option<Vec3>,
+    /// Rays of each pixel that look for light which came over another surface.
+    pub multipath_rays: u32,
+    /// Half of the width and height of the image in units of the focal length; infinite without an image.
+    half: [f32; 2],
 }
 
 impl Camera {
@@ -241,9 +253,9 @@ impl Camera {
             let ShotNoiseSpec { sigma_m, reflectance, at_m, ambient } = noise;
             ShotNoise::new(modulation.phase_sigma(sigma_m), Target { reflectance, at_m }.power(), ambient)
         });
-        let pixel = match pattern {
-            Pattern::Pinhole(pinhole) => pinhole.pixel(),
-            _ => [0.0; 2],
+        let (pixel, half) = match pattern {
+            Pattern::Pinhole(pinhole) => (pinhole.pixel(), pinhole.half()),
+            _ => ([0.0; 2], [f64::INFINITY; 2]),
         };
         let baseline = spec.second_eye_m.map_or(1.0, |eye| glam::DVec3::from(eye).length());
         let aside = pixel.map(|size| (size * spec.lateral_sigma_px) as f32);
@@ -259,6 +271,8 @@ impl Camera {
             depth: DepthError::new(spec.depth_noise, pixel[0] / baseline),
             aside: (spec.lateral_sigma_px > 0.0).then_some(aside),
             second_eye: spec.second_eye_m.map(|eye| glam::DVec3::from(eye).as_vec3()),
+            multipath_rays: spec.multipath_rays,
+            half: half.map(|size| size as f32),
         }
     }
 
@@ -281,8 +295,15 @@ impl Camera {
         lens * self.light(cos)
     }
 
+    /// Light that goes out in `direction` (of length 1, in the sensor frame), over that on the axis: none beside the image.
+    pub(crate) fn light_along(&self, direction: Vec3) -> f32 {
+        let [across, down] = self.half;
+        let within = direction.y.abs() <= across * direction.x && direction.z.abs() <= down * direction.x;
+        if within || across.is_infinite() { self.light(direction.x) } else { 0.0 }
+    }
+
     /// Light that goes out `cos` off the axis, over that on it.
-    fn light(&self, cos: f32) -> f32 {
+    pub(crate) fn light(&self, cos: f32) -> f32 {
         if self.illumination.is_empty() {
             return 1.0;
         }
@@ -341,8 +362,78 @@ impl Camera {
 }
 
 impl Pinhole {
+    /// Half of the width and height of the image in units of the focal length.
+    fn half(&self) -> [f64; 2] {
+        self.fov_deg.map(|fov| (0.5 * fov).to_radians().tan())
+    }
+
     /// Width and height of a pixel in units of the focal length.
     fn pixel(&self) -> [f64; 2] {
-        [0, 1].map(|axis| 2.0 * (0.5 * self.fov_deg[axis]).to_radians().tan() / f64::from(self.resolution[axis]))
+        let half = self.half();
+        [0, 1].map(|axis| 2.0 * half[axis] / f64::from(self.resolution[axis]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::yaml;
+
+    /// A camera of 64 x 48 pixels and 90 x 60 degrees.
+    fn camera(tof: &str) -> Camera {
+        let pattern = "{type: pinhole, resolution: [64, 48], fov_deg: [90, 60]}";
+        let (spec, pattern): (TofSpec, Pattern) =
+            (yaml::from_str("tof", tof).unwrap(), yaml::from_str("pattern", pattern).unwrap());
+        spec.check(&pattern, &mut Bounds::none()).unwrap();
+        Camera::new(&spec, &pattern)
+    }
+
+    fn form(camera: &Camera, ranges: &[f32], powers: &[f32]) -> Option<(f32, f32)> {
+        camera.form(&Rng::new(1, 0), 5, ranges, powers)
+    }
+
+    #[test]
+    fn what_is_left_out_is_ideal() {
+        let ideal = camera("{}");
+        assert_eq!(form(&ideal, &[3.5], &[0.2]), Some((3.5, 0.2)));
+        assert!(!ideal.wraps() && !ideal.dims());
+        assert_eq!((ideal.gain(0.5), ideal.err(&Rng::new(1, 0), 5, 0.8, 0.9, 3.0)), (1.0, 3.0));
+        assert_eq!(ideal.look_aside(&Rng::new(1, 0), 5, Vec3::X), Vec3::X);
+    }
+
+    /// Modulated light adds up, a matched pattern is that of the strongest echo.
+    #[test]
+    fn several_echoes_are_one() {
+        assert_eq!(form(&camera("{}"), &[1.0, 4.0, 2.0], &[0.1, 0.3, 0.2]), Some((4.0, 0.3)));
+        assert_eq!(form(&camera("{}"), &[], &[]), None);
+        let (range, power) =
+            form(&camera("{frequencies_mhz: [16], wiggle_residual: 0}"), &[1.0, 4.0], &[0.5, 0.5]).unwrap();
+        assert!((range - 2.5).abs() < 1e-6 && power < 0.6, "{range} {power}");
+    }
+
+    #[test]
+    fn pixels_are_invalid_by_their_light() {
+        let bright = camera("{saturation: {reflectance: 0.8, at_m: 2}}");
+        assert_eq!(form(&bright, &[1.0, 2.0], &[0.15, 0.06]), None);
+        assert_eq!(form(&bright, &[1.0], &[0.19]), Some((1.0, 0.19)));
+        let strict = camera("{frequencies_mhz: [16, 80], wiggle_residual: 0, inconsistency_m: 0.01}");
+        assert!(form(&strict, &[1.0, 4.0], &[0.3, 0.7]).is_none());
+        assert!(form(&strict, &[4.0], &[0.7]).is_some());
+        // Without light there is no phase, not even a noisy one.
+        let noisy = camera("{frequencies_mhz: [16], shot_noise: {sigma_m: 0.01, reflectance: 0.5, at_m: 1}}");
+        assert_eq!(form(&noisy, &[1.0], &[0.0]), None);
+    }
+
+    #[test]
+    fn light_goes_out_by_its_table_and_into_the_image_alone() {
+        let lamp = camera("{illumination: [{angle_deg: 10, value: 1}, {angle_deg: 30, value: 0.5}]}");
+        for (angle, expected) in [(0.0f32, 1.0), (10.0, 1.0), (20.0, 0.75), (30.0, 0.5), (44.0, 0.5)] {
+            let (sin, cos) = angle.to_radians().sin_cos();
+            assert!((lamp.gain(cos) - expected).abs() < 1e-5, "{angle}");
+            assert!((lamp.light_along(Vec3::new(cos, sin, 0.0)) - expected).abs() < 1e-5, "{angle}");
+        }
+        let (sin, cos) = 31f32.to_radians().sin_cos();
+        assert_eq!(lamp.light_along(Vec3::new(cos, 0.0, sin)), 0.0, "above the image");
+        assert_eq!(lamp.light_along(-Vec3::X), 0.0, "behind");
     }
 }

@@ -139,17 +139,16 @@ impl Modulation {
     /// squares, counts. Then all count with the weight of their precision, `f^2`.
     fn unwrap(&self, phases: &[f64]) -> (f64, f64) {
         let finest = self.wraps[0];
-        let rest = |range: f64, index: usize| {
-            let turns = range / self.wraps[index] - phases[index];
-            turns - turns.round()
-        };
-        let fraction = phases[0] - phases[0].floor();
+        let per_turn = self.wraps.map(|wrap| finest / wrap);
+        // What is left of the turns of frequency `index` after `turns` of the first.
+        let rest = |turns: f64, index: usize| fraction(turns * per_turn[index] - phases[index]);
+        let first = phases[0] - phases[0].floor();
         let (mut best, mut least) = (0.0, f64::INFINITY);
         for turn in 0..self.turns {
-            let range = (f64::from(turn) + fraction) * finest;
-            let left: f64 = (1..phases.len()).map(|index| rest(range, index).powi(2)).sum();
+            let turns = f64::from(turn) + first;
+            let left: f64 = (1..phases.len()).map(|index| rest(turns, index).powi(2)).sum();
             if left < least {
-                (best, least) = (range, left);
+                (best, least) = (turns, left);
             }
         }
         // How far each says the range is beyond that.
@@ -159,8 +158,14 @@ impl Modulation {
             (sum, weights) = (sum + beyond / (wrap * wrap), weights + 1.0 / (wrap * wrap));
             (nearest, farthest) = (nearest.min(beyond), farthest.max(beyond));
         }
-        ((best + sum / weights).rem_euclid(self.ambiguity_range()), farthest - nearest)
+        ((best * finest + sum / weights).rem_euclid(self.ambiguity_range()), farthest - nearest)
     }
+}
+
+/// `turns` less the whole number next to it; exact below 2^51, and quicker than `round`, of which each pixel has many.
+fn fraction(turns: f64) -> f64 {
+    const WHOLE: f64 = 1.5 * (1u64 << 52) as f64;
+    turns - ((turns + WHOLE) - WHOLE)
 }
 
 /// Turns of the highest of `frequencies` until all are where they began: that frequency over the greatest common divisor.

@@ -1,5 +1,6 @@
 //! One block of beams with a ray each and a return each, step by step.
 
+use super::camera::Looks;
 use super::run::Scan;
 use crate::cause::Cause;
 use crate::cloud::{Kept, Slices};
@@ -57,8 +58,8 @@ pub(super) struct Block {
     pub answer: Answer,
     /// Memory to follow light in, where a scene has mirrors or glass.
     pub paths: Option<Box<(Follower, Chosen)>>,
-    /// Memory to look from a camera's second eye in.
-    pub second_eye: Option<Box<(RayBatch, HitBatch)>>,
+    /// Memory of a depth camera to look from elsewhere in.
+    pub looks: Option<Box<Looks>>,
 }
 
 impl Block {
@@ -75,7 +76,7 @@ impl Block {
             scratch: [0.0; LANES],
             answer: Answer::new(),
             paths: None,
-            second_eye: None,
+            looks: None,
         }
     }
 
@@ -84,7 +85,7 @@ impl Block {
     fn scan(&mut self, scan: &Scan, first: usize, count: usize, rows: Slices) -> usize {
         self.aim(scan, first, count);
         self.trace(scan, count);
-        if scan.paths.is_some() || scan.air.is_some() {
+        if scan.paths.is_some() || scan.air.is_some() || scan.camera.is_some() {
             self.answer.reset();
             self.answer.end = self.hits.range;
         }
