@@ -3,8 +3,8 @@
 
 use echocast::cloud::FIELDS;
 use echocast::{
-    BuiltScene, Engine, Environment, Field, FieldSet, Frame, Order, PointCloud, Pose, Profile, ScanOptions, Sensor,
-    Trajectory,
+    BuiltScene, Engine, Environment, Field, FieldSet, Frame, Order, PointCloud, Pose, Profile, ReturnMode, ScanOptions,
+    Sensor, Trajectory,
 };
 use echocast_tests::reference::{Random, SceneBuilder, Shape};
 use glam::{DAffine3, DVec3};
@@ -64,6 +64,24 @@ fn noisy() -> Sensor {
     sensor
 }
 
+/// Several rays a beam, several returns, and every error.
+fn many() -> Sensor {
+    let mut sensor = noisy();
+    sensor.set("beam", "{divergence_mrad: 9, pulse_ns: 3, sub_rays: 7}").unwrap();
+    sensor.set("returns", "{mode: all, max: 3, separation_m: 0.2}").unwrap();
+    sensor
+}
+
+/// The same with all that is particular to a depth camera.
+fn depth_camera() -> Sensor {
+    let mut sensor = camera();
+    let tof = "{frequencies_mhz: [16, 80, 120], shot_noise: {sigma_m: 0.01, reflectance: 0.5, at_m: 2}, vignetting: cos4, \
+               depth_noise: {model: nguyen}, lateral_sigma_px: 0.8, second_eye_m: [0, -0.1, 0], multipath_rays: 2}";
+    sensor.set("tof", tof).unwrap();
+    sensor.set("detection.at_m", "40").unwrap();
+    sensor
+}
+
 fn drive() -> Trajectory {
     let turned = Pose::at(2.0, 1.0, 0.5).with_rpy_deg(3.0, -4.0, 70.0);
     Trajectory::new(vec![(0.0, Pose::at(0.0, 0.0, 0.0)), (0.15, turned)]).unwrap()
@@ -90,9 +108,10 @@ fn differences(a: &PointCloud, b: &PointCloud) -> Vec<&'static str> {
 #[test]
 fn threads_do_not_change_a_bit() {
     let [one, two, seven] = [1, 2, 7].map(|threads| scene_with(&Engine::with_threads(threads).unwrap()));
-    for sensor in [lidar(), camera(), noisy()] {
+    for sensor in [lidar(), camera(), noisy(), many(), depth_camera()] {
         for path in [Trajectory::fixed(Pose::IDENTITY), drive()] {
-            for options in [all(), ScanOptions { organised: true, ..all() }, wet()] {
+            let single = sensor.spec().returns.mode != ReturnMode::All;
+            for options in [all(), ScanOptions { organised: single, ..all() }, wet()] {
                 let alone = one.scan(&sensor, &path, &options).unwrap();
                 assert!(alone.len > 10_000, "{} points", alone.len);
                 for (scene, threads) in [(&two, "2 threads"), (&seven, "7 threads"), (&scene(), "rayon's threads")] {
@@ -108,7 +127,7 @@ fn threads_do_not_change_a_bit() {
 #[test]
 fn two_runs_give_the_same_bits() {
     let path = drive();
-    for sensor in [lidar(), camera()] {
+    for sensor in [lidar(), camera(), depth_camera()] {
         let run = || scene().scan(&sensor, &path, &all()).unwrap();
         assert_eq!(differences(&run(), &run()), [""; 0]);
     }
@@ -201,7 +220,7 @@ fn order_by_time_is_the_same_set_of_points() {
 #[test]
 fn organised_clouds_hold_the_same_points() {
     let (scene, path) = (scene(), drive());
-    for sensor in [lidar(), camera()] {
+    for sensor in [lidar(), camera(), depth_camera()] {
         let loose = scene.scan(&sensor, &path, &all()).unwrap();
         let organised = scene.scan(&sensor, &path, &ScanOptions { organised: true, ..all() }).unwrap();
         let beams = sensor.beams();

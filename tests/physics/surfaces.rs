@@ -296,7 +296,7 @@ fn dirty_glass_shows_itself() {
 /// is reflected at 10 m come into an opening of 10 mm.
 #[test]
 fn smooth_surfaces_glint_head_on() {
-    let beam = "beam: {exit_diameter_mm: 10, divergence_mrad: 3, aperture_mm: 20}\nreturns: {mode: first}";
+    let beam = "beam: {exit_diameter_mm: 10, divergence_mrad: 3, pulse_ns: 5, aperture_mm: 20}\nreturns: {mode: first}";
     let block = |angle_deg: f64| {
         let mut scene = SceneBuilder::new();
         let material = scene.material(Material { thickness_m: 1.0, ..glass() });
@@ -313,7 +313,7 @@ fn smooth_surfaces_glint_head_on() {
     // 2 theta = 1.5 mrad + 15 mm / 20 m: 0.0645 degrees.
     let found = |angle, sections: &str| scan(&block(angle), &one_beam(sections), ScanOptions::default()).len;
     assert_eq!([0.064, 0.065].map(|angle| found(angle, beam)), [1, 0]);
-    assert_eq!(found(0.0, "beam: {exit_diameter_mm: 10, divergence_mrad: 3}"), 0);
+    assert_eq!(found(0.0, "beam: {exit_diameter_mm: 10, divergence_mrad: 3, pulse_ns: 5}"), 0);
     // So bright that the wall behind a pane is lost, where the strongest echo is reported.
     let built = pane(glass(), 0.0).finish().build().unwrap();
     let strongest = scan(&built, &one_beam(&beam.replace("first", "strongest")), ScanOptions::default());

@@ -73,6 +73,7 @@ mod rng;
 mod scan;
 pub mod scene;
 mod sensor;
+mod tof;
 mod trace;
 pub mod units;
 mod yaml;
@@ -91,4 +92,5 @@ pub use scene::{LabelRules, LoadOptions, Scene};
 pub use sensor::{
     BeamSpec, Expectations, IntensitySpec, PresetInfo, RangeSpec, ReturnsSpec, Sensor, SensorKind, SensorSpec,
 };
+pub use tof::{Illumination, ShotNoiseSpec, Target, TofSpec, Vignetting};
 pub use trace::{BareLoop, BuiltScene, Engine, LiveScene, ObjectId};

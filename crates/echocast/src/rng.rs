@@ -38,6 +38,14 @@ pub(crate) enum Draw {
     TimeJitter = 25,
     /// Whether a weak return gets lost.
     WeakDropout = 26,
+    /// Gaussian errors of the phases of modulated light, by frequency.
+    Phase = 30,
+    /// Gaussian error of the measured depth.
+    DepthJitter = 31,
+    /// By how much a pixel looks beside its place.
+    LookAside = 32,
+    /// Where light that comes to a pixel over two surfaces met the first.
+    SecondBounce = 33,
 }
 
 const MULTIPLIER: [u32; 2] = [0xD251_1F53, 0xCD9E_8D57];
@@ -117,8 +125,14 @@ impl Rng {
 
     /// A standard normal number of one beam at `sub_ray`, that of [`Rng::normals`].
     pub(crate) fn normal(&self, beam: u32, draw: Draw, sub_ray: u32) -> f32 {
-        let [[a], [b], ..] = philox([[beam], [self.frame], [sub_ray], [draw as u32]], self.key);
-        normal(a, b)
+        self.normal_pair(beam, draw, sub_ray)[0]
+    }
+
+    /// Two standard normal numbers of one beam at `sub_ray`; the first is that of [`Rng::normals`].
+    #[inline(always)]
+    pub(crate) fn normal_pair(&self, beam: u32, draw: Draw, sub_ray: u32) -> [f32; 2] {
+        let [[a], [b], [c], [d]] = philox([[beam], [self.frame], [sub_ray], [draw as u32]], self.key);
+        [normal(a, b), normal(c, d)]
     }
 
     /// Four numbers in [0, 1) of one beam at `sub_ray`; the first is that of [`Rng::uniforms`].

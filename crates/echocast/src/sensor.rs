@@ -10,6 +10,7 @@ use crate::emitter::{BeamTable, Footprint};
 use crate::error::{Error, Result};
 use crate::presets;
 use crate::scan::Signals;
+use crate::tof::{Camera, TofSpec};
 use crate::yaml::{self, Document};
 use serde::de::{self, Deserializer, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize};
@@ -53,6 +54,9 @@ pub struct SensorSpec {
     /// What it reports as intensity.
     #[serde(default)]
     pub intensity: IntensitySpec,
+    /// What is particular to a depth camera.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tof: Option<TofSpec>,
     /// Figures of the maker that the pattern is tested against.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub expect: Option<Expectations>,
@@ -102,8 +106,8 @@ pub struct BeamSpec {
     /// Ranges below which the receiver sees nothing of its own beam and from which it sees all of it, m; in between
     /// linear. It decides how near fog shows.
     pub overlap_m: [f64; 2],
-    /// Rays that stand for a beam, 1 to 1024: one along its axis, or as many over its footprint, which then meet edges and
-    /// slopes as the beam does.
+    /// Rays that stand for a beam, 1 to 1024: one along its axis, or as many over its footprint (of a depth camera:
+    /// over the pixel), which then meet edges and slopes as the beam does.
     pub sub_rays: u32,
 }
 
@@ -250,7 +254,17 @@ impl SensorSpec {
         bounds.within("beam.overlap_m[1]", far, 0.0, 1000.0)?;
         bounds.rising(("beam.overlap_m[0]", near), ("beam.overlap_m[1]", far))?;
         bounds.within("beam.sub_rays", f64::from(beam.sub_rays), 1.0, 1024.0)?;
-        if beam.pulse_ns == 0.0 && (beam.sub_rays > 1 || beam.divergence_mrad != [0.0; 2]) {
+        let tof = self.tof.as_ref();
+        let is_modulated = tof.is_some_and(|tof| !tof.frequencies_mhz.is_empty());
+        for (key, one_ray) in [
+            ("tof.second_eye_m", tof.is_some_and(|tof| tof.second_eye_m.is_some())),
+            ("tof.multipath_rays", tof.is_some_and(|tof| tof.multipath_rays > 0)),
+        ] {
+            if one_ray && beam.sub_rays > 1 {
+                return Err(Error::invalid("beam.sub_rays", beam.sub_rays, format!("1 with {key}")));
+            }
+        }
+        if beam.pulse_ns == 0.0 && !is_modulated && (beam.sub_rays > 1 || beam.divergence_mrad != [0.0; 2]) {
             let because = if beam.sub_rays > 1 { "beam.sub_rays above 1" } else { "a beam.divergence_mrad" };
             let allowed = format!("above 0 with {because}: without a pulse echoes of one beam do not join");
             return Err(Error::invalid("beam.pulse_ns", beam.pulse_ns, allowed));
@@ -292,7 +306,11 @@ impl SensorSpec {
                 bounds.number("beam.pulse_ns", beam.pulse_ns, [ABOVE_ZERO, 1e9], allowed)?;
             }
         }
-        Ok(())
+        match &self.tof {
+            Some(_) if self.kind != SensorKind::Tof => Err(Error::invalid("tof", "given", "with kind: tof only")),
+            Some(tof) => tof.check(&self.pattern, bounds),
+            None => Ok(()),
+        }
     }
 
     /// Turns `document` into a checked description.
@@ -466,6 +484,7 @@ pub struct Sensor {
     pub(crate) detection: DetectionSpec,
     pub(crate) noise: Noise,
     pub(crate) intensity: IntensityEncoding,
+    pub(crate) camera: Option<Camera>,
 }
 
 impl Sensor {
@@ -558,6 +577,7 @@ impl Sensor {
             detection: spec.detection.clone(),
             noise: spec.noise.clone(),
             intensity: spec.intensity.encoding,
+            camera: spec.tof.as_ref().map(|tof| Camera::new(tof, &spec.pattern)),
             spec,
             folder,
             beams,
@@ -593,9 +613,14 @@ impl Sensor {
     pub(crate) fn signals(&self) -> Signals {
         let SensorSpec { beam, returns, .. } = &self.spec;
         let rule = ReturnRule { mode: returns.mode, max: returns.max.into(), separation: returns.separation_m as f32 };
-        let footprint = (beam.sub_rays > 1).then(|| {
-            let divergence = beam.divergence_mrad.map(|mrad| mrad * 1e-3);
-            Footprint::new(beam.sub_rays as usize, beam.exit_diameter_mm * 1e-3, divergence)
+        let footprint = (beam.sub_rays > 1).then(|| match &self.spec.pattern {
+            Pattern::Pinhole(camera) if self.spec.kind == SensorKind::Tof => {
+                Footprint::of_pixel(beam.sub_rays as usize, camera.pixel())
+            }
+            _ => {
+                let divergence = beam.divergence_mrad.map(|mrad| mrad * 1e-3);
+                Footprint::new(beam.sub_rays as usize, beam.exit_diameter_mm * 1e-3, divergence)
+            }
         });
         Signals { footprint, sigma: Pulse::new(beam.pulse_shape, beam.pulse_ns).sigma(), rule }
     }
@@ -635,6 +660,7 @@ impl Sensor {
             returns: ReturnsSpec::default(),
             noise: Noise::default(),
             intensity: IntensitySpec::default(),
+            tof: None,
             expect: None,
         };
         spec.check()?;
@@ -951,6 +977,68 @@ pattern:
                 "{text}\n  gives {error}\n  not   {expected}"
             );
         }
+    }
+
+    #[test]
+    fn errors_of_depth_cameras_name_line_and_key() {
+        const CAMERA: &str = "name: mini\nkind: tof\npattern: {type: pinhole, resolution: [4, 4], fov_deg: [60, 60]}\n";
+        let cases = [
+            ("{frequency_mhz: 20}", "tof.frequency_mhz: unknown key \"frequency_mhz\"; near: frequencies_mhz"),
+            ("{frequencies_mhz: 20}", "tof.frequencies_mhz: invalid type: integer `20`"),
+            ("{frequencies_mhz: [20, 0]}", "tof.frequencies_mhz[1]: is 0; allowed: 0.1 to 10000"),
+            ("{frequencies_mhz: [20.0001]}", "tof.frequencies_mhz[0]: is 20.0001; allowed: whole kHz"),
+            ("{frequencies_mhz: [1, 2, 3, 4]}", "tof.frequencies_mhz: is a list of 4; allowed: up to 3"),
+            (
+                "{frequencies_mhz: [100, 20.001]}",
+                "tof.frequencies_mhz: is [100.0, 20.001], the highest 100000 times their common divisor; allowed: at most",
+            ),
+            ("{wiggle_residual: 2}", "tof.wiggle_residual: is 2; allowed: 0 to 1"),
+            ("{inconsistency_m: 0.1}", "tof.inconsistency_m: is given; allowed: with tof.frequencies_mhz only"),
+            (
+                "{shot_noise: {sigma_m: 0.01, reflectance: 0.5, at_m: 1}}",
+                "tof.shot_noise: is given; allowed: with tof.frequencies_mhz only",
+            ),
+            ("{shot_noise: {sigma_m: 0.01}}", "tof.shot_noise: the key `reflectance` is missing"),
+            (
+                "{frequencies_mhz: [20], shot_noise: {sigma_m: 0, reflectance: 0.5, at_m: 1}}",
+                "tof.shot_noise.sigma_m: is 0; allowed: 0.000000001 to 1000",
+            ),
+            (
+                "{saturation: {reflectance: 0, at_m: 1}}",
+                "tof.saturation.reflectance: is 0; allowed: above 0, at most 1",
+            ),
+            ("{vignetting: cos3}", "tof.vignetting: unknown value \"cos3\"; near: cos4"),
+            (
+                "{illumination: [{angle_deg: 5, value: 1}, {angle_deg: 5, value: 0}]}",
+                "tof.illumination[1].angle_deg: is 5; allowed: above tof.illumination[0].angle_deg (5)",
+            ),
+            ("{depth_noise: {model: khosh}}", "tof.depth_noise.model: unknown value \"khosh\"; near: khoshelham"),
+            ("{depth_noise: {model: nguyen, sigma_m: 1}}", "tof.depth_noise.sigma_m: unknown key \"sigma_m\""),
+            (
+                "{depth_noise: {model: disparity, sigma_px: 0.1}}",
+                "tof.depth_noise.model: is disparity; allowed: with tof.second_eye_m only",
+            ),
+            (
+                "{depth_noise: {model: polynomial, sigma_m: [0, 1001, 0]}}",
+                "tof.depth_noise.sigma_m[1]: is 1001; allowed: -1000 to 1000",
+            ),
+            ("{lateral_sigma_px: 11}", "tof.lateral_sigma_px: is 11; allowed: 0 to 10"),
+            ("{multipath_rays: 8}", "tof.multipath_rays: is given; allowed: with tof.frequencies_mhz only"),
+            ("{multipath_rays: 257}", "tof.multipath_rays: is 257; allowed: 0 to 256"),
+            (
+                "{second_eye_m: [0, 0, 0]}",
+                "tof.second_eye_m: is where the camera is; allowed: 1e-6 m or more beside it",
+            ),
+        ];
+        for (section, expected) in cases {
+            let error = message(&format!("{CAMERA}tof: {section}\n"));
+            let expected = format!("YAML text: line 4: {expected}");
+            assert!(error.starts_with(&expected), "{section}\n  gives {error}\n  not   {expected}");
+        }
+        assert!(message(&format!("{MINIMAL}tof: {{}}\n")).contains("tof: is given; allowed: with kind: tof only"));
+        let spinning = MINIMAL.replace("lidar", "tof");
+        let error = message(&format!("{spinning}tof: {{lateral_sigma_px: 1}}\n"));
+        assert!(error.contains("tof.lateral_sigma_px: is given; allowed: with pattern.type: pinhole only"), "{error}");
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 mod alarms;
 mod curve;
+mod depth;
 mod noise;
 mod returns;
 mod statistical;
@@ -10,6 +11,8 @@ mod threshold;
 use curve::Curve;
 
 pub(crate) use alarms::FalseAlarms;
+pub(crate) use depth::DepthError;
+pub use depth::DepthNoise;
 pub(crate) use noise::{AzimuthError, RangeError};
 pub use noise::{Noise, RangePoint, WeakDropout};
 pub use returns::ReturnMode;

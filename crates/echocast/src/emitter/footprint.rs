@@ -16,8 +16,10 @@ pub(crate) struct Footprint {
     places: Vec<[f32; 2]>,
     /// Radius of the beam at the exit, m.
     start: f32,
-    /// Half angles, horizontal and vertical, rad.
+    /// Half angles, horizontal and vertical, rad; of a pixel its whole width and height.
     half_angles: [f32; 2],
+    /// Whether it is turned at random beam by beam.
+    pub turns: bool,
 }
 
 /// The axes of the beams of a block.
@@ -64,6 +66,21 @@ impl Footprint {
             places: (0..count).map(place).collect(),
             start: (diameter / 2.0) as f32,
             half_angles: divergence.map(|full| (full / 2.0) as f32),
+            turns: true,
+        }
+    }
+
+    /// `count` sub-rays, at least 2, evenly over a pixel of a width and height in rad: a low-discrepancy sequence of the
+    /// plastic number g = 1.3247, `(i/g, i/g^2) mod 1` (Roberts 2018).
+    pub(crate) fn of_pixel(count: usize, size: [f64; 2]) -> Footprint {
+        let place = |i: usize| {
+            [0.754_877_666_246_693, 0.569_840_290_998_053].map(|step| ((0.5 + step * i as f64).fract() - 0.5) as f32)
+        };
+        Footprint {
+            places: (0..count).map(place).collect(),
+            start: 0.0,
+            half_angles: size.map(|angle| angle as f32),
+            turns: false,
         }
     }
 
@@ -156,6 +173,20 @@ mod tests {
         // Values of the law itself.
         for (x0, expected) in [(0.25, 0.691_462), (0.5, 0.841_345), (1.0, 0.977_250)] {
             assert!(((1.0 + erf(2f64.sqrt() * x0)) / 2.0 - expected).abs() < 1e-6);
+        }
+    }
+
+    /// Sub-rays of a pixel fill it evenly, whichever part of it is asked for.
+    #[test]
+    fn pixels_are_filled() {
+        let (count, width, height) = (64, 0.004, 0.002);
+        let places = crossings(&Footprint::of_pixel(count, [width, height]), 1.0, 0.0);
+        for (axis, size) in [width, height].into_iter().enumerate() {
+            for edge in -4..=4 {
+                let part = 0.5 + f64::from(edge) / 8.0;
+                let below = places.iter().filter(|place| place[axis] < (part - 0.5) * size).count() as f64;
+                assert!((below / count as f64 - part).abs() < 0.05, "axis {axis}, {part}: {below}");
+            }
         }
     }
 

@@ -1,5 +1,6 @@
 //! One block of beams with a ray each and a return each, step by step.
 
+use super::camera::Looks;
 use super::returns::Gatherer;
 use super::run::Scan;
 use crate::cause::Cause;
@@ -12,6 +13,7 @@ use crate::echo::{
 use crate::emitter;
 use crate::material::Optics;
 use crate::rng::Draw;
+use crate::tof::Camera;
 use crate::trace::{HitBatch, LANES, MISS, RayBatch};
 use pulp::{Simd, WithSimd};
 
@@ -97,6 +99,8 @@ pub(super) struct Block {
     pub hits: HitBatch,
     pub surfaces: Contribution,
     pub rho_eff: [f32; LANES],
+    /// Ranges that a depth camera makes of its light, before errors, m.
+    pub formed: [f32; LANES],
     pub measured: [f32; LANES],
     pub intensity: [f32; LANES],
     /// Angle by which a beam is reported turned to the left, rad.
@@ -110,6 +114,8 @@ pub(super) struct Block {
     pub paths: Option<Box<(Follower, Chosen)>>,
     /// Memory for beams of several rays or returns.
     pub gatherer: Option<Box<Gatherer>>,
+    /// Memory of a depth camera to look from elsewhere in.
+    pub looks: Option<Box<Looks>>,
 }
 
 impl Block {
@@ -120,6 +126,7 @@ impl Block {
             hits: HitBatch::new(),
             surfaces: Contribution::new(),
             rho_eff: [0.0; LANES],
+            formed: [0.0; LANES],
             measured: [0.0; LANES],
             intensity: [0.0; LANES],
             turn: [0.0; LANES],
@@ -129,6 +136,7 @@ impl Block {
             reported: None,
             paths: None,
             gatherer: None,
+            looks: None,
         }
     }
 
@@ -138,7 +146,7 @@ impl Block {
         self.lanes.start_at(first);
         self.aim(scan, first, count);
         self.trace(scan, count);
-        if scan.paths.is_some() || scan.air.is_some() || scan.alarms.is_some() {
+        if scan.paths.is_some() || scan.air.is_some() || scan.alarms.is_some() || scan.camera.is_some() {
             self.answer.reset();
             self.answer.end = self.hits.range;
         }
@@ -147,6 +155,9 @@ impl Block {
         }
         if let Some(limits) = scan.paths {
             self.follow(scan, limits, first, count);
+        }
+        if let Some(eye) = scan.camera.and_then(|camera| camera.second_eye) {
+            self.shadow(scan, eye, count);
         }
         let answers = scan.air.as_ref().is_some_and(Air::answers) || scan.alarms.is_some();
         let needs_surfaces = !scan.options.organised && !answers;
@@ -162,13 +173,18 @@ impl Block {
     #[inline(always)]
     pub fn aim(&mut self, scan: &Scan, first: usize, count: usize) {
         let nominal = scan.beams.directions(first, count);
-        scan.aim.rays(scan.beams, first, nominal, scan.range_max, &mut self.rays);
-        if scan.pointing_sigma > 0.0 {
+        scan.aim.rays(scan.beams, first, nominal, scan.reach, &mut self.rays);
+        if scan.points_elsewhere() {
             self.reported = Some(Box::new(self.rays.clone()));
+        }
+        if scan.pointing_sigma > 0.0 {
             let mut pointed = [[0.0; LANES]; 3];
             emitter::scatter(&scan.rng, &self.lanes.beam[..count], scan.pointing_sigma, nominal, &mut pointed);
             let pointed = pointed.each_ref().map(|axis| &axis[..count]);
-            scan.aim.rays(scan.beams, first, pointed, scan.range_max, &mut self.rays);
+            scan.aim.rays(scan.beams, first, pointed, scan.reach, &mut self.rays);
+        }
+        if let Some(camera) = scan.camera.filter(|camera| camera.aside.is_some()) {
+            self.look_aside(scan, camera, count);
         }
     }
 
@@ -271,6 +287,9 @@ impl Block {
                 self.surfaces.reflectance[lane] *= self.answer.efficiency[lane];
             }
         }
+        if let Some(camera) = scan.camera.filter(|camera| camera.dims()) {
+            self.dim(scan, camera, count);
+        }
         let Block { hits, surfaces, rho_eff, intensity, .. } = self;
         for lane in 0..LANES {
             rho_eff[lane] = surfaces.reflectance[lane] * surfaces.cos_incidence[lane];
@@ -299,16 +318,21 @@ impl Block {
                 }
             }
         }
-        scan.limit(&mut self.hits.surface, &self.hits.range, &self.lanes, count);
+        if !scan.camera.is_some_and(Camera::wraps) {
+            scan.limit(&mut self.hits.surface, &self.hits.range, &self.lanes, count);
+        }
         if scan.alarms.is_some() || scan.air.as_ref().is_some_and(Air::answers) {
             self.answer(scan, count);
+        }
+        if let Some(camera) = scan.camera {
+            self.form(scan, camera, count);
         }
     }
 
     /// Step 10: errors of what is measured.
     #[inline(always)]
     pub fn measure(&mut self, scan: &Scan, count: usize) {
-        let Block { lanes, hits, rho_eff, measured, intensity, turn, scratch, .. } = self;
+        let Block { lanes, hits, rho_eff, formed, measured, intensity, turn, scratch, .. } = self;
         let draws = [&lanes.beam[..count], &lanes.number[..count]];
         if let Some(most) = scan.saturation {
             for lane in 0..LANES {
@@ -322,7 +346,8 @@ impl Block {
             scan.rng.normals(draws[0], draws[1], Draw::RangeJitter, &mut measured[..count]);
         }
         let channels = lanes.take(&scan.beams.channel, count);
-        scan.range_error.measure(&channels[..count], &rho_eff[..count], &hits.range[..count], &mut measured[..count]);
+        let formed = if scan.camera.is_some() { &*formed } else { &hits.range };
+        scan.range_error.measure(&channels[..count], &rho_eff[..count], &formed[..count], &mut measured[..count]);
         if let Some(sigma) = scan.air.as_ref().map(Air::range_noise).filter(|&sigma| sigma > 0.0) {
             scan.rng.normals(draws[0], draws[1], Draw::RainRange, &mut scratch[..count]);
             for lane in 0..count {

@@ -20,7 +20,7 @@ impl Block {
         let world = scan.options.coordinates == Frame::World;
         let beams = scan.beams;
         let nominal = |lanes: &Lanes| [&beams.dir_x, &beams.dir_y, &beams.dir_z].map(|axis| lanes.take(axis, count));
-        let reported = reported.as_ref().filter(|_| scan.pointing_sigma > 0.0);
+        let reported = reported.as_ref().filter(|_| scan.points_elsewhere());
         if !world {
             if reported.is_some() {
                 // Where beams really go.

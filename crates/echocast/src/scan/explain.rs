@@ -71,7 +71,7 @@ impl Scan<'_> {
         self.tell_rays(text, signals, gatherer)?;
         self.tell_paths(text, gatherer)?;
         self.tell_air(text, gatherer)?;
-        self.tell_echoes(text, signals, gatherer, [low, high])?;
+        self.tell_echoes(text, signals, gatherer, beam)?;
         tell_returns(text, columns, rows)
     }
 
@@ -177,20 +177,15 @@ impl Scan<'_> {
     }
 
     /// The maxima of the signal, and which of them are reported.
-    fn tell_echoes(
-        &self,
-        text: &mut String,
-        signals: &Signals,
-        gatherer: &mut Gatherer,
-        [low, high]: [f32; 2],
-    ) -> fmt::Result {
+    fn tell_echoes(&self, text: &mut String, signals: &Signals, gatherer: &mut Gatherer, beam: usize) -> fmt::Result {
+        let [low, high] = self.limits_of(beam);
         match self.threshold.least_power() {
             Some(k) => writeln!(text, "echoes, of which those of {k:.4e} /m^2 and more are seen:")?,
             None => writeln!(text, "echoes:")?,
         }
         let chosen = gatherer.forming.chosen.clone();
         let seen = gatherer.forming.peaks.clone();
-        let all = gatherer.all_peaks(0);
+        let all = if self.camera.is_some() { seen.clone() } else { gatherer.all_peaks(0) };
         if all.is_empty() {
             writeln!(text, "  none")?;
         }
@@ -200,7 +195,7 @@ impl Scan<'_> {
                 writeln!(text, "  {:.4} m, {:.4e} /m^2: {because}", peak.range, peak.power)?;
                 continue;
             };
-            let found = gatherer.found(signals, 0, peak);
+            let found = gatherer.found(self, signals, 0, beam, peak);
             let source = match gatherer.rays.get(found.source as usize) {
                 _ if found.source == ALARM => Cause::FalseAlarm.name().into(),
                 Some(ray) => self.name(ray.hits.surface[0]),

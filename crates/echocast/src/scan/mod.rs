@@ -1,6 +1,7 @@
 //! The driver: one scan, step by step.
 
 mod block;
+mod camera;
 mod collect;
 mod explain;
 mod returns;

@@ -40,8 +40,14 @@ impl Signals {
 /// Off the surface that sends most of an echo, in sigmas of the pulse: farther away is another surface.
 const OFF_SURFACE: f32 = 0.1;
 
+/// The same for depth cameras, m.
+const OFF_SURFACE_M: f32 = 0.01;
+
 /// Part of an echo's light that must come from another surface for the echo to be mixed.
 const MIXED: f32 = 0.1;
+
+/// The same of a pixel, where all light counts, however far apart it comes from.
+const MIXED_PIXEL: f32 = 0.02;
 
 /// What one ray of a block's beams meets.
 pub(super) struct Ray {
@@ -205,6 +211,9 @@ pub(super) struct Forming {
     pub parts: Vec<Part>,
     pub peaks: Vec<Peak>,
     pub order: Vec<usize>,
+    /// Of the parts, as a depth camera takes them.
+    pub ranges: Vec<f32>,
+    pub powers: Vec<f32>,
     pub chosen: Vec<usize>,
     /// Light of each surface in an echo, and its strongest part: kind of surface, light, light of that part, its source.
     pub shares: Vec<([u32; 2], f32, f32, u32)>,
@@ -213,7 +222,10 @@ pub(super) struct Forming {
 /// An echo and where it comes from.
 #[derive(Clone, Copy)]
 pub(super) struct Found {
+    /// With its range before errors, m.
     pub peak: Peak,
+    /// Range that a depth camera makes of it, m.
+    pub formed: f32,
     pub source: u32,
     pub mixed: bool,
 }
@@ -326,6 +338,8 @@ impl Gatherer {
                 parts: Vec::new(),
                 peaks: Vec::new(),
                 order: Vec::new(),
+                ranges: Vec::new(),
+                powers: Vec::new(),
                 chosen: Vec::new(),
                 shares: Vec::new(),
             },
@@ -386,7 +400,7 @@ impl Block {
                 let chosen = &gatherer.forming.chosen;
                 // An echo that is reported twice has the same errors twice.
                 let draws = if number > 0 && chosen[number] == chosen[number - 1] { number - 1 } else { number };
-                let echo = gatherer.found(signals, lane, gatherer.forming.peaks[chosen[number]]);
+                let echo = gatherer.found(scan, signals, lane, beam, gatherer.forming.peaks[chosen[number]]);
                 self.put(scan, gatherer, lane, lanes, echo);
                 (self.lanes.beam[lanes], self.lanes.number[lanes]) = (beam as u32, draws as u32);
                 lanes += 1;
@@ -402,8 +416,9 @@ impl Block {
 
     /// Makes lane `to` the return that `found` of the beam at `lane` is.
     fn put(&mut self, scan: &Scan, gatherer: &Gatherer, lane: usize, to: usize, found: Found) {
-        let Block { rays, reported, hits, surfaces, rho_eff, answer, .. } = self;
-        let Found { peak, source, mixed } = found;
+        let Block { rays, reported, hits, surfaces, rho_eff, formed, answer, .. } = self;
+        let Found { peak, source, mixed, .. } = found;
+        formed[to] = found.formed;
         rays.take(to, &gatherer.beams, lane);
         if let (Some(reported), Some(beams)) = (reported, &gatherer.reported) {
             reported.take(to, beams, lane);
@@ -490,9 +505,14 @@ impl Gatherer {
         self.others.list.clear();
         self.others.last = [NONE; LANES];
         if signals.footprint.is_some() {
-            self.turn(scan, beams);
+            self.turn(scan, signals, beams);
         }
         self.alarm(scan, beams);
+        if let Some(camera) = scan.camera {
+            for (lane, &beam) in beams.iter().enumerate() {
+                self.efficiency[lane] = camera.gain(scan.beams.direction(beam as usize).x);
+            }
+        }
         let weight = 1.0 / signals.rays() as f32;
         let wanted = Wanted { colors: false, reflectance: true };
         for index in 0..self.rays.len() {
@@ -581,9 +601,11 @@ impl Gatherer {
 
     /// Turns the footprint of each beam.
     #[inline(always)]
-    fn turn(&mut self, scan: &Scan, beams: &[u32]) {
+    fn turn(&mut self, scan: &Scan, signals: &Signals, beams: &[u32]) {
         let mut turns = [0.0; LANES];
-        scan.rng.uniforms(beams, &[0; LANES][..beams.len()], Draw::Footprint, &mut turns[..beams.len()]);
+        if signals.footprint.as_ref().is_some_and(|footprint| footprint.turns) {
+            scan.rng.uniforms(beams, &[0; LANES][..beams.len()], Draw::Footprint, &mut turns[..beams.len()]);
+        }
         for (lane, &beam) in beams.iter().enumerate() {
             let up = scan.aim.pose(scan.beams, beam as usize).0.z_axis;
             let rays = &self.beams;
@@ -597,7 +619,7 @@ impl Gatherer {
     #[inline(always)]
     pub fn form(&mut self, scan: &Scan, signals: &Signals, lane: usize, beam: usize) {
         let Gatherer { plain, rays, others, forming, alarms, .. } = self;
-        let Forming { waveform, parts, peaks, order, chosen, .. } = forming;
+        let Forming { waveform, parts, peaks, order, chosen, ranges, powers, .. } = forming;
         parts.clear();
         let [low, high] = scan.limits_of(beam);
         let is_reported = |peak: &Peak, echo: u32| {
@@ -607,7 +629,7 @@ impl Gatherer {
         };
         let of_beam =
             alarms.partition_point(|&(other, _)| other < lane)..alarms.partition_point(|&(other, _)| other <= lane);
-        if plain.is[lane] && others.last[lane] == NONE && of_beam.is_empty() {
+        if plain.is[lane] && others.last[lane] == NONE && of_beam.is_empty() && scan.camera.is_none() {
             let peak = Peak { range: plain.range[lane], power: plain.power[lane] };
             peaks.clear();
             chosen.clear();
@@ -627,6 +649,23 @@ impl Gatherer {
             let Other { range, power, before, .. } = others.list[other as usize];
             parts.push(Part { range, power, source: rays.len() as u32 + other });
             other = before;
+        }
+        if let Some(camera) = scan.camera {
+            // All light of a pixel becomes one range, and range limits hold for that.
+            peaks.clear();
+            chosen.clear();
+            ranges.clear();
+            powers.clear();
+            ranges.extend(parts.iter().map(|part| part.range));
+            powers.extend(parts.iter().map(|part| part.power));
+            let formed = if parts.is_empty() { None } else { camera.form(&scan.rng, beam as u32, ranges, powers) };
+            if let Some((range, power)) = formed
+                && scan.threshold.detects(power * range * range, range, scan.threshold.noise(&scan.rng, beam as u32, 0))
+            {
+                peaks.push(Peak { range, power });
+                chosen.push(0);
+            }
+            return;
         }
         waveform.peaks(parts, peaks);
         // Drawn by the range, so that other echoes do not move it; what comes straight from one surface is echo 0.
@@ -651,13 +690,13 @@ impl Gatherer {
     }
 
     /// Which surface sends most of the echo at `peak` of the beam at `lane`, and whether others send much.
-    pub fn found(&mut self, signals: &Signals, lane: usize, peak: Peak) -> Found {
+    pub fn found(&mut self, scan: &Scan, signals: &Signals, lane: usize, beam: usize, peak: Peak) -> Found {
         if self.alarms.iter().any(|&(other, alarm)| other == lane && alarm == peak) {
-            return Found { peak, source: ALARM, mixed: false };
+            return Found { peak, formed: peak.range, source: ALARM, mixed: false };
         }
         if self.forming.parts.is_empty() {
             // A plain beam.
-            return Found { peak, source: 0, mixed: false };
+            return Found { peak, formed: peak.range, source: 0, mixed: false };
         }
         let Gatherer { rays, others, forming, across, beams, .. } = self;
         let Forming { waveform, parts, shares, .. } = forming;
@@ -669,8 +708,10 @@ impl Gatherer {
             None => [other_of(source).surface, other_of(source).cause as u32],
         };
         shares.clear();
-        // Without a pulse only what is at the very range.
-        let (mut all, reach) = (0.0, (3.0 * sigma).max(1e-6 * peak.range));
+        // All light of a pixel is one echo; without a pulse only what is at the very range.
+        let reach = if scan.camera.is_some() { f32::INFINITY } else { (3.0 * sigma).max(1e-6 * peak.range) };
+        let apart = if scan.camera.is_some() { OFF_SURFACE_M } else { OFF_SURFACE * sigma };
+        let mut all = 0.0;
         for part in parts.iter().filter(|part| (part.range - peak.range).abs() <= reach) {
             let x = if sigma > 0.0 { (part.range - peak.range) / sigma } else { 0.0 };
             let light = part.power * (-0.5 * x * x).exp();
@@ -702,14 +743,24 @@ impl Gatherer {
             let mut off = 0.0;
             for part in parts.iter().filter(|part| (part.range - peak.range).abs() <= reach) {
                 let is_off = part.source as usize >= rays_count
-                    || (place(part.source, part.range) - here).dot(normal).abs() > OFF_SURFACE * sigma;
+                    || (place(part.source, part.range) - here).dot(normal).abs() > apart;
                 if is_off {
-                    let x = (part.range - peak.range) / sigma;
+                    let x = if sigma > 0.0 { (part.range - peak.range) / sigma } else { 0.0 };
                     off += part.power * (-0.5 * x * x).exp();
                 }
             }
-            mixed = off > MIXED * all;
+            mixed = off > if scan.camera.is_some() { MIXED_PIXEL } else { MIXED } * all;
         }
-        Found { peak, source, mixed }
+        let Some(camera) = scan.camera else { return Found { peak, formed: peak.range, source, mixed } };
+        // What is true is the surface that most light is from.
+        let truth = parts.iter().find(|part| part.source == source).map_or(peak.range, |part| part.range);
+        let axis = scan.beams.direction(beam).x;
+        let cos = match rays.get(source as usize) {
+            Some(ray) => ray.cos_incidence[lane],
+            None => other_of(source).cos_incidence,
+        };
+        let formed = camera.err(&scan.rng, beam as u32, axis, cos, peak.range);
+        let power = peak.power * (peak.range / truth).powi(2);
+        Found { peak: Peak { range: truth, power }, formed, source, mixed }
     }
 }

@@ -13,6 +13,7 @@ use crate::medium::Weather;
 use crate::parallel;
 use crate::rng::Rng;
 use crate::sensor::Sensor;
+use crate::tof::Camera;
 use crate::trace::{CHUNK, LANES, MISS, Tables};
 use crate::units::seconds_from_us;
 use pulp::Arch;
@@ -63,6 +64,8 @@ pub(super) struct Scan<'a> {
     pub dropout_weak: Option<WeakDropout>,
     pub range_min: f32,
     pub range_max: f32,
+    /// How far rays go, m: beyond the greatest range where what is measured wraps.
+    pub reach: f32,
     pub coherent: bool,
     /// Whether normals or what depends on them are asked for.
     pub wants_normals: bool,
@@ -82,6 +85,8 @@ pub(super) struct Scan<'a> {
     pub mode: ReturnMode,
     /// How beams of several rays or returns are made; `None` where beams are a ray and a return each.
     pub signals: Option<Signals>,
+    /// What a depth camera makes of light, if it says so.
+    pub camera: Option<&'a Camera>,
 }
 
 impl<'a> Scan<'a> {
@@ -127,7 +132,9 @@ impl<'a> Scan<'a> {
             glint: sensor.glint().filter(|_| !as_the_paper),
             glass_of_the_program: blainder,
         });
-        let depends = threshold != Threshold::Open || sensor.noise.dropout_weak.is_some();
+        let camera = sensor.camera.as_ref().filter(|_| !as_the_paper);
+        let range_max = sensor.range_max_m as f32;
+        let depends = threshold != Threshold::Open || sensor.noise.dropout_weak.is_some() || camera.is_some();
         let wants_echo =
             signals.is_some() || air.is_some() || paths.is_some() || depends || fields.contains(Field::Intensity);
         let wants_normals =
@@ -154,7 +161,8 @@ impl<'a> Scan<'a> {
             dropout: sensor.noise.dropout as f32,
             dropout_weak: sensor.noise.dropout_weak,
             range_min: sensor.range_min_m as f32,
-            range_max: sensor.range_max_m as f32,
+            range_max,
+            reach: if camera.is_some_and(Camera::wraps) { f32::INFINITY } else { range_max },
             coherent: beams.is_coherent(),
             wants_normals,
             smooth: !blainder && scene.surfaces.has_shading_normals,
@@ -162,11 +170,14 @@ impl<'a> Scan<'a> {
             wanted: Wanted { colors, reflectance: wants_echo },
             keeps_undetected: blainder,
             limits_measured: options.profile == Profile::Physical
-                && (sensor.noise != Noise::default() || air.as_ref().is_some_and(|air| air.range_noise() > 0.0)),
+                && (sensor.noise != Noise::default()
+                    || camera.is_some()
+                    || air.as_ref().is_some_and(|air| air.range_noise() > 0.0)),
             air,
             paths,
             mode,
             signals,
+            camera,
         }
     }
 
@@ -264,6 +275,11 @@ impl Scan<'_> {
     pub fn limits_of(&self, beam: usize) -> [f32; 2] {
         let low = self.beams.range_min.get(beam).copied().unwrap_or(self.range_min);
         [low, self.beams.range_max.get(beam).copied().unwrap_or(self.range_max)]
+    }
+
+    /// Whether rays go elsewhere than their beams are reported to.
+    pub fn points_elsewhere(&self) -> bool {
+        self.pointing_sigma > 0.0 || self.camera.is_some_and(|camera| camera.aside.is_some())
     }
 
     /// Part of the light that the channel of each lane makes use of.

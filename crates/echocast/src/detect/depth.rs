@@ -1,0 +1,221 @@
+//! Errors of depth images of structured light, of stereo, and as they were measured of some cameras.
+
+use crate::yaml;
+use serde::{Deserialize, Deserializer, Serialize};
+use std::f32::consts::FRAC_PI_2;
+
+/// Random error of the depth z, the distance along the optical axis in m, of a depth camera; a point moves along its ray.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[serde(tag = "model", rename_all = "snake_case")]
+pub enum DepthNoise {
+    /// None.
+    #[default]
+    None,
+    /// Kinect v1 (Khoshelham and Oude Elberink 2012): sigma = 1.425e-3 z^2 m, in steps of 2.85e-3 z^2 m.
+    Khoshelham,
+    /// Kinect v1 (Nguyen, Izadi and Lovell 2012): sigma = 0.0012 + 0.0019 (z - 0.4)^2 + 1e-4 z^(-1/2) g m, where g =
+    /// t^2 / (pi/2 - t)^2 grows with the incidence t.
+    Nguyen,
+    /// Kinect v2 (Fankhauser et al. 2015): sigma = 1.5 - 0.5 z + 0.3 z^2 + 0.1 z^(3/2) g mm, with the same g.
+    Fankhauser,
+    /// Triangulation with two eyes `tof.second_eye_m` apart: sigma and steps are those of the disparity times z^2 / (f B)
+    /// with the focal length f in pixels and the baseline B.
+    Disparity {
+        /// Standard deviation of the disparity, pixels.
+        sigma_px: f64,
+        /// Step of the disparity, pixels; 0 is none.
+        step_px: f64,
+    },
+    /// sigma = a + b z + c z^2, of a data sheet.
+    Polynomial {
+        /// a in m, b in m/m, c in m/m^2.
+        sigma_m: [f64; 3],
+    },
+}
+
+impl<'de> Deserialize<'de> for DepthNoise {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Nothing {}
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Disparity {
+            sigma_px: f64,
+            #[serde(default)]
+            step_px: f64,
+        }
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Polynomial {
+            sigma_m: [f64; 3],
+        }
+        let (word, section) = yaml::split_tag(deserializer, "model")?;
+        let plain = match word.as_str() {
+            "none" => DepthNoise::None,
+            "khoshelham" => DepthNoise::Khoshelham,
+            "nguyen" => DepthNoise::Nguyen,
+            "fankhauser" => DepthNoise::Fankhauser,
+            "disparity" => {
+                let Disparity { sigma_px, step_px } = section.read()?;
+                return Ok(DepthNoise::Disparity { sigma_px, step_px });
+            }
+            "polynomial" => {
+                let Polynomial { sigma_m } = section.read()?;
+                return Ok(DepthNoise::Polynomial { sigma_m });
+            }
+            _ => {
+                let known = &["none", "khoshelham", "nguyen", "fankhauser", "disparity", "polynomial"];
+                return Err(section.unknown(&word, known));
+            }
+        };
+        let Nothing {} = section.read()?;
+        Ok(plain)
+    }
+}
+
+/// A law of depth noise made ready for a sensor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct DepthError {
+    /// Standard deviation head-on: `a + b z + c z^2`, m.
+    terms: [f32; 3],
+    /// What slanted surfaces add, m: the first times `z^second t^2 / (pi/2 - t)^2`.
+    slanted: [f32; 2],
+    /// Step over z^2, 1/m.
+    step: f32,
+}
+
+impl DepthError {
+    /// `per_pixel`: `1 / (f B)`, depth over z^2 for a pixel of disparity, 1/m. None without noise.
+    pub(crate) fn new(noise: DepthNoise, per_pixel: f64) -> Option<DepthError> {
+        let law = |terms: [f64; 3], slanted, step| {
+            Some(DepthError { terms: terms.map(|term| term as f32), slanted, step: step as f32 })
+        };
+        match noise {
+            DepthNoise::None => None,
+            DepthNoise::Khoshelham => law([0.0, 0.0, 1.425e-3], [0.0; 2], 2.85e-3),
+            // 0.0012 + 0.0019 (z - 0.4)^2, by powers of z.
+            DepthNoise::Nguyen => law([0.0012 + 0.0019 * 0.16, -0.0019 * 0.8, 0.0019], [1e-4, -0.5], 0.0),
+            DepthNoise::Fankhauser => law([1.5e-3, -0.5e-3, 0.3e-3], [1e-4, 1.5], 0.0),
+            DepthNoise::Disparity { sigma_px, step_px } => {
+                law([0.0, 0.0, sigma_px * per_pixel], [0.0; 2], step_px * per_pixel)
+            }
+            DepthNoise::Polynomial { sigma_m } => law(sigma_m, [0.0; 2], 0.0),
+        }
+    }
+
+    /// Standard deviation, m, at `depth` m on a surface met at an incidence of cosine `cos`. From 85 degrees on it is that
+    /// at 85 degrees: at 90 the laws are infinite, and nobody measured so far.
+    pub(crate) fn sigma(&self, depth: f32, cos: f32) -> f32 {
+        const STEEPEST: f32 = 85.0 / 180.0 * std::f32::consts::PI;
+        let [a, b, c] = self.terms;
+        let mut sigma = a + depth * (b + depth * c);
+        let [factor, power] = self.slanted;
+        if factor > 0.0 {
+            let incidence = cos.clamp(0.0, 1.0).acos().min(STEEPEST);
+            let grazing = FRAC_PI_2 - incidence;
+            sigma += factor * depth.powf(power) * (incidence / grazing).powi(2);
+        }
+        sigma.max(0.0)
+    }
+
+    /// The measured depth, m, where `depth` is true and `normal` a standard normal number. Sigma is that of what is
+    /// reported: the steps' own part of its variance, a twelfth of their square, is left to them.
+    pub(crate) fn measure(&self, depth: f32, cos: f32, normal: f32) -> f32 {
+        let step = self.step * depth * depth;
+        let sigma = self.sigma(depth, cos);
+        let noisy = depth + (sigma * sigma - step * step / 12.0).max(0.0).sqrt() * normal;
+        if self.step > 0.0 && noisy > 0.0 {
+            // Disparities are even steps, so that inverse depths are.
+            let steps = (1.0 / (noisy * self.step)).round_ties_even().max(1.0);
+            return 1.0 / (steps * self.step);
+        }
+        noisy.max(0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::{Draw, Rng};
+
+    fn law(noise: DepthNoise) -> DepthError {
+        DepthError::new(noise, 1.0 / (939.0 * 0.05)).unwrap()
+    }
+
+    #[track_caller]
+    fn assert_near(is: f32, expected: f64, relative: f64) {
+        assert!((f64::from(is) / expected - 1.0).abs() < relative, "{is} is not {expected}");
+    }
+
+    /// Published laws at some depths, head-on, worked out by hand.
+    #[test]
+    fn laws_have_their_values() {
+        let k = law(DepthNoise::Khoshelham);
+        assert_near(k.sigma(2.0, 1.0), 5.7e-3, 1e-6);
+        assert_near(k.step * 4.0, 1.14e-2, 1e-6);
+        assert_near(law(DepthNoise::Nguyen).sigma(2.0, 1.0), 6.064e-3, 1e-6);
+        assert_near(law(DepthNoise::Nguyen).sigma(0.4, 1.0), 1.2e-3, 1e-5);
+        assert_near(law(DepthNoise::Fankhauser).sigma(4.5, 1.0), 5.325e-3, 1e-6);
+        // A D435 at 2 m: 939 pixels of focal length, 50 mm, 0.08 pixels.
+        let stereo = law(DepthNoise::Disparity { sigma_px: 0.08, step_px: 0.0 });
+        assert_near(stereo.sigma(2.0, 1.0), 4.0 * 0.08 / (939.0 * 0.05), 1e-6);
+        let sheet = law(DepthNoise::Polynomial { sigma_m: [0.005, 0.001, 0.0] });
+        assert_near(sheet.sigma(9.0, 0.2), 0.014, 1e-6);
+    }
+
+    /// At 60 degrees g = (60 / 30)^2 = 4, at 45 it is 1.
+    #[test]
+    fn slanted_surfaces_are_noisier() {
+        let nguyen = law(DepthNoise::Nguyen);
+        assert_near(nguyen.sigma(1.0, 0.5) - nguyen.sigma(1.0, 1.0), 4e-4, 1e-4);
+        assert_near(nguyen.sigma(4.0, 0.5f32.sqrt()) - nguyen.sigma(4.0, 1.0), 5e-5, 1e-3);
+        let fankhauser = law(DepthNoise::Fankhauser);
+        assert_near(fankhauser.sigma(4.0, 0.5) - fankhauser.sigma(4.0, 1.0), 8.0 * 4e-4, 1e-4);
+        assert_eq!(nguyen.sigma(1.0, 0.0), nguyen.sigma(1.0, 0.05), "finite at the horizon");
+        assert_eq!(law(DepthNoise::Khoshelham).sigma(1.0, 0.1), law(DepthNoise::Khoshelham).sigma(1.0, 1.0));
+    }
+
+    /// With steps or without, sigma is that of the law: 3 standard errors, sigma / sqrt(2 n).
+    #[test]
+    fn what_is_measured_has_the_sigma_of_the_law() {
+        let rng = Rng::new(9, 0);
+        for noise in [DepthNoise::Khoshelham, DepthNoise::Nguyen, DepthNoise::Fankhauser] {
+            let law = law(noise);
+            let count = 100_000;
+            let mut variance = 0.0;
+            for beam in 0..count {
+                // Over many steps, so that their places do not matter.
+                let depth = 2.0 + 0.1 * beam as f32 / count as f32;
+                let [normal, _] = rng.normal_pair(beam, Draw::DepthJitter, 0);
+                let error = (law.measure(depth, 0.8, normal) - depth) / law.sigma(depth, 0.8);
+                variance += f64::from(error * error) / f64::from(count);
+            }
+            let bound = 3.0 / (2.0 * f64::from(count)).sqrt();
+            assert!((variance.sqrt() - 1.0).abs() < bound, "{noise:?}: {}", variance.sqrt());
+        }
+    }
+
+    /// Steps are even in disparity: 2.85e-3 z^2 apart in depth.
+    #[test]
+    fn depths_are_steps_of_disparity() {
+        let law = law(DepthNoise::Khoshelham);
+        let mut depths: Vec<f32> = (0..2000).map(|i| law.measure(3.0 + 1e-4 * i as f32, 1.0, 0.0)).collect();
+        depths.dedup();
+        assert!(depths.len() > 5);
+        for pair in depths.windows(2) {
+            // The step grows within itself: its relative error is that of z^2 over a step.
+            let middle = 0.5 * (pair[0] + pair[1]);
+            assert_near(pair[1] - pair[0], 2.85e-3 * f64::from(middle * middle), 1e-3);
+        }
+    }
+
+    #[test]
+    fn no_depth_is_negative() {
+        for noise in [DepthNoise::Khoshelham, DepthNoise::Nguyen, DepthNoise::Polynomial { sigma_m: [9.0; 3] }] {
+            assert!(law(noise).measure(0.001, 1.0, -5.7) >= 0.0);
+        }
+        assert_eq!(law(DepthNoise::Polynomial { sigma_m: [0.0, -1.0, 0.0] }).sigma(3.0, 1.0), 0.0);
+        assert_eq!(DepthError::new(DepthNoise::None, 1.0), None);
+    }
+}
