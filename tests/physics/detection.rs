@@ -401,3 +401,19 @@ fn strong_echoes_saturate() {
         }
     }
 }
+
+/// Echoes of 5 ns at 2, 10 and 100 times the threshold seem nearer by 0.374741, 0.683008 and 0.965919 m where their leading
+/// edge is timed. Made with numpy.
+#[test]
+fn the_leading_edge_of_strong_echoes_comes_early() {
+    let built = target(0.8, 20.0, 0.0);
+    for (over, walk) in [(1.0f64, 0.0), (2.0, 0.374_741), (10.0, 0.683_008), (100.0, 0.965_919)] {
+        let at_m = 20.0 * over.sqrt() * (1.0 + 1e-6);
+        let sections = format!(
+            "beam: {{pulse_ns: 5}}\ndetection: {{model: radar_equation, reflectance: 0.8, at_m: {at_m}, timing: leading_edge}}"
+        );
+        let cloud = scan(&built, &one_beam(&sections), ScanOptions::default());
+        assert_near("range", cloud.columns.range[0].into(), 20.0 - walk, 1e-3);
+        assert_near("true range", cloud.columns.true_range[0].into(), 20.0, 1e-4);
+    }
+}

@@ -2,7 +2,8 @@
 
 use crate::bounds::{ABOVE_ZERO, Bounds, Parameter};
 use crate::detect::{
-    Detection, DetectionSpec, LimitPoint, Noise, ReturnMode, ReturnRule, Statistical, Sunlight, Threshold, WeakDropout,
+    Detection, DetectionSpec, LimitPoint, Noise, RangeError, ReturnMode, ReturnRule, Statistical, Sunlight, Threshold,
+    Timing, WeakDropout,
 };
 use crate::echo::{Cone, Glint, IntensityEncoding, Pulse, PulseShape, Receiver};
 use crate::emitter::pattern::Pattern;
@@ -292,8 +293,16 @@ impl SensorSpec {
                 let allowed = "a value with detection.model: radar_equation or statistical";
                 return Err(Error::invalid("detection.saturation", saturation, allowed));
             }
+            if self.detection.timing != Timing::Peak {
+                let allowed = "peak, or with detection.model: radar_equation or statistical";
+                return Err(Error::invalid("detection.timing", "leading_edge", allowed));
+            }
             let allowed = "0, or above with detection.model: radar_equation or statistical";
             bounds.number("noise.range_snr_sigma_m", noise.range_snr_sigma_m, [0.0; 2], allowed)?;
+        }
+        if self.detection.timing != Timing::Peak {
+            let allowed = "above 0 with detection.timing: leading_edge";
+            bounds.number("beam.pulse_ns", beam.pulse_ns, [ABOVE_ZERO, 1e9], allowed)?;
         }
         if let Detection::Statistical(Statistical { bandwidth_mhz, sunlight, .. }) = self.detection.model {
             if range.max_m.is_none() {
@@ -623,6 +632,16 @@ impl Sensor {
             }
         });
         Signals { footprint, sigma: Pulse::new(beam.pulse_shape, beam.pulse_ns).sigma(), rule }
+    }
+
+    /// The errors of its ranges.
+    pub(crate) fn range_error(&self, threshold: Threshold) -> RangeError {
+        let BeamSpec { pulse_shape, pulse_ns, .. } = self.spec.beam;
+        let edge_sigma = match self.detection.timing {
+            Timing::Peak => 0.0,
+            Timing::LeadingEdge => Pulse::new(pulse_shape, pulse_ns).sigma(),
+        };
+        RangeError::new(&self.noise, self.range_resolution_m, self.channels, edge_sigma, threshold)
     }
 
     /// How it sees itself in smooth surfaces, if it does. Of an elliptic beam the round one of the same area stands for it.
@@ -955,6 +974,18 @@ pattern:
             (
                 "detection:\n  model: none\n  saturation: 100",
                 "line 10: detection.saturation: is 100; allowed: a value with detection.model: radar_equation or",
+            ),
+            (
+                "detection: {model: none, timing: leading_edge}",
+                "line 8: detection.timing: is leading_edge; allowed: peak, or with detection.model: radar_equation or",
+            ),
+            (
+                "beam: {pulse_ns: 0}\ndetection: {model: radar_equation, reflectance: 0.1, at_m: 9, timing: leading_edge}",
+                "line 8: beam.pulse_ns: is 0; allowed: above 0 with detection.timing: leading_edge",
+            ),
+            (
+                "detection: {model: radar_equation, reflectance: 0.1, at_m: 9, timing: edge}",
+                "line 8: detection.timing: unknown value \"edge\"; near: leading_edge; allowed: peak, leading_edge",
             ),
             (
                 "detection: {model: radar_equation, reflectance: 0.1, at_m: 9, saturation: 0.5}",

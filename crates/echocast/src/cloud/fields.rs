@@ -259,7 +259,7 @@ columns! {
     true_y, TrueY, f32, "m", false, None, "position without errors, relative to the cloud's origin";
     true_z, TrueZ, f32, "m", false, None, "position without errors, relative to the cloud's origin";
     true_range, TrueRange, f32, "m", false, None, "slant range without errors";
-    cause, Cause, u8, "", false, None, "why the point is there: 0 surface, 1 seen in a mirror, 2 seen through glass, 3 rain, 4 fog, 5 snow, 6 dust";
+    cause, Cause, u8, "", false, None, "why the point is there: 0 surface, 1 seen in a mirror, 2 seen through glass, 3 rain, 4 fog, 5 snow, 6 dust, 7 false alarm, 8 mixed (edge), 9 multipath";
     bounces, Bounces, u8, "", false, None, "specular events on the path";
     first_category_id, FirstCategoryId, u32, "", false, None, "category of the first surface: the mirror or pane that the beam meets, if any";
     first_instance_id, FirstInstanceId, u32, "", false, None, "instance of the first surface: as first_category_id";

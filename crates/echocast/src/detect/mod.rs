@@ -19,4 +19,4 @@ pub use returns::ReturnMode;
 pub(crate) use returns::ReturnRule;
 pub use statistical::{Statistical, Sunlight};
 pub(crate) use threshold::Threshold;
-pub use threshold::{Detection, DetectionSpec, LimitPoint};
+pub use threshold::{Detection, DetectionSpec, LimitPoint, Timing};

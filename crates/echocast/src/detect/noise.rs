@@ -102,12 +102,15 @@ pub(crate) struct RangeError {
     /// Bias, m, and gain of each channel; empty where all are alike.
     channels: Vec<[f32; 2]>,
     step: f32,
+    /// Standard deviation, m of range, of pulses whose leading edge is timed; 0 where their peak is.
+    edge_sigma: f32,
     threshold: Threshold,
 }
 
 impl RangeError {
-    /// `step`: the instrument's range resolution, m, 0 = none; `channels`: how many it has.
-    pub(crate) fn new(noise: &Noise, step: f64, channels: usize, threshold: Threshold) -> Self {
+    /// `step`: the instrument's range resolution, m, 0 = none; `channels`: how many it has; `edge_sigma`: standard
+    /// deviation of pulses whose leading edge is timed, m of range, 0 where their peak is.
+    pub(crate) fn new(noise: &Noise, step: f64, channels: usize, edge_sigma: f64, threshold: Threshold) -> Self {
         let bias = noise.range_offset_m + noise.range_mean_m + noise.temperature_m_per_k * noise.temperature_offset_k;
         let (bias, gain) = (bias as f32, (1.0 + noise.range_offset_percent / 100.0) as f32);
         let point = |value: fn(&RangePoint) -> f64| {
@@ -129,6 +132,7 @@ impl RangeError {
             table: [point(|point| point.mean_m), point(|point| point.sigma_m)],
             channels: if differ { (0..channels as u32).map(of_channel).collect() } else { Vec::new() },
             step: step as f32,
+            edge_sigma: edge_sigma as f32,
             threshold,
         }
     }
@@ -158,6 +162,11 @@ impl RangeError {
         } else {
             measured.fill(0.0);
         }
+        if self.edge_sigma > 0.0 {
+            for ((value, &rho_eff), &range) in measured.iter_mut().zip(rho_eff).zip(truth) {
+                *value -= self.walk(self.threshold.relative_snr(rho_eff, range).unwrap_or(1.0));
+            }
+        }
         if self.channels.is_empty() {
             for (value, &range) in measured.iter_mut().zip(truth) {
                 *value = (range * self.gain + self.bias + *value).max(0.0);
@@ -168,6 +177,13 @@ impl RangeError {
                 *value = (range * gain + bias + *value).max(0.0);
             }
         }
+    }
+
+    /// How much nearer than its peak, m, the edge of a Gaussian echo is that peaks at `over` times the threshold:
+    /// `(c/2) sigma_p sqrt(2 ln(A/T))`.
+    #[inline(always)]
+    fn walk(&self, over: f32) -> f32 {
+        self.edge_sigma * (2.0 * over.max(1.0).ln()).sqrt()
     }
 
     /// Variance, m^2, without that of the table.
@@ -223,7 +239,7 @@ mod tests {
     use crate::echo::{Pulse, PulseShape};
 
     fn measure(noise: &Noise, step: f64, detection: &Detection, rho_eff: f32, truth: f32, count: usize) -> Vec<f64> {
-        let error = RangeError::new(noise, step, 1, Threshold::new(detection, (905.0, 5.0), false));
+        let error = RangeError::new(noise, step, 1, 0.0, Threshold::new(detection, (905.0, 5.0), false));
         let mut measured = vec![0.0; count];
         let beams: Vec<u32> = (0..count as u32).collect();
         Rng::new(5, 0).normals(&beams, &vec![0; count], Draw::RangeJitter, &mut measured);
@@ -345,7 +361,7 @@ mod tests {
                 instrument,
                 ..Noise::default()
             };
-            let error = RangeError::new(&noise, 0.0, channels, Threshold::Open);
+            let error = RangeError::new(&noise, 0.0, channels, 0.0, Threshold::Open);
             assert!(!error.draws());
             [0.0, 50.0].map(|range| {
                 let mut measured = vec![7.0; channels];

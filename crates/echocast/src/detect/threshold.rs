@@ -20,6 +20,19 @@ pub struct DetectionSpec {
     /// 1e12; none is no limit. Needs a model of `radar_equation` or `statistical`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub saturation: Option<f64>,
+    /// What of an echo is timed. Needs such a model too, and a pulse, unless it is the peak.
+    pub timing: Timing,
+}
+
+/// What of an echo an instrument times.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Timing {
+    /// Its peak, or a constant fraction of it: its strength does not matter.
+    #[default]
+    Peak,
+    /// Where it rises above the detection threshold: the stronger it is, the nearer it seems.
+    LeadingEdge,
 }
 
 impl<'de> Deserialize<'de> for DetectionSpec {
@@ -29,10 +42,12 @@ impl<'de> Deserialize<'de> for DetectionSpec {
             #[serde(default)]
             channel_efficiency: Vec<f64>,
             saturation: Option<f64>,
+            #[serde(default)]
+            timing: Timing,
         }
-        let (beside, model) = yaml::split_keys(deserializer, &["channel_efficiency", "saturation"])?;
-        let Beside { channel_efficiency, saturation } = beside.read()?;
-        Ok(DetectionSpec { model: model.read()?, channel_efficiency, saturation })
+        let (beside, model) = yaml::split_keys(deserializer, &["channel_efficiency", "saturation", "timing"])?;
+        let Beside { channel_efficiency, saturation, timing } = beside.read()?;
+        Ok(DetectionSpec { model: model.read()?, channel_efficiency, saturation, timing })
     }
 }
 

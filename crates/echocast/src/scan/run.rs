@@ -148,7 +148,7 @@ impl<'a> Scan<'a> {
             trajectory,
             aim: Aim::new(trajectory, options.trajectory_time(), scene.origin),
             reflectances,
-            range_error: RangeError::new(&sensor.noise, sensor.range_resolution_m, sensor.channels, threshold.clone()),
+            range_error: sensor.range_error(threshold.clone()),
             efficiency: sensor.detection.channel_efficiency.iter().map(|&part| part as f32).collect(),
             saturation: threshold.power().zip(sensor.detection.saturation).map(|(power, most)| power * most as f32),
             alarms: FalseAlarms::new(&sensor.detection.model, &threshold),
