@@ -264,29 +264,36 @@ impl Air {
     /// Transmittance, there and back, of the first `length` m of the first `count` rays, which begin at the sensor.
     #[inline(always)]
     pub(crate) fn dim(&self, rays: &RayBatch, length: &[f32; LANES], count: usize, two_way: &mut [f32; LANES]) {
-        two_way.fill(0.0);
+        self.depths(rays, length, count, two_way);
+        for depth in two_way.iter_mut() {
+            *depth = exp_negative(2.0 * *depth);
+        }
+    }
+
+    /// Optical depth, one way, of the first `length` m of the first `count` rays, which begin at the sensor.
+    #[inline(always)]
+    fn depths(&self, rays: &RayBatch, length: &[f32; LANES], count: usize, depth: &mut [f32; LANES]) {
+        depth.fill(0.0);
         for medium in &self.weather.media {
             let extinction = medium.extinction as f32;
             match medium.extent {
                 Extent::Everywhere => {
                     for lane in 0..LANES {
-                        two_way[lane] += extinction * length[lane];
+                        depth[lane] += extinction * length[lane];
                     }
                 }
                 Extent::Shell { start, end } => {
                     for lane in 0..LANES {
-                        two_way[lane] += extinction * (length[lane].min(end) - start).max(0.0);
+                        depth[lane] += extinction * (length[lane].min(end) - start).max(0.0);
                     }
                 }
                 _ => {
-                    for lane in 0..count {
-                        two_way[lane] += medium.depth(rays.origin(lane), rays.direction(lane), 0.0, length[lane]);
+                    let [from, to] = intervals(&medium.extent, rays, length, count);
+                    for lane in 0..LANES {
+                        depth[lane] += extinction * (to[lane] - from[lane]).max(0.0);
                     }
                 }
             }
-        }
-        for depth in two_way.iter_mut() {
-            *depth = exp_negative(2.0 * *depth);
         }
     }
 
@@ -342,21 +349,34 @@ impl Air {
     }
 
     /// The faces of media that lie in the world.
-    #[inline(never)]
+    #[inline(always)]
     fn answer_from_places(&self, rays: &RayBatch, count: usize, echoes: &mut impl AirEchoes) {
         let face = Face::get();
         let sigma = self.receiver.pulse.sigma() as f32;
+        let merging = self.receiver.pulse.merging_distance() as f32;
+        let [first, last] = self.near.map(|range| range as f32);
+        let mut end = [0.0; LANES];
         for lane in 0..count {
-            let (org, dir) = (rays.origin(lane), rays.direction(lane));
-            let end = echoes.end(lane);
-            for medium in &self.placed {
-                let (from, to) = medium.extent.interval(org, dir, 0.0, end);
-                let [first, last] = self.near.map(|range| range as f32);
-                let from = from.max(first);
-                if from >= to {
+            end[lane] = echoes.end(lane);
+        }
+        for medium in &self.placed {
+            let [mut from, to] = intervals(&medium.extent, rays, &end, count);
+            let mut enter = false;
+            for lane in 0..LANES {
+                from[lane] = from[lane].max(first);
+                enter |= from[lane] < to[lane];
+            }
+            if !enter {
+                continue;
+            }
+            // How far behind the face the peak is, and its height.
+            let (mut behind, mut height) = ([0.0; LANES], [0.0; LANES]);
+            for lane in 0..count {
+                let from = from[lane];
+                if from >= to[lane] {
                     continue;
                 }
-                let [behind, j] = if from < last {
+                [behind[lane], height[lane]] = if from < last {
                     let place = (from - first) / (last - first) * (NEAR - 1) as f32;
                     let row = (place as usize).min(NEAR - 2);
                     let part = place - row as f32;
@@ -367,19 +387,22 @@ impl Air {
                     let [behind, height] = face.peak((2.0 * medium.extinction + 2.0 / from) * sigma);
                     [behind * sigma, height * sigma / (from * from)]
                 };
+            }
+            let (mut range, mut rho_eff, mut depth) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+            self.depths(rays, &from, count, &mut depth);
+            for lane in 0..LANES {
+                let length = to[lane] - from[lane];
                 // A sheet thinner than the pulse answers from its middle, in proportion to its thickness.
-                let range = from + behind.min(0.5 * (to - from));
-                if range + self.receiver.pulse.merging_distance() as f32 > end {
-                    continue;
+                range[lane] = from[lane] + behind[lane].min(0.5 * length);
+                let full = height[lane] * range[lane] * range[lane];
+                let seen = full * (1.0 - exp_negative((length / full).max(0.0)));
+                rho_eff[lane] = PI as f32 * medium.backscatter * seen * exp_negative(2.0 * depth[lane]);
+            }
+            for lane in 0..count {
+                if height[lane] > 0.0 && range[lane] + merging <= end[lane] {
+                    let echo = AirEcho { range: range[lane], rho_eff: rho_eff[lane] };
+                    echoes.take(lane, echo, medium.cause);
                 }
-                let full = j * range * range;
-                let seen = full * (1.0 - (-(to - from) / full).exp());
-                let gain = exp_negative(2.0 * self.depth(org, dir, 0.0, from));
-                echoes.take(
-                    lane,
-                    AirEcho { range, rho_eff: PI as f32 * medium.backscatter * seen * gain },
-                    medium.cause,
-                );
             }
         }
     }
@@ -481,6 +504,34 @@ impl AirEchoes for Foremost<'_> {
     }
 }
 
+/// [`Extent::interval`] of each of the first `count` rays, which begin at the sensor, up to its `length` m; boxes side by
+/// side.
+#[inline(always)]
+fn intervals(extent: &Extent, rays: &RayBatch, length: &[f32; LANES], count: usize) -> [[f32; LANES]; 2] {
+    let (mut from, mut to) = ([0.0f32; LANES], *length);
+    if let Extent::Box { min, max } = extent {
+        let (org, dir) = ([&rays.org_x, &rays.org_y, &rays.org_z], [&rays.dir_x, &rays.dir_y, &rays.dir_z]);
+        for axis in 0..3 {
+            for lane in 0..LANES {
+                let (place, slope) = (org[axis][lane], dir[axis][lane]);
+                let a = (min[axis] - place) / slope;
+                let b = (max[axis] - place) / slope;
+                // Parallel to a pair of faces, which themselves are within.
+                let within = (place >= min[axis]) & (place <= max[axis]);
+                let never = if within { f32::NEG_INFINITY } else { f32::INFINITY };
+                let (near, far) = if slope == 0.0 { (never, f32::INFINITY) } else { (a.min(b), a.max(b)) };
+                from[lane] = from[lane].max(near);
+                to[lane] = to[lane].min(far);
+            }
+        }
+    } else {
+        for lane in 0..count {
+            (from[lane], to[lane]) = extent.interval(rays.origin(lane), rays.direction(lane), 0.0, length[lane]);
+        }
+    }
+    [from, to]
+}
+
 /// An exponential number of mean 1 from one in [0, 1).
 #[inline(always)]
 fn exponential(uniform: f32) -> f32 {
@@ -506,6 +557,37 @@ pub(super) fn exp_negative(x: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Side by side boxes are what they are one by one, within them, beside them, along their faces.
+    #[test]
+    fn boxes_are_met_side_by_side() {
+        let extent = Extent::Box { min: Vec3::new(1.0, -2.0, 0.5), max: Vec3::new(4.0, 3.0, 2.0) };
+        let mut rays = RayBatch::new();
+        let length = std::array::from_fn(|lane| [3.0, f32::INFINITY][lane % 2]);
+        for lane in 0..LANES {
+            let turn = lane as f32 * 0.77;
+            rays.org_x[lane] = if lane % 16 == 1 { 4.0 } else { 5.0 * turn.sin() };
+            (rays.org_y[lane], rays.org_z[lane]) = (4.0 * (1.3 * turn).cos(), 1.0 + (2.1 * turn).sin());
+            let direction = match lane % 8 {
+                0 => Vec3::X,
+                1 => -Vec3::Y,
+                2 => Vec3::new(0.6, 0.0, -0.8),
+                _ => Vec3::new(turn.cos(), (3.0 * turn).sin(), (0.7 * turn).cos()).normalize(),
+            };
+            (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = direction.into();
+        }
+        let [from, to] = intervals(&extent, &rays, &length, LANES);
+        let mut within = 0;
+        for lane in 0..LANES {
+            let (near, far) = extent.interval(rays.origin(lane), rays.direction(lane), 0.0, length[lane]);
+            assert_eq!(from[lane] < to[lane], near < far, "{lane}");
+            if near < far {
+                within += 1;
+                assert!((from[lane] - near).abs() < 1e-5 && (to[lane] - far).abs() < 1e-5, "{lane}");
+            }
+        }
+        assert!((20..236).contains(&within), "{within}");
+    }
 
     #[test]
     fn the_exponential_follows_its_function() {
