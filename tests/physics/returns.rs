@@ -105,6 +105,32 @@ fn tilted_surfaces_stretch_the_echo() {
     }
 }
 
+/// Ground at 40 m under 2.6 degrees: its echo is many pulses long, and one.
+#[test]
+fn grazed_ground_is_one_echo() {
+    let (range, grazing) = (40.0, 2.6f64.to_radians());
+    let mut scene = SceneBuilder::new();
+    let paint = scene.reflector(0.5);
+    let normal = DVec3::new(-grazing.sin(), 0.0, grazing.cos());
+    scene.stand(Shape::plate(range * DVec3::X, normal, 200.0), Some(paint));
+    let built = scene.finish().build().unwrap();
+    // Half angle 2.5 mrad: w = 0.1 m, so that the ranges spread by w/2 / tan(2.6 deg) = 1.101 m around a pulse of 0.318275 m.
+    let expected = 0.5 * grazing.sin() * 0.318_275 / f64::hypot(0.318_275, 0.05 / grazing.tan());
+    for (sub_rays, range_error, peak_error) in [(19, 0.3, 0.15), (64, 0.15, 0.06), (256, 0.1, 0.02)] {
+        let sections = format!(
+            "beam: {{divergence_mrad: 5, exit_diameter_mm: 0, pulse_ns: 5, sub_rays: {sub_rays}}}\nreturns: {{mode: all}}"
+        );
+        for frame in 0..8 {
+            let cloud = look(&built, &sections, frame);
+            let c = &cloud.columns;
+            assert_eq!((cloud.len, c.cause[0]), (1, Cause::Surface as u8), "{sub_rays}");
+            // What is nearer sends more: the echo comes 0.06 m early.
+            assert_near("range", c.range[0].into(), range, range_error);
+            assert_near("peak", f64::from(c.intensity[0]) / expected, 1.0, peak_error);
+        }
+    }
+}
+
 /// A cloud of dust in front of a wall: both are seen, each with its cause.
 #[test]
 fn dust_and_what_is_behind_it_are_two_returns() {

@@ -256,7 +256,6 @@ impl SensorSpec {
         bounds.rising(("beam.overlap_m[0]", near), ("beam.overlap_m[1]", far))?;
         bounds.within("beam.sub_rays", f64::from(beam.sub_rays), 1.0, 1024.0)?;
         let tof = self.tof.as_ref();
-        let is_modulated = tof.is_some_and(|tof| !tof.frequencies_mhz.is_empty());
         for (key, one_ray) in [
             ("tof.second_eye_m", tof.is_some_and(|tof| tof.second_eye_m.is_some())),
             ("tof.multipath_rays", tof.is_some_and(|tof| tof.multipath_rays > 0)),
@@ -265,7 +264,7 @@ impl SensorSpec {
                 return Err(Error::invalid("beam.sub_rays", beam.sub_rays, format!("1 with {key}")));
             }
         }
-        if beam.pulse_ns == 0.0 && !is_modulated && (beam.sub_rays > 1 || beam.divergence_mrad != [0.0; 2]) {
+        if beam.pulse_ns == 0.0 && tof.is_none() && (beam.sub_rays > 1 || beam.divergence_mrad != [0.0; 2]) {
             let because = if beam.sub_rays > 1 { "beam.sub_rays above 1" } else { "a beam.divergence_mrad" };
             let allowed = format!("above 0 with {because}: without a pulse echoes of one beam do not join");
             return Err(Error::invalid("beam.pulse_ns", beam.pulse_ns, allowed));
@@ -621,7 +620,9 @@ impl Sensor {
     /// How what its beams send back makes returns.
     pub(crate) fn signals(&self) -> Signals {
         let SensorSpec { beam, returns, .. } = &self.spec;
-        let rule = ReturnRule { mode: returns.mode, max: returns.max.into(), separation: returns.separation_m as f32 };
+        // A pixel has one range.
+        let mode = if self.spec.tof.is_some() { ReturnMode::Strongest } else { returns.mode };
+        let rule = ReturnRule { mode, max: returns.max.into(), separation: returns.separation_m as f32 };
         let footprint = (beam.sub_rays > 1).then(|| match &self.spec.pattern {
             Pattern::Pinhole(camera) if self.spec.kind == SensorKind::Tof => {
                 Footprint::of_pixel(beam.sub_rays as usize, camera.pixel())

@@ -326,7 +326,7 @@ impl Camera {
         let Some(modulation) = &self.modulation else {
             // Patterns are matched, not summed: the strongest echo wins.
             let echoes = ranges.iter().copied().zip(powers.iter().copied());
-            return echoes.max_by(|(_, a), (_, b)| a.total_cmp(b));
+            return echoes.max_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(range, _)| (range, light));
         };
         if self.shot_noise.is_some() && light <= 0.0 {
             return None;
@@ -404,7 +404,7 @@ mod tests {
     /// Modulated light adds up, a matched pattern is that of the strongest echo.
     #[test]
     fn several_echoes_are_one() {
-        assert_eq!(form(&camera("{}"), &[1.0, 4.0, 2.0], &[0.1, 0.3, 0.2]), Some((4.0, 0.3)));
+        assert_eq!(form(&camera("{}"), &[1.0, 4.0, 2.0], &[0.1, 0.3, 0.2]), Some((4.0, 0.6)));
         assert_eq!(form(&camera("{}"), &[], &[]), None);
         let (range, power) =
             form(&camera("{frequencies_mhz: [16], wiggle_residual: 0}"), &[1.0, 4.0], &[0.5, 0.5]).unwrap();

@@ -466,7 +466,8 @@ pub(crate) struct Foremost<'a> {
     pub surface: &'a mut [u32; LANES],
     pub mode: ReturnMode,
     pub threshold: &'a Threshold,
-    pub range_min: f32,
+    /// Ranges that are reported of a lane, m.
+    pub limits: &'a dyn Fn(usize) -> [f32; 2],
     pub rng: &'a Rng,
     pub beams: &'a [u32],
 }
@@ -494,9 +495,10 @@ impl AirEchoes for Foremost<'_> {
     fn take(&mut self, lane: usize, echo: AirEcho, cause: Cause) -> bool {
         let echo = AirEcho { rho_eff: echo.rho_eff * self.answer.efficiency[lane], ..echo };
         let noise = self.threshold.noise(self.rng, self.beams[lane], echo.range.to_bits());
-        let seen = echo.rho_eff > 0.0
-            && echo.range >= self.range_min
-            && self.threshold.detects(echo.rho_eff, echo.range, noise);
+        let seen = echo.rho_eff > 0.0 && self.threshold.detects(echo.rho_eff, echo.range, noise) && {
+            let [low, high] = (self.limits)(lane);
+            (low..=high).contains(&echo.range)
+        };
         if seen {
             self.answer.offer(self.mode, self.surface, lane, echo, cause);
         }

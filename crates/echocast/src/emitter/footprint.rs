@@ -16,7 +16,7 @@ pub(crate) struct Footprint {
     places: Vec<[f32; 2]>,
     /// Radius of the beam at the exit, m.
     start: f32,
-    /// Half angles, horizontal and vertical, rad; of a pixel its whole width and height.
+    /// Half angles, horizontal and vertical, rad; of a pixel its whole width and height over the focal length.
     half_angles: [f32; 2],
     /// Whether it is turned at random beam by beam.
     pub turns: bool,
@@ -42,7 +42,12 @@ impl Across {
         let left = up.cross(direction);
         // A beam straight up or down has no left of its own.
         let left = if left.length_squared() > 1e-12 { left.normalize() } else { direction.any_orthonormal_vector() };
-        let up = direction.cross(left);
+        self.set_axes(lane, [left, direction.cross(left)], turn);
+    }
+
+    /// The same with the vectors across themselves.
+    #[inline(always)]
+    pub(crate) fn set_axes(&mut self, lane: usize, [left, up]: [Vec3; 2], turn: f32) {
         for (axis, (left, up)) in left.to_array().into_iter().zip(up.to_array()).enumerate() {
             self.left[axis][lane] = left;
             self.up[axis][lane] = up;
@@ -70,7 +75,7 @@ impl Footprint {
         }
     }
 
-    /// `count` sub-rays, at least 2, evenly over a pixel of a width and height in rad: a low-discrepancy sequence of the
+    /// `count` sub-rays, at least 2, evenly over a pixel of a width and height over the focal length: a low-discrepancy sequence of the
     /// plastic number g = 1.3247, `(i/g, i/g^2) mod 1` (Roberts 2018).
     pub(crate) fn of_pixel(count: usize, size: [f64; 2]) -> Footprint {
         let place = |i: usize| {
@@ -122,7 +127,7 @@ impl Footprint {
             let y = beams.dir_y[lane] + u * across.left[1][lane] + v * across.up[1][lane];
             let z = beams.dir_z[lane] + u * across.left[2][lane] + v * across.up[2][lane];
             // Unit length: Embree is a third slower otherwise.
-            let scale = 1.0 / (1.0 + u * u + v * v).sqrt();
+            let scale = 1.0 / (x * x + y * y + z * z).sqrt();
             (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = (x * scale, y * scale, z * scale);
         }
     }

@@ -175,7 +175,8 @@ impl Block {
         let nominal = scan.beams.directions(first, count);
         scan.aim.rays(scan.beams, first, nominal, scan.reach, &mut self.rays);
         if scan.points_elsewhere() {
-            self.reported = Some(Box::new(self.rays.clone()));
+            let reported = self.reported.get_or_insert_with(|| Box::new(RayBatch::new()));
+            reported.as_mut().clone_from(&self.rays);
         }
         if scan.pointing_sigma > 0.0 {
             let mut pointed = [[0.0; LANES]; 3];
@@ -411,7 +412,7 @@ impl Block {
                 surface: &mut hits.surface,
                 mode: scan.mode,
                 threshold: &scan.threshold,
-                range_min: scan.range_min,
+                limits: &|lane| scan.limits_of(beams[lane] as usize),
                 rng: &scan.rng,
                 beams,
             };

@@ -28,7 +28,11 @@ pub(crate) struct Signals {
 impl Signals {
     /// Whether beams are one ray each and have one return each: then there is a shorter way.
     pub fn are_simple(&self) -> bool {
-        let single = matches!(self.rule.mode, ReturnMode::Strongest | ReturnMode::First | ReturnMode::Last);
+        let single = match self.rule.mode {
+            ReturnMode::Strongest => true,
+            ReturnMode::First | ReturnMode::Last => self.rule.separation == 0.0,
+            _ => false,
+        };
         self.footprint.is_none() && single
     }
 
@@ -102,6 +106,8 @@ struct Plain {
     power: [f32; LANES],
     nearest: [f32; LANES],
     farthest: [f32; LANES],
+    /// Sums of range and its square, times power, from the range of the first ray on.
+    moments: [[f32; LANES]; 2],
     /// Plane of the surface that the first ray meets: `normal . place = offset`.
     normal: [[f32; LANES]; 3],
     offset: [f32; LANES],
@@ -115,6 +121,7 @@ impl Plain {
             power: [0.0; LANES],
             nearest: [0.0; LANES],
             farthest: [0.0; LANES],
+            moments: [[0.0; LANES]; 2],
             normal: [[0.0; LANES]; 3],
             offset: [0.0; LANES],
         }
@@ -126,10 +133,10 @@ impl Plain {
         let hits = &ray.hits;
         self.normal = [hits.normal_x, hits.normal_y, hits.normal_z];
         self.offset = self.along_normal(hits, rays);
-        (self.nearest, self.farthest, self.power) = (hits.range, hits.range, ray.power);
+        (self.range, self.nearest, self.farthest, self.power) = (hits.range, hits.range, hits.range, ray.power);
+        self.moments = [[0.0; LANES]; 2];
         for lane in 0..LANES {
             self.is[lane] = ray.power[lane] > 0.0;
-            self.range[lane] = ray.power[lane] * hits.range[lane];
         }
     }
 
@@ -157,29 +164,45 @@ impl Plain {
             let near = (along[lane] - self.offset[lane]).abs() <= OFF_SURFACE * sigma;
             self.is[lane] &= same & near & (power > 0.0);
             self.power[lane] += power;
-            self.range[lane] += power * range;
+            let beyond = range - self.range[lane];
+            self.moments[0][lane] += power * beyond;
+            self.moments[1][lane] += power * beyond * beyond;
             self.nearest[lane] = self.nearest[lane].min(range);
             self.farthest[lane] = self.farthest[lane].max(range);
         }
     }
 
     /// Finds the echoes of the beams of `rays`, which all have been met.
+    ///
+    /// Rays that span more than the pulse stand for a surface that is met all over its span: a few of them, pulse by pulse,
+    /// would look like a row of echoes. With a spread `sigma_R` of the ranges the echo has the width
+    /// `hypot(sigma, sigma_R)`, and its peak falls as much as it widens.
     #[inline(always)]
     fn finish(&mut self, rays: &[Ray], waveform: &Waveform) {
-        let widest = Waveform::NARROW * waveform.sigma();
-        // Closer together there is nothing to refine: the echo is at their mean.
-        let narrowest = 1e-2 * waveform.sigma();
-        let mut refine = false;
+        let sigma = waveform.sigma();
+        let (mut narrow, mut wide) = (false, [false; LANES]);
+        let ([mean, _], sum) = (&self.moments, &self.power);
         for lane in 0..LANES {
             let span = self.farthest[lane] - self.nearest[lane];
-            self.is[lane] &= span <= widest;
-            let mean = self.range[lane] / self.power[lane];
-            self.range[lane] = if span > 0.0 { mean } else { self.nearest[lane] };
-            refine |= self.is[lane] & (span > narrowest);
+            // Closer together there is nothing to refine: the echo is at their mean.
+            narrow |= self.is[lane] & (span > 1e-2 * sigma);
+            wide[lane] = span > Waveform::NARROW * sigma;
+            if span > 0.0 {
+                self.range[lane] += mean[lane] / sum[lane];
+            }
         }
-        if refine {
+        let (middle, whole) = (self.range, self.power);
+        if narrow {
             let signals = rays.iter().map(|ray| [&ray.hits.range, &ray.power]);
             waveform.refine_narrow(signals, [&mut self.range, &mut self.power]);
+        }
+        for lane in 0..LANES {
+            if wide[lane] {
+                let mean = self.moments[0][lane] / whole[lane];
+                let variance = (self.moments[1][lane] / whole[lane] - mean * mean).max(0.0);
+                self.range[lane] = middle[lane];
+                self.power[lane] = whole[lane] * sigma / (sigma * sigma + variance).sqrt();
+            }
         }
     }
 }
@@ -365,9 +388,6 @@ impl Block {
         self.aim(scan, first, count);
         gatherer.beams = self.rays.clone();
         gatherer.reported.clone_from(&self.reported);
-        if !scan.efficiency.is_empty() {
-            gatherer.efficiency = scan.efficiencies(&self.lanes, count);
-        }
         gatherer.gather(scan, signals, &mut self.rays, &self.lanes.beam[..count]);
         let filled = self.report(scan, signals, &mut gatherer, first, count, &mut rows);
         self.gatherer = Some(gatherer);
@@ -385,17 +405,17 @@ impl Block {
         count: usize,
         rows: &mut Slices,
     ) -> usize {
-        let most = signals.rule.most();
         let (mut filled, mut lanes) = (0, 0);
         self.lanes.first = None;
         self.answer.reset();
         for lane in 0..count {
-            if lanes + most > LANES {
+            let beam = first + lane;
+            gatherer.form(scan, signals, lane, beam);
+            // A beam is in one piece, so that its returns can be counted.
+            if lanes + gatherer.forming.chosen.len().max(1) > LANES {
                 filled += self.flush(scan, lanes, rows.rows_after(filled));
                 lanes = 0;
             }
-            let beam = first + lane;
-            gatherer.form(scan, signals, lane, beam);
             for number in 0..gatherer.forming.chosen.len() {
                 let chosen = &gatherer.forming.chosen;
                 // An echo that is reported twice has the same errors twice.
@@ -508,10 +528,9 @@ impl Gatherer {
             self.turn(scan, signals, beams);
         }
         self.alarm(scan, beams);
-        if let Some(camera) = scan.camera {
-            for (lane, &beam) in beams.iter().enumerate() {
-                self.efficiency[lane] = camera.gain(scan.beams.direction(beam as usize).x);
-            }
+        for (lane, &beam) in beams.iter().enumerate() {
+            let lens = scan.camera.map_or(1.0, |camera| camera.gain(scan.beams.direction(beam as usize).x));
+            self.efficiency[lane] = scan.efficiency_of(beam) * lens;
         }
         let weight = 1.0 / signals.rays() as f32;
         let wanted = Wanted { colors: false, reflectance: true };
@@ -607,7 +626,14 @@ impl Gatherer {
             scan.rng.uniforms(beams, &[0; LANES][..beams.len()], Draw::Footprint, &mut turns[..beams.len()]);
         }
         for (lane, &beam) in beams.iter().enumerate() {
-            let up = scan.aim.pose(scan.beams, beam as usize).0.z_axis;
+            let (rotation, _) = scan.aim.pose(scan.beams, beam as usize);
+            if signals.footprint.as_ref().is_some_and(|footprint| !footprint.turns) {
+                // The image plane at the distance 1 along the ray.
+                let off_axis = scan.beams.direction(beam as usize).x;
+                self.across.set_axes(lane, [rotation.y_axis * off_axis, rotation.z_axis * off_axis], 0.0);
+                continue;
+            }
+            let up = rotation.z_axis;
             let rays = &self.beams;
             let direction = rays.direction(lane);
             self.across.set(lane, direction, up, turns[lane]);
@@ -659,8 +685,13 @@ impl Gatherer {
             ranges.extend(parts.iter().map(|part| part.range));
             powers.extend(parts.iter().map(|part| part.power));
             let formed = if parts.is_empty() { None } else { camera.form(&scan.rng, beam as u32, ranges, powers) };
+            let (light, moment) = parts
+                .iter()
+                .fold((0.0, 0.0), |(light, moment), part| (light + part.power, moment + part.power * part.range));
+            let truth = moment / light;
+            let noise = scan.threshold.noise(&scan.rng, beam as u32, 0);
             if let Some((range, power)) = formed
-                && scan.threshold.detects(power * range * range, range, scan.threshold.noise(&scan.rng, beam as u32, 0))
+                && scan.threshold.detects(power * truth * truth, truth, noise)
             {
                 peaks.push(Peak { range, power });
                 chosen.push(0);
@@ -668,9 +699,15 @@ impl Gatherer {
             return;
         }
         waveform.peaks(parts, peaks);
-        // Drawn by the range, so that other echoes do not move it; what comes straight from one surface is echo 0.
-        let alone = others.last[lane] == NONE && peaks.len() == 1;
-        peaks.retain(|peak| is_reported(peak, if alone { 0 } else { peak.range.to_bits() }));
+        // The nearest that rays meet straight away is echo 0, others are told apart by their range: so echoes of the air
+        // do not move the chances of surfaces.
+        let straight = rays
+            .iter()
+            .filter(|ray| ray.power[lane] > 0.0)
+            .map(|ray| ray.hits.range[lane])
+            .fold(f32::INFINITY, f32::min);
+        let surface = peaks.iter().map(|peak| peak.range).find(|&range| range >= straight - waveform.sigma());
+        peaks.retain(|peak| is_reported(peak, if Some(peak.range) == surface { 0 } else { peak.range.to_bits() }));
         peaks.extend(alarms[of_beam].iter().map(|&(_, peak)| peak));
         peaks.sort_by(|a, b| a.range.total_cmp(&b.range));
         signals.rule.choose(peaks, order, chosen);
@@ -700,7 +737,8 @@ impl Gatherer {
         }
         let Gatherer { rays, others, forming, across, beams, .. } = self;
         let Forming { waveform, parts, shares, .. } = forming;
-        let sigma = waveform.sigma();
+        // All light of a pixel is one, however far apart.
+        let sigma = if scan.camera.is_some() { 0.0 } else { waveform.sigma() };
         let rays_count = rays.len();
         let other_of = |source: u32| &others.list[source as usize - rays_count];
         let kind = |source: u32| match rays.get(source as usize) {
@@ -759,8 +797,13 @@ impl Gatherer {
             Some(ray) => ray.cos_incidence[lane],
             None => other_of(source).cos_incidence,
         };
-        let formed = camera.err(&scan.rng, beam as u32, axis, cos, peak.range);
-        let power = peak.power * (peak.range / truth).powi(2);
-        Found { peak: Peak { range: truth, power }, formed, source, mixed }
+        let mut range = peak.range;
+        if camera.aside.is_some() {
+            // As in a pixel of one ray: the depth of the place it looks at goes where it should look.
+            let (rotation, _) = scan.aim.pose(scan.beams, beam);
+            range *= rotation.x_axis.dot(beams.direction(lane)) / axis;
+        }
+        let formed = camera.err(&scan.rng, beam as u32, axis, cos, range);
+        Found { peak: Peak { range: truth, power: peak.power }, formed, source, mixed }
     }
 }

@@ -112,8 +112,10 @@ impl<'a> Scan<'a> {
         });
         let threshold = sensor.threshold(blainder);
         // The paper's program knows one ray and one return.
-        let signals = Some(sensor.signals()).filter(|signals| !blainder && !signals.are_simple());
         let as_the_paper = options.profile != Profile::Physical;
+        // Without what makes it a camera, a pixel of several rays is none.
+        let one_ray = blainder || as_the_paper && sensor.camera.is_some();
+        let signals = Some(sensor.signals()).filter(|signals| !one_ray && !signals.are_simple());
         let weather = Weather::new(&options.environment, sensor.wavelength_nm, as_the_paper, scene.origin);
         // Signals hear of all echoes.
         let mode = if signals.is_some() { ReturnMode::All } else { sensor.return_mode() };
@@ -280,6 +282,12 @@ impl Scan<'_> {
     /// Whether rays go elsewhere than their beams are reported to.
     pub fn points_elsewhere(&self) -> bool {
         self.pointing_sigma > 0.0 || self.camera.is_some_and(|camera| camera.aside.is_some())
+    }
+
+    /// Part of the light that the channel of `beam` makes use of.
+    pub fn efficiency_of(&self, beam: u32) -> f32 {
+        let channel = usize::from(self.beams.channel[beam as usize]);
+        self.efficiency.get(channel).copied().unwrap_or(1.0)
     }
 
     /// Part of the light that the channel of each lane makes use of.
