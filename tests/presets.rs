@@ -1,7 +1,7 @@
 //! Draws the pattern of every preset and compares it with the figures in its `expect` section, and a few with figures
 //! worked out by hand.
 
-use echocast::detect::Detection;
+use echocast::detect::{Detection, Statistical};
 use echocast::emitter::pattern::{Pattern, Spinning};
 use echocast::emitter::{BeamTable, FiringOrder};
 use echocast::{PresetInfo, ReturnsSpec, Sensor, SensorKind};
@@ -322,7 +322,10 @@ fn row(name: &str, sensor: &Sensor, text: &str) -> String {
         }
     };
     let seen = match spec.detection.model {
-        Detection::RadarEquation { reflectance, at_m } => format!("{} % at {at_m} m", 100.0 * reflectance),
+        Detection::RadarEquation { reflectance, at_m }
+        | Detection::Statistical(Statistical { reflectance, at_m, .. }) => {
+            format!("{} % at {at_m} m", 100.0 * reflectance)
+        }
         _ => String::new(),
     };
     let divergence = match spec.beam.divergence_mrad {
