@@ -389,6 +389,18 @@ impl Section {
         })
     }
 
+    /// That there are no keys.
+    ///
+    /// # Errors
+    /// As [`Section::read`].
+    pub fn end<E: de::Error>(self) -> Result<(), E> {
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Nothing {}
+        let Nothing {} = self.read()?;
+        Ok(())
+    }
+
     /// That `word` is none of the kinds `known`.
     pub fn unknown<E: de::Error>(&self, word: &str, known: &'static [&'static str]) -> E {
         E::custom(format!("{}: {}", self.tag, E::unknown_variant(word, known)))

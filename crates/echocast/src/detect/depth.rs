@@ -37,9 +37,6 @@ impl<'de> Deserialize<'de> for DepthNoise {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
-        struct Nothing {}
-        #[derive(Deserialize)]
-        #[serde(deny_unknown_fields)]
         struct Disparity {
             sigma_px: f64,
             #[serde(default)]
@@ -69,7 +66,7 @@ impl<'de> Deserialize<'de> for DepthNoise {
                 return Err(section.unknown(&word, known));
             }
         };
-        let Nothing {} = section.read()?;
+        section.end()?;
         Ok(plain)
     }
 }

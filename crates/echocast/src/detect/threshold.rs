@@ -97,9 +97,6 @@ impl<'de> Deserialize<'de> for Detection {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
-        struct Nothing {}
-        #[derive(Deserialize)]
-        #[serde(deny_unknown_fields)]
         struct Limits {
             lower: LimitPoint,
             upper: LimitPoint,
@@ -112,7 +109,7 @@ impl<'de> Deserialize<'de> for Detection {
         let (word, section) = yaml::split_tag(deserializer, "model")?;
         Ok(match word.as_str() {
             "none" => {
-                let Nothing {} = section.read()?;
+                section.end()?;
                 Detection::None
             }
             "radar_equation" => {

@@ -4,7 +4,7 @@
 //! surface it divides into a reflected and a refracted one, and wherever a surface sends light back diffusely there is an
 //! echo, whose light returns the same way. The paths of a block of beams are traced together, generation by generation.
 
-use super::{Contribution, Glint, Wanted};
+use super::{Air, Contribution, Glint, Wanted};
 use crate::cause::Cause;
 use crate::material::fresnel;
 use crate::material::{Optics, Reflectances};
@@ -213,8 +213,8 @@ pub(crate) struct Surroundings<'a> {
     pub limits: PathLimits,
     /// Farthest range of each beam, m.
     pub range_max: &'a [f32; LANES],
-    /// Optical depth of the weather from a place on, in a direction, after a way, for a length.
-    pub depth: &'a dyn Fn(Vec3, Vec3, f32, f32) -> f32,
+    /// Weather on the way.
+    pub air: Option<&'a Air>,
 }
 
 impl Follower {
@@ -322,7 +322,11 @@ fn arrive(
         length: path.length + length,
         // Weather is outside.
         depth: path.depth
-            + if within.is_none() { (around.depth)(path.origin, path.direction, path.length, length) } else { 0.0 },
+            + if within.is_none() {
+                around.air.map_or(0.0, |air| air.depth(path.origin, path.direction, path.length, length))
+            } else {
+                0.0
+            },
         part: path.part * within.map_or(1.0, |body| (-body.absorption * length).exp()),
         ..path
     };

@@ -184,9 +184,6 @@ impl<'de> Deserialize<'de> for Scattering {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
-        struct Nothing {}
-        #[derive(Deserialize)]
-        #[serde(deny_unknown_fields)]
         struct Slope {
             slope_sigma_deg: f32,
         }
@@ -211,11 +208,11 @@ impl<'de> Deserialize<'de> for Scattering {
         let (word, section) = yaml::split_tag(deserializer, "model")?;
         Ok(match word.as_str() {
             "lambert" => {
-                let Nothing {} = section.read()?;
+                section.end()?;
                 Scattering::Lambert
             }
             "constant" => {
-                let Nothing {} = section.read()?;
+                section.end()?;
                 Scattering::Constant
             }
             "oren_nayar" => {

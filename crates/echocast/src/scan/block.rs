@@ -8,10 +8,9 @@ use crate::cloud::{Kept, Slices};
 use crate::detect::ReturnMode;
 use crate::detect::Threshold;
 use crate::echo::{
-    AIR, Air, AirEcho, Answer, Chosen, Contribution, Follower, Foremost, PathEcho, PathLimits, Preferred, Surroundings,
+    AIR, Air, AirEcho, Answer, Chosen, Contribution, Follower, Foremost, PathEcho, PathLimits, Preferred,
 };
 use crate::emitter;
-use crate::material::Optics;
 use crate::rng::Draw;
 use crate::tof::Camera;
 use crate::trace::{HitBatch, LANES, MISS, RayBatch};
@@ -151,7 +150,9 @@ impl Block {
             self.answer.end = self.hits.range;
         }
         if !scan.efficiency.is_empty() {
-            self.answer.efficiency = scan.efficiencies(&self.lanes, count);
+            for lane in 0..count {
+                self.answer.efficiency[lane] = scan.efficiency_of(self.lanes.beam[lane]);
+            }
         }
         if let Some(limits) = scan.paths {
             self.follow(scan, limits, first, count);
@@ -208,26 +209,13 @@ impl Block {
     fn follow(&mut self, scan: &Scan, limits: PathLimits, first: usize, count: usize) {
         let Block { rays, hits, surfaces, answer, paths, .. } = self;
         (answer.first_category, answer.first_instance) = (surfaces.category_id, surfaces.instance_id);
-        let goes_on = |surface| scan.scene.surfaces.optics(&scan.reflectances, surface).is_some_and(Optics::goes_on);
-        if !hits.surface[..count].iter().any(|&surface| goes_on(surface)) {
+        if !hits.surface[..count].iter().any(|&surface| scan.goes_on(surface)) {
             return;
         }
         let (follower, chosen) = &mut **paths.get_or_insert_with(|| Box::new((Follower::new(), Chosen::new())));
-        let depth = |from, direction, travelled, length| {
-            // The paper's program knows weather on the whole of the way alone.
-            let air = scan.air.as_ref().filter(|_| !scan.keeps_undetected);
-            air.map_or(0.0, |air| air.depth(from, direction, travelled, length))
-        };
-        let around = Surroundings {
-            scene: scan.scene,
-            reflectances: &scan.reflectances,
-            mask: scan.options.mask,
-            smooth: scan.smooth,
-            wanted: scan.wanted,
-            limits,
-            range_max: &rays.range_max,
-            depth: &depth,
-        };
+        // The paper's program knows weather on the whole of the way alone.
+        let air = scan.air.as_ref().filter(|_| !scan.keeps_undetected);
+        let around = scan.surroundings(air, limits, scan.wanted, &rays.range_max);
         chosen.strength = [f32::NEG_INFINITY; LANES];
         let efficiency = &answer.efficiency;
         let prefer = |echo: &PathEcho| {
@@ -237,7 +225,7 @@ impl Block {
                 let noise = scan.threshold.noise(&scan.rng, beam, echo.range.to_bits());
                 scan.threshold.detects(rho_eff, echo.range, noise)
             };
-            let least = scan.beams.range_min.get(first + echo.lane).copied().unwrap_or(scan.range_min);
+            let [least, _] = scan.limits_of(first + echo.lane);
             let within = echo.range >= least && echo.range <= rays.range_max[echo.lane];
             (seen && within).then(|| match scan.mode {
                 // The brighter one, whatever its range.
@@ -255,7 +243,7 @@ impl Block {
         };
         follower.follow(&around, rays, hits, surfaces, count, &mut preferred);
         for lane in 0..count {
-            if !goes_on(hits.surface[lane]) {
+            if !scan.goes_on(hits.surface[lane]) {
                 continue;
             }
             if chosen.strength[lane] == f32::NEG_INFINITY {

@@ -4,7 +4,6 @@ use super::block::Block;
 use super::run::Scan;
 use crate::cause::Cause;
 use crate::echo::{AIR, Contribution, Wanted};
-use crate::material::Optics;
 use crate::rng::Draw;
 use crate::tof::Camera;
 use crate::trace::{HitBatch, LANES, MISS, RayBatch};
@@ -157,8 +156,7 @@ impl Block {
             for lane in 0..count {
                 let (rotation, origin) = self.pose(scan, lane);
                 let (surface, length) = (looks.first.surface[lane], looks.first.range[lane]);
-                let is_mirror = scan.scene.surfaces.optics(&scan.reflectances, surface).is_some_and(Optics::goes_on);
-                if surface == MISS || is_mirror || !self.is_direct(lane) {
+                if surface == MISS || scan.goes_on(surface) || !self.is_direct(lane) {
                     looks.look(lane, origin, None);
                     continue;
                 }

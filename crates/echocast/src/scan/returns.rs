@@ -7,11 +7,9 @@ use crate::cause::Cause;
 use crate::cloud::Slices;
 use crate::detect::{ReturnMode, ReturnRule};
 use crate::echo::{
-    AIR, AirEcho, AirEchoes, Contribution, Follower, Meeting, Part, PathEcho, PathEchoes, Peak, Surroundings, Wanted,
-    Waveform,
+    AIR, AirEcho, AirEchoes, Contribution, Follower, Meeting, Part, PathEcho, PathEchoes, Peak, Wanted, Waveform,
 };
 use crate::emitter::{Across, Footprint};
-use crate::material::Optics;
 use crate::rng::Draw;
 use crate::trace::{HitBatch, LANES, MISS, RayBatch};
 use glam::Vec3;
@@ -154,6 +152,11 @@ impl Plain {
         along
     }
 
+    /// The echo of the beam at `lane`.
+    fn peak(&self, lane: usize) -> Peak {
+        Peak { range: self.range[lane], power: self.power[lane] }
+    }
+
     /// Takes in what one more of the rays meets; `first` is what the first met.
     #[inline(always)]
     fn meet(&mut self, ray: &Ray, first: &[u32; LANES], rays: &RayBatch, sigma: f32) {
@@ -219,8 +222,8 @@ pub(super) struct Gatherer {
     efficiency: [f32; LANES],
     pub rays: Vec<Ray>,
     pub others: Others,
-    pub surfaces: Contribution,
-    pub follower: Follower,
+    surfaces: Contribution,
+    follower: Follower,
     pub forming: Forming,
     /// Noise that looks like echoes: lane, and what it looks like, lane after lane.
     alarms: Vec<(usize, Peak)>,
@@ -230,16 +233,16 @@ pub(super) struct Gatherer {
 
 /// Memory to form the signal of one beam.
 pub(super) struct Forming {
-    pub waveform: Waveform,
-    pub parts: Vec<Part>,
+    waveform: Waveform,
+    parts: Vec<Part>,
     pub peaks: Vec<Peak>,
-    pub order: Vec<usize>,
+    order: Vec<usize>,
     /// Of the parts, as a depth camera takes them.
-    pub ranges: Vec<f32>,
-    pub powers: Vec<f32>,
+    ranges: Vec<f32>,
+    powers: Vec<f32>,
     pub chosen: Vec<usize>,
     /// Light of each surface in an echo, and its strongest part: kind of surface, light, light of that part, its source.
-    pub shares: Vec<([u32; 2], f32, f32, u32)>,
+    shares: Vec<([u32; 2], f32, f32, u32)>,
 }
 
 /// An echo and where it comes from.
@@ -524,11 +527,12 @@ impl Gatherer {
         let count = beams.len();
         self.others.list.clear();
         self.others.last = [NONE; LANES];
-        if signals.footprint.is_some() {
-            self.turn(scan, signals, beams);
+        if let Some(footprint) = &signals.footprint {
+            self.turn(scan, footprint, beams);
         }
         self.alarm(scan, beams);
-        for (lane, &beam) in beams.iter().enumerate() {
+        let uneven = scan.camera.is_some() || !scan.efficiency.is_empty();
+        for (lane, &beam) in beams.iter().enumerate().filter(|_| uneven) {
             let lens = scan.camera.map_or(1.0, |camera| camera.gain(scan.beams.direction(beam as usize).x));
             self.efficiency[lane] = scan.efficiency_of(beam) * lens;
         }
@@ -560,38 +564,18 @@ impl Gatherer {
                 let met = ray.hits.surface[lane] != MISS && power.is_finite();
                 ray.power[lane] = if met { power * efficiency[lane] } else { 0.0 };
             }
-            if let Some(limits) = scan.paths {
-                let goes_on =
-                    |surface| scan.scene.surfaces.optics(&scan.reflectances, surface).is_some_and(Optics::goes_on);
-                if ray.hits.surface[..count].iter().any(|&surface| goes_on(surface)) {
-                    let depth = |from, direction, travelled, length| {
-                        scan.air.as_ref().map_or(0.0, |air| air.depth(from, direction, travelled, length))
-                    };
-                    let around = Surroundings {
-                        scene: scan.scene,
-                        reflectances: &scan.reflectances,
-                        mask: scan.options.mask,
-                        smooth: scan.smooth,
-                        wanted,
-                        limits,
-                        range_max: &rays.range_max,
-                        depth: &depth,
-                    };
-                    // A hundredth of what is seen adds nothing to what is seen.
-                    let least_power = 0.01 * scan.threshold.least_power().unwrap_or(0.0) as f32;
-                    let mut echoes = OfPaths {
-                        others,
-                        weight,
-                        efficiency,
-                        least_power,
-                        first: &ray.hits.surface,
-                        log: log.as_mut(),
-                    };
-                    follower.follow(&around, rays, &ray.hits, surfaces, count, &mut echoes);
-                    for lane in 0..count {
-                        if goes_on(ray.hits.surface[lane]) {
-                            ray.power[lane] = 0.0;
-                        }
+            if let Some(limits) = scan.paths
+                && ray.hits.surface[..count].iter().any(|&surface| scan.goes_on(surface))
+            {
+                let around = scan.surroundings(scan.air.as_ref(), limits, wanted, &rays.range_max);
+                // A hundredth of what is seen adds nothing to what is seen.
+                let least_power = 0.01 * scan.threshold.least_power().unwrap_or(0.0) as f32;
+                let mut echoes =
+                    OfPaths { others, weight, efficiency, least_power, first: &ray.hits.surface, log: log.as_mut() };
+                follower.follow(&around, rays, &ray.hits, surfaces, count, &mut echoes);
+                for lane in 0..count {
+                    if scan.goes_on(ray.hits.surface[lane]) {
+                        ray.power[lane] = 0.0;
                     }
                 }
             }
@@ -620,23 +604,20 @@ impl Gatherer {
 
     /// Turns the footprint of each beam.
     #[inline(always)]
-    fn turn(&mut self, scan: &Scan, signals: &Signals, beams: &[u32]) {
+    fn turn(&mut self, scan: &Scan, footprint: &Footprint, beams: &[u32]) {
         let mut turns = [0.0; LANES];
-        if signals.footprint.as_ref().is_some_and(|footprint| footprint.turns) {
+        if footprint.turns {
             scan.rng.uniforms(beams, &[0; LANES][..beams.len()], Draw::Footprint, &mut turns[..beams.len()]);
         }
         for (lane, &beam) in beams.iter().enumerate() {
             let (rotation, _) = scan.aim.pose(scan.beams, beam as usize);
-            if signals.footprint.as_ref().is_some_and(|footprint| !footprint.turns) {
+            if footprint.turns {
+                self.across.set(lane, self.beams.direction(lane), rotation.z_axis, turns[lane]);
+            } else {
                 // The image plane at the distance 1 along the ray.
                 let off_axis = scan.beams.direction(beam as usize).x;
                 self.across.set_axes(lane, [rotation.y_axis * off_axis, rotation.z_axis * off_axis], 0.0);
-                continue;
             }
-            let up = rotation.z_axis;
-            let rays = &self.beams;
-            let direction = rays.direction(lane);
-            self.across.set(lane, direction, up, turns[lane]);
         }
     }
 
@@ -656,7 +637,7 @@ impl Gatherer {
         let of_beam =
             alarms.partition_point(|&(other, _)| other < lane)..alarms.partition_point(|&(other, _)| other <= lane);
         if plain.is[lane] && others.last[lane] == NONE && of_beam.is_empty() && scan.camera.is_none() {
-            let peak = Peak { range: plain.range[lane], power: plain.power[lane] };
+            let peak = plain.peak(lane);
             peaks.clear();
             chosen.clear();
             if is_reported(&peak, 0) {
@@ -718,7 +699,7 @@ impl Gatherer {
         let Forming { waveform, parts, .. } = &mut self.forming;
         let mut peaks = Vec::new();
         if parts.is_empty() && self.plain.is[lane] {
-            peaks.push(Peak { range: self.plain.range[lane], power: self.plain.power[lane] });
+            peaks.push(self.plain.peak(lane));
         } else {
             waveform.peaks(parts, &mut peaks);
         }
@@ -749,10 +730,14 @@ impl Gatherer {
         // All light of a pixel is one echo; without a pulse only what is at the very range.
         let reach = if scan.camera.is_some() { f32::INFINITY } else { (3.0 * sigma).max(1e-6 * peak.range) };
         let apart = if scan.camera.is_some() { OFF_SURFACE_M } else { OFF_SURFACE * sigma };
-        let mut all = 0.0;
-        for part in parts.iter().filter(|part| (part.range - peak.range).abs() <= reach) {
+        let light = |part: &Part| {
             let x = if sigma > 0.0 { (part.range - peak.range) / sigma } else { 0.0 };
-            let light = part.power * (-0.5 * x * x).exp();
+            part.power * (-0.5 * x * x).exp()
+        };
+        let near = || parts.iter().filter(|part| (part.range - peak.range).abs() <= reach);
+        let mut all = 0.0;
+        for part in near() {
+            let light = light(part);
             all += light;
             let kind = kind(part.source);
             match shares.iter_mut().find(|(known, ..)| *known == kind) {
@@ -779,12 +764,11 @@ impl Gatherer {
             let place = |source: u32, range: f32| footprint.crossing(source as usize, across, beams, lane, range);
             let here = place(source, ray.hits.range[lane]);
             let mut off = 0.0;
-            for part in parts.iter().filter(|part| (part.range - peak.range).abs() <= reach) {
+            for part in near() {
                 let is_off = part.source as usize >= rays_count
                     || (place(part.source, part.range) - here).dot(normal).abs() > apart;
                 if is_off {
-                    let x = if sigma > 0.0 { (part.range - peak.range) / sigma } else { 0.0 };
-                    off += part.power * (-0.5 * x * x).exp();
+                    off += light(part);
                 }
             }
             mixed = off > if scan.camera.is_some() { MIXED_PIXEL } else { MIXED } * all;

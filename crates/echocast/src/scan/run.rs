@@ -5,10 +5,10 @@ use super::returns::Signals;
 use super::{Order, Profile, Progress, ScanOptions};
 use crate::cloud::{Columns, Field, Frame, PointCloud, Slices};
 use crate::detect::{AzimuthError, FalseAlarms, Noise, RangeError, ReturnMode, Threshold, WeakDropout};
-use crate::echo::{Air, IntensityModel, PathLimits, Wanted};
+use crate::echo::{Air, IntensityModel, PathLimits, Surroundings, Wanted};
 use crate::emitter::{Aim, BeamTable, Trajectory};
 use crate::error::{Error, Result};
-use crate::material::{Mirrors, ReflectanceSource, Reflectances};
+use crate::material::{Mirrors, Optics, ReflectanceSource, Reflectances};
 use crate::medium::Weather;
 use crate::parallel;
 use crate::rng::Rng;
@@ -290,9 +290,29 @@ impl Scan<'_> {
         self.efficiency.get(channel).copied().unwrap_or(1.0)
     }
 
-    /// Part of the light that the channel of each lane makes use of.
-    pub fn efficiencies(&self, lanes: &Lanes, count: usize) -> [f32; LANES] {
-        lanes.take(&self.beams.channel, count).map(|channel| self.efficiency[usize::from(channel)])
+    /// Whether light goes on from `surface`, a row or [`MISS`]: mirrors and glass.
+    pub fn goes_on(&self, surface: u32) -> bool {
+        self.scene.surfaces.optics(&self.reflectances, surface).is_some_and(Optics::goes_on)
+    }
+
+    /// What light is followed through up to `range_max` m, with the weather of `air` on its way.
+    pub fn surroundings<'b>(
+        &'b self,
+        air: Option<&'b Air>,
+        limits: PathLimits,
+        wanted: Wanted,
+        range_max: &'b [f32; LANES],
+    ) -> Surroundings<'b> {
+        Surroundings {
+            scene: self.scene,
+            reflectances: &self.reflectances,
+            mask: self.options.mask,
+            smooth: self.smooth,
+            wanted,
+            limits,
+            range_max,
+            air,
+        }
     }
 
     /// Takes away the hits whose range is none that the instrument reports.
