@@ -69,12 +69,14 @@ impl Inside {
 /// A path that is still under way.
 #[derive(Clone, Copy, Debug)]
 struct Path {
-    lane: u8,
-    bounces: u8,
-    cause: Cause,
-    inside: Inside,
     origin: Vec3,
     direction: Vec3,
+    way: Way,
+}
+
+/// How a path came to where it is.
+#[derive(Clone, Copy, Debug)]
+struct Way {
     /// Range so far as the instrument takes it, m.
     range: f32,
     /// Length so far that light spreads over, m.
@@ -85,7 +87,37 @@ struct Path {
     depth: f32,
     /// Part of the light that is left, one way.
     part: f32,
+    /// What it is within: a row of [`Follower::insides`].
+    inside: u32,
+    lane: u8,
+    bounces: u8,
+    cause: Cause,
 }
+
+impl Way {
+    /// Where all begin, that of `lane`.
+    fn start(lane: usize) -> Way {
+        Way {
+            range: 0.0,
+            spread: 0.0,
+            length: 0.0,
+            depth: 0.0,
+            part: 1.0,
+            inside: OUTSIDE,
+            lane: lane as u8,
+            bounces: 0,
+            cause: Cause::Surface,
+        }
+    }
+
+    /// The same through glass, or seen in a mirror still.
+    fn through(self) -> Way {
+        Way { cause: if self.cause == Cause::Surface { Cause::Glass } else { self.cause }, ..self }
+    }
+}
+
+/// Row of [`Follower::insides`] for what is within no body.
+const OUTSIDE: u32 = 0;
 
 /// An echo at the end of a path.
 #[derive(Clone, Copy, Debug)]
@@ -107,6 +139,8 @@ pub(crate) struct PathEcho {
 pub(crate) struct Follower {
     paths: Next,
     next: Next,
+    /// What paths are within; the first row is none.
+    insides: Vec<Inside>,
     rays: RayBatch,
     hits: HitBatch,
     surfaces: Contribution,
@@ -222,6 +256,7 @@ impl Follower {
         Follower {
             paths: Next::default(),
             next: Next::default(),
+            insides: vec![Inside::default()],
             rays: RayBatch::new(),
             hits: HitBatch::new(),
             surfaces: Contribution::new(),
@@ -230,6 +265,7 @@ impl Follower {
 
     /// Follows the light of those of the first `count` rays whose surface does not stop it; `echoes` hears of what comes
     /// back, from the surface itself too. `rays`, `hits` and `surfaces` are the rays' own, normals on their side.
+    #[inline(always)]
     pub(crate) fn follow(
         &mut self,
         around: &Surroundings,
@@ -239,33 +275,22 @@ impl Follower {
         count: usize,
         echoes: &mut impl PathEchoes,
     ) {
+        self.insides.truncate(1);
         for lane in 0..count {
             let Some(optics) = optics(around, hits, lane).filter(|optics| optics.goes_on()) else { continue };
-            let path = Path {
-                lane: lane as u8,
-                bounces: 0,
-                cause: Cause::Surface,
-                inside: Inside::default(),
-                origin: rays.origin(lane),
-                direction: rays.direction(lane),
-                range: 0.0,
-                spread: 0.0,
-                length: 0.0,
-                depth: 0.0,
-                part: 1.0,
-            };
-            arrive(around, path, optics, (hits, surfaces, lane), &mut self.next, echoes);
+            let path = Path { origin: rays.origin(lane), direction: rays.direction(lane), way: Way::start(lane) };
+            arrive(around, &path, optics, (hits, surfaces, lane), (&mut self.next, &mut self.insides), echoes);
         }
         while !(self.next.reflected.is_empty() && self.next.refracted.is_empty()) {
             std::mem::swap(&mut self.paths, &mut self.next);
             // What is refracted first: behind it is mostly what is strongest.
             let Next { reflected, refracted } = std::mem::take(&mut self.paths);
             let [refracted, reflected] = [refracted, reflected].map(|mut paths| {
-                paths.retain(|path| {
+                paths.retain(|Path { way, .. }| {
                     // The most that a surface right there could send back.
-                    let own = around.limits.glint.map_or(0.0, |glint| glint.greatest_power(path.spread));
-                    let most = path.part * path.part * around.reflectances.greatest / (path.spread * path.spread);
-                    most.max(path.part * path.part * own) > echoes.least(path.lane.into())
+                    let square = way.spread * way.spread;
+                    let own = around.limits.glint.map_or(0.0, |glint| glint.greatest_power(way.spread) * square);
+                    way.part * way.part * around.reflectances.greatest.max(own) > echoes.least(way.lane.into()) * square
                 });
                 paths.chunks(LANES).for_each(|paths| self.step(around, paths, echoes));
                 paths.clear();
@@ -277,11 +302,12 @@ impl Follower {
     }
 
     /// Traces up to [`LANES`] paths.
+    #[inline(always)]
     fn step(&mut self, around: &Surroundings, paths: &[Path], echoes: &mut impl PathEchoes) {
         for (lane, path) in paths.iter().enumerate() {
             (self.rays.org_x[lane], self.rays.org_y[lane], self.rays.org_z[lane]) = path.origin.into();
             (self.rays.dir_x[lane], self.rays.dir_y[lane], self.rays.dir_z[lane]) = path.direction.into();
-            self.rays.range_max[lane] = (around.range_max[usize::from(path.lane)] - path.range).max(0.0);
+            self.rays.range_max[lane] = (around.range_max[usize::from(path.way.lane)] - path.way.range).max(0.0);
         }
         // Neighbours come from neighbours on the same surface, mostly: packets as for beams take two thirds of the time.
         self.hits.trace(around.scene, &self.rays, paths.len(), true, around.mask);
@@ -291,7 +317,7 @@ impl Follower {
         for (lane, path) in paths.iter().enumerate() {
             if let Some(optics) = optics(around, &self.hits, lane) {
                 let at = (&self.hits, &self.surfaces, lane);
-                arrive(around, *path, optics, at, &mut self.next, echoes);
+                arrive(around, path, optics, at, (&mut self.next, &mut self.insides), echoes);
             }
         }
     }
@@ -303,55 +329,55 @@ fn optics<'a>(around: &Surroundings<'a>, hits: &HitBatch, lane: usize) -> Option
 }
 
 /// `path` meets the surface of a lane: its echo, and the paths that go on.
+#[inline(always)]
 fn arrive(
     around: &Surroundings,
-    path: Path,
+    path: &Path,
     optics: &Optics,
     (hits, surfaces, lane): (&HitBatch, &Contribution, usize),
-    next: &mut Next,
+    (next, insides): (&mut Next, &mut Vec<Inside>),
     echoes: &mut impl PathEchoes,
 ) {
     let limits = &around.limits;
     let of = |material: u32| &around.reflectances.optics[material as usize];
+    let Path { origin, direction, mut way } = *path;
     let length = hits.range[lane];
-    let within = path.inside.material().map(of);
-    let (index, group_index) = within.map_or((1.0, 1.0), |body| (body.index, body.group_index));
-    let mut path = Path {
-        range: path.range + length * if limits.geometric { 1.0 } else { group_index },
-        spread: path.spread + length / if limits.geometric { 1.0 } else { index },
-        length: path.length + length,
+    let within =
+        if way.inside == OUTSIDE { None } else { insides[way.inside as usize].material().map(|body| of(body)) };
+    if let Some(body) = within {
+        let (slower, nearer) = if limits.geometric { (1.0, 1.0) } else { (body.group_index, 1.0 / body.index) };
+        way.range += length * slower;
+        way.spread += length * nearer;
+        way.part *= body.left_after(length);
+    } else {
+        way.range += length;
+        way.spread += length;
         // Weather is outside.
-        depth: path.depth
-            + if within.is_none() {
-                around.air.map_or(0.0, |air| air.depth(path.origin, path.direction, path.length, length))
-            } else {
-                0.0
-            },
-        part: path.part * within.map_or(1.0, |body| (-body.absorption * length).exp()),
-        ..path
-    };
+        way.depth += around.air.map_or(0.0, |air| air.depth(origin, direction, way.length, length));
+    }
+    way.length += length;
     let cos = surfaces.cos_incidence[lane];
-    let place = path.origin + path.direction * length;
+    let place = origin + direction * length;
     echoes.meet(Meeting {
         surface: hits.surface[lane],
-        cause: path.cause,
-        bounces: path.bounces,
+        cause: way.cause,
+        bounces: way.bounces,
         place,
         cos_incidence: cos,
-        range: path.range,
-        part: path.part,
-        depth: path.depth,
+        range: way.range,
+        part: way.part,
+        depth: way.depth,
     });
-    let seen = path;
     let mut answer = |reflectance: f32| {
-        let dimmed = seen.part * seen.part * (-2.0 * seen.depth).exp();
+        let air = if way.depth > 0.0 { (-2.0 * way.depth).exp() } else { 1.0 };
+        let farther = way.range / way.spread;
         let echo = PathEcho {
-            lane: seen.lane.into(),
-            range: seen.range,
-            reflectance: reflectance * dimmed * (seen.range / seen.spread).powi(2),
-            cos_incidence: if seen.bounces > 0 && !limits.cosine_after { 1.0 } else { cos },
-            cause: seen.cause,
-            bounces: seen.bounces,
+            lane: way.lane.into(),
+            range: way.range,
+            reflectance: reflectance * way.part * way.part * air * farther * farther,
+            cos_incidence: if way.bounces > 0 && !limits.cosine_after { 1.0 } else { cos },
+            cause: way.cause,
+            bounces: way.bounces,
             hit: lane,
         };
         echoes.take(&echo, hits, surfaces);
@@ -362,67 +388,64 @@ fn arrive(
     if limits.glass_of_the_program && optics.clear > 0.0 && within.is_none() && cos >= PROGRAM_COS {
         return answer(surfaces.reflectance[lane]);
     }
-    if path.bounces >= limits.depth || !optics.goes_on() {
+    if way.bounces >= limits.depth || !optics.goes_on() {
         return;
     }
     let normal = hits.normal(lane);
     // At the rim of a smooth body the shading normal may look away; nothing goes on from there.
-    if normal.dot(path.direction) >= 0.0 {
+    if normal.dot(direction) >= 0.0 {
         return;
     }
     // Off the surface by what single precision leaves open there.
-    let off = normal * (2e-5 + 1e-6 * place.abs().max_element());
-    path.bounces += 1;
-    let go = |on: Path, list: &mut Vec<Path>| {
-        if on.part * on.part >= limits.least {
+    let off = 2e-5 + 1e-6 * place.abs().max_element();
+    let onward = Way { bounces: way.bounces + 1, ..way };
+    let go = |list: &mut Vec<Path>, origin: Vec3, direction: Vec3, way: Way| {
+        if way.part * way.part >= limits.least {
             // What `off` takes from the way.
-            let skipped = off.dot(on.direction).abs();
-            let (range, spread, length) = (on.range + skipped, on.spread + skipped, on.length + skipped);
-            list.push(Path { range, spread, length, ..on });
+            let skipped = off * normal.dot(direction).abs();
+            let (range, spread, length) = (way.range + skipped, way.spread + skipped, way.length + skipped);
+            list.push(Path { origin, direction, way: Way { range, spread, length, ..way } });
         }
     };
-    let mirrored = Path { origin: place + off, direction: fresnel::reflected(path.direction, normal), ..path };
-    let seen_in_mirror = Path { cause: Cause::Mirror, ..mirrored };
     // A metal's share and that of glass go the same way.
     let mut reflect = |share: f32| {
         if let Some(glint) = limits.glint {
             // Near head-on the difference of the directions is the angle, and exact where the cosine is 1 all over.
-            let rho_eff = glint.rho_eff(share, (normal + path.direction).length(), path.spread);
+            let rho_eff = glint.rho_eff(share, (normal + direction).length(), way.spread);
             if rho_eff > 0.0 {
                 answer(rho_eff / cos);
             }
         }
-        go(Path { part: path.part * share, ..seen_in_mirror }, &mut next.reflected);
+        let mirrored = Way { cause: Cause::Mirror, part: way.part * share, ..onward };
+        go(&mut next.reflected, place + normal * off, fresnel::reflected(direction, normal), mirrored);
     };
     let mirrored = optics.mirrored_at(cos);
     if optics.clear == 0.0 {
         return reflect(mirrored);
     }
-    let seen_through =
-        |on: Path| Path { cause: if on.cause == Cause::Surface { Cause::Glass } else { on.cause }, ..on };
     if let Some(thickness) = optics.sheet {
         let (face, cos_t) = fresnel::dielectric(cos, optics.index);
-        let way = thickness / cos_t;
+        let through = thickness / cos_t;
         let (reflected, passed) = if limits.glass_of_the_program {
             (face, 1.0 - face)
         } else {
-            fresnel::plate(cos, optics.index, (-optics.absorption * way).exp())
+            fresnel::plate(cos, cos_t, optics.index, optics.left_after(through))
         };
         reflect(mirrored + optics.clear * reflected);
-        let within = fresnel::refracted(path.direction, normal, optics.index, cos_t);
         // The pane reaches from the sheet backwards; light goes on from its other face.
-        let on = seen_through(Path {
-            origin: place + within * way - off,
-            range: path.range + way * if limits.geometric { 1.0 } else { optics.group_index },
-            spread: path.spread + way / if limits.geometric { 1.0 } else { optics.index },
-            part: path.part * optics.clear * passed,
-            ..path
-        });
-        go(on, &mut next.refracted);
-        return;
+        let (slower, nearer) = if limits.geometric { (1.0, 1.0) } else { (optics.group_index, 1.0 / optics.index) };
+        let behind = place + fresnel::refracted(direction, normal, optics.index, cos_t) * through - normal * off;
+        let on = Way {
+            range: way.range + through * slower,
+            spread: way.spread + through * nearer,
+            part: way.part * optics.clear * passed,
+            ..onward.through()
+        };
+        return go(&mut next.refracted, behind, direction, on);
     }
     let surface = &around.scene.surfaces.rows[hits.surface[lane] as usize];
-    let inside = path.inside.through((surface.object, surface.material));
+    let inside = insides[way.inside as usize].through((surface.object, surface.material));
+    let index = within.map_or(1.0, |body| body.index);
     let beyond = inside.material().map_or(1.0, |material| of(material).index);
     let m = beyond / index;
     let (mut reflected, cos_t) = fresnel::dielectric(cos, m);
@@ -431,13 +454,11 @@ fn arrive(
     }
     reflect(mirrored + optics.clear * reflected);
     if reflected < 1.0 {
-        let on = seen_through(Path {
-            origin: place - off,
-            direction: fresnel::refracted(path.direction, normal, m, cos_t),
-            inside,
-            part: path.part * optics.clear * (1.0 - reflected),
-            ..path
-        });
-        go(on, &mut next.refracted);
+        let row = if inside.count == 0 { OUTSIDE } else { insides.len() as u32 };
+        if row != OUTSIDE {
+            insides.push(inside);
+        }
+        let on = Way { inside: row, part: way.part * optics.clear * (1.0 - reflected), ..onward.through() };
+        go(&mut next.refracted, place - normal * off, fresnel::refracted(direction, normal, m, cos_t), on);
     }
 }

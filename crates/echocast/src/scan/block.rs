@@ -14,7 +14,7 @@ use crate::emitter;
 use crate::rng::Draw;
 use crate::tof::Camera;
 use crate::trace::{HitBatch, LANES, MISS, RayBatch};
-use pulp::{Simd, WithSimd};
+use pulp::{Arch, Simd, WithSimd};
 
 /// Beams `first .. first + count` and the rows they may fill.
 pub(super) struct Task<'a> {
@@ -241,7 +241,7 @@ impl Block {
             least_power: scan.threshold.least_power().filter(|_| !scan.keeps_undetected).unwrap_or(0.0) as f32,
             strongest: !scan.keeps_undetected && !matches!(scan.mode, ReturnMode::First | ReturnMode::Last),
         };
-        follower.follow(&around, rays, hits, surfaces, count, &mut preferred);
+        Arch::new().dispatch(|| follower.follow(&around, rays, hits, surfaces, count, &mut preferred));
         for lane in 0..count {
             if !scan.goes_on(hits.surface[lane]) {
                 continue;
