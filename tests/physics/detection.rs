@@ -1,5 +1,5 @@
 use super::{assert_near, scan, target};
-use echocast::material::Reflectance;
+use echocast::material::{Reflectance, RetroSample, Scattering};
 use echocast::medium::{Dust, Placed, Rain, Region};
 use echocast::scene::Material;
 use echocast::{BuiltScene, Cause, Environment, Profile, ScanOptions, Sensor};
@@ -416,4 +416,48 @@ fn the_leading_edge_of_strong_echoes_comes_early() {
         assert_near("range", cloud.columns.range[0].into(), 20.0 - walk, 1e-3);
         assert_near("true range", cloud.columns.true_range[0].into(), 20.0, 1e-4);
     }
+}
+
+/// A retro-reflector shines in the beams beside it, as much as the angles to those that meet it say; a white plate does not.
+#[test]
+fn bright_surfaces_bloom() {
+    let sections = "beam: {pulse_ns: 5}\nintensity: {encoding: reflectivity}\n\
+                    detection: {model: radar_equation, reflectance: 0.8, at_m: 200, blooming: {weight: 1e-3, width_deg: 0.3}}";
+    let pattern = "name: row\nkind: lidar\npattern: {type: pinhole, resolution: [401, 1], fov_deg: [20, 0.05]}";
+    let sensor = Sensor::from_yaml(&format!("{pattern}\n{sections}\n"), "").unwrap();
+    let look = |scattering: Scattering| {
+        let mut scene = SceneBuilder::new();
+        let paint = Material { reflectance: Some(Reflectance::Constant(1.0)), scattering, ..Material::default() };
+        let paint = scene.material(paint);
+        scene.stand(Shape::plate(DVec3::X * 20.0, -DVec3::X, 0.5), Some(paint));
+        scan(&scene.finish().build().unwrap(), &sensor, ScanOptions { organised: true, ..ScanOptions::default() })
+    };
+    let white = look(Scattering::Lambert);
+    let met = |beam: usize| white.columns.range[beam].is_finite();
+    let plate: Vec<usize> = (0..401).filter(|&beam| met(beam)).collect();
+    assert!((50..60).contains(&plate.len()), "{}", plate.len());
+    let cloud = look(Scattering::RetroReflector { samples: vec![RetroSample { angle_deg: 70.0, cd_lx_m2: 250.0 }] });
+    let beams = sensor.beams();
+    let direction =
+        |beam: usize| DVec3::new(beams.dir_x[beam].into(), beams.dir_y[beam].into(), beams.dir_z[beam].into());
+    let (threshold, mut halo) = (0.8 / 200f64.powi(2), 0);
+    for beam in 0..401 {
+        // 785.4 is pi times the coefficient of retro-reflection.
+        let mut expected = if met(beam) { 785.4 } else { 0.0 };
+        for &other in plate.iter().filter(|&&other| other != beam) {
+            expected += 785.4 * 1e-3 * (-direction(beam).angle_between(direction(other)).to_degrees() / 0.3).exp();
+        }
+        let seen = cloud.columns.range[beam].is_finite();
+        if (expected / 400.0 / threshold - 1.0).abs() > 0.02 {
+            assert_eq!(seen, expected / 400.0 > threshold, "{beam}");
+        }
+        if seen {
+            assert_near("intensity", cloud.columns.intensity[beam].into(), expected, 0.02 * expected);
+            assert_near("range", cloud.columns.range[beam].into(), 20.0, 0.01);
+            let cause = if met(beam) { Cause::Surface } else { Cause::Multipath };
+            assert_eq!((cloud.columns.cause[beam], cloud.columns.category_id[beam]), (cause as u8, 1));
+            halo += usize::from(!met(beam));
+        }
+    }
+    assert!(halo > 60, "{halo}");
 }

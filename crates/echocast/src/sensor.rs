@@ -284,6 +284,16 @@ impl SensorSpec {
         noise.check(bounds)?;
         let saturation = self.detection.saturation;
         bounds.within("detection.saturation", saturation, 1.0, 1e12)?;
+        let blooming = &self.detection.blooming;
+        if let Some(blooming) = blooming {
+            bounds.within("detection.blooming.weight", blooming.weight, 0.0, 1.0)?;
+            let allowed = "above 0, at most 90";
+            bounds.number("detection.blooming.width_deg", blooming.width_deg, [ABOVE_ZERO, 90.0], allowed)?;
+            bounds.within("detection.blooming.floor", blooming.floor, 0.0, 1.0)?;
+            if self.tof.is_some() {
+                return Err(Error::invalid("detection.blooming", "given", "without a tof section only"));
+            }
+        }
         for (index, &efficiency) in self.detection.channel_efficiency.iter().enumerate() {
             bounds.within(format_args!("detection.channel_efficiency[{index}]"), efficiency, 0.0, 1.0)?;
         }
@@ -291,6 +301,10 @@ impl SensorSpec {
             if let Some(saturation) = saturation {
                 let allowed = "a value with detection.model: radar_equation or statistical";
                 return Err(Error::invalid("detection.saturation", saturation, allowed));
+            }
+            if blooming.is_some() {
+                let allowed = "with detection.model: radar_equation or statistical only";
+                return Err(Error::invalid("detection.blooming", "given", allowed));
             }
             if self.detection.timing != Timing::Peak {
                 let allowed = "peak, or with detection.model: radar_equation or statistical";
@@ -989,6 +1003,18 @@ pattern:
                 "line 8: detection.timing: unknown value \"edge\"; near: leading_edge; allowed: peak, leading_edge",
             ),
             (
+                "detection: {model: none, blooming: {weight: 0.1, width_deg: 1}}",
+                "line 8: detection.blooming: is given; allowed: with detection.model: radar_equation or statistical only",
+            ),
+            (
+                "detection: {model: radar_equation, reflectance: 0.1, at_m: 9, blooming: {weight: 2, width_deg: 1}}",
+                "line 8: detection.blooming.weight: is 2; allowed: 0 to 1",
+            ),
+            (
+                "detection: {model: radar_equation, reflectance: 0.1, at_m: 9, blooming: {weight: 0.1, width_deg: 0}}",
+                "line 8: detection.blooming.width_deg: is 0; allowed: above 0, at most 90",
+            ),
+            (
                 "detection: {model: radar_equation, reflectance: 0.1, at_m: 9, saturation: 0.5}",
                 "line 8: detection.saturation: is 0.5; allowed: 1 to 1000000000000",
             ),
@@ -1346,8 +1372,8 @@ pattern:
     #[test]
     fn what_noise_needs_is_written_and_has_bounds() {
         let detection = "{model: statistical, reflectance: 0.1, at_m: 90, probability: 0.5, tnr: 5, bandwidth_mhz: 200, \
-                         channel_efficiency: [1, 0.9, 1, 1, 1, 1, 1, 1, 1, 1, 0], saturation: 1000, sunlight: {pulse_uj: \
-                         1, aperture_mm: 20, field_of_view_mrad: [3, 1.5], filter_nm: 20, adaptive: false}}";
+                         channel_efficiency: [1, 0.9, 1, 1, 1, 1, 1, 1, 1, 1, 0], saturation: 1000, blooming: {weight: 1e-4, width_deg: 0.5}, \
+                         sunlight: {pulse_uj: 1, aperture_mm: 20, field_of_view_mrad: [3, 1.5], filter_nm: 20, adaptive: false}}";
         let noise = "{range_table: [{at_m: 2, mean_m: 0.1, sigma_m: 0.01}, {at_m: 9, sigma_m: 0.1}], instrument: 7, \
                      channel_bias_sigma_m: 0.04, dropout_weak: {below: 0.8, at_zero: 0.4}, range_snr_sigma_m: 0.02}";
         let sections =
@@ -1365,6 +1391,7 @@ pattern:
         assert_eq!(bounds(&sensor, "noise.instrument"), (7.0, 0.0, f64::from(u32::MAX)));
         assert_eq!(bounds(&sensor, "detection.channel_efficiency[1]"), (0.9, 0.0, 1.0));
         assert_eq!(bounds(&sensor, "detection.saturation"), (1000.0, 1.0, 1e12));
+        assert_eq!(bounds(&sensor, "detection.blooming.floor"), (0.0, 0.0, 1.0));
         assert_eq!(bounds(&sensor, "detection.sunlight.incidence_deg"), (45.0, 0.0, 90.0));
         // Another pattern has other channels, another model no sun.
         let error = sensor.set("pattern.elevation.fov_deg", "5").unwrap_err().to_string();

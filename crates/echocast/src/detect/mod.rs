@@ -1,6 +1,7 @@
 //! Signal to returns: thresholds first, then measurement noise.
 
 mod alarms;
+mod blooming;
 mod curve;
 mod depth;
 mod noise;
@@ -11,6 +12,7 @@ mod threshold;
 use curve::Curve;
 
 pub(crate) use alarms::FalseAlarms;
+pub use blooming::Blooming;
 pub(crate) use depth::DepthError;
 pub use depth::DepthNoise;
 pub(crate) use noise::{AzimuthError, RangeError};

@@ -1,6 +1,6 @@
 //! Which echoes are strong enough to be reported.
 
-use super::{Curve, Statistical};
+use super::{Blooming, Curve, Statistical};
 use crate::rng::{Draw, Rng};
 use crate::trace::LANES;
 use crate::yaml;
@@ -20,6 +20,9 @@ pub struct DetectionSpec {
     /// 1e12; none is no limit. Needs a model of `radar_equation` or `statistical`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub saturation: Option<f64>,
+    /// Light of bright returns that gets into the beams around; none is nothing of it. Needs such a model too.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub blooming: Option<Blooming>,
     /// What of an echo is timed. Needs such a model too, and a pulse, unless it is the peak.
     pub timing: Timing,
 }
@@ -42,12 +45,14 @@ impl<'de> Deserialize<'de> for DetectionSpec {
             #[serde(default)]
             channel_efficiency: Vec<f64>,
             saturation: Option<f64>,
+            blooming: Option<Blooming>,
             #[serde(default)]
             timing: Timing,
         }
-        let (beside, model) = yaml::split_keys(deserializer, &["channel_efficiency", "saturation", "timing"])?;
-        let Beside { channel_efficiency, saturation, timing } = beside.read()?;
-        Ok(DetectionSpec { model: model.read()?, channel_efficiency, saturation, timing })
+        let (beside, model) =
+            yaml::split_keys(deserializer, &["channel_efficiency", "saturation", "blooming", "timing"])?;
+        let Beside { channel_efficiency, saturation, blooming, timing } = beside.read()?;
+        Ok(DetectionSpec { model: model.read()?, channel_efficiency, saturation, blooming, timing })
     }
 }
 

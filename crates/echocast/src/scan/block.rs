@@ -192,7 +192,7 @@ impl Block {
 
     /// Steps 6 and 8: what the rays hit and what it is like.
     #[inline(always)]
-    fn trace(&mut self, scan: &Scan, count: usize) {
+    pub fn trace(&mut self, scan: &Scan, count: usize) {
         let Block { rays, hits, surfaces, .. } = self;
         hits.trace(scan.scene, rays, count, scan.coherent, scan.options.mask);
         if scan.wants_normals {

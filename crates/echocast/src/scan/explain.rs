@@ -1,7 +1,7 @@
 //! What happens to one beam, for people to read.
 
 use super::block::Block;
-use super::returns::{ALARM, Gatherer, NONE, Signals};
+use super::returns::{ALARM, Gatherer, NONE, Other, Signals};
 use super::run::Scan;
 use crate::cause::Cause;
 use crate::cloud::{Columns, FieldSet};
@@ -71,6 +71,7 @@ impl Scan<'_> {
         self.tell_rays(text, signals, gatherer)?;
         self.tell_paths(text, gatherer)?;
         self.tell_air(text, gatherer)?;
+        self.tell_halos(text, gatherer)?;
         self.tell_echoes(text, signals, gatherer, beam)?;
         tell_returns(text, columns, rows)
     }
@@ -174,6 +175,16 @@ impl Scan<'_> {
             other = echo.before;
         }
         Ok(())
+    }
+
+    /// Light of bright surfaces beside the beam.
+    fn tell_halos(&self, text: &mut String, gatherer: &Gatherer) -> fmt::Result {
+        let is_halo = |echo: &&Other| echo.cause == Cause::Multipath;
+        let echoes = || gatherer.others.list.iter().filter(is_halo);
+        let Some(first) = echoes().next() else { return Ok(()) };
+        let power: f32 = echoes().map(|echo| echo.power).sum();
+        let name = self.name(first.surface);
+        writeln!(text, "blooming: {} bright returns around, such as of {name}, add {power:.4e} /m^2", echoes().count())
     }
 
     /// The maxima of the signal, and which of them are reported.

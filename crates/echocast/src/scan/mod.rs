@@ -4,6 +4,7 @@ mod block;
 mod camera;
 mod collect;
 mod explain;
+mod halo;
 mod returns;
 mod run;
 

@@ -589,6 +589,24 @@ impl Gatherer {
             let mut echoes = OfAir { others: &mut self.others, rays: &self.rays, efficiency: &self.efficiency };
             air.answer(&self.beams, &scan.rng, beams, &mut echoes);
         }
+        if let Some(halos) = &scan.halos {
+            halos.shine(scan.beams, beams, |lane, bright, power| {
+                let other = Other {
+                    range: bright.range,
+                    power: power * self.efficiency[lane],
+                    before: NONE,
+                    cause: Cause::Multipath,
+                    bounces: 0,
+                    cos_incidence: bright.cos_incidence,
+                    surface: bright.surface,
+                    first: bright.surface,
+                    triangle: bright.triangle,
+                    uv: bright.uv,
+                    normal: bright.normal,
+                };
+                self.others.add(lane, other);
+            });
+        }
     }
 
     /// Draws the noise that looks like echoes.

@@ -1,6 +1,7 @@
 //! One scan: what is the same for all its beams, and their chunks side by side on threads.
 
 use super::block::{Block, Lanes, Task, TaskOn};
+use super::halo::Halos;
 use super::returns::Signals;
 use super::{Order, Profile, Progress, ScanOptions};
 use crate::cloud::{Columns, Field, Frame, PointCloud, Slices};
@@ -87,6 +88,8 @@ pub(super) struct Scan<'a> {
     pub signals: Option<Signals>,
     /// What a depth camera makes of light, if it says so.
     pub camera: Option<&'a Camera>,
+    /// Bright surfaces whose light gets into beams beside them, if the instrument blooms.
+    pub halos: Option<Halos>,
 }
 
 impl<'a> Scan<'a> {
@@ -115,7 +118,9 @@ impl<'a> Scan<'a> {
         let as_the_paper = options.profile != Profile::Physical;
         // Without what makes it a camera, a pixel of several rays is none.
         let one_ray = blainder || as_the_paper && sensor.camera.is_some();
-        let signals = Some(sensor.signals()).filter(|signals| !one_ray && !signals.are_simple());
+        let blooming = sensor.detection.blooming.filter(|_| !one_ray);
+        let signals = Some(sensor.signals());
+        let signals = signals.filter(|signals| !one_ray && (blooming.is_some() || !signals.are_simple()));
         let weather = Weather::new(&options.environment, sensor.wavelength_nm, as_the_paper, scene.origin);
         // Signals hear of all echoes.
         let mode = if signals.is_some() { ReturnMode::All } else { sensor.return_mode() };
@@ -143,7 +148,7 @@ impl<'a> Scan<'a> {
             wants_echo || fields.contains_any(&[Field::NormalX, Field::NormalY, Field::NormalZ, Field::CosIncidence]);
         let colors = fields.contains_any(&[Field::Red, Field::Green, Field::Blue]);
         let wants_surfaces = wants_echo || fields.contains_any(&LABELS) || colors;
-        Scan {
+        let mut scan = Scan {
             scene,
             beams,
             options,
@@ -180,7 +185,10 @@ impl<'a> Scan<'a> {
             mode,
             signals,
             camera,
-        }
+            halos: None,
+        };
+        scan.halos = blooming.map(|blooming| Halos::new(&scan, blooming));
+        scan
     }
 
     /// Greatest number of returns of a beam.
