@@ -659,13 +659,15 @@ impl Sensor {
         RangeError::new(&self.noise, self.range_resolution_m, self.channels, edge_sigma, threshold)
     }
 
-    /// How it sees itself in smooth surfaces, if it does. Of an elliptic beam the round one of the same area stands for it.
+    /// How it sees itself in smooth surfaces, if it does. Of an elliptic beam the round one of the same area stands for it;
+    /// where many rays make up the beam, each of them is a line.
     pub(crate) fn glint(&self) -> Option<Glint> {
         let beam = &self.spec.beam;
         let [horizontal, vertical] = beam.divergence_mrad;
+        let width = if beam.sub_rays > 1 { 0.0 } else { 1.0 };
         beam.aperture_mm.map(|diameter| Glint {
-            start: (0.5e-3 * beam.exit_diameter_mm) as f32,
-            divergence: (0.5e-3 * (horizontal * vertical).sqrt()) as f32,
+            start: (0.5e-3 * beam.exit_diameter_mm * width) as f32,
+            divergence: (0.5e-3 * (horizontal * vertical).sqrt() * width) as f32,
             opening: (0.5e-3 * diameter) as f32,
         })
     }

@@ -158,15 +158,33 @@ macro_rules! columns {
             /// # Errors
             /// No memory.
             pub(crate) fn resize(&mut self, fields: FieldSet, len: usize) -> Result<()> {
+                self.make_room(fields, len)?;
+                $( if fields.contains(Field::$variant) {
+                    self.$name.resize(len, <$t>::default());
+                } )*
+                Ok(())
+            }
+
+            /// Gives every column of `fields` memory for `len` rows and makes the others empty. What it held is kept only
+            /// where it has the memory.
+            ///
+            /// # Errors
+            /// No memory.
+            pub(crate) fn make_room(&mut self, fields: FieldSet, len: usize) -> Result<()> {
                 $( if !fields.contains(Field::$variant) {
                     self.$name = Vec::new();
                 } else if self.$name.capacity() < len {
                     // Fresh zeroed memory costs nothing until it is touched; growing would copy.
                     self.$name = try_zeroed_vec(len).map_err(|()| no_memory(len))?;
-                } else {
-                    self.$name.resize(len, <$t>::default());
                 } )*
                 Ok(())
+            }
+
+            /// Makes the columns of `fields`, which have the memory, at least `len` long.
+            pub(crate) fn lengthen(&mut self, fields: FieldSet, len: usize) {
+                $( if fields.contains(Field::$variant) && self.$name.len() < len {
+                    self.$name.resize(len, <$t>::default());
+                } )*
             }
 
             /// Moves `count` rows from row `from` to row `to`, in every column that is there.

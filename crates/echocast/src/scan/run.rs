@@ -204,19 +204,24 @@ impl<'a> Scan<'a> {
         let sorted = options.order == Order::Time;
         let computed = if sorted { options.fields.with(Field::Time) } else { options.fields };
         let columns = &mut cloud.columns;
-        columns.resize(computed, beams * self.most_returns())?;
+        columns.make_room(computed, beams * self.most_returns())?;
         let engine = &self.scene.engine;
         // Who wants to hear of the scan hears of it often.
         let chunks_per_thread = if progress.is_some() { 1 } else { CHUNKS_PER_THREAD };
         let window = CHUNK * (chunks_per_thread * engine.threads()).min(MOST_CHUNKS);
         let windows = (0..beams).step_by(window).map(|first| first..(first + window).min(beams));
+        let mut next = |beams: Range<usize>, rows: usize| {
+            // No further than this window may fill: memory of an earlier scan is not cleared beyond the rows there will be.
+            columns.lengthen(computed, rows + beams.len() * self.most_returns());
+            self.window(beams, rows, columns)
+        };
         let rows = match progress {
-            None => engine.install(|| windows.fold(0, |rows, beams| self.window(beams, rows, columns))),
+            None => engine.install(|| windows.fold(0, |rows, beams| next(beams, rows))),
             Some(progress) => {
                 let mut rows = 0;
                 for window in windows {
                     let done = window.end;
-                    rows = engine.install(|| self.window(window, rows, columns));
+                    rows = engine.install(|| next(window, rows));
                     // What is finished is not thrown away.
                     if progress(done as f64 / beams as f64).is_break() && done < beams {
                         return Err(Error::Cancelled);
