@@ -441,6 +441,13 @@ fn mirrors_that_face_each_other_end() {
     let deep = tilted(10);
     assert_eq!((deep.len, deep.columns.bounces[0]), (1, 5));
     assert!(tilted(deep.columns.bounces[0] - 1).len == 0 && tilted(deep.columns.bounces[0]).len == 1);
+    assert_eq!(ScanOptions::default().specular_depth, 10);
+    // So does light of which less than a millionth is left, there and back.
+    for (leaves, seen) in [(1.01e-3, 1), (0.99e-3, 0)] {
+        let behind = (plate([-3.0, 0.0, 0.0], [1.0, 0.0, 0.0], 2.0), 0.5);
+        let built = scene(Some(behind), vec![(plate([5.0, 0.0, 0.0], [-1.0, 0.0, 0.0], 1.0), mirror(leaves))]);
+        assert_eq!(look(&built, "").len, seen, "{leaves}");
+    }
 }
 
 /// Rough metals are mirrors for a part, and half-transparent surfaces show themselves too.
