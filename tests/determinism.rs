@@ -2,15 +2,16 @@
 //! of a column leave it as it is.
 
 use echocast::cloud::FIELDS;
+use echocast::scene::Material;
 use echocast::{
-    BuiltScene, Engine, Environment, Field, FieldSet, Frame, Order, PointCloud, Pose, Profile, ReturnMode, ScanOptions,
-    Sensor, Trajectory,
+    BuiltScene, Cause, Engine, Environment, Field, FieldSet, Frame, Order, PointCloud, Pose, Profile, ReturnMode,
+    ScanOptions, Sensor, Trajectory,
 };
 use echocast_tests::reference::{Random, SceneBuilder, Shape};
 use glam::{DAffine3, DVec3};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
-/// Balls, smooth and flat, and loose triangles: once and as copies.
+/// Balls, smooth and flat, once and as copies; between them mirrors, panes, and balls of glass.
 fn scene() -> BuiltScene {
     scene_with(&Engine::new().unwrap())
 }
@@ -20,6 +21,21 @@ fn scene_with(engine: &Engine) -> BuiltScene {
     let mut scene = SceneBuilder::new();
     let paints = [0.2, 0.5, 0.9].map(|reflectance| scene.reflector(reflectance));
     scene.stand(Shape::plate(-2.0 * DVec3::Z, DVec3::Z, 200.0), Some(paints[0]));
+    let smooth = |name: &str| Material { name: name.into(), roughness: 0.0, ..Material::default() };
+    let mirror = scene.material(Material { metallic: 0.8, base_color: [0.9; 4], ..smooth("mirror") });
+    let pane = scene.material(Material { transmission: 1.0, pane_m: Some(0.004), dirt: 0.02, ..smooth("pane") });
+    let glass = scene.material(Material { transmission: 1.0, thickness_m: 1.0, ..smooth("glass") });
+    for (shape, material) in [
+        (Shape::plate(DVec3::ZERO, DVec3::X, 1.0), mirror),
+        (Shape::plate(DVec3::ZERO, DVec3::X, 1.0), pane),
+        (Shape::sphere(0.7, 12), glass),
+    ] {
+        let mesh = scene.mesh([(shape, Some(material))]);
+        for _ in 0..6 {
+            let place = DAffine3::from_translation(random.in_cube(5.0));
+            scene.place(mesh, place * DAffine3::from_quat(random.rotation()));
+        }
+    }
     for copies in [1, 40] {
         let mesh =
             scene.mesh([(Shape::sphere(1.2, 8), Some(paints[1])), (Shape::sphere(1.0, 4).flat(), Some(paints[2]))]);
@@ -94,7 +110,7 @@ fn all() -> ScanOptions {
 /// In all kinds of weather.
 fn wet() -> ScanOptions {
     let weather = "{rain: {rate_mm_h: 30, range_noise: true}, snow: {rate_mm_h: 3}, fog: {visibility_m: 90}, dust: \
-                   {radius_um: 50, per_m3: 1e6, box: {min_m: [1, -9, -2], max_m: [9, 9, 9]}}}";
+                   {radius_um: 50, per_m3: 1e7, box: {min_m: [1, -9, -2], max_m: [9, 9, 9]}}}";
     ScanOptions { environment: Environment::from_yaml(weather).unwrap(), ..all() }
 }
 
@@ -108,11 +124,13 @@ fn differences(a: &PointCloud, b: &PointCloud) -> Vec<&'static str> {
 #[test]
 fn threads_do_not_change_a_bit() {
     let [one, two, seven] = [1, 2, 7].map(|threads| scene_with(&Engine::with_threads(threads).unwrap()));
+    let mut causes = BTreeSet::new();
     for sensor in [lidar(), camera(), noisy(), many(), depth_camera()] {
         for path in [Trajectory::fixed(Pose::IDENTITY), drive()] {
             let single = sensor.spec().returns.mode != ReturnMode::All;
             for options in [all(), ScanOptions { organised: single, ..all() }, wet()] {
                 let alone = one.scan(&sensor, &path, &options).unwrap();
+                causes.extend(&alone.columns.cause);
                 assert!(alone.len > 10_000, "{} points", alone.len);
                 for (scene, threads) in [(&two, "2 threads"), (&seven, "7 threads"), (&scene(), "rayon's threads")] {
                     let cloud = scene.scan(&sensor, &path, &options).unwrap();
@@ -121,6 +139,8 @@ fn threads_do_not_change_a_bit() {
             }
         }
     }
+    // Points of all kinds were among them.
+    assert_eq!(causes, (0..=Cause::Multipath as u8).collect());
 }
 
 /// The scene too is built the same twice.

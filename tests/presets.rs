@@ -116,10 +116,17 @@ fn patterns_have_the_figures_of_their_files() {
 }
 
 /// A cycle takes 55.296 us, in which a rotor of 10 turns/s advances 0.1990656 deg; the last of 16 firings 2.304 us apart
-/// comes 34.56 us after the first, 0.124416 deg further on.
+/// comes 34.56 us after the first, 0.124416 deg further on. In the HDL-32E's cycle of 46.080 us, 0.165888 deg, the last of
+/// 32 firings 1.152 us apart comes after 35.712 us.
 #[test]
 fn pucks_turn_while_their_lasers_wait() {
-    for (name, channels) in [("velodyne_vlp16", 16), ("velodyne_vlp32c", 32)] {
+    for (name, channels, cycle_us, wait_us) in [
+        ("velodyne_vlp16", 16, 55.296, 34.56),
+        ("velodyne_vlp32c", 32, 55.296, 34.56),
+        ("velodyne_hdl32e", 32, 46.080, 35.712),
+    ] {
+        // 3600 degrees in a second.
+        let degrees = |us: f64| -3600e-6 * us;
         let sensor = Sensor::preset(name).unwrap();
         let beams = sensor.beams();
         let columns = beams.columns as usize;
@@ -135,13 +142,13 @@ fn pucks_turn_while_their_lasers_wait() {
             );
             // Clockwise: azimuth falls.
             let advance = turn(azimuth(beams, first_beam + 1), azimuth(beams, first_beam));
-            assert_near(&format!("{name}: advance in a cycle"), advance, -0.199_065_6, 1e-5);
+            assert_near(&format!("{name}: advance in a cycle"), advance, degrees(cycle_us), 1e-5);
             let waited = turn(azimuth(beams, last_beam), azimuth(beams, first_beam)) - (offset(last) - offset(0));
-            assert_near(&format!("{name}: advance of the last channel"), waited, -0.124_416, 1e-5);
+            assert_near(&format!("{name}: advance of the last channel"), waited, degrees(wait_us), 1e-5);
             let wait = beams.time[last_beam] - beams.time[first_beam];
-            assert_near(&format!("{name}: wait of the last channel"), wait, 34.56e-6, 1e-8);
+            assert_near(&format!("{name}: wait of the last channel"), wait, wait_us * 1e-6, 1e-8);
             let cycle = beams.time[first_beam + 1] - beams.time[first_beam];
-            assert_near(&format!("{name}: cycle"), cycle, 55.296e-6, 1e-8);
+            assert_near(&format!("{name}: cycle"), cycle, cycle_us * 1e-6, 1e-8);
         }
     }
 }

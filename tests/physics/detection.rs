@@ -39,6 +39,17 @@ fn targets_are_seen_up_to_the_range_of_the_radar_equation() {
     }
 }
 
+/// The least power that a sensor sees which is said to see 0.9 at 200 m: 0.9 / (pi R^2) = 7.1620e-6 (Goodin et al. 2019).
+#[test]
+fn the_data_sheet_line_is_the_least_power() {
+    let line = "detection: {model: radar_equation, reflectance: 0.9, at_m: 200}\nintensity: {encoding: power}";
+    for [rho, range] in [[0.9, 199.99], [0.1, 66.66], [0.05, 47.137]] {
+        let cloud = scan(&target(rho, range, 0.0), &one_beam(line), ScanOptions::default());
+        assert_near("least power", f64::from(cloud.columns.intensity[0]) / 7.162_0e-6, 1.0, 3e-4);
+        assert_eq!(seen(line, [rho, range * 1.0005, 0.0], Profile::Physical), 0);
+    }
+}
+
 /// The `detection` section of row `row`.
 fn limit_section(table: &Table, row: usize) -> String {
     let number = |column| table.number(row, column);
@@ -116,18 +127,18 @@ fn profile_blainder_gives_what_the_program_gives() {
     let table = Table::parse(include_str!("../data/blainder_compat.csv"), ',');
     assert_eq!(table.len(), 13);
     for row in 0..table.len() {
-        let options = || ScanOptions {
-            profile: Profile::Blainder,
-            environment: program_weather(&table, row),
-            ..ScanOptions::default()
-        };
+        let environment = program_weather(&table, row);
+        let options =
+            ScanOptions { profile: Profile::Blainder, environment: environment.clone(), ..ScanOptions::default() };
         let number = |column| table.number(row, column);
         let scene = target(number("pixel_alpha"), number("distance_m"), number("theta_deg"));
-        let cloud = scan(&scene, &one_beam(&limit_section(&table, row)), options());
+        let cloud = scan(&scene, &one_beam(&limit_section(&table, row)), options);
         assert_eq!(cloud.len, 1, "undetected points are kept");
         assert_near("intensity", cloud.columns.intensity[0].into(), number("stored_intensity"), 1e-6);
         let range = number("reported_distance_m_no_noise");
         assert_near("range", cloud.columns.range[0].into(), range, 1e-6 * range);
+        let noise = environment.rain.first().map_or(0.0, |rain| rain.what.range_noise() * number("distance_m"));
+        assert_near("sigma of rain", noise, number("rain_noise_sigma_m"), 1e-6 * noise);
     }
 }
 

@@ -33,19 +33,19 @@ fn sigma(sample: &[f64]) -> f64 {
     (sample.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / sample.len() as f64).sqrt()
 }
 
-/// That `sample` is Gaussian with `mean` and `sigma`, within 5 standard errors of mean, deviation and tails.
+/// That `sample` is Gaussian with `mean` and `sigma`, within 3 standard errors of mean, deviation and tails.
 #[track_caller]
 fn assert_gaussian(sample: &[f64], expected_mean: f64, expected_sigma: f64) {
     let n = sample.len() as f64;
     let error = expected_sigma / n.sqrt();
-    assert_near("mean", mean(sample), expected_mean, 5.0 * error);
-    assert_near("sigma", sigma(sample), expected_sigma, 5.0 * error / 2f64.sqrt());
+    assert_near("mean", mean(sample), expected_mean, 3.0 * error);
+    assert_near("sigma", sigma(sample), expected_sigma, 3.0 * error / 2f64.sqrt());
     for (limit, probability) in [(1.0, 0.317_310_5), (2.0, 0.045_500_3), (3.0, 0.002_699_8)] {
         let outside = sample.iter().filter(|x| (**x - expected_mean).abs() > limit * expected_sigma).count() as f64 / n;
-        assert_near("share of the tails", outside, probability, 5.0 * (probability * (1.0 - probability) / n).sqrt());
+        assert_near("share of the tails", outside, probability, 3.0 * (probability * (1.0 - probability) / n).sqrt());
     }
     let above = sample.iter().filter(|x| **x > expected_mean).count() as f64 / n;
-    assert_near("share above the mean", above, 0.5, 5.0 * 0.5 / n.sqrt());
+    assert_near("share above the mean", above, 0.5, 3.0 * 0.5 / n.sqrt());
 }
 
 #[test]
@@ -93,7 +93,7 @@ fn ranges_are_whole_steps_and_the_nearest_of_them() {
     let errors = errors(&cloud);
     assert!(errors.iter().all(|error| error.abs() <= 0.501 * step));
     // Even over a step: sigma = step / sqrt(12), and the standard error of a variance of an even distribution.
-    assert_near("sigma", sigma(&errors), step / 12f64.sqrt(), 5.0 * step / 12f64.sqrt() * (0.8 / 4.0 / 9e4f64).sqrt());
+    assert_near("sigma", sigma(&errors), step / 12f64.sqrt(), 3.0 * step / 12f64.sqrt() * (0.8 / 4.0 / 9e4f64).sqrt());
 
     // Noise comes before the rounding.
     let noisy = "range: {resolution_m: 0.004}\nnoise: {range_sigma_m: 0.03}";
@@ -148,7 +148,7 @@ fn draws_of_other_seeds_frames_and_beams_are_uncorrelated() {
     let first = draw(7, 0);
     assert_eq!(first, draw(7, 0));
     let correlation = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>() / a.len() as f64;
-    let limit = 5.0 / (first.len() as f64).sqrt();
+    let limit = 3.0 / (first.len() as f64).sqrt();
     for (seed, frame) in [(8, 0), (7, 1), (7 << 32, 0), (0, 7)] {
         assert_near("correlation", correlation(&first, &draw(seed, frame)), 0.0, limit);
     }
@@ -189,7 +189,7 @@ fn azimuth_noise_turns_points_about_the_sensors_axis() {
 fn dropout_loses_its_part_of_the_returns() {
     let cloud = scan(&wall(), &camera("noise: {dropout: 0.3}"), ScanOptions::default().seed(4));
     let kept = cloud.len as f64 / 90_000.0;
-    assert_near("part that is kept", kept, 0.7, 5.0 * (0.3f64 * 0.7 / 90_000.0).sqrt());
+    assert_near("part that is kept", kept, 0.7, 3.0 * (0.3f64 * 0.7 / 90_000.0).sqrt());
     assert_eq!(scan(&wall(), &camera("noise: {dropout: 1}"), ScanOptions::default()).len, 0);
 }
 

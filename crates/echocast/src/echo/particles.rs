@@ -171,16 +171,31 @@ mod tests {
     use super::*;
 
     const RAIN_10: Particles =
-        Particles { per_m3_mm: 8000.0, slope_per_mm: 2.527_959, least_mm: 1.0, reflectance: 0.0225 };
+        Particles { per_m3_mm: 8000.0, slope_per_mm: 2.528_039_5, least_mm: 1.0, reflectance: 0.0225 };
 
-    /// Drops of 10 mm/h above 1 mm in 50 m of a cone of 3 mrad, when the sensor sees them all: 74.390; in a frustum that
-    /// begins 12 mm wide the volume is 0.370865 m^3.
+    /// Drops of 10 mm/h above 1 mm in 50 m of a cone of 3 mrad, when the sensor sees them all: 74.390, and above 0.05 mm
+    /// 821.36, made with numpy. The others are volumes, m^3, of cones, and of frustums that begin 12 mm wide.
     #[test]
     fn drops_in_a_beam_are_counted() {
-        for (start, expected) in [(0.0, 74.390), (0.012, 0.370_865 * 252.576)] {
+        let mean = |start, length, particles: &Particles| {
             let cone = Cone { start, divergence: [3e-3; 2] };
-            let all = Detectable::new(&RAIN_10, cone, [0.0, 50.0], |_| 1.0, 1e-30);
-            assert!((f64::from(all.mean()) / expected - 1.0).abs() < 1e-3, "{} {expected}", all.mean());
+            f64::from(Detectable::new(particles, cone, [0.0, length], |_| 1.0, 1e-30).mean())
+        };
+        for (least_mm, expected) in [(1.0, 74.390), (0.05, 821.36)] {
+            let found = mean(0.0, 50.0, &Particles { least_mm, ..RAIN_10 });
+            assert!((found / expected - 1.0).abs() < 1e-5, "{found} {expected}");
+        }
+        let in_a_m3 = RAIN_10.count_above(1.0);
+        for (start, length, expected) in [
+            (0.0, 50.0, 0.294_526),
+            (0.012, 50.0, 0.370_865),
+            (0.0, 100.0, 2.356),
+            (0.012, 100.0, 2.650),
+            (0.0, 10.0, 0.002_356),
+            (0.012, 10.0, 0.006_315),
+        ] {
+            let found = mean(start, length, &RAIN_10) / in_a_m3;
+            assert!((found / expected - 1.0).abs() < 2e-4, "{start} m, {length} m: {found} {expected}");
         }
     }
 

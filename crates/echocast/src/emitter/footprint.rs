@@ -181,6 +181,24 @@ mod tests {
         }
     }
 
+    /// Light within a circle: `1 - exp(-2 r^2/w^2)`, of which 0.393469 is within w/2, 0.864665 within w, 0.988891 within
+    /// 1.5 w; within the half maximum, 1.17741 w wide, there is one half.
+    #[test]
+    fn circles_encircle_their_part_of_the_light() {
+        let count = 1000;
+        let footprint = Footprint::new(count, 0.012, [3e-3; 2]);
+        for range in [0.0f32, 50.0] {
+            let w = f64::hypot(6e-3, 1.5e-3 * f64::from(range));
+            let places = crossings(&footprint, range, 0.1);
+            for (radius, expected) in [(0.5, 0.393_469), (1.0, 0.864_665), (1.5, 0.988_891), (1.177_41 / 2.0, 0.5)] {
+                let within = places.iter().filter(|[y, z]| y.hypot(*z) < radius * w).count();
+                let found = within as f64 / count as f64;
+                // To one ray.
+                assert!((found - expected).abs() <= 1.0 / count as f64, "{radius} w at {range} m: {found}");
+            }
+        }
+    }
+
     /// Sub-rays of a pixel fill it evenly, whichever part of it is asked for.
     #[test]
     fn pixels_are_filled() {

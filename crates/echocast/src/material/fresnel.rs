@@ -114,10 +114,18 @@ mod tests {
             let (back, _) = dielectric(cos_t, 1.0 / m);
             assert!((back - found).abs() < 1e-5, "{m} {degrees}: {back}");
         }
-        for (m, degrees) in [(1.0 / 1.5, 42.0), (1.0 / 1.5, 60.0), (1.0 / 1.33, 48.76)] {
+        for (m, degrees) in [(1.0 / 1.5, 42.0), (1.0 / 1.5, 60.0), (1.0 / 1.33, 60.0)] {
             assert_eq!(dielectric(cos(degrees), m), (1.0, 0.0));
         }
-        assert!(dielectric(cos(41.81), 1.0 / 1.5).0 < 1.0);
+        // The critical angle, from glass and from water.
+        for (index, critical) in [(1.5, 41.810_31), (1.33, 48.753_47)] {
+            assert_eq!(dielectric(cos(critical + 5e-5), 1.0 / index).0, 1.0);
+            assert!(dielectric(cos(critical - 5e-5), 1.0 / index).0 < 1.0);
+        }
+        // Along the boundary everything is reflected.
+        for m in [1.5, 1.33, 1.0 / 1.5] {
+            assert_eq!(dielectric(0.0, m).0, 1.0);
+        }
         // Brewster's angle: nothing of the light in the plane of incidence.
         let brewster = cos(56.309_93);
         let (_, cos_t) = dielectric(brewster, 1.5);
@@ -154,6 +162,7 @@ mod tests {
         let (_, cos_t) = dielectric(0.75f32.sqrt(), 1.5);
         let t = refracted(d, Vec3::Z, 1.5, cos_t);
         assert!((t - Vec3::new(0.333_333_3, 0.0, -0.942_809)).length() < 1e-6);
+        assert!((f64::from(t.x).asin().to_degrees() - 19.4712).abs() < 5e-5);
         assert_eq!(reflected(Vec3::new(0.6, 0.0, -0.8), Vec3::Z), Vec3::new(0.6, 0.0, 0.8));
     }
 }

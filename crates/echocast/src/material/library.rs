@@ -63,6 +63,24 @@ mod tests {
         assert!(count > 0);
     }
 
+    /// Typical reflectances at 905 nm, and of snow at 1550 nm.
+    #[test]
+    fn reflectances_are_typical() {
+        for (name, wavelength_nm, least, most) in [
+            ("asphalt_dry", 905.0, 0.15, 0.2),
+            ("asphalt_wet", 905.0, 0.05, 0.1),
+            ("concrete", 905.0, 0.35, 0.5),
+            ("vegetation", 905.0, 0.4, 0.6),
+            ("black_car_paint", 905.0, 0.05, 0.1),
+            ("white_paint", 905.0, 0.8, 0.8),
+            ("snow", 905.0, 0.8, 0.9),
+            ("snow", 1550.0, 0.0, 0.1),
+        ] {
+            let found = Material::library(name).unwrap().reflectance.unwrap().at(wavelength_nm);
+            assert!((least..=most).contains(&found), "{name} at {wavelength_nm} nm: {found}");
+        }
+    }
+
     #[test]
     fn names_match_without_case_and_copy_suffix() {
         assert_eq!(find("Concrete.012").unwrap().name, "concrete");

@@ -133,11 +133,10 @@ impl Fog {
 
     /// Extinction, 1/m.
     pub fn extinction(&self, wavelength_nm: f64) -> f64 {
-        match (self.spectrum, visibility::extinction_at_550(self.visibility_m, self.mor_m)) {
+        let model = self.model.unwrap_or(VisibilityModel::Kim);
+        match (self.spectrum, visibility::sight(self.visibility_m, self.mor_m)) {
             (Some(spectrum), _) => spectrum.extinction(wavelength_nm),
-            (None, Some(at_550)) => {
-                visibility::scaled(at_550, wavelength_nm, self.model.unwrap_or(VisibilityModel::Kim))
-            }
+            (None, Some(sight)) => visibility::extinction(sight, wavelength_nm, model),
             (None, None) => 0.0,
         }
     }
@@ -176,18 +175,34 @@ mod tests {
     /// Against Mie series summed with miepython 3.3 over the same spectra at 905 nm.
     #[test]
     fn spectra_dim_as_mie_theory_says() {
-        for (spectrum, expected) in [
-            (Spectrum::StrongAdvectionFog, 2.906_61e-2),
-            (Spectrum::ModerateAdvectionFog, 1.872_25e-2),
-            (Spectrum::ChuHogg, 1.635_04e-3),
-            (Spectrum::StrongSpray, 1.705_71e-2),
-            (Spectrum::ModerateSpray, 4.489_49e-3),
+        for (spectrum, expected, mor) in [
+            (Spectrum::StrongAdvectionFog, 2.906_61e-2, 103.07),
+            (Spectrum::ModerateAdvectionFog, 1.872_25e-2, 160.01),
+            (Spectrum::ChuHogg, 1.635_04e-3, 1832.2),
+            (Spectrum::StrongSpray, 1.705_71e-2, 175.63),
+            (Spectrum::ModerateSpray, 4.489_49e-3, 667.28),
         ] {
             let found = spectrum.extinction(905.0);
             assert!((found / expected - 1.0).abs() < 0.006, "{spectrum:?}: {found} {expected}");
+            // As far as one sees 5 % of contrast.
+            assert!((20f64.ln() / found / mor - 1.0).abs() < 0.006, "{spectrum:?}: {found} {mor}");
         }
         let own = Spectrum::Gamma { per_cm3: 20.0, a: 3.0, g: 1.0, mode_radius_um: 10.0 };
         assert_eq!(own.extinction(905.0), Spectrum::StrongAdvectionFog.extinction(905.0));
+    }
+
+    /// Lidar ratios: 18.8 sr of droplets make a backscatter of 0.15935 over the optical range, 65.1 sr the 0.046 that
+    /// LiDAR_fog_sim (Hahner et al. 2021) takes.
+    #[test]
+    fn fog_sends_back_by_its_lidar_ratio() {
+        for (lidar_ratio_sr, expected, within) in [(None, 0.159_35, 5e-6), (Some(65.1), 0.046, 5e-5)] {
+            let fog = Fog { mor_m: Some(50.0), lidar_ratio_sr, ..Fog::default() };
+            let [extinction, backscatter] = fog.coefficients(905.0);
+            assert!((extinction * 50.0 - 2.995_73).abs() < 5e-6);
+            assert!((backscatter * 50.0 - expected).abs() < within, "{backscatter}");
+        }
+        let [extinction, backscatter] = Spray { spectrum: Spectrum::StrongSpray }.coefficients(905.0);
+        assert_eq!(extinction / backscatter, 18.8);
     }
 
     #[test]

@@ -229,9 +229,17 @@ mod tests {
         assert!((per_km / 4.874_829_73e-5 - 1.0).abs() < 1e-8);
         let law = RainModel::PowerLaw { a: 0.063, b: 0.37, unit: PerLength::PerM };
         assert!((Rain::new(0.5).extinction(law) / 4.874_829_73e-2 - 1.0).abs() < 1e-8);
-        for (mu, expected) in [(-2, 3.971_518_69e-4), (2, 1.438_565_22e-4)] {
-            let found = Rain { mu, ..Rain::new(0.5) }.extinction(RainModel::Itu);
-            assert!((found / expected - 1.0).abs() < 1e-8, "{mu}: {found}");
+        for (rate, mu, expected) in [
+            (0.5, -2, 3.971_518_69e-4),
+            (0.5, 2, 1.438_565_22e-4),
+            (10.0, -2, 1.336_207_05e-3),
+            (10.0, -1, 1.302_524_89e-3),
+            (10.0, 0, 1.309_823_08e-3),
+            (10.0, 1, 1.332_268_94e-3),
+            (10.0, 2, 1.359_288_82e-3),
+        ] {
+            let found = Rain { mu, ..Rain::new(rate) }.extinction(RainModel::Itu);
+            assert!((found / expected - 1.0).abs() < 1e-8, "{rate} {mu}: {found}");
         }
         assert_eq!(Rain::new(0.0).extinction(RainModel::Itu), 0.0);
         let half = Rain { forward_recovery: 0.5, ..Rain::new(10.0) };

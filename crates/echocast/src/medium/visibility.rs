@@ -40,8 +40,8 @@ impl ClearAir {
 
     /// Extinction, 1/m.
     pub fn extinction(&self, wavelength_nm: f64) -> f64 {
-        let at_550 = extinction_at_550(self.visibility_m, self.mor_m).unwrap_or(0.0);
-        scaled(at_550, wavelength_nm, self.model.unwrap_or(VisibilityModel::Kruse))
+        let model = self.model.unwrap_or(VisibilityModel::Kruse);
+        sight(self.visibility_m, self.mor_m).map_or(0.0, |sight| extinction(sight, wavelength_nm, model))
     }
 }
 
@@ -56,28 +56,29 @@ pub(super) fn check_sight(key: &str, visibility_m: Option<f64>, mor_m: Option<f6
     }
 }
 
-/// Koschmieder's law, `-ln(contrast) / distance`, 1/m: 2 % contrast for a visibility (ITU-R P.1814), 5 % for a
-/// meteorological optical range (WMO).
-pub(super) fn extinction_at_550(visibility_m: Option<f64>, mor_m: Option<f64>) -> Option<f64> {
-    visibility_m.map(|v| -0.02f64.ln() / v).or_else(|| mor_m.map(|mor| -0.05f64.ln() / mor))
+/// Distance, m, at which 2 % contrast are left (visibility, ITU-R P.1814), where that of 5 % may be given instead
+/// (meteorological optical range, WMO): by Koschmieder's law contrast is `e^(-extinction distance)`.
+pub(super) fn sight(visibility_m: Option<f64>, mor_m: Option<f64>) -> Option<f64> {
+    visibility_m.or_else(|| mor_m.map(|mor| mor * 0.02f64.ln() / 0.05f64.ln()))
 }
 
-/// Extinction `at_550` nm, 1/m, at another wavelength: times `(lambda / 550 nm)^-q`.
+/// Extinction, 1/m, where one sees `sight` m far: Koschmieder's `-ln(0.02) / sight` at 550 nm, times
+/// `(lambda / 550 nm)^-q`.
 ///
 /// Kruse: q = 1.6 above 50 km, 1.3 above 6 km, else 0.585 V^(1/3). Kim: 1.6, 1.3, 0.16 V + 0.34 (1 to 6 km), V - 0.5 (0.5
-/// to 1 km), 0 below; V is the visibility in km at 2 % contrast.
-pub(super) fn scaled(at_550: f64, wavelength_nm: f64, model: VisibilityModel) -> f64 {
-    let km = -0.02f64.ln() / at_550 / 1e3;
+/// to 1 km), 0 below; V is the sight in km.
+pub(super) fn extinction(sight: f64, wavelength_nm: f64, model: VisibilityModel) -> f64 {
+    let km = sight / 1e3;
     let q = match model {
         _ if km > 50.0 => 1.6,
-        VisibilityModel::Kruse if km >= 6.0 => 1.3,
+        VisibilityModel::Kruse if km > 6.0 => 1.3,
         VisibilityModel::Kruse => 0.585 * km.cbrt(),
         VisibilityModel::Kim if km > 6.0 => 1.3,
         VisibilityModel::Kim if km > 1.0 => 0.16 * km + 0.34,
         VisibilityModel::Kim if km > 0.5 => km - 0.5,
         VisibilityModel::Kim => 0.0,
     };
-    at_550 * (wavelength_nm / 550.0).powf(-q)
+    -0.02f64.ln() / sight * (wavelength_nm / 550.0).powf(-q)
 }
 
 #[cfg(test)]
@@ -109,7 +110,28 @@ mod tests {
         assert!((mor / 2.995_73e-2 - 1.0).abs() < 2e-6);
     }
 
-    /// Kim has no steps below 50 km; Kruse has one at 6 km.
+    /// Exponents at the edges of their pieces: Kim has no steps below 50 km, Kruse has one at 6 km, both have one at 50 km.
+    #[test]
+    fn exponents_meet_at_the_edges() {
+        use VisibilityModel::{Kim, Kruse};
+        let exponent = |visibility: f64, model| {
+            -(air(visibility, model, 905.0) / air(visibility, model, 550.0)).ln() / (905.0f64 / 550.0).ln()
+        };
+        for (visibility, model, below, above) in [
+            (500.0, Kim, 0.0, 0.0),
+            (1e3, Kim, 0.5, 0.5),
+            (6e3, Kim, 1.3, 1.3),
+            (6e3, Kruse, 1.063, 1.3),
+            (50e3, Kim, 1.3, 1.6),
+            (50e3, Kruse, 1.3, 1.6),
+        ] {
+            for (visibility, expected) in [(visibility * 0.999_999, below), (visibility * 1.000_001, above)] {
+                let found = exponent(visibility, model);
+                assert!((found - expected).abs() < 5e-4, "{model:?} at {visibility} m: {found}");
+            }
+        }
+    }
+
     #[test]
     fn kim_is_continuous() {
         for visibility in [500.0, 1e3, 6e3] {
