@@ -1,7 +1,9 @@
 //! Pixels, and the few strokes a picture needs.
 
 use super::font;
+use crate::parallel;
 use glam::Vec2;
+use png::{Compression, Filter};
 use std::io::{self, Write};
 
 /// Red, green, blue; sRGB.
@@ -129,16 +131,32 @@ impl Picture {
     }
 
     /// Writes the picture as PNG, 8-bit RGB.
+    ///
+    /// Names have few colours, which pack best as they are; scales have many, of which the differences between
+    /// neighbours pack better. What comes out smaller is written.
     pub(super) fn write_png(&self, mut to: impl Write) -> io::Result<()> {
-        let mut encoder = png::Encoder::new(&mut to, self.width, self.height);
+        let (plain, differences) = parallel::join(
+            || self.png(Filter::NoFilter, Compression::High),
+            || self.png(Filter::MinEntropy, Compression::Balanced),
+        );
+        let (plain, differences) = (plain?, differences?);
+        to.write_all(if differences.len() < plain.len() { &differences } else { &plain })?;
+        to.flush()
+    }
+
+    fn png(&self, filter: Filter, compression: Compression) -> io::Result<Vec<u8>> {
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, self.width, self.height);
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);
         encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-        encoder.set_compression(png::Compression::Fast);
+        // In this order: compression comes with a filter of its own.
+        encoder.set_compression(compression);
+        encoder.set_filter(filter);
         let mut writer = encoder.write_header()?;
         writer.write_image_data(&self.pixels)?;
         writer.finish()?;
-        to.flush()
+        Ok(bytes)
     }
 }
 
@@ -165,6 +183,22 @@ mod tests {
         picture.stroke(&[[Vec2::NAN, Vec2::NAN]], 1.0, [255; 3], 1.0);
         picture.stroke(&[[Vec2::splat(-1e30), Vec2::splat(-1e30)]], 1.0, [255; 3], 1.0);
         assert_eq!(picture, before);
+    }
+
+    #[test]
+    fn flat_and_smooth_pictures_are_packed_well() {
+        let packed = |pixels: Vec<u8>| {
+            let mut bytes = Vec::new();
+            Picture { width: 400, height: 300, pixels }.write_png(&mut bytes).unwrap();
+            bytes.len()
+        };
+        let at = |i: usize| (i % 400, i / 400);
+        let swatches = [[10u8, 200, 30], [240, 20, 90], [0, 0, 0], [90, 90, 250]];
+        let flat = (0..400 * 300).map(at).flat_map(|(x, y)| swatches[(x * x + 7 * y * y) / 999 % 4]).collect();
+        let smooth = (0..400 * 300).map(at).flat_map(|(x, y)| [x / 2, y / 2, (x + y) / 3].map(|v| v as u8)).collect();
+        // Of 360000 bytes; the other way takes half as much again and more.
+        let (flat, smooth) = (packed(flat), packed(smooth));
+        assert!(flat < 20_000 && smooth < 4_000, "{flat} {smooth}");
     }
 
     #[test]
