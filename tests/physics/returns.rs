@@ -248,12 +248,18 @@ fn a_beam_is_explained_step_by_step() {
         "beam 0: row 0, column 0, channel 0",
         "azimuth 0.0000 deg",
         "material silver) at 5.0000 m, incidence 45.00 deg",
-        "after 1 events in a mirror",
+        "  1 meets ",
+        "    weather: optical depth 0.00978, transmittance there and back 0.98",
+        "    light goes on from there",
+        "after 0 events: ",
+        "after 1 event in a mirror",
         ", range 12.0000 m, incidence 0.0",
         "echoes, of which those of 1.0000e-5 /m^2 and more are seen",
         "  12.0000 m",
         "reported",
+        "  returns.mode: strongest\n",
         "1 of 1: range 12.0000 m (+0.0 mm)",
+        ", cause mirror, at",
     ] {
         assert!(text.contains(expected), "{expected} is not in\n{text}");
     }

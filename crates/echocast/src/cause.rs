@@ -1,7 +1,7 @@
 //! Why a point is there.
 
 /// Why a point is there: the values of the column `cause`. Numbers are written out and never reused.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(u8)]
 pub enum Cause {
     /// A surface that the beam meets.
@@ -28,6 +28,30 @@ pub enum Cause {
 }
 
 impl Cause {
+    /// All there are, each at its number.
+    pub const ALL: [Cause; 10] = [
+        Cause::Surface,
+        Cause::Mirror,
+        Cause::Glass,
+        Cause::Rain,
+        Cause::Fog,
+        Cause::Snow,
+        Cause::Dust,
+        Cause::FalseAlarm,
+        Cause::Mixed,
+        Cause::Multipath,
+    ];
+
+    /// The one that the column `cause` calls `number`.
+    pub fn from_number(number: u8) -> Option<Cause> {
+        Cause::ALL.get(usize::from(number)).copied()
+    }
+
+    /// Whether there is a surface at the other end of the way; where there is none, points have no labels.
+    pub fn has_surface(self) -> bool {
+        !matches!(self, Cause::Rain | Cause::Fog | Cause::Snow | Cause::Dust | Cause::FalseAlarm)
+    }
+
     /// Its name for people.
     pub fn name(self) -> &'static str {
         match self {
@@ -42,5 +66,21 @@ impl Cause {
             Cause::Mixed => "mixed",
             Cause::Multipath => "multipath",
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn causes_stand_at_their_numbers() {
+        for (number, cause) in (0..).zip(Cause::ALL) {
+            assert_eq!((cause as u8, Cause::from_number(number)), (number, Some(cause)));
+        }
+        assert_eq!(Cause::from_number(10), None);
+        let bare: Vec<u8> =
+            Cause::ALL.into_iter().filter(|cause| !cause.has_surface()).map(|cause| cause as u8).collect();
+        assert_eq!(bare, [3, 4, 5, 6, 7]);
     }
 }

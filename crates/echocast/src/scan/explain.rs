@@ -1,7 +1,7 @@
 //! What happens to one beam, for people to read.
 
 use super::block::Block;
-use super::returns::{ALARM, Gatherer, NONE, Other, Signals};
+use super::returns::{ALARM, Gatherer, Other, Signals};
 use super::run::Scan;
 use crate::cause::Cause;
 use crate::cloud::{Columns, FieldSet};
@@ -73,7 +73,7 @@ impl Scan<'_> {
         self.tell_air(text, gatherer)?;
         self.tell_halos(text, gatherer)?;
         self.tell_echoes(text, signals, gatherer, beam)?;
-        tell_returns(text, columns, rows)
+        self.tell_returns(text, columns, rows)
     }
 
     /// What the rays meet, surface by surface.
@@ -95,8 +95,9 @@ impl Scan<'_> {
             }
         }
         for &(surface, count, [low, high], power, first) in met.iter().take(MOST) {
+            let meet = if count == 1 { "meets" } else { "meet" };
             if surface == MISS {
-                writeln!(text, "  {count} meet nothing")?;
+                writeln!(text, "  {count} {meet} nothing")?;
                 continue;
             }
             let ray = &gatherer.rays[first];
@@ -104,7 +105,7 @@ impl Scan<'_> {
             let ranges = if high > low { format!("{low:.4} to {high:.4}") } else { format!("{low:.4}") };
             writeln!(
                 text,
-                "  {count} meet {} at {ranges} m, incidence {:.2} deg",
+                "  {count} {meet} {} at {ranges} m, incidence {:.2} deg",
                 self.name(surface),
                 cos.acos().to_degrees()
             )?;
@@ -113,12 +114,16 @@ impl Scan<'_> {
             });
             if depth > 0.0 {
                 let two_way = (-2.0 * depth).exp();
-                writeln!(text, "    weather: optical depth {depth:.4e}, transmittance there and back {two_way:.6}")?;
+                let depth = number(depth);
+                writeln!(text, "    weather: optical depth {depth}, transmittance there and back {two_way:.6}")?;
             }
-            if power > 0.0 {
-                writeln!(text, "    send back rho_eff T / R^2 = {power:.4e} /m^2 in all")?;
+            let send = if count == 1 { "sends" } else { "send" };
+            if self.paths.is_some() && self.goes_on(surface) {
+                writeln!(text, "    light goes on from there, along the paths below, and comes back along them")?;
+            } else if power > 0.0 {
+                writeln!(text, "    {send} back rho_eff T / R^2 = {power:.4e} /m^2 in all")?;
             } else {
-                writeln!(text, "    send nothing straight back")?;
+                writeln!(text, "    {send} nothing straight back")?;
             }
         }
         Ok(())
@@ -137,9 +142,10 @@ impl Scan<'_> {
                 Cause::Glass => " through glass",
                 _ => "",
             };
+            let events = if meeting.bounces == 1 { "event" } else { "events" };
             writeln!(
                 text,
-                "  {:indent$}after {} events{way}: {} at {} m, range {:.4} m, incidence {:.2} deg, {:.4} of the light is left",
+                "  {:indent$}after {} {events}{way}: {} at {} m, range {:.4} m, incidence {:.2} deg, {:.4} of the light is left",
                 "",
                 meeting.bounces,
                 self.name(meeting.surface),
@@ -158,21 +164,18 @@ impl Scan<'_> {
 
     /// What the air sends back.
     fn tell_air(&self, text: &mut String, gatherer: &Gatherer) -> fmt::Result {
-        let mut other = gatherer.others.last[0];
-        let mut told = 0;
-        while other != NONE {
-            let echo = &gatherer.others.list[other as usize];
-            if echo.surface == AIR {
-                if told == 0 {
-                    writeln!(text, "air:")?;
-                }
-                if told < MOST {
-                    let cause = echo.cause.name();
-                    writeln!(text, "  {cause} at {:.4} m sends back {:.4e} /m^2", echo.range, echo.power)?;
-                }
-                told += 1;
-            }
-            other = echo.before;
+        let mut echoes: Vec<&Other> = gatherer.others.list.iter().filter(|echo| echo.surface == AIR).collect();
+        if echoes.is_empty() {
+            return Ok(());
+        }
+        echoes.sort_by(|a, b| a.range.total_cmp(&b.range));
+        writeln!(text, "air:")?;
+        for echo in echoes.iter().take(MOST) {
+            let cause = echo.cause.name();
+            writeln!(text, "  {cause} at {:.4} m sends back {:.4e} /m^2", echo.range, echo.power)?;
+        }
+        if echoes.len() > MOST {
+            writeln!(text, "  and {} more", echoes.len() - MOST)?;
         }
         Ok(())
     }
@@ -225,7 +228,9 @@ impl Scan<'_> {
                 peak.power * peak.range * peak.range
             )?;
         }
-        writeln!(text, "  returns.mode: {:?}", signals.rule.mode)
+        // As sensor files spell it.
+        let mode = serde_json::to_value(signals.rule.mode).unwrap_or_default();
+        writeln!(text, "  returns.mode: {}", mode.as_str().unwrap_or_default())
     }
 
     /// A place of Embree's in the world, m.
@@ -247,28 +252,51 @@ impl Scan<'_> {
             material => format!("{category} (instance {}, material {material})", row.instance_id),
         }
     }
+
+    /// What the instrument reports.
+    fn tell_returns(&self, text: &mut String, columns: &Columns, rows: usize) -> fmt::Result {
+        writeln!(text, "returns:")?;
+        if rows == 0 || columns.range[..rows].iter().all(|range| range.is_nan()) {
+            return writeln!(text, "  none");
+        }
+        // 8-bit encodings count in whole numbers.
+        let decimals = if self.intensity.full_scale() == Some(255.0) { 0 } else { 4 };
+        for row in 0..rows {
+            let error = (columns.range[row] - columns.true_range[row]) * 1e3;
+            writeln!(
+                text,
+                "  {} of {}: range {:.4} m ({error:+.1} mm), intensity {:.decimals$}, cause {}, at {:.4} {:.4} {:.4}",
+                columns.return_number[row],
+                columns.return_count[row],
+                columns.range[row],
+                columns.intensity[row],
+                Cause::from_number(columns.cause[row]).unwrap_or_default().name(),
+                columns.x[row],
+                columns.y[row],
+                columns.z[row]
+            )?;
+        }
+        Ok(())
+    }
 }
 
-/// What the instrument reports.
-fn tell_returns(text: &mut String, columns: &Columns, rows: usize) -> fmt::Result {
-    writeln!(text, "returns:")?;
-    if rows == 0 || columns.range[..rows].iter().all(|range| range.is_nan()) {
-        return writeln!(text, "  none");
+/// `value`, 0 or more, with three digits; as a power of ten only where it is very small or large.
+fn number(value: f32) -> String {
+    if (1e-3..1e3).contains(&value) {
+        let decimals = (2 - value.log10().floor() as i32).max(0) as usize;
+        format!("{value:.decimals$}")
+    } else {
+        format!("{value:.2e}")
     }
-    for row in 0..rows {
-        let error = (columns.range[row] - columns.true_range[row]) * 1e3;
-        writeln!(
-            text,
-            "  {} of {}: range {:.4} m ({error:+.1} mm), intensity {:.4}, cause {}, at {:.4} {:.4} {:.4}",
-            columns.return_number[row],
-            columns.return_count[row],
-            columns.range[row],
-            columns.intensity[row],
-            columns.cause[row],
-            columns.x[row],
-            columns.y[row],
-            columns.z[row]
-        )?;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::number;
+
+    #[test]
+    fn numbers_are_written_as_people_do() {
+        let words = [0.425_8, 0.001_234, 12.345, 999.0, 1e-4, 1500.0].map(number);
+        assert_eq!(words, ["0.426", "0.00123", "12.3", "999", "1.00e-4", "1.50e3"]);
     }
-    Ok(())
 }
