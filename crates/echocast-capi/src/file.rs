@@ -69,7 +69,8 @@ pub unsafe extern "C" fn echocast_result_write(
 }
 
 /// Writes a picture of the points as PNG. `options`: NULL, or YAML with `view` (top, perspective, range), `color` (label,
-/// intensity, range, height) and `width` in pixels.
+/// cause, intensity, range, height) and `width` in pixels. With the column `cause`, points of rain, fog and the like have
+/// colours of their own.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (columns that the picture needs are missing), ECHOCAST_E_PARSE, ECHOCAST_E_IO,
 /// ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.

@@ -26,6 +26,7 @@ pub const ORDER: Choices<Order> = &[("beam", Order::Beam), ("time", Order::Time)
 pub const VIEW: Choices<View> = &[("top", View::Top), ("perspective", View::Perspective), ("range", View::Range)];
 pub const COLOR: Choices<ColorBy> = &[
     ("label", ColorBy::Label),
+    ("cause", ColorBy::Cause),
     ("intensity", ColorBy::Intensity),
     ("range", ColorBy::Range),
     ("height", ColorBy::Height),

@@ -28,7 +28,8 @@ pub struct OutputArgs {
     /// Picture of the cloud
     #[arg(long, value_name = "FILE.png", help_heading = "Output")]
     preview: Option<PathBuf>,
-    /// What the colours of the picture show
+    /// What the colours of the picture show: `label`, category or part of what is met; `cause`, why a point is there:
+    /// a surface, seen in a mirror or through glass, rain, fog and so on; the others are scales of values
     #[arg(long, requires = "preview", default_value = "label", value_parser = choice::of(choice::COLOR), help_heading = "Output")]
     color: ColorBy,
     /// From where the picture looks at the cloud; `range` shows the last of several frames
@@ -84,6 +85,11 @@ impl OutputArgs {
 
     fn picture(&self) -> PreviewOptions {
         PreviewOptions { view: self.view, color: self.color, ..PreviewOptions::default() }
+    }
+
+    /// The columns that the picture shows, whatever the files hold.
+    pub fn pictured(&self) -> FieldSet {
+        self.preview.as_ref().map_or(FieldSet::EMPTY, |_| self.picture().fields())
     }
 
     /// For the report.

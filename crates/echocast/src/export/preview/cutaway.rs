@@ -28,7 +28,7 @@ pub(super) struct Cutaway {
 
 impl Cutaway {
     pub(super) fn new(points: &Points<'_>) -> Cutaway {
-        let mut heights: Vec<f32> = points.sample.iter().map(|(_, position)| position.z).collect();
+        let mut heights: Vec<f32> = points.scene.iter().map(|position| position.z).collect();
         let (bottom, top) = (quantile(&mut heights, 0.02), quantile(&mut heights, 0.998));
         let below = top - 1.5 * LAYER;
         let within = |low: f32, high: f32| heights.iter().filter(|&&z| low < z && z <= high).count();
@@ -38,7 +38,7 @@ impl Cutaway {
         let full = (0.02..0.6).contains(&part) && layer > under;
         let ceiling = if full && points.sensor.z < below { below } else { f32::INFINITY };
         let mut farthest = [0.0f32; SECTORS];
-        for (_, position) in &points.sample {
+        for position in &points.scene {
             let out = (position - points.sensor).truncate();
             farthest[sector(out)] = farthest[sector(out)].max(out.length());
         }

@@ -1,4 +1,4 @@
-//! A picture of a cloud for people: from above, in perspective or as range image, coloured by label,
+//! A picture of a cloud for people: from above, in perspective or as range image, coloured by label, cause,
 //! intensity, range or height, with a legend.
 
 mod canvas;
@@ -16,7 +16,7 @@ mod top;
 pub use canvas::Picture;
 
 use super::atomic::Pending;
-use crate::cloud::PointCloud;
+use crate::cloud::{Field, FieldSet, PointCloud};
 use crate::error::{Error, Result};
 use crate::report::Report;
 use crate::yaml;
@@ -58,9 +58,12 @@ impl FromStr for View {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ColorBy {
-    /// Category, or part when there is only one category.
+    /// Category, or part when there is only one category; what the air sends back has colours of its own where the
+    /// cloud has the column `cause`.
     #[default]
     Label,
+    /// Why a point is there: [`crate::Cause`].
+    Cause,
     /// Intensity that the instrument reports.
     Intensity,
     /// Slant range.
@@ -78,6 +81,7 @@ impl FromStr for ColorBy {
             name,
             &[
                 ("label", ColorBy::Label),
+                ("cause", ColorBy::Cause),
                 ("intensity", ColorBy::Intensity),
                 ("range", ColorBy::Range),
                 ("height", ColorBy::Height),
@@ -126,6 +130,19 @@ impl PreviewOptions {
     /// Line and key of what is wrong, with the nearest known key.
     pub fn from_yaml(text: &str) -> Result<PreviewOptions> {
         yaml::from_str("preview options", text)
+    }
+
+    /// The columns that such a picture shows.
+    pub fn fields(&self) -> FieldSet {
+        let shown: &[Field] = match self.color {
+            ColorBy::Label => &[Field::CategoryId, Field::PartId],
+            ColorBy::Intensity => &[Field::Intensity],
+            ColorBy::Range => &[Field::Range],
+            ColorBy::Cause | ColorBy::Height => &[],
+        };
+        let rows: &[Field] = if self.view == View::Range { &[Field::Channel] } else { &[] };
+        let always = [Field::X, Field::Y, Field::Z, Field::Cause];
+        always.iter().chain(shown).chain(rows).copied().collect()
     }
 }
 
@@ -268,7 +285,7 @@ mod tests {
     use glam::DVec3;
 
     const VIEWS: [View; 3] = [View::Top, View::Perspective, View::Range];
-    const COLORS: [ColorBy; 4] = [ColorBy::Label, ColorBy::Intensity, ColorBy::Range, ColorBy::Height];
+    const COLORS: [ColorBy; 5] = [ColorBy::Label, ColorBy::Cause, ColorBy::Intensity, ColorBy::Range, ColorBy::Height];
 
     fn cloud(positions: &[[f32; 3]]) -> PointCloud {
         let mut cloud = PointCloud { len: positions.len(), ..PointCloud::default() };
@@ -282,6 +299,7 @@ mod tests {
         c.intensity = (0..cloud.len).map(|row| [0.5, f32::INFINITY, f32::NAN][row % 3]).collect();
         c.category_id = (0..cloud.len as u32).collect();
         c.channel = vec![0; cloud.len];
+        c.cause = (0..cloud.len).map(|row| (row % 12) as u8).collect();
         cloud
     }
 
@@ -292,7 +310,7 @@ mod tests {
         let error = "prespective".parse::<View>().unwrap_err().to_string();
         assert_eq!(error, "there is no view named \"prespective\"; near: perspective, top, range");
         let error = "hieght".parse::<ColorBy>().unwrap_err().to_string();
-        assert_eq!(error, "there is no preview colour named \"hieght\"; near: height, label, intensity, range");
+        assert_eq!(error, "there is no preview colour named \"hieght\"; near: height, label, cause, intensity, range");
     }
 
     #[test]

@@ -4,6 +4,7 @@ use super::ColorBy;
 use super::canvas::Color;
 use super::palette::{self, HEIGHT, INTENSITY, RANGE, Ramp};
 use super::points::{CHUNK, Points, quantile, wide};
+use crate::cause::Cause;
 use crate::cloud::PointCloud;
 use crate::parallel;
 use crate::report::Report;
@@ -15,6 +16,7 @@ use std::ops::Range;
 const LISTED: usize = 16;
 /// Part of the values at each end of a scale that shares the colour of its end.
 const CLIPPED: f32 = 0.01;
+
 /// Colours of a cloud's points.
 pub(super) struct Paint<'a> {
     name: &'static str,
@@ -24,7 +26,7 @@ pub(super) struct Paint<'a> {
 
 /// What the colours mean.
 pub(super) enum Legend {
-    /// Names, the most frequent first.
+    /// Names, labels before causes, the most frequent first.
     Names(Vec<Entry>),
     /// A scale of values.
     Scale {
@@ -46,8 +48,23 @@ pub(super) struct Entry {
 }
 
 enum Source<'a> {
-    Labels { ids: &'a [u32], listed: HashMap<u32, Color> },
+    Groups { groups: Groups<'a>, listed: HashMap<Group, Color> },
     Values { values: Values<'a>, points: &'a Points<'a>, table: Vec<Color>, low: f32, high: f32 },
+}
+
+/// What points of one colour have in common.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+enum Group {
+    Label(u32),
+    Cause(Cause),
+}
+
+/// Which group each point is of.
+#[derive(Clone, Copy)]
+struct Groups<'a> {
+    /// Labels of what has a surface; without them causes alone count.
+    labels: Option<&'a [u32]>,
+    points: &'a Points<'a>,
 }
 
 enum Values<'a> {
@@ -62,18 +79,33 @@ impl<'a> Paint<'a> {
         let (columns, rows) = (&cloud.columns, cloud.len);
         match color {
             ColorBy::Label => {
-                let count = |ids: &[u32]| if ids.len() >= rows { count(ids, points) } else { HashMap::new() };
-                let categories = count(&columns.category_id);
+                let by = |ids: &'a [u32]| (ids.len() >= rows).then_some(Groups { labels: Some(ids), points });
+                let (categories, parts) = (by(&columns.category_id), by(&columns.part_id));
+                let count = |groups: Option<Groups>| groups.map_or_else(HashMap::new, Groups::count);
+                let labels = |counts: &HashMap<Group, usize>| {
+                    counts.keys().filter(|group| matches!(group, Group::Label(_))).count()
+                };
+                let of_categories = count(categories);
                 // One category says nothing; its parts may.
-                let parts = if categories.len() <= 1 { count(&columns.part_id) } else { HashMap::new() };
-                if parts.len() > categories.len() {
-                    return Paint::labels("part", &columns.part_id, &cloud.labels.part, &parts);
+                let of_parts = if labels(&of_categories) <= 1 { count(parts) } else { HashMap::new() };
+                if let Some(parts) = parts
+                    && labels(&of_parts) > labels(&of_categories)
+                {
+                    return Paint::groups("part", parts, &cloud.labels.part, &of_parts);
                 }
-                if !categories.is_empty() {
-                    return Paint::labels("category", &columns.category_id, &cloud.labels.category, &categories);
+                if let Some(categories) = categories {
+                    return Paint::groups("category", categories, &cloud.labels.category, &of_categories);
                 }
                 report.warn("preview: the cloud has no column category_id or part_id; coloured by height instead");
                 Paint::height(points)
+            }
+            ColorBy::Cause if points.have_causes() => {
+                let groups = Groups { labels: None, points };
+                Paint::groups("cause", groups, &NameTable::default(), &groups.count())
+            }
+            ColorBy::Cause => {
+                report.warn("preview: the cloud has no column cause; coloured by label instead");
+                Paint::new(cloud, points, ColorBy::Label, report)
             }
             ColorBy::Intensity if columns.intensity.len() >= rows => {
                 let caption = match cloud.intensity_full_scale {
@@ -105,26 +137,32 @@ impl<'a> Paint<'a> {
         Paint::values("height", "height in m".to_owned(), HEIGHT, Values::Height, points, points.height_origin)
     }
 
-    fn labels(name: &'static str, ids: &'a [u32], names: &NameTable, counts: &HashMap<u32, usize>) -> Self {
-        let mut frequent: Vec<(u32, usize)> = counts.iter().map(|(&id, &count)| (id, count)).collect();
-        frequent.sort_unstable_by_key(|&(id, count)| (std::cmp::Reverse(count), id));
+    fn groups(name: &'static str, groups: Groups<'a>, names: &NameTable, counts: &HashMap<Group, usize>) -> Self {
+        let mut frequent: Vec<(Group, usize)> = counts.iter().map(|(&group, &count)| (group, count)).collect();
+        frequent.sort_unstable_by_key(|&(group, count)| (std::cmp::Reverse(count), group));
+        let (mut listed, causes): (Vec<_>, Vec<_>) =
+            frequent.into_iter().partition(|(group, _)| matches!(group, Group::Label(_)));
         // Summing up a single name would hide it without saving room.
-        let listed = if frequent.len() == LISTED + 1 { LISTED + 1 } else { LISTED.min(frequent.len()) };
-        let (listed, rest) = frequent.split_at(listed);
-        let mut entries: Vec<Entry> = listed
-            .iter()
-            .map(|&(id, count)| {
-                let known = names.name(id).map(str::to_owned);
-                let name = known.unwrap_or_else(|| if id == 0 { "unlabelled".into() } else { format!("{name} {id}") });
-                Entry { name, color: palette::category(id), count }
-            })
-            .collect();
+        let rest = if listed.len() == LISTED + 1 { Vec::new() } else { listed.split_off(LISTED.min(listed.len())) };
+        let entry = |&(group, count): &(Group, usize)| {
+            let name = match group {
+                Group::Cause(cause) => cause.name().to_owned(),
+                Group::Label(id) => match names.name(id) {
+                    Some(known) => known.to_owned(),
+                    None if id == 0 => "unlabelled".to_owned(),
+                    None => format!("{name} {id}"),
+                },
+            };
+            Entry { name, color: group.color(), count }
+        };
+        let mut entries: Vec<Entry> = listed.iter().map(entry).collect();
         if !rest.is_empty() {
             let count = rest.iter().map(|(_, count)| count).sum();
             entries.push(Entry { name: format!("{} others", rest.len()), color: palette::OTHER, count });
         }
-        let listed = listed.iter().map(|&(id, _)| (id, palette::category(id))).collect();
-        Paint { name, source: Source::Labels { ids, listed }, legend: Legend::Names(entries) }
+        entries.extend(causes.iter().map(entry));
+        let listed = listed.iter().chain(&causes).map(|&(group, _)| (group, group.color())).collect();
+        Paint { name, source: Source::Groups { groups, listed }, legend: Legend::Names(entries) }
     }
 
     /// Colours by `values`, whose numbers in the legend are larger by `offset`.
@@ -155,7 +193,7 @@ impl<'a> Paint<'a> {
     /// Colour of row `row`, which has a position.
     pub(super) fn color(&self, row: u32) -> Color {
         match &self.source {
-            Source::Labels { ids, listed } => listed.get(&ids[row as usize]).copied().unwrap_or(palette::OTHER),
+            Source::Groups { groups, listed } => listed.get(&groups.of(row)).copied().unwrap_or(palette::OTHER),
             Source::Values { values, points, table, low, high } => {
                 let t = (values.get(row, points) - low) / (high - low);
                 // The cast saturates: below the scale 0, NaN 0.
@@ -175,28 +213,48 @@ impl Values<'_> {
     }
 }
 
-/// How many points have each of `ids`.
-fn count(ids: &[u32], points: &Points<'_>) -> HashMap<u32, usize> {
-    let count_rows = |rows: Range<usize>| {
-        let mut counts = HashMap::new();
-        let mut row = rows.start;
-        // Neighbours mostly share their label, so runs are counted, not points.
-        for run in ids[rows].chunk_by(|a, b| a == b) {
-            let hits = (row..row + run.len()).filter(|&row| points.get(row as u32).is_some()).count();
-            if hits > 0 {
-                *counts.entry(run[0]).or_default() += hits;
+impl Group {
+    fn color(self) -> Color {
+        match self {
+            Group::Label(id) => palette::category(id),
+            Group::Cause(cause) => palette::cause(cause),
+        }
+    }
+}
+
+impl Groups<'_> {
+    fn of(&self, row: u32) -> Group {
+        let cause = self.points.cause(row);
+        match self.labels {
+            Some(ids) if cause.has_surface() => Group::Label(ids[row as usize]),
+            _ => Group::Cause(cause),
+        }
+    }
+
+    /// How many points there are of each.
+    fn count(self) -> HashMap<Group, usize> {
+        let count_rows = |rows: Range<usize>| {
+            let mut counts = HashMap::new();
+            let mut hits = rows.map(|row| row as u32).filter(|&row| self.points.get(row).is_some()).peekable();
+            // Neighbours are mostly of one group, so runs are counted, not points.
+            while let Some(first) = hits.next() {
+                let group = self.of(first);
+                let mut run = 1;
+                while hits.next_if(|&row| self.of(row) == group).is_some() {
+                    run += 1;
+                }
+                *counts.entry(group).or_default() += run;
             }
-            row += run.len();
-        }
-        counts
-    };
-    let add = |mut sum: HashMap<u32, usize>, part: HashMap<u32, usize>| {
-        for (id, count) in part {
-            *sum.entry(id).or_default() += count;
-        }
-        sum
-    };
-    parallel::map_reduce(points.len(), CHUNK, count_rows, add)
+            counts
+        };
+        let add = |mut sum: HashMap<Group, usize>, part: HashMap<Group, usize>| {
+            for (group, count) in part {
+                *sum.entry(group).or_default() += count;
+            }
+            sum
+        };
+        parallel::map_reduce(self.points.len(), CHUNK, count_rows, add)
+    }
 }
 
 #[cfg(test)]
@@ -242,6 +300,33 @@ mod tests {
     }
 
     #[test]
+    fn what_the_air_sends_back_is_named_after_the_labels() {
+        let mut cloud = cloud(vec![1, 0, 0, 0, 0, 0], vec![1, 0, 0, 0, 0, 2]);
+        let causes = [Cause::Surface, Cause::Fog, Cause::Rain, Cause::Fog, Cause::FalseAlarm, Cause::Mixed];
+        cloud.columns.cause = causes.map(|cause| cause as u8).to_vec();
+        let list = |wanted: &[(&str, usize)]| wanted.iter().map(|&(n, c)| (n.to_owned(), c)).collect::<Vec<_>>();
+        let (name, entries) = names(&cloud, ColorBy::Label, &mut Report::default());
+        let wanted = [("unlabelled", 1), ("chair", 1), ("fog", 2), ("rain", 1), ("false alarm", 1)];
+        assert_eq!((name, entries), ("category", list(&wanted)));
+        let (name, entries) = names(&cloud, ColorBy::Cause, &mut Report::default());
+        let wanted = [("fog", 2), ("surface", 1), ("rain", 1), ("false alarm", 1), ("mixed", 1)];
+        assert_eq!((name, entries), ("cause", list(&wanted)));
+
+        let points = Points::new(&cloud, &mut Report::default());
+        let paint = |color| Paint::new(&cloud, &points, color, &mut Report::default());
+        let (label, cause) = (paint(ColorBy::Label), paint(ColorBy::Cause));
+        assert_eq!([0, 1].map(|row| label.color(row)), [palette::category(1), palette::cause(Cause::Fog)]);
+        assert_eq!([0, 5].map(|row| cause.color(row)), [Cause::Surface, Cause::Mixed].map(palette::cause));
+
+        // The air is no category: there is one.
+        cloud.columns.category_id[5] = 1;
+        assert_eq!(names(&cloud, ColorBy::Label, &mut Report::default()).0, "part");
+        cloud.columns.cause = vec![Cause::Fog as u8; 6];
+        let only = names(&cloud, ColorBy::Label, &mut Report::default());
+        assert_eq!(only, ("category", list(&[("fog", 6)])));
+    }
+
+    #[test]
     fn parts_stand_in_for_a_single_category() {
         let (name, entries) = names(&cloud(vec![1; 3], vec![1, 2, 2]), ColorBy::Label, &mut Report::default());
         assert_eq!((name, entries), ("part", vec![("seat".to_owned(), 2), ("leg".to_owned(), 1)]));
@@ -268,9 +353,11 @@ mod tests {
         let mut cloud = cloud(vec![1, 2], vec![]);
         assert_eq!(names(&cloud, ColorBy::Intensity, &mut report).0, "range");
         assert_eq!(report.warnings.len(), 2, "{report:?}");
+        assert_eq!(names(&cloud, ColorBy::Cause, &mut report).0, "category");
+        assert_eq!(report.warnings.len(), 3, "{report:?}");
         cloud.columns.category_id.clear();
         assert_eq!(names(&cloud, ColorBy::Label, &mut report).0, "height");
-        assert_eq!(report.warnings.len(), 3, "{report:?}");
+        assert_eq!(report.warnings.len(), 4, "{report:?}");
     }
 
     #[test]
@@ -306,7 +393,8 @@ mod tests {
         let ids: Vec<u32> = (0..300_000u32).map(|row| row / 70_000).collect();
         let cloud = cloud(ids, vec![]);
         let points = Points::new(&cloud, &mut Report::default());
-        let counts = count(&cloud.columns.category_id, &points);
-        assert_eq!(counts, HashMap::from([(0, 70_000), (1, 70_000), (2, 70_000), (3, 70_000), (4, 20_000)]));
+        let counts = Groups { labels: Some(&cloud.columns.category_id), points: &points }.count();
+        let wanted = [(0, 70_000), (1, 70_000), (2, 70_000), (3, 70_000), (4, 20_000)];
+        assert_eq!(counts, wanted.map(|(id, count)| (Group::Label(id), count)).into());
     }
 }

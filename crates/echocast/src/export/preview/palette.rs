@@ -1,6 +1,7 @@
 //! Colours for categories and for values.
 
 use super::canvas::Color;
+use crate::cause::Cause;
 use crate::scene::srgb_byte;
 use std::f32::consts::TAU;
 
@@ -41,6 +42,24 @@ const CATEGORIES: [Color; 24] = [
 const UNLABELLED: Color = [0x84, 0x88, 0x90];
 /// Colour of the categories that the legend sums up.
 pub(super) const OTHER: Color = [0x52, 0x56, 0x5e];
+
+/// Colour of points that are there for `cause`; the same in every picture.
+///
+/// Those without a surface are muted, and far from the colours of labels, beside which they stand.
+pub(super) fn cause(cause: Cause) -> Color {
+    match cause {
+        Cause::Surface => [0xda, 0xd8, 0xcc],
+        Cause::Mirror => CATEGORIES[1],
+        Cause::Glass => CATEGORIES[0],
+        Cause::Mixed => CATEGORIES[9],
+        Cause::Multipath => CATEGORIES[4],
+        Cause::Rain => [0x4a, 0x6c, 0x94],
+        Cause::Fog => [0x96, 0xa8, 0xb0],
+        Cause::Snow => [0xb4, 0xcc, 0xe0],
+        Cause::Dust => [0x8c, 0x7c, 0x5e],
+        Cause::FalseAlarm => [0x8a, 0x50, 0x68],
+    }
+}
 
 /// Colour of label number `id`; the same in every picture.
 pub(super) fn category(id: u32) -> Color {
@@ -113,9 +132,12 @@ fn linear_srgb_from_oklab(lightness: f32, a: f32, b: f32) -> [f32; 3] {
 mod tests {
     use super::*;
 
+    fn distance(a: Color, b: Color) -> i32 {
+        (0..3).map(|i| i32::from(a[i].abs_diff(b[i])).pow(2)).sum()
+    }
+
     #[test]
     fn categories_keep_apart() {
-        let distance = |a: Color, b: Color| (0..3).map(|i| i32::from(a[i].abs_diff(b[i])).pow(2)).sum::<i32>();
         for id in 0..72 {
             for other in 0..id {
                 assert!(distance(category(id), category(other)) > 400, "{id} and {other}");
@@ -123,6 +145,21 @@ mod tests {
             assert!(distance(category(id), OTHER) > 400, "{id}");
         }
         category(u32::MAX);
+    }
+
+    #[test]
+    fn causes_keep_apart_and_those_of_the_air_from_labels_too() {
+        for one in Cause::ALL {
+            assert!(Cause::ALL.into_iter().all(|other| other == one || distance(cause(one), cause(other)) > 1600));
+        }
+        for air in Cause::ALL.into_iter().filter(|cause| !cause.has_surface()) {
+            let color = cause(air);
+            assert!((0..72).all(|id| distance(color, category(id)) > 400), "{air:?}");
+            assert!(distance(color, UNLABELLED) > 1600 && distance(color, OTHER) > 1600, "{air:?}");
+            // Muted: nearer to grey than any colour of the first categories.
+            let spread = |color: Color| color.iter().max().unwrap() - color.iter().min().unwrap();
+            assert!(CATEGORIES[..7].iter().all(|&strong| spread(color) < spread(strong)), "{air:?}");
+        }
     }
 
     #[test]

@@ -41,12 +41,11 @@ impl Camera {
             .unwrap_or(Vec3::X)
             .normalize();
         let ahead = Quat::from_rotation_z(YAW_DEG.to_radians()) * heading;
-        let sample: Vec<Vec3> = points.sample.iter().map(|&(_, position)| position).collect();
         let cameras = PITCHES_DEG.map(|pitch| {
             let pitch = pitch.to_radians();
             let forward = ahead * pitch.cos() - Vec3::Z * pitch.sin();
-            let seen: Vec<Vec3> = sample.iter().copied().filter(|&position| seen(position, -forward)).collect();
-            Camera::fit(forward, if seen.is_empty() { &sample } else { &seen }, picture)
+            let seen: Vec<Vec3> = points.scene.iter().copied().filter(|&position| seen(position, -forward)).collect();
+            Camera::fit(forward, if seen.is_empty() { &points.scene } else { &seen }, picture)
         });
         let [first, rest @ ..] = cameras;
         rest.into_iter().fold(first, |best, next| if next.1 < best.1 { next } else { best }).0
@@ -112,7 +111,8 @@ pub(super) fn draw(points: &Points<'_>, paint: &Paint<'_>, page: &Page, notes: &
     let splats = Splats::new(width, height);
     let behind = points.count_rows(|row| {
         let Some(position) = points.get(row) else { return false };
-        let shown = seen(position, -camera.forward);
+        // What the air sends back is no wall.
+        let shown = !points.cause(row).has_surface() || seen(position, -camera.forward);
         if shown && let Some((at, depth)) = camera.project(position) {
             splats.put(at, &stamp, depth, row);
         }
@@ -140,7 +140,9 @@ pub(super) fn draw(points: &Points<'_>, paint: &Paint<'_>, page: &Page, notes: &
 
 #[cfg(test)]
 mod tests {
+    use super::super::ColorBy;
     use super::*;
+    use crate::cause::Cause;
     use crate::cloud::PointCloud;
     use crate::emitter::Pose;
     use crate::report::Report;
@@ -199,6 +201,32 @@ mod tests {
         cloud.len = c.x.len();
         let (at, _) = camera(&cloud).project(Vec3::new(12.0, -5.4, 2.0)).unwrap();
         assert!((0.0..1600.0).contains(&at.x) && (0.0..900.0).contains(&at.y), "{at}");
+    }
+
+    #[test]
+    fn what_the_air_sends_back_neither_frames_the_picture_nor_is_cut() {
+        let fog = Cause::Fog as u8;
+        let clear = scene(Pose::at(0.0, 0.0, 1.5), Vec3::new(4.0, -3.0, 0.0), Vec3::new(12.0, 3.0, 2.0));
+        let mut foggy = clear.clone();
+        let far = scene(Pose::IDENTITY, Vec3::new(-20.0, -9.0, 0.0), Vec3::new(-9.0, 9.0, 30.0));
+        foggy.columns.append(&far.columns);
+        foggy.len += far.len;
+        assert_ne!(camera(&foggy).position, camera(&clear).position);
+        foggy.columns.cause = [0, fog].map(|cause| [cause; 1000]).concat();
+        assert_eq!(camera(&foggy).position, camera(&clear).position);
+
+        // Between sensor and viewer.
+        let mut wall = scene(Pose::at(0.0, 0.0, 1.0), Vec3::new(-3.0, -2.0, 0.0), Vec3::new(-2.9, 2.0, 2.5));
+        let cut = |cloud: &PointCloud| {
+            let (mut notes, mut report) = (Vec::new(), Report::default());
+            let points = Points::new(cloud, &mut report);
+            let paint = Paint::new(cloud, &points, ColorBy::Height, &mut report);
+            draw(&points, &paint, &Page::new(400), &mut notes);
+            notes.iter().any(|note| note.contains("seen from behind"))
+        };
+        assert!(cut(&wall));
+        wall.columns.cause = vec![fog; 1000];
+        assert!(!cut(&wall));
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Positions of a cloud as a preview needs them: finite, in single precision, beside the sensor.
 
+use crate::cause::Cause;
 use crate::cloud::{Frame, PointCloud};
 use crate::emitter::Pose;
 use crate::parallel;
@@ -15,16 +16,22 @@ const MOST_ROWS: usize = u32::MAX as usize;
 pub(super) const CHUNK: usize = 1 << 16;
 /// Most points of a sample; a percentile of it is good to a thousandth.
 const SAMPLE: usize = 50_000;
+/// Part of a sample that must be of surfaces to show where the scene is.
+const SCENE: f32 = 0.01;
 
 /// The positions of a cloud, relative to its origin.
 pub(super) struct Points<'a> {
     x: &'a [f32],
     y: &'a [f32],
     z: &'a [f32],
+    /// Numbers of causes; empty when they are not known.
+    causes: &'a [u8],
     /// Number of rows that have a position.
     pub count: usize,
-    /// Some rows with their positions, evenly spread over the cloud: what pictures are framed by.
+    /// Some rows with their positions, evenly spread over the cloud.
     pub sample: Vec<(u32, Vec3)>,
+    /// The positions of the sample that are on surfaces, or all when those are few: what pictures are framed by.
+    pub scene: Vec<Vec3>,
     /// Height of z = 0 in the cloud's frame, metres.
     pub height_origin: f64,
     /// Where the sensor stood at the start.
@@ -55,8 +62,10 @@ impl<'a> Points<'a> {
             x,
             y,
             z,
+            causes: if columns.cause.len() >= rows { &columns.cause[..rows] } else { &[] },
             count: 0,
             sample: Vec::new(),
+            scene: Vec::new(),
             height_origin: cloud.origin.z,
             sensor: (pose.position - cloud.origin).as_vec3(),
             orientation: pose.orientation.as_quat(),
@@ -65,6 +74,12 @@ impl<'a> Points<'a> {
         let step = points.count.div_ceil(SAMPLE).max(1);
         let hits = (0..points.len() as u32).filter_map(|row| Some((row, points.get(row)?)));
         points.sample = hits.step_by(step).collect();
+        let places = |on: &dyn Fn(u32) -> bool| {
+            points.sample.iter().filter(|&&(row, _)| on(row)).map(|&(_, position)| position).collect::<Vec<_>>()
+        };
+        let on_surfaces = places(&|row| points.cause(row).has_surface());
+        let enough = on_surfaces.len() as f32 >= SCENE * points.sample.len() as f32;
+        points.scene = if enough { on_surfaces } else { places(&|_| true) };
         points
     }
 
@@ -84,6 +99,16 @@ impl<'a> Points<'a> {
         let row = row as usize;
         let position = Vec3::new(self.x[row], self.y[row], self.z[row]);
         (position.abs().max_element() < FARTHEST && position.is_finite()).then_some(position)
+    }
+
+    /// Whether it is known why points are there.
+    pub(super) fn have_causes(&self) -> bool {
+        self.causes.len() == self.len()
+    }
+
+    /// Why the point of row `row` is there; a surface unless something else is known.
+    pub(super) fn cause(&self, row: u32) -> Cause {
+        self.causes.get(row as usize).and_then(|&number| Cause::from_number(number)).unwrap_or_default()
     }
 
     /// Distance of `position` from the sensor, metres.
@@ -151,6 +176,23 @@ mod tests {
         cloud.len = MOST_ROWS + 1;
         Points::new(&cloud, &mut report);
         assert!(report.warnings[1].contains("rows after the first 4294967295"), "{report:?}");
+    }
+
+    #[test]
+    fn surfaces_alone_show_where_the_scene_is() {
+        let mut cloud = PointCloud { len: 200, ..PointCloud::default() };
+        cloud.columns.x = (0..200).map(|row| row as f32).collect();
+        (cloud.columns.y, cloud.columns.z) = (vec![0.0; 200], vec![0.0; 200]);
+        let scene = |cloud: &PointCloud| {
+            Points::new(cloud, &mut Report::default()).scene.iter().map(|position| position.x).collect::<Vec<_>>()
+        };
+        assert_eq!(scene(&cloud).len(), 200);
+        cloud.columns.cause = vec![Cause::Fog as u8; 200];
+        cloud.columns.cause[7] = Cause::Mirror as u8;
+        assert_eq!(scene(&cloud).len(), 200, "one point is no scene");
+        // What has an unknown number has a surface.
+        cloud.columns.cause[9] = 77;
+        assert_eq!(scene(&cloud), [7.0, 9.0]);
     }
 
     #[test]

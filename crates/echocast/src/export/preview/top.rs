@@ -22,7 +22,7 @@ struct Map {
 impl Map {
     fn new(points: &Points<'_>, page: &Page) -> Map {
         let along = |axis: usize| {
-            let mut values: Vec<f32> = points.sample.iter().map(|(_, position)| position[axis]).collect();
+            let mut values: Vec<f32> = points.scene.iter().map(|position| position[axis]).collect();
             let [low, high] = robust_span(&mut values, 0.005);
             // The sensor belongs on the map unless that makes the scene small.
             let (first, last) = (low.min(points.sensor[axis]), high.max(points.sensor[axis]));
@@ -60,9 +60,10 @@ pub(super) fn draw(points: &Points<'_>, paint: &Paint<'_>, page: &Page, notes: &
     let stamp = Stamp::disc(splat::diameter(points.count, &picture, 3.5 * page.scale));
     let splats = Splats::new(map.width, map.height);
     let outside = points.count_rows(|row| {
-        let Some(position) = points.get(row).filter(|position| position.z <= ceiling) else {
+        let Some(position) = points.get(row) else { return false };
+        if position.z > ceiling && points.cause(row).has_surface() {
             return false;
-        };
+        }
         let at = map.project(position);
         // Higher is nearer to the viewer.
         splats.put(at, &stamp, -position.z, row);
