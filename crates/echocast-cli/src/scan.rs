@@ -10,6 +10,7 @@ use crate::text::duration;
 use crate::weather::WeatherArgs;
 use crate::{choice, formats, interrupt, text};
 use anyhow::{Context as _, Result, ensure};
+use echocast::detect::Detection;
 use echocast::{
     Environment, Field, FieldSet, Frame, Order, PointCloud, Profile, ReflectanceSource, Report, ScanOptions, Scene,
     Sensor, Trajectory,
@@ -131,7 +132,7 @@ pub fn run(args: &Args) -> Result<()> {
     warnings.absorb(built.report().clone());
 
     let options_of = |frame: u32| ScanOptions {
-        fields,
+        fields: fields.union(args.output.pictured()),
         seed: args.seed,
         frame,
         start_time: f64::from(frame) / fps,
@@ -159,6 +160,8 @@ pub fn run(args: &Args) -> Result<()> {
         let options = options_of(frame);
         progress.phase("scanning".into());
         timed(&mut seconds.scan, || built.scan_into(&sensor, &trajectory, &options, &mut cloud))?;
+        // Files hold what was asked for; what the picture shows besides is there all the same.
+        cloud.fields = fields;
         points += returns(&cloud);
         if args.output.single() {
             progress.phase("writing".into());
@@ -176,7 +179,7 @@ pub fn run(args: &Args) -> Result<()> {
     drop(progress);
     warnings.absorb(writer.report);
     if points == 0 {
-        warn_of_nothing(&scene, &sensor, &trajectory, &mut warnings);
+        warn_of_nothing(&scene, &sensor, &trajectory, &environment, &mut warnings);
     }
 
     let report = RunReport {
@@ -248,16 +251,48 @@ fn warn_of_other_span(trajectory: &Trajectory, asked: Option<Frames>, fps: f64, 
 }
 
 /// Says what may be the cause of an empty cloud.
-fn warn_of_nothing(scene: &Scene, sensor: &Sensor, trajectory: &Trajectory, warnings: &mut Report) {
-    let [x, y, z] = trajectory.at(0.0).position.to_array();
-    let bounds = scene.bounds().map_or(String::new(), |(low, high)| {
-        format!(
-            ", the scene reaches from {:.1},{:.1},{:.1} to {:.1},{:.1},{:.1}",
-            low.x, low.y, low.z, high.x, high.y, high.z
-        )
-    });
-    let range = sensor.spec().range.max_m.map_or("any range".into(), |max| format!("{max} m"));
-    warnings.warn(format!("no beam has a return: the sensor starts at {x:.1},{y:.1},{z:.1} and sees {range}{bounds}"));
+fn warn_of_nothing(
+    scene: &Scene,
+    sensor: &Sensor,
+    trajectory: &Trajectory,
+    environment: &Environment,
+    warnings: &mut Report,
+) {
+    let spec = sensor.spec();
+    let start = trajectory.at(0.0).position;
+    let Some((low, high)) = scene.bounds() else {
+        return warnings.warn("no beam has a return: the scene has no triangles");
+    };
+    let nearest = start.clamp(low, high).distance(start);
+    let farthest = (start - low).abs().max((start - high).abs()).length();
+    let max = spec.range.max_m.unwrap_or(f64::INFINITY);
+    if nearest > max || farthest < spec.range.min_m {
+        let range = spec.range.max_m.map_or("any range".into(), |max| format!("{max} m"));
+        return warnings.warn(format!(
+            "no beam has a return: the sensor starts at {:.1},{:.1},{:.1} and sees {range}, the scene reaches from \
+             {:.1},{:.1},{:.1} to {:.1},{:.1},{:.1}",
+            start.x, start.y, start.z, low.x, low.y, low.z, high.x, high.y, high.z
+        ));
+    }
+    // What cannot be told apart here is named, as far as this sensor and this weather have it.
+    let mut causes = vec!["its beams pass by what is there"];
+    if spec.detection.model != Detection::None {
+        causes.push("echoes are below its detection limit");
+    }
+    if !environment.is_empty() {
+        causes.push("the weather takes their light");
+    }
+    if spec.tof.is_some() {
+        causes.push("its pixels are invalid (amplitude, ambiguous range, saturation)");
+    }
+    if spec.noise.dropout > 0.0 {
+        causes.push("returns are lost (noise.dropout)");
+    }
+    warnings.warn(format!(
+        "no beam has a return, though the scene is within range of the sensor; it may be that {}; --explain BEAM tells \
+         what happens to one beam",
+        causes.join(", or ")
+    ));
 }
 
 /// The resolved scenario.

@@ -2,8 +2,8 @@
 
 use anyhow::Result;
 use clap::Args;
-use echocast::Environment;
 use echocast::medium::{Dust, Fog, Placed, Rain, Region, Snow};
+use echocast::{Environment, Error};
 use std::path::PathBuf;
 
 /// What is between sensor and surfaces.
@@ -12,17 +12,24 @@ pub struct WeatherArgs {
     /// Weather from a YAML file: the section `environment` of a scenario, or its keys alone
     #[arg(long, value_name = "FILE", help_heading = "Weather")]
     env: Option<PathBuf>,
-    /// Rain, mm/h (10 is a shower, 50 a cloudburst)
-    #[arg(long, value_name = "MM_H", help_heading = "Weather")]
+    /// Rain, mm/h (10 is a shower, 50 a cloudburst); single drops are seen by sensors with a detection threshold
+    /// (`detection.model: radar_equation` or `statistical`), for others rain only dims what lies behind it
+    #[arg(long, value_name = "MM_H", allow_negative_numbers = true, help_heading = "Weather")]
     rain: Option<f64>,
-    /// Snow, mm/h of melted water (1 is a moderate snowfall)
-    #[arg(long, value_name = "MM_H", help_heading = "Weather")]
+    /// Snow, mm/h of melted water (1 is a moderate snowfall); flakes are seen as drops are
+    #[arg(long, value_name = "MM_H", allow_negative_numbers = true, help_heading = "Weather")]
     snow: Option<f64>,
     /// Fog: how far one sees, metres
-    #[arg(long, value_name = "VISIBILITY_M", help_heading = "Weather")]
+    #[arg(long, value_name = "VISIBILITY_M", allow_negative_numbers = true, help_heading = "Weather")]
     fog: Option<f64>,
     /// A cloud of dust around the sensor, from START_M on, LENGTH_M thick: `50,1e5,5,12.5`; repeatable
-    #[arg(long, value_name = "RADIUS_UM,PER_M3,START_M,LENGTH_M", value_parser = dust, help_heading = "Weather")]
+    #[arg(
+        long,
+        value_name = "RADIUS_UM,PER_M3,START_M,LENGTH_M",
+        value_parser = dust,
+        allow_hyphen_values = true,
+        help_heading = "Weather"
+    )]
     dust: Vec<Placed<Dust>>,
 }
 
@@ -30,20 +37,43 @@ impl WeatherArgs {
     /// The file's weather, in which each kind that a flag names is as the flag says.
     pub fn load(&self) -> Result<Environment> {
         let mut environment = self.env.as_ref().map(Environment::load).transpose()?.unwrap_or_default();
-        if let Some(rate) = self.rain {
-            environment.rain = vec![Rain::new(rate).into()];
-        }
-        if let Some(rate) = self.snow {
-            environment.snow = vec![Snow::new(rate).into()];
-        }
-        if let Some(visibility) = self.fog {
-            environment.fog = vec![Fog { visibility_m: Some(visibility), ..Fog::default() }.into()];
-        }
-        if !self.dust.is_empty() {
-            environment.dust.clone_from(&self.dust);
-        }
-        environment.check().map_err(|error| anyhow::anyhow!("--{error}"))?;
+        let fog = |visibility| Fog { visibility_m: Some(visibility), ..Fog::default() };
+        let flags = Environment {
+            rain: self.rain.map(|rate| Rain::new(rate).into()).into_iter().collect(),
+            snow: self.snow.map(|rate| Snow::new(rate).into()).into_iter().collect(),
+            fog: self.fog.map(|visibility| fog(visibility).into()).into_iter().collect(),
+            dust: self.dust.clone(),
+            ..Environment::default()
+        };
+        flags.check().map_err(name_flag)?;
+        replace(&mut environment.rain, flags.rain);
+        replace(&mut environment.snow, flags.snow);
+        replace(&mut environment.fog, flags.fog);
+        replace(&mut environment.dust, flags.dust);
+        environment.check()?;
         Ok(environment)
+    }
+}
+
+fn replace<T>(kind: &mut Vec<T>, by: Vec<T>) {
+    if !by.is_empty() {
+        *kind = by;
+    }
+}
+
+/// Names the flag in place of the key that it stands for.
+fn name_flag(error: Error) -> Error {
+    match error {
+        Error::InvalidParameter { name, value, allowed } => {
+            let name = match name.split_once('.') {
+                // It has several numbers.
+                Some((flag, number)) if flag.starts_with("dust") => format!("--{flag}: {number}"),
+                Some((flag, _)) => format!("--{flag}"),
+                None => name,
+            };
+            Error::InvalidParameter { name, value, allowed }
+        }
+        other => other,
     }
 }
 

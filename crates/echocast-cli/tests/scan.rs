@@ -207,6 +207,44 @@ fn an_empty_cloud_is_explained() {
 }
 
 #[test]
+fn an_empty_cloud_within_range_is_not_blamed_on_the_range() {
+    let folder = tempfile::tempdir().unwrap();
+    write_room(folder.path(), &[]);
+    write_single_beam(folder.path());
+    let pole = fs::read_to_string(folder.path().join("pole.yaml")).unwrap();
+    let dull = "detection: {model: radar_equation, reflectance: 0.1, at_m: 1}\n";
+    fs::write(folder.path().join("dull.yaml"), pole + dull).unwrap();
+    let warnings = |args: &str| {
+        let report = report(folder.path(), &format!("scan DIR/room.gltf --at 0,0,1 {args} -o DIR/a.csv"));
+        report["warnings"].to_string()
+    };
+    let aside = warnings("--sensor DIR/pole.yaml");
+    assert!(aside.contains("though the scene is within range of the sensor"), "{aside}");
+    assert!(aside.contains("its beams pass by what is there; --explain BEAM"), "{aside}");
+    // The floor is met, but far too dark in this fog.
+    let weak = warnings("--sensor DIR/dull.yaml --rpy 0,90,0 --fog 0.5");
+    assert!(weak.contains("echoes are below its detection limit, or the weather takes their light"), "{weak}");
+    assert!(!weak.contains("reaches from"), "{weak}");
+}
+
+/// The picture has what it shows, the files have what was asked for.
+#[test]
+fn pictures_need_no_columns_in_the_files() {
+    let folder = tempfile::tempdir().unwrap();
+    for color in ["label", "cause", "intensity", "range", "height"] {
+        let args = format!("{SCAN} --fog 20 --fields channel -o DIR/a.csv --preview DIR/{color}.png --color {color}");
+        let report = report(folder.path(), &args);
+        assert!(!report["warnings"].to_string().contains("preview: "), "{report}");
+        assert_eq!(report["run"]["fields"], serde_json::json!(["channel"]));
+        let text = fs::read_to_string(folder.path().join("a.csv")).unwrap();
+        assert!(text.starts_with("channel\n"), "{color}");
+    }
+    let merged = format!("{SCAN} --frames 0:1 --fields x,y,z -o DIR/b.csv --preview DIR/b.png --color cause");
+    assert!(!report(folder.path(), &merged)["warnings"].to_string().contains("preview: "));
+    assert!(fs::read_to_string(folder.path().join("b.csv")).unwrap().starts_with("x,y,z\n"));
+}
+
+#[test]
 fn points_can_be_organised_ordered_and_told_in_the_sensor_frame() {
     let folder = tempfile::tempdir().unwrap();
     let column = |file: &str, name: &str| csv_column(&folder.path().join(file), name);
