@@ -342,8 +342,7 @@ fn arrive(
     let of = |material: u32| &around.reflectances.optics[material as usize];
     let Path { origin, direction, mut way } = *path;
     let length = hits.range[lane];
-    let within =
-        if way.inside == OUTSIDE { None } else { insides[way.inside as usize].material().map(|body| of(body)) };
+    let within = if way.inside == OUTSIDE { None } else { insides[way.inside as usize].material().map(of) };
     if let Some(body) = within {
         let (slower, nearer) = if limits.geometric { (1.0, 1.0) } else { (body.group_index, 1.0 / body.index) };
         way.range += length * slower;
