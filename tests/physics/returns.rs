@@ -249,7 +249,7 @@ fn a_beam_is_explained_step_by_step() {
         "azimuth 0.0000 deg",
         "material silver) at 5.0000 m, incidence 45.00 deg",
         "  1 meets ",
-        "    weather: optical depth 0.00978, transmittance there and back 0.98",
+        "    weather: optical depth 0.00678, transmittance there and back 0.9865",
         "    light goes on from there",
         "after 0 events: ",
         "after 1 event in a mirror",
