@@ -2,6 +2,7 @@
 //! of a column leave it as it is.
 
 use echocast::cloud::FIELDS;
+use echocast::material::{RetroSample, Scattering};
 use echocast::scene::Material;
 use echocast::{
     BuiltScene, Cause, Engine, Environment, Field, FieldSet, Frame, Order, PointCloud, Pose, Profile, ReturnMode,
@@ -25,6 +26,8 @@ fn scene_with(engine: &Engine) -> BuiltScene {
     let mirror = scene.material(Material { metallic: 0.8, base_color: [0.9; 4], ..smooth("mirror") });
     let pane = scene.material(Material { transmission: 1.0, pane_m: Some(0.004), dirt: 0.02, ..smooth("pane") });
     let glass = scene.material(Material { transmission: 1.0, thickness_m: 1.0, ..smooth("glass") });
+    let samples = vec![RetroSample { angle_deg: 70.0, cd_lx_m2: 250.0 }];
+    let sign = scene.material(Material { scattering: Scattering::RetroReflector { samples }, ..smooth("sign") });
     for (shape, material) in [
         (Shape::plate(DVec3::ZERO, DVec3::X, 1.0), mirror),
         (Shape::plate(DVec3::ZERO, DVec3::X, 1.0), pane),
@@ -42,6 +45,9 @@ fn scene_with(engine: &Engine) -> BuiltScene {
         for _ in 0..copies {
             scene.place(mesh, DAffine3::from_mat3_translation(random.linear_map(), random.in_cube(15.0)));
         }
+    }
+    for y in [-4.0, 4.0] {
+        scene.stand(Shape::plate(DVec3::new(4.5, y, 0.0), DVec3::new(-1.0, -0.5 * y, 0.0), 0.05), Some(sign));
     }
     scene.finish().build_with(engine).unwrap()
 }
@@ -68,8 +74,9 @@ noise: {range_sigma_m: 0.01, range_snr_sigma_m: 0.02}
 /// The same with every error that there is.
 fn noisy() -> Sensor {
     let mut sensor = camera();
+    sensor.set("beam.pulse_ns", "3").unwrap();
     let detection = "{model: statistical, reflectance: 0.9, at_m: 12, tnr: 4, bandwidth_mhz: 500, saturation: 50, \
-                     channel_efficiency: [0.9]}";
+                     channel_efficiency: [0.9], blooming: {weight: 1e-3, width_deg: 2}}";
     let noise = "{range_sigma_m: 0.01, range_sigma_per_m: 0.001, range_snr_sigma_m: 0.02, range_table: [{at_m: 1, \
                  mean_m: 0.1, sigma_m: 0.01}, {at_m: 9, sigma_m: 0.1}], channel_bias_sigma_m: 0.1, channel_gain_sigma: \
                  0.01, instrument: 5, temperature_m_per_k: 0.01, temperature_offset_k: 3, azimuth_sigma_deg: 0.1, \

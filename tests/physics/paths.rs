@@ -266,8 +266,7 @@ fn light_goes_back_as_it_came() {
     let through = |wall: Shape, pose: Pose| {
         let built = scene(Some((wall, 0.5)), vec![(prism.clone(), tint.clone())]);
         let sections = "intensity: {encoding: power}\nreturns: {mode: strongest}";
-        let options = || ScanOptions::default();
-        let cloud = super::scan_at(&built, &one_beam(sections), pose, options());
+        let cloud = super::scan_at(&built, &one_beam(sections), pose, ScanOptions::default());
         assert_eq!((cloud.len, cloud.columns.cause[0], cloud.columns.bounces[0]), (1, Cause::Glass as u8, 2));
         (f64::from(cloud.columns.range[0]), f64::from(cloud.columns.intensity[0]))
     };

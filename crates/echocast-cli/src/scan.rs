@@ -267,7 +267,10 @@ fn warn_of_nothing(
     let farthest = (start - low).abs().max((start - high).abs()).length();
     let max = spec.range.max_m.unwrap_or(f64::INFINITY);
     if nearest > max || farthest < spec.range.min_m {
-        let range = spec.range.max_m.map_or("any range".into(), |max| format!("{max} m"));
+        let range = match (spec.range.min_m, spec.range.max_m) {
+            (min, Some(max)) => format!("{min} to {max} m"),
+            (min, None) => format!("{min} m and more"),
+        };
         return warnings.warn(format!(
             "no beam has a return: the sensor starts at {:.1},{:.1},{:.1} and sees {range}, the scene reaches from \
              {:.1},{:.1},{:.1} to {:.1},{:.1},{:.1}",

@@ -23,7 +23,7 @@ pub enum Cause {
     FalseAlarm = 7,
     /// Several surfaces whose echoes are one.
     Mixed = 8,
-    /// Light that went another way back than there.
+    /// Light that went another way back than there, or got into a beam beside its own.
     Multipath = 9,
 }
 

@@ -313,6 +313,11 @@ impl SensorSpec {
             let allowed = "0, or above with detection.model: radar_equation or statistical";
             bounds.number("noise.range_snr_sigma_m", noise.range_snr_sigma_m, [0.0; 2], allowed)?;
         }
+        if blooming.is_some() {
+            // Light of many bright places is one echo only within a pulse.
+            let allowed = "above 0 with detection.blooming";
+            bounds.number("beam.pulse_ns", beam.pulse_ns, [ABOVE_ZERO, 1e9], allowed)?;
+        }
         if self.detection.timing != Timing::Peak {
             let allowed = "above 0 with detection.timing: leading_edge";
             bounds.number("beam.pulse_ns", beam.pulse_ns, [ABOVE_ZERO, 1e9], allowed)?;
@@ -1007,6 +1012,10 @@ pattern:
             (
                 "detection: {model: none, blooming: {weight: 0.1, width_deg: 1}}",
                 "line 8: detection.blooming: is given; allowed: with detection.model: radar_equation or statistical only",
+            ),
+            (
+                "detection: {model: radar_equation, reflectance: 0.1, at_m: 9, blooming: {weight: 0.1, width_deg: 1}}",
+                "line 2: beam.pulse_ns: is 0; allowed: above 0 with detection.blooming",
             ),
             (
                 "detection: {model: radar_equation, reflectance: 0.1, at_m: 9, blooming: {weight: 2, width_deg: 1}}",

@@ -37,7 +37,7 @@ impl Glint {
     pub(crate) fn rho_eff(self, reflected: f32, angle: f32, range: f32) -> f32 {
         let (beside, width) = (2.0 * angle * range, self.radius(2.0 * range));
         // There is no light to speak of beyond.
-        if beside - self.opening > 2.0 * width {
+        if beside - self.opening > 3.0 * width {
             return 0.0;
         }
         let within = |edge: f32| erf(SQRT_2 * f64::from(edge / width.max(f32::MIN_POSITIVE)));
@@ -81,7 +81,7 @@ mod tests {
             let share = BEAM.rho_eff(0.04, mrad * 1e-3, 10.0) / head_on;
             assert!((share - expected).abs() < 0.02, "{mrad}: {share}");
         }
-        assert_eq!(BEAM.rho_eff(0.04, 4e-3, 10.0), 0.0);
+        assert_eq!(BEAM.rho_eff(0.04, 5.5e-3, 10.0), 0.0);
         // A line comes back into the opening or beside it.
         let line = Glint { start: 0.0, divergence: 0.0, ..BEAM };
         assert_eq!(line.rho_eff(0.04, 0.49e-3, 10.0), 0.04 * 1e6);

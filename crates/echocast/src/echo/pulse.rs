@@ -191,7 +191,11 @@ pub(crate) fn erf(z: f64) -> f64 {
     let (mut term, mut sum) = (z, z);
     for n in 1..200 {
         term *= -z * z / f64::from(n);
+        let before = sum;
         sum += term / f64::from(2 * n + 1);
+        if sum == before {
+            break;
+        }
     }
     sum * 2.0 / PI.sqrt()
 }

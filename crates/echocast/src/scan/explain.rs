@@ -184,10 +184,13 @@ impl Scan<'_> {
     fn tell_halos(&self, text: &mut String, gatherer: &Gatherer) -> fmt::Result {
         let is_halo = |echo: &&Other| echo.cause == Cause::Multipath;
         let echoes = || gatherer.others.list.iter().filter(is_halo);
-        let Some(first) = echoes().next() else { return Ok(()) };
-        let power: f32 = echoes().map(|echo| echo.power).sum();
-        let name = self.name(first.surface);
-        writeln!(text, "blooming: {} bright returns around, such as of {name}, add {power:.4e} /m^2", echoes().count())
+        if echoes().next().is_some() {
+            writeln!(text, "blooming:")?;
+        }
+        for echo in echoes() {
+            writeln!(text, "  {} at {:.4} m adds {:.4e} /m^2", self.name(echo.surface), echo.range, echo.power)?;
+        }
+        Ok(())
     }
 
     /// The maxima of the signal, and which of them are reported.

@@ -185,7 +185,7 @@ impl BuiltScene {
     ) -> Result<()> {
         options.check(trajectory)?;
         let beams = sensor.beams_at(options.start_time)?;
-        let scan = Scan::new(&self.0, sensor, &beams, trajectory, options);
+        let mut scan = Scan::new(&self.0, sensor, &beams, trajectory, options);
         if options.organised && scan.most_returns() > 1 {
             let found = format!("{} returns a beam", scan.most_returns());
             return Err(Error::invalid(
@@ -194,6 +194,7 @@ impl BuiltScene {
                 "one return a beam (returns.mode: strongest, first, last or second)",
             ));
         }
+        scan.find_halos();
         let scanned = scan.run(cloud, progress);
         if scanned.is_err() {
             *cloud = PointCloud::default();
@@ -219,6 +220,8 @@ impl BuiltScene {
         if beam as usize >= beams.len() {
             return Err(Error::invalid("beam", beam, format!("0 to {}", beams.len() - 1)));
         }
-        Scan::new(&self.0, sensor, &beams, trajectory, &options).explain(&sensor.signals(), beam as usize)
+        let mut scan = Scan::new(&self.0, sensor, &beams, trajectory, &options);
+        scan.find_halos();
+        scan.explain(&sensor.signals(), beam as usize)
     }
 }

@@ -590,10 +590,10 @@ impl Gatherer {
             air.answer(&self.beams, &scan.rng, beams, &mut echoes);
         }
         if let Some(halos) = &scan.halos {
-            halos.shine(scan.beams, beams, |lane, bright, power| {
+            halos.shine(scan.beams, beams, |lane, bright| {
                 let other = Other {
                     range: bright.range,
-                    power: power * self.efficiency[lane],
+                    power: bright.power * self.efficiency[lane],
                     before: NONE,
                     cause: Cause::Multipath,
                     bounces: 0,

@@ -5,7 +5,7 @@ use super::halo::Halos;
 use super::returns::Signals;
 use super::{Order, Profile, Progress, ScanOptions};
 use crate::cloud::{Columns, Field, Frame, PointCloud, Slices};
-use crate::detect::{AzimuthError, FalseAlarms, Noise, RangeError, ReturnMode, Threshold, WeakDropout};
+use crate::detect::{AzimuthError, Blooming, FalseAlarms, Noise, RangeError, ReturnMode, Threshold, WeakDropout};
 use crate::echo::{Air, IntensityModel, PathLimits, Surroundings, Wanted};
 use crate::emitter::{Aim, BeamTable, Trajectory};
 use crate::error::{Error, Result};
@@ -88,7 +88,9 @@ pub(super) struct Scan<'a> {
     pub signals: Option<Signals>,
     /// What a depth camera makes of light, if it says so.
     pub camera: Option<&'a Camera>,
-    /// Bright surfaces whose light gets into beams beside them, if the instrument blooms.
+    /// How the instrument blooms, if it does.
+    pub blooming: Option<Blooming>,
+    /// Bright surfaces whose light gets into beams beside them; see [`Scan::find_halos`].
     pub halos: Option<Halos>,
 }
 
@@ -148,7 +150,7 @@ impl<'a> Scan<'a> {
             wants_echo || fields.contains_any(&[Field::NormalX, Field::NormalY, Field::NormalZ, Field::CosIncidence]);
         let colors = fields.contains_any(&[Field::Red, Field::Green, Field::Blue]);
         let wants_surfaces = wants_echo || fields.contains_any(&LABELS) || colors;
-        let mut scan = Scan {
+        Scan {
             scene,
             beams,
             options,
@@ -185,10 +187,16 @@ impl<'a> Scan<'a> {
             mode,
             signals,
             camera,
+            blooming,
             halos: None,
-        };
-        scan.halos = blooming.map(|blooming| Halos::new(&scan, blooming));
-        scan
+        }
+    }
+
+    /// Finds what blooms, if the instrument does; before anything is scanned.
+    pub fn find_halos(&mut self) {
+        if let (Some(blooming), Some(signals)) = (self.blooming, &self.signals) {
+            self.halos = Some(Halos::new(self, blooming, signals.sigma));
+        }
     }
 
     /// Greatest number of returns of a beam.
