@@ -201,9 +201,23 @@ fn an_empty_cloud_is_explained() {
     assert_eq!(report["points"], 0);
     let warnings = report["warnings"].to_string();
     assert!(
-        warnings.contains("no beam has a return: the sensor starts at 5000.0,0.0,1.0 and sees 120 m"),
+        warnings.contains("no beam has a return: the sensor starts at 5000.0,0.0,1.0 and sees 0 to 120 m"),
         "{warnings}"
     );
+}
+
+/// A sensor that sees only from far away finds nothing in a small room.
+#[test]
+fn a_scene_nearer_than_the_sensor_sees_is_explained() {
+    let folder = tempfile::tempdir().unwrap();
+    write_room(folder.path(), &[]);
+    write_single_beam(folder.path());
+    let pole = fs::read_to_string(folder.path().join("pole.yaml")).unwrap();
+    fs::write(folder.path().join("far.yaml"), pole + "range: {min_m: 500}\n").unwrap();
+    let report = report(folder.path(), "scan DIR/room.gltf --at 0,0,1 --sensor DIR/far.yaml -o DIR/a.csv");
+    assert_eq!(report["points"], 0);
+    let warnings = report["warnings"].to_string();
+    assert!(warnings.contains("starts at 0.0,0.0,1.0 and sees 500 m and more"), "{warnings}");
 }
 
 #[test]
