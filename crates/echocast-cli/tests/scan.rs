@@ -212,9 +212,8 @@ fn a_scene_nearer_than_the_sensor_sees_is_explained() {
     let folder = tempfile::tempdir().unwrap();
     write_room(folder.path(), &[]);
     write_single_beam(folder.path());
-    let pole = fs::read_to_string(folder.path().join("pole.yaml")).unwrap();
-    fs::write(folder.path().join("far.yaml"), pole + "range: {min_m: 500}\n").unwrap();
-    let report = report(folder.path(), "scan DIR/room.gltf --at 0,0,1 --sensor DIR/far.yaml -o DIR/a.csv");
+    let scan = "scan DIR/room.gltf --at 0,0,1 --sensor DIR/pole.yaml --set range.min_m=500 -o DIR/a.csv";
+    let report = report(folder.path(), scan);
     assert_eq!(report["points"], 0);
     let warnings = report["warnings"].to_string();
     assert!(warnings.contains("starts at 0.0,0.0,1.0 and sees 500 m and more"), "{warnings}");

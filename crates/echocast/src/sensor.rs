@@ -313,14 +313,15 @@ impl SensorSpec {
             let allowed = "0, or above with detection.model: radar_equation or statistical";
             bounds.number("noise.range_snr_sigma_m", noise.range_snr_sigma_m, [0.0; 2], allowed)?;
         }
+        let needs_pulse = |bounds: &mut Bounds, because: &str| {
+            bounds.number("beam.pulse_ns", beam.pulse_ns, [ABOVE_ZERO, 1e9], format_args!("above 0 with {because}"))
+        };
         if blooming.is_some() {
             // Light of many bright places is one echo only within a pulse.
-            let allowed = "above 0 with detection.blooming";
-            bounds.number("beam.pulse_ns", beam.pulse_ns, [ABOVE_ZERO, 1e9], allowed)?;
+            needs_pulse(bounds, "detection.blooming")?;
         }
         if self.detection.timing != Timing::Peak {
-            let allowed = "above 0 with detection.timing: leading_edge";
-            bounds.number("beam.pulse_ns", beam.pulse_ns, [ABOVE_ZERO, 1e9], allowed)?;
+            needs_pulse(bounds, "detection.timing: leading_edge")?;
         }
         if let Detection::Statistical(Statistical { bandwidth_mhz, sunlight, .. }) = self.detection.model {
             if range.max_m.is_none() {
@@ -329,8 +330,7 @@ impl SensorSpec {
                 bounds.number("detection.bandwidth_mhz", bandwidth_mhz, [0.0; 2], allowed)?;
             }
             if sunlight.is_some() {
-                let allowed = "above 0 with detection.sunlight";
-                bounds.number("beam.pulse_ns", beam.pulse_ns, [ABOVE_ZERO, 1e9], allowed)?;
+                needs_pulse(bounds, "detection.sunlight")?;
             }
         }
         match &self.tof {

@@ -194,7 +194,7 @@ impl BuiltScene {
                 "one return a beam (returns.mode: strongest, first, last or second)",
             ));
         }
-        scan.find_halos();
+        scan.find_halos(sensor);
         let scanned = scan.run(cloud, progress);
         if scanned.is_err() {
             *cloud = PointCloud::default();
@@ -221,7 +221,7 @@ impl BuiltScene {
             return Err(Error::invalid("beam", beam, format!("0 to {}", beams.len() - 1)));
         }
         let mut scan = Scan::new(&self.0, sensor, &beams, trajectory, &options);
-        scan.find_halos();
+        scan.find_halos(sensor);
         scan.explain(&sensor.signals(), beam as usize)
     }
 }

@@ -5,7 +5,7 @@ use super::halo::Halos;
 use super::returns::Signals;
 use super::{Order, Profile, Progress, ScanOptions};
 use crate::cloud::{Columns, Field, Frame, PointCloud, Slices};
-use crate::detect::{AzimuthError, Blooming, FalseAlarms, Noise, RangeError, ReturnMode, Threshold, WeakDropout};
+use crate::detect::{AzimuthError, FalseAlarms, Noise, RangeError, ReturnMode, Threshold, WeakDropout};
 use crate::echo::{Air, IntensityModel, PathLimits, Surroundings, Wanted};
 use crate::emitter::{Aim, BeamTable, Trajectory};
 use crate::error::{Error, Result};
@@ -88,8 +88,6 @@ pub(super) struct Scan<'a> {
     pub signals: Option<Signals>,
     /// What a depth camera makes of light, if it says so.
     pub camera: Option<&'a Camera>,
-    /// How the instrument blooms, if it does.
-    pub blooming: Option<Blooming>,
     /// Bright surfaces whose light gets into beams beside them; see [`Scan::find_halos`].
     pub halos: Option<Halos>,
 }
@@ -120,9 +118,9 @@ impl<'a> Scan<'a> {
         let as_the_paper = options.profile != Profile::Physical;
         // Without what makes it a camera, a pixel of several rays is none.
         let one_ray = blainder || as_the_paper && sensor.camera.is_some();
-        let blooming = sensor.detection.blooming.filter(|_| !one_ray);
+        let blooms = sensor.detection.blooming.is_some();
         let signals = Some(sensor.signals());
-        let signals = signals.filter(|signals| !one_ray && (blooming.is_some() || !signals.are_simple()));
+        let signals = signals.filter(|signals| !one_ray && (blooms || !signals.are_simple()));
         let weather = Weather::new(&options.environment, sensor.wavelength_nm, as_the_paper, scene.origin);
         // Signals hear of all echoes.
         let mode = if signals.is_some() { ReturnMode::All } else { sensor.return_mode() };
@@ -187,14 +185,14 @@ impl<'a> Scan<'a> {
             mode,
             signals,
             camera,
-            blooming,
             halos: None,
         }
     }
 
-    /// Finds what blooms, if the instrument does; before anything is scanned.
-    pub fn find_halos(&mut self) {
-        if let (Some(blooming), Some(signals)) = (self.blooming, &self.signals) {
+    /// Finds what blooms, if `sensor` does; before anything is scanned.
+    pub fn find_halos(&mut self, sensor: &Sensor) {
+        // Where the profile has one ray a beam there are no signals, and nothing blooms.
+        if let (Some(blooming), Some(signals)) = (sensor.detection.blooming, &self.signals) {
             self.halos = Some(Halos::new(self, blooming, signals.sigma));
         }
     }
