@@ -1,0 +1,207 @@
+//! What a sonar records: pings of beams and range bins.
+
+use crate::cloud::{Column, Columns, Field, FieldSet};
+use crate::emitter::Pose;
+use crate::error::{Error, Result};
+use crate::scene::Labels;
+use glam::DVec3;
+use std::sync::Arc;
+
+/// What a ping may hold of each cell, beside its level in `intensity`: what the strongest scatterer in it is. Where
+/// nothing scatters, numbers are NaN and labels 0.
+///
+/// | column | meaning in a cell |
+/// |---|---|
+/// | `intensity` | echo level with noise, dB re 1 uPa |
+/// | `category_id` to `material_id`, `red` to `blue` | labels and colour of the scatterer; 0 for sea surface and water |
+/// | `true_x` to `true_z`, `true_range` | where the scatterer is, and the length of the way there, m |
+/// | `time` | when the echo arrives, s since the start of the run |
+/// | `cos_incidence`, `normal_x` to `normal_z` | how it is met |
+/// | `azimuth`, `elevation` | direction in which the sound left, sensor frame, rad |
+/// | `cause`, `bounces` | surface or multipath, and reflections on the way |
+pub const CELL_FIELDS: [Field; 20] = [
+    Field::Intensity,
+    Field::CategoryId,
+    Field::PartId,
+    Field::InstanceId,
+    Field::MaterialId,
+    Field::Time,
+    Field::Azimuth,
+    Field::Elevation,
+    Field::Red,
+    Field::Green,
+    Field::Blue,
+    Field::NormalX,
+    Field::NormalY,
+    Field::NormalZ,
+    Field::CosIncidence,
+    Field::TrueX,
+    Field::TrueY,
+    Field::TrueZ,
+    Field::TrueRange,
+    Field::Bounces,
+];
+
+/// What all pings of a sonar have in common.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layout {
+    /// What kind of sonar it is.
+    pub view: SonarView,
+    /// Azimuth and elevation of each beam's axis as it is reported, sensor frame, rad; of a beam that turns, at its first
+    /// ping.
+    pub axes: Vec<[f32; 2]>,
+    /// Range bins of each beam; bin `k` reaches from `k bin_m` to `(k + 1) bin_m`.
+    pub bins: usize,
+    /// Length of a bin, m of reported slant range.
+    pub bin_m: f64,
+    /// Sound speed that ranges are reported with, m/s.
+    pub believed_speed: f64,
+    /// Level of the noise in a cell, dB re 1 uPa, after directivity and processing gain.
+    pub noise_db: f32,
+    /// Least level that is reported as an echo, dB re 1 uPa, by bin: noise, volume reverberation and threshold.
+    pub threshold_db: Vec<f32>,
+    /// Time-varied gain that pictures are drawn with, dB, by bin.
+    pub tvg_db: Vec<f32>,
+}
+
+/// How the beams of a sonar lie: what pictures it makes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SonarView {
+    /// Sides: waterfall and mosaic.
+    Sidescan,
+    /// Beams side by side, down: bathymetry and the image of the water column.
+    Swath,
+    /// Beams side by side, ahead: fan.
+    Fan,
+    /// One beam.
+    Single,
+}
+
+/// An echo that a sonar reports as the depth of a beam.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sounding {
+    /// Beam that heard it.
+    pub beam: u32,
+    /// Reported slant range, m.
+    pub range: f32,
+    /// Cell with the strongest part of the echo: `beam * bins + bin`.
+    pub cell: u32,
+    /// Level there, dB re 1 uPa.
+    pub level_db: f32,
+    /// How sure it is, 0 to 1: level above the threshold over 20 dB, less where the echo is wide.
+    pub quality: f32,
+}
+
+/// One ping: beams x bins cells, row `beam * bins + bin`.
+#[derive(Clone, Debug, Default)]
+pub struct Ping {
+    /// Number of the ping.
+    pub number: u32,
+    /// When it was sent, s since the start of the run.
+    pub time: f64,
+    /// Where the sonar was then: `world_from_sensor`.
+    pub pose: Pose,
+    /// What it has in common with others of its sonar.
+    pub layout: Arc<Layout>,
+    /// World position of `true_x`, `true_y`, `true_z` 0, metres.
+    pub origin: DVec3,
+    /// A row for each cell; columns that were not asked for are empty.
+    pub cells: Columns,
+    /// Which columns are there.
+    pub fields: FieldSet,
+    /// The depths that beams report; empty for side-scan and imaging sonars, whose points are their cells.
+    pub soundings: Vec<Sounding>,
+    /// Names of the numbers in the label columns.
+    pub labels: Arc<Labels>,
+}
+
+impl Default for Layout {
+    fn default() -> Self {
+        Layout {
+            view: SonarView::Single,
+            axes: Vec::new(),
+            bins: 0,
+            bin_m: 1.0,
+            believed_speed: 1500.0,
+            noise_db: 0.0,
+            threshold_db: Vec::new(),
+            tvg_db: Vec::new(),
+        }
+    }
+}
+
+impl Layout {
+    /// Number of beams.
+    pub fn beams(&self) -> usize {
+        self.axes.len()
+    }
+
+    /// Cells of a ping.
+    pub fn cells(&self) -> usize {
+        self.beams() * self.bins
+    }
+
+    /// Reported slant range of the middle of a bin, m.
+    pub fn range(&self, bin: usize) -> f64 {
+        (bin as f64 + 0.5) * self.bin_m
+    }
+
+    /// Farthest range, m.
+    pub fn reach(&self) -> f64 {
+        self.bins as f64 * self.bin_m
+    }
+}
+
+impl Ping {
+    /// Levels of a beam, dB re 1 uPa, bin by bin.
+    ///
+    /// # Panics
+    /// Without such a beam.
+    pub fn levels(&self, beam: usize) -> &[f32] {
+        let bins = self.layout.bins;
+        &self.cells.intensity[beam * bins..(beam + 1) * bins]
+    }
+
+    /// Amplitude of a level, uPa.
+    pub fn amplitude(level_db: f32) -> f32 {
+        10f32.powf(level_db / 20.0)
+    }
+
+    /// Column `field`, a row for each cell; empty when it was not asked for.
+    pub fn column(&self, field: Field) -> Column<'_> {
+        self.cells.get(field)
+    }
+}
+
+/// Pings of one sonar, one after the other.
+#[derive(Clone, Debug, Default)]
+pub struct Pings {
+    /// In the order in which they were sent.
+    pub pings: Vec<Ping>,
+}
+
+impl Pings {
+    /// Adds a ping.
+    ///
+    /// # Errors
+    /// One of another layout, origin or set of columns.
+    pub fn push(&mut self, ping: Ping) -> Result<()> {
+        if let Some(first) = self.pings.first() {
+            let same = first.layout == ping.layout && first.origin == ping.origin && first.fields == ping.fields;
+            if !same {
+                return Err(Error::invalid(
+                    "ping",
+                    "of another layout, origin or set of columns",
+                    "pings of one sonar in one scene",
+                ));
+            }
+        }
+        self.pings.push(ping);
+        Ok(())
+    }
+
+    /// What all pings have in common; `None` without any.
+    pub fn layout(&self) -> Option<&Layout> {
+        self.pings.first().map(|ping| &*ping.layout)
+    }
+}
