@@ -1,5 +1,6 @@
 //! Laws: scenes whose answer is a formula, and tables made elsewhere from the formulas.
 
+mod beams;
 mod cameras;
 mod detection;
 mod geometry;

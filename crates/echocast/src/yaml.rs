@@ -188,7 +188,7 @@ fn cut(text: &str) -> String {
 }
 
 /// `path` and then `key`.
-fn join(path: &str, key: &str) -> String {
+pub fn join(path: &str, key: &str) -> String {
     if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") }
 }
 
@@ -249,7 +249,7 @@ fn steps(path: &str) -> impl Iterator<Item = Step<'_>> {
 }
 
 /// Keys that say which of several kinds of section this is, see [`split_tag`].
-const TAGS: [&str; 2] = ["type", "model"];
+const TAGS: [&str; 3] = ["type", "model", "shape"];
 
 /// `key=value` for messages, without what would make them too long to read.
 pub fn assignment(key: &str, value: &str) -> String {
@@ -266,7 +266,7 @@ fn shortened(text: &str) -> String {
 }
 
 /// Puts the YAML `text` at `path` (`noise.range_sigma_m`, `pattern.resolution[0]`) below `value`;
-/// `null` takes the key away. Sections on the way that are not there are made. Another kind of section (`type`, `model`)
+/// `null` takes the key away. Sections on the way that are not there are made. Another kind of section ([`TAGS`])
 /// takes the keys of the old kind away.
 ///
 /// # Errors
