@@ -59,6 +59,7 @@
 mod bounds;
 mod cause;
 pub mod cloud;
+mod csv;
 pub mod detect;
 pub mod echo;
 pub mod emitter;

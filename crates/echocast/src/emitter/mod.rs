@@ -2,7 +2,6 @@
 
 mod aim;
 mod beams;
-mod csv;
 mod footprint;
 pub mod lobe;
 mod motion;

@@ -1,7 +1,7 @@
 //! Poses over time.
 
-use super::csv::{Csv, Lines};
 use super::{Motion, Pose};
+use crate::csv::{Csv, Lines};
 use crate::error::{Error, Result};
 use glam::{DQuat, DVec3};
 use std::path::Path;

@@ -1,6 +1,6 @@
-//! Weather as YAML: the section `environment` of a scenario, or a file of its own.
+//! Weather and water as YAML: the section `environment` of a scenario, or a file of its own.
 
-use super::{ClearAir, Dust, Fog, Placed, Rain, Snow, Spray};
+use super::{ClearAir, Dust, Fog, Placed, Rain, Snow, Spray, Water};
 use crate::bounds::Bounds;
 use crate::error::{Error, Result};
 use crate::yaml::{self, Document};
@@ -33,6 +33,9 @@ pub struct Environment {
     /// Spray.
     #[serde(deserialize_with = "yaml::one_or_more", skip_serializing_if = "Vec::is_empty")]
     pub spray: Vec<Placed<Spray>>,
+    /// Water, for sonar; light does not meet it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub water: Option<Water>,
 }
 
 impl Environment {
@@ -41,18 +44,19 @@ impl Environment {
     /// # Errors
     /// A missing file; line and key of what is wrong.
     pub fn load(path: impl AsRef<Path>) -> Result<Environment> {
-        Environment::read(&Document::load(path.as_ref())?)
+        let path = path.as_ref();
+        Environment::read(&Document::load(path)?, path.parent().unwrap_or(Path::new("")))
     }
 
-    /// [`Environment::load`] from `text`.
+    /// [`Environment::load`] from `text`; names of other files in it start at the current folder.
     ///
     /// # Errors
     /// Line and key of what is wrong.
     pub fn from_yaml(text: &str) -> Result<Environment> {
-        Environment::read(&Document::parse("YAML text", text)?)
+        Environment::read(&Document::parse("YAML text", text)?, Path::new(""))
     }
 
-    fn read(document: &Document) -> Result<Environment> {
+    fn read(document: &Document, folder: &Path) -> Result<Environment> {
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
         struct File {
@@ -64,7 +68,8 @@ impl Environment {
             _ => return Err(document.error("", "is no section of keys")),
         }
         if document.value().get("environment").is_some() {
-            let File { environment } = document.read()?;
+            let File { mut environment } = document.read()?;
+            environment.read_files(folder)?;
             let inside = |error| match error {
                 Error::InvalidParameter { name, value, allowed } => {
                     Error::InvalidParameter { name: format!("environment.{name}"), value, allowed }
@@ -74,9 +79,15 @@ impl Environment {
             environment.check().map_err(|error| document.locate(inside(error)))?;
             return Ok(environment);
         }
-        let environment: Environment = document.read()?;
+        let mut environment: Environment = document.read()?;
+        environment.read_files(folder)?;
         environment.check().map_err(|error| document.locate(error))?;
         Ok(environment)
+    }
+
+    /// Reads what is kept in files of its own; relative names start at `folder`.
+    fn read_files(&mut self, folder: &Path) -> Result<()> {
+        self.water.as_mut().map_or(Ok(()), |water| water.read_file(folder))
     }
 
     /// Whether all values are within what is allowed.
@@ -98,7 +109,8 @@ impl Environment {
         check_all("fog", &self.fog, bounds, Fog::check)?;
         check_all("snow", &self.snow, bounds, Snow::check)?;
         check_all("dust", &self.dust, bounds, Dust::check)?;
-        check_all("spray", &self.spray, bounds, Spray::check)
+        check_all("spray", &self.spray, bounds, Spray::check)?;
+        self.water.as_ref().map_or(Ok(()), |water| water.check("water", bounds))
     }
 
     /// What [`Environment::from_yaml`] reads as this.

@@ -1,4 +1,5 @@
-//! What is in the air: how much it dims a beam and how much it sends back. Weather is a medium, not a filter.
+//! What is in the air: how much it dims a beam and how much it sends back. Weather is a medium, not a filter. And the
+//! water, which sound goes through.
 
 mod droplets;
 mod dust;
@@ -7,6 +8,7 @@ mod particles;
 mod rain;
 mod region;
 mod visibility;
+mod water;
 mod weather;
 
 pub use droplets::{Fog, Spectrum, Spray};
@@ -17,4 +19,8 @@ pub use rain::{PerLength, Rain, RainModel, Snow, SnowModel};
 pub(crate) use region::Extent;
 pub use region::{Placed, Region};
 pub use visibility::{ClearAir, VisibilityModel};
+pub use water::{
+    Absorption, AmbientNoise, Fluid, Layer, Outside, Profile, Sea, SoundSpeed, SpeedRow, Spreading, Water, WaterRow,
+    pressure_bar, unesco_speed,
+};
 pub(crate) use weather::{Medium, Weather};

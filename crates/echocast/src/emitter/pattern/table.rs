@@ -2,8 +2,8 @@
 
 use super::fan::check_above_zero;
 use crate::bounds::Bounds;
+use crate::csv::Csv;
 use crate::emitter::beams::{MAX_BEAMS, direction};
-use crate::emitter::csv::Csv;
 use crate::emitter::{BeamTable, FiringOrder};
 use crate::error::{Error, Result};
 use crate::units::seconds_from_us;

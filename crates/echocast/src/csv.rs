@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 const MAX_LINE: u64 = 64 << 10;
 
 /// The lines of a text file, counted; blank ones and comments (`#`) are left out.
-pub(super) struct Lines {
+pub(crate) struct Lines {
     path: PathBuf,
     reader: Box<dyn BufRead>,
     buffer: Vec<u8>,
@@ -62,7 +62,7 @@ impl Lines {
 }
 
 /// A CSV file of finite numbers with a header.
-pub(super) struct Csv {
+pub(crate) struct Csv {
     lines: Lines,
     header: Vec<String>,
     row: Vec<f64>,

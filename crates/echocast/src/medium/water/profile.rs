@@ -1,0 +1,252 @@
+//! How the water changes with depth: rows of a cast, in YAML or in a CSV file.
+
+use crate::csv::Csv;
+use crate::error::{Error, Result};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// Most rows of a profile.
+const MOST_ROWS: usize = 1000;
+/// Deepest row, m; the deepest trench is 11 km deep.
+const DEEPEST: f64 = 12_000.0;
+/// Speeds of sound that water has, m/s.
+pub(super) const PHYSICAL_SPEEDS: [f64; 2] = [1300.0, 1700.0];
+/// Densities that water and thin mud have, kg/m^3.
+const PHYSICAL_DENSITIES: [f64; 2] = [900.0, 1400.0];
+/// Temperatures of water, degrees Celsius.
+pub(super) const TEMPERATURES: [f64; 2] = [-4.0, 45.0];
+/// Practical salinities that formulas still say something of.
+pub(super) const SALINITIES: [f64; 2] = [0.0, 50.0];
+
+/// How speed of sound, or temperature and salinity, change with depth, which is counted down from the surface.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Profile {
+    /// Layers of one speed each, from their depth down to the next one's, the last without end. They say nothing of
+    /// what lies above the first.
+    Layers(Vec<Layer>),
+    /// A cast of speeds, linear in between.
+    Cast(Vec<SpeedRow>),
+    /// A cast of temperature and salinity, linear in between; the formula makes speeds of them.
+    Ts(Vec<WaterRow>),
+    /// The same speed everywhere.
+    Constant {
+        /// Speed of sound, m/s.
+        speed_m_s: f64,
+    },
+    /// A cast in a CSV file with the header `depth_m,speed_m_s` or `depth_m,temperature_c,salinity_psu`; where the
+    /// environment is read, the rows take the place of its name.
+    File(PathBuf),
+}
+
+/// A layer of water.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Layer {
+    /// Depth of its top, m.
+    pub depth_m: f64,
+    /// Speed of sound, m/s.
+    pub speed_m_s: f64,
+    /// Density, kg/m^3; 1025 when not given.
+    #[serde(default = "sea_water")]
+    pub density_kg_m3: f64,
+}
+
+/// Speed of sound at a depth.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SpeedRow {
+    /// Depth, m.
+    pub depth_m: f64,
+    /// Speed of sound, m/s.
+    pub speed_m_s: f64,
+}
+
+/// Temperature and salinity at a depth.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WaterRow {
+    /// Depth, m.
+    pub depth_m: f64,
+    /// Temperature, degrees Celsius.
+    pub temperature_c: f64,
+    /// Practical salinity, PSU.
+    pub salinity_psu: f64,
+}
+
+/// Density of sea water where nothing else is said, kg/m^3.
+pub(super) const SEA_WATER_KG_M3: f64 = 1025.0;
+
+fn sea_water() -> f64 {
+    SEA_WATER_KG_M3
+}
+
+/// A number that is not allowed: its key, and what would be.
+struct Fault(&'static str, f64, String);
+
+/// A row of any of the tables.
+trait Row {
+    fn depth(&self) -> f64;
+    fn fault(&self, allow_unphysical: bool) -> Option<Fault>;
+}
+
+impl Row for Layer {
+    fn depth(&self) -> f64 {
+        self.depth_m
+    }
+    fn fault(&self, allow_unphysical: bool) -> Option<Fault> {
+        let density = || physical("density_kg_m3", self.density_kg_m3, PHYSICAL_DENSITIES, "kg/m^3", allow_unphysical);
+        speed_fault(self.speed_m_s, allow_unphysical).or_else(density)
+    }
+}
+
+impl Row for SpeedRow {
+    fn depth(&self) -> f64 {
+        self.depth_m
+    }
+    fn fault(&self, allow_unphysical: bool) -> Option<Fault> {
+        speed_fault(self.speed_m_s, allow_unphysical)
+    }
+}
+
+impl Row for WaterRow {
+    fn depth(&self) -> f64 {
+        self.depth_m
+    }
+    fn fault(&self, _: bool) -> Option<Fault> {
+        within("temperature_c", self.temperature_c, TEMPERATURES)
+            .or_else(|| within("salinity_psu", self.salinity_psu, SALINITIES))
+    }
+}
+
+fn within(key: &'static str, value: f64, [least, most]: [f64; 2]) -> Option<Fault> {
+    (!(least..=most).contains(&value)).then(|| Fault(key, value, format!("{least} to {most}")))
+}
+
+/// A speed in km/s, or an index of refraction, is a common slip.
+fn speed_fault(speed: f64, allow_unphysical: bool) -> Option<Fault> {
+    physical("speed_m_s", speed, PHYSICAL_SPEEDS, "m/s", allow_unphysical)
+}
+
+fn physical(
+    key: &'static str,
+    value: f64,
+    [least, most]: [f64; 2],
+    unit: &str,
+    allow_unphysical: bool,
+) -> Option<Fault> {
+    if allow_unphysical {
+        let holds = value > 0.0 && value.is_finite();
+        return (!holds).then(|| Fault(key, value, "any finite number above 0".into()));
+    }
+    let allowed = format!("{least} to {most}, in {unit}; with allow_unphysical: true any number above 0");
+    (!(least..=most).contains(&value)).then(|| Fault(key, value, allowed))
+}
+
+/// That a speed outside of a table is one.
+pub(super) fn check_speed(key: &str, speed: f64, allow_unphysical: bool) -> Result<()> {
+    match speed_fault(speed, allow_unphysical) {
+        None => Ok(()),
+        Some(Fault(_, value, allowed)) => Err(Error::invalid(key, value, allowed)),
+    }
+}
+
+/// What is wrong with a row that comes after one at the depth `above`.
+fn row_fault(row: &impl Row, above: Option<f64>, allow_unphysical: bool) -> Option<Fault> {
+    let depth = row.depth();
+    match above {
+        Some(above) if !(depth > above && depth <= DEEPEST) => {
+            Some(Fault("depth_m", depth, format!("above {above}, in rising order, to {DEEPEST}")))
+        }
+        None if !(0.0..=DEEPEST).contains(&depth) => Some(Fault("depth_m", depth, format!("0 to {DEEPEST}"))),
+        _ => row.fault(allow_unphysical),
+    }
+}
+
+fn check_rows(key: &str, rows: &[impl Row], least: usize, allow_unphysical: bool) -> Result<()> {
+    let count = rows.len();
+    if !(least..=MOST_ROWS).contains(&count) {
+        return Err(Error::invalid(key, format!("a list of {count}"), format!("{least} to {MOST_ROWS} rows")));
+    }
+    let mut above = None;
+    for (index, row) in rows.iter().enumerate() {
+        if let Some(Fault(name, value, allowed)) = row_fault(row, above, allow_unphysical) {
+            return Err(Error::invalid(format!("{key}[{index}].{name}"), value, allowed));
+        }
+        above = Some(row.depth());
+    }
+    Ok(())
+}
+
+impl Profile {
+    /// Whether all values are within what is allowed, for errors below the key `key`.
+    pub(super) fn check(&self, key: &str, allow_unphysical: bool) -> Result<()> {
+        match self {
+            Profile::Layers(rows) => check_rows(&format!("{key}.layers"), rows, 1, allow_unphysical),
+            // One row alone would cover no depth.
+            Profile::Cast(rows) => check_rows(&format!("{key}.cast"), rows, 2, allow_unphysical),
+            Profile::Ts(rows) => check_rows(&format!("{key}.ts"), rows, 2, allow_unphysical),
+            Profile::Constant { speed_m_s } => {
+                check_speed(&format!("{key}.constant.speed_m_s"), *speed_m_s, allow_unphysical)
+            }
+            Profile::File(file) => Err(unread(key, file)),
+        }
+    }
+
+    /// Reads the file that it may name; a relative name starts at `folder`.
+    pub(super) fn read_file(&mut self, folder: &Path, allow_unphysical: bool) -> Result<()> {
+        if let Profile::File(file) = self {
+            *self = read(&folder.join(file), allow_unphysical)?;
+        }
+        Ok(())
+    }
+}
+
+/// That the rows of `file` are not known.
+pub(super) fn unread(key: &str, file: &Path) -> Error {
+    let allowed = "a file whose rows are known, as after Environment::load or Environment::from_yaml";
+    Error::invalid(format!("{key}.file"), file.display(), allowed)
+}
+
+fn read(path: &Path, allow_unphysical: bool) -> Result<Profile> {
+    let csv = Csv::open(path)?;
+    if csv.optional(["speed_m_s"])[0].is_some() {
+        csv.only(&["depth_m", "speed_m_s"])?;
+        let [depth, speed] = csv.required(["depth_m", "speed_m_s"])?;
+        let row = |row: &[f64]| SpeedRow { depth_m: row[depth], speed_m_s: row[speed] };
+        return Ok(Profile::Cast(read_rows(path, csv, allow_unphysical, row)?));
+    }
+    let names = ["depth_m", "temperature_c", "salinity_psu"];
+    if csv.optional(names).iter().all(Option::is_none) {
+        let expected = "depth_m,speed_m_s or depth_m,temperature_c,salinity_psu";
+        return Err(csv.error(format!("has none of the columns of a cast; expected the header {expected}")));
+    }
+    let [depth, temperature, salinity] = csv.required(names)?;
+    csv.only(&names)?;
+    let row =
+        |row: &[f64]| WaterRow { depth_m: row[depth], temperature_c: row[temperature], salinity_psu: row[salinity] };
+    Ok(Profile::Ts(read_rows(path, csv, allow_unphysical, row)?))
+}
+
+fn read_rows<R: Row>(
+    path: &Path,
+    mut csv: Csv,
+    allow_unphysical: bool,
+    to_row: impl Fn(&[f64]) -> R,
+) -> Result<Vec<R>> {
+    let mut rows: Vec<R> = Vec::new();
+    while let Some(numbers) = csv.next_row()? {
+        let row = to_row(numbers);
+        if rows.len() == MOST_ROWS {
+            return Err(csv.error(format!("is row {}; allowed: 2 to {MOST_ROWS} rows", MOST_ROWS + 1)));
+        }
+        if let Some(Fault(name, value, allowed)) = row_fault(&row, rows.last().map(Row::depth), allow_unphysical) {
+            return Err(csv.error(format!("{name} is {value}; allowed: {allowed}")));
+        }
+        rows.push(row);
+    }
+    if rows.len() < 2 {
+        return Err(Error::parse(path, "", format!("has {} rows; allowed: 2 to {MOST_ROWS}", rows.len())));
+    }
+    Ok(rows)
+}

@@ -1,0 +1,33 @@
+//! What formulas that were fitted to measurements are good for.
+
+use std::fmt;
+
+/// A quantity that is not within what a formula was made for; it still gives a number there, but no promise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outside {
+    /// Which: `temperature`, `salinity`, `pH`, `depth` or `frequency`.
+    pub quantity: &'static str,
+    /// What was given, in `unit`.
+    pub value: f64,
+    /// From where to where the formula is good, in `unit`.
+    pub range: [f64; 2],
+    /// Unit of both; may be empty.
+    pub unit: &'static str,
+}
+
+impl fmt::Display for Outside {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let Outside { quantity, value, range: [least, most], unit } = self;
+        let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+        write!(f, "{quantity} {value}{unit} (it is good for {least} to {most}{unit})")
+    }
+}
+
+/// Those of `quantities` (name, value, range, unit) that are outside their ranges.
+pub(super) fn outside<const N: usize>(quantities: [(&'static str, f64, [f64; 2], &'static str); N]) -> Vec<Outside> {
+    quantities
+        .into_iter()
+        .filter(|(_, value, [least, most], _)| !(least..=most).contains(&value))
+        .map(|(quantity, value, range, unit)| Outside { quantity, value, range, unit })
+        .collect()
+}
