@@ -66,6 +66,7 @@ pub mod emitter;
 pub mod error;
 pub mod export;
 pub mod material;
+mod math;
 pub mod medium;
 mod parallel;
 mod ping;
@@ -75,6 +76,7 @@ mod rng;
 mod scan;
 pub mod scene;
 mod sensor;
+mod sonar;
 mod tof;
 mod trace;
 pub mod units;
@@ -95,5 +97,6 @@ pub use scene::{LabelRules, LoadOptions, Scene};
 pub use sensor::{
     BeamSpec, Expectations, IntensitySpec, PresetInfo, RangeSpec, ReturnsSpec, Sensor, SensorKind, SensorSpec,
 };
+pub use sonar::{AcousticsSpec, Speckle, Taper, Tvg};
 pub use tof::{Illumination, ShotNoiseSpec, Target, TofSpec, Vignetting};
 pub use trace::{BareLoop, BuiltScene, Engine, LiveScene, ObjectId};

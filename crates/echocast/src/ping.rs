@@ -3,6 +3,7 @@
 use crate::cloud::{Column, Columns, Field, FieldSet};
 use crate::emitter::Pose;
 use crate::error::{Error, Result};
+use crate::scan::PingMemory;
 use crate::scene::Labels;
 use glam::DVec3;
 use std::sync::Arc;
@@ -19,7 +20,7 @@ use std::sync::Arc;
 /// | `cos_incidence`, `normal_x` to `normal_z` | how it is met |
 /// | `azimuth`, `elevation` | direction in which the sound left, sensor frame, rad |
 /// | `cause`, `bounces` | surface or multipath, and reflections on the way |
-pub const CELL_FIELDS: [Field; 20] = [
+pub const CELL_FIELDS: [Field; 21] = [
     Field::Intensity,
     Field::CategoryId,
     Field::PartId,
@@ -39,6 +40,7 @@ pub const CELL_FIELDS: [Field; 20] = [
     Field::TrueY,
     Field::TrueZ,
     Field::TrueRange,
+    Field::Cause,
     Field::Bounces,
 ];
 
@@ -113,6 +115,7 @@ pub struct Ping {
     pub soundings: Vec<Sounding>,
     /// Names of the numbers in the label columns.
     pub labels: Arc<Labels>,
+    pub(crate) memory: PingMemory,
 }
 
 impl Default for Layout {

@@ -46,6 +46,12 @@ pub(crate) enum Draw {
     LookAside = 32,
     /// Where light that comes to a pixel over two surfaces met the first.
     SecondBounce = 33,
+    /// Phase and amplitude of what a small place of a surface scatters of sound: counter = (place, what it belongs to).
+    Speckle = 40,
+    /// How rough a larger place of a surface is.
+    Texture = 41,
+    /// Noise of a sonar's receiver, by cell.
+    PingNoise = 42,
 }
 
 const MULTIPLIER: [u32; 2] = [0xD251_1F53, 0xCD9E_8D57];
@@ -123,6 +129,56 @@ impl Rng {
         philox([beam, [self.frame; N], sub_ray, [draw as u32; N]], self.key)
     }
 
+    /// Complex numbers whose squared magnitude is exponentially distributed with mean 1 and whose phase is even, turned by
+    /// `turns` of a circle: the sum of many small echoes. Each at its own address of four words.
+    #[inline(always)]
+    pub(crate) fn phasors(&self, address: [&[u32]; 4], turns: &[f32], re: &mut [f32], im: &mut [f32]) {
+        const N: usize = 16;
+        let count = re.len();
+        for first in (0..count).step_by(N) {
+            let lanes = first..(first + N).min(count);
+            let mut counter = [[0u32; N]; 4];
+            for (word, from) in counter.iter_mut().zip(address) {
+                word[..lanes.len()].copy_from_slice(&from[lanes.clone()]);
+            }
+            let mut turn = [0.0f32; N];
+            turn[..lanes.len()].copy_from_slice(&turns[lanes.clone()]);
+            let [a, b, ..] = philox(counter, self.key);
+            let (mut x, mut y) = ([0.0; N], [0.0; N]);
+            for lane in 0..N {
+                (x[lane], y[lane]) = phasor(a[lane], b[lane], turn[lane]);
+            }
+            re[lanes.clone()].copy_from_slice(&x[..lanes.len()]);
+            im[lanes.clone()].copy_from_slice(&y[..lanes.len()]);
+        }
+    }
+
+    /// [`Rng::phasors`] of the cells from `first` on.
+    #[inline(always)]
+    pub(crate) fn cell_phasors(&self, first: u32, draw: Draw, re: &mut [f32], im: &mut [f32]) {
+        const N: usize = 16;
+        for (index, (re, im)) in (0..).zip(re.chunks_mut(N).zip(im.chunks_mut(N))) {
+            let mut cells = [0; N];
+            for lane in 0..N {
+                cells[lane] = first.wrapping_add(index * N as u32 + lane as u32);
+            }
+            let [a, b, ..] = philox([cells, [self.frame; N], [0; N], [draw as u32; N]], self.key);
+            let (mut x, mut y) = ([0.0; N], [0.0; N]);
+            for lane in 0..N {
+                (x[lane], y[lane]) = phasor(a[lane], b[lane], 0.0);
+            }
+            re.copy_from_slice(&x[..re.len()]);
+            im.copy_from_slice(&y[..im.len()]);
+        }
+    }
+
+    /// A number in [0, 1) at an address of three words and its purpose.
+    #[inline(always)]
+    pub(crate) fn uniform_at(&self, [a, b, c]: [u32; 3], draw: Draw) -> f32 {
+        let [[word], ..] = philox([[a], [b], [c], [draw as u32]], self.key);
+        unit(word)
+    }
+
     /// A standard normal number of one beam at `sub_ray`, that of [`Rng::normals`].
     pub(crate) fn normal(&self, beam: u32, draw: Draw, sub_ray: u32) -> f32 {
         self.normal_pair(beam, draw, sub_ray)[0]
@@ -161,6 +217,21 @@ fn normal(a: u32, b: u32) -> f32 {
     radius * (2.0 * sine * sine - 1.0)
 }
 
+/// A complex number of mean power 1 whose power is exponential, from 48 random bits, turned by `turns` of a circle.
+#[inline(always)]
+fn phasor(a: u32, b: u32, turns: f32) -> (f32, f32) {
+    const UNIT: f32 = 1.0 / (1 << 24) as f32;
+    let u = ((a >> 8) as i32 + 1) as f32 * UNIT;
+    let turn = (b >> 8) as i32 as f32 * UNIT + turns;
+    // In [-1/2, 1/2]; the addition rounds to the nearest whole number.
+    const ROUND: f32 = 12_582_912.0;
+    let turn = turn - ((turn + ROUND) - ROUND);
+    let amplitude = (-ln(u)).max(0.0).sqrt();
+    // By the half angle.
+    let (sine, cosine) = (sin_pi(turn), cos_pi(turn));
+    (amplitude * (1.0 - 2.0 * sine * sine), amplitude * 2.0 * sine * cosine)
+}
+
 /// Natural logarithm of a normal positive number, to 1e-6 absolute.
 ///
 /// x = 2^e m with m in [sqrt(1/2), sqrt(2)); ln m = 2 artanh(s), s = (m - 1)/(m + 1), by its power
@@ -186,6 +257,15 @@ fn sin_pi(t: f32) -> f32 {
     let q = x * x;
     x * (1.0
         - q * (1.0 / 6.0 - q * (1.0 / 120.0 - q * (1.0 / 5040.0 - q * (1.0 / 362_880.0 - q * (1.0 / 39_916_800.0))))))
+}
+
+/// cos(pi t) for |t| <= 1/2 by its power series, to 3e-7.
+#[inline(always)]
+fn cos_pi(t: f32) -> f32 {
+    let x = t * std::f32::consts::PI;
+    let q = x * x;
+    1.0 - q
+        * (1.0 / 2.0 - q * (1.0 / 24.0 - q * (1.0 / 720.0 - q * (1.0 / 40_320.0 - q * (1.0 / 3_628_800.0 - q / 479_001_600.0)))))
 }
 
 #[cfg(test)]
@@ -217,6 +297,7 @@ mod tests {
             assert!((f64::from(ln(u)) - f64::from(u).ln()).abs() < 1e-6, "ln({u})");
             let t = i as f32 / (1 << 16) as f32 - 0.5;
             assert!((f64::from(sin_pi(t)) - (f64::from(t) * std::f64::consts::PI).sin()).abs() < 2e-7, "sin_pi({t})");
+            assert!((f64::from(cos_pi(t)) - (f64::from(t) * std::f64::consts::PI).cos()).abs() < 3e-7, "cos_pi({t})");
         }
         assert_eq!(ln(1.0), 0.0);
     }
@@ -239,6 +320,35 @@ mod tests {
             assert_ne!(long, other);
             assert_eq!(rng.normal(1039, Draw::RangeJitter, sub_ray), other[39]);
         }
+    }
+
+    #[test]
+    fn phasors_have_exponential_power_and_any_phase() {
+        let n = 200_000;
+        let words: Vec<u32> = (0..n).collect();
+        let (zeros, turns) = (vec![0; n as usize], vec![0.0; n as usize]);
+        let (mut re, mut im) = (vec![0.0f32; n as usize], vec![0.0f32; n as usize]);
+        let rng = Rng::new(5, 0);
+        rng.phasors([&words, &zeros, &zeros, &zeros], &turns, &mut re, &mut im);
+        let mean = |value: &dyn Fn(f64, f64) -> f64| {
+            re.iter().zip(&im).map(|(&x, &y)| value(x.into(), y.into())).sum::<f64>() / f64::from(n)
+        };
+        let tolerance = 5.0 / f64::from(n).sqrt();
+        assert!((mean(&|x, y| x * x + y * y) - 1.0).abs() < tolerance);
+        assert!((mean(&|x, y| (x * x + y * y).powi(2)) - 2.0).abs() < 5.0 * tolerance);
+        assert!(mean(&|x, _| x).abs() < tolerance && mean(&|_, y| y).abs() < tolerance);
+        assert!(mean(&|x, y| x * y).abs() < tolerance && mean(&|x, y| x * x - y * y).abs() < 2.0 * tolerance);
+        // A quarter of a turn, and many whole ones, on.
+        let (mut turned_re, mut turned_im) = (re.clone(), im.clone());
+        rng.phasors([&words, &zeros, &zeros, &zeros], &vec![1000.25; n as usize], &mut turned_re, &mut turned_im);
+        for lane in 0..n as usize {
+            assert!((turned_re[lane] + im[lane]).abs() < 1e-3 && (turned_im[lane] - re[lane]).abs() < 1e-3);
+        }
+        let (mut short_re, mut short_im) = (vec![0.0; 21], vec![0.0; 21]);
+        rng.cell_phasors(7, Draw::PingNoise, &mut short_re, &mut short_im);
+        let (mut long_re, mut long_im) = (vec![0.0; 30], vec![0.0; 30]);
+        rng.cell_phasors(0, Draw::PingNoise, &mut long_re, &mut long_im);
+        assert_eq!((&short_re[..], &short_im[..]), (&long_re[7..28], &long_im[7..28]));
     }
 
     #[test]

@@ -5,12 +5,14 @@ use crate::detect::{
     Detection, DetectionSpec, LimitPoint, Noise, RangeError, ReturnMode, ReturnRule, Statistical, Sunlight, Threshold,
     Timing, WeakDropout,
 };
-use crate::echo::{Cone, Glint, IntensityEncoding, Pulse, PulseShape, Receiver};
+use crate::echo::{Cone, Glint, IntensityEncoding, Pulse, PulseShape, Receiver, texture};
 use crate::emitter::pattern::Pattern;
-use crate::emitter::{BeamTable, Footprint};
+use crate::emitter::{BeamTable, Footprint, Pose, Transducer};
 use crate::error::{Error, Result};
+use crate::ping::SonarView;
 use crate::presets;
 use crate::scan::Signals;
+use crate::sonar::AcousticsSpec;
 use crate::tof::{Camera, TofSpec};
 use crate::yaml::{self, Document};
 use serde::de::{self, Deserializer, SeqAccess, Visitor};
@@ -19,7 +21,7 @@ use serde_json::Value;
 use std::collections::BTreeSet;
 use std::fmt;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// A sensor file: what each key of its YAML means. What is left out is ideal.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -58,6 +60,9 @@ pub struct SensorSpec {
     /// What is particular to a depth camera.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tof: Option<TofSpec>,
+    /// What is particular to a sonar.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub acoustics: Option<AcousticsSpec>,
     /// Figures of the maker that the pattern is tested against.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub expect: Option<Expectations>,
@@ -239,11 +244,20 @@ impl SensorSpec {
         if self.name.is_empty() {
             return Err(Error::invalid("name", "empty", "a word"));
         }
-        if self.kind == SensorKind::Sonar {
-            return Err(sonar_unsupported());
-        }
         self.pattern.check_with(bounds)?;
         let SensorSpec { beam, range, returns, noise, .. } = self;
+        bounds.within("range.min_m", range.min_m, 0.0, FARTHEST_M)?;
+        bounds.within("range.max_m", range.max_m, 0.0, FARTHEST_M)?;
+        bounds.rising(("range.min_m", range.min_m), ("range.max_m", range.max_m))?;
+        if self.kind == SensorKind::Sonar {
+            return self.check_sonar(bounds);
+        }
+        if self.pattern.is_of_sound() {
+            return Err(Error::invalid("pattern.type", "that of a sonar", "with kind: sonar only"));
+        }
+        if self.acoustics.is_some() {
+            return Err(Error::invalid("acoustics", "given", "with kind: sonar only"));
+        }
         bounds.within("beam.wavelength_nm", beam.wavelength_nm, 200.0, 20_000.0)?;
         bounds.within("beam.divergence_mrad[0]", beam.divergence_mrad[0], 0.0, 1000.0)?;
         bounds.within("beam.divergence_mrad[1]", beam.divergence_mrad[1], 0.0, 1000.0)?;
@@ -269,9 +283,6 @@ impl SensorSpec {
             let allowed = format!("above 0 with {because}: without a pulse echoes of one beam do not join");
             return Err(Error::invalid("beam.pulse_ns", beam.pulse_ns, allowed));
         }
-        bounds.within("range.min_m", range.min_m, 0.0, FARTHEST_M)?;
-        bounds.within("range.max_m", range.max_m, 0.0, FARTHEST_M)?;
-        bounds.rising(("range.min_m", range.min_m), ("range.max_m", range.max_m))?;
         // Finer than a micrometre, single precision overflows.
         let steps = format!("{FINEST_M} to {FARTHEST_M}");
         bounds.number("range.resolution_m", range.resolution_m, [0.0, FARTHEST_M], &steps)?;
@@ -340,20 +351,41 @@ impl SensorSpec {
         }
     }
 
+    /// The part of [`SensorSpec::check_with`] that is about sonars.
+    fn check_sonar(&self, bounds: &mut Bounds) -> Result<()> {
+        let Some(acoustics) = &self.acoustics else {
+            return Err(Error::invalid("acoustics", "missing", "a section with kind: sonar"));
+        };
+        if !self.pattern.is_of_sound() {
+            let allowed = "sidescan, multibeam, imaging or single_beam with kind: sonar";
+            return Err(Error::invalid("pattern.type", "that of another kind of sensor", allowed));
+        }
+        let SensorSpec { beam, range, detection, returns, noise, intensity, .. } = self;
+        for (key, given) in [
+            ("beam", *beam != BeamSpec::default()),
+            ("detection", *detection != DetectionSpec::default()),
+            ("returns", *returns != ReturnsSpec::default()),
+            ("noise", *noise != Noise::default()),
+            ("intensity", *intensity != IntensitySpec::default()),
+            ("tof", self.tof.is_some()),
+            ("range.resolution_m", range.resolution_m != 0.0),
+        ] {
+            if given {
+                return Err(Error::invalid(key, "given", "with other kinds than sonar; a sonar has acoustics"));
+            }
+        }
+        if range.max_m.is_none() {
+            return Err(Error::invalid("range.max_m", "missing", "a value with kind: sonar: how long it listens"));
+        }
+        acoustics.check(bounds)
+    }
+
     /// Turns `document` into a checked description.
     fn read(document: &Document) -> Result<SensorSpec> {
-        // Before the rest: a sonar's sections are unknown here.
-        if document.value().get("kind").and_then(|kind| kind.as_str()) == Some("sonar") {
-            return Err(sonar_unsupported());
-        }
         let spec: SensorSpec = document.read()?;
         spec.check().map_err(|error| document.locate(error))?;
         Ok(spec)
     }
-}
-
-fn sonar_unsupported() -> Error {
-    Error::Unsupported { what: "kind: sonar".into(), instead: "this version simulates lidar and tof".into() }
 }
 
 impl Noise {
@@ -512,6 +544,10 @@ pub struct Sensor {
     pub(crate) noise: Noise,
     pub(crate) intensity: IntensityEncoding,
     pub(crate) camera: Option<Camera>,
+    /// Quantiles of the texture of what a sonar hears; empty: none.
+    pub(crate) texture: Arc<[f32]>,
+    /// What a sonar sends and hears, for the wavelengths that it has been used at; shared with copies.
+    transducers: Arc<Mutex<Vec<(f64, f64, Arc<Transducer>)>>>,
 }
 
 impl Sensor {
@@ -605,6 +641,8 @@ impl Sensor {
             noise: spec.noise.clone(),
             intensity: spec.intensity.encoding,
             camera: spec.tof.as_ref().map(|tof| Camera::new(tof, &spec.pattern)),
+            texture: spec.acoustics.as_ref().and_then(|it| it.texture_shape).map_or_else(|| Arc::from([]), texture),
+            transducers: Arc::default(),
             spec,
             folder,
             beams,
@@ -634,6 +672,57 @@ impl Sensor {
                 limits => limits.iter().copied().fold(0.0, f32::max).into(),
             },
         }
+    }
+
+    /// Sound, transmitter and receiver.
+    ///
+    /// # Errors
+    /// A sensor that is no sonar.
+    pub fn acoustics(&self) -> Result<&AcousticsSpec> {
+        let kind = self.kind();
+        self.spec.acoustics.as_ref().ok_or_else(|| Error::invalid("kind of the sensor", kind, "sonar, which pings"))
+    }
+
+    /// What pictures its pings make.
+    pub(crate) fn sonar_view(&self) -> SonarView {
+        match self.spec.pattern {
+            Pattern::Sidescan(_) => SonarView::Sidescan,
+            Pattern::Multibeam(_) => SonarView::Swath,
+            Pattern::Imaging(_) => SonarView::Fan,
+            _ => SonarView::Single,
+        }
+    }
+
+    /// Where a sonar at `pose` looks at ping `number`: beams that turn look elsewhere with each.
+    pub(crate) fn turned(&self, pose: Pose, number: u32) -> Pose {
+        match &self.spec.pattern {
+            Pattern::SingleBeam(beam) => {
+                let turn = glam::DQuat::from_rotation_z(beam.azimuth_deg(number).to_radians());
+                Pose { orientation: pose.orientation * turn, ..pose }
+            }
+            _ => pose,
+        }
+    }
+
+    /// What a sonar sends and hears at `wavelength` m, where sound is `ratio` times as fast as its beamformer believes. Of
+    /// wavelengths that hardly differ one stands for all.
+    pub(crate) fn transducer(&self, wavelength: f64, ratio: f64) -> Arc<Transducer> {
+        /// Steps of the wavelength and of the ratio, as a part of them.
+        const STEP: f64 = 1e-3;
+        /// A sonar that goes up and down meets a few; it must not fill the memory.
+        const MOST: usize = 16;
+        let step = |value: f64| ((value.ln() / STEP).round() * STEP).exp();
+        let (wavelength, ratio) = (step(wavelength), step(ratio));
+        let mut known = self.transducers.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((.., found)) = known.iter().find(|known| (known.0, known.1) == (wavelength, ratio)) {
+            return found.clone();
+        }
+        let made = Transducer::new(&self.spec.pattern, wavelength, ratio).unwrap_or_default();
+        if known.len() == MOST {
+            known.remove(0);
+        }
+        known.push((wavelength, ratio, Arc::new(made)));
+        known[known.len() - 1].2.clone()
     }
 
     /// How what its beams send back makes returns.
@@ -702,6 +791,7 @@ impl Sensor {
             noise: Noise::default(),
             intensity: IntensitySpec::default(),
             tof: None,
+            acoustics: None,
             expect: None,
         };
         spec.check()?;
@@ -1275,7 +1365,7 @@ pattern:
                 "0.4",
                 "pattern.azimuth.step_deg=0.4: pattern.azimuth.step_deg: is 0.4; allowed: one of",
             ),
-            ("kind", "sonar", "kind: sonar is not supported"),
+            ("kind", "sonar", "kind=sonar: acoustics: is missing; allowed: a section with kind: sonar"),
         ];
         for (key, value, expected) in cases {
             let error = sensor.set(key, value).unwrap_err().to_string();

@@ -167,6 +167,23 @@ impl CommittedScene {
         self.0.device.is(device)
     }
 
+    /// Least and greatest x, y, z of what is in it; without anything the least are +infinity, the greatest -infinity.
+    pub fn bounds(&self) -> [[f32; 3]; 2] {
+        let mut bounds = sys::RTCBounds {
+            lower_x: 0.0,
+            lower_y: 0.0,
+            lower_z: 0.0,
+            align0: 0.0,
+            upper_x: 0.0,
+            upper_y: 0.0,
+            upper_z: 0.0,
+            align1: 0.0,
+        };
+        // SAFETY: the scene is alive and committed, and Embree writes one RTCBounds, which is aligned as its type says.
+        unsafe { sys::rtcGetSceneBounds(self.0.raw, &raw mut bounds) };
+        [[bounds.lower_x, bounds.lower_y, bounds.lower_z], [bounds.upper_x, bounds.upper_y, bounds.upper_z]]
+    }
+
     /// Finds the closest hit of each ray whose lane in `valid` is -1; lanes where it is 0 stay as they are.
     ///
     /// `W` is 4, 8 or 16 (anything else does not compile); [`Device::packet_width`] says which is fastest. A lane

@@ -6,6 +6,7 @@ mod curve;
 mod depth;
 mod noise;
 mod returns;
+mod soundings;
 mod statistical;
 mod threshold;
 
@@ -19,6 +20,7 @@ pub(crate) use noise::{AzimuthError, RangeError};
 pub use noise::{Noise, RangePoint, WeakDropout};
 pub use returns::ReturnMode;
 pub(crate) use returns::ReturnRule;
+pub(crate) use soundings::{Heard, sounding};
 pub use statistical::{Statistical, Sunlight};
 pub(crate) use threshold::Threshold;
 pub use threshold::{Detection, DetectionSpec, LimitPoint, Timing};

@@ -8,6 +8,7 @@ mod motion;
 pub mod pattern;
 mod pose;
 mod trajectory;
+mod transducer;
 
 pub(crate) use aim::{Aim, scatter};
 pub use beams::{BeamTable, FiringOrder};
@@ -17,3 +18,4 @@ use motion::Motion;
 pub use pattern::Pattern;
 pub use pose::Pose;
 pub use trajectory::Trajectory;
+pub(crate) use transducer::{Hearing, Transducer};

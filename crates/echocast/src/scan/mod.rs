@@ -5,6 +5,7 @@ mod camera;
 mod collect;
 mod explain;
 mod halo;
+mod ping;
 mod returns;
 mod run;
 
@@ -15,6 +16,7 @@ use crate::material::ReflectanceSource;
 use crate::medium::Environment;
 use crate::sensor::Sensor;
 use crate::trace::BuiltScene;
+pub(crate) use ping::PingMemory;
 pub(crate) use returns::Signals;
 use run::Scan;
 use std::ops::ControlFlow;

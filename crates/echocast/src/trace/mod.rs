@@ -4,6 +4,7 @@ mod bare;
 mod batch;
 mod engine;
 mod live;
+mod sound;
 mod surface;
 
 pub use bare::BareLoop;
@@ -11,6 +12,7 @@ pub(crate) use batch::{HitBatch, LANES, MISS, RayBatch};
 pub use engine::Engine;
 pub(crate) use live::MeshStructure;
 pub use live::{LiveScene, ObjectId};
+pub(crate) use sound::{Arrivals, Launch, SEA, SoundLimits, SoundTracer, TracerMemory};
 pub(crate) use surface::{Surface, Surfaces};
 
 use crate::report::Report;

@@ -1,6 +1,8 @@
 //! What the ids of Embree's hits mean.
 
+use crate::echo::Backscatter;
 use crate::material::{Alpha, Material, Mirrors, Optics, ReflectanceSource, Reflectances};
+use crate::medium::Sea;
 use crate::scene::{Labels, Mesh, Object, Part, srgb_byte};
 use embree4::{Candidate, INVALID};
 use std::collections::HashMap;
@@ -52,6 +54,8 @@ pub(crate) struct Surfaces {
     pub has_cutouts: bool,
     /// Found once for each wavelength: a scan in a loop allocates nothing.
     reflectances: Mutex<Vec<Arc<Reflectances>>>,
+    /// Found once for each frequency and sea.
+    backscatter: Mutex<Vec<Arc<Backscatter>>>,
 }
 
 impl Surfaces {
@@ -143,15 +147,40 @@ impl Surfaces {
         source: ReflectanceSource,
         mirrors: Mirrors,
     ) -> Arc<Reflectances> {
-        let mut known = self.reflectances.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(found) = known.iter().find(|reflectances| reflectances.are_for(wavelength_nm, source, mirrors)) {
-            return found.clone();
-        }
-        let made = Arc::new(Reflectances::new(&self.materials, wavelength_nm, source, mirrors));
-        if known.len() == MOST_WAVELENGTHS {
-            known.remove(0);
-        }
-        known.push(made.clone());
-        made
+        kept(
+            &self.reflectances,
+            |known| known.are_for(wavelength_nm, source, mirrors),
+            || Reflectances::new(&self.materials, wavelength_nm, source, mirrors),
+        )
     }
+
+    /// What every material and the `sea` send back of sound of `frequency` Hz in water of `speed` m/s; `reflectances` stand
+    /// for what materials do not say.
+    pub(crate) fn backscatter(
+        &self,
+        reflectances: &Reflectances,
+        frequency: f64,
+        sea: Sea,
+        speed: f64,
+    ) -> Arc<Backscatter> {
+        kept(
+            &self.backscatter,
+            |known| known.is_for(reflectances.source, frequency, sea, speed),
+            || Backscatter::new(&self.materials, reflectances, frequency, sea, speed),
+        )
+    }
+}
+
+/// The one of `all` that fits, or one that is made and kept.
+fn kept<T>(all: &Mutex<Vec<Arc<T>>>, fits: impl Fn(&T) -> bool, make: impl FnOnce() -> T) -> Arc<T> {
+    let mut known = all.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(found) = known.iter().find(|it| fits(it)) {
+        return found.clone();
+    }
+    let made = Arc::new(make());
+    if known.len() == MOST_WAVELENGTHS {
+        known.remove(0);
+    }
+    known.push(made.clone());
+    made
 }

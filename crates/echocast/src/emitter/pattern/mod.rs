@@ -4,6 +4,7 @@ mod fan;
 mod pinhole;
 mod raster;
 mod risley;
+mod sonar;
 mod spinning;
 mod table;
 
@@ -11,6 +12,7 @@ pub use fan::Fan;
 pub use pinhole::{Pinhole, Rays};
 pub use raster::Raster;
 pub use risley::{Face, Prism, Risley};
+pub use sonar::{Imaging, Multibeam, Sides, Sidescan, SingleBeam, Spacing};
 pub use spinning::{Channels, Direction, Spinning, SpinningAzimuth};
 pub use table::Table;
 
@@ -36,9 +38,21 @@ pub enum Pattern {
     Risley(Risley),
     /// Beams listed in a CSV file.
     Table(Table),
+    /// Two fans of sound across the track.
+    Sidescan(Sidescan),
+    /// Beams of sound across the track, down.
+    Multibeam(Multibeam),
+    /// Beams of sound side by side, ahead.
+    Imaging(Imaging),
+    /// One beam of sound.
+    SingleBeam(SingleBeam),
     /// Beams given in code ([`crate::Sensor::from_beams`]); no file can say this.
     Custom,
 }
+
+/// Words for the patterns that files may say.
+const WORDS: [&str; 9] =
+    ["spinning", "raster", "pinhole", "risley", "table", "sidescan", "multibeam", "imaging", "single_beam"];
 
 impl<'de> Deserialize<'de> for Pattern {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
@@ -49,8 +63,12 @@ impl<'de> Deserialize<'de> for Pattern {
             "pinhole" => Pattern::Pinhole(section.read()?),
             "risley" => Pattern::Risley(section.read()?),
             "table" => Pattern::Table(section.read()?),
+            "sidescan" => Pattern::Sidescan(section.read()?),
+            "multibeam" => Pattern::Multibeam(section.read()?),
+            "imaging" => Pattern::Imaging(section.read()?),
+            "single_beam" => Pattern::SingleBeam(section.read()?),
             "custom" => Pattern::Custom,
-            _ => return Err(section.unknown(&word, &["spinning", "raster", "pinhole", "risley", "table"])),
+            _ => return Err(section.unknown(&word, &WORDS)),
         })
     }
 }
@@ -72,6 +90,10 @@ impl Pattern {
             Pattern::Pinhole(pinhole) => pinhole.check(bounds),
             Pattern::Risley(risley) => risley.check(bounds),
             Pattern::Table(table) => table.check(bounds),
+            Pattern::Sidescan(sidescan) => sidescan.check(bounds),
+            Pattern::Multibeam(multibeam) => multibeam.check(bounds),
+            Pattern::Imaging(imaging) => imaging.check(bounds),
+            Pattern::SingleBeam(beam) => beam.check(bounds),
             Pattern::Custom => Ok(()),
         }
     }
@@ -82,6 +104,11 @@ impl Pattern {
             let path = folder.join(&*file);
             *file = std::path::absolute(&path).unwrap_or(path);
         }
+    }
+
+    /// Whether it is that of a sonar.
+    pub fn is_of_sound(&self) -> bool {
+        matches!(self, Pattern::Sidescan(_) | Pattern::Multibeam(_) | Pattern::Imaging(_) | Pattern::SingleBeam(_))
     }
 
     /// Whether every scan has the same beams.
@@ -101,10 +128,14 @@ impl Pattern {
             Pattern::Pinhole(pinhole) => pinhole.beams(),
             Pattern::Risley(risley) => risley.beams(start_time),
             Pattern::Table(table) => table.beams(),
+            Pattern::Sidescan(sidescan) => sidescan.beams(),
+            Pattern::Multibeam(multibeam) => multibeam.beams(),
+            Pattern::Imaging(imaging) => imaging.beams(),
+            Pattern::SingleBeam(beam) => beam.beams(),
             Pattern::Custom => Err(Error::invalid(
                 "pattern.type",
                 "custom",
-                "spinning, raster, pinhole, risley or table (custom beams are given in code)",
+                format!("{} (custom beams are given in code)", WORDS.join(", ")),
             )),
         }
     }

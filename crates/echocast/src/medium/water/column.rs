@@ -1,5 +1,4 @@
 //! The water made ready for the rays of one instrument: slabs, in each of which speed and absorption are linear.
-#![cfg_attr(not(test), expect(dead_code, reason = "the rays of sonar ask for it"))]
 
 use super::profile::{Layer, PHYSICAL_SPEEDS, Profile, SEA_WATER_KG_M3, SpeedRow, WaterRow, unread};
 use super::{Absorption, Outside, Water};
@@ -74,6 +73,27 @@ impl Stretch {
             salinity: cut(self.salinity),
             ..*self
         }
+    }
+}
+
+impl Slab {
+    /// Speed of sound at `depth`, m, in m/s.
+    #[inline(always)]
+    pub fn speed_at(&self, depth: f64) -> f64 {
+        // The last slab has no bottom, but then no gradient either.
+        if self.gradient == 0.0 { self.speed } else { self.speed + self.gradient * (depth - self.top) }
+    }
+
+    /// Absorption at `depth`, m, in dB/m.
+    #[inline(always)]
+    pub fn absorption_at(&self, depth: f64) -> f64 {
+        self.absorption + self.absorption_slope * (depth - self.top)
+    }
+
+    /// What is above and what is below `depth`, which is within it.
+    pub fn split(&self, depth: f64) -> (Slab, Slab) {
+        let (speed, absorption) = (self.speed_at(depth), self.absorption_at(depth));
+        (Slab { bottom: depth, ..*self }, Slab { top: depth, speed, absorption, ..*self })
     }
 }
 
@@ -205,11 +225,24 @@ impl Column {
         self.slabs.partition_point(|slab| slab.top <= depth).saturating_sub(1)
     }
 
-    /// Speed of sound at `depth`, m, in m/s.
-    #[inline]
-    pub fn speed_at(&self, depth: f64) -> f64 {
-        let slab = &self.slabs[self.slab_at(depth)];
-        slab.speed + slab.gradient * (depth - slab.top).max(0.0)
+    /// Whether sound goes straight: speed and density are the same everywhere.
+    pub fn is_uniform(&self) -> bool {
+        let first = &self.slabs[0];
+        self.slabs.iter().all(|slab| slab.gradient == 0.0 && slab.speed == first.speed && slab.density == first.density)
+    }
+
+    /// Mean absorption between two depths, dB/m, on a straight way.
+    pub fn mean_absorption(&self, from: f64, to: f64) -> f64 {
+        let (from, to) = (from.min(to), from.max(to));
+        if to - from < 1e-6 {
+            return self.slabs[self.slab_at(from)].absorption_at(from);
+        }
+        let part = |slab: &Slab| {
+            let (top, bottom) = (slab.top.max(from), slab.bottom.min(to));
+            (bottom - top) * slab.absorption_at(0.5 * (top + bottom))
+        };
+        let met = self.slabs.iter().filter(|slab| slab.top < to && slab.bottom > from);
+        met.map(part).sum::<f64>() / (to - from)
     }
 }
 

@@ -10,6 +10,7 @@ mod speed;
 mod validity;
 
 pub use absorption::Absorption;
+pub(crate) use column::{Column, Slab};
 pub use fluid::Fluid;
 pub use noise::AmbientNoise;
 pub use profile::{Layer, Profile, SpeedRow, WaterRow};

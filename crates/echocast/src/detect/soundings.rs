@@ -1,0 +1,136 @@
+//! From the levels of a beam to the range that a sonar reports for it.
+
+use crate::echo::LOG2_PER_DB;
+use crate::math::exp2;
+use crate::ping::{Layout, Sounding};
+
+/// Beams further from straight down than this are detected by where the echo crosses their axis, rad (35 degrees): there
+/// it is long, and its strongest part is anywhere in it.
+const BY_CROSSING: f32 = 0.61;
+
+/// What one beam has heard.
+pub(crate) struct Heard<'a> {
+    pub beam: usize,
+    /// Levels, dB, bin by bin.
+    pub levels: &'a [f32],
+    /// Angle beside the beam's axis that the energy of each bin comes from, rad; NaN: none. Empty: not known.
+    pub beside: &'a [f32],
+    /// Width of the beam, rad.
+    pub width: f32,
+    /// First bin that is looked at.
+    pub from: usize,
+}
+
+/// The range of the strongest echo of a beam: the centre of its energy, or of beams that look aside where it crosses their
+/// axis. `None`: nothing is loud enough.
+pub(crate) fn sounding(layout: &Layout, heard: &Heard) -> Option<Sounding> {
+    let Heard { beam, levels, beside, width, from } = *heard;
+    let bins = levels.len();
+    let [_, elevation] = layout.axes[beam];
+    let down = (elevation + std::f32::consts::FRAC_PI_2).abs();
+    let power = |bin: usize| exp2(levels[bin] * LOG2_PER_DB);
+    // Energy of the cells around each one, so that a single bright speckle does not win.
+    let loudest = (from..bins).filter(|&bin| levels[bin] > layout.threshold_db[bin]).max_by(|&a, &b| {
+        let around = |bin: usize| (bin.saturating_sub(2)..(bin + 3).min(bins)).map(power).sum::<f32>();
+        around(a).total_cmp(&around(b))
+    })?;
+    // The echo of a flat bottom lasts as long as the beam is wide on it.
+    let range = (loudest as f32 + 0.5) * layout.bin_m as f32;
+    let length = range * width * down.tan().min(10.0) / layout.bin_m as f32;
+    let reach = (0.75 * length).ceil() as usize + 3;
+    let window = loudest.saturating_sub(reach).max(from)..(loudest + reach + 1).min(bins);
+    let crossing = if down > BY_CROSSING { crossing(window.clone(), beside, power) } else { None };
+    let (at, spread) = match crossing {
+        Some(at) => (at, 0.0),
+        None => centre(window, power, power(loudest)),
+    };
+    let cell = (at as usize).min(bins - 1);
+    let above = levels[loudest] - layout.threshold_db[loudest];
+    let quality = (above / 20.0).clamp(0.0, 1.0) / (1.0 + spread / (reach as f32));
+    Some(Sounding {
+        beam: beam as u32,
+        range: at * layout.bin_m as f32,
+        cell: (beam * bins + cell) as u32,
+        level_db: levels[loudest],
+        quality,
+    })
+}
+
+/// Centre and spread of the energy in `window` within 10 dB of the loudest, bins.
+fn centre(window: std::ops::Range<usize>, power: impl Fn(usize) -> f32, most: f32) -> (f32, f32) {
+    let (mut sum, mut first, mut second) = (0.0, 0.0, 0.0);
+    let origin = window.start;
+    for bin in window {
+        let power = power(bin);
+        if power > 0.1 * most {
+            let at = (bin - origin) as f32 + 0.5;
+            (sum, first, second) = (sum + power, first + power * at, second + power * at * at);
+        }
+    }
+    let mean = first / sum;
+    (origin as f32 + mean, (second / sum - mean * mean).max(0.0).sqrt())
+}
+
+/// Where the line through the angles in `window`, weighed by power, is 0; `None`: nowhere in it.
+fn crossing(window: std::ops::Range<usize>, beside: &[f32], power: impl Fn(usize) -> f32) -> Option<f32> {
+    let origin = window.start;
+    let [mut n, mut x, mut y, mut xx, mut xy] = [0f64; 5];
+    for bin in window.clone() {
+        let angle = *beside.get(bin)?;
+        if angle.is_nan() {
+            continue;
+        }
+        let (weight, at, angle) = (f64::from(power(bin)), (bin - origin) as f64 + 0.5, f64::from(angle));
+        (n, x, y) = (n + weight, x + weight * at, y + weight * angle);
+        (xx, xy) = (xx + weight * at * at, xy + weight * at * angle);
+    }
+    let slope = (n * xy - x * y) / (n * xx - x * x);
+    let at = (x - y / slope) / n;
+    (slope.is_finite() && at >= 0.0 && at <= window.len() as f64).then_some(origin as f32 + at as f32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ping::SonarView;
+
+    fn layout(elevation: f32) -> Layout {
+        Layout {
+            view: SonarView::Swath,
+            axes: vec![[0.0, elevation]],
+            bins: 200,
+            bin_m: 0.1,
+            threshold_db: vec![50.0; 200],
+            ..Layout::default()
+        }
+    }
+
+    #[test]
+    fn a_short_echo_is_found_at_its_centre() {
+        let mut levels = [40.0; 200];
+        for (bin, level) in (98..103).zip([58.0, 70.0, 72.0, 70.0, 58.0]) {
+            levels[bin] = level;
+        }
+        let layout = layout(-std::f32::consts::FRAC_PI_2);
+        let heard = Heard { beam: 0, levels: &levels, beside: &[], width: 0.02, from: 0 };
+        let found = sounding(&layout, &heard).unwrap();
+        assert!((found.range - 10.05).abs() < 1e-3, "{found:?}");
+        assert_eq!((found.cell, found.level_db), (100, 72.0));
+        assert!(sounding(&layout, &Heard { from: 110, ..heard }).is_none());
+    }
+
+    #[test]
+    fn a_long_echo_is_found_where_it_crosses_the_axis() {
+        // Louder towards one end, as speckle may have it.
+        let mut levels = [40.0; 200];
+        let mut beside = [f32::NAN; 200];
+        for bin in 90..120 {
+            levels[bin] = 60.0 + (bin - 90) as f32 / 3.0;
+            beside[bin] = (bin as f32 + 0.5 - 104.0) * 1e-3;
+        }
+        let layout = layout(-0.4);
+        let heard = Heard { beam: 0, levels: &levels, beside: &beside, width: 0.1, from: 0 };
+        let found = sounding(&layout, &heard).unwrap();
+        assert!((found.range - 10.4).abs() < 1e-2, "{found:?}");
+    }
+}

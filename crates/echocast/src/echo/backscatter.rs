@@ -1,0 +1,100 @@
+//! What surfaces send back of sound, made ready for one frequency.
+
+use crate::material::{Material, ReflectanceSource, Reflectances, Sound};
+use crate::medium::Sea;
+use crate::trace::{Arrivals, SEA, Surfaces};
+use std::sync::Arc;
+
+/// Angles that a law is tabulated at: even steps of `sqrt(1 - sine of the grazing angle)`, which are fine at both ends:
+/// 0.16 degrees apart near head-on, half a degree where sound just grazes.
+const STEPS: usize = 512;
+
+/// Of every material, and of the sea surface, how much it sends back and what a reflection costs.
+pub(crate) struct Backscatter {
+    /// `log2(s_b / sine of the grazing angle)` at the angles of the table, a run of `STEPS + 1` for each material, then the
+    /// sea surface; where the reflectance of an image decides, that of reflectance 1.
+    laws: Vec<f32>,
+    /// Loss of a reflection at those angles, dB, likewise.
+    losses: Vec<f32>,
+    /// Whether the image of the surface decides, by material.
+    by_image: Vec<bool>,
+    /// What an image says.
+    source: ReflectanceSource,
+    frequency: f64,
+    sea: Sea,
+    speed: f64,
+}
+
+impl Backscatter {
+    /// For `materials`, where their reflectances stand for those that say nothing of sound, and for `sea`, at `frequency` Hz in
+    /// water of `speed` m/s.
+    pub fn new(
+        materials: &[Arc<Material>],
+        reflectances: &Reflectances,
+        frequency: f64,
+        sea: Sea,
+        speed: f64,
+    ) -> Backscatter {
+        let mut laws = Vec::with_capacity((materials.len() + 1) * (STEPS + 1));
+        let mut losses = Vec::with_capacity(laws.capacity());
+        let mut by_image = Vec::with_capacity(materials.len());
+        for (material, &reflectance) in materials.iter().zip(&reflectances.by_material) {
+            by_image.push(material.sound.is_none() && reflectance.is_nan());
+            let of_reflectance = || Sound::of_reflectance(if reflectance.is_nan() { 1.0 } else { reflectance.into() });
+            let sound = material.sound.clone().unwrap_or_else(of_reflectance);
+            tabulate(&mut laws, |sine| (sound.backscatter(sine, frequency) / sine).max(1e-30).log2());
+            tabulate(&mut losses, |sine| sound.reflection_loss_db(sine, frequency));
+        }
+        tabulate(&mut laws, |sine| (sea.backscatter(sine, frequency) / sine).max(1e-30).log2());
+        tabulate(&mut losses, |sine| sea.mirror_loss_db(sine, frequency, speed));
+        Backscatter { laws, losses, by_image, source: reflectances.source, frequency, sea, speed }
+    }
+
+    /// Whether it is what [`Backscatter::new`] would make of the same surfaces.
+    pub fn is_for(&self, source: ReflectanceSource, frequency: f64, sea: Sea, speed: f64) -> bool {
+        (self.source, self.frequency, self.sea) == (source, frequency, sea)
+            // What depends on the speed changes little with it.
+            && (self.speed / speed - 1.0).abs() < 1e-3
+    }
+
+    /// `log2(s_b / sine)` of what an arrival meets at the sine of a grazing angle.
+    #[inline(always)]
+    pub fn log2(&self, surfaces: &Surfaces, arrivals: &Arrivals, index: usize, sine: f32) -> f32 {
+        let row = arrivals.surface[index];
+        let material = self.material(surfaces, row);
+        let value = interpolate(&self.laws, material, sine);
+        if row != SEA && self.by_image[material] {
+            let surface = &surfaces.rows[row as usize];
+            let rgba = surfaces.base_color(surface, arrivals.triangle[index], arrivals.corner[index]);
+            let source = surfaces.materials[material].reflectance_source(self.source);
+            return value + source.of(rgba).max(1e-9).log2();
+        }
+        value
+    }
+
+    /// What a reflection by a row, or by the sea surface, costs at the sine of a grazing angle, dB.
+    pub fn reflection_loss(&self, surfaces: &Surfaces, row: u32, sine: f64) -> f64 {
+        interpolate(&self.losses, self.material(surfaces, row), sine as f32).into()
+    }
+
+    #[inline(always)]
+    fn material(&self, surfaces: &Surfaces, row: u32) -> usize {
+        if row == SEA { self.by_image.len() } else { surfaces.rows[row as usize].material as usize }
+    }
+}
+
+fn tabulate(table: &mut Vec<f32>, value: impl Fn(f64) -> f64) {
+    table.extend((0..=STEPS).map(|step| {
+        let part = step as f64 / STEPS as f64;
+        value((1.0 - part * part).max(1e-9)) as f32
+    }));
+}
+
+#[inline(always)]
+fn interpolate(table: &[f32], material: usize, sine: f32) -> f32 {
+    let at = (1.0 - sine).max(0.0).sqrt() * STEPS as f32;
+    let step = (at as usize).min(STEPS - 1);
+    let part = at - step as f32;
+    let first = material * (STEPS + 1) + step;
+    table[first] * (1.0 - part) + table[first + 1] * part
+}

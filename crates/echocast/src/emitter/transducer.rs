@@ -1,0 +1,349 @@
+//! The fans of a sonar as rays: how much sound each stands for, and how loud each beam hears it.
+
+use super::lobe;
+use super::pattern::{Imaging, Multibeam, Pattern, Sidescan, SingleBeam};
+use std::f64::consts::{FRAC_PI_2, PI};
+
+/// Power below which a beam hears nothing beside its axis, of a line array: four sidelobes to each side.
+const FAINTEST: f64 = 5e-3;
+
+/// Part of the rays that are spread evenly over a fan, whatever its pattern: they find what the sidelobes see.
+const EVEN: f64 = 0.2;
+
+/// What a sonar sends and hears, for one wavelength. Rays follow each other from the first beam to the last.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Transducer {
+    /// Unit directions of the rays in the sensor's frame.
+    pub direction: [Vec<f32>; 3],
+    /// Unit vectors across each ray along which the cell of directions that it stands for is `cell` rad long.
+    pub tangent: [Vec<f32>; 3],
+    pub cell: Vec<f32>,
+    /// Powers of sending and hearing, times the solid angle of the cell, sr, as log2; without what the beams make of it.
+    pub weight: Vec<f32>,
+    /// Index of the ray's [`Hearing`].
+    pub hearing: Vec<u32>,
+    /// Who hears rays, by rising first beam.
+    pub hearings: Vec<Hearing>,
+    /// Amplitudes with which beams hear, 1 on the axis; see [`Hearing`].
+    pub loudness: Vec<f32>,
+    /// Angles from the beam's axis to the ray, rad, positive to port, beside each loudness; only of swaths.
+    pub beside: Vec<f32>,
+    /// Azimuth and elevation of each beam's axis as it is reported, rad.
+    pub axes: Vec<[f32; 2]>,
+    /// Width of a swath's beams, or of the only one, rad.
+    pub width: f32,
+    /// Directivity index of hearing, dB.
+    pub directivity_db: f64,
+}
+
+/// The beams that hear a ray: from `first` on, as loud as `loudness[from..to]` says.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Hearing {
+    pub first: u32,
+    pub from: u32,
+    pub to: u32,
+}
+
+impl Transducer {
+    /// That of `pattern` for `wavelength`, m, where the true sound speed is `ratio` times what the beamformer believes;
+    /// `None` for patterns of light.
+    pub fn new(pattern: &Pattern, wavelength: f64, ratio: f64) -> Option<Transducer> {
+        let mut transducer = match pattern {
+            Pattern::Sidescan(sidescan) => Transducer::sidescan(sidescan, wavelength),
+            Pattern::Multibeam(swath) => Transducer::multibeam(swath, wavelength, ratio),
+            Pattern::Imaging(array) => Transducer::imaging(array, wavelength, ratio),
+            Pattern::SingleBeam(beam) => Transducer::single(beam, wavelength),
+            _ => return None,
+        };
+        transducer.axes = axes(pattern);
+        Some(transducer)
+    }
+
+    pub fn rays(&self) -> usize {
+        self.weight.len()
+    }
+
+    pub fn beams(&self) -> usize {
+        self.axes.len()
+    }
+
+    /// Solid angle that each beam sends to and hears, sr: both powers over all directions.
+    pub fn solid_angles(&self) -> Vec<f32> {
+        let mut sums = vec![0.0; self.beams()];
+        for (weight, &hearing) in self.weight.iter().zip(&self.hearing) {
+            let Hearing { first, from, to } = self.hearings[hearing as usize];
+            for (beam, loudness) in (first as usize..).zip(&self.loudness[from as usize..to as usize]) {
+                sums[beam] += weight.exp2() * loudness * loudness;
+            }
+        }
+        sums
+    }
+
+    fn push(&mut self, direction: [f64; 3], tangent: [f64; 3], cell: f64, power: f64) {
+        for axis in 0..3 {
+            self.direction[axis].push(direction[axis] as f32);
+            self.tangent[axis].push(tangent[axis] as f32);
+        }
+        self.cell.push(cell as f32);
+        self.weight.push(power.max(1e-30).log2() as f32);
+        self.hearing.push(self.hearings.len() as u32 - 1);
+    }
+
+    /// All rays from here on are heard by one beam.
+    fn heard_by(&mut self, beam: usize) {
+        let from = self.loudness.len() as u32;
+        self.loudness.push(1.0);
+        self.hearings.push(Hearing { first: beam as u32, from, to: from + 1 });
+    }
+
+    /// All rays from here on, `sine` from broadside of a line array, are heard by beams at the `sines`, falling.
+    fn heard_beside(&mut self, sine: f64, sines: &[f64], lobe: &lobe::Pattern, extent: f64, with_angles: bool) {
+        let from = self.loudness.len() as u32;
+        let first = sines.partition_point(|&axis| axis > sine + extent);
+        let end = sines.partition_point(|&axis| axis >= sine - extent).max(first);
+        for &axis in &sines[first..end] {
+            self.loudness.push(lobe.amplitude(sine - axis) as f32);
+            if with_angles {
+                self.beside.push((sine.clamp(-1.0, 1.0).asin() - axis.clamp(-1.0, 1.0).asin()) as f32);
+            }
+        }
+        self.hearings.push(Hearing { first: first as u32, from, to: self.loudness.len() as u32 });
+    }
+
+    fn sidescan(sonar: &Sidescan, wavelength: f64) -> Transducer {
+        let along = ThinSide::two_way(&sonar.along_deg.at(wavelength));
+        let vertical = sonar.vertical_deg.at(wavelength);
+        let axis = sonar.axis_deg().to_radians();
+        let strata = match sonar.down_fov_deg.zip(sonar.step_deg) {
+            Some((fov, step)) => {
+                // One ray at each end of the fan, as the paper's system has them.
+                let count = (0.5 * fov / step + 1e-6).floor() as usize + 1;
+                let step = step.to_radians();
+                let stratum = |index| Stratum { at: -FRAC_PI_2 + index as f64 * step, size: step, power: 1.0 };
+                (0..count).map(stratum).collect()
+            }
+            None => {
+                let (low, high) = ((axis - FRAC_PI_2).max(-FRAC_PI_2), (axis + FRAC_PI_2).min(FRAC_PI_2));
+                strata(sonar.rays as usize, [low, high], |angle| vertical.amplitude((angle - axis).sin()).powi(4), |_| 1.0)
+            }
+        };
+        let mut transducer = Transducer::default();
+        for (beam, azimuth) in sonar.azimuths_deg().iter().enumerate() {
+            let side = azimuth.signum();
+            transducer.heard_by(beam);
+            for (index, Stratum { at, size, power }) in strata.iter().enumerate() {
+                let (sin, cos) = at.sin_cos();
+                let ([forward, level], tangent) = (along.sine_cosine(index), [0.0, -side * sin, cos]);
+                transducer.push([forward, side * cos * level, sin * level], tangent, *size, power * size * along.width);
+            }
+        }
+        transducer.directivity_db = lobe::directivity(&sonar.along_deg.at(wavelength), &vertical);
+        transducer
+    }
+
+    fn multibeam(swath: &Multibeam, wavelength: f64, ratio: f64) -> Transducer {
+        let (sent, heard) = (swath.along_deg.at(wavelength), swath.across_deg.at(wavelength));
+        let along = ThinSide::new(|sine| sent.amplitude(sine).powi(2), sent.extent(1e-3));
+        let sines: Vec<f64> = swath.angles_deg().map(|angle| angle.to_radians().sin() * ratio).collect();
+        let extent = heard.extent(FAINTEST);
+        let widest = (0.5 * swath.swath_deg).to_radians();
+        // Rays as far beside the outermost beams as these hear, but not up.
+        let most = (widest.sin() * ratio.max(1.0) + extent).min(88f64.to_radians().sin()).asin().max(widest);
+        let count = swath.beams as usize * swath.rays as usize;
+        let mut transducer = Transducer::default();
+        for index in 0..count {
+            let at = most * (1.0 - (2 * index + 1) as f64 / count as f64);
+            let size = 2.0 * most / count as f64;
+            let (sin, cos) = at.sin_cos();
+            let [forward, level] = along.sine_cosine(index);
+            transducer.heard_beside(sin * level, &sines, &heard, extent, true);
+            transducer.push([forward, sin * level, -cos * level], [0.0, cos, sin], size, size * along.width);
+        }
+        transducer.width = heard.width() as f32;
+        transducer.directivity_db = line_index(&heard);
+        transducer
+    }
+
+    /// Beams of a line array are cones about it: rays of one hearing lie at one angle to the array.
+    fn imaging(array: &Imaging, wavelength: f64, ratio: f64) -> Transducer {
+        /// Hearings for each beam.
+        const FINE: usize = 2;
+        let (heard, vertical) = (array.beam_deg.at(wavelength), array.vertical_deg.at(wavelength));
+        let sines: Vec<f64> = array.bearings_deg().map(|bearing| bearing.to_radians().sin() * ratio).collect();
+        let extent = heard.extent(FAINTEST);
+        let widest = 0.5 * array.fov_deg.to_radians();
+        let most = (widest.sin() * ratio.max(1.0) + 0.5 * extent).min(1.0);
+        let (columns, rows) = (FINE * array.beams as usize, (array.rays as usize).div_ceil(FINE));
+        let power = |angle: f64| vertical.amplitude(angle.sin()).powi(4);
+        let rows = strata(rows, [-FRAC_PI_2, FRAC_PI_2], power, |_| 1.0);
+        let tilt = array.tilt_deg.to_radians().sin_cos();
+        let tilted = |[x, y, z]: [f64; 3]| [x * tilt.1 + z * tilt.0, y, z * tilt.1 - x * tilt.0];
+        let mut transducer = Transducer::default();
+        for column in 0..columns {
+            let at = most.asin() * (1.0 - (2 * column + 1) as f64 / columns as f64);
+            let (sine, cosine) = at.sin_cos();
+            let size = 2.0 * most.asin() / columns as f64 * cosine;
+            transducer.heard_beside(sine, &sines, &heard, extent, false);
+            let shift = golden(column) - 0.5;
+            for row in &rows {
+                let angle = row.at + shift * row.size;
+                let (sin, cos) = angle.sin_cos();
+                let direction = tilted([cosine * cos, sine, cosine * sin]);
+                let tangent = tilted([-sin, 0.0, cos]);
+                // Solid angle about the array's axis: d(sine) d(angle).
+                transducer.push(direction, tangent, row.size * cosine, power(angle) * row.size * size);
+            }
+        }
+        transducer.directivity_db = lobe::directivity(&heard, &vertical);
+        transducer
+    }
+
+    fn single(sonar: &SingleBeam, wavelength: f64) -> Transducer {
+        let count = sonar.rays as usize;
+        let tilt = sonar.tilt_deg.to_radians().sin_cos();
+        let tilted = |[x, y, z]: [f64; 3]| [x * tilt.1 + z * tilt.0, y, z * tilt.1 - x * tilt.0];
+        let mut transducer = Transducer::default();
+        transducer.heard_by(0);
+        if let Some(vertical) = &sonar.vertical_deg {
+            let (lobe, vertical) = (sonar.beam_deg.at(wavelength), vertical.at(wavelength));
+            let across = ThinSide::two_way(&lobe);
+            let power = |angle: f64| vertical.amplitude(angle.sin()).powi(4);
+            for (index, row) in strata(count, [-FRAC_PI_2, FRAC_PI_2], power, |_| 1.0).iter().enumerate() {
+                let (sin, cos) = row.at.sin_cos();
+                let [aside, level] = across.sine_cosine(index);
+                let direction = tilted([cos * level, aside, sin * level]);
+                transducer.push(direction, tilted([-sin, 0.0, cos]), row.size, row.power * row.size * across.width);
+            }
+            transducer.width = vertical.width() as f32;
+            transducer.directivity_db = lobe::directivity(&lobe, &vertical);
+        } else {
+            let lobe = sonar.round_lobe().at(wavelength);
+            let power = |angle: f64| lobe.amplitude(angle.sin()).powi(4);
+            for (index, ring) in strata(count, [0.0, FRAC_PI_2], power, f64::sin).iter().enumerate() {
+                let ((sin, cos), (left, up)) = (ring.at.sin_cos(), (2.0 * PI * golden(index)).sin_cos());
+                let direction = tilted([cos, sin * left, sin * up]);
+                let tangent = tilted([-sin, cos * left, cos * up]);
+                let solid = 2.0 * PI * ((ring.at - 0.5 * ring.size).cos() - (ring.at + 0.5 * ring.size).cos());
+                transducer.push(direction, tangent, solid.sqrt(), ring.power * solid);
+            }
+            transducer.width = lobe.width() as f32;
+            transducer.directivity_db = cone_index(&lobe);
+        }
+        transducer
+    }
+}
+
+/// Directivity index of a line that hears all around itself, dB: `10 log(2 / integral of b d(sine))`, and 3 dB more for
+/// what is behind it is not heard.
+fn line_index(lobe: &lobe::Pattern) -> f64 {
+    const STEPS: usize = 20_000;
+    let step = 2.0 / STEPS as f64;
+    let heard = |index: usize| lobe.amplitude(-1.0 + (index as f64 + 0.5) * step).powi(2) * step;
+    10.0 * (2.0 / (0..STEPS).map(heard).sum::<f64>()).log10() + 10.0 * 2f64.log10()
+}
+
+/// Directivity index of a round beam, dB: `10 log(4 pi / integral of b over the half sphere before it)`.
+fn cone_index(lobe: &lobe::Pattern) -> f64 {
+    const STEPS: usize = 20_000;
+    let step = FRAC_PI_2 / STEPS as f64;
+    let heard = |index: usize| {
+        let sine = ((index as f64 + 0.5) * step).sin();
+        lobe.amplitude(sine).powi(2) * sine * step
+    };
+    10.0 * (2.0 / (0..STEPS).map(heard).sum::<f64>()).log10()
+}
+
+/// Azimuth and elevation of the beams, rad.
+fn axes(pattern: &Pattern) -> Vec<[f32; 2]> {
+    let table = pattern.beams(0.0).expect("the pattern of a sensor has been drawn before");
+    let axis = |beam| {
+        let [x, y, z] = [table.dir_x[beam], table.dir_y[beam], table.dir_z[beam]];
+        [y.atan2(x), z.atan2(x.hypot(y))]
+    };
+    (0..table.len()).map(axis).collect()
+}
+
+/// `index` times the golden ratio, without its whole part: even, and never the same.
+fn golden(index: usize) -> f64 {
+    (index as f64 * 0.618_033_988_749_894_9).fract()
+}
+
+/// A part of a fan that one ray stands for.
+#[derive(Clone, Copy, Debug)]
+struct Stratum {
+    /// Its middle and size, rad.
+    at: f64,
+    size: f64,
+    /// Power in its middle.
+    power: f64,
+}
+
+/// `count` parts of a fan: small where it is loud, and some everywhere. `measure`: solid angle of a ring by angle.
+fn strata(count: usize, [low, high]: [f64; 2], power: impl Fn(f64) -> f64, measure: impl Fn(f64) -> f64) -> Vec<Stratum> {
+    /// Steps that the density is summed in.
+    const STEPS: usize = 8192;
+    let step = (high - low) / STEPS as f64;
+    let middle = |index: usize| low + (index as f64 + 0.5) * step;
+    // As many rays as amplitude: in between of noise (power) and of even sampling.
+    let loud: Vec<f64> = (0..STEPS).map(|index| power(middle(index)).sqrt() * measure(middle(index))).collect();
+    let even: Vec<f64> = (0..STEPS).map(|index| measure(middle(index))).collect();
+    let (sum, sum_even) = (loud.iter().sum::<f64>().max(1e-300), even.iter().sum::<f64>());
+    let mut rays = 0.0;
+    let mut edges = vec![low];
+    for index in 0..STEPS {
+        let density = count as f64 * ((1.0 - EVEN) * loud[index] / sum + EVEN * even[index] / sum_even);
+        while edges.len() < count && rays + density >= edges.len() as f64 {
+            let part = (edges.len() as f64 - rays) / density;
+            edges.push(low + (index as f64 + part) * step);
+        }
+        rays += density;
+    }
+    edges.resize(count, high);
+    edges.push(high);
+    let stratum = |pair: &[f64]| {
+        let at = 0.5 * (pair[0] + pair[1]);
+        Stratum { at, size: pair[1] - pair[0], power: power(at) }
+    };
+    edges.windows(2).map(stratum).collect()
+}
+
+/// The thin side of a fan: where across it rays lie, so that all weigh the same.
+struct ThinSide {
+    /// Its power over all angles, rad.
+    width: f64,
+    /// Angles with even power between them, rad.
+    angles: Vec<f64>,
+}
+
+impl ThinSide {
+    /// Of a lobe that sends and hears.
+    fn two_way(lobe: &lobe::Pattern) -> ThinSide {
+        ThinSide::new(|sine| lobe.amplitude(sine).powi(4), lobe.extent(1e-2))
+    }
+
+    /// Of a lobe with `power` at a sine, which is heard up to `extent`.
+    fn new(power: impl Fn(f64) -> f64, extent: f64) -> ThinSide {
+        const STEPS: usize = 4096;
+        const ANGLES: usize = 1024;
+        let most = extent.min(1.0).asin();
+        let step = 2.0 * most / STEPS as f64;
+        let middle = |index: usize| -most + (index as f64 + 0.5) * step;
+        let parts: Vec<f64> = (0..STEPS).map(|index| power(middle(index).sin()) * step).collect();
+        let width = parts.iter().sum::<f64>();
+        let mut angles = Vec::with_capacity(ANGLES);
+        let mut sum = 0.0;
+        for (index, part) in parts.iter().enumerate() {
+            while angles.len() < ANGLES && (angles.len() as f64 + 0.5) / ANGLES as f64 * width <= sum + part {
+                angles.push(middle(index));
+            }
+            sum += part;
+        }
+        angles.resize(ANGLES, most);
+        ThinSide { width, angles }
+    }
+
+    /// Sine and cosine of the angle of ray `index`.
+    fn sine_cosine(&self, index: usize) -> [f64; 2] {
+        self.angles[(golden(index) * self.angles.len() as f64) as usize].sin_cos().into()
+    }
+}

@@ -1,0 +1,597 @@
+//! One ping of a sonar, step by step: rays through the water, what they meet, what of it the beams hear, levels, depths.
+
+use super::{Profile, ScanOptions};
+use crate::cause::Cause;
+use crate::cloud::{Columns, Field, FieldSet, Slices};
+use crate::detect::{Heard, sounding};
+use crate::echo::{
+    Background, Backscatter, CHUNK_BITS, Drift, Echoes, Insonification, LOG2_PER_DB, Lines, NOBODY, Response, Scatterers,
+    Tile, Wants,
+};
+use crate::emitter::{Pose, Trajectory, Transducer};
+use crate::error::{Error, Result};
+use crate::material::{Mirrors, ReflectanceSource};
+use crate::medium::{Column, Water};
+use crate::parallel;
+use crate::ping::{CELL_FIELDS, Layout, Ping, SonarView};
+use crate::report::Report;
+use crate::rng::Rng;
+use crate::scene::srgb_byte;
+use crate::sensor::Sensor;
+use crate::sonar::{AcousticsSpec, Speckle};
+use crate::trace::{BuiltScene, Launch, SoundLimits, SoundTracer, Tables, TracerMemory};
+use glam::{DVec3, Mat3};
+use pulp::{Arch, NullaryFnOnce};
+use std::sync::Arc;
+use std::{fmt, mem};
+
+/// Rays per task: a constant, so that results cannot depend on the number of threads.
+const CHUNK: usize = 2048;
+
+/// Beams per tile: the sums of one fit into the second-level cache.
+const TILE: usize = 32;
+
+/// Memory of a ping, kept from one to the next.
+#[derive(Default)]
+pub(crate) struct PingMemory {
+    chunks: Vec<Chunk>,
+    tiles: Vec<TileMemory>,
+    /// The layout of the last ping, and what it was made of.
+    layout: Option<(LayoutInputs, Arc<Layout>)>,
+}
+
+impl Clone for PingMemory {
+    /// A copy needs memory of its own when it is pinged into.
+    fn clone(&self) -> Self {
+        PingMemory::default()
+    }
+}
+
+impl fmt::Debug for PingMemory {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str("PingMemory")
+    }
+}
+
+#[derive(Default)]
+struct Chunk {
+    echoes: Echoes,
+    tracer: TracerMemory,
+}
+
+#[derive(Default)]
+struct TileMemory {
+    tile: Tile,
+    lines: Lines,
+}
+
+/// What a [`Layout`] depends on beside the sensor.
+#[derive(Clone, PartialEq)]
+struct LayoutInputs {
+    sensor: AcousticsSpec,
+    beams: usize,
+    bins: usize,
+    believed: f64,
+    absorption: f64,
+    ambient: f64,
+    volume: Option<f64>,
+}
+
+/// What is the same for all rays of a ping.
+struct Pinging<'a> {
+    scene: &'a Tables,
+    acoustics: &'a AcousticsSpec,
+    transducer: Arc<Transducer>,
+    backscatter: Arc<Backscatter>,
+    water: &'a Water,
+    column: Column,
+    layout: Arc<Layout>,
+    /// Power that a steradian of open water sends back from each bin; empty: none.
+    volume: Vec<f32>,
+    solid_angles: Vec<f32>,
+    response: Response,
+    pose: Pose,
+    drift: Option<Drift>,
+    speckle: Option<Scatterers>,
+    rng: Rng,
+    /// Ranges from which echoes come, m.
+    reach: f64,
+    fold: f64,
+    nearest: f64,
+    mask: u32,
+    time: f64,
+}
+
+impl BuiltScene {
+    /// One ping of a sonar at `trajectory`, sent when the scan of `options` starts; `options.frame` is its number. It holds
+    /// those of `options.fields` that are [`CELL_FIELDS`], and always the level (`intensity`).
+    ///
+    /// # Errors
+    /// A sensor that is no sonar; a sonar above the water or outside its profile; another profile of physics than
+    /// [`Profile::Physical`], of which there are clouds only; as [`BuiltScene::scan`].
+    pub fn ping(&self, sensor: &Sensor, trajectory: &Trajectory, options: &ScanOptions) -> Result<Ping> {
+        let mut ping = Ping::default();
+        self.ping_into(sensor, trajectory, options, &mut ping)?;
+        Ok(ping)
+    }
+
+    /// [`BuiltScene::ping`] into the memory of `ping`.
+    ///
+    /// # Errors
+    /// As [`BuiltScene::ping`]; then `ping` is of no use.
+    pub fn ping_into(
+        &self,
+        sensor: &Sensor,
+        trajectory: &Trajectory,
+        options: &ScanOptions,
+        ping: &mut Ping,
+    ) -> Result<()> {
+        options.check(trajectory)?;
+        if options.profile != Profile::Physical {
+            let allowed = "physical; the paper and its program know points only, which a scan returns";
+            return Err(Error::invalid("profile", format!("{:?}", options.profile).to_lowercase(), allowed));
+        }
+        let mut memory = mem::take(&mut ping.memory);
+        let pinging = Pinging::new(&self.0, sensor, trajectory, options, &mut memory)?;
+        let done = self.0.engine.install(|| pinging.run(options, &mut memory, ping));
+        ping.memory = memory;
+        done
+    }
+
+    /// What there is to say against the water of `options` for a sonar at `trajectory`: formulas outside the ranges that
+    /// they were made for, speeds that no water has.
+    ///
+    /// # Errors
+    /// As [`BuiltScene::ping`].
+    pub fn check_water(&self, sensor: &Sensor, trajectory: &Trajectory, options: &ScanOptions) -> Result<Report> {
+        let acoustics = sensor.acoustics()?;
+        let start = trajectory.at(options.trajectory_time());
+        let water = options.environment.water.clone().unwrap_or_default();
+        let (_, warnings) = Column::new(&water, acoustics.frequency(), water.surface_z_m - start.position.z)?;
+        let mut report = Report::default();
+        warnings.into_iter().for_each(|warning| report.warn(warning));
+        Ok(report)
+    }
+}
+
+impl<'a> Pinging<'a> {
+    fn new(
+        scene: &'a Tables,
+        sensor: &'a Sensor,
+        trajectory: &Trajectory,
+        options: &'a ScanOptions,
+        memory: &mut PingMemory,
+    ) -> Result<Pinging<'a>> {
+        static WATER: std::sync::LazyLock<Water> = std::sync::LazyLock::new(Water::default);
+        let acoustics = sensor.acoustics()?;
+        let time = options.trajectory_time();
+        let pose = sensor.turned(trajectory.at(time), options.frame);
+        let water = options.environment.water.as_ref().unwrap_or(&WATER);
+        let frequency = acoustics.frequency();
+        let depth = water.surface_z_m - pose.position.z;
+        let (column, _) = Column::new(water, frequency, depth)?;
+        let slab = column.slabs[column.slab_at(depth)];
+        let (speed, absorption) = (slab.speed_at(depth), slab.absorption_at(depth));
+        let believed = water.assumed_speed_m_s.unwrap_or(speed);
+        let ratio = acoustics.array_speed_m_s.map_or(1.0, |array| speed / array);
+        let transducer = sensor.transducer(speed / frequency, ratio);
+        let sea = water.sea();
+        let source = options.reflectance_source.unwrap_or(ReflectanceSource::Luminance);
+        let reflectances = scene.surfaces.reflectances(sensor.wavelength_nm, source, Mirrors::Real);
+        let backscatter = scene.surfaces.backscatter(&reflectances, frequency, sea, speed);
+
+        let interval = 0.5 * believed * sensor.beams.period;
+        let reach = sensor.range_max_m;
+        let allowed = |most: f64, how: &str| {
+            let found = format!("{reach} m, beyond the {interval:.2} m that sound goes and comes back between two pings");
+            Error::invalid("range.max_m", found, format!("up to {most:.2} m, a lower pattern.rate_hz{how}"))
+        };
+        match acoustics.allow_ambiguity {
+            false if reach > interval * (1.0 + 1e-9) => {
+                return Err(allowed(interval, ", or acoustics.allow_ambiguity: true"));
+            }
+            true if reach > 2.0 * interval => return Err(allowed(2.0 * interval, "")),
+            _ => {}
+        }
+        let fold = if reach > interval * (1.0 + 1e-9) { interval } else { f64::INFINITY };
+        let resolution = acoustics.resolution(believed);
+        let bin_m = acoustics.bin_m.unwrap_or(0.5 * resolution);
+        let bins = (reach.min(fold) / bin_m).ceil();
+        let cells = bins * transducer.beams() as f64;
+        /// What fits into memory many times over.
+        const MOST_CELLS: f64 = 2e8;
+        if cells > MOST_CELLS {
+            let found = format!("{bin_m} m: {bins} bins of {} beams", transducer.beams());
+            return Err(Error::invalid("acoustics.bin_m", found, format!("at most {MOST_CELLS} cells in a ping")));
+        }
+        let ambient = || water.noise().level_db(frequency) + 10.0 * acoustics.bandwidth().log10();
+        let inputs = LayoutInputs {
+            sensor: acoustics.clone(),
+            beams: transducer.beams(),
+            bins: bins as usize,
+            believed,
+            absorption,
+            ambient: acoustics.noise_level_db.unwrap_or_else(ambient),
+            volume: water.volume_backscatter_db,
+        };
+        let solid_angles = transducer.solid_angles();
+        let volume = volume(&inputs, bin_m, resolution);
+        let layout = match memory.layout.take() {
+            Some((made_of, layout)) if made_of == inputs && layout.axes == transducer.axes => layout,
+            _ => Arc::new(layout(&inputs, sensor, &transducer, bin_m, &volume, &solid_angles)),
+        };
+        memory.layout = Some((inputs, layout.clone()));
+
+        let drift = match (acoustics.stop_and_hop, trajectory.constant()) {
+            (false, None) => {
+                // While the farthest echo is on its way.
+                let wait = 2.0 * reach / believed;
+                let moved = trajectory.at(time + wait).position - trajectory.at(time).position;
+                Some(Drift { moved: (moved / wait / believed).as_vec3() })
+            }
+            _ => None,
+        };
+        let rng = Rng::new(options.seed, options.frame);
+        let speckle = (acoustics.speckle == Speckle::Frozen).then(|| Scatterers {
+            // Of the seed alone: a surface looks the same in every ping.
+            rng: Rng::new(options.seed, 0),
+            lattice: (resolution / 3.0) as f32,
+            texture: sensor.texture.clone(),
+        });
+        Ok(Pinging {
+            scene,
+            acoustics,
+            backscatter,
+            water,
+            column,
+            layout,
+            volume,
+            solid_angles,
+            response: Response::new(bin_m / resolution, acoustics.bandwidth_khz.is_some(), acoustics.taper),
+            pose,
+            drift,
+            speckle,
+            rng,
+            reach,
+            fold,
+            nearest: sensor.range_min_m,
+            mask: options.mask,
+            time: options.start_time,
+            transducer,
+        })
+    }
+
+    /// Fills `ping`.
+    fn run(&self, options: &ScanOptions, memory: &mut PingMemory, ping: &mut Ping) -> Result<()> {
+        let asked: FieldSet = CELL_FIELDS.into_iter().filter(|&field| options.fields.contains(field)).collect();
+        let fields = asked.with(Field::Intensity);
+        let Layout { bins, view, .. } = *self.layout;
+        let beams = self.transducer.beams();
+        ping.number = options.frame;
+        ping.time = self.time;
+        ping.pose = self.pose;
+        ping.layout = self.layout.clone();
+        ping.origin = self.scene.origin;
+        ping.fields = fields;
+        ping.labels = self.scene.surfaces.labels.clone();
+        ping.cells.make_room(fields, beams * bins)?;
+        ping.cells.lengthen(fields, beams * bins);
+
+        let chunks = self.transducer.rays().div_ceil(CHUNK);
+        if chunks > 1 << (32 - CHUNK_BITS) {
+            return Err(Error::invalid("pattern.rays", self.transducer.rays(), "at most 134 million rays in a ping"));
+        }
+        memory.chunks.resize_with(chunks, Chunk::default);
+        let insonification = self.insonification();
+        parallel::for_each(&mut memory.chunks, |number, chunk| {
+            Arch::new().dispatch(Answer { pinging: self, insonification: &insonification, number, chunk });
+        });
+
+        let wants = Wants {
+            who: fields.without(Field::Intensity) != FieldSet::EMPTY,
+            lean: view == SonarView::Swath,
+            open: !self.volume.is_empty(),
+            speckle: self.speckle.is_some(),
+        };
+        memory.tiles.resize_with(beams.div_ceil(TILE), TileMemory::default);
+        let rows = ping.cells.slices(0, beams * bins);
+        let task = Listening { pinging: self, chunks: &memory.chunks, wants };
+        task.tiles(&mut memory.tiles, 0, rows);
+        ping.soundings.clear();
+        if matches!(view, SonarView::Swath | SonarView::Single) {
+            self.sound_out(memory, &mut ping.cells, &mut ping.soundings);
+        }
+        Ok(())
+    }
+
+    fn insonification(&self) -> Insonification<'_> {
+        Insonification {
+            transducer: &self.transducer,
+            backscatter: &self.backscatter,
+            surfaces: &self.scene.surfaces,
+            rotation: self.rotation(),
+            source_level: self.acoustics.source_level_db as f32,
+            spreading: self.water.spreading,
+            spreading_from: self.water.spreading_from_m.unwrap_or(1.0) as f32,
+            straight: self.column.is_uniform(),
+            bins: self.layout.bins,
+            bin_m: self.layout.bin_m as f32,
+            fold: self.fold as f32,
+            turns: (2.0 * self.acoustics.frequency() / self.layout.believed_speed) as f32,
+            speckle: self.speckle.clone(),
+            drift: self.drift,
+        }
+    }
+
+    fn rotation(&self) -> Mat3 {
+        self.pose.rotation().as_mat3()
+    }
+
+    /// Place of the sonar, relative to the scene's origin, m.
+    fn place(&self) -> DVec3 {
+        self.pose.position - self.scene.origin
+    }
+
+    /// The ranges that beams report.
+    fn sound_out(&self, memory: &PingMemory, cells: &mut Columns, soundings: &mut Vec<crate::ping::Sounding>) {
+        let bins = self.layout.bins;
+        let mut beside = Vec::new();
+        let from = (self.nearest / self.layout.bin_m).floor() as usize;
+        for TileMemory { tile, .. } in &memory.tiles {
+            for beam in tile.beams.0..tile.beams.1 {
+                beside.clear();
+                if !tile.total.is_empty() {
+                    let column = (0..bins).map(|bin| bin * tile.width() + beam - tile.beams.0);
+                    beside.extend(column.map(|cell| tile.lean[cell] / tile.total[cell]));
+                }
+                let heard = Heard {
+                    beam,
+                    levels: &cells.intensity[beam * bins..(beam + 1) * bins],
+                    beside: &beside,
+                    width: self.transducer.width,
+                    from,
+                };
+                soundings.extend(sounding(&self.layout, &heard));
+            }
+        }
+    }
+}
+
+/// What a steradian of open water sends back from each bin, uPa^2: volume backscatter from a resolution cell, spherical
+/// spreading and absorption as at the sonar (sonar equation, Urick 1983, section 8.3).
+fn volume(inputs: &LayoutInputs, bin_m: f64, resolution: f64) -> Vec<f32> {
+    let Some(strength) = inputs.volume else { return Vec::new() };
+    let of_bin = |bin: usize| {
+        let range = (bin as f64 + 0.5) * bin_m;
+        let spreading = 20.0 * range.log10().abs();
+        let level = inputs.sensor.source_level_db + strength + 10.0 * resolution.log10() - spreading;
+        10f64.powf((level - 2.0 * inputs.absorption * range) / 10.0) as f32
+    };
+    (0..inputs.bins).map(of_bin).collect()
+}
+
+fn layout(
+    inputs: &LayoutInputs,
+    sensor: &Sensor,
+    transducer: &Transducer,
+    bin_m: f64,
+    volume: &[f32],
+    solid_angles: &[f32],
+) -> Layout {
+    let acoustics = &inputs.sensor;
+    let directivity = acoustics.directivity_index_db.unwrap_or(transducer.directivity_db);
+    let noise_db = inputs.ambient - directivity - acoustics.processing_gain();
+    let noise = 10f64.powf(noise_db / 10.0);
+    let widest = solid_angles.iter().copied().fold(0.0, f32::max);
+    let threshold = |bin: usize| {
+        let background = noise + f64::from(volume.get(bin).copied().unwrap_or(0.0) * widest);
+        (10.0 * background.log10() + acoustics.detection_threshold_db) as f32
+    };
+    let tvg = |bin: usize| {
+        let range = (bin as f64 + 0.5) * bin_m;
+        let absorption = acoustics.tvg.absorption_db_m.unwrap_or(inputs.absorption);
+        (acoustics.tvg.spreading * range.max(1.0).log10() + 2.0 * absorption * range + acoustics.tvg.gain_db) as f32
+    };
+    Layout {
+        view: sensor.sonar_view(),
+        axes: transducer.axes.clone(),
+        bins: inputs.bins,
+        bin_m,
+        believed_speed: inputs.believed,
+        noise_db: noise_db as f32,
+        threshold_db: (0..inputs.bins).map(threshold).collect(),
+        tvg_db: (0..inputs.bins).map(tvg).collect(),
+    }
+}
+
+/// Rays of one chunk and what they send back, compiled for the vector instructions of this machine.
+struct Answer<'a, 'p> {
+    pinging: &'a Pinging<'p>,
+    insonification: &'a Insonification<'a>,
+    number: usize,
+    chunk: &'a mut Chunk,
+}
+
+impl NullaryFnOnce for Answer<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Answer { pinging, insonification, number, chunk } = self;
+        let transducer = &*pinging.transducer;
+        let (scene, sound) = (pinging.scene, &pinging.backscatter);
+        let loss = |row: u32, sine: f64| sound.reflection_loss(&scene.surfaces, row, sine);
+        let tracer = SoundTracer::new(
+            scene,
+            &pinging.column,
+            SoundLimits {
+                mask: pinging.mask,
+                believed: pinging.layout.believed_speed,
+                reach: pinging.reach,
+                bounces: pinging.acoustics.bounces,
+                reflection_loss: &loss,
+            },
+        );
+        let launch = Launch {
+            directions: transducer.direction.each_ref().map(|axis| &axis[..]),
+            rotation: pinging.rotation(),
+            place: pinging.place(),
+        };
+        let rays = number * CHUNK..((number + 1) * CHUNK).min(transducer.rays());
+        chunk.echoes.arrivals.clear();
+        tracer.trace(&launch, rays, &mut chunk.tracer, &mut chunk.echoes.arrivals);
+        insonification.answer(&mut chunk.echoes);
+    }
+}
+
+/// What all tiles listen to.
+#[derive(Clone, Copy)]
+struct Listening<'a, 'p> {
+    pinging: &'a Pinging<'p>,
+    chunks: &'a [Chunk],
+    wants: Wants,
+}
+
+/// One tile.
+struct Listen<'a, 'p> {
+    listening: Listening<'a, 'p>,
+    memory: &'a mut TileMemory,
+    first: usize,
+    rows: Slices<'a>,
+}
+
+impl Listening<'_, '_> {
+    /// Fills the tiles, the first of which is number `first`, and their `rows`.
+    fn tiles(self, tiles: &mut [TileMemory], first: usize, rows: Slices) {
+        match tiles {
+            [] => {}
+            [memory] => Arch::new().dispatch(Listen { listening: self, memory, first: first * TILE, rows }),
+            _ => {
+                let half = tiles.len() / 2;
+                let (left, right) = tiles.split_at_mut(half);
+                let (left_rows, right_rows) = rows.split_at(half * TILE * self.pinging.layout.bins);
+                parallel::join(
+                    || self.tiles(left, first, left_rows),
+                    || self.tiles(right, first + half, right_rows),
+                );
+            }
+        }
+    }
+}
+
+impl NullaryFnOnce for Listen<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Listen { listening: Listening { pinging, chunks, wants }, memory, first, rows } = self;
+        let TileMemory { tile, lines } = memory;
+        let Layout { bins, bin_m, .. } = *pinging.layout;
+        let last = (first + TILE).min(pinging.transducer.beams());
+        tile.clear((first, last), bins, wants);
+        for (number, chunk) in (0..).zip(chunks) {
+            tile.hear(&pinging.transducer, number, &chunk.echoes, bin_m as f32, wants);
+        }
+        let background = Background {
+            rng: pinging.rng,
+            noise: (pinging.layout.noise_db * LOG2_PER_DB).exp2(),
+            volume: &pinging.volume,
+            solid_angles: &pinging.solid_angles,
+        };
+        tile.levels(&pinging.response, &background, lines, rows.intensity);
+        if wants.who {
+            pinging.tell(tile, chunks, rows);
+        }
+    }
+}
+
+/// Puts a value into a row of a column, if the column is there.
+macro_rules! put {
+    ($rows:ident, $row:ident, $($column:ident: $value:expr),* $(,)?) => {$(
+        if let Some(cell) = $rows.$column.get_mut($row) {
+            *cell = $value;
+        }
+    )*};
+}
+
+impl Pinging<'_> {
+    /// The columns of a tile that say what the strongest scatterer of each cell is.
+    fn tell(&self, tile: &Tile, chunks: &[Chunk], mut rows: Slices) {
+        let (bins, width) = (self.layout.bins, tile.width());
+        for beam in 0..width {
+            for bin in 0..bins {
+                let row = beam * bins + bin;
+                match tile.who[bin * width + beam] {
+                    NOBODY => silence(&mut rows, row),
+                    who => {
+                        let echoes = &chunks[(who >> CHUNK_BITS) as usize].echoes;
+                        self.tell_cell(echoes, (who & ((1 << CHUNK_BITS) - 1)) as usize, bin, &mut rows, row);
+                    }
+                }
+            }
+        }
+    }
+
+    /// What arrival `index` is, in the cell of `bin` and `row`.
+    #[inline(always)]
+    fn tell_cell(&self, echoes: &Echoes, index: usize, bin: usize, rows: &mut Slices, row: usize) {
+        let arrivals = &echoes.arrivals;
+        let surfaces = &self.scene.surfaces;
+        if let Some(surface) = surfaces.rows.get(arrivals.surface[index] as usize) {
+            put!(rows, row,
+                category_id: surface.category_id,
+                part_id: surface.part_id,
+                instance_id: surface.instance_id,
+                material_id: surface.material_id,
+            );
+            if !(rows.red.is_empty() && rows.green.is_empty() && rows.blue.is_empty()) {
+                let [red, green, blue] = match surface.textured {
+                    false => surface.rgb,
+                    true => {
+                        let rgba = surfaces.base_color(surface, arrivals.triangle[index], arrivals.corner[index]);
+                        std::array::from_fn(|channel| srgb_byte(rgba[channel]))
+                    }
+                };
+                put!(rows, row, red: red, green: green, blue: blue);
+            }
+        } else {
+            put!(rows, row, category_id: 0, part_id: 0, instance_id: 0, material_id: 0, red: 0, green: 0, blue: 0);
+        }
+        // The cell's own part of what the ray stands for.
+        let beside = self.layout.range(bin) as f32 - echoes.range[index];
+        let place = arrivals.place[index] + echoes.slide[index] * beside;
+        let order = arrivals.order[index];
+        put!(rows, row,
+            true_x: place.x,
+            true_y: place.y,
+            true_z: place.z,
+            true_range: arrivals.path[index] + beside,
+            time: self.time + 2.0 * f64::from(arrivals.range[index] + beside) / self.layout.believed_speed,
+            bounces: order,
+            cause: if order > 0 { Cause::Multipath as u8 } else { Cause::Surface as u8 },
+        );
+        let (direction, normal) = (arrivals.direction[index], arrivals.normal[index]);
+        let scale = -direction.dot(normal).signum() / normal.length();
+        let normal = normal * scale;
+        put!(rows, row,
+            cos_incidence: (-direction.dot(normal)).clamp(0.0, 1.0),
+            normal_x: normal.x,
+            normal_y: normal.y,
+            normal_z: normal.z,
+        );
+        if !(rows.azimuth.is_empty() && rows.elevation.is_empty()) {
+            let [x, y, z] = self.transducer.direction.each_ref().map(|axis| axis[arrivals.ray[index] as usize]);
+            put!(rows, row, azimuth: y.atan2(x), elevation: z.atan2(x.hypot(y)));
+        }
+    }
+}
+
+/// A cell in which nothing scatters.
+fn silence(rows: &mut Slices, row: usize) {
+    put!(rows, row,
+        category_id: 0, part_id: 0, instance_id: 0, material_id: 0, red: 0, green: 0, blue: 0, bounces: 0, cause: 0,
+        true_x: f32::NAN, true_y: f32::NAN, true_z: f32::NAN, true_range: f32::NAN, time: f64::NAN,
+        cos_incidence: f32::NAN, normal_x: f32::NAN, normal_y: f32::NAN, normal_z: f32::NAN,
+        azimuth: f32::NAN, elevation: f32::NAN,
+    );
+}

@@ -1,0 +1,178 @@
+//! What is particular to a sonar: the section `acoustics` of a sensor file.
+
+use crate::bounds::{ABOVE_ZERO, Bounds};
+use crate::error::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+/// `acoustics`: sound, transmitter and receiver. Levels are dB re 1 uPa; the source level at 1 m.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AcousticsSpec {
+    /// Centre frequency, kHz, 1 to 5000.
+    pub frequency_khz: f64,
+    /// Source level, dB re 1 uPa at 1 m, 0 to 300.
+    #[serde(default = "source_level")]
+    pub source_level_db: f64,
+    /// Bandwidth of the pulse, kHz; without it that of an unmodulated pulse of `pulse_ms`, its inverse.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bandwidth_khz: Option<f64>,
+    /// Length of the pulse, ms.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pulse_ms: Option<f64>,
+    /// Noise within the bandwidth, dB re 1 uPa; without it the ambient noise of the water.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise_level_db: Option<f64>,
+    /// Directivity index of the receiver, dB, by which noise is less; without it that of its beam.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub directivity_index_db: Option<f64>,
+    /// Gain of the matched filter, dB, by which noise is less; without it `10 log(bandwidth x length of the pulse)`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub processing_gain_db: Option<f64>,
+    /// What an echo must have above noise and volume reverberation to be reported, dB, -100 to 100.
+    #[serde(default = "threshold")]
+    pub detection_threshold_db: f64,
+    /// Length of a range bin, m, at least a thousandth; without it half the resolution `c / (2 bandwidth)`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bin_m: Option<f64>,
+    /// Weighting of the matched filter.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub taper: Taper,
+    /// What the random scatterers of a surface make of its echo.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub speckle: Speckle,
+    /// Shape of the gamma-distributed texture that makes K-distributed echoes of Rayleigh ones, 0.1 to 1000.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub texture_shape: Option<f64>,
+    /// Reflections by sea surface and scene that sound is followed over, 0 to 8.
+    #[serde(default)]
+    pub bounces: u8,
+    /// Gain over range that pictures are drawn with.
+    #[serde(default)]
+    pub tvg: Tvg,
+    /// Sound speed that the beamformer believes, m/s; without it the true one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub array_speed_m_s: Option<f64>,
+    /// Whether the sonar stands still from a ping to its last echo.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub stop_and_hop: bool,
+    /// Whether echoes may come after the next ping, and are then taken for its own.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub allow_ambiguity: bool,
+}
+
+/// Weighting of the matched filter: what a point-like echo looks like over range.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Taper {
+    /// None: `sinc^2` with first sidelobes at -13.3 dB; an unmodulated pulse is as long as it is.
+    #[default]
+    None,
+    /// Hamming: sidelobes below -42 dB, 1.47 times as wide.
+    Hamming,
+}
+
+/// What the random scatterers of a surface make of its echo.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Speckle {
+    /// Rayleigh-distributed amplitude, frozen to the surface.
+    #[default]
+    Frozen,
+    /// None: the mean level.
+    Off,
+}
+
+/// `acoustics.tvg`: time-varied gain, `spreading log10(r) + 2 absorption r + gain_db` dB.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Tvg {
+    /// Factor of the logarithm, 0 to 60: 40 for point targets, 30 for areas, 20 for volumes.
+    pub spreading: f64,
+    /// Absorption, dB/m, 0 to 10; without it that of the water at the sonar.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub absorption_db_m: Option<f64>,
+    /// Gain everywhere, dB, -200 to 200.
+    pub gain_db: f64,
+}
+
+impl Default for Tvg {
+    fn default() -> Self {
+        Tvg { spreading: 30.0, absorption_db_m: None, gain_db: 0.0 }
+    }
+}
+
+fn source_level() -> f64 {
+    210.0
+}
+
+fn threshold() -> f64 {
+    10.0
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
+impl AcousticsSpec {
+    pub(crate) fn check(&self, bounds: &mut Bounds) -> Result<()> {
+        let key = |name: &str| format!("acoustics.{name}");
+        bounds.within(key("frequency_khz"), self.frequency_khz, 1.0, 5000.0)?;
+        bounds.within(key("source_level_db"), self.source_level_db, 0.0, 300.0)?;
+        // Above, it would not be a band around the frequency.
+        let widest = 2.0 * self.frequency_khz;
+        let allowed = format!("above 0, at most twice acoustics.frequency_khz ({widest})");
+        bounds.number(key("bandwidth_khz"), self.bandwidth_khz, [ABOVE_ZERO, widest], &allowed)?;
+        bounds.number(key("pulse_ms"), self.pulse_ms, [1e-4, 1e4], "0.0001 to 10000")?;
+        let bandwidth = match (self.bandwidth_khz, self.pulse_ms) {
+            (Some(bandwidth), _) => bandwidth,
+            (None, Some(pulse)) => 1.0 / pulse,
+            (None, None) => {
+                let allowed = "the one or acoustics.pulse_ms, or both";
+                return Err(Error::invalid(key("bandwidth_khz"), "missing", allowed));
+            }
+        };
+        if bandwidth > widest {
+            let shortest = 1.0 / widest;
+            return Err(Error::invalid(
+                key("pulse_ms"),
+                self.pulse_ms.unwrap_or_default(),
+                format!("at least {shortest}, half a period of the sound"),
+            ));
+        }
+        bounds.within(key("noise_level_db"), self.noise_level_db, -200.0, 300.0)?;
+        bounds.within(key("directivity_index_db"), self.directivity_index_db, -10.0, 100.0)?;
+        bounds.within(key("processing_gain_db"), self.processing_gain_db, -100.0, 100.0)?;
+        bounds.within(key("detection_threshold_db"), self.detection_threshold_db, -100.0, 100.0)?;
+        bounds.within(key("bin_m"), self.bin_m, 1e-3, 1000.0)?;
+        bounds.within(key("texture_shape"), self.texture_shape, 0.1, 1000.0)?;
+        bounds.within(key("bounces"), f64::from(self.bounces), 0.0, 8.0)?;
+        bounds.within(key("tvg.spreading"), self.tvg.spreading, 0.0, 60.0)?;
+        bounds.within(key("tvg.absorption_db_m"), self.tvg.absorption_db_m, 0.0, 10.0)?;
+        bounds.within(key("tvg.gain_db"), self.tvg.gain_db, -200.0, 200.0)?;
+        bounds.within(key("array_speed_m_s"), self.array_speed_m_s, 100.0, 10_000.0)
+    }
+
+    /// Centre frequency, Hz.
+    pub fn frequency(&self) -> f64 {
+        1e3 * self.frequency_khz
+    }
+
+    /// Bandwidth of the pulse, Hz.
+    pub fn bandwidth(&self) -> f64 {
+        self.bandwidth_khz.map_or_else(|| self.pulse_ms.map_or(f64::NAN, |pulse| 1e3 / pulse), |bandwidth| 1e3 * bandwidth)
+    }
+
+    /// Gain of the matched filter, dB.
+    pub fn processing_gain(&self) -> f64 {
+        let of_pulse = || match (self.bandwidth_khz, self.pulse_ms) {
+            (Some(bandwidth), Some(pulse)) => (10.0 * (bandwidth * pulse).log10()).max(0.0),
+            _ => 0.0,
+        };
+        self.processing_gain_db.unwrap_or_else(of_pulse)
+    }
+
+    /// Range resolution where sound travels at `speed` m/s, m: `c / (2 B)`, of an unmodulated pulse `c tau / 2`.
+    pub fn resolution(&self, speed: f64) -> f64 {
+        0.5 * speed / self.bandwidth()
+    }
+}
