@@ -1,6 +1,6 @@
 //! Materials as YAML.
 
-use super::{Material, Reflectance};
+use super::{Material, Reflectance, Sound};
 use crate::error::{Error, Result};
 use crate::yaml::Document;
 use serde::de::{Deserialize, Deserializer, Error as _};
@@ -52,6 +52,7 @@ impl Material {
             }
         }
         self.scattering.check(self.reflectance.as_ref())?;
+        self.sound.as_ref().map_or(Ok(()), Sound::check)?;
         let fractions = [
             ("alpha_cutoff", self.alpha_cutoff),
             ("metallic", self.metallic),
@@ -123,6 +124,7 @@ pane_m: 0.004
 group_index: 1.52
 extinction_index: 6
 dirt: 0.02
+sound: {law: lambert, mu_db: -17}
 unlit: true
 ";
         let sample = |wavelength_nm, value| ReflectanceSample { wavelength_nm, value };
@@ -146,6 +148,7 @@ unlit: true
             group_index: Some(1.52),
             extinction_index: 6.0,
             dirt: 0.02,
+            sound: Some(Sound::Lambert { mu_db: -17.0 }),
             unlit: true,
         };
         assert_eq!(Material::from_yaml(text).unwrap(), expected);
@@ -164,6 +167,18 @@ unlit: true
         let samples = [(5.0, 250.0), (30.0, 150.0)].map(|(angle_deg, cd_lx_m2)| RetroSample { angle_deg, cd_lx_m2 });
         let text = "{model: retro_reflector, samples: [{angle_deg: 5, cd_lx_m2: 250}, {angle_deg: 30, cd_lx_m2: 150}]}";
         assert_eq!(read(text), Scattering::RetroReflector { samples: samples.to_vec() });
+    }
+
+    #[test]
+    fn laws_of_sound_are_read() {
+        use super::super::Sediment;
+        let read = |section: &str| Material::from_yaml(&format!("name: a\nsound: {section}")).unwrap().sound.unwrap();
+        let facet = Sound::Facet { mu_db: -20.0, slope_sigma_deg: 5.0, reflection_loss_db: 6.0 };
+        assert_eq!(read("{law: facet, mu_db: -20, slope_sigma_deg: 5, reflection_loss_db: 6}"), facet);
+        let gsab = Sound::Gsab { a_db: -10.0, b_deg: 5.0, c_db: -20.0, d: 2.0, e_db: -25.0, f_deg: 20.0 };
+        assert_eq!(read("{law: gsab, a_db: -10, b_deg: 5, c_db: -20, d: 2, e_db: -25, f_deg: 20}"), gsab);
+        assert_eq!(read("{law: sediment, name: rough_rock}"), Sound::Sediment { name: Sediment::RoughRock });
+        assert_eq!(read("{law: target, strength_db: -42}"), Sound::Target { strength_db: -42.0 });
     }
 
     #[test]
@@ -239,6 +254,21 @@ unlit: true
             (
                 "scattering:\n  model: retro_reflector\n  samples:\n  - {angle_deg: 5, cd_lx_m2: 7}\n  - {angle_deg: 5, cd_lx_m2: 7}",
                 "line 6: scattering.samples[1].angle_deg: is 5; allowed: above 5, in rising order",
+            ),
+            ("sound: {mu_db: -20}", "line 2: sound: the key `law` is missing"),
+            ("sound: {law: lambert, mu_db: -4}", "line 2: sound.mu_db: is -4; allowed: -100 to -4.9715"),
+            (
+                "sound:\n  law: sediment\n  name: medium_snad",
+                "line 4: sound.name: unknown value \"medium_snad\"; near: medium_sand, ",
+            ),
+            (
+                "sound: {law: lambret}",
+                "line 2: sound.law: unknown value \"lambret\"; near: lambert; allowed: lambert, facet",
+            ),
+            ("sound: {law: target, strenght_db: 1}", "line 2: sound.strenght_db: unknown key \"strenght_db\"; near:"),
+            (
+                "sound: {law: facet, mu_db: -20, slope_sigma_deg: 0, reflection_loss_db: 6}",
+                "line 2: sound.slope_sigma_deg: is 0; allowed: 0.1 to 45",
             ),
             ("alpha: mask", "line 2: alpha: unknown value \"mask\"; allowed: ignore, reflectance, cutout"),
             ("alpha_cutoff: 1.5", "line 2: alpha_cutoff: is 1.5; allowed: 0 to 1"),

@@ -1,6 +1,6 @@
-//! The material library: reflectance by material name and wavelength, one YAML per material in `presets/material`.
+//! The material library: reflectance by material name and wavelength, and what surfaces do with sound, one YAML per material in `presets/material`.
 
-use super::{Alpha, Material, Reflectance};
+use super::{Alpha, Material, Reflectance, Sound};
 use crate::error::{Error, Result};
 use crate::presets;
 use crate::yaml::Document;
@@ -32,6 +32,11 @@ pub(super) fn reflectance(material: &Material) -> Option<&Reflectance> {
     material.reflectance.as_ref().or_else(by_name)
 }
 
+/// What a material does with sound, by its own word or by the library's.
+pub(super) fn sound(material: &Material) -> Option<&Sound> {
+    material.sound.as_ref().or_else(|| find(&material.name)?.sound.as_ref())
+}
+
 /// All of them; the files are part of this crate and a test reads every one.
 fn materials() -> &'static [Material] {
     static MATERIALS: OnceLock<Vec<Material>> = OnceLock::new();
@@ -56,7 +61,8 @@ mod tests {
         for (path, text) in presets::embedded("material/") {
             let material = read(path, text).unwrap();
             assert_eq!(path, format!("material/{}.yaml", material.name));
-            assert!(material.reflectance.is_some() && !material.source.is_empty(), "{path}");
+            assert!(material.reflectance.is_some() || material.sound.is_some(), "{path}");
+            assert!(!material.source.is_empty(), "{path}");
             count += 1;
         }
         assert_eq!(count, materials().len());
@@ -79,6 +85,25 @@ mod tests {
             let found = Material::library(name).unwrap().reflectance.unwrap().at(wavelength_nm);
             assert!((least..=most).contains(&found), "{name} at {wavelength_nm} nm: {found}");
         }
+    }
+
+    /// Light does not know the seabeds, so scenes whose materials have their names keep their reflectance.
+    #[test]
+    fn seabeds_have_sound_alone() {
+        use super::super::Sediment;
+        for (name, sediment) in [
+            ("rock", Sediment::Rock),
+            ("gravel", Sediment::SandyGravel),
+            ("sand", Sediment::MediumSand),
+            ("mud", Sediment::Silt),
+        ] {
+            let scene = Material { name: format!("{name}.001"), ..Material::default() };
+            assert_eq!(scene.sound_law(), Some(&Sound::Sediment { name: sediment }));
+            assert_eq!(reflectance(&scene), None);
+            let own = Material { sound: Some(Sound::Lambert { mu_db: -20.0 }), ..scene };
+            assert_eq!(own.sound_law(), own.sound.as_ref());
+        }
+        assert_eq!(Material::default().sound_law(), None);
     }
 
     #[test]

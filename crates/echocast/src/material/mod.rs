@@ -1,4 +1,4 @@
-//! What surfaces are made of, and how much light they send back.
+//! What surfaces are made of, and how much light and sound they send back.
 
 mod file;
 pub(crate) mod fresnel;
@@ -6,11 +6,13 @@ mod library;
 mod optics;
 mod reflectance;
 mod scattering;
+mod sound;
 
 pub(crate) use optics::{Mirrors, Optics};
 pub(crate) use reflectance::Reflectances;
 pub use reflectance::{Reflectance, ReflectanceSample};
 pub use scattering::{RetroSample, Scattering};
+pub use sound::{Sediment, Sound};
 
 use crate::scene::TextureRef;
 use serde::Deserialize;
@@ -84,6 +86,8 @@ pub struct Material {
     pub extinction_index: f32,
     /// Reflectance of the dirt on a mirror, glass or water, 0..1; it is diffuse, and what lies behind it gets the rest.
     pub dirt: f32,
+    /// What it does with sound (in glTF `extras.sound`); see [`Material::sound_law`].
+    pub sound: Option<Sound>,
     /// Whether the file wants the surface drawn without lighting (`KHR_materials_unlit`).
     pub unlit: bool,
 }
@@ -111,12 +115,19 @@ impl Default for Material {
             group_index: None,
             extinction_index: 0.0,
             dirt: 0.0,
+            sound: None,
             unlit: false,
         }
     }
 }
 
 impl Material {
+    /// What it does with sound, by its own word or by that of the library's material of its name; where neither says it,
+    /// its reflectance may: [`Sound::of_reflectance`].
+    pub fn sound_law(&self) -> Option<&Sound> {
+        library::sound(self)
+    }
+
     /// Where its reflectance comes from in a scan that takes it from `source`.
     pub(crate) fn reflectance_source(&self, source: ReflectanceSource) -> ReflectanceSource {
         if self.alpha == Alpha::Reflectance { ReflectanceSource::Alpha } else { source }

@@ -322,3 +322,205 @@ fn slabs(water: &Water, frequency_hz: f64, stretches: &[Stretch]) -> Vec<Slab> {
     }
     slabs
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Environment;
+
+    const FREQUENCY: f64 = 200e3;
+
+    fn water(keys: &str) -> Water {
+        Environment::from_yaml(&format!("water: {{{keys}}}")).unwrap().water.unwrap()
+    }
+
+    fn column(keys: &str, depth: f64) -> (Column, Vec<String>) {
+        let (column, warnings) = Column::new(&water(keys), FREQUENCY, depth).unwrap();
+        // From the surface to infinity without gaps, and nothing negative or infinite in between.
+        assert_eq!((column.slabs[0].top, column.slabs.last().unwrap().bottom), (0.0, f64::INFINITY));
+        assert!(column.slabs.iter().all(|slab| slab.top < slab.bottom));
+        assert!(column.slabs.windows(2).all(|pair| pair[0].bottom == pair[1].top));
+        for slab in &column.slabs {
+            let numbers = [slab.speed, slab.gradient, slab.density, slab.absorption, slab.absorption_slope];
+            assert!(numbers.iter().all(|number| number.is_finite()), "{slab:?}");
+            let bottom = slab.bottom.min(slab.top + 1e6);
+            assert!(slab.speed + slab.gradient * (bottom - slab.top) > 0.0);
+            assert!(slab.absorption + slab.absorption_slope * (bottom - slab.top) >= 0.0);
+        }
+        (column, warnings)
+    }
+
+    fn absorption_at(column: &Column, depth: f64) -> f64 {
+        let slab = column.slabs[column.slab_at(depth)];
+        slab.absorption + slab.absorption_slope * (depth - slab.top)
+    }
+
+    #[test]
+    fn one_speed_without_a_profile() {
+        let (column, warnings) = column("surface_z_m: 3", 100.0);
+        assert!(warnings.is_empty(), "{warnings:?}");
+        assert_eq!(column.surface_z, 3.0);
+        let expected = SoundSpeedAt { t: 10.0, s: 35.0 }.mackenzie(100.0);
+        for depth in [-1.0, 0.0, 100.0, 499.9, 500.0, 20_000.0] {
+            assert_eq!(column.speed_at(depth), expected);
+        }
+        assert!(column.slabs.iter().all(|slab| slab.gradient == 0.0 && slab.density == 1025.0));
+        let law = |depth| Absorption::FrancoisGarrison.db_per_km(FREQUENCY, 10.0, 35.0, 8.0, depth) * 1e-3;
+        for (depth, tolerance) in [(0.0, 1e-15), (500.0, 1e-15), (250.0, 2e-5), (3725.0, 2e-5)] {
+            assert!((absorption_at(&column, depth) - law(depth)).abs() <= tolerance, "{depth}");
+        }
+        // 24 of 500 m, and the rest.
+        assert_eq!(column.slabs.len(), 25);
+        assert_eq!((column.slabs[24].top, column.slabs[24].absorption_slope), (12_000.0, 0.0));
+    }
+
+    struct SoundSpeedAt {
+        t: f64,
+        s: f64,
+    }
+
+    impl SoundSpeedAt {
+        fn mackenzie(&self, depth: f64) -> f64 {
+            crate::medium::SoundSpeed::Mackenzie.speed(self.t, self.s, depth, 45.0)
+        }
+    }
+
+    #[test]
+    fn laws_that_do_not_know_the_depth_need_one_slab() {
+        for law in ["thorp", "none"] {
+            let keys = format!("absorption: {law}, profile: {{constant: {{speed_m_s: 1490}}}}");
+            let (column, _) = Column::new(&water(&keys), 20e3, 5.0).unwrap();
+            assert_eq!(column.slabs.len(), 1);
+            assert_eq!((column.slabs[0].speed, column.slabs[0].absorption_slope), (1490.0, 0.0));
+        }
+    }
+
+    #[test]
+    fn layers_are_as_they_are_written() {
+        let keys = "absorption: none, profile: {layers: [{depth_m: 2, speed_m_s: 1500, density_kg_m3: 1020}, {depth_m: 30, \
+                    speed_m_s: 1480}, {depth_m: 900, speed_m_s: 1510}]}";
+        let (column, warnings) = column(keys, 10.0);
+        assert!(warnings.is_empty());
+        let found: Vec<_> = column.slabs.iter().map(|it| (it.top, it.speed, it.gradient, it.density)).collect();
+        assert_eq!(found, [(0.0, 1500.0, 0.0, 1020.0), (30.0, 1480.0, 0.0, 1025.0), (900.0, 1510.0, 0.0, 1025.0)]);
+        // Of two slabs that meet the lower one.
+        assert_eq!([0.0, 29.9, 30.0, 1e5, -3.0, f64::NAN].map(|depth| column.slab_at(depth)), [0, 0, 1, 2, 0, 0]);
+        assert!(Column::new(&water(keys), FREQUENCY, 1e4).is_ok());
+        let error = Column::new(&water(keys), FREQUENCY, 1.0).unwrap_err().to_string();
+        assert_eq!(
+            error,
+            "the depth of the sonar is 1 m; allowed: 2 m or more, where the rows of water.profile.layers begin"
+        );
+    }
+
+    #[test]
+    fn casts_are_linear_and_constant_beyond_their_ends() {
+        let keys = "profile: {cast: [{depth_m: 10, speed_m_s: 1500}, {depth_m: 20, speed_m_s: 1490}, {depth_m: 1020, \
+                    speed_m_s: 1505}]}";
+        let (column, _) = column(keys, 15.0);
+        for (depth, expected) in [
+            (0.0, 1500.0),
+            (10.0, 1500.0),
+            (15.0, 1495.0),
+            (20.0, 1490.0),
+            (520.0, 1497.5),
+            (1020.0, 1505.0),
+            (9000.0, 1505.0),
+        ] {
+            assert!((column.speed_at(depth) - expected).abs() < 1e-9, "{depth}: {}", column.speed_at(depth));
+        }
+        // The interval of 1000 m is divided, and its speed goes on without a step.
+        for pair in column.slabs.windows(2) {
+            let end = pair[0].speed + pair[0].gradient * (pair[0].bottom - pair[0].top);
+            assert!((end - pair[1].speed).abs() < 1e-9);
+        }
+        let tops: Vec<f64> = column.slabs.iter().map(|slab| slab.top).take(6).collect();
+        assert_eq!(tops, [0.0, 10.0, 20.0, 500.0, 1000.0, 1020.0]);
+        for (depth, found) in [(5.0, "5"), (2000.0, "2000")] {
+            let error = Column::new(&water(keys), FREQUENCY, depth).unwrap_err().to_string();
+            let expected = "m; allowed: 10 to 1020 m, which the rows of water.profile.cast cover";
+            assert_eq!(error, format!("the depth of the sonar is {found} {expected}"));
+        }
+        let error = Column::new(&water(keys), FREQUENCY, -2.0).unwrap_err().to_string();
+        assert!(
+            error.starts_with("the depth of the sonar is -2 m; allowed: 0 to 1020 m, below the surface of the water")
+        );
+    }
+
+    #[test]
+    fn temperature_and_salinity_make_speeds_within_a_centimetre_per_second() {
+        let rows = [(0.0, 24.0, 36.0), (60.0, 14.0, 35.0), (800.0, 5.0, 34.5), (3000.0, 2.0, 34.8)];
+        let text: Vec<String> =
+            rows.iter().map(|(z, t, s)| format!("{{depth_m: {z}, temperature_c: {t}, salinity_psu: {s}}}")).collect();
+        for formula in ["mackenzie", "leroy", "unesco"] {
+            let keys = format!("latitude_deg: 30, sound_speed: {formula}, profile: {{ts: [{}]}}", text.join(", "));
+            let water = water(&keys);
+            let (column, warnings) = column(&keys, 40.0);
+            assert!(warnings.is_empty(), "{warnings:?}");
+            assert!(column.slabs.len() < 60, "{}", column.slabs.len());
+            let mut most = 0f64;
+            for pair in rows.windows(2) {
+                let ((z0, t0, s0), (z1, t1, s1)) = (pair[0], pair[1]);
+                for step in 0..=1000 {
+                    let u = f64::from(step) / 1000.0;
+                    let (z, t, s) = (z0 + (z1 - z0) * u, t0 + (t1 - t0) * u, s0 + (s1 - s0) * u);
+                    let exact = water.sound_speed.speed(t, s, z, 30.0);
+                    most = most.max((column.speed_at(z) - exact).abs());
+                    let law = water.absorption.db_per_km(FREQUENCY, t, s, 8.0, z) * 1e-3;
+                    assert!((absorption_at(&column, z) / law - 1.0).abs() < 0.05, "{z}");
+                }
+            }
+            assert!(most < SPEED_ERROR, "{formula}: {most}");
+        }
+    }
+
+    /// Rows as hostile as they may be still make a column of bearable size.
+    #[test]
+    fn the_wildest_cast_is_bounded() {
+        let row = |i: u32| WaterRow {
+            depth_m: f64::from(i) * 12.0,
+            temperature_c: if i % 2 == 0 { -4.0 } else { 45.0 },
+            salinity_psu: if i % 2 == 0 { 0.0 } else { 50.0 },
+        };
+        let wild = Water { profile: Some(Profile::Ts((0..1000).map(row).collect())), ..Water::default() };
+        let (column, warnings) = Column::new(&wild, FREQUENCY, 5.0).unwrap();
+        assert!(column.slabs.len() < 200_000, "{}", column.slabs.len());
+        assert!(
+            warnings[0].starts_with("the speed of sound is that of mackenzie, for temperature -4 C"),
+            "{warnings:?}"
+        );
+    }
+
+    #[test]
+    fn what_one_should_know_is_told() {
+        let told = |keys: &str, frequency: f64| Column::new(&water(keys), frequency, 20.0).unwrap().1.join("; ");
+        assert_eq!(told("", 450e3), "");
+        assert_eq!(
+            told("salinity_psu: 5", 450e3),
+            "the speed of sound is that of mackenzie, for salinity 5 PSU (it is good for 30 to 40 PSU)"
+        );
+        assert_eq!(told("salinity_psu: 5, sound_speed: leroy", 450e3), "");
+        // A cast of speeds asks no formula.
+        assert_eq!(told("salinity_psu: 5, profile: {constant: {speed_m_s: 1490}}", 450e3), "");
+        assert_eq!(
+            told("", 1.2e6),
+            "the absorption is that of francois_garrison, for frequency 1200000 Hz (it is good for 200 to 1000000 Hz)"
+        );
+        assert!(told("", 100.0).starts_with("the absorption is that of francois_garrison, for frequency 100 Hz"));
+        assert!(
+            told("absorption: thorp", 450e3).starts_with("the absorption is that of thorp, for frequency 450000 Hz")
+        );
+        let odd = "absorption: none, allow_unphysical: true, profile: {constant: {speed_m_s: 1.333}}";
+        assert_eq!(told(odd, 1e5), "a speed of sound is 1.333 m/s; that of water is from 1300 to 1700 m/s");
+    }
+
+    #[test]
+    fn a_sonar_in_the_air_hears_nothing_of_it() {
+        let refused = |keys: &str, depth: f64| Column::new(&water(keys), FREQUENCY, depth).unwrap_err().to_string();
+        let expected = "the depth of the sonar is -1.5 m; allowed: 0 m or more, below the surface of the water at z = 10 m \
+                        (water.surface_z_m)";
+        assert_eq!(refused("surface_z_m: 10", -1.5), expected);
+        assert_eq!(refused("surface_z_m: 10, profile: {constant: {speed_m_s: 1500}}", -1.5), expected);
+        assert!(refused("", f64::NAN).starts_with("the depth of the sonar is NaN m; allowed: 0 m or more"));
+    }
+}

@@ -152,3 +152,209 @@ impl Water {
         AmbientNoise { wind_m_s: self.wind_m_s, shipping: self.shipping }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Environment;
+    use std::fs;
+
+    fn read(text: &str) -> Result<Water> {
+        Environment::from_yaml(text).map(|environment| environment.water.unwrap())
+    }
+
+    fn message(text: &str) -> String {
+        read(text).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn nothing_but_the_section_is_needed() {
+        assert_eq!(read("water: {}").unwrap(), Water::default());
+        assert_eq!(read("environment: {water: {}}").unwrap(), Water::default());
+        assert_eq!(Environment::from_yaml("{}").unwrap().water, None);
+        assert!(!Environment::from_yaml("water: {}").unwrap().is_empty());
+    }
+
+    #[test]
+    fn every_key_is_read_and_written() {
+        let text = "
+water:
+  surface_z_m: 12.5
+  temperature_c: 4
+  salinity_psu: 7
+  ph: 7.9
+  latitude_deg: 59
+  sound_speed: unesco
+  absorption: ainslie_mccolm
+  spreading: hybrid
+  spreading_from_m: 100
+  profile:
+    layers:
+    - {depth_m: 0, speed_m_s: 1500, density_kg_m3: 1026}
+    - {depth_m: 4, speed_m_s: 1480}
+  assumed_speed_m_s: 1500
+  allow_unphysical: false
+  wind_m_s: 8
+  shipping: 0.25
+  volume_backscatter_db: -80
+";
+        let layer = |depth_m, speed_m_s, density_kg_m3| Layer { depth_m, speed_m_s, density_kg_m3 };
+        let expected = Water {
+            surface_z_m: 12.5,
+            temperature_c: 4.0,
+            salinity_psu: 7.0,
+            ph: 7.9,
+            latitude_deg: 59.0,
+            sound_speed: SoundSpeed::Unesco,
+            absorption: Absorption::AinslieMccolm,
+            spreading: Spreading::Hybrid,
+            spreading_from_m: Some(100.0),
+            profile: Some(Profile::Layers(vec![layer(0.0, 1500.0, 1026.0), layer(4.0, 1480.0, 1025.0)])),
+            assumed_speed_m_s: Some(1500.0),
+            allow_unphysical: false,
+            wind_m_s: 8.0,
+            shipping: 0.25,
+            volume_backscatter_db: Some(-80.0),
+        };
+        assert_eq!(read(text).unwrap(), expected);
+        for profile in [
+            "{layers: [{depth_m: 0, speed_m_s: 1500}]}",
+            "{cast: [{depth_m: 0, speed_m_s: 1500.5}, {depth_m: 40, speed_m_s: 1480}]}",
+            "{ts: [{depth_m: 1, temperature_c: 20, salinity_psu: 35}, {depth_m: 40, temperature_c: 4, salinity_psu: 34}]}",
+            "{constant: {speed_m_s: 1490}}",
+        ] {
+            let environment = Environment::from_yaml(&format!("water: {{profile: {profile}}}")).unwrap();
+            let text = environment.to_yaml().unwrap();
+            assert_eq!(Environment::from_yaml(&text).unwrap(), environment, "{text}");
+        }
+        let words = "water: {sound_speed: medwin1975, absorption: none, spreading: ray_tube}";
+        assert_eq!(read(words).unwrap().sound_speed, SoundSpeed::Medwin);
+    }
+
+    #[test]
+    fn errors_name_line_key_and_what_is_allowed() {
+        let speeds = "allowed: 1300 to 1700, in m/s; with allow_unphysical: true any number above 0";
+        let cases = [
+            (
+                "salinity: 3",
+                "line 2: water.salinity: unknown key \"salinity\"; near: salinity_psu; allowed: surface_z_m,",
+            ),
+            ("temperature_c: 60", "line 2: water.temperature_c: is 60; allowed: -4 to 45"),
+            ("salinity_psu: -1", "line 2: water.salinity_psu: is -1; allowed: 0 to 50"),
+            ("ph: 14", "line 2: water.ph: is 14; allowed: 6 to 9"),
+            ("latitude_deg: 91", "line 2: water.latitude_deg: is 91; allowed: -90 to 90"),
+            ("wind_m_s: -3", "line 2: water.wind_m_s: is -3; allowed: 0 to 60"),
+            ("shipping: 2", "line 2: water.shipping: is 2; allowed: 0 to 1"),
+            ("volume_backscatter_db: 3", "line 2: water.volume_backscatter_db: is 3; allowed: -200 to 0"),
+            ("sound_speed: makenzie", "line 2: water.sound_speed: unknown value \"makenzie\"; near: mackenzie"),
+            ("absorption: torp", "line 2: water.absorption: unknown value \"torp\"; near: thorp; allowed: francois_"),
+            ("spreading: hybrid", "line 2: water.spreading: is hybrid; allowed: it with spreading_from_m beside it"),
+            ("spreading_from_m: 9", "line 2: water.spreading_from_m: is 9; allowed: none but with spreading: hybrid"),
+            (
+                "spreading: hybrid\n  spreading_from_m: 0",
+                "line 3: water.spreading_from_m: is 0; allowed: above 0, to 1e7",
+            ),
+            ("assumed_speed_m_s: 1.5", &format!("line 2: water.assumed_speed_m_s: is 1.5; {speeds}")),
+            ("profile: {}", "line 2: water.profile: "),
+            (
+                "profile: {layer: []}",
+                "line 2: water.profile: unknown value \"layer\"; near: layers; allowed: layers, cast,",
+            ),
+            ("profile: {layers: []}", "line 2: water.profile.layers: is a list of 0; allowed: 1 to 1000 rows"),
+            (
+                "profile: {cast: [{depth_m: 0, speed_m_s: 1500}]}",
+                "line 2: water.profile.cast: is a list of 1; allowed: 2 to 1000 rows",
+            ),
+            (
+                "profile: {layers: [{depth_m: 0, speed_m_s: 1.333}]}",
+                &format!("line 2: water.profile.layers[0].speed_m_s: is 1.333; {speeds}"),
+            ),
+            (
+                "profile:\n    layers:\n    - {depth_m: 0, speed_m_s: 1500}\n    - {depth_m: 0, speed_m_s: 1500}",
+                "line 5: water.profile.layers[1].depth_m: is 0; allowed: above 0, in rising order, to 12000",
+            ),
+            (
+                "profile: {layers: [{depth_m: -1, speed_m_s: 1500}]}",
+                "line 2: water.profile.layers[0].depth_m: is -1; allowed: 0 to 12000",
+            ),
+            (
+                "profile: {layers: [{depth_m: 0, speed_m_s: 1500, density_kg_m3: 1.025}]}",
+                "line 2: water.profile.layers[0].density_kg_m3: is 1.025; allowed: 900 to 1400, in kg/m^3; with",
+            ),
+            (
+                "profile: {ts: [{depth_m: 0, temperature_c: 4, salinity_psu: 3}, {depth_m: 1, temperature_c: 99, salinity_psu: 3}]}",
+                "line 2: water.profile.ts[1].temperature_c: is 99; allowed: -4 to 45",
+            ),
+            (
+                "profile: {constant: {speed_m_s: 340}}",
+                &format!("line 2: water.profile.constant.speed_m_s: is 340; {speeds}"),
+            ),
+            (
+                "allow_unphysical: true\n  profile: {constant: {speed_m_s: 0}}",
+                "line 3: water.profile.constant.speed_m_s: is 0; allowed: any finite number above 0",
+            ),
+            (
+                "profile: {constant: {speed: 1500}}",
+                "line 2: water.profile.constant.speed: unknown key \"speed\"; near:",
+            ),
+        ];
+        for (text, expected) in cases {
+            let found = message(&format!("water:\n  {text}\n"));
+            assert!(
+                found.starts_with(&format!("YAML text: {expected}")),
+                "{text}\n  gives {found}\n  not   {expected}"
+            );
+        }
+        let error = message("environment: {water: {ph: 14}}");
+        assert_eq!(error, "YAML text: line 1: environment.water.ph: is 14; allowed: 6 to 9");
+    }
+
+    #[test]
+    fn odd_units_pass_when_they_are_let() {
+        let text = "water: {allow_unphysical: true, assumed_speed_m_s: 1, profile: {layers: [{depth_m: 0, speed_m_s: 1.333, \
+                    density_kg_m3: 1.5}]}}";
+        assert!(read(text).is_ok());
+    }
+
+    #[test]
+    fn casts_are_read_from_files_beside_the_yaml() {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+        let load = |csv: &str| {
+            write("cast.csv", csv);
+            write("env.yaml", "environment:\n  water: {profile: {file: cast.csv}}\n");
+            Environment::load(folder.path().join("env.yaml"))
+        };
+        let speeds = load("# a cast\ndepth_m,speed_m_s\n0,1500\n10.5,1490.25\n").unwrap();
+        let row = |depth_m, speed_m_s| SpeedRow { depth_m, speed_m_s };
+        let expected = Profile::Cast(vec![row(0.0, 1500.0), row(10.5, 1490.25)]);
+        assert_eq!(speeds.water.as_ref().unwrap().profile, Some(expected));
+        // Nothing is read later: what is written holds the rows.
+        let text = speeds.to_yaml().unwrap();
+        assert_eq!(Environment::from_yaml(&text).unwrap(), speeds);
+        let ts = load("salinity_psu,depth_m,temperature_c\n35,0,20\n34,100,4\n").unwrap().water.unwrap();
+        let row = |depth_m, temperature_c, salinity_psu| WaterRow { depth_m, temperature_c, salinity_psu };
+        assert_eq!(ts.profile, Some(Profile::Ts(vec![row(0.0, 20.0, 35.0), row(100.0, 4.0, 34.0)])));
+
+        let refused = |csv: &str| load(csv).unwrap_err().to_string().split_once("cast.csv: ").unwrap().1.to_owned();
+        let speeds = "allowed: 1300 to 1700, in m/s; with allow_unphysical: true any number above 0";
+        assert_eq!(refused("depth_m,speed_m_s\n0,1500\n5,1.49\n"), format!("line 3: speed_m_s is 1.49; {speeds}"));
+        assert_eq!(
+            refused("depth_m,speed_m_s\n5,1500\n5,1500\n"),
+            "line 3: depth_m is 5; allowed: above 5, in rising order, to 12000"
+        );
+        assert_eq!(refused("depth_m,speed_m_s\n5,1500\n"), "has 1 rows; allowed: 2 to 1000");
+        assert!(
+            refused("depth_m,speed_m_s,ph\n").starts_with("line 1: unknown column \"ph\"; allowed: depth_m, speed_m_s")
+        );
+        assert!(refused("a,b\n1,2\n").starts_with("line 1: has none of the columns of a cast; expected the header "));
+        assert!(refused("depth_m,salinity_psu\n1,2\n").starts_with("line 1: the column temperature_c is missing"));
+        let long: String = (0..1001).map(|depth| format!("{depth},1500\n")).collect();
+        let error = refused(&format!("depth_m,speed_m_s\n{long}"));
+        assert_eq!(error, "line 1002: is row 1001; allowed: 2 to 1000 rows");
+        let unread = Water { profile: Some(Profile::File("a.csv".into())), ..Water::default() };
+        let error = unread.check("water", &mut Bounds::none()).unwrap_err().to_string();
+        assert!(error.starts_with("water.profile.file is a.csv; allowed: a file whose rows are known"), "{error}");
+        assert!(message("water: {profile: {file: no/such.csv}}").starts_with("no/such.csv: "));
+    }
+}

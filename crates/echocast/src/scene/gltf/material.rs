@@ -3,7 +3,7 @@
 use super::accessor::Accessors;
 use super::{Document, Notes, extras, place, uri};
 use crate::error::Result;
-use crate::material::{Alpha, Material, Reflectance};
+use crate::material::{Alpha, Material, Reflectance, Sound};
 use crate::scene::texture::TextureBudget;
 use crate::scene::{Filter, Texture, TextureRef, Wrap};
 use crate::yaml;
@@ -141,6 +141,12 @@ fn surface(source: &json::Material, name: String, factors: &mut Factors<'_>) -> 
         material.scattering = section("extras.scattering", value)?;
         let check = material.scattering.check(material.reflectance.as_ref());
         check.map_err(|error| format!("extras.{error}"))?;
+    }
+    // Anything else of that name is somebody else's, the name of a noise it makes perhaps.
+    if let Some(value) = property("sound").filter(Value::is_object) {
+        let sound: Sound = section("extras.sound", value)?;
+        sound.check().map_err(|error| format!("extras.{error}"))?;
+        material.sound = Some(sound);
     }
     // A number of that name is somebody else's.
     if let Some(value) = property("alpha").filter(Value::is_string) {

@@ -1,6 +1,6 @@
 use super::read_bytes;
 use crate::error::Result;
-use crate::material::{Alpha, Reflectance, Scattering};
+use crate::material::{Alpha, Reflectance, Scattering, Sound};
 use crate::scene::{Filter, LabelRules, LoadOptions, Scene, Wrap};
 use glam::{DAffine3, DQuat, DVec3};
 use serde_json::{Value, json};
@@ -605,7 +605,8 @@ fn materials_are_read_with_their_extensions() {
             "KHR_materials_unlit": {},
         },
         "extras": {"reflectance": 0.6, "blainder_rgba": [0, 0, 0, 0.9],
-            "scattering": {"model": "oren_nayar", "slope_sigma_deg": 17}, "dirt": 0.02},
+            "scattering": {"model": "oren_nayar", "slope_sigma_deg": 17}, "dirt": 0.02,
+            "sound": {"law": "target", "strength_db": -30}},
     }));
     let scene = file.load().unwrap();
     let m = scene.meshes()[0].parts[0].material.as_ref().unwrap();
@@ -613,6 +614,7 @@ fn materials_are_read_with_their_extensions() {
     assert_eq!((m.transmission, m.ior, m.unlit), (0.75, 1.33, true));
     assert_eq!(m.reflectance, Some(Reflectance::Constant(0.6)));
     assert_eq!((&m.scattering, m.dirt), (&Scattering::OrenNayar { slope_sigma_deg: 17.0 }, 0.02));
+    assert_eq!(m.sound, Some(Sound::Target { strength_db: -30.0 }));
     assert_eq!((m.thickness_m, m.attenuation_distance_m, m.attenuation_color), (0.01, 2.0, [1.0, 0.5, 0.0]));
 
     file.material(json!({}));
@@ -676,6 +678,10 @@ fn material_values_out_of_range_are_errors() {
         (
             json!({"extras": {"scattering": {"model": "ggx", "f0": 2, "alpha": 0.3}}}),
             "extras.scattering.f0 is 2; allowed: 0 to 1",
+        ),
+        (
+            json!({"extras": {"sound": {"law": "lambert", "mu_db": 3}}}),
+            "extras.sound.mu_db is 3; allowed: -100 to -4.9715",
         ),
         (
             json!({"extras": {"scattering": {"model": "ggx", "f0": 0.04, "alph": 0.3}}}),

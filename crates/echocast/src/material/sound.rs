@@ -1,0 +1,455 @@
+//! How surfaces send back sound.
+
+use crate::error::{Error, Result};
+use crate::yaml;
+use serde::{Deserialize, Deserializer};
+use std::f64::consts::PI;
+use std::sync::OnceLock;
+
+/// What a surface does with sound that meets it under water: the section `sound` of a material, told apart by `law`.
+///
+/// Backscatter is a cross-section per area and solid angle, 1/sr; in decibels that is the surface's scattering strength.
+/// Angles are grazing angles, between wave and surface.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Sound {
+    /// Lambert's law, `mu sin^2(g)`: a rough surface without layers below.
+    Lambert {
+        /// `10 log mu`, dB, -100 to -4.9715, where all that comes is sent back; -27 is the deep sea (Mackenzie 1961), -15
+        /// sand, -8 rock.
+        mu_db: f64,
+    },
+    /// Lambert's law and the mirror facets of a surface whose slopes are normally distributed, which shine where it is
+    /// met head-on (high-frequency Kirchhoff): `mu sin^2(g) + R / (8 pi s^2 sin^4(g)) exp(-1 / (2 s^2 tan^2(g)))`.
+    Facet {
+        /// As in `lambert`.
+        mu_db: f64,
+        /// Standard deviation of the slope along any direction, as an angle in degrees, 0.1 to 45: `s` is its tangent.
+        slope_sigma_deg: f64,
+        /// What a facet loses when met head-on, dB, 0 to 100: `R` is `10^(-loss / 10)`.
+        reflection_loss_db: f64,
+    },
+    /// Generic seabed backscatter (Lamarche and others 2011, Cont. Shelf Res. 31, S158), six numbers that are fitted to
+    /// what was measured: `A exp(-i^2 / (2 b^2)) + C cos^d(i) + E exp(-i^2 / (2 f^2))` at the incidence angle `i`.
+    Gsab {
+        /// `10 log A`, dB, -100 to 30: what is seen head-on.
+        a_db: f64,
+        /// Width of that, degrees, 0.1 to 90.
+        b_deg: f64,
+        /// `10 log C`, dB, -100 to 30.
+        c_db: f64,
+        /// Exponent, 0 to 20; 2 is Lambert's law.
+        d: f64,
+        /// `10 log E`, dB, -100 to 30: what is seen in between.
+        e_db: f64,
+        /// Width of that, degrees, 0.1 to 90.
+        f_deg: f64,
+    },
+    /// A kind of seabed by its name.
+    Sediment {
+        /// Which.
+        name: Sediment,
+    },
+    /// Something small that answers as a whole, whatever its area: a fish, a float, a calibration sphere.
+    Target {
+        /// Target strength, dB re 1 m^2, -200 to 100.
+        strength_db: f64,
+    },
+}
+
+/// Seabeds of which the library has a table: Jackson's small-slope model at 20, 100, 300 and 450 kHz.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Sediment {
+    /// Rough rock.
+    RoughRock,
+    /// Rock.
+    Rock,
+    /// Cobble.
+    Cobble,
+    /// Sandy gravel.
+    SandyGravel,
+    /// Coarse sand.
+    CoarseSand,
+    /// Medium sand.
+    MediumSand,
+    /// Fine sand.
+    FineSand,
+    /// Silt.
+    Silt,
+}
+
+/// What a mirror image loses where a law does not say it, dB: between that of sand (7 to 13) and of rock (3) met
+/// head-on. A mirror image is what several ways of one echo need, and such laws are fitted to backscatter alone.
+const UNKNOWN_LOSS_DB: f64 = 10.0;
+
+impl Sound {
+    /// What a surface does of which only the reflectance is known, 0 to 1: Lambert's law with `mu` a `pi`-th of it.
+    pub fn of_reflectance(reflectance: f64) -> Sound {
+        Sound::Lambert { mu_db: 10.0 * (reflectance / PI).log10() }
+    }
+
+    /// Backscattering cross-section, 1/sr, of a surface that is met at a grazing angle of sine `sin_grazing`, 0 to 1, by
+    /// sound of `frequency_hz`. That of a target is 0: it has its [`Sound::target_strength_db`].
+    pub fn backscatter(&self, sin_grazing: f64, frequency_hz: f64) -> f64 {
+        if sin_grazing <= 0.0 {
+            return 0.0;
+        }
+        let sin = sin_grazing.min(1.0);
+        let lambert = |mu_db: f64| power(mu_db) * sin * sin;
+        match *self {
+            Sound::Lambert { mu_db } => lambert(mu_db),
+            Sound::Facet { mu_db, slope_sigma_deg, reflection_loss_db } => {
+                let (sin2, slope2) = (sin * sin, slope_sigma_deg.to_radians().tan().powi(2));
+                let lobe = ((sin2 - 1.0) / (2.0 * slope2 * sin2)).exp();
+                // Where sin^4 underflows the exponential has long been 0.
+                let facets = if lobe > 0.0 { lobe / (8.0 * PI * slope2 * sin2 * sin2) } else { 0.0 };
+                lambert(mu_db) + power(-reflection_loss_db) * facets
+            }
+            Sound::Gsab { a_db, b_deg, c_db, d, e_db, f_deg } => {
+                let incidence = sin.acos().to_degrees();
+                let bell = |db: f64, width: f64| power(db) * (-0.5 * (incidence / width).powi(2)).exp();
+                bell(a_db, b_deg) + power(c_db) * sin.powf(d) + bell(e_db, f_deg)
+            }
+            Sound::Sediment { name } => power(sediments()[name as usize].backscatter_db(sin, frequency_hz)),
+            Sound::Target { .. } => 0.0,
+        }
+    }
+
+    /// What the mirror image of a source loses, dB, 0 or more, in a smooth surface that is met at a grazing angle of sine
+    /// `sin_grazing`. Lambert's law and `gsab` do not say it, and 10 dB are taken; nothing is seen in a target, whose
+    /// loss is infinite. None of the laws asks for the frequency yet.
+    pub fn reflection_loss_db(&self, sin_grazing: f64, _frequency_hz: f64) -> f64 {
+        match *self {
+            Sound::Lambert { .. } | Sound::Gsab { .. } => UNKNOWN_LOSS_DB,
+            Sound::Facet { reflection_loss_db, .. } => reflection_loss_db,
+            Sound::Sediment { name } => sediments()[name as usize].reflection_loss_db(sin_grazing),
+            Sound::Target { .. } => f64::INFINITY,
+        }
+    }
+
+    /// Target strength, dB re 1 m^2, of what is small and answers as a whole.
+    pub fn target_strength_db(&self) -> Option<f64> {
+        match *self {
+            Sound::Target { strength_db } => Some(strength_db),
+            _ => None,
+        }
+    }
+
+    /// What one should know before one trusts it at `frequency_hz`.
+    pub fn warning(&self, frequency_hz: f64) -> Option<String> {
+        let [least, most] = [FREQUENCIES_HZ[0], FREQUENCIES_HZ[FREQUENCIES_HZ.len() - 1]];
+        let outside = matches!(self, Sound::Sediment { .. }) && !(least..=most).contains(&frequency_hz);
+        outside.then(|| {
+            let (khz, least, most) = (frequency_hz / 1e3, least / 1e3, most / 1e3);
+            let edge = if khz < least { least } else { most };
+            format!("sediments are known from {least} to {most} kHz; at {khz} kHz they are as at {edge}")
+        })
+    }
+
+    /// Whether all values are within what is allowed.
+    ///
+    /// # Errors
+    /// [`Error::InvalidParameter`] that names the key, as in `sound.mu_db`.
+    pub(crate) fn check(&self) -> Result<()> {
+        let within = |key: &str, value: f64, [least, most]: [f64; 2]| {
+            let invalid = || Error::invalid(format!("sound.{key}"), value, format!("{least} to {most}"));
+            if (least..=most).contains(&value) { Ok(()) } else { Err(invalid()) }
+        };
+        // What Lambert's law sends back in all directions is pi mu of what comes.
+        let lambert = |mu_db: f64| within("mu_db", mu_db, [-100.0, -4.9715]);
+        match *self {
+            Sound::Lambert { mu_db } => lambert(mu_db),
+            Sound::Facet { mu_db, slope_sigma_deg, reflection_loss_db } => {
+                lambert(mu_db)?;
+                within("slope_sigma_deg", slope_sigma_deg, [0.1, 45.0])?;
+                within("reflection_loss_db", reflection_loss_db, [0.0, 100.0])
+            }
+            Sound::Gsab { a_db, b_deg, c_db, d, e_db, f_deg } => {
+                for (key, db) in [("a_db", a_db), ("c_db", c_db), ("e_db", e_db)] {
+                    within(key, db, [-100.0, 30.0])?;
+                }
+                within("b_deg", b_deg, [0.1, 90.0])?;
+                within("d", d, [0.0, 20.0])?;
+                within("f_deg", f_deg, [0.1, 90.0])
+            }
+            Sound::Sediment { .. } => Ok(()),
+            Sound::Target { strength_db } => within("strength_db", strength_db, [-200.0, 100.0]),
+        }
+    }
+}
+
+/// Power of `db` decibels.
+fn power(db: f64) -> f64 {
+    10f64.powf(db / 10.0)
+}
+
+/// Frequencies of the table, Hz.
+const FREQUENCIES_HZ: [f64; 4] = [20e3, 100e3, 300e3, 450e3];
+
+/// What the table knows of one sediment.
+struct Rows {
+    /// Logarithm of each grazing angle in degrees, rising.
+    log_angle: Vec<f64>,
+    /// Backscatter, dB, at each of them by frequency.
+    backscatter_db: Vec<[f64; FREQUENCIES_HZ.len()]>,
+    /// Loss of a mirror image, dB.
+    loss_db: Vec<f64>,
+}
+
+impl Rows {
+    /// Row below a grazing angle, and how far it is on the way to the next.
+    fn place(&self, sin: f64) -> (usize, f64) {
+        let log = sin.clamp(0.0, 1.0).asin().to_degrees().ln();
+        let row = self.log_angle.partition_point(|&angle| angle <= log).clamp(1, self.log_angle.len() - 1) - 1;
+        let (low, high) = (self.log_angle[row], self.log_angle[row + 1]);
+        (row, ((log - low) / (high - low)).clamp(0.0, 1.0))
+    }
+
+    /// Linear in decibels over the logarithms of angle and frequency: at small angles the power of the angle rules.
+    /// Outside the frequencies as at the first or last; below the first angle with the fourth power of the sine, as
+    /// the table goes on its last degrees.
+    fn backscatter_db(&self, sin: f64, frequency_hz: f64) -> f64 {
+        let (row, t) = self.place(sin);
+        let frequency = frequency_hz.clamp(FREQUENCIES_HZ[0], FREQUENCIES_HZ[FREQUENCIES_HZ.len() - 1]);
+        let column = FREQUENCIES_HZ.partition_point(|&known| known <= frequency).clamp(1, FREQUENCIES_HZ.len() - 1) - 1;
+        let (low, high) = (FREQUENCIES_HZ[column], FREQUENCIES_HZ[column + 1]);
+        let u = (frequency / low).ln() / (high / low).ln();
+        let at = |row: usize| {
+            let row = self.backscatter_db[row];
+            row[column] + (row[column + 1] - row[column]) * u
+        };
+        let first = self.log_angle[0].exp().to_radians().sin();
+        let below = 40.0 * (sin / first).min(1.0).log10();
+        at(row) + (at(row + 1) - at(row)) * t + below
+    }
+
+    /// Linear likewise; below the first angle as there.
+    fn reflection_loss_db(&self, sin: f64) -> f64 {
+        let (row, t) = self.place(sin);
+        self.loss_db[row] + (self.loss_db[row + 1] - self.loss_db[row]) * t
+    }
+}
+
+/// The table, in the order of [`Sediment`]; a test compares all of it with its source.
+fn sediments() -> &'static [Rows] {
+    static SEDIMENTS: OnceLock<Vec<Rows>> = OnceLock::new();
+    SEDIMENTS.get_or_init(|| {
+        let mut all: Vec<Rows> = Vec::new();
+        let mut last = "";
+        let lines = include_str!("sediments.csv").lines().filter(|line| !line.starts_with('#')).skip(1);
+        for line in lines {
+            let (name, numbers) = line.split_once(',').unwrap_or_default();
+            if name != last {
+                all.push(Rows { log_angle: Vec::new(), backscatter_db: Vec::new(), loss_db: Vec::new() });
+                last = name;
+            }
+            let numbers: Vec<f64> = numbers.split(',').filter_map(|number| number.parse().ok()).collect();
+            if let (Some(rows), [angle, db @ .., loss]) = (all.last_mut(), &numbers[..]) {
+                rows.log_angle.push(angle.ln());
+                rows.backscatter_db.push(db.try_into().expect("the table that is compiled in is sound"));
+                rows.loss_db.push(*loss);
+            }
+        }
+        all
+    })
+}
+
+impl<'de> Deserialize<'de> for Sound {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Diffuse {
+            mu_db: f64,
+        }
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Facets {
+            mu_db: f64,
+            slope_sigma_deg: f64,
+            reflection_loss_db: f64,
+        }
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Fitted {
+            a_db: f64,
+            b_deg: f64,
+            c_db: f64,
+            d: f64,
+            e_db: f64,
+            f_deg: f64,
+        }
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Named {
+            name: Sediment,
+        }
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Whole {
+            strength_db: f64,
+        }
+        const LAWS: &[&str] = &["lambert", "facet", "gsab", "sediment", "target"];
+        let (word, section) = yaml::split_tag(deserializer, "law")?;
+        Ok(match word.as_str() {
+            "lambert" => {
+                let Diffuse { mu_db } = section.read()?;
+                Sound::Lambert { mu_db }
+            }
+            "facet" => {
+                let Facets { mu_db, slope_sigma_deg, reflection_loss_db } = section.read()?;
+                Sound::Facet { mu_db, slope_sigma_deg, reflection_loss_db }
+            }
+            "gsab" => {
+                let Fitted { a_db, b_deg, c_db, d, e_db, f_deg } = section.read()?;
+                Sound::Gsab { a_db, b_deg, c_db, d, e_db, f_deg }
+            }
+            "sediment" => {
+                let Named { name } = section.read()?;
+                Sound::Sediment { name }
+            }
+            "target" => {
+                let Whole { strength_db } = section.read()?;
+                Sound::Target { strength_db }
+            }
+            _ => return Err(section.unknown(&word, LAWS)),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::{FRAC_PI_2, TAU};
+
+    const ALL: [Sediment; 8] = [
+        Sediment::RoughRock,
+        Sediment::Rock,
+        Sediment::Cobble,
+        Sediment::SandyGravel,
+        Sediment::CoarseSand,
+        Sediment::MediumSand,
+        Sediment::FineSand,
+        Sediment::Silt,
+    ];
+
+    fn db(sound: &Sound, degrees: f64, frequency: f64) -> f64 {
+        10.0 * sound.backscatter(degrees.to_radians().sin(), frequency).log10()
+    }
+
+    #[test]
+    fn the_table_is_whole() {
+        assert_eq!(sediments().len(), ALL.len());
+        for rows in sediments() {
+            assert_eq!(rows.log_angle.len(), 22);
+            assert!(rows.log_angle.is_sorted_by(|a, b| a < b));
+            assert_eq!((rows.backscatter_db.len(), rows.loss_db.len()), (22, 22));
+            assert!(rows.loss_db.iter().all(|&loss| loss >= 0.0));
+        }
+    }
+
+    #[test]
+    fn sediments_are_met_at_and_between_the_nodes() {
+        let sand = Sound::Sediment { name: Sediment::MediumSand };
+        // Rock answers more than sand, sand more than silt.
+        let at = |name| db(&Sound::Sediment { name }, 30.0, 100e3);
+        assert!(at(Sediment::Rock) > at(Sediment::MediumSand) && at(Sediment::MediumSand) > at(Sediment::Silt));
+        for (low, high) in [(20e3f64, 100e3f64), (100e3, 300e3), (300e3, 450e3)] {
+            let middle = (low * high).sqrt();
+            let mean = (db(&sand, 30.0, low) + db(&sand, 30.0, high)) / 2.0;
+            assert!((db(&sand, 30.0, middle) - mean).abs() < 1e-9);
+        }
+        assert_eq!(db(&sand, 30.0, 1e3), db(&sand, 30.0, 20e3));
+        assert_eq!(db(&sand, 30.0, 1e6), db(&sand, 30.0, 450e3));
+        // The fourth power below a degree, without a step.
+        assert!((db(&sand, 1.0, 1e5) - db(&sand, 0.5, 1e5) - 12.04).abs() < 0.01);
+        assert!((db(&sand, 1.001, 1e5) - db(&sand, 0.999, 1e5)).abs() < 0.1);
+        assert_eq!(sand.warning(100e3), None);
+        let told = "sediments are known from 20 to 450 kHz; at 900 kHz they are as at 450";
+        assert_eq!(sand.warning(900e3).unwrap(), told);
+        assert_eq!(Sound::Lambert { mu_db: -27.0 }.warning(900e3), None);
+    }
+
+    /// What Lambert's law sends in all directions, `int mu sin(g) sin(g') / sin(g)` over the hemisphere, is at most what
+    /// comes.
+    #[test]
+    fn lambert_keeps_energy() {
+        for (sound, expected) in [
+            (Sound::of_reflectance(1.0), 1.0),
+            (Sound::of_reflectance(0.3), 0.3),
+            (Sound::of_reflectance(0.0), 0.0),
+            (Sound::Lambert { mu_db: -4.9715 }, 1.0),
+        ] {
+            // mu, as it is seen head-on.
+            let mu = sound.backscatter(1.0, 1e5);
+            let steps = 2000;
+            let width = FRAC_PI_2 / f64::from(steps);
+            let sum: f64 = (0..steps)
+                .map(|step| {
+                    let (sin, cos) = ((f64::from(step) + 0.5) * width).sin_cos();
+                    mu * sin * cos * width * TAU
+                })
+                .sum();
+            assert!((sum - expected).abs() < 1e-5 && sum < 1.0 + 1e-6, "{sound:?}: {sum}");
+        }
+    }
+
+    /// Head-on all facets that lie flat shine: `R / (8 pi s^2)`.
+    #[test]
+    fn facets_shine_head_on() {
+        let facet = Sound::Facet { mu_db: -100.0, slope_sigma_deg: 5.0, reflection_loss_db: 6.0 };
+        let slope2 = 5f64.to_radians().tan().powi(2);
+        let expected = 10f64.powf(-0.6) / (8.0 * PI * slope2);
+        assert!((facet.backscatter(1.0, 1e5) / expected - 1.0).abs() < 1e-9);
+        assert!(db(&facet, 60.0, 1e5) < db(&facet, 90.0, 1e5) - 60.0);
+        // Away from there only Lambert's law is left.
+        let both = Sound::Facet { mu_db: -20.0, slope_sigma_deg: 5.0, reflection_loss_db: 6.0 };
+        assert!((db(&both, 30.0, 1e5) - db(&Sound::Lambert { mu_db: -20.0 }, 30.0, 1e5)).abs() < 1e-9);
+    }
+
+    #[test]
+    fn gsab_without_bells_is_lambert() {
+        let plain = Sound::Gsab { a_db: -100.0, b_deg: 5.0, c_db: -20.0, d: 2.0, e_db: -100.0, f_deg: 20.0 };
+        for degrees in [5.0, 30.0, 90.0] {
+            assert!((db(&plain, degrees, 1e5) - db(&Sound::Lambert { mu_db: -20.0 }, degrees, 1e5)).abs() < 1e-5);
+        }
+        let full = Sound::Gsab { a_db: -10.0, b_deg: 5.0, c_db: -20.0, d: 2.0, e_db: -25.0, f_deg: 20.0 };
+        let by_hand =
+            0.1 * (-2f64).exp() + 0.01 * 80f64.to_radians().sin().powi(2) + 10f64.powf(-2.5) * (-0.125f64).exp();
+        assert!((full.backscatter(80f64.to_radians().sin(), 1e5) / by_hand - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn nothing_is_negative_or_infinite() {
+        let mut all: Vec<Sound> = ALL.into_iter().map(|name| Sound::Sediment { name }).collect();
+        all.extend([
+            Sound::of_reflectance(0.0),
+            Sound::Lambert { mu_db: -4.9715 },
+            Sound::Facet { mu_db: -15.0, slope_sigma_deg: 0.1, reflection_loss_db: 0.0 },
+            Sound::Facet { mu_db: -15.0, slope_sigma_deg: 45.0, reflection_loss_db: 10.0 },
+            Sound::Gsab { a_db: 0.0, b_deg: 0.1, c_db: -15.0, d: 0.0, e_db: -20.0, f_deg: 90.0 },
+            Sound::Target { strength_db: -30.0 },
+        ]);
+        for sound in &all {
+            for frequency in [1.0, 20e3, 200e3, 450e3, 2e6] {
+                for sin in (0..=1000).map(|step| f64::from(step) / 1000.0).chain([1e-300, -0.0, -1.0, 1.0 + 1e-12]) {
+                    let found = sound.backscatter(sin, frequency);
+                    assert!(found >= 0.0 && found.is_finite(), "{sound:?} {sin}: {found}");
+                    assert!(sound.reflection_loss_db(sin, frequency) >= 0.0);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn mirror_images_lose() {
+        let sand = Sound::Sediment { name: Sediment::MediumSand };
+        assert!((sand.reflection_loss_db(1.0, 1e5) - 8.6391).abs() < 1e-9);
+        assert!(sand.reflection_loss_db(0.1, 1e5) < 3.0);
+        assert_eq!(Sound::Lambert { mu_db: -20.0 }.reflection_loss_db(0.5, 1e5), 10.0);
+        let facet = Sound::Facet { mu_db: -20.0, slope_sigma_deg: 5.0, reflection_loss_db: 6.0 };
+        assert_eq!(facet.reflection_loss_db(0.5, 1e5), 6.0);
+        let target = Sound::Target { strength_db: -42.0 };
+        assert_eq!((target.target_strength_db(), sand.target_strength_db()), (Some(-42.0), None));
+        assert_eq!(target.reflection_loss_db(0.5, 1e5), f64::INFINITY);
+    }
+}
