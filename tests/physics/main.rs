@@ -10,6 +10,7 @@ mod noise;
 mod paths;
 mod patterns;
 mod returns;
+mod sonar;
 mod surfaces;
 mod weather;
 

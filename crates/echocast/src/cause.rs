@@ -25,11 +25,13 @@ pub enum Cause {
     Mixed = 8,
     /// Light that went another way back than there, or got into a beam beside its own.
     Multipath = 9,
+    /// The surface of the water, heard from below.
+    SeaSurface = 10,
 }
 
 impl Cause {
     /// All there are, each at its number.
-    pub const ALL: [Cause; 10] = [
+    pub const ALL: [Cause; 11] = [
         Cause::Surface,
         Cause::Mirror,
         Cause::Glass,
@@ -40,6 +42,7 @@ impl Cause {
         Cause::FalseAlarm,
         Cause::Mixed,
         Cause::Multipath,
+        Cause::SeaSurface,
     ];
 
     /// The one that the column `cause` calls `number`.
@@ -49,7 +52,7 @@ impl Cause {
 
     /// Whether there is a surface at the other end of the way; where there is none, points have no labels.
     pub fn has_surface(self) -> bool {
-        !matches!(self, Cause::Rain | Cause::Fog | Cause::Snow | Cause::Dust | Cause::FalseAlarm)
+        !matches!(self, Cause::Rain | Cause::Fog | Cause::Snow | Cause::Dust | Cause::FalseAlarm | Cause::SeaSurface)
     }
 
     /// Its name for people.
@@ -65,6 +68,7 @@ impl Cause {
             Cause::FalseAlarm => "false alarm",
             Cause::Mixed => "mixed",
             Cause::Multipath => "multipath",
+            Cause::SeaSurface => "sea surface",
         }
     }
 }

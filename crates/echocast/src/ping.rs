@@ -19,7 +19,7 @@ use std::sync::Arc;
 /// | `time` | when the echo arrives, s since the start of the run |
 /// | `cos_incidence`, `normal_x` to `normal_z` | how it is met |
 /// | `azimuth`, `elevation` | direction in which the sound left, sensor frame, rad |
-/// | `cause`, `bounces` | surface or multipath, and reflections on the way |
+/// | `cause`, `bounces` | surface (0), sea surface (10), either over reflections (9) or noise alone (7), and reflections on the way |
 pub const CELL_FIELDS: [Field; 21] = [
     Field::Intensity,
     Field::CategoryId,
@@ -56,6 +56,8 @@ pub struct Layout {
     pub bins: usize,
     /// Length of a bin, m of reported slant range.
     pub bin_m: f64,
+    /// First bin that reports echoes: those before it are nearer than the nearest range.
+    pub first_bin: usize,
     /// Sound speed that ranges are reported with, m/s.
     pub believed_speed: f64,
     /// Level of the noise in a cell, dB re 1 uPa, after directivity and processing gain.
@@ -125,6 +127,7 @@ impl Default for Layout {
             axes: Vec::new(),
             bins: 0,
             bin_m: 1.0,
+            first_bin: 0,
             believed_speed: 1500.0,
             noise_db: 0.0,
             threshold_db: Vec::new(),

@@ -251,7 +251,7 @@ columns! {
     y, Y, f32, "m", true, Some("Y"), "measured position, relative to the cloud's origin";
     z, Z, f32, "m", true, Some("Z"), "measured position, relative to the cloud's origin";
     range, Range, f32, "m", true, None, "measured slant range";
-    intensity, Intensity, f32, "1", true, Some("intensity"), "what the instrument reports: 0..1, or 0..255 for 8-bit encodings";
+    intensity, Intensity, f32, "1", true, Some("intensity"), "what the instrument reports: 0..1, or 0..255 for 8-bit encodings; of sonars the echo level, dB";
     category_id, CategoryId, u32, "", true, None, "semantic class, 0 = unlabelled";
     part_id, PartId, u32, "", true, None, "part of the object, 0 = unlabelled";
     instance_id, InstanceId, u32, "", true, None, "individual object, 0 = unlabelled";
@@ -277,7 +277,7 @@ columns! {
     true_y, TrueY, f32, "m", false, None, "position without errors, relative to the cloud's origin";
     true_z, TrueZ, f32, "m", false, None, "position without errors, relative to the cloud's origin";
     true_range, TrueRange, f32, "m", false, None, "slant range without errors";
-    cause, Cause, u8, "", false, None, "why the point is there: 0 surface, 1 seen in a mirror, 2 seen through glass, 3 rain, 4 fog, 5 snow, 6 dust, 7 false alarm, 8 mixed (edge), 9 multipath";
+    cause, Cause, u8, "", false, None, "why the point is there: 0 surface, 1 seen in a mirror, 2 seen through glass, 3 rain, 4 fog, 5 snow, 6 dust, 7 false alarm, 8 mixed (edge), 9 multipath, 10 sea surface";
     bounces, Bounces, u8, "", false, None, "specular events on the path";
     first_category_id, FirstCategoryId, u32, "", false, None, "category of the first surface: the mirror or pane that the beam meets, if any";
     first_instance_id, FirstInstanceId, u32, "", false, None, "instance of the first surface: as first_category_id";

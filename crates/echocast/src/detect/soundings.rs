@@ -17,15 +17,13 @@ pub(crate) struct Heard<'a> {
     pub beside: &'a [f32],
     /// Width of the beam, rad.
     pub width: f32,
-    /// First bin that is looked at.
-    pub from: usize,
 }
 
 /// The range of the strongest echo of a beam: the centre of its energy, or of beams that look aside where it crosses their
 /// axis. `None`: nothing is loud enough.
 pub(crate) fn sounding(layout: &Layout, heard: &Heard) -> Option<Sounding> {
-    let Heard { beam, levels, beside, width, from } = *heard;
-    let bins = levels.len();
+    let Heard { beam, levels, beside, width } = *heard;
+    let (bins, from) = (levels.len(), layout.first_bin);
     let [_, elevation] = layout.axes[beam];
     let down = (elevation + std::f32::consts::FRAC_PI_2).abs();
     let power = |bin: usize| exp2(levels[bin] * LOG2_PER_DB);
@@ -112,11 +110,11 @@ mod tests {
             levels[bin] = level;
         }
         let layout = layout(-std::f32::consts::FRAC_PI_2);
-        let heard = Heard { beam: 0, levels: &levels, beside: &[], width: 0.02, from: 0 };
+        let heard = Heard { beam: 0, levels: &levels, beside: &[], width: 0.02 };
         let found = sounding(&layout, &heard).unwrap();
         assert!((found.range - 10.05).abs() < 1e-3, "{found:?}");
         assert_eq!((found.cell, found.level_db), (100, 72.0));
-        assert!(sounding(&layout, &Heard { from: 110, ..heard }).is_none());
+        assert!(sounding(&Layout { first_bin: 110, ..layout }, &heard).is_none());
     }
 
     #[test]
@@ -129,7 +127,7 @@ mod tests {
             beside[bin] = (bin as f32 + 0.5 - 104.0) * 1e-3;
         }
         let layout = layout(-0.4);
-        let heard = Heard { beam: 0, levels: &levels, beside: &beside, width: 0.1, from: 0 };
+        let heard = Heard { beam: 0, levels: &levels, beside: &beside, width: 0.1 };
         let found = sounding(&layout, &heard).unwrap();
         assert!((found.range - 10.4).abs() < 1e-2, "{found:?}");
     }

@@ -16,13 +16,24 @@ pub(crate) struct Backscatter {
     laws: Vec<f32>,
     /// Loss of a reflection at those angles, dB, likewise.
     losses: Vec<f32>,
-    /// Whether the image of the surface decides, by material.
-    by_image: Vec<bool>,
+    /// What else decides, by material.
+    by: Vec<By>,
     /// What an image says.
     source: ReflectanceSource,
     frequency: f64,
     sea: Sea,
     speed: f64,
+}
+
+/// What decides beside the angle.
+#[derive(Clone, Copy, PartialEq)]
+enum By {
+    /// Nothing.
+    Law,
+    /// The image of the surface: the law is that of reflectance 1.
+    Image,
+    /// The area of the object: the law is that of 1 m^2.
+    Area,
 }
 
 impl Backscatter {
@@ -37,17 +48,25 @@ impl Backscatter {
     ) -> Backscatter {
         let mut laws = Vec::with_capacity((materials.len() + 1) * (STEPS + 1));
         let mut losses = Vec::with_capacity(laws.capacity());
-        let mut by_image = Vec::with_capacity(materials.len());
+        let mut by = Vec::with_capacity(materials.len());
         for (material, &reflectance) in materials.iter().zip(&reflectances.by_material) {
-            by_image.push(material.sound.is_none() && reflectance.is_nan());
             let of_reflectance = || Sound::of_reflectance(if reflectance.is_nan() { 1.0 } else { reflectance.into() });
-            let sound = material.sound.clone().unwrap_or_else(of_reflectance);
-            tabulate(&mut laws, |sine| (sound.backscatter(sine, frequency) / sine).max(1e-30).log2());
+            let known = material.sound_law();
+            let sound = known.cloned().unwrap_or_else(of_reflectance);
+            if let Some(strength) = sound.target_strength_db() {
+                by.push(By::Area);
+                // Seen from anywhere, a convex body covers a quarter of its surface in the mean (Cauchy 1832): so much of
+                // its target strength answers for each area that is met.
+                tabulate(&mut laws, |_| strength / 10.0 * 10f64.log2() + 2.0);
+            } else {
+                by.push(if known.is_none() && reflectance.is_nan() { By::Image } else { By::Law });
+                tabulate(&mut laws, |sine| (sound.backscatter(sine, frequency) / sine).max(1e-30).log2());
+            }
             tabulate(&mut losses, |sine| sound.reflection_loss_db(sine, frequency));
         }
         tabulate(&mut laws, |sine| (sea.backscatter(sine, frequency) / sine).max(1e-30).log2());
         tabulate(&mut losses, |sine| sea.mirror_loss_db(sine, frequency, speed));
-        Backscatter { laws, losses, by_image, source: reflectances.source, frequency, sea, speed }
+        Backscatter { laws, losses, by, source: reflectances.source, frequency, sea, speed }
     }
 
     /// Whether it is what [`Backscatter::new`] would make of the same surfaces.
@@ -63,13 +82,16 @@ impl Backscatter {
         let row = arrivals.surface[index];
         let material = self.material(surfaces, row);
         let value = interpolate(&self.laws, material, sine);
-        if row != SEA && self.by_image[material] {
-            let surface = &surfaces.rows[row as usize];
-            let rgba = surfaces.base_color(surface, arrivals.triangle[index], arrivals.corner[index]);
-            let source = surfaces.materials[material].reflectance_source(self.source);
-            return value + source.of(rgba).max(1e-9).log2();
+        match self.by.get(material) {
+            None | Some(By::Law) => value,
+            Some(By::Area) => value - surfaces.rows[row as usize].area.max(1e-9).log2(),
+            Some(By::Image) => {
+                let surface = &surfaces.rows[row as usize];
+                let rgba = surfaces.base_color(surface, arrivals.triangle[index], arrivals.corner[index]);
+                let source = surfaces.materials[material].reflectance_source(self.source);
+                value + source.of(rgba).max(1e-9).log2()
+            }
         }
-        value
     }
 
     /// What a reflection by a row, or by the sea surface, costs at the sine of a grazing angle, dB.
@@ -79,7 +101,7 @@ impl Backscatter {
 
     #[inline(always)]
     fn material(&self, surfaces: &Surfaces, row: u32) -> usize {
-        if row == SEA { self.by_image.len() } else { surfaces.rows[row as usize].material as usize }
+        if row == SEA { self.by.len() } else { surfaces.rows[row as usize].material as usize }
     }
 }
 

@@ -256,7 +256,7 @@ fn cone_index(lobe: &lobe::Pattern) -> f64 {
 /// Azimuth and elevation of the beams, rad.
 fn axes(pattern: &Pattern) -> Vec<[f32; 2]> {
     let table = pattern.beams(0.0).expect("the pattern of a sensor has been drawn before");
-    let axis = |beam| {
+    let axis = |beam: usize| {
         let [x, y, z] = [table.dir_x[beam], table.dir_y[beam], table.dir_z[beam]];
         [y.atan2(x), z.atan2(x.hypot(y))]
     };

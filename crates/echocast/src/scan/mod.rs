@@ -6,6 +6,7 @@ mod collect;
 mod explain;
 mod halo;
 mod ping;
+mod ping_cloud;
 mod returns;
 mod run;
 
@@ -14,7 +15,8 @@ use crate::emitter::Trajectory;
 use crate::error::{Error, Result};
 use crate::material::ReflectanceSource;
 use crate::medium::Environment;
-use crate::sensor::Sensor;
+use crate::ping::Ping;
+use crate::sensor::{Sensor, SensorKind};
 use crate::trace::BuiltScene;
 pub(crate) use ping::PingMemory;
 pub(crate) use returns::Signals;
@@ -185,6 +187,12 @@ impl BuiltScene {
         cloud: &mut PointCloud,
         progress: Option<Progress>,
     ) -> Result<()> {
+        if sensor.kind() == SensorKind::Sonar {
+            let fields = Ping::cloud_fields(options.fields);
+            let ping = self.ping(sensor, trajectory, &ScanOptions { fields, ..options.clone() })?;
+            *cloud = ping.cloud(options)?;
+            return Ok(());
+        }
         options.check(trajectory)?;
         let beams = sensor.beams_at(options.start_time)?;
         let mut scan = Scan::new(&self.0, sensor, &beams, trajectory, options);

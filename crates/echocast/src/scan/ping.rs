@@ -19,7 +19,7 @@ use crate::rng::Rng;
 use crate::scene::srgb_byte;
 use crate::sensor::Sensor;
 use crate::sonar::{AcousticsSpec, Speckle};
-use crate::trace::{BuiltScene, Launch, SoundLimits, SoundTracer, Tables, TracerMemory};
+use crate::trace::{BuiltScene, Launch, SEA, SoundLimits, SoundTracer, Tables, TracerMemory};
 use glam::{DVec3, Mat3};
 use pulp::{Arch, NullaryFnOnce};
 use std::sync::Arc;
@@ -97,7 +97,6 @@ struct Pinging<'a> {
     /// Ranges from which echoes come, m.
     reach: f64,
     fold: f64,
-    nearest: f64,
     mask: u32,
     time: f64,
 }
@@ -170,8 +169,7 @@ impl<'a> Pinging<'a> {
         let frequency = acoustics.frequency();
         let depth = water.surface_z_m - pose.position.z;
         let (column, _) = Column::new(water, frequency, depth)?;
-        let slab = column.slabs[column.slab_at(depth)];
-        let (speed, absorption) = (slab.speed_at(depth), slab.absorption_at(depth));
+        let (speed, absorption) = (column.speed_at(depth), column.mean_absorption(depth, depth));
         let believed = water.assumed_speed_m_s.unwrap_or(speed);
         let ratio = acoustics.array_speed_m_s.map_or(1.0, |array| speed / array);
         let transducer = sensor.transducer(speed / frequency, ratio);
@@ -254,7 +252,6 @@ impl<'a> Pinging<'a> {
             rng,
             reach,
             fold,
-            nearest: sensor.range_min_m,
             mask: options.mask,
             time: options.start_time,
             transducer,
@@ -336,7 +333,6 @@ impl<'a> Pinging<'a> {
     fn sound_out(&self, memory: &PingMemory, cells: &mut Columns, soundings: &mut Vec<crate::ping::Sounding>) {
         let bins = self.layout.bins;
         let mut beside = Vec::new();
-        let from = (self.nearest / self.layout.bin_m).floor() as usize;
         for TileMemory { tile, .. } in &memory.tiles {
             for beam in tile.beams.0..tile.beams.1 {
                 beside.clear();
@@ -344,13 +340,8 @@ impl<'a> Pinging<'a> {
                     let column = (0..bins).map(|bin| bin * tile.width() + beam - tile.beams.0);
                     beside.extend(column.map(|cell| tile.lean[cell] / tile.total[cell]));
                 }
-                let heard = Heard {
-                    beam,
-                    levels: &cells.intensity[beam * bins..(beam + 1) * bins],
-                    beside: &beside,
-                    width: self.transducer.width,
-                    from,
-                };
+                let levels = &cells.intensity[beam * bins..(beam + 1) * bins];
+                let heard = Heard { beam, levels, beside: &beside, width: self.transducer.width };
                 soundings.extend(sounding(&self.layout, &heard));
             }
         }
@@ -397,6 +388,7 @@ fn layout(
         axes: transducer.axes.clone(),
         bins: inputs.bins,
         bin_m,
+        first_bin: (sensor.range_min_m / bin_m).floor() as usize,
         believed_speed: inputs.believed,
         noise_db: noise_db as f32,
         threshold_db: (0..inputs.bins).map(threshold).collect(),
@@ -568,7 +560,11 @@ impl Pinging<'_> {
             true_range: arrivals.path[index] + beside,
             time: self.time + 2.0 * f64::from(arrivals.range[index] + beside) / self.layout.believed_speed,
             bounces: order,
-            cause: if order > 0 { Cause::Multipath as u8 } else { Cause::Surface as u8 },
+            cause: match (order, arrivals.surface[index]) {
+                (0, SEA) => Cause::SeaSurface as u8,
+                (0, _) => Cause::Surface as u8,
+                _ => Cause::Multipath as u8,
+            },
         );
         let (direction, normal) = (arrivals.direction[index], arrivals.normal[index]);
         let scale = -direction.dot(normal).signum() / normal.length();
@@ -589,7 +585,8 @@ impl Pinging<'_> {
 /// A cell in which nothing scatters.
 fn silence(rows: &mut Slices, row: usize) {
     put!(rows, row,
-        category_id: 0, part_id: 0, instance_id: 0, material_id: 0, red: 0, green: 0, blue: 0, bounces: 0, cause: 0,
+        category_id: 0, part_id: 0, instance_id: 0, material_id: 0, red: 0, green: 0, blue: 0, bounces: 0,
+        cause: Cause::FalseAlarm as u8,
         true_x: f32::NAN, true_y: f32::NAN, true_z: f32::NAN, true_range: f32::NAN, time: f64::NAN,
         cos_incidence: f32::NAN, normal_x: f32::NAN, normal_y: f32::NAN, normal_z: f32::NAN,
         azimuth: f32::NAN, elevation: f32::NAN,

@@ -1,5 +1,6 @@
 //! Triangle meshes, split into parts of one material each.
 
+use glam::{DAffine3, DVec3};
 use crate::error::{Error, Result};
 use crate::material::Material;
 use crate::scene::LARGEST;
@@ -82,6 +83,19 @@ pub struct Part {
 }
 
 impl Part {
+    /// Area in the world, m^2, where `world_from_object` places it.
+    pub(crate) fn area(&self, world_from_object: &DAffine3) -> f64 {
+        let corner = |index: u32| {
+            let position = self.positions[index as usize].map(f64::from);
+            world_from_object.transform_vector3(DVec3::from(position))
+        };
+        let double = |&[a, b, c]: &[u32; 3]| {
+            let a = corner(a);
+            (corner(b) - a).cross(corner(c) - a).length()
+        };
+        self.triangles.iter().map(double).sum::<f64>() * 0.5
+    }
+
     fn check(&self) -> Result<()> {
         let vertices = self.positions.len();
         if self.triangles.is_empty() {

@@ -1,11 +1,7 @@
-//! Rays of sound through layered water: bent, reflected and, where they meet something, arrived.
-//!
-//! The ocean is stratified: in a slab sound speed is linear in depth, so a ray is a circular arc (a straight line without
-//! gradient) in a vertical plane, and `xi = cos(grazing angle) / speed` stays the same from slab to slab (Snell). Slabs,
-//! arcs and the equations below: Jensen, Kuperman, Porter, Schmidt, "Computational Ocean Acoustics", 2nd ed., chapter 3.
+//! Rays of sound through layered water and a scene: bent, reflected and, where they meet something, arrived.
 
 use super::{HitBatch, LANES, MISS, RayBatch, Tables};
-use crate::medium::{Column, Slab};
+use crate::medium::{Column, End, Ray, Slab, small_sin_cos};
 use glam::{DVec3, Mat3, Vec3};
 use std::ops::Range;
 
@@ -24,8 +20,9 @@ pub(crate) type ReflectionLoss<'a> = &'a (dyn Fn(u32, f64) -> f64 + Sync);
 /// Follows rays through one scene and one water column, from one place.
 pub(crate) struct SoundTracer<'a> {
     scene: &'a Tables,
-    /// The column, cut where the scene begins and ends.
-    slabs: Vec<Layer>,
+    /// The column, cut where the scene begins and ends, and in which of its slabs nothing of the scene can be.
+    slabs: Vec<Slab>,
+    empty: Vec<bool>,
     /// The column as it is.
     column: &'a Column,
     /// Whether all rays are straight.
@@ -42,13 +39,6 @@ pub(crate) struct SoundTracer<'a> {
     /// Reflections that are followed.
     bounces: u8,
     reflection_loss: ReflectionLoss<'a>,
-}
-
-/// A [`Slab`], and whether anything of the scene can be in it.
-#[derive(Clone, Copy)]
-struct Layer {
-    slab: Slab,
-    empty: bool,
 }
 
 /// What rays meet, a column each.
@@ -94,13 +84,14 @@ impl Arrivals {
         (direction.clear(), normal.clear(), surface.clear(), triangle.clear(), corner.clear(), order.clear());
     }
 
-    fn push(&mut self, ray: u32, range: f64, state: &State, at: Met, start_speed: f64) {
-        self.ray.push(ray);
+    fn push(&mut self, range: f64, state: &State, at: Met, start_speed: f64) {
+        let Ray { path, loss, tube, speed_path, speed, .. } = state.ray;
+        self.ray.push(state.number);
         self.range.push(range as f32);
-        self.path.push(state.path as f32);
-        self.loss.push(state.loss as f32);
-        self.tube.push([state.tube.abs() as f32, (state.speed_path / start_speed) as f32]);
-        self.speed.push((state.speed / start_speed) as f32);
+        self.path.push(path as f32);
+        self.loss.push(loss as f32);
+        self.tube.push([tube.abs() as f32, (speed_path / start_speed) as f32]);
+        self.speed.push((speed / start_speed) as f32);
         self.place.push(at.place);
         self.direction.push(at.direction);
         self.normal.push(at.normal);
@@ -121,50 +112,15 @@ struct Met {
     corner: [f32; 2],
 }
 
-/// A ray on its way.
+/// A ray on its way through the scene.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct State {
-    ray: u32,
+struct State {
+    number: u32,
     /// Where its vertical plane starts, relative to the scene's origin, m, and where it goes, a unit vector.
     start: [f64; 2],
     heading: [f64; 2],
-    /// Horizontal distance from there, m.
-    pub distance: f64,
-    /// m below the sea surface.
-    pub depth: f64,
-    /// Sine of the grazing angle, positive downwards.
-    pub sine: f64,
-    /// Cosine of the grazing angle over sound speed, s/m.
-    pub snell: f64,
-    /// Index of the slab.
-    pub slab: usize,
-    /// Sound speed here, m/s.
-    pub speed: f64,
-    /// s since the start.
-    pub time: f64,
-    /// m since the start.
-    pub path: f64,
-    /// Absorption, boundaries and reflections since the start, dB.
-    pub loss: f64,
-    /// Integral of speed over the way, m^2/s: over the speed at the start it is the width of the tube across the plane.
-    pub speed_path: f64,
-    /// Width of the tube within the vertical plane per radian at the start, m; negative beyond a caustic.
-    pub tube: f64,
-    /// What the tube widens by with each m^2/s of `speed_path`, s/m: constant within a slab.
-    widening: f64,
-    /// Derivative of `snell` by the angle at the start, with its sign turned by every reflection, s/m.
-    turn: f64,
-    pub order: u8,
-}
-
-/// How a step ends.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum End {
-    /// Within the slab.
-    Inside,
-    /// At its upper or lower boundary.
-    Top,
-    Bottom,
+    ray: Ray,
+    order: u8,
 }
 
 /// The next part of a ray: an arc within one slab.
@@ -177,193 +133,33 @@ struct Step {
 }
 
 impl State {
-    /// A ray that starts at `place` (relative to the scene's origin) in the unit `direction`.
-    fn launch(ray: u32, place: DVec3, direction: DVec3, depth: f64, slab: &Slab) -> State {
-        let speed = slab.speed_at(depth);
-        let mut state = State {
-            ray,
-            start: [place.x, place.y],
-            heading: [1.0, 0.0],
-            distance: 0.0,
-            depth,
-            sine: 0.0,
-            snell: 0.0,
-            slab: 0,
-            speed,
-            time: 0.0,
-            path: 0.0,
-            loss: 0.0,
-            speed_path: 0.0,
-            tube: 0.0,
-            widening: 1.0 / speed,
-            turn: -direction.z / speed,
-            order: 0,
-        };
-        state.turn_to(direction);
-        state
-    }
-
-    fn turn_to(&mut self, direction: DVec3) {
-        let level = direction.x.hypot(direction.y);
-        if level > 1e-12 {
-            self.heading = [direction.x / level, direction.y / level];
-        }
-        self.sine = -direction.z;
-        self.snell = level / self.speed;
-    }
-
-    /// The state `length` m on along the arc within `slab`.
-    fn advanced(&self, slab: &Slab, length: f64) -> State {
-        let mut next = *self;
-        let (c, s) = (self.speed, self.sine);
-        next.path += length;
-        if slab.gradient == 0.0 {
-            let fall = length * s;
-            next.distance += length * self.snell * c;
-            next.depth += fall;
-            next.time += length / c;
-            next.loss += length * slab.absorption_at(self.depth + 0.5 * fall);
-            next.speed_path += length * c;
-            next.tube += self.widening * length * c;
-            return next;
-        }
-        // The grazing angle falls evenly with the length; a chord is `length sinc(half)` long, in the direction of the
-        // middle of the arc.
-        let half = 0.5 * slab.gradient * self.snell * length;
-        let (sin, cos) = small_sin_cos(half);
-        let sinc = if half == 0.0 { 1.0 } else { sin / half };
-        let cosine = self.snell * c;
-        let (middle_sine, middle_cosine) = (s * cos - cosine * sin, cosine * cos + s * sin);
-        let (level, fall) = (length * middle_cosine * sinc, length * middle_sine * sinc);
-        next.distance += level;
-        next.depth += fall;
-        next.sine = middle_sine * cos - middle_cosine * sin;
-        next.speed = slab.speed_at(next.depth);
-        // Depth in the middle of the arc, by half the arc.
-        let (quarter_sin, quarter_cos) = small_sin_cos(0.5 * half);
-        let quarter = if half == 0.0 { 1.0 } else { quarter_sin / (0.5 * half) };
-        let middle_depth = self.depth + 0.5 * length * (s * quarter_cos - cosine * quarter_sin) * quarter;
-        let middle = slab.speed_at(middle_depth);
-        if half.abs() < 0.02 {
-            // Simpson's rule; what it leaves out is below 1e-10 of the time on arcs that short.
-            next.time += length / 6.0 * (1.0 / c + 4.0 / middle + 1.0 / next.speed);
-            let speed_path = length / 6.0 * (c + 4.0 * middle + next.speed);
-            next.speed_path += speed_path;
-            next.tube += self.widening * speed_path;
-        } else {
-            let ratio = next.speed / c * (1.0 + s) / (1.0 + next.sine);
-            next.time += (ratio.ln() / slab.gradient).abs();
-            next.speed_path += level / self.snell;
-            next.tube += self.widening * level / self.snell;
-        }
-        next.loss += length / 6.0
-            * (slab.absorption_at(self.depth) + 4.0 * slab.absorption_at(middle_depth) + slab.absorption_at(next.depth));
-        next
-    }
-
-    /// Length of the arc to where it leaves `slab`, and where that is.
-    fn exit(&self, slab: &Slab) -> (f64, End) {
-        let to = |end: End| match end {
-            End::Bottom => slab.bottom - self.depth,
-            _ => slab.top - self.depth,
-        };
-        let ahead = if self.sine > 0.0 { End::Bottom } else { End::Top };
-        if slab.gradient == 0.0 {
-            return if self.sine == 0.0 { (f64::INFINITY, End::Inside) } else { ((to(ahead) / self.sine).max(0.0), ahead) };
-        }
-        // Rays bend away from the side where sound is faster.
-        let faster = if slab.gradient > 0.0 { End::Bottom } else { End::Top };
-        let slower = if slab.gradient > 0.0 { End::Top } else { End::Bottom };
-        let speed_at = |end: End| slab.speed_at(if end == End::Bottom { slab.bottom } else { slab.top });
-        let towards = self.sine * slab.gradient.signum();
-        let curvature = slab.gradient.abs() * self.snell;
-        let end = if towards > 0.0 && self.snell * speed_at(faster) < 1.0 { faster } else { slower };
-        let cosine = (self.snell * speed_at(end)).min(1.0);
-        let sine = (1.0 - cosine * cosine).sqrt();
-        if towards > 0.0 && end == slower {
-            // Over its vertex and back.
-            let angle = towards.atan2(self.snell * self.speed) + sine.atan2(cosine);
-            return (angle / curvature, end);
-        }
-        let sum = self.sine.abs() + sine;
-        let fall = to(end).abs();
-        let half = curvature * fall / sum;
-        let length = if half < 0.05 {
-            // half / tan(half), to 1e-9.
-            let square = half * half;
-            2.0 * fall / sum * (1.0 - square / 3.0 * (1.0 + square / 15.0))
-        } else {
-            let (from, to) = (self.sine.abs().atan2(self.snell * self.speed), sine.atan2(cosine));
-            (from - to).abs() / curvature
-        };
-        (length, end)
-    }
-
-    /// Goes over into the next slab, or back into this one where the boundary reflects everything.
-    fn cross(&mut self, layers: &[Layer], end: End) {
-        let here = &layers[self.slab].slab;
-        let (there, depth) = match end {
-            End::Bottom => (self.slab + 1, here.bottom),
-            _ => (self.slab - 1, here.top),
-        };
-        self.depth = depth;
-        let next = &layers[there].slab;
-        let (from, to) = (here.speed_at(depth), next.speed_at(depth));
-        let down = if end == End::Bottom { 1.0 } else { -1.0 };
-        if from != to || here.density != next.density {
-            let cosine = self.snell * to;
-            if cosine >= 1.0 {
-                self.speed = from;
-                return self.mirror(here);
-            }
-            let (sine, sine_on) = (self.sine.abs().max(1e-9), (1.0 - cosine * cosine).sqrt().max(1e-9));
-            // Reflection coefficient of two fluids; what is not reflected goes on.
-            let (a, b) = (next.density * to * sine, here.density * from * sine_on);
-            let reflected = (a - b) / (a + b);
-            self.loss -= 10.0 * (1.0 - reflected * reflected).max(1e-30).log10();
-            self.tube *= sine_on / sine;
-            self.sine = down * sine_on;
-        } else {
-            self.sine = down * self.sine.abs();
-        }
-        self.speed = to;
-        self.slab = there;
-        self.widen(next);
-    }
-
-    /// Reflection by a horizontal boundary of the slab.
-    fn mirror(&mut self, slab: &Slab) {
-        self.sine = -self.sine;
-        self.turn = -self.turn;
-        self.widen(slab);
-    }
-
-    /// How the tube widens from here on: in a slab its width over the sine of the ray is the derivative of the horizontal
-    /// distance by `snell` at this depth, times `turn`; from one slab to the next that derivative is continuous.
-    fn widen(&mut self, slab: &Slab) {
-        let sine = if self.sine.abs() < 1e-6 { 1e-6f64.copysign(self.sine) } else { self.sine };
-        self.widening = (self.turn - slab.gradient * self.snell * self.snell * self.tube) / sine;
+    /// Ray `number` from `place` (relative to the scene's origin) in the unit `direction`, at `depth` in `slabs[slab]`.
+    fn launch(number: u32, place: DVec3, direction: DVec3, depth: f64, slabs: &[Slab], slab: usize) -> State {
+        let (heading, level) = heading(direction);
+        let ray = Ray::launch(depth, [-direction.z, level], slabs, slab);
+        State { number, start: [place.x, place.y], heading, ray, order: 0 }
     }
 
     /// Horizontal place, m.
     fn level(&self) -> [f64; 2] {
-        [self.start[0] + self.heading[0] * self.distance, self.start[1] + self.heading[1] * self.distance]
+        let distance = self.ray.distance;
+        [self.start[0] + self.heading[0] * distance, self.start[1] + self.heading[1] * distance]
     }
 
     /// Unit vector along the ray.
     fn direction(&self) -> DVec3 {
-        let cosine = (1.0 - self.sine * self.sine).max(0.0).sqrt();
-        DVec3::new(self.heading[0] * cosine, self.heading[1] * cosine, -self.sine)
+        let sine = self.ray.sine;
+        let cosine = (1.0 - sine * sine).max(0.0).sqrt();
+        DVec3::new(self.heading[0] * cosine, self.heading[1] * cosine, -sine)
     }
 }
 
-/// Sine and cosine, by their series where those are exact.
-fn small_sin_cos(x: f64) -> (f64, f64) {
-    if x.abs() > 0.02 {
-        return x.sin_cos();
-    }
-    let q = x * x;
-    (x * (1.0 - q / 6.0 * (1.0 - q / 20.0)), 1.0 - q / 2.0 * (1.0 - q / 12.0 * (1.0 - q / 30.0)))
+/// Horizontal unit vector along `direction`, and the length of its horizontal part.
+fn heading(direction: DVec3) -> ([f64; 2], f64) {
+    let level = direction.x.hypot(direction.y);
+    // Straight up and down, any will do.
+    let heading = if level > 1e-12 { [direction.x / level, direction.y / level] } else { [1.0, 0.0] };
+    (heading, level)
 }
 
 /// Rays from one place, in the directions of a sensor.
@@ -424,14 +220,11 @@ impl<'a> SoundTracer<'a> {
             }
             slabs.push(rest);
         }
-        let layer = |slab: Slab| {
-            let empty = !(slab.bottom > top - SAGITTA && slab.top < bottom + SAGITTA);
-            Layer { slab, empty }
-        };
-        let slabs = slabs.into_iter().map(layer).collect();
+        let is_empty = |slab: &Slab| !(slab.bottom > top - SAGITTA && slab.top < bottom + SAGITTA);
+        let empty = slabs.iter().map(is_empty).collect();
         let uniform = column.is_uniform();
         let SoundLimits { mask, believed, reach, bounces, reflection_loss } = limits;
-        SoundTracer { scene, slabs, column, uniform, surface_z, bounds, mask, believed, reach, bounces, reflection_loss }
+        SoundTracer { scene, slabs, empty, column, uniform, surface_z, bounds, mask, believed, reach, bounces, reflection_loss }
     }
 
     /// Adds what the rays `which` of `launch` meet to `arrivals`: first what they meet at first, in their order, block by
@@ -439,7 +232,7 @@ impl<'a> SoundTracer<'a> {
     pub fn trace(&self, launch: &Launch, which: Range<usize>, memory: &mut TracerMemory, arrivals: &mut Arrivals) {
         let depth = self.surface_z - launch.place.z;
         let slab = self.slab_at(depth);
-        let start_speed = self.slabs[slab].slab.speed_at(depth);
+        let start_speed = self.slabs[slab].speed_at(depth);
         for first in which.clone().step_by(LANES) {
             let count = LANES.min(which.end - first);
             memory.states.clear();
@@ -448,8 +241,7 @@ impl<'a> SoundTracer<'a> {
             } else {
                 memory.states.extend((first..first + count).map(|ray| {
                     let direction = launch.direction(ray).as_dvec3().normalize();
-                    let state = State::launch(ray as u32, launch.place, direction, depth, &self.slabs[slab].slab);
-                    State { slab, ..state }
+                    State::launch(ray as u32, launch.place, direction, depth, &self.slabs, slab)
                 }));
             }
             self.follow(memory, start_speed, arrivals);
@@ -457,7 +249,7 @@ impl<'a> SoundTracer<'a> {
     }
 
     fn slab_at(&self, depth: f64) -> usize {
-        self.slabs.partition_point(|layer| layer.slab.bottom <= depth).min(self.slabs.len() - 1)
+        self.slabs.partition_point(|slab| slab.bottom <= depth).min(self.slabs.len() - 1)
     }
 
     /// Rays of one block through water that is the same everywhere; those that are reflected go to `memory.states`.
@@ -519,10 +311,11 @@ impl<'a> SoundTracer<'a> {
             arrivals.order.push(0);
             if self.bounces > 0 {
                 let direction = direction.as_dvec3().normalize();
-                let start = State::launch(ray as u32, launch.place, direction, depth, water);
-                let mut state = start.advanced(water, f64::from(range));
-                state.loss = (*arrivals.loss.last().expect("it has just been added")).into();
-                state.slab = self.slab_at(state.depth);
+                let here = self.slab_at(depth);
+                let mut state = State::launch(ray as u32, launch.place, direction, depth, &self.slabs, here);
+                state.ray = state.ray.advanced(water, f64::from(range));
+                state.ray.loss = (*arrivals.loss.last().expect("it has just been added")).into();
+                state.ray.slab = self.slab_at(state.ray.depth);
                 if self.reflect(&mut state, surface, normal) {
                     states.push(state);
                 }
@@ -538,30 +331,34 @@ impl<'a> SoundTracer<'a> {
             return false;
         }
         state.order += 1;
-        let slab = &self.slabs[state.slab].slab;
         if surface == SEA {
-            state.loss += (self.reflection_loss)(SEA, state.sine.abs());
-            (state.depth, state.sine) = (0.0, -state.sine.abs());
-            state.mirror(slab);
-            return state.loss < MOST_LOSS;
+            let ray = &mut state.ray;
+            ray.loss += (self.reflection_loss)(SEA, ray.sine.abs());
+            // Mirroring turns it down again.
+            (ray.depth, ray.sine) = (0.0, -ray.sine.abs());
+            ray.mirror(&self.slabs[ray.slab]);
+            return ray.loss < MOST_LOSS;
         }
         let normal = normal.as_dvec3().normalize_or_zero();
         let direction = state.direction();
         let along = direction.dot(normal);
         let facing = if along > 0.0 { -normal } else { normal };
-        state.loss += (self.reflection_loss)(surface, along.abs());
         // Clear of the surface, so that the next step does not meet it again.
         let clear = facing * 1e-4;
         let [x, y] = state.level();
-        (state.start, state.distance) = ([x + clear.x, y + clear.y], 0.0);
-        state.depth = (state.depth - clear.z).max(0.0);
-        state.slab = self.slab_at(state.depth);
-        let slab = &self.slabs[state.slab].slab;
-        state.speed = slab.speed_at(state.depth);
-        state.turn_to((direction - 2.0 * direction.dot(facing) * facing).normalize());
+        let turned = (direction - 2.0 * direction.dot(facing) * facing).normalize();
+        let (heading, level) = heading(turned);
+        (state.start, state.heading) = ([x + clear.x, y + clear.y], heading);
+        let ray = &mut state.ray;
+        ray.loss += (self.reflection_loss)(surface, along.abs());
+        (ray.distance, ray.depth) = (0.0, (ray.depth - clear.z).max(0.0));
+        ray.slab = self.slab_at(ray.depth);
+        let slab = &self.slabs[ray.slab];
+        ray.speed = slab.speed_at(ray.depth);
+        (ray.sine, ray.snell) = (-turned.z, level / ray.speed);
         // A facet is a mirror: the tube widens on as it did.
-        state.turn = state.widening * state.sine + slab.gradient * state.snell * state.snell * state.tube;
-        state.loss < MOST_LOSS
+        ray.turn = ray.widening * ray.sine + slab.gradient * ray.snell * ray.snell * ray.tube;
+        ray.loss < MOST_LOSS
     }
 
     /// Follows all states until they have met something and are not reflected, or are out of reach.
@@ -597,11 +394,11 @@ impl<'a> SoundTracer<'a> {
                 let goes_on = if hits.surface[lane] == MISS {
                     self.finish(&mut state, &step, start_speed, arrivals)
                 } else {
-                    let slab = &self.slabs[state.slab].slab;
+                    let slab = &self.slabs[state.ray.slab];
                     let surface = hits.surface[lane];
                     let normal = self.world_normal(surface, hits.normal(lane));
                     let length = arc_to(&state, slab, &step, hits.range[lane], rays.direction(lane), normal);
-                    state = state.advanced(slab, length);
+                    state.ray = state.ray.advanced(slab, length);
                     let met = Met {
                         place: self.place(&state),
                         direction: state.direction().as_vec3(),
@@ -610,9 +407,9 @@ impl<'a> SoundTracer<'a> {
                         triangle: hits.triangle[lane],
                         corner: [hits.u[lane], hits.v[lane]],
                     };
-                    let range = self.believed * state.time;
+                    let range = self.believed * state.ray.time;
                     if range <= self.reach {
-                        arrivals.push(state.ray, range, &state, met, start_speed);
+                        arrivals.push(range, &state, met, start_speed);
                     }
                     range <= self.reach && self.reflect(&mut state, surface, normal)
                 };
@@ -628,7 +425,7 @@ impl<'a> SoundTracer<'a> {
     /// Takes a ray on, through water where nothing is, up to its next step on which something can be met; `None`: it ends.
     fn next_traced(&self, state: &mut State, latest: f64, start_speed: f64, arrivals: &mut Arrivals) -> Option<Step> {
         for _ in 0..MOST_STEPS {
-            if state.time >= latest {
+            if state.ray.time >= latest {
                 return None;
             }
             let step = self.step(state, latest);
@@ -644,19 +441,19 @@ impl<'a> SoundTracer<'a> {
 
     /// The next step of a ray: to the end of its slab, and no farther than its arc is near its chord where that is traced.
     fn step(&self, state: &State, latest: f64) -> Step {
-        let Layer { slab, empty } = &self.slabs[state.slab];
-        let (mut length, mut end) = state.exit(slab);
-        let fastest = slab.speed_at(slab.top).max(if slab.gradient > 0.0 { slab.speed_at(slab.bottom) } else { 0.0 });
-        let most = (latest - state.time) * fastest + 1e-3;
+        let slab = &self.slabs[state.ray.slab];
+        let (mut length, mut end) = state.ray.exit(slab);
+        let fastest = slab.speed.max(if slab.gradient > 0.0 { slab.speed_at(slab.bottom) } else { 0.0 });
+        let most = (latest - state.ray.time) * fastest + 1e-3;
         if length > most {
             (length, end) = (most, End::Inside);
         }
-        if *empty {
+        if self.empty[state.ray.slab] {
             return Step { length, end, traced: false };
         }
         if slab.gradient != 0.0 {
             // Arc and chord are length^2 / (8 radius) apart.
-            let radius = 1.0 / (slab.gradient.abs() * state.snell).max(1e-12);
+            let radius = 1.0 / (slab.gradient.abs() * state.ray.snell).max(1e-12);
             let most = (8.0 * radius * SAGITTA).sqrt();
             if length > most {
                 (length, end) = (most, End::Inside);
@@ -674,12 +471,12 @@ impl<'a> SoundTracer<'a> {
 
     /// Takes a ray to the end of a step on which it meets nothing; whether it goes on.
     fn finish(&self, state: &mut State, step: &Step, start_speed: f64, arrivals: &mut Arrivals) -> bool {
-        *state = state.advanced(&self.slabs[state.slab].slab, step.length);
+        state.ray = state.ray.advanced(&self.slabs[state.ray.slab], step.length);
         match step.end {
             End::Inside => {}
-            End::Top if state.slab == 0 => {
-                state.depth = 0.0;
-                let range = self.believed * state.time;
+            End::Top if state.ray.slab == 0 => {
+                state.ray.depth = 0.0;
+                let range = self.believed * state.ray.time;
                 if range > self.reach {
                     return false;
                 }
@@ -691,27 +488,27 @@ impl<'a> SoundTracer<'a> {
                     triangle: 0,
                     corner: [0.0; 2],
                 };
-                arrivals.push(state.ray, range, state, met, start_speed);
+                arrivals.push(range, state, met, start_speed);
                 return self.reflect(state, SEA, Vec3::NEG_Z);
             }
-            end => state.cross(&self.slabs, end),
+            end => state.ray.cross(&self.slabs, end),
         }
         true
     }
 
     fn place(&self, state: &State) -> Vec3 {
         let [x, y] = state.level();
-        DVec3::new(x, y, self.surface_z - state.depth).as_vec3()
+        DVec3::new(x, y, self.surface_z - state.ray.depth).as_vec3()
     }
 
     /// Start, direction and length of the chord of a step.
     fn chord(&self, state: &State, step: &Step) -> (Vec3, Vec3, f32) {
-        let slab = &self.slabs[state.slab].slab;
-        let half = 0.5 * slab.gradient * state.snell * step.length;
+        let Ray { snell, speed, sine, slab, .. } = state.ray;
+        let half = 0.5 * self.slabs[slab].gradient * snell * step.length;
         let (sin, cos) = small_sin_cos(half);
-        let cosine = state.snell * state.speed;
-        let sine = state.sine * cos - cosine * sin;
-        let level = cosine * cos + state.sine * sin;
+        let cosine = snell * speed;
+        let level = cosine * cos + sine * sin;
+        let sine = sine * cos - cosine * sin;
         let along = DVec3::new(state.heading[0] * level, state.heading[1] * level, -sine);
         let sinc = if half == 0.0 { 1.0 } else { sin / half };
         (self.place(state), along.normalize().as_vec3(), (step.length * sinc) as f32)
@@ -738,7 +535,7 @@ impl Launch<'_> {
 /// Length of the arc to the facet that its chord meets at `range`: one step of Newton's method from there.
 fn arc_to(state: &State, slab: &Slab, step: &Step, range: f32, along: Vec3, normal: Vec3) -> f64 {
     let part = (f64::from(range) / step.length).min(1.0);
-    let curvature = slab.gradient * state.snell;
+    let curvature = slab.gradient * state.ray.snell;
     if curvature == 0.0 {
         return f64::from(range);
     }

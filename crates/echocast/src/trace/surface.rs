@@ -1,7 +1,7 @@
 //! What the ids of Embree's hits mean.
 
 use crate::echo::Backscatter;
-use crate::material::{Alpha, Material, Mirrors, Optics, ReflectanceSource, Reflectances};
+use crate::material::{Alpha, Material, Mirrors, Optics, ReflectanceSource, Reflectances, Sound};
 use crate::medium::Sea;
 use crate::scene::{Labels, Mesh, Object, Part, srgb_byte};
 use embree4::{Candidate, INVALID};
@@ -29,6 +29,8 @@ pub(crate) struct Surface {
     pub instanced: bool,
     /// Whether it may have holes.
     pub cutout: bool,
+    /// Area, m^2, of what answers sound as a whole; 0 of all others, where nobody asks.
+    pub area: f32,
 }
 
 /// A scene is scanned with a few sensors; one whose wavelength is changed all the time must not fill the memory.
@@ -97,6 +99,10 @@ impl Surfaces {
                     textured,
                     instanced,
                     cutout,
+                    area: match made_of.sound_law() {
+                        Some(Sound::Target { .. }) => part.area(&object.world_from_object) as f32,
+                        _ => 0.0,
+                    },
                 });
             }
             surfaces.has_instances |= instanced;

@@ -225,6 +225,11 @@ impl Column {
         self.slabs.partition_point(|slab| slab.top <= depth).saturating_sub(1)
     }
 
+    /// Speed of sound at `depth`, m, in m/s.
+    pub fn speed_at(&self, depth: f64) -> f64 {
+        self.slabs[self.slab_at(depth)].speed_at(depth)
+    }
+
     /// Whether sound goes straight: speed and density are the same everywhere.
     pub fn is_uniform(&self) -> bool {
         let first = &self.slabs[0];

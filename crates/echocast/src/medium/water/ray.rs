@@ -1,0 +1,214 @@
+//! A ray of sound in layered water, in its vertical plane.
+//!
+//! The ocean is stratified: in a slab sound speed is linear in depth, so a ray is a circular arc, a straight line without
+//! gradient, and `cos(grazing angle) / speed` stays the same from slab to slab (Snell). Slabs, arcs and the equations below:
+//! Jensen, Kuperman, Porter, Schmidt, "Computational Ocean Acoustics", 2nd ed., chapter 3.
+
+use super::Slab;
+
+/// A ray on its way.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Ray {
+    /// Horizontal distance, m.
+    pub distance: f64,
+    /// m below the sea surface.
+    pub depth: f64,
+    /// Sine of the grazing angle, positive downwards.
+    pub sine: f64,
+    /// Cosine of the grazing angle over sound speed, s/m.
+    pub snell: f64,
+    /// Index of the slab.
+    pub slab: usize,
+    /// Sound speed here, m/s.
+    pub speed: f64,
+    /// s since the start.
+    pub time: f64,
+    /// m since the start.
+    pub path: f64,
+    /// Absorption, boundaries and reflections since the start, dB.
+    pub loss: f64,
+    /// Integral of speed over the way, m^2/s: over the speed at the start it is the width of the tube across the plane.
+    pub speed_path: f64,
+    /// Width of the tube within the vertical plane per radian at the start, m; negative beyond a caustic.
+    pub tube: f64,
+    /// What the tube widens by with each m^2/s of `speed_path`, s/m: constant within a slab.
+    pub widening: f64,
+    /// Derivative of `snell` by the angle at the start, with its sign turned by every reflection, s/m.
+    pub turn: f64,
+}
+
+/// How a part of a ray ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum End {
+    /// Within the slab.
+    Inside,
+    /// At its upper or lower boundary.
+    Top,
+    Bottom,
+}
+
+impl Ray {
+    /// A ray that starts at `depth` in `slabs[slab]`, with the sine and the cosine of its grazing angle, down.
+    pub fn launch(depth: f64, [sine, cosine]: [f64; 2], slabs: &[Slab], slab: usize) -> Ray {
+        let speed = slabs[slab].speed_at(depth);
+        Ray {
+            distance: 0.0,
+            depth,
+            sine,
+            snell: cosine / speed,
+            slab,
+            speed,
+            time: 0.0,
+            path: 0.0,
+            loss: 0.0,
+            speed_path: 0.0,
+            tube: 0.0,
+            widening: 1.0 / speed,
+            turn: sine / speed,
+        }
+    }
+
+    /// The ray `length` m on along the arc within `slab`.
+    #[inline]
+    pub fn advanced(&self, slab: &Slab, length: f64) -> Ray {
+        let mut next = *self;
+        let (c, s) = (self.speed, self.sine);
+        next.path += length;
+        if slab.gradient == 0.0 {
+            let fall = length * s;
+            next.distance += length * self.snell * c;
+            next.depth += fall;
+            next.time += length / c;
+            next.loss += length * slab.absorption_at(self.depth + 0.5 * fall);
+            next.speed_path += length * c;
+            next.tube += self.widening * length * c;
+            return next;
+        }
+        // The grazing angle falls evenly with the length; a chord is `length sinc(half)` long, in the direction of the
+        // middle of the arc.
+        let half = 0.5 * slab.gradient * self.snell * length;
+        let (sin, cos) = small_sin_cos(half);
+        let sinc = if half == 0.0 { 1.0 } else { sin / half };
+        let cosine = self.snell * c;
+        let (middle_sine, middle_cosine) = (s * cos - cosine * sin, cosine * cos + s * sin);
+        let (level, fall) = (length * middle_cosine * sinc, length * middle_sine * sinc);
+        next.distance += level;
+        next.depth += fall;
+        next.sine = middle_sine * cos - middle_cosine * sin;
+        next.speed = slab.speed_at(next.depth);
+        // Depth in the middle of the arc, by half the arc.
+        let (quarter_sin, quarter_cos) = small_sin_cos(0.5 * half);
+        let quarter = if half == 0.0 { 1.0 } else { quarter_sin / (0.5 * half) };
+        let middle_depth = self.depth + 0.5 * length * (s * quarter_cos - cosine * quarter_sin) * quarter;
+        let middle = slab.speed_at(middle_depth);
+        if half.abs() < 0.02 {
+            // Simpson's rule; what it leaves out is below 1e-10 of the time on arcs that short.
+            next.time += length / 6.0 * (1.0 / c + 4.0 / middle + 1.0 / next.speed);
+            let speed_path = length / 6.0 * (c + 4.0 * middle + next.speed);
+            next.speed_path += speed_path;
+            next.tube += self.widening * speed_path;
+        } else {
+            let ratio = next.speed / c * (1.0 + s) / (1.0 + next.sine);
+            next.time += (ratio.ln() / slab.gradient).abs();
+            next.speed_path += level / self.snell;
+            next.tube += self.widening * level / self.snell;
+        }
+        next.loss += length / 6.0
+            * (slab.absorption_at(self.depth) + 4.0 * slab.absorption_at(middle_depth) + slab.absorption_at(next.depth));
+        next
+    }
+
+    /// Length of the arc to where it leaves `slab`, and where that is.
+    #[inline]
+    pub fn exit(&self, slab: &Slab) -> (f64, End) {
+        let to = |end: End| match end {
+            End::Bottom => slab.bottom - self.depth,
+            _ => slab.top - self.depth,
+        };
+        let ahead = if self.sine > 0.0 { End::Bottom } else { End::Top };
+        if slab.gradient == 0.0 {
+            return if self.sine == 0.0 { (f64::INFINITY, End::Inside) } else { ((to(ahead) / self.sine).max(0.0), ahead) };
+        }
+        // Rays bend away from the side where sound is faster.
+        let faster = if slab.gradient > 0.0 { End::Bottom } else { End::Top };
+        let slower = if slab.gradient > 0.0 { End::Top } else { End::Bottom };
+        let speed_at = |end: End| slab.speed_at(if end == End::Bottom { slab.bottom } else { slab.top });
+        let towards = self.sine * slab.gradient.signum();
+        let curvature = slab.gradient.abs() * self.snell;
+        let end = if towards > 0.0 && self.snell * speed_at(faster) < 1.0 { faster } else { slower };
+        let cosine = (self.snell * speed_at(end)).min(1.0);
+        let sine = (1.0 - cosine * cosine).sqrt();
+        if towards > 0.0 && end == slower {
+            // Over its vertex and back.
+            let angle = towards.atan2(self.snell * self.speed) + sine.atan2(cosine);
+            return (angle / curvature, end);
+        }
+        let sum = self.sine.abs() + sine;
+        let fall = to(end).abs();
+        let half = curvature * fall / sum;
+        let length = if half < 0.05 {
+            // half / tan(half), to 1e-9.
+            let square = half * half;
+            2.0 * fall / sum * (1.0 - square / 3.0 * (1.0 + square / 15.0))
+        } else {
+            let (from, to) = (self.sine.abs().atan2(self.snell * self.speed), sine.atan2(cosine));
+            (from - to).abs() / curvature
+        };
+        (length, end)
+    }
+
+    /// Goes over into the next slab, or back into this one where the boundary reflects everything.
+    pub fn cross(&mut self, slabs: &[Slab], end: End) {
+        let here = &slabs[self.slab];
+        let (there, depth) = match end {
+            End::Bottom => (self.slab + 1, here.bottom),
+            _ => (self.slab - 1, here.top),
+        };
+        self.depth = depth;
+        let next = &slabs[there];
+        let (from, to) = (here.speed_at(depth), next.speed_at(depth));
+        let down = if end == End::Bottom { 1.0 } else { -1.0 };
+        if from != to || here.density != next.density {
+            let cosine = self.snell * to;
+            if cosine >= 1.0 {
+                self.speed = from;
+                return self.mirror(here);
+            }
+            let (sine, sine_on) = (self.sine.abs().max(1e-9), (1.0 - cosine * cosine).sqrt().max(1e-9));
+            // Reflection coefficient of two fluids; what is not reflected goes on.
+            let (a, b) = (next.density * to * sine, here.density * from * sine_on);
+            let reflected = (a - b) / (a + b);
+            self.loss -= 10.0 * (1.0 - reflected * reflected).max(1e-30).log10();
+            self.tube *= sine_on / sine;
+            self.sine = down * sine_on;
+        } else {
+            self.sine = down * self.sine.abs();
+        }
+        self.speed = to;
+        self.slab = there;
+        self.widen(next);
+    }
+
+    /// Reflection by a horizontal boundary of the slab.
+    pub fn mirror(&mut self, slab: &Slab) {
+        self.sine = -self.sine;
+        self.turn = -self.turn;
+        self.widen(slab);
+    }
+
+    /// How the tube widens from here on: in a slab its width over the sine of the ray is the derivative of the horizontal
+    /// distance by `snell` at this depth, times `turn`; from one slab to the next that derivative is continuous.
+    fn widen(&mut self, slab: &Slab) {
+        let sine = if self.sine.abs() < 1e-6 { 1e-6f64.copysign(self.sine) } else { self.sine };
+        self.widening = (self.turn - slab.gradient * self.snell * self.snell * self.tube) / sine;
+    }
+}
+
+/// Sine and cosine, by their series where those are exact.
+pub(crate) fn small_sin_cos(x: f64) -> (f64, f64) {
+    if x.abs() > 0.02 {
+        return x.sin_cos();
+    }
+    let q = x * x;
+    (x * (1.0 - q / 6.0 * (1.0 - q / 20.0)), 1.0 - q / 2.0 * (1.0 - q / 12.0 * (1.0 - q / 30.0)))
+}

@@ -1,0 +1,88 @@
+//! Pings: levels by the sonar equation, geometry, statistics.
+
+use super::assert_near;
+use echocast::emitter::Lobe;
+use echocast::{
+    BuiltScene, Environment, Field, FieldSet, Ping, Pose, ScanOptions, Sensor, Trajectory, emitter,
+};
+use echocast_tests::reference::{SceneBuilder, Shape};
+use glam::DVec3;
+
+/// A flat bottom at z = 0 of Lambert's law with mu 0.1, in pieces of `cell` m.
+fn flat(cell: f64) -> BuiltScene {
+    let mut scene = SceneBuilder::new();
+    let paint = scene.reflector((0.1 * std::f64::consts::PI) as f32);
+    let count = (400.0 / cell) as i32;
+    for i in 0..count {
+        for j in 0..count {
+            let corner = DVec3::new(-200.0 + f64::from(i) * cell, -200.0 + f64::from(j) * cell, 0.0);
+            let (right, up) = (corner + DVec3::X * cell, corner + DVec3::Y * cell);
+            scene.stand(Shape::triangle([corner, right, up]), Some(paint.clone()));
+            scene.stand(Shape::triangle([right, right + DVec3::Y * cell, up]), Some(paint.clone()));
+        }
+    }
+    scene.finish().build().unwrap()
+}
+
+/// Water to 50 m above the bottom, of 1500 m/s, without absorption and noise.
+fn water(more: &str) -> Environment {
+    let water = "surface_z_m: 50, absorption: none, wind_m_s: 0, profile: {constant: {speed_m_s: 1500}}";
+    Environment::from_yaml(&format!("water: {{{water}{more}}}")).unwrap()
+}
+
+fn sidescan(more: &str) -> Sensor {
+    let yaml = "
+name: side
+kind: sonar
+pattern: {type: sidescan, sides: starboard, tilt_deg: 30, vertical_deg: 50, along_deg: 0.5, rays: 4096, rate_hz: 5}
+acoustics: {frequency_khz: 450, source_level_db: 220, bandwidth_khz: 15, noise_level_db: -200, speckle: off}
+range: {max_m: 100}
+";
+    let mut sensor = Sensor::from_yaml(yaml, "").unwrap();
+    for assignment in more.split_whitespace() {
+        let (key, value) = assignment.split_once('=').unwrap();
+        sensor.set(key, value).unwrap();
+    }
+    sensor
+}
+
+fn options(environment: Environment) -> ScanOptions {
+    ScanOptions { environment, ..ScanOptions::default().fields(FieldSet::all()) }
+}
+
+fn ping(scene: &BuiltScene, sensor: &Sensor, pose: Pose, options: &ScanOptions) -> Ping {
+    scene.ping(sensor, &Trajectory::fixed(pose), options).unwrap()
+}
+
+/// Mean level of the bins around `range`, dB.
+fn level(ping: &Ping, beam: usize, range: f64, around: f64) -> f64 {
+    let layout = &ping.layout;
+    let bins = ((range - around) / layout.bin_m) as usize..((range + around) / layout.bin_m) as usize;
+    let powers = ping.levels(beam)[bins.clone()].iter().map(|&level| 10f64.powf(f64::from(level) / 10.0));
+    10.0 * (powers.sum::<f64>() / bins.len() as f64).log10()
+}
+
+/// Level of a flat bottom `height` m below: sonar equation with the area of a resolution cell, by quadrature of the beam.
+fn flat_level(height: f64, range: f64) -> f64 {
+    let wavelength = 1500.0 / 450e3;
+    let (along, vertical) = (Lobe::Width(0.5).at(wavelength), Lobe::Width(50.0).at(wavelength));
+    let steps = 20_000;
+    let step = 0.2 / f64::from(steps);
+    let width: f64 = (0..steps).map(|i| along.amplitude((f64::from(i) * step - 0.1).sin()).powi(4) * step).sum();
+    let grazing = (height / range).asin();
+    let beam = vertical.amplitude((grazing - 30f64.to_radians()).sin()).powi(4);
+    let area = range * width * (0.5 * 1500.0 / 15e3) / grazing.cos();
+    220.0 - 40.0 * range.log10() + 10.0 * (0.1 * grazing.sin().powi(2) * area * beam).log10()
+}
+
+#[test]
+fn a_flat_bottom_has_the_level_of_the_sonar_equation() {
+    let scene = flat(100.0);
+    let ping = ping(&scene, &sidescan(""), Pose::at(0.0, 0.0, 20.0), &options(water("")));
+    assert_eq!((ping.layout.beams(), ping.layout.bin_m), (1, 0.025));
+    for range in [22.0, 25.0, 30.0, 40.0, 50.0, 60.0, 75.0, 90.0] {
+        assert_near(&format!("level at {range} m"), level(&ping, 0, range, 0.25), flat_level(20.0, range), 0.1);
+    }
+    // Nothing before the bottom.
+    assert!(ping.levels(0)[..790].iter().all(|&level| level < -150.0));
+}
