@@ -207,11 +207,13 @@ fn steered_beams_widen_as_the_aperture_shrinks() {
             continue;
         }
         for degrees in [20f64, 45.0, 60.0] {
-            let axis = degrees.to_radians().sin();
+            let (axis, cos) = degrees.to_radians().sin_cos();
             let half = (0.5 * pattern.width()).sin();
             let [left, right] = [-2.0, 2.0].map(|side| half_power(&pattern, axis, axis, axis + side * half).asin());
-            let expected = pattern.width() / degrees.to_radians().cos();
-            assert_near(yaml, right - left, expected, 2e-3 * expected);
+            assert_near(yaml, right - left, (axis + half).asin() - (axis - half).asin(), 1e-9);
+            // The cosine is that of the axis: right for narrow lobes.
+            let expected = pattern.width() / cos;
+            assert_near(yaml, right - left, expected, (half / cos.powi(2)).powi(2) * expected);
         }
     }
 }
@@ -238,12 +240,15 @@ fn beyond_its_extent_a_lobe_is_faint() {
             let extent = pattern.extent(power);
             assert!(extent >= last && extent <= 1.0, "{yaml} {power}: {extent} after {last}");
             last = extent;
+            if extent == 1.0 {
+                continue;
+            }
             for step in 1..=50_000 {
                 let u = extent + (1.0 - extent) * f64::from(step) / 50_000.0;
                 let found = [u, -u].map(|u| pattern.amplitude(u).powi(2));
                 assert!(found.into_iter().all(|found| found <= power), "{yaml} {power} {extent} {u}: {found:?}");
             }
-            if extent < 1.0 && !yaml.contains("element_m") {
+            if !yaml.contains("element_m") {
                 // And no more is left out than must be.
                 let (from, to) = (extent - 0.06, extent);
                 let loudest = (0..=10_000).map(|i| pattern.amplitude(from + (to - from) * f64::from(i) / 1e4).powi(2));

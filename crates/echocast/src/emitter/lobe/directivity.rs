@@ -23,8 +23,7 @@ pub fn line_directivity(length_in_wavelengths: f64) -> f64 {
 }
 
 /// Directivity index of a rectangular face of `length` x `height` wavelengths in a wall, dB: `10 log(4 pi L H / lambda^2)`,
-/// right where both are several wavelengths ([`directivity`] of two lines is right to 0.1 dB from 2 wavelengths on where
-/// this is not).
+/// right where both are several wavelengths (to 0.01 dB for 180 x 6); [`directivity`] of two lines is right for all.
 pub fn rectangle_directivity(length: f64, height: f64) -> f64 {
     10.0 * (4.0 * PI * length * height).log10()
 }
@@ -42,8 +41,8 @@ pub fn piston_directivity(ka: f64) -> f64 {
 
 /// Directivity index of an aperture in a wall that has the pattern `across` in one plane and `up` in the other, dB:
 /// `10 log(4 pi / integral of b over the half sphere before it)`; what is behind is silent. The patterns multiply, each at
-/// the direction cosine along its edge. Good to 0.01 dB up to apertures of thousands of wavelengths; a second of
-/// work at the worst.
+/// the direction cosine along its edge. Good to 0.01 dB up to 1000 wavelengths. The work grows with the product of both
+/// apertures in wavelengths: 0.1 s for 180 x 6, 6 s for 1000 x 1000 in a build for tests.
 pub fn directivity(across: &Pattern, up: &Pattern) -> f64 {
     /// Finer than this only where it matters.
     const MOST_PANELS: f64 = 2048.0;
