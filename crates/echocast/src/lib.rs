@@ -64,6 +64,7 @@ pub mod echo;
 pub mod emitter;
 pub mod error;
 pub mod export;
+pub mod generate;
 pub mod material;
 pub mod medium;
 mod parallel;
