@@ -15,15 +15,16 @@ const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
 /// A glTF vector of one of echocast's: the inverse of (x, y, z) -> (x, -z, y), which readers apply.
 fn y_up([x, y, z]: [f32; 3]) -> [f32; 3] {
-    [x, z, -y]
+    // A difference, because a minus sign would make -0 of 0.
+    [x, z, 0.0 - y]
 }
 
 fn point(p: DVec3) -> Value {
-    json!([p.x, p.z, -p.y])
+    json!([p.x, p.z, 0.0 - p.y])
 }
 
 fn quaternion(q: DQuat) -> Value {
-    json!([q.x, q.z, -q.y, q.w])
+    json!([q.x, q.z, 0.0 - q.y, q.w])
 }
 
 /// Lists of a file by the names they have there, and its buffer.

@@ -105,7 +105,7 @@ impl Seabed {
     }
 
     /// Checks everything and divides the bed into cells.
-    fn ground(&self) -> Result<Ground> {
+    pub(super) fn ground(&self) -> Result<Ground> {
         for length in self.size_m {
             within("size_m", length, 1.0, 10_000.0)?;
         }
@@ -188,6 +188,10 @@ struct Made {
     swimming: Option<String>,
 }
 
+/// Lambert's constant of the skin of a fish, dB: with it one 0.4 m long has, from above, about the target strength of fish
+/// with a closed swim bladder at 38 kHz, 20 log10(L / cm) - 67.4 dB re 1 m^2 (Foote 1987, J. Acoust. Soc. Am. 82).
+pub(super) const FISH_MU_DB: f64 = -16.0;
+
 /// Colours and reflectances are our own choice, as such things look. What the ground does to sound is named by the
 /// sediments of the material key `sound`.
 fn material(glb: &mut Glb, name: &str) -> usize {
@@ -200,7 +204,7 @@ fn material(glb: &mut Glb, name: &str) -> usize {
         "hull" => ([0.22, 0.07, 0.03], 0.15, Value::Null),
         "cabin" => ([0.55, 0.55, 0.50], 0.4, Value::Null),
         "mast" => ([0.25, 0.16, 0.08], 0.25, Value::Null),
-        _ => ([0.40, 0.46, 0.52], 0.3, Value::Null),
+        _ => ([0.40, 0.46, 0.52], 0.3, json!({ "law": "lambert", "mu_db": FISH_MU_DB })),
     };
     let mut extras = json!({ "reflectance": reflectance });
     if sound != Value::Null {
