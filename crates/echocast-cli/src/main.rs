@@ -5,6 +5,7 @@ mod bench;
 mod choice;
 mod formats;
 mod frames;
+mod generate;
 mod info;
 mod input;
 mod interrupt;
@@ -41,6 +42,7 @@ enum Command {
     Scan(Box<scan::Args>),
     Sensors(sensors::Args),
     Info(info::Args),
+    Generate(generate::Args),
     Formats(formats::Args),
     Bench(bench::Args),
 }
@@ -50,6 +52,7 @@ fn main() -> ExitCode {
         Command::Scan(args) => scan::run(&args),
         Command::Sensors(args) => sensors::run(&args),
         Command::Info(args) => info::run(&args),
+        Command::Generate(args) => generate::run(&args),
         Command::Formats(formats::Args {}) => formats::run(),
         Command::Bench(args) => bench::run(&args),
     };

@@ -105,7 +105,8 @@ impl OutputArgs {
     }
 }
 
-fn folder(file: &Path) -> &Path {
+/// Folder that `file` goes to.
+pub fn folder(file: &Path) -> &Path {
     file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 

@@ -6,7 +6,7 @@ use common::{run, stderr, stdout, write_room};
 use std::io::pipe;
 use std::path::Path;
 
-const COMMANDS: [&str; 5] = ["scan", "sensors", "info", "formats", "bench"];
+const COMMANDS: [&str; 6] = ["scan", "sensors", "info", "generate", "formats", "bench"];
 
 #[test]
 fn every_command_explains_itself_with_an_example() {

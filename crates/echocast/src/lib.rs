@@ -65,6 +65,7 @@ pub mod echo;
 pub mod emitter;
 pub mod error;
 pub mod export;
+pub mod generate;
 pub mod material;
 mod math;
 pub mod medium;

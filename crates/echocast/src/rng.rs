@@ -52,6 +52,14 @@ pub(crate) enum Draw {
     Texture = 41,
     /// Noise of a sonar's receiver, by cell.
     PingNoise = 42,
+    /// Shape of generated ground.
+    Terrain = 100,
+    /// Shape, size and place of generated boulders.
+    Boulder = 101,
+    /// Likewise wrecks.
+    Wreck = 102,
+    /// Likewise fish.
+    Fish = 103,
 }
 
 const MULTIPLIER: [u32; 2] = [0xD251_1F53, 0xCD9E_8D57];

@@ -14,7 +14,7 @@ pub fn unfinished_prefix() -> String {
 /// A file being written beside its final name. Dropped without [`Pending::commit`] it leaves nothing behind, and an
 /// older file of that name stays as it was.
 #[derive(Debug)]
-pub(super) struct Pending {
+pub(crate) struct Pending {
     temporary: TempPath,
     target: PathBuf,
 }
@@ -24,7 +24,7 @@ impl Pending {
     ///
     /// # Errors
     /// When the folder is missing or not writable, or `target` is something else than a file: a folder, a device.
-    pub(super) fn create(target: &Path) -> Result<Self> {
+    pub(crate) fn create(target: &Path) -> Result<Self> {
         // A link stays, what it points to is replaced.
         let target = fs::canonicalize(target).unwrap_or_else(|_| target.to_owned());
         if fs::metadata(&target).is_ok_and(|what| !what.is_file()) {
@@ -43,7 +43,7 @@ impl Pending {
     }
 
     /// Where to write.
-    pub(super) fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         &self.temporary
     }
 
@@ -57,7 +57,7 @@ impl Pending {
     ///
     /// # Errors
     /// The system's.
-    pub(super) fn commit(self) -> Result<()> {
+    pub(crate) fn commit(self) -> Result<()> {
         self.temporary.persist(&self.target).map_err(|e| Error::io(&self.target, e.error))
     }
 }

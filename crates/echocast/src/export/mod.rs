@@ -19,7 +19,7 @@ use crate::cloud::{Field, FieldInfo, FieldSet, PointCloud};
 use crate::emitter::Pose;
 use crate::error::{Error, Result};
 use crate::report::Report;
-use atomic::Pending;
+pub(crate) use atomic::Pending;
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 

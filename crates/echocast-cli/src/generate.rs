@@ -1,0 +1,139 @@
+//! `echocast generate`
+
+use crate::report::timed;
+use crate::text::{self, counted, duration};
+use crate::{interrupt, output};
+use anyhow::{Result, bail, ensure};
+use clap::Subcommand;
+use echocast::Error;
+use echocast::generate::{GeneratedScene, Ripples, Seabed};
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+/// Make a scene by rules and a seed, labelled, as binary glTF
+#[derive(clap::Args)]
+#[command(
+    arg_required_else_help = true,
+    after_help = "Example:\n  echocast generate seabed --seed 7 -o lake.glb\n\n`echocast generate seabed --help` tells more."
+)]
+pub struct Args {
+    #[command(subcommand)]
+    kind: Kind,
+}
+
+#[derive(Subcommand)]
+enum Kind {
+    Seabed(SeabedArgs),
+}
+
+/// A lake bed for sonar: sand, gravel and mud, boulders, wrecks, a swarm of fish
+///
+/// The water surface is at z = 0, the bed is centred on the z axis. Categories are seabed, boulder, wreck and fish; the bed
+/// has the parts sand, gravel and mud, a wreck hull, cabin and mast. The fish hang on the node Swarm, which an animation
+/// moves against the x axis. The camera node Sonar stands at the low end of x, just below the surface, and looks along x.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  echocast generate seabed -o lake.glb
+  echocast generate seabed --size 200,80 --depth 25 --boulders 100 --wrecks 3 --seed 7 -o lake.glb
+  echocast generate seabed --ripples 0.6,0.05 --fish 0 -o ripples.glb
+  echocast scan lake.glb --sensor velodyne_vlp16 --at 0,0,-2 --rpy 0,90,0 -o lake.las --preview lake.png")]
+pub struct SeabedArgs {
+    /// Extent along x and y, metres
+    #[arg(long, value_name = "X,Y", default_value = "60,40", value_parser = two_numbers, allow_hyphen_values = true)]
+    size: [f64; 2],
+    /// Mean depth of the bed below the surface, metres
+    #[arg(long, value_name = "M", default_value_t = 12.0, allow_negative_numbers = true)]
+    depth: f64,
+    /// Spacing of the grid, metres [default: about 30,000 triangles, more where --ripples needs them]
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    cell: Option<f64>,
+    /// Ripples of the sand, metres from crest to crest and from trough to crest; 0 high: none [default: 0.6,0.05 where
+    /// the cells are fine enough]
+    #[arg(long, value_name = "LENGTH,HEIGHT", value_parser = two_numbers, allow_hyphen_values = true)]
+    ripples: Option<[f64; 2]>,
+    /// Boulders of 0.3 to 1.5 m
+    #[arg(long, value_name = "N", default_value_t = 20, allow_negative_numbers = true)]
+    boulders: u32,
+    /// Sunken boats
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
+    wrecks: u32,
+    /// Fish of the swarm, about 0.4 m long
+    #[arg(long, value_name = "N", default_value_t = 60, allow_negative_numbers = true)]
+    fish: u32,
+    /// Seed of all random draws: same seed and options, same file
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
+    seed: u64,
+    /// Scene file, .glb
+    #[arg(short, long, value_name = "FILE.glb")]
+    output: PathBuf,
+    /// Print nothing but errors
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+pub fn run(args: &Args) -> Result<()> {
+    match &args.kind {
+        Kind::Seabed(args) => seabed(args),
+    }
+}
+
+fn seabed(args: &SeabedArgs) -> Result<()> {
+    let seabed = Seabed {
+        size_m: args.size,
+        depth_m: args.depth,
+        cell_m: args.cell,
+        ripples: args.ripples.map(|[wavelength_m, height_m]| Ripples { wavelength_m, height_m }),
+        boulders: args.boulders,
+        wrecks: args.wrecks,
+        fish: args.fish,
+    };
+    make(|| seabed.scene(args.seed), &args.output, args.quiet)
+}
+
+/// Makes a scene, writes it to `file` and says what it is.
+fn make(scene: impl FnOnce() -> echocast::Result<GeneratedScene>, file: &Path, quiet: bool) -> Result<()> {
+    let is_glb = file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("glb"));
+    ensure!(is_glb, "-o {}: scenes are written as .glb", file.display());
+    interrupt::clean_up_in(vec![output::folder(file).to_owned()])?;
+    let (mut making, mut writing) = (0.0, 0.0);
+    let scene = match timed(&mut making, scene) {
+        Ok(scene) => scene,
+        Err(Error::InvalidParameter { name, value, allowed }) => {
+            bail!("{} is {value}; allowed: {allowed}", option(&name))
+        }
+        Err(other) => return Err(other.into()),
+    };
+    timed(&mut writing, || scene.write(file))?;
+    if quiet {
+        return Ok(());
+    }
+    let objects = scene.categories.iter().map(|(_, count)| count).sum();
+    let categories: Vec<String> = scene.categories.iter().map(|(name, count)| format!("{count} {name}")).collect();
+    let mut summary = format!(
+        "{} in {}: {}\n",
+        counted(scene.triangles, "triangle"),
+        counted(objects, "object"),
+        categories.join(", ")
+    );
+    for line in &scene.details {
+        writeln!(summary, "  {line}")?;
+    }
+    writeln!(summary, "  made in {}, written in {}", duration(making), duration(writing))?;
+    writeln!(summary, "  {}", file.display())?;
+    text::print(&summary)
+}
+
+/// The option for the parameter `name` of the library: `--ripples LENGTH` for `ripples.wavelength_m`.
+fn option(name: &str) -> String {
+    match name.split_once('.') {
+        Some((option, "wavelength_m")) => format!("--{option} LENGTH"),
+        Some((option, "height_m")) => format!("--{option} HEIGHT"),
+        _ => format!("--{}", name.strip_suffix("_m").unwrap_or(name)),
+    }
+}
+
+fn two_numbers(text: &str) -> Result<[f64; 2], String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    numbers.and_then(|numbers| numbers.try_into().ok()).ok_or("expected two numbers, such as 60,40".into())
+}

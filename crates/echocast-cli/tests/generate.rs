@@ -1,0 +1,52 @@
+//! Scenes that the program makes.
+
+mod common;
+
+use common::{files, run, stderr, stdout};
+use std::fs;
+
+#[test]
+fn a_lake_bed_is_made_and_scanned() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = stdout(folder.path(), "generate seabed --size 20,20 --cell 0.5 --boulders 5 --seed 3 -o DIR/lake.glb");
+    for words in ["5 boulder", "1 wreck", "60 fish", "20 x 20 m", "camera Sonar", "animation Swarm", "lake.glb"] {
+        assert!(said.contains(words), "{words}\n{said}");
+    }
+    let quiet = "generate seabed --size 20,20 --cell 0.5 --boulders 5 --seed 3 -q -o DIR/again.glb";
+    assert_eq!(stdout(folder.path(), quiet), "");
+    let [lake, again] = ["lake.glb", "again.glb"].map(|name| fs::read(folder.path().join(name)).unwrap());
+    assert_eq!(lake, again);
+
+    let info = stdout(folder.path(), "info DIR/lake.glb");
+    // Of the bed, boulders, the wreck and fish: 3200 + 5 * 320 + 40 + 60 * 80.
+    assert!(said.contains("9,640 triangles") && info.contains("9,640"), "{info}");
+    assert!(info.contains("Sonar") && info.contains("gravel"), "{info}");
+    let scan =
+        "scan DIR/lake.glb --sensor velodyne_vlp16 --at 0,0,-2 --rpy 0,90,0 -o DIR/lake.csv --preview DIR/lake.png";
+    assert!(stdout(folder.path(), scan).contains("points of"));
+}
+
+#[test]
+fn what_is_wrong_is_named_and_nothing_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("old.glb"), "old").unwrap();
+    for (args, code, says) in [
+        ("", 2, "seabed"),
+        ("seabed", 2, "--output"),
+        ("seabed --size 3 -o DIR/x.glb", 2, "two numbers"),
+        ("seabed --fish -1 -o DIR/x.glb", 2, "--fish"),
+        ("seabed --size -3,4 -o DIR/old.glb", 1, "--size is -3; allowed: 1 to 10000"),
+        ("seabed --depth -5 -o DIR/old.glb", 1, "--depth is -5"),
+        ("seabed --cell 0.001 -o DIR/x.glb", 1, "--cell is 0.001; allowed: 0.0220 to 40: a bed of 60 x 40 m"),
+        ("seabed --ripples 0.6,0.05 --cell 0.4 -o DIR/x.glb", 1, "--ripples LENGTH is 0.6; allowed: 1.200 or more"),
+        ("seabed --ripples 0.6,0.4 -o DIR/x.glb", 1, "--ripples HEIGHT is 0.4"),
+        ("seabed -o DIR/x.obj", 1, "written as .glb"),
+        ("seabed -o DIR/no/x.glb", 1, "no/x.glb: No such file"),
+    ] {
+        let output = run(folder.path(), &format!("generate {args}"));
+        assert_eq!(output.status.code(), Some(code), "{args}");
+        assert!(stderr(&output).contains(says), "{args}\n{}", stderr(&output));
+    }
+    assert_eq!(files(folder.path()), ["old.glb"]);
+    assert_eq!(fs::read_to_string(folder.path().join("old.glb")).unwrap(), "old");
+}

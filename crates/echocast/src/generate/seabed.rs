@@ -1,0 +1,388 @@
+//! A lake bed for sonar: sand, gravel and mud with boulders and wrecks on it, and a swarm of fish above.
+
+use super::GeneratedScene;
+use super::bed::{Bed, Ground, SOILS};
+use super::glb::{Glb, Placement, Primitive};
+use super::noise::Dice;
+use super::shapes::{Shape, direction};
+use crate::error::{Error, Result};
+use crate::rng::Draw;
+use glam::{DQuat, DVec3, EulerRot};
+use serde_json::{Value, json};
+use std::f64::consts::{PI, TAU};
+
+/// Triangles of a bed whose cells are not given, and the most it may have.
+const USUAL_TRIANGLES: f64 = 30_000.0;
+const MOST_TRIANGLES: f64 = 10e6;
+/// Cells that a ripple needs: fewer show other waves than there are.
+const CELLS_PER_RIPPLE: f64 = 3.0;
+
+/// Parameters of a lake bed. The water surface is at z = 0, the bed lies around z = -`depth_m`, centred on the z axis.
+///
+/// Objects have the categories `seabed`, `boulder`, `wreck` and `fish`. The bed has the parts `sand`, `gravel` and `mud`,
+/// a boulder `rock`, a wreck `hull`, `cabin` and `mast`. The fish are children of the node `Swarm`, which an animation
+/// moves against the x axis. The camera node `Sonar` stands at the low end of x, 1 m below the surface (less in less than
+/// 4 m of water), and looks along x.
+///
+/// Boulders, wrecks and fish are smaller than usual where water is shallow or the bed small, so that all of them are
+/// below the surface and on the bed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Seabed {
+    /// Extent along x and y, 1 to 10 000 m.
+    pub size_m: [f64; 2],
+    /// Mean depth of the bed below the surface, 0.5 to 11 000 m.
+    pub depth_m: f64,
+    /// Spacing of the grid. `None`: as fine as about 30 000 triangles allow, or as the `ripples` that are asked for need.
+    pub cell_m: Option<f64>,
+    /// Ripples of the sand. `None`: those of [`Ripples::default`] if the cells are fine enough to show them, else none.
+    pub ripples: Option<Ripples>,
+    /// Boulders of 0.3 to 1.5 m, up to 10 000.
+    pub boulders: u32,
+    /// Sunken boats of 7 to 9 m, up to 100.
+    pub wrecks: u32,
+    /// Fish of about 0.4 m, up to 10 000.
+    pub fish: u32,
+}
+
+impl Default for Seabed {
+    fn default() -> Self {
+        Seabed { size_m: [60.0, 40.0], depth_m: 12.0, cell_m: None, ripples: None, boulders: 20, wrecks: 1, fish: 60 }
+    }
+}
+
+/// Sand ripples: waves with parallel crests that wander a little.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ripples {
+    /// From crest to crest, 0.01 to 100 m and at least three cells.
+    pub wavelength_m: f64,
+    /// From trough to crest, 0 (none) to half the wavelength and a twentieth of the depth.
+    pub height_m: f64,
+}
+
+impl Default for Ripples {
+    fn default() -> Self {
+        Ripples { wavelength_m: 0.6, height_m: 0.05 }
+    }
+}
+
+impl Seabed {
+    /// Makes the scene.
+    ///
+    /// # Errors
+    /// A parameter outside its range, more than 10 million triangles in the bed; the message names the field.
+    pub fn scene(&self, seed: u64) -> Result<GeneratedScene> {
+        let ground = self.ground()?;
+        let [cells_x, cells_y] = ground.cells;
+        let ripples = ground.ripples;
+        let bed = Bed::new(ground, seed);
+        let [low, high] = bed.height_range();
+        let mut made = Made::default();
+        made.add_bed(&bed);
+        made.add_boulders(self, &bed, seed);
+        made.add_wrecks(self, &bed, seed);
+        made.add_swarm(self, seed);
+        let sonar = self.sonar();
+        let camera = made.glb.camera("Sonar", sonar);
+        made.glb.root(camera);
+
+        let ripples = match ripples {
+            Some(Ripples { wavelength_m, height_m }) => format!("ripples {height_m} m high every {wavelength_m} m"),
+            None => "no ripples".to_owned(),
+        };
+        let [x, y] = self.size_m;
+        let mut details = vec![
+            format!("bed of {x} x {y} m, {:.2} to {:.2} m deep, {cells_x} x {cells_y} cells, {ripples}", -high, -low),
+            format!("camera Sonar at {},{},{} looking along x", sonar.x, sonar.y, sonar.z),
+        ];
+        details.extend(made.swimming);
+        let too_large = |size: String| Error::invalid("cell_m", format!("too small for a GLB: {size}"), "larger cells");
+        Ok(GeneratedScene {
+            triangles: made.triangles,
+            categories: made.categories,
+            details,
+            glb: made.glb.finish().map_err(too_large)?,
+        })
+    }
+
+    /// Checks everything and divides the bed into cells.
+    pub(super) fn ground(&self) -> Result<Ground> {
+        for length in self.size_m {
+            within("size_m", length, 1.0, 10_000.0)?;
+        }
+        within("depth_m", self.depth_m, 0.5, 11_000.0)?;
+        within("boulders", self.boulders.into(), 0.0, 10_000.0)?;
+        within("wrecks", self.wrecks.into(), 0.0, 100.0)?;
+        within("fish", self.fish.into(), 0.0, 10_000.0)?;
+        let highest = self.depth_m / 20.0;
+        if let Some(Ripples { wavelength_m, height_m }) = self.ripples {
+            within("ripples.wavelength_m", wavelength_m, 0.01, 100.0)?;
+            within("ripples.height_m", height_m, 0.0, highest.min(wavelength_m / 2.0))?;
+        }
+
+        let [x, y] = self.size_m;
+        let asked = self.ripples.filter(|ripples| ripples.height_m > 0.0);
+        let usual = (2.0 * x * y / USUAL_TRIANGLES).sqrt();
+        // One cell more than needed: cells are not all as wide as asked for.
+        let for_ripples = asked.map_or(f64::INFINITY, |ripples| ripples.wavelength_m / (CELLS_PER_RIPPLE + 1.0));
+        let cell = self.cell_m.unwrap_or(usual.min(for_ripples));
+        let finest = finest_cell(x, y);
+        if !(finest..=x.min(y)).contains(&cell) {
+            let most = format!("a bed of {x} x {y} m has at most 10 million triangles");
+            return Err(match asked {
+                Some(ripples) if self.cell_m.is_none() => Error::invalid(
+                    "ripples.wavelength_m",
+                    ripples.wavelength_m,
+                    format!("{:.3} or more: {most}", (CELLS_PER_RIPPLE + 1.0) * finest + 0.0005),
+                ),
+                _ => Error::invalid("cell_m", cell, format!("{:.4} to {}: {most}", finest + 0.00005, x.min(y))),
+            });
+        }
+        let cells = [x, y].map(|length| (length / cell - 1e-9).ceil().max(1.0));
+        let widest = (x / cells[0]).max(y / cells[1]);
+        let shown = |ripples: &Ripples| CELLS_PER_RIPPLE * widest <= ripples.wavelength_m * (1.0 + 1e-9);
+        if let Some(ripples) = asked.filter(|ripples| !shown(ripples)) {
+            let allowed = format!("{:.3} or more, three cells of {widest:.3} m", CELLS_PER_RIPPLE * widest);
+            return Err(Error::invalid("ripples.wavelength_m", ripples.wavelength_m, allowed));
+        }
+        let usual = Ripples { height_m: highest.min(Ripples::default().height_m), ..Ripples::default() };
+        let natural = Some(usual).filter(|ripples| self.ripples.is_none() && shown(ripples));
+        Ok(Ground {
+            size: self.size_m,
+            depth: self.depth_m,
+            cells: cells.map(|cells| cells as usize),
+            ripples: asked.or(natural),
+        })
+    }
+
+    /// By how much things are smaller than usual that need `depth` m of water and a bed of `size` m.
+    fn shrinkage(&self, depth: f64, size: f64) -> f64 {
+        (self.depth_m / depth).min(self.size_m[0] / size).min(self.size_m[1] / size).min(1.0)
+    }
+
+    fn sonar(&self) -> DVec3 {
+        DVec3::new(-self.size_m[0] / 2.0, 0.0, -(self.depth_m / 4.0).min(1.0))
+    }
+}
+
+/// Cells of this width or more make at most [`MOST_TRIANGLES`] of a bed of `x` times `y` m: the root c of
+/// 2 (x / c + 1) (y / c + 1) = most, as up to one cell a side is there in part only.
+fn finest_cell(x: f64, y: f64) -> f64 {
+    ((x + y) + ((x + y).powi(2) + 2.0 * (MOST_TRIANGLES - 2.0) * x * y).sqrt()) / (MOST_TRIANGLES - 2.0)
+}
+
+/// An error unless `value` is between `low` and `high`.
+fn within(name: &str, value: f64, low: f64, high: f64) -> Result<()> {
+    if (low..=high).contains(&value) {
+        return Ok(());
+    }
+    Err(Error::invalid(name, value, format!("{low} to {high}")))
+}
+
+/// The file as it grows.
+#[derive(Default)]
+struct Made {
+    glb: Glb,
+    triangles: usize,
+    categories: Vec<(&'static str, usize)>,
+    /// What is to be told of the swarm.
+    swimming: Option<String>,
+}
+
+/// Lambert's constant of the skin of a fish, dB: with it one 0.4 m long has, from above, about the target strength of fish
+/// with a closed swim bladder at 38 kHz, 20 log10(L / cm) - 67.4 dB re 1 m^2 (Foote 1987, J. Acoust. Soc. Am. 82).
+pub(super) const FISH_MU_DB: f64 = -16.0;
+
+/// Colours and reflectances are our own choice, as such things look. What the ground does to sound is named by the
+/// sediments of the material key `sound`.
+fn material(glb: &mut Glb, name: &str) -> usize {
+    let sediment = |name: &str| json!({ "law": "sediment", "name": name });
+    let (color, reflectance, sound) = match name {
+        "sand" => ([0.50, 0.38, 0.21], 0.25, sediment("medium_sand")),
+        "gravel" => ([0.28, 0.26, 0.23], 0.2, sediment("sandy_gravel")),
+        "mud" => ([0.10, 0.075, 0.045], 0.1, sediment("silt")),
+        "rock" => ([0.19, 0.19, 0.20], 0.2, sediment("rock")),
+        "hull" => ([0.22, 0.07, 0.03], 0.15, Value::Null),
+        "cabin" => ([0.55, 0.55, 0.50], 0.4, Value::Null),
+        "mast" => ([0.25, 0.16, 0.08], 0.25, Value::Null),
+        _ => ([0.40, 0.46, 0.52], 0.3, json!({ "law": "lambert", "mu_db": FISH_MU_DB })),
+    };
+    let mut extras = json!({ "reflectance": reflectance });
+    if sound != Value::Null {
+        extras["sound"] = sound;
+    }
+    glb.material(name, color, extras)
+}
+
+impl Made {
+    /// Adds an object; it still needs a parent or a place in the scene.
+    fn object(&mut self, name: &str, category: &'static str, mesh: usize, place: Placement) -> usize {
+        self.triangles += self.glb.triangle_count(mesh);
+        match self.categories.iter_mut().find(|(known, _)| *known == category) {
+            Some((_, objects)) => *objects += 1,
+            None => self.categories.push((category, 1)),
+        }
+        self.glb.object(name, category, mesh, place)
+    }
+
+    fn add_bed(&mut self, bed: &Bed) {
+        let (positions, normals) = bed.vertices();
+        let triangles = bed.triangles();
+        let parts: Vec<Primitive> = SOILS
+            .iter()
+            .zip(&triangles)
+            .map(|(name, triangles)| Primitive { triangles, material: material(&mut self.glb, name) })
+            .collect();
+        let mesh = self.glb.mesh("Seabed", &positions, Some(&normals), &parts);
+        let node = self.object("Seabed", "seabed", mesh, Placement::HERE);
+        self.glb.root(node);
+    }
+
+    fn add_boulders(&mut self, seabed: &Seabed, bed: &Bed, seed: u64) {
+        /// Boulders have one of some shapes; turned and stretched they are all different.
+        const SHAPES: u32 = 8;
+        /// Dice of the shapes, far from those of the boulders.
+        const SHAPE_DICE: u32 = 1 << 31;
+        if seabed.boulders == 0 {
+            return;
+        }
+        let rock = material(&mut self.glb, "rock");
+        let shapes: Vec<(Shape, usize)> = (0..SHAPES.min(seabed.boulders))
+            .map(|number| {
+                let shape = Shape::rock(&mut Dice::new(seed, Draw::Boulder, SHAPE_DICE + number));
+                let part = Primitive { triangles: &shape.triangles, material: rock };
+                let mesh = self.glb.mesh(&format!("Boulder_{}", number + 1), &shape.positions(), None, &[part]);
+                (shape, mesh)
+            })
+            .collect();
+        let largest = 1.5 * seabed.shrinkage(4.0, 10.0);
+        for number in 0..seabed.boulders {
+            let mut dice = Dice::new(seed, Draw::Boulder, number);
+            let (shape, mesh) = &shapes[number as usize % shapes.len()];
+            // As many between 0.3 and 0.6 m as between 0.6 and 1.2 m.
+            let size = largest * f64::powf(0.2, dice.unit());
+            let [x, y] = seabed.size_m.map(|length| dice.between(-0.5, 0.5) * (length - 2.0 * size));
+            let (yaw, pitch, roll) = (dice.between(0.0, TAU), dice.between(-0.4, 0.4), dice.between(-0.4, 0.4));
+            let mut place = Placement {
+                at: DVec3::new(x, y, 0.0),
+                turned: DQuat::from_euler(EulerRot::ZYX, yaw, pitch, roll),
+                scale: DVec3::new(1.0, dice.between(0.7, 1.0), dice.between(0.5, 0.8)) * (size / 2.0),
+            };
+            let height = place.scale.z * 2.0;
+            place.at.z = resting_height(bed, shape, &place) - height * dice.between(0.15, 0.45);
+            let node = self.object(&format!("Boulder_{:04}", number + 1), "boulder", *mesh, place);
+            self.glb.root(node);
+        }
+    }
+
+    fn add_wrecks(&mut self, seabed: &Seabed, bed: &Bed, seed: u64) {
+        if seabed.wrecks == 0 {
+            return;
+        }
+        let (boat, [hull, cabin]) = boat();
+        let (below, rest) = boat.triangles.split_at(hull);
+        let (above, top) = rest.split_at(cabin);
+        let parts: Vec<Primitive> = [("hull", below), ("cabin", above), ("mast", top)]
+            .map(|(name, triangles)| Primitive { triangles, material: material(&mut self.glb, name) })
+            .into();
+        let mesh = self.glb.mesh("Wreck", &boat.positions(), None, &parts);
+        let usual = seabed.shrinkage(10.0, 20.0);
+        let mut places: Vec<DVec3> = Vec::new();
+        for number in 0..seabed.wrecks {
+            let mut dice = Dice::new(seed, Draw::Wreck, number);
+            let scale = usual * dice.between(0.8, 1.0);
+            // Of some places the one that is farthest from the other wrecks.
+            let mut chance = || {
+                let [x, y] = seabed.size_m.map(|length| dice.between(-0.5, 0.5) * (length - 10.0 * scale));
+                DVec3::new(x, y, 0.0)
+            };
+            let farness = |at: &DVec3| places.iter().map(|other| at.distance(*other)).fold(f64::INFINITY, f64::min);
+            let chances: [DVec3; 8] = std::array::from_fn(|_| chance());
+            let at = chances.into_iter().reduce(|best, at| if farness(&at) > farness(&best) { at } else { best });
+            let at = at.unwrap_or_default();
+            let side = if dice.unit() < 0.5 { -1.0 } else { 1.0 };
+            let (yaw, trim, heel) =
+                (dice.between(0.0, TAU), dice.between(-0.08, 0.08), side * dice.between(0.12, 0.45));
+            let lie = DQuat::from_rotation_arc(DVec3::Z, bed.normal(at.x, at.y, 8.0 * scale));
+            let mut place = Placement {
+                at,
+                turned: (lie * DQuat::from_euler(EulerRot::ZYX, yaw, trim, heel)).normalize(),
+                scale: DVec3::splat(scale),
+            };
+            place.at.z = resting_height(bed, &boat, &place) - scale * dice.between(0.4, 0.7);
+            places.push(at);
+            let node = self.object(&format!("Wreck_{:02}", number + 1), "wreck", mesh, place);
+            self.glb.root(node);
+        }
+    }
+
+    fn add_swarm(&mut self, seabed: &Seabed, seed: u64) {
+        /// Half the length, width and height of a fish 1 m long.
+        const BODY: DVec3 = DVec3::new(0.5, 0.075, 0.125);
+        /// Room of a fish, m^3.
+        const ROOM: f64 = 0.6;
+        /// Of a swarm, m/s.
+        const SPEED: f64 = 1.0;
+        if seabed.fish == 0 {
+            return;
+        }
+        let skin = material(&mut self.glb, "fish");
+        let mut body = Shape::ball(1);
+        let normals: Vec<[f32; 3]> =
+            body.vertices.iter().map(|v| (v / BODY).normalize().as_vec3().to_array()).collect();
+        body.vertices.iter_mut().for_each(|vertex| *vertex *= BODY);
+        let part = Primitive { triangles: &body.triangles, material: skin };
+        let mesh = self.glb.mesh("Fish", &body.positions(), Some(&normals), &[part]);
+
+        let scale = seabed.shrinkage(4.0, 10.0);
+        let [x, y] = seabed.size_m;
+        // The swarm is a flat ellipsoid, about half as wide as long.
+        let shape = DVec3::new(2.0, 1.0, 0.6);
+        let radius = (f64::from(seabed.fish) * ROOM / (4.0 / 3.0 * PI * shape.element_product())).cbrt() * scale;
+        let extent = (shape * radius).min(DVec3::new(0.15 * x, 0.2 * y, 0.1 * seabed.depth_m));
+        let fish: Vec<usize> = (0..seabed.fish)
+            .map(|number| {
+                let mut dice = Dice::new(seed, Draw::Fish, number);
+                let at = direction(&mut dice) * dice.unit().cbrt() * extent;
+                let (yaw, pitch) = (PI + dice.between(-0.15, 0.15), dice.between(-0.1, 0.1));
+                let place = Placement {
+                    at,
+                    turned: DQuat::from_euler(EulerRot::ZYX, yaw, pitch, 0.0),
+                    scale: DVec3::splat(scale * dice.between(0.34, 0.46)),
+                };
+                self.object(&format!("Fish_{:04}", number + 1), "fish", mesh, place)
+            })
+            .collect();
+
+        let mut dice = Dice::new(seed, Draw::Fish, u32::MAX);
+        let way = (0.4 * x).min(30.0);
+        let from = DVec3::new(way / 2.0, dice.between(-0.2, 0.2) * y, -seabed.depth_m / 2.0);
+        let swarm = self.glb.group("Swarm", Placement { at: from, ..Placement::HERE }, &fish);
+        self.glb.root(swarm);
+        let seconds = way / SPEED;
+        self.glb.movement("Swarm", swarm, seconds as f32, [from, from - DVec3::X * way]);
+        self.swimming = Some(format!("animation Swarm: {way:.1} m against x in {seconds:.1} s"));
+    }
+}
+
+/// Height at which `shape`, placed at z = 0, just touches the bed.
+fn resting_height(bed: &Bed, shape: &Shape, place: &Placement) -> f64 {
+    let gap = |vertex: &DVec3| {
+        let at = place.apply(*vertex);
+        at.z - bed.height(at.x, at.y)
+    };
+    -shape.vertices.iter().map(gap).fold(f64::INFINITY, f64::min)
+}
+
+/// A boat 9 m long, its keel on z = 0, bow along x: hull, cabin and mast, and how many triangles hull and cabin have.
+/// Cabin and mast reach into the hull, so that no faces coincide.
+fn boat() -> (Shape, [usize; 2]) {
+    let mut boat = Shape::default();
+    let bottom = [[-4.3, -1.0], [2.5, -1.0], [3.6, 0.0], [2.5, 1.0], [-4.3, 1.0]];
+    let deck = [[-4.5, -1.5], [2.5, -1.5], [4.5, 0.0], [2.5, 1.5], [-4.5, 1.5]];
+    boat.add_prism(bottom.map(|[x, y]| DVec3::new(x, y, 0.0)), deck.map(|[x, y]| DVec3::new(x, y, 1.6)));
+    let hull = boat.triangles.len();
+    boat.add_box(DVec3::new(-3.5, -1.0, 1.5), DVec3::new(-0.8, 1.0, 2.9));
+    let cabin = boat.triangles.len() - hull;
+    boat.add_box(DVec3::new(0.9, -0.1, 1.5), DVec3::new(1.1, 0.1, 4.0));
+    (boat, [hull, cabin])
+}
