@@ -10,6 +10,7 @@ mod paths;
 mod patterns;
 mod returns;
 mod surfaces;
+mod water;
 mod weather;
 
 use echocast::{BuiltScene, FieldSet, PointCloud, Pose, ScanOptions, Sensor, Trajectory};
