@@ -5,6 +5,13 @@ use echocast::material::{Material, Sediment, Sound};
 use echocast::medium::{Absorption, AmbientNoise, Fluid, Sea, SoundSpeed, pressure_bar, unesco_speed};
 use echocast_tests::reference::Table;
 
+/// One of the programs turns temperatures into those of the scale of 1968 for formulas of that time; we, as the others,
+/// only do so for UNESCO's, which says that it must be.
+fn scale(temperature_c: f64, column: &str) -> f64 {
+    let as_in_1968 = column.contains("_swp") && column != "leroy2008_swp_lat45";
+    if as_in_1968 { 1.000_24 * temperature_c } else { temperature_c }
+}
+
 #[test]
 fn speeds_of_sound_are_those_of_other_programs() {
     let table = Table::parse(include_str!("../data/sonar/sound_speed.csv"), ',');
@@ -17,8 +24,8 @@ fn speeds_of_sound_are_those_of_other_programs() {
             (SoundSpeed::Leroy, &["leroy2008_swp_lat45"]),
         ] {
             for column in columns {
-                let what = format!("{formula:?} at {t} C, {s} PSU, {z} m");
-                assert_near(&what, formula.speed(t, s, z, 45.0), table.number(row, column), 1e-4);
+                let what = format!("{formula:?} ({column}) at {t} C, {s} PSU, {z} m");
+                assert_near(&what, formula.speed(scale(t, column), s, z, 45.0), table.number(row, column), 1e-4);
             }
         }
         let what = format!("UNESCO at {t} C, {s} PSU, {z} m");
@@ -43,9 +50,9 @@ fn absorption_is_that_of_other_programs() {
             for column in columns {
                 let expected = table.number(row, column);
                 // At 20 C two branches of the law meet, and programs differ in which they take.
-                let tolerance = if t == 20.0 { 1e-3 } else { 1e-4 };
+                let tolerance = if t == 20.0 { 1e-3 } else { 1e-5 };
                 let what = format!("{law:?} ({column}) at {f} Hz, {t} C, {s} PSU, pH {ph}, {z} m");
-                assert_near(&what, law.db_per_km(f, t, s, ph, z) / expected, 1.0, tolerance);
+                assert_near(&what, law.db_per_km(f, scale(t, column), s, ph, z) / expected, 1.0, tolerance);
             }
         }
     }
@@ -124,9 +131,10 @@ fn seabeds_are_smooth_between_the_rows() {
             let db = |degrees: f64| 10.0 * sound.backscatter(degrees.to_radians().sin(), frequency).log10();
             for step in 10..900 {
                 let degrees = f64::from(step) / 10.0;
-                // Where it grows with the fourth power of the angle a tenth of a degree makes 1.74 dB / angle.
+                // Where it grows with the fourth power of the angle a tenth of a degree makes 1.74 dB / angle; and head-on
+                // shines a lobe.
                 let change = (db(degrees + 0.1) - db(degrees)).abs();
-                assert!(change < 2.0 / degrees + 0.2, "{name:?} {frequency} {degrees}: {change}");
+                assert!(change < 2.0 / degrees + 0.6, "{name:?} {frequency} {degrees}: {change}");
             }
         }
     }
