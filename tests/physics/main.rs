@@ -12,6 +12,7 @@ mod patterns;
 mod returns;
 mod sonar;
 mod surfaces;
+mod water;
 mod weather;
 
 use echocast::{BuiltScene, FieldSet, PointCloud, Pose, ScanOptions, Sensor, Trajectory};

@@ -259,7 +259,7 @@ unlit: true
             ("sound: {law: lambert, mu_db: -4}", "line 2: sound.mu_db: is -4; allowed: -100 to -4.9715"),
             (
                 "sound:\n  law: sediment\n  name: medium_snad",
-                "line 4: sound.name: unknown value \"medium_snad\"; near: medium_sand, ",
+                "line 4: sound.name: unknown value \"medium_snad\"; near: medium_sand; allowed: rough_rock, rock, cobble,",
             ),
             (
                 "sound: {law: lambret}",

@@ -55,7 +55,9 @@ impl Fluid {
         let slowness = Complex { re: 1.0, im: other.loss_db_per_wavelength / (40.0 * PI * LOG10_E) };
         let speed = Complex::real(other.speed_m_s) / slowness;
         let ratio = speed / Complex::real(self.speed_m_s);
-        let cos_there = (Complex::real(1.0) - ratio * ratio * Complex::real(1.0 - cos * cos)).sqrt();
+        let ratio2 = ratio * ratio;
+        // 1 - ratio^2 sin^2 such that it stays exact at grazing angles where there is little contrast.
+        let cos_there = (Complex::real(1.0) - ratio2 + ratio2 * Complex::real(cos * cos)).sqrt();
         [
             cos_there * Complex::real(self.density_kg_m3 * self.speed_m_s),
             speed * Complex::real(other.density_kg_m3 * cos),
@@ -152,7 +154,7 @@ mod tests {
     fn a_boundary_without_contrast_is_none() {
         for sin in [0.0, 1e-9, 0.3, 1.0] {
             assert!(power(WATER.reflection(&WATER, sin)) < 1e-30);
-            assert_eq!(WATER.transmittance(&WATER, sin), 1.0);
+            assert!((WATER.transmittance(&WATER, sin) - 1.0).abs() < 1e-15);
         }
     }
 

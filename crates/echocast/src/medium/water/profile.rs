@@ -140,7 +140,7 @@ fn physical(
         return (!holds).then(|| Fault(key, value, "any finite number above 0".into()));
     }
     let allowed = format!("{least} to {most}, in {unit}; with allow_unphysical: true any number above 0");
-    (!(least..=most).contains(&value)).then(|| Fault(key, value, allowed))
+    if (least..=most).contains(&value) { None } else { Some(Fault(key, value, allowed)) }
 }
 
 /// That a speed outside of a table is one.

@@ -105,7 +105,7 @@ mod tests {
             for frequency in [100.0, 1e3, 2e4, 1e6] {
                 for step in 0..=1000 {
                     let found = Sea { wind_m_s }.backscatter(f64::from(step) / 1000.0, frequency);
-                    assert!(found >= 0.0 && found < 30.0, "{wind_m_s} {frequency} {step}: {found}");
+                    assert!((0.0..30.0).contains(&found), "{wind_m_s} {frequency} {step}: {found}");
                 }
             }
         }

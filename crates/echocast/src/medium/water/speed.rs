@@ -34,6 +34,8 @@ impl SoundSpeed {
 
     /// Speed of sound, m/s, at a temperature in degrees Celsius (ITS-90), a practical salinity (PSU), a depth below the
     /// surface in metres and a latitude in degrees; only `Leroy` and `Unesco` ask for the latitude.
+    ///
+    /// Of the temperature scales of their time only `Unesco` is corrected for; in the others that would be 0.02 m/s at 30 C.
     pub fn speed(self, temperature_c: f64, salinity: f64, depth_m: f64, latitude_deg: f64) -> f64 {
         let (t, s, z) = (temperature_c, salinity, depth_m);
         match self {
