@@ -1,4 +1,4 @@
-//! `make bench`: rays per second beside the bare Embree loop, what weather adds, the paper's two experiments, how fast files
+//! `make bench`: rays per second beside the bare Embree loop, what weather adds, sonar, the paper's two experiments, how fast files
 //! are read and written, and the C library beside the Rust crate. Prints tables and writes `target/bench.json`.
 //!
 //! All ratios come from interleaved rounds in one process; times are processor time, medians.
@@ -12,6 +12,7 @@ mod memory;
 mod paper;
 mod rays;
 mod scenes;
+mod sound;
 
 use serde_json::{Map, Value};
 
@@ -23,6 +24,7 @@ type Section = (&'static str, fn() -> Result<Value>);
 const SECTIONS: &[Section] = &[
     ("rays", rays::run),
     ("light", light::run),
+    ("sound", sound::run),
     ("paper", paper::run),
     ("files", files::run),
     ("memory", memory::run),

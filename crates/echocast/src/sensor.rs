@@ -18,6 +18,7 @@ use crate::yaml::{self, Document};
 use serde::de::{self, Deserializer, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -723,6 +724,24 @@ impl Sensor {
         }
         known.push((wavelength, ratio, Arc::new(made)));
         known[known.len() - 1].2.clone()
+    }
+
+    /// The rays that stand for its beams, where each beam is no ray of its own: of a sonar in water of 1500 m/s.
+    pub(crate) fn rays(&self) -> Cow<'_, BeamTable> {
+        let Some(acoustics) = &self.spec.acoustics else { return Cow::Borrowed(&self.beams) };
+        let transducer = self.transducer(1500.0 / acoustics.frequency(), 1.0);
+        let [dir_x, dir_y, dir_z] = transducer.direction.clone();
+        let rays = dir_x.len();
+        Cow::Owned(BeamTable {
+            rows: 1,
+            columns: rays as u32,
+            dir_x,
+            dir_y,
+            dir_z,
+            time: vec![0.0; rays],
+            channel: vec![0; rays],
+            ..BeamTable::clone(&self.beams)
+        })
     }
 
     /// How what its beams send back makes returns.

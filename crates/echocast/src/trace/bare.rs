@@ -58,9 +58,9 @@ impl BareHits {
 
 impl<'a> BareLoop<'a> {
     /// Prepares the rays that [`BuiltScene::scan`] would trace with `sensor` standing at `pose`, those that stand for one
-    /// beam among them.
+    /// beam among them; of a sonar, those of a ping through water of 1500 m/s.
     pub fn new(scene: &'a BuiltScene, sensor: &Sensor, pose: Pose) -> Self {
-        let beams = sensor.beams();
+        let beams = &*sensor.rays();
         let trajectory = Trajectory::fixed(pose);
         let aim = Aim::new(&trajectory, 0.0, scene.origin());
         let footprint = sensor.signals().footprint;
