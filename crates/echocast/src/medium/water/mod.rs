@@ -257,7 +257,11 @@ water:
                 "line 3: water.spreading_from_m: is 0; allowed: above 0, to 1e7",
             ),
             ("assumed_speed_m_s: 1.5", &format!("line 2: water.assumed_speed_m_s: is 1.5; {speeds}")),
-            ("profile: {}", "line 2: water.profile: "),
+            ("profile: {}", "line 2: water.profile: invalid value: map, expected map with a single key"),
+            (
+                "profile: {constant: {speed_m_s: 1500}, layers: []}",
+                "line 2: water.profile: invalid value: map, expected map with a single key",
+            ),
             (
                 "profile: {layer: []}",
                 "line 2: water.profile: unknown value \"layer\"; near: layers; allowed: layers, cast,",
