@@ -2,7 +2,7 @@
 
 use crate::material::{Material, ReflectanceSource, Reflectances, Sound};
 use crate::medium::Sea;
-use crate::trace::{Arrivals, SEA, Surfaces};
+use crate::trace::{Arrival, SEA, Surfaces};
 use std::sync::Arc;
 
 /// Angles that a law is tabulated at: even steps of `sqrt(1 - sine of the grazing angle)`, which are fine at both ends:
@@ -78,16 +78,15 @@ impl Backscatter {
 
     /// `log2(s_b / sine)` of what an arrival meets at the sine of a grazing angle.
     #[inline(always)]
-    pub fn log2(&self, surfaces: &Surfaces, arrivals: &Arrivals, index: usize, sine: f32) -> f32 {
-        let row = arrivals.surface[index];
-        let material = self.material(surfaces, row);
+    pub fn log2(&self, surfaces: &Surfaces, arrival: &Arrival, sine: f32) -> f32 {
+        let material = self.material(surfaces, arrival.surface);
         let value = interpolate(&self.laws, material, sine);
         match self.by.get(material) {
             None | Some(By::Law) => value,
-            Some(By::Area) => value - surfaces.rows[row as usize].area.max(1e-9).log2(),
+            Some(By::Area) => value - surfaces.rows[arrival.surface as usize].area.max(1e-9).log2(),
             Some(By::Image) => {
-                let surface = &surfaces.rows[row as usize];
-                let rgba = surfaces.base_color(surface, arrivals.triangle[index], arrivals.corner[index]);
+                let surface = &surfaces.rows[arrival.surface as usize];
+                let rgba = surfaces.base_color(surface, arrival.triangle, arrival.corner);
                 let source = surfaces.materials[material].reflectance_source(self.source);
                 value + source.of(rgba).max(1e-9).log2()
             }

@@ -8,7 +8,7 @@ use crate::emitter::{Hearing, Transducer};
 use crate::math::{exp2, log2};
 use crate::medium::Spreading;
 use crate::rng::{Draw, Rng};
-use crate::trace::{Arrivals, SEA, Surfaces};
+use crate::trace::{Arrival, SEA, Surfaces};
 use glam::{Mat3, Vec3};
 use std::sync::Arc;
 
@@ -64,48 +64,67 @@ pub(crate) struct Drift {
 /// What a chunk of rays sends back: arrivals in their order, and their parts in bins.
 #[derive(Clone, Default)]
 pub(crate) struct Echoes {
-    pub arrivals: Arrivals,
-    /// First part of each arrival, and one more at the end.
-    pub first: Vec<u32>,
-    /// Bin of the first part of each arrival.
-    pub bin: Vec<u32>,
-    /// Reported range of each, m, folded.
-    pub range: Vec<f32>,
-    /// How far along the surface a metre of range is.
-    pub slide: Vec<Vec3>,
-    /// Parts: energies, and amplitudes with random phases.
+    pub arrivals: Vec<Arrival>,
+    /// Of each arrival, in their order.
+    pub answers: Vec<Answer>,
+    /// Parts: energies, and amplitudes with random phases, or energies again.
     pub energy: Vec<f32>,
     pub re: Vec<f32>,
     pub im: Vec<f32>,
-    /// Addresses of the random numbers, and phases, of the parts.
-    place: [Vec<u32>; 3],
-    object: Vec<u32>,
-    turn: Vec<f32>,
 }
+
+/// What comes back of an arrival.
+#[derive(Clone, Copy)]
+pub(crate) struct Answer {
+    /// Its parts: from this one on, `parts` of them.
+    pub first: u32,
+    pub parts: u32,
+    /// Bin of the first.
+    pub bin: u32,
+    /// Reported range, m, folded.
+    pub range: f32,
+    /// How far along the surface a metre of range is.
+    pub slide: Vec3,
+}
+
+/// Parts on their way to random amplitudes, as many as are made at once.
+struct Batch {
+    place: [[u32; BATCH]; 3],
+    object: [u32; BATCH],
+    turn: [f32; BATCH],
+    energy: [f32; BATCH],
+    count: usize,
+}
+
+const BATCH: usize = 64;
 
 impl Insonification<'_> {
     /// Finds what `echoes.arrivals` send back.
     #[inline(always)]
     pub fn answer(&self, echoes: &mut Echoes) {
-        let Echoes { arrivals, first, bin, range, slide, energy, re, im, place, object, turn } = echoes;
-        (first.clear(), bin.clear(), range.clear(), slide.clear());
-        (energy.clear(), re.clear(), im.clear(), object.clear(), turn.clear());
-        place.iter_mut().for_each(Vec::clear);
+        let Echoes { arrivals, answers, energy, re, im } = echoes;
+        (answers.clear(), energy.clear(), re.clear(), im.clear());
+        let mut batch = Batch {
+            place: [[0; BATCH]; 3],
+            object: [0; BATCH],
+            turn: [0.0; BATCH],
+            energy: [0.0; BATCH],
+            count: 0,
+        };
         let per_bin = 1.0 / self.bin_m;
-        for index in 0..arrivals.len() {
-            first.push(energy.len() as u32);
-            let ray = arrivals.ray[index] as usize;
-            let (direction, normal) = (arrivals.direction[index], arrivals.normal[index]);
+        for arrival in &*arrivals {
+            let ray = arrival.ray as usize;
+            let (direction, normal) = (arrival.direction, arrival.normal);
             let along = direction.dot(normal);
             let length = normal.length();
             let sine = (along.abs() / length).clamp(1e-3, 1.0);
             let loudness = self.source_level * LOG2_PER_DB
                 + self.transducer.weight[ray]
-                + self.backscatter.log2(self.surfaces, arrivals, index, sine)
-                + self.spread(arrivals, index)
-                - 2.0 * LOG2_PER_DB * arrivals.loss[index];
+                + self.backscatter.log2(self.surfaces, arrival, sine)
+                + self.spread(arrival)
+                - 2.0 * LOG2_PER_DB * arrival.loss;
             let power = exp2(loudness);
-            let mut at = arrivals.range[index];
+            let mut at = arrival.range;
             if let Some(drift) = &self.drift {
                 // The way back ends where the sonar is by then.
                 at -= at * drift.moved.dot(self.launch(ray));
@@ -114,65 +133,54 @@ impl Insonification<'_> {
                 at -= self.fold;
             }
             // Along the surface, from one side of the ray's cell to the other.
-            let across = self.across(ray, arrivals, index);
+            let across = self.across(ray, arrival);
             let rise = across.dot(normal);
             let towards = if along.abs() > 1e-3 * length { along } else { (1e-3 * length).copysign(along) };
             let reach = -rise / towards;
-            let most = MOST_BINS * self.bin_m;
-            let (reach, slide_by) = if reach.abs() > 1e-6 {
-                let surface = (across + direction * reach) / reach;
-                (reach.abs().min(most), surface)
-            } else {
-                (reach.abs(), Vec3::ZERO)
-            };
-            range.push(at);
-            slide.push(slide_by);
+            let slide = if reach.abs() > 1e-6 { (across + direction * reach) / reach } else { Vec3::ZERO };
+            let reach = reach.abs().min(MOST_BINS * self.bin_m);
             let low = (at - 0.5 * reach) * per_bin;
             let high = (at + 0.5 * reach) * per_bin;
+            let first = energy.len() as u32 + batch.count as u32;
             let from = low.max(0.0) as usize;
-            let to = (high.max(0.0) as usize).min(self.bins.saturating_sub(1));
-            bin.push(from as u32);
             if from >= self.bins || high <= 0.0 {
+                answers.push(Answer { first, parts: 0, bin: 0, range: at, slide });
                 continue;
             }
+            let to = (high as usize).min(self.bins - 1);
+            answers.push(Answer { first, parts: (to - from + 1) as u32, bin: from as u32, range: at, slide });
             let share = power / (high - low).max(1e-3);
-            let owner = arrivals.surface[index];
-            let instance = if owner == SEA { SEA } else { self.surfaces.rows[owner as usize].instance_id };
+            let Some(scatterers) = &self.speckle else {
+                for part in from..=to {
+                    let covered = (high.min(part as f32 + 1.0) - low.max(part as f32)).max(0.0);
+                    let share = if from == to { power } else { share * covered };
+                    (energy.push(share), re.push(share));
+                }
+                continue;
+            };
+            let instance = self.surfaces.rows.get(arrival.surface as usize).map_or(SEA, |row| row.instance_id);
+            let object = instance.wrapping_mul(0x9E37_79B9) ^ Draw::Speckle as u32;
+            let per_lattice = 1.0 / scatterers.lattice;
             for part in from..=to {
-                let covered = (high.min(part as f32 + 1.0) - low.max(part as f32)).max(0.0);
-                let share = if from == to { power } else { share * covered };
-                energy.push(share);
-                if let Some(scatterers) = &self.speckle {
-                    // The middle of what lies in the bin.
-                    let middle = 0.5 * (high.min(part as f32 + 1.0) + low.max(part as f32)) * self.bin_m;
-                    let beside = middle - at;
-                    let scatterer = (arrivals.place[index] + slide_by * beside) / scatterers.lattice;
-                    for (axis, value) in place.iter_mut().zip(scatterer.to_array()) {
-                        axis.push(value.floor() as i32 as u32);
-                    }
-                    object.push(instance.wrapping_mul(0x9E37_79B9) ^ Draw::Speckle as u32);
-                    turn.push((arrivals.path[index] + beside) * self.turns);
+                let (low, high) = (low.max(part as f32), high.min(part as f32 + 1.0));
+                // The middle of what lies in the bin.
+                let beside = 0.5 * (low + high) * self.bin_m - at;
+                let scatterer = (arrival.place + slide * beside) * per_lattice;
+                let lane = batch.count;
+                batch.place[0][lane] = scatterer.x.floor() as i32 as u32;
+                batch.place[1][lane] = scatterer.y.floor() as i32 as u32;
+                batch.place[2][lane] = scatterer.z.floor() as i32 as u32;
+                batch.object[lane] = object;
+                batch.turn[lane] = (arrival.path + beside) * self.turns;
+                batch.energy[lane] = if from == to { power } else { share * (high - low).max(0.0) };
+                batch.count += 1;
+                if batch.count == BATCH {
+                    batch.scatter(scatterers, energy, re, im);
                 }
             }
         }
-        first.push(energy.len() as u32);
-        let parts = energy.len();
-        re.resize(parts, 0.0);
-        im.resize(parts, 0.0);
-        match &self.speckle {
-            None => re.copy_from_slice(energy),
-            Some(scatterers) => {
-                let [x, y, z] = place.each_ref().map(|axis| &axis[..]);
-                scatterers.rng.phasors([x, y, z, object], turn, re, im);
-                if !scatterers.texture.is_empty() {
-                    scatterers.roughen([x, y, z], energy);
-                }
-                for part in 0..parts {
-                    let amplitude = energy[part].sqrt();
-                    re[part] *= amplitude;
-                    im[part] *= amplitude;
-                }
-            }
+        if let Some(scatterers) = &self.speckle {
+            batch.scatter(scatterers, energy, re, im);
         }
     }
 
@@ -185,11 +193,11 @@ impl Insonification<'_> {
 
     /// From one side of a ray's cell to the other, where it arrives, m.
     #[inline(always)]
-    fn across(&self, ray: usize, arrivals: &Arrivals, index: usize) -> Vec3 {
+    fn across(&self, ray: usize, arrival: &Arrival) -> Vec3 {
         let [x, y, z] = &self.transducer.tangent;
         let tangent = self.rotation * Vec3::new(x[ray], y[ray], z[ray]) * self.transducer.cell[ray];
-        let [upright, level] = arrivals.tube[index];
-        if self.straight && arrivals.order[index] == 0 {
+        let [upright, level] = arrival.tube;
+        if self.straight && arrival.order == 0 {
             return tangent * level;
         }
         // The tube turns with the ray, in its vertical plane, and is wider or thinner there than across it.
@@ -198,22 +206,22 @@ impl Insonification<'_> {
             (aside, direction.cross(aside))
         };
         let (aside, above) = frame(self.launch(ray));
-        let (aside_now, above_now) = frame(arrivals.direction[index]);
+        let (aside_now, above_now) = frame(arrival.direction);
         aside_now * (level * tangent.dot(aside)) + above_now * (upright * tangent.dot(above))
     }
 
     /// log2 of what spreading leaves of the echo: of the way back alone, as the way there makes the footprint that the ray
     /// stands for. Levels do not rise within a metre of the sonar.
     #[inline(always)]
-    fn spread(&self, arrivals: &Arrivals, index: usize) -> f32 {
-        let path = log2(arrivals.path[index].max(1e-3));
+    fn spread(&self, arrival: &Arrival) -> f32 {
+        let path = log2(arrival.path.max(1e-3));
         match self.spreading {
             Spreading::RayTube => {
-                let [upright, level] = arrivals.tube[index];
+                let [upright, level] = arrival.tube;
                 // At a caustic the tube is as wide as diffraction leaves it.
-                let length = arrivals.path[index];
+                let length = arrival.path;
                 let least = length.min((2.0 * length / self.turns).sqrt());
-                log2(arrivals.speed[index]) - log2((upright.max(least) * level).max(1e-6)).abs()
+                log2(arrival.speed) - log2((upright.max(least) * level).max(1e-6)).abs()
             }
             Spreading::Spherical => -2.0 * path.abs(),
             Spreading::Practical => 2.0 * path - 3.0 * path.max(0.0),
@@ -226,16 +234,37 @@ impl Insonification<'_> {
     }
 }
 
-impl Scatterers {
+impl Batch {
+    /// Gives the parts random amplitudes and adds them to the others.
+    #[inline(always)]
+    fn scatter(&mut self, scatterers: &Scatterers, energy: &mut Vec<f32>, re: &mut Vec<f32>, im: &mut Vec<f32>) {
+        let (mut x, mut y) = ([0.0; BATCH], [0.0; BATCH]);
+        let Batch { place: [a, b, c], object, turn, .. } = self;
+        // All lanes, also those that hold nothing yet: loops of fixed length are vector instructions.
+        scatterers.rng.phasors([a, b, c, object], turn, &mut x, &mut y);
+        if !scatterers.texture.is_empty() {
+            self.roughen(scatterers);
+        }
+        for lane in 0..BATCH {
+            let amplitude = self.energy[lane].sqrt();
+            x[lane] *= amplitude;
+            y[lane] *= amplitude;
+        }
+        energy.extend_from_slice(&self.energy[..self.count]);
+        re.extend_from_slice(&x[..self.count]);
+        im.extend_from_slice(&y[..self.count]);
+        self.count = 0;
+    }
+
     /// Makes places some lattice cells wide louder or fainter.
     #[inline(never)]
-    fn roughen(&self, place: [&[u32]; 3], energy: &mut [f32]) {
+    fn roughen(&mut self, scatterers: &Scatterers) {
         /// Lattice cells, as a power of 2, along a side of a place of one texture: some range cells.
         const WIDE: u32 = 4;
-        for part in 0..energy.len() {
-            let address = place.map(|axis| ((axis[part] as i32) >> WIDE) as u32);
-            let at = self.rng.uniform_at(address, Draw::Texture) * self.texture.len() as f32;
-            energy[part] *= self.texture[at as usize];
+        for part in 0..self.count {
+            let address = self.place.each_ref().map(|axis| ((axis[part] as i32) >> WIDE) as u32);
+            let at = scatterers.rng.uniform_at(address, Draw::Texture) * scatterers.texture.len() as f32;
+            self.energy[part] *= scatterers.texture[at as usize];
         }
     }
 }
@@ -329,8 +358,8 @@ impl Tile {
     pub fn hear(&mut self, transducer: &Transducer, chunk: u32, echoes: &Echoes, bin_m: f32, wants: Wants) {
         let width = self.width();
         let bins = self.re.len() / width;
-        for index in 0..echoes.arrivals.len() {
-            let ray = echoes.arrivals.ray[index] as usize;
+        for (index, (arrival, answer)) in (0..).zip(echoes.arrivals.iter().zip(&echoes.answers)) {
+            let ray = arrival.ray as usize;
             let Hearing { first, from, to } = transducer.hearings[transducer.hearing[ray] as usize];
             let (first, last) = (first as usize, (first + to - from) as usize);
             let (low, high) = (first.max(self.beams.0), last.min(self.beams.1));
@@ -338,9 +367,9 @@ impl Tile {
                 continue;
             }
             let loudness = &transducer.loudness[from as usize + low - first..from as usize + high - first];
-            let parts = echoes.first[index] as usize..echoes.first[index + 1] as usize;
-            let who = chunk << CHUNK_BITS | index as u32;
-            for (bin, part) in (echoes.bin[index] as usize..).zip(parts) {
+            let parts = answer.first as usize..(answer.first + answer.parts) as usize;
+            let who = chunk << CHUNK_BITS | index;
+            for (bin, part) in (answer.bin as usize..).zip(parts) {
                 let start = bin * width + low - self.beams.0;
                 let cells = start..start + loudness.len();
                 if wants.speckle {
@@ -377,8 +406,8 @@ impl Tile {
                     }
                 }
             }
-            if wants.open && echoes.arrivals.order[index] == 0 {
-                let bin = (echoes.range[index] / bin_m) as usize;
+            if wants.open && arrival.order == 0 {
+                let bin = (answer.range / bin_m) as usize;
                 if bin < bins {
                     let weight = exp2(transducer.weight[ray]);
                     let start = bin * width + low - self.beams.0;

@@ -527,9 +527,9 @@ impl Pinging<'_> {
     /// What arrival `index` is, in the cell of `bin` and `row`.
     #[inline(always)]
     fn tell_cell(&self, echoes: &Echoes, index: usize, bin: usize, rows: &mut Slices, row: usize) {
-        let arrivals = &echoes.arrivals;
+        let (arrival, answer) = (&echoes.arrivals[index], &echoes.answers[index]);
         let surfaces = &self.scene.surfaces;
-        if let Some(surface) = surfaces.rows.get(arrivals.surface[index] as usize) {
+        if let Some(surface) = surfaces.rows.get(arrival.surface as usize) {
             put!(rows, row,
                 category_id: surface.category_id,
                 part_id: surface.part_id,
@@ -540,7 +540,7 @@ impl Pinging<'_> {
                 let [red, green, blue] = match surface.textured {
                     false => surface.rgb,
                     true => {
-                        let rgba = surfaces.base_color(surface, arrivals.triangle[index], arrivals.corner[index]);
+                        let rgba = surfaces.base_color(surface, arrival.triangle, arrival.corner);
                         std::array::from_fn(|channel| srgb_byte(rgba[channel]))
                     }
                 };
@@ -550,23 +550,23 @@ impl Pinging<'_> {
             put!(rows, row, category_id: 0, part_id: 0, instance_id: 0, material_id: 0, red: 0, green: 0, blue: 0);
         }
         // The cell's own part of what the ray stands for.
-        let beside = self.layout.range(bin) as f32 - echoes.range[index];
-        let place = arrivals.place[index] + echoes.slide[index] * beside;
-        let order = arrivals.order[index];
+        let beside = self.layout.range(bin) as f32 - answer.range;
+        let place = arrival.place + answer.slide * beside;
+        let order = arrival.order;
         put!(rows, row,
             true_x: place.x,
             true_y: place.y,
             true_z: place.z,
-            true_range: arrivals.path[index] + beside,
-            time: self.time + 2.0 * f64::from(arrivals.range[index] + beside) / self.layout.believed_speed,
+            true_range: arrival.path + beside,
+            time: self.time + 2.0 * f64::from(arrival.range + beside) / self.layout.believed_speed,
             bounces: order,
-            cause: match (order, arrivals.surface[index]) {
+            cause: match (order, arrival.surface) {
                 (0, SEA) => Cause::SeaSurface as u8,
                 (0, _) => Cause::Surface as u8,
                 _ => Cause::Multipath as u8,
             },
         );
-        let (direction, normal) = (arrivals.direction[index], arrivals.normal[index]);
+        let (direction, normal) = (arrival.direction, arrival.normal);
         let scale = -direction.dot(normal).signum() / normal.length();
         let normal = normal * scale;
         put!(rows, row,
@@ -576,7 +576,7 @@ impl Pinging<'_> {
             normal_z: normal.z,
         );
         if !(rows.azimuth.is_empty() && rows.elevation.is_empty()) {
-            let [x, y, z] = self.transducer.direction.each_ref().map(|axis| axis[arrivals.ray[index] as usize]);
+            let [x, y, z] = self.transducer.direction.each_ref().map(|axis| axis[arrival.ray as usize]);
             put!(rows, row, azimuth: y.atan2(x), elevation: z.atan2(x.hypot(y)));
         }
     }

@@ -41,75 +41,35 @@ pub(crate) struct SoundTracer<'a> {
     reflection_loss: ReflectionLoss<'a>,
 }
 
-/// What rays meet, a column each.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Arrivals {
+/// What a ray meets.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Arrival {
     /// Number of the ray.
-    pub ray: Vec<u32>,
-    /// Range that the sonar reports, m: one-way time times the speed that it believes.
-    pub range: Vec<f32>,
-    /// Way along the ray, m.
-    pub path: Vec<f32>,
-    /// One-way loss by absorption, boundaries and reflections, dB.
-    pub loss: Vec<f32>,
-    /// Widths of the tube around the ray per radian at the start, m: in the vertical plane, and across it.
-    pub tube: Vec<[f32; 2]>,
-    /// Sound speed there over that at the start.
-    pub speed: Vec<f32>,
-    /// Where it is, relative to the scene's origin, m.
-    pub place: Vec<Vec3>,
-    /// Unit vector along the ray.
-    pub direction: Vec<Vec3>,
-    /// Normal of the triangle, of any length and sign.
-    pub normal: Vec<Vec3>,
+    pub ray: u32,
     /// Row of the scene's surfaces, or [`SEA`].
-    pub surface: Vec<u32>,
+    pub surface: u32,
     /// Triangle of the part.
-    pub triangle: Vec<u32>,
+    pub triangle: u32,
     /// Barycentric weights of its second and third corner.
-    pub corner: Vec<[f32; 2]>,
+    pub corner: [f32; 2],
+    /// Range that the sonar reports, m: one-way time times the speed that it believes.
+    pub range: f32,
+    /// Way along the ray, m.
+    pub path: f32,
+    /// One-way loss by absorption, boundaries and reflections, dB.
+    pub loss: f32,
+    /// Widths of the tube around the ray per radian at the start, m: in the vertical plane, and across it.
+    pub tube: [f32; 2],
+    /// Sound speed there over that at the start.
+    pub speed: f32,
+    /// Where it is, relative to the scene's origin, m.
+    pub place: Vec3,
+    /// Unit vector along the ray.
+    pub direction: Vec3,
+    /// Normal of the triangle, of any length and sign.
+    pub normal: Vec3,
     /// Reflections on the way.
-    pub order: Vec<u8>,
-}
-
-impl Arrivals {
-    pub fn len(&self) -> usize {
-        self.ray.len()
-    }
-
-    pub fn clear(&mut self) {
-        let Arrivals { ray, range, path, loss, tube, speed, place, direction, normal, surface, triangle, corner, order } =
-            self;
-        (ray.clear(), range.clear(), path.clear(), loss.clear(), tube.clear(), speed.clear(), place.clear());
-        (direction.clear(), normal.clear(), surface.clear(), triangle.clear(), corner.clear(), order.clear());
-    }
-
-    fn push(&mut self, range: f64, state: &State, at: Met, start_speed: f64) {
-        let Ray { path, loss, tube, speed_path, speed, .. } = state.ray;
-        self.ray.push(state.number);
-        self.range.push(range as f32);
-        self.path.push(path as f32);
-        self.loss.push(loss as f32);
-        self.tube.push([tube.abs() as f32, (speed_path / start_speed) as f32]);
-        self.speed.push((speed / start_speed) as f32);
-        self.place.push(at.place);
-        self.direction.push(at.direction);
-        self.normal.push(at.normal);
-        self.surface.push(at.surface);
-        self.triangle.push(at.triangle);
-        self.corner.push(at.corner);
-        self.order.push(state.order);
-    }
-}
-
-/// What is met.
-struct Met {
-    place: Vec3,
-    direction: Vec3,
-    normal: Vec3,
-    surface: u32,
-    triangle: u32,
-    corner: [f32; 2],
+    pub order: u8,
 }
 
 /// A ray on its way through the scene.
@@ -229,7 +189,7 @@ impl<'a> SoundTracer<'a> {
 
     /// Adds what the rays `which` of `launch` meet to `arrivals`: first what they meet at first, in their order, block by
     /// block; after each block what they meet over reflections.
-    pub fn trace(&self, launch: &Launch, which: Range<usize>, memory: &mut TracerMemory, arrivals: &mut Arrivals) {
+    pub fn trace(&self, launch: &Launch, which: Range<usize>, memory: &mut TracerMemory, arrivals: &mut Vec<Arrival>) {
         let depth = self.surface_z - launch.place.z;
         let slab = self.slab_at(depth);
         let start_speed = self.slabs[slab].speed_at(depth);
@@ -258,7 +218,7 @@ impl<'a> SoundTracer<'a> {
         launch: &Launch,
         block: Range<usize>,
         memory: &mut TracerMemory,
-        arrivals: &mut Arrivals,
+        arrivals: &mut Vec<Arrival>,
     ) {
         let TracerMemory { rays, hits, states, .. } = memory;
         let depth = self.surface_z - launch.place.z;
@@ -291,30 +251,33 @@ impl<'a> SoundTracer<'a> {
             } else {
                 continue;
             };
-            arrivals.ray.push(ray as u32);
-            arrivals.range.push(range * scale);
-            arrivals.path.push(range);
             let below = -direction.z * range;
-            arrivals.loss.push(if below >= rise && below <= fall {
+            let loss = if below >= rise && below <= fall {
                 range * (absorption + half_slope * below)
             } else {
                 range * self.column.mean_absorption(depth, (depth + f64::from(below)).max(0.0)) as f32
+            };
+            arrivals.push(Arrival {
+                ray: ray as u32,
+                surface,
+                triangle: hits.triangle[lane],
+                corner: [hits.u[lane], hits.v[lane]],
+                range: range * scale,
+                path: range,
+                loss,
+                tube: [range; 2],
+                speed: 1.0,
+                place: place + direction * range,
+                direction,
+                normal,
+                order: 0,
             });
-            arrivals.tube.push([range; 2]);
-            arrivals.speed.push(1.0);
-            arrivals.place.push(place + direction * range);
-            arrivals.direction.push(direction);
-            arrivals.normal.push(normal);
-            arrivals.surface.push(surface);
-            arrivals.triangle.push(hits.triangle[lane]);
-            arrivals.corner.push([hits.u[lane], hits.v[lane]]);
-            arrivals.order.push(0);
             if self.bounces > 0 {
                 let direction = direction.as_dvec3().normalize();
                 let here = self.slab_at(depth);
                 let mut state = State::launch(ray as u32, launch.place, direction, depth, &self.slabs, here);
                 state.ray = state.ray.advanced(water, f64::from(range));
-                state.ray.loss = (*arrivals.loss.last().expect("it has just been added")).into();
+                state.ray.loss = loss.into();
                 state.ray.slab = self.slab_at(state.ray.depth);
                 if self.reflect(&mut state, surface, normal) {
                     states.push(state);
@@ -362,7 +325,7 @@ impl<'a> SoundTracer<'a> {
     }
 
     /// Follows all states until they have met something and are not reflected, or are out of reach.
-    fn follow(&self, memory: &mut TracerMemory, start_speed: f64, arrivals: &mut Arrivals) {
+    fn follow(&self, memory: &mut TracerMemory, start_speed: f64, arrivals: &mut Vec<Arrival>) {
         let TracerMemory { rays, hits, states, steps } = memory;
         let latest = self.reach / self.believed;
         for _ in 0..MOST_STEPS {
@@ -399,17 +362,11 @@ impl<'a> SoundTracer<'a> {
                     let normal = self.world_normal(surface, hits.normal(lane));
                     let length = arc_to(&state, slab, &step, hits.range[lane], rays.direction(lane), normal);
                     state.ray = state.ray.advanced(slab, length);
-                    let met = Met {
-                        place: self.place(&state),
-                        direction: state.direction().as_vec3(),
-                        normal,
-                        surface,
-                        triangle: hits.triangle[lane],
-                        corner: [hits.u[lane], hits.v[lane]],
-                    };
+                    let (triangle, corner) = (hits.triangle[lane], [hits.u[lane], hits.v[lane]]);
                     let range = self.believed * state.ray.time;
                     if range <= self.reach {
-                        arrivals.push(range, &state, met, start_speed);
+                        let arrival = self.arrival(&state, surface, normal, start_speed);
+                        arrivals.push(Arrival { triangle, corner, ..arrival });
                     }
                     range <= self.reach && self.reflect(&mut state, surface, normal)
                 };
@@ -423,7 +380,7 @@ impl<'a> SoundTracer<'a> {
     }
 
     /// Takes a ray on, through water where nothing is, up to its next step on which something can be met; `None`: it ends.
-    fn next_traced(&self, state: &mut State, latest: f64, start_speed: f64, arrivals: &mut Arrivals) -> Option<Step> {
+    fn next_traced(&self, state: &mut State, latest: f64, start_speed: f64, arrivals: &mut Vec<Arrival>) -> Option<Step> {
         for _ in 0..MOST_STEPS {
             if state.ray.time >= latest {
                 return None;
@@ -470,7 +427,7 @@ impl<'a> SoundTracer<'a> {
     }
 
     /// Takes a ray to the end of a step on which it meets nothing; whether it goes on.
-    fn finish(&self, state: &mut State, step: &Step, start_speed: f64, arrivals: &mut Arrivals) -> bool {
+    fn finish(&self, state: &mut State, step: &Step, start_speed: f64, arrivals: &mut Vec<Arrival>) -> bool {
         state.ray = state.ray.advanced(&self.slabs[state.ray.slab], step.length);
         match step.end {
             End::Inside => {}
@@ -480,20 +437,32 @@ impl<'a> SoundTracer<'a> {
                 if range > self.reach {
                     return false;
                 }
-                let met = Met {
-                    place: self.place(state),
-                    direction: state.direction().as_vec3(),
-                    normal: Vec3::NEG_Z,
-                    surface: SEA,
-                    triangle: 0,
-                    corner: [0.0; 2],
-                };
-                arrivals.push(range, state, met, start_speed);
+                arrivals.push(self.arrival(state, SEA, Vec3::NEG_Z, start_speed));
                 return self.reflect(state, SEA, Vec3::NEG_Z);
             }
             end => state.ray.cross(&self.slabs, end),
         }
         true
+    }
+
+    /// What a ray meets where it is.
+    fn arrival(&self, state: &State, surface: u32, normal: Vec3, start_speed: f64) -> Arrival {
+        let Ray { path, loss, tube, speed_path, speed, time, .. } = state.ray;
+        Arrival {
+            ray: state.number,
+            surface,
+            triangle: 0,
+            corner: [0.0; 2],
+            range: (self.believed * time) as f32,
+            path: path as f32,
+            loss: loss as f32,
+            tube: [tube.abs() as f32, (speed_path / start_speed) as f32],
+            speed: (speed / start_speed) as f32,
+            place: self.place(state),
+            direction: state.direction().as_vec3(),
+            normal,
+            order: state.order,
+        }
     }
 
     fn place(&self, state: &State) -> Vec3 {

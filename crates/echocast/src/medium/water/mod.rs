@@ -7,6 +7,7 @@ mod noise;
 mod profile;
 mod ray;
 mod sea;
+mod sound_ray;
 mod speed;
 mod validity;
 
@@ -17,6 +18,7 @@ pub use noise::AmbientNoise;
 pub use profile::{Layer, Profile, SpeedRow, WaterRow};
 pub(crate) use ray::{End, Ray, small_sin_cos};
 pub use sea::Sea;
+pub use sound_ray::{RayEvent, RayPoint, SoundRay};
 pub use speed::{SoundSpeed, pressure_bar, unesco_speed};
 pub use validity::Outside;
 

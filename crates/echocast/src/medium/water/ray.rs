@@ -101,18 +101,17 @@ impl Ray {
         let quarter = if half == 0.0 { 1.0 } else { quarter_sin / (0.5 * half) };
         let middle_depth = self.depth + 0.5 * length * (s * quarter_cos - cosine * quarter_sin) * quarter;
         let middle = slab.speed_at(middle_depth);
-        if half.abs() < 0.02 {
-            // Simpson's rule; what it leaves out is below 1e-10 of the time on arcs that short.
-            next.time += length / 6.0 * (1.0 / c + 4.0 / middle + 1.0 / next.speed);
-            let speed_path = length / 6.0 * (c + 4.0 * middle + next.speed);
-            next.speed_path += speed_path;
-            next.tube += self.widening * speed_path;
+        // Simpson's rule, which is exact for cubics, where the integrand is near one.
+        let short = half.abs() < 0.02;
+        next.time += if short && (next.speed / c - 1.0).abs() < 4e-3 {
+            length / 6.0 * (1.0 / c + 4.0 / middle + 1.0 / next.speed)
         } else {
             let ratio = next.speed / c * (1.0 + s) / (1.0 + next.sine);
-            next.time += (ratio.ln() / slab.gradient).abs();
-            next.speed_path += level / self.snell;
-            next.tube += self.widening * level / self.snell;
-        }
+            (ratio.ln() / slab.gradient).abs()
+        };
+        let speed_path = if short { length / 6.0 * (c + 4.0 * middle + next.speed) } else { level / self.snell };
+        next.speed_path += speed_path;
+        next.tube += self.widening * speed_path;
         next.loss += length / 6.0
             * (slab.absorption_at(self.depth) + 4.0 * slab.absorption_at(middle_depth) + slab.absorption_at(next.depth));
         next
@@ -145,14 +144,14 @@ impl Ray {
         }
         let sum = self.sine.abs() + sine;
         let fall = to(end).abs();
-        let half = curvature * fall / sum;
-        let length = if half < 0.05 {
-            // half / tan(half), to 1e-9.
-            let square = half * half;
-            2.0 * fall / sum * (1.0 - square / 3.0 * (1.0 + square / 15.0))
+        // Half of the angle of the arc: its tangent is the difference of the cosines over the sum of the sines.
+        let tangent = curvature * fall / sum;
+        let length = if tangent < 0.03 {
+            // The arc tangent's power series, to 1e-12.
+            let square = tangent * tangent;
+            2.0 * fall / sum * (1.0 - square * (1.0 / 3.0 - square * (1.0 / 5.0 - square / 7.0)))
         } else {
-            let (from, to) = (self.sine.abs().atan2(self.snell * self.speed), sine.atan2(cosine));
-            (from - to).abs() / curvature
+            2.0 * tangent.atan() / curvature
         };
         (length, end)
     }

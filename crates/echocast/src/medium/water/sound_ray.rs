@@ -1,0 +1,172 @@
+//! A single ray of sound through water, event by event: what a surveyor checks against other programs.
+
+use super::{Column, End, Ray, Slab, Water};
+use crate::bounds::Bounds;
+use crate::error::Result;
+
+/// A ray of sound between the surface of the water and a flat bottom, both of which mirror it.
+#[derive(Clone, Debug)]
+pub struct SoundRay {
+    /// The column down to the bottom.
+    slabs: Vec<Slab>,
+    bottom: f64,
+    ray: Ray,
+    start_speed: f64,
+}
+
+/// Where a ray is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RayPoint {
+    /// Horizontal distance from the start, m.
+    pub distance_m: f64,
+    /// Depth below the surface, m.
+    pub depth_m: f64,
+    /// Angle from the horizontal, rad, positive down.
+    pub grazing: f64,
+    /// Sound speed there, m/s.
+    pub speed_m_s: f64,
+    /// Time since the start, s.
+    pub time_s: f64,
+    /// Way since the start, m.
+    pub path_m: f64,
+    /// Loss by absorption and at boundaries since the start, dB.
+    pub loss_db: f64,
+    /// Transmission loss by spreading since the start, dB re 1 m, from the tube between this ray and its neighbours.
+    pub spreading_db: f64,
+}
+
+/// What happens to a ray.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum RayEvent {
+    /// It goes on into another layer of water; with the energy that does, 0 to 1 (the paper's eq. 13).
+    Boundary(f64),
+    /// A layer reflects all of it.
+    TotalReflection,
+    /// The surface mirrors it.
+    Surface,
+    /// The bottom mirrors it.
+    Bottom,
+}
+
+impl SoundRay {
+    /// Through `water`, for sound of `frequency_hz`, from `depth_m` in the direction `grazing_deg` from the horizontal
+    /// (positive down), over a bottom at `bottom_m`.
+    ///
+    /// # Errors
+    /// A start above the water, below the bottom or outside the profile; an angle beyond 90 degrees.
+    pub fn new(water: &Water, frequency_hz: f64, depth_m: f64, grazing_deg: f64, bottom_m: f64) -> Result<SoundRay> {
+        let bounds = &mut Bounds::none();
+        bounds.within("grazing_deg", grazing_deg, -90.0, 90.0)?;
+        bounds.within("frequency_hz", frequency_hz, 1.0, 1e8)?;
+        bounds.within("bottom_m", bottom_m, 0.0, 1e6)?;
+        bounds.within("depth_m", depth_m, 0.0, bottom_m)?;
+        let (column, _) = Column::new(water, frequency_hz, depth_m)?;
+        let mut slabs: Vec<Slab> = column.slabs.into_iter().filter(|slab| slab.top < bottom_m).collect();
+        if let Some(last) = slabs.last_mut() {
+            last.bottom = last.bottom.min(bottom_m);
+        }
+        let slab = slabs.partition_point(|slab| slab.bottom <= depth_m).min(slabs.len() - 1);
+        let (sine, cosine) = grazing_deg.to_radians().sin_cos();
+        let ray = Ray::launch(depth_m, [sine, cosine], &slabs, slab);
+        Ok(SoundRay { bottom: bottom_m, start_speed: ray.speed, slabs, ray })
+    }
+
+    /// Where it is: at its start, or at its last event, before what happens there.
+    pub fn point(&self) -> RayPoint {
+        self.tell(&self.ray)
+    }
+
+    /// Follows it to the next event; where it was just then, and what happened. `None`: it goes on for ever, or so flat
+    /// that it does not get anywhere.
+    pub fn next_event(&mut self) -> Option<(RayPoint, RayEvent)> {
+        /// Slabs that are passed without an event at most.
+        const MOST: usize = 100_000;
+        for _ in 0..MOST {
+            let slab = &self.slabs[self.ray.slab];
+            let (length, end) = self.ray.exit(slab);
+            if !length.is_finite() {
+                return None;
+            }
+            self.ray = self.ray.advanced(slab, length);
+            let last = self.slabs.len() - 1;
+            let event = match end {
+                End::Top if self.ray.slab == 0 => {
+                    (self.ray.depth, self.ray.sine) = (0.0, -self.ray.sine.abs());
+                    RayEvent::Surface
+                }
+                End::Bottom if self.ray.slab == last => {
+                    (self.ray.depth, self.ray.sine) = (self.bottom, self.ray.sine.abs());
+                    RayEvent::Bottom
+                }
+                End::Inside => return None,
+                _ => {
+                    let before = self.ray;
+                    self.ray.cross(&self.slabs, end);
+                    let event = if self.ray.slab == before.slab {
+                        RayEvent::TotalReflection
+                    } else if self.ray.loss != before.loss || self.ray.speed != before.speed {
+                        RayEvent::Boundary(10f64.powf((before.loss - self.ray.loss) / 10.0))
+                    } else {
+                        // The gradient changes, or nothing.
+                        continue;
+                    };
+                    return Some((self.tell(&before), event));
+                }
+            };
+            let point = self.tell(&self.ray);
+            self.ray.mirror(slab);
+            return Some((point, event));
+        }
+        None
+    }
+
+    /// Where it will be at the horizontal `distance_m`, before the next change of slab; `None`: not before that.
+    pub fn point_at(&self, distance_m: f64) -> Option<RayPoint> {
+        let slab = &self.slabs[self.ray.slab];
+        let (length, _) = self.ray.exit(slab);
+        let at = |length: f64| self.ray.advanced(slab, length);
+        if distance_m < self.ray.distance || !length.is_finite() || at(length).distance < distance_m {
+            return None;
+        }
+        // Distance rises with the length.
+        let (mut low, mut high) = (0.0, length);
+        for _ in 0..100 {
+            let middle = 0.5 * (low + high);
+            if at(middle).distance < distance_m { low = middle } else { high = middle }
+        }
+        Some(self.tell(&at(0.5 * (low + high))))
+    }
+
+    /// Passes over to the next slab or event, whichever comes first.
+    pub fn next_slab(&mut self) -> Option<()> {
+        let slab = &self.slabs[self.ray.slab];
+        let (length, end) = self.ray.exit(slab);
+        if !length.is_finite() {
+            return None;
+        }
+        self.ray = self.ray.advanced(slab, length);
+        match end {
+            End::Top if self.ray.slab == 0 => self.ray.mirror(slab),
+            End::Bottom if self.ray.slab == self.slabs.len() - 1 => self.ray.mirror(slab),
+            End::Inside => return None,
+            _ => self.ray.cross(&self.slabs, end),
+        }
+        Some(())
+    }
+
+    fn tell(&self, ray: &Ray) -> RayPoint {
+        // Pressure: intensity by the tube's cross-section, and the impedance there over that at the start.
+        let across = ray.speed_path / self.start_speed;
+        let spreading = (ray.tube.abs() * across * self.start_speed / ray.speed).max(1e-12);
+        RayPoint {
+            distance_m: ray.distance,
+            depth_m: ray.depth,
+            grazing: ray.sine.atan2(ray.snell * ray.speed),
+            speed_m_s: ray.speed,
+            time_s: ray.time,
+            path_m: ray.path,
+            loss_db: ray.loss,
+            spreading_db: 10.0 * spreading.log10(),
+        }
+    }
+}
