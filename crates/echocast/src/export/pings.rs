@@ -129,17 +129,15 @@ impl Arrays {
         Archive::create(pending.path()).map(|file| Arrays::Npz(Box::new(file)))
     }
 
-    fn add(&mut self, [name, unit, meaning]: About, shape: &[usize], data: Column<'_>) -> io::Result<()> {
+    fn add(&mut self, about: About, shape: &[usize], data: Column<'_>) -> io::Result<()> {
         match self {
             // Arrays of NumPy have names only.
-            Arrays::Npz(file) => file.column(name, shape, data),
+            Arrays::Npz(file) => file.column(about[0], shape, data),
             #[cfg(feature = "hdf5")]
-            Arrays::Hdf5(file) => super::hdf5::add_column(file, name, shape, data)
-                .and_then(|dataset| super::hdf5::describe(&dataset, unit, meaning))
+            Arrays::Hdf5(file) => super::hdf5::add_column(file, about[0], shape, data)
+                .and_then(|dataset| super::hdf5::describe(&dataset, about[1], about[2]))
                 .map_err(io::Error::other),
-        }?;
-        let _ = (unit, meaning);
-        Ok(())
+        }
     }
 
     fn text(&mut self, name: &str, words: &str) -> io::Result<()> {
@@ -358,7 +356,7 @@ fn layer_path(path: &Path, field: Field) -> PathBuf {
 }
 
 /// The values between which an image has its greys.
-pub(super) fn window(values: &[f32]) -> [f32; 2] {
+fn window(values: &[f32]) -> [f32; 2] {
     let mut known: Vec<f32> = values.iter().copied().filter(|value| value.is_finite()).collect();
     let mut quantile = |q: f32| {
         let rank = (q * known.len().saturating_sub(1) as f32).round() as usize;

@@ -31,7 +31,7 @@ pub fn fan(ping: &Ping, pixels: usize) -> Result<Image> {
 }
 
 /// The pings of a single beam that turns, around where the first was sent: ahead of the sonar then is up. The way that the
-/// sonar goes meanwhile counts for nothing; a [`super::mosaic`] has it. Later pings cover earlier ones.
+/// sonar goes meanwhile counts for nothing; a [mosaic](fn@super::mosaic) has it. Later pings cover earlier ones.
 ///
 /// # Errors
 /// Pings that do not fit together or of another sonar; a side out of bounds.

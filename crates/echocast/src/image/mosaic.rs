@@ -167,7 +167,7 @@ fn strips(pings: &Pings, range: ImageRange) -> Result<Vec<Strip>> {
     let neighbours = |first: usize| {
         let [apart, turned] = steps[first];
         let missing = pings[first + 1].number.abs_diff(pings[first].number) > 1;
-        !missing && apart <= USUAL * distance && turned <= (USUAL * turn).max(TURN)
+        !missing && apart <= (USUAL * distance).max(layout.bin_m) && turned <= (USUAL * turn).max(TURN)
     };
     for beam in 0..layout.beams() {
         for ping in 0..pings.len() {

@@ -47,8 +47,8 @@ pub fn depth_map(pings: &Pings, cell_m: f64) -> Result<Image> {
 pub(crate) fn fitting_cell(pings: &Pings, pixels: [u32; 2]) -> Result<f64> {
     let soundings = soundings(pings)?;
     let [low, high] = span(soundings.iter().map(|sounding| sounding.at.truncate()));
-    // Four soundings a square, were they spread evenly.
-    let spread = 2.0 * ((high - low).element_product() / soundings.len() as f64).sqrt();
+    // Nine soundings a square, were they spread evenly.
+    let spread = 3.0 * ((high - low).element_product() / soundings.len() as f64).sqrt();
     Ok(fitting([low, high], pixels).max(spread))
 }
 

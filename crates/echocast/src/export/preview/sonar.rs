@@ -4,12 +4,11 @@ use super::canvas::{Color, DIM, GROUND, Picture, TEXT};
 use super::legend::{self, counted, round_down};
 use super::paint::{Entry, LISTED, Legend};
 use super::palette::{self, HEIGHT, LEVEL, Ramp};
-use super::points::wide;
+use super::points::{quantile, robust_span, wide};
 use super::top::{length, scale_bar};
 use super::{ColorBy, Page, PreviewOptions, View, font};
 use crate::cloud::Field;
 use crate::error::{Error, Result};
-use crate::export::pings::window;
 use crate::image::{self, Image, ImageKind, ImageRange, Overlap};
 use crate::ping::{Pings, SonarView};
 use crate::report::Report;
@@ -114,8 +113,8 @@ impl<'a> Ink<'a> {
                 return Err(Error::invalid("preview colour", color.name(), allowed));
             }
         }
-        let [low, high] = window(&image.values);
-        let range = wide([low, high]);
+        let range = span(image);
+        let [low, high] = range;
         let (name, ramp, caption): (_, Ramp, _) = match depths {
             true => ("height", HEIGHT, "height in m".to_owned()),
             false => ("level", LEVEL, format!("level in dB re 1 uPa, {low:.0} to {high:.0}")),
@@ -143,7 +142,7 @@ impl<'a> Ink<'a> {
             entries.push(Entry { name: format!("{} others", rest.len()), color: palette::OTHER, count });
         }
         let listed = frequent.iter().map(|&(id, _)| (id, palette::category(id))).collect();
-        let window = wide(window(&image.values));
+        let window = span(image);
         Ink { name, image, labels: Some((ids, listed)), table: Vec::new(), window, legend: Legend::Names(entries) }
     }
 
@@ -193,6 +192,19 @@ impl<'a> Ink<'a> {
             }
         }
     }
+}
+
+/// How far below the median level a picture goes, dB: shadows and water are dark, the bed has most of the scale.
+const BELOW_MEDIAN: f32 = 30.0;
+
+/// The values between which an image has its colours: without half a percent at each end.
+fn span(image: &Image) -> [f32; 2] {
+    let mut known: Vec<f32> = image.values.iter().copied().filter(|value| value.is_finite()).collect();
+    if image.kind == ImageKind::DepthMap {
+        return robust_span(&mut known, 0.005);
+    }
+    let [low, middle, high] = [0.005, 0.5, 0.995].map(|q| quantile(&mut known, q));
+    wide([low.max(middle - BELOW_MEDIAN), high])
 }
 
 /// The numbers that an image is labelled by, as clouds are: the category, or the part where there is one category only.
@@ -307,12 +319,14 @@ fn track(image: &Image, pings: &Pings, ink: &Ink, page: &Page) -> Picture {
         corner + zoom * Vec2::new(x, y)
     };
     let way: Vec<Vec2> = pings.pings.iter().map(|ping| pixels(ping.pose.position.truncate())).collect();
-    let mut from = way[0];
-    for &to in &way {
-        // Pings nearer to each other than a pixel make one step.
-        if from.distance(to) >= 2.0 {
-            picture.stroke(&[[from, to]], 0.5 * page.scale, TEXT, 0.5);
-            from = to;
+    for (radius, color) in [(1.4, GROUND), (0.6, TEXT)] {
+        let mut from = way[0];
+        for &to in &way {
+            // Pings nearer to each other than that make one step.
+            if from.distance(to) >= 4.0 {
+                picture.stroke(&[[from, to]], radius * page.scale, color, 0.8);
+                from = to;
+            }
         }
     }
     let ahead = image::heading(&pings.pings[way.len() - 1].pose).as_vec2();
