@@ -40,6 +40,7 @@
 //! | interact | [`echo`], with [`material`] | reflectance, incidence, intensity |
 //! | detect | [`detect`] | which echoes are seen, and at which measured range |
 //! | collect | [`cloud`] | [`PointCloud`]: a column each, truth beside measurement |
+//! | draw | [`image`] | of the pings of a sonar: waterfall, mosaic, fan, depth map |
 //! | write | [`export`] | a file and a [`Report`] of what it could not hold |
 //!
 //! # Conventions
@@ -66,6 +67,7 @@ pub mod emitter;
 pub mod error;
 pub mod export;
 pub mod generate;
+pub mod image;
 pub mod material;
 mod math;
 pub mod medium;

@@ -148,7 +148,7 @@ fn create<T: H5Type + Copy>(file: &File, info: &FieldInfo) -> ::hdf5::Result<Dat
         .chunk(ROWS)
         .shape(Extent::resizable(0))
         .create(info.name)?;
-    describe(&dataset, info)?;
+    describe(&dataset, info.unit, info.meaning)?;
     Ok(dataset)
 }
 

@@ -3,6 +3,7 @@
 use super::{Format, sensor_pose};
 use crate::cloud::{Column, FieldInfo, PointCloud};
 use crate::report::Report;
+use crate::scene::Labels;
 use ::hdf5::types::VarLenUnicode;
 use ::hdf5::{Attribute, Dataset, File, H5Type, Location};
 use std::io;
@@ -46,17 +47,12 @@ impl Hdf5 {
     fn write_file(&self, cloud: &PointCloud, path: &Path) -> ::hdf5::Result<()> {
         let file = File::create(path)?;
         for info in cloud.fields.iter() {
-            let dataset = match cloud.column(info.field) {
-                Column::F32(c) => add(&file, info.name, c),
-                Column::F64(c) => add(&file, info.name, c),
-                Column::U8(c) => add(&file, info.name, c),
-                Column::U16(c) => add(&file, info.name, c),
-                Column::U32(c) => add(&file, info.name, c),
-            }?;
-            describe(&dataset, info)?;
+            let column = cloud.column(info.field);
+            let dataset = add_column(&file, info.name, &[column.len()], column)?;
+            describe(&dataset, info.unit, info.meaning)?;
         }
         for (name, values) in sensor_pose(cloud) {
-            add(&file, name, &values)?;
+            add(&file, name, &[values.len()], &values)?;
         }
         add_tables(&file, cloud)?;
         file.close()
@@ -66,22 +62,38 @@ impl Hdf5 {
 /// Adds what says how to read the columns: frame, origin, shape, scale and name tables.
 pub(super) fn add_tables(file: &File, cloud: &PointCloud) -> ::hdf5::Result<()> {
     add_one(file, "coordinates", &text(cloud.frame.name()))?;
-    add(file, "origin", &cloud.origin.to_array())?;
+    add(file, "origin", &[3], &cloud.origin.to_array())?;
     add_one(file, "intensity_full_scale", &cloud.intensity_full_scale.unwrap_or(f32::NAN))?;
     if let Some(shape) = cloud.organised {
-        add(file, "shape", &shape)?;
+        add(file, "shape", &[2], &shape)?;
     }
-    for (stem, table) in cloud.labels.tables() {
-        add(file, &format!("{stem}_ids"), &table.ids)?;
+    add_names(file, &cloud.labels)
+}
+
+/// Adds numbers and names of the labels.
+pub(super) fn add_names(file: &File, labels: &Labels) -> ::hdf5::Result<()> {
+    for (stem, table) in labels.tables() {
+        add(file, &format!("{stem}_ids"), &[table.ids.len()], &table.ids)?;
         let names: Vec<VarLenUnicode> = table.names.iter().map(|name| text(name)).collect();
-        add(file, &format!("{stem}_names"), &names)?;
+        add(file, &format!("{stem}_names"), &[names.len()], &names)?;
     }
     Ok(())
 }
 
-fn add<T: H5Type>(file: &File, name: &str, data: &[T]) -> ::hdf5::Result<Dataset> {
+/// Adds the dataset `name` of `data`.
+pub(super) fn add_column(file: &File, name: &str, shape: &[usize], data: Column<'_>) -> ::hdf5::Result<Dataset> {
+    match data {
+        Column::F32(c) => add(file, name, shape, c),
+        Column::F64(c) => add(file, name, shape, c),
+        Column::U8(c) => add(file, name, shape, c),
+        Column::U16(c) => add(file, name, shape, c),
+        Column::U32(c) => add(file, name, shape, c),
+    }
+}
+
+fn add<T: H5Type>(file: &File, name: &str, shape: &[usize], data: &[T]) -> ::hdf5::Result<Dataset> {
     // Without times of change the same run gives the same bytes.
-    let dataset = file.new_dataset::<T>().obj_track_times(false).shape(data.len()).create(name)?;
+    let dataset = file.new_dataset::<T>().obj_track_times(false).shape(shape).create(name)?;
     if !data.is_empty() {
         dataset.write_raw(data)?;
     }
@@ -89,21 +101,21 @@ fn add<T: H5Type>(file: &File, name: &str, data: &[T]) -> ::hdf5::Result<Dataset
 }
 
 /// Adds a dataset of one value without a shape.
-fn add_one<T: H5Type>(file: &File, name: &str, value: &T) -> ::hdf5::Result<()> {
+pub(super) fn add_one<T: H5Type>(file: &File, name: &str, value: &T) -> ::hdf5::Result<()> {
     file.new_dataset::<T>().obj_track_times(false).create(name)?.write_scalar(value)
 }
 
 /// Adds the attributes that say what a dataset holds.
-pub(super) fn describe(dataset: &Location, info: &FieldInfo) -> ::hdf5::Result<()> {
+pub(super) fn describe(dataset: &Location, unit: &str, meaning: &str) -> ::hdf5::Result<()> {
     let add = |name: &str, value: &str| -> ::hdf5::Result<()> {
         let attribute: Attribute = dataset.new_attr::<VarLenUnicode>().create(name)?;
         attribute.write_scalar(&text(value))
     };
-    add("unit", info.unit)?;
-    add("meaning", info.meaning)
+    add("unit", unit)?;
+    add("meaning", meaning)
 }
 
 /// HDF5 text ends at a zero, which therefore cannot stand in it.
-fn text(name: &str) -> VarLenUnicode {
+pub(super) fn text(name: &str) -> VarLenUnicode {
     name.replace('\0', "\u{fffd}").parse().expect("there is no zero in it")
 }

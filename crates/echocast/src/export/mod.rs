@@ -8,12 +8,14 @@ mod frames;
 mod hdf5;
 mod las;
 mod npz;
+mod pings;
 mod ply;
 pub mod preview;
 
 pub use atomic::unfinished_prefix;
 #[cfg(feature = "hdf5")]
 pub use frames::FramesFile;
+pub use pings::{check_image, check_pings};
 
 use crate::cloud::{Field, FieldInfo, FieldSet, PointCloud};
 use crate::emitter::Pose;

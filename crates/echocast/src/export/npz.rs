@@ -1,8 +1,9 @@
 //! NPZ: a stored zip of NumPy arrays, `numpy.load` without anything else.
 
 use super::{Format, sensor_pose};
-use crate::cloud::{ColumnType, FieldInfo, PointCloud};
+use crate::cloud::{Column, FieldInfo, PointCloud};
 use crate::report::Report;
+use crate::scene::Labels;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
@@ -42,23 +43,54 @@ impl Format for Npz {
     }
 
     fn write(&self, cloud: &PointCloud, path: &Path, report: &mut Report) -> io::Result<()> {
-        let mut zip = Archive(ZipWriter::new(BufWriter::new(File::create(path)?)));
+        let mut zip = Archive::create(path)?;
         for info in cloud.fields.iter() {
             let column = cloud.column(info.field);
-            zip.add(info.name, numpy_type(info.kind), &[column.len()], column.bytes())?;
+            zip.column(info.name, &[column.len()], column)?;
         }
         zip.add("origin", "f8", &[3], &cloud.origin.to_array())?;
         for (name, values) in sensor_pose(cloud) {
             zip.add(name, "f8", &[values.len()], &values)?;
         }
         zip.add("intensity_full_scale", "f4", &[], &[cloud.intensity_full_scale.unwrap_or(f32::NAN)])?;
-        let coordinates: Vec<u32> = cloud.frame.name().chars().map(u32::from).collect();
-        zip.add("coordinates", &format!("U{}", coordinates.len()), &[], &coordinates)?;
+        zip.text("coordinates", cloud.frame.name())?;
         if let Some(shape) = cloud.organised {
             zip.add("shape", "u4", &[2], &shape)?;
         }
-        for (stem, table) in cloud.labels.tables() {
-            zip.add(&format!("{stem}_ids"), "u4", &[table.ids.len()], &table.ids)?;
+        zip.names(&cloud.labels, report)?;
+        zip.finish()
+    }
+}
+
+/// A file of arrays, written one by one.
+pub(super) struct Archive(ZipWriter<BufWriter<File>>);
+
+impl Archive {
+    pub(super) fn create(path: &Path) -> io::Result<Archive> {
+        Ok(Archive(ZipWriter::new(BufWriter::new(File::create(path)?))))
+    }
+
+    pub(super) fn finish(self) -> io::Result<()> {
+        self.0.finish()?;
+        Ok(())
+    }
+
+    /// Adds the array `name` of `data`.
+    pub(super) fn column(&mut self, name: &str, shape: &[usize], data: Column<'_>) -> io::Result<()> {
+        self.start(name, numpy_type(data), shape, data.bytes().len())?;
+        self.0.write_all(data.bytes())
+    }
+
+    /// Adds a text without a shape.
+    pub(super) fn text(&mut self, name: &str, words: &str) -> io::Result<()> {
+        let characters: Vec<u32> = words.chars().map(u32::from).collect();
+        self.add(name, &format!("U{}", characters.len()), &[], &characters)
+    }
+
+    /// Adds numbers and names of the labels.
+    pub(super) fn names(&mut self, labels: &Labels, report: &mut Report) -> io::Result<()> {
+        for (stem, table) in labels.tables() {
+            self.add(&format!("{stem}_ids"), "u4", &[table.ids.len()], &table.ids)?;
             // NumPy text: UTF-32, every element as wide as the longest, ended by zeros.
             let longest = table.names.iter().map(|name| name.chars().count()).max().unwrap_or(0);
             if longest > NAME_CHARS {
@@ -66,21 +98,16 @@ impl Format for Npz {
             }
             let width = longest.clamp(1, NAME_CHARS);
             let count = table.names.len();
-            zip.start(&format!("{stem}_names"), &format!("U{width}"), &[count], count * width * 4)?;
+            self.start(&format!("{stem}_names"), &format!("U{width}"), &[count], count * width * 4)?;
             for name in &table.names {
                 let mut characters: Vec<u32> = name.chars().take(width).map(u32::from).collect();
                 characters.resize(width, 0);
-                zip.0.write_all(bytemuck::cast_slice(&characters))?;
+                self.0.write_all(bytemuck::cast_slice(&characters))?;
             }
         }
-        zip.0.finish()?;
         Ok(())
     }
-}
 
-struct Archive(ZipWriter<BufWriter<File>>);
-
-impl Archive {
     /// Adds the array `name` of elements of the NumPy type `kind`, in the machine's byte order.
     fn add<T: bytemuck::NoUninit>(&mut self, name: &str, kind: &str, shape: &[usize], data: &[T]) -> io::Result<()> {
         self.start(name, kind, shape, size_of_val(data))?;
@@ -107,12 +134,12 @@ impl Archive {
     }
 }
 
-fn numpy_type(kind: ColumnType) -> &'static str {
-    match kind {
-        ColumnType::F32 => "f4",
-        ColumnType::F64 => "f8",
-        ColumnType::U8 => "u1",
-        ColumnType::U16 => "u2",
-        ColumnType::U32 => "u4",
+fn numpy_type(column: Column<'_>) -> &'static str {
+    match column {
+        Column::F32(_) => "f4",
+        Column::F64(_) => "f8",
+        Column::U8(_) => "u1",
+        Column::U16(_) => "u2",
+        Column::U32(_) => "u4",
     }
 }

@@ -30,7 +30,7 @@ fn names(entries: &[Entry], page: &Page) -> Picture {
     };
     let (name_width, count_width) = (widest(&|label| &label.0), widest(&|label| &label.1));
     let entry_width = swatch + gap + name_width + gap + count_width;
-    let columns = (((page.inner() as f32 + 3.0 * gap) / (entry_width + 3.0 * gap)) as usize).clamp(1, labels.len());
+    let columns = (((page.inner() as f32 + 3.0 * gap) / (entry_width + 3.0 * gap)) as usize).min(labels.len()).max(1);
     let row_height = (2.1 * capitals).ceil();
     let rows = labels.len().div_ceil(columns);
     let mut picture = Picture::new(page.inner(), (rows as f32 * row_height) as u32, PAGE);

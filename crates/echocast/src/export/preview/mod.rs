@@ -1,5 +1,5 @@
 //! A picture of a cloud for people: from above, in perspective or as range image, coloured by label, cause,
-//! intensity, range or height, with a legend.
+//! intensity, range or height, with a legend; and of the pings of a sonar: waterfall, track and fan.
 
 mod canvas;
 mod cutaway;
@@ -10,6 +10,7 @@ mod palette;
 mod perspective;
 mod points;
 mod range_image;
+mod sonar;
 mod splat;
 mod top;
 
@@ -18,6 +19,7 @@ pub use canvas::Picture;
 use super::atomic::Pending;
 use crate::cloud::{Field, FieldSet, PointCloud};
 use crate::error::{Error, Result};
+use crate::ping::Pings;
 use crate::report::Report;
 use crate::yaml;
 use canvas::{DIM, PAGE, TEXT};
@@ -33,7 +35,7 @@ use std::str::FromStr;
 /// Widths that a picture may have, pixels.
 const WIDTHS: std::ops::RangeInclusive<u32> = 320..=4096;
 
-/// From where a preview looks at the cloud.
+/// What a preview shows: from where it looks at a cloud, or which image it makes of pings.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum View {
@@ -44,13 +46,36 @@ pub enum View {
     Perspective,
     /// As the sensor sees it: rows and columns of the sensor, or azimuth and elevation.
     Range,
+    /// Pings of a sonar, a row each, the first on top: both sides of a side-scan sonar, else the middle beam.
+    Waterfall,
+    /// Pings of a sonar on the map: the mosaic of side-scan, imaging and single-beam sonars, the depths of swath sonars.
+    Track,
+    /// A ping as its beams lie: the last of an imaging or swath sonar, all of a beam that turns.
+    Fan,
+}
+
+/// Views and their names.
+const VIEWS: [(&str, View); 6] = [
+    ("top", View::Top),
+    ("perspective", View::Perspective),
+    ("range", View::Range),
+    ("waterfall", View::Waterfall),
+    ("track", View::Track),
+    ("fan", View::Fan),
+];
+
+impl View {
+    /// Whether it shows pings of a sonar; the others show clouds.
+    pub fn shows_pings(self) -> bool {
+        matches!(self, View::Waterfall | View::Track | View::Fan)
+    }
 }
 
 impl FromStr for View {
     type Err = Error;
 
     fn from_str(name: &str) -> Result<View> {
-        by_name("view", name, &[("top", View::Top), ("perspective", View::Perspective), ("range", View::Range)])
+        by_name("view", name, &VIEWS)
     }
 }
 
@@ -72,22 +97,32 @@ pub enum ColorBy {
     Height,
 }
 
+/// Colours and their names.
+const COLORS: [(&str, ColorBy); 5] = [
+    ("label", ColorBy::Label),
+    ("cause", ColorBy::Cause),
+    ("intensity", ColorBy::Intensity),
+    ("range", ColorBy::Range),
+    ("height", ColorBy::Height),
+];
+
+impl ColorBy {
+    fn name(self) -> &'static str {
+        name_of(self, &COLORS)
+    }
+}
+
 impl FromStr for ColorBy {
     type Err = Error;
 
     fn from_str(name: &str) -> Result<ColorBy> {
-        by_name(
-            "preview colour",
-            name,
-            &[
-                ("label", ColorBy::Label),
-                ("cause", ColorBy::Cause),
-                ("intensity", ColorBy::Intensity),
-                ("range", ColorBy::Range),
-                ("height", ColorBy::Height),
-            ],
-        )
+        by_name("preview colour", name, &COLORS)
     }
+}
+
+/// The name of `value` in `table`.
+fn name_of<T: PartialEq>(value: T, table: &[(&'static str, T)]) -> &'static str {
+    table.iter().find(|(_, known)| *known == value).map_or("", |(name, _)| name)
 }
 
 /// The value that `name` has in `table`, or an error that tells the near names and all there are.
@@ -132,8 +167,11 @@ impl PreviewOptions {
         yaml::from_str("preview options", text)
     }
 
-    /// The columns that such a picture shows.
+    /// The columns that such a picture shows, of a cloud or of pings, as the view says.
     pub fn fields(&self) -> FieldSet {
+        if self.view.shows_pings() {
+            return [Field::Intensity, Field::CategoryId, Field::PartId].into_iter().collect();
+        }
         let shown: &[Field] = match self.color {
             ColorBy::Label => &[Field::CategoryId, Field::PartId],
             ColorBy::Intensity => &[Field::Intensity],
@@ -168,16 +206,51 @@ fn check_width(width: u32) -> Result<()> {
 /// Columns that the colours need and the cloud lacks are replaced by others, which the report says.
 ///
 /// # Errors
-/// As [`check`], and a full disk.
+/// As [`check`], a view that shows pings, and a full disk.
 pub fn write(cloud: &PointCloud, path: &Path, options: &PreviewOptions) -> Result<Report> {
     let mut report = Report::default();
     let picture = render(cloud, options, &mut report)?;
+    write_picture(&picture, path)?;
+    Ok(report)
+}
+
+/// Writes a picture of `pings` to the PNG file `path`, which appears only when it is complete.
+///
+/// # Errors
+/// As [`render_pings`], a folder that is missing or cannot be written to, and a full disk.
+pub fn write_pings(pings: &Pings, path: &Path, options: &PreviewOptions) -> Result<Report> {
+    let mut report = Report::default();
+    let picture = render_pings(pings, options, &mut report)?;
+    write_picture(&picture, path)?;
+    Ok(report)
+}
+
+fn write_picture(picture: &Picture, path: &Path) -> Result<()> {
     let pending = Pending::create(path)?;
     File::create(pending.path())
         .and_then(|file| picture.write_png(BufWriter::new(file)))
         .map_err(|source| Error::io(path, source))?;
-    pending.commit()?;
-    Ok(report)
+    pending.commit()
+}
+
+/// The picture of `pings`; without any it says so.
+///
+/// Pings without labels are coloured by level instead, which the report says.
+///
+/// # Errors
+/// A width out of bounds, a view that shows clouds or another kind of sonar, a colour that pings do not have, pings that do
+/// not fit together.
+pub fn render_pings(pings: &Pings, options: &PreviewOptions, report: &mut Report) -> Result<Picture> {
+    check_width(options.width)?;
+    if !options.view.shows_pings() {
+        let allowed = "waterfall, track or fan for pings; it shows points";
+        return Err(Error::invalid("view", name_of(options.view, &VIEWS), allowed));
+    }
+    let page = Page::new(options.width);
+    if pings.pings.is_empty() {
+        return Ok(page.empty("no pings"));
+    }
+    sonar::draw(pings, options, &page, report)
 }
 
 /// The picture of `cloud`; the same cloud and options give the same pixels.
@@ -185,13 +258,20 @@ pub fn write(cloud: &PointCloud, path: &Path, options: &PreviewOptions) -> Resul
 /// A cloud without points gives a picture that says so.
 ///
 /// # Errors
-/// A width out of bounds.
+/// A width out of bounds, a view that shows pings.
 pub fn render(cloud: &PointCloud, options: &PreviewOptions, report: &mut Report) -> Result<Picture> {
     check_width(options.width)?;
+    let pings_only = || {
+        let allowed = "top, perspective or range for points; it shows pings of a sonar";
+        Err(Error::invalid("view", name_of(options.view, &VIEWS), allowed))
+    };
+    if options.view.shows_pings() {
+        return pings_only();
+    }
     let page = Page::new(options.width);
     let points = Points::new(cloud, report);
     if points.count == 0 {
-        return Ok(page.without_points());
+        return Ok(page.empty("no points"));
     }
     let paint = Paint::new(cloud, &points, options.color, report);
     let mut notes = Vec::new();
@@ -199,6 +279,7 @@ pub fn render(cloud: &PointCloud, options: &PreviewOptions, report: &mut Report)
         View::Top => ("Top view", top::draw(&points, &paint, &page, &mut notes)),
         View::Perspective => ("Perspective view", perspective::draw(&points, &paint, &page, &mut notes)),
         View::Range => ("Range image", range_image::draw(cloud, &points, &paint, &page)),
+        View::Waterfall | View::Track | View::Fan => return pings_only(),
     };
     let title = format!("{view} of {} by {}", legend::counted(points.count, "point"), paint.name());
     Ok(page.compose(&title, &notes.join("; "), &panel, &legend::draw(paint.legend(), &page)))
@@ -268,9 +349,10 @@ impl Page {
         page
     }
 
-    fn without_points(&self) -> Picture {
+    /// A page that only says `words`.
+    fn empty(&self, words: &str) -> Picture {
         let mut page = Picture::new(self.width, self.width / 4, PAGE);
-        let (words, capitals) = ("no points", 24.0 * self.scale);
+        let capitals = 24.0 * self.scale;
         let middle = Vec2::new(page.width as f32, page.height as f32) / 2.0;
         let start = middle + Vec2::new(-font::width(words, capitals), capitals) / 2.0;
         page.text(words, start, capitals, DIM);
@@ -308,9 +390,20 @@ mod tests {
         assert_eq!("perspective".parse::<View>().unwrap(), View::Perspective);
         assert_eq!("height".parse::<ColorBy>().unwrap(), ColorBy::Height);
         let error = "prespective".parse::<View>().unwrap_err().to_string();
-        assert_eq!(error, "there is no view named \"prespective\"; near: perspective, top, range");
+        assert_eq!(
+            error,
+            "there is no view named \"prespective\"; near: perspective, top, range, waterfall, track, fan"
+        );
         let error = "hieght".parse::<ColorBy>().unwrap_err().to_string();
         assert_eq!(error, "there is no preview colour named \"hieght\"; near: height, label, cause, intensity, range");
+    }
+
+    #[test]
+    fn views_of_pings_are_not_for_clouds() {
+        let options = PreviewOptions { view: View::Track, ..PreviewOptions::default() };
+        let error = render(&cloud(&[[1.0; 3]]), &options, &mut Report::default()).unwrap_err().to_string();
+        assert_eq!(error, "view is track; allowed: top, perspective or range for points; it shows pings of a sonar");
+        assert!(options.fields().contains(Field::Intensity) && !options.fields().contains(Field::X));
     }
 
     #[test]

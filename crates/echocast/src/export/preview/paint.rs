@@ -13,7 +13,7 @@ use std::collections::HashMap;
 use std::ops::Range;
 
 /// How many names a legend lists before it sums up the rest.
-const LISTED: usize = 16;
+pub(super) const LISTED: usize = 16;
 /// Part of the values at each end of a scale that shares the colour of its end.
 const CLIPPED: f32 = 0.01;
 

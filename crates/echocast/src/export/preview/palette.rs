@@ -94,6 +94,8 @@ pub(super) const RANGE: Ramp = Ramp { lightness: [0.42, 0.95], hue: [0.77, 1.28]
 pub(super) const HEIGHT: Ramp = Ramp { lightness: [0.40, 0.93], hue: [0.83, 0.30], chroma: 0.135 };
 /// For intensity: ember to pale yellow.
 pub(super) const INTENSITY: Ramp = Ramp { lightness: [0.36, 0.97], hue: [0.03, 0.28], chroma: 0.14 };
+/// For levels of sonars: copper, as their screens show it.
+pub(super) const LEVEL: Ramp = Ramp { lightness: [0.16, 0.95], hue: [0.13, 0.22], chroma: 0.105 };
 
 impl Ramp {
     /// Colour at `t` from 0 to 1.
@@ -165,7 +167,7 @@ mod tests {
 
     #[test]
     fn ramps_rise_in_luminance() {
-        for ramp in [RANGE, HEIGHT, INTENSITY] {
+        for ramp in [RANGE, HEIGHT, INTENSITY, LEVEL] {
             let luminance: Vec<f32> = ramp
                 .table()
                 .iter()

@@ -78,7 +78,7 @@ pub(super) fn draw(points: &Points<'_>, paint: &Paint<'_>, page: &Page, notes: &
         let ahead = map.project(points.sensor + points.orientation * Vec3::X);
         picture.sensor_mark(sensor, ahead, 8.0 * page.scale);
     }
-    scale_bar(&mut picture, &map, unit, page);
+    scale_bar(&mut picture, map.zoom, unit, page);
 
     if ceiling.is_finite() {
         notes.push(format!("cut open under the ceiling at z = {:.1} m", f64::from(ceiling) + points.height_origin));
@@ -105,11 +105,11 @@ fn grid(picture: &mut Picture, map: &Map, unit: f64, page: &Page) {
     }
 }
 
-/// The length `unit` in the lower left corner, with the directions of x and y.
-fn scale_bar(picture: &mut Picture, map: &Map, unit: f64, page: &Page) {
+/// The length `unit`, at `zoom` pixels per metre, in the lower left corner, with the directions of x and y.
+pub(super) fn scale_bar(picture: &mut Picture, zoom: f32, unit: f64, page: &Page) {
     let capitals = page.text();
-    let start = Vec2::new(2.0 * capitals, map.height as f32 - 2.0 * capitals);
-    let end = start + Vec2::new(unit as f32 * map.zoom, 0.0);
+    let start = Vec2::new(2.0 * capitals, picture.height as f32 - 2.0 * capitals);
+    let end = start + Vec2::new(unit as f32 * zoom, 0.0);
     let up = Vec2::new(0.0, -0.45 * capitals);
     let bar = [[start, end], [start + up, start - up], [end + up, end - up]];
     picture.stroke(&bar, 0.32 * capitals, GROUND, 0.75);
@@ -118,7 +118,7 @@ fn scale_bar(picture: &mut Picture, map: &Map, unit: f64, page: &Page) {
     let left = start.x.midpoint(end.x) - font::width(&words, capitals) / 2.0;
     picture.text_over(&words, Vec2::new(left, start.y - 0.8 * capitals), capitals, TEXT);
 
-    let corner = Vec2::new(map.width as f32 - 6.0 * capitals, start.y);
+    let corner = Vec2::new(picture.width as f32 - 6.0 * capitals, start.y);
     for (direction, name) in [(Vec2::X, "x"), (Vec2::NEG_Y, "y")] {
         let tip = corner + 2.6 * capitals * direction;
         let side = 0.35 * capitals * direction.perp();
@@ -133,7 +133,7 @@ fn scale_bar(picture: &mut Picture, map: &Map, unit: f64, page: &Page) {
 }
 
 /// `metres`, a round length, with a unit that needs few digits.
-fn length(metres: f64) -> String {
+pub(super) fn length(metres: f64) -> String {
     let (value, unit) = match metres {
         m if m >= 1000.0 => (m / 1000.0, "km"),
         m if m >= 0.995 => (m, "m"),

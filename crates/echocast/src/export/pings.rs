@@ -1,0 +1,478 @@
+//! Sonar pings and their images to files for programs.
+
+use super::atomic::Pending;
+use super::ending;
+use super::npz::Archive;
+use crate::cloud::{Column, Field};
+use crate::error::{Error, Result};
+use crate::image::{Image, ImageKind};
+use crate::ping::{Ping, Pings, Sounding};
+use crate::report::Report;
+use crate::scene::{Labels, NameTable};
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+/// Endings of files of arrays.
+const ARRAYS: &[&str] = &["npz", "h5", "hdf5"];
+/// Endings of image files.
+const IMAGES: &[&str] = &["png", "npz", "h5", "hdf5"];
+/// Part of the values at each end of the window of a PNG that shares the grey of its end.
+const CLIPPED: f32 = 0.005;
+
+/// Says before a long scan whether pings could be written to `path`.
+///
+/// # Errors
+/// An ending that pings are not written as; a missing folder or one that cannot be written to.
+pub fn check_pings(path: &Path) -> Result<()> {
+    check_ending(path, "pings", ARRAYS)?;
+    Pending::create(path).map(drop)
+}
+
+/// Says before a long scan whether an image of pings could be written to `path`.
+///
+/// # Errors
+/// An ending that images are not written as; a missing folder or one that cannot be written to.
+pub fn check_image(path: &Path) -> Result<()> {
+    check_ending(path, "images of pings", IMAGES)?;
+    Pending::create(path).map(drop)
+}
+
+fn check_ending(path: &Path, what: &str, endings: &[&str]) -> Result<()> {
+    let ending = ending(path);
+    if !endings.contains(&&*ending) {
+        let all: Vec<String> = endings.iter().map(|ending| format!(".{ending}")).collect();
+        return Err(Error::Unsupported {
+            what: format!("the ending of the output file {}", path.display()),
+            instead: format!("{what} are written as {}", all.join(", ")),
+        });
+    }
+    if cfg!(not(feature = "hdf5")) && ending != "npz" && ending != "png" {
+        let instead = "build echocast with the feature hdf5".into();
+        return Err(Error::Unsupported { what: "HDF5 in this build".into(), instead });
+    }
+    Ok(())
+}
+
+impl Pings {
+    /// Writes everything that the pings hold to `path`, as NPZ (`.npz`) or HDF5 (`.h5`, `.hdf5`). The file appears under
+    /// its name only when it is complete.
+    ///
+    /// Cells stand in arrays of pings x beams x bins, `level` and `amplitude` and a column for each field; `true_x` to
+    /// `true_z` are relative to `origin`. Soundings are a list in which `sounding_ping` counts the pings of the file.
+    ///
+    /// # Errors
+    /// As [`check_pings`]; no pings, or pings that do not fit together; no memory for one more column; a full disk.
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<Report> {
+        let path = path.as_ref();
+        check_ending(path, "pings", ARRAYS)?;
+        self.check()?;
+        into_file(path, |file, report| write_pings(file, self, report))
+    }
+}
+
+impl Image {
+    /// Writes the image to `path`: NPZ (`.npz`) or HDF5 (`.h5`, `.hdf5`) with `values`, a label array for each column that
+    /// it has and its place, or PNG (`.png`), eight bits grey. The files appear under their names only when all are
+    /// complete.
+    ///
+    /// In a PNG 0 is nothing, and 1 to 255 are the window of values that its text `window` says, which leaves out half a
+    /// percent at each end. Labels stand beside it, `NAME.category_id.png` and so on, sixteen bits grey, the numbers
+    /// themselves.
+    ///
+    /// # Errors
+    /// As [`check_image`]; arrays of another size than the image; no memory; a full disk.
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<Report> {
+        let path = path.as_ref();
+        check_ending(path, "images of pings", IMAGES)?;
+        self.check()?;
+        if ending(path) == "png" {
+            return write_pngs(self, path);
+        }
+        into_file(path, |file, report| write_image(file, self, report))
+    }
+}
+
+/// Writes a file of arrays with `fill`.
+fn into_file(path: &Path, fill: impl FnOnce(&mut Arrays, &mut Report) -> io::Result<()>) -> Result<Report> {
+    let mut report = Report::default();
+    let pending = Pending::create(path)?;
+    let written = Arrays::create(&pending, path).and_then(|mut file| {
+        fill(&mut file, &mut report)?;
+        file.finish()
+    });
+    written.map_err(|source| match source.kind() {
+        io::ErrorKind::OutOfMemory => Error::Memory("a column of all pings".to_owned()),
+        _ => Error::io(path, source),
+    })?;
+    pending.commit()?;
+    Ok(report)
+}
+
+/// A file of named arrays.
+enum Arrays {
+    Npz(Box<Archive>),
+    #[cfg(feature = "hdf5")]
+    Hdf5(::hdf5::File),
+}
+
+/// Name, unit and meaning of an array.
+type About<'a> = [&'a str; 3];
+
+impl Arrays {
+    fn create(pending: &Pending, named: &Path) -> io::Result<Arrays> {
+        #[cfg(feature = "hdf5")]
+        if ending(named) != "npz" {
+            return ::hdf5::File::create(pending.path()).map(Arrays::Hdf5).map_err(io::Error::other);
+        }
+        debug_assert_eq!(ending(named), "npz");
+        Archive::create(pending.path()).map(|file| Arrays::Npz(Box::new(file)))
+    }
+
+    fn add(&mut self, about: About, shape: &[usize], data: Column<'_>) -> io::Result<()> {
+        match self {
+            // Arrays of NumPy have names only.
+            Arrays::Npz(file) => file.column(about[0], shape, data),
+            #[cfg(feature = "hdf5")]
+            Arrays::Hdf5(file) => super::hdf5::add_column(file, about[0], shape, data)
+                .and_then(|dataset| super::hdf5::describe(&dataset, about[1], about[2]))
+                .map_err(io::Error::other),
+        }
+    }
+
+    fn text(&mut self, name: &str, words: &str) -> io::Result<()> {
+        match self {
+            Arrays::Npz(file) => file.text(name, words),
+            #[cfg(feature = "hdf5")]
+            Arrays::Hdf5(file) => super::hdf5::add_one(file, name, &super::hdf5::text(words)).map_err(io::Error::other),
+        }
+    }
+
+    fn names(&mut self, labels: &Labels, report: &mut Report) -> io::Result<()> {
+        match self {
+            Arrays::Npz(file) => file.names(labels, report),
+            #[cfg(feature = "hdf5")]
+            Arrays::Hdf5(file) => super::hdf5::add_names(file, labels).map_err(io::Error::other),
+        }
+    }
+
+    fn finish(self) -> io::Result<()> {
+        match self {
+            Arrays::Npz(file) => file.finish(),
+            #[cfg(feature = "hdf5")]
+            Arrays::Hdf5(file) => file.close().map_err(io::Error::other),
+        }
+    }
+}
+
+fn write_pings(file: &mut Arrays, Pings { pings }: &Pings, report: &mut Report) -> io::Result<()> {
+    let first = &pings[0];
+    let layout = &*first.layout;
+    let (beams, bins) = (layout.beams(), layout.bins);
+    let cells = [pings.len(), beams, bins];
+
+    file.text("view", layout.view.name())?;
+    let angles = |axis: usize| -> Vec<f32> { layout.axes.iter().map(|angles| angles[axis]).collect() };
+    file.add(["beam_azimuth", "rad", "azimuth of each beam's axis, sensor frame"], &[beams], Column::F32(&angles(0)))?;
+    file.add(["beam_elevation", "rad", "elevation of each beam's axis"], &[beams], Column::F32(&angles(1)))?;
+    file.add(["bin_m", "m", "length of a bin; bin k begins at k times this"], &[], Column::F64(&[layout.bin_m]))?;
+    let speed = ["believed_speed_m_s", "m/s", "sound speed that ranges are reported with"];
+    file.add(speed, &[], Column::F64(&[layout.believed_speed]))?;
+    file.add(["noise_db", "dB re 1 uPa", "level of the noise in a cell"], &[], Column::F32(&[layout.noise_db]))?;
+    let threshold = ["threshold_db", "dB re 1 uPa", "least level that is reported as an echo, by bin"];
+    file.add(threshold, &[bins], Column::F32(&layout.threshold_db))?;
+    file.add(["tvg_db", "dB", "gain that pictures are drawn with, by bin"], &[bins], Column::F32(&layout.tvg_db))?;
+    file.add(
+        ["origin", "m", "world position of true_x, true_y, true_z 0"],
+        &[3],
+        Column::F64(&first.origin.to_array()),
+    )?;
+
+    let numbers: Vec<u32> = pings.iter().map(|ping| ping.number).collect();
+    file.add(["ping_number", "", "number of each ping"], &[pings.len()], Column::U32(&numbers))?;
+    let times: Vec<f64> = pings.iter().map(|ping| ping.time).collect();
+    file.add(["ping_time", "s", "when each ping was sent"], &[pings.len()], Column::F64(&times))?;
+    let positions: Vec<f64> = pings.iter().flat_map(|ping| ping.pose.position.to_array()).collect();
+    let about = ["sensor_position", "m", "where the sonar was at each ping, world"];
+    file.add(about, &[pings.len(), 3], Column::F64(&positions))?;
+    let turns: Vec<f64> = pings.iter().flat_map(|ping| ping.pose.orientation.to_array()).collect();
+    let about = ["sensor_orientation_xyzw", "1", "rotation from sensor to world at each ping, quaternion"];
+    file.add(about, &[pings.len(), 4], Column::F64(&turns))?;
+
+    let levels = joined(pings, |ping| ping.cells.intensity.iter().copied())?;
+    file.add(["level", "dB re 1 uPa", "echo level with noise"], &cells, Column::F32(&levels))?;
+    let mut amplitudes = levels;
+    amplitudes.iter_mut().for_each(|level| *level = Ping::amplitude(*level));
+    file.add(["amplitude", "uPa", "amplitude of the level"], &cells, Column::F32(&amplitudes))?;
+    drop(amplitudes);
+    for info in first.fields.iter().filter(|info| info.field != Field::Intensity) {
+        let about = [info.name, info.unit, info.meaning];
+        macro_rules! add {
+            ($kind:ident) => {{
+                let column = joined(pings, |ping| match ping.column(info.field) {
+                    Column::$kind(column) => column.iter().copied(),
+                    _ => [].iter().copied(),
+                })?;
+                file.add(about, &cells, Column::$kind(&column))?;
+            }};
+        }
+        match first.column(info.field) {
+            Column::F32(_) => add!(F32),
+            Column::F64(_) => add!(F64),
+            Column::U8(_) => add!(U8),
+            Column::U16(_) => add!(U16),
+            Column::U32(_) => add!(U32),
+        }
+    }
+    write_soundings(file, pings)?;
+    file.names(&first.labels, report)
+}
+
+fn write_soundings(file: &mut Arrays, pings: &[Ping]) -> io::Result<()> {
+    let indices: Vec<u32> = (0u32..).zip(pings).flat_map(|(i, ping)| ping.soundings.iter().map(move |_| i)).collect();
+    let count = [indices.len()];
+    let whole = |of: fn(&Sounding) -> u32| joined(pings, move |ping| ping.soundings.iter().map(of));
+    let real = |of: fn(&Sounding) -> f32| joined(pings, move |ping| ping.soundings.iter().map(of));
+    file.add(["sounding_ping", "", "index of the ping, from 0"], &count, Column::U32(&indices))?;
+    file.add(["sounding_beam", "", "beam that heard it"], &count, Column::U32(&whole(|s| s.beam)?))?;
+    file.add(["sounding_range", "m", "reported slant range"], &count, Column::F32(&real(|s| s.range)?))?;
+    let about = ["sounding_level_db", "dB re 1 uPa", "level of its strongest cell"];
+    file.add(about, &count, Column::F32(&real(|s| s.level_db)?))?;
+    file.add(["sounding_quality", "1", "how sure it is, 0 to 1"], &count, Column::F32(&real(|s| s.quality)?))?;
+    let about = ["sounding_cell", "", "strongest cell in its ping: beam * bins + bin"];
+    file.add(about, &count, Column::U32(&whole(|s| s.cell)?))
+}
+
+/// What `part` gives of each ping, one after the other.
+fn joined<'a, T, I: Iterator<Item = T>>(pings: &'a [Ping], part: impl Fn(&'a Ping) -> I) -> io::Result<Vec<T>> {
+    let mut all = Vec::new();
+    for ping in pings {
+        let part = part(ping);
+        all.try_reserve(part.size_hint().0).map_err(|_| io::Error::from(io::ErrorKind::OutOfMemory))?;
+        all.extend(part);
+    }
+    Ok(all)
+}
+
+/// Name and unit of the values of an image.
+fn quantity(kind: ImageKind) -> [&'static str; 2] {
+    match kind {
+        ImageKind::DepthMap => ["height, world z", "m"],
+        _ => ["echo level with the gain of pictures", "dB re 1 uPa"],
+    }
+}
+
+fn write_image(file: &mut Arrays, image: &Image, report: &mut Report) -> io::Result<()> {
+    let shape = [image.height, image.width];
+    file.text("kind", image.kind.name())?;
+    let [quantity, unit] = quantity(image.kind);
+    file.add(["values", unit, quantity], &shape, Column::F32(&image.values))?;
+    for layer in &image.layers {
+        let info = layer.field.info();
+        file.add([info.name, info.unit, info.meaning], &shape, Column::U32(&layer.ids))?;
+    }
+    let place = &image.place;
+    let about = ["first", "", "coordinates of the middle of the upper left pixel"];
+    file.add(about, &[2], Column::F64(&place.first))?;
+    file.add(["step", "", "from column to column and from row to row"], &[2], Column::F64(&place.step))?;
+    file.text("column_axis", place.axes[0])?;
+    file.text("row_axis", place.axes[1])?;
+    file.names(&image.labels, report)
+}
+
+/// Writes the picture and its labels.
+fn write_pngs(image: &Image, path: &Path) -> Result<Report> {
+    let mut report = Report::default();
+    if image.width == 0 || image.height == 0 || image.width.max(image.height) > i32::MAX as usize {
+        let found = format!("{} x {} pixels large", image.width, image.height);
+        return Err(Error::invalid("image", found, "at least one pixel, and 2147483647 along a side, for a PNG"));
+    }
+    let mut pending = vec![(Pending::create(path)?, path.to_owned())];
+    for layer in &image.layers {
+        let path = layer_path(path, layer.field);
+        pending.push((Pending::create(&path)?, path));
+    }
+    let mut texts = vec![("kind".to_owned(), image.kind.name().to_owned())];
+    for axis in 0..2 {
+        let side = ["column", "row"][axis];
+        let (first, step, name) = (image.place.first[axis], image.place.step[axis], image.place.axes[axis]);
+        texts.push((format!("{side}_axis"), format!("{first} + {step} * {side} ({name})")));
+    }
+    let pings = [quantity(image.kind)[0], ", ", quantity(image.kind)[1]].concat();
+    for (index, (file, named)) in pending.iter().enumerate() {
+        let mut texts = texts.clone();
+        let bytes: Vec<u8> = if index == 0 {
+            let [low, high] = window(&image.values);
+            texts.push(("quantity".to_owned(), pings.clone()));
+            texts.push(("window".to_owned(), format!("0 = nothing; 1 to 255 = {low} to {high}")));
+            image.values.iter().map(|&value| grey(value, [low, high])).collect()
+        } else {
+            let layer = &image.layers[index - 1];
+            if layer.ids.iter().any(|&id| id > u32::from(u16::MAX)) {
+                report.warn(format!("png: numbers of {} above 65535 clamped", layer.field.info().name));
+            }
+            texts.push(("quantity".to_owned(), layer.field.info().name.to_owned()));
+            texts.push(("names".to_owned(), names(&image.labels, layer.field)));
+            layer.ids.iter().flat_map(|&id| (id.min(u32::from(u16::MAX)) as u16).to_be_bytes()).collect()
+        };
+        let depth = if index == 0 { png::BitDepth::Eight } else { png::BitDepth::Sixteen };
+        write_png(file.path(), [image.width, image.height], depth, texts, &bytes)
+            .map_err(|source| Error::io(named, source))?;
+    }
+    for (file, _) in pending {
+        file.commit()?;
+    }
+    Ok(report)
+}
+
+fn write_png(
+    path: &Path,
+    size: [usize; 2],
+    depth: png::BitDepth,
+    texts: Vec<(String, String)>,
+    bytes: &[u8],
+) -> io::Result<()> {
+    let mut to = BufWriter::new(File::create(path)?);
+    let mut encoder = png::Encoder::new(&mut to, size[0] as u32, size[1] as u32);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.set_depth(depth);
+    for (keyword, text) in texts {
+        // Plain text chunks are Latin-1, names of labels may be anything.
+        if text.is_ascii() {
+            encoder.add_text_chunk(keyword, text)?;
+        } else {
+            encoder.add_itxt_chunk(keyword, text)?;
+        }
+    }
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(bytes)?;
+    writer.finish()?;
+    to.flush()
+}
+
+/// Where the label image of `field` stands beside the image at `path`: `fan.category_id.png` beside `fan.png`.
+fn layer_path(path: &Path, field: Field) -> PathBuf {
+    path.with_extension(format!("{}.png", field.info().name))
+}
+
+/// The values between which an image has its greys.
+fn window(values: &[f32]) -> [f32; 2] {
+    let mut known: Vec<f32> = values.iter().copied().filter(|value| value.is_finite()).collect();
+    let mut quantile = |q: f32| {
+        let rank = (q * known.len().saturating_sub(1) as f32).round() as usize;
+        if known.is_empty() { 0.0 } else { *known.select_nth_unstable_by(rank, f32::total_cmp).1 }
+    };
+    let [low, high] = [quantile(CLIPPED), quantile(1.0 - CLIPPED)];
+    if high > low { [low, high] } else { [low - 0.5, low + 0.5] }
+}
+
+/// Grey of `value`: 0 for NaN, 1 to 255 else.
+fn grey(value: f32, [low, high]: [f32; 2]) -> u8 {
+    if value.is_nan() { 0 } else { (1.0 + 254.0 * (value - low) / (high - low)).round().clamp(1.0, 255.0) as u8 }
+}
+
+/// Numbers and names of the labels of `field`, JSON.
+fn names(labels: &Labels, field: Field) -> String {
+    let stem = field.info().name.trim_end_matches("_id");
+    let table = labels.tables().into_iter().find(|(name, _)| *name == stem);
+    let rows = table.map(|(_, table)| NameTable::iter(table).map(|(id, name)| (id.to_string(), name.into())).collect());
+    serde_json::Value::Object(rows.unwrap_or_default()).to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::synthetic::{Sidescan, TARGET, imaging, pings, swath};
+    use crate::image::{ImageRange, Overlap, mosaic, waterfall};
+    use crate::ping::SonarView;
+
+    #[test]
+    fn endings_are_checked_before_the_work() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        check_pings(&at("a.npz")).unwrap();
+        check_image(&at("a.PNG")).unwrap();
+        let error = check_pings(&at("a.png")).unwrap_err().to_string();
+        assert!(error.ends_with("is not supported: pings are written as .npz, .h5, .hdf5"), "{error}");
+        assert!(check_image(&at("a.las")).is_err());
+        assert!(check_pings(&at("none/a.npz")).is_err() && check_image(&at("none/a.npz")).is_err());
+        assert_eq!(check_pings(&at("a.h5")).is_ok(), cfg!(feature = "hdf5"));
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn pings_that_do_not_fit_together_are_not_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.npz");
+        std::fs::write(&path, "old").unwrap();
+        let good = swath(3);
+        let spoil = |change: &dyn Fn(&mut Pings)| {
+            let mut bad = good.clone();
+            change(&mut bad);
+            bad.write(&path).unwrap_err().to_string()
+        };
+        assert!(spoil(&|bad| bad.pings.clear()).contains("at least one"));
+        let error = spoil(&|bad| bad.pings[1].cells.category_id.truncate(7));
+        assert_eq!(error, "ping 1 is with 7 rows of category_id; allowed: its 40500 cells");
+        assert!(spoil(&|bad| bad.pings[2].labels = Default::default()).starts_with("ping 2 is of another"));
+        assert!(spoil(&|bad| bad.pings[2].soundings[0].cell = 40500).contains("81 beams and 40500 cells"));
+        assert!(spoil(&|bad| bad.pings[0].pose.position.x = f64::NAN).contains("finite poses"));
+        assert_eq!(std::fs::read(&path).unwrap(), b"old");
+        good.write(&path).unwrap();
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    fn read(path: &Path) -> (png::OutputInfo, Vec<u8>, Vec<(String, String)>) {
+        let mut reader = png::Decoder::new(io::BufReader::new(File::open(path).unwrap())).read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        let info = reader.next_frame(&mut pixels).unwrap();
+        let texts = &reader.info().uncompressed_latin1_text;
+        (info, pixels, texts.iter().map(|text| (text.keyword.clone(), text.text.clone())).collect())
+    }
+
+    #[test]
+    fn a_png_says_what_its_greys_are_and_labels_stand_beside_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("track.png");
+        let track = Sidescan::default();
+        let image = mosaic(&pings(&track), ImageRange::Ground, 0.1, Overlap::Mean).unwrap();
+        image.write(&path).unwrap();
+        let (info, pixels, texts) = read(&path);
+        assert_eq!((info.width as usize, info.height as usize), (image.width, image.height));
+        let text = |name: &str| &texts.iter().find(|(keyword, _)| keyword == name).unwrap().1;
+        assert_eq!(text("quantity"), "echo level with the gain of pictures, dB re 1 uPa");
+        assert!(text("column_axis").ends_with("+ 0.1 * column (x, m)"), "{}", text("column_axis"));
+        let window: Vec<f32> =
+            text("window").split("= ").nth(2).unwrap().split(" to ").map(|number| number.parse().unwrap()).collect();
+        for (&grey, &value) in pixels.iter().zip(&image.values) {
+            assert_eq!(grey == 0, value.is_nan());
+            let read = window[0] + f32::from(grey.max(1) - 1) / 254.0 * (window[1] - window[0]);
+            let half = 0.5001 * (window[1] - window[0]) / 254.0;
+            assert!(value.is_nan() || (read - value.clamp(window[0], window[1])).abs() <= half, "{read} {value}");
+        }
+        let (info, pixels, texts) = read(&layer_path(&path, Field::CategoryId));
+        assert_eq!(info.bit_depth, png::BitDepth::Sixteen);
+        let ids: Vec<u32> = pixels.chunks(2).map(|pair| u32::from(u16::from_be_bytes([pair[0], pair[1]]))).collect();
+        assert_eq!(ids, image.layer(Field::CategoryId).unwrap());
+        let place = image.index(track.target_in_world().into()).unwrap();
+        assert_eq!(ids[place], TARGET);
+        assert!(texts.contains(&("names".to_owned(), r#"{"1":"seabed","2":"boulder"}"#.to_owned())), "{texts:?}");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 3);
+    }
+
+    #[test]
+    fn images_of_the_wrong_size_are_not_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut image = waterfall(&pings(&Sidescan::default()), ImageRange::Slant, None).unwrap();
+        image.layers[0].ids.pop();
+        for name in ["a.png", "a.npz"] {
+            let error = image.write(folder.path().join(name)).unwrap_err().to_string();
+            assert!(error.starts_with("image is made of 121199 values; allowed: a value for each of its"), "{error}");
+        }
+        let empty = Image { width: 0, height: 0, values: Vec::new(), layers: Vec::new(), ..image };
+        assert!(empty.write(folder.path().join("a.png")).is_err());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+        let fan = crate::image::fan(&imaging(SonarView::Fan, 0.0, 5.0), 100).unwrap();
+        fan.write(folder.path().join("a.npz")).unwrap();
+    }
+}

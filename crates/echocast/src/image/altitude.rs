@@ -1,0 +1,128 @@
+//! The height of the sonar over the bed, from the first return.
+
+use crate::error::{Error, Result};
+use crate::ping::{Ping, Pings, SonarView};
+
+/// Pings before and after one whose first returns count for it.
+const NEIGHBOURS: usize = 3;
+/// Part of the cells after the first return that are above the threshold. Fish and noise are shorter than that.
+const FILLED: f64 = 0.6;
+/// Cells in which that is looked for, as part of all of a beam, and at least.
+const WINDOW: (usize, usize) = (16, 8);
+
+/// Height of the sonar over the bed at each ping, m, as side-scan software tracks it: the range at which the returns of
+/// the bed begin, which stay above the threshold, the median over both sides and seven pings. Pings without a first
+/// return near them have the height of the nearest that has one.
+///
+/// Where the sonar is nearer to the surface of the water than to the bed, and hears it, this is the distance from the
+/// surface.
+///
+/// # Errors
+/// Pings that do not fit together; none that has a first return.
+pub fn altitudes(pings: &Pings) -> Result<Vec<f64>> {
+    let layout = pings.check()?;
+    let candidates: Vec<Vec<f64>> = pings
+        .pings
+        .iter()
+        .map(|ping| {
+            let mut found: Vec<f64> = (0..layout.beams()).filter_map(|beam| first_return(ping, beam)).collect();
+            // The sides see the same bed; of beams side by side only the one that looks down sees it that near.
+            if layout.view != SonarView::Sidescan {
+                found = found.into_iter().reduce(f64::min).into_iter().collect();
+            }
+            found
+        })
+        .collect();
+    let tracked: Vec<Option<f64>> = (0..candidates.len())
+        .map(|ping| {
+            let near = ping.saturating_sub(NEIGHBOURS)..(ping + NEIGHBOURS + 1).min(candidates.len());
+            median(candidates[near].iter().flatten().copied().collect())
+        })
+        .collect();
+    let known: Vec<usize> = (0..tracked.len()).filter(|&ping| tracked[ping].is_some()).collect();
+    if known.is_empty() {
+        return Err(Error::invalid(
+            "ground range",
+            "asked of pings without a first return of the bed above the threshold",
+            "slant range for such pings",
+        ));
+    }
+    Ok((0..tracked.len())
+        .map(|ping| {
+            let after = known.partition_point(|&other| other < ping);
+            let nearest = known[after.saturating_sub(1)..(after + 1).min(known.len())]
+                .iter()
+                .min_by_key(|other| other.abs_diff(ping))
+                .and_then(|&other| tracked[other]);
+            nearest.unwrap_or(f64::NAN)
+        })
+        .collect())
+}
+
+/// Slant range at which the returns of the bed begin in a beam, m.
+fn first_return(ping: &Ping, beam: usize) -> Option<f64> {
+    let layout = &ping.layout;
+    let above: Vec<bool> =
+        ping.levels(beam).iter().zip(&layout.threshold_db).map(|(level, least)| level >= least).collect();
+    let window = (above.len() / WINDOW.0).max(WINDOW.1);
+    let dense = |from: usize, length: usize, part: f64| {
+        let cells = &above[from..(from + length).min(above.len())];
+        let heard = cells.iter().filter(|&&is| is).count();
+        // The end of the record may cut the window short, but not to nothing.
+        2 * cells.len() >= length && heard as f64 >= part * cells.len() as f64
+    };
+    let start = (0..above.len()).find(|&bin| above[bin] && dense(bin, window, FILLED))?;
+    // A lone cell of noise just before the bed is not its beginning.
+    let bin =
+        (start..(start + window).min(above.len())).find(|&bin| above[bin] && dense(bin, 4, 0.75)).unwrap_or(start);
+    Some(layout.range(bin))
+}
+
+/// The middle of `values`, of an even number the mean of both.
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_unstable_by(f64::total_cmp);
+    let count = values.len();
+    (count > 0).then(|| values[(count - 1) / 2].midpoint(values[count / 2]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::synthetic::{Sidescan, pings};
+    use super::*;
+
+    #[test]
+    fn the_bed_is_found_under_fish_and_noise() {
+        let track = Sidescan { pings: 30, altitude: 8.0, ..Sidescan::default() };
+        let mut pings = pings(&track);
+        for ping in &mut pings.pings {
+            // A fish of 0.4 m at 4 m to port, and a spike just before the bed on both sides.
+            let bins = track.bins;
+            ping.cells.intensity[80..88].fill(150.0);
+            for beam in 0..2 {
+                ping.cells.intensity[beam * bins + 155] = 150.0;
+            }
+        }
+        // One side of a ping hears nothing, another ping hears a school of fish.
+        pings.pings[10].cells.intensity[..track.bins].fill(0.0);
+        pings.pings[20].cells.intensity[50..track.bins].fill(150.0);
+        for (ping, altitude) in altitudes(&pings).unwrap().into_iter().enumerate() {
+            assert!((altitude - 8.0).abs() <= track.bin_m, "{ping}: {altitude}");
+        }
+    }
+
+    #[test]
+    fn pings_without_a_return_take_the_height_of_the_nearest() {
+        let track = Sidescan { pings: 20, altitude: 8.0, ..Sidescan::default() };
+        let mut silent = pings(&track);
+        for ping in &mut silent.pings[5..] {
+            ping.cells.intensity.fill(0.0);
+        }
+        let found = altitudes(&silent).unwrap();
+        assert!(found.iter().all(|altitude| (altitude - 8.0).abs() <= track.bin_m), "{found:?}");
+        for ping in &mut silent.pings {
+            ping.cells.intensity.fill(0.0);
+        }
+        let error = altitudes(&silent).unwrap_err().to_string();
+        assert!(error.contains("slant range"), "{error}");
+    }
+}

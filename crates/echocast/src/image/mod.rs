@@ -1,0 +1,234 @@
+//! Images of sonar pings: waterfall, mosaic, fan and depth map, each with its labels.
+//!
+//! An image is made from what a sonar reports, as its own software would make it: nothing here asks the scene. Levels
+//! are drawn with the time-varied gain of the sonar. The pings stay as they are.
+
+mod altitude;
+mod fan;
+mod grid;
+mod mosaic;
+mod soundings;
+#[cfg(test)]
+pub(crate) mod synthetic;
+mod waterfall;
+
+pub use altitude::altitudes;
+pub use fan::{fan, turning_fan};
+pub use mosaic::{Overlap, mosaic};
+pub(crate) use mosaic::{fitting_cell, heading};
+pub use soundings::depth_map;
+pub(crate) use soundings::fitting_cell as fitting_depth_cell;
+pub use waterfall::waterfall;
+
+use crate::cloud::{Column, Field};
+use crate::error::{Error, Result};
+use crate::ping::{Ping, Pings, SonarView};
+use crate::scene::Labels;
+use glam::DVec3;
+use std::sync::Arc;
+
+/// What an image is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ImageKind {
+    /// A row for each ping, the first on top.
+    Waterfall,
+    /// What the sonar saw, from above: x to the right, y up.
+    Mosaic,
+    /// What one ping, or one turn of a beam, saw, as beams and ranges lie.
+    Fan,
+    /// Height of the bed by soundings, from above: x to the right, y up.
+    DepthMap,
+}
+
+impl ImageKind {
+    /// Its name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            ImageKind::Waterfall => "waterfall",
+            ImageKind::Mosaic => "mosaic",
+            ImageKind::Fan => "fan",
+            ImageKind::DepthMap => "depth_map",
+        }
+    }
+}
+
+/// Which range side-scan images are drawn over.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ImageRange {
+    /// Slant range as it is reported, with the water below the sonar.
+    #[default]
+    Slant,
+    /// Distance over a flat bed, `sqrt(slant^2 - altitude^2)`, with the altitude by [`altitudes`]; the water goes.
+    Ground,
+}
+
+/// Pixels, their labels, and where they are.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Image {
+    /// What it is.
+    pub kind: ImageKind,
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Row by row from the top: echo level with the gain of pictures, dB re 1 uPa; of a depth map height, world z, m.
+    /// NaN where there is nothing.
+    pub values: Vec<f32>,
+    /// The label columns that the pings have, pixel by pixel as `values`.
+    pub layers: Vec<LabelLayer>,
+    /// Coordinates of the pixels.
+    pub place: Place,
+    /// Names of the numbers in `layers`.
+    pub labels: Arc<Labels>,
+}
+
+/// Label numbers of an image.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LabelLayer {
+    /// Which label.
+    pub field: Field,
+    /// A number for each pixel; 0 where there is nothing or no label.
+    pub ids: Vec<u32>,
+}
+
+/// Coordinates of an image's pixels: the middle of column `c`, row `r` is `first + [c, r] * step`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// Of the middle of the upper left pixel.
+    pub first: [f64; 2],
+    /// From column to column, and from row to row.
+    pub step: [f64; 2],
+    /// What the coordinates are, with their unit: `across, m` (starboard is positive) and `ping` (index) of a waterfall;
+    /// `x, m` and `y, m` of maps, in the world; `right, m` and `ahead, m` or `up, m` of a fan, from the sonar.
+    pub axes: [&'static str; 2],
+}
+
+impl Image {
+    /// Coordinates of the middle of a pixel.
+    pub fn coordinates(&self, column: usize, row: usize) -> [f64; 2] {
+        let Place { first, step, .. } = self.place;
+        [first[0] + column as f64 * step[0], first[1] + row as f64 * step[1]]
+    }
+
+    /// Index in `values` of the pixel at the coordinates `at`; `None` outside.
+    pub fn index(&self, at: [f64; 2]) -> Option<usize> {
+        let Place { first, step, .. } = self.place;
+        let [column, row] = [0, 1].map(|axis| ((at[axis] - first[axis]) / step[axis] + 0.5).floor());
+        let inside = (0.0..self.width as f64).contains(&column) && (0.0..self.height as f64).contains(&row);
+        inside.then(|| row as usize * self.width + column as usize)
+    }
+
+    /// Label numbers of the column `field`; `None` when the pings have none.
+    pub fn layer(&self, field: Field) -> Option<&[u32]> {
+        self.layers.iter().find(|layer| layer.field == field).map(|layer| layer.ids.as_slice())
+    }
+
+    /// The lengths of `values` and `layers`: they are public, so they may disagree.
+    pub(crate) fn check(&self) -> Result<()> {
+        let pixels = self.width.checked_mul(self.height);
+        let lengths = std::iter::once(self.values.len()).chain(self.layers.iter().map(|layer| layer.ids.len()));
+        match { lengths }.find(|&length| Some(length) != pixels) {
+            None => Ok(()),
+            Some(length) => Err(Error::invalid(
+                "image",
+                format!("made of {length} values"),
+                format!("a value for each of its {} x {} pixels", self.width, self.height),
+            )),
+        }
+    }
+}
+
+/// The cell that a pixel shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Source {
+    /// Index of its ping.
+    ping: u32,
+    /// Cell in it.
+    cell: u32,
+}
+
+impl Source {
+    /// A pixel without a cell.
+    const NONE: Source = Source { ping: u32::MAX, cell: u32::MAX };
+}
+
+/// `count` times `value`.
+///
+/// # Errors
+/// No memory.
+fn filled<T: Clone>(count: usize, value: T) -> Result<Vec<T>> {
+    let mut values = Vec::new();
+    values.try_reserve_exact(count).map_err(|_| Error::Memory(format!("an image of {count} pixels")))?;
+    values.resize(count, value);
+    Ok(values)
+}
+
+/// The label columns of `pings` at the cells `sources`.
+fn layers(pings: &[Ping], sources: &[Source]) -> Result<Vec<LabelLayer>> {
+    let mut layers = Vec::new();
+    for field in [Field::CategoryId, Field::PartId, Field::InstanceId, Field::MaterialId] {
+        if !pings.iter().all(|ping| ping.fields.contains(field)) {
+            continue;
+        }
+        let mut ids = filled(sources.len(), 0)?;
+        for (id, source) in ids.iter_mut().zip(sources) {
+            if *source != Source::NONE
+                && let Column::U32(column) = pings[source.ping as usize].column(field)
+            {
+                *id = column[source.cell as usize];
+            }
+        }
+        layers.push(LabelLayer { field, ids });
+    }
+    Ok(layers)
+}
+
+/// Levels of `pings` at the cells `sources`, with the gain of pictures.
+fn levels(pings: &[Ping], sources: &[Source]) -> Result<Vec<f32>> {
+    let mut values = filled(sources.len(), f32::NAN)?;
+    for (value, source) in values.iter_mut().zip(sources) {
+        if *source != Source::NONE {
+            *value = level(&pings[source.ping as usize], source.cell as usize);
+        }
+    }
+    Ok(values)
+}
+
+/// Level of a cell with the gain of pictures, dB re 1 uPa.
+fn level(ping: &Ping, cell: usize) -> f32 {
+    ping.cells.intensity[cell] + ping.layout.tvg_db[cell % ping.layout.bins]
+}
+
+/// An image of the cells `sources`.
+fn of_sources(
+    kind: ImageKind,
+    pings: &[Ping],
+    [width, height]: [usize; 2],
+    sources: &[Source],
+    place: Place,
+) -> Result<Image> {
+    let labels = pings.first().map(|ping| Arc::clone(&ping.labels)).unwrap_or_default();
+    let (values, layers) = (levels(pings, sources)?, layers(pings, sources)?);
+    Ok(Image { kind, width, height, values, layers, place, labels })
+}
+
+/// That `pings` are of one of the kinds that `what` can be made of.
+fn check_view(pings: &Pings, what: &str, allowed: &[SonarView], words: &str) -> Result<()> {
+    let layout = pings.check()?;
+    if !allowed.contains(&layout.view) {
+        return Err(Error::invalid(what, format!("asked of a {} sonar", layout.view.name()), words));
+    }
+    Ok(())
+}
+
+/// Unit vector at azimuth and elevation, rad: x forward, y left, z up.
+fn direction(axis: [f32; 2]) -> DVec3 {
+    let [azimuth, elevation] = axis.map(f64::from);
+    DVec3::new(elevation.cos() * azimuth.cos(), elevation.cos() * azimuth.sin(), elevation.sin())
+}
+
+/// The middle one of `values`; 0 of none.
+fn middle(mut values: Vec<f64>) -> f64 {
+    values.sort_unstable_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
