@@ -20,6 +20,7 @@ fn pings() -> Pings {
         axes: [90f32, -90.0].map(|degrees| [degrees.to_radians(), -0.5]).to_vec(),
         bins: BINS,
         bin_m: 0.5,
+        first_bin: 0,
         believed_speed: 1480.0,
         noise_db: 31.5,
         threshold_db: vec![40.0; BINS],
@@ -34,24 +35,24 @@ fn pings() -> Pings {
     let cells = |number: usize, of: &dyn Fn(usize) -> f64| (0..2 * BINS).map(|cell| of(cell) + number as f64).collect();
     let ping = |number: usize| {
         let column: Vec<f64> = cells(number, &|cell| 60.0 + cell as f64 / 3.0);
-        Ping {
-            number: 10 + number as u32,
-            time: 0.25 * number as f64,
-            pose: Pose::at(0.5 * number as f64, 2.0, -1.0).with_rpy_deg(1.0, 2.0, 0.0),
-            layout: Arc::clone(&layout),
-            origin: DVec3::new(500_000.0, 0.0, -7.0),
-            cells: Columns {
-                intensity: column.iter().map(|&value| value as f32).collect(),
-                category_id: (0..2 * BINS).map(|cell| [0, 1, 70_000][cell % 3]).collect(),
-                red: (0..2 * BINS).map(|cell| (cell + number) as u8).collect(),
-                time: column.clone(),
-                true_x: column.iter().map(|&value| if value > 80.0 { value as f32 } else { f32::NAN }).collect(),
-                ..Columns::default()
-            },
-            fields: fields.into_iter().collect::<FieldSet>(),
-            soundings: vec![Sounding { beam: 1, range: 7.25, cell: 54, level_db: 78.5, quality: 0.75 }; number],
-            labels: Arc::clone(&labels),
-        }
+        let mut ping = Ping::default();
+        ping.number = 10 + number as u32;
+        ping.time = 0.25 * number as f64;
+        ping.pose = Pose::at(0.5 * number as f64, 2.0, -1.0).with_rpy_deg(1.0, 2.0, 0.0);
+        ping.layout = Arc::clone(&layout);
+        ping.origin = DVec3::new(500_000.0, 0.0, -7.0);
+        ping.cells = Columns {
+            intensity: column.iter().map(|&value| value as f32).collect(),
+            category_id: (0..2 * BINS).map(|cell| [0, 1, 70_000][cell % 3]).collect(),
+            red: (0..2 * BINS).map(|cell| (cell + number) as u8).collect(),
+            time: column.clone(),
+            true_x: column.iter().map(|&value| if value > 80.0 { value as f32 } else { f32::NAN }).collect(),
+            ..Columns::default()
+        };
+        ping.fields = fields.into_iter().collect::<FieldSet>();
+        ping.soundings = vec![Sounding { beam: 1, range: 7.25, cell: 54, level_db: 78.5, quality: 0.75 }; number];
+        ping.labels = Arc::clone(&labels);
+        ping
     };
     let mut pings = Pings::default();
     for number in 0..3 {

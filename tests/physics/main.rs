@@ -9,6 +9,7 @@ mod moving;
 mod noise;
 mod paths;
 mod patterns;
+mod printed;
 mod rays;
 mod returns;
 mod sonar;

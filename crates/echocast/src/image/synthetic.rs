@@ -94,6 +94,7 @@ fn ping(number: usize, layout: &Arc<Layout>, pose: Pose, mut cell: impl FnMut(us
         fields: fields(),
         soundings: Vec::new(),
         labels: Arc::new(labels),
+        ..Ping::default()
     }
 }
 

@@ -7,6 +7,7 @@ mod explain;
 mod halo;
 mod ping;
 mod ping_cloud;
+mod printed;
 mod returns;
 mod run;
 
@@ -187,6 +188,9 @@ impl BuiltScene {
         cloud: &mut PointCloud,
         progress: Option<Progress>,
     ) -> Result<()> {
+        if sensor.kind() == SensorKind::Sonar && options.profile != Profile::Physical {
+            return self.scan_printed(sensor, trajectory, options, cloud);
+        }
         if sensor.kind() == SensorKind::Sonar {
             let fields = Ping::cloud_fields(options.fields);
             let ping = self.ping(sensor, trajectory, &ScanOptions { fields, ..options.clone() })?;

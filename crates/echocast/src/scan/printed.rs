@@ -1,0 +1,588 @@
+//! Sonars as the paper prints them and as its program computes them: a ray for each angle, a point for each ray.
+//!
+//! The paper: Reitmann, Neumann, Jung, Sensors 2021, 21, 2144, eqs. 6 to 13 and sections 2.3.3 and 3.3. The program: its
+//! `sonar.py`, whose rules the functions of [`Way`] name one by one.
+
+use super::{Profile, ScanOptions};
+use crate::cause::Cause;
+use crate::cloud::{Columns, Frame, PointCloud};
+use crate::emitter::pattern::{Pattern, Sidescan};
+use crate::emitter::{BeamTable, FiringOrder, Pose, Trajectory};
+use crate::error::{Error, Result};
+use crate::material::{Mirrors, ReflectanceSource, Reflectances};
+use crate::medium::{Absorption, Column, Fluid, Profile as WaterProfile, Slab, SoundSpeed, Water};
+use crate::parallel;
+use crate::scene::srgb_byte;
+use crate::sensor::Sensor;
+use crate::sonar::AcousticsSpec;
+use crate::trace::{
+    Arrival, BuiltScene, CHUNK, HitBatch, LANES, Launch, MISS, RayBatch, SEA, SoundLimits, SoundTracer, Tables,
+    TracerMemory,
+};
+use glam::{DVec3, Mat3, Vec3};
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Angle from straight down at which the program's fans begin, degrees.
+const PROGRAM_NADIR_DEG: f64 = 1e-3;
+
+/// What is the same for all rays of a scan.
+struct Printed<'a> {
+    scene: &'a Tables,
+    acoustics: &'a AcousticsSpec,
+    options: &'a ScanOptions,
+    fan: Arc<BeamTable>,
+    column: Column,
+    reflectances: Arc<Reflectances>,
+    pose: Pose,
+    /// Nearest and farthest path that is reported, m.
+    limits: [f64; 2],
+}
+
+/// The point of a ray.
+#[derive(Clone, Copy, Debug)]
+struct Point {
+    ray: u32,
+    /// Way along the ray, m.
+    range: f32,
+    intensity: f32,
+    /// Where the surface is met, relative to the scene's origin, m, and the unit vector along the ray there.
+    place: Vec3,
+    direction: Vec3,
+    /// Of any length and sign.
+    normal: Vec3,
+    surface: u32,
+    triangle: u32,
+    corner: [f32; 2],
+}
+
+/// Rays of one task and the memory to follow them in.
+#[derive(Default)]
+struct Chunk {
+    points: Vec<Point>,
+    ways: Vec<Way>,
+    tracer: TracerMemory,
+    arrivals: Vec<Arrival>,
+}
+
+impl BuiltScene {
+    /// [`BuiltScene::scan_into`] of a sonar in the profiles of the paper and of its program.
+    ///
+    /// # Errors
+    /// A sensor that is no sonar; a sonar above the water or outside its profile; for the program water that does not lie in
+    /// layers, and a source level of 0; no memory.
+    pub(super) fn scan_printed(
+        &self,
+        sensor: &Sensor,
+        trajectory: &Trajectory,
+        options: &ScanOptions,
+        cloud: &mut PointCloud,
+    ) -> Result<()> {
+        options.check(trajectory)?;
+        let printed = Printed::new(&self.0, sensor, trajectory, options)?;
+        let points = self.0.engine.install(|| printed.points());
+        printed.collect(points, cloud)
+    }
+}
+
+impl<'a> Printed<'a> {
+    fn new(
+        scene: &'a Tables,
+        sensor: &'a Sensor,
+        trajectory: &Trajectory,
+        options: &'a ScanOptions,
+    ) -> Result<Printed<'a>> {
+        let acoustics = sensor.acoustics()?;
+        let program = options.profile == Profile::Blainder;
+        if program {
+            check_for_program(acoustics, options.environment.water.as_ref())?;
+        }
+        let pose = sensor.turned(trajectory.at(options.trajectory_time()), options.frame);
+        // Eq. 8 makes speeds of temperatures; neither paper nor program know absorption.
+        let water = options.environment.water.clone().unwrap_or_default();
+        let water = Water { sound_speed: SoundSpeed::Medwin, absorption: Absorption::None, ..water };
+        let depth = water.surface_z_m - pose.position.z;
+        let (column, _) = Column::new(&water, acoustics.frequency(), depth)?;
+        let wavelength = column.speed_at(depth) / acoustics.frequency();
+        let source = if program { ReflectanceSource::Alpha } else { ReflectanceSource::Luminance };
+        let source = options.reflectance_source.unwrap_or(source);
+        Ok(Printed {
+            scene,
+            acoustics,
+            options,
+            fan: fan(sensor, program, wavelength)?,
+            column,
+            reflectances: scene.surfaces.reflectances(sensor.wavelength_nm, source, Mirrors::Real),
+            pose,
+            limits: [sensor.range_min_m, sensor.range_max_m],
+        })
+    }
+
+    /// Points of all rays, in the order of the rays.
+    fn points(&self) -> Vec<Point> {
+        let mut chunks = Vec::new();
+        chunks.resize_with(self.fan.len().div_ceil(CHUNK), Chunk::default);
+        let no_loss = |_: u32, _: f64| 0.0;
+        // Time is what ends a ray of the tracer; where sound is slowest it takes longest over the farthest range.
+        let ends = self.column.slabs.iter().flat_map(|slab| {
+            let bottom = if slab.bottom.is_finite() { slab.bottom } else { slab.top };
+            [slab.speed, slab.speed_at(bottom)]
+        });
+        let tracer = SoundTracer::new(
+            self.scene,
+            &self.column,
+            SoundLimits {
+                mask: self.options.mask,
+                believed: ends.fold(f64::INFINITY, f64::min),
+                reach: self.limits[1],
+                bounces: 0,
+                reflection_loss: &no_loss,
+            },
+        );
+        parallel::for_each(&mut chunks, |number, chunk| {
+            let rays = number * CHUNK..((number + 1) * CHUNK).min(self.fan.len());
+            if self.options.profile == Profile::Blainder {
+                self.follow_as_program(rays, chunk);
+            } else {
+                self.follow_as_paper(&tracer, rays, chunk);
+            }
+            // Rays end at different steps.
+            chunk.points.sort_unstable_by_key(|point| point.ray);
+        });
+        chunks.into_iter().flat_map(|chunk| chunk.points).collect()
+    }
+
+    fn rotation(&self) -> Mat3 {
+        self.pose.rotation().as_mat3()
+    }
+
+    /// Place of the sonar, relative to the scene's origin, m.
+    fn place(&self) -> DVec3 {
+        self.pose.position - self.scene.origin
+    }
+
+    /// What of the sonar equation (6) is the same for all rays, dB: `- NL + DI + PG`.
+    fn gains(&self) -> f64 {
+        let AcousticsSpec { noise_level_db, directivity_index_db, processing_gain_db, .. } = self.acoustics;
+        directivity_index_db.unwrap_or(0.0) + processing_gain_db.unwrap_or(0.0) - noise_level_db.unwrap_or(0.0)
+    }
+
+    /// Reflectance of a `surface`, 0 to 1, at a place of a `triangle`.
+    fn reflectance(&self, surface: u32, triangle: u32, corner: [f32; 2]) -> f64 {
+        let surfaces = &self.scene.surfaces;
+        let surface = &surfaces.rows[surface as usize];
+        let known = self.reflectances.by_material[surface.material as usize];
+        if known.is_nan() {
+            let source = surfaces.materials[surface.material as usize].reflectance_source(self.reflectances.source);
+            return source.of(surfaces.base_color(surface, triangle, corner)).into();
+        }
+        known.into()
+    }
+
+    /// Echoes as the paper has them: eq. 6 with spherical spreading over the whole path, `TS = 10 log(reflectance)`, and
+    /// `-10 log` of eq. 13 at each interface on the way there; rays by Snell's law (11), mirrored where nothing goes over.
+    fn follow_as_paper(&self, tracer: &SoundTracer, rays: Range<usize>, chunk: &mut Chunk) {
+        let launch = Launch {
+            directions: self.fan.directions(0, self.fan.len()),
+            rotation: self.rotation(),
+            place: self.place(),
+        };
+        let arrivals = &mut chunk.arrivals;
+        tracer.trace(&launch, rays, &mut chunk.tracer, arrivals);
+        for arrival in &*arrivals {
+            let (path, surface) = (f64::from(arrival.path), arrival.surface);
+            // The paper knows nothing of the sea surface.
+            if surface == SEA || !(path >= self.limits[0] && path <= self.limits[1]) {
+                continue;
+            }
+            let (triangle, corner) = (arrival.triangle, arrival.corner);
+            let strength = 10.0 * self.reflectance(surface, triangle, corner).log10();
+            // The source level is that at 1 m.
+            let spreading = 20.0 * path.max(1.0).log10();
+            let level = self.acoustics.source_level_db - 2.0 * spreading - f64::from(arrival.loss)
+                + strength
+                + self.gains();
+            if level > self.acoustics.detection_threshold_db {
+                chunk.points.push(Point {
+                    ray: arrival.ray,
+                    range: path as f32,
+                    intensity: level as f32,
+                    place: arrival.place,
+                    direction: arrival.direction,
+                    normal: arrival.normal,
+                    surface,
+                    triangle,
+                    corner,
+                });
+            }
+        }
+    }
+
+    /// Echoes as the program has them, block by block, all rays of a block through one layer after the other.
+    fn follow_as_program(&self, rays: Range<usize>, chunk: &mut Chunk) {
+        let (mut batch, mut hits) = (RayBatch::new(), HitBatch::new());
+        let depth = self.column.surface_z - self.pose.position.z;
+        let slabs = &self.column.slabs[self.column.slab_at(depth)..];
+        let rotation = self.rotation();
+        let ways = &mut chunk.ways;
+        for first in rays.clone().step_by(LANES) {
+            ways.clear();
+            ways.extend((first..rays.end.min(first + LANES)).map(|ray| {
+                let direction = (rotation * self.fan.direction(ray)).as_dvec3().normalize();
+                Way::new(ray as u32, self.place(), direction, self.limits[1], self.acoustics.source_level_db)
+            }));
+            if slabs.len() > 1 {
+                // Of rays that do not go down it makes such that start behind themselves; here they meet nothing.
+                ways.retain(|way| way.fall > 0.0);
+            }
+            let mut top = depth;
+            for (index, slab) in slabs.iter().enumerate() {
+                let next = slabs.get(index + 1);
+                for (lane, way) in ways.iter_mut().enumerate() {
+                    way.length = next.map_or(way.left, |_| (slab.bottom - top) / way.fall);
+                    (batch.org_x[lane], batch.org_y[lane], batch.org_z[lane]) = way.place.as_vec3().into();
+                    (batch.dir_x[lane], batch.dir_y[lane], batch.dir_z[lane]) = way.direction.as_vec3().into();
+                    batch.range_max[lane] = way.left.min(way.length) as f32;
+                }
+                hits.trace(self.scene, &batch, ways.len(), true, self.options.mask);
+                hits.orient_normals(self.scene, ways.len());
+                let mut lane = 0;
+                ways.retain_mut(|way| {
+                    let point = self.echo_as_program(way, &hits, lane);
+                    lane += 1;
+                    match point {
+                        Some(point) => {
+                            if f64::from(point.range) >= self.limits[0] {
+                                chunk.points.push(point);
+                            }
+                            false
+                        }
+                        None => next.is_some_and(|next| way.enter(slab, next)),
+                    }
+                });
+                top = slab.bottom;
+            }
+        }
+    }
+
+    /// The echo of what `lane` of `hits` meets, if it is loud enough: `(SL - 2 TL - NL + DI + PG) R` by the program, the
+    /// reflectance `R` a factor of the level, `TL = 10 log` of the way in the last layer alone; its intensity is the ratio
+    /// of the level to that of the source.
+    fn echo_as_program(&self, way: &Way, hits: &HitBatch, lane: usize) -> Option<Point> {
+        let surface = hits.surface[lane];
+        if surface == MISS {
+            return None;
+        }
+        let (triangle, corner) = (hits.triangle[lane], [hits.u[lane], hits.v[lane]]);
+        let length = f64::from(hits.range[lane]);
+        let level = way.source_level - 20.0 * length.log10() + self.gains();
+        let level = level * self.reflectance(surface, triangle, corner);
+        let intensity = (level / way.source_level) as f32;
+        // On an interface the way in the last layer is 0, and the level no number.
+        (level > self.acoustics.detection_threshold_db && intensity.is_finite()).then(|| Point {
+            ray: way.ray,
+            range: (way.path + length) as f32,
+            intensity,
+            place: (way.place + way.direction * length).as_vec3(),
+            direction: way.direction.as_vec3(),
+            normal: hits.normal(lane),
+            surface,
+            triangle,
+            corner,
+        })
+    }
+
+    /// Makes a cloud of the points.
+    fn collect(&self, points: Vec<Point>, cloud: &mut PointCloud) -> Result<()> {
+        let options = self.options;
+        let rows = if options.organised { self.fan.len() } else { points.len() };
+        cloud.columns.resize(options.fields, rows)?;
+        let mut points = points.into_iter().peekable();
+        for row in 0..rows {
+            let ray = if options.organised { row } else { points.peek().map_or(row, |point| point.ray as usize) };
+            let point = points.next_if(|point| point.ray as usize == ray);
+            self.fill(&mut cloud.columns, row, ray, point.as_ref());
+        }
+        cloud.len = rows;
+        cloud.fields = options.fields;
+        cloud.frame = options.coordinates;
+        cloud.origin = if options.coordinates == Frame::World { self.scene.origin } else { DVec3::ZERO };
+        cloud.organised = options.organised.then_some([self.fan.rows, self.fan.columns]);
+        cloud.sensor_pose = self.pose;
+        // A level has no greatest value; the program's ratio has 1.
+        cloud.intensity_full_scale = (options.profile == Profile::Blainder).then_some(1.0);
+        cloud.labels = self.scene.surfaces.labels.clone();
+        Ok(())
+    }
+
+    /// Writes the row of a `ray`.
+    fn fill(&self, columns: &mut Columns, row: usize, ray: usize, point: Option<&Point>) {
+        macro_rules! put {
+            ($($column:ident: $value:expr),* $(,)?) => {$(
+                if let Some(place) = columns.$column.get_mut(row) {
+                    *place = $value;
+                }
+            )*};
+        }
+        let launch = self.fan.direction(ray);
+        put!(
+            azimuth: launch.y.atan2(launch.x),
+            elevation: launch.z.atan2(launch.x.hypot(launch.y)),
+            channel: self.fan.channel[ray],
+            time: self.options.start_time,
+            frame: self.options.frame,
+            beam: ray as u32,
+            firing: self.options.frame,
+            return_number: u8::from(point.is_some()),
+            return_count: u8::from(point.is_some()),
+            cause: Cause::Surface as u8,
+            bounces: 0,
+        );
+        let Some(point) = point else {
+            let none = f32::NAN;
+            put!(
+                x: none, y: none, z: none, range: none, depth: none, intensity: none, cos_incidence: none,
+                true_x: none, true_y: none, true_z: none, true_range: none,
+                normal_x: none, normal_y: none, normal_z: none,
+                category_id: 0, part_id: 0, instance_id: 0, material_id: 0, red: 0, green: 0, blue: 0,
+                first_category_id: 0, first_instance_id: 0,
+            );
+            return;
+        };
+        let rotation = self.pose.rotation();
+        let met = rotation.transpose() * (point.place.as_dvec3() - self.place());
+        // The paper's point lies in the direction in which the ray left, the program's where the surface is.
+        let own = match self.options.profile {
+            Profile::Blainder => met,
+            _ => launch.as_dvec3().normalize() * f64::from(point.range),
+        };
+        let normal = point.normal.normalize_or_zero() * -point.direction.dot(point.normal).signum();
+        let to_sensor = rotation.transpose().as_mat3();
+        let (place, truth, facing) = match (self.options.coordinates, self.options.profile) {
+            (Frame::Sensor, _) => (own.as_vec3(), met.as_vec3(), to_sensor * normal),
+            (Frame::World, Profile::Blainder) => (point.place, point.place, normal),
+            (Frame::World, _) => ((rotation * own + self.place()).as_vec3(), point.place, normal),
+        };
+        let surface = &self.scene.surfaces.rows[point.surface as usize];
+        put!(
+            x: place.x,
+            y: place.y,
+            z: place.z,
+            range: point.range,
+            depth: own.x as f32,
+            intensity: point.intensity,
+            cos_incidence: (-point.direction.dot(normal)).clamp(0.0, 1.0),
+            true_x: truth.x,
+            true_y: truth.y,
+            true_z: truth.z,
+            true_range: point.range,
+            normal_x: facing.x,
+            normal_y: facing.y,
+            normal_z: facing.z,
+            category_id: surface.category_id,
+            part_id: surface.part_id,
+            instance_id: surface.instance_id,
+            material_id: surface.material_id,
+            first_category_id: surface.category_id,
+            first_instance_id: surface.instance_id,
+        );
+        if !(columns.red.is_empty() && columns.green.is_empty() && columns.blue.is_empty()) {
+            let [red, green, blue] = match surface.textured {
+                false => surface.rgb,
+                true => {
+                    let rgba = self.scene.surfaces.base_color(surface, point.triangle, point.corner);
+                    std::array::from_fn(|channel| srgb_byte(rgba[channel]))
+                }
+            };
+            put!(red: red, green: green, blue: blue);
+        }
+    }
+}
+
+/// What the program must have beyond what every sonar has.
+fn check_for_program(acoustics: &AcousticsSpec, water: Option<&Water>) -> Result<()> {
+    if acoustics.source_level_db <= 0.0 {
+        let allowed = "above 0 with profile blainder, whose intensities are ratios to it";
+        return Err(Error::invalid("acoustics.source_level_db", acoustics.source_level_db, allowed));
+    }
+    let found = match water.and_then(|water| water.profile.as_ref()) {
+        Some(WaterProfile::Cast(_)) => "cast",
+        Some(WaterProfile::Ts(_)) => "ts",
+        _ => return Ok(()),
+    };
+    Err(Error::invalid("water.profile", found, "layers or constant with profile blainder, which knows no other"))
+}
+
+/// A ray of the program on its way.
+#[derive(Clone, Copy, Debug)]
+struct Way {
+    ray: u32,
+    /// Where it enters the layer, relative to the scene's origin, m, and its unit direction there.
+    place: DVec3,
+    direction: DVec3,
+    /// How much deeper a metre of way leads at launch.
+    fall: f64,
+    /// To the end of the layer, as the program has it, m.
+    length: f64,
+    /// Up to the layer, and what is left of the farthest range, m.
+    path: f64,
+    left: f64,
+    /// Source level after the interfaces on the way, dB.
+    source_level: f64,
+}
+
+impl Way {
+    fn new(ray: u32, place: DVec3, direction: DVec3, reach: f64, source_level: f64) -> Way {
+        Way { ray, place, direction, fall: -direction.z, length: 0.0, path: 0.0, left: reach, source_level }
+    }
+
+    /// Goes over into the `next` layer, at the end of the `length` that the direction at launch makes of the layer's
+    /// thickness, whatever it is by now; whether it goes on. The source level is multiplied with the part of the power that
+    /// goes over (eq. 13), though it is in dB. Where all is reflected the program makes no number of the direction, and the
+    /// ray is lost.
+    fn enter(&mut self, slab: &Slab, next: &Slab) -> bool {
+        self.left -= self.length;
+        self.path += self.length;
+        self.place += self.direction * self.length;
+        let fluid = |slab: &Slab| Fluid::new(slab.density, slab.speed);
+        self.source_level *= fluid(slab).transmittance(&fluid(next), -self.direction.z);
+        let ratio = next.speed / slab.speed;
+        let [x, y] = [ratio * self.direction.x, ratio * self.direction.y];
+        self.direction = DVec3::new(x, y, -(1.0 - x * x - y * y).sqrt());
+        self.left >= 0.0 && self.direction.is_finite()
+    }
+}
+
+/// The rays of a sonar. Of a side-scan sonar a row for each side, from the lowest ray up: the fans of the paper, or rays
+/// spread evenly over the vertical width; of others the axes of the beams.
+fn fan(sensor: &Sensor, program: bool, wavelength: f64) -> Result<Arc<BeamTable>> {
+    let Pattern::Sidescan(sonar) = &sensor.spec().pattern else { return Ok(sensor.beams.clone()) };
+    let sides = sonar.azimuths_deg();
+    let (count, [low, high]) = elevations(sonar, program, wavelength);
+    let mut fan = BeamTable::with_size(sides.len(), count, FiringOrder::Frame, sensor.beams.period)?;
+    for (channel, azimuth) in (0..).zip(sides) {
+        let side = azimuth.signum();
+        for index in 0..count {
+            let part = if count > 1 { index as f64 / (count - 1) as f64 } else { 0.0 };
+            let (sin, cos) = (low + (high - low) * part).to_radians().sin_cos();
+            fan.push([0.0, side * cos, sin], 0.0, channel);
+        }
+    }
+    Ok(Arc::new(fan))
+}
+
+/// How many rays each side has, and the elevations of the lowest and the highest, degrees.
+fn elevations(sonar: &Sidescan, program: bool, wavelength: f64) -> (usize, [f64; 2]) {
+    match sonar.down_fov_deg.zip(sonar.step_deg) {
+        // The program cuts the count off and then spreads the rays over the whole angle.
+        Some((fov, step)) if program => {
+            ((0.5 * fov / step + 1.0) as usize, [-90.0 + PROGRAM_NADIR_DEG, -90.0 + 0.5 * fov])
+        }
+        Some((fov, step)) => {
+            let steps = (0.5 * fov / step + 1e-6).floor();
+            (steps as usize + 1, [-90.0, -90.0 + steps * step])
+        }
+        None => {
+            let (axis, half) = (sonar.axis_deg(), 0.5 * sonar.vertical_deg.at(wavelength).width().to_degrees());
+            (sonar.rays as usize, [(axis - half).max(-90.0), (axis + half).min(90.0)])
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sonar(keys: &str) -> Sensor {
+        let text = format!(
+            "name: side\nkind: sonar\npattern: {{{keys}}}\nacoustics: {{frequency_khz: 450, pulse_ms: 1}}\nrange: {{max_m: 100}}"
+        );
+        Sensor::from_yaml(&text, "").unwrap()
+    }
+
+    fn elevations_deg(keys: &str, program: bool) -> Vec<f64> {
+        let fan = fan(&sonar(keys), program, 1500.0 / 450e3).unwrap();
+        let row = (0..fan.columns as usize).map(|ray| fan.direction(ray));
+        row.map(|direction| f64::from(direction.z.atan2(direction.y.abs())).to_degrees()).collect()
+    }
+
+    #[track_caller]
+    fn assert_all_near(found: &[f64], expected: &[f64]) {
+        assert_eq!(found.len(), expected.len(), "{found:?}");
+        assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-4), "{found:?}");
+    }
+
+    #[test]
+    fn fans_begin_straight_down() {
+        let keys = "type: sidescan, down_fov_deg: 90, step_deg: 20";
+        assert_all_near(&elevations_deg(keys, false), &[-90.0, -70.0, -50.0]);
+        // 45 / 20 + 1 is 3 after the cut, and the angle is divided in two: 22.5 degrees.
+        assert_all_near(&elevations_deg(keys, true), &[-89.999, -67.4995, -45.0]);
+        assert_all_near(&elevations_deg("type: sidescan, down_fov_deg: 20, step_deg: 30", true), &[-89.999]);
+        let fan = fan(&sonar(keys), true, 1.0).unwrap();
+        assert_eq!((fan.rows, fan.columns, &fan.channel[..]), (2, 3, &[0, 0, 0, 1, 1, 1][..]));
+        assert!(fan.dir_y[..3].iter().all(|&y| y > 0.0) && fan.dir_y[3..].iter().all(|&y| y < 0.0));
+    }
+
+    #[test]
+    fn other_fans_are_even_over_their_width() {
+        let keys = "type: sidescan, tilt_deg: 30, vertical_deg: 40, rays: 9, sides: starboard";
+        let expected: Vec<f64> = (0..9).map(|ray| -50.0 + 5.0 * f64::from(ray)).collect();
+        assert_all_near(&elevations_deg(keys, false), &expected);
+        // Not beyond straight down.
+        let keys = "type: sidescan, tilt_deg: 80, vertical_deg: 60, rays: 9";
+        assert_all_near(&elevations_deg(keys, true)[..1], &[-90.0]);
+        assert_eq!(fan(&sonar("type: multibeam, beams: 7, swath_deg: 90"), true, 1.0).unwrap().columns, 7);
+    }
+
+    /// By hand: at 30 degrees from the vertical 10 m of depth are 11.547 m of way, and Snell's sine goes from 0.5 to 0.6.
+    #[test]
+    fn the_program_takes_the_first_direction_for_lengths() {
+        let slab = |speed, density| Slab {
+            top: 0.0,
+            bottom: 10.0,
+            speed,
+            gradient: 0.0,
+            density,
+            absorption: 0.0,
+            absorption_slope: 0.0,
+        };
+        let (upper, lower) = (slab(1500.0, 1000.0), slab(1800.0, 1000.0));
+        let (sin, cos) = 30f64.to_radians().sin_cos();
+        let mut way = Way::new(0, DVec3::ZERO, DVec3::new(0.0, sin, -cos), 100.0, 200.0);
+        way.length = 10.0 / way.fall;
+        assert!(way.enter(&upper, &lower));
+        assert!((way.path - 11.547_005).abs() < 1e-6 && (way.left - 88.452_995).abs() < 1e-6);
+        assert!((way.place - DVec3::new(0.0, 5.773_503, -10.0)).length() < 1e-6);
+        assert!((way.direction - DVec3::new(0.0, 0.6, -0.8)).length() < 1e-12);
+        assert!((way.fall - cos).abs() < 1e-12);
+        // 4 a b / (a + b)^2 with a = 1500 x 0.8 and b = 1800 cos 30 deg.
+        let (a, b) = (1200.0, 1800.0 * cos);
+        assert!((way.source_level - 200.0 * 4.0 * a * b / ((a + b) * (a + b))).abs() < 1e-9);
+        // sin 60 deg x 1.2 is more than 1.
+        let mut flat = Way::new(0, DVec3::ZERO, DVec3::new(cos, 0.0, -sin), 100.0, 200.0);
+        assert!(!flat.enter(&upper, &lower));
+        let mut far = Way::new(0, DVec3::ZERO, DVec3::NEG_Z, 5.0, 200.0);
+        far.length = 10.0;
+        assert!(!far.enter(&upper, &upper));
+    }
+
+    #[test]
+    fn what_the_program_does_not_know_is_refused() {
+        let water = |profile: &str| {
+            let text = format!("water: {{profile: {{{profile}}}}}");
+            crate::Environment::from_yaml(&text).unwrap().water
+        };
+        let acoustics = sonar("type: sidescan").acoustics().unwrap().clone();
+        let cast = water("cast: [{depth_m: 0, speed_m_s: 1500}, {depth_m: 9, speed_m_s: 1490}]");
+        assert_eq!(
+            check_for_program(&acoustics, cast.as_ref()).unwrap_err().to_string(),
+            "water.profile: is cast; allowed: layers or constant with profile blainder, which knows no other"
+        );
+        check_for_program(&acoustics, None).unwrap();
+        check_for_program(&acoustics, water("constant: {speed_m_s: 1500}").as_ref()).unwrap();
+        let silent = AcousticsSpec { source_level_db: 0.0, ..acoustics };
+        let message = check_for_program(&silent, None).unwrap_err().to_string();
+        assert!(message.starts_with("acoustics.source_level_db: is 0; allowed: above 0"), "{message}");
+    }
+}
