@@ -2,9 +2,11 @@
 //! worked out by hand.
 
 use echocast::detect::{Detection, Statistical};
-use echocast::emitter::pattern::{Pattern, Spinning};
-use echocast::emitter::{BeamTable, FiringOrder};
-use echocast::{PresetInfo, ReturnsSpec, Sensor, SensorKind};
+use echocast::emitter::pattern::{Imaging, Multibeam, Pattern, Sidescan, SingleBeam, Spinning};
+use echocast::emitter::{BeamTable, FiringOrder, Lobe};
+use echocast::{Environment, Ping, Pose, PresetInfo, ReturnsSpec, ScanOptions, Sensor, SensorKind, Trajectory};
+use echocast_tests::reference::{SceneBuilder, Shape};
+use glam::DVec3;
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -40,7 +42,7 @@ fn spinning(sensor: &Sensor) -> &Spinning {
 fn every_file_is_a_preset_with_a_name_of_its_own() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../presets");
     let mut files = Vec::new();
-    for folder in ["lidar", "tof", "paper"] {
+    for folder in ["lidar", "tof", "sonar", "paper"] {
         for entry in std::fs::read_dir(root.join(folder)).unwrap() {
             let path = entry.unwrap().path();
             files.push((folder.to_owned(), path.file_stem().unwrap().to_string_lossy().into_owned()));
@@ -64,6 +66,7 @@ fn every_preset_says_what_it_is() {
         let kind = match preset.folder.as_str() {
             "lidar" => SensorKind::Lidar,
             "tof" => SensorKind::Tof,
+            "sonar" => SensorKind::Sonar,
             // The paper has both.
             _ => preset.kind,
         };
@@ -73,7 +76,7 @@ fn every_preset_says_what_it_is() {
 
 #[test]
 fn patterns_have_the_figures_of_their_files() {
-    for preset in Sensor::presets() {
+    for preset in Sensor::presets().into_iter().filter(|preset| preset.kind != SensorKind::Sonar) {
         let name = &preset.name;
         let sensor = Sensor::preset(name).unwrap();
         let beams = sensor.beams();
@@ -264,13 +267,22 @@ fn livox_scans_cover_more_with_time() {
     }
 }
 
-/// The presets of real instruments, each with the text of its file.
-fn instruments() -> impl Iterator<Item = (PresetInfo, Sensor, String)> {
-    Sensor::presets().into_iter().filter(|preset| preset.folder != "paper").map(|preset| {
+/// The presets of these folders, each with the text of its file.
+fn presets_of(folders: &'static [&'static str]) -> impl Iterator<Item = (PresetInfo, Sensor, String)> {
+    Sensor::presets().into_iter().filter(|preset| folders.contains(&preset.folder.as_str())).map(|preset| {
         let file = echocast_tests::root().join(format!("presets/{}/{}.yaml", preset.folder, preset.name));
         let sensor = Sensor::preset(&preset.name).unwrap();
         (preset, sensor, std::fs::read_to_string(file).unwrap())
     })
+}
+
+/// The presets of real instruments of light.
+fn instruments() -> impl Iterator<Item = (PresetInfo, Sensor, String)> {
+    presets_of(&["lidar", "tof"])
+}
+
+fn sonars() -> impl Iterator<Item = (PresetInfo, Sensor, String)> {
+    presets_of(&["sonar"])
 }
 
 #[test]
@@ -293,7 +305,7 @@ fn instruments_are_complete() {
 
 /// Sections of a preset file whose comments, on their lines or right above, call a figure unverified.
 fn unverified(text: &str) -> Vec<&str> {
-    const SECTIONS: [&str; 7] = ["pattern", "beam", "range", "detection", "returns", "noise", "intensity"];
+    const SECTIONS: [&str; 8] = ["pattern", "beam", "range", "detection", "returns", "noise", "intensity", "acoustics"];
     let (mut section, mut sections, mut above) = ("", Vec::new(), false);
     for line in text.lines() {
         let doubt = line.contains("unverified");
@@ -359,4 +371,148 @@ fn the_table_of_instruments_is_up_to_date() {
     let table: String = instruments().map(|(preset, sensor, text)| row(&preset.name, &sensor, &text)).collect();
     let file = std::fs::read_to_string(echocast_tests::root().join("docs/instruments.md")).unwrap();
     assert!(file.contains(&table), "docs/instruments.md is not as the presets are; its rows are:\n{table}");
+}
+
+/// Speed of sound that widths and resolutions are said for, m/s.
+const WATER: f64 = 1500.0;
+
+/// Speed of sound in cold water, m/s.
+const COLD_WATER: f64 = 1420.0;
+
+/// Angle between the first and the last beam, degrees.
+fn swath(beams: &BeamTable) -> f64 {
+    let axis = |beam: usize| DVec3::new(beams.dir_x[beam].into(), beams.dir_y[beam].into(), beams.dir_z[beam].into());
+    axis(0).angle_between(axis(beams.len() - 1)).to_degrees()
+}
+
+#[test]
+fn sonars_have_the_figures_of_their_files() {
+    for (PresetInfo { name, .. }, sensor, text) in sonars() {
+        let (spec, beams, acoustics) = (sensor.spec(), sensor.beams(), sensor.acoustics().unwrap());
+        beams.check().unwrap();
+        let expected = sensor.expectations().unwrap_or_else(|| panic!("{name} has no section expect"));
+        assert_eq!(Some(beams.len() as u64), expected.beams, "{name}: beams");
+        let resolution = expected.resolution_m.unwrap_or_else(|| panic!("{name} has no resolution_m"));
+        // Resolutions are rounded to tenths of a millimetre.
+        assert_near(&format!("{name}: resolution"), acoustics.resolution(WATER), resolution, 5e-5);
+        match &spec.pattern {
+            Pattern::Sidescan(_) => assert_eq!(acoustics.bounces, 2, "{name}: sea surface and bottom"),
+            Pattern::SingleBeam(_) => {}
+            _ => {
+                let angle = expected.swath_deg.unwrap_or_else(|| panic!("{name} has no swath_deg"));
+                assert_near(&format!("{name}: swath"), swath(beams), angle, 1e-3);
+            }
+        }
+        let range = spec.range;
+        assert!(range.min_m > 0.0 && range.max_m.is_some(), "{name}: {range:?}");
+        let heard = 0.5 * COLD_WATER * beams.period;
+        assert!(range.max_m.unwrap() <= heard, "{name}: up to {range:?}, but the next ping comes after {heard} m");
+        // Makers keep it to themselves.
+        let generic = sensor.source() == "generic starting values, not those of a maker";
+        assert_eq!(!generic, unverified(&text).contains(&"acoustics"), "{name}: a source level needs a word");
+        let written = sensor.to_yaml().unwrap();
+        assert_eq!(Sensor::from_yaml(&written, "").unwrap().spec(), spec, "{written}");
+    }
+}
+
+/// Height of a lobe, degrees.
+fn degrees(lobe: &Lobe, wavelength: f64) -> f64 {
+    lobe.at(wavelength).width().to_degrees()
+}
+
+/// A sonar hears a bottom of medium sand at three tenths of its range, in the direction half way from its axis to where it
+/// hears half as loud.
+#[test]
+fn sonars_hear_a_flat_bottom() {
+    let mut scene = SceneBuilder::new();
+    // Lambert's law with mu 0.03, -15 dB.
+    let sand = scene.reflector((0.03 * std::f64::consts::PI) as f32);
+    scene.stand(Shape::plate(DVec3::ZERO, DVec3::Z, 1000.0), Some(sand));
+    let scene = scene.finish().build().unwrap();
+    let ping = |sensor: &Sensor, height: f64| -> echocast::Result<Ping> {
+        let environment = Environment::from_yaml(&format!("water: {{surface_z_m: {}}}", height + 5.0))?;
+        let options = ScanOptions { environment, ..ScanOptions::default() };
+        scene.ping(sensor, &Trajectory::fixed(Pose::at(0.0, 0.0, height)), &options)
+    };
+    for (PresetInfo { name, .. }, mut sensor, _) in sonars() {
+        let wavelength = WATER / sensor.acoustics().unwrap().frequency();
+        let (below, rays) = match &sensor.spec().pattern {
+            Pattern::Sidescan(Sidescan { tilt_deg, .. }) => (*tilt_deg, 512),
+            Pattern::Imaging(Imaging { tilt_deg, vertical_deg, .. }) => {
+                (tilt_deg + 0.25 * degrees(vertical_deg, wavelength), 32)
+            }
+            Pattern::SingleBeam(SingleBeam { tilt_deg, vertical_deg, .. }) => {
+                (tilt_deg + vertical_deg.as_ref().map_or(0.0, |lobe| 0.25 * degrees(lobe, wavelength)), 256)
+            }
+            _ => (90.0, 8),
+        };
+        let range = 0.3 * sensor.spec().range.max_m.unwrap();
+        sensor.set("pattern.rays", &rays.to_string()).unwrap();
+        sensor.set("range.max_m", &(1.2 * range).to_string()).unwrap();
+        let ping = ping(&sensor, range * below.to_radians().sin()).unwrap();
+        let layout = &ping.layout;
+        let beam = layout.beams() / 2;
+        let from_to = [0.97, 1.03].map(|part| (part * range / layout.bin_m) as usize);
+        let power = |level: f32| 10f64.powf(f64::from(level) / 10.0);
+        let heard: Vec<f64> = ping.levels(beam)[from_to[0]..from_to[1]].iter().copied().map(power).collect();
+        // Straight down the echo is short; aside it is as long as the window.
+        let level = if below == 90.0 {
+            heard.iter().copied().fold(0.0, f64::max)
+        } else {
+            heard.iter().sum::<f64>() / heard.len() as f64
+        };
+        let (level, least) = (10.0 * level.log10(), f64::from(layout.threshold_db[from_to[1]]));
+        assert!(level > least, "{name}: {level} dB at {range} m, but {least} dB is needed");
+        if below == 90.0 {
+            let found = ping.soundings.iter().find(|sounding| sounding.beam as usize == beam);
+            let found = found.unwrap_or_else(|| panic!("{name} finds no depth"));
+            assert_near(&format!("{name}: depth"), found.range.into(), range, 0.02 * range);
+        }
+    }
+    // More pings than the range leaves time for.
+    let mut hasty = Sensor::preset("mbes_400").unwrap();
+    hasty.set("pattern.rate_hz", "10").unwrap();
+    let error = ping(&hasty, 20.0).unwrap_err().to_string();
+    assert!(
+        error.starts_with("range.max_m is 150 m, beyond the 74.") && error.contains("a lower pattern.rate_hz"),
+        "{error}"
+    );
+}
+
+/// A row of the table of sonars in docs/instruments.md.
+fn sonar_row(name: &str, sensor: &Sensor, text: &str) -> String {
+    let (spec, acoustics) = (sensor.spec(), sensor.acoustics().unwrap());
+    let wavelength = WATER / acoustics.frequency();
+    let width = |lobe: &Lobe| ((100.0 * degrees(lobe, wavelength)).round() / 100.0).to_string();
+    let (beams, view, widths) = match &spec.pattern {
+        Pattern::Sidescan(Sidescan { along_deg, vertical_deg, tilt_deg, .. }) => {
+            ("2".to_owned(), format!("sides, {tilt_deg} below"), [along_deg, vertical_deg].map(width).join(" x "))
+        }
+        Pattern::Multibeam(Multibeam { beams, swath_deg, along_deg, across_deg, .. }) => {
+            (beams.to_string(), format!("down, {swath_deg}"), [along_deg, across_deg].map(width).join(" x "))
+        }
+        Pattern::Imaging(Imaging { beams, fov_deg, beam_deg, vertical_deg, .. }) => {
+            (beams.to_string(), format!("ahead, {fov_deg}"), [beam_deg, vertical_deg].map(width).join(" x "))
+        }
+        Pattern::SingleBeam(SingleBeam { beam_deg, vertical_deg, turn, .. }) => {
+            let view = turn.map_or("down".to_owned(), |turn| format!("turns, {}", turn.fov_deg));
+            let widths: Vec<_> = [Some(beam_deg), vertical_deg.as_ref()].into_iter().flatten().map(width).collect();
+            ("1".to_owned(), view, widths.join(" x "))
+        }
+        other => panic!("{name} is no sonar: {other:?}"),
+    };
+    let range = format!("{} to {}", spec.range.min_m, spec.range.max_m.unwrap());
+    let resolution = sensor.expectations().unwrap().resolution_m.unwrap();
+    let rate = (10.0 / sensor.beams().period).round() / 10.0;
+    let (frequency, unverified) = (acoustics.frequency_khz, unverified(text).join(", "));
+    format!(
+        "| `{name}` | {frequency} | {beams} | {view} | {widths} | {range} | {resolution} | {rate} | {unverified} |\n"
+    )
+}
+
+#[test]
+fn the_table_of_sonars_is_up_to_date() {
+    let table: String = sonars().map(|(preset, sensor, text)| sonar_row(&preset.name, &sensor, &text)).collect();
+    let file = std::fs::read_to_string(echocast_tests::root().join("docs/instruments.md")).unwrap();
+    assert!(file.contains(&table), "docs/instruments.md is not as the presets are; its rows of sonars are:\n{table}");
 }

@@ -16,6 +16,7 @@ use crate::sonar::AcousticsSpec;
 use crate::tof::{Camera, TofSpec};
 use crate::yaml::{self, Document};
 use serde::de::{self, Deserializer, SeqAccess, Visitor};
+use serde::ser::{SerializeStruct, Serializer};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::borrow::Cow;
@@ -24,19 +25,20 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// A sensor file: what each key of its YAML means. What is left out is ideal.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// A sensor file: what each key of its YAML means. What is left out is ideal. Written, a sonar is without the sections of
+/// light (`beam`, `detection`, `returns`, `noise`, `intensity`), which its file must not fill.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SensorSpec {
     /// Name, as a preset also the name of its file.
     pub name: String,
     /// Name for people.
-    #[serde(default, skip_serializing_if = "String::is_empty")]
+    #[serde(default)]
     pub title: String,
     /// What it measures with.
     pub kind: SensorKind,
     /// Where the numbers come from.
-    #[serde(default, skip_serializing_if = "String::is_empty")]
+    #[serde(default)]
     pub source: String,
     /// Where its beams point and when they fire.
     pub pattern: Pattern,
@@ -59,14 +61,66 @@ pub struct SensorSpec {
     #[serde(default)]
     pub intensity: IntensitySpec,
     /// What is particular to a depth camera.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub tof: Option<TofSpec>,
     /// What is particular to a sonar.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub acoustics: Option<AcousticsSpec>,
     /// Figures of the maker that the pattern is tested against.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub expect: Option<Expectations>,
+}
+
+impl Serialize for SensorSpec {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let SensorSpec {
+            name,
+            title,
+            kind,
+            source,
+            pattern,
+            beam,
+            range,
+            detection,
+            returns,
+            noise,
+            intensity,
+            tof,
+            acoustics,
+            expect,
+        } = self;
+        let of_light = *kind != SensorKind::Sonar;
+        let mut keys = serializer.serialize_struct("SensorSpec", 14)?;
+        keys.serialize_field("name", name)?;
+        if !title.is_empty() {
+            keys.serialize_field("title", title)?;
+        }
+        keys.serialize_field("kind", kind)?;
+        if !source.is_empty() {
+            keys.serialize_field("source", source)?;
+        }
+        keys.serialize_field("pattern", pattern)?;
+        if of_light {
+            keys.serialize_field("beam", beam)?;
+        }
+        keys.serialize_field("range", range)?;
+        if of_light {
+            keys.serialize_field("detection", detection)?;
+            keys.serialize_field("returns", returns)?;
+            keys.serialize_field("noise", noise)?;
+            keys.serialize_field("intensity", intensity)?;
+        }
+        if let Some(tof) = tof {
+            keys.serialize_field("tof", tof)?;
+        }
+        if let Some(acoustics) = acoustics {
+            keys.serialize_field("acoustics", acoustics)?;
+        }
+        if let Some(expect) = expect {
+            keys.serialize_field("expect", expect)?;
+        }
+        keys.end()
+    }
 }
 
 /// What a sensor measures with.
@@ -194,6 +248,12 @@ pub struct Expectations {
     /// Points per second.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub points_per_s: Option<f64>,
+    /// Angle between the outermost beams of a sonar, degrees.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub swath_deg: Option<f64>,
+    /// Range resolution of a sonar in water of 1500 m/s, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub resolution_m: Option<f64>,
     /// Where the figures come from: `data sheet`, or `computed` from the pattern's own numbers.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub source: String,
@@ -369,12 +429,13 @@ impl SensorSpec {
             ("noise", *noise != Noise::default()),
             ("intensity", *intensity != IntensitySpec::default()),
             ("tof", self.tof.is_some()),
-            ("range.resolution_m", range.resolution_m != 0.0),
         ] {
             if given {
                 return Err(Error::invalid(key, "given", "with other kinds than sonar; a sonar has acoustics"));
             }
         }
+        let allowed = "0 with kind: sonar, whose range bins are acoustics.bin_m long";
+        bounds.number("range.resolution_m", range.resolution_m, [0.0; 2], allowed)?;
         if range.max_m.is_none() {
             return Err(Error::invalid("range.max_m", "missing", "a value with kind: sonar: how long it listens"));
         }
@@ -510,6 +571,12 @@ fn rising_rows(bounds: &mut Bounds, key: &str, at_m: impl Iterator<Item = f64> +
         .try_for_each(|(index, (near, far))| bounds.rising((row(index), near), (row(index + 1), far)))
 }
 
+/// Whether a sonar must not fill the section that `key` is in.
+fn is_of_light(key: &str) -> bool {
+    let section = key.split(['.', '[']).next().unwrap_or_default();
+    ["beam", "detection", "returns", "noise", "intensity", "tof"].contains(&section)
+}
+
 /// Whether a sensor file could have a number at `key`, where `tree` has nothing.
 fn takes_numbers(mut tree: Value, key: &str) -> bool {
     yaml::set(&mut tree, key, "1").is_ok() && Document::from_value(key, tree).read::<SensorSpec>().is_ok()
@@ -524,7 +591,7 @@ pub struct PresetInfo {
     pub title: String,
     /// What it measures with.
     pub kind: SensorKind,
-    /// Group: `lidar`, `tof`, `paper`.
+    /// Group: `lidar`, `tof`, `sonar`, `paper`.
     pub folder: String,
 }
 
@@ -863,7 +930,9 @@ impl Sensor {
                 ));
             }
             None if yaml::same_path(key, "range.max_m") => f64::INFINITY,
-            None if takes_numbers(tree.clone(), key) => f64::NAN,
+            None if !(self.kind() == SensorKind::Sonar && is_of_light(key)) && takes_numbers(tree.clone(), key) => {
+                f64::NAN
+            }
             None => {
                 let known: BTreeSet<String> = yaml::numbers(&tree).into_iter().chain(bounds.keys).collect();
                 return Err(Error::missing("numeric parameter", key, known));
@@ -1319,7 +1388,133 @@ pattern:
             assert!(error.starts_with(&format!("YAML text: line 3: {expected}")), "{new}\n  gives {error}");
         }
         assert_eq!(message(""), "YAML text: line 1: invalid type: null, expected a section of keys");
-        assert!(message("kind: sonar\nacoustics: {}").starts_with("kind: sonar is not supported"));
+    }
+
+    #[test]
+    fn errors_of_sonars_name_line_and_key() {
+        const SONAR: &str = "\
+name: mini
+kind: sonar
+pattern: {type: sidescan}
+acoustics: {frequency_khz: 450, bandwidth_khz: 30}
+range: {max_m: 50}
+";
+        Sensor::from_yaml(SONAR, "").unwrap();
+        let acoustics = "acoustics: {frequency_khz: 450, bandwidth_khz: 30}\n";
+        let cases = [
+            (acoustics, "", "line 1: acoustics: is missing; allowed: a section with kind: sonar"),
+            ("frequency_khz: 450, ", "", "line 4: acoustics: the key `frequency_khz` is missing"),
+            (
+                "30}",
+                "0}",
+                "line 4: acoustics.bandwidth_khz: is 0; allowed: above 0, at most twice acoustics.frequency_khz",
+            ),
+            ("30}", "901}", "line 4: acoustics.bandwidth_khz: is 901; allowed: above 0, at most twice"),
+            (
+                ", bandwidth_khz: 30",
+                "",
+                "line 4: acoustics.bandwidth_khz: is missing; allowed: the one or acoustics.pulse_ms",
+            ),
+            ("bandwidth_khz: 30", "pulse_ms: 0.001", "line 4: acoustics.pulse_ms: is 0.001; allowed: at least 0.00111"),
+            (
+                "frequency_khz",
+                "frequency_hz",
+                "line 4: acoustics.frequency_hz: unknown key \"frequency_hz\"; near: frequency_khz",
+            ),
+            ("30}", "30, bounces: 9}", "line 4: acoustics.bounces: is 9; allowed: 0 to 8"),
+            ("30}", "30, speckle: on}", "line 4: acoustics.speckle: unknown value \"on\"; allowed: frozen, off"),
+            ("30}", "30, tvg: {spreading: 61}}", "line 4: acoustics.tvg.spreading: is 61; allowed: 0 to 60"),
+            ("range: {max_m: 50}\n", "", "line 1: range.max_m: is missing; allowed: a value with kind: sonar"),
+            (
+                "max_m: 50",
+                "max_m: 50, resolution_m: 0.1",
+                "line 5: range.resolution_m: is 0.1; allowed: 0 with kind: sonar, whose range bins are acoustics.bin_m",
+            ),
+            ("range", "beam: {pulse_ns: 5}\nrange", "line 5: beam: is given; allowed: with other kinds than sonar"),
+            (
+                "range",
+                "detection: {model: none, timing: leading_edge}\nrange",
+                "line 5: detection: is given; allowed: with",
+            ),
+            ("range", "returns: {mode: all}\nrange", "line 5: returns: is given; allowed: with other kinds than sonar"),
+            ("range", "noise: {dropout: 0.1}\nrange", "line 5: noise: is given; allowed: with other kinds than sonar"),
+            ("range", "intensity: {encoding: power}\nrange", "line 5: intensity: is given; allowed: with other"),
+            (
+                "range",
+                "tof: {frequencies_mhz: [20]}\nrange",
+                "line 5: tof: is given; allowed: with other kinds than sonar",
+            ),
+            ("kind: sonar", "kind: lidar", "line 3: pattern.type: is that of a sonar; allowed: with kind: sonar only"),
+            (
+                "{type: sidescan}",
+                "{type: raster, azimuth: {fov_deg: 9, step_deg: 1}, elevation: {fov_deg: 9, step_deg: 1}}",
+                "line 3: pattern.type: is that of another kind of sensor; allowed: sidescan, multibeam, imaging or",
+            ),
+            ("sidescan", "sidescann", "line 3: pattern.type: unknown value \"sidescann\"; near: sidescan"),
+            ("sidescan", "sidescan, down_fov_deg: 90", "line 3: pattern.step_deg: is missing; allowed: a value with"),
+            (
+                "sidescan",
+                "sidescan, step_deg: 1",
+                "line 3: pattern.step_deg: is 1; allowed: with pattern.down_fov_deg only",
+            ),
+            ("sidescan", "sidescan, sides: left", "line 3: pattern.sides: unknown value \"left\"; allowed: both, port"),
+            ("sidescan", "sidescan, tilt_deg: 91", "line 3: pattern.tilt_deg: is 91; allowed: 0 to 90"),
+            (
+                "sidescan",
+                "sidescan, along_deg: wide",
+                "line 3: pattern.along_deg: invalid type: string \"wide\", expected",
+            ),
+            ("sidescan", "multibeam, beams: 1, swath_deg: 120", "line 3: pattern.beams: is 1; allowed: 2 to 4096"),
+            (
+                "sidescan",
+                "multibeam, beams: 9, swath_deg: 171",
+                "line 3: pattern.swath_deg: is 171; allowed: above 0, at",
+            ),
+            (
+                "sidescan",
+                "imaging, beams: 9, fov_deg: 181",
+                "line 3: pattern.fov_deg: is 181; allowed: above 0, at most",
+            ),
+            ("sidescan", "imaging, beams: 9", "line 3: pattern: the key `fov_deg` is missing"),
+            ("sidescan", "single_beam, beam_deg: 0", "line 3: pattern.beam_deg: is 0; allowed: 0.001 to 180"),
+            (
+                "sidescan",
+                "single_beam, beam_deg: 3, turn: {fov_deg: 361, step_deg: 1}",
+                "line 3: pattern.turn.fov_deg: is 361; allowed: above 0, at most 360",
+            ),
+        ];
+        for (old, new, expected) in cases {
+            assert!(SONAR.contains(old), "{old}");
+            let error = message(&SONAR.replacen(old, new, 1));
+            assert!(error.starts_with(&format!("YAML text: {expected}")), "{new}\n  gives {error}\n  not   {expected}");
+        }
+        let error = message(&format!("{MINIMAL}acoustics: {{frequency_khz: 450, bandwidth_khz: 30}}\n"));
+        assert_eq!(error, "YAML text: line 8: acoustics: is given; allowed: with kind: sonar only");
+    }
+
+    #[test]
+    fn sonars_show_nothing_of_light() {
+        let mut sensor = Sensor::preset("sss_450").unwrap();
+        let text = sensor.to_yaml().unwrap();
+        let sections: Vec<_> = text.lines().filter(|line| !line.starts_with(' ')).collect();
+        let names: Vec<_> = sections.iter().map(|line| line.split(':').next().unwrap_or_default()).collect();
+        assert_eq!(names, ["name", "title", "kind", "source", "pattern", "range", "acoustics", "expect"], "{text}");
+        for key in ["noise.range_sigma_m", "beam.sub_rays", "detection.saturation", "tof.second_eye_m[0]"] {
+            let error = sensor.parameter(key).unwrap_err().to_string();
+            assert!(error.starts_with(&format!("there is no numeric parameter named {key:?}")), "{error}");
+        }
+        assert!(sensor.parameter("acoustics.bin_m").unwrap().value.is_nan());
+        let error = sensor.set("noise.range_sigma_m", "1").unwrap_err().to_string();
+        assert!(error.starts_with("noise.range_sigma_m=1: noise: is given; allowed: with other kinds"), "{error}");
+        assert_eq!(sensor.to_yaml().unwrap(), text);
+        sensor.set("acoustics.bin_m", "0.1").unwrap();
+        sensor.set("pattern.along_deg", "1").unwrap();
+        assert_eq!(sensor.parameter("acoustics.bin_m").unwrap(), Parameter { value: 0.1, min: 1e-3, max: 1000.0 });
+        // The band lies around the frequency, and half a period is the shortest pulse.
+        assert_eq!(sensor.parameter("acoustics.bandwidth_khz").unwrap().max, 900.0);
+        assert_eq!(sensor.parameter("acoustics.frequency_khz").unwrap().min, 15.0);
+        sensor.set("acoustics.bandwidth_khz", "null").unwrap();
+        assert_eq!(sensor.parameter("acoustics.pulse_ms").unwrap().min, 1.0 / 900.0);
     }
 
     #[test]
@@ -1399,7 +1594,9 @@ pattern:
             let sensor = Sensor::preset(preset.name).unwrap();
             let tree = sensor.tree().unwrap();
             let keys = yaml::numbers(&tree);
-            assert!(keys.len() > 15, "{keys:?}");
+            // A sonar is said by fewer.
+            let least = if sensor.kind() == SensorKind::Sonar { 12 } else { 16 };
+            assert!(keys.len() >= least, "{keys:?}");
             for key in keys {
                 let number = yaml::lookup(&tree, &key).unwrap();
                 let Parameter { value, min, max } = sensor.parameter(&key).unwrap();

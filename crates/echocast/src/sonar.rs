@@ -123,21 +123,21 @@ impl AcousticsSpec {
         let allowed = format!("above 0, at most twice acoustics.frequency_khz ({widest})");
         bounds.number(key("bandwidth_khz"), self.bandwidth_khz, [ABOVE_ZERO, widest], &allowed)?;
         bounds.number(key("pulse_ms"), self.pulse_ms, [1e-4, 1e4], "0.0001 to 10000")?;
-        let bandwidth = match (self.bandwidth_khz, self.pulse_ms) {
-            (Some(bandwidth), _) => bandwidth,
-            (None, Some(pulse)) => 1.0 / pulse,
+        match (self.bandwidth_khz, self.pulse_ms) {
+            (Some(bandwidth), _) => {
+                let lowest = 0.5 * bandwidth;
+                let allowed = format!("at least half of acoustics.bandwidth_khz ({lowest})");
+                bounds.number(key("frequency_khz"), self.frequency_khz, [lowest, f64::INFINITY], allowed)?;
+            }
+            (None, Some(pulse)) => {
+                let shortest = 1.0 / widest;
+                let allowed = format!("at least {shortest}, half a period of the sound, without a bandwidth_khz");
+                bounds.number(key("pulse_ms"), pulse, [shortest, f64::INFINITY], allowed)?;
+            }
             (None, None) => {
                 let allowed = "the one or acoustics.pulse_ms, or both";
                 return Err(Error::invalid(key("bandwidth_khz"), "missing", allowed));
             }
-        };
-        if bandwidth > widest {
-            let shortest = 1.0 / widest;
-            return Err(Error::invalid(
-                key("pulse_ms"),
-                self.pulse_ms.unwrap_or_default(),
-                format!("at least {shortest}, half a period of the sound"),
-            ));
         }
         bounds.within(key("noise_level_db"), self.noise_level_db, -200.0, 300.0)?;
         bounds.within(key("directivity_index_db"), self.directivity_index_db, -10.0, 100.0)?;
@@ -159,7 +159,8 @@ impl AcousticsSpec {
 
     /// Bandwidth of the pulse, Hz.
     pub fn bandwidth(&self) -> f64 {
-        self.bandwidth_khz.map_or_else(|| self.pulse_ms.map_or(f64::NAN, |pulse| 1e3 / pulse), |bandwidth| 1e3 * bandwidth)
+        self.bandwidth_khz
+            .map_or_else(|| self.pulse_ms.map_or(f64::NAN, |pulse| 1e3 / pulse), |bandwidth| 1e3 * bandwidth)
     }
 
     /// Gain of the matched filter, dB.
