@@ -32,7 +32,7 @@ pub(super) fn draw(pings: &Pings, options: &PreviewOptions, page: &Page, report:
         View::Fan => fan(pings, page)?,
         _ if view == SonarView::Swath => {
             let cell = image::fitting_depth_cell(pings, room(page))?;
-            (format!("Depths of {count}"), vec![format!("cells of {}", length(cell))], image::depth_map(pings, cell)?)
+            (format!("Depths of {count}"), vec![format!("cells of {cell:.2} m")], image::depth_map(pings, cell)?)
         }
         _ => {
             // The bed may be out of reach.
@@ -168,8 +168,9 @@ impl<'a> Ink<'a> {
         };
         let middle = rows[0].midpoint(rows[1] - 1) * width + columns[0].midpoint(columns[1] - 1);
         let color = listed.get(&ids[middle]).copied().unwrap_or(palette::OTHER);
-        // Weak echoes are dark, so that shadows and shapes stay to be seen.
-        let light = 0.3 + 0.7 * part.clamp(0.0, 1.0);
+        // Weak echoes are dark, so that shadows and shapes stay to be seen; so, a little, is what lies deep.
+        let dark = if self.image.kind == ImageKind::DepthMap { 0.4 } else { 0.7 };
+        let light = 1.0 - dark * (1.0 - part.clamp(0.0, 1.0));
         Some(std::array::from_fn(|i| {
             let ground = f32::from(GROUND[i]);
             (ground + light * (f32::from(color[i]) - ground)).round() as u8
