@@ -146,7 +146,9 @@ fn the_programs_run_a_isovelocity() {
 #[test]
 fn the_programs_run_b_reflectance() {
     let cloud = as_program(&plates(&[(-100.0, 0.5)]), &fans(150.0, 15.0), 0.0, Environment::default());
-    for (line, row) in section("B").into_iter().zip(side(&cloud, STARBOARD)) {
+    let (lines, rows) = (section("B"), side(&cloud, STARBOARD));
+    assert!(rows.len() >= lines.len());
+    for (line, row) in lines.into_iter().zip(rows) {
         assert_near(line, printed_level(&cloud, row, 200.0), after(line, "level="), NEAR_DB);
         assert_near(line, range(&cloud, row), after(line, "distance"), NEAR_M);
     }
@@ -157,6 +159,7 @@ fn the_programs_run_b_reflectance() {
         let sensor = set(set(sensor, "acoustics.noise_level_db", "100"), "acoustics.detection_threshold_db", "-100");
         let cloud = as_program(&plates(&[(-100.0, alpha)]), &sensor, 0.0, Environment::default());
         let rows = side(&cloud, STARBOARD);
+        assert_eq!(rows.len(), 6);
         for (expected, row) in line.split('\'').skip(1).step_by(2).zip(rows) {
             assert_near(line, printed_level(&cloud, row, 60.0), expected.parse().unwrap(), NEAR_DB);
         }
@@ -453,7 +456,7 @@ fn the_papers_sonar_works_in_every_profile() {
     // The alpha of a surface without one is 1, but its own reflectance counts.
     assert_near("ratio", program.columns.intensity[0].into(), 0.5 * (180.0 - 20.0 * 40f64.log10()) / 200.0, 1e-5);
     let ping = scene.ping(&sensor, &at_depth(60.0), &options(Profile::Paper, water()));
-    assert!(ping.unwrap_err().to_string().starts_with("profile: is paper"));
+    assert!(ping.unwrap_err().to_string().starts_with("profile is paper"));
 }
 
 #[test]
@@ -465,8 +468,8 @@ fn errors_say_what_is_allowed() {
         scanned.unwrap_err().to_string()
     };
     let cast = "profile: {cast: [{depth_m: 0, speed_m_s: 1500}, {depth_m: 50, speed_m_s: 1490}]}";
-    assert!(message(Profile::Blainder, cast, 10.0).starts_with("water.profile: is cast; allowed: layers or constant"));
+    assert!(message(Profile::Blainder, cast, 10.0).starts_with("water.profile is cast; allowed: layers or constant"));
     for profile in [Profile::Paper, Profile::Blainder] {
-        assert!(message(profile, "surface_z_m: -20", 10.0).starts_with("the depth of the sonar: is -10 m"));
+        assert!(message(profile, "surface_z_m: -20", 10.0).starts_with("the depth of the sonar is -10 m"));
     }
 }

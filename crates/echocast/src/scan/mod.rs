@@ -30,9 +30,9 @@ pub enum Profile {
     /// Physics as we know it.
     #[default]
     Physical,
-    /// The equations of the paper as printed; glass is physical.
+    /// The equations of the paper as printed; glass is physical. Of sonars there are clouds, and no pings.
     Paper,
-    /// What the paper's program computes; total reflection within glass is physical.
+    /// What the paper's program computes; total reflection within glass is physical. Of sonars as of the paper.
     Blainder,
 }
 

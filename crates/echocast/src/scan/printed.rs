@@ -1,7 +1,7 @@
 //! Sonars as the paper prints them and as its program computes them: a ray for each angle, a point for each ray.
 //!
 //! The paper: Reitmann, Neumann, Jung, Sensors 2021, 21, 2144, eqs. 6 to 13 and sections 2.3.3 and 3.3. The program: its
-//! `sonar.py`, whose rules the functions of [`Way`] name one by one.
+//! `sonar.py` as it was run, oddities and all.
 
 use super::{Profile, ScanOptions};
 use crate::cause::Cause;
@@ -81,7 +81,11 @@ impl BuiltScene {
         options.check(trajectory)?;
         let printed = Printed::new(&self.0, sensor, trajectory, options)?;
         let points = self.0.engine.install(|| printed.points());
-        printed.collect(points, cloud)
+        let collected = printed.collect(points, cloud);
+        if collected.is_err() {
+            *cloud = PointCloud::default();
+        }
+        collected
     }
 }
 
@@ -577,12 +581,12 @@ mod tests {
         let cast = water("cast: [{depth_m: 0, speed_m_s: 1500}, {depth_m: 9, speed_m_s: 1490}]");
         assert_eq!(
             check_for_program(&acoustics, cast.as_ref()).unwrap_err().to_string(),
-            "water.profile: is cast; allowed: layers or constant with profile blainder, which knows no other"
+            "water.profile is cast; allowed: layers or constant with profile blainder, which knows no other"
         );
         check_for_program(&acoustics, None).unwrap();
         check_for_program(&acoustics, water("constant: {speed_m_s: 1500}").as_ref()).unwrap();
         let silent = AcousticsSpec { source_level_db: 0.0, ..acoustics };
         let message = check_for_program(&silent, None).unwrap_err().to_string();
-        assert!(message.starts_with("acoustics.source_level_db: is 0; allowed: above 0"), "{message}");
+        assert!(message.starts_with("acoustics.source_level_db is 0; allowed: above 0"), "{message}");
     }
 }
