@@ -21,7 +21,10 @@ const WATERS: [(&str, &str); 3] = [
          6.5, speed_m_s: 1478}, {depth_m: 7.5, speed_m_s: 1476}, {depth_m: 8.5, speed_m_s: 1474}, {depth_m: 9.5, speed_m_s: \
          1472}]}}",
     ),
-    ("a cast", "{profile: {cast: [{depth_m: 0, speed_m_s: 1490}, {depth_m: 5, speed_m_s: 1484}, {depth_m: 40, speed_m_s: 1470}]}}"),
+    (
+        "a cast",
+        "{profile: {cast: [{depth_m: 0, speed_m_s: 1490}, {depth_m: 5, speed_m_s: 1484}, {depth_m: 40, speed_m_s: 1470}]}}",
+    ),
 ];
 
 /// What is measured: name, preset, settings, water.

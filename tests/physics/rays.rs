@@ -157,7 +157,8 @@ fn layers_transmit_and_reflect_as_snell_and_eq_13_say() {
 
 #[test]
 fn a_boundary_without_contrast_changes_nothing() {
-    let layers = "{layers: [{depth_m: 0, speed_m_s: 1500}, {depth_m: 30, speed_m_s: 1500}, {depth_m: 80, speed_m_s: 1500}]}";
+    let layers =
+        "{layers: [{depth_m: 0, speed_m_s: 1500}, {depth_m: 30, speed_m_s: 1500}, {depth_m: 80, speed_m_s: 1500}]}";
     for angle in [-70.0, -20.0, 5.0, 60.0] {
         let mut plain = SoundRay::new(&water(ISO), 1000.0, 50.0, angle, 200.0).unwrap();
         let mut layered = SoundRay::new(&water(layers), 1000.0, 50.0, angle, 200.0).unwrap();
@@ -211,8 +212,7 @@ fn tubes_are_as_wide_as_their_neighbours_are_apart() {
             let (point, start) = at(angle);
             let apart = (at(angle + step).0.distance_m - at(angle - step).0.distance_m) / (2.0 * step).to_radians();
             // I / I(1 m) = cos(start) / (r |dr/d start| sin(end)); pressure by the speeds.
-            let intensity =
-                angle.to_radians().cos() / (point.distance_m * apart.abs() * point.grazing.sin().abs());
+            let intensity = angle.to_radians().cos() / (point.distance_m * apart.abs() * point.grazing.sin().abs());
             let expected = -10.0 * (intensity * point.speed_m_s / start).log10();
             assert_near(&format!("{angle} deg"), point.spreading_db, expected, 1e-4);
         }

@@ -23,7 +23,14 @@ pub const RETURNS: Choices<ReturnMode> = &[
 ];
 pub const FRAME: Choices<Frame> = &[("world", Frame::World), ("sensor", Frame::Sensor)];
 pub const ORDER: Choices<Order> = &[("beam", Order::Beam), ("time", Order::Time)];
-pub const VIEW: Choices<View> = &[("top", View::Top), ("perspective", View::Perspective), ("range", View::Range)];
+pub const VIEW: Choices<View> = &[
+    ("top", View::Top),
+    ("perspective", View::Perspective),
+    ("range", View::Range),
+    ("waterfall", View::Waterfall),
+    ("track", View::Track),
+    ("fan", View::Fan),
+];
 pub const COLOR: Choices<ColorBy> = &[
     ("label", ColorBy::Label),
     ("cause", ColorBy::Cause),

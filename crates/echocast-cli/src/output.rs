@@ -5,7 +5,7 @@ use anyhow::{Context as _, Result, ensure};
 use clap::Args;
 use echocast::export::preview::{self, ColorBy, PreviewOptions, View};
 use echocast::export::{self, FramesFile};
-use echocast::{FieldSet, PointCloud, Report};
+use echocast::{FieldSet, Pings, PointCloud, Report, SensorKind};
 use serde_json::{Value, json};
 use std::collections::{BTreeSet, HashSet};
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 #[derive(Args)]
 pub struct OutputArgs {
     /// Cloud file, repeatable; the format is chosen by the ending (`echocast formats` lists them)
-    #[arg(short, long, value_name = "FILE", required_unless_present_any = ["preview", "explain"], help_heading = "Output")]
+    #[arg(short, long, value_name = "FILE", required_unless_present_any = ["preview", "explain", "pings", "image"], help_heading = "Output")]
     output: Vec<PathBuf>,
     /// Format of the cloud files, whatever their endings
     #[arg(long, value_name = "NAME", requires = "output", help_heading = "Output")]
@@ -32,9 +32,19 @@ pub struct OutputArgs {
     /// a surface, seen in a mirror or through glass, rain, fog and so on; the others are scales of values
     #[arg(long, requires = "preview", default_value = "label", value_parser = choice::of(choice::COLOR), help_heading = "Output")]
     color: ColorBy,
-    /// From where the picture looks at the cloud; `range` shows the last of several frames
-    #[arg(long, requires = "preview", default_value = "top", value_parser = choice::of(choice::VIEW), help_heading = "Output")]
+    /// From where the picture looks at the cloud; `range` shows the last of several frames. Of sonars also `waterfall`, a
+    /// row for each ping; `track`, what they have seen from above; `fan`, the last ping as its beams lie
+    #[arg(long, default_value = "top", value_parser = choice::of(choice::VIEW), help_heading = "Output")]
     view: View,
+    /// Waterfall over ground range, along the bed, in place of slant range
+    #[arg(long, help_heading = "Output")]
+    ground: bool,
+    /// Pings of a sonar as arrays of beams and range bins, with levels, labels and true places: .npz, .h5
+    #[arg(long, value_name = "FILE", help_heading = "Output")]
+    pings: Option<PathBuf>,
+    /// What `--view waterfall`, `track` or `fan` shows as numbers and labels: .npz, .h5, or grey .png
+    #[arg(long, value_name = "FILE", help_heading = "Output")]
+    image: Option<PathBuf>,
 }
 
 impl OutputArgs {
@@ -45,11 +55,54 @@ impl OutputArgs {
 
     /// Folders that files go to.
     pub fn folders(&self) -> Vec<PathBuf> {
-        self.output.iter().chain(&self.preview).map(|file| folder(file).to_owned()).collect()
+        self.files().map(|file| folder(file).to_owned()).collect()
+    }
+
+    /// Files that are asked for by name.
+    fn files(&self) -> impl Iterator<Item = &PathBuf> {
+        self.output.iter().chain(&self.preview).chain(&self.pings).chain(&self.image)
+    }
+
+    /// Whether clouds are asked for, as files or pictures.
+    pub fn wants_clouds(&self) -> bool {
+        !self.output.is_empty() || self.preview.is_some() && !self.view.shows_pings()
+    }
+
+    /// The columns of pings that are asked for, beside `fields` in files of pings; `None`: no pings are.
+    pub fn pinged(&self, fields: FieldSet) -> Option<FieldSet> {
+        let shown = self.preview.is_some() && self.view.shows_pings() || self.image.is_some();
+        let shown = shown.then(|| self.picture().fields());
+        let kept = self.pings.as_ref().map(|_| fields);
+        shown.into_iter().chain(kept).reduce(FieldSet::union)
     }
 
     /// Says before a long scan what would fail after it.
-    pub fn check(&self, fields: FieldSet) -> Result<()> {
+    pub fn check(&self, fields: FieldSet, kind: SensorKind) -> Result<()> {
+        if kind != SensorKind::Sonar {
+            for (option, given) in [("--pings", self.pings.is_some()), ("--image", self.image.is_some())] {
+                ensure!(!given, "{option}: the sensor is a {kind}; allowed: with sonars only");
+            }
+            ensure!(
+                !self.view.shows_pings(),
+                "--view {}: the sensor is a {kind}; allowed: top, perspective, range",
+                choice::name(choice::VIEW, self.view)
+            );
+        }
+        ensure!(
+            !self.ground || self.view == View::Waterfall,
+            "--ground: allowed with --view waterfall only; a track is over ground range where the bed is seen"
+        );
+        if let Some(file) = &self.pings {
+            export::check_pings(file).context("--pings")?;
+        }
+        if let Some(file) = &self.image {
+            export::check_image(file).context("--image")?;
+            ensure!(
+                self.view.shows_pings(),
+                "--image: shows what --view says, which is {}; allowed: waterfall, track, fan",
+                choice::name(choice::VIEW, self.view)
+            );
+        }
         for file in &self.output {
             ensure!(file != Path::new("-"), "-o -: clouds go to files; allowed: the name of a file");
             export::check(file, self.format.as_deref(), fields)?;
@@ -72,7 +125,7 @@ impl OutputArgs {
             }
         }
         let mut seen = HashSet::new();
-        for name in self.output.iter().chain(&labels).chain(&self.preview) {
+        for name in self.files().chain(&labels) {
             let place = folder(name).canonicalize().unwrap_or_default().join(name.file_name().unwrap_or_default());
             ensure!(
                 seen.insert(place),
@@ -84,12 +137,13 @@ impl OutputArgs {
     }
 
     fn picture(&self) -> PreviewOptions {
-        PreviewOptions { view: self.view, color: self.color, ..PreviewOptions::default() }
+        PreviewOptions { view: self.view, color: self.color, ground: self.ground, ..PreviewOptions::default() }
     }
 
     /// The columns that the picture shows, whatever the files hold.
     pub fn pictured(&self) -> FieldSet {
-        self.preview.as_ref().map_or(FieldSet::EMPTY, |_| self.picture().fields())
+        let clouds = self.preview.is_some() && !self.view.shows_pings();
+        if clouds { self.picture().fields() } else { FieldSet::EMPTY }
     }
 
     /// For the report.
@@ -99,9 +153,17 @@ impl OutputArgs {
                 "file": file,
                 "color": choice::name(choice::COLOR, self.color),
                 "view": choice::name(choice::VIEW, self.view),
+                "ground": self.ground,
             })
         });
-        json!({ "files": self.output, "format": self.format, "single": self.single, "preview": preview })
+        json!({
+            "files": self.output,
+            "format": self.format,
+            "single": self.single,
+            "preview": preview,
+            "pings": self.pings,
+            "image": self.image,
+        })
     }
 }
 
@@ -147,6 +209,25 @@ impl<'a> Writer<'a> {
         self.write_preview(cloud, self.args.preview.as_ref().map(|file| numbered(file, frame)))
     }
 
+    /// Writes what is made of all pings of the run.
+    pub fn write_pings(&mut self, pings: &Pings) -> Result<()> {
+        let args = self.args;
+        if let Some(file) = &args.pings {
+            self.report.absorb(pings.write(file).context("--pings")?);
+            self.files.push(file.clone());
+        }
+        if let Some(file) = &args.image {
+            let image = preview::image_of(pings, &args.picture()).context("--image")?;
+            self.report.absorb(image.write(file).context("--image")?);
+            self.files.push(file.clone());
+        }
+        if let Some(file) = args.preview.as_ref().filter(|_| args.view.shows_pings()) {
+            self.report.absorb(preview::write_pings(pings, file, &args.picture()).context("--preview")?);
+            self.files.push(file.clone());
+        }
+        Ok(())
+    }
+
     /// Gives files that grew frame by frame their names.
     pub fn finish(&mut self) -> Result<()> {
         for (file, frames) in self.growing.drain(..) {
@@ -179,7 +260,7 @@ impl<'a> Writer<'a> {
     }
 
     fn write_preview(&mut self, cloud: &PointCloud, file: Option<PathBuf>) -> Result<()> {
-        let Some(file) = file else { return Ok(()) };
+        let Some(file) = file.filter(|_| !self.args.view.shows_pings()) else { return Ok(()) };
         self.report.absorb(preview::write(cloud, &file, &self.args.picture()).context("--preview")?);
         self.files.push(file);
         Ok(())

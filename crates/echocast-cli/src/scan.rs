@@ -12,8 +12,8 @@ use crate::{choice, formats, interrupt, text};
 use anyhow::{Context as _, Result, ensure};
 use echocast::detect::Detection;
 use echocast::{
-    Environment, Field, FieldSet, Frame, Order, PointCloud, Profile, ReflectanceSource, Report, ScanOptions, Scene,
-    Sensor, Trajectory,
+    Environment, Field, FieldSet, Frame, Order, Ping, Pings, PointCloud, Profile, ReflectanceSource, Report,
+    ScanOptions, Scene, Sensor, SensorKind, Trajectory,
 };
 use serde_json::{Value, json};
 use std::io::Write as _;
@@ -27,6 +27,7 @@ Examples:
   echocast scan street.glb --sensor velodyne_vlp32c --at 0,0,1.8 --rain 20 --fog 150 -o wet.las
   echocast scan hall.glb --sensor kinect_v2 --at 1,2,1.5 --rpy 0,15,90 --organised --fields default,depth -o hall.npz
   echocast scan street.glb --sensor velodyne_vlp32c --at 0,0,1.8 --fog 150 --explain 12345
+  echocast scan lake.glb --sensor sss_450 --trajectory survey.csv --preview lake.png --view waterfall --color intensity
   echocast scan city.obj --up y --sensor velodyne_hdl64e --trajectory drive.txt --frames 0:99 --single -o drive.las")]
 pub struct Args {
     #[command(flatten)]
@@ -95,7 +96,6 @@ pub fn run(args: &Args) -> Result<()> {
         !(args.organised && args.order == Order::Time),
         "--organised: its rows and columns are beams; allowed: --order beam"
     );
-    args.output.check(fields)?;
     interrupt::clean_up_in(args.output.folders())?;
     let progress = Progress::new(args.quiet);
     let mut seconds = Seconds::default();
@@ -104,6 +104,7 @@ pub fn run(args: &Args) -> Result<()> {
     progress.phase(format!("loading {}", args.scene.names()));
     let (sensor, scene, trajectory) = timed(&mut seconds.load, || -> Result<(Sensor, Scene, Trajectory)> {
         let sensor = args.sensor.load()?;
+        args.output.check(fields, sensor.kind())?;
         let trajectory = args.trajectory.as_ref().map(Trajectory::load).transpose()?;
         let scene = args.scene.load()?;
         let trajectory = match trajectory {
@@ -114,9 +115,12 @@ pub fn run(args: &Args) -> Result<()> {
     })?;
     warnings.absorb(scene.report.clone());
     let environment = args.weather.load()?;
-    let frames = args.frames.unwrap_or(Frames::ONE);
     let fps = frame_rate(args.fps, &sensor)?;
-    if args.trajectory.is_some() {
+    let sonar = sensor.kind() == SensorKind::Sonar;
+    // A sonar pings all along its way.
+    let all_along = Frames { last: ((trajectory.span().1 * fps + 1e-6).min(1e9) as u32).max(0), ..Frames::ONE };
+    let frames = args.frames.unwrap_or(if sonar { all_along } else { Frames::ONE });
+    if args.trajectory.is_some() && !(sonar && args.frames.is_none()) {
         warn_of_other_span(&trajectory, args.frames, fps, &mut warnings);
     }
     let rows = sensor.beams().len() as u64 * frames.len() as u64;
@@ -151,15 +155,33 @@ pub fn run(args: &Args) -> Result<()> {
         );
     }
 
+    if sonar {
+        warnings.absorb(built.check_water(&sensor, &trajectory, &options_of(frames.first))?);
+    }
     progress.count_frames(frames.len());
     let mut writer = Writer::new(&args.output);
     let mut all = PointCloud::default();
     let mut cloud = PointCloud::default();
     let mut points = 0;
+    let mut pings = Pings::default();
+    let mut ping = Ping::default();
+    let pinged = args.output.pinged(fields).filter(|_| sonar);
     for frame in frames.iter() {
         let options = options_of(frame);
         progress.phase("scanning".into());
-        timed(&mut seconds.scan, || built.scan_into(&sensor, &trajectory, &options, &mut cloud))?;
+        timed(&mut seconds.scan, || -> Result<()> {
+            // Of one ping come its cells and its points.
+            let Some(kept) = pinged else { return Ok(built.scan_into(&sensor, &trajectory, &options, &mut cloud)?) };
+            let wants_clouds = args.output.wants_clouds();
+            let made = if wants_clouds { kept.union(Ping::cloud_fields(options.fields)) } else { kept };
+            let options = ScanOptions { fields: made, ..options.clone() };
+            built.ping_into(&sensor, &trajectory, &options, &mut ping)?;
+            if wants_clouds {
+                cloud = ping.cloud(&options_of(frame))?;
+            }
+            pings.push(ping.with(kept))?;
+            Ok(())
+        })?;
         // Files hold what was asked for; what the picture shows besides is there all the same.
         cloud.fields = fields;
         points += returns(&cloud);
@@ -172,18 +194,21 @@ pub fn run(args: &Args) -> Result<()> {
         progress.frame_done();
     }
     progress.phase("writing".into());
-    timed(&mut seconds.write, || match args.output.single() {
-        true => writer.finish(),
-        false => writer.write(if frames.len() > 1 { &all } else { &cloud }, &cloud),
+    timed(&mut seconds.write, || -> Result<()> {
+        writer.write_pings(&pings)?;
+        match args.output.single() {
+            true => writer.finish(),
+            false => writer.write(if frames.len() > 1 { &all } else { &cloud }, &cloud),
+        }
     })?;
     drop(progress);
     warnings.absorb(writer.report);
-    if points == 0 {
+    if points == 0 && (args.output.wants_clouds() || !sonar) {
         warn_of_nothing(&scene, &sensor, &trajectory, &environment, &mut warnings);
     }
 
     let report = RunReport {
-        rays: sensor.beams().len() * frames.len(),
+        rays: sensor.ray_count() * frames.len(),
         points,
         frames: frames.len(),
         threads,

@@ -17,8 +17,8 @@ pub(crate) fn exp2(x: f32) -> f32 {
     let whole = (clamped + ROUND) - ROUND;
     let q = (clamped - whole) * LN_2;
     // e^q for |q| <= ln(2) / 2 by its power series: the first term left out is below 1e-7.
-    let part = 1.0
-        + q * (1.0 + q * (1.0 / 2.0 + q * (1.0 / 6.0 + q * (1.0 / 24.0 + q * (1.0 / 120.0 + q * (1.0 / 720.0))))));
+    let part =
+        1.0 + q * (1.0 + q * (1.0 / 2.0 + q * (1.0 / 6.0 + q * (1.0 / 24.0 + q * (1.0 / 120.0 + q * (1.0 / 720.0))))));
     let scale = f32::from_bits(((whole as i32 + 127) as u32) << 23);
     if x < -126.0 { 0.0 } else { part * scale }
 }

@@ -180,6 +180,23 @@ impl Ping {
         &self.cells.intensity[beam * bins..(beam + 1) * bins]
     }
 
+    /// A copy with those of its columns that are in `fields`, and the level.
+    #[must_use]
+    pub fn with(&self, fields: FieldSet) -> Ping {
+        let fields: FieldSet =
+            self.fields.iter().map(|info| info.field).filter(|&field| fields.contains(field)).collect();
+        let fields = fields.with(Field::Intensity);
+        Ping {
+            layout: self.layout.clone(),
+            cells: self.cells.with(fields),
+            fields,
+            soundings: self.soundings.clone(),
+            labels: self.labels.clone(),
+            memory: PingMemory::default(),
+            ..*self
+        }
+    }
+
     /// Amplitude of a level, uPa.
     pub fn amplitude(level_db: f32) -> f32 {
         10f32.powf(level_db / 20.0)

@@ -793,6 +793,11 @@ impl Sensor {
         known[known.len() - 1].2.clone()
     }
 
+    /// Rays of one scan: as many as beams, but of a sonar, whose beams many rays stand for.
+    pub fn ray_count(&self) -> usize {
+        if self.spec.acoustics.is_some() { self.rays().len() } else { self.beams.len() }
+    }
+
     /// The rays that stand for its beams, where each beam is no ray of its own: of a sonar in water of 1500 m/s.
     pub(crate) fn rays(&self) -> Cow<'_, BeamTable> {
         let Some(acoustics) = &self.spec.acoustics else { return Cow::Borrowed(&self.beams) };

@@ -192,6 +192,11 @@ macro_rules! columns {
                 $( if !self.$name.is_empty() { self.$name.copy_within(from..from + count, to) } )*
             }
 
+            /// A copy of the columns of `fields`.
+            pub(crate) fn with(&self, fields: FieldSet) -> Columns {
+                Columns { $( $name: if fields.contains(Field::$variant) { self.$name.clone() } else { Vec::new() } ),* }
+            }
+
             /// Makes room for the rows of `other`.
             ///
             /// # Errors

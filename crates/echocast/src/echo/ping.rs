@@ -104,13 +104,8 @@ impl Insonification<'_> {
     pub fn answer(&self, echoes: &mut Echoes) {
         let Echoes { arrivals, answers, energy, re, im } = echoes;
         (answers.clear(), energy.clear(), re.clear(), im.clear());
-        let mut batch = Batch {
-            place: [[0; BATCH]; 3],
-            object: [0; BATCH],
-            turn: [0.0; BATCH],
-            energy: [0.0; BATCH],
-            count: 0,
-        };
+        let mut batch =
+            Batch { place: [[0; BATCH]; 3], object: [0; BATCH], turn: [0.0; BATCH], energy: [0.0; BATCH], count: 0 };
         let per_bin = 1.0 / self.bin_m;
         for arrival in &*arrivals {
             let ray = arrival.ray as usize;

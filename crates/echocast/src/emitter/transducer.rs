@@ -124,7 +124,12 @@ impl Transducer {
             }
             None => {
                 let (low, high) = ((axis - FRAC_PI_2).max(-FRAC_PI_2), (axis + FRAC_PI_2).min(FRAC_PI_2));
-                strata(sonar.rays as usize, [low, high], |angle| vertical.amplitude((angle - axis).sin()).powi(4), |_| 1.0)
+                strata(
+                    sonar.rays as usize,
+                    [low, high],
+                    |angle| vertical.amplitude((angle - axis).sin()).powi(4),
+                    |_| 1.0,
+                )
             }
         };
         let mut transducer = Transducer::default();
@@ -279,7 +284,12 @@ struct Stratum {
 }
 
 /// `count` parts of a fan: small where it is loud, and some everywhere. `measure`: solid angle of a ring by angle.
-fn strata(count: usize, [low, high]: [f64; 2], power: impl Fn(f64) -> f64, measure: impl Fn(f64) -> f64) -> Vec<Stratum> {
+fn strata(
+    count: usize,
+    [low, high]: [f64; 2],
+    power: impl Fn(f64) -> f64,
+    measure: impl Fn(f64) -> f64,
+) -> Vec<Stratum> {
     /// Steps that the density is summed in.
     const STEPS: usize = 8192;
     let step = (high - low) / STEPS as f64;

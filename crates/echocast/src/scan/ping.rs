@@ -5,8 +5,8 @@ use crate::cause::Cause;
 use crate::cloud::{Columns, Field, FieldSet, Slices};
 use crate::detect::{Heard, sounding};
 use crate::echo::{
-    Background, Backscatter, CHUNK_BITS, Drift, Echoes, Insonification, LOG2_PER_DB, Lines, NOBODY, Response, Scatterers,
-    Tile, Wants,
+    Background, Backscatter, CHUNK_BITS, Drift, Echoes, Insonification, LOG2_PER_DB, Lines, NOBODY, Response,
+    Scatterers, Tile, Wants,
 };
 use crate::emitter::{Pose, Trajectory, Transducer};
 use crate::error::{Error, Result};
@@ -181,7 +181,8 @@ impl<'a> Pinging<'a> {
         let interval = 0.5 * believed * sensor.beams.period;
         let reach = sensor.range_max_m;
         let allowed = |most: f64, how: &str| {
-            let found = format!("{reach} m, beyond the {interval:.2} m that sound goes and comes back between two pings");
+            let found =
+                format!("{reach} m, beyond the {interval:.2} m that sound goes and comes back between two pings");
             Error::invalid("range.max_m", found, format!("up to {most:.2} m, a lower pattern.rate_hz{how}"))
         };
         match acoustics.allow_ambiguity {
@@ -462,10 +463,7 @@ impl Listening<'_, '_> {
                 let half = tiles.len() / 2;
                 let (left, right) = tiles.split_at_mut(half);
                 let (left_rows, right_rows) = rows.split_at(half * TILE * self.pinging.layout.bins);
-                parallel::join(
-                    || self.tiles(left, first, left_rows),
-                    || self.tiles(right, first + half, right_rows),
-                );
+                parallel::join(|| self.tiles(left, first, left_rows), || self.tiles(right, first + half, right_rows));
             }
         }
     }

@@ -203,9 +203,8 @@ impl<'a> Printed<'a> {
             let strength = 10.0 * self.reflectance(surface, triangle, corner).log10();
             // The source level is that at 1 m.
             let spreading = 20.0 * path.max(1.0).log10();
-            let level = self.acoustics.source_level_db - 2.0 * spreading - f64::from(arrival.loss)
-                + strength
-                + self.gains();
+            let level =
+                self.acoustics.source_level_db - 2.0 * spreading - f64::from(arrival.loss) + strength + self.gains();
             if level > self.acoustics.detection_threshold_db {
                 chunk.points.push(Point {
                     ray: arrival.ray,

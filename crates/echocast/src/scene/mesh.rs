@@ -1,10 +1,10 @@
 //! Triangle meshes, split into parts of one material each.
 
-use glam::{DAffine3, DVec3};
 use crate::error::{Error, Result};
 use crate::material::Material;
 use crate::scene::LARGEST;
 use crate::trace::{Engine, MeshStructure};
+use glam::{DAffine3, DVec3};
 use std::fmt;
 use std::ops::{Deref, Range};
 use std::sync::Arc;

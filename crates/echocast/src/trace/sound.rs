@@ -184,7 +184,20 @@ impl<'a> SoundTracer<'a> {
         let empty = slabs.iter().map(is_empty).collect();
         let uniform = column.is_uniform();
         let SoundLimits { mask, believed, reach, bounces, reflection_loss } = limits;
-        SoundTracer { scene, slabs, empty, column, uniform, surface_z, bounds, mask, believed, reach, bounces, reflection_loss }
+        SoundTracer {
+            scene,
+            slabs,
+            empty,
+            column,
+            uniform,
+            surface_z,
+            bounds,
+            mask,
+            believed,
+            reach,
+            bounces,
+            reflection_loss,
+        }
     }
 
     /// Adds what the rays `which` of `launch` meet to `arrivals`: first what they meet at first, in their order, block by
@@ -213,13 +226,7 @@ impl<'a> SoundTracer<'a> {
     }
 
     /// Rays of one block through water that is the same everywhere; those that are reflected go to `memory.states`.
-    fn straight(
-        &self,
-        launch: &Launch,
-        block: Range<usize>,
-        memory: &mut TracerMemory,
-        arrivals: &mut Vec<Arrival>,
-    ) {
+    fn straight(&self, launch: &Launch, block: Range<usize>, memory: &mut TracerMemory, arrivals: &mut Vec<Arrival>) {
         let TracerMemory { rays, hits, states, .. } = memory;
         let depth = self.surface_z - launch.place.z;
         let water = &self.column.slabs[self.column.slab_at(depth)];
@@ -380,7 +387,13 @@ impl<'a> SoundTracer<'a> {
     }
 
     /// Takes a ray on, through water where nothing is, up to its next step on which something can be met; `None`: it ends.
-    fn next_traced(&self, state: &mut State, latest: f64, start_speed: f64, arrivals: &mut Vec<Arrival>) -> Option<Step> {
+    fn next_traced(
+        &self,
+        state: &mut State,
+        latest: f64,
+        start_speed: f64,
+        arrivals: &mut Vec<Arrival>,
+    ) -> Option<Step> {
         for _ in 0..MOST_STEPS {
             if state.ray.time >= latest {
                 return None;

@@ -195,9 +195,7 @@ impl Sidescan {
                 check_count("pattern.down_fov_deg and pattern.step_deg", 2, (0.5 * fov / step) as u64 + 1)
             }
             (Some(_), None) => Err(Error::invalid("pattern.step_deg", "missing", "a value with pattern.down_fov_deg")),
-            (None, Some(step)) => {
-                Err(Error::invalid("pattern.step_deg", step, "with pattern.down_fov_deg only"))
-            }
+            (None, Some(step)) => Err(Error::invalid("pattern.step_deg", step, "with pattern.down_fov_deg only")),
         }
     }
 
@@ -369,14 +367,8 @@ mod tests {
     #[test]
     fn a_turning_beam_starts_again_after_its_last_azimuth() {
         let turn = Some(Fan { fov_deg: 360.0, step_deg: 90.0, centre_deg: 0.0 });
-        let sonar = SingleBeam {
-            beam_deg: one_degree(),
-            vertical_deg: None,
-            tilt_deg: 0.0,
-            turn,
-            rays: 8,
-            rate_hz: 1.0,
-        };
+        let sonar =
+            SingleBeam { beam_deg: one_degree(), vertical_deg: None, tilt_deg: 0.0, turn, rays: 8, rate_hz: 1.0 };
         assert_eq!([0, 1, 2, 3, 4].map(|ping| sonar.azimuth_deg(ping)), [-180.0, -90.0, 0.0, 90.0, -180.0]);
     }
 }

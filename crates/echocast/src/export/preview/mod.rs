@@ -19,6 +19,7 @@ pub use canvas::Picture;
 use super::atomic::Pending;
 use crate::cloud::{Field, FieldSet, PointCloud};
 use crate::error::{Error, Result};
+use crate::image::Image;
 use crate::ping::Pings;
 use crate::report::Report;
 use crate::yaml;
@@ -150,16 +151,18 @@ pub struct PreviewOptions {
     pub color: ColorBy,
     /// Width of the picture in pixels, 320 to 4096, default 1600; the height follows the content.
     pub width: u32,
+    /// Whether a waterfall shows ground range, along the bed, in place of slant range; default false.
+    pub ground: bool,
 }
 
 impl Default for PreviewOptions {
     fn default() -> Self {
-        PreviewOptions { view: View::default(), color: ColorBy::default(), width: 1600 }
+        PreviewOptions { view: View::default(), color: ColorBy::default(), width: 1600, ground: false }
     }
 }
 
 impl PreviewOptions {
-    /// Reads options from YAML: `view`, `color`, `width`.
+    /// Reads options from YAML: `view`, `color`, `width`, `ground`.
     ///
     /// # Errors
     /// Line and key of what is wrong, with the nearest known key.
@@ -233,6 +236,29 @@ fn write_picture(picture: &Picture, path: &Path) -> Result<()> {
     pending.commit()
 }
 
+/// What the picture of `pings` shows, as numbers: levels in dB with the sonar's gain over time, or heights in m, and labels.
+///
+/// # Errors
+/// As [`render_pings`]; no pings.
+pub fn image_of(pings: &Pings, options: &PreviewOptions) -> Result<Image> {
+    check_pinged(options)?;
+    if pings.pings.is_empty() {
+        return Err(Error::invalid("pings", "none", "at least one"));
+    }
+    let (.., image) = sonar::made(pings, options, &Page::new(options.width))?;
+    Ok(image)
+}
+
+/// That the options are those of a picture of pings.
+fn check_pinged(options: &PreviewOptions) -> Result<()> {
+    check_width(options.width)?;
+    if !options.view.shows_pings() {
+        let allowed = "waterfall, track or fan for pings; it shows points";
+        return Err(Error::invalid("view", name_of(options.view, &VIEWS), allowed));
+    }
+    Ok(())
+}
+
 /// The picture of `pings`; without any it says so.
 ///
 /// Pings without labels are coloured by level instead, which the report says.
@@ -241,11 +267,7 @@ fn write_picture(picture: &Picture, path: &Path) -> Result<()> {
 /// A width out of bounds, a view that shows clouds or another kind of sonar, a colour that pings do not have, pings that do
 /// not fit together.
 pub fn render_pings(pings: &Pings, options: &PreviewOptions, report: &mut Report) -> Result<Picture> {
-    check_width(options.width)?;
-    if !options.view.shows_pings() {
-        let allowed = "waterfall, track or fan for pings; it shows points";
-        return Err(Error::invalid("view", name_of(options.view, &VIEWS), allowed));
-    }
+    check_pinged(options)?;
     let page = Page::new(options.width);
     if pings.pings.is_empty() {
         return Ok(page.empty("no pings"));
@@ -433,7 +455,8 @@ mod tests {
         }
         for (index, cloud) in strange.iter().enumerate() {
             for (turn, view) in VIEWS.into_iter().enumerate() {
-                let options = PreviewOptions { view, color: COLORS[(index + turn) % COLORS.len()], width: 320 };
+                let options =
+                    PreviewOptions { view, color: COLORS[(index + turn) % COLORS.len()], width: 320, ground: false };
                 let picture = render(cloud, &options, &mut Report::default()).unwrap();
                 assert_eq!(picture.pixels.len(), 3 * 320 * picture.height as usize, "{index} {options:?}");
                 assert!(picture.height < 600, "{index} {options:?}");

@@ -242,7 +242,7 @@ mod tests {
     }
 
     fn picture(cloud: &PointCloud) -> Picture {
-        let options = PreviewOptions { view: View::Range, color: ColorBy::Label, width: 800 };
+        let options = PreviewOptions { view: View::Range, color: ColorBy::Label, width: 800, ground: false };
         let mut report = Report::default();
         let picture = render(cloud, &options, &mut report).unwrap();
         assert_eq!(report.warnings, Vec::<String>::new());

@@ -20,14 +20,18 @@ use std::collections::{BTreeMap, HashMap};
 const FLATTEST: f32 = 0.25;
 const TALLEST: f32 = 0.68;
 
-/// The picture of `pings`, at least one.
-pub(super) fn draw(pings: &Pings, options: &PreviewOptions, page: &Page, report: &mut Report) -> Result<Picture> {
+/// What a picture of `pings`, at least one, shows: its name, notes, and the image.
+pub(super) fn made(pings: &Pings, options: &PreviewOptions, page: &Page) -> Result<(String, Vec<String>, Image)> {
     let view = pings.check()?.view;
     let count = counted(pings.pings.len(), "ping");
-    let (name, mut notes, image) = match options.view {
+    Ok(match options.view {
         View::Waterfall => {
-            let image = image::waterfall(pings, ImageRange::Slant, None)?;
-            (format!("Waterfall of {count}"), vec!["slant range, the last ping below".to_owned()], image)
+            let (range, words) = match options.ground {
+                true => (ImageRange::Ground, "ground range, the last ping below"),
+                false => (ImageRange::Slant, "slant range, the last ping below"),
+            };
+            let image = image::waterfall(pings, range, None)?;
+            (format!("Waterfall of {count}"), vec![words.to_owned()], image)
         }
         View::Fan => fan(pings, page)?,
         _ if view == SonarView::Swath => {
@@ -43,7 +47,12 @@ pub(super) fn draw(pings: &Pings, options: &PreviewOptions, page: &Page, report:
             let words = if ground { "ground range" } else { "slant range" };
             (format!("Track of {count}"), vec![words.to_owned()], image)
         }
-    };
+    })
+}
+
+/// The picture of `pings`, at least one.
+pub(super) fn draw(pings: &Pings, options: &PreviewOptions, page: &Page, report: &mut Report) -> Result<Picture> {
+    let (name, mut notes, image) = made(pings, options, page)?;
     let ink = Ink::new(&image, options.color, report)?;
     let panel = match image.kind {
         ImageKind::Waterfall => waterfall(&image, &ink, page),
@@ -346,7 +355,7 @@ mod tests {
     use crate::image::synthetic::{self, Sidescan, TARGET};
 
     fn render(pings: &Pings, view: View, color: ColorBy) -> Picture {
-        let options = PreviewOptions { view, color, width: 800 };
+        let options = PreviewOptions { view, color, width: 800, ground: false };
         let mut report = Report::default();
         let picture = render_pings(pings, &options, &mut report).unwrap();
         assert_eq!(report.warnings, Vec::<String>::new());
@@ -418,7 +427,7 @@ mod tests {
         for pings in &strange {
             for view in [View::Waterfall, View::Track] {
                 for color in [ColorBy::Label, ColorBy::Intensity] {
-                    let options = PreviewOptions { view, color, width: 320 };
+                    let options = PreviewOptions { view, color, width: 320, ground: false };
                     let picture = render_pings(pings, &options, &mut Report::default()).unwrap();
                     assert!(picture.height < 600);
                 }

@@ -176,7 +176,7 @@ mod tests {
     }
 
     fn picture(cloud: &PointCloud) -> Picture {
-        let options = PreviewOptions { view: View::Top, color: ColorBy::Label, width: 800 };
+        let options = PreviewOptions { view: View::Top, color: ColorBy::Label, width: 800, ground: false };
         render(cloud, &options, &mut Report::default()).unwrap()
     }
 

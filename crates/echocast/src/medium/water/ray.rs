@@ -113,7 +113,9 @@ impl Ray {
         next.speed_path += speed_path;
         next.tube += self.widening * speed_path;
         next.loss += length / 6.0
-            * (slab.absorption_at(self.depth) + 4.0 * slab.absorption_at(middle_depth) + slab.absorption_at(next.depth));
+            * (slab.absorption_at(self.depth)
+                + 4.0 * slab.absorption_at(middle_depth)
+                + slab.absorption_at(next.depth));
         next
     }
 
@@ -126,7 +128,11 @@ impl Ray {
         };
         let ahead = if self.sine > 0.0 { End::Bottom } else { End::Top };
         if slab.gradient == 0.0 {
-            return if self.sine == 0.0 { (f64::INFINITY, End::Inside) } else { ((to(ahead) / self.sine).max(0.0), ahead) };
+            return if self.sine == 0.0 {
+                (f64::INFINITY, End::Inside)
+            } else {
+                ((to(ahead) / self.sine).max(0.0), ahead)
+            };
         }
         // Rays bend away from the side where sound is faster.
         let faster = if slab.gradient > 0.0 { End::Bottom } else { End::Top };
