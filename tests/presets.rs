@@ -415,7 +415,7 @@ fn sonars_have_the_figures_of_their_files() {
     }
 }
 
-/// Height of a lobe, degrees.
+/// Width of a lobe, degrees.
 fn degrees(lobe: &Lobe, wavelength: f64) -> f64 {
     lobe.at(wavelength).width().to_degrees()
 }
@@ -503,7 +503,7 @@ fn sonar_row(name: &str, sensor: &Sensor, text: &str) -> String {
     };
     let range = format!("{} to {}", spec.range.min_m, spec.range.max_m.unwrap());
     let resolution = sensor.expectations().unwrap().resolution_m.unwrap();
-    let rate = (10.0 / sensor.beams().period).round() / 10.0;
+    let rate = (100.0 / sensor.beams().period).round() / 100.0;
     let (frequency, unverified) = (acoustics.frequency_khz, unverified(text).join(", "));
     format!(
         "| `{name}` | {frequency} | {beams} | {view} | {widths} | {range} | {resolution} | {rate} | {unverified} |\n"
