@@ -595,6 +595,9 @@ pub struct PresetInfo {
     pub folder: String,
 }
 
+/// Transducers, each with the wavelength, m, and the ratio of sound speeds that it was made for.
+type Transducers = Vec<(f64, f64, Arc<Transducer>)>;
+
 /// A depth sensor, ready to scan.
 #[derive(Clone, Debug)]
 pub struct Sensor {
@@ -615,7 +618,7 @@ pub struct Sensor {
     /// Quantiles of the texture of what a sonar hears; empty: none.
     pub(crate) texture: Arc<[f32]>,
     /// What a sonar sends and hears, for the wavelengths that it has been used at; shared with copies.
-    transducers: Arc<Mutex<Vec<(f64, f64, Arc<Transducer>)>>>,
+    transducers: Arc<Mutex<Transducers>>,
 }
 
 impl Sensor {
