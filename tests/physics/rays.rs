@@ -205,7 +205,9 @@ fn tubes_are_as_wide_as_their_neighbours_are_apart() {
             let at = |angle: f64| {
                 let mut ray = SoundRay::new(&water, 1000.0, 50.0, angle, bottom).unwrap();
                 let start = ray.point().speed_m_s;
-                (1..touches).for_each(|_| drop(touch(&mut ray)));
+                for _ in 1..touches {
+                    touch(&mut ray);
+                }
                 (touch(&mut ray).unwrap().0, start)
             };
             let step = 1e-3;

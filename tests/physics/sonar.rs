@@ -2,7 +2,7 @@
 
 use super::assert_near;
 use echocast::emitter::Lobe;
-use echocast::{BuiltScene, Environment, Field, FieldSet, Ping, Pose, ScanOptions, Sensor, Trajectory, emitter};
+use echocast::{BuiltScene, Environment, FieldSet, Ping, Pose, ScanOptions, Sensor, Trajectory};
 use echocast_tests::reference::{SceneBuilder, Shape};
 use glam::DVec3;
 

@@ -103,7 +103,8 @@ impl Insonification<'_> {
     #[inline(always)]
     pub fn answer(&self, echoes: &mut Echoes) {
         let Echoes { arrivals, answers, energy, re, im } = echoes;
-        (answers.clear(), energy.clear(), re.clear(), im.clear());
+        answers.clear();
+        [&mut *energy, re, im].into_iter().for_each(Vec::clear);
         let mut batch =
             Batch { place: [[0; BATCH]; 3], object: [0; BATCH], turn: [0.0; BATCH], energy: [0.0; BATCH], count: 0 };
         let per_bin = 1.0 / self.bin_m;
@@ -149,7 +150,8 @@ impl Insonification<'_> {
                 for part in from..=to {
                     let covered = (high.min(part as f32 + 1.0) - low.max(part as f32)).max(0.0);
                     let share = if from == to { power } else { share * covered };
-                    (energy.push(share), re.push(share));
+                    energy.push(share);
+                    re.push(share);
                 }
                 continue;
             };
