@@ -15,8 +15,8 @@ fn flat(cell: f64) -> BuiltScene {
         for j in 0..count {
             let corner = DVec3::new(-200.0 + f64::from(i) * cell, -200.0 + f64::from(j) * cell, 0.0);
             let (right, up) = (corner + DVec3::X * cell, corner + DVec3::Y * cell);
-            scene.stand(Shape::triangle([corner, right, up]), Some(paint.clone()));
-            scene.stand(Shape::triangle([right, right + DVec3::Y * cell, up]), Some(paint.clone()));
+            scene.stand(Shape::triangle([corner, right, up]), Some(paint));
+            scene.stand(Shape::triangle([right, right + DVec3::Y * cell, up]), Some(paint));
         }
     }
     scene.finish().build().unwrap()

@@ -28,6 +28,7 @@ Examples:
   echocast scan hall.glb --sensor kinect_v2 --at 1,2,1.5 --rpy 0,15,90 --organised --fields default,depth -o hall.npz
   echocast scan street.glb --sensor velodyne_vlp32c --at 0,0,1.8 --fog 150 --explain 12345
   echocast scan lake.glb --sensor sss_450 --trajectory survey.csv --preview lake.png --view waterfall --color intensity
+  echocast scan lake.glb --sensor sss_450 --trajectory survey.csv --explain 20,1
   echocast scan city.obj --up y --sensor velodyne_hdl64e --trajectory drive.txt --frames 0:99 --single -o drive.las")]
 pub struct Args {
     #[command(flatten)]
@@ -69,10 +70,11 @@ pub struct Args {
     /// Keep beams without a return (NaN), rows and columns of the sensor
     #[arg(long, help_heading = "Points")]
     organised: bool,
-    /// Tell what happens to one beam of the first frame, step by step with numbers, and write nothing: rows and columns are
-    /// counted from 0, a beam is row * columns + column
-    #[arg(long, value_name = "BEAM", conflicts_with_all = ["output", "preview", "json"], help_heading = "Output")]
-    explain: Option<u32>,
+    /// Tell what happens to one beam of the first frame, or of another that is named before it, step by step with numbers,
+    /// and write nothing: rows and columns are counted from 0, a beam is row * columns + column; of a sonar a frame is a
+    /// ping
+    #[arg(long, value_name = "[FRAME,]BEAM", value_parser = frame_and_beam, conflicts_with_all = ["output", "preview", "json"], help_heading = "Output")]
+    explain: Option<(Option<u32>, u32)>,
     #[command(flatten)]
     output: OutputArgs,
     /// Worker threads [default: all cores]
@@ -148,11 +150,10 @@ pub fn run(args: &Args) -> Result<()> {
         environment: environment.clone(),
         ..ScanOptions::default()
     };
-    if let Some(beam) = args.explain {
+    if let Some((frame, beam)) = args.explain {
         drop(progress);
-        return text::print(
-            &built.explain(&sensor, &trajectory, &options_of(frames.first), beam).context("--explain")?,
-        );
+        let options = options_of(frame.unwrap_or(frames.first));
+        return text::print(&built.explain(&sensor, &trajectory, &options, beam).context("--explain")?);
     }
 
     if sonar {
@@ -228,6 +229,15 @@ pub fn run(args: &Args) -> Result<()> {
         text::print(&report.summary(&format!("{} in {}", sensor.name(), args.scene.names())))?;
     }
     Ok(())
+}
+
+/// `BEAM` or `FRAME,BEAM`.
+fn frame_and_beam(text: &str) -> Result<(Option<u32>, u32), String> {
+    let number = |text: &str| text.trim().parse().map_err(|_| "expected BEAM or FRAME,BEAM, such as 12,345".to_owned());
+    match text.split_once(',') {
+        None => Ok((None, number(text)?)),
+        Some((frame, beam)) => Ok((Some(number(frame)?), number(beam)?)),
+    }
 }
 
 /// Rows of `cloud` that are returns: all but the misses of an organised cloud, where a column tells them.

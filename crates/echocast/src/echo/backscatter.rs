@@ -93,6 +93,12 @@ impl Backscatter {
         }
     }
 
+    /// Backscatter of what an arrival meets at the sine of a grazing angle, dB per m^2.
+    pub fn strength_db(&self, surfaces: &Surfaces, arrival: &Arrival, sine: f32) -> f64 {
+        let ratio = self.log2(surfaces, arrival, sine) + sine.log2();
+        f64::from(ratio) * 10.0 * std::f64::consts::LOG10_2
+    }
+
     /// What a reflection by a row, or by the sea surface, costs at the sine of a grazing angle, dB.
     pub fn reflection_loss(&self, surfaces: &Surfaces, row: u32, sine: f64) -> f64 {
         interpolate(&self.losses, self.material(surfaces, row), sine as f32).into()

@@ -22,7 +22,7 @@ pub(crate) use particles::Cone;
 pub(crate) use path::{Chosen, Follower, Meeting, PathEcho, PathEchoes, PathLimits, Preferred, Surroundings};
 pub(crate) use phasor::{MOST_FREQUENCIES, Modulation, ShotNoise, natural_vignetting, turns};
 pub(crate) use ping::{
-    CHUNK_BITS, Drift, Echoes, Insonification, LOG2_PER_DB, NOBODY, Scatterers, Tile, Wants, texture,
+    CHUNK_BITS, Drift, Echoes, Insonification, LOG2_PER_DB, NOBODY, PingEcho, Scatterers, Tile, Wants, texture,
 };
 pub use pulse::PulseShape;
 pub(crate) use pulse::{Pulse, erf};

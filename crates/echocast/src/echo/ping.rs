@@ -66,7 +66,7 @@ pub(crate) struct Drift {
 pub(crate) struct Echoes {
     pub arrivals: Vec<Arrival>,
     /// Of each arrival, in their order.
-    pub answers: Vec<Answer>,
+    pub answers: Vec<PingEcho>,
     /// Parts: energies, and amplitudes with random phases, or energies again.
     pub energy: Vec<f32>,
     pub re: Vec<f32>,
@@ -75,7 +75,7 @@ pub(crate) struct Echoes {
 
 /// What comes back of an arrival.
 #[derive(Clone, Copy)]
-pub(crate) struct Answer {
+pub(crate) struct PingEcho {
     /// Its parts: from this one on, `parts` of them.
     pub first: u32,
     pub parts: u32,
@@ -140,11 +140,11 @@ impl Insonification<'_> {
             let first = energy.len() as u32 + batch.count as u32;
             let from = low.max(0.0) as usize;
             if from >= self.bins || high <= 0.0 {
-                answers.push(Answer { first, parts: 0, bin: 0, range: at, slide });
+                answers.push(PingEcho { first, parts: 0, bin: 0, range: at, slide });
                 continue;
             }
             let to = (high as usize).min(self.bins - 1);
-            answers.push(Answer { first, parts: (to - from + 1) as u32, bin: from as u32, range: at, slide });
+            answers.push(PingEcho { first, parts: (to - from + 1) as u32, bin: from as u32, range: at, slide });
             let share = power / (high - low).max(1e-3);
             let Some(scatterers) = &self.speckle else {
                 for part in from..=to {

@@ -39,6 +39,11 @@ impl Response {
         Response { taps, power }
     }
 
+    /// Power of a point-like echo `bins` from its middle, of that in it.
+    pub fn power_at(&self, bins: usize) -> f64 {
+        self.taps.get(bins).map_or(0.0, |&tap| f64::from(tap * tap))
+    }
+
     /// Adds up `line` over range into `out`; `padded` is memory.
     #[inline(always)]
     fn convolve(&self, line: &[f32], squared: bool, padded: &mut Vec<f32>, out: &mut [f32]) {

@@ -4,6 +4,7 @@ mod block;
 mod camera;
 mod collect;
 mod explain;
+mod explain_ping;
 mod halo;
 mod ping;
 mod ping_cloud;
@@ -217,7 +218,8 @@ impl BuiltScene {
     }
 
     /// Tells what happens to beam `beam` of such a scan, step by step with numbers: where it goes, what it meets, what comes
-    /// back, what of it is seen and reported.
+    /// back, what of it is seen and reported. Of a sonar the ray of the beam's echo is told, layer by layer, and the terms
+    /// of the sonar equation.
     ///
     /// # Errors
     /// As [`BuiltScene::scan`], and a beam that there is not.
@@ -230,6 +232,9 @@ impl BuiltScene {
     ) -> Result<String> {
         let options = ScanOptions { organised: false, order: Order::Beam, fields: FieldSet::all(), ..options.clone() };
         options.check(trajectory)?;
+        if sensor.kind() == SensorKind::Sonar {
+            return self.explain_ping(sensor, trajectory, &options, beam);
+        }
         let beams = sensor.beams_at(options.start_time)?;
         if beam as usize >= beams.len() {
             return Err(Error::invalid("beam", beam, format!("0 to {}", beams.len() - 1)));

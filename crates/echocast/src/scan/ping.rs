@@ -40,6 +40,23 @@ pub(crate) struct PingMemory {
     layout: Option<(LayoutInputs, Arc<Layout>)>,
 }
 
+impl PingMemory {
+    /// The tile with `beam`.
+    pub(super) fn tile_of(&self, beam: usize) -> &Tile {
+        &self.tiles[beam / TILE].tile
+    }
+
+    /// What the rays of chunk `number` send back.
+    pub(super) fn chunk(&self, number: usize) -> &Echoes {
+        &self.chunks[number].echoes
+    }
+
+    /// What all rays send back.
+    pub(super) fn all_echoes(&self) -> impl Iterator<Item = &Echoes> {
+        self.chunks.iter().map(|chunk| &chunk.echoes)
+    }
+}
+
 impl Clone for PingMemory {
     /// A copy needs memory of its own when it is pinged into.
     fn clone(&self) -> Self {
@@ -78,19 +95,19 @@ struct LayoutInputs {
 }
 
 /// What is the same for all rays of a ping.
-struct Pinging<'a> {
-    scene: &'a Tables,
-    acoustics: &'a AcousticsSpec,
-    transducer: Arc<Transducer>,
-    backscatter: Arc<Backscatter>,
-    water: &'a Water,
-    column: Column,
-    layout: Arc<Layout>,
+pub(super) struct Pinging<'a> {
+    pub scene: &'a Tables,
+    pub acoustics: &'a AcousticsSpec,
+    pub transducer: Arc<Transducer>,
+    pub backscatter: Arc<Backscatter>,
+    pub water: &'a Water,
+    pub column: Column,
+    pub layout: Arc<Layout>,
     /// Power that a steradian of open water sends back from each bin; empty: none.
     volume: Vec<f32>,
     solid_angles: Vec<f32>,
-    response: Response,
-    pose: Pose,
+    pub response: Response,
+    pub pose: Pose,
     drift: Option<Drift>,
     speckle: Option<Scatterers>,
     rng: Rng,
@@ -154,7 +171,7 @@ impl BuiltScene {
 }
 
 impl<'a> Pinging<'a> {
-    fn new(
+    pub fn new(
         scene: &'a Tables,
         sensor: &'a Sensor,
         trajectory: &Trajectory,
@@ -260,7 +277,7 @@ impl<'a> Pinging<'a> {
     }
 
     /// Fills `ping`.
-    fn run(&self, options: &ScanOptions, memory: &mut PingMemory, ping: &mut Ping) -> Result<()> {
+    pub fn run(&self, options: &ScanOptions, memory: &mut PingMemory, ping: &mut Ping) -> Result<()> {
         let asked: FieldSet = CELL_FIELDS.into_iter().filter(|&field| options.fields.contains(field)).collect();
         let fields = asked.with(Field::Intensity);
         let Layout { bins, view, .. } = *self.layout;
@@ -321,7 +338,7 @@ impl<'a> Pinging<'a> {
         }
     }
 
-    fn rotation(&self) -> Mat3 {
+    pub fn rotation(&self) -> Mat3 {
         self.pose.rotation().as_mat3()
     }
 
