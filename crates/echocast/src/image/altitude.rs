@@ -3,6 +3,9 @@
 use crate::error::{Error, Result};
 use crate::ping::{Ping, Pings, SonarView};
 
+/// The bed is no fainter than the loudest twentieth of a ping by more than this, dB; the surface of the water and what
+/// floats in it are.
+const FAINTER: f32 = 25.0;
 /// Pings before and after one whose first returns count for it.
 const NEIGHBOURS: usize = 3;
 /// Part of the cells after the first return that are above the threshold. Fish and noise are shorter than that.
@@ -11,11 +14,11 @@ const FILLED: f64 = 0.6;
 const WINDOW: (usize, usize) = (16, 8);
 
 /// Height of the sonar over the bed at each ping, m, as side-scan software tracks it: the range at which the returns of
-/// the bed begin, which stay above the threshold, the median over both sides and seven pings. Pings without a first
+/// the bed begin, which stay above the threshold and near the loudest of the ping, the median over both sides and seven pings. Pings without a first
 /// return near them have the height of the nearest that has one.
 ///
-/// Where the sonar is nearer to the surface of the water than to the bed, and hears it, this is the distance from the
-/// surface.
+/// Where the sonar is nearer to the surface of the water than to the bed, and hears it as loud as the bed, this is the
+/// distance from the surface.
 ///
 /// # Errors
 /// Pings that do not fit together; none that has a first return.
@@ -62,8 +65,12 @@ pub fn altitudes(pings: &Pings) -> Result<Vec<f64>> {
 /// Slant range at which the returns of the bed begin in a beam, m.
 fn first_return(ping: &Ping, beam: usize) -> Option<f64> {
     let layout = &ping.layout;
+    let levels = ping.levels(beam);
+    let mut sorted = levels.to_vec();
+    sorted.sort_unstable_by(f32::total_cmp);
+    let loud = sorted[sorted.len() * 19 / 20] - FAINTER;
     let above: Vec<bool> =
-        ping.levels(beam).iter().zip(&layout.threshold_db).map(|(level, least)| level >= least).collect();
+        levels.iter().zip(&layout.threshold_db).map(|(level, least)| *level >= least.max(loud)).collect();
     let window = (above.len() / WINDOW.0).max(WINDOW.1);
     let dense = |from: usize, length: usize, part: f64| {
         let cells = &above[from..(from + length).min(above.len())];

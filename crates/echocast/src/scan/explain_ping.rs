@@ -277,7 +277,7 @@ impl Pinging<'_> {
         term(
             "A",
             area,
-            format!("{:.4} m2 that the beam hears in a resolution cell, by its pattern", 10f64.powf(area / 10.0)),
+            format!("{:.2e} m2 that the beam hears in a resolution cell, by its pattern", 10f64.powf(area / 10.0)),
         )?;
         term("EL", mean, "mean echo level: SL - 2TL + S + A".into())?;
         let heard = f64::from(ping.levels(beam)[bin]);
