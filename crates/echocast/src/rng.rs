@@ -161,19 +161,21 @@ impl Rng {
         }
     }
 
-    /// [`Rng::phasors`] of the cells from `first` on.
+    /// [`Rng::phasors`] of the cells of `beam`, in their order.
     #[inline(always)]
-    pub(crate) fn cell_phasors(&self, first: u32, draw: Draw, re: &mut [f32], im: &mut [f32]) {
+    pub(crate) fn cell_phasors(&self, beam: u32, draw: Draw, re: &mut [f32], im: &mut [f32]) {
+        /// Addresses at a time; each has the numbers of two cells.
         const N: usize = 16;
-        for (index, (re, im)) in (0..).zip(re.chunks_mut(N).zip(im.chunks_mut(N))) {
+        for (index, (re, im)) in (0..).zip(re.chunks_mut(2 * N).zip(im.chunks_mut(2 * N))) {
             let mut cells = [0; N];
             for lane in 0..N {
-                cells[lane] = first.wrapping_add(index * N as u32 + lane as u32);
+                cells[lane] = index * N as u32 + lane as u32;
             }
-            let [a, b, ..] = philox([cells, [self.frame; N], [0; N], [draw as u32; N]], self.key);
-            let (mut x, mut y) = ([0.0; N], [0.0; N]);
+            let [a, b, c, d] = philox([cells, [self.frame; N], [beam; N], [draw as u32; N]], self.key);
+            let (mut x, mut y) = ([0.0; 2 * N], [0.0; 2 * N]);
             for lane in 0..N {
                 (x[lane], y[lane]) = phasor(a[lane], b[lane], 0.0);
+                (x[lane + N], y[lane + N]) = phasor(c[lane], d[lane], 0.0);
             }
             re.copy_from_slice(&x[..re.len()]);
             im.copy_from_slice(&y[..im.len()]);
@@ -353,11 +355,14 @@ mod tests {
         for lane in 0..n as usize {
             assert!((turned_re[lane] + im[lane]).abs() < 1e-3 && (turned_im[lane] - re[lane]).abs() < 1e-3);
         }
-        let (mut short_re, mut short_im) = (vec![0.0; 21], vec![0.0; 21]);
+        let (mut short_re, mut short_im) = (vec![0.0; 41], vec![0.0; 41]);
         rng.cell_phasors(7, Draw::PingNoise, &mut short_re, &mut short_im);
-        let (mut long_re, mut long_im) = (vec![0.0; 30], vec![0.0; 30]);
-        rng.cell_phasors(0, Draw::PingNoise, &mut long_re, &mut long_im);
-        assert_eq!((&short_re[..], &short_im[..]), (&long_re[7..28], &long_im[7..28]));
+        let (mut long_re, mut long_im) = (vec![0.0; 100], vec![0.0; 100]);
+        rng.cell_phasors(7, Draw::PingNoise, &mut long_re, &mut long_im);
+        assert_eq!((&short_re[..], &short_im[..]), (&long_re[..41], &long_im[..41]));
+        assert!(long_re.iter().enumerate().all(|(cell, value)| !long_re[..cell].contains(value)));
+        rng.cell_phasors(8, Draw::PingNoise, &mut short_re, &mut short_im);
+        assert!(short_re.iter().zip(&long_re).all(|(one, other)| one != other));
     }
 
     #[test]

@@ -350,6 +350,92 @@ impl Tile {
         self.who.resize(if wants.who { cells } else { 0 }, NOBODY);
     }
 
+    /// Adds the parts of an arrival that one beam hears, where its bins follow each other.
+    #[inline(always)]
+    fn hear_alone(&mut self, echoes: &Echoes, answer: &PingEcho, loud: f32, who: u32, wants: Wants) {
+        let parts = answer.first as usize..(answer.first + answer.parts) as usize;
+        let cells = answer.bin as usize..(answer.bin + answer.parts) as usize;
+        let scale = if wants.speckle { loud } else { loud * loud };
+        for (sum, x) in self.re[cells.clone()].iter_mut().zip(&echoes.re[parts.clone()]) {
+            *sum += scale * x;
+        }
+        if wants.speckle {
+            for (sum, y) in self.im[cells.clone()].iter_mut().zip(&echoes.im[parts.clone()]) {
+                *sum += loud * y;
+            }
+        }
+        if wants.who {
+            let (most, is) = (&mut self.most[cells.clone()], &mut self.who[cells]);
+            for ((most, is), energy) in most.iter_mut().zip(is).zip(&echoes.energy[parts]) {
+                let heard = loud * loud * energy;
+                let stronger = heard > *most;
+                *most = if stronger { heard } else { *most };
+                *is = if stronger { who } else { *is };
+            }
+        }
+    }
+
+    /// Adds the parts of an arrival that beams side by side hear, from the tile's beam `first` on, as loud as `loudness`
+    /// says.
+    #[inline(always)]
+    fn hear_together(
+        &mut self,
+        echoes: &Echoes,
+        answer: &PingEcho,
+        (first, loudness): (usize, &[f32]),
+        who: u32,
+        wants: Wants,
+    ) {
+        let width = self.width();
+        let parts = answer.first as usize..(answer.first + answer.parts) as usize;
+        for (bin, part) in (answer.bin as usize..).zip(parts) {
+            let start = bin * width + first;
+            let cells = start..start + loudness.len();
+            if wants.speckle {
+                let (x, y) = (echoes.re[part], echoes.im[part]);
+                for (sum, &loud) in self.re[cells.clone()].iter_mut().zip(loudness) {
+                    *sum += loud * x;
+                }
+                for (sum, &loud) in self.im[cells.clone()].iter_mut().zip(loudness) {
+                    *sum += loud * y;
+                }
+            } else {
+                let x = echoes.re[part];
+                for (sum, &loud) in self.re[cells.clone()].iter_mut().zip(loudness) {
+                    *sum += loud * loud * x;
+                }
+            }
+            if wants.who {
+                let energy = echoes.energy[part];
+                let (most, is) = (&mut self.most[cells.clone()], &mut self.who[cells]);
+                for ((most, is), &loud) in most.iter_mut().zip(is).zip(loudness) {
+                    let heard = loud * loud * energy;
+                    let stronger = heard > *most;
+                    *most = if stronger { heard } else { *most };
+                    *is = if stronger { who } else { *is };
+                }
+            }
+        }
+    }
+
+    /// Adds up where in the beams the energy of an arrival comes from.
+    #[inline(always)]
+    fn lean(&mut self, echoes: &Echoes, answer: &PingEcho, first: usize, [loudness, beside]: [&[f32]; 2]) {
+        let width = self.width();
+        let parts = answer.first as usize..(answer.first + answer.parts) as usize;
+        for (bin, part) in (answer.bin as usize..).zip(parts) {
+            let start = bin * width + first;
+            let cells = start..start + loudness.len();
+            let energy = echoes.energy[part];
+            let sums = self.lean[cells.clone()].iter_mut().zip(&mut self.total[cells]);
+            for ((lean, total), (&loud, &beside)) in sums.zip(loudness.iter().zip(beside)) {
+                let heard = loud * loud * energy;
+                *lean += heard * beside;
+                *total += heard;
+            }
+        }
+    }
+
     /// Adds what the beams hear of chunk number `chunk`.
     #[inline(always)]
     pub fn hear(&mut self, transducer: &Transducer, chunk: u32, echoes: &Echoes, bin_m: f32, wants: Wants) {
@@ -364,44 +450,15 @@ impl Tile {
                 continue;
             }
             let loudness = &transducer.loudness[from as usize + low - first..from as usize + high - first];
-            let parts = answer.first as usize..(answer.first + answer.parts) as usize;
             let who = chunk << CHUNK_BITS | index;
-            for (bin, part) in (answer.bin as usize..).zip(parts) {
-                let start = bin * width + low - self.beams.0;
-                let cells = start..start + loudness.len();
-                if wants.speckle {
-                    let (x, y) = (echoes.re[part], echoes.im[part]);
-                    for (sum, &loud) in self.re[cells.clone()].iter_mut().zip(loudness) {
-                        *sum += loud * x;
-                    }
-                    for (sum, &loud) in self.im[cells.clone()].iter_mut().zip(loudness) {
-                        *sum += loud * y;
-                    }
-                } else {
-                    let x = echoes.re[part];
-                    for (sum, &loud) in self.re[cells.clone()].iter_mut().zip(loudness) {
-                        *sum += loud * loud * x;
-                    }
-                }
-                let energy = echoes.energy[part];
-                if wants.who {
-                    let most = &mut self.most[cells.clone()];
-                    for ((most, is), &loud) in most.iter_mut().zip(&mut self.who[cells.clone()]).zip(loudness) {
-                        let heard = loud * loud * energy;
-                        let stronger = heard > *most;
-                        *most = if stronger { heard } else { *most };
-                        *is = if stronger { who } else { *is };
-                    }
-                }
-                if wants.lean {
-                    let beside = &transducer.beside[from as usize + low - first..from as usize + high - first];
-                    let lean = self.lean[cells.clone()].iter_mut().zip(&mut self.total[cells]);
-                    for ((lean, total), (&loud, &beside)) in lean.zip(loudness.iter().zip(beside)) {
-                        let heard = loud * loud * energy;
-                        *lean += heard * beside;
-                        *total += heard;
-                    }
-                }
+            if width == 1 {
+                self.hear_alone(echoes, answer, loudness[0], who, wants);
+            } else {
+                self.hear_together(echoes, answer, (low - self.beams.0, loudness), who, wants);
+            }
+            if wants.lean {
+                let beside = &transducer.beside[from as usize + low - first..from as usize + high - first];
+                self.lean(echoes, answer, low - self.beams.0, [loudness, beside]);
             }
             if wants.open && arrival.order == 0 {
                 let bin = (answer.range / bin_m) as usize;

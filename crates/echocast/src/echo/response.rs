@@ -95,8 +95,8 @@ impl Tile {
             column.resize(bins, 0.0);
         }
         for (beam, levels) in levels.chunks_exact_mut(bins).enumerate() {
-            let first = ((self.beams.0 + beam) * bins) as u32;
-            background.rng.cell_phasors(first, Draw::PingNoise, noise_re, noise_im);
+            let number = (self.beams.0 + beam) as u32;
+            background.rng.cell_phasors(number, Draw::PingNoise, noise_re, noise_im);
             self.hiss(beam, response, background, coherent, sum);
             for bin in 0..bins {
                 noise_re[bin] *= sum[bin];

@@ -67,6 +67,11 @@ impl Transducer {
         self.axes.len()
     }
 
+    /// Whether every ray is heard by one beam.
+    pub fn beams_are_apart(&self) -> bool {
+        self.hearings.iter().all(|hearing| hearing.to - hearing.from == 1)
+    }
+
     /// Solid angle that each beam sends to and hears, sr: both powers over all directions.
     pub fn solid_angles(&self) -> Vec<f32> {
         let mut sums = vec![0.0; self.beams()];

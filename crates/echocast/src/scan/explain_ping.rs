@@ -160,7 +160,7 @@ impl Pinging<'_> {
                     angle(&after),
                     length,
                     1e3 * (after.time - ray.time),
-                    after.loss - ray.loss
+                    after.loss() - ray.loss()
                 )?;
             } else if layer == MOST_LAYERS {
                 writeln!(text, "  ...")?;
@@ -177,16 +177,16 @@ impl Pinging<'_> {
                     ray.mirror(slab);
                 }
                 end => {
-                    let (before, loss) = (ray.slab, ray.loss);
+                    let (before, loss) = (ray.slab, ray.loss());
                     ray.cross(slabs, end);
                     if ray.slab == before {
                         writeln!(text, "  reflected totally at {:.2} m", ray.depth)?;
-                    } else if ray.loss > loss {
+                    } else if ray.loss() > loss {
                         writeln!(
                             text,
                             "  boundary at {:.2} m: {:.5} dB are not transmitted",
                             ray.depth,
-                            ray.loss - loss
+                            ray.loss() - loss
                         )?;
                     }
                 }

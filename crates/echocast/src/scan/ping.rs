@@ -28,7 +28,7 @@ use std::{fmt, mem};
 /// Rays per task: a constant, so that results cannot depend on the number of threads.
 const CHUNK: usize = 2048;
 
-/// Beams per tile: the sums of one fit into the second-level cache.
+/// Beams per tile, where rays are heard by several: the sums of a tile fit into the second-level cache.
 const TILE: usize = 32;
 
 /// Memory of a ping, kept from one to the next.
@@ -43,7 +43,8 @@ pub(crate) struct PingMemory {
 impl PingMemory {
     /// The tile with `beam`.
     pub(super) fn tile_of(&self, beam: usize) -> &Tile {
-        &self.tiles[beam / TILE].tile
+        let tile = self.tiles.iter().find(|memory| (memory.tile.beams.0..memory.tile.beams.1).contains(&beam));
+        &tile.expect("every beam has a tile").tile
     }
 
     /// What the rays of chunk `number` send back.
@@ -308,9 +309,10 @@ impl<'a> Pinging<'a> {
             open: !self.volume.is_empty(),
             speckle: self.speckle.is_some(),
         };
-        memory.tiles.resize_with(beams.div_ceil(TILE), TileMemory::default);
+        let tile = if self.transducer.beams_are_apart() { 1 } else { TILE };
+        memory.tiles.resize_with(beams.div_ceil(tile), TileMemory::default);
         let rows = ping.cells.slices(0, beams * bins);
-        let task = Listening { pinging: self, chunks: &memory.chunks, wants };
+        let task = Listening { pinging: self, chunks: &memory.chunks, wants, width: tile };
         task.tiles(&mut memory.tiles, 0, rows);
         ping.soundings.clear();
         if matches!(view, SonarView::Swath | SonarView::Single) {
@@ -460,6 +462,8 @@ struct Listening<'a, 'p> {
     pinging: &'a Pinging<'p>,
     chunks: &'a [Chunk],
     wants: Wants,
+    /// Beams of a tile.
+    width: usize,
 }
 
 /// One tile.
@@ -475,11 +479,11 @@ impl Listening<'_, '_> {
     fn tiles(self, tiles: &mut [TileMemory], first: usize, rows: Slices) {
         match tiles {
             [] => {}
-            [memory] => Arch::new().dispatch(Listen { listening: self, memory, first: first * TILE, rows }),
+            [memory] => Arch::new().dispatch(Listen { listening: self, memory, first: first * self.width, rows }),
             _ => {
                 let half = tiles.len() / 2;
                 let (left, right) = tiles.split_at_mut(half);
-                let (left_rows, right_rows) = rows.split_at(half * TILE * self.pinging.layout.bins);
+                let (left_rows, right_rows) = rows.split_at(half * self.width * self.pinging.layout.bins);
                 parallel::join(|| self.tiles(left, first, left_rows), || self.tiles(right, first + half, right_rows));
             }
         }
@@ -491,10 +495,10 @@ impl NullaryFnOnce for Listen<'_, '_> {
 
     #[inline(always)]
     fn call(self) {
-        let Listen { listening: Listening { pinging, chunks, wants }, memory, first, rows } = self;
+        let Listen { listening: Listening { pinging, chunks, wants, width }, memory, first, rows } = self;
         let TileMemory { tile, lines } = memory;
         let Layout { bins, bin_m, .. } = *pinging.layout;
-        let last = (first + TILE).min(pinging.transducer.beams());
+        let last = (first + width).min(pinging.transducer.beams());
         tile.clear((first, last), bins, wants);
         for (number, chunk) in (0..).zip(chunks) {
             tile.hear(&pinging.transducer, number, &chunk.echoes, bin_m as f32, wants);

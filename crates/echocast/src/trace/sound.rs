@@ -284,7 +284,7 @@ impl<'a> SoundTracer<'a> {
                 let here = self.slab_at(depth);
                 let mut state = State::launch(ray as u32, launch.place, direction, depth, &self.slabs, here);
                 state.ray = state.ray.advanced(water, f64::from(range));
-                state.ray.loss = loss.into();
+                state.ray.lose(f64::from(loss) - state.ray.loss());
                 state.ray.slab = self.slab_at(state.ray.depth);
                 if self.reflect(&mut state, surface, normal) {
                     states.push(state);
@@ -303,11 +303,11 @@ impl<'a> SoundTracer<'a> {
         state.order += 1;
         if surface == SEA {
             let ray = &mut state.ray;
-            ray.loss += (self.reflection_loss)(SEA, ray.sine.abs());
+            ray.lose((self.reflection_loss)(SEA, ray.sine.abs()));
             // Mirroring turns it down again.
             (ray.depth, ray.sine) = (0.0, -ray.sine.abs());
             ray.mirror(&self.slabs[ray.slab]);
-            return ray.loss < MOST_LOSS;
+            return ray.loss() < MOST_LOSS;
         }
         let normal = normal.as_dvec3().normalize_or_zero();
         let direction = state.direction();
@@ -320,7 +320,7 @@ impl<'a> SoundTracer<'a> {
         let (heading, level) = heading(turned);
         (state.start, state.heading) = ([x + clear.x, y + clear.y], heading);
         let ray = &mut state.ray;
-        ray.loss += (self.reflection_loss)(surface, along.abs());
+        ray.lose((self.reflection_loss)(surface, along.abs()));
         (ray.distance, ray.depth) = (0.0, (ray.depth - clear.z).max(0.0));
         ray.slab = self.slab_at(ray.depth);
         let slab = &self.slabs[ray.slab];
@@ -328,7 +328,7 @@ impl<'a> SoundTracer<'a> {
         (ray.sine, ray.snell) = (-turned.z, level / ray.speed);
         // A facet is a mirror: the tube widens on as it did.
         ray.turn = ray.widening * ray.sine + slab.gradient * ray.snell * ray.snell * ray.tube;
-        ray.loss < MOST_LOSS
+        ray.loss() < MOST_LOSS
     }
 
     /// Follows all states until they have met something and are not reflected, or are out of reach.
@@ -460,7 +460,7 @@ impl<'a> SoundTracer<'a> {
 
     /// What a ray meets where it is.
     fn arrival(&self, state: &State, surface: u32, normal: Vec3, start_speed: f64) -> Arrival {
-        let Ray { path, loss, tube, speed_path, speed, time, .. } = state.ray;
+        let Ray { path, tube, speed_path, speed, time, .. } = state.ray;
         Arrival {
             ray: state.number,
             surface,
@@ -468,7 +468,7 @@ impl<'a> SoundTracer<'a> {
             corner: [0.0; 2],
             range: (self.believed * time) as f32,
             path: path as f32,
-            loss: loss as f32,
+            loss: state.ray.loss() as f32,
             tube: [tube.abs() as f32, (speed_path / start_speed) as f32],
             speed: (speed / start_speed) as f32,
             place: self.place(state),

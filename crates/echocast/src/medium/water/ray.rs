@@ -25,8 +25,10 @@ pub(crate) struct Ray {
     pub time: f64,
     /// m since the start.
     pub path: f64,
-    /// Absorption, boundaries and reflections since the start, dB.
-    pub loss: f64,
+    /// Absorption and reflections since the start, dB.
+    absorbed: f64,
+    /// Part of the energy that boundaries have let through, 0 to 1.
+    transmitted: f64,
     /// Integral of speed over the way, m^2/s: over the speed at the start it is the width of the tube across the plane.
     pub speed_path: f64,
     /// Width of the tube within the vertical plane per radian at the start, m; negative beyond a caustic.
@@ -60,12 +62,23 @@ impl Ray {
             speed,
             time: 0.0,
             path: 0.0,
-            loss: 0.0,
+            absorbed: 0.0,
+            transmitted: 1.0,
             speed_path: 0.0,
             tube: 0.0,
             widening: 1.0 / speed,
             turn: sine / speed,
         }
+    }
+
+    /// Loss by absorption, boundaries and reflections since the start, dB.
+    pub fn loss(&self) -> f64 {
+        self.absorbed - 10.0 * self.transmitted.max(1e-30).log10()
+    }
+
+    /// Takes `db` away.
+    pub fn lose(&mut self, db: f64) {
+        self.absorbed += db;
     }
 
     /// The ray `length` m on along the arc within `slab`.
@@ -79,7 +92,7 @@ impl Ray {
             next.distance += length * self.snell * c;
             next.depth += fall;
             next.time += length / c;
-            next.loss += length * slab.absorption_at(self.depth + 0.5 * fall);
+            next.absorbed += length * slab.absorption_at(self.depth + 0.5 * fall);
             next.speed_path += length * c;
             next.tube += self.widening * length * c;
             return next;
@@ -112,7 +125,7 @@ impl Ray {
         let speed_path = if short { length / 6.0 * (c + 4.0 * middle + next.speed) } else { level / self.snell };
         next.speed_path += speed_path;
         next.tube += self.widening * speed_path;
-        next.loss += length / 6.0
+        next.absorbed += length / 6.0
             * (slab.absorption_at(self.depth)
                 + 4.0 * slab.absorption_at(middle_depth)
                 + slab.absorption_at(next.depth));
@@ -183,7 +196,7 @@ impl Ray {
             // Reflection coefficient of two fluids; what is not reflected goes on.
             let (a, b) = (next.density * to * sine, here.density * from * sine_on);
             let reflected = (a - b) / (a + b);
-            self.loss -= 10.0 * (1.0 - reflected * reflected).max(1e-30).log10();
+            self.transmitted *= 1.0 - reflected * reflected;
             self.tube *= sine_on / sine;
             self.sine = down * sine_on;
         } else {

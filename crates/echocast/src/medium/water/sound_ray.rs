@@ -104,8 +104,8 @@ impl SoundRay {
                     self.ray.cross(&self.slabs, end);
                     let event = if self.ray.slab == before.slab {
                         RayEvent::TotalReflection
-                    } else if self.ray.loss != before.loss || self.ray.speed != before.speed {
-                        RayEvent::Boundary(10f64.powf((before.loss - self.ray.loss) / 10.0))
+                    } else if self.ray.loss() != before.loss() || self.ray.speed != before.speed {
+                        RayEvent::Boundary(10f64.powf((before.loss() - self.ray.loss()) / 10.0))
                     } else {
                         // The gradient changes, or nothing.
                         continue;
@@ -165,7 +165,7 @@ impl SoundRay {
             speed_m_s: ray.speed,
             time_s: ray.time,
             path_m: ray.path,
-            loss_db: ray.loss,
+            loss_db: ray.loss(),
             spreading_db: 10.0 * spreading.log10(),
         }
     }
