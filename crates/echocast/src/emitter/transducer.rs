@@ -34,6 +34,8 @@ pub(crate) struct Transducer {
     pub width: f32,
     /// Directivity index of hearing, dB.
     pub directivity_db: f64,
+    /// Solid angle that each beam sends to and hears, sr: both powers over all directions.
+    pub solid_angles: Vec<f32>,
 }
 
 /// The beams that hear a ray: from `first` on, as loud as `loudness[from..to]` says.
@@ -56,6 +58,7 @@ impl Transducer {
             _ => return None,
         };
         transducer.axes = axes(pattern);
+        transducer.find_solid_angles();
         Some(transducer)
     }
 
@@ -72,16 +75,15 @@ impl Transducer {
         self.hearings.iter().all(|hearing| hearing.to - hearing.from == 1)
     }
 
-    /// Solid angle that each beam sends to and hears, sr: both powers over all directions.
-    pub fn solid_angles(&self) -> Vec<f32> {
-        let mut sums = vec![0.0; self.beams()];
+    fn find_solid_angles(&mut self) {
+        self.solid_angles = vec![0.0; self.beams()];
         for (weight, &hearing) in self.weight.iter().zip(&self.hearing) {
             let Hearing { first, from, to } = self.hearings[hearing as usize];
-            for (beam, loudness) in (first as usize..).zip(&self.loudness[from as usize..to as usize]) {
-                sums[beam] += weight.exp2() * loudness * loudness;
+            let heard = &self.loudness[from as usize..to as usize];
+            for (sum, loudness) in self.solid_angles[first as usize..].iter_mut().zip(heard) {
+                *sum += weight.exp2() * loudness * loudness;
             }
         }
-        sums
     }
 
     fn push(&mut self, direction: [f64; 3], tangent: [f64; 3], cell: f64, power: f64) {

@@ -87,8 +87,10 @@ struct TileMemory {
 #[derive(Clone, PartialEq)]
 struct LayoutInputs {
     sensor: AcousticsSpec,
-    beams: usize,
+    view: SonarView,
     bins: usize,
+    first_bin: usize,
+    directivity: f64,
     believed: f64,
     absorption: f64,
     ambient: f64,
@@ -106,7 +108,6 @@ pub(super) struct Pinging<'a> {
     pub layout: Arc<Layout>,
     /// Power that a steradian of open water sends back from each bin; empty: none.
     volume: Vec<f32>,
-    solid_angles: Vec<f32>,
     pub response: Response,
     pub pose: Pose,
     drift: Option<Drift>,
@@ -224,18 +225,19 @@ impl<'a> Pinging<'a> {
         let ambient = || water.noise().level_db(frequency) + 10.0 * acoustics.bandwidth().log10();
         let inputs = LayoutInputs {
             sensor: acoustics.clone(),
-            beams: transducer.beams(),
+            view: sensor.sonar_view(),
             bins: bins as usize,
+            first_bin: (sensor.range_min_m / bin_m).floor() as usize,
+            directivity: acoustics.directivity_index_db.unwrap_or(transducer.directivity_db),
             believed,
             absorption,
             ambient: acoustics.noise_level_db.unwrap_or_else(ambient),
             volume: water.volume_backscatter_db,
         };
-        let solid_angles = transducer.solid_angles();
         let volume = volume(&inputs, bin_m, resolution);
         let layout = match memory.layout.take() {
             Some((made_of, layout)) if made_of == inputs && layout.axes == transducer.axes => layout,
-            _ => Arc::new(layout(&inputs, sensor, &transducer, bin_m, &volume, &solid_angles)),
+            _ => Arc::new(layout(&inputs, &transducer, bin_m, &volume)),
         };
         memory.layout = Some((inputs, layout.clone()));
 
@@ -263,7 +265,6 @@ impl<'a> Pinging<'a> {
             column,
             layout,
             volume,
-            solid_angles,
             response: Response::new(bin_m / resolution, acoustics.bandwidth_khz.is_some(), acoustics.taper),
             pose,
             drift,
@@ -381,19 +382,11 @@ fn volume(inputs: &LayoutInputs, bin_m: f64, resolution: f64) -> Vec<f32> {
     (0..inputs.bins).map(of_bin).collect()
 }
 
-fn layout(
-    inputs: &LayoutInputs,
-    sensor: &Sensor,
-    transducer: &Transducer,
-    bin_m: f64,
-    volume: &[f32],
-    solid_angles: &[f32],
-) -> Layout {
+fn layout(inputs: &LayoutInputs, transducer: &Transducer, bin_m: f64, volume: &[f32]) -> Layout {
     let acoustics = &inputs.sensor;
-    let directivity = acoustics.directivity_index_db.unwrap_or(transducer.directivity_db);
-    let noise_db = inputs.ambient - directivity - acoustics.processing_gain();
+    let noise_db = inputs.ambient - inputs.directivity - acoustics.processing_gain();
     let noise = 10f64.powf(noise_db / 10.0);
-    let widest = solid_angles.iter().copied().fold(0.0, f32::max);
+    let widest = transducer.solid_angles.iter().copied().fold(0.0, f32::max);
     let threshold = |bin: usize| {
         let background = noise + f64::from(volume.get(bin).copied().unwrap_or(0.0) * widest);
         (10.0 * background.log10() + acoustics.detection_threshold_db) as f32
@@ -404,11 +397,11 @@ fn layout(
         (acoustics.tvg.spreading * range.max(1.0).log10() + 2.0 * absorption * range + acoustics.tvg.gain_db) as f32
     };
     Layout {
-        view: sensor.sonar_view(),
+        view: inputs.view,
         axes: transducer.axes.clone(),
         bins: inputs.bins,
         bin_m,
-        first_bin: (sensor.range_min_m / bin_m).floor() as usize,
+        first_bin: inputs.first_bin,
         believed_speed: inputs.believed,
         noise_db: noise_db as f32,
         threshold_db: (0..inputs.bins).map(threshold).collect(),
@@ -507,7 +500,7 @@ impl NullaryFnOnce for Listen<'_, '_> {
             rng: pinging.rng,
             noise: (pinging.layout.noise_db * LOG2_PER_DB).exp2(),
             volume: &pinging.volume,
-            solid_angles: &pinging.solid_angles,
+            solid_angles: &pinging.transducer.solid_angles,
         };
         tile.levels(&pinging.response, &background, lines, rows.intensity);
         if wants.who {
