@@ -6,6 +6,7 @@ mod detection;
 mod geometry;
 mod intensity;
 mod moving;
+mod multipath;
 mod noise;
 mod paths;
 mod patterns;

@@ -1,6 +1,7 @@
 //! What surfaces send back of sound, made ready for one frequency.
 
 use crate::material::{Material, ReflectanceSource, Reflectances, Sound};
+use crate::math::log2;
 use crate::medium::Sea;
 use crate::trace::{Arrival, SEA, Surfaces};
 use std::sync::Arc;
@@ -97,6 +98,26 @@ impl Backscatter {
     pub fn strength_db(&self, surfaces: &Surfaces, arrival: &Arrival, sine: f32) -> f64 {
         let ratio = self.log2(surfaces, arrival, sine) + sine.log2();
         f64::from(ratio) * 10.0 * std::f64::consts::LOG10_2
+    }
+
+    /// `log2(s_b / sine in)` of what an arrival meets at the sine of a grazing angle, of what it sends elsewhere at another.
+    ///
+    /// Between the two directions `s_b` is the geometric mean of what goes back into either, an assumption of ours: it
+    /// is the same both ways, and of Lambert's law it makes `mu sin(in) sin(out)`, which that law is. Lobes about the
+    /// mirror direction are not in it. What answers as a whole does so in all directions.
+    #[inline(always)]
+    pub fn log2_between(&self, surfaces: &Surfaces, arrival: &Arrival, [sine_in, sine_out]: [f32; 2]) -> f32 {
+        if self.is_whole(surfaces, arrival.surface) {
+            return self.log2(surfaces, arrival, sine_in);
+        }
+        let [back, out_back] = [sine_in, sine_out].map(|sine| self.log2(surfaces, arrival, sine));
+        0.5 * (back + out_back + log2(sine_out / sine_in))
+    }
+
+    /// Whether a row answers as a whole, however it is met.
+    #[inline(always)]
+    pub fn is_whole(&self, surfaces: &Surfaces, row: u32) -> bool {
+        self.by.get(self.material(surfaces, row)) == Some(&By::Area)
     }
 
     /// What a reflection by a row, or by the sea surface, costs at the sine of a grazing angle, dB.

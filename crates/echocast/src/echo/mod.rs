@@ -4,6 +4,7 @@ mod backscatter;
 mod contribution;
 mod glint;
 mod intensity;
+mod mixed;
 mod particles;
 mod path;
 mod phasor;

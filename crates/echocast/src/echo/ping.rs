@@ -8,8 +8,8 @@ use crate::emitter::{Hearing, Transducer};
 use crate::math::{exp2, log2};
 use crate::medium::Spreading;
 use crate::rng::{Draw, Rng};
-use crate::trace::{Arrival, SEA, Surfaces};
-use glam::{Mat3, Vec3};
+use crate::trace::{Arrival, Direct, SEA, Surfaces};
+use glam::{Mat3, Quat, Vec3};
 use std::sync::Arc;
 
 /// Bins that the cell of one ray is divided among at most.
@@ -32,6 +32,8 @@ pub(crate) struct Insonification<'a> {
     pub spreading_from: f32,
     /// Whether rays are straight.
     pub straight: bool,
+    /// Range from which echoes come at most, m.
+    pub farthest: f32,
     pub bins: usize,
     pub bin_m: f32,
     /// Range after which the next ping is sent, m: echoes from beyond come that much nearer.
@@ -59,12 +61,25 @@ pub(crate) struct Scatterers {
 pub(crate) struct Drift {
     /// Displacement, world, m/m.
     pub moved: Vec3,
+    /// Rotation about its own axes, rad/m; zero: it does not turn.
+    pub turned: Vec3,
+}
+
+impl Drift {
+    /// Reported range of an echo from the unit `direction` (world): the way back ends where the sonar is by then.
+    #[inline(always)]
+    fn range(&self, range: f32, direction: Vec3) -> f32 {
+        range - range * self.moved.dot(direction)
+    }
 }
 
 /// What a chunk of rays sends back: arrivals in their order, and their parts in bins.
 #[derive(Clone, Default)]
 pub(crate) struct Echoes {
     pub arrivals: Vec<Arrival>,
+    /// Direct ways to the places of arrivals. When they are answered, two more arrivals for each: see
+    /// [`Echoes::heard_straight`].
+    pub direct: Vec<Direct>,
     /// Of each arrival, in their order.
     pub answers: Vec<PingEcho>,
     /// Parts: energies, and amplitudes with random phases, or energies again.
@@ -85,6 +100,39 @@ pub(crate) struct PingEcho {
     pub range: f32,
     /// How far along the surface a metre of range is.
     pub slide: Vec3,
+    /// Who hears it: index of the [`Hearing`].
+    pub hearing: u32,
+}
+
+/// How and when an echo is heard.
+#[derive(Clone, Copy)]
+pub(super) struct Heard {
+    /// Reported range, m.
+    pub at: f32,
+    /// log2 of how much louder than in the direction of the ray that told of it.
+    pub louder: f32,
+    /// Index of the [`Hearing`].
+    pub hearing: u32,
+}
+
+/// An echo that is to be divided among bins.
+pub(super) struct Echo {
+    /// Energy; `None`: it is not heard.
+    pub power: Option<f32>,
+    pub heard: Heard,
+    /// Stretch of range, m, and how far along the surface a metre of it is.
+    pub reach: f32,
+    pub slide: Vec3,
+    /// 0: back the way it went; 1 and 2: others.
+    pub way: u32,
+}
+
+/// Parts of echoes, and those that wait for random amplitudes.
+pub(super) struct Parts<'a> {
+    energy: &'a mut Vec<f32>,
+    re: &'a mut Vec<f32>,
+    im: &'a mut Vec<f32>,
+    batch: Batch,
 }
 
 /// Parts on their way to random amplitudes, as many as are made at once.
@@ -99,91 +147,139 @@ struct Batch {
 const BATCH: usize = 64;
 
 impl Insonification<'_> {
-    /// Finds what `echoes.arrivals` send back.
+    /// Finds what `echoes.arrivals` send back, also straight back where `echoes.direct` says so.
     #[inline(always)]
     pub fn answer(&self, echoes: &mut Echoes) {
-        let Echoes { arrivals, answers, energy, re, im } = echoes;
+        let Echoes { arrivals, direct, answers, energy, re, im } = echoes;
         answers.clear();
         [&mut *energy, re, im].into_iter().for_each(Vec::clear);
-        let mut batch =
-            Batch { place: [[0; BATCH]; 3], object: [0; BATCH], turn: [0.0; BATCH], energy: [0.0; BATCH], count: 0 };
-        let per_bin = 1.0 / self.bin_m;
+        let mut parts = Parts { energy, re, im, batch: Batch::new() };
         for arrival in &*arrivals {
             let ray = arrival.ray as usize;
-            let (direction, normal) = (arrival.direction, arrival.normal);
-            let along = direction.dot(normal);
-            let length = normal.length();
-            let sine = (along.abs() / length).clamp(1e-3, 1.0);
-            let loudness = self.source_level * LOG2_PER_DB
+            let sine = sine(arrival.direction, arrival.normal);
+            let mut loudness = self.source_level * LOG2_PER_DB
                 + self.transducer.weight[ray]
                 + self.backscatter.log2(self.surfaces, arrival, sine)
                 + self.spread(arrival)
                 - 2.0 * LOG2_PER_DB * arrival.loss;
-            let power = exp2(loudness);
-            let mut at = arrival.range;
+            let mut heard = Heard { at: arrival.range, louder: 0.0, hearing: self.transducer.hearing[ray] };
             if let Some(drift) = &self.drift {
-                // The way back ends where the sonar is by then.
-                at -= at * drift.moved.dot(self.launch(ray));
+                heard = self.heard_later(drift, ray, arrival.range, self.launch(ray));
+                loudness += heard.louder;
             }
-            if at >= self.fold {
-                at -= self.fold;
-            }
-            // Along the surface, from one side of the ray's cell to the other.
-            let across = self.across(ray, arrival);
-            let rise = across.dot(normal);
-            let towards = if along.abs() > 1e-3 * length { along } else { (1e-3 * length).copysign(along) };
-            let reach = -rise / towards;
-            let slide = if reach.abs() > 1e-6 { (across + direction * reach) / reach } else { Vec3::ZERO };
-            let reach = reach.abs().min(MOST_BINS * self.bin_m);
-            let low = (at - 0.5 * reach) * per_bin;
-            let high = (at + 0.5 * reach) * per_bin;
-            let first = energy.len() as u32 + batch.count as u32;
-            let from = low.max(0.0) as usize;
-            if from >= self.bins || high <= 0.0 {
-                answers.push(PingEcho { first, parts: 0, bin: 0, range: at, slide });
-                continue;
-            }
-            let to = (high as usize).min(self.bins - 1);
-            answers.push(PingEcho { first, parts: (to - from + 1) as u32, bin: from as u32, range: at, slide });
-            let share = power / (high - low).max(1e-3);
-            let Some(scatterers) = &self.speckle else {
-                for part in from..=to {
-                    let covered = (high.min(part as f32 + 1.0) - low.max(part as f32)).max(0.0);
-                    let share = if from == to { power } else { share * covered };
-                    energy.push(share);
-                    re.push(share);
-                }
-                continue;
-            };
-            let instance = self.surfaces.rows.get(arrival.surface as usize).map_or(SEA, |row| row.instance_id);
-            let object = instance.wrapping_mul(0x9E37_79B9) ^ Draw::Speckle as u32;
-            let per_lattice = 1.0 / scatterers.lattice;
-            for part in from..=to {
-                let (low, high) = (low.max(part as f32), high.min(part as f32 + 1.0));
-                // The middle of what lies in the bin.
-                let beside = 0.5 * (low + high) * self.bin_m - at;
-                let scatterer = (arrival.place + slide * beside) * per_lattice;
-                let lane = batch.count;
-                batch.place[0][lane] = scatterer.x.floor() as i32 as u32;
-                batch.place[1][lane] = scatterer.y.floor() as i32 as u32;
-                batch.place[2][lane] = scatterer.z.floor() as i32 as u32;
-                batch.object[lane] = object;
-                batch.turn[lane] = (arrival.path + beside) * self.turns;
-                batch.energy[lane] = if from == to { power } else { share * (high - low).max(0.0) };
-                batch.count += 1;
-                if batch.count == BATCH {
-                    batch.scatter(scatterers, energy, re, im);
-                }
-            }
+            let (reach, slide) = self.reach(arrival);
+            // Over reflections also what is heard straight back alone has arrived.
+            let in_reach = arrival.order == 0 || arrival.range <= self.farthest;
+            let power = if in_reach { Some(exp2(loudness)) } else { None };
+            answers.push(self.divide(arrival, Echo { power, heard, reach, slide, way: 0 }, &mut parts));
         }
+        self.answer_mixed(arrivals, direct, answers, &mut parts);
         if let Some(scatterers) = &self.speckle {
-            batch.scatter(scatterers, energy, re, im);
+            parts.scatter(scatterers);
         }
+    }
+
+    /// How the echo that came back along its ray is heard, by `drift`.
+    #[inline(always)]
+    pub(super) fn heard_later(&self, drift: &Drift, ray: usize, range: f32, direction: Vec3) -> Heard {
+        if drift.turned == Vec3::ZERO {
+            let hearing = self.transducer.hearing[ray];
+            return Heard { at: drift.range(range, direction), louder: 0.0, hearing };
+        }
+        self.heard_from(ray, range, direction)
+    }
+
+    /// How an echo of a one-way range is heard that comes from the unit `direction` (world), of which a ray has told.
+    #[inline(always)]
+    pub(super) fn heard_from(&self, ray: usize, range: f32, direction: Vec3) -> Heard {
+        let mut at = range;
+        let mut seen = self.rotation.transpose() * direction;
+        if let Some(drift) = &self.drift {
+            at = drift.range(range, direction);
+            // From the sonar, the world turns the other way.
+            seen = Quat::from_scaled_axis(-range * drift.turned) * seen;
+        }
+        let (louder, hearing) = self.transducer.heard_beside(ray, seen);
+        Heard { at, louder, hearing }
+    }
+
+    /// By how much an echo's range changes from one side of a ray's cell to the other, m, and how far along the surface
+    /// a metre of range is.
+    #[inline(always)]
+    fn reach(&self, arrival: &Arrival) -> (f32, Vec3) {
+        let (reach, along) = self.footprint(arrival);
+        (reach, if reach.abs() > 1e-6 { along / reach } else { Vec3::ZERO })
+    }
+
+    /// From one side of a ray's cell to the other, along the surface that it meets: how much farther that is, and the way
+    /// there, m.
+    #[inline(always)]
+    pub(super) fn footprint(&self, arrival: &Arrival) -> (f32, Vec3) {
+        let (direction, normal) = (arrival.direction, arrival.normal);
+        let along = direction.dot(normal);
+        let length = normal.length();
+        let across = self.across(arrival.ray as usize, arrival);
+        let rise = across.dot(normal);
+        let towards = if along.abs() > 1e-3 * length { along } else { (1e-3 * length).copysign(along) };
+        let reach = -rise / towards;
+        (reach, across + direction * reach)
+    }
+
+    /// Divides an echo among bins.
+    #[inline(always)]
+    pub(super) fn divide(&self, arrival: &Arrival, echo: Echo, parts: &mut Parts) -> PingEcho {
+        let Echo { power, heard: Heard { mut at, hearing, .. }, reach, slide, way } = echo;
+        let Parts { energy, re, im, batch } = parts;
+        let first = energy.len() as u32 + batch.count as u32;
+        if at >= self.fold {
+            at -= self.fold;
+        }
+        let per_bin = 1.0 / self.bin_m;
+        let reach = reach.abs().min(MOST_BINS * self.bin_m);
+        let low = (at - 0.5 * reach) * per_bin;
+        let high = (at + 0.5 * reach) * per_bin;
+        let from = low.max(0.0) as usize;
+        let silent = PingEcho { first, parts: 0, bin: 0, range: at, slide, hearing };
+        let Some(power) = power.filter(|_| from < self.bins && high > 0.0) else { return silent };
+        let to = (high as usize).min(self.bins - 1);
+        let answer = PingEcho { parts: (to - from + 1) as u32, bin: from as u32, ..silent };
+        let share = power / (high - low).max(1e-3);
+        let Some(scatterers) = &self.speckle else {
+            for part in from..=to {
+                let covered = (high.min(part as f32 + 1.0) - low.max(part as f32)).max(0.0);
+                let share = if from == to { power } else { share * covered };
+                energy.push(share);
+                re.push(share);
+            }
+            return answer;
+        };
+        let instance = self.surfaces.rows.get(arrival.surface as usize).map_or(SEA, |row| row.instance_id);
+        // Ways add up as energies, not as amplitudes: each has scatterers of its own.
+        let object = instance.wrapping_mul(0x9E37_79B9) ^ Draw::Speckle as u32 ^ (way << 24);
+        let per_lattice = 1.0 / scatterers.lattice;
+        for part in from..=to {
+            let (low, high) = (low.max(part as f32), high.min(part as f32 + 1.0));
+            // The middle of what lies in the bin.
+            let beside = 0.5 * (low + high) * self.bin_m - at;
+            let scatterer = (arrival.place + slide * beside) * per_lattice;
+            let lane = batch.count;
+            batch.place[0][lane] = scatterer.x.floor() as i32 as u32;
+            batch.place[1][lane] = scatterer.y.floor() as i32 as u32;
+            batch.place[2][lane] = scatterer.z.floor() as i32 as u32;
+            batch.object[lane] = object;
+            batch.turn[lane] = (arrival.path + beside) * self.turns;
+            batch.energy[lane] = if from == to { power } else { share * (high - low).max(0.0) };
+            batch.count += 1;
+            if batch.count == BATCH {
+                batch.scatter(scatterers, energy, re, im);
+            }
+        }
+        answer
     }
 
     /// Direction in which a ray started, world.
     #[inline(always)]
-    fn launch(&self, ray: usize) -> Vec3 {
+    pub(super) fn launch(&self, ray: usize) -> Vec3 {
         let [x, y, z] = &self.transducer.direction;
         self.rotation * Vec3::new(x[ray], y[ray], z[ray])
     }
@@ -207,31 +303,61 @@ impl Insonification<'_> {
         aside_now * (level * tangent.dot(aside)) + above_now * (upright * tangent.dot(above))
     }
 
-    /// log2 of what spreading leaves of the echo: of the way back alone, as the way there makes the footprint that the ray
-    /// stands for. Levels do not rise within a metre of the sonar.
+    /// log2 of what spreading leaves of an echo that returns the way it went.
     #[inline(always)]
     fn spread(&self, arrival: &Arrival) -> f32 {
-        let path = log2(arrival.path.max(1e-3));
+        self.spread_between(arrival, arrival)
+    }
+
+    /// log2 of what spreading leaves of an echo that went `out` and comes `back`: of the way back alone, as the way there
+    /// makes the footprint that the ray stands for. Levels do not rise within a metre of the sonar.
+    #[inline(always)]
+    pub(super) fn spread_between(&self, out: &Arrival, back: &Arrival) -> f32 {
+        if self.spreading == Spreading::RayTube {
+            let [upright, level] = back.tube;
+            // At a caustic the tube is as wide as diffraction leaves it.
+            let length = back.path;
+            let least = length.min((2.0 * length / self.turns).sqrt());
+            return log2(back.speed) - log2((upright.max(least) * level).max(1e-6)).abs();
+        }
+        let [out, back] = [out, back].map(|way| log2(way.path.max(1e-3)));
+        2.0 * out - self.one_way(out) - self.one_way(back)
+    }
+
+    /// log2 of what spreading takes of energy on a way whose length has the logarithm `path`.
+    #[inline(always)]
+    fn one_way(&self, path: f32) -> f32 {
         match self.spreading {
-            Spreading::RayTube => {
-                let [upright, level] = arrival.tube;
-                // At a caustic the tube is as wide as diffraction leaves it.
-                let length = arrival.path;
-                let least = length.min((2.0 * length / self.turns).sqrt());
-                log2(arrival.speed) - log2((upright.max(least) * level).max(1e-6)).abs()
-            }
-            Spreading::Spherical => -2.0 * path.abs(),
-            Spreading::Practical => 2.0 * path - 3.0 * path.max(0.0),
-            Spreading::Cylindrical => 2.0 * path - 2.0 * path.max(0.0),
+            Spreading::RayTube | Spreading::Spherical => 2.0 * path.max(0.0),
+            Spreading::Practical => 1.5 * path.max(0.0),
+            Spreading::Cylindrical => path.max(0.0),
             Spreading::Hybrid => {
-                let from = log2(self.spreading_from);
-                2.0 * path - 4.0 * path.clamp(0.0, from.max(0.0)) - 2.0 * (path - from.max(0.0)).max(0.0)
+                let from = log2(self.spreading_from).max(0.0);
+                2.0 * path.clamp(0.0, from) + (path - from).max(0.0)
             }
         }
     }
 }
 
+/// Sine of the grazing angle between a unit vector and a surface.
+#[inline(always)]
+pub(super) fn sine(direction: Vec3, normal: Vec3) -> f32 {
+    (direction.dot(normal).abs() / normal.length()).clamp(1e-3, 1.0)
+}
+
+impl Parts<'_> {
+    /// [`Batch::scatter`] of what waits for it.
+    #[inline(always)]
+    fn scatter(&mut self, scatterers: &Scatterers) {
+        self.batch.scatter(scatterers, self.energy, self.re, self.im);
+    }
+}
+
 impl Batch {
+    fn new() -> Batch {
+        Batch { place: [[0; BATCH]; 3], object: [0; BATCH], turn: [0.0; BATCH], energy: [0.0; BATCH], count: 0 }
+    }
+
     /// Gives the parts random amplitudes and adds them to the others.
     #[inline(always)]
     fn scatter(&mut self, scatterers: &Scatterers, energy: &mut Vec<f32>, re: &mut Vec<f32>, im: &mut Vec<f32>) {
@@ -440,10 +566,11 @@ impl Tile {
     #[inline(always)]
     pub fn hear(&mut self, transducer: &Transducer, chunk: u32, echoes: &Echoes, bin_m: f32, wants: Wants) {
         let width = self.width();
-        let bins = self.re.len() / width;
         for (index, (arrival, answer)) in (0..).zip(echoes.arrivals.iter().zip(&echoes.answers)) {
-            let ray = arrival.ray as usize;
-            let Hearing { first, from, to } = transducer.hearings[transducer.hearing[ray] as usize];
+            if wants.open && arrival.order == 0 {
+                self.close(transducer, arrival.ray as usize, (answer.range / bin_m) as usize);
+            }
+            let Hearing { first, from, to } = transducer.hearings[answer.hearing as usize];
             let (first, last) = (first as usize, (first + to - from) as usize);
             let (low, high) = (first.max(self.beams.0), last.min(self.beams.1));
             if low >= high {
@@ -460,16 +587,25 @@ impl Tile {
                 let beside = &transducer.beside[from as usize + low - first..from as usize + high - first];
                 self.lean(echoes, answer, low - self.beams.0, [loudness, beside]);
             }
-            if wants.open && arrival.order == 0 {
-                let bin = (answer.range / bin_m) as usize;
-                if bin < bins {
-                    let weight = exp2(transducer.weight[ray]);
-                    let start = bin * width + low - self.beams.0;
-                    for (open, &loud) in self.open[start..start + loudness.len()].iter_mut().zip(loudness) {
-                        *open -= weight * loud * loud;
-                    }
-                }
-            }
+        }
+    }
+
+    /// Closes the water of a bin, and behind it, to beams by the cell of a ray that meets something there.
+    #[inline(always)]
+    fn close(&mut self, transducer: &Transducer, ray: usize, bin: usize) {
+        let width = self.width();
+        // Of the beams at the start, by which the open water is reckoned.
+        let Hearing { first, from, to } = transducer.hearings[transducer.hearing[ray] as usize];
+        let (first, last) = (first as usize, (first + to - from) as usize);
+        let (low, high) = (first.max(self.beams.0), last.min(self.beams.1));
+        if low >= high || bin * width >= self.open.len() {
+            return;
+        }
+        let loudness = &transducer.loudness[from as usize + low - first..from as usize + high - first];
+        let weight = exp2(transducer.weight[ray]);
+        let start = bin * width + low - self.beams.0;
+        for (open, &loud) in self.open[start..start + loudness.len()].iter_mut().zip(loudness) {
+            *open -= weight * loud * loud;
         }
     }
 }

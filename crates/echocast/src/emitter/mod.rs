@@ -2,6 +2,7 @@
 
 mod aim;
 mod beams;
+mod face;
 mod footprint;
 pub mod lobe;
 mod motion;

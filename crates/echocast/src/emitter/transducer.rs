@@ -1,7 +1,9 @@
 //! The fans of a sonar as rays: how much sound each stands for, and how loud each beam hears it.
 
+use super::face::{EVERYWHERE, FAINT, Face};
 use super::lobe;
 use super::pattern::{Imaging, Multibeam, Pattern, Sidescan, SingleBeam};
+use glam::Vec3;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Power below which a beam hears nothing beside its axis, of a line array: four sidelobes to each side.
@@ -20,10 +22,18 @@ pub(crate) struct Transducer {
     pub cell: Vec<f32>,
     /// Powers of sending and hearing, times the solid angle of the cell, sr, as log2; without what the beams make of it.
     pub weight: Vec<f32>,
+    /// Power of the face in the direction of each ray, one way, as log2.
+    pub power: Vec<f32>,
     /// Index of the ray's [`Hearing`].
     pub hearing: Vec<u32>,
-    /// Who hears rays, by rising first beam.
+    /// Who hears rays, by rising first beam; then who hears any direction, by even steps of its sine to a line array.
     pub hearings: Vec<Hearing>,
+    /// Hearings of rays alone.
+    of_rays: usize,
+    /// What sends and hears: of a side-scan sonar one for each beam.
+    faces: Vec<Face>,
+    /// Whether the face only sends: beams hear what is before it as [`Hearing`] says alone.
+    only_sends: bool,
     /// Amplitudes with which beams hear, 1 on the axis; see [`Hearing`].
     pub loudness: Vec<f32>,
     /// Angles from the beam's axis to the ray, rad, positive to port, beside each loudness; only of swaths.
@@ -58,6 +68,9 @@ impl Transducer {
             _ => return None,
         };
         transducer.axes = axes(pattern);
+        if transducer.of_rays == 0 {
+            transducer.of_rays = transducer.hearings.len();
+        }
         transducer.find_solid_angles();
         Some(transducer)
     }
@@ -75,6 +88,37 @@ impl Transducer {
         self.hearings.iter().all(|hearing| hearing.to - hearing.from == 1)
     }
 
+    /// What sends and hears where a ray starts.
+    #[inline(always)]
+    fn face(&self, ray: usize) -> &Face {
+        // Hearings of a side-scan sonar are its beams.
+        &self.faces[(self.hearing[ray] as usize).min(self.faces.len() - 1)]
+    }
+
+    /// log2 of how much louder sound is sent along the unit `direction` (sensor frame) than along a ray.
+    #[inline(always)]
+    pub fn sent_beside(&self, ray: usize, direction: Vec3) -> f32 {
+        self.face(ray).power(direction) - self.power[ray]
+    }
+
+    /// log2 of how much louder sound is heard from the unit `direction` (sensor frame) than from that of a ray, without
+    /// what the beams make of it; and the index of the [`Hearing`] that says this.
+    #[inline(always)]
+    pub fn heard_beside(&self, ray: usize, direction: Vec3) -> (f32, u32) {
+        let power = self.face(ray).power(direction);
+        let louder = match self.only_sends {
+            true if power <= FAINT => FAINT,
+            true => 0.0,
+            false => power - self.power[ray],
+        };
+        let steps = self.hearings.len() - self.of_rays;
+        if steps == 0 {
+            return (louder, self.hearing[ray]);
+        }
+        let step = ((0.5 + 0.5 * direction.y) * steps as f32) as usize;
+        (louder, (self.of_rays + step.min(steps - 1)) as u32)
+    }
+
     fn find_solid_angles(&mut self) {
         self.solid_angles = vec![0.0; self.beams()];
         for (weight, &hearing) in self.weight.iter().zip(&self.hearing) {
@@ -86,13 +130,14 @@ impl Transducer {
         }
     }
 
-    fn push(&mut self, direction: [f64; 3], tangent: [f64; 3], cell: f64, power: f64) {
+    fn push(&mut self, direction: [f64; 3], tangent: [f64; 3], cell: f64, power: f64, one_way: f64) {
         for axis in 0..3 {
             self.direction[axis].push(direction[axis] as f32);
             self.tangent[axis].push(tangent[axis] as f32);
         }
         self.cell.push(cell as f32);
         self.weight.push(power.max(1e-30).log2() as f32);
+        self.power.push((one_way.log2() as f32).max(FAINT));
         self.hearing.push(self.hearings.len() as u32 - 1);
     }
 
@@ -103,8 +148,20 @@ impl Transducer {
         self.hearings.push(Hearing { first: beam as u32, from, to: from + 1 });
     }
 
+    /// Who hears any direction, by its sine to a line array.
+    fn heard_anywhere(&mut self, sines: &[f64], lobe: &lobe::Pattern, extent: f64, with_angles: bool) {
+        /// Steps for each width of a beam.
+        const FINE: f64 = 16.0;
+        self.of_rays = self.hearings.len();
+        let steps = (2.0 * FINE / lobe.width()).ceil().clamp(64.0, 65_536.0) as usize;
+        for step in 0..steps {
+            let sine = (2 * step + 1) as f64 / steps as f64 - 1.0;
+            self.heard_from(sine, sines, lobe, extent, with_angles);
+        }
+    }
+
     /// All rays from here on, `sine` from broadside of a line array, are heard by beams at the `sines`, falling.
-    fn heard_beside(&mut self, sine: f64, sines: &[f64], lobe: &lobe::Pattern, extent: f64, with_angles: bool) {
+    fn heard_from(&mut self, sine: f64, sines: &[f64], lobe: &lobe::Pattern, extent: f64, with_angles: bool) {
         let from = self.loudness.len() as u32;
         let first = sines.partition_point(|&axis| axis > sine + extent);
         let end = sines.partition_point(|&axis| axis >= sine - extent).max(first);
@@ -118,7 +175,8 @@ impl Transducer {
     }
 
     fn sidescan(sonar: &Sidescan, wavelength: f64) -> Transducer {
-        let along = ThinSide::two_way(&sonar.along_deg.at(wavelength));
+        let lobe = sonar.along_deg.at(wavelength);
+        let along = ThinSide::two_way(&lobe);
         let vertical = sonar.vertical_deg.at(wavelength);
         let axis = sonar.axis_deg().to_radians();
         let strata = match sonar.down_fov_deg.zip(sonar.step_deg) {
@@ -146,10 +204,20 @@ impl Transducer {
             for (index, Stratum { at, size, power }) in strata.iter().enumerate() {
                 let (sin, cos) = at.sin_cos();
                 let ([forward, level], tangent) = (along.sine_cosine(index), [0.0, -side * sin, cos]);
-                transducer.push([forward, side * cos * level, sin * level], tangent, *size, power * size * along.width);
+                let direction = [forward, side * cos * level, sin * level];
+                let one_way = power.sqrt() * lobe.amplitude(forward).powi(2);
+                transducer.push(direction, tangent, *size, power * size * along.width, one_way);
             }
+            let (sin, cos) = axis.sin_cos();
+            let frame = [[0.0, side * cos, sin], [1.0, 0.0, 0.0], [0.0, -side * sin, cos]];
+            let across = |sine: f64| match sonar.down_fov_deg {
+                Some(fov) => f64::from(u8::from(sine.abs() <= (0.25 * fov).to_radians().sin())),
+                None => vertical.amplitude(sine),
+            };
+            let width = sonar.down_fov_deg.map_or(vertical.width(), |fov| (0.5 * fov).to_radians());
+            transducer.faces.push(Face::new(frame, (|sine| lobe.amplitude(sine), lobe.width()), (across, width)));
         }
-        transducer.directivity_db = lobe::directivity(&sonar.along_deg.at(wavelength), &vertical);
+        transducer.directivity_db = lobe::directivity(&lobe, &vertical);
         transducer
     }
 
@@ -168,9 +236,14 @@ impl Transducer {
             let size = 2.0 * most / count as f64;
             let (sin, cos) = at.sin_cos();
             let [forward, level] = along.sine_cosine(index);
-            transducer.heard_beside(sin * level, &sines, &heard, extent, true);
-            transducer.push([forward, sin * level, -cos * level], [0.0, cos, sin], size, size * along.width);
+            transducer.heard_from(sin * level, &sines, &heard, extent, true);
+            let one_way = sent.amplitude(forward).powi(2);
+            transducer.push([forward, sin * level, -cos * level], [0.0, cos, sin], size, size * along.width, one_way);
         }
+        transducer.heard_anywhere(&sines, &heard, extent, true);
+        let frame = [[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        transducer.faces = vec![Face::new(frame, (|sine| sent.amplitude(sine), sent.width()), EVERYWHERE)];
+        transducer.only_sends = true;
         transducer.width = heard.width() as f32;
         transducer.directivity_db = line_index(&heard);
         transducer
@@ -197,7 +270,7 @@ impl Transducer {
             let at = most.asin() * (1.0 - (2 * column + 1) as f64 / columns as f64);
             let (sine, cosine) = at.sin_cos();
             let size = 2.0 * most.asin() / columns as f64 * cosine;
-            transducer.heard_beside(sine, &sines, &heard, extent, false);
+            transducer.heard_from(sine, &sines, &heard, extent, false);
             let shift = golden(column) - 0.5;
             for row in &rows {
                 let angle = row.at + shift * row.size;
@@ -205,9 +278,14 @@ impl Transducer {
                 let direction = tilted([cosine * cos, sine, cosine * sin]);
                 let tangent = tilted([-sin, 0.0, cos]);
                 // Solid angle about the array's axis: d(sine) d(angle).
-                transducer.push(direction, tangent, row.size * cosine, power(angle) * row.size * size);
+                let power = power(angle);
+                transducer.push(direction, tangent, row.size * cosine, power * row.size * size, power.sqrt());
             }
         }
+        transducer.heard_anywhere(&sines, &heard, extent, false);
+        let frame = [tilted([1.0, 0.0, 0.0]), [0.0, 1.0, 0.0], tilted([0.0, 0.0, 1.0])];
+        let up = |sine: f64| vertical.amplitude(sine);
+        transducer.faces = vec![Face::new(frame, EVERYWHERE, (up, vertical.width()))];
         transducer.directivity_db = lobe::directivity(&heard, &vertical);
         transducer
     }
@@ -216,6 +294,7 @@ impl Transducer {
         let count = sonar.rays as usize;
         let tilt = sonar.tilt_deg.to_radians().sin_cos();
         let tilted = |[x, y, z]: [f64; 3]| [x * tilt.1 + z * tilt.0, y, z * tilt.1 - x * tilt.0];
+        let frame = [tilted([1.0, 0.0, 0.0]), [0.0, 1.0, 0.0], tilted([0.0, 0.0, 1.0])];
         let mut transducer = Transducer::default();
         transducer.heard_by(0);
         if let Some(vertical) = &sonar.vertical_deg {
@@ -226,8 +305,12 @@ impl Transducer {
                 let (sin, cos) = row.at.sin_cos();
                 let [aside, level] = across.sine_cosine(index);
                 let direction = tilted([cos * level, aside, sin * level]);
-                transducer.push(direction, tilted([-sin, 0.0, cos]), row.size, row.power * row.size * across.width);
+                let one_way = row.power.sqrt() * lobe.amplitude(aside).powi(2);
+                let power = row.power * row.size * across.width;
+                transducer.push(direction, tilted([-sin, 0.0, cos]), row.size, power, one_way);
             }
+            let (aside, up) = (|sine: f64| lobe.amplitude(sine), |sine: f64| vertical.amplitude(sine));
+            transducer.faces = vec![Face::new(frame, (aside, lobe.width()), (up, vertical.width()))];
             transducer.width = vertical.width() as f32;
             transducer.directivity_db = lobe::directivity(&lobe, &vertical);
         } else {
@@ -238,8 +321,9 @@ impl Transducer {
                 let direction = tilted([cos, sin * left, sin * up]);
                 let tangent = tilted([-sin, cos * left, cos * up]);
                 let solid = 2.0 * PI * ((ring.at - 0.5 * ring.size).cos() - (ring.at + 0.5 * ring.size).cos());
-                transducer.push(direction, tangent, solid.sqrt(), ring.power * solid);
+                transducer.push(direction, tangent, solid.sqrt(), ring.power * solid, ring.power.sqrt());
             }
+            transducer.faces = vec![Face::round(frame, |sine| lobe.amplitude(sine), lobe.width())];
             transducer.width = lobe.width() as f32;
             transducer.directivity_db = cone_index(&lobe);
         }

@@ -330,9 +330,8 @@ impl Pinging<'_> {
     fn mean_power(&self, memory: &PingMemory, beam: usize, bin: usize) -> f64 {
         let mut sum = 0.0;
         for echoes in memory.all_echoes() {
-            for (arrival, answer) in echoes.arrivals.iter().zip(&echoes.answers) {
-                let Hearing { first, from, to } =
-                    self.transducer.hearings[self.transducer.hearing[arrival.ray as usize] as usize];
+            for answer in &echoes.answers {
+                let Hearing { first, from, to } = self.transducer.hearings[answer.hearing as usize];
                 let Some(place) = beam.checked_sub(first as usize).filter(|&place| place < (to - from) as usize) else {
                     continue;
                 };

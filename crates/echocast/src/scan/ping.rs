@@ -245,8 +245,15 @@ impl<'a> Pinging<'a> {
             (false, None) => {
                 // While the farthest echo is on its way.
                 let wait = 2.0 * reach / believed;
-                let moved = trajectory.at(time + wait).position - trajectory.at(time).position;
-                Some(Drift { moved: (moved / wait / believed).as_vec3() })
+                let later = sensor.turned(trajectory.at(time + wait), options.frame);
+                let moved = later.position - pose.position;
+                let turn = pose.orientation.inverse() * later.orientation;
+                // The shorter way round; twice the one-way range is on the way.
+                let turned = if turn.w < 0.0 { -turn } else { turn }.to_scaled_axis();
+                Some(Drift {
+                    moved: (moved / wait / believed).as_vec3(),
+                    turned: (2.0 * turned / wait / believed).as_vec3(),
+                })
             }
             _ => None,
         };
@@ -332,6 +339,7 @@ impl<'a> Pinging<'a> {
             spreading: self.water.spreading,
             spreading_from: self.water.spreading_from_m.unwrap_or(1.0) as f32,
             straight: self.column.is_uniform(),
+            farthest: self.reach as f32,
             bins: self.layout.bins,
             bin_m: self.layout.bin_m as f32,
             fold: self.fold as f32,
@@ -444,7 +452,13 @@ impl NullaryFnOnce for Answer<'_, '_> {
         };
         let rays = number * CHUNK..((number + 1) * CHUNK).min(transducer.rays());
         chunk.echoes.arrivals.clear();
-        tracer.trace(&launch, rays, &mut chunk.tracer, &mut chunk.echoes.arrivals);
+        let Echoes { arrivals, direct, .. } = &mut chunk.echoes;
+        tracer.trace(&launch, rays, &mut chunk.tracer, arrivals);
+        direct.clear();
+        if pinging.acoustics.bounces > 0 {
+            let whole = |row: u32| sound.is_whole(&scene.surfaces, row);
+            tracer.direct(&launch, whole, &mut chunk.tracer, arrivals, direct);
+        }
         insonification.answer(&mut chunk.echoes);
     }
 }
@@ -588,7 +602,10 @@ impl Pinging<'_> {
             normal_z: normal.z,
         );
         if !(rows.azimuth.is_empty() && rows.elevation.is_empty()) {
-            let [x, y, z] = self.transducer.direction.each_ref().map(|axis| axis[arrival.ray as usize]);
+            let [x, y, z] = match echoes.heard_straight(index) {
+                Some(direct) => (self.rotation().transpose() * direct.launch).into(),
+                None => self.transducer.direction.each_ref().map(|axis| axis[arrival.ray as usize]),
+            };
             put!(rows, row, azimuth: y.atan2(x), elevation: z.atan2(x.hypot(y)));
         }
     }

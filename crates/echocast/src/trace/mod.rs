@@ -12,7 +12,7 @@ pub(crate) use batch::{HitBatch, LANES, MISS, RayBatch};
 pub use engine::Engine;
 pub(crate) use live::MeshStructure;
 pub use live::{LiveScene, ObjectId};
-pub(crate) use sound::{Arrival, Launch, SEA, SoundLimits, SoundTracer, TracerMemory};
+pub(crate) use sound::{Arrival, Direct, Launch, SEA, SoundLimits, SoundTracer, TracerMemory};
 pub(crate) use surface::{Surface, Surfaces};
 
 use crate::report::Report;

@@ -1,5 +1,9 @@
 //! Rays of sound through layered water and a scene: bent, reflected and, where they meet something, arrived.
 
+mod direct;
+
+pub(crate) use direct::Direct;
+
 use super::{HitBatch, LANES, MISS, RayBatch, Tables};
 use crate::medium::{Column, End, Ray, Slab, small_sin_cos};
 use glam::{DVec3, Mat3, Vec3};
@@ -36,6 +40,8 @@ pub(crate) struct SoundTracer<'a> {
     believed: f64,
     /// Farthest range that is reported, m.
     reach: f64,
+    /// Reported range for a metre of way where sound is fastest.
+    least_range: f64,
     /// Reflections that are followed.
     bounces: u8,
     reflection_loss: ReflectionLoss<'a>,
@@ -81,6 +87,15 @@ struct State {
     heading: [f64; 2],
     ray: Ray,
     order: u8,
+}
+
+/// Where rays start.
+#[derive(Clone, Copy)]
+struct Start {
+    /// Relative to the scene's origin, m.
+    place: DVec3,
+    /// Sound speed there, m/s.
+    speed: f64,
 }
 
 /// The next part of a ray: an arc within one slab.
@@ -138,6 +153,7 @@ pub(crate) struct TracerMemory {
     hits: Box<HitBatch>,
     states: Vec<State>,
     steps: Vec<Step>,
+    direct: Vec<direct::Candidate>,
 }
 
 impl Default for TracerMemory {
@@ -147,6 +163,7 @@ impl Default for TracerMemory {
             hits: Box::new(HitBatch::new()),
             states: Vec::new(),
             steps: Vec::new(),
+            direct: Vec::new(),
         }
     }
 }
@@ -183,6 +200,12 @@ impl<'a> SoundTracer<'a> {
         let is_empty = |slab: &Slab| !(slab.bottom > top - SAGITTA && slab.top < bottom + SAGITTA);
         let empty = slabs.iter().map(is_empty).collect();
         let uniform = column.is_uniform();
+        let speeds = column.slabs.iter().flat_map(|slab| {
+            // The last slab has no bottom, and no gradient.
+            let bottom = if slab.bottom.is_finite() { slab.bottom } else { slab.top };
+            [slab.speed, slab.speed_at(bottom)]
+        });
+        let fastest = speeds.fold(0.0, f64::max);
         let SoundLimits { mask, believed, reach, bounces, reflection_loss } = limits;
         SoundTracer {
             scene,
@@ -195,17 +218,19 @@ impl<'a> SoundTracer<'a> {
             mask,
             believed,
             reach,
+            least_range: believed / fastest,
             bounces,
             reflection_loss,
         }
     }
 
-    /// Adds what the rays `which` of `launch` meet to `arrivals`: first what they meet at first, in their order, block by
+    /// Adds what the rays `which` of `launch` meet to `arrivals`, over reflections also what is out of reach unless
+    /// sound comes back straight: first what they meet at first, in their order, block by
     /// block; after each block what they meet over reflections.
     pub fn trace(&self, launch: &Launch, which: Range<usize>, memory: &mut TracerMemory, arrivals: &mut Vec<Arrival>) {
         let depth = self.surface_z - launch.place.z;
         let slab = self.slab_at(depth);
-        let start_speed = self.slabs[slab].speed_at(depth);
+        let start = Start { place: launch.place, speed: self.slabs[slab].speed_at(depth) };
         for first in which.clone().step_by(LANES) {
             let count = LANES.min(which.end - first);
             memory.states.clear();
@@ -217,7 +242,7 @@ impl<'a> SoundTracer<'a> {
                     State::launch(ray as u32, launch.place, direction, depth, &self.slabs, slab)
                 }));
             }
-            self.follow(memory, start_speed, arrivals);
+            self.follow(memory, &start, arrivals);
         }
     }
 
@@ -332,16 +357,15 @@ impl<'a> SoundTracer<'a> {
     }
 
     /// Follows all states until they have met something and are not reflected, or are out of reach.
-    fn follow(&self, memory: &mut TracerMemory, start_speed: f64, arrivals: &mut Vec<Arrival>) {
-        let TracerMemory { rays, hits, states, steps } = memory;
-        let latest = self.reach / self.believed;
+    fn follow(&self, memory: &mut TracerMemory, start: &Start, arrivals: &mut Vec<Arrival>) {
+        let TracerMemory { rays, hits, states, steps, .. } = memory;
         for _ in 0..MOST_STEPS {
             steps.clear();
             // Every ray goes on to where something could be in its way.
             let mut kept = 0;
             for index in 0..states.len() {
                 let mut state = states[index];
-                if let Some(step) = self.next_traced(&mut state, latest, start_speed, arrivals) {
+                if let Some(step) = self.next_traced(&mut state, start, arrivals) {
                     states[kept] = state;
                     steps.push(step);
                     kept += 1;
@@ -362,7 +386,7 @@ impl<'a> SoundTracer<'a> {
             for lane in 0..states.len() {
                 let (mut state, step) = (states[lane], steps[lane]);
                 let goes_on = if hits.surface[lane] == MISS {
-                    self.finish(&mut state, &step, start_speed, arrivals)
+                    self.finish(&mut state, &step, start, arrivals)
                 } else {
                     let slab = &self.slabs[state.ray.slab];
                     let surface = hits.surface[lane];
@@ -370,12 +394,12 @@ impl<'a> SoundTracer<'a> {
                     let length = arc_to(&state, slab, &step, hits.range[lane], rays.direction(lane), normal);
                     state.ray = state.ray.advanced(slab, length);
                     let (triangle, corner) = (hits.triangle[lane], [hits.u[lane], hits.v[lane]]);
-                    let range = self.believed * state.ray.time;
-                    if range <= self.reach {
-                        let arrival = self.arrival(&state, surface, normal, start_speed);
+                    let in_reach = self.is_in_reach(&state, start);
+                    if in_reach {
+                        let arrival = self.arrival(&state, surface, normal, start);
                         arrivals.push(Arrival { triangle, corner, ..arrival });
                     }
-                    range <= self.reach && self.reflect(&mut state, surface, normal)
+                    in_reach && self.reflect(&mut state, surface, normal)
                 };
                 if goes_on {
                     states[kept] = state;
@@ -387,26 +411,40 @@ impl<'a> SoundTracer<'a> {
     }
 
     /// Takes a ray on, through water where nothing is, up to its next step on which something can be met; `None`: it ends.
-    fn next_traced(
-        &self,
-        state: &mut State,
-        latest: f64,
-        start_speed: f64,
-        arrivals: &mut Vec<Arrival>,
-    ) -> Option<Step> {
+    fn next_traced(&self, state: &mut State, start: &Start, arrivals: &mut Vec<Arrival>) -> Option<Step> {
         for _ in 0..MOST_STEPS {
-            if state.ray.time >= latest {
+            let latest = self.latest(state);
+            if state.ray.time >= latest || !self.is_in_reach(state, start) {
                 return None;
             }
             let step = self.step(state, latest);
             if step.traced {
                 return Some(step);
             }
-            if !self.finish(state, &step, start_speed, arrivals) {
+            if !self.finish(state, &step, start, arrivals) {
                 return None;
             }
         }
         None
+    }
+
+    /// When a ray ends, s: what comes back the way it went is heard until then; after a reflection also what comes
+    /// back a shorter way.
+    fn latest(&self, state: &State) -> f64 {
+        let reach = if state.order == 0 { self.reach } else { 2.0 * self.reach };
+        reach / self.believed
+    }
+
+    /// Whether something is heard of what a ray meets where it is: back the way it went or, after a reflection, even
+    /// straight back.
+    fn is_in_reach(&self, state: &State, start: &Start) -> bool {
+        let range = self.believed * state.ray.time;
+        if state.order == 0 || range <= self.reach {
+            return range <= self.reach;
+        }
+        let [x, y] = state.level();
+        let straight = DVec3::new(x, y, self.surface_z - state.ray.depth).distance(start.place);
+        range + self.least_range * straight <= 2.0 * self.reach
     }
 
     /// The next step of a ray: to the end of its slab, and no farther than its arc is near its chord where that is traced.
@@ -440,17 +478,16 @@ impl<'a> SoundTracer<'a> {
     }
 
     /// Takes a ray to the end of a step on which it meets nothing; whether it goes on.
-    fn finish(&self, state: &mut State, step: &Step, start_speed: f64, arrivals: &mut Vec<Arrival>) -> bool {
+    fn finish(&self, state: &mut State, step: &Step, start: &Start, arrivals: &mut Vec<Arrival>) -> bool {
         state.ray = state.ray.advanced(&self.slabs[state.ray.slab], step.length);
         match step.end {
             End::Inside => {}
             End::Top if state.ray.slab == 0 => {
                 state.ray.depth = 0.0;
-                let range = self.believed * state.ray.time;
-                if range > self.reach {
+                if !self.is_in_reach(state, start) {
                     return false;
                 }
-                arrivals.push(self.arrival(state, SEA, Vec3::NEG_Z, start_speed));
+                arrivals.push(self.arrival(state, SEA, Vec3::NEG_Z, start));
                 return self.reflect(state, SEA, Vec3::NEG_Z);
             }
             end => state.ray.cross(&self.slabs, end),
@@ -459,7 +496,7 @@ impl<'a> SoundTracer<'a> {
     }
 
     /// What a ray meets where it is.
-    fn arrival(&self, state: &State, surface: u32, normal: Vec3, start_speed: f64) -> Arrival {
+    fn arrival(&self, state: &State, surface: u32, normal: Vec3, start: &Start) -> Arrival {
         let Ray { path, tube, speed_path, speed, time, .. } = state.ray;
         Arrival {
             ray: state.number,
@@ -469,8 +506,8 @@ impl<'a> SoundTracer<'a> {
             range: (self.believed * time) as f32,
             path: path as f32,
             loss: state.ray.loss() as f32,
-            tube: [tube.abs() as f32, (speed_path / start_speed) as f32],
-            speed: (speed / start_speed) as f32,
+            tube: [tube.abs() as f32, (speed_path / start.speed) as f32],
+            speed: (speed / start.speed) as f32,
             place: self.place(state),
             direction: state.direction().as_vec3(),
             normal,

@@ -1,0 +1,239 @@
+//! Direct ways from the sonar to what rays have met over reflections.
+
+use super::{Arrival, End, HitBatch, Launch, MISS, SAGITTA, SoundTracer, Start, State, TracerMemory};
+use crate::medium::Ray;
+use crate::trace::{LANES, RayBatch};
+use glam::{DVec3, Vec3};
+
+/// The direct way to the place of an arrival.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Direct {
+    /// Index of the arrival.
+    pub arrival: u32,
+    /// As if a ray had arrived there this way.
+    pub way: Arrival,
+    /// Unit vector along the way where it leaves the sonar, world.
+    pub launch: Vec3,
+}
+
+/// A direct way that something may stand in.
+pub(super) struct Candidate {
+    direct: Direct,
+    /// The ray on its way, and how far it has to get, m.
+    state: State,
+    length: f64,
+    /// When it is at the place, s.
+    time: f64,
+}
+
+/// How near to a place a ray must pass, m.
+const NEAR: f64 = 1e-3;
+
+impl SoundTracer<'_> {
+    /// Adds the direct ways to those of `arrivals` that came over reflections to `ways`, where there is one on which
+    /// nothing stands and echoes are within reach. What answers as a `whole` (by row) is seen from all sides.
+    pub fn direct(
+        &self,
+        launch: &Launch,
+        whole: impl Fn(u32) -> bool,
+        memory: &mut TracerMemory,
+        arrivals: &[Arrival],
+        ways: &mut Vec<Direct>,
+    ) {
+        let depth = self.surface_z - launch.place.z;
+        let start = Start { place: launch.place, speed: self.slabs[self.slab_at(depth)].speed_at(depth) };
+        let TracerMemory { rays, hits, direct, .. } = memory;
+        direct.clear();
+        for (index, arrival) in (0..).zip(arrivals) {
+            if arrival.order > 0 {
+                direct.extend(self.candidate(&start, index, arrival, whole(arrival.surface)));
+            }
+            if direct.len() == LANES {
+                self.look(&whole, rays, hits, direct, ways);
+            }
+        }
+        self.look(&whole, rays, hits, direct, ways);
+    }
+
+    /// The direct way to an arrival's place, if it leads to the side of the surface that the arrival meets.
+    fn candidate(&self, start: &Start, index: u32, arrival: &Arrival, whole: bool) -> Option<Candidate> {
+        let to = arrival.place.as_dvec3() - start.place;
+        let straight = to.length();
+        if straight < NEAR || f64::from(arrival.range) + self.least_range * straight > 2.0 * self.reach {
+            return None;
+        }
+        let (state, end) = if self.uniform { self.straight_way(start, to) } else { self.bent_way(start, to)? };
+        let Arrival { surface, triangle, corner, normal, .. } = *arrival;
+        let met = self.arrival(&State { ray: end, ..state }, surface, normal, start);
+        let way = Arrival { ray: arrival.ray, triangle, corner, order: 0, place: arrival.place, ..met };
+        let along = way.direction.dot(normal);
+        if f64::from(arrival.range + way.range) > 2.0 * self.reach
+            || !whole && along * arrival.direction.dot(normal) <= 0.0
+        {
+            return None;
+        }
+        // Clear of the surface itself.
+        let sine = f64::from(along.abs() / normal.length()).max(1e-3);
+        let length = end.path - (SAGITTA / sine).min(0.1 * end.path);
+        let direct = Direct { arrival: index, way, launch: state.direction().as_vec3() };
+        Some(Candidate { direct, state, length, time: end.time })
+    }
+
+    /// The ray along `to`, at its start and at its end, in water that is the same everywhere.
+    fn straight_way(&self, start: &Start, to: DVec3) -> (State, Ray) {
+        let depth = self.surface_z - start.place.z;
+        let path = to.length();
+        let state = State::launch(0, start.place, to / path, depth, &self.slabs, self.slab_at(depth));
+        let mut end = state.ray.advanced(&self.slabs[state.ray.slab], path);
+        end.lose(path * self.column.mean_absorption(depth, (depth - to.z).max(0.0)));
+        (state, end)
+    }
+
+    /// The ray that comes by `to` from where it starts, at its start and there: the angle at the start is found by its
+    /// tube, then by secants.
+    fn bent_way(&self, start: &Start, to: DVec3) -> Option<(State, Ray)> {
+        const MOST: usize = 12;
+        let depth = self.surface_z - start.place.z;
+        let slab = self.slab_at(depth);
+        let (heading, level) = super::heading(to);
+        let target = [level, depth - to.z];
+        let mut angle = (-to.z).atan2(level);
+        let mut before: Option<[f64; 2]> = None;
+        for _ in 0..MOST {
+            let (sine, cosine) = angle.sin_cos();
+            let direction = DVec3::new(heading[0] * cosine, heading[1] * cosine, -sine);
+            let state = State::launch(0, start.place, direction, depth, &self.slabs, slab);
+            let end = self.nearest(state.ray, target)?;
+            let cosine = (end.snell * end.speed).min(1.0);
+            // How far beside the ray the place is, downwards.
+            let miss = (target[1] - end.depth) * cosine - (target[0] - end.distance) * end.sine;
+            if miss.abs() < NEAR {
+                return Some((state, end));
+            }
+            let step = match before {
+                Some([angle_before, miss_before]) => miss * (angle_before - angle) / (miss - miss_before),
+                None => miss / end.tube,
+            };
+            if !(step.abs() < 1.0) {
+                return None;
+            }
+            before = Some([angle, miss]);
+            angle += step;
+        }
+        None
+    }
+
+    /// A ray where it passes a place (its horizontal distance and depth) on its way on.
+    fn nearest(&self, mut ray: Ray, target: [f64; 2]) -> Option<Ray> {
+        const MOST_SLABS: usize = 10_000;
+        let ahead = |ray: &Ray| {
+            let cosine = (ray.snell * ray.speed).min(1.0);
+            (target[0] - ray.distance) * cosine + (target[1] - ray.depth) * ray.sine
+        };
+        for _ in 0..MOST_SLABS {
+            let slab = &self.slabs[ray.slab];
+            let (length, end) = ray.exit(slab);
+            // Up to the surface and beyond it the slab goes on: a ray that gets there is none that is looked for, but
+            // one from which that is found.
+            let is_last = !length.is_finite() || end == End::Inside || end == End::Top && ray.slab == 0;
+            if !is_last {
+                let next = ray.advanced(slab, length);
+                if ahead(&next) > 0.0 {
+                    ray = next;
+                    ray.cross(&self.slabs, end);
+                    continue;
+                }
+            }
+            let mut length = 0.0;
+            let mut near = ray;
+            for _ in 0..20 {
+                let rest = ahead(&near);
+                if rest.abs() < 1e-3 * NEAR {
+                    break;
+                }
+                length += rest;
+                near = ray.advanced(slab, length);
+            }
+            return (ahead(&near).abs() < NEAR).then_some(near);
+        }
+        None
+    }
+
+    /// Moves those of `candidates` that nothing stands in to `ways`.
+    fn look(
+        &self,
+        whole: impl Fn(u32) -> bool,
+        rays: &mut RayBatch,
+        hits: &mut HitBatch,
+        candidates: &mut Vec<Candidate>,
+        ways: &mut Vec<Direct>,
+    ) {
+        while !candidates.is_empty() {
+            // Every ray goes on to where something could be in its way, or has arrived.
+            candidates.retain_mut(|it| match self.clear_way(it) {
+                Some(arrived) => {
+                    if arrived {
+                        ways.push(it.direct);
+                    }
+                    false
+                }
+                None => true,
+            });
+            for (lane, it) in candidates.iter().enumerate() {
+                let (from, along, length) = self.chord(&it.state, &self.direct_step(it));
+                (rays.org_x[lane], rays.org_y[lane], rays.org_z[lane]) = from.into();
+                (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = along.into();
+                rays.range_max[lane] = length;
+            }
+            hits.trace(self.scene, rays, candidates.len(), false, self.mask);
+            let mut lane = 0;
+            candidates.retain_mut(|it| {
+                let surface = hits.surface[lane];
+                lane += 1;
+                if surface == MISS {
+                    return self.go_on(it);
+                }
+                // Its own body hides nothing of what answers as a whole.
+                if surface == it.direct.way.surface && whole(surface) {
+                    ways.push(it.direct);
+                }
+                false
+            });
+        }
+    }
+
+    /// Takes a ray on through water where nothing is; whether it has arrived, `None`: it has to be traced.
+    fn clear_way(&self, it: &mut Candidate) -> Option<bool> {
+        loop {
+            if it.length - it.state.ray.path <= 1e-6 {
+                return Some(true);
+            }
+            if self.direct_step(it).traced {
+                return None;
+            }
+            if !self.go_on(it) {
+                return Some(false);
+            }
+        }
+    }
+
+    /// The next step of a direct way.
+    fn direct_step(&self, it: &Candidate) -> super::Step {
+        let step = self.step(&it.state, it.time);
+        let rest = it.length - it.state.ray.path;
+        if step.length < rest { step } else { super::Step { length: rest, end: End::Inside, ..step } }
+    }
+
+    /// Takes a ray to the end of its next step; whether it goes on from there.
+    fn go_on(&self, it: &mut Candidate) -> bool {
+        let step = self.direct_step(it);
+        let ray = &mut it.state.ray;
+        *ray = ray.advanced(&self.slabs[ray.slab], step.length);
+        match step.end {
+            End::Inside => {}
+            End::Top if ray.slab == 0 => return false,
+            end => ray.cross(&self.slabs, end),
+        }
+        true
+    }
+}
