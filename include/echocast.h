@@ -694,7 +694,7 @@ typedef struct echocast_beams_desc {
 typedef struct echocast_sensor_info {
     /** sizeof(echocast_sensor_info). */
     size_t struct_size;
-    /** Rows of its range image: channels of a spinning sensor, pixel rows of a camera. */
+    /** Rows of its range image: channels of a spinning sensor, pixel rows of a camera, 1 of a sonar. */
     uint32_t rows;
     /** Columns of its range image. It has rows * columns beams; beam row * columns + column. */
     uint32_t columns;
@@ -837,13 +837,16 @@ typedef struct echocast_result_info {
     size_t struct_size;
     /** Points. */
     size_t count;
-    /** Rows of the range image, if every beam has its point (scan_desc.organised); else 0. */
+    /**
+     * Rows of the range image, if every beam has its point (scan_desc.organised); else 0. Of side-scan and imaging sonars
+     * a row is a beam, and a column a range bin.
+     */
     uint32_t rows;
     /** Columns of the range image, or 0. */
     uint32_t columns;
     /** What positions refer to: an ECHOCAST_COORDINATES_ number. */
     int32_t coordinates;
-    /** What the column `intensity` has at full scale: 1, or 255; 0 if it has none. */
+    /** What the column `intensity` has at full scale: 1, or 255; 0 if it has none, as levels in dB. */
     float intensity_full_scale;
     /** World position, metres, that the columns x, y, z and true_x, true_y, true_z are relative to. */
     double origin[3];
@@ -999,7 +1002,7 @@ typedef struct echocast_pose_key {
 
 /**
  * Hears which part of the work is done, 0 to 1; not 0 ends it, unless it is done. Called on the thread that scans, every
- * 2048 beams of each thread. It must not throw, and finds the result in use.
+ * 2048 beams of each thread; not for sonars. It must not throw, and finds the result in use.
  */
 typedef int32_t (*echocast_progress_fn)(void *user, double fraction);
 
@@ -1046,16 +1049,20 @@ typedef struct echocast_scan_desc {
     /** First argument of `progress`. */
     void *progress_user;
     /**
-     * What is in the air, as YAML with the keys of a scenario's section `environment` ("{rain: {rate_mm_h: 10}}"), or
-     * NULL for nothing. A text that is the same as in the result's last scan is not read again.
+     * What is in the air, and in which water a sonar is, as YAML with the keys of a scenario's section `environment`
+     * ("{rain: {rate_mm_h: 10}}", "{water: {temperature_c: 8}}"), or NULL: clear air, and for sonars the sea below z = 0.
+     * A text that is the same as in the result's last scan is not read again.
      */
     const char *environment;
 } echocast_scan_desc;
 
 /**
- * Scans once. `*io`: NULL, then it becomes a new result, to be released with echocast_result_release; or a result, whose
- * memory is used again: a loop of scans in the order of beams allocates nothing after the first, but for weather, mirrors
- * and glass.
+ * Scans once; a sonar sends one ping, whose echoes are the points. `*io`: NULL, then it becomes a new result, to be
+ * released with echocast_result_release; or a result, whose memory is used again: a loop of scans in the order of beams
+ * allocates nothing after the first, but for weather, mirrors, glass and sonars.
+ *
+ * Points of a sonar: the depth of each beam of multibeam and single-beam ones; of side-scan and imaging sonars the range
+ * bins with an echo. Their `intensity` is a level in dB re 1 uPa. Sonars must be in the water.
  *
  * On an error in the arguments an old result stays as it was; one that was cancelled, or for which there was no memory,
  * is empty.

@@ -107,13 +107,14 @@ pub struct echocast_result_info {
     pub struct_size: usize,
     /// Points.
     pub count: usize,
-    /// Rows of the range image, if every beam has its point (scan_desc.organised); else 0.
+    /// Rows of the range image, if every beam has its point (scan_desc.organised); else 0. Of side-scan and imaging sonars
+    /// a row is a beam, and a column a range bin.
     pub rows: u32,
     /// Columns of the range image, or 0.
     pub columns: u32,
     /// What positions refer to: an ECHOCAST_COORDINATES_ number.
     pub coordinates: i32,
-    /// What the column `intensity` has at full scale: 1, or 255; 0 if it has none.
+    /// What the column `intensity` has at full scale: 1, or 255; 0 if it has none, as levels in dB.
     pub intensity_full_scale: f32,
     /// World position, metres, that the columns x, y, z and true_x, true_y, true_z are relative to.
     pub origin: [f64; 3],

@@ -49,7 +49,7 @@ pub const ECHOCAST_REFLECTANCE_LUMINANCE: i32 = 1;
 pub const ECHOCAST_REFLECTANCE_ALPHA: i32 = 2;
 
 /// Hears which part of the work is done, 0 to 1; not 0 ends it, unless it is done. Called on the thread that scans, every
-/// 2048 beams of each thread. It must not throw, and finds the result in use.
+/// 2048 beams of each thread; not for sonars. It must not throw, and finds the result in use.
 pub type echocast_progress_fn = Option<unsafe extern "C" fn(user: *mut c_void, fraction: f64) -> i32>;
 
 /// How to scan; ECHOCAST_SCAN_DESC_INIT has the defaults.
@@ -92,8 +92,9 @@ pub struct echocast_scan_desc {
     pub progress: echocast_progress_fn,
     /// First argument of `progress`.
     pub progress_user: *mut c_void,
-    /// What is in the air, as YAML with the keys of a scenario's section `environment` ("{rain: {rate_mm_h: 10}}"), or
-    /// NULL for nothing. A text that is the same as in the result's last scan is not read again.
+    /// What is in the air, and in which water a sonar is, as YAML with the keys of a scenario's section `environment`
+    /// ("{rain: {rate_mm_h: 10}}", "{water: {temperature_c: 8}}"), or NULL: clear air, and for sonars the sea below z = 0.
+    /// A text that is the same as in the result's last scan is not read again.
     pub environment: *const c_char,
 }
 
@@ -125,9 +126,12 @@ impl Default for echocast_scan_desc {
 // SAFETY: plain numbers and pointers, the size first.
 unsafe impl Versioned for echocast_scan_desc {}
 
-/// Scans once. `*io`: NULL, then it becomes a new result, to be released with echocast_result_release; or a result, whose
-/// memory is used again: a loop of scans in the order of beams allocates nothing after the first, but for weather, mirrors
-/// and glass.
+/// Scans once; a sonar sends one ping, whose echoes are the points. `*io`: NULL, then it becomes a new result, to be
+/// released with echocast_result_release; or a result, whose memory is used again: a loop of scans in the order of beams
+/// allocates nothing after the first, but for weather, mirrors, glass and sonars.
+///
+/// Points of a sonar: the depth of each beam of multibeam and single-beam ones; of side-scan and imaging sonars the range
+/// bins with an echo. Their `intensity` is a level in dB re 1 uPa. Sonars must be in the water.
 ///
 /// On an error in the arguments an old result stays as it was; one that was cancelled, or for which there was no memory,
 /// is empty.

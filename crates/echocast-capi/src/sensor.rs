@@ -49,7 +49,7 @@ pub const ECHOCAST_FIRING_FRAME: i32 = 2;
 pub struct echocast_sensor_info {
     /// sizeof(echocast_sensor_info).
     pub struct_size: usize,
-    /// Rows of its range image: channels of a spinning sensor, pixel rows of a camera.
+    /// Rows of its range image: channels of a spinning sensor, pixel rows of a camera, 1 of a sonar.
     pub rows: u32,
     /// Columns of its range image. It has rows * columns beams; beam row * columns + column.
     pub columns: u32,

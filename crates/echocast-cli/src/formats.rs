@@ -30,6 +30,10 @@ pub fn run() -> Result<()> {
     }
     list.push_str("\nPictures (--preview) are written as\n");
     row(&mut list, "png", &["png"], "RGB picture with legend");
+    list.push_str("\nPings of sonars (--pings) and their images (--image) are written as\n");
+    row(&mut list, "npz", &["npz"], "arrays, labels and all");
+    row(&mut list, "hdf5", &["h5", "hdf5"], "a dataset for each array, with unit and meaning");
+    row(&mut list, "png", &["png"], "images alone: grey, and labels in files beside it");
     text::print(&list)
 }
 

@@ -22,8 +22,8 @@ use clap::{Parser, Subcommand};
 use std::io::Write as _;
 use std::process::ExitCode;
 
-/// Simulates depth sensors: casts the beams of LiDARs and depth cameras over a 3D scene and writes what the instrument
-/// would have reported, every point labelled.
+/// Simulates depth sensors: casts the beams of LiDARs, depth cameras and sonars over a 3D scene and writes what the
+/// instrument would have reported, every point labelled.
 #[derive(Parser)]
 #[command(
     name = "echocast",

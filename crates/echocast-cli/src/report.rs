@@ -26,6 +26,10 @@ pub fn timed<T>(to: &mut f64, work: impl FnOnce() -> T) -> T {
 pub struct RunReport {
     pub rays: usize,
     pub points: usize,
+    /// Whether points were asked for: pictures of pings need none.
+    pub with_points: bool,
+    /// What a frame of the sensor is called.
+    pub frame: &'static str,
     pub frames: usize,
     pub threads: usize,
     pub seconds: Seconds,
@@ -55,11 +59,11 @@ impl RunReport {
     /// A few lines: counts, times, files. `title` says what was scanned.
     pub fn summary(&self, title: &str) -> String {
         let Seconds { load, build, scan, write } = self.seconds;
+        let points = if self.with_points { counted(self.points, "point") + " of " } else { String::new() };
         let mut text = format!(
-            "{title}: {} of {}, {}\n  load {}, build {}, scan {} ({:.1} M rays/s, {}), write {}\n",
-            counted(self.points, "point"),
+            "{title}: {points}{}, {}\n  load {}, build {}, scan {} ({:.1} M rays/s, {}), write {}\n",
             counted(self.rays, "ray"),
-            counted(self.frames, "frame"),
+            counted(self.frames, self.frame),
             duration(load),
             duration(build),
             duration(scan),

@@ -19,7 +19,7 @@ use serde_json::{Value, json};
 use std::io::Write as _;
 use std::path::PathBuf;
 
-/// Scan a scene with one sensor: one or more frames, labelled clouds and pictures
+/// Scan a scene with one sensor: one or more frames or pings, labelled clouds and pictures
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -52,7 +52,8 @@ pub struct Args {
     /// Poses over time: TUM text (`t x y z qx qy qz qw`) or CSV with a header; time 0 of the run is the first pose
     #[arg(long, value_name = "FILE", conflicts_with_all = ["at", "rpy", "camera"], help_heading = "Place")]
     trajectory: Option<PathBuf>,
-    /// Frames A to B, both included, every STEPth; frame k starts at k / fps seconds [default: frame 0 alone]
+    /// Frames A to B, both included, every STEPth; frame k starts at k / fps seconds. Those of a sonar are its pings
+    /// [default: frame 0 alone, of sonars all along the trajectory]
     #[arg(long, value_name = "A:B[:STEP]", help_heading = "Place")]
     frames: Option<Frames>,
     /// Frames per second [default: the sensor's rate]
@@ -204,13 +205,16 @@ pub fn run(args: &Args) -> Result<()> {
     })?;
     drop(progress);
     warnings.absorb(writer.report);
-    if points == 0 && (args.output.wants_clouds() || !sonar) {
+    let with_points = args.output.wants_clouds() || !sonar;
+    if points == 0 && with_points {
         warn_of_nothing(&scene, &sensor, &trajectory, &environment, &mut warnings);
     }
 
     let report = RunReport {
         rays: sensor.ray_count() * frames.len(),
         points,
+        with_points,
+        frame: if sonar { "ping" } else { "frame" },
         frames: frames.len(),
         threads,
         seconds,

@@ -1,4 +1,4 @@
-//! Weather by flag or file.
+//! Weather and water by flag or file.
 
 use anyhow::Result;
 use clap::Args;
@@ -9,7 +9,7 @@ use std::path::PathBuf;
 /// What is between sensor and surfaces.
 #[derive(Args)]
 pub struct WeatherArgs {
-    /// Weather from a YAML file: the section `environment` of a scenario, or its keys alone
+    /// Weather, and the water of sonars, from a YAML file: the section `environment` of a scenario, or its keys alone
     #[arg(long, value_name = "FILE", help_heading = "Weather")]
     env: Option<PathBuf>,
     /// Rain, mm/h (10 is a shower, 50 a cloudburst); single drops are seen by sensors with a detection threshold

@@ -1,5 +1,5 @@
-//! echocast simulates depth sensors: it casts the beams of LiDAR and time-of-flight instruments over
-//! a 3D scene through Embree and returns what the instrument would have reported, every point labelled.
+//! echocast simulates depth sensors: it casts the beams of LiDARs, depth cameras and sonars over a 3D
+//! scene through Embree and returns what the instrument would have reported, every point labelled.
 //!
 //! ```no_run
 //! use echocast::{Pose, ScanOptions, Scene, Sensor, Trajectory};
@@ -29,18 +29,41 @@
 //! # Ok::<(), echocast::Error>(())
 //! ```
 //!
+//! A sonar pings. [`BuiltScene::scan`] gives the points of a ping as of any sensor; [`BuiltScene::ping`] the whole of it,
+//! a level and labels for every range bin, of which [`image`] makes what the software of a sonar shows:
+//!
+//! ```no_run
+//! use echocast::{Environment, Field, Pings, ScanOptions, Scene, Sensor, Trajectory, image};
+//!
+//! let lake = Scene::load("lake.glb")?.build()?;
+//! let sonar = Sensor::preset("sss_450")?;
+//! let survey = Trajectory::load("survey.csv")?;
+//! let environment = Environment::from_yaml("water: {temperature_c: 12, salinity_psu: 0.3, sound_speed: medwin}")?;
+//! let mut pings = Pings::default();
+//! for frame in 0..200 {
+//!     let start_time = f64::from(frame) * sonar.beams().period;
+//!     let fields = [Field::CategoryId].into_iter().collect();
+//!     let options = ScanOptions { frame, start_time, fields, environment: environment.clone(), ..ScanOptions::default() };
+//!     pings.push(lake.ping(&sonar, &survey, &options)?)?;
+//! }
+//! pings.write("survey.npz")?;
+//! image::waterfall(&pings, image::ImageRange::Slant, None)?.write("survey.png")?;
+//! # Ok::<(), echocast::Error>(())
+//! ```
+//!
 //! # The path of a scan
 //!
 //! | step | room | what comes out |
 //! |---|---|---|
+//! | make | [`generate`] | a lake bed as a file, if there is no scene at hand |
 //! | read, resolve | [`scene`] | [`Scene`]: z up, metres, labels and materials attached |
 //! | build | `trace` | [`BuiltScene`]: Embree's structure and what its ids mean, shared by threads; a [`LiveScene`] makes one after the other |
 //! | aim | [`emitter`] | the beams of a [`Sensor`], each at the pose of its own time |
 //! | trace | `trace` | range, normal, surface of every beam |
-//! | interact | [`echo`], with [`material`] | reflectance, incidence, intensity |
+//! | interact | [`echo`], with [`material`] and [`medium`] | reflectance, incidence, intensity; of sonars a [`Ping`], levels in range bins |
 //! | detect | [`detect`] | which echoes are seen, and at which measured range |
-//! | collect | [`cloud`] | [`PointCloud`]: a column each, truth beside measurement |
-//! | draw | [`image`] | of the pings of a sonar: waterfall, mosaic, fan, depth map |
+//! | collect | [`cloud`] | [`PointCloud`]: a column each, truth beside measurement; [`Pings`] of a sonar |
+//! | draw | [`image`] | of [`Pings`]: waterfall, mosaic, fan, depth map |
 //! | write | [`export`] | a file and a [`Report`] of what it could not hold |
 //!
 //! # Conventions

@@ -678,6 +678,95 @@ static void images(echocast_context *context)
     echocast_material_release(material);
 }
 
+/* A side-scan sonar 6 m above a flat bed of sand, in water that is told. */
+static void sonars(echocast_context *context)
+{
+    static const float corners[] = {-20, -20, -8, 20, -20, -8, 20, 20, -8, -20, 20, -8};
+    static const uint32_t indices[] = {0, 1, 2, 0, 2, 3};
+    echocast_material *material;
+    OK(echocast_material_create(context, "{name: bed, sound: {law: sediment, name: medium_sand}}", NULL, &material));
+    echocast_part part = ECHOCAST_PART_INIT;
+    part.triangle_count = 2;
+    part.material = material;
+    echocast_mesh_desc shape = ECHOCAST_MESH_DESC_INIT;
+    shape.positions = corners;
+    shape.vertex_count = 4;
+    shape.indices = indices;
+    shape.triangle_count = 2;
+    shape.parts = &part;
+    shape.part_count = 1;
+    echocast_mesh *mesh;
+    OK(echocast_mesh_create(context, &shape, &mesh));
+    echocast_scene *scene;
+    OK(echocast_scene_create(context, NULL, &scene));
+    place(scene, mesh, at(0, 0, 0), 1);
+    echocast_snapshot *snapshot;
+    OK(echocast_scene_commit(scene, &snapshot));
+
+    echocast_sensor *sensor;
+    OK(echocast_sensor_create(context, "sss_450", &sensor));
+    OK(echocast_sensor_set(sensor, "range.max_m", "15"));
+    OK(echocast_sensor_set(sensor, "pattern.rays", "512"));
+    OK(echocast_sensor_set(sensor, "acoustics.bin_m", "0.1"));
+    OK(echocast_sensor_set(sensor, "acoustics.bounces", "0"));
+    double value, low, high;
+    OK(echocast_sensor_get(sensor, "acoustics.frequency_khz", &value, &low, &high));
+    CHECK(value == 450 && low > 1 && high == 5000);
+    FAILS(ECHOCAST_E_PARSE, "acoustics.bounces=9: acoustics.bounces: is 9; allowed: 0 to 8",
+          echocast_sensor_set(sensor, "acoustics.bounces", "9"));
+    echocast_sensor_info about = ECHOCAST_SENSOR_INFO_INIT;
+    OK(echocast_sensor_get_info(sensor, &about));
+    CHECK(about.rows == 1 && about.columns == 2);
+
+    echocast_pose_key here = {0, at(0, 0, -2)};
+    echocast_scan_desc desc = ECHOCAST_SCAN_DESC_INIT;
+    desc.sensor = sensor;
+    desc.poses = &here;
+    desc.pose_count = 1;
+    desc.columns = "x,y,z,range,intensity,category_id,channel,cause,true_z";
+    desc.environment = "{water: {temperature_c: 8, salinity_psu: 0.3, sound_speed: medwin, wind_m_s: 0}}";
+    echocast_result *result = NULL;
+    OK(echocast_scan(snapshot, &desc, &result));
+    echocast_result_info info = ECHOCAST_RESULT_INFO_INIT;
+    OK(echocast_result_get_info(result, &info));
+    CHECK(info.count > 50 && info.intensity_full_scale == 0);
+    const float *range = view(result, "range").data, *level = view(result, "intensity").data;
+    const float *y = view(result, "y").data, *true_z = view(result, "true_z").data;
+    const uint32_t *category = view(result, "category_id").data;
+    const uint16_t *channel = view(result, "channel").data;
+    size_t bed[2] = {0, 0};
+    for (size_t i = 0; i < info.count; ++i) {
+        if (category[i] == 0)
+            continue; /* water and its surface */
+        CHECK(category[i] == 3 && channel[i] < 2 && (channel[i] == 0) == (y[i] > 0));
+        CHECK(range[i] > 5.9 && range[i] < 15 && close_to(true_z[i] + info.origin[2], -8));
+        CHECK(level[i] > 40 && level[i] < 200);
+        ++bed[channel[i]];
+    }
+    CHECK(bed[0] > 50 && bed[1] > 50);
+
+    /* All range bins of both sides. */
+    desc.organised = 1;
+    OK(echocast_scan(snapshot, &desc, &result));
+    OK(echocast_result_get_info(result, &info));
+    CHECK(info.rows == 2 && info.columns == 150 && info.count == 300);
+    desc.organised = 0;
+
+    here.pose = at(0, 0, 1);
+    FAILS(ECHOCAST_E_ARGUMENT, "the depth of the sonar is -1 m; allowed: 0 m or more",
+          echocast_scan(snapshot, &desc, &result));
+    desc.environment = "{water: {salinity_psu: 60}}";
+    CHECK(echocast_scan(snapshot, &desc, &result) != ECHOCAST_OK && strstr(echocast_last_error(), "salinity_psu"));
+    CHECK(echocast_result_count(result) == 300);
+
+    echocast_result_release(result);
+    echocast_sensor_release(sensor);
+    echocast_snapshot_release(snapshot);
+    echocast_scene_release(scene);
+    echocast_mesh_release(mesh);
+    echocast_material_release(material);
+}
+
 /* Two contexts do not notice each other, and what one made outlives it. */
 static void contexts(echocast_context *context)
 {
@@ -742,6 +831,7 @@ int main(int argc, char **argv)
     sensors(context);
     scans(context);
     images(context);
+    sonars(context);
     contexts(context);
     echocast_context_release(context);
     puts("passed");

@@ -56,7 +56,8 @@ pub struct PointCloud {
     pub frame: Frame,
     /// World pose of the sensor at the start of the (first) scan.
     pub sensor_pose: Pose,
-    /// Value of `intensity` that means full scale: 1, or 255 for 8-bit encodings; relative energy has none.
+    /// Value of `intensity` that means full scale: 1, or 255 for 8-bit encodings; relative energy and the
+    /// levels of sonars, dB, have none.
     pub intensity_full_scale: Option<f32>,
     /// Names of the numbers in the label columns.
     pub labels: Arc<Labels>,

@@ -343,7 +343,7 @@ impl Survey {
         }
         if cloud.intensity_full_scale.is_none() && !cloud.columns.intensity.is_empty() {
             report.warn(format!(
-                "{name}: intensity is relative energy, which has no full scale; 65535 is the strongest point of the file"
+                "{name}: the intensity of this sensor has no full scale; 65535 is the strongest point of the file"
             ));
         }
         if self.clamped_returns {

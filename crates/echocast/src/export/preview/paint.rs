@@ -111,7 +111,7 @@ impl<'a> Paint<'a> {
                 let caption = match cloud.intensity_full_scale {
                     Some(1.0) => "intensity".to_owned(),
                     Some(full) => format!("intensity, full scale {full}"),
-                    None => "intensity, relative energy".to_owned(),
+                    None => "intensity, no full scale".to_owned(),
                 };
                 Paint::values("intensity", caption, INTENSITY, Values::Column(&columns.intensity), points, 0.0)
             }
@@ -368,7 +368,7 @@ mod tests {
             cloud.intensity_full_scale = full;
             names(&cloud, ColorBy::Intensity, &mut Report::default()).1[0].0.clone()
         });
-        assert_eq!(captions, ["intensity", "intensity, full scale 255", "intensity, relative energy"]);
+        assert_eq!(captions, ["intensity", "intensity, full scale 255", "intensity, no full scale"]);
         let points = Points::new(&cloud, &mut Report::default());
         let paint = Paint::new(&cloud, &points, ColorBy::Intensity, &mut Report::default());
         assert_eq!([0, 1, 2].map(|row| paint.color(row)), [0.0, 1.0, 0.0].map(|t| INTENSITY.color(t)));

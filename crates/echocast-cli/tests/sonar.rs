@@ -1,0 +1,182 @@
+//! Sonars: pings, their pictures and files, and points.
+
+mod common;
+
+use common::{csv_column, files, report, run, stderr, stdout};
+use std::path::Path;
+use std::{fs, str};
+
+/// 5 pings over a small lake, straight ahead.
+const SURVEY: &str = "time_s,x,y,z,qx,qy,qz,qw\n0,-4,0,-3,0,0,0,1\n0.8,4,0,-3,0,0,0,1\n";
+const SIDES: &str = "scan DIR/lake.glb --sensor sss_450 --set pattern.rays=256 --set pattern.rate_hz=5 --set range.max_m=20 \
+                     --set acoustics.bin_m=0.1 --trajectory DIR/survey.csv";
+
+/// A folder with `lake.glb`, 12 m deep, and `survey.csv`.
+fn lake() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    stdout(folder.path(), "generate seabed --size 20,20 --cell 0.5 --boulders 5 --fish 0 -q -o DIR/lake.glb");
+    fs::write(folder.path().join("survey.csv"), SURVEY).unwrap();
+    folder
+}
+
+fn is_png(file: &Path) -> bool {
+    fs::read(file).unwrap().starts_with(b"\x89PNG")
+}
+
+/// The shape and the bytes of the elements of array `name` of an NPZ file, whose parts are stored as they are.
+fn npz_array(file: &Path, name: &str) -> (Vec<usize>, Vec<u8>) {
+    let bytes = fs::read(file).unwrap();
+    let find = |what: &[u8]| bytes.windows(what.len()).position(|window| window == what);
+    let start = find(format!("{name}.npy").as_bytes()).unwrap_or_else(|| panic!("no array {name}"));
+    let npy = start + bytes[start..].windows(6).position(|window| window == b"\x93NUMPY").unwrap();
+    let length = usize::from(u16::from_le_bytes([bytes[npy + 8], bytes[npy + 9]]));
+    let header = str::from_utf8(&bytes[npy + 10..npy + 10 + length]).unwrap();
+    let between = |from: &str, to: char| header.split_once(from).unwrap().1.split(to).next().unwrap();
+    let size: usize = between("'descr': '", '\'')[2..].parse().unwrap();
+    let shape: Vec<usize> = between("'shape': (", ')').split(',').filter_map(|text| text.trim().parse().ok()).collect();
+    let count: usize = shape.iter().product();
+    let data = npy + 10 + length;
+    (shape, bytes[data..data + size * count].to_vec())
+}
+
+#[test]
+fn a_sonar_pings_all_along_its_way() {
+    let folder = lake();
+    let folder = folder.path();
+    let said = stdout(
+        folder,
+        &format!(
+            "{SIDES} --preview DIR/falls.png --view waterfall --color intensity --image DIR/falls.npz --pings DIR/pings.npz"
+        ),
+    );
+    // Nobody asked for points.
+    assert!(said.contains("sss_450 in") && said.contains("lake.glb: 2,560 rays, 5 pings\n"), "{said}");
+    assert!(is_png(&folder.join("falls.png")));
+    assert_eq!(files(folder), ["falls.npz", "falls.png", "lake.glb", "pings.npz", "survey.csv"]);
+
+    let (shape, levels) = npz_array(&folder.join("pings.npz"), "level");
+    assert_eq!(shape, [5, 2, 200]);
+    let levels: Vec<f32> = levels.chunks(4).map(|value| f32::from_le_bytes(value.try_into().unwrap())).collect();
+    // The bed, nowhere nearer than 7 m, is well above the water before it.
+    let mean = |bins: std::ops::Range<usize>| levels[bins.clone()].iter().sum::<f32>() / bins.len() as f32;
+    assert!(mean(110..180) > mean(20..60) + 30.0, "{} {}", mean(110..180), mean(20..60));
+    let (_, ids) = npz_array(&folder.join("pings.npz"), "category_id");
+    assert!(ids.chunks(4).any(|id| id != [0; 4]));
+    let (shape, times) = npz_array(&folder.join("pings.npz"), "ping_time");
+    let times: Vec<f64> = times.chunks(8).map(|value| f64::from_le_bytes(value.try_into().unwrap())).collect();
+    assert!(
+        shape == [5] && times.iter().zip([0.0, 0.2, 0.4, 0.6, 0.8]).all(|(a, b)| (a - b).abs() < 1e-9),
+        "{times:?}"
+    );
+    // Port reversed, then starboard.
+    assert_eq!(npz_array(&folder.join("falls.npz"), "values").0, [5, 400]);
+}
+
+#[test]
+fn fewer_pings_can_be_asked_for_and_other_columns() {
+    let folder = lake();
+    let folder = folder.path();
+    let report = report(
+        folder,
+        &format!("{SIDES} --frames 1:3:2 --fields range,intensity,true_range,category_id,firing -o DIR/points.csv"),
+    );
+    assert_eq!((&report["frames"], &report["rays"]), (&2.into(), &1024.into()));
+    assert_eq!(report["run"]["sensors"][0]["kind"], "sonar");
+    assert_eq!(report["run"]["sensors"][0]["acoustics"]["bin_m"], 0.1);
+    assert_eq!(report["run"]["frames"], serde_json::json!({ "first": 1, "last": 3, "step": 2, "fps": 5.0 }));
+    assert!(report["run"]["outputs"]["pings"].is_null());
+    let points = folder.join("points.csv");
+    let header = fs::read_to_string(&points).unwrap().lines().next().unwrap().to_owned();
+    let mut names: Vec<&str> = header.split(',').collect();
+    names.sort_unstable();
+    assert_eq!(names, ["category_id", "firing", "intensity", "range", "true_range"]);
+    let [range, level, truth, id, ping] =
+        ["range", "intensity", "true_range", "category_id", "firing"].map(|name| csv_column(&points, name));
+    assert_eq!(report["points"], range.len());
+    assert!(ping.iter().all(|&ping| ping == 1.0 || ping == 3.0) && ping.contains(&3.0));
+    assert!(level.iter().all(|level| (40.0..220.0).contains(level)));
+    // Of what is there: the middle of a bin is at most half of one beside the truth, and the pulse as much again.
+    let there = range.iter().zip(&truth).zip(&id).filter(|(_, id)| **id > 0.0);
+    let (near, all) = there
+        .fold((0, 0), |(near, all), ((range, truth), _)| (near + usize::from((range - truth).abs() < 0.15), all + 1));
+    assert!(all > 100 && near as f64 > 0.98 * f64::from(all), "{near} of {all}");
+    let labels = fs::read_to_string(folder.join("points.labels.json")).unwrap();
+    assert!(labels.contains("\"seabed\"") && labels.contains("\"boulder\""), "{labels}");
+}
+
+#[test]
+fn every_sonar_has_its_pictures() {
+    let folder = lake();
+    let folder = folder.path();
+    let few = "--set range.max_m=20 --set acoustics.bin_m=0.1";
+    let swath = format!(
+        "scan DIR/lake.glb --sensor mbes_400 --set pattern.beams=32 --set pattern.rays=8 --set pattern.rate_hz=5 {few} \
+         --trajectory DIR/survey.csv -o DIR/depths.csv --image DIR/map.npz --preview DIR/map.png --view track --color height"
+    );
+    let said = stdout(folder, &swath);
+    assert!(said.contains("points of 1,280 rays, 5 pings"), "{said}");
+    // The bed is about 12 m below the surface.
+    let depths = csv_column(&folder.join("depths.csv"), "z");
+    assert!(depths.len() > 100 && depths.iter().filter(|z| (-14.0..-8.0).contains(*z)).count() > depths.len() * 9 / 10);
+    let (_, heights) = npz_array(&folder.join("map.npz"), "values");
+    let heights = heights.chunks(4).map(|value| f32::from_le_bytes(value.try_into().unwrap()));
+    assert!(heights.filter(|z| (-14.0..-8.0).contains(z)).count() > 20);
+
+    let fan = format!(
+        "scan DIR/lake.glb --sensor fls_900 --set pattern.beams=32 --set pattern.rays=16 {few} --at -8,0,-8 \
+         --preview DIR/fan.png --view fan --image DIR/fan_grey.png"
+    );
+    assert!(stdout(folder, &fan).contains("1 ping\n"));
+    for name in ["map.png", "fan.png", "fan_grey.png", "fan_grey.category_id.png"] {
+        assert!(is_png(&folder.join(name)), "{name}");
+    }
+    let ground = format!("{SIDES} --preview DIR/ground.png --view waterfall --ground");
+    stdout(folder, &ground);
+    stdout(folder, &format!("{SIDES} --preview DIR/slant.png --view waterfall"));
+    assert_ne!(fs::read(folder.join("ground.png")).unwrap(), fs::read(folder.join("slant.png")).unwrap());
+}
+
+#[test]
+fn the_seed_and_nothing_else_decides() {
+    let folder = lake();
+    let folder = folder.path();
+    let pings = |name: &str, options: &str| {
+        stdout(folder, &format!("{SIDES} --frames 0:1 {options} --pings DIR/{name}.npz"));
+        npz_array(&folder.join(format!("{name}.npz")), "level").1
+    };
+    let one = pings("one", "--threads 1");
+    assert_eq!(one, pings("two", "--threads 2"));
+    assert_ne!(one, pings("other", "--seed 1"));
+}
+
+#[test]
+fn what_does_not_fit_a_sonar_is_named_and_nothing_is_written() {
+    let folder = lake();
+    let folder = folder.path();
+    let before = files(folder);
+    let lidar = "scan DIR/lake.glb --sensor velodyne_vlp16 --at 0,0,-2";
+    let above = "scan DIR/lake.glb --sensor sss_450 --at 0,0,1 --set range.max_m=20";
+    for (args, says) in [
+        (
+            format!("{lidar} --preview DIR/x.png --view waterfall"),
+            "--view waterfall: the sensor is a lidar; allowed: top",
+        ),
+        (format!("{lidar} --pings DIR/x.npz"), "--pings: the sensor is a lidar; allowed: with sonars only"),
+        (format!("{lidar} --image DIR/x.npz --view fan"), "--image: the sensor is a lidar; allowed: with sonars only"),
+        (format!("{SIDES} --preview DIR/x.png --view track --ground"), "--ground: allowed with --view waterfall only"),
+        (format!("{SIDES} --pings DIR/x.csv"), "--pings: the ending of the output file"),
+        (format!("{SIDES} --image DIR/x.npz"), "--image: shows what --view says, which is top; allowed: waterfall"),
+        (format!("{above} -o DIR/x.csv"), "the depth of the sonar is -1 m; allowed: 0 m or more"),
+        (format!("{SIDES} --set pattern.rate_hz=50 -o DIR/x.csv"), "range.max_m is 20 m, beyond the 1"),
+        (
+            format!("{SIDES} --set noise.dropout=0.1 -o DIR/x.csv"),
+            "noise: is given; allowed: with other kinds than sonar",
+        ),
+        (format!("{SIDES} --profile paper --pings DIR/x.npz"), "profile is paper; allowed: physical"),
+    ] {
+        let output = run(folder, &args);
+        assert_eq!(output.status.code(), Some(1), "{args}");
+        assert!(stderr(&output).contains(says), "{args}\n{}", stderr(&output));
+    }
+    assert_eq!(files(folder), before);
+}
