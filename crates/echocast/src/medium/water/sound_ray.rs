@@ -124,8 +124,10 @@ impl SoundRay {
     pub fn point_at(&self, distance_m: f64) -> Option<RayPoint> {
         let slab = &self.slabs[self.ray.slab];
         let (length, _) = self.ray.exit(slab);
+        // A level ray in water without gradient goes on for ever.
+        let length = length.min(2.0 * (distance_m - self.ray.distance).abs() + 1e6);
         let at = |length: f64| self.ray.advanced(slab, length);
-        if distance_m < self.ray.distance || !length.is_finite() || at(length).distance < distance_m {
+        if distance_m < self.ray.distance || at(length).distance < distance_m {
             return None;
         }
         // Distance rises with the length.
