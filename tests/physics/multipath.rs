@@ -116,6 +116,29 @@ fn first_order_echoes_are_those_of_the_images() {
     }
 }
 
+/// A fan that is louder in some directions sends one way as loud as it does there, and hears the other likewise.
+#[test]
+fn lobes_weigh_both_ways() {
+    let (sonar, target, level) = (10.0, 14.0, 30.0);
+    let scene = targets(&[DVec3::new(level, 0.0, -target)], 0.09, false);
+    let pattern =
+        "type: single_beam, tilt_deg: 8, rays: 1000000, beam_deg: {shape: box, width_deg: 0.6}, vertical_deg: 50";
+    let pose = Trajectory::fixed(Pose::at(0.0, 0.0, -sonar));
+    let ping = scene.ping(&sensor(pattern, ", bounces: 1"), &pose, &water(STRAIGHT)).unwrap();
+    let lobe = Lobe::Width(50.0).at(1500.0 / 100e3);
+    let [a, b, _] = image_ways(sonar, target, level);
+    let one_way = |way: f64, rise: f64| {
+        let angle = rise.atan2(level) + 8f64.to_radians();
+        20.0 * lobe.amplitude(angle.sin()).abs().log10() - 20.0 * way.log10()
+    };
+    let (direct, over) = (one_way(a, sonar - target), one_way(b, sonar + target));
+    assert!(direct - over > 10.0);
+    let twice = 10.0 * 2f64.log10();
+    for (range, expected) in [(a, 2.0 * direct), (0.5 * (a + b), direct + over + twice), (b, 2.0 * over)] {
+        assert_near(&format!("level at {range} m"), level_at(&ping, 0, range - 0.06), 200.0 + expected, 0.3);
+    }
+}
+
 #[test]
 fn a_wall_takes_mixed_ways_away_that_it_stands_in() {
     let (sonar, target, level) = (10.0, 14.0, 40.0);
