@@ -87,7 +87,7 @@ fn image_ways(sonar: f64, target: f64, level: f64) -> [f64; 3] {
 /// reflections are not followed.
 #[test]
 fn first_order_echoes_are_those_of_the_images() {
-    for (sonar, target, level) in [(10.0, 14.0, 40.0), (6.0, 9.0, 30.0)] {
+    for (sonar, target, level) in [(20.0, 14.0, 30.0), (6.0, 9.0, 30.0)] {
         let scene = targets(&[DVec3::new(level, 0.0, -target)], 0.09, true);
         let pose = Trajectory::fixed(Pose::at(0.0, 0.0, -sonar));
         let ping = scene.ping(&fan(1), &pose, &water(STRAIGHT)).unwrap();
@@ -113,6 +113,29 @@ fn first_order_echoes_are_those_of_the_images() {
         assert!(level_at(&alone, 0, ways[0] - 0.06) > 120.0);
         let second = (0.5 * (ways[0] + ways[1]) / alone.layout.bin_m) as usize;
         assert!(alone.levels(0)[second - 3..].iter().all(|&level| level < 60.0));
+    }
+}
+
+/// A fan that is louder in some directions sends one way as loud as it does there, and hears the other likewise.
+#[test]
+fn lobes_weigh_both_ways() {
+    let (sonar, target, level) = (10.0, 14.0, 30.0);
+    let scene = targets(&[DVec3::new(level, 0.0, -target)], 0.09, false);
+    let pattern =
+        "type: single_beam, tilt_deg: 8, rays: 1000000, beam_deg: {shape: box, width_deg: 0.6}, vertical_deg: 50";
+    let pose = Trajectory::fixed(Pose::at(0.0, 0.0, -sonar));
+    let ping = scene.ping(&sensor(pattern, ", bounces: 1"), &pose, &water(STRAIGHT)).unwrap();
+    let lobe = Lobe::Width(50.0).at(1500.0 / 100e3);
+    let [a, b, _] = image_ways(sonar, target, level);
+    let one_way = |way: f64, rise: f64| {
+        let angle = rise.atan2(level) + 8f64.to_radians();
+        20.0 * lobe.amplitude(angle.sin()).abs().log10() - 20.0 * way.log10()
+    };
+    let (direct, over) = (one_way(a, sonar - target), one_way(b, sonar + target));
+    assert!(direct - over > 10.0);
+    let twice = 10.0 * 2f64.log10();
+    for (range, expected) in [(a, 2.0 * direct), (0.5 * (a + b), direct + over + twice), (b, 2.0 * over)] {
+        assert_near(&format!("level at {range} m"), level_at(&ping, 0, range - 0.06), 200.0 + expected, 0.3);
     }
 }
 
@@ -142,7 +165,7 @@ fn beams_hear_mixed_echoes_from_where_they_come() {
     let (sonar, target, level) = (10.0, 14.0, 40.0);
     let ways = image_ways(sonar, target, level);
     let scene = targets(&[DVec3::new(level, 0.0, -target)], 0.09, false);
-    let pattern = "type: imaging, beams: 121, fov_deg: 120, beam_deg: 1.5, rays: 4000, vertical_deg: {shape: box, \
+    let pattern = "type: imaging, beams: 2001, fov_deg: 120, beam_deg: 1.5, rays: 300, vertical_deg: {shape: box, \
                    width_deg: 0.6}";
     // Its array stands upright: port is up.
     let pose = Trajectory::fixed(Pose::at(0.0, 0.0, -sonar).with_rpy_deg(90.0, 0.0, 0.0));
@@ -150,7 +173,7 @@ fn beams_hear_mixed_echoes_from_where_they_come() {
     let ranges = [ways[0], 0.5 * (ways[0] + ways[1]), ways[1]].map(|range| range - 0.06);
     let lines = [(sonar - target).atan2(level), (sonar + target).atan2(level)].map(|angle| {
         let beside = |beam: &usize| (f64::from(ping.layout.axes[*beam][0]) - angle).abs();
-        (0..121).min_by(|a, b| beside(a).total_cmp(&beside(b))).unwrap()
+        (0..2001).min_by(|a, b| beside(a).total_cmp(&beside(b))).unwrap()
     });
     for (line, own) in [(lines[0], 0), (lines[1], 2)] {
         let difference = level_at(&ping, line, ranges[1]) - level_at(&ping, line, ranges[own]);
@@ -181,13 +204,13 @@ fn mixed_ways_bend() {
     let over = |x: f64| time(sonar, 0.0, x) + time(0.0, target, level - x);
     let fermat = (0..60_000).map(|step| over(f64::from(step) * 1e-3)).fold(f64::INFINITY, f64::min);
     let (direct, over) = (1500.0 * time(sonar, target, level), 1500.0 * fermat);
+    let levels = [direct, 0.5 * (direct + over), over].map(|range| level_at(&ping, 0, range - 0.06));
     let [a, b, _] = image_ways(sonar, target, level);
-    for (range, out, back, twice) in
-        [(direct, a, a, 0.0), (0.5 * (direct + over), a, b, 10.0 * 2f64.log10()), (over, b, b, 0.0)]
-    {
-        let expected = 200.0 - 20.0 * out.log10() - 20.0 * back.log10() + twice;
-        assert_near(&format!("level at {range} m"), level_at(&ping, 0, range - 0.06), expected, 0.5);
-    }
+    assert_near("direct level", levels[0], 200.0 - 40.0 * a.log10(), 0.3);
+    // The surface side of such water is a duct: it focuses.
+    assert_near("level over the surface", levels[2], 200.0 - 40.0 * b.log10(), 1.0);
+    let mean = 0.5 * (levels[0] + levels[2]);
+    assert_near("mixed level", levels[1], mean + 10.0 * 2f64.log10(), 0.2);
 }
 
 /// A mean of the way there and of the way back may be within reach where one of them is not.
@@ -331,5 +354,45 @@ fn what_does_not_move_sounds_as_what_stands() {
             assert!(bits(&scene.ping(&hopping, &now, &water).unwrap()) == expected, "{pattern}");
             assert!(bits(&scene.ping(&moving, &now, &water).unwrap()) != expected, "{pattern}");
         }
+    }
+}
+
+/// A bottom of Lambert's law: between two directions that is `mu sin(in) sin(out)`.
+#[test]
+fn mixed_echoes_of_a_bottom_have_the_level_of_the_sonar_equation() {
+    let mut scene = SceneBuilder::new();
+    let sand = scene.material(Material::from_yaml("{name: sand, sound: {law: lambert, mu_db: -10}}").unwrap());
+    let corner = DVec3::new(-300.0, -300.0, -BOTTOM);
+    scene.stand(Shape::quad(corner, 600.0 * DVec3::X, 600.0 * DVec3::Y), Some(sand));
+    let scene = scene.finish().build().unwrap();
+    let (depth, height) = (10.0, BOTTOM - 10.0);
+    let pose = Trajectory::fixed(Pose::at(0.0, 0.0, -depth));
+    let [one, none] = [1, 0].map(|bounces| scene.ping(&fan(bounces), &pose, &water(STRAIGHT)).unwrap());
+    let bin_m = one.layout.bin_m;
+    let (half, around) = (0.3f64.to_radians().sin(), 0.5);
+    for range in [42.0, 55.0, 80.0, 120.0] {
+        let near = |way: f64| (way - range).abs() < around;
+        let step = 1e-3;
+        let mut expected = 0.0;
+        for x in (10_000..150_000).map(|index| f64::from(index) * step) {
+            let (straight, over) = (x.hypot(height), x.hypot(height + 2.0 * depth));
+            let (sin, sin_over) = (height / straight, (height + 2.0 * depth) / over);
+            // Both ways must lie within the fan: half its width is a sine to its side, not an azimuth.
+            let width = |cosine: f64| 2.0 * (half / cosine).asin();
+            let echo = |sines: f64, ways: f64, azimuth: f64| 0.1 * sines * azimuth * x * step / (ways * ways);
+            if near(over) && sin_over < 60f64.to_radians().sin() {
+                expected += echo(sin_over * sin_over, over * over, width(x / over));
+            }
+            if near(0.5 * (straight + over)) && sin_over < 60f64.to_radians().sin() {
+                expected += 2.0 * echo(sin * sin_over, straight * over, width(x / straight));
+            }
+        }
+        let bins = ((range - around) / bin_m).round() as usize..((range + around) / bin_m).round() as usize;
+        let energy = |ping: &Ping| {
+            let powers = ping.levels(0)[bins.clone()].iter().map(|&level| 10f64.powf(f64::from(level) / 10.0));
+            powers.sum::<f64>() * 2.0 * around / (bins.len() as f64 * bin_m)
+        };
+        let found = 10.0 * (energy(&one) - energy(&none)).log10();
+        assert_near(&format!("level at {range} m"), found, 200.0 + 10.0 * expected.log10(), 0.15);
     }
 }

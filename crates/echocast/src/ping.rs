@@ -15,11 +15,11 @@ use std::sync::Arc;
 /// |---|---|
 /// | `intensity` | echo level with noise, dB re 1 uPa |
 /// | `category_id` to `material_id`, `red` to `blue` | labels and colour of the scatterer; 0 for sea surface and water |
-/// | `true_x` to `true_z`, `true_range` | where the scatterer is, and the length of the way there, m |
+/// | `true_x` to `true_z`, `true_range` | where the scatterer is, and the length of the way there, m; of two ways their mean |
 /// | `time` | when the echo arrives, s since the start of the run |
 /// | `cos_incidence`, `normal_x` to `normal_z` | how it is met |
-/// | `azimuth`, `elevation` | direction in which the sound left, sensor frame, rad |
-/// | `cause`, `bounces` | surface (0), sea surface (10), either over reflections (9) or noise alone (7), and reflections on the way |
+/// | `azimuth`, `elevation` | direction in which the sound left, sensor frame, rad; of sound that comes back straight, but left over reflections, that in which it comes back |
+/// | `cause`, `bounces` | surface (0), sea surface (10), either over reflections (9) or noise alone (7), and reflections on the way; of two ways on the one that has some |
 pub const CELL_FIELDS: [Field; 21] = [
     Field::Intensity,
     Field::CategoryId,

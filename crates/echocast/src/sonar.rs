@@ -43,7 +43,8 @@ pub struct AcousticsSpec {
     /// Shape of the gamma-distributed texture that makes K-distributed echoes of Rayleigh ones, 0.1 to 1000.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub texture_shape: Option<f64>,
-    /// Reflections by sea surface and scene that sound is followed over, 0 to 8.
+    /// Reflections by sea surface and scene that sound is followed over, 0 to 8; it returns the way it went, or straight
+    /// from where it got to. What was sent straight and returns over reflections counts too.
     #[serde(default)]
     pub bounces: u8,
     /// Gain over range that pictures are drawn with.
@@ -52,7 +53,7 @@ pub struct AcousticsSpec {
     /// Sound speed that the beamformer believes, m/s; without it the true one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub array_speed_m_s: Option<f64>,
-    /// Whether the sonar stands still from a ping to its last echo.
+    /// Whether the sonar stands still from a ping to its last echo; else it hears from where it is and looks by then.
     #[serde(default, skip_serializing_if = "is_default")]
     pub stop_and_hop: bool,
     /// Whether echoes may come after the next ping, and are then taken for its own.

@@ -89,9 +89,9 @@ mod tests {
         let frame = [[0.0, cos, -sin], [1.0, 0.0, 0.0], [0.0, sin, cos]];
         let face =
             Face::new(frame, (|sine| lobe.amplitude(sine), lobe.width()), (|sine| tall.amplitude(sine), tall.width()));
-        for (forward, angle) in [(0.0, 0.0), (0.003, 0.2), (-0.004, -0.3), (0.012, 1.1)] {
+        for (forward, angle) in [(0.0f64, 0.0), (0.003, 0.2), (-0.004, -0.3), (0.012, 1.1)] {
             let (sin, cos) = (angle - 0.4f64).sin_cos();
-            let level = (1.0 - forward * forward as f64).sqrt();
+            let level = (1.0 - forward * forward).sqrt();
             let direction = vector([forward, level * cos, level * sin]);
             let expected = 20.0 * (lobe.amplitude(forward) * tall.amplitude(angle.sin())).abs().log10();
             let found = 10.0 * f64::from(face.power(direction)) * 2f64.log10();

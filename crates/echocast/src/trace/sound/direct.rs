@@ -114,7 +114,7 @@ impl SoundTracer<'_> {
                 Some([angle_before, miss_before]) => miss * (angle_before - angle) / (miss - miss_before),
                 None => miss / end.tube,
             };
-            if !(step.abs() < 1.0) {
+            if step.is_nan() || step.abs() >= 1.0 {
                 return None;
             }
             before = Some([angle, miss]);
