@@ -165,7 +165,7 @@ fn beams_hear_mixed_echoes_from_where_they_come() {
     let (sonar, target, level) = (10.0, 14.0, 40.0);
     let ways = image_ways(sonar, target, level);
     let scene = targets(&[DVec3::new(level, 0.0, -target)], 0.09, false);
-    let pattern = "type: imaging, beams: 2001, fov_deg: 120, beam_deg: 1.5, rays: 300, vertical_deg: {shape: box, \
+    let pattern = "type: imaging, beams: 4001, fov_deg: 120, beam_deg: 1.5, rays: 150, vertical_deg: {shape: box, \
                    width_deg: 0.6}";
     // Its array stands upright: port is up.
     let pose = Trajectory::fixed(Pose::at(0.0, 0.0, -sonar).with_rpy_deg(90.0, 0.0, 0.0));
@@ -173,7 +173,7 @@ fn beams_hear_mixed_echoes_from_where_they_come() {
     let ranges = [ways[0], 0.5 * (ways[0] + ways[1]), ways[1]].map(|range| range - 0.06);
     let lines = [(sonar - target).atan2(level), (sonar + target).atan2(level)].map(|angle| {
         let beside = |beam: &usize| (f64::from(ping.layout.axes[*beam][0]) - angle).abs();
-        (0..2001).min_by(|a, b| beside(a).total_cmp(&beside(b))).unwrap()
+        (0..4001).min_by(|a, b| beside(a).total_cmp(&beside(b))).unwrap()
     });
     for (line, own) in [(lines[0], 0), (lines[1], 2)] {
         let difference = level_at(&ping, line, ranges[1]) - level_at(&ping, line, ranges[own]);
