@@ -2,7 +2,7 @@
 #![allow(unsafe_code)] // a global allocator is unsafe by nature; this one only counts
 
 use echocast::scene::{Mesh, Object, Part};
-use echocast::{Engine, FieldSet, LiveScene, PointCloud, Pose, ScanOptions, Sensor, Trajectory};
+use echocast::{Engine, Environment, FieldSet, LiveScene, Ping, PointCloud, Pose, ScanOptions, Sensor, Trajectory};
 use echocast_tests::reference::Shape;
 use glam::{DAffine3, DVec3};
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -30,8 +30,14 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
+/// Both in one test: tests run side by side, and all are counted.
 #[test]
-fn a_scan_in_a_loop_allocates_nothing() {
+fn scans_and_pings_in_a_loop_allocate_nothing() {
+    scans();
+    pings();
+}
+
+fn scans() {
     let shape = Shape::cuboid(-DVec3::ONE, DVec3::ONE);
     let part = Part { positions: shape.positions.into(), triangles: shape.triangles.into(), ..Part::default() };
     let mesh = Arc::new(Mesh::new("car", vec![part]).unwrap());
@@ -57,5 +63,40 @@ fn a_scan_in_a_loop_allocates_nothing() {
             }
         }
         assert!(most <= allowed, "{most} allocations in a scan with {threads} threads");
+    }
+}
+
+fn pings() {
+    let shape = Shape::plate(DVec3::ZERO, DVec3::Z, 100.0);
+    let part = Part { positions: shape.positions.into(), triangles: shape.triangles.into(), ..Part::default() };
+    let mesh = Arc::new(Mesh::new("bottom", vec![part]).unwrap());
+    let layers = "profile: {layers: [{depth_m: 0, speed_m_s: 1500}, {depth_m: 15, speed_m_s: 1480}]}";
+    for (threads, allowed) in [(1, 0), (2, 8)] {
+        let mut live = LiveScene::new(&Engine::with_threads(threads).unwrap());
+        live.add(Object::new("bottom", mesh.clone())).unwrap();
+        let built = live.commit().unwrap();
+        for (preset, water) in
+            [("sss_450", ""), ("mbes_400", ""), ("fls_900", ""), ("msis_675", ""), ("sbes_200", layers)]
+        {
+            let sensor = Sensor::preset(preset).unwrap();
+            let environment = Environment::from_yaml(&format!("water: {{surface_z_m: 30, {water}}}")).unwrap();
+            let mut ping = Ping::default();
+            let mut counts = Vec::new();
+            for frame in 0..6 {
+                let options = ScanOptions {
+                    frame,
+                    fields: FieldSet::all(),
+                    environment: environment.clone(),
+                    ..ScanOptions::default()
+                };
+                let trajectory = Trajectory::fixed(Pose::at(0.1 * f64::from(frame), 0.0, 10.0));
+                let before = COUNT.load(Ordering::Relaxed);
+                built.ping_into(&sensor, &trajectory, &options, &mut ping).unwrap();
+                counts.push(COUNT.load(Ordering::Relaxed) - before);
+            }
+            eprintln!("{preset} {threads}: {counts:?}");
+            let most = counts[2..].iter().max().unwrap();
+            assert!(*most <= allowed, "{most} allocations in a ping of {preset} with {threads} threads");
+        }
     }
 }

@@ -83,6 +83,8 @@ pub(crate) struct Answer {
     pub bin: u32,
     /// Reported range, m, folded.
     pub range: f32,
+    /// Range that its surface covers, m.
+    pub reach: f32,
     /// How far along the surface a metre of range is.
     pub slide: Vec3,
 }
@@ -140,11 +142,11 @@ impl Insonification<'_> {
             let first = energy.len() as u32 + batch.count as u32;
             let from = low.max(0.0) as usize;
             if from >= self.bins || high <= 0.0 {
-                answers.push(Answer { first, parts: 0, bin: 0, range: at, slide });
+                answers.push(Answer { first, parts: 0, bin: 0, range: at, reach, slide });
                 continue;
             }
             let to = (high as usize).min(self.bins - 1);
-            answers.push(Answer { first, parts: (to - from + 1) as u32, bin: from as u32, range: at, slide });
+            answers.push(Answer { first, parts: (to - from + 1) as u32, bin: from as u32, range: at, reach, slide });
             let share = power / (high - low).max(1e-3);
             let Some(scatterers) = &self.speckle else {
                 for part in from..=to {
@@ -156,7 +158,10 @@ impl Insonification<'_> {
                 continue;
             };
             let instance = self.surfaces.rows.get(arrival.surface as usize).map_or(SEA, |row| row.instance_id);
-            let object = instance.wrapping_mul(0x9E37_79B9) ^ Draw::Speckle as u32;
+            // Each ray has its own scatterers: were those of one place the same for several rays, their echoes would be
+            // in step where the surface is met head-on, and the more rays, the louder.
+            let ray = arrival.ray.wrapping_mul(0x85EB_CA6B).rotate_left(16);
+            let object = instance.wrapping_mul(0x9E37_79B9).wrapping_add(ray) ^ Draw::Speckle as u32;
             let per_lattice = 1.0 / scatterers.lattice;
             for part in from..=to {
                 let (low, high) = (low.max(part as f32), high.min(part as f32 + 1.0));
@@ -218,7 +223,7 @@ impl Insonification<'_> {
                 // At a caustic the tube is as wide as diffraction leaves it.
                 let length = arrival.path;
                 let least = length.min((2.0 * length / self.turns).sqrt());
-                log2(arrival.speed) - log2((upright.max(least) * level).max(1e-6)).abs()
+                2.0 * log2(arrival.speed) - log2((upright.max(least) * level).max(1e-6)).abs()
             }
             Spreading::Spherical => -2.0 * path.abs(),
             Spreading::Practical => 2.0 * path - 3.0 * path.max(0.0),

@@ -171,14 +171,16 @@ impl Transducer {
 
     /// Beams of a line array are cones about it: rays of one hearing lie at one angle to the array.
     fn imaging(array: &Imaging, wavelength: f64, ratio: f64) -> Transducer {
-        /// Hearings for each beam.
+        /// Hearings for each beam, and for the width of one where they lie farther apart than they are wide.
         const FINE: usize = 2;
         let (heard, vertical) = (array.beam_deg.at(wavelength), array.vertical_deg.at(wavelength));
         let sines: Vec<f64> = array.bearings_deg().map(|bearing| bearing.to_radians().sin() * ratio).collect();
         let extent = heard.extent(FAINTEST);
         let widest = 0.5 * array.fov_deg.to_radians();
         let most = (widest.sin() * ratio.max(1.0) + 0.5 * extent).min(1.0);
-        let (columns, rows) = (FINE * array.beams as usize, (array.rays as usize).div_ceil(FINE));
+        let wide = (2.0 * most.asin() / heard.width()).ceil() as usize;
+        let columns = FINE * wide.clamp(array.beams as usize, array.beams as usize * array.rays as usize / 4);
+        let rows = (array.beams as usize * array.rays as usize).div_ceil(columns);
         let power = |angle: f64| vertical.amplitude(angle.sin()).powi(4);
         let rows = strata(rows, [-FRAC_PI_2, FRAC_PI_2], power, |_| 1.0);
         let tilt = array.tilt_deg.to_radians().sin_cos();

@@ -547,8 +547,9 @@ impl Pinging<'_> {
         } else {
             put!(rows, row, category_id: 0, part_id: 0, instance_id: 0, material_id: 0, red: 0, green: 0, blue: 0);
         }
-        // The cell's own part of what the ray stands for.
-        let beside = self.layout.range(bin) as f32 - answer.range;
+        // The cell's own part of what the ray stands for, and no more: head-on that is shorter than the cell.
+        let half = 0.5 * answer.reach;
+        let beside = (self.layout.range(bin) as f32 - answer.range).clamp(-half, half);
         let place = arrival.place + answer.slide * beside;
         let order = arrival.order;
         put!(rows, row,
