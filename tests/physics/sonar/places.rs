@@ -146,7 +146,6 @@ fn soundings_lie_on_the_bottom() {
         assert_eq!(found.soundings.len(), 121, "{name}");
         for (which, tolerance) in [(&inner as &dyn Fn(f64) -> bool, [0.03, 0.04]), (&outer, [0.04, 0.08])] {
             let [mean, sigma] = depth_errors(&found, which, |y| truth * y, height);
-            eprintln!("{name}: {mean} {sigma}");
             assert_near(&format!("{name}: mean error"), mean, 0.0, tolerance[0]);
             assert!(sigma < tolerance[1], "{name}: {sigma}");
         }
@@ -159,7 +158,6 @@ fn soundings_lie_on_the_bottom() {
             }
         }
         let [inner, outer] = all.map(|[mean, square]| [mean, square.sqrt()]);
-        eprintln!("{name}, speckle: {inner:?} {outer:?}");
         assert_near(&format!("{name}: mean error with speckle, amplitude"), inner[0], 0.0, 0.04);
         assert_near(&format!("{name}: mean error with speckle, crossing"), outer[0], 0.0, 0.06);
         // A resolution of 5 cm and footprints of 0.35 to 1.4 m.

@@ -74,12 +74,11 @@ fn speckle_is_rayleigh_and_keeps_the_mean() {
 #[test]
 fn texture_makes_k_distributions() {
     let scene = flat(100.0);
-    for (shape, tolerance) in [("8", 0.2), ("2", 0.5), ("1", 5.0)] {
+    for (shape, tolerance) in [("8", 0.1), ("2", 0.3)] {
         let sensor = speckled(&format!("acoustics.texture_shape={shape} pattern.along_deg=0.1 range.max_m=50"));
         let powers = powers(&scene, &sensor, 120);
         let over = mean(powers.iter().copied());
         let index = mean(powers.iter().map(|p| p * p)) / (over * over) - 1.0;
-        eprintln!("{shape}: {index} {}", db(over));
         let expected = 1.0 + 2.0 / shape.parse::<f64>().unwrap();
         assert_near(&format!("scintillation index with {shape}"), index, expected, tolerance);
         assert_near("mean, dB", db(over), 0.0, 0.15);
@@ -146,9 +145,7 @@ fn speckle_is_frozen_to_the_bottom() {
         product(&a, &b) / (product(&a, &a) * product(&b, &b)).sqrt()
     };
     let here = along(0.0);
-    for x in [0.0003, 0.001, 0.003, 0.01, 0.03, 0.1] {
-        eprintln!("{x} {}", correlation(&here, &along(x)));
-    }
+    // As far as rays stay on their places, a third of a resolution wide.
     assert!(correlation(&here, &along(0.0003)) > 0.9);
     let far = correlation(&here, &along(2.0));
     assert!(far.abs() < 0.1, "{far}");

@@ -15,6 +15,10 @@ use std::sync::Arc;
 /// Bins that the cell of one ray is divided among at most.
 const MOST_BINS: f32 = 256.0;
 
+/// Where the lattice of scatterers begins, its cells: flat surfaces at round heights, 0 above all, lie within cells of it
+/// and of the wider ones of the texture, and not between two of them, where rounding would decide.
+const OFF_LATTICE: f32 = 5.37;
+
 /// log2(10) / 10: powers from dB.
 pub(crate) const LOG2_PER_DB: f32 = 0.332_192_8;
 
@@ -167,7 +171,7 @@ impl Insonification<'_> {
                 let (low, high) = (low.max(part as f32), high.min(part as f32 + 1.0));
                 // The middle of what lies in the bin.
                 let beside = 0.5 * (low + high) * self.bin_m - at;
-                let scatterer = (arrival.place + slide * beside) * per_lattice;
+                let scatterer = (arrival.place + slide * beside) * per_lattice + OFF_LATTICE;
                 let lane = batch.count;
                 batch.place[0][lane] = scatterer.x.floor() as i32 as u32;
                 batch.place[1][lane] = scatterer.y.floor() as i32 as u32;

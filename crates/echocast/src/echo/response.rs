@@ -49,6 +49,11 @@ impl Response {
         Response { taps, power }
     }
 
+    /// Bins to each side in which a point is heard.
+    pub fn reach(&self) -> usize {
+        self.taps.len() - 1
+    }
+
     /// Adds up `line` over range into `out`; `padded` is memory.
     #[inline(always)]
     fn convolve(&self, line: &[f32], squared: bool, padded: &mut Vec<f32>, out: &mut [f32]) {

@@ -34,6 +34,8 @@ pub(crate) struct Transducer {
     pub width: f32,
     /// Directivity index of hearing, dB.
     pub directivity_db: f64,
+    /// Solid angle that each beam sends to and hears, sr: both powers over all directions.
+    pub solid_angles: Vec<f32>,
 }
 
 /// The beams that hear a ray: from `first` on, as loud as `loudness[from..to]` says.
@@ -56,6 +58,7 @@ impl Transducer {
             _ => return None,
         };
         transducer.axes = axes(pattern);
+        transducer.solid_angles = transducer.sum_powers();
         Some(transducer)
     }
 
@@ -67,8 +70,7 @@ impl Transducer {
         self.axes.len()
     }
 
-    /// Solid angle that each beam sends to and hears, sr: both powers over all directions.
-    pub fn solid_angles(&self) -> Vec<f32> {
+    fn sum_powers(&self) -> Vec<f32> {
         let mut sums = vec![0.0; self.beams()];
         for (weight, &hearing) in self.weight.iter().zip(&self.hearing) {
             let Hearing { first, from, to } = self.hearings[hearing as usize];

@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::material::{Mirrors, ReflectanceSource};
 use crate::medium::{Column, Water};
 use crate::parallel;
-use crate::ping::{CELL_FIELDS, Layout, Ping, SonarView};
+use crate::ping::{CELL_FIELDS, Layout, Ping, SonarView, Sounding};
 use crate::report::Report;
 use crate::rng::Rng;
 use crate::scene::srgb_byte;
@@ -88,7 +88,6 @@ struct Pinging<'a> {
     layout: Arc<Layout>,
     /// Power that a steradian of open water sends back from each bin; empty: none.
     volume: Vec<f32>,
-    solid_angles: Vec<f32>,
     response: Response,
     pose: Pose,
     drift: Option<Drift>,
@@ -213,11 +212,10 @@ impl<'a> Pinging<'a> {
             ambient: acoustics.noise_level_db.unwrap_or_else(ambient),
             volume: water.volume_backscatter_db,
         };
-        let solid_angles = transducer.solid_angles();
         let volume = volume(&inputs, bin_m, resolution);
         let layout = match memory.layout.take() {
             Some((made_of, layout)) if made_of == inputs && layout.axes == transducer.axes => layout,
-            _ => Arc::new(layout(&inputs, sensor, &transducer, bin_m, &volume, &solid_angles)),
+            _ => Arc::new(layout(&inputs, sensor, &transducer, bin_m, &volume)),
         };
         memory.layout = Some((inputs, layout.clone()));
 
@@ -245,7 +243,6 @@ impl<'a> Pinging<'a> {
             column,
             layout,
             volume,
-            solid_angles,
             response: Response::new(bin_m / resolution, acoustics.bandwidth_khz.is_some(), acoustics.taper),
             pose,
             drift,
@@ -272,17 +269,32 @@ impl<'a> Pinging<'a> {
         ping.origin = self.scene.origin;
         ping.fields = fields;
         ping.labels = self.scene.surfaces.labels.clone();
-        ping.cells.make_room(fields, beams * bins)?;
-        ping.cells.lengthen(fields, beams * bins);
+        ping.cells.resize(fields, beams * bins)?;
 
         let chunks = self.transducer.rays().div_ceil(CHUNK);
         if chunks > 1 << (32 - CHUNK_BITS) {
             return Err(Error::invalid("pattern.rays", self.transducer.rays(), "at most 134 million rays in a ping"));
         }
         memory.chunks.resize_with(chunks, Chunk::default);
+        let (sound, surfaces) = (&self.backscatter, &self.scene.surfaces);
+        let loss = |row: u32, sine: f64| sound.reflection_loss(surfaces, row, sine);
+        let limits = SoundLimits {
+            mask: self.mask,
+            believed: self.layout.believed_speed,
+            reach: self.reach,
+            bounces: self.acoustics.bounces,
+            reflection_loss: &loss,
+        };
+        let tracer = SoundTracer::new(self.scene, &self.column, limits);
         let insonification = self.insonification();
         parallel::for_each(&mut memory.chunks, |number, chunk| {
-            Arch::new().dispatch(Answer { pinging: self, insonification: &insonification, number, chunk });
+            Arch::new().dispatch(Answer {
+                pinging: self,
+                tracer: &tracer,
+                insonification: &insonification,
+                number,
+                chunk,
+            });
         });
 
         let wants = Wants {
@@ -331,7 +343,7 @@ impl<'a> Pinging<'a> {
     }
 
     /// The ranges that beams report.
-    fn sound_out(&self, memory: &PingMemory, cells: &mut Columns, soundings: &mut Vec<crate::ping::Sounding>) {
+    fn sound_out(&self, memory: &PingMemory, cells: &mut Columns, soundings: &mut Vec<Sounding>) {
         let bins = self.layout.bins;
         let mut beside = Vec::new();
         for TileMemory { tile, .. } in &memory.tiles {
@@ -343,9 +355,24 @@ impl<'a> Pinging<'a> {
                 }
                 let levels = &cells.intensity[beam * bins..(beam + 1) * bins];
                 let heard = Heard { beam, levels, beside: &beside, width: self.transducer.width };
-                soundings.extend(sounding(&self.layout, &heard));
+                soundings.extend(sounding(&self.layout, &heard).map(|found| Sounding {
+                    cell: (beam * bins + self.loud_bin(tile, beam, found.cell as usize - beam * bins)) as u32,
+                    ..found
+                }));
             }
         }
+    }
+}
+
+impl Pinging<'_> {
+    /// The bin nearest to `bin` from which something comes that the response spreads to there; itself if there is none.
+    fn loud_bin(&self, tile: &Tile, beam: usize, bin: usize) -> usize {
+        let loud = |bin: usize| {
+            let cell = bin * tile.width() + beam - tile.beams.0;
+            tile.re.get(cell).is_some_and(|&re| re != 0.0) || tile.im.get(cell).is_some_and(|&im| im != 0.0)
+        };
+        let beside = |step: usize| [bin.checked_sub(step), Some(bin + step)].into_iter().flatten();
+        (0..=self.response.reach()).flat_map(beside).find(|&bin| loud(bin)).unwrap_or(bin)
     }
 }
 
@@ -362,19 +389,12 @@ fn volume(inputs: &LayoutInputs, bin_m: f64, resolution: f64) -> Vec<f32> {
     (0..inputs.bins).map(of_bin).collect()
 }
 
-fn layout(
-    inputs: &LayoutInputs,
-    sensor: &Sensor,
-    transducer: &Transducer,
-    bin_m: f64,
-    volume: &[f32],
-    solid_angles: &[f32],
-) -> Layout {
+fn layout(inputs: &LayoutInputs, sensor: &Sensor, transducer: &Transducer, bin_m: f64, volume: &[f32]) -> Layout {
     let acoustics = &inputs.sensor;
     let directivity = acoustics.directivity_index_db.unwrap_or(transducer.directivity_db);
     let noise_db = inputs.ambient - directivity - acoustics.processing_gain();
     let noise = 10f64.powf(noise_db / 10.0);
-    let widest = solid_angles.iter().copied().fold(0.0, f32::max);
+    let widest = transducer.solid_angles.iter().copied().fold(0.0, f32::max);
     let threshold = |bin: usize| {
         let background = noise + f64::from(volume.get(bin).copied().unwrap_or(0.0) * widest);
         (10.0 * background.log10() + acoustics.detection_threshold_db) as f32
@@ -400,6 +420,7 @@ fn layout(
 /// Rays of one chunk and what they send back, compiled for the vector instructions of this machine.
 struct Answer<'a, 'p> {
     pinging: &'a Pinging<'p>,
+    tracer: &'a SoundTracer<'a>,
     insonification: &'a Insonification<'a>,
     number: usize,
     chunk: &'a mut Chunk,
@@ -410,21 +431,8 @@ impl NullaryFnOnce for Answer<'_, '_> {
 
     #[inline(always)]
     fn call(self) {
-        let Answer { pinging, insonification, number, chunk } = self;
+        let Answer { pinging, tracer, insonification, number, chunk } = self;
         let transducer = &*pinging.transducer;
-        let (scene, sound) = (pinging.scene, &pinging.backscatter);
-        let loss = |row: u32, sine: f64| sound.reflection_loss(&scene.surfaces, row, sine);
-        let tracer = SoundTracer::new(
-            scene,
-            &pinging.column,
-            SoundLimits {
-                mask: pinging.mask,
-                believed: pinging.layout.believed_speed,
-                reach: pinging.reach,
-                bounces: pinging.acoustics.bounces,
-                reflection_loss: &loss,
-            },
-        );
         let launch = Launch {
             directions: transducer.direction.each_ref().map(|axis| &axis[..]),
             rotation: pinging.rotation(),
@@ -486,7 +494,7 @@ impl NullaryFnOnce for Listen<'_, '_> {
             rng: pinging.rng,
             noise: (pinging.layout.noise_db * LOG2_PER_DB).exp2(),
             volume: &pinging.volume,
-            solid_angles: &pinging.solid_angles,
+            solid_angles: &pinging.transducer.solid_angles,
         };
         tile.levels(&pinging.response, &background, lines, rows.intensity);
         if wants.who {
