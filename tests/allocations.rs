@@ -1,8 +1,8 @@
-//! A scan in a loop allocates nothing. Alone in its file: every allocation of the process is counted.
+//! A scan in a loop allocates nothing, a ping next to nothing. Alone in its file: every allocation of the process is counted.
 #![allow(unsafe_code)] // a global allocator is unsafe by nature; this one only counts
 
 use echocast::scene::{Mesh, Object, Part};
-use echocast::{Engine, FieldSet, LiveScene, PointCloud, Pose, ScanOptions, Sensor, Trajectory};
+use echocast::{Engine, Environment, FieldSet, LiveScene, Ping, PointCloud, Pose, ScanOptions, Sensor, Trajectory};
 use echocast_tests::reference::Shape;
 use glam::{DAffine3, DVec3};
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -30,8 +30,14 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
+/// Both in one test: tests run side by side, and all are counted.
 #[test]
-fn a_scan_in_a_loop_allocates_nothing() {
+fn scans_and_pings_in_a_loop_hardly_allocate() {
+    scans();
+    pings();
+}
+
+fn scans() {
     let shape = Shape::cuboid(-DVec3::ONE, DVec3::ONE);
     let part = Part { positions: shape.positions.into(), triangles: shape.triangles.into(), ..Part::default() };
     let mesh = Arc::new(Mesh::new("car", vec![part]).unwrap());
@@ -57,5 +63,40 @@ fn a_scan_in_a_loop_allocates_nothing() {
             }
         }
         assert!(most <= allowed, "{most} allocations in a scan with {threads} threads");
+    }
+}
+
+fn pings() {
+    let shape = Shape::plate(DVec3::ZERO, DVec3::Z, 100.0);
+    let part = Part { positions: shape.positions.into(), triangles: shape.triangles.into(), ..Part::default() };
+    let mesh = Arc::new(Mesh::new("bottom", vec![part]).unwrap());
+    let layers = "profile: {layers: [{depth_m: 0, speed_m_s: 1500}, {depth_m: 15, speed_m_s: 1480}]}";
+    for (threads, allowed) in [(1, 20), (2, 40)] {
+        let mut live = LiveScene::new(&Engine::with_threads(threads).unwrap());
+        live.add(Object::new("bottom", mesh.clone())).unwrap();
+        let built = live.commit().unwrap();
+        for (preset, water) in
+            [("sss_450", ""), ("mbes_400", ""), ("fls_900", ""), ("msis_675", ""), ("sbes_200", layers)]
+        {
+            let sensor = Sensor::preset(preset).unwrap();
+            let environment = Environment::from_yaml(&format!("water: {{surface_z_m: 30, {water}}}")).unwrap();
+            let mut ping = Ping::default();
+            let mut counts = Vec::new();
+            for frame in 0..4 {
+                let options = ScanOptions {
+                    frame,
+                    fields: FieldSet::all(),
+                    environment: environment.clone(),
+                    ..ScanOptions::default()
+                };
+                let trajectory = Trajectory::fixed(Pose::at(0.1 * f64::from(frame), 0.0, 10.0));
+                let before = COUNT.load(Ordering::Relaxed);
+                built.ping_into(&sensor, &trajectory, &options, &mut ping).unwrap();
+                counts.push(COUNT.load(Ordering::Relaxed) - before);
+            }
+            // What the water and the tracer of a ping are made of; none of them grows with rays or cells.
+            let most = counts[1..].iter().max().unwrap();
+            assert!(*most <= allowed, "{most} allocations in a ping of {preset} with {threads} threads");
+        }
     }
 }

@@ -5,7 +5,7 @@ use echocast::cloud::FIELDS;
 use echocast::material::{RetroSample, Scattering};
 use echocast::scene::Material;
 use echocast::{
-    BuiltScene, Cause, Engine, Environment, Field, FieldSet, Frame, Order, PointCloud, Pose, Profile, ReturnMode,
+    BuiltScene, Cause, Engine, Environment, Field, FieldSet, Frame, Order, Ping, PointCloud, Pose, Profile, ReturnMode,
     ScanOptions, Sensor, Trajectory,
 };
 use echocast_tests::reference::{Random, SceneBuilder, Shape};
@@ -268,4 +268,87 @@ fn organised_clouds_hold_the_same_points() {
             }
         }
     }
+}
+
+/// One of each pattern, with all that draws random numbers.
+fn sonars() -> Vec<Sensor> {
+    let sonar = |pattern: &str| {
+        let yaml = format!(
+            "
+name: sonar
+kind: sonar
+pattern: {{{pattern}, rate_hz: 10}}
+acoustics: {{frequency_khz: 300, bandwidth_khz: 20, noise_level_db: 60, texture_shape: 3, bounces: 2}}
+range: {{max_m: 60}}
+"
+        );
+        Sensor::from_yaml(&yaml, "").unwrap()
+    };
+    [
+        "type: sidescan, tilt_deg: 20, rays: 3000",
+        "type: multibeam, beams: 70, swath_deg: 120, rays: 40",
+        "type: imaging, beams: 70, fov_deg: 90, tilt_deg: 10, rays: 64",
+        "type: single_beam, beam_deg: 20, rays: 5000",
+    ]
+    .map(sonar)
+    .into()
+}
+
+/// Ten layers, things that float, waves.
+fn sea() -> ScanOptions {
+    let row = |row: u32| format!("{{depth_m: {}, speed_m_s: {}}}", 3 * row, 1500 + 7 * (row * row % 5));
+    let rows: Vec<String> = (0..10).map(row).collect();
+    let yaml =
+        format!("water: {{surface_z_m: 12, volume_backscatter_db: -70, profile: {{layers: [{}]}}}}", rows.join(", "));
+    ScanOptions { environment: Environment::from_yaml(&yaml).unwrap(), ..all() }
+}
+
+/// The names of what differs in any bit between two pings.
+fn ping_differences(a: &Ping, b: &Ping) -> Vec<&'static str> {
+    assert_eq!((a.fields, &a.layout, a.origin), (b.fields, &b.layout, b.origin));
+    let bits = |ping: &Ping| -> Vec<[u32; 5]> {
+        let bits =
+            |s: &echocast::Sounding| [s.beam, s.range.to_bits(), s.cell, s.level_db.to_bits(), s.quality.to_bits()];
+        ping.soundings.iter().map(bits).collect()
+    };
+    let differ = |field: Field| a.column(field).bytes() != b.column(field).bytes();
+    let columns = FIELDS.iter().filter(|info| differ(info.field)).map(|info| info.name);
+    columns.chain((bits(a) != bits(b)).then_some("soundings")).collect()
+}
+
+#[test]
+fn threads_do_not_change_a_bit_of_a_ping() {
+    let [one, two, seven] = [1, 2, 7].map(|threads| scene_with(&Engine::with_threads(threads).unwrap()));
+    let mut causes = BTreeSet::new();
+    for sensor in sonars() {
+        let mut reused = Ping::default();
+        for path in [Trajectory::fixed(Pose::at(0.0, 0.0, 8.0)), drive()] {
+            for options in [sea(), ScanOptions { environment: Environment::default(), ..sea() }] {
+                // The second has its surface above everything.
+                let environment = if options.environment.is_empty() {
+                    Environment::from_yaml("water: {surface_z_m: 20}").unwrap()
+                } else {
+                    options.environment.clone()
+                };
+                let options = ScanOptions { environment, ..options };
+                let alone = one.ping(&sensor, &path, &options).unwrap();
+                causes.extend(&alone.cells.cause);
+                for (scene, threads) in [(&two, "2 threads"), (&seven, "7 threads"), (&one, "the same again")] {
+                    let ping = scene.ping(&sensor, &path, &options).unwrap();
+                    assert_eq!(ping_differences(&alone, &ping), [""; 0], "{threads}");
+                }
+                // Memory of another pose and other water.
+                two.ping_into(&sensor, &path, &options, &mut reused).unwrap();
+                assert_eq!(ping_differences(&alone, &reused), [""; 0], "reused");
+                let few = ScanOptions { fields: FieldSet::default(), ..options.clone() };
+                let level = two.ping(&sensor, &path, &few).unwrap();
+                assert!(level.cells.intensity == alone.cells.intensity, "levels depend on the columns");
+            }
+        }
+    }
+    let causes: Vec<u8> = causes.into_iter().collect();
+    assert_eq!(
+        causes,
+        [Cause::Surface, Cause::FalseAlarm, Cause::Multipath, Cause::SeaSurface].map(|cause| cause as u8)
+    );
 }

@@ -1,24 +1,68 @@
 //! Pings: levels by the sonar equation, geometry, statistics.
 
+mod levels;
+mod noise;
+mod places;
+mod points;
+mod speckle;
+
 use super::assert_near;
 use echocast::emitter::Lobe;
+use echocast::material::{Material, Sound};
 use echocast::{BuiltScene, Environment, FieldSet, Ping, Pose, ScanOptions, Sensor, Trajectory};
 use echocast_tests::reference::{SceneBuilder, Shape};
 use glam::DVec3;
 
 /// A flat bottom at z = 0 of Lambert's law with mu 0.1, in pieces of `cell` m.
 fn flat(cell: f64) -> BuiltScene {
-    let mut scene = SceneBuilder::new();
-    let paint = scene.reflector((0.1 * std::f64::consts::PI) as f32);
-    let count = (400.0 / cell) as i32;
-    for i in 0..count {
-        for j in 0..count {
-            let corner = DVec3::new(-200.0 + f64::from(i) * cell, -200.0 + f64::from(j) * cell, 0.0);
-            let (right, up) = (corner + DVec3::X * cell, corner + DVec3::Y * cell);
-            scene.stand(Shape::triangle([corner, right, up]), Some(paint));
-            scene.stand(Shape::triangle([right, right + DVec3::Y * cell, up]), Some(paint));
+    bottom(Sound::Lambert { mu_db: -10.0 }, cell)
+}
+
+/// A square of 400 m at z = 0, in pieces of `cell` m.
+fn square(cell: f64) -> Shape {
+    let count = (400.0 / cell) as u32;
+    let mut shape = Shape::default();
+    for i in 0..=count {
+        for j in 0..=count {
+            let [x, y] = [i, j].map(|index| (f64::from(index) * cell - 200.0) as f32);
+            shape.positions.push([x, y, 0.0]);
         }
     }
+    for i in 0..count {
+        for j in 0..count {
+            let corner = i * (count + 1) + j;
+            let (right, up) = (corner + count + 1, corner + 1);
+            shape.triangles.extend([[corner, right, up], [right, right + 1, up]]);
+        }
+    }
+    shape
+}
+
+fn sounding_material(sound: Sound) -> Material {
+    Material { name: format!("{sound:?}"), sound: Some(sound), ..Material::default() }
+}
+
+/// A flat bottom at z = 0.
+fn bottom(sound: Sound, cell: f64) -> BuiltScene {
+    with_bottom(sound, cell, [])
+}
+
+/// A flat bottom at z = 0, and what stands on it, of Lambert's law with mu 0.1: category 1, then 2 and so on.
+fn with_bottom(sound: Sound, cell: f64, others: impl IntoIterator<Item = Shape>) -> BuiltScene {
+    let mut scene = SceneBuilder::new();
+    let paint = scene.material(sounding_material(sound));
+    scene.stand(square(cell), Some(paint));
+    let other = scene.material(sounding_material(Sound::Lambert { mu_db: -10.0 }));
+    for shape in others {
+        scene.stand(shape, Some(other));
+    }
+    scene.finish().build().unwrap()
+}
+
+/// Something behind the sonar and out of its reach: a sea without an echo.
+fn nothing() -> BuiltScene {
+    let mut scene = SceneBuilder::new();
+    scene.stand(Shape::plate(DVec3::Z * -5000.0, DVec3::Z, 1.0), None);
     scene.finish().build().unwrap()
 }
 
@@ -36,7 +80,25 @@ pattern: {type: sidescan, sides: starboard, tilt_deg: 30, vertical_deg: 50, alon
 acoustics: {frequency_khz: 450, source_level_db: 220, bandwidth_khz: 15, noise_level_db: -200, speckle: off}
 range: {max_m: 100}
 ";
-    let mut sensor = Sensor::from_yaml(yaml, "").unwrap();
+    set(Sensor::from_yaml(yaml, "").unwrap(), more)
+}
+
+/// Any sonar; what `sidescan` says of sound.
+fn sonar(pattern: &str, more: &str) -> Sensor {
+    let yaml = format!(
+        "
+name: sonar
+kind: sonar
+pattern: {{{pattern}, rate_hz: 5}}
+acoustics: {{frequency_khz: 450, source_level_db: 220, bandwidth_khz: 15, noise_level_db: -200, speckle: off}}
+range: {{max_m: 100}}
+"
+    );
+    set(Sensor::from_yaml(&yaml, "").unwrap(), more)
+}
+
+/// Sets what `more` says, `key=value` after `key=value`.
+fn set(mut sensor: Sensor, more: &str) -> Sensor {
     for assignment in more.split_whitespace() {
         let (key, value) = assignment.split_once('=').unwrap();
         sensor.set(key, value).unwrap();
@@ -52,12 +114,19 @@ fn ping(scene: &BuiltScene, sensor: &Sensor, pose: Pose, options: &ScanOptions) 
     scene.ping(sensor, &Trajectory::fixed(pose), options).unwrap()
 }
 
+fn power(level_db: f64) -> f64 {
+    10f64.powf(level_db / 10.0)
+}
+
+fn db(power: f64) -> f64 {
+    10.0 * power.log10()
+}
+
 /// Mean level of the bins around `range`, dB.
 fn level(ping: &Ping, beam: usize, range: f64, around: f64) -> f64 {
     let layout = &ping.layout;
     let bins = ((range - around) / layout.bin_m) as usize..((range + around) / layout.bin_m) as usize;
-    let powers = ping.levels(beam)[bins.clone()].iter().map(|&level| 10f64.powf(f64::from(level) / 10.0));
-    10.0 * (powers.sum::<f64>() / bins.len() as f64).log10()
+    db(ping.levels(beam)[bins.clone()].iter().map(|&level| power(level.into())).sum::<f64>() / bins.len() as f64)
 }
 
 /// Level of a flat bottom `height` m below: sonar equation with the area of a resolution cell, by quadrature of the beam.

@@ -88,9 +88,9 @@ pub struct Sounding {
     pub beam: u32,
     /// Reported slant range, m.
     pub range: f32,
-    /// Cell with the strongest part of the echo: `beam * bins + bin`.
+    /// Cell at that range, or the nearest from which something comes: `beam * bins + bin`.
     pub cell: u32,
-    /// Level there, dB re 1 uPa.
+    /// Level of the loudest cell of the echo, dB re 1 uPa.
     pub level_db: f32,
     /// How sure it is, 0 to 1: level above the threshold over 20 dB, less where the echo is wide.
     pub quality: f32,

@@ -31,7 +31,8 @@ pub struct AcousticsSpec {
     /// What an echo must have above noise and volume reverberation to be reported, dB, -100 to 100.
     #[serde(default = "threshold")]
     pub detection_threshold_db: f64,
-    /// Length of a range bin, m, at least a thousandth; without it half the resolution `c / (2 bandwidth)`.
+    /// Length of a range bin, m, at least a thousandth; without it half the resolution `c / (2 bandwidth)`. Longer ones
+    /// than that resolution hold the mean power of what they cover: an area keeps its level, a point gets fainter.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bin_m: Option<f64>,
     /// Weighting of the matched filter.

@@ -72,9 +72,7 @@ impl Backscatter {
 
     /// Whether it is what [`Backscatter::new`] would make of the same surfaces.
     pub fn is_for(&self, source: ReflectanceSource, frequency: f64, sea: Sea, speed: f64) -> bool {
-        (self.source, self.frequency, self.sea) == (source, frequency, sea)
-            // What depends on the speed changes little with it.
-            && (self.speed / speed - 1.0).abs() < 1e-3
+        (self.source, self.frequency, self.sea, self.speed) == (source, frequency, sea, speed)
     }
 
     /// `log2(s_b / sine)` of what an arrival meets at the sine of a grazing angle.

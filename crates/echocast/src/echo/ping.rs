@@ -15,6 +15,10 @@ use std::sync::Arc;
 /// Bins that the cell of one ray is divided among at most.
 const MOST_BINS: f32 = 256.0;
 
+/// Where the lattice of scatterers begins, its cells: flat surfaces at round heights, 0 above all, lie within cells of it
+/// and of the wider ones of the texture, and not between two of them, where rounding would decide.
+const OFF_LATTICE: f32 = 5.37;
+
 /// log2(10) / 10: powers from dB.
 pub(crate) const LOG2_PER_DB: f32 = 0.332_192_8;
 
@@ -98,6 +102,8 @@ pub(crate) struct PingEcho {
     pub bin: u32,
     /// Reported range, m, folded.
     pub range: f32,
+    /// Range that its surface covers, m.
+    pub reach: f32,
     /// How far along the surface a metre of range is.
     pub slide: Vec3,
     /// Who hears it: index of the [`Hearing`].
@@ -239,7 +245,7 @@ impl Insonification<'_> {
         let low = (at - 0.5 * reach) * per_bin;
         let high = (at + 0.5 * reach) * per_bin;
         let from = low.max(0.0) as usize;
-        let silent = PingEcho { first, parts: 0, bin: 0, range: at, slide, hearing };
+        let silent = PingEcho { first, parts: 0, bin: 0, range: at, reach, slide, hearing };
         let Some(power) = power.filter(|_| from < self.bins && high > 0.0) else { return silent };
         let to = (high as usize).min(self.bins - 1);
         let answer = PingEcho { parts: (to - from + 1) as u32, bin: from as u32, ..silent };
@@ -254,14 +260,16 @@ impl Insonification<'_> {
             return answer;
         };
         let instance = self.surfaces.rows.get(arrival.surface as usize).map_or(SEA, |row| row.instance_id);
-        // Ways add up as energies, not as amplitudes: each has scatterers of its own.
-        let object = instance.wrapping_mul(0x9E37_79B9) ^ Draw::Speckle as u32 ^ (way << 24);
+        // Each ray and each way has its own scatterers: were those of one place the same for several, their echoes would
+        // be in step where the surface is met head-on, and the more rays, the louder.
+        let ray = arrival.ray.wrapping_mul(0x85EB_CA6B).rotate_left(16);
+        let object = instance.wrapping_mul(0x9E37_79B9).wrapping_add(ray) ^ Draw::Speckle as u32 ^ (way << 24);
         let per_lattice = 1.0 / scatterers.lattice;
         for part in from..=to {
             let (low, high) = (low.max(part as f32), high.min(part as f32 + 1.0));
             // The middle of what lies in the bin.
             let beside = 0.5 * (low + high) * self.bin_m - at;
-            let scatterer = (arrival.place + slide * beside) * per_lattice;
+            let scatterer = (arrival.place + slide * beside) * per_lattice + OFF_LATTICE;
             let lane = batch.count;
             batch.place[0][lane] = scatterer.x.floor() as i32 as u32;
             batch.place[1][lane] = scatterer.y.floor() as i32 as u32;
@@ -318,7 +326,8 @@ impl Insonification<'_> {
             // At a caustic the tube is as wide as diffraction leaves it.
             let length = back.path;
             let least = length.min((2.0 * length / self.turns).sqrt());
-            return log2(back.speed) - log2((upright.max(least) * level).max(1e-6)).abs();
+            // Pressure there is that of the intensity by the impedance: on both ways.
+            return log2(out.speed * back.speed) - log2((upright.max(least) * level).max(1e-6)).abs();
         }
         let [out, back] = [out, back].map(|way| log2(way.path.max(1e-3)));
         2.0 * out - self.one_way(out) - self.one_way(back)

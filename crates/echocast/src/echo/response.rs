@@ -6,7 +6,8 @@ use crate::rng::{Draw, Rng};
 use crate::sonar::Taper;
 use std::f64::consts::PI;
 
-/// What a point-like echo looks like over range bins: amplitudes, 1 in the middle, symmetrical.
+/// What a point-like echo looks like over range bins: amplitudes, 1 in the middle (less where a bin is longer than the
+/// resolution and holds the mean of what it covers), symmetrical.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Response {
     /// From the middle on.
@@ -20,6 +21,10 @@ impl Response {
     pub fn new(bin: f64, modulated: bool, taper: Taper) -> Response {
         /// Resolutions to each side: four sidelobes, the fifth is 27 dB down.
         const REACH: f64 = 4.5;
+        /// Bounds the work for bins much shorter than the pulse.
+        const MOST_TAPS: usize = 1024;
+        /// The spectrum `0.54 + 0.46 cos` of a Hamming window (Harris 1978) is one line and two of half the cosine.
+        const HAMMING: f64 = 0.23 / 0.54;
         let sinc = |x: f64| if x == 0.0 { 1.0 } else { (PI * x).sin() / (PI * x) };
         let shape = |x: f64| match taper {
             // An unmodulated pulse is even over one resolution; its edges count half.
@@ -28,20 +33,30 @@ impl Response {
                 edge.clamp(0.0, 1.0).sqrt()
             }
             Taper::None => sinc(x),
-            // The spectrum 0.54 + 0.46 cos: the transform of a Hamming window (Harris 1978).
-            Taper::Hamming => sinc(x) + 0.23 / 0.54 * (sinc(x - 1.0) + sinc(x + 1.0)),
+            Taper::Hamming => sinc(x) + HAMMING * (sinc(x - 1.0) + sinc(x + 1.0)),
         };
         let count = if modulated { (REACH / bin).ceil() as usize } else { ((0.5 + 0.5 * bin) / bin).floor() as usize };
-        // A long bin holds all of a pulse.
-        let mut taps: Vec<f32> = (0..=count.min(64)).map(|k| shape(k as f64 * bin) as f32).collect();
+        let mut taps: Vec<f32> = (0..=count.min(MOST_TAPS)).map(|k| shape(k as f64 * bin) as f32).collect();
         taps[0] = 1.0;
-        let power = taps[0] * taps[0] + 2.0 * taps[1..].iter().map(|tap| tap * tap).sum::<f32>();
+        let sum = |taps: &[f32]| taps[0] * taps[0] + 2.0 * taps[1..].iter().map(|tap| tap * tap).sum::<f32>();
+        if bin > 1.0 {
+            // The mean over a long bin: an area has the level that it has in short ones.
+            let resolutions = if modulated && taper == Taper::Hamming { 1.0 + 2.0 * HAMMING * HAMMING } else { 1.0 };
+            let scale = (resolutions as f32 / (bin as f32 * sum(&taps))).sqrt();
+            taps.iter_mut().for_each(|tap| *tap *= scale);
+        }
+        let power = sum(&taps);
         Response { taps, power }
     }
 
     /// Power of a point-like echo `bins` from its middle, of that in it.
     pub fn power_at(&self, bins: usize) -> f64 {
         self.taps.get(bins).map_or(0.0, |&tap| f64::from(tap * tap))
+    }
+
+    /// Bins to each side in which a point is heard.
+    pub fn reach(&self) -> usize {
+        self.taps.len() - 1
     }
 
     /// Adds up `line` over range into `out`; `padded` is memory.
@@ -167,6 +182,16 @@ mod tests {
             assert_eq!(response.taps[0], 1.0);
             // The energy of a stretch of one resolution.
             assert!((response.power / cells - 1.0).abs() < 0.05, "{bin} {modulated}: {}", response.power);
+        }
+        for (bin, modulated, taper, cells) in [
+            (3.0, true, Taper::None, 1.0),
+            (2.5, false, Taper::None, 1.0),
+            (1.0, true, Taper::Hamming, 1.363),
+            (3.0, true, Taper::Hamming, 1.363),
+        ] {
+            let response = Response::new(bin, modulated, taper);
+            // The mean over the bin.
+            assert!((response.power * bin as f32 / cells - 1.0).abs() < 0.01, "{bin} {modulated}: {}", response.power);
         }
         let hamming = Response::new(0.25, true, Taper::Hamming);
         // Main lobe to 2 resolutions, then below -42 dB.

@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::material::{Mirrors, ReflectanceSource};
 use crate::medium::{Column, Water};
 use crate::parallel;
-use crate::ping::{CELL_FIELDS, Layout, Ping, SonarView};
+use crate::ping::{CELL_FIELDS, Layout, Ping, SonarView, Sounding};
 use crate::report::Report;
 use crate::rng::Rng;
 use crate::scene::srgb_byte;
@@ -298,17 +298,32 @@ impl<'a> Pinging<'a> {
         ping.origin = self.scene.origin;
         ping.fields = fields;
         ping.labels = self.scene.surfaces.labels.clone();
-        ping.cells.make_room(fields, beams * bins)?;
-        ping.cells.lengthen(fields, beams * bins);
+        ping.cells.resize(fields, beams * bins)?;
 
         let chunks = self.transducer.rays().div_ceil(CHUNK);
         if chunks > 1 << (32 - CHUNK_BITS) {
             return Err(Error::invalid("pattern.rays", self.transducer.rays(), "at most 134 million rays in a ping"));
         }
         memory.chunks.resize_with(chunks, Chunk::default);
+        let (sound, surfaces) = (&self.backscatter, &self.scene.surfaces);
+        let loss = |row: u32, sine: f64| sound.reflection_loss(surfaces, row, sine);
+        let limits = SoundLimits {
+            mask: self.mask,
+            believed: self.layout.believed_speed,
+            reach: self.reach,
+            bounces: self.acoustics.bounces,
+            reflection_loss: &loss,
+        };
+        let tracer = SoundTracer::new(self.scene, &self.column, limits);
         let insonification = self.insonification();
         parallel::for_each(&mut memory.chunks, |number, chunk| {
-            Arch::new().dispatch(Answer { pinging: self, insonification: &insonification, number, chunk });
+            Arch::new().dispatch(Answer {
+                pinging: self,
+                tracer: &tracer,
+                insonification: &insonification,
+                number,
+                chunk,
+            });
         });
 
         let wants = Wants {
@@ -359,7 +374,7 @@ impl<'a> Pinging<'a> {
     }
 
     /// The ranges that beams report.
-    fn sound_out(&self, memory: &PingMemory, cells: &mut Columns, soundings: &mut Vec<crate::ping::Sounding>) {
+    fn sound_out(&self, memory: &PingMemory, cells: &mut Columns, soundings: &mut Vec<Sounding>) {
         let bins = self.layout.bins;
         let mut beside = Vec::new();
         for TileMemory { tile, .. } in &memory.tiles {
@@ -371,9 +386,24 @@ impl<'a> Pinging<'a> {
                 }
                 let levels = &cells.intensity[beam * bins..(beam + 1) * bins];
                 let heard = Heard { beam, levels, beside: &beside, width: self.transducer.width };
-                soundings.extend(sounding(&self.layout, &heard));
+                soundings.extend(sounding(&self.layout, &heard).map(|found| Sounding {
+                    cell: (beam * bins + self.loud_bin(tile, beam, found.cell as usize - beam * bins)) as u32,
+                    ..found
+                }));
             }
         }
+    }
+}
+
+impl Pinging<'_> {
+    /// The bin nearest to `bin` from which something comes that the response spreads to there; itself if there is none.
+    fn loud_bin(&self, tile: &Tile, beam: usize, bin: usize) -> usize {
+        let loud = |bin: usize| {
+            let cell = bin * tile.width() + beam - tile.beams.0;
+            tile.re.get(cell).is_some_and(|&re| re != 0.0) || tile.im.get(cell).is_some_and(|&im| im != 0.0)
+        };
+        let beside = |step: usize| [bin.checked_sub(step), Some(bin + step)].into_iter().flatten();
+        (0..=self.response.reach()).flat_map(beside).find(|&bin| loud(bin)).unwrap_or(bin)
     }
 }
 
@@ -420,6 +450,7 @@ fn layout(inputs: &LayoutInputs, transducer: &Transducer, bin_m: f64, volume: &[
 /// Rays of one chunk and what they send back, compiled for the vector instructions of this machine.
 struct Answer<'a, 'p> {
     pinging: &'a Pinging<'p>,
+    tracer: &'a SoundTracer<'a>,
     insonification: &'a Insonification<'a>,
     number: usize,
     chunk: &'a mut Chunk,
@@ -430,21 +461,8 @@ impl NullaryFnOnce for Answer<'_, '_> {
 
     #[inline(always)]
     fn call(self) {
-        let Answer { pinging, insonification, number, chunk } = self;
+        let Answer { pinging, tracer, insonification, number, chunk } = self;
         let transducer = &*pinging.transducer;
-        let (scene, sound) = (pinging.scene, &pinging.backscatter);
-        let loss = |row: u32, sine: f64| sound.reflection_loss(&scene.surfaces, row, sine);
-        let tracer = SoundTracer::new(
-            scene,
-            &pinging.column,
-            SoundLimits {
-                mask: pinging.mask,
-                believed: pinging.layout.believed_speed,
-                reach: pinging.reach,
-                bounces: pinging.acoustics.bounces,
-                reflection_loss: &loss,
-            },
-        );
         let launch = Launch {
             directions: transducer.direction.each_ref().map(|axis| &axis[..]),
             rotation: pinging.rotation(),
@@ -456,7 +474,8 @@ impl NullaryFnOnce for Answer<'_, '_> {
         tracer.trace(&launch, rays, &mut chunk.tracer, arrivals);
         direct.clear();
         if pinging.acoustics.bounces > 0 {
-            let whole = |row: u32| sound.is_whole(&scene.surfaces, row);
+            let (sound, surfaces) = (&pinging.backscatter, &pinging.scene.surfaces);
+            let whole = |row: u32| sound.is_whole(surfaces, row);
             tracer.direct(&launch, whole, &mut chunk.tracer, arrivals, direct);
         }
         insonification.answer(&mut chunk.echoes);
@@ -575,8 +594,9 @@ impl Pinging<'_> {
         } else {
             put!(rows, row, category_id: 0, part_id: 0, instance_id: 0, material_id: 0, red: 0, green: 0, blue: 0);
         }
-        // The cell's own part of what the ray stands for.
-        let beside = self.layout.range(bin) as f32 - answer.range;
+        // The cell's own part of what the ray stands for, and no more: head-on that is shorter than the cell.
+        let half = 0.5 * answer.reach;
+        let beside = (self.layout.range(bin) as f32 - answer.range).clamp(-half, half);
         let place = arrival.place + answer.slide * beside;
         let order = arrival.order;
         put!(rows, row,

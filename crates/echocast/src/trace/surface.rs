@@ -169,6 +169,10 @@ impl Surfaces {
         sea: Sea,
         speed: f64,
     ) -> Arc<Backscatter> {
+        // What depends on the speed changes little with it, so that one stands for those near it; which one that is must
+        // not depend on what came before.
+        const STEP: f64 = 1e-3;
+        let speed = ((speed.ln() / STEP).round() * STEP).exp();
         kept(
             &self.backscatter,
             |known| known.is_for(reflectances.source, frequency, sea, speed),

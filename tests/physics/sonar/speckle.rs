@@ -1,0 +1,152 @@
+//! What random scatterers make of echoes.
+
+use super::*;
+
+/// Side-scan with speckle that is thin along the track, so that neighbouring places are heard apart.
+fn speckled(more: &str) -> Sensor {
+    sidescan(&format!("acoustics.speckle=frozen pattern.along_deg=0.25 {more}"))
+}
+
+/// Powers of cells far apart, over the mean at their range: of `count` pings along the track, every fourth resolution.
+fn powers(scene: &BuiltScene, sensor: &Sensor, count: u32) -> Vec<f64> {
+    let plain = set(sensor.clone(), "acoustics.speckle=off");
+    let options = options(water("")).fields(FieldSet::default());
+    let means = ping(scene, &plain, Pose::at(0.0, 0.0, 20.0), &options);
+    let mut powers = Vec::new();
+    for number in 0..count {
+        let found = ping(scene, sensor, Pose::at(0.8 * f64::from(number) - 40.0, 0.0, 20.0), &options);
+        // From 25 m on: the bottom.
+        let cells = (1000..found.layout.bins - 40).step_by(8);
+        powers.extend(cells.map(|bin| power(f64::from(found.levels(0)[bin]) - f64::from(means.levels(0)[bin]))));
+    }
+    powers
+}
+
+fn mean(values: impl Iterator<Item = f64> + Clone) -> f64 {
+    values.clone().sum::<f64>() / values.count() as f64
+}
+
+/// Probability that a sample of `n` is as far (`distance`) from its distribution or farther: Kolmogorov's series.
+fn kolmogorov(distance: f64, n: usize) -> f64 {
+    let x = (n as f64).sqrt() * distance;
+    2.0 * (1..100).map(|k| (-1f64).powi(k - 1) * (-2.0 * f64::from(k * k) * x * x).exp()).sum::<f64>()
+}
+
+#[test]
+fn speckle_is_rayleigh_and_keeps_the_mean() {
+    let table: serde_json::Value =
+        serde_json::from_str(include_str!("../../data/sonar/speckle_statistics.json")).unwrap();
+    let mut powers = powers(&flat(100.0), &speckled(""), 60);
+    powers.sort_by(f64::total_cmp);
+    let n = powers.len();
+    assert!(n > 20_000, "{n}");
+    let standard_error = 4.343 / (n as f64).sqrt();
+    assert_near("mean, dB", db(mean(powers.iter().copied())), 0.0, 0.05 + 3.0 * standard_error);
+    // Amplitudes of sigma 1 are Rayleigh's: 1 - exp(-a^2 / 2).
+    let over = mean(powers.iter().copied());
+    let amplitudes: Vec<f64> = powers.iter().map(|power| (2.0 * power / over).sqrt()).collect();
+    let distance = amplitudes.iter().enumerate().fold(0f64, |most, (index, a)| {
+        let expected = 1.0 - (-0.5 * a * a).exp();
+        let [before, after] = [index, index + 1].map(|count| (count as f64 / n as f64 - expected).abs());
+        most.max(before).max(after)
+    });
+    let p = kolmogorov(distance, n);
+    assert!(p > 0.01, "amplitudes are {distance} from Rayleigh's, p = {p}");
+    for (part, expected) in table["rayleigh_amplitude_sigma1"]["quantiles"].as_object().unwrap() {
+        let part: f64 = part.parse().unwrap();
+        let expected = expected.as_f64().unwrap();
+        // Standard error of a quantile: sqrt(p (1 - p) / n) over the density there.
+        let density = expected * (-0.5 * expected * expected).exp();
+        let tolerance = 4.0 * (part * (1.0 - part) / n as f64).sqrt() / density;
+        assert_near(&format!("quantile {part}"), amplitudes[(part * n as f64) as usize], expected, tolerance);
+    }
+    let index = mean(powers.iter().map(|p| p * p)) / (over * over) - 1.0;
+    assert_near("scintillation index", index, 1.0, 0.05);
+    let levels = powers.iter().map(|p| db(p / over));
+    let level = mean(levels.clone());
+    let sigma = mean(levels.map(|db| (db - level).powi(2))).sqrt();
+    let expected = ["mean_dB", "std_dB"].map(|key| table["exponential_dB"][key].as_f64().unwrap());
+    assert_near("mean of the levels", level, expected[0], 0.15);
+    assert_near("sigma of the levels", sigma, expected[1], 0.15);
+}
+
+/// `1 + 2 / nu`, where a place of one texture is wider than a cell.
+#[test]
+fn texture_makes_k_distributions() {
+    let scene = flat(100.0);
+    for (shape, tolerance) in [("8", 0.1), ("2", 0.3)] {
+        let sensor = speckled(&format!("acoustics.texture_shape={shape} pattern.along_deg=0.1 range.max_m=50"));
+        let powers = powers(&scene, &sensor, 120);
+        let over = mean(powers.iter().copied());
+        let index = mean(powers.iter().map(|p| p * p)) / (over * over) - 1.0;
+        let expected = 1.0 + 2.0 / shape.parse::<f64>().unwrap();
+        assert_near(&format!("scintillation index with {shape}"), index, expected, tolerance);
+        assert_near("mean, dB", db(over), 0.0, 0.15);
+    }
+}
+
+/// Straight down many rays meet the places that scatter as one; yet they are as loud as those places.
+#[test]
+fn speckle_keeps_the_mean_whatever_the_rays() {
+    let scene = flat(100.0);
+    for rays in ["256", "16384"] {
+        let sensor = sonar(&format!("type: single_beam, beam_deg: 20, rays: {rays}"), "range.max_m=5");
+        let options = options(water("")).fields(FieldSet::default());
+        let total = |sensor: &Sensor, x: f64| -> f64 {
+            let found = ping(&scene, sensor, Pose::at(x, 0.0, 3.0), &options);
+            found.levels(0).iter().map(|&level| power(level.into())).sum()
+        };
+        let without = total(&sensor, 0.0);
+        let speckled = set(sensor, "acoustics.speckle=frozen");
+        let count = 200;
+        let with = (0..count).map(|at| total(&speckled, f64::from(at) * 0.9 - 90.0)).sum::<f64>() / f64::from(count);
+        // A ping has two resolution cells.
+        assert_near(&format!("mean of {rays} rays, dB"), db(with / without), 0.0, 0.8);
+    }
+}
+
+#[test]
+fn speckle_is_frozen_to_the_bottom() {
+    let scene = flat(100.0);
+    let pose = Pose::at(3.0, 1.0, 20.0).with_rpy_deg(1.0, 2.0, 33.0);
+    let hear = |sensor: &Sensor, seed: u64, frame: u32| {
+        ping(&scene, sensor, pose, &ScanOptions { seed, frame, ..options(water("")) })
+    };
+    let bits = |ping: &Ping| -> Vec<u32> { ping.levels(0).iter().map(|level| level.to_bits()).collect() };
+    // With and without noise to be heard.
+    let [quiet, noisy] = ["-200", "70"].map(|noise| speckled(&format!("acoustics.noise_level_db={noise}")));
+    for sensor in [&quiet, &noisy] {
+        assert!(bits(&hear(sensor, 0, 4)) == bits(&hear(sensor, 0, 4)));
+    }
+    let echoes = |ping: &Ping| -> Vec<u32> { bits(ping).split_off(900) };
+    assert!(echoes(&hear(&quiet, 0, 4)) == echoes(&hear(&quiet, 0, 5)), "another ping has another bottom");
+    assert!(echoes(&hear(&noisy, 0, 4)) != echoes(&hear(&noisy, 0, 5)), "noise is the same in two pings");
+    let other = hear(&quiet, 1, 4);
+    let same = echoes(&hear(&quiet, 0, 4)).iter().zip(echoes(&other)).filter(|(a, b)| **a == *b).count();
+    assert!(same < 30, "{same} cells are the same with another seed");
+    // A step along the track of more than the beam is wide: another bottom.
+    let along = |x: f64| {
+        let found = ping(&scene, &quiet, Pose::at(x, 0.0, 20.0), &options(water("")));
+        found.levels(0)[900..].iter().map(|&level| f64::from(level)).collect::<Vec<_>>()
+    };
+    let correlation = |a: &[f64], b: &[f64]| {
+        let slope = |values: &[f64]| -> Vec<f64> {
+            // The level falls with the range.
+            values
+                .chunks_exact(50)
+                .flat_map(|part| {
+                    let mean = part.iter().sum::<f64>() / 50.0;
+                    part.iter().map(move |value| value - mean).collect::<Vec<_>>()
+                })
+                .collect()
+        };
+        let (a, b) = (slope(a), slope(b));
+        let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        product(&a, &b) / (product(&a, &a) * product(&b, &b)).sqrt()
+    };
+    let here = along(0.0);
+    // As far as rays stay on their places, a third of a resolution wide.
+    assert!(correlation(&here, &along(0.0003)) > 0.9);
+    let far = correlation(&here, &along(2.0));
+    assert!(far.abs() < 0.1, "{far}");
+}
