@@ -172,7 +172,7 @@ fn soundings_lie_on_the_bottom() {
     let found = hear(&step, "", 0);
     for (side, z) in [(-1.0, 0.0), (1.0, 2.0)] {
         // Away from the edge, whose sides and shadow are heard too.
-        let here = |angle: f64| angle * side > 0.0 && (angle < 0.0 || angle > 20.0) && angle.abs() < 50.0;
+        let here = |angle: f64| angle * side > 0.0 && !(0.0..=20.0).contains(&angle) && angle.abs() < 50.0;
         let [mean, sigma] = depth_errors(&found, here, |_| z, height);
         assert_near(&format!("step to {side}"), mean, 0.0, 0.05);
         assert!(sigma < 0.1, "{sigma}");
