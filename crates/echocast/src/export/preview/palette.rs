@@ -58,7 +58,7 @@ pub(super) fn cause(cause: Cause) -> Color {
         Cause::Snow => [0xb4, 0xcc, 0xe0],
         Cause::Dust => [0x8c, 0x7c, 0x5e],
         Cause::FalseAlarm => [0x8a, 0x50, 0x68],
-        Cause::SeaSurface => [0x4c, 0x7a, 0x88],
+        Cause::SeaSurface => [0x4c, 0x90, 0x7c],
     }
 }
 
