@@ -2,7 +2,7 @@
 
 use crate::choice;
 use anyhow::{Context as _, Result, ensure};
-use clap::Args;
+use clap::{ArgGroup, Args};
 use echocast::export::preview::{self, ColorBy, PreviewOptions, View};
 use echocast::export::{self, FramesFile};
 use echocast::{FieldSet, Pings, PointCloud, Report, SensorKind};
@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 
 /// Files to write.
 #[derive(Args)]
+#[command(group = ArgGroup::new("shown").args(["preview", "image"]).multiple(true))]
 pub struct OutputArgs {
     /// Cloud file, repeatable; the format is chosen by the ending (`echocast formats` lists them)
     #[arg(short, long, value_name = "FILE", required_unless_present_any = ["preview", "explain", "pings", "image"], help_heading = "Output")]
@@ -34,10 +35,10 @@ pub struct OutputArgs {
     color: ColorBy,
     /// From where the picture looks at the cloud; `range` shows the last of several frames. Of sonars also `waterfall`, a
     /// row for each ping; `track`, what they have seen from above; `fan`, the last ping as its beams lie
-    #[arg(long, default_value = "top", value_parser = choice::of(choice::VIEW), help_heading = "Output")]
+    #[arg(long, requires = "shown", default_value = "top", value_parser = choice::of(choice::VIEW), help_heading = "Output")]
     view: View,
     /// Waterfall over ground range, along the bed, in place of slant range
-    #[arg(long, help_heading = "Output")]
+    #[arg(long, requires = "shown", help_heading = "Output")]
     ground: bool,
     /// Pings of a sonar as arrays of beams and range bins, with levels, labels and true places: .npz, .h5
     #[arg(long, value_name = "FILE", help_heading = "Output")]

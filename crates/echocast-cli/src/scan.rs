@@ -121,7 +121,7 @@ pub fn run(args: &Args) -> Result<()> {
     let fps = frame_rate(args.fps, &sensor)?;
     let sonar = sensor.kind() == SensorKind::Sonar;
     // A sonar pings all along its way.
-    let all_along = Frames { last: ((trajectory.span().1 * fps + 1e-6).min(1e9) as u32).max(0), ..Frames::ONE };
+    let all_along = Frames { last: (trajectory.span().1 * fps + 1e-6).min(1e9) as u32, ..Frames::ONE };
     let frames = args.frames.unwrap_or(if sonar { all_along } else { Frames::ONE });
     if args.trajectory.is_some() && !(sonar && args.frames.is_none()) {
         warn_of_other_span(&trajectory, args.frames, fps, &mut warnings);

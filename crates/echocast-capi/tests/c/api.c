@@ -745,6 +745,11 @@ static void sonars(echocast_context *context)
     }
     CHECK(bed[0] > 50 && bed[1] > 50);
 
+    /* Pictures of whole pings cannot be made of points. */
+    FAILS(ECHOCAST_E_ARGUMENT, "", echocast_result_preview(result, in_folder("ping.png"), "{view: waterfall}"));
+    CHECK(strstr(echocast_last_error(), "waterfall") && !exists(in_folder("ping.png")));
+    OK(echocast_result_preview(result, in_folder("ping.png"), "{color: intensity}"));
+
     /* All range bins of both sides. */
     desc.organised = 1;
     OK(echocast_scan(snapshot, &desc, &result));

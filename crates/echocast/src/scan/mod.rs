@@ -138,12 +138,11 @@ impl ScanOptions {
 pub type Progress<'a> = &'a mut dyn FnMut(f64) -> ControlFlow<()>;
 
 impl BuiltScene {
-    /// Scans once with `sensor` along `trajectory`.
+    /// Scans once with `sensor` along `trajectory`. Of a sonar it gives the points of one ping ([`Ping::cloud`]).
     ///
     /// # Errors
     /// A pose that is not finite, an organised cloud ordered by time or of several returns a beam, what
-    /// [`Sensor::beams_at`] says, no memory for the
-    /// columns.
+    /// [`Sensor::beams_at`] says, no memory for the columns; for sonars as [`BuiltScene::ping`].
     pub fn scan(&self, sensor: &Sensor, trajectory: &Trajectory, options: &ScanOptions) -> Result<PointCloud> {
         let mut cloud = PointCloud::default();
         self.scan_into(sensor, trajectory, options, &mut cloud)?;
@@ -152,7 +151,7 @@ impl BuiltScene {
 
     /// [`BuiltScene::scan`] into the memory of `cloud`: a scan like the one before it, in the order of beams, of one ray and
     /// return a beam and in a scene without weather, mirrors and glass, allocates nothing, but for the beams of a pattern
-    /// that does not repeat.
+    /// that does not repeat, and for sonars ([`BuiltScene::ping_into`] uses memory again).
     ///
     /// # Errors
     /// As [`BuiltScene::scan`]. `cloud` stays as it was when pose or options are at fault; without memory it is empty.
@@ -166,7 +165,8 @@ impl BuiltScene {
         self.scan_watched(sensor, trajectory, options, cloud, None)
     }
 
-    /// [`BuiltScene::scan_into`] that tells `progress`, on this thread, how far it is, some times in a long scan.
+    /// [`BuiltScene::scan_into`] that tells `progress`, on this thread, how far it is, some times in a long scan; never in a
+    /// ping of a sonar.
     ///
     /// # Errors
     /// As [`BuiltScene::scan_into`], and [`Error::Cancelled`] when `progress` wants no more; then `cloud` is empty.
