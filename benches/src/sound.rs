@@ -28,7 +28,9 @@ const WATERS: [(&str, &str); 3] = [
 ];
 
 /// What is measured: name, preset, settings, water.
-const CASES: [(&str, &str, &[(&str, &str)], usize); 7] = [
+type Case = (&'static str, &'static str, &'static [(&'static str, &'static str)], usize);
+
+const CASES: [Case; 7] = [
     ("side-scan, 2 x 2048 rays", "sss_450", &[("acoustics.bounces", "0")], 0),
     ("  in ten layers", "sss_450", &[("acoustics.bounces", "0")], 1),
     ("  in a cast", "sss_450", &[("acoustics.bounces", "0")], 2),

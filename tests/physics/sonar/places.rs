@@ -1,7 +1,7 @@
 //! Where things are heard.
 
 use super::*;
-use echocast::Sounding;
+use echocast::{Pings, Sounding};
 
 /// Water of 1500 m/s, of which the sonar believes something else.
 fn believing(speed: f64) -> Environment {
@@ -237,4 +237,20 @@ fn walls_throw_shadows() {
         }
     }
     assert!(seen.iter().all(|&count| count > 20), "{seen:?}");
+}
+
+/// The speed that is believed, bins and gain are those of the start, so that the pings of a dive fit together.
+#[test]
+fn pings_of_a_dive_have_one_layout() {
+    let keys = [(0.0, Pose::at(0.0, 0.0, 40.0)), (10.0, Pose::at(10.0, 0.0, 20.0))];
+    let dive = Trajectory::new(keys.to_vec()).unwrap();
+    let water =
+        "water: {surface_z_m: 50, profile: {cast: [{depth_m: 0, speed_m_s: 1500}, {depth_m: 60, speed_m_s: 1460}]}}";
+    let options = options(Environment::from_yaml(water).unwrap());
+    let mut pings = Pings::default();
+    for frame in 0..3 {
+        let options = ScanOptions { frame, start_time: 5.0 * f64::from(frame), ..options.clone() };
+        pings.push(flat(100.0).ping(&sidescan(""), &dive, &options).unwrap()).unwrap();
+    }
+    assert_near("speed", pings.pings[2].layout.believed_speed, 1500.0 - 10.0 * 40.0 / 60.0, 1e-9);
 }

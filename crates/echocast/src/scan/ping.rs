@@ -187,9 +187,17 @@ impl<'a> Pinging<'a> {
         let water = options.environment.water.as_ref().unwrap_or(&WATER);
         let frequency = acoustics.frequency();
         let depth = water.surface_z_m - pose.position.z;
-        let (column, _) = Column::new(water, frequency, depth)?;
-        let (speed, absorption) = (column.speed_at(depth), column.mean_absorption(depth, depth));
-        let believed = water.assumed_speed_m_s.unwrap_or(speed);
+        // What the instrument believes is set when it starts: pings of one way have one layout, however deep it goes.
+        let start_depth = water.surface_z_m - trajectory.at(trajectory.span().0).position.z;
+        let (column, _) = Column::new(water, frequency, start_depth)?;
+        if depth != start_depth {
+            // Whether the water covers this depth too.
+            Column::new(water, frequency, depth)?;
+        }
+        let speed = column.speed_at(depth);
+        let (start_speed, absorption) =
+            (column.speed_at(start_depth), column.mean_absorption(start_depth, start_depth));
+        let believed = water.assumed_speed_m_s.unwrap_or(start_speed);
         let ratio = acoustics.array_speed_m_s.map_or(1.0, |array| speed / array);
         let transducer = sensor.transducer(speed / frequency, ratio);
         let sea = water.sea();
