@@ -157,7 +157,7 @@ impl BuiltScene {
     }
 
     /// What there is to say against the water of `options` for a sonar at `trajectory`: formulas outside the ranges that
-    /// they were made for, speeds that no water has.
+    /// they were made for, speeds that no water has, sediments at frequencies that nobody has measured them at.
     ///
     /// # Errors
     /// As [`BuiltScene::ping`].
@@ -168,6 +168,11 @@ impl BuiltScene {
         let (_, warnings) = Column::new(&water, acoustics.frequency(), water.surface_z_m - start.position.z)?;
         let mut report = Report::default();
         warnings.into_iter().for_each(|warning| report.warn(warning));
+        let laws = self.0.surfaces.materials.iter().filter_map(|material| material.sound_law());
+        let mut odd: Vec<String> = laws.filter_map(|law| law.warning(acoustics.frequency())).collect();
+        odd.sort();
+        odd.dedup();
+        odd.into_iter().for_each(|warning| report.warn(warning));
         Ok(report)
     }
 }
@@ -199,7 +204,7 @@ impl<'a> Pinging<'a> {
             (column.speed_at(start_depth), column.mean_absorption(start_depth, start_depth));
         let believed = water.assumed_speed_m_s.unwrap_or(start_speed);
         let ratio = acoustics.array_speed_m_s.map_or(1.0, |array| speed / array);
-        let transducer = sensor.transducer(speed / frequency, ratio);
+        let transducer = sensor.transducer(start_speed / frequency, ratio);
         let sea = water.sea();
         let source = options.reflectance_source.unwrap_or(ReflectanceSource::Luminance);
         let reflectances = scene.surfaces.reflectances(sensor.wavelength_nm, source, Mirrors::Real);
