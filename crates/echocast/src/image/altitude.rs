@@ -66,9 +66,12 @@ pub fn altitudes(pings: &Pings) -> Result<Vec<f64>> {
 fn first_return(ping: &Ping, beam: usize) -> Option<f64> {
     let layout = &ping.layout;
     let levels = ping.levels(beam);
-    let mut sorted = levels.to_vec();
-    sorted.sort_unstable_by(f32::total_cmp);
-    let loud = sorted[sorted.len() * 19 / 20] - FAINTER;
+    let mut loud = levels.to_vec();
+    let twentieth = loud.len() * 19 / 20;
+    if loud.is_empty() {
+        return None;
+    }
+    let loud = *loud.select_nth_unstable_by(twentieth, f32::total_cmp).1 - FAINTER;
     let above: Vec<bool> =
         levels.iter().zip(&layout.threshold_db).map(|(level, least)| *level >= least.max(loud)).collect();
     let window = (above.len() / WINDOW.0).max(WINDOW.1);

@@ -103,8 +103,16 @@ struct Start {
 struct Step {
     length: f64,
     end: End,
-    /// Whether something of the scene can be met on it.
-    traced: bool,
+    /// What is traced in its place, where something of the scene can be met on it.
+    chord: Option<Chord>,
+}
+
+/// The straight line between the ends of an arc, relative to the scene's origin, m.
+#[derive(Clone, Copy, Debug)]
+struct Chord {
+    from: Vec3,
+    along: Vec3,
+    length: f32,
 }
 
 impl State {
@@ -375,13 +383,15 @@ impl<'a> SoundTracer<'a> {
             if states.is_empty() {
                 return;
             }
-            for (lane, (state, step)) in states.iter().zip(steps.iter()).enumerate() {
-                let (from, along, length) = self.chord(state, step);
+            for (lane, step) in steps.iter().enumerate() {
+                let Some(Chord { from, along, length }) = step.chord else { continue };
                 (rays.org_x[lane], rays.org_y[lane], rays.org_z[lane]) = from.into();
                 (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = along.into();
                 rays.range_max[lane] = length * (1.0 + 1e-6) + 1e-5;
             }
-            hits.trace(self.scene, rays, states.len(), false, self.mask);
+            // Rays that nothing has turned are neighbours still.
+            let coherent = states.iter().all(|state| state.order == 0);
+            hits.trace(self.scene, rays, states.len(), coherent, self.mask);
             kept = 0;
             for lane in 0..states.len() {
                 let (mut state, step) = (states[lane], steps[lane]);
@@ -418,7 +428,7 @@ impl<'a> SoundTracer<'a> {
                 return None;
             }
             let step = self.step(state, latest);
-            if step.traced {
+            if step.chord.is_some() {
                 return Some(step);
             }
             if !self.finish(state, &step, start, arrivals) {
@@ -457,7 +467,7 @@ impl<'a> SoundTracer<'a> {
             (length, end) = (most, End::Inside);
         }
         if self.empty[state.ray.slab] {
-            return Step { length, end, traced: false };
+            return Step { length, end, chord: None };
         }
         if slab.gradient != 0.0 {
             // Arc and chord are length^2 / (8 radius) apart.
@@ -467,14 +477,13 @@ impl<'a> SoundTracer<'a> {
                 (length, end) = (most, End::Inside);
             }
         }
-        let step = Step { length, end, traced: true };
-        let (from, along, length) = self.chord(state, &step);
-        let to = from + along * length;
+        let chord = self.chord(state, length);
+        let (from, to) = (chord.from, chord.from + chord.along * chord.length);
         let [low, high] = self.bounds.map(Vec3::from);
         // A hit on the box itself is one on the scene.
         let margin = Vec3::splat(2.0 * SAGITTA as f32);
         let apart = from.max(to).cmplt(low - margin).any() || from.min(to).cmpgt(high + margin).any();
-        Step { traced: !apart, ..step }
+        Step { length, end, chord: (!apart).then_some(chord) }
     }
 
     /// Takes a ray to the end of a step on which it meets nothing; whether it goes on.
@@ -520,17 +529,16 @@ impl<'a> SoundTracer<'a> {
         DVec3::new(x, y, self.surface_z - state.ray.depth).as_vec3()
     }
 
-    /// Start, direction and length of the chord of a step.
-    fn chord(&self, state: &State, step: &Step) -> (Vec3, Vec3, f32) {
+    /// The chord of the next `length` m of a ray.
+    fn chord(&self, state: &State, length: f64) -> Chord {
         let Ray { snell, speed, sine, slab, .. } = state.ray;
-        let half = 0.5 * self.slabs[slab].gradient * snell * step.length;
+        let half = 0.5 * self.slabs[slab].gradient * snell * length;
         let (sin, cos) = small_sin_cos(half);
         let cosine = snell * speed;
         let level = cosine * cos + sine * sin;
-        let sine = sine * cos - cosine * sin;
-        let along = DVec3::new(state.heading[0] * level, state.heading[1] * level, -sine);
+        let along = DVec3::new(state.heading[0] * level, state.heading[1] * level, cosine * sin - sine * cos);
         let sinc = if half == 0.0 { 1.0 } else { sin / half };
-        (self.place(state), along.normalize().as_vec3(), (step.length * sinc) as f32)
+        Chord { from: self.place(state), along: along.as_vec3(), length: (length * sinc) as f32 }
     }
 
     /// The normal of a row's triangle in the world.

@@ -1,6 +1,6 @@
 //! Direct ways from the sonar to what rays have met over reflections.
 
-use super::{Arrival, End, HitBatch, Launch, MISS, SAGITTA, SoundTracer, Start, State, TracerMemory};
+use super::{Arrival, Chord, End, HitBatch, Launch, MISS, SAGITTA, SoundTracer, Start, State, TracerMemory};
 use crate::medium::Ray;
 use crate::trace::{LANES, RayBatch};
 use glam::{DVec3, Vec3};
@@ -180,7 +180,7 @@ impl SoundTracer<'_> {
                 None => true,
             });
             for (lane, it) in candidates.iter().enumerate() {
-                let (from, along, length) = self.chord(&it.state, &self.direct_step(it));
+                let Chord { from, along, length } = self.chord(&it.state, self.direct_step(it).length);
                 (rays.org_x[lane], rays.org_y[lane], rays.org_z[lane]) = from.into();
                 (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = along.into();
                 rays.range_max[lane] = length;
@@ -208,7 +208,7 @@ impl SoundTracer<'_> {
             if it.length - it.state.ray.path <= 1e-6 {
                 return Some(true);
             }
-            if self.direct_step(it).traced {
+            if self.direct_step(it).chord.is_some() {
                 return None;
             }
             if !self.go_on(it) {
