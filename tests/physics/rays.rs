@@ -220,3 +220,18 @@ fn tubes_are_as_wide_as_their_neighbours_are_apart() {
         }
     }
 }
+
+/// Straight up and down, and nearly so, in a gradient: `ln(c2 / c1) / g`.
+#[test]
+fn vertical_rays_take_the_time_of_the_logarithm() {
+    let water = unphysical(GRADIENT);
+    for angle in [-90.0, -89.999_999, -89.9999, -89.99, 90.0, 89.999_999, 89.9999] {
+        let mut ray = SoundRay::new(&water, 1000.0, 300.0, angle, 600.0).unwrap();
+        let (point, _) = touch(&mut ray).unwrap();
+        let end = if angle < 0.0 { 1500.0 } else { 1200.0 };
+        let expected = (1350f64 / end).ln().abs() / 0.5;
+        let slant = angle.to_radians().sin().abs();
+        assert_near(&format!("{angle} deg: time"), point.time_s, expected / slant, 1e-8);
+    }
+    assert!(SoundRay::new(&water, 1000.0, 0.0, 10.0, 0.0).is_err());
+}

@@ -778,12 +778,12 @@ impl Sensor {
     /// What a sonar sends and hears at `wavelength` m, where sound is `ratio` times as fast as its beamformer believes. Of
     /// wavelengths that hardly differ one stands for all.
     pub(crate) fn transducer(&self, wavelength: f64, ratio: f64) -> Arc<Transducer> {
-        /// Steps of the wavelength and of the ratio, as a part of them.
-        const STEP: f64 = 1e-3;
+        /// Steps of the wavelength and of the ratio, as a part of them: beams turn with the ratio.
+        const STEPS: [f64; 2] = [1e-3, 1e-4];
         /// A sonar that goes up and down meets a few; it must not fill the memory.
         const MOST: usize = 16;
-        let step = |value: f64| ((value.ln() / STEP).round() * STEP).exp();
-        let (wavelength, ratio) = (step(wavelength), step(ratio));
+        let step = |value: f64, step: f64| ((value.ln() / step).round() * step).exp();
+        let (wavelength, ratio) = (step(wavelength, STEPS[0]), step(ratio, STEPS[1]));
         let mut known = self.transducers.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((.., found)) = known.iter().find(|known| (known.0, known.1) == (wavelength, ratio)) {
             return found.clone();

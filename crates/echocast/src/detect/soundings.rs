@@ -34,7 +34,7 @@ pub(crate) fn sounding(layout: &Layout, heard: &Heard) -> Option<Sounding> {
     })?;
     // The echo of a flat bottom lasts as long as the beam is wide on it.
     let range = (loudest as f32 + 0.5) * layout.bin_m as f32;
-    let length = range * width * down.tan().min(10.0) / layout.bin_m as f32;
+    let length = range * width * down.sin() / down.cos().abs().max(0.1) / layout.bin_m as f32;
     let reach = (0.75 * length).ceil() as usize + 3;
     let window = loudest.saturating_sub(reach).max(from)..(loudest + reach + 1).min(bins);
     let crossing = if down > BY_CROSSING { crossing(window.clone(), beside, power) } else { None };

@@ -132,7 +132,7 @@ impl Backscatter {
 fn tabulate(table: &mut Vec<f32>, value: impl Fn(f64) -> f64) {
     table.extend((0..=STEPS).map(|step| {
         let part = step as f64 / STEPS as f64;
-        value((1.0 - part * part).max(1e-9)) as f32
+        value((1.0 - part * part).max(1e-3)) as f32
     }));
 }
 

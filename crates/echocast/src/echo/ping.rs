@@ -250,10 +250,11 @@ impl Insonification<'_> {
         let to = (high as usize).min(self.bins - 1);
         let answer = PingEcho { parts: (to - from + 1) as u32, bin: from as u32, ..silent };
         let share = power / (high - low).max(1e-3);
+        let whole = from == to && low >= from as f32 && high <= to as f32 + 1.0;
         let Some(scatterers) = &self.speckle else {
             for part in from..=to {
                 let covered = (high.min(part as f32 + 1.0) - low.max(part as f32)).max(0.0);
-                let share = if from == to { power } else { share * covered };
+                let share = if whole { power } else { share * covered };
                 energy.push(share);
                 re.push(share);
             }
@@ -276,7 +277,7 @@ impl Insonification<'_> {
             batch.place[2][lane] = scatterer.z.floor() as i32 as u32;
             batch.object[lane] = object;
             batch.turn[lane] = (arrival.path + beside) * self.turns;
-            batch.energy[lane] = if from == to { power } else { share * (high - low).max(0.0) };
+            batch.energy[lane] = if whole { power } else { share * (high - low).max(0.0) };
             batch.count += 1;
             if batch.count == BATCH {
                 batch.scatter(scatterers, energy, re, im);

@@ -166,7 +166,7 @@ impl Transducer {
         let first = sines.partition_point(|&axis| axis > sine + extent);
         let end = sines.partition_point(|&axis| axis >= sine - extent).max(first);
         for &axis in &sines[first..end] {
-            self.loudness.push(lobe.amplitude(sine - axis) as f32);
+            self.loudness.push(lobe.amplitude_steered(sine, axis) as f32);
             if with_angles {
                 self.beside.push((sine.clamp(-1.0, 1.0).asin() - axis.clamp(-1.0, 1.0).asin()) as f32);
             }
@@ -431,7 +431,8 @@ impl ThinSide {
         let most = extent.min(1.0).asin();
         let step = 2.0 * most / STEPS as f64;
         let middle = |index: usize| -most + (index as f64 + 0.5) * step;
-        let parts: Vec<f64> = (0..STEPS).map(|index| power(middle(index).sin()) * step).collect();
+        let part = |index: usize| power(middle(index).sin()) * middle(index).cos() * step;
+        let parts: Vec<f64> = (0..STEPS).map(part).collect();
         let width = parts.iter().sum::<f64>();
         let mut angles = Vec::with_capacity(ANGLES);
         let mut sum = 0.0;

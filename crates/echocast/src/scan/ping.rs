@@ -91,6 +91,8 @@ struct LayoutInputs {
     bins: usize,
     first_bin: usize,
     directivity: f64,
+    /// Greatest solid angle of a beam, sr.
+    widest: f32,
     believed: f64,
     absorption: f64,
     ambient: f64,
@@ -242,6 +244,7 @@ impl<'a> Pinging<'a> {
             bins: bins as usize,
             first_bin: (sensor.range_min_m / bin_m).floor() as usize,
             directivity: acoustics.directivity_index_db.unwrap_or(transducer.directivity_db),
+            widest: transducer.solid_angles.iter().copied().fold(0.0, f32::max),
             believed,
             absorption,
             ambient: acoustics.noise_level_db.unwrap_or_else(ambient),
@@ -437,9 +440,8 @@ fn layout(inputs: &LayoutInputs, transducer: &Transducer, bin_m: f64, volume: &[
     let acoustics = &inputs.sensor;
     let noise_db = inputs.ambient - inputs.directivity - acoustics.processing_gain();
     let noise = 10f64.powf(noise_db / 10.0);
-    let widest = transducer.solid_angles.iter().copied().fold(0.0, f32::max);
     let threshold = |bin: usize| {
-        let background = noise + f64::from(volume.get(bin).copied().unwrap_or(0.0) * widest);
+        let background = noise + f64::from(volume.get(bin).copied().unwrap_or(0.0) * inputs.widest);
         (10.0 * background.log10() + acoustics.detection_threshold_db) as f32
     };
     let tvg = |bin: usize| {

@@ -119,8 +119,11 @@ impl Ray {
         next.time += if short && (next.speed / c - 1.0).abs() < 4e-3 {
             length / 6.0 * (1.0 / c + 4.0 / middle + 1.0 / next.speed)
         } else {
-            let ratio = next.speed / c * (1.0 + s) / (1.0 + next.sine);
-            (ratio.ln() / slab.gradient).abs()
+            // The difference of artanh(sine) = ln((1 + sine) / cosine), which is odd.
+            let [from, to] = [(s, c), (next.sine, next.speed)].map(|(sine, speed)| (1.0 + sine.abs()) / speed);
+            let over_vertex = s * next.sine < 0.0;
+            let span = if over_vertex { from * to / (self.snell * self.snell) } else { from / to };
+            (span.ln() / slab.gradient).abs()
         };
         let speed_path = if short { length / 6.0 * (c + 4.0 * middle + next.speed) } else { level / self.snell };
         next.speed_path += speed_path;
@@ -163,6 +166,9 @@ impl Ray {
         }
         let sum = self.sine.abs() + sine;
         let fall = to(end).abs();
+        if fall == 0.0 {
+            return (0.0, end);
+        }
         // Half of the angle of the arc: its tangent is the difference of the cosines over the sum of the sines.
         let tangent = curvature * fall / sum;
         let length = if tangent < 0.03 {

@@ -1,7 +1,7 @@
 //! A single ray of sound through water, event by event: what a surveyor checks against other programs.
 
 use super::{Column, End, Ray, Slab, Water};
-use crate::bounds::Bounds;
+use crate::bounds::{ABOVE_ZERO, Bounds};
 use crate::error::Result;
 
 /// A ray of sound between the surface of the water and a flat bottom, both of which mirror it.
@@ -56,9 +56,10 @@ impl SoundRay {
     /// A start above the water, below the bottom or outside the profile; an angle beyond 90 degrees.
     pub fn new(water: &Water, frequency_hz: f64, depth_m: f64, grazing_deg: f64, bottom_m: f64) -> Result<SoundRay> {
         let bounds = &mut Bounds::none();
+        water.check("water", bounds)?;
         bounds.within("grazing_deg", grazing_deg, -90.0, 90.0)?;
         bounds.within("frequency_hz", frequency_hz, 1.0, 1e8)?;
-        bounds.within("bottom_m", bottom_m, 0.0, 1e6)?;
+        bounds.number("bottom_m", bottom_m, [ABOVE_ZERO, 1e6], "above 0, at most 1000000")?;
         bounds.within("depth_m", depth_m, 0.0, bottom_m)?;
         let (column, _) = Column::new(water, frequency_hz, depth_m)?;
         let mut slabs: Vec<Slab> = column.slabs.into_iter().filter(|slab| slab.top < bottom_m).collect();

@@ -1,6 +1,8 @@
 //! Direct ways from the sonar to what rays have met over reflections.
 
-use super::{Arrival, Chord, End, HitBatch, Launch, MISS, SAGITTA, SoundTracer, Start, State, TracerMemory};
+use super::{
+    Arrival, Chord, End, HitBatch, Launch, MISS, MOST_STEPS, SAGITTA, SoundTracer, Start, State, TracerMemory,
+};
 use crate::medium::Ray;
 use crate::trace::{LANES, RayBatch};
 use glam::{DVec3, Vec3};
@@ -85,7 +87,7 @@ impl SoundTracer<'_> {
         let path = to.length();
         let state = State::launch(0, start.place, to / path, depth, &self.slabs, self.slab_at(depth));
         let mut end = state.ray.advanced(&self.slabs[state.ray.slab], path);
-        end.lose(path * self.column.mean_absorption(depth, (depth - to.z).max(0.0)));
+        end.lose(path * self.column.mean_absorption(depth, (depth - to.z).max(0.0)) - end.loss());
         (state, end)
     }
 
@@ -168,7 +170,10 @@ impl SoundTracer<'_> {
         candidates: &mut Vec<Candidate>,
         ways: &mut Vec<Direct>,
     ) {
-        while !candidates.is_empty() {
+        for _ in 0..MOST_STEPS {
+            if candidates.is_empty() {
+                return;
+            }
             // Every ray goes on to where something could be in its way, or has arrived.
             candidates.retain_mut(|it| match self.clear_way(it) {
                 Some(arrived) => {
@@ -200,11 +205,12 @@ impl SoundTracer<'_> {
                 false
             });
         }
+        candidates.clear();
     }
 
     /// Takes a ray on through water where nothing is; whether it has arrived, `None`: it has to be traced.
     fn clear_way(&self, it: &mut Candidate) -> Option<bool> {
-        loop {
+        for _ in 0..MOST_STEPS {
             if it.length - it.state.ray.path <= 1e-6 {
                 return Some(true);
             }
@@ -215,6 +221,7 @@ impl SoundTracer<'_> {
                 return Some(false);
             }
         }
+        Some(false)
     }
 
     /// The next step of a direct way.
