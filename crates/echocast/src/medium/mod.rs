@@ -23,5 +23,5 @@ pub use water::{
     Absorption, AmbientNoise, Fluid, Layer, Outside, Profile, RayEvent, RayPoint, Sea, SoundRay, SoundSpeed, SpeedRow,
     Spreading, Water, WaterRow, pressure_bar, unesco_speed,
 };
-pub(crate) use water::{Column, End, Ray, Slab, small_sin_cos};
+pub(crate) use water::{Column, End, Ray, Slab, slab_at, small_sin_cos};
 pub(crate) use weather::{Medium, Weather};

@@ -128,16 +128,12 @@ impl<'a> Printed<'a> {
         chunks.resize_with(self.fan.len().div_ceil(CHUNK), Chunk::default);
         let no_loss = |_: u32, _: f64| 0.0;
         // Time is what ends a ray of the tracer; where sound is slowest it takes longest over the farthest range.
-        let ends = self.column.slabs.iter().flat_map(|slab| {
-            let bottom = if slab.bottom.is_finite() { slab.bottom } else { slab.top };
-            [slab.speed, slab.speed_at(bottom)]
-        });
         let tracer = SoundTracer::new(
             self.scene,
             &self.column,
             SoundLimits {
                 mask: self.options.mask,
-                believed: ends.fold(f64::INFINITY, f64::min),
+                believed: self.column.end_speeds().fold(f64::INFINITY, f64::min),
                 reach: self.limits[1],
                 bounces: 0,
                 reflection_loss: &no_loss,

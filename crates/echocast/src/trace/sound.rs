@@ -5,7 +5,7 @@ mod direct;
 pub(crate) use direct::Direct;
 
 use super::{HitBatch, LANES, MISS, RayBatch, Tables};
-use crate::medium::{Column, End, Ray, Slab, small_sin_cos};
+use crate::medium::{Column, End, Ray, Slab, slab_at, small_sin_cos};
 use glam::{DVec3, Mat3, Vec3};
 use std::ops::Range;
 
@@ -208,12 +208,7 @@ impl<'a> SoundTracer<'a> {
         let is_empty = |slab: &Slab| !(slab.bottom > top - SAGITTA && slab.top < bottom + SAGITTA);
         let empty = slabs.iter().map(is_empty).collect();
         let uniform = column.is_uniform();
-        let speeds = column.slabs.iter().flat_map(|slab| {
-            // The last slab has no bottom, and no gradient.
-            let bottom = if slab.bottom.is_finite() { slab.bottom } else { slab.top };
-            [slab.speed, slab.speed_at(bottom)]
-        });
-        let fastest = speeds.fold(0.0, f64::max);
+        let fastest = column.end_speeds().fold(0.0, f64::max);
         let SoundLimits { mask, believed, reach, bounces, reflection_loss } = limits;
         SoundTracer {
             scene,
@@ -255,7 +250,7 @@ impl<'a> SoundTracer<'a> {
     }
 
     fn slab_at(&self, depth: f64) -> usize {
-        self.slabs.partition_point(|slab| slab.bottom <= depth).min(self.slabs.len() - 1)
+        slab_at(&self.slabs, depth)
     }
 
     /// Rays of one block through water that is the same everywhere; those that are reflected go to `memory.states`.

@@ -1,7 +1,7 @@
 //! The water made ready for the rays of one instrument: slabs, in each of which speed and absorption are linear.
 
 use super::profile::{Layer, PHYSICAL_SPEEDS, Profile, SEA_WATER_KG_M3, SpeedRow, WaterRow, unread};
-use super::{Absorption, Outside, Water};
+use super::{Outside, Water};
 use crate::error::{Error, Result};
 
 /// Where absorption changes with depth, slabs are no thicker than this, m, down to [`CONSTANT_FROM`].
@@ -222,7 +222,15 @@ impl Column {
     /// Index of the slab at `depth`, m; of two that meet there, the lower one. Above the surface it is the first.
     #[inline]
     pub fn slab_at(&self, depth: f64) -> usize {
-        self.slabs.partition_point(|slab| slab.top <= depth).saturating_sub(1)
+        slab_at(&self.slabs, depth)
+    }
+
+    /// Speeds of sound at the ends of the slabs, m/s: the least and the greatest there are are among them.
+    pub fn end_speeds(&self) -> impl Iterator<Item = f64> {
+        self.slabs.iter().flat_map(|slab| {
+            let bottom = if slab.bottom.is_finite() { slab.bottom } else { slab.top };
+            [slab.speed, slab.speed_at(bottom)]
+        })
     }
 
     /// Speed of sound at `depth`, m, in m/s.
@@ -249,6 +257,12 @@ impl Column {
         let met = self.slabs.iter().filter(|slab| slab.top < to && slab.bottom > from);
         met.map(part).sum::<f64>() / (to - from)
     }
+}
+
+/// Index of that of `slabs`, which touch, at `depth`, m; of two that meet there, the lower one. Above all it is the first.
+#[inline]
+pub(crate) fn slab_at(slabs: &[Slab], depth: f64) -> usize {
+    slabs.partition_point(|slab| slab.top <= depth).saturating_sub(1)
 }
 
 /// Divides `stretch` in halves until its line of speeds is near those of the `formula`.
@@ -314,7 +328,7 @@ fn slabs(water: &Water, frequency_hz: f64, stretches: &[Stretch]) -> Vec<Slab> {
             absorption_slope: (to - from) / thickness,
         });
     };
-    let cuts = water.absorption != Absorption::None && water.absorption.depends_on_the_water();
+    let cuts = water.absorption.depends_on_the_water();
     for stretch in above.iter().chain(stretches).chain(&below) {
         let mut rest = *stretch;
         while cuts && rest.top < CONSTANT_FROM && rest.bottom - rest.top > THICKEST {
@@ -330,6 +344,7 @@ fn slabs(water: &Water, frequency_hz: f64, stretches: &[Stretch]) -> Vec<Slab> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Absorption;
     use super::*;
     use crate::Environment;
 

@@ -12,7 +12,7 @@ mod speed;
 mod validity;
 
 pub use absorption::Absorption;
-pub(crate) use column::{Column, Slab};
+pub(crate) use column::{Column, Slab, slab_at};
 pub use fluid::Fluid;
 pub use noise::AmbientNoise;
 pub use profile::{Layer, Profile, SpeedRow, WaterRow};

@@ -1,6 +1,6 @@
 //! A single ray of sound through water, event by event: what a surveyor checks against other programs.
 
-use super::{Column, End, Ray, Slab, Water};
+use super::{Column, End, Ray, Slab, Water, slab_at};
 use crate::bounds::{ABOVE_ZERO, Bounds};
 use crate::error::Result;
 
@@ -66,7 +66,7 @@ impl SoundRay {
         if let Some(last) = slabs.last_mut() {
             last.bottom = last.bottom.min(bottom_m);
         }
-        let slab = slabs.partition_point(|slab| slab.bottom <= depth_m).min(slabs.len() - 1);
+        let slab = slab_at(&slabs, depth_m);
         let (sine, cosine) = grazing_deg.to_radians().sin_cos();
         let ray = Ray::launch(depth_m, [sine, cosine], &slabs, slab);
         Ok(SoundRay { bottom: bottom_m, start_speed: ray.speed, slabs, ray })
