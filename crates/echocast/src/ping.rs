@@ -197,6 +197,52 @@ impl Ping {
         }
     }
 
+    /// That it is whole: every column as long as it should be, every number one that makes sense. All of them are public,
+    /// so they may disagree. `name`: of the ping, for errors.
+    pub(crate) fn check(&self, name: &str) -> Result<()> {
+        let wrong = |found: String, allowed: &str| Err(Error::invalid(name, found, allowed));
+        let layout = &*self.layout;
+        let cells = layout.axes.len().checked_mul(layout.bins).filter(|&cells| 0 < cells && cells < u32::MAX as usize);
+        let Some(cells) = cells else {
+            let found = format!("made of {} beams with {} bins", layout.axes.len(), layout.bins);
+            return wrong(found, "1 to 4294967294 cells");
+        };
+        if !(layout.bin_m.is_finite() && layout.bin_m > 0.0) {
+            return Err(Error::invalid("bin_m", layout.bin_m, "a length above 0"));
+        }
+        if !layout.axes.iter().flatten().all(|angle| angle.is_finite()) {
+            return Err(Error::invalid("axes", "not a number", "azimuth and elevation of each beam, rad"));
+        }
+        for (name, values) in [("threshold_db", &layout.threshold_db), ("tvg_db", &layout.tvg_db)] {
+            if values.len() != layout.bins {
+                let allowed = format!("the {} bins of a beam", layout.bins);
+                return Err(Error::invalid(name, format!("{} numbers long", values.len()), allowed));
+            }
+        }
+        if !self.fields.contains(Field::Intensity) {
+            return Err(Error::invalid("columns of a ping", "a set without intensity", "a set with intensity"));
+        }
+        if let Some(info) = self.fields.iter().find(|info| self.column(info.field).len() != cells) {
+            let found = format!("with {} rows of {}", self.column(info.field).len(), info.name);
+            return wrong(found, &format!("its {cells} cells"));
+        }
+        if !(self.pose.position.is_finite() && self.pose.orientation.is_finite()) {
+            return wrong("sent from a pose that is not a number".to_owned(), "finite poses");
+        }
+        if self.soundings.iter().any(|s| s.beam as usize >= layout.axes.len() || s.cell as usize >= cells) {
+            let found = "with a sounding of a beam or cell that it does not have".to_owned();
+            return wrong(found, &format!("{} beams and {cells} cells", layout.axes.len()));
+        }
+        Ok(())
+    }
+
+    /// Whether it may be one of the [`Pings`] of `other`.
+    fn is_beside(&self, other: &Ping) -> bool {
+        let same_layout = Arc::ptr_eq(&self.layout, &other.layout) || self.layout == other.layout;
+        let same_labels = Arc::ptr_eq(&self.labels, &other.labels) || self.labels == other.labels;
+        same_layout && same_labels && self.origin == other.origin && self.fields == other.fields
+    }
+
     /// Amplitude of a level, uPa.
     pub fn amplitude(level_db: f32) -> f32 {
         10f32.powf(level_db / 20.0)
@@ -219,70 +265,31 @@ impl Pings {
     /// Adds a ping.
     ///
     /// # Errors
-    /// One of another layout, origin or set of columns.
+    /// One of another layout, origin, set of columns or labels.
     pub fn push(&mut self, ping: Ping) -> Result<()> {
         if let Some(first) = self.pings.first() {
-            let same = first.layout == ping.layout && first.origin == ping.origin && first.fields == ping.fields;
-            if !same {
-                return Err(Error::invalid(
-                    "ping",
-                    "of another layout, origin or set of columns",
-                    "pings of one sonar in one scene",
-                ));
+            if !first.is_beside(&ping) {
+                let found = "of another layout, origin, set of columns or labels";
+                return Err(Error::invalid("ping", found, "pings of one sonar in one scene"));
             }
         }
         self.pings.push(ping);
         Ok(())
     }
 
-    /// What all pings have in common, if they fit together and every column is as long as it should be: all of them are
-    /// public, so they may disagree.
+    /// What all pings have in common, if each is whole and they fit together.
     pub(crate) fn check(&self) -> Result<&Layout> {
         let Some(first) = self.pings.first() else {
             return Err(Error::invalid("pings", "an empty list", "at least one ping"));
         };
-        let layout = &*first.layout;
-        let cells = layout.axes.len().checked_mul(layout.bins).filter(|&cells| 0 < cells && cells < u32::MAX as usize);
-        let Some(cells) = cells else {
-            let found = format!("made of {} beams with {} bins", layout.axes.len(), layout.bins);
-            return Err(Error::invalid("ping", found, "1 to 4294967294 cells"));
-        };
-        if !(layout.bin_m.is_finite() && layout.bin_m > 0.0) {
-            return Err(Error::invalid("bin_m", layout.bin_m, "a length above 0"));
-        }
-        if !layout.axes.iter().flatten().all(|angle| angle.is_finite()) {
-            return Err(Error::invalid("axes", "not a number", "azimuth and elevation of each beam, rad"));
-        }
-        for (name, values) in [("threshold_db", &layout.threshold_db), ("tvg_db", &layout.tvg_db)] {
-            if values.len() != layout.bins {
-                let allowed = format!("the {} bins of a beam", layout.bins);
-                return Err(Error::invalid(name, format!("{} numbers long", values.len()), allowed));
-            }
-        }
-        if !first.fields.contains(Field::Intensity) {
-            return Err(Error::invalid("columns of a ping", "a set without intensity", "a set with intensity"));
-        }
         for (index, ping) in self.pings.iter().enumerate() {
-            let wrong = |found: String, allowed: &str| Err(Error::invalid(format!("ping {index}"), found, allowed));
-            let same = Arc::ptr_eq(&first.layout, &ping.layout) || first.layout == ping.layout;
-            let same_labels = Arc::ptr_eq(&first.labels, &ping.labels) || first.labels == ping.labels;
-            if !(same && same_labels && first.origin == ping.origin && first.fields == ping.fields) {
-                let found = "of another layout, origin, set of columns or labels than the first".to_owned();
-                return wrong(found, "pings of one sonar in one scene");
-            }
-            if let Some(info) = ping.fields.iter().find(|info| ping.column(info.field).len() != cells) {
-                let found = format!("with {} rows of {}", ping.column(info.field).len(), info.name);
-                return wrong(found, &format!("its {cells} cells"));
-            }
-            if !(ping.pose.position.is_finite() && ping.pose.orientation.is_finite()) {
-                return wrong("sent from a pose that is not a number".to_owned(), "finite poses");
-            }
-            if ping.soundings.iter().any(|s| s.beam as usize >= layout.axes.len() || s.cell as usize >= cells) {
-                let found = "with a sounding of a beam or cell that it does not have".to_owned();
-                return wrong(found, &format!("{} beams and {cells} cells", layout.axes.len()));
+            ping.check(&format!("ping {index}"))?;
+            if !first.is_beside(ping) {
+                let found = "of another layout, origin, set of columns or labels than the first";
+                return Err(Error::invalid(format!("ping {index}"), found, "pings of one sonar in one scene"));
             }
         }
-        Ok(layout)
+        Ok(&first.layout)
     }
 
     /// What all pings have in common; `None` without any.

@@ -439,6 +439,11 @@ impl SensorSpec {
         if range.max_m.is_none() {
             return Err(Error::invalid("range.max_m", "missing", "a value with kind: sonar: how long it listens"));
         }
+        let steers = matches!(self.pattern, Pattern::Multibeam(_) | Pattern::Imaging(_));
+        if acoustics.array_speed_m_s.is_some() && !steers {
+            let allowed = "with pattern.type: multibeam or imaging only, which steer beams";
+            return Err(Error::invalid("acoustics.array_speed_m_s", "given", allowed));
+        }
         acoustics.check(bounds)
     }
 
@@ -1431,6 +1436,14 @@ range: {max_m: 50}
             ),
             ("30}", "30, bounces: 9}", "line 4: acoustics.bounces: is 9; allowed: 0 to 8"),
             ("30}", "30, speckle: on}", "line 4: acoustics.speckle: unknown value \"on\"; allowed: frozen, off"),
+            ("30}", "30, array_speed_m_s: 1480}", "line 4: acoustics.array_speed_m_s: is given; allowed: with pattern"),
+            ("bandwidth_khz: 30", "pulse_ms: 1, taper: hamming", "line 4: acoustics.taper: is given; allowed: with ac"),
+            ("sidescan", "sidescan, down_fov_deg: 90, step_deg: 2, rays: 9", "line 3: pattern.rays: is 9; allowed: no"),
+            (
+                "sidescan",
+                "multibeam, beams: 4000, swath_deg: 9, rays: 1001",
+                "line 3: pattern.rays: is 1001; allowed: ",
+            ),
             ("30}", "30, tvg: {spreading: 61}}", "line 4: acoustics.tvg.spreading: is 61; allowed: 0 to 60"),
             ("range: {max_m: 50}\n", "", "line 1: range.max_m: is missing; allowed: a value with kind: sonar"),
             (

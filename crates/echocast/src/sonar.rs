@@ -13,25 +13,25 @@ pub struct AcousticsSpec {
     /// Source level, dB re 1 uPa at 1 m, 0 to 300.
     #[serde(default = "source_level")]
     pub source_level_db: f64,
-    /// Bandwidth of the pulse, kHz; without it that of an unmodulated pulse of `pulse_ms`, its inverse.
+    /// Bandwidth of the pulse, kHz, at most twice the frequency; without it that of an unmodulated pulse of `pulse_ms`, its inverse.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bandwidth_khz: Option<f64>,
-    /// Length of the pulse, ms.
+    /// Length of the pulse, ms, 0.0001 to 10000.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pulse_ms: Option<f64>,
-    /// Noise within the bandwidth, dB re 1 uPa; without it the ambient noise of the water.
+    /// Noise within the bandwidth, dB re 1 uPa, -200 to 300; without it the ambient noise of the water.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise_level_db: Option<f64>,
-    /// Directivity index of the receiver, dB, by which noise is less; without it that of its beam.
+    /// Directivity index of the receiver, dB, -10 to 100, by which noise is less; without it that of its beam.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub directivity_index_db: Option<f64>,
-    /// Gain of the matched filter, dB, by which noise is less; without it `10 log(bandwidth x length of the pulse)`.
+    /// Gain of the matched filter, dB, -100 to 100, by which noise is less; without it `10 log(bandwidth x length of the pulse)`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub processing_gain_db: Option<f64>,
     /// What an echo must have above noise and volume reverberation to be reported, dB, -100 to 100.
     #[serde(default = "threshold")]
     pub detection_threshold_db: f64,
-    /// Length of a range bin, m, at least a thousandth; without it half the resolution `c / (2 bandwidth)`. Longer ones
+    /// Length of a range bin, m, 0.001 to 1000 and at least 0.0044 of the resolution; without it half the resolution `c / (2 bandwidth)`. Longer ones
     /// than that resolution hold the mean power of what they cover: an area keeps its level, a point gets fainter.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bin_m: Option<f64>,
@@ -41,7 +41,8 @@ pub struct AcousticsSpec {
     /// What the random scatterers of a surface make of its echo.
     #[serde(default, skip_serializing_if = "is_default")]
     pub speckle: Speckle,
-    /// Shape of the gamma-distributed texture that makes K-distributed echoes of Rayleigh ones, 0.1 to 1000.
+    /// Shape of the gamma-distributed texture that makes K-distributed echoes of Rayleigh ones, 0.1 to 1000; there is none
+    /// where speckle is off.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub texture_shape: Option<f64>,
     /// Reflections by sea surface and scene that sound is followed over, 0 to 8; it returns the way it went, or straight
@@ -51,7 +52,8 @@ pub struct AcousticsSpec {
     /// Gain over range that pictures are drawn with.
     #[serde(default)]
     pub tvg: Tvg,
-    /// Sound speed that the beamformer believes, m/s; without it the true one.
+    /// Sound speed that the beamformer of a `multibeam` or `imaging` sonar believes, m/s, 100 to 10000; without it the
+    /// true one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub array_speed_m_s: Option<f64>,
     /// Whether the sonar stands still from a ping to its last echo; else it hears from where it is and looks by then.
@@ -69,8 +71,24 @@ pub enum Taper {
     /// None: `sinc^2` with first sidelobes at -13.3 dB; an unmodulated pulse is as long as it is.
     #[default]
     None,
-    /// Hamming: sidelobes below -42 dB, 1.47 times as wide.
+    /// Hamming: sidelobes below -42 dB, 1.47 times as wide; areas, noise and what floats in the water are 1.34 dB louder
+    /// beside a point. Of a pulse with a `bandwidth_khz`.
     Hamming,
+}
+
+impl Taper {
+    /// The spectrum `0.54 + 0.46 cos` of a Hamming window (Harris 1978) is one line and two of half the cosine: these to
+    /// that one.
+    pub(crate) const HAMMING: f64 = 0.23 / 0.54;
+
+    /// Energy over range of a point-like echo that is 1 in its middle, resolutions: an untapered one has that of one.
+    /// Equivalent noise bandwidth of the window (Harris 1978, table I: 1.36).
+    pub(crate) fn resolutions(self) -> f64 {
+        match self {
+            Taper::None => 1.0,
+            Taper::Hamming => 1.0 + 2.0 * Taper::HAMMING * Taper::HAMMING,
+        }
+    }
 }
 
 /// What the random scatterers of a surface make of its echo.
@@ -147,6 +165,10 @@ impl AcousticsSpec {
         bounds.within(key("detection_threshold_db"), self.detection_threshold_db, -100.0, 100.0)?;
         bounds.within(key("bin_m"), self.bin_m, 1e-3, 1000.0)?;
         bounds.within(key("texture_shape"), self.texture_shape, 0.1, 1000.0)?;
+        if self.taper != Taper::None && self.bandwidth_khz.is_none() {
+            let allowed = "with acoustics.bandwidth_khz only: the filter of a pulse that is modulated";
+            return Err(Error::invalid(key("taper"), "given", allowed));
+        }
         bounds.within(key("bounces"), f64::from(self.bounces), 0.0, 8.0)?;
         bounds.within(key("tvg.spreading"), self.tvg.spreading, 0.0, 60.0)?;
         bounds.within(key("tvg.absorption_db_m"), self.tvg.absorption_db_m, 0.0, 10.0)?;

@@ -3,6 +3,7 @@
 use super::*;
 use echocast::material::Sediment;
 use echocast::medium::{Absorption, Fluid, Sea, SoundRay};
+use glam::DQuat;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 const HEIGHT: f64 = 20.0;
@@ -99,6 +100,77 @@ fn all_patterns_hear_the_energy_of_a_flat_bottom() {
         };
         let expected = bottom_energy([-0.9, 0.9], [-FRAC_PI_2, FRAC_PI_2], power);
         assert_near(&format!("a round beam at {tilt}"), heard_energy(&hear(&round), 0, 0.05), expected, 0.15);
+    }
+}
+
+/// Energy that falls into each bin of `length` m, likewise.
+fn bin_levels(
+    length: f64,
+    bins: usize,
+    frame: &dyn Fn(f64, f64) -> DVec3,
+    [sines, angles]: [f64; 2],
+    power: impl Fn(f64, f64) -> f64,
+) -> Vec<f64> {
+    /// So fine over the angle that the bins far away have several.
+    const STEPS: [usize; 2] = [600, 12_000];
+    let mut sums = vec![0.0; bins];
+    let middle = |half: f64, index: usize, steps: usize| half * ((2 * index + 1) as f64 / steps as f64 - 1.0);
+    for at in 0..STEPS[0] * STEPS[1] {
+        let (sine, angle) = (middle(sines, at / STEPS[1], STEPS[0]), middle(angles, at % STEPS[1], STEPS[1]));
+        let grazing = -frame(sine, angle).z;
+        if grazing > 0.05 {
+            let range = HEIGHT / grazing;
+            if let Some(sum) = sums.get_mut((range / length) as usize) {
+                *sum += power(sine, angle) * 0.1 * grazing / (range * range);
+            }
+        }
+    }
+    let cell = 4.0 * sines * angles / (STEPS[0] * STEPS[1]) as f64;
+    sums.into_iter().map(|sum| 220.0 + db(sum * cell)).collect()
+}
+
+/// A bottom that slopes across the beam: ranges change across it as much as along it.
+#[test]
+fn single_beams_leave_no_gaps_on_slopes() {
+    let scene = flat(100.0);
+    let wavelength = 1500.0 / 450e3;
+    let line = |width: f64| Lobe::Width(width).at(wavelength);
+    let piston = Lobe::from_yaml("{shape: piston, width_deg: 12}").unwrap().at(wavelength);
+    for rays in [1024, 16384] {
+        for (beam, extents) in [("beam_deg: 3, vertical_deg: 30", [0.1, 0.7]), ("beam_deg: 12", [0.35, 0.35])] {
+            for roll in [0.0, 35.0, 80.0f64] {
+                let sensor = sonar(&format!("type: single_beam, {beam}, tilt_deg: 40, rays: {rays}"), "");
+                // About the beam's axis.
+                let axis = DVec3::new(40f64.to_radians().cos(), 0.0, -40f64.to_radians().sin());
+                let turn = DQuat::from_axis_angle(axis, roll.to_radians());
+                let pose = Pose { position: DVec3::Z * HEIGHT, orientation: turn };
+                let found = ping(&scene, &sensor, pose, &options(water("")));
+                let up = DVec3::new(-axis.z, 0.0, axis.x);
+                let frame = |sine: f64, angle: f64| {
+                    let level = (1.0 - sine * sine).sqrt();
+                    turn * (DVec3::Y * sine + (axis * angle.cos() + up * angle.sin()) * level)
+                };
+                let power = |sine: f64, angle: f64| match beam {
+                    "beam_deg: 12" => {
+                        let ahead = (1.0 - sine * sine).sqrt() * angle.cos();
+                        piston.amplitude((1.0 - ahead * ahead).max(0.0).sqrt()).powi(4)
+                    }
+                    _ => line(3.0).amplitude(sine).powi(4) * line(30.0).amplitude(angle.sin()).powi(4),
+                };
+                let bin = found.layout.bin_m;
+                let expected = bin_levels(bin, found.layout.bins, &frame, extents, power);
+                let most = expected.iter().copied().fold(f64::MIN, f64::max);
+                let mut worst = [0f64; 2];
+                for (&level, expected) in found.levels(0).iter().zip(expected) {
+                    if expected > most - 6.0 {
+                        let off = f64::from(level) - expected - db(0.05 / bin);
+                        worst = [worst[0].min(off), worst[1].max(off)];
+                    }
+                }
+                let most = if rays == 1024 { 2.0 } else { 1.0 };
+                assert!(-most < worst[0] && worst[1] < most, "{beam}, {rays} rays, rolled by {roll}: {worst:?} dB");
+            }
+        }
     }
 }
 

@@ -57,7 +57,46 @@ fn a_moving_sonar_hears_from_where_it_is_by_then() {
         let moved = first(&hear("")).range - first(&hear("acoustics.stop_and_hop=true")).range;
         let time = 2.0 * 30.0 / 1500.0;
         assert_near(&format!("{speed} m/s up"), moved.into(), 0.5 * speed * time, 0.01);
+        let found = hear("");
+        let cell = first(&found).cell as usize;
+        let arrives = 2.0 * f64::from(first(&found).range) / 1500.0;
+        assert_near("time of the echo", found.cells.time[cell], arrives, 0.05 / 1500.0);
+        // Of the last ping it is not known where it goes on to: it goes on as it came.
+        let hear_last = |more: &str| {
+            let last = ScanOptions { start_time: 1.0, ..options(water("")) };
+            scene.ping(&echo_sounder(more), &trajectory, &last).unwrap()
+        };
+        let moved = first(&hear_last("")).range - first(&hear_last("acoustics.stop_and_hop=true")).range;
+        let time = 2.0 * (30.0 + speed) / 1500.0;
+        assert_near(&format!("{speed} m/s up, the last ping"), moved.into(), 0.5 * speed * time, 0.02);
     }
+}
+
+/// Beams narrower than any step: as loud as wider ones of the same solid angle times source.
+#[test]
+fn needle_beams_hear_what_is_below_them() {
+    let scene = flat(100.0);
+    for pattern in ["type: single_beam, beam_deg: 0.01", "type: single_beam, beam_deg: 0.01, vertical_deg: 1"] {
+        let found = ping(&scene, &sonar(pattern, ""), Pose::at(0.0, 0.0, 30.0), &options(water("")));
+        let narrow = first(&found);
+        assert_near("range", narrow.range.into(), 30.0, 0.03);
+        // One of its sides, or all around it.
+        let louder = if pattern.contains("vertical") { -20.0 } else { -40.0 };
+        let wider = pattern.replace("0.01", "1");
+        let wider = first(&ping(&scene, &sonar(&wider, ""), Pose::at(0.0, 0.0, 30.0), &options(water(""))));
+        assert_near(pattern, f64::from(narrow.level_db - wider.level_db), louder, 0.1);
+    }
+    // 10 log(2 L / lambda) of a long line, and 3 dB as nothing is behind it.
+    let length = 0.442_946_47 / 0.005f64.to_radians().sin();
+    let directivity = |pattern: &str| {
+        let noisy = sonar(pattern, "acoustics.noise_level_db=0");
+        -f64::from(ping(&scene, &noisy, Pose::at(0.0, 0.0, 30.0), &options(water(""))).layout.noise_db)
+    };
+    let line = directivity("type: multibeam, beams: 2, swath_deg: 10, across_deg: 0.01");
+    assert_near("a line", line, db(4.0 * length), 0.01);
+    // 20 log(ka), ka = 1.616340 / sin of half the width.
+    let round = directivity("type: single_beam, beam_deg: 0.01");
+    assert_near("a piston", round, 2.0 * db(1.616_34 / 0.005f64.to_radians().sin()), 0.01);
 }
 
 #[test]
@@ -74,6 +113,7 @@ fn echoes_after_the_next_ping_are_refused_or_folded() {
     assert_near("reach of the bins", found.layout.reach(), 30.0, 0.03);
     let cell = first(&found).cell as usize;
     assert_near("the way there", found.cells.true_range[cell].into(), 45.0, 0.03);
+    assert_near("when it arrives", found.cells.time[cell], 2.0 * 45.0 / 1500.0, 0.05 / 1500.0);
     let error = ask(&set(folding, "range.max_m=61")).unwrap_err().to_string();
     assert!(error.contains("range.max_m") && error.contains("60"), "{error}");
     assert!(ask(&echo_sounder("pattern.rate_hz=12.5 range.max_m=60")).is_ok());

@@ -1,8 +1,7 @@
 //! From the levels of a beam to the range that a sonar reports for it.
 
-use crate::echo::LOG2_PER_DB;
-use crate::math::exp2;
 use crate::ping::{Layout, Sounding};
+use std::ops::Range;
 
 /// Beams further from straight down than this are detected by where the echo crosses their axis, rad (35 degrees): there
 /// it is long, and its strongest part is anywhere in it.
@@ -11,8 +10,9 @@ const BY_CROSSING: f32 = 0.61;
 /// What one beam has heard.
 pub(crate) struct Heard<'a> {
     pub beam: usize,
-    /// Levels, dB, bin by bin.
+    /// Levels, dB, bin by bin, and as powers.
     pub levels: &'a [f32],
+    pub powers: &'a [f32],
     /// Angle beside the beam's axis that the energy of each bin comes from, rad; NaN: none. Empty: not known.
     pub beside: &'a [f32],
     /// Width of the beam, rad.
@@ -22,25 +22,23 @@ pub(crate) struct Heard<'a> {
 /// The range of the strongest echo of a beam: the centre of its energy, or of beams that look aside where it crosses their
 /// axis. `None`: nothing is loud enough.
 pub(crate) fn sounding(layout: &Layout, heard: &Heard) -> Option<Sounding> {
-    let Heard { beam, levels, beside, width } = *heard;
+    let Heard { beam, levels, powers, beside, width } = *heard;
     let (bins, from) = (levels.len(), layout.first_bin);
     let [_, elevation] = layout.axes[beam];
     let down = (elevation + std::f32::consts::FRAC_PI_2).abs();
-    let power = |bin: usize| exp2(levels[bin] * LOG2_PER_DB);
     // Energy of the cells around each one, so that a single bright speckle does not win.
-    let loudest = (from..bins).filter(|&bin| levels[bin] > layout.threshold_db[bin]).max_by(|&a, &b| {
-        let around = |bin: usize| (bin.saturating_sub(2)..(bin + 3).min(bins)).map(power).sum::<f32>();
-        around(a).total_cmp(&around(b))
-    })?;
+    let around = |bin: usize| powers[bin.saturating_sub(2)..(bin + 3).min(bins)].iter().sum::<f32>();
+    let loud = (from..bins).filter(|&bin| levels[bin] > layout.threshold_db[bin]);
+    let (loudest, _) = loud.map(|bin| (bin, around(bin))).max_by(|(_, a), (_, b)| a.total_cmp(b))?;
     // The echo of a flat bottom lasts as long as the beam is wide on it.
     let range = (loudest as f32 + 0.5) * layout.bin_m as f32;
     let length = range * width * down.sin() / down.cos().abs().max(0.1) / layout.bin_m as f32;
     let reach = (0.75 * length).ceil() as usize + 3;
     let window = loudest.saturating_sub(reach).max(from)..(loudest + reach + 1).min(bins);
-    let crossing = if down > BY_CROSSING { crossing(window.clone(), beside, power) } else { None };
+    let crossing = if down > BY_CROSSING { crossing(window.clone(), beside, powers) } else { None };
     let (at, spread) = match crossing {
         Some(at) => (at, 0.0),
-        None => centre(window, power, power(loudest)),
+        None => centre(window, powers, powers[loudest]),
     };
     let cell = (at as usize).min(bins - 1);
     let above = levels[loudest] - layout.threshold_db[loudest];
@@ -55,11 +53,11 @@ pub(crate) fn sounding(layout: &Layout, heard: &Heard) -> Option<Sounding> {
 }
 
 /// Centre and spread of the energy in `window` within 10 dB of the loudest, bins.
-fn centre(window: std::ops::Range<usize>, power: impl Fn(usize) -> f32, most: f32) -> (f32, f32) {
+fn centre(window: Range<usize>, powers: &[f32], most: f32) -> (f32, f32) {
     let (mut sum, mut first, mut second) = (0.0, 0.0, 0.0);
     let origin = window.start;
     for bin in window {
-        let power = power(bin);
+        let power = powers[bin];
         if power > 0.1 * most {
             let at = (bin - origin) as f32 + 0.5;
             (sum, first, second) = (sum + power, first + power * at, second + power * at * at);
@@ -70,7 +68,7 @@ fn centre(window: std::ops::Range<usize>, power: impl Fn(usize) -> f32, most: f3
 }
 
 /// Where the line through the angles in `window`, weighed by power, is 0; `None`: nowhere in it.
-fn crossing(window: std::ops::Range<usize>, beside: &[f32], power: impl Fn(usize) -> f32) -> Option<f32> {
+fn crossing(window: Range<usize>, beside: &[f32], powers: &[f32]) -> Option<f32> {
     let origin = window.start;
     let [mut n, mut x, mut y, mut xx, mut xy] = [0f64; 5];
     for bin in window.clone() {
@@ -78,7 +76,7 @@ fn crossing(window: std::ops::Range<usize>, beside: &[f32], power: impl Fn(usize
         if angle.is_nan() {
             continue;
         }
-        let (weight, at, angle) = (f64::from(power(bin)), (bin - origin) as f64 + 0.5, f64::from(angle));
+        let (weight, at, angle) = (f64::from(powers[bin]), (bin - origin) as f64 + 0.5, f64::from(angle));
         (n, x, y) = (n + weight, x + weight * at, y + weight * angle);
         (xx, xy) = (xx + weight * at * at, xy + weight * at * angle);
     }
@@ -103,6 +101,10 @@ mod tests {
         }
     }
 
+    fn powers(levels: &[f32]) -> Vec<f32> {
+        levels.iter().map(|level| 10f32.powf(0.1 * level)).collect()
+    }
+
     #[test]
     fn a_short_echo_is_found_at_its_centre() {
         let mut levels = [40.0; 200];
@@ -110,7 +112,8 @@ mod tests {
             levels[bin] = level;
         }
         let layout = layout(-std::f32::consts::FRAC_PI_2);
-        let heard = Heard { beam: 0, levels: &levels, beside: &[], width: 0.02 };
+        let powers = powers(&levels);
+        let heard = Heard { beam: 0, levels: &levels, powers: &powers, beside: &[], width: 0.02 };
         let found = sounding(&layout, &heard).unwrap();
         assert!((found.range - 10.05).abs() < 1e-3, "{found:?}");
         assert_eq!((found.cell, found.level_db), (100, 72.0));
@@ -127,7 +130,8 @@ mod tests {
             beside[bin] = (bin as f32 + 0.5 - 104.0) * 1e-3;
         }
         let layout = layout(-0.4);
-        let heard = Heard { beam: 0, levels: &levels, beside: &beside, width: 0.1 };
+        let powers = powers(&levels);
+        let heard = Heard { beam: 0, levels: &levels, powers: &powers, beside: &beside, width: 0.1 };
         let found = sounding(&layout, &heard).unwrap();
         assert!((found.range - 10.4).abs() < 1e-2, "{found:?}");
     }

@@ -3,7 +3,6 @@
 use super::ping::{Echo, Echoes, Heard, Insonification, LOG2_PER_DB, Parts, PingEcho, sine};
 use crate::math::exp2;
 use crate::trace::{Arrival, Direct};
-use glam::Vec3;
 
 /// Ways of a mixed echo, by its number.
 const HEARD_STRAIGHT: u32 = 1;
@@ -38,9 +37,7 @@ impl Insonification<'_> {
                 + self.spread_between(&far, way)
                 - 2.0 * LOG2_PER_DB * mixed.loss;
             // Across the cell each way gets longer by its own.
-            let (reach, along) = self.footprint(&far);
-            let reach = 0.5 * (reach + along.dot(way.direction));
-            let slide = if reach.abs() > 1e-6 { along / reach } else { Vec3::ZERO };
+            let (reach, slide) = self.reach(&far, way.direction);
 
             let back = self.heard_from(ray, mixed.range, *launch);
             let mut there = Heard { at: mixed.range, louder: 0.0, hearing: self.transducer.hearing[ray] };

@@ -173,7 +173,7 @@ impl Insonification<'_> {
                 heard = self.heard_later(drift, ray, arrival.range, self.launch(ray));
                 loudness += heard.louder;
             }
-            let (reach, slide) = self.reach(arrival);
+            let (reach, slide) = self.reach(arrival, arrival.direction);
             // Over reflections also what is heard straight back alone has arrived.
             let in_reach = arrival.order == 0 || arrival.range <= self.farthest;
             let power = if in_reach { Some(exp2(loudness)) } else { None };
@@ -209,26 +209,31 @@ impl Insonification<'_> {
         Heard { at, louder, hearing }
     }
 
-    /// By how much an echo's range changes from one side of a ray's cell to the other, m, and how far along the surface
-    /// a metre of range is.
+    /// By how much the range of an echo that leaves back along the unit `back` changes over a ray's cell, m, and how far
+    /// along the surface a metre of range is.
     #[inline(always)]
-    fn reach(&self, arrival: &Arrival) -> (f32, Vec3) {
-        let (reach, along) = self.footprint(arrival);
-        (reach, if reach.abs() > 1e-6 { along / reach } else { Vec3::ZERO })
-    }
-
-    /// From one side of a ray's cell to the other, along the surface that it meets: how much farther that is, and the way
-    /// there, m.
-    #[inline(always)]
-    pub(super) fn footprint(&self, arrival: &Arrival) -> (f32, Vec3) {
+    pub(super) fn reach(&self, arrival: &Arrival, back: Vec3) -> (f32, Vec3) {
         let (direction, normal) = (arrival.direction, arrival.normal);
         let along = direction.dot(normal);
         let length = normal.length();
-        let across = self.across(arrival.ray as usize, arrival);
-        let rise = across.dot(normal);
         let towards = if along.abs() > 1e-3 * length { along } else { (1e-3 * length).copysign(along) };
-        let reach = -rise / towards;
-        (reach, across + direction * reach)
+        // From one side of the cell to the other, along the surface: how much farther that is, and the way there.
+        let side = |across: Vec3| {
+            let farther = -across.dot(normal) / towards;
+            let way = across + direction * farther;
+            (0.5 * (farther + way.dot(back)), way)
+        };
+        let ray = arrival.ray as usize;
+        let tangent = self.tangent(ray);
+        let (reach, way) = side(self.across(ray, arrival, tangent * self.transducer.cell[ray]));
+        let Some(&aside) = self.transducer.aside.get(ray) else {
+            return (reach, if reach.abs() > 1e-6 { way / reach } else { Vec3::ZERO });
+        };
+        // Sides of the cell one by the other: as long as the spread of both is, the way as both have it on average.
+        let (reach_aside, way_aside) = side(self.across(ray, arrival, tangent.cross(self.launch(ray)) * aside));
+        let square = reach * reach + reach_aside * reach_aside;
+        let way = way * reach + way_aside * reach_aside;
+        (square.sqrt(), if square > 1e-12 { way / square } else { Vec3::ZERO })
     }
 
     /// Divides an echo among bins.
@@ -293,11 +298,16 @@ impl Insonification<'_> {
         self.rotation * Vec3::new(x[ray], y[ray], z[ray])
     }
 
-    /// From one side of a ray's cell to the other, where it arrives, m.
+    /// Unit vector across a ray where it starts, world.
     #[inline(always)]
-    fn across(&self, ray: usize, arrival: &Arrival) -> Vec3 {
+    fn tangent(&self, ray: usize) -> Vec3 {
         let [x, y, z] = &self.transducer.tangent;
-        let tangent = self.rotation * Vec3::new(x[ray], y[ray], z[ray]) * self.transducer.cell[ray];
+        self.rotation * Vec3::new(x[ray], y[ray], z[ray])
+    }
+
+    /// What is `tangent` (rad) from one side of a ray's cell to the other, where it arrives, m.
+    #[inline(always)]
+    fn across(&self, ray: usize, arrival: &Arrival, tangent: Vec3) -> Vec3 {
         let [upright, level] = arrival.tube;
         if self.straight && arrival.order == 0 {
             return tangent * level;

@@ -18,13 +18,14 @@ pub(crate) struct Response {
 
 impl Response {
     /// Bins are `bin` resolutions `c / (2 B)` long; `modulated`: compressed by a matched filter.
-    pub fn new(bin: f64, modulated: bool, taper: Taper) -> Response {
+    ///
+    /// # Errors
+    /// The least `bin` that is possible: shorter ones would need more taps than that.
+    pub fn new(bin: f64, modulated: bool, taper: Taper) -> Result<Response, f64> {
         /// Resolutions to each side: four sidelobes, the fifth is 27 dB down.
         const REACH: f64 = 4.5;
         /// Bounds the work for bins much shorter than the pulse.
-        const MOST_TAPS: usize = 1024;
-        /// The spectrum `0.54 + 0.46 cos` of a Hamming window (Harris 1978) is one line and two of half the cosine.
-        const HAMMING: f64 = 0.23 / 0.54;
+        const MOST_TAPS: f64 = 1024.0;
         let sinc = |x: f64| if x == 0.0 { 1.0 } else { (PI * x).sin() / (PI * x) };
         let shape = |x: f64| match taper {
             // An unmodulated pulse is even over one resolution; its edges count half.
@@ -33,20 +34,23 @@ impl Response {
                 edge.clamp(0.0, 1.0).sqrt()
             }
             Taper::None => sinc(x),
-            Taper::Hamming => sinc(x) + HAMMING * (sinc(x - 1.0) + sinc(x + 1.0)),
+            Taper::Hamming => sinc(x) + Taper::HAMMING * (sinc(x - 1.0) + sinc(x + 1.0)),
         };
-        let count = if modulated { (REACH / bin).ceil() as usize } else { ((0.5 + 0.5 * bin) / bin).floor() as usize };
-        let mut taps: Vec<f32> = (0..=count.min(MOST_TAPS)).map(|k| shape(k as f64 * bin) as f32).collect();
+        let reach = if modulated { REACH } else { 0.5 };
+        if bin * MOST_TAPS < reach {
+            return Err(reach / MOST_TAPS);
+        }
+        let count = if modulated { (reach / bin).ceil() } else { (reach / bin + 0.5).floor() } as usize;
+        let mut taps: Vec<f32> = (0..=count).map(|k| shape(k as f64 * bin) as f32).collect();
         taps[0] = 1.0;
         let sum = |taps: &[f32]| taps[0] * taps[0] + 2.0 * taps[1..].iter().map(|tap| tap * tap).sum::<f32>();
         if bin > 1.0 {
             // The mean over a long bin: an area has the level that it has in short ones.
-            let resolutions = if modulated && taper == Taper::Hamming { 1.0 + 2.0 * HAMMING * HAMMING } else { 1.0 };
-            let scale = (resolutions as f32 / (bin as f32 * sum(&taps))).sqrt();
+            let scale = (taper.resolutions() as f32 / (bin as f32 * sum(&taps))).sqrt();
             taps.iter_mut().for_each(|tap| *tap *= scale);
         }
         let power = sum(&taps);
-        Response { taps, power }
+        Ok(Response { taps, power })
     }
 
     /// Power of a point-like echo `bins` from its middle, of that in it.
@@ -178,7 +182,7 @@ mod tests {
             (0.5, false, Taper::None, 2.0),
             (0.25, false, Taper::None, 4.0),
         ] {
-            let response = Response::new(bin, modulated, taper);
+            let response = Response::new(bin, modulated, taper).unwrap();
             assert_eq!(response.taps[0], 1.0);
             // The energy of a stretch of one resolution.
             assert!((response.power / cells - 1.0).abs() < 0.05, "{bin} {modulated}: {}", response.power);
@@ -189,15 +193,19 @@ mod tests {
             (1.0, true, Taper::Hamming, 1.363),
             (3.0, true, Taper::Hamming, 1.363),
         ] {
-            let response = Response::new(bin, modulated, taper);
+            let response = Response::new(bin, modulated, taper).unwrap();
             // The mean over the bin.
             assert!((response.power * bin as f32 / cells - 1.0).abs() < 0.01, "{bin} {modulated}: {}", response.power);
         }
-        let hamming = Response::new(0.25, true, Taper::Hamming);
+        let hamming = Response::new(0.25, true, Taper::Hamming).unwrap();
         // Main lobe to 2 resolutions, then below -42 dB.
         assert!(hamming.taps[8..].iter().all(|tap| tap.abs() < 0.0079), "{:?}", hamming.taps);
-        let sinc = Response::new(0.05, true, Taper::None);
+        let sinc = Response::new(0.05, true, Taper::None).unwrap();
         let sidelobe = sinc.taps[20..40].iter().fold(0f32, |most, tap| most.max(tap.abs()));
         assert!((20.0 * sidelobe.log10() + 13.26).abs() < 0.1, "{sidelobe}");
+        // As many taps as there may be, and one more.
+        assert!(Response::new(4.5 / 1024.0, true, Taper::None).is_ok());
+        assert_eq!(Response::new(4e-3, true, Taper::None), Err(4.5 / 1024.0));
+        assert_eq!(Response::new(4e-4, false, Taper::None), Err(0.5 / 1024.0));
     }
 }

@@ -1,7 +1,7 @@
 //! The fans of a sonar as rays: how much sound each stands for, and how loud each beam hears it.
 
 use super::face::{EVERYWHERE, FAINT, Face};
-use super::lobe;
+use super::lobe::{self, Lobe, Shape};
 use super::pattern::{Imaging, Multibeam, Pattern, Sidescan, SingleBeam};
 use glam::Vec3;
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -20,6 +20,8 @@ pub(crate) struct Transducer {
     /// Unit vectors across each ray along which the cell of directions that it stands for is `cell` rad long.
     pub tangent: [Vec<f32>; 3],
     pub cell: Vec<f32>,
+    /// How long the cells are across ray and tangent, rad; empty: fans so thin that ranges hardly change that way.
+    pub aside: Vec<f32>,
     /// Powers of sending and hearing, times the solid angle of the cell, sr, as log2; without what the beams make of it.
     pub weight: Vec<f32>,
     /// Power of the face in the direction of each ray, one way, as log2.
@@ -177,7 +179,9 @@ impl Transducer {
     fn sidescan(sonar: &Sidescan, wavelength: f64) -> Transducer {
         let lobe = sonar.along_deg.at(wavelength);
         let along = ThinSide::two_way(&lobe);
-        let vertical = sonar.vertical_deg.at(wavelength);
+        // Half of a fan from nadir hears all of it alike.
+        let half_fan = sonar.down_fov_deg.map(|fov| Lobe::Shape(Shape::Box { width_deg: 0.5 * fov }));
+        let vertical = half_fan.as_ref().unwrap_or(&sonar.vertical_deg).at(wavelength);
         let axis = sonar.axis_deg().to_radians();
         let strata = match sonar.down_fov_deg.zip(sonar.step_deg) {
             Some((fov, step)) => {
@@ -191,6 +195,7 @@ impl Transducer {
                 let (low, high) = ((axis - FRAC_PI_2).max(-FRAC_PI_2), (axis + FRAC_PI_2).min(FRAC_PI_2));
                 strata(
                     sonar.rays as usize,
+                    (&vertical, axis),
                     [low, high],
                     |angle| vertical.amplitude((angle - axis).sin()).powi(4),
                     |_| 1.0,
@@ -210,12 +215,8 @@ impl Transducer {
             }
             let (sin, cos) = axis.sin_cos();
             let frame = [[0.0, side * cos, sin], [1.0, 0.0, 0.0], [0.0, -side * sin, cos]];
-            let across = |sine: f64| match sonar.down_fov_deg {
-                Some(fov) => f64::from(u8::from(sine.abs() <= (0.25 * fov).to_radians().sin())),
-                None => vertical.amplitude(sine),
-            };
-            let width = sonar.down_fov_deg.map_or(vertical.width(), |fov| (0.5 * fov).to_radians());
-            transducer.faces.push(Face::new(frame, (|sine| lobe.amplitude(sine), lobe.width()), (across, width)));
+            let across = (|sine| vertical.amplitude(sine), vertical.width());
+            transducer.faces.push(Face::new(frame, (|sine| lobe.amplitude(sine), lobe.width()), across));
         }
         transducer.directivity_db = lobe::directivity(&lobe, &vertical);
         transducer
@@ -225,7 +226,7 @@ impl Transducer {
         let (sent, heard) = (swath.along_deg.at(wavelength), swath.across_deg.at(wavelength));
         let along = ThinSide::new(|sine| sent.amplitude(sine).powi(2), sent.extent(1e-3));
         let sines: Vec<f64> = swath.angles_deg().map(|angle| angle.to_radians().sin() * ratio).collect();
-        let extent = heard.extent(FAINTEST);
+        let extent = heard.extent_within(FAINTEST, 1.0 + sines[0].abs());
         let widest = (0.5 * swath.swath_deg).to_radians();
         // Rays as far beside the outermost beams as these hear, but not up.
         let most = (widest.sin() * ratio.max(1.0) + extent).min(88f64.to_radians().sin()).asin().max(widest);
@@ -245,7 +246,8 @@ impl Transducer {
         transducer.faces = vec![Face::new(frame, (|sine| sent.amplitude(sine), sent.width()), EVERYWHERE)];
         transducer.only_sends = true;
         transducer.width = heard.width() as f32;
-        transducer.directivity_db = line_index(&heard);
+        let all_around = Lobe::Shape(Shape::Box { width_deg: 180.0 }).at(wavelength);
+        transducer.directivity_db = lobe::directivity(&heard, &all_around);
         transducer
     }
 
@@ -255,14 +257,14 @@ impl Transducer {
         const WITHIN: f64 = 2.2;
         let (heard, vertical) = (array.beam_deg.at(wavelength), array.vertical_deg.at(wavelength));
         let sines: Vec<f64> = array.bearings_deg().map(|bearing| bearing.to_radians().sin() * ratio).collect();
-        let extent = heard.extent(FAINTEST);
+        let extent = heard.extent_within(FAINTEST, 1.0 + sines[0].abs());
         let widest = 0.5 * array.fov_deg.to_radians();
         let most = (widest.sin() * ratio.max(1.0) + 0.5 * extent).min(1.0);
         let spacing = 2.0 * widest / f64::from(array.beams - 1);
         let fine = (WITHIN * spacing / heard.width()).ceil().clamp(1.0, 64.0) as usize;
         let (columns, rows) = (fine * array.beams as usize, (array.rays as usize).div_ceil(fine).max(4));
         let power = |angle: f64| vertical.amplitude(angle.sin()).powi(4);
-        let rows = strata(rows, [-FRAC_PI_2, FRAC_PI_2], power, |_| 1.0);
+        let rows = strata(rows, (&vertical, 0.0), [-FRAC_PI_2, FRAC_PI_2], power, |_| 1.0);
         let tilt = array.tilt_deg.to_radians().sin_cos();
         let tilted = |[x, y, z]: [f64; 3]| [x * tilt.1 + z * tilt.0, y, z * tilt.1 - x * tilt.0];
         let mut transducer = Transducer::default();
@@ -299,15 +301,32 @@ impl Transducer {
         transducer.heard_by(0);
         if let Some(vertical) = &sonar.vertical_deg {
             let (lobe, vertical) = (sonar.beam_deg.at(wavelength), vertical.at(wavelength));
-            let across = ThinSide::two_way(&lobe);
-            let power = |angle: f64| vertical.amplitude(angle.sin()).powi(4);
-            for (index, row) in strata(count, [-FRAC_PI_2, FRAC_PI_2], power, |_| 1.0).iter().enumerate() {
-                let (sin, cos) = row.at.sin_cos();
-                let [aside, level] = across.sine_cosine(index);
-                let direction = tilted([cos * level, aside, sin * level]);
-                let one_way = row.power.sqrt() * lobe.amplitude(aside).powi(2);
-                let power = row.power * row.size * across.width;
-                transducer.push(direction, tilted([-sin, 0.0, cos]), row.size, power, one_way);
+            let two_way = |lobe: &lobe::Pattern, angle: f64| lobe.amplitude(angle.sin()).powi(4);
+            let (power, power_aside) = (|angle| two_way(&vertical, angle), |angle| two_way(&lobe, angle));
+            // Cells about as high as wide.
+            let columns = (count as f64 * lobe.width() / vertical.width()).sqrt().round();
+            let columns = (columns as usize).clamp(1, count / 4);
+            let most = lobe.extent(1e-2).min(1.0).asin();
+            let columns = strata(columns, (&lobe, 0.0), [-most, most], power_aside, |_| 1.0);
+            let half = [-FRAC_PI_2, FRAC_PI_2];
+            let rows = strata(count / columns.len(), (&vertical, 0.0), half, power, |_| 1.0);
+            for (index, column) in columns.iter().enumerate() {
+                let shift = golden(index) - 0.5;
+                for (index, row) in rows.iter().enumerate() {
+                    let angle = row.at + shift * row.size;
+                    let angle_aside = column.at + (golden(index) - 0.5) * column.size;
+                    let ((sin, cos), (aside, level)) = (angle.sin_cos(), angle_aside.sin_cos());
+                    let direction = tilted([cos * level, aside, sin * level]);
+                    let power = power(angle) * power_aside(angle_aside);
+                    transducer.push(
+                        direction,
+                        tilted([-sin, 0.0, cos]),
+                        row.size,
+                        power * row.size * column.size,
+                        power.sqrt(),
+                    );
+                    transducer.aside.push(column.size as f32);
+                }
             }
             let (aside, up) = (|sine: f64| lobe.amplitude(sine), |sine: f64| vertical.amplitude(sine));
             transducer.faces = vec![Face::new(frame, (aside, lobe.width()), (up, vertical.width()))];
@@ -316,39 +335,20 @@ impl Transducer {
         } else {
             let lobe = sonar.round_lobe().at(wavelength);
             let power = |angle: f64| lobe.amplitude(angle.sin()).powi(4);
-            for (index, ring) in strata(count, [0.0, FRAC_PI_2], power, f64::sin).iter().enumerate() {
+            for (index, ring) in strata(count, (&lobe, 0.0), [0.0, FRAC_PI_2], power, f64::sin).iter().enumerate() {
                 let ((sin, cos), (left, up)) = (ring.at.sin_cos(), (2.0 * PI * golden(index)).sin_cos());
                 let direction = tilted([cos, sin * left, sin * up]);
                 let tangent = tilted([-sin, cos * left, cos * up]);
                 let solid = 2.0 * PI * ((ring.at - 0.5 * ring.size).cos() - (ring.at + 0.5 * ring.size).cos());
                 transducer.push(direction, tangent, solid.sqrt(), ring.power * solid, ring.power.sqrt());
+                transducer.aside.push(solid.sqrt() as f32);
             }
             transducer.faces = vec![Face::round(frame, |sine| lobe.amplitude(sine), lobe.width())];
             transducer.width = lobe.width() as f32;
-            transducer.directivity_db = cone_index(&lobe);
+            transducer.directivity_db = lobe::round_directivity(&lobe);
         }
         transducer
     }
-}
-
-/// Directivity index of a line that hears all around itself, dB: `10 log(2 / integral of b d(sine))`, and 3 dB more for
-/// what is behind it is not heard.
-fn line_index(lobe: &lobe::Pattern) -> f64 {
-    const STEPS: usize = 20_000;
-    let step = 2.0 / STEPS as f64;
-    let heard = |index: usize| lobe.amplitude(-1.0 + (index as f64 + 0.5) * step).powi(2) * step;
-    10.0 * (2.0 / (0..STEPS).map(heard).sum::<f64>()).log10() + 10.0 * 2f64.log10()
-}
-
-/// Directivity index of a round beam, dB: `10 log(4 pi / integral of b over the half sphere before it)`.
-fn cone_index(lobe: &lobe::Pattern) -> f64 {
-    const STEPS: usize = 20_000;
-    let step = FRAC_PI_2 / STEPS as f64;
-    let heard = |index: usize| {
-        let sine = ((index as f64 + 0.5) * step).sin();
-        lobe.amplitude(sine).powi(2) * sine * step
-    };
-    10.0 * (2.0 / (0..STEPS).map(heard).sum::<f64>()).log10()
 }
 
 /// Azimuth and elevation of the beams, rad.
@@ -376,28 +376,39 @@ struct Stratum {
     power: f64,
 }
 
-/// `count` parts of a fan: small where it is loud, and some everywhere. `measure`: solid angle of a ring by angle.
+/// `count` parts of a fan of a `lobe` about an axis, rad: small where it is loud, and some everywhere. `measure`: solid
+/// angle of a ring by angle.
 fn strata(
     count: usize,
+    (lobe, axis): (&lobe::Pattern, f64),
     [low, high]: [f64; 2],
     power: impl Fn(f64) -> f64,
     measure: impl Fn(f64) -> f64,
 ) -> Vec<Stratum> {
-    /// Steps that the density is summed in.
+    /// Steps that the density is summed in, over all and again about the axis.
     const STEPS: usize = 8192;
-    let step = (high - low) / STEPS as f64;
-    let middle = |index: usize| low + (index as f64 + 0.5) * step;
+    /// Widths of the lobe to each side that have steps of their own.
+    const WIDTHS: f64 = 20.0;
+    let about = [axis - WIDTHS * lobe.width(), axis + WIDTHS * lobe.width()].map(|angle| angle.clamp(low, high));
+    let even = |[low, high]: [f64; 2]| (0..=STEPS).map(move |k| low + (high - low) * k as f64 / STEPS as f64);
+    let mut steps: Vec<f64> = even([low, high]).chain(even(about)).collect();
+    steps.sort_by(f64::total_cmp);
+    let steps: Vec<[f64; 2]> = steps.windows(2).map(|pair| [pair[0], pair[1]]).collect();
     // As many rays as amplitude: in between of noise (power) and of even sampling.
-    let loud: Vec<f64> = (0..STEPS).map(|index| power(middle(index)).sqrt() * measure(middle(index))).collect();
-    let even: Vec<f64> = (0..STEPS).map(|index| measure(middle(index))).collect();
-    let (sum, sum_even) = (loud.iter().sum::<f64>().max(1e-300), even.iter().sum::<f64>());
+    let ring = |[from, to]: &[f64; 2]| {
+        let at = 0.5 * (from + to);
+        let even = measure(at) * (to - from);
+        [power(at).sqrt() * even, even]
+    };
+    let rings: Vec<[f64; 2]> = steps.iter().map(ring).collect();
+    let sums = [0, 1].map(|of| rings.iter().map(|ring| ring[of]).sum::<f64>().max(1e-300));
     let mut rays = 0.0;
     let mut edges = vec![low];
-    for index in 0..STEPS {
-        let density = count as f64 * ((1.0 - EVEN) * loud[index] / sum + EVEN * even[index] / sum_even);
+    for ([from, to], [loud, even]) in steps.into_iter().zip(rings) {
+        let density = count as f64 * ((1.0 - EVEN) * loud / sums[0] + EVEN * even / sums[1]);
         while edges.len() < count && rays + density >= edges.len() as f64 {
             let part = (edges.len() as f64 - rays) / density;
-            edges.push(low + (index as f64 + part) * step);
+            edges.push(from + (to - from) * part);
         }
         rays += density;
     }

@@ -2,7 +2,7 @@
 
 use super::{Profile, ScanOptions};
 use crate::cause::Cause;
-use crate::cloud::{Columns, Field, FieldSet, Slices};
+use crate::cloud::{Field, FieldSet, Slices};
 use crate::detect::{Heard, sounding};
 use crate::echo::{
     Background, Backscatter, CHUNK_BITS, Drift, Echoes, Insonification, LOG2_PER_DB, Lines, NOBODY, Response,
@@ -11,6 +11,7 @@ use crate::echo::{
 use crate::emitter::{Pose, Trajectory, Transducer};
 use crate::error::{Error, Result};
 use crate::material::{Mirrors, ReflectanceSource};
+use crate::math::exp2;
 use crate::medium::{Column, Water};
 use crate::parallel;
 use crate::ping::{CELL_FIELDS, Layout, Ping, SonarView, Sounding};
@@ -81,6 +82,10 @@ struct Chunk {
 struct TileMemory {
     tile: Tile,
     lines: Lines,
+    /// Of the beam at hand: powers by bin, and angles beside its axis.
+    powers: Vec<f32>,
+    beside: Vec<f32>,
+    soundings: Vec<Sounding>,
 }
 
 /// What a [`Layout`] depends on beside the sensor.
@@ -232,11 +237,16 @@ impl<'a> Pinging<'a> {
         let bins = (reach.min(fold) / bin_m).ceil();
         let cells = bins * transducer.beams() as f64;
         /// What fits into memory many times over.
-        const MOST_CELLS: f64 = 2e8;
+        const MOST_CELLS: f64 = 2e7;
         if cells > MOST_CELLS {
             let found = format!("{bin_m} m: {bins} bins of {} beams", transducer.beams());
             return Err(Error::invalid("acoustics.bin_m", found, format!("at most {MOST_CELLS} cells in a ping")));
         }
+        let response = Response::new(bin_m / resolution, acoustics.bandwidth_khz.is_some(), acoustics.taper);
+        let response = response.map_err(|least| {
+            let allowed = format!("at least {} m for a resolution of {resolution} m", least * resolution);
+            Error::invalid("acoustics.bin_m", format!("{bin_m} m"), allowed)
+        })?;
         let ambient = || water.noise().level_db(frequency) + 10.0 * acoustics.bandwidth().log10();
         let inputs = LayoutInputs {
             sensor: acoustics.clone(),
@@ -250,7 +260,7 @@ impl<'a> Pinging<'a> {
             ambient: acoustics.noise_level_db.unwrap_or_else(ambient),
             volume: water.volume_backscatter_db,
         };
-        let volume = volume(&inputs, bin_m, resolution);
+        let volume = volume(&inputs, bin_m, resolution * acoustics.taper.resolutions());
         let layout = match memory.layout.take() {
             Some((made_of, layout)) if made_of == inputs && layout.axes == transducer.axes => layout,
             _ => Arc::new(layout(&inputs, &transducer, bin_m, &volume)),
@@ -259,11 +269,12 @@ impl<'a> Pinging<'a> {
 
         let drift = match (acoustics.stop_and_hop, trajectory.constant()) {
             (false, None) => {
-                // While the farthest echo is on its way.
+                // While the farthest echo is on its way; at the end of the trajectory, whatever it was on the way there.
                 let wait = 2.0 * reach / believed;
-                let later = sensor.turned(trajectory.at(time + wait), options.frame);
-                let moved = later.position - pose.position;
-                let turn = pose.orientation.inverse() * later.orientation;
+                let before = time.min(trajectory.span().1 - wait).max(trajectory.span().0);
+                let [before, later] = [before, before + wait].map(|t| sensor.turned(trajectory.at(t), options.frame));
+                let moved = later.position - before.position;
+                let turn = before.orientation.inverse() * later.orientation;
                 // The shorter way round; twice the one-way range is on the way.
                 let turned = if turn.w < 0.0 { -turn } else { turn }.to_scaled_axis();
                 Some(Drift {
@@ -288,7 +299,7 @@ impl<'a> Pinging<'a> {
             column,
             layout,
             volume,
-            response: Response::new(bin_m / resolution, acoustics.bandwidth_khz.is_some(), acoustics.taper),
+            response,
             pose,
             drift,
             speckle,
@@ -354,9 +365,7 @@ impl<'a> Pinging<'a> {
         let task = Listening { pinging: self, chunks: &memory.chunks, wants, width: tile };
         task.tiles(&mut memory.tiles, 0, rows);
         ping.soundings.clear();
-        if matches!(view, SonarView::Swath | SonarView::Single) {
-            self.sound_out(memory, &mut ping.cells, &mut ping.soundings);
-        }
+        ping.soundings.extend(memory.tiles.iter().flat_map(|memory| &memory.soundings));
         Ok(())
     }
 
@@ -388,25 +397,31 @@ impl<'a> Pinging<'a> {
     fn place(&self) -> DVec3 {
         self.pose.position - self.scene.origin
     }
+}
 
-    /// The ranges that beams report.
-    fn sound_out(&self, memory: &PingMemory, cells: &mut Columns, soundings: &mut Vec<Sounding>) {
-        let bins = self.layout.bins;
-        let mut beside = Vec::new();
-        for TileMemory { tile, .. } in &memory.tiles {
-            for beam in tile.beams.0..tile.beams.1 {
-                beside.clear();
-                if !tile.total.is_empty() {
-                    let column = (0..bins).map(|bin| bin * tile.width() + beam - tile.beams.0);
-                    beside.extend(column.map(|cell| tile.lean[cell] / tile.total[cell]));
-                }
-                let levels = &cells.intensity[beam * bins..(beam + 1) * bins];
-                let heard = Heard { beam, levels, beside: &beside, width: self.transducer.width };
-                soundings.extend(sounding(&self.layout, &heard).map(|found| Sounding {
-                    cell: (beam * bins + self.loud_bin(tile, beam, found.cell as usize - beam * bins)) as u32,
-                    ..found
-                }));
+impl TileMemory {
+    /// The ranges that beams report, of sonars that do, by the levels of all cells.
+    #[inline(always)]
+    fn sound_out(&mut self, pinging: &Pinging, levels: &[f32]) {
+        let TileMemory { tile, powers, beside, soundings, .. } = self;
+        soundings.clear();
+        let Layout { bins, view, .. } = *pinging.layout;
+        if !matches!(view, SonarView::Swath | SonarView::Single) {
+            return;
+        }
+        for (beam, levels) in (tile.beams.0..).zip(levels.chunks_exact(bins)) {
+            powers.clear();
+            powers.extend(levels.iter().map(|level| exp2(level * LOG2_PER_DB)));
+            beside.clear();
+            if !tile.total.is_empty() {
+                let column = (0..bins).map(|bin| bin * tile.width() + beam - tile.beams.0);
+                beside.extend(column.map(|cell| tile.lean[cell] / tile.total[cell]));
             }
+            let heard = Heard { beam, levels, powers, beside, width: pinging.transducer.width };
+            soundings.extend(sounding(&pinging.layout, &heard).map(|found| Sounding {
+                cell: (beam * bins + pinging.loud_bin(tile, beam, found.cell as usize - beam * bins)) as u32,
+                ..found
+            }));
         }
     }
 }
@@ -438,7 +453,9 @@ fn volume(inputs: &LayoutInputs, bin_m: f64, resolution: f64) -> Vec<f32> {
 
 fn layout(inputs: &LayoutInputs, transducer: &Transducer, bin_m: f64, volume: &[f32]) -> Layout {
     let acoustics = &inputs.sensor;
-    let noise_db = inputs.ambient - inputs.directivity - acoustics.processing_gain();
+    // A filter that is tapered lets more noise through.
+    let taper = 10.0 * acoustics.taper.resolutions().log10();
+    let noise_db = inputs.ambient - inputs.directivity - acoustics.processing_gain() + taper;
     let noise = 10f64.powf(noise_db / 10.0);
     let threshold = |bin: usize| {
         let background = noise + f64::from(volume.get(bin).copied().unwrap_or(0.0) * inputs.widest);
@@ -537,7 +554,7 @@ impl NullaryFnOnce for Listen<'_, '_> {
     #[inline(always)]
     fn call(self) {
         let Listen { listening: Listening { pinging, chunks, wants, width }, memory, first, rows } = self;
-        let TileMemory { tile, lines } = memory;
+        let TileMemory { tile, lines, .. } = memory;
         let Layout { bins, bin_m, .. } = *pinging.layout;
         let last = (first + width).min(pinging.transducer.beams());
         tile.clear((first, last), bins, wants);
@@ -551,8 +568,9 @@ impl NullaryFnOnce for Listen<'_, '_> {
             solid_angles: &pinging.transducer.solid_angles,
         };
         tile.levels(&pinging.response, &background, lines, rows.intensity);
+        memory.sound_out(pinging, rows.intensity);
         if wants.who {
-            pinging.tell(tile, chunks, rows);
+            pinging.tell(&memory.tile, chunks, rows);
         }
     }
 }
@@ -614,12 +632,13 @@ impl Pinging<'_> {
         let beside = (self.layout.range(bin) as f32 - answer.range).clamp(-half, half);
         let place = arrival.place + answer.slide * beside;
         let order = arrival.order;
+        let folded = if arrival.range > answer.range + 0.5 * self.fold as f32 { self.fold } else { 0.0 };
         put!(rows, row,
             true_x: place.x,
             true_y: place.y,
             true_z: place.z,
             true_range: arrival.path + beside,
-            time: self.time + 2.0 * f64::from(arrival.range + beside) / self.layout.believed_speed,
+            time: self.time + 2.0 * (f64::from(answer.range + beside) + folded) / self.layout.believed_speed,
             bounces: order,
             cause: match (order, arrival.surface) {
                 (0, SEA) => Cause::SeaSurface as u8,

@@ -40,12 +40,13 @@ impl Ping {
     /// a depth, and the cell, `beam * bins + bin`, of other points.
     ///
     /// # Errors
-    /// A ping without [`Ping::cloud_fields`]; no memory.
+    /// A ping without [`Ping::cloud_fields`], or with columns that do not fit its layout; no memory.
     pub fn cloud(&self, options: &ScanOptions) -> Result<PointCloud> {
         let needed = Ping::cloud_fields(options.fields);
         if let Some(missing) = needed.iter().find(|info| !self.fields.contains(info.field)) {
             return Err(Error::invalid("ping", format!("without {}", missing.name), "pings with Ping::cloud_fields"));
         }
+        self.check("ping")?;
         let points = self.points(options.organised);
         let fields = options.fields;
         let mut cloud = PointCloud {

@@ -39,6 +39,17 @@ pub fn piston_directivity(ka: f64) -> f64 {
     10.0 * (2.0 / half).log10()
 }
 
+/// Directivity index of a round aperture in a wall that has the pattern `lobe` all around its axis, dB:
+/// `10 log(4 pi / integral of b over the half sphere before it)`.
+pub(crate) fn round_directivity(lobe: &Pattern) -> f64 {
+    let power = |theta: f64| lobe.amplitude(theta.sin()).powi(2) * theta.sin();
+    let detail = lobe.detail();
+    // The main lobe by itself, however narrow: the rest then needs no steps as fine.
+    let edges = [0.0, (8.0 * detail).min(FRAC_PI_2), (256.0 * detail).min(FRAC_PI_2), FRAC_PI_2];
+    let part = |pair: &[f64]| integral(&power, [pair[0], pair[1]], 2048, 1e-10 * detail * detail);
+    10.0 * (2.0 / edges.windows(2).map(part).sum::<f64>()).log10()
+}
+
 /// Directivity index of an aperture in a wall that has the pattern `across` in one plane and `up` in the other, dB:
 /// `10 log(4 pi / integral of b over the half sphere before it)`; what is behind is silent. The patterns multiply, each at
 /// the direction cosine along its edge. Good to 0.01 dB up to 1000 wavelengths. The work grows with the product of both

@@ -9,6 +9,7 @@ mod directivity;
 mod integral;
 mod pattern;
 
+pub(crate) use directivity::round_directivity;
 pub use directivity::{directivity, line_directivity, piston_directivity, rectangle_directivity};
 pub use pattern::Pattern;
 

@@ -12,7 +12,7 @@ use crate::emitter::{BeamTable, FiringOrder, Lobe};
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// Two fans across the track, thin along it: port is beam 0, starboard beam 1.
+/// Two fans across the track, thin along it: port is beam 0, starboard beam 1; a side alone is beam 0.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sidescan {
@@ -73,7 +73,7 @@ pub struct Multibeam {
     /// Width across the track, of hearing, straight down.
     #[serde(default = "one_degree")]
     pub across_deg: Lobe,
-    /// Rays of each beam, 2 to 10000.
+    /// Rays of each beam, 2 to 10000, of all beams 4 million at most.
     #[serde(default = "swath_rays")]
     pub rays: u32,
     /// Pings per second.
@@ -109,7 +109,7 @@ pub struct Imaging {
     /// Axis below the horizontal, degrees, -90 to 90.
     #[serde(default)]
     pub tilt_deg: f64,
-    /// Rays of each beam, 8 to 100000.
+    /// Rays of each beam, 8 to 100000, of all beams 4 million at most.
     #[serde(default = "imaging_rays")]
     pub rays: u32,
     /// Pings per second.
@@ -190,6 +190,7 @@ impl Sidescan {
         match (self.down_fov_deg, self.step_deg) {
             (None, None) => Ok(()),
             (Some(fov), Some(step)) => {
+                self.check_no_other_fan()?;
                 check_fov(bounds, "pattern.down_fov_deg", fov, 180.0)?;
                 check_above_zero(bounds, "pattern.step_deg", step)?;
                 check_count("pattern.down_fov_deg and pattern.step_deg", 2, (0.5 * fov / step) as u64 + 1)
@@ -197,6 +198,17 @@ impl Sidescan {
             (Some(_), None) => Err(Error::invalid("pattern.step_deg", "missing", "a value with pattern.down_fov_deg")),
             (None, Some(step)) => Err(Error::invalid("pattern.step_deg", step, "with pattern.down_fov_deg only")),
         }
+    }
+
+    /// That nothing else says where a fan with `down_fov_deg` looks, which would do nothing.
+    fn check_no_other_fan(&self) -> Result<()> {
+        let check = |name: &str, same: bool, found: String| {
+            let allowed = "none beside pattern.down_fov_deg";
+            if same { Ok(()) } else { Err(Error::invalid(format!("pattern.{name}"), found, allowed)) }
+        };
+        check("tilt_deg", self.tilt_deg == side_tilt(), self.tilt_deg.to_string())?;
+        check("vertical_deg", self.vertical_deg == fan_width(), "given".to_owned())?;
+        check("rays", self.rays == side_rays(), self.rays.to_string())
     }
 
     /// Elevation of each side's axis and height of its fan, degrees.
@@ -224,7 +236,7 @@ impl Multibeam {
         check_fov(bounds, "pattern.swath_deg", self.swath_deg, 170.0)?;
         self.along_deg.check(bounds, "pattern.along_deg")?;
         self.across_deg.check(bounds, "pattern.across_deg")?;
-        bounds.within("pattern.rays", f64::from(self.rays), 2.0, 1e4)?;
+        check_rays(bounds, self.rays, [2.0, 1e4], self.beams)?;
         check_above_zero(bounds, "pattern.rate_hz", self.rate_hz)
     }
 
@@ -255,7 +267,7 @@ impl Imaging {
         self.beam_deg.check(bounds, "pattern.beam_deg")?;
         self.vertical_deg.check(bounds, "pattern.vertical_deg")?;
         bounds.within("pattern.tilt_deg", self.tilt_deg, -90.0, 90.0)?;
-        bounds.within("pattern.rays", f64::from(self.rays), 8.0, 1e5)?;
+        check_rays(bounds, self.rays, [8.0, 1e5], self.beams)?;
         check_above_zero(bounds, "pattern.rate_hz", self.rate_hz)
     }
 
@@ -308,6 +320,14 @@ impl SingleBeam {
     pub(super) fn beams(&self) -> Result<BeamTable> {
         one_ping([[self.azimuth_deg(0), -self.tilt_deg]].into_iter(), self.rate_hz)
     }
+}
+
+/// That there are not more `rays` for each of `beams` than fit into memory many times over.
+fn check_rays(bounds: &mut Bounds, rays: u32, [least, most]: [f64; 2], beams: u32) -> Result<()> {
+    const MOST: u32 = 4_000_000;
+    let most = most.min(f64::from(MOST / beams.max(1)));
+    let allowed = format!("{least} to {most} with {beams} beams");
+    bounds.number("pattern.rays", f64::from(rays), [least, most], allowed)
 }
 
 /// The beams of one ping: azimuth and elevation of each, degrees.
