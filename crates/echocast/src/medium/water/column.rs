@@ -1,6 +1,6 @@
 //! The water made ready for the rays of one instrument: slabs, in each of which speed and absorption are linear.
 
-use super::profile::{Layer, PHYSICAL_SPEEDS, Profile, SEA_WATER_KG_M3, SpeedRow, WaterRow, unread};
+use super::profile::{Layer, PHYSICAL_SPEEDS, SEA_WATER_KG_M3, SpeedRow, WaterProfile, WaterRow, unread};
 use super::{Outside, Water};
 use crate::error::{Error, Result};
 
@@ -154,11 +154,11 @@ impl Column {
                 doubt(&row);
                 vec![whole(formula(&row))]
             }
-            Some(Profile::Constant { speed_m_s }) => {
+            Some(WaterProfile::Constant { speed_m_s }) => {
                 within(0.0, f64::INFINITY, "")?;
                 vec![whole(*speed_m_s)]
             }
-            Some(Profile::Layers(layers)) => {
+            Some(WaterProfile::Layers(layers)) => {
                 within(layers.first().map_or(0.0, |layer| layer.depth_m), f64::INFINITY, "layers")?;
                 let ends = layers.iter().skip(1).map(|layer| layer.depth_m).chain([f64::INFINITY]);
                 let mut top = 0.0;
@@ -169,7 +169,7 @@ impl Column {
                 };
                 layers.iter().zip(ends).map(&mut of).collect()
             }
-            Some(Profile::Cast(rows)) => {
+            Some(WaterProfile::Cast(rows)) => {
                 let depth = |row: Option<&SpeedRow>| row.map_or(0.0, |row| row.depth_m);
                 within(depth(rows.first()), depth(rows.last()), "cast")?;
                 let between = |pair: &[SpeedRow]| Stretch {
@@ -180,7 +180,7 @@ impl Column {
                 };
                 rows.windows(2).map(between).collect()
             }
-            Some(Profile::Ts(rows)) => {
+            Some(WaterProfile::Ts(rows)) => {
                 let depth = |row: Option<&WaterRow>| row.map_or(0.0, |row| row.depth_m);
                 within(depth(rows.first()), depth(rows.last()), "ts")?;
                 rows.iter().for_each(&mut doubt);
@@ -198,7 +198,7 @@ impl Column {
                 }
                 stretches
             }
-            Some(Profile::File(file)) => return Err(unread("water.profile", file)),
+            Some(WaterProfile::File(file)) => return Err(unread("water.profile", file)),
         };
         let mut warnings: Vec<String> = doubts
             .iter()
@@ -502,7 +502,7 @@ mod tests {
             temperature_c: [-4.0, 45.0][i as usize % 2],
             salinity_psu: [0.0, 50.0][i as usize % 2],
         };
-        let wild = Water { profile: Some(Profile::Ts((0..1000).map(row).collect())), ..Water::default() };
+        let wild = Water { profile: Some(WaterProfile::Ts((0..1000).map(row).collect())), ..Water::default() };
         let (column, warnings) = Column::new(&wild, FREQUENCY, 5.0).unwrap();
         assert!(column.slabs.len() < 200_000, "{}", column.slabs.len());
         assert!(
