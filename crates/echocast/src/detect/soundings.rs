@@ -9,7 +9,7 @@ use crate::ping::{Layout, Sounding};
 const BY_CROSSING: f32 = 0.61;
 
 /// What one beam has heard.
-pub(crate) struct Heard<'a> {
+pub(crate) struct BeamLevels<'a> {
     pub beam: usize,
     /// Levels, dB, bin by bin.
     pub levels: &'a [f32],
@@ -21,8 +21,8 @@ pub(crate) struct Heard<'a> {
 
 /// The range of the strongest echo of a beam: the centre of its energy, or of beams that look aside where it crosses their
 /// axis. `None`: nothing is loud enough.
-pub(crate) fn sounding(layout: &Layout, heard: &Heard) -> Option<Sounding> {
-    let Heard { beam, levels, beside, width } = *heard;
+pub(crate) fn sounding(layout: &Layout, heard: &BeamLevels) -> Option<Sounding> {
+    let BeamLevels { beam, levels, beside, width } = *heard;
     let (bins, from) = (levels.len(), layout.first_bin);
     let [_, elevation] = layout.axes[beam];
     let down = (elevation + std::f32::consts::FRAC_PI_2).abs();
@@ -110,7 +110,7 @@ mod tests {
             levels[bin] = level;
         }
         let layout = layout(-std::f32::consts::FRAC_PI_2);
-        let heard = Heard { beam: 0, levels: &levels, beside: &[], width: 0.02 };
+        let heard = BeamLevels { beam: 0, levels: &levels, beside: &[], width: 0.02 };
         let found = sounding(&layout, &heard).unwrap();
         assert!((found.range - 10.05).abs() < 1e-3, "{found:?}");
         assert_eq!((found.cell, found.level_db), (100, 72.0));
@@ -127,7 +127,7 @@ mod tests {
             beside[bin] = (bin as f32 + 0.5 - 104.0) * 1e-3;
         }
         let layout = layout(-0.4);
-        let heard = Heard { beam: 0, levels: &levels, beside: &beside, width: 0.1 };
+        let heard = BeamLevels { beam: 0, levels: &levels, beside: &beside, width: 0.1 };
         let found = sounding(&layout, &heard).unwrap();
         assert!((found.range - 10.4).abs() < 1e-2, "{found:?}");
     }

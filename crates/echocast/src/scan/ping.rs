@@ -3,7 +3,7 @@
 use super::{Profile, ScanOptions};
 use crate::cause::Cause;
 use crate::cloud::{Columns, Field, FieldSet, Slices};
-use crate::detect::{Heard, sounding};
+use crate::detect::{BeamLevels, sounding};
 use crate::echo::{
     Background, Backscatter, CHUNK_BITS, Drift, Echoes, Insonification, LOG2_PER_DB, Lines, NOBODY, Response,
     Scatterers, Tile, Wants,
@@ -401,7 +401,7 @@ impl<'a> Pinging<'a> {
                     beside.extend(column.map(|cell| tile.lean[cell] / tile.total[cell]));
                 }
                 let levels = &cells.intensity[beam * bins..(beam + 1) * bins];
-                let heard = Heard { beam, levels, beside: &beside, width: self.transducer.width };
+                let heard = BeamLevels { beam, levels, beside: &beside, width: self.transducer.width };
                 soundings.extend(sounding(&self.layout, &heard).map(|found| Sounding {
                     cell: (beam * bins + self.loud_bin(tile, beam, found.cell as usize - beam * bins)) as u32,
                     ..found
