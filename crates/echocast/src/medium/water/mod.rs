@@ -73,7 +73,7 @@ pub struct Water {
     /// Speed of sound that the instrument believes in, m/s; that at its own depth when not given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub assumed_speed_m_s: Option<f64>,
-    /// Whether speeds and densities may be anything above 0, as in files whose numbers are in other units.
+    /// Whether speeds and densities may be anything from 1e-6 to 1e6, as in files whose numbers are in other units.
     pub allow_unphysical: bool,
     /// Wind over the water, m/s: it makes waves and noise; 5.
     pub wind_m_s: f64,
@@ -237,7 +237,7 @@ water:
 
     #[test]
     fn errors_name_line_key_and_what_is_allowed() {
-        let speeds = "allowed: 1300 to 1700, in m/s; with allow_unphysical: true any number above 0";
+        let speeds = "allowed: 1300 to 1700, in m/s; with allow_unphysical: true 0.000001 to 1000000";
         let cases = [
             (
                 "salinity: 3",
@@ -299,7 +299,11 @@ water:
             ),
             (
                 "allow_unphysical: true\n  profile: {constant: {speed_m_s: 0}}",
-                "line 3: water.profile.constant.speed_m_s: is 0; allowed: any finite number above 0",
+                "line 3: water.profile.constant.speed_m_s: is 0; allowed: 0.000001 to 1000000",
+            ),
+            (
+                "allow_unphysical: true\n  profile: {layers: [{depth_m: 0, speed_m_s: 1e7}]}",
+                "line 3: water.profile.layers[0].speed_m_s: is 10000000; allowed: 0.000001 to 1000000",
             ),
             (
                 "profile: {constant: {speed: 1500}}",
@@ -345,7 +349,7 @@ water:
         assert_eq!(ts.profile, Some(WaterProfile::Ts(vec![row(0.0, 20.0, 35.0), row(100.0, 4.0, 34.0)])));
 
         let refused = |csv: &str| load(csv).unwrap_err().to_string().split_once("cast.csv: ").unwrap().1.to_owned();
-        let speeds = "allowed: 1300 to 1700, in m/s; with allow_unphysical: true any number above 0";
+        let speeds = "allowed: 1300 to 1700, in m/s; with allow_unphysical: true 0.000001 to 1000000";
         assert_eq!(refused("depth_m,speed_m_s\n0,1500\n5,1.49\n"), format!("line 3: speed_m_s is 1.49; {speeds}"));
         assert_eq!(
             refused("depth_m,speed_m_s\n5,1500\n5,1500\n"),

@@ -8,11 +8,13 @@ use std::path::{Path, PathBuf};
 /// Most rows of a profile.
 const MOST_ROWS: usize = 1000;
 /// Deepest row, m; the deepest trench is 11 km deep.
-const DEEPEST: f64 = 12_000.0;
+pub(super) const DEEPEST: f64 = 12_000.0;
 /// Speeds of sound that water has, m/s.
 pub(super) const PHYSICAL_SPEEDS: [f64; 2] = [1300.0, 1700.0];
 /// Densities that water and thin mud have, kg/m^3.
 const PHYSICAL_DENSITIES: [f64; 2] = [900.0, 1400.0];
+/// What speeds and densities may be in files whose numbers are in other units.
+const UNPHYSICAL: [f64; 2] = [1e-6, 1e6];
 /// Temperatures of water, degrees Celsius.
 pub(super) const TEMPERATURES: [f64; 2] = [-4.0, 45.0];
 /// Practical salinities that formulas still say something of.
@@ -136,10 +138,10 @@ fn physical(
     allow_unphysical: bool,
 ) -> Option<Fault> {
     if allow_unphysical {
-        let holds = value > 0.0 && value.is_finite();
-        return (!holds).then(|| Fault(key, value, "any finite number above 0".into()));
+        return within(key, value, UNPHYSICAL);
     }
-    let allowed = format!("{least} to {most}, in {unit}; with allow_unphysical: true any number above 0");
+    let [tiny, huge] = UNPHYSICAL;
+    let allowed = format!("{least} to {most}, in {unit}; with allow_unphysical: true {tiny} to {huge}");
     if (least..=most).contains(&value) { None } else { Some(Fault(key, value, allowed)) }
 }
 
