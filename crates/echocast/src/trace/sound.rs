@@ -15,7 +15,8 @@ const SAGITTA: f64 = 1e-3;
 /// Row of an arrival at the sea surface, in place of one of the scene's surfaces.
 pub(crate) const SEA: u32 = MISS - 1;
 
-/// Steps after which a ray is given up: one that is trapped in a thin duct.
+/// Steps on which something can be met after which the rays of a block are given up, and steps between two such after
+/// which one is: a ray that swings in a thin duct makes that many.
 const MOST_STEPS: usize = 100_000;
 
 /// What a reflection takes away, dB: of a surface's row (or [`SEA`]) at the sine of a grazing angle.
@@ -280,7 +281,7 @@ impl<'a> SoundTracer<'a> {
         for (lane, ray) in block.enumerate() {
             let direction = rays.direction(lane);
             let (range, surface, normal) = if hits.surface[lane] != MISS {
-                (hits.range[lane], hits.surface[lane], self.world_normal(hits.surface[lane], hits.normal(lane)))
+                (hits.range[lane], hits.surface[lane], self.scene.world_normal(hits.surface[lane], hits.normal(lane)))
             } else if rays.range_max[lane] < reach {
                 (rays.range_max[lane], SEA, Vec3::NEG_Z)
             } else {
@@ -342,7 +343,7 @@ impl<'a> SoundTracer<'a> {
         let along = direction.dot(normal);
         let facing = if along > 0.0 { -normal } else { normal };
         // Clear of the surface, so that the next step does not meet it again.
-        let clear = facing * 1e-4;
+        let clear = facing * f64::from(rounding(self.place(state)).max(1e-4));
         let [x, y] = state.level();
         let turned = (direction - 2.0 * direction.dot(facing) * facing).normalize();
         let (heading, level) = heading(turned);
@@ -353,7 +354,7 @@ impl<'a> SoundTracer<'a> {
         ray.slab = self.slab_at(ray.depth);
         let slab = &self.slabs[ray.slab];
         ray.speed = slab.speed_at(ray.depth);
-        (ray.sine, ray.snell) = (-turned.z, level / ray.speed);
+        (ray.sine, ray.snell, ray.level) = (-turned.z, level / ray.speed, false);
         // A facet is a mirror: the tube widens on as it did.
         ray.turn = ray.widening * ray.sine + slab.gradient * ray.snell * ray.snell * ray.tube;
         ray.loss() < MOST_LOSS
@@ -382,7 +383,8 @@ impl<'a> SoundTracer<'a> {
                 let Some(Chord { from, along, length }) = step.chord else { continue };
                 (rays.org_x[lane], rays.org_y[lane], rays.org_z[lane]) = from.into();
                 (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = along.into();
-                rays.range_max[lane] = length * (1.0 + 1e-6) + 1e-5;
+                // No gap between one chord and the next.
+                rays.range_max[lane] = length * (1.0 + 1e-6) + rounding(from).max(1e-5);
             }
             // Rays that nothing has turned are neighbours still.
             let coherent = states.iter().all(|state| state.order == 0);
@@ -395,7 +397,7 @@ impl<'a> SoundTracer<'a> {
                 } else {
                     let slab = &self.slabs[state.ray.slab];
                     let surface = hits.surface[lane];
-                    let normal = self.world_normal(surface, hits.normal(lane));
+                    let normal = self.scene.world_normal(surface, hits.normal(lane));
                     let length = arc_to(&state, slab, &step, hits.range[lane], rays.direction(lane), normal);
                     state.ray = state.ray.advanced(slab, length);
                     let (triangle, corner) = (hits.triangle[lane], [hits.u[lane], hits.v[lane]]);
@@ -464,9 +466,10 @@ impl<'a> SoundTracer<'a> {
         if self.empty[state.ray.slab] {
             return Step { length, end, chord: None };
         }
-        if slab.gradient != 0.0 {
+        let gradient = state.ray.gradient(slab);
+        if gradient != 0.0 {
             // Arc and chord are length^2 / (8 radius) apart.
-            let radius = 1.0 / (slab.gradient.abs() * state.ray.snell).max(1e-12);
+            let radius = 1.0 / (gradient.abs() * state.ray.snell).max(1e-12);
             let most = (8.0 * radius * SAGITTA).sqrt();
             if length > most {
                 (length, end) = (most, End::Inside);
@@ -494,7 +497,9 @@ impl<'a> SoundTracer<'a> {
                 arrivals.push(self.arrival(state, SEA, Vec3::NEG_Z, start));
                 return self.reflect(state, SEA, Vec3::NEG_Z);
             }
-            end => state.ray.cross(&self.slabs, end),
+            end => {
+                state.ray.cross(&self.slabs, end);
+            }
         }
         true
     }
@@ -527,21 +532,13 @@ impl<'a> SoundTracer<'a> {
     /// The chord of the next `length` m of a ray.
     fn chord(&self, state: &State, length: f64) -> Chord {
         let Ray { snell, speed, sine, slab, .. } = state.ray;
-        let half = 0.5 * self.slabs[slab].gradient * snell * length;
+        let half = 0.5 * state.ray.gradient(&self.slabs[slab]) * snell * length;
         let (sin, cos) = small_sin_cos(half);
         let cosine = snell * speed;
         let level = cosine * cos + sine * sin;
         let along = DVec3::new(state.heading[0] * level, state.heading[1] * level, cosine * sin - sine * cos);
         let sinc = if half == 0.0 { 1.0 } else { sin / half };
         Chord { from: self.place(state), along: along.as_vec3(), length: (length * sinc) as f32 }
-    }
-
-    /// The normal of a row's triangle in the world.
-    fn world_normal(&self, surface: u32, normal: Vec3) -> Vec3 {
-        match self.scene.surfaces.rows.get(surface as usize) {
-            Some(row) if row.instanced => self.scene.normal_matrices[row.object as usize] * normal,
-            _ => normal,
-        }
     }
 }
 
@@ -554,10 +551,15 @@ impl Launch<'_> {
     }
 }
 
+/// How far off a `place`, m, may be where it is rounded and something is met there, m.
+fn rounding(place: Vec3) -> f32 {
+    4.0 * f32::EPSILON * place.abs().max_element()
+}
+
 /// Length of the arc to the facet that its chord meets at `range`: one step of Newton's method from there.
 fn arc_to(state: &State, slab: &Slab, step: &Step, range: f32, along: Vec3, normal: Vec3) -> f64 {
     let part = (f64::from(range) / step.length).min(1.0);
-    let curvature = slab.gradient * state.ray.snell;
+    let curvature = state.ray.gradient(slab) * state.ray.snell;
     if curvature == 0.0 {
         return f64::from(range);
     }
