@@ -73,7 +73,7 @@ pub(crate) struct Arrival {
     pub place: Vec3,
     /// Unit vector along the ray.
     pub direction: Vec3,
-    /// Normal of the triangle, of any length and sign.
+    /// Normal of the surface, of any length and sign: of smooth parts the interpolated one, of others that of the triangle.
     pub normal: Vec3,
     /// Reflections on the way.
     pub order: u8,
@@ -228,9 +228,10 @@ impl<'a> SoundTracer<'a> {
         }
     }
 
-    /// Adds what the rays `which` of `launch` meet to `arrivals`, over reflections also what is out of reach unless
-    /// sound comes back straight: first what they meet at first, in their order, block by
-    /// block; after each block what they meet over reflections.
+    /// Adds what the rays `which` of `launch` meet to `arrivals`, block by block: in water that is the same everywhere
+    /// first what each meets first, in their order, then what they meet over reflections; in other water in the order of
+    /// the steps that get there. Over reflections also what is out of reach back the way that sound came, if it may be
+    /// heard straight back.
     pub fn trace(&self, launch: &Launch, which: Range<usize>, memory: &mut TracerMemory, arrivals: &mut Vec<Arrival>) {
         let depth = self.surface_z - launch.place.z;
         let slab = self.slab_at(depth);
@@ -305,7 +306,7 @@ impl<'a> SoundTracer<'a> {
                 speed: 1.0,
                 place: place + direction * range,
                 direction,
-                normal,
+                normal: if surface == SEA { normal } else { self.smooth_normal(hits, lane, direction, normal) },
                 order: 0,
             });
             if self.bounces > 0 {
@@ -403,7 +404,8 @@ impl<'a> SoundTracer<'a> {
                     let (triangle, corner) = (hits.triangle[lane], [hits.u[lane], hits.v[lane]]);
                     let in_reach = self.is_in_reach(&state, start);
                     if in_reach {
-                        let arrival = self.arrival(&state, surface, normal, start);
+                        let smooth = self.smooth_normal(hits, lane, state.direction().as_vec3(), normal);
+                        let arrival = self.arrival(&state, surface, smooth, start);
                         arrivals.push(Arrival { triangle, corner, ..arrival });
                     }
                     in_reach && self.reflect(&mut state, surface, normal)
@@ -524,6 +526,19 @@ impl<'a> SoundTracer<'a> {
         }
     }
 
+    /// The normal that an echo asks for where the hit of a `lane` is met along `direction`, of which the triangle's is
+    /// `flat`. Mirrors go by the triangle's, lest a ray go on behind it.
+    fn smooth_normal(&self, hits: &HitBatch, lane: usize, direction: Vec3, flat: Vec3) -> Vec3 {
+        let corner = [hits.u[lane], hits.v[lane]];
+        let Some(smooth) = self.scene.shading_normal(hits.surface[lane], hits.triangle[lane], corner) else {
+            return flat;
+        };
+        let facing = if direction.dot(flat) > 0.0 { -flat } else { flat };
+        let smooth = if smooth.dot(facing) < 0.0 { -smooth } else { smooth };
+        // At the rim of a smooth body it may look away: there sound grazes.
+        smooth - direction * smooth.dot(direction).max(0.0)
+    }
+
     fn place(&self, state: &State) -> Vec3 {
         let [x, y] = state.level();
         DVec3::new(x, y, self.surface_z - state.ray.depth).as_vec3()
@@ -572,4 +587,103 @@ fn arc_to(state: &State, slab: &Slab, step: &Step, range: f32, along: Vec3, norm
     let towards = along.dot(normal);
     let correction = if towards.abs() > 1e-3 * normal.length() { -across / towards } else { 0.0 };
     (part * step.length + correction).clamp(0.0, step.length)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Mesh, Object, Part};
+    use crate::{BuiltScene, Engine, Environment, LiveScene};
+    use std::sync::Arc;
+
+    /// A sheet of `corners` alone, and their normals if it is smooth.
+    fn sheet(corners: [DVec3; 4], normals: Option<[DVec3; 4]>) -> BuiltScene {
+        let array = |vectors: [DVec3; 4]| vectors.map(|it| it.as_vec3().to_array()).to_vec();
+        let part = Part {
+            positions: array(corners).into(),
+            normals: normals.map(|normals| array(normals).into()),
+            triangles: vec![[0, 1, 2], [0, 2, 3]].into(),
+            ..Part::default()
+        };
+        let mut scene = LiveScene::new(&Engine::new().unwrap());
+        scene.set_origin(DVec3::ZERO).unwrap();
+        scene.add(Object::new("sheet", Arc::new(Mesh::new("sheet", vec![part]).unwrap()))).unwrap();
+        scene.commit().unwrap()
+    }
+
+    /// What rays along `directions` from `place` meet within `reach` m.
+    fn arrivals(scene: &BuiltScene, profile: &str, place: DVec3, directions: &[DVec3], reach: f64) -> Vec<Arrival> {
+        let yaml = format!("water: {{profile: {profile}}}");
+        let water = Environment::from_yaml(&yaml).unwrap().water.unwrap();
+        let (column, _) = Column::new(&water, 100e3, -place.z).unwrap();
+        let believed = column.speed_at(-place.z);
+        let reflection_loss = |_: u32, _: f64| 0.0;
+        let limits = SoundLimits { mask: u32::MAX, believed, reach, bounces: 3, reflection_loss: &reflection_loss };
+        let tracer = SoundTracer::new(&scene.0, &column, limits);
+        let [x, y, z] = [0, 1, 2].map(|axis| directions.iter().map(|it| it[axis] as f32).collect::<Vec<f32>>());
+        let launch = Launch { directions: [&x, &y, &z], rotation: Mat3::IDENTITY, place };
+        let mut found = Vec::new();
+        tracer.trace(&launch, 0..directions.len(), &mut TracerMemory::default(), &mut found);
+        found
+    }
+
+    const STRAIGHT: &str = "{constant: {speed_m_s: 1500}}";
+    const BENT: &str = "{cast: [{depth_m: 0, speed_m_s: 1500}, {depth_m: 1000, speed_m_s: 1480}]}";
+
+    /// Far from the scene's origin places are rounded to millimetres.
+    #[test]
+    fn what_has_been_reflected_does_not_meet_its_mirror_again() {
+        let middle = DVec3::new(31_000.0, -47_000.0, -500.0);
+        let (u, v) = (DVec3::new(40.0, 3.0, 29.0), DVec3::new(-4.0, 40.0, 2.0));
+        let plate = sheet([middle - u - v, middle + u - v, middle + u + v, middle - u + v], None);
+        let normal = u.cross(v).normalize();
+        let place = middle + 30.0 * normal + 4.0 * u.normalize();
+        let to = |index: u32| {
+            let (a, b) = (f64::from(index % 32) / 16.0 - 1.0, f64::from(index / 32) / 16.0 - 1.0);
+            (middle + 0.9 * (a * u + b * v) - place).normalize()
+        };
+        let directions: Vec<DVec3> = (0..1024).map(to).collect();
+        for profile in [STRAIGHT, BENT] {
+            let found = arrivals(&plate, profile, place, &directions, 200.0);
+            assert_eq!(found.iter().filter(|it| it.order == 0).count(), 1024);
+            let again = found.iter().filter(|it| it.order > 0 && it.surface != SEA).count();
+            assert_eq!(again, 0, "{profile}");
+        }
+    }
+
+    /// From where sound is slowest a level ray goes straight on, and so does one to a wall there.
+    #[test]
+    fn level_rays_on_the_axis_of_a_duct_arrive() {
+        let wall = [[-9.0, -120.0], [9.0, -120.0], [9.0, -80.0], [-9.0, -80.0]].map(|[y, z]| DVec3::new(40.0, y, z));
+        let profile = "{cast: [{depth_m: 0, speed_m_s: 1500}, {depth_m: 100, speed_m_s: 1480}, {depth_m: 300, speed_m_s: \
+                       1500}]}";
+        let place = DVec3::new(0.0, 0.0, -100.0);
+        let found = arrivals(&sheet(wall, None), profile, place, &[DVec3::X, DVec3::new(0.8, 0.6, 0.0)], 60.0);
+        let first: Vec<&Arrival> = found.iter().filter(|it| it.order == 0).collect();
+        assert_eq!(first.len(), 1, "{found:?}");
+        assert!((first[0].range - 40.0).abs() < 1e-4 && (first[0].place.z + 100.0).abs() < 1e-4, "{first:?}");
+        // Its mirror sends it back past its start.
+        assert!(found.iter().all(|it| it.order == 0), "{found:?}");
+    }
+
+    /// A cylinder's quarter of one flat face has the normals of the cylinder.
+    #[test]
+    fn echoes_of_smooth_parts_ask_for_the_smooth_normal() {
+        let corners = [[-1.0, -7.0], [1.0, -7.0], [1.0, -5.0], [-1.0, -5.0]].map(|[y, z]| DVec3::new(5.0, y, z));
+        let normals = corners.map(|it| DVec3::new(-1.0, it.y, 0.0).normalize());
+        let place = DVec3::new(0.0, 0.0, -6.0);
+        let directions: Vec<DVec3> = [-0.15, 0.0, 0.1].map(|y| DVec3::new(1.0, y, 0.01).normalize()).to_vec();
+        for profile in [STRAIGHT, BENT] {
+            let flat = arrivals(&sheet(corners, None), profile, place, &directions, 20.0);
+            let smooth = arrivals(&sheet(corners, Some(normals)), profile, place, &directions, 20.0);
+            assert_eq!((flat.len(), smooth.len()), (3, 3));
+            for (flat, smooth) in flat.iter().zip(&smooth) {
+                assert!(flat.normal.normalize().x.abs() > 0.999_99);
+                // Both corners of an edge lean by 45 degrees: what is linear between them is (-1, y) times sqrt(1/2).
+                let expected = Vec3::new(-1.0, smooth.place.y, 0.0).normalize();
+                assert!((smooth.normal.normalize() - expected).length() < 1e-3, "{smooth:?}");
+                assert_eq!(flat.place, smooth.place);
+            }
+        }
+    }
 }
