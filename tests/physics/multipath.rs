@@ -2,6 +2,7 @@
 
 use super::assert_near;
 use echocast::emitter::lobe::{Lobe, Piston, Shape as Aperture};
+use echocast::medium::Absorption;
 use echocast::scene::Material;
 use echocast::{BuiltScene, Cause, Engine, Environment, FieldSet, Ping, Pose, ScanOptions, Sensor, Trajectory};
 use echocast_tests::reference::{SceneBuilder, Shape};
@@ -39,7 +40,12 @@ fn behind_a_wall(places: &[DVec3], radius: f64, bottom: bool, wall: Option<Shape
 
 /// Calm water of 1500 m/s without absorption; `more`: further keys.
 fn water(more: &str) -> ScanOptions {
-    let yaml = format!("water: {{absorption: none, wind_m_s: 0{more}}}");
+    water_that_swallows("none", more)
+}
+
+/// The same with a law of absorption.
+fn water_that_swallows(law: &str, more: &str) -> ScanOptions {
+    let yaml = format!("water: {{absorption: {law}, wind_m_s: 0{more}}}");
     let environment = Environment::from_yaml(&yaml).unwrap();
     ScanOptions { environment, ..ScanOptions::default().fields(FieldSet::all()) }
 }
@@ -113,6 +119,34 @@ fn first_order_echoes_are_those_of_the_images() {
         assert!(level_at(&alone, 0, ways[0] - 0.06) > 120.0);
         let second = (0.5 * (ways[0] + ways[1]) / alone.layout.bin_m) as usize;
         assert!(alone.levels(0)[second - 3..].iter().all(|&level| level < 60.0));
+    }
+}
+
+/// On each way as much is swallowed as the law says, straight or by a ray that is found: `a (out + back)`.
+#[test]
+fn mixed_ways_lose_what_the_water_swallows() {
+    let (sonar, target, level) = (20.0, 14.0, 30.0);
+    let scene = targets(&[DVec3::new(level, 0.0, -target)], 0.09, true);
+    let pose = Trajectory::fixed(Pose::at(0.0, 0.0, -sonar));
+    // So little changes over depth that the ways stay those of the images.
+    let bent = ", assumed_speed_m_s: 1500, profile: {cast: [{depth_m: 0, speed_m_s: 1500}, {depth_m: 40, speed_m_s: \
+                1500.001}]}";
+    let ways = image_ways(sonar, target, level);
+    for (law, absorption) in [("thorp", Absorption::Thorp), ("francois_garrison", Absorption::FrancoisGarrison)] {
+        // At 30 m Francois and Garrison's is 0.4 % less than at the surface.
+        let swallowed = absorption.db_per_km(100e3, 10.0, 35.0, 8.0, 15.0) * 1e-3;
+        for profile in [STRAIGHT, bent] {
+            let ping = scene.ping(&fan(1), &pose, &water_that_swallows(law, profile)).unwrap();
+            for (out, back) in [(0, 0), (1, 0), (1, 1), (2, 0), (2, 2)] {
+                let (a, b) = (ways[out], ways[back]);
+                let twice = if out == back { 0.0 } else { 10.0 * 2f64.log10() };
+                let spreading = 20.0 * a.log10() + 20.0 * b.log10();
+                let expected = 200.0 - spreading + twice - swallowed * (a + b);
+                let found = level_at(&ping, 0, 0.5 * (a + b) - 0.06);
+                assert_near(&format!("{law}: {out} and {back}, {profile}"), found, expected, 0.3);
+            }
+            assert!(swallowed * 2.0 * ways[2] > 2.0);
+        }
     }
 }
 

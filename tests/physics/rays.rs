@@ -235,3 +235,57 @@ fn vertical_rays_take_the_time_of_the_logarithm() {
     }
     assert!(SoundRay::new(&water, 1000.0, 0.0, 10.0, 0.0).is_err());
 }
+
+/// Where sound is slowest a level ray is held from above and from below.
+#[test]
+fn level_rays_run_along_the_axis_of_a_duct() {
+    let duct =
+        "{cast: [{depth_m: 0, speed_m_s: 1500}, {depth_m: 100, speed_m_s: 1480}, {depth_m: 300, speed_m_s: 1500}]}";
+    let mut ray = SoundRay::new(&water(duct), 1000.0, 100.0, 0.0, 250.0).unwrap();
+    let mut slabs = 0;
+    let point = loop {
+        match ray.point_at(50e3) {
+            Some(point) => break point,
+            None => ray.next_slab().unwrap(),
+        }
+        slabs += 1;
+        assert!(slabs < 10);
+    };
+    assert_near("depth", point.depth_m, 100.0, 1e-9);
+    assert_near("time", point.time_s, 50e3 / 1480.0, 1e-9);
+    assert_near("angle", point.grazing, 0.0, 1e-12);
+    assert!(ray.next_event().is_none());
+    // A degree off it swings: up at 0.2 1/s and down at 0.1 1/s, over chords of 2 c tan(g) / gradient.
+    let mut ray = SoundRay::new(&water(duct), 1000.0, 100.0, 1.0, 250.0).unwrap();
+    let tangent = 1f64.to_radians().tan();
+    let period = 2.0 * 1480.0 * tangent * (1.0 / 0.2 + 1.0 / 0.1);
+    for _ in 0..20 {
+        ray.next_slab().unwrap();
+    }
+    assert_near("ten swings", ray.point().distance_m, 10.0 * period, 1e-6);
+    // Along the surface and the bottom, to which they bend, rays get nowhere.
+    let up = "{cast: [{depth_m: 0, speed_m_s: 1480}, {depth_m: 200, speed_m_s: 1500}]}";
+    assert!(SoundRay::new(&water(up), 1000.0, 0.0, 0.0, 200.0).unwrap().next_event().is_none());
+    let down = "{cast: [{depth_m: 0, speed_m_s: 1500}, {depth_m: 200, speed_m_s: 1480}]}";
+    assert!(SoundRay::new(&water(down), 1000.0, 200.0, 0.0, 200.0).unwrap().next_event().is_none());
+}
+
+/// Rows of a cast, and the depths where absorption is cut, leave roundings that are no layers.
+#[test]
+fn rows_of_a_cast_are_no_boundaries() {
+    let rows: Vec<String> = (0..40)
+        .map(|i| {
+            let depth = 37.3 * f64::from(i);
+            format!("{{depth_m: {depth}, speed_m_s: {}}}", 1500.1 + 0.7 * (f64::from(i) * 1.3).sin())
+        })
+        .collect();
+    let yaml = format!("water: {{profile: {{cast: [{}]}}}}", rows.join(", "));
+    let water = Environment::from_yaml(&yaml).unwrap().water.unwrap();
+    for angle in [-60.0, -20.0, 10.0, 45.0, 80.0] {
+        let mut ray = SoundRay::new(&water, 1000.0, 30.0, angle, 1400.0).unwrap();
+        for _ in 0..6 {
+            let (_, event) = ray.next_event().unwrap();
+            assert!(matches!(event, RayEvent::Surface | RayEvent::Bottom), "{angle} deg: {event:?}");
+        }
+    }
+}

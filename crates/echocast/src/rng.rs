@@ -5,6 +5,8 @@
 //! key = seed, counter = (beam, frame, sub-ray, [`Draw`]). The per-beam draws are made for many lanes
 //! at once; one lane computes what [`Rng`] computes.
 
+use crate::math::{cos_pi, ln, sin_pi};
+
 /// What a random number is for. Numbers are written out and never reused, so that a new purpose leaves
 /// the draws of the others as they are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -242,43 +244,6 @@ fn phasor(a: u32, b: u32, turns: f32) -> (f32, f32) {
     (amplitude * (1.0 - 2.0 * sine * sine), amplitude * 2.0 * sine * cosine)
 }
 
-/// Natural logarithm of a normal positive number, to 1e-6 absolute.
-///
-/// x = 2^e m with m in [sqrt(1/2), sqrt(2)); ln m = 2 artanh(s), s = (m - 1)/(m + 1), by its power
-/// series: the first term left out is 2 s^11 / 11 < 1e-9.
-#[inline(always)]
-pub(crate) fn ln(x: f32) -> f32 {
-    const LN_2: f32 = std::f32::consts::LN_2;
-    /// Bits of sqrt(1/2), so that the subtraction below carries into the exponent exactly from sqrt(2) on.
-    const SQRT_HALF: i32 = 0x3f35_04f3;
-    let bits = x.to_bits() as i32;
-    let exponent = (bits - SQRT_HALF) >> 23;
-    let m = f32::from_bits((bits - (exponent << 23)) as u32);
-    let s = (m - 1.0) / (m + 1.0);
-    let q = s * s;
-    let series = 2.0 * s * (1.0 + q * (1.0 / 3.0 + q * (1.0 / 5.0 + q * (1.0 / 7.0 + q * (1.0 / 9.0)))));
-    exponent as f32 * LN_2 + series
-}
-
-/// sin(pi t) for |t| <= 1/2 by its power series, to 2e-7.
-#[inline(always)]
-fn sin_pi(t: f32) -> f32 {
-    let x = t * std::f32::consts::PI;
-    let q = x * x;
-    x * (1.0
-        - q * (1.0 / 6.0 - q * (1.0 / 120.0 - q * (1.0 / 5040.0 - q * (1.0 / 362_880.0 - q * (1.0 / 39_916_800.0))))))
-}
-
-/// cos(pi t) for |t| <= 1/2 by its power series, to 3e-7.
-#[inline(always)]
-fn cos_pi(t: f32) -> f32 {
-    let x = t * std::f32::consts::PI;
-    let q = x * x;
-    1.0 - q
-        * (1.0 / 2.0
-            - q * (1.0 / 24.0 - q * (1.0 / 720.0 - q * (1.0 / 40_320.0 - q * (1.0 / 3_628_800.0 - q / 479_001_600.0)))))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -299,18 +264,6 @@ mod tests {
             assert_eq!(philox(counter.map(|word| [word]), key).map(|[word]| word), expected);
             assert_eq!(philox(counter.map(|word| [word; 16]), key).map(|lanes| lanes[15]), expected);
         }
-    }
-
-    #[test]
-    fn series_follow_the_functions() {
-        for i in 0..=1 << 16 {
-            let u = (i as f32 + 1.0) / (1 << 16) as f32;
-            assert!((f64::from(ln(u)) - f64::from(u).ln()).abs() < 1e-6, "ln({u})");
-            let t = i as f32 / (1 << 16) as f32 - 0.5;
-            assert!((f64::from(sin_pi(t)) - (f64::from(t) * std::f64::consts::PI).sin()).abs() < 2e-7, "sin_pi({t})");
-            assert!((f64::from(cos_pi(t)) - (f64::from(t) * std::f64::consts::PI).cos()).abs() < 3e-7, "cos_pi({t})");
-        }
-        assert_eq!(ln(1.0), 0.0);
     }
 
     #[test]

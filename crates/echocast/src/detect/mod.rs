@@ -20,7 +20,7 @@ pub(crate) use noise::{AzimuthError, RangeError};
 pub use noise::{Noise, RangePoint, WeakDropout};
 pub use returns::ReturnMode;
 pub(crate) use returns::ReturnRule;
-pub(crate) use soundings::{Heard, sounding};
+pub(crate) use soundings::{BeamLevels, sounding};
 pub use statistical::{Statistical, Sunlight};
 pub(crate) use threshold::Threshold;
 pub use threshold::{Detection, DetectionSpec, LimitPoint, Timing};

@@ -8,7 +8,7 @@ use std::ops::Range;
 const BY_CROSSING: f32 = 0.61;
 
 /// What one beam has heard.
-pub(crate) struct Heard<'a> {
+pub(crate) struct BeamLevels<'a> {
     pub beam: usize,
     /// Levels, dB, bin by bin, and as powers.
     pub levels: &'a [f32],
@@ -21,8 +21,8 @@ pub(crate) struct Heard<'a> {
 
 /// The range of the strongest echo of a beam: the centre of its energy, or of beams that look aside where it crosses their
 /// axis. `None`: nothing is loud enough.
-pub(crate) fn sounding(layout: &Layout, heard: &Heard) -> Option<Sounding> {
-    let Heard { beam, levels, powers, beside, width } = *heard;
+pub(crate) fn sounding(layout: &Layout, heard: &BeamLevels) -> Option<Sounding> {
+    let BeamLevels { beam, levels, powers, beside, width } = *heard;
     let (bins, from) = (levels.len(), layout.first_bin);
     let [_, elevation] = layout.axes[beam];
     let down = (elevation + std::f32::consts::FRAC_PI_2).abs();
@@ -113,7 +113,7 @@ mod tests {
         }
         let layout = layout(-std::f32::consts::FRAC_PI_2);
         let powers = powers(&levels);
-        let heard = Heard { beam: 0, levels: &levels, powers: &powers, beside: &[], width: 0.02 };
+        let heard = BeamLevels { beam: 0, levels: &levels, powers: &powers, beside: &[], width: 0.02 };
         let found = sounding(&layout, &heard).unwrap();
         assert!((found.range - 10.05).abs() < 1e-3, "{found:?}");
         assert_eq!((found.cell, found.level_db), (100, 72.0));
@@ -131,7 +131,7 @@ mod tests {
         }
         let layout = layout(-0.4);
         let powers = powers(&levels);
-        let heard = Heard { beam: 0, levels: &levels, powers: &powers, beside: &beside, width: 0.1 };
+        let heard = BeamLevels { beam: 0, levels: &levels, powers: &powers, beside: &beside, width: 0.1 };
         let found = sounding(&layout, &heard).unwrap();
         assert!((found.range - 10.4).abs() < 1e-2, "{found:?}");
     }

@@ -63,7 +63,7 @@ impl Backscatter {
                 by.push(if known.is_none() && reflectance.is_nan() { By::Image } else { By::Law });
                 tabulate(&mut laws, |sine| (sound.backscatter(sine, frequency) / sine).max(1e-30).log2());
             }
-            tabulate(&mut losses, |sine| sound.reflection_loss_db(sine, frequency));
+            tabulate(&mut losses, |sine| sound.reflection_loss_db(sine));
         }
         tabulate(&mut laws, |sine| (sea.backscatter(sine, frequency) / sine).max(1e-30).log2());
         tabulate(&mut losses, |sine| sea.mirror_loss_db(sine, frequency, speed));

@@ -1,6 +1,6 @@
 //! What an instrument reports as intensity.
 
-use crate::rng::ln;
+use crate::math::ln;
 use serde::{Deserialize, Serialize};
 use std::f32::consts::PI;
 

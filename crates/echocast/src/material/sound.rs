@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::yaml;
 use serde::{Deserialize, Deserializer};
 use std::f64::consts::PI;
-use std::sync::OnceLock;
+use std::sync::LazyLock;
 
 /// What a surface does with sound that meets it under water: the section `sound` of a material, told apart by `law`.
 ///
@@ -110,19 +110,19 @@ impl Sound {
                 let bell = |db: f64, width: f64| power(db) * (-0.5 * (incidence / width).powi(2)).exp();
                 bell(a_db, b_deg) + power(c_db) * sin.powf(d) + bell(e_db, f_deg)
             }
-            Sound::Sediment { name } => power(sediments()[name as usize].backscatter_db(sin, frequency_hz)),
+            Sound::Sediment { name } => power(sediments().backscatter_db(name, sin, frequency_hz)),
             Sound::Target { .. } => 0.0,
         }
     }
 
     /// What the mirror image of a source loses, dB, 0 or more, in a smooth surface that is met at a grazing angle of sine
     /// `sin_grazing`. Lambert's law and `gsab` do not say it, and 10 dB are taken; nothing is seen in a target, whose
-    /// loss is infinite. None of the laws asks for the frequency yet.
-    pub fn reflection_loss_db(&self, sin_grazing: f64, _frequency_hz: f64) -> f64 {
+    /// loss is infinite. None of the laws asks for the frequency.
+    pub fn reflection_loss_db(&self, sin_grazing: f64) -> f64 {
         match *self {
             Sound::Lambert { .. } | Sound::Gsab { .. } => UNKNOWN_LOSS_DB,
             Sound::Facet { reflection_loss_db, .. } => reflection_loss_db,
-            Sound::Sediment { name } => sediments()[name as usize].reflection_loss_db(sin_grazing),
+            Sound::Sediment { name } => sediments().of(name).reflection_loss_db(sin_grazing),
             Sound::Target { .. } => f64::INFINITY,
         }
     }
@@ -186,14 +186,46 @@ fn power(db: f64) -> f64 {
 /// Frequencies of the table, Hz.
 const FREQUENCIES_HZ: [f64; 4] = [20e3, 100e3, 300e3, 450e3];
 
+/// The table, in the order of [`Sediment`]; a test compares all of it with its source.
+struct Sediments {
+    rows: Vec<Rows>,
+    /// Logarithms of [`FREQUENCIES_HZ`].
+    log_frequency: [f64; FREQUENCIES_HZ.len()],
+}
+
 /// What the table knows of one sediment.
 struct Rows {
-    /// Logarithm of each grazing angle in degrees, rising.
+    /// Logarithm of each grazing angle in degrees, rising, and the sine of the first.
     log_angle: Vec<f64>,
+    first_sine: f64,
     /// Backscatter, dB, at each of them by frequency.
     backscatter_db: Vec<[f64; FREQUENCIES_HZ.len()]>,
     /// Loss of a mirror image, dB.
     loss_db: Vec<f64>,
+}
+
+impl Sediments {
+    fn of(&self, name: Sediment) -> &Rows {
+        &self.rows[name as usize]
+    }
+
+    /// Linear in decibels over the logarithms of angle and frequency: at small angles the power of the angle rules.
+    /// Outside the frequencies as at the first or last; below the first angle with the fourth power of the sine, as
+    /// the table goes on its last degrees.
+    fn backscatter_db(&self, name: Sediment, sin: f64, frequency_hz: f64) -> f64 {
+        let rows = self.of(name);
+        let (row, t) = rows.place(sin);
+        let known = &self.log_frequency;
+        let frequency = frequency_hz.ln().clamp(known[0], known[known.len() - 1]);
+        let column = known.partition_point(|&known| known <= frequency).clamp(1, known.len() - 1) - 1;
+        let u = (frequency - known[column]) / (known[column + 1] - known[column]);
+        let at = |row: usize| {
+            let row = rows.backscatter_db[row];
+            row[column] + (row[column + 1] - row[column]) * u
+        };
+        let below = 40.0 * (sin / rows.first_sine).min(1.0).log10();
+        at(row) + (at(row + 1) - at(row)) * t + below
+    }
 }
 
 impl Rows {
@@ -205,53 +237,38 @@ impl Rows {
         (row, ((log - low) / (high - low)).clamp(0.0, 1.0))
     }
 
-    /// Linear in decibels over the logarithms of angle and frequency: at small angles the power of the angle rules.
-    /// Outside the frequencies as at the first or last; below the first angle with the fourth power of the sine, as
-    /// the table goes on its last degrees.
-    fn backscatter_db(&self, sin: f64, frequency_hz: f64) -> f64 {
-        let (row, t) = self.place(sin);
-        let frequency = frequency_hz.clamp(FREQUENCIES_HZ[0], FREQUENCIES_HZ[FREQUENCIES_HZ.len() - 1]);
-        let column = FREQUENCIES_HZ.partition_point(|&known| known <= frequency).clamp(1, FREQUENCIES_HZ.len() - 1) - 1;
-        let (low, high) = (FREQUENCIES_HZ[column], FREQUENCIES_HZ[column + 1]);
-        let u = (frequency / low).ln() / (high / low).ln();
-        let at = |row: usize| {
-            let row = self.backscatter_db[row];
-            row[column] + (row[column + 1] - row[column]) * u
-        };
-        let first = self.log_angle[0].exp().to_radians().sin();
-        let below = 40.0 * (sin / first).min(1.0).log10();
-        at(row) + (at(row + 1) - at(row)) * t + below
-    }
-
-    /// Linear likewise; below the first angle as there.
+    /// Linear over the logarithm of the angle; below the first angle as there.
     fn reflection_loss_db(&self, sin: f64) -> f64 {
         let (row, t) = self.place(sin);
         self.loss_db[row] + (self.loss_db[row + 1] - self.loss_db[row]) * t
     }
 }
 
-/// The table, in the order of [`Sediment`]; a test compares all of it with its source.
-fn sediments() -> &'static [Rows] {
-    static SEDIMENTS: OnceLock<Vec<Rows>> = OnceLock::new();
-    SEDIMENTS.get_or_init(|| {
+/// Read from the file that is compiled in, once.
+fn sediments() -> &'static Sediments {
+    static SEDIMENTS: LazyLock<Sediments> = LazyLock::new(|| {
         let mut all: Vec<Rows> = Vec::new();
         let mut last = "";
         let lines = include_str!("sediments.csv").lines().filter(|line| !line.starts_with('#')).skip(1);
         for line in lines {
             let (name, numbers) = line.split_once(',').unwrap_or_default();
+            let numbers: Vec<f64> = numbers.split(',').filter_map(|number| number.parse().ok()).collect();
+            let [angle, db @ .., loss] = &numbers[..] else { continue };
             if name != last {
-                all.push(Rows { log_angle: Vec::new(), backscatter_db: Vec::new(), loss_db: Vec::new() });
+                let first_sine = angle.to_radians().sin();
+                let (log_angle, backscatter_db, loss_db) = (Vec::new(), Vec::new(), Vec::new());
+                all.push(Rows { log_angle, first_sine, backscatter_db, loss_db });
                 last = name;
             }
-            let numbers: Vec<f64> = numbers.split(',').filter_map(|number| number.parse().ok()).collect();
-            if let (Some(rows), [angle, db @ .., loss]) = (all.last_mut(), &numbers[..]) {
+            if let Some(rows) = all.last_mut() {
                 rows.log_angle.push(angle.ln());
                 rows.backscatter_db.push(db.try_into().expect("the table that is compiled in is sound"));
                 rows.loss_db.push(*loss);
             }
         }
-        all
-    })
+        Sediments { rows: all, log_frequency: FREQUENCIES_HZ.map(f64::ln) }
+    });
+    &SEDIMENTS
 }
 
 impl<'de> Deserialize<'de> for Sound {
@@ -338,8 +355,8 @@ mod tests {
 
     #[test]
     fn the_table_is_whole() {
-        assert_eq!(sediments().len(), ALL.len());
-        for rows in sediments() {
+        assert_eq!(sediments().rows.len(), ALL.len());
+        for rows in &sediments().rows {
             assert_eq!(rows.log_angle.len(), 22);
             assert!(rows.log_angle.is_sorted_by(|a, b| a < b));
             assert_eq!((rows.backscatter_db.len(), rows.loss_db.len()), (22, 22));
@@ -434,7 +451,7 @@ mod tests {
                 for sin in (0..=1000).map(|step| f64::from(step) / 1000.0).chain([1e-300, -0.0, -1.0, 1.0 + 1e-12]) {
                     let found = sound.backscatter(sin, frequency);
                     assert!(found >= 0.0 && found.is_finite(), "{sound:?} {sin}: {found}");
-                    assert!(sound.reflection_loss_db(sin, frequency) >= 0.0);
+                    assert!(sound.reflection_loss_db(sin) >= 0.0);
                 }
             }
         }
@@ -443,13 +460,13 @@ mod tests {
     #[test]
     fn mirror_images_lose() {
         let sand = Sound::Sediment { name: Sediment::MediumSand };
-        assert!((sand.reflection_loss_db(1.0, 1e5) - 8.6391).abs() < 1e-9);
-        assert!(sand.reflection_loss_db(0.1, 1e5) < 3.0);
-        assert_eq!(Sound::Lambert { mu_db: -20.0 }.reflection_loss_db(0.5, 1e5), 10.0);
+        assert!((sand.reflection_loss_db(1.0) - 8.6391).abs() < 1e-9);
+        assert!(sand.reflection_loss_db(0.1) < 3.0);
+        assert_eq!(Sound::Lambert { mu_db: -20.0 }.reflection_loss_db(0.5), 10.0);
         let facet = Sound::Facet { mu_db: -20.0, slope_sigma_deg: 5.0, reflection_loss_db: 6.0 };
-        assert_eq!(facet.reflection_loss_db(0.5, 1e5), 6.0);
+        assert_eq!(facet.reflection_loss_db(0.5), 6.0);
         let target = Sound::Target { strength_db: -42.0 };
         assert_eq!((target.target_strength_db(), sand.target_strength_db()), (Some(-42.0), None));
-        assert_eq!(target.reflection_loss_db(0.5, 1e5), f64::INFINITY);
+        assert_eq!(target.reflection_loss_db(0.5), f64::INFINITY);
     }
 }

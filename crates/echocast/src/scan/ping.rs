@@ -3,7 +3,7 @@
 use super::{Profile, ScanOptions};
 use crate::cause::Cause;
 use crate::cloud::{Field, FieldSet, Slices};
-use crate::detect::{Heard, sounding};
+use crate::detect::{BeamLevels, sounding};
 use crate::echo::{
     Background, Backscatter, CHUNK_BITS, Drift, Echoes, Insonification, LOG2_PER_DB, Lines, NOBODY, Response,
     Scatterers, Tile, Wants,
@@ -417,7 +417,7 @@ impl TileMemory {
                 let column = (0..bins).map(|bin| bin * tile.width() + beam - tile.beams.0);
                 beside.extend(column.map(|cell| tile.lean[cell] / tile.total[cell]));
             }
-            let heard = Heard { beam, levels, powers, beside, width: pinging.transducer.width };
+            let heard = BeamLevels { beam, levels, powers, beside, width: pinging.transducer.width };
             soundings.extend(sounding(&pinging.layout, &heard).map(|found| Sounding {
                 cell: (beam * bins + pinging.loud_bin(tile, beam, found.cell as usize - beam * bins)) as u32,
                 ..found

@@ -10,7 +10,7 @@ use crate::emitter::pattern::{Pattern, Sidescan};
 use crate::emitter::{BeamTable, FiringOrder, Pose, Trajectory};
 use crate::error::{Error, Result};
 use crate::material::{Mirrors, ReflectanceSource, Reflectances};
-use crate::medium::{Absorption, Column, Fluid, Profile as WaterProfile, Slab, SoundSpeed, Water};
+use crate::medium::{Absorption, Column, Fluid, Slab, SoundSpeed, Water, WaterProfile};
 use crate::parallel;
 use crate::scene::srgb_byte;
 use crate::sensor::Sensor;

@@ -163,12 +163,19 @@ impl HitBatch {
     #[inline(always)]
     pub(crate) fn orient_normals(&mut self, scene: &Tables, count: usize) {
         for lane in 0..count {
-            let Some(surface) = scene.surfaces.rows.get(self.surface[lane] as usize) else { continue };
-            if surface.instanced {
-                let n = scene.normal_matrices[surface.object as usize]
-                    * Vec3::new(self.normal_x[lane], self.normal_y[lane], self.normal_z[lane]);
-                (self.normal_x[lane], self.normal_y[lane], self.normal_z[lane]) = (n.x, n.y, n.z);
-            }
+            let normal = scene.world_normal(self.surface[lane], self.normal(lane));
+            (self.normal_x[lane], self.normal_y[lane], self.normal_z[lane]) = normal.into();
+        }
+    }
+}
+
+impl Tables {
+    /// The `normal` of a hit on a `surface` (a row, or [`MISS`]) as Embree gives it, in the world's frame.
+    #[inline(always)]
+    pub(crate) fn world_normal(&self, surface: u32, normal: Vec3) -> Vec3 {
+        match self.surfaces.rows.get(surface as usize) {
+            Some(row) if row.instanced => self.normal_matrices[row.object as usize] * normal,
+            _ => normal,
         }
     }
 }

@@ -15,7 +15,8 @@ const SAGITTA: f64 = 1e-3;
 /// Row of an arrival at the sea surface, in place of one of the scene's surfaces.
 pub(crate) const SEA: u32 = MISS - 1;
 
-/// Steps after which a ray is given up: one that is trapped in a thin duct.
+/// Steps on which something can be met after which the rays of a block are given up, and steps between two such after
+/// which one is: a ray that swings in a thin duct makes that many.
 const MOST_STEPS: usize = 100_000;
 
 /// What a reflection takes away, dB: of a surface's row (or [`SEA`]) at the sine of a grazing angle.
@@ -72,7 +73,7 @@ pub(crate) struct Arrival {
     pub place: Vec3,
     /// Unit vector along the ray.
     pub direction: Vec3,
-    /// Normal of the triangle, of any length and sign.
+    /// Normal of the surface, of any length and sign: of smooth parts the interpolated one, of others that of the triangle.
     pub normal: Vec3,
     /// Reflections on the way.
     pub order: u8,
@@ -227,9 +228,10 @@ impl<'a> SoundTracer<'a> {
         }
     }
 
-    /// Adds what the rays `which` of `launch` meet to `arrivals`, over reflections also what is out of reach unless
-    /// sound comes back straight: first what they meet at first, in their order, block by
-    /// block; after each block what they meet over reflections.
+    /// Adds what the rays `which` of `launch` meet to `arrivals`, block by block: in water that is the same everywhere
+    /// first what each meets first, in their order, then what they meet over reflections; in other water in the order of
+    /// the steps that get there. Over reflections also what is out of reach back the way that sound came, if it may be
+    /// heard straight back.
     pub fn trace(&self, launch: &Launch, which: Range<usize>, memory: &mut TracerMemory, arrivals: &mut Vec<Arrival>) {
         let depth = self.surface_z - launch.place.z;
         let slab = self.slab_at(depth);
@@ -280,7 +282,7 @@ impl<'a> SoundTracer<'a> {
         for (lane, ray) in block.enumerate() {
             let direction = rays.direction(lane);
             let (range, surface, normal) = if hits.surface[lane] != MISS {
-                (hits.range[lane], hits.surface[lane], self.world_normal(hits.surface[lane], hits.normal(lane)))
+                (hits.range[lane], hits.surface[lane], self.scene.world_normal(hits.surface[lane], hits.normal(lane)))
             } else if rays.range_max[lane] < reach {
                 (rays.range_max[lane], SEA, Vec3::NEG_Z)
             } else {
@@ -304,7 +306,7 @@ impl<'a> SoundTracer<'a> {
                 speed: 1.0,
                 place: place + direction * range,
                 direction,
-                normal,
+                normal: if surface == SEA { normal } else { self.smooth_normal(hits, lane, direction, normal) },
                 order: 0,
             });
             if self.bounces > 0 {
@@ -342,7 +344,7 @@ impl<'a> SoundTracer<'a> {
         let along = direction.dot(normal);
         let facing = if along > 0.0 { -normal } else { normal };
         // Clear of the surface, so that the next step does not meet it again.
-        let clear = facing * 1e-4;
+        let clear = facing * f64::from(rounding(self.place(state)).max(1e-4));
         let [x, y] = state.level();
         let turned = (direction - 2.0 * direction.dot(facing) * facing).normalize();
         let (heading, level) = heading(turned);
@@ -353,7 +355,7 @@ impl<'a> SoundTracer<'a> {
         ray.slab = self.slab_at(ray.depth);
         let slab = &self.slabs[ray.slab];
         ray.speed = slab.speed_at(ray.depth);
-        (ray.sine, ray.snell) = (-turned.z, level / ray.speed);
+        (ray.sine, ray.snell, ray.level) = (-turned.z, level / ray.speed, false);
         // A facet is a mirror: the tube widens on as it did.
         ray.turn = ray.widening * ray.sine + slab.gradient * ray.snell * ray.snell * ray.tube;
         ray.loss() < MOST_LOSS
@@ -382,7 +384,8 @@ impl<'a> SoundTracer<'a> {
                 let Some(Chord { from, along, length }) = step.chord else { continue };
                 (rays.org_x[lane], rays.org_y[lane], rays.org_z[lane]) = from.into();
                 (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = along.into();
-                rays.range_max[lane] = length * (1.0 + 1e-6) + 1e-5;
+                // No gap between one chord and the next.
+                rays.range_max[lane] = length * (1.0 + 1e-6) + rounding(from).max(1e-5);
             }
             // Rays that nothing has turned are neighbours still.
             let coherent = states.iter().all(|state| state.order == 0);
@@ -395,13 +398,14 @@ impl<'a> SoundTracer<'a> {
                 } else {
                     let slab = &self.slabs[state.ray.slab];
                     let surface = hits.surface[lane];
-                    let normal = self.world_normal(surface, hits.normal(lane));
+                    let normal = self.scene.world_normal(surface, hits.normal(lane));
                     let length = arc_to(&state, slab, &step, hits.range[lane], rays.direction(lane), normal);
                     state.ray = state.ray.advanced(slab, length);
                     let (triangle, corner) = (hits.triangle[lane], [hits.u[lane], hits.v[lane]]);
                     let in_reach = self.is_in_reach(&state, start);
                     if in_reach {
-                        let arrival = self.arrival(&state, surface, normal, start);
+                        let smooth = self.smooth_normal(hits, lane, state.direction().as_vec3(), normal);
+                        let arrival = self.arrival(&state, surface, smooth, start);
                         arrivals.push(Arrival { triangle, corner, ..arrival });
                     }
                     in_reach && self.reflect(&mut state, surface, normal)
@@ -464,9 +468,10 @@ impl<'a> SoundTracer<'a> {
         if self.empty[state.ray.slab] {
             return Step { length, end, chord: None };
         }
-        if slab.gradient != 0.0 {
+        let gradient = state.ray.gradient(slab);
+        if gradient != 0.0 {
             // Arc and chord are length^2 / (8 radius) apart.
-            let radius = 1.0 / (slab.gradient.abs() * state.ray.snell).max(1e-12);
+            let radius = 1.0 / (gradient.abs() * state.ray.snell).max(1e-12);
             let most = (8.0 * radius * SAGITTA).sqrt();
             if length > most {
                 (length, end) = (most, End::Inside);
@@ -494,7 +499,9 @@ impl<'a> SoundTracer<'a> {
                 arrivals.push(self.arrival(state, SEA, Vec3::NEG_Z, start));
                 return self.reflect(state, SEA, Vec3::NEG_Z);
             }
-            end => state.ray.cross(&self.slabs, end),
+            end => {
+                state.ray.cross(&self.slabs, end);
+            }
         }
         true
     }
@@ -519,6 +526,19 @@ impl<'a> SoundTracer<'a> {
         }
     }
 
+    /// The normal that an echo asks for where the hit of a `lane` is met along `direction`, of which the triangle's is
+    /// `flat`. Mirrors go by the triangle's, lest a ray go on behind it.
+    fn smooth_normal(&self, hits: &HitBatch, lane: usize, direction: Vec3, flat: Vec3) -> Vec3 {
+        let corner = [hits.u[lane], hits.v[lane]];
+        let Some(smooth) = self.scene.shading_normal(hits.surface[lane], hits.triangle[lane], corner) else {
+            return flat;
+        };
+        let facing = if direction.dot(flat) > 0.0 { -flat } else { flat };
+        let smooth = if smooth.dot(facing) < 0.0 { -smooth } else { smooth };
+        // At the rim of a smooth body it may look away: there sound grazes.
+        smooth - direction * smooth.dot(direction).max(0.0)
+    }
+
     fn place(&self, state: &State) -> Vec3 {
         let [x, y] = state.level();
         DVec3::new(x, y, self.surface_z - state.ray.depth).as_vec3()
@@ -527,21 +547,13 @@ impl<'a> SoundTracer<'a> {
     /// The chord of the next `length` m of a ray.
     fn chord(&self, state: &State, length: f64) -> Chord {
         let Ray { snell, speed, sine, slab, .. } = state.ray;
-        let half = 0.5 * self.slabs[slab].gradient * snell * length;
+        let half = 0.5 * state.ray.gradient(&self.slabs[slab]) * snell * length;
         let (sin, cos) = small_sin_cos(half);
         let cosine = snell * speed;
         let level = cosine * cos + sine * sin;
         let along = DVec3::new(state.heading[0] * level, state.heading[1] * level, cosine * sin - sine * cos);
         let sinc = if half == 0.0 { 1.0 } else { sin / half };
         Chord { from: self.place(state), along: along.as_vec3(), length: (length * sinc) as f32 }
-    }
-
-    /// The normal of a row's triangle in the world.
-    fn world_normal(&self, surface: u32, normal: Vec3) -> Vec3 {
-        match self.scene.surfaces.rows.get(surface as usize) {
-            Some(row) if row.instanced => self.scene.normal_matrices[row.object as usize] * normal,
-            _ => normal,
-        }
     }
 }
 
@@ -554,10 +566,15 @@ impl Launch<'_> {
     }
 }
 
+/// How far off a `place`, m, may be where it is rounded and something is met there, m.
+fn rounding(place: Vec3) -> f32 {
+    4.0 * f32::EPSILON * place.abs().max_element()
+}
+
 /// Length of the arc to the facet that its chord meets at `range`: one step of Newton's method from there.
 fn arc_to(state: &State, slab: &Slab, step: &Step, range: f32, along: Vec3, normal: Vec3) -> f64 {
     let part = (f64::from(range) / step.length).min(1.0);
-    let curvature = slab.gradient * state.ray.snell;
+    let curvature = state.ray.gradient(slab) * state.ray.snell;
     if curvature == 0.0 {
         return f64::from(range);
     }
@@ -570,4 +587,103 @@ fn arc_to(state: &State, slab: &Slab, step: &Step, range: f32, along: Vec3, norm
     let towards = along.dot(normal);
     let correction = if towards.abs() > 1e-3 * normal.length() { -across / towards } else { 0.0 };
     (part * step.length + correction).clamp(0.0, step.length)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Mesh, Object, Part};
+    use crate::{BuiltScene, Engine, Environment, LiveScene};
+    use std::sync::Arc;
+
+    /// A sheet of `corners` alone, and their normals if it is smooth.
+    fn sheet(corners: [DVec3; 4], normals: Option<[DVec3; 4]>) -> BuiltScene {
+        let array = |vectors: [DVec3; 4]| vectors.map(|it| it.as_vec3().to_array()).to_vec();
+        let part = Part {
+            positions: array(corners).into(),
+            normals: normals.map(|normals| array(normals).into()),
+            triangles: vec![[0, 1, 2], [0, 2, 3]].into(),
+            ..Part::default()
+        };
+        let mut scene = LiveScene::new(&Engine::new().unwrap());
+        scene.set_origin(DVec3::ZERO).unwrap();
+        scene.add(Object::new("sheet", Arc::new(Mesh::new("sheet", vec![part]).unwrap()))).unwrap();
+        scene.commit().unwrap()
+    }
+
+    /// What rays along `directions` from `place` meet within `reach` m.
+    fn arrivals(scene: &BuiltScene, profile: &str, place: DVec3, directions: &[DVec3], reach: f64) -> Vec<Arrival> {
+        let yaml = format!("water: {{profile: {profile}}}");
+        let water = Environment::from_yaml(&yaml).unwrap().water.unwrap();
+        let (column, _) = Column::new(&water, 100e3, -place.z).unwrap();
+        let believed = column.speed_at(-place.z);
+        let reflection_loss = |_: u32, _: f64| 0.0;
+        let limits = SoundLimits { mask: u32::MAX, believed, reach, bounces: 3, reflection_loss: &reflection_loss };
+        let tracer = SoundTracer::new(&scene.0, &column, limits);
+        let [x, y, z] = [0, 1, 2].map(|axis| directions.iter().map(|it| it[axis] as f32).collect::<Vec<f32>>());
+        let launch = Launch { directions: [&x, &y, &z], rotation: Mat3::IDENTITY, place };
+        let mut found = Vec::new();
+        tracer.trace(&launch, 0..directions.len(), &mut TracerMemory::default(), &mut found);
+        found
+    }
+
+    const STRAIGHT: &str = "{constant: {speed_m_s: 1500}}";
+    const BENT: &str = "{cast: [{depth_m: 0, speed_m_s: 1500}, {depth_m: 1000, speed_m_s: 1480}]}";
+
+    /// Far from the scene's origin places are rounded to millimetres.
+    #[test]
+    fn what_has_been_reflected_does_not_meet_its_mirror_again() {
+        let middle = DVec3::new(31_000.0, -47_000.0, -500.0);
+        let (u, v) = (DVec3::new(40.0, 3.0, 29.0), DVec3::new(-4.0, 40.0, 2.0));
+        let plate = sheet([middle - u - v, middle + u - v, middle + u + v, middle - u + v], None);
+        let normal = u.cross(v).normalize();
+        let place = middle + 30.0 * normal + 4.0 * u.normalize();
+        let to = |index: u32| {
+            let (a, b) = (f64::from(index % 32) / 16.0 - 1.0, f64::from(index / 32) / 16.0 - 1.0);
+            (middle + 0.9 * (a * u + b * v) - place).normalize()
+        };
+        let directions: Vec<DVec3> = (0..1024).map(to).collect();
+        for profile in [STRAIGHT, BENT] {
+            let found = arrivals(&plate, profile, place, &directions, 200.0);
+            assert_eq!(found.iter().filter(|it| it.order == 0).count(), 1024);
+            let again = found.iter().filter(|it| it.order > 0 && it.surface != SEA).count();
+            assert_eq!(again, 0, "{profile}");
+        }
+    }
+
+    /// From where sound is slowest a level ray goes straight on, and so does one to a wall there.
+    #[test]
+    fn level_rays_on_the_axis_of_a_duct_arrive() {
+        let wall = [[-9.0, -120.0], [9.0, -120.0], [9.0, -80.0], [-9.0, -80.0]].map(|[y, z]| DVec3::new(40.0, y, z));
+        let profile = "{cast: [{depth_m: 0, speed_m_s: 1500}, {depth_m: 100, speed_m_s: 1480}, {depth_m: 300, speed_m_s: \
+                       1500}]}";
+        let place = DVec3::new(0.0, 0.0, -100.0);
+        let found = arrivals(&sheet(wall, None), profile, place, &[DVec3::X, DVec3::new(0.8, 0.6, 0.0)], 60.0);
+        let first: Vec<&Arrival> = found.iter().filter(|it| it.order == 0).collect();
+        assert_eq!(first.len(), 1, "{found:?}");
+        assert!((first[0].range - 40.0).abs() < 1e-4 && (first[0].place.z + 100.0).abs() < 1e-4, "{first:?}");
+        // Its mirror sends it back past its start.
+        assert!(found.iter().all(|it| it.order == 0), "{found:?}");
+    }
+
+    /// A cylinder's quarter of one flat face has the normals of the cylinder.
+    #[test]
+    fn echoes_of_smooth_parts_ask_for_the_smooth_normal() {
+        let corners = [[-1.0, -7.0], [1.0, -7.0], [1.0, -5.0], [-1.0, -5.0]].map(|[y, z]| DVec3::new(5.0, y, z));
+        let normals = corners.map(|it| DVec3::new(-1.0, it.y, 0.0).normalize());
+        let place = DVec3::new(0.0, 0.0, -6.0);
+        let directions: Vec<DVec3> = [-0.15, 0.0, 0.1].map(|y| DVec3::new(1.0, y, 0.01).normalize()).to_vec();
+        for profile in [STRAIGHT, BENT] {
+            let flat = arrivals(&sheet(corners, None), profile, place, &directions, 20.0);
+            let smooth = arrivals(&sheet(corners, Some(normals)), profile, place, &directions, 20.0);
+            assert_eq!((flat.len(), smooth.len()), (3, 3));
+            for (flat, smooth) in flat.iter().zip(&smooth) {
+                assert!(flat.normal.normalize().x.abs() > 0.999_99);
+                // Both corners of an edge lean by 45 degrees: what is linear between them is (-1, y) times sqrt(1/2).
+                let expected = Vec3::new(-1.0, smooth.place.y, 0.0).normalize();
+                assert!((smooth.normal.normalize() - expected).length() < 1e-3, "{smooth:?}");
+                assert_eq!(flat.place, smooth.place);
+            }
+        }
+    }
 }

@@ -1,10 +1,12 @@
 //! What the ids of Embree's hits mean.
 
+use super::Tables;
 use crate::echo::Backscatter;
 use crate::material::{Alpha, Material, Mirrors, Optics, ReflectanceSource, Reflectances, Sound};
 use crate::medium::Sea;
 use crate::scene::{Labels, Mesh, Object, Part, srgb_byte};
 use embree4::{Candidate, INVALID};
+use glam::Vec3;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -178,6 +180,24 @@ impl Surfaces {
             |known| known.is_for(reflectances.source, frequency, sea, speed),
             || Backscatter::new(&self.materials, reflectances, frequency, sea, speed),
         )
+    }
+}
+
+impl Tables {
+    /// The interpolated normal of a smooth part where the second and the third corner of `triangle` weigh `u` and `v`, in
+    /// the world's frame, of any length and on the side that the mesh has it; `None`: the part is flat, or the normals of
+    /// its corners cancel.
+    pub(crate) fn shading_normal(&self, surface: u32, triangle: u32, [u, v]: [f32; 2]) -> Option<Vec3> {
+        let surfaces = &self.surfaces;
+        if !surfaces.has_shading_normals {
+            return None;
+        }
+        let row = surfaces.rows.get(surface as usize)?;
+        let part = &surfaces.parts[row.part as usize];
+        let normals = part.normals.as_deref()?;
+        let [a, b, c] = part.triangles[triangle as usize].map(|index| Vec3::from(normals[index as usize]));
+        let smooth = self.normal_matrices[row.object as usize] * (a * (1.0 - u - v) + b * u + c * v);
+        (smooth.length_squared() > f32::MIN_POSITIVE).then_some(smooth)
     }
 }
 

@@ -1,6 +1,6 @@
 //! The water made ready for the rays of one instrument: slabs, in each of which speed and absorption are linear.
 
-use super::profile::{Layer, PHYSICAL_SPEEDS, Profile, SEA_WATER_KG_M3, SpeedRow, WaterRow, unread};
+use super::profile::{DEEPEST, Layer, PHYSICAL_SPEEDS, SEA_WATER_KG_M3, SpeedRow, WaterProfile, WaterRow, unread};
 use super::{Outside, Water};
 use crate::error::{Error, Result};
 
@@ -145,7 +145,8 @@ impl Column {
         };
         let stretches = match &water.profile {
             None => {
-                within(0.0, f64::INFINITY, "")?;
+                // Formulas have powers of the depth in them.
+                within(0.0, DEEPEST, "")?;
                 let row = WaterRow {
                     depth_m: sonar_depth_m,
                     temperature_c: water.temperature_c,
@@ -154,11 +155,11 @@ impl Column {
                 doubt(&row);
                 vec![whole(formula(&row))]
             }
-            Some(Profile::Constant { speed_m_s }) => {
+            Some(WaterProfile::Constant { speed_m_s }) => {
                 within(0.0, f64::INFINITY, "")?;
                 vec![whole(*speed_m_s)]
             }
-            Some(Profile::Layers(layers)) => {
+            Some(WaterProfile::Layers(layers)) => {
                 within(layers.first().map_or(0.0, |layer| layer.depth_m), f64::INFINITY, "layers")?;
                 let ends = layers.iter().skip(1).map(|layer| layer.depth_m).chain([f64::INFINITY]);
                 let mut top = 0.0;
@@ -169,7 +170,7 @@ impl Column {
                 };
                 layers.iter().zip(ends).map(&mut of).collect()
             }
-            Some(Profile::Cast(rows)) => {
+            Some(WaterProfile::Cast(rows)) => {
                 let depth = |row: Option<&SpeedRow>| row.map_or(0.0, |row| row.depth_m);
                 within(depth(rows.first()), depth(rows.last()), "cast")?;
                 let between = |pair: &[SpeedRow]| Stretch {
@@ -180,7 +181,7 @@ impl Column {
                 };
                 rows.windows(2).map(between).collect()
             }
-            Some(Profile::Ts(rows)) => {
+            Some(WaterProfile::Ts(rows)) => {
                 let depth = |row: Option<&WaterRow>| row.map_or(0.0, |row| row.depth_m);
                 within(depth(rows.first()), depth(rows.last()), "ts")?;
                 rows.iter().for_each(&mut doubt);
@@ -198,7 +199,7 @@ impl Column {
                 }
                 stretches
             }
-            Some(Profile::File(file)) => return Err(unread("water.profile", file)),
+            Some(WaterProfile::File(file)) => return Err(unread("water.profile", file)),
         };
         let mut warnings: Vec<String> = doubts
             .iter()
@@ -254,7 +255,7 @@ impl Column {
             let (top, bottom) = (slab.top.max(from), slab.bottom.min(to));
             (bottom - top) * slab.absorption_at(0.5 * (top + bottom))
         };
-        let met = self.slabs.iter().filter(|slab| slab.top < to && slab.bottom > from);
+        let met = self.slabs[self.slab_at(from)..].iter().take_while(|slab| slab.top < to);
         met.map(part).sum::<f64>() / (to - from)
     }
 }
@@ -406,6 +407,19 @@ mod tests {
     }
 
     #[test]
+    fn mean_absorption_is_that_of_many_depths() {
+        let (column, _) = column("", 100.0);
+        for (from, to) in [(0.0, 20.0), (30.0, 1234.0), (2500.0, 499.0), (500.0, 1000.0), (11_900.0, 14_000.0)] {
+            const STEPS: usize = 20_000;
+            let middle = |step: usize| from + (to - from) * (step as f64 + 0.5) / STEPS as f64;
+            let expected = (0..STEPS).map(|step| absorption_at(&column, middle(step))).sum::<f64>() / STEPS as f64;
+            let found = column.mean_absorption(from, to);
+            assert!((found / expected - 1.0).abs() < 1e-7, "{from} to {to}: {found} {expected}");
+        }
+        assert_eq!(column.mean_absorption(700.0, 700.0), absorption_at(&column, 700.0));
+    }
+
+    #[test]
     fn laws_that_do_not_know_the_depth_need_one_slab() {
         for law in ["thorp", "none"] {
             let keys = format!("absorption: {law}, profile: {{constant: {{speed_m_s: 1490}}}}");
@@ -502,7 +516,7 @@ mod tests {
             temperature_c: [-4.0, 45.0][i as usize % 2],
             salinity_psu: [0.0, 50.0][i as usize % 2],
         };
-        let wild = Water { profile: Some(Profile::Ts((0..1000).map(row).collect())), ..Water::default() };
+        let wild = Water { profile: Some(WaterProfile::Ts((0..1000).map(row).collect())), ..Water::default() };
         let (column, warnings) = Column::new(&wild, FREQUENCY, 5.0).unwrap();
         assert!(column.slabs.len() < 200_000, "{}", column.slabs.len());
         assert!(
@@ -537,10 +551,18 @@ mod tests {
     #[test]
     fn a_sonar_in_the_air_hears_nothing_of_it() {
         let refused = |keys: &str, depth: f64| Column::new(&water(keys), FREQUENCY, depth).unwrap_err().to_string();
-        let expected = "the depth of the sonar is -1.5 m; allowed: 0 m or more, below the surface of the water at z = 10 m \
-                        (water.surface_z_m)";
-        assert_eq!(refused("surface_z_m: 10", -1.5), expected);
-        assert_eq!(refused("surface_z_m: 10, profile: {constant: {speed_m_s: 1500}}", -1.5), expected);
-        assert!(refused("", f64::NAN).starts_with("the depth of the sonar is NaN m; allowed: 0 m or more"));
+        let expected = |allowed: &str| {
+            format!(
+                "the depth of the sonar is -1.5 m; allowed: {allowed}, below the surface of the water at z = 10 m \
+                 (water.surface_z_m)"
+            )
+        };
+        assert_eq!(refused("surface_z_m: 10", -1.5), expected("0 to 12000 m"));
+        let constant = "surface_z_m: 10, profile: {constant: {speed_m_s: 1500}}";
+        assert_eq!(refused(constant, -1.5), expected("0 m or more"));
+        assert!(refused("", f64::NAN).starts_with("the depth of the sonar is NaN m; allowed: 0 to 12000 m"));
+        // There formulas give less than nothing; one speed for all depths does not ask for them.
+        assert!(refused("", 1e5).starts_with("the depth of the sonar is 100000 m; allowed: 0 to 12000 m, below"));
+        assert!(Column::new(&water("profile: {constant: {speed_m_s: 1500}}"), FREQUENCY, 1e5).is_ok());
     }
 }

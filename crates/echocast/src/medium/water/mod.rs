@@ -15,7 +15,7 @@ pub use absorption::Absorption;
 pub(crate) use column::{Column, Slab, slab_at};
 pub use fluid::Fluid;
 pub use noise::AmbientNoise;
-pub use profile::{Layer, Profile, SpeedRow, WaterRow};
+pub use profile::{Layer, SpeedRow, WaterProfile, WaterRow};
 pub(crate) use ray::{End, Ray, small_sin_cos};
 pub use sea::Sea;
 pub use sound_ray::{RayEvent, RayPoint, SoundRay};
@@ -69,11 +69,11 @@ pub struct Water {
     pub spreading_from_m: Option<f64>,
     /// How speeds change with depth; without it there is one speed, by temperature, salinity and the depth of the sonar.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub profile: Option<Profile>,
+    pub profile: Option<WaterProfile>,
     /// Speed of sound that the instrument believes in, m/s; that at its own depth when not given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub assumed_speed_m_s: Option<f64>,
-    /// Whether speeds and densities may be anything above 0, as in files whose numbers are in other units.
+    /// Whether speeds and densities may be anything from 1e-6 to 1e6, as in files whose numbers are in other units.
     pub allow_unphysical: bool,
     /// Wind over the water, m/s: it makes waves and noise; 5.
     pub wind_m_s: f64,
@@ -213,7 +213,7 @@ water:
             absorption: Absorption::AinslieMccolm,
             spreading: Spreading::Hybrid,
             spreading_from_m: Some(100.0),
-            profile: Some(Profile::Layers(vec![layer(0.0, 1500.0, 1026.0), layer(4.0, 1480.0, 1025.0)])),
+            profile: Some(WaterProfile::Layers(vec![layer(0.0, 1500.0, 1026.0), layer(4.0, 1480.0, 1025.0)])),
             assumed_speed_m_s: Some(1500.0),
             allow_unphysical: false,
             wind_m_s: 8.0,
@@ -237,7 +237,7 @@ water:
 
     #[test]
     fn errors_name_line_key_and_what_is_allowed() {
-        let speeds = "allowed: 1300 to 1700, in m/s; with allow_unphysical: true any number above 0";
+        let speeds = "allowed: 1300 to 1700, in m/s; with allow_unphysical: true 0.000001 to 1000000";
         let cases = [
             (
                 "salinity: 3",
@@ -299,7 +299,11 @@ water:
             ),
             (
                 "allow_unphysical: true\n  profile: {constant: {speed_m_s: 0}}",
-                "line 3: water.profile.constant.speed_m_s: is 0; allowed: any finite number above 0",
+                "line 3: water.profile.constant.speed_m_s: is 0; allowed: 0.000001 to 1000000",
+            ),
+            (
+                "allow_unphysical: true\n  profile: {layers: [{depth_m: 0, speed_m_s: 1e7}]}",
+                "line 3: water.profile.layers[0].speed_m_s: is 10000000; allowed: 0.000001 to 1000000",
             ),
             (
                 "profile: {constant: {speed: 1500}}",
@@ -335,17 +339,17 @@ water:
         };
         let speeds = load("# a cast\ndepth_m,speed_m_s\n0,1500\n10.5,1490.25\n").unwrap();
         let row = |depth_m, speed_m_s| SpeedRow { depth_m, speed_m_s };
-        let expected = Profile::Cast(vec![row(0.0, 1500.0), row(10.5, 1490.25)]);
+        let expected = WaterProfile::Cast(vec![row(0.0, 1500.0), row(10.5, 1490.25)]);
         assert_eq!(speeds.water.as_ref().unwrap().profile, Some(expected));
         // Nothing is read later: what is written holds the rows.
         let text = speeds.to_yaml().unwrap();
         assert_eq!(Environment::from_yaml(&text).unwrap(), speeds);
         let ts = load("salinity_psu,depth_m,temperature_c\n35,0,20\n34,100,4\n").unwrap().water.unwrap();
         let row = |depth_m, temperature_c, salinity_psu| WaterRow { depth_m, temperature_c, salinity_psu };
-        assert_eq!(ts.profile, Some(Profile::Ts(vec![row(0.0, 20.0, 35.0), row(100.0, 4.0, 34.0)])));
+        assert_eq!(ts.profile, Some(WaterProfile::Ts(vec![row(0.0, 20.0, 35.0), row(100.0, 4.0, 34.0)])));
 
         let refused = |csv: &str| load(csv).unwrap_err().to_string().split_once("cast.csv: ").unwrap().1.to_owned();
-        let speeds = "allowed: 1300 to 1700, in m/s; with allow_unphysical: true any number above 0";
+        let speeds = "allowed: 1300 to 1700, in m/s; with allow_unphysical: true 0.000001 to 1000000";
         assert_eq!(refused("depth_m,speed_m_s\n0,1500\n5,1.49\n"), format!("line 3: speed_m_s is 1.49; {speeds}"));
         assert_eq!(
             refused("depth_m,speed_m_s\n5,1500\n5,1500\n"),
@@ -360,7 +364,7 @@ water:
         let long: String = (0..1001).map(|depth| format!("{depth},1500\n")).collect();
         let error = refused(&format!("depth_m,speed_m_s\n{long}"));
         assert_eq!(error, "line 1002: is row 1001; allowed: 2 to 1000 rows");
-        let unread = Water { profile: Some(Profile::File("a.csv".into())), ..Water::default() };
+        let unread = Water { profile: Some(WaterProfile::File("a.csv".into())), ..Water::default() };
         let error = unread.check("water", &mut Bounds::none()).unwrap_err().to_string();
         assert!(error.starts_with("water.profile.file is a.csv; allowed: a file whose rows are known"), "{error}");
         assert!(message("water: {profile: {file: no/such.csv}}").starts_with("no/such.csv: "));

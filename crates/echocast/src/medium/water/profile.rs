@@ -8,11 +8,13 @@ use std::path::{Path, PathBuf};
 /// Most rows of a profile.
 const MOST_ROWS: usize = 1000;
 /// Deepest row, m; the deepest trench is 11 km deep.
-const DEEPEST: f64 = 12_000.0;
+pub(super) const DEEPEST: f64 = 12_000.0;
 /// Speeds of sound that water has, m/s.
 pub(super) const PHYSICAL_SPEEDS: [f64; 2] = [1300.0, 1700.0];
 /// Densities that water and thin mud have, kg/m^3.
 const PHYSICAL_DENSITIES: [f64; 2] = [900.0, 1400.0];
+/// What speeds and densities may be in files whose numbers are in other units.
+const UNPHYSICAL: [f64; 2] = [1e-6, 1e6];
 /// Temperatures of water, degrees Celsius.
 pub(super) const TEMPERATURES: [f64; 2] = [-4.0, 45.0];
 /// Practical salinities that formulas still say something of.
@@ -21,7 +23,7 @@ pub(super) const SALINITIES: [f64; 2] = [0.0, 50.0];
 /// How speed of sound, or temperature and salinity, change with depth, which is counted down from the surface.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Profile {
+pub enum WaterProfile {
     /// Layers of one speed each, from their depth down to the next one's, the last without end. They say nothing of
     /// what lies above the first.
     Layers(Vec<Layer>),
@@ -136,10 +138,10 @@ fn physical(
     allow_unphysical: bool,
 ) -> Option<Fault> {
     if allow_unphysical {
-        let holds = value > 0.0 && value.is_finite();
-        return (!holds).then(|| Fault(key, value, "any finite number above 0".into()));
+        return within(key, value, UNPHYSICAL);
     }
-    let allowed = format!("{least} to {most}, in {unit}; with allow_unphysical: true any number above 0");
+    let [tiny, huge] = UNPHYSICAL;
+    let allowed = format!("{least} to {most}, in {unit}; with allow_unphysical: true {tiny} to {huge}");
     if (least..=most).contains(&value) { None } else { Some(Fault(key, value, allowed)) }
 }
 
@@ -178,24 +180,24 @@ fn check_rows(key: &str, rows: &[impl Row], least: usize, allow_unphysical: bool
     Ok(())
 }
 
-impl Profile {
+impl WaterProfile {
     /// Whether all values are within what is allowed, for errors below the key `key`.
     pub(super) fn check(&self, key: &str, allow_unphysical: bool) -> Result<()> {
         match self {
-            Profile::Layers(rows) => check_rows(&format!("{key}.layers"), rows, 1, allow_unphysical),
+            WaterProfile::Layers(rows) => check_rows(&format!("{key}.layers"), rows, 1, allow_unphysical),
             // One row alone would cover no depth.
-            Profile::Cast(rows) => check_rows(&format!("{key}.cast"), rows, 2, allow_unphysical),
-            Profile::Ts(rows) => check_rows(&format!("{key}.ts"), rows, 2, allow_unphysical),
-            Profile::Constant { speed_m_s } => {
+            WaterProfile::Cast(rows) => check_rows(&format!("{key}.cast"), rows, 2, allow_unphysical),
+            WaterProfile::Ts(rows) => check_rows(&format!("{key}.ts"), rows, 2, allow_unphysical),
+            WaterProfile::Constant { speed_m_s } => {
                 check_speed(&format!("{key}.constant.speed_m_s"), *speed_m_s, allow_unphysical)
             }
-            Profile::File(file) => Err(unread(key, file)),
+            WaterProfile::File(file) => Err(unread(key, file)),
         }
     }
 
     /// Reads the file that it may name; a relative name starts at `folder`.
     pub(super) fn read_file(&mut self, folder: &Path, allow_unphysical: bool) -> Result<()> {
-        if let Profile::File(file) = self {
+        if let WaterProfile::File(file) = self {
             *self = read(&folder.join(file), allow_unphysical)?;
         }
         Ok(())
@@ -208,13 +210,13 @@ pub(super) fn unread(key: &str, file: &Path) -> Error {
     Error::invalid(format!("{key}.file"), file.display(), allowed)
 }
 
-fn read(path: &Path, allow_unphysical: bool) -> Result<Profile> {
+fn read(path: &Path, allow_unphysical: bool) -> Result<WaterProfile> {
     let csv = Csv::open(path)?;
     if csv.optional(["speed_m_s"])[0].is_some() {
         csv.only(&["depth_m", "speed_m_s"])?;
         let [depth, speed] = csv.required(["depth_m", "speed_m_s"])?;
         let row = |row: &[f64]| SpeedRow { depth_m: row[depth], speed_m_s: row[speed] };
-        return Ok(Profile::Cast(read_rows(path, csv, allow_unphysical, row)?));
+        return Ok(WaterProfile::Cast(read_rows(path, csv, allow_unphysical, row)?));
     }
     let names = ["depth_m", "temperature_c", "salinity_psu"];
     if csv.optional(names).iter().all(Option::is_none) {
@@ -225,7 +227,7 @@ fn read(path: &Path, allow_unphysical: bool) -> Result<Profile> {
     csv.only(&names)?;
     let row =
         |row: &[f64]| WaterRow { depth_m: row[depth], temperature_c: row[temperature], salinity_psu: row[salinity] };
-    Ok(Profile::Ts(read_rows(path, csv, allow_unphysical, row)?))
+    Ok(WaterProfile::Ts(read_rows(path, csv, allow_unphysical, row)?))
 }
 
 fn read_rows<R: Row>(

@@ -4,7 +4,11 @@
 //! gradient, and `cos(grazing angle) / speed` stays the same from slab to slab (Snell). Slabs, arcs and the equations below:
 //! Jensen, Kuperman, Porter, Schmidt, "Computational Ocean Acoustics", 2nd ed., chapter 3.
 
-use super::Slab;
+use super::{Fluid, Slab};
+
+/// Height, m, that a ray rises above and falls below the axis of a duct at most to be taken for one along it: else one
+/// that is level there would pass from slab to slab without getting anywhere.
+const NARROW: f64 = 1e-6;
 
 /// A ray on its way.
 #[derive(Clone, Copy, Debug)]
@@ -25,9 +29,11 @@ pub(crate) struct Ray {
     pub time: f64,
     /// m since the start.
     pub path: f64,
-    /// Absorption and reflections since the start, dB.
+    /// Whether it goes straight along the depth between two slabs where sound is slowest: it bends back from both.
+    pub level: bool,
+    /// What absorption and mirrors have taken since the start, dB; not what boundaries between slabs have.
     absorbed: f64,
-    /// Part of the energy that boundaries have let through, 0 to 1.
+    /// Part of the energy that boundaries between slabs have let through, 0 to 1.
     transmitted: f64,
     /// Integral of speed over the way, m^2/s: over the speed at the start it is the width of the tube across the plane.
     pub speed_path: f64,
@@ -35,7 +41,8 @@ pub(crate) struct Ray {
     pub tube: f64,
     /// What the tube widens by with each m^2/s of `speed_path`, s/m: constant within a slab.
     pub widening: f64,
-    /// Derivative of `snell` by the angle at the start, with its sign turned by every reflection, s/m.
+    /// What `snell` falls by with each radian that the start points further down, with its sign turned by every
+    /// reflection, s/m.
     pub turn: f64,
 }
 
@@ -62,6 +69,7 @@ impl Ray {
             speed,
             time: 0.0,
             path: 0.0,
+            level: false,
             absorbed: 0.0,
             transmitted: 1.0,
             speed_path: 0.0,
@@ -71,14 +79,20 @@ impl Ray {
         }
     }
 
-    /// Loss by absorption, boundaries and reflections since the start, dB.
+    /// Loss by absorption, boundaries between slabs and mirrors since the start, dB.
     pub fn loss(&self) -> f64 {
         self.absorbed - 10.0 * self.transmitted.max(1e-30).log10()
     }
 
-    /// Takes `db` away.
+    /// Takes `db` away, as mirrors do; below 0 it gives back.
     pub fn lose(&mut self, db: f64) {
         self.absorbed += db;
+    }
+
+    /// What sound gets faster by on its way through `slab`, 1/s downwards.
+    #[inline(always)]
+    pub fn gradient(&self, slab: &Slab) -> f64 {
+        if self.level { 0.0 } else { slab.gradient }
     }
 
     /// The ray `length` m on along the arc within `slab`.
@@ -87,7 +101,7 @@ impl Ray {
         let mut next = *self;
         let (c, s) = (self.speed, self.sine);
         next.path += length;
-        if slab.gradient == 0.0 {
+        if self.gradient(slab) == 0.0 {
             let fall = length * s;
             next.distance += length * self.snell * c;
             next.depth += fall;
@@ -143,7 +157,7 @@ impl Ray {
             _ => slab.top - self.depth,
         };
         let ahead = if self.sine > 0.0 { End::Bottom } else { End::Top };
-        if slab.gradient == 0.0 {
+        if self.gradient(slab) == 0.0 {
             return if self.sine == 0.0 {
                 (f64::INFINITY, End::Inside)
             } else {
@@ -181,8 +195,11 @@ impl Ray {
         (length, end)
     }
 
-    /// Goes over into the next slab, or back into this one where the boundary reflects everything.
-    pub fn cross(&mut self, slabs: &[Slab], end: End) {
+    /// Goes over into the next slab, or back into this one where the boundary reflects everything. The part of the energy
+    /// that goes over, 0 to 1; `None`: the water is the same on both sides.
+    pub fn cross(&mut self, slabs: &[Slab], end: End) -> Option<f64> {
+        /// Speeds and densities that are as near to each other are the same: only rounding is between them.
+        const SAME: f64 = 1e-12;
         let here = &slabs[self.slab];
         let (there, depth) = match end {
             End::Bottom => (self.slab + 1, here.bottom),
@@ -192,25 +209,37 @@ impl Ray {
         let next = &slabs[there];
         let (from, to) = (here.speed_at(depth), next.speed_at(depth));
         let down = if end == End::Bottom { 1.0 } else { -1.0 };
-        if from != to || here.density != next.density {
+        // At a vertex it may come with the other sign.
+        self.sine = down * self.sine.abs();
+        let differ = |a: f64, b: f64| (a - b).abs() > SAME * a;
+        let mut transmitted = None;
+        if differ(from, to) || differ(here.density, next.density) {
             let cosine = self.snell * to;
             if cosine >= 1.0 {
                 self.speed = from;
-                return self.mirror(here);
+                self.mirror(here);
+                return Some(0.0);
             }
             let (sine, sine_on) = (self.sine.abs().max(1e-9), (1.0 - cosine * cosine).sqrt().max(1e-9));
-            // Reflection coefficient of two fluids; what is not reflected goes on.
-            let (a, b) = (next.density * to * sine, here.density * from * sine_on);
-            let reflected = (a - b) / (a + b);
-            self.transmitted *= 1.0 - reflected * reflected;
+            let [here, next] = [(here, from), (next, to)].map(|(slab, speed)| Fluid::new(slab.density, speed));
+            let part = here.transmittance(&next, sine);
+            self.transmitted *= part;
             self.tube *= sine_on / sine;
             self.sine = down * sine_on;
-        } else {
-            self.sine = down * self.sine.abs();
+            transmitted = Some(part);
+        } else if down * next.gradient > 0.0 && down * here.gradient < 0.0 {
+            // Sound is slowest here. How far a ray gets until it is level, and comes back: sine^2 / (2 curvature).
+            let reach = self.sine * self.sine / (2.0 * next.gradient.abs() * self.snell);
+            if reach < NARROW {
+                (self.level, self.sine, self.snell) = (true, 0.0, 1.0 / to);
+            }
         }
         self.speed = to;
         self.slab = there;
-        self.widen(next);
+        if !self.level {
+            self.widen(next);
+        }
+        transmitted
     }
 
     /// Reflection by a horizontal boundary of the slab.
@@ -235,4 +264,60 @@ pub(crate) fn small_sin_cos(x: f64) -> (f64, f64) {
     }
     let q = x * x;
     (x * (1.0 - q / 6.0 * (1.0 - q / 20.0)), 1.0 - q / 2.0 * (1.0 - q / 12.0 * (1.0 - q / 30.0)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn slab(top: f64, bottom: f64, speed: f64, gradient: f64) -> Slab {
+        Slab { top, bottom, speed, gradient, density: 1025.0, absorption: 0.0, absorption_slope: 0.0 }
+    }
+
+    /// A ray that comes level, by rounding even from the wrong side, stays on its own.
+    #[test]
+    fn total_reflection_sends_back() {
+        let slabs = [slab(0.0, 10.0, 1490.0, 1.0), slab(10.0, 20.0, 1600.0, 1.0)];
+        for sine in [1e-18, -1e-18] {
+            let mut ray = Ray::launch(10.0, [sine, 1.0], &slabs, 0);
+            assert_eq!(ray.cross(&slabs, End::Bottom), Some(0.0));
+            assert_eq!((ray.slab, ray.sine.signum(), ray.speed), (0, -1.0, 1500.0));
+        }
+        let slabs = [slab(0.0, 10.0, 1600.0, 0.0), slab(10.0, 20.0, 1500.0, -1.0)];
+        for sine in [1e-18, -1e-18] {
+            let mut ray = Ray::launch(10.0, [sine, 1.0], &slabs, 1);
+            assert_eq!(ray.cross(&slabs, End::Top), Some(0.0));
+            assert_eq!((ray.slab, ray.sine.signum(), ray.speed), (1, 1.0, 1500.0));
+        }
+    }
+
+    /// Where sound is slowest a level ray is held from both sides, and one that is not quite level swings about it.
+    #[test]
+    fn a_duct_holds_rays_on_its_axis() {
+        let slabs = [slab(0.0, 100.0, 1500.0, -0.2), slab(100.0, 200.0, 1480.0, 0.1)];
+        for (sine, depth) in [(0.0, 100.0), (1e-9, 100.0), (-1e-9, 100.0), (0.0, 100.0 - 1e-9), (0.0, 100.0 + 1e-9)] {
+            let mut ray = Ray::launch(depth, [sine, 1.0], &slabs, usize::from(depth >= 100.0));
+            for _ in 0..4 {
+                let here = &slabs[ray.slab];
+                let (length, end) = ray.exit(here);
+                if end == End::Inside {
+                    break;
+                }
+                ray = ray.advanced(here, length);
+                ray.cross(&slabs, end);
+            }
+            assert!(ray.level && ray.path < 0.2, "{sine} {depth}: {ray:?}");
+            let far = ray.advanced(&slabs[ray.slab], 1e5);
+            assert!((far.depth - 100.0).abs() < 2e-9 && (far.time - far.path / 1480.0).abs() < 1e-9);
+        }
+        let mut ray = Ray::launch(100.0, [0.01, (1f64 - 1e-4).sqrt()], &slabs, 1);
+        for _ in 0..10 {
+            let here = &slabs[ray.slab];
+            let (length, end) = ray.exit(here);
+            assert!(length > 100.0);
+            ray = ray.advanced(here, length);
+            ray.cross(&slabs, end);
+            assert!((ray.sine.abs() - 0.01).abs() < 1e-12 && !ray.level);
+        }
+    }
 }

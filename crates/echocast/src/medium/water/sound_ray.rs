@@ -83,42 +83,43 @@ impl SoundRay {
         /// Slabs that are passed without an event at most.
         const MOST: usize = 100_000;
         for _ in 0..MOST {
-            let slab = &self.slabs[self.ray.slab];
-            let (length, end) = self.ray.exit(slab);
-            if !length.is_finite() {
-                return None;
+            let (before, event) = self.pass()?;
+            if let Some(event) = event {
+                return Some((self.tell(&before), event));
             }
-            self.ray = self.ray.advanced(slab, length);
-            let last = self.slabs.len() - 1;
-            let event = match end {
-                End::Top if self.ray.slab == 0 => {
-                    (self.ray.depth, self.ray.sine) = (0.0, -self.ray.sine.abs());
-                    RayEvent::Surface
-                }
-                End::Bottom if self.ray.slab == last => {
-                    (self.ray.depth, self.ray.sine) = (self.bottom, self.ray.sine.abs());
-                    RayEvent::Bottom
-                }
-                End::Inside => return None,
-                _ => {
-                    let before = self.ray;
-                    self.ray.cross(&self.slabs, end);
-                    let event = if self.ray.slab == before.slab {
-                        RayEvent::TotalReflection
-                    } else if self.ray.loss() != before.loss() || self.ray.speed != before.speed {
-                        RayEvent::Boundary(10f64.powf((before.loss() - self.ray.loss()) / 10.0))
-                    } else {
-                        // The gradient changes, or nothing.
-                        continue;
-                    };
-                    return Some((self.tell(&before), event));
-                }
-            };
-            let point = self.tell(&self.ray);
-            self.ray.mirror(slab);
-            return Some((point, event));
         }
         None
+    }
+
+    /// Follows it to the end of its slab and beyond; where it was just before, and what happened. `None`: it goes on for
+    /// ever, or along the surface or the bottom.
+    fn pass(&mut self) -> Option<(Ray, Option<RayEvent>)> {
+        let slab = &self.slabs[self.ray.slab];
+        let (length, end) = self.ray.exit(slab);
+        if !length.is_finite() || end == End::Inside {
+            return None;
+        }
+        self.ray = self.ray.advanced(slab, length);
+        let edge = match end {
+            End::Top if self.ray.slab == 0 => Some((0.0, -1.0, RayEvent::Surface)),
+            End::Bottom if self.ray.slab == self.slabs.len() - 1 => Some((self.bottom, 1.0, RayEvent::Bottom)),
+            _ => None,
+        };
+        if let Some((depth, down, event)) = edge {
+            (self.ray.depth, self.ray.sine) = (depth, down * self.ray.sine.abs());
+            let before = self.ray;
+            self.ray.mirror(slab);
+            let moves = length > 0.0 || before.sine != 0.0;
+            return moves.then_some((before, Some(event)));
+        }
+        let before = self.ray;
+        let event = match self.ray.cross(&self.slabs, end) {
+            // The gradient changes, or nothing.
+            None => None,
+            Some(_) if self.ray.slab == before.slab => Some(RayEvent::TotalReflection),
+            Some(part) => Some(RayEvent::Boundary(part)),
+        };
+        Some((before, event))
     }
 
     /// Where it will be at the horizontal `distance_m`, before the next change of slab; `None`: not before that.
@@ -142,19 +143,7 @@ impl SoundRay {
 
     /// Passes over to the next slab or event, whichever comes first.
     pub fn next_slab(&mut self) -> Option<()> {
-        let slab = &self.slabs[self.ray.slab];
-        let (length, end) = self.ray.exit(slab);
-        if !length.is_finite() {
-            return None;
-        }
-        self.ray = self.ray.advanced(slab, length);
-        match end {
-            End::Top if self.ray.slab == 0 => self.ray.mirror(slab),
-            End::Bottom if self.ray.slab == self.slabs.len() - 1 => self.ray.mirror(slab),
-            End::Inside => return None,
-            _ => self.ray.cross(&self.slabs, end),
-        }
-        Some(())
+        self.pass().map(|_| ())
     }
 
     fn tell(&self, ray: &Ray) -> RayPoint {

@@ -55,7 +55,8 @@ impl SoundSpeed {
                     + t * (5.0 + t * (-5.44e-2 + t * 2.1e-4))
                     + s * (1.33 + t * (-1.23e-2 + t * 8.7e-5))
                     + z * (1.56e-2 + z * (2.55e-7 - z * 7.3e-12))
-                    + 1.2e-6 * z * (latitude_deg - 45.0)
+                    // Gravity, and with it pressure, is the same north and south.
+                    + 1.2e-6 * z * (latitude_deg.abs() - 45.0)
                     - 9.5e-13 * t * z.powi(3)
                     + 3e-7 * t * t * z
                     + 1.43e-5 * s * z
@@ -148,6 +149,10 @@ mod tests {
         // Gravity is greater at the poles.
         assert!(pressure_bar(1000.0, 90.0) > pressure_bar(1000.0, 0.0));
         assert_eq!(pressure_bar(1000.0, 90.0), pressure_bar(1000.0, -90.0));
+        for formula in [SoundSpeed::Leroy, SoundSpeed::Unesco] {
+            let [south, north] = [-60.0, 60.0].map(|latitude| formula.speed(2.0, 35.0, 4000.0, latitude));
+            assert_eq!(south, north);
+        }
     }
 
     #[test]

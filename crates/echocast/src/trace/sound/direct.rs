@@ -1,7 +1,8 @@
 //! Direct ways from the sonar to what rays have met over reflections.
 
 use super::{
-    Arrival, Chord, End, HitBatch, Launch, MISS, MOST_STEPS, SAGITTA, SoundTracer, Start, State, TracerMemory,
+    Arrival, Chord, End, HitBatch, Launch, MISS, MOST_STEPS, SAGITTA, SoundTracer, Start, State, Step, TracerMemory,
+    rounding,
 };
 use crate::medium::Ray;
 use crate::trace::{LANES, RayBatch};
@@ -26,6 +27,8 @@ pub(super) struct Candidate {
     length: f64,
     /// When it is at the place, s.
     time: f64,
+    /// Where it goes next, once it is followed.
+    step: Step,
 }
 
 /// How near to a place a ray must pass, m.
@@ -76,9 +79,11 @@ impl SoundTracer<'_> {
         }
         // Clear of the surface itself.
         let sine = f64::from(along.abs() / normal.length()).max(1e-3);
-        let length = end.path - (SAGITTA / sine).min(0.1 * end.path);
+        let clear = SAGITTA.max(rounding(arrival.place).into());
+        let length = end.path - (clear / sine).min(0.1 * end.path);
+        let step = Step { length: 0.0, end: End::Inside, chord: None };
         let direct = Direct { arrival: index, way, launch: state.direction().as_vec3() };
-        Some(Candidate { direct, state, length, time: end.time })
+        Some(Candidate { direct, state, length, time: end.time, step })
     }
 
     /// The ray along `to`, at its start and at its end, in water that is the same everywhere.
@@ -185,7 +190,7 @@ impl SoundTracer<'_> {
                 None => true,
             });
             for (lane, it) in candidates.iter().enumerate() {
-                let Chord { from, along, length } = self.chord(&it.state, self.direct_step(it).length);
+                let Some(Chord { from, along, length }) = it.step.chord else { continue };
                 (rays.org_x[lane], rays.org_y[lane], rays.org_z[lane]) = from.into();
                 (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = along.into();
                 rays.range_max[lane] = length;
@@ -214,7 +219,8 @@ impl SoundTracer<'_> {
             if it.length - it.state.ray.path <= 1e-6 {
                 return Some(true);
             }
-            if self.direct_step(it).chord.is_some() {
+            it.step = self.direct_step(it);
+            if it.step.chord.is_some() {
                 return None;
             }
             if !self.go_on(it) {
@@ -224,22 +230,26 @@ impl SoundTracer<'_> {
         Some(false)
     }
 
-    /// The next step of a direct way.
-    fn direct_step(&self, it: &Candidate) -> super::Step {
+    /// The next step of a direct way, which ends at the place at the latest.
+    fn direct_step(&self, it: &Candidate) -> Step {
         let step = self.step(&it.state, it.time);
         let rest = it.length - it.state.ray.path;
-        if step.length < rest { step } else { super::Step { length: rest, end: End::Inside, ..step } }
+        if step.length < rest {
+            return step;
+        }
+        Step { length: rest, end: End::Inside, chord: step.chord.map(|_| self.chord(&it.state, rest)) }
     }
 
-    /// Takes a ray to the end of its next step; whether it goes on from there.
+    /// Takes a ray to the end of its step; whether it goes on from there.
     fn go_on(&self, it: &mut Candidate) -> bool {
-        let step = self.direct_step(it);
-        let ray = &mut it.state.ray;
+        let Candidate { state: State { ray, .. }, step, .. } = it;
         *ray = ray.advanced(&self.slabs[ray.slab], step.length);
         match step.end {
             End::Inside => {}
             End::Top if ray.slab == 0 => return false,
-            end => ray.cross(&self.slabs, end),
+            end => {
+                ray.cross(&self.slabs, end);
+            }
         }
         true
     }
