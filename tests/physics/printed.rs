@@ -473,3 +473,21 @@ fn errors_say_what_is_allowed() {
         assert!(message(profile, "surface_z_m: -20", 10.0).starts_with("the depth of the sonar is -10 m"));
     }
 }
+
+/// They make speeds by Medwin's formula, whatever the water asks for, and know no laws of sediments.
+#[test]
+fn warnings_are_those_of_their_own_water() {
+    let sensor = fans(90.0, 20.0);
+    let scene = bottom(0.5);
+    let told = |profile: Profile, keys: &str| {
+        let environment = Environment::from_yaml(&format!("water: {{{keys}}}")).unwrap();
+        let report = scene.check_water(&sensor, &at_depth(10.0), &options(profile, environment)).unwrap();
+        report.warnings.join("; ")
+    };
+    for profile in [Profile::Paper, Profile::Blainder] {
+        assert_eq!(told(profile, "salinity_psu: 5"), "");
+        let warm = "the speed of sound is that of medwin, for temperature 40 C (it is good for 0 to 35 C)";
+        assert_eq!(told(profile, "temperature_c: 40"), warm);
+    }
+    assert!(told(Profile::Physical, "salinity_psu: 5").starts_with("the speed of sound is that of mackenzie"));
+}

@@ -95,7 +95,9 @@ impl Taper {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Speckle {
-    /// Rayleigh-distributed amplitude, frozen to the surface.
+    /// Rayleigh-distributed amplitude: each ray, on each way back, has a random scatterer of its own in every place of a
+    /// surface, a third of the range resolution wide, and it is the same in all pings of a seed. What does not move sounds
+    /// the same again; where another ray meets a place it finds another scatterer.
     #[default]
     Frozen,
     /// None: the mean level.

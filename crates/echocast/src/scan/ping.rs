@@ -1,5 +1,6 @@
 //! One ping of a sonar, step by step: rays through the water, what they meet, what of it the beams hear, levels, depths.
 
+use super::printed::printed_water;
 use super::{Profile, ScanOptions};
 use crate::cause::Cause;
 use crate::cloud::{Field, FieldSet, Slices};
@@ -164,7 +165,8 @@ impl BuiltScene {
     }
 
     /// What there is to say against the water of `options` for a sonar at `trajectory`: formulas outside the ranges that
-    /// they were made for, speeds that no water has, sediments at frequencies that nobody has measured them at.
+    /// they were made for, speeds that no water has, sediments at frequencies that nobody has measured them at; in the
+    /// profiles of the paper and its program, against the water that these make of it.
     ///
     /// # Errors
     /// As [`BuiltScene::ping`].
@@ -172,9 +174,15 @@ impl BuiltScene {
         let acoustics = sensor.acoustics()?;
         let start = trajectory.at(options.trajectory_time());
         let water = options.environment.water.clone().unwrap_or_default();
+        let physical = options.profile == Profile::Physical;
+        let water = if physical { water } else { printed_water(water) };
         let (_, warnings) = Column::new(&water, acoustics.frequency(), water.surface_z_m - start.position.z)?;
         let mut report = Report::default();
         warnings.into_iter().for_each(|warning| report.warn(warning));
+        if !physical {
+            // Paper and program know reflectances in place of laws.
+            return Ok(report);
+        }
         let laws = self.0.surfaces.materials.iter().filter_map(|material| material.sound_law());
         let mut odd: Vec<String> = laws.filter_map(|law| law.warning(acoustics.frequency())).collect();
         odd.sort();

@@ -102,10 +102,9 @@ impl<'a> Printed<'a> {
             check_for_program(acoustics, options.environment.water.as_ref())?;
         }
         let pose = sensor.turned(trajectory.at(options.trajectory_time()), options.frame);
-        // Eq. 8 makes speeds of temperatures; neither paper nor program know absorption.
-        let water = options.environment.water.clone().unwrap_or_default();
-        let water = Water { sound_speed: SoundSpeed::Medwin, absorption: Absorption::None, ..water };
+        let water = printed_water(options.environment.water.clone().unwrap_or_default());
         let depth = water.surface_z_m - pose.position.z;
+        // What there is to say against it `BuiltScene::check_water` tells.
         let (column, _) = Column::new(&water, acoustics.frequency(), depth)?;
         let wavelength = column.speed_at(depth) / acoustics.frequency();
         let source = if program { ReflectanceSource::Alpha } else { ReflectanceSource::Luminance };
@@ -236,6 +235,9 @@ impl<'a> Printed<'a> {
             }
             let mut top = depth;
             for (index, slab) in slabs.iter().enumerate() {
+                if ways.is_empty() {
+                    break;
+                }
                 let next = slabs.get(index + 1);
                 for (lane, way) in ways.iter_mut().enumerate() {
                     way.length = next.map_or(way.left, |_| (slab.bottom - top) / way.fall);
@@ -396,6 +398,11 @@ impl<'a> Printed<'a> {
             put!(red: red, green: green, blue: blue);
         }
     }
+}
+
+/// `water` as paper and program have it: eq. 8 makes speeds of temperatures, and neither knows absorption.
+pub(super) fn printed_water(water: Water) -> Water {
+    Water { sound_speed: SoundSpeed::Medwin, absorption: Absorption::None, ..water }
 }
 
 /// What the program must have beyond what every sonar has.
