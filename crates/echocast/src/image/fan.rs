@@ -193,7 +193,7 @@ mod tests {
         let error = fan(&down, 8).unwrap_err().to_string();
         assert_eq!(error, "side of a fan is 8; allowed: 16 to 8192 pixels");
         let error = fan(&turning(4, 90.0).pings[0], 100).unwrap_err().to_string();
-        assert!(error.starts_with("fan is asked of a single sonar; allowed: fan and swath"), "{error}");
+        assert!(error.starts_with("fan is asked of a single sonar; allowed: imaging and swath"), "{error}");
     }
 
     #[test]
