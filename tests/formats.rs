@@ -330,12 +330,39 @@ fn relative_energy_fills_the_range_of_las() {
         let stored = |i: f32| format!("{}.0", (f64::from(i) / f64::from(strongest) * 65535.0).round());
         let wanted: Vec<String> = cloud.columns.intensity.iter().map(|&i| stored(i)).collect();
         assert_eq!(wanted[1], "65535.0");
-        assert_eq!(read(format, &[path])[0]["columns"]["intensity"], json!(wanted));
+        let found = read(format, &[path]);
+        assert_eq!(found[0]["columns"]["intensity"], json!(wanted));
+        // Beside it as it is, where there is room.
+        assert_eq!(said(&report, "raw_intensity holds it"), format == "las");
+        match found[0]["columns"]["raw_intensity"].as_array() {
+            Some(raw) => {
+                let raw = raw.iter().map(|value| value.as_str().unwrap().parse::<f64>().unwrap());
+                assert!(raw.eq(cloud.columns.intensity.iter().map(|&i| f64::from(i))));
+            }
+            None => assert_eq!(format, "las2"),
+        }
     }
     cloud.columns.intensity = vec![0.0; 4];
     let dark = folder.path().join("dark.las");
     cloud.write(&dark).unwrap();
     assert_eq!(read("las", &[dark])[0]["columns"]["intensity"], json!(vec!["0.0"; 4]));
+}
+
+#[test]
+fn levels_of_sonars_are_kept_in_las() {
+    let mut cloud = cloud(4, FieldSet::default().with(Field::Cause));
+    cloud.intensity_full_scale = None;
+    cloud.columns.intensity = vec![-12.5, 88.25, 0.0, 131.5];
+    cloud.columns.cause = vec![7, 0, 9, 10];
+    (cloud.columns.return_number, cloud.columns.return_count) = (vec![1; 4], vec![1; 4]);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("ping.las");
+    let report = cloud.write(&path).unwrap();
+    assert!(!said(&report, "return numbers"), "{report:?}");
+    let found = &read("las", &[path])[0]["columns"];
+    assert_eq!(found["raw_intensity"], json!(["-12.5", "88.25", "0.0", "131.5"]));
+    assert_eq!(found["cause"], json!(["7.0", "0.0", "9.0", "10.0"]));
+    assert_eq!((&found["return_number"], &found["return_count"]), (&json!(vec!["1.0"; 4]), &json!(vec!["1.0"; 4])));
 }
 
 #[test]

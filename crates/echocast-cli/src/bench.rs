@@ -1,22 +1,28 @@
 //! `echocast bench`
 
 use crate::input::{self, SceneArgs, SensorArgs};
-use crate::place::PlaceArgs;
+use crate::place::{self, PlaceArgs};
 use crate::text::{self, counted, duration};
+use crate::weather::WeatherArgs;
 use anyhow::Result;
-use echocast::{BareLoop, PointCloud, ScanOptions, Trajectory};
+use echocast::{BareLoop, PointCloud, ScanOptions, SensorKind, Trajectory};
 use rustix::time::{ClockId, clock_gettime};
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 
 /// Measure how fast a scene is here: warm scans for some seconds, beside the bare Embree loop on the same rays
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  echocast bench street.glb --sensor velodyne_vls128 --camera Sensor --threads 1")]
+#[command(after_help = "\
+Examples:
+  echocast bench street.glb --sensor velodyne_vls128 --camera Sensor --threads 1
+  echocast bench lake.glb --sensor sss_450 --camera Sonar")]
 pub struct Args {
     #[command(flatten)]
     scene: SceneArgs,
     #[command(flatten)]
     sensor: SensorArgs,
+    #[command(flatten)]
+    weather: WeatherArgs,
     #[command(flatten)]
     place: PlaceArgs,
     /// Worker threads [default: all cores]
@@ -35,12 +41,17 @@ const ROUND: Duration = Duration::from_millis(100);
 pub fn run(args: &Args) -> Result<()> {
     let threads = input::set_threads(args.threads)?;
     let sensor = args.sensor.load()?;
+    let environment = args.weather.load(sensor.kind())?;
     let scene = args.scene.load()?;
     let pose = args.place.pose(&scene)?;
+    let trajectory = Trajectory::fixed(pose);
+    if sensor.kind() == SensorKind::Sonar {
+        place::check_submerged(&trajectory, &environment, [0.0].into_iter())?;
+    }
     let built = scene.build()?;
 
     let mut bare = BareLoop::new(&built, &sensor, pose);
-    let (trajectory, options) = (Trajectory::fixed(pose), ScanOptions::default());
+    let options = ScanOptions { environment, ..ScanOptions::default() };
     let mut cloud = PointCloud::default();
     let mut scan = || built.scan_into(&sensor, &trajectory, &options, &mut cloud);
     scan()?;

@@ -45,7 +45,8 @@ fn row(list: &mut String, name: &str, extensions: &[&str], description: &str) {
 /// The columns, a line each, for the help of `--fields`.
 pub fn column_help() -> StyledStr {
     let mut help = String::from(
-        "Columns to compute and write: names separated by commas, `default` or `all`\n\n* = written by default:\n",
+        "Columns to compute and write: names separated by commas, `default` or `all`\n\n* = written by \
+         default, of sonars also cause:\n",
     );
     for info in FIELDS {
         let mark = if info.default { "*" } else { " " };

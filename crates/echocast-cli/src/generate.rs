@@ -37,7 +37,7 @@ Examples:
   echocast generate seabed -o lake.glb
   echocast generate seabed --size 200,80 --depth 25 --boulders 100 --wrecks 3 --seed 7 -o lake.glb
   echocast generate seabed --ripples 0.6,0.05 --fish 0 -o ripples.glb
-  echocast scan lake.glb --sensor velodyne_vlp16 --at 0,0,-2 --rpy 0,90,0 -o lake.las --preview lake.png")]
+  echocast scan lake.glb --sensor fls_900 --set range.max_m=40 --camera Sonar --preview lake.png --view fan")]
 pub struct SeabedArgs {
     /// Extent along x and y, metres
     #[arg(long, value_name = "X,Y", default_value = "60,40", value_parser = two_numbers, allow_hyphen_values = true)]

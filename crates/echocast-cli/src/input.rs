@@ -4,7 +4,7 @@ use crate::choice;
 use anyhow::{Context as _, Result, ensure};
 use clap::Args;
 use echocast::scene::UpAxis;
-use echocast::{Error, LabelRules, LoadOptions, ReturnMode, Scene, Sensor};
+use echocast::{Error, LabelRules, LoadOptions, ReturnMode, Scene, Sensor, SensorKind};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -78,6 +78,11 @@ impl SensorArgs {
             sensor.set(key, value).context("--set")?;
         }
         if let Some(mode) = self.returns {
+            ensure!(
+                sensor.kind() != SensorKind::Sonar,
+                "--returns: the sensor is a sonar, which reports the depth of each beam, or all range bins above its threshold; \
+                 allowed: with other sensors"
+            );
             sensor.set("returns.mode", choice::name(choice::RETURNS, mode)).context("--returns")?;
         }
         Ok(sensor)

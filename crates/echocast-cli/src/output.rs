@@ -3,9 +3,10 @@
 use crate::choice;
 use anyhow::{Context as _, Result, ensure};
 use clap::{ArgGroup, Args};
+use echocast::emitter::Pattern;
 use echocast::export::preview::{self, ColorBy, PreviewOptions, View};
 use echocast::export::{self, FramesFile};
-use echocast::{FieldSet, Pings, PointCloud, Report, SensorKind};
+use echocast::{FieldSet, Pings, PointCloud, Profile, Report, Sensor, SensorKind};
 use serde_json::{Value, json};
 use std::collections::{BTreeSet, HashSet};
 use std::path::{Path, PathBuf};
@@ -78,7 +79,8 @@ impl OutputArgs {
     }
 
     /// Says before a long scan what would fail after it.
-    pub fn check(&self, fields: FieldSet, kind: SensorKind) -> Result<()> {
+    pub fn check(&self, fields: FieldSet, sensor: &Sensor, profile: Profile) -> Result<()> {
+        let kind = sensor.kind();
         if kind != SensorKind::Sonar {
             for (option, given) in [("--pings", self.pings.is_some()), ("--image", self.image.is_some())] {
                 ensure!(!given, "{option}: the sensor is a {kind}; allowed: with sonars only");
@@ -89,10 +91,29 @@ impl OutputArgs {
                 choice::name(choice::VIEW, self.view)
             );
         }
+        if kind == SensorKind::Sonar && profile != Profile::Physical {
+            let view = format!("--view {}", choice::name(choice::VIEW, self.view));
+            for (option, given) in
+                [("--pings", self.pings.is_some()), ("--image", self.image.is_some()), (&view, self.view.shows_pings())]
+            {
+                ensure!(
+                    !given,
+                    "{option}: --profile {} makes points and no pings; allowed: with --profile physical",
+                    choice::name(choice::PROFILE, profile)
+                );
+            }
+        }
+        let of_pings = self.preview.is_some() || self.pings.is_some() || self.image.is_some();
+        ensure!(
+            !(self.single && of_pings && !self.wants_clouds()),
+            "--single: files and pictures of pings hold all of them, and no cloud is asked for; allowed: with -o, or a \
+             --preview of points"
+        );
         ensure!(
             !self.ground || self.view == View::Waterfall,
             "--ground: allowed with --view waterfall only; a track is over ground range where the bed is seen"
         );
+        self.check_view(&sensor.spec().pattern)?;
         if let Some(file) = &self.pings {
             export::check_pings(file).context("--pings")?;
         }
@@ -113,11 +134,37 @@ impl OutputArgs {
             ensure!(is_png, "--preview {}: pictures are written as .png", file.display());
             preview::check(file, &self.picture()).context("--preview")?;
         }
-        self.check_names()
+        self.check_names(fields)
     }
 
-    /// That no file would be written over another.
-    fn check_names(&self) -> Result<()> {
+    /// That pings of such a sonar can be shown so.
+    fn check_view(&self, pattern: &Pattern) -> Result<()> {
+        if !self.view.shows_pings() {
+            return Ok(());
+        }
+        let sides = matches!(pattern, Pattern::Sidescan(_));
+        ensure!(
+            !self.ground || sides,
+            "--ground: the sonar has other beams than two sides; allowed: with side-scan sonars"
+        );
+        ensure!(
+            self.view != View::Fan || !sides,
+            "--view fan: the sonar is a side-scan sonar, whose beams look to the sides; allowed: waterfall, track"
+        );
+        let depths = self.view == View::Track && matches!(pattern, Pattern::Multibeam(_));
+        let values = if depths { ColorBy::Height } else { ColorBy::Intensity };
+        ensure!(
+            self.preview.is_none() || [ColorBy::Label, values].contains(&self.color),
+            "--color {}: is nothing that --view {} of this sonar shows; allowed: label, {}",
+            choice::name(choice::COLOR, self.color),
+            choice::name(choice::VIEW, self.view),
+            choice::name(choice::COLOR, values)
+        );
+        Ok(())
+    }
+
+    /// That no file would be written over another. `fields` are the columns of files of pings.
+    fn check_names(&self, fields: FieldSet) -> Result<()> {
         // Files of one stem share their label file, which is the same for all clouds of a run.
         let mut labels = BTreeSet::new();
         for file in &self.output {
@@ -125,8 +172,9 @@ impl OutputArgs {
                 labels.insert(export::labels_path(file));
             }
         }
+        let beside = self.beside_image(fields);
         let mut seen = HashSet::new();
-        for name in self.files().chain(&labels) {
+        for name in self.files().chain(&labels).chain(&beside) {
             let place = folder(name).canonicalize().unwrap_or_default().join(name.file_name().unwrap_or_default());
             ensure!(
                 seen.insert(place),
@@ -134,7 +182,24 @@ impl OutputArgs {
                 name.display()
             );
         }
+        // Files of single frames have names that nobody asked for.
+        let of_frames = self.output.iter().chain(self.preview.iter().filter(|_| !self.view.shows_pings()));
+        let whole = self.pings.iter().chain(&self.image).chain(&beside);
+        for (file, name) in of_frames.flat_map(|file| whole.clone().map(move |name| (file, name))) {
+            ensure!(
+                !(self.single && is_numbered(name, file)),
+                "{}: is a name that --single gives to a frame of {}; allowed: another name",
+                name.display(),
+                file.display()
+            );
+        }
         Ok(())
+    }
+
+    /// Files of labels beside the image.
+    fn beside_image(&self, fields: FieldSet) -> Vec<PathBuf> {
+        let kept = self.pinged(fields).unwrap_or(FieldSet::EMPTY);
+        self.image.as_ref().map_or_else(Vec::new, |file| export::image_label_paths(file, kept))
     }
 
     fn picture(&self) -> PreviewOptions {
@@ -221,6 +286,8 @@ impl<'a> Writer<'a> {
             let image = preview::image_of(pings, &args.picture()).context("--image")?;
             self.report.absorb(image.write(file).context("--image")?);
             self.files.push(file.clone());
+            let labels = image.layers.iter().map(|layer| layer.field).collect();
+            self.files.extend(export::image_label_paths(file, labels));
         }
         if let Some(file) = args.preview.as_ref().filter(|_| args.view.shows_pings()) {
             self.report.absorb(preview::write_pings(pings, file, &args.picture()).context("--preview")?);
@@ -279,6 +346,14 @@ fn numbered(file: &Path, frame: u32) -> PathBuf {
     file.with_file_name(name)
 }
 
+/// Whether `name` may be that of a frame of `file`.
+fn is_numbered(name: &Path, file: &Path) -> bool {
+    let digits = name.file_stem().and_then(|stem| stem.to_str()).and_then(|stem| stem.rsplit_once('_'));
+    let frame = digits.and_then(|(_, digits)| digits.parse().ok());
+    let place = |path: &Path| folder(path).canonicalize().unwrap_or_default();
+    frame.is_some_and(|frame| numbered(file, frame).file_name() == name.file_name()) && place(name) == place(file)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -287,5 +362,10 @@ mod tests {
     fn frames_are_numbered_before_the_ending() {
         assert_eq!(numbered(Path::new("out/a.b.las"), 7), Path::new("out/a.b_0007.las"));
         assert_eq!(numbered(Path::new("name"), 12345), Path::new("name_12345"));
+        let is = |name, file| is_numbered(Path::new(name), Path::new(file));
+        assert!(is("a_0007.npz", "./a.npz") && is("a_12345.npz", "a.npz"));
+        for other in ["a_7.npz", "a_0007.npy", "b_0007.npz", "a.npz", "a_0007", "src/a_0007.npz"] {
+            assert!(!is(other, "a.npz"), "{other}");
+        }
     }
 }

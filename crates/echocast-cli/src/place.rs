@@ -2,7 +2,7 @@
 
 use anyhow::{Result, bail};
 use clap::Args;
-use echocast::{Pose, Scene};
+use echocast::{Environment, Pose, Scene, Trajectory};
 
 /// A fixed place for the sensor.
 #[derive(Args)]
@@ -57,6 +57,26 @@ impl PlaceArgs {
             },
         }
     }
+}
+
+/// That a sonar on `trajectory` is in the water at all `times`, s.
+pub fn check_submerged(
+    trajectory: &Trajectory,
+    environment: &Environment,
+    times: impl Iterator<Item = f64>,
+) -> Result<()> {
+    let surface = environment.water.as_ref().map_or(0.0, |water| water.surface_z_m);
+    for time in times {
+        let above = trajectory.at(time).position.z - surface;
+        if above > 0.0 {
+            let when = if time > 0.0 { format!("at {time:.3} s ") } else { String::new() };
+            bail!(
+                "{when}the sonar is {above:.3} m above the water, whose surface is at z = {surface} m: put it below with --at, \
+                 --camera or --trajectory, or the surface higher with water.surface_z_m in the file of --env"
+            );
+        }
+    }
+    Ok(())
 }
 
 fn three_numbers(text: &str) -> Result<[f64; 3], String> {

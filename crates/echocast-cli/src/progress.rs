@@ -34,11 +34,12 @@ impl Progress {
         self.0.set_message(doing);
     }
 
-    /// From now on there are `frames` frames to count.
-    pub fn count_frames(&self, frames: usize) {
+    /// From now on there are `frames` to count, each of which is a `noun`.
+    pub fn count_frames(&self, frames: usize, noun: &str) {
         if frames > 1 {
             self.0.set_length(frames as u64);
-            self.0.set_style(style("{spinner} {bar:30} {pos}/{len} frames, {msg} {elapsed}, {eta} left"));
+            let counted = format!("{{spinner}} {{bar:30}} {{pos}}/{{len}} {noun}s, {{msg}} {{elapsed}}, {{eta}} left");
+            self.0.set_style(style(&counted));
         }
     }
 

@@ -1,6 +1,6 @@
 //! What a run did, for programs and for people.
 
-use crate::text::{counted, duration};
+use crate::text::{counted, duration, thousands};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::time::Instant;
@@ -28,6 +28,8 @@ pub struct RunReport {
     pub points: usize,
     /// Whether points were asked for: pictures of pings need none.
     pub with_points: bool,
+    /// Why points are there, and how many; empty where it is not told.
+    pub causes: Vec<(&'static str, usize)>,
     /// What a frame of the sensor is called.
     pub frame: &'static str,
     pub frames: usize,
@@ -71,6 +73,11 @@ impl RunReport {
             counted(self.threads, "thread"),
             duration(write),
         );
+        if !self.causes.is_empty() {
+            let told: Vec<String> =
+                self.causes.iter().map(|(name, count)| format!("{} {name}", thousands(*count))).collect();
+            text.push_str(&format!("  points by cause: {}\n", told.join(", ")));
+        }
         /// More files are told by the first and the last.
         const MOST_LINES: usize = 12;
         match self.outputs.as_slice() {

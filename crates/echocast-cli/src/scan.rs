@@ -8,11 +8,11 @@ use crate::progress::Progress;
 use crate::report::{RunReport, Seconds, timed};
 use crate::text::duration;
 use crate::weather::WeatherArgs;
-use crate::{choice, formats, interrupt, text};
+use crate::{choice, formats, interrupt, place, text};
 use anyhow::{Context as _, Result, ensure};
 use echocast::detect::Detection;
 use echocast::{
-    Environment, Field, FieldSet, Frame, Order, Ping, Pings, PointCloud, Profile, ReflectanceSource, Report,
+    Cause, Environment, Field, FieldSet, Frame, Order, Ping, Pings, PointCloud, Profile, ReflectanceSource, Report,
     ScanOptions, Scene, Sensor, SensorKind, Trajectory,
 };
 use serde_json::{Value, json};
@@ -27,9 +27,13 @@ Examples:
   echocast scan street.glb --sensor velodyne_vlp32c --at 0,0,1.8 --rain 20 --fog 150 -o wet.las
   echocast scan hall.glb --sensor kinect_v2 --at 1,2,1.5 --rpy 0,15,90 --organised --fields default,depth -o hall.npz
   echocast scan street.glb --sensor velodyne_vlp32c --at 0,0,1.8 --fog 150 --explain 12345
-  echocast scan lake.glb --sensor sss_450 --trajectory survey.csv --preview lake.png --view waterfall --color intensity
-  echocast scan lake.glb --sensor sss_450 --trajectory survey.csv --explain 20,1
-  echocast scan city.obj --up y --sensor velodyne_hdl64e --trajectory drive.txt --frames 0:99 --single -o drive.las")]
+  echocast scan city.obj --up y --sensor velodyne_hdl64e --trajectory drive.txt --frames 0:99 --single -o drive.las
+A survey with a side-scan sonar, from nothing:
+  echocast generate seabed -o lake.glb
+  printf '0 -25 0 -3 0 0 0 1\\n30 25 0 -3 0 0 0 1\\n' > survey.txt
+  echocast scan lake.glb --sensor sss_450 --set range.max_m=25 --trajectory survey.txt -o lake.las \\
+    --preview lake.png --view waterfall --color intensity
+  echocast scan lake.glb --sensor sss_450 --trajectory survey.txt --explain 20,1")]
 pub struct Args {
     #[command(flatten)]
     scene: SceneArgs,
@@ -60,8 +64,8 @@ pub struct Args {
     #[arg(long, value_name = "N", value_parser = input::positive, requires = "frames", help_heading = "Place")]
     fps: Option<f64>,
     /// Columns to compute and write: names separated by commas, `default` or `all`; `--help` lists them
-    #[arg(long, value_name = "LIST", value_parser = FieldSet::parse, long_help = formats::column_help(), help_heading = "Points")]
-    fields: Option<FieldSet>,
+    #[arg(long, value_name = "LIST", value_parser = Asked::parse, long_help = formats::column_help(), help_heading = "Points")]
+    fields: Option<Asked>,
     /// Coordinates of the points
     #[arg(long = "frame", default_value = "world", value_parser = choice::of(choice::FRAME), help_heading = "Points")]
     coordinates: Frame,
@@ -94,7 +98,6 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<()> {
     let threads = input::set_threads(args.threads)?;
-    let fields = args.fields.unwrap_or_default();
     ensure!(
         !(args.organised && args.order == Order::Time),
         "--organised: its rows and columns are beams; allowed: --order beam"
@@ -105,26 +108,37 @@ pub fn run(args: &Args) -> Result<()> {
     let mut warnings = Report::default();
 
     progress.phase(format!("loading {}", args.scene.names()));
-    let (sensor, scene, trajectory) = timed(&mut seconds.load, || -> Result<(Sensor, Scene, Trajectory)> {
-        let sensor = args.sensor.load()?;
-        args.output.check(fields, sensor.kind())?;
+    let sensor = timed(&mut seconds.load, || args.sensor.load())?;
+    let sonar = sensor.kind() == SensorKind::Sonar;
+    let fields = args.fields.unwrap_or_default().of(sensor.kind());
+    let (environment, scene, trajectory) = timed(&mut seconds.load, || -> Result<(Environment, Scene, Trajectory)> {
+        args.output.check(fields, &sensor, args.profile)?;
+        ensure!(
+            args.explain.is_none() || !sonar || args.profile == Profile::Physical,
+            "--explain: does not tell of sonars with --profile {}; allowed: --profile physical",
+            choice::name(choice::PROFILE, args.profile)
+        );
+        let environment = args.weather.load(sensor.kind())?;
         let trajectory = args.trajectory.as_ref().map(Trajectory::load).transpose()?;
         let scene = args.scene.load()?;
         let trajectory = match trajectory {
             Some(trajectory) => trajectory.shifted_to_zero(),
             None => Trajectory::fixed(args.place.pose(&scene)?),
         };
-        Ok((sensor, scene, trajectory))
+        Ok((environment, scene, trajectory))
     })?;
     warnings.absorb(scene.report.clone());
-    let environment = args.weather.load()?;
     let fps = frame_rate(args.fps, &sensor)?;
-    let sonar = sensor.kind() == SensorKind::Sonar;
     // A sonar pings all along its way.
     let all_along = Frames { last: (trajectory.span().1 * fps + 1e-6).min(1e9) as u32, ..Frames::ONE };
     let frames = args.frames.unwrap_or(if sonar { all_along } else { Frames::ONE });
     if args.trajectory.is_some() && !(sonar && args.frames.is_none()) {
         warn_of_other_span(&trajectory, args.frames, fps, &mut warnings);
+    }
+    if sonar {
+        let moves = args.trajectory.is_some();
+        let pings = frames.iter().take(if moves { usize::MAX } else { 1 });
+        place::check_submerged(&trajectory, &environment, pings.map(|ping| f64::from(ping) / fps))?;
     }
     let rows = sensor.beams().len() as u64 * frames.len() as u64;
     ensure!(
@@ -138,8 +152,10 @@ pub fn run(args: &Args) -> Result<()> {
     let built = timed(&mut seconds.build, || scene.build())?;
     warnings.absorb(built.report().clone());
 
+    // Why a point of a sonar is there is told, whatever the files hold.
+    let told = if sonar { FieldSet::EMPTY.with(Field::Cause) } else { FieldSet::EMPTY };
     let options_of = |frame: u32| ScanOptions {
-        fields: fields.union(args.output.pictured()),
+        fields: fields.union(args.output.pictured()).union(told),
         seed: args.seed,
         frame,
         start_time: f64::from(frame) / fps,
@@ -160,11 +176,14 @@ pub fn run(args: &Args) -> Result<()> {
     if sonar {
         warnings.absorb(built.check_water(&sensor, &trajectory, &options_of(frames.first))?);
     }
-    progress.count_frames(frames.len());
+    let frame_word = if sonar { "ping" } else { "frame" };
+    progress.count_frames(frames.len(), frame_word);
     let mut writer = Writer::new(&args.output);
     let mut all = PointCloud::default();
     let mut cloud = PointCloud::default();
-    let mut points = 0;
+    let (mut points, mut causes) = (0, Causes::default());
+    // Whether anything but noise is heard.
+    let mut heard = false;
     let mut pings = Pings::default();
     let mut ping = Ping::default();
     let pinged = args.output.pinged(fields).filter(|_| sonar);
@@ -175,9 +194,11 @@ pub fn run(args: &Args) -> Result<()> {
             // Of one ping come its cells and its points.
             let Some(kept) = pinged else { return Ok(built.scan_into(&sensor, &trajectory, &options, &mut cloud)?) };
             let wants_clouds = args.output.wants_clouds();
-            let made = if wants_clouds { kept.union(Ping::cloud_fields(options.fields)) } else { kept };
+            let cells = if wants_clouds { Ping::cloud_fields(options.fields) } else { told };
+            let made = kept.union(cells);
             let options = ScanOptions { fields: made, ..options.clone() };
             built.ping_into(&sensor, &trajectory, &options, &mut ping)?;
+            heard |= ping.cells.cause.iter().any(|&cause| cause != Cause::FalseAlarm as u8);
             if wants_clouds {
                 cloud = ping.cloud(&options_of(frame))?;
             }
@@ -186,7 +207,8 @@ pub fn run(args: &Args) -> Result<()> {
         })?;
         // Files hold what was asked for; what the picture shows besides is there all the same.
         cloud.fields = fields;
-        points += returns(&cloud);
+        points += return_rows(&cloud).count();
+        causes.count(&cloud);
         if args.output.single() {
             progress.phase("writing".into());
             timed(&mut seconds.write, || writer.write_frame(frame, &cloud))?;
@@ -209,12 +231,17 @@ pub fn run(args: &Args) -> Result<()> {
     if points == 0 && with_points {
         warn_of_nothing(&scene, &sensor, &trajectory, &environment, &mut warnings);
     }
+    let noise = if with_points { causes.only(Cause::FalseAlarm) } else { !heard };
+    if sonar && noise {
+        warn_of_noise(points, &sensor, &mut warnings);
+    }
 
     let report = RunReport {
         rays: sensor.ray_count() * frames.len(),
         points,
         with_points,
-        frame: if sonar { "ping" } else { "frame" },
+        causes: if sonar { causes.told() } else { Vec::new() },
+        frame: frame_word,
         frames: frames.len(),
         threads,
         seconds,
@@ -244,16 +271,69 @@ fn frame_and_beam(text: &str) -> Result<(Option<u32>, u32), String> {
     }
 }
 
+/// Columns that are asked for.
+#[derive(Clone, Copy)]
+struct Asked {
+    fields: FieldSet,
+    /// Whether those are among them that are written by default.
+    by_default: bool,
+}
+
+impl Asked {
+    fn parse(list: &str) -> echocast::Result<Asked> {
+        let by_default = list.split(',').any(|name| name.trim() == "default");
+        Ok(Asked { fields: FieldSet::parse(list)?, by_default })
+    }
+
+    /// Those of a sensor: points of sonars are of the bed, the surface of the water, reflections and noise.
+    fn of(self, kind: SensorKind) -> FieldSet {
+        let with_cause = self.by_default && kind == SensorKind::Sonar;
+        if with_cause { self.fields.with(Field::Cause) } else { self.fields }
+    }
+}
+
+impl Default for Asked {
+    fn default() -> Self {
+        Asked { fields: FieldSet::default(), by_default: true }
+    }
+}
+
 /// Rows of `cloud` that are returns: all but the misses of an organised cloud, where a column tells them.
-fn returns(cloud: &PointCloud) -> usize {
+fn return_rows(cloud: &PointCloud) -> impl Iterator<Item = usize> {
     /// Columns that only returns have: misses are NaN.
     const TELLING: [Field; 5] = [Field::X, Field::Range, Field::TrueRange, Field::Intensity, Field::NormalX];
-    let told = TELLING.map(|field| cloud.column(field)).into_iter().find(|column| !column.is_empty());
-    match told {
-        Some(column) if cloud.organised.is_some() => {
-            (0..cloud.len).filter(|&row| !column.get_f64(row).is_nan()).count()
-        }
-        _ => cloud.len,
+    let telling = TELLING.map(|field| cloud.column(field)).into_iter().find(|column| !column.is_empty());
+    let telling = telling.filter(|_| cloud.organised.is_some());
+    (0..cloud.len).filter(move |&row| telling.is_none_or(|column| !column.get_f64(row).is_nan()))
+}
+
+/// How many points there are for each cause.
+#[derive(Default)]
+struct Causes([usize; Cause::ALL.len()]);
+
+impl Causes {
+    /// Adds the points of `cloud`, if it tells.
+    fn count(&mut self, cloud: &PointCloud) {
+        let causes = &cloud.columns.cause;
+        return_rows(cloud).filter_map(|row| causes.get(row)).for_each(|&cause| {
+            if let Some(count) = self.0.get_mut(usize::from(cause)) {
+                *count += 1;
+            }
+        });
+    }
+
+    /// Whether there are points, and all for `cause`.
+    fn only(&self, cause: Cause) -> bool {
+        let all: usize = self.0.iter().sum();
+        all > 0 && self.0[cause as usize] == all
+    }
+
+    /// Names and numbers, the most frequent first.
+    fn told(&self) -> Vec<(&'static str, usize)> {
+        let mut told: Vec<_> =
+            Cause::ALL.into_iter().map(Cause::name).zip(self.0).filter(|(_, count)| *count > 0).collect();
+        told.sort_by_key(|&(_, count)| std::cmp::Reverse(count));
+        told
     }
 }
 
@@ -318,10 +398,11 @@ fn warn_of_nothing(
     }
     // What cannot be told apart here is named, as far as this sensor and this weather have it.
     let mut causes = vec!["its beams pass by what is there"];
-    if spec.detection.model != Detection::None {
+    let sonar = sensor.kind() == SensorKind::Sonar;
+    if sonar || spec.detection.model != Detection::None {
         causes.push("echoes are below its detection limit");
     }
-    if !environment.is_empty() {
+    if !sonar && !environment.is_empty() {
         causes.push("the weather takes their light");
     }
     if spec.tof.is_some() {
@@ -334,6 +415,20 @@ fn warn_of_nothing(
         "no beam has a return, though the scene is within range of the sensor; it may be that {}; --explain BEAM tells \
          what happens to one beam",
         causes.join(", or ")
+    ));
+}
+
+/// Says what may be the cause that a sonar hears nothing but noise, which has made `points`.
+fn warn_of_noise(points: usize, sensor: &Sensor, warnings: &mut Report) {
+    let heard = match points {
+        0 => "nothing but noise is heard".to_owned(),
+        1 => "the only point is noise".to_owned(),
+        _ => format!("all {} points are noise", text::thousands(points)),
+    };
+    let reach = sensor.spec().range.max_m.unwrap_or(f64::INFINITY);
+    warnings.warn(format!(
+        "{heard}; it may be that the sonar is below the bed or looks past what is there, or that all of it is farther than \
+         range.max_m, {reach} m; --explain BEAM tells what happens to one beam"
     ));
 }
 

@@ -1,10 +1,10 @@
 //! Weather and water by flag or file.
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use clap::Args;
 use echocast::medium::{Dust, Fog, Placed, Rain, Region, Snow};
-use echocast::{Environment, Error};
-use std::path::PathBuf;
+use echocast::{Environment, Error, SensorKind};
+use std::path::{Path, PathBuf};
 
 /// What is between sensor and surfaces.
 #[derive(Args)]
@@ -34,9 +34,12 @@ pub struct WeatherArgs {
 }
 
 impl WeatherArgs {
-    /// The file's weather, in which each kind that a flag names is as the flag says.
-    pub fn load(&self) -> Result<Environment> {
-        let mut environment = self.env.as_ref().map(Environment::load).transpose()?.unwrap_or_default();
+    /// The file's weather, in which each kind that a flag names is as the flag says, for a sensor of `kind`.
+    pub fn load(&self, kind: SensorKind) -> Result<Environment> {
+        let mut environment = self.env.as_ref().map(|file| read(file)).transpose()?.unwrap_or_default();
+        if kind == SensorKind::Sonar {
+            self.check_for_sonar(&environment)?;
+        }
         let fog = |visibility| Fog { visibility_m: Some(visibility), ..Fog::default() };
         let flags = Environment {
             rain: self.rain.map(|rate| Rain::new(rate).into()).into_iter().collect(),
@@ -53,6 +56,53 @@ impl WeatherArgs {
         environment.check()?;
         Ok(environment)
     }
+
+    /// That there is no weather but water, in `environment` of the file or as flags.
+    fn check_for_sonar(&self, environment: &Environment) -> Result<()> {
+        let flags = [
+            ("--rain", self.rain.is_some()),
+            ("--snow", self.snow.is_some()),
+            ("--fog", self.fog.is_some()),
+            ("--dust", !self.dust.is_empty()),
+        ];
+        for (option, given) in flags {
+            ensure!(
+                !given,
+                "{option}: the sensor is a sonar, and in water there is no weather; allowed: with other sensors"
+            );
+        }
+        let Environment { clear_air, rain, fog, snow, dust, spray, water: _ } = environment;
+        let sections = [
+            ("clear_air", clear_air.is_some()),
+            ("rain", !rain.is_empty()),
+            ("fog", !fog.is_empty()),
+            ("snow", !snow.is_empty()),
+            ("dust", !dust.is_empty()),
+            ("spray", !spray.is_empty()),
+        ];
+        for (key, given) in sections {
+            let file = self.env.as_deref().unwrap_or(Path::new("")).display();
+            ensure!(
+                !given,
+                "--env {file}: {key}: the sensor is a sonar, and in water there is no weather; allowed: water"
+            );
+        }
+        Ok(())
+    }
+}
+
+/// Reads the environment in `file`. Of another file that it names it tells which key does.
+fn read(file: &Path) -> Result<Environment> {
+    let own = file.display().to_string();
+    Environment::load(file).map_err(|error| {
+        let of_other = match &error {
+            Error::Io { path, .. } => path != file,
+            Error::Parse { origin, .. } => *origin != own,
+            _ => false,
+        };
+        let error = anyhow::Error::new(error);
+        if of_other { error.context(format!("{own}: water.profile.file")) } else { error }
+    })
 }
 
 fn replace<T>(kind: &mut Vec<T>, by: Vec<T>) {

@@ -153,6 +153,10 @@ fn the_seed_and_nothing_else_decides() {
 fn what_does_not_fit_a_sonar_is_named_and_nothing_is_written() {
     let folder = lake();
     let folder = folder.path();
+    fs::write(folder.join("low.yaml"), "water: {surface_z_m: -3.5}\n").unwrap();
+    fs::write(folder.join("wet.yaml"), "environment: {fog: {visibility_m: 50}, water: {ph: 8}}\n").unwrap();
+    fs::write(folder.join("cast.yaml"), "water: {profile: {file: cast.csv}}\n").unwrap();
+    fs::write(folder.join("cast.csv"), "depth_m,speed_m_s\n0,1500\n10,15\n").unwrap();
     let before = files(folder);
     let lidar = "scan DIR/lake.glb --sensor velodyne_vlp16 --at 0,0,-2";
     let above = "scan DIR/lake.glb --sensor sss_450 --at 0,0,1 --set range.max_m=20";
@@ -166,17 +170,129 @@ fn what_does_not_fit_a_sonar_is_named_and_nothing_is_written() {
         (format!("{SIDES} --preview DIR/x.png --view track --ground"), "--ground: allowed with --view waterfall only"),
         (format!("{SIDES} --pings DIR/x.csv"), "--pings: the ending of the output file"),
         (format!("{SIDES} --image DIR/x.npz"), "--image: shows what --view says, which is top; allowed: waterfall"),
-        (format!("{above} -o DIR/x.csv"), "the depth of the sonar is -1 m; allowed: 0 m or more"),
+        (
+            format!("{above} -o DIR/x.csv"),
+            "error: the sonar is 1.000 m above the water, whose surface is at z = 0 m: put it below with --at",
+        ),
+        ("bench DIR/lake.glb --sensor sss_450 --at 0,0,1".to_owned(), "error: the sonar is 1.000 m above the water"),
+        (format!("{SIDES} --env DIR/low.yaml -o DIR/x.csv"), "error: the sonar is 0.500 m above the water"),
         (format!("{SIDES} --set pattern.rate_hz=50 -o DIR/x.csv"), "range.max_m is 20 m, beyond the 1"),
         (
             format!("{SIDES} --set noise.dropout=0.1 -o DIR/x.csv"),
             "noise: is given; allowed: with other kinds than sonar",
         ),
-        (format!("{SIDES} --profile paper --pings DIR/x.npz"), "profile is paper; allowed: physical"),
+        (format!("{SIDES} --profile paper --pings DIR/x.npz"), "--pings: --profile paper makes points and no pings"),
+        (
+            format!("{SIDES} --profile blainder --image DIR/x.npz --view track"),
+            "--image: --profile blainder makes points and no pings; allowed: with --profile physical",
+        ),
+        (
+            format!("{SIDES} --profile paper --preview DIR/x.png --view waterfall"),
+            "--view waterfall: --profile paper makes points and no pings",
+        ),
+        (format!("{SIDES} --profile paper --explain 1"), "--explain: does not tell of sonars with --profile paper"),
+        (format!("{SIDES} --rain 3 -o DIR/x.csv"), "--rain: the sensor is a sonar, and in water there is no weather"),
+        (format!("{SIDES} --dust 50,1e5,5,12 -o DIR/x.csv"), "--dust: the sensor is a sonar"),
+        (format!("{SIDES} --env DIR/wet.yaml -o DIR/x.csv"), "wet.yaml: fog: the sensor is a sonar"),
+        (
+            format!("{SIDES} --env DIR/cast.yaml -o DIR/x.csv"),
+            "cast.yaml: water.profile.file: DIR/cast.csv: line 3: speed_m_s is 15; allowed: 1300 to 1700",
+        ),
+        (format!("{SIDES} --returns first -o DIR/x.csv"), "--returns: the sensor is a sonar, which reports the depth"),
+        (
+            format!("{SIDES} --single --preview DIR/x.png --view track"),
+            "--single: files and pictures of pings hold all",
+        ),
+        (
+            format!("{SIDES} --single -o DIR/x.npz --pings DIR/x_0001.npz"),
+            "x_0001.npz: is a name that --single gives to a frame of",
+        ),
+        (
+            format!("{SIDES} --image DIR/x.png --view track --preview DIR/x.category_id.png"),
+            "x.category_id.png: would be written twice",
+        ),
+        (
+            format!("{SIDES} --preview DIR/x.png --view fan"),
+            "--view fan: the sonar is a side-scan sonar, whose beams look to the sides; allowed: waterfall, track",
+        ),
+        (
+            format!("{SIDES} --preview DIR/x.png --view track --color cause"),
+            "--color cause: is nothing that --view track of this sonar shows; allowed: label, intensity",
+        ),
+        (
+            "scan DIR/lake.glb --sensor mbes_400 --at 0,0,-2 --preview DIR/x.png --view waterfall --ground".to_owned(),
+            "--ground: the sonar has other beams than two sides",
+        ),
     ] {
         let output = run(folder, &args);
         assert_eq!(output.status.code(), Some(1), "{args}");
-        assert!(stderr(&output).contains(says), "{args}\n{}", stderr(&output));
+        let says = says.replace("DIR", &folder.display().to_string());
+        assert!(stderr(&output).contains(&says), "{args}\n{}", stderr(&output));
     }
     assert_eq!(files(folder), before);
+}
+
+#[test]
+fn points_of_a_sonar_say_why_they_are_there() {
+    let folder = lake();
+    let folder = folder.path();
+    let said = stdout(folder, &format!("{SIDES} -o DIR/points.csv -o DIR/points.las"));
+    let told = said.lines().find_map(|line| line.trim().strip_prefix("points by cause: ")).expect("causes");
+    let causes = csv_column(&folder.join("points.csv"), "cause");
+    let surfaces = causes.iter().filter(|&&cause| cause == 0.0).count();
+    assert!(surfaces > 100 && told.replace(',', "").contains(&format!("{surfaces} surface")), "{said}");
+    assert!(told.contains(" noise") == causes.contains(&7.0), "{said}");
+    for name in ["return_number", "return_count"] {
+        assert!(csv_column(&folder.join("points.csv"), name).iter().all(|&number| number == 1.0));
+    }
+    let output = run(folder, &format!("{SIDES} -o DIR/more.las"));
+    assert!(!stderr(&output).contains("return numbers"), "{}", stderr(&output));
+    // Only what was asked for.
+    stdout(folder, &format!("{SIDES} --frames 0:0 --fields x,y,z -o DIR/three.csv"));
+    assert!(fs::read_to_string(folder.join("three.csv")).unwrap().starts_with("x,y,z\n"));
+    // Lidars have the column when it is asked for.
+    stdout(folder, "scan DIR/lake.glb --sensor velodyne_vlp16 --at 0,0,-2 -o DIR/light.csv");
+    assert!(!fs::read_to_string(folder.join("light.csv")).unwrap().lines().next().unwrap().contains("cause"));
+}
+
+#[test]
+fn a_sonar_that_hears_nothing_is_told_why() {
+    let folder = lake();
+    let folder = folder.path();
+    let deep = "scan DIR/lake.glb --sensor sss_450 --set range.max_m=20 --set pattern.rays=256 --at 0,0,-40";
+    let warnings = |args: &str| report(folder, &format!("{deep} {args}"))["warnings"].to_string();
+    let said = warnings("-o DIR/points.csv");
+    assert!(said.contains("points are noise; it may be that the sonar is below the bed"), "{said}");
+    assert!(said.contains("farther than range.max_m, 20 m"), "{said}");
+    let said = warnings("--preview DIR/falls.png --view waterfall");
+    assert!(said.contains("nothing but noise is heard; it may be"), "{said}");
+    let said = warnings("--set acoustics.detection_threshold_db=40 -o DIR/none.csv");
+    assert!(said.contains("no beam has a return") && !said.contains("noise"), "{said}");
+    let said = report(folder, &format!("{SIDES} -o DIR/heard.csv"))["warnings"].to_string();
+    assert!(!said.contains("noise"), "{said}");
+}
+
+#[test]
+fn files_beside_an_image_are_reported() {
+    let folder = lake();
+    let folder = folder.path();
+    let report = report(folder, &format!("{SIDES} --frames 0:1 --image DIR/map.png --view track"));
+    let outputs: Vec<_> = report["outputs"].as_array().unwrap().iter().map(|file| file.as_str().unwrap()).collect();
+    assert_eq!(
+        outputs,
+        ["map.png", "map.category_id.png", "map.part_id.png"].map(|name| folder.join(name).display().to_string())
+    );
+    assert!(outputs.iter().all(|file| is_png(Path::new(file))));
+}
+
+#[test]
+fn a_sonar_is_benched_in_its_water() {
+    let folder = lake();
+    let folder = folder.path();
+    fs::write(folder.join("high.yaml"), "water: {surface_z_m: 2}\n").unwrap();
+    let report = report(
+        folder,
+        "bench DIR/lake.glb --sensor sss_450 --set range.max_m=20 --set pattern.rays=64 --at 0,0,1 --env DIR/high.yaml",
+    );
+    assert_eq!(report["rays"], 128);
 }

@@ -65,7 +65,7 @@ impl Cause {
             Cause::Fog => "fog",
             Cause::Snow => "snow",
             Cause::Dust => "dust",
-            Cause::FalseAlarm => "false alarm",
+            Cause::FalseAlarm => "noise",
             Cause::Mixed => "mixed",
             Cause::Multipath => "multipath",
             Cause::SeaSurface => "sea surface",

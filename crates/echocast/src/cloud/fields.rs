@@ -263,11 +263,11 @@ columns! {
     material_id, MaterialId, u32, "", false, None, "material of the surface, 0 = none";
     return_number, ReturnNumber, u8, "", true, Some("return_number"), "which return of its beam, from 1";
     return_count, ReturnCount, u8, "", true, Some("number_of_returns"), "how many returns the beam has";
-    channel, Channel, u16, "", true, None, "emitter index (LAS and ROS say ring)";
+    channel, Channel, u16, "", true, None, "emitter index (LAS and ROS say ring); of sonars the beam";
     time, Time, f64, "s", true, Some("gps_time"), "time of the firing since the start of the run";
     frame, Frame, u32, "", false, None, "frame index";
-    beam, Beam, u32, "", false, None, "index of the beam in its frame: row * columns + column";
-    firing, Firing, u32, "", false, None, "index of the emission event: column of a spinning sensor";
+    beam, Beam, u32, "", false, None, "index of the beam in its frame: row * columns + column; of side-scan and imaging sonars, whose range bins are points, beam * bins + bin";
+    firing, Firing, u32, "", false, None, "index of the emission event: column of a spinning sensor, ping of a sonar";
     azimuth, Azimuth, f32, "rad", false, None, "reported azimuth, in the sensor frame, counter-clockwise from x";
     elevation, Elevation, f32, "rad", false, None, "reported elevation, in the sensor frame, up from the xy plane";
     red, Red, u8, "", true, Some("red"), "base colour of the surface, sRGB";
@@ -282,7 +282,7 @@ columns! {
     true_y, TrueY, f32, "m", false, None, "position without errors, relative to the cloud's origin";
     true_z, TrueZ, f32, "m", false, None, "position without errors, relative to the cloud's origin";
     true_range, TrueRange, f32, "m", false, None, "slant range without errors";
-    cause, Cause, u8, "", false, None, "why the point is there: 0 surface, 1 seen in a mirror, 2 seen through glass, 3 rain, 4 fog, 5 snow, 6 dust, 7 false alarm, 8 mixed (edge), 9 multipath, 10 sea surface";
+    cause, Cause, u8, "", false, None, "why the point is there: 0 surface, 1 seen in a mirror, 2 seen through glass, 3 rain, 4 fog, 5 snow, 6 dust, 7 noise (false alarm), 8 mixed (edge), 9 multipath, 10 sea surface";
     bounces, Bounces, u8, "", false, None, "specular events on the path";
     first_category_id, FirstCategoryId, u32, "", false, None, "category of the first surface: the mirror or pane that the beam meets, if any";
     first_instance_id, FirstInstanceId, u32, "", false, None, "instance of the first surface: as first_category_id";

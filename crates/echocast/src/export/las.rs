@@ -5,7 +5,7 @@
 
 use super::{Format, labels_json};
 use crate::cloud::record::{self, BLOCK_BYTES};
-use crate::cloud::{Column, FieldInfo, PointCloud};
+use crate::cloud::{Column, Field, FieldInfo, PointCloud};
 use crate::report::Report;
 use ::las::raw::header::{Evlr, LargeFile};
 use ::las::{Builder, Transform, Vector, Vlr};
@@ -342,8 +342,9 @@ impl Survey {
             report.warn(format!("{name}: intensities below 0, above full scale or without a value clamped"));
         }
         if cloud.intensity_full_scale.is_none() && !cloud.columns.intensity.is_empty() {
+            let kept = if las.extra_bytes { format!("; {RAW_INTENSITY} holds it as it is") } else { String::new() };
             report.warn(format!(
-                "{name}: the intensity of this sensor has no full scale; 65535 is the strongest point of the file"
+                "{name}: the intensity of this sensor has no full scale; 65535 is the strongest point of the file{kept}"
             ));
         }
         if self.clamped_returns {
@@ -356,9 +357,16 @@ impl Survey {
     }
 }
 
-/// A column that LAS has no dimension for, behind the members of each record.
+/// The extra dimension of intensities without a full scale, which are another number in each file's own dimension: levels of
+/// sonars, and relative energy.
+const RAW_INTENSITY: &str = "raw_intensity";
+
+/// A column that LAS has no dimension for, or not the whole of it, behind the members of each record.
 struct Extra<'a> {
     info: &'static FieldInfo,
+    name: &'static str,
+    /// At most 31 bytes.
+    meaning: String,
     column: Column<'a>,
     /// What makes positions f64 world coordinates.
     offset: Option<f64>,
@@ -369,9 +377,15 @@ struct Extra<'a> {
 impl<'a> Extra<'a> {
     fn of(cloud: &'a PointCloud) -> Vec<Self> {
         let mut all: Vec<Self> = Vec::new();
-        for info in cloud.fields.iter().filter(|info| info.las.is_none()) {
-            let at = Extra::size(&all);
-            all.push(Extra { info, column: cloud.column(info.field), offset: cloud.offset(info.field), at });
+        let unscaled = cloud.intensity_full_scale.is_none();
+        for info in cloud.fields.iter() {
+            let (name, meaning) = match info.field {
+                Field::Intensity if unscaled => (RAW_INTENSITY, "not scaled; of sonars in dB".to_owned()),
+                _ if info.las.is_none() => (info.name, description(info)),
+                _ => continue,
+            };
+            let (column, offset) = (cloud.column(info.field), cloud.offset(info.field));
+            all.push(Extra { info, name, meaning, column, offset, at: Extra::size(&all) });
         }
         all
     }
@@ -406,9 +420,8 @@ impl<'a> Extra<'a> {
             (Column::F32(_), None) => 9,
             (Column::F32(_), Some(_)) | (Column::F64(_), _) => 10,
         };
-        bytes[4..4 + self.info.name.len()].copy_from_slice(self.info.name.as_bytes());
-        let text = description(self.info);
-        bytes[160..160 + text.len()].copy_from_slice(text.as_bytes());
+        bytes[4..4 + self.name.len()].copy_from_slice(self.name.as_bytes());
+        bytes[160..160 + self.meaning.len()].copy_from_slice(self.meaning.as_bytes());
         bytes
     }
 }
@@ -423,7 +436,7 @@ fn description(info: &FieldInfo) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloud::{FIELDS, Field};
+    use crate::cloud::FIELDS;
 
     #[test]
     fn descriptions_of_extra_bytes_fit_whole() {

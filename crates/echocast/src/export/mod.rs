@@ -15,7 +15,7 @@ pub mod preview;
 pub use atomic::unfinished_prefix;
 #[cfg(feature = "hdf5")]
 pub use frames::FramesFile;
-pub use pings::{check_image, check_pings};
+pub use pings::{check_image, check_pings, image_label_paths};
 
 use crate::cloud::{Field, FieldInfo, FieldSet, PointCloud};
 use crate::emitter::Pose;

@@ -3,9 +3,9 @@
 use super::atomic::Pending;
 use super::ending;
 use super::npz::Archive;
-use crate::cloud::{Column, Field};
+use crate::cloud::{Column, Field, FieldSet};
 use crate::error::{Error, Result};
-use crate::image::{Image, ImageKind};
+use crate::image::{Image, ImageKind, LAYERS};
 use crate::ping::{Ping, Pings, Sounding};
 use crate::report::Report;
 use crate::scene::{Labels, NameTable};
@@ -355,6 +355,13 @@ fn layer_path(path: &Path, field: Field) -> PathBuf {
     path.with_extension(format!("{}.png", field.info().name))
 }
 
+/// The files that [`Image::write`] leaves beside the image at `path`, of pings with the columns `fields`: one for each label
+/// column beside a PNG, none beside others.
+pub fn image_label_paths(path: &Path, fields: FieldSet) -> Vec<PathBuf> {
+    let layers = LAYERS.into_iter().filter(|&field| ending(path) == "png" && fields.contains(field));
+    layers.map(|field| layer_path(path, field)).collect()
+}
+
 /// The values between which an image has its greys.
 fn window(values: &[f32]) -> [f32; 2] {
     let mut known: Vec<f32> = values.iter().copied().filter(|value| value.is_finite()).collect();
@@ -398,6 +405,19 @@ mod tests {
         assert!(check_pings(&at("none/a.npz")).is_err() && check_image(&at("none/a.npz")).is_err());
         assert_eq!(check_pings(&at("a.h5")).is_ok(), cfg!(feature = "hdf5"));
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn files_beside_an_image_are_known_before() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("map.png");
+        let image = waterfall(&pings(&Sidescan::default()), ImageRange::Slant, None).unwrap();
+        image.write(&path).unwrap();
+        let known = image_label_paths(&path, [Field::CategoryId, Field::InstanceId, Field::Time].into_iter().collect());
+        assert_eq!(known, ["category_id", "instance_id"].map(|name| folder.path().join(format!("map.{name}.png"))));
+        assert!(known.iter().all(|file| file.exists()));
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 3);
+        assert!(image_label_paths(Path::new("map.npz"), FieldSet::all()).is_empty());
     }
 
     #[test]

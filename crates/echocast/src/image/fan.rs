@@ -1,6 +1,6 @@
 //! Fan: beams and ranges as they lie around the sonar.
 
-use super::{Image, ImageKind, Place, Source, check_view, direction, filled, middle, of_sources};
+use super::{Image, ImageKind, LONE_SECTOR, Place, Source, check_view, direction, filled, middle, of_sources};
 use crate::error::{Error, Result};
 use crate::ping::{Ping, Pings, SonarView};
 use glam::DVec2;
@@ -21,7 +21,7 @@ const SIDES: std::ops::RangeInclusive<usize> = 16..=8192;
 /// A ping of another sonar, or whose columns disagree; a side out of bounds.
 pub fn fan(ping: &Ping, pixels: usize) -> Result<Image> {
     let pings = Pings { pings: vec![ping.clone()] };
-    let words = "fan and swath sonars; a turning beam makes a turning_fan";
+    let words = "imaging and swath sonars; a single beam that turns makes a fan of many pings, others a waterfall";
     check_view(&pings, "fan", &[SonarView::Fan, SonarView::Swath], words)?;
     let view = ping.layout.view;
     let angles = ping.layout.axes.iter().map(|&axis| angle(view, axis)).collect();
@@ -36,7 +36,7 @@ pub fn fan(ping: &Ping, pixels: usize) -> Result<Image> {
 /// # Errors
 /// Pings that do not fit together or of another sonar; a side out of bounds.
 pub fn turning_fan(pings: &Pings, pixels: usize) -> Result<Image> {
-    check_view(pings, "turning fan", &[SonarView::Single], "single sonars; others make a fan of each ping")?;
+    check_view(pings, "turning fan", &[SonarView::Single], "sonars of a single beam; others make a fan of each ping")?;
     let start = pings.pings[0].pose.orientation.inverse();
     let mut angles: Vec<f64> = Vec::with_capacity(pings.pings.len());
     for ping in &pings.pings {
@@ -47,7 +47,7 @@ pub fn turning_fan(pings: &Pings, pixels: usize) -> Result<Image> {
         angles.push(before + (angle - before + PI).rem_euclid(TAU) - PI);
     }
     let steps: Vec<f64> = angles.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
-    let usual = middle(steps.clone());
+    let usual = sector(steps.clone());
     let sectors: Vec<Sector> = (0..angles.len())
         .map(|ping| {
             let border = |step: Option<usize>, outwards: usize| match step.and_then(|step| steps.get(step)) {
@@ -63,6 +63,11 @@ pub fn turning_fan(pings: &Pings, pixels: usize) -> Result<Image> {
         })
         .collect();
     draw(pings, &sectors, pixels)
+}
+
+/// How wide a beam usually is with these `steps` to its neighbours, rad.
+fn sector(steps: Vec<f64>) -> f64 {
+    Some(middle(steps)).filter(|&usual| usual > 0.0).unwrap_or(LONE_SECTOR)
 }
 
 /// A beam, and the angles it covers, counter-clockwise from up in the image, rad.
@@ -92,7 +97,7 @@ pub(super) fn limits(angles: Vec<f64>) -> Vec<(usize, [f64; 2])> {
     let mut beams: Vec<(usize, f64)> =
         angles.iter().map(|angle| first + (angle - first + PI).rem_euclid(TAU) - PI).enumerate().collect();
     beams.sort_by(|a, b| a.1.total_cmp(&b.1));
-    let usual = middle(beams.windows(2).map(|pair| pair[1].1 - pair[0].1).collect());
+    let usual = sector(beams.windows(2).map(|pair| pair[1].1 - pair[0].1).collect());
     let half = |one: usize, other: Option<usize>| match other.and_then(|other| beams.get(other)) {
         Some((_, angle)) if (angle - beams[one].1).abs() <= USUAL * usual => 0.5 * (angle - beams[one].1).abs(),
         _ => 0.5 * usual,
@@ -158,6 +163,7 @@ mod tests {
     use super::super::synthetic::{TARGET, imaging, turning};
     use super::*;
     use crate::cloud::Field;
+    use std::sync::Arc;
 
     /// Middle of the pixels with the label of the target.
     fn target(image: &Image) -> DVec2 {
@@ -187,7 +193,7 @@ mod tests {
         let error = fan(&down, 8).unwrap_err().to_string();
         assert_eq!(error, "side of a fan is 8; allowed: 16 to 8192 pixels");
         let error = fan(&turning(4, 90.0).pings[0], 100).unwrap_err().to_string();
-        assert!(error.starts_with("fan is asked of a single sonar; allowed: fan and swath"), "{error}");
+        assert!(error.starts_with("fan is asked of a single sonar; allowed: imaging and swath"), "{error}");
     }
 
     #[test]
@@ -207,6 +213,23 @@ mod tests {
         let again = turning_fan(&twice, 400).unwrap();
         let gain = twice.pings[0].layout.tvg_db[100];
         assert_eq!(again.values[again.index([-(100.5 * 0.05), 0.0]).unwrap()], 7.0 + gain);
+    }
+
+    #[test]
+    fn a_lone_beam_is_as_wide_as_one_can_see() {
+        let lone = turning_fan(&turning(1, 1.8), 400).unwrap();
+        let mut still = turning(3, 0.0);
+        assert_eq!(turning_fan(&still, 400).unwrap().width, lone.width);
+        let mut one = imaging(SonarView::Fan, 0.0, 12.0);
+        let layout = Arc::make_mut(&mut one.layout);
+        layout.axes = vec![[0.0; 2]];
+        one.cells = still.pings.remove(0).cells;
+        for image in [lone, fan(&one, 400).unwrap()] {
+            // 2 degrees of 400 pixels.
+            assert!(image.height == 400 && (13..=16).contains(&image.width), "{} x {}", image.width, image.height);
+            let seen = image.values.iter().filter(|value| value.is_finite()).count();
+            assert!((2000..3600).contains(&seen), "{seen}");
+        }
     }
 
     #[test]

@@ -15,9 +15,10 @@ mod waterfall;
 pub use altitude::altitudes;
 pub use fan::{fan, turning_fan};
 pub use mosaic::{Overlap, mosaic};
-pub(crate) use mosaic::{fitting_cell, heading};
+pub(crate) use mosaic::{fitting as fitting_mosaic, heading};
 pub use soundings::depth_map;
 pub(crate) use soundings::fitting_cell as fitting_depth_cell;
+pub(crate) use waterfall::middle_beam as waterfall_beam;
 pub use waterfall::waterfall;
 
 use crate::cloud::{Column, Field};
@@ -163,10 +164,13 @@ fn filled<T: Clone>(count: usize, value: T) -> Result<Vec<T>> {
     Ok(values)
 }
 
+/// The columns that are layers of images.
+pub(crate) const LAYERS: [Field; 4] = [Field::CategoryId, Field::PartId, Field::InstanceId, Field::MaterialId];
+
 /// The label columns of `pings` at the cells `sources`.
 fn layers(pings: &[Ping], sources: &[Source]) -> Result<Vec<LabelLayer>> {
     let mut layers = Vec::new();
-    for field in [Field::CategoryId, Field::PartId, Field::InstanceId, Field::MaterialId] {
+    for field in LAYERS {
         if !pings.iter().all(|ping| ping.fields.contains(field)) {
             continue;
         }
@@ -213,12 +217,12 @@ fn of_sources(
 }
 
 /// That `pings` are of one of the kinds that `what` can be made of.
-fn check_view(pings: &Pings, what: &str, allowed: &[SonarView], words: &str) -> Result<()> {
-    let layout = pings.check()?;
-    if !allowed.contains(&layout.view) {
-        return Err(Error::invalid(what, format!("asked of a {} sonar", layout.view.name()), words));
+fn check_view(pings: &Pings, what: &str, allowed: &[SonarView], words: &str) -> Result<SonarView> {
+    let view = pings.check()?.view;
+    if !allowed.contains(&view) {
+        return Err(Error::invalid(what, format!("asked of a {} sonar", view.name()), words));
     }
-    Ok(())
+    Ok(view)
 }
 
 /// Unit vector at azimuth and elevation, rad: x forward, y left, z up.
@@ -226,6 +230,9 @@ fn direction(axis: [f32; 2]) -> DVec3 {
     let [azimuth, elevation] = axis.map(f64::from);
     DVec3::new(elevation.cos() * azimuth.cos(), elevation.cos() * azimuth.sin(), elevation.sin())
 }
+
+/// How wide beams are drawn whose width no neighbour says, rad: 2 degrees, as of a sonar that scans mechanically.
+const LONE_SECTOR: f64 = 0.035;
 
 /// The middle one of `values`; 0 of none.
 fn middle(mut values: Vec<f64>) -> f64 {

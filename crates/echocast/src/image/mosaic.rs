@@ -1,7 +1,9 @@
 //! Mosaic: what the sonar saw, laid on the map by its poses.
 
-use super::grid::{Grid, fitting, span};
-use super::{Image, ImageKind, ImageRange, Source, altitudes, check_view, filled, layers, level, levels, middle};
+use super::grid::{self, Grid, span};
+use super::{
+    Image, ImageKind, ImageRange, LONE_SECTOR, Source, altitudes, check_view, filled, layers, level, levels, middle,
+};
 use crate::emitter::Pose;
 use crate::error::Result;
 use crate::ping::{Pings, SonarView};
@@ -40,13 +42,37 @@ pub enum Overlap {
 /// Pings that do not fit together, of a swath sonar, or, for ground range, without a first return of the bed; a cell
 /// that is no length or makes too many pixels.
 pub fn mosaic(pings: &Pings, range: ImageRange, cell_m: f64, overlap: Overlap) -> Result<Image> {
-    let strips = strips(pings, range)?;
-    let grid = Grid::new(extent(&strips), cell_m)?;
+    check(pings)?;
+    let heights = if range == ImageRange::Ground { Some(altitudes(pings)?) } else { None };
+    draw(pings, &strips(pings, heights), cell_m, overlap)
+}
+
+/// The mosaic that fits into a picture of `pixels`: over ground range where a side-scan sonar sees the bed, else over slant
+/// range. Tells which.
+///
+/// # Errors
+/// As [`mosaic`].
+pub(crate) fn fitting(pings: &Pings, pixels: [u32; 2]) -> Result<(ImageRange, Image)> {
+    // The bed may be out of reach.
+    let heights = if check(pings)? == SonarView::Sidescan { altitudes(pings).ok() } else { None };
+    let range = if heights.is_some() { ImageRange::Ground } else { ImageRange::Slant };
+    let strips = strips(pings, heights);
+    let cell = grid::fitting(extent(&strips), pixels);
+    Ok((range, draw(pings, &strips, cell, Overlap::Mean)?))
+}
+
+fn check(pings: &Pings) -> Result<SonarView> {
+    let allowed = [SonarView::Sidescan, SonarView::Fan, SonarView::Single];
+    check_view(pings, "mosaic", &allowed, "sidescan, fan and single sonars; a swath makes a depth map")
+}
+
+fn draw(pings: &Pings, strips: &[Strip], cell_m: f64, overlap: Overlap) -> Result<Image> {
+    let grid = Grid::new(extent(strips), cell_m)?;
     let mut sources = filled(grid.len(), Source::NONE)?;
     let mut scores = filled(grid.len(), f32::NEG_INFINITY)?;
     // Of the mean: power over 1 uPa^2, and how many places it is of.
     let mut sums = if overlap == Overlap::Mean { filled(grid.len(), (0f64, 0u32))? } else { Vec::new() };
-    for strip in &strips {
+    for strip in strips {
         let ping = &pings.pings[strip.ping];
         let layout = &ping.layout;
         // Every cell has its place, and no pixel in the strip is left out.
@@ -96,14 +122,6 @@ pub fn mosaic(pings: &Pings, range: ImageRange, cell_m: f64, overlap: Overlap) -
     })
 }
 
-/// Cells with which the mosaic fits into a picture of `pixels`.
-///
-/// # Errors
-/// As [`mosaic`].
-pub(crate) fn fitting_cell(pings: &Pings, range: ImageRange, pixels: [u32; 2]) -> Result<f64> {
-    Ok(fitting(extent(&strips(pings, range)?), pixels))
-}
-
 /// What one beam of a ping paints: at the distance `r` over the bed, from `from[0] + r along[0]` to `from[1] + r along[1]`.
 struct Strip {
     ping: usize,
@@ -135,12 +153,9 @@ pub(crate) fn heading(pose: &Pose) -> DVec2 {
     level.truncate().normalize_or(DVec2::X)
 }
 
-fn strips(pings: &Pings, range: ImageRange) -> Result<Vec<Strip>> {
-    let allowed = [SonarView::Sidescan, SonarView::Fan, SonarView::Single];
-    check_view(pings, "mosaic", &allowed, "sidescan, fan and single sonars; a swath makes a depth map")?;
-    let pings =
-        (&pings.pings, if range == ImageRange::Ground { altitudes(pings)? } else { vec![0.0; pings.pings.len()] });
-    let (pings, altitudes) = pings;
+/// What the pings paint; over ground range where the `altitudes` of the sonar are known.
+fn strips(Pings { pings }: &Pings, altitudes: Option<Vec<f64>>) -> Vec<Strip> {
+    let altitudes = altitudes.unwrap_or_else(|| vec![0.0; pings.len()]);
     let layout = &pings[0].layout;
     let from: Vec<DVec2> = pings.iter().map(|ping| ping.pose.position.truncate()).collect();
     let headings: Vec<DVec2> = pings.iter().map(|ping| heading(&ping.pose)).collect();
@@ -158,7 +173,7 @@ fn strips(pings: &Pings, range: ImageRange) -> Result<Vec<Strip>> {
                 add(ping, beam, [from[ping]; 2], limits.map(|azimuth| looks(ping, azimuth)));
             }
         }
-        return Ok(strips);
+        return strips;
     }
     let steps: Vec<[f64; 2]> = (1..pings.len())
         .map(|ping| [from[ping].distance(from[ping - 1]), headings[ping].angle_to(headings[ping - 1]).abs()])
@@ -169,10 +184,13 @@ fn strips(pings: &Pings, range: ImageRange) -> Result<Vec<Strip>> {
         let missing = pings[first + 1].number.abs_diff(pings[first].number) > 1;
         !missing && apart <= (USUAL * distance).max(layout.bin_m) && turned <= (USUAL * turn).max(TURN)
     };
+    // A ping that has no other to be as wide as reaches to both sides of its beam.
+    let alone = if distance == 0.0 && turn == 0.0 { 0.5 * LONE_SECTOR } else { 0.0 };
     for beam in 0..layout.beams() {
         for ping in 0..pings.len() {
             let (here, direction) = (from[ping], looks(ping, azimuth(beam)));
             let border = |other: Option<usize>, outwards: f64| match other {
+                _ if alone > 0.0 => (here, DMat2::from_angle(outwards * alone) * direction),
                 Some(other) => (here.midpoint(from[other]), direction.midpoint(looks(other, azimuth(beam)))),
                 None => (here + 0.5 * outwards * distance * headings[ping], direction),
             };
@@ -181,12 +199,12 @@ fn strips(pings: &Pings, range: ImageRange) -> Result<Vec<Strip>> {
             add(ping, beam, [before.0, after.0], [before.1, after.1]);
         }
     }
-    Ok(strips)
+    strips
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::synthetic::{Sidescan, TARGET, pings};
+    use super::super::synthetic::{Sidescan, TARGET, pings, turning};
     use super::*;
     use crate::cloud::Field;
     use std::f64::consts::FRAC_PI_2;
@@ -255,6 +273,23 @@ mod tests {
         for tenths in 5..895 {
             let at = 45.0 * DVec2::from_angle((f64::from(tenths) / 10.0 - 90.0).to_radians());
             assert!(!image.values[image.index(at.into()).unwrap()].is_nan(), "{tenths}");
+        }
+    }
+
+    #[test]
+    fn one_ping_is_to_be_seen() {
+        for (one, sides) in
+            [(pings(&Sidescan { pings: 1, target: None, ..Sidescan::default() }), 2.0), (turning(1, 1.8), 1.0)]
+        {
+            let image = mosaic(&one, ImageRange::Slant, 0.05, Overlap::Mean).unwrap();
+            let seen = 0.05 * 0.05 * image.values.iter().filter(|value| value.is_finite()).count() as f64;
+            let reach = one.pings[0].layout.reach();
+            // A sector of two degrees of each beam, whose rims touch pixels beside it.
+            let area = sides * 0.5 * LONE_SECTOR * reach * reach;
+            assert!(seen > area && seen < area + sides * 0.15 * reach, "{seen} {area}");
+            let (range, fitted) = fitting(&one, [400, 300]).unwrap();
+            assert_eq!(range == ImageRange::Ground, sides == 2.0);
+            assert!(fitted.values.iter().filter(|value| value.is_finite()).count() > 500);
         }
     }
 

@@ -24,8 +24,10 @@ pub fn waterfall(pings: &Pings, range: ImageRange, beam: Option<usize>) -> Resul
             return Err(Error::invalid("beam", beam, allowed));
         }
         Some(beam) => (None, Some(beam)),
-        None if layout.view == SonarView::Sidescan => sides(layout),
-        None => (None, Some(layout.beams() / 2)),
+        None => match middle_beam(layout) {
+            Some(beam) => (None, Some(beam)),
+            None => sides(layout),
+        },
     };
     let heights = match range {
         ImageRange::Slant => vec![0.0; pings.pings.len()],
@@ -62,6 +64,11 @@ pub fn waterfall(pings: &Pings, range: ImageRange, beam: Option<usize>) -> Resul
         axes: [if port.is_some() { "across, m" } else { "range, m" }, "ping"],
     };
     of_sources(ImageKind::Waterfall, &pings.pings, [width, height], &sources, place)
+}
+
+/// The beam that a waterfall shows by default: the middle one; `None` of a side-scan sonar, of which it shows both sides.
+pub(crate) fn middle_beam(layout: &Layout) -> Option<usize> {
+    (layout.view != SonarView::Sidescan).then(|| layout.beams() / 2)
 }
 
 /// The beams that look to port, which is left, and to starboard.

@@ -165,8 +165,8 @@ impl BuiltScene {
         self.scan_watched(sensor, trajectory, options, cloud, None)
     }
 
-    /// [`BuiltScene::scan_into`] that tells `progress`, on this thread, how far it is, some times in a long scan; never in a
-    /// ping of a sonar.
+    /// [`BuiltScene::scan_into`] that tells `progress`, on this thread, how far it is, some times in a long scan; of a sonar,
+    /// whose scan is one ping, before it and after it.
     ///
     /// # Errors
     /// As [`BuiltScene::scan_into`], and [`Error::Cancelled`] when `progress` wants no more; then `cloud` is empty.
@@ -187,15 +187,22 @@ impl BuiltScene {
         trajectory: &Trajectory,
         options: &ScanOptions,
         cloud: &mut PointCloud,
-        progress: Option<Progress>,
+        mut progress: Option<Progress>,
     ) -> Result<()> {
-        if sensor.kind() == SensorKind::Sonar && options.profile != Profile::Physical {
-            return self.scan_printed(sensor, trajectory, options, cloud);
-        }
         if sensor.kind() == SensorKind::Sonar {
-            let fields = Ping::cloud_fields(options.fields);
-            let ping = self.ping(sensor, trajectory, &ScanOptions { fields, ..options.clone() })?;
-            *cloud = ping.cloud(options)?;
+            if progress.as_mut().is_some_and(|progress| progress(0.0).is_break()) {
+                *cloud = PointCloud::default();
+                return Err(Error::Cancelled);
+            }
+            if options.profile == Profile::Physical {
+                let fields = Ping::cloud_fields(options.fields);
+                let ping = self.ping(sensor, trajectory, &ScanOptions { fields, ..options.clone() })?;
+                *cloud = ping.cloud(options)?;
+            } else {
+                self.scan_printed(sensor, trajectory, options, cloud)?;
+            }
+            // What is finished is not thrown away.
+            let _ = progress.map(|progress| progress(1.0));
             return Ok(());
         }
         options.check(trajectory)?;
@@ -222,7 +229,7 @@ impl BuiltScene {
     /// of the sonar equation.
     ///
     /// # Errors
-    /// As [`BuiltScene::scan`], and a beam that there is not.
+    /// As [`BuiltScene::scan`], a beam that there is not, and a sonar with another profile than [`Profile::Physical`].
     pub fn explain(
         &self,
         sensor: &Sensor,
@@ -233,6 +240,10 @@ impl BuiltScene {
         let options = ScanOptions { organised: false, order: Order::Beam, fields: FieldSet::all(), ..options.clone() };
         options.check(trajectory)?;
         if sensor.kind() == SensorKind::Sonar {
+            if options.profile != Profile::Physical {
+                let found = format!("{:?}", options.profile).to_lowercase();
+                return Err(Error::invalid("profile", found, "physical where a beam of a sonar is explained"));
+            }
             return self.explain_ping(sensor, trajectory, &options, beam);
         }
         let beams = sensor.beams_at(options.start_time)?;

@@ -14,8 +14,6 @@ struct Point {
     range: f32,
     /// Unit vector in the sensor's frame.
     direction: Vec3,
-    number: u8,
-    count: u8,
 }
 
 impl Ping {
@@ -81,19 +79,10 @@ impl Ping {
         let layout = &*self.layout;
         let axis = |beam: usize| direction(layout.axes[beam]);
         if self.reports_depths() {
-            let none = |beam: usize| Point {
-                cell: beam * layout.bins,
-                beam,
-                range: f32::NAN,
-                direction: axis(beam),
-                number: 0,
-                count: 0,
-            };
+            let none = |beam: usize| Point { cell: beam * layout.bins, beam, range: f32::NAN, direction: axis(beam) };
             let found = self.soundings.iter().map(|sounding| Point {
                 cell: sounding.cell as usize,
                 range: sounding.range,
-                number: 1,
-                count: 1,
                 ..none(sounding.beam as usize)
             });
             if !organised {
@@ -109,8 +98,6 @@ impl Ping {
         let mut points = Vec::new();
         let cells = &self.cells;
         for beam in 0..layout.beams() {
-            let first = points.len();
-            let mut number = 0u8;
             for bin in 0..layout.bins {
                 let cell = beam * layout.bins + bin;
                 let seen = bin >= layout.first_bin && cells.intensity[cell] > layout.threshold_db[bin];
@@ -119,17 +106,15 @@ impl Ping {
                 }
                 let (azimuth, elevation) = (cells.azimuth[cell], cells.elevation[cell]);
                 let direction = if azimuth.is_nan() { axis(beam) } else { direction([azimuth, elevation]) };
-                number = if seen { number.saturating_add(1) } else { number };
                 let range = if seen { layout.range(bin) as f32 } else { f32::NAN };
-                points.push(Point { cell, beam, range, direction, number: if seen { number } else { 0 }, count: 0 });
+                points.push(Point { cell, beam, range, direction });
             }
-            points[first..].iter_mut().for_each(|point| point.count = number);
         }
         points
     }
 
     fn fill(&self, columns: &mut Columns, row: usize, point: &Point, options: &ScanOptions) {
-        let Point { cell, beam, range, direction, number, count } = *point;
+        let Point { cell, beam, range, direction } = *point;
         let cells = &self.cells;
         macro_rules! put {
             ($($column:ident: $value:expr),* $(,)?) => {$(
@@ -155,8 +140,8 @@ impl Ping {
             depth: reported.x,
             azimuth: direction.y.atan2(direction.x),
             elevation: direction.z.atan2(direction.x.hypot(direction.y)),
-            return_number: number,
-            return_count: count,
+            return_number: u8::from(!range.is_nan()),
+            return_count: u8::from(!range.is_nan()),
             channel: beam as u16,
             time: self.time,
             frame: options.frame,

@@ -226,7 +226,10 @@ impl Groups<'_> {
     fn of(&self, row: u32) -> Group {
         let cause = self.points.cause(row);
         match self.labels {
-            Some(ids) if cause.has_surface() => Group::Label(ids[row as usize]),
+            // Over reflections sound may come from the surface of the water, which has no label.
+            Some(ids) if cause.has_surface() && (cause != Cause::Multipath || ids[row as usize] != 0) => {
+                Group::Label(ids[row as usize])
+            }
             _ => Group::Cause(cause),
         }
     }
@@ -306,10 +309,10 @@ mod tests {
         cloud.columns.cause = causes.map(|cause| cause as u8).to_vec();
         let list = |wanted: &[(&str, usize)]| wanted.iter().map(|&(n, c)| (n.to_owned(), c)).collect::<Vec<_>>();
         let (name, entries) = names(&cloud, ColorBy::Label, &mut Report::default());
-        let wanted = [("unlabelled", 1), ("chair", 1), ("fog", 2), ("rain", 1), ("false alarm", 1)];
+        let wanted = [("unlabelled", 1), ("chair", 1), ("fog", 2), ("rain", 1), ("noise", 1)];
         assert_eq!((name, entries), ("category", list(&wanted)));
         let (name, entries) = names(&cloud, ColorBy::Cause, &mut Report::default());
-        let wanted = [("fog", 2), ("surface", 1), ("rain", 1), ("false alarm", 1), ("mixed", 1)];
+        let wanted = [("fog", 2), ("surface", 1), ("rain", 1), ("noise", 1), ("mixed", 1)];
         assert_eq!((name, entries), ("cause", list(&wanted)));
 
         let points = Points::new(&cloud, &mut Report::default());
@@ -324,6 +327,16 @@ mod tests {
         cloud.columns.cause = vec![Cause::Fog as u8; 6];
         let only = names(&cloud, ColorBy::Label, &mut Report::default());
         assert_eq!(only, ("category", list(&[("fog", 6)])));
+    }
+
+    #[test]
+    fn what_a_sonar_hears_besides_the_bed_is_named() {
+        let mut cloud = cloud(vec![1, 1, 0, 0, 0], vec![]);
+        let causes = [Cause::Surface, Cause::Multipath, Cause::Multipath, Cause::SeaSurface, Cause::FalseAlarm];
+        cloud.columns.cause = causes.map(|cause| cause as u8).to_vec();
+        let (_, entries) = names(&cloud, ColorBy::Label, &mut Report::default());
+        let wanted = [("chair", 2), ("noise", 1), ("multipath", 1), ("sea surface", 1)];
+        assert_eq!(entries, wanted.map(|(name, count)| (name.to_owned(), count)));
     }
 
     #[test]

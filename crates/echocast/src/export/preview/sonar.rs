@@ -9,7 +9,7 @@ use super::top::{length, scale_bar};
 use super::{ColorBy, Page, PreviewOptions, View, font};
 use crate::cloud::Field;
 use crate::error::{Error, Result};
-use crate::image::{self, Image, ImageKind, ImageRange, Overlap};
+use crate::image::{self, Image, ImageKind, ImageRange};
 use crate::ping::{Pings, SonarView};
 use crate::report::Report;
 use crate::scene::NameTable;
@@ -22,7 +22,8 @@ const TALLEST: f32 = 0.68;
 
 /// What a picture of `pings`, at least one, shows: its name, notes, and the image.
 pub(super) fn made(pings: &Pings, options: &PreviewOptions, page: &Page) -> Result<(String, Vec<String>, Image)> {
-    let view = pings.check()?.view;
+    let layout = pings.check()?;
+    let view = layout.view;
     let count = counted(pings.pings.len(), "ping");
     Ok(match options.view {
         View::Waterfall => {
@@ -30,8 +31,12 @@ pub(super) fn made(pings: &Pings, options: &PreviewOptions, page: &Page) -> Resu
                 true => (ImageRange::Ground, "ground range, the last ping below"),
                 false => (ImageRange::Slant, "slant range, the last ping below"),
             };
-            let image = image::waterfall(pings, range, None)?;
-            (format!("Waterfall of {count}"), vec![words.to_owned()], image)
+            let (image, beams) = (image::waterfall(pings, range, None)?, layout.beams());
+            let name = match image::waterfall_beam(layout) {
+                Some(beam) if beams > 1 => format!("Waterfall of {count}, beam {beam} of 0 to {}", beams - 1),
+                _ => format!("Waterfall of {count}"),
+            };
+            (name, vec![words.to_owned()], image)
         }
         View::Fan => fan(pings, page)?,
         _ if view == SonarView::Swath => {
@@ -39,12 +44,8 @@ pub(super) fn made(pings: &Pings, options: &PreviewOptions, page: &Page) -> Resu
             (format!("Depths of {count}"), vec![format!("cells of {cell:.2} m")], image::depth_map(pings, cell)?)
         }
         _ => {
-            // The bed may be out of reach.
-            let ground = matches!(view, SonarView::Sidescan) && image::altitudes(pings).is_ok();
-            let range = if ground { ImageRange::Ground } else { ImageRange::Slant };
-            let cell = image::fitting_cell(pings, range, room(page))?;
-            let image = image::mosaic(pings, range, cell, Overlap::Mean)?;
-            let words = if ground { "ground range" } else { "slant range" };
+            let (range, image) = image::fitting_mosaic(pings, room(page))?;
+            let words = if range == ImageRange::Ground { "ground range" } else { "slant range" };
             (format!("Track of {count}"), vec![words.to_owned()], image)
         }
     })
@@ -155,31 +156,41 @@ impl<'a> Ink<'a> {
         Ink { name, image, labels: Some((ids, listed)), table: Vec::new(), window, legend: Legend::Names(entries) }
     }
 
-    /// Colour of a pixel of the picture that shows the columns and rows of the image up to, not including, the ends.
+    /// Colour of a pixel of the picture that shows the columns and rows of the image up to, not including, the ends: of the
+    /// mean power, or of the mean height, and of the label of the strongest, or highest.
     fn color(&self, columns: [usize; 2], rows: [usize; 2]) -> Option<Color> {
+        /// Of a level in dB; relative to the end of the scale no power is too large for a number.
+        const LOG2_PER_DB: f32 = 0.332_192_8;
+        let heights = self.image.kind == ImageKind::DepthMap;
+        let [low, high] = self.window;
         let (mut sum, mut count) = (0.0, 0);
+        let (mut strongest, mut most) = (None, f32::NEG_INFINITY);
         let width = self.image.width;
         for row in rows[0]..rows[1] {
-            for value in &self.image.values[row * width + columns[0]..row * width + columns[1]] {
-                // Levels without a number at the ends of a scale.
-                if !value.is_nan() {
-                    sum += value.clamp(self.window[0], self.window[1]);
-                    count += 1;
+            for pixel in row * width + columns[0]..row * width + columns[1] {
+                let value = self.image.values[pixel];
+                if value.is_nan() {
+                    continue;
+                }
+                // Strays at the ends of the scale.
+                sum += if heights { value.clamp(low, high) } else { ((value.min(high) - high) * LOG2_PER_DB).exp2() };
+                count += 1;
+                if strongest.is_none() || value > most {
+                    (strongest, most) = (Some(pixel), value);
                 }
             }
         }
-        if count == 0 {
-            return None;
-        }
-        let part = (sum / count as f32 - self.window[0]) / (self.window[1] - self.window[0]);
+        let strongest = strongest?;
+        let mean = sum / count as f32;
+        let mean = if heights { mean } else { high + mean.log2() / LOG2_PER_DB };
+        let part = ((mean - low) / (high - low)).clamp(0.0, 1.0);
         let Some((ids, listed)) = &self.labels else {
             return Some(self.table[((part * 255.0).round() as usize).min(255)]);
         };
-        let middle = rows[0].midpoint(rows[1] - 1) * width + columns[0].midpoint(columns[1] - 1);
-        let color = listed.get(&ids[middle]).copied().unwrap_or(palette::OTHER);
+        let color = listed.get(&ids[strongest]).copied().unwrap_or(palette::OTHER);
         // Weak echoes are dark, so that shadows and shapes stay to be seen; so, a little, is what lies deep.
-        let dark = if self.image.kind == ImageKind::DepthMap { 0.4 } else { 0.7 };
-        let light = 1.0 - dark * (1.0 - part.clamp(0.0, 1.0));
+        let dark = if heights { 0.4 } else { 0.7 };
+        let light = 1.0 - dark * (1.0 - part);
         Some(std::array::from_fn(|i| {
             let ground = f32::from(GROUND[i]);
             (ground + light * (f32::from(color[i]) - ground)).round() as u8
@@ -389,6 +400,40 @@ mod tests {
         let picture = render(&swath, View::Track, ColorBy::Height);
         let (top, low) = (HEIGHT.color(1.0), HEIGHT.color(0.0));
         assert!(count(&picture, |color| color == top) > 100 && count(&picture, |color| color == low) > 1000);
+    }
+
+    #[test]
+    fn pixels_show_the_mean_power_and_the_label_of_the_strongest() {
+        let mut image = image::waterfall(&synthetic::pings(&Sidescan::default()), ImageRange::Slant, None).unwrap();
+        (image.width, image.height) = (4, 2);
+        // By hand: nine tenths of 1e8 uPa^2 and one of 1e10 would be 90.4 dB; here seven eighths.
+        image.values = [80.0, 80.0, 80.0, 80.0, 80.0, 100.0, 80.0, 80.0].to_vec();
+        image.layers.truncate(1);
+        image.layers[0].ids = vec![1, 1, 1, 1, 1, 2, 1, 1];
+        let ink = |color| Ink { window: [70.0, 110.0], ..Ink::new(&image, color, &mut Report::default()).unwrap() };
+        let mean = 10.0 * ((7.0 * 1e8 + 1e10f32) / 8.0).log10();
+        assert!((mean - 91.26).abs() < 0.01, "{mean}");
+        let found = ink(ColorBy::Intensity).color([0, 4], [0, 2]);
+        assert_eq!(found, Some(LEVEL.table()[((mean - 70.0) / 40.0 * 255.0).round() as usize]));
+        assert_eq!(ink(ColorBy::Intensity).color([0, 1], [0, 1]), Some(LEVEL.table()[64]));
+        // The second category, as bright as the mean.
+        let light = 1.0 - 0.7 * (1.0 - (mean - 70.0) / 40.0);
+        let wanted: Color = std::array::from_fn(|i| {
+            let ground = f32::from(GROUND[i]);
+            (ground + light * (f32::from(palette::category(2)[i]) - ground)).round() as u8
+        });
+        assert_eq!(ink(ColorBy::Label).color([0, 4], [0, 2]), Some(wanted));
+    }
+
+    #[test]
+    fn waterfalls_of_many_beams_say_which() {
+        let name = |pings: &Pings| {
+            let options = PreviewOptions { view: View::Waterfall, ..PreviewOptions::default() };
+            made(pings, &options, &Page::new(800)).unwrap().0
+        };
+        assert_eq!(name(&synthetic::swath(3)), "Waterfall of 3 pings, beam 40 of 0 to 80");
+        assert_eq!(name(&synthetic::turning(3, 1.8)), "Waterfall of 3 pings");
+        assert_eq!(name(&synthetic::pings(&Sidescan::default())), "Waterfall of 101 pings");
     }
 
     #[test]
