@@ -48,6 +48,15 @@ impl Fluid {
         if sum == 0.0 { 1.0 } else { (4.0 * (there.re * here.re + there.im * here.im) / sum).clamp(0.0, 1.0) }
     }
 
+    /// [`Fluid::transmittance`] without losses, where the sines of the grazing angles on both sides are known, above 0: as
+    /// Snell has them.
+    #[inline]
+    pub(super) fn lossless_transmittance(&self, other: &Fluid, [sine, sine_there]: [f64; 2]) -> f64 {
+        let here = self.density_kg_m3 * self.speed_m_s * sine_there;
+        let there = other.density_kg_m3 * other.speed_m_s * sine;
+        4.0 * here * there / ((here + there) * (here + there))
+    }
+
     /// `r1 c1 cos t2` and `r2 c2 cos t1`.
     fn impedances(&self, other: &Fluid, sin_grazing: f64) -> [Complex; 2] {
         let cos = sin_grazing.clamp(0.0, 1.0);
@@ -146,6 +155,11 @@ mod tests {
                 let sin = f64::from(step) / 1000.0;
                 let (v, alpha) = (WATER.reflection(&other, sin), WATER.transmittance(&other, sin));
                 assert!((power(v) + alpha - 1.0).abs() < 1e-12, "{other:?} {sin}: {v:?} {alpha}");
+                let cos_there = (1.0 - sin * sin).sqrt() * other.speed_m_s / WATER.speed_m_s;
+                if other.loss_db_per_wavelength == 0.0 && cos_there < 1.0 && sin > 0.0 {
+                    let known = WATER.lossless_transmittance(&other, [sin, (1.0 - cos_there * cos_there).sqrt()]);
+                    assert!((known - alpha).abs() < 1e-12, "{other:?} {sin}: {known} {alpha}");
+                }
             }
         }
     }

@@ -222,7 +222,7 @@ impl Ray {
             }
             let (sine, sine_on) = (self.sine.abs().max(1e-9), (1.0 - cosine * cosine).sqrt().max(1e-9));
             let [here, next] = [(here, from), (next, to)].map(|(slab, speed)| Fluid::new(slab.density, speed));
-            let part = here.transmittance(&next, sine);
+            let part = here.lossless_transmittance(&next, [sine, sine_on]);
             self.transmitted *= part;
             self.tube *= sine_on / sine;
             self.sine = down * sine_on;
