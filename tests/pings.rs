@@ -3,6 +3,7 @@
 use echocast::cloud::{Columns, Field, FieldSet};
 use echocast::image::{self, ImageRange, Overlap};
 use echocast::scene::{Labels, NameTable};
+use echocast::units::amplitude_from_db;
 use echocast::{Layout, Ping, Pings, Pose, SonarView, Sounding};
 use echocast_tests::python;
 use glam::DVec3;
@@ -98,7 +99,13 @@ fn pings_are_read_back() {
     for found in &read(&files) {
         let levels = || all.iter().flat_map(|ping| &ping.cells.intensity).copied();
         compare(found, "level", "f4", &cells, levels().map(f64::from));
-        compare(found, "amplitude", "f4", &cells, levels().map(|level| f64::from(Ping::amplitude(level))));
+        compare(
+            found,
+            "amplitude",
+            "f4",
+            &cells,
+            levels().map(|level| f64::from(amplitude_from_db(level.into()) as f32)),
+        );
         let ids = all.iter().flat_map(|ping| &ping.cells.category_id);
         compare(found, "category_id", "u4", &cells, ids.map(|&id| f64::from(id)));
         let red = all.iter().flat_map(|ping| &ping.cells.red);

@@ -243,11 +243,6 @@ impl Ping {
         same_layout && same_labels && self.origin == other.origin && self.fields == other.fields
     }
 
-    /// Amplitude of a level, uPa.
-    pub fn amplitude(level_db: f32) -> f32 {
-        10f32.powf(level_db / 20.0)
-    }
-
     /// Column `field`, a row for each cell; empty when it was not asked for.
     pub fn column(&self, field: Field) -> Column<'_> {
         self.cells.get(field)

@@ -341,21 +341,8 @@ impl Insonification<'_> {
             return log2(out.speed * back.speed) - log2((upright.max(least) * level).max(1e-6)).abs();
         }
         let [out, back] = [out, back].map(|way| log2(way.path.max(1e-3)));
-        2.0 * out - self.one_way(out) - self.one_way(back)
-    }
-
-    /// log2 of what spreading takes of energy on a way whose length has the logarithm `path`.
-    #[inline(always)]
-    fn one_way(&self, path: f32) -> f32 {
-        match self.spreading {
-            Spreading::RayTube | Spreading::Spherical => 2.0 * path.max(0.0),
-            Spreading::Practical => 1.5 * path.max(0.0),
-            Spreading::Cylindrical => path.max(0.0),
-            Spreading::Hybrid => {
-                let from = log2(self.spreading_from).max(0.0);
-                2.0 * path.clamp(0.0, from) + (path - from).max(0.0)
-            }
-        }
+        let one_way = |path| self.spreading.one_way(path, self.spreading_from);
+        2.0 * out - one_way(out) - one_way(back)
     }
 }
 

@@ -9,6 +9,7 @@ use crate::image::{Image, ImageKind, LAYERS};
 use crate::ping::{Ping, Pings, Sounding};
 use crate::report::Report;
 use crate::scene::{Labels, NameTable};
+use crate::units::amplitude_from_db;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -202,7 +203,7 @@ fn write_pings(file: &mut Arrays, Pings { pings }: &Pings, report: &mut Report) 
     let levels = joined(pings, |ping| ping.cells.intensity.iter().copied())?;
     file.add(["level", "dB re 1 uPa", "echo level with noise"], &cells, Column::F32(&levels))?;
     let mut amplitudes = levels;
-    amplitudes.iter_mut().for_each(|level| *level = Ping::amplitude(*level));
+    amplitudes.iter_mut().for_each(|level| *level = amplitude_from_db((*level).into()) as f32);
     file.add(["amplitude", "uPa", "amplitude of the level"], &cells, Column::F32(&amplitudes))?;
     drop(amplitudes);
     for info in first.fields.iter().filter(|info| info.field != Field::Intensity) {

@@ -12,8 +12,8 @@ use crate::echo::{
 use crate::emitter::{Pose, Trajectory, Transducer};
 use crate::error::{Error, Result};
 use crate::material::{Mirrors, ReflectanceSource};
-use crate::math::exp2;
-use crate::medium::{Column, Water};
+use crate::math::{exp2, log2};
+use crate::medium::{Column, Spreading, Water};
 use crate::parallel;
 use crate::ping::{CELL_FIELDS, Layout, Ping, SonarView, Sounding};
 use crate::report::Report;
@@ -103,6 +103,9 @@ struct LayoutInputs {
     absorption: f64,
     ambient: f64,
     volume: Option<f64>,
+    spreading: Spreading,
+    /// Where hybrid spreading becomes cylindrical, m.
+    spreading_from: f32,
 }
 
 /// What is the same for all rays of a ping.
@@ -267,6 +270,8 @@ impl<'a> Pinging<'a> {
             absorption,
             ambient: acoustics.noise_level_db.unwrap_or_else(ambient),
             volume: water.volume_backscatter_db,
+            spreading: water.spreading,
+            spreading_from: water.spreading_from_m.unwrap_or(1.0) as f32,
         };
         let volume = volume(&inputs, bin_m, resolution * acoustics.taper.resolutions());
         let layout = match memory.layout.take() {
@@ -446,14 +451,15 @@ impl Pinging<'_> {
     }
 }
 
-/// What a steradian of open water sends back from each bin, uPa^2: volume backscatter from a resolution cell, spherical
-/// spreading and absorption as at the sonar (sonar equation, Urick 1983, section 8.3).
+/// What a steradian of open water sends back from each bin, uPa^2: volume backscatter from a resolution cell, spreading
+/// along straight rays and absorption as at the sonar (sonar equation, Urick 1983, section 8.3).
 fn volume(inputs: &LayoutInputs, bin_m: f64, resolution: f64) -> Vec<f32> {
     let Some(strength) = inputs.volume else { return Vec::new() };
     let of_bin = |bin: usize| {
         let range = (bin as f64 + 0.5) * bin_m;
-        let spreading = 20.0 * range.log10().abs();
-        let level = inputs.sensor.source_level_db + strength + 10.0 * resolution.log10() - spreading;
+        let path = log2(range as f32);
+        let spread = 2.0 * (path - inputs.spreading.one_way(path, inputs.spreading_from)) / LOG2_PER_DB;
+        let level = inputs.sensor.source_level_db + strength + 10.0 * resolution.log10() + f64::from(spread);
         10f64.powf((level - 2.0 * inputs.absorption * range) / 10.0) as f32
     };
     (0..inputs.bins).map(of_bin).collect()

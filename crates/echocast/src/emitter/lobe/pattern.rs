@@ -3,6 +3,7 @@
 use super::array::Factor;
 use super::bessel::jinc;
 use super::{Array, NOTHING_DB, Row};
+use crate::units::amplitude_from_db;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// The pattern of an aperture in one plane at one wavelength.
@@ -205,10 +206,6 @@ fn sinc(x: f64) -> f64 {
 /// Angle whose sine is `u`, rad, 90 degrees beyond 1.
 fn angle(u: f64) -> f64 {
     u.clamp(-1.0, 1.0).asin()
-}
-
-fn amplitude_from_db(db: f64) -> f64 {
-    10f64.powf(db / 20.0)
 }
 
 /// Level at `angle` by rows of angle and dB, linear between them.

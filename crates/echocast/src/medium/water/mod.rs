@@ -24,6 +24,7 @@ pub use validity::Outside;
 
 use crate::bounds::{ABOVE_ZERO, Bounds};
 use crate::error::{Error, Result};
+use crate::math::log2;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -42,6 +43,23 @@ pub enum Spreading {
     Cylindrical,
     /// `20 log r` up to `spreading_from_m`, and cylindrical from there.
     Hybrid,
+}
+
+impl Spreading {
+    /// log2 of what it takes of energy on a way of `2^path` m: nothing within a metre. `from`: where hybrid spreading
+    /// becomes cylindrical, m; ray tubes are taken for those of straight rays.
+    #[inline(always)]
+    pub(crate) fn one_way(self, path: f32, from: f32) -> f32 {
+        match self {
+            Spreading::RayTube | Spreading::Spherical => 2.0 * path.max(0.0),
+            Spreading::Practical => 1.5 * path.max(0.0),
+            Spreading::Cylindrical => path.max(0.0),
+            Spreading::Hybrid => {
+                let from = log2(from).max(0.0);
+                2.0 * path.clamp(0.0, from) + (path - from).max(0.0)
+            }
+        }
+    }
 }
 
 /// The water below a level of the world: the section `environment.water`. Only sonar meets it.
