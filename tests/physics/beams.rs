@@ -144,6 +144,28 @@ fn directivity_of_two_planes_is_that_of_known_apertures() {
     assert_near("box", directivity(&window(1.0), &window(3.0)), 10.0 * (4.0 * PI / solid).log10(), 2e-3);
 }
 
+/// `10 log(2 L / lambda)` and what a wall adds, of lobes as narrow as a file may ask for.
+#[test]
+fn narrow_lobes_have_the_directivity_of_long_lines() {
+    let all_around = pattern("{shape: box, width_deg: 180}");
+    let wall = 10.0 * 2f64.log10();
+    for degrees in [0.05, 0.02, 0.0137, 0.005, 0.001] {
+        let lobe = Lobe::Width(degrees).at(1.0);
+        // Where sinc^2 is a half.
+        let length = 0.442_946_470_689 / (0.5 * degrees).to_radians().sin();
+        let expected = 10.0 * (2.0 * length).log10() + wall;
+        assert_near(&format!("{degrees} deg across"), directivity(&lobe, &all_around), expected, 1e-3);
+        assert_near(&format!("{degrees} deg up"), directivity(&all_around, &lobe), expected, 1e-3);
+        let both = directivity(&lobe, &lobe);
+        assert_near(&format!("{degrees} deg both"), both, rectangle_directivity(length, length), 2e-3);
+    }
+    // An array with grating lobes to each side: 5 lobes share its power.
+    let sparse = "{shape: array, elements: 4096, pitch_m: 2.5}";
+    let dense = "{shape: array, elements: 4096, pitch_m: 0.5}";
+    let [sparse, dense] = [sparse, dense].map(|text| directivity(&pattern(text), &all_around));
+    assert_near("elements alone count", sparse, dense, 0.02);
+}
+
 #[test]
 fn sidelobes_are_as_low_as_is_known() {
     assert_near("line", sidelobe(&line(10.0), 1.0), -13.26, 0.01);

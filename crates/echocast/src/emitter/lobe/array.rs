@@ -45,6 +45,11 @@ impl Factor {
         self.elements * self.pitch
     }
 
+    /// u from a main lobe to the next.
+    pub fn spacing(&self) -> f64 {
+        self.pitch.recip()
+    }
+
     /// Signed amplitude at u, 1 at 0.
     pub fn amplitude(&self, u: f64) -> f64 {
         let phase = 2.0 * PI * self.pitch * u;

@@ -2,7 +2,7 @@
 
 use super::Pattern;
 use super::bessel::jinc;
-use super::integral::integral;
+use super::integral::{integral, integral_over};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Above so many wavelengths (or ka) the first terms of the asymptotic expansion are right to 1e-4 dB.
@@ -52,20 +52,17 @@ pub(crate) fn round_directivity(lobe: &Pattern) -> f64 {
 
 /// Directivity index of an aperture in a wall that has the pattern `across` in one plane and `up` in the other, dB:
 /// `10 log(4 pi / integral of b over the half sphere before it)`; what is behind is silent. The patterns multiply, each at
-/// the direction cosine along its edge. Good to 0.01 dB up to 1000 wavelengths. The work grows with the product of both
-/// apertures in wavelengths: 0.1 s for 180 x 6, 6 s for 1000 x 1000 in a build for tests.
+/// the direction cosine along its edge. Good to 0.01 dB, for lobes of a thousandth of a degree too.
 pub fn directivity(across: &Pattern, up: &Pattern) -> f64 {
-    /// Finer than this only where it matters.
-    const MOST_PANELS: f64 = 2048.0;
     const PRECISION: f64 = 1e-6;
-    let panels = |detail: f64| 2 * (FRAC_PI_2 / detail).clamp(8.0, 0.5 * MOST_PANELS).ceil() as usize;
     let (fine_across, fine_up) = (across.detail(), up.detail());
-    let quarter = [-FRAC_PI_2, FRAC_PI_2];
+    let (across_panels, up_panels) = (across.panels(), up.panels());
     let ring = |elevation: f64| {
         let (sin, cos) = elevation.sin_cos();
         let power = |azimuth: f64| across.amplitude(cos * azimuth.sin()).powi(2);
-        up.amplitude(sin).powi(2) * cos * integral(&power, quarter, panels(fine_across), PRECISION * fine_across)
+        let edges = across_panels.iter().map(|u| (u / cos).clamp(-1.0, 1.0).asin());
+        up.amplitude(sin).powi(2) * cos * integral_over(&power, edges, PRECISION * fine_across)
     };
-    let all = integral(&ring, quarter, panels(fine_up), PRECISION * fine_across * fine_up);
+    let all = integral_over(&ring, up_panels.iter().map(|u| u.asin()), PRECISION * fine_across * fine_up);
     10.0 * (4.0 * PI / all).log10()
 }

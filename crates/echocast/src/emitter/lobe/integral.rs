@@ -1,13 +1,23 @@
 //! Integrals of patterns.
 
-/// Simpson's rule over `panels` of equal width, each halved until that changes its integral by no more than `tolerance`.
+/// Simpson's rule over `panels` of equal width, as [`integral_over`].
 pub(super) fn integral(f: &impl Fn(f64) -> f64, [from, to]: [f64; 2], panels: usize, tolerance: f64) -> f64 {
+    let width = (to - from) / panels as f64;
+    integral_over(f, (0..=panels).map(|edge| from + width * edge as f64), tolerance)
+}
+
+/// Simpson's rule over the panels between rising `edges`, each halved until that changes its integral by no more than
+/// `tolerance`.
+pub(super) fn integral_over(f: &impl Fn(f64) -> f64, edges: impl IntoIterator<Item = f64>, tolerance: f64) -> f64 {
     /// Enough to cut 1e-6 of a panel out at an edge.
     const MOST_HALVINGS: u32 = 24;
-    let width = (to - from) / panels as f64;
-    let (mut sum, mut start, mut at_start) = (0.0, from, f(from));
-    for panel in 1..=panels {
-        let end = from + width * panel as f64;
+    let mut edges = edges.into_iter();
+    let Some(mut start) = edges.next() else { return 0.0 };
+    let (mut sum, mut at_start) = (0.0, f(start));
+    for end in edges {
+        if end <= start {
+            continue;
+        }
         let (at_middle, at_end) = (f(0.5 * (start + end)), f(end));
         sum += halved(f, [start, end], [at_start, at_middle, at_end], tolerance, MOST_HALVINGS);
         (start, at_start) = (end, at_end);

@@ -184,7 +184,7 @@ impl Pattern {
         }
     }
 
-    /// Width of its finest structure in u, at most 1.
+    /// Width of its finest structure in u, 1e-7 to 1.
     pub(super) fn detail(&self) -> f64 {
         let detail = match &self.0 {
             Kind::Line { length } => length.recip(),
@@ -193,7 +193,49 @@ impl Pattern {
             Kind::Array { factor, element } => factor.length().max(*element).recip(),
             Kind::Table { rows } => rows.windows(2).map(|pair| pair[1][0] - pair[0][0]).fold(1.0, f64::min),
         };
-        detail.min(1.0)
+        detail.max(1e-7).min(1.0)
+    }
+
+    /// Edges in u, rising from -1 to 1, of panels to integrate it in: one for each lobe about the main one and, of arrays,
+    /// about each grating lobe; wider and wider off these.
+    pub(super) fn panels(&self) -> Vec<f64> {
+        /// Panels of a lobe each to either side of a main lobe.
+        const NARROW: u32 = 64;
+        /// Of the width of the last.
+        const WIDER: f64 = 1.05;
+        const WIDEST: f64 = 0.125;
+        /// Beyond so many the lobes between grating lobes are few.
+        const MOST_GRATINGS: f64 = 64.0;
+        const EVEN: u32 = 2048;
+        let spacing = match &self.0 {
+            Kind::Array { factor, .. } => factor.spacing(),
+            Kind::Table { rows } => {
+                let rows = rows.iter().map(|row| row[0].clamp(-FRAC_PI_2, FRAC_PI_2).sin());
+                let mut edges: Vec<f64> = rows.chain([-1.0, 0.0, 1.0]).collect();
+                edges.sort_by(f64::total_cmp);
+                return edges;
+            }
+            _ => f64::INFINITY,
+        };
+        if spacing < MOST_GRATINGS.recip() {
+            return (0..=EVEN).map(|edge| 2.0 * f64::from(edge) / f64::from(EVEN) - 1.0).collect();
+        }
+        // To one side of a main lobe, half of the way to the next.
+        let (mut side, mut width) = (vec![0.0], self.detail());
+        let end = (0.5 * spacing).min(2.0);
+        while let Some(&last) = side.last().filter(|&&last| last < end) {
+            side.push(f64::min(last + width, end));
+            if side.len() > NARROW as usize {
+                width = (width * WIDER).min(WIDEST);
+            }
+        }
+        let reach = if spacing.is_finite() { (1.0 / spacing).ceil() as i32 } else { 0 };
+        let about = |lobe: i32| if lobe == 0 { 0.0 } else { f64::from(lobe) * spacing };
+        let left = |lobe: i32| side.iter().rev().map(move |off| about(lobe) - off);
+        let right = |lobe: i32| side.iter().map(move |off| about(lobe) + off);
+        let all = (-reach..=reach).flat_map(|lobe| left(lobe).chain(right(lobe)));
+        let inner: Vec<f64> = all.filter(|u| u.abs() < 1.0).collect();
+        [-1.0].into_iter().chain(inner).chain([1.0]).collect()
     }
 }
 
