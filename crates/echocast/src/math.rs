@@ -19,6 +19,9 @@ pub(crate) fn ln(x: f32) -> f32 {
     exponent as f32 * LN_2 + series
 }
 
+/// log2(10) / 10: logarithms to base 2 of powers from dB.
+pub(crate) const LOG2_PER_DB: f32 = 0.332_192_8;
+
 /// Logarithm to base 2 of a positive number, to 2e-6.
 #[inline(always)]
 pub(crate) fn log2(x: f32) -> f32 {

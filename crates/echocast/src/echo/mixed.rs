@@ -1,7 +1,7 @@
 //! Echoes that return another way than they went: out directly and back over reflections, or the other way round.
 
-use super::ping::{Echo, Echoes, Heard, Insonification, LOG2_PER_DB, Parts, PingEcho, sine};
-use crate::math::exp2;
+use super::ping::{Echo, Echoes, Heard, Insonification, Parts, PingEcho, sine};
+use crate::math::{LOG2_PER_DB, exp2};
 use crate::trace::{Arrival, Direct};
 
 /// Ways of a mixed echo, by its number.

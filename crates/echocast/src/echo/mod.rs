@@ -22,9 +22,7 @@ pub(crate) use intensity::IntensityModel;
 pub(crate) use particles::Cone;
 pub(crate) use path::{Chosen, Follower, Meeting, PathEcho, PathEchoes, PathLimits, Preferred, Surroundings};
 pub(crate) use phasor::{MOST_FREQUENCIES, Modulation, ShotNoise, natural_vignetting, turns};
-pub(crate) use ping::{
-    CHUNK_BITS, Drift, Echoes, Insonification, LOG2_PER_DB, NOBODY, PingEcho, Scatterers, Tile, Wants, texture,
-};
+pub(crate) use ping::{CHUNK_BITS, Drift, Echoes, Insonification, NOBODY, PingEcho, Scatterers, Tile, Wants, texture};
 pub use pulse::PulseShape;
 pub(crate) use pulse::{Pulse, erf};
 pub(crate) use response::{Background, Lines, Response};

@@ -5,7 +5,7 @@
 
 use super::backscatter::Backscatter;
 use crate::emitter::{Hearing, Transducer};
-use crate::math::{exp2, log2};
+use crate::math::{LOG2_PER_DB, exp2, log2};
 use crate::medium::Spreading;
 use crate::rng::{Draw, Rng};
 use crate::trace::{Arrival, Direct, SEA, Surfaces};
@@ -18,9 +18,6 @@ const MOST_BINS: f32 = 256.0;
 /// Where the lattice of scatterers begins, its cells: flat surfaces at round heights, 0 above all, lie within cells of it
 /// and of the wider ones of the texture, and not between two of them, where rounding would decide.
 const OFF_LATTICE: f32 = 5.37;
-
-/// log2(10) / 10: powers from dB.
-pub(crate) const LOG2_PER_DB: f32 = 0.332_192_8;
 
 /// What is the same for all rays of a ping.
 pub(crate) struct Insonification<'a> {

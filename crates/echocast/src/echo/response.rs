@@ -1,7 +1,7 @@
 //! What pulse and receiver make of what beams hear: levels.
 
-use super::ping::{LOG2_PER_DB, Tile};
-use crate::math::log2;
+use super::ping::Tile;
+use crate::math::{LOG2_PER_DB, log2};
 use crate::rng::{Draw, Rng};
 use crate::sonar::Taper;
 use std::f64::consts::PI;

@@ -6,6 +6,7 @@ use super::{
 };
 use crate::emitter::Pose;
 use crate::error::Result;
+use crate::math::{LOG2_PER_DB, exp2};
 use crate::ping::{Pings, SonarView};
 use glam::{DMat2, DVec2};
 use std::sync::Arc;
@@ -80,7 +81,8 @@ fn draw(pings: &Pings, strips: &[Strip], cell_m: f64, overlap: Overlap) -> Resul
         let steps = (strip.reach / step) as usize;
         for i in 0..steps {
             let distance = (i as f64 + 0.5) * step;
-            let bin = ((distance.hypot(strip.altitude) / layout.bin_m) as usize).min(layout.bins - 1);
+            let slant = (distance * distance + strip.altitude * strip.altitude).sqrt();
+            let bin = ((slant / layout.bin_m) as usize).min(layout.bins - 1);
             let cell = strip.beam * layout.bins + bin;
             let level = level(ping, cell);
             if !level.is_finite() {
@@ -91,7 +93,7 @@ fn draw(pings: &Pings, strips: &[Strip], cell_m: f64, overlap: Overlap) -> Resul
                 Overlap::Last => strip.ping as f32,
                 Overlap::Nearest => -distance as f32,
             };
-            let power = if overlap == Overlap::Mean { 10f64.powf(f64::from(level) / 10.0) } else { 0.0 };
+            let power = if overlap == Overlap::Mean { f64::from(exp2(level * LOG2_PER_DB)) } else { 0.0 };
             let [start, end] = strip.at(distance);
             let places = (start.distance(end) / (0.5 * cell_m)).ceil().max(1.0) as usize;
             for j in 0..places {

@@ -6,13 +6,13 @@ use crate::cause::Cause;
 use crate::cloud::{Field, FieldSet, Slices};
 use crate::detect::{BeamLevels, sounding};
 use crate::echo::{
-    Background, Backscatter, CHUNK_BITS, Drift, Echoes, Insonification, LOG2_PER_DB, Lines, NOBODY, Response,
-    Scatterers, Tile, Wants,
+    Background, Backscatter, CHUNK_BITS, Drift, Echoes, Insonification, Lines, NOBODY, Response, Scatterers, Tile,
+    Wants,
 };
 use crate::emitter::{Pose, Trajectory, Transducer};
 use crate::error::{Error, Result};
 use crate::material::{Mirrors, ReflectanceSource};
-use crate::math::{exp2, log2};
+use crate::math::{LOG2_PER_DB, exp2, log2};
 use crate::medium::{Column, Spreading, Water};
 use crate::parallel;
 use crate::ping::{CELL_FIELDS, Layout, Ping, SonarView, Sounding};

@@ -10,6 +10,7 @@ use super::{ColorBy, Page, PreviewOptions, View, font};
 use crate::cloud::Field;
 use crate::error::{Error, Result};
 use crate::image::{self, Image, ImageKind, ImageRange};
+use crate::math::{LOG2_PER_DB, exp2};
 use crate::ping::{Pings, SonarView};
 use crate::report::Report;
 use crate::scene::NameTable;
@@ -159,8 +160,6 @@ impl<'a> Ink<'a> {
     /// Colour of a pixel of the picture that shows the columns and rows of the image up to, not including, the ends: of the
     /// mean power, or of the mean height, and of the label of the strongest, or highest.
     fn color(&self, columns: [usize; 2], rows: [usize; 2]) -> Option<Color> {
-        /// Of a level in dB; relative to the end of the scale no power is too large for a number.
-        const LOG2_PER_DB: f32 = 0.332_192_8;
         let heights = self.image.kind == ImageKind::DepthMap;
         let [low, high] = self.window;
         let (mut sum, mut count) = (0.0, 0);
@@ -172,8 +171,8 @@ impl<'a> Ink<'a> {
                 if value.is_nan() {
                     continue;
                 }
-                // Strays at the ends of the scale.
-                sum += if heights { value.clamp(low, high) } else { ((value.min(high) - high) * LOG2_PER_DB).exp2() };
+                // Strays at the ends of the scale, to which no power is too large for a number.
+                sum += if heights { value.clamp(low, high) } else { exp2((value.min(high) - high) * LOG2_PER_DB) };
                 count += 1;
                 if strongest.is_none() || value > most {
                     (strongest, most) = (Some(pixel), value);
