@@ -221,6 +221,26 @@ fn tubes_are_as_wide_as_their_neighbours_are_apart() {
     }
 }
 
+/// A level ray spreads alike whether it starts at a row in the middle of a line or beside it.
+#[test]
+fn level_rays_spread_from_the_rows_of_a_cast() {
+    let cast =
+        "{cast: [{depth_m: 0, speed_m_s: 1520}, {depth_m: 100, speed_m_s: 1500}, {depth_m: 200, speed_m_s: 1480}]}";
+    for angle in [0.0, 1e-7, -1e-7, 1e-4, -1e-4] {
+        for depth in [99.999, 100.0, 100.001] {
+            let mut ray = SoundRay::new(&water(cast), 1000.0, depth, angle, 300.0).unwrap();
+            let point = loop {
+                match ray.point_at(200.0) {
+                    Some(point) => break point,
+                    None => ray.next_slab().unwrap(),
+                }
+            };
+            let what = format!("{angle} deg at {depth} m");
+            assert_near(&what, point.spreading_db, 20.0 * 200f64.log10(), 0.1);
+        }
+    }
+}
+
 /// Straight up and down, and nearly so, in a gradient: `ln(c2 / c1) / g`.
 #[test]
 fn vertical_rays_take_the_time_of_the_logarithm() {

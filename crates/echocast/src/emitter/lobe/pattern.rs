@@ -193,7 +193,8 @@ impl Pattern {
             Kind::Array { factor, element } => factor.length().max(*element).recip(),
             Kind::Table { rows } => rows.windows(2).map(|pair| pair[1][0] - pair[0][0]).fold(1.0, f64::min),
         };
-        detail.max(1e-7).min(1.0)
+        // A number even of what no check has seen.
+        if detail.is_nan() { 1.0 } else { detail.clamp(1e-7, 1.0) }
     }
 
     /// Edges in u, rising from -1 to 1, of panels to integrate it in: one for each lobe about the main one and, of arrays,

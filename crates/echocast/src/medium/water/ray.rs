@@ -236,8 +236,11 @@ impl Ray {
         }
         self.speed = to;
         self.slab = there;
-        if !self.level {
+        if transmitted.is_some() {
             self.widen(next);
+        } else if !self.level {
+            // As `widen` has it, but exact for level rays too, of which `turn` says nothing.
+            self.widening += (here.gradient - next.gradient) * self.snell * self.snell * self.tube / self.steep();
         }
         transmitted
     }
@@ -252,8 +255,12 @@ impl Ray {
     /// How the tube widens from here on: in a slab its width over the sine of the ray is the derivative of the horizontal
     /// distance by `snell` at this depth, times `turn`; from one slab to the next that derivative is continuous.
     fn widen(&mut self, slab: &Slab) {
-        let sine = if self.sine.abs() < 1e-6 { 1e-6f64.copysign(self.sine) } else { self.sine };
-        self.widening = (self.turn - slab.gradient * self.snell * self.snell * self.tube) / sine;
+        self.widening = (self.turn - slab.gradient * self.snell * self.snell * self.tube) / self.steep();
+    }
+
+    /// Its sine, such that one can divide by it.
+    fn steep(&self) -> f64 {
+        if self.sine.abs() < 1e-6 { 1e-6f64.copysign(self.sine) } else { self.sine }
     }
 }
 
