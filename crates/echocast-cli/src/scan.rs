@@ -240,7 +240,7 @@ pub fn run(args: &Args) -> Result<()> {
         rays: sensor.ray_count() * frames.len(),
         points,
         with_points,
-        causes: if sonar { causes.told() } else { Vec::new() },
+        causes: if sonar && args.profile == Profile::Physical { causes.told() } else { Vec::new() },
         frame: frame_word,
         frames: frames.len(),
         threads,

@@ -2,7 +2,8 @@
 
 use super::*;
 use echocast::cloud::FIELDS;
-use echocast::{Field, Frame, PointCloud, Profile};
+use echocast::{Error, Field, Frame, PointCloud, Profile};
+use std::ops::ControlFlow;
 
 fn swath() -> Sensor {
     sonar("type: multibeam, beams: 31, swath_deg: 90, along_deg: 1, across_deg: 3, rays: 32", "range.max_m=60")
@@ -134,6 +135,31 @@ fn organised_clouds_have_the_shape_of_the_sonar() {
         let c = &loose.columns;
         assert!(c.return_number.iter().chain(&c.return_count).all(|&number| number == 1));
     }
+}
+
+#[test]
+fn pings_are_heard_of_and_called_off() {
+    let scene = flat(100.0);
+    let trajectory = Trajectory::fixed(Pose::at(0.0, 0.0, 20.0));
+    let (sensor, options) = (swath(), options(water("")));
+    for profile in [Profile::Physical, Profile::Paper] {
+        let options = ScanOptions { profile, ..options.clone() };
+        let mut cloud = PointCloud::default();
+        let mut heard = Vec::new();
+        // What is finished is kept.
+        let mut hear = |part: f64| {
+            heard.push(part);
+            if part < 1.0 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        };
+        scene.scan_with_progress(&sensor, &trajectory, &options, &mut cloud, &mut hear).unwrap();
+        assert!(heard == [0.0, 1.0] && cloud.len > 0, "{heard:?} {}", cloud.len);
+        let mut stop = |_: f64| ControlFlow::Break(());
+        let error = scene.scan_with_progress(&sensor, &trajectory, &options, &mut cloud, &mut stop).unwrap_err();
+        assert!(matches!(error, Error::Cancelled) && cloud.len == 0);
+    }
+    let paper = ScanOptions { profile: Profile::Paper, ..options };
+    let error = scene.explain(&sensor, &trajectory, &paper, 0).unwrap_err().to_string();
+    assert_eq!(error, "profile is paper; allowed: physical where a beam of a sonar is explained");
 }
 
 #[test]
