@@ -43,11 +43,8 @@ pub fn piston_directivity(ka: f64) -> f64 {
 /// `10 log(4 pi / integral of b over the half sphere before it)`.
 pub(crate) fn round_directivity(lobe: &Pattern) -> f64 {
     let power = |theta: f64| lobe.amplitude(theta.sin()).powi(2) * theta.sin();
-    let detail = lobe.detail();
-    // The main lobe by itself, however narrow: the rest then needs no steps as fine.
-    let edges = [0.0, (8.0 * detail).min(FRAC_PI_2), (256.0 * detail).min(FRAC_PI_2), FRAC_PI_2];
-    let part = |pair: &[f64]| integral(&power, [pair[0], pair[1]], 2048, 1e-10 * detail * detail);
-    10.0 * (2.0 / edges.windows(2).map(part).sum::<f64>()).log10()
+    let edges = lobe.panels().into_iter().filter(|&u| u >= 0.0).map(f64::asin);
+    10.0 * (2.0 / integral_over(&power, edges, 1e-9 * lobe.detail().powi(2))).log10()
 }
 
 /// Directivity index of an aperture in a wall that has the pattern `across` in one plane and `up` in the other, dB:
