@@ -262,11 +262,9 @@ impl Pings {
     /// # Errors
     /// One of another layout, origin, set of columns or labels.
     pub fn push(&mut self, ping: Ping) -> Result<()> {
-        if let Some(first) = self.pings.first() {
-            if !first.is_beside(&ping) {
-                let found = "of another layout, origin, set of columns or labels";
-                return Err(Error::invalid("ping", found, "pings of one sonar in one scene"));
-            }
+        if self.pings.first().is_some_and(|first| !first.is_beside(&ping)) {
+            let found = "of another layout, origin, set of columns or labels";
+            return Err(Error::invalid("ping", found, "pings of one sonar in one scene"));
         }
         self.pings.push(ping);
         Ok(())
