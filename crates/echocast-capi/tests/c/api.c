@@ -758,7 +758,7 @@ static void sonars(echocast_context *context)
     desc.organised = 0;
 
     here.pose = at(0, 0, 1);
-    FAILS(ECHOCAST_E_ARGUMENT, "the depth of the sonar is -1 m; allowed: 0 m or more",
+    FAILS(ECHOCAST_E_ARGUMENT, "the depth of the sonar is -1 m; allowed: 0 to 12000 m",
           echocast_scan(snapshot, &desc, &result));
     desc.environment = "{water: {salinity_psu: 60}}";
     CHECK(echocast_scan(snapshot, &desc, &result) != ECHOCAST_OK && strstr(echocast_last_error(), "salinity_psu"));

@@ -95,8 +95,8 @@ static inline echocast_sensor *around(echocast_context *context)
 }
 
 /* Scans from the origin. */
-static inline void scan_into(const echocast_snapshot *snapshot, const echocast_sensor *sensor, const char *columns,
-                             echocast_result **result)
+static inline echocast_status try_scan_into(const echocast_snapshot *snapshot, const echocast_sensor *sensor,
+                                            const char *columns, echocast_result **result)
 {
     echocast_pose_key here = {0, ECHOCAST_POSE_IDENTITY};
     echocast_scan_desc desc = ECHOCAST_SCAN_DESC_INIT;
@@ -104,7 +104,13 @@ static inline void scan_into(const echocast_snapshot *snapshot, const echocast_s
     desc.poses = &here;
     desc.pose_count = 1;
     desc.columns = columns;
-    OK(echocast_scan(snapshot, &desc, result));
+    return echocast_scan(snapshot, &desc, result);
+}
+
+static inline void scan_into(const echocast_snapshot *snapshot, const echocast_sensor *sensor, const char *columns,
+                             echocast_result **result)
+{
+    OK(try_scan_into(snapshot, sensor, columns, result));
 }
 
 static inline echocast_view view(const echocast_result *result, const char *column)

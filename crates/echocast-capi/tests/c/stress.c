@@ -4,6 +4,7 @@
 #include "check.h"
 
 #include <pthread.h>
+#include <sched.h>
 
 enum { SCANNERS = 64, ROUNDS = 8, BOXES = 20 };
 
@@ -21,10 +22,14 @@ static void *scanner(void *unused)
     (void)unused;
     echocast_result *result = NULL;
     for (int round = 0; round < ROUNDS; ++round) {
-        scan_into(snapshot, sensor, "all", &result);
+        /* Another thread may be changing the sensor. */
+        echocast_status status;
+        while ((status = try_scan_into(snapshot, sensor, "all", &result)) == ECHOCAST_E_BUSY)
+            sched_yield();
+        OK(status);
         check_same(result, expected, NULL);
         /* A scan of another thread's result, or a change of the sensor, is refused, not undertaken. */
-        echocast_status status = echocast_sensor_set(sensor, "range.max_m", "100");
+        status = echocast_sensor_set(sensor, "range.max_m", "100");
         CHECK(status == ECHOCAST_OK || status == ECHOCAST_E_BUSY);
         if (round % 8 == 0) {
             echocast_result_release(result);
