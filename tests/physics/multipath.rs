@@ -118,7 +118,8 @@ fn first_order_echoes_are_those_of_the_images() {
         // Without bounces only the first.
         assert!(level_at(&alone, 0, ways[0] - 0.06) > 120.0);
         let second = (0.5 * (ways[0] + ways[1]) / alone.layout.bin_m) as usize;
-        assert!(alone.levels(0)[second - 3..].iter().all(|&level| level < 60.0));
+        let loudest = alone.levels(0)[second - 3..].iter().copied().fold(f32::MIN, f32::max);
+        assert!(loudest < 60.0, "{loudest} dB");
     }
 }
 

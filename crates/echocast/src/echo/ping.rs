@@ -210,10 +210,13 @@ impl Insonification<'_> {
     /// along the surface a metre of range is.
     #[inline(always)]
     pub(super) fn reach(&self, arrival: &Arrival, back: Vec3) -> (f32, Vec3) {
+        /// Sine of the grazing angle, 0.6 degrees, from which on cells cover no more: at the rim of a round thing they would
+        /// reach far behind it.
+        const LEAST: f32 = 1e-2;
         let (direction, normal) = (arrival.direction, arrival.normal);
         let along = direction.dot(normal);
-        let length = normal.length();
-        let towards = if along.abs() > 1e-3 * length { along } else { (1e-3 * length).copysign(along) };
+        let least = LEAST * normal.length();
+        let towards = if along.abs() > least { along } else { least.copysign(along) };
         // From one side of the cell to the other, along the surface: how much farther that is, and the way there.
         let side = |across: Vec3| {
             let farther = -across.dot(normal) / towards;
