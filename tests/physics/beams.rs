@@ -3,31 +3,31 @@
 use super::assert_near;
 use echocast::emitter::Lobe;
 use echocast::emitter::lobe::{
-    Pattern, directivity, equivalent_width, line_directivity, piston_directivity, rectangle_directivity,
+    BeamPattern, directivity, equivalent_width, line_directivity, piston_directivity, rectangle_directivity,
 };
 use echocast_tests::reference::Table;
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
 /// A pattern at a wavelength of 1 m.
-fn pattern(yaml: &str) -> Pattern {
+fn pattern(yaml: &str) -> BeamPattern {
     Lobe::from_yaml(yaml).unwrap().at(1.0)
 }
 
-fn line(length: f64) -> Pattern {
+fn line(length: f64) -> BeamPattern {
     pattern(&format!("{{shape: line, length_m: {length}}}"))
 }
 
-fn piston(ka: f64) -> Pattern {
+fn piston(ka: f64) -> BeamPattern {
     pattern(&format!("{{shape: piston, diameter_m: {}}}", ka / PI))
 }
 
 /// 32 elements half a wavelength apart.
-fn array(shading: &str) -> Pattern {
+fn array(shading: &str) -> BeamPattern {
     pattern(&format!("{{shape: array, elements: 32, pitch_m: 0.5, {shading}}}"))
 }
 
 /// One of each shape.
-fn all() -> Vec<(&'static str, Pattern)> {
+fn all() -> Vec<(&'static str, BeamPattern)> {
     [
         "2",
         "{shape: line, length_m: 30}",
@@ -48,7 +48,7 @@ fn db(amplitude: f64) -> f64 {
 }
 
 /// Level of the highest sidelobe up to the u `reach`: beyond the first place where the level rises again.
-fn sidelobe(pattern: &Pattern, reach: f64) -> f64 {
+fn sidelobe(pattern: &BeamPattern, reach: f64) -> f64 {
     let step = reach / 1e5;
     let levels: Vec<f64> = (0..=100_000).map(|i| db(pattern.amplitude(step * f64::from(i)))).collect();
     let null = levels.windows(2).position(|pair| pair[1] > pair[0]).unwrap();
@@ -56,7 +56,7 @@ fn sidelobe(pattern: &Pattern, reach: f64) -> f64 {
 }
 
 /// The sine, between `inside` and `outside`, where a beam steered to that sine `axis` has half its power.
-fn half_power(pattern: &Pattern, axis: f64, mut inside: f64, mut outside: f64) -> f64 {
+fn half_power(pattern: &BeamPattern, axis: f64, mut inside: f64, mut outside: f64) -> f64 {
     for _ in 0..60 {
         let middle = 0.5 * (inside + outside);
         let loud = pattern.amplitude_steered(middle, axis) > FRAC_1_SQRT_2;
@@ -183,8 +183,8 @@ fn sidelobes_are_as_low_as_is_known() {
 #[test]
 fn shading_trades_width_for_sidelobes() {
     let shaded = ["", "shading: chebyshev, sidelobe_db: 20", "shading: chebyshev, sidelobe_db: 30", "shading: hamming"];
-    let [width, level] = [Pattern::width, |pattern: &Pattern| sidelobe(pattern, 1.0)]
-        .map(|of: fn(&Pattern) -> f64| shaded.map(|shading| of(&array(shading))));
+    let [width, level] = [BeamPattern::width, |pattern: &BeamPattern| sidelobe(pattern, 1.0)]
+        .map(|of: fn(&BeamPattern) -> f64| shaded.map(|shading| of(&array(shading))));
     assert!(width.is_sorted_by(|a, b| a < b), "{width:?}");
     assert!(level.is_sorted_by(|a, b| a > b), "{level:?}");
     // Of all weights with such sidelobes Chebyshev's are those of the narrowest lobe.
@@ -286,7 +286,7 @@ fn beyond_its_extent_a_lobe_is_faint() {
 
 #[test]
 fn equivalent_widths_are_the_integrals() {
-    let of = |pattern: &Pattern| equivalent_width(|psi| pattern.amplitude(psi.sin()).powi(2));
+    let of = |pattern: &BeamPattern| equivalent_width(|psi| pattern.amplitude(psi.sin()).powi(2));
     assert_near("box", of(&pattern("{shape: box, width_deg: 3}")), 3f64.to_radians(), 1e-7);
     let gaussian = 0.5 * (PI / 2f64.ln()).sqrt() * 3f64.to_radians();
     assert_near("Gaussian", of(&pattern("{shape: gaussian, width_deg: 3}")), gaussian, 1e-7);

@@ -1,5 +1,6 @@
 //! Pings: levels by the sonar equation, geometry, statistics.
 
+mod explain;
 mod levels;
 mod noise;
 mod places;

@@ -444,7 +444,16 @@ impl SensorSpec {
             let allowed = "with pattern.type: multibeam or imaging only, which steer beams";
             return Err(Error::invalid("acoustics.array_speed_m_s", "given", allowed));
         }
-        acoustics.check(bounds)
+        acoustics.check(bounds)?;
+        /// Eight bytes each.
+        const MOST_HEARINGS: f64 = 2e8;
+        let hearings = Transducer::hearings_of(&self.pattern, 1500.0 / acoustics.frequency());
+        if hearings > MOST_HEARINGS {
+            let found = format!("too many for these beams, which overlap: {hearings:.1e} of beams that hear a ray");
+            let allowed = format!("{MOST_HEARINGS:.0e} with fewer rays or beams, or narrower ones");
+            return Err(Error::invalid("pattern.rays", found, allowed));
+        }
+        Ok(())
     }
 
     /// Turns `document` into a checked description.
@@ -1443,6 +1452,11 @@ range: {max_m: 50}
                 "sidescan",
                 "multibeam, beams: 4000, swath_deg: 9, rays: 1001",
                 "line 3: pattern.rays: is 1001; allowed: ",
+            ),
+            (
+                "sidescan",
+                "multibeam, beams: 4000, swath_deg: 120, across_deg: 90, rays: 1000",
+                "line 3: pattern.rays: is too many for these beams, which overlap: 1.6e10 of beams that hear a ray",
             ),
             ("30}", "30, tvg: {spreading: 61}}", "line 4: acoustics.tvg.spreading: is 61; allowed: 0 to 60"),
             ("range: {max_m: 50}\n", "", "line 1: range.max_m: is missing; allowed: a value with kind: sonar"),

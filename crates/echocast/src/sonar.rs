@@ -31,7 +31,7 @@ pub struct AcousticsSpec {
     /// What an echo must have above noise and volume reverberation to be reported, dB, -100 to 100.
     #[serde(default = "threshold")]
     pub detection_threshold_db: f64,
-    /// Length of a range bin, m, 0.001 to 1000 and at least 0.0044 of the resolution; without it half the resolution `c / (2 bandwidth)`. Longer ones
+    /// Length of a range bin, m, 0.001 to 1000 and at least 0.0044 of the resolution (0.0005 of an unmodulated pulse); without it half the resolution `c / (2 bandwidth)`. Longer ones
     /// than that resolution hold the mean power of what they cover: an area keeps its level, a point gets fainter.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bin_m: Option<f64>,

@@ -88,6 +88,13 @@ fn all_patterns_hear_the_energy_of_a_flat_bottom() {
     let expected = bottom_energy([-0.3, 0.3], [-FRAC_PI_2, FRAC_PI_2], power);
     assert_near("a high beam", heard_energy(&hear(&high), 0, 0.05), expected, 0.15);
 
+    let wide = sonar("type: single_beam, beam_deg: 90, vertical_deg: 30, tilt_deg: 60, rays: 4096", "");
+    let power = |sine: f64, angle: f64| {
+        line(90.0).amplitude(sine).powi(4) * line(30.0).amplitude((angle - 30f64.to_radians()).sin()).powi(4)
+    };
+    let expected = bottom_energy([-0.999, 0.999], [-FRAC_PI_2, FRAC_PI_2], power);
+    assert_near("a wide beam", heard_energy(&hear(&wide), 0, 0.05), expected, 0.2);
+
     for tilt in [90.0, 50.0f64] {
         let round = sonar(&format!("type: single_beam, beam_deg: 10, tilt_deg: {tilt}, rays: 4096"), "");
         let lobe = Lobe::from_yaml("{shape: piston, width_deg: 10}").unwrap().at(wavelength);

@@ -1,6 +1,7 @@
 //! Where things are heard.
 
 use super::*;
+use echocast::medium::Absorption;
 use echocast::{Pings, Sounding};
 
 /// Water of 1500 m/s, of which the sonar believes something else.
@@ -70,6 +71,42 @@ fn a_moving_sonar_hears_from_where_it_is_by_then() {
         let time = 2.0 * (30.0 + speed) / 1500.0;
         assert_near(&format!("{speed} m/s up, the last ping"), moved.into(), 0.5 * speed * time, 0.02);
     }
+}
+
+/// A trajectory shorter than the sound is on its way, and one that is over.
+#[test]
+fn a_sonar_moves_as_long_as_its_trajectory_says() {
+    let scene = flat(100.0);
+    let start = Pose::at(0.0, 0.0, 30.0);
+    let hear = |seconds: f64, time: f64, more: &str| {
+        let trajectory = Trajectory::new(vec![(0.0, start), (seconds, Pose::at(0.0, 0.0, 30.0 - 10.0 * seconds))]);
+        let options = ScanOptions { start_time: time, ..options(water("")) };
+        first(&scene.ping(&echo_sounder(more), &trajectory.unwrap(), &options).unwrap()).range
+    };
+    let moved = |seconds: f64, time: f64| hear(seconds, time, "") - hear(seconds, time, "acoustics.stop_and_hop=true");
+    // The farthest echo takes 0.13 s.
+    let expected = -0.5 * 10.0 * 2.0 * 30.0 / 1500.0;
+    assert_near("a short trajectory", moved(0.01, 0.0).into(), expected, 0.02);
+    assert_near("after its end", moved(0.01, 0.5).into(), 0.0, 1e-6);
+}
+
+/// The gain that pictures are drawn with: `spreading log10(r) + 2 absorption r + gain`, r 1 m at least.
+#[test]
+fn gain_over_range_follows_its_law() {
+    let scene = flat(100.0);
+    let sensor = sidescan("acoustics.tvg.spreading=40 acoustics.tvg.absorption_db_m=0.07 acoustics.tvg.gain_db=-3");
+    let layout = ping(&scene, &sensor, Pose::at(0.0, 0.0, 20.0), &options(water(""))).layout;
+    for bin in [0, 10, 100, 3000] {
+        let range = (bin as f64 + 0.5) * layout.bin_m;
+        let expected = 40.0 * range.max(1.0).log10() + 0.14 * range - 3.0;
+        assert_near(&format!("gain at {range} m"), layout.tvg_db[bin].into(), expected, 1e-4);
+    }
+    // Without one of its own the absorption is that of the water at the sonar.
+    let salty = Environment::from_yaml("water: {surface_z_m: 50, profile: {constant: {speed_m_s: 1500}}}").unwrap();
+    let layout = ping(&scene, &sidescan(""), Pose::at(0.0, 0.0, 20.0), &options(salty)).layout;
+    let swallowed = Absorption::FrancoisGarrison.db_per_km(450e3, 10.0, 35.0, 8.0, 30.0) * 1e-3;
+    let expected = 30.0 * 80.0125f64.log10() + 2.0 * swallowed * 80.0125;
+    assert_near("gain of the water", layout.tvg_db[3200].into(), expected, 0.01);
 }
 
 /// Beams narrower than any step: as loud as wider ones of the same solid angle times source.

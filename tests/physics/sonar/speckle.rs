@@ -36,7 +36,8 @@ fn kolmogorov(distance: f64, n: usize) -> f64 {
 fn speckle_is_rayleigh_and_keeps_the_mean() {
     let table: serde_json::Value =
         serde_json::from_str(include_str!("../../data/sonar/speckle_statistics.json")).unwrap();
-    let mut powers = powers(&flat(100.0), &speckled(""), 60);
+    let unsorted = powers(&flat(100.0), &speckled(""), 60);
+    let mut powers = unsorted.clone();
     powers.sort_by(f64::total_cmp);
     let n = powers.len();
     assert!(n > 20_000, "{n}");
@@ -62,6 +63,30 @@ fn speckle_is_rayleigh_and_keeps_the_mean() {
     }
     let index = mean(powers.iter().map(|p| p * p)) / (over * over) - 1.0;
     assert_near("scintillation index", index, 1.0, 0.05);
+    // Looks are averaged by whoever draws pictures: the mean of L of them is gamma-distributed.
+    for (looks, gamma) in table["gamma_multilook"].as_object().unwrap() {
+        let looks: usize = looks.parse().unwrap();
+        // In an order that has no neighbours in it: sorted ones would be alike.
+        let count = n / looks;
+        let mut means: Vec<f64> =
+            (0..count).map(|at| mean((0..looks).map(|look| unsorted[at + look * count])) / over).collect();
+        means.sort_by(f64::total_cmp);
+        let rows: Vec<(f64, f64)> = gamma["quantiles"]
+            .as_object()
+            .unwrap()
+            .iter()
+            .map(|(part, value)| (part.parse().unwrap(), value.as_f64().unwrap()))
+            .collect();
+        for pair in rows.windows(3) {
+            let (part, expected) = pair[1];
+            let density = (pair[2].0 - pair[0].0) / (pair[2].1 - pair[0].1);
+            let tolerance = 5.0 * (part * (1.0 - part) / count as f64).sqrt() / density + 0.01 * expected;
+            let found = means[(part * count as f64) as usize];
+            assert_near(&format!("quantile {part} of {looks} looks"), found, expected, tolerance);
+        }
+        let index = mean(means.iter().map(|p| p * p)) / mean(means.iter().copied()).powi(2) - 1.0;
+        assert_near(&format!("scintillation of {looks} looks"), index, gamma["SI"].as_f64().unwrap(), 0.05);
+    }
     let levels = powers.iter().map(|p| db(p / over));
     let level = mean(levels.clone());
     let sigma = mean(levels.map(|db| (db - level).powi(2))).sqrt();

@@ -616,3 +616,33 @@ impl Tile {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A texture times an exponential is K-distributed: a table made with another library has quantiles and moments.
+    #[test]
+    fn textures_make_k_distributions() {
+        let table = include_str!("../../../../tests/data/sonar/speckle_statistics.json");
+        let table: serde_json::Value = serde_json::from_str(table).unwrap();
+        for (shape, expected) in table["K_intensity_shape"].as_object().unwrap() {
+            let texture = texture(shape.parse().unwrap());
+            let mean = |of: &dyn Fn(f64) -> f64| {
+                texture.iter().map(|&part| of(part.into())).sum::<f64>() / texture.len() as f64
+            };
+            assert!((mean(&|t| t) - 1.0).abs() < 1e-4, "{shape}");
+            let index = 2.0 * mean(&|t| t * t) - 1.0;
+            let known = expected["SI"].as_f64().unwrap();
+            assert!((index / known - 1.0).abs() < 0.01, "scintillation index with {shape}: {index} {known}");
+            let third = 6.0 * mean(&|t| t * t * t);
+            let known = expected["m3"].as_f64().unwrap();
+            assert!((third / known - 1.0).abs() < 0.05, "third moment with {shape}: {third} {known}");
+            for (part, quantile) in expected["quantiles"].as_object().unwrap() {
+                let (part, quantile) = (part.parse::<f64>().unwrap(), quantile.as_f64().unwrap());
+                let below = mean(&|t| 1.0 - (-quantile / t).exp());
+                assert!((below - part).abs() < 2e-4, "{shape}: {below} instead of {part}");
+            }
+        }
+    }
+}

@@ -77,6 +77,28 @@ impl Transducer {
         Some(transducer)
     }
 
+    /// How often a beam hears a ray or a direction, about, in a transducer for `pattern`: what its memory grows with.
+    pub fn hearings_of(pattern: &Pattern, wavelength: f64) -> f64 {
+        let (rays, sines, heard): (u32, Vec<f64>, _) = match pattern {
+            Pattern::Multibeam(swath) => {
+                (swath.beams * swath.rays, swath.angles_deg().map(sine_deg).collect(), &swath.across_deg)
+            }
+            // A hearing for each column of rays.
+            Pattern::Imaging(array) => {
+                (64 * array.beams, array.bearings_deg().map(sine_deg).collect(), &array.beam_deg)
+            }
+            _ => return 0.0,
+        };
+        let heard = heard.at(wavelength);
+        let extent = heard.extent_within(FAINTEST, 1.0 + sines[0].abs());
+        let within = |&sine: &f64| {
+            let first = sines.partition_point(|&axis| axis > sine + extent);
+            sines.partition_point(|&axis| axis >= sine - extent) - first
+        };
+        let heard_of_each = sines.iter().map(within).sum::<usize>() as f64 / sines.len() as f64;
+        (f64::from(rays) + directions_of(&heard) as f64) * heard_of_each
+    }
+
     pub fn rays(&self) -> usize {
         self.weight.len()
     }
@@ -151,11 +173,9 @@ impl Transducer {
     }
 
     /// Who hears any direction, by its sine to a line array.
-    fn heard_anywhere(&mut self, sines: &[f64], lobe: &lobe::Pattern, extent: f64, with_angles: bool) {
-        /// Steps for each width of a beam.
-        const FINE: f64 = 16.0;
+    fn heard_anywhere(&mut self, sines: &[f64], lobe: &lobe::BeamPattern, extent: f64, with_angles: bool) {
         self.of_rays = self.hearings.len();
-        let steps = (2.0 * FINE / lobe.width()).ceil().clamp(64.0, 65_536.0) as usize;
+        let steps = directions_of(lobe);
         for step in 0..steps {
             let sine = (2 * step + 1) as f64 / steps as f64 - 1.0;
             self.heard_from(sine, sines, lobe, extent, with_angles);
@@ -163,7 +183,7 @@ impl Transducer {
     }
 
     /// All rays from here on, `sine` from broadside of a line array, are heard by beams at the `sines`, falling.
-    fn heard_from(&mut self, sine: f64, sines: &[f64], lobe: &lobe::Pattern, extent: f64, with_angles: bool) {
+    fn heard_from(&mut self, sine: f64, sines: &[f64], lobe: &lobe::BeamPattern, extent: f64, with_angles: bool) {
         let from = self.loudness.len() as u32;
         let first = sines.partition_point(|&axis| axis > sine + extent);
         let end = sines.partition_point(|&axis| axis >= sine - extent).max(first);
@@ -225,7 +245,7 @@ impl Transducer {
     fn multibeam(swath: &Multibeam, wavelength: f64, ratio: f64) -> Transducer {
         let (sent, heard) = (swath.along_deg.at(wavelength), swath.across_deg.at(wavelength));
         let along = ThinSide::new(|sine| sent.amplitude(sine).powi(2), sent.extent(1e-3));
-        let sines: Vec<f64> = swath.angles_deg().map(|angle| angle.to_radians().sin() * ratio).collect();
+        let sines: Vec<f64> = swath.angles_deg().map(|angle| sine_deg(angle) * ratio).collect();
         let extent = heard.extent_within(FAINTEST, 1.0 + sines[0].abs());
         let widest = (0.5 * swath.swath_deg).to_radians();
         // Rays as far beside the outermost beams as these hear, but not up.
@@ -256,7 +276,7 @@ impl Transducer {
         /// Hearings within the width of a beam, at least.
         const WITHIN: f64 = 2.2;
         let (heard, vertical) = (array.beam_deg.at(wavelength), array.vertical_deg.at(wavelength));
-        let sines: Vec<f64> = array.bearings_deg().map(|bearing| bearing.to_radians().sin() * ratio).collect();
+        let sines: Vec<f64> = array.bearings_deg().map(|bearing| sine_deg(bearing) * ratio).collect();
         let extent = heard.extent_within(FAINTEST, 1.0 + sines[0].abs());
         let widest = 0.5 * array.fov_deg.to_radians();
         let most = (widest.sin() * ratio.max(1.0) + 0.5 * extent).min(1.0);
@@ -301,31 +321,36 @@ impl Transducer {
         transducer.heard_by(0);
         if let Some(vertical) = &sonar.vertical_deg {
             let (lobe, vertical) = (sonar.beam_deg.at(wavelength), vertical.at(wavelength));
-            let two_way = |lobe: &lobe::Pattern, angle: f64| lobe.amplitude(angle.sin()).powi(4);
+            let two_way = |lobe: &lobe::BeamPattern, angle: f64| lobe.amplitude(angle.sin()).powi(4);
             let (power, power_aside) = (|angle| two_way(&vertical, angle), |angle| two_way(&lobe, angle));
             // Cells about as high as wide.
             let columns = (count as f64 * lobe.width() / vertical.width()).sqrt().round();
             let columns = (columns as usize).clamp(1, count / 4);
             let most = lobe.extent(1e-2).min(1.0).asin();
             let columns = strata(columns, (&lobe, 0.0), [-most, most], power_aside, |_| 1.0);
+            // One column alone is as wide as the beam, not as its sidelobes.
+            let widest = ThinSide::two_way(&lobe).width;
             let half = [-FRAC_PI_2, FRAC_PI_2];
             let rows = strata(count / columns.len(), (&vertical, 0.0), half, power, |_| 1.0);
             for (index, column) in columns.iter().enumerate() {
-                let shift = golden(index) - 0.5;
+                // Of all columns none is above the others on average.
+                let shift = golden(index) - 0.5 + 0.5 / columns.len() as f64;
                 for (index, row) in rows.iter().enumerate() {
                     let angle = row.at + shift * row.size;
                     let angle_aside = column.at + (golden(index) - 0.5) * column.size;
                     let ((sin, cos), (aside, level)) = (angle.sin_cos(), angle_aside.sin_cos());
                     let direction = tilted([cos * level, aside, sin * level]);
                     let power = power(angle) * power_aside(angle_aside);
+                    // The angle aside is a latitude: a step of the other one is as much shorter there.
+                    let size = row.size * level;
                     transducer.push(
                         direction,
                         tilted([-sin, 0.0, cos]),
-                        row.size,
-                        power * row.size * column.size,
+                        size,
+                        power * size * column.size,
                         power.sqrt(),
                     );
-                    transducer.aside.push(column.size as f32);
+                    transducer.aside.push(column.size.min(widest) as f32);
                 }
             }
             let (aside, up) = (|sine: f64| lobe.amplitude(sine), |sine: f64| vertical.amplitude(sine));
@@ -349,6 +374,17 @@ impl Transducer {
         }
         transducer
     }
+}
+
+/// Steps of the sine by which anything is heard.
+fn directions_of(lobe: &lobe::BeamPattern) -> usize {
+    /// Steps for each width of a beam.
+    const FINE: f64 = 16.0;
+    (2.0 * FINE / lobe.width()).ceil().clamp(64.0, 65_536.0) as usize
+}
+
+fn sine_deg(angle: f64) -> f64 {
+    angle.to_radians().sin()
 }
 
 /// Azimuth and elevation of the beams, rad.
@@ -380,7 +416,7 @@ struct Stratum {
 /// angle of a ring by angle.
 fn strata(
     count: usize,
-    (lobe, axis): (&lobe::Pattern, f64),
+    (lobe, axis): (&lobe::BeamPattern, f64),
     [low, high]: [f64; 2],
     power: impl Fn(f64) -> f64,
     measure: impl Fn(f64) -> f64,
@@ -431,7 +467,7 @@ struct ThinSide {
 
 impl ThinSide {
     /// Of a lobe that sends and hears.
-    fn two_way(lobe: &lobe::Pattern) -> ThinSide {
+    fn two_way(lobe: &lobe::BeamPattern) -> ThinSide {
         ThinSide::new(|sine| lobe.amplitude(sine).powi(4), lobe.extent(1e-2))
     }
 

@@ -123,7 +123,7 @@ impl Las {
     ) -> io::Result<Option<Vlr>> {
         let mut builder = Builder::from(self.version);
         builder.point_format = ::las::point::Format::new(self.point_format).map_err(io_error)?;
-        builder.point_format.extra_bytes = Extra::size(extra) as u16; // at most 31 columns of 8 bytes
+        builder.point_format.extra_bytes = Extra::size(extra) as u16; // at most 32 columns of 8 bytes
         builder.generating_software = concat!("echocast ", env!("CARGO_PKG_VERSION")).into();
         builder.system_identifier = "SIMULATION".into();
         let transform = |offset| Transform { scale: survey.step(), offset };

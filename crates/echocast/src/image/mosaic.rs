@@ -180,21 +180,26 @@ fn strips(Pings { pings }: &Pings, altitudes: Option<Vec<f64>>) -> Vec<Strip> {
     let steps: Vec<[f64; 2]> = (1..pings.len())
         .map(|ping| [from[ping].distance(from[ping - 1]), headings[ping].angle_to(headings[ping - 1]).abs()])
         .collect();
-    let [distance, turn] = [0, 1].map(|what| middle(steps.iter().map(|step| step[what]).collect()));
+    // Of those that move.
+    let moving = |what: usize| steps.iter().map(|step| step[what]).filter(|&step| step > 1e-9).collect();
+    let [distance, turn] = [0, 1].map(|what| middle(moving(what)));
     let neighbours = |first: usize| {
         let [apart, turned] = steps[first];
         let missing = pings[first + 1].number.abs_diff(pings[first].number) > 1;
         !missing && apart <= (USUAL * distance).max(layout.bin_m) && turned <= (USUAL * turn).max(TURN)
     };
-    // A ping that has no other to be as wide as reaches to both sides of its beam.
-    let alone = if distance == 0.0 && turn == 0.0 { 0.5 * LONE_SECTOR } else { 0.0 };
     for beam in 0..layout.beams() {
         for ping in 0..pings.len() {
             let (here, direction) = (from[ping], looks(ping, azimuth(beam)));
-            let border = |other: Option<usize>, outwards: f64| match other {
-                _ if alone > 0.0 => (here, DMat2::from_angle(outwards * alone) * direction),
-                Some(other) => (here.midpoint(from[other]), direction.midpoint(looks(other, azimuth(beam)))),
-                None => (here + 0.5 * outwards * distance * headings[ping], direction),
+            let border = |other: Option<usize>, outwards: f64| {
+                let moved = |other: &usize| steps[ping.min(*other)].iter().any(|&step| step > 1e-9);
+                match other.filter(moved) {
+                    Some(other) => (here.midpoint(from[other]), direction.midpoint(looks(other, azimuth(beam)))),
+                    None if distance > 0.0 => (here + 0.5 * outwards * distance * headings[ping], direction),
+                    None if turn > 0.0 => (here, direction),
+                    // No other to be as wide as: to both sides of its beam.
+                    None => (here, DMat2::from_angle(0.5 * outwards * LONE_SECTOR) * direction),
+                }
             };
             let before = border(ping.checked_sub(1).filter(|&before| neighbours(before)), -1.0);
             let after = border(Some(ping + 1).filter(|&after| after < pings.len() && neighbours(ping)), 1.0);

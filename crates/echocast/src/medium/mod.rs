@@ -20,8 +20,8 @@ pub(crate) use region::Extent;
 pub use region::{Placed, Region};
 pub use visibility::{ClearAir, VisibilityModel};
 pub use water::{
-    Absorption, AmbientNoise, Fluid, Layer, Outside, RayEvent, RayPoint, Sea, SoundRay, SoundSpeed, SpeedRow,
-    Spreading, Water, WaterProfile, WaterRow, pressure_bar, unesco_speed,
+    Absorption, AmbientNoise, Fluid, Layer, Outside, RayEvent, RayPoint, Sea, SoundRay, SoundSpeed, SoundSpeedProfile,
+    SpeedRow, Spreading, Water, WaterRow, pressure_bar, unesco_speed,
 };
 pub(crate) use water::{Column, End, Ray, Slab, slab_at, small_sin_cos};
 pub(crate) use weather::{Medium, Weather};

@@ -6,7 +6,8 @@ use crate::cloud::FieldSet;
 use crate::echo::{CHUNK_BITS, Echoes, NOBODY, PingEcho};
 use crate::emitter::{Hearing, Trajectory};
 use crate::error::{Error, Result};
-use crate::medium::{End, Ray};
+use crate::math::{LOG2_PER_DB, log2};
+use crate::medium::{End, Ray, Spreading};
 use crate::ping::Ping;
 use crate::sensor::Sensor;
 use crate::trace::{Arrival, BuiltScene, SEA};
@@ -285,10 +286,18 @@ impl Pinging<'_> {
         let directivity = acoustics.directivity_index_db.unwrap_or(self.transducer.directivity_db);
         let gain = acoustics.processing_gain();
         let noise = f64::from(layout.noise_db);
-        term("NL", noise + directivity + gain, "noise in the bandwidth".into())?;
+        let window = 10.0 * acoustics.taper.resolutions().log10();
+        term("NL", noise + directivity + gain - window, "noise in the bandwidth".into())?;
         term("-DI", -directivity, "directivity index".into())?;
         term("-PG", -gain, "processing gain".into())?;
-        term("N", noise, "noise in the cell: NL - DI - PG".into())?;
+        if window > 0.0 {
+            term("W", window, "what more of it the tapered filter lets through".into())?;
+        }
+        term("N", noise, "noise in the cell: all of these".into())?;
+        if let Some(&volume) = self.volume.get(bin) {
+            let level = 10.0 * f64::from(volume * self.transducer.solid_angles[beam]).log10();
+            term("RL", level, "what floats in open water, of the beam's whole solid angle".into())?;
+        }
         let threshold = f64::from(layout.threshold_db[bin]);
         term("DT", acoustics.detection_threshold_db, format!("detection threshold: reported above {threshold:.2}"))?;
         let excess = heard - threshold;
@@ -312,18 +321,11 @@ impl PingMemory {
 impl Pinging<'_> {
     /// One-way spreading loss of an arrival, dB.
     fn spreading_db(&self, arrival: &Arrival, tube: f64) -> f64 {
-        use crate::medium::Spreading;
-        let path = f64::from(arrival.path).max(1.0);
-        match self.water.spreading {
-            Spreading::RayTube => 10.0 * (tube / f64::from(arrival.speed)).max(1.0).log10(),
-            Spreading::Spherical => 20.0 * path.log10(),
-            Spreading::Practical => 15.0 * path.log10(),
-            Spreading::Cylindrical => 10.0 * path.log10(),
-            Spreading::Hybrid => {
-                let from = self.water.spreading_from_m.unwrap_or(1.0).max(1.0);
-                20.0 * path.min(from).log10() + 10.0 * (path / from).max(1.0).log10()
-            }
+        if self.water.spreading == Spreading::RayTube {
+            return 10.0 * (tube / f64::from(arrival.speed)).max(1.0).log10();
         }
+        let from = self.water.spreading_from_m.unwrap_or(1.0) as f32;
+        f64::from(self.water.spreading.one_way(log2(arrival.path), from) / LOG2_PER_DB)
     }
 
     /// Mean power of what a beam hears in a bin, uPa^2: all parts of all rays, by the response.

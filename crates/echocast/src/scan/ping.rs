@@ -118,7 +118,7 @@ pub(super) struct Pinging<'a> {
     pub column: Column,
     pub layout: Arc<Layout>,
     /// Power that a steradian of open water sends back from each bin; empty: none.
-    volume: Vec<f32>,
+    pub volume: Vec<f32>,
     pub response: Response,
     pub pose: Pose,
     drift: Option<Drift>,
@@ -284,16 +284,18 @@ impl<'a> Pinging<'a> {
             (false, None) => {
                 // While the farthest echo is on its way; at the end of the trajectory, whatever it was on the way there.
                 let wait = 2.0 * reach / believed;
-                let before = time.min(trajectory.span().1 - wait).max(trajectory.span().0);
-                let [before, later] = [before, before + wait].map(|t| sensor.turned(trajectory.at(t), options.frame));
-                let moved = later.position - before.position;
-                let turn = before.orientation.inverse() * later.orientation;
+                let (start, end) = trajectory.span();
+                let before = time.min(end - wait).max(start);
+                let after = (before + wait).min(end);
+                let [first, last] = [before, after].map(|time| sensor.turned(trajectory.at(time), options.frame));
+                let moved = last.position - first.position;
+                let turn = first.orientation.inverse() * last.orientation;
                 // The shorter way round; twice the one-way range is on the way.
                 let turned = if turn.w < 0.0 { -turn } else { turn }.to_scaled_axis();
-                Some(Drift {
-                    moved: (moved / wait / believed).as_vec3(),
-                    turned: (2.0 * turned / wait / believed).as_vec3(),
-                })
+                let way = (after - before) * believed;
+                // Before and after the trajectory it stands.
+                let moves = (start..=end).contains(&time) && way > 0.0;
+                moves.then(|| Drift { moved: (moved / way).as_vec3(), turned: (2.0 * turned / way).as_vec3() })
             }
             _ => None,
         };

@@ -10,7 +10,7 @@ use crate::emitter::pattern::{Pattern, Sidescan};
 use crate::emitter::{BeamTable, FiringOrder, Pose, Trajectory};
 use crate::error::{Error, Result};
 use crate::material::{Mirrors, ReflectanceSource, Reflectances};
-use crate::medium::{Absorption, Column, Fluid, Slab, SoundSpeed, Water, WaterProfile};
+use crate::medium::{Absorption, Column, Fluid, Slab, SoundSpeed, SoundSpeedProfile, Water};
 use crate::parallel;
 use crate::scene::srgb_byte;
 use crate::sensor::Sensor;
@@ -412,8 +412,8 @@ fn check_for_program(acoustics: &AcousticsSpec, water: Option<&Water>) -> Result
         return Err(Error::invalid("acoustics.source_level_db", acoustics.source_level_db, allowed));
     }
     let found = match water.and_then(|water| water.profile.as_ref()) {
-        Some(WaterProfile::Cast(_)) => "cast",
-        Some(WaterProfile::Ts(_)) => "ts",
+        Some(SoundSpeedProfile::Cast(_)) => "cast",
+        Some(SoundSpeedProfile::Ts(_)) => "ts",
         _ => return Ok(()),
     };
     Err(Error::invalid("water.profile", found, "layers or constant with profile blainder, which knows no other"))

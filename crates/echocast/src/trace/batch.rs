@@ -163,8 +163,10 @@ impl HitBatch {
     #[inline(always)]
     pub(crate) fn orient_normals(&mut self, scene: &Tables, count: usize) {
         for lane in 0..count {
-            let normal = scene.world_normal(self.surface[lane], self.normal(lane));
-            (self.normal_x[lane], self.normal_y[lane], self.normal_z[lane]) = normal.into();
+            if scene.surfaces.rows.get(self.surface[lane] as usize).is_some_and(|row| row.instanced) {
+                let normal = scene.world_normal(self.surface[lane], self.normal(lane));
+                (self.normal_x[lane], self.normal_y[lane], self.normal_z[lane]) = normal.into();
+            }
         }
     }
 }

@@ -535,8 +535,9 @@ impl<'a> SoundTracer<'a> {
         };
         let facing = if direction.dot(flat) > 0.0 { -flat } else { flat };
         let smooth = if smooth.dot(facing) < 0.0 { -smooth } else { smooth };
-        // At the rim of a smooth body it may look away: there sound grazes.
-        smooth - direction * smooth.dot(direction).max(0.0)
+        // At the rim of a smooth body it may look away: there sound grazes, on the side that it comes from.
+        const LEAST: f32 = 1e-3;
+        smooth - direction * (smooth.dot(direction) + LEAST * smooth.length()).max(0.0)
     }
 
     fn place(&self, state: &State) -> Vec3 {
@@ -613,7 +614,7 @@ mod tests {
 
     /// What rays along `directions` from `place` meet within `reach` m.
     fn arrivals(scene: &BuiltScene, profile: &str, place: DVec3, directions: &[DVec3], reach: f64) -> Vec<Arrival> {
-        let yaml = format!("water: {{profile: {profile}}}");
+        let yaml = format!("water: {{allow_unphysical: true, profile: {profile}}}");
         let water = Environment::from_yaml(&yaml).unwrap().water.unwrap();
         let (column, _) = Column::new(&water, 100e3, -place.z).unwrap();
         let believed = column.speed_at(-place.z);
@@ -648,6 +649,88 @@ mod tests {
             assert_eq!(found.iter().filter(|it| it.order == 0).count(), 1024);
             let again = found.iter().filter(|it| it.order > 0 && it.surface != SEA).count();
             assert_eq!(again, 0, "{profile}");
+        }
+    }
+
+    /// Rows of a table of touches of surface and bottom, one launch after the other: angle, number of the touch, range by
+    /// BELLHOP, time by another solver.
+    fn touches(table: &str) -> Vec<(f64, usize, f64, f64)> {
+        let mut lines = table.lines();
+        let header: Vec<&str> = lines.next().unwrap().split(',').collect();
+        let column = |name: &str| header.iter().position(|it| *it == name).unwrap();
+        let columns = ["launch_angle_deg", "event", "range_bellhop_m", "time_pelagic_s"].map(column);
+        let row = |line: &str| {
+            let cells: Vec<&str> = line.split(',').collect();
+            let [angle, event, range, time] = columns.map(|index| cells[index].parse::<f64>().unwrap());
+            (angle, event as usize, range, time)
+        };
+        lines.map(row).collect()
+    }
+
+    /// Chords over arcs and ramps, mirrors by surface and scene: within 2 mm and 1 us of the tables.
+    #[test]
+    fn scenes_are_met_where_others_have_rays_touch_the_bottom() {
+        let gradient = "{cast: [{depth_m: 0, speed_m_s: 1500}, {depth_m: 1000, speed_m_s: 1000}]}".to_owned();
+        let layers = [(0.0, 1520.0), (10.0, 1500.0), (25.0, 1487.0), (45.0, 1475.0), (70.0, 1490.0), (95.0, 1510.0)];
+        // Ramps of 0.2 m in place of jumps.
+        let ramp = |pair: &[(f64, f64)]| [(pair[1].0 - 0.1, pair[0].1), (pair[1].0 + 0.1, pair[1].1)];
+        let rows = std::iter::once(layers[0]).chain(layers.windows(2).flat_map(ramp)).chain([(200.0, 1510.0)]);
+        let rows: Vec<String> = rows.map(|(z, c)| format!("{{depth_m: {z}, speed_m_s: {c}}}")).collect();
+        let ramps = format!("{{cast: [{}]}}", rows.join(", "));
+        for (table, profile, start, bottom) in [
+            (include_str!("../../../../tests/data/sonar/grad_neg_events.csv"), gradient, 50.0, 200.0),
+            (include_str!("../../../../tests/data/sonar/layers6_events.csv"), ramps, 55.0, 120.0),
+        ] {
+            let corner = |x: f64, y: f64| DVec3::new(x, y, -bottom);
+            let bed = [corner(-10.0, -50.0), corner(1500.0, -50.0), corner(1500.0, 50.0), corner(-10.0, 50.0)];
+            let table = touches(table);
+            let mut angles: Vec<f64> = table.iter().map(|row| row.0).collect();
+            angles.dedup();
+            let directions: Vec<DVec3> = angles
+                .iter()
+                .map(|angle| DVec3::new(angle.to_radians().cos(), 0.0, -angle.to_radians().sin()))
+                .collect();
+            let found = arrivals(&sheet(bed, None), &profile, DVec3::new(0.0, 0.0, -start), &directions, 900.0);
+            let speed = {
+                let water = Environment::from_yaml(&format!("water: {{allow_unphysical: true, profile: {profile}}}"));
+                Column::new(&water.unwrap().water.unwrap(), 100e3, start).unwrap().0.speed_at(start)
+            };
+            let mut met = [0; 4];
+            for arrival in &found {
+                let angle = angles[arrival.ray as usize];
+                let expected = table.iter().find(|row| row.0 == angle && row.1 == usize::from(arrival.order) + 1);
+                let Some(&(_, event, range, time)) = expected else { continue };
+                let off = [f64::from(arrival.place.x) - range, f64::from(arrival.range) / speed - time];
+                assert!(off[0].abs() < 2e-3 && off[1].abs() < 1e-6, "{angle} deg, touch {event}: {off:?}");
+                met[event - 1] += 1;
+            }
+            assert!(met[..2].iter().all(|&met| met > 15) && met[2] > 8, "{met:?} of {}", angles.len());
+        }
+    }
+
+    /// A slope is met on the arc, and the arc where the slope is.
+    #[test]
+    fn slopes_are_met_on_the_arc() {
+        let profile = "{cast: [{depth_m: 0, speed_m_s: 1500}, {depth_m: 1000, speed_m_s: 1000}]}";
+        let normal = DVec3::new(20f64.to_radians().sin(), 0.0, 20f64.to_radians().cos());
+        let (middle, along) = (DVec3::new(300.0, 0.0, -200.0), DVec3::new(normal.z, 0.0, -normal.x) * 250.0);
+        let aside = DVec3::Y * 20.0;
+        let corners = [middle - along - aside, middle + along - aside, middle + along + aside, middle - along + aside];
+        let angles: Vec<f64> = (5..60).map(f64::from).collect();
+        let direction = |angle: &f64| DVec3::new(angle.to_radians().cos(), 0.0, -angle.to_radians().sin());
+        let directions: Vec<DVec3> = angles.iter().map(direction).collect();
+        let found = arrivals(&sheet(corners, None), profile, DVec3::new(0.0, 0.0, -50.0), &directions, 900.0);
+        let first: Vec<&Arrival> = found.iter().filter(|it| it.order == 0 && it.surface != SEA).collect();
+        assert!(first.len() > 20, "{}", first.len());
+        let water = Environment::from_yaml(&format!("water: {{allow_unphysical: true, profile: {profile}}}"));
+        let water = water.unwrap().water.unwrap();
+        for arrival in first {
+            let place = arrival.place.as_dvec3();
+            assert!((place - middle).dot(normal).abs() < 1e-3, "{arrival:?}");
+            let ray = crate::medium::SoundRay::new(&water, 100e3, 50.0, angles[arrival.ray as usize], 900.0).unwrap();
+            let arc = ray.point_at(place.x).unwrap();
+            assert!((arc.depth_m + place.z).abs() < 1e-3, "{arrival:?} {arc:?}");
+            assert!((f64::from(arrival.range) / 1475.0 - arc.time_s).abs() < 1e-6, "{arrival:?} {arc:?}");
         }
     }
 

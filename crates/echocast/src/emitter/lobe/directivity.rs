@@ -1,6 +1,6 @@
 //! Directivity indices: how much less of the noise that comes from everywhere an aperture hears.
 
-use super::Pattern;
+use super::BeamPattern;
 use super::bessel::jinc;
 use super::integral::{integral, integral_over};
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -16,7 +16,7 @@ pub fn line_directivity(length_in_wavelengths: f64) -> f64 {
     let area = if length > LONG {
         0.5 - 0.5 / (PI * PI * length)
     } else {
-        let line = Pattern::line(1.0);
+        let line = BeamPattern::line(1.0);
         integral(&|x| line.amplitude(x).powi(2), [0.0, length], 1 + (4.0 * length) as usize, 1e-9)
     };
     10.0 * (length / area).log10()
@@ -41,7 +41,7 @@ pub fn piston_directivity(ka: f64) -> f64 {
 
 /// Directivity index of a round aperture in a wall that has the pattern `lobe` all around its axis, dB:
 /// `10 log(4 pi / integral of b over the half sphere before it)`.
-pub(crate) fn round_directivity(lobe: &Pattern) -> f64 {
+pub(crate) fn round_directivity(lobe: &BeamPattern) -> f64 {
     let power = |theta: f64| lobe.amplitude(theta.sin()).powi(2) * theta.sin();
     let edges = lobe.panels().into_iter().filter(|&u| u >= 0.0).map(f64::asin);
     10.0 * (2.0 / integral_over(&power, edges, 1e-9 * lobe.detail().powi(2))).log10()
@@ -50,7 +50,7 @@ pub(crate) fn round_directivity(lobe: &Pattern) -> f64 {
 /// Directivity index of an aperture in a wall that has the pattern `across` in one plane and `up` in the other, dB:
 /// `10 log(4 pi / integral of b over the half sphere before it)`; what is behind is silent. The patterns multiply, each at
 /// the direction cosine along its edge. Good to 0.01 dB, for lobes of a thousandth of a degree too.
-pub fn directivity(across: &Pattern, up: &Pattern) -> f64 {
+pub fn directivity(across: &BeamPattern, up: &BeamPattern) -> f64 {
     const PRECISION: f64 = 1e-6;
     let (fine_across, fine_up) = (across.detail(), up.detail());
     let (across_panels, up_panels) = (across.panels(), up.panels());

@@ -11,7 +11,7 @@ mod pattern;
 
 pub(crate) use directivity::round_directivity;
 pub use directivity::{directivity, line_directivity, piston_directivity, rectangle_directivity};
-pub use pattern::Pattern;
+pub use pattern::BeamPattern;
 
 use crate::bounds::Bounds;
 use crate::error::{Error, Result};
@@ -160,18 +160,18 @@ impl Lobe {
     }
 
     /// The pattern at `wavelength_m`, m, above 0.
-    pub fn at(&self, wavelength_m: f64) -> Pattern {
+    pub fn at(&self, wavelength_m: f64) -> BeamPattern {
         match self {
-            Lobe::Width(deg) => Pattern::line_of_width(deg.to_radians()),
+            Lobe::Width(deg) => BeamPattern::line_of_width(deg.to_radians()),
             Lobe::Shape(shape) => match shape {
-                Shape::Line(Line::Width(deg)) => Pattern::line_of_width(deg.to_radians()),
-                Shape::Line(Line::Length(m)) => Pattern::line(m / wavelength_m),
-                Shape::Gaussian { width_deg } => Pattern::gaussian(width_deg.to_radians()),
-                Shape::Box { width_deg } => Pattern::boxed(width_deg.to_radians()),
-                Shape::Piston(Piston::Width(deg)) => Pattern::piston_of_width(deg.to_radians()),
-                Shape::Piston(Piston::Diameter(m)) => Pattern::piston(m / wavelength_m),
-                Shape::Array(array) => Pattern::array(array, wavelength_m),
-                Shape::Table { rows } => Pattern::table(rows),
+                Shape::Line(Line::Width(deg)) => BeamPattern::line_of_width(deg.to_radians()),
+                Shape::Line(Line::Length(m)) => BeamPattern::line(m / wavelength_m),
+                Shape::Gaussian { width_deg } => BeamPattern::gaussian(width_deg.to_radians()),
+                Shape::Box { width_deg } => BeamPattern::boxed(width_deg.to_radians()),
+                Shape::Piston(Piston::Width(deg)) => BeamPattern::piston_of_width(deg.to_radians()),
+                Shape::Piston(Piston::Diameter(m)) => BeamPattern::piston(m / wavelength_m),
+                Shape::Array(array) => BeamPattern::array(array, wavelength_m),
+                Shape::Table { rows } => BeamPattern::table(rows),
             },
         }
     }

@@ -14,7 +14,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 /// apertures do. What is behind the aperture (psi beyond 90 degrees) is the mirror image of what is before it: whether a
 /// wall is between them the caller knows.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Pattern(Kind);
+pub struct BeamPattern(Kind);
 
 #[derive(Clone, Debug, PartialEq)]
 enum Kind {
@@ -41,47 +41,47 @@ const STEPS: f64 = 64.0;
 /// Part of the power at a peak that is seen for sure: `sinc(1/128)^2` is 0.9998 (of a Chebyshev lobe 0.9994).
 const SEEN: f64 = 0.999;
 
-impl Pattern {
+impl BeamPattern {
     /// A uniform line of `length` wavelengths.
-    pub(super) fn line(length: f64) -> Pattern {
-        Pattern(Kind::Line { length })
+    pub(super) fn line(length: f64) -> BeamPattern {
+        BeamPattern(Kind::Line { length })
     }
 
     /// A uniform line whose full width at half the power is `width`, rad.
-    pub(super) fn line_of_width(width: f64) -> Pattern {
-        Pattern::line(HALF_SINC / (0.5 * width).sin())
+    pub(super) fn line_of_width(width: f64) -> BeamPattern {
+        BeamPattern::line(HALF_SINC / (0.5 * width).sin())
     }
 
-    pub(super) fn gaussian(width: f64) -> Pattern {
-        Pattern(Kind::Gaussian { half: 0.5 * width })
+    pub(super) fn gaussian(width: f64) -> BeamPattern {
+        BeamPattern(Kind::Gaussian { half: 0.5 * width })
     }
 
-    pub(super) fn boxed(width: f64) -> Pattern {
-        Pattern(Kind::Box { half: 0.5 * width })
+    pub(super) fn boxed(width: f64) -> BeamPattern {
+        BeamPattern(Kind::Box { half: 0.5 * width })
     }
 
     /// A piston of `diameter` wavelengths.
-    pub(super) fn piston(diameter: f64) -> Pattern {
-        Pattern(Kind::Piston { ka: PI * diameter })
+    pub(super) fn piston(diameter: f64) -> BeamPattern {
+        BeamPattern(Kind::Piston { ka: PI * diameter })
     }
 
     /// A piston whose full width at half the power is `width`, rad.
-    pub(super) fn piston_of_width(width: f64) -> Pattern {
-        Pattern(Kind::Piston { ka: HALF_JINC / (0.5 * width).sin() })
+    pub(super) fn piston_of_width(width: f64) -> BeamPattern {
+        BeamPattern(Kind::Piston { ka: HALF_JINC / (0.5 * width).sin() })
     }
 
-    pub(super) fn array(array: &Array, wavelength_m: f64) -> Pattern {
+    pub(super) fn array(array: &Array, wavelength_m: f64) -> BeamPattern {
         let element = array.element_m.unwrap_or(0.0) / wavelength_m;
-        Pattern(Kind::Array { factor: Factor::new(array, wavelength_m), element })
+        BeamPattern(Kind::Array { factor: Factor::new(array, wavelength_m), element })
     }
 
-    pub(super) fn table(rows: &[Row]) -> Pattern {
+    pub(super) fn table(rows: &[Row]) -> BeamPattern {
         let mut own: Vec<[f64; 2]> = rows.iter().map(|row| [row.angle_deg.to_radians(), row.db]).collect();
         if own.first().is_some_and(|&[angle, _]| angle >= 0.0) {
             let mirrored = own.iter().rev().filter(|&&[angle, _]| angle > 0.0).map(|&[angle, db]| [-angle, db]);
             own = mirrored.chain(own.iter().copied()).collect();
         }
-        Pattern(Kind::Table { rows: own })
+        BeamPattern(Kind::Table { rows: own })
     }
 
     /// Signed amplitude at `u`, the sine of the angle off the axis, of a beam that is not steered; 1 on the axis (of a
@@ -146,7 +146,7 @@ impl Pattern {
         self.extent_within(power, 1.0)
     }
 
-    /// [`Pattern::extent`] among u up to `reach`: a beam steered to psi0 meets u up to `1 + |sin(psi0)|`, where an array may
+    /// [`BeamPattern::extent`] among u up to `reach`: a beam steered to psi0 meets u up to `1 + |sin(psi0)|`, where an array may
     /// have grating lobes.
     pub fn extent_within(&self, power: f64, reach: f64) -> f64 {
         if power >= 1.0 {
@@ -206,7 +206,7 @@ impl Pattern {
         const WIDER: f64 = 1.05;
         const WIDEST: f64 = 0.125;
         /// Beyond so many the lobes between grating lobes are few.
-        const MOST_GRATINGS: f64 = 64.0;
+        const MOST_GRATINGS: f64 = 8.0;
         const EVEN: u32 = 2048;
         let spacing = match &self.0 {
             Kind::Array { factor, .. } => factor.spacing(),
@@ -276,7 +276,7 @@ fn first_below(rows: impl Iterator<Item = [f64; 2]>, db: f64) -> f64 {
     last.map_or(0.0, |[angle, _]| angle)
 }
 
-/// [`Pattern::extent_within`] of a uniform line of `length` wavelengths.
+/// [`BeamPattern::extent_within`] of a uniform line of `length` wavelengths.
 fn line_extent(length: f64, power: f64, reach: f64) -> f64 {
     if length == 0.0 {
         return reach;

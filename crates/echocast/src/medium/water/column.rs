@@ -1,6 +1,6 @@
 //! The water made ready for the rays of one instrument: slabs, in each of which speed and absorption are linear.
 
-use super::profile::{DEEPEST, Layer, PHYSICAL_SPEEDS, SEA_WATER_KG_M3, SpeedRow, WaterProfile, WaterRow, unread};
+use super::profile::{DEEPEST, Layer, PHYSICAL_SPEEDS, SEA_WATER_KG_M3, SoundSpeedProfile, SpeedRow, WaterRow, unread};
 use super::{Outside, Water};
 use crate::error::{Error, Result};
 
@@ -135,31 +135,31 @@ impl Column {
         let formula = |row: &WaterRow| {
             water.sound_speed.speed(row.temperature_c, row.salinity_psu, row.depth_m, water.latitude_deg)
         };
-        let mut doubts: Vec<Outside> = Vec::new();
-        let mut doubt = |row: &WaterRow| {
-            for outside in water.sound_speed.outside(row.temperature_c, row.salinity_psu, row.depth_m) {
+        let [mut doubts, mut absorption_doubts]: [Vec<Outside>; 2] = Default::default();
+        let add = |doubts: &mut Vec<Outside>, found: Vec<Outside>| {
+            for outside in found {
                 if !doubts.iter().any(|known| known.quantity == outside.quantity) {
                     doubts.push(outside);
                 }
             }
         };
+        let mut doubt = |row: &WaterRow| {
+            add(&mut doubts, water.sound_speed.outside(row.temperature_c, row.salinity_psu, row.depth_m));
+        };
+        let here =
+            WaterRow { depth_m: sonar_depth_m, temperature_c: water.temperature_c, salinity_psu: water.salinity_psu };
         let stretches = match &water.profile {
             None => {
                 // Formulas have powers of the depth in them.
                 within(0.0, DEEPEST, "")?;
-                let row = WaterRow {
-                    depth_m: sonar_depth_m,
-                    temperature_c: water.temperature_c,
-                    salinity_psu: water.salinity_psu,
-                };
-                doubt(&row);
-                vec![whole(formula(&row))]
+                doubt(&here);
+                vec![whole(formula(&here))]
             }
-            Some(WaterProfile::Constant { speed_m_s }) => {
+            Some(SoundSpeedProfile::Constant { speed_m_s }) => {
                 within(0.0, f64::INFINITY, "")?;
                 vec![whole(*speed_m_s)]
             }
-            Some(WaterProfile::Layers(layers)) => {
+            Some(SoundSpeedProfile::Layers(layers)) => {
                 within(layers.first().map_or(0.0, |layer| layer.depth_m), f64::INFINITY, "layers")?;
                 let ends = layers.iter().skip(1).map(|layer| layer.depth_m).chain([f64::INFINITY]);
                 let mut top = 0.0;
@@ -170,7 +170,7 @@ impl Column {
                 };
                 layers.iter().zip(ends).map(&mut of).collect()
             }
-            Some(WaterProfile::Cast(rows)) => {
+            Some(SoundSpeedProfile::Cast(rows)) => {
                 let depth = |row: Option<&SpeedRow>| row.map_or(0.0, |row| row.depth_m);
                 within(depth(rows.first()), depth(rows.last()), "cast")?;
                 let between = |pair: &[SpeedRow]| Stretch {
@@ -181,7 +181,7 @@ impl Column {
                 };
                 rows.windows(2).map(between).collect()
             }
-            Some(WaterProfile::Ts(rows)) => {
+            Some(SoundSpeedProfile::Ts(rows)) => {
                 let depth = |row: Option<&WaterRow>| row.map_or(0.0, |row| row.depth_m);
                 within(depth(rows.first()), depth(rows.last()), "ts")?;
                 rows.iter().for_each(&mut doubt);
@@ -199,19 +199,23 @@ impl Column {
                 }
                 stretches
             }
-            Some(WaterProfile::File(file)) => return Err(unread("water.profile", file)),
+            Some(SoundSpeedProfile::File(file)) => return Err(unread("water.profile", file)),
         };
         let mut warnings: Vec<String> = doubts
             .iter()
             .map(|outside| format!("the speed of sound is that of {}, for {outside}", water.sound_speed.word()))
             .collect();
         let law = water.absorption;
-        let here = law.outside(frequency_hz, water.temperature_c, water.salinity_psu, water.ph, sonar_depth_m);
-        warnings.extend(
-            here.iter()
-                .filter(|outside| outside.quantity == "frequency")
-                .map(|outside| format!("the absorption is that of {}, for {outside}", law.word())),
-        );
+        let rows = match &water.profile {
+            Some(SoundSpeedProfile::Ts(rows)) => rows,
+            _ => std::slice::from_ref(&here),
+        };
+        for WaterRow { depth_m, temperature_c, salinity_psu } in rows {
+            let found = law.outside(frequency_hz, *temperature_c, *salinity_psu, water.ph, *depth_m);
+            add(&mut absorption_doubts, found);
+        }
+        let word = |outside: &Outside| format!("the absorption is that of {}, for {outside}", law.word());
+        warnings.extend(absorption_doubts.iter().map(word));
         let [least, most] = PHYSICAL_SPEEDS;
         let odd = stretches.iter().flat_map(|it| it.speed).find(|speed| !(least..=most).contains(speed));
         if let Some(speed) = odd {
@@ -487,7 +491,8 @@ mod tests {
         let text: Vec<String> =
             rows.iter().map(|(z, t, s)| format!("{{depth_m: {z}, temperature_c: {t}, salinity_psu: {s}}}")).collect();
         for formula in ["mackenzie", "leroy", "unesco"] {
-            let keys = format!("latitude_deg: 30, sound_speed: {formula}, profile: {{ts: [{}]}}", text.join(", "));
+            let keys = format!("latitude_deg: 30, absorption: ainslie_mccolm, sound_speed: {formula}");
+            let keys = format!("{keys}, profile: {{ts: [{}]}}", text.join(", "));
             let water = water(&keys);
             let (column, warnings) = column(&keys, 40.0);
             assert!(warnings.is_empty(), "{warnings:?}");
@@ -516,7 +521,7 @@ mod tests {
             temperature_c: [-4.0, 45.0][i as usize % 2],
             salinity_psu: [0.0, 50.0][i as usize % 2],
         };
-        let wild = Water { profile: Some(WaterProfile::Ts((0..1000).map(row).collect())), ..Water::default() };
+        let wild = Water { profile: Some(SoundSpeedProfile::Ts((0..1000).map(row).collect())), ..Water::default() };
         let (column, warnings) = Column::new(&wild, FREQUENCY, 5.0).unwrap();
         assert!(column.slabs.len() < 200_000, "{}", column.slabs.len());
         assert!(
@@ -530,12 +535,19 @@ mod tests {
         let told = |keys: &str, frequency: f64| Column::new(&water(keys), frequency, 20.0).unwrap().1.join("; ");
         assert_eq!(told("", 450e3), "");
         assert_eq!(
-            told("salinity_psu: 5", 450e3),
+            told("salinity_psu: 5, absorption: ainslie_mccolm", 450e3),
             "the speed of sound is that of mackenzie, for salinity 5 PSU (it is good for 30 to 40 PSU)"
         );
-        assert_eq!(told("salinity_psu: 5, sound_speed: leroy", 450e3), "");
-        // A cast of speeds asks no formula.
-        assert_eq!(told("salinity_psu: 5, profile: {constant: {speed_m_s: 1490}}", 450e3), "");
+        let absorption =
+            "the absorption is that of francois_garrison, for salinity 5 PSU (it is good for 30 to 35 PSU)";
+        assert_eq!(told("salinity_psu: 5, sound_speed: leroy", 450e3), absorption);
+        // Where the salts hardly count any more.
+        assert_eq!(told("salinity_psu: 5, sound_speed: leroy", 600e3), "");
+        // A cast of speeds asks no formula for them.
+        assert_eq!(told("salinity_psu: 5, profile: {constant: {speed_m_s: 1490}}", 450e3), absorption);
+        let cast = "profile: {ts: [{depth_m: 0, temperature_c: 24, salinity_psu: 34}, {depth_m: 50, temperature_c: 9, \
+                    salinity_psu: 34}]}";
+        assert!(told(cast, 450e3).starts_with("the absorption is that of francois_garrison, for temperature 24 C"));
         assert_eq!(
             told("", 1.2e6),
             "the absorption is that of francois_garrison, for frequency 1200000 Hz (it is good for 200 to 1000000 Hz)"

@@ -15,7 +15,7 @@ pub use absorption::Absorption;
 pub(crate) use column::{Column, Slab, slab_at};
 pub use fluid::Fluid;
 pub use noise::AmbientNoise;
-pub use profile::{Layer, SpeedRow, WaterProfile, WaterRow};
+pub use profile::{Layer, SoundSpeedProfile, SpeedRow, WaterRow};
 pub(crate) use ray::{End, Ray, small_sin_cos};
 pub use sea::Sea;
 pub use sound_ray::{RayEvent, RayPoint, SoundRay};
@@ -88,7 +88,7 @@ pub struct Water {
     /// How speeds change with depth; without it there is one speed, by temperature, salinity and the depth of the sonar, at
     /// most 12 km.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub profile: Option<WaterProfile>,
+    pub profile: Option<SoundSpeedProfile>,
     /// Speed of sound that the instrument believes in, m/s; that at its own depth when not given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub assumed_speed_m_s: Option<f64>,
@@ -232,7 +232,7 @@ water:
             absorption: Absorption::AinslieMccolm,
             spreading: Spreading::Hybrid,
             spreading_from_m: Some(100.0),
-            profile: Some(WaterProfile::Layers(vec![layer(0.0, 1500.0, 1026.0), layer(4.0, 1480.0, 1025.0)])),
+            profile: Some(SoundSpeedProfile::Layers(vec![layer(0.0, 1500.0, 1026.0), layer(4.0, 1480.0, 1025.0)])),
             assumed_speed_m_s: Some(1500.0),
             allow_unphysical: false,
             wind_m_s: 8.0,
@@ -358,14 +358,21 @@ water:
         };
         let speeds = load("# a cast\ndepth_m,speed_m_s\n0,1500\n10.5,1490.25\n").unwrap();
         let row = |depth_m, speed_m_s| SpeedRow { depth_m, speed_m_s };
-        let expected = WaterProfile::Cast(vec![row(0.0, 1500.0), row(10.5, 1490.25)]);
+        let expected = SoundSpeedProfile::Cast(vec![row(0.0, 1500.0), row(10.5, 1490.25)]);
         assert_eq!(speeds.water.as_ref().unwrap().profile, Some(expected));
         // Nothing is read later: what is written holds the rows.
         let text = speeds.to_yaml().unwrap();
         assert_eq!(Environment::from_yaml(&text).unwrap(), speeds);
         let ts = load("salinity_psu,depth_m,temperature_c\n35,0,20\n34,100,4\n").unwrap().water.unwrap();
         let row = |depth_m, temperature_c, salinity_psu| WaterRow { depth_m, temperature_c, salinity_psu };
-        assert_eq!(ts.profile, Some(WaterProfile::Ts(vec![row(0.0, 20.0, 35.0), row(100.0, 4.0, 34.0)])));
+        assert_eq!(ts.profile, Some(SoundSpeedProfile::Ts(vec![row(0.0, 20.0, 35.0), row(100.0, 4.0, 34.0)])));
+
+        // Layers by their density; one is enough.
+        let layers = load("depth_m,density_kg_m3,speed_m_s\n0,1024,1520\n10,1025,1500\n").unwrap().water.unwrap();
+        let row = |depth_m, speed_m_s, density_kg_m3| Layer { depth_m, speed_m_s, density_kg_m3 };
+        let expected = SoundSpeedProfile::Layers(vec![row(0.0, 1520.0, 1024.0), row(10.0, 1500.0, 1025.0)]);
+        assert_eq!(layers.profile, Some(expected));
+        assert!(load("depth_m,density_kg_m3,speed_m_s\n0,1024,1520\n").is_ok());
 
         let refused = |csv: &str| load(csv).unwrap_err().to_string().split_once("cast.csv: ").unwrap().1.to_owned();
         let speeds = "allowed: 1300 to 1700, in m/s; with allow_unphysical: true 0.000001 to 1000000";
@@ -378,12 +385,15 @@ water:
         assert!(
             refused("depth_m,speed_m_s,ph\n").starts_with("line 1: unknown column \"ph\"; allowed: depth_m, speed_m_s")
         );
-        assert!(refused("a,b\n1,2\n").starts_with("line 1: has none of the columns of a cast; expected the header "));
+        assert!(
+            refused("a,b\n1,2\n").starts_with("line 1: has none of the columns of a profile; expected the header ")
+        );
+        assert!(refused("depth_m,density_kg_m3\n1,1024\n").starts_with("line 1: the column speed_m_s is missing"));
         assert!(refused("depth_m,salinity_psu\n1,2\n").starts_with("line 1: the column temperature_c is missing"));
         let long: String = (0..1001).map(|depth| format!("{depth},1500\n")).collect();
         let error = refused(&format!("depth_m,speed_m_s\n{long}"));
         assert_eq!(error, "line 1002: is row 1001; allowed: 2 to 1000 rows");
-        let unread = Water { profile: Some(WaterProfile::File("a.csv".into())), ..Water::default() };
+        let unread = Water { profile: Some(SoundSpeedProfile::File("a.csv".into())), ..Water::default() };
         let error = unread.check("water", &mut Bounds::none()).unwrap_err().to_string();
         assert!(error.starts_with("water.profile.file is a.csv; allowed: a file whose rows are known"), "{error}");
         assert!(message("water: {profile: {file: no/such.csv}}").starts_with("no/such.csv: "));

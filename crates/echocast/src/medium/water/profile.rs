@@ -23,7 +23,7 @@ pub(super) const SALINITIES: [f64; 2] = [0.0, 50.0];
 /// How speed of sound, or temperature and salinity, change with depth, which is counted down from the surface.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum WaterProfile {
+pub enum SoundSpeedProfile {
     /// Layers of one speed each, from their depth down to the next one's, the last without end. They say nothing of
     /// what lies above the first.
     Layers(Vec<Layer>),
@@ -36,8 +36,9 @@ pub enum WaterProfile {
         /// Speed of sound, m/s.
         speed_m_s: f64,
     },
-    /// A cast in a CSV file with the header `depth_m,speed_m_s` or `depth_m,temperature_c,salinity_psu`; where the
-    /// environment is read, the rows take the place of its name.
+    /// A cast in a CSV file with the header `depth_m,speed_m_s` or `depth_m,temperature_c,salinity_psu`, or layers in one
+    /// with the header `depth_m,speed_m_s,density_kg_m3`; where the environment is read, the rows take the place of its
+    /// name.
     File(PathBuf),
 }
 
@@ -180,24 +181,24 @@ fn check_rows(key: &str, rows: &[impl Row], least: usize, allow_unphysical: bool
     Ok(())
 }
 
-impl WaterProfile {
+impl SoundSpeedProfile {
     /// Whether all values are within what is allowed, for errors below the key `key`.
     pub(super) fn check(&self, key: &str, allow_unphysical: bool) -> Result<()> {
         match self {
-            WaterProfile::Layers(rows) => check_rows(&format!("{key}.layers"), rows, 1, allow_unphysical),
+            SoundSpeedProfile::Layers(rows) => check_rows(&format!("{key}.layers"), rows, 1, allow_unphysical),
             // One row alone would cover no depth.
-            WaterProfile::Cast(rows) => check_rows(&format!("{key}.cast"), rows, 2, allow_unphysical),
-            WaterProfile::Ts(rows) => check_rows(&format!("{key}.ts"), rows, 2, allow_unphysical),
-            WaterProfile::Constant { speed_m_s } => {
+            SoundSpeedProfile::Cast(rows) => check_rows(&format!("{key}.cast"), rows, 2, allow_unphysical),
+            SoundSpeedProfile::Ts(rows) => check_rows(&format!("{key}.ts"), rows, 2, allow_unphysical),
+            SoundSpeedProfile::Constant { speed_m_s } => {
                 check_speed(&format!("{key}.constant.speed_m_s"), *speed_m_s, allow_unphysical)
             }
-            WaterProfile::File(file) => Err(unread(key, file)),
+            SoundSpeedProfile::File(file) => Err(unread(key, file)),
         }
     }
 
     /// Reads the file that it may name; a relative name starts at `folder`.
     pub(super) fn read_file(&mut self, folder: &Path, allow_unphysical: bool) -> Result<()> {
-        if let WaterProfile::File(file) = self {
+        if let SoundSpeedProfile::File(file) = self {
             *self = read(&folder.join(file), allow_unphysical)?;
         }
         Ok(())
@@ -210,29 +211,37 @@ pub(super) fn unread(key: &str, file: &Path) -> Error {
     Error::invalid(format!("{key}.file"), file.display(), allowed)
 }
 
-fn read(path: &Path, allow_unphysical: bool) -> Result<WaterProfile> {
+fn read(path: &Path, allow_unphysical: bool) -> Result<SoundSpeedProfile> {
     let csv = Csv::open(path)?;
+    if csv.optional(["density_kg_m3"])[0].is_some() {
+        let names = ["depth_m", "speed_m_s", "density_kg_m3"];
+        csv.only(&names)?;
+        let [depth, speed, density] = csv.required(names)?;
+        let row = |row: &[f64]| Layer { depth_m: row[depth], speed_m_s: row[speed], density_kg_m3: row[density] };
+        return Ok(SoundSpeedProfile::Layers(read_rows(path, csv, 1, allow_unphysical, row)?));
+    }
     if csv.optional(["speed_m_s"])[0].is_some() {
         csv.only(&["depth_m", "speed_m_s"])?;
         let [depth, speed] = csv.required(["depth_m", "speed_m_s"])?;
         let row = |row: &[f64]| SpeedRow { depth_m: row[depth], speed_m_s: row[speed] };
-        return Ok(WaterProfile::Cast(read_rows(path, csv, allow_unphysical, row)?));
+        return Ok(SoundSpeedProfile::Cast(read_rows(path, csv, 2, allow_unphysical, row)?));
     }
     let names = ["depth_m", "temperature_c", "salinity_psu"];
     if csv.optional(names).iter().all(Option::is_none) {
-        let expected = "depth_m,speed_m_s or depth_m,temperature_c,salinity_psu";
-        return Err(csv.error(format!("has none of the columns of a cast; expected the header {expected}")));
+        let expected = "depth_m,speed_m_s or depth_m,temperature_c,salinity_psu or depth_m,speed_m_s,density_kg_m3";
+        return Err(csv.error(format!("has none of the columns of a profile; expected the header {expected}")));
     }
     let [depth, temperature, salinity] = csv.required(names)?;
     csv.only(&names)?;
     let row =
         |row: &[f64]| WaterRow { depth_m: row[depth], temperature_c: row[temperature], salinity_psu: row[salinity] };
-    Ok(WaterProfile::Ts(read_rows(path, csv, allow_unphysical, row)?))
+    Ok(SoundSpeedProfile::Ts(read_rows(path, csv, 2, allow_unphysical, row)?))
 }
 
 fn read_rows<R: Row>(
     path: &Path,
     mut csv: Csv,
+    least: usize,
     allow_unphysical: bool,
     to_row: impl Fn(&[f64]) -> R,
 ) -> Result<Vec<R>> {
@@ -240,15 +249,15 @@ fn read_rows<R: Row>(
     while let Some(numbers) = csv.next_row()? {
         let row = to_row(numbers);
         if rows.len() == MOST_ROWS {
-            return Err(csv.error(format!("is row {}; allowed: 2 to {MOST_ROWS} rows", MOST_ROWS + 1)));
+            return Err(csv.error(format!("is row {}; allowed: {least} to {MOST_ROWS} rows", MOST_ROWS + 1)));
         }
         if let Some(Fault(name, value, allowed)) = row_fault(&row, rows.last().map(Row::depth), allow_unphysical) {
             return Err(csv.error(format!("{name} is {value}; allowed: {allowed}")));
         }
         rows.push(row);
     }
-    if rows.len() < 2 {
-        return Err(Error::parse(path, "", format!("has {} rows; allowed: 2 to {MOST_ROWS}", rows.len())));
+    if rows.len() < least {
+        return Err(Error::parse(path, "", format!("has {} rows; allowed: {least} to {MOST_ROWS}", rows.len())));
     }
     Ok(rows)
 }

@@ -229,7 +229,8 @@ impl Ray {
             transmitted = Some(part);
         } else if down * next.gradient > 0.0 && down * here.gradient < 0.0 {
             // Sound is slowest here. How far a ray gets until it is level, and comes back: sine^2 / (2 curvature).
-            let reach = self.sine * self.sine / (2.0 * next.gradient.abs() * self.snell);
+            let bend = next.gradient.abs().min(here.gradient.abs()) * self.snell;
+            let reach = self.sine * self.sine / (2.0 * bend);
             if reach < NARROW {
                 (self.level, self.sine, self.snell) = (true, 0.0, 1.0 / to);
             }

@@ -12,6 +12,7 @@ pub struct SoundRay {
     bottom: f64,
     ray: Ray,
     start_speed: f64,
+    wavelength: f64,
 }
 
 /// Where a ray is.
@@ -31,7 +32,8 @@ pub struct RayPoint {
     pub path_m: f64,
     /// Loss by absorption and at boundaries since the start, dB.
     pub loss_db: f64,
-    /// Transmission loss by spreading since the start, dB re 1 m, from the tube between this ray and its neighbours.
+    /// Transmission loss by spreading since the start, dB re 1 m, 0 or more, from the tube between this ray and its
+    /// neighbours; where they cross it is as wide as diffraction leaves it, `sqrt(wavelength x way)`.
     pub spreading_db: f64,
 }
 
@@ -69,7 +71,8 @@ impl SoundRay {
         let slab = slab_at(&slabs, depth_m);
         let (sine, cosine) = grazing_deg.to_radians().sin_cos();
         let ray = Ray::launch(depth_m, [sine, cosine], &slabs, slab);
-        Ok(SoundRay { bottom: bottom_m, start_speed: ray.speed, slabs, ray })
+        let wavelength = ray.speed / frequency_hz;
+        Ok(SoundRay { bottom: bottom_m, start_speed: ray.speed, wavelength, slabs, ray })
     }
 
     /// Where it is: at its start, or at its last event, before what happens there.
@@ -149,7 +152,8 @@ impl SoundRay {
     fn tell(&self, ray: &Ray) -> RayPoint {
         // Pressure: intensity by the tube's cross-section, and the impedance there over that at the start.
         let across = ray.speed_path / self.start_speed;
-        let spreading = (ray.tube.abs() * across * self.start_speed / ray.speed).max(1e-12);
+        let tube = ray.tube.abs().max((self.wavelength * ray.path).sqrt().min(ray.path));
+        let spreading = (tube * across * self.start_speed / ray.speed).max(1.0);
         RayPoint {
             distance_m: ray.distance,
             depth_m: ray.depth,
