@@ -143,7 +143,7 @@ fn layers_transmit_and_reflect_as_snell_and_eq_13_say() {
             (RayEvent::TotalReflection, "total_reflection")
             | (RayEvent::Surface, "surface")
             | (RayEvent::Bottom, "bottom") => {
-                assert_near(&format!("{what}: loss"), point.loss_db, table.number(row, "loss_dB_one_way"), 2e-6);
+                assert_near(&format!("{what}: loss"), point.loss_db, table.number(row, "loss_dB_one_way"), 1e-6);
             }
             other => panic!("{what}: {other:?}"),
         }

@@ -300,6 +300,21 @@ mod tests {
         }
     }
 
+    /// Most pings are of a sonar that stands: those on the way join all the same.
+    #[test]
+    fn a_rest_on_the_way_leaves_no_gaps() {
+        let mut resting = pings(&Sidescan { pings: 30, target: None, ..Sidescan::default() });
+        let moving = Pings { pings: resting.pings[19..].to_vec() };
+        let rest = resting.pings[19].pose;
+        resting.pings[..19].iter_mut().for_each(|ping| ping.pose = rest);
+        let seen = |pings: &Pings| {
+            let image = mosaic(pings, ImageRange::Slant, 0.1, Overlap::Last).unwrap();
+            image.values.iter().filter(|value| value.is_finite()).count() as f64
+        };
+        let (with, without) = (seen(&resting), seen(&moving));
+        assert!(with >= without && with < 1.02 * without, "{with} {without}");
+    }
+
     #[test]
     fn the_mean_is_of_the_power() {
         let mut pings = pings(&Sidescan { speed: 0.25, target: None, ..Sidescan::default() });
