@@ -229,7 +229,8 @@ impl Meshes<'_> {
             Some(known) => known.clone(),
             None => {
                 let read = self.accessors.vectors::<3>(index).map_err(fault)?;
-                let unit = |normal| Some(glam::Vec3::from(normal).try_normalize()?.to_array());
+                // Squares of short ones are too small for single precision.
+                let unit = |normal| Some(glam::Vec3::from(normal).as_dvec3().try_normalize()?.as_vec3().to_array());
                 let units: Option<Vec<_>> = read.into_iter().map(unit).collect();
                 let units = units.map(Shared::from);
                 self.cache.normals.insert(index.value(), units.clone());
