@@ -131,6 +131,13 @@ fn needle_beams_hear_what_is_below_them() {
     };
     let line = directivity("type: multibeam, beams: 2, swath_deg: 10, across_deg: 0.01");
     assert_near("a line", line, db(4.0 * length), 0.01);
+    // Elements so far apart that each hears for itself, as a slip of units may have them: 10 log(N), and 3 dB.
+    let slip = "{shape: array, elements: 32, pitch_m: 20}";
+    let sparse = directivity(&format!("type: multibeam, beams: 2, swath_deg: 10, across_deg: {slip}"));
+    assert_near("a sparse line", sparse, db(2.0 * 32.0), 0.05);
+    let sparse = directivity(&format!("type: single_beam, beam_deg: {slip}, vertical_deg: 10"));
+    let tall = directivity("type: multibeam, beams: 2, swath_deg: 10, across_deg: 10");
+    assert_near("a sparse face", sparse, db(32.0) + tall, 2.0);
     // 20 log(ka), ka = 1.616340 / sin of half the width.
     let round = directivity("type: single_beam, beam_deg: 0.01");
     assert_near("a piston", round, 2.0 * db(1.616_34 / 0.005f64.to_radians().sin()), 0.01);

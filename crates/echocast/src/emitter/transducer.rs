@@ -266,8 +266,7 @@ impl Transducer {
         transducer.faces = vec![Face::new(frame, (|sine| sent.amplitude(sine), sent.width()), EVERYWHERE)];
         transducer.only_sends = true;
         transducer.width = heard.width() as f32;
-        let all_around = Lobe::Shape(Shape::Box { width_deg: 180.0 }).at(wavelength);
-        transducer.directivity_db = lobe::directivity(&heard, &all_around);
+        transducer.directivity_db = lobe::wall_directivity(&heard);
         transducer
     }
 

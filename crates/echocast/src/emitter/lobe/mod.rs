@@ -9,8 +9,8 @@ mod directivity;
 mod integral;
 mod pattern;
 
-pub(crate) use directivity::round_directivity;
 pub use directivity::{directivity, line_directivity, piston_directivity, rectangle_directivity};
+pub(crate) use directivity::{round_directivity, wall_directivity};
 pub use pattern::BeamPattern;
 
 use crate::bounds::Bounds;

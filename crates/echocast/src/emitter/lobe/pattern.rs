@@ -197,6 +197,12 @@ impl BeamPattern {
         if detail.is_nan() { 1.0 } else { detail.clamp(1e-7, 1.0) }
     }
 
+    /// Whether it is that of an array with so many grating lobes that there is little between them.
+    pub(super) fn is_sparse(&self) -> bool {
+        const LEAST: f64 = 1.0 / 8.0;
+        matches!(&self.0, Kind::Array { factor, .. } if factor.spacing() < LEAST)
+    }
+
     /// Edges in u, rising from -1 to 1, of panels to integrate it in: one for each lobe about the main one and, of arrays,
     /// about each grating lobe; wider and wider off these.
     pub(super) fn panels(&self) -> Vec<f64> {
@@ -205,8 +211,6 @@ impl BeamPattern {
         /// Of the width of the last.
         const WIDER: f64 = 1.05;
         const WIDEST: f64 = 0.125;
-        /// Beyond so many the lobes between grating lobes are few.
-        const MOST_GRATINGS: f64 = 8.0;
         const EVEN: u32 = 2048;
         let spacing = match &self.0 {
             Kind::Array { factor, .. } => factor.spacing(),
@@ -218,7 +222,7 @@ impl BeamPattern {
             }
             _ => f64::INFINITY,
         };
-        if spacing < MOST_GRATINGS.recip() {
+        if self.is_sparse() {
             return (0..=EVEN).map(|edge| 2.0 * f64::from(edge) / f64::from(EVEN) - 1.0).collect();
         }
         // To one side of a main lobe, half of the way to the next.
