@@ -370,17 +370,7 @@ fn surfaces_differ_by_their_laws() {
         Sound::Facet { mu_db: -15.0, slope_sigma_deg: 10.0, reflection_loss_db: 9.0 },
         Sound::Gsab { a_db: -5.0, b_deg: 5.0, c_db: -20.0, d: 1.5, e_db: -18.0, f_deg: 20.0 },
     ];
-    let names = [
-        Sediment::RoughRock,
-        Sediment::Rock,
-        Sediment::Cobble,
-        Sediment::SandyGravel,
-        Sediment::CoarseSand,
-        Sediment::MediumSand,
-        Sediment::FineSand,
-        Sediment::Silt,
-    ];
-    laws.extend(names.map(|name| Sound::Sediment { name }));
+    laws.extend(Sediment::ALL.map(|name| Sound::Sediment { name }));
     for law in laws {
         let found = ping(&bottom(law.clone(), 100.0), &sensor, Pose::at(0.0, 0.0, HEIGHT), &options(water("")));
         for range in [26.0, 30.0, 50.0, 80.0] {

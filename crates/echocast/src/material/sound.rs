@@ -78,6 +78,20 @@ pub enum Sediment {
     Silt,
 }
 
+impl Sediment {
+    /// All of them, in the order of the table.
+    pub const ALL: [Sediment; 8] = [
+        Sediment::RoughRock,
+        Sediment::Rock,
+        Sediment::Cobble,
+        Sediment::SandyGravel,
+        Sediment::CoarseSand,
+        Sediment::MediumSand,
+        Sediment::FineSand,
+        Sediment::Silt,
+    ];
+}
+
 /// What a mirror image loses where a law does not say it, dB: between that of sand (7 to 13) and of rock (3) met
 /// head-on. A mirror image is what several ways of one echo need, and such laws are fitted to backscatter alone.
 const UNKNOWN_LOSS_DB: f64 = 10.0;
@@ -338,24 +352,13 @@ mod tests {
     use super::*;
     use std::f64::consts::{FRAC_PI_2, TAU};
 
-    const ALL: [Sediment; 8] = [
-        Sediment::RoughRock,
-        Sediment::Rock,
-        Sediment::Cobble,
-        Sediment::SandyGravel,
-        Sediment::CoarseSand,
-        Sediment::MediumSand,
-        Sediment::FineSand,
-        Sediment::Silt,
-    ];
-
     fn db(sound: &Sound, degrees: f64, frequency: f64) -> f64 {
         10.0 * sound.backscatter(degrees.to_radians().sin(), frequency).log10()
     }
 
     #[test]
     fn the_table_is_whole() {
-        assert_eq!(sediments().rows.len(), ALL.len());
+        assert_eq!(sediments().rows.len(), Sediment::ALL.len());
         for rows in &sediments().rows {
             assert_eq!(rows.log_angle.len(), 22);
             assert!(rows.log_angle.is_sorted_by(|a, b| a < b));
@@ -437,7 +440,7 @@ mod tests {
 
     #[test]
     fn nothing_is_negative_or_infinite() {
-        let mut all: Vec<Sound> = ALL.into_iter().map(|name| Sound::Sediment { name }).collect();
+        let mut all: Vec<Sound> = Sediment::ALL.into_iter().map(|name| Sound::Sediment { name }).collect();
         all.extend([
             Sound::of_reflectance(0.0),
             Sound::Lambert { mu_db: -4.9715 },

@@ -324,8 +324,7 @@ impl Pinging<'_> {
         if self.water.spreading == Spreading::RayTube {
             return 10.0 * (tube / f64::from(arrival.speed)).max(1.0).log10();
         }
-        let from = self.water.spreading_from_m.unwrap_or(1.0) as f32;
-        f64::from(self.water.spreading.one_way(log2(arrival.path), from) / LOG2_PER_DB)
+        f64::from(self.water.spreading.one_way(log2(arrival.path), self.water.spreading_from()) / LOG2_PER_DB)
     }
 
     /// Mean power of what a beam hears in a bin, uPa^2: all parts of all rays, by the response.

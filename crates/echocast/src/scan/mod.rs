@@ -37,6 +37,16 @@ pub enum Profile {
     Blainder,
 }
 
+impl Profile {
+    /// That it is the physical one; `allowed` says why no other.
+    fn check_physical(self, allowed: &str) -> Result<()> {
+        match self {
+            Profile::Physical => Ok(()),
+            other => Err(Error::invalid("profile", format!("{other:?}").to_lowercase(), allowed)),
+        }
+    }
+}
+
 /// Order of the points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Order {
@@ -240,10 +250,7 @@ impl BuiltScene {
         let options = ScanOptions { organised: false, order: Order::Beam, fields: FieldSet::all(), ..options.clone() };
         options.check(trajectory)?;
         if sensor.kind() == SensorKind::Sonar {
-            if options.profile != Profile::Physical {
-                let found = format!("{:?}", options.profile).to_lowercase();
-                return Err(Error::invalid("profile", found, "physical where a beam of a sonar is explained"));
-            }
+            options.profile.check_physical("physical where a beam of a sonar is explained")?;
             return self.explain_ping(sensor, trajectory, &options, beam);
         }
         let beams = sensor.beams_at(options.start_time)?;

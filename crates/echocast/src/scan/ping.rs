@@ -156,10 +156,7 @@ impl BuiltScene {
         ping: &mut Ping,
     ) -> Result<()> {
         options.check(trajectory)?;
-        if options.profile != Profile::Physical {
-            let allowed = "physical; the paper and its program know points only, which a scan returns";
-            return Err(Error::invalid("profile", format!("{:?}", options.profile).to_lowercase(), allowed));
-        }
+        options.profile.check_physical("physical; the paper and its program know points only, which a scan returns")?;
         let mut memory = mem::take(&mut ping.memory);
         let pinging = Pinging::new(&self.0, sensor, trajectory, options, &mut memory)?;
         let done = self.0.engine.install(|| pinging.run(options, &mut memory, ping));
@@ -213,10 +210,7 @@ impl<'a> Pinging<'a> {
         // What the instrument believes is set when it starts: pings of one way have one layout, however deep it goes.
         let start_depth = water.surface_z_m - trajectory.at(trajectory.span().0).position.z;
         let (column, _) = Column::new(water, frequency, start_depth)?;
-        if depth != start_depth {
-            // Whether the water covers this depth too.
-            Column::new(water, frequency, depth)?;
-        }
+        Column::check_depth(water, depth)?;
         let speed = column.speed_at(depth);
         let (start_speed, absorption) =
             (column.speed_at(start_depth), column.mean_absorption(start_depth, start_depth));
@@ -271,7 +265,7 @@ impl<'a> Pinging<'a> {
             ambient: acoustics.noise_level_db.unwrap_or_else(ambient),
             volume: water.volume_backscatter_db,
             spreading: water.spreading,
-            spreading_from: water.spreading_from_m.unwrap_or(1.0) as f32,
+            spreading_from: water.spreading_from(),
         };
         let volume = volume(&inputs, bin_m, resolution * acoustics.taper.resolutions());
         let layout = match memory.layout.take() {
@@ -392,7 +386,7 @@ impl<'a> Pinging<'a> {
             rotation: self.rotation(),
             source_level: self.acoustics.source_level_db as f32,
             spreading: self.water.spreading,
-            spreading_from: self.water.spreading_from_m.unwrap_or(1.0) as f32,
+            spreading_from: self.water.spreading_from(),
             straight: self.column.is_uniform(),
             farthest: self.reach as f32,
             bins: self.layout.bins,

@@ -104,26 +104,7 @@ impl Column {
     /// # Errors
     /// A sonar above the water, or where the profile says nothing; a profile whose file is not read.
     pub fn new(water: &Water, frequency_hz: f64, sonar_depth_m: f64) -> Result<(Column, Vec<String>)> {
-        let covered = |to: f64| match to {
-            f64::INFINITY => "0 m or more".to_owned(),
-            to => format!("0 to {to} m"),
-        };
-        let out_of = |from: f64, to: f64, table: &str| {
-            let allowed = if sonar_depth_m < 0.0 || table.is_empty() {
-                let surface = water.surface_z_m;
-                format!("{}, below the surface of the water at z = {surface} m (water.surface_z_m)", covered(to))
-            } else if to == f64::INFINITY {
-                format!("{from} m or more, where the rows of water.profile.{table} begin")
-            } else {
-                format!("{from} to {to} m, which the rows of water.profile.{table} cover")
-            };
-            Error::invalid("the depth of the sonar", format!("{sonar_depth_m} m"), allowed)
-        };
-        let within = |from: f64, to: f64, table: &str| {
-            // Written so that NaN fails too.
-            let holds = sonar_depth_m >= from && sonar_depth_m <= to && sonar_depth_m.is_finite();
-            if holds { Ok(()) } else { Err(out_of(from, to, table)) }
-        };
+        Column::check_depth(water, sonar_depth_m)?;
         let whole = |speed: f64| Stretch {
             top: 0.0,
             bottom: f64::INFINITY,
@@ -150,17 +131,13 @@ impl Column {
             WaterRow { depth_m: sonar_depth_m, temperature_c: water.temperature_c, salinity_psu: water.salinity_psu };
         let stretches = match &water.profile {
             None => {
-                // Formulas have powers of the depth in them.
-                within(0.0, DEEPEST, "")?;
                 doubt(&here);
                 vec![whole(formula(&here))]
             }
             Some(SoundSpeedProfile::Constant { speed_m_s }) => {
-                within(0.0, f64::INFINITY, "")?;
                 vec![whole(*speed_m_s)]
             }
             Some(SoundSpeedProfile::Layers(layers)) => {
-                within(layers.first().map_or(0.0, |layer| layer.depth_m), f64::INFINITY, "layers")?;
                 let ends = layers.iter().skip(1).map(|layer| layer.depth_m).chain([f64::INFINITY]);
                 let mut top = 0.0;
                 let mut of = |(&Layer { speed_m_s, density_kg_m3: density, .. }, bottom): (&Layer, f64)| {
@@ -171,8 +148,6 @@ impl Column {
                 layers.iter().zip(ends).map(&mut of).collect()
             }
             Some(SoundSpeedProfile::Cast(rows)) => {
-                let depth = |row: Option<&SpeedRow>| row.map_or(0.0, |row| row.depth_m);
-                within(depth(rows.first()), depth(rows.last()), "cast")?;
                 let between = |pair: &[SpeedRow]| Stretch {
                     top: pair[0].depth_m,
                     bottom: pair[1].depth_m,
@@ -182,8 +157,6 @@ impl Column {
                 rows.windows(2).map(between).collect()
             }
             Some(SoundSpeedProfile::Ts(rows)) => {
-                let depth = |row: Option<&WaterRow>| row.map_or(0.0, |row| row.depth_m);
-                within(depth(rows.first()), depth(rows.last()), "ts")?;
                 rows.iter().for_each(&mut doubt);
                 let mut stretches = Vec::new();
                 for pair in rows.windows(2) {
@@ -222,6 +195,45 @@ impl Column {
             warnings.push(format!("a speed of sound is {speed} m/s; that of water is from {least} to {most} m/s"));
         }
         Ok((Column { surface_z: water.surface_z_m, slabs: slabs(water, frequency_hz, &stretches) }, warnings))
+    }
+
+    /// That `water` is known at `sonar_depth_m`, m below its surface.
+    ///
+    /// # Errors
+    /// A sonar above the water, or where the profile says nothing.
+    pub fn check_depth(water: &Water, sonar_depth_m: f64) -> Result<()> {
+        let (from, to, table) = match &water.profile {
+            // Formulas have powers of the depth in them.
+            None => (0.0, DEEPEST, ""),
+            Some(SoundSpeedProfile::Layers(rows)) => {
+                (rows.first().map_or(0.0, |layer| layer.depth_m), f64::INFINITY, "layers")
+            }
+            Some(SoundSpeedProfile::Cast(rows)) => {
+                let depth = |row: Option<&SpeedRow>| row.map_or(0.0, |row| row.depth_m);
+                (depth(rows.first()), depth(rows.last()), "cast")
+            }
+            Some(SoundSpeedProfile::Ts(rows)) => {
+                let depth = |row: Option<&WaterRow>| row.map_or(0.0, |row| row.depth_m);
+                (depth(rows.first()), depth(rows.last()), "ts")
+            }
+            Some(SoundSpeedProfile::Constant { .. }) => (0.0, f64::INFINITY, ""),
+            // Nothing is known of it: [`Column::new`] refuses it.
+            Some(SoundSpeedProfile::File(_)) => return Ok(()),
+        };
+        // Written so that NaN fails too.
+        if sonar_depth_m >= from && sonar_depth_m <= to && sonar_depth_m.is_finite() {
+            return Ok(());
+        }
+        let allowed = if sonar_depth_m < 0.0 || table.is_empty() {
+            let surface = water.surface_z_m;
+            let covered = if to == f64::INFINITY { "0 m or more".to_owned() } else { format!("0 to {to} m") };
+            format!("{covered}, below the surface of the water at z = {surface} m (water.surface_z_m)")
+        } else if to == f64::INFINITY {
+            format!("{from} m or more, where the rows of water.profile.{table} begin")
+        } else {
+            format!("{from} to {to} m, which the rows of water.profile.{table} cover")
+        };
+        Err(Error::invalid("the depth of the sonar", format!("{sonar_depth_m} m"), allowed))
     }
 
     /// Index of the slab at `depth`, m; of two that meet there, the lower one. Above the surface it is the first.

@@ -126,6 +126,11 @@ impl Default for Water {
 }
 
 impl Water {
+    /// Where hybrid spreading becomes cylindrical, m.
+    pub(crate) fn spreading_from(&self) -> f32 {
+        self.spreading_from_m.unwrap_or(1.0) as f32
+    }
+
     pub(super) fn check(&self, key: &str, bounds: &mut Bounds) -> Result<()> {
         let mut within = |name: &str, value: Option<f64>, [least, most]: [f64; 2]| {
             bounds.within(format_args!("{key}.{name}"), value, least, most)
