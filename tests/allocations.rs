@@ -2,7 +2,9 @@
 #![allow(unsafe_code)] // a global allocator is unsafe by nature; this one only counts
 
 use echocast::scene::{Mesh, Object, Part};
-use echocast::{Engine, Environment, FieldSet, LiveScene, Ping, PointCloud, Pose, ScanOptions, Sensor, Trajectory};
+use echocast::{
+    Engine, Environment, FieldSet, LiveScene, Ping, PointCloud, Pose, ScanOptions, Scene, Sensor, Trajectory,
+};
 use echocast_tests::reference::Shape;
 use glam::{DAffine3, DVec3};
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -34,6 +36,7 @@ static ALLOCATOR: Counting = Counting;
 #[test]
 fn scans_and_pings_in_a_loop_hardly_allocate() {
     scans();
+    sensors();
     pings();
 }
 
@@ -63,6 +66,40 @@ fn scans() {
             }
         }
         assert!(most <= allowed, "{most} allocations in a scan with {threads} threads");
+    }
+}
+
+/// Sensors that work in memory of their own, before a mirror and glass.
+fn sensors() {
+    let scene = Scene::load(echocast_tests::root().join("examples/scenes/glass.gltf")).unwrap();
+    let (pose, dry, wet) = (Pose::at(0.0, 0.0, 1.0), "{}", "{rain: {rate_mm_h: 20}, fog: {visibility_m: 60}}");
+    // What a scan may make anew with one thread: what the documents name.
+    for (preset, settings, weather, allowed) in [
+        ("velodyne_vlp16", &[][..], dry, 0),
+        ("kinect_v1", &[("pattern.resolution", "[80, 60]")], dry, 0),
+        ("kinect_v2", &[("pattern.resolution", "[80, 60]"), ("tof.multipath_rays", "2")], dry, 0),
+        ("realsense_d435", &[("pattern.resolution", "[80, 60]")], dry, 0),
+        ("velodyne_vlp16", &[("returns", "{mode: all, max: 5}"), ("beam.sub_rays", "8")], dry, 9),
+        ("velodyne_vlp16", &[("detection.blooming", "{weight: 0.1, width_deg: 1, floor: 0.001}")], dry, 9),
+        ("velodyne_vlp16", &[], wet, 9),
+    ] {
+        let mut sensor = Sensor::preset(preset).unwrap();
+        settings.iter().for_each(|(key, value)| sensor.set(key, value).unwrap());
+        let environment = Environment::from_yaml(weather).unwrap();
+        for (threads, own) in [(1, 0), (2, 4)] {
+            let built = scene.build_with(&Engine::with_threads(threads).unwrap()).unwrap();
+            let mut cloud = PointCloud::default();
+            let mut counts = Vec::new();
+            for frame in 0..30 {
+                let options = ScanOptions { frame, environment: environment.clone(), ..ScanOptions::default() };
+                let before = COUNT.load(Ordering::Relaxed);
+                built.scan_into(&sensor, &Trajectory::fixed(pose), &options, &mut cloud).unwrap();
+                counts.push(COUNT.load(Ordering::Relaxed) - before);
+            }
+            // Until every thread has worked, and lists are as long as they get.
+            let most = counts[15..].iter().max().unwrap();
+            assert!(*most <= allowed + own, "{counts:?} allocations in scans of {preset} with {settings:?}, {threads} threads");
+        }
     }
 }
 

@@ -1,4 +1,5 @@
-//! An engine with one thread starts none. A program of its own, because other tests start threads.
+//! An engine with one thread starts none, one with more starts them all at once. A program of its own, because other tests
+//! start threads.
 
 #![cfg(target_os = "linux")]
 
@@ -11,7 +12,36 @@ fn threads() -> usize {
     std::fs::read_dir("/proc/self/task").unwrap().count()
 }
 
+/// Both in one test: tests run side by side, and all threads are counted.
 #[test]
+fn engines_start_the_threads_that_they_say() {
+    an_engine_with_one_thread_starts_none();
+    an_engine_with_more_starts_no_others_later();
+}
+
+fn an_engine_with_more_starts_no_others_later() {
+    let before = threads();
+    let engine = Engine::with_threads(3).unwrap();
+    let cores = std::thread::available_parallelism().unwrap().get();
+    let own = 3 + 3.min(cores) - 1;
+    assert_eq!(threads(), before + own, "threads that scan, and those that help to build, of {cores} cores");
+    let mut scene = SceneBuilder::new();
+    scene.stand(Shape::sphere(20.0, 200), None);
+    let scene = scene.finish();
+    assert!(scene.triangle_count() > 50_000);
+    // Several threads commit at once, as those of a host may.
+    std::thread::scope(|scope| {
+        let commits: Vec<_> = (0..4).map(|_| scope.spawn(|| scene.build_with(&engine).unwrap())).collect();
+        let built = commits.into_iter().map(|commit| commit.join().unwrap()).next_back().unwrap();
+        let sensor = Sensor::preset("velodyne_vlp16").unwrap();
+        let cloud = built.scan(&sensor, &Trajectory::fixed(Pose::at(1.0, 2.0, 3.0)), &ScanOptions::default()).unwrap();
+        assert!(cloud.len > 10_000);
+    });
+    assert_eq!(threads(), before + own);
+    drop(engine);
+    assert_eq!(threads(), before);
+}
+
 fn an_engine_with_one_thread_starts_none() {
     let before = threads();
     let engine = Engine::with_threads(1).unwrap();

@@ -128,6 +128,34 @@ fn differences(a: &PointCloud, b: &PointCloud) -> Vec<&'static str> {
     FIELDS.iter().filter(|info| differ(info.field)).map(|info| info.name).collect()
 }
 
+/// Threads keep the memory that they work in: sensors that use much of it, and sensors that count on what it is at first,
+/// follow each other on one thread.
+#[test]
+fn what_a_thread_did_before_does_not_change_a_bit() {
+    let built = scene_with(&Engine::with_threads(1).unwrap());
+    let few: FieldSet = [Field::X, Field::Range, Field::ReturnNumber, Field::Cause, Field::Azimuth].into_iter().collect();
+    let mut sensors = vec![lidar(), Sensor::preset("velodyne_vlp16").unwrap(), camera(), noisy(), many(), depth_camera()];
+    for sensor in &mut sensors[2..] {
+        sensor.set("pattern.resolution", "[64, 48]").unwrap();
+    }
+    let mut cases = Vec::new();
+    for sensor in &sensors {
+        for options in [all(), wet(), ScanOptions { fields: few, ..all() }, ScanOptions { organised: true, ..all() }] {
+            if !(options.organised && sensor.spec().returns.mode == ReturnMode::All) {
+                cases.push((sensor, options));
+            }
+        }
+    }
+    let scan = |(sensor, options): &(&Sensor, ScanOptions)| built.scan(sensor, &drive(), options).unwrap();
+    let expected: Vec<PointCloud> =
+        cases.iter().map(|case| std::thread::scope(|scope| scope.spawn(|| scan(case)).join().unwrap())).collect();
+    let random = &mut Random::new(9);
+    for _ in 0..3 * cases.len() {
+        let case = random.below(cases.len());
+        assert_eq!(differences(&expected[case], &scan(&cases[case])), [""; 0], "case {case}");
+    }
+}
+
 #[test]
 fn threads_do_not_change_a_bit() {
     let [one, two, seven] = [1, 2, 7].map(|threads| scene_with(&Engine::with_threads(threads).unwrap()));

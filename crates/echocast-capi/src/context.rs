@@ -33,10 +33,9 @@ pub type echocast_log_fn = Option<unsafe extern "C" fn(user: *mut c_void, level:
 pub struct echocast_context_desc {
     /// sizeof(echocast_context_desc).
     pub struct_size: usize,
-    /// Threads of the context's own that build and scan: 0 as many as the machine has cores, 1 none at all (the
-    /// calling thread does everything, on 256 KiB of its stack), up to 1024. Embree builds with TBB: a host that shares
-    /// that library has no more threads of it than the largest context while contexts live, and the end of the last may
-    /// start an idle one.
+    /// Threads of the context's own that scan: 0 as many as the machine has cores, 1 none at all (the calling thread does
+    /// everything, on 256 KiB of its stack), up to 1024. One less, up to one for each core, helps to build large meshes.
+    /// All are started with the context; nothing asks the system for threads later on, Embree's TBB neither.
     pub threads: i32,
     /// Least important messages for `log`: an ECHOCAST_LOG_ number.
     pub log_level: i32,
@@ -99,8 +98,8 @@ impl Context {
 /// forked afterwards has no such threads: make contexts after a fork. `desc`: NULL for the defaults. `*out` is the new
 /// context, to be released with echocast_context_release.
 ///
-/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_UNSUPPORTED (Embree is too old, or the processor), ECHOCAST_E_MEMORY,
-/// ECHOCAST_E_INTERNAL (the system gives no threads). Any thread may call this.
+/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_UNSUPPORTED (Embree is too old, or the processor), ECHOCAST_E_MEMORY (the
+/// system gives no memory, or not so many threads). Any thread may call this.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_context_create(
     desc: *const echocast_context_desc,

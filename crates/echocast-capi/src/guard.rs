@@ -18,7 +18,7 @@ pub const ECHOCAST_E_ARGUMENT: i32 = 1;
 pub const ECHOCAST_E_STATE: i32 = 2;
 /// A handle or the number of an instance stands for nothing: released, of another kind or another context.
 pub const ECHOCAST_E_HANDLE: i32 = 3;
-/// No memory.
+/// The system gives no more memory, or no more threads.
 pub const ECHOCAST_E_MEMORY: i32 = 4;
 /// The system refused a file: it is missing, not permitted, the disk is full.
 pub const ECHOCAST_E_IO: i32 = 5;
@@ -81,7 +81,7 @@ impl From<Error> for Failure {
             // Embree: an old library, an old processor; without memory it is the next.
             Error::Unsupported { .. } | Error::Embree(_) => ECHOCAST_E_UNSUPPORTED,
             Error::Cancelled => ECHOCAST_E_CANCELLED,
-            Error::Memory(_) => ECHOCAST_E_MEMORY,
+            Error::Memory(_) | Error::Threads { .. } => ECHOCAST_E_MEMORY,
             _ => ECHOCAST_E_INTERNAL,
         };
         Failure::new(status, error.to_string())
@@ -194,7 +194,7 @@ pub extern "C" fn echocast_status_string(status: echocast_status) -> *const c_ch
         ECHOCAST_E_ARGUMENT => c"an argument is not what is allowed",
         ECHOCAST_E_STATE => c"the object cannot be used any more",
         ECHOCAST_E_HANDLE => c"the handle stands for nothing",
-        ECHOCAST_E_MEMORY => c"no memory",
+        ECHOCAST_E_MEMORY => c"no memory or threads",
         ECHOCAST_E_IO => c"the system refused a file",
         ECHOCAST_E_PARSE => c"a file or text does not say what it should",
         ECHOCAST_E_UNSUPPORTED => c"this build cannot do it",

@@ -128,7 +128,8 @@ unsafe impl Versioned for echocast_scan_desc {}
 
 /// Scans once; a sonar sends one ping, whose echoes are the points. `*io`: NULL, then it becomes a new result, to be
 /// released with echocast_result_release; or a result, whose memory is used again: a loop of scans in the order of beams
-/// allocates nothing after the first, but for weather, mirrors, glass and sonars.
+/// allocates nothing after the first of its kind, but for a few small blocks with weather, several rays a beam, blooming
+/// or another profile, the beams of a pattern that does not repeat (risley), and sonars.
 ///
 /// Points of a sonar: the depth of each beam of multibeam and single-beam ones; of side-scan and imaging sonars the range
 /// bins with an echo. Their `intensity` is a level in dB re 1 uPa. Sonars must be in the water.

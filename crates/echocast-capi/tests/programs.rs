@@ -92,6 +92,11 @@ fn threads_that_end_may_still_fail() {
 }
 
 #[test]
+fn a_system_without_threads_is_answered() {
+    check("threads", "plain", C99, &[]);
+}
+
+#[test]
 fn what_is_the_hosts_stays_the_hosts() {
     check("host", "plain", C99, &[]);
 }

@@ -62,6 +62,14 @@ pub enum Error {
     /// The system gives no more memory.
     #[error("no memory for {0}")]
     Memory(String),
+    /// The system gives no more threads.
+    #[error("the system does not give {wanted} threads ({reason}); allowed: fewer, or a higher limit of processes")]
+    Threads {
+        /// How many were wanted.
+        wanted: String,
+        /// What the system said.
+        reason: String,
+    },
     /// Embree failed.
     #[error("Embree: {0}")]
     Embree(#[source] embree4::Error),

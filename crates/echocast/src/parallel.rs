@@ -1,10 +1,15 @@
 //! Work shared among threads, or done by the calling thread alone where [`crate::Engine`] says so.
+//!
+//! Threads take parts from one list until it is empty. They do not divide the work in halves of halves: a thread that
+//! waits for the other half takes up whatever else its pool has to do, on the same stack, and in that waits again. Here all
+//! that is left for it is an empty list, and what others give the pool to do it does without the help of more threads.
 
 use std::cell::Cell;
 use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
 
 thread_local! {
-    /// Whether this thread must do all work itself: asking rayon would start its threads.
+    /// Whether this thread must do all work itself: it is an engine's only one, or others share its work already.
     static ALONE: Cell<bool> = const { Cell::new(false) };
 }
 
@@ -28,33 +33,50 @@ pub(crate) fn threads() -> usize {
 
 /// Does both, perhaps at the same time.
 pub(crate) fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
-    if ALONE.get() { (a(), b()) } else { rayon::join(a, b) }
+    if ALONE.get() { (a(), b()) } else { both(a, b) }
+}
+
+/// [`join`] on a thread that need not be alone. What it takes up while it waits, for others or for us, it does alone.
+fn both<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
+    alone(|| rayon::join(a, || alone(b)))
+}
+
+/// Does `work` on every one of `items`, each on the thread that is free first.
+pub(crate) fn for_each_of<T: Send>(items: impl Iterator<Item = T> + Send, work: impl Fn(T) + Sync) {
+    /// `work` on `threads` threads, as far as they are free.
+    fn team(threads: usize, work: &(impl Fn() + Sync)) {
+        let half = threads / 2;
+        match half {
+            0 => work(),
+            _ => drop(both(|| team(threads - half, work), || team(half, work))),
+        }
+    }
+    let items = Mutex::new(items);
+    let next = || items.lock().unwrap_or_else(PoisonError::into_inner).next();
+    team(threads(), &|| {
+        while let Some(item) = next() {
+            work(item);
+        }
+    });
 }
 
 /// Does `work` on every item and its index.
 pub(crate) fn for_each<T: Send>(items: &mut [T], work: impl Fn(usize, &mut T) + Sync) {
-    for_each_chunk(items, 1, |index, item| item.iter_mut().for_each(|item| work(index, item)));
+    for_each_of(items.iter_mut().enumerate(), |(index, item)| work(index, item));
 }
 
 /// Does `work` on every `size` items, the last of which may be fewer, and the number of the chunk.
 pub(crate) fn for_each_chunk<T: Send>(items: &mut [T], size: usize, work: impl Fn(usize, &mut [T]) + Sync) {
-    fn part<T: Send>(items: &mut [T], size: usize, first: usize, work: &(impl Fn(usize, &mut [T]) + Sync)) {
-        match items.len().div_ceil(size) {
-            0 => {}
-            1 => work(first, items),
-            chunks => {
-                let half = chunks / 2;
-                let (left, right) = items.split_at_mut(half * size);
-                join(|| part(left, size, first, work), || part(right, size, first + half, work));
-            }
-        }
-    }
-    part(items, size, 0, &work);
+    for_each_of(items.chunks_mut(size).enumerate(), |(number, chunk)| work(number, chunk));
 }
 
 /// Does `work` on `0..count` in ranges of `size`, the last of which may be shorter.
 pub(crate) fn for_each_range(count: usize, size: usize, work: impl Fn(Range<usize>) + Sync) {
-    map_reduce(count, size, work, |(), ()| ());
+    for_each_of(ranges(count, size), work);
+}
+
+fn ranges(count: usize, size: usize) -> impl Iterator<Item = Range<usize>> + Send {
+    (0..count).step_by(size).map(move |first| first..(first + size).min(count))
 }
 
 /// [`for_each_range`] that puts the results together in their order; in the same pairs, however many threads there are.
@@ -62,24 +84,22 @@ pub(crate) fn map_reduce<R: Send>(
     count: usize,
     size: usize,
     work: impl Fn(Range<usize>) -> R + Sync,
-    together: impl Fn(R, R) -> R + Sync,
+    together: impl Fn(R, R) -> R,
 ) -> R {
-    fn part<R: Send>(
-        range: Range<usize>,
-        size: usize,
-        work: &(impl Fn(Range<usize>) -> R + Sync),
-        together: &(impl Fn(R, R) -> R + Sync),
-    ) -> R {
-        let chunks = range.len().div_ceil(size);
-        if chunks <= 1 {
-            return work(range);
+    fn pairs<R>(results: &mut [Option<R>], together: &impl Fn(R, R) -> R) -> Option<R> {
+        match results {
+            [] => None,
+            [one] => one.take(),
+            _ => {
+                let (left, right) = results.split_at_mut(results.len() / 2);
+                pairs(left, together).zip(pairs(right, together)).map(|(left, right)| together(left, right))
+            }
         }
-        let middle = range.start + chunks / 2 * size;
-        let (left, right) =
-            join(|| part(range.start..middle, size, work, together), || part(middle..range.end, size, work, together));
-        together(left, right)
     }
-    part(0..count, size, &work, &together)
+    let mut results = Vec::new();
+    results.resize_with(count.div_ceil(size), || None);
+    for_each_of(ranges(count, size).zip(&mut results), |(range, result)| *result = Some(work(range)));
+    pairs(&mut results, &together).unwrap_or_else(|| work(0..0))
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 use std::ffi::CString;
 use std::fmt;
-use std::sync::Arc;
+use std::sync::{Arc, Condvar, Mutex, OnceLock, PoisonError};
+use std::thread;
 
 use embree4_sys as sys;
 
@@ -18,6 +19,7 @@ struct Owned {
     raw: sys::RTCDevice,
     version: (u32, u32, u32),
     packet_width: usize,
+    slots: Slots,
 }
 
 // SAFETY: Embree's device is reference counted and may be used from any number of threads at once (its error state is
@@ -27,7 +29,8 @@ unsafe impl Send for Owned {}
 unsafe impl Sync for Owned {}
 
 impl Device {
-    /// A device in Embree's default configuration: all cores build, the CPU's best instruction set.
+    /// A device for the CPU's best instruction set. It starts no thread, now or later: scenes are built by the threads that
+    /// commit them.
     ///
     /// # Errors
     /// [`Error::Version`] when the library loaded is older than 4.3 or newer than 4.x; [`Error::Embree`] when Embree
@@ -36,20 +39,23 @@ impl Device {
         Self::with_config("")
     }
 
-    /// A device in a configuration of its own, as in `"threads=1"` or `"threads=2,isa=avx2"`. Keys are those of
-    /// `rtcNewDevice`; Embree ignores those it does not know.
+    /// A device in a configuration of its own, as in `"isa=avx2"`. Keys are those of `rtcNewDevice`; Embree ignores those
+    /// it does not know, and `threads` and `user_threads` are taken.
     ///
     /// # Errors
     /// As [`Device::new`], and [`Error::Config`] when `config` contains a NUL character.
     pub fn with_config(config: &str) -> Result<Device, Error> {
-        let text = CString::new(config).map_err(|_| Error::Config { config: config.into() })?;
+        // As many threads as TBB has places for, all of them callers of ours: TBB starts none of its own, which it could
+        // not do without ending the process where the system refuses, and limits none of another user in this process.
+        let places = "threads=65536,user_threads=65536";
+        let text = CString::new(format!("{places},{config}")).map_err(|_| Error::Config { config: config.into() })?;
         // SAFETY: `text` is a C string that outlives the call; Embree copies what it needs.
         let raw = unsafe { sys::rtcNewDevice(text.as_ptr()) };
         if raw.is_null() {
             check(None, "rtcNewDevice")?;
             return Err(Error::Embree { call: "rtcNewDevice", reason: "no device and no error returned" });
         }
-        let mut owned = Owned { raw, version: (0, 0, 0), packet_width: 4 }; // from here on released by Drop
+        let mut owned = Owned { raw, version: (0, 0, 0), packet_width: 4, slots: Slots::new() }; // from here on released by Drop
         let number = |property| u32::try_from(owned.property(property)).unwrap_or(0);
         owned.version = (
             number(sys::RTC_DEVICE_PROPERTY_VERSION_MAJOR),
@@ -78,6 +84,15 @@ impl Device {
         self.0.packet_width
     }
 
+    /// Threads that can build at the same time.
+    pub fn build_threads(&self) -> usize {
+        self.0.slots.count
+    }
+
+    pub(crate) fn slots(&self) -> &Slots {
+        &self.0.slots
+    }
+
     pub(crate) fn raw(&self) -> sys::RTCDevice {
         self.0.raw
     }
@@ -104,6 +119,58 @@ impl Drop for Owned {
     fn drop(&mut self) {
         // SAFETY: we own one reference, given by rtcNewDevice, and give it back once.
         unsafe { sys::rtcReleaseDevice(self.raw) }
+    }
+}
+
+/// The places of the threads that build scenes of a device, as many as TBB has for them. One more, and TBB would start a
+/// thread to make room.
+pub(crate) struct Slots {
+    count: usize,
+    free: Mutex<usize>,
+    freed: Condvar,
+}
+
+impl Slots {
+    fn new() -> Slots {
+        /// TBB counts cores once, too.
+        static COUNT: OnceLock<usize> = OnceLock::new();
+        let count = *COUNT.get_or_init(|| thread::available_parallelism().map_or(1, usize::from));
+        Slots { count, free: Mutex::new(count), freed: Condvar::new() }
+    }
+
+    /// Does `work` in a place, for which it waits; `spare` others stay free, if there are so many.
+    pub fn with<R>(&self, spare: usize, work: impl FnOnce() -> R) -> R {
+        let spare = spare.min(self.count - 1);
+        let free = self.free.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut free = self.freed.wait_while(free, |free| *free <= spare).unwrap_or_else(PoisonError::into_inner);
+        *free -= 1;
+        drop(free);
+        self.leave_after(work)
+    }
+
+    /// [`Slots::with`] if there is a place right now.
+    pub fn try_with<R>(&self, spare: usize, work: impl FnOnce() -> R) -> Option<R> {
+        let mut free = self.free.lock().unwrap_or_else(PoisonError::into_inner);
+        if *free <= spare {
+            return None;
+        }
+        *free -= 1;
+        drop(free);
+        Some(self.leave_after(work))
+    }
+
+    fn leave_after<R>(&self, work: impl FnOnce() -> R) -> R {
+        /// Leaves the place, also when `work` panics.
+        struct Leave<'a>(&'a Slots);
+        impl Drop for Leave<'_> {
+            fn drop(&mut self) {
+                *self.0.free.lock().unwrap_or_else(PoisonError::into_inner) += 1;
+                // Those who wait may want different numbers to stay free.
+                self.0.freed.notify_all();
+            }
+        }
+        let _leave = Leave(self);
+        work()
     }
 }
 

@@ -25,6 +25,7 @@
 //! * A library whose version does not fit the memory layout compiled in here is refused ([`Device::new`]).
 //! * Every set-up call's error is read and returned; calls that trace rays report none (Embree does not check them).
 //! * A [`CommittedScene`] never changes, keeps everything it needs alive, and can be shared between threads.
+//! * No thread is started: scenes are built by the threads that commit them ([`Scene::commit_with`]).
 //! * The caller's floating-point state (flush to zero, rounding, exceptions) stays as it is.
 //!
 //! Nothing here panics on input. Units are the caller's.
@@ -40,4 +41,4 @@ pub use device::Device;
 pub use error::{Error, OUT_OF_MEMORY};
 pub use mesh::Mesh;
 pub use ray::{Coherence, INVALID, Packet, Ray};
-pub use scene::{Candidate, CommittedScene, Instance, Quality, Scene, is_invertible};
+pub use scene::{Candidate, CommittedScene, Instance, Joint, Pace, Quality, Scene, is_invertible};

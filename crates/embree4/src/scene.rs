@@ -1,4 +1,5 @@
-use std::sync::Arc;
+use std::fmt;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 use embree4_sys as sys;
 
@@ -47,8 +48,8 @@ struct Placed {
 
 // SAFETY: Embree's scenes are reference counted and not bound to a thread.
 unsafe impl Send for Owned {}
-// SAFETY: what changes a scene takes `&mut self` or consumes it; a shared one is only traced, which Embree allows from
-// any number of threads.
+// SAFETY: what changes a scene takes `&mut self` or consumes it; a shared one is only built and then traced, which Embree
+// allows from any number of threads.
 unsafe impl Sync for Owned {}
 
 impl Scene {
@@ -106,16 +107,109 @@ impl Scene {
         Ok(id)
     }
 
-    /// Builds what is needed to trace the scene, on all of the device's build threads.
+    /// Builds what is needed to trace the scene, on the calling thread.
     ///
     /// # Errors
     /// [`Error::Embree`] when memory runs out.
     pub fn commit(self) -> Result<CommittedScene, Error> {
-        let scene = self.0;
-        // SAFETY: the scene is alive and ours alone, everything attached to it is committed.
-        unsafe { sys::rtcCommitScene(scene.raw) };
-        check(Some(&scene.device), "rtcCommitScene")?;
-        Ok(CommittedScene(Arc::new(scene)))
+        self.commit_with(Pace::Now, |_| ())
+    }
+
+    /// [`Scene::commit`] with the help of other threads: `call` makes them known what to do, which is
+    /// [`Joint::help`] on each. It need not wait for them, and they may come too late or never.
+    ///
+    /// # Errors
+    /// As [`Scene::commit`].
+    pub fn commit_with(self, pace: Pace, call: impl FnOnce(&Arc<Joint>)) -> Result<CommittedScene, Error> {
+        let device = self.0.device.clone();
+        let scene = Arc::new(self.0);
+        let spare = match pace {
+            Pace::Now => 0,
+            Pace::Aside => 1,
+        };
+        let open = Open { scene: Some(scene.clone()), inside: 0, error: None };
+        let joint = Arc::new(Joint { device, spare, open: Mutex::new(open), left: Condvar::new() });
+        call(&joint);
+        let own = joint.device.slots().with(spare, || scene.build());
+        joint.close(own)?;
+        Ok(CommittedScene(scene))
+    }
+}
+
+/// Who goes first where scenes of one device are built at the same time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pace {
+    /// As fast as can be.
+    Now,
+    /// In the background: a thread is left for others that build, where the machine has more than one.
+    Aside,
+}
+
+/// A scene that several threads build together.
+pub struct Joint {
+    device: Device,
+    /// Places that are left to others.
+    spare: usize,
+    open: Mutex<Open>,
+    /// Tells that a helper has left.
+    left: Condvar,
+}
+
+struct Open {
+    /// `None`: it is built.
+    scene: Option<Arc<Owned>>,
+    /// Helpers at work.
+    inside: usize,
+    error: Option<Error>,
+}
+
+impl Joint {
+    /// Helps to build until nothing is left to do, or does nothing where there is no place for one more.
+    pub fn help(&self) {
+        let Some(scene) = self.enter() else { return };
+        let built = self.device.slots().try_with(self.spare, || scene.build());
+        drop(scene);
+        let mut open = self.lock();
+        open.inside -= 1;
+        if let Some(Err(error)) = built {
+            open.error.get_or_insert(error);
+        }
+        self.left.notify_all();
+    }
+
+    fn enter(&self) -> Option<Arc<Owned>> {
+        let mut open = self.lock();
+        let scene = open.scene.clone()?;
+        open.inside += 1;
+        Some(scene)
+    }
+
+    /// Lets nobody in any more and waits for those who are; `own` is what the thread that commits has come to.
+    fn close(&self, own: Result<(), Error>) -> Result<(), Error> {
+        let mut open = self.lock();
+        open.scene = None;
+        let mut open = self.left.wait_while(open, |open| open.inside > 0).unwrap_or_else(PoisonError::into_inner);
+        own.and(open.error.take().map_or(Ok(()), Err))
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Open> {
+        self.open.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl fmt::Debug for Joint {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Joint").field("device", &self.device).finish_non_exhaustive()
+    }
+}
+
+impl Owned {
+    /// Builds the scene with all threads that call this at the same time.
+    fn build(&self) -> Result<(), Error> {
+        // SAFETY: the scene is alive, everything attached to it is committed, and nothing else is done with it before all
+        // calls have returned. Embree lets any number of threads join; those that come late find nothing to do.
+        unsafe { sys::rtcJoinCommitScene(self.raw) };
+        check(Some(&self.device), "rtcJoinCommitScene")
     }
 }
 

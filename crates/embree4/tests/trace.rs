@@ -1,6 +1,10 @@
 //! The wrapper against geometry whose hits are known.
 
-use embree4::{Coherence, CommittedScene, Device, Error, INVALID, Instance, Mesh, Packet, Quality, Ray, Scene};
+use embree4::{
+    Coherence, CommittedScene, Device, Error, INVALID, Instance, Joint, Mesh, Pace, Packet, Quality, Ray, Scene,
+};
+use std::sync::Arc;
+use std::thread;
 
 const IDENTITY: [f32; 12] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
 
@@ -408,8 +412,8 @@ fn an_empty_scene_is_missed() {
 /// Embree does not promise this; results that do not depend on the machine's load rest on it.
 #[test]
 fn build_threads_do_not_change_a_bit() {
-    let run = |config| {
-        let device = Device::with_config(config).unwrap();
+    let run = |helpers: usize| {
+        let device = Device::new().unwrap();
         let mut world = Scene::new(&device, Quality::Medium).unwrap();
         let object = scene(&device, &[clutter(&device)]);
         world.attach_mesh(&clutter(&device)).unwrap();
@@ -419,7 +423,12 @@ fn build_threads_do_not_change_a_bit() {
             transform[10] = 30.0;
             world.attach_instance(&placed(&object, transform)).unwrap();
         }
-        let world = world.commit().unwrap();
+        let mut threads = Vec::new();
+        let world = world.commit_with(Pace::Now, |joint| {
+            threads.extend((0..helpers).map(|_| joint.clone()).map(|joint| thread::spawn(move || joint.help())));
+        });
+        let world = world.unwrap();
+        threads.into_iter().for_each(|thread| thread.join().unwrap());
         let directions = fan(4000);
         let hits = [trace::<16>(&world, &directions, Coherence::Coherent), trace1(&world, &directions)].concat();
         let bits = |ray: &Ray| {
@@ -428,10 +437,35 @@ fn build_threads_do_not_change_a_bit() {
         };
         hits.iter().map(bits).collect::<Vec<_>>()
     };
-    let one = run("threads=1");
+    let one = run(0);
     assert!(one.iter().filter(|(_, geom_id, _, _)| *geom_id != INVALID).count() > 4000);
     assert!(one.iter().any(|(_, _, _, inst_id)| *inst_id != INVALID));
-    assert!(one == run("threads=2"), "2 build threads give other hits than 1");
+    for helpers in [1, 5] {
+        assert!(one == run(helpers), "{helpers} helpers give other hits than none");
+    }
+}
+
+/// Scenes that are built side by side on more threads than there are cores, one of which is in the background.
+#[test]
+fn builds_wait_for_each_other() {
+    let device = Device::new().unwrap();
+    thread::scope(|scope| {
+        for pace in [Pace::Now, Pace::Aside, Pace::Now, Pace::Aside] {
+            let device = &device;
+            scope.spawn(move || {
+                for _ in 0..20 {
+                    let mut world = Scene::new(device, Quality::Low).unwrap();
+                    world.attach_mesh(&clutter(device)).unwrap();
+                    let helper = |joint: &Arc<Joint>| drop(thread::spawn({
+                        let joint = joint.clone();
+                        move || joint.help()
+                    }));
+                    let world = world.commit_with(pace, helper).unwrap();
+                    assert!(trace::<16>(&world, &fan(16), Coherence::Coherent).iter().any(|ray| ray.geom_id == 0));
+                }
+            });
+        }
+    });
 }
 
 #[test]

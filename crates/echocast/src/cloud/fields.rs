@@ -232,6 +232,7 @@ macro_rules! columns {
         }
 
         /// Mutable rows of a cloud's columns; a column that was not asked for is empty.
+        #[derive(Default)]
         pub(crate) struct Slices<'a> { $( pub $name: &'a mut [$t] ),* }
 
         impl<'a> Slices<'a> {

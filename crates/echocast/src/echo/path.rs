@@ -193,8 +193,8 @@ pub(crate) struct Chosen {
     pub bounces: [u8; LANES],
 }
 
-impl Chosen {
-    pub(crate) fn new() -> Self {
+impl Default for Chosen {
+    fn default() -> Self {
         Chosen {
             strength: [f32::NEG_INFINITY; LANES],
             hits: HitBatch::new(),
@@ -251,18 +251,20 @@ pub(crate) struct Surroundings<'a> {
     pub air: Option<&'a Air>,
 }
 
-impl Follower {
-    pub(crate) fn new() -> Self {
+impl Default for Follower {
+    fn default() -> Self {
         Follower {
             paths: Next::default(),
             next: Next::default(),
             insides: vec![Inside::default()],
-            rays: RayBatch::new(),
+            rays: RayBatch::default(),
             hits: HitBatch::new(),
             surfaces: Contribution::new(),
         }
     }
+}
 
+impl Follower {
     /// Follows the light of those of the first `count` rays whose surface does not stop it; `echoes` hears of what comes
     /// back, from the surface itself too. `rays`, `hits` and `surfaces` are the rays' own, normals on their side.
     #[inline(always)]

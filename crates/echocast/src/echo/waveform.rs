@@ -47,6 +47,10 @@ impl Waveform {
         Waveform { sigma: sigma as f32, bins: Vec::new() }
     }
 
+    pub(crate) fn set_sigma(&mut self, sigma: f64) {
+        self.sigma = sigma as f32;
+    }
+
     /// Standard deviation of the pulse, m of range.
     pub(crate) fn sigma(&self) -> f32 {
         self.sigma

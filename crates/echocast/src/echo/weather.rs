@@ -564,7 +564,7 @@ mod tests {
     #[test]
     fn boxes_are_met_side_by_side() {
         let extent = Extent::Box { min: Vec3::new(1.0, -2.0, 0.5), max: Vec3::new(4.0, 3.0, 2.0) };
-        let mut rays = RayBatch::new();
+        let mut rays = RayBatch::default();
         let length = std::array::from_fn(|lane| [3.0, f32::INFINITY][lane % 2]);
         for lane in 0..LANES {
             let turn = lane as f32 * 0.77;

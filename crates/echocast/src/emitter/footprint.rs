@@ -140,11 +140,11 @@ mod tests {
 
     /// Sub-rays of a beam along x at `range` m: place across it, left and up.
     fn crossings(footprint: &Footprint, range: f32, turn: f32) -> Vec<[f64; 2]> {
-        let mut beams = RayBatch::new();
+        let mut beams = RayBatch::default();
         beams.dir_x[0] = 1.0;
         let mut across = Across::new();
         across.set(0, Vec3::X, Vec3::Z, turn);
-        let mut rays = RayBatch::new();
+        let mut rays = RayBatch::default();
         (0..footprint.len())
             .map(|index| {
                 footprint.rays(index, &across, &beams, &mut rays);

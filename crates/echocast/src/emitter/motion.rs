@@ -154,7 +154,7 @@ mod tests {
             for i in 0..=20 {
                 let time = 1.0 + f64::from(i) / 10.0;
                 let pose = path.at(time);
-                let mut rays = RayBatch::new();
+                let mut rays = RayBatch::default();
                 let local_origin = DVec3::new(1.0, -1.0, 2.0);
                 let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
                 motion.aim(0.5, &[time - 0.5; 3], axes.each_ref().map(|a| &a[..]), local_origin, 7, &mut rays);

@@ -15,6 +15,7 @@ use crate::rng::Draw;
 use crate::tof::Camera;
 use crate::trace::{HitBatch, LANES, MISS, RayBatch};
 use pulp::{Arch, Simd, WithSimd};
+use std::cell::Cell;
 
 /// Beams `first .. first + count` and the rows they may fill.
 pub(super) struct Task<'a> {
@@ -91,6 +92,28 @@ impl Lanes {
     }
 }
 
+thread_local! {
+    /// What this thread works in, from chunk to chunk and scan to scan.
+    static BLOCK: Cell<Option<Box<Block>>> = const { Cell::new(None) };
+}
+
+/// Does `work`, a chunk of a scan, in the memory of this thread.
+pub(super) fn with_block<R>(work: impl FnOnce(&mut Block) -> R) -> R {
+    // A thread at its end has none any more.
+    let mut block = BLOCK.try_with(Cell::take).ok().flatten().unwrap_or_else(boxed);
+    block.renew();
+    let result = work(&mut block);
+    let _ = BLOCK.try_with(|own| own.set(Some(block)));
+    result
+}
+
+/// Memory for what is too large for the stacks of hosts, made here so that the stack it is made on is free again.
+#[cold]
+#[inline(never)]
+pub(super) fn boxed<T: Default>() -> Box<T> {
+    Box::default()
+}
+
 /// The intermediate results of one block of beams: the table in the crate's documentation, column by column.
 pub(super) struct Block {
     pub lanes: Lanes,
@@ -117,11 +140,11 @@ pub(super) struct Block {
     pub looks: Option<Box<Looks>>,
 }
 
-impl Block {
-    pub fn new() -> Self {
+impl Default for Block {
+    fn default() -> Self {
         Block {
             lanes: Lanes::new(),
-            rays: RayBatch::new(),
+            rays: RayBatch::default(),
             hits: HitBatch::new(),
             surfaces: Contribution::new(),
             rho_eff: [0.0; LANES],
@@ -137,6 +160,17 @@ impl Block {
             gatherer: None,
             looks: None,
         }
+    }
+}
+
+impl Block {
+    /// Whatever scan it was for, the next finds what it does not set itself as in a new one.
+    #[inline(never)]
+    fn renew(&mut self) {
+        self.lanes = Lanes::new();
+        self.surfaces = Contribution::new();
+        self.turn = [0.0; LANES];
+        self.answer = Answer::new();
     }
 
     /// Scans beams `first .. first + count` (at most [`LANES`]) and fills the first of `rows`; returns how many.
@@ -176,7 +210,7 @@ impl Block {
         let nominal = scan.beams.directions(first, count);
         scan.aim.rays(scan.beams, first, nominal, scan.reach, &mut self.rays);
         if scan.points_elsewhere() {
-            let reported = self.reported.get_or_insert_with(|| Box::new(RayBatch::new()));
+            let reported = self.reported.get_or_insert_with(boxed);
             reported.as_mut().clone_from(&self.rays);
         }
         if scan.pointing_sigma > 0.0 {
@@ -212,7 +246,7 @@ impl Block {
         if !hits.surface[..count].iter().any(|&surface| scan.goes_on(surface)) {
             return;
         }
-        let (follower, chosen) = &mut **paths.get_or_insert_with(|| Box::new((Follower::new(), Chosen::new())));
+        let (follower, chosen) = &mut **paths.get_or_insert_with(boxed);
         // The paper's program knows weather on the whole of the way alone.
         let air = scan.air.as_ref().filter(|_| !scan.keeps_undetected);
         let around = scan.surroundings(air, limits, scan.wanted, &rays.range_max);

@@ -1,6 +1,6 @@
 //! What a block of beams is to a depth camera: pixels.
 
-use super::block::Block;
+use super::block::{Block, boxed};
 use super::run::Scan;
 use crate::cause::Cause;
 use crate::echo::{AIR, Contribution, Wanted};
@@ -29,10 +29,10 @@ pub(super) struct Looks {
     powers: Vec<f32>,
 }
 
-impl Looks {
-    fn new() -> Self {
+impl Default for Looks {
+    fn default() -> Self {
         Looks {
-            rays: RayBatch::new(),
+            rays: RayBatch::default(),
             hits: HitBatch::new(),
             first: HitBatch::new(),
             surfaces: Contribution::new(),
@@ -40,7 +40,9 @@ impl Looks {
             powers: Vec::new(),
         }
     }
+}
 
+impl Looks {
     /// Lets a lane look from `from` towards `to`; without, it sees nothing.
     fn look(&mut self, lane: usize, from: Vec3, to: Option<Vec3>) {
         // Rays that nobody asked for end where they begin.
@@ -97,7 +99,7 @@ impl Block {
     /// through glass stays.
     #[inline(never)]
     pub fn shadow(&mut self, scan: &Scan, eye: Vec3, count: usize) {
-        let mut looks = self.looks.take().unwrap_or_else(|| Box::new(Looks::new()));
+        let mut looks = self.looks.take().unwrap_or_else(boxed);
         for lane in 0..count {
             let (rotation, origin) = self.pose(scan, lane);
             looks.look(lane, rotation * eye + origin, self.is_direct(lane).then(|| self.place(lane)));
@@ -200,7 +202,7 @@ impl Block {
     pub fn form(&mut self, scan: &Scan, camera: &Camera, count: usize) {
         let mut looks = self.looks.take();
         if camera.multipath_rays > 0 {
-            self.bounce(scan, camera, looks.get_or_insert_with(|| Box::new(Looks::new())), count);
+            self.bounce(scan, camera, looks.get_or_insert_with(boxed), count);
         }
         let each = camera.multipath_rays as usize + 1;
         for lane in 0..count {

@@ -1,6 +1,6 @@
 //! What happens to one beam, for people to read.
 
-use super::block::Block;
+use super::block::{Block, boxed};
 use super::returns::{ALARM, Gatherer, Other, Signals};
 use super::run::Scan;
 use crate::cause::Cause;
@@ -17,10 +17,11 @@ const MOST: usize = 12;
 impl Scan<'_> {
     /// Tells of beam `beam` step by step. `signals`: how what comes back makes returns.
     pub fn explain(&self, signals: &Signals, beam: usize) -> Result<String> {
-        let mut block = Block::new();
+        let mut block: Box<Block> = boxed();
         block.lanes.start_at(beam);
         block.aim(self, beam, 1);
-        let mut gatherer = Gatherer::new(signals);
+        let mut gatherer: Box<Gatherer> = boxed();
+        gatherer.fit(signals);
         gatherer.log = Some(Vec::new());
         gatherer.beams = block.rays.clone();
         gatherer.gather(self, signals, &mut block.rays, &[beam as u32]);

@@ -1,6 +1,6 @@
 //! Step 8 of instruments that bloom: the light of bright surfaces in the beams around them.
 
-use super::block::Block;
+use super::block::{Block, with_block};
 use super::run::Scan;
 use crate::detect::Blooming;
 use crate::emitter::BeamTable;
@@ -72,7 +72,7 @@ impl Halos {
                 some.extend(more);
                 some
             };
-            parallel::map_reduce(scan.beams.len(), CHUNK, |beams| find(scan, beams), together)
+            parallel::map_reduce(scan.beams.len(), CHUNK, |beams| with_block(|block| find(scan, block, beams)), together)
         });
         bright.sort_by(|a, b| a.range.total_cmp(&b.range));
         Halos { blooming, least, together: TOGETHER * sigma as f32, bright }
@@ -124,8 +124,8 @@ fn angle(a: Vec3, b: Vec3) -> f32 {
 }
 
 /// The bright surfaces that `beams` meet.
-fn find(scan: &Scan, beams: std::ops::Range<usize>) -> Vec<Bright> {
-    let (mut block, mut found) = (Block::new(), Vec::new());
+fn find(scan: &Scan, block: &mut Block, beams: std::ops::Range<usize>) -> Vec<Bright> {
+    let mut found = Vec::new();
     for first in beams.clone().step_by(LANES) {
         let count = LANES.min(beams.end - first);
         block.lanes.start_at(first);
@@ -133,7 +133,7 @@ fn find(scan: &Scan, beams: std::ops::Range<usize>) -> Vec<Bright> {
             block.aim(scan, first, count);
             block.trace(scan, count);
         });
-        let Block { rays, hits, surfaces, scratch, .. } = &mut block;
+        let Block { rays, hits, surfaces, scratch, .. } = &mut *block;
         scratch.fill(1.0);
         if let Some(air) = &scan.air {
             air.dim(rays, &hits.range, count, scratch);

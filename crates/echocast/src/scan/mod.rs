@@ -159,9 +159,10 @@ impl BuiltScene {
         Ok(cloud)
     }
 
-    /// [`BuiltScene::scan`] into the memory of `cloud`: a scan like the one before it, in the order of beams, of one ray and
-    /// return a beam and in a scene without weather, mirrors and glass, allocates nothing, but for the beams of a pattern
-    /// that does not repeat, and for sonars ([`BuiltScene::ping_into`] uses memory again).
+    /// [`BuiltScene::scan`] into the memory of `cloud`. After the first of its kind a scan in the order of beams allocates
+    /// nothing, but for a few small blocks with weather, several rays a beam, blooming or another profile than the
+    /// physical one, the beams of a pattern that does not repeat (`risley`), and sonars ([`BuiltScene::ping_into`] uses
+    /// memory again). Threads keep the memory that they work in until they end.
     ///
     /// # Errors
     /// As [`BuiltScene::scan`]. `cloud` stays as it was when pose or options are at fault; without memory it is empty.

@@ -372,7 +372,7 @@ impl<'a> Pinging<'a> {
         memory.tiles.resize_with(beams.div_ceil(tile), TileMemory::default);
         let rows = ping.cells.slices(0, beams * bins);
         let task = Listening { pinging: self, chunks: &memory.chunks, wants, width: tile };
-        task.tiles(&mut memory.tiles, 0, rows);
+        task.tiles(&mut memory.tiles, rows);
         ping.soundings.clear();
         ping.soundings.extend(memory.tiles.iter().flat_map(|memory| &memory.soundings));
         Ok(())
@@ -543,18 +543,17 @@ struct Listen<'a, 'p> {
 }
 
 impl Listening<'_, '_> {
-    /// Fills the tiles, the first of which is number `first`, and their `rows`.
-    fn tiles(self, tiles: &mut [TileMemory], first: usize, rows: Slices) {
-        match tiles {
-            [] => {}
-            [memory] => Arch::new().dispatch(Listen { listening: self, memory, first: first * self.width, rows }),
-            _ => {
-                let half = tiles.len() / 2;
-                let (left, right) = tiles.split_at_mut(half);
-                let (left_rows, right_rows) = rows.split_at(half * self.width * self.pinging.layout.bins);
-                parallel::join(|| self.tiles(left, first, left_rows), || self.tiles(right, first + half, right_rows));
-            }
-        }
+    /// Fills the `tiles` and their `rows`.
+    fn tiles(self, tiles: &mut [TileMemory], rows: Slices) {
+        let (Listening { pinging, width, .. }, mut rest) = (self, rows);
+        let tasks = tiles.iter_mut().enumerate().map(|(number, memory)| {
+            let first = number * width;
+            let beams = width.min(pinging.transducer.beams() - first);
+            let rows;
+            (rows, rest) = mem::take(&mut rest).split_at(beams * pinging.layout.bins);
+            Listen { listening: self, memory, first, rows }
+        });
+        parallel::for_each_of(tasks, |task| Arch::new().dispatch(task));
     }
 }
 

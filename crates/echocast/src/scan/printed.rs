@@ -218,7 +218,7 @@ impl<'a> Printed<'a> {
 
     /// Echoes as the program has them, block by block, all rays of a block through one layer after the other.
     fn follow_as_program(&self, rays: Range<usize>, chunk: &mut Chunk) {
-        let (mut batch, mut hits) = (RayBatch::new(), HitBatch::new());
+        let (mut batch, mut hits) = (RayBatch::default(), HitBatch::new());
         let depth = self.column.surface_z - self.pose.position.z;
         let slabs = &self.column.slabs[self.column.slab_at(depth)..];
         let rotation = self.rotation();

@@ -1,7 +1,7 @@
 //! One block of beams that are several rays each, or have several returns: what comes back of every ray makes a signal, and
 //! the echoes in it make returns.
 
-use super::block::Block;
+use super::block::{Block, boxed};
 use super::run::Scan;
 use crate::cause::Cause;
 use crate::cloud::Slices;
@@ -340,6 +340,10 @@ impl AirEchoes for OfAir<'_> {
 }
 
 impl Ray {
+    fn new() -> Self {
+        Ray { hits: HitBatch::new(), cos_incidence: [0.0; LANES], power: [0.0; LANES] }
+    }
+
     /// Where the first surface is, m.
     fn end(&self, lane: usize) -> f32 {
         if self.hits.surface[lane] == MISS { f32::INFINITY } else { self.hits.range[lane] }
@@ -347,20 +351,28 @@ impl Ray {
 }
 
 impl Gatherer {
-    pub fn new(signals: &Signals) -> Self {
-        let ray = || Ray { hits: HitBatch::new(), cos_incidence: [0.0; LANES], power: [0.0; LANES] };
+    /// Makes it one for `signals`, whatever it was for.
+    pub fn fit(&mut self, signals: &Signals) {
+        self.rays.resize_with(signals.rays(), Ray::new);
+        self.forming.waveform.set_sigma(signals.sigma);
+        self.efficiency = [1.0; LANES];
+    }
+}
+
+impl Default for Gatherer {
+    fn default() -> Self {
         Gatherer {
             plain: Plain::new(),
             across: Across::new(),
-            beams: RayBatch::new(),
+            beams: RayBatch::default(),
             reported: None,
             efficiency: [1.0; LANES],
-            rays: (0..signals.rays()).map(|_| ray()).collect(),
+            rays: Vec::new(),
             others: Others { list: Vec::new(), last: [NONE; LANES] },
             surfaces: Contribution::new(),
-            follower: Follower::new(),
+            follower: Follower::default(),
             forming: Forming {
-                waveform: Waveform::new(signals.sigma),
+                waveform: Waveform::new(0.0),
                 parts: Vec::new(),
                 peaks: Vec::new(),
                 order: Vec::new(),
@@ -386,11 +398,14 @@ impl Block {
         count: usize,
         mut rows: Slices,
     ) -> usize {
-        let mut gatherer = self.gatherer.take().unwrap_or_else(|| Box::new(Gatherer::new(signals)));
+        let mut gatherer = self.gatherer.take().unwrap_or_else(boxed);
+        gatherer.fit(signals);
         self.lanes.start_at(first);
         self.aim(scan, first, count);
         gatherer.beams = self.rays.clone();
-        gatherer.reported.clone_from(&self.reported);
+        if scan.points_elsewhere() {
+            gatherer.reported.clone_from(&self.reported);
+        }
         gatherer.gather(scan, signals, &mut self.rays, &self.lanes.beam[..count]);
         let filled = self.report(scan, signals, &mut gatherer, first, count, &mut rows);
         self.gatherer = Some(gatherer);
@@ -443,7 +458,9 @@ impl Block {
         let Found { peak, source, mixed, .. } = found;
         formed[to] = found.formed;
         rays.take(to, &gatherer.beams, lane);
-        if let (Some(reported), Some(beams)) = (reported, &gatherer.reported) {
+        if scan.points_elsewhere()
+            && let (Some(reported), Some(beams)) = (reported, &gatherer.reported)
+        {
             reported.take(to, beams, lane);
         }
         let first;

@@ -1,6 +1,6 @@
 //! One scan: what is the same for all its beams, and their chunks side by side on threads.
 
-use super::block::{Block, Lanes, Task, TaskOn};
+use super::block::{Lanes, Task, TaskOn, with_block};
 use super::halo::Halos;
 use super::returns::Signals;
 use super::{Order, Profile, Progress, ScanOptions};
@@ -18,6 +18,7 @@ use crate::tof::Camera;
 use crate::trace::{CHUNK, LANES, MISS, Tables};
 use crate::units::seconds_from_us;
 use pulp::Arch;
+use std::mem;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -261,7 +262,11 @@ impl<'a> Scan<'a> {
         let free = columns.slices(rows, rows + beams.len() * self.most_returns());
         let mut found = [0; MOST_CHUNKS];
         let found = &mut found[..beams.len().div_ceil(CHUNK)];
-        self.chunks(Arch::new(), beams, free, found);
+        let tasks = self.tasks(beams, free).zip(&mut *found);
+        let arch = Arch::new();
+        parallel::for_each_of(tasks, |(task, found)| {
+            *found = with_block(|block| arch.dispatch(TaskOn { task, block }));
+        });
         let mut from = rows;
         for &mut count in found {
             if rows != from {
@@ -273,21 +278,15 @@ impl<'a> Scan<'a> {
         rows
     }
 
-    /// Scans chunks of beams, each into its own of `rows`, and counts in `found` those that it fills.
-    fn chunks(&self, arch: Arch, beams: Range<usize>, rows: Slices, found: &mut [usize]) {
-        if let [found] = found {
-            let task = Task { scan: self, first: beams.start, count: beams.len(), rows };
-            *found = arch.dispatch(TaskOn { task, block: &mut Block::new() });
-            return;
-        }
-        let half = found.len() / 2;
-        let middle = beams.start + half * CHUNK;
-        let (left_rows, right_rows) = rows.split_at(half * CHUNK * self.most_returns());
-        let (left, right) = found.split_at_mut(half);
-        parallel::join(
-            || self.chunks(arch, beams.start..middle, left_rows, left),
-            || self.chunks(arch, middle..beams.end, right_rows, right),
-        );
+    /// Chunks of `beams`, each with the part of `rows` that it may fill.
+    fn tasks<'b>(&'b self, beams: Range<usize>, rows: Slices<'b>) -> impl Iterator<Item = Task<'b>> {
+        let mut rest = rows;
+        beams.clone().step_by(CHUNK).map(move |first| {
+            let count = CHUNK.min(beams.end - first);
+            let rows;
+            (rows, rest) = mem::take(&mut rest).split_at(count * self.most_returns());
+            Task { scan: self, first, count, rows }
+        })
     }
 }
 

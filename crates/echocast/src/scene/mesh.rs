@@ -166,12 +166,12 @@ impl Mesh {
     }
 
     /// Builds what objects with this mesh need to be traced, which otherwise happens when the first of them is
-    /// committed. It can be done on any thread, while scenes are edited.
+    /// committed. It can be done on any thread, while scenes are edited, and leaves a core to those who commit them.
     ///
     /// # Errors
     /// Embree's: out of memory.
     pub fn prepare(&self, engine: &Engine) -> Result<()> {
-        self.structure.get(self, engine).map(drop)
+        self.structure.prepare(self, engine)
     }
 
     /// This mesh with other vertex positions and, if there are any, shading normals.

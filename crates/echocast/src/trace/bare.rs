@@ -67,7 +67,7 @@ impl<'a> BareLoop<'a> {
         let (mut rays, mut counts) = (Vec::new(), Vec::new());
         for first in (0..beams.len()).step_by(LANES) {
             let count = LANES.min(beams.len() - first);
-            let mut axes = RayBatch::new();
+            let mut axes = RayBatch::default();
             aim.rays(beams, first, beams.directions(first, count), sensor.range_max_m as f32, &mut axes);
             match &footprint {
                 None => rays.push(axes),
@@ -78,7 +78,7 @@ impl<'a> BareLoop<'a> {
                         across.set(lane, axes.direction(lane), up, (lane as f32 * 0.618).fract());
                     }
                     for index in 0..footprint.len() {
-                        let mut batch = RayBatch::new();
+                        let mut batch = RayBatch::default();
                         footprint.rays(index, &across, &axes, &mut batch);
                         rays.push(batch);
                     }

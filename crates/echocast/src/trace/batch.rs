@@ -23,8 +23,8 @@ pub(crate) struct RayBatch {
     pub range_max: [f32; LANES],
 }
 
-impl RayBatch {
-    pub(crate) fn new() -> Self {
+impl Default for RayBatch {
+    fn default() -> Self {
         RayBatch {
             org_x: [0.0; LANES],
             org_y: [0.0; LANES],
@@ -35,7 +35,9 @@ impl RayBatch {
             range_max: [0.0; LANES],
         }
     }
+}
 
+impl RayBatch {
     /// Makes `lane` what lane `other` of `from` is.
     pub(crate) fn take(&mut self, lane: usize, from: &RayBatch, other: usize) {
         (self.org_x[lane], self.org_y[lane], self.org_z[lane]) = from.origin(other).into();

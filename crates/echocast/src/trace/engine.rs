@@ -2,11 +2,13 @@
 
 use crate::error::{Error, Result};
 use crate::parallel;
-use embree4::Device;
+use embree4::{CommittedScene, Device, Joint, Pace};
 use rayon::ThreadPool;
+use std::error::Error as _;
+use std::sync::mpsc::{self, Sender};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
-use std::{fmt, mem};
+use std::{fmt, io, mem};
 
 /// Embree's device and the threads that work. Clones share them, and so does everything built with it.
 #[derive(Clone)]
@@ -15,6 +17,8 @@ pub struct Engine(Arc<Parts>);
 struct Parts {
     device: Device,
     workers: Workers,
+    /// `None`: the calling thread builds alone.
+    builders: Option<Arc<Builders>>,
 }
 
 enum Workers {
@@ -38,23 +42,49 @@ struct Pool {
 /// As [`Pool::turn`], of rayon's global pool.
 static RAYONS_TURN: Mutex<()> = Mutex::new(());
 
+/// Threads that help those who build scenes, apart from those that scan: a mesh may be built in the background. Asleep until
+/// they are called.
+struct Builders {
+    calls: Option<Sender<Arc<Joint>>>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+/// Those of engines that work with rayon's threads, started with the first and kept as these are.
+static RAYONS_BUILDERS: Mutex<Option<Arc<Builders>>> = Mutex::new(None);
+
+/// Scenes of fewer triangles and instances are built by the calling thread before another is awake.
+const WORTH_HELP: usize = 4096;
+
+/// Stack of the threads that are started here, whatever the environment says: several times what they use.
+const STACK: usize = 2 << 20;
+
 impl Engine {
-    /// Works on all cores, with rayon's current pool.
+    /// Works on all cores, with rayon's current pool; starts the global one if there is none yet.
     ///
     /// # Errors
-    /// Embree's: out of memory, a library that is too old or too new.
+    /// Embree's: out of memory, a library that is too old or too new; [`Error::Threads`].
     pub fn new() -> Result<Engine> {
-        Ok(Engine(Arc::new(Parts { device: Device::new()?, workers: Workers::Rayon })))
+        if rayon::current_thread_index().is_none() {
+            // Later on rayon would panic where the system gives no threads.
+            match rayon::ThreadPoolBuilder::new().stack_size(STACK).build_global() {
+                Err(error) if error.source().is_some() => return Err(no_threads("all", error)),
+                _ => {}
+            }
+        }
+        let device = Device::new()?;
+        let mut builders = RAYONS_BUILDERS.lock().unwrap_or_else(PoisonError::into_inner);
+        if builders.is_none() {
+            *builders = Builders::for_workers(&device, rayon::current_num_threads())?;
+        }
+        Ok(Engine(Arc::new(Parts { device, workers: Workers::Rayon, builders: builders.clone() })))
     }
 
-    /// Works with `threads` threads of its own, which end with it; with 1, no thread is started at all and the calling
-    /// thread does everything; with 0, there are as many as the machine has cores.
-    ///
-    /// Embree builds with TBB and, while such engines live, allows it no more threads in this process than the largest
-    /// of them has; when the last of them ends, TBB may start an idle one.
+    /// Works with `threads` threads of its own, and one less that helps to build large scenes, up to one for each core; all
+    /// end with it. With 1, no thread is started at all and the calling thread does everything; with 0, there are as many as
+    /// the machine has cores. Nothing asks the system for threads later on.
     ///
     /// # Errors
-    /// As [`Engine::new`]; threads that the system does not give; more than 1024.
+    /// Embree's: out of memory, a library that is too old or too new; [`Error::Threads`]; more than 1024.
     pub fn with_threads(threads: usize) -> Result<Engine> {
         /// More is a mistake.
         const MOST: usize = 1024;
@@ -63,9 +93,10 @@ impl Engine {
             1..=MOST => threads,
             _ => return Err(Error::invalid("threads", threads, format!("0 to {MOST}"))),
         };
-        let device = Device::with_config(&format!("threads={count}"))?;
+        let device = Device::new()?;
         let workers = if count == 1 { Workers::Caller } else { Workers::Own(Pool::new(count)?) };
-        Ok(Engine(Arc::new(Parts { device, workers })))
+        let builders = Builders::for_workers(&device, count)?;
+        Ok(Engine(Arc::new(Parts { device, workers, builders })))
     }
 
     /// Threads that work.
@@ -106,6 +137,12 @@ impl Engine {
     pub(crate) fn device(&self) -> &Device {
         &self.0.device
     }
+
+    /// Builds `scene`, which has so many triangles or instances.
+    pub(crate) fn commit(&self, scene: embree4::Scene, primitives: usize, pace: Pace) -> Result<CommittedScene> {
+        let builders = self.0.builders.as_ref().filter(|_| primitives >= WORTH_HELP);
+        Ok(scene.commit_with(pace, |joint| builders.into_iter().for_each(|builders| builders.call(joint)))?)
+    }
 }
 
 /// The turn, which ends when what this returns is dropped.
@@ -125,15 +162,71 @@ impl Pool {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(count)
             .spawn_handler(|worker| {
-                let builder = thread::Builder::new().name(format!("echocast {}", worker.index()));
-                let handle = builder.spawn(|| worker.run())?;
+                let handle = start(format!("echocast {}", worker.index()), || worker.run())?;
                 threads.lock().unwrap_or_else(PoisonError::into_inner).push(handle);
                 Ok(())
             })
             .build()
-            .map_err(|error| Error::Internal(format!("cannot start {count} threads: {error}")))?;
+            .map_err(|error| no_threads(count, error))?;
         let threads = threads.into_inner().unwrap_or_else(PoisonError::into_inner);
         Ok(Pool { pool: Some(pool), threads, turn: Mutex::new(()) })
+    }
+}
+
+impl Builders {
+    /// As many as can be of use beside a calling thread, where `workers` threads scan; none is `None`.
+    fn for_workers(device: &Device, workers: usize) -> Result<Option<Arc<Builders>>> {
+        let count = workers.min(device.build_threads()) - 1;
+        let (calls, heard) = mpsc::channel::<Arc<Joint>>();
+        let heard = Arc::new(Mutex::new(heard));
+        // Dropped on the way, those that have been started end.
+        let mut builders = Builders { calls: Some(calls), threads: Vec::with_capacity(count) };
+        for number in 0..count {
+            let heard = heard.clone();
+            let next = move || heard.lock().unwrap_or_else(PoisonError::into_inner).recv();
+            let work = move || {
+                while let Ok(joint) = next() {
+                    joint.help();
+                }
+            };
+            let thread = start(format!("echocast build {number}"), work);
+            builders.threads.push(thread.map_err(|error| no_threads(workers, error))?);
+        }
+        Ok((count > 0).then(|| Arc::new(builders)))
+    }
+
+    /// Calls all for help with `joint`.
+    fn call(&self, joint: &Arc<Joint>) {
+        for calls in self.threads.iter().zip(&self.calls).map(|(_, calls)| calls) {
+            // They listen as long as this is there.
+            let _ = calls.send(joint.clone());
+        }
+    }
+}
+
+fn start(name: String, work: impl FnOnce() + Send + 'static) -> io::Result<JoinHandle<()>> {
+    thread::Builder::new().name(name).stack_size(STACK).spawn(work)
+}
+
+fn no_threads(wanted: impl ToString, error: impl ToString) -> Error {
+    Error::Threads { wanted: wanted.to_string(), reason: error.to_string() }
+}
+
+/// Waits until `threads` have ended.
+fn end(threads: &mut Vec<JoinHandle<()>>) {
+    for thread in mem::take(threads) {
+        // One of them cannot wait for itself.
+        if thread.thread().id() != thread::current().id() {
+            let _ = thread.join();
+        }
+    }
+}
+
+impl Drop for Builders {
+    fn drop(&mut self) {
+        // Tells the threads to end.
+        self.calls = None;
+        end(&mut self.threads);
     }
 }
 
@@ -141,11 +234,6 @@ impl Drop for Pool {
     fn drop(&mut self) {
         // Tells the threads to end.
         self.pool = None;
-        for thread in mem::take(&mut self.threads) {
-            // One of them cannot wait for itself.
-            if thread.thread().id() != thread::current().id() {
-                let _ = thread.join();
-            }
-        }
+        end(&mut self.threads);
     }
 }

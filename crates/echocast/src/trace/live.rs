@@ -8,7 +8,7 @@ use crate::report::Report;
 use crate::scene::{
     Array, Camera, Labels, Mesh, NameTable, Object, Scene, cofactors, corners, surrounding, within_reach,
 };
-use embree4::{CommittedScene, Instance, Quality};
+use embree4::{CommittedScene, Instance, Pace, Quality};
 use glam::{DAffine3, DVec3, Mat3};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -111,14 +111,19 @@ impl MeshStructure {
         MeshStructure { changing: true, ..MeshStructure::default() }
     }
 
+    /// Builds the structure of `mesh`, whose own this is, in the background of others.
+    pub(crate) fn prepare(&self, mesh: &Mesh, engine: &Engine) -> Result<()> {
+        self.get(mesh, engine, Pace::Aside).map(drop)
+    }
+
     /// The structure of `mesh`, whose own this is.
-    pub(crate) fn get(&self, mesh: &Mesh, engine: &Engine) -> Result<CommittedScene> {
+    fn get(&self, mesh: &Mesh, engine: &Engine, pace: Pace) -> Result<CommittedScene> {
         let mut built = self.built.lock().unwrap_or_else(PoisonError::into_inner);
         match &*built {
             Some(scene) if scene.is_of(engine.device()) => Ok(scene.clone()),
             _ => {
                 let quality = if self.changing { Quality::Low } else { Quality::Medium };
-                let scene = mesh_scene(engine, mesh, quality, None)?;
+                let scene = mesh_scene(engine, mesh, quality, None, pace)?;
                 Ok(built.insert(scene).clone())
             }
         }
@@ -494,7 +499,7 @@ impl LiveScene {
             for (slot, _) in order().skip(fixed.together.len()) {
                 top.attach_instance(&self.placed[&slot].instance)?;
             }
-            top.commit()?
+            self.engine.commit(top, self.placed.len(), Pace::Now)?
         };
         let surfaces = match &self.surfaces {
             Some(surfaces) => surfaces.clone(),
@@ -541,7 +546,7 @@ impl LiveScene {
             *uses.entry(Arc::as_ptr(&live.object.mesh)).or_default() += 1;
         }
         let mut scene = embree4::Scene::new(self.engine.device(), Quality::Medium)?;
-        let mut together = Vec::new();
+        let (mut together, mut triangles) = (Vec::new(), 0);
         for (slot, live) in
             self.slots.iter_mut().enumerate().filter_map(|(slot, entry)| Some((slot, entry.live.as_mut()?)))
         {
@@ -553,10 +558,11 @@ impl LiveScene {
             if *is_together {
                 self.placed.remove(&(slot as u32));
                 together.push(slot as u32);
+                triangles += live.object.mesh.triangle_count();
                 attach(&mut scene, &self.engine, &live.object.mesh, live.object.mask, Some(&local_from_object))?;
             }
         }
-        let scene = scene.commit()?;
+        let scene = self.engine.commit(scene, triangles, Pace::Now)?;
         let instance = Instance::new(&scene, columns(&DAffine3::IDENTITY), u32::MAX)?;
         Ok(Fixed { together, scene, instance })
     }
@@ -649,18 +655,24 @@ fn place(engine: &Engine, object: &Object, origin: DVec3) -> Result<Placed> {
     let local_from_object = DAffine3::from_translation(-origin) * object.world_from_object;
     let matrix = columns(&local_from_object);
     if embree4::is_invertible(&matrix) {
-        let of = object.mesh.structure.get(&object.mesh, engine)?;
+        let of = object.mesh.structure.get(&object.mesh, engine, Pace::Now)?;
         return Ok(Placed { instance: Instance::new(&of, matrix, object.mask)?, turned: true });
     }
     // Squeezed flat, it gets a mesh of its own in the world.
-    let of = mesh_scene(engine, &object.mesh, Quality::Low, Some(&local_from_object))?;
+    let of = mesh_scene(engine, &object.mesh, Quality::Low, Some(&local_from_object), Pace::Now)?;
     Ok(Placed { instance: Instance::new(&of, columns(&DAffine3::IDENTITY), object.mask)?, turned: false })
 }
 
-fn mesh_scene(engine: &Engine, mesh: &Mesh, quality: Quality, transform: Option<&DAffine3>) -> Result<CommittedScene> {
+fn mesh_scene(
+    engine: &Engine,
+    mesh: &Mesh,
+    quality: Quality,
+    transform: Option<&DAffine3>,
+    pace: Pace,
+) -> Result<CommittedScene> {
     let mut scene = embree4::Scene::new(engine.device(), quality)?;
     attach(&mut scene, engine, mesh, u32::MAX, transform)?;
-    Ok(scene.commit()?)
+    engine.commit(scene, mesh.triangle_count(), pace)
 }
 
 /// Adds the parts of `mesh` to `scene`, a geometry each.

@@ -168,7 +168,7 @@ pub(crate) struct TracerMemory {
 impl Default for TracerMemory {
     fn default() -> Self {
         TracerMemory {
-            rays: Box::new(RayBatch::new()),
+            rays: Box::new(RayBatch::default()),
             hits: Box::new(HitBatch::new()),
             states: Vec::new(),
             steps: Vec::new(),
