@@ -72,7 +72,8 @@ fn scans() {
 /// Sensors that work in memory of their own, before a mirror and glass.
 fn sensors() {
     let scene = Scene::load(echocast_tests::root().join("examples/scenes/glass.gltf")).unwrap();
-    let (pose, dry, wet) = (Pose::at(0.0, 0.0, 1.0), "{}", "{rain: {rate_mm_h: 20}, fog: {visibility_m: 60}}");
+    let (dry, wet) = ("{}", "{rain: {rate_mm_h: 20}, fog: {visibility_m: 60}}");
+    let place = Trajectory::fixed(Pose::at(0.0, 0.0, 1.0));
     // What a scan may make anew with one thread: what the documents name.
     for (preset, settings, weather, allowed) in [
         ("velodyne_vlp16", &[][..], dry, 0),
@@ -93,12 +94,15 @@ fn sensors() {
             for frame in 0..30 {
                 let options = ScanOptions { frame, environment: environment.clone(), ..ScanOptions::default() };
                 let before = COUNT.load(Ordering::Relaxed);
-                built.scan_into(&sensor, &Trajectory::fixed(pose), &options, &mut cloud).unwrap();
+                built.scan_into(&sensor, &place, &options, &mut cloud).unwrap();
                 counts.push(COUNT.load(Ordering::Relaxed) - before);
             }
             // Until every thread has worked, and lists are as long as they get.
             let most = counts[15..].iter().max().unwrap();
-            assert!(*most <= allowed + own, "{counts:?} allocations in scans of {preset} with {settings:?}, {threads} threads");
+            assert!(
+                *most <= allowed + own,
+                "{counts:?} allocations in scans of {preset} with {settings:?}, {threads} threads"
+            );
         }
     }
 }

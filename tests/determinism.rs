@@ -133,8 +133,10 @@ fn differences(a: &PointCloud, b: &PointCloud) -> Vec<&'static str> {
 #[test]
 fn what_a_thread_did_before_does_not_change_a_bit() {
     let built = scene_with(&Engine::with_threads(1).unwrap());
-    let few: FieldSet = [Field::X, Field::Range, Field::ReturnNumber, Field::Cause, Field::Azimuth].into_iter().collect();
-    let mut sensors = vec![lidar(), Sensor::preset("velodyne_vlp16").unwrap(), camera(), noisy(), many(), depth_camera()];
+    let few: FieldSet =
+        [Field::X, Field::Range, Field::ReturnNumber, Field::Cause, Field::Azimuth].into_iter().collect();
+    let mut sensors =
+        vec![lidar(), Sensor::preset("velodyne_vlp16").unwrap(), camera(), noisy(), many(), depth_camera()];
     for sensor in &mut sensors[2..] {
         sensor.set("pattern.resolution", "[64, 48]").unwrap();
     }

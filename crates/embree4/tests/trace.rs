@@ -456,10 +456,12 @@ fn builds_wait_for_each_other() {
                 for _ in 0..20 {
                     let mut world = Scene::new(device, Quality::Low).unwrap();
                     world.attach_mesh(&clutter(device)).unwrap();
-                    let helper = |joint: &Arc<Joint>| drop(thread::spawn({
-                        let joint = joint.clone();
-                        move || joint.help()
-                    }));
+                    let helper = |joint: &Arc<Joint>| {
+                        drop(thread::spawn({
+                            let joint = joint.clone();
+                            move || joint.help()
+                        }))
+                    };
                     let world = world.commit_with(pace, helper).unwrap();
                     assert!(trace::<16>(&world, &fan(16), Coherence::Coherent).iter().any(|ray| ray.geom_id == 0));
                 }

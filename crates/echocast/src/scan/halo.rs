@@ -72,7 +72,12 @@ impl Halos {
                 some.extend(more);
                 some
             };
-            parallel::map_reduce(scan.beams.len(), CHUNK, |beams| with_block(|block| find(scan, block, beams)), together)
+            parallel::map_reduce(
+                scan.beams.len(),
+                CHUNK,
+                |beams| with_block(|block| find(scan, block, beams)),
+                together,
+            )
         });
         bright.sort_by(|a, b| a.range.total_cmp(&b.range));
         Halos { blooming, least, together: TOGETHER * sigma as f32, bright }
