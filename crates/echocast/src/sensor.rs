@@ -12,6 +12,7 @@ use crate::error::{Error, Result};
 use crate::ping::SonarView;
 use crate::presets;
 use crate::scan::Signals;
+use crate::shown;
 use crate::sonar::AcousticsSpec;
 use crate::tof::{Camera, TofSpec};
 use crate::yaml::{self, Document};
@@ -21,9 +22,9 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::borrow::Cow;
 use std::collections::BTreeSet;
-use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::{fmt, fs};
 
 /// A sensor file: what each key of its YAML means. What is left out is ideal. Written, a sonar is without the sections of
 /// light (`beam`, `detection`, `returns`, `noise`, `intensity`), which its file must not fill.
@@ -651,16 +652,19 @@ impl Sensor {
     ///
     /// # Errors
     /// As [`Sensor::preset`] and [`Sensor::load`].
-    pub fn open(name: &str) -> Result<Sensor> {
-        let path = Path::new(name);
+    pub fn open(name: impl AsRef<Path>) -> Result<Sensor> {
+        let path = name.as_ref();
         let is_yaml = path.extension().is_some_and(|ending| ending == "yaml" || ending == "yml");
-        if is_yaml || path.is_file() {
+        // What is no regular file is told, rather than that there is no such preset.
+        let is_file = fs::metadata(path).is_ok_and(|found| !found.is_dir());
+        if is_yaml || is_file {
             return Sensor::load(path);
         }
+        let name = shown::path(path);
         let mut presets = presets::sensors();
         match name.split_once('/') {
             Some((folder, preset)) if presets.any(|p| p.folder == folder && p.name == preset) => Sensor::preset(preset),
-            _ => Sensor::preset(name),
+            _ => Sensor::preset(&name),
         }
     }
 
@@ -700,7 +704,7 @@ impl Sensor {
 
     fn from_document(document: &Document, folder: &Path) -> Result<Sensor> {
         let mut spec = SensorSpec::read(document)?;
-        spec.pattern.resolve(folder);
+        spec.pattern.resolve(folder, None);
         let beams = spec.pattern.beams(0.0).map_err(|error| document.locate(error))?;
         Sensor::new(spec, folder.to_owned(), Arc::new(beams)).map_err(|error| document.locate(error))
     }
@@ -917,7 +921,7 @@ impl Sensor {
         yaml::set(&mut tree, key, value)?;
         let document = Document::from_value(yaml::assignment(key, value), tree);
         let mut spec = SensorSpec::read(&document)?;
-        spec.pattern.resolve(&self.folder);
+        spec.pattern.resolve(&self.folder, Some(&self.spec.pattern));
         let beams = if spec.pattern == self.spec.pattern {
             self.beams.clone()
         } else {
@@ -1799,7 +1803,7 @@ range: {max_m: 50}
         let cases = [
             ("azimuth_deg\n", "line 1: the column elevation_deg is missing"),
             ("azimuth_deg,elevation_deg,colour\n", "line 1: unknown column \"colour\"; allowed: azimuth_deg"),
-            ("azimuth_deg,elevation_deg,azimuth_deg\n", "line 1: has the column \"azimuth_deg\" twice"),
+            ("azimuth_deg,elevation_deg,azimuth_deg\n", "line 1: has two columns of one name"),
             ("azimuth_deg,elevation_deg\n", "has no beams"),
             ("", "is empty; expected a header"),
             ("azimuth_deg,elevation_deg\n0,0\n0,inf\n", "line 3: elevation_deg is \"inf\"; expected a finite number"),
