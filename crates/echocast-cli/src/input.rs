@@ -140,20 +140,22 @@ pub fn file_or_stdin<'f, T, E: Into<anyhow::Error>>(
     static READ_BY: OnceLock<&str> = OnceLock::new();
     if file != Path::new("-") {
         return load(file).map_err(|error| match error.into() {
-            error if is_pipe(file, &error) => anyhow!("{error:#}; standard input is read where it is called `-`"),
+            error if is_pipe(file, &error) => {
+                anyhow!("{}; standard input is read where it is called `-`", text::one_line(&error))
+            }
             error => error,
         });
     }
     let by = *READ_BY.get_or_init(|| option);
     ensure!(by == option, "{option} -: standard input is read by {by} already; allowed: one option");
-    let mut text = String::new();
-    let read = stdin().lock().take((MOST_MIB << 20) + 1).read_to_string(&mut text);
+    let mut input = String::new();
+    let read = stdin().lock().take((MOST_MIB << 20) + 1).read_to_string(&mut input);
     read.with_context(|| format!("{option} -: standard input"))?;
     ensure!(
-        text.len() as u64 <= MOST_MIB << 20,
+        input.len() as u64 <= MOST_MIB << 20,
         "{option} -: standard input is longer than {MOST_MIB} MiB, the most allowed"
     );
-    parse(&text).with_context(|| format!("{option} -"))
+    parse(&input).with_context(|| format!("{option} -"))
 }
 
 /// Whether `error` is that `file` is no regular one.

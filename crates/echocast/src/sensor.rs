@@ -309,7 +309,12 @@ impl SensorSpec {
         self.pattern.check_with(bounds)?;
         let SensorSpec { beam, range, returns, noise, .. } = self;
         bounds.within("range.min_m", range.min_m, 0.0, FARTHEST_M)?;
-        bounds.within("range.max_m", range.max_m, 0.0, FARTHEST_M)?;
+        bounds.number(
+            "range.max_m",
+            range.max_m,
+            [ABOVE_ZERO, FARTHEST_M],
+            format_args!("above 0, at most {FARTHEST_M}"),
+        )?;
         bounds.rising(("range.min_m", range.min_m), ("range.max_m", range.max_m))?;
         if self.kind == SensorKind::Sonar {
             return self.check_sonar(bounds);
@@ -328,7 +333,7 @@ impl SensorSpec {
         bounds.number("beam.aperture_mm", beam.aperture_mm, [ABOVE_ZERO, 1000.0], "above 0, at most 1000")?;
         let [near, far] = beam.overlap_m;
         bounds.within("beam.overlap_m[0]", near, 0.0, 1000.0)?;
-        bounds.within("beam.overlap_m[1]", far, 0.0, 1000.0)?;
+        bounds.number("beam.overlap_m[1]", far, [ABOVE_ZERO, 1000.0], "above 0, at most 1000")?;
         bounds.rising(("beam.overlap_m[0]", near), ("beam.overlap_m[1]", far))?;
         bounds.within("beam.sub_rays", f64::from(beam.sub_rays), 1.0, 1024.0)?;
         let tof = self.tof.as_ref();
@@ -346,7 +351,7 @@ impl SensorSpec {
             return Err(Error::invalid("beam.pulse_ns", beam.pulse_ns, allowed));
         }
         // Finer than a micrometre, single precision overflows.
-        let steps = format!("{FINEST_M} to {FARTHEST_M}");
+        let steps = format!("0, or {FINEST_M} to {FARTHEST_M}");
         bounds.number("range.resolution_m", range.resolution_m, [0.0, FARTHEST_M], &steps)?;
         if range.resolution_m > 0.0 && range.resolution_m < FINEST_M {
             return Err(Error::invalid("range.resolution_m", range.resolution_m, steps));
@@ -511,31 +516,31 @@ impl Noise {
 
 impl Detection {
     fn check(&self, bounds: &mut Bounds) -> Result<()> {
-        let mut point = |name: &str, LimitPoint { reflectance, at_m }: LimitPoint, least_m: f64| {
-            bounds.within(format_args!("detection.{name}reflectance"), reflectance, 0.0, 1.0)?;
-            bounds.within(format_args!("detection.{name}at_m"), at_m, least_m, FARTHEST_M)
+        let mut point = |name: &str, LimitPoint { reflectance, at_m }: LimitPoint| {
+            bounds.within(format_args!("detection.{name}.reflectance"), reflectance, 0.0, 1.0)?;
+            bounds.within(format_args!("detection.{name}.at_m"), at_m, 0.0, FARTHEST_M)
         };
         match *self {
             Detection::None => Ok(()),
             Detection::RadarEquation { reflectance, at_m } => {
-                point("", LimitPoint { reflectance, at_m }, 1e-3)?;
-                bounds.number("detection.reflectance", reflectance, [ABOVE_ZERO, 1.0], "above 0, at most 1")
+                bounds.number("detection.reflectance", reflectance, [ABOVE_ZERO, 1.0], "above 0, at most 1")?;
+                bounds.within("detection.at_m", at_m, 1e-3, FARTHEST_M)
             }
             Detection::ReflectivityLimit { lower, upper } => {
-                point("lower.", lower, 0.0)?;
-                point("upper.", upper, 0.0)?;
+                point("lower", lower)?;
+                point("upper", upper)?;
                 bounds.rising(("detection.lower.at_m", lower.at_m), ("detection.upper.at_m", upper.at_m))
             }
             Detection::Table { ref points } => {
                 check_rows("detection.points", points.len())?;
                 for (index, &limit) in points.iter().enumerate() {
-                    point(&format!("points[{index}]."), limit, 0.0)?;
+                    point(&format!("points[{index}]"), limit)?;
                 }
                 rising_rows(bounds, "detection.points", points.iter().map(|point| point.at_m))
             }
             Detection::Statistical(Statistical { reflectance, at_m, probability, tnr, bandwidth_mhz, sunlight }) => {
-                point("", LimitPoint { reflectance, at_m }, 1e-3)?;
                 bounds.number("detection.reflectance", reflectance, [ABOVE_ZERO, 1.0], "above 0, at most 1")?;
+                bounds.within("detection.at_m", at_m, 1e-3, FARTHEST_M)?;
                 bounds.within("detection.probability", probability, 0.5, 0.999)?;
                 bounds.within("detection.tnr", tnr, 1.0, 100.0)?;
                 bounds.within("detection.bandwidth_mhz", bandwidth_mhz, 0.0, 1e5)?;
@@ -1113,7 +1118,7 @@ pattern:
             ),
             (
                 "detection:\n  model: radar_equation\n  reflectance: 2\n  at_m: 1",
-                "line 10: detection.reflectance: is 2; allowed: 0 to 1",
+                "line 10: detection.reflectance: is 2; allowed: above 0, at most 1",
             ),
             (
                 "detection:\n  model: radar_equation\n  reflectance: x\n  at_m: 1",
@@ -1609,7 +1614,7 @@ range: {max_m: 50}
             (
                 "range.resolution_m",
                 "1e-7",
-                "range.resolution_m=1e-7: range.resolution_m: is 0.0000001; allowed: 0.000001 to",
+                "range.resolution_m=1e-7: range.resolution_m: is 0.0000001; allowed: 0, or 0.000001 to",
             ),
             ("weather.rain", "1", "weather.rain=1: weather: unknown key \"weather\""),
             ("pattern.type", "raster", "pattern.type=raster: pattern: the key `azimuth` is missing"),
@@ -1646,6 +1651,30 @@ range: {max_m: 50}
                 for value in outside.into_iter().filter(|value| value.abs() < 1e300) {
                     let text = if number.is_u64() { format!("{value}") } else { format!("{value:e}") };
                     assert!(sensor.clone().set(&key, &text).is_err(), "{}: {key}={text}", preset.name);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_called_allowed_is() {
+        for preset in presets::sensors() {
+            let sensor = Sensor::preset(preset.name).unwrap();
+            let keys = yaml::numbers(&sensor.tree().unwrap());
+            // Other patterns take their time.
+            for key in keys.iter().filter(|key| !key.starts_with("pattern.")) {
+                let Parameter { min, max, .. } = sensor.parameter(key).unwrap();
+                for value in [min, max, 0.5 * (min + max), -1.0, 0.0, 1e-9, 1.0, 2000.0, 1e12, 1e300] {
+                    let Err(error) = sensor.clone().set(key, &format!("{value:e}")) else { continue };
+                    let error = error.to_string();
+                    let Some((_, allowed)) = error.split_once("; allowed: ") else { continue };
+                    // `1 to 5`, and `0, or 1 to 5`; others have words.
+                    let ranges = allowed.split(", or ").map(|range| range.split_once(" to ").unwrap_or((range, range)));
+                    let within = |(low, high): (&str, &str)| match (low.parse::<f64>(), high.parse::<f64>()) {
+                        (Ok(low), Ok(high)) => (low..=high).contains(&value),
+                        _ => false,
+                    };
+                    assert!(!ranges.into_iter().any(within), "{}: {error}", preset.name);
                 }
             }
         }
