@@ -3,11 +3,15 @@
  * Made of crates/echocast-capi by its test `header`; do not edit.
  *
  * Units are metres, radians and nanoseconds; a name with another unit says so. Frames are right-handed, z up; sensors
- * look along x, y is left. Strings are UTF-8 and end in 0.
+ * look along x, y is left. Strings are UTF-8 and end in 0; paths are bytes where the system's are.
  *
  * Functions return ECHOCAST_OK or why they failed; echocast_last_error says it in a sentence. A function that makes
  * something sets *out to NULL first. Nothing here ends the process, prints, or sets a signal handler; the
  * floating-point state is the caller's again after every call.
+ *
+ * What cannot be found out is undefined, as anywhere in C: pointers that are neither NULL nor lead to what the function
+ * asks for, arrays that are shorter than their count, strings without an end, a struct_size that is larger than the
+ * structure, memory that is freed or changed during a call. Handles are looked up and never followed.
  *
  * Threads: functions that take a pointer to const only look, and any number of threads may call them at once for one
  * object. Of the others one thread at a time may be in a call for one object; ECHOCAST_E_BUSY tells another one. Handles
@@ -455,9 +459,11 @@ ECHOCAST_API void echocast_scene_release(echocast_scene *scene);
 
 /**
  * Adds what a scene file holds (glTF, GLB, OBJ): its objects as fixed instances with their labels, and its cameras.
- * `options`: NULL, or YAML with `up` (y or z) and `scale` (metres per unit) for formats that do not say, and `labels`,
- * which holds what a label file does. Categories and parts whose name the scene knows get the number that it has there;
- * instances count on from the greatest number that has a name, from 1 in a scene without any.
+ * `options`: NULL, or YAML with `up` (y or z) and `scale` (metres per unit) for formats that do not say; `labels`,
+ * which holds what a label file does; `texture_limit_mib` (1024), most memory for all images; and
+ * `allow_outside_paths` (false), whether the scene may name files that are not in its own folder. Categories and
+ * parts whose name the scene knows get the number that it has there; instances count on from the greatest number
+ * that has a name, from 1 in a scene without any.
  *
  * Errors: ECHOCAST_E_IO, ECHOCAST_E_PARSE (file and place), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_ARGUMENT,
  * ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY; then the scene is as it was.

@@ -2,7 +2,7 @@
 
 use crate::guard::{Failure, Outcome, guard};
 use crate::handle::{self, handles};
-use crate::text::{self, Versioned};
+use crate::text;
 use echocast::{Engine, Report};
 use std::ffi::{CString, c_char, c_void};
 use std::fmt::Display;
@@ -57,8 +57,7 @@ impl Default for echocast_context_desc {
     }
 }
 
-// SAFETY: plain numbers and pointers, the size first.
-unsafe impl Versioned for echocast_context_desc {}
+text::versioned!(echocast_context_desc { struct_size, threads, log_level, log, log_user });
 
 /// What a context's objects share.
 pub struct Context {

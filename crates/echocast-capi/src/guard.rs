@@ -1,6 +1,6 @@
 //! Errors, panics and the floating-point state at the border.
 
-use echocast::Error;
+use echocast::{Error, shown};
 use std::any::Any;
 use std::cell::{Cell, RefCell};
 use std::ffi::{CStr, c_char};
@@ -51,7 +51,8 @@ impl Failure {
 
     /// An argument that is not what is allowed.
     pub fn argument(name: &str, value: impl std::fmt::Display, allowed: &str) -> Failure {
-        Failure::new(ECHOCAST_E_ARGUMENT, format!("{name} is {value}; allowed: {allowed}"))
+        let value = value.to_string();
+        Failure::new(ECHOCAST_E_ARGUMENT, format!("{name} is {}; allowed: {allowed}", shown::short_numbers(&value)))
     }
 
     /// The same about element `number` of what was called `name` in general.
@@ -167,7 +168,7 @@ fn keep(text: &str) {
     let _ = LAST.try_with(|last| {
         let last = &mut *last.borrow_mut();
         last.clear();
-        push_lossy(last, text);
+        push_lossy(last, &shown::message(text));
     });
 }
 

@@ -3,7 +3,7 @@
 use crate::context::{Context, echocast_context};
 use crate::guard::{Failure, Outcome, echocast_status, guard};
 use crate::handle::{self, handles};
-use crate::text::{self, Versioned};
+use crate::text;
 use echocast::scene::{Material, Texture, TextureRef};
 use std::ffi::c_char;
 use std::ptr;
@@ -50,8 +50,7 @@ impl Default for echocast_image {
     }
 }
 
-// SAFETY: plain numbers and pointers, the size first.
-unsafe impl Versioned for echocast_image {}
+text::versioned!(echocast_image { struct_size, data, width, height, channels, reserved, row_stride });
 
 /// Makes a material of YAML text with the keys of a material file: `name`, `base_color`, `reflectance` and so on.
 /// `image` multiplies its base colour where the mesh has texture coordinates; NULL for none.

@@ -4,7 +4,7 @@ use crate::context::{Context, echocast_context};
 use crate::guard::{Failure, Outcome, echocast_status, guard};
 use crate::handle::{self, handles};
 use crate::material::echocast_material;
-use crate::text::{self, Versioned};
+use crate::text;
 use echocast::scene::{Array, Mesh, Part};
 use std::ffi::{c_char, c_void};
 use std::ptr;
@@ -104,8 +104,22 @@ impl Default for echocast_mesh_desc {
     }
 }
 
-// SAFETY: plain numbers and pointers, the size first.
-unsafe impl Versioned for echocast_mesh_desc {}
+text::versioned!(echocast_mesh_desc {
+    struct_size,
+    positions,
+    position_stride,
+    vertex_count,
+    triangle_count,
+    indices,
+    normals,
+    uvs,
+    parts,
+    part_count,
+    ownership,
+    released,
+    released_user,
+    name,
+});
 
 /// Makes a mesh. Its own structure for tracing is built when an instance is first committed, or by
 /// echocast_mesh_prepare.

@@ -5,7 +5,7 @@ use crate::guard::{Failure, Outcome, echocast_status, guard, guard_or};
 use crate::handle::{self, handles};
 use crate::scan::Weather;
 use crate::scene::echocast_pose;
-use crate::text::{self, Versioned};
+use crate::text;
 use echocast::cloud::{ColumnType, PackItem, PackType};
 use echocast::scene::Labels;
 use echocast::{Field, Frame, PointCloud, Pose};
@@ -137,8 +137,16 @@ impl Default for echocast_result_info {
     }
 }
 
-// SAFETY: plain numbers, the size first.
-unsafe impl Versioned for echocast_result_info {}
+text::versioned!(echocast_result_info {
+    struct_size,
+    count,
+    rows,
+    columns,
+    coordinates,
+    intensity_full_scale,
+    origin,
+    sensor_pose,
+});
 
 /// Runs `look` on the points, which nobody changes meanwhile.
 pub(crate) fn look<T>(result: *const echocast_result, look: impl FnOnce(&Points) -> Outcome<T>) -> Outcome<T> {

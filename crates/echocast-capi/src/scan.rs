@@ -5,7 +5,7 @@ use crate::handle;
 use crate::result::{Points, echocast_result};
 use crate::scene::{echocast_pose, echocast_snapshot};
 use crate::sensor::{echocast_sensor, seconds};
-use crate::text::{self, Versioned};
+use crate::text;
 use echocast::{
     BuiltScene, Environment, FieldSet, Frame, Order, Profile, ReflectanceSource, ScanOptions, Sensor, Trajectory,
 };
@@ -123,8 +123,26 @@ impl Default for echocast_scan_desc {
     }
 }
 
-// SAFETY: plain numbers and pointers, the size first.
-unsafe impl Versioned for echocast_scan_desc {}
+text::versioned!(echocast_scan_desc {
+    struct_size,
+    sensor,
+    poses,
+    pose_count,
+    t0_ns,
+    seed,
+    frame,
+    mask,
+    columns,
+    organised,
+    coordinates,
+    order,
+    profile,
+    reflectance,
+    reserved,
+    progress,
+    progress_user,
+    environment,
+});
 
 /// Scans once; a sonar sends one ping, whose echoes are the points. `*io`: NULL, then it becomes a new result, to be
 /// released with echocast_result_release; or a result, whose memory is used again: a loop of scans in the order of beams

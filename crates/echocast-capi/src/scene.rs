@@ -5,7 +5,7 @@ use crate::guard::{Failure, Outcome, echocast_status, guard};
 use crate::handle::{self, handles};
 use crate::material::echocast_material;
 use crate::mesh::echocast_mesh;
-use crate::text::{self, Versioned};
+use crate::text;
 use echocast::scene::{Array, Object};
 use echocast::{BuiltScene, LiveScene, LoadOptions, ObjectId, Pose, Scene};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
@@ -121,8 +121,17 @@ impl Default for echocast_instance_desc {
     }
 }
 
-// SAFETY: plain numbers and pointers, the size first.
-unsafe impl Versioned for echocast_instance_desc {}
+text::versioned!(echocast_instance_desc {
+    struct_size,
+    mesh,
+    pose,
+    category_id,
+    instance_id,
+    mask,
+    fixed,
+    material,
+    name,
+});
 
 /// A new scene; ECHOCAST_SCENE_DESC_INIT has the defaults.
 #[repr(C)]
@@ -142,8 +151,7 @@ impl Default for echocast_scene_desc {
     }
 }
 
-// SAFETY: plain numbers and pointers, the size first.
-unsafe impl Versioned for echocast_scene_desc {}
+text::versioned!(echocast_scene_desc { struct_size, origin });
 
 /// What a scene holds; ECHOCAST_SCENE_INFO_INIT is empty.
 #[repr(C)]
@@ -173,8 +181,7 @@ impl Default for echocast_scene_info {
     }
 }
 
-// SAFETY: plain numbers, the size first.
-unsafe impl Versioned for echocast_scene_info {}
+text::versioned!(echocast_scene_info { struct_size, instances, triangles, low, high });
 
 /// Makes a scene without instances. `desc`: NULL for the defaults.
 ///
@@ -245,9 +252,11 @@ fn add_scene(context: &Context, live: &mut LiveScene, file: &Scene) -> Outcome {
 }
 
 /// Adds what a scene file holds (glTF, GLB, OBJ): its objects as fixed instances with their labels, and its cameras.
-/// `options`: NULL, or YAML with `up` (y or z) and `scale` (metres per unit) for formats that do not say, and `labels`,
-/// which holds what a label file does. Categories and parts whose name the scene knows get the number that it has there;
-/// instances count on from the greatest number that has a name, from 1 in a scene without any.
+/// `options`: NULL, or YAML with `up` (y or z) and `scale` (metres per unit) for formats that do not say; `labels`,
+/// which holds what a label file does; `texture_limit_mib` (1024), most memory for all images; and
+/// `allow_outside_paths` (false), whether the scene may name files that are not in its own folder. Categories and
+/// parts whose name the scene knows get the number that it has there; instances count on from the greatest number
+/// that has a name, from 1 in a scene without any.
 ///
 /// Errors: ECHOCAST_E_IO, ECHOCAST_E_PARSE (file and place), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_ARGUMENT,
 /// ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY; then the scene is as it was.
@@ -466,8 +475,17 @@ impl Default for echocast_instance_info {
     }
 }
 
-// SAFETY: plain numbers and pointers, the size first.
-unsafe impl Versioned for echocast_instance_info {}
+text::versioned!(echocast_instance_info {
+    struct_size,
+    pose,
+    category_id,
+    instance_id,
+    mask,
+    part_count,
+    triangle_count,
+    name,
+    name_capacity,
+});
 
 /// Tells what an instance is. `*info` has its struct_size set, and where its name is to go.
 ///

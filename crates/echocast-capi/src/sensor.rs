@@ -3,7 +3,7 @@
 use crate::context::{Context, echocast_context};
 use crate::guard::{Failure, Outcome, echocast_status, guard};
 use crate::handle::{self, handles};
-use crate::text::{self, Versioned};
+use crate::text;
 use echocast::Sensor;
 use echocast::emitter::{BeamTable, FiringOrder};
 use std::ffi::c_char;
@@ -63,8 +63,7 @@ impl Default for echocast_sensor_info {
     }
 }
 
-// SAFETY: plain numbers, the size first.
-unsafe impl Versioned for echocast_sensor_info {}
+text::versioned!(echocast_sensor_info { struct_size, rows, columns, period_ns });
 
 /// Makes a sensor. `sensor`: the name of a preset ("velodyne_vlp32c", see echocast_name) or the path of a sensor file.
 ///
@@ -78,7 +77,7 @@ pub unsafe extern "C" fn echocast_sensor_create(
 ) -> echocast_status {
     create(context, out, || {
         // SAFETY: as the header asks.
-        let name = unsafe { text::required(sensor, "sensor") }?;
+        let name = unsafe { text::path(sensor, "sensor") }?;
         Ok(Sensor::open(name)?)
     })
 }
@@ -96,8 +95,8 @@ pub unsafe extern "C" fn echocast_sensor_from_text(
 ) -> echocast_status {
     create(context, out, || {
         // SAFETY: as the header asks.
-        let (yaml, folder) = unsafe { (text::required(yaml, "yaml")?, text::optional(folder, "folder")?) };
-        Ok(Sensor::from_yaml(yaml, folder.unwrap_or_default())?)
+        let (yaml, folder) = unsafe { (text::required(yaml, "yaml")?, text::optional_path(folder, "folder")?) };
+        Ok(Sensor::from_yaml(yaml, folder)?)
     })
 }
 
@@ -139,8 +138,7 @@ impl Default for echocast_beams_desc {
     }
 }
 
-// SAFETY: plain numbers and pointers, the size first.
-unsafe impl Versioned for echocast_beams_desc {}
+text::versioned!(echocast_beams_desc { struct_size, name, beams, rows, columns, period_ns, firing, reserved });
 
 /// Makes an ideal lidar of beams: no noise, no threshold, no range limit but theirs; echocast_sensor_set adds what is
 /// wanted.

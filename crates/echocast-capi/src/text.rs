@@ -3,6 +3,7 @@
 use crate::guard::{ECHOCAST_E_MEMORY, ECHOCAST_E_VERSION, Failure, Outcome, push_lossy};
 use std::ffi::{CStr, c_char};
 use std::mem::MaybeUninit;
+use std::ops::Range;
 use std::path::Path;
 
 /// Longest text that is taken: a string without its end is found out before it leads far astray.
@@ -13,6 +14,16 @@ const LONGEST: usize = 64 << 20;
 /// # Safety
 /// `text` is NULL or ends in 0, and lives as long as the result is used.
 pub(crate) unsafe fn optional<'a>(text: *const c_char, name: &str) -> Outcome<Option<&'a str>> {
+    // SAFETY: as the caller promises.
+    let text = unsafe { bytes(text, name) }?.map(str::from_utf8).transpose();
+    text.map_err(|error| Failure::argument(name, format!("not UTF-8 after byte {}", error.valid_up_to()), "UTF-8 text"))
+}
+
+/// The bytes of the text `argument`; `None` for NULL.
+///
+/// # Safety
+/// As [`optional`].
+unsafe fn bytes<'a>(text: *const c_char, name: &str) -> Outcome<Option<&'a [u8]>> {
     if text.is_null() {
         return Ok(None);
     }
@@ -21,9 +32,7 @@ pub(crate) unsafe fn optional<'a>(text: *const c_char, name: &str) -> Outcome<Op
     if text.count_bytes() > LONGEST {
         return Err(Failure::argument(name, format!("{} bytes long", text.count_bytes()), "up to 64 MiB"));
     }
-    text.to_str()
-        .map(Some)
-        .map_err(|error| Failure::argument(name, format!("not UTF-8 after byte {}", error.valid_up_to()), "UTF-8 text"))
+    Ok(Some(text.to_bytes()))
 }
 
 /// The text `argument`.
@@ -40,9 +49,28 @@ pub(crate) unsafe fn required<'a>(text: *const c_char, name: &str) -> Outcome<&'
 /// # Safety
 /// As [`optional`].
 pub(crate) unsafe fn path<'a>(text: *const c_char, name: &str) -> Outcome<&'a Path> {
+    if text.is_null() {
+        return Err(Failure::argument(name, "NULL", "a string"));
+    }
     // SAFETY: as the caller promises.
-    let text = unsafe { required(text, name) }?;
-    if text.is_empty() { Err(Failure::argument(name, "empty", "a path")) } else { Ok(Path::new(text)) }
+    let path = unsafe { optional_path(text, name) }?;
+    if path.as_os_str().is_empty() { Err(Failure::argument(name, "empty", "a path")) } else { Ok(path) }
+}
+
+/// The path `argument`, empty for NULL. Where names of files are bytes, they need not be UTF-8.
+///
+/// # Safety
+/// As [`optional`].
+pub(crate) unsafe fn optional_path<'a>(text: *const c_char, name: &str) -> Outcome<&'a Path> {
+    #[cfg(unix)]
+    {
+        use std::os::unix::ffi::OsStrExt as _;
+        // SAFETY: as the caller promises.
+        Ok(Path::new(std::ffi::OsStr::from_bytes(unsafe { bytes(text, name) }?.unwrap_or_default())))
+    }
+    #[cfg(not(unix))]
+    // SAFETY: as the caller promises.
+    Ok(Path::new(unsafe { optional(text, name) }?.unwrap_or_default()))
 }
 
 /// The `count` elements of the array `data`, which may be NULL when there are none.
@@ -96,7 +124,31 @@ pub(crate) unsafe fn output<'a, T>(to: *mut T, name: &str) -> Outcome<&'a mut Ma
 /// # Safety
 /// The type is `repr(C)`, begins with its size as a `usize`, has no padding but such that may hold anything, and any
 /// bits make a value of it.
-pub(crate) unsafe trait Versioned: Copy + Default {}
+pub(crate) unsafe trait Versioned: Copy + Default {
+    /// Where each field begins and ends, bytes from the start.
+    const FIELDS: &'static [Range<usize>];
+}
+
+/// Says that a structure of the header is [`Versioned`] and has these fields.
+macro_rules! versioned {
+    ($name:ident { $($field:ident),* $(,)? }) => {
+        // SAFETY: plain numbers and pointers, the size first.
+        unsafe impl $crate::text::Versioned for $name {
+            const FIELDS: &'static [std::ops::Range<usize>] = &[$({
+                let start = std::mem::offset_of!($name, $field);
+                start..start + $crate::text::size_of_field(|it: &$name| &it.$field)
+            }),*];
+        }
+        // None is left out.
+        const _: fn(&$name) = |$name { $($field: _),* }| ();
+    };
+}
+pub(crate) use versioned;
+
+/// Bytes of what `field` shows.
+pub(crate) const fn size_of_field<S, F>(_: fn(&S) -> &F) -> usize {
+    size_of::<F>()
+}
 
 /// Largest structure that is looked at.
 const LARGEST_STRUCT: usize = 4096;
@@ -113,7 +165,9 @@ pub(crate) unsafe fn structure<T: Versioned>(from: *const T, name: &str) -> Outc
     check_aligned(from, name)?;
     // SAFETY: aligned, and every such structure begins with its size.
     let size = unsafe { from.cast::<usize>().read() };
-    if !(size_of::<usize>()..=LARGEST_STRUCT).contains(&size) {
+    // A header knows whole fields.
+    let cuts = T::FIELDS.iter().any(|field| field.start < size && size < field.end);
+    if cuts || !(size_of::<usize>()..=LARGEST_STRUCT).contains(&size) {
         let allowed = format!("sizeof(*{name}), as the INIT macro of the structure has it");
         return Err(Failure::argument(&format!("{name}->struct_size"), size, &allowed));
     }
@@ -192,4 +246,36 @@ pub(crate) unsafe fn put(text: &str, to: *mut c_char, capacity: usize, needed: *
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[repr(C)]
+    #[derive(Clone, Copy, Default)]
+    struct Sample {
+        struct_size: usize,
+        number: i32,
+        list: [u8; 3],
+        other: f64,
+    }
+    versioned!(Sample { struct_size, number, list, other });
+
+    #[test]
+    fn sizes_end_where_fields_end() {
+        let given = |struct_size| Sample { struct_size, number: 1, list: [2; 3], other: 4.0 };
+        // SAFETY: the structure is as large as any of these sizes.
+        let read = |size| unsafe { structure(&raw const *Box::leak(Box::new(given(size))), "desc") };
+        for size in [8, 12, 15, 16, 24] {
+            let found = read(size).unwrap();
+            let expected = (i32::from(size >= 12), u8::from(size >= 15) * 2, f64::from(u8::from(size >= 24)) * 4.0);
+            assert_eq!((found.number, found.list[2], found.other), expected, "{size}");
+        }
+        for size in [0, 7, 9, 11, 13, 14, 17, 23, 4097] {
+            let failure = read(size).err().unwrap();
+            assert_eq!(failure.status, crate::ECHOCAST_E_ARGUMENT);
+            assert!(failure.text.starts_with(&format!("desc->struct_size is {size}; allowed: sizeof(*desc)")));
+        }
+    }
 }

@@ -5,8 +5,8 @@ use crate::text::{self, counted, duration};
 use crate::{interrupt, output};
 use anyhow::{Result, bail, ensure};
 use clap::Subcommand;
-use echocast::Error;
 use echocast::generate::{GeneratedScene, Ripples, Seabed};
+use echocast::{Error, shown};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -94,7 +94,7 @@ fn seabed(args: &SeabedArgs) -> Result<()> {
 /// Makes a scene, writes it to `file` and says what it is.
 fn make(scene: impl FnOnce() -> echocast::Result<GeneratedScene>, file: &Path, quiet: bool) -> Result<()> {
     let is_glb = file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("glb"));
-    ensure!(is_glb, "-o {}: scenes are written as .glb", file.display());
+    ensure!(is_glb, "-o {}: scenes are written as .glb", shown::path(file));
     interrupt::clean_up_in(vec![output::folder(file).to_owned()])?;
     let (mut making, mut writing) = (0.0, 0.0);
     let scene = match timed(&mut making, scene) {
@@ -120,7 +120,7 @@ fn make(scene: impl FnOnce() -> echocast::Result<GeneratedScene>, file: &Path, q
         writeln!(summary, "  {line}")?;
     }
     writeln!(summary, "  made in {}, written in {}", duration(making), duration(writing))?;
-    writeln!(summary, "  {}", file.display())?;
+    writeln!(summary, "  {}", shown::path(file))?;
     text::print(&summary)
 }
 

@@ -3,8 +3,8 @@
 use crate::input::SceneArgs;
 use crate::text::{self, thousands};
 use anyhow::Result;
-use echocast::Scene;
 use echocast::material::Reflectance;
+use echocast::{Scene, shown};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
@@ -58,7 +58,11 @@ fn describe(name: &str, scene: &Scene) -> Result<String> {
         let [r, g, b, a] = material.base_color;
         let texture = if material.base_color_texture.is_some() { ", texture" } else { "" };
         let reflectance = material.reflectance.as_ref().map_or(String::new(), reflectance);
-        writeln!(text, "  {:<28} linear rgba {r:.3} {g:.3} {b:.3} {a:.3}{texture}{reflectance}", material.name)?;
+        writeln!(
+            text,
+            "  {:<28} linear rgba {r:.3} {g:.3} {b:.3} {a:.3}{texture}{reflectance}",
+            shown::text(&material.name)
+        )?;
     }
 
     let mut objects_of: BTreeMap<u32, usize> = BTreeMap::new();
@@ -68,11 +72,11 @@ fn describe(name: &str, scene: &Scene) -> Result<String> {
     writeln!(text, "categories  {}", scene.labels.category.ids.len())?;
     for (id, name) in scene.labels.category.iter() {
         let objects = text::counted(objects_of.get(&id).copied().unwrap_or(0), "object");
-        writeln!(text, "  {id:>4} {name:<23} {objects}")?;
+        writeln!(text, "  {id:>4} {:<23} {objects}", shown::text(name))?;
     }
     writeln!(text, "parts       {}", scene.labels.part.ids.len())?;
     for (id, name) in scene.labels.part.iter() {
-        writeln!(text, "  {id:>4} {name}")?;
+        writeln!(text, "  {id:>4} {}", shown::text(name))?;
     }
 
     writeln!(text, "cameras     {}", scene.cameras.len())?;
@@ -81,12 +85,18 @@ fn describe(name: &str, scene: &Scene) -> Result<String> {
         writeln!(
             text,
             "  {:<28} at {:.3},{:.3},{:.3} looking along {:.3},{:.3},{:.3}",
-            camera.name, at.x, at.y, at.z, along.x, along.y, along.z
+            shown::text(&camera.name),
+            at.x,
+            at.y,
+            at.z,
+            along.x,
+            along.y,
+            along.z
         )?;
     }
     writeln!(text, "animations  {}", scene.animations.len())?;
     for animation in &scene.animations {
-        writeln!(text, "  {animation}")?;
+        writeln!(text, "  {}", shown::text(animation))?;
     }
     for warning in &scene.report.warnings {
         writeln!(text, "warning: {warning}")?;

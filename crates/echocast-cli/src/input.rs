@@ -1,12 +1,14 @@
 //! What a scan needs: scene and sensor.
 
-use crate::choice;
-use anyhow::{Context as _, Result, ensure};
+use crate::{choice, text};
+use anyhow::{Context as _, Result, anyhow, ensure};
 use clap::Args;
 use echocast::scene::UpAxis;
-use echocast::{Error, LabelRules, LoadOptions, ReturnMode, Scene, Sensor, SensorKind};
+use echocast::{Error, LabelRules, LoadOptions, ReturnMode, Scene, Sensor, SensorKind, Trajectory, shown};
 use serde_json::{Value, json};
-use std::path::PathBuf;
+use std::io::{ErrorKind, Read as _, stdin};
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 /// Scene files and how to read them.
 #[derive(Args)]
@@ -14,7 +16,7 @@ pub struct SceneArgs {
     /// Scene files; several are put together as they stand (`echocast formats` lists the kinds)
     #[arg(required = true, value_name = "SCENE")]
     pub files: Vec<PathBuf>,
-    /// Label file (YAML): names to numbers, object and material name patterns to names
+    /// Label file (YAML): names to numbers, object and material name patterns to names; `-` for standard input
     #[arg(long, value_name = "FILE", help_heading = "Scene")]
     labels: Option<PathBuf>,
     /// Up axis of scene formats that do not say (OBJ)
@@ -23,13 +25,28 @@ pub struct SceneArgs {
     /// Metres per unit of scene formats that do not say (OBJ)
     #[arg(long, value_name = "F", default_value = "1", value_parser = positive, help_heading = "Scene")]
     scale: f64,
+    /// Most memory that the images of all materials may take, MiB
+    #[arg(long, value_name = "MIB", default_value_t = LoadOptions::default().texture_limit_mib, help_heading = "Scene")]
+    texture_limit: u64,
+    /// Let scenes name buffers, images and material files outside their own folder: only of scenes that you trust
+    #[arg(long, help_heading = "Scene")]
+    allow_outside_paths: bool,
 }
 
 impl SceneArgs {
     /// Reads all files, one scene.
     pub fn load(&self) -> Result<Scene> {
-        let labels = self.labels.as_ref().map(LabelRules::load).transpose()?.unwrap_or_default();
-        let options = LoadOptions { up: self.up, scale: self.scale, labels };
+        let labels = match &self.labels {
+            Some(file) => file_or_stdin("--labels", file, LabelRules::load, LabelRules::from_yaml)?,
+            None => LabelRules::default(),
+        };
+        let options = LoadOptions {
+            up: self.up,
+            scale: self.scale,
+            labels,
+            texture_limit_mib: self.texture_limit,
+            allow_outside_paths: self.allow_outside_paths,
+        };
         let told = self.up != UpAxis::Z || self.scale != 1.0;
         let is_obj = |file: &PathBuf| file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("obj"));
         ensure!(
@@ -42,16 +59,18 @@ impl SceneArgs {
 
     /// File names, for people.
     pub fn names(&self) -> String {
-        self.files.iter().map(|file| file.display().to_string()).collect::<Vec<_>>().join(" + ")
+        text::paths(&self.files).join(" + ")
     }
 
     /// For the report.
     pub fn to_json(&self) -> Value {
         json!({
-            "files": self.files,
-            "labels": self.labels,
+            "files": text::paths(&self.files),
+            "labels": self.labels.as_deref().map(shown::path),
             "up": choice::name(choice::UP, self.up),
             "scale": self.scale,
+            "texture_limit_mib": self.texture_limit,
+            "allow_outside_paths": self.allow_outside_paths,
         })
     }
 }
@@ -59,9 +78,9 @@ impl SceneArgs {
 /// A sensor and changes to it.
 #[derive(Args)]
 pub struct SensorArgs {
-    /// Preset (`echocast sensors` lists them) or a sensor file (.yaml)
+    /// Preset (`echocast sensors` lists them), a sensor file (.yaml), or `-` for one from standard input
     #[arg(long, value_name = "NAME|FILE", help_heading = "Sensor")]
-    sensor: String,
+    sensor: PathBuf,
     /// Change one parameter by its path in the sensor's YAML; repeatable
     #[arg(long, value_name = "KEY=VALUE", value_parser = key_value, help_heading = "Sensor")]
     set: Vec<(String, String)>,
@@ -90,13 +109,59 @@ impl SensorArgs {
 }
 
 /// A preset (`NAME` or `FOLDER/NAME`), or the file where `name` is one's.
-pub fn load_sensor(name: &str) -> Result<Sensor> {
+pub fn load_sensor(name: &Path) -> Result<Sensor> {
+    file_or_stdin("--sensor", name, open_sensor, |text| Sensor::from_yaml(text, ""))
+}
+
+fn open_sensor(name: &Path) -> Result<Sensor> {
     Sensor::open(name).map_err(|error| match error {
         missing @ Error::Missing { .. } => {
-            anyhow::Error::new(missing).context(format!("{name} is neither a preset nor a file"))
+            anyhow::Error::new(missing).context(format!("{} is neither a preset nor a file", shown::path(name)))
         }
         other => other.into(),
     })
+}
+
+/// The poses of `--trajectory`.
+pub fn load_trajectory(file: &Path) -> Result<Trajectory> {
+    file_or_stdin("--trajectory", file, Trajectory::load, Trajectory::from_text)
+}
+
+/// The `file` of `option`, read with `load`; or what `parse` makes of standard input, which `-` stands for.
+pub fn file_or_stdin<'f, T, E: Into<anyhow::Error>>(
+    option: &'static str,
+    file: &'f Path,
+    load: impl FnOnce(&'f Path) -> Result<T, E>,
+    parse: impl FnOnce(&str) -> echocast::Result<T>,
+) -> Result<T> {
+    /// Longest standard input.
+    const MOST_MIB: u64 = 256;
+    /// The option that has read it.
+    static READ_BY: OnceLock<&str> = OnceLock::new();
+    if file != Path::new("-") {
+        return load(file).map_err(|error| match error.into() {
+            error if is_pipe(file, &error) => {
+                anyhow!("{}; standard input is read where it is called `-`", text::one_line(&error))
+            }
+            error => error,
+        });
+    }
+    let by = *READ_BY.get_or_init(|| option);
+    ensure!(by == option, "{option} -: standard input is read by {by} already; allowed: one option");
+    let mut input = String::new();
+    let read = stdin().lock().take((MOST_MIB << 20) + 1).read_to_string(&mut input);
+    read.with_context(|| format!("{option} -: standard input"))?;
+    ensure!(
+        input.len() as u64 <= MOST_MIB << 20,
+        "{option} -: standard input is longer than {MOST_MIB} MiB, the most allowed"
+    );
+    parse(&input).with_context(|| format!("{option} -"))
+}
+
+/// Whether `error` is that `file` is no regular one.
+fn is_pipe(file: &Path, error: &anyhow::Error) -> bool {
+    let Some(Error::Io { path, source }) = error.downcast_ref() else { return false };
+    path == file && source.kind() == ErrorKind::InvalidInput
 }
 
 fn key_value(text: &str) -> Result<(String, String), String> {

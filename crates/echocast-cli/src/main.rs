@@ -44,7 +44,7 @@ enum Command {
     Info(info::Args),
     Generate(generate::Args),
     Formats(formats::Args),
-    Bench(bench::Args),
+    Bench(Box<bench::Args>),
 }
 
 fn main() -> ExitCode {

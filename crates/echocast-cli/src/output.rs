@@ -1,12 +1,12 @@
 //! Where clouds and pictures go.
 
-use crate::choice;
+use crate::{choice, text};
 use anyhow::{Context as _, Result, ensure};
 use clap::{ArgGroup, Args};
 use echocast::emitter::Pattern;
 use echocast::export::preview::{self, ColorBy, PreviewOptions, View};
 use echocast::export::{self, FramesFile};
-use echocast::{FieldSet, Pings, PointCloud, Profile, Report, Sensor, SensorKind};
+use echocast::{FieldSet, Pings, PointCloud, Profile, Report, Sensor, SensorKind, shown};
 use serde_json::{Value, json};
 use std::collections::{BTreeSet, HashSet};
 use std::path::{Path, PathBuf};
@@ -131,7 +131,7 @@ impl OutputArgs {
         }
         if let Some(file) = &self.preview {
             let is_png = file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png"));
-            ensure!(is_png, "--preview {}: pictures are written as .png", file.display());
+            ensure!(is_png, "--preview {}: pictures are written as .png", shown::path(file));
             preview::check(file, &self.picture()).context("--preview")?;
         }
         self.check_names(fields)
@@ -179,7 +179,7 @@ impl OutputArgs {
             ensure!(
                 seen.insert(place),
                 "{}: would be written twice; allowed: another name for each file",
-                name.display()
+                shown::path(name)
             );
         }
         // Files of single frames have names that nobody asked for.
@@ -189,8 +189,8 @@ impl OutputArgs {
             ensure!(
                 !(self.single && is_numbered(name, file)),
                 "{}: is a name that --single gives to a frame of {}; allowed: another name",
-                name.display(),
-                file.display()
+                shown::path(name),
+                shown::path(file)
             );
         }
         Ok(())
@@ -216,19 +216,19 @@ impl OutputArgs {
     pub fn to_json(&self) -> Value {
         let preview = self.preview.as_ref().map(|file| {
             json!({
-                "file": file,
+                "file": shown::path(file),
                 "color": choice::name(choice::COLOR, self.color),
                 "view": choice::name(choice::VIEW, self.view),
                 "ground": self.ground,
             })
         });
         json!({
-            "files": self.output,
+            "files": text::paths(&self.output),
             "format": self.format,
             "single": self.single,
             "preview": preview,
-            "pings": self.pings,
-            "image": self.image,
+            "pings": self.pings.as_deref().map(shown::path),
+            "image": self.image.as_deref().map(shown::path),
         })
     }
 }
@@ -348,8 +348,8 @@ fn numbered(file: &Path, frame: u32) -> PathBuf {
 
 /// Whether `name` may be that of a frame of `file`.
 fn is_numbered(name: &Path, file: &Path) -> bool {
-    let digits = name.file_stem().and_then(|stem| stem.to_str()).and_then(|stem| stem.rsplit_once('_'));
-    let frame = digits.and_then(|(_, digits)| digits.parse().ok());
+    let stem = name.file_stem().unwrap_or_default().to_string_lossy();
+    let frame = stem.rsplit_once('_').and_then(|(_, digits)| digits.parse().ok());
     let place = |path: &Path| folder(path).canonicalize().unwrap_or_default();
     frame.is_some_and(|frame| numbered(file, frame).file_name() == name.file_name()) && place(name) == place(file)
 }

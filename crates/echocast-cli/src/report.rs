@@ -1,6 +1,7 @@
 //! What a run did, for programs and for people.
 
-use crate::text::{counted, duration, thousands};
+use crate::text::{self, counted, duration, thousands};
+use echocast::shown;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::time::Instant;
@@ -53,7 +54,7 @@ impl RunReport {
             "threads": self.threads,
             "seconds": { "load": load, "build": build, "scan": scan, "write": write },
             "warnings": self.warnings,
-            "outputs": self.outputs,
+            "outputs": text::paths(&self.outputs),
             "run": self.run,
         })
     }
@@ -83,9 +84,9 @@ impl RunReport {
         match self.outputs.as_slice() {
             [first, .., last] if self.outputs.len() > MOST_LINES => {
                 let files = counted(self.outputs.len(), "file");
-                text.push_str(&format!("  {} ... {} ({files})\n", first.display(), last.display()));
+                text.push_str(&format!("  {} ... {} ({files})\n", shown::path(first), shown::path(last)));
             }
-            files => files.iter().for_each(|file| text.push_str(&format!("  {}\n", file.display()))),
+            files => files.iter().for_each(|file| text.push_str(&format!("  {}\n", shown::path(file)))),
         }
         text
     }

@@ -13,7 +13,7 @@ use anyhow::{Context as _, Result, ensure};
 use echocast::detect::Detection;
 use echocast::{
     Cause, Environment, Field, FieldSet, Frame, Order, Ping, Pings, PointCloud, Profile, ReflectanceSource, Report,
-    ScanOptions, Scene, Sensor, SensorKind, Trajectory,
+    ScanOptions, Scene, Sensor, SensorKind, Trajectory, shown,
 };
 use serde_json::{Value, json};
 use std::io::Write as _;
@@ -53,7 +53,8 @@ pub struct Args {
     weather: WeatherArgs,
     #[command(flatten)]
     place: PlaceArgs,
-    /// Poses over time: TUM text (`t x y z qx qy qz qw`) or CSV with a header; time 0 of the run is the first pose
+    /// Poses over time: TUM text (`t x y z qx qy qz qw`) or CSV with a header, `-` for standard input; time 0 of the run
+    /// is the first pose
     #[arg(long, value_name = "FILE", conflicts_with_all = ["at", "rpy", "camera"], help_heading = "Place")]
     trajectory: Option<PathBuf>,
     /// Frames A to B, both included, every STEPth; frame k starts at k / fps seconds. Those of a sonar are its pings
@@ -119,7 +120,7 @@ pub fn run(args: &Args) -> Result<()> {
             choice::name(choice::PROFILE, args.profile)
         );
         let environment = args.weather.load(sensor.kind())?;
-        let trajectory = args.trajectory.as_ref().map(Trajectory::load).transpose()?;
+        let trajectory = args.trajectory.as_deref().map(input::load_trajectory).transpose()?;
         let scene = args.scene.load()?;
         let trajectory = match trajectory {
             Some(trajectory) => trajectory.shifted_to_zero(),
@@ -170,7 +171,7 @@ pub fn run(args: &Args) -> Result<()> {
     if let Some((frame, beam)) = args.explain {
         drop(progress);
         let options = options_of(frame.unwrap_or(frames.first));
-        return text::print(&built.explain(&sensor, &trajectory, &options, beam).context("--explain")?);
+        return text::print(&text::lines(&built.explain(&sensor, &trajectory, &options, beam).context("--explain")?));
     }
 
     if sonar {
@@ -257,7 +258,7 @@ pub fn run(args: &Args) -> Result<()> {
     }
     if !args.quiet {
         report.warnings.iter().for_each(|warning| note(&format!("warning: {warning}")));
-        text::print(&report.summary(&format!("{} in {}", sensor.name(), args.scene.names())))?;
+        text::print(&report.summary(&format!("{} in {}", shown::text(sensor.name()), args.scene.names())))?;
     }
     Ok(())
 }
@@ -444,14 +445,14 @@ fn repeatable(
 ) -> Result<Value> {
     let start = trajectory.at(0.0);
     let place = match &args.trajectory {
-        Some(file) => json!({ "file": file, "duration_s": trajectory.span().1 }),
+        Some(file) => json!({ "file": shown::path(file), "duration_s": trajectory.span().1 }),
         None => json!({
             "position_m": start.position.to_array(),
             "orientation_xyzw": start.orientation.to_array(),
         }),
     };
     Ok(json!({
-        "folder": std::env::current_dir().ok(),
+        "folder": std::env::current_dir().ok().as_deref().map(shown::path),
         "scene": args.scene.to_json(),
         "sensors": [serde_json::to_value(sensor.spec()).context("the sensor cannot be reported")?],
         "environment": serde_json::to_value(environment).context("the weather cannot be reported")?,
@@ -494,5 +495,5 @@ fn tell_more(scene: &Scene, sensor: &Sensor, trajectory: &Trajectory) {
 
 /// A line on stderr; nobody is left to tell when it is closed.
 fn note(line: &str) {
-    let _ = writeln!(std::io::stderr(), "{line}");
+    let _ = writeln!(std::io::stderr(), "{}", shown::text(line));
 }

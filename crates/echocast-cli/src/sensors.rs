@@ -4,13 +4,14 @@ use crate::{input, text};
 use anyhow::Result;
 use echocast::Sensor;
 use std::fmt::Write as _;
+use std::path::PathBuf;
 
 /// List the sensor presets, or show one sensor, fully resolved, as YAML
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  echocast sensors\n  echocast sensors velodyne_vlp16 > mine.yaml")]
 pub struct Args {
-    /// Preset or sensor file (.yaml) to show
-    name: Option<String>,
+    /// Preset or sensor file (.yaml) to show, or `-` for one from standard input
+    name: Option<PathBuf>,
 }
 
 pub fn run(args: &Args) -> Result<()> {

@@ -1,6 +1,8 @@
 //! Words and numbers for people.
 
+use echocast::shown;
 use std::io::{self, ErrorKind, Write as _};
+use std::path::PathBuf;
 
 /// Writes `text` to stdout. A reader that has seen enough (`echocast sensors | head`) is not an error.
 pub fn print(text: &str) -> anyhow::Result<()> {
@@ -11,7 +13,17 @@ pub fn print(text: &str) -> anyhow::Result<()> {
     }
 }
 
-/// `error` and its causes on one line; a cause that the text before already tells is left out.
+/// `text` of several lines with nothing in them that a terminal obeys.
+pub fn lines(text: &str) -> String {
+    text.split('\n').map(shown::text).collect::<Vec<_>>().join("\n")
+}
+
+/// The names of files, for people and JSON.
+pub fn paths(files: &[PathBuf]) -> Vec<String> {
+    files.iter().map(|file| shown::path(file)).collect()
+}
+
+/// `error` and its causes on one line that is not too long; a cause that the text before already tells is left out.
 pub fn one_line(error: &anyhow::Error) -> String {
     let mut line = String::new();
     for cause in error.chain() {
@@ -22,7 +34,7 @@ pub fn one_line(error: &anyhow::Error) -> String {
             line = format!("{line}: {cause}");
         }
     }
-    line
+    shown::message(&line)
 }
 
 /// `number` with a comma between thousands.
@@ -77,5 +89,13 @@ mod tests {
         let cause = anyhow::anyhow!("x.glb: No such file");
         let wrapped = cause.context("x.glb: No such file").context("--sensor\n  x");
         assert_eq!(one_line(&wrapped), "--sensor x: x.glb: No such file");
+        let long = anyhow::anyhow!("{}\x1b[31m", "x ".repeat(1000)).context("--camera \x1b]0;a\x07");
+        assert!(one_line(&long).starts_with("--camera \\u{1b}]0;a\\u{7}: x x"));
+        assert!(one_line(&long).len() < 500);
+    }
+
+    #[test]
+    fn lines_stay_lines() {
+        assert_eq!(lines("a\n  b\x1b[1m\tc\n"), "a\n  b\\u{1b}[1m\\tc\n");
     }
 }

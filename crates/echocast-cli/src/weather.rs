@@ -1,15 +1,17 @@
 //! Weather and water by flag or file.
 
+use crate::input;
 use anyhow::{Result, ensure};
 use clap::Args;
 use echocast::medium::{Dust, Fog, Placed, Rain, Region, Snow};
-use echocast::{Environment, Error, SensorKind};
+use echocast::{Environment, Error, SensorKind, shown};
 use std::path::{Path, PathBuf};
 
 /// What is between sensor and surfaces.
 #[derive(Args)]
 pub struct WeatherArgs {
-    /// Weather, and the water of sonars, from a YAML file: the section `environment` of a scenario, or its keys alone
+    /// Weather, and the water of sonars, from a YAML file: the section `environment` of a scenario, or its keys alone; `-`
+    /// for standard input
     #[arg(long, value_name = "FILE", help_heading = "Weather")]
     env: Option<PathBuf>,
     /// Rain, mm/h (10 is a shower, 50 a cloudburst); single drops are seen by sensors with a detection threshold
@@ -36,7 +38,10 @@ pub struct WeatherArgs {
 impl WeatherArgs {
     /// The file's weather, in which each kind that a flag names is as the flag says, for a sensor of `kind`.
     pub fn load(&self, kind: SensorKind) -> Result<Environment> {
-        let mut environment = self.env.as_ref().map(|file| read(file)).transpose()?.unwrap_or_default();
+        let mut environment = match &self.env {
+            Some(file) => input::file_or_stdin("--env", file, read, Environment::from_yaml)?,
+            None => Environment::default(),
+        };
         if kind == SensorKind::Sonar {
             self.check_for_sonar(&environment)?;
         }
@@ -81,7 +86,7 @@ impl WeatherArgs {
             ("spray", !spray.is_empty()),
         ];
         for (key, given) in sections {
-            let file = self.env.as_deref().unwrap_or(Path::new("")).display();
+            let file = shown::path(self.env.as_deref().unwrap_or(Path::new("")));
             ensure!(
                 !given,
                 "--env {file}: {key}: the sensor is a sonar, and in water there is no weather; allowed: water"
@@ -93,7 +98,7 @@ impl WeatherArgs {
 
 /// Reads the environment in `file`. Of another file that it names it tells which key does.
 fn read(file: &Path) -> Result<Environment> {
-    let own = file.display().to_string();
+    let own = shown::path(file);
     Environment::load(file).map_err(|error| {
         let of_other = match &error {
             Error::Io { path, .. } => path != file,

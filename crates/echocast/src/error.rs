@@ -1,17 +1,19 @@
 //! Everything that can go wrong, sorted by who can act on it.
 
+use crate::shown;
+use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 
 /// Result of every fallible call of this crate.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// Why a call failed. Each message is one sentence: where, what was found, what is allowed.
+/// Why a call failed. Each message is one sentence: where, what was found, what is allowed; on one line, below 500 bytes,
+/// and with nothing in it that a terminal obeys, whatever the files said.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// The operating system refused: missing file, no permission, full disk.
-    #[error("{}: {source}", path.display())]
     Io {
         /// File or folder concerned.
         path: PathBuf,
@@ -19,7 +21,6 @@ pub enum Error {
         source: io::Error,
     },
     /// A file or text was read but does not say what it should.
-    #[error("{origin}{}: {message}", place_suffix(place))]
     Parse {
         /// File path, or a word for text that came from elsewhere (`--set`, `YAML text`).
         origin: String,
@@ -29,7 +30,6 @@ pub enum Error {
         message: String,
     },
     /// An argument or option is outside what is allowed.
-    #[error("{name} is {value}; allowed: {allowed}")]
     InvalidParameter {
         /// Name of the argument, option or key.
         name: String,
@@ -39,7 +39,6 @@ pub enum Error {
         allowed: String,
     },
     /// A preset, asset or name does not exist.
-    #[error("there is no {what} named {name:?}{}", near_suffix(near))]
     Missing {
         /// Kind of thing looked for: `sensor preset`, `column`, `camera node`.
         what: &'static str,
@@ -49,7 +48,6 @@ pub enum Error {
         near: Vec<String>,
     },
     /// Understood, but this build or format cannot do it.
-    #[error("{what} is not supported: {instead}")]
     Unsupported {
         /// What was asked for.
         what: String,
@@ -57,13 +55,10 @@ pub enum Error {
         instead: String,
     },
     /// The caller did not want it any more.
-    #[error("cancelled by the progress callback")]
     Cancelled,
     /// The system gives no more memory.
-    #[error("no memory for {0}")]
     Memory(String),
     /// The system gives no more threads.
-    #[error("the system does not give {wanted} threads ({reason}); allowed: fewer, or a higher limit of processes")]
     Threads {
         /// How many were wanted.
         wanted: String,
@@ -71,10 +66,8 @@ pub enum Error {
         reason: String,
     },
     /// Embree failed.
-    #[error("Embree: {0}")]
     Embree(#[source] embree4::Error),
     /// A defect of this library.
-    #[error("internal error (please report): {0}")]
     Internal(String),
 }
 
@@ -89,14 +82,37 @@ impl From<embree4::Error> for Error {
     }
 }
 
-fn place_suffix(place: &str) -> String {
-    if place.is_empty() { String::new() } else { format!(": {place}") }
-}
-
-fn near_suffix(near: &[String]) -> String {
-    match near {
-        [] => String::new(),
-        names => format!("; near: {}", names.join(", ")),
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let (name, origin, numbers) = (shown::name, shown::origin, shown::short_numbers);
+        let sentence = match self {
+            Error::Io { path, source } => format!("{}: {source}", origin(&shown::path(path))),
+            Error::Parse { origin: file, place, message } if place.is_empty() => {
+                format!("{}: {}", origin(file), numbers(message))
+            }
+            Error::Parse { origin: file, place, message } => {
+                format!("{}: {}: {}", origin(file), name(place), numbers(message))
+            }
+            Error::InvalidParameter { name: what, value, allowed } => {
+                format!("{} is {}; allowed: {}", name(what), name(&numbers(value)), numbers(allowed))
+            }
+            Error::Missing { what, name: missing, near } => {
+                let near: Vec<_> = near.iter().map(|near| name(near)).collect();
+                let near = if near.is_empty() { String::new() } else { format!("; near: {}", near.join(", ")) };
+                format!("there is no {what} named {:?}{near}", name(missing))
+            }
+            Error::Unsupported { what, instead } => format!("{what} is not supported: {instead}"),
+            Error::Cancelled => "cancelled by the progress callback".into(),
+            Error::Memory(what) => format!("no memory for {what}"),
+            Error::Threads { wanted, reason } => {
+                format!(
+                    "the system does not give {wanted} threads ({reason}); allowed: fewer, or a higher limit of processes"
+                )
+            }
+            Error::Embree(error) => format!("Embree: {error}"),
+            Error::Internal(what) => format!("internal error (please report): {what}"),
+        };
+        f.write_str(&shown::message(&sentence))
     }
 }
 
@@ -108,7 +124,7 @@ impl Error {
 
     /// An [`Error::Parse`] in the file at `path`.
     pub fn parse(path: impl AsRef<Path>, place: impl Into<String>, message: impl Into<String>) -> Self {
-        Error::Parse { origin: path.as_ref().display().to_string(), place: place.into(), message: message.into() }
+        Error::Parse { origin: shown::path(path.as_ref()), place: place.into(), message: message.into() }
     }
 
     /// An [`Error::InvalidParameter`].
@@ -152,5 +168,40 @@ mod tests {
         assert!(nearest("zzz", known).is_empty());
         let error = Error::missing("sensor preset", "kinect_v3", known);
         assert_eq!(error.to_string(), "there is no sensor preset named \"kinect_v3\"; near: kinect_v2");
+    }
+
+    #[test]
+    fn messages_are_one_short_line_whatever_is_in_them() {
+        for text in ["x", "\u{1f600}", "\n", "\"", "a\x1b[31m ", "9"].map(|piece| piece.repeat(10_000)) {
+            let (path, string) = (PathBuf::from(&text), || text.clone());
+            let found = format!("{:?}", 1e300);
+            for error in [
+                Error::io(&path, io::Error::other(string())),
+                Error::parse(&path, string(), string()),
+                Error::parse(&path, "", string()),
+                Error::invalid(string(), string(), string()),
+                Error::invalid(string(), 1e300, found),
+                Error::Missing { what: "camera node", name: string(), near: vec![string(); 3] },
+                Error::Unsupported { what: string(), instead: string() },
+                Error::Memory(string()),
+                Error::Internal(string()),
+            ] {
+                let message = error.to_string();
+                assert!(message.len() < 500 && !message.contains(char::is_control), "{message}");
+            }
+        }
+        let error = Error::invalid("k".repeat(1000), -1e300, format!("{} to {}", 0.0, 1e300)).to_string();
+        assert!(error.ends_with("kk... is -1e300; allowed: 0 to 1e300"), "{error}");
+        let error = Error::Parse { origin: "a/b\n.yaml".into(), place: "line 2".into(), message: "is \r".into() };
+        assert_eq!(error.to_string(), "a/b\\n.yaml: line 2: is \\r");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn names_that_are_no_text_are_shown_escaped() {
+        use std::os::unix::ffi::OsStrExt as _;
+        let path = Path::new(std::ffi::OsStr::from_bytes(b"x\xff.glb"));
+        assert_eq!(Error::parse(path, "", "is empty").to_string(), "x\\xff.glb: is empty");
+        assert_eq!(Error::io(path, io::Error::other("gone")).to_string(), "x\\xff.glb: gone");
     }
 }

@@ -1,5 +1,7 @@
 //! What a load, a scan or a write did beyond its result: warnings are data, libraries do not print.
 
+use crate::shown;
+
 /// Warnings and counts of one piece of work.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Report {
@@ -8,9 +10,9 @@ pub struct Report {
 }
 
 impl Report {
-    /// Adds `warning` unless it has been said.
-    pub fn warn(&mut self, warning: impl Into<String>) {
-        let warning = warning.into();
+    /// Adds `warning`, on one line and cut where it is as long as nobody reads, unless it has been said.
+    pub fn warn(&mut self, warning: impl AsRef<str>) {
+        let warning = shown::message(warning.as_ref());
         if !self.warnings.contains(&warning) {
             log::warn!("{warning}");
             self.warnings.push(warning);

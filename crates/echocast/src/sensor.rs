@@ -12,6 +12,7 @@ use crate::error::{Error, Result};
 use crate::ping::SonarView;
 use crate::presets;
 use crate::scan::Signals;
+use crate::shown;
 use crate::sonar::AcousticsSpec;
 use crate::tof::{Camera, TofSpec};
 use crate::yaml::{self, Document};
@@ -21,9 +22,9 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::borrow::Cow;
 use std::collections::BTreeSet;
-use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::{fmt, fs};
 
 /// A sensor file: what each key of its YAML means. What is left out is ideal. Written, a sonar is without the sections of
 /// light (`beam`, `detection`, `returns`, `noise`, `intensity`), which its file must not fill.
@@ -308,7 +309,12 @@ impl SensorSpec {
         self.pattern.check_with(bounds)?;
         let SensorSpec { beam, range, returns, noise, .. } = self;
         bounds.within("range.min_m", range.min_m, 0.0, FARTHEST_M)?;
-        bounds.within("range.max_m", range.max_m, 0.0, FARTHEST_M)?;
+        bounds.number(
+            "range.max_m",
+            range.max_m,
+            [ABOVE_ZERO, FARTHEST_M],
+            format_args!("above 0, at most {FARTHEST_M}"),
+        )?;
         bounds.rising(("range.min_m", range.min_m), ("range.max_m", range.max_m))?;
         if self.kind == SensorKind::Sonar {
             return self.check_sonar(bounds);
@@ -327,7 +333,7 @@ impl SensorSpec {
         bounds.number("beam.aperture_mm", beam.aperture_mm, [ABOVE_ZERO, 1000.0], "above 0, at most 1000")?;
         let [near, far] = beam.overlap_m;
         bounds.within("beam.overlap_m[0]", near, 0.0, 1000.0)?;
-        bounds.within("beam.overlap_m[1]", far, 0.0, 1000.0)?;
+        bounds.number("beam.overlap_m[1]", far, [ABOVE_ZERO, 1000.0], "above 0, at most 1000")?;
         bounds.rising(("beam.overlap_m[0]", near), ("beam.overlap_m[1]", far))?;
         bounds.within("beam.sub_rays", f64::from(beam.sub_rays), 1.0, 1024.0)?;
         let tof = self.tof.as_ref();
@@ -345,7 +351,7 @@ impl SensorSpec {
             return Err(Error::invalid("beam.pulse_ns", beam.pulse_ns, allowed));
         }
         // Finer than a micrometre, single precision overflows.
-        let steps = format!("{FINEST_M} to {FARTHEST_M}");
+        let steps = format!("0, or {FINEST_M} to {FARTHEST_M}");
         bounds.number("range.resolution_m", range.resolution_m, [0.0, FARTHEST_M], &steps)?;
         if range.resolution_m > 0.0 && range.resolution_m < FINEST_M {
             return Err(Error::invalid("range.resolution_m", range.resolution_m, steps));
@@ -510,31 +516,31 @@ impl Noise {
 
 impl Detection {
     fn check(&self, bounds: &mut Bounds) -> Result<()> {
-        let mut point = |name: &str, LimitPoint { reflectance, at_m }: LimitPoint, least_m: f64| {
-            bounds.within(format_args!("detection.{name}reflectance"), reflectance, 0.0, 1.0)?;
-            bounds.within(format_args!("detection.{name}at_m"), at_m, least_m, FARTHEST_M)
+        let mut point = |name: &str, LimitPoint { reflectance, at_m }: LimitPoint| {
+            bounds.within(format_args!("detection.{name}.reflectance"), reflectance, 0.0, 1.0)?;
+            bounds.within(format_args!("detection.{name}.at_m"), at_m, 0.0, FARTHEST_M)
         };
         match *self {
             Detection::None => Ok(()),
             Detection::RadarEquation { reflectance, at_m } => {
-                point("", LimitPoint { reflectance, at_m }, 1e-3)?;
-                bounds.number("detection.reflectance", reflectance, [ABOVE_ZERO, 1.0], "above 0, at most 1")
+                bounds.number("detection.reflectance", reflectance, [ABOVE_ZERO, 1.0], "above 0, at most 1")?;
+                bounds.within("detection.at_m", at_m, 1e-3, FARTHEST_M)
             }
             Detection::ReflectivityLimit { lower, upper } => {
-                point("lower.", lower, 0.0)?;
-                point("upper.", upper, 0.0)?;
+                point("lower", lower)?;
+                point("upper", upper)?;
                 bounds.rising(("detection.lower.at_m", lower.at_m), ("detection.upper.at_m", upper.at_m))
             }
             Detection::Table { ref points } => {
                 check_rows("detection.points", points.len())?;
                 for (index, &limit) in points.iter().enumerate() {
-                    point(&format!("points[{index}]."), limit, 0.0)?;
+                    point(&format!("points[{index}]"), limit)?;
                 }
                 rising_rows(bounds, "detection.points", points.iter().map(|point| point.at_m))
             }
             Detection::Statistical(Statistical { reflectance, at_m, probability, tnr, bandwidth_mhz, sunlight }) => {
-                point("", LimitPoint { reflectance, at_m }, 1e-3)?;
                 bounds.number("detection.reflectance", reflectance, [ABOVE_ZERO, 1.0], "above 0, at most 1")?;
+                bounds.within("detection.at_m", at_m, 1e-3, FARTHEST_M)?;
                 bounds.within("detection.probability", probability, 0.5, 0.999)?;
                 bounds.within("detection.tnr", tnr, 1.0, 100.0)?;
                 bounds.within("detection.bandwidth_mhz", bandwidth_mhz, 0.0, 1e5)?;
@@ -651,16 +657,19 @@ impl Sensor {
     ///
     /// # Errors
     /// As [`Sensor::preset`] and [`Sensor::load`].
-    pub fn open(name: &str) -> Result<Sensor> {
-        let path = Path::new(name);
+    pub fn open(name: impl AsRef<Path>) -> Result<Sensor> {
+        let path = name.as_ref();
         let is_yaml = path.extension().is_some_and(|ending| ending == "yaml" || ending == "yml");
-        if is_yaml || path.is_file() {
+        // What is no regular file is told, rather than that there is no such preset.
+        let is_file = fs::metadata(path).is_ok_and(|found| !found.is_dir());
+        if is_yaml || is_file {
             return Sensor::load(path);
         }
+        let name = shown::path(path);
         let mut presets = presets::sensors();
         match name.split_once('/') {
             Some((folder, preset)) if presets.any(|p| p.folder == folder && p.name == preset) => Sensor::preset(preset),
-            _ => Sensor::preset(name),
+            _ => Sensor::preset(&name),
         }
     }
 
@@ -700,7 +709,7 @@ impl Sensor {
 
     fn from_document(document: &Document, folder: &Path) -> Result<Sensor> {
         let mut spec = SensorSpec::read(document)?;
-        spec.pattern.resolve(folder);
+        spec.pattern.resolve(folder, None);
         let beams = spec.pattern.beams(0.0).map_err(|error| document.locate(error))?;
         Sensor::new(spec, folder.to_owned(), Arc::new(beams)).map_err(|error| document.locate(error))
     }
@@ -917,7 +926,7 @@ impl Sensor {
         yaml::set(&mut tree, key, value)?;
         let document = Document::from_value(yaml::assignment(key, value), tree);
         let mut spec = SensorSpec::read(&document)?;
-        spec.pattern.resolve(&self.folder);
+        spec.pattern.resolve(&self.folder, Some(&self.spec.pattern));
         let beams = if spec.pattern == self.spec.pattern {
             self.beams.clone()
         } else {
@@ -1109,7 +1118,7 @@ pattern:
             ),
             (
                 "detection:\n  model: radar_equation\n  reflectance: 2\n  at_m: 1",
-                "line 10: detection.reflectance: is 2; allowed: 0 to 1",
+                "line 10: detection.reflectance: is 2; allowed: above 0, at most 1",
             ),
             (
                 "detection:\n  model: radar_equation\n  reflectance: x\n  at_m: 1",
@@ -1605,7 +1614,7 @@ range: {max_m: 50}
             (
                 "range.resolution_m",
                 "1e-7",
-                "range.resolution_m=1e-7: range.resolution_m: is 0.0000001; allowed: 0.000001 to",
+                "range.resolution_m=1e-7: range.resolution_m: is 0.0000001; allowed: 0, or 0.000001 to",
             ),
             ("weather.rain", "1", "weather.rain=1: weather: unknown key \"weather\""),
             ("pattern.type", "raster", "pattern.type=raster: pattern: the key `azimuth` is missing"),
@@ -1642,6 +1651,30 @@ range: {max_m: 50}
                 for value in outside.into_iter().filter(|value| value.abs() < 1e300) {
                     let text = if number.is_u64() { format!("{value}") } else { format!("{value:e}") };
                     assert!(sensor.clone().set(&key, &text).is_err(), "{}: {key}={text}", preset.name);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_called_allowed_is() {
+        for preset in presets::sensors() {
+            let sensor = Sensor::preset(preset.name).unwrap();
+            let keys = yaml::numbers(&sensor.tree().unwrap());
+            // Other patterns take their time.
+            for key in keys.iter().filter(|key| !key.starts_with("pattern.")) {
+                let Parameter { min, max, .. } = sensor.parameter(key).unwrap();
+                for value in [min, max, 0.5 * (min + max), -1.0, 0.0, 1e-9, 1.0, 2000.0, 1e12, 1e300] {
+                    let Err(error) = sensor.clone().set(key, &format!("{value:e}")) else { continue };
+                    let error = error.to_string();
+                    let Some((_, allowed)) = error.split_once("; allowed: ") else { continue };
+                    // `1 to 5`, and `0, or 1 to 5`; others have words.
+                    let ranges = allowed.split(", or ").map(|range| range.split_once(" to ").unwrap_or((range, range)));
+                    let within = |(low, high): (&str, &str)| match (low.parse::<f64>(), high.parse::<f64>()) {
+                        (Ok(low), Ok(high)) => (low..=high).contains(&value),
+                        _ => false,
+                    };
+                    assert!(!ranges.into_iter().any(within), "{}: {error}", preset.name);
                 }
             }
         }
@@ -1799,7 +1832,7 @@ range: {max_m: 50}
         let cases = [
             ("azimuth_deg\n", "line 1: the column elevation_deg is missing"),
             ("azimuth_deg,elevation_deg,colour\n", "line 1: unknown column \"colour\"; allowed: azimuth_deg"),
-            ("azimuth_deg,elevation_deg,azimuth_deg\n", "line 1: has the column \"azimuth_deg\" twice"),
+            ("azimuth_deg,elevation_deg,azimuth_deg\n", "line 1: has two columns of one name"),
             ("azimuth_deg,elevation_deg\n", "has no beams"),
             ("", "is empty; expected a header"),
             ("azimuth_deg,elevation_deg\n0,0\n0,inf\n", "line 3: elevation_deg is \"inf\"; expected a finite number"),

@@ -5,18 +5,16 @@
 //! ([`Document::locate`]).
 
 use crate::error::{Error, Result, nearest};
+use crate::read::{self, Limit};
+use crate::shown;
 use serde::de::{self, DeserializeOwned, Deserializer, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Number, Value};
 use serde_saphyr::{Options, Spanned};
 use std::fmt;
-use std::fs::File;
-use std::io::Read;
 use std::marker::PhantomData;
 use std::path::Path;
 
-/// Longest file that is read, bytes.
-const MAX_BYTES: u64 = 16 << 20;
 /// Deepest nesting that is read.
 const MAX_DEPTH: usize = 64;
 
@@ -50,21 +48,17 @@ impl Document {
     /// # Errors
     /// A missing or too long file, a syntax error with its line.
     pub fn load(path: &Path) -> Result<Document> {
-        let mut bytes = Vec::new();
-        let file = File::open(path).map_err(|source| Error::io(path, source))?;
-        file.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(|source| Error::io(path, source))?;
-        if bytes.len() as u64 > MAX_BYTES {
-            return Err(Error::parse(path, "", format!("is longer than {} MiB, the most allowed", MAX_BYTES >> 20)));
-        }
+        let bytes = read::bytes(path, Limit::YAML)?;
         let text = String::from_utf8(bytes).map_err(|_| Error::parse(path, "", "is not UTF-8 text"))?;
-        Document::parse(&path.display().to_string(), &text)
+        Document::parse(&shown::path(path), &text)
     }
 
     /// Reads `text` that came from `origin` (a file name, or a word for messages).
     ///
     /// # Errors
-    /// A syntax error with its line.
+    /// A text that is too long, a syntax error with its line.
     pub fn parse(origin: &str, text: &str) -> Result<Document> {
+        Limit::YAML.check(origin, text.len() as u64)?;
         let tree: Spanned<Tree> = serde_saphyr::from_str_with_options(text, options()).map_err(|error| {
             let place = error.location().map_or(String::new(), |at| format!("line {}", at.line()));
             Error::Parse { origin: origin.to_owned(), place, message: plain_message(&error) }
@@ -135,10 +129,8 @@ impl Document {
             }
             let allowed = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
             message = format!("unknown {what} {found:?}{near}; allowed: {allowed}");
-        } else if let Some(missing) = message.strip_prefix("missing field ") {
-            message = format!("the key {missing} is missing");
-        } else if let Some((found, expected)) = message.rsplit_once(", expected ") {
-            message = format!("{found}, expected {}", plain_type(expected));
+        } else {
+            message = plain(&message);
         }
         self.error(&key, &message)
     }
@@ -147,10 +139,10 @@ impl Document {
     pub fn error(&self, key: &str, message: &str) -> Error {
         let place = match (self.line(key), key) {
             (Some(line), "") => format!("line {line}"),
-            (Some(line), _) => format!("line {line}: {}", cut(key)),
-            (None, _) => cut(key),
+            (Some(line), _) => format!("line {line}: {key}"),
+            (None, _) => key.to_owned(),
         };
-        Error::Parse { origin: self.origin.clone(), place, message: cut(message) }
+        Error::Parse { origin: self.origin.clone(), place, message: message.to_owned() }
     }
 
     /// Adds file and line to an [`Error::InvalidParameter`] whose name is a key of this document.
@@ -164,26 +156,28 @@ impl Document {
     }
 }
 
+/// What serde says is missing or of another type, in the words of users.
+pub fn plain(message: &str) -> String {
+    if let Some(missing) = message.strip_prefix("missing field ") {
+        return format!("the key {missing} is missing");
+    }
+    match message.rsplit_once(", expected ") {
+        Some((found, expected)) => format!("{found}, expected {}", plain_type(expected)),
+        None => message.to_owned(),
+    }
+}
+
 /// What a user calls a type.
 fn plain_type(expected: &str) -> &str {
     match expected {
         "f64" | "f32" => "a number",
         "u8" => "a whole number from 0 to 255",
         "u32" => "a whole number from 0 to 4294967295",
-        "u64" => "a whole number",
+        "u64" | "usize" | "i32" => "a whole number",
         "a sequence" => "a list",
         "a map" => "a section of keys",
         name if name.starts_with("struct ") => "a section of keys",
         other => other,
-    }
-}
-
-/// The beginning of a text that may be absurdly long.
-fn cut(text: &str) -> String {
-    const LONGEST: usize = 500;
-    match text.char_indices().nth(LONGEST) {
-        Some((end, _)) => format!("{}...", &text[..end]),
-        None => text.to_owned(),
     }
 }
 
@@ -253,16 +247,7 @@ const TAGS: [&str; 3] = ["type", "model", "shape"];
 
 /// `key=value` for messages, without what would make them too long to read.
 pub fn assignment(key: &str, value: &str) -> String {
-    format!("{}={}", shortened(key), shortened(value))
-}
-
-/// The beginning of a text, for messages.
-fn shortened(text: &str) -> String {
-    const LONGEST: usize = 100;
-    match text.char_indices().nth(LONGEST) {
-        Some((end, _)) => format!("{}...", &text[..end]),
-        None => text.to_owned(),
-    }
+    format!("{}={}", shown::name(key), shown::name(value))
 }
 
 /// Puts the YAML `text` at `path` (`noise.range_sigma_m`, `pattern.resolution[0]`) below `value`;
@@ -435,11 +420,35 @@ fn options() -> Options {
     }
 }
 
-/// What the YAML crate says, in one line, without the place (which we name ourselves).
+/// What the YAML crate says, in one line, without the place (which we name ourselves) and words that only its own users
+/// know.
 fn plain_message(error: &serde_saphyr::Error) -> String {
-    let text = error.without_snippet().to_string();
-    let line = text.lines().next().unwrap_or_default();
-    cut(line.rsplit_once(" at line ").map_or(line, |(message, _)| message))
+    use serde_saphyr::Error as Yaml;
+    use serde_saphyr::budget::BudgetBreach;
+    let too_deep = || format!("sections and lists are nested deeper than {MAX_DEPTH}, the most allowed");
+    match error.without_snippet() {
+        Yaml::AliasError { error, .. } => plain_message(error),
+        Yaml::Budget { breach: BudgetBreach::Depth { .. }, .. } => too_deep(),
+        Yaml::Budget { .. }
+        | Yaml::AliasReplayCounterOverflow { .. }
+        | Yaml::AliasReplayLimitExceeded { .. }
+        | Yaml::AliasExpansionLimitExceeded { .. }
+        | Yaml::AliasReplayStackDepthExceeded { .. } => {
+            "there are more values than are read, those that aliases repeat among them".into()
+        }
+        Yaml::DuplicateMappingKey { key: Some(key), .. } => format!("duplicate key {:?}", shown::name(key)),
+        Yaml::DuplicateMappingKey { key: None, .. } => "duplicate key".into(),
+        Yaml::MultipleDocuments { .. } => "a second document begins; allowed: one".into(),
+        Yaml::NonFiniteFloat { value, .. } => format!("{} is not a finite number", shown::name(value)),
+        other => {
+            let text = other.render_with_formatter(&serde_saphyr::UserMessageFormatter);
+            let line = text.lines().next().unwrap_or_default();
+            if line.starts_with("recursion limit") {
+                return too_deep();
+            }
+            line.rsplit_once(" at line ").map_or(line, |(message, _)| message).to_owned()
+        }
+    }
 }
 
 impl<'de> Deserialize<'de> for Tree {
@@ -579,8 +588,19 @@ fn scalar(text: &str) -> String {
         && !text.ends_with(' ')
         && text.chars().all(|c| c.is_ascii_alphanumeric() || "_-./() ;+".contains(c))
         && !words.contains(&text.to_ascii_lowercase().as_str());
-    // A JSON string is a YAML string.
-    if bare { text.to_owned() } else { Value::from(text).to_string() }
+    if bare {
+        return text.to_owned();
+    }
+    // A JSON string is a YAML string, and JSON escapes only some of what a terminal obeys.
+    let quoted = Value::from(text).to_string();
+    quoted.chars().fold(String::new(), |mut shown, c| {
+        if shown::is_unseen(c) {
+            shown.push_str(&format!("\\u{:04x}", u32::from(c)))
+        } else {
+            shown.push(c)
+        }
+        shown
+    })
 }
 
 #[cfg(test)]
@@ -610,7 +630,7 @@ mod tests {
     #[test]
     fn texts_made_to_exhaust_memory_are_refused() {
         let deep = "[".repeat(100_000);
-        let deep_blocks: String = (0..10_000).map(|i| format!("{}a:\n", " ".repeat(i))).collect();
+        let deep_blocks: String = (0..5_000).map(|i| format!("{}a:\n", " ".repeat(i))).collect();
         let doubling: String = (1..40).map(|i| format!("k{i}: &k{i} [*k{0}, *k{0}]\n", i - 1)).collect();
         let doubling = format!("k0: &k0 [x, x]\n{doubling}");
         let long = format!("a: &a {}\nb: [{}]\n", "x".repeat(1_000_000), "*a, ".repeat(40_000));
@@ -622,9 +642,23 @@ mod tests {
     }
 
     #[test]
-    fn a_file_is_read_up_to_a_limit() {
-        let error = Document::load(Path::new("/dev/zero")).err().unwrap().to_string();
-        assert_eq!(error, "/dev/zero: is longer than 16 MiB, the most allowed");
+    fn what_the_crate_says_is_put_plainly() {
+        for (text, expected) in [
+            ("a: 1\na: 2".to_owned(), "line 2: duplicate key \"a\""),
+            ("[".repeat(100), "line 1: sections and lists are nested deeper than 64, the most allowed"),
+            (format!("[{}]", "1,".repeat(300_000)), "line 1: there are more values than are read, those that"),
+            ("a: 1\n---\nb: 2".to_owned(), "line 3: a second document begins; allowed: one"),
+            ("a: .inf".to_owned(), "line 1: .inf is not a finite number"),
+        ] {
+            let error = value(&text).unwrap_err().to_string();
+            assert!(error.starts_with(&format!("text: {expected}")), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_text_is_read_up_to_a_limit() {
+        let error = value(&" ".repeat((16 << 20) + 1)).unwrap_err().to_string();
+        assert_eq!(error, "text: is longer than 16 MiB, the most allowed");
         assert!(Document::load(Path::new("no/such.yaml")).err().unwrap().to_string().starts_with("no/such.yaml: "));
     }
 
@@ -632,7 +666,7 @@ mod tests {
     fn written_text_reads_back_the_same() {
         let tree = json!({
             "plain": "two words", "number": "12", "word": "Yes", "empty": "", "colon": "a: b", "hash": "a #b", "dash": "- a",
-            "quote": "\"\\\n\t", "accent": "\u{e9}\u{1f600}", "a b": {"x": {}, "y": []}, "null": null, "true": true, "1": 1,
+            "quote": "\"\\\n\t", "accent": "\u{e9}\u{1f600}", "unseen": "\x1b[1m\u{7f}\u{9b}\u{202e}", "a b": {"x": {}, "y": []}, "null": null, "true": true, "1": 1,
             "small": 1e-9, "large": 1e300, "whole": 3.0, "tenth": 0.1, "int": u64::MAX,
             "long": (0..100).map(f64::from).collect::<Vec<_>>(),
             "section": {"first": "x".repeat(80), "second": "y".repeat(80), "deeper": {"list": vec!["word"; 40]}},
@@ -649,6 +683,7 @@ mod tests {
             assert!(equal, "{key}: {expected} is not {}\n{text}", back[key]);
         }
         assert_eq!(to_string(&back).unwrap(), text);
+        assert!(!text.contains(|c: char| c != '\n' && shown::is_unseen(c)), "{text}");
     }
 
     #[test]

@@ -72,8 +72,8 @@ int main(int argc, char **argv)
     for (int status = -100; status < 200; ++status)
         CHECK(strlen(echocast_status_string(status)) > 0);
 
-    /* Structures: sizes that make no sense, from the future, from the past. */
-    size_t sizes[] = {0, 1, 7, 4097, SIZE_MAX, SIZE_MAX / 2};
+    /* Structures: sizes that make no sense or cut a field, from the future, from the past. */
+    size_t sizes[] = {0, 1, 7, 9, 11, 4097, SIZE_MAX, SIZE_MAX / 2};
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; ++i) {
         echocast_context_desc wrong = ECHOCAST_CONTEXT_DESC_INIT;
         wrong.struct_size = sizes[i];
@@ -294,7 +294,6 @@ int main(int argc, char **argv)
     REFUSED(echocast_sensor_create(context, "kinect_v2", NULL));
     BAD_HANDLES(echocast_context, wrong, echocast_sensor_from_text(wrong == bad[6] ? NULL : wrong, SENSOR_YAML, NULL, (echocast_sensor **)&out));
     BAD_TEXTS(yaml, echocast_sensor_from_text(context, yaml, NULL, (echocast_sensor **)&out));
-    REFUSED(echocast_sensor_from_text(context, SENSOR_YAML, "\xff", (echocast_sensor **)&out));
     REFUSED(echocast_sensor_from_text(context, SENSOR_YAML, NULL, NULL));
     echocast_beam beam = {0, {1, 0, 0}, 0, 0, 0, {0, 0, 0, 0}};
     echocast_beams_desc beams = ECHOCAST_BEAMS_DESC_INIT;
@@ -321,7 +320,7 @@ int main(int argc, char **argv)
         case 5: wrong.period_ns = INT64_MIN; break;
         case 6: wrong.firing = 3; break;
         case 7: wrong.reserved = 1; break;
-        case 8: wrong.struct_size = 0; break;
+        case 8: wrong.struct_size = 12; /* half of the name's address */ break;
         default: wrong.beams = (echocast_beam *)((char *)somewhere + 1); break;
         }
         REFUSED(echocast_sensor_from_beams(context, &wrong, (echocast_sensor **)&out));
@@ -462,13 +461,20 @@ int main(int argc, char **argv)
     REFUSED(echocast_result_write(result, "", NULL));
     REFUSED(echocast_result_write(result, path, "\xff"));
     REFUSED(echocast_result_write(result, argv[1], "las"));
+    /* Names of files are bytes. */
+    char odd_path[600];
+    snprintf(odd_path, sizeof odd_path, "%s/odd\xff.csv", argv[1]);
+    OK(echocast_result_write(result, odd_path, NULL));
+    snprintf(odd_path, sizeof odd_path, "%s/no\xff.obj", argv[1]);
+    CHECK(echocast_scene_load(scene, odd_path, NULL) == ECHOCAST_E_IO);
+    CHECK(strstr(echocast_last_error(), "/no\\xff.obj: No such file") != NULL);
     BAD_HANDLES(echocast_result, wrong, echocast_result_preview(wrong, path, NULL));
-    BAD_TEXTS(name, echocast_result_preview(result, name, NULL));
+    REFUSED(echocast_result_preview(result, NULL, NULL));
     REFUSED(echocast_result_preview(result, path, "\xff"));
     REFUSED(echocast_result_preview(result, path, "{width: -1}"));
     echocast_frames *frames = NULL;
     BAD_HANDLES(echocast_context, wrong, echocast_frames_create(wrong == bad[6] ? NULL : wrong, path, &frames));
-    BAD_TEXTS(name, echocast_frames_create(context, name, &frames));
+    REFUSED(echocast_frames_create(context, NULL, &frames));
     REFUSED(echocast_frames_create(context, path, NULL));
     if (echocast_has_feature("hdf5"))
         OK(echocast_frames_create(context, path, &frames));

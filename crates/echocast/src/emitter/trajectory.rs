@@ -3,6 +3,7 @@
 use super::{Motion, Pose};
 use crate::csv::{Csv, Lines};
 use crate::error::{Error, Result};
+use crate::shown;
 use glam::{DQuat, DVec3};
 use std::path::Path;
 
@@ -45,14 +46,22 @@ impl Trajectory {
     /// # Errors
     /// A missing file, or the line and what is wrong with it.
     pub fn load(path: impl AsRef<Path>) -> Result<Self> {
-        let path = path.as_ref();
-        let mut lines = Lines::open(path)?;
+        Trajectory::read(Lines::open(path.as_ref())?)
+    }
+
+    /// [`Trajectory::load`] from the text of such a file.
+    ///
+    /// # Errors
+    /// The line and what is wrong with it.
+    pub fn from_text(text: &str) -> Result<Self> {
+        Trajectory::read(Lines::of("trajectory text", text.to_owned()))
+    }
+
+    fn read(mut lines: Lines) -> Result<Self> {
         if !lines.advance()? {
-            return Err(Error::parse(
-                path,
-                "",
-                "has no poses; expected TUM text (t x y z qx qy qz qw) or CSV with a header",
-            ));
+            return Err(
+                lines.error_at_all("has no poses; expected TUM text (t x y z qx qy qz qw) or CSV with a header")
+            );
         }
         let has_header = lines.text().starts_with(|c: char| c.is_alphabetic() || c == '"');
         if has_header && !lines.text().contains(',') {
@@ -60,9 +69,6 @@ impl Trajectory {
             return Err(lines.error(format!("has a header without commas; {expected}")));
         }
         let keys = if has_header { read_csv(Csv::with_header(lines)?)? } else { read_tum(lines)? };
-        if keys.is_empty() {
-            return Err(Error::parse(path, "", "has no poses below the header"));
-        }
         Ok(Trajectory { keys })
     }
 
@@ -137,7 +143,7 @@ fn read_tum(mut lines: Lines) -> Result<Vec<(f64, Pose)>> {
         let numbers: Vec<f64> = lines
             .text()
             .split_ascii_whitespace()
-            .map(|word| word.parse().map_err(|_| lines.error(format!("{word:?} is not a number"))))
+            .map(|word| word.parse().map_err(|_| lines.error(format!("{:?} is not a number", shown::name(word)))))
             .collect::<Result<_>>()?;
         let [time, x, y, z, qx, qy, qz, qw] = numbers[..] else {
             return Err(lines.error(format!("has {} numbers; expected 8: t x y z qx qy qz qw", numbers.len())));
@@ -174,6 +180,9 @@ fn read_csv(mut csv: Csv) -> Result<Vec<(f64, Pose)>> {
         };
         let before = keys.last().map(|key| key.0);
         keys.push((time, check_key(before, time, pose).map_err(|message| csv.error(message))?));
+    }
+    if keys.is_empty() {
+        return Err(csv.error_at_all("has no poses below the header"));
     }
     Ok(keys)
 }

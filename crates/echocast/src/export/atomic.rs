@@ -1,6 +1,7 @@
 //! Files that appear only when they are complete.
 
 use crate::error::{Error, Result};
+use crate::shown;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use tempfile::TempPath;
@@ -30,7 +31,7 @@ impl Pending {
         if fs::metadata(&target).is_ok_and(|what| !what.is_file()) {
             return Err(Error::invalid(
                 "output file",
-                target.display(),
+                shown::path(&target),
                 "the name of a file, not of a folder or device",
             ));
         }

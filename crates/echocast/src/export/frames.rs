@@ -1,15 +1,15 @@
 //! Frames of a sequence in one HDF5 file, written one by one.
 
 use super::atomic::Pending;
-use super::hdf5::{add_tables, describe};
+use super::hdf5::{add_tables, describe, io_error};
 use super::sensor_pose;
 use crate::cloud::{Column, FieldInfo, FieldSet, Frame, PointCloud};
 use crate::error::{Error, Result};
 use crate::scene::Labels;
+use crate::shown;
 use ::hdf5::types::VarLenArray;
 use ::hdf5::{Dataset, Extent, File, H5Type};
 use glam::DVec3;
-use std::io;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -127,7 +127,7 @@ impl FramesFile {
     /// A full disk, also when that made [`FramesFile::add`] fail before.
     pub fn finish(self) -> Result<()> {
         if self.broken {
-            let file = format!("frame {} of {}", self.frames, self.pending.target().display());
+            let file = format!("frame {} of {}", self.frames, shown::path(self.pending.target()));
             return Err(Error::invalid(file, "incomplete, because adding it failed", "a file of complete frames"));
         }
         let FramesFile { columns, poses, file, pending, .. } = self;
@@ -138,7 +138,7 @@ impl FramesFile {
 }
 
 fn hdf5_error(pending: &Pending, error: ::hdf5::Error) -> Error {
-    Error::io(pending.target(), io::Error::other(error))
+    Error::io(pending.target(), io_error(error))
 }
 
 fn create<T: H5Type + Copy>(file: &File, info: &FieldInfo) -> ::hdf5::Result<Dataset> {

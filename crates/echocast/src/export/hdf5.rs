@@ -39,7 +39,7 @@ impl Format for Hdf5 {
     }
 
     fn write(&self, cloud: &PointCloud, path: &Path, _: &mut Report) -> io::Result<()> {
-        self.write_file(cloud, path).map_err(io::Error::other)
+        self.write_file(cloud, path).map_err(io_error)
     }
 }
 
@@ -56,6 +56,19 @@ impl Hdf5 {
         }
         add_tables(&file, cloud)?;
         file.close()
+    }
+}
+
+/// What the system said where HDF5 tells its number; else HDF5's own words, without its pointers and times.
+pub(super) fn io_error(error: ::hdf5::Error) -> io::Error {
+    let text = error.to_string();
+    let number = text.split_once("errno = ").and_then(|(_, rest)| rest.split(|c: char| !c.is_ascii_digit()).next());
+    match number.and_then(|number| number.parse().ok()) {
+        Some(number) => io::Error::from_raw_os_error(number),
+        None => {
+            let words: Vec<&str> = text.split(": ").take_while(|words| !words.contains(" = ")).collect();
+            io::Error::other(words.join(": "))
+        }
     }
 }
 
@@ -118,4 +131,19 @@ pub(super) fn describe(dataset: &Location, unit: &str, meaning: &str) -> ::hdf5:
 /// HDF5 text ends at a zero, which therefore cannot stand in it.
 pub(super) fn text(name: &str) -> VarLenUnicode {
     name.replace('\0', "\u{fffd}").parse().expect("there is no zero in it")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_are_what_the_system_said() {
+        let told = |text: &str| io_error(::hdf5::Error::from(text)).to_string();
+        let full = "file write failed: time = Sun Nov 22 21:25:40 2026\n, filename = '/x/.echocast-1', file descriptor = 5, \
+                    errno = 28, error message = 'No space left on device', buf = 0x55d0c8a0, total write size = 2048";
+        assert!(told(full).starts_with("No space left on device"), "{}", told(full));
+        assert_eq!(told("unable to create file: name = 'x', fapl = 0x1"), "unable to create file");
+        assert_eq!(told("Invalid UTF-8 in file name: \"x\""), "Invalid UTF-8 in file name: \"x\"");
+    }
 }

@@ -21,6 +21,7 @@ use crate::cloud::{Field, FieldInfo, FieldSet, PointCloud};
 use crate::emitter::Pose;
 use crate::error::{Error, Result};
 use crate::report::Report;
+use crate::shown;
 pub(crate) use atomic::Pending;
 use std::path::{Path, PathBuf};
 use std::{fs, io};
@@ -77,7 +78,7 @@ pub fn format_for(path: &Path, name: Option<&str>) -> Result<&'static dyn Format
             .ok_or_else(|| Error::missing("output format", name, FORMATS.iter().map(|format| format.name())));
     }
     format_with(&ending).ok_or_else(|| Error::Unsupported {
-        what: format!("the ending of the output file {}", path.display()),
+        what: format!("the ending of the output file {}", shown::path(path)),
         instead: format!(
             "clouds are written as {}",
             FORMATS.iter().flat_map(|f| f.extensions()).map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ")

@@ -9,6 +9,7 @@ use crate::image::{Image, ImageKind, LAYERS};
 use crate::ping::{Ping, Pings, Sounding};
 use crate::report::Report;
 use crate::scene::{Labels, NameTable};
+use crate::shown;
 use crate::units::amplitude_from_db;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -44,7 +45,7 @@ fn check_ending(path: &Path, what: &str, endings: &[&str]) -> Result<()> {
     if !endings.contains(&&*ending) {
         let all: Vec<String> = endings.iter().map(|ending| format!(".{ending}")).collect();
         return Err(Error::Unsupported {
-            what: format!("the ending of the output file {}", path.display()),
+            what: format!("the ending of the output file {}", shown::path(path)),
             instead: format!("{what} are written as {}", all.join(", ")),
         });
     }
@@ -124,7 +125,7 @@ impl Arrays {
     fn create(pending: &Pending, named: &Path) -> io::Result<Arrays> {
         #[cfg(feature = "hdf5")]
         if ending(named) != "npz" {
-            return ::hdf5::File::create(pending.path()).map(Arrays::Hdf5).map_err(io::Error::other);
+            return ::hdf5::File::create(pending.path()).map(Arrays::Hdf5).map_err(super::hdf5::io_error);
         }
         debug_assert_eq!(ending(named), "npz");
         Archive::create(pending.path()).map(|file| Arrays::Npz(Box::new(file)))
@@ -137,7 +138,7 @@ impl Arrays {
             #[cfg(feature = "hdf5")]
             Arrays::Hdf5(file) => super::hdf5::add_column(file, about[0], shape, data)
                 .and_then(|dataset| super::hdf5::describe(&dataset, about[1], about[2]))
-                .map_err(io::Error::other),
+                .map_err(super::hdf5::io_error),
         }
     }
 
@@ -145,7 +146,9 @@ impl Arrays {
         match self {
             Arrays::Npz(file) => file.text(name, words),
             #[cfg(feature = "hdf5")]
-            Arrays::Hdf5(file) => super::hdf5::add_one(file, name, &super::hdf5::text(words)).map_err(io::Error::other),
+            Arrays::Hdf5(file) => {
+                super::hdf5::add_one(file, name, &super::hdf5::text(words)).map_err(super::hdf5::io_error)
+            }
         }
     }
 
@@ -153,7 +156,7 @@ impl Arrays {
         match self {
             Arrays::Npz(file) => file.names(labels, report),
             #[cfg(feature = "hdf5")]
-            Arrays::Hdf5(file) => super::hdf5::add_names(file, labels).map_err(io::Error::other),
+            Arrays::Hdf5(file) => super::hdf5::add_names(file, labels).map_err(super::hdf5::io_error),
         }
     }
 
@@ -161,7 +164,7 @@ impl Arrays {
         match self {
             Arrays::Npz(file) => file.finish(),
             #[cfg(feature = "hdf5")]
-            Arrays::Hdf5(file) => file.close().map_err(io::Error::other),
+            Arrays::Hdf5(file) => file.close().map_err(super::hdf5::io_error),
         }
     }
 }

@@ -37,20 +37,7 @@ impl Material {
                 fraction(format_args!("{key}[{index}]"), value)?;
             }
         }
-        match &self.reflectance {
-            None => {}
-            Some(Reflectance::Constant(value)) => fraction("reflectance", *value)?,
-            Some(Reflectance::Samples(samples)) => {
-                allow("reflectance", "an empty list", !samples.is_empty(), "a number, or one sample or more")?;
-                let mut above = 0.0;
-                for (index, sample) in samples.iter().enumerate() {
-                    let (wavelength, key) = (sample.wavelength_nm, format!("reflectance[{index}].wavelength_nm"));
-                    allow(key, wavelength, wavelength > above, format_args!("above {above}, in rising order"))?;
-                    above = wavelength;
-                    fraction(format_args!("reflectance[{index}].value"), sample.value)?;
-                }
-            }
-        }
+        self.reflectance.as_ref().map_or(Ok(()), |reflectance| reflectance.check("reflectance"))?;
         self.scattering.check(self.reflectance.as_ref())?;
         self.sound.as_ref().map_or(Ok(()), Sound::check)?;
         let fractions = [
@@ -72,6 +59,30 @@ impl Material {
         allow("group_index", group, (1.0..=10.0).contains(&group), "1 to 10")?;
         let k = self.extinction_index;
         allow("extinction_index", k, (0.0..=100.0).contains(&k), "0 to 100")
+    }
+}
+
+impl Reflectance {
+    /// Whether all values at the key `key` are within what is allowed.
+    pub(crate) fn check(&self, key: &str) -> Result<()> {
+        let samples = match self {
+            Reflectance::Constant(value) => return fraction(key, *value),
+            Reflectance::Samples(samples) => samples,
+        };
+        allow(key, "an empty list", !samples.is_empty(), "a number, or one sample or more")?;
+        let mut above = 0.0;
+        for (index, sample) in samples.iter().enumerate() {
+            let (wavelength, key_of) = (sample.wavelength_nm, |name| format!("{key}[{index}].{name}"));
+            allow(
+                key_of("wavelength_nm"),
+                wavelength,
+                wavelength > above,
+                format_args!("above {above}, in rising order"),
+            )?;
+            above = wavelength;
+            fraction(key_of("value"), sample.value)?;
+        }
+        Ok(())
     }
 }
 

@@ -147,6 +147,17 @@ impl LabelRules {
         Ok(rules)
     }
 
+    /// [`LabelRules::load`] from the text of such a file.
+    ///
+    /// # Errors
+    /// As there, but for the file.
+    pub fn from_yaml(text: &str) -> Result<Self> {
+        const ORIGIN: &str = "YAML text";
+        let rules: LabelRules = yaml::from_str(ORIGIN, text)?;
+        rules.check(Path::new(ORIGIN))?;
+        Ok(rules)
+    }
+
     /// Whether each number has one name; `path`: where the rules come from.
     pub(super) fn check(&self, path: &Path) -> Result<()> {
         let rules = self;

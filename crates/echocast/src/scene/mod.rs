@@ -24,13 +24,15 @@ pub use texture::{Filter, Texture, TextureRef, Wrap};
 use crate::error::{Error, Result};
 pub use crate::material::Material;
 use crate::report::Report;
+use crate::shown;
 use crate::trace::{BuiltScene, Engine, LiveScene};
 use crate::yaml;
 use glam::{DAffine3, DMat3, DVec3};
 use serde::Deserialize;
 use std::collections::{BTreeMap, HashMap, HashSet};
-use std::path::Path;
+use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
+use texture::TextureBudget;
 
 /// Largest magnitude of a coordinate that is taken, in files and in the world: well inside `f32`, so that no later
 /// step overflows.
@@ -57,16 +59,28 @@ pub struct LoadOptions {
     pub scale: f64,
     /// Names to numbers and patterns to names.
     pub labels: LabelRules,
+    /// Most memory that the images of all materials together may take, MiB: four bytes a pixel.
+    pub texture_limit_mib: u64,
+    /// Whether buffers, images and material files may lie outside the folder of the scene file that names them, or be
+    /// named by their whole path. A scene of somebody else's could else make any file its own that you may read.
+    pub allow_outside_paths: bool,
 }
 
 impl Default for LoadOptions {
     fn default() -> Self {
-        LoadOptions { up: UpAxis::Z, scale: 1.0, labels: LabelRules::default() }
+        LoadOptions {
+            up: UpAxis::Z,
+            scale: 1.0,
+            labels: LabelRules::default(),
+            texture_limit_mib: 1024,
+            allow_outside_paths: false,
+        }
     }
 }
 
 impl LoadOptions {
-    /// Reads options from YAML: `up` (`y` or `z`), `scale`, and `labels`, which holds what a label file does.
+    /// Reads options from YAML: the fields of this type, `up` as `y` or `z`, and `labels`, which holds what a label file
+    /// does.
     ///
     /// # Errors
     /// Line and key of what is wrong, with the nearest known key.
@@ -160,7 +174,9 @@ impl Scene {
         if paths.is_empty() {
             return Err(Error::invalid("scene files", "none", "at least one"));
         }
-        let scenes: Vec<Scene> = paths.iter().map(|path| read(path.as_ref(), options)).collect::<Result<_>>()?;
+        let mut images = TextureBudget::new(options.texture_limit_mib);
+        let scenes: Vec<Scene> =
+            paths.iter().map(|path| read(path.as_ref(), options, &mut images)).collect::<Result<_>>()?;
         Ok(Scene::merge(scenes, &options.labels).with_idle_rules(&options.labels))
     }
 
@@ -170,7 +186,8 @@ impl Scene {
     /// As [`Scene::load`]; messages say `glTF data` in place of the path. Also a URI that leads to a file.
     pub fn from_glb_bytes(bytes: &[u8], options: &LoadOptions) -> Result<Scene> {
         let origin = Path::new("glTF data");
-        let scene = gltf::read_bytes(bytes, origin, None, options)?.checked(origin)?;
+        let mut images = TextureBudget::new(options.texture_limit_mib);
+        let scene = gltf::read_bytes(bytes, origin, None, options, &mut images)?.checked(origin)?;
         Ok(scene.with_idle_rules(&options.labels))
     }
 
@@ -188,7 +205,7 @@ impl Scene {
         if !self.animations.is_empty() {
             let animations = count(self.animations.len(), "animation");
             self.report
-                .warn(format!("{}: {animations} not played: the scene stands still at time 0", origin.display()));
+                .warn(format!("{}: {animations} not played: the scene stands still at time 0", shown::path(origin)));
         }
         Ok(self)
     }
@@ -293,21 +310,52 @@ pub(crate) fn count(number: usize, what: &str) -> String {
 }
 
 /// Reads one scene file.
-fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
+fn read(path: &Path, options: &LoadOptions, images: &mut TextureBudget) -> Result<Scene> {
     let reader = FORMATS.iter().find(|format| format.reads(path)).ok_or_else(|| Error::Unsupported {
-        what: format!("{}: scene format", path.display()),
+        what: format!("{}: scene format", shown::path(path)),
         instead: format!(
             "scenes are read from {}",
             FORMATS.iter().flat_map(|f| f.extensions).map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ")
         ),
     })?;
-    (reader.read)(path, options)?.checked(path)
+    (reader.read)(path, options, images)?.checked(path)
+}
+
+/// `path` without its `..`, if it leads to a place in `folder`, as it is spelled: links are followed wherever they lead,
+/// for they are no words of the scene's.
+fn inside(folder: &Path, path: &Path) -> Option<PathBuf> {
+    let mut found = folder.to_owned();
+    let mut depth = 0;
+    for step in path.strip_prefix(folder).ok()?.components() {
+        match step {
+            Component::Normal(name) => {
+                found.push(name);
+                depth += 1;
+            }
+            Component::CurDir => {}
+            Component::ParentDir if depth > 0 => {
+                found.pop();
+                depth -= 1;
+            }
+            Component::ParentDir | Component::RootDir | Component::Prefix(_) => return None,
+        }
+    }
+    Some(found)
+}
+
+/// What is wrong with a path that a scene must not name.
+fn outside(name: &str) -> String {
+    format!(
+        "{:?} leads out of the folder of the scene; allowed: paths in it, or any with allow_outside_paths \
+         (--allow-outside-paths)",
+        shown::name(name)
+    )
 }
 
 /// The first names of a list, and how many more there are.
 fn some_of(names: &[String]) -> String {
     const SHOWN: usize = 5;
-    let shown = names[..names.len().min(SHOWN)].join(", ");
+    let shown = names[..names.len().min(SHOWN)].iter().map(|name| shown::name(name)).collect::<Vec<_>>().join(", ");
     match names.len().saturating_sub(SHOWN) {
         0 => shown,
         more => format!("{shown} and {more} more"),
@@ -413,7 +461,7 @@ pub struct SceneFormat {
     pub extensions: &'static [&'static str],
     /// One line for people.
     pub description: &'static str,
-    read: fn(&Path, &LoadOptions) -> Result<Scene>,
+    read: fn(&Path, &LoadOptions, &mut TextureBudget) -> Result<Scene>,
 }
 
 impl SceneFormat {

@@ -1,8 +1,8 @@
 //! Images on surfaces: decoding happens in the readers, sampling here.
 
 use crate::error::{Error, Result};
-use image::{ImageReader, Limits};
-use std::io::Cursor;
+use image::{ColorType, ImageDecoder as _, ImageError, ImageReader, Limits};
+use std::io::{Cursor, ErrorKind};
 use std::sync::{Arc, OnceLock};
 
 /// What lies beyond the edge of an image.
@@ -38,51 +38,117 @@ pub struct Texture {
     pub pixels: Vec<[u8; 4]>,
 }
 
-/// Bytes that the decoded images of one file may still take.
-pub(crate) struct TextureBudget(usize);
-
-impl TextureBudget {
-    /// More is a mistake or an attack.
-    const GIB: usize = 4;
+/// Bytes that the decoded images of one scene may still take.
+pub(crate) struct TextureBudget {
+    left: u64,
+    limit_mib: u64,
 }
 
-impl Default for TextureBudget {
-    fn default() -> Self {
-        TextureBudget(TextureBudget::GIB << 30)
+impl TextureBudget {
+    pub(super) fn new(limit_mib: u64) -> Self {
+        TextureBudget { left: limit_mib.saturating_mul(1 << 20), limit_mib }
     }
 }
 
 impl Texture {
-    /// Decodes a PNG or JPEG image of a file with `budget`; `origin` is where it comes from, for errors.
+    /// Decodes a PNG or JPEG image of a scene with `budget`; `origin` is where it comes from, for errors.
     ///
     /// # Errors
-    /// Another format, damaged data, more than 16384 pixels a side or 512 MiB of memory, no budget left.
+    /// Another format, damaged data, more than 16384 pixels a side; no budget left, or no memory.
     pub(crate) fn decode(bytes: &[u8], origin: &str, budget: &mut TextureBudget) -> Result<Texture> {
+        /// Most pixels of a row, and rows.
+        const LONGEST_SIDE: u32 = 16384;
+        /// For what else stands in the file: colour profiles, notes.
+        const ASIDE: u64 = 64 << 20;
         let error = |message: String| Error::Parse { origin: origin.to_owned(), place: String::new(), message };
+        let fault = |source: ImageError| error(format!("the image cannot be decoded: {}", reason(&source)));
         let mut reader = ImageReader::new(Cursor::new(bytes))
             .with_guessed_format()
-            .map_err(|source| error(format!("the image cannot be read: {source}")))?;
+            .map_err(|source| fault(ImageError::IoError(source)))?;
         if reader.format().is_none() {
             return Err(error("the image is neither PNG nor JPEG".to_owned()));
         }
-        let mut limits = Limits::default();
-        (limits.max_image_width, limits.max_image_height) = (Some(16384), Some(16384));
-        limits.max_alloc = Some(512 << 20);
+        let mut limits = Limits::no_limits();
+        limits.max_alloc = Some(budget.left.saturating_add(ASIDE));
         reader.limits(limits);
-        let image = reader.decode().map_err(|source| error(format!("the image cannot be decoded: {source}")))?;
-        let image = image.into_rgba8();
-        let (width, height) = image.dimensions();
+        // Now the header is known, and nothing is decoded.
+        let decoder = reader.into_decoder().map_err(fault)?;
+        let (width, height) = decoder.dimensions();
         if width == 0 || height == 0 {
             return Err(error("the image has no pixel".to_owned()));
         }
-        let size = image.as_raw().len();
-        let Some(left) = budget.0.checked_sub(size) else {
-            return Err(error(format!("the images of the file take more than {} GiB decoded", TextureBudget::GIB)));
-        };
-        budget.0 = left;
+        if width.max(height) > LONGEST_SIDE {
+            return Err(error(format!("the image has {width} x {height} pixels; allowed: {LONGEST_SIDE} a side")));
+        }
+        let (color, stored) = (decoder.color_type(), decoder.total_bytes());
+        let size = 4 * u64::from(width) * u64::from(height);
+        // What the decoder writes becomes pixels where it lies: there is no second copy.
+        let room = stored.max(size);
+        if room > budget.left {
+            return Err(error(format!(
+                "the images of the scene take more than {} MiB decoded; allowed: what texture_limit_mib (--texture-limit) \
+                 says",
+                budget.limit_mib
+            )));
+        }
+        let no_memory = || Error::Memory(format!("{room} bytes of the image {origin}"));
+        let mut bytes = Vec::new();
+        bytes.try_reserve_exact(usize::try_from(room).map_err(|_| no_memory())?).map_err(|_| no_memory())?;
+        bytes.resize(room as usize, 0);
+        decoder.read_image(&mut bytes[..stored as usize]).map_err(fault)?;
+        match color {
+            ColorType::L8 => to_rgba(&mut bytes, size, |[l]| [l, l, l, 255]),
+            ColorType::La8 => to_rgba(&mut bytes, size, |[l, a]| [l, l, l, a]),
+            ColorType::Rgb8 => to_rgba(&mut bytes, size, |[r, g, b]| [r, g, b, 255]),
+            ColorType::Rgba8 => {}
+            ColorType::L16 => to_rgba(&mut bytes, size, |[l, m]| {
+                let l = rounded([l, m]);
+                [l, l, l, 255]
+            }),
+            ColorType::La16 => to_rgba(&mut bytes, size, |[l, m, a, b]| {
+                let l = rounded([l, m]);
+                [l, l, l, rounded([a, b])]
+            }),
+            ColorType::Rgb16 => {
+                to_rgba(&mut bytes, size, |[r, s, g, h, b, c]| [rounded([r, s]), rounded([g, h]), rounded([b, c]), 255])
+            }
+            ColorType::Rgba16 => to_rgba(&mut bytes, size, |[r, s, g, h, b, c, a, d]| {
+                [rounded([r, s]), rounded([g, h]), rounded([b, c]), rounded([a, d])]
+            }),
+            _ => return Err(error("the image has colours of another kind than 8 or 16 bits".to_owned())),
+        }
+        bytes.truncate(size as usize);
+        bytes.shrink_to_fit();
+        budget.left -= size;
         // No copy, unless the bytes have room for a broken pixel behind them.
-        let pixels = bytemuck::allocation::try_cast_vec(image.into_raw());
+        let pixels = bytemuck::allocation::try_cast_vec(bytes);
         Ok(Texture { width, height, pixels: pixels.unwrap_or_else(|(_, bytes)| bytemuck::cast_slice(&bytes).to_vec()) })
+    }
+}
+
+/// Turns pixels of `N` bytes each into the `size` bytes of RGBA, in place.
+fn to_rgba<const N: usize>(bytes: &mut [u8], size: u64, rgba: impl Fn([u8; N]) -> [u8; 4]) {
+    let mut turn = |pixel: usize| {
+        let from = std::array::from_fn(|i| bytes[N * pixel + i]);
+        bytes[4 * pixel..][..4].copy_from_slice(&rgba(from));
+    };
+    let pixels = 0..size as usize / 4;
+    // None is overwritten before it is read.
+    if N < 4 { pixels.rev().for_each(&mut turn) } else { pixels.for_each(&mut turn) }
+}
+
+/// Sixteen bits as eight.
+fn rounded(bits: [u8; 2]) -> u8 {
+    ((u32::from(u16::from_ne_bytes(bits)) + 128) / 257) as u8
+}
+
+/// Why an image cannot be decoded, without the words of who decodes it.
+fn reason(error: &ImageError) -> &'static str {
+    match error {
+        ImageError::Limits(_) => "it needs too much memory",
+        ImageError::Unsupported(_) => "it is of a kind that is not supported",
+        ImageError::IoError(source) if source.kind() == ErrorKind::UnexpectedEof => "it is cut off",
+        _ => "it is damaged",
     }
 }
 
@@ -233,16 +299,73 @@ mod tests {
         assert_eq!(clamped.sample([3e38, 0.5]), [1.0, 1.0, 1.0, 0.0]);
     }
 
+    fn png(width: u32, height: u32, color: png::ColorType, depth: png::BitDepth, data: &[u8]) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, width, height);
+        encoder.set_color(color);
+        encoder.set_depth(depth);
+        encoder.write_header().unwrap().write_image_data(data).unwrap();
+        bytes
+    }
+
     #[test]
     fn images_share_one_budget() {
-        let mut png = Cursor::new(Vec::new());
-        let image = image::RgbImage::from_raw(2, 1, vec![1, 2, 3, 4, 5, 6]).unwrap();
-        image.write_to(&mut png, image::ImageFormat::Png).unwrap();
-        let mut budget = TextureBudget(15);
-        let mut decode = || Texture::decode(png.get_ref(), "wood.png", &mut budget);
-        assert_eq!(decode().unwrap().pixels, [[1, 2, 3, 255], [4, 5, 6, 255]]);
+        let rgb = png(512, 256, png::ColorType::Rgb, png::BitDepth::Eight, &[7; 512 * 256 * 3]);
+        let mut budget = TextureBudget::new(1);
+        let mut decode = || Texture::decode(&rgb, "wood.png", &mut budget);
+        assert_eq!(decode().unwrap().pixels, vec![[7, 7, 7, 255]; 512 * 256]);
+        decode().unwrap();
         let error = decode().unwrap_err().to_string();
-        assert_eq!(error, "wood.png: the images of the file take more than 4 GiB decoded");
+        let expected =
+            "wood.png: the images of the scene take more than 1 MiB decoded; allowed: what texture_limit_mib";
+        assert!(error.starts_with(expected), "{error}");
+    }
+
+    /// The bytes of a PNG whose header says `width` x `height`, with nothing behind it.
+    fn header(width: u32, height: u32) -> Vec<u8> {
+        let mut bytes = png(1, 1, png::ColorType::Grayscale, png::BitDepth::Eight, &[0]);
+        bytes[16..20].copy_from_slice(&width.to_be_bytes());
+        bytes[20..24].copy_from_slice(&height.to_be_bytes());
+        // The check sum of kind and content of the first chunk (PNG, annex D).
+        let crc = !bytes[12..29].iter().fold(u32::MAX, |crc, &byte| {
+            (0..8).fold(crc ^ u32::from(byte), |crc, _| crc >> 1 ^ (0xedb8_8320 & (crc & 1).wrapping_neg()))
+        });
+        bytes[29..33].copy_from_slice(&crc.to_be_bytes());
+        bytes
+    }
+
+    #[test]
+    fn huge_images_are_refused_by_their_header() {
+        let error = |bytes: &[u8]| Texture::decode(bytes, "a", &mut TextureBudget::new(1024)).unwrap_err().to_string();
+        let found = error(&header(60_000, 60_000));
+        assert_eq!(found, "a: the image has 60000 x 60000 pixels; allowed: 16384 a side");
+        assert!(error(&header(16_384, 16_385)).contains("16384 x 16385"));
+        // Just what there is room for, so that it is the missing data that is told.
+        assert_eq!(error(&header(16_384, 16_384)), "a: the image cannot be decoded: it is damaged");
+        let error = Texture::decode(&header(16_384, 16_384), "a", &mut TextureBudget::new(1023)).unwrap_err();
+        assert!(error.to_string().contains("more than 1023 MiB"), "{error}");
+    }
+
+    #[test]
+    fn pixels_are_those_of_the_decoder_whatever_the_colours() {
+        use png::{BitDepth, ColorType};
+        for (color, channels) in
+            [(ColorType::Grayscale, 1), (ColorType::GrayscaleAlpha, 2), (ColorType::Rgb, 3), (ColorType::Rgba, 4)]
+        {
+            for (depth, bytes) in [(BitDepth::Eight, 1), (BitDepth::Sixteen, 2)] {
+                let data: Vec<u8> = (0..31 * 17 * channels * bytes).map(|i| (i * 167 % 256) as u8).collect();
+                let file = png(31, 17, color, depth, &data);
+                let expected = image::load_from_memory(&file).unwrap().into_rgba8();
+                let found = Texture::decode(&file, "a", &mut TextureBudget::new(1)).unwrap();
+                assert_eq!(found.pixels.as_flattened(), expected.as_raw(), "{color:?} {depth:?}");
+            }
+        }
+        let mut file = Cursor::new(Vec::new());
+        let image = image::RgbImage::from_fn(19, 11, |x, y| image::Rgb([x as u8 * 9, y as u8 * 11, 99]));
+        image.write_to(&mut file, image::ImageFormat::Jpeg).unwrap();
+        let expected = image::load_from_memory(file.get_ref()).unwrap().into_rgba8();
+        let found = Texture::decode(file.get_ref(), "a", &mut TextureBudget::new(1)).unwrap();
+        assert_eq!(found.pixels.as_flattened(), expected.as_raw());
     }
 
     #[test]

@@ -98,8 +98,12 @@ impl Pattern {
         }
     }
 
-    /// Makes file names absolute, relative ones from `folder`: then the pattern means the same everywhere.
-    pub(crate) fn resolve(&mut self, folder: &Path) {
+    /// Makes file names absolute, relative ones from `folder`: then the pattern means the same everywhere. Those of the
+    /// pattern `before` that this one was made from stay, whatever they look like written.
+    pub(crate) fn resolve(&mut self, folder: &Path, before: Option<&Pattern>) {
+        if let (Pattern::Table(table), Some(Pattern::Table(before))) = (&mut *self, before) {
+            table.keep_file(before);
+        }
         if let Pattern::Table(Table { file, .. }) = self {
             let path = folder.join(&*file);
             *file = std::path::absolute(&path).unwrap_or(path);

@@ -5,24 +5,40 @@ use crate::bounds::Bounds;
 use crate::csv::Csv;
 use crate::emitter::beams::{MAX_BEAMS, direction};
 use crate::emitter::{BeamTable, FiringOrder};
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::shown;
 use crate::units::seconds_from_us;
-use serde::{Deserialize, Serialize};
-use std::path::PathBuf;
+use serde::{Deserialize, Serialize, Serializer};
+use std::path::{Path, PathBuf};
 
 /// Beams listed in a CSV file with the header `azimuth_deg,elevation_deg` and optionally
 /// `time_us,channel,range_min_m,range_max_m`, in any order; a row for each beam.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Table {
-    /// The file; a relative name starts at the folder of the sensor file.
+    /// The file; a relative name starts at the folder of the sensor file. A name that is not UTF-8 is written escaped.
+    #[serde(serialize_with = "escaped")]
     pub file: PathBuf,
     /// Scans per second, above 0; 10 when not given.
     #[serde(default = "super::ten")]
     pub rate_hz: f64,
 }
 
+fn escaped<S: Serializer>(file: &Path, serializer: S) -> Result<S::Ok, S::Error> {
+    match file.to_str() {
+        Some(name) => serializer.serialize_str(name),
+        None => serializer.serialize_str(&shown::path(file)),
+    }
+}
+
 impl Table {
+    /// Keeps the file of `before` where this one was written from it.
+    pub(super) fn keep_file(&mut self, before: &Table) {
+        if self.file == Path::new(&shown::path(&before.file)) {
+            self.file.clone_from(&before.file);
+        }
+    }
+
     pub(super) fn check(&self, bounds: &mut Bounds) -> Result<()> {
         check_above_zero(bounds, "pattern.rate_hz", self.rate_hz)
     }
@@ -70,7 +86,7 @@ impl Table {
             }
         }
         if table.is_empty() {
-            return Err(Error::parse(&self.file, "", "has no beams; expected a row for each below the header"));
+            return Err(csv.error_at_all("has no beams; expected a row for each below the header"));
         }
         table.columns = table.len() as u32;
         Ok(table)

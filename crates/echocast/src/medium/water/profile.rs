@@ -2,6 +2,7 @@
 
 use crate::csv::Csv;
 use crate::error::{Error, Result};
+use crate::shown;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -208,7 +209,7 @@ impl SoundSpeedProfile {
 /// That the rows of `file` are not known.
 pub(super) fn unread(key: &str, file: &Path) -> Error {
     let allowed = "a file whose rows are known, as after Environment::load or Environment::from_yaml";
-    Error::invalid(format!("{key}.file"), file.display(), allowed)
+    Error::invalid(format!("{key}.file"), shown::path(file), allowed)
 }
 
 fn read(path: &Path, allow_unphysical: bool) -> Result<SoundSpeedProfile> {

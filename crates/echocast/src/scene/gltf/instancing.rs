@@ -1,6 +1,7 @@
 //! `EXT_mesh_gpu_instancing`: one node, its mesh placed many times.
 
 use super::accessor::Accessors;
+use crate::yaml;
 use glam::{DAffine3, DQuat, DVec3};
 use gltf::json::{Index, Node};
 use serde::Deserialize;
@@ -26,7 +27,8 @@ struct Attributes {
 /// Placements of the node's mesh in the frame of the node, `None` for a node without the extension.
 pub(super) fn node_from_instances(accessors: &Accessors<'_>, node: &Node) -> Result<Option<Vec<DAffine3>>, String> {
     let Some(value) = node.extensions.as_ref().and_then(|all| all.others.get(EXTENSION)) else { return Ok(None) };
-    let Extension { attributes } = Deserialize::deserialize(value).map_err(|error| format!("{EXTENSION}: {error}"))?;
+    let Extension { attributes } = Deserialize::deserialize(value)
+        .map_err(|error: serde_json::Error| format!("{EXTENSION}: {}", yaml::plain(&error.to_string())))?;
     let all = [attributes.translation, attributes.rotation, attributes.scale];
     let mut count = None;
     for index in all.into_iter().flatten() {

@@ -1,12 +1,13 @@
 //! Materials: what glTF, its extensions and custom properties say, as echocast keeps it.
 
 use super::accessor::Accessors;
-use super::{Document, Notes, extras, place, uri};
+use super::{Document, Notes, extras, place};
 use crate::error::Result;
 use crate::material::{Alpha, Material, Reflectance, Sound};
+use crate::read::Limit;
 use crate::scene::texture::TextureBudget;
 use crate::scene::{Filter, Texture, TextureRef, Wrap};
-use crate::yaml;
+use crate::{shown, yaml};
 use gltf::json;
 use gltf::json::material::AlphaMode;
 use gltf::json::texture::{Info, MagFilter, WrappingMode};
@@ -28,7 +29,12 @@ pub(super) struct Materials<'a> {
 }
 
 impl<'a> Materials<'a> {
-    pub fn read(document: &'a Document<'a>, accessors: &'a Accessors<'a>, notes: &mut Notes) -> Result<Self> {
+    pub fn read(
+        document: &'a Document<'a>,
+        accessors: &'a Accessors<'a>,
+        budget: &'a mut TextureBudget,
+        notes: &mut Notes,
+    ) -> Result<Self> {
         let mut list = Vec::new();
         for (index, source) in document.json.materials.iter().enumerate() {
             let here = || place("material", index, source.name.as_deref());
@@ -37,7 +43,6 @@ impl<'a> Materials<'a> {
             let material = surface(source, name, &mut factors).map_err(|message| document.error(here(), message))?;
             list.push(Arc::new(material));
         }
-        let budget = TextureBudget::default();
         let images = Images { document, accessors, by_image: HashMap::new(), budget };
         Ok(Materials { list, images, sets: HashMap::new(), tinted: HashMap::new() })
     }
@@ -130,8 +135,9 @@ fn surface(source: &json::Material, name: String, factors: &mut Factors<'_>) -> 
     let property = |key: &str| extras::get(&source.extras, key);
     let zero_to_one = |v: f64| (0.0..=1.0).contains(&v);
     if let Some(value) = property("reflectance") {
-        let value = number("extras.reflectance", &value, "a number from 0 to 1", zero_to_one)?;
-        material.reflectance = Some(Reflectance::Constant(value));
+        let reflectance: Reflectance = section("extras.reflectance", value)?;
+        reflectance.check("extras.reflectance").map_err(|error| error.to_string())?;
+        material.reflectance = Some(reflectance);
     } else if let Some(value) = property("blainder_rgba") {
         let fourth = value.get(3).unwrap_or(&Value::Null);
         let value = number("extras.blainder_rgba[3]", fourth, "a number from 0 to 1", zero_to_one)?;
@@ -214,7 +220,7 @@ struct Images<'a> {
     accessors: &'a Accessors<'a>,
     /// Decoded, by index of the image.
     by_image: HashMap<usize, Arc<Texture>>,
-    budget: TextureBudget,
+    budget: &'a mut TextureBudget,
 }
 
 impl Images<'_> {
@@ -276,14 +282,14 @@ impl Images<'_> {
         let loaded;
         let bytes = match (&image.uri, image.buffer_view) {
             (Some(uri), _) => {
-                loaded = uri::load(uri, document.folder).map_err(fault)?;
+                loaded = document.files.load(uri, Limit::IMAGE).map_err(fault)?;
                 &loaded
             }
             (None, Some(view)) => self.accessors.view(view).map_err(|message| fault(format!("it {message}")))?,
             (None, None) => return Err(fault("it has neither uri nor bufferView".into())),
         };
-        let origin = format!("{}: {here}", document.origin.display());
-        let texture = Arc::new(Texture::decode(bytes, &origin, &mut self.budget)?);
+        let origin = format!("{}: {here}", shown::path(document.origin));
+        let texture = Arc::new(Texture::decode(bytes, &origin, self.budget)?);
         self.by_image.insert(index, texture.clone());
         Ok(texture)
     }

@@ -14,10 +14,13 @@ mod primitive;
 mod tests;
 mod uri;
 
+use super::texture::TextureBudget;
 use super::{Camera, LoadOptions, RawObject, Scene, cofactors, count};
 use crate::emitter::Pose;
 use crate::error::{Error, Result};
+use crate::read::{self, Limit};
 use crate::report::Report;
+use crate::{shown, yaml};
 use accessor::Accessors;
 use glam::{DAffine3, DMat3};
 use gltf::json::Root;
@@ -28,6 +31,7 @@ use primitive::Meshes;
 use serde::Deserialize;
 use std::collections::HashMap;
 use std::path::Path;
+use uri::Files;
 
 /// Extensions that a file may require. Those of materials are accepted by their prefix: they say how
 /// light is shaded, and what echocast knows of them is read.
@@ -36,22 +40,29 @@ const EXTENSIONS: &[&str] =
 const MATERIAL_EXTENSIONS: &str = "KHR_materials_";
 
 /// Reads a `.glb` or `.gltf` file.
-pub(super) fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
-    let bytes = std::fs::read(path).map_err(|source| Error::io(path, source))?;
+pub(super) fn read(path: &Path, options: &LoadOptions, images: &mut TextureBudget) -> Result<Scene> {
+    let bytes = read::bytes(path, Limit::SCENE)?;
     // The parent of a bare file name is the empty path, which joins as the working folder.
-    read_bytes(&bytes, path, path.parent(), options)
+    read_bytes(&bytes, path, path.parent(), options, images)
 }
 
 /// Reads the bytes of a file; `folder` is where its URIs lead, `None`: nowhere.
-pub(super) fn read_bytes(bytes: &[u8], origin: &Path, folder: Option<&Path>, options: &LoadOptions) -> Result<Scene> {
+pub(super) fn read_bytes(
+    bytes: &[u8],
+    origin: &Path,
+    folder: Option<&Path>,
+    options: &LoadOptions,
+    images: &mut TextureBudget,
+) -> Result<Scene> {
     let container = container::split(bytes).map_err(|message| Error::parse(origin, "", message))?;
-    let document = Document::parse(container.json, origin, folder)?;
+    let files = Files { folder, allow_outside: options.allow_outside_paths };
+    let document = Document::parse(container.json, origin, files)?;
     let external = external_buffers(&document)?;
     let buffers = buffers(&document, container.bin, &external)?;
     let accessors = Accessors::new(&document.json, &buffers, container.json.len());
 
     let mut notes = Notes::default();
-    let materials = Materials::read(&document, &accessors, &mut notes)?;
+    let materials = Materials::read(&document, &accessors, images, &mut notes)?;
     let mut meshes = Meshes {
         document: &document,
         accessors: &accessors,
@@ -72,7 +83,7 @@ pub(super) fn read_bytes(bytes: &[u8], origin: &Path, folder: Option<&Path>, opt
     notes.tell(origin, &mut report);
     if degenerate_triangles > 0 {
         let triangles = count(degenerate_triangles, "triangle");
-        report.warn(format!("{}: {triangles} without area left out", origin.display()));
+        report.warn(format!("{}: {triangles} without area left out", shown::path(origin)));
     }
     let animations = document.json.animations.iter().enumerate();
     let scene = Scene {
@@ -146,8 +157,8 @@ fn camera_of(placed: &Placed<'_>, document: &Document<'_>) -> Result<Option<Came
 struct Document<'a> {
     /// Path, or a word for data in memory; for messages.
     origin: &'a Path,
-    /// Where relative URIs lead.
-    folder: Option<&'a Path>,
+    /// Where URIs lead.
+    files: Files<'a>,
     json: Root,
     /// Of every node of `json`.
     transforms: Vec<Transform>,
@@ -169,8 +180,13 @@ struct Asset {
 }
 
 impl<'a> Document<'a> {
-    fn parse(json: &[u8], origin: &'a Path, folder: Option<&'a Path>) -> Result<Self> {
-        let broken = |error: serde_json::Error| Error::parse(origin, "", format!("not a glTF file: {error}"));
+    fn parse(json: &[u8], origin: &'a Path, files: Files<'a>) -> Result<Self> {
+        let broken = |error: serde_json::Error| {
+            let said = error.to_string();
+            let message = said.rsplit_once(" at line ").map_or(said.as_str(), |(message, _)| message);
+            let place = format!("line {} column {}", error.line(), error.column());
+            Error::parse(origin, place, format!("not a glTF file: {}", yaml::plain(message)))
+        };
         let header: Header<'_> = serde_json::from_slice(json).map_err(broken)?;
         if header.asset.version.split('.').next() != Some("2") {
             return Err(Error::parse(origin, "asset", format!("glTF version {}; allowed: 2.0", header.asset.version)));
@@ -178,7 +194,7 @@ impl<'a> Document<'a> {
         let supported = |name: &str| EXTENSIONS.contains(&name) || name.starts_with(MATERIAL_EXTENSIONS);
         if let Some(name) = header.extensions_required.iter().find(|name| !supported(name)) {
             return Err(Error::Unsupported {
-                what: format!("{}: the extension {name}, which the file requires,", origin.display()),
+                what: format!("{}: the extension {}, which the file requires,", shown::path(origin), shown::name(name)),
                 instead: "convert the file with another tool first (gltf-transform can decompress Draco and meshopt)"
                     .into(),
             });
@@ -188,7 +204,7 @@ impl<'a> Document<'a> {
             None => Vec::new(),
         };
         let json = serde_json::from_slice(json).map_err(broken)?;
-        Ok(Document { origin, folder, json, transforms })
+        Ok(Document { origin, files, json, transforms })
     }
 
     fn error(&self, place: impl Into<String>, message: impl Into<String>) -> Error {
@@ -202,7 +218,7 @@ impl<'a> Document<'a> {
 
 /// `mesh 3 "Chair"`.
 fn place(kind: &str, index: usize, name: Option<&str>) -> String {
-    name.map_or_else(|| format!("{kind} {index}"), |name| format!("{kind} {index} {name:?}"))
+    name.map_or_else(|| format!("{kind} {index}"), |name| format!("{kind} {index} {:?}", shown::name(name)))
 }
 
 /// Contents of the buffers that lie in files of their own or in data URIs, each URI once.
@@ -210,7 +226,9 @@ fn external_buffers<'a>(document: &'a Document<'_>) -> Result<HashMap<&'a str, V
     let mut contents = HashMap::new();
     for (index, buffer) in document.json.buffers.iter().enumerate() {
         let Some(uri) = buffer.uri.as_deref().filter(|uri| !contents.contains_key(uri)) else { continue };
-        let loaded = uri::load(uri, document.folder)
+        let loaded = document
+            .files
+            .load(uri, Limit::SCENE)
             .map_err(|message| document.error(place("buffer", index, buffer.name.as_deref()), message))?;
         contents.insert(uri, loaded);
     }
@@ -263,7 +281,7 @@ impl Notes {
     fn tell(self, origin: &Path, report: &mut Report) {
         for Note { what, count, first } in self.0 {
             let more = if count > 1 { format!(" and {} more", count - 1) } else { String::new() };
-            report.warn(format!("{}: {what}: {first}{more}", origin.display()));
+            report.warn(format!("{}: {what}: {first}{more}", shown::path(origin)));
         }
     }
 }

@@ -1,6 +1,7 @@
 use super::read_bytes;
 use crate::error::Result;
 use crate::material::{Alpha, Reflectance, Scattering, Sound};
+use crate::scene::texture::TextureBudget;
 use crate::scene::{Filter, LabelRules, LoadOptions, Scene, Wrap};
 use glam::{DAffine3, DQuat, DVec3};
 use serde_json::{Value, json};
@@ -95,12 +96,19 @@ impl File {
     }
 
     fn load(&self) -> Result<Scene> {
-        read_bytes(&self.bytes(), Path::new("street.glb"), None, &LoadOptions::default())
+        load(&self.bytes())
     }
 
     fn error(&self) -> String {
         self.load().expect_err("the file is bad").to_string()
     }
+}
+
+/// Reads the bytes of a file without a folder.
+fn load(bytes: &[u8]) -> Result<Scene> {
+    let options = LoadOptions::default();
+    let images = &mut TextureBudget::new(options.texture_limit_mib);
+    read_bytes(bytes, Path::new("street.glb"), None, &options, images)
 }
 
 fn push(array: &mut Value, value: Value) -> usize {
@@ -609,6 +617,11 @@ fn materials_are_read_with_their_extensions() {
             "scattering": {"model": "oren_nayar", "slope_sigma_deg": 17}, "dirt": 0.02,
             "sound": {"law": "target", "strength_db": -30}},
     }));
+    let samples = json!([{"wavelength_nm": 905, "value": 0.75}, {"wavelength_nm": 1550, "value": 0.25}]);
+    let mut sampled = File::triangle();
+    sampled.material(json!({"extras": {"reflectance": samples}}));
+    let sampled = sampled.load().unwrap().materials[0].reflectance.clone().unwrap();
+    assert_eq!([905.0, 1550.0].map(|nm| sampled.at(nm)), [0.75, 0.25]);
     let scene = file.load().unwrap();
     let m = scene.meshes()[0].parts[0].material.as_ref().unwrap();
     assert_eq!((m.name.as_str(), m.base_color, m.metallic, m.roughness), ("glass", [0.1, 0.2, 0.3, 0.4], 0.25, 0.5));
@@ -668,11 +681,23 @@ fn material_values_out_of_range_are_errors() {
     for (material, message) in [
         (
             json!({"name": "x", "extras": {"reflectance": 1.5}}),
-            "street.glb: material 0 \"x\": extras.reflectance is 1.5; allowed: a number from 0 to 1",
+            "street.glb: material 0 \"x\": extras.reflectance is 1.5; allowed: 0 to 1",
         ),
         (
             json!({"extras": {"reflectance": "high"}}),
-            "extras.reflectance is not a number; allowed: a number from 0 to 1",
+            "extras.reflectance: invalid type: string \"high\", expected a number or a list of {wavelength_nm, value}",
+        ),
+        (
+            json!({"extras": {"reflectance": []}}),
+            "extras.reflectance is an empty list; allowed: a number, or one sample or more",
+        ),
+        (
+            json!({"extras": {"reflectance": [{"wavelength_nm": 905, "value": 2}]}}),
+            "extras.reflectance[0].value is 2; allowed: 0 to 1",
+        ),
+        (
+            json!({"extras": {"reflectance": [{"wavelength_nm": 905}]}}),
+            "extras.reflectance: [0]: the key `value` is missing",
         ),
         (json!({"extras": {"blainder_rgba": [1, 1, 1]}}), "extras.blainder_rgba[3] is not a number"),
         (json!({"extras": {"blainder_rgba": [1, 1, 1, -1]}}), "extras.blainder_rgba[3] is -1"),
@@ -970,15 +995,16 @@ fn extensions_that_are_not_supported_are_named() {
 #[test]
 fn damaged_files_are_errors() {
     let read = |bytes: &[u8]| {
-        let scene = read_bytes(bytes, Path::new("street.glb"), None, &LoadOptions::default());
-        scene.expect_err("the file is damaged").to_string()
+        let found = load(bytes).expect_err("the file is damaged").to_string();
+        assert!(!found.contains("serde") && !found.contains("struct"), "{found}");
+        found
     };
     assert_eq!(read(b""), "street.glb: the file is empty");
     assert_eq!(read(b"glTF\x02\0\0\0"), "street.glb: the file is cut off: 8 bytes, a GLB header alone has 12");
     assert_eq!(read(b"glTF\x01\0\0\0\x0c\0\0\0"), "street.glb: GLB version 1; allowed: 2");
     assert_eq!(read(b"glTF\x02\0\0\0\x03\0\0\0"), "street.glb: the first GLB chunk is not JSON");
-    assert!(read(b"{\"asset\": 3,\n ?}").contains("street.glb: not a glTF file: "));
-    assert!(read(b"{}").contains("missing field `asset`"));
+    assert!(read(b"{\"asset\": 3,\n ?}").starts_with("street.glb: line 1 column 11: not a glTF file: "));
+    assert!(read(b"{}").contains("the key `asset` is missing"));
     assert!(read(b"\xff\xfe\x00").contains("not a glTF file"));
     assert!(read(br#"{"asset":{"version":"2.0"},"nodes":[{"mesh":-1}]}"#).contains("not a glTF file: invalid "));
     assert!(read(br#"{"asset":{"version":"2.0"},"nodes":{"a":{}}}"#).contains("not a glTF file: invalid type: map"));
@@ -1039,7 +1065,11 @@ fn text_files_lead_to_their_buffers_and_images() {
     assert!(error(&file).starts_with(&format!("{place}image 0: cannot read ")), "{}", error(&file));
     for absolute in [format!("file://{}", path.display()), path.display().to_string()] {
         file.json["images"][0]["uri"] = absolute.into();
-        assert!(error(&file).contains("is not a relative path; allowed: "), "{}", error(&file));
+        let found = error(&file);
+        assert!(found.contains("leads out of the folder of the scene; allowed: paths in it, or any with"), "{found}");
+        let options = LoadOptions { allow_outside_paths: true, ..LoadOptions::default() };
+        let found = Scene::load_with(&path, &options).unwrap_err().to_string();
+        assert!(found.contains("the image is neither PNG nor JPEG"), "{found}");
     }
     let missing = Scene::load(folder.path().join("none.glb")).unwrap_err().to_string();
     assert!(missing.contains("none.glb: No such file"), "{missing}");

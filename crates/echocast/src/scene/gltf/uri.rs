@@ -1,37 +1,51 @@
 //! What a buffer's or image's URI leads to.
 
+use crate::read::{self, Limit};
+use crate::scene::{inside, outside};
+use crate::shown;
 use std::borrow::Cow;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-/// Reads what `uri` names: a data URI, or a file relative to `folder` (`None`: files cannot be reached).
-pub(super) fn load(uri: &str, folder: Option<&Path>) -> Result<Vec<u8>, String> {
-    if let Some(data) = uri.strip_prefix("data:") {
-        return data_uri(data);
-    }
-    let shown = shorten(uri);
-    if uri.starts_with(['/', '\\']) || has_scheme(uri) {
-        return Err(format!(
-            "{shown:?} is not a relative path; allowed: a path relative to the scene file, or a data URI"
-        ));
-    }
-    let Some(folder) = folder else {
-        return Err(format!("{shown:?} is a file of its own, which data in memory cannot refer to"));
-    };
-    let path = folder.join(&*percent_decoded(uri));
-    let unreadable = |reason: &dyn std::fmt::Display| format!("cannot read {}: {reason}", path.display());
-    // Reading a pipe or device could wait for ever.
-    if !std::fs::metadata(&path).map_err(|error| unreadable(&error))?.is_file() {
-        return Err(unreadable(&"not a file"));
-    }
-    std::fs::read(&path).map_err(|error| unreadable(&error))
+/// The files that URIs may lead to.
+#[derive(Clone, Copy)]
+pub(super) struct Files<'a> {
+    /// Where relative paths start; `None`: files cannot be reached.
+    pub folder: Option<&'a Path>,
+    /// Whether they may leave that folder.
+    pub allow_outside: bool,
 }
 
-/// The first characters of `text`, for messages.
-fn shorten(text: &str) -> Cow<'_, str> {
-    const SHOWN: usize = 80;
-    match text.char_indices().nth(SHOWN) {
-        Some((end, _)) => format!("{}...", &text[..end]).into(),
-        None => text.into(),
+impl Files<'_> {
+    /// Reads what `uri` names: a data URI, or a file of at most `limit`.
+    pub fn load(self, uri: &str, limit: Limit) -> Result<Vec<u8>, String> {
+        if let Some(data) = uri.strip_prefix("data:") {
+            return data_uri(data);
+        }
+        let path = self.path(uri)?;
+        read::bytes(&path, limit).map_err(|error| format!("cannot read {error}"))
+    }
+
+    /// The file that `uri` means.
+    fn path(self, uri: &str) -> Result<PathBuf, String> {
+        let Some(folder) = self.folder else {
+            return Err(format!("{:?} is a file of its own, which data in memory cannot refer to", shown::name(uri)));
+        };
+        let file = uri.strip_prefix("file://").map(|file| file.strip_prefix("localhost").unwrap_or(file));
+        let name = match file {
+            Some(file) if file.starts_with('/') => file,
+            _ if has_scheme(uri) => {
+                return Err(format!("{:?} is no path; allowed: a file, or a data URI", shown::name(uri)));
+            }
+            _ => uri,
+        };
+        // Escapes may hide what a path is, so it is looked at without them.
+        let name = percent_decoded(name);
+        let path = folder.join(&*name);
+        match inside(folder, &path).filter(|_| !name.starts_with(['/', '\\'])) {
+            Some(path) => Ok(path),
+            None if self.allow_outside => Ok(path),
+            None => Err(outside(uri)),
+        }
     }
 }
 
@@ -121,15 +135,51 @@ mod tests {
 
     #[test]
     fn uris_are_told_apart() {
-        assert_eq!(load("data:application/octet-stream;base64,AAEC", None).unwrap(), [0, 1, 2]);
-        assert_eq!(load("data:,a%20b", None).unwrap(), b"a b");
-        assert!(load("data:base64", None).unwrap_err().contains("comma"));
-        for absolute in ["/etc/passwd", "\\\\host\\x", "http://x/y.bin", "file:///x", "C:\\x.bin"] {
-            assert!(load(absolute, Some(Path::new("."))).unwrap_err().contains("not a relative path"), "{absolute}");
-        }
+        let nowhere = Files { folder: None, allow_outside: false };
+        assert_eq!(nowhere.load("data:application/octet-stream;base64,AAEC", Limit::SCENE).unwrap(), [0, 1, 2]);
+        assert_eq!(nowhere.load("data:,a%20b", Limit::SCENE).unwrap(), b"a b");
+        assert!(nowhere.load("data:base64", Limit::SCENE).unwrap_err().contains("comma"));
+        assert!(nowhere.load("x", Limit::SCENE).unwrap_err().contains("in memory"));
         assert_eq!(percent_decoded("my%20ch%c3%A4ir 100%.bin"), "my chäir 100%.bin");
         assert_eq!(percent_decoded("%ff"), "%ff", "no UTF-8: taken literally");
-        assert!(load("x", None).unwrap_err().contains("in memory"));
-        assert!(load(".", Some(Path::new("."))).unwrap_err().contains("not a file"));
+        let here = Files { folder: Some(Path::new(".")), allow_outside: true };
+        assert_eq!(here.load("src", Limit::SCENE).unwrap_err(), "cannot read ./src: is a directory");
+        for elsewhere in ["http://x/y.bin", "file://host/x.bin", "C:\\x.bin"] {
+            assert!(here.load(elsewhere, Limit::SCENE).unwrap_err().contains("is no path"), "{elsewhere}");
+        }
+    }
+
+    #[test]
+    fn paths_stay_in_the_folder_unless_they_may_leave_it() {
+        let files = |allow_outside| Files { folder: Some(Path::new("scenes/a")), allow_outside };
+        for uri in [
+            "/etc/passwd",
+            "%2Fetc%2Fpasswd",
+            "file:///etc/passwd",
+            "file://localhost/etc/passwd",
+            "../b.bin",
+            "%2e%2e/b.bin",
+            "x/../../b.bin",
+            "x/..%2f..%2Fb.bin",
+            "\\\\host\\x",
+            "%5c%5chost%5cx",
+        ] {
+            let error = files(false).load(uri, Limit::SCENE).unwrap_err();
+            assert!(
+                error.contains("leads out of the folder of the scene") && error.contains("--allow"),
+                "{uri}: {error}"
+            );
+        }
+        assert_eq!(files(true).path("file:///etc/passwd").unwrap(), Path::new("/etc/passwd"));
+        assert_eq!(files(true).path("../b.bin").unwrap(), Path::new("scenes/a/../b.bin"));
+        for allow_outside in [false, true] {
+            for uri in ["b.bin", "./b.bin", "x/../b.bin", "x/y/../../b.bin", "%62.bin"] {
+                assert_eq!(files(allow_outside).path(uri).unwrap(), Path::new("scenes/a/b.bin"), "{uri}");
+            }
+        }
+        // A bare file name has the empty path for a folder.
+        let here = Files { folder: Some(Path::new("")), allow_outside: false };
+        assert_eq!(here.path("x/../b.bin").unwrap(), Path::new("b.bin"));
+        assert!(here.path("/etc/passwd").is_err() && here.path("..").is_err());
     }
 }

@@ -3,6 +3,7 @@
 //! The format is the appendix "Object Files (.obj)" of Alias|Wavefront's Advanced Visualizer manual, read as exporters
 //! write it.
 
+mod files;
 mod mtl;
 mod parts;
 mod polygon;
@@ -12,8 +13,11 @@ mod text;
 use super::{LoadOptions, Part, RawObject, Scene, Texture, TextureRef, UpAxis, Wrap, count, some_of};
 use crate::error::{Error, Result};
 use crate::material::Material;
+use crate::read::{self, Limit};
 use crate::scene::Mesh;
 use crate::scene::texture::TextureBudget;
+use crate::shown;
+use files::Files;
 use glam::{DAffine3, DMat3, DVec3};
 use parts::PartMaker;
 use statements::{Run, Statements};
@@ -31,17 +35,17 @@ use std::sync::Arc;
 /// # Errors
 /// A file that cannot be read; a line that says no number where one must stand or a vertex that is not
 /// there; no faces; an image that is missing or damaged. A missing MTL file or material is a warning.
-pub(super) fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
+pub(super) fn read(path: &Path, options: &LoadOptions, images: &mut TextureBudget) -> Result<Scene> {
     if !(options.scale.is_finite() && options.scale > 0.0) {
         return Err(Error::invalid("scale", options.scale, "finite numbers above 0"));
     }
-    let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
+    let bytes = read::bytes(path, Limit::SCENE)?;
     let mut file = Statements::parse(path, &bytes)?;
     drop(bytes);
 
     let mut scene = Scene::default();
     file.warnings.drain(..).for_each(|warning| scene.report.warn(warning));
-    let mut materials = Materials::read(path, &file, &mut scene)?;
+    let mut materials = Materials::read(path, &file, options, images, &mut scene)?;
 
     let by_group = file.objects.iter().next().is_none();
     let (names, object_of): (_, fn(&Run) -> usize) =
@@ -89,43 +93,56 @@ pub(super) fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
         (maker.tangled_polygons, "polygon", "crossing itself or folded: the triangles there are a guess"),
     ] {
         if number > 0 {
-            scene.report.warn(format!("{}: {} {fate}", path.display(), count(number, what)));
+            scene.report.warn(format!("{}: {} {fate}", shown::path(path), count(number, what)));
         }
     }
     Ok(scene.assemble(objects, &options.labels))
 }
 
 /// The materials of the MTL files, and which of them the scene has got.
-struct Materials {
+struct Materials<'a> {
+    files: Files<'a>,
     entries: HashMap<String, mtl::Entry>,
     /// Scene material of each number of `usemtl`.
     chosen: HashMap<usize, Arc<Material>>,
     /// Image of each file.
     textures: HashMap<PathBuf, Arc<Texture>>,
-    budget: TextureBudget,
+    budget: &'a mut TextureBudget,
     unknown: Vec<String>,
 }
 
-impl Materials {
-    fn read(path: &Path, file: &Statements, scene: &mut Scene) -> Result<Self> {
+impl<'a> Materials<'a> {
+    fn read(
+        path: &'a Path,
+        file: &Statements,
+        options: &LoadOptions,
+        budget: &'a mut TextureBudget,
+        scene: &mut Scene,
+    ) -> Result<Self> {
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let files = Files { folder, allow_outside: options.allow_outside_paths };
         let mut entries = HashMap::new();
         let (mut read, mut missing) = (HashSet::new(), Vec::new());
-        for (name, library) in file.libraries.iter().flat_map(|names| mtl::libraries(path, names)) {
-            match library {
-                // Many names may mean one file.
-                Some(library) => {
-                    if read.insert(fs::canonicalize(&library).unwrap_or(library.clone())) {
-                        mtl::read(&library, &mut entries)?;
+        for names in file.libraries.iter() {
+            let libraries = files.libraries(path, names).map_err(|message| Error::parse(path, "mtllib", message))?;
+            for (name, library) in libraries {
+                match library {
+                    // Many names may mean one file.
+                    Some(library) => {
+                        if read.insert(fs::canonicalize(&library).unwrap_or(library.clone())) {
+                            mtl::read(&library, &mut entries)?;
+                        }
                     }
+                    None => missing.push(name),
                 }
-                None => missing.push(name),
             }
         }
         if !missing.is_empty() {
-            scene.report.warn(format!("{}: material files not found: {}", path.display(), some_of(&missing)));
+            let missing = some_of(&missing);
+            scene.report.warn(format!("{}: material files not found: {missing}", shown::path(path)));
         }
         let (chosen, textures) = (HashMap::new(), HashMap::new());
-        Ok(Materials { entries, chosen, textures, budget: TextureBudget::default(), unknown: Vec::new() })
+        Ok(Materials { files, entries, chosen, textures, budget, unknown: Vec::new() })
     }
 
     /// The scene's material for a number of `usemtl`.
@@ -156,12 +173,12 @@ impl Materials {
 
     /// The use of an image, which is read when it is first needed.
     fn texture(&mut self, map: &mtl::Map) -> Result<TextureRef> {
-        let path = map.path()?;
+        let path = map.path(self.files)?;
         let texture = match self.textures.entry(fs::canonicalize(&path).unwrap_or(path.clone())) {
             Entry::Occupied(known) => known.get().clone(),
             Entry::Vacant(new) => {
-                let bytes = fs::read(&path).map_err(|source| Error::io(&path, source))?;
-                let image = Texture::decode(&bytes, &path.display().to_string(), &mut self.budget)?;
+                let bytes = read::bytes(&path, Limit::IMAGE)?;
+                let image = Texture::decode(&bytes, &shown::path(&path), self.budget)?;
                 new.insert(Arc::new(image)).clone()
             }
         };
@@ -177,7 +194,7 @@ impl Materials {
     }
 
     fn warn(&self, path: &Path, scene: &mut Scene) {
-        let path = path.display();
+        let path = shown::path(path);
         if !self.unknown.is_empty() {
             let unknown = some_of(&self.unknown);
             scene.report.warn(format!("{path}: materials without definition are taken as white: {unknown}"));
@@ -205,7 +222,11 @@ mod tests {
         for (name, bytes) in files {
             fs::write(folder.path().join(name), bytes).unwrap();
         }
-        read(&folder.path().join(files[0].0), options)
+        read_path(&folder.path().join(files[0].0), options)
+    }
+
+    fn read_path(path: &Path, options: &LoadOptions) -> Result<Scene> {
+        read(path, options, &mut TextureBudget::new(options.texture_limit_mib))
     }
 
     fn read_text(text: &str) -> Result<Scene> {
@@ -417,11 +438,11 @@ mod tests {
             let text = format!("mtllib m.mtl\n{QUAD}usemtl {name}\nf 1 2 3");
             read_files(&[("scene.obj", text.as_bytes()), ("m.mtl", mtl)], &LoadOptions::default())
         };
-        let bad_number = "m.mtl: line 2: \"x\" is not a finite number";
+        let bad_number = "m.mtl: line 2: something else stands where a number from -1e18 to 1e18 must";
         assert!(with_material("a").unwrap_err().to_string().ends_with(bad_number));
         let [warning] = &warnings(&with_material("b").unwrap())[..] else { panic!("one warning") };
         assert!(warning.starts_with("materials that nothing uses are faulty: ") && warning.ends_with(bad_number));
-        let missing = read(Path::new("no/such.obj"), &LoadOptions::default()).unwrap_err().to_string();
+        let missing = read_path(Path::new("no/such.obj"), &LoadOptions::default()).unwrap_err().to_string();
         assert!(missing.starts_with("no/such.obj: "), "{missing}");
         let options = LoadOptions { scale: 0.0, ..LoadOptions::default() };
         let error = read_files(&[("scene.obj", QUAD.as_bytes())], &options).unwrap_err().to_string();

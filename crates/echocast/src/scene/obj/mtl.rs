@@ -1,10 +1,12 @@
 //! MTL files: the materials of OBJ files.
 
+use super::files::Files;
 use super::text::Text;
 use crate::error::{Error, Result};
 use crate::material::{Material, Reflectance};
+use crate::read::{self, Limit};
+use crate::shown;
 use std::collections::HashMap;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 /// A material of an MTL file.
@@ -39,12 +41,13 @@ impl Map {
     /// The image file.
     ///
     /// # Errors
-    /// It is not there.
-    pub fn path(&self) -> Result<PathBuf> {
-        find(&self.library, &self.file).ok_or_else(|| {
-            let message = format!("there is no image {:?}", self.file);
-            Error::parse(&self.library, format!("line {}", self.line), message)
-        })
+    /// It is not there, or where `files` may not be.
+    pub fn path(&self, files: Files<'_>) -> Result<PathBuf> {
+        let missing = || format!("there is no image {:?}", shown::name(&self.file));
+        files
+            .find(&self.library, &self.file)
+            .and_then(|path| path.ok_or_else(missing))
+            .map_err(|message| Error::parse(&self.library, format!("line {}", self.line), message))
     }
 }
 
@@ -59,8 +62,9 @@ impl Map {
 /// # Errors
 /// A file that cannot be read.
 pub(super) fn read(path: &Path, entries: &mut HashMap<String, Entry>) -> Result<()> {
-    let bytes = fs::read(path).map_err(|source| Error::io(path, source))?;
-    let mut text = Text::new(path, &bytes)?;
+    let bytes = read::bytes(path, Limit::MATERIALS)?;
+    // Another file names it, which may be any of the user's: errors show none of its words.
+    let mut text = Text::new(path, &bytes)?.unseen();
     let mut entry = Entry::default();
     while text.next_statement() {
         match text.word() {
@@ -178,40 +182,6 @@ fn map(text: &mut Text, library: &Path) -> Option<Map> {
     (!map.file.is_empty()).then_some(map)
 }
 
-/// The file that `name` means in the file `from`: as it stands, with Windows separators, or, as many
-/// files carry paths of the machine they were made on, its last piece beside. Only plain files count.
-fn find(from: &Path, name: &str) -> Option<PathBuf> {
-    let slashed = name.replace('\\', "/");
-    let last = slashed.rsplit('/').next().unwrap_or(&slashed);
-    [name, &slashed, last]
-        .iter()
-        .filter(|name| !name.is_empty())
-        .map(|name| from.with_file_name(name))
-        .find(|path| path.is_file())
-}
-
-/// The files that a `mtllib` in the file `from` names, with what was looked for: one name with blanks, or several names
-/// that end in `.mtl`.
-pub(super) fn libraries(from: &Path, names: &str) -> Vec<(String, Option<PathBuf>)> {
-    if let Some(path) = find(from, names) {
-        return vec![(names.to_owned(), Some(path))];
-    }
-    let mut pieces = vec![String::new()];
-    for word in names.split_whitespace() {
-        if let Some(piece) = pieces.last_mut() {
-            if !piece.is_empty() {
-                piece.push(' ');
-            }
-            piece.push_str(word);
-        }
-        if word.to_ascii_lowercase().ends_with(".mtl") {
-            pieces.push(String::new());
-        }
-    }
-    pieces.retain(|piece| !piece.is_empty());
-    pieces.into_iter().map(|piece| (piece.clone(), find(from, &piece))).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -219,7 +189,7 @@ mod tests {
     fn entries(text: &str) -> Result<HashMap<String, Entry>> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.mtl");
-        fs::write(&path, text).unwrap();
+        std::fs::write(&path, text).unwrap();
         let mut entries = HashMap::new();
         read(&path, &mut entries).map(|()| entries)
     }
@@ -258,32 +228,12 @@ mod tests {
     #[test]
     fn errors_name_file_and_line() {
         for (text, message) in [
-            ("newmtl a\nKd 1 nan 0", "line 2: \"nan\" is not a finite number"),
+            ("newmtl a\nKd 1 nan 0", "line 2: something else stands where a number from -1e18 to 1e18 must"),
             ("newmtl a\nKd 1 1\nNi x", "line 2: a number is missing"),
             ("newmtl a\n\nreflectance 1.5", "line 3: reflectance is 1.5; allowed: 0 to 1"),
         ] {
             let error = entries(text).unwrap().remove("a").unwrap().fault.unwrap().to_string();
             assert!(error.ends_with(&format!("a.mtl: {message}")), "{error}");
         }
-    }
-
-    #[test]
-    fn files_are_found_under_the_names_people_write() {
-        let folder = tempfile::tempdir().unwrap();
-        let at = |name: &str| folder.path().join(name);
-        fs::create_dir(at("sub")).unwrap();
-        for name in ["a.mtl", "my b.mtl", "sub/c.mtl", "no ending"] {
-            fs::write(at(name), "").unwrap();
-        }
-        let found = |names: &str| -> Vec<Option<PathBuf>> {
-            libraries(&at("scene.obj"), names).into_iter().map(|(_, path)| path).collect()
-        };
-        assert_eq!(found("my b.mtl"), [Some(at("my b.mtl"))]);
-        assert_eq!(found("a.mtl my b.mtl gone.mtl"), [Some(at("a.mtl")), Some(at("my b.mtl")), None]);
-        assert_eq!(found("sub\\c.mtl  sub/c.mtl"), [Some(at("sub/c.mtl")), Some(at("sub/c.mtl"))]);
-        assert_eq!(found("C:\\Users\\me\\a.mtl"), [Some(at("a.mtl"))]);
-        assert_eq!(found("no ending"), [Some(at("no ending"))]);
-        assert_eq!(found("sub"), [None], "a folder is no file");
-        assert_eq!(found(""), []);
     }
 }

@@ -2,6 +2,7 @@
 
 use super::text::{Text, quoted};
 use crate::error::{Error, Result};
+use crate::shown;
 use glam::DVec3;
 use std::collections::HashMap;
 use std::path::Path;
@@ -145,7 +146,7 @@ impl Skipped {
 
     fn warning(&self, path: &Path, what: &str) -> Option<String> {
         let (line, word) = self.first.as_ref()?;
-        Some(format!("{}: line {line}: {word}: {what} skipped, {} in all", path.display(), self.count))
+        Some(format!("{}: line {line}: {word}: {what} skipped, {} in all", shown::path(path), self.count))
     }
 }
 
@@ -237,7 +238,10 @@ impl Statements {
         }
         let stray = |reach: &Reach, count: usize, what: &str| {
             let (index, line) = reach.stray(count)?;
-            Some(format!("{}: line {line}: {what} index {index} of {count}: such corners go without", path.display()))
+            Some(format!(
+                "{}: line {line}: {what} index {index} of {count}: such corners go without",
+                shown::path(path)
+            ))
         };
         file.warnings = [
             stray(&texcoord, file.texcoords.len(), "texture coordinate"),

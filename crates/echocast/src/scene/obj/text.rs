@@ -10,6 +10,8 @@ pub(super) struct Text<'a> {
     bytes: &'a [u8],
     at: usize,
     line: usize,
+    /// Whether errors show words of it.
+    seen: bool,
 }
 
 impl<'a> Text<'a> {
@@ -24,7 +26,12 @@ impl<'a> Text<'a> {
             return Err(Error::parse(path, "", "the text is UTF-16; allowed: UTF-8 or ASCII"));
         }
         let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-        Ok(Text { path, bytes, at: 0, line: 1 })
+        Ok(Text { path, bytes, at: 0, line: 1, seen: true })
+    }
+
+    /// The same, whose errors show none of its words.
+    pub fn unseen(self) -> Self {
+        Text { seen: false, ..self }
     }
 
     /// Line number of this place, from 1.
@@ -176,6 +183,9 @@ impl<'a> Text<'a> {
     fn number_error(&mut self) -> Error {
         if self.statement_is_over() {
             return self.error("a number is missing");
+        }
+        if !self.seen {
+            return self.error("something else stands where a number from -1e18 to 1e18 must");
         }
         let word = self.word_here();
         match decimal(word) {
