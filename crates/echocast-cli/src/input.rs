@@ -6,7 +6,7 @@ use clap::Args;
 use echocast::scene::UpAxis;
 use echocast::{Error, LabelRules, LoadOptions, ReturnMode, Scene, Sensor, SensorKind};
 use serde_json::{Value, json};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Scene files and how to read them.
 #[derive(Args)]
@@ -40,6 +40,11 @@ impl SceneArgs {
         Ok(Scene::load_all(&self.files, &options)?)
     }
 
+    /// The files that it is made of.
+    pub fn inputs(&self) -> impl Iterator<Item = &Path> {
+        self.files.iter().chain(&self.labels).map(PathBuf::as_path)
+    }
+
     /// File names, for people.
     pub fn names(&self) -> String {
         self.files.iter().map(|file| file.display().to_string()).collect::<Vec<_>>().join(" + ")
@@ -71,6 +76,11 @@ pub struct SensorArgs {
 }
 
 impl SensorArgs {
+    /// Its file, unless it is a preset.
+    pub fn input(&self) -> Option<&Path> {
+        Some(Path::new(&self.sensor)).filter(|file| file.is_file())
+    }
+
     /// The sensor, changed.
     pub fn load(&self) -> Result<Sensor> {
         let mut sensor = load_sensor(&self.sensor).context("--sensor")?;

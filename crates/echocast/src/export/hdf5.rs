@@ -1,11 +1,11 @@
 //! HDF5: one dataset per column at the root.
 
-use super::{Format, sensor_pose};
+use super::{Format, sensor_pose, unfinished};
 use crate::cloud::{Column, FieldInfo, PointCloud};
 use crate::report::Report;
 use crate::scene::Labels;
 use ::hdf5::types::VarLenUnicode;
-use ::hdf5::{Attribute, Dataset, File, H5Type, Location};
+use ::hdf5::{Attribute, Dataset, ErrorFrame, File, H5Type, Location};
 use std::io;
 use std::path::Path;
 
@@ -39,7 +39,7 @@ impl Format for Hdf5 {
     }
 
     fn write(&self, cloud: &PointCloud, path: &Path, _: &mut Report) -> io::Result<()> {
-        self.write_file(cloud, path).map_err(io::Error::other)
+        self.write_file(cloud, path).map_err(io_error)
     }
 }
 
@@ -80,8 +80,25 @@ pub(super) fn add_names(file: &File, labels: &Labels) -> ::hdf5::Result<()> {
     Ok(())
 }
 
+/// What the system said where HDF5's error comes from it. HDF5 itself tells where in its memory and its sources it was.
+pub(super) fn io_error(error: ::hdf5::Error) -> io::Error {
+    let stack = error.stack();
+    let frames = || stack.iter().flat_map(|stack| stack.iter());
+    let number = |frame: &ErrorFrame| {
+        let digits = frame.desc().split_once("errno = ")?.1;
+        digits.split(|c: char| !c.is_ascii_digit()).next()?.parse().ok()
+    };
+    // Of one that follows from another, such as closing what could not be written, the first tells why.
+    match (frames().find_map(number), frames().last()) {
+        (Some(number), _) => io::Error::from_raw_os_error(number),
+        (None, Some(frame)) => io::Error::other(format!("HDF5: {}", frame.desc().split(&[',', ':']).next().unwrap_or_default())),
+        (None, None) => io::Error::other(format!("HDF5: {error}")),
+    }
+}
+
 /// Adds the dataset `name` of `data`.
 pub(super) fn add_column(file: &File, name: &str, shape: &[usize], data: Column<'_>) -> ::hdf5::Result<Dataset> {
+    unfinished::check().map_err(|error| error.to_string())?;
     match data {
         Column::F32(c) => add(file, name, shape, c),
         Column::F64(c) => add(file, name, shape, c),

@@ -3,13 +3,12 @@
 //! Layouts: ASPRS LAS Specification 1.4 R15. Header and variable length records are written by the crate `las`, point
 //! records by our own code, which is several times faster.
 
-use super::{Format, labels_json};
+use super::{Format, Sink, labels_json};
 use crate::cloud::record::{self, BLOCK_BYTES};
 use crate::cloud::{Column, Field, FieldInfo, PointCloud};
 use crate::report::Report;
 use ::las::raw::header::{Evlr, LargeFile};
 use ::las::{Builder, Transform, Vector, Vlr};
-use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
@@ -100,15 +99,16 @@ impl Format for Las {
         let survey = Survey::of(cloud, self);
         survey.tell(cloud, self, report);
         // Not buffered: header and records each go in few large pieces.
-        let mut file = File::create(path)?;
+        let mut file = Sink::create(path)?;
         let evlr = self.write_header(cloud, &extra, &survey, &mut file)?;
         self.write_records(cloud, &extra, &survey, &mut file)?;
         if let Some(labels) = evlr {
             let mut buffered = BufWriter::new(&mut file);
             labels.into_raw(true).and_then(|raw| raw.write_to(&mut buffered)).map_err(io_error)?;
             buffered.flush()?;
+            drop(buffered);
         }
-        Ok(())
+        file.finish()
     }
 }
 
@@ -119,7 +119,7 @@ impl Las {
         cloud: &PointCloud,
         extra: &[Extra],
         survey: &Survey,
-        file: &mut File,
+        file: &mut Sink,
     ) -> io::Result<Option<Vlr>> {
         let mut builder = Builder::from(self.version);
         builder.point_format = ::las::point::Format::new(self.point_format).map_err(io_error)?;
@@ -178,7 +178,7 @@ impl Las {
         Ok(evlr)
     }
 
-    fn write_records(&self, cloud: &PointCloud, extra: &[Extra], survey: &Survey, file: &mut File) -> io::Result<()> {
+    fn write_records(&self, cloud: &PointCloud, extra: &[Extra], survey: &Survey, file: &mut Sink) -> io::Result<()> {
         let size = self.size + Extra::size(extra);
         let block = BLOCK_BYTES / size;
         // Members that nothing is put into (flags, classification, user data, scan angle) stay 0.

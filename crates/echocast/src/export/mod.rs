@@ -11,19 +11,23 @@ mod npz;
 mod pings;
 mod ply;
 pub mod preview;
+mod sink;
+mod unfinished;
 
-pub use atomic::unfinished_prefix;
 #[cfg(feature = "hdf5")]
 pub use frames::FramesFile;
 pub use pings::{check_image, check_pings, image_label_paths};
+pub use unfinished::{cancel_flag, remove_unfinished};
 
 use crate::cloud::{Field, FieldInfo, FieldSet, PointCloud};
 use crate::emitter::Pose;
 use crate::error::{Error, Result};
 use crate::report::Report;
 pub(crate) use atomic::Pending;
+pub(crate) use sink::Sink;
+use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
-use std::{fs, io};
+pub(crate) use unfinished::failed;
 
 /// A point-cloud file format.
 pub trait Format: Sync {
@@ -122,11 +126,12 @@ fn check_fields(format: &dyn Format, fields: FieldSet) -> Result<()> {
 
 /// Writes `cloud` to `path` in the format called `format`, or the one its ending says.
 ///
-/// The file, and `NAME.labels.json` beside formats that cannot hold the label names, appear under
-/// their names only when both are complete. The report says what the format could not hold.
+/// The file, and `NAME.labels.json` beside formats that cannot hold the label names, appear under their names only when
+/// both are complete and on the disk; the label names first. An error leaves both as they were. The report says what the
+/// format could not hold.
 ///
 /// # Errors
-/// As [`check`], and a full disk.
+/// As [`check`], a full disk, and what [`cancel_flag`] says.
 pub fn write(cloud: &PointCloud, path: &Path, format: Option<&str>) -> Result<Report> {
     let format = format_for(path, format)?;
     check_fields(format, cloud.fields)?;
@@ -137,13 +142,21 @@ pub fn write(cloud: &PointCloud, path: &Path, format: Option<&str>) -> Result<Re
         report.warn(format!("{}: cannot hold the columns {}", format.name(), lost.join(", ")));
     }
     let Output { file, labels } = Output::create(path, format)?;
-    format.write(cloud, file.path(), &mut report).map_err(|source| Error::io(path, source))?;
+    format.write(cloud, file.path(), &mut report).map_err(|source| failed(path, source))?;
     if let Some(labels) = &labels {
-        fs::write(labels.path(), labels_json(cloud)).map_err(|source| Error::io(labels_path(path), source))?;
+        write_bytes(labels.path(), labels_json(cloud).as_bytes())
+            .map_err(|source| failed(&labels_path(path), source))?;
     }
-    file.commit()?;
-    labels.map_or(Ok(()), Pending::commit)?;
+    // Whoever is woken by the cloud finds the names.
+    atomic::commit_all(labels.into_iter().chain([file]).collect())?;
     Ok(report)
+}
+
+/// Writes all of the file at `path`.
+pub(crate) fn write_bytes(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut file = Sink::create(path)?;
+    file.write_all(bytes)?;
+    file.finish()
 }
 
 /// The files of one cloud.
@@ -200,6 +213,7 @@ fn labels_json(cloud: &PointCloud) -> String {
 mod tests {
     use super::*;
     use crate::cloud::FIELDS;
+    use std::fs;
 
     #[test]
     fn formats_are_found_by_name_and_ending() {

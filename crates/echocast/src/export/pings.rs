@@ -1,8 +1,8 @@
 //! Sonar pings and their images to files for programs.
 
-use super::atomic::Pending;
-use super::ending;
+use super::atomic::{self, Pending};
 use super::npz::Archive;
+use super::{Sink, ending, failed};
 use crate::cloud::{Column, Field, FieldSet};
 use crate::error::{Error, Result};
 use crate::image::{Image, ImageKind, LAYERS};
@@ -10,8 +10,7 @@ use crate::ping::{Ping, Pings, Sounding};
 use crate::report::Report;
 use crate::scene::{Labels, NameTable};
 use crate::units::amplitude_from_db;
-use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 
 /// Endings of files of arrays.
@@ -104,7 +103,7 @@ fn into_file(path: &Path, fill: impl FnOnce(&mut Arrays, &mut Report) -> io::Res
     });
     written.map_err(|source| match source.kind() {
         io::ErrorKind::OutOfMemory => Error::Memory("a column of all pings".to_owned()),
-        _ => Error::io(path, source),
+        _ => failed(path, source),
     })?;
     pending.commit()?;
     Ok(report)
@@ -124,7 +123,7 @@ impl Arrays {
     fn create(pending: &Pending, named: &Path) -> io::Result<Arrays> {
         #[cfg(feature = "hdf5")]
         if ending(named) != "npz" {
-            return ::hdf5::File::create(pending.path()).map(Arrays::Hdf5).map_err(io::Error::other);
+            return ::hdf5::File::create(pending.path()).map(Arrays::Hdf5).map_err(super::hdf5::io_error);
         }
         debug_assert_eq!(ending(named), "npz");
         Archive::create(pending.path()).map(|file| Arrays::Npz(Box::new(file)))
@@ -137,7 +136,7 @@ impl Arrays {
             #[cfg(feature = "hdf5")]
             Arrays::Hdf5(file) => super::hdf5::add_column(file, about[0], shape, data)
                 .and_then(|dataset| super::hdf5::describe(&dataset, about[1], about[2]))
-                .map_err(io::Error::other),
+                .map_err(super::hdf5::io_error),
         }
     }
 
@@ -145,7 +144,9 @@ impl Arrays {
         match self {
             Arrays::Npz(file) => file.text(name, words),
             #[cfg(feature = "hdf5")]
-            Arrays::Hdf5(file) => super::hdf5::add_one(file, name, &super::hdf5::text(words)).map_err(io::Error::other),
+            Arrays::Hdf5(file) => {
+                super::hdf5::add_one(file, name, &super::hdf5::text(words)).map_err(super::hdf5::io_error)
+            }
         }
     }
 
@@ -153,7 +154,7 @@ impl Arrays {
         match self {
             Arrays::Npz(file) => file.names(labels, report),
             #[cfg(feature = "hdf5")]
-            Arrays::Hdf5(file) => super::hdf5::add_names(file, labels).map_err(io::Error::other),
+            Arrays::Hdf5(file) => super::hdf5::add_names(file, labels).map_err(super::hdf5::io_error),
         }
     }
 
@@ -161,7 +162,7 @@ impl Arrays {
         match self {
             Arrays::Npz(file) => file.finish(),
             #[cfg(feature = "hdf5")]
-            Arrays::Hdf5(file) => file.close().map_err(io::Error::other),
+            Arrays::Hdf5(file) => file.close().map_err(super::hdf5::io_error),
         }
     }
 }
@@ -318,11 +319,10 @@ fn write_pngs(image: &Image, path: &Path) -> Result<Report> {
         };
         let depth = if index == 0 { png::BitDepth::Eight } else { png::BitDepth::Sixteen };
         write_png(file.path(), [image.width, image.height], depth, texts, &bytes)
-            .map_err(|source| Error::io(named, source))?;
+            .map_err(|source| failed(named, source))?;
     }
-    for (file, _) in pending {
-        file.commit()?;
-    }
+    // The picture comes last, behind its labels.
+    atomic::commit_all(pending.into_iter().map(|(file, _)| file).rev().collect())?;
     Ok(report)
 }
 
@@ -333,7 +333,7 @@ fn write_png(
     texts: Vec<(String, String)>,
     bytes: &[u8],
 ) -> io::Result<()> {
-    let mut to = BufWriter::new(File::create(path)?);
+    let mut to = BufWriter::new(Sink::create(path)?);
     let mut encoder = png::Encoder::new(&mut to, size[0] as u32, size[1] as u32);
     encoder.set_color(png::ColorType::Grayscale);
     encoder.set_depth(depth);
@@ -348,7 +348,7 @@ fn write_png(
     let mut writer = encoder.write_header()?;
     writer.write_image_data(bytes)?;
     writer.finish()?;
-    to.flush()
+    to.into_inner().map_err(io::IntoInnerError::into_error)?.finish()
 }
 
 /// Where the label image of `field` stands beside the image at `path`: `fan.category_id.png` beside `fan.png`.
@@ -393,6 +393,7 @@ mod tests {
     use crate::image::synthetic::{Sidescan, TARGET, imaging, pings, swath};
     use crate::image::{ImageRange, Overlap, mosaic, waterfall};
     use crate::ping::SonarView;
+    use std::fs::File;
 
     #[test]
     fn endings_are_checked_before_the_work() {
