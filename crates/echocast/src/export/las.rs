@@ -267,6 +267,8 @@ struct Survey {
     /// Intensity that is stored as 65535.
     full_intensity: f32,
     misses: usize,
+    /// Points farther away than numbers reach.
+    infinite: usize,
     clamped_intensities: bool,
     clamped_returns: bool,
     clamped_categories: bool,
@@ -282,6 +284,7 @@ impl Survey {
             exponent: FINEST_STEP,
             full_intensity: cloud.intensity_full_scale.unwrap_or_else(|| strongest(cloud)),
             misses: 0,
+            infinite: 0,
             clamped_intensities: false,
             clamped_returns: false,
             clamped_categories: false,
@@ -290,7 +293,8 @@ impl Survey {
         let returns = 1..=las.most_returns();
         for row in 0..cloud.len {
             if !is_point(cloud, row) {
-                survey.misses += 1;
+                let infinite = [c.x[row], c.y[row], c.z[row]].iter().any(|x| x.is_infinite());
+                *if infinite { &mut survey.infinite } else { &mut survey.misses } += 1;
                 continue;
             }
             for (axis, value) in [c.x[row], c.y[row], c.z[row]].into_iter().enumerate() {
@@ -303,7 +307,7 @@ impl Survey {
             survey.clamped_intensities |= c.intensity.get(row).is_some_and(|i| !intensities.contains(i));
             survey.clamped_categories |= c.category_id.get(row).is_some_and(|&id| id > u32::from(u16::MAX));
         }
-        if survey.misses == cloud.len {
+        if survey.misses + survey.infinite == cloud.len {
             (survey.low, survey.high) = ([0.0; 3], [0.0; 3]);
         }
         let farthest = f64::from(survey.low.iter().chain(&survey.high).fold(0.0f32, |m, v| m.max(v.abs())));
@@ -326,11 +330,18 @@ impl Survey {
         })
     }
 
-    /// Without counts, so that the files of a sequence say the same.
+    /// Without counts of what is usual, so that the files of a sequence say the same.
     fn tell(&self, cloud: &PointCloud, las: &Las, report: &mut Report) {
         let name = las.name;
         if self.misses > 0 {
             report.warn(format!("{name}: rows without a position left out"));
+        }
+        if self.infinite > 0 {
+            let points = cloud.len - self.misses;
+            report.warn(format!(
+                "{name}: {} of {points} points left out: their coordinates are infinite, farther than LAS can say",
+                self.infinite
+            ));
         }
         if self.exponent != FINEST_STEP {
             report.warn(format!(
@@ -437,6 +448,19 @@ fn description(info: &FieldInfo) -> String {
 mod tests {
     use super::*;
     use crate::cloud::FIELDS;
+
+    #[test]
+    fn points_out_of_reach_are_counted() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut cloud = PointCloud { len: 4, ..PointCloud::default() };
+        cloud.fields = [Field::X, Field::Y, Field::Z].into_iter().collect();
+        cloud.columns.resize(cloud.fields, 4).unwrap();
+        cloud.columns.x = vec![1e17, f32::INFINITY, f32::NAN, 0.0];
+        let report = crate::export::write(&cloud, &folder.path().join("a.las"), None).unwrap();
+        let told = "las: 1 of 3 points left out: their coordinates are infinite, farther than LAS can say";
+        assert!(report.warnings.iter().any(|warning| warning == told), "{report:?}");
+        assert!(report.warnings.iter().any(|warning| warning.contains("rounded to 100000000 m")), "{report:?}");
+    }
 
     #[test]
     fn descriptions_of_extra_bytes_fit_whole() {
