@@ -1,8 +1,8 @@
 //! `echocast generate`
 
+use crate::interrupt;
 use crate::report::timed;
 use crate::text::{self, counted, duration};
-use crate::interrupt;
 use anyhow::{Context as _, Result, bail, ensure};
 use clap::Subcommand;
 use echocast::Error;

@@ -137,9 +137,13 @@ impl OutputArgs {
     pub fn check_input(&self, input: &Path) -> Result<()> {
         // Of the files of single frames, the one that has the number of `input` may be it.
         let framed = |file: &PathBuf| if self.single { numbered_as(input, file) } else { Some(file.clone()) };
-        let clouds = self.output.iter().filter_map(|file| if self.grows(file) { Some(file.clone()) } else { framed(file) });
+        let clouds =
+            self.output.iter().filter_map(|file| if self.grows(file) { Some(file.clone()) } else { framed(file) });
         let clouds = clouds.flat_map(|file| [self.labels_of(&file), Some(file)]).flatten();
-        let pictures = self.preview.iter().filter_map(|file| if self.view.shows_pings() { Some(file.clone()) } else { framed(file) });
+        let pictures = self
+            .preview
+            .iter()
+            .filter_map(|file| if self.view.shows_pings() { Some(file.clone()) } else { framed(file) });
         let images = self.image.iter().flat_map(|file| export::image_label_paths(file, FieldSet::all()));
         let others = images.chain(self.image.clone()).chain(self.pings.clone());
         if let Some(file) = clouds.chain(pictures).chain(others).find(|file| is_same(file, input)) {

@@ -91,7 +91,9 @@ pub(super) fn io_error(error: ::hdf5::Error) -> io::Error {
     // Of one that follows from another, such as closing what could not be written, the first tells why.
     match (frames().find_map(number), frames().last()) {
         (Some(number), _) => io::Error::from_raw_os_error(number),
-        (None, Some(frame)) => io::Error::other(format!("HDF5: {}", frame.desc().split(&[',', ':']).next().unwrap_or_default())),
+        (None, Some(frame)) => {
+            io::Error::other(format!("HDF5: {}", frame.desc().split(&[',', ':']).next().unwrap_or_default()))
+        }
         (None, None) => io::Error::other(format!("HDF5: {error}")),
     }
 }

@@ -245,6 +245,29 @@ mod tests {
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 
+    /// At each of its writes the disk is full once; writers of libraries must get over it when they are dropped.
+    #[test]
+    fn a_disk_that_is_full_at_any_write_is_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut cloud = PointCloud { len: 20_000, fields: FieldSet::all(), ..PointCloud::default() };
+        cloud.columns.resize(cloud.fields, cloud.len).unwrap();
+        for format in FORMATS.iter().filter(|format| format.name() != "hdf5") {
+            let path = folder.path().join("a");
+            let written = |writes| {
+                sink::tests::WRITES.set(writes);
+                let written = write(&cloud, &path, Some(format.name()));
+                sink::tests::WRITES.set(usize::MAX);
+                written
+            };
+            let count = (0..500).take_while(|&writes| written(writes).is_err()).count();
+            assert!((1..500).contains(&count), "{}: {count}", format.name());
+            assert!(path.exists());
+            fs::remove_file(&path).unwrap();
+            fs::remove_file(labels_path(&path)).unwrap_or_default();
+        }
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
     #[test]
     fn label_names_stand_beside_their_own_cloud() {
         let of = |path: &str| labels_path(Path::new(path));

@@ -34,7 +34,8 @@ impl Sink {
         if let Err(error) = &done
             && error.kind() != ErrorKind::Interrupted
         {
-            self.at = self.file.stream_position().unwrap_or_default();
+            // Wherever it was: writers that went back to correct what they wrote are sure that the end is behind it.
+            self.at = self.file.seek(SeekFrom::End(0)).unwrap_or_default();
             let same = |code| io::Error::from_raw_os_error(code);
             let told = || io::Error::new(error.kind(), error.to_string());
             self.error = Some(error.raw_os_error().map_or_else(told, same));
@@ -50,6 +51,8 @@ impl Write for Sink {
             return Ok(bytes.len());
         }
         let piece = &bytes[..bytes.len().min(PIECE)];
+        #[cfg(test)]
+        let piece = &piece[..tests::room(piece.len())];
         let written = unfinished::check().and_then(|()| self.file.write(piece));
         self.watch(written)
     }
@@ -74,8 +77,21 @@ impl Seek for Sink {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
+    use std::cell::Cell;
+
+    thread_local! {
+        /// Writes of this thread until the disk is full.
+        pub(crate) static WRITES: Cell<usize> = const { Cell::new(usize::MAX) };
+    }
+
+    /// How much of `bytes` there is room for.
+    pub(super) fn room(bytes: usize) -> usize {
+        let left = WRITES.get();
+        WRITES.set(left.saturating_sub(1));
+        if left == 0 { 0 } else { bytes }
+    }
 
     #[test]
     fn the_first_error_is_told_and_the_rest_is_taken() {

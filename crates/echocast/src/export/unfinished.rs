@@ -59,11 +59,7 @@ impl Unfinished {
 
     /// What `make` makes under a name in `folder` that nobody has; its process does not tell, as processes of several
     /// containers may have one number.
-    pub(super) fn make(
-        &mut self,
-        folder: &Path,
-        make: impl FnMut(&Path) -> io::Result<()>,
-    ) -> io::Result<Temporary> {
+    pub(super) fn make(&mut self, folder: &Path, make: impl FnMut(&Path) -> io::Result<()>) -> io::Result<Temporary> {
         check()?;
         let made = tempfile::Builder::new().prefix(".echocast-").rand_bytes(12).make_in(folder, make)?;
         let path = made.into_temp_path().keep().map_err(|error| error.error)?;
