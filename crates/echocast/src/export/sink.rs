@@ -51,9 +51,14 @@ impl Write for Sink {
             return Ok(bytes.len());
         }
         let piece = &bytes[..bytes.len().min(PIECE)];
-        #[cfg(test)]
-        let piece = &piece[..tests::room(piece.len())];
-        let written = unfinished::check().and_then(|()| self.file.write(piece));
+        let written = unfinished::check().and_then(|()| {
+            #[cfg(test)]
+            tests::take_room()?;
+            match self.file.write(piece)? {
+                0 if !piece.is_empty() => Err(ErrorKind::WriteZero.into()),
+                count => Ok(count),
+            }
+        });
         self.watch(written)
     }
 
@@ -86,11 +91,11 @@ pub(super) mod tests {
         pub(crate) static WRITES: Cell<usize> = const { Cell::new(usize::MAX) };
     }
 
-    /// How much of `bytes` there is room for.
-    pub(super) fn room(bytes: usize) -> usize {
+    /// That there is room for one more.
+    pub(super) fn take_room() -> io::Result<()> {
         let left = WRITES.get();
         WRITES.set(left.saturating_sub(1));
-        if left == 0 { 0 } else { bytes }
+        if left == 0 { Err(ErrorKind::StorageFull.into()) } else { Ok(()) }
     }
 
     #[test]
