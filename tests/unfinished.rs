@@ -11,9 +11,11 @@ fn unfinished_files_go_and_no_others_are_made() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let names = || fs::read_dir(folder.path()).unwrap().count();
-    let mut cloud =
-        PointCloud { len: 3, fields: [Field::X, Field::Y, Field::Z].into_iter().collect(), ..PointCloud::default() };
-    cloud.columns.resize(cloud.fields, 3).unwrap();
+    let fields = [Field::X, Field::Y, Field::Z].into_iter().collect();
+    let mut cloud = PointCloud { len: 3, fields, ..PointCloud::default() };
+    for column in [&mut cloud.columns.x, &mut cloud.columns.y, &mut cloud.columns.z] {
+        column.extend([1.0, 2.0, 3.0]);
+    }
     cloud.write(at("old.csv")).unwrap();
     let old = fs::read(at("old.csv")).unwrap();
     let mut frames = FramesFile::create(at("frames.h5")).unwrap();
