@@ -7,7 +7,8 @@
  *
  * Functions return ECHOCAST_OK or why they failed; echocast_last_error says it in a sentence. A function that makes
  * something sets *out to NULL first. Nothing here ends the process, prints, or sets a signal handler; the
- * floating-point state is the caller's again after every call.
+ * floating-point state is the caller's again after every call. Where files may grow to a limit, SIGXFSZ is the host's to
+ * ignore or handle: then the limit is an error as a full disk is.
  *
  * What cannot be found out is undefined, as anywhere in C: pointers that are neither NULL nor lead to what the function
  * asks for, arrays that are shorter than their count, strings without an end, a struct_size that is larger than the
@@ -1098,9 +1099,10 @@ echocast_status echocast_scan(const echocast_snapshot *snapshot,
 typedef struct echocast_frames echocast_frames;
 
 /**
- * Writes the points to a file, which appears under its name only when it is complete. `format`: a name of the list
- * "formats"; NULL: as the ending of `path` says. The names of labels stand in the file, or in NAME.labels.json beside
- * it. What a format cannot hold is told to the context's log.
+ * Writes the points to a file, which appears under its name only when it is complete and on the disk. `format`: a name
+ * of the list "formats"; NULL: as the ending of `path` says. The names of labels stand in the file, or in
+ * NAME.labels.json beside it, which gets its name just before; an error leaves both as they were. What a format cannot
+ * hold is told to the context's log.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_IO (a full disk), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */

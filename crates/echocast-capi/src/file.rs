@@ -46,9 +46,10 @@ impl FramesFile {
     }
 }
 
-/// Writes the points to a file, which appears under its name only when it is complete. `format`: a name of the list
-/// "formats"; NULL: as the ending of `path` says. The names of labels stand in the file, or in NAME.labels.json beside
-/// it. What a format cannot hold is told to the context's log.
+/// Writes the points to a file, which appears under its name only when it is complete and on the disk. `format`: a name
+/// of the list "formats"; NULL: as the ending of `path` says. The names of labels stand in the file, or in
+/// NAME.labels.json beside it, which gets its name just before; an error leaves both as they were. What a format cannot
+/// hold is told to the context's log.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_IO (a full disk), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]

@@ -1,9 +1,9 @@
 //! `echocast generate`
 
+use crate::interrupt;
 use crate::report::timed;
 use crate::text::{self, counted, duration};
-use crate::{interrupt, output};
-use anyhow::{Result, bail, ensure};
+use anyhow::{Context as _, Result, bail, ensure};
 use clap::Subcommand;
 use echocast::generate::{GeneratedScene, Ripples, Seabed};
 use echocast::{Error, shown};
@@ -95,7 +95,7 @@ fn seabed(args: &SeabedArgs) -> Result<()> {
 fn make(scene: impl FnOnce() -> echocast::Result<GeneratedScene>, file: &Path, quiet: bool) -> Result<()> {
     let is_glb = file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("glb"));
     ensure!(is_glb, "-o {}: scenes are written as .glb", shown::path(file));
-    interrupt::clean_up_in(vec![output::folder(file).to_owned()])?;
+    interrupt::listen().context("cannot listen to signals")?;
     let (mut making, mut writing) = (0.0, 0.0);
     let scene = match timed(&mut making, scene) {
         Ok(scene) => scene,

@@ -57,6 +57,11 @@ impl SceneArgs {
         Ok(Scene::load_all(&self.files, &options)?)
     }
 
+    /// The files that it is made of.
+    pub fn inputs(&self) -> impl Iterator<Item = &Path> {
+        self.files.iter().chain(&self.labels).map(PathBuf::as_path)
+    }
+
     /// File names, for people.
     pub fn names(&self) -> String {
         text::paths(&self.files).join(" + ")
@@ -90,6 +95,11 @@ pub struct SensorArgs {
 }
 
 impl SensorArgs {
+    /// Its file, unless it is a preset.
+    pub fn input(&self) -> Option<&Path> {
+        Some(Path::new(&self.sensor)).filter(|file| file.is_file())
+    }
+
     /// The sensor, changed.
     pub fn load(&self) -> Result<Sensor> {
         let mut sensor = load_sensor(&self.sensor).context("--sensor")?;
@@ -181,11 +191,11 @@ pub fn positive(text: &str) -> Result<f64, String> {
 
 /// Uses `threads` threads for all parallel work; all cores without a number.
 pub fn set_threads(threads: Option<u16>) -> Result<usize> {
-    if let Some(threads) = threads {
-        rayon::ThreadPoolBuilder::new()
-            .num_threads(threads.into())
-            .build_global()
-            .with_context(|| format!("--threads {threads}: cannot start the threads"))?;
-    }
+    rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0).into()).build_global().map_err(|error| {
+        let wanted = threads.map_or("for every core one".to_owned(), |threads| threads.to_string());
+        anyhow!(
+            "--threads: the system does not give {wanted} ({error}); allowed: fewer, or a higher limit of processes"
+        )
+    })?;
     Ok(rayon::current_num_threads())
 }

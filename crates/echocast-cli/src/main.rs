@@ -19,6 +19,7 @@ mod text;
 mod weather;
 
 use clap::{Parser, Subcommand};
+use echocast::Error;
 use std::io::Write as _;
 use std::process::ExitCode;
 
@@ -30,7 +31,7 @@ use std::process::ExitCode;
     version,
     arg_required_else_help = true,
     after_help = "Example:\n  echocast scan street.glb --sensor velodyne_vlp32c --camera Sensor -o scan.las --preview scan.png\n\n\
-                  Exit codes: 0 done; 1 the work failed; 2 wrong usage."
+                  Exit codes: 0 done; 1 the work failed; 2 wrong usage; 130 interrupted."
 )]
 struct Cli {
     #[command(subcommand)]
@@ -48,6 +49,8 @@ enum Command {
 }
 
 fn main() -> ExitCode {
+    // Without it a file that is too long ends the program, as ever.
+    let _ = interrupt::outlive_full_files();
     let done = match Cli::parse().command {
         Command::Scan(args) => scan::run(&args),
         Command::Sensors(args) => sensors::run(&args),
@@ -58,6 +61,10 @@ fn main() -> ExitCode {
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
+        Err(error) if error.chain().any(|cause| matches!(cause.downcast_ref(), Some(Error::Cancelled))) => {
+            interrupt::say();
+            ExitCode::from(interrupt::INTERRUPTED)
+        }
         Err(error) => {
             // Nobody is left to tell when stderr is closed.
             let _ = writeln!(std::io::stderr(), "error: {}", text::one_line(&error));

@@ -1,7 +1,7 @@
 //! Where clouds and pictures go.
 
 use crate::{choice, text};
-use anyhow::{Context as _, Result, ensure};
+use anyhow::{Context as _, Result, bail, ensure};
 use clap::{ArgGroup, Args};
 use echocast::emitter::Pattern;
 use echocast::export::preview::{self, ColorBy, PreviewOptions, View};
@@ -9,6 +9,7 @@ use echocast::export::{self, FramesFile};
 use echocast::{FieldSet, Pings, PointCloud, Profile, Report, Sensor, SensorKind, shown};
 use serde_json::{Value, json};
 use std::collections::{BTreeSet, HashSet};
+use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 
 /// Files to write.
@@ -53,11 +54,6 @@ impl OutputArgs {
     /// Whether every frame is written by itself.
     pub fn single(&self) -> bool {
         self.single
-    }
-
-    /// Folders that files go to.
-    pub fn folders(&self) -> Vec<PathBuf> {
-        self.files().map(|file| folder(file).to_owned()).collect()
     }
 
     /// Files that are asked for by name.
@@ -137,6 +133,29 @@ impl OutputArgs {
         self.check_names(fields)
     }
 
+    /// That `input`, which the run reads, is none of the files that it writes.
+    pub fn check_input(&self, input: &Path) -> Result<()> {
+        // Of the files of single frames, the one that has the number of `input` may be it.
+        let framed = |file: &PathBuf| if self.single { numbered_as(input, file) } else { Some(file.clone()) };
+        let clouds =
+            self.output.iter().filter_map(|file| if self.grows(file) { Some(file.clone()) } else { framed(file) });
+        let clouds = clouds.flat_map(|file| [self.labels_of(&file), Some(file)]).flatten();
+        let pictures = self
+            .preview
+            .iter()
+            .filter_map(|file| if self.view.shows_pings() { Some(file.clone()) } else { framed(file) });
+        let images = self.image.iter().flat_map(|file| export::image_label_paths(file, FieldSet::all()));
+        let others = images.chain(self.image.clone()).chain(self.pings.clone());
+        if let Some(file) = clouds.chain(pictures).chain(others).find(|file| is_same(file, input)) {
+            bail!(
+                "{}: would be written over {}, which this run reads; allowed: another name",
+                shown::path(&file),
+                shown::path(input)
+            );
+        }
+        Ok(())
+    }
+
     /// That pings of such a sonar can be shown so.
     fn check_view(&self, pattern: &Pattern) -> Result<()> {
         if !self.view.shows_pings() {
@@ -167,11 +186,7 @@ impl OutputArgs {
     fn check_names(&self, fields: FieldSet) -> Result<()> {
         // Files of one stem share their label file, which is the same for all clouds of a run.
         let mut labels = BTreeSet::new();
-        for file in &self.output {
-            if !export::format_for(file, self.format.as_deref())?.holds_label_names() {
-                labels.insert(export::labels_path(file));
-            }
-        }
+        labels.extend(self.output.iter().filter_map(|file| self.labels_of(file)));
         let beside = self.beside_image(fields);
         let mut seen = HashSet::new();
         for name in self.files().chain(&labels).chain(&beside) {
@@ -194,6 +209,17 @@ impl OutputArgs {
             );
         }
         Ok(())
+    }
+
+    /// The file of label names beside the cloud `file`, if there is one.
+    fn labels_of(&self, file: &Path) -> Option<PathBuf> {
+        let format = export::format_for(file, self.format.as_deref()).ok()?;
+        (!format.holds_label_names()).then(|| export::labels_path(file))
+    }
+
+    /// Whether all single frames go to `file` itself.
+    fn grows(&self, file: &Path) -> bool {
+        self.single && export::format_for(file, self.format.as_deref()).is_ok_and(|format| format.name() == "hdf5")
     }
 
     /// Files of labels beside the image.
@@ -234,7 +260,7 @@ impl OutputArgs {
 }
 
 /// Folder that `file` goes to.
-pub fn folder(file: &Path) -> &Path {
+fn folder(file: &Path) -> &Path {
     file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
@@ -266,7 +292,7 @@ impl<'a> Writer<'a> {
     /// Writes the cloud of one of many frames.
     pub fn write_frame(&mut self, frame: u32, cloud: &PointCloud) -> Result<()> {
         for file in &self.args.output {
-            if export::format_for(file, self.args.format.as_deref())?.name() == "hdf5" {
+            if self.args.grows(file) {
                 self.add_frame(cloud, file)?;
             } else {
                 self.write_cloud(cloud, &numbered(file, frame))?;
@@ -309,10 +335,8 @@ impl<'a> Writer<'a> {
         let format = self.args.format.as_deref();
         self.report.absorb(export::write(cloud, file, format)?);
         self.files.push(file.to_owned());
-        let labels = export::labels_path(file);
-        if !export::format_for(file, format)?.holds_label_names() && !self.files.contains(&labels) {
-            self.files.push(labels);
-        }
+        let labels = self.args.labels_of(file).filter(|labels| !self.files.contains(labels));
+        self.files.extend(labels);
         Ok(())
     }
 
@@ -348,10 +372,22 @@ fn numbered(file: &Path, frame: u32) -> PathBuf {
 
 /// Whether `name` may be that of a frame of `file`.
 fn is_numbered(name: &Path, file: &Path) -> bool {
-    let stem = name.file_stem().unwrap_or_default().to_string_lossy();
-    let frame = stem.rsplit_once('_').and_then(|(_, digits)| digits.parse().ok());
     let place = |path: &Path| folder(path).canonicalize().unwrap_or_default();
-    frame.is_some_and(|frame| numbered(file, frame).file_name() == name.file_name()) && place(name) == place(file)
+    numbered_as(name, file).is_some_and(|frame| frame.file_name() == name.file_name()) && place(name) == place(file)
+}
+
+/// The frame of `file` that has the number of `name`, whatever its ending.
+fn numbered_as(name: &Path, file: &Path) -> Option<PathBuf> {
+    let name = name.file_name()?.to_string_lossy();
+    let (_, rest) = name.rsplit_once('_')?;
+    let digits = rest.split('.').next()?;
+    Some(numbered(file, digits.parse().ok()?))
+}
+
+/// Whether there is a file that has both names: by way of links, too.
+fn is_same(a: &Path, b: &Path) -> bool {
+    let identity = |path: &Path| path.metadata().ok().map(|file| (file.dev(), file.ino()));
+    identity(a).is_some_and(|file| identity(b) == Some(file))
 }
 
 #[cfg(test)]

@@ -1,57 +1,79 @@
 //! A progress line on stderr, for people who wait longer than a second.
 
+use crate::interrupt;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{IsTerminal as _, stderr};
-use std::thread;
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
+use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 /// Work shorter than this shows nothing.
 const PATIENCE: Duration = Duration::from_secs(1);
 
+/// Time between two turns of the spinner.
+const TICK: Duration = Duration::from_millis(100);
+
 /// What is being done right now; gone when dropped.
-pub struct Progress(ProgressBar);
+pub struct Progress {
+    bar: ProgressBar,
+    /// The thread that draws, and what ends it when dropped.
+    drawer: Option<(Sender<()>, JoinHandle<()>)>,
+}
 
 impl Progress {
-    /// Shows itself after a while if stderr is a terminal, unless `quiet`.
+    /// Shows itself after a while if stderr is a terminal, unless `quiet`, and unless the system gives no thread for it.
     pub fn new(quiet: bool) -> Self {
         let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::hidden());
         bar.set_style(style("{spinner} {msg} {elapsed}"));
+        let mut drawer = None;
         if !quiet && stderr().is_terminal() {
+            let (end, ended) = mpsc::channel();
             let shown = bar.clone();
-            thread::spawn(move || {
-                thread::sleep(PATIENCE);
-                if !shown.is_finished() {
-                    shown.set_draw_target(ProgressDrawTarget::stderr());
-                    shown.enable_steady_tick(Duration::from_millis(100));
-                }
-            });
+            let thread = thread::Builder::new().name("progress".into()).spawn(move || draw(&shown, &ended));
+            drawer = thread.ok().map(|thread| (end, thread));
         }
-        Progress(bar)
+        Progress { bar, drawer }
     }
 
     /// Names what is done now.
     pub fn phase(&self, doing: String) {
-        self.0.set_message(doing);
+        self.bar.set_message(doing);
     }
 
     /// From now on there are `frames` to count, each of which is a `noun`.
     pub fn count_frames(&self, frames: usize, noun: &str) {
         if frames > 1 {
-            self.0.set_length(frames as u64);
+            self.bar.set_length(frames as u64);
             let counted = format!("{{spinner}} {{bar:30}} {{pos}}/{{len}} {noun}s, {{msg}} {{elapsed}}, {{eta}} left");
-            self.0.set_style(style(&counted));
+            self.bar.set_style(style(&counted));
         }
     }
 
     /// One more frame is done.
     pub fn frame_done(&self) {
-        self.0.inc(1);
+        self.bar.inc(1);
     }
 }
 
 impl Drop for Progress {
     fn drop(&mut self) {
-        self.0.finish_and_clear();
+        if let Some((end, thread)) = self.drawer.take() {
+            drop(end);
+            let _ = thread.join();
+        }
+        self.bar.finish_and_clear();
+    }
+}
+
+/// Draws `bar` until `ended` says so. An interrupted program does not draw any more: it may end at any moment.
+fn draw(bar: &ProgressBar, ended: &Receiver<()>) {
+    let waits = |time| ended.recv_timeout(time) == Err(RecvTimeoutError::Timeout) && interrupt::check().is_ok();
+    if waits(PATIENCE) {
+        bar.set_draw_target(ProgressDrawTarget::stderr());
+        bar.tick();
+        while waits(TICK) {
+            bar.tick();
+        }
     }
 }
 

@@ -97,13 +97,22 @@ pub struct Args {
     verbose: bool,
 }
 
+impl Args {
+    /// That no file which is read is written over.
+    fn check_inputs(&self) -> Result<()> {
+        let inputs = self.scene.inputs().chain(self.sensor.input()).chain(self.weather.input());
+        inputs.chain(self.trajectory.as_deref()).try_for_each(|input| self.output.check_input(input))
+    }
+}
+
 pub fn run(args: &Args) -> Result<()> {
     let threads = input::set_threads(args.threads)?;
+    args.check_inputs()?;
     ensure!(
         !(args.organised && args.order == Order::Time),
         "--organised: its rows and columns are beams; allowed: --order beam"
     );
-    interrupt::clean_up_in(args.output.folders())?;
+    interrupt::listen().context("cannot listen to signals")?;
     let progress = Progress::new(args.quiet);
     let mut seconds = Seconds::default();
     let mut warnings = Report::default();
@@ -128,6 +137,7 @@ pub fn run(args: &Args) -> Result<()> {
         };
         Ok((environment, scene, trajectory))
     })?;
+    interrupt::check()?;
     warnings.absorb(scene.report.clone());
     let fps = frame_rate(args.fps, &sensor)?;
     // A sonar pings all along its way.
@@ -151,6 +161,7 @@ pub fn run(args: &Args) -> Result<()> {
 
     progress.phase("building".into());
     let built = timed(&mut seconds.build, || scene.build())?;
+    interrupt::check()?;
     warnings.absorb(built.report().clone());
 
     // Why a point of a sonar is there is told, whatever the files hold.
@@ -189,6 +200,7 @@ pub fn run(args: &Args) -> Result<()> {
     let mut ping = Ping::default();
     let pinged = args.output.pinged(fields).filter(|_| sonar);
     for frame in frames.iter() {
+        interrupt::check()?;
         let options = options_of(frame);
         progress.phase("scanning".into());
         timed(&mut seconds.scan, || -> Result<()> {

@@ -105,19 +105,54 @@ fn an_older_file_survives_a_failed_or_killed_write() {
     let folder = tempfile::tempdir().unwrap();
     let old = folder.path().join("a.csv");
     fs::write(&old, "old").unwrap();
-    // Files may not grow beyond 64 KiB: the write fails, or kills the program when it does not ignore the signal.
-    for (trap, code) in [("trap '' XFSZ;", Some(1)), ("", None)] {
+    // Files may not grow beyond 64 KiB, whether the signal that says so is ignored or not.
+    for trap in ["trap '' XFSZ;", ""] {
         let program = common::command(folder.path(), &format!("{SCAN} -o DIR/a.csv"));
         let mut limited = Command::new("sh");
         limited.args(["-c", &format!("{trap} ulimit -c 0; ulimit -f 128; exec \"$@\""), "sh"]);
         let output = limited.arg(program.get_program()).args(program.get_args()).output().unwrap();
-        assert_eq!(output.status.code(), code, "{}", stderr(&output));
+        assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
         assert_eq!(fs::read_to_string(&old).unwrap(), "old");
-        if code.is_some() {
-            assert!(stderr(&output).starts_with("error: ") && stderr(&output).contains("a.csv"), "{}", stderr(&output));
-            assert_eq!(files(folder.path()), ["a.csv"]);
-        }
+        let said = stderr(&output);
+        assert!(said.starts_with("error: ") && said.ends_with("a.csv: File too large (os error 27)\n"), "{said}");
+        assert_eq!(files(folder.path()), ["a.csv"]);
     }
+}
+
+/// Scene, labels, trajectory, environment and sensor stay, whatever name of theirs is given.
+#[test]
+fn what_is_read_is_not_written_over() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    write_room(folder.path(), &[]);
+    write_single_beam(folder.path());
+    fs::write(at("still.csv"), "time,x,y,z,qx,qy,qz,qw\n0,0,0,1,0,0,0,1\n1,0,0,1,0,0,0,1\n").unwrap();
+    fs::copy(at("still.csv"), at("still_0007.csv")).unwrap();
+    fs::write(at("a.labels.json"), "{}").unwrap();
+    fs::write(at("weather.yaml"), "fog: {visibility_m: 100}").unwrap();
+    fs::hard_link(at("room.gltf"), at("hard.csv")).unwrap();
+    std::os::unix::fs::symlink("pole.yaml", at("soft.npz")).unwrap();
+    let before = files(folder.path());
+    let scan = "scan DIR/room.gltf --sensor DIR/pole.yaml";
+    for (args, named) in [
+        ("--at 0,0,1 -o DIR/hard.csv", "hard.csv"),
+        ("--at 0,0,1 -o DIR/soft.npz", "soft.npz"),
+        ("--at 0,0,1 -o DIR/a.npz --preview DIR/room.gltf", "room.gltf"),
+        ("--at 0,0,1 -o DIR/x.npz -o DIR/room.gltf --format csv", "room.gltf"),
+        ("--at 0,0,1 --env DIR/weather.yaml -o DIR/weather.yaml --format las", "weather.yaml"),
+        ("--at 0,0,1 --labels DIR/a.labels.json -o DIR/a.csv", "a.labels.json"),
+        ("--trajectory DIR/still.csv -o DIR/still.csv", "still.csv"),
+        ("--trajectory DIR/still_0007.csv --frames 0:9 --single -o DIR/still.csv", "still_0007.csv"),
+    ] {
+        let output = run(folder.path(), &format!("{scan} {args}"));
+        let said = stderr(&output);
+        assert!(output.status.code() == Some(1) && said.contains("which this run reads"), "{args}: {said}");
+        assert!(said.starts_with(&format!("error: {}: would be", at(named).display())), "{args}: {said}");
+        assert_eq!(files(folder.path()), before, "{args}");
+    }
+    // Frames have other names than the file that they are asked for with, and LAS has no label file.
+    stdout(folder.path(), &format!("{scan} --trajectory DIR/still.csv --frames 0:1 --single -o DIR/still.csv"));
+    stdout(folder.path(), &format!("{scan} --at 0,0,1 --labels DIR/a.labels.json -o DIR/a.las"));
 }
 
 #[test]

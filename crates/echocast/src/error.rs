@@ -54,7 +54,7 @@ pub enum Error {
         /// Which feature, format or tool would do it.
         instead: String,
     },
-    /// The caller did not want it any more.
+    /// The caller did not want it any more: its progress callback says so, or [`crate::export::cancel_flag`].
     Cancelled,
     /// The system gives no more memory.
     Memory(String),
@@ -102,7 +102,7 @@ impl fmt::Display for Error {
                 format!("there is no {what} named {:?}{near}", name(missing))
             }
             Error::Unsupported { what, instead } => format!("{what} is not supported: {instead}"),
-            Error::Cancelled => "cancelled by the progress callback".into(),
+            Error::Cancelled => "cancelled by the progress callback or an interrupt".into(),
             Error::Memory(what) => format!("no memory for {what}"),
             Error::Threads { wanted, reason } => {
                 format!(

@@ -1,22 +1,17 @@
 //! Files that appear only when they are complete.
 
+use super::unfinished::{Temporary, Unfinished, failed};
 use crate::error::{Error, Result};
 use crate::shown;
 use std::fs::{self, File};
+use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
-use tempfile::TempPath;
-
-/// How the names of this process's unfinished files begin: a program that is interrupted may remove them from the
-/// folders it writes to.
-pub fn unfinished_prefix() -> String {
-    format!(".echocast-{}-", std::process::id())
-}
 
 /// A file being written beside its final name. Dropped without [`Pending::commit`] it leaves nothing behind, and an
 /// older file of that name stays as it was.
 #[derive(Debug)]
 pub(crate) struct Pending {
-    temporary: TempPath,
+    temporary: Temporary,
     target: PathBuf,
 }
 
@@ -35,17 +30,15 @@ impl Pending {
                 "the name of a file, not of a folder or device",
             ));
         }
-        let file = tempfile::Builder::new()
-            .prefix(&unfinished_prefix())
-            // Not tempfile's own way of making files, which only their owner may read.
-            .make_in(folder(&target), |path| File::create_new(path))
-            .map_err(|source| Error::io(&target, source))?;
-        Ok(Pending { temporary: file.into_temp_path(), target })
+        // Not tempfile's own way of making files, which only their owner may read.
+        let made = Unfinished::lock().make(folder(&target), |path| File::create_new(path).map(drop));
+        let temporary = made.map_err(|source| failed(&target, source))?;
+        Ok(Pending { temporary, target })
     }
 
     /// Where to write.
     pub(crate) fn path(&self) -> &Path {
-        &self.temporary
+        self.temporary.path()
     }
 
     /// The name it will have.
@@ -54,12 +47,69 @@ impl Pending {
         &self.target
     }
 
-    /// Gives the file its name, in place of an older one.
+    /// Gives the file its name, in place of an older one, once its content is on the disk: after a power cut there is the
+    /// old file or the new one.
     ///
     /// # Errors
-    /// The system's.
+    /// The system's; [`Error::Cancelled`] when files are no longer wanted.
     pub(crate) fn commit(self) -> Result<()> {
-        self.temporary.persist(&self.target).map_err(|e| Error::io(&self.target, e.error))
+        commit_all(vec![self])
+    }
+
+    /// Waits until its content is on the disk.
+    fn sync(&self) -> Result<()> {
+        let file = File::options().write(true).open(self.path());
+        file.and_then(|file| file.sync_all()).map_err(|source| failed(&self.target, source))
+    }
+}
+
+/// Gives files that belong together their names, one after the other; all or none. A process that is killed between two of
+/// them leaves the first with its new content and the others with their old: the one that is looked for comes last.
+///
+/// # Errors
+/// As [`Pending::commit`]; then all older files are what they were.
+pub(crate) fn commit_all(mut files: Vec<Pending>) -> Result<()> {
+    files.iter().try_for_each(Pending::sync)?;
+    // Older files whose names are taken.
+    let mut olds: Vec<Option<Temporary>> = Vec::new();
+    let mut unfinished = Unfinished::lock();
+    let count = files.len();
+    for index in 0..count {
+        let Pending { temporary, target } = &mut files[index];
+        // Behind the last nothing fails any more.
+        let old = if index + 1 < count { keep(target, &mut unfinished) } else { Ok(None) };
+        let renamed = old.and_then(|old| {
+            olds.push(old);
+            unfinished.rename(temporary, target)
+        });
+        if let Err(source) = renamed {
+            let error = failed(target, source);
+            for (place, (Pending { target, .. }, old)) in files.iter().zip(&olds).enumerate() {
+                // There is nobody to tell that the old file cannot have its name back.
+                let _ = match old {
+                    Some(old) => fs::rename(old.path(), target),
+                    None if place < index => fs::remove_file(target),
+                    None => Ok(()),
+                };
+            }
+            return Err(error);
+        }
+    }
+    Ok(())
+}
+
+/// Another name for the file `target`, if there is one.
+fn keep(target: &Path, unfinished: &mut Unfinished) -> io::Result<Option<Temporary>> {
+    let kept = unfinished.make(folder(target), |path| match fs::hard_link(target, path) {
+        // File systems without links, files of other users.
+        Err(error) if !matches!(error.kind(), ErrorKind::NotFound | ErrorKind::AlreadyExists) => {
+            fs::rename(target, path)
+        }
+        linked => linked,
+    });
+    match kept {
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+        kept => kept.map(Some),
     }
 }
 
@@ -87,6 +137,37 @@ mod tests {
         pending.commit().unwrap();
         assert_eq!(fs::read_to_string(&path).unwrap(), "new");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn files_that_belong_together_change_together() {
+        let folder = tempfile::tempdir().unwrap();
+        let [names, cloud] = ["a.labels.json", "a.csv"].map(|name| folder.path().join(name));
+        let begin = || {
+            [&names, &cloud].map(|path| {
+                let pending = Pending::create(path).unwrap();
+                fs::write(pending.path(), "new").unwrap();
+                pending
+            })
+        };
+        for old in [Some("old"), None] {
+            fs::remove_file(&cloud).unwrap_or_default();
+            match old {
+                Some(old) => fs::write(&names, old).unwrap(),
+                None => fs::remove_file(&names).unwrap(),
+            }
+            let files = begin();
+            // In the place of the second, something comes up that no file can replace.
+            fs::create_dir(&cloud).unwrap();
+            let error = commit_all(files.into()).unwrap_err().to_string();
+            assert!(error.contains("a.csv: "), "{error}");
+            assert_eq!(fs::read_to_string(&names).ok().as_deref(), old);
+            fs::remove_dir(&cloud).unwrap();
+            assert_eq!(fs::read_dir(folder.path()).unwrap().count(), usize::from(old.is_some()));
+            commit_all(begin().into()).unwrap();
+            assert!([&names, &cloud].iter().all(|path| fs::read_to_string(path).unwrap() == "new"));
+            assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
+        }
     }
 
     #[test]

@@ -1,10 +1,9 @@
 //! CSV: a header of column names, one row per point.
 
-use super::Format;
+use super::{Format, Sink};
 use crate::cloud::{Column, FieldInfo, PointCloud};
 use crate::parallel;
 use crate::report::Report;
-use std::fs::File;
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -43,7 +42,7 @@ impl Format for Csv {
         let columns: Vec<(Column, Option<f64>)> =
             cloud.fields.iter().map(|info| (cloud.column(info.field), cloud.offset(info.field))).collect();
         let names: Vec<&str> = cloud.fields.iter().map(|info| info.name).collect();
-        let mut file = File::create(path)?;
+        let mut file = Sink::create(path)?;
         file.write_all(format!("{}\n", names.join(",")).as_bytes())?;
         let mut texts = vec![Vec::new(); parallel::threads()];
         for start in (0..cloud.len).step_by(ROWS * texts.len()) {
@@ -58,7 +57,7 @@ impl Format for Csv {
                 file.write_all(text)?;
             }
         }
-        Ok(())
+        file.finish()
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::atomic::Pending;
 use super::hdf5::{add_tables, describe, io_error};
-use super::sensor_pose;
+use super::{failed, sensor_pose, unfinished};
 use crate::cloud::{Column, FieldInfo, FieldSet, Frame, PointCloud};
 use crate::error::{Error, Result};
 use crate::scene::Labels;
@@ -60,8 +60,9 @@ impl FramesFile {
     ///
     /// # Errors
     /// A cloud with other columns or labels, another frame, origin, shape or intensity scale than the first; a full
-    /// disk.
+    /// disk; what [`cancel_flag`](super::cancel_flag) says.
     pub fn add(&mut self, cloud: &PointCloud) -> Result<()> {
+        unfinished::check().map_err(|source| failed(self.pending.target(), source))?;
         cloud.check()?;
         let common = Common {
             fields: cloud.fields,
@@ -138,7 +139,7 @@ impl FramesFile {
 }
 
 fn hdf5_error(pending: &Pending, error: ::hdf5::Error) -> Error {
-    Error::io(pending.target(), io_error(error))
+    failed(pending.target(), io_error(error))
 }
 
 fn create<T: H5Type + Copy>(file: &File, info: &FieldInfo) -> ::hdf5::Result<Dataset> {

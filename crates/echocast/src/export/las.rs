@@ -3,13 +3,12 @@
 //! Layouts: ASPRS LAS Specification 1.4 R15. Header and variable length records are written by the crate `las`, point
 //! records by our own code, which is several times faster.
 
-use super::{Format, labels_json};
+use super::{Format, Sink, labels_json};
 use crate::cloud::record::{self, BLOCK_BYTES};
 use crate::cloud::{Column, Field, FieldInfo, PointCloud};
 use crate::report::Report;
 use ::las::raw::header::{Evlr, LargeFile};
 use ::las::{Builder, Transform, Vector, Vlr};
-use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
@@ -100,15 +99,16 @@ impl Format for Las {
         let survey = Survey::of(cloud, self);
         survey.tell(cloud, self, report);
         // Not buffered: header and records each go in few large pieces.
-        let mut file = File::create(path)?;
+        let mut file = Sink::create(path)?;
         let evlr = self.write_header(cloud, &extra, &survey, &mut file)?;
         self.write_records(cloud, &extra, &survey, &mut file)?;
         if let Some(labels) = evlr {
             let mut buffered = BufWriter::new(&mut file);
             labels.into_raw(true).and_then(|raw| raw.write_to(&mut buffered)).map_err(io_error)?;
             buffered.flush()?;
+            drop(buffered);
         }
-        Ok(())
+        file.finish()
     }
 }
 
@@ -119,7 +119,7 @@ impl Las {
         cloud: &PointCloud,
         extra: &[Extra],
         survey: &Survey,
-        file: &mut File,
+        file: &mut Sink,
     ) -> io::Result<Option<Vlr>> {
         let mut builder = Builder::from(self.version);
         builder.point_format = ::las::point::Format::new(self.point_format).map_err(io_error)?;
@@ -178,7 +178,7 @@ impl Las {
         Ok(evlr)
     }
 
-    fn write_records(&self, cloud: &PointCloud, extra: &[Extra], survey: &Survey, file: &mut File) -> io::Result<()> {
+    fn write_records(&self, cloud: &PointCloud, extra: &[Extra], survey: &Survey, file: &mut Sink) -> io::Result<()> {
         let size = self.size + Extra::size(extra);
         let block = BLOCK_BYTES / size;
         // Members that nothing is put into (flags, classification, user data, scan angle) stay 0.
@@ -267,6 +267,8 @@ struct Survey {
     /// Intensity that is stored as 65535.
     full_intensity: f32,
     misses: usize,
+    /// Points farther away than numbers reach.
+    infinite: usize,
     clamped_intensities: bool,
     clamped_returns: bool,
     clamped_categories: bool,
@@ -282,6 +284,7 @@ impl Survey {
             exponent: FINEST_STEP,
             full_intensity: cloud.intensity_full_scale.unwrap_or_else(|| strongest(cloud)),
             misses: 0,
+            infinite: 0,
             clamped_intensities: false,
             clamped_returns: false,
             clamped_categories: false,
@@ -290,7 +293,8 @@ impl Survey {
         let returns = 1..=las.most_returns();
         for row in 0..cloud.len {
             if !is_point(cloud, row) {
-                survey.misses += 1;
+                let infinite = [c.x[row], c.y[row], c.z[row]].iter().any(|x| x.is_infinite());
+                *if infinite { &mut survey.infinite } else { &mut survey.misses } += 1;
                 continue;
             }
             for (axis, value) in [c.x[row], c.y[row], c.z[row]].into_iter().enumerate() {
@@ -303,7 +307,7 @@ impl Survey {
             survey.clamped_intensities |= c.intensity.get(row).is_some_and(|i| !intensities.contains(i));
             survey.clamped_categories |= c.category_id.get(row).is_some_and(|&id| id > u32::from(u16::MAX));
         }
-        if survey.misses == cloud.len {
+        if survey.misses + survey.infinite == cloud.len {
             (survey.low, survey.high) = ([0.0; 3], [0.0; 3]);
         }
         let farthest = f64::from(survey.low.iter().chain(&survey.high).fold(0.0f32, |m, v| m.max(v.abs())));
@@ -326,11 +330,18 @@ impl Survey {
         })
     }
 
-    /// Without counts, so that the files of a sequence say the same.
+    /// Without counts of what is usual, so that the files of a sequence say the same.
     fn tell(&self, cloud: &PointCloud, las: &Las, report: &mut Report) {
         let name = las.name;
         if self.misses > 0 {
             report.warn(format!("{name}: rows without a position left out"));
+        }
+        if self.infinite > 0 {
+            let points = cloud.len - self.misses;
+            report.warn(format!(
+                "{name}: {} of {points} points left out: their coordinates are infinite, farther than LAS can say",
+                self.infinite
+            ));
         }
         if self.exponent != FINEST_STEP {
             report.warn(format!(
@@ -437,6 +448,19 @@ fn description(info: &FieldInfo) -> String {
 mod tests {
     use super::*;
     use crate::cloud::FIELDS;
+
+    #[test]
+    fn points_out_of_reach_are_counted() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut cloud = PointCloud { len: 4, ..PointCloud::default() };
+        cloud.fields = [Field::X, Field::Y, Field::Z].into_iter().collect();
+        cloud.columns.resize(cloud.fields, 4).unwrap();
+        cloud.columns.x = vec![1e17, f32::INFINITY, f32::NAN, 0.0];
+        let report = crate::export::write(&cloud, &folder.path().join("a.las"), None).unwrap();
+        let told = "las: 1 of 3 points left out: their coordinates are infinite, farther than LAS can say";
+        assert!(report.warnings.iter().any(|warning| warning == told), "{report:?}");
+        assert!(report.warnings.iter().any(|warning| warning.contains("rounded to 100000000 m")), "{report:?}");
+    }
 
     #[test]
     fn descriptions_of_extra_bytes_fit_whole() {

@@ -11,11 +11,13 @@ mod npz;
 mod pings;
 mod ply;
 pub mod preview;
+mod sink;
+mod unfinished;
 
-pub use atomic::unfinished_prefix;
 #[cfg(feature = "hdf5")]
 pub use frames::FramesFile;
 pub use pings::{check_image, check_pings, image_label_paths};
+pub use unfinished::{cancel_flag, remove_unfinished};
 
 use crate::cloud::{Field, FieldInfo, FieldSet, PointCloud};
 use crate::emitter::Pose;
@@ -23,8 +25,10 @@ use crate::error::{Error, Result};
 use crate::report::Report;
 use crate::shown;
 pub(crate) use atomic::Pending;
+pub(crate) use sink::Sink;
+use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
-use std::{fs, io};
+pub(crate) use unfinished::failed;
 
 /// A point-cloud file format.
 pub trait Format: Sync {
@@ -123,11 +127,12 @@ fn check_fields(format: &dyn Format, fields: FieldSet) -> Result<()> {
 
 /// Writes `cloud` to `path` in the format called `format`, or the one its ending says.
 ///
-/// The file, and `NAME.labels.json` beside formats that cannot hold the label names, appear under
-/// their names only when both are complete. The report says what the format could not hold.
+/// The file, and `NAME.labels.json` beside formats that cannot hold the label names, appear under their names only when
+/// both are complete and on the disk; the label names first. An error leaves both as they were. The report says what the
+/// format could not hold.
 ///
 /// # Errors
-/// As [`check`], and a full disk.
+/// As [`check`], a full disk, and what [`cancel_flag`] says.
 pub fn write(cloud: &PointCloud, path: &Path, format: Option<&str>) -> Result<Report> {
     let format = format_for(path, format)?;
     check_fields(format, cloud.fields)?;
@@ -138,13 +143,21 @@ pub fn write(cloud: &PointCloud, path: &Path, format: Option<&str>) -> Result<Re
         report.warn(format!("{}: cannot hold the columns {}", format.name(), lost.join(", ")));
     }
     let Output { file, labels } = Output::create(path, format)?;
-    format.write(cloud, file.path(), &mut report).map_err(|source| Error::io(path, source))?;
+    format.write(cloud, file.path(), &mut report).map_err(|source| failed(path, source))?;
     if let Some(labels) = &labels {
-        fs::write(labels.path(), labels_json(cloud)).map_err(|source| Error::io(labels_path(path), source))?;
+        write_bytes(labels.path(), labels_json(cloud).as_bytes())
+            .map_err(|source| failed(&labels_path(path), source))?;
     }
-    file.commit()?;
-    labels.map_or(Ok(()), Pending::commit)?;
+    // Whoever is woken by the cloud finds the names.
+    atomic::commit_all(labels.into_iter().chain([file]).collect())?;
     Ok(report)
+}
+
+/// Writes all of the file at `path`.
+pub(crate) fn write_bytes(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut file = Sink::create(path)?;
+    file.write_all(bytes)?;
+    file.finish()
 }
 
 /// The files of one cloud.
@@ -201,6 +214,7 @@ fn labels_json(cloud: &PointCloud) -> String {
 mod tests {
     use super::*;
     use crate::cloud::FIELDS;
+    use std::fs;
 
     #[test]
     fn formats_are_found_by_name_and_ending() {
@@ -229,6 +243,29 @@ mod tests {
         cloud.columns.range.pop();
         let error = write(&cloud, &folder.path().join("a.csv"), None).unwrap_err().to_string();
         assert_eq!(error, "column range is 1 rows long; allowed: the cloud's 2 rows");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    /// At each of its writes the disk is full once; writers of libraries must get over it when they are dropped.
+    #[test]
+    fn a_disk_that_is_full_at_any_write_is_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut cloud = PointCloud { len: 20_000, fields: FieldSet::all(), ..PointCloud::default() };
+        cloud.columns.resize(cloud.fields, cloud.len).unwrap();
+        for format in FORMATS.iter().filter(|format| format.name() != "hdf5") {
+            let path = folder.path().join("a");
+            let written = |writes| {
+                sink::tests::WRITES.set(writes);
+                let written = write(&cloud, &path, Some(format.name()));
+                sink::tests::WRITES.set(usize::MAX);
+                written
+            };
+            let count = (0..500).take_while(|&writes| written(writes).is_err()).count();
+            assert!((1..500).contains(&count), "{}: {count}", format.name());
+            assert!(path.exists());
+            fs::remove_file(&path).unwrap();
+            fs::remove_file(labels_path(&path)).unwrap_or_default();
+        }
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 

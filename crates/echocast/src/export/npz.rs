@@ -1,10 +1,9 @@
 //! NPZ: a stored zip of NumPy arrays, `numpy.load` without anything else.
 
-use super::{Format, sensor_pose};
+use super::{Format, Sink, sensor_pose};
 use crate::cloud::{Column, FieldInfo, PointCloud};
 use crate::report::Report;
 use crate::scene::Labels;
-use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 use zip::write::SimpleFileOptions;
@@ -63,16 +62,15 @@ impl Format for Npz {
 }
 
 /// A file of arrays, written one by one.
-pub(super) struct Archive(ZipWriter<BufWriter<File>>);
+pub(super) struct Archive(ZipWriter<BufWriter<Sink>>);
 
 impl Archive {
     pub(super) fn create(path: &Path) -> io::Result<Archive> {
-        Ok(Archive(ZipWriter::new(BufWriter::new(File::create(path)?))))
+        Ok(Archive(ZipWriter::new(BufWriter::new(Sink::create(path)?))))
     }
 
     pub(super) fn finish(self) -> io::Result<()> {
-        self.0.finish()?;
-        Ok(())
+        self.0.finish()?.into_inner().map_err(io::IntoInnerError::into_error)?.finish()
     }
 
     /// Adds the array `name` of `data`.

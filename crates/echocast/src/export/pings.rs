@@ -1,8 +1,8 @@
 //! Sonar pings and their images to files for programs.
 
-use super::atomic::Pending;
-use super::ending;
+use super::atomic::{self, Pending};
 use super::npz::Archive;
+use super::{Sink, ending, failed};
 use crate::cloud::{Column, Field, FieldSet};
 use crate::error::{Error, Result};
 use crate::image::{Image, ImageKind, LAYERS};
@@ -11,8 +11,7 @@ use crate::report::Report;
 use crate::scene::{Labels, NameTable};
 use crate::shown;
 use crate::units::amplitude_from_db;
-use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 
 /// Endings of files of arrays.
@@ -105,7 +104,7 @@ fn into_file(path: &Path, fill: impl FnOnce(&mut Arrays, &mut Report) -> io::Res
     });
     written.map_err(|source| match source.kind() {
         io::ErrorKind::OutOfMemory => Error::Memory("a column of all pings".to_owned()),
-        _ => Error::io(path, source),
+        _ => failed(path, source),
     })?;
     pending.commit()?;
     Ok(report)
@@ -321,11 +320,10 @@ fn write_pngs(image: &Image, path: &Path) -> Result<Report> {
         };
         let depth = if index == 0 { png::BitDepth::Eight } else { png::BitDepth::Sixteen };
         write_png(file.path(), [image.width, image.height], depth, texts, &bytes)
-            .map_err(|source| Error::io(named, source))?;
+            .map_err(|source| failed(named, source))?;
     }
-    for (file, _) in pending {
-        file.commit()?;
-    }
+    // The picture comes last, behind its labels.
+    atomic::commit_all(pending.into_iter().map(|(file, _)| file).rev().collect())?;
     Ok(report)
 }
 
@@ -336,7 +334,7 @@ fn write_png(
     texts: Vec<(String, String)>,
     bytes: &[u8],
 ) -> io::Result<()> {
-    let mut to = BufWriter::new(File::create(path)?);
+    let mut to = BufWriter::new(Sink::create(path)?);
     let mut encoder = png::Encoder::new(&mut to, size[0] as u32, size[1] as u32);
     encoder.set_color(png::ColorType::Grayscale);
     encoder.set_depth(depth);
@@ -351,7 +349,7 @@ fn write_png(
     let mut writer = encoder.write_header()?;
     writer.write_image_data(bytes)?;
     writer.finish()?;
-    to.flush()
+    to.into_inner().map_err(io::IntoInnerError::into_error)?.finish()
 }
 
 /// Where the label image of `field` stands beside the image at `path`: `fan.category_id.png` beside `fan.png`.
@@ -396,6 +394,7 @@ mod tests {
     use crate::image::synthetic::{Sidescan, TARGET, imaging, pings, swath};
     use crate::image::{ImageRange, Overlap, mosaic, waterfall};
     use crate::ping::SonarView;
+    use std::fs::File;
 
     #[test]
     fn endings_are_checked_before_the_work() {

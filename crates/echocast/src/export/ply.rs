@@ -1,11 +1,10 @@
 //! Binary PLY, for viewers.
 
-use super::Format;
+use super::{Format, Sink};
 use crate::cloud::record::{self, BLOCK_BYTES};
 use crate::cloud::{Column, FieldInfo, PointCloud};
 use crate::report::Report;
 use std::fmt::Write as _;
-use std::fs::File;
 use std::io::{self, Write as _};
 use std::path::Path;
 
@@ -60,7 +59,7 @@ impl Format for Ply {
             }
         }
         header.push_str("end_header\n");
-        let mut file = File::create(path)?;
+        let mut file = Sink::create(path)?;
         file.write_all(header.as_bytes())?;
         let block = BLOCK_BYTES / size;
         let mut buffer = vec![0; block * size];
@@ -72,7 +71,7 @@ impl Format for Ply {
             }
             file.write_all(records)?;
         }
-        Ok(())
+        file.finish()
     }
 }
 

@@ -17,8 +17,8 @@ mod tests;
 
 pub use seabed::{Ripples, Seabed};
 
-use crate::error::{Error, Result};
-use crate::export::Pending;
+use crate::error::Result;
+use crate::export::{self, Pending};
 use crate::scene::{LoadOptions, Scene};
 use std::fmt;
 use std::path::Path;
@@ -47,7 +47,7 @@ impl GeneratedScene {
     /// The system's: a missing folder, a full disk.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let pending = Pending::create(path.as_ref())?;
-        std::fs::write(pending.path(), &self.glb).map_err(|source| Error::io(path, source))?;
+        export::write_bytes(pending.path(), &self.glb).map_err(|source| export::failed(path.as_ref(), source))?;
         pending.commit()
     }
 

@@ -7,6 +7,7 @@ use crate::cause::Cause;
 use crate::cloud::{Columns, FieldSet};
 use crate::echo::AIR;
 use crate::error::Result;
+use crate::shown;
 use crate::trace::MISS;
 use glam::{DVec3, Vec3};
 use std::fmt::{self, Write};
@@ -249,9 +250,9 @@ impl Scan<'_> {
         let surfaces = &self.scene.surfaces;
         let Some(row) = surfaces.rows.get(surface as usize) else { return "nothing".into() };
         let labels = &surfaces.labels;
-        let category = labels.category.name(row.category_id).unwrap_or("something unlabelled");
-        let material = &surfaces.materials[row.material as usize].name;
-        match material.as_str() {
+        let category = shown::text(labels.category.name(row.category_id).unwrap_or("something unlabelled"));
+        let material = shown::text(&surfaces.materials[row.material as usize].name);
+        match &*material {
             "" => format!("{category} (instance {})", row.instance_id),
             material => format!("{category} (instance {}, material {material})", row.instance_id),
         }

@@ -4,7 +4,7 @@ use super::font;
 use crate::parallel;
 use glam::Vec2;
 use png::{Compression, Filter};
-use std::io::{self, Write};
+use std::io;
 
 /// Red, green, blue; sRGB.
 pub(super) type Color = [u8; 3];
@@ -130,18 +130,17 @@ impl Picture {
         }
     }
 
-    /// Writes the picture as PNG, 8-bit RGB.
+    /// The picture as a PNG file, 8-bit RGB.
     ///
     /// Names have few colours, which pack best as they are; scales have many, of which the differences between
-    /// neighbours pack better. What comes out smaller is written.
-    pub(super) fn write_png(&self, mut to: impl Write) -> io::Result<()> {
+    /// neighbours pack better. What comes out smaller is it.
+    pub(super) fn packed(&self) -> io::Result<Vec<u8>> {
         let (plain, differences) = parallel::join(
             || self.png(Filter::NoFilter, Compression::High),
             || self.png(Filter::MinEntropy, Compression::Balanced),
         );
         let (plain, differences) = (plain?, differences?);
-        to.write_all(if differences.len() < plain.len() { &differences } else { &plain })?;
-        to.flush()
+        Ok(if differences.len() < plain.len() { differences } else { plain })
     }
 
     fn png(&self, filter: Filter, compression: Compression) -> io::Result<Vec<u8>> {
@@ -187,11 +186,7 @@ mod tests {
 
     #[test]
     fn flat_and_smooth_pictures_are_packed_well() {
-        let packed = |pixels: Vec<u8>| {
-            let mut bytes = Vec::new();
-            Picture { width: 400, height: 300, pixels }.write_png(&mut bytes).unwrap();
-            bytes.len()
-        };
+        let packed = |pixels: Vec<u8>| Picture { width: 400, height: 300, pixels }.packed().unwrap().len();
         let at = |i: usize| (i % 400, i / 400);
         let swatches = [[10u8, 200, 30], [240, 20, 90], [0, 0, 0], [90, 90, 250]];
         let flat = (0..400 * 300).map(at).flat_map(|(x, y)| swatches[(x * x + 7 * y * y) / 999 % 4]).collect();

@@ -17,6 +17,7 @@ mod top;
 pub use canvas::Picture;
 
 use super::atomic::Pending;
+use super::{failed, write_bytes};
 use crate::cloud::{Field, FieldSet, PointCloud};
 use crate::error::{Error, Result};
 use crate::image::Image;
@@ -28,8 +29,6 @@ use glam::Vec2;
 use paint::Paint;
 use points::Points;
 use serde::Deserialize;
-use std::fs::File;
-use std::io::BufWriter;
 use std::path::Path;
 use std::str::FromStr;
 
@@ -230,9 +229,8 @@ pub fn write_pings(pings: &Pings, path: &Path, options: &PreviewOptions) -> Resu
 
 fn write_picture(picture: &Picture, path: &Path) -> Result<()> {
     let pending = Pending::create(path)?;
-    File::create(pending.path())
-        .and_then(|file| picture.write_png(BufWriter::new(file)))
-        .map_err(|source| Error::io(path, source))?;
+    let written = picture.packed().and_then(|bytes| write_bytes(pending.path(), &bytes));
+    written.map_err(|source| failed(path, source))?;
     pending.commit()
 }
 
@@ -387,6 +385,7 @@ mod tests {
     use super::*;
     use crate::Engine;
     use glam::DVec3;
+    use std::fs::File;
 
     const VIEWS: [View; 3] = [View::Top, View::Perspective, View::Range];
     const COLORS: [ColorBy; 5] = [ColorBy::Label, ColorBy::Cause, ColorBy::Intensity, ColorBy::Range, ColorBy::Height];

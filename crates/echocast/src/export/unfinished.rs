@@ -1,0 +1,104 @@
+//! Files that this process has begun and not completed: an interrupted program takes them along.
+
+use crate::error::Error;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+use std::{fs, io, mem, thread};
+
+static CANCELLED: AtomicBool = AtomicBool::new(false);
+
+/// Where they are. Held whenever one is made, gets its name or goes, so that whoever holds it sees no pair of files half
+/// renamed.
+static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+/// Where [`Error::Cancelled`] comes from while files are written: once this is set, what this process is writing fails with
+/// it and leaves nothing behind, and no file gets its name any more. It is false unless a program sets it, on Ctrl-C for
+/// instance; a signal handler may.
+pub fn cancel_flag() -> &'static AtomicBool {
+    &CANCELLED
+}
+
+/// Removes the files that this process has begun and not completed, for a program that is about to end without its
+/// destructors: sets [`cancel_flag`], so that no other is begun, and no file gets its name any more. It waits a tenth of a
+/// second for those that are getting theirs, and then gives up.
+pub fn remove_unfinished() {
+    CANCELLED.store(true, Ordering::SeqCst);
+    let start = Instant::now();
+    loop {
+        match UNFINISHED.try_lock() {
+            Ok(mut files) => return files.drain(..).for_each(|path| drop(fs::remove_file(path))),
+            Err(_) if start.elapsed() > Duration::from_millis(100) => return,
+            Err(_) => thread::sleep(Duration::from_millis(1)),
+        }
+    }
+}
+
+/// That nobody wants files to stay unwritten.
+pub(super) fn check() -> io::Result<()> {
+    if CANCELLED.load(Ordering::SeqCst) { Err(io::Error::other("cancelled")) } else { Ok(()) }
+}
+
+/// What made writing the file that will be called `path` fail.
+pub(crate) fn failed(path: &Path, source: io::Error) -> Error {
+    match source.kind() {
+        _ if check().is_err() => Error::Cancelled,
+        io::ErrorKind::OutOfMemory => Error::Memory(format!("writing {}", path.display())),
+        _ => Error::io(path, source),
+    }
+}
+
+/// The list of all, which must not be held where a [`Temporary`] is dropped.
+pub(super) struct Unfinished(MutexGuard<'static, Vec<PathBuf>>);
+
+impl Unfinished {
+    pub(super) fn lock() -> Unfinished {
+        Unfinished(UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// What `make` makes under a name in `folder` that nobody has; its process does not tell, as processes of several
+    /// containers may have one number.
+    pub(super) fn make(&mut self, folder: &Path, make: impl FnMut(&Path) -> io::Result<()>) -> io::Result<Temporary> {
+        check()?;
+        let made = tempfile::Builder::new().prefix(".echocast-").rand_bytes(12).make_in(folder, make)?;
+        let path = made.into_temp_path().keep().map_err(|error| error.error)?;
+        self.0.push(path.clone());
+        Ok(Temporary { path })
+    }
+
+    /// Gives a file the name `target`, in place of an older one.
+    pub(super) fn rename(&mut self, file: &mut Temporary, target: &Path) -> io::Result<()> {
+        check()?;
+        fs::rename(&file.path, target)?;
+        self.forget(&mem::take(&mut file.path));
+        Ok(())
+    }
+
+    fn forget(&mut self, path: &Path) {
+        self.0.retain(|known| known != path);
+    }
+}
+
+/// A file that goes when this is dropped, unless it has got a name.
+#[derive(Debug)]
+pub(super) struct Temporary {
+    /// Empty once it has.
+    path: PathBuf,
+}
+
+impl Temporary {
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+impl Drop for Temporary {
+    fn drop(&mut self) {
+        if !self.path.as_os_str().is_empty() {
+            let mut unfinished = Unfinished::lock();
+            let _ = fs::remove_file(&self.path);
+            unfinished.forget(&self.path);
+        }
+    }
+}
