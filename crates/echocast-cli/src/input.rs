@@ -57,11 +57,6 @@ impl SceneArgs {
         Ok(Scene::load_all(&self.files, &options)?)
     }
 
-    /// The files that it is made of.
-    pub fn inputs(&self) -> impl Iterator<Item = &Path> {
-        self.files.iter().chain(&self.labels).map(PathBuf::as_path)
-    }
-
     /// File names, for people.
     pub fn names(&self) -> String {
         text::paths(&self.files).join(" + ")
@@ -95,11 +90,6 @@ pub struct SensorArgs {
 }
 
 impl SensorArgs {
-    /// Its file, unless it is a preset.
-    pub fn input(&self) -> Option<&Path> {
-        Some(Path::new(&self.sensor)).filter(|file| file.is_file())
-    }
-
     /// The sensor, changed.
     pub fn load(&self) -> Result<Sensor> {
         let mut sensor = load_sensor(&self.sensor).context("--sensor")?;

@@ -13,7 +13,7 @@ use anyhow::{Context as _, Result, ensure};
 use echocast::detect::Detection;
 use echocast::{
     Cause, Environment, Field, FieldSet, Frame, Order, Ping, Pings, PointCloud, Profile, ReflectanceSource, Report,
-    ScanOptions, Scene, Sensor, SensorKind, Trajectory, shown,
+    ScanOptions, Scene, Sensor, SensorKind, Trajectory, read, shown,
 };
 use serde_json::{Value, json};
 use std::io::Write as _;
@@ -97,17 +97,8 @@ pub struct Args {
     verbose: bool,
 }
 
-impl Args {
-    /// That no file which is read is written over.
-    fn check_inputs(&self) -> Result<()> {
-        let inputs = self.scene.inputs().chain(self.sensor.input()).chain(self.weather.input());
-        inputs.chain(self.trajectory.as_deref()).try_for_each(|input| self.output.check_input(input))
-    }
-}
-
 pub fn run(args: &Args) -> Result<()> {
     let threads = input::set_threads(args.threads)?;
-    args.check_inputs()?;
     ensure!(
         !(args.organised && args.order == Order::Time),
         "--organised: its rows and columns are beams; allowed: --order beam"
@@ -118,25 +109,11 @@ pub fn run(args: &Args) -> Result<()> {
     let mut warnings = Report::default();
 
     progress.phase(format!("loading {}", args.scene.names()));
-    let sensor = timed(&mut seconds.load, || args.sensor.load())?;
+    let (loaded, read) = read::noting(|| timed(&mut seconds.load, || load(args)));
+    let Loaded { sensor, environment, scene, trajectory } = loaded?;
+    read.iter().try_for_each(|input| args.output.check_input(input))?;
     let sonar = sensor.kind() == SensorKind::Sonar;
     let fields = args.fields.unwrap_or_default().of(sensor.kind());
-    let (environment, scene, trajectory) = timed(&mut seconds.load, || -> Result<(Environment, Scene, Trajectory)> {
-        args.output.check(fields, &sensor, args.profile)?;
-        ensure!(
-            args.explain.is_none() || !sonar || args.profile == Profile::Physical,
-            "--explain: does not tell of sonars with --profile {}; allowed: --profile physical",
-            choice::name(choice::PROFILE, args.profile)
-        );
-        let environment = args.weather.load(sensor.kind())?;
-        let trajectory = args.trajectory.as_deref().map(input::load_trajectory).transpose()?;
-        let scene = args.scene.load()?;
-        let trajectory = match trajectory {
-            Some(trajectory) => trajectory.shifted_to_zero(),
-            None => Trajectory::fixed(args.place.pose(&scene)?),
-        };
-        Ok((environment, scene, trajectory))
-    })?;
     interrupt::check()?;
     warnings.absorb(scene.report.clone());
     let fps = frame_rate(args.fps, &sensor)?;
@@ -273,6 +250,33 @@ pub fn run(args: &Args) -> Result<()> {
         text::print(&report.summary(&format!("{} in {}", shown::text(sensor.name()), args.scene.names())))?;
     }
     Ok(())
+}
+
+/// What a run reads.
+struct Loaded {
+    sensor: Sensor,
+    environment: Environment,
+    scene: Scene,
+    trajectory: Trajectory,
+}
+
+/// Reads all that a run needs, the scene last: it may take long.
+fn load(args: &Args) -> Result<Loaded> {
+    let sensor = args.sensor.load()?;
+    args.output.check(args.fields.unwrap_or_default().of(sensor.kind()), &sensor, args.profile)?;
+    ensure!(
+        args.explain.is_none() || sensor.kind() != SensorKind::Sonar || args.profile == Profile::Physical,
+        "--explain: does not tell of sonars with --profile {}; allowed: --profile physical",
+        choice::name(choice::PROFILE, args.profile)
+    );
+    let environment = args.weather.load(sensor.kind())?;
+    let trajectory = args.trajectory.as_deref().map(input::load_trajectory).transpose()?;
+    let scene = args.scene.load()?;
+    let trajectory = match trajectory {
+        Some(trajectory) => trajectory.shifted_to_zero(),
+        None => Trajectory::fixed(args.place.pose(&scene)?),
+    };
+    Ok(Loaded { sensor, environment, scene, trajectory })
 }
 
 /// `BEAM` or `FRAME,BEAM`.

@@ -36,11 +36,6 @@ pub struct WeatherArgs {
 }
 
 impl WeatherArgs {
-    /// Its file.
-    pub fn input(&self) -> Option<&Path> {
-        self.env.as_deref()
-    }
-
     /// The file's weather, in which each kind that a flag names is as the flag says, for a sensor of `kind`.
     pub fn load(&self, kind: SensorKind) -> Result<Environment> {
         let mut environment = match &self.env {

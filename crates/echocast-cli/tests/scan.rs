@@ -130,14 +130,19 @@ fn what_is_read_is_not_written_over() {
     fs::copy(at("still.csv"), at("still_0007.csv")).unwrap();
     fs::write(at("a.labels.json"), "{}").unwrap();
     fs::write(at("weather.yaml"), "fog: {visibility_m: 100}").unwrap();
-    fs::hard_link(at("room.gltf"), at("hard.csv")).unwrap();
+    fs::write(at("table.yaml"), "{name: mine, kind: lidar, pattern: {type: table, file: beams.csv, rate_hz: 10}}")
+        .unwrap();
+    fs::write(at("beams.csv"), "azimuth_deg,elevation_deg\n0,0\n").unwrap();
+    for name in ["hard.csv", "hard.png"] {
+        fs::hard_link(at("room.gltf"), at(name)).unwrap();
+    }
     std::os::unix::fs::symlink("pole.yaml", at("soft.npz")).unwrap();
     let before = files(folder.path());
     let scan = "scan DIR/room.gltf --sensor DIR/pole.yaml";
     for (args, named) in [
         ("--at 0,0,1 -o DIR/hard.csv", "hard.csv"),
         ("--at 0,0,1 -o DIR/soft.npz", "soft.npz"),
-        ("--at 0,0,1 -o DIR/a.npz --preview DIR/room.gltf", "room.gltf"),
+        ("--at 0,0,1 -o DIR/a.npz --preview DIR/hard.png", "hard.png"),
         ("--at 0,0,1 -o DIR/x.npz -o DIR/room.gltf --format csv", "room.gltf"),
         ("--at 0,0,1 --env DIR/weather.yaml -o DIR/weather.yaml --format las", "weather.yaml"),
         ("--at 0,0,1 --labels DIR/a.labels.json -o DIR/a.csv", "a.labels.json"),
@@ -150,6 +155,10 @@ fn what_is_read_is_not_written_over() {
         assert!(said.starts_with(&format!("error: {}: would be", at(named).display())), "{args}: {said}");
         assert_eq!(files(folder.path()), before, "{args}");
     }
+    // What is read by name of another file.
+    let output = run(folder.path(), "scan DIR/room.gltf --sensor DIR/table.yaml --at 0,0,1 -o DIR/beams.csv");
+    assert!(stderr(&output).contains("beams.csv, which this run reads"), "{}", stderr(&output));
+    assert_eq!(files(folder.path()), before);
     // Frames have other names than the file that they are asked for with, and LAS has no label file.
     stdout(folder.path(), &format!("{scan} --trajectory DIR/still.csv --frames 0:1 --single -o DIR/still.csv"));
     stdout(folder.path(), &format!("{scan} --at 0,0,1 --labels DIR/a.labels.json -o DIR/a.las"));

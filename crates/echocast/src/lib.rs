@@ -97,7 +97,7 @@ pub mod medium;
 mod parallel;
 mod ping;
 mod presets;
-mod read;
+pub mod read;
 pub mod report;
 mod rng;
 mod scan;

@@ -2,9 +2,23 @@
 
 use crate::error::{Error, Result};
 use crate::shown;
+use std::cell::RefCell;
 use std::fs::{self, File, FileType, OpenOptions};
 use std::io::{self, ErrorKind, Read, Take};
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+thread_local! {
+    /// What has been read, if that is noted.
+    static NOTED: RefCell<Option<Vec<PathBuf>>> = const { RefCell::new(None) };
+}
+
+/// Does `work` and says which files it has read on this thread: those it was told to, and those that these name, such as
+/// the textures of a scene.
+pub fn noting<R>(work: impl FnOnce() -> R) -> (R, Vec<PathBuf>) {
+    let before = NOTED.replace(Some(Vec::new()));
+    let result = work();
+    (result, NOTED.replace(before).unwrap_or_default())
+}
 
 /// How long a file of a kind may be, bytes.
 #[derive(Clone, Copy)]
@@ -45,6 +59,7 @@ pub(crate) fn open(path: &Path, limit: Limit) -> Result<Take<File>> {
     let found = file.metadata().map_err(fault)?;
     only_files(found.file_type()).map_err(fault)?;
     limit.check(&shown::path(path), found.len())?;
+    NOTED.with_borrow_mut(|noted| noted.iter_mut().for_each(|files| files.push(path.to_owned())));
     Ok(file.take(found.len()))
 }
 
@@ -94,6 +109,17 @@ mod tests {
 
     fn fault(path: &Path, limit: Limit) -> String {
         bytes(path, limit).unwrap_err().to_string().replace(&shown::path(path), "FILE")
+    }
+
+    #[test]
+    fn what_is_read_is_noted() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let (inner, outer) = noting(|| {
+            bytes(file.path(), Limit::YAML).unwrap();
+            noting(|| bytes(file.path(), Limit::YAML).unwrap()).1
+        });
+        assert_eq!([inner, outer], [[file.path()], [file.path()]]);
+        assert!(NOTED.take().is_none());
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Files that this process has begun and not completed: an interrupted program takes them along.
 
 use crate::error::Error;
+use crate::shown;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -44,7 +45,7 @@ pub(super) fn check() -> io::Result<()> {
 pub(crate) fn failed(path: &Path, source: io::Error) -> Error {
     match source.kind() {
         _ if check().is_err() => Error::Cancelled,
-        io::ErrorKind::OutOfMemory => Error::Memory(format!("writing {}", path.display())),
+        io::ErrorKind::OutOfMemory => Error::Memory(format!("writing {}", shown::path(path))),
         _ => Error::io(path, source),
     }
 }
