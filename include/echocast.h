@@ -80,7 +80,7 @@ extern "C" {
 /** A handle or the number of an instance stands for nothing: released, of another kind or another context. */
 #define ECHOCAST_E_HANDLE 3
 
-/** No memory. */
+/** The system gives no more memory, or no more threads. */
 #define ECHOCAST_E_MEMORY 4
 
 /** The system refused a file: it is missing, not permitted, the disk is full. */
@@ -179,10 +179,9 @@ typedef struct echocast_context_desc {
     /** sizeof(echocast_context_desc). */
     size_t struct_size;
     /**
-     * Threads of the context's own that build and scan: 0 as many as the machine has cores, 1 none at all (the
-     * calling thread does everything, on 256 KiB of its stack), up to 1024. Embree builds with TBB: a host that shares
-     * that library has no more threads of it than the largest context while contexts live, and the end of the last may
-     * start an idle one.
+     * Threads of the context's own that scan: 0 as many as the machine has cores, 1 none at all (the calling thread does
+     * everything, on 256 KiB of its stack), up to 1024. One less, up to one for each core, helps to build large meshes.
+     * All are started with the context; nothing asks the system for threads later on, Embree's TBB neither.
      */
     int32_t threads;
     /** Least important messages for `log`: an ECHOCAST_LOG_ number. */
@@ -198,8 +197,8 @@ typedef struct echocast_context_desc {
  * forked afterwards has no such threads: make contexts after a fork. `desc`: NULL for the defaults. `*out` is the new
  * context, to be released with echocast_context_release.
  *
- * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_UNSUPPORTED (Embree is too old, or the processor), ECHOCAST_E_MEMORY,
- * ECHOCAST_E_INTERNAL (the system gives no threads). Any thread may call this.
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_UNSUPPORTED (Embree is too old, or the processor), ECHOCAST_E_MEMORY (the
+ * system gives no memory, or not so many threads). Any thread may call this.
  */
 ECHOCAST_API
 echocast_status echocast_context_create(const echocast_context_desc *desc,
@@ -1066,7 +1065,8 @@ typedef struct echocast_scan_desc {
 /**
  * Scans once; a sonar sends one ping, whose echoes are the points. `*io`: NULL, then it becomes a new result, to be
  * released with echocast_result_release; or a result, whose memory is used again: a loop of scans in the order of beams
- * allocates nothing after the first, but for weather, mirrors, glass and sonars.
+ * allocates nothing after the first of its kind, but for a few small blocks with weather, several rays a beam, blooming
+ * or another profile, the beams of a pattern that does not repeat (risley), and sonars.
  *
  * Points of a sonar: the depth of each beam of multibeam and single-beam ones; of side-scan and imaging sonars the range
  * bins with an echo. Their `intensity` is a level in dB re 1 uPa. Sonars must be in the water.

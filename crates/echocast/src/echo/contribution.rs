@@ -13,6 +13,7 @@ pub(crate) struct Wanted {
 }
 
 /// The surfaces that a block of beams meets, lane by lane.
+#[repr(align(64))]
 pub(crate) struct Contribution {
     /// Cosine of the incidence angle, 0..1.
     pub cos_incidence: [f32; LANES],

@@ -97,6 +97,7 @@ pub(crate) struct Air {
 }
 
 /// The echo of each beam that is reported.
+#[repr(align(64))]
 pub(crate) struct Answer {
     pub range: [f32; LANES],
     pub rho_eff: [f32; LANES],

@@ -52,6 +52,7 @@ impl WithSimd for TaskOn<'_, '_> {
 }
 
 /// Which beam, and which of its returns, each lane of a block is.
+#[repr(C, align(64))]
 pub(super) struct Lanes {
     pub beam: [u32; LANES],
     /// Counted from 0; random draws of a return depend on it.
@@ -115,11 +116,12 @@ pub(super) fn boxed<T: Default>() -> Box<T> {
 }
 
 /// The intermediate results of one block of beams: the table in the crate's documentation, column by column.
+#[repr(C, align(64))]
 pub(super) struct Block {
-    pub lanes: Lanes,
     pub rays: RayBatch,
     pub hits: HitBatch,
     pub surfaces: Contribution,
+    pub answer: Answer,
     pub rho_eff: [f32; LANES],
     /// Ranges that a depth camera makes of its light, before errors, m.
     pub formed: [f32; LANES],
@@ -127,9 +129,9 @@ pub(super) struct Block {
     pub intensity: [f32; LANES],
     /// Angle by which a beam is reported turned to the left, rad.
     pub turn: [f32; LANES],
-    pub kept: Kept,
     pub scratch: [f32; LANES],
-    pub answer: Answer,
+    pub lanes: Lanes,
+    pub kept: Kept,
     /// The rays that beams are reported to be, where those are not `rays`.
     pub reported: Option<Box<RayBatch>>,
     /// Memory to follow light in, where a scene has mirrors or glass.

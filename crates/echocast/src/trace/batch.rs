@@ -11,7 +11,10 @@ pub(crate) const LANES: usize = 256;
 pub(crate) const MISS: u32 = u32::MAX;
 
 /// Rays of one block, relative to the scene's local origin; directions have unit length.
+///
+/// Columns of blocks begin with a cache line: the widest vectors are one, and half of two costs up to a tenth of a scan.
 #[derive(Clone)]
+#[repr(align(64))]
 pub(crate) struct RayBatch {
     pub org_x: [f32; LANES],
     pub org_y: [f32; LANES],
@@ -58,6 +61,7 @@ impl RayBatch {
 }
 
 /// Closest hits of one block.
+#[repr(align(64))]
 pub(crate) struct HitBatch {
     /// Slant range, m.
     pub range: [f32; LANES],
