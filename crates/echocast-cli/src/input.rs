@@ -182,7 +182,7 @@ pub fn positive(text: &str) -> Result<f64, String> {
 /// Uses `threads` threads for all parallel work; all cores without a number.
 pub fn set_threads(threads: Option<u16>) -> Result<usize> {
     rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0).into()).build_global().map_err(|error| {
-        let wanted = threads.map_or("for every core one".to_owned(), |threads| threads.to_string());
+        let wanted = threads.map_or("as many as there are cores".to_owned(), |threads| threads.to_string());
         anyhow!(
             "--threads: the system does not give {wanted} ({error}); allowed: fewer, or a higher limit of processes"
         )

@@ -8,7 +8,8 @@ use std::ffi::OsStr;
 use std::fs;
 use std::io::Write as _;
 use std::os::unix::ffi::OsStrExt as _;
-use std::os::unix::fs::symlink;
+use std::os::unix::fs::{MetadataExt as _, symlink};
+use std::os::unix::process::CommandExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -48,6 +49,26 @@ fn run_bytes(args: &[&[u8]], input: &str) -> Output {
     // It may end before it has read all.
     let _ = child.stdin.take().unwrap().write_all(input.as_bytes());
     child.wait_with_output().unwrap()
+}
+
+/// As in a container with a limit of processes. Root has none, so root becomes somebody else.
+#[test]
+fn a_system_without_threads_is_told() {
+    for (threads, told) in [("", "as many as there are cores"), ("--threads 8", "8")] {
+        let mut command = Command::new("sh");
+        command.args(["-c", r#"ulimit -u 1; exec "$0" bench x.glb --sensor velodyne_vlp16 --at 0,0,0 $1"#]);
+        command.args([env!("CARGO_BIN_EXE_echocast"), threads]);
+        if fs::metadata("/proc/self").unwrap().uid() == 0 {
+            command.uid(54321);
+        }
+        let Some(output) = command.output().ok().filter(|output| output.status.code() == Some(1)) else {
+            println!("skipped: this program cannot be run by another user here");
+            return;
+        };
+        let said = stderr(&output);
+        assert!(said.starts_with(&format!("error: --threads: the system does not give {told} (")), "{said}");
+        assert_eq!(said.lines().count(), 1, "{said}");
+    }
 }
 
 #[test]

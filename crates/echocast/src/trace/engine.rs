@@ -67,7 +67,7 @@ impl Engine {
         if rayon::current_thread_index().is_none() {
             // Later on rayon would panic where the system gives no threads.
             match rayon::ThreadPoolBuilder::new().stack_size(STACK).build_global() {
-                Err(error) if error.source().is_some() => return Err(no_threads("all", error)),
+                Err(error) if error.source().is_some() => return Err(no_threads("enough", error)),
                 _ => {}
             }
         }
