@@ -93,7 +93,7 @@ fn use_sensor(engine: &Engine, sensor: &Sensor) {
     let environment = Environment::from_yaml(environment).unwrap();
     let options = ScanOptions { fields: FieldSet::all(), environment, ..ScanOptions::default() };
     let mut cloud = PointCloud::default();
-    for _ in 0..engine.threads().min(3) {
+    for _ in 0..engine.threads().min(2) {
         built.scan_into(sensor, &Trajectory::fixed(Pose::at(0.0, 0.0, 1.0)), &options, &mut cloud).unwrap();
     }
 }
