@@ -55,8 +55,8 @@ fn run_bytes(args: &[&[u8]], input: &str) -> Output {
 #[test]
 fn a_system_without_threads_is_told() {
     for (threads, told) in [("", "as many as there are cores"), ("--threads 8", "8")] {
-        let mut command = Command::new("sh");
-        command.args(["-c", r#"ulimit -u 1; exec "$0" bench x.glb --sensor velodyne_vlp16 --at 0,0,0 $1"#]);
+        let mut command = Command::new("bash");
+        command.args(["-c", r#"ulimit -u 1 && exec "$0" bench x.glb --sensor velodyne_vlp16 --at 0,0,0 $1"#]);
         command.args([env!("CARGO_BIN_EXE_echocast"), threads]);
         if fs::metadata("/proc/self").unwrap().uid() == 0 {
             command.uid(54321);
