@@ -197,9 +197,9 @@ impl Builders {
 
     /// Calls all for help with `joint`.
     fn call(&self, joint: &Arc<Joint>) {
-        for calls in self.threads.iter().zip(&self.calls).map(|(_, calls)| calls) {
+        for calls in &self.calls {
             // They listen as long as this is there.
-            let _ = calls.send(joint.clone());
+            self.threads.iter().for_each(|_| drop(calls.send(joint.clone())));
         }
     }
 }
@@ -235,5 +235,20 @@ impl Drop for Pool {
         // Tells the threads to end.
         self.pool = None;
         end(&mut self.threads);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use embree4::{Quality, Scene};
+
+    #[test]
+    fn all_who_can_help_are_called() {
+        let (calls, heard) = mpsc::channel();
+        let builders = Builders { calls: Some(calls), threads: (0..3).map(|_| thread::spawn(|| ())).collect() };
+        let scene = Scene::new(&Device::new().unwrap(), Quality::Medium).unwrap();
+        scene.commit_with(Pace::Now, |joint| builders.call(joint)).unwrap();
+        assert_eq!(heard.try_iter().count(), 3);
     }
 }
