@@ -197,7 +197,7 @@ impl Builders {
 
     /// Calls all for help with `joint`.
     fn call(&self, joint: &Arc<Joint>) {
-        for calls in &self.calls {
+        if let Some(calls) = &self.calls {
             // They listen as long as this is there.
             self.threads.iter().for_each(|_| drop(calls.send(joint.clone())));
         }
