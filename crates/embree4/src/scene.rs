@@ -121,16 +121,15 @@ impl Scene {
     /// # Errors
     /// As [`Scene::commit`].
     pub fn commit_with(self, pace: Pace, call: impl FnOnce(&Arc<Joint>)) -> Result<CommittedScene, Error> {
-        let device = self.0.device.clone();
         let scene = Arc::new(self.0);
         let spare = match pace {
             Pace::Now => 0,
             Pace::Aside => 1,
         };
         let open = Open { scene: Some(scene.clone()), inside: 0, error: None };
-        let joint = Arc::new(Joint { device, spare, open: Mutex::new(open), left: Condvar::new() });
+        let joint = Arc::new(Joint { spare, open: Mutex::new(open), left: Condvar::new() });
         call(&joint);
-        let own = joint.device.slots().with(spare, || scene.build());
+        let own = scene.device.slots().with(spare, || scene.build());
         joint.close(own)?;
         Ok(CommittedScene(scene))
     }
@@ -147,7 +146,6 @@ pub enum Pace {
 
 /// A scene that several threads build together.
 pub struct Joint {
-    device: Device,
     /// Places that are left to others.
     spare: usize,
     open: Mutex<Open>,
@@ -167,7 +165,7 @@ impl Joint {
     /// Helps to build until nothing is left to do, or does nothing where there is no place for one more.
     pub fn help(&self) {
         let Some(scene) = self.enter() else { return };
-        let built = self.device.slots().try_with(self.spare, || scene.build());
+        let built = scene.device.slots().try_with(self.spare, || scene.build());
         drop(scene);
         let mut open = self.lock();
         open.inside -= 1;
@@ -199,7 +197,7 @@ impl Joint {
 
 impl fmt::Debug for Joint {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Joint").field("device", &self.device).finish_non_exhaustive()
+        f.debug_struct("Joint").field("spare", &self.spare).finish_non_exhaustive()
     }
 }
 

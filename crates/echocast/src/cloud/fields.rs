@@ -242,6 +242,16 @@ macro_rules! columns {
                 (Slices { $( $name: $name.0 ),* }, Slices { $( $name: $name.1 ),* })
             }
 
+            /// One part after the other, of as many rows as `counts` says.
+            pub(crate) fn parts(self, counts: impl Iterator<Item = usize>) -> impl Iterator<Item = Slices<'a>> {
+                let mut rest = self;
+                counts.map(move |count| {
+                    let part;
+                    (part, rest) = std::mem::take(&mut rest).split_at(count);
+                    part
+                })
+            }
+
             /// Mutable rows from `start` on, borrowed for a while.
             pub(crate) fn rows_after(&mut self, start: usize) -> Slices<'_> {
                 Slices { $( $name: if self.$name.is_empty() { &mut [] } else { &mut self.$name[start..] } ),* }

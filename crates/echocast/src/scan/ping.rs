@@ -545,14 +545,12 @@ struct Listen<'a, 'p> {
 impl Listening<'_, '_> {
     /// Fills the `tiles` and their `rows`.
     fn tiles(self, tiles: &mut [TileMemory], rows: Slices) {
-        let (Listening { pinging, width, .. }, mut rest) = (self, rows);
-        let tasks = tiles.iter_mut().enumerate().map(|(number, memory)| {
-            let first = number * width;
-            let beams = width.min(pinging.transducer.beams() - first);
-            let rows;
-            (rows, rest) = mem::take(&mut rest).split_at(beams * pinging.layout.bins);
-            Listen { listening: self, memory, first, rows }
-        });
+        let Listening { pinging, width, .. } = self;
+        let firsts = (0..pinging.transducer.beams()).step_by(width);
+        let beams = firsts.clone().map(|first| width.min(pinging.transducer.beams() - first));
+        let parts = rows.parts(beams.map(|beams| beams * pinging.layout.bins));
+        let tasks = tiles.iter_mut().zip(firsts.zip(parts));
+        let tasks = tasks.map(|(memory, (first, rows))| Listen { listening: self, memory, first, rows });
         parallel::for_each_of(tasks, |task| Arch::new().dispatch(task));
     }
 }

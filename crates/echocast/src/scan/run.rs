@@ -18,7 +18,6 @@ use crate::tof::Camera;
 use crate::trace::{CHUNK, LANES, MISS, Tables};
 use crate::units::seconds_from_us;
 use pulp::Arch;
-use std::mem;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -280,13 +279,9 @@ impl<'a> Scan<'a> {
 
     /// Chunks of `beams`, each with the part of `rows` that it may fill.
     fn tasks<'b>(&'b self, beams: Range<usize>, rows: Slices<'b>) -> impl Iterator<Item = Task<'b>> {
-        let mut rest = rows;
-        beams.clone().step_by(CHUNK).map(move |first| {
-            let count = CHUNK.min(beams.end - first);
-            let rows;
-            (rows, rest) = mem::take(&mut rest).split_at(count * self.most_returns());
-            Task { scan: self, first, count, rows }
-        })
+        let chunks = beams.clone().step_by(CHUNK).map(move |first| (first, CHUNK.min(beams.end - first)));
+        let parts = rows.parts(chunks.clone().map(|(_, count)| count * self.most_returns()));
+        chunks.zip(parts).map(|((first, count), rows)| Task { scan: self, first, count, rows })
     }
 }
 
