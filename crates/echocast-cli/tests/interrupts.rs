@@ -67,14 +67,18 @@ fn signal(name: &str, process: u32) {
 fn wait_until_it_listens(child: &Child) {
     /// SIGHUP, SIGINT, SIGTERM.
     const ALL: u64 = 0x4003;
-    let caught = || {
+    // What whoever runs the tests ignores stays ignored.
+    let known = || {
         let status = fs::read_to_string(format!("/proc/{}/status", child.id())).ok()?;
-        let mask = status.lines().find_map(|line| line.strip_prefix("SigCgt:"))?;
-        u64::from_str_radix(mask.trim(), 16).ok()
+        let masks = ["SigCgt:", "SigIgn:"].map(|name| {
+            let mask = status.lines().find_map(|line| line.strip_prefix(name))?;
+            u64::from_str_radix(mask.trim(), 16).ok()
+        });
+        Some(masks[0]? | masks[1]?)
     };
     // A program that has ended catches nothing, and is no child that is waited for in vain.
     let start = Instant::now();
-    while caught().is_some_and(|mask| mask & ALL != ALL) && start.elapsed() < Duration::from_secs(5) {
+    while known().is_some_and(|mask| mask & ALL != ALL) && start.elapsed() < Duration::from_secs(5) {
         sleep(Duration::from_millis(1));
     }
 }
