@@ -3,8 +3,8 @@
 
 #![cfg(target_os = "linux")]
 
-use echocast::export::preview::{self, ColorBy, PreviewOptions, View};
 use echocast::export::{self, FORMATS};
+use echocast::preview::{self, ColorBy, PreviewOptions, View};
 use echocast::{Engine, Field, FieldSet, PackItem, PackType, Pose, Report, ScanOptions, Sensor, Trajectory};
 use echocast_tests::reference::{SceneBuilder, Shape};
 

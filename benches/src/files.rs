@@ -1,8 +1,7 @@
 //! How fast clouds are written and scenes are read, on one core.
 
-use crate::Result;
 use crate::clock::cpu_seconds;
-use crate::scenes;
+use crate::{Result, scenes};
 use echocast::{Pose, ScanOptions, Scene, Sensor, Trajectory, export};
 use rayon::ThreadPoolBuilder;
 use serde_json::{Value, json};

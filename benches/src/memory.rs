@@ -1,7 +1,6 @@
 //! Peak memory of a scan, beside what it must hold: scene data, Embree's own, output columns.
 
-use crate::Result;
-use crate::scenes;
+use crate::{Result, scenes};
 use echocast::{FieldSet, Pose, ScanOptions, Scene, Sensor, Trajectory};
 use serde_json::{Value, json};
 use std::process::Command;

@@ -1,9 +1,8 @@
 //! The paper's experiments 5.2.1 (number of rays) and 5.2.2 (number of objects).
 
-use crate::Result;
 use crate::clock::{cpu_per_call, median};
 use crate::rays::GEOMETRY;
-use crate::scenes;
+use crate::{Result, scenes};
 use echocast::{BareLoop, FieldSet, PointCloud, Pose, ScanOptions, Sensor, Trajectory};
 use rayon::ThreadPoolBuilder;
 use serde_json::{Value, json};

@@ -1,8 +1,7 @@
 //! Rays per second: four scenes, three sensors, beside the bare Embree loop on the same rays.
 
-use crate::Result;
 use crate::clock::{cpu_per_call, median};
-use crate::scenes;
+use crate::{Result, scenes};
 use echocast::{BareLoop, FieldSet, PointCloud, Pose, ScanOptions, Sensor, Trajectory};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde_json::{Value, json};

@@ -2,8 +2,8 @@
 
 use crate::Result;
 use crate::clock::{cpu_per_call, cpu_seconds, median};
-use echocast::export::preview::{self, ColorBy, PreviewOptions, View};
 use echocast::generate::Seabed;
+use echocast::preview::{self, ColorBy, PreviewOptions, View};
 use echocast::{
     BareLoop, BuiltScene, Environment, FieldSet, LoadOptions, Ping, Pings, Pose, ScanOptions, Sensor, Trajectory,
 };

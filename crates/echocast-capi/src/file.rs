@@ -8,7 +8,7 @@ use crate::text;
 use echocast::export;
 #[cfg(feature = "hdf5")]
 use echocast::export::FramesFile;
-use echocast::export::preview::{self, PreviewOptions};
+use echocast::preview::{self, PreviewOptions};
 use std::ffi::c_char;
 use std::ptr;
 use std::sync::{Arc, Mutex};

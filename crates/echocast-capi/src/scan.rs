@@ -1,11 +1,10 @@
 //! Scans.
 
 use crate::guard::{Failure, Outcome, echocast_status, guard};
-use crate::handle;
 use crate::result::{Points, echocast_result};
 use crate::scene::{echocast_pose, echocast_snapshot};
 use crate::sensor::{echocast_sensor, seconds};
-use crate::text;
+use crate::{handle, text};
 use echocast::{
     BuiltScene, Environment, FieldSet, Frame, Order, Profile, ReflectanceSource, ScanOptions, Sensor, Trajectory,
 };

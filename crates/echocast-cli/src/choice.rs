@@ -1,7 +1,7 @@
 //! Options with a few named values.
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use echocast::export::preview::{ColorBy, View};
+use echocast::preview::{ColorBy, View};
 use echocast::scene::UpAxis;
 use echocast::{Frame, Order, Profile, ReflectanceSource, ReturnMode};
 

@@ -64,7 +64,30 @@
 //! | detect | [`detect`] | which echoes are seen, and at which measured range |
 //! | collect | [`cloud`] | [`PointCloud`]: a column each, truth beside measurement; [`Pings`] of a sonar |
 //! | draw | [`image`] | of [`Pings`]: waterfall, mosaic, fan, depth map |
-//! | write | [`export`] | a file and a [`Report`] of what it could not hold |
+//! | write | [`export`], [`preview`] | a file and a [`Report`] of what it could not hold; a picture for people |
+//!
+//! # Floors
+//!
+//! Rooms import from rooms below them in this list and from no other; a test holds them to it.
+//!
+//! | room | what is in it |
+//! |---|---|
+//! | `generate` | scenes made up: a lake bed |
+//! | `preview` | pictures of clouds and pings, for people |
+//! | `export` | files of clouds, pings and images |
+//! | `image` | of pings: waterfall, mosaic, fan, depth map |
+//! | `scan` | the driver: a scan of light, a ping, the profiles of the paper |
+//! | `sensor` | sensor files, presets, what they make of the rooms below |
+//! | `echo` | what comes back: contributions, paths, weather, signals; levels of sound |
+//! | `detect` | which echoes are seen, with which errors |
+//! | `cloud` | columns of points, pings |
+//! | `trace` | rays to hits: Embree, and what its ids mean |
+//! | `scene` | objects, meshes and labels, read from files |
+//! | `material` | what surfaces do with light and sound |
+//! | `medium` | air and water |
+//! | `emitter` | beams, trajectories, lobes |
+//! | `read` | files, YAML and tables, with errors that name the place |
+//! | `ground` | errors, units, poses, blocks of rays, random numbers, threads |
 //!
 //! # Conventions
 //!
@@ -80,51 +103,43 @@
 //! * Nothing panics, prints or hangs on input; errors name what was found and what is allowed.
 #![forbid(unsafe_code)]
 
-mod bounds;
-mod cause;
 pub mod cloud;
-mod csv;
 pub mod detect;
 pub mod echo;
 pub mod emitter;
-pub mod error;
 pub mod export;
+#[cfg(test)]
+mod floors;
 pub mod generate;
+mod ground;
 pub mod image;
 pub mod material;
-mod math;
 pub mod medium;
-mod parallel;
-mod ping;
-mod presets;
+pub mod preview;
 pub mod read;
-pub mod report;
-mod rng;
 mod scan;
 pub mod scene;
 mod sensor;
-pub mod shown;
-mod sonar;
-mod tof;
 mod trace;
-pub mod units;
-mod yaml;
 
-pub use bounds::Parameter;
-pub use cause::Cause;
-pub use cloud::{Field, FieldSet, Frame, PackItem, PackType, PointCloud};
+pub use cloud::{
+    CELL_FIELDS, Field, FieldSet, Frame, Layout, PackItem, PackType, Ping, Pings, PointCloud, SonarView, Sounding,
+};
 pub use detect::ReturnMode;
-pub use emitter::{Pose, Trajectory};
-pub use error::{Error, Result};
+pub use echo::Taper;
+pub use emitter::Trajectory;
+pub use ground::cause::Cause;
+pub use ground::error::{Error, Result};
+pub use ground::pose::Pose;
+pub use ground::report::Report;
+pub use ground::{error, report, shown, units};
 pub use material::ReflectanceSource;
 pub use medium::Environment;
-pub use ping::{CELL_FIELDS, Layout, Ping, Pings, SonarView, Sounding};
-pub use report::Report;
+pub use read::bounds::Parameter;
 pub use scan::{Order, Profile, Progress, ScanOptions};
 pub use scene::{LabelRules, LoadOptions, Scene};
 pub use sensor::{
-    BeamSpec, Expectations, IntensitySpec, PresetInfo, RangeSpec, ReturnsSpec, Sensor, SensorKind, SensorSpec,
+    AcousticsSpec, BeamSpec, Expectations, Illumination, IntensitySpec, PresetInfo, RangeSpec, ReturnsSpec, Sensor,
+    SensorKind, SensorSpec, ShotNoiseSpec, Speckle, Target, TofSpec, Tvg, Vignetting,
 };
-pub use sonar::{AcousticsSpec, Speckle, Taper, Tvg};
-pub use tof::{Illumination, ShotNoiseSpec, Target, TofSpec, Vignetting};
 pub use trace::{BareLoop, BuiltScene, Engine, LiveScene, ObjectId};

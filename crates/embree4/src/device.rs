@@ -1,7 +1,6 @@
 use std::ffi::CString;
-use std::fmt;
 use std::sync::{Arc, Condvar, Mutex, OnceLock, PoisonError};
-use std::thread;
+use std::{fmt, thread};
 
 use embree4_sys as sys;
 

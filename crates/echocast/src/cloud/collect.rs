@@ -1,7 +1,7 @@
 //! From lanes to rows: which beams of a block have a return, and where their values go.
 
 use super::Element;
-use crate::trace::{LANES, MISS};
+use crate::ground::lanes::{LANES, MISS};
 
 /// The lanes of a block that become rows.
 pub(crate) struct Kept {

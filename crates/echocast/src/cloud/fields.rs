@@ -1,7 +1,7 @@
 //! The one table of point-cloud columns. Everything that lists columns walks it: the cloud, the
 //! writers, `--fields`, the help.
 
-use crate::error::{Error, Result};
+use crate::ground::error::{Error, Result};
 use bytemuck::allocation::try_zeroed_vec;
 
 /// Element type of a column.

@@ -3,20 +3,19 @@
 mod collect;
 mod fields;
 mod pack;
+mod ping;
 pub(crate) mod record;
 
 pub(crate) use collect::Kept;
 pub use fields::{Column, ColumnType, Columns, FIELDS, Field, FieldInfo, FieldSet};
 pub(crate) use fields::{Element, Slices};
 pub use pack::{PackItem, PackType};
+pub use ping::{CELL_FIELDS, Layout, Ping, Pings, SonarView, Sounding};
 
-use crate::emitter::Pose;
-use crate::error::{Error, Result};
-use crate::export;
-use crate::report::Report;
+use crate::ground::error::{Error, Result};
+use crate::ground::pose::Pose;
 use crate::scene::Labels;
 use glam::DVec3;
-use std::path::Path;
 use std::sync::Arc;
 
 /// Coordinates of the output points.
@@ -103,16 +102,6 @@ impl PointCloud {
         self.origin + DVec3::new(f64::from(c.x[row]), f64::from(c.y[row]), f64::from(c.z[row]))
     }
 
-    /// Writes the cloud to `path`; the format is chosen by the extension.
-    ///
-    /// The file appears under its name only when it is complete.
-    ///
-    /// # Errors
-    /// Unknown extension, a cloud without positions, a full disk.
-    pub fn write(&self, path: impl AsRef<Path>) -> Result<Report> {
-        export::write(self, path.as_ref(), None)
-    }
-
     /// What to add to a column of positions to get f64 world (or sensor) coordinates; `None` for other columns.
     pub(crate) fn offset(&self, field: Field) -> Option<f64> {
         match field {
@@ -142,9 +131,7 @@ impl PointCloud {
     pub(crate) fn sort_by_time(&mut self) -> Result<()> {
         let times = &self.columns.time;
         let mut order = Vec::new();
-        order
-            .try_reserve_exact(self.len)
-            .map_err(|_| crate::Error::Memory(format!("the order of {} rows", self.len)))?;
+        order.try_reserve_exact(self.len).map_err(|_| Error::Memory(format!("the order of {} rows", self.len)))?;
         order.extend(0..self.len);
         // Rows of one time keep their order, without the memory that a stable sort needs.
         order.sort_unstable_by(|&a, &b| times[a].total_cmp(&times[b]).then(a.cmp(&b)));

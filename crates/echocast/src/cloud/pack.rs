@@ -2,8 +2,8 @@
 
 use super::record::{self, BLOCK_BYTES};
 use super::{Column, Field, PointCloud};
-use crate::error::{Error, Result};
-use crate::parallel;
+use crate::ground::error::{Error, Result};
+use crate::ground::parallel;
 use bytemuck::NoUninit;
 use std::ops::Range;
 

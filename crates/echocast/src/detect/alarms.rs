@@ -1,9 +1,9 @@
 //! Noise that looks like an echo.
 
 use super::{Detection, Threshold};
-use crate::rng::{Draw, Rng};
-use crate::trace::LANES;
-use crate::units::SPEED_OF_LIGHT;
+use crate::ground::lanes::LANES;
+use crate::ground::rng::{Draw, Rng};
+use crate::ground::units::SPEED_OF_LIGHT;
 
 /// Most false alarms that are drawn for one beam, nearest first.
 const MOST_ALARMS: u32 = 64;

@@ -1,6 +1,6 @@
 //! Errors of depth images of structured light, of stereo, and as they were measured of some cameras.
 
-use crate::yaml;
+use crate::read::yaml;
 use serde::{Deserialize, Deserializer, Serialize};
 use std::f32::consts::FRAC_PI_2;
 
@@ -134,7 +134,7 @@ impl DepthError {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rng::{Draw, Rng};
+    use crate::ground::rng::{Draw, Rng};
 
     fn law(noise: DepthNoise) -> DepthError {
         DepthError::new(noise, 1.0 / (939.0 * 0.05)).unwrap()

@@ -19,7 +19,7 @@ pub use depth::DepthNoise;
 pub(crate) use noise::{AzimuthError, RangeError};
 pub use noise::{Noise, RangePoint, WeakDropout};
 pub use returns::ReturnMode;
-pub(crate) use returns::ReturnRule;
+pub(crate) use returns::{Peak, ReturnRule};
 pub(crate) use soundings::{BeamLevels, sounding};
 pub use statistical::{Statistical, Sunlight};
 pub(crate) use threshold::Threshold;

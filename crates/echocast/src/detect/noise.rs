@@ -1,7 +1,9 @@
 //! Errors of what is measured.
 
 use super::{Curve, Threshold};
-use crate::rng::{Draw, Rng};
+use crate::ground::error::{Error, Result};
+use crate::ground::rng::{Draw, Rng};
+use crate::read::bounds::{ABOVE_ZERO, Bounds, FARTHEST_M, check_rows, rising_rows};
 use serde::{Deserialize, Serialize};
 
 /// Errors of an instrument; all zero is an ideal one.
@@ -232,12 +234,56 @@ impl AzimuthError {
     }
 }
 
+impl Noise {
+    pub(crate) fn check(&self, bounds: &mut Bounds) -> Result<()> {
+        for (name, value, least, most) in [
+            ("range_offset_m", self.range_offset_m, -FARTHEST_M, FARTHEST_M),
+            ("range_offset_percent", self.range_offset_percent, -100.0, 1000.0),
+            ("range_mean_m", self.range_mean_m, -FARTHEST_M, FARTHEST_M),
+            ("range_sigma_m", self.range_sigma_m, 0.0, FARTHEST_M),
+            ("range_sigma_per_m", self.range_sigma_per_m, 0.0, 1.0),
+            ("range_snr_sigma_m", self.range_snr_sigma_m, 0.0, FARTHEST_M),
+            ("channel_bias_sigma_m", self.channel_bias_sigma_m, 0.0, FARTHEST_M),
+            ("channel_gain_sigma", self.channel_gain_sigma, 0.0, 1.0),
+            ("instrument", self.instrument.into(), 0.0, u32::MAX.into()),
+            ("temperature_m_per_k", self.temperature_m_per_k, -1000.0, 1000.0),
+            ("temperature_offset_k", self.temperature_offset_k, -1000.0, 1000.0),
+            ("azimuth_sigma_deg", self.azimuth_sigma_deg, 0.0, 10.0),
+            ("pointing_sigma_deg", self.pointing_sigma_deg, 0.0, 10.0),
+            ("time_sigma_us", self.time_sigma_us, 0.0, 1e9),
+            ("dropout", self.dropout, 0.0, 1.0),
+        ] {
+            bounds.within(format_args!("noise.{name}"), value, least, most)?;
+        }
+        let (finest, steps) = (1e-4, "0, or 0.0001 to 10");
+        bounds.number("noise.azimuth_step_deg", self.azimuth_step_deg, [0.0, 10.0], steps)?;
+        if self.azimuth_step_deg > 0.0 && self.azimuth_step_deg < finest {
+            return Err(Error::invalid("noise.azimuth_step_deg", self.azimuth_step_deg, steps));
+        }
+        if !self.range_table.is_empty() {
+            check_rows("noise.range_table", self.range_table.len())?;
+        }
+        for (index, point) in self.range_table.iter().enumerate() {
+            let key = |name: &str| format!("noise.range_table[{index}].{name}");
+            bounds.within(key("at_m"), point.at_m, 0.0, FARTHEST_M)?;
+            bounds.within(key("mean_m"), point.mean_m, -FARTHEST_M, FARTHEST_M)?;
+            bounds.within(key("sigma_m"), point.sigma_m, 0.0, FARTHEST_M)?;
+        }
+        rising_rows(bounds, "noise.range_table", self.range_table.iter().map(|point| point.at_m))?;
+        if let Some(WeakDropout { below, at_zero }) = self.dropout_weak {
+            bounds.number("noise.dropout_weak.below", below, [ABOVE_ZERO, 1000.0], "above 0, at most 1000")?;
+            bounds.within("noise.dropout_weak.at_zero", at_zero, 0.0, 1.0)?;
+        }
+        Ok(())
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::Detection;
     use super::*;
     use crate::echo::{Pulse, PulseShape};
-    use crate::units::SPEED_OF_LIGHT;
+    use crate::ground::units::SPEED_OF_LIGHT;
 
     fn measure(noise: &Noise, step: f64, detection: &Detection, rho_eff: f32, truth: f32, count: usize) -> Vec<f64> {
         let error = RangeError::new(noise, step, 1, 0.0, Threshold::new(detection, (905.0, 5.0), false));

@@ -1,7 +1,15 @@
 //! Which of its echoes a beam reports.
 
-use crate::echo::Peak;
 use serde::{Deserialize, Serialize};
+
+/// An echo: a maximum of the signal of a beam.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Peak {
+    /// Range, m.
+    pub range: f32,
+    /// Power, 1/m^2.
+    pub power: f32,
+}
 
 /// Which echoes of a beam are reported.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -1,6 +1,6 @@
 //! From the levels of a beam to the range that a sonar reports for it.
 
-use crate::ping::{Layout, Sounding};
+use crate::cloud::{Layout, Sounding};
 use std::ops::Range;
 
 /// Beams further from straight down than this are detected by where the echo crosses their axis, rad (35 degrees): there
@@ -88,7 +88,7 @@ fn crossing(window: Range<usize>, beside: &[f32], powers: &[f32]) -> Option<f32>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ping::SonarView;
+    use crate::cloud::SonarView;
 
     fn layout(elevation: f32) -> Layout {
         Layout {

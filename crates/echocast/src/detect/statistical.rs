@@ -1,7 +1,9 @@
 //! Detection by chance: an echo against the noise of the receiver.
 
-use crate::echo::erf;
-use crate::units::SPEED_OF_LIGHT;
+use crate::ground::error::Result;
+use crate::ground::math::erf;
+use crate::ground::units::SPEED_OF_LIGHT;
+use crate::read::bounds::Bounds;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, SQRT_2};
 
@@ -113,6 +115,29 @@ impl Statistical {
         let dark = electrons(sun.received_j(self.reflectance, self.at_m)) / self.reference_snr();
         let light = sun.excess_noise * electrons(sun.background_w() * pulse_ns * 1e-9);
         if light > 0.0 { (1.0 + light / (dark * dark)).sqrt() } else { 1.0 }
+    }
+}
+
+impl Sunlight {
+    pub(crate) fn check(&self, bounds: &mut Bounds) -> Result<()> {
+        let [wide, high] = self.field_of_view_mrad;
+        // No instrument is near these; the ratio of two of them stays far from the ends of what numbers can be.
+        for (name, value, least, most) in [
+            ("pulse_uj", self.pulse_uj, 1e-6, 1e6),
+            ("aperture_mm", self.aperture_mm, 0.01, 1e4),
+            ("field_of_view_mrad[0]", wide, 1e-3, 1000.0),
+            ("field_of_view_mrad[1]", high, 1e-3, 1000.0),
+            ("filter_nm", self.filter_nm, 1e-3, 1e4),
+            ("efficiency", self.efficiency, 0.0, 1.0),
+            ("quantum_efficiency", self.quantum_efficiency, 0.0, 1.0),
+            ("excess_noise", self.excess_noise, 1.0, 100.0),
+            ("irradiance_w_m2_nm", self.irradiance_w_m2_nm, 0.0, 1000.0),
+            ("reflectance", self.reflectance, 0.0, 1.0),
+            ("incidence_deg", self.incidence_deg, 0.0, 90.0),
+        ] {
+            bounds.within(format_args!("detection.sunlight.{name}"), value, least, most)?;
+        }
+        Ok(())
     }
 }
 

@@ -1,9 +1,11 @@
 //! Which echoes are strong enough to be reported.
 
 use super::{Blooming, Curve, Statistical};
-use crate::rng::{Draw, Rng};
-use crate::trace::LANES;
-use crate::yaml;
+use crate::ground::error::Result;
+use crate::ground::lanes::LANES;
+use crate::ground::rng::{Draw, Rng};
+use crate::read::bounds::{ABOVE_ZERO, Bounds, FARTHEST_M, check_rows, rising_rows};
+use crate::read::yaml;
 use serde::{Deserialize, Deserializer, Serialize};
 
 /// `detection`: which echoes an instrument sees. Its keys stand beside those of the model.
@@ -135,6 +137,42 @@ impl<'de> Deserialize<'de> for Detection {
                 return Err(section.unknown(&word, known));
             }
         })
+    }
+}
+
+impl Detection {
+    pub(crate) fn check(&self, bounds: &mut Bounds) -> Result<()> {
+        let mut point = |name: &str, LimitPoint { reflectance, at_m }: LimitPoint| {
+            bounds.within(format_args!("detection.{name}.reflectance"), reflectance, 0.0, 1.0)?;
+            bounds.within(format_args!("detection.{name}.at_m"), at_m, 0.0, FARTHEST_M)
+        };
+        match *self {
+            Detection::None => Ok(()),
+            Detection::RadarEquation { reflectance, at_m } => {
+                bounds.number("detection.reflectance", reflectance, [ABOVE_ZERO, 1.0], "above 0, at most 1")?;
+                bounds.within("detection.at_m", at_m, 1e-3, FARTHEST_M)
+            }
+            Detection::ReflectivityLimit { lower, upper } => {
+                point("lower", lower)?;
+                point("upper", upper)?;
+                bounds.rising(("detection.lower.at_m", lower.at_m), ("detection.upper.at_m", upper.at_m))
+            }
+            Detection::Table { ref points } => {
+                check_rows("detection.points", points.len())?;
+                for (index, &limit) in points.iter().enumerate() {
+                    point(&format!("points[{index}]"), limit)?;
+                }
+                rising_rows(bounds, "detection.points", points.iter().map(|point| point.at_m))
+            }
+            Detection::Statistical(Statistical { reflectance, at_m, probability, tnr, bandwidth_mhz, sunlight }) => {
+                bounds.number("detection.reflectance", reflectance, [ABOVE_ZERO, 1.0], "above 0, at most 1")?;
+                bounds.within("detection.at_m", at_m, 1e-3, FARTHEST_M)?;
+                bounds.within("detection.probability", probability, 0.5, 0.999)?;
+                bounds.within("detection.tnr", tnr, 1.0, 100.0)?;
+                bounds.within("detection.bandwidth_mhz", bandwidth_mhz, 0.0, 1e5)?;
+                sunlight.map_or(Ok(()), |sunlight| sunlight.check(bounds))
+            }
+        }
     }
 }
 

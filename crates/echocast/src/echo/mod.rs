@@ -1,30 +1,16 @@
-//! From hits to echoes: how much light comes back, and what the instrument reports of it.
+//! From hits to echoes: how much light or sound comes back.
 
-mod backscatter;
-mod contribution;
-mod glint;
-mod intensity;
-mod mixed;
-mod particles;
-mod path;
-mod phasor;
-mod ping;
-mod pulse;
-mod response;
-mod waveform;
-mod weather;
+mod light;
+mod sound;
 
-pub(crate) use backscatter::Backscatter;
-pub(crate) use contribution::{Contribution, Wanted};
-pub(crate) use glint::Glint;
-pub use intensity::IntensityEncoding;
-pub(crate) use intensity::IntensityModel;
-pub(crate) use particles::Cone;
-pub(crate) use path::{Chosen, Follower, Meeting, PathEcho, PathEchoes, PathLimits, Preferred, Surroundings};
-pub(crate) use phasor::{MOST_FREQUENCIES, Modulation, ShotNoise, natural_vignetting, turns};
-pub(crate) use ping::{CHUNK_BITS, Drift, Echoes, Insonification, NOBODY, PingEcho, Scatterers, Tile, Wants, texture};
-pub use pulse::PulseShape;
-pub(crate) use pulse::{Pulse, erf};
-pub(crate) use response::{Background, Lines, Response};
-pub(crate) use waveform::{Part, Peak, Waveform};
-pub(crate) use weather::{AIR, Air, AirEcho, AirEchoes, Answer, Foremost, Receiver};
+pub(crate) use light::{
+    Air, AirEcho, AirEchoes, Answer, Chosen, Cone, Contribution, Follower, Foremost, Glint, IntensityModel,
+    MOST_FREQUENCIES, Meeting, Modulation, Part, PathEcho, PathEchoes, PathLimits, Preferred, Pulse, Receiver,
+    ShotNoise, Surroundings, Wanted, Waveform, natural_vignetting, turns,
+};
+pub use light::{IntensityEncoding, PulseShape};
+pub use sound::Taper;
+pub(crate) use sound::{
+    Background, CHUNK_BITS, Drift, Echoes, Insonification, Lines, NOBODY, PingEcho, Response, Scatterers, Tile, Wants,
+    texture,
+};

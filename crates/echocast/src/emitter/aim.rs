@@ -1,8 +1,8 @@
 //! Rays from beams: the direction of each beam at the pose of its own time.
 
 use super::{BeamTable, Pose, Trajectory};
-use crate::rng::{Draw, Rng};
-use crate::trace::{LANES, RayBatch};
+use crate::ground::lanes::{LANES, RayBatch};
+use crate::ground::rng::{Draw, Rng};
 use glam::{DVec3, Mat3, Vec3};
 
 /// How the beams of one scan are put into the world.

@@ -1,6 +1,6 @@
 //! The beams of one scan, direction by direction: what every pattern compiles to.
 
-use crate::error::{Error, Result};
+use crate::ground::error::{Error, Result};
 
 /// How beams share firings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

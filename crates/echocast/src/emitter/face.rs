@@ -1,6 +1,6 @@
 //! The face of a sonar: how loud it is in any direction, to send to or to hear from.
 
-use crate::math::log2;
+use crate::ground::math::log2;
 use glam::Vec3;
 
 /// log2 of the least power that a face is given, 1e-15; also of what is behind it.

@@ -1,6 +1,6 @@
 //! Where within a beam its light goes: sub-rays that stand for it.
 
-use crate::trace::{LANES, RayBatch};
+use crate::ground::lanes::{LANES, RayBatch};
 use glam::Vec3;
 use std::f64::consts::{PI, TAU};
 
@@ -136,7 +136,7 @@ impl Footprint {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::echo::erf;
+    use crate::ground::math::erf;
 
     /// Sub-rays of a beam along x at `range` m: place across it, left and up.
     fn crossings(footprint: &Footprint, range: f32, turn: f32) -> Vec<[f64; 2]> {

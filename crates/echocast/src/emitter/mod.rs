@@ -7,16 +7,15 @@ mod footprint;
 pub mod lobe;
 mod motion;
 pub mod pattern;
-mod pose;
 mod trajectory;
 mod transducer;
 
+pub use crate::ground::pose::Pose;
 pub(crate) use aim::{Aim, scatter};
 pub use beams::{BeamTable, FiringOrder};
 pub(crate) use footprint::{Across, Footprint};
 pub use lobe::Lobe;
 use motion::Motion;
 pub use pattern::Pattern;
-pub use pose::Pose;
 pub use trajectory::Trajectory;
 pub(crate) use transducer::{Hearing, Transducer};

@@ -1,7 +1,7 @@
 //! An even motion, for many times at once.
 
 use super::Pose;
-use crate::trace::{LANES, RayBatch};
+use crate::ground::lanes::{LANES, RayBatch};
 use glam::{DQuat, DVec3, Mat3, Vec3};
 
 /// How a sensor moves between two poses: straight on, and evenly about one axis.

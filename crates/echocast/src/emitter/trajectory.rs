@@ -1,9 +1,9 @@
 //! Poses over time.
 
 use super::{Motion, Pose};
-use crate::csv::{Csv, Lines};
-use crate::error::{Error, Result};
-use crate::shown;
+use crate::ground::error::{Error, Result};
+use crate::ground::shown;
+use crate::read::csv::{Csv, Lines};
 use glam::{DQuat, DVec3};
 use std::path::Path;
 

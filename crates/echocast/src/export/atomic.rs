@@ -1,8 +1,8 @@
 //! Files that appear only when they are complete.
 
 use super::unfinished::{Temporary, Unfinished, failed};
-use crate::error::{Error, Result};
-use crate::shown;
+use crate::ground::error::{Error, Result};
+use crate::ground::shown;
 use std::fs::{self, File};
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};

@@ -2,8 +2,8 @@
 
 use super::{Format, Sink};
 use crate::cloud::{Column, FieldInfo, PointCloud};
-use crate::parallel;
-use crate::report::Report;
+use crate::ground::parallel;
+use crate::ground::report::Report;
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -136,7 +136,7 @@ mod tests {
     #[test]
     fn rows_are_in_order_across_blocks() {
         let mut cloud = PointCloud { len: 3 * ROWS + 7, ..PointCloud::default() };
-        cloud.fields = cloud.fields.with(crate::Field::Beam);
+        cloud.fields = cloud.fields.with(crate::cloud::Field::Beam);
         cloud.columns.beam = (0..cloud.len as u32).collect();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("beams.csv");

@@ -2,7 +2,7 @@
 
 use super::{Format, sensor_pose, unfinished};
 use crate::cloud::{Column, FieldInfo, PointCloud};
-use crate::report::Report;
+use crate::ground::report::Report;
 use crate::scene::Labels;
 use ::hdf5::types::VarLenUnicode;
 use ::hdf5::{Attribute, Dataset, ErrorFrame, File, H5Type, Location};

@@ -6,7 +6,7 @@
 use super::{Format, Sink, labels_json};
 use crate::cloud::record::{self, BLOCK_BYTES};
 use crate::cloud::{Column, Field, FieldInfo, PointCloud};
-use crate::report::Report;
+use crate::ground::report::Report;
 use ::las::raw::header::{Evlr, LargeFile};
 use ::las::{Builder, Transform, Vector, Vlr};
 use std::io::{self, BufWriter, Write};

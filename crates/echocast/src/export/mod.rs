@@ -10,7 +10,6 @@ mod las;
 mod npz;
 mod pings;
 mod ply;
-pub mod preview;
 mod sink;
 mod unfinished;
 
@@ -20,15 +19,27 @@ pub use pings::{check_image, check_pings, image_label_paths};
 pub use unfinished::{cancel_flag, remove_unfinished};
 
 use crate::cloud::{Field, FieldInfo, FieldSet, PointCloud};
-use crate::emitter::Pose;
-use crate::error::{Error, Result};
-use crate::report::Report;
-use crate::shown;
+use crate::ground::error::{Error, Result};
+use crate::ground::pose::Pose;
+use crate::ground::report::Report;
+use crate::ground::shown;
 pub(crate) use atomic::Pending;
 pub(crate) use sink::Sink;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 pub(crate) use unfinished::failed;
+
+impl PointCloud {
+    /// Writes the cloud to `path`; the format is chosen by the extension.
+    ///
+    /// The file appears under its name only when it is complete.
+    ///
+    /// # Errors
+    /// Unknown extension, a cloud without positions, a full disk.
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<Report> {
+        write(self, path.as_ref(), None)
+    }
+}
 
 /// A point-cloud file format.
 pub trait Format: Sync {

@@ -2,7 +2,7 @@
 
 use super::{Format, Sink, sensor_pose};
 use crate::cloud::{Column, FieldInfo, PointCloud};
-use crate::report::Report;
+use crate::ground::report::Report;
 use crate::scene::Labels;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;

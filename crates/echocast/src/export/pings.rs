@@ -3,14 +3,13 @@
 use super::atomic::{self, Pending};
 use super::npz::Archive;
 use super::{Sink, ending, failed};
-use crate::cloud::{Column, Field, FieldSet};
-use crate::error::{Error, Result};
+use crate::cloud::{Column, Field, FieldSet, Ping, Pings, Sounding};
+use crate::ground::error::{Error, Result};
+use crate::ground::report::Report;
+use crate::ground::shown;
+use crate::ground::units::amplitude_from_db;
 use crate::image::{Image, ImageKind, LAYERS};
-use crate::ping::{Ping, Pings, Sounding};
-use crate::report::Report;
 use crate::scene::{Labels, NameTable};
-use crate::shown;
-use crate::units::amplitude_from_db;
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 
@@ -391,9 +390,9 @@ fn names(labels: &Labels, field: Field) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cloud::SonarView;
     use crate::image::synthetic::{Sidescan, TARGET, imaging, pings, swath};
     use crate::image::{ImageRange, Overlap, mosaic, waterfall};
-    use crate::ping::SonarView;
     use std::fs::File;
 
     #[test]

@@ -3,7 +3,7 @@
 use super::{Format, Sink};
 use crate::cloud::record::{self, BLOCK_BYTES};
 use crate::cloud::{Column, FieldInfo, PointCloud};
-use crate::report::Report;
+use crate::ground::report::Report;
 use std::fmt::Write as _;
 use std::io::{self, Write as _};
 use std::path::Path;

@@ -1,7 +1,7 @@
 //! Files that this process has begun and not completed: an interrupted program takes them along.
 
-use crate::error::Error;
-use crate::shown;
+use crate::ground::error::Error;
+use crate::ground::shown;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};

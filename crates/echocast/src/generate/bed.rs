@@ -2,8 +2,8 @@
 
 use super::noise::{Dice, Noise};
 use super::seabed::Ripples;
-use crate::parallel;
-use crate::rng::Draw;
+use crate::ground::parallel;
+use crate::ground::rng::Draw;
 use glam::DVec3;
 use std::f64::consts::TAU;
 

@@ -17,8 +17,8 @@ mod tests;
 
 pub use seabed::{Ripples, Seabed};
 
-use crate::error::Result;
 use crate::export::{self, Pending};
+use crate::ground::error::Result;
 use crate::scene::{LoadOptions, Scene};
 use std::fmt;
 use std::path::Path;

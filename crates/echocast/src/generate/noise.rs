@@ -1,6 +1,6 @@
 //! Random numbers in turn, and smooth noise over a plane.
 
-use crate::rng::{Draw, Rng};
+use crate::ground::rng::{Draw, Rng};
 use std::f64::consts::{SQRT_2, TAU};
 
 /// Random numbers of one thing that is made, one after the other.

@@ -128,7 +128,7 @@ pub(super) fn direction(dice: &mut Dice) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rng::Draw;
+    use crate::ground::rng::Draw;
     use std::f64::consts::PI;
 
     /// Checks that every edge has one triangle on each side, and returns the volume inside.

@@ -1,7 +1,7 @@
 //! The height of the sonar over the bed, from the first return.
 
-use crate::error::{Error, Result};
-use crate::ping::{Ping, Pings, SonarView};
+use crate::cloud::{Ping, Pings, SonarView};
+use crate::ground::error::{Error, Result};
 
 /// The bed is no fainter than the loudest twentieth of a ping by more than this, dB; the surface of the water and what
 /// floats in it are.

@@ -1,8 +1,8 @@
 //! Fan: beams and ranges as they lie around the sonar.
 
 use super::{Image, ImageKind, LONE_SECTOR, Place, Source, check_view, direction, filled, middle, of_sources};
-use crate::error::{Error, Result};
-use crate::ping::{Ping, Pings, SonarView};
+use crate::cloud::{Ping, Pings, SonarView};
+use crate::ground::error::{Error, Result};
 use glam::DVec2;
 use std::f64::consts::{PI, TAU};
 

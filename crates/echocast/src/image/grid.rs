@@ -1,7 +1,7 @@
 //! A grid on the map.
 
 use super::Place;
-use crate::error::{Error, Result};
+use crate::ground::error::{Error, Result};
 use glam::DVec2;
 
 /// Most pixels of a map.

@@ -21,9 +21,8 @@ pub(crate) use soundings::fitting_cell as fitting_depth_cell;
 pub(crate) use waterfall::middle_beam as waterfall_beam;
 pub use waterfall::waterfall;
 
-use crate::cloud::{Column, Field};
-use crate::error::{Error, Result};
-use crate::ping::{Ping, Pings, SonarView};
+use crate::cloud::{Column, Field, Ping, Pings, SonarView};
+use crate::ground::error::{Error, Result};
 use crate::scene::Labels;
 use glam::DVec3;
 use std::sync::Arc;

@@ -4,10 +4,10 @@ use super::grid::{self, Grid, span};
 use super::{
     Image, ImageKind, ImageRange, LONE_SECTOR, Source, altitudes, check_view, filled, layers, level, levels, middle,
 };
-use crate::emitter::Pose;
-use crate::error::Result;
-use crate::math::{LOG2_PER_DB, exp2};
-use crate::ping::{Pings, SonarView};
+use crate::cloud::{Pings, SonarView};
+use crate::ground::error::Result;
+use crate::ground::math::{LOG2_PER_DB, exp2};
+use crate::ground::pose::Pose;
 use glam::{DMat2, DVec2};
 use std::sync::Arc;
 

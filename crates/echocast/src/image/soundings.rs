@@ -2,8 +2,8 @@
 
 use super::grid::{Grid, fitting, span};
 use super::{Image, ImageKind, Source, check_view, direction, filled, layers};
-use crate::error::{Error, Result};
-use crate::ping::{Pings, SonarView};
+use crate::cloud::{Pings, SonarView};
+use crate::ground::error::{Error, Result};
 use glam::DVec3;
 use std::sync::Arc;
 

@@ -1,8 +1,7 @@
 //! Pings made by hand: what a sonar over a flat bed would report, for tests.
 
-use crate::cloud::{Columns, Field, FieldSet};
-use crate::emitter::Pose;
-use crate::ping::{Layout, Ping, Pings, SonarView, Sounding};
+use crate::cloud::{Columns, Field, FieldSet, Layout, Ping, Pings, SonarView, Sounding};
+use crate::ground::pose::Pose;
 use crate::scene::{Labels, NameTable};
 use glam::{DVec2, DVec3};
 use std::sync::Arc;

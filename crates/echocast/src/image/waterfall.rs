@@ -1,8 +1,8 @@
 //! Waterfall: a row for each ping.
 
 use super::{Image, ImageKind, ImageRange, Place, Source, altitudes, filled, of_sources};
-use crate::error::{Error, Result};
-use crate::ping::{Layout, Pings, SonarView};
+use crate::cloud::{Layout, Pings, SonarView};
+use crate::ground::error::{Error, Result};
 
 /// Most pixels of a waterfall.
 const MOST_PIXELS: usize = 1 << 26;

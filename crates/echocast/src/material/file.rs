@@ -1,8 +1,8 @@
 //! Materials as YAML.
 
 use super::{Material, Reflectance, Sound};
-use crate::error::{Error, Result};
-use crate::yaml::Document;
+use crate::ground::error::{Error, Result};
+use crate::read::yaml::Document;
 use serde::de::{Deserialize, Deserializer, Error as _};
 use std::fmt::Display;
 

@@ -1,9 +1,9 @@
 //! The material library: reflectance by material name and wavelength, and what surfaces do with sound, one YAML per material in `presets/material`.
 
 use super::{Alpha, Material, Reflectance, Sound};
-use crate::error::{Error, Result};
-use crate::presets;
-use crate::yaml::Document;
+use crate::ground::error::{Error, Result};
+use crate::read::presets;
+use crate::read::yaml::Document;
 use std::sync::OnceLock;
 
 impl Material {

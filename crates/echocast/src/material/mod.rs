@@ -7,14 +7,16 @@ mod optics;
 mod reflectance;
 mod scattering;
 mod sound;
+mod texture;
 
 pub(crate) use optics::{Mirrors, Optics};
 pub(crate) use reflectance::Reflectances;
 pub use reflectance::{Reflectance, ReflectanceSample};
 pub use scattering::{RetroSample, Scattering};
 pub use sound::{Sediment, Sound};
+pub use texture::{Filter, Texture, TextureRef, Wrap};
+pub(crate) use texture::{TextureBudget, srgb_byte};
 
-use crate::scene::TextureRef;
 use serde::Deserialize;
 
 /// Where the reflectance of a surface comes from when neither its material nor the material library says it.

@@ -5,8 +5,8 @@
 //! that sends back as much, `f_r` the model's BRDF (1/sr) back to where the light comes from, `theta` the incidence angle.
 
 use super::Reflectance;
-use crate::error::{Error, Result};
-use crate::yaml;
+use crate::ground::error::{Error, Result};
+use crate::read::yaml;
 use serde::{Deserialize, Deserializer};
 use std::f32::consts::PI;
 

@@ -1,7 +1,7 @@
 //! How surfaces send back sound.
 
-use crate::error::{Error, Result};
-use crate::yaml;
+use crate::ground::error::{Error, Result};
+use crate::read::yaml;
 use serde::{Deserialize, Deserializer};
 use std::f64::consts::PI;
 use std::sync::LazyLock;

@@ -1,9 +1,10 @@
 //! Weather and water as YAML: the section `environment` of a scenario, or a file of its own.
 
 use super::{ClearAir, Dust, Fog, Placed, Rain, Snow, Spray, Water};
-use crate::bounds::Bounds;
-use crate::error::{Error, Result};
-use crate::yaml::{self, Document};
+use crate::ground::error::{Error, Result};
+use crate::read::bounds::Bounds;
+use crate::read::yaml;
+use crate::read::yaml::Document;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::Path;

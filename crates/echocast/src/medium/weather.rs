@@ -1,8 +1,7 @@
 //! An environment made ready for the beams of one scan.
 
-use super::region::Extent;
-use super::{Environment, Particles, Placed, RainModel, Region};
-use crate::cause::Cause;
+use super::{Environment, Extent, Particles, Placed, RainModel, Region};
+use crate::ground::cause::Cause;
 use glam::{DVec3, Vec3};
 
 /// Something in the air.

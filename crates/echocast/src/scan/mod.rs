@@ -1,28 +1,17 @@
 //! The driver: one scan, step by step.
 
-mod block;
-mod camera;
-mod collect;
-mod explain;
-mod explain_ping;
-mod halo;
-mod ping;
-mod ping_cloud;
+mod bare;
+mod light;
 mod printed;
-mod returns;
-mod run;
+mod sound;
 
-use crate::cloud::{FieldSet, Frame, PointCloud};
+use crate::cloud::{FieldSet, Frame, Ping, PointCloud};
 use crate::emitter::Trajectory;
-use crate::error::{Error, Result};
+use crate::ground::error::{Error, Result};
 use crate::material::ReflectanceSource;
 use crate::medium::Environment;
-use crate::ping::Ping;
 use crate::sensor::{Sensor, SensorKind};
 use crate::trace::BuiltScene;
-pub(crate) use ping::PingMemory;
-pub(crate) use returns::Signals;
-use run::Scan;
 use std::ops::ControlFlow;
 
 /// Which model set a scan follows.
@@ -216,23 +205,7 @@ impl BuiltScene {
             let _ = progress.map(|progress| progress(1.0));
             return Ok(());
         }
-        options.check(trajectory)?;
-        let beams = sensor.beams_at(options.start_time)?;
-        let mut scan = Scan::new(&self.0, sensor, &beams, trajectory, options);
-        if options.organised && scan.most_returns() > 1 {
-            let found = format!("{} returns a beam", scan.most_returns());
-            return Err(Error::invalid(
-                "organised",
-                found,
-                "one return a beam (returns.mode: strongest, first, last or second)",
-            ));
-        }
-        scan.find_halos(sensor);
-        let scanned = scan.run(cloud, progress);
-        if scanned.is_err() {
-            *cloud = PointCloud::default();
-        }
-        scanned
+        self.scan_light(sensor, trajectory, options, cloud, progress)
     }
 
     /// Tells what happens to beam `beam` of such a scan, step by step with numbers: where it goes, what it meets, what comes
@@ -254,12 +227,6 @@ impl BuiltScene {
             options.profile.check_physical("physical where a beam of a sonar is explained")?;
             return self.explain_ping(sensor, trajectory, &options, beam);
         }
-        let beams = sensor.beams_at(options.start_time)?;
-        if beam as usize >= beams.len() {
-            return Err(Error::invalid("beam", beam, format!("0 to {}", beams.len() - 1)));
-        }
-        let mut scan = Scan::new(&self.0, sensor, &beams, trajectory, &options);
-        scan.find_halos(sensor);
-        scan.explain(&sensor.signals(), beam as usize)
+        self.explain_light(sensor, trajectory, &options, beam)
     }
 }

@@ -4,21 +4,18 @@
 //! `sonar.py` as it was run, oddities and all.
 
 use super::{Profile, ScanOptions};
-use crate::cause::Cause;
 use crate::cloud::{Columns, Frame, PointCloud};
 use crate::emitter::pattern::{Pattern, Sidescan};
-use crate::emitter::{BeamTable, FiringOrder, Pose, Trajectory};
-use crate::error::{Error, Result};
-use crate::material::{Mirrors, ReflectanceSource, Reflectances};
+use crate::emitter::{BeamTable, FiringOrder, Trajectory};
+use crate::ground::cause::Cause;
+use crate::ground::error::{Error, Result};
+use crate::ground::lanes::{CHUNK, LANES, MEDIUM, MISS, RayBatch};
+use crate::ground::parallel;
+use crate::ground::pose::Pose;
+use crate::material::{Mirrors, ReflectanceSource, Reflectances, srgb_byte};
 use crate::medium::{Absorption, Column, Fluid, Slab, SoundSpeed, SoundSpeedProfile, Water};
-use crate::parallel;
-use crate::scene::srgb_byte;
-use crate::sensor::Sensor;
-use crate::sonar::AcousticsSpec;
-use crate::trace::{
-    Arrival, BuiltScene, CHUNK, HitBatch, LANES, Launch, MISS, RayBatch, SEA, SoundLimits, SoundTracer, Tables,
-    TracerMemory,
-};
+use crate::sensor::{AcousticsSpec, Sensor};
+use crate::trace::{Arrival, BuiltScene, HitBatch, Launch, SoundLimits, SoundTracer, Tables, TracerMemory};
 use glam::{DVec3, Mat3, Vec3};
 use std::ops::Range;
 use std::sync::Arc;
@@ -191,7 +188,7 @@ impl<'a> Printed<'a> {
         for arrival in &*arrivals {
             let (path, surface) = (f64::from(arrival.path), arrival.surface);
             // The paper knows nothing of the sea surface.
-            if surface == SEA || !(path >= self.limits[0] && path <= self.limits[1]) {
+            if surface == MEDIUM || !(path >= self.limits[0] && path <= self.limits[1]) {
                 continue;
             }
             let (triangle, corner) = (arrival.triangle, arrival.corner);

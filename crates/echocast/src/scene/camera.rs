@@ -1,7 +1,7 @@
 //! Camera nodes: places in the scene where a sensor can be put.
 
-use crate::emitter::Pose;
-use crate::error::{Error, Result};
+use crate::ground::error::{Error, Result};
+use crate::ground::pose::Pose;
 
 /// A camera node of the scene file.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,8 +1,8 @@
 //! Names to numbers: categories, parts, materials and instances.
 
 use super::{Part, Scene, some_of};
-use crate::error::{Error, Result};
-use crate::yaml;
+use crate::ground::error::{Error, Result};
+use crate::read::yaml;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::Path;

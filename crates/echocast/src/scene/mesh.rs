@@ -1,13 +1,13 @@
 //! Triangle meshes, split into parts of one material each.
 
-use crate::error::{Error, Result};
+use crate::ground::error::{Error, Result};
 use crate::material::Material;
 use crate::scene::LARGEST;
-use crate::trace::{Engine, MeshStructure};
+use embree4::CommittedScene;
 use glam::{DAffine3, DVec3};
 use std::fmt;
 use std::ops::{Deref, Range};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 /// Numbers of a mesh, immutable and shared by clones: a vector, or memory that somebody else keeps.
 pub struct Array<T> {
@@ -128,6 +128,34 @@ impl Part {
     }
 }
 
+/// The ray-tracing structure of a mesh by itself, which whoever traces it builds when it is first needed.
+#[derive(Default)]
+pub(crate) struct Structure {
+    /// Whether the mesh is one of many that follow each other.
+    pub changing: bool,
+    pub built: Mutex<Option<CommittedScene>>,
+}
+
+impl Structure {
+    /// Of a mesh that follows others with other positions.
+    fn changing() -> Self {
+        Structure { changing: true, ..Structure::default() }
+    }
+}
+
+impl Clone for Structure {
+    /// For a mesh that may differ.
+    fn clone(&self) -> Self {
+        Structure { changing: self.changing, ..Structure::default() }
+    }
+}
+
+impl fmt::Debug for Structure {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str("Structure")
+    }
+}
+
 /// A mesh: one or more parts.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
@@ -136,7 +164,7 @@ pub struct Mesh {
     /// Its parts, none empty.
     pub parts: Vec<Part>,
     /// What objects that move need to be traced, once they do.
-    pub(crate) structure: MeshStructure,
+    pub(crate) structure: Structure,
 }
 
 impl Mesh {
@@ -162,16 +190,7 @@ impl Mesh {
 
     /// A mesh of parts that have been checked.
     pub(crate) fn trusted(name: String, parts: Vec<Part>) -> Mesh {
-        Mesh { name, parts, structure: MeshStructure::default() }
-    }
-
-    /// Builds what objects with this mesh need to be traced, which otherwise happens when the first of them is
-    /// committed. It can be done on any thread, while scenes are edited, and leaves a core to those who commit them.
-    ///
-    /// # Errors
-    /// Embree's: out of memory.
-    pub fn prepare(&self, engine: &Engine) -> Result<()> {
-        self.structure.prepare(self, engine)
+        Mesh { name, parts, structure: Structure::default() }
     }
 
     /// This mesh with other vertex positions and, if there are any, shading normals.
@@ -193,7 +212,7 @@ impl Mesh {
             ..part.clone()
         });
         let mesh = Mesh::new(self.name.clone(), parts.collect())?;
-        Ok(Mesh { structure: MeshStructure::changing(), ..mesh })
+        Ok(Mesh { structure: Structure::changing(), ..mesh })
     }
 
     /// Triangles of all parts.

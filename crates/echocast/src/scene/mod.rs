@@ -13,26 +13,22 @@ mod label;
 mod merge;
 mod mesh;
 mod obj;
-pub(crate) mod texture;
 
 pub use camera::Camera;
 pub use label::{LabelRules, Labels, NameTable};
 pub use mesh::{Array, Mesh, Part};
-pub(crate) use texture::srgb_byte;
-pub use texture::{Filter, Texture, TextureRef, Wrap};
 
-use crate::error::{Error, Result};
-pub use crate::material::Material;
-use crate::report::Report;
-use crate::shown;
-use crate::trace::{BuiltScene, Engine, LiveScene};
-use crate::yaml;
+use crate::ground::error::{Error, Result};
+use crate::ground::report::Report;
+use crate::ground::shown;
+use crate::material::TextureBudget;
+pub use crate::material::{Filter, Material, Texture, TextureRef, Wrap};
+use crate::read::yaml;
 use glam::{DAffine3, DMat3, DVec3};
 use serde::Deserialize;
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
-use texture::TextureBudget;
 
 /// Largest magnitude of a coordinate that is taken, in files and in the world: well inside `f32`, so that no later
 /// step overflows.
@@ -214,24 +210,6 @@ impl Scene {
     fn with_idle_rules(mut self, rules: &LabelRules) -> Scene {
         rules.idle(&self).into_iter().for_each(|warning| self.report.warn(warning));
         self
-    }
-
-    /// Builds the ray-tracing structure with all cores.
-    ///
-    /// # Errors
-    /// Embree's: out of memory, library too old or too new.
-    pub fn build(&self) -> Result<BuiltScene> {
-        self.build_with(&Engine::new()?)
-    }
-
-    /// [`Scene::build`] with the threads of `engine`, which scan the scene too.
-    ///
-    /// # Errors
-    /// As [`Scene::build`].
-    pub fn build_with(&self, engine: &Engine) -> Result<BuiltScene> {
-        let mut live = LiveScene::new(engine);
-        live.add_scene(self)?;
-        live.commit()
     }
 
     /// Every object with a mesh that is not empty, and the corners of its box in the world.

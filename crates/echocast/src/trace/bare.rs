@@ -1,8 +1,7 @@
 //! The yardstick: nothing but Embree, on the rays of a scan.
 
-use super::{BuiltScene, CHUNK, LANES, RayBatch, Tables};
-use crate::emitter::{Across, Aim, Pose, Trajectory};
-use crate::sensor::Sensor;
+use super::{BuiltScene, Tables};
+use crate::ground::lanes::{CHUNK, LANES, RayBatch};
 use embree4::{Coherence, INVALID, Packet};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
@@ -57,37 +56,16 @@ impl BareHits {
 }
 
 impl<'a> BareLoop<'a> {
-    /// Prepares the rays that [`BuiltScene::scan`] would trace with `sensor` standing at `pose`, those that stand for one
-    /// beam among them; of a sonar, those of a ping through water of 1500 m/s.
-    pub fn new(scene: &'a BuiltScene, sensor: &Sensor, pose: Pose) -> Self {
-        let beams = &*sensor.rays();
-        let trajectory = Trajectory::fixed(pose);
-        let aim = Aim::new(&trajectory, 0.0, scene.origin());
-        let footprint = sensor.signals().footprint;
-        let (mut rays, mut counts) = (Vec::new(), Vec::new());
-        for first in (0..beams.len()).step_by(LANES) {
-            let count = LANES.min(beams.len() - first);
-            let mut axes = RayBatch::default();
-            aim.rays(beams, first, beams.directions(first, count), sensor.range_max_m as f32, &mut axes);
-            match &footprint {
-                None => rays.push(axes),
-                Some(footprint) => {
-                    let mut across = Across::new();
-                    for lane in 0..count {
-                        let up = aim.pose(beams, first + lane).0.z_axis;
-                        across.set(lane, axes.direction(lane), up, (lane as f32 * 0.618).fract());
-                    }
-                    for index in 0..footprint.len() {
-                        let mut batch = RayBatch::default();
-                        footprint.rays(index, &across, &axes, &mut batch);
-                        rays.push(batch);
-                    }
-                }
-            }
-            counts.resize(rays.len(), count);
-        }
+    /// Of `rays`, in blocks of which `counts` count; `coherent`: neighbours in a block are neighbours in angle; `spread`:
+    /// the rays of a block start at different places.
+    pub(crate) fn of(
+        scene: &'a BuiltScene,
+        [coherent, spread]: [bool; 2],
+        rays: Vec<RayBatch>,
+        counts: Vec<usize>,
+    ) -> Self {
         let hits = vec![BareHits::ZERO; rays.len()];
-        BareLoop { scene: &scene.0, coherent: beams.is_coherent(), spread: footprint.is_some(), rays, hits, counts }
+        BareLoop { scene: &scene.0, coherent, spread, rays, hits, counts }
     }
 
     /// Traces all rays once.

@@ -1,7 +1,7 @@
 //! What builds and scans scenes: Embree's device, and threads.
 
-use crate::error::{Error, Result};
-use crate::parallel;
+use crate::ground::error::{Error, Result};
+use crate::ground::parallel;
 use embree4::{CommittedScene, Device, Joint, Pace};
 use rayon::ThreadPool;
 use std::error::Error as _;

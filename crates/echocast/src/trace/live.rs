@@ -1,17 +1,17 @@
 //! A scene that is edited while it is scanned: from objects to Embree's structure and the tables behind its ids.
 
 use super::{BuiltScene, Engine, Surfaces, Tables};
-use crate::emitter::Pose;
-use crate::error::{Error, Result};
+use crate::ground::error::{Error, Result};
+use crate::ground::pose::Pose;
+use crate::ground::report::Report;
 use crate::material::Material;
-use crate::report::Report;
 use crate::scene::{
     Array, Camera, Labels, Mesh, NameTable, Object, Scene, cofactors, corners, surrounding, within_reach,
 };
 use embree4::{CommittedScene, Instance, Pace, Quality};
 use glam::{DAffine3, DVec3, Mat3};
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, PoisonError};
 use std::{fmt, mem};
 
 /// A scene that changes. [`LiveScene::commit`] makes what is scanned, a [`BuiltScene`] that never changes: any number of
@@ -97,49 +97,47 @@ struct Placed {
     turned: bool,
 }
 
-/// The structure of a mesh by itself, built when it is first needed.
-#[derive(Default)]
-pub(crate) struct MeshStructure {
-    /// Whether the mesh is one of many that follow each other.
-    changing: bool,
-    built: Mutex<Option<CommittedScene>>,
-}
-
-impl MeshStructure {
-    /// Of a mesh that follows others with other positions.
-    pub(crate) fn changing() -> Self {
-        MeshStructure { changing: true, ..MeshStructure::default() }
+impl Mesh {
+    /// Builds what objects with this mesh need to be traced, which otherwise happens when the first of them is
+    /// committed. It can be done on any thread, while scenes are edited, and leaves a core to those who commit them.
+    ///
+    /// # Errors
+    /// Embree's: out of memory.
+    pub fn prepare(&self, engine: &Engine) -> Result<()> {
+        self.structure_by(engine, Pace::Aside).map(drop)
     }
 
-    /// Builds the structure of `mesh`, whose own this is, in the background of others.
-    pub(crate) fn prepare(&self, mesh: &Mesh, engine: &Engine) -> Result<()> {
-        self.get(mesh, engine, Pace::Aside).map(drop)
-    }
-
-    /// The structure of `mesh`, whose own this is.
-    fn get(&self, mesh: &Mesh, engine: &Engine, pace: Pace) -> Result<CommittedScene> {
-        let mut built = self.built.lock().unwrap_or_else(PoisonError::into_inner);
+    /// Its structure, built now if it has none of the engine's.
+    fn structure_by(&self, engine: &Engine, pace: Pace) -> Result<CommittedScene> {
+        let mut built = self.structure.built.lock().unwrap_or_else(PoisonError::into_inner);
         match &*built {
             Some(scene) if scene.is_of(engine.device()) => Ok(scene.clone()),
             _ => {
-                let quality = if self.changing { Quality::Low } else { Quality::Medium };
-                let scene = mesh_scene(engine, mesh, quality, None, pace)?;
+                let quality = if self.structure.changing { Quality::Low } else { Quality::Medium };
+                let scene = mesh_scene(engine, self, quality, None, pace)?;
                 Ok(built.insert(scene).clone())
             }
         }
     }
 }
 
-impl Clone for MeshStructure {
-    /// For a mesh that may differ.
-    fn clone(&self) -> Self {
-        MeshStructure { changing: self.changing, ..MeshStructure::default() }
+impl Scene {
+    /// Builds the ray-tracing structure with all cores.
+    ///
+    /// # Errors
+    /// Embree's: out of memory, library too old or too new.
+    pub fn build(&self) -> Result<BuiltScene> {
+        self.build_with(&Engine::new()?)
     }
-}
 
-impl fmt::Debug for MeshStructure {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str("MeshStructure")
+    /// [`Scene::build`] with the threads of `engine`, which scan the scene too.
+    ///
+    /// # Errors
+    /// As [`Scene::build`].
+    pub fn build_with(&self, engine: &Engine) -> Result<BuiltScene> {
+        let mut live = LiveScene::new(engine);
+        live.add_scene(self)?;
+        live.commit()
     }
 }
 
@@ -655,7 +653,7 @@ fn place(engine: &Engine, object: &Object, origin: DVec3) -> Result<Placed> {
     let local_from_object = DAffine3::from_translation(-origin) * object.world_from_object;
     let matrix = columns(&local_from_object);
     if embree4::is_invertible(&matrix) {
-        let of = object.mesh.structure.get(&object.mesh, engine, Pace::Now)?;
+        let of = object.mesh.structure_by(engine, Pace::Now)?;
         return Ok(Placed { instance: Instance::new(&of, matrix, object.mask)?, turned: true });
     }
     // Squeezed flat, it gets a mesh of its own in the world.

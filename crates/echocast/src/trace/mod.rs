@@ -1,29 +1,26 @@
 //! Rays to hits: the only user of Embree.
 
+mod backscatter;
 mod bare;
-mod batch;
 mod engine;
+mod hits;
 mod live;
 mod sound;
 mod surface;
 
+pub(crate) use backscatter::Backscatter;
 pub use bare::BareLoop;
-pub(crate) use batch::{HitBatch, LANES, MISS, RayBatch};
 pub use engine::Engine;
-pub(crate) use live::MeshStructure;
+pub(crate) use hits::HitBatch;
 pub use live::{LiveScene, ObjectId};
-pub(crate) use sound::{Arrival, Direct, Launch, SEA, SoundLimits, SoundTracer, TracerMemory};
+pub(crate) use sound::{Arrival, Direct, Launch, SoundLimits, SoundTracer, TracerMemory};
 pub(crate) use surface::{Surface, Surfaces};
 
-use crate::report::Report;
+use crate::ground::report::Report;
 use crate::scene::Labels;
 use embree4::CommittedScene;
 use glam::{DVec3, Mat3};
 use std::sync::Arc;
-
-/// Beams per task. A constant, so that results cannot depend on the number of threads; traced rays
-/// lose nothing at this size.
-pub(crate) const CHUNK: usize = 2048;
 
 /// A scene with its ray-tracing structure, immutable and shared by threads; clones share it.
 #[derive(Clone)]

@@ -4,7 +4,8 @@ mod direct;
 
 pub(crate) use direct::Direct;
 
-use super::{HitBatch, LANES, MISS, RayBatch, Tables};
+use super::{HitBatch, Tables};
+use crate::ground::lanes::{LANES, MEDIUM, MISS, RayBatch};
 use crate::medium::{Column, End, Ray, Slab, slab_at, small_sin_cos};
 use glam::{DVec3, Mat3, Vec3};
 use std::ops::Range;
@@ -12,14 +13,11 @@ use std::ops::Range;
 /// Greatest distance of an arc from the chord that is traced in its place, m.
 const SAGITTA: f64 = 1e-3;
 
-/// Row of an arrival at the sea surface, in place of one of the scene's surfaces.
-pub(crate) const SEA: u32 = MISS - 1;
-
 /// Steps on which something can be met after which the rays of a block are given up, and steps between two such after
 /// which one is: a ray that swings in a thin duct makes that many.
 const MOST_STEPS: usize = 100_000;
 
-/// What a reflection takes away, dB: of a surface's row (or [`SEA`]) at the sine of a grazing angle.
+/// What a reflection takes away, dB: of a surface's row (or [`MEDIUM`]) at the sine of a grazing angle.
 pub(crate) type ReflectionLoss<'a> = &'a (dyn Fn(u32, f64) -> f64 + Sync);
 
 /// Follows rays through one scene and one water column, from one place.
@@ -53,7 +51,7 @@ pub(crate) struct SoundTracer<'a> {
 pub(crate) struct Arrival {
     /// Number of the ray.
     pub ray: u32,
-    /// Row of the scene's surfaces, or [`SEA`].
+    /// Row of the scene's surfaces, or [`MEDIUM`].
     pub surface: u32,
     /// Triangle of the part.
     pub triangle: u32,
@@ -284,7 +282,7 @@ impl<'a> SoundTracer<'a> {
             let (range, surface, normal) = if hits.surface[lane] != MISS {
                 (hits.range[lane], hits.surface[lane], self.scene.world_normal(hits.surface[lane], hits.normal(lane)))
             } else if rays.range_max[lane] < reach {
-                (rays.range_max[lane], SEA, Vec3::NEG_Z)
+                (rays.range_max[lane], MEDIUM, Vec3::NEG_Z)
             } else {
                 continue;
             };
@@ -306,7 +304,7 @@ impl<'a> SoundTracer<'a> {
                 speed: 1.0,
                 place: place + direction * range,
                 direction,
-                normal: if surface == SEA { normal } else { self.smooth_normal(hits, lane, direction, normal) },
+                normal: if surface == MEDIUM { normal } else { self.smooth_normal(hits, lane, direction, normal) },
                 order: 0,
             });
             if self.bounces > 0 {
@@ -331,9 +329,9 @@ impl<'a> SoundTracer<'a> {
             return false;
         }
         state.order += 1;
-        if surface == SEA {
+        if surface == MEDIUM {
             let ray = &mut state.ray;
-            ray.lose((self.reflection_loss)(SEA, ray.sine.abs()));
+            ray.lose((self.reflection_loss)(MEDIUM, ray.sine.abs()));
             // Mirroring turns it down again.
             (ray.depth, ray.sine) = (0.0, -ray.sine.abs());
             ray.mirror(&self.slabs[ray.slab]);
@@ -496,8 +494,8 @@ impl<'a> SoundTracer<'a> {
                 if !self.is_in_reach(state, start) {
                     return false;
                 }
-                arrivals.push(self.arrival(state, SEA, Vec3::NEG_Z, start));
-                return self.reflect(state, SEA, Vec3::NEG_Z);
+                arrivals.push(self.arrival(state, MEDIUM, Vec3::NEG_Z, start));
+                return self.reflect(state, MEDIUM, Vec3::NEG_Z);
             }
             end => {
                 state.ray.cross(&self.slabs, end);
@@ -647,7 +645,7 @@ mod tests {
         for profile in [STRAIGHT, BENT] {
             let found = arrivals(&plate, profile, place, &directions, 200.0);
             assert_eq!(found.iter().filter(|it| it.order == 0).count(), 1024);
-            let again = found.iter().filter(|it| it.order > 0 && it.surface != SEA).count();
+            let again = found.iter().filter(|it| it.order > 0 && it.surface != MEDIUM).count();
             assert_eq!(again, 0, "{profile}");
         }
     }
@@ -720,7 +718,7 @@ mod tests {
         let direction = |angle: &f64| DVec3::new(angle.to_radians().cos(), 0.0, -angle.to_radians().sin());
         let directions: Vec<DVec3> = angles.iter().map(direction).collect();
         let found = arrivals(&sheet(corners, None), profile, DVec3::new(0.0, 0.0, -50.0), &directions, 900.0);
-        let first: Vec<&Arrival> = found.iter().filter(|it| it.order == 0 && it.surface != SEA).collect();
+        let first: Vec<&Arrival> = found.iter().filter(|it| it.order == 0 && it.surface != MEDIUM).collect();
         assert!(first.len() > 20, "{}", first.len());
         let water = Environment::from_yaml(&format!("water: {{allow_unphysical: true, profile: {profile}}}"));
         let water = water.unwrap().water.unwrap();

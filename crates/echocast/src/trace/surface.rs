@@ -1,10 +1,9 @@
 //! What the ids of Embree's hits mean.
 
-use super::Tables;
-use crate::echo::Backscatter;
-use crate::material::{Alpha, Material, Mirrors, Optics, ReflectanceSource, Reflectances, Sound};
+use super::{Backscatter, Tables};
+use crate::material::{Alpha, Material, Mirrors, Optics, ReflectanceSource, Reflectances, Sound, srgb_byte};
 use crate::medium::Sea;
-use crate::scene::{Labels, Mesh, Object, Part, srgb_byte};
+use crate::scene::{Labels, Mesh, Object, Part};
 use embree4::{Candidate, INVALID};
 use glam::Vec3;
 use std::collections::HashMap;

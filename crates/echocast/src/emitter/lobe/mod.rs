@@ -13,9 +13,10 @@ pub use directivity::{directivity, line_directivity, piston_directivity, rectang
 pub(crate) use directivity::{round_directivity, wall_directivity};
 pub use pattern::BeamPattern;
 
-use crate::bounds::Bounds;
-use crate::error::{Error, Result};
-use crate::yaml::{self, Document, join};
+use crate::ground::error::{Error, Result};
+use crate::read::bounds::Bounds;
+use crate::read::yaml;
+use crate::read::yaml::{Document, join};
 use serde::de::{self, Deserializer, MapAccess, Visitor};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_PI_2;

@@ -3,7 +3,7 @@
 use super::array::Factor;
 use super::bessel::jinc;
 use super::{Array, NOTHING_DB, Row};
-use crate::units::amplitude_from_db;
+use crate::ground::units::amplitude_from_db;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// The pattern of an aperture in one plane at one wavelength.

@@ -1,7 +1,7 @@
 //! Evenly spaced angles.
 
-use crate::bounds::{ABOVE_ZERO, Bounds};
-use crate::error::{Error, Result};
+use crate::ground::error::{Error, Result};
+use crate::read::bounds::{ABOVE_ZERO, Bounds};
 use serde::{Deserialize, Serialize};
 use std::fmt::Display;
 

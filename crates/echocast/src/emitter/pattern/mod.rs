@@ -18,9 +18,9 @@ pub use table::Table;
 
 use super::BeamTable;
 use super::beams::MAX_BEAMS;
-use crate::bounds::Bounds;
-use crate::error::{Error, Result};
-use crate::yaml;
+use crate::ground::error::{Error, Result};
+use crate::read::bounds::Bounds;
+use crate::read::yaml;
 use serde::{Deserialize, Deserializer, Serialize};
 use std::path::Path;
 

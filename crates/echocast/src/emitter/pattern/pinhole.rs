@@ -2,10 +2,10 @@
 
 use super::check_count;
 use super::fan::check_above_zero;
-use crate::bounds::{ABOVE_ZERO, Bounds};
 use crate::emitter::beams::MAX_BEAMS;
 use crate::emitter::{BeamTable, FiringOrder};
-use crate::error::Result;
+use crate::ground::error::Result;
+use crate::read::bounds::{ABOVE_ZERO, Bounds};
 use serde::{Deserialize, Serialize};
 
 /// Where in a pixel its ray goes through.

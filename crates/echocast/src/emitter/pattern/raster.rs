@@ -2,10 +2,10 @@
 
 use super::fan::check_above_zero;
 use super::{Fan, check_count};
-use crate::bounds::Bounds;
 use crate::emitter::beams::direction;
 use crate::emitter::{BeamTable, FiringOrder};
-use crate::error::Result;
+use crate::ground::error::Result;
+use crate::read::bounds::Bounds;
 use serde::{Deserialize, Serialize};
 
 /// One beam that sweeps row by row, from the lowest to the highest and in each from right to left;

@@ -2,9 +2,9 @@
 
 use super::check_count;
 use super::fan::check_above_zero;
-use crate::bounds::Bounds;
 use crate::emitter::{BeamTable, FiringOrder};
-use crate::error::{Error, Result};
+use crate::ground::error::{Error, Result};
+use crate::read::bounds::Bounds;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 

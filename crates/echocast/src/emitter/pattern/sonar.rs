@@ -5,11 +5,11 @@
 
 use super::fan::{check_above_zero, check_fov};
 use super::{Fan, check_count};
-use crate::bounds::Bounds;
 use crate::emitter::beams::direction;
 use crate::emitter::lobe::{Piston, Shape};
 use crate::emitter::{BeamTable, FiringOrder, Lobe};
-use crate::error::{Error, Result};
+use crate::ground::error::{Error, Result};
+use crate::read::bounds::Bounds;
 use serde::{Deserialize, Serialize};
 
 /// Two fans across the track, thin along it: port is beam 0, starboard beam 1; a side alone is beam 0.

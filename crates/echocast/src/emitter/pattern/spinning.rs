@@ -2,11 +2,11 @@
 
 use super::fan::{check_above_zero, check_fov, samples};
 use super::{Fan, check_count};
-use crate::bounds::Bounds;
 use crate::emitter::beams::direction;
 use crate::emitter::{BeamTable, FiringOrder};
-use crate::error::{Error, Result};
-use crate::units::seconds_from_us;
+use crate::ground::error::{Error, Result};
+use crate::ground::units::seconds_from_us;
+use crate::read::bounds::Bounds;
 use serde::{Deserialize, Serialize};
 
 /// Sense of rotation seen from above (+z).

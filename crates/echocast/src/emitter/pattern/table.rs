@@ -1,13 +1,13 @@
 //! Beams listed in a CSV file.
 
 use super::fan::check_above_zero;
-use crate::bounds::Bounds;
-use crate::csv::Csv;
 use crate::emitter::beams::{MAX_BEAMS, direction};
 use crate::emitter::{BeamTable, FiringOrder};
-use crate::error::Result;
-use crate::shown;
-use crate::units::seconds_from_us;
+use crate::ground::error::Result;
+use crate::ground::shown;
+use crate::ground::units::seconds_from_us;
+use crate::read::bounds::Bounds;
+use crate::read::csv::Csv;
 use serde::{Deserialize, Serialize, Serializer};
 use std::path::{Path, PathBuf};
 

@@ -2,7 +2,7 @@
 
 use super::profile::{DEEPEST, Layer, PHYSICAL_SPEEDS, SEA_WATER_KG_M3, SoundSpeedProfile, SpeedRow, WaterRow, unread};
 use super::{Outside, Water};
-use crate::error::{Error, Result};
+use crate::ground::error::{Error, Result};
 
 /// Where absorption changes with depth, slabs are no thicker than this, m, down to [`CONSTANT_FROM`].
 const THICKEST: f64 = 500.0;

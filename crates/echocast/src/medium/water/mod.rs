@@ -22,9 +22,9 @@ pub use sound_ray::{RayEvent, RayPoint, SoundRay};
 pub use speed::{SoundSpeed, pressure_bar, unesco_speed};
 pub use validity::Outside;
 
-use crate::bounds::{ABOVE_ZERO, Bounds};
-use crate::error::{Error, Result};
-use crate::math::log2;
+use crate::ground::error::{Error, Result};
+use crate::ground::math::log2;
+use crate::read::bounds::{ABOVE_ZERO, Bounds};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 

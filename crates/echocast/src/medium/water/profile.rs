@@ -1,8 +1,8 @@
 //! How the water changes with depth: rows of a cast, in YAML or in a CSV file.
 
-use crate::csv::Csv;
-use crate::error::{Error, Result};
-use crate::shown;
+use crate::ground::error::{Error, Result};
+use crate::ground::shown;
+use crate::read::csv::Csv;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 

@@ -1,8 +1,8 @@
 //! A single ray of sound through water, event by event: what a surveyor checks against other programs.
 
 use super::{Column, End, Ray, Slab, Water, slab_at};
-use crate::bounds::{ABOVE_ZERO, Bounds};
-use crate::error::Result;
+use crate::ground::error::Result;
+use crate::read::bounds::{ABOVE_ZERO, Bounds};
 
 /// A ray of sound between the surface of the water and a flat bottom, both of which mirror it.
 #[derive(Clone, Debug)]

@@ -2,7 +2,7 @@
 
 use super::Document;
 use super::extras::text;
-use crate::error::Result;
+use crate::ground::error::Result;
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
 use serde::Deserialize;
 

@@ -1,7 +1,7 @@
 //! `EXT_mesh_gpu_instancing`: one node, its mesh placed many times.
 
 use super::accessor::Accessors;
-use crate::yaml;
+use crate::read::yaml;
 use glam::{DAffine3, DQuat, DVec3};
 use gltf::json::{Index, Node};
 use serde::Deserialize;

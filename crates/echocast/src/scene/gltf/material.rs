@@ -2,12 +2,10 @@
 
 use super::accessor::Accessors;
 use super::{Document, Notes, extras, place};
-use crate::error::Result;
-use crate::material::{Alpha, Material, Reflectance, Sound};
-use crate::read::Limit;
-use crate::scene::texture::TextureBudget;
-use crate::scene::{Filter, Texture, TextureRef, Wrap};
-use crate::{shown, yaml};
+use crate::ground::error::Result;
+use crate::ground::shown;
+use crate::material::{Alpha, Filter, Material, Reflectance, Sound, Texture, TextureBudget, TextureRef, Wrap};
+use crate::read::{Limit, yaml};
 use gltf::json;
 use gltf::json::material::AlphaMode;
 use gltf::json::texture::{Info, MagFilter, WrappingMode};

@@ -3,7 +3,7 @@
 use super::accessor::Accessors;
 use super::material::Materials;
 use super::{Document, Notes, place};
-use crate::error::Result;
+use crate::ground::error::Result;
 use crate::scene::mesh::{beyond_reach, is_degenerate, normals_are_flat};
 use crate::scene::{Array, Mesh, Part};
 use gltf::json::accessor::Type;

@@ -1,8 +1,8 @@
 use super::read_bytes;
-use crate::error::Result;
-use crate::material::{Alpha, Reflectance, Scattering, Sound};
-use crate::scene::texture::TextureBudget;
-use crate::scene::{Filter, LabelRules, LoadOptions, Scene, Wrap};
+use crate::ground::error::Result;
+use crate::material::TextureBudget;
+use crate::material::{Alpha, Filter, Reflectance, Scattering, Sound, Wrap};
+use crate::scene::{LabelRules, LoadOptions, Scene};
 use glam::{DAffine3, DQuat, DVec3};
 use serde_json::{Value, json};
 use std::path::Path;

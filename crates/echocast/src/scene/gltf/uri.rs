@@ -1,8 +1,8 @@
 //! What a buffer's or image's URI leads to.
 
+use crate::ground::shown;
 use crate::read::{self, Limit};
 use crate::scene::{inside, outside};
-use crate::shown;
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 

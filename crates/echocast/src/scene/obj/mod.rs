@@ -11,12 +11,11 @@ mod statements;
 mod text;
 
 use super::{LoadOptions, Part, RawObject, Scene, Texture, TextureRef, UpAxis, Wrap, count, some_of};
-use crate::error::{Error, Result};
-use crate::material::Material;
+use crate::ground::error::{Error, Result};
+use crate::ground::shown;
+use crate::material::{Material, TextureBudget};
 use crate::read::{self, Limit};
 use crate::scene::Mesh;
-use crate::scene::texture::TextureBudget;
-use crate::shown;
 use files::Files;
 use glam::{DAffine3, DMat3, DVec3};
 use parts::PartMaker;

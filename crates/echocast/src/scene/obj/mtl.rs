@@ -2,10 +2,10 @@
 
 use super::files::Files;
 use super::text::Text;
-use crate::error::{Error, Result};
+use crate::ground::error::{Error, Result};
+use crate::ground::shown;
 use crate::material::{Material, Reflectance};
 use crate::read::{self, Limit};
-use crate::shown;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 

@@ -1,8 +1,8 @@
 //! The statements of an OBJ file, as they stand: vertices, faces, names.
 
 use super::text::{Text, quoted};
-use crate::error::{Error, Result};
-use crate::shown;
+use crate::ground::error::{Error, Result};
+use crate::ground::shown;
 use glam::DVec3;
 use std::collections::HashMap;
 use std::path::Path;

@@ -1,6 +1,6 @@
 //! The text of OBJ and MTL files: statements, words and numbers, read byte by byte without copies.
 
-use crate::error::{Error, Result};
+use crate::ground::error::{Error, Result};
 use crate::scene::LARGEST;
 use std::path::Path;
 

@@ -1,11 +1,10 @@
 //! Direct ways from the sonar to what rays have met over reflections.
 
 use super::{
-    Arrival, Chord, End, HitBatch, Launch, MISS, MOST_STEPS, SAGITTA, SoundTracer, Start, State, Step, TracerMemory,
-    rounding,
+    Arrival, Chord, End, HitBatch, Launch, MOST_STEPS, SAGITTA, SoundTracer, Start, State, Step, TracerMemory, rounding,
 };
+use crate::ground::lanes::{LANES, MISS, RayBatch};
 use crate::medium::Ray;
-use crate::trace::{LANES, RayBatch};
 use glam::{DVec3, Vec3};
 
 /// The direct way to the place of an arrival.

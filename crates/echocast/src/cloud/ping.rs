@@ -1,0 +1,321 @@
+//! What a sonar records: pings of beams and range bins.
+
+use crate::cloud::{Column, Columns, Field, FieldSet};
+use crate::ground::error::{Error, Result};
+use crate::ground::pose::Pose;
+use crate::scene::Labels;
+use glam::DVec3;
+use std::any::Any;
+use std::fmt;
+use std::sync::Arc;
+
+/// What a ping may hold of each cell, beside its level in `intensity`: what the strongest scatterer in it is. Where
+/// nothing scatters, numbers are NaN and labels 0.
+///
+/// | column | meaning in a cell |
+/// |---|---|
+/// | `intensity` | echo level with noise, dB re 1 uPa |
+/// | `category_id` to `material_id`, `red` to `blue` | labels and colour of the scatterer; 0 for sea surface and water |
+/// | `true_x` to `true_z`, `true_range` | where the scatterer is, and the length of the way there, m; of two ways their mean |
+/// | `time` | when the echo arrives, s since the start of the run |
+/// | `cos_incidence`, `normal_x` to `normal_z` | how it is met |
+/// | `azimuth`, `elevation` | direction in which the sound left, sensor frame, rad; of sound that comes back straight, but left over reflections, that in which it comes back |
+/// | `cause`, `bounces` | surface (0), sea surface (10), either over reflections (9) or noise alone (7), and reflections on the way; of two ways on the one that has some |
+pub const CELL_FIELDS: [Field; 21] = [
+    Field::Intensity,
+    Field::CategoryId,
+    Field::PartId,
+    Field::InstanceId,
+    Field::MaterialId,
+    Field::Time,
+    Field::Azimuth,
+    Field::Elevation,
+    Field::Red,
+    Field::Green,
+    Field::Blue,
+    Field::NormalX,
+    Field::NormalY,
+    Field::NormalZ,
+    Field::CosIncidence,
+    Field::TrueX,
+    Field::TrueY,
+    Field::TrueZ,
+    Field::TrueRange,
+    Field::Cause,
+    Field::Bounces,
+];
+
+/// What all pings of a sonar have in common.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layout {
+    /// What kind of sonar it is.
+    pub view: SonarView,
+    /// Azimuth and elevation of each beam's axis as it is reported, sensor frame, rad; of a beam that turns, at its first
+    /// ping.
+    pub axes: Vec<[f32; 2]>,
+    /// Range bins of each beam; bin `k` reaches from `k bin_m` to `(k + 1) bin_m`.
+    pub bins: usize,
+    /// Length of a bin, m of reported slant range.
+    pub bin_m: f64,
+    /// First bin that reports echoes: those before it are nearer than the nearest range.
+    pub first_bin: usize,
+    /// Sound speed that ranges are reported with, m/s.
+    pub believed_speed: f64,
+    /// Level of the noise in a cell, dB re 1 uPa, after directivity and processing gain.
+    pub noise_db: f32,
+    /// Least level that is reported as an echo, dB re 1 uPa, by bin: noise, volume reverberation and threshold.
+    pub threshold_db: Vec<f32>,
+    /// Time-varied gain that pictures are drawn with, dB, by bin.
+    pub tvg_db: Vec<f32>,
+}
+
+/// How the beams of a sonar lie: what pictures it makes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SonarView {
+    /// Sides: waterfall and mosaic.
+    Sidescan,
+    /// Beams side by side, down: bathymetry and the image of the water column.
+    Swath,
+    /// Beams side by side, ahead: fan.
+    Fan,
+    /// One beam.
+    Single,
+}
+
+/// An echo that a sonar reports as the depth of a beam.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sounding {
+    /// Beam that heard it.
+    pub beam: u32,
+    /// Reported slant range, m.
+    pub range: f32,
+    /// Cell at that range, or the nearest from which something comes: `beam * bins + bin`.
+    pub cell: u32,
+    /// Level of the loudest cell of the echo, dB re 1 uPa.
+    pub level_db: f32,
+    /// How sure it is, 0 to 1: level above the threshold over 20 dB, less where the echo is wide.
+    pub quality: f32,
+}
+
+/// Memory that whoever makes pings keeps in each, for the next one made in its place.
+#[derive(Default)]
+pub(crate) struct Kept(Option<Box<dyn Any + Send + Sync>>);
+
+impl Kept {
+    /// What was kept, or new.
+    pub(crate) fn take<T: Any + Send + Sync + Default>(&mut self) -> Box<T> {
+        self.0.take().and_then(|kept| kept.downcast().ok()).unwrap_or_default()
+    }
+
+    pub(crate) fn keep<T: Any + Send + Sync>(&mut self, memory: Box<T>) {
+        self.0 = Some(memory);
+    }
+}
+
+impl Clone for Kept {
+    /// A copy needs memory of its own when it is pinged into.
+    fn clone(&self) -> Self {
+        Kept::default()
+    }
+}
+
+impl fmt::Debug for Kept {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str("Kept")
+    }
+}
+
+/// One ping: beams x bins cells, row `beam * bins + bin`.
+#[derive(Clone, Debug, Default)]
+pub struct Ping {
+    /// Number of the ping.
+    pub number: u32,
+    /// When it was sent, s since the start of the run.
+    pub time: f64,
+    /// Where the sonar was then: `world_from_sensor`.
+    pub pose: Pose,
+    /// What it has in common with others of its sonar.
+    pub layout: Arc<Layout>,
+    /// World position of `true_x`, `true_y`, `true_z` 0, metres.
+    pub origin: DVec3,
+    /// A row for each cell; columns that were not asked for are empty.
+    pub cells: Columns,
+    /// Which columns are there.
+    pub fields: FieldSet,
+    /// The depths that beams report; empty for side-scan and imaging sonars, whose points are their cells.
+    pub soundings: Vec<Sounding>,
+    /// Names of the numbers in the label columns.
+    pub labels: Arc<Labels>,
+    pub(crate) memory: Kept,
+}
+
+impl Default for Layout {
+    fn default() -> Self {
+        Layout {
+            view: SonarView::Single,
+            axes: Vec::new(),
+            bins: 0,
+            bin_m: 1.0,
+            first_bin: 0,
+            believed_speed: 1500.0,
+            noise_db: 0.0,
+            threshold_db: Vec::new(),
+            tvg_db: Vec::new(),
+        }
+    }
+}
+
+impl SonarView {
+    /// Its name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            SonarView::Sidescan => "sidescan",
+            SonarView::Swath => "swath",
+            SonarView::Fan => "fan",
+            SonarView::Single => "single",
+        }
+    }
+}
+
+impl Layout {
+    /// Number of beams.
+    pub fn beams(&self) -> usize {
+        self.axes.len()
+    }
+
+    /// Cells of a ping.
+    pub fn cells(&self) -> usize {
+        self.beams() * self.bins
+    }
+
+    /// Reported slant range of the middle of a bin, m.
+    pub fn range(&self, bin: usize) -> f64 {
+        (bin as f64 + 0.5) * self.bin_m
+    }
+
+    /// Farthest range, m.
+    pub fn reach(&self) -> f64 {
+        self.bins as f64 * self.bin_m
+    }
+}
+
+impl Ping {
+    /// Levels of a beam, dB re 1 uPa, bin by bin.
+    ///
+    /// # Panics
+    /// Without such a beam.
+    pub fn levels(&self, beam: usize) -> &[f32] {
+        let bins = self.layout.bins;
+        &self.cells.intensity[beam * bins..(beam + 1) * bins]
+    }
+
+    /// A copy with those of its columns that are in `fields`, and the level.
+    #[must_use]
+    pub fn with(&self, fields: FieldSet) -> Ping {
+        let fields: FieldSet =
+            self.fields.iter().map(|info| info.field).filter(|&field| fields.contains(field)).collect();
+        let fields = fields.with(Field::Intensity);
+        Ping {
+            layout: self.layout.clone(),
+            cells: self.cells.with(fields),
+            fields,
+            soundings: self.soundings.clone(),
+            labels: self.labels.clone(),
+            memory: Kept::default(),
+            ..*self
+        }
+    }
+
+    /// That it is whole: every column as long as it should be, every number one that makes sense. All of them are public,
+    /// so they may disagree. `name`: of the ping, for errors.
+    pub(crate) fn check(&self, name: &str) -> Result<()> {
+        let wrong = |found: String, allowed: &str| Err(Error::invalid(name, found, allowed));
+        let layout = &*self.layout;
+        let cells = layout.axes.len().checked_mul(layout.bins).filter(|&cells| 0 < cells && cells < u32::MAX as usize);
+        let Some(cells) = cells else {
+            let found = format!("made of {} beams with {} bins", layout.axes.len(), layout.bins);
+            return wrong(found, "1 to 4294967294 cells");
+        };
+        if !(layout.bin_m.is_finite() && layout.bin_m > 0.0) {
+            return Err(Error::invalid("bin_m", layout.bin_m, "a length above 0"));
+        }
+        if !layout.axes.iter().flatten().all(|angle| angle.is_finite()) {
+            return Err(Error::invalid("axes", "not a number", "azimuth and elevation of each beam, rad"));
+        }
+        for (name, values) in [("threshold_db", &layout.threshold_db), ("tvg_db", &layout.tvg_db)] {
+            if values.len() != layout.bins {
+                let allowed = format!("the {} bins of a beam", layout.bins);
+                return Err(Error::invalid(name, format!("{} numbers long", values.len()), allowed));
+            }
+        }
+        if !self.fields.contains(Field::Intensity) {
+            return Err(Error::invalid("columns of a ping", "a set without intensity", "a set with intensity"));
+        }
+        if let Some(info) = self.fields.iter().find(|info| self.column(info.field).len() != cells) {
+            let found = format!("with {} rows of {}", self.column(info.field).len(), info.name);
+            return wrong(found, &format!("its {cells} cells"));
+        }
+        if !(self.pose.position.is_finite() && self.pose.orientation.is_finite()) {
+            return wrong("sent from a pose that is not a number".to_owned(), "finite poses");
+        }
+        if self.soundings.iter().any(|s| s.beam as usize >= layout.axes.len() || s.cell as usize >= cells) {
+            let found = "with a sounding of a beam or cell that it does not have".to_owned();
+            return wrong(found, &format!("{} beams and {cells} cells", layout.axes.len()));
+        }
+        Ok(())
+    }
+
+    /// Whether it may be one of the [`Pings`] of `other`.
+    fn is_beside(&self, other: &Ping) -> bool {
+        let same_layout = Arc::ptr_eq(&self.layout, &other.layout) || self.layout == other.layout;
+        let same_labels = Arc::ptr_eq(&self.labels, &other.labels) || self.labels == other.labels;
+        same_layout && same_labels && self.origin == other.origin && self.fields == other.fields
+    }
+
+    /// Column `field`, a row for each cell; empty when it was not asked for.
+    pub fn column(&self, field: Field) -> Column<'_> {
+        self.cells.get(field)
+    }
+}
+
+/// Pings of one sonar, one after the other.
+#[derive(Clone, Debug, Default)]
+pub struct Pings {
+    /// In the order in which they were sent.
+    pub pings: Vec<Ping>,
+}
+
+impl Pings {
+    /// Adds a ping.
+    ///
+    /// # Errors
+    /// One of another layout, origin, set of columns or labels.
+    pub fn push(&mut self, ping: Ping) -> Result<()> {
+        if self.pings.first().is_some_and(|first| !first.is_beside(&ping)) {
+            let found = "of another layout, origin, set of columns or labels";
+            return Err(Error::invalid("ping", found, "pings of one sonar in one scene"));
+        }
+        self.pings.push(ping);
+        Ok(())
+    }
+
+    /// What all pings have in common, if each is whole and they fit together.
+    pub(crate) fn check(&self) -> Result<&Layout> {
+        let Some(first) = self.pings.first() else {
+            return Err(Error::invalid("pings", "an empty list", "at least one ping"));
+        };
+        for (index, ping) in self.pings.iter().enumerate() {
+            ping.check(&format!("ping {index}"))?;
+            if !first.is_beside(ping) {
+                let found = "of another layout, origin, set of columns or labels than the first";
+                return Err(Error::invalid(format!("ping {index}"), found, "pings of one sonar in one scene"));
+            }
+        }
+        Ok(&first.layout)
+    }
+
+    /// What all pings have in common; `None` without any.
+    pub fn layout(&self) -> Option<&Layout> {
+        self.pings.first().map(|ping| &*ping.layout)
+    }
+}

@@ -1,0 +1,197 @@
+//! What surfaces send back to the sensor.
+
+use crate::ground::lanes::{LANES, MISS, RayBatch};
+use crate::material::{ReflectanceSource, Reflectances, Scattering, srgb_byte};
+use crate::trace::{HitBatch, Surface, Surfaces, Tables};
+use glam::Vec3;
+
+/// What images are read for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Wanted {
+    pub colors: bool,
+    pub reflectance: bool,
+}
+
+/// The surfaces that a block of beams meets, lane by lane.
+#[repr(align(64))]
+pub(crate) struct Contribution {
+    /// Cosine of the incidence angle, 0..1.
+    pub cos_incidence: [f32; LANES],
+    /// Reflectance of a Lambert surface there that would send back as much, 0 or more; above 1 for gloss and
+    /// retro-reflectors, and for others at grazing incidence.
+    pub reflectance: [f32; LANES],
+    pub category_id: [u32; LANES],
+    pub part_id: [u32; LANES],
+    pub instance_id: [u32; LANES],
+    pub material_id: [u32; LANES],
+    pub red: [u8; LANES],
+    pub green: [u8; LANES],
+    pub blue: [u8; LANES],
+}
+
+impl Contribution {
+    pub(crate) fn new() -> Self {
+        Contribution {
+            cos_incidence: [0.0; LANES],
+            reflectance: [0.0; LANES],
+            category_id: [0; LANES],
+            part_id: [0; LANES],
+            instance_id: [0; LANES],
+            material_id: [0; LANES],
+            red: [0; LANES],
+            green: [0; LANES],
+            blue: [0; LANES],
+        }
+    }
+
+    /// Incidence of the first `count` rays, with the normals of `hits` made unit vectors in the world's frame on the
+    /// sensor's side; interpolated ones where the part has them and `smooth` wants them.
+    #[inline(always)]
+    pub(crate) fn face(&mut self, scene: &Tables, rays: &RayBatch, hits: &mut HitBatch, count: usize, smooth: bool) {
+        if scene.surfaces.has_instances {
+            hits.orient_normals(scene, count);
+        }
+        self.meet(rays, hits);
+        if smooth {
+            self.shade(scene, rays, hits, count);
+        }
+    }
+
+    /// Incidence, with the normals of `hits` made unit vectors on the sensor's side.
+    #[inline(always)]
+    fn meet(&mut self, rays: &RayBatch, hits: &mut HitBatch) {
+        for lane in 0..LANES {
+            let n = [hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]];
+            let along = n[0] * rays.dir_x[lane] + n[1] * rays.dir_y[lane] + n[2] * rays.dir_z[lane];
+            let length = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
+            let scale = if along > 0.0 { -1.0 } else { 1.0 } / length;
+            hits.normal_x[lane] = n[0] * scale;
+            hits.normal_y[lane] = n[1] * scale;
+            hits.normal_z[lane] = n[2] * scale;
+            self.cos_incidence[lane] = (-along * scale).min(1.0);
+        }
+    }
+
+    /// Puts the interpolated shading normal in place of the triangle's on smooth parts, and its incidence. The triangle,
+    /// made to face the sensor by [`Contribution::meet`], says on which side of the surface the sensor is; where the
+    /// shading normal turns away from the sensor nothing comes back.
+    #[inline(always)]
+    fn shade(&mut self, scene: &Tables, rays: &RayBatch, hits: &mut HitBatch, count: usize) {
+        let surfaces = &scene.surfaces;
+        // Neighbours mostly meet the same part.
+        let (mut part, mut arrays) = (u32::MAX, None);
+        for lane in 0..count {
+            let Some(surface) = surfaces.rows.get(hits.surface[lane] as usize) else { continue };
+            if surface.part != part {
+                part = surface.part;
+                let part = &surfaces.parts[part as usize];
+                arrays = part.normals.as_ref().map(|normals| (&**normals, &*part.triangles));
+            }
+            let Some((normals, triangles)) = arrays else { continue };
+            let corners = triangles[hits.triangle[lane] as usize];
+            let [a, b, c] = corners.map(|index| Vec3::from(normals[index as usize]));
+            let (u, v) = (hits.u[lane], hits.v[lane]);
+            let smooth = scene.normal_matrices[surface.object as usize] * (a * (1.0 - u - v) + b * u + c * v);
+            // Opposite vertex normals can cancel; then the triangle's own normal stays.
+            if smooth.length_squared() > f32::MIN_POSITIVE {
+                let facing = hits.normal(lane);
+                let n = smooth.normalize() * if smooth.dot(facing) < 0.0 { -1.0 } else { 1.0 };
+                let direction = rays.direction(lane);
+                (hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]) = n.into();
+                self.cos_incidence[lane] = (-n.dot(direction)).clamp(0.0, 1.0);
+            }
+        }
+    }
+
+    /// Labels, colours and reflectance of the surfaces hit by the first `count` rays, whose incidence is known
+    /// ([`Contribution::face`]). Neighbours mostly meet the same surface, so whole runs of lanes are filled at once.
+    #[inline(always)]
+    pub(crate) fn look_up(
+        &mut self,
+        surfaces: &Surfaces,
+        reflectances: &Reflectances,
+        hits: &HitBatch,
+        count: usize,
+        wanted: Wanted,
+    ) {
+        let mut start = 0;
+        while start < count {
+            let index = hits.surface[start];
+            let mut end = start + 1;
+            while end < count && hits.surface[end] == index {
+                end += 1;
+            }
+            if index != MISS {
+                let surface = &surfaces.rows[index as usize];
+                let run = start..end;
+                let reflectance = reflectances.by_material[surface.material as usize];
+                self.category_id[run.clone()].fill(surface.category_id);
+                self.part_id[run.clone()].fill(surface.part_id);
+                self.instance_id[run.clone()].fill(surface.instance_id);
+                self.material_id[run.clone()].fill(surface.material_id);
+                self.reflectance[run.clone()].fill(reflectance);
+                self.red[run.clone()].fill(surface.rgb[0]);
+                self.green[run.clone()].fill(surface.rgb[1]);
+                self.blue[run.clone()].fill(surface.rgb[2]);
+                if (wanted.colors && surface.textured) || (wanted.reflectance && reflectance.is_nan()) {
+                    self.sample(surfaces, reflectances.source, surface, hits, run.clone());
+                }
+                if wanted.reflectance && reflectances.scatter {
+                    self.scatter(&surfaces.materials[surface.material as usize].scattering, run);
+                }
+            }
+            start = end;
+        }
+    }
+
+    /// Makes `lane` what lane `other` of `from` is.
+    pub(crate) fn take(&mut self, lane: usize, from: &Contribution, other: usize) {
+        self.cos_incidence[lane] = from.cos_incidence[other];
+        self.reflectance[lane] = from.reflectance[other];
+        self.category_id[lane] = from.category_id[other];
+        self.part_id[lane] = from.part_id[other];
+        self.instance_id[lane] = from.instance_id[other];
+        self.material_id[lane] = from.material_id[other];
+        self.red[lane] = from.red[other];
+        self.green[lane] = from.green[other];
+        self.blue[lane] = from.blue[other];
+    }
+
+    /// Forgets the surface of a lane: it has no label, colour or side.
+    pub(crate) fn clear(&mut self, lane: usize) {
+        self.cos_incidence[lane] = f32::NAN;
+        (self.category_id[lane], self.part_id[lane]) = (0, 0);
+        (self.instance_id[lane], self.material_id[lane]) = (0, 0);
+        (self.red[lane], self.green[lane], self.blue[lane]) = (0, 0, 0);
+    }
+
+    /// Takes lanes that scatter as `model` says for Lambert surfaces as bright as they are at their angle.
+    #[inline(never)]
+    fn scatter(&mut self, model: &Scattering, lanes: std::ops::Range<usize>) {
+        if *model != Scattering::Lambert {
+            for lane in lanes {
+                self.reflectance[lane] = model.as_lambert(self.reflectance[lane], self.cos_incidence[lane]);
+            }
+        }
+    }
+
+    /// Colour and reflectance of lanes whose surface has an image.
+    #[inline(never)]
+    fn sample(
+        &mut self,
+        surfaces: &Surfaces,
+        source: ReflectanceSource,
+        surface: &Surface,
+        hits: &HitBatch,
+        lanes: std::ops::Range<usize>,
+    ) {
+        let source = surfaces.materials[surface.material as usize].reflectance_source(source);
+        for lane in lanes {
+            let rgba = surfaces.base_color(surface, hits.triangle[lane], [hits.u[lane], hits.v[lane]]);
+            [self.red[lane], self.green[lane], self.blue[lane]] = std::array::from_fn(|k| srgb_byte(rgba[k]));
+            if self.reflectance[lane].is_nan() {
+                self.reflectance[lane] = source.of(rgba);
+            }
+        }
+    }
+}

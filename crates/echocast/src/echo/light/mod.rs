@@ -1,0 +1,23 @@
+//! Echoes of light: what surfaces, mirrors, glass and the air send back, and the signal that it makes.
+
+mod contribution;
+mod glint;
+mod intensity;
+mod particles;
+mod path;
+mod phasor;
+mod pulse;
+mod waveform;
+mod weather;
+
+pub(crate) use contribution::{Contribution, Wanted};
+pub(crate) use glint::Glint;
+pub use intensity::IntensityEncoding;
+pub(crate) use intensity::IntensityModel;
+pub(crate) use particles::Cone;
+pub(crate) use path::{Chosen, Follower, Meeting, PathEcho, PathEchoes, PathLimits, Preferred, Surroundings};
+pub(crate) use phasor::{MOST_FREQUENCIES, Modulation, ShotNoise, natural_vignetting, turns};
+pub(crate) use pulse::Pulse;
+pub use pulse::PulseShape;
+pub(crate) use waveform::{Part, Waveform};
+pub(crate) use weather::{Air, AirEcho, AirEchoes, Answer, Foremost, Receiver};

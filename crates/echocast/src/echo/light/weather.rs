@@ -1,0 +1,601 @@
+//! What weather does to the beams of one scan: it dims what lies behind it, and answers itself.
+
+use super::particles::{Cone, Detectable};
+use super::pulse::{Face, Pulse};
+use crate::detect::{ReturnMode, Threshold};
+use crate::ground::cause::Cause;
+use crate::ground::lanes::{LANES, MEDIUM, MISS, RayBatch};
+use crate::ground::rng::{Draw, Rng};
+use crate::medium::{Extent, Medium, Weather};
+use glam::Vec3;
+use std::f64::consts::PI;
+
+/// Most particles that are drawn for one beam and medium.
+const MOST_PARTICLES: u32 = 64;
+
+/// What of an instrument decides how weather shows.
+#[derive(Clone, Debug)]
+pub(crate) struct Receiver {
+    pub pulse: Pulse,
+    /// Range below which the receiver does not see its own beam, and from which it sees all of it, m.
+    pub overlap: [f64; 2],
+    pub cone: Cone,
+    pub threshold: Threshold,
+    pub range_min: f64,
+    pub range_max: f64,
+}
+
+impl Receiver {
+    /// Part of the beam at `range` m that the receiver sees, 0..1.
+    fn overlap(&self, range: f64) -> f64 {
+        let [from, to] = self.overlap;
+        if range >= to { 1.0 } else { ((range - from) / (to - from)).max(0.0) }
+    }
+}
+
+/// An echo of the air.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct AirEcho {
+    /// Range, m.
+    pub range: f32,
+    /// How strong it is, as the effective reflectance of a surface there that fills the beam.
+    pub rho_eff: f32,
+}
+
+/// Who hears of the air's echoes.
+pub(crate) trait AirEchoes {
+    /// Range at which surfaces end what `lane` sees of the air, m.
+    fn end(&self, lane: usize) -> f32;
+
+    /// Light, as `rho_eff / R^2` in 1/m^2, that an echo of `lane` must exceed to matter; infinite where none does.
+    fn least(&self, lane: usize) -> f32;
+
+    /// Hears of `echo`; says whether the instrument sees it.
+    fn take(&mut self, lane: usize, echo: AirEcho, cause: Cause) -> bool;
+}
+
+/// A medium that begins and ends where the world has it.
+struct Placed {
+    extent: Extent,
+    extinction: f32,
+    backscatter: f32,
+    cause: Cause,
+    /// Where the peak is behind a face in [`Air::near`], m, and its height `J`, 1/m.
+    near: [[f32; 2]; NEAR],
+}
+
+/// Faces in a table of those near the sensor.
+const NEAR: usize = 9;
+
+/// Drops or flakes.
+struct Flying {
+    extent: Extent,
+    cause: Cause,
+    draw: Draw,
+    /// First sub-ray number of its draws.
+    address: u32,
+    seen: Detectable,
+    /// Probability that a beam meets one or more.
+    some: f32,
+}
+
+/// Weather made ready for one scan.
+pub(crate) struct Air {
+    weather: Weather,
+    /// Echoes that are the same for every beam that gets beyond them.
+    around: Vec<(AirEcho, Cause)>,
+    placed: Vec<Placed>,
+    flying: Vec<Flying>,
+    receiver: Receiver,
+    mode: ReturnMode,
+    /// Least and greatest range of faces that the receiver does not see as distant ones, m.
+    near: [f64; 2],
+}
+
+/// The echo of each beam that is reported.
+#[repr(align(64))]
+pub(crate) struct Answer {
+    pub range: [f32; LANES],
+    pub rho_eff: [f32; LANES],
+    pub cause: [u8; LANES],
+    /// Range at which the first surface ends what a beam sees of the air, m, whether it is detected or not.
+    pub end: [f32; LANES],
+    /// Mirrors and faces of glass on the way.
+    pub bounces: [u8; LANES],
+    /// Whether the weather on its way is taken off already.
+    pub dimmed: [bool; LANES],
+    /// Part of the light of echoes that the channel of each beam makes use of.
+    pub efficiency: [f32; LANES],
+    /// Labels of the first surface that the beam meets.
+    pub first_category: [u32; LANES],
+    pub first_instance: [u32; LANES],
+}
+
+impl Answer {
+    pub(crate) fn new() -> Self {
+        Answer {
+            range: [0.0; LANES],
+            rho_eff: [0.0; LANES],
+            end: [0.0; LANES],
+            cause: [Cause::Surface as u8; LANES],
+            bounces: [0; LANES],
+            dimmed: [false; LANES],
+            efficiency: [1.0; LANES],
+            first_category: [0; LANES],
+            first_instance: [0; LANES],
+        }
+    }
+
+    /// Surfaces all over, met directly.
+    pub(crate) fn reset(&mut self) {
+        self.cause = [Cause::Surface as u8; LANES];
+        (self.bounces, self.dimmed) = ([0; LANES], [false; LANES]);
+    }
+
+    /// Puts `echo`, which no surface sent, in place of that of `lane` if `mode` prefers it.
+    #[inline(always)]
+    pub(crate) fn offer(
+        &mut self,
+        mode: ReturnMode,
+        surface: &mut [u32; LANES],
+        lane: usize,
+        echo: AirEcho,
+        cause: Cause,
+    ) {
+        let (range, rho_eff) = (self.range[lane], self.rho_eff[lane]);
+        let better = surface[lane] == MISS
+            || match mode {
+                ReturnMode::First => echo.range < range,
+                ReturnMode::Last => echo.range > range,
+                _ => echo.rho_eff * range * range > rho_eff * echo.range * echo.range,
+            };
+        if better {
+            surface[lane] = MEDIUM;
+            (self.range[lane], self.rho_eff[lane]) = (echo.range, echo.rho_eff);
+            self.cause[lane] = cause as u8;
+        }
+    }
+}
+
+impl Air {
+    /// None where there is nothing in the air. `answers`: whether echoes of the air are looked for.
+    pub(crate) fn new(weather: Weather, receiver: Receiver, mode: ReturnMode, answers: bool) -> Option<Air> {
+        if weather.media.is_empty() {
+            return None;
+        }
+        let [from, to] = receiver.overlap;
+        let near = [from.max(1e-2), to + 4.0 * receiver.pulse.width];
+        let (around, placed, flying) = Default::default();
+        let mut air = Air { weather, around, placed, flying, receiver, mode, near };
+        if answers {
+            air.find_echoes();
+        }
+        Some(air)
+    }
+
+    fn find_echoes(&mut self) {
+        let receiver = self.receiver.clone();
+        let Receiver { pulse, cone, range_max, .. } = receiver;
+        let transmittance = |range: f64| (-2.0 * self.weather.depth_around_the_sensor(range)).exp();
+        let farthest = range_max.min(1e4);
+        // What is everywhere answers as one; the strongest of it says why.
+        let everywhere = || self.weather.media.iter().filter(|medium| matches!(medium.extent, Extent::Everywhere));
+        let strongest = everywhere().max_by(|a, b| a.backscatter.total_cmp(&b.backscatter)).map(|medium| medium.cause);
+        let together: f64 = everywhere().map(|medium| medium.backscatter).sum();
+        let around = (strongest.map(|cause| ([receiver.overlap[0], farthest], together, cause)).into_iter()).chain(
+            self.weather.media.iter().filter_map(|medium| match medium.extent {
+                Extent::Shell { start, end } => {
+                    Some(([start.into(), f64::from(end).min(farthest)], medium.backscatter, medium.cause))
+                }
+                _ => None,
+            }),
+        );
+        for ([from, to], backscatter, cause) in around {
+            if backscatter > 0.0 && pulse.width > 0.0 && from < to {
+                let density = |r: f64| receiver.overlap(r) * transmittance(r) / (r * r).max(1e-12);
+                let falls_from = from.max(receiver.overlap[1]);
+                let (range, height) = pulse.peak([from, to], falls_from, density);
+                let rho_eff = PI * backscatter * height * range * range;
+                self.around.push((AirEcho { range: range as f32, rho_eff: rho_eff as f32 }, cause));
+            }
+        }
+        for medium in &self.weather.media {
+            if medium.backscatter > 0.0 && pulse.width > 0.0 && !medium.extent.is_around_the_sensor() {
+                let [first, last] = self.near;
+                let near = std::array::from_fn(|row| {
+                    let from = first + (last - first) * row as f64 / (NEAR - 1) as f64;
+                    let density =
+                        |r: f64| receiver.overlap(r) * (-2.0 * medium.extinction * (r - from)).exp() / (r * r);
+                    let (range, height) = pulse.peak([from, from + 1e3], from.max(receiver.overlap[1]), density);
+                    [(range - from) as f32, height as f32]
+                });
+                self.placed.push(Placed {
+                    extent: medium.extent,
+                    extinction: medium.extinction as f32,
+                    backscatter: medium.backscatter as f32,
+                    cause: medium.cause,
+                    near,
+                });
+            }
+            // Without a threshold every particle would be seen, and the nearest would hide all else.
+            let (Some(particles), Some(k)) = (&medium.particles, receiver.threshold.least_power()) else { continue };
+            let [from, to] = match medium.extent {
+                Extent::Shell { start, end } => [start.into(), f64::from(end).min(farthest)],
+                _ => [0.0, farthest],
+            };
+            let from = from.max(receiver.overlap[0]).max(receiver.range_min);
+            if from < to {
+                let gain = |range: f64| receiver.overlap(range) * transmittance(range);
+                let seen = Detectable::new(particles, cone, [from, to], gain, k);
+                let draw = if medium.cause == Cause::Snow { Draw::Flakes } else { Draw::Drops };
+                // Counted within the kind, so that other weather does not move it.
+                let before = self.flying.iter().filter(|flying| flying.draw == draw).count();
+                let address = before as u32 * MOST_PARTICLES;
+                let some = 1.0 - (-seen.mean()).exp();
+                self.flying.push(Flying { extent: medium.extent, cause: medium.cause, draw, address, seen, some });
+            }
+        }
+    }
+
+    /// Whether beams may have echoes where no surface is.
+    pub(crate) fn answers(&self) -> bool {
+        !(self.around.is_empty() && self.placed.is_empty() && self.flying.is_empty())
+    }
+
+    /// Standard deviation of ranges over the range, from rain.
+    pub(crate) fn range_noise(&self) -> f32 {
+        self.weather.range_noise
+    }
+
+    /// Optical depth, one way, of `length` m from `origin` on; `travelled`: the beam's way to there, m.
+    pub(crate) fn depth(&self, origin: Vec3, direction: Vec3, travelled: f32, length: f32) -> f32 {
+        self.weather.media.iter().map(|medium| medium.depth(origin, direction, travelled, length)).sum()
+    }
+
+    /// Optical depth, one way, of the first `length` m of a beam in what has a place in the world.
+    fn depth_in_places(&self, origin: Vec3, direction: Vec3, length: f32) -> f32 {
+        let placed = self.weather.media.iter().filter(|medium| !medium.extent.is_around_the_sensor());
+        placed.map(|medium| medium.depth(origin, direction, 0.0, length)).sum()
+    }
+
+    /// Transmittance, there and back, of the first `length` m of the first `count` rays, which begin at the sensor.
+    #[inline(always)]
+    pub(crate) fn dim(&self, rays: &RayBatch, length: &[f32; LANES], count: usize, two_way: &mut [f32; LANES]) {
+        self.depths(rays, length, count, two_way);
+        for depth in two_way.iter_mut() {
+            *depth = exp_negative(2.0 * *depth);
+        }
+    }
+
+    /// Optical depth, one way, of the first `length` m of the first `count` rays, which begin at the sensor.
+    #[inline(always)]
+    fn depths(&self, rays: &RayBatch, length: &[f32; LANES], count: usize, depth: &mut [f32; LANES]) {
+        depth.fill(0.0);
+        for medium in &self.weather.media {
+            let extinction = medium.extinction as f32;
+            match medium.extent {
+                Extent::Everywhere => {
+                    for lane in 0..LANES {
+                        depth[lane] += extinction * length[lane];
+                    }
+                }
+                Extent::Shell { start, end } => {
+                    for lane in 0..LANES {
+                        depth[lane] += extinction * (length[lane].min(end) - start).max(0.0);
+                    }
+                }
+                _ => {
+                    let [from, to] = intervals(&medium.extent, rays, length, count);
+                    for lane in 0..LANES {
+                        depth[lane] += extinction * (to[lane] - from[lane]).max(0.0);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Tells `echoes` of what the air sends back along `rays`, one of each of `beams`.
+    #[inline(always)]
+    pub(crate) fn answer(&self, rays: &RayBatch, rng: &Rng, beams: &[u32], echoes: &mut impl AirEchoes) {
+        let count = beams.len();
+        for &(echo, cause) in &self.around {
+            for lane in 0..count {
+                // A surface within the pulse hides it, and what is behind a surface is not there.
+                if echo.range + self.receiver.pulse.merging_distance() as f32 <= echoes.end(lane) {
+                    echoes.take(lane, echo, cause);
+                }
+            }
+        }
+        if !self.placed.is_empty() {
+            self.answer_from_places(rays, count, echoes);
+        }
+        for flying in &self.flying {
+            let mut chance = [0.0; LANES];
+            rng.uniforms(beams, &[flying.address; LANES][..count], flying.draw, &mut chance[..count]);
+            for lane in 0..count {
+                if chance[lane] < flying.some {
+                    self.answer_from(flying, rays, rng, beams[lane], lane, chance[lane], echoes);
+                }
+            }
+        }
+    }
+
+    /// What the paper's program makes of a surface at `range` m whose reflectivity is `rho_eff` and must exceed `limit`:
+    /// the reflectivity that it tests, and the range and intensity of a cloud of dust that it reports instead. Rain adds
+    /// what it should multiply, and the backscatter of dust is compared with a reflectivity.
+    pub(crate) fn as_the_program(&self, range: f32, rho_eff: f32, limit: f32) -> (f32, Option<(f32, f32)>) {
+        let depth = |medium: &Medium, length: f32| 2.0 * medium.extinction as f32 * length;
+        let rain = |medium: &&Medium| medium.cause == Cause::Rain;
+        let wet: f32 = self.weather.media.iter().filter(rain).map(|medium| depth(medium, range)).sum();
+        let left = rho_eff + exp_negative(wet) - 1.0;
+        let mut dry = 0.0;
+        for medium in self.weather.media.iter().filter(|medium| !rain(medium)) {
+            match medium.extent {
+                Extent::Shell { start, end } if range >= start => {
+                    if medium.cause == Cause::Dust && medium.backscatter as f32 > limit {
+                        return (left, Some((start, medium.backscatter as f32)));
+                    }
+                    dry += depth(medium, range.min(end) - start);
+                }
+                Extent::Everywhere => dry += depth(medium, range),
+                // It knows no other places.
+                _ => {}
+            }
+        }
+        (left * exp_negative(dry), None)
+    }
+
+    /// The faces of media that lie in the world.
+    #[inline(always)]
+    fn answer_from_places(&self, rays: &RayBatch, count: usize, echoes: &mut impl AirEchoes) {
+        let face = Face::get();
+        let sigma = self.receiver.pulse.sigma() as f32;
+        let merging = self.receiver.pulse.merging_distance() as f32;
+        let [first, last] = self.near.map(|range| range as f32);
+        let mut end = [0.0; LANES];
+        for lane in 0..count {
+            end[lane] = echoes.end(lane);
+        }
+        for medium in &self.placed {
+            let [mut from, to] = intervals(&medium.extent, rays, &end, count);
+            let mut enter = false;
+            for lane in 0..LANES {
+                from[lane] = from[lane].max(first);
+                enter |= from[lane] < to[lane];
+            }
+            if !enter {
+                continue;
+            }
+            // How far behind the face the peak is, and its height.
+            let (mut behind, mut height) = ([0.0; LANES], [0.0; LANES]);
+            for lane in 0..count {
+                let from = from[lane];
+                if from >= to[lane] {
+                    continue;
+                }
+                [behind[lane], height[lane]] = if from < last {
+                    let place = (from - first) / (last - first) * (NEAR - 1) as f32;
+                    let row = (place as usize).min(NEAR - 2);
+                    let part = place - row as f32;
+                    std::array::from_fn(|k| {
+                        medium.near[row][k] + (medium.near[row + 1][k] - medium.near[row][k]) * part
+                    })
+                } else {
+                    let [behind, height] = face.peak((2.0 * medium.extinction + 2.0 / from) * sigma);
+                    [behind * sigma, height * sigma / (from * from)]
+                };
+            }
+            let (mut range, mut rho_eff, mut depth) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+            self.depths(rays, &from, count, &mut depth);
+            for lane in 0..LANES {
+                let length = to[lane] - from[lane];
+                // A sheet thinner than the pulse answers from its middle, in proportion to its thickness.
+                range[lane] = from[lane] + behind[lane].min(0.5 * length);
+                let full = height[lane] * range[lane] * range[lane];
+                let seen = full * (1.0 - exp_negative((length / full).max(0.0)));
+                rho_eff[lane] = PI as f32 * medium.backscatter * seen * exp_negative(2.0 * depth[lane]);
+            }
+            for lane in 0..count {
+                if height[lane] > 0.0 && range[lane] + merging <= end[lane] {
+                    let echo = AirEcho { range: range[lane], rho_eff: rho_eff[lane] };
+                    echoes.take(lane, echo, medium.cause);
+                }
+            }
+        }
+    }
+
+    /// The particles of one beam.
+    #[inline(never)]
+    #[expect(clippy::too_many_arguments, reason = "one beam's share of a block")]
+    fn answer_from(
+        &self,
+        flying: &Flying,
+        rays: &RayBatch,
+        rng: &Rng,
+        beam: u32,
+        lane: usize,
+        chance: f32,
+        echoes: &mut impl AirEchoes,
+    ) {
+        let (org, dir) = (rays.origin(lane), rays.direction(lane));
+        let (from, to) = flying.extent.interval(org, dir, 0.0, echoes.end(lane));
+        let by_range = matches!(self.mode, ReturnMode::First | ReturnMode::Last);
+        // Mean number up to this particle.
+        let mut number = exponential(chance);
+        for particle in 1..MOST_PARTICLES {
+            if number >= flying.seen.mean() {
+                break;
+            }
+            // In order of strength all that follow are weaker still.
+            let strength = if by_range { f32::MAX } else { flying.seen.strongest(number) };
+            if strength <= echoes.least(lane) {
+                break;
+            }
+            let [place, next, ..] = rng.four(beam, flying.draw, flying.address + particle);
+            let mut echo = if by_range {
+                let range = flying.seen.nearest(number);
+                AirEcho { range, rho_eff: flying.seen.brightness(range, place) }
+            } else {
+                let range = flying.seen.place(strength, place);
+                AirEcho { range, rho_eff: strength * range * range }
+            };
+            // Weather that has a place in the world is not in the table: it takes some of the particles away again.
+            echo.rho_eff *= exp_negative(2.0 * self.depth_in_places(org, dir, echo.range));
+            if by_range && echo.range >= to {
+                break;
+            }
+            if (from..to).contains(&echo.range)
+                && echoes.take(lane, echo, flying.cause)
+                && self.mode == ReturnMode::First
+            {
+                break;
+            }
+            number += exponential(next);
+        }
+    }
+}
+
+/// The echo of each beam that the return mode prefers, when every beam has one return.
+pub(crate) struct Foremost<'a> {
+    /// The surfaces' range and dimmed effective reflectance to begin with.
+    pub answer: &'a mut Answer,
+    /// [`MISS`] where no surface is detected; becomes [`MEDIUM`] where the air's echo is taken.
+    pub surface: &'a mut [u32; LANES],
+    pub mode: ReturnMode,
+    pub threshold: &'a Threshold,
+    /// Ranges that are reported of a lane, m.
+    pub limits: &'a dyn Fn(usize) -> [f32; 2],
+    pub rng: &'a Rng,
+    pub beams: &'a [u32],
+}
+
+impl AirEchoes for Foremost<'_> {
+    #[inline(always)]
+    fn end(&self, lane: usize) -> f32 {
+        self.answer.end[lane]
+    }
+
+    #[inline(always)]
+    fn least(&self, lane: usize) -> f32 {
+        match self.mode {
+            ReturnMode::Last if self.surface[lane] < MEDIUM => f32::INFINITY,
+            ReturnMode::First | ReturnMode::Last => 0.0,
+            _ if self.surface[lane] == MISS => 0.0,
+            _ => {
+                let answer = &*self.answer;
+                answer.rho_eff[lane] / (answer.range[lane] * answer.range[lane] * answer.efficiency[lane])
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn take(&mut self, lane: usize, echo: AirEcho, cause: Cause) -> bool {
+        let echo = AirEcho { rho_eff: echo.rho_eff * self.answer.efficiency[lane], ..echo };
+        let noise = self.threshold.noise(self.rng, self.beams[lane], echo.range.to_bits());
+        let seen = echo.rho_eff > 0.0 && self.threshold.detects(echo.rho_eff, echo.range, noise) && {
+            let [low, high] = (self.limits)(lane);
+            (low..=high).contains(&echo.range)
+        };
+        if seen {
+            self.answer.offer(self.mode, self.surface, lane, echo, cause);
+        }
+        seen
+    }
+}
+
+/// [`Extent::interval`] of each of the first `count` rays, which begin at the sensor, up to its `length` m; boxes side by
+/// side.
+#[inline(always)]
+fn intervals(extent: &Extent, rays: &RayBatch, length: &[f32; LANES], count: usize) -> [[f32; LANES]; 2] {
+    let (mut from, mut to) = ([0.0f32; LANES], *length);
+    if let Extent::Box { min, max } = extent {
+        let (org, dir) = ([&rays.org_x, &rays.org_y, &rays.org_z], [&rays.dir_x, &rays.dir_y, &rays.dir_z]);
+        for axis in 0..3 {
+            for lane in 0..LANES {
+                let (place, slope) = (org[axis][lane], dir[axis][lane]);
+                let a = (min[axis] - place) / slope;
+                let b = (max[axis] - place) / slope;
+                // Parallel to a pair of faces, which themselves are within.
+                let within = (place >= min[axis]) & (place <= max[axis]);
+                let never = if within { f32::NEG_INFINITY } else { f32::INFINITY };
+                let (near, far) = if slope == 0.0 { (never, f32::INFINITY) } else { (a.min(b), a.max(b)) };
+                from[lane] = from[lane].max(near);
+                to[lane] = to[lane].min(far);
+            }
+        }
+    } else {
+        for lane in 0..count {
+            (from[lane], to[lane]) = extent.interval(rays.origin(lane), rays.direction(lane), 0.0, length[lane]);
+        }
+    }
+    [from, to]
+}
+
+/// An exponential number of mean 1 from one in [0, 1).
+#[inline(always)]
+fn exponential(uniform: f32) -> f32 {
+    -(1.0 - uniform).ln()
+}
+
+/// `e^-x` for x of 0 and more, to 2e-7 of itself, 0 beyond 87.
+#[inline(always)]
+pub(super) fn exp_negative(x: f32) -> f32 {
+    const LOG2_E: f32 = std::f32::consts::LOG2_E;
+    const LN_2_HIGH: f32 = 0.693_359_4;
+    const LN_2_LOW: f32 = -2.121_944_4e-4;
+    let x = -x.min(87.0);
+    // e^x = 2^n e^r, |r| <= ln 2 / 2, in two steps so that r is exact.
+    let n = (x * LOG2_E).round_ties_even();
+    let r = x - n * LN_2_HIGH - n * LN_2_LOW;
+    let series =
+        1.0 + r * (1.0 + r * (0.5 + r * (1.0 / 6.0 + r * (1.0 / 24.0 + r * (1.0 / 120.0 + r * (1.0 / 720.0))))));
+    let scale = f32::from_bits(((n as i32 + 127) << 23) as u32);
+    if x <= -87.0 { 0.0 } else { series * scale }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Side by side boxes are what they are one by one, within them, beside them, along their faces.
+    #[test]
+    fn boxes_are_met_side_by_side() {
+        let extent = Extent::Box { min: Vec3::new(1.0, -2.0, 0.5), max: Vec3::new(4.0, 3.0, 2.0) };
+        let mut rays = RayBatch::default();
+        let length = std::array::from_fn(|lane| [3.0, f32::INFINITY][lane % 2]);
+        for lane in 0..LANES {
+            let turn = lane as f32 * 0.77;
+            rays.org_x[lane] = if lane % 16 == 1 { 4.0 } else { 5.0 * turn.sin() };
+            (rays.org_y[lane], rays.org_z[lane]) = (4.0 * (1.3 * turn).cos(), 1.0 + (2.1 * turn).sin());
+            let direction = match lane % 8 {
+                0 => Vec3::X,
+                1 => -Vec3::Y,
+                2 => Vec3::new(0.6, 0.0, -0.8),
+                _ => Vec3::new(turn.cos(), (3.0 * turn).sin(), (0.7 * turn).cos()).normalize(),
+            };
+            (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = direction.into();
+        }
+        let [from, to] = intervals(&extent, &rays, &length, LANES);
+        let mut within = 0;
+        for lane in 0..LANES {
+            let (near, far) = extent.interval(rays.origin(lane), rays.direction(lane), 0.0, length[lane]);
+            assert_eq!(from[lane] < to[lane], near < far, "{lane}");
+            if near < far {
+                within += 1;
+                assert!((from[lane] - near).abs() < 1e-5 && (to[lane] - far).abs() < 1e-5, "{lane}");
+            }
+        }
+        assert!((20..236).contains(&within), "{within}");
+    }
+
+    #[test]
+    fn the_exponential_follows_its_function() {
+        for i in 0..100_000 {
+            let x = i as f32 * 1e-3;
+            let (found, expected) = (f64::from(exp_negative(x)), (-f64::from(x)).exp());
+            let close = (found / expected - 1.0).abs() < 3e-7 || (x >= 87.0 && found == 0.0);
+            assert!(close, "{x}: {found} {expected}");
+        }
+        assert_eq!(exp_negative(f32::INFINITY), 0.0);
+    }
+}

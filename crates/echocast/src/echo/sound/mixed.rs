@@ -1,0 +1,64 @@
+//! Echoes that return another way than they went: out directly and back over reflections, or the other way round.
+
+use super::ping::{Echo, Echoes, Heard, Insonification, Parts, PingEcho, sine};
+use crate::ground::math::{LOG2_PER_DB, exp2};
+use crate::trace::{Arrival, Direct};
+
+/// Ways of a mixed echo, by its number.
+const HEARD_STRAIGHT: u32 = 1;
+const SENT_STRAIGHT: u32 = 2;
+
+impl Insonification<'_> {
+    /// For each direct way to the place of an arrival two more arrivals and their answers: what comes straight back of
+    /// the arrival, then what was sent straight and comes back its way. By reciprocity both lose the same on their way,
+    /// and both come at the mean of the two one-way times; they add up as energies.
+    #[inline(always)]
+    pub(super) fn answer_mixed(
+        &self,
+        arrivals: &mut Vec<Arrival>,
+        direct: &[Direct],
+        answers: &mut Vec<PingEcho>,
+        parts: &mut Parts,
+    ) {
+        let sensor_from_world = self.rotation.transpose();
+        for Direct { arrival, way, launch } in direct {
+            let far = arrivals[*arrival as usize];
+            let ray = far.ray as usize;
+            let mixed = Arrival {
+                range: 0.5 * (far.range + way.range),
+                path: 0.5 * (far.path + way.path),
+                loss: 0.5 * (far.loss + way.loss),
+                ..far
+            };
+            let sines = [far.direction, way.direction].map(|direction| sine(direction, far.normal));
+            let loudness = self.source_level * LOG2_PER_DB
+                + self.transducer.weight[ray]
+                + self.backscatter.log2_between(self.surfaces, &far, sines)
+                + self.spread_between(&far, way)
+                - 2.0 * LOG2_PER_DB * mixed.loss;
+            // Across the cell each way gets longer by its own.
+            let (reach, slide) = self.reach(&far, way.direction);
+
+            let back = self.heard_from(ray, mixed.range, *launch);
+            let mut there = Heard { at: mixed.range, louder: 0.0, hearing: self.transducer.hearing[ray] };
+            if let Some(drift) = &self.drift {
+                there = self.heard_later(drift, ray, mixed.range, self.launch(ray));
+            }
+            there.louder += self.transducer.sent_beside(ray, sensor_from_world * *launch);
+            for (heard, way) in [(back, HEARD_STRAIGHT), (there, SENT_STRAIGHT)] {
+                let power = exp2(loudness + heard.louder);
+                arrivals.push(mixed);
+                answers.push(self.divide(&mixed, Echo { power: Some(power), heard, reach, slide, way }, parts));
+            }
+        }
+    }
+}
+
+impl Echoes {
+    /// The direct way by which arrival `index` is heard, if it was sent another way.
+    pub fn heard_straight(&self, index: usize) -> Option<&Direct> {
+        let before = self.arrivals.len() - 2 * self.direct.len();
+        let way = index.checked_sub(before)?;
+        if way % 2 == 0 { self.direct.get(way / 2) } else { None }
+    }
+}

@@ -1,0 +1,9 @@
+//! Echoes of sound: what surfaces and water send back to the beams of a sonar, and the levels that it makes.
+
+mod mixed;
+mod ping;
+mod response;
+
+pub(crate) use ping::{CHUNK_BITS, Drift, Echoes, Insonification, NOBODY, PingEcho, Scatterers, Tile, Wants, texture};
+pub use response::Taper;
+pub(crate) use response::{Background, Lines, Response};

@@ -1,0 +1,238 @@
+//! What pulse and receiver make of what beams hear: levels.
+
+use super::ping::Tile;
+use crate::ground::math::{LOG2_PER_DB, log2};
+use crate::ground::rng::{Draw, Rng};
+use serde::{Deserialize, Serialize};
+use std::f64::consts::PI;
+
+/// Weighting of the matched filter: what a point-like echo looks like over range.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Taper {
+    /// None: `sinc^2` with first sidelobes at -13.3 dB; an unmodulated pulse is as long as it is.
+    #[default]
+    None,
+    /// Hamming: sidelobes below -42 dB, 1.47 times as wide; areas, noise and what floats in the water are 1.34 dB louder
+    /// beside a point. Of a pulse with a `bandwidth_khz`.
+    Hamming,
+}
+
+impl Taper {
+    /// The spectrum `0.54 + 0.46 cos` of a Hamming window (Harris 1978) is one line and two of half the cosine: these to
+    /// that one.
+    pub(crate) const HAMMING: f64 = 0.23 / 0.54;
+
+    /// Energy over range of a point-like echo that is 1 in its middle, resolutions: an untapered one has that of one.
+    /// Equivalent noise bandwidth of the window (Harris 1978, table I: 1.36).
+    pub(crate) fn resolutions(self) -> f64 {
+        match self {
+            Taper::None => 1.0,
+            Taper::Hamming => 1.0 + 2.0 * Taper::HAMMING * Taper::HAMMING,
+        }
+    }
+}
+
+/// What a point-like echo looks like over range bins: amplitudes, 1 in the middle (less where a bin is longer than the
+/// resolution and holds the mean of what it covers), symmetrical.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Response {
+    /// From the middle on.
+    taps: Vec<f32>,
+    /// Sum of the squares of all taps.
+    power: f32,
+}
+
+impl Response {
+    /// Bins are `bin` resolutions `c / (2 B)` long; `modulated`: compressed by a matched filter.
+    ///
+    /// # Errors
+    /// The least `bin` that is possible: shorter ones would need more taps than that.
+    pub fn new(bin: f64, modulated: bool, taper: Taper) -> Result<Response, f64> {
+        /// Resolutions to each side: four sidelobes, the fifth is 27 dB down.
+        const REACH: f64 = 4.5;
+        /// Bounds the work for bins much shorter than the pulse.
+        const MOST_TAPS: f64 = 1024.0;
+        let sinc = |x: f64| if x == 0.0 { 1.0 } else { (PI * x).sin() / (PI * x) };
+        let shape = |x: f64| match taper {
+            // An unmodulated pulse is even over one resolution; its edges count half.
+            _ if !modulated => {
+                let edge = (0.5 + 0.5 * bin - x) / bin;
+                edge.clamp(0.0, 1.0).sqrt()
+            }
+            Taper::None => sinc(x),
+            Taper::Hamming => sinc(x) + Taper::HAMMING * (sinc(x - 1.0) + sinc(x + 1.0)),
+        };
+        let reach = if modulated { REACH } else { 0.5 };
+        if bin * MOST_TAPS < reach {
+            return Err(reach / MOST_TAPS);
+        }
+        let count = if modulated { (reach / bin).ceil() } else { (reach / bin + 0.5).floor() } as usize;
+        let mut taps: Vec<f32> = (0..=count).map(|k| shape(k as f64 * bin) as f32).collect();
+        taps[0] = 1.0;
+        let sum = |taps: &[f32]| taps[0] * taps[0] + 2.0 * taps[1..].iter().map(|tap| tap * tap).sum::<f32>();
+        if bin > 1.0 {
+            // The mean over a long bin: an area has the level that it has in short ones.
+            let scale = (taper.resolutions() as f32 / (bin as f32 * sum(&taps))).sqrt();
+            taps.iter_mut().for_each(|tap| *tap *= scale);
+        }
+        let power = sum(&taps);
+        Ok(Response { taps, power })
+    }
+
+    /// Power of a point-like echo `bins` from its middle, of that in it.
+    pub fn power_at(&self, bins: usize) -> f64 {
+        self.taps.get(bins).map_or(0.0, |&tap| f64::from(tap * tap))
+    }
+
+    /// Bins to each side in which a point is heard.
+    pub fn reach(&self) -> usize {
+        self.taps.len() - 1
+    }
+
+    /// Adds up `line` over range into `out`; `padded` is memory.
+    #[inline(always)]
+    fn convolve(&self, line: &[f32], squared: bool, padded: &mut Vec<f32>, out: &mut [f32]) {
+        let half = self.taps.len() - 1;
+        padded.clear();
+        padded.resize(line.len() + 2 * half, 0.0);
+        padded[half..half + line.len()].copy_from_slice(line);
+        out.fill(0.0);
+        for shift in 0..=2 * half {
+            let tap = self.taps[shift.abs_diff(half)];
+            let tap = if squared { tap * tap } else { tap };
+            for (out, value) in out.iter_mut().zip(&padded[shift..]) {
+                *out += tap * value;
+            }
+        }
+    }
+}
+
+/// What is heard beside echoes of surfaces.
+pub(crate) struct Background<'a> {
+    pub rng: Rng,
+    /// Power of the noise in a cell, uPa^2.
+    pub noise: f32,
+    /// Power that a steradian of open water sends back from each bin, uPa^2; empty: none.
+    pub volume: &'a [f32],
+    /// Solid angle of each beam, sr.
+    pub solid_angles: &'a [f32],
+}
+
+/// Memory of [`Tile::levels`].
+#[derive(Clone, Default)]
+pub(crate) struct Lines {
+    re: Vec<f32>,
+    im: Vec<f32>,
+    noise_re: Vec<f32>,
+    noise_im: Vec<f32>,
+    sum: Vec<f32>,
+    padded: Vec<f32>,
+}
+
+impl Tile {
+    /// Levels of all cells, dB re 1 uPa, into `levels`, beam by beam.
+    #[inline(always)]
+    pub fn levels(&self, response: &Response, background: &Background, lines: &mut Lines, levels: &mut [f32]) {
+        let (width, coherent) = (self.width(), !self.im.is_empty());
+        let bins = self.re.len() / width;
+        let Lines { re, im, noise_re, noise_im, sum, padded } = lines;
+        for column in [&mut *re, im, noise_re, noise_im, sum] {
+            column.resize(bins, 0.0);
+        }
+        for (beam, levels) in levels.chunks_exact_mut(bins).enumerate() {
+            let number = (self.beams.0 + beam) as u32;
+            background.rng.cell_phasors(number, Draw::PingNoise, noise_re, noise_im);
+            self.hiss(beam, response, background, coherent, sum);
+            for bin in 0..bins {
+                noise_re[bin] *= sum[bin];
+                noise_im[bin] *= sum[bin];
+            }
+            let column = |from: &[f32], to: &mut [f32]| {
+                for (to, from) in to.iter_mut().zip(from[beam..].iter().step_by(width)) {
+                    *to = *from;
+                }
+            };
+            column(&self.re, re);
+            if coherent {
+                column(&self.im, im);
+                for bin in 0..bins {
+                    re[bin] += noise_re[bin];
+                    im[bin] += noise_im[bin];
+                }
+                response.convolve(re, false, padded, sum);
+                for bin in 0..bins {
+                    levels[bin] = sum[bin] * sum[bin];
+                }
+                response.convolve(im, false, padded, sum);
+                for bin in 0..bins {
+                    levels[bin] += sum[bin] * sum[bin];
+                }
+            } else {
+                response.convolve(re, true, padded, sum);
+                for bin in 0..bins {
+                    let amplitude = sum[bin].sqrt() + noise_re[bin];
+                    levels[bin] = amplitude * amplitude + noise_im[bin] * noise_im[bin];
+                }
+            }
+            for level in levels {
+                *level = log2(level.max(1e-30)) * (1.0 / LOG2_PER_DB);
+            }
+        }
+    }
+
+    /// Amplitudes of noise and of what floats in the water of a beam, uPa; before the response, if `coherent`.
+    #[inline(always)]
+    fn hiss(&self, beam: usize, response: &Response, background: &Background, coherent: bool, amplitudes: &mut [f32]) {
+        let width = self.width();
+        let share = if coherent { 1.0 / response.power } else { 1.0 };
+        if background.volume.is_empty() {
+            return amplitudes.fill((background.noise * share).sqrt());
+        }
+        let mut open = background.solid_angles[self.beams.0 + beam];
+        for (bin, amplitude) in amplitudes.iter_mut().enumerate() {
+            open += self.open[bin * width + beam];
+            *amplitude = (background.noise * share + background.volume[bin] * open.max(0.0) * share).sqrt();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_point_keeps_its_level_and_an_area_gets_a_resolution_cell() {
+        for (bin, modulated, taper, cells) in [
+            (0.5, true, Taper::None, 2.0),
+            (0.25, true, Taper::None, 4.0),
+            (0.5, false, Taper::None, 2.0),
+            (0.25, false, Taper::None, 4.0),
+        ] {
+            let response = Response::new(bin, modulated, taper).unwrap();
+            assert_eq!(response.taps[0], 1.0);
+            // The energy of a stretch of one resolution.
+            assert!((response.power / cells - 1.0).abs() < 0.05, "{bin} {modulated}: {}", response.power);
+        }
+        for (bin, modulated, taper, cells) in [
+            (3.0, true, Taper::None, 1.0),
+            (2.5, false, Taper::None, 1.0),
+            (1.0, true, Taper::Hamming, 1.363),
+            (3.0, true, Taper::Hamming, 1.363),
+        ] {
+            let response = Response::new(bin, modulated, taper).unwrap();
+            // The mean over the bin.
+            assert!((response.power * bin as f32 / cells - 1.0).abs() < 0.01, "{bin} {modulated}: {}", response.power);
+        }
+        let hamming = Response::new(0.25, true, Taper::Hamming).unwrap();
+        // Main lobe to 2 resolutions, then below -42 dB.
+        assert!(hamming.taps[8..].iter().all(|tap| tap.abs() < 0.0079), "{:?}", hamming.taps);
+        let sinc = Response::new(0.05, true, Taper::None).unwrap();
+        let sidelobe = sinc.taps[20..40].iter().fold(0f32, |most, tap| most.max(tap.abs()));
+        assert!((20.0 * sidelobe.log10() + 13.26).abs() < 0.1, "{sidelobe}");
+        // As many taps as there may be, and one more.
+        assert!(Response::new(4.5 / 1024.0, true, Taper::None).is_ok());
+        assert_eq!(Response::new(4e-3, true, Taper::None), Err(4.5 / 1024.0));
+        assert_eq!(Response::new(4e-4, false, Taper::None), Err(0.5 / 1024.0));
+    }
+}

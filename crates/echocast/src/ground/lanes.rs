@@ -1,0 +1,67 @@
+//! Blocks of rays, a lane each.
+
+use glam::Vec3;
+
+/// Rays of one block. All arrays of a block together (about 25 kB) stay in the first-level cache.
+pub(crate) const LANES: usize = 256;
+
+/// Beams per task. A constant, so that results cannot depend on the number of threads; traced rays lose nothing at this
+/// size.
+pub(crate) const CHUNK: usize = 2048;
+
+/// Surface index of a ray that hit nothing.
+pub(crate) const MISS: u32 = u32::MAX;
+
+/// Surface index of what the medium itself sends back, and no surface of the scene: rain and dust in the air, noise, the
+/// face of the sea.
+pub(crate) const MEDIUM: u32 = MISS - 1;
+
+/// Rays of one block, relative to the scene's local origin; directions have unit length.
+///
+/// Columns of blocks begin with a cache line: the widest vectors are one, and half of two costs up to a tenth of a scan.
+#[derive(Clone)]
+#[repr(align(64))]
+pub(crate) struct RayBatch {
+    pub org_x: [f32; LANES],
+    pub org_y: [f32; LANES],
+    pub org_z: [f32; LANES],
+    pub dir_x: [f32; LANES],
+    pub dir_y: [f32; LANES],
+    pub dir_z: [f32; LANES],
+    /// Greatest range, m; behind it nothing is hit.
+    pub range_max: [f32; LANES],
+}
+
+impl Default for RayBatch {
+    fn default() -> Self {
+        RayBatch {
+            org_x: [0.0; LANES],
+            org_y: [0.0; LANES],
+            org_z: [0.0; LANES],
+            dir_x: [0.0; LANES],
+            dir_y: [0.0; LANES],
+            dir_z: [0.0; LANES],
+            range_max: [0.0; LANES],
+        }
+    }
+}
+
+impl RayBatch {
+    /// Makes `lane` what lane `other` of `from` is.
+    pub(crate) fn take(&mut self, lane: usize, from: &RayBatch, other: usize) {
+        (self.org_x[lane], self.org_y[lane], self.org_z[lane]) = from.origin(other).into();
+        (self.dir_x[lane], self.dir_y[lane], self.dir_z[lane]) = from.direction(other).into();
+    }
+
+    /// Where the ray of a lane starts.
+    #[inline(always)]
+    pub(crate) fn origin(&self, lane: usize) -> Vec3 {
+        Vec3::new(self.org_x[lane], self.org_y[lane], self.org_z[lane])
+    }
+
+    /// Unit direction of the ray of a lane.
+    #[inline(always)]
+    pub(crate) fn direction(&self, lane: usize) -> Vec3 {
+        Vec3::new(self.dir_x[lane], self.dir_y[lane], self.dir_z[lane])
+    }
+}

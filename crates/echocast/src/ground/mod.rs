@@ -1,0 +1,13 @@
+//! What every room stands on: errors, units, poses, blocks of rays, random numbers, work on threads. It knows nothing of
+//! sensors or scenes.
+
+pub(crate) mod cause;
+pub mod error;
+pub(crate) mod lanes;
+pub(crate) mod math;
+pub(crate) mod parallel;
+pub(crate) mod pose;
+pub mod report;
+pub(crate) mod rng;
+pub mod shown;
+pub mod units;

@@ -1,0 +1,16 @@
+//! What is in the air: how much it dims a beam and how much it sends back. Weather is a medium, not a filter.
+
+mod droplets;
+mod dust;
+mod particles;
+mod rain;
+mod region;
+mod visibility;
+
+pub use droplets::{Fog, Spectrum, Spray};
+pub use dust::Dust;
+pub(crate) use particles::Particles;
+pub use rain::{PerLength, Rain, RainModel, Snow, SnowModel};
+pub(crate) use region::Extent;
+pub use region::{Placed, Region};
+pub use visibility::{ClearAir, VisibilityModel};

@@ -1,0 +1,519 @@
+//! A picture of a cloud for people: from above, in perspective or as range image, coloured by label, cause,
+//! intensity, range or height, with a legend; and of the pings of a sonar: waterfall, track and fan.
+
+mod canvas;
+mod cutaway;
+mod font;
+mod legend;
+mod paint;
+mod palette;
+mod perspective;
+mod points;
+mod range_image;
+mod sonar;
+mod splat;
+mod top;
+
+pub use canvas::Picture;
+
+use crate::cloud::{Field, FieldSet, Pings, PointCloud};
+use crate::export::{Pending, failed, write_bytes};
+use crate::ground::error::{Error, Result};
+use crate::ground::report::Report;
+use crate::image::Image;
+use crate::read::yaml;
+use canvas::{DIM, PAGE, TEXT};
+use glam::Vec2;
+use paint::Paint;
+use points::Points;
+use serde::Deserialize;
+use std::path::Path;
+use std::str::FromStr;
+
+/// Widths that a picture may have, pixels.
+const WIDTHS: std::ops::RangeInclusive<u32> = 320..=4096;
+
+/// What a preview shows: from where it looks at a cloud, or which image it makes of pings.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum View {
+    /// Straight down without perspective: +x to the right, +y up.
+    #[default]
+    Top,
+    /// From behind and above the sensor, along its heading.
+    Perspective,
+    /// As the sensor sees it: rows and columns of the sensor, or azimuth and elevation.
+    Range,
+    /// Pings of a sonar, a row each, the first on top: both sides of a side-scan sonar, else the middle beam.
+    Waterfall,
+    /// Pings of a sonar on the map: the mosaic of side-scan, imaging and single-beam sonars, the depths of swath sonars.
+    Track,
+    /// A ping as its beams lie: the last of an imaging or swath sonar, all of a beam that turns.
+    Fan,
+}
+
+/// Views and their names.
+const VIEWS: [(&str, View); 6] = [
+    ("top", View::Top),
+    ("perspective", View::Perspective),
+    ("range", View::Range),
+    ("waterfall", View::Waterfall),
+    ("track", View::Track),
+    ("fan", View::Fan),
+];
+
+impl View {
+    /// Whether it shows pings of a sonar; the others show clouds.
+    pub fn shows_pings(self) -> bool {
+        matches!(self, View::Waterfall | View::Track | View::Fan)
+    }
+}
+
+impl FromStr for View {
+    type Err = Error;
+
+    fn from_str(name: &str) -> Result<View> {
+        by_name("view", name, &VIEWS)
+    }
+}
+
+/// What the colours of a preview show.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ColorBy {
+    /// Category, or part when there is only one category; what the air sends back has colours of its own where the
+    /// cloud has the column `cause`.
+    #[default]
+    Label,
+    /// Why a point is there: [`crate::Cause`].
+    Cause,
+    /// Intensity that the instrument reports.
+    Intensity,
+    /// Slant range.
+    Range,
+    /// Height, z.
+    Height,
+}
+
+/// Colours and their names.
+const COLORS: [(&str, ColorBy); 5] = [
+    ("label", ColorBy::Label),
+    ("cause", ColorBy::Cause),
+    ("intensity", ColorBy::Intensity),
+    ("range", ColorBy::Range),
+    ("height", ColorBy::Height),
+];
+
+impl ColorBy {
+    fn name(self) -> &'static str {
+        name_of(self, &COLORS)
+    }
+}
+
+impl FromStr for ColorBy {
+    type Err = Error;
+
+    fn from_str(name: &str) -> Result<ColorBy> {
+        by_name("preview colour", name, &COLORS)
+    }
+}
+
+/// The name of `value` in `table`.
+fn name_of<T: PartialEq>(value: T, table: &[(&'static str, T)]) -> &'static str {
+    table.iter().find(|(_, known)| *known == value).map_or("", |(name, _)| name)
+}
+
+/// The value that `name` has in `table`, or an error that tells the near names and all there are.
+fn by_name<T: Copy>(what: &'static str, name: &str, table: &[(&str, T)]) -> Result<T> {
+    if let Some((_, value)) = table.iter().find(|(known, _)| *known == name) {
+        return Ok(*value);
+    }
+    // There are so few names that all of them may stand in the message, the near ones first.
+    let mut names = crate::ground::error::nearest(name, table.iter().map(|(known, _)| known));
+    for (known, _) in table {
+        if !names.iter().any(|near| near == known) {
+            names.push((*known).to_owned());
+        }
+    }
+    Err(Error::Missing { what, name: name.to_owned(), near: names })
+}
+
+/// How a preview looks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PreviewOptions {
+    /// From where; default top.
+    pub view: View,
+    /// What the colours show; default label.
+    pub color: ColorBy,
+    /// Width of the picture in pixels, 320 to 4096, default 1600; the height follows the content.
+    pub width: u32,
+    /// Whether a waterfall shows ground range, along the bed, in place of slant range; default false.
+    pub ground: bool,
+}
+
+impl Default for PreviewOptions {
+    fn default() -> Self {
+        PreviewOptions { view: View::default(), color: ColorBy::default(), width: 1600, ground: false }
+    }
+}
+
+impl PreviewOptions {
+    /// Reads options from YAML: `view`, `color`, `width`, `ground`.
+    ///
+    /// # Errors
+    /// Line and key of what is wrong, with the nearest known key.
+    pub fn from_yaml(text: &str) -> Result<PreviewOptions> {
+        yaml::from_str("preview options", text)
+    }
+
+    /// The columns that such a picture shows, of a cloud or of pings, as the view says.
+    pub fn fields(&self) -> FieldSet {
+        if self.view.shows_pings() {
+            return [Field::Intensity, Field::CategoryId, Field::PartId].into_iter().collect();
+        }
+        let shown: &[Field] = match self.color {
+            ColorBy::Label => &[Field::CategoryId, Field::PartId],
+            ColorBy::Intensity => &[Field::Intensity],
+            ColorBy::Range => &[Field::Range],
+            ColorBy::Cause | ColorBy::Height => &[],
+        };
+        let rows: &[Field] = if self.view == View::Range { &[Field::Channel] } else { &[] };
+        let always = [Field::X, Field::Y, Field::Z, Field::Cause];
+        always.iter().chain(shown).chain(rows).copied().collect()
+    }
+}
+
+/// Says before a long scan whether a picture could be written to `path`.
+///
+/// # Errors
+/// A width out of bounds, a folder that is missing or cannot be written to.
+pub fn check(path: &Path, options: &PreviewOptions) -> Result<()> {
+    check_width(options.width)?;
+    Pending::create(path).map(drop)
+}
+
+fn check_width(width: u32) -> Result<()> {
+    if !WIDTHS.contains(&width) {
+        let allowed = format!("{} to {} pixels", WIDTHS.start(), WIDTHS.end());
+        return Err(Error::invalid("preview width", width, allowed));
+    }
+    Ok(())
+}
+
+/// Writes a picture of `cloud` to the PNG file `path`, which appears only when it is complete.
+///
+/// Columns that the colours need and the cloud lacks are replaced by others, which the report says.
+///
+/// # Errors
+/// As [`check`], a view that shows pings, and a full disk.
+pub fn write(cloud: &PointCloud, path: &Path, options: &PreviewOptions) -> Result<Report> {
+    let mut report = Report::default();
+    let picture = render(cloud, options, &mut report)?;
+    write_picture(&picture, path)?;
+    Ok(report)
+}
+
+/// Writes a picture of `pings` to the PNG file `path`, which appears only when it is complete.
+///
+/// # Errors
+/// As [`render_pings`], a folder that is missing or cannot be written to, and a full disk.
+pub fn write_pings(pings: &Pings, path: &Path, options: &PreviewOptions) -> Result<Report> {
+    let mut report = Report::default();
+    let picture = render_pings(pings, options, &mut report)?;
+    write_picture(&picture, path)?;
+    Ok(report)
+}
+
+fn write_picture(picture: &Picture, path: &Path) -> Result<()> {
+    let pending = Pending::create(path)?;
+    let written = picture.packed().and_then(|bytes| write_bytes(pending.path(), &bytes));
+    written.map_err(|source| failed(path, source))?;
+    pending.commit()
+}
+
+/// What the picture of `pings` shows, as numbers: levels in dB with the sonar's gain over time, or heights in m, and labels.
+///
+/// # Errors
+/// As [`render_pings`]; no pings.
+pub fn image_of(pings: &Pings, options: &PreviewOptions) -> Result<Image> {
+    check_pinged(options)?;
+    if pings.pings.is_empty() {
+        return Err(Error::invalid("pings", "none", "at least one"));
+    }
+    let (.., image) = sonar::made(pings, options, &Page::new(options.width))?;
+    Ok(image)
+}
+
+/// That the options are those of a picture of pings.
+fn check_pinged(options: &PreviewOptions) -> Result<()> {
+    check_width(options.width)?;
+    if !options.view.shows_pings() {
+        let allowed = "waterfall, track or fan for pings; it shows points";
+        return Err(Error::invalid("view", name_of(options.view, &VIEWS), allowed));
+    }
+    Ok(())
+}
+
+/// The picture of `pings`; without any it says so.
+///
+/// Pings without labels are coloured by level instead, which the report says.
+///
+/// # Errors
+/// A width out of bounds, a view that shows clouds or another kind of sonar, a colour that pings do not have, pings that do
+/// not fit together.
+pub fn render_pings(pings: &Pings, options: &PreviewOptions, report: &mut Report) -> Result<Picture> {
+    check_pinged(options)?;
+    let page = Page::new(options.width);
+    if pings.pings.is_empty() {
+        return Ok(page.empty("no pings"));
+    }
+    sonar::draw(pings, options, &page, report)
+}
+
+/// The picture of `cloud`; the same cloud and options give the same pixels.
+///
+/// A cloud without points gives a picture that says so.
+///
+/// # Errors
+/// A width out of bounds, a view that shows pings.
+pub fn render(cloud: &PointCloud, options: &PreviewOptions, report: &mut Report) -> Result<Picture> {
+    check_width(options.width)?;
+    let pings_only = || {
+        let allowed = "top, perspective or range for points; it shows pings of a sonar";
+        Err(Error::invalid("view", name_of(options.view, &VIEWS), allowed))
+    };
+    if options.view.shows_pings() {
+        return pings_only();
+    }
+    let page = Page::new(options.width);
+    let points = Points::new(cloud, report);
+    if points.count == 0 {
+        return Ok(page.empty("no points"));
+    }
+    let paint = Paint::new(cloud, &points, options.color, report);
+    let mut notes = Vec::new();
+    let (view, panel) = match options.view {
+        View::Top => ("Top view", top::draw(&points, &paint, &page, &mut notes)),
+        View::Perspective => ("Perspective view", perspective::draw(&points, &paint, &page, &mut notes)),
+        View::Range => ("Range image", range_image::draw(cloud, &points, &paint, &page)),
+        View::Waterfall | View::Track | View::Fan => return pings_only(),
+    };
+    let title = format!("{view} of {} by {}", legend::counted(points.count, "point"), paint.name());
+    Ok(page.compose(&title, &notes.join("; "), &panel, &legend::draw(paint.legend(), &page)))
+}
+
+/// Sizes that grow with the width of the picture.
+struct Page {
+    width: u32,
+    /// Pixels per design pixel of a picture 1600 wide; small pictures keep readable text.
+    scale: f32,
+}
+
+impl Page {
+    fn new(width: u32) -> Page {
+        Page { width, scale: (width as f32 / 1600.0).max(0.7) }
+    }
+
+    /// `design` pixels of a picture 1600 wide, in pixels of this one.
+    fn px(&self, design: f32) -> u32 {
+        (design * self.scale).round().max(1.0) as u32
+    }
+
+    /// Height of capital letters in small text, pixels.
+    fn text(&self) -> f32 {
+        11.0 * self.scale
+    }
+
+    fn margin(&self) -> u32 {
+        self.px(28.0)
+    }
+
+    /// Between title, panel and legend.
+    fn gap(&self) -> u32 {
+        self.px(20.0)
+    }
+
+    /// Height of capital letters in the title, pixels.
+    fn title(&self) -> f32 {
+        16.0 * self.scale
+    }
+
+    /// Rows above the panel.
+    fn panel_top(&self) -> u32 {
+        self.margin() + self.title().ceil() as u32 + self.gap()
+    }
+
+    /// Width between the margins, pixels.
+    fn inner(&self) -> u32 {
+        self.width - 2 * self.margin()
+    }
+
+    /// Title and notes above the panel, legend below it.
+    fn compose(&self, title: &str, notes: &str, panel: &Picture, legend: &Picture) -> Picture {
+        let (margin, gap, capitals) = (self.margin(), self.gap(), self.title());
+        let legend_top = self.panel_top() + panel.height + gap;
+        let mut page = Picture::new(self.width, legend_top + legend.height + margin, PAGE);
+        let baseline = margin as f32 + capitals;
+        let (left, right) = (margin as f32, (self.width - margin) as f32);
+        page.text(title, Vec2::new(left, baseline), capitals, TEXT);
+        let room = right - left - font::width(title, capitals) - gap as f32;
+        let notes_width = font::width(notes, self.text());
+        if notes_width <= room {
+            page.text(notes, Vec2::new(right - notes_width, baseline), self.text(), DIM);
+        }
+        page.paste(panel, margin + (self.inner() - panel.width) / 2, self.panel_top());
+        page.paste(legend, margin, legend_top);
+        page
+    }
+
+    /// A page that only says `words`.
+    fn empty(&self, words: &str) -> Picture {
+        let mut page = Picture::new(self.width, self.width / 4, PAGE);
+        let capitals = 24.0 * self.scale;
+        let middle = Vec2::new(page.width as f32, page.height as f32) / 2.0;
+        let start = middle + Vec2::new(-font::width(words, capitals), capitals) / 2.0;
+        page.text(words, start, capitals, DIM);
+        page
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Engine;
+    use glam::DVec3;
+    use std::fs::File;
+
+    const VIEWS: [View; 3] = [View::Top, View::Perspective, View::Range];
+    const COLORS: [ColorBy; 5] = [ColorBy::Label, ColorBy::Cause, ColorBy::Intensity, ColorBy::Range, ColorBy::Height];
+
+    fn cloud(positions: &[[f32; 3]]) -> PointCloud {
+        let mut cloud = PointCloud { len: positions.len(), ..PointCloud::default() };
+        let c = &mut cloud.columns;
+        for [x, y, z] in positions {
+            c.x.push(*x);
+            c.y.push(*y);
+            c.z.push(*z);
+        }
+        c.range = vec![f32::NAN; cloud.len];
+        c.intensity = (0..cloud.len).map(|row| [0.5, f32::INFINITY, f32::NAN][row % 3]).collect();
+        c.category_id = (0..cloud.len as u32).collect();
+        c.channel = vec![0; cloud.len];
+        c.cause = (0..cloud.len).map(|row| (row % 12) as u8).collect();
+        cloud
+    }
+
+    #[test]
+    fn names_are_read_and_wrong_ones_are_explained() {
+        assert_eq!("perspective".parse::<View>().unwrap(), View::Perspective);
+        assert_eq!("height".parse::<ColorBy>().unwrap(), ColorBy::Height);
+        let error = "prespective".parse::<View>().unwrap_err().to_string();
+        assert_eq!(
+            error,
+            "there is no view named \"prespective\"; near: perspective, top, range, waterfall, track, fan"
+        );
+        let error = "hieght".parse::<ColorBy>().unwrap_err().to_string();
+        assert_eq!(error, "there is no preview colour named \"hieght\"; near: height, label, cause, intensity, range");
+    }
+
+    #[test]
+    fn views_of_pings_are_not_for_clouds() {
+        let options = PreviewOptions { view: View::Track, ..PreviewOptions::default() };
+        let error = render(&cloud(&[[1.0; 3]]), &options, &mut Report::default()).unwrap_err().to_string();
+        assert_eq!(error, "view is track; allowed: top, perspective or range for points; it shows pings of a sonar");
+        assert!(options.fields().contains(Field::Intensity) && !options.fields().contains(Field::X));
+    }
+
+    #[test]
+    fn strange_clouds_give_pictures() {
+        let mut strange = vec![
+            cloud(&[]),
+            cloud(&[[f32::NAN; 3], [0.0, f32::INFINITY, 0.0]]),
+            cloud(&[[1.0, 2.0, 3.0]]),
+            cloud(&[[0.0; 3]]),
+            cloud(&[[4.0, 5.0, 6.0]; 1000]),
+            cloud(&[[1e14, -1e14, 1e14], [-1e14; 3], [0.0; 3]]),
+            cloud(&[[3e38; 3], [1.0; 3]]),
+            cloud(&[[1e-30, 0.0, 0.0], [0.0; 3]]),
+            cloud(&[[0.0, 0.0, -5.0], [0.0, 0.0, 5.0], [0.0, 0.0, 1.0]]),
+            PointCloud { len: 5, ..PointCloud::default() },
+        ];
+        for index in 0..strange.len() {
+            let rows = strange[index].len as u32;
+            strange.push(PointCloud { organised: Some([rows, 1]), ..strange[index].clone() });
+            strange.push(PointCloud { organised: Some([1, rows]), ..strange[index].clone() });
+            // A shape that does not belong to the cloud, and a sensor far from it.
+            strange.push(PointCloud { organised: Some([rows, 7]), ..strange[index].clone() });
+            strange.push(PointCloud {
+                sensor_pose: crate::Pose { position: DVec3::splat(1e300), ..crate::Pose::IDENTITY },
+                ..strange[index].clone()
+            });
+        }
+        for (index, cloud) in strange.iter().enumerate() {
+            for (turn, view) in VIEWS.into_iter().enumerate() {
+                let options =
+                    PreviewOptions { view, color: COLORS[(index + turn) % COLORS.len()], width: 320, ground: false };
+                let picture = render(cloud, &options, &mut Report::default()).unwrap();
+                assert_eq!(picture.pixels.len(), 3 * 320 * picture.height as usize, "{index} {options:?}");
+                assert!(picture.height < 600, "{index} {options:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_point_leaves_its_colour_in_every_view() {
+        for view in VIEWS {
+            let mut one = cloud(&[[3.0, 1.0, 1.0]]);
+            one.columns.category_id = vec![4];
+            let options = PreviewOptions { view, ..PreviewOptions::default() };
+            let picture = render(&one, &options, &mut Report::default()).unwrap();
+            let page = Page::new(options.width);
+            // The panel, without the swatch in the legend.
+            let panel = (page.panel_top()..picture.height - page.margin() - 3 * page.text() as u32)
+                .flat_map(|y| (0..picture.width).map(move |x| (x, y)));
+            let lit = panel.filter(|&(x, y)| picture.pixel(x, y) == palette::category(4)).count();
+            assert!(lit > 0, "{view:?}");
+        }
+    }
+
+    #[test]
+    fn the_same_cloud_gives_the_same_pixels() {
+        let positions: Vec<[f32; 3]> = (0..200_000u32)
+            .map(|i| [i.wrapping_mul(2_654_435_761), i.wrapping_mul(40_503), i % 7].map(|v| (v % 1000) as f32 / 100.0))
+            .collect();
+        let mut cloud = cloud(&positions);
+        cloud.columns.category_id.iter_mut().for_each(|id| *id %= 5);
+        for view in VIEWS {
+            let options = PreviewOptions { view, ..PreviewOptions::default() };
+            let draw = |threads: usize| {
+                let engine = Engine::with_threads(threads).unwrap();
+                engine.install(|| render(&cloud, &options, &mut Report::default()).unwrap())
+            };
+            assert!(draw(1) == draw(3), "{view:?}");
+        }
+    }
+
+    #[test]
+    fn files_are_png_and_appear_only_when_complete() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("preview.png");
+        let mut cloud = cloud(&[[1.0, 2.0, 3.0], [2.0, 2.0, 3.0]]);
+        cloud.columns.intensity.clear();
+        let options = PreviewOptions { color: ColorBy::Intensity, width: 400, ..PreviewOptions::default() };
+        let report = write(&cloud, &path, &options).unwrap();
+        assert_eq!(report.warnings.len(), 1, "{report:?}");
+        let mut reader = png::Decoder::new(std::io::BufReader::new(File::open(&path).unwrap())).read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut pixels).unwrap();
+        assert_eq!(pixels, render(&cloud, &options, &mut Report::default()).unwrap().pixels);
+
+        let missing = folder.path().join("none/preview.png");
+        assert!(write(&cloud, &missing, &options).is_err() && check(&missing, &options).is_err());
+        check(&path, &options).unwrap();
+        let wide = PreviewOptions { width: 100_000, ..options };
+        let error = write(&cloud, &path, &wide).unwrap_err().to_string();
+        assert_eq!(error, "preview width is 100000; allowed: 320 to 4096 pixels");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+}

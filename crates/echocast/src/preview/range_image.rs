@@ -1,0 +1,332 @@
+//! The cloud as the sensor sees it: left is left, up is up.
+
+use super::Page;
+use super::canvas::{GROUND, Picture};
+use super::paint::Paint;
+use super::points::{CHUNK, Points, robust_span};
+use super::splat::{self, Splats, Stamp};
+use crate::cloud::PointCloud;
+use crate::ground::parallel;
+use glam::{Vec2, Vec3};
+use std::collections::BTreeMap;
+use std::f32::consts::{PI, TAU};
+
+/// The flattest and the steepest picture, height over width; scans with few rows are stretched to it.
+const FLATTEST: f32 = 0.22;
+const STEEPEST: f32 = 0.62;
+/// With more channels than any spinning sensor has, the column `channel` does not tell rows.
+const CHANNELS: usize = 128;
+/// The range image: rows and columns of the sensor when the cloud has them, azimuth and elevation else.
+pub(super) fn draw(cloud: &PointCloud, points: &Points<'_>, paint: &Paint<'_>, page: &Page) -> Picture {
+    let channel = &cloud.columns.channel;
+    let (mut picture, splats);
+    match cloud.organised {
+        Some([rows, columns]) if cloud.len as u64 == u64::from(rows) * u64::from(columns) => {
+            let grid = Grid::new(points, [rows, columns], channel);
+            picture = frame(page, columns as f32 / rows as f32);
+            splats = grid.splats(points, &picture);
+        }
+        _ => {
+            let panorama = Panorama::new(cloud, points);
+            picture = frame(page, panorama.aspect());
+            splats = panorama.splats(points, &picture);
+        }
+    }
+    // A neighbour nearer by a quarter of the range darkens as much as one can.
+    splats.draw(&mut picture, paint, |range| range.max(1e-3).ln() / 0.25);
+    picture
+}
+
+/// A dark picture of about the proportion `aspect` (width over height).
+fn frame(page: &Page, aspect: f32) -> Picture {
+    let full = page.inner() as f32;
+    let height = (full / aspect).clamp(FLATTEST * full, STEEPEST * full);
+    // What is taller than the page allows becomes narrower, but no thin line either.
+    let width = (height * aspect).clamp(FLATTEST * full, full);
+    Picture::new(width as u32, height as u32, GROUND)
+}
+
+/// Angles of a direction in the sensor frame: azimuth, elevation, rad.
+fn angles(direction: Vec3) -> Vec2 {
+    Vec2::new(direction.y.atan2(direction.x), direction.z.atan2(direction.truncate().length()))
+}
+
+/// Rows and columns of the sensor in the order in which a person sees them.
+struct Grid {
+    /// Sensor rows from the top of the picture down.
+    rows: Vec<u32>,
+    columns: u32,
+    /// Whether the sensor's columns run from right to left.
+    mirrored: bool,
+}
+
+impl Grid {
+    fn new(points: &Points<'_>, [rows, columns]: [u32; 2], channel: &[u16]) -> Grid {
+        let cell = |row: u32, column: u32| row * columns + column;
+        let direction = |row, column| Some(angles(points.in_sensor_frame(points.get(cell(row, column))?)));
+        // A few hundred places of each row are enough to tell how it runs.
+        let step = columns.div_ceil(512) as usize;
+        let (mut leftward, mut rightward) = (0, 0);
+        let elevations: Vec<Option<f32>> = (0..rows)
+            .map(|row| {
+                let (mut sum, mut hits) = (0.0, 0);
+                for column in (0..columns).step_by(step) {
+                    let Some(here) = direction(row, column) else { continue };
+                    sum += here.y;
+                    hits += 1;
+                    if let Some(next) = (column + 1 < columns).then(|| direction(row, column + 1)).flatten() {
+                        // Azimuth rises to the left, and jumps once a turn.
+                        let turn = (next.x - here.x + PI).rem_euclid(TAU) - PI;
+                        leftward += i32::from(turn > 0.0);
+                        rightward += i32::from(turn < 0.0);
+                    }
+                }
+                (hits > 0).then(|| sum / hits as f32)
+            })
+            .collect();
+
+        let mut order: Vec<u32> = (0..rows).collect();
+        let rows_are_channels = rows as usize <= CHANNELS
+            && channel.len() == rows as usize * columns as usize
+            && points.sample.iter().all(|&(row, _)| u32::from(channel[row as usize]) == row / columns);
+        if rows_are_channels {
+            // Channels may be numbered in any order. A row without a return looks at the sky.
+            let height = |row: &u32| elevations[*row as usize].unwrap_or(f32::INFINITY);
+            order.sort_by(|a, b| height(b).total_cmp(&height(a)));
+        } else if rises(&elevations) {
+            order.reverse();
+        }
+        Grid { rows: order, columns, mirrored: leftward > rightward }
+    }
+
+    fn splats(&self, points: &Points<'_>, picture: &Picture) -> Splats {
+        let splats = Splats::new(picture.width, picture.height);
+        let (rows, columns) = (self.rows.len() as u64, u64::from(self.columns));
+        splats.fill(|x, y, [width, height]| {
+            let row = self.rows[(u64::from(y) * rows / u64::from(height)) as usize];
+            let column = (u64::from(x) * columns / u64::from(width)) as u32;
+            let column = if self.mirrored { self.columns - 1 - column } else { column };
+            let cell = row * self.columns + column;
+            Some((points.distance(points.get(cell)?), cell))
+        });
+        splats
+    }
+}
+
+/// Whether `values` mostly rise with their index: the sign of their covariance.
+fn rises(values: &[Option<f32>]) -> bool {
+    let known = || values.iter().enumerate().filter_map(|(index, value)| Some((index as f64, f64::from((*value)?))));
+    let count = known().count().max(1) as f64;
+    let (index_mean, value_mean) =
+        known().fold((0.0, 0.0), |(i, v), (index, value)| (i + index / count, v + value / count));
+    known().map(|(index, value)| (index - index_mean) * (value - value_mean)).sum::<f64>() > 0.0
+}
+
+/// Azimuth to the left and elevation, or channel, up.
+struct Panorama<'a> {
+    reported: Option<(&'a [f32], &'a [f32])>,
+    azimuth: [f32; 2],
+    elevation: [f32; 2],
+    /// Channel of each point and row of each channel, where channels make rows.
+    channels: Option<(&'a [u16], BTreeMap<u16, usize>)>,
+}
+
+impl<'a> Panorama<'a> {
+    fn new(cloud: &'a PointCloud, points: &Points<'_>) -> Self {
+        let columns = &cloud.columns;
+        let reported = (columns.azimuth.len() >= cloud.len && columns.elevation.len() >= cloud.len)
+            .then_some((columns.azimuth.as_slice(), columns.elevation.as_slice()));
+        let mut panorama = Panorama { reported, azimuth: [0.0; 2], elevation: [0.0; 2], channels: None };
+        let sample: Vec<(u32, Vec2)> =
+            points.sample.iter().map(|&(row, position)| (row, panorama.direction(points, row, position))).collect();
+        let [azimuth, elevation] = [0, 1].map(|axis| {
+            let mut values: Vec<f32> =
+                sample.iter().map(|(_, angles)| angles[axis]).filter(|a| a.is_finite()).collect();
+            let [low, high] = robust_span(&mut values, 0.002);
+            // A thousandth of a turn is as little as a picture needs to show.
+            let middle = low.midpoint(high);
+            [low.min(middle - 0.003), high.max(middle + 0.003)]
+        });
+        (panorama.azimuth, panorama.elevation) = (azimuth, elevation);
+
+        if columns.channel.len() >= cloud.len {
+            let mut rows: BTreeMap<u16, (f64, f64)> = BTreeMap::new();
+            for (row, angles) in &sample {
+                let (sum, count) = rows.entry(columns.channel[*row as usize]).or_default();
+                (*sum, *count) = (*sum + f64::from(angles.y), *count + 1.0);
+            }
+            if (2..=CHANNELS).contains(&rows.len()) {
+                let mut order: Vec<(u16, f64)> =
+                    rows.into_iter().map(|(channel, (sum, count))| (channel, sum / count)).collect();
+                order.sort_by(|a, b| b.1.total_cmp(&a.1));
+                let rows = order.into_iter().enumerate().map(|(row, (channel, _))| (channel, row)).collect();
+                panorama.channels = Some((&columns.channel, rows));
+            }
+        }
+        panorama
+    }
+
+    fn direction(&self, points: &Points<'_>, row: u32, position: Vec3) -> Vec2 {
+        match self.reported {
+            Some((azimuth, elevation)) => Vec2::new(azimuth[row as usize], elevation[row as usize]),
+            None => angles(points.in_sensor_frame(position)),
+        }
+    }
+
+    fn aspect(&self) -> f32 {
+        (self.azimuth[1] - self.azimuth[0]) / (self.elevation[1] - self.elevation[0])
+    }
+
+    fn splats(&self, points: &Points<'_>, picture: &Picture) -> Splats {
+        let size = Vec2::new(picture.width as f32, picture.height as f32);
+        let row_height = self.channels.as_ref().map(|(_, rows)| size.y / rows.len() as f32);
+        let stamp = match row_height {
+            // Wide enough to close the row when all its beams return.
+            Some(height) => {
+                let per_row = points.count as f32 * height / size.y;
+                // Rounded up: no gap between rows.
+                let closed = (height * splat::SAMPLES as f32).ceil() / splat::SAMPLES as f32;
+                Stamp::rectangle((1.3 * size.x / per_row).min(0.01 * size.x), closed)
+            }
+            None => {
+                let side = splat::diameter(points.count, picture, 0.01 * size.x);
+                Stamp::rectangle(side, side)
+            }
+        };
+        let splats = Splats::new(picture.width, picture.height);
+        let part = |value: f32, [low, high]: [f32; 2]| (high - value) / (high - low);
+        parallel::for_each_range(points.len(), CHUNK, |rows| {
+            for row in rows {
+                let Some(position) = points.get(row as u32) else { continue };
+                let direction = self.direction(points, row as u32, position);
+                let x = part(direction.x, self.azimuth) * size.x;
+                let y = match (&self.channels, row_height) {
+                    (Some((channel, rows)), Some(height)) => match rows.get(&channel[row]) {
+                        Some(&row) => (row as f32 + 0.5) * height,
+                        None => continue,
+                    },
+                    _ => part(direction.y, self.elevation) * size.y,
+                };
+                splats.put(Vec2::new(x, y), &stamp, points.distance(position), row as u32);
+            }
+        });
+        splats
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{ColorBy, PreviewOptions, View, palette, render};
+    use super::*;
+    use crate::ground::pose::Pose;
+    use crate::ground::report::Report;
+
+    /// A sphere of radius 5 m around the sensor at 1, 2, 3, seen by channels at -10, 10 and 0 degrees over a full
+    /// turn counter-clockwise; its label is the channel + 1, and 9 dead ahead. `table` gives elevations.
+    fn spinning(columns: u32, elevations: &[f32]) -> PointCloud {
+        let mut cloud = PointCloud { sensor_pose: Pose::at(1.0, 2.0, 3.0), ..PointCloud::default() };
+        for (channel, elevation) in elevations.iter().enumerate() {
+            for column in 0..columns {
+                let azimuth = (column as f32 + 0.5) / columns as f32 * TAU - PI;
+                let elevation = elevation.to_radians();
+                cloud.columns.x.push(1.0 + 5.0 * elevation.cos() * azimuth.cos());
+                cloud.columns.y.push(2.0 + 5.0 * elevation.cos() * azimuth.sin());
+                cloud.columns.z.push(3.0 + 5.0 * elevation.sin());
+                cloud.columns.channel.push(channel as u16);
+                let ahead = azimuth.abs() < 0.3;
+                cloud.columns.category_id.push(if ahead { 9 } else { channel as u32 + 1 });
+            }
+        }
+        cloud.len = cloud.columns.x.len();
+        cloud
+    }
+
+    fn picture(cloud: &PointCloud) -> Picture {
+        let options = PreviewOptions { view: View::Range, color: ColorBy::Label, width: 800, ground: false };
+        let mut report = Report::default();
+        let picture = render(cloud, &options, &mut report).unwrap();
+        assert_eq!(report.warnings, Vec::<String>::new());
+        picture
+    }
+
+    /// Colour at the part `x`, `y` of the panel.
+    fn at(picture: &Picture, x: f32, y: f32) -> [u8; 3] {
+        let page = Page::new(picture.width);
+        let top = page.panel_top() as f32;
+        let height = FLATTEST * page.inner() as f32;
+        picture.pixel((page.margin() as f32 + x * page.inner() as f32) as u32, (top + y * height) as u32)
+    }
+
+    #[test]
+    fn rows_stand_by_elevation_and_left_is_left() {
+        let mut organised = spinning(900, &[-10.0, 10.0, 0.0]);
+        organised.organised = Some([3, 900]);
+        // A mark to the left of the sensor, at azimuth +90 degrees, in the lowest row.
+        let left = 900 * 3 / 4;
+        for column in left - 40..left + 40 {
+            organised.columns.category_id[column] = 7;
+        }
+        let mut loose = organised.clone();
+        loose.organised = None;
+        for cloud in [organised, loose] {
+            let picture = picture(&cloud);
+            // Rows from the top: channels 1 (10 degrees), 2 (0), 0 (-10).
+            assert_eq!(at(&picture, 0.1, 0.16), palette::category(2));
+            assert_eq!(at(&picture, 0.1, 0.5), palette::category(3));
+            assert_eq!(at(&picture, 0.1, 0.83), palette::category(1));
+            assert_eq!(at(&picture, 0.5, 0.5), palette::category(9));
+            assert_eq!(at(&picture, 0.25, 0.83), palette::category(7));
+            assert_eq!(at(&picture, 0.75, 0.83), palette::category(1));
+        }
+    }
+
+    #[test]
+    fn misses_are_dark() {
+        let mut cloud = spinning(900, &[-10.0, 10.0, 0.0]);
+        cloud.organised = Some([3, 900]);
+        for row in 1000..1100 {
+            cloud.columns.z[row] = f32::NAN;
+        }
+        let picture = picture(&cloud);
+        assert_eq!(at(&picture, 1.0 - 150.0 / 900.0, 0.16), GROUND);
+        assert_eq!(at(&picture, 1.0 - 250.0 / 900.0, 0.16), palette::category(2));
+    }
+
+    #[test]
+    fn cameras_keep_their_rows_whichever_way_they_run() {
+        // Rows from the bottom up, columns from left to right, more rows than any channel count.
+        let (rows, columns) = (200, 300);
+        let mut cloud = PointCloud { organised: Some([rows, columns]), ..PointCloud::default() };
+        for row in 0..rows {
+            for column in 0..columns {
+                cloud.columns.x.push(2.0);
+                cloud.columns.y.push(1.5 - column as f32 / 100.0);
+                cloud.columns.z.push(row as f32 / 100.0 - 1.0);
+                cloud.columns.category_id.push(if row < 100 { 1 } else { 2 } + if column < 150 { 0 } else { 2 });
+            }
+        }
+        cloud.len = cloud.columns.x.len();
+        let page = Page::new(800);
+        let picture = picture(&cloud);
+        let (height, top) = (STEEPEST * page.inner() as f32, page.panel_top() as f32);
+        let at = |x: f32, y: f32| picture.pixel((400.0 + (x - 0.5) * height) as u32, (top + y * height) as u32);
+        let corners = [at(0.2, 0.25), at(0.8, 0.25), at(0.2, 0.75), at(0.8, 0.75)];
+        for (corner, id) in corners.into_iter().zip([2, 4, 1, 3]) {
+            // Slanted surfaces are a little darker.
+            assert!(corner.iter().zip(palette::category(id)).all(|(is, full)| is.abs_diff(full) < 5), "{corners:?}");
+        }
+    }
+
+    #[test]
+    fn thin_scans_are_stretched_and_tall_ones_narrowed() {
+        let page = Page::new(1600);
+        let size = |aspect| {
+            let picture = frame(&page, aspect);
+            (picture.width, picture.height)
+        };
+        assert_eq!(size(1808.0 / 16.0), (1544, 339));
+        assert_eq!(size(2.0), (1544, 772));
+        assert_eq!(size(1.0), (957, 957));
+        assert_eq!(size(0.01), (339, 957));
+    }
+}

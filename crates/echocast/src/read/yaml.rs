@@ -1,0 +1,696 @@
+//! Reading and writing YAML: the only file that knows which crate does it.
+//!
+//! A text is read in two steps: YAML to a tree of values that remembers the line of every key, then
+//! the tree to a type. So every error can name file, line and key, also those that are found later
+//! ([`Document::locate`]).
+
+use crate::ground::error::{Error, Result, nearest};
+use crate::ground::shown;
+use crate::read::{self, Limit};
+use serde::de::{self, DeserializeOwned, Deserializer, MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Number, Value};
+use serde_saphyr::{Options, Spanned};
+use std::fmt;
+use std::marker::PhantomData;
+use std::path::Path;
+
+/// Deepest nesting that is read.
+const MAX_DEPTH: usize = 64;
+
+/// Reads the YAML file at `path`.
+///
+/// # Errors
+/// A missing file; a syntax error, unknown key, wrong type or missing key with its line.
+pub fn load<T: DeserializeOwned>(path: &Path) -> Result<T> {
+    Document::load(path)?.read()
+}
+
+/// Reads YAML `text` that came from `origin` (a file name, or a word for messages).
+///
+/// # Errors
+/// As [`load`].
+pub fn from_str<T: DeserializeOwned>(origin: &str, text: &str) -> Result<T> {
+    Document::parse(origin, text)?.read()
+}
+
+/// A YAML text as a tree of values, with the line of every key.
+pub struct Document {
+    origin: String,
+    value: Value,
+    /// The same tree with lines; none when there is no text.
+    tree: Option<Spanned<Tree>>,
+}
+
+impl Document {
+    /// Reads the file at `path`.
+    ///
+    /// # Errors
+    /// A missing or too long file, a syntax error with its line.
+    pub fn load(path: &Path) -> Result<Document> {
+        let bytes = read::bytes(path, Limit::YAML)?;
+        let text = String::from_utf8(bytes).map_err(|_| Error::parse(path, "", "is not UTF-8 text"))?;
+        Document::parse(&shown::path(path), &text)
+    }
+
+    /// Reads `text` that came from `origin` (a file name, or a word for messages).
+    ///
+    /// # Errors
+    /// A text that is too long, a syntax error with its line.
+    pub fn parse(origin: &str, text: &str) -> Result<Document> {
+        Limit::YAML.check(origin, text.len() as u64)?;
+        let tree: Spanned<Tree> = serde_saphyr::from_str_with_options(text, options()).map_err(|error| {
+            let place = error.location().map_or(String::new(), |at| format!("line {}", at.line()));
+            Error::Parse { origin: origin.to_owned(), place, message: plain_message(&error) }
+        })?;
+        Ok(Document { origin: origin.to_owned(), value: tree.value.to_value(), tree: Some(tree) })
+    }
+
+    /// A document of one value that came from `origin`, without lines.
+    pub fn from_value(origin: impl Into<String>, value: Value) -> Document {
+        Document { origin: origin.into(), value, tree: None }
+    }
+
+    /// The tree of values.
+    pub fn value(&self) -> &Value {
+        &self.value
+    }
+
+    /// Line of the value at `path`, or of the innermost section around it that is there.
+    fn line(&self, path: &str) -> Option<u64> {
+        let mut node = self.tree.as_ref()?;
+        let mut line = node.referenced.line();
+        for step in steps(path) {
+            match (step, &node.value) {
+                (Step::Key(key), Tree::Map(entries)) => match entries.iter().find(|(name, _)| name.value == key) {
+                    Some((name, child)) => (line, node) = (name.referenced.line(), child),
+                    None => break,
+                },
+                (Step::Index(index), Tree::List(items)) => match items.get(index) {
+                    Some(child) => (line, node) = (child.referenced.line(), child),
+                    None => break,
+                },
+                _ => break,
+            }
+        }
+        Some(line)
+    }
+
+    /// Turns the tree into a `T`.
+    ///
+    /// # Errors
+    /// An unknown key (with near ones), a missing key, a wrong type, with the line and the key.
+    pub fn read<T: DeserializeOwned>(&self) -> Result<T> {
+        serde_path_to_error::deserialize(&self.value).map_err(|error| {
+            let key = match error.path().to_string() {
+                root if root == "." => String::new(),
+                path => path,
+            };
+            self.explain(key, error.inner().to_string())
+        })
+    }
+
+    /// An error about `key` from what serde says of it.
+    fn explain(&self, mut key: String, mut message: String) -> Error {
+        // A section chosen by a tag reports "inner.key: message", see `Section`.
+        while let Some((inner, rest)) = message.split_once(": ") {
+            let path = join(&key, inner);
+            if lookup(&self.value, &path).is_none() {
+                break;
+            }
+            (key, message) = (path, rest.to_owned());
+        }
+        if let Some((found, known)) = unknown_name(&message) {
+            let what = if message.starts_with("unknown field") { "key" } else { "value" };
+            let near = nearest(found, &known);
+            let near = if near.is_empty() { String::new() } else { format!("; near: {}", near.join(", ")) };
+            if what == "key" && !(key == found || key.ends_with(&format!(".{found}"))) {
+                key = join(&key, found);
+            }
+            let allowed = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
+            message = format!("unknown {what} {found:?}{near}; allowed: {allowed}");
+        } else {
+            message = plain(&message);
+        }
+        self.error(&key, &message)
+    }
+
+    /// An error about `key`: with its line, or the line of the nearest section around it.
+    pub fn error(&self, key: &str, message: &str) -> Error {
+        let place = match (self.line(key), key) {
+            (Some(line), "") => format!("line {line}"),
+            (Some(line), _) => format!("line {line}: {key}"),
+            (None, _) => key.to_owned(),
+        };
+        Error::Parse { origin: self.origin.clone(), place, message: message.to_owned() }
+    }
+
+    /// Adds file and line to an [`Error::InvalidParameter`] whose name is a key of this document.
+    pub fn locate(&self, error: Error) -> Error {
+        match error {
+            Error::InvalidParameter { name, value, allowed } => {
+                self.error(&name, &format!("is {value}; allowed: {allowed}"))
+            }
+            other => other,
+        }
+    }
+}
+
+/// What serde says is missing or of another type, in the words of users.
+pub fn plain(message: &str) -> String {
+    if let Some(missing) = message.strip_prefix("missing field ") {
+        return format!("the key {missing} is missing");
+    }
+    match message.rsplit_once(", expected ") {
+        Some((found, expected)) => format!("{found}, expected {}", plain_type(expected)),
+        None => message.to_owned(),
+    }
+}
+
+/// What a user calls a type.
+fn plain_type(expected: &str) -> &str {
+    match expected {
+        "f64" | "f32" => "a number",
+        "u8" => "a whole number from 0 to 255",
+        "u32" => "a whole number from 0 to 4294967295",
+        "u64" | "usize" | "i32" => "a whole number",
+        "a sequence" => "a list",
+        "a map" => "a section of keys",
+        name if name.starts_with("struct ") => "a section of keys",
+        other => other,
+    }
+}
+
+/// `path` and then `key`.
+pub fn join(path: &str, key: &str) -> String {
+    if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") }
+}
+
+/// The names in "unknown field `a`, expected one of `b`, `c`": (a, [b, c]).
+fn unknown_name(message: &str) -> Option<(&str, Vec<&str>)> {
+    if !(message.starts_with("unknown field `") || message.starts_with("unknown variant `")) {
+        return None;
+    }
+    // The unknown name itself may hold anything, so it is cut at the words that follow it.
+    let start = message.find('`')? + 1;
+    let end = message.rfind("`, expected ").or_else(|| message.rfind("`, there are no "))?;
+    let known = message[end + 1..].split('`').skip(1).step_by(2).collect();
+    Some((message.get(start..end)?, known))
+}
+
+/// The value at `path` (`a.b[3]`) below `value`.
+pub fn lookup<'v>(value: &'v Value, path: &str) -> Option<&'v Value> {
+    steps(path).try_fold(value, |value, step| match step {
+        Step::Key(key) => value.get(key),
+        Step::Index(index) => value.get(index),
+    })
+}
+
+/// Whether two paths name the same place.
+pub fn same_path(a: &str, b: &str) -> bool {
+    steps(a).eq(steps(b))
+}
+
+/// Paths of all numbers below `value`.
+pub fn numbers(value: &Value) -> Vec<String> {
+    fn add(value: &Value, path: &str, paths: &mut Vec<String>) {
+        match value {
+            Value::Number(_) => paths.push(path.to_owned()),
+            Value::Array(items) => {
+                items.iter().enumerate().for_each(|(index, item)| add(item, &format!("{path}[{index}]"), paths));
+            }
+            Value::Object(map) => map.iter().for_each(|(key, item)| add(item, &join(path, key), paths)),
+            _ => {}
+        }
+    }
+    let mut paths = Vec::new();
+    add(value, "", &mut paths);
+    paths
+}
+
+#[derive(PartialEq)]
+enum Step<'p> {
+    Key(&'p str),
+    Index(usize),
+}
+
+/// Splits `a.b[3]` into a, b, 3.
+fn steps(path: &str) -> impl Iterator<Item = Step<'_>> {
+    path.split(['.', '[']).map(|step| match step.strip_suffix(']').and_then(|index| index.parse().ok()) {
+        Some(index) => Step::Index(index),
+        None => Step::Key(step),
+    })
+}
+
+/// Keys that say which of several kinds of section this is, see [`split_tag`].
+const TAGS: [&str; 3] = ["type", "model", "shape"];
+
+/// `key=value` for messages, without what would make them too long to read.
+pub fn assignment(key: &str, value: &str) -> String {
+    format!("{}={}", shown::name(key), shown::name(value))
+}
+
+/// Puts the YAML `text` at `path` (`noise.range_sigma_m`, `pattern.resolution[0]`) below `value`;
+/// `null` takes the key away. Sections on the way that are not there are made. Another kind of section ([`TAGS`])
+/// takes the keys of the old kind away.
+///
+/// # Errors
+/// No text or text that is no YAML, a path through something that is no section, an index past the end.
+pub fn set(value: &mut Value, path: &str, text: &str) -> Result<()> {
+    /// Deeper than any file of ours; a tree without end could not even be dropped.
+    const DEEPEST: usize = 64;
+    let origin = assignment(path, text);
+    let depth = steps(path).take(DEEPEST + 1).count();
+    if depth > DEEPEST {
+        return Err(Error::invalid("the key", format!("more than {DEEPEST} names deep"), "paths of this file's keys"));
+    }
+    let new = Document::parse(&origin, text)?.value;
+    let fail = |message: String| Error::Parse { origin: origin.clone(), place: String::new(), message };
+    if text.trim().is_empty() {
+        return Err(fail("has no value; `null` takes a key away".into()));
+    }
+    let mut place = value;
+    let mut done = String::new();
+    let mut steps = steps(path).peekable();
+    while let Some(step) = steps.next() {
+        let last = steps.peek().is_none();
+        place = match (step, place) {
+            (Step::Key(""), _) => return Err(fail("the key has an empty part; allowed: names joined by dots".into())),
+            (Step::Key(key), Value::Object(map)) => {
+                // A key that is not there gets its null: whether it could be there is told when it is read.
+                if last && new.is_null() && map.shift_remove(key).is_some() {
+                    return Ok(());
+                }
+                if last && TAGS.contains(&key) && map.get(key).is_some_and(|old| *old != new) {
+                    map.clear();
+                }
+                done = join(&done, key);
+                map.entry(key).or_insert_with(|| Value::Object(Map::new()))
+            }
+            (Step::Index(index), Value::Array(items)) => {
+                let length = items.len();
+                done = format!("{done}[{index}]");
+                items.get_mut(index).ok_or_else(|| fail(format!("{done} is past the end of the list of {length}")))?
+            }
+            (Step::Key(key), _) => return Err(fail(format!("{done} has no key {key:?}: it is not a section"))),
+            (Step::Index(_), _) => return Err(fail(format!("{done} is not a list"))),
+        };
+    }
+    *place = new;
+    Ok(())
+}
+
+/// A mapping without the key that says which of several kinds it is, see [`split_tag`].
+pub struct Section {
+    tag: &'static str,
+    keys: Map<String, Value>,
+}
+
+/// Reads a mapping whose key `tag` says which of several kinds of section it is: the word, and the
+/// other keys. Unlike serde's own tagged enums, errors keep the key they are about.
+///
+/// # Errors
+/// Not a mapping; no such key, or no word at it.
+pub fn split_tag<'de, D: Deserializer<'de>>(deserializer: D, tag: &'static str) -> Result<(String, Section), D::Error> {
+    let mut keys = Map::deserialize(deserializer)?;
+    match keys.shift_remove(tag) {
+        Some(Value::String(word)) => Ok((word, Section { tag, keys })),
+        Some(_) => Err(de::Error::custom(format!("{tag}: is not a word"))),
+        None => Err(de::Error::missing_field(tag)),
+    }
+}
+
+/// Reads a mapping as two: the keys that `first` names, and all others.
+///
+/// # Errors
+/// Not a mapping.
+pub fn split_keys<'de, D: Deserializer<'de>>(
+    deserializer: D,
+    first: &'static [&'static str],
+) -> Result<(Section, Section), D::Error> {
+    let (taken, left) = Map::deserialize(deserializer)?.into_iter().partition(|(key, _)| first.contains(&key.as_str()));
+    Ok((Section { tag: "", keys: taken }, Section { tag: "", keys: left }))
+}
+
+/// Reads a list, or a section as a list of one.
+///
+/// # Errors
+/// Neither; what is wrong in an item.
+pub fn one_or_more<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer: D) -> Result<Vec<T>, D::Error> {
+    struct OneOrMore<T>(PhantomData<T>);
+
+    impl<'de, T: Deserialize<'de>> Visitor<'de> for OneOrMore<T> {
+        type Value = Vec<T>;
+
+        fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+            f.write_str("a section of keys or a list of them")
+        }
+        fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Vec<T>, A::Error> {
+            Ok(vec![T::deserialize(de::value::MapAccessDeserializer::new(map))?])
+        }
+        fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Vec<T>, A::Error> {
+            Deserialize::deserialize(de::value::SeqAccessDeserializer::new(seq))
+        }
+    }
+    deserializer.deserialize_any(OneOrMore(PhantomData))
+}
+
+impl Section {
+    /// Names of the keys.
+    pub fn keys(&self) -> impl Iterator<Item = &str> {
+        self.keys.keys().map(String::as_str)
+    }
+
+    /// Turns the keys into a `T`.
+    ///
+    /// # Errors
+    /// As [`Document::read`], with the key in front.
+    pub fn read<T: DeserializeOwned, E: de::Error>(self) -> Result<T, E> {
+        serde_path_to_error::deserialize(Value::Object(self.keys)).map_err(|error| {
+            match error.path().to_string().as_str() {
+                "." => E::custom(error.inner()),
+                path => E::custom(format!("{path}: {}", error.inner())),
+            }
+        })
+    }
+
+    /// That there are no keys.
+    ///
+    /// # Errors
+    /// As [`Section::read`].
+    pub fn end<E: de::Error>(self) -> Result<(), E> {
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Nothing {}
+        let Nothing {} = self.read()?;
+        Ok(())
+    }
+
+    /// That `word` is none of the kinds `known`.
+    pub fn unknown<E: de::Error>(&self, word: &str, known: &'static [&'static str]) -> E {
+        E::custom(format!("{}: {}", self.tag, E::unknown_variant(word, known)))
+    }
+}
+
+/// A YAML value with the lines of what is in it.
+enum Tree {
+    Leaf(Value),
+    List(Vec<Spanned<Tree>>),
+    Map(Vec<(Spanned<String>, Spanned<Tree>)>),
+}
+
+impl Tree {
+    fn to_value(&self) -> Value {
+        match self {
+            Tree::Leaf(value) => value.clone(),
+            Tree::List(items) => items.iter().map(|item| item.value.to_value()).collect(),
+            Tree::Map(entries) => {
+                entries.iter().map(|(key, item)| (key.value.clone(), item.value.to_value())).collect()
+            }
+        }
+    }
+}
+
+/// YAML 1.2 words (`yes` is a text), and limits against texts that are made to exhaust memory.
+fn options() -> Options {
+    serde_saphyr::options! {
+        strict_booleans: true,
+        with_snippet: false,
+        budget: serde_saphyr::budget! { max_depth: MAX_DEPTH, flow_nesting_limit: MAX_DEPTH },
+    }
+}
+
+/// What the YAML crate says, in one line, without the place (which we name ourselves) and words that only its own users
+/// know.
+fn plain_message(error: &serde_saphyr::Error) -> String {
+    use serde_saphyr::Error as Yaml;
+    use serde_saphyr::budget::BudgetBreach;
+    let too_deep = || format!("sections and lists are nested deeper than {MAX_DEPTH}, the most allowed");
+    match error.without_snippet() {
+        Yaml::AliasError { error, .. } => plain_message(error),
+        Yaml::Budget { breach: BudgetBreach::Depth { .. }, .. } => too_deep(),
+        Yaml::Budget { .. }
+        | Yaml::AliasReplayCounterOverflow { .. }
+        | Yaml::AliasReplayLimitExceeded { .. }
+        | Yaml::AliasExpansionLimitExceeded { .. }
+        | Yaml::AliasReplayStackDepthExceeded { .. } => {
+            "there are more values than are read, those that aliases repeat among them".into()
+        }
+        Yaml::DuplicateMappingKey { key: Some(key), .. } => format!("duplicate key {:?}", shown::name(key)),
+        Yaml::DuplicateMappingKey { key: None, .. } => "duplicate key".into(),
+        Yaml::MultipleDocuments { .. } => "a second document begins; allowed: one".into(),
+        Yaml::NonFiniteFloat { value, .. } => format!("{} is not a finite number", shown::name(value)),
+        other => {
+            let text = other.render_with_formatter(&serde_saphyr::UserMessageFormatter);
+            let line = text.lines().next().unwrap_or_default();
+            if line.starts_with("recursion limit") {
+                return too_deep();
+            }
+            line.rsplit_once(" at line ").map_or(line, |(message, _)| message).to_owned()
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Tree {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct TreeVisitor;
+
+        impl<'de> Visitor<'de> for TreeVisitor {
+            type Value = Tree;
+
+            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+                f.write_str("a YAML value")
+            }
+            fn visit_unit<E>(self) -> Result<Tree, E> {
+                Ok(Tree::Leaf(Value::Null))
+            }
+            fn visit_bool<E>(self, value: bool) -> Result<Tree, E> {
+                Ok(Tree::Leaf(Value::Bool(value)))
+            }
+            fn visit_i64<E>(self, value: i64) -> Result<Tree, E> {
+                Ok(Tree::Leaf(value.into()))
+            }
+            fn visit_u64<E>(self, value: u64) -> Result<Tree, E> {
+                Ok(Tree::Leaf(value.into()))
+            }
+            fn visit_f64<E: de::Error>(self, value: f64) -> Result<Tree, E> {
+                let number = Number::from_f64(value);
+                Ok(Tree::Leaf(Value::Number(number.ok_or_else(|| E::custom("a number that is not finite"))?)))
+            }
+            fn visit_str<E>(self, value: &str) -> Result<Tree, E> {
+                Ok(Tree::Leaf(value.into()))
+            }
+            fn visit_seq<A: SeqAccess<'de>>(self, mut access: A) -> Result<Tree, A::Error> {
+                let mut items = Vec::new();
+                while let Some(item) = access.next_element()? {
+                    items.push(item);
+                }
+                Ok(Tree::List(items))
+            }
+            fn visit_map<A: MapAccess<'de>>(self, mut access: A) -> Result<Tree, A::Error> {
+                let mut entries = Vec::new();
+                while let Some(entry) = access.next_entry()? {
+                    entries.push(entry);
+                }
+                Ok(Tree::Map(entries))
+            }
+        }
+        deserializer.deserialize_any(TreeVisitor)
+    }
+}
+
+/// Widest line that [`to_string`] writes, where a value can be broken at all.
+const WIDTH: usize = 120;
+
+/// Writes `value` as YAML a person likes to read: a key a line, short sections and lists of numbers in flow style.
+///
+/// # Errors
+/// A value that YAML cannot hold, such as a map whose keys are not words.
+pub fn to_string<T: Serialize>(value: &T) -> Result<String> {
+    let value = serde_json::to_value(value).map_err(|error| Error::Internal(error.to_string()))?;
+    let mut text = String::new();
+    match &value {
+        Value::Object(map) => write_map(&mut text, map, 0),
+        other => text = flow(other) + "\n",
+    }
+    Ok(text)
+}
+
+fn write_map(text: &mut String, map: &Map<String, Value>, indent: usize) {
+    for (key, value) in map {
+        let start = format!("{:indent$}{}:", "", scalar(key));
+        text.push_str(&start);
+        let inline = flow(value);
+        match value {
+            _ if start.len() + 1 + inline.len() <= WIDTH => {
+                text.push(' ');
+                text.push_str(&inline);
+                text.push('\n');
+            }
+            Value::Object(section) => {
+                text.push('\n');
+                write_map(text, section, indent + 2);
+            }
+            Value::Array(items) => {
+                text.push('\n');
+                write_list(text, items, indent + 2);
+            }
+            _ => {
+                text.push(' ');
+                text.push_str(&inline);
+                text.push('\n');
+            }
+        }
+    }
+}
+
+/// A long list, as many items on a line as fit.
+fn write_list(text: &mut String, items: &[Value], indent: usize) {
+    let mut line = format!("{:indent$}[", "");
+    for (i, item) in items.iter().enumerate() {
+        let item = flow(item) + if i + 1 < items.len() { "," } else { "]" };
+        if line.len() + 1 + item.len() > WIDTH && line.len() > indent + 1 {
+            text.push_str(line.trim_end());
+            text.push('\n');
+            line = format!("{:indent$} ", "");
+        }
+        line.push_str(&item);
+        line.push(' ');
+    }
+    text.push_str(line.trim_end());
+    text.push('\n');
+}
+
+/// `value` on one line.
+fn flow(value: &Value) -> String {
+    match value {
+        Value::Object(map) => {
+            let entries: Vec<String> =
+                map.iter().map(|(key, value)| format!("{}: {}", scalar(key), flow(value))).collect();
+            format!("{{{}}}", entries.join(", "))
+        }
+        Value::Array(items) => format!("[{}]", items.iter().map(flow).collect::<Vec<_>>().join(", ")),
+        Value::String(text) => scalar(text),
+        Value::Number(number) => match number.as_f64() {
+            // Whole numbers without ".0", and no row of zeros.
+            Some(x) if number.is_f64() && x != 0.0 && !(1e-5..1e15).contains(&x.abs()) => format!("{x:e}"),
+            Some(x) if number.is_f64() => format!("{x}"),
+            _ => number.to_string(),
+        },
+        other => other.to_string(),
+    }
+}
+
+/// `text` bare where YAML would read it back as the same text, quoted otherwise.
+fn scalar(text: &str) -> String {
+    let words = ["true", "false", "null", "yes", "no", "on", "off", "y", "n"];
+    let bare = text.starts_with(|c: char| c.is_ascii_alphabetic())
+        && !text.ends_with(' ')
+        && text.chars().all(|c| c.is_ascii_alphanumeric() || "_-./() ;+".contains(c))
+        && !words.contains(&text.to_ascii_lowercase().as_str());
+    if bare {
+        return text.to_owned();
+    }
+    // A JSON string is a YAML string, and JSON escapes only some of what a terminal obeys.
+    let quoted = Value::from(text).to_string();
+    quoted.chars().fold(String::new(), |mut shown, c| {
+        if shown::is_unseen(c) {
+            shown.push_str(&format!("\\u{:04x}", u32::from(c)))
+        } else {
+            shown.push(c)
+        }
+        shown
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn value(text: &str) -> Result<Value> {
+        Document::parse("text", text).map(|document| document.value)
+    }
+
+    #[test]
+    fn words_are_those_of_yaml_1_2() {
+        let text = "{a: yes, b: true, c: 0x1F, d: 1e3, e: ~, f: '1', g: [1, -2.5], h: on, i: 2024-01-01}";
+        let expected = json!({"a": "yes", "b": true, "c": 31, "d": 1000.0, "e": null, "f": "1", "g": [1, -2.5], "h": "on", "i": "2024-01-01"});
+        assert_eq!(value(text).unwrap(), expected);
+        assert_eq!(value("base: &b {x: 1}\nmore: *b\n").unwrap(), json!({"base": {"x": 1}, "more": {"x": 1}}));
+    }
+
+    #[test]
+    fn numbers_are_finite() {
+        for text in ["x: .inf", "x: [.nan]", "x: 1e999"] {
+            assert!(value(text).unwrap_err().to_string().starts_with("text: line 1: "), "{text}");
+        }
+    }
+
+    #[test]
+    fn texts_made_to_exhaust_memory_are_refused() {
+        let deep = "[".repeat(100_000);
+        let deep_blocks: String = (0..5_000).map(|i| format!("{}a:\n", " ".repeat(i))).collect();
+        let doubling: String = (1..40).map(|i| format!("k{i}: &k{i} [*k{0}, *k{0}]\n", i - 1)).collect();
+        let doubling = format!("k0: &k0 [x, x]\n{doubling}");
+        let long = format!("a: &a {}\nb: [{}]\n", "x".repeat(1_000_000), "*a, ".repeat(40_000));
+        let wide = format!("[{}]", "1,".repeat(300_000));
+        for text in [deep, deep_blocks, doubling, long, wide] {
+            let error = value(&text).unwrap_err().to_string();
+            assert!(error.starts_with("text: line ") && error.len() < 1000, "{error}");
+        }
+    }
+
+    #[test]
+    fn what_the_crate_says_is_put_plainly() {
+        for (text, expected) in [
+            ("a: 1\na: 2".to_owned(), "line 2: duplicate key \"a\""),
+            ("[".repeat(100), "line 1: sections and lists are nested deeper than 64, the most allowed"),
+            (format!("[{}]", "1,".repeat(300_000)), "line 1: there are more values than are read, those that"),
+            ("a: 1\n---\nb: 2".to_owned(), "line 3: a second document begins; allowed: one"),
+            ("a: .inf".to_owned(), "line 1: .inf is not a finite number"),
+        ] {
+            let error = value(&text).unwrap_err().to_string();
+            assert!(error.starts_with(&format!("text: {expected}")), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_text_is_read_up_to_a_limit() {
+        let error = value(&" ".repeat((16 << 20) + 1)).unwrap_err().to_string();
+        assert_eq!(error, "text: is longer than 16 MiB, the most allowed");
+        assert!(Document::load(Path::new("no/such.yaml")).err().unwrap().to_string().starts_with("no/such.yaml: "));
+    }
+
+    #[test]
+    fn written_text_reads_back_the_same() {
+        let tree = json!({
+            "plain": "two words", "number": "12", "word": "Yes", "empty": "", "colon": "a: b", "hash": "a #b", "dash": "- a",
+            "quote": "\"\\\n\t", "accent": "\u{e9}\u{1f600}", "unseen": "\x1b[1m\u{7f}\u{9b}\u{202e}", "a b": {"x": {}, "y": []}, "null": null, "true": true, "1": 1,
+            "small": 1e-9, "large": 1e300, "whole": 3.0, "tenth": 0.1, "int": u64::MAX,
+            "long": (0..100).map(f64::from).collect::<Vec<_>>(),
+            "section": {"first": "x".repeat(80), "second": "y".repeat(80), "deeper": {"list": vec!["word"; 40]}},
+        });
+        let text = to_string(&tree).unwrap();
+        let back = value(&text).unwrap_or_else(|error| panic!("{error}\n{text}"));
+        // Whole numbers may come back as integers.
+        let same = |a: &Value, b: &Value| a == b || (a.as_f64().is_some() && a.as_f64() == b.as_f64());
+        for (key, expected) in tree.as_object().unwrap() {
+            let list = expected.as_array().zip(back[key].as_array());
+            let equal = list.map_or(same(expected, &back[key]), |(a, b)| {
+                a.len() == b.len() && a.iter().zip(b).all(|(a, b)| same(a, b))
+            });
+            assert!(equal, "{key}: {expected} is not {}\n{text}", back[key]);
+        }
+        assert_eq!(to_string(&back).unwrap(), text);
+        assert!(!text.contains(|c: char| c != '\n' && shown::is_unseen(c)), "{text}");
+    }
+
+    #[test]
+    fn unknown_names_are_found_in_what_serde_says() {
+        assert_eq!(unknown_name("unknown field `a`, expected `b` or `c`"), Some(("a", vec!["b", "c"])));
+        assert_eq!(unknown_name("unknown field `a`, there are no fields"), Some(("a", vec![])));
+        assert_eq!(unknown_name("unknown variant ``, expected `, expected `b`"), Some(("`, expected ", vec!["b"])));
+        assert_eq!(unknown_name("missing field `a`"), None);
+    }
+}

@@ -1,0 +1,465 @@
+//! One block of beams with a ray each and a return each, step by step.
+
+use super::camera::Looks;
+use super::returns::Gatherer;
+use super::run::Scan;
+use crate::cloud::{Kept, Slices};
+use crate::detect::{ReturnMode, Threshold};
+use crate::echo::{Air, AirEcho, Answer, Chosen, Contribution, Follower, Foremost, PathEcho, PathLimits, Preferred};
+use crate::emitter;
+use crate::ground::cause::Cause;
+use crate::ground::lanes::{LANES, MEDIUM, MISS, RayBatch};
+use crate::ground::rng::Draw;
+use crate::sensor::Camera;
+use crate::trace::HitBatch;
+use pulp::{Arch, Simd, WithSimd};
+use std::cell::Cell;
+
+/// Beams `first .. first + count` and the rows they may fill.
+pub(super) struct Task<'a> {
+    pub scan: &'a Scan<'a>,
+    pub first: usize,
+    pub count: usize,
+    pub rows: Slices<'a>,
+}
+
+/// A task with the memory it works in, to be run with the widest vector instructions of this machine.
+pub(super) struct TaskOn<'a, 'b> {
+    pub task: Task<'a>,
+    pub block: &'b mut Block,
+}
+
+impl WithSimd for TaskOn<'_, '_> {
+    type Output = usize;
+
+    /// The rows filled.
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> usize {
+        let Task { scan, first, count, mut rows } = self.task;
+        let mut filled = 0;
+        for start in (0..count).step_by(LANES) {
+            let beam = first + start;
+            let (count, rows) = (LANES.min(count - start), rows.rows_after(filled));
+            filled += match &scan.signals {
+                None => self.block.scan(scan, beam, count, rows),
+                Some(signals) => self.block.scan_signals(scan, signals, beam, count, rows),
+            };
+        }
+        filled
+    }
+}
+
+/// Which beam, and which of its returns, each lane of a block is.
+#[repr(C, align(64))]
+pub(super) struct Lanes {
+    pub beam: [u32; LANES],
+    /// Counted from 0; random draws of a return depend on it.
+    pub number: [u32; LANES],
+    pub return_number: [u8; LANES],
+    pub return_count: [u8; LANES],
+    /// The first beam, where lane after lane is beam after beam with one return each.
+    pub first: Option<usize>,
+}
+
+impl Lanes {
+    fn new() -> Self {
+        Lanes { beam: [0; LANES], number: [0; LANES], return_number: [1; LANES], return_count: [1; LANES], first: None }
+    }
+
+    /// Beams from `first` on, one return each.
+    #[inline(always)]
+    pub fn start_at(&mut self, first: usize) {
+        self.first = Some(first);
+        for lane in 0..LANES {
+            self.beam[lane] = (first + lane) as u32;
+        }
+    }
+
+    /// The values that the first `count` lanes have in a `column` of the table of beams.
+    #[inline(always)]
+    pub fn take<T: Copy + Default>(&self, column: &[T], count: usize) -> [T; LANES] {
+        let mut values = [T::default(); LANES];
+        match self.first {
+            Some(first) => values[..count].copy_from_slice(&column[first..first + count]),
+            None => {
+                for lane in 0..count {
+                    values[lane] = column[self.beam[lane] as usize];
+                }
+            }
+        }
+        values
+    }
+}
+
+thread_local! {
+    /// What this thread works in, from chunk to chunk and scan to scan.
+    static BLOCK: Cell<Option<Box<Block>>> = const { Cell::new(None) };
+}
+
+/// Does `work`, a chunk of a scan, in the memory of this thread.
+pub(super) fn with_block<R>(work: impl FnOnce(&mut Block) -> R) -> R {
+    // A thread at its end has none any more.
+    let mut block = BLOCK.try_with(Cell::take).ok().flatten().unwrap_or_else(boxed);
+    block.renew();
+    let result = work(&mut block);
+    let _ = BLOCK.try_with(|own| own.set(Some(block)));
+    result
+}
+
+/// Memory for what is too large for the stacks of hosts, made here so that the stack it is made on is free again.
+#[cold]
+#[inline(never)]
+pub(super) fn boxed<T: Default>() -> Box<T> {
+    Box::default()
+}
+
+/// The intermediate results of one block of beams: the table in the crate's documentation, column by column.
+#[repr(C, align(64))]
+pub(super) struct Block {
+    pub rays: RayBatch,
+    pub hits: HitBatch,
+    pub surfaces: Contribution,
+    pub answer: Answer,
+    pub rho_eff: [f32; LANES],
+    /// Ranges that a depth camera makes of its light, before errors, m.
+    pub formed: [f32; LANES],
+    pub measured: [f32; LANES],
+    pub intensity: [f32; LANES],
+    /// Angle by which a beam is reported turned to the left, rad.
+    pub turn: [f32; LANES],
+    pub scratch: [f32; LANES],
+    pub lanes: Lanes,
+    pub kept: Kept,
+    /// The rays that beams are reported to be, where those are not `rays`.
+    pub reported: Option<Box<RayBatch>>,
+    /// Memory to follow light in, where a scene has mirrors or glass.
+    pub paths: Option<Box<(Follower, Chosen)>>,
+    /// Memory for beams of several rays or returns.
+    pub gatherer: Option<Box<Gatherer>>,
+    /// Memory of a depth camera to look from elsewhere in.
+    pub looks: Option<Box<Looks>>,
+}
+
+impl Default for Block {
+    fn default() -> Self {
+        Block {
+            lanes: Lanes::new(),
+            rays: RayBatch::default(),
+            hits: HitBatch::new(),
+            surfaces: Contribution::new(),
+            rho_eff: [0.0; LANES],
+            formed: [0.0; LANES],
+            measured: [0.0; LANES],
+            intensity: [0.0; LANES],
+            turn: [0.0; LANES],
+            kept: Kept::new(),
+            scratch: [0.0; LANES],
+            answer: Answer::new(),
+            reported: None,
+            paths: None,
+            gatherer: None,
+            looks: None,
+        }
+    }
+}
+
+impl Block {
+    /// Whatever scan it was for, the next finds what it does not set itself as in a new one.
+    #[inline(never)]
+    fn renew(&mut self) {
+        self.lanes = Lanes::new();
+        self.surfaces = Contribution::new();
+        self.turn = [0.0; LANES];
+        self.answer = Answer::new();
+    }
+
+    /// Scans beams `first .. first + count` (at most [`LANES`]) and fills the first of `rows`; returns how many.
+    #[inline(always)]
+    fn scan(&mut self, scan: &Scan, first: usize, count: usize, rows: Slices) -> usize {
+        self.lanes.start_at(first);
+        self.aim(scan, first, count);
+        self.trace(scan, count);
+        if scan.paths.is_some() || scan.air.is_some() || scan.alarms.is_some() || scan.camera.is_some() {
+            self.answer.reset();
+            self.answer.end = self.hits.range;
+        }
+        if !scan.efficiency.is_empty() {
+            for lane in 0..count {
+                self.answer.efficiency[lane] = scan.efficiency_of(self.lanes.beam[lane]);
+            }
+        }
+        if let Some(limits) = scan.paths {
+            self.follow(scan, limits, first, count);
+        }
+        if let Some(eye) = scan.camera.and_then(|camera| camera.second_eye) {
+            self.shadow(scan, eye, count);
+        }
+        let answers = scan.air.as_ref().is_some_and(Air::answers) || scan.alarms.is_some();
+        let needs_surfaces = !scan.options.organised && !answers;
+        if needs_surfaces && self.hits.surface[..count].iter().all(|&surface| surface == MISS) {
+            return 0;
+        }
+        self.detect(scan, count);
+        self.measure(scan, count);
+        self.collect(scan, count, rows)
+    }
+
+    /// Steps 4 and 5: every beam at the pose of its own time.
+    #[inline(always)]
+    pub fn aim(&mut self, scan: &Scan, first: usize, count: usize) {
+        let nominal = scan.beams.directions(first, count);
+        scan.aim.rays(scan.beams, first, nominal, scan.reach, &mut self.rays);
+        if scan.points_elsewhere() {
+            let reported = self.reported.get_or_insert_with(boxed);
+            reported.as_mut().clone_from(&self.rays);
+        }
+        if scan.pointing_sigma > 0.0 {
+            let mut pointed = [[0.0; LANES]; 3];
+            emitter::scatter(&scan.rng, &self.lanes.beam[..count], scan.pointing_sigma, nominal, &mut pointed);
+            let pointed = pointed.each_ref().map(|axis| &axis[..count]);
+            scan.aim.rays(scan.beams, first, pointed, scan.reach, &mut self.rays);
+        }
+        if let Some(camera) = scan.camera.filter(|camera| camera.aside.is_some()) {
+            self.look_aside(scan, camera, count);
+        }
+    }
+
+    /// Steps 6 and 8: what the rays hit and what it is like.
+    #[inline(always)]
+    pub fn trace(&mut self, scan: &Scan, count: usize) {
+        let Block { rays, hits, surfaces, .. } = self;
+        hits.trace(scan.scene, rays, count, scan.coherent, scan.options.mask);
+        if scan.wants_normals {
+            surfaces.face(scan.scene, rays, hits, count, scan.smooth);
+        }
+        if scan.wants_surfaces {
+            surfaces.look_up(&scan.scene.surfaces, &scan.reflectances, hits, count, scan.wanted);
+        }
+    }
+
+    /// Step 7: beams that meet a mirror or glass see what is behind it. Of all echoes of a beam the one that the return
+    /// mode prefers takes the place of the surface.
+    #[inline(never)]
+    fn follow(&mut self, scan: &Scan, limits: PathLimits, first: usize, count: usize) {
+        let Block { rays, hits, surfaces, answer, paths, .. } = self;
+        (answer.first_category, answer.first_instance) = (surfaces.category_id, surfaces.instance_id);
+        if !hits.surface[..count].iter().any(|&surface| scan.goes_on(surface)) {
+            return;
+        }
+        let (follower, chosen) = &mut **paths.get_or_insert_with(boxed);
+        // The paper's program knows weather on the whole of the way alone.
+        let air = scan.air.as_ref().filter(|_| !scan.keeps_undetected);
+        let around = scan.surroundings(air, limits, scan.wanted, &rays.range_max);
+        chosen.strength = [f32::NEG_INFINITY; LANES];
+        let efficiency = &answer.efficiency;
+        let prefer = |echo: &PathEcho| {
+            let rho_eff = echo.reflectance * echo.cos_incidence * efficiency[echo.lane];
+            let seen = scan.keeps_undetected || {
+                let beam = (first + echo.lane) as u32;
+                let noise = scan.threshold.noise(&scan.rng, beam, echo.range.to_bits());
+                scan.threshold.detects(rho_eff, echo.range, noise)
+            };
+            let [least, _] = scan.limits_of(first + echo.lane);
+            let within = echo.range >= least && echo.range <= rays.range_max[echo.lane];
+            (seen && within).then(|| match scan.mode {
+                // The brighter one, whatever its range.
+                _ if scan.keeps_undetected => rho_eff,
+                ReturnMode::First => -echo.range,
+                ReturnMode::Last => echo.range,
+                _ => rho_eff / (echo.range * echo.range),
+            })
+        };
+        let mut preferred = Preferred {
+            chosen,
+            prefer,
+            least_power: scan.threshold.least_power().filter(|_| !scan.keeps_undetected).unwrap_or(0.0) as f32,
+            strongest: !scan.keeps_undetected && !matches!(scan.mode, ReturnMode::First | ReturnMode::Last),
+        };
+        Arch::new().dispatch(|| follower.follow(&around, rays, hits, surfaces, count, &mut preferred));
+        for lane in 0..count {
+            if !scan.goes_on(hits.surface[lane]) {
+                continue;
+            }
+            if chosen.strength[lane] == f32::NEG_INFINITY {
+                hits.surface[lane] = MISS;
+                continue;
+            }
+            hits.take(lane, &chosen.hits, lane);
+            surfaces.take(lane, &chosen.surfaces, lane);
+            (answer.cause[lane], answer.bounces[lane]) = (chosen.cause[lane], chosen.bounces[lane]);
+            answer.dimmed[lane] = true;
+        }
+    }
+
+    /// Steps 9 and 10: which echo the instrument reports.
+    #[inline(always)]
+    fn detect(&mut self, scan: &Scan, count: usize) {
+        if let Some(air) = scan.air.as_ref().filter(|_| !scan.keeps_undetected) {
+            air.dim(&self.rays, &self.hits.range, count, &mut self.scratch);
+            for lane in 0..LANES {
+                if self.answer.dimmed[lane] {
+                    self.scratch[lane] = 1.0;
+                }
+            }
+            for lane in 0..LANES {
+                self.surfaces.reflectance[lane] *= self.scratch[lane];
+            }
+        }
+        if !scan.efficiency.is_empty() {
+            for lane in 0..LANES {
+                self.surfaces.reflectance[lane] *= self.answer.efficiency[lane];
+            }
+        }
+        if let Some(camera) = scan.camera.filter(|camera| camera.dims()) {
+            self.dim(scan, camera, count);
+        }
+        let Block { hits, surfaces, rho_eff, intensity, .. } = self;
+        for lane in 0..LANES {
+            rho_eff[lane] = surfaces.reflectance[lane] * surfaces.cos_incidence[lane];
+            let (rho, cos) = (surfaces.reflectance[lane], surfaces.cos_incidence[lane]);
+            intensity[lane] = scan.intensity.of(rho, cos, hits.range[lane]);
+        }
+        if let Some(air) = scan.air.as_ref().filter(|_| scan.keeps_undetected) {
+            self.weather_of_the_program(scan, air, count);
+        } else if scan.threshold != Threshold::Open {
+            let mut noise = [0.0; LANES];
+            scan.threshold.noises(&scan.rng, &self.lanes.beam[..count], &mut noise[..count]);
+            if scan.paths.is_some() {
+                // What is seen in mirrors and through glass is detected already.
+                for lane in 0..LANES {
+                    if self.answer.dimmed[lane] {
+                        noise[lane] = f32::INFINITY;
+                    }
+                }
+            }
+            for lane in 0..LANES {
+                if !scan.threshold.detects(rho_eff[lane], hits.range[lane], noise[lane]) {
+                    intensity[lane] = 0.0;
+                    if !scan.keeps_undetected {
+                        hits.surface[lane] = MISS;
+                    }
+                }
+            }
+        }
+        if !scan.camera.is_some_and(Camera::wraps) {
+            scan.limit(&mut self.hits.surface, &self.hits.range, &self.lanes, count);
+        }
+        if scan.alarms.is_some() || scan.air.as_ref().is_some_and(Air::answers) {
+            self.answer(scan, count);
+        }
+        if let Some(camera) = scan.camera {
+            self.form(scan, camera, count);
+        }
+    }
+
+    /// Step 10: errors of what is measured.
+    #[inline(always)]
+    pub fn measure(&mut self, scan: &Scan, count: usize) {
+        let Block { lanes, hits, rho_eff, formed, measured, intensity, turn, scratch, .. } = self;
+        let draws = [&lanes.beam[..count], &lanes.number[..count]];
+        if let Some(most) = scan.saturation {
+            for lane in 0..LANES {
+                let most = most * hits.range[lane] * hits.range[lane];
+                if rho_eff[lane] > most {
+                    intensity[lane] = scan.intensity.of(most, 1.0, hits.range[lane]);
+                }
+            }
+        }
+        if scan.range_error.draws() {
+            scan.rng.normals(draws[0], draws[1], Draw::RangeJitter, &mut measured[..count]);
+        }
+        let channels = lanes.take(&scan.beams.channel, count);
+        let formed = if scan.camera.is_some() { &*formed } else { &hits.range };
+        scan.range_error.measure(&channels[..count], &rho_eff[..count], &formed[..count], &mut measured[..count]);
+        if let Some(sigma) = scan.air.as_ref().map(Air::range_noise).filter(|&sigma| sigma > 0.0) {
+            scan.rng.normals(draws[0], draws[1], Draw::RainRange, &mut scratch[..count]);
+            for lane in 0..count {
+                measured[lane] = (measured[lane] + sigma * hits.range[lane] * scratch[lane]).max(0.0);
+            }
+        }
+        scan.range_error.round(&mut measured[..count]);
+        if scan.limits_measured {
+            scan.limit(&mut hits.surface, measured, lanes, count);
+        }
+        if scan.dropout > 0.0 {
+            scan.rng.uniforms(draws[0], draws[1], Draw::Dropout, &mut scratch[..count]);
+            for lane in 0..count {
+                if scratch[lane] < scan.dropout {
+                    hits.surface[lane] = MISS;
+                }
+            }
+        }
+        if let Some(weak) = &scan.dropout_weak {
+            scan.rng.uniforms(draws[0], draws[1], Draw::WeakDropout, &mut scratch[..count]);
+            for lane in 0..count {
+                if scratch[lane] < weak.probability(rho_eff[lane]) {
+                    hits.surface[lane] = MISS;
+                }
+            }
+        }
+        if let Some(error) = &scan.azimuth_error {
+            // All returns of a beam come from one direction.
+            scan.rng.normals(draws[0], &[0; LANES][..count], Draw::AzimuthJitter, &mut turn[..count]);
+            let [x, y] = [&scan.beams.dir_x, &scan.beams.dir_y].map(|axis| lanes.take(axis, count));
+            error.turn(&x[..count], &y[..count], &mut turn[..count]);
+        }
+    }
+
+    /// Rain and dust as the paper's program has them: intensity is as without, or 0 where nothing is seen.
+    #[inline(never)]
+    fn weather_of_the_program(&mut self, scan: &Scan, air: &Air, count: usize) {
+        let Block { hits, rho_eff, intensity, answer, .. } = self;
+        for lane in 0..count {
+            let limit = scan.threshold.limit_of_the_program(hits.range[lane]);
+            let (tested, cloud) = air.as_the_program(hits.range[lane], rho_eff[lane], limit);
+            if let Some((range, backscatter)) = cloud {
+                (hits.range[lane], intensity[lane]) = (range, backscatter);
+                answer.cause[lane] = Cause::Dust as u8;
+            }
+            if scan.threshold != Threshold::Open && tested <= limit {
+                intensity[lane] = 0.0;
+            }
+        }
+    }
+
+    /// Echoes of the air and noise in place of surfaces, where the instrument prefers them.
+    #[inline(always)]
+    fn answer(&mut self, scan: &Scan, count: usize) {
+        let Block { lanes, rays, hits, surfaces, rho_eff, intensity, answer, .. } = self;
+        (answer.range, answer.rho_eff) = (hits.range, *rho_eff);
+        let beams = &lanes.beam[..count];
+        if let Some(air) = scan.air.as_ref().filter(|air| air.answers()) {
+            let mut foremost = Foremost {
+                answer,
+                surface: &mut hits.surface,
+                mode: scan.mode,
+                threshold: &scan.threshold,
+                limits: &|lane| scan.limits_of(beams[lane] as usize),
+                rng: &scan.rng,
+                beams,
+            };
+            air.answer(rays, &scan.rng, beams, &mut foremost);
+        }
+        if let Some(alarms) = &scan.alarms {
+            alarms.of_beams(
+                &scan.rng,
+                beams,
+                scan.range_max,
+                |beam| scan.limits_of(beam as usize),
+                |lane, range, rho_eff| {
+                    let echo = AirEcho { range, rho_eff };
+                    answer.offer(scan.mode, &mut hits.surface, lane, echo, Cause::FalseAlarm);
+                },
+            );
+        }
+        (hits.range, *rho_eff) = (answer.range, answer.rho_eff);
+        for lane in 0..count {
+            if hits.surface[lane] == MEDIUM {
+                surfaces.clear(lane);
+                (answer.first_category[lane], answer.first_instance[lane], answer.bounces[lane]) = (0, 0, 0);
+                (hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]) = (f32::NAN, f32::NAN, f32::NAN);
+                intensity[lane] = scan.intensity.of(rho_eff[lane], 1.0, hits.range[lane]);
+            }
+        }
+    }
+}

@@ -1,0 +1,167 @@
+//! The columns of a block's returns.
+
+use super::block::{Block, Lanes};
+use super::run::Scan;
+use crate::cloud::{Field, Frame, Kept, Slices};
+use crate::ground::lanes::LANES;
+use crate::ground::rng::Draw;
+use std::f32::consts::PI;
+
+impl Block {
+    /// Step 11: the columns that were asked for, row by row.
+    #[inline(always)]
+    pub fn collect(&mut self, scan: &Scan, count: usize, rows: Slices) -> usize {
+        let Block { lanes, rays, hits, surfaces, measured, intensity, turn, kept, scratch, answer, reported, .. } =
+            self;
+        let surface = &hits.surface;
+        let filled = kept.choose(surface, count, scan.options.organised);
+
+        // Positions along the beam: in the world from where the beam starts, in the sensor frame from 0.
+        let world = scan.options.coordinates == Frame::World;
+        let beams = scan.beams;
+        let nominal = |lanes: &Lanes| [&beams.dir_x, &beams.dir_y, &beams.dir_z].map(|axis| lanes.take(axis, count));
+        let reported = reported.as_ref().filter(|_| scan.points_elsewhere());
+        if !world {
+            if reported.is_some() {
+                // Where beams really go.
+                for lane in 0..count {
+                    let (rotation, _) = scan.aim.pose(beams, lanes.beam[lane] as usize);
+                    let direction = rotation.transpose() * rays.direction(lane);
+                    (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = direction.into();
+                }
+            } else {
+                [rays.dir_x, rays.dir_y, rays.dir_z] = nominal(lanes);
+            }
+            (rays.org_x, rays.org_y, rays.org_z) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+        }
+        for (org, dir, to) in [
+            (&rays.org_x, &rays.dir_x, rows.true_x),
+            (&rays.org_y, &rays.dir_y, rows.true_y),
+            (&rays.org_z, &rays.dir_z, rows.true_z),
+        ] {
+            put_positions(kept, surface, [org, dir, &hits.range], scratch, to);
+        }
+        if let Some(reported) = reported {
+            // What is reported knows nothing of it.
+            if world {
+                rays.clone_from(reported);
+            } else {
+                [rays.dir_x, rays.dir_y, rays.dir_z] = nominal(lanes);
+            }
+        }
+        if scan.azimuth_error.is_some() {
+            for lane in 0..count {
+                let up = if world { scan.aim.pose(beams, lanes.beam[lane] as usize).0.z_axis } else { glam::Vec3::Z };
+                let dir = rays.direction(lane);
+                let turned = glam::Quat::from_axis_angle(up, turn[lane]) * dir;
+                (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = turned.into();
+            }
+        }
+        for (org, dir, to) in
+            [(&rays.org_x, &rays.dir_x, rows.x), (&rays.org_y, &rays.dir_y, rows.y), (&rays.org_z, &rays.dir_z, rows.z)]
+        {
+            put_positions(kept, surface, [org, dir, measured], scratch, to);
+        }
+        kept.put(surface, measured, rows.range);
+        kept.put(surface, &hits.range, rows.true_range);
+        kept.put(surface, intensity, rows.intensity);
+        kept.put(surface, &surfaces.cos_incidence, rows.cos_incidence);
+        if !rows.depth.is_empty() {
+            let dir_x = lanes.take(&beams.dir_x, count);
+            for lane in 0..LANES {
+                scratch[lane] = dir_x[lane] * measured[lane];
+            }
+            kept.put(surface, scratch, rows.depth);
+        }
+        if !world && scan.options.fields.contains_any(&[Field::NormalX, Field::NormalY, Field::NormalZ]) {
+            for lane in 0..count {
+                let (rotation, _) = scan.aim.pose(beams, lanes.beam[lane] as usize);
+                let normal = hits.normal(lane);
+                let normal = rotation.transpose() * normal;
+                (hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]) = normal.into();
+            }
+        }
+        let surface = &hits.surface;
+        kept.put(surface, &hits.normal_x, rows.normal_x);
+        kept.put(surface, &hits.normal_y, rows.normal_y);
+        kept.put(surface, &hits.normal_z, rows.normal_z);
+
+        kept.put(surface, &surfaces.category_id, rows.category_id);
+        kept.put(surface, &surfaces.part_id, rows.part_id);
+        kept.put(surface, &surfaces.instance_id, rows.instance_id);
+        kept.put(surface, &surfaces.material_id, rows.material_id);
+        kept.put(surface, &surfaces.red, rows.red);
+        kept.put(surface, &surfaces.green, rows.green);
+        kept.put(surface, &surfaces.blue, rows.blue);
+        kept.put(surface, &lanes.return_number, rows.return_number);
+        kept.put(surface, &lanes.return_count, rows.return_count);
+        kept.put(surface, &answer.cause, rows.cause);
+        kept.put(surface, &answer.bounces, rows.bounces);
+        if scan.paths.is_some() {
+            kept.put(surface, &answer.first_category, rows.first_category_id);
+            kept.put(surface, &answer.first_instance, rows.first_instance_id);
+        } else {
+            kept.put(surface, &surfaces.category_id, rows.first_category_id);
+            kept.put(surface, &surfaces.instance_id, rows.first_instance_id);
+        }
+
+        // What is known of every beam, return or not.
+        if !rows.channel.is_empty() {
+            kept.put_beam(&lanes.take(&beams.channel, count), rows.channel);
+        }
+        if !rows.time.is_empty() {
+            let mut time = lanes.take(&beams.time, count);
+            time.iter_mut().for_each(|time| *time += scan.options.start_time);
+            if scan.time_sigma > 0.0 {
+                for (value, &beam) in time[..count].iter_mut().zip(&lanes.beam) {
+                    let jitter = scan.rng.normal(beams.firing(beam), Draw::TimeJitter, 0);
+                    *value += scan.time_sigma * f64::from(jitter);
+                }
+            }
+            kept.put_beam(&time, rows.time);
+        }
+        if !rows.frame.is_empty() {
+            kept.put_beam(&[scan.options.frame; LANES], rows.frame);
+        }
+        if !rows.beam.is_empty() || !rows.firing.is_empty() {
+            let firing = lanes.beam.map(|beam| beams.firing(beam));
+            kept.put_beam(&lanes.beam, rows.beam);
+            kept.put_beam(&firing, rows.firing);
+        }
+        if !rows.azimuth.is_empty() || !rows.elevation.is_empty() {
+            let [x, y, z] = nominal(lanes);
+            let (mut azimuth, mut elevation) = ([0.0; LANES], [0.0; LANES]);
+            for lane in 0..count {
+                let reported = y[lane].atan2(x[lane]) + turn[lane];
+                // Straight back is -pi, whichever way it is rounded.
+                azimuth[lane] = match reported {
+                    PI.. => reported - 2.0 * PI,
+                    _ if reported < -PI => reported + 2.0 * PI,
+                    _ => reported,
+                };
+                elevation[lane] = z[lane].atan2(x[lane].hypot(y[lane]));
+            }
+            kept.put_beam(&azimuth, rows.azimuth);
+            kept.put_beam(&elevation, rows.elevation);
+        }
+        filled
+    }
+}
+
+/// Writes one coordinate of the points at `ranges` along rays from `org` in the direction `dir`.
+#[inline(always)]
+fn put_positions(
+    kept: &Kept,
+    surface: &[u32; LANES],
+    [org, dir, ranges]: [&[f32; LANES]; 3],
+    scratch: &mut [f32; LANES],
+    to: &mut [f32],
+) {
+    if to.is_empty() {
+        return;
+    }
+    for lane in 0..LANES {
+        scratch[lane] = org[lane] + dir[lane] * ranges[lane];
+    }
+    kept.put(surface, scratch, to);
+}

@@ -1,0 +1,307 @@
+//! What happens to one beam, for people to read.
+
+use super::block::{Block, boxed};
+use super::returns::{ALARM, Gatherer, Other};
+use super::run::Scan;
+use crate::cloud::{Columns, FieldSet};
+use crate::ground::cause::Cause;
+use crate::ground::error::Result;
+use crate::ground::lanes::{MEDIUM, MISS};
+use crate::ground::shown;
+use crate::sensor::Signals;
+use glam::{DVec3, Vec3};
+use std::fmt::{self, Write};
+
+/// Most surfaces and echoes of one kind that are listed.
+const MOST: usize = 12;
+
+impl Scan<'_> {
+    /// Tells of beam `beam` step by step. `signals`: how what comes back makes returns.
+    pub fn explain(&self, signals: &Signals, beam: usize) -> Result<String> {
+        let mut block: Box<Block> = boxed();
+        block.lanes.start_at(beam);
+        block.aim(self, beam, 1);
+        let mut gatherer: Box<Gatherer> = boxed();
+        gatherer.fit(signals);
+        gatherer.log = Some(Vec::new());
+        gatherer.beams = block.rays.clone();
+        gatherer.gather(self, signals, &mut block.rays, &[beam as u32]);
+        gatherer.form(self, signals, 0, beam);
+        let mut columns = Columns::default();
+        columns.resize(FieldSet::all(), self.most_returns())?;
+        let rows = self.window(beam..beam + 1, 0, &mut columns);
+        let mut text = String::new();
+        // Writing to a string cannot fail.
+        let _ = self.tell(&mut text, signals, &mut gatherer, beam, &columns, rows);
+        Ok(text)
+    }
+
+    fn tell(
+        &self,
+        text: &mut String,
+        signals: &Signals,
+        gatherer: &mut Gatherer,
+        beam: usize,
+        columns: &Columns,
+        rows: usize,
+    ) -> fmt::Result {
+        let table = self.beams;
+        let width = table.columns as usize;
+        writeln!(
+            text,
+            "beam {beam}: row {}, column {}, channel {}, fired {:.9} s after the start",
+            beam / width,
+            beam % width,
+            table.channel[beam],
+            self.options.start_time + table.time[beam],
+        )?;
+        let [x, y, z] = [table.dir_x[beam], table.dir_y[beam], table.dir_z[beam]];
+        let (from, along) = (gatherer.beams.origin(0), gatherer.beams.direction(0));
+        writeln!(text, "aim:")?;
+        writeln!(
+            text,
+            "  azimuth {:.4} deg, elevation {:.4} deg; from {} m along {:.6} {:.6} {:.6} in the world",
+            y.atan2(x).to_degrees(),
+            z.atan2(x.hypot(y)).to_degrees(),
+            self.place(from),
+            along.x,
+            along.y,
+            along.z
+        )?;
+        let [low, high] = self.limits_of(beam);
+        writeln!(text, "  ranges from {low} to {high} m are reported")?;
+        self.tell_rays(text, signals, gatherer)?;
+        self.tell_paths(text, gatherer)?;
+        self.tell_air(text, gatherer)?;
+        self.tell_halos(text, gatherer)?;
+        self.tell_echoes(text, signals, gatherer, beam)?;
+        self.tell_returns(text, columns, rows)
+    }
+
+    /// What the rays meet, surface by surface.
+    fn tell_rays(&self, text: &mut String, signals: &Signals, gatherer: &Gatherer) -> fmt::Result {
+        match &signals.footprint {
+            None => writeln!(text, "ray: one, along the beam")?,
+            Some(footprint) => writeln!(text, "rays: {} over the footprint", footprint.len())?,
+        }
+        // Surface, number of rays, their ranges, their power; of the first the rest.
+        let mut met: Vec<(u32, usize, [f32; 2], f32, usize)> = Vec::new();
+        for (index, ray) in gatherer.rays.iter().enumerate() {
+            let (surface, range, power) = (ray.hits.surface[0], ray.hits.range[0], ray.power[0]);
+            match met.iter_mut().find(|(known, ..)| *known == surface) {
+                Some((_, count, [low, high], sum, _)) => {
+                    (*low, *high) = (low.min(range), high.max(range));
+                    (*count, *sum) = (*count + 1, *sum + power);
+                }
+                None => met.push((surface, 1, [range, range], power, index)),
+            }
+        }
+        for &(surface, count, [low, high], power, first) in met.iter().take(MOST) {
+            let meet = if count == 1 { "meets" } else { "meet" };
+            if surface == MISS {
+                writeln!(text, "  {count} {meet} nothing")?;
+                continue;
+            }
+            let ray = &gatherer.rays[first];
+            let cos = ray.cos_incidence[0];
+            let ranges = if high > low { format!("{low:.4} to {high:.4}") } else { format!("{low:.4}") };
+            writeln!(
+                text,
+                "  {count} {meet} {} at {ranges} m, incidence {:.2} deg",
+                self.name(surface),
+                cos.acos().to_degrees()
+            )?;
+            let depth = self.air.as_ref().map_or(0.0, |air| {
+                air.depth(gatherer.beams.origin(0), gatherer.beams.direction(0), 0.0, ray.hits.range[0])
+            });
+            if depth > 0.0 {
+                let two_way = (-2.0 * depth).exp();
+                let depth = number(depth);
+                writeln!(text, "    weather: optical depth {depth}, transmittance there and back {two_way:.6}")?;
+            }
+            let send = if count == 1 { "sends" } else { "send" };
+            if self.paths.is_some() && self.goes_on(surface) {
+                writeln!(text, "    light goes on from there, along the paths below, and comes back along them")?;
+            } else if power > 0.0 {
+                writeln!(text, "    {send} back rho_eff T / R^2 = {power:.4e} /m^2 in all")?;
+            } else {
+                writeln!(text, "    {send} nothing straight back")?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Where light leads over mirrors and through glass.
+    fn tell_paths(&self, text: &mut String, gatherer: &Gatherer) -> fmt::Result {
+        let log = gatherer.log.as_deref().unwrap_or_default();
+        if log.is_empty() {
+            return Ok(());
+        }
+        writeln!(text, "paths over mirrors and through glass, one generation after the other:")?;
+        for meeting in log.iter().take(4 * MOST) {
+            let way = match meeting.cause {
+                Cause::Mirror => " in a mirror",
+                Cause::Glass => " through glass",
+                _ => "",
+            };
+            let events = if meeting.bounces == 1 { "event" } else { "events" };
+            writeln!(
+                text,
+                "  {:indent$}after {} {events}{way}: {} at {} m, range {:.4} m, incidence {:.2} deg, {:.4} of the light is left",
+                "",
+                meeting.bounces,
+                self.name(meeting.surface),
+                self.place(meeting.place),
+                meeting.range,
+                meeting.cos_incidence.acos().to_degrees(),
+                meeting.part * (-meeting.depth).exp(),
+                indent = 2 * usize::from(meeting.bounces)
+            )?;
+        }
+        if log.len() > 4 * MOST {
+            writeln!(text, "  and {} more", log.len() - 4 * MOST)?;
+        }
+        Ok(())
+    }
+
+    /// What the air sends back.
+    fn tell_air(&self, text: &mut String, gatherer: &Gatherer) -> fmt::Result {
+        let mut echoes: Vec<&Other> = gatherer.others.list.iter().filter(|echo| echo.surface == MEDIUM).collect();
+        if echoes.is_empty() {
+            return Ok(());
+        }
+        echoes.sort_by(|a, b| a.range.total_cmp(&b.range));
+        writeln!(text, "air:")?;
+        for echo in echoes.iter().take(MOST) {
+            let cause = echo.cause.name();
+            writeln!(text, "  {cause} at {:.4} m sends back {:.4e} /m^2", echo.range, echo.power)?;
+        }
+        if echoes.len() > MOST {
+            writeln!(text, "  and {} more", echoes.len() - MOST)?;
+        }
+        Ok(())
+    }
+
+    /// Light of bright surfaces beside the beam.
+    fn tell_halos(&self, text: &mut String, gatherer: &Gatherer) -> fmt::Result {
+        let is_halo = |echo: &&Other| echo.cause == Cause::Multipath;
+        let echoes = || gatherer.others.list.iter().filter(is_halo);
+        if echoes().next().is_some() {
+            writeln!(text, "blooming:")?;
+        }
+        for echo in echoes() {
+            writeln!(text, "  {} at {:.4} m adds {:.4e} /m^2", self.name(echo.surface), echo.range, echo.power)?;
+        }
+        Ok(())
+    }
+
+    /// The maxima of the signal, and which of them are reported.
+    fn tell_echoes(&self, text: &mut String, signals: &Signals, gatherer: &mut Gatherer, beam: usize) -> fmt::Result {
+        let [low, high] = self.limits_of(beam);
+        match self.threshold.least_power() {
+            Some(k) => writeln!(text, "echoes, of which those of {k:.4e} /m^2 and more are seen:")?,
+            None => writeln!(text, "echoes:")?,
+        }
+        let chosen = gatherer.forming.chosen.clone();
+        let seen = gatherer.forming.peaks.clone();
+        let all = if self.camera.is_some() { seen.clone() } else { gatherer.all_peaks(0) };
+        if all.is_empty() {
+            writeln!(text, "  none")?;
+        }
+        for peak in all {
+            let Some(place) = seen.iter().position(|other| other == &peak) else {
+                let because = if (low..=high).contains(&peak.range) { "too weak" } else { "out of range" };
+                writeln!(text, "  {:.4} m, {:.4e} /m^2: {because}", peak.range, peak.power)?;
+                continue;
+            };
+            let found = gatherer.found(self, signals, 0, beam, peak);
+            let source = match gatherer.rays.get(found.source as usize) {
+                _ if found.source == ALARM => Cause::FalseAlarm.name().into(),
+                Some(ray) => self.name(ray.hits.surface[0]),
+                None => {
+                    let other = &gatherer.others.list[found.source as usize - gatherer.rays.len()];
+                    if other.surface == MEDIUM { other.cause.name().into() } else { self.name(other.surface) }
+                }
+            };
+            let mixed = if found.mixed { ", mixed with others" } else { "" };
+            let reported = if chosen.contains(&place) { "reported" } else { "seen, not asked for" };
+            writeln!(
+                text,
+                "  {:.4} m, {:.4e} /m^2, rho_eff {:.4}, of {source}{mixed}: {reported}",
+                peak.range,
+                peak.power,
+                peak.power * peak.range * peak.range
+            )?;
+        }
+        // As sensor files spell it.
+        let mode = serde_json::to_value(signals.rule.mode).unwrap_or_default();
+        writeln!(text, "  returns.mode: {}", mode.as_str().unwrap_or_default())
+    }
+
+    /// A place of Embree's in the world, m.
+    fn place(&self, local: Vec3) -> String {
+        // A negative 0 has no meaning to people.
+        let DVec3 { x, y, z } = ((self.scene.origin + local.as_dvec3()) * 1e4).round() / 1e4 + DVec3::ZERO;
+        format!("{x:.4} {y:.4} {z:.4}")
+    }
+
+    /// What a surface is called.
+    fn name(&self, surface: u32) -> String {
+        let surfaces = &self.scene.surfaces;
+        let Some(row) = surfaces.rows.get(surface as usize) else { return "nothing".into() };
+        let labels = &surfaces.labels;
+        let category = shown::text(labels.category.name(row.category_id).unwrap_or("something unlabelled"));
+        let material = shown::text(&surfaces.materials[row.material as usize].name);
+        match &*material {
+            "" => format!("{category} (instance {})", row.instance_id),
+            material => format!("{category} (instance {}, material {material})", row.instance_id),
+        }
+    }
+
+    /// What the instrument reports.
+    fn tell_returns(&self, text: &mut String, columns: &Columns, rows: usize) -> fmt::Result {
+        writeln!(text, "returns:")?;
+        if rows == 0 || columns.range[..rows].iter().all(|range| range.is_nan()) {
+            return writeln!(text, "  none");
+        }
+        // 8-bit encodings count in whole numbers.
+        let decimals = if self.intensity.full_scale() == Some(255.0) { 0 } else { 4 };
+        for row in 0..rows {
+            let error = (columns.range[row] - columns.true_range[row]) * 1e3;
+            writeln!(
+                text,
+                "  {} of {}: range {:.4} m ({error:+.1} mm), intensity {:.decimals$}, cause {}, at {:.4} {:.4} {:.4}",
+                columns.return_number[row],
+                columns.return_count[row],
+                columns.range[row],
+                columns.intensity[row],
+                Cause::from_number(columns.cause[row]).unwrap_or_default().name(),
+                columns.x[row],
+                columns.y[row],
+                columns.z[row]
+            )?;
+        }
+        Ok(())
+    }
+}
+
+/// `value`, 0 or more, with three digits; as a power of ten only where it is very small or large.
+fn number(value: f32) -> String {
+    if (1e-3..1e3).contains(&value) {
+        let decimals = (2 - value.log10().floor() as i32).max(0) as usize;
+        format!("{value:.decimals$}")
+    } else {
+        format!("{value:.2e}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::number;
+
+    #[test]
+    fn numbers_are_written_as_people_do() {
+        let words = [0.425_8, 0.001_234, 12.345, 999.0, 1e-4, 1500.0].map(number);
+        assert_eq!(words, ["0.426", "0.00123", "12.3", "999", "1.00e-4", "1.50e3"]);
+    }
+}

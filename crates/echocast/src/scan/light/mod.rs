@@ -1,0 +1,64 @@
+//! A scan of a LiDAR or a depth camera: blocks of beams, side by side on threads.
+
+mod block;
+mod camera;
+mod collect;
+mod explain;
+mod halo;
+mod returns;
+mod run;
+
+use super::{Progress, ScanOptions};
+use crate::cloud::PointCloud;
+use crate::emitter::Trajectory;
+use crate::ground::error::{Error, Result};
+use crate::sensor::Sensor;
+use crate::trace::BuiltScene;
+use run::Scan;
+
+impl BuiltScene {
+    /// [`BuiltScene::scan_with_progress`] of light.
+    pub(super) fn scan_light(
+        &self,
+        sensor: &Sensor,
+        trajectory: &Trajectory,
+        options: &ScanOptions,
+        cloud: &mut PointCloud,
+        progress: Option<Progress>,
+    ) -> Result<()> {
+        options.check(trajectory)?;
+        let beams = sensor.beams_at(options.start_time)?;
+        let mut scan = Scan::new(&self.0, sensor, &beams, trajectory, options);
+        if options.organised && scan.most_returns() > 1 {
+            let found = format!("{} returns a beam", scan.most_returns());
+            return Err(Error::invalid(
+                "organised",
+                found,
+                "one return a beam (returns.mode: strongest, first, last or second)",
+            ));
+        }
+        scan.find_halos(sensor);
+        let scanned = scan.run(cloud, progress);
+        if scanned.is_err() {
+            *cloud = PointCloud::default();
+        }
+        scanned
+    }
+
+    /// [`BuiltScene::explain`] of light.
+    pub(super) fn explain_light(
+        &self,
+        sensor: &Sensor,
+        trajectory: &Trajectory,
+        options: &ScanOptions,
+        beam: u32,
+    ) -> Result<String> {
+        let beams = sensor.beams_at(options.start_time)?;
+        if beam as usize >= beams.len() {
+            return Err(Error::invalid("beam", beam, format!("0 to {}", beams.len() - 1)));
+        }
+        let mut scan = Scan::new(&self.0, sensor, &beams, trajectory, options);
+        scan.find_halos(sensor);
+        scan.explain(&sensor.signals(), beam as usize)
+    }
+}

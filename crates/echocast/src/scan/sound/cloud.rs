@@ -1,0 +1,184 @@
+//! From pings to points.
+
+use crate::cloud::{CELL_FIELDS, Columns, Field, FieldSet, Frame, Ping, PointCloud, SonarView};
+use crate::ground::error::{Error, Result};
+use crate::scan::ScanOptions;
+use glam::{DVec3, Vec3};
+
+/// A point of a ping: the cell that it is, and what the sonar says of it.
+struct Point {
+    cell: usize,
+    beam: usize,
+    /// NaN: there is none, in an organised cloud.
+    range: f32,
+    /// Unit vector in the sensor's frame.
+    direction: Vec3,
+}
+
+impl Ping {
+    /// The columns of cells that a cloud of `fields` is made of.
+    pub fn cloud_fields(fields: FieldSet) -> FieldSet {
+        let cells = CELL_FIELDS.into_iter().filter(|&field| fields.contains(field) && field != Field::Time);
+        let aim = [Field::Intensity, Field::Azimuth, Field::Elevation, Field::Cause];
+        let truth = [Field::TrueX, Field::TrueY, Field::TrueZ, Field::TrueRange];
+        let first = [(Field::FirstCategoryId, Field::CategoryId), (Field::FirstInstanceId, Field::InstanceId)];
+        let first = first.into_iter().filter(|(first, _)| fields.contains(*first)).map(|(_, of)| of);
+        let normals = [Field::NormalX, Field::NormalY, Field::NormalZ];
+        let normals = normals.into_iter().filter(|_| fields.contains_any(&normals));
+        cells.chain(aim).chain(truth).chain(first).chain(normals).collect()
+    }
+
+    /// Its echoes as labelled points, as `options` want them: of swaths and single beams the depth of each beam, along the
+    /// beam's axis; of side-scan and imaging sonars every cell above the threshold, in the direction in which the sound of
+    /// its strongest scatterer left, or where nothing scatters (cause 7) along the beam's axis. Points lie at the range
+    /// that the sonar reports; where sound really was is in `true_x` to `true_range`.
+    ///
+    /// `intensity` is the echo level, dB re 1 uPa; `firing` the number of the ping; `channel` the beam; `beam` the beam of
+    /// a depth, and the cell, `beam * bins + bin`, of other points.
+    ///
+    /// # Errors
+    /// A ping without [`Ping::cloud_fields`], or with columns that do not fit its layout; no memory.
+    pub fn cloud(&self, options: &ScanOptions) -> Result<PointCloud> {
+        let needed = Ping::cloud_fields(options.fields);
+        if let Some(missing) = needed.iter().find(|info| !self.fields.contains(info.field)) {
+            return Err(Error::invalid("ping", format!("without {}", missing.name), "pings with Ping::cloud_fields"));
+        }
+        self.check("ping")?;
+        let points = self.points(options.organised);
+        let fields = options.fields;
+        let mut cloud = PointCloud {
+            len: points.len(),
+            fields,
+            frame: options.coordinates,
+            origin: if options.coordinates == Frame::World { self.origin } else { DVec3::ZERO },
+            organised: options.organised.then(|| self.shape()),
+            sensor_pose: self.pose,
+            intensity_full_scale: None,
+            labels: self.labels.clone(),
+            ..PointCloud::default()
+        };
+        cloud.columns.resize(fields, points.len())?;
+        for (row, point) in points.iter().enumerate() {
+            self.fill(&mut cloud.columns, row, point, options);
+        }
+        Ok(cloud)
+    }
+
+    /// Rows and columns of an organised cloud.
+    fn shape(&self) -> [u32; 2] {
+        let beams = self.layout.beams() as u32;
+        if self.reports_depths() { [1, beams] } else { [beams, self.layout.bins as u32] }
+    }
+
+    fn reports_depths(&self) -> bool {
+        matches!(self.layout.view, SonarView::Swath | SonarView::Single)
+    }
+
+    fn points(&self, organised: bool) -> Vec<Point> {
+        let layout = &*self.layout;
+        let axis = |beam: usize| direction(layout.axes[beam]);
+        if self.reports_depths() {
+            let none = |beam: usize| Point { cell: beam * layout.bins, beam, range: f32::NAN, direction: axis(beam) };
+            let found = self.soundings.iter().map(|sounding| Point {
+                cell: sounding.cell as usize,
+                range: sounding.range,
+                ..none(sounding.beam as usize)
+            });
+            if !organised {
+                return found.collect();
+            }
+            let mut points: Vec<Point> = (0..layout.beams()).map(none).collect();
+            for point in found {
+                let beam = point.beam;
+                points[beam] = point;
+            }
+            return points;
+        }
+        let mut points = Vec::new();
+        let cells = &self.cells;
+        for beam in 0..layout.beams() {
+            for bin in 0..layout.bins {
+                let cell = beam * layout.bins + bin;
+                let seen = bin >= layout.first_bin && cells.intensity[cell] > layout.threshold_db[bin];
+                if !(seen || organised) {
+                    continue;
+                }
+                let (azimuth, elevation) = (cells.azimuth[cell], cells.elevation[cell]);
+                let direction = if azimuth.is_nan() { axis(beam) } else { direction([azimuth, elevation]) };
+                let range = if seen { layout.range(bin) as f32 } else { f32::NAN };
+                points.push(Point { cell, beam, range, direction });
+            }
+        }
+        points
+    }
+
+    fn fill(&self, columns: &mut Columns, row: usize, point: &Point, options: &ScanOptions) {
+        let Point { cell, beam, range, direction } = *point;
+        let cells = &self.cells;
+        macro_rules! put {
+            ($($column:ident: $value:expr),* $(,)?) => {$(
+                if let Some(place) = columns.$column.get_mut(row) {
+                    *place = $value;
+                }
+            )*};
+        }
+        macro_rules! copy {
+            ($($column:ident),* $(,)?) => { put!($($column: cells.$column[cell]),*) };
+        }
+        let reported = direction * range;
+        let rotation = self.pose.rotation();
+        let place = match options.coordinates {
+            Frame::Sensor => reported,
+            Frame::World => (rotation * reported.as_dvec3() + self.pose.position - self.origin).as_vec3(),
+        };
+        put!(
+            x: place.x,
+            y: place.y,
+            z: place.z,
+            range: range,
+            depth: reported.x,
+            azimuth: direction.y.atan2(direction.x),
+            elevation: direction.z.atan2(direction.x.hypot(direction.y)),
+            return_number: u8::from(!range.is_nan()),
+            return_count: u8::from(!range.is_nan()),
+            channel: beam as u16,
+            time: self.time,
+            frame: options.frame,
+            beam: if self.reports_depths() { beam as u32 } else { cell as u32 },
+            firing: self.number,
+        );
+        if range.is_nan() {
+            // A miss of an organised cloud.
+            put!(intensity: f32::NAN, cos_incidence: f32::NAN, true_range: f32::NAN);
+            put!(true_x: f32::NAN, true_y: f32::NAN, true_z: f32::NAN);
+            put!(normal_x: f32::NAN, normal_y: f32::NAN, normal_z: f32::NAN);
+            return;
+        }
+        copy!(intensity, category_id, part_id, instance_id, material_id, red, green, blue, cos_incidence);
+        copy!(true_range, cause, bounces);
+        put!(first_category_id: cells.category_id[cell], first_instance_id: cells.instance_id[cell]);
+        let truth = Vec3::new(cells.true_x[cell], cells.true_y[cell], cells.true_z[cell]);
+        match options.coordinates {
+            Frame::World => {
+                put!(true_x: truth.x, true_y: truth.y, true_z: truth.z);
+                copy!(normal_x, normal_y, normal_z);
+            }
+            Frame::Sensor => {
+                let back = rotation.transpose();
+                let own = (back * (truth.as_dvec3() + self.origin - self.pose.position)).as_vec3();
+                put!(true_x: own.x, true_y: own.y, true_z: own.z);
+                if options.fields.contains_any(&[Field::NormalX, Field::NormalY, Field::NormalZ]) {
+                    let normal = Vec3::new(cells.normal_x[cell], cells.normal_y[cell], cells.normal_z[cell]);
+                    let own = back.as_mat3() * normal;
+                    put!(normal_x: own.x, normal_y: own.y, normal_z: own.z);
+                }
+            }
+        }
+    }
+}
+
+/// Unit vector of an azimuth and an elevation, rad.
+fn direction([azimuth, elevation]: [f32; 2]) -> Vec3 {
+    let ((sin_az, cos_az), (sin_el, cos_el)) = (azimuth.sin_cos(), elevation.sin_cos());
+    Vec3::new(cos_el * cos_az, cos_el * sin_az, sin_el)
+}

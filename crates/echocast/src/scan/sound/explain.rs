@@ -1,0 +1,348 @@
+//! One beam of a ping, told step by step: the ray of its echo layer by layer, and the sonar equation term by term.
+
+use super::ping::{PingMemory, Pinging};
+use crate::cloud::{FieldSet, Ping};
+use crate::echo::{CHUNK_BITS, Echoes, NOBODY, PingEcho};
+use crate::emitter::{Hearing, Trajectory};
+use crate::ground::error::{Error, Result};
+use crate::ground::lanes::MEDIUM;
+use crate::ground::math::{LOG2_PER_DB, log2};
+use crate::medium::{End, Ray, Spreading};
+use crate::scan::ScanOptions;
+use crate::sensor::Sensor;
+use crate::trace::{Arrival, BuiltScene};
+use std::fmt::Write as _;
+
+/// Layers that are told; the others are summed up.
+const MOST_LAYERS: usize = 40;
+
+impl BuiltScene {
+    /// Tells what one beam of a ping hears, see [`BuiltScene::explain`].
+    pub(in crate::scan) fn explain_ping(
+        &self,
+        sensor: &Sensor,
+        trajectory: &Trajectory,
+        options: &ScanOptions,
+        beam: u32,
+    ) -> Result<String> {
+        let options = ScanOptions { fields: FieldSet::all(), ..options.clone() };
+        let mut memory = PingMemory::default();
+        let mut ping = Ping::default();
+        let pinging = Pinging::new(&self.0, sensor, trajectory, &options, &mut memory)?;
+        let beams = pinging.transducer.beams();
+        if beam as usize >= beams {
+            return Err(Error::invalid("beam", beam, format!("0 to {}", beams - 1)));
+        }
+        self.0.engine.install(|| pinging.run(&options, &mut memory, &mut ping))?;
+        let beam = beam as usize;
+        let mut text = String::new();
+        let told = pinging.tell_beam(&mut text, sensor, &ping, &memory, beam);
+        told.map_err(|error| Error::Internal(error.to_string()))?;
+        Ok(text)
+    }
+}
+
+impl Pinging<'_> {
+    fn tell_beam(
+        &self,
+        text: &mut String,
+        sensor: &Sensor,
+        ping: &Ping,
+        memory: &PingMemory,
+        beam: usize,
+    ) -> std::fmt::Result {
+        let layout = &*self.layout;
+        let [azimuth, elevation] = layout.axes[beam].map(f32::to_degrees);
+        let [x, y, z] = self.pose.position.to_array();
+        let depth = self.column.surface_z - z;
+        let beams = layout.beams();
+        writeln!(
+            text,
+            "ping {} of {}, sent at {:.4} s: beam {beam} of {beams}",
+            ping.number,
+            sensor.name(),
+            ping.time
+        )?;
+        writeln!(
+            text,
+            "  looks to azimuth {azimuth:.2} deg, elevation {elevation:.2} deg (sensor frame), from {x:.3},{y:.3},{z:.3}"
+        )?;
+        let (frequency, bandwidth) = (self.acoustics.frequency(), self.acoustics.bandwidth());
+        let speed = self.column.speed_at(depth);
+        let absorption = self.column.mean_absorption(depth, depth);
+        writeln!(text, "water")?;
+        writeln!(
+            text,
+            "  the sonar is {depth:.2} m below the surface; sound goes {speed:.2} m/s there, it believes {:.2} m/s",
+            layout.believed_speed
+        )?;
+        writeln!(
+            text,
+            "  {:.1} kHz, wavelength {:.3} mm, absorption there {:.2} dB/km",
+            frequency * 1e-3,
+            1e3 * speed / frequency,
+            1e3 * absorption
+        )?;
+        let resolution = self.acoustics.resolution(layout.believed_speed);
+        writeln!(
+            text,
+            "  bandwidth {:.2} kHz: resolution {resolution:.4} m, bins of {:.4} m",
+            bandwidth * 1e-3,
+            layout.bin_m
+        )?;
+
+        let Some((cell, bin)) = self.loudest(ping, memory, beam) else {
+            return writeln!(text, "echo\n  no ray of this beam meets anything within {:.1} m", layout.reach());
+        };
+        let who = memory.who(beam, bin);
+        let echoes = memory.echoes(who);
+        let index = (who & ((1 << CHUNK_BITS) - 1)) as usize;
+        let (arrival, answer) = (&echoes.arrivals[index], &echoes.answers[index]);
+        self.tell_ray(text, arrival)?;
+        self.tell_echo(text, ping, arrival, answer, cell, bin)?;
+        self.tell_equation(text, ping, memory, arrival, beam, bin)
+    }
+
+    /// Cell and bin of what the beam reports, or else of its loudest echo.
+    fn loudest(&self, ping: &Ping, memory: &PingMemory, beam: usize) -> Option<(usize, usize)> {
+        let bins = self.layout.bins;
+        if let Some(sounding) = ping.soundings.iter().find(|sounding| sounding.beam as usize == beam) {
+            let cell = sounding.cell as usize;
+            let near = (0..8).flat_map(|step| [cell + step, cell.saturating_sub(step)]);
+            // The echo's middle may lie between two rays.
+            let found = near.into_iter().find(|&cell| cell / bins == beam && memory.who(beam, cell % bins) != NOBODY);
+            if let Some(cell) = found {
+                return Some((cell, cell % bins));
+            }
+        }
+        let levels = ping.levels(beam);
+        let heard = (self.layout.first_bin..bins).filter(|&bin| memory.who(beam, bin) != NOBODY);
+        let bin = heard.max_by(|&a, &b| levels[a].total_cmp(&levels[b]))?;
+        Some((beam * bins + bin, bin))
+    }
+
+    fn tell_ray(&self, text: &mut String, arrival: &Arrival) -> std::fmt::Result {
+        let [x, y, z] = self.transducer.direction.each_ref().map(|axis| axis[arrival.ray as usize]);
+        let world = self.rotation() * glam::Vec3::new(x, y, z);
+        let grazing = (-world.z).asin().to_degrees();
+        let heading = world.y.atan2(world.x).to_degrees();
+        writeln!(
+            text,
+            "ray {} of {}, the strongest here: leaves {grazing:.3} deg below the horizontal, azimuth {heading:.3} deg (world)",
+            arrival.ray,
+            self.transducer.rays()
+        )?;
+        let depth = self.column.surface_z - self.pose.position.z;
+        let slabs = &self.column.slabs;
+        let direction = world.as_dvec3().normalize();
+        let start = [-direction.z, direction.x.hypot(direction.y)];
+        let mut ray = Ray::launch(depth, start, slabs, self.column.slab_at(depth));
+        let total = f64::from(arrival.path);
+        writeln!(
+            text,
+            "  {:>8} {:>8} {:>10} {:>9} {:>9} {:>10} {:>10} {:>9}",
+            "from m", "to m", "speed m/s", "angle deg", "to deg", "length m", "time ms", "loss dB"
+        )?;
+        let angle = |ray: &Ray| ray.sine.atan2(ray.snell * ray.speed).to_degrees();
+        for layer in 0.. {
+            let slab = &slabs[ray.slab];
+            let (length, end) = ray.exit(slab);
+            let (length, end) =
+                if ray.path + length >= total { (total - ray.path, End::Inside) } else { (length, end) };
+            let after = ray.advanced(slab, length);
+            if layer < MOST_LAYERS {
+                writeln!(
+                    text,
+                    "  {:>8.2} {:>8.2} {:>10.2} {:>9.3} {:>9.3} {:>10.3} {:>10.4} {:>9.3}",
+                    ray.depth,
+                    after.depth,
+                    ray.speed,
+                    angle(&ray),
+                    angle(&after),
+                    length,
+                    1e3 * (after.time - ray.time),
+                    after.loss() - ray.loss()
+                )?;
+            } else if layer == MOST_LAYERS {
+                writeln!(text, "  ...")?;
+            }
+            ray = after;
+            match end {
+                End::Inside => break,
+                End::Top if ray.slab == 0 => {
+                    if arrival.order == 0 {
+                        break;
+                    }
+                    writeln!(text, "  mirrored by the sea surface")?;
+                    (ray.depth, ray.sine) = (0.0, -ray.sine.abs());
+                    ray.mirror(slab);
+                }
+                end => {
+                    let (before, loss) = (ray.slab, ray.loss());
+                    ray.cross(slabs, end);
+                    if ray.slab == before {
+                        writeln!(text, "  reflected totally at {:.2} m", ray.depth)?;
+                    } else if ray.loss() > loss {
+                        writeln!(
+                            text,
+                            "  boundary at {:.2} m: {:.5} dB are not transmitted",
+                            ray.depth,
+                            ray.loss() - loss
+                        )?;
+                    }
+                }
+            }
+            // Reflections by the scene turn it where this does not follow.
+            if arrival.order > 0 && ray.depth > depth.max(0.0) + total {
+                break;
+            }
+        }
+        if arrival.order > 0 {
+            writeln!(text, "  {} reflections on the way; layers are told up to the first by the scene", arrival.order)?;
+        }
+        Ok(())
+    }
+
+    fn tell_echo(
+        &self,
+        text: &mut String,
+        ping: &Ping,
+        arrival: &Arrival,
+        answer: &PingEcho,
+        cell: usize,
+        bin: usize,
+    ) -> std::fmt::Result {
+        let cells = &ping.cells;
+        let place = [cells.true_x[cell], cells.true_y[cell], cells.true_z[cell]].map(f64::from);
+        let [x, y, z] = (self.scene.origin + glam::DVec3::from(place)).to_array();
+        let labels = &self.scene.surfaces.labels;
+        let name = match self.scene.surfaces.rows.get(arrival.surface as usize) {
+            None if arrival.surface == MEDIUM => "the surface of the water".to_owned(),
+            None => "nothing".to_owned(),
+            Some(row) => {
+                let category = labels.category.name(row.category_id).unwrap_or("unlabelled");
+                let material = &self.scene.surfaces.materials[row.material as usize].name;
+                format!("{category} ({material})")
+            }
+        };
+        let one_way = f64::from(arrival.range) / self.layout.believed_speed;
+        writeln!(text, "echo")?;
+        writeln!(
+            text,
+            "  met: {name} at {x:.3},{y:.3},{z:.3}, after {:.3} m and {:.4} ms one way",
+            arrival.path,
+            1e3 * one_way
+        )?;
+        let grazing = f64::from(cells.cos_incidence[cell]).asin().to_degrees();
+        writeln!(
+            text,
+            "  grazing angle {grazing:.2} deg, sound speed there {:.5} of that at the sonar",
+            arrival.speed
+        )?;
+        let reported = self.layout.range(bin);
+        writeln!(
+            text,
+            "  reported range {reported:.3} m (bin {bin}), of this ray {:.3} m: time by the speed that is believed",
+            answer.range
+        )
+    }
+
+    fn tell_equation(
+        &self,
+        text: &mut String,
+        ping: &Ping,
+        memory: &PingMemory,
+        arrival: &Arrival,
+        beam: usize,
+        bin: usize,
+    ) -> std::fmt::Result {
+        let layout = &*self.layout;
+        let acoustics = self.acoustics;
+        let source = acoustics.source_level_db;
+        let [upright, level] = arrival.tube.map(f64::from);
+        let spreading = self.spreading_db(arrival, upright * level);
+        let loss = f64::from(arrival.loss);
+        let sine = (arrival.direction.dot(arrival.normal).abs() / arrival.normal.length()).clamp(1e-3, 1.0);
+        let strength = self.backscatter.strength_db(&self.scene.surfaces, arrival, sine);
+        let mean = 10.0 * self.mean_power(memory, beam, bin).max(1e-300).log10();
+        let area = mean - source + 2.0 * (spreading + loss) - strength;
+        writeln!(text, "sonar equation, dB")?;
+        let mut term = |name: &str, value: f64, words: String| writeln!(text, "  {name:<6}{value:>10.2}  {words}");
+        term("SL", source, "source level, re 1 uPa at 1 m".into())?;
+        term(
+            "-2TL",
+            -2.0 * (spreading + loss),
+            format!("spreading {spreading:.2} and absorption, boundaries, reflections {loss:.2}, one way"),
+        )?;
+        term("S", strength, "backscatter of the surface at this angle, per m2".into())?;
+        term(
+            "A",
+            area,
+            format!("{:.2e} m2 that the beam hears in a resolution cell, by its pattern", 10f64.powf(area / 10.0)),
+        )?;
+        term("EL", mean, "mean echo level: SL - 2TL + S + A".into())?;
+        let heard = f64::from(ping.levels(beam)[bin]);
+        term("", heard, "level of the cell, with speckle and noise".into())?;
+        let directivity = acoustics.directivity_index_db.unwrap_or(self.transducer.directivity_db);
+        let gain = acoustics.processing_gain();
+        let noise = f64::from(layout.noise_db);
+        let window = 10.0 * acoustics.taper.resolutions().log10();
+        term("NL", noise + directivity + gain - window, "noise in the bandwidth".into())?;
+        term("-DI", -directivity, "directivity index".into())?;
+        term("-PG", -gain, "processing gain".into())?;
+        if window > 0.0 {
+            term("W", window, "what more of it the tapered filter lets through".into())?;
+        }
+        term("N", noise, "noise in the cell: all of these".into())?;
+        if let Some(&volume) = self.volume.get(bin) {
+            let level = 10.0 * f64::from(volume * self.transducer.solid_angles[beam]).log10();
+            term("RL", level, "what floats in open water, of the beam's whole solid angle".into())?;
+        }
+        let threshold = f64::from(layout.threshold_db[bin]);
+        term("DT", acoustics.detection_threshold_db, format!("detection threshold: reported above {threshold:.2}"))?;
+        let excess = heard - threshold;
+        let words = if excess > 0.0 { "signal excess: it is reported" } else { "signal excess: it is not reported" };
+        term("SE", excess, words.into())
+    }
+}
+
+impl PingMemory {
+    /// The strongest arrival that a beam hears in a bin, or [`NOBODY`].
+    fn who(&self, beam: usize, bin: usize) -> u32 {
+        let tile = self.tile_of(beam);
+        tile.who[bin * tile.width() + beam - tile.beams.0]
+    }
+
+    fn echoes(&self, who: u32) -> &Echoes {
+        self.chunk((who >> CHUNK_BITS) as usize)
+    }
+}
+
+impl Pinging<'_> {
+    /// One-way spreading loss of an arrival, dB.
+    fn spreading_db(&self, arrival: &Arrival, tube: f64) -> f64 {
+        if self.water.spreading == Spreading::RayTube {
+            return 10.0 * (tube / f64::from(arrival.speed)).max(1.0).log10();
+        }
+        f64::from(self.water.spreading.one_way(log2(arrival.path), self.water.spreading_from()) / LOG2_PER_DB)
+    }
+
+    /// Mean power of what a beam hears in a bin, uPa^2: all parts of all rays, by the response.
+    fn mean_power(&self, memory: &PingMemory, beam: usize, bin: usize) -> f64 {
+        let mut sum = 0.0;
+        for echoes in memory.all_echoes() {
+            for answer in &echoes.answers {
+                let Hearing { first, from, to } = self.transducer.hearings[answer.hearing as usize];
+                let Some(place) = beam.checked_sub(first as usize).filter(|&place| place < (to - from) as usize) else {
+                    continue;
+                };
+                let loud = f64::from(self.transducer.loudness[from as usize + place]);
+                for part in 0..answer.parts {
+                    let tap = self.response.power_at(bin.abs_diff((answer.bin + part) as usize));
+                    sum += loud * loud * f64::from(echoes.energy[(answer.first + part) as usize]) * tap;
+                }
+            }
+        }
+        sum
+    }
+}

@@ -1,0 +1,5 @@
+//! A scan of a sonar: one ping.
+
+mod cloud;
+mod explain;
+mod ping;

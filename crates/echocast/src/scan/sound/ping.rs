@@ -1,0 +1,668 @@
+//! One ping of a sonar, step by step: rays through the water, what they meet, what of it the beams hear, levels, depths.
+
+use crate::cloud::{CELL_FIELDS, Field, FieldSet, Layout, Ping, Slices, SonarView, Sounding};
+use crate::detect::{BeamLevels, sounding};
+use crate::echo::{
+    Background, CHUNK_BITS, Drift, Echoes, Insonification, Lines, NOBODY, Response, Scatterers, Tile, Wants,
+};
+use crate::emitter::{Trajectory, Transducer};
+use crate::ground::cause::Cause;
+use crate::ground::error::{Error, Result};
+use crate::ground::lanes::MEDIUM;
+use crate::ground::math::{LOG2_PER_DB, exp2, log2};
+use crate::ground::parallel;
+use crate::ground::pose::Pose;
+use crate::ground::report::Report;
+use crate::ground::rng::Rng;
+use crate::material::{Mirrors, ReflectanceSource, srgb_byte};
+use crate::medium::{Column, Spreading, Water};
+use crate::scan::printed::printed_water;
+use crate::scan::{Profile, ScanOptions};
+use crate::sensor::{AcousticsSpec, Sensor, Speckle};
+use crate::trace::{Backscatter, BuiltScene, Launch, SoundLimits, SoundTracer, Tables, TracerMemory};
+use glam::{DVec3, Mat3};
+use pulp::{Arch, NullaryFnOnce};
+use std::sync::Arc;
+
+/// Rays per task: a constant, so that results cannot depend on the number of threads.
+const CHUNK: usize = 2048;
+
+/// Beams per tile, where rays are heard by several: the sums of a tile fit into the second-level cache.
+const TILE: usize = 32;
+
+/// Memory of a ping, kept from one to the next.
+#[derive(Default)]
+pub(crate) struct PingMemory {
+    chunks: Vec<Chunk>,
+    tiles: Vec<TileMemory>,
+    /// The layout of the last ping, and what it was made of.
+    layout: Option<(LayoutInputs, Arc<Layout>)>,
+}
+
+impl PingMemory {
+    /// The tile with `beam`.
+    pub(super) fn tile_of(&self, beam: usize) -> &Tile {
+        let tile = self.tiles.iter().find(|memory| (memory.tile.beams.0..memory.tile.beams.1).contains(&beam));
+        &tile.expect("every beam has a tile").tile
+    }
+
+    /// What the rays of chunk `number` send back.
+    pub(super) fn chunk(&self, number: usize) -> &Echoes {
+        &self.chunks[number].echoes
+    }
+
+    /// What all rays send back.
+    pub(super) fn all_echoes(&self) -> impl Iterator<Item = &Echoes> {
+        self.chunks.iter().map(|chunk| &chunk.echoes)
+    }
+}
+
+#[derive(Default)]
+struct Chunk {
+    echoes: Echoes,
+    tracer: TracerMemory,
+}
+
+#[derive(Default)]
+struct TileMemory {
+    tile: Tile,
+    lines: Lines,
+    /// Of the beam at hand: powers by bin, and angles beside its axis.
+    powers: Vec<f32>,
+    beside: Vec<f32>,
+    soundings: Vec<Sounding>,
+}
+
+/// What a [`Layout`] depends on beside the sensor.
+#[derive(Clone, PartialEq)]
+struct LayoutInputs {
+    sensor: AcousticsSpec,
+    view: SonarView,
+    bins: usize,
+    first_bin: usize,
+    directivity: f64,
+    /// Greatest solid angle of a beam, sr.
+    widest: f32,
+    believed: f64,
+    absorption: f64,
+    ambient: f64,
+    volume: Option<f64>,
+    spreading: Spreading,
+    /// Where hybrid spreading becomes cylindrical, m.
+    spreading_from: f32,
+}
+
+/// What is the same for all rays of a ping.
+pub(super) struct Pinging<'a> {
+    pub scene: &'a Tables,
+    pub acoustics: &'a AcousticsSpec,
+    pub transducer: Arc<Transducer>,
+    pub backscatter: Arc<Backscatter>,
+    pub water: &'a Water,
+    pub column: Column,
+    pub layout: Arc<Layout>,
+    /// Power that a steradian of open water sends back from each bin; empty: none.
+    pub volume: Vec<f32>,
+    pub response: Response,
+    pub pose: Pose,
+    drift: Option<Drift>,
+    speckle: Option<Scatterers>,
+    rng: Rng,
+    /// Ranges from which echoes come, m.
+    reach: f64,
+    fold: f64,
+    mask: u32,
+    time: f64,
+}
+
+impl BuiltScene {
+    /// One ping of a sonar at `trajectory`, sent when the scan of `options` starts; `options.frame` is its number. It holds
+    /// those of `options.fields` that are [`CELL_FIELDS`], and always the level (`intensity`).
+    ///
+    /// # Errors
+    /// A sensor that is no sonar; a sonar above the water or outside its profile; another profile of physics than
+    /// [`Profile::Physical`], of which there are clouds only; as [`BuiltScene::scan`].
+    pub fn ping(&self, sensor: &Sensor, trajectory: &Trajectory, options: &ScanOptions) -> Result<Ping> {
+        let mut ping = Ping::default();
+        self.ping_into(sensor, trajectory, options, &mut ping)?;
+        Ok(ping)
+    }
+
+    /// [`BuiltScene::ping`] into the memory of `ping`.
+    ///
+    /// # Errors
+    /// As [`BuiltScene::ping`]; then `ping` is of no use.
+    pub fn ping_into(
+        &self,
+        sensor: &Sensor,
+        trajectory: &Trajectory,
+        options: &ScanOptions,
+        ping: &mut Ping,
+    ) -> Result<()> {
+        options.check(trajectory)?;
+        options.profile.check_physical("physical; the paper and its program know points only, which a scan returns")?;
+        let mut memory = ping.memory.take::<PingMemory>();
+        let pinging = Pinging::new(&self.0, sensor, trajectory, options, &mut memory)?;
+        let done = self.0.engine.install(|| pinging.run(options, &mut memory, ping));
+        ping.memory.keep(memory);
+        done
+    }
+
+    /// What there is to say against the water of `options` for a sonar at `trajectory`: formulas outside the ranges that
+    /// they were made for, speeds that no water has, sediments at frequencies that nobody has measured them at; in the
+    /// profiles of the paper and its program, against the water that these make of it.
+    ///
+    /// # Errors
+    /// As [`BuiltScene::ping`].
+    pub fn check_water(&self, sensor: &Sensor, trajectory: &Trajectory, options: &ScanOptions) -> Result<Report> {
+        let acoustics = sensor.acoustics()?;
+        let start = trajectory.at(options.trajectory_time());
+        let water = options.environment.water.clone().unwrap_or_default();
+        let physical = options.profile == Profile::Physical;
+        let water = if physical { water } else { printed_water(water) };
+        let (_, warnings) = Column::new(&water, acoustics.frequency(), water.surface_z_m - start.position.z)?;
+        let mut report = Report::default();
+        warnings.into_iter().for_each(|warning| report.warn(warning));
+        if !physical {
+            // Paper and program know reflectances in place of laws.
+            return Ok(report);
+        }
+        let laws = self.0.surfaces.materials.iter().filter_map(|material| material.sound_law());
+        let mut odd: Vec<String> = laws.filter_map(|law| law.warning(acoustics.frequency())).collect();
+        odd.sort();
+        odd.dedup();
+        odd.into_iter().for_each(|warning| report.warn(warning));
+        Ok(report)
+    }
+}
+
+impl<'a> Pinging<'a> {
+    pub fn new(
+        scene: &'a Tables,
+        sensor: &'a Sensor,
+        trajectory: &Trajectory,
+        options: &'a ScanOptions,
+        memory: &mut PingMemory,
+    ) -> Result<Pinging<'a>> {
+        static WATER: std::sync::LazyLock<Water> = std::sync::LazyLock::new(Water::default);
+        let acoustics = sensor.acoustics()?;
+        let time = options.trajectory_time();
+        let pose = sensor.turned(trajectory.at(time), options.frame);
+        let water = options.environment.water.as_ref().unwrap_or(&WATER);
+        let frequency = acoustics.frequency();
+        let depth = water.surface_z_m - pose.position.z;
+        // What the instrument believes is set when it starts: pings of one way have one layout, however deep it goes.
+        let start_depth = water.surface_z_m - trajectory.at(trajectory.span().0).position.z;
+        let (column, _) = Column::new(water, frequency, start_depth)?;
+        Column::check_depth(water, depth)?;
+        let speed = column.speed_at(depth);
+        let (start_speed, absorption) =
+            (column.speed_at(start_depth), column.mean_absorption(start_depth, start_depth));
+        let believed = water.assumed_speed_m_s.unwrap_or(start_speed);
+        let ratio = acoustics.array_speed_m_s.map_or(1.0, |array| speed / array);
+        let transducer = sensor.transducer(start_speed / frequency, ratio);
+        let sea = water.sea();
+        let source = options.reflectance_source.unwrap_or(ReflectanceSource::Luminance);
+        let reflectances = scene.surfaces.reflectances(sensor.wavelength_nm, source, Mirrors::Real);
+        let backscatter = scene.surfaces.backscatter(&reflectances, frequency, sea, speed);
+
+        let interval = 0.5 * believed * sensor.beams.period;
+        let reach = sensor.range_max_m;
+        let allowed = |most: f64, how: &str| {
+            let found =
+                format!("{reach} m, beyond the {interval:.2} m that sound goes and comes back between two pings");
+            Error::invalid("range.max_m", found, format!("up to {most:.2} m, a lower pattern.rate_hz{how}"))
+        };
+        match acoustics.allow_ambiguity {
+            false if reach > interval * (1.0 + 1e-9) => {
+                return Err(allowed(interval, ", or acoustics.allow_ambiguity: true"));
+            }
+            true if reach > 2.0 * interval => return Err(allowed(2.0 * interval, "")),
+            _ => {}
+        }
+        let fold = if reach > interval * (1.0 + 1e-9) { interval } else { f64::INFINITY };
+        let resolution = acoustics.resolution(believed);
+        let bin_m = acoustics.bin_m.unwrap_or(0.5 * resolution);
+        let bins = (reach.min(fold) / bin_m).ceil();
+        let cells = bins * transducer.beams() as f64;
+        /// What fits into memory many times over.
+        const MOST_CELLS: f64 = 2e7;
+        if cells > MOST_CELLS {
+            let found = format!("{bin_m} m: {bins} bins of {} beams", transducer.beams());
+            return Err(Error::invalid("acoustics.bin_m", found, format!("at most {MOST_CELLS} cells in a ping")));
+        }
+        let response = Response::new(bin_m / resolution, acoustics.bandwidth_khz.is_some(), acoustics.taper);
+        let response = response.map_err(|least| {
+            let allowed = format!("at least {} m for a resolution of {resolution} m", least * resolution);
+            Error::invalid("acoustics.bin_m", format!("{bin_m} m"), allowed)
+        })?;
+        let ambient = || water.noise().level_db(frequency) + 10.0 * acoustics.bandwidth().log10();
+        let inputs = LayoutInputs {
+            sensor: acoustics.clone(),
+            view: sensor.sonar_view(),
+            bins: bins as usize,
+            first_bin: (sensor.range_min_m / bin_m).floor() as usize,
+            directivity: acoustics.directivity_index_db.unwrap_or(transducer.directivity_db),
+            widest: transducer.solid_angles.iter().copied().fold(0.0, f32::max),
+            believed,
+            absorption,
+            ambient: acoustics.noise_level_db.unwrap_or_else(ambient),
+            volume: water.volume_backscatter_db,
+            spreading: water.spreading,
+            spreading_from: water.spreading_from(),
+        };
+        let volume = volume(&inputs, bin_m, resolution * acoustics.taper.resolutions());
+        let layout = match memory.layout.take() {
+            Some((made_of, layout)) if made_of == inputs && layout.axes == transducer.axes => layout,
+            _ => Arc::new(layout(&inputs, &transducer, bin_m, &volume)),
+        };
+        memory.layout = Some((inputs, layout.clone()));
+
+        let drift = match (acoustics.stop_and_hop, trajectory.constant()) {
+            (false, None) => {
+                // While the farthest echo is on its way; at the end of the trajectory, whatever it was on the way there.
+                let wait = 2.0 * reach / believed;
+                let (start, end) = trajectory.span();
+                let before = time.min(end - wait).max(start);
+                let after = (before + wait).min(end);
+                let [first, last] = [before, after].map(|time| sensor.turned(trajectory.at(time), options.frame));
+                let moved = last.position - first.position;
+                let turn = first.orientation.inverse() * last.orientation;
+                // The shorter way round; twice the one-way range is on the way.
+                let turned = if turn.w < 0.0 { -turn } else { turn }.to_scaled_axis();
+                let way = (after - before) * believed;
+                // Before and after the trajectory it stands.
+                let moves = (start..=end).contains(&time) && way > 0.0;
+                moves.then(|| Drift { moved: (moved / way).as_vec3(), turned: (2.0 * turned / way).as_vec3() })
+            }
+            _ => None,
+        };
+        let rng = Rng::new(options.seed, options.frame);
+        let speckle = (acoustics.speckle == Speckle::Frozen).then(|| Scatterers {
+            // Of the seed alone: a surface looks the same in every ping.
+            rng: Rng::new(options.seed, 0),
+            lattice: (resolution / 3.0) as f32,
+            texture: sensor.texture.clone(),
+        });
+        Ok(Pinging {
+            scene,
+            acoustics,
+            backscatter,
+            water,
+            column,
+            layout,
+            volume,
+            response,
+            pose,
+            drift,
+            speckle,
+            rng,
+            reach,
+            fold,
+            mask: options.mask,
+            time: options.start_time,
+            transducer,
+        })
+    }
+
+    /// Fills `ping`.
+    pub fn run(&self, options: &ScanOptions, memory: &mut PingMemory, ping: &mut Ping) -> Result<()> {
+        let asked: FieldSet = CELL_FIELDS.into_iter().filter(|&field| options.fields.contains(field)).collect();
+        let fields = asked.with(Field::Intensity);
+        let Layout { bins, view, .. } = *self.layout;
+        let beams = self.transducer.beams();
+        ping.number = options.frame;
+        ping.time = self.time;
+        ping.pose = self.pose;
+        ping.layout = self.layout.clone();
+        ping.origin = self.scene.origin;
+        ping.fields = fields;
+        ping.labels = self.scene.surfaces.labels.clone();
+        ping.cells.resize(fields, beams * bins)?;
+
+        let chunks = self.transducer.rays().div_ceil(CHUNK);
+        if chunks > 1 << (32 - CHUNK_BITS) {
+            return Err(Error::invalid("pattern.rays", self.transducer.rays(), "at most 134 million rays in a ping"));
+        }
+        memory.chunks.resize_with(chunks, Chunk::default);
+        let (sound, surfaces) = (&self.backscatter, &self.scene.surfaces);
+        let loss = |row: u32, sine: f64| sound.reflection_loss(surfaces, row, sine);
+        let limits = SoundLimits {
+            mask: self.mask,
+            believed: self.layout.believed_speed,
+            reach: self.reach,
+            bounces: self.acoustics.bounces,
+            reflection_loss: &loss,
+        };
+        let tracer = SoundTracer::new(self.scene, &self.column, limits);
+        let insonification = self.insonification();
+        parallel::for_each(&mut memory.chunks, |number, chunk| {
+            Arch::new().dispatch(Answer {
+                pinging: self,
+                tracer: &tracer,
+                insonification: &insonification,
+                number,
+                chunk,
+            });
+        });
+
+        let wants = Wants {
+            who: fields.without(Field::Intensity) != FieldSet::EMPTY,
+            lean: view == SonarView::Swath,
+            open: !self.volume.is_empty(),
+            speckle: self.speckle.is_some(),
+        };
+        let tile = if self.transducer.beams_are_apart() { 1 } else { TILE };
+        memory.tiles.resize_with(beams.div_ceil(tile), TileMemory::default);
+        let rows = ping.cells.slices(0, beams * bins);
+        let task = Listening { pinging: self, chunks: &memory.chunks, wants, width: tile };
+        task.tiles(&mut memory.tiles, rows);
+        ping.soundings.clear();
+        ping.soundings.extend(memory.tiles.iter().flat_map(|memory| &memory.soundings));
+        Ok(())
+    }
+
+    fn insonification(&self) -> Insonification<'_> {
+        Insonification {
+            transducer: &self.transducer,
+            backscatter: &self.backscatter,
+            surfaces: &self.scene.surfaces,
+            rotation: self.rotation(),
+            source_level: self.acoustics.source_level_db as f32,
+            spreading: self.water.spreading,
+            spreading_from: self.water.spreading_from(),
+            straight: self.column.is_uniform(),
+            farthest: self.reach as f32,
+            bins: self.layout.bins,
+            bin_m: self.layout.bin_m as f32,
+            fold: self.fold as f32,
+            turns: (2.0 * self.acoustics.frequency() / self.layout.believed_speed) as f32,
+            speckle: self.speckle.clone(),
+            drift: self.drift,
+        }
+    }
+
+    pub fn rotation(&self) -> Mat3 {
+        self.pose.rotation().as_mat3()
+    }
+
+    /// Place of the sonar, relative to the scene's origin, m.
+    fn place(&self) -> DVec3 {
+        self.pose.position - self.scene.origin
+    }
+}
+
+impl TileMemory {
+    /// The ranges that beams report, of sonars that do, by the levels of all cells.
+    #[inline(always)]
+    fn sound_out(&mut self, pinging: &Pinging, levels: &[f32]) {
+        let TileMemory { tile, powers, beside, soundings, .. } = self;
+        soundings.clear();
+        let Layout { bins, view, .. } = *pinging.layout;
+        if !matches!(view, SonarView::Swath | SonarView::Single) {
+            return;
+        }
+        for (beam, levels) in (tile.beams.0..).zip(levels.chunks_exact(bins)) {
+            powers.clear();
+            powers.extend(levels.iter().map(|level| exp2(level * LOG2_PER_DB)));
+            beside.clear();
+            if !tile.total.is_empty() {
+                let column = (0..bins).map(|bin| bin * tile.width() + beam - tile.beams.0);
+                beside.extend(column.map(|cell| tile.lean[cell] / tile.total[cell]));
+            }
+            let heard = BeamLevels { beam, levels, powers, beside, width: pinging.transducer.width };
+            soundings.extend(sounding(&pinging.layout, &heard).map(|found| Sounding {
+                cell: (beam * bins + pinging.loud_bin(tile, beam, found.cell as usize - beam * bins)) as u32,
+                ..found
+            }));
+        }
+    }
+}
+
+impl Pinging<'_> {
+    /// The bin nearest to `bin` from which something comes that the response spreads to there; itself if there is none.
+    fn loud_bin(&self, tile: &Tile, beam: usize, bin: usize) -> usize {
+        let loud = |bin: usize| {
+            let cell = bin * tile.width() + beam - tile.beams.0;
+            tile.re.get(cell).is_some_and(|&re| re != 0.0) || tile.im.get(cell).is_some_and(|&im| im != 0.0)
+        };
+        let beside = |step: usize| [bin.checked_sub(step), Some(bin + step)].into_iter().flatten();
+        (0..=self.response.reach()).flat_map(beside).find(|&bin| loud(bin)).unwrap_or(bin)
+    }
+}
+
+/// What a steradian of open water sends back from each bin, uPa^2: volume backscatter from a resolution cell, spreading
+/// along straight rays and absorption as at the sonar (sonar equation, Urick 1983, section 8.3).
+fn volume(inputs: &LayoutInputs, bin_m: f64, resolution: f64) -> Vec<f32> {
+    let Some(strength) = inputs.volume else { return Vec::new() };
+    let of_bin = |bin: usize| {
+        let range = (bin as f64 + 0.5) * bin_m;
+        let path = log2(range as f32);
+        let spread = 2.0 * (path - inputs.spreading.one_way(path, inputs.spreading_from)) / LOG2_PER_DB;
+        let level = inputs.sensor.source_level_db + strength + 10.0 * resolution.log10() + f64::from(spread);
+        10f64.powf((level - 2.0 * inputs.absorption * range) / 10.0) as f32
+    };
+    (0..inputs.bins).map(of_bin).collect()
+}
+
+fn layout(inputs: &LayoutInputs, transducer: &Transducer, bin_m: f64, volume: &[f32]) -> Layout {
+    let acoustics = &inputs.sensor;
+    // A filter that is tapered lets more noise through.
+    let taper = 10.0 * acoustics.taper.resolutions().log10();
+    let noise_db = inputs.ambient - inputs.directivity - acoustics.processing_gain() + taper;
+    let noise = 10f64.powf(noise_db / 10.0);
+    let threshold = |bin: usize| {
+        let background = noise + f64::from(volume.get(bin).copied().unwrap_or(0.0) * inputs.widest);
+        (10.0 * background.log10() + acoustics.detection_threshold_db) as f32
+    };
+    let tvg = |bin: usize| {
+        let range = (bin as f64 + 0.5) * bin_m;
+        let absorption = acoustics.tvg.absorption_db_m.unwrap_or(inputs.absorption);
+        (acoustics.tvg.spreading * range.max(1.0).log10() + 2.0 * absorption * range + acoustics.tvg.gain_db) as f32
+    };
+    Layout {
+        view: inputs.view,
+        axes: transducer.axes.clone(),
+        bins: inputs.bins,
+        bin_m,
+        first_bin: inputs.first_bin,
+        believed_speed: inputs.believed,
+        noise_db: noise_db as f32,
+        threshold_db: (0..inputs.bins).map(threshold).collect(),
+        tvg_db: (0..inputs.bins).map(tvg).collect(),
+    }
+}
+
+/// Rays of one chunk and what they send back, compiled for the vector instructions of this machine.
+struct Answer<'a, 'p> {
+    pinging: &'a Pinging<'p>,
+    tracer: &'a SoundTracer<'a>,
+    insonification: &'a Insonification<'a>,
+    number: usize,
+    chunk: &'a mut Chunk,
+}
+
+impl NullaryFnOnce for Answer<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Answer { pinging, tracer, insonification, number, chunk } = self;
+        let transducer = &*pinging.transducer;
+        let launch = Launch {
+            directions: transducer.direction.each_ref().map(|axis| &axis[..]),
+            rotation: pinging.rotation(),
+            place: pinging.place(),
+        };
+        let rays = number * CHUNK..((number + 1) * CHUNK).min(transducer.rays());
+        chunk.echoes.arrivals.clear();
+        let Echoes { arrivals, direct, .. } = &mut chunk.echoes;
+        tracer.trace(&launch, rays, &mut chunk.tracer, arrivals);
+        direct.clear();
+        if pinging.acoustics.bounces > 0 {
+            let (sound, surfaces) = (&pinging.backscatter, &pinging.scene.surfaces);
+            let whole = |row: u32| sound.is_whole(surfaces, row);
+            tracer.direct(&launch, whole, &mut chunk.tracer, arrivals, direct);
+        }
+        insonification.answer(&mut chunk.echoes);
+    }
+}
+
+/// What all tiles listen to.
+#[derive(Clone, Copy)]
+struct Listening<'a, 'p> {
+    pinging: &'a Pinging<'p>,
+    chunks: &'a [Chunk],
+    wants: Wants,
+    /// Beams of a tile.
+    width: usize,
+}
+
+/// One tile.
+struct Listen<'a, 'p> {
+    listening: Listening<'a, 'p>,
+    memory: &'a mut TileMemory,
+    first: usize,
+    rows: Slices<'a>,
+}
+
+impl Listening<'_, '_> {
+    /// Fills the `tiles` and their `rows`.
+    fn tiles(self, tiles: &mut [TileMemory], rows: Slices) {
+        let Listening { pinging, width, .. } = self;
+        let firsts = (0..pinging.transducer.beams()).step_by(width);
+        let beams = firsts.clone().map(|first| width.min(pinging.transducer.beams() - first));
+        let parts = rows.parts(beams.map(|beams| beams * pinging.layout.bins));
+        let tasks = tiles.iter_mut().zip(firsts.zip(parts));
+        let tasks = tasks.map(|(memory, (first, rows))| Listen { listening: self, memory, first, rows });
+        parallel::for_each_of(tasks, |task| Arch::new().dispatch(task));
+    }
+}
+
+impl NullaryFnOnce for Listen<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Listen { listening: Listening { pinging, chunks, wants, width }, memory, first, rows } = self;
+        let TileMemory { tile, lines, .. } = memory;
+        let Layout { bins, bin_m, .. } = *pinging.layout;
+        let last = (first + width).min(pinging.transducer.beams());
+        tile.clear((first, last), bins, wants);
+        for (number, chunk) in (0..).zip(chunks) {
+            tile.hear(&pinging.transducer, number, &chunk.echoes, bin_m as f32, wants);
+        }
+        let background = Background {
+            rng: pinging.rng,
+            noise: (pinging.layout.noise_db * LOG2_PER_DB).exp2(),
+            volume: &pinging.volume,
+            solid_angles: &pinging.transducer.solid_angles,
+        };
+        tile.levels(&pinging.response, &background, lines, rows.intensity);
+        memory.sound_out(pinging, rows.intensity);
+        if wants.who {
+            pinging.tell(&memory.tile, chunks, rows);
+        }
+    }
+}
+
+/// Puts a value into a row of a column, if the column is there.
+macro_rules! put {
+    ($rows:ident, $row:ident, $($column:ident: $value:expr),* $(,)?) => {$(
+        if let Some(cell) = $rows.$column.get_mut($row) {
+            *cell = $value;
+        }
+    )*};
+}
+
+impl Pinging<'_> {
+    /// The columns of a tile that say what the strongest scatterer of each cell is.
+    fn tell(&self, tile: &Tile, chunks: &[Chunk], mut rows: Slices) {
+        let (bins, width) = (self.layout.bins, tile.width());
+        for beam in 0..width {
+            for bin in 0..bins {
+                let row = beam * bins + bin;
+                match tile.who[bin * width + beam] {
+                    NOBODY => silence(&mut rows, row),
+                    who => {
+                        let echoes = &chunks[(who >> CHUNK_BITS) as usize].echoes;
+                        self.tell_cell(echoes, (who & ((1 << CHUNK_BITS) - 1)) as usize, bin, &mut rows, row);
+                    }
+                }
+            }
+        }
+    }
+
+    /// What arrival `index` is, in the cell of `bin` and `row`.
+    #[inline(always)]
+    fn tell_cell(&self, echoes: &Echoes, index: usize, bin: usize, rows: &mut Slices, row: usize) {
+        let (arrival, answer) = (&echoes.arrivals[index], &echoes.answers[index]);
+        let surfaces = &self.scene.surfaces;
+        if let Some(surface) = surfaces.rows.get(arrival.surface as usize) {
+            put!(rows, row,
+                category_id: surface.category_id,
+                part_id: surface.part_id,
+                instance_id: surface.instance_id,
+                material_id: surface.material_id,
+            );
+            if !(rows.red.is_empty() && rows.green.is_empty() && rows.blue.is_empty()) {
+                let [red, green, blue] = match surface.textured {
+                    false => surface.rgb,
+                    true => {
+                        let rgba = surfaces.base_color(surface, arrival.triangle, arrival.corner);
+                        std::array::from_fn(|channel| srgb_byte(rgba[channel]))
+                    }
+                };
+                put!(rows, row, red: red, green: green, blue: blue);
+            }
+        } else {
+            put!(rows, row, category_id: 0, part_id: 0, instance_id: 0, material_id: 0, red: 0, green: 0, blue: 0);
+        }
+        // The cell's own part of what the ray stands for, and no more: head-on that is shorter than the cell.
+        let half = 0.5 * answer.reach;
+        let beside = (self.layout.range(bin) as f32 - answer.range).clamp(-half, half);
+        let place = arrival.place + answer.slide * beside;
+        let order = arrival.order;
+        let folded = if arrival.range > answer.range + 0.5 * self.fold as f32 { self.fold } else { 0.0 };
+        put!(rows, row,
+            true_x: place.x,
+            true_y: place.y,
+            true_z: place.z,
+            true_range: arrival.path + beside,
+            time: self.time + 2.0 * (f64::from(answer.range + beside) + folded) / self.layout.believed_speed,
+            bounces: order,
+            cause: match (order, arrival.surface) {
+                (0, MEDIUM) => Cause::SeaSurface as u8,
+                (0, _) => Cause::Surface as u8,
+                _ => Cause::Multipath as u8,
+            },
+        );
+        let (direction, normal) = (arrival.direction, arrival.normal);
+        let scale = -direction.dot(normal).signum() / normal.length();
+        let normal = normal * scale;
+        put!(rows, row,
+            cos_incidence: (-direction.dot(normal)).clamp(0.0, 1.0),
+            normal_x: normal.x,
+            normal_y: normal.y,
+            normal_z: normal.z,
+        );
+        if !(rows.azimuth.is_empty() && rows.elevation.is_empty()) {
+            let [x, y, z] = match echoes.heard_straight(index) {
+                Some(direct) => (self.rotation().transpose() * direct.launch).into(),
+                None => self.transducer.direction.each_ref().map(|axis| axis[arrival.ray as usize]),
+            };
+            put!(rows, row, azimuth: y.atan2(x), elevation: z.atan2(x.hypot(y)));
+        }
+    }
+}
+
+/// A cell in which nothing scatters.
+fn silence(rows: &mut Slices, row: usize) {
+    put!(rows, row,
+        category_id: 0, part_id: 0, instance_id: 0, material_id: 0, red: 0, green: 0, blue: 0, bounces: 0,
+        cause: Cause::FalseAlarm as u8,
+        true_x: f32::NAN, true_y: f32::NAN, true_z: f32::NAN, true_range: f32::NAN, time: f64::NAN,
+        cos_incidence: f32::NAN, normal_x: f32::NAN, normal_y: f32::NAN, normal_z: f32::NAN,
+        azimuth: f32::NAN, elevation: f32::NAN,
+    );
+}

@@ -1,0 +1,190 @@
+//! Which sensor files make sense: bounds of numbers, and keys that need each other.
+
+use super::spec::{BeamSpec, IntensitySpec, ReturnsSpec, SensorKind, SensorSpec};
+use crate::detect::{Detection, DetectionSpec, Noise, Statistical, Timing};
+use crate::emitter::Transducer;
+use crate::emitter::pattern::Pattern;
+use crate::ground::error::{Error, Result};
+use crate::read::bounds::{ABOVE_ZERO, Bounds, FARTHEST_M};
+use crate::read::yaml::Document;
+
+/// Finest step of ranges, m.
+const FINEST_M: f64 = 1e-6;
+
+impl SensorSpec {
+    /// Whether all values are within what is allowed.
+    ///
+    /// # Errors
+    /// [`Error::InvalidParameter`] that names the key.
+    pub fn check(&self) -> Result<()> {
+        self.check_with(&mut Bounds::none())
+    }
+
+    /// [`SensorSpec::check`] that shows all numbers that have bounds to `bounds`.
+    pub(super) fn check_with(&self, bounds: &mut Bounds) -> Result<()> {
+        if self.name.is_empty() {
+            return Err(Error::invalid("name", "empty", "a word"));
+        }
+        self.pattern.check_with(bounds)?;
+        let SensorSpec { beam, range, returns, noise, .. } = self;
+        bounds.within("range.min_m", range.min_m, 0.0, FARTHEST_M)?;
+        bounds.number(
+            "range.max_m",
+            range.max_m,
+            [ABOVE_ZERO, FARTHEST_M],
+            format_args!("above 0, at most {FARTHEST_M}"),
+        )?;
+        bounds.rising(("range.min_m", range.min_m), ("range.max_m", range.max_m))?;
+        if self.kind == SensorKind::Sonar {
+            return self.check_sonar(bounds);
+        }
+        if self.pattern.is_of_sound() {
+            return Err(Error::invalid("pattern.type", "that of a sonar", "with kind: sonar only"));
+        }
+        if self.acoustics.is_some() {
+            return Err(Error::invalid("acoustics", "given", "with kind: sonar only"));
+        }
+        bounds.within("beam.wavelength_nm", beam.wavelength_nm, 200.0, 20_000.0)?;
+        bounds.within("beam.divergence_mrad[0]", beam.divergence_mrad[0], 0.0, 1000.0)?;
+        bounds.within("beam.divergence_mrad[1]", beam.divergence_mrad[1], 0.0, 1000.0)?;
+        bounds.within("beam.pulse_ns", beam.pulse_ns, 0.0, 1e9)?;
+        bounds.within("beam.exit_diameter_mm", beam.exit_diameter_mm, 0.0, 1000.0)?;
+        bounds.number("beam.aperture_mm", beam.aperture_mm, [ABOVE_ZERO, 1000.0], "above 0, at most 1000")?;
+        let [near, far] = beam.overlap_m;
+        bounds.within("beam.overlap_m[0]", near, 0.0, 1000.0)?;
+        bounds.number("beam.overlap_m[1]", far, [ABOVE_ZERO, 1000.0], "above 0, at most 1000")?;
+        bounds.rising(("beam.overlap_m[0]", near), ("beam.overlap_m[1]", far))?;
+        bounds.within("beam.sub_rays", f64::from(beam.sub_rays), 1.0, 1024.0)?;
+        let tof = self.tof.as_ref();
+        for (key, one_ray) in [
+            ("tof.second_eye_m", tof.is_some_and(|tof| tof.second_eye_m.is_some())),
+            ("tof.multipath_rays", tof.is_some_and(|tof| tof.multipath_rays > 0)),
+        ] {
+            if one_ray && beam.sub_rays > 1 {
+                return Err(Error::invalid("beam.sub_rays", beam.sub_rays, format!("1 with {key}")));
+            }
+        }
+        if beam.pulse_ns == 0.0 && tof.is_none() && (beam.sub_rays > 1 || beam.divergence_mrad != [0.0; 2]) {
+            let because = if beam.sub_rays > 1 { "beam.sub_rays above 1" } else { "a beam.divergence_mrad" };
+            let allowed = format!("above 0 with {because}: without a pulse echoes of one beam do not join");
+            return Err(Error::invalid("beam.pulse_ns", beam.pulse_ns, allowed));
+        }
+        // Finer than a micrometre, single precision overflows.
+        let steps = format!("0, or {FINEST_M} to {FARTHEST_M}");
+        bounds.number("range.resolution_m", range.resolution_m, [0.0, FARTHEST_M], &steps)?;
+        if range.resolution_m > 0.0 && range.resolution_m < FINEST_M {
+            return Err(Error::invalid("range.resolution_m", range.resolution_m, steps));
+        }
+        bounds.within("returns.max", f64::from(returns.max), 1.0, u8::MAX.into())?;
+        bounds.within("returns.separation_m", returns.separation_m, 0.0, FARTHEST_M)?;
+        self.detection.model.check(bounds)?;
+        noise.check(bounds)?;
+        let saturation = self.detection.saturation;
+        bounds.within("detection.saturation", saturation, 1.0, 1e12)?;
+        let blooming = &self.detection.blooming;
+        if let Some(blooming) = blooming {
+            bounds.within("detection.blooming.weight", blooming.weight, 0.0, 1.0)?;
+            let allowed = "above 0, at most 90";
+            bounds.number("detection.blooming.width_deg", blooming.width_deg, [ABOVE_ZERO, 90.0], allowed)?;
+            bounds.within("detection.blooming.floor", blooming.floor, 0.0, 1.0)?;
+            if self.tof.is_some() {
+                return Err(Error::invalid("detection.blooming", "given", "without a tof section only"));
+            }
+        }
+        for (index, &efficiency) in self.detection.channel_efficiency.iter().enumerate() {
+            bounds.within(format_args!("detection.channel_efficiency[{index}]"), efficiency, 0.0, 1.0)?;
+        }
+        if !matches!(self.detection.model, Detection::RadarEquation { .. } | Detection::Statistical(_)) {
+            if let Some(saturation) = saturation {
+                let allowed = "a value with detection.model: radar_equation or statistical";
+                return Err(Error::invalid("detection.saturation", saturation, allowed));
+            }
+            if blooming.is_some() {
+                let allowed = "with detection.model: radar_equation or statistical only";
+                return Err(Error::invalid("detection.blooming", "given", allowed));
+            }
+            if self.detection.timing != Timing::Peak {
+                let allowed = "peak, or with detection.model: radar_equation or statistical";
+                return Err(Error::invalid("detection.timing", "leading_edge", allowed));
+            }
+            let allowed = "0, or above with detection.model: radar_equation or statistical";
+            bounds.number("noise.range_snr_sigma_m", noise.range_snr_sigma_m, [0.0; 2], allowed)?;
+        }
+        let needs_pulse = |bounds: &mut Bounds, because: &str| {
+            bounds.number("beam.pulse_ns", beam.pulse_ns, [ABOVE_ZERO, 1e9], format_args!("above 0 with {because}"))
+        };
+        if blooming.is_some() {
+            // Light of many bright places is one echo only within a pulse.
+            needs_pulse(bounds, "detection.blooming")?;
+        }
+        if self.detection.timing != Timing::Peak {
+            needs_pulse(bounds, "detection.timing: leading_edge")?;
+        }
+        if let Detection::Statistical(Statistical { bandwidth_mhz, sunlight, .. }) = self.detection.model {
+            if range.max_m.is_none() {
+                // False alarms come anywhere up to there.
+                let allowed = "0, or above with range.max_m";
+                bounds.number("detection.bandwidth_mhz", bandwidth_mhz, [0.0; 2], allowed)?;
+            }
+            if sunlight.is_some() {
+                needs_pulse(bounds, "detection.sunlight")?;
+            }
+        }
+        match &self.tof {
+            Some(_) if self.kind != SensorKind::Tof => Err(Error::invalid("tof", "given", "with kind: tof only")),
+            Some(tof) => tof.check(&self.pattern, bounds),
+            None => Ok(()),
+        }
+    }
+
+    /// The part of [`SensorSpec::check_with`] that is about sonars.
+    fn check_sonar(&self, bounds: &mut Bounds) -> Result<()> {
+        let Some(acoustics) = &self.acoustics else {
+            return Err(Error::invalid("acoustics", "missing", "a section with kind: sonar"));
+        };
+        if !self.pattern.is_of_sound() {
+            let allowed = "sidescan, multibeam, imaging or single_beam with kind: sonar";
+            return Err(Error::invalid("pattern.type", "that of another kind of sensor", allowed));
+        }
+        let SensorSpec { beam, range, detection, returns, noise, intensity, .. } = self;
+        for (key, given) in [
+            ("beam", *beam != BeamSpec::default()),
+            ("detection", *detection != DetectionSpec::default()),
+            ("returns", *returns != ReturnsSpec::default()),
+            ("noise", *noise != Noise::default()),
+            ("intensity", *intensity != IntensitySpec::default()),
+            ("tof", self.tof.is_some()),
+        ] {
+            if given {
+                return Err(Error::invalid(key, "given", "with other kinds than sonar; a sonar has acoustics"));
+            }
+        }
+        let allowed = "0 with kind: sonar, whose range bins are acoustics.bin_m long";
+        bounds.number("range.resolution_m", range.resolution_m, [0.0; 2], allowed)?;
+        if range.max_m.is_none() {
+            return Err(Error::invalid("range.max_m", "missing", "a value with kind: sonar: how long it listens"));
+        }
+        let steers = matches!(self.pattern, Pattern::Multibeam(_) | Pattern::Imaging(_));
+        if acoustics.array_speed_m_s.is_some() && !steers {
+            let allowed = "with pattern.type: multibeam or imaging only, which steer beams";
+            return Err(Error::invalid("acoustics.array_speed_m_s", "given", allowed));
+        }
+        acoustics.check(bounds)?;
+        /// Eight bytes each.
+        const MOST_HEARINGS: f64 = 2e8;
+        let hearings = Transducer::hearings_of(&self.pattern, 1500.0 / acoustics.frequency());
+        if hearings > MOST_HEARINGS {
+            let found = format!("too many for these beams, which overlap: {hearings:.1e} of beams that hear a ray");
+            let allowed = format!("{MOST_HEARINGS:.0e} with fewer rays or beams, or narrower ones");
+            return Err(Error::invalid("pattern.rays", found, allowed));
+        }
+        Ok(())
+    }
+
+    /// Turns `document` into a checked description.
+    pub(super) fn read(document: &Document) -> Result<SensorSpec> {
+        let spec: SensorSpec = document.read()?;
+        spec.check().map_err(|error| document.locate(error))?;
+        Ok(spec)
+    }
+}

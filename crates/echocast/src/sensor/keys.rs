@@ -1,0 +1,84 @@
+//! Numbers of a sensor by their keys.
+
+use super::{Sensor, SensorKind, SensorSpec};
+use crate::ground::error::{Error, Result};
+use crate::read::bounds::{Bounds, Parameter};
+use crate::read::yaml::{self, Document};
+use serde_json::Value;
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+impl Sensor {
+    /// Changes one parameter: `key` is its path in the YAML (`noise.range_sigma_m`, `pattern.resolution[0]`), `value`
+    /// is YAML too, a number, a word, a list or a whole section; `null` takes an optional key away. On an error the
+    /// sensor stays as it was.
+    ///
+    /// # Errors
+    /// An unknown key (with near ones), a wrong type, a value out of range, a pattern that cannot be drawn.
+    pub fn set(&mut self, key: &str, value: &str) -> Result<()> {
+        let mut tree = self.tree()?;
+        yaml::set(&mut tree, key, value)?;
+        let document = Document::from_value(yaml::assignment(key, value), tree);
+        let mut spec = SensorSpec::read(&document)?;
+        spec.pattern.resolve(&self.folder, Some(&self.spec.pattern));
+        let beams = if spec.pattern == self.spec.pattern {
+            self.beams.clone()
+        } else {
+            Arc::new(spec.pattern.beams(0.0).map_err(|error| document.locate(error))?)
+        };
+        *self = Sensor::new(spec, self.folder.clone(), beams).map_err(|error| document.locate(error))?;
+        Ok(())
+    }
+
+    /// A numeric parameter by its path in the YAML, as [`Sensor::set`] takes it, and the bounds of its key. Within them
+    /// `set` may still refuse a value where several keys must fit together: too many beams, steps that two keys say
+    /// differently, a `range.resolution_m` between 0 and a micrometre.
+    ///
+    /// # Errors
+    /// [`Error::Missing`] with near keys; [`Error::InvalidParameter`] for the key of a word, a list or a section.
+    pub fn parameter(&self, key: &str) -> Result<Parameter> {
+        let tree = self.tree()?;
+        let mut bounds = Bounds::of(key);
+        self.spec.check_with(&mut bounds)?;
+        let value = match yaml::lookup(&tree, key) {
+            Some(Value::Number(number)) => number.as_f64().unwrap_or(f64::NAN),
+            Some(other) => {
+                let found = match other {
+                    Value::Array(_) => "a list",
+                    Value::Object(_) => "a section of keys",
+                    _ => "a word",
+                };
+                return Err(Error::invalid(
+                    key,
+                    found,
+                    "the keys of numbers, such as range.min_m or pattern.fov_deg[0]",
+                ));
+            }
+            None if yaml::same_path(key, "range.max_m") => f64::INFINITY,
+            None if !(self.kind() == SensorKind::Sonar && is_of_light(key)) && takes_numbers(tree.clone(), key) => {
+                f64::NAN
+            }
+            None => {
+                let known: BTreeSet<String> = yaml::numbers(&tree).into_iter().chain(bounds.keys).collect();
+                return Err(Error::missing("numeric parameter", key, known));
+            }
+        };
+        Ok(Parameter { value, min: bounds.min, max: bounds.max })
+    }
+
+    /// Its description as a tree of values.
+    pub(super) fn tree(&self) -> Result<Value> {
+        serde_json::to_value(&self.spec).map_err(|error| Error::Internal(error.to_string()))
+    }
+}
+
+/// Whether a sonar must not fill the section that `key` is in.
+fn is_of_light(key: &str) -> bool {
+    let section = key.split(['.', '[']).next().unwrap_or_default();
+    ["beam", "detection", "returns", "noise", "intensity", "tof"].contains(&section)
+}
+
+/// Whether a sensor file could have a number at `key`, where `tree` has nothing.
+fn takes_numbers(mut tree: Value, key: &str) -> bool {
+    yaml::set(&mut tree, key, "1").is_ok() && Document::from_value(key, tree).read::<SensorSpec>().is_ok()
+}

@@ -1,0 +1,258 @@
+//! Sensors: a scan pattern, a beam and a receiver, read from YAML or taken from a preset.
+
+mod check;
+mod keys;
+mod presets;
+mod signals;
+mod sonar;
+mod spec;
+#[cfg(test)]
+mod tests;
+mod tof;
+
+pub use presets::PresetInfo;
+pub(crate) use signals::Signals;
+pub use sonar::{AcousticsSpec, Speckle, Tvg};
+pub use spec::{BeamSpec, Expectations, IntensitySpec, RangeSpec, ReturnsSpec, SensorKind, SensorSpec};
+pub(crate) use tof::Camera;
+pub use tof::{Illumination, ShotNoiseSpec, Target, TofSpec, Vignetting};
+
+use crate::detect::{DetectionSpec, Noise, RangeError, ReturnMode, ReturnRule, Threshold, Timing};
+use crate::echo::{Cone, Glint, IntensityEncoding, Pulse, Receiver, texture};
+use crate::emitter::pattern::Pattern;
+use crate::emitter::{BeamTable, Footprint, Transducer};
+use crate::ground::error::{Error, Result};
+use crate::read::yaml::{self, Document};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
+
+/// Transducers, each with the wavelength, m, and the ratio of sound speeds that it was made for.
+type Transducers = Vec<(f64, f64, Arc<Transducer>)>;
+
+/// A depth sensor, ready to scan.
+#[derive(Clone, Debug)]
+pub struct Sensor {
+    spec: SensorSpec,
+    /// Where relative file names in it start.
+    folder: PathBuf,
+    pub(crate) beams: Arc<BeamTable>,
+    /// One more than the greatest channel of a beam.
+    pub(crate) channels: usize,
+    pub(crate) wavelength_nm: f64,
+    pub(crate) range_min_m: f64,
+    pub(crate) range_max_m: f64,
+    pub(crate) range_resolution_m: f64,
+    pub(crate) detection: DetectionSpec,
+    pub(crate) noise: Noise,
+    pub(crate) intensity: IntensityEncoding,
+    pub(crate) camera: Option<Camera>,
+    /// Quantiles of the texture of what a sonar hears; empty: none.
+    pub(crate) texture: Arc<[f32]>,
+    /// What a sonar sends and hears, for the wavelengths that it has been used at; shared with copies.
+    transducers: Arc<Mutex<Transducers>>,
+}
+
+impl Sensor {
+    /// Reads a sensor file.
+    ///
+    /// # Errors
+    /// File, line and key of what is wrong, with the nearest known key.
+    pub fn load(path: impl AsRef<Path>) -> Result<Sensor> {
+        let path = path.as_ref();
+        Sensor::from_document(&Document::load(path)?, path.parent().unwrap_or(Path::new("")))
+    }
+
+    /// Reads the text of a sensor file; names of other files in it start at `folder`.
+    ///
+    /// # Errors
+    /// As [`Sensor::load`].
+    pub fn from_yaml(text: &str, folder: impl AsRef<Path>) -> Result<Sensor> {
+        Sensor::from_document(&Document::parse("YAML text", text)?, folder.as_ref())
+    }
+
+    fn from_document(document: &Document, folder: &Path) -> Result<Sensor> {
+        let mut spec = SensorSpec::read(document)?;
+        spec.pattern.resolve(folder, None);
+        let beams = spec.pattern.beams(0.0).map_err(|error| document.locate(error))?;
+        Sensor::new(spec, folder.to_owned(), Arc::new(beams)).map_err(|error| document.locate(error))
+    }
+
+    /// A sensor of a checked description.
+    ///
+    /// # Errors
+    /// Not as many numbers by channel as there are channels.
+    fn new(spec: SensorSpec, folder: PathBuf, beams: Arc<BeamTable>) -> Result<Sensor> {
+        let channels = beams.channel.iter().max().map_or(0, |&channel| usize::from(channel) + 1);
+        let numbers = spec.detection.channel_efficiency.len();
+        if numbers != 0 && numbers != channels {
+            let (found, allowed) =
+                (format!("a list of {numbers}"), format!("as many as there are channels ({channels})"));
+            return Err(Error::invalid("detection.channel_efficiency", found, allowed));
+        }
+        Ok(Sensor {
+            wavelength_nm: spec.beam.wavelength_nm,
+            range_min_m: spec.range.min_m,
+            range_max_m: spec.range.max_m.unwrap_or(f64::INFINITY),
+            range_resolution_m: spec.range.resolution_m,
+            detection: spec.detection.clone(),
+            noise: spec.noise.clone(),
+            intensity: spec.intensity.encoding,
+            camera: spec.tof.as_ref().map(|tof| Camera::new(tof, &spec.pattern)),
+            texture: spec.acoustics.as_ref().and_then(|it| it.texture_shape).map_or_else(|| Arc::from([]), texture),
+            transducers: Arc::default(),
+            spec,
+            folder,
+            beams,
+            channels,
+        })
+    }
+
+    /// Its detection model made ready; `blainder`: as the paper's program has it.
+    pub(crate) fn threshold(&self, blainder: bool) -> Threshold {
+        Threshold::new(&self.detection.model, (self.wavelength_nm, self.spec.beam.pulse_ns), blainder)
+    }
+
+    /// How it receives, with `threshold` in place of its detection model.
+    pub(crate) fn receiver(&self, threshold: Threshold) -> Receiver {
+        let beam = &self.spec.beam;
+        Receiver {
+            pulse: Pulse::new(beam.pulse_shape, beam.pulse_ns),
+            overlap: beam.overlap_m,
+            cone: Cone {
+                start: beam.exit_diameter_mm * 1e-3,
+                divergence: beam.divergence_mrad.map(|mrad| mrad * 1e-3),
+            },
+            threshold,
+            range_min: self.range_min_m,
+            range_max: match &*self.beams.range_max {
+                [] => self.range_max_m,
+                limits => limits.iter().copied().fold(0.0, f32::max).into(),
+            },
+        }
+    }
+
+    /// How what its beams send back makes returns.
+    pub(crate) fn signals(&self) -> Signals {
+        let SensorSpec { beam, returns, .. } = &self.spec;
+        // A pixel has one range.
+        let mode = if self.spec.tof.is_some() { ReturnMode::Strongest } else { returns.mode };
+        let rule = ReturnRule { mode, max: returns.max.into(), separation: returns.separation_m as f32 };
+        let footprint = (beam.sub_rays > 1).then(|| match &self.spec.pattern {
+            Pattern::Pinhole(camera) if self.spec.kind == SensorKind::Tof => {
+                Footprint::of_pixel(beam.sub_rays as usize, camera.pixel())
+            }
+            _ => {
+                let divergence = beam.divergence_mrad.map(|mrad| mrad * 1e-3);
+                Footprint::new(beam.sub_rays as usize, beam.exit_diameter_mm * 1e-3, divergence)
+            }
+        });
+        Signals { footprint, sigma: Pulse::new(beam.pulse_shape, beam.pulse_ns).sigma(), rule }
+    }
+
+    /// The errors of its ranges.
+    pub(crate) fn range_error(&self, threshold: Threshold) -> RangeError {
+        let BeamSpec { pulse_shape, pulse_ns, .. } = self.spec.beam;
+        let edge_sigma = match self.detection.timing {
+            Timing::Peak => 0.0,
+            Timing::LeadingEdge => Pulse::new(pulse_shape, pulse_ns).sigma(),
+        };
+        RangeError::new(&self.noise, self.range_resolution_m, self.channels, edge_sigma, threshold)
+    }
+
+    /// How it sees itself in smooth surfaces, if it does. Of an elliptic beam the round one of the same area stands for it;
+    /// where many rays make up the beam, each of them is a line.
+    pub(crate) fn glint(&self) -> Option<Glint> {
+        let beam = &self.spec.beam;
+        let [horizontal, vertical] = beam.divergence_mrad;
+        let width = if beam.sub_rays > 1 { 0.0 } else { 1.0 };
+        beam.aperture_mm.map(|diameter| Glint {
+            start: (0.5e-3 * beam.exit_diameter_mm * width) as f32,
+            divergence: (0.5e-3 * (horizontal * vertical).sqrt() * width) as f32,
+            opening: (0.5e-3 * diameter) as f32,
+        })
+    }
+
+    /// Which echoes of a beam it reports.
+    pub(crate) fn return_mode(&self) -> ReturnMode {
+        self.spec.returns.mode
+    }
+
+    /// An ideal lidar with beams of your own: no noise, no threshold, no range limit but the table's.
+    ///
+    /// # Errors
+    /// As [`BeamTable::check`].
+    pub fn from_beams(name: impl Into<String>, mut beams: BeamTable) -> Result<Sensor> {
+        beams.check()?;
+        beams.normalize();
+        let spec = SensorSpec {
+            name: name.into(),
+            title: String::new(),
+            kind: SensorKind::Lidar,
+            source: String::new(),
+            pattern: Pattern::Custom,
+            beam: BeamSpec::default(),
+            range: RangeSpec::default(),
+            detection: DetectionSpec::default(),
+            returns: ReturnsSpec::default(),
+            noise: Noise::default(),
+            intensity: IntensitySpec::default(),
+            tof: None,
+            acoustics: None,
+            expect: None,
+        };
+        spec.check()?;
+        Sensor::new(spec, PathBuf::new(), Arc::new(beams))
+    }
+
+    /// Its description, with every key that has a value.
+    pub fn to_yaml(&self) -> Result<String> {
+        yaml::to_string(&self.spec)
+    }
+
+    /// Its description.
+    pub fn spec(&self) -> &SensorSpec {
+        &self.spec
+    }
+
+    /// Its name.
+    pub fn name(&self) -> &str {
+        &self.spec.name
+    }
+
+    /// Its name for people; may be empty.
+    pub fn title(&self) -> &str {
+        &self.spec.title
+    }
+
+    /// What it measures with.
+    pub fn kind(&self) -> SensorKind {
+        self.spec.kind
+    }
+
+    /// Where its numbers come from; may be empty.
+    pub fn source(&self) -> &str {
+        &self.spec.source
+    }
+
+    /// Figures of the maker that its pattern is tested against.
+    pub fn expectations(&self) -> Option<&Expectations> {
+        self.spec.expect.as_ref()
+    }
+
+    /// The beams of one scan; of a pattern that does not repeat, those of the scan that starts at time 0.
+    pub fn beams(&self) -> &BeamTable {
+        &self.beams
+    }
+
+    /// The beams of the scan that starts at `start_time`, s: as many in every scan, drawn anew if the pattern does not
+    /// repeat.
+    ///
+    /// # Errors
+    /// A start that is not finite, a beam that a prism reflects totally, no memory.
+    pub fn beams_at(&self, start_time: f64) -> Result<Arc<BeamTable>> {
+        if start_time == 0.0 || self.spec.pattern.repeats() {
+            return Ok(self.beams.clone());
+        }
+        self.spec.pattern.beams(start_time).map(Arc::new)
+    }
+}

@@ -1,0 +1,271 @@
+//! What a sensor file says.
+
+use super::sonar::AcousticsSpec;
+use super::tof::TofSpec;
+use crate::detect::{DetectionSpec, Noise, ReturnMode};
+use crate::echo::{IntensityEncoding, PulseShape};
+use crate::emitter::pattern::Pattern;
+use serde::de::{self, Deserializer, SeqAccess, Visitor};
+use serde::ser::{SerializeStruct, Serializer};
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// A sensor file: what each key of its YAML means. What is left out is ideal. Written, a sonar is without the sections of
+/// light (`beam`, `detection`, `returns`, `noise`, `intensity`), which its file must not fill.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SensorSpec {
+    /// Name, as a preset also the name of its file.
+    pub name: String,
+    /// Name for people.
+    #[serde(default)]
+    pub title: String,
+    /// What it measures with.
+    pub kind: SensorKind,
+    /// Where the numbers come from.
+    #[serde(default)]
+    pub source: String,
+    /// Where its beams point and when they fire.
+    pub pattern: Pattern,
+    /// A single beam.
+    #[serde(default)]
+    pub beam: BeamSpec,
+    /// Ranges that it reports.
+    #[serde(default)]
+    pub range: RangeSpec,
+    /// Which echoes it sees.
+    #[serde(default)]
+    pub detection: DetectionSpec,
+    /// Which echoes of a beam it reports.
+    #[serde(default)]
+    pub returns: ReturnsSpec,
+    /// Errors of what it measures.
+    #[serde(default)]
+    pub noise: Noise,
+    /// What it reports as intensity.
+    #[serde(default)]
+    pub intensity: IntensitySpec,
+    /// What is particular to a depth camera.
+    #[serde(default)]
+    pub tof: Option<TofSpec>,
+    /// What is particular to a sonar.
+    #[serde(default)]
+    pub acoustics: Option<AcousticsSpec>,
+    /// Figures of the maker that the pattern is tested against.
+    #[serde(default)]
+    pub expect: Option<Expectations>,
+}
+
+impl Serialize for SensorSpec {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let SensorSpec {
+            name,
+            title,
+            kind,
+            source,
+            pattern,
+            beam,
+            range,
+            detection,
+            returns,
+            noise,
+            intensity,
+            tof,
+            acoustics,
+            expect,
+        } = self;
+        let of_light = *kind != SensorKind::Sonar;
+        let mut keys = serializer.serialize_struct("SensorSpec", 14)?;
+        keys.serialize_field("name", name)?;
+        if !title.is_empty() {
+            keys.serialize_field("title", title)?;
+        }
+        keys.serialize_field("kind", kind)?;
+        if !source.is_empty() {
+            keys.serialize_field("source", source)?;
+        }
+        keys.serialize_field("pattern", pattern)?;
+        if of_light {
+            keys.serialize_field("beam", beam)?;
+        }
+        keys.serialize_field("range", range)?;
+        if of_light {
+            keys.serialize_field("detection", detection)?;
+            keys.serialize_field("returns", returns)?;
+            keys.serialize_field("noise", noise)?;
+            keys.serialize_field("intensity", intensity)?;
+        }
+        if let Some(tof) = tof {
+            keys.serialize_field("tof", tof)?;
+        }
+        if let Some(acoustics) = acoustics {
+            keys.serialize_field("acoustics", acoustics)?;
+        }
+        if let Some(expect) = expect {
+            keys.serialize_field("expect", expect)?;
+        }
+        keys.end()
+    }
+}
+
+/// What a sensor measures with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SensorKind {
+    /// Pulses of light, beam by beam.
+    Lidar,
+    /// A depth camera.
+    Tof,
+    /// Pings of sound.
+    Sonar,
+}
+
+impl fmt::Display for SensorKind {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str(match self {
+            SensorKind::Lidar => "lidar",
+            SensorKind::Tof => "tof",
+            SensorKind::Sonar => "sonar",
+        })
+    }
+}
+
+/// `beam`: light and shape of a single beam.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct BeamSpec {
+    /// Wavelength, nm, 200 to 20000.
+    pub wavelength_nm: f64,
+    /// Full divergence at 1/e^2, horizontal and vertical, mrad, at least 0; one number stands for both.
+    #[serde(deserialize_with = "number_or_pair")]
+    pub divergence_mrad: [f64; 2],
+    /// Full width of the pulse at half of its greatest power, ns, at least 0.
+    pub pulse_ns: f64,
+    /// Power of the pulse over time.
+    pub pulse_shape: PulseShape,
+    /// Diameter of the beam where it leaves the instrument, mm, 0 to 1000.
+    pub exit_diameter_mm: f64,
+    /// Diameter of the receiver's opening, mm, above 0, at most 1000. With it, smooth surfaces that are met head-on throw
+    /// the instrument's own light back at it; without it that is left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub aperture_mm: Option<f64>,
+    /// Ranges below which the receiver sees nothing of its own beam and from which it sees all of it, m; in between
+    /// linear. It decides how near fog shows.
+    pub overlap_m: [f64; 2],
+    /// Rays that stand for a beam, 1 to 1024: one along its axis, or as many over its footprint (of a depth camera:
+    /// over the pixel), which then meet edges and slopes as the beam does.
+    pub sub_rays: u32,
+}
+
+impl Default for BeamSpec {
+    fn default() -> Self {
+        BeamSpec {
+            wavelength_nm: 905.0,
+            divergence_mrad: [0.0; 2],
+            pulse_ns: 0.0,
+            pulse_shape: PulseShape::Gaussian,
+            exit_diameter_mm: 12.0,
+            aperture_mm: None,
+            overlap_m: [0.5, 2.0],
+            sub_rays: 1,
+        }
+    }
+}
+
+/// `range`: ranges that are reported.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RangeSpec {
+    /// Nearest, m, at least 0.
+    pub min_m: f64,
+    /// Farthest, m, above the nearest; none is no limit.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_m: Option<f64>,
+    /// Step of the reported range, m; 0 is none.
+    pub resolution_m: f64,
+}
+
+/// `returns`: which echoes of a beam are reported.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ReturnsSpec {
+    /// Which echoes.
+    pub mode: ReturnMode,
+    /// Greatest number of them in mode `all`, 1 to 255.
+    pub max: u8,
+    /// Of echoes nearer to each other than this only the strongest is reported, m, at least 0.
+    pub separation_m: f64,
+}
+
+impl Default for ReturnsSpec {
+    fn default() -> Self {
+        ReturnsSpec { mode: ReturnMode::Strongest, max: 5, separation_m: 0.0 }
+    }
+}
+
+/// `intensity`: what is reported as intensity.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct IntensitySpec {
+    /// How received energy becomes a number.
+    pub encoding: IntensityEncoding,
+}
+
+/// `expect`: figures that a test draws the pattern against. They do not change a scan.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Expectations {
+    /// Beams of a scan.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub beams: Option<u64>,
+    /// Channels.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub channels: Option<u64>,
+    /// Columns of the range image.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub columns: Option<u64>,
+    /// Lowest and highest elevation, degrees.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub elevation_deg: Option<[f64; 2]>,
+    /// Angle from column to column, degrees.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub azimuth_step_deg: Option<f64>,
+    /// Points per second.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub points_per_s: Option<f64>,
+    /// Angle between the outermost beams of a sonar, degrees.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub swath_deg: Option<f64>,
+    /// Range resolution of a sonar in water of 1500 m/s, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub resolution_m: Option<f64>,
+    /// Where the figures come from: `data sheet`, or `computed` from the pattern's own numbers.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub source: String,
+}
+
+/// Reads `x` as `[x, x]`, or a pair.
+fn number_or_pair<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[f64; 2], D::Error> {
+    struct NumberOrPair;
+
+    impl<'de> Visitor<'de> for NumberOrPair {
+        type Value = [f64; 2];
+
+        fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+            f.write_str("a number or a pair of numbers")
+        }
+        fn visit_i64<E>(self, value: i64) -> Result<[f64; 2], E> {
+            Ok([value as f64; 2])
+        }
+        fn visit_u64<E>(self, value: u64) -> Result<[f64; 2], E> {
+            Ok([value as f64; 2])
+        }
+        fn visit_f64<E>(self, value: f64) -> Result<[f64; 2], E> {
+            Ok([value; 2])
+        }
+        fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<[f64; 2], A::Error> {
+            Deserialize::deserialize(de::value::SeqAccessDeserializer::new(seq))
+        }
+    }
+    deserializer.deserialize_any(NumberOrPair)
+}

@@ -1,0 +1,439 @@
+//! Depth cameras: the section `tof` of a sensor file, and what it makes of the light at a pixel.
+
+use crate::detect::{DepthError, DepthNoise};
+use crate::echo::{MOST_FREQUENCIES, Modulation, ShotNoise, natural_vignetting, turns};
+use crate::emitter::Pattern;
+use crate::emitter::pattern::Pinhole;
+use crate::ground::error::{Error, Result};
+use crate::ground::rng::{Draw, Rng};
+use crate::read::bounds::{ABOVE_ZERO, Bounds};
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+
+/// `tof`: what is particular to a depth camera; only sensors of kind `tof` have it. What is left out is ideal. Only the
+/// physical profile knows these effects.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TofSpec {
+    /// Frequencies that its light is modulated at, MHz, up to 3, whole kHz: the range is what their phases say together.
+    /// Without any, ranges do not wrap.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub frequencies_mhz: Vec<f64>,
+    /// Part of the error that four taps make of square waves, which calibration leaves, 0 to 1.
+    pub wiggle_residual: f64,
+    /// Pixels are invalid where two frequencies say ranges that differ by more, m, above 0.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub inconsistency_m: Option<f64>,
+    /// Noise of the phases.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shot_noise: Option<ShotNoiseSpec>,
+    /// Pixels are invalid that get more light than from this target.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub saturation: Option<Target>,
+    /// How the lens dims the image off its axis.
+    pub vignetting: Vignetting,
+    /// How much light goes out, by the angle off the axis; linear in between, constant outside. Without any, as much
+    /// everywhere.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub illumination: Vec<Illumination>,
+    /// Random error along the optical axis.
+    pub depth_noise: DepthNoise,
+    /// Standard deviation of the place that a pixel looks at, pixels across and down, 0 to 10.
+    pub lateral_sigma_px: f64,
+    /// Where the projector or the other camera is, in the sensor frame, m: a pixel is invalid whose surface is not seen
+    /// from there.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub second_eye_m: Option<[f64; 3]>,
+    /// Rays of each pixel that look for light which came over another surface, 0 to 256; 0 is none.
+    pub multipath_rays: u32,
+}
+
+impl Default for TofSpec {
+    fn default() -> Self {
+        TofSpec {
+            frequencies_mhz: Vec::new(),
+            wiggle_residual: 0.1,
+            inconsistency_m: None,
+            shot_noise: None,
+            saturation: None,
+            vignetting: Vignetting::None,
+            illumination: Vec::new(),
+            depth_noise: DepthNoise::None,
+            lateral_sigma_px: 0.0,
+            second_eye_m: None,
+            multipath_rays: 0,
+        }
+    }
+}
+
+/// A Lambert target, met head-on on the optical axis, that fills the pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Target {
+    /// Its reflectance, above 0, at most 1.
+    pub reflectance: f64,
+    /// Its range, m.
+    pub at_m: f64,
+}
+
+impl Target {
+    /// `rho / R^2`, 1/m^2.
+    fn power(self) -> f64 {
+        self.reflectance / (self.at_m * self.at_m)
+    }
+}
+
+/// Shot noise, said by the random error of one [`Target`]: it falls as the root of the light that comes back, and as that
+/// light itself where background light is stronger.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ShotNoiseSpec {
+    /// Standard deviation of its range, m, above 0.
+    pub sigma_m: f64,
+    /// As [`Target::reflectance`].
+    pub reflectance: f64,
+    /// As [`Target::at_m`].
+    pub at_m: f64,
+    /// Background light over the light of that target, at least 0.
+    #[serde(default)]
+    pub ambient: f64,
+}
+
+/// How a lens dims the image off its axis.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Vignetting {
+    /// Not at all.
+    #[default]
+    None,
+    /// With the fourth power of the cosine.
+    Cos4,
+}
+
+/// Light that goes out at an angle.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Illumination {
+    /// Angle off the optical axis, degrees, 0 to 180, rising.
+    pub angle_deg: f64,
+    /// Light there over that on the axis, 0 to 100.
+    pub value: f64,
+}
+
+impl TofSpec {
+    /// Whether all values are within what is allowed beside `pattern`; shows all numbers to `bounds`.
+    pub(crate) fn check(&self, pattern: &Pattern, bounds: &mut Bounds) -> Result<()> {
+        let target = |bounds: &mut Bounds, name: &str, Target { reflectance, at_m }: Target| {
+            let key = format!("tof.{name}.reflectance");
+            bounds.number(key, reflectance, [ABOVE_ZERO, 1.0], "above 0, at most 1")?;
+            bounds.within(format_args!("tof.{name}.at_m"), at_m, 1e-3, 1e9)
+        };
+        if self.frequencies_mhz.len() > MOST_FREQUENCIES {
+            let found = format!("a list of {}", self.frequencies_mhz.len());
+            return Err(Error::invalid("tof.frequencies_mhz", found, format!("up to {MOST_FREQUENCIES}")));
+        }
+        for (index, &mhz) in self.frequencies_mhz.iter().enumerate() {
+            let key = format!("tof.frequencies_mhz[{index}]");
+            bounds.within(&key, mhz, 0.1, 10_000.0)?;
+            if (mhz * 1e3 - (mhz * 1e3).round()).abs() > 1e-6 {
+                return Err(Error::invalid(key, mhz, "whole kHz"));
+            }
+        }
+        let together = turns(&self.frequencies_khz());
+        if together > MOST_TURNS {
+            return Err(Error::invalid(
+                "tof.frequencies_mhz",
+                format!("{:?}, the highest {together} times their common divisor", self.frequencies_mhz),
+                format!("at most {MOST_TURNS} times"),
+            ));
+        }
+        bounds.within("tof.wiggle_residual", self.wiggle_residual, 0.0, 1.0)?;
+        bounds.number("tof.inconsistency_m", self.inconsistency_m, [ABOVE_ZERO, 1e9], "above 0, at most 1000000000")?;
+        if let Some(ShotNoiseSpec { sigma_m, reflectance, at_m, ambient }) = self.shot_noise {
+            bounds.within("tof.shot_noise.sigma_m", sigma_m, 1e-9, 1e3)?;
+            target(bounds, "shot_noise", Target { reflectance, at_m })?;
+            bounds.within("tof.shot_noise.ambient", ambient, 0.0, 1e9)?;
+        }
+        if let Some(saturation) = self.saturation {
+            target(bounds, "saturation", saturation)?;
+        }
+        bounds.within("tof.multipath_rays", f64::from(self.multipath_rays), 0.0, 256.0)?;
+        let needs = [
+            ("inconsistency_m", self.inconsistency_m.is_some()),
+            ("shot_noise", self.shot_noise.is_some()),
+            ("multipath_rays", self.multipath_rays > 0),
+        ];
+        for (key, is_given) in needs {
+            if is_given && self.frequencies_mhz.is_empty() {
+                return Err(Error::invalid(format!("tof.{key}"), "given", "with tof.frequencies_mhz only"));
+            }
+        }
+        for (index, &Illumination { angle_deg, value }) in self.illumination.iter().enumerate() {
+            let key = format!("tof.illumination[{index}].angle_deg");
+            bounds.within(&key, angle_deg, 0.0, 180.0)?;
+            bounds.within(format_args!("tof.illumination[{index}].value"), value, 0.0, 100.0)?;
+            if index > 0 {
+                let before = format!("tof.illumination[{}].angle_deg", index - 1);
+                bounds.rising((before, self.illumination[index - 1].angle_deg), (key, angle_deg))?;
+            }
+        }
+        match self.depth_noise {
+            DepthNoise::Disparity { sigma_px, step_px } => {
+                bounds.within("tof.depth_noise.sigma_px", sigma_px, 0.0, 100.0)?;
+                bounds.within("tof.depth_noise.step_px", step_px, 0.0, 100.0)?;
+                if self.second_eye_m.is_none() {
+                    return Err(Error::invalid("tof.depth_noise.model", "disparity", "with tof.second_eye_m only"));
+                }
+            }
+            DepthNoise::Polynomial { sigma_m } => {
+                for (index, term) in sigma_m.into_iter().enumerate() {
+                    bounds.within(format_args!("tof.depth_noise.sigma_m[{index}]"), term, -1000.0, 1000.0)?;
+                }
+            }
+            DepthNoise::None | DepthNoise::Khoshelham | DepthNoise::Nguyen | DepthNoise::Fankhauser => {}
+        }
+        bounds.within("tof.lateral_sigma_px", self.lateral_sigma_px, 0.0, 10.0)?;
+        let is_pinhole = matches!(pattern, Pattern::Pinhole(_));
+        let images =
+            [("depth_noise", self.depth_noise != DepthNoise::None), ("lateral_sigma_px", self.lateral_sigma_px > 0.0)];
+        for (key, is_given) in images {
+            if is_given && !is_pinhole {
+                return Err(Error::invalid(format!("tof.{key}"), "given", "with pattern.type: pinhole only"));
+            }
+        }
+        if let Some(eye) = self.second_eye_m {
+            for (axis, place) in eye.into_iter().enumerate() {
+                bounds.within(format_args!("tof.second_eye_m[{axis}]"), place, -1000.0, 1000.0)?;
+            }
+            if eye.iter().all(|place| place.abs() < 1e-6) {
+                return Err(Error::invalid("tof.second_eye_m", "where the camera is", "1e-6 m or more beside it"));
+            }
+        }
+        Ok(())
+    }
+
+    /// The frequencies that are in bounds, kHz.
+    fn frequencies_khz(&self) -> Vec<u32> {
+        self.frequencies_mhz.iter().map(|mhz| (mhz * 1e3).round() as u32).collect()
+    }
+}
+
+/// Greatest ratio of a frequency to the common divisor: so many wraps are tried for every pixel.
+const MOST_TURNS: u32 = 1000;
+
+/// A depth camera made ready to scan.
+#[derive(Clone, Debug)]
+pub(crate) struct Camera {
+    modulation: Option<Modulation>,
+    shot_noise: Option<ShotNoise>,
+    /// Greatest difference between what the frequencies say, m.
+    inconsistency: f32,
+    /// Power above which a pixel is invalid, 1/m^2.
+    saturation: f32,
+    vignetting: Vignetting,
+    /// Angle off the axis, rad, and light there.
+    illumination: Vec<[f32; 2]>,
+    depth: Option<DepthError>,
+    /// Standard deviation of the place that a pixel looks at, in units of the focal length, across and down; none is 0.
+    pub aside: Option<[f32; 2]>,
+    /// Place of the second eye in the sensor frame, m.
+    pub second_eye: Option<Vec3>,
+    /// Rays of each pixel that look for light which came over another surface.
+    pub multipath_rays: u32,
+    /// Half of the width and height of the image in units of the focal length; infinite without an image.
+    half: [f32; 2],
+}
+
+impl Camera {
+    /// `spec` has been checked with `pattern`.
+    pub(crate) fn new(spec: &TofSpec, pattern: &Pattern) -> Camera {
+        let frequencies = spec.frequencies_khz();
+        let modulation = (!frequencies.is_empty()).then(|| Modulation::new(&frequencies, spec.wiggle_residual));
+        let shot_noise = spec.shot_noise.zip(modulation).map(|(noise, modulation)| {
+            let ShotNoiseSpec { sigma_m, reflectance, at_m, ambient } = noise;
+            ShotNoise::new(modulation.phase_sigma(sigma_m), Target { reflectance, at_m }.power(), ambient)
+        });
+        let (pixel, half) = match pattern {
+            Pattern::Pinhole(pinhole) => (pinhole.pixel(), pinhole.half()),
+            _ => ([0.0; 2], [f64::INFINITY; 2]),
+        };
+        let baseline = spec.second_eye_m.map_or(1.0, |eye| glam::DVec3::from(eye).length());
+        let aside = pixel.map(|size| (size * spec.lateral_sigma_px) as f32);
+        Camera {
+            modulation,
+            shot_noise,
+            inconsistency: spec.inconsistency_m.map_or(f32::INFINITY, |limit| limit as f32),
+            saturation: spec.saturation.map_or(f32::INFINITY, |target| target.power() as f32),
+            vignetting: spec.vignetting,
+            illumination: (spec.illumination.iter())
+                .map(|light| [light.angle_deg.to_radians() as f32, light.value as f32])
+                .collect(),
+            depth: DepthError::new(spec.depth_noise, pixel[0] / baseline),
+            aside: (spec.lateral_sigma_px > 0.0).then_some(aside),
+            second_eye: spec.second_eye_m.map(|eye| glam::DVec3::from(eye).as_vec3()),
+            multipath_rays: spec.multipath_rays,
+            half: half.map(|size| size as f32),
+        }
+    }
+
+    /// Whether what it measures wraps, so that surfaces beyond its greatest range count.
+    pub(crate) fn wraps(&self) -> bool {
+        self.modulation.is_some()
+    }
+
+    /// Whether pixels off the axis get more or less light than others.
+    pub(crate) fn dims(&self) -> bool {
+        self.vignetting != Vignetting::None || !self.illumination.is_empty()
+    }
+
+    /// Light of a pixel whose ray is `cos` (the cosine) off the axis, over that without lens and projector.
+    pub(crate) fn gain(&self, cos: f32) -> f32 {
+        let lens = match self.vignetting {
+            Vignetting::None => 1.0,
+            Vignetting::Cos4 => natural_vignetting(cos.max(0.0)),
+        };
+        lens * self.light(cos)
+    }
+
+    /// Light that goes out in `direction` (of length 1, in the sensor frame), over that on the axis: none beside the image.
+    pub(crate) fn light_along(&self, direction: Vec3) -> f32 {
+        let [across, down] = self.half;
+        let within = direction.y.abs() <= across * direction.x && direction.z.abs() <= down * direction.x;
+        if within || across.is_infinite() { self.light(direction.x) } else { 0.0 }
+    }
+
+    /// Light that goes out `cos` off the axis, over that on it.
+    pub(crate) fn light(&self, cos: f32) -> f32 {
+        if self.illumination.is_empty() {
+            return 1.0;
+        }
+        let angle = cos.clamp(-1.0, 1.0).acos();
+        let (below, above) = self.illumination.split_at(self.illumination.partition_point(|light| light[0] < angle));
+        match (below.last(), above.first()) {
+            (Some(&[from, low]), Some(&[to, high])) => low + (high - low) * (angle - from) / (to - from),
+            (Some(&[_, only]), None) | (None, Some(&[_, only])) => only,
+            (None, None) => 1.0,
+        }
+    }
+
+    /// Range, m, and power, 1/m^2, that pixel `beam` makes of the echoes at it, from `ranges` m with the `powers`
+    /// `rho_eff / R^2`, 1/m^2, dimmed by [`Camera::gain`] and weighted by their part of the pixel; none where it is invalid.
+    pub(crate) fn form(&self, rng: &Rng, beam: u32, ranges: &[f32], powers: &[f32]) -> Option<(f32, f32)> {
+        let light: f32 = powers.iter().sum();
+        if light > self.saturation {
+            return None;
+        }
+        let Some(modulation) = &self.modulation else {
+            // Patterns are matched, not summed: the strongest echo wins.
+            let echoes = ranges.iter().copied().zip(powers.iter().copied());
+            return echoes.max_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(range, _)| (range, light));
+        };
+        if self.shot_noise.is_some() && light <= 0.0 {
+            return None;
+        }
+        let formed = modulation.form(ranges, powers, |index, amplitude, offset| match &self.shot_noise {
+            Some(noise) => {
+                let [normal, _] = rng.normal_pair(beam, Draw::Phase, index as u32);
+                noise.sigma(amplitude, offset) * f64::from(normal)
+            }
+            None => 0.0,
+        });
+        (formed.disagreement <= self.inconsistency).then_some((formed.range, formed.power))
+    }
+
+    /// The measured range, m, of pixel `beam`, whose ray is `axis` (the cosine) off the optical axis and meets its surface
+    /// at an incidence of cosine `cos`, where the range would be `range` without errors of the depth.
+    #[inline(always)]
+    pub(crate) fn err(&self, rng: &Rng, beam: u32, axis: f32, cos: f32, range: f32) -> f32 {
+        let Some(depth) = &self.depth else { return range };
+        let [normal, _] = rng.normal_pair(beam, Draw::DepthJitter, 0);
+        depth.measure(range * axis, cos, normal) / axis
+    }
+
+    /// Where pixel `beam`, which should look along `direction`, does look: a unit vector in the sensor frame too.
+    ///
+    /// Published lateral noise grows with the incidence, which is not known before the ray is traced: the number is that
+    /// of surfaces met head-on.
+    pub(crate) fn look_aside(&self, rng: &Rng, beam: u32, direction: Vec3) -> Vec3 {
+        let Some([across, down]) = self.aside else { return direction };
+        let [y, z] = rng.normal_pair(beam, Draw::LookAside, 0);
+        (direction + direction.x * Vec3::new(0.0, across * y, down * z)).normalize()
+    }
+}
+
+impl Pinhole {
+    /// Half of the width and height of the image in units of the focal length.
+    fn half(&self) -> [f64; 2] {
+        self.fov_deg.map(|fov| (0.5 * fov).to_radians().tan())
+    }
+
+    /// Width and height of a pixel in units of the focal length.
+    pub(crate) fn pixel(&self) -> [f64; 2] {
+        let half = self.half();
+        [0, 1].map(|axis| 2.0 * half[axis] / f64::from(self.resolution[axis]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::read::yaml;
+
+    /// A camera of 64 x 48 pixels and 90 x 60 degrees.
+    fn camera(tof: &str) -> Camera {
+        let pattern = "{type: pinhole, resolution: [64, 48], fov_deg: [90, 60]}";
+        let (spec, pattern): (TofSpec, Pattern) =
+            (yaml::from_str("tof", tof).unwrap(), yaml::from_str("pattern", pattern).unwrap());
+        spec.check(&pattern, &mut Bounds::none()).unwrap();
+        Camera::new(&spec, &pattern)
+    }
+
+    fn form(camera: &Camera, ranges: &[f32], powers: &[f32]) -> Option<(f32, f32)> {
+        camera.form(&Rng::new(1, 0), 5, ranges, powers)
+    }
+
+    #[test]
+    fn what_is_left_out_is_ideal() {
+        let ideal = camera("{}");
+        assert_eq!(form(&ideal, &[3.5], &[0.2]), Some((3.5, 0.2)));
+        assert!(!ideal.wraps() && !ideal.dims());
+        assert_eq!((ideal.gain(0.5), ideal.err(&Rng::new(1, 0), 5, 0.8, 0.9, 3.0)), (1.0, 3.0));
+        assert_eq!(ideal.look_aside(&Rng::new(1, 0), 5, Vec3::X), Vec3::X);
+    }
+
+    /// Modulated light adds up, a matched pattern is that of the strongest echo.
+    #[test]
+    fn several_echoes_are_one() {
+        assert_eq!(form(&camera("{}"), &[1.0, 4.0, 2.0], &[0.1, 0.3, 0.2]), Some((4.0, 0.6)));
+        assert_eq!(form(&camera("{}"), &[], &[]), None);
+        let (range, power) =
+            form(&camera("{frequencies_mhz: [16], wiggle_residual: 0}"), &[1.0, 4.0], &[0.5, 0.5]).unwrap();
+        assert!((range - 2.5).abs() < 1e-6 && power < 0.6, "{range} {power}");
+    }
+
+    #[test]
+    fn pixels_are_invalid_by_their_light() {
+        let bright = camera("{saturation: {reflectance: 0.8, at_m: 2}}");
+        assert_eq!(form(&bright, &[1.0, 2.0], &[0.15, 0.06]), None);
+        assert_eq!(form(&bright, &[1.0], &[0.19]), Some((1.0, 0.19)));
+        let strict = camera("{frequencies_mhz: [16, 80], wiggle_residual: 0, inconsistency_m: 0.01}");
+        assert!(form(&strict, &[1.0, 4.0], &[0.3, 0.7]).is_none());
+        assert!(form(&strict, &[4.0], &[0.7]).is_some());
+        // Without light there is no phase, not even a noisy one.
+        let noisy = camera("{frequencies_mhz: [16], shot_noise: {sigma_m: 0.01, reflectance: 0.5, at_m: 1}}");
+        assert_eq!(form(&noisy, &[1.0], &[0.0]), None);
+    }
+
+    #[test]
+    fn light_goes_out_by_its_table_and_into_the_image_alone() {
+        let lamp = camera("{illumination: [{angle_deg: 10, value: 1}, {angle_deg: 30, value: 0.5}]}");
+        for (angle, expected) in [(0.0f32, 1.0), (10.0, 1.0), (20.0, 0.75), (30.0, 0.5), (44.0, 0.5)] {
+            let (sin, cos) = angle.to_radians().sin_cos();
+            assert!((lamp.gain(cos) - expected).abs() < 1e-5, "{angle}");
+            assert!((lamp.light_along(Vec3::new(cos, sin, 0.0)) - expected).abs() < 1e-5, "{angle}");
+        }
+        let (sin, cos) = 31f32.to_radians().sin_cos();
+        assert_eq!(lamp.light_along(Vec3::new(cos, 0.0, sin)), 0.0, "above the image");
+        assert_eq!(lamp.light_along(-Vec3::X), 0.0, "behind");
+    }
+}

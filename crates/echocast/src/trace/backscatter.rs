@@ -1,0 +1,147 @@
+//! What surfaces send back of sound, made ready for one frequency.
+
+use super::{Arrival, Surfaces};
+use crate::ground::lanes::MEDIUM;
+use crate::ground::math::log2;
+use crate::material::{Material, ReflectanceSource, Reflectances, Sound};
+use crate::medium::Sea;
+use std::sync::Arc;
+
+/// Angles that a law is tabulated at: even steps of `sqrt(1 - sine of the grazing angle)`, which are fine at both ends:
+/// 0.16 degrees apart near head-on, half a degree where sound just grazes.
+const STEPS: usize = 512;
+
+/// Of every material, and of the sea surface, how much it sends back and what a reflection costs.
+pub(crate) struct Backscatter {
+    /// `log2(s_b / sine of the grazing angle)` at the angles of the table, a run of `STEPS + 1` for each material, then the
+    /// sea surface; where the reflectance of an image decides, that of reflectance 1.
+    laws: Vec<f32>,
+    /// Loss of a reflection at those angles, dB, likewise.
+    losses: Vec<f32>,
+    /// What else decides, by material.
+    by: Vec<By>,
+    /// What an image says.
+    source: ReflectanceSource,
+    frequency: f64,
+    sea: Sea,
+    speed: f64,
+}
+
+/// What decides beside the angle.
+#[derive(Clone, Copy, PartialEq)]
+enum By {
+    /// Nothing.
+    Law,
+    /// The image of the surface: the law is that of reflectance 1.
+    Image,
+    /// The area of the object: the law is that of 1 m^2.
+    Area,
+}
+
+impl Backscatter {
+    /// For `materials`, where their reflectances stand for those that say nothing of sound, and for `sea`, at `frequency` Hz in
+    /// water of `speed` m/s.
+    pub fn new(
+        materials: &[Arc<Material>],
+        reflectances: &Reflectances,
+        frequency: f64,
+        sea: Sea,
+        speed: f64,
+    ) -> Backscatter {
+        let mut laws = Vec::with_capacity((materials.len() + 1) * (STEPS + 1));
+        let mut losses = Vec::with_capacity(laws.capacity());
+        let mut by = Vec::with_capacity(materials.len());
+        for (material, &reflectance) in materials.iter().zip(&reflectances.by_material) {
+            let of_reflectance = || Sound::of_reflectance(if reflectance.is_nan() { 1.0 } else { reflectance.into() });
+            let known = material.sound_law();
+            let sound = known.cloned().unwrap_or_else(of_reflectance);
+            if let Some(strength) = sound.target_strength_db() {
+                by.push(By::Area);
+                // Seen from anywhere, a convex body covers a quarter of its surface in the mean (Cauchy 1832): so much of
+                // its target strength answers for each area that is met.
+                tabulate(&mut laws, |_| strength / 10.0 * 10f64.log2() + 2.0);
+            } else {
+                by.push(if known.is_none() && reflectance.is_nan() { By::Image } else { By::Law });
+                tabulate(&mut laws, |sine| (sound.backscatter(sine, frequency) / sine).max(1e-30).log2());
+            }
+            tabulate(&mut losses, |sine| sound.reflection_loss_db(sine));
+        }
+        tabulate(&mut laws, |sine| (sea.backscatter(sine, frequency) / sine).max(1e-30).log2());
+        tabulate(&mut losses, |sine| sea.mirror_loss_db(sine, frequency, speed));
+        Backscatter { laws, losses, by, source: reflectances.source, frequency, sea, speed }
+    }
+
+    /// Whether it is what [`Backscatter::new`] would make of the same surfaces.
+    pub fn is_for(&self, source: ReflectanceSource, frequency: f64, sea: Sea, speed: f64) -> bool {
+        (self.source, self.frequency, self.sea, self.speed) == (source, frequency, sea, speed)
+    }
+
+    /// `log2(s_b / sine)` of what an arrival meets at the sine of a grazing angle.
+    #[inline(always)]
+    pub fn log2(&self, surfaces: &Surfaces, arrival: &Arrival, sine: f32) -> f32 {
+        let material = self.material(surfaces, arrival.surface);
+        let value = interpolate(&self.laws, material, sine);
+        match self.by.get(material) {
+            None | Some(By::Law) => value,
+            Some(By::Area) => value - surfaces.rows[arrival.surface as usize].area.max(1e-9).log2(),
+            Some(By::Image) => {
+                let surface = &surfaces.rows[arrival.surface as usize];
+                let rgba = surfaces.base_color(surface, arrival.triangle, arrival.corner);
+                let source = surfaces.materials[material].reflectance_source(self.source);
+                value + source.of(rgba).max(1e-9).log2()
+            }
+        }
+    }
+
+    /// Backscatter of what an arrival meets at the sine of a grazing angle, dB per m^2.
+    pub fn strength_db(&self, surfaces: &Surfaces, arrival: &Arrival, sine: f32) -> f64 {
+        let ratio = self.log2(surfaces, arrival, sine) + sine.log2();
+        f64::from(ratio) * 10.0 * std::f64::consts::LOG10_2
+    }
+
+    /// `log2(s_b / sine in)` of what an arrival meets at the sine of a grazing angle, of what it sends elsewhere at another.
+    ///
+    /// Between the two directions `s_b` is the geometric mean of what goes back into either, an assumption of ours: it
+    /// is the same both ways, and of Lambert's law it makes `mu sin(in) sin(out)`, which that law is. Lobes about the
+    /// mirror direction are not in it. What answers as a whole does so in all directions.
+    #[inline(always)]
+    pub fn log2_between(&self, surfaces: &Surfaces, arrival: &Arrival, [sine_in, sine_out]: [f32; 2]) -> f32 {
+        if self.is_whole(surfaces, arrival.surface) {
+            return self.log2(surfaces, arrival, sine_in);
+        }
+        let [back, out_back] = [sine_in, sine_out].map(|sine| self.log2(surfaces, arrival, sine));
+        0.5 * (back + out_back + log2(sine_out / sine_in))
+    }
+
+    /// Whether a row answers as a whole, however it is met.
+    #[inline(always)]
+    pub fn is_whole(&self, surfaces: &Surfaces, row: u32) -> bool {
+        self.by.get(self.material(surfaces, row)) == Some(&By::Area)
+    }
+
+    /// What a reflection by a row, or by the sea surface, costs at the sine of a grazing angle, dB.
+    pub fn reflection_loss(&self, surfaces: &Surfaces, row: u32, sine: f64) -> f64 {
+        interpolate(&self.losses, self.material(surfaces, row), sine as f32).into()
+    }
+
+    #[inline(always)]
+    fn material(&self, surfaces: &Surfaces, row: u32) -> usize {
+        if row == MEDIUM { self.by.len() } else { surfaces.rows[row as usize].material as usize }
+    }
+}
+
+fn tabulate(table: &mut Vec<f32>, value: impl Fn(f64) -> f64) {
+    table.extend((0..=STEPS).map(|step| {
+        let part = step as f64 / STEPS as f64;
+        value((1.0 - part * part).max(1e-3)) as f32
+    }));
+}
+
+#[inline(always)]
+fn interpolate(table: &[f32], material: usize, sine: f32) -> f32 {
+    let at = (1.0 - sine).max(0.0).sqrt() * STEPS as f32;
+    let step = (at as usize).min(STEPS - 1);
+    let part = at - step as f32;
+    let first = material * (STEPS + 1) + step;
+    table[first] * (1.0 - part) + table[first + 1] * part
+}

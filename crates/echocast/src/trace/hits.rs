@@ -1,0 +1,134 @@
+//! What the rays of a block hit, a lane each.
+
+use super::Tables;
+use crate::ground::lanes::{LANES, MISS, RayBatch};
+use embree4::{Coherence, INVALID, Packet};
+use glam::Vec3;
+
+/// Closest hits of one block.
+#[repr(align(64))]
+pub(crate) struct HitBatch {
+    /// Slant range, m.
+    pub range: [f32; LANES],
+    /// Geometric normal, any length and sign; in the mesh's frame until [`HitBatch::orient_normals`].
+    pub normal_x: [f32; LANES],
+    pub normal_y: [f32; LANES],
+    pub normal_z: [f32; LANES],
+    /// Barycentric weights of the second and third corner.
+    pub u: [f32; LANES],
+    pub v: [f32; LANES],
+    /// Triangle of the part.
+    pub triangle: [u32; LANES],
+    /// Row of [`super::Surfaces`], or [`MISS`].
+    pub surface: [u32; LANES],
+}
+
+impl HitBatch {
+    pub(crate) fn new() -> Self {
+        HitBatch {
+            range: [0.0; LANES],
+            normal_x: [0.0; LANES],
+            normal_y: [0.0; LANES],
+            normal_z: [0.0; LANES],
+            u: [0.0; LANES],
+            v: [0.0; LANES],
+            triangle: [0; LANES],
+            surface: [MISS; LANES],
+        }
+    }
+
+    /// Traces the first `count` rays, through the holes of cut-outs. `coherent`: neighbours in the batch are neighbours in angle. `mask`: objects are
+    /// hit whose mask shares a bit with it.
+    #[inline(always)]
+    pub(crate) fn trace(&mut self, scene: &Tables, rays: &RayBatch, count: usize, coherent: bool, mask: u32) {
+        let coherence = if coherent { Coherence::Coherent } else { Coherence::Incoherent };
+        match scene.packet_width {
+            16 => self.trace_packets::<16>(scene, rays, count, coherence, mask),
+            8 => self.trace_packets::<8>(scene, rays, count, coherence, mask),
+            _ => self.trace_packets::<4>(scene, rays, count, coherence, mask),
+        }
+    }
+
+    #[inline(always)]
+    fn trace_packets<const W: usize>(
+        &mut self,
+        scene: &Tables,
+        rays: &RayBatch,
+        count: usize,
+        coherence: Coherence,
+        mask: u32,
+    ) {
+        let mut packet = Packet { mask: [mask; W], ..Packet::<W>::new() };
+        let mut valid = [-1; W];
+        for first in (0..count).step_by(W) {
+            let lanes = first..first + W;
+            packet.org_x.copy_from_slice(&rays.org_x[lanes.clone()]);
+            packet.org_y.copy_from_slice(&rays.org_y[lanes.clone()]);
+            packet.org_z.copy_from_slice(&rays.org_z[lanes.clone()]);
+            packet.dir_x.copy_from_slice(&rays.dir_x[lanes.clone()]);
+            packet.dir_y.copy_from_slice(&rays.dir_y[lanes.clone()]);
+            packet.dir_z.copy_from_slice(&rays.dir_z[lanes.clone()]);
+            packet.tfar.copy_from_slice(&rays.range_max[lanes.clone()]);
+            packet.geom_id = [INVALID; W];
+            packet.inst_id = [INVALID; W];
+            if first + W > count {
+                valid[count - first..].fill(0);
+            }
+            if scene.surfaces.has_cutouts {
+                scene.committed.intersect_where(&valid, &mut packet, coherence, &|hit| scene.surfaces.stops(hit));
+            } else {
+                scene.committed.intersect(&valid, &mut packet, coherence);
+            }
+            self.range[lanes.clone()].copy_from_slice(&packet.tfar);
+            self.normal_x[lanes.clone()].copy_from_slice(&packet.ng_x);
+            self.normal_y[lanes.clone()].copy_from_slice(&packet.ng_y);
+            self.normal_z[lanes.clone()].copy_from_slice(&packet.ng_z);
+            self.u[lanes.clone()].copy_from_slice(&packet.u);
+            self.v[lanes.clone()].copy_from_slice(&packet.v);
+            self.triangle[lanes.clone()].copy_from_slice(&packet.prim_id);
+            for (lane, surface) in self.surface[lanes].iter_mut().enumerate() {
+                let (geometry, instance) = (packet.geom_id[lane], packet.inst_id[lane]);
+                *surface = if geometry == INVALID { MISS } else { scene.surfaces.row(geometry, instance) };
+            }
+        }
+    }
+
+    /// Normal of the hit of a lane.
+    #[inline(always)]
+    pub(crate) fn normal(&self, lane: usize) -> Vec3 {
+        Vec3::new(self.normal_x[lane], self.normal_y[lane], self.normal_z[lane])
+    }
+
+    /// Makes `lane` what lane `other` of `from` is.
+    pub(crate) fn take(&mut self, lane: usize, from: &HitBatch, other: usize) {
+        self.range[lane] = from.range[other];
+        self.normal_x[lane] = from.normal_x[other];
+        self.normal_y[lane] = from.normal_y[other];
+        self.normal_z[lane] = from.normal_z[other];
+        (self.u[lane], self.v[lane]) = (from.u[other], from.v[other]);
+        self.triangle[lane] = from.triangle[other];
+        self.surface[lane] = from.surface[other];
+    }
+
+    /// Brings the normals of hits in instances to the world's frame.
+    #[inline(always)]
+    pub(crate) fn orient_normals(&mut self, scene: &Tables, count: usize) {
+        for lane in 0..count {
+            if scene.surfaces.rows.get(self.surface[lane] as usize).is_some_and(|row| row.instanced) {
+                let normal = scene.world_normal(self.surface[lane], self.normal(lane));
+                (self.normal_x[lane], self.normal_y[lane], self.normal_z[lane]) = normal.into();
+            }
+        }
+    }
+}
+
+impl Tables {
+    /// The `normal` of a hit on a `surface` (a row, or [`MISS`]) as Embree gives it, in the world's frame.
+    #[inline(always)]
+    pub(crate) fn world_normal(&self, surface: u32, normal: Vec3) -> Vec3 {
+        match self.surfaces.rows.get(surface as usize) {
+            Some(row) if row.instanced => self.normal_matrices[row.object as usize] * normal,
+            _ => normal,
+        }
+    }
+}
