@@ -1,5 +1,6 @@
 //! What surfaces are made of, and how much light and sound they send back.
 
+mod decode;
 mod file;
 pub(crate) mod fresnel;
 mod library;

@@ -1,0 +1,115 @@
+//! Pixels of PNG and JPEG files.
+
+use png::{BitDepth, ColorType, DecodingError, Transformations};
+use std::io::{Cursor, ErrorKind};
+use zune_jpeg::JpegDecoder;
+use zune_jpeg::errors::DecodeErrors;
+use zune_jpeg::zune_core::bytestream::ZCursor;
+use zune_jpeg::zune_core::colorspace::ColorSpace;
+use zune_jpeg::zune_core::options::DecoderOptions;
+
+/// Why an image cannot be decoded, without the words of who decodes it.
+pub(super) type Fault = &'static str;
+
+const DAMAGED: Fault = "it is damaged";
+const CUT_OFF: Fault = "it is cut off";
+const UNSUPPORTED: Fault = "it is of a kind that is not supported";
+
+/// An image of which the header has been read.
+pub(super) struct Header<'a> {
+    pub width: u32,
+    pub height: u32,
+    /// Numbers of a pixel, 1 to 4: grey or colours, and alpha.
+    pub channels: usize,
+    /// Bytes of a number, 1 or 2, the more significant first.
+    pub depth: usize,
+    rest: Rest<'a>,
+}
+
+enum Rest<'a> {
+    Png(Box<png::Reader<Cursor<&'a [u8]>>>),
+    Jpeg(Box<JpegDecoder<ZCursor<&'a [u8]>>>),
+}
+
+impl<'a> Header<'a> {
+    /// Reads the header of the file `bytes`; `None`: it is neither PNG nor JPEG. A PNG may take `aside` bytes for what
+    /// else stands in it.
+    pub fn read(bytes: &'a [u8], aside: u64) -> Option<Result<Header<'a>, Fault>> {
+        if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
+            Some(Header::of_png(bytes, aside))
+        } else if bytes.starts_with(&[0xff, 0xd8, 0xff]) {
+            Some(Header::of_jpeg(bytes))
+        } else {
+            None
+        }
+    }
+
+    fn of_png(bytes: &'a [u8], aside: u64) -> Result<Header<'a>, Fault> {
+        let limits = png::Limits { bytes: usize::try_from(aside).unwrap_or(usize::MAX) };
+        let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), limits);
+        // Palettes, few bits and transparent colours become plain numbers.
+        decoder.set_transformations(Transformations::EXPAND);
+        let reader = decoder.read_info().map_err(|error| of_png(&error))?;
+        let (width, height) = reader.info().size();
+        let (color, bits) = reader.output_color_type();
+        let channels = match color {
+            ColorType::Grayscale => 1,
+            ColorType::GrayscaleAlpha => 2,
+            ColorType::Rgb => 3,
+            ColorType::Rgba => 4,
+            ColorType::Indexed => return Err(UNSUPPORTED),
+        };
+        let depth = match bits {
+            BitDepth::Eight => 1,
+            BitDepth::Sixteen => 2,
+            _ => return Err(UNSUPPORTED),
+        };
+        Ok(Header { width, height, channels, depth, rest: Rest::Png(Box::new(reader)) })
+    }
+
+    fn of_jpeg(bytes: &'a [u8]) -> Result<Header<'a>, Fault> {
+        // Sides are for the caller to judge.
+        let options =
+            DecoderOptions::default().set_strict_mode(false).set_max_width(usize::MAX).set_max_height(usize::MAX);
+        let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
+        decoder.decode_headers().map_err(|error| of_jpeg(&error))?;
+        let ((width, height), Some(color)) = (decoder.dimensions().unwrap_or_default(), decoder.input_colorspace())
+        else {
+            return Err(DAMAGED);
+        };
+        let (color, channels) = if color == ColorSpace::Luma { (color, 1) } else { (ColorSpace::RGB, 3) };
+        decoder.set_options(options.jpeg_set_out_colorspace(color));
+        // Two bytes hold a side.
+        let (width, height) = (width as u32, height as u32);
+        Ok(Header { width, height, channels, depth: 1, rest: Rest::Jpeg(Box::new(decoder)) })
+    }
+
+    /// Bytes of all pixels.
+    pub fn size(&self) -> u64 {
+        u64::from(self.width) * u64::from(self.height) * (self.channels * self.depth) as u64
+    }
+
+    /// Decodes the pixels, row by row from the top, into `to`, which is [`Header::size`] long.
+    pub fn decode(self, to: &mut [u8]) -> Result<(), Fault> {
+        match self.rest {
+            Rest::Png(mut reader) => reader.next_frame(to).map(drop).map_err(|error| of_png(&error)),
+            Rest::Jpeg(mut decoder) => decoder.decode_into(to).map_err(|error| of_jpeg(&error)),
+        }
+    }
+}
+
+fn of_png(error: &DecodingError) -> Fault {
+    match error {
+        DecodingError::LimitsExceeded => "it needs too much memory",
+        DecodingError::IoError(source) if source.kind() == ErrorKind::UnexpectedEof => CUT_OFF,
+        _ => DAMAGED,
+    }
+}
+
+fn of_jpeg(error: &DecodeErrors) -> Fault {
+    match error {
+        DecodeErrors::Unsupported(_) => UNSUPPORTED,
+        DecodeErrors::ExhaustedData => CUT_OFF,
+        _ => DAMAGED,
+    }
+}
