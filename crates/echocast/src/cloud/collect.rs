@@ -2,6 +2,7 @@
 
 use super::Element;
 use crate::ground::lanes::{LANES, MISS};
+use echocast_kernels::rows;
 
 /// The lanes of a block that become rows.
 pub(crate) struct Kept {
@@ -22,13 +23,8 @@ impl Kept {
     }
 
     /// Chooses among the first `count` lanes those that hit a surface, or all when `organised`; returns how many.
-    #[inline(always)]
     pub(crate) fn choose(&mut self, surface: &[u32; LANES], count: usize, organised: bool) -> usize {
-        let mut hits = 0;
-        for lane in 0..count {
-            self.lanes[hits & (LANES - 1)] = lane as u8;
-            hits += usize::from(surface[lane] != MISS);
-        }
+        let hits = rows::choose(surface, count, &mut self.lanes);
         self.misses = organised && hits < count;
         self.contiguous = organised || hits == count;
         self.rows = if organised { count } else { hits };
@@ -36,7 +32,6 @@ impl Kept {
     }
 
     /// Writes what every beam has, return or not.
-    #[inline(always)]
     pub(crate) fn put_beam<T: Element>(&self, from: &[T; LANES], to: &mut [T]) {
         if to.is_empty() {
             return;
@@ -52,7 +47,6 @@ impl Kept {
     }
 
     /// Writes what only returns have; misses of organised clouds get the type's miss value.
-    #[inline(always)]
     pub(crate) fn put<T: Element>(&self, surface: &[u32; LANES], from: &[T; LANES], to: &mut [T]) {
         if to.is_empty() {
             return;

@@ -192,7 +192,6 @@ macro_rules! integers {
     ($($t:ty)*) => {$(
         impl Number for $t {
             // The cast saturates, and makes 0 of NaN.
-            #[inline(always)]
             fn from_f64(value: f64) -> Self { nearest(value) as $t }
             // The greatest value of a wider type becomes the greatest u32 here.
             fn from_u32(value: u32) -> Self { value.min(<$t>::MAX as u32) as $t }
@@ -202,7 +201,6 @@ macro_rules! integers {
 integers! { u8 u16 u32 i8 i16 i32 i64 u64 }
 
 /// The whole number nearest to `value`, halves to the even one.
-#[inline(always)]
 fn nearest(value: f64) -> f64 {
     /// The sum of this and a smaller number has no bits below 1; much faster than a call of the C library.
     const WHOLE: f64 = (1u64 << 52) as f64;

@@ -40,7 +40,6 @@ impl FalseAlarms {
 
     /// Tells of those of all `beams`, by their place among them, as [`FalseAlarms::of_beam`] does; `limits` has the ranges
     /// that are reported of a beam, `farthest` those of all, m.
-    #[inline(always)]
     pub(crate) fn of_beams(
         &self,
         rng: &Rng,

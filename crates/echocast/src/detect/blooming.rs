@@ -20,7 +20,6 @@ pub struct Blooming {
 
 impl Blooming {
     /// Part of the light that gets into a beam at an `angle` in rad.
-    #[inline(always)]
     pub(crate) fn part(&self, angle: f32) -> f32 {
         self.weight as f32 * (-angle / self.width_deg.to_radians() as f32).exp() + self.floor as f32
     }

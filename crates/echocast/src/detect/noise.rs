@@ -4,6 +4,7 @@ use super::{Curve, Threshold};
 use crate::ground::error::{Error, Result};
 use crate::ground::rng::{Draw, Rng};
 use crate::read::bounds::{ABOVE_ZERO, Bounds, FARTHEST_M, check_rows, rising_rows};
+use echocast_kernels::measure;
 use serde::{Deserialize, Serialize};
 
 /// Errors of an instrument; all zero is an ideal one.
@@ -85,7 +86,6 @@ pub struct WeakDropout {
 
 impl WeakDropout {
     /// Probability that a return of effective reflectance `rho_eff` gets lost.
-    #[inline(always)]
     pub(crate) fn probability(&self, rho_eff: f32) -> f32 {
         (self.at_zero as f32 * (1.0 - rho_eff / self.below as f32)).max(0.0)
     }
@@ -147,7 +147,6 @@ impl RangeError {
 
     /// Measured ranges, not rounded yet, from the channels, effective reflectances and true ranges of some echoes.
     /// `measured` holds a standard normal number for each, if [`RangeError::draws`] any.
-    #[inline(always)]
     pub(crate) fn measure(&self, channel: &[u16], rho_eff: &[f32], truth: &[f32], measured: &mut [f32]) {
         let [mean_at, sigma_at] = &self.table;
         if !sigma_at.is_empty() {
@@ -156,11 +155,10 @@ impl RangeError {
                 *value = *value * (self.variance(rho_eff, range) + sigma * sigma).sqrt() + mean_at.at(range);
             }
         } else if self.snr_sigma > 0.0 || self.sigma_per_m > 0.0 {
-            for ((value, &rho_eff), &range) in measured.iter_mut().zip(rho_eff).zip(truth) {
-                *value *= self.variance(rho_eff, range).sqrt();
-            }
+            let [sigma, sigma_per_m, timing, unit] = self.deviation();
+            measure::spread(measured, rho_eff, truth, sigma, sigma_per_m, timing, unit);
         } else if self.sigma > 0.0 {
-            measured.iter_mut().for_each(|value| *value *= self.sigma);
+            measure::scale(measured, self.sigma);
         } else {
             measured.fill(0.0);
         }
@@ -170,9 +168,7 @@ impl RangeError {
             }
         }
         if self.channels.is_empty() {
-            for (value, &range) in measured.iter_mut().zip(truth) {
-                *value = (range * self.gain + self.bias + *value).max(0.0);
-            }
+            measure::measure(measured, truth, self.gain, self.bias);
         } else {
             for ((value, &range), &channel) in measured.iter_mut().zip(truth).zip(channel) {
                 let [bias, gain] = self.channels[usize::from(channel)];
@@ -183,25 +179,27 @@ impl RangeError {
 
     /// How much nearer than its peak, m, the edge of a Gaussian echo is that peaks at `over` times the threshold:
     /// `(c/2) sigma_p sqrt(2 ln(A/T))`.
-    #[inline(always)]
     fn walk(&self, over: f32) -> f32 {
         self.edge_sigma * (2.0 * over.max(1.0).ln()).sqrt()
     }
 
     /// Variance, m^2, without that of the table.
-    #[inline(always)]
     fn variance(&self, rho_eff: f32, range: f32) -> f32 {
-        let timing = self.threshold.relative_snr(rho_eff, range).map_or(0.0, |snr| self.snr_sigma / snr.max(1.0));
-        let sigma = self.sigma + self.sigma_per_m * range;
-        sigma * sigma + timing * timing
+        measure::variance(rho_eff, range, self.deviation())
+    }
+
+    /// What [`measure::variance`] needs to know.
+    fn deviation(&self) -> [f32; 4] {
+        match self.threshold.unit() {
+            Some(unit) => [self.sigma, self.sigma_per_m, self.snr_sigma, unit],
+            None => [self.sigma, self.sigma_per_m, 0.0, 1.0],
+        }
     }
 
     /// Rounds what is measured to the instrument's range step.
-    #[inline(always)]
     pub(crate) fn round(&self, measured: &mut [f32]) {
         if self.step > 0.0 {
-            let per_step = 1.0 / self.step;
-            measured.iter_mut().for_each(|value| *value = (*value * per_step).round_ties_even() * self.step);
+            measure::round(measured, self.step);
         }
     }
 }
@@ -222,9 +220,8 @@ impl AzimuthError {
 
     /// How far to the left, rad, beams in the directions `x`, `y` (sensor frame) are reported. `turn` holds a standard
     /// normal number for each, those of [`Draw::AzimuthJitter`].
-    #[inline(always)]
     pub(crate) fn turn(&self, x: &[f32], y: &[f32], turn: &mut [f32]) {
-        turn.iter_mut().for_each(|angle| *angle *= self.sigma);
+        measure::scale(turn, self.sigma);
         if self.step > 0.0 {
             for ((angle, x), y) in turn.iter_mut().zip(x).zip(y) {
                 let azimuth = y.atan2(*x);

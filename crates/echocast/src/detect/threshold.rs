@@ -6,6 +6,7 @@ use crate::ground::lanes::LANES;
 use crate::ground::rng::{Draw, Rng};
 use crate::read::bounds::{ABOVE_ZERO, Bounds, FARTHEST_M, check_rows, rising_rows};
 use crate::read::yaml;
+use echocast_kernels::light;
 use serde::{Deserialize, Deserializer, Serialize};
 
 /// `detection`: which echoes an instrument sees. Its keys stand beside those of the model.
@@ -242,7 +243,6 @@ impl Threshold {
 
     /// The noise that an echo of `beam` is detected in, a standard normal number; 0 where noise does not decide. `echo`
     /// tells the echoes of a beam apart.
-    #[inline(always)]
     pub(crate) fn noise(&self, rng: &Rng, beam: u32, echo: u32) -> f32 {
         match self {
             Threshold::Statistical { .. } => rng.normal(beam, Draw::Detection, echo),
@@ -251,7 +251,6 @@ impl Threshold {
     }
 
     /// [`Threshold::noise`] of echo 0 of each of `beams`.
-    #[inline(always)]
     pub(crate) fn noises(&self, rng: &Rng, beams: &[u32], out: &mut [f32]) {
         match self {
             Threshold::Statistical { .. } => rng.normals(beams, &[0; LANES][..beams.len()], Draw::Detection, out),
@@ -260,7 +259,6 @@ impl Threshold {
     }
 
     /// Whether an echo of effective reflectance `rho_eff` from `range` m is detected in `noise`.
-    #[inline(always)]
     pub(crate) fn detects(&self, rho_eff: f32, range: f32, noise: f32) -> bool {
         match *self {
             Threshold::Open => true,
@@ -275,8 +273,29 @@ impl Threshold {
         }
     }
 
+    /// [`Threshold::detects`] of each lane.
+    pub(crate) fn detect(
+        &self,
+        rho_eff: &[f32; LANES],
+        range: &[f32; LANES],
+        noise: &[f32; LANES],
+        seen: &mut [bool; LANES],
+    ) {
+        match *self {
+            Threshold::Calibrated { k } => light::over_square(k, rho_eff, range, seen),
+            Threshold::Linear { from, limit, slope } => light::over_line(from, limit, slope, rho_eff, range, seen),
+            Threshold::Statistical { unit, level, sigma, .. } => {
+                light::over_noise(unit, level, sigma, least_snr(level, sigma), rho_eff, range, noise, seen);
+            }
+            Threshold::Open | Threshold::LinearBlainder { .. } | Threshold::Table(_) => {
+                for lane in 0..LANES {
+                    seen[lane] = self.detects(rho_eff[lane], range[lane], noise[lane]);
+                }
+            }
+        }
+    }
+
     /// What the effective reflectance of an echo from `range` m must exceed in the paper's program.
-    #[inline(always)]
     pub(crate) fn limit_of_the_program(&self, range: f32) -> f32 {
         match *self {
             Threshold::LinearBlainder { from, limit, slope } if range >= from => limit + slope * range,
@@ -304,20 +323,23 @@ impl Threshold {
         }
     }
 
-    /// Signal-to-noise ratio relative to the threshold's, where the model knows it.
-    #[inline(always)]
-    pub(crate) fn relative_snr(&self, rho_eff: f32, range: f32) -> Option<f32> {
+    /// `rho_eff / R^2` of an echo whose signal-to-noise ratio is the threshold's, 1/m^2, where the model knows it.
+    pub(crate) fn unit(&self) -> Option<f32> {
         match *self {
-            Threshold::Calibrated { k } => Some(rho_eff / (k * range * range)),
-            Threshold::Statistical { unit, sigma, tnr, .. } => Some(rho_eff / (unit * sigma * tnr * range * range)),
+            Threshold::Calibrated { k } => Some(k),
+            Threshold::Statistical { unit, sigma, tnr, .. } => Some(unit * sigma * tnr),
             _ => None,
         }
+    }
+
+    /// Signal-to-noise ratio relative to the threshold's, where the model knows it.
+    pub(crate) fn relative_snr(&self, rho_eff: f32, range: f32) -> Option<f32> {
+        self.unit().map(|unit| rho_eff / (unit * range * range))
     }
 }
 
 /// Signal over the noise in darkness below which no echo is looked for: four sigma under the threshold, where one in
 /// 30,000 would be detected, and at least half as strong as the noise.
-#[inline(always)]
 fn least_snr(level: f32, sigma: f32) -> f32 {
     (level - 4.0 * sigma).max(0.5 * sigma)
 }

@@ -3,6 +3,7 @@
 use super::{BeamTable, Pose, Trajectory};
 use crate::ground::lanes::{LANES, RayBatch};
 use crate::ground::rng::{Draw, Rng};
+use echocast_kernels::aim;
 use glam::{DVec3, Mat3, Vec3};
 
 /// How the beams of one scan are put into the world.
@@ -26,7 +27,6 @@ impl<'a> Aim<'a> {
     }
 
     /// Rotation from the sensor frame to the world and local origin of the sensor for beam `beam`.
-    #[inline(always)]
     pub(crate) fn pose(&self, beams: &BeamTable, beam: usize) -> (Mat3, Vec3) {
         match *self {
             Aim::Fixed { rotation, origin } => (rotation, origin),
@@ -38,7 +38,6 @@ impl<'a> Aim<'a> {
 
     /// Origins, directions and farthest ranges of beams `first ..` that go in the directions `x`, `y`, `z` (sensor frame);
     /// `range_max`, m, where the table has none.
-    #[inline(always)]
     pub(crate) fn rays(
         &self,
         beams: &BeamTable,
@@ -57,12 +56,8 @@ impl<'a> Aim<'a> {
                 rays.org_x = [origin.x; LANES];
                 rays.org_y = [origin.y; LANES];
                 rays.org_z = [origin.z; LANES];
-                let [cx, cy, cz] = [rotation.x_axis, rotation.y_axis, rotation.z_axis];
-                for lane in 0..count {
-                    rays.dir_x[lane] = cx.x * x[lane] + cy.x * y[lane] + cz.x * z[lane];
-                    rays.dir_y[lane] = cx.y * x[lane] + cy.y * y[lane] + cz.y * z[lane];
-                    rays.dir_z[lane] = cx.z * x[lane] + cy.z * y[lane] + cz.z * z[lane];
-                }
+                let to = [&mut rays.dir_x, &mut rays.dir_y, &mut rays.dir_z];
+                aim::rotate(&rotation.to_cols_array_2d(), [x, y, z], to);
             }
             Aim::Moving { trajectory, start_time, local_origin } => {
                 let mut lane = 0;
@@ -93,7 +88,6 @@ fn local(pose: &Pose, local_origin: DVec3) -> (Mat3, Vec3) {
 
 /// Where `beams` really go that are reported to go in the directions `nominal` (sensor frame): off by a
 /// Gaussian angle of `sigma` rad, small, in each of the two directions across.
-#[inline(always)]
 pub(crate) fn scatter(rng: &Rng, beams: &[u32], sigma: f32, nominal: [&[f32]; 3], pointed: &mut [[f32; LANES]; 3]) {
     let count = beams.len();
     let mut angles = [[0.0; LANES]; 2];

@@ -89,13 +89,11 @@ impl BeamTable {
     }
 
     /// Direction of beam `beam`.
-    #[inline(always)]
     pub(crate) fn direction(&self, beam: usize) -> glam::Vec3 {
         glam::Vec3::new(self.dir_x[beam], self.dir_y[beam], self.dir_z[beam])
     }
 
     /// Directions of beams `first .. first + count`, by axis.
-    #[inline(always)]
     pub(crate) fn directions(&self, first: usize, count: usize) -> [&[f32]; 3] {
         [&self.dir_x, &self.dir_y, &self.dir_z].map(|axis| &axis[first..first + count])
     }

@@ -35,7 +35,6 @@ impl Face {
     }
 
     /// log2 of the power along a unit `direction` in the sensor's frame; nothing is sent to what is behind.
-    #[inline(always)]
     pub fn power(&self, direction: Vec3) -> f32 {
         let [ahead, along, across] = self.frame.map(|axis| axis.dot(direction));
         if ahead <= 0.0 {
@@ -66,7 +65,6 @@ impl Table {
         Table((-half..=half).map(|step| pattern(f64::from(step) / f64::from(half)) as f32).collect())
     }
 
-    #[inline(always)]
     fn at(&self, sine: f32) -> f32 {
         let steps = self.0.len() - 1;
         let at = (0.5 + 0.5 * sine) * steps as f32;

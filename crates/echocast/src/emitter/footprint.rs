@@ -1,6 +1,7 @@
 //! Where within a beam its light goes: sub-rays that stand for it.
 
 use crate::ground::lanes::{LANES, RayBatch};
+use echocast_kernels::aim;
 use glam::Vec3;
 use std::f64::consts::{PI, TAU};
 
@@ -37,7 +38,6 @@ impl Across {
     }
 
     /// The axes of one beam in `direction`, where the sensor's z is `up`, with the spiral turned by `turn` of a circle.
-    #[inline(always)]
     pub(crate) fn set(&mut self, lane: usize, direction: Vec3, up: Vec3, turn: f32) {
         let left = up.cross(direction);
         // A beam straight up or down has no left of its own.
@@ -46,7 +46,6 @@ impl Across {
     }
 
     /// The same with the vectors across themselves.
-    #[inline(always)]
     pub(crate) fn set_axes(&mut self, lane: usize, [left, up]: [Vec3; 2], turn: f32) {
         for (axis, (left, up)) in left.to_array().into_iter().zip(up.to_array()).enumerate() {
             self.left[axis][lane] = left;
@@ -109,27 +108,21 @@ impl Footprint {
     }
 
     /// Sub-ray `index` of every beam of the block: `beams` turned aside as `across` says. Their range limits are copied.
-    #[inline(always)]
     pub(crate) fn rays(&self, index: usize, across: &Across, beams: &RayBatch, rays: &mut RayBatch) {
-        let [cos, sin] = self.places[index];
-        let [horizontal, vertical] = self.half_angles;
         rays.range_max = beams.range_max;
-        for lane in 0..LANES {
-            let c = cos * across.turn[0][lane] - sin * across.turn[1][lane];
-            let s = sin * across.turn[0][lane] + cos * across.turn[1][lane];
-            // Sideways: the place at the exit is a quarter of a turn from where the angle leads.
-            let (a, b) = (self.start * c, self.start * s);
-            let (u, v) = (-horizontal * s, vertical * c);
-            rays.org_x[lane] = beams.org_x[lane] + a * across.left[0][lane] + b * across.up[0][lane];
-            rays.org_y[lane] = beams.org_y[lane] + a * across.left[1][lane] + b * across.up[1][lane];
-            rays.org_z[lane] = beams.org_z[lane] + a * across.left[2][lane] + b * across.up[2][lane];
-            let x = beams.dir_x[lane] + u * across.left[0][lane] + v * across.up[0][lane];
-            let y = beams.dir_y[lane] + u * across.left[1][lane] + v * across.up[1][lane];
-            let z = beams.dir_z[lane] + u * across.left[2][lane] + v * across.up[2][lane];
-            // Unit length: Embree is a third slower otherwise.
-            let scale = 1.0 / (x * x + y * y + z * z).sqrt();
-            (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = (x * scale, y * scale, z * scale);
-        }
+        let RayBatch { org_x, org_y, org_z, dir_x, dir_y, dir_z, .. } = rays;
+        aim::spread(
+            self.places[index],
+            self.start,
+            self.half_angles,
+            &across.left,
+            &across.up,
+            &across.turn,
+            [&beams.org_x, &beams.org_y, &beams.org_z],
+            [&beams.dir_x, &beams.dir_y, &beams.dir_z],
+            [org_x, org_y, org_z],
+            [dir_x, dir_y, dir_z],
+        );
     }
 }
 

@@ -113,21 +113,18 @@ impl Transducer {
     }
 
     /// What sends and hears where a ray starts.
-    #[inline(always)]
     fn face(&self, ray: usize) -> &Face {
         // Hearings of a side-scan sonar are its beams.
         &self.faces[(self.hearing[ray] as usize).min(self.faces.len() - 1)]
     }
 
     /// log2 of how much louder sound is sent along the unit `direction` (sensor frame) than along a ray.
-    #[inline(always)]
     pub fn sent_beside(&self, ray: usize, direction: Vec3) -> f32 {
         self.face(ray).power(direction) - self.power[ray]
     }
 
     /// log2 of how much louder sound is heard from the unit `direction` (sensor frame) than from that of a ray, without
     /// what the beams make of it; and the index of the [`Hearing`] that says this.
-    #[inline(always)]
     pub fn heard_beside(&self, ray: usize, direction: Vec3) -> (f32, u32) {
         let power = self.face(ray).power(direction);
         let louder = match self.only_sends {

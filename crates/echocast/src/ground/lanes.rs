@@ -1,16 +1,11 @@
 //! Blocks of rays, a lane each.
 
+pub(crate) use echocast_kernels::{LANES, MISS};
 use glam::Vec3;
-
-/// Rays of one block. All arrays of a block together (about 25 kB) stay in the first-level cache.
-pub(crate) const LANES: usize = 256;
 
 /// Beams per task. A constant, so that results cannot depend on the number of threads; traced rays lose nothing at this
 /// size.
 pub(crate) const CHUNK: usize = 2048;
-
-/// Surface index of a ray that hit nothing.
-pub(crate) const MISS: u32 = u32::MAX;
 
 /// Surface index of what the medium itself sends back, and no surface of the scene: rain and dust in the air, noise, the
 /// face of the sea.
@@ -54,13 +49,11 @@ impl RayBatch {
     }
 
     /// Where the ray of a lane starts.
-    #[inline(always)]
     pub(crate) fn origin(&self, lane: usize) -> Vec3 {
         Vec3::new(self.org_x[lane], self.org_y[lane], self.org_z[lane])
     }
 
     /// Unit direction of the ray of a lane.
-    #[inline(always)]
     pub(crate) fn direction(&self, lane: usize) -> Vec3 {
         Vec3::new(self.dir_x[lane], self.dir_y[lane], self.dir_z[lane])
     }

@@ -7,7 +7,6 @@ use glam::Vec3;
 ///
 /// The amplitudes of Fresnel's equations, `r_s = (c_i - m c_t) / (c_i + m c_t)`, `r_p = (m c_i - c_t) / (m c_i + c_t)`,
 /// which the paper's eq. 12 is the quotient of tangents and sines of, 0/0 head-on.
-#[inline(always)]
 pub(crate) fn dielectric(cos: f32, m: f32) -> (f32, f32) {
     let sin2 = (1.0 - cos * cos) / (m * m);
     if sin2 >= 1.0 {
@@ -18,7 +17,6 @@ pub(crate) fn dielectric(cos: f32, m: f32) -> (f32, f32) {
     ((s * s + p * p) / 2.0, cos_t)
 }
 
-#[inline(always)]
 fn amplitudes(cos: f32, cos_t: f32, m: f32) -> (f32, f32) {
     ((cos - m * cos_t) / (cos + m * cos_t), (m * cos - cos_t) / (m * cos + cos_t))
 }
@@ -26,7 +24,6 @@ fn amplitudes(cos: f32, cos_t: f32, m: f32) -> (f32, f32) {
 /// What a plate of index `n` reflects and lets pass, with all echoes between its faces, summed as powers for each
 /// polarisation: `T = (1-R)^2 A / (1 - R^2 A^2)`, `R' = R + R (1-R)^2 A^2 / (1 - R^2 A^2)`. `pass`: what is left after one
 /// way through, `A`; `cos_t`: as [`dielectric`] has it. Total reflection does not occur: both sides are air.
-#[inline(always)]
 pub(crate) fn plate(cos: f32, cos_t: f32, n: f32, pass: f32) -> (f32, f32) {
     let (s, p) = amplitudes(cos, cos_t, n);
     let shares = [s * s, p * p].map(|r| {
@@ -77,13 +74,11 @@ impl Complex {
 }
 
 /// Direction of the reflected light; `n` is the unit normal on the side of `d`, which comes in.
-#[inline(always)]
 pub(crate) fn reflected(d: Vec3, n: Vec3) -> Vec3 {
     d - n * (2.0 * d.dot(n))
 }
 
 /// Direction of the refracted light, by Snell's law; `cos_t` as [`dielectric`] has it.
-#[inline(always)]
 pub(crate) fn refracted(d: Vec3, n: Vec3, m: f32, cos_t: f32) -> Vec3 {
     (d / m + n * (-d.dot(n) / m - cos_t)).normalize()
 }

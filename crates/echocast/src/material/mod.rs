@@ -139,7 +139,6 @@ impl Material {
 
 impl ReflectanceSource {
     /// Reflectance, 0..1, of a linear base colour and alpha.
-    #[inline(always)]
     pub fn of(self, rgba: [f32; 4]) -> f32 {
         match self {
             // Rec. ITU-R BT.709 luma coefficients on linear light.

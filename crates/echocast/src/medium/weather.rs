@@ -19,7 +19,6 @@ pub(crate) struct Medium {
 
 impl Medium {
     /// Optical depth, one way, of `length` m from `origin` on; `travelled`: the beam's way to there, m.
-    #[inline(always)]
     pub(crate) fn depth(&self, origin: Vec3, direction: Vec3, travelled: f32, length: f32) -> f32 {
         let (from, to) = self.extent.interval(origin, direction, travelled, length);
         self.extinction as f32 * (to - from).max(0.0)

@@ -343,7 +343,6 @@ impl Camera {
 
     /// The measured range, m, of pixel `beam`, whose ray is `axis` (the cosine) off the optical axis and meets its surface
     /// at an incidence of cosine `cos`, where the range would be `range` without errors of the depth.
-    #[inline(always)]
     pub(crate) fn err(&self, rng: &Rng, beam: u32, axis: f32, cos: f32, range: f32) -> f32 {
         let Some(depth) = &self.depth else { return range };
         let [normal, _] = rng.normal_pair(beam, Draw::DepthJitter, 0);

@@ -77,7 +77,6 @@ impl Backscatter {
     }
 
     /// `log2(s_b / sine)` of what an arrival meets at the sine of a grazing angle.
-    #[inline(always)]
     pub fn log2(&self, surfaces: &Surfaces, arrival: &Arrival, sine: f32) -> f32 {
         let material = self.material(surfaces, arrival.surface);
         let value = interpolate(&self.laws, material, sine);
@@ -104,7 +103,6 @@ impl Backscatter {
     /// Between the two directions `s_b` is the geometric mean of what goes back into either, an assumption of ours: it
     /// is the same both ways, and of Lambert's law it makes `mu sin(in) sin(out)`, which that law is. Lobes about the
     /// mirror direction are not in it. What answers as a whole does so in all directions.
-    #[inline(always)]
     pub fn log2_between(&self, surfaces: &Surfaces, arrival: &Arrival, [sine_in, sine_out]: [f32; 2]) -> f32 {
         if self.is_whole(surfaces, arrival.surface) {
             return self.log2(surfaces, arrival, sine_in);
@@ -114,7 +112,6 @@ impl Backscatter {
     }
 
     /// Whether a row answers as a whole, however it is met.
-    #[inline(always)]
     pub fn is_whole(&self, surfaces: &Surfaces, row: u32) -> bool {
         self.by.get(self.material(surfaces, row)) == Some(&By::Area)
     }
@@ -124,7 +121,6 @@ impl Backscatter {
         interpolate(&self.losses, self.material(surfaces, row), sine as f32).into()
     }
 
-    #[inline(always)]
     fn material(&self, surfaces: &Surfaces, row: u32) -> usize {
         if row == MEDIUM { self.by.len() } else { surfaces.rows[row as usize].material as usize }
     }
@@ -137,7 +133,6 @@ fn tabulate(table: &mut Vec<f32>, value: impl Fn(f64) -> f64) {
     }));
 }
 
-#[inline(always)]
 fn interpolate(table: &[f32], material: usize, sine: f32) -> f32 {
     let at = (1.0 - sine).max(0.0).sqrt() * STEPS as f32;
     let step = (at as usize).min(STEPS - 1);

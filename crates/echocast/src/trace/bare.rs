@@ -3,7 +3,7 @@
 use super::{BuiltScene, Tables};
 use crate::ground::lanes::{CHUNK, LANES, RayBatch};
 use embree4::{Coherence, INVALID, Packet};
-use pulp::{Arch, Simd, WithSimd};
+use echocast_kernels::measure;
 use rayon::prelude::*;
 
 /// A bare loop over the fastest Embree call, on the same committed scene and the same rays as a scan:
@@ -70,12 +70,16 @@ impl<'a> BareLoop<'a> {
 
     /// Traces all rays once.
     pub fn run(&mut self) {
-        let arch = Arch::new();
         let (scene, coherent, spread) = (self.scene, self.coherent, self.spread);
         let blocks = CHUNK / LANES;
         let chunks = self.rays.par_chunks(blocks).zip(self.counts.par_chunks(blocks));
         chunks.zip(self.hits.par_chunks_mut(blocks)).for_each(|((rays, counts), hits)| {
-            arch.dispatch(BareChunk { scene, coherent, spread, counts, rays, hits });
+            let chunk = BareChunk { scene, coherent, spread, counts, rays, hits };
+            match scene.packet_width {
+                16 => chunk.run::<16>(),
+                8 => chunk.run::<8>(),
+                _ => chunk.run::<4>(),
+            }
         });
     }
 
@@ -99,21 +103,7 @@ struct BareChunk<'a> {
     hits: &'a mut [BareHits],
 }
 
-impl WithSimd for BareChunk<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        match self.scene.packet_width {
-            16 => self.run::<16>(),
-            8 => self.run::<8>(),
-            _ => self.run::<4>(),
-        }
-    }
-}
-
 impl BareChunk<'_> {
-    #[inline(always)]
     fn run<const W: usize>(self) {
         let coherence = if self.coherent { Coherence::Coherent } else { Coherence::Incoherent };
         let mut packet = Packet::<W>::new();
@@ -139,11 +129,6 @@ impl BareChunk<'_> {
                     valid[count - first..].fill(0);
                 }
                 self.scene.committed.intersect(&valid, &mut packet, coherence);
-                for lane in 0..W {
-                    out.x[first + lane] = packet.org_x[lane] + packet.dir_x[lane] * packet.tfar[lane];
-                    out.y[first + lane] = packet.org_y[lane] + packet.dir_y[lane] * packet.tfar[lane];
-                    out.z[first + lane] = packet.org_z[lane] + packet.dir_z[lane] * packet.tfar[lane];
-                }
                 out.range[lanes.clone()].copy_from_slice(&packet.tfar);
                 out.normal_x[lanes.clone()].copy_from_slice(&packet.ng_x);
                 out.normal_y[lanes.clone()].copy_from_slice(&packet.ng_y);
@@ -154,6 +139,9 @@ impl BareChunk<'_> {
                 out.geometry[lanes.clone()].copy_from_slice(&packet.geom_id);
                 out.instance[lanes].copy_from_slice(&packet.inst_id);
             }
+            measure::place(&rays.org_x, &rays.dir_x, &out.range, &mut out.x);
+            measure::place(&rays.org_y, &rays.dir_y, &out.range, &mut out.y);
+            measure::place(&rays.org_z, &rays.dir_z, &out.range, &mut out.z);
         }
     }
 }

@@ -39,7 +39,6 @@ impl HitBatch {
 
     /// Traces the first `count` rays, through the holes of cut-outs. `coherent`: neighbours in the batch are neighbours in angle. `mask`: objects are
     /// hit whose mask shares a bit with it.
-    #[inline(always)]
     pub(crate) fn trace(&mut self, scene: &Tables, rays: &RayBatch, count: usize, coherent: bool, mask: u32) {
         let coherence = if coherent { Coherence::Coherent } else { Coherence::Incoherent };
         match scene.packet_width {
@@ -49,7 +48,6 @@ impl HitBatch {
         }
     }
 
-    #[inline(always)]
     fn trace_packets<const W: usize>(
         &mut self,
         scene: &Tables,
@@ -94,7 +92,6 @@ impl HitBatch {
     }
 
     /// Normal of the hit of a lane.
-    #[inline(always)]
     pub(crate) fn normal(&self, lane: usize) -> Vec3 {
         Vec3::new(self.normal_x[lane], self.normal_y[lane], self.normal_z[lane])
     }
@@ -111,7 +108,6 @@ impl HitBatch {
     }
 
     /// Brings the normals of hits in instances to the world's frame.
-    #[inline(always)]
     pub(crate) fn orient_normals(&mut self, scene: &Tables, count: usize) {
         for lane in 0..count {
             if scene.surfaces.rows.get(self.surface[lane] as usize).is_some_and(|row| row.instanced) {
@@ -124,7 +120,6 @@ impl HitBatch {
 
 impl Tables {
     /// The `normal` of a hit on a `surface` (a row, or [`MISS`]) as Embree gives it, in the world's frame.
-    #[inline(always)]
     pub(crate) fn world_normal(&self, surface: u32, normal: Vec3) -> Vec3 {
         match self.surfaces.rows.get(surface as usize) {
             Some(row) if row.instanced => self.normal_matrices[row.object as usize] * normal,

@@ -558,7 +558,6 @@ impl<'a> SoundTracer<'a> {
 
 impl Launch<'_> {
     /// Unit direction of a ray in the world's frame.
-    #[inline(always)]
     fn direction(&self, ray: usize) -> Vec3 {
         let [x, y, z] = self.directions;
         self.rotation * Vec3::new(x[ray], y[ray], z[ray])

@@ -115,7 +115,6 @@ impl Surfaces {
     }
 
     /// The row of what is hit: `geometry` by itself, or that of `instance` where that is not [`INVALID`].
-    #[inline(always)]
     pub(crate) fn row(&self, geometry: u32, instance: u32) -> u32 {
         if instance == INVALID { geometry } else { self.first_row[instance as usize] + geometry }
     }

@@ -3,6 +3,7 @@
 use crate::ground::lanes::{LANES, MISS, RayBatch};
 use crate::material::{ReflectanceSource, Reflectances, Scattering, srgb_byte};
 use crate::trace::{HitBatch, Surface, Surfaces, Tables};
+use echocast_kernels::light;
 use glam::Vec3;
 
 /// What images are read for.
@@ -46,7 +47,6 @@ impl Contribution {
 
     /// Incidence of the first `count` rays, with the normals of `hits` made unit vectors in the world's frame on the
     /// sensor's side; interpolated ones where the part has them and `smooth` wants them.
-    #[inline(always)]
     pub(crate) fn face(&mut self, scene: &Tables, rays: &RayBatch, hits: &mut HitBatch, count: usize, smooth: bool) {
         if scene.surfaces.has_instances {
             hits.orient_normals(scene, count);
@@ -58,24 +58,14 @@ impl Contribution {
     }
 
     /// Incidence, with the normals of `hits` made unit vectors on the sensor's side.
-    #[inline(always)]
     fn meet(&mut self, rays: &RayBatch, hits: &mut HitBatch) {
-        for lane in 0..LANES {
-            let n = [hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]];
-            let along = n[0] * rays.dir_x[lane] + n[1] * rays.dir_y[lane] + n[2] * rays.dir_z[lane];
-            let length = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
-            let scale = if along > 0.0 { -1.0 } else { 1.0 } / length;
-            hits.normal_x[lane] = n[0] * scale;
-            hits.normal_y[lane] = n[1] * scale;
-            hits.normal_z[lane] = n[2] * scale;
-            self.cos_incidence[lane] = (-along * scale).min(1.0);
-        }
+        let normals = [&mut hits.normal_x, &mut hits.normal_y, &mut hits.normal_z];
+        light::face(normals, [&rays.dir_x, &rays.dir_y, &rays.dir_z], &mut self.cos_incidence);
     }
 
     /// Puts the interpolated shading normal in place of the triangle's on smooth parts, and its incidence. The triangle,
     /// made to face the sensor by [`Contribution::meet`], says on which side of the surface the sensor is; where the
     /// shading normal turns away from the sensor nothing comes back.
-    #[inline(always)]
     fn shade(&mut self, scene: &Tables, rays: &RayBatch, hits: &mut HitBatch, count: usize) {
         let surfaces = &scene.surfaces;
         // Neighbours mostly meet the same part.
@@ -105,7 +95,6 @@ impl Contribution {
 
     /// Labels, colours and reflectance of the surfaces hit by the first `count` rays, whose incidence is known
     /// ([`Contribution::face`]). Neighbours mostly meet the same surface, so whole runs of lanes are filled at once.
-    #[inline(always)]
     pub(crate) fn look_up(
         &mut self,
         surfaces: &Surfaces,

@@ -1,8 +1,8 @@
 //! What an instrument reports as intensity.
 
-use crate::ground::math::ln;
+use crate::ground::lanes::LANES;
+use echocast_kernels::light;
 use serde::{Deserialize, Serialize};
-use std::f32::consts::PI;
 
 /// How received energy becomes the `intensity` column.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -43,9 +43,6 @@ pub(crate) enum IntensityModel {
     Blainder,
 }
 
-/// Natural logarithm of what gives 255 in [`IntensityEncoding::Reflectivity8`]; the maker does not say it.
-const LN_1000: f32 = 6.907_755;
-
 impl IntensityModel {
     /// As [`IntensityEncoding::full_scale`].
     pub(crate) fn full_scale(self) -> Option<f32> {
@@ -57,21 +54,26 @@ impl IntensityModel {
     }
 
     /// Intensity of a hard target: Lambert reflectance `rho` (0 or more), `cos` of the incidence angle, `range` in m.
-    #[inline(always)]
     pub(crate) fn of(self, rho: f32, cos: f32, range: f32) -> f32 {
         match self {
             IntensityModel::Encoded(IntensityEncoding::Reflectivity) | IntensityModel::Blainder => rho * cos,
-            IntensityModel::Encoded(IntensityEncoding::Reflectivity8) => {
-                let percent = 100.0 * rho * cos;
-                let retro = 101.0 + (154.0 / LN_1000 * ln((rho * cos).max(1.0))).round_ties_even();
-                if percent > 100.0 { retro.min(255.0) } else { percent.round_ties_even() }
+            IntensityModel::Encoded(IntensityEncoding::Reflectivity8) => light::eight_bits(rho, cos),
+            IntensityModel::Encoded(IntensityEncoding::Reflectivity255) => light::percent(rho, cos),
+            IntensityModel::Encoded(IntensityEncoding::Power) => light::power(rho * cos, range),
+            IntensityModel::PaperEq5 => light::power(rho, range),
+        }
+    }
+
+    /// [`IntensityModel::of`] each lane.
+    pub(crate) fn of_all(self, rho: &[f32; LANES], cos: &[f32; LANES], range: &[f32; LANES], to: &mut [f32; LANES]) {
+        match self {
+            IntensityModel::Encoded(IntensityEncoding::Reflectivity) | IntensityModel::Blainder => {
+                light::product(rho, cos, to);
             }
-            IntensityModel::Encoded(IntensityEncoding::Reflectivity255) => {
-                let percent = (100.0 * rho * cos).round_ties_even();
-                if percent > 255.0 { 255.0 } else { percent }
-            }
-            IntensityModel::Encoded(IntensityEncoding::Power) => rho * cos / (PI * range * range),
-            IntensityModel::PaperEq5 => rho / (PI * range * range),
+            IntensityModel::Encoded(IntensityEncoding::Reflectivity8) => light::to_eight_bits(rho, cos, to),
+            IntensityModel::Encoded(IntensityEncoding::Reflectivity255) => light::to_percent(rho, cos, to),
+            IntensityModel::Encoded(IntensityEncoding::Power) => light::to_power(rho, cos, range, to),
+            IntensityModel::PaperEq5 => light::to_power_without_cosine(rho, range, to),
         }
     }
 }

@@ -179,7 +179,6 @@ pub(crate) trait PathEchoes {
     fn take(&mut self, echo: &PathEcho, hits: &HitBatch, surfaces: &Contribution);
 
     /// Hears where paths lead.
-    #[inline(always)]
     fn meet(&mut self, _: Meeting) {}
 }
 
@@ -267,7 +266,6 @@ impl Default for Follower {
 impl Follower {
     /// Follows the light of those of the first `count` rays whose surface does not stop it; `echoes` hears of what comes
     /// back, from the surface itself too. `rays`, `hits` and `surfaces` are the rays' own, normals on their side.
-    #[inline(always)]
     pub(crate) fn follow(
         &mut self,
         around: &Surroundings,
@@ -304,7 +302,6 @@ impl Follower {
     }
 
     /// Traces up to [`LANES`] paths.
-    #[inline(always)]
     fn step(&mut self, around: &Surroundings, paths: &[Path], echoes: &mut impl PathEchoes) {
         for (lane, path) in paths.iter().enumerate() {
             (self.rays.org_x[lane], self.rays.org_y[lane], self.rays.org_z[lane]) = path.origin.into();
@@ -331,7 +328,6 @@ fn optics<'a>(around: &Surroundings<'a>, hits: &HitBatch, lane: usize) -> Option
 }
 
 /// `path` meets the surface of a lane: its echo, and the paths that go on.
-#[inline(always)]
 fn arrive(
     around: &Surroundings,
     path: &Path,

@@ -162,7 +162,6 @@ impl Face {
     }
 
     /// Distance of the peak behind the face and its height, for `u`.
-    #[inline(always)]
     pub(crate) fn peak(&self, u: f32) -> [f32; 2] {
         let place = (u / Self::MOST as f32).sqrt().min(1.0) * (Self::ROWS - 1) as f32;
         let row = (place as usize).min(Self::ROWS - 2);

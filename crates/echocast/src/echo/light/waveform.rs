@@ -4,7 +4,7 @@
 //! receiver sees, with the Gaussian pulse of the beam's width (whatever its shape), P_i = `rho_eff / R_i^2`, 1/m^2. An echo
 //! is a local maximum of W. Two equal pulses have one maximum up to a distance of 2 sigma.
 
-use super::weather::exp_negative;
+use echocast_kernels::light;
 use crate::detect::Peak;
 use crate::ground::lanes::LANES;
 
@@ -112,7 +112,6 @@ impl Waveform {
 
     /// [`Waveform::refine`] for signals side by side, each of parts that span no more than [`Waveform::NARROW`]: `signals`
     /// has range and power of the parts. `peaks` begins as their mean range and the sum of their power.
-    #[inline(always)]
     pub(crate) fn refine_narrow<'a>(
         &self,
         signals: impl Iterator<Item = [&'a [f32; LANES]; 2]> + Clone,
@@ -123,20 +122,9 @@ impl Waveform {
         for _ in 0..2 {
             let (mut sum, mut first, mut second) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
             for [ranges, powers] in signals.clone() {
-                for lane in 0..LANES {
-                    let x = (ranges[lane] - range[lane]) * scale;
-                    // No farther than the lanes that count; the others are not looked at.
-                    let weight = powers[lane] * exp_negative(0.5 * (x * x).min(8.0));
-                    sum[lane] += weight;
-                    first[lane] += weight * x;
-                    second[lane] += weight * x * x;
-                }
+                light::add_terms(scale, ranges, powers, range, &mut sum, &mut first, &mut second);
             }
-            for lane in 0..LANES {
-                let mean = first[lane] / sum[lane];
-                let bend = 1.0 - (second[lane] / sum[lane] - mean * mean);
-                range[lane] += mean / bend.max(0.1) * self.sigma;
-            }
+            light::step(self.sigma, &sum, &first, &second, range);
             *power = sum;
         }
     }

@@ -7,6 +7,8 @@ use crate::ground::cause::Cause;
 use crate::ground::lanes::{LANES, MEDIUM, MISS, RayBatch};
 use crate::ground::rng::{Draw, Rng};
 use crate::medium::{Extent, Medium, Weather};
+use echocast_kernels::light;
+use echocast_kernels::math::exp_negative;
 use glam::Vec3;
 use std::f64::consts::PI;
 
@@ -133,7 +135,6 @@ impl Answer {
     }
 
     /// Puts `echo`, which no surface sent, in place of that of `lane` if `mode` prefers it.
-    #[inline(always)]
     pub(crate) fn offer(
         &mut self,
         mode: ReturnMode,
@@ -259,43 +260,28 @@ impl Air {
     }
 
     /// Transmittance, there and back, of the first `length` m of the first `count` rays, which begin at the sensor.
-    #[inline(always)]
     pub(crate) fn dim(&self, rays: &RayBatch, length: &[f32; LANES], count: usize, two_way: &mut [f32; LANES]) {
         self.depths(rays, length, count, two_way);
-        for depth in two_way.iter_mut() {
-            *depth = exp_negative(2.0 * *depth);
-        }
+        light::transmit(two_way);
     }
 
     /// Optical depth, one way, of the first `length` m of the first `count` rays, which begin at the sensor.
-    #[inline(always)]
     fn depths(&self, rays: &RayBatch, length: &[f32; LANES], count: usize, depth: &mut [f32; LANES]) {
         depth.fill(0.0);
         for medium in &self.weather.media {
             let extinction = medium.extinction as f32;
             match medium.extent {
-                Extent::Everywhere => {
-                    for lane in 0..LANES {
-                        depth[lane] += extinction * length[lane];
-                    }
-                }
-                Extent::Shell { start, end } => {
-                    for lane in 0..LANES {
-                        depth[lane] += extinction * (length[lane].min(end) - start).max(0.0);
-                    }
-                }
+                Extent::Everywhere => light::add_depth_all_over(extinction, length, depth),
+                Extent::Shell { start, end } => light::add_depth(extinction, start, end, length, depth),
                 _ => {
                     let [from, to] = intervals(&medium.extent, rays, length, count);
-                    for lane in 0..LANES {
-                        depth[lane] += extinction * (to[lane] - from[lane]).max(0.0);
-                    }
+                    light::add_depth_between(extinction, &from, &to, depth);
                 }
             }
         }
     }
 
     /// Tells `echoes` of what the air sends back along `rays`, one of each of `beams`.
-    #[inline(always)]
     pub(crate) fn answer(&self, rays: &RayBatch, rng: &Rng, beams: &[u32], echoes: &mut impl AirEchoes) {
         let count = beams.len();
         for &(echo, cause) in &self.around {
@@ -346,7 +332,6 @@ impl Air {
     }
 
     /// The faces of media that lie in the world.
-    #[inline(always)]
     fn answer_from_places(&self, rays: &RayBatch, count: usize, echoes: &mut impl AirEchoes) {
         let face = Face::get();
         let sigma = self.receiver.pulse.sigma() as f32;
@@ -470,12 +455,10 @@ pub(crate) struct Foremost<'a> {
 }
 
 impl AirEchoes for Foremost<'_> {
-    #[inline(always)]
     fn end(&self, lane: usize) -> f32 {
         self.answer.end[lane]
     }
 
-    #[inline(always)]
     fn least(&self, lane: usize) -> f32 {
         match self.mode {
             ReturnMode::Last if self.surface[lane] < MEDIUM => f32::INFINITY,
@@ -488,7 +471,6 @@ impl AirEchoes for Foremost<'_> {
         }
     }
 
-    #[inline(always)]
     fn take(&mut self, lane: usize, echo: AirEcho, cause: Cause) -> bool {
         let echo = AirEcho { rho_eff: echo.rho_eff * self.answer.efficiency[lane], ..echo };
         let noise = self.threshold.noise(self.rng, self.beams[lane], echo.range.to_bits());
@@ -505,24 +487,11 @@ impl AirEchoes for Foremost<'_> {
 
 /// [`Extent::interval`] of each of the first `count` rays, which begin at the sensor, up to its `length` m; boxes side by
 /// side.
-#[inline(always)]
 fn intervals(extent: &Extent, rays: &RayBatch, length: &[f32; LANES], count: usize) -> [[f32; LANES]; 2] {
     let (mut from, mut to) = ([0.0f32; LANES], *length);
     if let Extent::Box { min, max } = extent {
         let (org, dir) = ([&rays.org_x, &rays.org_y, &rays.org_z], [&rays.dir_x, &rays.dir_y, &rays.dir_z]);
-        for axis in 0..3 {
-            for lane in 0..LANES {
-                let (place, slope) = (org[axis][lane], dir[axis][lane]);
-                let a = (min[axis] - place) / slope;
-                let b = (max[axis] - place) / slope;
-                // Parallel to a pair of faces, which themselves are within.
-                let within = (place >= min[axis]) & (place <= max[axis]);
-                let never = if within { f32::NEG_INFINITY } else { f32::INFINITY };
-                let (near, far) = if slope == 0.0 { (never, f32::INFINITY) } else { (a.min(b), a.max(b)) };
-                from[lane] = from[lane].max(near);
-                to[lane] = to[lane].min(far);
-            }
-        }
+        light::cross_box(min.to_array(), max.to_array(), org, dir, &mut from, &mut to);
     } else {
         for lane in 0..count {
             (from[lane], to[lane]) = extent.interval(rays.origin(lane), rays.direction(lane), 0.0, length[lane]);
@@ -532,25 +501,8 @@ fn intervals(extent: &Extent, rays: &RayBatch, length: &[f32; LANES], count: usi
 }
 
 /// An exponential number of mean 1 from one in [0, 1).
-#[inline(always)]
 fn exponential(uniform: f32) -> f32 {
     -(1.0 - uniform).ln()
-}
-
-/// `e^-x` for x of 0 and more, to 2e-7 of itself, 0 beyond 87.
-#[inline(always)]
-pub(super) fn exp_negative(x: f32) -> f32 {
-    const LOG2_E: f32 = std::f32::consts::LOG2_E;
-    const LN_2_HIGH: f32 = 0.693_359_4;
-    const LN_2_LOW: f32 = -2.121_944_4e-4;
-    let x = -x.min(87.0);
-    // e^x = 2^n e^r, |r| <= ln 2 / 2, in two steps so that r is exact.
-    let n = (x * LOG2_E).round_ties_even();
-    let r = x - n * LN_2_HIGH - n * LN_2_LOW;
-    let series =
-        1.0 + r * (1.0 + r * (0.5 + r * (1.0 / 6.0 + r * (1.0 / 24.0 + r * (1.0 / 120.0 + r * (1.0 / 720.0))))));
-    let scale = f32::from_bits(((n as i32 + 127) << 23) as u32);
-    if x <= -87.0 { 0.0 } else { series * scale }
 }
 
 #[cfg(test)]

@@ -12,7 +12,6 @@ impl Insonification<'_> {
     /// For each direct way to the place of an arrival two more arrivals and their answers: what comes straight back of
     /// the arrival, then what was sent straight and comes back its way. By reciprocity both lose the same on their way,
     /// and both come at the mean of the two one-way times; they add up as energies.
-    #[inline(always)]
     pub(super) fn answer_mixed(
         &self,
         arrivals: &mut Vec<Arrival>,

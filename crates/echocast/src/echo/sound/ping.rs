@@ -9,6 +9,7 @@ use crate::ground::math::{LOG2_PER_DB, exp2, log2};
 use crate::ground::rng::{Draw, Rng};
 use crate::medium::Spreading;
 use crate::trace::{Arrival, Backscatter, Direct, Surfaces};
+use echocast_kernels::sound;
 use glam::{Mat3, Quat, Vec3};
 use std::sync::Arc;
 
@@ -68,7 +69,6 @@ pub(crate) struct Drift {
 
 impl Drift {
     /// Reported range of an echo from the unit `direction` (world): the way back ends where the sonar is by then.
-    #[inline(always)]
     fn range(&self, range: f32, direction: Vec3) -> f32 {
         range - range * self.moved.dot(direction)
     }
@@ -151,7 +151,6 @@ const BATCH: usize = 64;
 
 impl Insonification<'_> {
     /// Finds what `echoes.arrivals` send back, also straight back where `echoes.direct` says so.
-    #[inline(always)]
     pub fn answer(&self, echoes: &mut Echoes) {
         let Echoes { arrivals, direct, answers, energy, re, im } = echoes;
         answers.clear();
@@ -183,7 +182,6 @@ impl Insonification<'_> {
     }
 
     /// How the echo that came back along its ray is heard, by `drift`.
-    #[inline(always)]
     pub(super) fn heard_later(&self, drift: &Drift, ray: usize, range: f32, direction: Vec3) -> Heard {
         if drift.turned == Vec3::ZERO {
             let hearing = self.transducer.hearing[ray];
@@ -193,7 +191,6 @@ impl Insonification<'_> {
     }
 
     /// How an echo of a one-way range is heard that comes from the unit `direction` (world), of which a ray has told.
-    #[inline(always)]
     pub(super) fn heard_from(&self, ray: usize, range: f32, direction: Vec3) -> Heard {
         let mut at = range;
         let mut seen = self.rotation.transpose() * direction;
@@ -208,7 +205,6 @@ impl Insonification<'_> {
 
     /// By how much the range of an echo that leaves back along the unit `back` changes over a ray's cell, m, and how far
     /// along the surface a metre of range is.
-    #[inline(always)]
     pub(super) fn reach(&self, arrival: &Arrival, back: Vec3) -> (f32, Vec3) {
         /// Sine of the grazing angle, 0.6 degrees, from which on cells cover no more: at the rim of a round thing they would
         /// reach far behind it.
@@ -237,7 +233,6 @@ impl Insonification<'_> {
     }
 
     /// Divides an echo among bins.
-    #[inline(always)]
     pub(super) fn divide(&self, arrival: &Arrival, echo: Echo, parts: &mut Parts) -> PingEcho {
         let Echo { power, heard: Heard { mut at, hearing, .. }, reach, slide, way } = echo;
         let Parts { energy, re, im, batch } = parts;
@@ -292,21 +287,18 @@ impl Insonification<'_> {
     }
 
     /// Direction in which a ray started, world.
-    #[inline(always)]
     pub(super) fn launch(&self, ray: usize) -> Vec3 {
         let [x, y, z] = &self.transducer.direction;
         self.rotation * Vec3::new(x[ray], y[ray], z[ray])
     }
 
     /// Unit vector across a ray where it starts, world.
-    #[inline(always)]
     fn tangent(&self, ray: usize) -> Vec3 {
         let [x, y, z] = &self.transducer.tangent;
         self.rotation * Vec3::new(x[ray], y[ray], z[ray])
     }
 
     /// What is `tangent` (rad) from one side of a ray's cell to the other, where it arrives, m.
-    #[inline(always)]
     fn across(&self, ray: usize, arrival: &Arrival, tangent: Vec3) -> Vec3 {
         let [upright, level] = arrival.tube;
         if self.straight && arrival.order == 0 {
@@ -323,14 +315,12 @@ impl Insonification<'_> {
     }
 
     /// log2 of what spreading leaves of an echo that returns the way it went.
-    #[inline(always)]
     fn spread(&self, arrival: &Arrival) -> f32 {
         self.spread_between(arrival, arrival)
     }
 
     /// log2 of what spreading leaves of an echo that went `out` and comes `back`: of the way back alone, as the way there
     /// makes the footprint that the ray stands for. Levels do not rise within a metre of the sonar.
-    #[inline(always)]
     pub(super) fn spread_between(&self, out: &Arrival, back: &Arrival) -> f32 {
         if self.spreading == Spreading::RayTube {
             let [upright, level] = back.tube;
@@ -347,14 +337,12 @@ impl Insonification<'_> {
 }
 
 /// Sine of the grazing angle between a unit vector and a surface.
-#[inline(always)]
 pub(super) fn sine(direction: Vec3, normal: Vec3) -> f32 {
     (direction.dot(normal).abs() / normal.length()).clamp(1e-3, 1.0)
 }
 
 impl Parts<'_> {
     /// [`Batch::scatter`] of what waits for it.
-    #[inline(always)]
     fn scatter(&mut self, scatterers: &Scatterers) {
         self.batch.scatter(scatterers, self.energy, self.re, self.im);
     }
@@ -366,7 +354,6 @@ impl Batch {
     }
 
     /// Gives the parts random amplitudes and adds them to the others.
-    #[inline(always)]
     fn scatter(&mut self, scatterers: &Scatterers, energy: &mut Vec<f32>, re: &mut Vec<f32>, im: &mut Vec<f32>) {
         let (mut x, mut y) = ([0.0; BATCH], [0.0; BATCH]);
         let Batch { place: [a, b, c], object, turn, .. } = self;
@@ -484,33 +471,22 @@ impl Tile {
     }
 
     /// Adds the parts of an arrival that one beam hears, where its bins follow each other.
-    #[inline(always)]
     fn hear_alone(&mut self, echoes: &Echoes, answer: &PingEcho, loud: f32, who: u32, wants: Wants) {
         let parts = answer.first as usize..(answer.first + answer.parts) as usize;
         let cells = answer.bin as usize..(answer.bin + answer.parts) as usize;
         let scale = if wants.speckle { loud } else { loud * loud };
-        for (sum, x) in self.re[cells.clone()].iter_mut().zip(&echoes.re[parts.clone()]) {
-            *sum += scale * x;
-        }
+        sound::add(scale, &echoes.re[parts.clone()], &mut self.re[cells.clone()]);
         if wants.speckle {
-            for (sum, y) in self.im[cells.clone()].iter_mut().zip(&echoes.im[parts.clone()]) {
-                *sum += loud * y;
-            }
+            sound::add(loud, &echoes.im[parts.clone()], &mut self.im[cells.clone()]);
         }
         if wants.who {
             let (most, is) = (&mut self.most[cells.clone()], &mut self.who[cells]);
-            for ((most, is), energy) in most.iter_mut().zip(is).zip(&echoes.energy[parts]) {
-                let heard = loud * loud * energy;
-                let stronger = heard > *most;
-                *most = if stronger { heard } else { *most };
-                *is = if stronger { who } else { *is };
-            }
+            sound::prefer_parts(loud, &echoes.energy[parts], who, most, is);
         }
     }
 
     /// Adds the parts of an arrival that beams side by side hear, from the tile's beam `first` on, as loud as `loudness`
     /// says.
-    #[inline(always)]
     fn hear_together(
         &mut self,
         echoes: &Echoes,
@@ -521,56 +497,29 @@ impl Tile {
     ) {
         let width = self.width();
         let parts = answer.first as usize..(answer.first + answer.parts) as usize;
-        for (bin, part) in (answer.bin as usize..).zip(parts) {
-            let start = bin * width + first;
-            let cells = start..start + loudness.len();
-            if wants.speckle {
-                let (x, y) = (echoes.re[part], echoes.im[part]);
-                for (sum, &loud) in self.re[cells.clone()].iter_mut().zip(loudness) {
-                    *sum += loud * x;
-                }
-                for (sum, &loud) in self.im[cells.clone()].iter_mut().zip(loudness) {
-                    *sum += loud * y;
-                }
-            } else {
-                let x = echoes.re[part];
-                for (sum, &loud) in self.re[cells.clone()].iter_mut().zip(loudness) {
-                    *sum += loud * loud * x;
-                }
-            }
-            if wants.who {
-                let energy = echoes.energy[part];
-                let (most, is) = (&mut self.most[cells.clone()], &mut self.who[cells]);
-                for ((most, is), &loud) in most.iter_mut().zip(is).zip(loudness) {
-                    let heard = loud * loud * energy;
-                    let stronger = heard > *most;
-                    *most = if stronger { heard } else { *most };
-                    *is = if stronger { who } else { *is };
-                }
-            }
+        let start = answer.bin as usize * width + first;
+        if wants.speckle {
+            sound::add_rows(start, width, loudness, &echoes.re[parts.clone()], &mut self.re);
+            sound::add_rows(start, width, loudness, &echoes.im[parts.clone()], &mut self.im);
+        } else {
+            sound::add_rows_squared(start, width, loudness, &echoes.re[parts.clone()], &mut self.re);
+        }
+        if wants.who {
+            let (most, is) = (&mut self.most, &mut self.who);
+            sound::prefer_rows(start, width, loudness, &echoes.energy[parts], who, most, is);
         }
     }
 
     /// Adds up where in the beams the energy of an arrival comes from.
-    #[inline(always)]
     fn lean(&mut self, echoes: &Echoes, answer: &PingEcho, first: usize, [loudness, beside]: [&[f32]; 2]) {
         let width = self.width();
         let parts = answer.first as usize..(answer.first + answer.parts) as usize;
-        for (bin, part) in (answer.bin as usize..).zip(parts) {
-            let start = bin * width + first;
-            let cells = start..start + loudness.len();
-            let energy = echoes.energy[part];
-            let sums = self.lean[cells.clone()].iter_mut().zip(&mut self.total[cells]);
-            for ((lean, total), (&loud, &beside)) in sums.zip(loudness.iter().zip(beside)) {
-                let heard = loud * loud * energy;
-                *lean += heard * beside;
-                *total += heard;
-            }
-        }
+        let start = answer.bin as usize * width + first;
+        let (lean, total) = (&mut self.lean, &mut self.total);
+        sound::lean_rows(start, width, loudness, beside, &echoes.energy[parts], lean, total);
     }
 
     /// Adds what the beams hear of chunk number `chunk`.
-    #[inline(always)]
     pub fn hear(&mut self, transducer: &Transducer, chunk: u32, echoes: &Echoes, bin_m: f32, wants: Wants) {
         let width = self.width();
         for (index, (arrival, answer)) in (0..).zip(echoes.arrivals.iter().zip(&echoes.answers)) {
@@ -598,7 +547,6 @@ impl Tile {
     }
 
     /// Closes the water of a bin, and behind it, to beams by the cell of a ray that meets something there.
-    #[inline(always)]
     fn close(&mut self, transducer: &Transducer, ray: usize, bin: usize) {
         let width = self.width();
         // Of the beams at the start, by which the open water is reckoned.

@@ -1,8 +1,8 @@
 //! What pulse and receiver make of what beams hear: levels.
 
 use super::ping::Tile;
-use crate::ground::math::{LOG2_PER_DB, log2};
 use crate::ground::rng::{Draw, Rng};
+use echocast_kernels::sound;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
@@ -91,20 +91,12 @@ impl Response {
     }
 
     /// Adds up `line` over range into `out`; `padded` is memory.
-    #[inline(always)]
     fn convolve(&self, line: &[f32], squared: bool, padded: &mut Vec<f32>, out: &mut [f32]) {
         let half = self.taps.len() - 1;
         padded.clear();
         padded.resize(line.len() + 2 * half, 0.0);
         padded[half..half + line.len()].copy_from_slice(line);
-        out.fill(0.0);
-        for shift in 0..=2 * half {
-            let tap = self.taps[shift.abs_diff(half)];
-            let tap = if squared { tap * tap } else { tap };
-            for (out, value) in out.iter_mut().zip(&padded[shift..]) {
-                *out += tap * value;
-            }
-        }
+        sound::convolve(&self.taps, squared, padded, out);
     }
 }
 
@@ -126,28 +118,25 @@ pub(crate) struct Lines {
     im: Vec<f32>,
     noise_re: Vec<f32>,
     noise_im: Vec<f32>,
+    /// Amplitudes of the noise.
+    hiss: Vec<f32>,
     sum: Vec<f32>,
     padded: Vec<f32>,
 }
 
 impl Tile {
     /// Levels of all cells, dB re 1 uPa, into `levels`, beam by beam.
-    #[inline(always)]
     pub fn levels(&self, response: &Response, background: &Background, lines: &mut Lines, levels: &mut [f32]) {
         let (width, coherent) = (self.width(), !self.im.is_empty());
         let bins = self.re.len() / width;
-        let Lines { re, im, noise_re, noise_im, sum, padded } = lines;
-        for column in [&mut *re, im, noise_re, noise_im, sum] {
+        let Lines { re, im, noise_re, noise_im, hiss, sum, padded } = lines;
+        for column in [&mut *re, im, noise_re, noise_im, hiss, sum] {
             column.resize(bins, 0.0);
         }
         for (beam, levels) in levels.chunks_exact_mut(bins).enumerate() {
             let number = (self.beams.0 + beam) as u32;
             background.rng.cell_phasors(number, Draw::PingNoise, noise_re, noise_im);
-            self.hiss(beam, response, background, coherent, sum);
-            for bin in 0..bins {
-                noise_re[bin] *= sum[bin];
-                noise_im[bin] *= sum[bin];
-            }
+            self.hiss(beam, response, background, coherent, hiss);
             let column = |from: &[f32], to: &mut [f32]| {
                 for (to, from) in to.iter_mut().zip(from[beam..].iter().step_by(width)) {
                     *to = *from;
@@ -156,33 +145,22 @@ impl Tile {
             column(&self.re, re);
             if coherent {
                 column(&self.im, im);
-                for bin in 0..bins {
-                    re[bin] += noise_re[bin];
-                    im[bin] += noise_im[bin];
-                }
+                sound::add_product(re, noise_re, hiss);
+                sound::add_product(im, noise_im, hiss);
+                levels.fill(0.0);
                 response.convolve(re, false, padded, sum);
-                for bin in 0..bins {
-                    levels[bin] = sum[bin] * sum[bin];
-                }
+                sound::add_square(sum, levels);
                 response.convolve(im, false, padded, sum);
-                for bin in 0..bins {
-                    levels[bin] += sum[bin] * sum[bin];
-                }
+                sound::add_square(sum, levels);
             } else {
                 response.convolve(re, true, padded, sum);
-                for bin in 0..bins {
-                    let amplitude = sum[bin].sqrt() + noise_re[bin];
-                    levels[bin] = amplitude * amplitude + noise_im[bin] * noise_im[bin];
-                }
+                sound::with_noise(sum, noise_re, noise_im, hiss, levels);
             }
-            for level in levels {
-                *level = log2(level.max(1e-30)) * (1.0 / LOG2_PER_DB);
-            }
+            sound::to_db(levels);
         }
     }
 
     /// Amplitudes of noise and of what floats in the water of a beam, uPa; before the response, if `coherent`.
-    #[inline(always)]
     fn hiss(&self, beam: usize, response: &Response, background: &Background, coherent: bool, amplitudes: &mut [f32]) {
         let width = self.width();
         let share = if coherent { 1.0 / response.power } else { 1.0 };

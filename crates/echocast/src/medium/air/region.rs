@@ -184,7 +184,6 @@ impl Extent {
 
     /// Where a ray is within, from and to, as distances from its origin between 0 and `length`, m; `from > to` means
     /// nowhere. `travelled`: the beam's way to the origin of the ray, m.
-    #[inline(always)]
     pub(crate) fn interval(&self, org: Vec3, dir: Vec3, travelled: f32, length: f32) -> (f32, f32) {
         let (from, to) = match *self {
             Extent::Everywhere => (0.0, length),

@@ -78,14 +78,12 @@ impl Stretch {
 
 impl Slab {
     /// Speed of sound at `depth`, m, in m/s.
-    #[inline(always)]
     pub fn speed_at(&self, depth: f64) -> f64 {
         // The last slab has no bottom, but then no gradient either.
         if self.gradient == 0.0 { self.speed } else { self.speed + self.gradient * (depth - self.top) }
     }
 
     /// Absorption at `depth`, m, in dB/m.
-    #[inline(always)]
     pub fn absorption_at(&self, depth: f64) -> f64 {
         self.absorption + self.absorption_slope * (depth - self.top)
     }

@@ -48,7 +48,6 @@ pub enum Spreading {
 impl Spreading {
     /// log2 of what it takes of energy on a way of `2^path` m: nothing within a metre. `from`: where hybrid spreading
     /// becomes cylindrical, m; ray tubes are taken for those of straight rays.
-    #[inline(always)]
     pub(crate) fn one_way(self, path: f32, from: f32) -> f32 {
         match self {
             Spreading::RayTube | Spreading::Spherical => 2.0 * path.max(0.0),

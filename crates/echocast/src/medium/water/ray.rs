@@ -90,7 +90,6 @@ impl Ray {
     }
 
     /// What sound gets faster by on its way through `slab`, 1/s downwards.
-    #[inline(always)]
     pub fn gradient(&self, slab: &Slab) -> f64 {
         if self.level { 0.0 } else { slab.gradient }
     }

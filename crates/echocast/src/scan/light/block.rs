@@ -12,7 +12,7 @@ use crate::ground::lanes::{LANES, MEDIUM, MISS, RayBatch};
 use crate::ground::rng::Draw;
 use crate::sensor::Camera;
 use crate::trace::HitBatch;
-use pulp::{Arch, Simd, WithSimd};
+use echocast_kernels::{light, measure};
 use std::cell::Cell;
 
 /// Beams `first .. first + count` and the rows they may fill.
@@ -23,26 +23,16 @@ pub(super) struct Task<'a> {
     pub rows: Slices<'a>,
 }
 
-/// A task with the memory it works in, to be run with the widest vector instructions of this machine.
-pub(super) struct TaskOn<'a, 'b> {
-    pub task: Task<'a>,
-    pub block: &'b mut Block,
-}
-
-impl WithSimd for TaskOn<'_, '_> {
-    type Output = usize;
-
-    /// The rows filled.
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> usize {
-        let Task { scan, first, count, mut rows } = self.task;
+impl Task<'_> {
+    /// Fills rows, working in `block`; returns how many.
+    pub fn run(mut self, block: &mut Block) -> usize {
         let mut filled = 0;
-        for start in (0..count).step_by(LANES) {
-            let beam = first + start;
-            let (count, rows) = (LANES.min(count - start), rows.rows_after(filled));
-            filled += match &scan.signals {
-                None => self.block.scan(scan, beam, count, rows),
-                Some(signals) => self.block.scan_signals(scan, signals, beam, count, rows),
+        for start in (0..self.count).step_by(LANES) {
+            let beam = self.first + start;
+            let (count, rows) = (LANES.min(self.count - start), self.rows.rows_after(filled));
+            filled += match &self.scan.signals {
+                None => block.scan(self.scan, beam, count, rows),
+                Some(signals) => block.scan_signals(self.scan, signals, beam, count, rows),
             };
         }
         filled
@@ -67,7 +57,6 @@ impl Lanes {
     }
 
     /// Beams from `first` on, one return each.
-    #[inline(always)]
     pub fn start_at(&mut self, first: usize) {
         self.first = Some(first);
         for lane in 0..LANES {
@@ -76,7 +65,6 @@ impl Lanes {
     }
 
     /// The values that the first `count` lanes have in a `column` of the table of beams.
-    #[inline(always)]
     pub fn take<T: Copy + Default>(&self, column: &[T], count: usize) -> [T; LANES] {
         let mut values = [T::default(); LANES];
         match self.first {
@@ -174,7 +162,6 @@ impl Block {
     }
 
     /// Scans beams `first .. first + count` (at most [`LANES`]) and fills the first of `rows`; returns how many.
-    #[inline(always)]
     fn scan(&mut self, scan: &Scan, first: usize, count: usize, rows: Slices) -> usize {
         self.lanes.start_at(first);
         self.aim(scan, first, count);
@@ -205,7 +192,6 @@ impl Block {
     }
 
     /// Steps 4 and 5: every beam at the pose of its own time.
-    #[inline(always)]
     pub fn aim(&mut self, scan: &Scan, first: usize, count: usize) {
         let nominal = scan.beams.directions(first, count);
         scan.aim.rays(scan.beams, first, nominal, scan.reach, &mut self.rays);
@@ -225,7 +211,6 @@ impl Block {
     }
 
     /// Steps 6 and 8: what the rays hit and what it is like.
-    #[inline(always)]
     pub fn trace(&mut self, scan: &Scan, count: usize) {
         let Block { rays, hits, surfaces, .. } = self;
         hits.trace(scan.scene, rays, count, scan.coherent, scan.options.mask);
@@ -275,7 +260,7 @@ impl Block {
             least_power: scan.threshold.least_power().filter(|_| !scan.keeps_undetected).unwrap_or(0.0) as f32,
             strongest: !scan.keeps_undetected && !matches!(scan.mode, ReturnMode::First | ReturnMode::Last),
         };
-        Arch::new().dispatch(|| follower.follow(&around, rays, hits, surfaces, count, &mut preferred));
+        follower.follow(&around, rays, hits, surfaces, count, &mut preferred);
         for lane in 0..count {
             if !scan.goes_on(hits.surface[lane]) {
                 continue;
@@ -292,7 +277,6 @@ impl Block {
     }
 
     /// Steps 9 and 10: which echo the instrument reports.
-    #[inline(always)]
     fn detect(&mut self, scan: &Scan, count: usize) {
         if let Some(air) = scan.air.as_ref().filter(|_| !scan.keeps_undetected) {
             air.dim(&self.rays, &self.hits.range, count, &mut self.scratch);
@@ -301,24 +285,17 @@ impl Block {
                     self.scratch[lane] = 1.0;
                 }
             }
-            for lane in 0..LANES {
-                self.surfaces.reflectance[lane] *= self.scratch[lane];
-            }
+            light::dim(&mut self.surfaces.reflectance, &self.scratch);
         }
         if !scan.efficiency.is_empty() {
-            for lane in 0..LANES {
-                self.surfaces.reflectance[lane] *= self.answer.efficiency[lane];
-            }
+            light::dim(&mut self.surfaces.reflectance, &self.answer.efficiency);
         }
         if let Some(camera) = scan.camera.filter(|camera| camera.dims()) {
             self.dim(scan, camera, count);
         }
         let Block { hits, surfaces, rho_eff, intensity, .. } = self;
-        for lane in 0..LANES {
-            rho_eff[lane] = surfaces.reflectance[lane] * surfaces.cos_incidence[lane];
-            let (rho, cos) = (surfaces.reflectance[lane], surfaces.cos_incidence[lane]);
-            intensity[lane] = scan.intensity.of(rho, cos, hits.range[lane]);
-        }
+        light::product(&surfaces.reflectance, &surfaces.cos_incidence, rho_eff);
+        scan.intensity.of_all(&surfaces.reflectance, &surfaces.cos_incidence, &hits.range, intensity);
         if let Some(air) = scan.air.as_ref().filter(|_| scan.keeps_undetected) {
             self.weather_of_the_program(scan, air, count);
         } else if scan.threshold != Threshold::Open {
@@ -332,13 +309,14 @@ impl Block {
                     }
                 }
             }
-            for lane in 0..LANES {
-                if !scan.threshold.detects(rho_eff[lane], hits.range[lane], noise[lane]) {
-                    intensity[lane] = 0.0;
-                    if !scan.keeps_undetected {
-                        hits.surface[lane] = MISS;
-                    }
+            let mut seen = [true; LANES];
+            scan.threshold.detect(rho_eff, &hits.range, &noise, &mut seen);
+            if scan.keeps_undetected {
+                for lane in 0..LANES {
+                    intensity[lane] = if seen[lane] { intensity[lane] } else { 0.0 };
                 }
+            } else {
+                light::forget(&seen, &mut hits.surface, intensity);
             }
         }
         if !scan.camera.is_some_and(Camera::wraps) {
@@ -353,7 +331,6 @@ impl Block {
     }
 
     /// Step 10: errors of what is measured.
-    #[inline(always)]
     pub fn measure(&mut self, scan: &Scan, count: usize) {
         let Block { lanes, hits, rho_eff, formed, measured, intensity, turn, scratch, .. } = self;
         let draws = [&lanes.beam[..count], &lanes.number[..count]];
@@ -373,9 +350,7 @@ impl Block {
         scan.range_error.measure(&channels[..count], &rho_eff[..count], &formed[..count], &mut measured[..count]);
         if let Some(sigma) = scan.air.as_ref().map(Air::range_noise).filter(|&sigma| sigma > 0.0) {
             scan.rng.normals(draws[0], draws[1], Draw::RainRange, &mut scratch[..count]);
-            for lane in 0..count {
-                measured[lane] = (measured[lane] + sigma * hits.range[lane] * scratch[lane]).max(0.0);
-            }
+            measure::add_in_proportion(&mut measured[..count], &hits.range, scratch, sigma);
         }
         scan.range_error.round(&mut measured[..count]);
         if scan.limits_measured {
@@ -383,11 +358,7 @@ impl Block {
         }
         if scan.dropout > 0.0 {
             scan.rng.uniforms(draws[0], draws[1], Draw::Dropout, &mut scratch[..count]);
-            for lane in 0..count {
-                if scratch[lane] < scan.dropout {
-                    hits.surface[lane] = MISS;
-                }
-            }
+            measure::lose(&scratch[..count], scan.dropout, &mut hits.surface);
         }
         if let Some(weak) = &scan.dropout_weak {
             scan.rng.uniforms(draws[0], draws[1], Draw::WeakDropout, &mut scratch[..count]);
@@ -423,7 +394,6 @@ impl Block {
     }
 
     /// Echoes of the air and noise in place of surfaces, where the instrument prefers them.
-    #[inline(always)]
     fn answer(&mut self, scan: &Scan, count: usize) {
         let Block { lanes, rays, hits, surfaces, rho_eff, intensity, answer, .. } = self;
         (answer.range, answer.rho_eff) = (hits.range, *rho_eff);

@@ -72,26 +72,22 @@ impl Block {
     }
 
     /// Rotation to the world and place of the camera when a lane is exposed.
-    #[inline(always)]
     fn pose(&self, scan: &Scan, lane: usize) -> (Mat3, Vec3) {
         scan.aim.pose(scan.beams, self.lanes.beam[lane] as usize)
     }
 
     /// Cosine of the angle between the ray of a lane, wherever it looks, and the optical axis.
-    #[inline(always)]
     fn off_axis(&self, scan: &Scan, lane: usize) -> f32 {
         let (rotation, _) = self.pose(scan, lane);
         rotation.x_axis.dot(self.rays.direction(lane))
     }
 
     /// Where the ray of a lane meets its surface.
-    #[inline(always)]
     fn place(&self, lane: usize) -> Vec3 {
         self.rays.origin(lane) + self.rays.direction(lane) * self.hits.range[lane]
     }
 
     /// Whether a lane meets a surface without mirrors and glass in between.
-    #[inline(always)]
     fn is_direct(&self, lane: usize) -> bool {
         self.hits.surface[lane] < MEDIUM && self.answer.bounces[lane] == 0
     }

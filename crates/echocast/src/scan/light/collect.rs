@@ -5,11 +5,11 @@ use super::run::Scan;
 use crate::cloud::{Field, Frame, Kept, Slices};
 use crate::ground::lanes::LANES;
 use crate::ground::rng::Draw;
+use echocast_kernels::{light, measure};
 use std::f32::consts::PI;
 
 impl Block {
     /// Step 11: the columns that were asked for, row by row.
-    #[inline(always)]
     pub fn collect(&mut self, scan: &Scan, count: usize, rows: Slices) -> usize {
         let Block { lanes, rays, hits, surfaces, measured, intensity, turn, kept, scratch, answer, reported, .. } =
             self;
@@ -68,9 +68,7 @@ impl Block {
         kept.put(surface, &surfaces.cos_incidence, rows.cos_incidence);
         if !rows.depth.is_empty() {
             let dir_x = lanes.take(&beams.dir_x, count);
-            for lane in 0..LANES {
-                scratch[lane] = dir_x[lane] * measured[lane];
-            }
+            light::product(&dir_x, measured, scratch);
             kept.put(surface, scratch, rows.depth);
         }
         if !world && scan.options.fields.contains_any(&[Field::NormalX, Field::NormalY, Field::NormalZ]) {
@@ -149,7 +147,6 @@ impl Block {
 }
 
 /// Writes one coordinate of the points at `ranges` along rays from `org` in the direction `dir`.
-#[inline(always)]
 fn put_positions(
     kept: &Kept,
     surface: &[u32; LANES],
@@ -160,8 +157,6 @@ fn put_positions(
     if to.is_empty() {
         return;
     }
-    for lane in 0..LANES {
-        scratch[lane] = org[lane] + dir[lane] * ranges[lane];
-    }
+    measure::place(org, dir, ranges, scratch);
     kept.put(surface, scratch, to);
 }

@@ -7,7 +7,6 @@ use crate::emitter::BeamTable;
 use crate::ground::lanes::{CHUNK, LANES, MISS};
 use crate::ground::parallel;
 use glam::Vec3;
-use pulp::Arch;
 
 /// Reflectance of what is called bright: whiter than white.
 const BRIGHT: f32 = 1.0;
@@ -122,7 +121,6 @@ impl Halos {
 }
 
 /// Angle between two directions, rad, from its chord by the series of the arcsine: to 1e-7 up to 10 degrees, 0.3 % at 90.
-#[inline(always)]
 fn angle(a: Vec3, b: Vec3) -> f32 {
     let square = (a - b).length_squared();
     square.sqrt() * (1.0 + square * (1.0 / 24.0 + square * (3.0 / 640.0 + square * (5.0 / 7168.0))))
@@ -134,10 +132,8 @@ fn find(scan: &Scan, block: &mut Block, beams: std::ops::Range<usize>) -> Vec<Br
     for first in beams.clone().step_by(LANES) {
         let count = LANES.min(beams.end - first);
         block.lanes.start_at(first);
-        Arch::new().dispatch(|| {
-            block.aim(scan, first, count);
-            block.trace(scan, count);
-        });
+        block.aim(scan, first, count);
+        block.trace(scan, count);
         let Block { rays, hits, surfaces, scratch, .. } = &mut *block;
         scratch.fill(1.0);
         if let Some(air) = &scan.air {

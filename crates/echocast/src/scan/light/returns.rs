@@ -12,6 +12,8 @@ use crate::ground::lanes::{LANES, MEDIUM, MISS, RayBatch};
 use crate::ground::rng::Draw;
 use crate::sensor::Signals;
 use crate::trace::HitBatch;
+use echocast_kernels::signal::Plain;
+use echocast_kernels::{light, signal};
 use glam::Vec3;
 
 /// Off the surface that sends most of an echo, in sigmas of the pulse: farther away is another surface.
@@ -71,116 +73,31 @@ impl Others {
     }
 }
 
-/// Beams all of whose rays meet one place of one surface: most of them. Their signals have one echo each.
-struct Plain {
-    /// Whether a lane is such a beam.
-    is: [bool; LANES],
-    range: [f32; LANES],
-    power: [f32; LANES],
-    nearest: [f32; LANES],
-    farthest: [f32; LANES],
-    /// Sums of range and its square, times power, from the range of the first ray on.
-    moments: [[f32; LANES]; 2],
-    /// Plane of the surface that the first ray meets: `normal . place = offset`.
-    normal: [[f32; LANES]; 3],
-    offset: [f32; LANES],
+/// The echo of a beam all of whose rays meet one place of one surface.
+fn plain_peak(plain: &Plain, lane: usize) -> Peak {
+    Peak { range: plain.range[lane], power: plain.power[lane] }
 }
 
-impl Plain {
-    fn new() -> Self {
-        Plain {
-            is: [false; LANES],
-            range: [0.0; LANES],
-            power: [0.0; LANES],
-            nearest: [0.0; LANES],
-            farthest: [0.0; LANES],
-            moments: [[0.0; LANES]; 2],
-            normal: [[0.0; LANES]; 3],
-            offset: [0.0; LANES],
-        }
+/// Finds the echoes of such beams, whose `rays` have all been met.
+///
+/// Rays that span more than the pulse stand for a surface that is met all over its span: a few of them, pulse by pulse,
+/// would look like a row of echoes. With a spread `sigma_R` of the ranges the echo has the width
+/// `hypot(sigma, sigma_R)`, and its peak falls as much as it widens.
+fn finish(plain: &mut Plain, rays: &[Ray], waveform: &Waveform) {
+    let sigma = waveform.sigma();
+    let mut wide = [false; LANES];
+    let narrow = signal::middle(plain, Waveform::NARROW * sigma, 1e-2 * sigma, &mut wide);
+    let (middle, whole) = (plain.range, plain.power);
+    if narrow {
+        let signals = rays.iter().map(|ray| [&ray.hits.range, &ray.power]);
+        waveform.refine_narrow(signals, [&mut plain.range, &mut plain.power]);
     }
-
-    /// Begins with the first ray of every beam.
-    #[inline(always)]
-    fn start(&mut self, ray: &Ray, rays: &RayBatch) {
-        let hits = &ray.hits;
-        self.normal = [hits.normal_x, hits.normal_y, hits.normal_z];
-        self.offset = self.along_normal(hits, rays);
-        (self.range, self.nearest, self.farthest, self.power) = (hits.range, hits.range, hits.range, ray.power);
-        self.moments = [[0.0; LANES]; 2];
-        for lane in 0..LANES {
-            self.is[lane] = ray.power[lane] > 0.0;
-        }
-    }
-
-    /// Where `hits` of `rays` are along the normal, m.
-    #[inline(always)]
-    fn along_normal(&self, hits: &HitBatch, rays: &RayBatch) -> [f32; LANES] {
-        let [nx, ny, nz] = &self.normal;
-        let mut along = [0.0; LANES];
-        for lane in 0..LANES {
-            let range = hits.range[lane];
-            along[lane] = nx[lane] * (rays.org_x[lane] + rays.dir_x[lane] * range)
-                + ny[lane] * (rays.org_y[lane] + rays.dir_y[lane] * range)
-                + nz[lane] * (rays.org_z[lane] + rays.dir_z[lane] * range);
-        }
-        along
-    }
-
-    /// The echo of the beam at `lane`.
-    fn peak(&self, lane: usize) -> Peak {
-        Peak { range: self.range[lane], power: self.power[lane] }
-    }
-
-    /// Takes in what one more of the rays meets; `first` is what the first met.
-    #[inline(always)]
-    fn meet(&mut self, ray: &Ray, first: &[u32; LANES], rays: &RayBatch, sigma: f32) {
-        let along = self.along_normal(&ray.hits, rays);
-        for lane in 0..LANES {
-            let (range, power) = (ray.hits.range[lane], ray.power[lane]);
-            let same = ray.hits.surface[lane] == first[lane];
-            let near = (along[lane] - self.offset[lane]).abs() <= OFF_SURFACE * sigma;
-            self.is[lane] &= same & near & (power > 0.0);
-            self.power[lane] += power;
-            let beyond = range - self.range[lane];
-            self.moments[0][lane] += power * beyond;
-            self.moments[1][lane] += power * beyond * beyond;
-            self.nearest[lane] = self.nearest[lane].min(range);
-            self.farthest[lane] = self.farthest[lane].max(range);
-        }
-    }
-
-    /// Finds the echoes of the beams of `rays`, which all have been met.
-    ///
-    /// Rays that span more than the pulse stand for a surface that is met all over its span: a few of them, pulse by pulse,
-    /// would look like a row of echoes. With a spread `sigma_R` of the ranges the echo has the width
-    /// `hypot(sigma, sigma_R)`, and its peak falls as much as it widens.
-    #[inline(always)]
-    fn finish(&mut self, rays: &[Ray], waveform: &Waveform) {
-        let sigma = waveform.sigma();
-        let (mut narrow, mut wide) = (false, [false; LANES]);
-        let ([mean, _], sum) = (&self.moments, &self.power);
-        for lane in 0..LANES {
-            let span = self.farthest[lane] - self.nearest[lane];
-            // Closer together there is nothing to refine: the echo is at their mean.
-            narrow |= self.is[lane] & (span > 1e-2 * sigma);
-            wide[lane] = span > Waveform::NARROW * sigma;
-            if span > 0.0 {
-                self.range[lane] += mean[lane] / sum[lane];
-            }
-        }
-        let (middle, whole) = (self.range, self.power);
-        if narrow {
-            let signals = rays.iter().map(|ray| [&ray.hits.range, &ray.power]);
-            waveform.refine_narrow(signals, [&mut self.range, &mut self.power]);
-        }
-        for lane in 0..LANES {
-            if wide[lane] {
-                let mean = self.moments[0][lane] / whole[lane];
-                let variance = (self.moments[1][lane] / whole[lane] - mean * mean).max(0.0);
-                self.range[lane] = middle[lane];
-                self.power[lane] = whole[lane] * sigma / (sigma * sigma + variance).sqrt();
-            }
+    for lane in 0..LANES {
+        if wide[lane] {
+            let mean = plain.moments[0][lane] / whole[lane];
+            let variance = (plain.moments[1][lane] / whole[lane] - mean * mean).max(0.0);
+            plain.range[lane] = middle[lane];
+            plain.power[lane] = whole[lane] * sigma / (sigma * sigma + variance).sqrt();
         }
     }
 }
@@ -337,7 +254,7 @@ impl Gatherer {
 impl Default for Gatherer {
     fn default() -> Self {
         Gatherer {
-            plain: Plain::new(),
+            plain: Plain::default(),
             across: Across::new(),
             beams: RayBatch::default(),
             reported: None,
@@ -364,7 +281,6 @@ impl Default for Gatherer {
 
 impl Block {
     /// [`Block::scan`] for beams of several rays or returns.
-    #[inline(always)]
     pub fn scan_signals(
         &mut self,
         scan: &Scan,
@@ -388,7 +304,6 @@ impl Block {
     }
 
     /// Steps 9 and 10: signal, echoes and returns of beam after beam.
-    #[inline(always)]
     fn report(
         &mut self,
         scan: &Scan,
@@ -465,7 +380,6 @@ impl Block {
     }
 
     /// Step 11 of the first `count` lanes, and the errors before it.
-    #[inline(always)]
     fn flush(&mut self, scan: &Scan, count: usize, rows: Slices) -> usize {
         let Block { hits, surfaces, rho_eff, intensity, scratch, .. } = self;
         // The air has no labels to look up.
@@ -514,7 +428,6 @@ impl Block {
 
 impl Gatherer {
     /// Steps 5 to 8: what every ray of `beams` sends back. `rays` is memory for them.
-    #[inline(always)]
     pub fn gather(&mut self, scan: &Scan, signals: &Signals, rays: &mut RayBatch, beams: &[u32]) {
         let count = beams.len();
         self.others.list.clear();
@@ -548,14 +461,15 @@ impl Gatherer {
                 air.dim(rays, &ray.hits.range, count, &mut ray.power);
                 ray.power.iter_mut().for_each(|part| *part *= weight);
             }
-            for lane in 0..LANES {
-                let range = ray.hits.range[lane];
-                let power =
-                    ray.power[lane] * surfaces.reflectance[lane] * surfaces.cos_incidence[lane] / (range * range);
-                // A miss has no incidence; rays that begin on a surface have no range.
-                let met = ray.hits.surface[lane] != MISS && power.is_finite();
-                ray.power[lane] = if met { power * efficiency[lane] } else { 0.0 };
-            }
+            let Contribution { reflectance, cos_incidence, .. } = surfaces;
+            light::contribute(
+                &ray.hits.surface,
+                &ray.hits.range,
+                reflectance,
+                cos_incidence,
+                efficiency,
+                &mut ray.power,
+            );
             if let Some(limits) = scan.paths
                 && ray.hits.surface[..count].iter().any(|&surface| scan.goes_on(surface))
             {
@@ -571,12 +485,22 @@ impl Gatherer {
                     }
                 }
             }
+            let hits = &ray.hits;
+            let (origin, direction) =
+                ([&rays.org_x, &rays.org_y, &rays.org_z], [&rays.dir_x, &rays.dir_y, &rays.dir_z]);
             match before {
-                [] => plain.start(ray, rays),
-                [first, ..] => plain.meet(ray, &first.hits.surface, rays, forming.waveform.sigma()),
+                [] => {
+                    let normal = [&hits.normal_x, &hits.normal_y, &hits.normal_z];
+                    signal::start(plain, normal, origin, direction, &hits.range, &ray.power);
+                }
+                [first, ..] => {
+                    let off = OFF_SURFACE * forming.waveform.sigma();
+                    let first = &first.hits.surface;
+                    signal::meet(plain, origin, direction, &hits.range, &ray.power, &hits.surface, first, off);
+                }
             }
         }
-        self.plain.finish(&self.rays, &self.forming.waveform);
+        finish(&mut self.plain, &self.rays, &self.forming.waveform);
         if let Some(air) = scan.air.as_ref().filter(|air| air.answers()) {
             let mut echoes = OfAir { others: &mut self.others, rays: &self.rays, efficiency: &self.efficiency };
             air.answer(&self.beams, &scan.rng, beams, &mut echoes);
@@ -613,7 +537,6 @@ impl Gatherer {
     }
 
     /// Turns the footprint of each beam.
-    #[inline(always)]
     fn turn(&mut self, scan: &Scan, footprint: &Footprint, beams: &[u32]) {
         let mut turns = [0.0; LANES];
         if footprint.turns {
@@ -633,7 +556,6 @@ impl Gatherer {
 
     /// Forms the signal of the beam at `lane`: `forming.peaks` has its detected echoes, `forming.chosen` says which are
     /// reported.
-    #[inline(always)]
     pub fn form(&mut self, scan: &Scan, signals: &Signals, lane: usize, beam: usize) {
         let Gatherer { plain, rays, others, forming, alarms, .. } = self;
         let Forming { waveform, parts, peaks, order, chosen, ranges, powers, .. } = forming;
@@ -647,7 +569,7 @@ impl Gatherer {
         let of_beam =
             alarms.partition_point(|&(other, _)| other < lane)..alarms.partition_point(|&(other, _)| other <= lane);
         if plain.is[lane] && others.last[lane] == NONE && of_beam.is_empty() && scan.camera.is_none() {
-            let peak = plain.peak(lane);
+            let peak = plain_peak(plain, lane);
             peaks.clear();
             chosen.clear();
             if is_reported(&peak, 0) {
@@ -709,7 +631,7 @@ impl Gatherer {
         let Forming { waveform, parts, .. } = &mut self.forming;
         let mut peaks = Vec::new();
         if parts.is_empty() && self.plain.is[lane] {
-            peaks.push(self.plain.peak(lane));
+            peaks.push(plain_peak(&self.plain, lane));
         } else {
             waveform.peaks(parts, &mut peaks);
         }

@@ -1,13 +1,13 @@
 //! One scan: what is the same for all its beams, and their chunks side by side on threads.
 
-use super::block::{Lanes, Task, TaskOn, with_block};
+use super::block::{Lanes, Task, with_block};
 use super::halo::Halos;
 use crate::cloud::{Columns, Field, Frame, PointCloud, Slices};
 use crate::detect::{AzimuthError, FalseAlarms, Noise, RangeError, ReturnMode, Threshold, WeakDropout};
 use crate::echo::{Air, IntensityModel, PathLimits, Surroundings, Wanted};
 use crate::emitter::{Aim, BeamTable, Trajectory};
 use crate::ground::error::{Error, Result};
-use crate::ground::lanes::{CHUNK, LANES, MISS};
+use crate::ground::lanes::{CHUNK, LANES};
 use crate::ground::parallel;
 use crate::ground::rng::Rng;
 use crate::ground::units::seconds_from_us;
@@ -16,7 +16,7 @@ use crate::medium::Weather;
 use crate::scan::{Order, Profile, Progress, ScanOptions};
 use crate::sensor::{Camera, Sensor, Signals};
 use crate::trace::Tables;
-use pulp::Arch;
+use echocast_kernels::measure;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -261,9 +261,8 @@ impl<'a> Scan<'a> {
         let mut found = [0; MOST_CHUNKS];
         let found = &mut found[..beams.len().div_ceil(CHUNK)];
         let tasks = self.tasks(beams, free).zip(&mut *found);
-        let arch = Arch::new();
         parallel::for_each_of(tasks, |(task, found)| {
-            *found = with_block(|block| arch.dispatch(TaskOn { task, block }));
+            *found = with_block(|block| task.run(block));
         });
         let mut from = rows;
         for &mut count in found {
@@ -328,16 +327,13 @@ impl Scan<'_> {
     }
 
     /// Takes away the hits whose range is none that the instrument reports.
-    #[inline(always)]
     pub fn limit(&self, surface: &mut [u32; LANES], ranges: &[f32; LANES], lanes: &Lanes, count: usize) {
         let (low, high) = (&self.beams.range_min, &self.beams.range_max);
+        if low.is_empty() && high.is_empty() {
+            return measure::limit(ranges, self.range_min, self.range_max, surface);
+        }
         let low = if low.is_empty() { [self.range_min; LANES] } else { lanes.take(low, count) };
         let high = if high.is_empty() { [self.range_max; LANES] } else { lanes.take(high, count) };
-        for lane in 0..LANES {
-            // Written so that a miss, at an infinite range or none, stays one.
-            if !(ranges[lane] > 0.0 && ranges[lane] >= low[lane] && ranges[lane] <= high[lane]) {
-                surface[lane] = MISS;
-            }
-        }
+        measure::limit_each(ranges, &low, &high, surface);
     }
 }

@@ -21,7 +21,6 @@ use crate::scan::{Profile, ScanOptions};
 use crate::sensor::{AcousticsSpec, Sensor, Speckle};
 use crate::trace::{Backscatter, BuiltScene, Launch, SoundLimits, SoundTracer, Tables, TracerMemory};
 use glam::{DVec3, Mat3};
-use pulp::{Arch, NullaryFnOnce};
 use std::sync::Arc;
 
 /// Rays per task: a constant, so that results cannot depend on the number of threads.
@@ -337,13 +336,7 @@ impl<'a> Pinging<'a> {
         let tracer = SoundTracer::new(self.scene, &self.column, limits);
         let insonification = self.insonification();
         parallel::for_each(&mut memory.chunks, |number, chunk| {
-            Arch::new().dispatch(Answer {
-                pinging: self,
-                tracer: &tracer,
-                insonification: &insonification,
-                number,
-                chunk,
-            });
+            Answer { pinging: self, tracer: &tracer, insonification: &insonification, number, chunk }.run();
         });
 
         let wants = Wants {
@@ -394,7 +387,6 @@ impl<'a> Pinging<'a> {
 
 impl TileMemory {
     /// The ranges that beams report, of sonars that do, by the levels of all cells.
-    #[inline(always)]
     fn sound_out(&mut self, pinging: &Pinging, levels: &[f32]) {
         let TileMemory { tile, powers, beside, soundings, .. } = self;
         soundings.clear();
@@ -482,11 +474,8 @@ struct Answer<'a, 'p> {
     chunk: &'a mut Chunk,
 }
 
-impl NullaryFnOnce for Answer<'_, '_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn call(self) {
+impl Answer<'_, '_> {
+    fn run(self) {
         let Answer { pinging, tracer, insonification, number, chunk } = self;
         let transducer = &*pinging.transducer;
         let launch = Launch {
@@ -535,15 +524,12 @@ impl Listening<'_, '_> {
         let parts = rows.parts(beams.map(|beams| beams * pinging.layout.bins));
         let tasks = tiles.iter_mut().zip(firsts.zip(parts));
         let tasks = tasks.map(|(memory, (first, rows))| Listen { listening: self, memory, first, rows });
-        parallel::for_each_of(tasks, |task| Arch::new().dispatch(task));
+        parallel::for_each_of(tasks, Listen::run);
     }
 }
 
-impl NullaryFnOnce for Listen<'_, '_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn call(self) {
+impl Listen<'_, '_> {
+    fn run(self) {
         let Listen { listening: Listening { pinging, chunks, wants, width }, memory, first, rows } = self;
         let TileMemory { tile, lines, .. } = memory;
         let Layout { bins, bin_m, .. } = *pinging.layout;
@@ -594,7 +580,6 @@ impl Pinging<'_> {
     }
 
     /// What arrival `index` is, in the cell of `bin` and `row`.
-    #[inline(always)]
     fn tell_cell(&self, echoes: &Echoes, index: usize, bin: usize, rows: &mut Slices, row: usize) {
         let (arrival, answer) = (&echoes.arrivals[index], &echoes.answers[index]);
         let surfaces = &self.scene.surfaces;

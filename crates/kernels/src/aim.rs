@@ -1,0 +1,127 @@
+//! From the directions of beams in their sensor's frame to rays in the world.
+
+use crate::level::kernels;
+use crate::math::sin_cos;
+use crate::{LANES, Lanes};
+
+/// An even motion: straight on, and evenly about one axis.
+#[derive(Clone, Copy, Debug)]
+pub struct Motion {
+    /// When it begins, s.
+    pub start: f64,
+    /// Part of the motion that a second is.
+    pub per_second: f64,
+    /// Place at its start, m.
+    pub from: [f64; 3],
+    /// The way from there to its end, m.
+    pub way: [f64; 3],
+    /// Columns of the matrix to the world from the sensor frame at the start.
+    pub rotation: [[f32; 3]; 3],
+    /// What it turns about, in the sensor frame, of length 1.
+    pub axis: [f32; 3],
+    /// Half of what it turns by, rad, 0 to pi/2.
+    pub half_angle: f64,
+}
+
+kernels! {
+    /// Directions `from`, turned by the matrix with the columns `axes`, into the first lanes.
+    pub fn rotate(axes: &[[f32; 3]; 3], from: [&[f32]; 3], to: [&mut Lanes; 3]) {
+        let count = from[0].len();
+        let [x, y, z] = from.map(|axis| &axis[..count]);
+        let [a, b, c] = axes;
+        let [to_x, to_y, to_z] = to.map(|axis| &mut axis[..count]);
+        for lane in 0..count {
+            to_x[lane] = a[0] * x[lane] + b[0] * y[lane] + c[0] * z[lane];
+            to_y[lane] = a[1] * x[lane] + b[1] * y[lane] + c[1] * z[lane];
+            to_z[lane] = a[2] * x[lane] + b[2] * y[lane] + c[2] * z[lane];
+        }
+    }
+
+    /// Origins and directions of rays from lane `first` on, one for each of `times`, s after `start_time`, of beams in
+    /// the directions `from` in a sensor that moves. Origins are relative to `local_origin`, m.
+    pub fn rotate_moving(
+        motion: &Motion,
+        start_time: f64,
+        times: &[f64],
+        from: [&[f32]; 3],
+        local_origin: [f64; 3],
+        first: usize,
+        origin: [&mut Lanes; 3],
+        to: [&mut Lanes; 3],
+    ) {
+        let count = times.len().min(LANES - first);
+        let mut part = [0.0; LANES];
+        for (part, time) in part.iter_mut().zip(&times[..count]) {
+            *part = (start_time + time - motion.start) * motion.per_second;
+        }
+        let (mut sine, mut versine) = ([0.0; LANES], [0.0; LANES]);
+        if motion.half_angle > 0.0 {
+            for lane in 0..LANES {
+                // Of the whole angle, from its half: the difference of 1 and a cosine would lose digits.
+                let (s, c) = sin_cos(part[lane] * motion.half_angle);
+                (sine[lane], versine[lane]) = ((2.0 * s * c) as f32, (2.0 * s * s) as f32);
+            }
+        }
+        let lanes = first..first + count;
+        for (axis, to) in origin.into_iter().enumerate() {
+            let (from, way) = (motion.from[axis] - local_origin[axis], motion.way[axis]);
+            for (to, part) in to[lanes.clone()].iter_mut().zip(&part) {
+                *to = (from + way * part) as f32;
+            }
+        }
+        // Rodrigues' formula: d + sin (k x d) + (1 - cos) k x (k x d).
+        let [kx, ky, kz] = motion.axis;
+        let [a, b, c] = motion.rotation;
+        let [x, y, z] = from.map(|axis| &axis[..count]);
+        let [to_x, to_y, to_z] = to.map(|axis| &mut axis[lanes.clone()]);
+        for lane in 0..count {
+            let (dx, dy, dz) = (x[lane], y[lane], z[lane]);
+            let (ax, ay, az) = (ky * dz - kz * dy, kz * dx - kx * dz, kx * dy - ky * dx);
+            let (bx, by, bz) = (ky * az - kz * ay, kz * ax - kx * az, kx * ay - ky * ax);
+            let tx = dx + ax * sine[lane] + bx * versine[lane];
+            let ty = dy + ay * sine[lane] + by * versine[lane];
+            let tz = dz + az * sine[lane] + bz * versine[lane];
+            to_x[lane] = a[0] * tx + b[0] * ty + c[0] * tz;
+            to_y[lane] = a[1] * tx + b[1] * ty + c[1] * tz;
+            to_z[lane] = a[2] * tx + b[2] * ty + c[2] * tz;
+        }
+    }
+
+    /// Rays beside the axes of beams, one each: `place` is where in the beam it is (cosine and sine of its place on a
+    /// spiral, times its distance from the axis over the beam's radius), `left` and `up` are unit vectors across the
+    /// beam, `turn` the cosine and sine by which the spiral is turned, `start` the radius at the exit, m, `half_angles`
+    /// the half of the divergence, rad, horizontal and vertical.
+    pub fn spread(
+        place: [f32; 2],
+        start: f32,
+        half_angles: [f32; 2],
+        left: &[Lanes; 3],
+        up: &[Lanes; 3],
+        turn: &[Lanes; 2],
+        axis_origin: [&Lanes; 3],
+        axis: [&Lanes; 3],
+        origin: [&mut Lanes; 3],
+        to: [&mut Lanes; 3],
+    ) {
+        let [cos, sin] = place;
+        let [horizontal, vertical] = half_angles;
+        let [org_x, org_y, org_z] = origin;
+        let [dir_x, dir_y, dir_z] = to;
+        for lane in 0..LANES {
+            let c = cos * turn[0][lane] - sin * turn[1][lane];
+            let s = sin * turn[0][lane] + cos * turn[1][lane];
+            // Sideways: the place at the exit is a quarter of a turn from where the angle leads.
+            let (a, b) = (start * c, start * s);
+            let (u, v) = (-horizontal * s, vertical * c);
+            org_x[lane] = axis_origin[0][lane] + a * left[0][lane] + b * up[0][lane];
+            org_y[lane] = axis_origin[1][lane] + a * left[1][lane] + b * up[1][lane];
+            org_z[lane] = axis_origin[2][lane] + a * left[2][lane] + b * up[2][lane];
+            let x = axis[0][lane] + u * left[0][lane] + v * up[0][lane];
+            let y = axis[1][lane] + u * left[1][lane] + v * up[1][lane];
+            let z = axis[2][lane] + u * left[2][lane] + v * up[2][lane];
+            // Unit length: Embree is a third slower otherwise.
+            let scale = 1.0 / (x * x + y * y + z * z).sqrt();
+            (dir_x[lane], dir_y[lane], dir_z[lane]) = (x * scale, y * scale, z * scale);
+        }
+    }
+}

@@ -1,0 +1,27 @@
+//! The loops over blocks of beams that time goes to, compiled for every vector level of a processor; the widest that this
+//! one has is chosen once. Everything around them is ordinary code.
+//!
+//! A kernel does the same operations on every lane and knows nothing of sensors or scenes. Results are the same bits at
+//! every level: no operation is fused or put in another order.
+
+mod level;
+
+pub mod aim;
+pub mod light;
+pub mod math;
+pub mod measure;
+pub mod random;
+pub mod rows;
+pub mod signal;
+pub mod sound;
+
+pub use level::{Level, level, limit_level};
+
+/// Lanes of a block. All columns of a block together stay in the first-level cache.
+pub const LANES: usize = 256;
+
+/// Surface index of a ray that hit nothing.
+pub const MISS: u32 = u32::MAX;
+
+/// A number for each lane.
+pub type Lanes<T = f32> = [T; LANES];

@@ -1,0 +1,111 @@
+//! Signals of beams of several rays, where all rays of a beam meet one place of one surface.
+
+use crate::level::kernels;
+use crate::{LANES, Lanes};
+
+/// What the rays of each beam meet, summed up ray by ray.
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+pub struct Plain {
+    /// Range of the first ray, m; in the end that of the echo.
+    pub range: Lanes,
+    /// Sum of the powers, 1/m^2; in the end that of the echo.
+    pub power: Lanes,
+    /// Sums of range and its square, times power, from the range of the first ray on.
+    pub moments: [Lanes; 2],
+    nearest: Lanes,
+    farthest: Lanes,
+    /// Plane of the surface that the first ray meets: `normal . place = offset`.
+    normal: [Lanes; 3],
+    offset: Lanes,
+    /// Whether a lane is such a beam.
+    pub is: Lanes<bool>,
+}
+
+impl Default for Plain {
+    fn default() -> Self {
+        Plain {
+            range: [0.0; LANES],
+            power: [0.0; LANES],
+            moments: [[0.0; LANES]; 2],
+            nearest: [0.0; LANES],
+            farthest: [0.0; LANES],
+            normal: [[0.0; LANES]; 3],
+            offset: [0.0; LANES],
+            is: [false; LANES],
+        }
+    }
+}
+
+impl Plain {
+    /// Where a ray from `origin` is at its range, along the normal, m.
+    #[inline(always)]
+    fn along(&self, lane: usize, origin: [&Lanes; 3], direction: [&Lanes; 3], range: f32) -> f32 {
+        self.normal[0][lane] * (origin[0][lane] + direction[0][lane] * range)
+            + self.normal[1][lane] * (origin[1][lane] + direction[1][lane] * range)
+            + self.normal[2][lane] * (origin[2][lane] + direction[2][lane] * range)
+    }
+}
+
+kernels! {
+    /// Begins with the first ray of every beam.
+    pub fn start(
+        plain: &mut Plain,
+        normal: [&Lanes; 3],
+        origin: [&Lanes; 3],
+        direction: [&Lanes; 3],
+        range: &Lanes,
+        power: &Lanes,
+    ) {
+        plain.normal = normal.map(|axis| *axis);
+        (plain.range, plain.nearest, plain.farthest, plain.power) = (*range, *range, *range, *power);
+        plain.moments = [[0.0; LANES]; 2];
+        for lane in 0..LANES {
+            plain.offset[lane] = plain.along(lane, origin, direction, range[lane]);
+            plain.is[lane] = power[lane] > 0.0;
+        }
+    }
+
+    /// Takes in what one more of the rays meets, with its `surface`; `first` is that of the first ray. Farther than `off`
+    /// m off its plane is another place.
+    pub fn meet(
+        plain: &mut Plain,
+        origin: [&Lanes; 3],
+        direction: [&Lanes; 3],
+        range: &Lanes,
+        power: &Lanes,
+        surface: &Lanes<u32>,
+        first: &Lanes<u32>,
+        off: f32,
+    ) {
+        for lane in 0..LANES {
+            let along = plain.along(lane, origin, direction, range[lane]);
+            let (range, power) = (range[lane], power[lane]);
+            let same = surface[lane] == first[lane];
+            let near = (along - plain.offset[lane]).abs() <= off;
+            plain.is[lane] &= same & near & (power > 0.0);
+            plain.power[lane] += power;
+            let beyond = range - plain.range[lane];
+            plain.moments[0][lane] += power * beyond;
+            plain.moments[1][lane] += power * beyond * beyond;
+            plain.nearest[lane] = plain.nearest[lane].min(range);
+            plain.farthest[lane] = plain.farthest[lane].max(range);
+        }
+    }
+
+    /// Puts the mean range in place of that of the first ray. `wide`: the rays span more than `narrow` m. Returns whether
+    /// any beam spans more than `fine` m.
+    pub fn middle(plain: &mut Plain, narrow: f32, fine: f32, wide: &mut Lanes<bool>) -> bool {
+        let mut any = false;
+        for lane in 0..LANES {
+            let span = plain.farthest[lane] - plain.nearest[lane];
+            // Closer together there is nothing to refine: the echo is at their mean.
+            any |= plain.is[lane] & (span > fine);
+            wide[lane] = span > narrow;
+            if span > 0.0 {
+                plain.range[lane] += plain.moments[0][lane] / plain.power[lane];
+            }
+        }
+        any
+    }
+}

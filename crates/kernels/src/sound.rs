@@ -1,0 +1,133 @@
+//! Sound that beams hear: sums over range bins, levels.
+
+use crate::level::kernels;
+use crate::math::{LOG2_PER_DB, log2};
+
+/// Whether `heard` is more than the `most` so far, and who then it is.
+#[inline(always)]
+fn prefer(heard: f32, who: u32, most: &mut f32, is: &mut u32) {
+    let stronger = heard > *most;
+    *most = if stronger { heard } else { *most };
+    *is = if stronger { who } else { *is };
+}
+
+kernels! {
+    /// `to += scale from`.
+    pub fn add(scale: f32, from: &[f32], to: &mut [f32]) {
+        for (sum, x) in to.iter_mut().zip(from) {
+            *sum += scale * x;
+        }
+    }
+
+    /// Keeps of every cell the most energy, `loud^2 energy`, and whose it is.
+    pub fn prefer_parts(loud: f32, energy: &[f32], who: u32, most: &mut [f32], is: &mut [u32]) {
+        for ((most, is), energy) in most.iter_mut().zip(is).zip(energy) {
+            prefer(loud * loud * energy, who, most, is);
+        }
+    }
+
+    /// Adds the `parts` of an arrival to rows of `width` cells, one after the other from cell `start` on, as loud as
+    /// `loudness` says cell by cell.
+    pub fn add_rows(start: usize, width: usize, loudness: &[f32], parts: &[f32], to: &mut [f32]) {
+        for (bin, &x) in parts.iter().enumerate() {
+            let start = start + bin * width;
+            for (sum, &loud) in to[start..start + loudness.len()].iter_mut().zip(loudness) {
+                *sum += loud * x;
+            }
+        }
+    }
+
+    /// [`add_rows`] of energies: as loud as the square.
+    pub fn add_rows_squared(start: usize, width: usize, loudness: &[f32], parts: &[f32], to: &mut [f32]) {
+        for (bin, &x) in parts.iter().enumerate() {
+            let start = start + bin * width;
+            for (sum, &loud) in to[start..start + loudness.len()].iter_mut().zip(loudness) {
+                *sum += loud * loud * x;
+            }
+        }
+    }
+
+    /// [`prefer_parts`] of rows as those of [`add_rows`].
+    pub fn prefer_rows(
+        start: usize,
+        width: usize,
+        loudness: &[f32],
+        energy: &[f32],
+        who: u32,
+        most: &mut [f32],
+        is: &mut [u32],
+    ) {
+        for (bin, &energy) in energy.iter().enumerate() {
+            let cells = start + bin * width..start + bin * width + loudness.len();
+            for ((most, is), &loud) in most[cells.clone()].iter_mut().zip(&mut is[cells]).zip(loudness) {
+                prefer(loud * loud * energy, who, most, is);
+            }
+        }
+    }
+
+    /// Adds energies, and energies times the angle `beside` the axis of each cell's beam, to rows as those of
+    /// [`add_rows`].
+    pub fn lean_rows(
+        start: usize,
+        width: usize,
+        loudness: &[f32],
+        beside: &[f32],
+        energy: &[f32],
+        lean: &mut [f32],
+        total: &mut [f32],
+    ) {
+        for (bin, &energy) in energy.iter().enumerate() {
+            let cells = start + bin * width..start + bin * width + loudness.len();
+            let sums = lean[cells.clone()].iter_mut().zip(&mut total[cells]);
+            for ((lean, total), (&loud, &beside)) in sums.zip(loudness.iter().zip(beside)) {
+                let heard = loud * loud * energy;
+                *lean += heard * beside;
+                *total += heard;
+            }
+        }
+    }
+
+    /// Folds a line with a symmetrical response of `taps`, from the middle on; `padded` is the line with as many zeros as
+    /// there are taps beside the middle on either side.
+    pub fn convolve(taps: &[f32], squared: bool, padded: &[f32], out: &mut [f32]) {
+        let half = taps.len() - 1;
+        out.fill(0.0);
+        for shift in 0..=2 * half {
+            let tap = taps[shift.abs_diff(half)];
+            let tap = if squared { tap * tap } else { tap };
+            for (out, value) in out.iter_mut().zip(&padded[shift..]) {
+                *out += tap * value;
+            }
+        }
+    }
+
+    /// `a += b c`.
+    pub fn add_product(a: &mut [f32], b: &[f32], c: &[f32]) {
+        for ((a, b), c) in a.iter_mut().zip(b).zip(c) {
+            *a += b * c;
+        }
+    }
+
+    /// `to += a^2`.
+    pub fn add_square(a: &[f32], to: &mut [f32]) {
+        for (to, a) in to.iter_mut().zip(a) {
+            *to += a * a;
+        }
+    }
+
+    /// `to = (sqrt(energy) + re a)^2 + (im a)^2`, with noise of the amplitudes `a`.
+    pub fn with_noise(energy: &[f32], re: &[f32], im: &[f32], a: &[f32], to: &mut [f32]) {
+        for ((((to, energy), re), im), a) in to.iter_mut().zip(energy).zip(re).zip(im).zip(a) {
+            let (re, im) = (re * a, im * a);
+            let amplitude = energy.sqrt() + re;
+            *to = amplitude * amplitude + im * im;
+        }
+    }
+
+    /// Powers as levels, dB.
+    pub fn to_db(powers: &mut [f32]) {
+        for level in powers {
+            *level = log2(level.max(1e-30)) * (1.0 / LOG2_PER_DB);
+        }
+    }
+}
