@@ -1,4 +1,4 @@
-//! Rays per second: four scenes, three sensors, beside the bare Embree loop on the same rays.
+//! Rays per second: five scenes, three sensors and two depth cameras, beside the bare Embree loop on the same rays.
 
 use crate::clock::{cpu_per_call, median};
 use crate::{Result, scenes};
@@ -25,15 +25,17 @@ noise: {range_sigma_m: 0.01}
 /// An instrument without errors and threshold, for the geometry alone.
 fn ideal(sensor: &Sensor) -> Result<Sensor> {
     let mut ideal = sensor.clone();
-    for (key, value) in [("detection", "{model: none}"), ("noise", "{}"), ("range.resolution_m", "0")] {
+    for (key, value) in [("tof", "null"), ("detection", "{model: none}"), ("noise", "{}"), ("range.resolution_m", "0")]
+    {
         ideal.set(key, value)?;
     }
     Ok(ideal)
 }
 
 pub fn run() -> Result<Value> {
-    let sensors =
-        [Sensor::preset("velodyne_vlp32c")?, Sensor::preset("velodyne_vls128")?, Sensor::from_yaml(CAMERA, ".")?];
+    let lidars = [Sensor::preset("velodyne_vlp32c")?, Sensor::preset("velodyne_vls128")?];
+    let camera = [Sensor::from_yaml(CAMERA, ".")?];
+    let depth_cameras = [Sensor::preset("kinect_v2")?, Sensor::preset("realsense_d435")?];
     let one = ThreadPoolBuilder::new().num_threads(1).build()?;
     let all = ThreadPoolBuilder::new().build()?;
     let threads = all.current_num_threads();
@@ -50,14 +52,16 @@ pub fn run() -> Result<Value> {
         "bare"
     );
     let mut rows = Vec::new();
-    for (name, scene, pose) in [
-        ("quad", scenes::quad(), Pose::at(0.0, 0.0, 0.0)),
-        ("city", scenes::city(), Pose::at(0.0, 0.0, 2.0)),
-        ("terrain", scenes::terrain(), Pose::at(0.0, 0.0, 2.0)),
-        ("forest", scenes::forest(), Pose::at(0.0, 0.0, 2.0)),
+    let outside = Pose::at(0.0, 0.0, 2.0);
+    for (name, scene, pose, cameras) in [
+        ("quad", scenes::quad(), Pose::at(0.0, 0.0, 0.0), &camera[..]),
+        ("city", scenes::city(), outside, &camera[..]),
+        ("terrain", scenes::terrain(), outside, &camera[..]),
+        ("forest", scenes::forest(), outside, &camera[..]),
+        ("flat", scenes::flat()?, Pose::at(-2.2, 0.3, 1.4), &depth_cameras[..]),
     ] {
         let built = scene.build()?;
-        for sensor in &sensors {
+        for sensor in lidars.iter().chain(cameras) {
             let plain = ideal(sensor)?;
             let trajectory = Trajectory::fixed(pose);
             let geometry = ScanOptions::default().fields(FieldSet::parse(GEOMETRY)?);

@@ -2,6 +2,7 @@
 
 use echocast::scene::{Labels, Material, Mesh, NameTable, Object, Part, Scene};
 use glam::{DAffine3, DVec3, Vec3};
+use std::path::Path;
 use std::sync::{Arc, LazyLock};
 
 /// Random numbers for shapes: any generator will do, as long as it is the same everywhere (xorshift64*).
@@ -195,6 +196,11 @@ pub fn forest() -> Scene {
         }
     }
     scene(vec![ground.mesh("ground"), tree.mesh("tree")], placed)
+}
+
+/// A flat of 11,000 triangles that ships with the repository.
+pub fn flat() -> echocast::Result<Scene> {
+    Scene::load(Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/scenes/apartment.glb"))
 }
 
 /// The paper's 5.2.2: a square that fills a view of 90 degrees, cut into `4^level` objects.

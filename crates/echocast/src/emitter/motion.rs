@@ -56,8 +56,8 @@ impl Motion {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::Vec3;
     use crate::emitter::Trajectory;
+    use glam::Vec3;
 
     #[test]
     fn a_motion_passes_the_poses_of_its_trajectory() {

@@ -2,8 +2,8 @@
 
 use super::{BuiltScene, Tables};
 use crate::ground::lanes::{CHUNK, LANES, RayBatch};
-use embree4::{Coherence, INVALID, Packet};
 use echocast_kernels::measure;
+use embree4::{Coherence, INVALID, Packet};
 use rayon::prelude::*;
 
 /// A bare loop over the fastest Embree call, on the same committed scene and the same rays as a scan:

@@ -4,9 +4,9 @@
 //! receiver sees, with the Gaussian pulse of the beam's width (whatever its shape), P_i = `rho_eff / R_i^2`, 1/m^2. An echo
 //! is a local maximum of W. Two equal pulses have one maximum up to a distance of 2 sigma.
 
-use echocast_kernels::light;
 use crate::detect::Peak;
 use crate::ground::lanes::LANES;
+use echocast_kernels::light;
 
 /// A part of the signal.
 #[derive(Clone, Copy, Debug)]
