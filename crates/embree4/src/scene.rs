@@ -333,6 +333,58 @@ impl CommittedScene {
         }
     }
 
+    /// Finds out which rays hit anything at all, of those whose lane in `valid` is -1: their `tfar` becomes -infinity, all
+    /// else stays. Faster than [`CommittedScene::intersect`]; what holds there holds here.
+    #[inline]
+    pub fn occlude<const W: usize>(&self, valid: &[i32; W], rays: &mut Packet<W>, coherence: Coherence) {
+        // SAFETY: the arguments name no context and no filter.
+        unsafe { self.occlude_with(valid, rays, &mut occlusion(coherence.flags())) }
+    }
+
+    /// [`CommittedScene::occlude`] by hits that `counts` does not refuse, see [`CommittedScene::intersect_where`].
+    #[inline]
+    pub fn occlude_where<const W: usize, F: Fn(&Candidate) -> bool>(
+        &self,
+        valid: &[i32; W],
+        rays: &mut Packet<W>,
+        coherence: Coherence,
+        counts: &F,
+    ) {
+        let context = sys::RTCRayQueryContext { instID: [INVALID], instPrimID: [INVALID] };
+        let mut asking = Asking { context, counts };
+        let flags = coherence.flags() | sys::RTC_RAY_QUERY_FLAG_INVOKE_ARGUMENT_FILTER;
+        let mut arguments = sys::RTCOccludedArguments {
+            context: std::ptr::from_mut(&mut asking).cast(),
+            filter: Some(ask::<F>),
+            ..occlusion(flags)
+        };
+        // SAFETY: as in `intersect_where`.
+        unsafe { self.occlude_with(valid, rays, &mut arguments) }
+    }
+
+    /// # Safety
+    /// The filter of `arguments`, if any, may be called with their context.
+    #[inline]
+    unsafe fn occlude_with<const W: usize>(
+        &self,
+        valid: &[i32; W],
+        rays: &mut Packet<W>,
+        arguments: &mut sys::RTCOccludedArguments,
+    ) {
+        const { assert!(W == 4 || W == 8 || W == 16, "Embree traces packets of 4, 8 and 16 rays") };
+        let valid = Aligned(*valid);
+        let (valid, scene, rays) = (valid.0.as_ptr(), self.0.raw, std::ptr::from_mut(rays));
+        // SAFETY: as in `intersect_with`: an RTCRayHitW begins with an RTCRayW (proved where Packet is defined), and
+        // Embree writes nothing but its tfar.
+        unsafe {
+            match W {
+                4 => sys::rtcOccluded4(valid, scene, rays.cast(), arguments),
+                8 => sys::rtcOccluded8(valid, scene, rays.cast(), arguments),
+                _ => sys::rtcOccluded16(valid, scene, rays.cast(), arguments),
+            }
+        }
+    }
+
     /// Finds the closest hit of one ray.
     #[inline]
     pub fn intersect1(&self, ray: &mut Ray) {
@@ -412,6 +464,18 @@ fn arguments(flags: sys::RTCRayQueryFlags) -> sys::RTCIntersectArguments {
         context: std::ptr::null_mut(),
         filter: None,
         intersect: None,
+    }
+}
+
+/// What `rtcInitOccludedArguments` sets, and `flags`.
+#[inline]
+fn occlusion(flags: sys::RTCRayQueryFlags) -> sys::RTCOccludedArguments {
+    sys::RTCOccludedArguments {
+        flags,
+        feature_mask: sys::RTC_FEATURE_FLAG_ALL,
+        context: std::ptr::null_mut(),
+        filter: None,
+        occluded: None,
     }
 }
 

@@ -1,7 +1,8 @@
 //! The wrapper against geometry whose hits are known.
 
 use embree4::{
-    Coherence, CommittedScene, Device, Error, INVALID, Instance, Joint, Mesh, Pace, Packet, Quality, Ray, Scene,
+    Candidate, Coherence, CommittedScene, Device, Error, INVALID, Instance, Joint, Mesh, Pace, Packet, Quality, Ray,
+    Scene,
 };
 use std::sync::Arc;
 use std::thread;
@@ -218,15 +219,23 @@ fn rays_pass_through_what_does_not_count() {
                 [rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]] = *direction;
                 valid[lane] = -1;
             }
-            let mut expected = rays;
+            let (start, mut expected, mut stops, mut rest_stops) = (rays, rays, rays, rays);
             rest.intersect(&valid, &mut expected, coherence);
-            whole.intersect_where(&valid, &mut rays, coherence, &|hit| {
+            rest.occlude(&valid, &mut rest_stops, coherence);
+            let counts = |hit: &Candidate| {
                 let inside = hit.u >= 0.0 && hit.v >= 0.0 && hit.u + hit.v <= 1.0 + 1e-5;
                 assert!(inside && hit.geom_id == 0 && hit.inst_id < 2, "{hit:?}");
                 hit.inst_id == 1 && hit.prim_id % 3 != 0
-            });
+            };
+            whole.intersect_where(&valid, &mut rays, coherence, &counts);
+            whole.occlude_where(&valid, &mut stops, coherence, &counts);
             for lane in 0..directions.len() {
                 let (found, expected) = (lane_of(&rays, lane), lane_of(&expected, lane));
+                // Occlusion tells no more than whether there is a hit.
+                let stopped = Ray { tfar: f32::NEG_INFINITY, ..lane_of(&start, lane) };
+                let expected_stop = if expected.geom_id == INVALID { lane_of(&start, lane) } else { stopped };
+                assert_eq!(lane_of(&stops, lane), expected_stop);
+                assert_eq!(lane_of(&rest_stops, lane), expected_stop);
                 if expected.geom_id == INVALID {
                     assert_eq!(found, expected);
                 } else {

@@ -54,6 +54,13 @@ kernels! {
         }
     }
 
+    /// `to = a / b^2`.
+    pub fn over_squares(a: &Lanes, b: &Lanes, to: &mut Lanes) {
+        for lane in 0..LANES {
+            to[lane] = a[lane] / (b[lane] * b[lane]);
+        }
+    }
+
     /// `values *= factors`.
     pub fn dim(values: &mut Lanes, factors: &Lanes) {
         for lane in 0..LANES {

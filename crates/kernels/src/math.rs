@@ -1,6 +1,6 @@
 //! Functions that compile to vector instructions, for loops over many values.
 
-use std::f32::consts::{LN_2, PI};
+use std::f32::consts::{FRAC_PI_2, LN_2, PI};
 
 /// Natural logarithm of a normal positive number, to 1e-6 absolute.
 ///
@@ -104,6 +104,29 @@ const fn ratios(step: i32) -> [f64; 8] {
     ratios
 }
 
+/// Arccosine of -1 to 1, to 5e-7 (Abramowitz and Stegun 1964, 4.4.46).
+#[inline(always)]
+pub fn acos(x: f32) -> f32 {
+    let a = x.abs();
+    let series = FRAC_PI_2
+        + a * (-0.214_598_8
+            + a * (0.088_978_99
+                + a * (-0.050_174_304
+                    + a * (0.030_891_88 + a * (-0.017_088_126 + a * (0.006_670_09 - a * 0.001_262_491_1))))));
+    let angle = (1.0 - a).max(0.0).sqrt() * series;
+    if x < 0.0 { PI - angle } else { angle }
+}
+
+/// Sine and cosine of `turns` of a circle, to 1e-12, for up to 2^50 of them.
+#[inline(always)]
+pub fn sin_cos_turns(turns: f64) -> (f64, f64) {
+    const WHOLE: f64 = 1.5 * (1u64 << 52) as f64;
+    let part = turns - ((turns + WHOLE) - WHOLE);
+    // Of the half angle, 0 to pi/2.
+    let (sine, cosine) = sin_cos(part.abs() * std::f64::consts::PI);
+    ((2.0 * sine * cosine).copysign(part), 1.0 - 2.0 * sine * sine)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -135,6 +158,18 @@ mod tests {
             let x = std::f64::consts::FRAC_PI_2 * f64::from(i) / 1000.0;
             let (sine, cosine) = sin_cos(x);
             assert!((sine - x.sin()).abs() < 1e-12 && (cosine - x.cos()).abs() < 1e-12, "{x}");
+        }
+    }
+
+    #[test]
+    fn angles_follow_theirs() {
+        for i in -10_000..=10_000 {
+            let x = i as f32 / 10_000.0;
+            assert!((f64::from(acos(x)) - f64::from(x).acos()).abs() < 5e-7, "acos({x})");
+            let turns = f64::from(i) * 0.000_37;
+            let (sine, cosine) = sin_cos_turns(turns);
+            let angle = turns * std::f64::consts::TAU;
+            assert!((sine - angle.sin()).abs() < 1e-11 && (cosine - angle.cos()).abs() < 1e-11, "{turns}");
         }
     }
 }

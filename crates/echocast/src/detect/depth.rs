@@ -1,8 +1,8 @@
 //! Errors of depth images of structured light, of stereo, and as they were measured of some cameras.
 
 use crate::read::yaml;
+use echocast_kernels::{LANES, camera};
 use serde::{Deserialize, Deserializer, Serialize};
-use std::f32::consts::FRAC_PI_2;
 
 /// Random error of the depth z, the distance along the optical axis in m, of a depth camera; a point moves along its ray.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -77,7 +77,7 @@ pub(crate) struct DepthError {
     /// Standard deviation head-on: `a + b z + c z^2`, m.
     terms: [f32; 3],
     /// What slanted surfaces add, m: the first times `z^second t^2 / (pi/2 - t)^2`.
-    slanted: [f32; 2],
+    slanted: (f32, f32),
     /// Step over z^2, 1/m.
     step: f32,
 }
@@ -90,44 +90,32 @@ impl DepthError {
         };
         match noise {
             DepthNoise::None => None,
-            DepthNoise::Khoshelham => law([0.0, 0.0, 1.425e-3], [0.0; 2], 2.85e-3),
+            DepthNoise::Khoshelham => law([0.0, 0.0, 1.425e-3], (0.0, 0.0), 2.85e-3),
             // 0.0012 + 0.0019 (z - 0.4)^2, by powers of z.
-            DepthNoise::Nguyen => law([0.0012 + 0.0019 * 0.16, -0.0019 * 0.8, 0.0019], [1e-4, -0.5], 0.0),
-            DepthNoise::Fankhauser => law([1.5e-3, -0.5e-3, 0.3e-3], [1e-4, 1.5], 0.0),
+            DepthNoise::Nguyen => law([0.0012 + 0.0019 * 0.16, -0.0019 * 0.8, 0.0019], (1e-4, -0.5), 0.0),
+            DepthNoise::Fankhauser => law([1.5e-3, -0.5e-3, 0.3e-3], (1e-4, 1.5), 0.0),
             DepthNoise::Disparity { sigma_px, step_px } => {
-                law([0.0, 0.0, sigma_px * per_pixel], [0.0; 2], step_px * per_pixel)
+                law([0.0, 0.0, sigma_px * per_pixel], (0.0, 0.0), step_px * per_pixel)
             }
-            DepthNoise::Polynomial { sigma_m } => law(sigma_m, [0.0; 2], 0.0),
+            DepthNoise::Polynomial { sigma_m } => law(sigma_m, (0.0, 0.0), 0.0),
         }
     }
 
-    /// Standard deviation, m, at `depth` m on a surface met at an incidence of cosine `cos`. From 85 degrees on it is that
-    /// at 85 degrees: at 90 the laws are infinite, and nobody measured so far.
-    pub(crate) fn sigma(&self, depth: f32, cos: f32) -> f32 {
-        const STEEPEST: f32 = 85.0 / 180.0 * std::f32::consts::PI;
-        let [a, b, c] = self.terms;
-        let mut sigma = a + depth * (b + depth * c);
-        let [factor, power] = self.slanted;
-        if factor > 0.0 {
-            let incidence = cos.clamp(0.0, 1.0).acos().min(STEEPEST);
-            let grazing = FRAC_PI_2 - incidence;
-            sigma += factor * depth.powf(power) * (incidence / grazing).powi(2);
-        }
-        sigma.max(0.0)
-    }
-
-    /// The measured depth, m, where `depth` is true and `normal` a standard normal number. Sigma is that of what is
-    /// reported: the steps' own part of its variance, a twelfth of their square, is left to them.
+    /// The measured depth, m, where `depth` is true, on a surface met at an incidence of cosine `cos`, and `normal` a
+    /// standard normal number.
     pub(crate) fn measure(&self, depth: f32, cos: f32, normal: f32) -> f32 {
-        let step = self.step * depth * depth;
-        let sigma = self.sigma(depth, cos);
-        let noisy = depth + (sigma * sigma - step * step / 12.0).max(0.0).sqrt() * normal;
-        if self.step > 0.0 && noisy > 0.0 {
-            // Disparities are even steps, so that inverse depths are.
-            let steps = (1.0 / (noisy * self.step)).round_ties_even().max(1.0);
-            return 1.0 / (steps * self.step);
-        }
-        noisy.max(0.0)
+        camera::measured_depth(self.terms, self.slanted, self.step, depth, cos, normal)
+    }
+
+    /// [`DepthError::measure`] of the depths of `ranges` along rays `axis` (cosines) off the optical axis.
+    pub(crate) fn measure_all(
+        &self,
+        axis: &[f32; LANES],
+        cos: &[f32; LANES],
+        normal: &[f32; LANES],
+        ranges: &mut [f32; LANES],
+    ) {
+        camera::err(self.terms, self.slanted, self.step, axis, cos, normal, ranges);
     }
 }
 
@@ -135,6 +123,12 @@ impl DepthError {
 mod tests {
     use super::*;
     use crate::ground::rng::{Draw, Rng};
+
+    impl DepthError {
+        fn sigma(&self, depth: f32, cos: f32) -> f32 {
+            camera::depth_sigma(self.terms, self.slanted, depth, cos)
+        }
+    }
 
     fn law(noise: DepthNoise) -> DepthError {
         DepthError::new(noise, 1.0 / (939.0 * 0.05)).unwrap()

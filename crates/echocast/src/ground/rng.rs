@@ -78,6 +78,11 @@ impl Rng {
         random::normals(self.key, beams, self.frame, sub_rays, draw as u32, out);
     }
 
+    /// [`Rng::normal_pair`] of each of `beams` at `sub_ray`.
+    pub(crate) fn normal_pairs(&self, beams: &[u32], sub_ray: u32, draw: Draw, a: &mut [f32], b: &mut [f32]) {
+        random::normal_pairs(self.key, beams, self.frame, sub_ray, draw as u32, a, b);
+    }
+
     /// Numbers in [0, 1) of `beams` at their `sub_rays`, one for each element of `out`.
     pub(crate) fn uniforms(&self, beams: &[u32], sub_rays: &[u32], draw: Draw, out: &mut [f32]) {
         random::uniforms(self.key, beams, self.frame, sub_rays, draw as u32, out);

@@ -5,8 +5,10 @@ use crate::echo::{MOST_FREQUENCIES, Modulation, ShotNoise, natural_vignetting, t
 use crate::emitter::Pattern;
 use crate::emitter::pattern::Pinhole;
 use crate::ground::error::{Error, Result};
+use crate::ground::lanes::LANES;
 use crate::ground::rng::{Draw, Rng};
 use crate::read::bounds::{ABOVE_ZERO, Bounds};
+use echocast_kernels::camera as kernels;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
@@ -341,22 +343,79 @@ impl Camera {
         (formed.disagreement <= self.inconsistency).then_some((formed.range, formed.power))
     }
 
+    /// [`Camera::form`] of pixels with one echo each: `formed` gets ranges, m, `valid` whether there is one.
+    pub(crate) fn form_all(
+        &self,
+        rng: &Rng,
+        beams: &[u32],
+        [ranges, powers]: [&[f32; LANES]; 2],
+        formed: &mut [f32; LANES],
+        valid: &mut [bool; LANES],
+    ) {
+        for lane in 0..LANES {
+            let dark = self.shot_noise.is_some() && powers[lane] <= 0.0 && self.modulation.is_some();
+            valid[lane] = (powers[lane] <= self.saturation || powers[lane].is_nan()) && !dark;
+        }
+        let Some(modulation) = &self.modulation else {
+            *formed = *ranges;
+            return;
+        };
+        let mut noise = [[0.0; LANES]; MOST_FREQUENCIES];
+        if self.shot_noise.is_some() {
+            for (index, noise) in (0..).zip(&mut noise[..modulation.len()]) {
+                rng.normals(beams, &[index; LANES][..beams.len()], Draw::Phase, &mut noise[..beams.len()]);
+            }
+        }
+        let mut disagreement = [0.0; LANES];
+        let modulated = modulation.side_by_side(self.shot_noise);
+        kernels::form(&modulated, ranges, powers, &noise, formed, &mut disagreement);
+        for lane in 0..LANES {
+            valid[lane] &= disagreement[lane] <= self.inconsistency;
+        }
+    }
+
+    /// [`Camera::err`] of each lane; `axis`: cosines of the angles that pixels are off the optical axis.
+    pub(crate) fn err_all(
+        &self,
+        rng: &Rng,
+        beams: &[u32],
+        axis: &[f32; LANES],
+        cos: &[f32; LANES],
+        ranges: &mut [f32; LANES],
+    ) {
+        if let Some(depth) = &self.depth {
+            let mut normal = [0.0; LANES];
+            rng.normals(beams, &[0; LANES][..beams.len()], Draw::DepthJitter, &mut normal[..beams.len()]);
+            depth.measure_all(axis, cos, &normal, ranges);
+        }
+    }
+
+    /// Multiplies `values` with [`Camera::gain`] of pixels whose rays are `cos` off the axis.
+    pub(crate) fn dim(&self, cos: &[f32; LANES], values: &mut [f32; LANES]) {
+        if self.vignetting == Vignetting::Cos4 {
+            kernels::vignette(cos, values);
+        }
+        kernels::illuminate(&self.illumination, cos, values);
+    }
+
+    /// Where pixels, which should look along `from`, do look: unit vectors in the sensor frame too.
+    ///
+    /// Published lateral noise grows with the incidence, which is not known before the ray is traced: the number is that
+    /// of surfaces met head-on.
+    pub(crate) fn look_aside(&self, rng: &Rng, beams: &[u32], from: [&[f32]; 3], to: &mut [[f32; LANES]; 3]) {
+        let [across, down] = self.aside.unwrap_or_default();
+        let (mut y, mut z) = ([0.0; LANES], [0.0; LANES]);
+        let count = beams.len();
+        rng.normal_pairs(beams, 0, Draw::LookAside, &mut y[..count], &mut z[..count]);
+        kernels::look_aside(from, across, down, [&y, &z], to);
+    }
+
     /// The measured range, m, of pixel `beam`, whose ray is `axis` (the cosine) off the optical axis and meets its surface
     /// at an incidence of cosine `cos`, where the range would be `range` without errors of the depth.
     pub(crate) fn err(&self, rng: &Rng, beam: u32, axis: f32, cos: f32, range: f32) -> f32 {
         let Some(depth) = &self.depth else { return range };
         let [normal, _] = rng.normal_pair(beam, Draw::DepthJitter, 0);
         depth.measure(range * axis, cos, normal) / axis
-    }
-
-    /// Where pixel `beam`, which should look along `direction`, does look: a unit vector in the sensor frame too.
-    ///
-    /// Published lateral noise grows with the incidence, which is not known before the ray is traced: the number is that
-    /// of surfaces met head-on.
-    pub(crate) fn look_aside(&self, rng: &Rng, beam: u32, direction: Vec3) -> Vec3 {
-        let Some([across, down]) = self.aside else { return direction };
-        let [y, z] = rng.normal_pair(beam, Draw::LookAside, 0);
-        (direction + direction.x * Vec3::new(0.0, across * y, down * z)).normalize()
     }
 }
 
@@ -397,7 +456,6 @@ mod tests {
         assert_eq!(form(&ideal, &[3.5], &[0.2]), Some((3.5, 0.2)));
         assert!(!ideal.wraps() && !ideal.dims());
         assert_eq!((ideal.gain(0.5), ideal.err(&Rng::new(1, 0), 5, 0.8, 0.9, 3.0)), (1.0, 3.0));
-        assert_eq!(ideal.look_aside(&Rng::new(1, 0), 5, Vec3::X), Vec3::X);
     }
 
     /// Modulated light adds up, a matched pattern is that of the strongest echo.

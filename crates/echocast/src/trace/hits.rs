@@ -60,13 +60,7 @@ impl HitBatch {
         let mut valid = [-1; W];
         for first in (0..count).step_by(W) {
             let lanes = first..first + W;
-            packet.org_x.copy_from_slice(&rays.org_x[lanes.clone()]);
-            packet.org_y.copy_from_slice(&rays.org_y[lanes.clone()]);
-            packet.org_z.copy_from_slice(&rays.org_z[lanes.clone()]);
-            packet.dir_x.copy_from_slice(&rays.dir_x[lanes.clone()]);
-            packet.dir_y.copy_from_slice(&rays.dir_y[lanes.clone()]);
-            packet.dir_z.copy_from_slice(&rays.dir_z[lanes.clone()]);
-            packet.tfar.copy_from_slice(&rays.range_max[lanes.clone()]);
+            load(&mut packet, rays, first);
             packet.geom_id = [INVALID; W];
             packet.inst_id = [INVALID; W];
             if first + W > count {
@@ -89,6 +83,43 @@ impl HitBatch {
                 *surface = if geometry == INVALID { MISS } else { scene.surfaces.row(geometry, instance) };
             }
         }
+    }
+
+    /// Finds out which of the first `count` rays meet anything before their end; see [`HitBatch::trace`].
+    pub(crate) fn blocked(scene: &Tables, rays: &RayBatch, count: usize, coherent: bool, mask: u32) -> [bool; LANES] {
+        let coherence = if coherent { Coherence::Coherent } else { Coherence::Incoherent };
+        match scene.packet_width {
+            16 => Self::blocked_packets::<16>(scene, rays, count, coherence, mask),
+            8 => Self::blocked_packets::<8>(scene, rays, count, coherence, mask),
+            _ => Self::blocked_packets::<4>(scene, rays, count, coherence, mask),
+        }
+    }
+
+    fn blocked_packets<const W: usize>(
+        scene: &Tables,
+        rays: &RayBatch,
+        count: usize,
+        coherence: Coherence,
+        mask: u32,
+    ) -> [bool; LANES] {
+        let mut blocked = [false; LANES];
+        let mut packet = Packet { mask: [mask; W], ..Packet::<W>::new() };
+        let mut valid = [-1; W];
+        for first in (0..count).step_by(W) {
+            load(&mut packet, rays, first);
+            if first + W > count {
+                valid[count - first..].fill(0);
+            }
+            if scene.surfaces.has_cutouts {
+                scene.committed.occlude_where(&valid, &mut packet, coherence, &|hit| scene.surfaces.stops(hit));
+            } else {
+                scene.committed.occlude(&valid, &mut packet, coherence);
+            }
+            for lane in 0..W {
+                blocked[first + lane] = packet.tfar[lane] == f32::NEG_INFINITY;
+            }
+        }
+        blocked
     }
 
     /// Normal of the hit of a lane.
@@ -116,6 +147,18 @@ impl HitBatch {
             }
         }
     }
+}
+
+/// Puts rays into a packet, from lane `first` on.
+fn load<const W: usize>(packet: &mut Packet<W>, rays: &RayBatch, first: usize) {
+    let lanes = first..first + W;
+    packet.org_x.copy_from_slice(&rays.org_x[lanes.clone()]);
+    packet.org_y.copy_from_slice(&rays.org_y[lanes.clone()]);
+    packet.org_z.copy_from_slice(&rays.org_z[lanes.clone()]);
+    packet.dir_x.copy_from_slice(&rays.dir_x[lanes.clone()]);
+    packet.dir_y.copy_from_slice(&rays.dir_y[lanes.clone()]);
+    packet.dir_z.copy_from_slice(&rays.dir_z[lanes.clone()]);
+    packet.tfar.copy_from_slice(&rays.range_max[lanes]);
 }
 
 impl Tables {

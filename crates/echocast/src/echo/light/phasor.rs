@@ -4,25 +4,13 @@
 //! at an edge the range lies between those of the two surfaces, or beyond either. Phases are counted in turns.
 
 use crate::ground::units::SPEED_OF_LIGHT;
+pub(crate) use echocast_kernels::camera::MOST_FREQUENCIES;
+use echocast_kernels::camera::{Modulated, fraction, wiggle};
 use std::f64::consts::TAU;
-
-/// Most frequencies of a camera.
-pub(crate) const MOST_FREQUENCIES: usize = 3;
 
 /// Range at which the phase of light modulated at `frequency` Hz wraps, m: `c / (2 f)`.
 pub(crate) fn ambiguity_range(frequency: f64) -> f64 {
     SPEED_OF_LIGHT / (2.0 * frequency)
-}
-
-/// Error of a phase of `turns` that four taps make of the correlation of two square waves, rad.
-///
-/// That correlation is a triangle, `cos p + cos(3 p) / 9 + cos(5 p) / 25 + ...`; four taps take its third and fifth
-/// harmonic for the phasor `1 + e^(-4jp) / 9 + e^(4jp) / 25` along that of the first.
-pub(crate) fn wiggle(turns: f64) -> f64 {
-    const THIRD: f64 = 1.0 / 9.0;
-    const FIFTH: f64 = 1.0 / 25.0;
-    let (sin, cos) = (4.0 * TAU * turns).sin_cos();
-    ((FIFTH - THIRD) * sin).atan2(1.0 + (THIRD + FIFTH) * cos)
 }
 
 /// The sum of phasors of echoes from `ranges` m with the amplitudes `powers`, where the phase wraps at `wrap` m: its real
@@ -106,6 +94,22 @@ impl Modulation {
         TAU * sigma * weights.sqrt()
     }
 
+    /// For pixels with one echo each, side by side.
+    pub(crate) fn side_by_side(&self, noise: Option<ShotNoise>) -> Modulated {
+        Modulated {
+            wraps: self.wraps,
+            count: self.count,
+            turns: self.turns,
+            residual: self.residual,
+            electrons: noise.map_or([0.0; 2], |noise| [noise.gain, noise.background]),
+        }
+    }
+
+    /// Number of frequencies.
+    pub(crate) fn len(&self) -> usize {
+        self.count
+    }
+
     fn wraps(&self) -> &[f64] {
         &self.wraps[..self.count]
     }
@@ -160,12 +164,6 @@ impl Modulation {
         }
         ((best * finest + sum / weights).rem_euclid(self.ambiguity_range()), farthest - nearest)
     }
-}
-
-/// `turns` less the whole number next to it; exact below 2^51, and quicker than `round`, of which each pixel has many.
-fn fraction(turns: f64) -> f64 {
-    const WHOLE: f64 = 1.5 * (1u64 << 52) as f64;
-    turns - ((turns + WHOLE) - WHOLE)
 }
 
 /// Turns of the highest of `frequencies` until all are where they began: that frequency over the greatest common divisor.

@@ -206,7 +206,7 @@ impl Block {
             scan.aim.rays(scan.beams, first, pointed, scan.reach, &mut self.rays);
         }
         if let Some(camera) = scan.camera.filter(|camera| camera.aside.is_some()) {
-            self.look_aside(scan, camera, count);
+            self.look_aside(scan, camera, first, count);
         }
     }
 

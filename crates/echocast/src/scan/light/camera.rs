@@ -3,11 +3,13 @@
 use super::block::{Block, boxed};
 use super::run::Scan;
 use crate::echo::{Contribution, Wanted};
+use crate::emitter::Aim;
 use crate::ground::cause::Cause;
 use crate::ground::lanes::{LANES, MEDIUM, MISS, RayBatch};
 use crate::ground::rng::Draw;
 use crate::sensor::Camera;
 use crate::trace::HitBatch;
+use echocast_kernels::{camera as kernels, light};
 use glam::{Mat3, Vec3};
 use std::f32::consts::TAU;
 
@@ -21,7 +23,6 @@ const MOVED: f32 = 0.005;
 /// Memory of a block to look from elsewhere in: from a second eye, or after light that comes over other surfaces.
 pub(super) struct Looks {
     rays: RayBatch,
-    hits: HitBatch,
     /// What light comes over.
     first: HitBatch,
     surfaces: Contribution,
@@ -34,7 +35,6 @@ impl Default for Looks {
     fn default() -> Self {
         Looks {
             rays: RayBatch::default(),
-            hits: HitBatch::new(),
             first: HitBatch::new(),
             surfaces: Contribution::new(),
             ranges: Vec::new(),
@@ -61,13 +61,22 @@ impl Looks {
 
 impl Block {
     /// Step 5: pixels look beside their place. What they report stays along their own directions.
-    #[inline(never)]
-    pub fn look_aside(&mut self, scan: &Scan, camera: &Camera, count: usize) {
+    pub fn look_aside(&mut self, scan: &Scan, camera: &Camera, first: usize, count: usize) {
+        let mut places = [[0.0; LANES]; 3];
+        let beams = &self.lanes.beam[..count];
+        camera.look_aside(&scan.rng, beams, scan.beams.directions(first, count), &mut places);
+        let places = places.each_ref().map(|axis| &axis[..count]);
+        scan.aim.rays(scan.beams, first, places, scan.reach, &mut self.rays);
+    }
+
+    /// Cosines of the angles between the rays, wherever they look, and the optical axis.
+    fn off_axes(&self, scan: &Scan, count: usize, to: &mut [f32; LANES]) {
+        if let Aim::Fixed { rotation, .. } = &scan.aim {
+            let RayBatch { dir_x, dir_y, dir_z, .. } = &self.rays;
+            return kernels::off_axis(rotation.x_axis.to_array(), [dir_x, dir_y, dir_z], to);
+        }
         for lane in 0..count {
-            let beam = self.lanes.beam[lane] as usize;
-            let place = camera.look_aside(&scan.rng, beam as u32, scan.beams.direction(beam));
-            let (rotation, _) = self.pose(scan, lane);
-            (self.rays.dir_x[lane], self.rays.dir_y[lane], self.rays.dir_z[lane]) = (rotation * place).into();
+            to[lane] = self.off_axis(scan, lane);
         }
     }
 
@@ -97,13 +106,37 @@ impl Block {
     #[inline(never)]
     pub fn shadow(&mut self, scan: &Scan, eye: Vec3, count: usize) {
         let mut looks = self.looks.take().unwrap_or_else(boxed);
-        for lane in 0..count {
-            let (rotation, origin) = self.pose(scan, lane);
-            looks.look(lane, rotation * eye + origin, self.is_direct(lane).then(|| self.place(lane)));
+        let rays = &mut looks.rays;
+        match &scan.aim {
+            Aim::Fixed { rotation, origin } => {
+                let eye = *rotation * eye + *origin;
+                (rays.org_x, rays.org_y, rays.org_z) = ([eye.x; LANES], [eye.y; LANES], [eye.z; LANES]);
+            }
+            Aim::Moving { .. } => {
+                for lane in 0..count {
+                    let (rotation, origin) = self.pose(scan, lane);
+                    (rays.org_x[lane], rays.org_y[lane], rays.org_z[lane]) = (rotation * eye + origin).into();
+                }
+            }
         }
-        looks.hits.trace(scan.scene, &looks.rays, count, scan.coherent, scan.options.mask);
+        let seen = &self.rays;
+        kernels::look_at(
+            [&seen.org_x, &seen.org_y, &seen.org_z],
+            [&seen.dir_x, &seen.dir_y, &seen.dir_z],
+            &self.hits.range,
+            FREE,
+            [&rays.org_x, &rays.org_y, &rays.org_z],
+            [&mut rays.dir_x, &mut rays.dir_y, &mut rays.dir_z],
+            &mut rays.range_max,
+        );
         for lane in 0..count {
-            if looks.hits.surface[lane] != MISS {
+            if !self.is_direct(lane) {
+                looks.look(lane, Vec3::ZERO, None);
+            }
+        }
+        let blocked = HitBatch::blocked(scan.scene, &looks.rays, count, scan.coherent, scan.options.mask);
+        for lane in 0..count {
+            if blocked[lane] {
                 self.hits.surface[lane] = MISS;
             }
         }
@@ -177,9 +210,9 @@ impl Block {
                     looks.look(lane, origin, None);
                 }
             }
-            looks.hits.trace(scan.scene, &looks.rays, count, false, scan.options.mask);
+            let blocked = HitBatch::blocked(scan.scene, &looks.rays, count, false, scan.options.mask);
             for lane in 0..count {
-                if looks.hits.surface[lane] != MISS {
+                if blocked[lane] {
                     looks.powers[lane * each + ray as usize + 1] = 0.0;
                 }
             }
@@ -187,48 +220,68 @@ impl Block {
     }
 
     /// Step 8: lens and projector dim pixels off the axis.
-    #[inline(never)]
     pub fn dim(&mut self, scan: &Scan, camera: &Camera, count: usize) {
-        for lane in 0..count {
-            self.surfaces.reflectance[lane] *= camera.gain(self.off_axis(scan, lane));
-        }
+        let mut off_axes = [1.0; LANES];
+        self.off_axes(scan, count, &mut off_axes);
+        camera.dim(&off_axes, &mut self.surfaces.reflectance);
     }
 
     /// Step 9: the ranges that the pixels make of their light, before other errors, into `formed`.
-    #[inline(never)]
     pub fn form(&mut self, scan: &Scan, camera: &Camera, count: usize) {
-        let mut looks = self.looks.take();
+        let beams = self.lanes.beam;
+        let beams = &beams[..count];
+        let (mut powers, mut formed, mut valid) = ([0.0; LANES], [0.0; LANES], [false; LANES]);
+        light::over_squares(&self.rho_eff, &self.hits.range, &mut powers);
+        camera.form_all(&scan.rng, beams, [&self.hits.range, &powers], &mut formed, &mut valid);
         if camera.multipath_rays > 0 {
-            self.bounce(scan, camera, looks.get_or_insert_with(boxed), count);
+            self.form_multipath(scan, camera, count, &mut formed, &mut valid);
         }
+        for lane in 0..count {
+            if !valid[lane] {
+                self.hits.surface[lane] = MISS;
+            }
+        }
+        let axis = self.lanes.take(&scan.beams.dir_x, count);
+        if camera.aside.is_some() {
+            let mut off_axes = [1.0; LANES];
+            self.off_axes(scan, count, &mut off_axes);
+            // A depth image holds depths: the depth of the place it looks at goes where it should look.
+            for lane in 0..count {
+                formed[lane] *= off_axes[lane] / axis[lane];
+            }
+        }
+        camera.err_all(&scan.rng, beams, &axis, &self.surfaces.cos_incidence, &mut formed);
+        self.formed = formed;
+    }
+
+    /// [`Block::form`] with the light that comes over other surfaces; `formed` and `valid` are those without.
+    #[inline(never)]
+    fn form_multipath(
+        &mut self,
+        scan: &Scan,
+        camera: &Camera,
+        count: usize,
+        formed: &mut [f32; LANES],
+        valid: &mut [bool; LANES],
+    ) {
+        let mut looks = self.looks.take().unwrap_or_else(boxed);
+        self.bounce(scan, camera, &mut looks, count);
         let each = camera.multipath_rays as usize + 1;
         for lane in 0..count {
             if self.hits.surface[lane] == MISS {
                 continue;
             }
-            let (beam, truth) = (self.lanes.beam[lane], self.hits.range[lane]);
-            let straight = camera.form(&scan.rng, beam, &[truth], &[self.rho_eff[lane] / (truth * truth)]);
-            let formed = match &looks {
-                Some(looks) if each > 1 => {
-                    let echoes = lane * each..(lane + 1) * each;
-                    camera.form(&scan.rng, beam, &looks.ranges[echoes.clone()], &looks.powers[echoes])
-                }
-                _ => straight,
-            };
-            let Some((mut range, _)) = formed else {
-                self.hits.surface[lane] = MISS;
-                continue;
-            };
-            if each > 1 && straight.is_none_or(|(straight, _)| (range - straight).abs() > MOVED) {
+            let echoes = lane * each..(lane + 1) * each;
+            let (ranges, powers) = (&looks.ranges[echoes.clone()], &looks.powers[echoes]);
+            let all = camera.form(&scan.rng, self.lanes.beam[lane], ranges, powers);
+            if let Some((range, _)) = all
+                && (!valid[lane] || (range - formed[lane]).abs() > MOVED)
+            {
                 self.answer.cause[lane] = Cause::Multipath as u8;
             }
-            let axis = scan.beams.direction(self.lanes.beam[lane] as usize).x;
-            if camera.aside.is_some() {
-                // A depth image holds depths: the depth of the place it looks at goes where it should look.
-                range *= self.off_axis(scan, lane) / axis;
-            }
-            self.formed[lane] = camera.err(&scan.rng, beam, axis, self.surfaces.cos_incidence[lane], range);
+            valid[lane] = all.is_some();
+            formed[lane] = all.map_or(formed[lane], |(range, _)| range);
         }
-        self.looks = looks;
+        self.looks = Some(looks);
     }
 }
