@@ -7,6 +7,7 @@ SHELL := /bin/bash
 help:
 	@echo "make demo                  scan the example scenes; clouds and pictures go to out/demo"
 	@echo "make test                  run every test"
+	@echo "make check                 format, lints and unit tests alone"
 	@echo "make build                 release build; the program is target/release/echocast"
 	@echo "make bench                 how fast it is beside bare Embree; writes target/bench.json"
 	@echo "make install PREFIX=DIR    put program, C library and headers below DIR [$(PREFIX)]"
@@ -20,14 +21,18 @@ test:
 	@scripts/setup --test
 	@scripts/test
 
+check:
+	@scripts/setup
+	@scripts/test --fast
+
 build:
 	@scripts/setup
-	cargo build --release --workspace --locked
+	cargo build --release --locked
 
 bench:
 	@scripts/setup
-	cargo build --release --locked -p echocast-capi -p echocast-example
-	cargo run --release --locked -p echocast-benches
+	cargo build --release --locked
+	target=$${CARGO_TARGET_DIR:-target}; $$target/release/bench
 
 install: build
 	@DESTDIR="$(DESTDIR)" scripts/install "$(PREFIX)"
@@ -36,4 +41,4 @@ clean:
 	cargo clean
 	rm -rf out fuzz/target
 
-.PHONY: help demo test build bench install clean
+.PHONY: help demo test check build bench install clean

@@ -8,13 +8,9 @@ mod rpath;
 const ABI: u32 = 1;
 
 fn main() {
-    println!("cargo::rerun-if-env-changed=ECHOCAST_INSTALL");
-    if env::var_os("ECHOCAST_INSTALL").is_some() {
-        // Installed, the library finds an Embree that came with it in a folder beside it.
-        println!("cargo::rustc-link-arg-cdylib=-Wl,-rpath,$ORIGIN/echocast");
-    } else {
-        rpath::main();
-    }
+    // Installed, the library finds an Embree that came with it in a folder beside it.
+    println!("cargo::rustc-link-arg-cdylib=-Wl,-rpath,$ORIGIN/echocast");
+    rpath::main();
     // cargo-c says so itself.
     if env::var_os("CARGO_FEATURE_CAPI").is_none() {
         println!("cargo::rustc-link-arg-cdylib=-Wl,-soname,libechocast.so.{ABI}");

@@ -225,7 +225,7 @@ fn rays_pass_through_what_does_not_count() {
             let counts = |hit: &Candidate| {
                 let inside = hit.u >= 0.0 && hit.v >= 0.0 && hit.u + hit.v <= 1.0 + 1e-5;
                 assert!(inside && hit.geom_id == 0 && hit.inst_id < 2, "{hit:?}");
-                hit.inst_id == 1 && hit.prim_id % 3 != 0
+                hit.inst_id == 1 && !hit.prim_id.is_multiple_of(3)
             };
             whole.intersect_where(&valid, &mut rays, coherence, &counts);
             whole.occlude_where(&valid, &mut stops, coherence, &counts);

@@ -1,0 +1,95 @@
+//! What is fuzzed (`scripts/fuzz`), with inputs made of the seeds: a short part of that work, the same at every run.
+
+use std::fs;
+use std::path::Path;
+
+#[path = "../fuzz/src/lib.rs"]
+#[allow(unsafe_code, clippy::undocumented_unsafe_blocks, missing_docs)]
+mod targets;
+
+/// Numbers that seem random (xorshift64*).
+struct Dice(u64);
+
+impl Dice {
+    fn below(&mut self, count: usize) -> usize {
+        self.0 ^= self.0 >> 12;
+        self.0 ^= self.0 << 25;
+        self.0 ^= self.0 >> 27;
+        ((self.0.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 33) as usize) % count.max(1)
+    }
+
+    /// One to eight changes of an input.
+    fn change(&mut self, input: &mut Vec<u8>, others: &[Vec<u8>]) {
+        const ODD: &[u8] = b"\0\xff\x80-0.9eE+{}[]:,\n \"'#&*!|>%@";
+        for _ in 0..=self.below(8) {
+            let at = self.below(input.len() + 1);
+            let end = (at + self.below(32)).min(input.len());
+            match self.below(7) {
+                0 => drop(input.drain(at..end)),
+                1 => input.insert(at, ODD[self.below(ODD.len())]),
+                2 if at < input.len() => input[at] = ODD[self.below(ODD.len())],
+                3 if at < input.len() => input[at] ^= 1 << self.below(8),
+                4 => {
+                    let copy = input[at..end].to_vec();
+                    let to = self.below(input.len() + 1);
+                    input.splice(to..to, copy);
+                }
+                5 if !others.is_empty() => {
+                    let other = &others[self.below(others.len())];
+                    let from = self.below(other.len() + 1);
+                    let piece = &other[from..(from + self.below(64)).min(other.len())];
+                    input.splice(at..at, piece.iter().copied());
+                }
+                _ => input.truncate(at.max(1)),
+            }
+        }
+    }
+}
+
+/// Runs a target with its seeds, and with `rounds` inputs made of them.
+fn fuzz(target: &str, rounds: usize, seeds: &[&[u8]], run: impl Fn(&[u8])) {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/seeds").join(target);
+    let mut known: Vec<Vec<u8>> = seeds.iter().map(|seed| seed.to_vec()).collect();
+    let mut files: Vec<_> = fs::read_dir(folder).into_iter().flatten().map(|file| file.unwrap().path()).collect();
+    files.sort();
+    known.extend(files.iter().map(|file| fs::read(file).unwrap()));
+    assert!(!known.is_empty(), "no seeds of {target}");
+    known.iter().for_each(|seed| run(seed));
+    let mut dice = Dice(0x9E37_79B9_7F4A_7C15);
+    for _ in 0..rounds {
+        let mut input = known[dice.below(known.len())].clone();
+        dice.change(&mut input, &known);
+        run(&input);
+    }
+}
+
+#[test]
+fn gltf() {
+    fuzz("gltf", 3000, &[], targets::gltf::run);
+}
+
+#[test]
+fn obj() {
+    fuzz("obj", 2000, &[], targets::obj::run);
+}
+
+#[test]
+fn table() {
+    let table = b"azimuth_deg,elevation_deg,time_us,channel\n0,1,0,0\n10,-1,2.5,1\n";
+    let poses = b"time,x,y,z,qx,qy,qz,qw\n0,0,0,1,0,0,0,1\n1,2,0,1,0,0,0.7,0.7\n";
+    fuzz("table", 1500, &[table, poses], targets::table::run);
+}
+
+#[test]
+fn yaml() {
+    fuzz("yaml", 500, &[], |bytes| {
+        if let Ok(text) = std::str::from_utf8(bytes) {
+            targets::yaml::run(text);
+        }
+    });
+}
+
+#[test]
+fn capi() {
+    fuzz("capi", 100, &[], targets::capi::run);
+}
