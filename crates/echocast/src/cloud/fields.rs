@@ -260,6 +260,16 @@ macro_rules! columns {
     };
 }
 
+/// Puts values into the columns of a row that are there; `$columns` are [`Columns`] or [`Slices`].
+macro_rules! put {
+    ($columns:expr, $row:expr, $($column:ident: $value:expr),* $(,)?) => {$(
+        if let Some(place) = $columns.$column.get_mut($row) {
+            *place = $value;
+        }
+    )*};
+}
+pub(crate) use put;
+
 columns! {
     // name, variant, type, unit, default, LAS dimension, meaning: up to a comma, colon or parenthesis it is what LAS says
     // of an extra dimension in 31 bytes with the unit

@@ -3,6 +3,7 @@
 use super::face::{EVERYWHERE, FAINT, Face};
 use super::lobe::{self, Lobe, Shape};
 use super::pattern::{Imaging, Multibeam, Pattern, Sidescan, SingleBeam};
+use crate::ground::angle::azimuth_elevation;
 use glam::Vec3;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -386,10 +387,7 @@ fn sine_deg(angle: f64) -> f64 {
 /// Azimuth and elevation of the beams, rad.
 fn axes(pattern: &Pattern) -> Vec<[f32; 2]> {
     let table = pattern.beams(0.0).expect("the pattern of a sensor has been drawn before");
-    let axis = |beam: usize| {
-        let [x, y, z] = [table.dir_x[beam], table.dir_y[beam], table.dir_z[beam]];
-        [y.atan2(x), z.atan2(x.hypot(y))]
-    };
+    let axis = |beam: usize| azimuth_elevation([table.dir_x[beam], table.dir_y[beam], table.dir_z[beam]]);
     (0..table.len()).map(axis).collect()
 }
 

@@ -1,6 +1,7 @@
 //! What every room stands on: errors, units, poses, blocks of rays, random numbers, work on threads. It knows nothing of
 //! sensors or scenes.
 
+pub(crate) mod angle;
 pub(crate) mod cause;
 pub mod error;
 pub(crate) mod lanes;

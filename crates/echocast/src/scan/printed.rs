@@ -4,15 +4,16 @@
 //! `sonar.py` as it was run, oddities and all.
 
 use super::{Profile, ScanOptions};
-use crate::cloud::{Columns, Frame, PointCloud};
+use crate::cloud::{Columns, Frame, PointCloud, put};
 use crate::emitter::pattern::{Pattern, Sidescan};
 use crate::emitter::{BeamTable, FiringOrder, Trajectory};
+use crate::ground::angle::azimuth_elevation;
 use crate::ground::cause::Cause;
 use crate::ground::error::{Error, Result};
 use crate::ground::lanes::{CHUNK, LANES, MEDIUM, MISS, RayBatch};
 use crate::ground::parallel;
 use crate::ground::pose::Pose;
-use crate::material::{Mirrors, ReflectanceSource, Reflectances, srgb_byte};
+use crate::material::{Mirrors, ReflectanceSource, Reflectances};
 use crate::medium::{Absorption, Column, Fluid, Slab, SoundSpeed, SoundSpeedProfile, Water};
 use crate::sensor::{AcousticsSpec, Sensor};
 use crate::trace::{Arrival, BuiltScene, HitBatch, Launch, SoundLimits, SoundTracer, Tables, TracerMemory};
@@ -315,17 +316,11 @@ impl<'a> Printed<'a> {
 
     /// Writes the row of a `ray`.
     fn fill(&self, columns: &mut Columns, row: usize, ray: usize, point: Option<&Point>) {
-        macro_rules! put {
-            ($($column:ident: $value:expr),* $(,)?) => {$(
-                if let Some(place) = columns.$column.get_mut(row) {
-                    *place = $value;
-                }
-            )*};
-        }
         let launch = self.fan.direction(ray);
-        put!(
-            azimuth: launch.y.atan2(launch.x),
-            elevation: launch.z.atan2(launch.x.hypot(launch.y)),
+        let [azimuth, elevation] = azimuth_elevation(launch.to_array());
+        put!(columns, row,
+            azimuth: azimuth,
+            elevation: elevation,
             channel: self.fan.channel[ray],
             time: self.options.start_time,
             frame: self.options.frame,
@@ -338,7 +333,7 @@ impl<'a> Printed<'a> {
         );
         let Some(point) = point else {
             let none = f32::NAN;
-            put!(
+            put!(columns, row,
                 x: none, y: none, z: none, range: none, depth: none, intensity: none, cos_incidence: none,
                 true_x: none, true_y: none, true_z: none, true_range: none,
                 normal_x: none, normal_y: none, normal_z: none,
@@ -362,7 +357,7 @@ impl<'a> Printed<'a> {
             (Frame::World, _) => ((rotation * own + self.place()).as_vec3(), point.place, normal),
         };
         let surface = &self.scene.surfaces.rows[point.surface as usize];
-        put!(
+        put!(columns, row,
             x: place.x,
             y: place.y,
             z: place.z,
@@ -385,14 +380,8 @@ impl<'a> Printed<'a> {
             first_instance_id: surface.instance_id,
         );
         if !(columns.red.is_empty() && columns.green.is_empty() && columns.blue.is_empty()) {
-            let [red, green, blue] = match surface.textured {
-                false => surface.rgb,
-                true => {
-                    let rgba = self.scene.surfaces.base_color(surface, point.triangle, point.corner);
-                    std::array::from_fn(|channel| srgb_byte(rgba[channel]))
-                }
-            };
-            put!(red: red, green: green, blue: blue);
+            let [red, green, blue] = self.scene.surfaces.rgb(surface, point.triangle, point.corner);
+            put!(columns, row, red: red, green: green, blue: blue);
         }
     }
 }

@@ -131,6 +131,15 @@ impl Surfaces {
         std::array::from_fn(|k| material.base_color[k] * texel[k])
     }
 
+    /// Base colour of `surface` as [`Surfaces::base_color`] has it, sRGB.
+    pub(crate) fn rgb(&self, surface: &Surface, triangle: u32, corner: [f32; 2]) -> [u8; 3] {
+        if !surface.textured {
+            return surface.rgb;
+        }
+        let rgba = self.base_color(surface, triangle, corner);
+        std::array::from_fn(|channel| srgb_byte(rgba[channel]))
+    }
+
     /// Whether light that meets a surface is stopped there, and does not pass one of its holes.
     pub(crate) fn stops(&self, hit: &Candidate) -> bool {
         let surface = &self.rows[self.row(hit.geom_id, hit.inst_id) as usize];

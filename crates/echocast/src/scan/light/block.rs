@@ -2,17 +2,16 @@
 
 use super::camera::Looks;
 use super::returns::Gatherer;
-use super::run::Scan;
+use super::run::{Measuring, Scan};
 use crate::cloud::{Kept, Slices};
-use crate::detect::{ReturnMode, Threshold};
+use crate::detect::{ReturnMode, Returns, Threshold};
 use crate::echo::{Air, AirEcho, Answer, Chosen, Contribution, Follower, Foremost, PathEcho, PathLimits, Preferred};
 use crate::emitter;
 use crate::ground::cause::Cause;
 use crate::ground::lanes::{LANES, MEDIUM, MISS, RayBatch};
-use crate::ground::rng::Draw;
 use crate::sensor::Camera;
 use crate::trace::HitBatch;
-use echocast_kernels::{light, measure};
+use echocast_kernels::light;
 use std::cell::Cell;
 
 /// Beams `first .. first + count` and the rows they may fill.
@@ -166,22 +165,26 @@ impl Block {
         self.lanes.start_at(first);
         self.aim(scan, first, count);
         self.trace(scan, count);
-        if scan.paths.is_some() || scan.air.is_some() || scan.alarms.is_some() || scan.camera.is_some() {
+        if scan.world.paths.is_some()
+            || scan.world.air.is_some()
+            || scan.detect.alarms.is_some()
+            || scan.camera.is_some()
+        {
             self.answer.reset();
             self.answer.end = self.hits.range;
         }
-        if !scan.efficiency.is_empty() {
+        if !scan.detect.efficiency.is_empty() {
             for lane in 0..count {
                 self.answer.efficiency[lane] = scan.efficiency_of(self.lanes.beam[lane]);
             }
         }
-        if let Some(limits) = scan.paths {
+        if let Some(limits) = scan.world.paths {
             self.follow(scan, limits, first, count);
         }
         if let Some(eye) = scan.camera.and_then(|camera| camera.second_eye) {
             self.shadow(scan, eye, count);
         }
-        let answers = scan.air.as_ref().is_some_and(Air::answers) || scan.alarms.is_some();
+        let answers = scan.world.air.as_ref().is_some_and(Air::answers) || scan.detect.alarms.is_some();
         let needs_surfaces = !scan.options.organised && !answers;
         if needs_surfaces && self.hits.surface[..count].iter().all(|&surface| surface == MISS) {
             return 0;
@@ -193,17 +196,23 @@ impl Block {
 
     /// Steps 4 and 5: every beam at the pose of its own time.
     pub fn aim(&mut self, scan: &Scan, first: usize, count: usize) {
-        let nominal = scan.beams.directions(first, count);
-        scan.aim.rays(scan.beams, first, nominal, scan.reach, &mut self.rays);
+        let nominal = scan.aim.beams.directions(first, count);
+        scan.aim.pose.rays(scan.aim.beams, first, nominal, scan.aim.reach, &mut self.rays);
         if scan.points_elsewhere() {
             let reported = self.reported.get_or_insert_with(boxed);
             reported.as_mut().clone_from(&self.rays);
         }
-        if scan.pointing_sigma > 0.0 {
+        if scan.measure.errors.pointing_sigma > 0.0 {
             let mut pointed = [[0.0; LANES]; 3];
-            emitter::scatter(&scan.rng, &self.lanes.beam[..count], scan.pointing_sigma, nominal, &mut pointed);
+            emitter::scatter(
+                &scan.rng,
+                &self.lanes.beam[..count],
+                scan.measure.errors.pointing_sigma,
+                nominal,
+                &mut pointed,
+            );
             let pointed = pointed.each_ref().map(|axis| &axis[..count]);
-            scan.aim.rays(scan.beams, first, pointed, scan.reach, &mut self.rays);
+            scan.aim.pose.rays(scan.aim.beams, first, pointed, scan.aim.reach, &mut self.rays);
         }
         if let Some(camera) = scan.camera.filter(|camera| camera.aside.is_some()) {
             self.look_aside(scan, camera, first, count);
@@ -213,12 +222,12 @@ impl Block {
     /// Steps 6 and 8: what the rays hit and what it is like.
     pub fn trace(&mut self, scan: &Scan, count: usize) {
         let Block { rays, hits, surfaces, .. } = self;
-        hits.trace(scan.scene, rays, count, scan.coherent, scan.options.mask);
-        if scan.wants_normals {
-            surfaces.face(scan.scene, rays, hits, count, scan.smooth);
+        hits.trace(scan.world.scene, rays, count, scan.aim.coherent, scan.options.mask);
+        if scan.world.wants_normals {
+            surfaces.face(scan.world.scene, rays, hits, count, scan.world.smooth);
         }
-        if scan.wants_surfaces {
-            surfaces.look_up(&scan.scene.surfaces, &scan.reflectances, hits, count, scan.wanted);
+        if scan.world.wants_surfaces {
+            surfaces.look_up(&scan.world.scene.surfaces, &scan.world.reflectances, hits, count, scan.world.wanted);
         }
     }
 
@@ -233,22 +242,22 @@ impl Block {
         }
         let (follower, chosen) = &mut **paths.get_or_insert_with(boxed);
         // The paper's program knows weather on the whole of the way alone.
-        let air = scan.air.as_ref().filter(|_| !scan.keeps_undetected);
-        let around = scan.surroundings(air, limits, scan.wanted, &rays.range_max);
+        let air = scan.world.air.as_ref().filter(|_| !scan.detect.keeps_undetected);
+        let around = scan.surroundings(air, limits, scan.world.wanted, &rays.range_max);
         chosen.strength = [f32::NEG_INFINITY; LANES];
         let efficiency = &answer.efficiency;
         let prefer = |echo: &PathEcho| {
             let rho_eff = echo.reflectance * echo.cos_incidence * efficiency[echo.lane];
-            let seen = scan.keeps_undetected || {
+            let seen = scan.detect.keeps_undetected || {
                 let beam = (first + echo.lane) as u32;
-                let noise = scan.threshold.noise(&scan.rng, beam, echo.range.to_bits());
-                scan.threshold.detects(rho_eff, echo.range, noise)
+                let noise = scan.detect.threshold.noise(&scan.rng, beam, echo.range.to_bits());
+                scan.detect.threshold.detects(rho_eff, echo.range, noise)
             };
             let [least, _] = scan.limits_of(first + echo.lane);
             let within = echo.range >= least && echo.range <= rays.range_max[echo.lane];
-            (seen && within).then(|| match scan.mode {
+            (seen && within).then(|| match scan.detect.mode {
                 // The brighter one, whatever its range.
-                _ if scan.keeps_undetected => rho_eff,
+                _ if scan.detect.keeps_undetected => rho_eff,
                 ReturnMode::First => -echo.range,
                 ReturnMode::Last => echo.range,
                 _ => rho_eff / (echo.range * echo.range),
@@ -257,8 +266,10 @@ impl Block {
         let mut preferred = Preferred {
             chosen,
             prefer,
-            least_power: scan.threshold.least_power().filter(|_| !scan.keeps_undetected).unwrap_or(0.0) as f32,
-            strongest: !scan.keeps_undetected && !matches!(scan.mode, ReturnMode::First | ReturnMode::Last),
+            least_power: scan.detect.threshold.least_power().filter(|_| !scan.detect.keeps_undetected).unwrap_or(0.0)
+                as f32,
+            strongest: !scan.detect.keeps_undetected
+                && !matches!(scan.detect.mode, ReturnMode::First | ReturnMode::Last),
         };
         follower.follow(&around, rays, hits, surfaces, count, &mut preferred);
         for lane in 0..count {
@@ -278,7 +289,7 @@ impl Block {
 
     /// Steps 9 and 10: which echo the instrument reports.
     fn detect(&mut self, scan: &Scan, count: usize) {
-        if let Some(air) = scan.air.as_ref().filter(|_| !scan.keeps_undetected) {
+        if let Some(air) = scan.world.air.as_ref().filter(|_| !scan.detect.keeps_undetected) {
             air.dim(&self.rays, &self.hits.range, count, &mut self.scratch);
             for lane in 0..LANES {
                 if self.answer.dimmed[lane] {
@@ -287,7 +298,7 @@ impl Block {
             }
             light::dim(&mut self.surfaces.reflectance, &self.scratch);
         }
-        if !scan.efficiency.is_empty() {
+        if !scan.detect.efficiency.is_empty() {
             light::dim(&mut self.surfaces.reflectance, &self.answer.efficiency);
         }
         if let Some(camera) = scan.camera.filter(|camera| camera.dims()) {
@@ -295,13 +306,13 @@ impl Block {
         }
         let Block { hits, surfaces, rho_eff, intensity, .. } = self;
         light::product(&surfaces.reflectance, &surfaces.cos_incidence, rho_eff);
-        scan.intensity.of_all(&surfaces.reflectance, &surfaces.cos_incidence, &hits.range, intensity);
-        if let Some(air) = scan.air.as_ref().filter(|_| scan.keeps_undetected) {
+        scan.measure.intensity.of_all(&surfaces.reflectance, &surfaces.cos_incidence, &hits.range, intensity);
+        if let Some(air) = scan.world.air.as_ref().filter(|_| scan.detect.keeps_undetected) {
             self.weather_of_the_program(scan, air, count);
-        } else if scan.threshold != Threshold::Open {
+        } else if scan.detect.threshold != Threshold::Open {
             let mut noise = [0.0; LANES];
-            scan.threshold.noises(&scan.rng, &self.lanes.beam[..count], &mut noise[..count]);
-            if scan.paths.is_some() {
+            scan.detect.threshold.noises(&scan.rng, &self.lanes.beam[..count], &mut noise[..count]);
+            if scan.world.paths.is_some() {
                 // What is seen in mirrors and through glass is detected already.
                 for lane in 0..LANES {
                     if self.answer.dimmed[lane] {
@@ -310,8 +321,8 @@ impl Block {
                 }
             }
             let mut seen = [true; LANES];
-            scan.threshold.detect(rho_eff, &hits.range, &noise, &mut seen);
-            if scan.keeps_undetected {
+            scan.detect.threshold.detect(rho_eff, &hits.range, &noise, &mut seen);
+            if scan.detect.keeps_undetected {
                 for lane in 0..LANES {
                     intensity[lane] = if seen[lane] { intensity[lane] } else { 0.0 };
                 }
@@ -322,7 +333,7 @@ impl Block {
         if !scan.camera.is_some_and(Camera::wraps) {
             scan.limit(&mut self.hits.surface, &self.hits.range, &self.lanes, count);
         }
-        if scan.alarms.is_some() || scan.air.as_ref().is_some_and(Air::answers) {
+        if scan.detect.alarms.is_some() || scan.world.air.as_ref().is_some_and(Air::answers) {
             self.answer(scan, count);
         }
         if let Some(camera) = scan.camera {
@@ -332,47 +343,34 @@ impl Block {
 
     /// Step 10: errors of what is measured.
     pub fn measure(&mut self, scan: &Scan, count: usize) {
-        let Block { lanes, hits, rho_eff, formed, measured, intensity, turn, scratch, .. } = self;
-        let draws = [&lanes.beam[..count], &lanes.number[..count]];
-        if let Some(most) = scan.saturation {
+        let Block { lanes, hits, rho_eff, formed, measured, intensity, turn, .. } = self;
+        let Measuring { errors, saturation, limited, intensity: model } = &scan.measure;
+        if let Some(most) = saturation {
             for lane in 0..LANES {
                 let most = most * hits.range[lane] * hits.range[lane];
                 if rho_eff[lane] > most {
-                    intensity[lane] = scan.intensity.of(most, 1.0, hits.range[lane]);
+                    intensity[lane] = model.of(most, 1.0, hits.range[lane]);
                 }
             }
         }
-        if scan.range_error.draws() {
-            scan.rng.normals(draws[0], draws[1], Draw::RangeJitter, &mut measured[..count]);
-        }
-        let channels = lanes.take(&scan.beams.channel, count);
+        let channels = lanes.take(&scan.aim.beams.channel, count);
+        let returns = Returns {
+            beams: &lanes.beam[..count],
+            numbers: &lanes.number[..count],
+            channels: &channels[..count],
+            rho_eff,
+            range: &hits.range,
+        };
         let formed = if scan.camera.is_some() { &*formed } else { &hits.range };
-        scan.range_error.measure(&channels[..count], &rho_eff[..count], &formed[..count], &mut measured[..count]);
-        if let Some(sigma) = scan.air.as_ref().map(Air::range_noise).filter(|&sigma| sigma > 0.0) {
-            scan.rng.normals(draws[0], draws[1], Draw::RainRange, &mut scratch[..count]);
-            measure::add_in_proportion(&mut measured[..count], &hits.range, scratch, sigma);
-        }
-        scan.range_error.round(&mut measured[..count]);
-        if scan.limits_measured {
+        let rain = scan.world.air.as_ref().map_or(0.0, Air::range_noise);
+        errors.measure(&scan.rng, &returns, formed, rain, measured);
+        if *limited {
             scan.limit(&mut hits.surface, measured, lanes, count);
         }
-        if scan.dropout > 0.0 {
-            scan.rng.uniforms(draws[0], draws[1], Draw::Dropout, &mut scratch[..count]);
-            measure::lose(&scratch[..count], scan.dropout, &mut hits.surface);
-        }
-        if let Some(weak) = &scan.dropout_weak {
-            scan.rng.uniforms(draws[0], draws[1], Draw::WeakDropout, &mut scratch[..count]);
-            for lane in 0..count {
-                if scratch[lane] < weak.probability(rho_eff[lane]) {
-                    hits.surface[lane] = MISS;
-                }
-            }
-        }
-        if let Some(error) = &scan.azimuth_error {
-            // All returns of a beam come from one direction.
-            scan.rng.normals(draws[0], &[0; LANES][..count], Draw::AzimuthJitter, &mut turn[..count]);
-            let [x, y] = [&scan.beams.dir_x, &scan.beams.dir_y].map(|axis| lanes.take(axis, count));
-            error.turn(&x[..count], &y[..count], &mut turn[..count]);
+        errors.lose(&scan.rng, &returns, &mut hits.surface);
+        if errors.turn_beams() {
+            let [x, y] = [&scan.aim.beams.dir_x, &scan.aim.beams.dir_y].map(|axis| lanes.take(axis, count));
+            errors.turn(&scan.rng, &lanes.beam[..count], [&x[..count], &y[..count]], &mut turn[..count]);
         }
     }
 
@@ -381,13 +379,13 @@ impl Block {
     fn weather_of_the_program(&mut self, scan: &Scan, air: &Air, count: usize) {
         let Block { hits, rho_eff, intensity, answer, .. } = self;
         for lane in 0..count {
-            let limit = scan.threshold.limit_of_the_program(hits.range[lane]);
+            let limit = scan.detect.threshold.limit_of_the_program(hits.range[lane]);
             let (tested, cloud) = air.as_the_program(hits.range[lane], rho_eff[lane], limit);
             if let Some((range, backscatter)) = cloud {
                 (hits.range[lane], intensity[lane]) = (range, backscatter);
                 answer.cause[lane] = Cause::Dust as u8;
             }
-            if scan.threshold != Threshold::Open && tested <= limit {
+            if scan.detect.threshold != Threshold::Open && tested <= limit {
                 intensity[lane] = 0.0;
             }
         }
@@ -398,27 +396,27 @@ impl Block {
         let Block { lanes, rays, hits, surfaces, rho_eff, intensity, answer, .. } = self;
         (answer.range, answer.rho_eff) = (hits.range, *rho_eff);
         let beams = &lanes.beam[..count];
-        if let Some(air) = scan.air.as_ref().filter(|air| air.answers()) {
+        if let Some(air) = scan.world.air.as_ref().filter(|air| air.answers()) {
             let mut foremost = Foremost {
                 answer,
                 surface: &mut hits.surface,
-                mode: scan.mode,
-                threshold: &scan.threshold,
+                mode: scan.detect.mode,
+                threshold: &scan.detect.threshold,
                 limits: &|lane| scan.limits_of(beams[lane] as usize),
                 rng: &scan.rng,
                 beams,
             };
             air.answer(rays, &scan.rng, beams, &mut foremost);
         }
-        if let Some(alarms) = &scan.alarms {
+        if let Some(alarms) = &scan.detect.alarms {
             alarms.of_beams(
                 &scan.rng,
                 beams,
-                scan.range_max,
+                scan.detect.range[1],
                 |beam| scan.limits_of(beam as usize),
                 |lane, range, rho_eff| {
                     let echo = AirEcho { range, rho_eff };
-                    answer.offer(scan.mode, &mut hits.surface, lane, echo, Cause::FalseAlarm);
+                    answer.offer(scan.detect.mode, &mut hits.surface, lane, echo, Cause::FalseAlarm);
                 },
             );
         }
@@ -428,7 +426,7 @@ impl Block {
                 surfaces.clear(lane);
                 (answer.first_category[lane], answer.first_instance[lane], answer.bounces[lane]) = (0, 0, 0);
                 (hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]) = (f32::NAN, f32::NAN, f32::NAN);
-                intensity[lane] = scan.intensity.of(rho_eff[lane], 1.0, hits.range[lane]);
+                intensity[lane] = scan.measure.intensity.of(rho_eff[lane], 1.0, hits.range[lane]);
             }
         }
     }

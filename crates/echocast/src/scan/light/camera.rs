@@ -64,14 +64,14 @@ impl Block {
     pub fn look_aside(&mut self, scan: &Scan, camera: &Camera, first: usize, count: usize) {
         let mut places = [[0.0; LANES]; 3];
         let beams = &self.lanes.beam[..count];
-        camera.look_aside(&scan.rng, beams, scan.beams.directions(first, count), &mut places);
+        camera.look_aside(&scan.rng, beams, scan.aim.beams.directions(first, count), &mut places);
         let places = places.each_ref().map(|axis| &axis[..count]);
-        scan.aim.rays(scan.beams, first, places, scan.reach, &mut self.rays);
+        scan.aim.pose.rays(scan.aim.beams, first, places, scan.aim.reach, &mut self.rays);
     }
 
     /// Cosines of the angles between the rays, wherever they look, and the optical axis.
     fn off_axes(&self, scan: &Scan, count: usize, to: &mut [f32; LANES]) {
-        if let Aim::Fixed { rotation, .. } = &scan.aim {
+        if let Aim::Fixed { rotation, .. } = &scan.aim.pose {
             let RayBatch { dir_x, dir_y, dir_z, .. } = &self.rays;
             return kernels::off_axis(rotation.x_axis.to_array(), [dir_x, dir_y, dir_z], to);
         }
@@ -82,7 +82,7 @@ impl Block {
 
     /// Rotation to the world and place of the camera when a lane is exposed.
     fn pose(&self, scan: &Scan, lane: usize) -> (Mat3, Vec3) {
-        scan.aim.pose(scan.beams, self.lanes.beam[lane] as usize)
+        scan.aim.pose.pose(scan.aim.beams, self.lanes.beam[lane] as usize)
     }
 
     /// Cosine of the angle between the ray of a lane, wherever it looks, and the optical axis.
@@ -107,7 +107,7 @@ impl Block {
     pub fn shadow(&mut self, scan: &Scan, eye: Vec3, count: usize) {
         let mut looks = self.looks.take().unwrap_or_else(boxed);
         let rays = &mut looks.rays;
-        match &scan.aim {
+        match &scan.aim.pose {
             Aim::Fixed { rotation, origin } => {
                 let eye = *rotation * eye + *origin;
                 (rays.org_x, rays.org_y, rays.org_z) = ([eye.x; LANES], [eye.y; LANES], [eye.z; LANES]);
@@ -134,7 +134,7 @@ impl Block {
                 looks.look(lane, Vec3::ZERO, None);
             }
         }
-        let blocked = HitBatch::blocked(scan.scene, &looks.rays, count, scan.coherent, scan.options.mask);
+        let blocked = HitBatch::blocked(scan.world.scene, &looks.rays, count, scan.aim.coherent, scan.options.mask);
         for lane in 0..count {
             if blocked[lane] {
                 self.hits.surface[lane] = MISS;
@@ -180,10 +180,10 @@ impl Block {
                 looks.set(lane, start, direction, f32::INFINITY);
             }
             let Looks { rays: way, first: met, surfaces, .. } = &mut *looks;
-            met.trace(scan.scene, way, count, false, scan.options.mask);
-            surfaces.face(scan.scene, way, met, count, scan.smooth);
+            met.trace(scan.world.scene, way, count, false, scan.options.mask);
+            surfaces.face(scan.world.scene, way, met, count, scan.world.smooth);
             let wanted = Wanted { colors: false, reflectance: true };
-            surfaces.look_up(&scan.scene.surfaces, &scan.reflectances, met, count, wanted);
+            surfaces.look_up(&scan.world.scene.surfaces, &scan.world.reflectances, met, count, wanted);
             // Whether the projector sees it.
             for lane in 0..count {
                 let (rotation, origin) = self.pose(scan, lane);
@@ -210,7 +210,7 @@ impl Block {
                     looks.look(lane, origin, None);
                 }
             }
-            let blocked = HitBatch::blocked(scan.scene, &looks.rays, count, false, scan.options.mask);
+            let blocked = HitBatch::blocked(scan.world.scene, &looks.rays, count, false, scan.options.mask);
             for lane in 0..count {
                 if blocked[lane] {
                     looks.powers[lane * each + ray as usize + 1] = 0.0;
@@ -241,7 +241,7 @@ impl Block {
                 self.hits.surface[lane] = MISS;
             }
         }
-        let axis = self.lanes.take(&scan.beams.dir_x, count);
+        let axis = self.lanes.take(&scan.aim.beams.dir_x, count);
         if camera.aside.is_some() {
             let mut off_axes = [1.0; LANES];
             self.off_axes(scan, count, &mut off_axes);

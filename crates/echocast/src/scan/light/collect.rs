@@ -3,8 +3,8 @@
 use super::block::{Block, Lanes};
 use super::run::Scan;
 use crate::cloud::{Field, Frame, Kept, Slices};
+use crate::ground::angle::azimuth_elevation;
 use crate::ground::lanes::LANES;
-use crate::ground::rng::Draw;
 use echocast_kernels::{light, measure};
 use std::f32::consts::PI;
 
@@ -18,14 +18,14 @@ impl Block {
 
         // Positions along the beam: in the world from where the beam starts, in the sensor frame from 0.
         let world = scan.options.coordinates == Frame::World;
-        let beams = scan.beams;
+        let beams = scan.aim.beams;
         let nominal = |lanes: &Lanes| [&beams.dir_x, &beams.dir_y, &beams.dir_z].map(|axis| lanes.take(axis, count));
         let reported = reported.as_ref().filter(|_| scan.points_elsewhere());
         if !world {
             if reported.is_some() {
                 // Where beams really go.
                 for lane in 0..count {
-                    let (rotation, _) = scan.aim.pose(beams, lanes.beam[lane] as usize);
+                    let (rotation, _) = scan.aim.pose.pose(beams, lanes.beam[lane] as usize);
                     let direction = rotation.transpose() * rays.direction(lane);
                     (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = direction.into();
                 }
@@ -49,9 +49,10 @@ impl Block {
                 [rays.dir_x, rays.dir_y, rays.dir_z] = nominal(lanes);
             }
         }
-        if scan.azimuth_error.is_some() {
+        if scan.measure.errors.turn_beams() {
             for lane in 0..count {
-                let up = if world { scan.aim.pose(beams, lanes.beam[lane] as usize).0.z_axis } else { glam::Vec3::Z };
+                let up =
+                    if world { scan.aim.pose.pose(beams, lanes.beam[lane] as usize).0.z_axis } else { glam::Vec3::Z };
                 let dir = rays.direction(lane);
                 let turned = glam::Quat::from_axis_angle(up, turn[lane]) * dir;
                 (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = turned.into();
@@ -73,7 +74,7 @@ impl Block {
         }
         if !world && scan.options.fields.contains_any(&[Field::NormalX, Field::NormalY, Field::NormalZ]) {
             for lane in 0..count {
-                let (rotation, _) = scan.aim.pose(beams, lanes.beam[lane] as usize);
+                let (rotation, _) = scan.aim.pose.pose(beams, lanes.beam[lane] as usize);
                 let normal = hits.normal(lane);
                 let normal = rotation.transpose() * normal;
                 (hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]) = normal.into();
@@ -95,7 +96,7 @@ impl Block {
         kept.put(surface, &lanes.return_count, rows.return_count);
         kept.put(surface, &answer.cause, rows.cause);
         kept.put(surface, &answer.bounces, rows.bounces);
-        if scan.paths.is_some() {
+        if scan.world.paths.is_some() {
             kept.put(surface, &answer.first_category, rows.first_category_id);
             kept.put(surface, &answer.first_instance, rows.first_instance_id);
         } else {
@@ -110,12 +111,8 @@ impl Block {
         if !rows.time.is_empty() {
             let mut time = lanes.take(&beams.time, count);
             time.iter_mut().for_each(|time| *time += scan.options.start_time);
-            if scan.time_sigma > 0.0 {
-                for (value, &beam) in time[..count].iter_mut().zip(&lanes.beam) {
-                    let jitter = scan.rng.normal(beams.firing(beam), Draw::TimeJitter, 0);
-                    *value += scan.time_sigma * f64::from(jitter);
-                }
-            }
+            let firings = lanes.beam[..count].iter().map(|&beam| beams.firing(beam));
+            scan.measure.errors.delay(&scan.rng, firings, &mut time);
             kept.put_beam(&time, rows.time);
         }
         if !rows.frame.is_empty() {
@@ -130,14 +127,15 @@ impl Block {
             let [x, y, z] = nominal(lanes);
             let (mut azimuth, mut elevation) = ([0.0; LANES], [0.0; LANES]);
             for lane in 0..count {
-                let reported = y[lane].atan2(x[lane]) + turn[lane];
+                let [nominal, up] = azimuth_elevation([x[lane], y[lane], z[lane]]);
+                elevation[lane] = up;
+                let reported = nominal + turn[lane];
                 // Straight back is -pi, whichever way it is rounded.
                 azimuth[lane] = match reported {
                     PI.. => reported - 2.0 * PI,
                     _ if reported < -PI => reported + 2.0 * PI,
                     _ => reported,
                 };
-                elevation[lane] = z[lane].atan2(x[lane].hypot(y[lane]));
             }
             kept.put_beam(&azimuth, rows.azimuth);
             kept.put_beam(&elevation, rows.elevation);

@@ -4,6 +4,7 @@ use super::block::{Block, boxed};
 use super::returns::{ALARM, Gatherer, Other};
 use super::run::Scan;
 use crate::cloud::{Columns, FieldSet};
+use crate::ground::angle::azimuth_elevation;
 use crate::ground::cause::Cause;
 use crate::ground::error::Result;
 use crate::ground::lanes::{MEDIUM, MISS};
@@ -45,7 +46,7 @@ impl Scan<'_> {
         columns: &Columns,
         rows: usize,
     ) -> fmt::Result {
-        let table = self.beams;
+        let table = self.aim.beams;
         let width = table.columns as usize;
         writeln!(
             text,
@@ -55,14 +56,14 @@ impl Scan<'_> {
             table.channel[beam],
             self.options.start_time + table.time[beam],
         )?;
-        let [x, y, z] = [table.dir_x[beam], table.dir_y[beam], table.dir_z[beam]];
+        let [azimuth, elevation] = azimuth_elevation([table.dir_x[beam], table.dir_y[beam], table.dir_z[beam]]);
         let (from, along) = (gatherer.beams.origin(0), gatherer.beams.direction(0));
         writeln!(text, "aim:")?;
         writeln!(
             text,
             "  azimuth {:.4} deg, elevation {:.4} deg; from {} m along {:.6} {:.6} {:.6} in the world",
-            y.atan2(x).to_degrees(),
-            z.atan2(x.hypot(y)).to_degrees(),
+            azimuth.to_degrees(),
+            elevation.to_degrees(),
             self.place(from),
             along.x,
             along.y,
@@ -111,7 +112,7 @@ impl Scan<'_> {
                 self.name(surface),
                 cos.acos().to_degrees()
             )?;
-            let depth = self.air.as_ref().map_or(0.0, |air| {
+            let depth = self.world.air.as_ref().map_or(0.0, |air| {
                 air.depth(gatherer.beams.origin(0), gatherer.beams.direction(0), 0.0, ray.hits.range[0])
             });
             if depth > 0.0 {
@@ -120,7 +121,7 @@ impl Scan<'_> {
                 writeln!(text, "    weather: optical depth {depth}, transmittance there and back {two_way:.6}")?;
             }
             let send = if count == 1 { "sends" } else { "send" };
-            if self.paths.is_some() && self.goes_on(surface) {
+            if self.world.paths.is_some() && self.goes_on(surface) {
                 writeln!(text, "    light goes on from there, along the paths below, and comes back along them")?;
             } else if power > 0.0 {
                 writeln!(text, "    {send} back rho_eff T / R^2 = {power:.4e} /m^2 in all")?;
@@ -198,7 +199,7 @@ impl Scan<'_> {
     /// The maxima of the signal, and which of them are reported.
     fn tell_echoes(&self, text: &mut String, signals: &Signals, gatherer: &mut Gatherer, beam: usize) -> fmt::Result {
         let [low, high] = self.limits_of(beam);
-        match self.threshold.least_power() {
+        match self.detect.threshold.least_power() {
             Some(k) => writeln!(text, "echoes, of which those of {k:.4e} /m^2 and more are seen:")?,
             None => writeln!(text, "echoes:")?,
         }
@@ -241,13 +242,13 @@ impl Scan<'_> {
     /// A place of Embree's in the world, m.
     fn place(&self, local: Vec3) -> String {
         // A negative 0 has no meaning to people.
-        let DVec3 { x, y, z } = ((self.scene.origin + local.as_dvec3()) * 1e4).round() / 1e4 + DVec3::ZERO;
+        let DVec3 { x, y, z } = ((self.world.scene.origin + local.as_dvec3()) * 1e4).round() / 1e4 + DVec3::ZERO;
         format!("{x:.4} {y:.4} {z:.4}")
     }
 
     /// What a surface is called.
     fn name(&self, surface: u32) -> String {
-        let surfaces = &self.scene.surfaces;
+        let surfaces = &self.world.scene.surfaces;
         let Some(row) = surfaces.rows.get(surface as usize) else { return "nothing".into() };
         let labels = &surfaces.labels;
         let category = shown::text(labels.category.name(row.category_id).unwrap_or("something unlabelled"));
@@ -265,7 +266,7 @@ impl Scan<'_> {
             return writeln!(text, "  none");
         }
         // 8-bit encodings count in whole numbers.
-        let decimals = if self.intensity.full_scale() == Some(255.0) { 0 } else { 4 };
+        let decimals = if self.measure.intensity.full_scale() == Some(255.0) { 0 } else { 4 };
         for row in 0..rows {
             let error = (columns.range[row] - columns.true_range[row]) * 1e3;
             writeln!(

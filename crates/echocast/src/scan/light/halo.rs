@@ -65,14 +65,14 @@ impl Halos {
     /// Looks along the middle of all beams of `scan`, whose pulse has the standard deviation `sigma` m of range. What is
     /// bright in a mirror or through glass alone does not bloom.
     pub fn new(scan: &Scan, blooming: Blooming, sigma: f64) -> Halos {
-        let least = FAINT * scan.threshold.least_power().unwrap_or(0.0) as f32;
-        let mut bright = scan.scene.engine.install(|| {
+        let least = FAINT * scan.detect.threshold.least_power().unwrap_or(0.0) as f32;
+        let mut bright = scan.world.scene.engine.install(|| {
             let together = |mut some: Vec<Bright>, more: Vec<Bright>| {
                 some.extend(more);
                 some
             };
             parallel::map_reduce(
-                scan.beams.len(),
+                scan.aim.beams.len(),
                 CHUNK,
                 |beams| with_block(|block| find(scan, block, beams)),
                 together,
@@ -136,7 +136,7 @@ fn find(scan: &Scan, block: &mut Block, beams: std::ops::Range<usize>) -> Vec<Br
         block.trace(scan, count);
         let Block { rays, hits, surfaces, scratch, .. } = &mut *block;
         scratch.fill(1.0);
-        if let Some(air) = &scan.air {
+        if let Some(air) = &scan.world.air {
             air.dim(rays, &hits.range, count, scratch);
         }
         for lane in 0..count {
@@ -146,7 +146,7 @@ fn find(scan: &Scan, block: &mut Block, beams: std::ops::Range<usize>) -> Vec<Br
             if surface != MISS && rho_eff > BRIGHT && power.is_finite() && !scan.goes_on(surface) {
                 found.push(Bright {
                     beam: (first + lane) as u32,
-                    direction: scan.beams.direction(first + lane),
+                    direction: scan.aim.beams.direction(first + lane),
                     range,
                     power,
                     cos_incidence: surfaces.cos_incidence[lane],

@@ -374,7 +374,7 @@ impl Block {
         hits.range[to] = peak.range;
         rho_eff[to] = peak.power * peak.range * peak.range;
         answer.cause[to] = if mixed { Cause::Mixed } else { cause } as u8;
-        let row = scan.scene.surfaces.rows.get(first as usize);
+        let row = scan.world.scene.surfaces.rows.get(first as usize);
         (answer.first_category[to], answer.first_instance[to]) =
             row.map_or((0, 0), |row| (row.category_id, row.instance_id));
     }
@@ -391,11 +391,11 @@ impl Block {
             }
         }
         let cos_incidence = surfaces.cos_incidence;
-        surfaces.look_up(&scan.scene.surfaces, &scan.reflectances, hits, count, scan.wanted);
+        surfaces.look_up(&scan.world.scene.surfaces, &scan.world.reflectances, hits, count, scan.world.wanted);
         for lane in 0..LANES {
             // What the surface would have to be to send back as much.
             scratch[lane] = rho_eff[lane] / cos_incidence[lane];
-            intensity[lane] = scan.intensity.of(scratch[lane], cos_incidence[lane], hits.range[lane]);
+            intensity[lane] = scan.measure.intensity.of(scratch[lane], cos_incidence[lane], hits.range[lane]);
         }
         for lane in 0..count {
             if air[lane] {
@@ -436,9 +436,9 @@ impl Gatherer {
             self.turn(scan, footprint, beams);
         }
         self.alarm(scan, beams);
-        let uneven = scan.camera.is_some() || !scan.efficiency.is_empty();
+        let uneven = scan.camera.is_some() || !scan.detect.efficiency.is_empty();
         for (lane, &beam) in beams.iter().enumerate().filter(|_| uneven) {
-            let lens = scan.camera.map_or(1.0, |camera| camera.gain(scan.beams.direction(beam as usize).x));
+            let lens = scan.camera.map_or(1.0, |camera| camera.gain(scan.aim.beams.direction(beam as usize).x));
             self.efficiency[lane] = scan.efficiency_of(beam) * lens;
         }
         let weight = 1.0 / signals.rays() as f32;
@@ -452,12 +452,12 @@ impl Gatherer {
             if let Some(footprint) = &signals.footprint {
                 footprint.rays(index, across, beams, rays);
             }
-            ray.hits.trace(scan.scene, rays, count, scan.coherent, scan.options.mask);
-            surfaces.face(scan.scene, rays, &mut ray.hits, count, scan.smooth);
-            surfaces.look_up(&scan.scene.surfaces, &scan.reflectances, &ray.hits, count, wanted);
+            ray.hits.trace(scan.world.scene, rays, count, scan.aim.coherent, scan.options.mask);
+            surfaces.face(scan.world.scene, rays, &mut ray.hits, count, scan.world.smooth);
+            surfaces.look_up(&scan.world.scene.surfaces, &scan.world.reflectances, &ray.hits, count, wanted);
             ray.cos_incidence = surfaces.cos_incidence;
             ray.power = [weight; LANES];
-            if let Some(air) = &scan.air {
+            if let Some(air) = &scan.world.air {
                 air.dim(rays, &ray.hits.range, count, &mut ray.power);
                 ray.power.iter_mut().for_each(|part| *part *= weight);
             }
@@ -470,12 +470,12 @@ impl Gatherer {
                 efficiency,
                 &mut ray.power,
             );
-            if let Some(limits) = scan.paths
+            if let Some(limits) = scan.world.paths
                 && ray.hits.surface[..count].iter().any(|&surface| scan.goes_on(surface))
             {
-                let around = scan.surroundings(scan.air.as_ref(), limits, wanted, &rays.range_max);
+                let around = scan.surroundings(scan.world.air.as_ref(), limits, wanted, &rays.range_max);
                 // A hundredth of what is seen adds nothing to what is seen.
-                let least_power = 0.01 * scan.threshold.least_power().unwrap_or(0.0) as f32;
+                let least_power = 0.01 * scan.detect.threshold.least_power().unwrap_or(0.0) as f32;
                 let mut echoes =
                     OfPaths { others, weight, efficiency, least_power, first: &ray.hits.surface, log: log.as_mut() };
                 follower.follow(&around, rays, &ray.hits, surfaces, count, &mut echoes);
@@ -501,12 +501,12 @@ impl Gatherer {
             }
         }
         finish(&mut self.plain, &self.rays, &self.forming.waveform);
-        if let Some(air) = scan.air.as_ref().filter(|air| air.answers()) {
+        if let Some(air) = scan.world.air.as_ref().filter(|air| air.answers()) {
             let mut echoes = OfAir { others: &mut self.others, rays: &self.rays, efficiency: &self.efficiency };
             air.answer(&self.beams, &scan.rng, beams, &mut echoes);
         }
-        if let Some(halos) = &scan.halos {
-            halos.shine(scan.beams, beams, |lane, bright| {
+        if let Some(halos) = &scan.detect.halos {
+            halos.shine(scan.aim.beams, beams, |lane, bright| {
                 let other = Other {
                     range: bright.range,
                     power: bright.power * self.efficiency[lane],
@@ -528,9 +528,9 @@ impl Gatherer {
     /// Draws the noise that looks like echoes.
     fn alarm(&mut self, scan: &Scan, beams: &[u32]) {
         self.alarms.clear();
-        if let Some(alarms) = &scan.alarms {
+        if let Some(alarms) = &scan.detect.alarms {
             let limits = |beam| scan.limits_of(beam as usize);
-            alarms.of_beams(&scan.rng, beams, scan.range_max, limits, |lane, range, rho_eff| {
+            alarms.of_beams(&scan.rng, beams, scan.detect.range[1], limits, |lane, range, rho_eff| {
                 self.alarms.push((lane, Peak { range, power: rho_eff / (range * range) }));
             });
         }
@@ -543,12 +543,12 @@ impl Gatherer {
             scan.rng.uniforms(beams, &[0; LANES][..beams.len()], Draw::Footprint, &mut turns[..beams.len()]);
         }
         for (lane, &beam) in beams.iter().enumerate() {
-            let (rotation, _) = scan.aim.pose(scan.beams, beam as usize);
+            let (rotation, _) = scan.aim.pose.pose(scan.aim.beams, beam as usize);
             if footprint.turns {
                 self.across.set(lane, self.beams.direction(lane), rotation.z_axis, turns[lane]);
             } else {
                 // The image plane at the distance 1 along the ray.
-                let off_axis = scan.beams.direction(beam as usize).x;
+                let off_axis = scan.aim.beams.direction(beam as usize).x;
                 self.across.set_axes(lane, [rotation.y_axis * off_axis, rotation.z_axis * off_axis], 0.0);
             }
         }
@@ -563,8 +563,10 @@ impl Gatherer {
         let [low, high] = scan.limits_of(beam);
         let is_reported = |peak: &Peak, echo: u32| {
             let rho_eff = peak.power * peak.range * peak.range;
-            let noise = scan.threshold.noise(&scan.rng, beam as u32, echo);
-            (low..=high).contains(&peak.range) && peak.range > 0.0 && scan.threshold.detects(rho_eff, peak.range, noise)
+            let noise = scan.detect.threshold.noise(&scan.rng, beam as u32, echo);
+            (low..=high).contains(&peak.range)
+                && peak.range > 0.0
+                && scan.detect.threshold.detects(rho_eff, peak.range, noise)
         };
         let of_beam =
             alarms.partition_point(|&(other, _)| other < lane)..alarms.partition_point(|&(other, _)| other <= lane);
@@ -602,9 +604,9 @@ impl Gatherer {
                 .iter()
                 .fold((0.0, 0.0), |(light, moment), part| (light + part.power, moment + part.power * part.range));
             let truth = moment / light;
-            let noise = scan.threshold.noise(&scan.rng, beam as u32, 0);
+            let noise = scan.detect.threshold.noise(&scan.rng, beam as u32, 0);
             if let Some((range, power)) = formed
-                && scan.threshold.detects(power * truth * truth, truth, noise)
+                && scan.detect.threshold.detects(power * truth * truth, truth, noise)
             {
                 peaks.push(Peak { range, power });
                 chosen.push(0);
@@ -708,7 +710,7 @@ impl Gatherer {
         let Some(camera) = scan.camera else { return Found { peak, formed: peak.range, source, mixed } };
         // What is true is the surface that most light is from.
         let truth = parts.iter().find(|part| part.source == source).map_or(peak.range, |part| part.range);
-        let axis = scan.beams.direction(beam).x;
+        let axis = scan.aim.beams.direction(beam).x;
         let cos = match rays.get(source as usize) {
             Some(ray) => ray.cos_incidence[lane],
             None => other_of(source).cos_incidence,
@@ -716,7 +718,7 @@ impl Gatherer {
         let mut range = peak.range;
         if camera.aside.is_some() {
             // As in a pixel of one ray: the depth of the place it looks at goes where it should look.
-            let (rotation, _) = scan.aim.pose(scan.beams, beam);
+            let (rotation, _) = scan.aim.pose.pose(scan.aim.beams, beam);
             range *= rotation.x_axis.dot(beams.direction(lane)) / axis;
         }
         let formed = camera.err(&scan.rng, beam as u32, axis, cos, range);

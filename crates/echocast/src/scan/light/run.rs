@@ -3,14 +3,13 @@
 use super::block::{Lanes, Task, with_block};
 use super::halo::Halos;
 use crate::cloud::{Columns, Field, Frame, PointCloud, Slices};
-use crate::detect::{AzimuthError, FalseAlarms, Noise, RangeError, ReturnMode, Threshold, WeakDropout};
-use crate::echo::{Air, IntensityModel, PathLimits, Surroundings, Wanted};
+use crate::detect::{Errors, FalseAlarms, ReturnMode, Threshold};
+use crate::echo::{Air, IntensityEncoding, IntensityModel, PathLimits, Surroundings, Wanted};
 use crate::emitter::{Aim, BeamTable, Trajectory};
 use crate::ground::error::{Error, Result};
 use crate::ground::lanes::{CHUNK, LANES};
 use crate::ground::parallel;
 use crate::ground::rng::Rng;
-use crate::ground::units::seconds_from_us;
 use crate::material::{Mirrors, Optics, ReflectanceSource, Reflectances};
 use crate::medium::Weather;
 use crate::scan::{Order, Profile, Progress, ScanOptions};
@@ -37,58 +36,107 @@ const CHUNKS_PER_THREAD: usize = 8;
 /// Most chunks between two such passes.
 const MOST_CHUNKS: usize = 512;
 
-/// Everything that is the same for all beams of one scan.
+/// The plan of one scan: everything that is the same for all its beams, a part for each step.
 pub(super) struct Scan<'a> {
-    pub scene: &'a Tables,
-    pub beams: &'a BeamTable,
     pub options: &'a ScanOptions,
+    pub rng: Rng,
+    pub aim: Aiming<'a>,
+    pub world: World<'a>,
+    pub detect: Detecting,
+    pub measure: Measuring,
+    /// What a depth camera makes of light, if it says so.
+    pub camera: Option<&'a Camera>,
+    /// How beams of several rays or returns are made; `None` where beams are a ray and a return each.
+    pub signals: Option<Signals>,
+}
+
+/// Where beams go.
+pub(super) struct Aiming<'a> {
+    pub beams: &'a BeamTable,
     pub trajectory: &'a Trajectory,
-    pub aim: Aim<'a>,
+    pub pose: Aim<'a>,
+    /// How far rays go, m: beyond the greatest range where what is measured wraps.
+    pub reach: f32,
+    pub coherent: bool,
+}
+
+/// What light goes through and meets, and what of it is looked up.
+pub(super) struct World<'a> {
+    pub scene: &'a Tables,
     pub reflectances: Arc<Reflectances>,
+    /// What is in the air, if anything.
+    pub air: Option<Air>,
+    /// How far light is followed over mirrors and through glass; `None` where nothing depends on it.
+    pub paths: Option<PathLimits>,
+    /// Whether incidence follows the interpolated shading normal rather than the triangle's.
+    pub smooth: bool,
+    /// Whether normals or what depends on them are asked for.
+    pub wants_normals: bool,
+    /// Whether labels, colours or reflectances are asked for.
+    pub wants_surfaces: bool,
+    pub wanted: Wanted,
+}
+
+/// Which echoes are seen.
+pub(super) struct Detecting {
     pub threshold: Threshold,
     /// Noise that looks like echoes, if there is any.
     pub alarms: Option<FalseAlarms>,
     /// Part of the light that each channel makes use of; empty where all are alike.
     pub efficiency: Vec<f32>,
-    /// `rho_eff / R^2` beyond which intensity does not rise, 1/m^2.
-    pub saturation: Option<f32>,
-    pub intensity: IntensityModel,
-    pub range_error: RangeError,
-    pub rng: Rng,
-    pub azimuth_error: Option<AzimuthError>,
-    /// Where beams point beside what is reported, rad.
-    pub pointing_sigma: f32,
-    /// Of the reported time, s.
-    pub time_sigma: f64,
-    pub dropout: f32,
-    pub dropout_weak: Option<WeakDropout>,
-    pub range_min: f32,
-    pub range_max: f32,
-    /// How far rays go, m: beyond the greatest range where what is measured wraps.
-    pub reach: f32,
-    pub coherent: bool,
-    /// Whether normals or what depends on them are asked for.
-    pub wants_normals: bool,
-    /// Whether incidence follows the interpolated shading normal rather than the triangle's.
-    pub smooth: bool,
-    /// Whether labels, colours or reflectances are asked for.
-    pub wants_surfaces: bool,
-    pub wanted: Wanted,
+    pub mode: ReturnMode,
+    /// Nearest and farthest range that is reported, m.
+    pub range: [f32; 2],
     /// Undetected echoes stay, with intensity 0.
     pub keeps_undetected: bool,
-    /// Whether the range limits hold for what is measured too; the paper's program adds its errors afterwards.
-    pub limits_measured: bool,
-    /// What is in the air, if anything.
-    pub air: Option<Air>,
-    /// How far light is followed over mirrors and through glass; `None` where nothing depends on it.
-    pub paths: Option<PathLimits>,
-    pub mode: ReturnMode,
-    /// How beams of several rays or returns are made; `None` where beams are a ray and a return each.
-    pub signals: Option<Signals>,
-    /// What a depth camera makes of light, if it says so.
-    pub camera: Option<&'a Camera>,
     /// Bright surfaces whose light gets into beams beside them; see [`Scan::find_halos`].
     pub halos: Option<Halos>,
+}
+
+/// What is measured of them.
+pub(super) struct Measuring {
+    pub errors: Errors,
+    pub intensity: IntensityModel,
+    /// `rho_eff / R^2` beyond which intensity does not rise, 1/m^2.
+    pub saturation: Option<f32>,
+    /// Whether the range limits hold for what is measured too; the paper's program adds its errors afterwards.
+    pub limited: bool,
+}
+
+/// What the profiles differ in.
+struct Rules {
+    /// Where reflectance comes from when neither the material nor the caller says.
+    source: ReflectanceSource,
+    mirrors: Mirrors,
+    /// The paper's equations in place of ours: rain, glass by lengths, no instrument that sees itself, no camera.
+    as_printed: bool,
+    /// The paper's program: its limits, one ray and one return a beam, no echoes of the air, undetected echoes stay.
+    as_computed: bool,
+}
+
+impl Profile {
+    fn rules(self) -> Rules {
+        let [physical, blainder] = [Profile::Physical, Profile::Blainder].map(|profile| self == profile);
+        Rules {
+            source: if blainder { ReflectanceSource::Alpha } else { ReflectanceSource::Luminance },
+            mirrors: match self {
+                Profile::Physical => Mirrors::Real,
+                Profile::Paper => Mirrors::Lossless,
+                Profile::Blainder => Mirrors::OfTheProgram,
+            },
+            as_printed: !physical,
+            as_computed: blainder,
+        }
+    }
+
+    /// How a scan computes intensity where the instrument's encoding is `own`.
+    fn intensity(self, own: IntensityEncoding) -> IntensityModel {
+        match self {
+            Profile::Physical => IntensityModel::Encoded(own),
+            Profile::Paper => IntensityModel::PaperEq5,
+            Profile::Blainder => IntensityModel::Blainder,
+        }
+    }
 }
 
 impl<'a> Scan<'a> {
@@ -100,91 +148,76 @@ impl<'a> Scan<'a> {
         trajectory: &'a Trajectory,
         options: &'a ScanOptions,
     ) -> Self {
-        let fields = options.fields;
-        let blainder = options.profile == Profile::Blainder;
-        let intensity = match options.profile {
-            Profile::Physical => IntensityModel::Encoded(sensor.intensity),
-            Profile::Paper => IntensityModel::PaperEq5,
-            Profile::Blainder => IntensityModel::Blainder,
-        };
-        let source = options.reflectance_source.unwrap_or(if blainder {
-            ReflectanceSource::Alpha
-        } else {
-            ReflectanceSource::Luminance
-        });
-        let threshold = sensor.threshold(blainder);
-        // The paper's program knows one ray and one return.
-        let as_the_paper = options.profile != Profile::Physical;
+        let Rules { source, mirrors, as_printed, as_computed } = options.profile.rules();
+        let threshold = sensor.threshold(as_computed);
         // Without what makes it a camera, a pixel of several rays is none.
-        let one_ray = blainder || as_the_paper && sensor.camera.is_some();
+        let one_ray = as_computed || as_printed && sensor.camera.is_some();
         let blooms = sensor.detection.blooming.is_some();
         let signals = Some(sensor.signals());
         let signals = signals.filter(|signals| !one_ray && (blooms || !signals.are_simple()));
-        let weather = Weather::new(&options.environment, sensor.wavelength_nm, as_the_paper, scene.origin);
-        // Signals hear of all echoes.
+        // Signals are made of all echoes.
         let mode = if signals.is_some() { ReturnMode::All } else { sensor.return_mode() };
-        let air = Air::new(weather, sensor.receiver(threshold.clone()), mode, !blainder);
-        let mirrors = match options.profile {
-            Profile::Physical => Mirrors::Real,
-            Profile::Paper => Mirrors::Lossless,
-            Profile::Blainder => Mirrors::OfTheProgram,
-        };
+        let camera = sensor.camera.as_ref().filter(|_| !as_printed);
+        let errors = Errors::new(&sensor.noise, sensor.range_error(threshold.clone()));
+
+        let weather = Weather::new(&options.environment, sensor.wavelength_nm, as_printed, scene.origin);
+        let air = Air::new(weather, sensor.receiver(threshold.clone()), mode, !as_computed);
+        let source = options.reflectance_source.unwrap_or(source);
         let reflectances = scene.surfaces.reflectances(sensor.wavelength_nm, source, mirrors);
         let paths = reflectances.go_on.then_some(PathLimits {
             depth: options.specular_depth,
             least: 1e-6,
-            geometric: as_the_paper,
-            cosine_after: !blainder,
-            glint: sensor.glint().filter(|_| !as_the_paper),
-            glass_of_the_program: blainder,
+            geometric: as_printed,
+            cosine_after: !as_computed,
+            glint: sensor.glint().filter(|_| !as_printed),
+            glass_of_the_program: as_computed,
         });
-        let camera = sensor.camera.as_ref().filter(|_| !as_the_paper);
-        let range_max = sensor.range_max_m as f32;
-        let depends = threshold != Threshold::Open || sensor.noise.dropout_weak.is_some() || camera.is_some();
+
+        let fields = options.fields;
+        let depends = threshold != Threshold::Open || errors.depend_on_light() || camera.is_some();
         let wants_echo =
             signals.is_some() || air.is_some() || paths.is_some() || depends || fields.contains(Field::Intensity);
-        let wants_normals =
-            wants_echo || fields.contains_any(&[Field::NormalX, Field::NormalY, Field::NormalZ, Field::CosIncidence]);
+        let normals = [Field::NormalX, Field::NormalY, Field::NormalZ, Field::CosIncidence];
         let colors = fields.contains_any(&[Field::Red, Field::Green, Field::Blue]);
-        let wants_surfaces = wants_echo || fields.contains_any(&LABELS) || colors;
+        let range_max = sensor.range_max_m as f32;
+        let errs = errors.any || camera.is_some() || air.as_ref().is_some_and(|air| air.range_noise() > 0.0);
         Scan {
-            scene,
-            beams,
             options,
-            trajectory,
-            aim: Aim::new(trajectory, options.trajectory_time(), scene.origin),
-            reflectances,
-            range_error: sensor.range_error(threshold.clone()),
-            efficiency: sensor.detection.channel_efficiency.iter().map(|&part| part as f32).collect(),
-            saturation: threshold.power().zip(sensor.detection.saturation).map(|(power, most)| power * most as f32),
-            alarms: FalseAlarms::new(&sensor.detection.model, &threshold),
-            threshold,
-            intensity,
             rng: Rng::new(options.seed, options.frame),
-            azimuth_error: AzimuthError::new(&sensor.noise),
-            pointing_sigma: sensor.noise.pointing_sigma_deg.to_radians() as f32,
-            time_sigma: seconds_from_us(sensor.noise.time_sigma_us),
-            dropout: sensor.noise.dropout as f32,
-            dropout_weak: sensor.noise.dropout_weak,
-            range_min: sensor.range_min_m as f32,
-            range_max,
-            reach: if camera.is_some_and(Camera::wraps) { f32::INFINITY } else { range_max },
-            coherent: beams.is_coherent(),
-            wants_normals,
-            smooth: !blainder && scene.surfaces.has_shading_normals,
-            wants_surfaces,
-            wanted: Wanted { colors, reflectance: wants_echo },
-            keeps_undetected: blainder,
-            limits_measured: options.profile == Profile::Physical
-                && (sensor.noise != Noise::default()
-                    || camera.is_some()
-                    || air.as_ref().is_some_and(|air| air.range_noise() > 0.0)),
-            air,
-            paths,
-            mode,
-            signals,
+            aim: Aiming {
+                beams,
+                trajectory,
+                pose: Aim::new(trajectory, options.trajectory_time(), scene.origin),
+                reach: if camera.is_some_and(Camera::wraps) { f32::INFINITY } else { range_max },
+                coherent: beams.is_coherent(),
+            },
+            world: World {
+                scene,
+                reflectances,
+                air,
+                paths,
+                smooth: !as_computed && scene.surfaces.has_shading_normals,
+                wants_normals: wants_echo || fields.contains_any(&normals),
+                wants_surfaces: wants_echo || fields.contains_any(&LABELS) || colors,
+                wanted: Wanted { colors, reflectance: wants_echo },
+            },
+            measure: Measuring {
+                errors,
+                intensity: options.profile.intensity(sensor.intensity),
+                saturation: threshold.power().zip(sensor.detection.saturation).map(|(power, most)| power * most as f32),
+                limited: !as_printed && errs,
+            },
+            detect: Detecting {
+                alarms: FalseAlarms::new(&sensor.detection.model, &threshold),
+                threshold,
+                efficiency: sensor.detection.channel_efficiency.iter().map(|&part| part as f32).collect(),
+                mode,
+                range: [sensor.range_min_m as f32, range_max],
+                keeps_undetected: as_computed,
+                halos: None,
+            },
             camera,
-            halos: None,
+            signals,
         }
     }
 
@@ -192,7 +225,7 @@ impl<'a> Scan<'a> {
     pub fn find_halos(&mut self, sensor: &Sensor) {
         // Where the profile has one ray a beam there are no signals, and nothing blooms.
         if let (Some(blooming), Some(signals)) = (sensor.detection.blooming, &self.signals) {
-            self.halos = Some(Halos::new(self, blooming, signals.sigma));
+            self.detect.halos = Some(Halos::new(self, blooming, signals.sigma));
         }
     }
 
@@ -205,12 +238,12 @@ impl<'a> Scan<'a> {
     /// misses are closed in order.
     pub fn run(&self, cloud: &mut PointCloud, progress: Option<Progress>) -> Result<()> {
         let options = self.options;
-        let beams = self.beams.len();
+        let beams = self.aim.beams.len();
         let sorted = options.order == Order::Time;
         let computed = if sorted { options.fields.with(Field::Time) } else { options.fields };
         let columns = &mut cloud.columns;
         columns.make_room(computed, beams * self.most_returns())?;
-        let engine = &self.scene.engine;
+        let engine = &self.world.scene.engine;
         // Who wants to hear of the scan hears of it often.
         let chunks_per_thread = if progress.is_some() { 1 } else { CHUNKS_PER_THREAD };
         let window = CHUNK * (chunks_per_thread * engine.threads()).min(MOST_CHUNKS);
@@ -244,13 +277,13 @@ impl<'a> Scan<'a> {
         cloud.fields = options.fields;
         cloud.frame = options.coordinates;
         cloud.origin = match options.coordinates {
-            Frame::World => self.scene.origin,
+            Frame::World => self.world.scene.origin,
             Frame::Sensor => glam::DVec3::ZERO,
         };
-        cloud.organised = options.organised.then_some([self.beams.rows, self.beams.columns]);
-        cloud.sensor_pose = self.trajectory.at(options.trajectory_time());
-        cloud.intensity_full_scale = self.intensity.full_scale();
-        cloud.labels = self.scene.surfaces.labels.clone();
+        cloud.organised = options.organised.then_some([self.aim.beams.rows, self.aim.beams.columns]);
+        cloud.sensor_pose = self.aim.trajectory.at(options.trajectory_time());
+        cloud.intensity_full_scale = self.measure.intensity.full_scale();
+        cloud.labels = self.world.scene.surfaces.labels.clone();
         Ok(())
     }
 
@@ -286,24 +319,24 @@ impl<'a> Scan<'a> {
 impl Scan<'_> {
     /// Nearest and farthest range that is reported of `beam`, m.
     pub fn limits_of(&self, beam: usize) -> [f32; 2] {
-        let low = self.beams.range_min.get(beam).copied().unwrap_or(self.range_min);
-        [low, self.beams.range_max.get(beam).copied().unwrap_or(self.range_max)]
+        let low = self.aim.beams.range_min.get(beam).copied().unwrap_or(self.detect.range[0]);
+        [low, self.aim.beams.range_max.get(beam).copied().unwrap_or(self.detect.range[1])]
     }
 
     /// Whether rays go elsewhere than their beams are reported to.
     pub fn points_elsewhere(&self) -> bool {
-        self.pointing_sigma > 0.0 || self.camera.is_some_and(|camera| camera.aside.is_some())
+        self.measure.errors.pointing_sigma > 0.0 || self.camera.is_some_and(|camera| camera.aside.is_some())
     }
 
     /// Part of the light that the channel of `beam` makes use of.
     pub fn efficiency_of(&self, beam: u32) -> f32 {
-        let channel = usize::from(self.beams.channel[beam as usize]);
-        self.efficiency.get(channel).copied().unwrap_or(1.0)
+        let channel = usize::from(self.aim.beams.channel[beam as usize]);
+        self.detect.efficiency.get(channel).copied().unwrap_or(1.0)
     }
 
     /// Whether light goes on from `surface`, a row or [`MISS`]: mirrors and glass.
     pub fn goes_on(&self, surface: u32) -> bool {
-        self.scene.surfaces.optics(&self.reflectances, surface).is_some_and(Optics::goes_on)
+        self.world.scene.surfaces.optics(&self.world.reflectances, surface).is_some_and(Optics::goes_on)
     }
 
     /// What light is followed through up to `range_max` m, with the weather of `air` on its way.
@@ -315,10 +348,10 @@ impl Scan<'_> {
         range_max: &'b [f32; LANES],
     ) -> Surroundings<'b> {
         Surroundings {
-            scene: self.scene,
-            reflectances: &self.reflectances,
+            scene: self.world.scene,
+            reflectances: &self.world.reflectances,
             mask: self.options.mask,
-            smooth: self.smooth,
+            smooth: self.world.smooth,
             wanted,
             limits,
             range_max,
@@ -328,12 +361,12 @@ impl Scan<'_> {
 
     /// Takes away the hits whose range is none that the instrument reports.
     pub fn limit(&self, surface: &mut [u32; LANES], ranges: &[f32; LANES], lanes: &Lanes, count: usize) {
-        let (low, high) = (&self.beams.range_min, &self.beams.range_max);
+        let (low, high) = (&self.aim.beams.range_min, &self.aim.beams.range_max);
         if low.is_empty() && high.is_empty() {
-            return measure::limit(ranges, self.range_min, self.range_max, surface);
+            return measure::limit(ranges, self.detect.range[0], self.detect.range[1], surface);
         }
-        let low = if low.is_empty() { [self.range_min; LANES] } else { lanes.take(low, count) };
-        let high = if high.is_empty() { [self.range_max; LANES] } else { lanes.take(high, count) };
+        let low = if low.is_empty() { [self.detect.range[0]; LANES] } else { lanes.take(low, count) };
+        let high = if high.is_empty() { [self.detect.range[1]; LANES] } else { lanes.take(high, count) };
         measure::limit_each(ranges, &low, &high, surface);
     }
 }

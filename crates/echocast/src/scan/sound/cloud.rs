@@ -1,6 +1,7 @@
 //! From pings to points.
 
-use crate::cloud::{CELL_FIELDS, Columns, Field, FieldSet, Frame, Ping, PointCloud, SonarView};
+use crate::cloud::{CELL_FIELDS, Columns, Field, FieldSet, Frame, Ping, PointCloud, SonarView, put};
+use crate::ground::angle::{azimuth_elevation, direction};
 use crate::ground::error::{Error, Result};
 use crate::scan::ScanOptions;
 use glam::{DVec3, Vec3};
@@ -115,30 +116,24 @@ impl Ping {
     fn fill(&self, columns: &mut Columns, row: usize, point: &Point, options: &ScanOptions) {
         let Point { cell, beam, range, direction } = *point;
         let cells = &self.cells;
-        macro_rules! put {
-            ($($column:ident: $value:expr),* $(,)?) => {$(
-                if let Some(place) = columns.$column.get_mut(row) {
-                    *place = $value;
-                }
-            )*};
-        }
         macro_rules! copy {
-            ($($column:ident),* $(,)?) => { put!($($column: cells.$column[cell]),*) };
+            ($($column:ident),* $(,)?) => { put!(columns, row, $($column: cells.$column[cell]),*) };
         }
         let reported = direction * range;
+        let [azimuth, elevation] = azimuth_elevation(direction.to_array());
         let rotation = self.pose.rotation();
         let place = match options.coordinates {
             Frame::Sensor => reported,
             Frame::World => (rotation * reported.as_dvec3() + self.pose.position - self.origin).as_vec3(),
         };
-        put!(
+        put!(columns, row,
             x: place.x,
             y: place.y,
             z: place.z,
             range: range,
             depth: reported.x,
-            azimuth: direction.y.atan2(direction.x),
-            elevation: direction.z.atan2(direction.x.hypot(direction.y)),
+            azimuth: azimuth,
+            elevation: elevation,
             return_number: u8::from(!range.is_nan()),
             return_count: u8::from(!range.is_nan()),
             channel: beam as u16,
@@ -149,36 +144,30 @@ impl Ping {
         );
         if range.is_nan() {
             // A miss of an organised cloud.
-            put!(intensity: f32::NAN, cos_incidence: f32::NAN, true_range: f32::NAN);
-            put!(true_x: f32::NAN, true_y: f32::NAN, true_z: f32::NAN);
-            put!(normal_x: f32::NAN, normal_y: f32::NAN, normal_z: f32::NAN);
+            put!(columns, row, intensity: f32::NAN, cos_incidence: f32::NAN, true_range: f32::NAN);
+            put!(columns, row, true_x: f32::NAN, true_y: f32::NAN, true_z: f32::NAN);
+            put!(columns, row, normal_x: f32::NAN, normal_y: f32::NAN, normal_z: f32::NAN);
             return;
         }
         copy!(intensity, category_id, part_id, instance_id, material_id, red, green, blue, cos_incidence);
         copy!(true_range, cause, bounces);
-        put!(first_category_id: cells.category_id[cell], first_instance_id: cells.instance_id[cell]);
+        put!(columns, row, first_category_id: cells.category_id[cell], first_instance_id: cells.instance_id[cell]);
         let truth = Vec3::new(cells.true_x[cell], cells.true_y[cell], cells.true_z[cell]);
         match options.coordinates {
             Frame::World => {
-                put!(true_x: truth.x, true_y: truth.y, true_z: truth.z);
+                put!(columns, row, true_x: truth.x, true_y: truth.y, true_z: truth.z);
                 copy!(normal_x, normal_y, normal_z);
             }
             Frame::Sensor => {
                 let back = rotation.transpose();
                 let own = (back * (truth.as_dvec3() + self.origin - self.pose.position)).as_vec3();
-                put!(true_x: own.x, true_y: own.y, true_z: own.z);
+                put!(columns, row, true_x: own.x, true_y: own.y, true_z: own.z);
                 if options.fields.contains_any(&[Field::NormalX, Field::NormalY, Field::NormalZ]) {
                     let normal = Vec3::new(cells.normal_x[cell], cells.normal_y[cell], cells.normal_z[cell]);
                     let own = back.as_mat3() * normal;
-                    put!(normal_x: own.x, normal_y: own.y, normal_z: own.z);
+                    put!(columns, row, normal_x: own.x, normal_y: own.y, normal_z: own.z);
                 }
             }
         }
     }
-}
-
-/// Unit vector of an azimuth and an elevation, rad.
-fn direction([azimuth, elevation]: [f32; 2]) -> Vec3 {
-    let ((sin_az, cos_az), (sin_el, cos_el)) = (azimuth.sin_cos(), elevation.sin_cos());
-    Vec3::new(cos_el * cos_az, cos_el * sin_az, sin_el)
 }

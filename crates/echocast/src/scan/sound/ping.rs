@@ -1,11 +1,12 @@
 //! One ping of a sonar, step by step: rays through the water, what they meet, what of it the beams hear, levels, depths.
 
-use crate::cloud::{CELL_FIELDS, Field, FieldSet, Layout, Ping, Slices, SonarView, Sounding};
+use crate::cloud::{CELL_FIELDS, Field, FieldSet, Layout, Ping, Slices, SonarView, Sounding, put};
 use crate::detect::{BeamLevels, sounding};
 use crate::echo::{
     Background, CHUNK_BITS, Drift, Echoes, Insonification, Lines, NOBODY, Response, Scatterers, Tile, Wants,
 };
 use crate::emitter::{Trajectory, Transducer};
+use crate::ground::angle::azimuth_elevation;
 use crate::ground::cause::Cause;
 use crate::ground::error::{Error, Result};
 use crate::ground::lanes::MEDIUM;
@@ -14,7 +15,7 @@ use crate::ground::parallel;
 use crate::ground::pose::Pose;
 use crate::ground::report::Report;
 use crate::ground::rng::Rng;
-use crate::material::{Mirrors, ReflectanceSource, srgb_byte};
+use crate::material::{Mirrors, ReflectanceSource};
 use crate::medium::{Column, Spreading, Water};
 use crate::scan::printed::printed_water;
 use crate::scan::{Profile, ScanOptions};
@@ -552,15 +553,6 @@ impl Listen<'_, '_> {
     }
 }
 
-/// Puts a value into a row of a column, if the column is there.
-macro_rules! put {
-    ($rows:ident, $row:ident, $($column:ident: $value:expr),* $(,)?) => {$(
-        if let Some(cell) = $rows.$column.get_mut($row) {
-            *cell = $value;
-        }
-    )*};
-}
-
 impl Pinging<'_> {
     /// The columns of a tile that say what the strongest scatterer of each cell is.
     fn tell(&self, tile: &Tile, chunks: &[Chunk], mut rows: Slices) {
@@ -591,13 +583,7 @@ impl Pinging<'_> {
                 material_id: surface.material_id,
             );
             if !(rows.red.is_empty() && rows.green.is_empty() && rows.blue.is_empty()) {
-                let [red, green, blue] = match surface.textured {
-                    false => surface.rgb,
-                    true => {
-                        let rgba = surfaces.base_color(surface, arrival.triangle, arrival.corner);
-                        std::array::from_fn(|channel| srgb_byte(rgba[channel]))
-                    }
-                };
+                let [red, green, blue] = surfaces.rgb(surface, arrival.triangle, arrival.corner);
                 put!(rows, row, red: red, green: green, blue: blue);
             }
         } else {
@@ -632,11 +618,11 @@ impl Pinging<'_> {
             normal_z: normal.z,
         );
         if !(rows.azimuth.is_empty() && rows.elevation.is_empty()) {
-            let [x, y, z] = match echoes.heard_straight(index) {
+            let [azimuth, elevation] = azimuth_elevation(match echoes.heard_straight(index) {
                 Some(direct) => (self.rotation().transpose() * direct.launch).into(),
                 None => self.transducer.direction.each_ref().map(|axis| axis[arrival.ray as usize]),
-            };
-            put!(rows, row, azimuth: y.atan2(x), elevation: z.atan2(x.hypot(y)));
+            });
+            put!(rows, row, azimuth: azimuth, elevation: elevation);
         }
     }
 }

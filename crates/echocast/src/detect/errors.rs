@@ -1,0 +1,117 @@
+//! All errors of what an instrument measures: each step of a scan asks here for those of its quantity.
+
+use super::{AzimuthError, Noise, RangeError, WeakDropout};
+use crate::ground::lanes::{LANES, MISS};
+use crate::ground::rng::{Draw, Rng};
+use crate::ground::units::seconds_from_us;
+use echocast_kernels::measure;
+
+/// Returns side by side.
+pub(crate) struct Returns<'a> {
+    /// The beam of each, and which of its returns it is, from 0: the address of random numbers.
+    pub beams: &'a [u32],
+    pub numbers: &'a [u32],
+    pub channels: &'a [u16],
+    pub rho_eff: &'a [f32; LANES],
+    /// True ranges, m.
+    pub range: &'a [f32; LANES],
+}
+
+/// The errors of one scan.
+pub(crate) struct Errors {
+    range: RangeError,
+    azimuth: Option<AzimuthError>,
+    /// Standard deviation of where beams point beside what is reported, rad.
+    pub pointing_sigma: f32,
+    /// Of the reported time, s.
+    time_sigma: f64,
+    dropout: f32,
+    dropout_weak: Option<WeakDropout>,
+    /// Whether anything beside the pointing errs.
+    pub any: bool,
+}
+
+impl Errors {
+    /// Of an instrument with this `noise` and its errors of `range`.
+    pub(crate) fn new(noise: &Noise, range: RangeError) -> Errors {
+        Errors {
+            range,
+            azimuth: AzimuthError::new(noise),
+            pointing_sigma: noise.pointing_sigma_deg.to_radians() as f32,
+            time_sigma: seconds_from_us(noise.time_sigma_us),
+            dropout: noise.dropout as f32,
+            dropout_weak: noise.dropout_weak,
+            any: *noise != Noise::default(),
+        }
+    }
+
+    /// Whether light that is not seen may matter: returns get lost by their strength.
+    pub(crate) fn depend_on_light(&self) -> bool {
+        self.dropout_weak.is_some()
+    }
+
+    /// Whether azimuths are not reported as they are.
+    pub(crate) fn turn_beams(&self) -> bool {
+        self.azimuth.is_some()
+    }
+
+    /// Measured ranges, m, of returns whose ranges would be `formed` without errors; `in_proportion` is the standard
+    /// deviation over the range that rain adds.
+    pub(crate) fn measure(
+        &self,
+        rng: &Rng,
+        returns: &Returns,
+        formed: &[f32; LANES],
+        in_proportion: f32,
+        measured: &mut [f32; LANES],
+    ) {
+        let count = returns.beams.len();
+        let measured = &mut measured[..count];
+        if self.range.draws() {
+            rng.normals(returns.beams, returns.numbers, Draw::RangeJitter, measured);
+        }
+        self.range.measure(returns.channels, &returns.rho_eff[..count], &formed[..count], measured);
+        if in_proportion > 0.0 {
+            let mut noise = [0.0; LANES];
+            rng.normals(returns.beams, returns.numbers, Draw::RainRange, &mut noise[..count]);
+            measure::add_in_proportion(measured, returns.range, &noise, in_proportion);
+        }
+        self.range.round(measured);
+    }
+
+    /// Takes away the surfaces of returns that get lost.
+    pub(crate) fn lose(&self, rng: &Rng, returns: &Returns, surface: &mut [u32; LANES]) {
+        let count = returns.beams.len();
+        let mut chance = [0.0; LANES];
+        if self.dropout > 0.0 {
+            rng.uniforms(returns.beams, returns.numbers, Draw::Dropout, &mut chance[..count]);
+            measure::lose(&chance[..count], self.dropout, surface);
+        }
+        if let Some(weak) = &self.dropout_weak {
+            rng.uniforms(returns.beams, returns.numbers, Draw::WeakDropout, &mut chance[..count]);
+            for lane in 0..count {
+                if chance[lane] < weak.probability(returns.rho_eff[lane]) {
+                    surface[lane] = MISS;
+                }
+            }
+        }
+    }
+
+    /// How far to the left, rad, `beams` in the directions `x`, `y` (sensor frame) are reported.
+    pub(crate) fn turn(&self, rng: &Rng, beams: &[u32], [x, y]: [&[f32]; 2], turn: &mut [f32]) {
+        if let Some(error) = &self.azimuth {
+            // All returns of a beam come from one direction.
+            rng.normals(beams, &[0; LANES][..beams.len()], Draw::AzimuthJitter, turn);
+            error.turn(x, y, turn);
+        }
+    }
+
+    /// Adds the errors of the times, s, of firings.
+    pub(crate) fn delay(&self, rng: &Rng, firings: impl Iterator<Item = u32>, times: &mut [f64]) {
+        if self.time_sigma > 0.0 {
+            for (time, firing) in times.iter_mut().zip(firings) {
+                *time += self.time_sigma * f64::from(rng.normal(firing, Draw::TimeJitter, 0));
+            }
+        }
+    }
+}
