@@ -8,6 +8,7 @@ use echocast::{
     BuiltScene, Cause, Engine, Environment, Field, FieldSet, Frame, Order, Ping, PointCloud, Pose, Profile, ReturnMode,
     ScanOptions, Sensor, Trajectory,
 };
+use echocast_kernels::{Level, limit_level};
 use echocast_tests::reference::{Random, SceneBuilder, Shape};
 use glam::{DAffine3, DVec3};
 use std::collections::{BTreeMap, BTreeSet};
@@ -178,6 +179,37 @@ fn threads_do_not_change_a_bit() {
     }
     // Points of all kinds were among them.
     assert_eq!(causes, (0..=Cause::Multipath as u8).collect());
+}
+
+/// In one test, since the level is that of the whole process.
+#[test]
+fn vector_levels_do_not_change_a_bit() {
+    let built = scene();
+    let of_all = || {
+        let mut clouds = Vec::new();
+        for sensor in [lidar(), camera(), noisy(), many(), depth_camera()] {
+            for (path, options) in [(Trajectory::fixed(Pose::IDENTITY), wet()), (drive(), all())] {
+                clouds.push(built.scan(&sensor, &path, &options).unwrap());
+            }
+        }
+        let place = Trajectory::fixed(Pose::at(0.0, 0.0, 8.0));
+        let pings = sonars().iter().map(|sonar| built.ping(sonar, &place, &sea()).unwrap()).collect::<Vec<_>>();
+        (clouds, pings)
+    };
+    assert_eq!(limit_level(Level::Plain), Level::Plain);
+    let (clouds, pings) = of_all();
+    for level in [Level::Avx2, Level::Avx512] {
+        if limit_level(level) == level {
+            let (others, other_pings) = of_all();
+            for (index, (cloud, other)) in clouds.iter().zip(&others).enumerate() {
+                assert_eq!(differences(cloud, other), [""; 0], "{level:?} case {index}");
+            }
+            for (index, (ping, other)) in pings.iter().zip(&other_pings).enumerate() {
+                assert_eq!(ping_differences(ping, other), [""; 0], "{level:?} ping {index}");
+            }
+        }
+    }
+    limit_level(Level::Avx512);
 }
 
 /// The scene too is built the same twice.

@@ -5,9 +5,7 @@ use crate::result::{Points, echocast_result};
 use crate::scene::{echocast_pose, echocast_snapshot};
 use crate::sensor::{echocast_sensor, seconds};
 use crate::{handle, text};
-use echocast::{
-    BuiltScene, Environment, FieldSet, Frame, Order, Profile, ReflectanceSource, ScanOptions, Sensor, Trajectory,
-};
+use echocast::{BuiltScene, Environment, FieldSet, Named, ScanOptions, Sensor, Trajectory};
 use std::ffi::{c_char, c_void};
 use std::ops::ControlFlow;
 use std::sync::{Arc, RwLock};
@@ -275,15 +273,19 @@ unsafe fn scan_options(desc: &echocast_scan_desc) -> Outcome<ScanOptions> {
         frame: desc.frame,
         start_time: seconds(desc.t0_ns),
         trajectory_time: Some(0.0),
-        organised: choice(desc.organised, "desc->organised", &[false, true])?,
-        coordinates: choice(desc.coordinates, "desc->coordinates", &[Frame::World, Frame::Sensor])?,
-        order: choice(desc.order, "desc->order", &[Order::Beam, Order::Time])?,
-        profile: choice(desc.profile, "desc->profile", &[Profile::Physical, Profile::Paper, Profile::Blainder])?,
-        reflectance_source: choice(
-            desc.reflectance,
-            "desc->reflectance",
-            &[None, Some(ReflectanceSource::Luminance), Some(ReflectanceSource::Alpha)],
-        )?,
+        organised: match desc.organised {
+            0 => false,
+            1 => true,
+            other => return Err(Failure::argument("desc->organised", other, "0 to 1")),
+        },
+        coordinates: named(desc.coordinates, "desc->coordinates")?,
+        order: named(desc.order, "desc->order")?,
+        profile: named(desc.profile, "desc->profile")?,
+        // 0 leaves it to the profile.
+        reflectance_source: match desc.reflectance {
+            0 => None,
+            _ => Some(numbered(desc.reflectance, 1, "desc->reflectance")?),
+        },
         mask: desc.mask,
         ..ScanOptions::default()
     })
@@ -309,8 +311,15 @@ impl Weather {
     }
 }
 
-/// What a number stands for, counted from 0.
-fn choice<T: Copy>(number: i32, name: &str, all: &[T]) -> Outcome<T> {
-    let found = usize::try_from(number).ok().and_then(|number| all.get(number)).copied();
-    found.ok_or_else(|| Failure::argument(name, number, &format!("0 to {}", all.len() - 1)))
+/// The value whose number, counted from 0, an argument is.
+fn named<T: Named>(number: i32, argument: &str) -> Outcome<T> {
+    numbered(number, 0, argument)
+}
+
+/// [`named`], counted from `first`.
+fn numbered<T: Named>(number: i32, first: i32, argument: &str) -> Outcome<T> {
+    let place = number.checked_sub(first).and_then(|place| usize::try_from(place).ok());
+    let found = place.and_then(|place| T::NAMES.get(place));
+    let last = first as usize + T::NAMES.len() - 1;
+    found.map(|&(_, value)| value).ok_or_else(|| Failure::argument(argument, number, &format!("0 to {last}")))
 }

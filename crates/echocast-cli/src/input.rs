@@ -20,7 +20,7 @@ pub struct SceneArgs {
     #[arg(long, value_name = "FILE", help_heading = "Scene")]
     labels: Option<PathBuf>,
     /// Up axis of scene formats that do not say (OBJ)
-    #[arg(long, default_value = "z", value_parser = choice::of(choice::UP), help_heading = "Scene")]
+    #[arg(long, default_value = "z", value_parser = choice::of::<UpAxis>(), help_heading = "Scene")]
     up: UpAxis,
     /// Metres per unit of scene formats that do not say (OBJ)
     #[arg(long, value_name = "F", default_value = "1", value_parser = positive, help_heading = "Scene")]
@@ -67,7 +67,7 @@ impl SceneArgs {
         json!({
             "files": text::paths(&self.files),
             "labels": self.labels.as_deref().map(shown::path),
-            "up": choice::name(choice::UP, self.up),
+            "up": self.up.name(),
             "scale": self.scale,
             "texture_limit_mib": self.texture_limit,
             "allow_outside_paths": self.allow_outside_paths,
@@ -85,7 +85,7 @@ pub struct SensorArgs {
     #[arg(long, value_name = "KEY=VALUE", value_parser = key_value, help_heading = "Sensor")]
     set: Vec<(String, String)>,
     /// Which echo of a beam is reported [default: as the sensor has it]
-    #[arg(long, value_name = "MODE", value_parser = choice::of(choice::RETURNS), help_heading = "Sensor")]
+    #[arg(long, value_name = "MODE", value_parser = choice::of::<ReturnMode>(), help_heading = "Sensor")]
     returns: Option<ReturnMode>,
 }
 
@@ -102,7 +102,7 @@ impl SensorArgs {
                 "--returns: the sensor is a sonar, which reports the depth of each beam, or all range bins above its threshold; \
                  allowed: with other sensors"
             );
-            sensor.set("returns.mode", choice::name(choice::RETURNS, mode)).context("--returns")?;
+            sensor.set("returns.mode", mode.name()).context("--returns")?;
         }
         Ok(sensor)
     }

@@ -33,11 +33,11 @@ pub struct OutputArgs {
     preview: Option<PathBuf>,
     /// What the colours of the picture show: `label`, category or part of what is met; `cause`, why a point is there:
     /// a surface, seen in a mirror or through glass, rain, fog and so on; the others are scales of values
-    #[arg(long, requires = "preview", default_value = "label", value_parser = choice::of(choice::COLOR), help_heading = "Output")]
+    #[arg(long, requires = "preview", default_value = "label", value_parser = choice::of::<ColorBy>(), help_heading = "Output")]
     color: ColorBy,
     /// From where the picture looks at the cloud; `range` shows the last of several frames. Of sonars also `waterfall`, a
     /// row for each ping; `track`, what they have seen from above; `fan`, the last ping as its beams lie
-    #[arg(long, requires = "shown", default_value = "top", value_parser = choice::of(choice::VIEW), help_heading = "Output")]
+    #[arg(long, requires = "shown", default_value = "top", value_parser = choice::of::<View>(), help_heading = "Output")]
     view: View,
     /// Waterfall over ground range, along the bed, in place of slant range
     #[arg(long, requires = "shown", help_heading = "Output")]
@@ -84,18 +84,18 @@ impl OutputArgs {
             ensure!(
                 !self.view.shows_pings(),
                 "--view {}: the sensor is a {kind}; allowed: top, perspective, range",
-                choice::name(choice::VIEW, self.view)
+                self.view.name()
             );
         }
         if kind == SensorKind::Sonar && profile != Profile::Physical {
-            let view = format!("--view {}", choice::name(choice::VIEW, self.view));
+            let view = format!("--view {}", self.view.name());
             for (option, given) in
                 [("--pings", self.pings.is_some()), ("--image", self.image.is_some()), (&view, self.view.shows_pings())]
             {
                 ensure!(
                     !given,
                     "{option}: --profile {} makes points and no pings; allowed: with --profile physical",
-                    choice::name(choice::PROFILE, profile)
+                    profile.name()
                 );
             }
         }
@@ -118,7 +118,7 @@ impl OutputArgs {
             ensure!(
                 self.view.shows_pings(),
                 "--image: shows what --view says, which is {}; allowed: waterfall, track, fan",
-                choice::name(choice::VIEW, self.view)
+                self.view.name()
             );
         }
         for file in &self.output {
@@ -175,9 +175,9 @@ impl OutputArgs {
         ensure!(
             self.preview.is_none() || [ColorBy::Label, values].contains(&self.color),
             "--color {}: is nothing that --view {} of this sonar shows; allowed: label, {}",
-            choice::name(choice::COLOR, self.color),
-            choice::name(choice::VIEW, self.view),
-            choice::name(choice::COLOR, values)
+            self.color.name(),
+            self.view.name(),
+            values.name()
         );
         Ok(())
     }
@@ -243,8 +243,8 @@ impl OutputArgs {
         let preview = self.preview.as_ref().map(|file| {
             json!({
                 "file": shown::path(file),
-                "color": choice::name(choice::COLOR, self.color),
-                "view": choice::name(choice::VIEW, self.view),
+                "color": self.color.name(),
+                "view": self.view.name(),
                 "ground": self.ground,
             })
         });

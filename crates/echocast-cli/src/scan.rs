@@ -39,12 +39,12 @@ pub struct Args {
     scene: SceneArgs,
     /// Where reflectance comes from when the material does not say it [default: alpha for the profile blainder,
     /// luminance for the others]
-    #[arg(long, value_parser = choice::of(choice::REFLECTANCE_SOURCE), help_heading = "Scene")]
+    #[arg(long, value_parser = choice::of::<ReflectanceSource>(), help_heading = "Scene")]
     reflectance_source: Option<ReflectanceSource>,
     #[command(flatten)]
     sensor: SensorArgs,
     /// Model set: physics as we know it, the paper's equations as printed, or what its program computes
-    #[arg(long, default_value = "physical", value_parser = choice::of(choice::PROFILE), help_heading = "Sensor")]
+    #[arg(long, default_value = "physical", value_parser = choice::of::<Profile>(), help_heading = "Sensor")]
     profile: Profile,
     /// Seed of all random draws
     #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true, help_heading = "Sensor")]
@@ -68,10 +68,10 @@ pub struct Args {
     #[arg(long, value_name = "LIST", value_parser = Asked::parse, long_help = formats::column_help(), help_heading = "Points")]
     fields: Option<Asked>,
     /// Coordinates of the points
-    #[arg(long = "frame", default_value = "world", value_parser = choice::of(choice::FRAME), help_heading = "Points")]
+    #[arg(long = "frame", default_value = "world", value_parser = choice::of::<Frame>(), help_heading = "Points")]
     coordinates: Frame,
     /// Order of the points: rising frame, beam, return; or rising time
-    #[arg(long, default_value = "beam", value_parser = choice::of(choice::ORDER), help_heading = "Points")]
+    #[arg(long, default_value = "beam", value_parser = choice::of::<Order>(), help_heading = "Points")]
     order: Order,
     /// Keep beams without a return (NaN), rows and columns of the sensor
     #[arg(long, help_heading = "Points")]
@@ -267,7 +267,7 @@ fn load(args: &Args) -> Result<Loaded> {
     ensure!(
         args.explain.is_none() || sensor.kind() != SensorKind::Sonar || args.profile == Profile::Physical,
         "--explain: does not tell of sonars with --profile {}; allowed: --profile physical",
-        choice::name(choice::PROFILE, args.profile)
+        args.profile.name()
     );
     let environment = args.weather.load(sensor.kind())?;
     let trajectory = args.trajectory.as_deref().map(input::load_trajectory).transpose()?;
@@ -474,12 +474,12 @@ fn repeatable(
         "environment": serde_json::to_value(environment).context("the weather cannot be reported")?,
         "trajectory": place,
         "frames": { "first": frames.first, "last": frames.last, "step": frames.step, "fps": fps },
-        "profile": choice::name(choice::PROFILE, args.profile),
-        "reflectance_source": args.reflectance_source.map(|source| choice::name(choice::REFLECTANCE_SOURCE, source)),
+        "profile": args.profile.name(),
+        "reflectance_source": args.reflectance_source.map(|source| source.name()),
         "seed": args.seed,
         "fields": fields.iter().map(|info| info.name).collect::<Vec<_>>(),
-        "frame": choice::name(choice::FRAME, args.coordinates),
-        "order": choice::name(choice::ORDER, args.order),
+        "frame": args.coordinates.name(),
+        "order": args.order.name(),
         "organised": args.organised,
         "outputs": args.output.to_json(),
     }))

@@ -130,6 +130,7 @@ pub use echo::Taper;
 pub use emitter::Trajectory;
 pub use ground::cause::Cause;
 pub use ground::error::{Error, Result};
+pub use ground::named::Named;
 pub use ground::pose::Pose;
 pub use ground::report::Report;
 pub use ground::{error, report, shown, units};

@@ -13,6 +13,7 @@ pub use pack::{PackItem, PackType};
 pub use ping::{CELL_FIELDS, Layout, Ping, Pings, SonarView, Sounding};
 
 use crate::ground::error::{Error, Result};
+use crate::ground::named::named;
 use crate::ground::pose::Pose;
 use crate::scene::Labels;
 use glam::DVec3;
@@ -28,15 +29,7 @@ pub enum Frame {
     Sensor,
 }
 
-impl Frame {
-    /// Its name in files: `world` or `sensor`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Frame::World => "world",
-            Frame::Sensor => "sensor",
-        }
-    }
-}
+named! { Frame: World "world", Sensor "sensor" }
 
 /// What a scan returns: columns of equal length, one row per return (or per beam when organised).
 #[derive(Clone, Debug)]

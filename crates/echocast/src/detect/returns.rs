@@ -1,5 +1,6 @@
 //! Which of its echoes a beam reports.
 
+use crate::ground::named::named;
 use serde::{Deserialize, Serialize};
 
 /// An echo: a maximum of the signal of a beam.
@@ -30,6 +31,8 @@ pub enum ReturnMode {
     /// The strongest echoes, up to the greatest number, the nearest first.
     All,
 }
+
+named! { ReturnMode: Strongest "strongest", First "first", Last "last", Second "second", Dual "dual", All "all" }
 
 /// Which echoes of a beam an instrument reports.
 #[derive(Clone, Copy, Debug, PartialEq)]

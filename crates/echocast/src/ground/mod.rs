@@ -6,6 +6,7 @@ pub(crate) mod cause;
 pub mod error;
 pub(crate) mod lanes;
 pub(crate) mod math;
+pub(crate) mod named;
 pub(crate) mod parallel;
 pub(crate) mod pose;
 pub mod report;

@@ -18,6 +18,7 @@ pub use sound::{Sediment, Sound};
 pub use texture::{Filter, Texture, TextureRef, Wrap};
 pub(crate) use texture::{TextureBudget, srgb_byte};
 
+use crate::ground::named::named;
 use serde::Deserialize;
 
 /// Where the reflectance of a surface comes from when neither its material nor the material library says it.
@@ -29,6 +30,8 @@ pub enum ReflectanceSource {
     /// Alpha of the base colour, as in the paper's system.
     Alpha,
 }
+
+named! { ReflectanceSource: Luminance "luminance", Alpha "alpha" }
 
 /// What the alpha of a surface's base colour means.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]

@@ -19,6 +19,7 @@ pub use canvas::Picture;
 use crate::cloud::{Field, FieldSet, Pings, PointCloud};
 use crate::export::{Pending, failed, write_bytes};
 use crate::ground::error::{Error, Result};
+use crate::ground::named::{by_name, named};
 use crate::ground::report::Report;
 use crate::image::Image;
 use crate::read::yaml;
@@ -52,15 +53,7 @@ pub enum View {
     Fan,
 }
 
-/// Views and their names.
-const VIEWS: [(&str, View); 6] = [
-    ("top", View::Top),
-    ("perspective", View::Perspective),
-    ("range", View::Range),
-    ("waterfall", View::Waterfall),
-    ("track", View::Track),
-    ("fan", View::Fan),
-];
+named! { View: Top "top", Perspective "perspective", Range "range", Waterfall "waterfall", Track "track", Fan "fan" }
 
 impl View {
     /// Whether it shows pings of a sonar; the others show clouds.
@@ -73,7 +66,7 @@ impl FromStr for View {
     type Err = Error;
 
     fn from_str(name: &str) -> Result<View> {
-        by_name("view", name, &VIEWS)
+        by_name("view", name)
     }
 }
 
@@ -95,47 +88,14 @@ pub enum ColorBy {
     Height,
 }
 
-/// Colours and their names.
-const COLORS: [(&str, ColorBy); 5] = [
-    ("label", ColorBy::Label),
-    ("cause", ColorBy::Cause),
-    ("intensity", ColorBy::Intensity),
-    ("range", ColorBy::Range),
-    ("height", ColorBy::Height),
-];
-
-impl ColorBy {
-    fn name(self) -> &'static str {
-        name_of(self, &COLORS)
-    }
-}
+named! { ColorBy: Label "label", Cause "cause", Intensity "intensity", Range "range", Height "height" }
 
 impl FromStr for ColorBy {
     type Err = Error;
 
     fn from_str(name: &str) -> Result<ColorBy> {
-        by_name("preview colour", name, &COLORS)
+        by_name("preview colour", name)
     }
-}
-
-/// The name of `value` in `table`.
-fn name_of<T: PartialEq>(value: T, table: &[(&'static str, T)]) -> &'static str {
-    table.iter().find(|(_, known)| *known == value).map_or("", |(name, _)| name)
-}
-
-/// The value that `name` has in `table`, or an error that tells the near names and all there are.
-fn by_name<T: Copy>(what: &'static str, name: &str, table: &[(&str, T)]) -> Result<T> {
-    if let Some((_, value)) = table.iter().find(|(known, _)| *known == name) {
-        return Ok(*value);
-    }
-    // There are so few names that all of them may stand in the message, the near ones first.
-    let mut names = crate::ground::error::nearest(name, table.iter().map(|(known, _)| known));
-    for (known, _) in table {
-        if !names.iter().any(|near| near == known) {
-            names.push((*known).to_owned());
-        }
-    }
-    Err(Error::Missing { what, name: name.to_owned(), near: names })
 }
 
 /// How a preview looks.
@@ -250,7 +210,7 @@ fn check_pinged(options: &PreviewOptions) -> Result<()> {
     check_width(options.width)?;
     if !options.view.shows_pings() {
         let allowed = "waterfall, track or fan for pings; it shows points";
-        return Err(Error::invalid("view", name_of(options.view, &VIEWS), allowed));
+        return Err(Error::invalid("view", options.view.name(), allowed));
     }
     Ok(())
 }
@@ -281,7 +241,7 @@ pub fn render(cloud: &PointCloud, options: &PreviewOptions, report: &mut Report)
     check_width(options.width)?;
     let pings_only = || {
         let allowed = "top, perspective or range for points; it shows pings of a sonar";
-        Err(Error::invalid("view", name_of(options.view, &VIEWS), allowed))
+        Err(Error::invalid("view", options.view.name(), allowed))
     };
     if options.view.shows_pings() {
         return pings_only();

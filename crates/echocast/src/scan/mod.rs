@@ -8,6 +8,7 @@ mod sound;
 use crate::cloud::{FieldSet, Frame, Ping, PointCloud};
 use crate::emitter::Trajectory;
 use crate::ground::error::{Error, Result};
+use crate::ground::named::named;
 use crate::material::ReflectanceSource;
 use crate::medium::Environment;
 use crate::sensor::{Sensor, SensorKind};
@@ -26,12 +27,14 @@ pub enum Profile {
     Blainder,
 }
 
+named! { Profile: Physical "physical", Paper "paper", Blainder "blainder" }
+
 impl Profile {
     /// That it is the physical one; `allowed` says why no other.
     fn check_physical(self, allowed: &str) -> Result<()> {
         match self {
             Profile::Physical => Ok(()),
-            other => Err(Error::invalid("profile", format!("{other:?}").to_lowercase(), allowed)),
+            other => Err(Error::invalid("profile", other.name(), allowed)),
         }
     }
 }
@@ -45,6 +48,8 @@ pub enum Order {
     /// Rising time, as drivers publish.
     Time,
 }
+
+named! { Order: Beam "beam", Time "time" }
 
 /// How to scan; every setting has a working default.
 #[derive(Clone, Debug)]

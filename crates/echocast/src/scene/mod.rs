@@ -19,6 +19,7 @@ pub use label::{LabelRules, Labels, NameTable};
 pub use mesh::{Array, Mesh, Part};
 
 use crate::ground::error::{Error, Result};
+use crate::ground::named::named;
 use crate::ground::report::Report;
 use crate::ground::shown;
 use crate::material::TextureBudget;
@@ -44,6 +45,8 @@ pub enum UpAxis {
     #[default]
     Z,
 }
+
+named! { UpAxis: Y "y", Z "z" }
 
 /// How to read a scene file.
 #[derive(Clone, Debug, Deserialize)]
