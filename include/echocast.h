@@ -179,9 +179,9 @@ typedef struct echocast_context_desc {
     /** sizeof(echocast_context_desc). */
     size_t struct_size;
     /**
-     * Threads of the context's own that scan: 0 as many as the machine has cores, 1 none at all (the calling thread does
-     * everything, on 256 KiB of its stack), up to 1024. One less, up to one for each core, helps to build large meshes.
-     * All are started with the context; nothing asks the system for threads later on, Embree's TBB neither.
+     * Threads of the context's own that scan: 0 as many as the machine has cores, 1 none at all (the calling thread
+     * does everything, on 256 KiB of its stack), up to 1024. One less, up to one for each core, helps to build large
+     * meshes. All are started with the context; nothing asks the system for threads later on, Embree's TBB neither.
      */
     int32_t threads;
     /** Least important messages for `log`: an ECHOCAST_LOG_ number. */
@@ -363,8 +363,8 @@ typedef struct echocast_scene_desc {
     size_t struct_size;
     /**
      * World position, three numbers, metres, that the single-precision coordinates of results are relative to. NULL:
-     * the first commit with an instance chooses, the world's own origin for scenes within a kilometre of it. Choose one
-     * near the vehicle for survey coordinates: 8 km from it coordinates are rounded to half a millimetre.
+     * the first commit with an instance chooses, the world's own origin for scenes within a kilometre of it. Choose
+     * one near the vehicle for survey coordinates: 8 km from it coordinates are rounded to half a millimetre.
      */
     const double *origin;
 } echocast_scene_desc;
@@ -572,9 +572,10 @@ echocast_status echocast_scene_set_poses(echocast_scene *scene,
                                          const echocast_pose *poses);
 
 /**
- * Gives the vertices of an instance new positions: `count` times x, y, z, as many as its mesh has, and shading normals,
- * or NULL for flat triangles. Its mesh becomes its own; others that share it keep theirs. The arrays are copied. The
- * parts of its mesh must share their vertices, as those of echocast_mesh_create do; those of files may not.
+ * Gives the vertices of an instance new positions: `count` times x, y, z, as many as its mesh has, and shading
+ * normals, or NULL for flat triangles. Its mesh becomes its own; others that share it keep theirs. The arrays are
+ * copied. The parts of its mesh must share their vertices, as those of echocast_mesh_create do; those of files may
+ * not.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY; then it is as it was.
  */
@@ -628,14 +629,12 @@ echocast_status echocast_scene_name_label(echocast_scene *scene,
                                           const char *name);
 
 /**
- * Builds what has changed. `*out` is the scene as it is now, which can be scanned while the next one is edited; it is to
- * be released with echocast_snapshot_release.
+ * Builds what has changed. `*out` is the scene as it is now, which can be scanned while the next one is edited; it is
+ * to be released with echocast_snapshot_release.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY.
  */
-ECHOCAST_API
-echocast_status echocast_scene_commit(echocast_scene *scene,
-                                      echocast_snapshot **out);
+ECHOCAST_API echocast_status echocast_scene_commit(echocast_scene *scene, echocast_snapshot **out);
 
 /** Releases a snapshot. NULL is allowed. Any thread may call this. */
 ECHOCAST_API void echocast_snapshot_release(echocast_snapshot *snapshot);
@@ -746,13 +745,10 @@ echocast_status echocast_sensor_from_beams(const echocast_context *context,
  * Changes a parameter: `key` is its path in the sensor file ("noise.range_sigma_m"), `value` YAML: a number, a word, a
  * list or a whole section; "null" takes an optional one away.
  *
- * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_PARSE (key, what was found, what is allowed), ECHOCAST_E_BUSY (a scan is using
- * the sensor); then it is as it was.
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_PARSE (key, what was found, what is allowed), ECHOCAST_E_BUSY (a scan is
+ * using the sensor); then it is as it was.
  */
-ECHOCAST_API
-echocast_status echocast_sensor_set(echocast_sensor *sensor,
-                                    const char *key,
-                                    const char *value);
+ECHOCAST_API echocast_status echocast_sensor_set(echocast_sensor *sensor, const char *key, const char *value);
 
 /**
  * Reads a parameter that is a number, with the least and the greatest value that it may have (infinite without a
@@ -844,8 +840,8 @@ typedef struct echocast_result_info {
     /** Points. */
     size_t count;
     /**
-     * Rows of the range image, if every beam has its point (scan_desc.organised); else 0. Of side-scan and imaging sonars
-     * a row is a beam, and a column a range bin.
+     * Rows of the range image, if every beam has its point (scan_desc.organised); else 0. Of side-scan and imaging
+     * sonars a row is a beam, and a column a range bin.
      */
     uint32_t rows;
     /** Columns of the range image, or 0. */
@@ -1007,8 +1003,8 @@ typedef struct echocast_pose_key {
 } echocast_pose_key;
 
 /**
- * Hears which part of the work is done, 0 to 1; not 0 ends it, unless it is done. Called on the thread that scans, every
- * 2048 beams of each thread; not for sonars. It must not throw, and finds the result in use.
+ * Progress callback: is told which part of the work is done, 0 to 1; not 0 ends it, unless it is done. Called on the
+ * thread that scans, every 2048 beams of each thread; not for sonars. It must not throw, and finds the result in use.
  */
 typedef int32_t (*echocast_progress_fn)(void *user, double fraction);
 
@@ -1020,7 +1016,8 @@ typedef struct echocast_scan_desc {
     const echocast_sensor *sensor;
     /**
      * Where the sensor is: one pose, or several at rising times, between which it moves evenly and turns the shorter
-     * way; before the first and after the last it stands. Each beam is cast from the pose at the time of its own firing.
+     * way; before the first and after the last it stands. Each beam is cast from the pose at the time of its own
+     * firing.
      */
     const echocast_pose_key *poses;
     /** How many poses there are, 1 or more. */
@@ -1050,29 +1047,29 @@ typedef struct echocast_scan_desc {
     int32_t reflectance;
     /** 0. */
     int32_t reserved;
-    /** Hears how far the scan is and may end it; may be NULL. */
+    /** Is told how far the scan is and may end it; may be NULL. */
     echocast_progress_fn progress;
     /** First argument of `progress`. */
     void *progress_user;
     /**
      * What is in the air, and in which water a sonar is, as YAML with the keys of a scenario's section `environment`
-     * ("{rain: {rate_mm_h: 10}}", "{water: {temperature_c: 8}}"), or NULL: clear air, and for sonars the sea below z = 0.
-     * A text that is the same as in the result's last scan is not read again.
+     * ("{rain: {rate_mm_h: 10}}", "{water: {temperature_c: 8}}"), or NULL: clear air, and for sonars the sea below z =
+     * 0. A text that is the same as in the result's last scan is not read again.
      */
     const char *environment;
 } echocast_scan_desc;
 
 /**
  * Scans once; a sonar sends one ping, whose echoes are the points. `*io`: NULL, then it becomes a new result, to be
- * released with echocast_result_release; or a result, whose memory is used again: a loop of scans in the order of beams
- * allocates nothing after the first of its kind, but for a few small blocks with weather, several rays a beam, blooming
- * or another profile, the beams of a pattern that does not repeat (risley), and sonars.
+ * released with echocast_result_release; or a result, whose memory is used again: a loop of scans in the order of
+ * beams allocates nothing after the first of its kind, but for a few small blocks with weather, several rays a beam,
+ * blooming or another profile, the beams of a pattern that does not repeat (risley), and sonars.
  *
- * Points of a sonar: the depth of each beam of multibeam and single-beam ones; of side-scan and imaging sonars the range
- * bins with an echo. Their `intensity` is a level in dB re 1 uPa. Sonars must be in the water.
+ * Points of a sonar: the depth of each beam of multibeam and single-beam ones; of side-scan and imaging sonars the
+ * range bins with an echo. Their `intensity` is a level in dB re 1 uPa. Sonars must be in the water.
  *
- * On an error in the arguments an old result stays as it was; one that was cancelled, or for which there was no memory,
- * is empty.
+ * On an error in the arguments an old result stays as it was; one that was cancelled, or for which there was no
+ * memory, is empty.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_CANCELLED, ECHOCAST_E_BUSY (another
  * thread uses the result, or changes the sensor). Any number of threads may scan one snapshot with one sensor, each
@@ -1104,14 +1101,15 @@ typedef struct echocast_frames echocast_frames;
  * NAME.labels.json beside it, which gets its name just before; an error leaves both as they were. What a format cannot
  * hold is told to the context's log.
  *
- * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_IO (a full disk), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_IO (a full disk), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_HANDLE,
+ * ECHOCAST_E_BUSY.
  */
 ECHOCAST_API echocast_status echocast_result_write(const echocast_result *result, const char *path, const char *format);
 
 /**
- * Writes a picture of the points as PNG. `options`: NULL, or YAML with `view` (top, perspective, range), `color` (label,
- * cause, intensity, range, height) and `width` in pixels. With the column `cause`, points of rain, fog and the like have
- * colours of their own.
+ * Writes a picture of the points as PNG. `options`: NULL, or YAML with `view` (top, perspective, range), `color`
+ * (label, cause, intensity, range, height) and `width` in pixels. With the column `cause`, points of rain, fog and the
+ * like have colours of their own.
  *
  * Errors: ECHOCAST_E_ARGUMENT (columns that the picture needs are missing), ECHOCAST_E_PARSE, ECHOCAST_E_IO,
  * ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.

@@ -1,4 +1,5 @@
-//! A scan in a loop allocates nothing, a ping next to nothing. Alone in its file: every allocation of the process is counted.
+//! A scan in a loop allocates nothing, a ping next to nothing. Alone in its file: every allocation of the process is
+//! counted.
 #![allow(unsafe_code)] // a global allocator is unsafe by nature; this one only counts
 
 use echocast::scene::{Mesh, Object, Part};

@@ -1,5 +1,5 @@
-//! An engine with one thread starts none, one with more starts them all at once. A program of its own, because other tests
-//! start threads.
+//! An engine with one thread starts none, one with more starts them all at once. A program of its own, because other
+//! tests start threads.
 
 #![cfg(target_os = "linux")]
 

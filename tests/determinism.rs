@@ -1,5 +1,5 @@
-//! The same scan gives the same bits: whatever the threads, in every run, in reused memory; and options that say nothing
-//! of a column leave it as it is.
+//! The same scan gives the same bits: whatever the threads, in every run, in reused memory; and options that say
+//! nothing of a column leave it as it is.
 
 use echocast::cloud::FIELDS;
 use echocast::material::{RetroSample, Scattering};
@@ -129,8 +129,8 @@ fn differences(a: &PointCloud, b: &PointCloud) -> Vec<&'static str> {
     FIELDS.iter().filter(|info| differ(info.field)).map(|info| info.name).collect()
 }
 
-/// Threads keep the memory that they work in: sensors that use much of it, and sensors that count on what it is at first,
-/// follow each other on one thread.
+/// Threads keep the memory that they work in: sensors that use much of it, and sensors that count on what it is at
+/// first, follow each other on one thread.
 #[test]
 fn what_a_thread_did_before_does_not_change_a_bit() {
     let built = scene_with(&Engine::with_threads(1).unwrap());

@@ -118,9 +118,9 @@ fn patterns_have_the_figures_of_their_files() {
     }
 }
 
-/// A cycle takes 55.296 us, in which a rotor of 10 turns/s advances 0.1990656 deg; the last of 16 firings 2.304 us apart
-/// comes 34.56 us after the first, 0.124416 deg further on. In the HDL-32E's cycle of 46.080 us, 0.165888 deg, the last of
-/// 32 firings 1.152 us apart comes after 35.712 us.
+/// A cycle takes 55.296 us, in which a rotor of 10 turns/s advances 0.1990656 deg; the last of 16 firings 2.304 us
+/// apart comes 34.56 us after the first, 0.124416 deg further on. In the HDL-32E's cycle of 46.080 us, 0.165888 deg,
+/// the last of 32 firings 1.152 us apart comes after 35.712 us.
 #[test]
 fn pucks_turn_while_their_lasers_wait() {
     for (name, channels, cycle_us, wait_us) in [
@@ -156,7 +156,8 @@ fn pucks_turn_while_their_lasers_wait() {
     }
 }
 
-/// The paper's cameras put their outermost rays on the edges of the field of view; real ones look through pixel centres.
+/// The paper's cameras put their outermost rays on the edges of the field of view; real ones look through pixel
+/// centres.
 #[test]
 fn cameras_reach_their_field_of_view() {
     let paper = Sensor::preset("kinect_v1_default").unwrap();
@@ -420,8 +421,8 @@ fn degrees(lobe: &Lobe, wavelength: f64) -> f64 {
     lobe.at(wavelength).width().to_degrees()
 }
 
-/// A sonar hears a bottom of medium sand at three tenths of its range, in the direction half way from its axis to where it
-/// hears half as loud.
+/// A sonar hears a bottom of medium sand at three tenths of its range, in the direction half way from its axis to where
+/// it hears half as loud.
 #[test]
 fn sonars_hear_a_flat_bottom() {
     let mut scene = SceneBuilder::new();

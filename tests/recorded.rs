@@ -1,5 +1,5 @@
-//! Scans recorded with the paper's system (BLAINDER range scanner 7842360 in Blender 3.4.1), against the same rays in the
-//! same scenes under profile `blainder`.
+//! Scans recorded with the paper's system (BLAINDER range scanner 7842360 in Blender 3.4.1), against the same rays in
+//! the same scenes under profile `blainder`.
 //!
 //! The recordings are found in `reference/scans` of the folder that the environment variable `ECHOCAST_SHARED` names,
 //! else of `../shared` beside the repository; without them these tests are listed as ignored.
@@ -154,8 +154,8 @@ fn chairs_are_scanned_as_recorded() {
 }
 
 /// What is seen directly, and what is seen in the mirror: along the beam at the length of the way, of which the program
-/// leaves out the millimetre that it starts behind the mirror; with the label of the mirror, which ours has as that of the
-/// first surface.
+/// leaves out the millimetre that it starts behind the mirror; with the label of the mirror, which ours has as that of
+/// the first surface.
 #[test]
 #[cfg_attr(not(recorded), ignore = "there are no recorded scans; ECHOCAST_SHARED names where they are")]
 fn a_mirror_is_scanned_as_recorded() {

@@ -1,5 +1,5 @@
-//! How much stack builds and scans take: of a host's thread that does all the work itself, and of the threads of an engine.
-//! Alone in its file, where nobody else has stacks of the size of theirs.
+//! How much stack builds and scans take: of a host's thread that does all the work itself, and of the threads of an
+//! engine. Alone in its file, where nobody else has stacks of the size of theirs.
 
 #![cfg(target_os = "linux")]
 
@@ -81,8 +81,8 @@ fn sensors() -> Vec<(String, Sensor)> {
     all
 }
 
-/// All that a host does with a sensor, on `engine`: a scene from a file is built and scanned, some times where there are
-/// threads, which share the work in another way each time.
+/// All that a host does with a sensor, on `engine`: a scene from a file is built and scanned, some times where there
+/// are threads, which share the work in another way each time.
 fn use_sensor(engine: &Engine, sensor: &Sensor) {
     let scene = Scene::load(concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/scenes/glass.gltf")).unwrap();
     let built = scene.build_with(engine).unwrap();

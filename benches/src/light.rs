@@ -45,8 +45,8 @@ pub fn run() -> Result<Value> {
     Ok(json!({"weather": rows, "paths": paths()?, "sub_rays": sub_rays()?}))
 }
 
-/// Beams of 19 rays: pulses per second of one core, and the time of the bare Embree loop on the same rays over that of the
-/// scan.
+/// Beams of 19 rays: pulses per second of one core, and the time of the bare Embree loop on the same rays over that of
+/// the scan.
 fn sub_rays() -> Result<Value> {
     println!(
         "\nBeams of 19 rays and all their returns, one thread: pulses a second, and the bare loop's time over ours"

@@ -1,5 +1,5 @@
-//! The C ABI: calls in any order, with handles that live, are gone, or never were, and with odd numbers and texts. Every
-//! call is answered with a status, never with a defect of the library, and what a result shows is there.
+//! The C ABI: calls in any order, with handles that live, are gone, or never were, and with odd numbers and texts.
+//! Every call is answered with a status, never with a defect of the library, and what a result shows is there.
 
 use echocast_capi::*;
 use std::ffi::{CStr, c_char, c_void};

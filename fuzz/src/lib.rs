@@ -1,5 +1,5 @@
-//! What is fuzzed: each module takes one input and fails where a promise is broken. libFuzzer runs them (fuzz_targets), and
-//! so do tests with inputs made of the seeds.
+//! What is fuzzed: each module takes one input and fails where a promise is broken. libFuzzer runs them (fuzz_targets),
+//! and so do tests with inputs made of the seeds.
 
 pub mod capi;
 mod common;

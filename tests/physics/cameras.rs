@@ -385,8 +385,8 @@ fn other_profiles_have_ideal_cameras() {
     }
 }
 
-/// A pixel half on a board at 1 m and half on a wall at 4 m, 16 MHz: the phasors of both with 1/d^2 amplitudes say 1.086479
-/// m. Made with numpy. The light is the board's, mostly, and the pixel is mixed.
+/// A pixel half on a board at 1 m and half on a wall at 4 m, 16 MHz: the phasors of both with 1/d^2 amplitudes say
+/// 1.086479 m. Made with numpy. The light is the board's, mostly, and the pixel is mixed.
 #[test]
 fn pixels_fly_between_what_they_see() {
     let board = Shape::quad([1.0, 0.0, -2.0].into(), 4.0 * DVec3::Y, 4.0 * DVec3::Z);

@@ -39,7 +39,8 @@ fn targets_are_seen_up_to_the_range_of_the_radar_equation() {
     }
 }
 
-/// The least power that a sensor sees which is said to see 0.9 at 200 m: 0.9 / (pi R^2) = 7.1620e-6 (Goodin et al. 2019).
+/// The least power that a sensor sees which is said to see 0.9 at 200 m: 0.9 / (pi R^2) = 7.1620e-6 (Goodin et al.
+/// 2019).
 #[test]
 fn the_data_sheet_line_is_the_least_power() {
     let line = "detection: {model: radar_equation, reflectance: 0.9, at_m: 200}\nintensity: {encoding: power}";
@@ -413,8 +414,8 @@ fn strong_echoes_saturate() {
     }
 }
 
-/// Echoes of 5 ns at 2, 10 and 100 times the threshold seem nearer by 0.374741, 0.683008 and 0.965919 m where their leading
-/// edge is timed. Made with numpy.
+/// Echoes of 5 ns at 2, 10 and 100 times the threshold seem nearer by 0.374741, 0.683008 and 0.965919 m where their
+/// leading edge is timed. Made with numpy.
 #[test]
 fn the_leading_edge_of_strong_echoes_comes_early() {
     let built = target(0.8, 20.0, 0.0);
@@ -429,7 +430,8 @@ fn the_leading_edge_of_strong_echoes_comes_early() {
     }
 }
 
-/// A retro-reflector shines in the beams beside it, as much as the angles to those that meet it say; a white plate does not.
+/// A retro-reflector shines in the beams beside it, as much as the angles to those that meet it say; a white plate does
+/// not.
 #[test]
 fn bright_surfaces_bloom() {
     let sections = "beam: {pulse_ns: 5}\nintensity: {encoding: reflectivity}\n\

@@ -4,8 +4,8 @@ use echocast_tests::reference::{SceneBuilder, Shape, raster, sensor};
 use glam::{DAffine3, DQuat, DVec3};
 
 /// Checks every point of `cloud`: `expected` gives range, unit normal on the sensor's side and part number for a world
-/// direction; intensity is `reflectance` times the cosine. Normals, cosine and intensity within `tolerance`, range within
-/// 1e-5 of itself.
+/// direction; intensity is `reflectance` times the cosine. Normals, cosine and intensity within `tolerance`, range
+/// within 1e-5 of itself.
 #[track_caller]
 fn check(
     cloud: &PointCloud,

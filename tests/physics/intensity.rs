@@ -18,7 +18,8 @@ fn dimming(extinction: f64) -> Environment {
     Environment { rain: vec![rain.into()], ..Environment::default() }
 }
 
-/// Pulses of 1 uJ into an opening of 20 mm and optics of 0.7: received energy, J, and photons at 905 nm, made with numpy.
+/// Pulses of 1 uJ into an opening of 20 mm and optics of 0.7: received energy, J, and photons at 905 nm, made with
+/// numpy.
 #[test]
 fn a_microjoule_gives_thousands_of_photons() {
     let power = one_beam("intensity: {encoding: power}");

@@ -83,7 +83,8 @@ fn level_at(ping: &Ping, beam: usize, range: f64) -> f64 {
     10.0 * near.map(power).sum::<f64>().log10()
 }
 
-/// Lengths of the direct way to a target `level` m off and of those over its images in surface and bottom, m; depths in m.
+/// Lengths of the direct way to a target `level` m off and of those over its images in surface and bottom, m; depths in
+/// m.
 fn image_ways(sonar: f64, target: f64, level: f64) -> [f64; 3] {
     let way = |depth: f64| level.hypot(depth);
     [way(target - sonar), way(target + sonar), way(2.0 * BOTTOM - target - sonar)]

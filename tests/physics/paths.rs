@@ -14,8 +14,8 @@ fn glass(ior: f32) -> Material {
     Material { name: "glass".into(), transmission: 1.0, roughness: 0.0, ior, ..Material::default() }
 }
 
-/// How far beside their line, m, rays go on that start a little off a surface 4 m away, which they must not meet again; and
-/// two steps of single precision at 10 m, by which processors differ.
+/// How far beside their line, m, rays go on that start a little off a surface 4 m away, which they must not meet again;
+/// and two steps of single precision at 10 m, by which processors differ.
 const BESIDE: f64 = 2.6e-5;
 
 /// A quadrilateral around `centre`, across `normal`.
@@ -41,8 +41,8 @@ fn look(scene: &BuiltScene, sections: &str) -> PointCloud {
     scan(scene, &one_beam(sections), ScanOptions::default())
 }
 
-/// The mirror of the paper's figure 2 a: the target is seen behind it, along the beam, with what the mirror leaves taken
-/// twice.
+/// The mirror of the paper's figure 2 a: the target is seen behind it, along the beam, with what the mirror leaves
+/// taken twice.
 #[test]
 fn a_mirror_shows_what_it_faces() {
     let half = 0.5f64.sqrt();
@@ -145,8 +145,8 @@ fn panes_follow_their_table() {
     }
 }
 
-/// A pane of 4 mm that the scene has as a body, with two faces: what passes both, without the echoes between them, and how
-/// far it goes beside its line. Made with numpy for an index of 1.5: incidence, transmission, shift in mm.
+/// A pane of 4 mm that the scene has as a body, with two faces: what passes both, without the echoes between them, and
+/// how far it goes beside its line. Made with numpy for an index of 1.5: incidence, transmission, shift in mm.
 #[test]
 fn panes_that_are_bodies_pass_light_face_by_face() {
     for (degrees, passed, shift_mm, surplus_mm) in [
@@ -293,8 +293,8 @@ fn light_goes_back_as_it_came() {
     assert!(there.1 < 0.9 * 0.5 / (std::f64::consts::PI * there.0 * there.0), "glass takes its part");
 }
 
-/// Of the light of a beam no more is under way after an event than before it: among mirrors, half-mirrors, panes and bodies
-/// of all kinds.
+/// Of the light of a beam no more is under way after an event than before it: among mirrors, half-mirrors, panes and
+/// bodies of all kinds.
 #[test]
 fn light_never_becomes_more() {
     let random = &mut Random::new(21);
@@ -351,7 +351,8 @@ fn light_never_becomes_more() {
     assert!(events > 500 && nearly_all > 50, "{events} {nearly_all}");
 }
 
-/// A pane without thickness shifts and delays nothing, before a wall that leans; without an index it does nothing at all.
+/// A pane without thickness shifts and delays nothing, before a wall that leans; without an index it does nothing at
+/// all.
 #[test]
 fn an_endlessly_thin_pane_only_dims() {
     let (sin, cos) = 45f64.to_radians().sin_cos();

@@ -33,7 +33,8 @@ fn after(line: &str, key: &str) -> f64 {
     rest[..end].parse().unwrap_or_else(|_| panic!("no number after {key:?} in {line:?}"))
 }
 
-/// Plates that lie at heights, wide enough for any ray, each with its alpha: what the program takes for the reflectance.
+/// Plates that lie at heights, wide enough for any ray, each with its alpha: what the program takes for the
+/// reflectance.
 fn plates(plates: &[(f64, f32)]) -> BuiltScene {
     let mut scene = SceneBuilder::new();
     for &(height, alpha) in plates {
@@ -250,8 +251,8 @@ fn the_programs_run_f_total_reflection() {
     }
 }
 
-/// B9: points are where the surface is. What the program calls the place with noise, here none, is the path along the last
-/// direction, which the incidence on a flat bottom tells.
+/// B9: points are where the surface is. What the program calls the place with noise, here none, is the path along the
+/// last direction, which the incidence on a flat bottom tells.
 #[test]
 fn the_programs_run_g_places() {
     let environment = layers(&[[0.0, 1500.0, 1000.0], [50.0, 1400.0, 1000.0]]);

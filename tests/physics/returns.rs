@@ -89,8 +89,8 @@ fn a_wall_across_the_beam_is_one_echo() {
     }
 }
 
-/// A surface tilted by 75 degrees at 100 m under a half angle of 1.5 mrad: the echo's sigma grows from 2.12330 to 2.82760
-/// ns, and its peak falls as much.
+/// A surface tilted by 75 degrees at 100 m under a half angle of 1.5 mrad: the echo's sigma grows from 2.12330 to
+/// 2.82760 ns, and its peak falls as much.
 #[test]
 fn tilted_surfaces_stretch_the_echo() {
     let built = super::target(0.5, 100.0, 75.0);
@@ -114,7 +114,8 @@ fn grazed_ground_is_one_echo() {
     let normal = DVec3::new(-grazing.sin(), 0.0, grazing.cos());
     scene.stand(Shape::plate(range * DVec3::X, normal, 200.0), Some(paint));
     let built = scene.finish().build().unwrap();
-    // Half angle 2.5 mrad: w = 0.1 m, so that the ranges spread by w/2 / tan(2.6 deg) = 1.101 m around a pulse of 0.318275 m.
+    // Half angle 2.5 mrad: w = 0.1 m, so that the ranges spread by w/2 / tan(2.6 deg) = 1.101 m around a pulse of
+    // 0.318275 m.
     let expected = 0.5 * grazing.sin() * 0.318_275 / f64::hypot(0.318_275, 0.05 / grazing.tan());
     for (sub_rays, range_error, peak_error) in [(19, 0.3, 0.15), (64, 0.15, 0.06), (256, 0.1, 0.02)] {
         let sections = format!(

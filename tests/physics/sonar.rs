@@ -130,7 +130,8 @@ fn level(ping: &Ping, beam: usize, range: f64, around: f64) -> f64 {
     db(ping.levels(beam)[bins.clone()].iter().map(|&level| power(level.into())).sum::<f64>() / bins.len() as f64)
 }
 
-/// Level of a flat bottom `height` m below: sonar equation with the area of a resolution cell, by quadrature of the beam.
+/// Level of a flat bottom `height` m below: sonar equation with the area of a resolution cell, by quadrature of the
+/// beam.
 fn flat_level(height: f64, range: f64) -> f64 {
     let wavelength = 1500.0 / 450e3;
     let (along, vertical) = (Lobe::Width(0.5).at(wavelength), Lobe::Width(50.0).at(wavelength));

@@ -139,8 +139,8 @@ fn wall(scene: &mut SceneBuilder) {
     scene.stand(Shape::plate(DVec3::new(8.0, 0.0, 0.0), -DVec3::X, 9.0), Some(grey));
 }
 
-/// Light passes where alpha is below the cutoff, by one sheet and by many behind each other, that stand by themselves or
-/// are placed often.
+/// Light passes where alpha is below the cutoff, by one sheet and by many behind each other, that stand by themselves
+/// or are placed often.
 #[test]
 fn light_passes_the_holes_of_cutouts() {
     for (alpha, cutoff, solid) in [
@@ -292,8 +292,8 @@ fn dirty_glass_shows_itself() {
     assert_near("clean", look(0.0, "first").range[0].into(), 8.0, 1e-5);
 }
 
-/// Met head-on, glass and mirrors show the instrument itself: with a beam of 5 mm and 1.5 mrad (half), 19.4439 % of what
-/// is reflected at 10 m come into an opening of 10 mm.
+/// Met head-on, glass and mirrors show the instrument itself: with a beam of 5 mm and 1.5 mrad (half), 19.4439 % of
+/// what is reflected at 10 m come into an opening of 10 mm.
 #[test]
 fn smooth_surfaces_glint_head_on() {
     let beam = "beam: {exit_diameter_mm: 10, divergence_mrad: 3, pulse_ns: 5, aperture_mm: 20}\nreturns: {mode: first}";

@@ -131,8 +131,8 @@ fn seabeds_are_smooth_between_the_rows() {
             let db = |degrees: f64| 10.0 * sound.backscatter(degrees.to_radians().sin(), frequency).log10();
             for step in 10..900 {
                 let degrees = f64::from(step) / 10.0;
-                // Where it grows with the fourth power of the angle a tenth of a degree makes 1.74 dB / angle; and head-on
-                // shines a lobe.
+                // Where it grows with the fourth power of the angle a tenth of a degree makes 1.74 dB / angle; and
+                // head-on shines a lobe.
                 let change = (db(degrees + 0.1) - db(degrees)).abs();
                 assert!(change < 2.0 / degrees + 0.6, "{name:?} {frequency} {degrees}: {change}");
             }

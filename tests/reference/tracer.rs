@@ -1,7 +1,7 @@
 //! The oracle: every triangle against every ray, one by one, in f64.
 //!
-//! It looks along the ray: projected on the plane across the ray, a triangle is hit when the ray's own point (0, 0) lies
-//! inside it. The same projection says how near the ray passes the edges, so the oracle knows itself which answers
+//! It looks along the ray: projected on the plane across the ray, a triangle is hit when the ray's own point (0, 0)
+//! lies inside it. The same projection says how near the ray passes the edges, so the oracle knows itself which answers
 //! single precision may turn over.
 
 use echocast::scene::{Material, Scene};

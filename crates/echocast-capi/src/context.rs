@@ -33,9 +33,9 @@ pub type echocast_log_fn = Option<unsafe extern "C" fn(user: *mut c_void, level:
 pub struct echocast_context_desc {
     /// sizeof(echocast_context_desc).
     pub struct_size: usize,
-    /// Threads of the context's own that scan: 0 as many as the machine has cores, 1 none at all (the calling thread does
-    /// everything, on 256 KiB of its stack), up to 1024. One less, up to one for each core, helps to build large meshes.
-    /// All are started with the context; nothing asks the system for threads later on, Embree's TBB neither.
+    /// Threads of the context's own that scan: 0 as many as the machine has cores, 1 none at all (the calling thread
+    /// does everything, on 256 KiB of its stack), up to 1024. One less, up to one for each core, helps to build large
+    /// meshes. All are started with the context; nothing asks the system for threads later on, Embree's TBB neither.
     pub threads: i32,
     /// Least important messages for `log`: an ECHOCAST_LOG_ number.
     pub log_level: i32,

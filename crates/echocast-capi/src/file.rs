@@ -51,7 +51,8 @@ impl FramesFile {
 /// NAME.labels.json beside it, which gets its name just before; an error leaves both as they were. What a format cannot
 /// hold is told to the context's log.
 ///
-/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_IO (a full disk), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_IO (a full disk), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_HANDLE,
+/// ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_result_write(
     result: *const echocast_result,
@@ -69,9 +70,9 @@ pub unsafe extern "C" fn echocast_result_write(
     })
 }
 
-/// Writes a picture of the points as PNG. `options`: NULL, or YAML with `view` (top, perspective, range), `color` (label,
-/// cause, intensity, range, height) and `width` in pixels. With the column `cause`, points of rain, fog and the like have
-/// colours of their own.
+/// Writes a picture of the points as PNG. `options`: NULL, or YAML with `view` (top, perspective, range), `color`
+/// (label, cause, intensity, range, height) and `width` in pixels. With the column `cause`, points of rain, fog and the
+/// like have colours of their own.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (columns that the picture needs are missing), ECHOCAST_E_PARSE, ECHOCAST_E_IO,
 /// ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.

@@ -22,6 +22,7 @@ mod scan;
 mod scene;
 mod sensor;
 mod text;
+mod weather;
 
 pub use context::*;
 pub use file::*;

@@ -3,9 +3,9 @@
 use crate::context::Context;
 use crate::guard::{Failure, Outcome, echocast_status, guard, guard_or};
 use crate::handle::{self, handles};
-use crate::scan::Weather;
 use crate::scene::echocast_pose;
 use crate::text;
+use crate::weather::Weather;
 use echocast::cloud::{ColumnType, PackItem, PackType};
 use echocast::scene::Labels;
 use echocast::{Field, Frame, PointCloud, Pose};
@@ -107,8 +107,8 @@ pub struct echocast_result_info {
     pub struct_size: usize,
     /// Points.
     pub count: usize,
-    /// Rows of the range image, if every beam has its point (scan_desc.organised); else 0. Of side-scan and imaging sonars
-    /// a row is a beam, and a column a range bin.
+    /// Rows of the range image, if every beam has its point (scan_desc.organised); else 0. Of side-scan and imaging
+    /// sonars a row is a beam, and a column a range bin.
     pub rows: u32,
     /// Columns of the range image, or 0.
     pub columns: u32,

@@ -5,7 +5,7 @@ use crate::result::{Points, echocast_result};
 use crate::scene::{echocast_pose, echocast_snapshot};
 use crate::sensor::{echocast_sensor, seconds};
 use crate::{handle, text};
-use echocast::{BuiltScene, Environment, FieldSet, Named, ScanOptions, Sensor, Trajectory};
+use echocast::{BuiltScene, FieldSet, Named, ScanOptions, Sensor, Trajectory};
 use std::ffi::{c_char, c_void};
 use std::ops::ControlFlow;
 use std::sync::{Arc, RwLock};
@@ -45,8 +45,8 @@ pub const ECHOCAST_REFLECTANCE_LUMINANCE: i32 = 1;
 /// Surfaces whose reflectance nothing says have that of their base colour's alpha.
 pub const ECHOCAST_REFLECTANCE_ALPHA: i32 = 2;
 
-/// Hears which part of the work is done, 0 to 1; not 0 ends it, unless it is done. Called on the thread that scans, every
-/// 2048 beams of each thread; not for sonars. It must not throw, and finds the result in use.
+/// Progress callback: is told which part of the work is done, 0 to 1; not 0 ends it, unless it is done. Called on the
+/// thread that scans, every 2048 beams of each thread; not for sonars. It must not throw, and finds the result in use.
 pub type echocast_progress_fn = Option<unsafe extern "C" fn(user: *mut c_void, fraction: f64) -> i32>;
 
 /// How to scan; ECHOCAST_SCAN_DESC_INIT has the defaults.
@@ -58,7 +58,8 @@ pub struct echocast_scan_desc {
     /// What to scan with.
     pub sensor: *const echocast_sensor,
     /// Where the sensor is: one pose, or several at rising times, between which it moves evenly and turns the shorter
-    /// way; before the first and after the last it stands. Each beam is cast from the pose at the time of its own firing.
+    /// way; before the first and after the last it stands. Each beam is cast from the pose at the time of its own
+    /// firing.
     pub poses: *const echocast_pose_key,
     /// How many poses there are, 1 or more.
     pub pose_count: usize,
@@ -85,13 +86,13 @@ pub struct echocast_scan_desc {
     pub reflectance: i32,
     /// 0.
     pub reserved: i32,
-    /// Hears how far the scan is and may end it; may be NULL.
+    /// Is told how far the scan is and may end it; may be NULL.
     pub progress: echocast_progress_fn,
     /// First argument of `progress`.
     pub progress_user: *mut c_void,
     /// What is in the air, and in which water a sonar is, as YAML with the keys of a scenario's section `environment`
-    /// ("{rain: {rate_mm_h: 10}}", "{water: {temperature_c: 8}}"), or NULL: clear air, and for sonars the sea below z = 0.
-    /// A text that is the same as in the result's last scan is not read again.
+    /// ("{rain: {rate_mm_h: 10}}", "{water: {temperature_c: 8}}"), or NULL: clear air, and for sonars the sea below z =
+    /// 0. A text that is the same as in the result's last scan is not read again.
     pub environment: *const c_char,
 }
 
@@ -142,15 +143,15 @@ text::versioned!(echocast_scan_desc {
 });
 
 /// Scans once; a sonar sends one ping, whose echoes are the points. `*io`: NULL, then it becomes a new result, to be
-/// released with echocast_result_release; or a result, whose memory is used again: a loop of scans in the order of beams
-/// allocates nothing after the first of its kind, but for a few small blocks with weather, several rays a beam, blooming
-/// or another profile, the beams of a pattern that does not repeat (risley), and sonars.
+/// released with echocast_result_release; or a result, whose memory is used again: a loop of scans in the order of
+/// beams allocates nothing after the first of its kind, but for a few small blocks with weather, several rays a beam,
+/// blooming or another profile, the beams of a pattern that does not repeat (risley), and sonars.
 ///
-/// Points of a sonar: the depth of each beam of multibeam and single-beam ones; of side-scan and imaging sonars the range
-/// bins with an echo. Their `intensity` is a level in dB re 1 uPa. Sonars must be in the water.
+/// Points of a sonar: the depth of each beam of multibeam and single-beam ones; of side-scan and imaging sonars the
+/// range bins with an echo. Their `intensity` is a level in dB re 1 uPa. Sonars must be in the water.
 ///
-/// On an error in the arguments an old result stays as it was; one that was cancelled, or for which there was no memory,
-/// is empty.
+/// On an error in the arguments an old result stays as it was; one that was cancelled, or for which there was no
+/// memory, is empty.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_CANCELLED, ECHOCAST_E_BUSY (another
 /// thread uses the result, or changes the sensor). Any number of threads may scan one snapshot with one sensor, each
@@ -289,26 +290,6 @@ unsafe fn scan_options(desc: &echocast_scan_desc) -> Outcome<ScanOptions> {
         mask: desc.mask,
         ..ScanOptions::default()
     })
-}
-
-/// The environment of a result's last scan and its text.
-#[derive(Default)]
-pub(crate) struct Weather {
-    text: String,
-    environment: Environment,
-}
-
-impl Weather {
-    /// Reads `text`, unless it is the one that was read last.
-    fn read(&mut self, text: Option<&str>) -> Outcome {
-        let text = text.unwrap_or_default();
-        if text != self.text {
-            self.environment =
-                if text.trim().is_empty() { Environment::default() } else { Environment::from_yaml(text)? };
-            text.clone_into(&mut self.text);
-        }
-        Ok(())
-    }
 }
 
 /// The value whose number, counted from 0, an argument is.

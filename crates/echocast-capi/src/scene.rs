@@ -140,8 +140,8 @@ pub struct echocast_scene_desc {
     /// sizeof(echocast_scene_desc).
     pub struct_size: usize,
     /// World position, three numbers, metres, that the single-precision coordinates of results are relative to. NULL:
-    /// the first commit with an instance chooses, the world's own origin for scenes within a kilometre of it. Choose one
-    /// near the vehicle for survey coordinates: 8 km from it coordinates are rounded to half a millimetre.
+    /// the first commit with an instance chooses, the world's own origin for scenes within a kilometre of it. Choose
+    /// one near the vehicle for survey coordinates: 8 km from it coordinates are rounded to half a millimetre.
     pub origin: *const f64,
 }
 
@@ -595,9 +595,10 @@ pub unsafe extern "C" fn echocast_scene_set_poses(
     })
 }
 
-/// Gives the vertices of an instance new positions: `count` times x, y, z, as many as its mesh has, and shading normals,
-/// or NULL for flat triangles. Its mesh becomes its own; others that share it keep theirs. The arrays are copied. The
-/// parts of its mesh must share their vertices, as those of echocast_mesh_create do; those of files may not.
+/// Gives the vertices of an instance new positions: `count` times x, y, z, as many as its mesh has, and shading
+/// normals, or NULL for flat triangles. Its mesh becomes its own; others that share it keep theirs. The arrays are
+/// copied. The parts of its mesh must share their vertices, as those of echocast_mesh_create do; those of files may
+/// not.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY; then it is as it was.
 #[unsafe(no_mangle)]
@@ -704,8 +705,8 @@ pub unsafe extern "C" fn echocast_scene_name_label(
     })
 }
 
-/// Builds what has changed. `*out` is the scene as it is now, which can be scanned while the next one is edited; it is to
-/// be released with echocast_snapshot_release.
+/// Builds what has changed. `*out` is the scene as it is now, which can be scanned while the next one is edited; it is
+/// to be released with echocast_snapshot_release.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]

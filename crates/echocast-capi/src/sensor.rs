@@ -232,8 +232,8 @@ fn look<T>(sensor: *const echocast_sensor, look: impl FnOnce(&Sensor) -> Outcome
 /// Changes a parameter: `key` is its path in the sensor file ("noise.range_sigma_m"), `value` YAML: a number, a word, a
 /// list or a whole section; "null" takes an optional one away.
 ///
-/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_PARSE (key, what was found, what is allowed), ECHOCAST_E_BUSY (a scan is using
-/// the sensor); then it is as it was.
+/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_PARSE (key, what was found, what is allowed), ECHOCAST_E_BUSY (a scan is
+/// using the sensor); then it is as it was.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_sensor_set(
     sensor: *mut echocast_sensor,

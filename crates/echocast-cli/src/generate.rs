@@ -28,9 +28,10 @@ enum Kind {
 
 /// A lake bed for sonar: sand, gravel and mud, boulders, wrecks, a swarm of fish
 ///
-/// The water surface is at z = 0, the bed is centred on the z axis. Categories are seabed, boulder, wreck and fish; the bed
-/// has the parts sand, gravel and mud, a wreck hull, cabin and mast. The fish hang on the node Swarm, which an animation
-/// moves against the x axis. The camera node Sonar stands at the low end of x, just below the surface, and looks along x.
+/// The water surface is at z = 0, the bed is centred on the z axis. Categories are seabed, boulder, wreck and fish; the
+/// bed has the parts sand, gravel and mud, a wreck hull, cabin and mast. The fish hang on the node Swarm, which an
+/// animation moves against the x axis. The camera node Sonar stands at the low end of x, just below the surface, and
+/// looks along x.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:

@@ -18,9 +18,9 @@ const PATIENCE: Duration = Duration::from_secs(1);
 /// Whether the next signal ends the program in its handler.
 static LEAVING: AtomicBool = AtomicBool::new(false);
 
-/// From now on a signal sets [`export::cancel_flag`], at which the work looks from time to time; a second one, or work that
-/// does not look in time, ends the program where it is, without destructors, but for its unfinished files. Signals that
-/// whoever started the program has it ignore (`nohup`) stay ignored.
+/// From now on a signal sets [`export::cancel_flag`], at which the work looks from time to time; a second one, or work
+/// that does not look in time, ends the program where it is, without destructors, but for its unfinished files. Signals
+/// that whoever started the program has it ignore (`nohup`) stay ignored.
 pub fn listen() -> io::Result<()> {
     let ignored = ignored_signals();
     let heard = [SIGINT, SIGTERM, SIGHUP].into_iter().filter(|signal| ignored >> (signal - 1) & 1 == 0);

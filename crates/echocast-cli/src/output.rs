@@ -35,8 +35,8 @@ pub struct OutputArgs {
     /// a surface, seen in a mirror or through glass, rain, fog and so on; the others are scales of values
     #[arg(long, requires = "preview", default_value = "label", value_parser = choice::of::<ColorBy>(), help_heading = "Output")]
     color: ColorBy,
-    /// From where the picture looks at the cloud; `range` shows the last of several frames. Of sonars also `waterfall`, a
-    /// row for each ping; `track`, what they have seen from above; `fan`, the last ping as its beams lie
+    /// From where the picture looks at the cloud; `range` shows the last of several frames. Of sonars also `waterfall`,
+    /// a row for each ping; `track`, what they have seen from above; `fan`, the last ping as its beams lie
     #[arg(long, requires = "shown", default_value = "top", value_parser = choice::of::<View>(), help_heading = "Output")]
     view: View,
     /// Waterfall over ground range, along the bed, in place of slant range

@@ -21,7 +21,8 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Shows itself after a while if stderr is a terminal, unless `quiet`, and unless the system gives no thread for it.
+    /// Shows itself after a while if stderr is a terminal, unless `quiet`, and unless the system gives no thread for
+    /// it.
     pub fn new(quiet: bool) -> Self {
         let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::hidden());
         bar.set_style(style("{spinner} {msg} {elapsed}"));

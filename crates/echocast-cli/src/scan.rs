@@ -53,8 +53,8 @@ pub struct Args {
     weather: WeatherArgs,
     #[command(flatten)]
     place: PlaceArgs,
-    /// Poses over time: TUM text (`t x y z qx qy qz qw`) or CSV with a header, `-` for standard input; time 0 of the run
-    /// is the first pose
+    /// Poses over time: TUM text (`t x y z qx qy qz qw`) or CSV with a header, `-` for standard input; time 0 of the
+    /// run is the first pose
     #[arg(long, value_name = "FILE", conflicts_with_all = ["at", "rpy", "camera"], help_heading = "Place")]
     trajectory: Option<PathBuf>,
     /// Frames A to B, both included, every STEPth; frame k starts at k / fps seconds. Those of a sonar are its pings
@@ -76,9 +76,9 @@ pub struct Args {
     /// Keep beams without a return (NaN), rows and columns of the sensor
     #[arg(long, help_heading = "Points")]
     organised: bool,
-    /// Tell what happens to one beam of the first frame, or of another that is named before it, step by step with numbers,
-    /// and write nothing: rows and columns are counted from 0, a beam is row * columns + column; of a sonar a frame is a
-    /// ping
+    /// Tell what happens to one beam of the first frame, or of another that is named before it, step by step with
+    /// numbers, and write nothing: rows and columns are counted from 0, a beam is row * columns + column; of a sonar a
+    /// frame is a ping
     #[arg(long, value_name = "[FRAME,]BEAM", value_parser = frame_and_beam, conflicts_with_all = ["output", "preview", "json"], help_heading = "Output")]
     explain: Option<(Option<u32>, u32)>,
     #[command(flatten)]

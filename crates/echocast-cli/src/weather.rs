@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 /// What is between sensor and surfaces.
 #[derive(Args)]
 pub struct WeatherArgs {
-    /// Weather, and the water of sonars, from a YAML file: the section `environment` of a scenario, or its keys alone; `-`
-    /// for standard input
+    /// Weather, and the water of sonars, from a YAML file: the section `environment` of a scenario, or its keys alone;
+    /// `-` for standard input
     #[arg(long, value_name = "FILE", help_heading = "Weather")]
     env: Option<PathBuf>,
     /// Rain, mm/h (10 is a shower, 50 a cloudburst); single drops are seen by sensors with a detection threshold

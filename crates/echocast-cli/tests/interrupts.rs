@@ -54,8 +54,20 @@ fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     files(folder).into_iter().map(|name| (name.clone(), fs::read(folder.join(name)).unwrap())).collect()
 }
 
+/// Starts a program that ignores no signal, whatever those ignore who run the tests (`nohup`, jobs in the background).
 fn start(program: &mut Command) -> Child {
-    program.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
+    let mut start = Command::new("env");
+    start.arg("--default-signal=HUP,INT,TERM").arg(program.get_program()).args(program.get_args());
+    if let Some(folder) = program.get_current_dir() {
+        start.current_dir(folder);
+    }
+    for (name, value) in program.get_envs() {
+        match value {
+            Some(value) => start.env(name, value),
+            None => start.env_remove(name),
+        };
+    }
+    start.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
 }
 
 fn signal(name: &str, process: u32) {
@@ -67,18 +79,14 @@ fn signal(name: &str, process: u32) {
 fn wait_until_it_listens(child: &Child) {
     /// SIGHUP, SIGINT, SIGTERM.
     const ALL: u64 = 0x4003;
-    // What whoever runs the tests ignores stays ignored.
-    let known = || {
+    let caught = || {
         let status = fs::read_to_string(format!("/proc/{}/status", child.id())).ok()?;
-        let masks = ["SigCgt:", "SigIgn:"].map(|name| {
-            let mask = status.lines().find_map(|line| line.strip_prefix(name))?;
-            u64::from_str_radix(mask.trim(), 16).ok()
-        });
-        Some(masks[0]? | masks[1]?)
+        let mask = status.lines().find_map(|line| line.strip_prefix("SigCgt:"))?;
+        u64::from_str_radix(mask.trim(), 16).ok()
     };
     // A program that has ended catches nothing, and is no child that is waited for in vain.
     let start = Instant::now();
-    while known().is_some_and(|mask| mask & ALL != ALL) && start.elapsed() < Duration::from_secs(5) {
+    while caught().is_some_and(|mask| mask & ALL != ALL) && start.elapsed() < Duration::from_secs(5) {
         sleep(Duration::from_millis(1));
     }
 }

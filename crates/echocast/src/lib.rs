@@ -29,8 +29,8 @@
 //! # Ok::<(), echocast::Error>(())
 //! ```
 //!
-//! A sonar pings. [`BuiltScene::scan`] gives the points of a ping as of any sensor; [`BuiltScene::ping`] the whole of it,
-//! a level and labels for every range bin, of which [`image`] makes what the software of a sonar shows:
+//! A sonar pings. [`BuiltScene::scan`] gives the points of a ping as of any sensor; [`BuiltScene::ping`] the whole of
+//! it, a level and labels for every range bin, of which [`image`] makes what the software of a sonar shows:
 //!
 //! ```no_run
 //! use echocast::{Environment, Field, Pings, ScanOptions, Scene, Sensor, Trajectory, image};
@@ -66,6 +66,17 @@
 //! | draw | [`image`] | of [`Pings`]: waterfall, mosaic, fan, depth map |
 //! | write | [`export`], [`preview`] | a file and a [`Report`] of what it could not hold; a picture for people |
 //!
+//! # The path of a ping
+//!
+//! | step | room | what comes out |
+//! |---|---|---|
+//! | stretch | [`medium`] | the water as layers in which sound speed, absorption and density are known |
+//! | send | [`emitter`] | the rays that stand for what a transducer sends, and how loud each of its beams hears them |
+//! | trace | `trace` | arrivals: where rays that bend and are reflected meet the bed, things in the water, its surface |
+//! | answer | [`echo`] | of each arrival its energy, divided among range bins, with the phase of its scatterers |
+//! | listen | [`echo`] | of each beam the sum over bins, its pulse's response, noise: levels in dB |
+//! | sound out | [`detect`] | the depth that each beam reports |
+//!
 //! # Floors
 //!
 //! Rooms import from rooms below them in this list and from no other; a test holds them to it.
@@ -95,11 +106,29 @@
 //! Frames are right-handed, z up; sensors look along x, y is left. Azimuth counts counter-clockwise
 //! from x, elevation up from the xy plane. `range` is the slant range, `depth` the distance along x.
 //!
+//! # Words
+//!
+//! | word | what it means here |
+//! |---|---|
+//! | beam | what one emitter or transducer sends in one firing; it has a divergence |
+//! | ray | a line handed to Embree; several stand for one beam |
+//! | firing | one emission: a pulse, an exposure, a ping |
+//! | hit | a ray meets a triangle: geometry alone |
+//! | echo | a bump of energy in what is received |
+//! | return | an echo that the instrument reports |
+//! | reflectance | a property of the surface, at the wavelength |
+//! | effective reflectance, `rho_eff` | that of a Lambert surface, met head-on, that would send back as much |
+//! | intensity | what the instrument reports, in its own scale |
+//! | extinction, backscatter | 1/m, and 1/(m sr), of what is in the air |
+//! | lane, block, chunk | one of 256 beams side by side; these 256; 2048 beams, the work of one task |
+//! | row | of a cloud: a return; of the table of surfaces: a part of an object |
+//! | kernel | a loop over the lanes of a block, compiled for every vector level (the crate `echocast-kernels`) |
+//!
 //! # Promises
 //!
-//! * Same binary, same machine, same inputs and seed: the same bits, for any number of threads.
-//! * A random number is a function of seed, frame, beam and purpose: a new noise model does not move
-//!   the draws of the others.
+//! * Same binary, same machine, same inputs and seed: the same bits, for any number of threads and any vector level.
+//! * A random number is a function of its address: the key is the seed, the counter is beam, frame, number of the return
+//!   or sub-ray, and purpose. A new noise has a purpose of its own and does not move the draws of the others.
 //! * Nothing panics, prints or hangs on input; errors name what was found and what is allowed.
 #![forbid(unsafe_code)]
 

@@ -28,8 +28,8 @@ unsafe impl Send for Owned {}
 unsafe impl Sync for Owned {}
 
 impl Device {
-    /// A device for the CPU's best instruction set. It starts no thread, now or later: scenes are built by the threads that
-    /// commit them.
+    /// A device for the CPU's best instruction set. It starts no thread, now or later: scenes are built by the threads
+    /// that commit them.
     ///
     /// # Errors
     /// [`Error::Version`] when the library loaded is older than 4.3 or newer than 4.x; [`Error::Embree`] when Embree
@@ -38,14 +38,15 @@ impl Device {
         Self::with_config("")
     }
 
-    /// A device in a configuration of its own, as in `"isa=avx2"`. Keys are those of `rtcNewDevice`; Embree ignores those
-    /// it does not know, and `threads` and `user_threads` are taken.
+    /// A device in a configuration of its own, as in `"isa=avx2"`. Keys are those of `rtcNewDevice`; Embree ignores
+    /// those it does not know, and `threads` and `user_threads` are taken.
     ///
     /// # Errors
     /// As [`Device::new`], and [`Error::Config`] when `config` contains a NUL character.
     pub fn with_config(config: &str) -> Result<Device, Error> {
-        // As many threads as TBB has places for, all of them callers of ours: TBB starts none of its own, which it could
-        // not do without ending the process where the system refuses, and limits none of another user in this process.
+        // As many threads as TBB has places for, all of them callers of ours: TBB starts none of its own, which it
+        // could not do without ending the process where the system refuses, and limits none of another user in this
+        // process.
         let places = "threads=65536,user_threads=65536";
         let text = CString::new(format!("{places},{config}")).map_err(|_| Error::Config { config: config.into() })?;
         // SAFETY: `text` is a C string that outlives the call; Embree copies what it needs.
@@ -121,8 +122,8 @@ impl Drop for Owned {
     }
 }
 
-/// The places of the threads that build scenes of a device, as many as TBB has for them. One more, and TBB would start a
-/// thread to make room.
+/// The places of the threads that build scenes of a device, as many as TBB has for them. One more, and TBB would start
+/// a thread to make room.
 pub(crate) struct Slots {
     count: usize,
     free: Mutex<usize>,

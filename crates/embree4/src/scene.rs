@@ -48,8 +48,8 @@ struct Placed {
 
 // SAFETY: Embree's scenes are reference counted and not bound to a thread.
 unsafe impl Send for Owned {}
-// SAFETY: what changes a scene takes `&mut self` or consumes it; a shared one is only built and then traced, which Embree
-// allows from any number of threads.
+// SAFETY: what changes a scene takes `&mut self` or consumes it; a shared one is only built and then traced, which
+// Embree allows from any number of threads.
 unsafe impl Sync for Owned {}
 
 impl Scene {
@@ -204,8 +204,8 @@ impl fmt::Debug for Joint {
 impl Owned {
     /// Builds the scene with all threads that call this at the same time.
     fn build(&self) -> Result<(), Error> {
-        // SAFETY: the scene is alive, everything attached to it is committed, and nothing else is done with it before all
-        // calls have returned. Embree lets any number of threads join; those that come late find nothing to do.
+        // SAFETY: the scene is alive, everything attached to it is committed, and nothing else is done with it before
+        // all calls have returned. Embree lets any number of threads join; those that come late find nothing to do.
         unsafe { sys::rtcJoinCommitScene(self.raw) };
         check(Some(&self.device), "rtcJoinCommitScene")
     }
@@ -218,8 +218,8 @@ impl Instance {
     /// scale, shear and mirror.
     ///
     /// # Errors
-    /// [`Error::NestedInstance`] when `of` contains instances; [`Error::Transform`] when the matrix is not finite or has
-    /// no inverse in f32; [`Error::Embree`] when memory runs out.
+    /// [`Error::NestedInstance`] when `of` contains instances; [`Error::Transform`] when the matrix is not finite or
+    /// has no inverse in f32; [`Error::Embree`] when memory runs out.
     pub fn new(of: &CommittedScene, world_from_object: [f32; 12], mask: u32) -> Result<Instance, Error> {
         if !of.0.instances.is_empty() {
             return Err(Error::NestedInstance);
@@ -286,9 +286,9 @@ impl CommittedScene {
         unsafe { self.intersect_with(valid, rays, &mut arguments(coherence.flags())) }
     }
 
-    /// [`CommittedScene::intersect`] that passes through every hit which `counts` refuses. It is asked about hits in any
-    /// order, about some more than once and about some that are not the closest, so it must answer by the hit alone. A
-    /// panic in it ends the process.
+    /// [`CommittedScene::intersect`] that passes through every hit which `counts` refuses. It is asked about hits in
+    /// any order, about some more than once and about some that are not the closest, so it must answer by the hit
+    /// alone. A panic in it ends the process.
     #[inline]
     pub fn intersect_where<const W: usize, F: Fn(&Candidate) -> bool>(
         &self,
@@ -333,8 +333,8 @@ impl CommittedScene {
         }
     }
 
-    /// Finds out which rays hit anything at all, of those whose lane in `valid` is -1: their `tfar` becomes -infinity, all
-    /// else stays. Faster than [`CommittedScene::intersect`]; what holds there holds here.
+    /// Finds out which rays hit anything at all, of those whose lane in `valid` is -1: their `tfar` becomes -infinity,
+    /// all else stays. Faster than [`CommittedScene::intersect`]; what holds there holds here.
     #[inline]
     pub fn occlude<const W: usize>(&self, valid: &[i32; W], rays: &mut Packet<W>, coherence: Coherence) {
         // SAFETY: the arguments name no context and no filter.

@@ -64,7 +64,8 @@ kernels! {
         }
     }
 
-    /// Lets rays at `from` look at the places at `range` m along rays from `origin`, up to a part `free` of the way there.
+    /// Lets rays at `from` look at the places at `range` m along rays from `origin`, up to a part `free` of the way
+    /// there.
     pub fn look_at(
         origin: [&Lanes; 3],
         direction: [&Lanes; 3],
@@ -125,10 +126,11 @@ kernels! {
     }
 
     /// Ranges that pixels make of the phases of one echo each, m, from 0 to where all phases wrap together, and the
-    /// greatest difference between what two frequencies say, m. `noise` has a standard normal number for each frequency.
+    /// greatest difference between what two frequencies say, m. `noise` has a standard normal number for each
+    /// frequency.
     ///
-    /// Every whole number of turns of the highest frequency is tried; the one that leaves least of the others' phases, in
-    /// squares, counts. Then all count with the weight of their precision, `f^2`.
+    /// Every whole number of turns of the highest frequency is tried; the one that leaves least of the others' phases,
+    /// in squares, counts. Then all count with the weight of their precision, `f^2`.
     pub fn form(
         modulated: &Modulated,
         range: &Lanes,
@@ -197,9 +199,10 @@ kernels! {
         }
     }
 
-    /// Measured depths along rays `axis` (cosines) off the optical axis, m of range: errors of the deviation `a + b z + c
-    /// z^2` with the `terms` a, b, c, and on surfaces met at cosines of incidence `cos` of `slanted.0 z^slanted.1 t^2 /
-    /// (pi/2 - t)^2` more; in even steps of the disparity where `step`, that of depth over its square, 1/m, is above 0.
+    /// Measured depths along rays `axis` (cosines) off the optical axis, m of range: errors of the deviation `a + b z +
+    /// c z^2` with the `terms` a, b, c, and on surfaces met at cosines of incidence `cos` of `slanted.0 z^slanted.1 t^2
+    /// / (pi/2 - t)^2` more; in even steps of the disparity where `step`, that of depth over its square, 1/m, is above
+    /// 0.
     pub fn err(
         terms: [f32; 3],
         slanted: (f32, f32),
@@ -216,8 +219,8 @@ kernels! {
     }
 }
 
-/// Standard deviation of a depth, m. From 85 degrees on it is that at 85 degrees: at 90 the laws are infinite, and nobody
-/// measured so far.
+/// Standard deviation of a depth, m. From 85 degrees on it is that at 85 degrees: at 90 the laws are infinite, and
+/// nobody measured so far.
 #[inline(always)]
 pub fn depth_sigma([a, b, c]: [f32; 3], (factor, power): (f32, f32), depth: f32, cos: f32) -> f32 {
     const STEEPEST: f32 = 85.0 / 180.0 * std::f32::consts::PI;

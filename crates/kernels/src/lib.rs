@@ -1,5 +1,5 @@
-//! The loops over blocks of beams that time goes to, compiled for every vector level of a processor; the widest that this
-//! one has is chosen once. Everything around them is ordinary code.
+//! The loops over blocks of beams that time goes to, compiled for every vector level of a processor; the widest that
+//! this one has is chosen once. Everything around them is ordinary code.
 //!
 //! A kernel does the same operations on every lane and knows nothing of sensors or scenes. Results are the same bits at
 //! every level: no operation is fused or put in another order.

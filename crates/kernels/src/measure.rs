@@ -11,8 +11,8 @@ kernels! {
         }
     }
 
-    /// Makes standard normal numbers errors of ranges with the deviation `sigma + sigma_per_m R`, beside `timing` over the
-    /// signal-to-noise ratio `rho_eff / (unit R^2)`, 1 at least.
+    /// Makes standard normal numbers errors of ranges with the deviation `sigma + sigma_per_m R`, beside `timing` over
+    /// the signal-to-noise ratio `rho_eff / (unit R^2)`, 1 at least.
     pub fn spread(
         values: &mut [f32],
         rho_eff: &[f32],

@@ -1,8 +1,8 @@
 //! Random numbers that are a pure function of their address: no state, so results do not depend on threads or on the
 //! order of work.
 //!
-//! Philox4x32-10 (Salmon, Moraes, Dror, Shaw 2011, "Parallel random numbers: as easy as 1, 2, 3"): a key of two words, a
-//! counter of four. One lane computes what a number by itself is.
+//! Philox4x32-10 (Salmon, Moraes, Dror, Shaw 2011, "Parallel random numbers: as easy as 1, 2, 3"): a key of two words,
+//! a counter of four. One lane computes what a number by itself is.
 
 use crate::level::kernels;
 use crate::math::{cos_pi, ln, sin_pi};
@@ -112,8 +112,8 @@ kernels! {
         }
     }
 
-    /// Complex numbers whose squared magnitude is exponentially distributed with mean 1 and whose phase is even, turned by
-    /// `turns` of a circle: the sum of many small echoes. Each has its own counter.
+    /// Complex numbers whose squared magnitude is exponentially distributed with mean 1 and whose phase is even, turned
+    /// by `turns` of a circle: the sum of many small echoes. Each has its own counter.
     pub fn phasors(key: [u32; 2], counter: [&[u32]; 4], turns: &[f32], re: &mut [f32], im: &mut [f32]) {
         /// Of two outputs, half as many fit into the registers.
         const N: usize = 16;

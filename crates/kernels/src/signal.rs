@@ -66,8 +66,8 @@ kernels! {
         }
     }
 
-    /// Takes in what one more of the rays meets, with its `surface`; `first` is that of the first ray. Farther than `off`
-    /// m off its plane is another place.
+    /// Takes in what one more of the rays meets, with its `surface`; `first` is that of the first ray. Farther than
+    /// `off` m off its plane is another place.
     pub fn meet(
         plain: &mut Plain,
         origin: [&Lanes; 3],
@@ -93,8 +93,8 @@ kernels! {
         }
     }
 
-    /// Puts the mean range in place of that of the first ray. `wide`: the rays span more than `narrow` m. Returns whether
-    /// any beam spans more than `fine` m.
+    /// Puts the mean range in place of that of the first ray. `wide`: the rays span more than `narrow` m. Returns
+    /// whether any beam spans more than `fine` m.
     pub fn middle(plain: &mut Plain, narrow: f32, fine: f32, wide: &mut Lanes<bool>) -> bool {
         let mut any = false;
         for lane in 0..LANES {

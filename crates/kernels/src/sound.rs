@@ -87,8 +87,8 @@ kernels! {
         }
     }
 
-    /// Folds a line with a symmetrical response of `taps`, from the middle on; `padded` is the line with as many zeros as
-    /// there are taps beside the middle on either side.
+    /// Folds a line with a symmetrical response of `taps`, from the middle on; `padded` is the line with as many zeros
+    /// as there are taps beside the middle on either side.
     pub fn convolve(taps: &[f32], squared: bool, padded: &[f32], out: &mut [f32]) {
         let half = taps.len() - 1;
         out.fill(0.0);

@@ -11,8 +11,8 @@ const HEIGHT: f64 = 20.0;
 /// What the sidelobes of the pulse beyond the fourth hold, which are left out, dB.
 const SIDELOBES: f64 = -0.1;
 
-/// Directions around an axis along `y`: those that lie `sine` beside the plane across it, and turned by an angle about it
-/// from straight down; `dOmega = d(sine) d(angle)`.
+/// Directions around an axis along `y`: those that lie `sine` beside the plane across it, and turned by an angle about
+/// it from straight down; `dOmega = d(sine) d(angle)`.
 fn turned(sine: f64, angle: f64) -> DVec3 {
     let level = (1.0 - sine * sine).sqrt();
     DVec3::new(level * angle.sin(), sine, -level * angle.cos())
@@ -281,8 +281,8 @@ fn bent(environment: &Environment, degrees: f64, loss: f64) -> (f64, f64) {
         .sum::<f64>()
         / f64::from(steps);
     let beam = vertical.amplitude((start - 30f64.to_radians()).sin()).powi(4);
-    // A sonar at 1500 m/s. What lands on the footprint of d(omega) is p^2 dA = (c / c0) d(omega), and comes back over the
-    // same tube: p^2 = (c / c0) / tube, both ways the same (reciprocity).
+    // A sonar at 1500 m/s. What lands on the footprint of d(omega) is p^2 dA = (c / c0) d(omega), and comes back over
+    // the same tube: p^2 = (c / c0) / tube, both ways the same (reciprocity).
     let speeds = here.speed_m_s / 1500.0;
     let power = 0.1 * here.grazing.sin() * beam * width * 0.05 / spread * speeds * speeds / tube;
     (believed * here.time_s, 220.0 + db(power) - 2.0 * (here.loss_db - loss))

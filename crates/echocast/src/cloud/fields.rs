@@ -165,8 +165,8 @@ macro_rules! columns {
                 Ok(())
             }
 
-            /// Gives every column of `fields` memory for `len` rows and makes the others empty. What it held is kept only
-            /// where it has the memory.
+            /// Gives every column of `fields` memory for `len` rows and makes the others empty. What it held is kept
+            /// only where it has the memory.
             ///
             /// # Errors
             /// No memory.
@@ -271,8 +271,8 @@ macro_rules! put {
 pub(crate) use put;
 
 columns! {
-    // name, variant, type, unit, default, LAS dimension, meaning: up to a comma, colon or parenthesis it is what LAS says
-    // of an extra dimension in 31 bytes with the unit
+    // name, variant, type, unit, default, LAS dimension, meaning: up to a comma, colon or parenthesis it is what LAS
+    // says of an extra dimension in 31 bytes with the unit
     x, X, f32, "m", true, Some("X"), "measured position, relative to the cloud's origin";
     y, Y, f32, "m", true, Some("Y"), "measured position, relative to the cloud's origin";
     z, Z, f32, "m", true, Some("Z"), "measured position, relative to the cloud's origin";

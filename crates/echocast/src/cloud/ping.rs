@@ -50,8 +50,8 @@ pub const CELL_FIELDS: [Field; 21] = [
 pub struct Layout {
     /// What kind of sonar it is.
     pub view: SonarView,
-    /// Azimuth and elevation of each beam's axis as it is reported, sensor frame, rad; of a beam that turns, at its first
-    /// ping.
+    /// Azimuth and elevation of each beam's axis as it is reported, sensor frame, rad; of a beam that turns, at its
+    /// first ping.
     pub axes: Vec<[f32; 2]>,
     /// Range bins of each beam; bin `k` reaches from `k bin_m` to `(k + 1) bin_m`.
     pub bins: usize,
@@ -226,8 +226,8 @@ impl Ping {
         }
     }
 
-    /// That it is whole: every column as long as it should be, every number one that makes sense. All of them are public,
-    /// so they may disagree. `name`: of the ping, for errors.
+    /// That it is whole: every column as long as it should be, every number one that makes sense. All of them are
+    /// public, so they may disagree. `name`: of the ping, for errors.
     pub(crate) fn check(&self, name: &str) -> Result<()> {
         let wrong = |found: String, allowed: &str| Err(Error::invalid(name, found, allowed));
         let layout = &*self.layout;

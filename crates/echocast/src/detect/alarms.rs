@@ -38,8 +38,8 @@ impl FalseAlarms {
         1.0 - (-self.per_m * length).exp()
     }
 
-    /// Tells of those of all `beams`, by their place among them, as [`FalseAlarms::of_beam`] does; `limits` has the ranges
-    /// that are reported of a beam, `farthest` those of all, m.
+    /// Tells of those of all `beams`, by their place among them, as [`FalseAlarms::of_beam`] does; `limits` has the
+    /// ranges that are reported of a beam, `farthest` those of all, m.
     pub(crate) fn of_beams(
         &self,
         rng: &Rng,
@@ -57,8 +57,9 @@ impl FalseAlarms {
         }
     }
 
-    /// Tells of those of `beam` from `from` to `to` m: range, m, rising, and effective reflectance of a surface there that
-    /// would be as strong. There is one if the first number of [`Draw::FalseAlarm`] is below [`FalseAlarms::some`].
+    /// Tells of those of `beam` from `from` to `to` m: range, m, rising, and effective reflectance of a surface there
+    /// that would be as strong. There is one if the first number of [`Draw::FalseAlarm`] is below
+    /// [`FalseAlarms::some`].
     fn of_beam(&self, rng: &Rng, beam: u32, [from, to]: [f32; 2], mut tell: impl FnMut(f32, f32)) {
         let mut range = from;
         for alarm in 0..MOST_ALARMS {

@@ -2,10 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What of the light of a surface brighter than a white wall, which the middle of a beam meets straight on its way, gets
-/// into other beams of the scan: at the angle `d` between
-/// them the part `weight exp(-d / width_deg) + floor`. The optics spread it, over the beam on its way out or over the
-/// detectors on its way in; either way the other beam has an echo at the same range.
+/// What of the light of a surface brighter than a white wall, which the middle of a beam meets straight on its way,
+/// gets into other beams of the scan: at the angle `d` between them the part `weight exp(-d / width_deg) + floor`. The
+/// optics spread it, over the beam on its way out or over the detectors on its way in; either way the other beam has an
+/// echo at the same range.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Blooming {

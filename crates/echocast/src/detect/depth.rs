@@ -4,7 +4,8 @@ use crate::read::yaml;
 use echocast_kernels::{LANES, camera};
 use serde::{Deserialize, Deserializer, Serialize};
 
-/// Random error of the depth z, the distance along the optical axis in m, of a depth camera; a point moves along its ray.
+/// Random error of the depth z, the distance along the optical axis in m, of a depth camera; a point moves along its
+/// ray.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 #[serde(tag = "model", rename_all = "snake_case")]
 pub enum DepthNoise {
@@ -18,8 +19,8 @@ pub enum DepthNoise {
     Nguyen,
     /// Kinect v2 (Fankhauser et al. 2015): sigma = 1.5 - 0.5 z + 0.3 z^2 + 0.1 z^(3/2) g mm, with the same g.
     Fankhauser,
-    /// Triangulation with two eyes `tof.second_eye_m` apart: sigma and steps are those of the disparity times z^2 / (f B)
-    /// with the focal length f in pixels and the baseline B.
+    /// Triangulation with two eyes `tof.second_eye_m` apart: sigma and steps are those of the disparity times z^2 / (f
+    /// B) with the focal length f in pixels and the baseline B.
     Disparity {
         /// Standard deviation of the disparity, pixels.
         sigma_px: f64,

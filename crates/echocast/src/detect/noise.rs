@@ -9,9 +9,9 @@ use serde::{Deserialize, Serialize};
 
 /// Errors of an instrument; all zero is an ideal one.
 ///
-/// `R_out = Q[(1 + percent/100 + g_ch) R + offset + b_ch + k_T dT + N(mean, sigma)]` along the beam, Q = rounding to the
-/// instrument's range step. Variances add: that of `range_sigma_m + range_sigma_per_m R`, of `range_snr_sigma_m` and of
-/// the table.
+/// `R_out = Q[(1 + percent/100 + g_ch) R + offset + b_ch + k_T dT + N(mean, sigma)]` along the beam, Q = rounding to
+/// the instrument's range step. Variances add: that of `range_sigma_m + range_sigma_per_m R`, of `range_snr_sigma_m`
+/// and of the table.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Noise {
@@ -44,8 +44,8 @@ pub struct Noise {
     pub temperature_offset_k: f64,
     /// Standard deviation of the reported azimuth, degrees, 0 to 10: points are reported turned about the sensor's z.
     pub azimuth_sigma_deg: f64,
-    /// Step of the encoder, degrees, 1e-4 to 10: azimuths, and points with them, are reported at the nearest multiple of
-    /// it; 0 is none.
+    /// Step of the encoder, degrees, 1e-4 to 10: azimuths, and points with them, are reported at the nearest multiple
+    /// of it; 0 is none.
     pub azimuth_step_deg: f64,
     /// Standard deviation, in each of the two directions across a beam, of where it really goes beside where it is
     /// reported to, degrees, 0 to 10.
@@ -72,9 +72,9 @@ pub struct RangePoint {
     pub sigma_m: f64,
 }
 
-/// Loss of weak returns, as the simulator CARLA has it: `p = at_zero (1 - I / below)` where I is less than `below`. I is
-/// the range-corrected reflectivity `rho cos(theta)` with what weather and the channel leave of it, 1 = a white surface
-/// head-on.
+/// Loss of weak returns, as the simulator CARLA has it: `p = at_zero (1 - I / below)` where I is less than `below`. I
+/// is the range-corrected reflectivity `rho cos(theta)` with what weather and the channel leave of it, 1 = a white
+/// surface head-on.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WeakDropout {

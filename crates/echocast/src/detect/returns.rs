@@ -25,8 +25,8 @@ pub enum ReturnMode {
     Last,
     /// The second strongest echo; the only one where there is one.
     Second,
-    /// Two: the strongest echo, or the second strongest where the strongest is the farthest too, and then the farthest. An
-    /// only echo is reported twice (Velodyne's manuals, chapter on return modes).
+    /// Two: the strongest echo, or the second strongest where the strongest is the farthest too, and then the farthest.
+    /// An only echo is reported twice (Velodyne's manuals, chapter on return modes).
     Dual,
     /// The strongest echoes, up to the greatest number, the nearest first.
     All,
@@ -59,8 +59,8 @@ impl ReturnRule {
         if self.mode == ReturnMode::Dual { 2 } else { 1 }
     }
 
-    /// Places among `echoes`, which are detected and rise in range, of those that are reported, in the order of reporting.
-    /// `order` is memory to work in.
+    /// Places among `echoes`, which are detected and rise in range, of those that are reported, in the order of
+    /// reporting. `order` is memory to work in.
     pub(crate) fn choose(&self, echoes: &[Peak], order: &mut Vec<usize>, chosen: &mut Vec<usize>) {
         chosen.clear();
         order.clear();
@@ -130,8 +130,8 @@ mod tests {
         assert_eq!(choose(All, 9, 0.0, &powers), [5.0, 6.0, 6.5, 20.0]);
     }
 
-    /// Block A holds the strongest return, or the second strongest if the strongest is also the last; block B the last; both
-    /// hold an only one.
+    /// Block A holds the strongest return, or the second strongest if the strongest is also the last; block B the last;
+    /// both hold an only one.
     #[test]
     fn dual_returns_follow_the_makers_rule() {
         assert_eq!(choose(ReturnMode::Dual, 2, 0.0, &[0.3, 0.1, 0.0, 0.9]), [5.0, 20.0]);

@@ -3,8 +3,8 @@
 use crate::cloud::{Layout, Sounding};
 use std::ops::Range;
 
-/// Beams further from straight down than this are detected by where the echo crosses their axis, rad (35 degrees): there
-/// it is long, and its strongest part is anywhere in it.
+/// Beams further from straight down than this are detected by where the echo crosses their axis, rad (35 degrees):
+/// there it is long, and its strongest part is anywhere in it.
 const BY_CROSSING: f32 = 0.61;
 
 /// What one beam has heard.
@@ -19,8 +19,8 @@ pub(crate) struct BeamLevels<'a> {
     pub width: f32,
 }
 
-/// The range of the strongest echo of a beam: the centre of its energy, or of beams that look aside where it crosses their
-/// axis. `None`: nothing is loud enough.
+/// The range of the strongest echo of a beam: the centre of its energy, or of beams that look aside where it crosses
+/// their axis. `None`: nothing is loud enough.
 pub(crate) fn sounding(layout: &Layout, heard: &BeamLevels) -> Option<Sounding> {
     let BeamLevels { beam, levels, powers, beside, width } = *heard;
     let (bins, from) = (levels.len(), layout.first_bin);

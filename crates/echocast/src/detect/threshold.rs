@@ -447,8 +447,8 @@ mod tests {
         assert_eq!(program, Threshold::new(&Detection::RadarEquation { reflectance: 0.8, at_m: 100.0 }, PULSE, true));
     }
 
-    /// A threshold that follows the sun's noise shortens the range by its square root; a fixed one keeps the range of one
-    /// half.
+    /// A threshold that follows the sun's noise shortens the range by its square root; a fixed one keeps the range of
+    /// one half.
     #[test]
     fn sunlight_shortens_the_range_or_blurs_it() {
         let sun = |adaptive| {

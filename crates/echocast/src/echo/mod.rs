@@ -5,7 +5,7 @@ mod sound;
 
 pub(crate) use light::{
     Air, AirEcho, AirEchoes, Answer, Chosen, Cone, Contribution, Follower, Foremost, Glint, IntensityModel,
-    MOST_FREQUENCIES, Meeting, Modulation, Part, PathEcho, PathEchoes, PathLimits, Preferred, Pulse, Receiver,
+    MOST_FREQUENCIES, Meeting, Modulation, PathEcho, PathEchoes, PathLimits, Preferred, Pulse, Pulselet, Receiver,
     ShotNoise, Surroundings, Wanted, Waveform, natural_vignetting, turns,
 };
 pub use light::{IntensityEncoding, PulseShape};

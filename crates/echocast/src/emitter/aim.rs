@@ -36,8 +36,8 @@ impl<'a> Aim<'a> {
         }
     }
 
-    /// Origins, directions and farthest ranges of beams `first ..` that go in the directions `x`, `y`, `z` (sensor frame);
-    /// `range_max`, m, where the table has none.
+    /// Origins, directions and farthest ranges of beams `first ..` that go in the directions `x`, `y`, `z` (sensor
+    /// frame); `range_max`, m, where the table has none.
     pub(crate) fn rays(
         &self,
         beams: &BeamTable,

@@ -7,10 +7,10 @@ use std::f64::consts::{PI, TAU};
 
 /// A Gaussian beam as sub-rays of equal weight.
 ///
-/// Irradiance falls as `exp(-2 r^2 / w^2)` across the beam, `w(R)^2 = w0^2 + (phi R)^2` with the half angle `phi` at 1/e^2,
-/// each axis its own. Sub-ray `i` of `N` crosses it at `r = w sqrt(-ln(1 - u)/2)`, `u = (i + 1/2)/N`, the golden angle
-/// `pi (3 - sqrt 5)` on from the one before it (a Vogel spiral); the spiral is turned at random beam by beam. Straight rays
-/// keep to `w(R)` at every range when they leave the exit disc sideways: a ruled hyperboloid.
+/// Irradiance falls as `exp(-2 r^2 / w^2)` across the beam, `w(R)^2 = w0^2 + (phi R)^2` with the half angle `phi` at
+/// 1/e^2, each axis its own. Sub-ray `i` of `N` crosses it at `r = w sqrt(-ln(1 - u)/2)`, `u = (i + 1/2)/N`, the golden
+/// angle `pi (3 - sqrt 5)` on from the one before it (a Vogel spiral); the spiral is turned at random beam by beam.
+/// Straight rays keep to `w(R)` at every range when they leave the exit disc sideways: a ruled hyperboloid.
 #[derive(Clone, Debug)]
 pub(crate) struct Footprint {
     /// Cosine and sine of each sub-ray's place on the spiral, times `r / w`.
@@ -74,8 +74,8 @@ impl Footprint {
         }
     }
 
-    /// `count` sub-rays, at least 2, evenly over a pixel of a width and height over the focal length: a low-discrepancy sequence of the
-    /// plastic number g = 1.3247, `(i/g, i/g^2) mod 1` (Roberts 2018).
+    /// `count` sub-rays, at least 2, evenly over a pixel of a width and height over the focal length: a low-discrepancy
+    /// sequence of the plastic number g = 1.3247, `(i/g, i/g^2) mod 1` (Roberts 2018).
     pub(crate) fn of_pixel(count: usize, size: [f64; 2]) -> Footprint {
         let place = |i: usize| {
             [0.754_877_666_246_693, 0.569_840_290_998_053].map(|step| ((0.5 + step * i as f64).fract() - 0.5) as f32)
@@ -107,7 +107,8 @@ impl Footprint {
             + up * (self.start * s + vertical * range * c)
     }
 
-    /// Sub-ray `index` of every beam of the block: `beams` turned aside as `across` says. Their range limits are copied.
+    /// Sub-ray `index` of every beam of the block: `beams` turned aside as `across` says. Their range limits are
+    /// copied.
     pub(crate) fn rays(&self, index: usize, across: &Across, beams: &RayBatch, rays: &mut RayBatch) {
         rays.range_max = beams.range_max;
         let RayBatch { org_x, org_y, org_z, dir_x, dir_y, dir_z, .. } = rays;
@@ -174,8 +175,8 @@ mod tests {
         }
     }
 
-    /// Light within a circle: `1 - exp(-2 r^2/w^2)`, of which 0.393469 is within w/2, 0.864665 within w, 0.988891 within
-    /// 1.5 w; within the half maximum, 1.17741 w wide, there is one half.
+    /// Light within a circle: `1 - exp(-2 r^2/w^2)`, of which 0.393469 is within w/2, 0.864665 within w, 0.988891
+    /// within 1.5 w; within the half maximum, 1.17741 w wide, there is one half.
     #[test]
     fn circles_encircle_their_part_of_the_light() {
         let count = 1000;

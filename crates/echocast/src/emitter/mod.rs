@@ -1,8 +1,8 @@
 //! What is sent, when and from where.
 
 mod aim;
+mod aperture;
 mod beams;
-mod face;
 mod footprint;
 pub mod lobe;
 mod motion;

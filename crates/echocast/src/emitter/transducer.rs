@@ -1,6 +1,6 @@
 //! The fans of a sonar as rays: how much sound each stands for, and how loud each beam hears it.
 
-use super::face::{EVERYWHERE, FAINT, Face};
+use super::aperture::{Aperture, EVERYWHERE, FAINT};
 use super::lobe::{self, Lobe, Shape};
 use super::pattern::{Imaging, Multibeam, Pattern, Sidescan, SingleBeam};
 use crate::ground::angle::azimuth_elevation;
@@ -23,7 +23,8 @@ pub(crate) struct Transducer {
     pub cell: Vec<f32>,
     /// How long the cells are across ray and tangent, rad; empty: fans so thin that ranges hardly change that way.
     pub aside: Vec<f32>,
-    /// Powers of sending and hearing, times the solid angle of the cell, sr, as log2; without what the beams make of it.
+    /// Powers of sending and hearing, times the solid angle of the cell, sr, as log2; without what the beams make of
+    /// it.
     pub weight: Vec<f32>,
     /// Power of the face in the direction of each ray, one way, as log2.
     pub power: Vec<f32>,
@@ -34,7 +35,7 @@ pub(crate) struct Transducer {
     /// Hearings of rays alone.
     of_rays: usize,
     /// What sends and hears: of a side-scan sonar one for each beam.
-    faces: Vec<Face>,
+    faces: Vec<Aperture>,
     /// Whether the face only sends: beams hear what is before it as [`Hearing`] says alone.
     only_sends: bool,
     /// Amplitudes with which beams hear, 1 on the axis; see [`Hearing`].
@@ -114,7 +115,7 @@ impl Transducer {
     }
 
     /// What sends and hears where a ray starts.
-    fn face(&self, ray: usize) -> &Face {
+    fn face(&self, ray: usize) -> &Aperture {
         // Hearings of a side-scan sonar are its beams.
         &self.faces[(self.hearing[ray] as usize).min(self.faces.len() - 1)]
     }
@@ -234,7 +235,7 @@ impl Transducer {
             let (sin, cos) = axis.sin_cos();
             let frame = [[0.0, side * cos, sin], [1.0, 0.0, 0.0], [0.0, -side * sin, cos]];
             let across = (|sine| vertical.amplitude(sine), vertical.width());
-            transducer.faces.push(Face::new(frame, (|sine| lobe.amplitude(sine), lobe.width()), across));
+            transducer.faces.push(Aperture::new(frame, (|sine| lobe.amplitude(sine), lobe.width()), across));
         }
         transducer.directivity_db = lobe::directivity(&lobe, &vertical);
         transducer
@@ -261,7 +262,7 @@ impl Transducer {
         }
         transducer.heard_anywhere(&sines, &heard, extent, true);
         let frame = [[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-        transducer.faces = vec![Face::new(frame, (|sine| sent.amplitude(sine), sent.width()), EVERYWHERE)];
+        transducer.faces = vec![Aperture::new(frame, (|sine| sent.amplitude(sine), sent.width()), EVERYWHERE)];
         transducer.only_sends = true;
         transducer.width = heard.width() as f32;
         transducer.directivity_db = lobe::wall_directivity(&heard);
@@ -304,7 +305,7 @@ impl Transducer {
         transducer.heard_anywhere(&sines, &heard, extent, false);
         let frame = [tilted([1.0, 0.0, 0.0]), [0.0, 1.0, 0.0], tilted([0.0, 0.0, 1.0])];
         let up = |sine: f64| vertical.amplitude(sine);
-        transducer.faces = vec![Face::new(frame, EVERYWHERE, (up, vertical.width()))];
+        transducer.faces = vec![Aperture::new(frame, EVERYWHERE, (up, vertical.width()))];
         transducer.directivity_db = lobe::directivity(&heard, &vertical);
         transducer
     }
@@ -351,7 +352,7 @@ impl Transducer {
                 }
             }
             let (aside, up) = (|sine: f64| lobe.amplitude(sine), |sine: f64| vertical.amplitude(sine));
-            transducer.faces = vec![Face::new(frame, (aside, lobe.width()), (up, vertical.width()))];
+            transducer.faces = vec![Aperture::new(frame, (aside, lobe.width()), (up, vertical.width()))];
             transducer.width = vertical.width() as f32;
             transducer.directivity_db = lobe::directivity(&lobe, &vertical);
         } else {
@@ -365,7 +366,7 @@ impl Transducer {
                 transducer.push(direction, tangent, solid.sqrt(), ring.power * solid, ring.power.sqrt());
                 transducer.aside.push(solid.sqrt() as f32);
             }
-            transducer.faces = vec![Face::round(frame, |sine| lobe.amplitude(sine), lobe.width())];
+            transducer.faces = vec![Aperture::round(frame, |sine| lobe.amplitude(sine), lobe.width())];
             transducer.width = lobe.width() as f32;
             transducer.directivity_db = lobe::round_directivity(&lobe);
         }

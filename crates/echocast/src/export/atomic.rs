@@ -47,8 +47,8 @@ impl Pending {
         &self.target
     }
 
-    /// Gives the file its name, in place of an older one, once its content is on the disk: after a power cut there is the
-    /// old file or the new one.
+    /// Gives the file its name, in place of an older one, once its content is on the disk: after a power cut there is
+    /// the old file or the new one.
     ///
     /// # Errors
     /// The system's; [`Error::Cancelled`] when files are no longer wanted.
@@ -63,8 +63,8 @@ impl Pending {
     }
 }
 
-/// Gives files that belong together their names, one after the other; all or none. A process that is killed between two of
-/// them leaves the first with its new content and the others with their old: the one that is looked for comes last.
+/// Gives files that belong together their names, one after the other; all or none. A process that is killed between two
+/// of them leaves the first with its new content and the others with their old: the one that is looked for comes last.
 ///
 /// # Errors
 /// As [`Pending::commit`]; then all older files are what they were.

@@ -14,8 +14,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// An HDF5 file that grows by one frame at a time: one dataset per column, one variable-length row per frame, and a row
-/// of `sensor_position` and `sensor_orientation_xyzw` per frame. All else is as in a merged HDF5 file. Only one frame is
-/// in memory at a time.
+/// of `sensor_position` and `sensor_orientation_xyzw` per frame. All else is as in a merged HDF5 file. Only one frame
+/// is in memory at a time.
 ///
 /// The file appears under its name with [`FramesFile::finish`]; dropped before, it leaves nothing behind.
 #[derive(Debug)]

@@ -368,8 +368,8 @@ impl Survey {
     }
 }
 
-/// The extra dimension of intensities without a full scale, which are another number in each file's own dimension: levels of
-/// sonars, and relative energy.
+/// The extra dimension of intensities without a full scale, which are another number in each file's own dimension:
+/// levels of sonars, and relative energy.
 const RAW_INTENSITY: &str = "raw_intensity";
 
 /// A column that LAS has no dimension for, or not the whole of it, behind the members of each record.

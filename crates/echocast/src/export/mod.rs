@@ -139,8 +139,8 @@ fn check_fields(format: &dyn Format, fields: FieldSet) -> Result<()> {
 /// Writes `cloud` to `path` in the format called `format`, or the one its ending says.
 ///
 /// The file, and `NAME.labels.json` beside formats that cannot hold the label names, appear under their names only when
-/// both are complete and on the disk; the label names first. An error leaves both as they were. The report says what the
-/// format could not hold.
+/// both are complete and on the disk; the label names first. An error leaves both as they were. The report says what
+/// the format could not hold.
 ///
 /// # Errors
 /// As [`check`], a full disk, and what [`cancel_flag`] says.

@@ -55,8 +55,8 @@ fn check_ending(path: &Path, what: &str, endings: &[&str]) -> Result<()> {
 }
 
 impl Pings {
-    /// Writes everything that the pings hold to `path`, as NPZ (`.npz`) or HDF5 (`.h5`, `.hdf5`). The file appears under
-    /// its name only when it is complete.
+    /// Writes everything that the pings hold to `path`, as NPZ (`.npz`) or HDF5 (`.h5`, `.hdf5`). The file appears
+    /// under its name only when it is complete.
     ///
     /// Cells stand in arrays of pings x beams x bins, `level` and `amplitude` and a column for each field; `true_x` to
     /// `true_z` are relative to `origin`. Soundings are a list in which `sounding_ping` counts the pings of the file.
@@ -72,12 +72,12 @@ impl Pings {
 }
 
 impl Image {
-    /// Writes the image to `path`: NPZ (`.npz`) or HDF5 (`.h5`, `.hdf5`) with `values`, a label array for each column that
-    /// it has and its place, or PNG (`.png`), eight bits grey. The files appear under their names only when all are
-    /// complete.
+    /// Writes the image to `path`: NPZ (`.npz`) or HDF5 (`.h5`, `.hdf5`) with `values`, a label array for each column
+    /// that it has and its place, or PNG (`.png`), eight bits grey. The files appear under their names only when all
+    /// are complete.
     ///
-    /// In a PNG 0 is nothing, and 1 to 255 are the window of values that its text `window` says, which leaves out half a
-    /// percent at each end. Labels stand beside it, `NAME.category_id.png` and so on, sixteen bits grey, the numbers
+    /// In a PNG 0 is nothing, and 1 to 255 are the window of values that its text `window` says, which leaves out half
+    /// a percent at each end. Labels stand beside it, `NAME.category_id.png` and so on, sixteen bits grey, the numbers
     /// themselves.
     ///
     /// # Errors
@@ -356,8 +356,8 @@ fn layer_path(path: &Path, field: Field) -> PathBuf {
     path.with_extension(format!("{}.png", field.info().name))
 }
 
-/// The files that [`Image::write`] leaves beside the image at `path`, of pings with the columns `fields`: one for each label
-/// column beside a PNG, none beside others.
+/// The files that [`Image::write`] leaves beside the image at `path`, of pings with the columns `fields`: one for each
+/// label column beside a PNG, none beside others.
 pub fn image_label_paths(path: &Path, fields: FieldSet) -> Vec<PathBuf> {
     let layers = LAYERS.into_iter().filter(|&field| ending(path) == "png" && fields.contains(field));
     layers.map(|field| layer_path(path, field)).collect()

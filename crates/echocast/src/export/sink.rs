@@ -8,8 +8,8 @@ use std::path::Path;
 /// Bytes that are written at a time, between two looks at whether to go on.
 const PIECE: usize = 8 << 20;
 
-/// A file that, after the first error, takes everything and keeps nothing: writers of libraries complete their files when
-/// they are dropped, also those that cannot be completed, and print what they think of it.
+/// A file that, after the first error, takes everything and keeps nothing: writers of libraries complete their files
+/// when they are dropped, also those that cannot be completed, and print what they think of it.
 pub(crate) struct Sink {
     file: File,
     /// The first error.

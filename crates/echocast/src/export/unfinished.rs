@@ -10,20 +10,20 @@ use std::{fs, io, mem, thread};
 
 static CANCELLED: AtomicBool = AtomicBool::new(false);
 
-/// Where they are. Held whenever one is made, gets its name or goes, so that whoever holds it sees no pair of files half
-/// renamed.
+/// Where they are. Held whenever one is made, gets its name or goes, so that whoever holds it sees no pair of files
+/// half renamed.
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// Where [`Error::Cancelled`] comes from while files are written: once this is set, what this process is writing fails with
-/// it and leaves nothing behind, and no file gets its name any more. It is false unless a program sets it, on Ctrl-C for
-/// instance; a signal handler may.
+/// Where [`Error::Cancelled`] comes from while files are written: once this is set, what this process is writing fails
+/// with it and leaves nothing behind, and no file gets its name any more. It is false unless a program sets it, on
+/// Ctrl-C for instance; a signal handler may.
 pub fn cancel_flag() -> &'static AtomicBool {
     &CANCELLED
 }
 
 /// Removes the files that this process has begun and not completed, for a program that is about to end without its
-/// destructors: sets [`cancel_flag`], so that no other is begun, and no file gets its name any more. It waits a tenth of a
-/// second for those that are getting theirs, and then gives up.
+/// destructors: sets [`cancel_flag`], so that no other is begun, and no file gets its name any more. It waits a tenth
+/// of a second for those that are getting theirs, and then gives up.
 pub fn remove_unfinished() {
     CANCELLED.store(true, Ordering::SeqCst);
     let start = Instant::now();

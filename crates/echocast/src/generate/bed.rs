@@ -183,8 +183,8 @@ fn falls(column: usize, row: usize) -> bool {
     (column + row) % 2 == 1
 }
 
-/// Rise per metre along x and y: about 2 degrees some way, less where that would change the height by more than `most` m
-/// from the middle to a corner.
+/// Rise per metre along x and y: about 2 degrees some way, less where that would change the height by more than `most`
+/// m from the middle to a corner.
 fn slope(dice: &mut Dice, size: [f64; 2], most: f64) -> [f64; 2] {
     let (sin, cos) = dice.between(0.0, TAU).sin_cos();
     let reach = (size[0] * cos.abs() + size[1] * sin.abs()) / 2.0;

@@ -19,10 +19,10 @@ const CELLS_PER_RIPPLE: f64 = 3.0;
 
 /// Parameters of a lake bed. The water surface is at z = 0, the bed lies around z = -`depth_m`, centred on the z axis.
 ///
-/// Objects have the categories `seabed`, `boulder`, `wreck` and `fish`. The bed has the parts `sand`, `gravel` and `mud`,
-/// a boulder `rock`, a wreck `hull`, `cabin` and `mast`. The fish are children of the node `Swarm`, which an animation
-/// moves against the x axis. The camera node `Sonar` stands at the low end of x, 1 m below the surface (less in less than
-/// 4 m of water), and looks along x.
+/// Objects have the categories `seabed`, `boulder`, `wreck` and `fish`. The bed has the parts `sand`, `gravel` and
+/// `mud`, a boulder `rock`, a wreck `hull`, `cabin` and `mast`. The fish are children of the node `Swarm`, which an
+/// animation moves against the x axis. The camera node `Sonar` stands at the low end of x, 1 m below the surface (less
+/// in less than 4 m of water), and looks along x.
 ///
 /// Boulders, wrecks and fish are smaller than usual where water is shallow or the bed small, so that all of them are
 /// below the surface and on the bed.
@@ -32,7 +32,8 @@ pub struct Seabed {
     pub size_m: [f64; 2],
     /// Mean depth of the bed below the surface, 0.5 to 11 000 m.
     pub depth_m: f64,
-    /// Spacing of the grid. `None`: as fine as about 30 000 triangles allow, or as the `ripples` that are asked for need.
+    /// Spacing of the grid. `None`: as fine as about 30 000 triangles allow, or as the `ripples` that are asked for
+    /// need.
     pub cell_m: Option<f64>,
     /// Ripples of the sand. `None`: those of [`Ripples::default`] if the cells are fine enough to show them, else none.
     pub ripples: Option<Ripples>,
@@ -188,8 +189,8 @@ struct Made {
     swimming: Option<String>,
 }
 
-/// Lambert's constant of the skin of a fish, dB: with it one 0.4 m long has, from above, about the target strength of fish
-/// with a closed swim bladder at 38 kHz, 20 log10(L / cm) - 67.4 dB re 1 m^2 (Foote 1987, J. Acoust. Soc. Am. 82).
+/// Lambert's constant of the skin of a fish, dB: with it one 0.4 m long has, from above, about the target strength of
+/// fish with a closed swim bladder at 38 kHz, 20 log10(L / cm) - 67.4 dB re 1 m^2 (Foote 1987, J. Acoust. Soc. Am. 82).
 pub(super) const FISH_MU_DB: f64 = -16.0;
 
 /// Colours and reflectances are our own choice, as such things look. What the ground does to sound is named by the

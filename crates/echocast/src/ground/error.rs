@@ -7,8 +7,8 @@ use std::{fmt, io};
 /// Result of every fallible call of this crate.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// Why a call failed. Each message is one sentence: where, what was found, what is allowed; on one line, below 500 bytes,
-/// and with nothing in it that a terminal obeys, whatever the files said.
+/// Why a call failed. Each message is one sentence: where, what was found, what is allowed; on one line, below 500
+/// bytes, and with nothing in it that a terminal obeys, whatever the files said.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {

@@ -7,13 +7,14 @@ use glam::Vec3;
 /// size.
 pub(crate) const CHUNK: usize = 2048;
 
-/// Surface index of what the medium itself sends back, and no surface of the scene: rain and dust in the air, noise, the
-/// face of the sea.
+/// Surface index of what the medium itself sends back, and no surface of the scene: rain and dust in the air, noise,
+/// the face of the sea.
 pub(crate) const MEDIUM: u32 = MISS - 1;
 
 /// Rays of one block, relative to the scene's local origin; directions have unit length.
 ///
-/// Columns of blocks begin with a cache line: the widest vectors are one, and half of two costs up to a tenth of a scan.
+/// Columns of blocks begin with a cache line: the widest vectors are one, and half of two costs up to a tenth of a
+/// scan.
 #[derive(Clone)]
 #[repr(align(64))]
 pub(crate) struct RayBatch {

@@ -2,7 +2,8 @@
 
 use super::error::{Error, Result, nearest};
 
-/// A type of a few values that have names: those of options, files and the numbers of the C ABI, which count them from 0.
+/// A type of a few values that have names: those of options, files and the numbers of the C ABI, which count them from
+/// 0.
 pub trait Named: Copy + PartialEq + 'static {
     /// Every value with its name.
     const NAMES: &'static [(&'static str, Self)];

@@ -1,8 +1,9 @@
 //! Work shared among threads, or done by the calling thread alone where [`crate::Engine`] says so.
 //!
 //! Threads take parts from one list until it is empty. They do not divide the work in halves of halves: a thread that
-//! waits for the other half takes up whatever else its pool has to do, on the same stack, and in that waits again. Here all
-//! that is left for it is an empty list, and what others give the pool to do it does without the help of more threads.
+//! waits for the other half takes up whatever else its pool has to do, on the same stack, and in that waits again. Here
+//! all that is left for it is an empty list, and what others give the pool to do it does without the help of more
+//! threads.
 
 use std::cell::Cell;
 use std::ops::Range;

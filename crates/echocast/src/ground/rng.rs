@@ -23,7 +23,8 @@ pub(crate) enum Draw {
     RainRange = 6,
     /// By how much the sub-rays of a beam are turned about it.
     Footprint = 7,
-    /// Noise that an echo is detected in: sub-ray 0 for the surface that a beam meets, the bits of the range for others.
+    /// Noise that an echo is detected in: sub-ray 0 for the surface that a beam meets, the bits of the range for
+    /// others.
     Detection = 20,
     /// Noise that looks like an echo.
     FalseAlarm = 21,
@@ -88,8 +89,8 @@ impl Rng {
         random::uniforms(self.key, beams, self.frame, sub_rays, draw as u32, out);
     }
 
-    /// Complex numbers whose squared magnitude is exponentially distributed with mean 1 and whose phase is even, turned by
-    /// `turns` of a circle: the sum of many small echoes. Each at its own address of four words.
+    /// Complex numbers whose squared magnitude is exponentially distributed with mean 1 and whose phase is even, turned
+    /// by `turns` of a circle: the sum of many small echoes. Each at its own address of four words.
     pub(crate) fn phasors(&self, address: [&[u32]; 4], turns: &[f32], re: &mut [f32], im: &mut [f32]) {
         random::phasors(self.key, address, turns, re, im);
     }

@@ -1,5 +1,5 @@
-//! What people are shown of names, texts and numbers that come from anywhere: nothing that a terminal obeys, nothing that
-//! is longer than anybody reads.
+//! What people are shown of names, texts and numbers that come from anywhere: nothing that a terminal obeys, nothing
+//! that is longer than anybody reads.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;

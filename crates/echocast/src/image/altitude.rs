@@ -14,8 +14,8 @@ const FILLED: f64 = 0.6;
 const WINDOW: (usize, usize) = (16, 8);
 
 /// Height of the sonar over the bed at each ping, m, as side-scan software tracks it: the range at which the returns of
-/// the bed begin, which stay above the threshold and near the loudest of the ping, the median over both sides and seven pings. Pings without a first
-/// return near them have the height of the nearest that has one.
+/// the bed begin, which stay above the threshold and near the loudest of the ping, the median over both sides and seven
+/// pings. Pings without a first return near them have the height of the nearest that has one.
 ///
 /// Where the sonar is nearer to the surface of the water than to the bed, and hears it as loud as the bed, this is the
 /// distance from the surface.

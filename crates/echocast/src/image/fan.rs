@@ -13,9 +13,9 @@ const USUAL: f64 = 3.0;
 /// Pixels that the longer side may have.
 const SIDES: std::ops::RangeInclusive<usize> = 16..=8192;
 
-/// One ping of an imaging or swath sonar: of an imaging sonar ahead is up, of a swath sonar the image is a cut across the
-/// track through the water, up is up. Starboard is to the right. Beams reach to the middle between them; the longer side has
-/// `pixels` pixels, 16 to 8192.
+/// One ping of an imaging or swath sonar: of an imaging sonar ahead is up, of a swath sonar the image is a cut across
+/// the track through the water, up is up. Starboard is to the right. Beams reach to the middle between them; the longer
+/// side has `pixels` pixels, 16 to 8192.
 ///
 /// # Errors
 /// A ping of another sonar, or whose columns disagree; a side out of bounds.
@@ -30,8 +30,8 @@ pub fn fan(ping: &Ping, pixels: usize) -> Result<Image> {
     draw(&pings, &sectors, pixels)
 }
 
-/// The pings of a single beam that turns, around where the first was sent: ahead of the sonar then is up. The way that the
-/// sonar goes meanwhile counts for nothing; a [mosaic](fn@super::mosaic) has it. Later pings cover earlier ones.
+/// The pings of a single beam that turns, around where the first was sent: ahead of the sonar then is up. The way that
+/// the sonar goes meanwhile counts for nothing; a [mosaic](fn@super::mosaic) has it. Later pings cover earlier ones.
 ///
 /// # Errors
 /// Pings that do not fit together or of another sonar; a side out of bounds.

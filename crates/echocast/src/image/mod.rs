@@ -98,8 +98,9 @@ pub struct Place {
     pub first: [f64; 2],
     /// From column to column, and from row to row.
     pub step: [f64; 2],
-    /// What the coordinates are, with their unit: `across, m` (starboard is positive) and `ping` (index) of a waterfall;
-    /// `x, m` and `y, m` of maps, in the world; `right, m` and `ahead, m` or `up, m` of a fan, from the sonar.
+    /// What the coordinates are, with their unit: `across, m` (starboard is positive) and `ping` (index) of a
+    /// waterfall; `x, m` and `y, m` of maps, in the world; `right, m` and `ahead, m` or `up, m` of a fan, from the
+    /// sonar.
     pub axes: [&'static str; 2],
 }
 

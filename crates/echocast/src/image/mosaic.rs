@@ -31,9 +31,9 @@ pub enum Overlap {
     Nearest,
 }
 
-/// The pings of a side-scan, imaging or single-beam sonar on a map of squares of `cell_m` metres: each cell lies where its
-/// beam looks from the ping's position and heading, at its range. Roll and pitch count for nothing, nor does the height
-/// of what is seen, which a sonar cannot know.
+/// The pings of a side-scan, imaging or single-beam sonar on a map of squares of `cell_m` metres: each cell lies where
+/// its beam looks from the ping's position and heading, at its range. Roll and pitch count for nothing, nor does the
+/// height of what is seen, which a sonar cannot know.
 ///
 /// Neighbouring pings share the border in the middle between them, so that a swath is closed; where the sonar turns it
 /// is stretched outside and overlaps inside. Where pings are missing there is a gap, and beams of an imaging sonar
@@ -48,8 +48,8 @@ pub fn mosaic(pings: &Pings, range: ImageRange, cell_m: f64, overlap: Overlap) -
     draw(pings, &strips(pings, heights), cell_m, overlap)
 }
 
-/// The mosaic that fits into a picture of `pixels`: over ground range where a side-scan sonar sees the bed, else over slant
-/// range. Tells which.
+/// The mosaic that fits into a picture of `pixels`: over ground range where a side-scan sonar sees the bed, else over
+/// slant range. Tells which.
 ///
 /// # Errors
 /// As [`mosaic`].
@@ -124,7 +124,8 @@ fn draw(pings: &Pings, strips: &[Strip], cell_m: f64, overlap: Overlap) -> Resul
     })
 }
 
-/// What one beam of a ping paints: at the distance `r` over the bed, from `from[0] + r along[0]` to `from[1] + r along[1]`.
+/// What one beam of a ping paints: at the distance `r` over the bed, from `from[0] + r along[0]` to `from[1] + r
+/// along[1]`.
 struct Strip {
     ping: usize,
     beam: usize,

@@ -7,8 +7,8 @@ use crate::ground::error::{Error, Result};
 use glam::DVec3;
 use std::sync::Arc;
 
-/// Mean height (z in the world, m) of the soundings in squares of `cell_m` metres, along straight beams at their reported
-/// range; NaN without any. The label is that of the strongest sounding.
+/// Mean height (z in the world, m) of the soundings in squares of `cell_m` metres, along straight beams at their
+/// reported range; NaN without any. The label is that of the strongest sounding.
 ///
 /// # Errors
 /// Pings that do not fit together, report no depths at all or are of a side-scan or imaging sonar; a cell that is no

@@ -66,7 +66,8 @@ pub fn waterfall(pings: &Pings, range: ImageRange, beam: Option<usize>) -> Resul
     of_sources(ImageKind::Waterfall, &pings.pings, [width, height], &sources, place)
 }
 
-/// The beam that a waterfall shows by default: the middle one; `None` of a side-scan sonar, of which it shows both sides.
+/// The beam that a waterfall shows by default: the middle one; `None` of a side-scan sonar, of which it shows both
+/// sides.
 pub(crate) fn middle_beam(layout: &Layout) -> Option<usize> {
     (layout.view != SonarView::Sidescan).then(|| layout.beams() / 2)
 }

@@ -22,8 +22,8 @@ fn amplitudes(cos: f32, cos_t: f32, m: f32) -> (f32, f32) {
 }
 
 /// What a plate of index `n` reflects and lets pass, with all echoes between its faces, summed as powers for each
-/// polarisation: `T = (1-R)^2 A / (1 - R^2 A^2)`, `R' = R + R (1-R)^2 A^2 / (1 - R^2 A^2)`. `pass`: what is left after one
-/// way through, `A`; `cos_t`: as [`dielectric`] has it. Total reflection does not occur: both sides are air.
+/// polarisation: `T = (1-R)^2 A / (1 - R^2 A^2)`, `R' = R + R (1-R)^2 A^2 / (1 - R^2 A^2)`. `pass`: what is left after
+/// one way through, `A`; `cos_t`: as [`dielectric`] has it. Total reflection does not occur: both sides are air.
 pub(crate) fn plate(cos: f32, cos_t: f32, n: f32, pass: f32) -> (f32, f32) {
     let (s, p) = amplitudes(cos, cos_t, n);
     let shares = [s * s, p * p].map(|r| {

@@ -1,4 +1,5 @@
-//! The material library: reflectance by material name and wavelength, and what surfaces do with sound, one YAML per material in `presets/material`.
+//! The material library: reflectance by material name and wavelength, and what surfaces do with sound, one YAML per
+//! material in `presets/material`.
 
 use super::{Alpha, Material, Reflectance, Sound};
 use crate::ground::error::{Error, Result};

@@ -87,8 +87,8 @@ pub struct Material {
     pub pane_m: Option<f32>,
     /// Index of refraction for the travel time of pulses, 1 at least; none is `ior`.
     pub group_index: Option<f32>,
-    /// Imaginary part of a metal's index of refraction, whose real part is `ior`: with it what a mirror takes away depends
-    /// on the angle, without it (0) the reflectance is what it leaves.
+    /// Imaginary part of a metal's index of refraction, whose real part is `ior`: with it what a mirror takes away
+    /// depends on the angle, without it (0) the reflectance is what it leaves.
     pub extinction_index: f32,
     /// Reflectance of the dirt on a mirror, glass or water, 0..1; it is diffuse, and what lies behind it gets the rest.
     pub dirt: f32,
@@ -99,7 +99,8 @@ pub struct Material {
 }
 
 impl Default for Material {
-    /// glTF's default material: white, fully rough, not metallic here (a scanner sees no mirrors where nothing is said).
+    /// glTF's default material: white, fully rough, not metallic here (a scanner sees no mirrors where nothing is
+    /// said).
     fn default() -> Self {
         Material {
             name: String::new(),
@@ -128,8 +129,8 @@ impl Default for Material {
 }
 
 impl Material {
-    /// What it does with sound, by its own word or by that of the library's material of its name; where neither says it,
-    /// its reflectance may: [`Sound::of_reflectance`].
+    /// What it does with sound, by its own word or by that of the library's material of its name; where neither says
+    /// it, its reflectance may: [`Sound::of_reflectance`].
     pub fn sound_law(&self) -> Option<&Sound> {
         library::sound(self)
     }

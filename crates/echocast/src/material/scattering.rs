@@ -1,8 +1,9 @@
 //! How surfaces divide what they send back over the directions, as far as an instrument sees it that receives where it
 //! sends.
 //!
-//! Each model says the effective reflectance `rho_eff = pi f_r cos(theta)`: the reflectance of a head-on Lambert surface
-//! that sends back as much, `f_r` the model's BRDF (1/sr) back to where the light comes from, `theta` the incidence angle.
+//! Each model says the effective reflectance `rho_eff = pi f_r cos(theta)`: the reflectance of a head-on Lambert
+//! surface that sends back as much, `f_r` the model's BRDF (1/sr) back to where the light comes from, `theta` the
+//! incidence angle.
 
 use super::Reflectance;
 use crate::ground::error::{Error, Result};
@@ -19,21 +20,23 @@ pub enum Scattering {
     Lambert,
     /// As strong at every angle: `rho`. A model of targets such as foliage, not of a surface.
     Constant,
-    /// Rough and diffuse, made of Lambert facets (Oren and Nayar 1994, their qualitative model, seen from where the light
-    /// comes from): `rho (A cos(theta) + B sin^2(theta))` with `A = 1 - s^2 / (2 s^2 + 0.66)`, `B = 0.45 s^2 / (s^2 + 0.09)`.
+    /// Rough and diffuse, made of Lambert facets (Oren and Nayar 1994, their qualitative model, seen from where the
+    /// light comes from): `rho (A cos(theta) + B sin^2(theta))` with `A = 1 - s^2 / (2 s^2 + 0.66)`, `B = 0.45 s^2 /
+    /// (s^2 + 0.09)`.
     OrenNayar {
         /// Standard deviation `s` of the facets' slope angle, degrees, 0 to 90.
         slope_sigma_deg: f32,
     },
-    /// Diffuse with a gloss (Phong, normalised): `rho cos(theta) + specular (n + 2) / 2 max(0, cos(2 theta))^n cos(theta)`.
+    /// Diffuse with a gloss (Phong, normalised): `rho cos(theta) + specular (n + 2) / 2 max(0, cos(2 theta))^n
+    /// cos(theta)`.
     Phong {
         /// Reflectance of the gloss, 0 to 1.
         specular: f32,
         /// How narrow it is: `n`, 0 to 100000.
         exponent: f32,
     },
-    /// Diffuse under a face of mirrors that lean every way (Walter and others 2007, shadowed by height-correlated Smith):
-    /// `rho cos(theta) + pi D f0 G / (4 cos(theta))`.
+    /// Diffuse under a face of mirrors that lean every way (Walter and others 2007, shadowed by height-correlated
+    /// Smith): `rho cos(theta) + pi D f0 G / (4 cos(theta))`.
     Ggx {
         /// What a mirror reflects head-on, 0 to 1.
         f0: f32,
@@ -77,8 +80,8 @@ impl Scattering {
                 (rho.min(1.0 - specular) + specular * lobe) * cos
             }
             Scattering::Ggx { f0, alpha } => {
-                // D = a^2 / (pi (cos^2 (a^2 - 1) + 1)^2) and G / cos = 1 / sqrt(cos^2 + a^2 sin^2), which is G = 1 / (1 +
-                // 2 L), L = (sqrt(1 + a^2 tan^2) - 1) / 2, without its 0/0 at the edge.
+                // D = a^2 / (pi (cos^2 (a^2 - 1) + 1)^2) and G / cos = 1 / sqrt(cos^2 + a^2 sin^2), which is G = 1 / (1
+                // + 2 L), L = (sqrt(1 + a^2 tan^2) - 1) / 2, without its 0/0 at the edge.
                 let a2 = alpha * alpha;
                 let lean = a2 * cos * cos + sin2;
                 let lobe = a2 / (4.0 * lean * lean * (cos * cos + a2 * sin2).sqrt());
@@ -90,7 +93,8 @@ impl Scattering {
         }
     }
 
-    /// Reflectance that a Lambert surface has at this angle if it sends back as much: [`Scattering::rho_eff`] over `cos`.
+    /// Reflectance that a Lambert surface has at this angle if it sends back as much: [`Scattering::rho_eff`] over
+    /// `cos`.
     pub(crate) fn as_lambert(&self, rho: f32, cos: f32) -> f32 {
         self.rho_eff(rho, cos) / cos.max(LEAST_COS)
     }
@@ -359,8 +363,8 @@ mod tests {
         }
     }
 
-    /// What we have of each model is its BRDF back to the light, and no BRDF sends back more than comes: the integral of
-    /// `f_r cos` over the hemisphere, by the midpoint rule.
+    /// What we have of each model is its BRDF back to the light, and no BRDF sends back more than comes: the integral
+    /// of `f_r cos` over the hemisphere, by the midpoint rule.
     #[test]
     fn brdfs_keep_energy() {
         let models = [

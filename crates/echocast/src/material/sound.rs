@@ -8,14 +8,14 @@ use std::sync::LazyLock;
 
 /// What a surface does with sound that meets it under water: the section `sound` of a material, told apart by `law`.
 ///
-/// Backscatter is a cross-section per area and solid angle, 1/sr; in decibels that is the surface's scattering strength.
-/// Angles are grazing angles, between wave and surface.
+/// Backscatter is a cross-section per area and solid angle, 1/sr; in decibels that is the surface's scattering
+/// strength. Angles are grazing angles, between wave and surface.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Sound {
     /// Lambert's law, `mu sin^2(g)`: a rough surface without layers below.
     Lambert {
-        /// `10 log mu`, dB, -100 to -4.9715, where all that comes is sent back; -27 is the deep sea (Mackenzie 1961), -15
-        /// sand, -8 rock.
+        /// `10 log mu`, dB, -100 to -4.9715, where all that comes is sent back; -27 is the deep sea (Mackenzie 1961),
+        /// -15 sand, -8 rock.
         mu_db: f64,
     },
     /// Lambert's law and the mirror facets of a surface whose slopes are normally distributed, which shine where it is
@@ -102,8 +102,8 @@ impl Sound {
         Sound::Lambert { mu_db: 10.0 * (reflectance / PI).log10() }
     }
 
-    /// Backscattering cross-section, 1/sr, of a surface that is met at a grazing angle of sine `sin_grazing`, 0 to 1, by
-    /// sound of `frequency_hz`. That of a target is 0: it has its [`Sound::target_strength_db`].
+    /// Backscattering cross-section, 1/sr, of a surface that is met at a grazing angle of sine `sin_grazing`, 0 to 1,
+    /// by sound of `frequency_hz`. That of a target is 0: it has its [`Sound::target_strength_db`].
     pub fn backscatter(&self, sin_grazing: f64, frequency_hz: f64) -> f64 {
         if sin_grazing <= 0.0 {
             return 0.0;
@@ -129,9 +129,9 @@ impl Sound {
         }
     }
 
-    /// What the mirror image of a source loses, dB, 0 or more, in a smooth surface that is met at a grazing angle of sine
-    /// `sin_grazing`. Lambert's law and `gsab` do not say it, and 10 dB are taken; nothing is seen in a target, whose
-    /// loss is infinite. None of the laws asks for the frequency.
+    /// What the mirror image of a source loses, dB, 0 or more, in a smooth surface that is met at a grazing angle of
+    /// sine `sin_grazing`. Lambert's law and `gsab` do not say it, and 10 dB are taken; nothing is seen in a target,
+    /// whose loss is infinite. None of the laws asks for the frequency.
     pub fn reflection_loss_db(&self, sin_grazing: f64) -> f64 {
         match *self {
             Sound::Lambert { .. } | Sound::Gsab { .. } => UNKNOWN_LOSS_DB,
@@ -389,8 +389,8 @@ mod tests {
         assert_eq!(Sound::Lambert { mu_db: -27.0 }.warning(900e3), None);
     }
 
-    /// What Lambert's law sends in all directions, `int mu sin(g) sin(g') / sin(g)` over the hemisphere, is at most what
-    /// comes.
+    /// What Lambert's law sends in all directions, `int mu sin(g) sin(g') / sin(g)` over the hemisphere, is at most
+    /// what comes.
     #[test]
     fn lambert_keeps_energy() {
         for (sound, expected) in [

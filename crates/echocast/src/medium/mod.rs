@@ -1,5 +1,5 @@
-//! What is between a sensor and the surfaces: air with its weather, which light goes through, and water, which sound goes
-//! through.
+//! What is between a sensor and the surfaces: air with its weather, which light goes through, and water, which sound
+//! goes through.
 
 mod air;
 mod environment;

@@ -47,7 +47,8 @@ pub enum View {
     Range,
     /// Pings of a sonar, a row each, the first on top: both sides of a side-scan sonar, else the middle beam.
     Waterfall,
-    /// Pings of a sonar on the map: the mosaic of side-scan, imaging and single-beam sonars, the depths of swath sonars.
+    /// Pings of a sonar on the map: the mosaic of side-scan, imaging and single-beam sonars, the depths of swath
+    /// sonars.
     Track,
     /// A ping as its beams lie: the last of an imaging or swath sonar, all of a beam that turns.
     Fan,
@@ -192,7 +193,8 @@ fn write_picture(picture: &Picture, path: &Path) -> Result<()> {
     pending.commit()
 }
 
-/// What the picture of `pings` shows, as numbers: levels in dB with the sonar's gain over time, or heights in m, and labels.
+/// What the picture of `pings` shows, as numbers: levels in dB with the sonar's gain over time, or heights in m, and
+/// labels.
 ///
 /// # Errors
 /// As [`render_pings`]; no pings.
@@ -220,8 +222,8 @@ fn check_pinged(options: &PreviewOptions) -> Result<()> {
 /// Pings without labels are coloured by level instead, which the report says.
 ///
 /// # Errors
-/// A width out of bounds, a view that shows clouds or another kind of sonar, a colour that pings do not have, pings that do
-/// not fit together.
+/// A width out of bounds, a view that shows clouds or another kind of sonar, a colour that pings do not have, pings
+/// that do not fit together.
 pub fn render_pings(pings: &Pings, options: &PreviewOptions, report: &mut Report) -> Result<Picture> {
     check_pinged(options)?;
     let page = Page::new(options.width);

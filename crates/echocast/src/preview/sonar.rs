@@ -156,8 +156,8 @@ impl<'a> Ink<'a> {
         Ink { name, image, labels: Some((ids, listed)), table: Vec::new(), window, legend: Legend::Names(entries) }
     }
 
-    /// Colour of a pixel of the picture that shows the columns and rows of the image up to, not including, the ends: of the
-    /// mean power, or of the mean height, and of the label of the strongest, or highest.
+    /// Colour of a pixel of the picture that shows the columns and rows of the image up to, not including, the ends: of
+    /// the mean power, or of the mean height, and of the label of the strongest, or highest.
     fn color(&self, columns: [usize; 2], rows: [usize; 2]) -> Option<Color> {
         let heights = self.image.kind == ImageKind::DepthMap;
         let [low, high] = self.window;

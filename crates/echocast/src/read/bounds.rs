@@ -27,7 +27,7 @@ pub(crate) struct Bounds<'k> {
     wanted: Option<&'k str>,
     pub min: f64,
     pub max: f64,
-    /// The keys that it heard of, if one is wanted.
+    /// The keys that were shown to it, if one is wanted.
     pub keys: Vec<String>,
 }
 

@@ -83,8 +83,8 @@ pub(crate) struct Csv {
 }
 
 impl Csv {
-    /// Opens the file at `path`, which another file names, and reads its header. It may be any file of the user's: errors
-    /// show what is in it only once the header has the columns that are looked for.
+    /// Opens the file at `path`, which another file names, and reads its header. It may be any file of the user's:
+    /// errors show what is in it only once the header has the columns that are looked for.
     pub fn open(path: &Path) -> Result<Csv> {
         let mut lines = Lines::open(path)?;
         if !lines.advance()? {

@@ -17,8 +17,8 @@ thread_local! {
     static NOTED: RefCell<Option<Vec<PathBuf>>> = const { RefCell::new(None) };
 }
 
-/// Does `work` and says which files it has read on this thread: those it was told to, and those that these name, such as
-/// the textures of a scene.
+/// Does `work` and says which files it has read on this thread: those it was told to, and those that these name, such
+/// as the textures of a scene.
 pub fn noting<R>(work: impl FnOnce() -> R) -> (R, Vec<PathBuf>) {
     let before = NOTED.replace(Some(Vec::new()));
     let result = work();

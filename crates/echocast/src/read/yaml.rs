@@ -366,11 +366,11 @@ impl Section {
     /// # Errors
     /// As [`Document::read`], with the key in front.
     pub fn read<T: DeserializeOwned, E: de::Error>(self) -> Result<T, E> {
-        serde_path_to_error::deserialize(Value::Object(self.keys)).map_err(|error| {
-            match error.path().to_string().as_str() {
-                "." => E::custom(error.inner()),
-                path => E::custom(format!("{path}: {}", error.inner())),
-            }
+        // By reference, as whole documents are: by value all of it would be compiled once more.
+        let keys = Value::Object(self.keys);
+        serde_path_to_error::deserialize(&keys).map_err(|error| match error.path().to_string().as_str() {
+            "." => E::custom(error.inner()),
+            path => E::custom(format!("{path}: {}", error.inner())),
         })
     }
 

@@ -138,7 +138,7 @@ impl ScanOptions {
     }
 }
 
-/// Hears how much of the work is done, 0 to 1, and says whether to go on.
+/// A callback that is told how much of the work is done, 0 to 1, and says whether to go on.
 pub type Progress<'a> = &'a mut dyn FnMut(f64) -> ControlFlow<()>;
 
 impl BuiltScene {
@@ -153,10 +153,10 @@ impl BuiltScene {
         Ok(cloud)
     }
 
-    /// [`BuiltScene::scan`] into the memory of `cloud`. After the first of its kind a scan in the order of beams allocates
-    /// nothing, but for a few small blocks with weather, several rays a beam, blooming or another profile than the
-    /// physical one, the beams of a pattern that does not repeat (`risley`), and sonars ([`BuiltScene::ping_into`] uses
-    /// memory again). Threads keep the memory that they work in until they end.
+    /// [`BuiltScene::scan`] into the memory of `cloud`. After the first of its kind a scan in the order of beams
+    /// allocates nothing, but for a few small blocks with weather, several rays a beam, blooming or another profile
+    /// than the physical one, the beams of a pattern that does not repeat (`risley`), and sonars
+    /// ([`BuiltScene::ping_into`] uses memory again). Threads keep the memory that they work in until they end.
     ///
     /// # Errors
     /// As [`BuiltScene::scan`]. `cloud` stays as it was when pose or options are at fault; without memory it is empty.
@@ -170,8 +170,8 @@ impl BuiltScene {
         self.scan_watched(sensor, trajectory, options, cloud, None)
     }
 
-    /// [`BuiltScene::scan_into`] that tells `progress`, on this thread, how far it is, some times in a long scan; of a sonar,
-    /// whose scan is one ping, before it and after it.
+    /// [`BuiltScene::scan_into`] that tells `progress`, on this thread, how far it is, some times in a long scan; of a
+    /// sonar, whose scan is one ping, before it and after it.
     ///
     /// # Errors
     /// As [`BuiltScene::scan_into`], and [`Error::Cancelled`] when `progress` wants no more; then `cloud` is empty.
@@ -213,9 +213,9 @@ impl BuiltScene {
         self.scan_light(sensor, trajectory, options, cloud, progress)
     }
 
-    /// Tells what happens to beam `beam` of such a scan, step by step with numbers: where it goes, what it meets, what comes
-    /// back, what of it is seen and reported. Of a sonar the ray of the beam's echo is told, layer by layer, and the terms
-    /// of the sonar equation.
+    /// Tells what happens to beam `beam` of such a scan, step by step with numbers: where it goes, what it meets, what
+    /// comes back, what of it is seen and reported. Of a sonar the ray of the beam's echo is told, layer by layer, and
+    /// the terms of the sonar equation.
     ///
     /// # Errors
     /// As [`BuiltScene::scan`], a beam that there is not, and a sonar with another profile than [`Profile::Physical`].

@@ -1,7 +1,7 @@
 //! Sonars as the paper prints them and as its program computes them: a ray for each angle, a point for each ray.
 //!
-//! The paper: Reitmann, Neumann, Jung, Sensors 2021, 21, 2144, eqs. 6 to 13 and sections 2.3.3 and 3.3. The program: its
-//! `sonar.py` as it was run, oddities and all.
+//! The paper: Reitmann, Neumann, Jung, Sensors 2021, 21, 2144, eqs. 6 to 13 and sections 2.3.3 and 3.3. The program:
+//! its `sonar.py` as it was run, oddities and all.
 
 use super::{Profile, ScanOptions};
 use crate::cloud::{Columns, Frame, PointCloud, put};
@@ -39,7 +39,7 @@ struct Printed<'a> {
 
 /// The point of a ray.
 #[derive(Clone, Copy, Debug)]
-struct Point {
+struct PrintedPoint {
     ray: u32,
     /// Way along the ray, m.
     range: f32,
@@ -56,8 +56,8 @@ struct Point {
 
 /// Rays of one task and the memory to follow them in.
 #[derive(Default)]
-struct Chunk {
-    points: Vec<Point>,
+struct PrintedChunk {
+    points: Vec<PrintedPoint>,
     ways: Vec<Way>,
     tracer: TracerMemory,
     arrivals: Vec<Arrival>,
@@ -67,8 +67,8 @@ impl BuiltScene {
     /// [`BuiltScene::scan_into`] of a sonar in the profiles of the paper and of its program.
     ///
     /// # Errors
-    /// A sensor that is no sonar; a sonar above the water or outside its profile; for the program water that does not lie in
-    /// layers, and a source level of 0; no memory.
+    /// A sensor that is no sonar; a sonar above the water or outside its profile; for the program water that does not
+    /// lie in layers, and a source level of 0; no memory.
     pub(super) fn scan_printed(
         &self,
         sensor: &Sensor,
@@ -120,9 +120,9 @@ impl<'a> Printed<'a> {
     }
 
     /// Points of all rays, in the order of the rays.
-    fn points(&self) -> Vec<Point> {
+    fn points(&self) -> Vec<PrintedPoint> {
         let mut chunks = Vec::new();
-        chunks.resize_with(self.fan.len().div_ceil(CHUNK), Chunk::default);
+        chunks.resize_with(self.fan.len().div_ceil(CHUNK), PrintedChunk::default);
         let no_loss = |_: u32, _: f64| 0.0;
         // Time is what ends a ray of the tracer; where sound is slowest it takes longest over the farthest range.
         let tracer = SoundTracer::new(
@@ -176,9 +176,10 @@ impl<'a> Printed<'a> {
         known.into()
     }
 
-    /// Echoes as the paper has them: eq. 6 with spherical spreading over the whole path, `TS = 10 log(reflectance)`, and
-    /// `-10 log` of eq. 13 at each interface on the way there; rays by Snell's law (11), mirrored where nothing goes over.
-    fn follow_as_paper(&self, tracer: &SoundTracer, rays: Range<usize>, chunk: &mut Chunk) {
+    /// Echoes as the paper has them: eq. 6 with spherical spreading over the whole path, `TS = 10 log(reflectance)`,
+    /// and `-10 log` of eq. 13 at each interface on the way there; rays by Snell's law (11), mirrored where nothing
+    /// goes over.
+    fn follow_as_paper(&self, tracer: &SoundTracer, rays: Range<usize>, chunk: &mut PrintedChunk) {
         let launch = Launch {
             directions: self.fan.directions(0, self.fan.len()),
             rotation: self.rotation(),
@@ -199,7 +200,7 @@ impl<'a> Printed<'a> {
             let level =
                 self.acoustics.source_level_db - 2.0 * spreading - f64::from(arrival.loss) + strength + self.gains();
             if level > self.acoustics.detection_threshold_db {
-                chunk.points.push(Point {
+                chunk.points.push(PrintedPoint {
                     ray: arrival.ray,
                     range: path as f32,
                     intensity: level as f32,
@@ -215,7 +216,7 @@ impl<'a> Printed<'a> {
     }
 
     /// Echoes as the program has them, block by block, all rays of a block through one layer after the other.
-    fn follow_as_program(&self, rays: Range<usize>, chunk: &mut Chunk) {
+    fn follow_as_program(&self, rays: Range<usize>, chunk: &mut PrintedChunk) {
         let (mut batch, mut hits) = (RayBatch::default(), HitBatch::new());
         let depth = self.column.surface_z - self.pose.position.z;
         let slabs = &self.column.slabs[self.column.slab_at(depth)..];
@@ -264,10 +265,10 @@ impl<'a> Printed<'a> {
         }
     }
 
-    /// The echo of what `lane` of `hits` meets, if it is loud enough: `(SL - 2 TL - NL + DI + PG) R` by the program, the
-    /// reflectance `R` a factor of the level, `TL = 10 log` of the way in the last layer alone; its intensity is the ratio
-    /// of the level to that of the source.
-    fn echo_as_program(&self, way: &Way, hits: &HitBatch, lane: usize) -> Option<Point> {
+    /// The echo of what `lane` of `hits` meets, if it is loud enough: `(SL - 2 TL - NL + DI + PG) R` by the program,
+    /// the reflectance `R` a factor of the level, `TL = 10 log` of the way in the last layer alone; its intensity is
+    /// the ratio of the level to that of the source.
+    fn echo_as_program(&self, way: &Way, hits: &HitBatch, lane: usize) -> Option<PrintedPoint> {
         let surface = hits.surface[lane];
         if surface == MISS {
             return None;
@@ -278,7 +279,7 @@ impl<'a> Printed<'a> {
         let level = level * self.reflectance(surface, triangle, corner);
         let intensity = (level / way.source_level) as f32;
         // On an interface the way in the last layer is 0, and the level no number.
-        (level > self.acoustics.detection_threshold_db && intensity.is_finite()).then(|| Point {
+        (level > self.acoustics.detection_threshold_db && intensity.is_finite()).then(|| PrintedPoint {
             ray: way.ray,
             range: (way.path + length) as f32,
             intensity,
@@ -292,7 +293,7 @@ impl<'a> Printed<'a> {
     }
 
     /// Makes a cloud of the points.
-    fn collect(&self, points: Vec<Point>, cloud: &mut PointCloud) -> Result<()> {
+    fn collect(&self, points: Vec<PrintedPoint>, cloud: &mut PointCloud) -> Result<()> {
         let options = self.options;
         let rows = if options.organised { self.fan.len() } else { points.len() };
         cloud.columns.resize(options.fields, rows)?;
@@ -315,7 +316,7 @@ impl<'a> Printed<'a> {
     }
 
     /// Writes the row of a `ray`.
-    fn fill(&self, columns: &mut Columns, row: usize, ray: usize, point: Option<&Point>) {
+    fn fill(&self, columns: &mut Columns, row: usize, ray: usize, point: Option<&PrintedPoint>) {
         let launch = self.fan.direction(ray);
         let [azimuth, elevation] = azimuth_elevation(launch.to_array());
         put!(columns, row,
@@ -429,9 +430,9 @@ impl Way {
     }
 
     /// Goes over into the `next` layer, at the end of the `length` that the direction at launch makes of the layer's
-    /// thickness, whatever it is by now; whether it goes on. The source level is multiplied with the part of the power that
-    /// goes over (eq. 13), though it is in dB. Where all is reflected the program makes no number of the direction, and the
-    /// ray is lost.
+    /// thickness, whatever it is by now; whether it goes on. The source level is multiplied with the part of the power
+    /// that goes over (eq. 13), though it is in dB. Where all is reflected the program makes no number of the
+    /// direction, and the ray is lost.
     fn enter(&mut self, slab: &Slab, next: &Slab) -> bool {
         self.left -= self.length;
         self.path += self.length;
@@ -445,8 +446,8 @@ impl Way {
     }
 }
 
-/// The rays of a sonar. Of a side-scan sonar a row for each side, from the lowest ray up: the fans of the paper, or rays
-/// spread evenly over the vertical width; of others the axes of the beams.
+/// The rays of a sonar. Of a side-scan sonar a row for each side, from the lowest ray up: the fans of the paper, or
+/// rays spread evenly over the vertical width; of others the axes of the beams.
 fn fan(sensor: &Sensor, program: bool, wavelength: f64) -> Result<Arc<BeamTable>> {
     let Pattern::Sidescan(sonar) = &sensor.spec().pattern else { return Ok(sensor.beams.clone()) };
     let sides = sonar.azimuths_deg();
@@ -527,7 +528,8 @@ mod tests {
         assert_eq!(fan(&sonar("type: multibeam, beams: 7, swath_deg: 90"), true, 1.0).unwrap().columns, 7);
     }
 
-    /// By hand: at 30 degrees from the vertical 10 m of depth are 11.547 m of way, and Snell's sine goes from 0.5 to 0.6.
+    /// By hand: at 30 degrees from the vertical 10 m of depth are 11.547 m of way, and Snell's sine goes from 0.5 to
+    /// 0.6.
     #[test]
     fn the_program_takes_the_first_direction_for_lengths() {
         let slab = |speed, density| Slab {

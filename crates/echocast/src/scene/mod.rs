@@ -78,8 +78,8 @@ impl Default for LoadOptions {
 }
 
 impl LoadOptions {
-    /// Reads options from YAML: the fields of this type, `up` as `y` or `z`, and `labels`, which holds what a label file
-    /// does.
+    /// Reads options from YAML: the fields of this type, `up` as `y` or `z`, and `labels`, which holds what a label
+    /// file does.
     ///
     /// # Errors
     /// Line and key of what is wrong, with the nearest known key.
@@ -302,8 +302,8 @@ fn read(path: &Path, options: &LoadOptions, images: &mut TextureBudget) -> Resul
     (reader.read)(path, options, images)?.checked(path)
 }
 
-/// `path` without its `..`, if it leads to a place in `folder`, as it is spelled: links are followed wherever they lead,
-/// for they are no words of the scene's.
+/// `path` without its `..`, if it leads to a place in `folder`, as it is spelled: links are followed wherever they
+/// lead, for they are no words of the scene's.
 fn inside(folder: &Path, path: &Path) -> Option<PathBuf> {
     let mut found = folder.to_owned();
     let mut depth = 0;

@@ -14,7 +14,7 @@ pub use presets::PresetInfo;
 pub(crate) use signals::Signals;
 pub use sonar::{AcousticsSpec, Speckle, Tvg};
 pub use spec::{BeamSpec, Expectations, IntensitySpec, RangeSpec, ReturnsSpec, SensorKind, SensorSpec};
-pub(crate) use tof::Camera;
+pub(crate) use tof::DepthCamera;
 pub use tof::{Illumination, ShotNoiseSpec, Target, TofSpec, Vignetting};
 
 use crate::detect::{DetectionSpec, Noise, RangeError, ReturnMode, ReturnRule, Threshold, Timing};
@@ -45,7 +45,7 @@ pub struct Sensor {
     pub(crate) detection: DetectionSpec,
     pub(crate) noise: Noise,
     pub(crate) intensity: IntensityEncoding,
-    pub(crate) camera: Option<Camera>,
+    pub(crate) camera: Option<DepthCamera>,
     /// Quantiles of the texture of what a sonar hears; empty: none.
     pub(crate) texture: Arc<[f32]>,
     /// What a sonar sends and hears, for the wavelengths that it has been used at; shared with copies.
@@ -97,7 +97,7 @@ impl Sensor {
             detection: spec.detection.clone(),
             noise: spec.noise.clone(),
             intensity: spec.intensity.encoding,
-            camera: spec.tof.as_ref().map(|tof| Camera::new(tof, &spec.pattern)),
+            camera: spec.tof.as_ref().map(|tof| DepthCamera::new(tof, &spec.pattern)),
             texture: spec.acoustics.as_ref().and_then(|it| it.texture_shape).map_or_else(|| Arc::from([]), texture),
             transducers: Arc::default(),
             spec,
@@ -159,8 +159,8 @@ impl Sensor {
         RangeError::new(&self.noise, self.range_resolution_m, self.channels, edge_sigma, threshold)
     }
 
-    /// How it sees itself in smooth surfaces, if it does. Of an elliptic beam the round one of the same area stands for it;
-    /// where many rays make up the beam, each of them is a line.
+    /// How it sees itself in smooth surfaces, if it does. Of an elliptic beam the round one of the same area stands for
+    /// it; where many rays make up the beam, each of them is a line.
     pub(crate) fn glint(&self) -> Option<Glint> {
         let beam = &self.spec.beam;
         let [horizontal, vertical] = beam.divergence_mrad;

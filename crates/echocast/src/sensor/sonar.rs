@@ -21,7 +21,8 @@ pub struct AcousticsSpec {
     /// Source level, dB re 1 uPa at 1 m, 0 to 300.
     #[serde(default = "source_level")]
     pub source_level_db: f64,
-    /// Bandwidth of the pulse, kHz, at most twice the frequency; without it that of an unmodulated pulse of `pulse_ms`, its inverse.
+    /// Bandwidth of the pulse, kHz, at most twice the frequency; without it that of an unmodulated pulse of `pulse_ms`,
+    /// its inverse.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bandwidth_khz: Option<f64>,
     /// Length of the pulse, ms, 0.0001 to 10000.
@@ -33,14 +34,16 @@ pub struct AcousticsSpec {
     /// Directivity index of the receiver, dB, -10 to 100, by which noise is less; without it that of its beam.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub directivity_index_db: Option<f64>,
-    /// Gain of the matched filter, dB, -100 to 100, by which noise is less; without it `10 log(bandwidth x length of the pulse)`.
+    /// Gain of the matched filter, dB, -100 to 100, by which noise is less; without it `10 log(bandwidth x length of
+    /// the pulse)`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub processing_gain_db: Option<f64>,
     /// What an echo must have above noise and volume reverberation to be reported, dB, -100 to 100.
     #[serde(default = "threshold")]
     pub detection_threshold_db: f64,
-    /// Length of a range bin, m, 0.001 to 1000 and at least 0.0044 of the resolution (0.0005 of an unmodulated pulse); without it half the resolution `c / (2 bandwidth)`. Longer ones
-    /// than that resolution hold the mean power of what they cover: an area keeps its level, a point gets fainter.
+    /// Length of a range bin, m, 0.001 to 1000 and at least 0.0044 of the resolution (0.0005 of an unmodulated pulse);
+    /// without it half the resolution `c / (2 bandwidth)`. Longer ones than that resolution hold the mean power of what
+    /// they cover: an area keeps its level, a point gets fainter.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bin_m: Option<f64>,
     /// Weighting of the matched filter.
@@ -49,12 +52,12 @@ pub struct AcousticsSpec {
     /// What the random scatterers of a surface make of its echo.
     #[serde(default, skip_serializing_if = "is_default")]
     pub speckle: Speckle,
-    /// Shape of the gamma-distributed texture that makes K-distributed echoes of Rayleigh ones, 0.1 to 1000; there is none
-    /// where speckle is off.
+    /// Shape of the gamma-distributed texture that makes K-distributed echoes of Rayleigh ones, 0.1 to 1000; there is
+    /// none where speckle is off.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub texture_shape: Option<f64>,
-    /// Reflections by sea surface and scene that sound is followed over, 0 to 8; it returns the way it went, or straight
-    /// from where it got to. What was sent straight and returns over reflections counts too.
+    /// Reflections by sea surface and scene that sound is followed over, 0 to 8; it returns the way it went, or
+    /// straight from where it got to. What was sent straight and returns over reflections counts too.
     #[serde(default)]
     pub bounces: u8,
     /// Gain over range that pictures are drawn with.
@@ -76,9 +79,9 @@ pub struct AcousticsSpec {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Speckle {
-    /// Rayleigh-distributed amplitude: each ray, on each way back, has a random scatterer of its own in every place of a
-    /// surface, a third of the range resolution wide, and it is the same in all pings of a seed. What does not move sounds
-    /// the same again; where another ray meets a place it finds another scatterer.
+    /// Rayleigh-distributed amplitude: each ray, on each way back, has a random scatterer of its own in every place of
+    /// a surface, a third of the range resolution wide, and it is the same in all pings of a seed. What does not move
+    /// sounds the same again; where another ray meets a place it finds another scatterer.
     #[default]
     Frozen,
     /// None: the mean level.
@@ -216,8 +219,8 @@ impl Sensor {
         }
     }
 
-    /// What a sonar sends and hears at `wavelength` m, where sound is `ratio` times as fast as its beamformer believes. Of
-    /// wavelengths that hardly differ one stands for all.
+    /// What a sonar sends and hears at `wavelength` m, where sound is `ratio` times as fast as its beamformer believes.
+    /// Of wavelengths that hardly differ one stands for all.
     pub(crate) fn transducer(&self, wavelength: f64, ratio: f64) -> Arc<Transducer> {
         /// Steps of the wavelength and of the ratio, as a part of them: beams turn with the ratio.
         const STEPS: [f64; 2] = [1e-3, 1e-4];

@@ -10,8 +10,8 @@ use serde::ser::{SerializeStruct, Serializer};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// A sensor file: what each key of its YAML means. What is left out is ideal. Written, a sonar is without the sections of
-/// light (`beam`, `detection`, `returns`, `noise`, `intensity`), which its file must not fill.
+/// A sensor file: what each key of its YAML means. What is left out is ideal. Written, a sonar is without the sections
+/// of light (`beam`, `detection`, `returns`, `noise`, `intensity`), which its file must not fill.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SensorSpec {
@@ -145,8 +145,8 @@ pub struct BeamSpec {
     pub pulse_shape: PulseShape,
     /// Diameter of the beam where it leaves the instrument, mm, 0 to 1000.
     pub exit_diameter_mm: f64,
-    /// Diameter of the receiver's opening, mm, above 0, at most 1000. With it, smooth surfaces that are met head-on throw
-    /// the instrument's own light back at it; without it that is left out.
+    /// Diameter of the receiver's opening, mm, above 0, at most 1000. With it, smooth surfaces that are met head-on
+    /// throw the instrument's own light back at it; without it that is left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub aperture_mm: Option<f64>,
     /// Ranges below which the receiver sees nothing of its own beam and from which it sees all of it, m; in between

@@ -17,8 +17,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TofSpec {
-    /// Frequencies that its light is modulated at, MHz, up to 3, whole kHz: the range is what their phases say together.
-    /// Without any, ranges do not wrap.
+    /// Frequencies that its light is modulated at, MHz, up to 3, whole kHz: the range is what their phases say
+    /// together. Without any, ranges do not wrap.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub frequencies_mhz: Vec<f64>,
     /// Part of the error that four taps make of square waves, which calibration leaves, 0 to 1.
@@ -85,8 +85,8 @@ impl Target {
     }
 }
 
-/// Shot noise, said by the random error of one [`Target`]: it falls as the root of the light that comes back, and as that
-/// light itself where background light is stronger.
+/// Shot noise, said by the random error of one [`Target`]: it falls as the root of the light that comes back, and as
+/// that light itself where background light is stronger.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ShotNoiseSpec {
@@ -225,7 +225,7 @@ const MOST_TURNS: u32 = 1000;
 
 /// A depth camera made ready to scan.
 #[derive(Clone, Debug)]
-pub(crate) struct Camera {
+pub(crate) struct DepthCamera {
     modulation: Option<Modulation>,
     shot_noise: Option<ShotNoise>,
     /// Greatest difference between what the frequencies say, m.
@@ -246,9 +246,9 @@ pub(crate) struct Camera {
     half: [f32; 2],
 }
 
-impl Camera {
+impl DepthCamera {
     /// `spec` has been checked with `pattern`.
-    pub(crate) fn new(spec: &TofSpec, pattern: &Pattern) -> Camera {
+    pub(crate) fn new(spec: &TofSpec, pattern: &Pattern) -> DepthCamera {
         let frequencies = spec.frequencies_khz();
         let modulation = (!frequencies.is_empty()).then(|| Modulation::new(&frequencies, spec.wiggle_residual));
         let shot_noise = spec.shot_noise.zip(modulation).map(|(noise, modulation)| {
@@ -261,7 +261,7 @@ impl Camera {
         };
         let baseline = spec.second_eye_m.map_or(1.0, |eye| glam::DVec3::from(eye).length());
         let aside = pixel.map(|size| (size * spec.lateral_sigma_px) as f32);
-        Camera {
+        DepthCamera {
             modulation,
             shot_noise,
             inconsistency: spec.inconsistency_m.map_or(f32::INFINITY, |limit| limit as f32),
@@ -297,7 +297,8 @@ impl Camera {
         lens * self.light(cos)
     }
 
-    /// Light that goes out in `direction` (of length 1, in the sensor frame), over that on the axis: none beside the image.
+    /// Light that goes out in `direction` (of length 1, in the sensor frame), over that on the axis: none beside the
+    /// image.
     pub(crate) fn light_along(&self, direction: Vec3) -> f32 {
         let [across, down] = self.half;
         let within = direction.y.abs() <= across * direction.x && direction.z.abs() <= down * direction.x;
@@ -319,7 +320,8 @@ impl Camera {
     }
 
     /// Range, m, and power, 1/m^2, that pixel `beam` makes of the echoes at it, from `ranges` m with the `powers`
-    /// `rho_eff / R^2`, 1/m^2, dimmed by [`Camera::gain`] and weighted by their part of the pixel; none where it is invalid.
+    /// `rho_eff / R^2`, 1/m^2, dimmed by [`DepthCamera::gain`] and weighted by their part of the pixel; none where it is
+    /// invalid.
     pub(crate) fn form(&self, rng: &Rng, beam: u32, ranges: &[f32], powers: &[f32]) -> Option<(f32, f32)> {
         let light: f32 = powers.iter().sum();
         if light > self.saturation {
@@ -343,7 +345,7 @@ impl Camera {
         (formed.disagreement <= self.inconsistency).then_some((formed.range, formed.power))
     }
 
-    /// [`Camera::form`] of pixels with one echo each: `formed` gets ranges, m, `valid` whether there is one.
+    /// [`DepthCamera::form`] of pixels with one echo each: `formed` gets ranges, m, `valid` whether there is one.
     pub(crate) fn form_all(
         &self,
         rng: &Rng,
@@ -374,7 +376,7 @@ impl Camera {
         }
     }
 
-    /// [`Camera::err`] of each lane; `axis`: cosines of the angles that pixels are off the optical axis.
+    /// [`DepthCamera::err`] of each lane; `axis`: cosines of the angles that pixels are off the optical axis.
     pub(crate) fn err_all(
         &self,
         rng: &Rng,
@@ -390,7 +392,7 @@ impl Camera {
         }
     }
 
-    /// Multiplies `values` with [`Camera::gain`] of pixels whose rays are `cos` off the axis.
+    /// Multiplies `values` with [`DepthCamera::gain`] of pixels whose rays are `cos` off the axis.
     pub(crate) fn dim(&self, cos: &[f32; LANES], values: &mut [f32; LANES]) {
         if self.vignetting == Vignetting::Cos4 {
             kernels::vignette(cos, values);
@@ -400,8 +402,8 @@ impl Camera {
 
     /// Where pixels, which should look along `from`, do look: unit vectors in the sensor frame too.
     ///
-    /// Published lateral noise grows with the incidence, which is not known before the ray is traced: the number is that
-    /// of surfaces met head-on.
+    /// Published lateral noise grows with the incidence, which is not known before the ray is traced: the number is
+    /// that of surfaces met head-on.
     pub(crate) fn look_aside(&self, rng: &Rng, beams: &[u32], from: [&[f32]; 3], to: &mut [[f32; LANES]; 3]) {
         let [across, down] = self.aside.unwrap_or_default();
         let (mut y, mut z) = ([0.0; LANES], [0.0; LANES]);
@@ -410,8 +412,8 @@ impl Camera {
         kernels::look_aside(from, across, down, [&y, &z], to);
     }
 
-    /// The measured range, m, of pixel `beam`, whose ray is `axis` (the cosine) off the optical axis and meets its surface
-    /// at an incidence of cosine `cos`, where the range would be `range` without errors of the depth.
+    /// The measured range, m, of pixel `beam`, whose ray is `axis` (the cosine) off the optical axis and meets its
+    /// surface at an incidence of cosine `cos`, where the range would be `range` without errors of the depth.
     pub(crate) fn err(&self, rng: &Rng, beam: u32, axis: f32, cos: f32, range: f32) -> f32 {
         let Some(depth) = &self.depth else { return range };
         let [normal, _] = rng.normal_pair(beam, Draw::DepthJitter, 0);
@@ -438,15 +440,15 @@ mod tests {
     use crate::read::yaml;
 
     /// A camera of 64 x 48 pixels and 90 x 60 degrees.
-    fn camera(tof: &str) -> Camera {
+    fn camera(tof: &str) -> DepthCamera {
         let pattern = "{type: pinhole, resolution: [64, 48], fov_deg: [90, 60]}";
         let (spec, pattern): (TofSpec, Pattern) =
             (yaml::from_str("tof", tof).unwrap(), yaml::from_str("pattern", pattern).unwrap());
         spec.check(&pattern, &mut Bounds::none()).unwrap();
-        Camera::new(&spec, &pattern)
+        DepthCamera::new(&spec, &pattern)
     }
 
-    fn form(camera: &Camera, ranges: &[f32], powers: &[f32]) -> Option<(f32, f32)> {
+    fn form(camera: &DepthCamera, ranges: &[f32], powers: &[f32]) -> Option<(f32, f32)> {
         camera.form(&Rng::new(1, 0), 5, ranges, powers)
     }
 

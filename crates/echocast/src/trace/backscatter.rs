@@ -13,8 +13,8 @@ const STEPS: usize = 512;
 
 /// Of every material, and of the sea surface, how much it sends back and what a reflection costs.
 pub(crate) struct Backscatter {
-    /// `log2(s_b / sine of the grazing angle)` at the angles of the table, a run of `STEPS + 1` for each material, then the
-    /// sea surface; where the reflectance of an image decides, that of reflectance 1.
+    /// `log2(s_b / sine of the grazing angle)` at the angles of the table, a run of `STEPS + 1` for each material, then
+    /// the sea surface; where the reflectance of an image decides, that of reflectance 1.
     laws: Vec<f32>,
     /// Loss of a reflection at those angles, dB, likewise.
     losses: Vec<f32>,
@@ -39,8 +39,8 @@ enum By {
 }
 
 impl Backscatter {
-    /// For `materials`, where their reflectances stand for those that say nothing of sound, and for `sea`, at `frequency` Hz in
-    /// water of `speed` m/s.
+    /// For `materials`, where their reflectances stand for those that say nothing of sound, and for `sea`, at
+    /// `frequency` Hz in water of `speed` m/s.
     pub fn new(
         materials: &[Arc<Material>],
         reflectances: &Reflectances,
@@ -57,8 +57,8 @@ impl Backscatter {
             let sound = known.cloned().unwrap_or_else(of_reflectance);
             if let Some(strength) = sound.target_strength_db() {
                 by.push(By::Area);
-                // Seen from anywhere, a convex body covers a quarter of its surface in the mean (Cauchy 1832): so much of
-                // its target strength answers for each area that is met.
+                // Seen from anywhere, a convex body covers a quarter of its surface in the mean (Cauchy 1832): so much
+                // of its target strength answers for each area that is met.
                 tabulate(&mut laws, |_| strength / 10.0 * 10f64.log2() + 2.0);
             } else {
                 by.push(if known.is_none() && reflectance.is_nan() { By::Image } else { By::Law });
@@ -98,7 +98,8 @@ impl Backscatter {
         f64::from(ratio) * 10.0 * std::f64::consts::LOG10_2
     }
 
-    /// `log2(s_b / sine in)` of what an arrival meets at the sine of a grazing angle, of what it sends elsewhere at another.
+    /// `log2(s_b / sine in)` of what an arrival meets at the sine of a grazing angle, of what it sends elsewhere at
+    /// another.
     ///
     /// Between the two directions `s_b` is the geometric mean of what goes back into either, an assumption of ours: it
     /// is the same both ways, and of Lambert's law it makes `mu sin(in) sin(out)`, which that law is. Lobes about the

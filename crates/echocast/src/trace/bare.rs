@@ -56,8 +56,8 @@ impl BareHits {
 }
 
 impl<'a> BareLoop<'a> {
-    /// Of `rays`, in blocks of which `counts` count; `coherent`: neighbours in a block are neighbours in angle; `spread`:
-    /// the rays of a block start at different places.
+    /// Of `rays`, in blocks of which `counts` count; `coherent`: neighbours in a block are neighbours in angle;
+    /// `spread`: the rays of a block start at different places.
     pub(crate) fn of(
         scene: &'a BuiltScene,
         [coherent, spread]: [bool; 2],

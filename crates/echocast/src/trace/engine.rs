@@ -42,8 +42,8 @@ struct Pool {
 /// As [`Pool::turn`], of rayon's global pool.
 static RAYONS_TURN: Mutex<()> = Mutex::new(());
 
-/// Threads that help those who build scenes, apart from those that scan: a mesh may be built in the background. Asleep until
-/// they are called.
+/// Threads that help those who build scenes, apart from those that scan: a mesh may be built in the background. Asleep
+/// until they are called.
 struct Builders {
     calls: Option<Sender<Arc<Joint>>>,
     threads: Vec<JoinHandle<()>>,
@@ -79,9 +79,9 @@ impl Engine {
         Ok(Engine(Arc::new(Parts { device, workers: Workers::Rayon, builders: builders.clone() })))
     }
 
-    /// Works with `threads` threads of its own, and one less that helps to build large scenes, up to one for each core; all
-    /// end with it. With 1, no thread is started at all and the calling thread does everything; with 0, there are as many as
-    /// the machine has cores. Nothing asks the system for threads later on.
+    /// Works with `threads` threads of its own, and one less that helps to build large scenes, up to one for each core;
+    /// all end with it. With 1, no thread is started at all and the calling thread does everything; with 0, there are
+    /// as many as the machine has cores. Nothing asks the system for threads later on.
     ///
     /// # Errors
     /// Embree's: out of memory, a library that is too old or too new; [`Error::Threads`]; more than 1024.

@@ -37,8 +37,8 @@ impl HitBatch {
         }
     }
 
-    /// Traces the first `count` rays, through the holes of cut-outs. `coherent`: neighbours in the batch are neighbours in angle. `mask`: objects are
-    /// hit whose mask shares a bit with it.
+    /// Traces the first `count` rays, through the holes of cut-outs. `coherent`: neighbours in the batch are neighbours
+    /// in angle. `mask`: objects are hit whose mask shares a bit with it.
     pub(crate) fn trace(&mut self, scene: &Tables, rays: &RayBatch, count: usize, coherent: bool, mask: u32) {
         let coherence = if coherent { Coherence::Coherent } else { Coherence::Incoherent };
         match scene.packet_width {

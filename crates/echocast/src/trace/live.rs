@@ -14,8 +14,8 @@ use std::collections::HashMap;
 use std::sync::{Arc, PoisonError};
 use std::{fmt, mem};
 
-/// A scene that changes. [`LiveScene::commit`] makes what is scanned, a [`BuiltScene`] that never changes: any number of
-/// threads may scan it while the next one is prepared.
+/// A scene that changes. [`LiveScene::commit`] makes what is scanned, a [`BuiltScene`] that never changes: any number
+/// of threads may scan it while the next one is prepared.
 ///
 /// Objects that may move are placed one by one, so that a commit after moving them costs a few microseconds for each
 /// object, whatever the size of their meshes. Fixed objects with a mesh of their own are built together, which makes
@@ -186,8 +186,8 @@ impl LiveScene {
     }
 
     /// Adds the objects of a scene file, all fixed, its cameras and the names of its labels, and returns the objects in
-    /// their order. In a scene with labels, a name that is known keeps its number here, and so does the file's number of
-    /// any other name if it is free; instances are numbered on from the greatest number that has a name.
+    /// their order. In a scene with labels, a name that is known keeps its number here, and so does the file's number
+    /// of any other name if it is free; instances are numbered on from the greatest number that has a name.
     ///
     /// # Errors
     /// As [`LiveScene::add`]; then none is added.

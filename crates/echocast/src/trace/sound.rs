@@ -71,7 +71,8 @@ pub(crate) struct Arrival {
     pub place: Vec3,
     /// Unit vector along the ray.
     pub direction: Vec3,
-    /// Normal of the surface, of any length and sign: of smooth parts the interpolated one, of others that of the triangle.
+    /// Normal of the surface, of any length and sign: of smooth parts the interpolated one, of others that of the
+    /// triangle.
     pub normal: Vec3,
     /// Reflections on the way.
     pub order: u8,
@@ -227,9 +228,9 @@ impl<'a> SoundTracer<'a> {
     }
 
     /// Adds what the rays `which` of `launch` meet to `arrivals`, block by block: in water that is the same everywhere
-    /// first what each meets first, in their order, then what they meet over reflections; in other water in the order of
-    /// the steps that get there. Over reflections also what is out of reach back the way that sound came, if it may be
-    /// heard straight back.
+    /// first what each meets first, in their order, then what they meet over reflections; in other water in the order
+    /// of the steps that get there. Over reflections also what is out of reach back the way that sound came, if it may
+    /// be heard straight back.
     pub fn trace(&self, launch: &Launch, which: Range<usize>, memory: &mut TracerMemory, arrivals: &mut Vec<Arrival>) {
         let depth = self.surface_z - launch.place.z;
         let slab = self.slab_at(depth);
@@ -417,7 +418,8 @@ impl<'a> SoundTracer<'a> {
         }
     }
 
-    /// Takes a ray on, through water where nothing is, up to its next step on which something can be met; `None`: it ends.
+    /// Takes a ray on, through water where nothing is, up to its next step on which something can be met; `None`: it
+    /// ends.
     fn next_traced(&self, state: &mut State, start: &Start, arrivals: &mut Vec<Arrival>) -> Option<Step> {
         for _ in 0..MOST_STEPS {
             let latest = self.latest(state);
@@ -454,7 +456,8 @@ impl<'a> SoundTracer<'a> {
         range + self.least_range * straight <= 2.0 * self.reach
     }
 
-    /// The next step of a ray: to the end of its slab, and no farther than its arc is near its chord where that is traced.
+    /// The next step of a ray: to the end of its slab, and no farther than its arc is near its chord where that is
+    /// traced.
     fn step(&self, state: &State, latest: f64) -> Step {
         let slab = &self.slabs[state.ray.slab];
         let (mut length, mut end) = state.ray.exit(slab);
@@ -649,8 +652,8 @@ mod tests {
         }
     }
 
-    /// Rows of a table of touches of surface and bottom, one launch after the other: angle, number of the touch, range by
-    /// BELLHOP, time by another solver.
+    /// Rows of a table of touches of surface and bottom, one launch after the other: angle, number of the touch, range
+    /// by BELLHOP, time by another solver.
     fn touches(table: &str) -> Vec<(f64, usize, f64, f64)> {
         let mut lines = table.lines();
         let header: Vec<&str> = lines.next().unwrap().split(',').collect();

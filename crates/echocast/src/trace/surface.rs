@@ -169,8 +169,8 @@ impl Surfaces {
         )
     }
 
-    /// What every material and the `sea` send back of sound of `frequency` Hz in water of `speed` m/s; `reflectances` stand
-    /// for what materials do not say.
+    /// What every material and the `sea` send back of sound of `frequency` Hz in water of `speed` m/s; `reflectances`
+    /// stand for what materials do not say.
     pub(crate) fn backscatter(
         &self,
         reflectances: &Reflectances,
@@ -178,8 +178,8 @@ impl Surfaces {
         sea: Sea,
         speed: f64,
     ) -> Arc<Backscatter> {
-        // What depends on the speed changes little with it, so that one stands for those near it; which one that is must
-        // not depend on what came before.
+        // What depends on the speed changes little with it, so that one stands for those near it; which one that is
+        // must not depend on what came before.
         const STEP: f64 = 1e-3;
         let speed = ((speed.ln() / STEP).round() * STEP).exp();
         kept(
@@ -191,9 +191,9 @@ impl Surfaces {
 }
 
 impl Tables {
-    /// The interpolated normal of a smooth part where the second and the third corner of `triangle` weigh `u` and `v`, in
-    /// the world's frame, of any length and on the side that the mesh has it; `None`: the part is flat, or the normals of
-    /// its corners cancel.
+    /// The interpolated normal of a smooth part where the second and the third corner of `triangle` weigh `u` and `v`,
+    /// in the world's frame, of any length and on the side that the mesh has it; `None`: the part is flat, or the
+    /// normals of its corners cancel.
     pub(crate) fn shading_normal(&self, surface: u32, triangle: u32, [u, v]: [f32; 2]) -> Option<Vec3> {
         let surfaces = &self.surfaces;
         if !surfaces.has_shading_normals {

@@ -63,9 +63,9 @@ impl Contribution {
         light::face(normals, [&rays.dir_x, &rays.dir_y, &rays.dir_z], &mut self.cos_incidence);
     }
 
-    /// Puts the interpolated shading normal in place of the triangle's on smooth parts, and its incidence. The triangle,
-    /// made to face the sensor by [`Contribution::meet`], says on which side of the surface the sensor is; where the
-    /// shading normal turns away from the sensor nothing comes back.
+    /// Puts the interpolated shading normal in place of the triangle's on smooth parts, and its incidence. The
+    /// triangle, made to face the sensor by [`Contribution::meet`], says on which side of the surface the sensor is;
+    /// where the shading normal turns away from the sensor nothing comes back.
     fn shade(&mut self, scene: &Tables, rays: &RayBatch, hits: &mut HitBatch, count: usize) {
         let surfaces = &scene.surfaces;
         // Neighbours mostly meet the same part.

@@ -1,11 +1,11 @@
 //! The instrument's own light, thrown back by a smooth surface that is met head-on.
 //!
 //! Such a surface is a mirror in which the instrument sees itself at twice the range. Into its receiver comes the part
-//! `1 - exp(-2 a^2 / w(2 R)^2)` of what is reflected: of a Gaussian beam of radius `w` (1/e^2) through an opening of radius
-//! `a` on its axis. At an incidence of `theta` the axis comes back `d = 2 theta R` beside the middle of the opening, and
-//! less comes into it by the factor `(erf(sqrt 2 (d + a) / w) - erf(sqrt 2 (d - a) / w)) / (2 erf(sqrt 2 a / w))`: what a
-//! slit of that width would lose. For an opening much smaller than the beam, and for a beam that is a line, that is exact;
-//! in between it is too much by up to 0.07 of the light of head-on.
+//! `1 - exp(-2 a^2 / w(2 R)^2)` of what is reflected: of a Gaussian beam of radius `w` (1/e^2) through an opening of
+//! radius `a` on its axis. At an incidence of `theta` the axis comes back `d = 2 theta R` beside the middle of the
+//! opening, and less comes into it by the factor `(erf(sqrt 2 (d + a) / w) - erf(sqrt 2 (d - a) / w)) / (2 erf(sqrt 2 a
+//! / w))`: what a slit of that width would lose. For an opening much smaller than the beam, and for a beam that is a
+//! line, that is exact; in between it is too much by up to 0.07 of the light of head-on.
 
 use crate::ground::math::erf;
 use std::f64::consts::SQRT_2;
@@ -32,8 +32,9 @@ impl Glint {
         -(-2.0 * (self.opening / self.radius(2.0 * range)).powi(2)).exp_m1()
     }
 
-    /// Effective reflectance of a surface that sends the light back as it came: whose `reflected` part, 0..1, comes to the
-    /// receiver as it would from a Lambert surface that is so bright. `angle`: of incidence, rad; `range`: way there, m.
+    /// Effective reflectance of a surface that sends the light back as it came: whose `reflected` part, 0..1, comes to
+    /// the receiver as it would from a Lambert surface that is so bright. `angle`: of incidence, rad; `range`: way
+    /// there, m.
     pub(crate) fn rho_eff(self, reflected: f32, angle: f32, range: f32) -> f32 {
         let (beside, width) = (2.0 * angle * range, self.radius(2.0 * range));
         // There is no light to speak of beyond.
@@ -43,7 +44,8 @@ impl Glint {
         let within = |edge: f32| erf(SQRT_2 * f64::from(edge / width.max(f32::MIN_POSITIVE)));
         let opening = self.opening;
         let left = (within(beside + opening) - within(beside - opening)) / (2.0 * within(opening));
-        // A Lambert surface sends rho_eff / pi of the light into each steradian, and the opening is pi a^2 / R^2 of them.
+        // A Lambert surface sends rho_eff / pi of the light into each steradian, and the opening is pi a^2 / R^2 of
+        // them.
         reflected * left as f32 * self.taken(range) * (range / self.opening).powi(2)
     }
 

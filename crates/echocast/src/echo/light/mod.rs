@@ -19,5 +19,5 @@ pub(crate) use path::{Chosen, Follower, Meeting, PathEcho, PathEchoes, PathLimit
 pub(crate) use phasor::{MOST_FREQUENCIES, Modulation, ShotNoise, natural_vignetting, turns};
 pub(crate) use pulse::Pulse;
 pub use pulse::PulseShape;
-pub(crate) use waveform::{Part, Waveform};
+pub(crate) use waveform::{Pulselet, Waveform};
 pub(crate) use weather::{Air, AirEcho, AirEchoes, Answer, Foremost, Receiver};

@@ -21,10 +21,10 @@ impl Cone {
 
 /// The particles of a medium that one kind of beam detects.
 ///
-/// A particle of diameter D at range r fills the part D^2 / beam^2 of the beam; its strength is
-/// `S = reflectance (D / beam)^2 gain(r) / r^2`, and it is detected if that is the threshold K or more. All others are never
-/// seen and never drawn. What is left is a Poisson process, which can be met in the order of range or of strength, one
-/// particle after the other, as far as anybody wants: the mean number up to the n-th is a sum of n exponential numbers.
+/// A particle of diameter D at range r fills the part D^2 / beam^2 of the beam; its strength is `S = reflectance (D /
+/// beam)^2 gain(r) / r^2`, and it is detected if that is the threshold K or more. All others are never seen and never
+/// drawn. What is left is a Poisson process, which can be met in the order of range or of strength, one particle after
+/// the other, as far as anybody wants: the mean number up to the n-th is a sum of n exponential numbers.
 #[derive(Clone, Debug)]
 pub(crate) struct Detectable {
     from: f32,
@@ -52,7 +52,8 @@ const LEVELS: usize = 48;
 const LEVELS_PER_OCTAVE: f32 = 2.0;
 
 impl Detectable {
-    /// `from` and `to`: where the medium is, m. `gain`: `overlap(r) T(r)`. `k`: the detection threshold, 1/m^2, above 0.
+    /// `from` and `to`: where the medium is, m. `gain`: `overlap(r) T(r)`. `k`: the detection threshold, 1/m^2, above
+    /// 0.
     pub(crate) fn new(
         particles: &Particles,
         cone: Cone,
@@ -130,7 +131,8 @@ impl Detectable {
         self.nearer[CELLS - 1]
     }
 
-    /// Range, m, of the particle up to which there are `number` in the mean; `number` is less than [`Detectable::mean`].
+    /// Range, m, of the particle up to which there are `number` in the mean; `number` is less than
+    /// [`Detectable::mean`].
     pub(crate) fn nearest(&self, number: f32) -> f32 {
         self.range_of(&self.nearer, number)
     }
@@ -173,8 +175,8 @@ mod tests {
     const RAIN_10: Particles =
         Particles { per_m3_mm: 8000.0, slope_per_mm: 2.528_039_5, least_mm: 1.0, reflectance: 0.0225 };
 
-    /// Drops of 10 mm/h above 1 mm in 50 m of a cone of 3 mrad, when the sensor sees them all: 74.390, and above 0.05 mm
-    /// 821.36, made with numpy. The others are volumes, m^3, of cones, and of frustums that begin 12 mm wide.
+    /// Drops of 10 mm/h above 1 mm in 50 m of a cone of 3 mrad, when the sensor sees them all: 74.390, and above 0.05
+    /// mm 821.36, made with numpy. The others are volumes, m^3, of cones, and of frustums that begin 12 mm wide.
     #[test]
     fn drops_in_a_beam_are_counted() {
         let mean = |start, length, particles: &Particles| {

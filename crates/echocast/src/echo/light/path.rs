@@ -1,8 +1,9 @@
 //! Light that goes on: over mirrors, through glass and water, to what is seen in them.
 //!
 //! A beam that meets such a surface becomes a tree of paths. Each path is a straight piece after another; at a smooth
-//! surface it divides into a reflected and a refracted one, and wherever a surface sends light back diffusely there is an
-//! echo, whose light returns the same way. The paths of a block of beams are traced together, generation by generation.
+//! surface it divides into a reflected and a refracted one, and wherever a surface sends light back diffusely there is
+//! an echo, whose light returns the same way. The paths of a block of beams are traced together, generation by
+//! generation.
 
 use super::{Air, Contribution, Glint, Wanted};
 use crate::ground::cause::Cause;
@@ -146,8 +147,8 @@ pub(crate) struct Follower {
     surfaces: Contribution,
 }
 
-/// The next generation of paths. Those of neighbours go on side by side when what is reflected and what is refracted do not
-/// take turns.
+/// The next generation of paths. Those of neighbours go on side by side when what is reflected and what is refracted do
+/// not take turns.
 #[derive(Default)]
 struct Next {
     reflected: Vec<Path>,
@@ -170,15 +171,15 @@ pub(crate) struct Meeting {
     pub depth: f32,
 }
 
-/// Who hears of the echoes of a block's paths.
+/// A sink for the echoes of a block's paths.
 pub(crate) trait PathEchoes {
     /// Light, as `rho_eff / R^2` in 1/m^2, that an echo of `lane` must exceed to matter.
     fn least(&self, lane: usize) -> f32;
 
-    /// Hears of `echo`, whose surface is among `hits` and `surfaces`.
+    /// Takes `echo`, whose surface is among `hits` and `surfaces`.
     fn take(&mut self, echo: &PathEcho, hits: &HitBatch, surfaces: &Contribution);
 
-    /// Hears where paths lead.
+    /// Is told where paths lead.
     fn meet(&mut self, _: Meeting) {}
 }
 
@@ -264,7 +265,7 @@ impl Default for Follower {
 }
 
 impl Follower {
-    /// Follows the light of those of the first `count` rays whose surface does not stop it; `echoes` hears of what comes
+    /// Follows the light of those of the first `count` rays whose surface does not stop it; `echoes` takes what comes
     /// back, from the surface itself too. `rays`, `hits` and `surfaces` are the rays' own, normals on their side.
     pub(crate) fn follow(
         &mut self,
@@ -308,7 +309,8 @@ impl Follower {
             (self.rays.dir_x[lane], self.rays.dir_y[lane], self.rays.dir_z[lane]) = path.direction.into();
             self.rays.range_max[lane] = (around.range_max[usize::from(path.way.lane)] - path.way.range).max(0.0);
         }
-        // Neighbours come from neighbours on the same surface, mostly: packets as for beams take two thirds of the time.
+        // Neighbours come from neighbours on the same surface, mostly: packets as for beams take two thirds of the
+        // time.
         self.hits.trace(around.scene, &self.rays, paths.len(), true, around.mask);
         self.surfaces.face(around.scene, &self.rays, &mut self.hits, paths.len(), around.smooth);
         let (surfaces, reflectances) = (&around.scene.surfaces, around.reflectances);

@@ -1,7 +1,7 @@
 //! Light of modulated power: from the echoes at a pixel to the one range that its phases say.
 //!
-//! The light of an echo from `R` m comes back with the phase `4 pi f R / c`, and the phasors of all echoes at a pixel add:
-//! at an edge the range lies between those of the two surfaces, or beyond either. Phases are counted in turns.
+//! The light of an echo from `R` m comes back with the phase `4 pi f R / c`, and the phasors of all echoes at a pixel
+//! add: at an edge the range lies between those of the two surfaces, or beyond either. Phases are counted in turns.
 
 use crate::ground::units::SPEED_OF_LIGHT;
 pub(crate) use echocast_kernels::camera::MOST_FREQUENCIES;
@@ -13,8 +13,8 @@ pub(crate) fn ambiguity_range(frequency: f64) -> f64 {
     SPEED_OF_LIGHT / (2.0 * frequency)
 }
 
-/// The sum of phasors of echoes from `ranges` m with the amplitudes `powers`, where the phase wraps at `wrap` m: its real
-/// and imaginary part, in the unit of the powers.
+/// The sum of phasors of echoes from `ranges` m with the amplitudes `powers`, where the phase wraps at `wrap` m: its
+/// real and imaginary part, in the unit of the powers.
 pub(crate) fn sum(wrap: f64, ranges: &[f32], powers: &[f32]) -> [f64; 2] {
     ranges.iter().zip(powers).fold([0.0; 2], |[re, im], (&range, &power)| {
         let (sin, cos) = (TAU * f64::from(range) / wrap).sin_cos();
@@ -32,8 +32,8 @@ pub(crate) struct ShotNoise {
 }
 
 impl ShotNoise {
-    /// Noise of `phase` rad on an echo of `power` 1/m^2, where background light gives `ambient` times the electrons that
-    /// the echo gives.
+    /// Noise of `phase` rad on an echo of `power` 1/m^2, where background light gives `ambient` times the electrons
+    /// that the echo gives.
     pub(crate) fn new(phase: f64, power: f64, ambient: f64) -> ShotNoise {
         // What `sigma` says, solved for the amplitude; an echo of fully modulated light has that mean too.
         let amplitude = (1.0 + ambient) / (2.0 * phase * phase);
@@ -139,8 +139,8 @@ impl Modulation {
 
     /// Range, m, that `phases` in turns agree on best, and the greatest difference between what two of them say.
     ///
-    /// Every whole number of turns of the highest frequency is tried; the one that leaves least of the others' phases, in
-    /// squares, counts. Then all count with the weight of their precision, `f^2`.
+    /// Every whole number of turns of the highest frequency is tried; the one that leaves least of the others' phases,
+    /// in squares, counts. Then all count with the weight of their precision, `f^2`.
     fn unwrap(&self, phases: &[f64]) -> (f64, f64) {
         let finest = self.wraps[0];
         let per_turn = self.wraps.map(|wrap| finest / wrap);
@@ -166,7 +166,8 @@ impl Modulation {
     }
 }
 
-/// Turns of the highest of `frequencies` until all are where they began: that frequency over the greatest common divisor.
+/// Turns of the highest of `frequencies` until all are where they began: that frequency over the greatest common
+/// divisor.
 pub(crate) fn turns(frequencies: &[u32]) -> u32 {
     fn divisor(a: u32, b: u32) -> u32 {
         if b == 0 { a } else { divisor(b, a % b) }
@@ -254,8 +255,8 @@ mod tests {
             })
             .collect();
         let variance = errors.iter().map(|error| error * error).sum::<f64>() / f64::from(count);
-        // The weighted mean of three independent ranges: 1 / sigma^2 = sum of 1 / (wrap sigma_phi / (2 pi))^2. A variance
-        // of n normal numbers has the relative standard error sqrt(2 / n).
+        // The weighted mean of three independent ranges: 1 / sigma^2 = sum of 1 / (wrap sigma_phi / (2 pi))^2. A
+        // variance of n normal numbers has the relative standard error sqrt(2 / n).
         let expected = sigma / kinect.phase_sigma(1.0);
         assert_near(variance.sqrt() / expected, 1.0, 3.0 / (2.0 * f64::from(count)).sqrt());
         assert!(errors.iter().all(|error| error.abs() < 6.0 * expected));

@@ -68,7 +68,8 @@ impl Pulse {
     /// `J(R) = int p(2 (R - r) / c) density(r) dr`. The density falls beyond `falls_from`.
     pub(crate) fn peak(self, [from, to]: [f64; 2], falls_from: f64, density: impl Fn(f64) -> f64) -> (f64, f64) {
         let from = from.max(1e-2);
-        // Simpson's rule in the logarithm of range, with an odd number of `points`: near the sensor density falls steeply.
+        // Simpson's rule in the logarithm of range, with an odd number of `points`: near the sensor density falls
+        // steeply.
         let integral = |range: f64, [low, high]: [f64; 2], points: usize| {
             if low >= high {
                 return 0.0;
@@ -130,19 +131,19 @@ impl Pulse {
 /// `kappa` = two extinctions and what spreading adds. In units of the pulse's sigma, with `u = kappa sigma`: how far
 /// behind the face the peak is, and its height over the power at the face.
 ///
-/// `J(x) = sqrt(pi/2) exp(u^2/2 - u x) erfc((u - x) / sqrt 2)`: a Gaussian folded with a falling exponential; the peak is
-/// found by Newton's method once for a row of `u` and read from it linearly in `sqrt u`.
-pub(crate) struct Face {
-    rows: [[f32; 2]; Face::ROWS],
+/// `J(x) = sqrt(pi/2) exp(u^2/2 - u x) erfc((u - x) / sqrt 2)`: a Gaussian folded with a falling exponential; the peak
+/// is found by Newton's method once for a row of `u` and read from it linearly in `sqrt u`.
+pub(crate) struct FaceEcho {
+    rows: [[f32; 2]; FaceEcho::ROWS],
 }
 
-impl Face {
+impl FaceEcho {
     const ROWS: usize = 65;
     /// Greatest `u` of the rows; thicker media answer as a wall.
     const MOST: f64 = 16.0;
 
-    pub(crate) fn get() -> &'static Face {
-        static FACE: std::sync::OnceLock<Face> = std::sync::OnceLock::new();
+    pub(crate) fn get() -> &'static FaceEcho {
+        static FACE: std::sync::OnceLock<FaceEcho> = std::sync::OnceLock::new();
         FACE.get_or_init(|| {
             let rows = std::array::from_fn(|row| {
                 // Without any decay there is no peak: it recedes, ever more slowly.
@@ -157,7 +158,7 @@ impl Face {
                 }
                 [low as f32, height(low) as f32]
             });
-            Face { rows }
+            FaceEcho { rows }
         })
     }
 
@@ -193,8 +194,8 @@ mod tests {
     }
 
     /// Values made with scipy: pulse sin^2 of a width in ns, overlap, extinction (optical ranges of 99.86, 49.93 and
-    /// 149.8 m); range of the fog's echo, m, and J, 1/m; reflectances of walls at 10, 20, 30 and 50 m that are as strong,
-    /// `pi beta J R^2 / T` with 18.8 sr.
+    /// 149.8 m); range of the fog's echo, m, and J, 1/m; reflectances of walls at 10, 20, 30 and 50 m that are as
+    /// strong, `pi beta J R^2 / T` with 18.8 sr.
     #[test]
     fn fog_answers_where_the_overlap_begins() {
         for (ns, seen, extinction, range, height, walls) in [
@@ -216,8 +217,8 @@ mod tests {
         }
     }
 
-    /// The dust cloud from 5 to 17.5 m, 5 ns sin^2, 10^5 to 10^7 grains of 50 um per m^3, made with scipy: its echo over
-    /// that of a target of reflectance 0.5 at 30 m, and of 0.05. The first is below the threshold of 0.8 at 200 m.
+    /// The dust cloud from 5 to 17.5 m, 5 ns sin^2, 10^5 to 10^7 grains of 50 um per m^3, made with scipy: its echo
+    /// over that of a target of reflectance 0.5 at 30 m, and of 0.05. The first is below the threshold of 0.8 at 200 m.
     #[test]
     fn dust_answers_at_its_face() {
         for (per_m3, range, ratio, of_dark) in [
@@ -254,7 +255,7 @@ mod tests {
         let sigma = pulse.sigma();
         for kappa in [0.01, 0.1, 0.5, 2.0, 8.0] {
             let (range, j) = pulse.peak([1000.0, 4000.0], 1000.0, |r| (-kappa * (r - 1000.0)).exp());
-            let [place, height] = Face::get().peak((kappa * sigma) as f32);
+            let [place, height] = FaceEcho::get().peak((kappa * sigma) as f32);
             assert!((f64::from(height) * sigma / j - 1.0).abs() < 0.01, "{kappa}: {height} {}", j / sigma);
             assert!((f64::from(place) - (range - 1000.0) / sigma).abs() < 0.05, "{kappa}: {place}");
         }

@@ -1,16 +1,16 @@
 //! The received signal of a beam over range, and the echoes in it.
 //!
-//! Every piece of surface that a beam meets sends its pulse back; `W(R) = sum P_i exp(-(R - R_i)^2 / (2 sigma^2))` is what the
-//! receiver sees, with the Gaussian pulse of the beam's width (whatever its shape), P_i = `rho_eff / R_i^2`, 1/m^2. An echo
-//! is a local maximum of W. Two equal pulses have one maximum up to a distance of 2 sigma.
+//! Every piece of surface that a beam meets sends its pulse back; `W(R) = sum P_i exp(-(R - R_i)^2 / (2 sigma^2))` is
+//! what the receiver sees, with the Gaussian pulse of the beam's width (whatever its shape), P_i = `rho_eff / R_i^2`,
+//! 1/m^2. An echo is a local maximum of W. Two equal pulses have one maximum up to a distance of 2 sigma.
 
 use crate::detect::Peak;
 use crate::ground::lanes::LANES;
 use echocast_kernels::light;
 
-/// A part of the signal.
+/// A part of the signal: the pulse as one place sends it back.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Part {
+pub(crate) struct Pulselet {
     /// Range, m.
     pub range: f32,
     /// Peak power, 1/m^2.
@@ -49,7 +49,7 @@ impl Waveform {
     }
 
     /// The maxima of the signal of `parts`, which it puts in the order of range, nearest first, into `peaks`.
-    pub(crate) fn peaks(&mut self, parts: &mut [Part], peaks: &mut Vec<Peak>) {
+    pub(crate) fn peaks(&mut self, parts: &mut [Pulselet], peaks: &mut Vec<Peak>) {
         parts.sort_unstable_by(|a, b| a.range.total_cmp(&b.range).then(a.source.cmp(&b.source)));
         peaks.clear();
         let mut rest = &*parts;
@@ -68,8 +68,8 @@ impl Waveform {
             if let [part] = group {
                 peaks.push(Peak { range: part.range, power: part.power });
             } else if last.range - first.range <= 2.0 * self.sigma {
-                // One maximum: log W is concave where the centres span no more than 2 sigma, since the variance of centres
-                // within a span L is at most L^2/4.
+                // One maximum: log W is concave where the centres span no more than 2 sigma, since the variance of
+                // centres within a span L is at most L^2/4.
                 let (sum, moment) = group
                     .iter()
                     .fold((0.0, 0.0), |(sum, moment), part| (sum + part.power, moment + part.power * part.range));
@@ -82,7 +82,7 @@ impl Waveform {
     }
 
     /// The maximum nearest to `range` by Newton's method on log W.
-    fn refine(&self, parts: &[Part], mut range: f32) -> Peak {
+    fn refine(&self, parts: &[Pulselet], mut range: f32) -> Peak {
         let mut power = 0.0;
         if self.sigma == 0.0 {
             return Peak { range, power: parts.iter().map(|part| part.power).sum() };
@@ -110,8 +110,8 @@ impl Waveform {
         Peak { range, power }
     }
 
-    /// [`Waveform::refine`] for signals side by side, each of parts that span no more than [`Waveform::NARROW`]: `signals`
-    /// has range and power of the parts. `peaks` begins as their mean range and the sum of their power.
+    /// [`Waveform::refine`] for signals side by side, each of parts that span no more than [`Waveform::NARROW`]:
+    /// `signals` has range and power of the parts. `peaks` begins as their mean range and the sum of their power.
     pub(crate) fn refine_narrow<'a>(
         &self,
         signals: impl Iterator<Item = [&'a [f32; LANES]; 2]> + Clone,
@@ -133,7 +133,7 @@ impl Waveform {
     pub(crate) const NARROW: f32 = 1.0;
 
     /// All maxima of one signal, sampled finely enough to miss none.
-    fn search(&mut self, parts: &[Part], peaks: &mut Vec<Peak>) {
+    fn search(&mut self, parts: &[Pulselet], peaks: &mut Vec<Peak>) {
         let step = self.sigma / Self::BINS_PER_SIGMA;
         // Maxima lie between the first and the last part; a bin beyond either shows that it falls there.
         let start = parts[0].range - step;
@@ -190,8 +190,8 @@ mod tests {
     }
 
     fn peaks(parts: &[[f32; 2]]) -> Vec<Peak> {
-        let mut parts: Vec<Part> =
-            (parts.iter().zip(0..)).map(|(&[range, power], source)| Part { range, power, source }).collect();
+        let mut parts: Vec<Pulselet> =
+            (parts.iter().zip(0..)).map(|(&[range, power], source)| Pulselet { range, power, source }).collect();
         let mut peaks = Vec::new();
         Waveform::new(sigma()).peaks(&mut parts, &mut peaks);
         peaks
@@ -205,7 +205,7 @@ mod tests {
 
     #[test]
     fn without_a_pulse_every_range_is_an_echo() {
-        let mut parts = [(3.0, 1), (3.0, 2), (3.5, 0)].map(|(range, source)| Part { range, power: 0.5, source });
+        let mut parts = [(3.0, 1), (3.0, 2), (3.5, 0)].map(|(range, source)| Pulselet { range, power: 0.5, source });
         let mut found = Vec::new();
         Waveform::new(0.0).peaks(&mut parts, &mut found);
         assert_eq!(found, [Peak { range: 3.0, power: 1.0 }, Peak { range: 3.5, power: 0.5 }]);
@@ -253,7 +253,7 @@ mod tests {
     /// The search and Newton's method alone find the same in a signal of one maximum.
     #[test]
     fn sampling_finds_what_newton_finds() {
-        let parts = [(10.0, 0.3), (10.2, 0.9), (10.35, 0.2), (10.6, 0.4)].map(|(range, power)| Part {
+        let parts = [(10.0, 0.3), (10.2, 0.9), (10.35, 0.2), (10.6, 0.4)].map(|(range, power)| Pulselet {
             range,
             power,
             source: 0,

@@ -1,7 +1,7 @@
 //! What weather does to the beams of one scan: it dims what lies behind it, and answers itself.
 
 use super::particles::{Cone, Detectable};
-use super::pulse::{Face, Pulse};
+use super::pulse::{FaceEcho, Pulse};
 use crate::detect::{ReturnMode, Threshold};
 use crate::ground::cause::Cause;
 use crate::ground::lanes::{LANES, MEDIUM, MISS, RayBatch};
@@ -44,7 +44,7 @@ pub(crate) struct AirEcho {
     pub rho_eff: f32,
 }
 
-/// Who hears of the air's echoes.
+/// A sink for the echoes of the air.
 pub(crate) trait AirEchoes {
     /// Range at which surfaces end what `lane` sees of the air, m.
     fn end(&self, lane: usize) -> f32;
@@ -52,12 +52,12 @@ pub(crate) trait AirEchoes {
     /// Light, as `rho_eff / R^2` in 1/m^2, that an echo of `lane` must exceed to matter; infinite where none does.
     fn least(&self, lane: usize) -> f32;
 
-    /// Hears of `echo`; says whether the instrument sees it.
+    /// Takes `echo`; says whether the instrument sees it.
     fn take(&mut self, lane: usize, echo: AirEcho, cause: Cause) -> bool;
 }
 
 /// A medium that begins and ends where the world has it.
-struct Placed {
+struct MediumInPlace {
     extent: Extent,
     extinction: f32,
     backscatter: f32,
@@ -86,7 +86,7 @@ pub(crate) struct Air {
     weather: Weather,
     /// Echoes that are the same for every beam that gets beyond them.
     around: Vec<(AirEcho, Cause)>,
-    placed: Vec<Placed>,
+    placed: Vec<MediumInPlace>,
     flying: Vec<Flying>,
     receiver: Receiver,
     mode: ReturnMode,
@@ -210,7 +210,7 @@ impl Air {
                     let (range, height) = pulse.peak([from, from + 1e3], from.max(receiver.overlap[1]), density);
                     [(range - from) as f32, height as f32]
                 });
-                self.placed.push(Placed {
+                self.placed.push(MediumInPlace {
                     extent: medium.extent,
                     extinction: medium.extinction as f32,
                     backscatter: medium.backscatter as f32,
@@ -306,9 +306,9 @@ impl Air {
         }
     }
 
-    /// What the paper's program makes of a surface at `range` m whose reflectivity is `rho_eff` and must exceed `limit`:
-    /// the reflectivity that it tests, and the range and intensity of a cloud of dust that it reports instead. Rain adds
-    /// what it should multiply, and the backscatter of dust is compared with a reflectivity.
+    /// What the paper's program makes of a surface at `range` m whose reflectivity is `rho_eff` and must exceed
+    /// `limit`: the reflectivity that it tests, and the range and intensity of a cloud of dust that it reports instead.
+    /// Rain adds what it should multiply, and the backscatter of dust is compared with a reflectivity.
     pub(crate) fn as_the_program(&self, range: f32, rho_eff: f32, limit: f32) -> (f32, Option<(f32, f32)>) {
         let depth = |medium: &Medium, length: f32| 2.0 * medium.extinction as f32 * length;
         let rain = |medium: &&Medium| medium.cause == Cause::Rain;
@@ -333,7 +333,7 @@ impl Air {
 
     /// The faces of media that lie in the world.
     fn answer_from_places(&self, rays: &RayBatch, count: usize, echoes: &mut impl AirEchoes) {
-        let face = Face::get();
+        let face = FaceEcho::get();
         let sigma = self.receiver.pulse.sigma() as f32;
         let merging = self.receiver.pulse.merging_distance() as f32;
         let [first, last] = self.near.map(|range| range as f32);
@@ -485,8 +485,8 @@ impl AirEchoes for Foremost<'_> {
     }
 }
 
-/// [`Extent::interval`] of each of the first `count` rays, which begin at the sensor, up to its `length` m; boxes side by
-/// side.
+/// [`Extent::interval`] of each of the first `count` rays, which begin at the sensor, up to its `length` m; boxes side
+/// by side.
 fn intervals(extent: &Extent, rays: &RayBatch, length: &[f32; LANES], count: usize) -> [[f32; LANES]; 2] {
     let (mut from, mut to) = ([0.0f32; LANES], *length);
     if let Extent::Box { min, max } = extent {

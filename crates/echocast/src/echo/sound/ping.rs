@@ -1,7 +1,8 @@
 //! From what rays of sound meet to what the beams of a sonar hear in each range bin.
 //!
-//! Each ray stands for a cell of directions; what that cell covers of a surface sends energy back over a stretch of range,
-//! which is divided among bins as it lies. So a bin's energy depends neither on the mesh nor on the number of rays.
+//! Each ray stands for a cell of directions; what that cell covers of a surface sends energy back over a stretch of
+//! range, which is divided among bins as it lies. So a bin's energy depends neither on the mesh nor on the number of
+//! rays.
 
 use crate::emitter::{Hearing, Transducer};
 use crate::ground::lanes::MEDIUM;
@@ -16,8 +17,8 @@ use std::sync::Arc;
 /// Bins that the cell of one ray is divided among at most.
 const MOST_BINS: f32 = 256.0;
 
-/// Where the lattice of scatterers begins, its cells: flat surfaces at round heights, 0 above all, lie within cells of it
-/// and of the wider ones of the texture, and not between two of them, where rounding would decide.
+/// Where the lattice of scatterers begins, its cells: flat surfaces at round heights, 0 above all, lie within cells of
+/// it and of the wider ones of the texture, and not between two of them, where rounding would decide.
 const OFF_LATTICE: f32 = 5.37;
 
 /// What is the same for all rays of a ping.
@@ -203,11 +204,11 @@ impl Insonification<'_> {
         Heard { at, louder, hearing }
     }
 
-    /// By how much the range of an echo that leaves back along the unit `back` changes over a ray's cell, m, and how far
-    /// along the surface a metre of range is.
+    /// By how much the range of an echo that leaves back along the unit `back` changes over a ray's cell, m, and how
+    /// far along the surface a metre of range is.
     pub(super) fn reach(&self, arrival: &Arrival, back: Vec3) -> (f32, Vec3) {
-        /// Sine of the grazing angle, 0.6 degrees, from which on cells cover no more: at the rim of a round thing they would
-        /// reach far behind it.
+        /// Sine of the grazing angle, 0.6 degrees, from which on cells cover no more: at the rim of a round thing they
+        /// would reach far behind it.
         const LEAST: f32 = 1e-2;
         let (direction, normal) = (arrival.direction, arrival.normal);
         let along = direction.dot(normal);
@@ -261,8 +262,8 @@ impl Insonification<'_> {
             return answer;
         };
         let instance = self.surfaces.rows.get(arrival.surface as usize).map_or(MEDIUM, |row| row.instance_id);
-        // Each ray and each way has its own scatterers: were those of one place the same for several, their echoes would
-        // be in step where the surface is met head-on, and the more rays, the louder.
+        // Each ray and each way has its own scatterers: were those of one place the same for several, their echoes
+        // would be in step where the surface is met head-on, and the more rays, the louder.
         let ray = arrival.ray.wrapping_mul(0x85EB_CA6B).rotate_left(16);
         let object = instance.wrapping_mul(0x9E37_79B9).wrapping_add(ray) ^ Draw::Speckle as u32 ^ (way << 24);
         let per_lattice = 1.0 / scatterers.lattice;
@@ -319,8 +320,8 @@ impl Insonification<'_> {
         self.spread_between(arrival, arrival)
     }
 
-    /// log2 of what spreading leaves of an echo that went `out` and comes `back`: of the way back alone, as the way there
-    /// makes the footprint that the ray stands for. Levels do not rise within a metre of the sonar.
+    /// log2 of what spreading leaves of an echo that went `out` and comes `back`: of the way back alone, as the way
+    /// there makes the footprint that the ray stands for. Levels do not rise within a metre of the sonar.
     pub(super) fn spread_between(&self, out: &Arrival, back: &Arrival) -> f32 {
         if self.spreading == Spreading::RayTube {
             let [upright, level] = back.tube;
@@ -485,8 +486,8 @@ impl Tile {
         }
     }
 
-    /// Adds the parts of an arrival that beams side by side hear, from the tile's beam `first` on, as loud as `loudness`
-    /// says.
+    /// Adds the parts of an arrival that beams side by side hear, from the tile's beam `first` on, as loud as
+    /// `loudness` says.
     fn hear_together(
         &mut self,
         echoes: &Echoes,

@@ -13,14 +13,14 @@ pub enum Taper {
     /// None: `sinc^2` with first sidelobes at -13.3 dB; an unmodulated pulse is as long as it is.
     #[default]
     None,
-    /// Hamming: sidelobes below -42 dB, 1.47 times as wide; areas, noise and what floats in the water are 1.34 dB louder
-    /// beside a point. Of a pulse with a `bandwidth_khz`.
+    /// Hamming: sidelobes below -42 dB, 1.47 times as wide; areas, noise and what floats in the water are 1.34 dB
+    /// louder beside a point. Of a pulse with a `bandwidth_khz`.
     Hamming,
 }
 
 impl Taper {
-    /// The spectrum `0.54 + 0.46 cos` of a Hamming window (Harris 1978) is one line and two of half the cosine: these to
-    /// that one.
+    /// The spectrum `0.54 + 0.46 cos` of a Hamming window (Harris 1978) is one line and two of half the cosine: these
+    /// to that one.
     pub(crate) const HAMMING: f64 = 0.23 / 0.54;
 
     /// Energy over range of a point-like echo that is 1 in its middle, resolutions: an untapered one has that of one.

@@ -71,8 +71,8 @@ fn dirichlet(elements: f64, phase: f64) -> f64 {
     if half.abs() < 1e-10 { sign } else { sign * (elements * half).sin() / (elements * half.sin()) }
 }
 
-/// The sum of elements with weights `0.54 - 0.46 cos(2 pi n / (N - 1))`, of N: three of uniform weights, as the cosine is
-/// two waves.
+/// The sum of elements with weights `0.54 - 0.46 cos(2 pi n / (N - 1))`, of N: three of uniform weights, as the cosine
+/// is two waves.
 fn hamming(elements: f64, phase: f64) -> f64 {
     let step = 2.0 * PI / (elements - 1.0);
     0.54 * dirichlet(elements, phase) + 0.23 * (dirichlet(elements, phase - step) + dirichlet(elements, phase + step))

@@ -8,8 +8,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 /// Above so many wavelengths (or ka) the first terms of the asymptotic expansion are right to 1e-4 dB.
 const LONG: f64 = 1000.0;
 
-/// Directivity index of a uniform line, dB, that hears all around itself: `10 log(4 pi / integral of b over the sphere)`,
-/// `10 log(2 L / lambda)` if it is long. `length_in_wavelengths` is above 0.
+/// Directivity index of a uniform line, dB, that hears all around itself: `10 log(4 pi / integral of b over the
+/// sphere)`, `10 log(2 L / lambda)` if it is long. `length_in_wavelengths` is above 0.
 pub fn line_directivity(length_in_wavelengths: f64) -> f64 {
     let length = length_in_wavelengths;
     // The integral of sinc(x)^2 over 0..length; over angle the cosine makes it one over u.
@@ -22,8 +22,9 @@ pub fn line_directivity(length_in_wavelengths: f64) -> f64 {
     10.0 * (length / area).log10()
 }
 
-/// Directivity index of a rectangular face of `length` x `height` wavelengths in a wall, dB: `10 log(4 pi L H / lambda^2)`,
-/// right where both are several wavelengths (to 0.01 dB for 180 x 6); [`directivity`] of two lines is right for all.
+/// Directivity index of a rectangular face of `length` x `height` wavelengths in a wall, dB: `10 log(4 pi L H /
+/// lambda^2)`, right where both are several wavelengths (to 0.01 dB for 180 x 6); [`directivity`] of two lines is right
+/// for all.
 pub fn rectangle_directivity(length: f64, height: f64) -> f64 {
     10.0 * (4.0 * PI * length * height).log10()
 }
@@ -58,10 +59,10 @@ fn over_sines(lobe: &BeamPattern) -> f64 {
     integral_over(&|u| lobe.amplitude(u).powi(2), lobe.panels(), 1e-6 * lobe.detail())
 }
 
-/// Directivity index of an aperture in a wall that has the pattern `across` in one plane and `up` in the other, dB:
-/// `10 log(4 pi / integral of b over the half sphere before it)`; what is behind is silent. The patterns multiply, each at
-/// the direction cosine along its edge. Good to 0.01 dB, for lobes of a thousandth of a degree too; of arrays with so many
-/// grating lobes that nobody builds them (a pitch of more than 8 wavelengths) good to 2 dB.
+/// Directivity index of an aperture in a wall that has the pattern `across` in one plane and `up` in the other, dB: `10
+/// log(4 pi / integral of b over the half sphere before it)`; what is behind is silent. The patterns multiply, each at
+/// the direction cosine along its edge. Good to 0.01 dB, for lobes of a thousandth of a degree too; of arrays with so
+/// many grating lobes that nobody builds them (a pitch of more than 8 wavelengths) good to 2 dB.
 pub fn directivity(across: &BeamPattern, up: &BeamPattern) -> f64 {
     const PRECISION: f64 = 1e-6;
     let (fine_across, fine_up) = (across.detail(), up.detail());

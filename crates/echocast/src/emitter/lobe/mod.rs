@@ -217,8 +217,8 @@ fn check_rows(rows: &[Row], bounds: &mut Bounds, key: &str) -> Result<()> {
     Ok(())
 }
 
-/// Angle over which a pattern of 1 would hold as much: the integral over the angle off the axis, rad, from -pi/2 to pi/2,
-/// of `power`, a power pattern (1 on its axis).
+/// Angle over which a pattern of 1 would hold as much: the integral over the angle off the axis, rad, from -pi/2 to
+/// pi/2, of `power`, a power pattern (1 on its axis).
 ///
 /// What is narrower than 1e-4 rad (0.006 deg) is seen for sure only where `power` is asked at a multiple of that.
 pub fn equivalent_width(power: impl Fn(f64) -> f64) -> f64 {

@@ -11,8 +11,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 /// It is a function of `u = sin(psi) - sin(psi0)`, where psi is the angle off the axis in that plane and psi0 that to
 /// which the beam is steered; sines may be direction cosines along the aperture. Shapes that are given by angles
 /// (Gaussian, box, table) take `asin(u)` as their angle, 90 degrees beyond 1, so that they widen when steered as
-/// apertures do. What is behind the aperture (psi beyond 90 degrees) is the mirror image of what is before it: whether a
-/// wall is between them the caller knows.
+/// apertures do. What is behind the aperture (psi beyond 90 degrees) is the mirror image of what is before it: whether
+/// a wall is between them the caller knows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BeamPattern(Kind);
 
@@ -90,8 +90,8 @@ impl BeamPattern {
         self.amplitude_steered(u, 0.0)
     }
 
-    /// Signed amplitude in the direction whose sine is `sin`, of a beam steered to where it is `sin0`: a function of the
-    /// difference of the two, but that elements of an array do not turn with the beam, so that it is as loud on its
+    /// Signed amplitude in the direction whose sine is `sin`, of a beam steered to where it is `sin0`: a function of
+    /// the difference of the two, but that elements of an array do not turn with the beam, so that it is as loud on its
     /// axis as they are there.
     pub fn amplitude_steered(&self, sin: f64, sin0: f64) -> f64 {
         let u = sin - sin0;
@@ -139,15 +139,15 @@ impl BeamPattern {
         }
     }
 
-    /// The u, 0 to 1, beyond which a beam that is not steered keeps below `power` (of 1 on its axis) on both sides; 1 if
-    /// it does not. It may be more by a part of a sidelobe that hardly stays below; of an array whose elements have a
-    /// length it is the smaller one of those of elements and of array.
+    /// The u, 0 to 1, beyond which a beam that is not steered keeps below `power` (of 1 on its axis) on both sides; 1
+    /// if it does not. It may be more by a part of a sidelobe that hardly stays below; of an array whose elements have
+    /// a length it is the smaller one of those of elements and of array.
     pub fn extent(&self, power: f64) -> f64 {
         self.extent_within(power, 1.0)
     }
 
-    /// [`BeamPattern::extent`] among u up to `reach`: a beam steered to psi0 meets u up to `1 + |sin(psi0)|`, where an array may
-    /// have grating lobes.
+    /// [`BeamPattern::extent`] among u up to `reach`: a beam steered to psi0 meets u up to `1 + |sin(psi0)|`, where an
+    /// array may have grating lobes.
     pub fn extent_within(&self, power: f64, reach: f64) -> f64 {
         if power >= 1.0 {
             return 0.0;
@@ -203,8 +203,8 @@ impl BeamPattern {
         matches!(&self.0, Kind::Array { factor, .. } if factor.spacing() < LEAST)
     }
 
-    /// Edges in u, rising from -1 to 1, of panels to integrate it in: one for each lobe about the main one and, of arrays,
-    /// about each grating lobe; wider and wider off these.
+    /// Edges in u, rising from -1 to 1, of panels to integrate it in: one for each lobe about the main one and, of
+    /// arrays, about each grating lobe; wider and wider off these.
     pub(super) fn panels(&self) -> Vec<f64> {
         /// Panels of a lobe each to either side of a main lobe.
         const NARROW: u32 = 64;
@@ -290,8 +290,8 @@ fn line_extent(length: f64, power: f64, reach: f64) -> f64 {
     outermost(|x| sinc(x).powi(2), envelope.min(reach * length), 1.0, power) / length
 }
 
-/// The greatest x up to `top` where `f`, 1 at 0 and with lobes `lobe` wide, comes to within a step of `power`; `top` if it
-/// does so there.
+/// The greatest x up to `top` where `f`, 1 at 0 and with lobes `lobe` wide, comes to within a step of `power`; `top` if
+/// it does so there.
 fn outermost(f: impl Fn(f64) -> f64, top: f64, lobe: f64, power: f64) -> f64 {
     let seen = SEEN * power;
     let step = lobe / STEPS;

@@ -212,8 +212,8 @@ mod tests {
     }
 
     /// Snell in one plane: from the flat face on, the beam leaves the tilted one at asin(n sin a) from its normal; the
-    /// other way round it is bent at both. Where the normal of the entry turns the beam to +y, that of the exit turns it
-    /// to -y.
+    /// other way round it is bent at both. Where the normal of the entry turns the beam to +y, that of the exit turns
+    /// it to -y.
     #[test]
     fn a_prism_bends_by_snells_law() {
         let (wedge, n) = (18f64.to_radians(), 1.5089);

@@ -1,7 +1,7 @@
 //! Transducers of sonars: where they send and from where they hear.
 //!
-//! Of all of them x is forward, y to port, z up; a tilt is below the horizontal. A width is a number, the full width of a
-//! uniform line at -3 dB in degrees, or a section that says what aperture makes the beam ([`Lobe`]).
+//! Of all of them x is forward, y to port, z up; a tilt is below the horizontal. A width is a number, the full width of
+//! a uniform line at -3 dB in degrees, or a section that says what aperture makes the beam ([`Lobe`]).
 
 use super::fan::{check_above_zero, check_fov};
 use super::{Fan, check_count};
@@ -31,8 +31,8 @@ pub struct Sidescan {
     /// Rays of each side, 8 to 1000000.
     #[serde(default = "side_rays")]
     pub rays: u32,
-    /// Two fans from straight down, half this angle to either side, degrees, as the paper's system has them; in place of
-    /// tilt, width and rays.
+    /// Two fans from straight down, half this angle to either side, degrees, as the paper's system has them; in place
+    /// of tilt, width and rays.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub down_fov_deg: Option<f64>,
     /// Angle from ray to ray of such fans, degrees.

@@ -83,8 +83,8 @@ impl Spectrum {
 const WATER: f64 = 1.328;
 
 /// Extinction efficiency of a water droplet: anomalous diffraction (van de Hulst 1957, 11.22) and the edge term
-/// `1.992386 x^(-2/3)` (Nussenzveig and Wiscombe 1980); against Mie series of the five named spectra it is 0.05 to 0.5 %
-/// too great.
+/// `1.992386 x^(-2/3)` (Nussenzveig and Wiscombe 1980); against Mie series of the five named spectra it is 0.05 to 0.5
+/// % too great.
 fn extinction_efficiency(radius: f64, wavelength_nm: f64) -> f64 {
     let x = 2.0 * PI * radius / (wavelength_nm * 1e-9);
     let p = 2.0 * x * (WATER - 1.0);

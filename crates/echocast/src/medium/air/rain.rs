@@ -60,8 +60,8 @@ pub struct Rain {
     /// `detection.model: radar_equation` tell drops that they see from others.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drops: Option<bool>,
-    /// Whether ranges scatter as the paper's eq. 15 has it, `sigma = 0.02 R (1 - e^-rate)^2`, where the rain is everywhere;
-    /// default false, in profiles `paper` and `blainder` true.
+    /// Whether ranges scatter as the paper's eq. 15 has it, `sigma = 0.02 R (1 - e^-rate)^2`, where the rain is
+    /// everywhere; default false, in profiles `paper` and `blainder` true.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub range_noise: Option<bool>,
 }

@@ -70,8 +70,8 @@ pub(in crate::medium) fn sight(visibility_m: Option<f64>, mor_m: Option<f64>) ->
 /// Extinction, 1/m, where one sees `sight` m far: Koschmieder's `-ln(0.02) / sight` at 550 nm, times
 /// `(lambda / 550 nm)^-q`.
 ///
-/// Kruse: q = 1.6 above 50 km, 1.3 above 6 km, else 0.585 V^(1/3). Kim: 1.6, 1.3, 0.16 V + 0.34 (1 to 6 km), V - 0.5 (0.5
-/// to 1 km), 0 below; V is the sight in km.
+/// Kruse: q = 1.6 above 50 km, 1.3 above 6 km, else 0.585 V^(1/3). Kim: 1.6, 1.3, 0.16 V + 0.34 (1 to 6 km), V - 0.5
+/// (0.5 to 1 km), 0 below; V is the sight in km.
 pub(in crate::medium) fn extinction(sight: f64, wavelength_nm: f64, model: VisibilityModel) -> f64 {
     let km = sight / 1e3;
     let q = match model {
@@ -115,7 +115,8 @@ mod tests {
         assert!((mor / 2.995_73e-2 - 1.0).abs() < 2e-6);
     }
 
-    /// Exponents at the edges of their pieces: Kim has no steps below 50 km, Kruse has one at 6 km, both have one at 50 km.
+    /// Exponents at the edges of their pieces: Kim has no steps below 50 km, Kruse has one at 6 km, both have one at 50
+    /// km.
     #[test]
     fn exponents_meet_at_the_edges() {
         use VisibilityModel::{Kim, Kruse};

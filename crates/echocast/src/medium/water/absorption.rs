@@ -12,8 +12,8 @@ pub enum Absorption {
     FrancoisGarrison,
     /// Ainslie and McColm 1998, J. Acoust. Soc. Am. 103, 1671: the same, simplified, to 10 % of it.
     AinslieMccolm,
-    /// Thorp, as Jensen and others have it (Computational Ocean Acoustics, eq. 1.34): 100 Hz to 50 kHz, water of 4 C, 35
-    /// PSU and pH 8 in 1 km, whatever the water is.
+    /// Thorp, as Jensen and others have it (Computational Ocean Acoustics, eq. 1.34): 100 Hz to 50 kHz, water of 4 C,
+    /// 35 PSU and pH 8 in 1 km, whatever the water is.
     Thorp,
     /// None.
     None,
@@ -35,8 +35,8 @@ impl Absorption {
         matches!(self, Absorption::FrancoisGarrison | Absorption::AinslieMccolm)
     }
 
-    /// Absorption, dB/km, at a frequency in Hz (0 where it is not above 0), a temperature in degrees Celsius, a practical
-    /// salinity (PSU), a pH and a depth below the surface in metres.
+    /// Absorption, dB/km, at a frequency in Hz (0 where it is not above 0), a temperature in degrees Celsius, a
+    /// practical salinity (PSU), a pH and a depth below the surface in metres.
     pub fn db_per_km(self, frequency_hz: f64, temperature_c: f64, salinity: f64, ph: f64, depth_m: f64) -> f64 {
         // Without this the relaxation of boric acid is 0/0 in fresh water.
         if frequency_hz <= 0.0 {

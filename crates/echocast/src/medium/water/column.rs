@@ -274,7 +274,8 @@ impl Column {
     }
 }
 
-/// Index of that of `slabs`, which touch, at `depth`, m; of two that meet there, the lower one. Above all it is the first.
+/// Index of that of `slabs`, which touch, at `depth`, m; of two that meet there, the lower one. Above all it is the
+/// first.
 #[inline]
 pub(crate) fn slab_at(slabs: &[Slab], depth: f64) -> usize {
     slabs.partition_point(|slab| slab.top <= depth).saturating_sub(1)

@@ -10,8 +10,8 @@ pub struct Fluid {
     pub density_kg_m3: f64,
     /// Speed of sound, m/s, above 0.
     pub speed_m_s: f64,
-    /// What a wave loses in it, dB per wavelength, 0 or more; sand has 0.5 to 1. That of the fluid a wave comes from does
-    /// not count.
+    /// What a wave loses in it, dB per wavelength, 0 or more; sand has 0.5 to 1. That of the fluid a wave comes from
+    /// does not count.
     pub loss_db_per_wavelength: f64,
 }
 
@@ -21,12 +21,12 @@ impl Fluid {
         Fluid { density_kg_m3, speed_m_s, loss_db_per_wavelength: 0.0 }
     }
 
-    /// Pressure of what is reflected of a plane wave that meets `other` from here, over the pressure that comes: real and
-    /// imaginary part, for waves `e^(-i w t)`. `sin_grazing`: sine of the angle between wave and interface, 0 to 1.
+    /// Pressure of what is reflected of a plane wave that meets `other` from here, over the pressure that comes: real
+    /// and imaginary part, for waves `e^(-i w t)`. `sin_grazing`: sine of the angle between wave and interface, 0 to 1.
     ///
-    /// Rayleigh's `V = (r2 c2 cos t1 - r1 c1 cos t2) / (r2 c2 cos t1 + r1 c1 cos t2)`, angles from the normal; beyond the
-    /// critical angle `cos t2` is imaginary, and a loss makes `c2` complex (Brekhovskikh and Lysanov, Fundamentals of
-    /// Ocean Acoustics).
+    /// Rayleigh's `V = (r2 c2 cos t1 - r1 c1 cos t2) / (r2 c2 cos t1 + r1 c1 cos t2)`, angles from the normal; beyond
+    /// the critical angle `cos t2` is imaginary, and a loss makes `c2` complex (Brekhovskikh and Lysanov, Fundamentals
+    /// of Ocean Acoustics).
     pub fn reflection(&self, other: &Fluid, sin_grazing: f64) -> [f64; 2] {
         let [here, there] = self.impedances(other, sin_grazing);
         let sum = there + here;
@@ -39,8 +39,8 @@ impl Fluid {
     }
 
     /// Part of the power that goes over to `other`, 0 to 1; with [`Fluid::reflection`]'s square it is 1. Without losses
-    /// it is `4 r1 c1 r2 c2 cos t1 cos t2 / (r2 c2 cos t1 + r1 c1 cos t2)^2`, and 0 beyond the critical angle: the paper's
-    /// eq. 13.
+    /// it is `4 r1 c1 r2 c2 cos t1 cos t2 / (r2 c2 cos t1 + r1 c1 cos t2)^2`, and 0 beyond the critical angle: the
+    /// paper's eq. 13.
     pub fn transmittance(&self, other: &Fluid, sin_grazing: f64) -> f64 {
         let [here, there] = self.impedances(other, sin_grazing);
         let sum = (there + here).norm();
@@ -48,8 +48,8 @@ impl Fluid {
         if sum == 0.0 { 1.0 } else { (4.0 * (there.re * here.re + there.im * here.im) / sum).clamp(0.0, 1.0) }
     }
 
-    /// [`Fluid::transmittance`] without losses, where the sines of the grazing angles on both sides are known, above 0: as
-    /// Snell has them.
+    /// [`Fluid::transmittance`] without losses, where the sines of the grazing angles on both sides are known, above 0:
+    /// as Snell has them.
     #[inline]
     pub(super) fn lossless_transmittance(&self, other: &Fluid, [sine, sine_there]: [f64; 2]) -> f64 {
         let here = self.density_kg_m3 * self.speed_m_s * sine_there;

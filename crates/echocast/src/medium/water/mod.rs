@@ -84,8 +84,8 @@ pub struct Water {
     /// Distance from which on `hybrid` spreading is cylindrical, m, above 0; only with it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub spreading_from_m: Option<f64>,
-    /// How speeds change with depth; without it there is one speed, by temperature, salinity and the depth of the sonar, at
-    /// most 12 km.
+    /// How speeds change with depth; without it there is one speed, by temperature, salinity and the depth of the
+    /// sonar, at most 12 km.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub profile: Option<SoundSpeedProfile>,
     /// Speed of sound that the instrument believes in, m/s; that at its own depth when not given.

@@ -37,9 +37,9 @@ pub enum SoundSpeedProfile {
         /// Speed of sound, m/s.
         speed_m_s: f64,
     },
-    /// A cast in a CSV file with the header `depth_m,speed_m_s` or `depth_m,temperature_c,salinity_psu`, or layers in one
-    /// with the header `depth_m,speed_m_s,density_kg_m3`; where the environment is read, the rows take the place of its
-    /// name.
+    /// A cast in a CSV file with the header `depth_m,speed_m_s` or `depth_m,temperature_c,salinity_psu`, or layers in
+    /// one with the header `depth_m,speed_m_s,density_kg_m3`; where the environment is read, the rows take the place of
+    /// its name.
     File(PathBuf),
 }
 

@@ -1,8 +1,8 @@
 //! A ray of sound in layered water, in its vertical plane.
 //!
-//! The ocean is stratified: in a slab sound speed is linear in depth, so a ray is a circular arc, a straight line without
-//! gradient, and `cos(grazing angle) / speed` stays the same from slab to slab (Snell). Slabs, arcs and the equations below:
-//! Jensen, Kuperman, Porter, Schmidt, "Computational Ocean Acoustics", 2nd ed., chapter 3.
+//! The ocean is stratified: in a slab sound speed is linear in depth, so a ray is a circular arc, a straight line
+//! without gradient, and `cos(grazing angle) / speed` stays the same from slab to slab (Snell). Slabs, arcs and the
+//! equations below: Jensen, Kuperman, Porter, Schmidt, "Computational Ocean Acoustics", 2nd ed., chapter 3.
 
 use super::{Fluid, Slab};
 
@@ -194,8 +194,8 @@ impl Ray {
         (length, end)
     }
 
-    /// Goes over into the next slab, or back into this one where the boundary reflects everything. The part of the energy
-    /// that goes over, 0 to 1; `None`: the water is the same on both sides.
+    /// Goes over into the next slab, or back into this one where the boundary reflects everything. The part of the
+    /// energy that goes over, 0 to 1; `None`: the water is the same on both sides.
     pub fn cross(&mut self, slabs: &[Slab], end: End) -> Option<f64> {
         /// Speeds and densities that are as near to each other are the same: only rounding is between them.
         const SAME: f64 = 1e-12;
@@ -252,8 +252,9 @@ impl Ray {
         self.widen(slab);
     }
 
-    /// How the tube widens from here on: in a slab its width over the sine of the ray is the derivative of the horizontal
-    /// distance by `snell` at this depth, times `turn`; from one slab to the next that derivative is continuous.
+    /// How the tube widens from here on: in a slab its width over the sine of the ray is the derivative of the
+    /// horizontal distance by `snell` at this depth, times `turn`; from one slab to the next that derivative is
+    /// continuous.
     fn widen(&mut self, slab: &Slab) {
         self.widening = (self.turn - slab.gradient * self.snell * self.snell * self.tube) / self.steep();
     }

@@ -10,14 +10,14 @@ pub struct Sea {
 }
 
 impl Sea {
-    /// Root mean square height of the waves, m: a quarter of their significant height, `0.0214 U^2` in a fully developed
-    /// sea (Pierson and Moskowitz 1964).
+    /// Root mean square height of the waves, m: a quarter of their significant height, `0.0214 U^2` in a fully
+    /// developed sea (Pierson and Moskowitz 1964).
     pub fn rms_height_m(&self) -> f64 {
         0.0214 * self.wind_m_s.powi(2) / 4.0
     }
 
-    /// What the mirror image of a wave of `frequency_hz` loses, dB, at a grazing angle of sine `sin_grazing` in water of
-    /// the speed of sound `speed_m_s`.
+    /// What the mirror image of a wave of `frequency_hz` loses, dB, at a grazing angle of sine `sin_grazing` in water
+    /// of the speed of sound `speed_m_s`.
     ///
     /// Amplitudes are `-exp(-2 k^2 s^2 sin^2 g)`, with the wavenumber `k` and the height `s` (Eckart 1953, heights of a
     /// normal distribution). What is lost is scattered.
@@ -28,14 +28,14 @@ impl Sea {
 
     /// Backscattering cross-section of the surface, m^2 per m^2 and sr, at a grazing angle of sine `sin_grazing`.
     ///
-    /// Chapman and Harris 1962 (J. Acoust. Soc. Am. 34, 1592), `3.3 b log(g / 30 deg) - 42.4 log b + 2.6` dB with `b = 158
-    /// (v f^(1/3))^-0.58`, wind `v` in knots and `f` in Hz; and above 10 kHz facets that mirror the wave back, leaning as
-    /// Cox and Munk 1954 saw it (mean square slope `m = 0.003 + 0.00512 U`, both axes together): `exp(-tan^2(i) / m) / (4
-    /// pi m cos^4(i))` at the angle `i` from the normal.
+    /// Chapman and Harris 1962 (J. Acoust. Soc. Am. 34, 1592), `3.3 b log(g / 30 deg) - 42.4 log b + 2.6` dB with `b =
+    /// 158 (v f^(1/3))^-0.58`, wind `v` in knots and `f` in Hz; and above 10 kHz facets that mirror the wave back,
+    /// leaning as Cox and Munk 1954 saw it (mean square slope `m = 0.003 + 0.00512 U`, both axes together):
+    /// `exp(-tan^2(i) / m) / (4 pi m cos^4(i))` at the angle `i` from the normal.
     ///
     /// Assumptions of ours: Chapman and Harris measured from 400 Hz to 6.4 kHz, and outside the value at that edge is
-    /// taken; above 30 degrees, where their law runs away in calm seas, that at 30; the facets reflect all. Bubbles count
-    /// only as far as they are in the measurements.
+    /// taken; above 30 degrees, where their law runs away in calm seas, that at 30; the facets reflect all. Bubbles
+    /// count only as far as they are in the measurements.
     pub fn backscatter(&self, sin_grazing: f64, frequency_hz: f64) -> f64 {
         if sin_grazing <= 0.0 {
             return 0.0;

@@ -94,8 +94,8 @@ impl SoundRay {
         None
     }
 
-    /// Follows it to the end of its slab and beyond; where it was just before, and what happened. `None`: it goes on for
-    /// ever, or along the surface or the bottom.
+    /// Follows it to the end of its slab and beyond; where it was just before, and what happened. `None`: it goes on
+    /// for ever, or along the surface or the bottom.
     fn pass(&mut self) -> Option<(Ray, Option<RayEvent>)> {
         let slab = &self.slabs[self.ray.slab];
         let (length, end) = self.ray.exit(slab);

@@ -14,7 +14,8 @@ pub enum SoundSpeed {
     /// Medwin 1975, J. Acoust. Soc. Am. 58, 1318: to 1000 m, to 0.2 m/s.
     #[serde(alias = "medwin1975")]
     Medwin,
-    /// Leroy, Robinson and Goldsmith 2008, J. Acoust. Soc. Am. 124, 2774: all oceans and seas, the Baltic too, to 0.2 m/s.
+    /// Leroy, Robinson and Goldsmith 2008, J. Acoust. Soc. Am. 124, 2774: all oceans and seas, the Baltic too, to 0.2
+    /// m/s.
     #[serde(alias = "leroy2008")]
     Leroy,
     /// Chen and Millero 1977, J. Acoust. Soc. Am. 62, 1129, the algorithm of UNESCO.
@@ -35,7 +36,8 @@ impl SoundSpeed {
     /// Speed of sound, m/s, at a temperature in degrees Celsius (ITS-90), a practical salinity (PSU), a depth below the
     /// surface in metres and a latitude in degrees; only `Leroy` and `Unesco` ask for the latitude.
     ///
-    /// Of the temperature scales of their time only `Unesco` is corrected for; in the others that would be 0.02 m/s at 30 C.
+    /// Of the temperature scales of their time only `Unesco` is corrected for; in the others that would be 0.02 m/s at
+    /// 30 C.
     pub fn speed(self, temperature_c: f64, salinity: f64, depth_m: f64, latitude_deg: f64) -> f64 {
         let (t, s, z) = (temperature_c, salinity, depth_m);
         match self {

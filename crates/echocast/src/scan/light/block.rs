@@ -9,7 +9,7 @@ use crate::echo::{Air, AirEcho, Answer, Chosen, Contribution, Follower, Foremost
 use crate::emitter;
 use crate::ground::cause::Cause;
 use crate::ground::lanes::{LANES, MEDIUM, MISS, RayBatch};
-use crate::sensor::Camera;
+use crate::sensor::DepthCamera;
 use crate::trace::HitBatch;
 use echocast_kernels::light;
 use std::cell::Cell;
@@ -330,7 +330,7 @@ impl Block {
                 light::forget(&seen, &mut hits.surface, intensity);
             }
         }
-        if !scan.camera.is_some_and(Camera::wraps) {
+        if !scan.camera.is_some_and(DepthCamera::wraps) {
             scan.limit(&mut self.hits.surface, &self.hits.range, &self.lanes, count);
         }
         if scan.detect.alarms.is_some() || scan.world.air.as_ref().is_some_and(Air::answers) {

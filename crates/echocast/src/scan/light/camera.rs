@@ -7,7 +7,7 @@ use crate::emitter::Aim;
 use crate::ground::cause::Cause;
 use crate::ground::lanes::{LANES, MEDIUM, MISS, RayBatch};
 use crate::ground::rng::Draw;
-use crate::sensor::Camera;
+use crate::sensor::DepthCamera;
 use crate::trace::HitBatch;
 use echocast_kernels::{camera as kernels, light};
 use glam::{Mat3, Vec3};
@@ -61,7 +61,7 @@ impl Looks {
 
 impl Block {
     /// Step 5: pixels look beside their place. What they report stays along their own directions.
-    pub fn look_aside(&mut self, scan: &Scan, camera: &Camera, first: usize, count: usize) {
+    pub fn look_aside(&mut self, scan: &Scan, camera: &DepthCamera, first: usize, count: usize) {
         let mut places = [[0.0; LANES]; 3];
         let beams = &self.lanes.beam[..count];
         camera.look_aside(&scan.rng, beams, scan.aim.beams.directions(first, count), &mut places);
@@ -143,15 +143,15 @@ impl Block {
         self.looks = Some(looks);
     }
 
-    /// Step 8: light that a wide projector sends to other surfaces, and these to those that the pixels see, as echoes in
-    /// `looks`; light over more surfaces is left out.
+    /// Step 8: light that a wide projector sends to other surfaces, and these to those that the pixels see, as echoes
+    /// in `looks`; light over more surfaces is left out.
     ///
     /// With the light `I` that goes out, the surface M sends `rho_M I cos_M / (pi R_M^2)` 1/sr to T, and T that light
-    /// times `rho_T cos_T / pi` over all directions to the pixel, which gets `rho_T I cos_T / (pi R_T^2)` straight. So each
-    /// of N directions drawn with the density `cos_T / pi` is an echo of power `rho_T rho_M cos_M / (N R_M^2)` where that
-    /// of T is `rho_T cos_T / R_T^2`, from half of the way `|SM| + |MT| + |TS|`.
+    /// times `rho_T cos_T / pi` over all directions to the pixel, which gets `rho_T I cos_T / (pi R_T^2)` straight. So
+    /// each of N directions drawn with the density `cos_T / pi` is an echo of power `rho_T rho_M cos_M / (N R_M^2)`
+    /// where that of T is `rho_T cos_T / R_T^2`, from half of the way `|SM| + |MT| + |TS|`.
     #[inline(never)]
-    fn bounce(&mut self, scan: &Scan, camera: &Camera, looks: &mut Looks, count: usize) {
+    fn bounce(&mut self, scan: &Scan, camera: &DepthCamera, looks: &mut Looks, count: usize) {
         let rays = camera.multipath_rays;
         let each = rays as usize + 1;
         looks.ranges.clear();
@@ -220,14 +220,14 @@ impl Block {
     }
 
     /// Step 8: lens and projector dim pixels off the axis.
-    pub fn dim(&mut self, scan: &Scan, camera: &Camera, count: usize) {
+    pub fn dim(&mut self, scan: &Scan, camera: &DepthCamera, count: usize) {
         let mut off_axes = [1.0; LANES];
         self.off_axes(scan, count, &mut off_axes);
         camera.dim(&off_axes, &mut self.surfaces.reflectance);
     }
 
     /// Step 9: the ranges that the pixels make of their light, before other errors, into `formed`.
-    pub fn form(&mut self, scan: &Scan, camera: &Camera, count: usize) {
+    pub fn form(&mut self, scan: &Scan, camera: &DepthCamera, count: usize) {
         let beams = self.lanes.beam;
         let beams = &beams[..count];
         let (mut powers, mut formed, mut valid) = ([0.0; LANES], [0.0; LANES], [false; LANES]);
@@ -259,7 +259,7 @@ impl Block {
     fn form_multipath(
         &mut self,
         scan: &Scan,
-        camera: &Camera,
+        camera: &DepthCamera,
         count: usize,
         formed: &mut [f32; LANES],
         valid: &mut [bool; LANES],

@@ -62,8 +62,8 @@ impl Group {
 }
 
 impl Halos {
-    /// Looks along the middle of all beams of `scan`, whose pulse has the standard deviation `sigma` m of range. What is
-    /// bright in a mirror or through glass alone does not bloom.
+    /// Looks along the middle of all beams of `scan`, whose pulse has the standard deviation `sigma` m of range. What
+    /// is bright in a mirror or through glass alone does not bloom.
     pub fn new(scan: &Scan, blooming: Blooming, sigma: f64) -> Halos {
         let least = FAINT * scan.detect.threshold.least_power().unwrap_or(0.0) as f32;
         let mut bright = scan.world.scene.engine.install(|| {
@@ -82,8 +82,8 @@ impl Halos {
         Halos { blooming, least, together: TOGETHER * sigma as f32, bright }
     }
 
-    /// Tells of the light of bright surfaces in `beams` of `table`: lane, and the surface that sends most of it, with the
-    /// range and the light, `rho_eff T / R^2` in 1/m^2, of all that are near it in range.
+    /// Tells of the light of bright surfaces in `beams` of `table`: lane, and the surface that sends most of it, with
+    /// the range and the light, `rho_eff T / R^2` in 1/m^2, of all that are near it in range.
     pub fn shine(&self, table: &BeamTable, beams: &[u32], mut tell: impl FnMut(usize, Bright)) {
         let direction = |lane: usize| table.direction(beams[lane] as usize);
         let middle = (0..beams.len()).map(direction).sum::<Vec3>().normalize_or(Vec3::X);
@@ -120,7 +120,8 @@ impl Halos {
     }
 }
 
-/// Angle between two directions, rad, from its chord by the series of the arcsine: to 1e-7 up to 10 degrees, 0.3 % at 90.
+/// Angle between two directions, rad, from its chord by the series of the arcsine: to 1e-7 up to 10 degrees, 0.3 % at
+/// 90.
 fn angle(a: Vec3, b: Vec3) -> f32 {
     let square = (a - b).length_squared();
     square.sqrt() * (1.0 + square * (1.0 / 24.0 + square * (3.0 / 640.0 + square * (5.0 / 7168.0))))

@@ -1,11 +1,13 @@
-//! One block of beams that are several rays each, or have several returns: what comes back of every ray makes a signal, and
-//! the echoes in it make returns.
+//! One block of beams that are several rays each, or have several returns: what comes back of every ray makes a signal,
+//! and the echoes in it make returns.
 
 use super::block::{Block, boxed};
 use super::run::Scan;
 use crate::cloud::Slices;
 use crate::detect::Peak;
-use crate::echo::{AirEcho, AirEchoes, Contribution, Follower, Meeting, Part, PathEcho, PathEchoes, Wanted, Waveform};
+use crate::echo::{
+    AirEcho, AirEchoes, Contribution, Follower, Meeting, PathEcho, PathEchoes, Pulselet, Wanted, Waveform,
+};
 use crate::emitter::{Across, Footprint};
 use crate::ground::cause::Cause;
 use crate::ground::lanes::{LANES, MEDIUM, MISS, RayBatch};
@@ -126,14 +128,15 @@ pub(super) struct Gatherer {
 /// Memory to form the signal of one beam.
 pub(super) struct Forming {
     waveform: Waveform,
-    parts: Vec<Part>,
+    parts: Vec<Pulselet>,
     pub peaks: Vec<Peak>,
     order: Vec<usize>,
     /// Of the parts, as a depth camera takes them.
     ranges: Vec<f32>,
     powers: Vec<f32>,
     pub chosen: Vec<usize>,
-    /// Light of each surface in an echo, and its strongest part: kind of surface, light, light of that part, its source.
+    /// Light of each surface in an echo, and its strongest part: kind of surface, light, light of that part, its
+    /// source.
     shares: Vec<([u32; 2], f32, f32, u32)>,
 }
 
@@ -582,13 +585,13 @@ impl Gatherer {
         }
         for (source, ray) in rays.iter().enumerate() {
             if ray.power[lane] > 0.0 {
-                parts.push(Part { range: ray.hits.range[lane], power: ray.power[lane], source: source as u32 });
+                parts.push(Pulselet { range: ray.hits.range[lane], power: ray.power[lane], source: source as u32 });
             }
         }
         let mut other = others.last[lane];
         while other != NONE {
             let Other { range, power, before, .. } = others.list[other as usize];
-            parts.push(Part { range, power, source: rays.len() as u32 + other });
+            parts.push(Pulselet { range, power, source: rays.len() as u32 + other });
             other = before;
         }
         if let Some(camera) = scan.camera {
@@ -614,8 +617,8 @@ impl Gatherer {
             return;
         }
         waveform.peaks(parts, peaks);
-        // The nearest that rays meet straight away is echo 0, others are told apart by their range: so echoes of the air
-        // do not move the chances of surfaces.
+        // The nearest that rays meet straight away is echo 0, others are told apart by their range: so echoes of the
+        // air do not move the chances of surfaces.
         let straight = rays
             .iter()
             .filter(|ray| ray.power[lane] > 0.0)
@@ -664,7 +667,7 @@ impl Gatherer {
         // All light of a pixel is one echo; without a pulse only what is at the very range.
         let reach = if scan.camera.is_some() { f32::INFINITY } else { (3.0 * sigma).max(1e-6 * peak.range) };
         let apart = if scan.camera.is_some() { OFF_SURFACE_M } else { OFF_SURFACE * sigma };
-        let light = |part: &Part| {
+        let light = |part: &Pulselet| {
             let x = if sigma > 0.0 { (part.range - peak.range) / sigma } else { 0.0 };
             part.power * (-0.5 * x * x).exp()
         };

@@ -13,7 +13,7 @@ use crate::ground::rng::Rng;
 use crate::material::{Mirrors, Optics, ReflectanceSource, Reflectances};
 use crate::medium::Weather;
 use crate::scan::{Order, Profile, Progress, ScanOptions};
-use crate::sensor::{Camera, Sensor, Signals};
+use crate::sensor::{DepthCamera, Sensor, Signals};
 use crate::trace::Tables;
 use echocast_kernels::measure;
 use std::ops::Range;
@@ -45,7 +45,7 @@ pub(super) struct Scan<'a> {
     pub detect: Detecting,
     pub measure: Measuring,
     /// What a depth camera makes of light, if it says so.
-    pub camera: Option<&'a Camera>,
+    pub camera: Option<&'a DepthCamera>,
     /// How beams of several rays or returns are made; `None` where beams are a ray and a return each.
     pub signals: Option<Signals>,
 }
@@ -188,7 +188,7 @@ impl<'a> Scan<'a> {
                 beams,
                 trajectory,
                 pose: Aim::new(trajectory, options.trajectory_time(), scene.origin),
-                reach: if camera.is_some_and(Camera::wraps) { f32::INFINITY } else { range_max },
+                reach: if camera.is_some_and(DepthCamera::wraps) { f32::INFINITY } else { range_max },
                 coherent: beams.is_coherent(),
             },
             world: World {
@@ -244,12 +244,13 @@ impl<'a> Scan<'a> {
         let columns = &mut cloud.columns;
         columns.make_room(computed, beams * self.most_returns())?;
         let engine = &self.world.scene.engine;
-        // Who wants to hear of the scan hears of it often.
+        // A caller who wants to know how far the scan is, is told often.
         let chunks_per_thread = if progress.is_some() { 1 } else { CHUNKS_PER_THREAD };
         let window = CHUNK * (chunks_per_thread * engine.threads()).min(MOST_CHUNKS);
         let windows = (0..beams).step_by(window).map(|first| first..(first + window).min(beams));
         let mut next = |beams: Range<usize>, rows: usize| {
-            // No further than this window may fill: memory of an earlier scan is not cleared beyond the rows there will be.
+            // No further than this window may fill: memory of an earlier scan is not cleared beyond the rows there will
+            // be.
             columns.lengthen(computed, rows + beams.len() * self.most_returns());
             self.window(beams, rows, columns)
         };

@@ -7,7 +7,7 @@ use crate::scan::ScanOptions;
 use glam::{DVec3, Vec3};
 
 /// A point of a ping: the cell that it is, and what the sonar says of it.
-struct Point {
+struct PingPoint {
     cell: usize,
     beam: usize,
     /// NaN: there is none, in an organised cloud.
@@ -29,13 +29,13 @@ impl Ping {
         cells.chain(aim).chain(truth).chain(first).chain(normals).collect()
     }
 
-    /// Its echoes as labelled points, as `options` want them: of swaths and single beams the depth of each beam, along the
-    /// beam's axis; of side-scan and imaging sonars every cell above the threshold, in the direction in which the sound of
-    /// its strongest scatterer left, or where nothing scatters (cause 7) along the beam's axis. Points lie at the range
-    /// that the sonar reports; where sound really was is in `true_x` to `true_range`.
+    /// Its echoes as labelled points, as `options` want them: of swaths and single beams the depth of each beam, along
+    /// the beam's axis; of side-scan and imaging sonars every cell above the threshold, in the direction in which the
+    /// sound of its strongest scatterer left, or where nothing scatters (cause 7) along the beam's axis. Points lie at
+    /// the range that the sonar reports; where sound really was is in `true_x` to `true_range`.
     ///
-    /// `intensity` is the echo level, dB re 1 uPa; `firing` the number of the ping; `channel` the beam; `beam` the beam of
-    /// a depth, and the cell, `beam * bins + bin`, of other points.
+    /// `intensity` is the echo level, dB re 1 uPa; `firing` the number of the ping; `channel` the beam; `beam` the beam
+    /// of a depth, and the cell, `beam * bins + bin`, of other points.
     ///
     /// # Errors
     /// A ping without [`Ping::cloud_fields`], or with columns that do not fit its layout; no memory.
@@ -75,12 +75,13 @@ impl Ping {
         matches!(self.layout.view, SonarView::Swath | SonarView::Single)
     }
 
-    fn points(&self, organised: bool) -> Vec<Point> {
+    fn points(&self, organised: bool) -> Vec<PingPoint> {
         let layout = &*self.layout;
         let axis = |beam: usize| direction(layout.axes[beam]);
         if self.reports_depths() {
-            let none = |beam: usize| Point { cell: beam * layout.bins, beam, range: f32::NAN, direction: axis(beam) };
-            let found = self.soundings.iter().map(|sounding| Point {
+            let none =
+                |beam: usize| PingPoint { cell: beam * layout.bins, beam, range: f32::NAN, direction: axis(beam) };
+            let found = self.soundings.iter().map(|sounding| PingPoint {
                 cell: sounding.cell as usize,
                 range: sounding.range,
                 ..none(sounding.beam as usize)
@@ -88,7 +89,7 @@ impl Ping {
             if !organised {
                 return found.collect();
             }
-            let mut points: Vec<Point> = (0..layout.beams()).map(none).collect();
+            let mut points: Vec<PingPoint> = (0..layout.beams()).map(none).collect();
             for point in found {
                 let beam = point.beam;
                 points[beam] = point;
@@ -107,14 +108,14 @@ impl Ping {
                 let (azimuth, elevation) = (cells.azimuth[cell], cells.elevation[cell]);
                 let direction = if azimuth.is_nan() { axis(beam) } else { direction([azimuth, elevation]) };
                 let range = if seen { layout.range(bin) as f32 } else { f32::NAN };
-                points.push(Point { cell, beam, range, direction });
+                points.push(PingPoint { cell, beam, range, direction });
             }
         }
         points
     }
 
-    fn fill(&self, columns: &mut Columns, row: usize, point: &Point, options: &ScanOptions) {
-        let Point { cell, beam, range, direction } = *point;
+    fn fill(&self, columns: &mut Columns, row: usize, point: &PingPoint, options: &ScanOptions) {
+        let PingPoint { cell, beam, range, direction } = *point;
         let cells = &self.cells;
         macro_rules! copy {
             ($($column:ident),* $(,)?) => { put!(columns, row, $($column: cells.$column[cell]),*) };

@@ -1,4 +1,5 @@
-//! One ping of a sonar, step by step: rays through the water, what they meet, what of it the beams hear, levels, depths.
+//! One ping of a sonar, step by step: rays through the water, what they meet, what of it the beams hear, levels,
+//! depths.
 
 use crate::cloud::{CELL_FIELDS, Field, FieldSet, Layout, Ping, Slices, SonarView, Sounding, put};
 use crate::detect::{BeamLevels, sounding};
@@ -33,7 +34,7 @@ const TILE: usize = 32;
 /// Memory of a ping, kept from one to the next.
 #[derive(Default)]
 pub(crate) struct PingMemory {
-    chunks: Vec<Chunk>,
+    chunks: Vec<RayChunk>,
     tiles: Vec<TileMemory>,
     /// The layout of the last ping, and what it was made of.
     layout: Option<(LayoutInputs, Arc<Layout>)>,
@@ -58,7 +59,7 @@ impl PingMemory {
 }
 
 #[derive(Default)]
-struct Chunk {
+struct RayChunk {
     echoes: Echoes,
     tracer: TracerMemory,
 }
@@ -116,8 +117,8 @@ pub(super) struct Pinging<'a> {
 }
 
 impl BuiltScene {
-    /// One ping of a sonar at `trajectory`, sent when the scan of `options` starts; `options.frame` is its number. It holds
-    /// those of `options.fields` that are [`CELL_FIELDS`], and always the level (`intensity`).
+    /// One ping of a sonar at `trajectory`, sent when the scan of `options` starts; `options.frame` is its number. It
+    /// holds those of `options.fields` that are [`CELL_FIELDS`], and always the level (`intensity`).
     ///
     /// # Errors
     /// A sensor that is no sonar; a sonar above the water or outside its profile; another profile of physics than
@@ -148,9 +149,9 @@ impl BuiltScene {
         done
     }
 
-    /// What there is to say against the water of `options` for a sonar at `trajectory`: formulas outside the ranges that
-    /// they were made for, speeds that no water has, sediments at frequencies that nobody has measured them at; in the
-    /// profiles of the paper and its program, against the water that these make of it.
+    /// What there is to say against the water of `options` for a sonar at `trajectory`: formulas outside the ranges
+    /// that they were made for, speeds that no water has, sediments at frequencies that nobody has measured them at; in
+    /// the profiles of the paper and its program, against the water that these make of it.
     ///
     /// # Errors
     /// As [`BuiltScene::ping`].
@@ -260,7 +261,8 @@ impl<'a> Pinging<'a> {
 
         let drift = match (acoustics.stop_and_hop, trajectory.constant()) {
             (false, None) => {
-                // While the farthest echo is on its way; at the end of the trajectory, whatever it was on the way there.
+                // While the farthest echo is on its way; at the end of the trajectory, whatever it was on the way
+                // there.
                 let wait = 2.0 * reach / believed;
                 let (start, end) = trajectory.span();
                 let before = time.min(end - wait).max(start);
@@ -324,7 +326,7 @@ impl<'a> Pinging<'a> {
         if chunks > 1 << (32 - CHUNK_BITS) {
             return Err(Error::invalid("pattern.rays", self.transducer.rays(), "at most 134 million rays in a ping"));
         }
-        memory.chunks.resize_with(chunks, Chunk::default);
+        memory.chunks.resize_with(chunks, RayChunk::default);
         let (sound, surfaces) = (&self.backscatter, &self.scene.surfaces);
         let loss = |row: u32, sine: f64| sound.reflection_loss(surfaces, row, sine);
         let limits = SoundLimits {
@@ -337,7 +339,7 @@ impl<'a> Pinging<'a> {
         let tracer = SoundTracer::new(self.scene, &self.column, limits);
         let insonification = self.insonification();
         parallel::for_each(&mut memory.chunks, |number, chunk| {
-            Answer { pinging: self, tracer: &tracer, insonification: &insonification, number, chunk }.run();
+            RayTask { pinging: self, tracer: &tracer, insonification: &insonification, number, chunk }.run();
         });
 
         let wants = Wants {
@@ -467,17 +469,17 @@ fn layout(inputs: &LayoutInputs, transducer: &Transducer, bin_m: f64, volume: &[
 }
 
 /// Rays of one chunk and what they send back, compiled for the vector instructions of this machine.
-struct Answer<'a, 'p> {
+struct RayTask<'a, 'p> {
     pinging: &'a Pinging<'p>,
     tracer: &'a SoundTracer<'a>,
     insonification: &'a Insonification<'a>,
     number: usize,
-    chunk: &'a mut Chunk,
+    chunk: &'a mut RayChunk,
 }
 
-impl Answer<'_, '_> {
+impl RayTask<'_, '_> {
     fn run(self) {
-        let Answer { pinging, tracer, insonification, number, chunk } = self;
+        let RayTask { pinging, tracer, insonification, number, chunk } = self;
         let transducer = &*pinging.transducer;
         let launch = Launch {
             directions: transducer.direction.each_ref().map(|axis| &axis[..]),
@@ -502,7 +504,7 @@ impl Answer<'_, '_> {
 #[derive(Clone, Copy)]
 struct Listening<'a, 'p> {
     pinging: &'a Pinging<'p>,
-    chunks: &'a [Chunk],
+    chunks: &'a [RayChunk],
     wants: Wants,
     /// Beams of a tile.
     width: usize,
@@ -555,7 +557,7 @@ impl Listen<'_, '_> {
 
 impl Pinging<'_> {
     /// The columns of a tile that say what the strongest scatterer of each cell is.
-    fn tell(&self, tile: &Tile, chunks: &[Chunk], mut rows: Slices) {
+    fn tell(&self, tile: &Tile, chunks: &[RayChunk], mut rows: Slices) {
         let (bins, width) = (self.layout.bins, tile.width());
         for beam in 0..width {
             for bin in 0..bins {

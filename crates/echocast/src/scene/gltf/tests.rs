@@ -419,8 +419,8 @@ fn points_lines_and_leftovers_are_skipped_with_one_warning_each() {
 #[test]
 fn interleaved_vertices_are_read() {
     let mut file = File::triangle();
-    // x y z nx ny nz, 24 bytes a vertex; one normal leans, so that they are not flat, and is so short that its square is not
-    // a normal number.
+    // x y z nx ny nz, 24 bytes a vertex; one normal leans, so that they are not flat, and is so short that its square
+    // is not a normal number.
     let vertices: [f32; 18] =
         [0.0, 0.0, 0.0, 0.0, 0.0, 2.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.6e-20, 0.0, 0.8e-20];
     let view = file.view(bytemuck::cast_slice(&vertices));

@@ -11,7 +11,7 @@ pub(super) const EVERYWHERE: (fn(f64) -> f64, f64) = (|_| 1.0, std::f64::consts:
 
 /// A face that looks along an axis, with tables of its patterns.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Face {
+pub(crate) struct Aperture {
     /// Unit vectors in the sensor's frame: its axis, its long edge and the one across it.
     frame: [Vec3; 3],
     /// Amplitudes along the long edge, or all around the axis if it is round.
@@ -20,18 +20,22 @@ pub(crate) struct Face {
     round: bool,
 }
 
-impl Face {
-    /// With a pattern and its width (rad) along the long edge, by the sine of the angle off the axis, and one across it,
-    /// by that of the angle in the plane of axis and the edge across. `frame`: see [`Face`].
-    pub fn new(frame: [[f64; 3]; 3], along: (impl Fn(f64) -> f64, f64), across: (impl Fn(f64) -> f64, f64)) -> Face {
+impl Aperture {
+    /// With a pattern and its width (rad) along the long edge, by the sine of the angle off the axis, and one across
+    /// it, by that of the angle in the plane of axis and the edge across. `frame`: see [`Aperture`].
+    pub fn new(
+        frame: [[f64; 3]; 3],
+        along: (impl Fn(f64) -> f64, f64),
+        across: (impl Fn(f64) -> f64, f64),
+    ) -> Aperture {
         let [along, across] = [Table::new(along.0, along.1), Table::new(across.0, across.1)];
-        Face { frame: frame.map(vector), along, across, round: false }
+        Aperture { frame: frame.map(vector), along, across, round: false }
     }
 
     /// With one pattern all around its axis.
-    pub fn round(frame: [[f64; 3]; 3], lobe: impl Fn(f64) -> f64, width: f64) -> Face {
+    pub fn round(frame: [[f64; 3]; 3], lobe: impl Fn(f64) -> f64, width: f64) -> Aperture {
         let (along, across) = (Table::new(lobe, width), Table::default());
-        Face { frame: frame.map(vector), along, across, round: true }
+        Aperture { frame: frame.map(vector), along, across, round: true }
     }
 
     /// log2 of the power along a unit `direction` in the sensor's frame; nothing is sent to what is behind.
@@ -85,8 +89,11 @@ mod tests {
         let (sin, cos) = 0.4f64.sin_cos();
         // The axis looks to port, 0.4 rad down.
         let frame = [[0.0, cos, -sin], [1.0, 0.0, 0.0], [0.0, sin, cos]];
-        let face =
-            Face::new(frame, (|sine| lobe.amplitude(sine), lobe.width()), (|sine| tall.amplitude(sine), tall.width()));
+        let face = Aperture::new(
+            frame,
+            (|sine| lobe.amplitude(sine), lobe.width()),
+            (|sine| tall.amplitude(sine), tall.width()),
+        );
         for (forward, angle) in [(0.0f64, 0.0), (0.003, 0.2), (-0.004, -0.3), (0.012, 1.1)] {
             let (sin, cos) = (angle - 0.4f64).sin_cos();
             let level = (1.0 - forward * forward).sqrt();
@@ -96,7 +103,7 @@ mod tests {
             assert!((found - expected).abs() < 0.02, "{forward} {angle}: {found} {expected}");
         }
         assert_eq!(face.power(Vec3::NEG_Y), FAINT);
-        let round = Face::round(frame, |sine| tall.amplitude(sine), tall.width());
+        let round = Aperture::round(frame, |sine| tall.amplitude(sine), tall.width());
         let aside = vector([0.1f64.sin(), 0.1f64.cos() * cos, -0.1f64.cos() * sin]);
         let expected = tall.amplitude(0.1f64.sin()).powi(2).log2();
         assert!((f64::from(round.power(aside)) - expected).abs() < 1e-3);
