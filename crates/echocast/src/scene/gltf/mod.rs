@@ -203,7 +203,8 @@ impl<'a> Document<'a> {
             Some(nodes) => serde_json::from_str(nodes.get()).map_err(broken)?,
             None => Vec::new(),
         };
-        let json = serde_json::from_slice(json).map_err(broken)?;
+        // Compiled where the type is: here it would be compiled once more.
+        let json = Root::from_slice(json).map_err(broken)?;
         Ok(Document { origin, files, json, transforms })
     }
 
