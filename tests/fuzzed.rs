@@ -1,5 +1,6 @@
 //! What is fuzzed (`scripts/fuzz`), with inputs made of the seeds: a short part of that work, the same at every run.
 
+use echocast_tests::reference::Random;
 use std::fs;
 use std::path::Path;
 
@@ -7,41 +8,29 @@ use std::path::Path;
 #[allow(unsafe_code, clippy::undocumented_unsafe_blocks, missing_docs)]
 mod targets;
 
-/// Numbers that seem random (xorshift64*).
-struct Dice(u64);
-
-impl Dice {
-    fn below(&mut self, count: usize) -> usize {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        ((self.0.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 33) as usize) % count.max(1)
-    }
-
-    /// One to eight changes of an input.
-    fn change(&mut self, input: &mut Vec<u8>, others: &[Vec<u8>]) {
-        const ODD: &[u8] = b"\0\xff\x80-0.9eE+{}[]:,\n \"'#&*!|>%@";
-        for _ in 0..=self.below(8) {
-            let at = self.below(input.len() + 1);
-            let end = (at + self.below(32)).min(input.len());
-            match self.below(7) {
-                0 => drop(input.drain(at..end)),
-                1 => input.insert(at, ODD[self.below(ODD.len())]),
-                2 if at < input.len() => input[at] = ODD[self.below(ODD.len())],
-                3 if at < input.len() => input[at] ^= 1 << self.below(8),
-                4 => {
-                    let copy = input[at..end].to_vec();
-                    let to = self.below(input.len() + 1);
-                    input.splice(to..to, copy);
-                }
-                5 if !others.is_empty() => {
-                    let other = &others[self.below(others.len())];
-                    let from = self.below(other.len() + 1);
-                    let piece = &other[from..(from + self.below(64)).min(other.len())];
-                    input.splice(at..at, piece.iter().copied());
-                }
-                _ => input.truncate(at.max(1)),
+/// One to eight changes of an input.
+fn change(random: &mut Random, input: &mut Vec<u8>, others: &[Vec<u8>]) {
+    const ODD: &[u8] = b"\0\xff\x80-0.9eE+{}[]:,\n \"'#&*!|>%@";
+    for _ in 0..=random.below(8) {
+        let at = random.below(input.len() + 1);
+        let end = (at + random.below(32)).min(input.len());
+        match random.below(7) {
+            0 => drop(input.drain(at..end)),
+            1 => input.insert(at, ODD[random.below(ODD.len())]),
+            2 if at < input.len() => input[at] = ODD[random.below(ODD.len())],
+            3 if at < input.len() => input[at] ^= 1 << random.below(8),
+            4 => {
+                let copy = input[at..end].to_vec();
+                let to = random.below(input.len() + 1);
+                input.splice(to..to, copy);
             }
+            5 if !others.is_empty() => {
+                let other = &others[random.below(others.len())];
+                let from = random.below(other.len() + 1);
+                let piece = &other[from..(from + random.below(64)).min(other.len())];
+                input.splice(at..at, piece.iter().copied());
+            }
+            _ => input.truncate(at.max(1)),
         }
     }
 }
@@ -55,10 +44,10 @@ fn fuzz(target: &str, rounds: usize, seeds: &[&[u8]], run: impl Fn(&[u8])) {
     known.extend(files.iter().map(|file| fs::read(file).unwrap()));
     assert!(!known.is_empty(), "no seeds of {target}");
     known.iter().for_each(|seed| run(seed));
-    let mut dice = Dice(0x9E37_79B9_7F4A_7C15);
+    let random = &mut Random::new(1);
     for _ in 0..rounds {
-        let mut input = known[dice.below(known.len())].clone();
-        dice.change(&mut input, &known);
+        let mut input = known[random.below(known.len())].clone();
+        change(random, &mut input, &known);
         run(&input);
     }
 }

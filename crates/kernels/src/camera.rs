@@ -110,11 +110,14 @@ kernels! {
             [first, .., last] => (*first, *last),
             [only] => (*only, *only),
         };
-        let mut light = [first; LANES];
+        let (mut angles, mut light) = ([0.0; LANES], [first; LANES]);
+        for lane in 0..LANES {
+            angles[lane] = acos(cos[lane].clamp(-1.0, 1.0));
+        }
         for pair in table.windows(2) {
             let ([from, low], [to, high]) = (pair[0], pair[1]);
             for lane in 0..LANES {
-                let angle = acos(cos[lane].clamp(-1.0, 1.0));
+                let angle = angles[lane];
                 let between = low + (high - low) * (angle - from) / (to - from);
                 let beyond = if angle > to { last } else { between };
                 light[lane] = if angle > from { beyond } else { light[lane] };

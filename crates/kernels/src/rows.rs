@@ -14,11 +14,4 @@ kernels! {
         }
         hits
     }
-
-    /// `to[i] = from[lanes[i]]`.
-    pub fn gather(from: &Lanes<u32>, lanes: &Lanes<u8>, to: &mut [u32]) {
-        for (row, &lane) in to.iter_mut().zip(lanes) {
-            *row = from[usize::from(lane)];
-        }
-    }
 }

@@ -99,9 +99,9 @@ pub struct Sounding {
 
 /// Memory that whoever makes pings keeps in each, for the next one made in its place.
 #[derive(Default)]
-pub(crate) struct Kept(Option<Box<dyn Any + Send + Sync>>);
+pub(crate) struct Spare(Option<Box<dyn Any + Send + Sync>>);
 
-impl Kept {
+impl Spare {
     /// What was kept, or new.
     pub(crate) fn take<T: Any + Send + Sync + Default>(&mut self) -> Box<T> {
         self.0.take().and_then(|kept| kept.downcast().ok()).unwrap_or_default()
@@ -112,16 +112,16 @@ impl Kept {
     }
 }
 
-impl Clone for Kept {
+impl Clone for Spare {
     /// A copy needs memory of its own when it is pinged into.
     fn clone(&self) -> Self {
-        Kept::default()
+        Spare::default()
     }
 }
 
-impl fmt::Debug for Kept {
+impl fmt::Debug for Spare {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str("Kept")
+        f.write_str("Spare")
     }
 }
 
@@ -146,7 +146,7 @@ pub struct Ping {
     pub soundings: Vec<Sounding>,
     /// Names of the numbers in the label columns.
     pub labels: Arc<Labels>,
-    pub(crate) memory: Kept,
+    pub(crate) memory: Spare,
 }
 
 impl Default for Layout {
@@ -221,7 +221,7 @@ impl Ping {
             fields,
             soundings: self.soundings.clone(),
             labels: self.labels.clone(),
-            memory: Kept::default(),
+            memory: Spare::default(),
             ..*self
         }
     }
