@@ -1,41 +1,169 @@
 //! Depth cameras: where pixels look, how much light they get, which range they make of it.
 
 use crate::level::kernels;
-use crate::math::{acos, sin_cos_turns};
+use crate::math::{acos, cos_pi, sin_pi};
 use crate::{LANES, Lanes};
 use std::f64::consts::TAU;
 
 /// Most frequencies that light is modulated at.
 pub const MOST_FREQUENCIES: usize = 3;
 
-/// Modulated light of one camera.
-#[derive(Clone, Copy, Debug)]
-pub struct Modulated {
+/// The frequencies that the light of a camera is modulated at, one after the other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Frequencies {
     /// Range at which the phase of each frequency wraps, m, rising.
-    pub wraps: [f64; MOST_FREQUENCIES],
+    wraps: [f64; MOST_FREQUENCIES],
     /// Number of frequencies.
-    pub count: usize,
+    count: usize,
     /// Turns of the first until all are where they began.
-    pub turns: u32,
+    turns: u32,
     /// Part of the [`wiggle`] that calibration leaves.
-    pub residual: f64,
-    /// Electrons that an echo of power 1 1/m^2 is modulated by, and electrons of background light; 0 and 0: no noise.
-    pub electrons: [f64; 2],
+    residual: f32,
 }
 
-/// Error of a phase of `turns` that four taps make of the correlation of two square waves, rad.
+/// Shot noise of four taps, in electrons of each tap.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ShotNoise {
+    /// Electrons that an echo of power 1 1/m^2 is modulated by, and its mean.
+    pub gain: f64,
+    /// Electrons of background light.
+    pub background: f64,
+}
+
+impl ShotNoise {
+    /// Noise of `phase` rad on an echo of `power` 1/m^2, where background light gives `ambient` times the electrons
+    /// that the echo gives.
+    pub fn new(phase: f64, power: f64, ambient: f64) -> ShotNoise {
+        // What `sigma` says, solved for the amplitude; an echo of fully modulated light has that mean too.
+        let amplitude = (1.0 + ambient) / (2.0 * phase * phase);
+        ShotNoise { gain: amplitude / power, background: amplitude * ambient }
+    }
+
+    /// Standard deviation of the phase, rad, of echoes whose powers sum to `offset` and whose phasors to the length
+    /// `amplitude`, 1/m^2: `sqrt(B / 2) / A`, so that of the range `c sqrt(B) / (4 sqrt(2) pi f A)`.
+    #[inline(always)]
+    pub fn sigma(&self, amplitude: f64, offset: f64) -> f64 {
+        (0.5 * (self.gain * offset + self.background)).sqrt() / (self.gain * amplitude)
+    }
+}
+
+impl Frequencies {
+    /// `wraps`: ranges, m, rising, at which the phases of the frequencies wrap, 1 to [`MOST_FREQUENCIES`] of them.
+    /// `turns`: of the first until all are where they began. `residual`: part of the [`wiggle`] that calibration leaves,
+    /// 0 to 1.
+    pub fn new(wraps: &[f64], turns: u32, residual: f64) -> Frequencies {
+        let mut all = [f64::INFINITY; MOST_FREQUENCIES];
+        all[..wraps.len()].copy_from_slice(wraps);
+        Frequencies { wraps: all, count: wraps.len(), turns, residual: residual as f32 }
+    }
+
+    /// Range at which the phase of each frequency wraps, m, rising.
+    pub fn wraps(&self) -> &[f64] {
+        &self.wraps[..self.count]
+    }
+
+    /// Range at which what is measured wraps, m: where all phases do together.
+    #[inline]
+    pub fn ambiguity_range(&self) -> f64 {
+        self.wraps[0] * f64::from(self.turns)
+    }
+
+    /// Phases in turns of echoes that are `turns` away, with an `error` of each, rad.
+    #[inline(always)]
+    pub fn phases<const N: usize>(&self, turns: &[f64; N], error: &[f64; N]) -> [f64; N] {
+        let (mut parts, mut phases) = ([0.0; N], [0.0; N]);
+        for lane in 0..N {
+            parts[lane] = fraction(4.0 * turns[lane]) as f32;
+        }
+        for lane in 0..N {
+            parts[lane] = self.residual * wiggle(parts[lane]);
+        }
+        for lane in 0..N {
+            phases[lane] = turns[lane] + (f64::from(parts[lane]) + error[lane]) * (1.0 / TAU);
+        }
+        phases
+    }
+
+    /// Ranges, m, that the `phases` of each frequency, in turns, agree on best, and the greatest differences between
+    /// what two of them say, m.
+    ///
+    /// Every whole number of turns of the highest frequency is tried; the one that leaves least of the others' phases,
+    /// in squares, counts. Then all count with the weight of their precision, `f^2`.
+    #[inline(always)]
+    pub fn unwrap<const N: usize>(&self, phases: &[[f64; N]; MOST_FREQUENCIES]) -> ([f64; N], [f64; N]) {
+        let (count, finest) = (self.count, self.wraps[0]);
+        let per_turn = self.wraps.map(|wrap| finest / wrap);
+        let mut first = [0.0; N];
+        for lane in 0..N {
+            first[lane] = phases[0][lane] - phases[0][lane].floor();
+        }
+        // What is left of the others' turns before any whole one. In units of 2^-32, whole turns overflow by themselves.
+        let mut rests = [[0u32; N]; MOST_FREQUENCIES];
+        for index in 1..count {
+            for lane in 0..N {
+                rests[index][lane] = fixed(first[lane] * per_turn[index] - phases[index][lane]);
+            }
+        }
+        // What is left after a turn, as bits, with the turn in the lowest of them: the least is that of both.
+        let low = self.turns.next_power_of_two() - 1;
+        let mut least = [u32::MAX; N];
+        for turn in 0..self.turns {
+            let mut left = [0.0f32; N];
+            for index in 1..count {
+                let more = fixed(f64::from(turn) * per_turn[index]);
+                for lane in 0..N {
+                    let rest = rests[index][lane].wrapping_add(more) as i32 as f32;
+                    left[lane] += rest * rest;
+                }
+            }
+            for lane in 0..N {
+                least[lane] = least[lane].min((left[lane].to_bits() & !low) | turn);
+            }
+        }
+        // How far each says the range is beyond that.
+        let weights = self.wraps.map(|wrap| 1.0 / (wrap * wrap));
+        let (mut best, mut sum, mut nearest, mut farthest) = ([0.0; N], [0.0; N], [0.0f64; N], [0.0f64; N]);
+        for lane in 0..N {
+            best[lane] = f64::from(least[lane] & low) + first[lane];
+        }
+        for index in 1..count {
+            let (wrap, weight) = (self.wraps[index], weights[index]);
+            for lane in 0..N {
+                let beyond = -fraction(best[lane] * per_turn[index] - phases[index][lane]) * wrap;
+                sum[lane] += beyond * weight;
+                nearest[lane] = nearest[lane].min(beyond);
+                farthest[lane] = farthest[lane].max(beyond);
+            }
+        }
+        let (ambiguity, scale) = (self.ambiguity_range(), 1.0 / weights[..count].iter().sum::<f64>());
+        let (mut ranges, mut disagreements) = ([0.0; N], [0.0; N]);
+        for lane in 0..N {
+            let range = best[lane] * finest + sum[lane] * scale;
+            // A wrap at most to either side.
+            let range = if range < 0.0 { range + ambiguity } else { range };
+            ranges[lane] = if range >= ambiguity { range - ambiguity } else { range };
+            disagreements[lane] = farthest[lane] - nearest[lane];
+        }
+        (ranges, disagreements)
+    }
+}
+
+/// Error of a phase that four taps make of the correlation of two square waves, rad, to 1e-8, where four times the phase
+/// is `turns`, -1/2 to 1/2.
 ///
 /// That correlation is a triangle, `cos p + cos(3 p) / 9 + cos(5 p) / 25 + ...`; four taps take its third and fifth
 /// harmonic for the phasor `1 + e^(-4jp) / 9 + e^(4jp) / 25` along that of the first.
 #[inline(always)]
-pub fn wiggle(turns: f64) -> f64 {
-    const THIRD: f64 = 1.0 / 9.0;
-    const FIFTH: f64 = 1.0 / 25.0;
-    let (sin, cos) = sin_cos_turns(4.0 * turns);
-    // The arctangent of 0.084 at most by its power series: the first term left out is below 1e-15.
+pub fn wiggle(turns: f32) -> f32 {
+    const THIRD: f32 = 1.0 / 9.0;
+    const FIFTH: f32 = 1.0 / 25.0;
+    // By the half angle.
+    let (sine, cosine) = (sin_pi(turns), cos_pi(turns));
+    let (sin, cos) = (2.0 * sine * cosine, 1.0 - 2.0 * sine * sine);
+    // The arctangent of 0.084 at most by its power series: the first term left out is below 1e-10.
     let t = (FIFTH - THIRD) * sin / (1.0 + (THIRD + FIFTH) * cos);
     let q = t * t;
-    t * (1.0 - q * (1.0 / 3.0 - q * (1.0 / 5.0 - q * (1.0 / 7.0 - q * (1.0 / 9.0 - q * (1.0 / 11.0 - q / 13.0))))))
+    t * (1.0 - q * (1.0 / 3.0 - q * (1.0 / 5.0 - q * (1.0 / 7.0))))
 }
 
 /// `turns` less the whole number next to it; exact below 2^51.
@@ -45,8 +173,13 @@ pub fn fraction(turns: f64) -> f64 {
     turns - ((turns + WHOLE) - WHOLE)
 }
 
-/// Pixels at a time: what they need stays in registers.
-const N: usize = 16;
+/// [`fraction`] in units of 2^-32, as a signed number.
+#[inline(always)]
+fn fixed(turns: f64) -> u32 {
+    // The sum has it in the lower bits.
+    const UNIT: f64 = 1.5 * (1u64 << 20) as f64;
+    (fraction(turns) + UNIT).to_bits() as u32
+}
 
 kernels! {
     /// Where pixels that should look along `from` do look: off by `normals` times `across` and `down`, in units of the
@@ -103,101 +236,53 @@ kernels! {
         }
     }
 
-    /// Multiplies with the light at angles of these cosines, from a table of angles, rad, rising, and light.
+    /// Multiplies with the [`light`] at angles of these cosines.
     pub fn illuminate(table: &[[f32; 2]], cos: &Lanes, values: &mut Lanes) {
-        let ([_, first], [_, last]) = match table {
-            [] => return,
-            [first, .., last] => (*first, *last),
-            [only] => (*only, *only),
-        };
-        let (mut angles, mut light) = ([0.0; LANES], [first; LANES]);
-        for lane in 0..LANES {
-            angles[lane] = acos(cos[lane].clamp(-1.0, 1.0));
-        }
-        for pair in table.windows(2) {
-            let ([from, low], [to, high]) = (pair[0], pair[1]);
-            for lane in 0..LANES {
-                let angle = angles[lane];
-                let between = low + (high - low) * (angle - from) / (to - from);
-                let beyond = if angle > to { last } else { between };
-                light[lane] = if angle > from { beyond } else { light[lane] };
+        for (cos, values) in cos.as_chunks::<N>().0.iter().zip(values.as_chunks_mut::<N>().0) {
+            let light = light(table, cos);
+            for lane in 0..N {
+                values[lane] *= light[lane];
             }
-        }
-        for lane in 0..LANES {
-            values[lane] *= light[lane];
         }
     }
 
     /// Ranges that pixels make of the phases of one echo each, m, from 0 to where all phases wrap together, and the
-    /// greatest difference between what two frequencies say, m. `noise` has a standard normal number for each
-    /// frequency.
-    ///
-    /// Every whole number of turns of the highest frequency is tried; the one that leaves least of the others' phases,
-    /// in squares, counts. Then all count with the weight of their precision, `f^2`.
+    /// greatest difference between what two frequencies say, m. Beside the shot `noise`, if any, stands a standard
+    /// normal number for each frequency.
     pub fn form(
-        modulated: &Modulated,
+        frequencies: &Frequencies,
+        noise: Option<(ShotNoise, &[Lanes; MOST_FREQUENCIES])>,
         range: &Lanes,
         power: &Lanes,
-        noise: &[Lanes; MOST_FREQUENCIES],
         formed: &mut Lanes,
         disagreement: &mut Lanes,
     ) {
-        let Modulated { wraps, count, turns, residual, electrons: [gain, background] } = *modulated;
-        let finest = wraps[0];
-        let ambiguity = finest * f64::from(turns);
-        let weights: f64 = wraps[..count].iter().map(|wrap| 1.0 / (wrap * wrap)).sum();
+        let per_m = frequencies.wraps.map(|wrap| 1.0 / wrap);
         for chunk in (0..LANES).step_by(N) {
+            let mut sigmas = [0.0; N];
+            if let Some((noise, _)) = noise {
+                for lane in 0..N {
+                    let power = f64::from(power[chunk + lane]);
+                    sigmas[lane] = noise.sigma(power, power);
+                }
+            }
             let mut phases = [[0.0; N]; MOST_FREQUENCIES];
-            for index in 0..count {
+            for index in 0..frequencies.count {
+                let (mut turns, mut errors) = ([0.0; N], [0.0; N]);
                 for lane in 0..N {
-                    let turns = f64::from(range[chunk + lane]) / wraps[index];
-                    let mut error = if residual > 0.0 { residual * wiggle(turns) } else { 0.0 };
-                    if gain > 0.0 {
-                        let power = f64::from(power[chunk + lane]);
-                        let sigma = (0.5 * (gain * power + background)).sqrt() / (gain * power);
-                        error += sigma * f64::from(noise[index][chunk + lane]);
-                    }
-                    phases[index][lane] = turns + error / TAU;
+                    turns[lane] = f64::from(range[chunk + lane]) * per_m[index];
                 }
-            }
-            let (mut first, mut best, mut least) = ([0.0; N], [0.0; N], [f64::INFINITY; N]);
-            for lane in 0..N {
-                first[lane] = phases[0][lane] - phases[0][lane].floor();
-            }
-            for turn in 0..turns {
-                let turn = f64::from(turn);
-                let mut left = [0.0; N];
-                for index in 1..count {
-                    let per_turn = finest / wraps[index];
+                if let Some((_, normals)) = noise {
                     for lane in 0..N {
-                        let rest = fraction((turn + first[lane]) * per_turn - phases[index][lane]);
-                        left[lane] += rest * rest;
+                        errors[lane] = sigmas[lane] * f64::from(normals[index][chunk + lane]);
                     }
                 }
-                for lane in 0..N {
-                    let better = left[lane] < least[lane];
-                    best[lane] = if better { turn + first[lane] } else { best[lane] };
-                    least[lane] = if better { left[lane] } else { least[lane] };
-                }
+                phases[index] = frequencies.phases(&turns, &errors);
             }
-            // How far each says the range is beyond that.
-            let (mut sum, mut nearest, mut farthest) = ([0.0; N], [0.0f64; N], [0.0f64; N]);
-            for index in 1..count {
-                let (wrap, per_turn) = (wraps[index], finest / wraps[index]);
-                for lane in 0..N {
-                    let beyond = -fraction(best[lane] * per_turn - phases[index][lane]) * wrap;
-                    sum[lane] += beyond / (wrap * wrap);
-                    nearest[lane] = nearest[lane].min(beyond);
-                    farthest[lane] = farthest[lane].max(beyond);
-                }
-            }
+            let (ranges, disagreements) = frequencies.unwrap(&phases);
             for lane in 0..N {
-                let range = best[lane] * finest + sum[lane] / weights;
-                // A wrap at most to either side.
-                let range = if range < 0.0 { range + ambiguity } else { range };
-                let range = if range >= ambiguity { range - ambiguity } else { range };
-                formed[chunk + lane] = range as f32;
-                disagreement[chunk + lane] = (farthest[lane] - nearest[lane]) as f32;
+                formed[chunk + lane] = ranges[lane] as f32;
+                disagreement[chunk + lane] = disagreements[lane] as f32;
             }
         }
     }
@@ -220,6 +305,34 @@ kernels! {
             range[lane] = measured_depth(terms, slanted, step, depth, cos[lane], normal[lane]) / axis[lane];
         }
     }
+}
+
+/// Light at angles of these cosines from a `table` of angles, rad, rising, and light: linear in between, constant
+/// outside, 1 without any.
+#[inline(always)]
+pub fn light<const N: usize>(table: &[[f32; 2]], cos: &[f32; N]) -> [f32; N] {
+    let (Some(&[_, first]), Some(&[end, last])) = (table.first(), table.last()) else { return [1.0; N] };
+    let mut angles = [0.0; N];
+    for lane in 0..N {
+        angles[lane] = acos(cos[lane].clamp(-1.0, 1.0));
+    }
+    // The ends of the part of the table that each angle is in; below all, of no rise.
+    let (mut from, mut step, mut light, mut rise) = ([0.0; N], [1.0; N], [first; N], [0.0; N]);
+    for pair in table.windows(2) {
+        let [[low, low_light], [high, high_light]] = [pair[0], pair[1]];
+        for lane in 0..N {
+            let above = angles[lane] > low;
+            from[lane] = if above { low } else { from[lane] };
+            step[lane] = if above { high - low } else { step[lane] };
+            light[lane] = if above { low_light } else { light[lane] };
+            rise[lane] = if above { high_light - low_light } else { rise[lane] };
+        }
+    }
+    for lane in 0..N {
+        let between = light[lane] + rise[lane] * (angles[lane] - from[lane]) / step[lane];
+        light[lane] = if angles[lane] > end { last } else { between };
+    }
+    light
 }
 
 /// Standard deviation of a depth, m. From 85 degrees on it is that at 85 degrees: at 90 the laws are infinite, and

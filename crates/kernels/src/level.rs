@@ -56,31 +56,32 @@ pub fn limit_level(most: Level) -> Level {
     level
 }
 
-/// Compiles functions for every level; who calls them gets the widest that there is.
+/// Compiles functions for every level; who calls them gets the widest that there is. Within them `N` is how many lanes
+/// at a time keep a few numbers each in registers.
 macro_rules! kernels {
     ($($(#[$meta:meta])* pub fn $name:ident($($arg:ident: $type:ty),* $(,)?) $(-> $out:ty)? $body:block)*) => {$(
         $(#[$meta])*
         #[allow(clippy::too_many_arguments, unsafe_code)]
         pub fn $name($($arg: $type),*) $(-> $out)? {
             #[inline(always)]
-            fn at_any_level($($arg: $type),*) $(-> $out)? $body
+            fn at_any_level<const N: usize>($($arg: $type),*) $(-> $out)? $body
             #[cfg(target_arch = "x86_64")]
             {
                 #[target_feature(enable = "avx2,bmi1,bmi2,f16c,fma,lzcnt,movbe,popcnt")]
-                fn with_avx2($($arg: $type),*) $(-> $out)? { at_any_level($($arg),*) }
+                fn with_avx2($($arg: $type),*) $(-> $out)? { at_any_level::<16>($($arg),*) }
                 #[target_feature(enable = "avx2,bmi1,bmi2,f16c,fma,lzcnt,movbe,popcnt")]
                 #[target_feature(enable = "avx512f,avx512bw,avx512cd,avx512dq,avx512vl")]
-                fn with_avx512($($arg: $type),*) $(-> $out)? { at_any_level($($arg),*) }
+                fn with_avx512($($arg: $type),*) $(-> $out)? { at_any_level::<32>($($arg),*) }
                 match $crate::level() {
                     // SAFETY: the level says that the processor has what these need.
                     $crate::Level::Avx512 => unsafe { with_avx512($($arg),*) },
                     // SAFETY: as above.
                     $crate::Level::Avx2 => unsafe { with_avx2($($arg),*) },
-                    $crate::Level::Plain => at_any_level($($arg),*),
+                    $crate::Level::Plain => at_any_level::<16>($($arg),*),
                 }
             }
             #[cfg(not(target_arch = "x86_64"))]
-            at_any_level($($arg),*)
+            at_any_level::<16>($($arg),*)
         }
     )*};
 }

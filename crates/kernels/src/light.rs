@@ -135,6 +135,13 @@ kernels! {
         }
     }
 
+    /// Takes the surfaces away that are not `valid`.
+    pub fn keep(valid: &Lanes<bool>, surface: &mut Lanes<u32>) {
+        for lane in 0..LANES {
+            surface[lane] = if valid[lane] { surface[lane] } else { MISS };
+        }
+    }
+
     /// `depth += extinction max(min(length, end) - start, 0)`.
     pub fn add_depth(extinction: f32, start: f32, end: f32, length: &Lanes, depth: &mut Lanes) {
         for lane in 0..LANES {

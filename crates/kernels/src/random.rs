@@ -12,31 +12,42 @@ const WEYL: [u32; 2] = [0x9E37_79B9, 0xBB67_AE85];
 const ROUNDS: u32 = 10;
 
 /// One block of Philox4x32-10 for each of `N` counters under one key.
+///
+/// Words stand in the lower halves of 64 bits each, as vector multiplications take them and leave their products; what is
+/// in the upper halves is never looked at.
 #[inline(always)]
-fn philox<const N: usize>(mut counter: [[u32; N]; 4], mut key: [u32; 2]) -> [[u32; N]; 4] {
-    for _ in 0..ROUNDS {
-        let [c0, c1, c2, c3] = counter;
-        let mut next = [[0u32; N]; 4];
+fn philox<const N: usize>(counter: [[u32; N]; 4], mut key: [u32; 2]) -> [[u32; N]; 4] {
+    const LOWER: u64 = u32::MAX as u64;
+    let mut state = [[0u64; N]; 4];
+    for word in 0..4 {
         for lane in 0..N {
-            let product0 = u64::from(MULTIPLIER[0]) * u64::from(c0[lane]);
-            let product1 = u64::from(MULTIPLIER[1]) * u64::from(c2[lane]);
-            next[0][lane] = (product1 >> 32) as u32 ^ c1[lane] ^ key[0];
-            next[1][lane] = product1 as u32;
-            next[2][lane] = (product0 >> 32) as u32 ^ c3[lane] ^ key[1];
-            next[3][lane] = product0 as u32;
+            state[word][lane] = counter[word][lane].into();
         }
-        counter = next;
+    }
+    for _ in 0..ROUNDS {
+        let [c0, c1, c2, c3] = state;
+        for lane in 0..N {
+            let product0 = u64::from(MULTIPLIER[0]) * (c0[lane] & LOWER);
+            let product1 = u64::from(MULTIPLIER[1]) * (c2[lane] & LOWER);
+            state[0][lane] = (product1 >> 32) ^ c1[lane] ^ u64::from(key[0]);
+            state[1][lane] = product1;
+            state[2][lane] = (product0 >> 32) ^ c3[lane] ^ u64::from(key[1]);
+            state[3][lane] = product0;
+        }
         key = [key[0].wrapping_add(WEYL[0]), key[1].wrapping_add(WEYL[1])];
     }
-    counter
+    let mut words = [[0; N]; 4];
+    for word in 0..4 {
+        for lane in 0..N {
+            words[word][lane] = state[word][lane] as u32;
+        }
+    }
+    words
 }
-
-/// Lanes at a time: two registers of AVX-512 hide the latency of the multiplications.
-const N: usize = 32;
 
 /// The blocks of up to [`N`] counters of which `first` and `third` vary.
 #[inline(always)]
-fn words(key: [u32; 2], [first, third]: [&[u32]; 2], [second, fourth]: [u32; 2]) -> [[u32; N]; 4] {
+fn words<const N: usize>(key: [u32; 2], [first, third]: [&[u32]; 2], [second, fourth]: [u32; 2]) -> [[u32; N]; 4] {
     let (mut a, mut c) = ([0; N], [0; N]);
     a[..first.len()].copy_from_slice(first);
     c[..third.len()].copy_from_slice(third);
@@ -61,7 +72,7 @@ kernels! {
     ) {
         for ((out, first), third) in out.chunks_mut(N).zip(first.chunks(N)).zip(third.chunks(N)) {
             // Plain loops: closures would be compiled apart, without the vector instructions of the caller.
-            let words = words(key, [first, third], [second, fourth]);
+            let words = words::<N>(key, [first, third], [second, fourth]);
             let mut values = [0.0; N];
             for lane in 0..N {
                 values[lane] = normal(words[0][lane], words[1][lane]);
@@ -82,7 +93,7 @@ kernels! {
         b: &mut [f32],
     ) {
         for ((a, b), first) in a.chunks_mut(N).zip(b.chunks_mut(N)).zip(first.chunks(N)) {
-            let words = words(key, [first, &[third; N][..first.len()]], [second, fourth]);
+            let words = words::<N>(key, [first, &[third; N][..first.len()]], [second, fourth]);
             let (mut values, mut others) = ([0.0; N], [0.0; N]);
             for lane in 0..N {
                 values[lane] = normal(words[0][lane], words[1][lane]);
@@ -103,7 +114,7 @@ kernels! {
         out: &mut [f32],
     ) {
         for ((out, first), third) in out.chunks_mut(N).zip(first.chunks(N)).zip(third.chunks(N)) {
-            let [words, ..] = words(key, [first, third], [second, fourth]);
+            let [words, ..] = words::<N>(key, [first, third], [second, fourth]);
             let mut values = [0.0; N];
             for lane in 0..N {
                 values[lane] = unit(words[lane]);
@@ -115,8 +126,6 @@ kernels! {
     /// Complex numbers whose squared magnitude is exponentially distributed with mean 1 and whose phase is even, turned
     /// by `turns` of a circle: the sum of many small echoes. Each has its own counter.
     pub fn phasors(key: [u32; 2], counter: [&[u32]; 4], turns: &[f32], re: &mut [f32], im: &mut [f32]) {
-        /// Of two outputs, half as many fit into the registers.
-        const N: usize = 16;
         let count = re.len();
         for first in (0..count).step_by(N) {
             let lanes = first..(first + N).min(count);
@@ -138,20 +147,19 @@ kernels! {
 
     /// [`phasors`] of the counters `0 ..` before the three words `rest`; each counter gives the numbers of two.
     pub fn phasor_row(key: [u32; 2], rest: [u32; 3], re: &mut [f32], im: &mut [f32]) {
-        const N: usize = 16;
         for (index, (re, im)) in (0..).zip(re.chunks_mut(2 * N).zip(im.chunks_mut(2 * N))) {
             let mut first = [0; N];
             for lane in 0..N {
                 first[lane] = index * N as u32 + lane as u32;
             }
             let [a, b, c, d] = philox([first, [rest[0]; N], [rest[1]; N], [rest[2]; N]], key);
-            let (mut x, mut y) = ([0.0; 2 * N], [0.0; 2 * N]);
+            let (mut x, mut y) = ([[0.0; N]; 2], [[0.0; N]; 2]);
             for lane in 0..N {
-                (x[lane], y[lane]) = phasor(a[lane], b[lane], 0.0);
-                (x[lane + N], y[lane + N]) = phasor(c[lane], d[lane], 0.0);
+                (x[0][lane], y[0][lane]) = phasor(a[lane], b[lane], 0.0);
+                (x[1][lane], y[1][lane]) = phasor(c[lane], d[lane], 0.0);
             }
-            re.copy_from_slice(&x[..re.len()]);
-            im.copy_from_slice(&y[..im.len()]);
+            re.copy_from_slice(&x.as_flattened()[..re.len()]);
+            im.copy_from_slice(&y.as_flattened()[..im.len()]);
         }
     }
 }

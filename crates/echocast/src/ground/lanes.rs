@@ -49,6 +49,16 @@ impl RayBatch {
         (self.dir_x[lane], self.dir_y[lane], self.dir_z[lane]) = from.direction(other).into();
     }
 
+    /// Where rays start, axis by axis.
+    pub(crate) fn origins(&self) -> [&[f32; LANES]; 3] {
+        [&self.org_x, &self.org_y, &self.org_z]
+    }
+
+    /// Unit directions of rays, axis by axis.
+    pub(crate) fn directions(&self) -> [&[f32; LANES]; 3] {
+        [&self.dir_x, &self.dir_y, &self.dir_z]
+    }
+
     /// Where the ray of a lane starts.
     pub(crate) fn origin(&self, lane: usize) -> Vec3 {
         Vec3::new(self.org_x[lane], self.org_y[lane], self.org_z[lane])

@@ -307,16 +307,8 @@ impl DepthCamera {
 
     /// Light that goes out `cos` off the axis, over that on it.
     pub(crate) fn light(&self, cos: f32) -> f32 {
-        if self.illumination.is_empty() {
-            return 1.0;
-        }
-        let angle = cos.clamp(-1.0, 1.0).acos();
-        let (below, above) = self.illumination.split_at(self.illumination.partition_point(|light| light[0] < angle));
-        match (below.last(), above.first()) {
-            (Some(&[from, low]), Some(&[to, high])) => low + (high - low) * (angle - from) / (to - from),
-            (Some(&[_, only]), None) | (None, Some(&[_, only])) => only,
-            (None, None) => 1.0,
-        }
+        let [light] = kernels::light(&self.illumination, &[cos]);
+        light
     }
 
     /// Range, m, and power, 1/m^2, that pixel `beam` makes of the echoes at it, from `ranges` m with the `powers`
@@ -362,15 +354,18 @@ impl DepthCamera {
             *formed = *ranges;
             return;
         };
-        let mut noise = [[0.0; LANES]; MOST_FREQUENCIES];
-        if self.shot_noise.is_some() {
-            for (index, noise) in (0..).zip(&mut noise[..modulation.len()]) {
-                rng.normals(beams, &[index; LANES][..beams.len()], Draw::Phase, &mut noise[..beams.len()]);
+        let mut normals;
+        let noise = if let Some(noise) = self.shot_noise {
+            normals = [[0.0; LANES]; MOST_FREQUENCIES];
+            for (index, normals) in (0..).zip(&mut normals[..modulation.0.wraps().len()]) {
+                rng.normals(beams, &[index; LANES][..beams.len()], Draw::Phase, &mut normals[..beams.len()]);
             }
-        }
+            Some((noise, &normals))
+        } else {
+            None
+        };
         let mut disagreement = [0.0; LANES];
-        let modulated = modulation.side_by_side(self.shot_noise);
-        kernels::form(&modulated, ranges, powers, &noise, formed, &mut disagreement);
+        kernels::form(&modulation.0, noise, ranges, powers, formed, &mut disagreement);
         for lane in 0..LANES {
             valid[lane] &= disagreement[lane] <= self.inconsistency;
         }

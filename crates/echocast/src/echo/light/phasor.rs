@@ -4,8 +4,8 @@
 //! add: at an edge the range lies between those of the two surfaces, or beyond either. Phases are counted in turns.
 
 use crate::ground::units::SPEED_OF_LIGHT;
-pub(crate) use echocast_kernels::camera::MOST_FREQUENCIES;
-use echocast_kernels::camera::{Modulated, fraction, wiggle};
+use echocast_kernels::camera::Frequencies;
+pub(crate) use echocast_kernels::camera::{MOST_FREQUENCIES, ShotNoise};
 use std::f64::consts::TAU;
 
 /// Range at which the phase of light modulated at `frequency` Hz wraps, m: `c / (2 f)`.
@@ -22,31 +22,6 @@ pub(crate) fn sum(wrap: f64, ranges: &[f32], powers: &[f32]) -> [f64; 2] {
     })
 }
 
-/// Shot noise of four taps, in electrons of each tap.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct ShotNoise {
-    /// Electrons that an echo of power 1 1/m^2 is modulated by, and its mean.
-    gain: f64,
-    /// Electrons of background light.
-    background: f64,
-}
-
-impl ShotNoise {
-    /// Noise of `phase` rad on an echo of `power` 1/m^2, where background light gives `ambient` times the electrons
-    /// that the echo gives.
-    pub(crate) fn new(phase: f64, power: f64, ambient: f64) -> ShotNoise {
-        // What `sigma` says, solved for the amplitude; an echo of fully modulated light has that mean too.
-        let amplitude = (1.0 + ambient) / (2.0 * phase * phase);
-        ShotNoise { gain: amplitude / power, background: amplitude * ambient }
-    }
-
-    /// Standard deviation of the phase, rad, of echoes whose powers sum to `offset` and whose phasors to the length
-    /// `amplitude`, 1/m^2: `sqrt(B / 2) / A`, so that of the range `c sqrt(B) / (4 sqrt(2) pi f A)`.
-    pub(crate) fn sigma(&self, amplitude: f64, offset: f64) -> f64 {
-        (0.5 * (self.gain * offset + self.background)).sqrt() / (self.gain * amplitude)
-    }
-}
-
 /// What the phases of a pixel come to.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Formed {
@@ -60,66 +35,30 @@ pub(crate) struct Formed {
 
 /// The frequencies that the light of a camera is modulated at, one after the other.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Modulation {
-    /// Ambiguity range of each, m, rising.
-    wraps: [f64; MOST_FREQUENCIES],
-    count: usize,
-    /// Turns of the first until all are where they began.
-    turns: u32,
-    /// Part of [`wiggle`] that calibration leaves.
-    residual: f64,
-}
+pub(crate) struct Modulation(pub Frequencies);
 
 impl Modulation {
-    /// `frequencies_khz`: 1 to [`MOST_FREQUENCIES`] of them, each above 0. `residual`: part of the [`wiggle`] that
-    /// calibration leaves, 0 to 1.
+    /// `frequencies_khz`: 1 to [`MOST_FREQUENCIES`] of them, each above 0. `residual`: part of the error of four taps
+    /// that calibration leaves, 0 to 1.
     pub(crate) fn new(frequencies_khz: &[u32], residual: f64) -> Modulation {
-        let mut sorted = [0; MOST_FREQUENCIES];
-        let count = frequencies_khz.len().min(MOST_FREQUENCIES);
-        sorted[..count].copy_from_slice(&frequencies_khz[..count]);
-        sorted.sort_unstable_by(|a, b| b.cmp(a));
-        let wraps = sorted.map(|khz| ambiguity_range(1e3 * f64::from(khz)));
-        Modulation { wraps, count, turns: turns(frequencies_khz), residual }
-    }
-
-    /// Range at which what is measured wraps, m: that of the greatest common divisor of the frequencies.
-    pub(crate) fn ambiguity_range(&self) -> f64 {
-        self.wraps[0] * f64::from(self.turns)
+        let mut wraps: Vec<f64> = frequencies_khz.iter().map(|&khz| ambiguity_range(1e3 * f64::from(khz))).collect();
+        wraps.sort_unstable_by(f64::total_cmp);
+        Modulation(Frequencies::new(&wraps, turns(frequencies_khz), residual))
     }
 
     /// Standard deviation of a phase, rad, where that of the range is `sigma` m.
     pub(crate) fn phase_sigma(&self, sigma: f64) -> f64 {
         // Ranges of variance (wrap / (2 pi))^2, weighted by their inverse.
-        let weights: f64 = self.wraps().iter().map(|wrap| wrap.powi(-2)).sum();
+        let weights: f64 = self.0.wraps().iter().map(|wrap| wrap.powi(-2)).sum();
         TAU * sigma * weights.sqrt()
-    }
-
-    /// For pixels with one echo each, side by side.
-    pub(crate) fn side_by_side(&self, noise: Option<ShotNoise>) -> Modulated {
-        Modulated {
-            wraps: self.wraps,
-            count: self.count,
-            turns: self.turns,
-            residual: self.residual,
-            electrons: noise.map_or([0.0; 2], |noise| [noise.gain, noise.background]),
-        }
-    }
-
-    /// Number of frequencies.
-    pub(crate) fn len(&self) -> usize {
-        self.count
-    }
-
-    fn wraps(&self) -> &[f64] {
-        &self.wraps[..self.count]
     }
 
     /// What the echoes from `ranges` m with `powers`, `rho_eff / R^2` in 1/m^2, come to at one pixel. `noise` gives the
     /// error of the phase, rad, by frequency (the highest is 0), amplitude and sum of the powers.
     pub(crate) fn form(&self, ranges: &[f32], powers: &[f32], noise: impl Fn(usize, f64, f64) -> f64) -> Formed {
         let offset = powers.iter().map(|&power| f64::from(power)).sum();
-        let (mut phases, mut amplitudes) = ([0.0; MOST_FREQUENCIES], 0.0);
-        for (index, &wrap) in self.wraps().iter().enumerate() {
+        let (mut phases, mut amplitudes) = ([[0.0]; MOST_FREQUENCIES], 0.0);
+        for (index, &wrap) in self.0.wraps().iter().enumerate() {
             let (turns, amplitude) = match ranges {
                 // One echo keeps its range to the last bit that f64 has.
                 [range] => (f64::from(*range) / wrap, offset),
@@ -128,41 +67,12 @@ impl Modulation {
                     (im.atan2(re) / TAU, re.hypot(im))
                 }
             };
-            let wiggle = if self.residual > 0.0 { self.residual * wiggle(turns) } else { 0.0 };
-            phases[index] = turns + (wiggle + noise(index, amplitude, offset)) / TAU;
+            phases[index] = self.0.phases(&[turns], &[noise(index, amplitude, offset)]);
             amplitudes += amplitude;
         }
-        let (range, disagreement) = self.unwrap(&phases[..self.count]);
-        let power = (amplitudes / self.count as f64) as f32;
+        let ([range], [disagreement]) = self.0.unwrap(&phases);
+        let power = (amplitudes / self.0.wraps().len() as f64) as f32;
         Formed { range: range as f32, power, disagreement: disagreement as f32 }
-    }
-
-    /// Range, m, that `phases` in turns agree on best, and the greatest difference between what two of them say.
-    ///
-    /// Every whole number of turns of the highest frequency is tried; the one that leaves least of the others' phases,
-    /// in squares, counts. Then all count with the weight of their precision, `f^2`.
-    fn unwrap(&self, phases: &[f64]) -> (f64, f64) {
-        let finest = self.wraps[0];
-        let per_turn = self.wraps.map(|wrap| finest / wrap);
-        // What is left of the turns of frequency `index` after `turns` of the first.
-        let rest = |turns: f64, index: usize| fraction(turns * per_turn[index] - phases[index]);
-        let first = phases[0] - phases[0].floor();
-        let (mut best, mut least) = (0.0, f64::INFINITY);
-        for turn in 0..self.turns {
-            let turns = f64::from(turn) + first;
-            let left: f64 = (1..phases.len()).map(|index| rest(turns, index).powi(2)).sum();
-            if left < least {
-                (best, least) = (turns, left);
-            }
-        }
-        // How far each says the range is beyond that.
-        let (mut sum, mut weights, mut nearest, mut farthest) = (0.0, 0.0, 0.0f64, 0.0f64);
-        for (index, &wrap) in self.wraps().iter().enumerate() {
-            let beyond = if index == 0 { 0.0 } else { -rest(best, index) * wrap };
-            (sum, weights) = (sum + beyond / (wrap * wrap), weights + 1.0 / (wrap * wrap));
-            (nearest, farthest) = (nearest.min(beyond), farthest.max(beyond));
-        }
-        ((best * finest + sum / weights).rem_euclid(self.ambiguity_range()), farthest - nearest)
     }
 }
 
@@ -186,6 +96,7 @@ pub(crate) fn natural_vignetting(cos: f32) -> f32 {
 mod tests {
     use super::*;
     use crate::ground::rng::{Draw, Rng};
+    use echocast_kernels::camera::wiggle;
 
     #[track_caller]
     fn assert_near(is: f64, expected: f64, tolerance: f64) {
@@ -208,9 +119,9 @@ mod tests {
     #[test]
     fn ambiguity_ranges_are_half_a_wavelength() {
         for (mhz, expected) in [(16, 9.36851), (20, 7.49481), (80, 1.87370), (100, 1.49896), (120, 1.24914)] {
-            assert_near(one(mhz * 1000).ambiguity_range(), expected, 5e-6);
+            assert_near(one(mhz * 1000).0.ambiguity_range(), expected, 5e-6);
         }
-        assert_near(Modulation::new(&[16_000, 80_000, 120_000], 0.0).ambiguity_range(), 18.7370, 5e-5);
+        assert_near(Modulation::new(&[16_000, 80_000, 120_000], 0.0).0.ambiguity_range(), 18.7370, 5e-5);
         assert_eq!((turns(&[16_000, 80_000, 120_000]), turns(&[20_000]), turns(&[])), (15, 1, 1));
     }
 
@@ -219,7 +130,7 @@ mod tests {
     fn phases_wrap() {
         assert_near(range(one(80_000), &[2.0], &[1.0]), 0.126_297, 1e-6);
         assert_near(range(one(80_000), &[5.0], &[1.0]), 1.252_594, 1e-6);
-        let wrap = one(20_000).ambiguity_range() as f32;
+        let wrap = one(20_000).0.ambiguity_range() as f32;
         assert_near(range(one(20_000), &[wrap * 1.5], &[1.0]), f64::from(wrap) * 0.5, 1e-6);
     }
 
@@ -235,7 +146,7 @@ mod tests {
         }
         // In any order.
         assert_eq!(Modulation::new(&[80_000, 16_000, 120_000], 0.0), kinect);
-        assert_near(range(kinect, &[20.0], &[1.0]), 20.0 - kinect.ambiguity_range(), 2e-6);
+        assert_near(range(kinect, &[20.0], &[1.0]), 20.0 - kinect.0.ambiguity_range(), 2e-6);
     }
 
     /// Errors of the phases below a fifteenth of a turn or so never choose the wrong turn; then the range errs as their
@@ -286,7 +197,7 @@ mod tests {
     #[test]
     fn wiggling_follows_the_harmonics() {
         let steps = 100_000;
-        let greatest = (0..steps).map(|i| wiggle(f64::from(i) / f64::from(steps)).abs()).fold(0.0, f64::max);
+        let greatest = (0..steps).map(|i| wiggle(i as f32 / steps as f32 - 0.5).abs()).fold(0.0, f32::max).into();
         assert_near(greatest, 0.071_813_5, 1e-7);
         let wrap = ambiguity_range(20e6);
         assert_near(greatest * wrap / TAU, 0.085_661_7, 1e-7);
@@ -295,7 +206,7 @@ mod tests {
         assert_near(range(raw, &[0.5], &[1.0]) - 0.5, -0.085_570_6, 1e-6);
         assert_near(range(raw, &[3.3], &[1.0]) - f64::from(3.3f32), 0.083_584_8, 1e-6);
         // The error comes again a quarter of the ambiguity range on, and calibration leaves a part of it.
-        assert_near(wiggle(0.07), wiggle(0.32), 1e-12);
+        assert_near(range(raw, &[0.5 + wrap as f32 / 4.0], &[1.0]) - wrap / 4.0, range(raw, &[0.5], &[1.0]), 1e-6);
         let calibrated = Modulation::new(&[20_000], 0.1);
         assert_near(range(calibrated, &[0.5], &[1.0]) - 0.5, -0.008_557_06, 1e-6);
     }

@@ -197,26 +197,19 @@ impl Block {
     /// Steps 4 and 5: every beam at the pose of its own time.
     pub fn aim(&mut self, scan: &Scan, first: usize, count: usize) {
         let nominal = scan.aim.beams.directions(first, count);
-        scan.aim.pose.rays(scan.aim.beams, first, nominal, scan.aim.reach, &mut self.rays);
-        if scan.points_elsewhere() {
-            let reported = self.reported.get_or_insert_with(boxed);
-            reported.as_mut().clone_from(&self.rays);
+        let rays = |directions, rays: &mut RayBatch| {
+            scan.aim.pose.rays(scan.aim.beams, first, directions, scan.aim.reach, rays);
+        };
+        if !scan.points_elsewhere() {
+            return rays(nominal, &mut self.rays);
         }
-        if scan.measure.errors.pointing_sigma > 0.0 {
-            let mut pointed = [[0.0; LANES]; 3];
-            emitter::scatter(
-                &scan.rng,
-                &self.lanes.beam[..count],
-                scan.measure.errors.pointing_sigma,
-                nominal,
-                &mut pointed,
-            );
-            let pointed = pointed.each_ref().map(|axis| &axis[..count]);
-            scan.aim.pose.rays(scan.aim.beams, first, pointed, scan.aim.reach, &mut self.rays);
+        rays(nominal, self.reported.get_or_insert_with(boxed));
+        let (mut pointed, beams) = ([[0.0; LANES]; 3], &self.lanes.beam[..count]);
+        match scan.camera.filter(|camera| camera.aside.is_some()) {
+            Some(camera) => camera.look_aside(&scan.rng, beams, nominal, &mut pointed),
+            None => emitter::scatter(&scan.rng, beams, scan.measure.errors.pointing_sigma, nominal, &mut pointed),
         }
-        if let Some(camera) = scan.camera.filter(|camera| camera.aside.is_some()) {
-            self.look_aside(scan, camera, first, count);
-        }
+        rays(pointed.each_ref().map(|axis| &axis[..count]), &mut self.rays);
     }
 
     /// Steps 6 and 8: what the rays hit and what it is like.

@@ -60,20 +60,10 @@ impl Looks {
 }
 
 impl Block {
-    /// Step 5: pixels look beside their place. What they report stays along their own directions.
-    pub fn look_aside(&mut self, scan: &Scan, camera: &DepthCamera, first: usize, count: usize) {
-        let mut places = [[0.0; LANES]; 3];
-        let beams = &self.lanes.beam[..count];
-        camera.look_aside(&scan.rng, beams, scan.aim.beams.directions(first, count), &mut places);
-        let places = places.each_ref().map(|axis| &axis[..count]);
-        scan.aim.pose.rays(scan.aim.beams, first, places, scan.aim.reach, &mut self.rays);
-    }
-
     /// Cosines of the angles between the rays, wherever they look, and the optical axis.
     fn off_axes(&self, scan: &Scan, count: usize, to: &mut [f32; LANES]) {
         if let Aim::Fixed { rotation, .. } = &scan.aim.pose {
-            let RayBatch { dir_x, dir_y, dir_z, .. } = &self.rays;
-            return kernels::off_axis(rotation.x_axis.to_array(), [dir_x, dir_y, dir_z], to);
+            return kernels::off_axis(rotation.x_axis.to_array(), self.rays.directions(), to);
         }
         for lane in 0..count {
             to[lane] = self.off_axis(scan, lane);
@@ -119,10 +109,9 @@ impl Block {
                 }
             }
         }
-        let seen = &self.rays;
         kernels::look_at(
-            [&seen.org_x, &seen.org_y, &seen.org_z],
-            [&seen.dir_x, &seen.dir_y, &seen.dir_z],
+            self.rays.origins(),
+            self.rays.directions(),
             &self.hits.range,
             FREE,
             [&rays.org_x, &rays.org_y, &rays.org_z],
@@ -228,42 +217,30 @@ impl Block {
 
     /// Step 9: the ranges that the pixels make of their light, before other errors, into `formed`.
     pub fn form(&mut self, scan: &Scan, camera: &DepthCamera, count: usize) {
-        let beams = self.lanes.beam;
-        let beams = &beams[..count];
-        let (mut powers, mut formed, mut valid) = ([0.0; LANES], [0.0; LANES], [false; LANES]);
+        let (mut powers, mut valid) = ([0.0; LANES], [false; LANES]);
         light::over_squares(&self.rho_eff, &self.hits.range, &mut powers);
-        camera.form_all(&scan.rng, beams, [&self.hits.range, &powers], &mut formed, &mut valid);
+        let beams = &self.lanes.beam[..count];
+        camera.form_all(&scan.rng, beams, [&self.hits.range, &powers], &mut self.formed, &mut valid);
         if camera.multipath_rays > 0 {
-            self.form_multipath(scan, camera, count, &mut formed, &mut valid);
+            self.form_multipath(scan, camera, count, &mut valid);
         }
-        for lane in 0..count {
-            if !valid[lane] {
-                self.hits.surface[lane] = MISS;
-            }
-        }
+        light::keep(&valid, &mut self.hits.surface);
         let axis = self.lanes.take(&scan.aim.beams.dir_x, count);
         if camera.aside.is_some() {
             let mut off_axes = [1.0; LANES];
             self.off_axes(scan, count, &mut off_axes);
             // A depth image holds depths: the depth of the place it looks at goes where it should look.
             for lane in 0..count {
-                formed[lane] *= off_axes[lane] / axis[lane];
+                self.formed[lane] *= off_axes[lane] / axis[lane];
             }
         }
-        camera.err_all(&scan.rng, beams, &axis, &self.surfaces.cos_incidence, &mut formed);
-        self.formed = formed;
+        let beams = &self.lanes.beam[..count];
+        camera.err_all(&scan.rng, beams, &axis, &self.surfaces.cos_incidence, &mut self.formed);
     }
 
     /// [`Block::form`] with the light that comes over other surfaces; `formed` and `valid` are those without.
     #[inline(never)]
-    fn form_multipath(
-        &mut self,
-        scan: &Scan,
-        camera: &DepthCamera,
-        count: usize,
-        formed: &mut [f32; LANES],
-        valid: &mut [bool; LANES],
-    ) {
+    fn form_multipath(&mut self, scan: &Scan, camera: &DepthCamera, count: usize, valid: &mut [bool; LANES]) {
         let mut looks = self.looks.take().unwrap_or_else(boxed);
         self.bounce(scan, camera, &mut looks, count);
         let each = camera.multipath_rays as usize + 1;
@@ -275,12 +252,12 @@ impl Block {
             let (ranges, powers) = (&looks.ranges[echoes.clone()], &looks.powers[echoes]);
             let all = camera.form(&scan.rng, self.lanes.beam[lane], ranges, powers);
             if let Some((range, _)) = all
-                && (!valid[lane] || (range - formed[lane]).abs() > MOVED)
+                && (!valid[lane] || (range - self.formed[lane]).abs() > MOVED)
             {
                 self.answer.cause[lane] = Cause::Multipath as u8;
             }
             valid[lane] = all.is_some();
-            formed[lane] = all.map_or(formed[lane], |(range, _)| range);
+            self.formed[lane] = all.map_or(self.formed[lane], |(range, _)| range);
         }
         self.looks = Some(looks);
     }

@@ -6,6 +6,7 @@ use crate::cloud::{Field, Frame, Kept, Slices};
 use crate::ground::angle::azimuth_elevation;
 use crate::ground::lanes::LANES;
 use echocast_kernels::{light, measure};
+use glam::Vec3;
 use std::f32::consts::PI;
 
 impl Block {
@@ -20,49 +21,43 @@ impl Block {
         let world = scan.options.coordinates == Frame::World;
         let beams = scan.aim.beams;
         let nominal = |lanes: &Lanes| [&beams.dir_x, &beams.dir_y, &beams.dir_z].map(|axis| lanes.take(axis, count));
-        let reported = reported.as_ref().filter(|_| scan.points_elsewhere());
-        if !world {
-            if reported.is_some() {
+        let reported = reported.as_deref().filter(|_| scan.points_elsewhere());
+        if [&rows.true_x, &rows.true_y, &rows.true_z].iter().any(|column| !column.is_empty()) {
+            let to = [&mut *rows.true_x, &mut *rows.true_y, &mut *rows.true_z];
+            if world {
+                put_positions(kept, surface, rays.origins(), rays.directions(), &hits.range, scratch, to);
+            } else {
+                let mut directions = nominal(lanes);
                 // Where beams really go.
-                for lane in 0..count {
+                for lane in (0..count).filter(|_| reported.is_some()) {
                     let (rotation, _) = scan.aim.pose.pose(beams, lanes.beam[lane] as usize);
                     let direction = rotation.transpose() * rays.direction(lane);
-                    (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = direction.into();
+                    directions.iter_mut().zip(direction.to_array()).for_each(|(axis, value)| axis[lane] = value);
                 }
-            } else {
-                [rays.dir_x, rays.dir_y, rays.dir_z] = nominal(lanes);
-            }
-            (rays.org_x, rays.org_y, rays.org_z) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
-        }
-        for (org, dir, to) in [
-            (&rays.org_x, &rays.dir_x, rows.true_x),
-            (&rays.org_y, &rays.dir_y, rows.true_y),
-            (&rays.org_z, &rays.dir_z, rows.true_z),
-        ] {
-            put_positions(kept, surface, [org, dir, &hits.range], scratch, to);
-        }
-        if let Some(reported) = reported {
-            // What is reported knows nothing of it.
-            if world {
-                rays.clone_from(reported);
-            } else {
-                [rays.dir_x, rays.dir_y, rays.dir_z] = nominal(lanes);
+                put_positions(kept, surface, [&ZERO; 3], directions.each_ref(), &hits.range, scratch, to);
             }
         }
+        // What is reported knows nothing of it.
+        let reported = reported.unwrap_or(rays);
+        let mut directions;
+        let (from, mut along) = if world {
+            (reported.origins(), reported.directions())
+        } else {
+            directions = nominal(lanes);
+            ([&ZERO; 3], directions.each_ref())
+        };
         if scan.measure.errors.turn_beams() {
+            let mut turned = along.map(|axis| *axis);
             for lane in 0..count {
                 let up =
-                    if world { scan.aim.pose.pose(beams, lanes.beam[lane] as usize).0.z_axis } else { glam::Vec3::Z };
-                let dir = rays.direction(lane);
-                let turned = glam::Quat::from_axis_angle(up, turn[lane]) * dir;
-                (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = turned.into();
+                    if world { scan.aim.pose.pose(beams, lanes.beam[lane] as usize).0.z_axis } else { Vec3::Z };
+                let direction = glam::Quat::from_axis_angle(up, turn[lane]) * Vec3::from(along.map(|axis| axis[lane]));
+                turned.iter_mut().zip(direction.to_array()).for_each(|(axis, value)| axis[lane] = value);
             }
+            directions = turned;
+            along = directions.each_ref();
         }
-        for (org, dir, to) in
-            [(&rays.org_x, &rays.dir_x, rows.x), (&rays.org_y, &rays.dir_y, rows.y), (&rays.org_z, &rays.dir_z, rows.z)]
-        {
-            put_positions(kept, surface, [org, dir, measured], scratch, to);
-        }
+        put_positions(kept, surface, from, along, measured, scratch, [rows.x, rows.y, rows.z]);
         kept.put(surface, measured, rows.range);
         kept.put(surface, &hits.range, rows.true_range);
         kept.put(surface, intensity, rows.intensity);
@@ -144,17 +139,23 @@ impl Block {
     }
 }
 
-/// Writes one coordinate of the points at `ranges` along rays from `org` in the direction `dir`.
+/// Origin of rays in the sensor frame.
+static ZERO: [f32; LANES] = [0.0; LANES];
+
+/// Writes the places at `ranges` along rays from `from` in the directions `along`.
 fn put_positions(
     kept: &Kept,
     surface: &[u32; LANES],
-    [org, dir, ranges]: [&[f32; LANES]; 3],
+    from: [&[f32; LANES]; 3],
+    along: [&[f32; LANES]; 3],
+    ranges: &[f32; LANES],
     scratch: &mut [f32; LANES],
-    to: &mut [f32],
+    to: [&mut [f32]; 3],
 ) {
-    if to.is_empty() {
-        return;
+    for ((from, along), to) in from.into_iter().zip(along).zip(to) {
+        if !to.is_empty() {
+            measure::place(from, along, ranges, scratch);
+            kept.put(surface, scratch, to);
+        }
     }
-    measure::place(org, dir, ranges, scratch);
-    kept.put(surface, scratch, to);
 }
