@@ -31,16 +31,24 @@ pub fn log2(x: f32) -> f32 {
 /// 2 to the power of `x`, to 2e-7 of it; 0 below -126, at most 2^127.
 #[inline(always)]
 pub fn exp2(x: f32) -> f32 {
-    // Rounds to the nearest whole number.
-    const ROUND: f32 = 12_582_912.0;
     let clamped = x.clamp(-126.0, 127.0);
-    let whole = (clamped + ROUND) - ROUND;
+    let (whole, power) = whole(clamped);
     let q = (clamped - whole) * LN_2;
     // e^q for |q| <= ln(2) / 2 by its power series: the first term left out is below 1e-7.
     let part =
         1.0 + q * (1.0 + q * (1.0 / 2.0 + q * (1.0 / 6.0 + q * (1.0 / 24.0 + q * (1.0 / 120.0 + q * (1.0 / 720.0))))));
-    let scale = f32::from_bits(((whole as i32 + 127) as u32) << 23);
-    if x < -126.0 { 0.0 } else { part * scale }
+    if x < -126.0 { 0.0 } else { part * power }
+}
+
+/// The whole number next to `x`, -126 to 127, and 2 to its power. Without a conversion to an integer, which saturates and
+/// so is no vector instruction.
+#[inline(always)]
+fn whole(x: f32) -> (f32, f32) {
+    // The sum has it in the lower bits.
+    const UNIT: f32 = 1.5 * (1 << 23) as f32;
+    let sum = x + UNIT;
+    let exponent = sum.to_bits().wrapping_sub(UNIT.to_bits()).wrapping_add(127);
+    (sum - UNIT, f32::from_bits(exponent << 23))
 }
 
 /// sin(pi t) for |t| <= 1/2 by its power series, to 2e-7.
@@ -70,12 +78,11 @@ pub fn exp_negative(x: f32) -> f32 {
     const LN_2_LOW: f32 = -2.121_944_4e-4;
     let x = -x.min(87.0);
     // e^x = 2^n e^r, |r| <= ln 2 / 2, in two steps so that r is exact.
-    let n = (x * LOG2_E).round_ties_even();
+    let (n, power) = whole(x * LOG2_E);
     let r = x - n * LN_2_HIGH - n * LN_2_LOW;
     let series =
         1.0 + r * (1.0 + r * (0.5 + r * (1.0 / 6.0 + r * (1.0 / 24.0 + r * (1.0 / 120.0 + r * (1.0 / 720.0))))));
-    let scale = f32::from_bits(((n as i32 + 127) << 23) as u32);
-    if x <= -87.0 { 0.0 } else { series * scale }
+    if x <= -87.0 { 0.0 } else { series * power }
 }
 
 /// Sine and cosine of 0 to pi/2 by their power series, to 1e-12.

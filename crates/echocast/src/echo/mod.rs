@@ -4,7 +4,7 @@ mod light;
 mod sound;
 
 pub(crate) use light::{
-    Air, AirEcho, AirEchoes, Answer, Chosen, Cone, Contribution, Follower, Foremost, Glint, IntensityModel,
+    Air, AirEcho, AirEchoes, Answer, Cone, Contribution, Follower, Foremost, Glint, IntensityModel,
     MOST_FREQUENCIES, Meeting, Modulation, PathEcho, PathEchoes, PathLimits, Preferred, Pulse, Pulselet, Receiver,
     ShotNoise, Surroundings, Wanted, Waveform, natural_vignetting, turns,
 };

@@ -96,11 +96,6 @@ impl Optics {
         }
     }
 
-    /// Part of the light that is left after `length` m within.
-    pub(crate) fn left_after(&self, length: f32) -> f32 {
-        if self.absorption > 0.0 { (-self.absorption * length).exp() } else { 1.0 }
-    }
-
     /// What is mirrored of light at an incidence of cosine `cos`, 0..1.
     pub(crate) fn mirrored_at(&self, cos: f32) -> f32 {
         match self.metal {

@@ -36,9 +36,14 @@ impl Glint {
     /// the receiver as it would from a Lambert surface that is so bright. `angle`: of incidence, rad; `range`: way
     /// there, m.
     pub(crate) fn rho_eff(self, reflected: f32, angle: f32, range: f32) -> f32 {
-        let (beside, width) = (2.0 * angle * range, self.radius(2.0 * range));
-        // There is no light to speak of beyond.
-        if beside - self.opening > 3.0 * width {
+        let beside = 2.0 * angle * range;
+        // There is no light to speak of beyond; mostly the sum, which is more than the radius, shows that.
+        let is_beyond = |width: f32| beside - self.opening > 3.0 * width;
+        if is_beyond(self.start + self.divergence * 2.0 * range) {
+            return 0.0;
+        }
+        let width = self.radius(2.0 * range);
+        if is_beyond(width) {
             return 0.0;
         }
         let within = |edge: f32| erf(SQRT_2 * f64::from(edge / width.max(f32::MIN_POSITIVE)));

@@ -15,7 +15,7 @@ pub(crate) use glint::Glint;
 pub use intensity::IntensityEncoding;
 pub(crate) use intensity::IntensityModel;
 pub(crate) use particles::Cone;
-pub(crate) use path::{Chosen, Follower, Meeting, PathEcho, PathEchoes, PathLimits, Preferred, Surroundings};
+pub(crate) use path::{Follower, Meeting, PathEcho, PathEchoes, PathLimits, Preferred, Surroundings};
 pub(crate) use phasor::{MOST_FREQUENCIES, Modulation, ShotNoise, natural_vignetting, turns};
 pub(crate) use pulse::Pulse;
 pub use pulse::PulseShape;

@@ -7,9 +7,10 @@
 
 use super::{Air, Contribution, Glint, Wanted};
 use crate::ground::cause::Cause;
-use crate::ground::lanes::{LANES, RayBatch};
-use crate::material::{Optics, Reflectances, fresnel};
+use crate::ground::lanes::{LANES, MISS, RayBatch};
+use crate::material::{Optics, Reflectances};
 use crate::trace::{HitBatch, Tables};
+use echocast_kernels::boundary::{self, Meetings, Onward};
 use glam::Vec3;
 
 /// How far paths are followed.
@@ -145,6 +146,10 @@ pub(crate) struct Follower {
     rays: RayBatch,
     hits: HitBatch,
     surfaces: Contribution,
+    at: Meetings,
+    /// What goes on from there.
+    mirrored: Onward,
+    refracted: Onward,
 }
 
 /// The next generation of paths. Those of neighbours go on side by side when what is reflected and what is refracted do
@@ -183,31 +188,14 @@ pub(crate) trait PathEchoes {
     fn meet(&mut self, _: Meeting) {}
 }
 
-/// The echo of each beam that is preferred so far.
-pub(crate) struct Chosen {
-    /// How much it is wanted; the rule is the caller's.
-    pub strength: [f32; LANES],
-    pub hits: HitBatch,
-    pub surfaces: Contribution,
-    pub cause: [u8; LANES],
-    pub bounces: [u8; LANES],
-}
-
-impl Default for Chosen {
-    fn default() -> Self {
-        Chosen {
-            strength: [f32::NEG_INFINITY; LANES],
-            hits: HitBatch::new(),
-            surfaces: Contribution::new(),
-            cause: [0; LANES],
-            bounces: [0; LANES],
-        }
-    }
-}
-
-/// Of the echoes of each beam only the one that is preferred.
+/// Of the echoes of each beam only the one that is preferred, in the place of the beam's own surface.
 pub(crate) struct Preferred<'a, F> {
-    pub chosen: &'a mut Chosen,
+    /// How much the one so far is wanted; the rule is the caller's.
+    pub strength: &'a mut [f32; LANES],
+    pub hits: &'a mut HitBatch,
+    pub surfaces: &'a mut Contribution,
+    pub cause: &'a mut [u8; LANES],
+    pub bounces: &'a mut [u8; LANES],
     /// How much an echo is wanted, if at all.
     pub prefer: F,
     /// Least `rho_eff / R^2` that is detected anywhere, 1/m^2.
@@ -218,21 +206,21 @@ pub(crate) struct Preferred<'a, F> {
 
 impl<F: Fn(&PathEcho) -> Option<f32>> PathEchoes for Preferred<'_, F> {
     fn least(&self, lane: usize) -> f32 {
-        if self.strongest { self.least_power.max(self.chosen.strength[lane]) } else { self.least_power }
+        if self.strongest { self.least_power.max(self.strength[lane]) } else { self.least_power }
     }
 
     fn take(&mut self, echo: &PathEcho, hits: &HitBatch, surfaces: &Contribution) {
-        let (lane, chosen) = (echo.lane, &mut *self.chosen);
+        let lane = echo.lane;
         if let Some(strength) = (self.prefer)(echo)
-            && strength > chosen.strength[lane]
+            && strength > self.strength[lane]
         {
-            chosen.strength[lane] = strength;
-            chosen.hits.take(lane, hits, echo.hit);
-            chosen.surfaces.take(lane, surfaces, echo.hit);
-            chosen.hits.range[lane] = echo.range;
-            chosen.surfaces.reflectance[lane] = echo.reflectance;
-            chosen.surfaces.cos_incidence[lane] = echo.cos_incidence;
-            (chosen.cause[lane], chosen.bounces[lane]) = (echo.cause as u8, echo.bounces);
+            self.strength[lane] = strength;
+            self.hits.take(lane, hits, echo.hit);
+            self.surfaces.take(lane, surfaces, echo.hit);
+            self.hits.range[lane] = echo.range;
+            self.surfaces.reflectance[lane] = echo.reflectance;
+            self.surfaces.cos_incidence[lane] = echo.cos_incidence;
+            (self.cause[lane], self.bounces[lane]) = (echo.cause as u8, echo.bounces);
         }
     }
 }
@@ -260,28 +248,34 @@ impl Default for Follower {
             rays: RayBatch::default(),
             hits: HitBatch::new(),
             surfaces: Contribution::new(),
+            at: Meetings::default(),
+            mirrored: Onward::default(),
+            refracted: Onward::default(),
         }
     }
 }
 
 impl Follower {
-    /// Follows the light of those of the first `count` rays whose surface does not stop it; `echoes` takes what comes
-    /// back, from the surface itself too. `rays`, `hits` and `surfaces` are the rays' own, normals on their side.
-    pub(crate) fn follow(
-        &mut self,
-        around: &Surroundings,
-        rays: &RayBatch,
-        hits: &HitBatch,
-        surfaces: &Contribution,
-        count: usize,
-        echoes: &mut impl PathEchoes,
-    ) {
-        self.insides.truncate(1);
-        for lane in 0..count {
-            let Some(optics) = optics(around, hits, lane).filter(|optics| optics.goes_on()) else { continue };
-            let path = Path { origin: rays.origin(lane), direction: rays.direction(lane), way: Way::start(lane) };
-            arrive(around, &path, optics, (hits, surfaces, lane), (&mut self.next, &mut self.insides), echoes);
+    /// Begins with the rays of `lanes`, whose surfaces do not stop their light. `rays`, `hits` and `surfaces` are the
+    /// rays' own, normals on their side.
+    pub(crate) fn begin(&mut self, rays: &RayBatch, hits: &HitBatch, surfaces: &Contribution, lanes: &[u8]) {
+        for (to, lane) in lanes.iter().map(|&lane| usize::from(lane)).enumerate() {
+            self.rays.take(to, rays, lane);
+            self.hits.take(to, hits, lane);
+            self.surfaces.take(to, surfaces, lane);
+            let (origin, direction) = (rays.origin(lane), rays.direction(lane));
+            self.paths.reflected.push(Path { origin, direction, way: Way::start(lane) });
         }
+    }
+
+    /// Follows the light; `echoes` takes what comes back, from the first surfaces too.
+    pub(crate) fn follow(&mut self, around: &Surroundings, echoes: &mut impl PathEchoes) {
+        self.insides.truncate(1);
+        let mut first = std::mem::take(&mut self.paths.reflected);
+        self.arrive(around, &first, echoes);
+        first.clear();
+        self.paths.reflected = first;
+        let limits = &around.limits;
         while !(self.next.reflected.is_empty() && self.next.refracted.is_empty()) {
             std::mem::swap(&mut self.paths, &mut self.next);
             // What is refracted first: behind it is mostly what is strongest.
@@ -290,8 +284,9 @@ impl Follower {
                 paths.retain(|Path { way, .. }| {
                     // The most that a surface right there could send back.
                     let square = way.spread * way.spread;
-                    let own = around.limits.glint.map_or(0.0, |glint| glint.greatest_power(way.spread) * square);
-                    way.part * way.part * around.reflectances.greatest.max(own) > echoes.least(way.lane.into()) * square
+                    let (light, least) = (way.part * way.part, echoes.least(way.lane.into()) * square);
+                    let own = || limits.glint.map_or(0.0, |glint| glint.greatest_power(way.spread) * square);
+                    light * around.reflectances.greatest > least || light * own() > least
                 });
                 paths.chunks(LANES).for_each(|paths| self.step(around, paths, echoes));
                 paths.clear();
@@ -315,149 +310,159 @@ impl Follower {
         self.surfaces.face(around.scene, &self.rays, &mut self.hits, paths.len(), around.smooth);
         let (surfaces, reflectances) = (&around.scene.surfaces, around.reflectances);
         self.surfaces.look_up(surfaces, reflectances, &self.hits, paths.len(), around.wanted);
-        for (lane, path) in paths.iter().enumerate() {
-            if let Some(optics) = optics(around, &self.hits, lane) {
-                let at = (&self.hits, &self.surfaces, lane);
-                arrive(around, path, optics, at, (&mut self.next, &mut self.insides), echoes);
+        self.arrive(around, paths, echoes);
+    }
+
+    /// `paths` meet the surfaces of the first lanes: their echoes, and the paths that go on.
+    fn arrive(&mut self, around: &Surroundings, paths: &[Path], echoes: &mut impl PathEchoes) {
+        let limits = &around.limits;
+        let mut inside = [OUTSIDE; LANES];
+        self.read_surfaces(around, paths, &mut inside);
+        let Follower { next, rays, hits, surfaces, at, mirrored, refracted, .. } = self;
+        boundary::arrive(at, rays.origins(), rays.directions(), &hits.range);
+        let normals = [&hits.normal_x, &hits.normal_y, &hits.normal_z];
+        let (cos, simple) = (&surfaces.cos_incidence, limits.glass_of_the_program);
+        boundary::divide(at, rays.directions(), normals, cos, simple, mirrored, refracted);
+        let (mut surface, mut met) = (MISS, None);
+        for (lane, Path { origin, direction, mut way }) in paths.iter().copied().enumerate() {
+            if hits.surface[lane] != surface {
+                surface = hits.surface[lane];
+                met = optics(around, surface);
             }
+            let Some(optics) = met else { continue };
+            if let Some(air) = around.air.filter(|_| way.inside == OUTSIDE) {
+                // Weather is outside.
+                way.depth += air.depth(origin, direction, way.length, hits.range[lane]);
+            }
+            let (range, spread, part, cos) = (at.range[lane], at.spread[lane], at.part[lane], cos[lane]);
+            echoes.meet(Meeting {
+                surface,
+                cause: way.cause,
+                bounces: way.bounces,
+                place: Vec3::from(at.place.each_ref().map(|axis| axis[lane])),
+                cos_incidence: cos,
+                range,
+                part,
+                depth: way.depth,
+            });
+            let mut answer = |reflectance: f32| {
+                let air = if way.depth > 0.0 { (-2.0 * way.depth).exp() } else { 1.0 };
+                let farther = range / spread;
+                let echo = PathEcho {
+                    lane: way.lane.into(),
+                    range,
+                    reflectance: reflectance * part * part * air * farther * farther,
+                    cos_incidence: if way.bounces > 0 && !limits.cosine_after { 1.0 } else { cos },
+                    cause: way.cause,
+                    bounces: way.bounces,
+                    hit: lane,
+                };
+                echoes.take(&echo, hits, surfaces);
+            };
+            if optics.diffuse > 0.0 || optics.dirt > 0.0 {
+                answer(surfaces.reflectance[lane] * optics.diffuse + optics.dirt);
+            }
+            if sees_itself(limits, optics, &way, cos) {
+                answer(surfaces.reflectance[lane]);
+            }
+            let share = at.reflected[lane];
+            if share > 0.0
+                && let Some(glint) = limits.glint
+            {
+                let rho_eff = glint.rho_eff(share, at.angle[lane], spread);
+                if rho_eff > 0.0 {
+                    answer(rho_eff / cos);
+                }
+            }
+            let onward = Way { bounces: way.bounces + 1, ..way };
+            let go = |list: &mut Vec<Path>, on: &Onward, way: Way| {
+                let part = on.part[lane];
+                if part * part >= limits.least {
+                    let (range, spread, length) = (on.range[lane], on.spread[lane], on.length[lane]);
+                    list.push(Path {
+                        origin: Vec3::from(on.origin.each_ref().map(|axis| axis[lane])),
+                        direction: Vec3::from(on.direction.each_ref().map(|axis| axis[lane])),
+                        way: Way { range, spread, length, part, ..way },
+                    });
+                }
+            };
+            go(&mut next.reflected, mirrored, Way { cause: Cause::Mirror, ..onward });
+            go(&mut next.refracted, refracted, Way { inside: inside[lane], ..onward.through() });
+        }
+    }
+
+    /// Makes `self.at` what `paths` were like before the surfaces of the first lanes, and those: by runs, as neighbours
+    /// mostly meet the same. `inside`: what they are within behind them.
+    fn read_surfaces(&mut self, around: &Surroundings, paths: &[Path], inside: &mut [u32; LANES]) {
+        let limits = &around.limits;
+        let Follower { insides, hits, surfaces, at, .. } = self;
+        let of = |material: u32| &around.reflectances.optics[material as usize];
+        // Range and spread over the length, and absorption.
+        let through = |body: &Optics| {
+            let (slower, nearer) = if limits.geometric { (1.0, 1.0) } else { (body.group_index, 1.0 / body.index) };
+            [slower, nearer, body.absorption]
+        };
+        let mut start = 0;
+        while start < paths.len() {
+            let (surface, before) = (hits.surface[start], paths[start].way.inside);
+            let same = |lane: usize| hits.surface[lane] == surface && paths[lane].way.inside == before;
+            let mut end = start + 1;
+            while end < paths.len() && same(end) {
+                end += 1;
+            }
+            let run = start..end;
+            let within = if before == OUTSIDE { None } else { insides[before as usize].material().map(of) };
+            let fill = |columns: &mut [[f32; LANES]; 3], values: [f32; 3]| {
+                columns.iter_mut().zip(values).for_each(|(column, value)| column[run.clone()].fill(value));
+            };
+            fill(&mut at.through, within.map_or([1.0, 1.0, 0.0], through));
+            let (mut index, mut pane, mut partly) = (1.0, -1.0, 1.0);
+            let optics = optics(around, surface);
+            if let Some(optics) = optics
+                && optics.clear > 0.0
+            {
+                if let Some(thickness) = optics.sheet {
+                    (index, pane) = (optics.index, thickness);
+                    fill(&mut at.within, through(optics));
+                    inside[run.clone()].fill(before);
+                } else {
+                    let row = &around.scene.surfaces.rows[surface as usize];
+                    let behind = insides[before as usize].through((row.object, row.material));
+                    let own = within.map_or(1.0, |body| body.index);
+                    index = behind.material().map_or(1.0, |material| of(material).index) / own;
+                    partly = if limits.glass_of_the_program && within.is_some() { 0.0 } else { 1.0 };
+                    if behind.count > 0 {
+                        inside[run.clone()].fill(insides.len() as u32);
+                        insides.push(behind);
+                    }
+                }
+            }
+            at.index[run.clone()].fill(index);
+            at.pane[run.clone()].fill(pane);
+            at.partly[run.clone()].fill(partly);
+            for lane in run {
+                let way = &paths[lane].way;
+                (at.range[lane], at.spread[lane], at.length[lane]) = (way.range, way.spread, way.length);
+                at.part[lane] = way.part;
+                let cos = surfaces.cos_incidence[lane];
+                (at.mirrored[lane], at.clear[lane]) = match optics {
+                    Some(optics) if way.bounces < limits.depth && !sees_itself(limits, optics, way, cos) => {
+                        (optics.mirrored_at(cos), optics.clear)
+                    }
+                    _ => (0.0, 0.0),
+                };
+            }
+            start = end;
         }
     }
 }
 
-/// The optics of what a ray hits.
-fn optics<'a>(around: &Surroundings<'a>, hits: &HitBatch, lane: usize) -> Option<&'a Optics> {
-    around.scene.surfaces.optics(around.reflectances, hits.surface[lane])
+/// The optics of a surface, a row or [`MISS`].
+fn optics<'a>(around: &Surroundings<'a>, surface: u32) -> Option<&'a Optics> {
+    around.scene.surfaces.optics(around.reflectances, surface)
 }
 
-/// `path` meets the surface of a lane: its echo, and the paths that go on.
-fn arrive(
-    around: &Surroundings,
-    path: &Path,
-    optics: &Optics,
-    (hits, surfaces, lane): (&HitBatch, &Contribution, usize),
-    (next, insides): (&mut Next, &mut Vec<Inside>),
-    echoes: &mut impl PathEchoes,
-) {
-    let limits = &around.limits;
-    let of = |material: u32| &around.reflectances.optics[material as usize];
-    let Path { origin, direction, mut way } = *path;
-    let length = hits.range[lane];
-    let within = if way.inside == OUTSIDE { None } else { insides[way.inside as usize].material().map(of) };
-    if let Some(body) = within {
-        let (slower, nearer) = if limits.geometric { (1.0, 1.0) } else { (body.group_index, 1.0 / body.index) };
-        way.range += length * slower;
-        way.spread += length * nearer;
-        way.part *= body.left_after(length);
-    } else {
-        way.range += length;
-        way.spread += length;
-        // Weather is outside.
-        way.depth += around.air.map_or(0.0, |air| air.depth(origin, direction, way.length, length));
-    }
-    way.length += length;
-    let cos = surfaces.cos_incidence[lane];
-    let place = origin + direction * length;
-    echoes.meet(Meeting {
-        surface: hits.surface[lane],
-        cause: way.cause,
-        bounces: way.bounces,
-        place,
-        cos_incidence: cos,
-        range: way.range,
-        part: way.part,
-        depth: way.depth,
-    });
-    let mut answer = |reflectance: f32| {
-        let air = if way.depth > 0.0 { (-2.0 * way.depth).exp() } else { 1.0 };
-        let farther = way.range / way.spread;
-        let echo = PathEcho {
-            lane: way.lane.into(),
-            range: way.range,
-            reflectance: reflectance * way.part * way.part * air * farther * farther,
-            cos_incidence: if way.bounces > 0 && !limits.cosine_after { 1.0 } else { cos },
-            cause: way.cause,
-            bounces: way.bounces,
-            hit: lane,
-        };
-        echoes.take(&echo, hits, surfaces);
-    };
-    if optics.diffuse > 0.0 || optics.dirt > 0.0 {
-        answer(surfaces.reflectance[lane] * optics.diffuse + optics.dirt);
-    }
-    if limits.glass_of_the_program && optics.clear > 0.0 && within.is_none() && cos >= PROGRAM_COS {
-        return answer(surfaces.reflectance[lane]);
-    }
-    if way.bounces >= limits.depth || !optics.goes_on() {
-        return;
-    }
-    let normal = hits.normal(lane);
-    // At the rim of a smooth body the shading normal may look away; nothing goes on from there.
-    if normal.dot(direction) >= 0.0 {
-        return;
-    }
-    // Off the surface by what single precision leaves open there.
-    let off = 2e-5 + 1e-6 * place.abs().max_element();
-    let onward = Way { bounces: way.bounces + 1, ..way };
-    let go = |list: &mut Vec<Path>, origin: Vec3, direction: Vec3, way: Way| {
-        if way.part * way.part >= limits.least {
-            // What `off` takes from the way.
-            let skipped = off * normal.dot(direction).abs();
-            let (range, spread, length) = (way.range + skipped, way.spread + skipped, way.length + skipped);
-            list.push(Path { origin, direction, way: Way { range, spread, length, ..way } });
-        }
-    };
-    // A metal's share and that of glass go the same way.
-    let mut reflect = |share: f32| {
-        if let Some(glint) = limits.glint {
-            // Near head-on the difference of the directions is the angle, and exact where the cosine is 1 all over.
-            let rho_eff = glint.rho_eff(share, (normal + direction).length(), way.spread);
-            if rho_eff > 0.0 {
-                answer(rho_eff / cos);
-            }
-        }
-        let mirrored = Way { cause: Cause::Mirror, part: way.part * share, ..onward };
-        go(&mut next.reflected, place + normal * off, fresnel::reflected(direction, normal), mirrored);
-    };
-    let mirrored = optics.mirrored_at(cos);
-    if optics.clear == 0.0 {
-        return reflect(mirrored);
-    }
-    if let Some(thickness) = optics.sheet {
-        let (face, cos_t) = fresnel::dielectric(cos, optics.index);
-        let through = thickness / cos_t;
-        let (reflected, passed) = if limits.glass_of_the_program {
-            (face, 1.0 - face)
-        } else {
-            fresnel::plate(cos, cos_t, optics.index, optics.left_after(through))
-        };
-        reflect(mirrored + optics.clear * reflected);
-        // The pane reaches from the sheet backwards; light goes on from its other face.
-        let (slower, nearer) = if limits.geometric { (1.0, 1.0) } else { (optics.group_index, 1.0 / optics.index) };
-        let behind = place + fresnel::refracted(direction, normal, optics.index, cos_t) * through - normal * off;
-        let on = Way {
-            range: way.range + through * slower,
-            spread: way.spread + through * nearer,
-            part: way.part * optics.clear * passed,
-            ..onward.through()
-        };
-        return go(&mut next.refracted, behind, direction, on);
-    }
-    let surface = &around.scene.surfaces.rows[hits.surface[lane] as usize];
-    let inside = insides[way.inside as usize].through((surface.object, surface.material));
-    let index = within.map_or(1.0, |body| body.index);
-    let beyond = inside.material().map_or(1.0, |material| of(material).index);
-    let m = beyond / index;
-    let (mut reflected, cos_t) = fresnel::dielectric(cos, m);
-    if limits.glass_of_the_program && within.is_some() && reflected < 1.0 {
-        reflected = 0.0;
-    }
-    reflect(mirrored + optics.clear * reflected);
-    if reflected < 1.0 {
-        let row = if inside.count == 0 { OUTSIDE } else { insides.len() as u32 };
-        if row != OUTSIDE {
-            insides.push(inside);
-        }
-        let on = Way { inside: row, part: way.part * optics.clear * (1.0 - reflected), ..onward.through() };
-        go(&mut next.refracted, place - normal * off, fresnel::refracted(direction, normal, m, cos_t), on);
-    }
+/// Whether what is met head-on is all that is seen: glass of the paper's program.
+fn sees_itself(limits: &PathLimits, optics: &Optics, way: &Way, cos: f32) -> bool {
+    limits.glass_of_the_program && optics.clear > 0.0 && way.inside == OUTSIDE && cos >= PROGRAM_COS
 }

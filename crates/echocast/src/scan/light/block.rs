@@ -5,7 +5,7 @@ use super::returns::Gatherer;
 use super::run::{Measuring, Scan};
 use crate::cloud::{Kept, Slices};
 use crate::detect::{ReturnMode, Returns, Threshold};
-use crate::echo::{Air, AirEcho, Answer, Chosen, Contribution, Follower, Foremost, PathEcho, PathLimits, Preferred};
+use crate::echo::{Air, AirEcho, Answer, Contribution, Follower, Foremost, PathEcho, PathLimits, Preferred};
 use crate::emitter;
 use crate::ground::cause::Cause;
 use crate::ground::lanes::{LANES, MEDIUM, MISS, RayBatch};
@@ -120,7 +120,7 @@ pub(super) struct Block {
     /// The rays that beams are reported to be, where those are not `rays`.
     pub reported: Option<Box<RayBatch>>,
     /// Memory to follow light in, where a scene has mirrors or glass.
-    pub paths: Option<Box<(Follower, Chosen)>>,
+    pub paths: Option<Box<Follower>>,
     /// Memory for beams of several rays or returns.
     pub gatherer: Option<Box<Gatherer>>,
     /// Memory of a depth camera to look from elsewhere in.
@@ -230,15 +230,19 @@ impl Block {
     fn follow(&mut self, scan: &Scan, limits: PathLimits, first: usize, count: usize) {
         let Block { rays, hits, surfaces, answer, paths, .. } = self;
         (answer.first_category, answer.first_instance) = (surfaces.category_id, surfaces.instance_id);
-        if !hits.surface[..count].iter().any(|&surface| scan.goes_on(surface)) {
+        let mut lanes = [0; LANES];
+        let found = scan.going_on(&hits.surface, count, &mut lanes);
+        let lanes = &lanes[..found];
+        if lanes.is_empty() {
             return;
         }
-        let (follower, chosen) = &mut **paths.get_or_insert_with(boxed);
+        let follower = paths.get_or_insert_with(boxed);
+        follower.begin(rays, hits, surfaces, lanes);
         // The paper's program knows weather on the whole of the way alone.
         let air = scan.world.air.as_ref().filter(|_| !scan.detect.keeps_undetected);
         let around = scan.surroundings(air, limits, scan.world.wanted, &rays.range_max);
-        chosen.strength = [f32::NEG_INFINITY; LANES];
-        let efficiency = &answer.efficiency;
+        let Answer { efficiency, cause, bounces, dimmed, .. } = answer;
+        let mut strength = [f32::NEG_INFINITY; LANES];
         let prefer = |echo: &PathEcho| {
             let rho_eff = echo.reflectance * echo.cos_incidence * efficiency[echo.lane];
             let seen = scan.detect.keeps_undetected || {
@@ -257,26 +261,24 @@ impl Block {
             })
         };
         let mut preferred = Preferred {
-            chosen,
+            strength: &mut strength,
+            hits,
+            surfaces,
+            cause,
+            bounces,
             prefer,
             least_power: scan.detect.threshold.least_power().filter(|_| !scan.detect.keeps_undetected).unwrap_or(0.0)
                 as f32,
             strongest: !scan.detect.keeps_undetected
                 && !matches!(scan.detect.mode, ReturnMode::First | ReturnMode::Last),
         };
-        follower.follow(&around, rays, hits, surfaces, count, &mut preferred);
-        for lane in 0..count {
-            if !scan.goes_on(hits.surface[lane]) {
-                continue;
-            }
-            if chosen.strength[lane] == f32::NEG_INFINITY {
+        follower.follow(&around, &mut preferred);
+        for lane in lanes.iter().map(|&lane| usize::from(lane)) {
+            if strength[lane] == f32::NEG_INFINITY {
                 hits.surface[lane] = MISS;
-                continue;
+            } else {
+                dimmed[lane] = true;
             }
-            hits.take(lane, &chosen.hits, lane);
-            surfaces.take(lane, &chosen.surfaces, lane);
-            (answer.cause[lane], answer.bounces[lane]) = (chosen.cause[lane], chosen.bounces[lane]);
-            answer.dimmed[lane] = true;
         }
     }
 

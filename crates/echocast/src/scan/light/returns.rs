@@ -473,20 +473,18 @@ impl Gatherer {
                 efficiency,
                 &mut ray.power,
             );
-            if let Some(limits) = scan.world.paths
-                && ray.hits.surface[..count].iter().any(|&surface| scan.goes_on(surface))
-            {
+            let mut lanes = [0; LANES];
+            let going_on = scan.world.paths.map(|limits| (limits, scan.going_on(&ray.hits.surface, count, &mut lanes)));
+            if let Some((limits, found @ 1..)) = going_on {
+                let lanes = &lanes[..found];
                 let around = scan.surroundings(scan.world.air.as_ref(), limits, wanted, &rays.range_max);
                 // A hundredth of what is seen adds nothing to what is seen.
                 let least_power = 0.01 * scan.detect.threshold.least_power().unwrap_or(0.0) as f32;
                 let mut echoes =
                     OfPaths { others, weight, efficiency, least_power, first: &ray.hits.surface, log: log.as_mut() };
-                follower.follow(&around, rays, &ray.hits, surfaces, count, &mut echoes);
-                for lane in 0..count {
-                    if scan.goes_on(ray.hits.surface[lane]) {
-                        ray.power[lane] = 0.0;
-                    }
-                }
+                follower.begin(rays, &ray.hits, surfaces, lanes);
+                follower.follow(&around, &mut echoes);
+                lanes.iter().for_each(|&lane| ray.power[usize::from(lane)] = 0.0);
             }
             let hits = &ray.hits;
             let (origin, direction) =

@@ -7,7 +7,7 @@ use crate::detect::{Errors, FalseAlarms, ReturnMode, Threshold};
 use crate::echo::{Air, IntensityEncoding, IntensityModel, PathLimits, Surroundings, Wanted};
 use crate::emitter::{Aim, BeamTable, Trajectory};
 use crate::ground::error::{Error, Result};
-use crate::ground::lanes::{CHUNK, LANES};
+use crate::ground::lanes::{CHUNK, LANES, MISS};
 use crate::ground::parallel;
 use crate::ground::rng::Rng;
 use crate::material::{Mirrors, Optics, ReflectanceSource, Reflectances};
@@ -338,6 +338,22 @@ impl Scan<'_> {
     /// Whether light goes on from `surface`, a row or [`MISS`]: mirrors and glass.
     pub fn goes_on(&self, surface: u32) -> bool {
         self.world.scene.surfaces.optics(&self.world.reflectances, surface).is_some_and(Optics::goes_on)
+    }
+
+    /// Of the first `count` lanes, those on whose `surface` light goes on; returns how many.
+    pub fn going_on(&self, surface: &[u32; LANES], count: usize, lanes: &mut [u8; LANES]) -> usize {
+        let (mut known, mut goes_on, mut found) = (MISS, false, 0);
+        for lane in 0..count {
+            if surface[lane] != known {
+                known = surface[lane];
+                goes_on = self.goes_on(known);
+            }
+            if goes_on {
+                lanes[found] = lane as u8;
+                found += 1;
+            }
+        }
+        found
     }
 
     /// What light is followed through up to `range_max` m, with the weather of `air` on its way.

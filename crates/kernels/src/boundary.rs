@@ -1,0 +1,324 @@
+//! Light at smooth boundaries: what is reflected and what goes through, and where to.
+
+use crate::level::kernels;
+use crate::math::exp_negative;
+use crate::{LANES, Lanes};
+
+/// Paths of light side by side at the surfaces they meet, and what of those and of the way there decides how they go on.
+#[repr(align(64))]
+pub struct Meetings {
+    /// Range so far as the instrument takes it, m.
+    pub range: Lanes,
+    /// Length so far that light spreads over, m.
+    pub spread: Lanes,
+    /// Way so far, m.
+    pub length: Lanes,
+    /// Part of the light that is left, one way.
+    pub part: Lanes,
+    /// What the last piece of the way was through: range and spread over its length, absorption, 1/m.
+    pub through: [Lanes; 3],
+    /// Part that the surface mirrors whatever it is made of, 0..1.
+    pub mirrored: Lanes,
+    /// Part that obeys Fresnel's equations, 0..1.
+    pub clear: Lanes,
+    /// Index behind the surface over that before it.
+    pub index: Lanes,
+    /// Thickness of a pane of which the surface is both faces, m; below 0 it is the face of a body.
+    pub pane: Lanes,
+    /// As `through`, of the pane.
+    pub within: [Lanes; 3],
+    /// Whether the face of a body reflects, totally or not at all, 0, or as Fresnel has it, 1.
+    pub partly: Lanes,
+    /// Where they are.
+    pub place: [Lanes; 3],
+    /// Angle of incidence, exact near 0, rad.
+    pub angle: Lanes,
+    /// Part that is reflected.
+    pub reflected: Lanes,
+}
+
+/// Paths side by side that go on.
+#[repr(align(64))]
+pub struct Onward {
+    /// Where from.
+    pub origin: [Lanes; 3],
+    /// Where to, a unit vector.
+    pub direction: [Lanes; 3],
+    /// As [`Meetings::range`].
+    pub range: Lanes,
+    /// As [`Meetings::spread`].
+    pub spread: Lanes,
+    /// As [`Meetings::length`].
+    pub length: Lanes,
+    /// As [`Meetings::part`]; 0 where nothing goes on.
+    pub part: Lanes,
+}
+
+impl Default for Meetings {
+    fn default() -> Self {
+        Meetings {
+            range: [0.0; LANES],
+            spread: [0.0; LANES],
+            length: [0.0; LANES],
+            part: [0.0; LANES],
+            through: [[0.0; LANES]; 3],
+            mirrored: [0.0; LANES],
+            clear: [0.0; LANES],
+            index: [1.0; LANES],
+            pane: [0.0; LANES],
+            within: [[0.0; LANES]; 3],
+            partly: [1.0; LANES],
+            place: [[0.0; LANES]; 3],
+            angle: [0.0; LANES],
+            reflected: [0.0; LANES],
+        }
+    }
+}
+
+impl Default for Onward {
+    fn default() -> Self {
+        Onward {
+            origin: [[0.0; LANES]; 3],
+            direction: [[0.0; LANES]; 3],
+            range: [0.0; LANES],
+            spread: [0.0; LANES],
+            length: [0.0; LANES],
+            part: [0.0; LANES],
+        }
+    }
+}
+
+kernels! {
+    /// The last piece of the way, of these `lengths`, along `direction` from `origin`.
+    pub fn arrive(at: &mut Meetings, origin: [&Lanes; 3], direction: [&Lanes; 3], lengths: &Lanes) {
+        let Meetings { range, spread, length, part, through: [slower, wider, absorption], place, .. } = at;
+        for lane in 0..LANES {
+            range[lane] += lengths[lane] * slower[lane];
+            spread[lane] += lengths[lane] * wider[lane];
+            length[lane] += lengths[lane];
+            part[lane] *= exp_negative(absorption[lane] * lengths[lane]);
+        }
+        for axis in 0..3 {
+            for lane in 0..LANES {
+                place[axis][lane] = origin[axis][lane] + direction[axis][lane] * lengths[lane];
+            }
+        }
+    }
+
+    /// Divides light in the directions `along` at surfaces with the unit `normals` on its side, met at cosines of
+    /// incidence `cos`. Where a shading normal looks away nothing goes on. `simple`: panes reflect with their first face
+    /// alone and let all the rest pass.
+    pub fn divide(
+        at: &mut Meetings,
+        along: [&Lanes; 3],
+        normals: [&Lanes; 3],
+        cos: &Lanes,
+        simple: bool,
+        mirrored: &mut Onward,
+        refracted: &mut Onward,
+    ) {
+        for chunk in (0..LANES).step_by(N) {
+            let (mut d, mut n, mut place) = ([[0.0; N]; 3], [[0.0; N]; 3], [[0.0; N]; 3]);
+            for axis in 0..3 {
+                d[axis].copy_from_slice(&along[axis][chunk..chunk + N]);
+                n[axis].copy_from_slice(&normals[axis][chunk..chunk + N]);
+                place[axis].copy_from_slice(&at.place[axis][chunk..chunk + N]);
+            }
+            let mut off = [0.0; N];
+            let (mut share, mut pass, mut cos_t, mut inside) = ([0.0; N], [0.0; N], [0.0; N], [0.0; N]);
+            for lane in 0..N {
+                // Off the surface by what single precision leaves open there.
+                let farthest = place[0][lane].abs().max(place[1][lane].abs()).max(place[2][lane].abs());
+                off[lane] = 2e-5 + 1e-6 * farthest;
+                let to = chunk + lane;
+                let (index, pane) = (at.index[to], at.pane[to]);
+                let (face, cosine) = dielectric(cos[to], index);
+                // A pane.
+                let is_pane = pane >= 0.0;
+                let through = if is_pane { pane / cosine } else { 0.0 };
+                let left = exp_negative(at.within[2][to] * through);
+                let (both, passed) = plate(cos[to], cosine, index, left);
+                let (both, passed) = if simple { (face, 1.0 - face) } else { (both, passed) };
+                // A body.
+                let own = if face < 1.0 { face * at.partly[to] } else { face };
+                let fresnel = if is_pane { both } else { own };
+                let facing = d[0][lane] * n[0][lane] + d[1][lane] * n[1][lane] + d[2][lane] * n[2][lane] < 0.0;
+                let clear = if facing { at.clear[to] } else { 0.0 };
+                share[lane] = if facing { at.mirrored[to] } else { 0.0 } + clear * fresnel;
+                pass[lane] = clear * if is_pane { passed } else { 1.0 - own };
+                cos_t[lane] = cosine;
+                inside[lane] = through;
+            }
+            for lane in 0..N {
+                let to = chunk + lane;
+                let along = d[0][lane] * n[0][lane] + d[1][lane] * n[1][lane] + d[2][lane] * n[2][lane];
+                // Near head-on the difference of the directions is the angle, and exact where the cosine is 1 all over.
+                let apart = [d[0][lane] + n[0][lane], d[1][lane] + n[1][lane], d[2][lane] + n[2][lane]];
+                at.angle[to] = (apart[0] * apart[0] + apart[1] * apart[1] + apart[2] * apart[2]).sqrt();
+                at.reflected[to] = share[lane];
+                let mut back = 0.0;
+                for axis in 0..3 {
+                    let direction = d[axis][lane] - n[axis][lane] * (2.0 * along);
+                    mirrored.direction[axis][to] = direction;
+                    mirrored.origin[axis][to] = place[axis][lane] + n[axis][lane] * off[lane];
+                    back += n[axis][lane] * direction;
+                }
+                // What `off` takes from the way.
+                let skipped = off[lane] * back.abs();
+                mirrored.range[to] = at.range[to] + skipped;
+                mirrored.spread[to] = at.spread[to] + skipped;
+                mirrored.length[to] = at.length[to] + skipped;
+                mirrored.part[to] = at.part[to] * share[lane];
+            }
+            for lane in 0..N {
+                let to = chunk + lane;
+                let index = at.index[to];
+                let along = d[0][lane] * n[0][lane] + d[1][lane] * n[1][lane] + d[2][lane] * n[2][lane];
+                // Snell's law.
+                let bend = -along / index - cos_t[lane];
+                let (x, y, z) = (
+                    d[0][lane] / index + n[0][lane] * bend,
+                    d[1][lane] / index + n[1][lane] * bend,
+                    d[2][lane] / index + n[2][lane] * bend,
+                );
+                let scale = 1.0 / (x * x + y * y + z * z).sqrt();
+                let bent = [x * scale, y * scale, z * scale];
+                // Behind a pane light goes on as it came, from the other face.
+                let is_pane = at.pane[to] >= 0.0;
+                let mut on = 0.0;
+                for axis in 0..3 {
+                    let direction = if is_pane { d[axis][lane] } else { bent[axis] };
+                    refracted.direction[axis][to] = direction;
+                    refracted.origin[axis][to] =
+                        place[axis][lane] + bent[axis] * inside[lane] - n[axis][lane] * off[lane];
+                    on += n[axis][lane] * direction;
+                }
+                let skipped = off[lane] * on.abs();
+                refracted.range[to] = at.range[to] + inside[lane] * at.within[0][to] + skipped;
+                refracted.spread[to] = at.spread[to] + inside[lane] * at.within[1][to] + skipped;
+                refracted.length[to] = at.length[to] + skipped;
+                refracted.part[to] = at.part[to] * pass[lane];
+            }
+        }
+    }
+}
+
+/// What a smooth boundary reflects of unpolarised light, 0..1, and the cosine of the refracted direction; total
+/// reflection has 1 and 0. `cos`: of the incidence angle, 0..1. `m`: index behind the boundary over that before it.
+///
+/// The amplitudes of Fresnel's equations, `r_s = (c_i - m c_t) / (c_i + m c_t)`, `r_p = (m c_i - c_t) / (m c_i + c_t)`,
+/// which the paper's eq. 12 is the quotient of tangents and sines of, 0/0 head-on.
+#[inline(always)]
+pub fn dielectric(cos: f32, m: f32) -> (f32, f32) {
+    let sin2 = (1.0 - cos * cos) / (m * m);
+    let cos_t = (1.0 - sin2).max(0.0).sqrt();
+    let (s, p) = amplitudes(cos, cos_t, m);
+    if sin2 >= 1.0 { (1.0, 0.0) } else { ((s * s + p * p) / 2.0, cos_t) }
+}
+
+#[inline(always)]
+fn amplitudes(cos: f32, cos_t: f32, m: f32) -> (f32, f32) {
+    ((cos - m * cos_t) / (cos + m * cos_t), (m * cos - cos_t) / (m * cos + cos_t))
+}
+
+/// What a plate of index `n` reflects and lets pass, with all echoes between its faces, summed as powers for each
+/// polarisation: `T = (1-R)^2 A / (1 - R^2 A^2)`, `R' = R + R (1-R)^2 A^2 / (1 - R^2 A^2)`. `pass`: what is left after
+/// one way through, `A`; `cos_t`: as [`dielectric`] has it. Total reflection does not occur: both sides are air.
+#[inline(always)]
+pub fn plate(cos: f32, cos_t: f32, n: f32, pass: f32) -> (f32, f32) {
+    let (s, p) = amplitudes(cos, cos_t, n);
+    let polarised = |r: f32| {
+        let between = (1.0 - r) * (1.0 - r) / (1.0 - r * r * pass * pass).max(f32::MIN_POSITIVE);
+        (r + r * between * pass * pass, between * pass)
+    };
+    let (s, p) = (polarised(s * s), polarised(p * p));
+    ((s.0 + p.0) / 2.0, (s.1 + p.1) / 2.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cos(degrees: f32) -> f32 {
+        degrees.to_radians().cos()
+    }
+
+    /// Values made with numpy from Fresnel's equations.
+    #[test]
+    fn dielectric_table() {
+        for (m, degrees, expected) in [
+            (1.5, 0.0, 0.04),
+            (1.5, 30.0, 0.041_522_6),
+            (1.5, 45.0, 0.050_239_9),
+            (1.5, 60.0, 0.089_186_7),
+            (1.5, 75.0, 0.253_060_6),
+            (1.5, 85.0, 0.612_799_6),
+            (1.33, 0.0, 0.020_059_3),
+        ] {
+            let (found, cos_t) = dielectric(cos(degrees), m);
+            assert!((found - expected).abs() < 1e-5, "{m} {degrees}: {found}");
+            // There and back: the same share the other way.
+            let (back, _) = dielectric(cos_t, 1.0 / m);
+            assert!((back - found).abs() < 1e-5, "{m} {degrees}: {back}");
+        }
+        for (m, degrees) in [(1.0 / 1.5, 42.0), (1.0 / 1.5, 60.0), (1.0 / 1.33, 60.0)] {
+            assert_eq!(dielectric(cos(degrees), m), (1.0, 0.0));
+        }
+        // The critical angle, from glass and from water.
+        for (index, critical) in [(1.5, 41.810_31), (1.33, 48.753_47)] {
+            assert_eq!(dielectric(cos(critical + 5e-5), 1.0 / index).0, 1.0);
+            assert!(dielectric(cos(critical - 5e-5), 1.0 / index).0 < 1.0);
+        }
+        // Along the boundary everything is reflected.
+        for m in [1.5, 1.33, 1.0 / 1.5] {
+            assert_eq!(dielectric(0.0, m).0, 1.0);
+        }
+        // Brewster's angle: nothing of the light in the plane of incidence.
+        let brewster = cos(56.309_93);
+        let (_, cos_t) = dielectric(brewster, 1.5);
+        assert!(amplitudes(brewster, cos_t, 1.5).1.abs() < 1e-6);
+        assert_eq!(dielectric(0.5, 1.0).0, 0.0);
+    }
+
+    /// Transmission of a pane of 1.5, and what is left of 1 after one way through, both ways.
+    #[test]
+    fn plate_table() {
+        for (degrees, expected) in
+            [(0.0, 0.923_077), (30.0, 0.920_734), (45.0, 0.907_344), (60.0, 0.848_128), (75.0, 0.618_149)]
+        {
+            let cos = cos(degrees);
+            let (reflected, passed) = plate(cos, dielectric(cos, 1.5).1, 1.5, 1.0);
+            assert!((passed - expected).abs() < 2e-6, "{degrees}: {passed}");
+            assert!((reflected + passed - 1.0).abs() < 1e-6);
+        }
+        // 20/m of absorption over 4 mm.
+        let (reflected, passed) = plate(1.0, 1.0, 1.5, (-0.08f32).exp());
+        assert!((passed - 0.851_905_5).abs() < 2e-6 && reflected + passed < 1.0);
+    }
+
+    /// Onto glass from above, 30 degrees off the plane: 60 degrees of incidence, and 35.2644 behind (Snell).
+    #[test]
+    fn snells_law() {
+        let mut at = Meetings { clear: [1.0; LANES], index: [1.5; LANES], pane: [-1.0; LANES], ..Meetings::default() };
+        (at.part, at.range) = ([0.5; LANES], [7.0; LANES]);
+        let (mut mirrored, mut refracted) = (Onward::default(), Onward::default());
+        let cosine = 0.75f32.sqrt();
+        let constant = |value: f32| [value; LANES];
+        let (along, normal) = ([0.5, 0.0, -cosine].map(constant), [0.0, 0.0, 1.0].map(constant));
+        let (along, normal) = (along.each_ref(), normal.each_ref());
+        divide(&mut at, along, normal, &[cosine; LANES], false, &mut mirrored, &mut refracted);
+        for lane in [0, 31, 255] {
+            let [down, up] = [&refracted, &mirrored].map(|on| on.direction.map(|axis| axis[lane]));
+            assert!((down[0] - 0.333_333_3).abs() < 1e-6 && (down[2] + 0.942_809).abs() < 1e-6, "{down:?}");
+            assert!((f64::from(down[0]).asin().to_degrees() - 19.4712).abs() < 5e-5);
+            assert_eq!(up, [0.5, 0.0, cosine]);
+            assert!((mirrored.part[lane] + refracted.part[lane] - 0.5).abs() < 1e-6);
+            assert!(mirrored.origin[2][lane] > 0.0 && refracted.origin[2][lane] < 0.0);
+            assert!((refracted.range[lane] - 7.0).abs() < 3e-5);
+        }
+        // Where the normal looks away nothing goes on.
+        let away = [0.0, 0.0, -1.0].map(constant);
+        divide(&mut at, along, away.each_ref(), &[0.0; LANES], false, &mut mirrored, &mut refracted);
+        assert_eq!((mirrored.part[9], refracted.part[9]), (0.0, 0.0));
+    }
+}
