@@ -1,7 +1,7 @@
 //! Depth cameras: where pixels look, how much light they get, which range they make of it.
 
 use crate::level::kernels;
-use crate::math::{acos, cos_pi, sin_pi};
+use crate::math::acos;
 use crate::{LANES, Lanes};
 use std::f64::consts::TAU;
 
@@ -148,22 +148,21 @@ impl Frequencies {
     }
 }
 
-/// Error of a phase that four taps make of the correlation of two square waves, rad, to 1e-8, where four times the phase
+/// Error of a phase that four taps make of the correlation of two square waves, rad, to 1e-7, where four times the phase
 /// is `turns`, -1/2 to 1/2.
 ///
 /// That correlation is a triangle, `cos p + cos(3 p) / 9 + cos(5 p) / 25 + ...`; four taps take its third and fifth
-/// harmonic for the phasor `1 + e^(-4jp) / 9 + e^(4jp) / 25` along that of the first.
+/// harmonic for the phasor `1 + e^(-4jp) / 9 + e^(4jp) / 25` along that of the first. Its angle is an odd function that
+/// is 0 at both ends: a polynomial that least squares gave, at 4000 Chebyshev nodes.
 #[inline(always)]
 pub fn wiggle(turns: f32) -> f32 {
-    const THIRD: f32 = 1.0 / 9.0;
-    const FIFTH: f32 = 1.0 / 25.0;
-    // By the half angle.
-    let (sine, cosine) = (sin_pi(turns), cos_pi(turns));
-    let (sin, cos) = (2.0 * sine * cosine, 1.0 - 2.0 * sine * sine);
-    // The arctangent of 0.084 at most by its power series: the first term left out is below 1e-10.
-    let t = (FIFTH - THIRD) * sin / (1.0 + (THIRD + FIFTH) * cos);
-    let q = t * t;
-    t * (1.0 - q * (1.0 / 3.0 - q * (1.0 / 5.0 - q * (1.0 / 7.0))))
+    const TERMS: [f32; 7] = [-0.388_151_94, 0.015_280_537, 2.092_470_2, 2.353_244, -10.328_791, -20.083_952, 55.647_77];
+    let q = turns * turns;
+    let mut sum = TERMS[6];
+    for term in (0..6).rev() {
+        sum = sum * q + TERMS[term];
+    }
+    turns * (1.0 - 4.0 * q) * sum
 }
 
 /// `turns` less the whole number next to it; exact below 2^51.
@@ -363,4 +362,32 @@ pub fn measured_depth(terms: [f32; 3], slanted: (f32, f32), per_square: f32, dep
     // Disparities are even steps, so that inverse depths are.
     let steps = (1.0 / (noisy * per_square)).round_ties_even().max(1.0);
     if per_square > 0.0 && noisy > 0.0 { 1.0 / (steps * per_square) } else { noisy.max(0.0) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wiggling_is_the_angle_of_the_harmonics() {
+        for i in -5000..=5000 {
+            let turns = i as f32 / 10_000.0;
+            let (sin, cos) = (TAU * f64::from(turns)).sin_cos();
+            let exact = ((1.0 / 25.0 - 1.0 / 9.0) * sin).atan2(1.0 + (1.0 / 9.0 + 1.0 / 25.0) * cos);
+            assert!((f64::from(wiggle(turns)) - exact).abs() < 1e-7, "{turns}");
+        }
+    }
+
+    /// What vectors make of many phases is what one by itself comes to; nothing is lost of many turns.
+    #[test]
+    fn whole_turns_are_found() {
+        // 299 and 300 MHz: 300 turns.
+        let frequencies = Frequencies::new(&[0.499_654, 0.499_654 * 300.0 / 299.0], 300, 0.0);
+        for step in 0..1000 {
+            let range = 0.149 * f64::from(step);
+            let phases = [[range / 0.499_654], [range / 0.499_654 * 299.0 / 300.0], [0.0]];
+            let ([formed], [disagreement]) = frequencies.unwrap(&phases);
+            assert!((formed - range).abs() < 1e-9 && disagreement < 1e-9, "{range}: {formed}");
+        }
+    }
 }

@@ -74,9 +74,9 @@ kernels! {
     }
 
     /// `to = origin + direction range`.
-    pub fn place(origin: &Lanes, direction: &Lanes, range: &Lanes, to: &mut Lanes) {
-        for lane in 0..LANES {
-            to[lane] = origin[lane] + direction[lane] * range[lane];
+    pub fn place(origin: &[f32], direction: &[f32], range: &[f32], to: &mut [f32]) {
+        for (((to, origin), direction), range) in to.iter_mut().zip(origin).zip(direction).zip(range) {
+            *to = origin + direction * range;
         }
     }
 }

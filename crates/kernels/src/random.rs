@@ -147,14 +147,16 @@ kernels! {
 
     /// [`phasors`] of the counters `0 ..` before the three words `rest`; each counter gives the numbers of two.
     pub fn phasor_row(key: [u32; 2], rest: [u32; 3], re: &mut [f32], im: &mut [f32]) {
-        for (index, (re, im)) in (0..).zip(re.chunks_mut(2 * N).zip(im.chunks_mut(2 * N))) {
-            let mut first = [0; N];
-            for lane in 0..N {
-                first[lane] = index * N as u32 + lane as u32;
+        /// Cells of one number after those of the other: not `N`, as results do not depend on the level.
+        const HALF: usize = 16;
+        for (index, (re, im)) in (0..).zip(re.chunks_mut(2 * HALF).zip(im.chunks_mut(2 * HALF))) {
+            let mut first = [0; HALF];
+            for lane in 0..HALF {
+                first[lane] = index * HALF as u32 + lane as u32;
             }
-            let [a, b, c, d] = philox([first, [rest[0]; N], [rest[1]; N], [rest[2]; N]], key);
-            let (mut x, mut y) = ([[0.0; N]; 2], [[0.0; N]; 2]);
-            for lane in 0..N {
+            let [a, b, c, d] = philox([first, [rest[0]; HALF], [rest[1]; HALF], [rest[2]; HALF]], key);
+            let (mut x, mut y) = ([[0.0; HALF]; 2], [[0.0; HALF]; 2]);
+            for lane in 0..HALF {
                 (x[0][lane], y[0][lane]) = phasor(a[lane], b[lane], 0.0);
                 (x[1][lane], y[1][lane]) = phasor(c[lane], d[lane], 0.0);
             }

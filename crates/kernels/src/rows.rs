@@ -15,3 +15,18 @@ kernels! {
         hits
     }
 }
+
+/// First and end of each run of `lanes` that follow each other; returns how many there are, 0 if there are more than
+/// `runs` has room for.
+pub fn runs(lanes: &[u8], runs: &mut [[u16; 2]]) -> usize {
+    let (mut first, mut count) = (0, 0);
+    for end in 1..=lanes.len() {
+        if end < lanes.len() && lanes[end] == lanes[end - 1] + 1 {
+            continue;
+        }
+        let Some(run) = runs.get_mut(count) else { return 0 };
+        *run = [first as u16, end as u16];
+        (first, count) = (end, count + 1);
+    }
+    count
+}

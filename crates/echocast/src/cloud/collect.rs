@@ -9,26 +9,46 @@ pub(crate) struct Kept {
     /// Lane of each row; bytes reach every lane of a block and no other, so no index needs a check.
     lanes: [u8; LANES],
     rows: usize,
-    /// Whether row i is lane i.
-    contiguous: bool,
+    /// First row and end of what is copied at once, as lanes of these rows follow each other; none where such runs are
+    /// many and short.
+    runs: [[u16; 2]; MOST_RUNS],
+    run_count: usize,
     /// Lanes without a return that have a row all the same (organised clouds).
     misses: bool,
 }
 
 const _: () = assert!(LANES == 1 << u8::BITS);
 
+/// So many runs of lanes are copied one by one in less time than all lanes.
+const MOST_RUNS: usize = 16;
+
 impl Kept {
     pub(crate) fn new() -> Self {
-        Kept { lanes: [0; LANES], rows: 0, contiguous: true, misses: false }
+        Kept { lanes: [0; LANES], rows: 0, runs: [[0; 2]; MOST_RUNS], run_count: 0, misses: false }
     }
 
     /// Chooses among the first `count` lanes those that hit a surface, or all when `organised`; returns how many.
     pub(crate) fn choose(&mut self, surface: &[u32; LANES], count: usize, organised: bool) -> usize {
         let hits = rows::choose(surface, count, &mut self.lanes);
         self.misses = organised && hits < count;
-        self.contiguous = organised || hits == count;
         self.rows = if organised { count } else { hits };
+        if organised || hits == count {
+            (self.runs[0], self.run_count) = ([0, self.rows as u16], 1);
+        } else {
+            self.run_count = rows::runs(&self.lanes[..hits], &mut self.runs);
+        }
         self.rows
+    }
+
+    /// Number of rows.
+    pub(crate) fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// Whether row i is lane i and none is a miss.
+    pub(crate) fn are_first_lanes(&self) -> bool {
+        let [first, end] = self.runs[0];
+        !self.misses && self.run_count == 1 && self.lanes[usize::from(first)] == 0 && usize::from(end) == self.rows
     }
 
     /// Writes what every beam has, return or not.
@@ -37,9 +57,13 @@ impl Kept {
             return;
         }
         let to = &mut to[..self.rows];
-        if self.contiguous {
-            to.copy_from_slice(&from[..self.rows]);
-        } else {
+        for &[first, end] in &self.runs[..self.run_count] {
+            // With misses among the rows, row i is lane i.
+            let lane = if self.misses { 0 } else { usize::from(self.lanes[usize::from(first)]) };
+            let rows = usize::from(first)..usize::from(end);
+            to[rows.clone()].copy_from_slice(&from[lane..lane + rows.len()]);
+        }
+        if self.run_count == 0 {
             for (row, &lane) in to.iter_mut().zip(&self.lanes) {
                 *row = from[lane as usize];
             }
@@ -84,6 +108,16 @@ mod tests {
         assert_eq!((rows[1], rows[4]), (1.0, 4.0));
         kept.put_beam(&value, &mut rows);
         assert_eq!(rows[..6], value[..6]);
+
+        // Every third lane is a miss, then all but every fiftieth: one by one, and in runs.
+        for (every, hit) in [(3, false), (3, true), (50, true), (50, false), (LANES, true), (LANES, false)] {
+            let surface = std::array::from_fn(|lane| if (lane % every == every - 1) == hit { 0 } else { MISS });
+            let expected: Vec<f32> = (0..LANES).filter(|&lane| surface[lane] == 0).map(|lane| lane as f32).collect();
+            let mut rows = vec![-1.0; expected.len() + 1];
+            assert_eq!(kept.choose(&surface, LANES, false), expected.len());
+            kept.put(&surface, &value, &mut rows);
+            assert_eq!((&rows[..expected.len()], rows[expected.len()]), (&expected[..], -1.0));
+        }
 
         assert_eq!(kept.choose(&[0; LANES], LANES, false), LANES);
         kept.put::<f32>(&surface, &value, &mut []);

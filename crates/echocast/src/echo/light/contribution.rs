@@ -68,27 +68,29 @@ impl Contribution {
     /// where the shading normal turns away from the sensor nothing comes back.
     fn shade(&mut self, scene: &Tables, rays: &RayBatch, hits: &mut HitBatch, count: usize) {
         let surfaces = &scene.surfaces;
-        // Neighbours mostly meet the same part.
-        let (mut part, mut arrays) = (u32::MAX, None);
-        for lane in 0..count {
-            let Some(surface) = surfaces.rows.get(hits.surface[lane] as usize) else { continue };
-            if surface.part != part {
-                part = surface.part;
-                let part = &surfaces.parts[part as usize];
-                arrays = part.normals.as_ref().map(|normals| (&**normals, &*part.triangles));
-            }
-            let Some((normals, triangles)) = arrays else { continue };
-            let corners = triangles[hits.triangle[lane] as usize];
-            let [a, b, c] = corners.map(|index| Vec3::from(normals[index as usize]));
-            let (u, v) = (hits.u[lane], hits.v[lane]);
-            let smooth = scene.normal_matrices[surface.object as usize] * (a * (1.0 - u - v) + b * u + c * v);
-            // Opposite vertex normals can cancel; then the triangle's own normal stays.
-            if smooth.length_squared() > f32::MIN_POSITIVE {
-                let facing = hits.normal(lane);
-                let n = smooth.normalize() * if smooth.dot(facing) < 0.0 { -1.0 } else { 1.0 };
-                let direction = rays.direction(lane);
-                (hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]) = n.into();
-                self.cos_incidence[lane] = (-n.dot(direction)).clamp(0.0, 1.0);
+        let mut start = 0;
+        while start < count {
+            // Neighbours mostly meet the same surface.
+            let index = hits.surface[start];
+            let run = start..start + run_of(&hits.surface[start..count]);
+            start = run.end;
+            let Some(surface) = surfaces.rows.get(index as usize) else { continue };
+            let part = &surfaces.parts[surface.part as usize];
+            let Some(normals) = &part.normals else { continue };
+            let matrix = scene.normal_matrices[surface.object as usize];
+            for lane in run {
+                let corners = part.triangles[hits.triangle[lane] as usize];
+                let [a, b, c] = corners.map(|index| Vec3::from(normals[index as usize]));
+                let (u, v) = (hits.u[lane], hits.v[lane]);
+                let smooth = matrix * (a * (1.0 - u - v) + b * u + c * v);
+                // Opposite vertex normals can cancel; then the triangle's own normal stays.
+                if smooth.length_squared() > f32::MIN_POSITIVE {
+                    let facing = hits.normal(lane);
+                    let n = smooth.normalize() * if smooth.dot(facing) < 0.0 { -1.0 } else { 1.0 };
+                    let direction = rays.direction(lane);
+                    (hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]) = n.into();
+                    self.cos_incidence[lane] = (-n.dot(direction)).clamp(0.0, 1.0);
+                }
             }
         }
     }
@@ -106,13 +108,10 @@ impl Contribution {
         let mut start = 0;
         while start < count {
             let index = hits.surface[start];
-            let mut end = start + 1;
-            while end < count && hits.surface[end] == index {
-                end += 1;
-            }
+            let run = start..start + run_of(&hits.surface[start..count]);
+            start = run.end;
             if index != MISS {
                 let surface = &surfaces.rows[index as usize];
-                let run = start..end;
                 let reflectance = reflectances.by_material[surface.material as usize];
                 self.category_id[run.clone()].fill(surface.category_id);
                 self.part_id[run.clone()].fill(surface.part_id);
@@ -129,7 +128,6 @@ impl Contribution {
                     self.scatter(&surfaces.materials[surface.material as usize].scattering, run);
                 }
             }
-            start = end;
         }
     }
 
@@ -183,4 +181,9 @@ impl Contribution {
             }
         }
     }
+}
+
+/// How many of `surfaces` are the same as the first.
+fn run_of(surfaces: &[u32]) -> usize {
+    surfaces.iter().position(|surface| *surface != surfaces[0]).unwrap_or(surfaces.len())
 }

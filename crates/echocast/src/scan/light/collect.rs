@@ -49,8 +49,7 @@ impl Block {
         if scan.measure.errors.turn_beams() {
             let mut turned = along.map(|axis| *axis);
             for lane in 0..count {
-                let up =
-                    if world { scan.aim.pose.pose(beams, lanes.beam[lane] as usize).0.z_axis } else { Vec3::Z };
+                let up = if world { scan.aim.pose.pose(beams, lanes.beam[lane] as usize).0.z_axis } else { Vec3::Z };
                 let direction = glam::Quat::from_axis_angle(up, turn[lane]) * Vec3::from(along.map(|axis| axis[lane]));
                 turned.iter_mut().zip(direction.to_array()).for_each(|(axis, value)| axis[lane] = value);
             }
@@ -153,7 +152,13 @@ fn put_positions(
     to: [&mut [f32]; 3],
 ) {
     for ((from, along), to) in from.into_iter().zip(along).zip(to) {
-        if !to.is_empty() {
+        if to.is_empty() {
+            continue;
+        }
+        if kept.are_first_lanes() {
+            let rows = kept.rows();
+            measure::place(&from[..rows], &along[..rows], &ranges[..rows], &mut to[..rows]);
+        } else {
             measure::place(from, along, ranges, scratch);
             kept.put(surface, scratch, to);
         }

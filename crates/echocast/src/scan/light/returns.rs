@@ -117,7 +117,8 @@ pub(super) struct Gatherer {
     pub rays: Vec<Ray>,
     pub others: Others,
     surfaces: Contribution,
-    follower: Follower,
+    /// Memory to follow light in, where a scene has mirrors or glass.
+    follower: Option<Box<Follower>>,
     pub forming: Forming,
     /// Noise that looks like echoes: lane, and what it looks like, lane after lane.
     alarms: Vec<(usize, Peak)>,
@@ -265,7 +266,7 @@ impl Default for Gatherer {
             rays: Vec::new(),
             others: Others { list: Vec::new(), last: [NONE; LANES] },
             surfaces: Contribution::new(),
-            follower: Follower::default(),
+            follower: None,
             forming: Forming {
                 waveform: Waveform::new(0.0),
                 parts: Vec::new(),
@@ -482,6 +483,7 @@ impl Gatherer {
                 let least_power = 0.01 * scan.detect.threshold.least_power().unwrap_or(0.0) as f32;
                 let mut echoes =
                     OfPaths { others, weight, efficiency, least_power, first: &ray.hits.surface, log: log.as_mut() };
+                let follower = follower.get_or_insert_with(boxed);
                 follower.begin(rays, &ray.hits, surfaces, lanes);
                 follower.follow(&around, &mut echoes);
                 lanes.iter().for_each(|&lane| ray.power[usize::from(lane)] = 0.0);
