@@ -1,7 +1,7 @@
 //! From the directions of beams in their sensor's frame to rays in the world.
 
 use crate::level::kernels;
-use crate::math::sin_cos;
+use crate::math::{cos_pi, sin_cos, sin_pi};
 use crate::{LANES, Lanes};
 
 /// An even motion: straight on, and evenly about one axis.
@@ -34,6 +34,22 @@ kernels! {
             to_x[lane] = a[0] * x[lane] + b[0] * y[lane] + c[0] * z[lane];
             to_y[lane] = a[1] * x[lane] + b[1] * y[lane] + c[1] * z[lane];
             to_z[lane] = a[2] * x[lane] + b[2] * y[lane] + c[2] * z[lane];
+        }
+    }
+
+    /// Turns directions to the left about the axes `up`, unit vectors, by `angle` rad, -pi/2 to pi/2 (Rodrigues).
+    pub fn turn(up: [&Lanes; 3], angle: &Lanes, direction: [&mut Lanes; 3]) {
+        let [x, y, z] = direction;
+        for lane in 0..LANES {
+            let part = angle[lane] * (1.0 / std::f32::consts::PI);
+            let (sin, cos) = (sin_pi(part), cos_pi(part));
+            let [a, b, c] = [up[0][lane], up[1][lane], up[2][lane]];
+            let along = (a * x[lane] + b * y[lane] + c * z[lane]) * (1.0 - cos);
+            (x[lane], y[lane], z[lane]) = (
+                x[lane] * cos + (b * z[lane] - c * y[lane]) * sin + a * along,
+                y[lane] * cos + (c * x[lane] - a * z[lane]) * sin + b * along,
+                z[lane] * cos + (a * y[lane] - b * x[lane]) * sin + c * along,
+            );
         }
     }
 
@@ -122,6 +138,29 @@ kernels! {
             // Unit length: Embree is a third slower otherwise.
             let scale = 1.0 / (x * x + y * y + z * z).sqrt();
             (dir_x[lane], dir_y[lane], dir_z[lane]) = (x * scale, y * scale, z * scale);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Turned by 30 degrees to the left about z, and about x, where y goes to z.
+    #[test]
+    fn directions_turn() {
+        let angle = [std::f32::consts::PI / 6.0; LANES];
+        let constant = |axes: [f32; 3]| axes.map(|value| [value; LANES]);
+        for (up, expected) in [
+            ([0.0, 0.0, 1.0], [0.6 * 0.75f32.sqrt(), 0.3, 0.8]),
+            ([1.0, 0.0, 0.0], [0.6, -0.4, 0.8 * 0.75f32.sqrt()]),
+            ([0.6, 0.0, 0.8], [0.6, 0.0, 0.8]),
+        ] {
+            let (up, mut direction) = (constant(up), constant([0.6, 0.0, 0.8]));
+            turn(up.each_ref(), &angle, direction.each_mut());
+            for axis in 0..3 {
+                assert!((direction[axis][77] - expected[axis]).abs() < 2e-7, "{expected:?}");
+            }
         }
     }
 }

@@ -1,6 +1,7 @@
 //! What an instrument makes of a range: errors, steps, limits.
 
 use crate::level::kernels;
+use crate::math::ln;
 use crate::{LANES, Lanes, MISS};
 
 kernels! {
@@ -24,6 +25,16 @@ kernels! {
     ) {
         for ((value, &rho_eff), &range) in values.iter_mut().zip(rho_eff).zip(range) {
             *value *= variance(rho_eff, range, [sigma, sigma_per_m, timing, unit]).sqrt();
+        }
+    }
+
+    /// Takes off how much nearer than its peak, m, the edge of a Gaussian echo of this `sigma`, m, is where it rises above
+    /// the threshold, at an effective reflectance of `unit R^2`: `sigma sqrt(2 ln(A/T))`, with sigma of half the way
+    /// light goes in that of the pulse.
+    pub fn walk(values: &mut [f32], rho_eff: &[f32], range: &[f32], sigma: f32, unit: f32) {
+        for ((value, &rho_eff), &range) in values.iter_mut().zip(rho_eff).zip(range) {
+            let over = rho_eff / (unit * range * range);
+            *value -= sigma * (2.0 * ln(over.clamp(1.0, f32::MAX))).sqrt();
         }
     }
 

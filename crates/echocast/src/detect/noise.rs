@@ -162,10 +162,10 @@ impl RangeError {
         } else {
             measured.fill(0.0);
         }
-        if self.edge_sigma > 0.0 {
-            for ((value, &rho_eff), &range) in measured.iter_mut().zip(rho_eff).zip(truth) {
-                *value -= self.walk(self.threshold.relative_snr(rho_eff, range).unwrap_or(1.0));
-            }
+        if self.edge_sigma > 0.0
+            && let Some(unit) = self.threshold.unit()
+        {
+            measure::walk(measured, rho_eff, truth, self.edge_sigma, unit);
         }
         if self.channels.is_empty() {
             measure::measure(measured, truth, self.gain, self.bias);
@@ -175,12 +175,6 @@ impl RangeError {
                 *value = (range * gain + bias + *value).max(0.0);
             }
         }
-    }
-
-    /// How much nearer than its peak, m, the edge of a Gaussian echo is that peaks at `over` times the threshold:
-    /// `(c/2) sigma_p sqrt(2 ln(A/T))`.
-    fn walk(&self, over: f32) -> f32 {
-        self.edge_sigma * (2.0 * over.max(1.0).ln()).sqrt()
     }
 
     /// Variance, m^2, without that of the table.
@@ -388,9 +382,12 @@ mod tests {
     #[test]
     fn edges_walk_with_the_strength_of_an_echo() {
         let sigma = Pulse::new(PulseShape::Gaussian, 5.0).sigma();
-        let error = RangeError::new(&Noise::default(), 0.0, 1, sigma, Threshold::Open);
-        for (over, expected) in [(1.0, 0.0), (2.0, 0.374_741), (10.0, 0.683_008), (100.0, 0.965_919)] {
-            assert!((error.walk(over) - expected).abs() < 1e-6, "{over}: {}", error.walk(over));
+        let radar = Detection::RadarEquation { reflectance: 0.005, at_m: 20.0 };
+        let error = RangeError::new(&Noise::default(), 0.0, 1, sigma, Threshold::new(&radar, (905.0, 5.0), false));
+        for (over, expected) in [(0.5, 0.0), (1.0, 0.0), (2.0, 0.374_741), (10.0, 0.683_008), (100.0, 0.965_919)] {
+            let mut measured = [0.0];
+            error.measure(&[0], &[over * 0.005], &[20.0], &mut measured);
+            assert!((measured[0] - (20.0 - expected)).abs() < 4e-6, "{over}: {measured:?}");
         }
     }
 

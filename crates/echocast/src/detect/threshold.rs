@@ -331,11 +331,6 @@ impl Threshold {
             _ => None,
         }
     }
-
-    /// Signal-to-noise ratio relative to the threshold's, where the model knows it.
-    pub(crate) fn relative_snr(&self, rho_eff: f32, range: f32) -> Option<f32> {
-        self.unit().map(|unit| rho_eff / (unit * range * range))
-    }
 }
 
 /// Signal over the noise in darkness below which no echo is looked for: four sigma under the threshold, where one in
@@ -376,7 +371,7 @@ mod tests {
             assert!(threshold.detects(rho, range * 0.9999, 0.0));
             assert!(!threshold.detects(rho, range * 1.0001, 0.0));
         }
-        assert!((threshold.relative_snr(0.8, 100.0).unwrap() - 4.0).abs() < 1e-6);
+        assert!((0.8 / (threshold.unit().unwrap() * 100.0 * 100.0) - 4.0).abs() < 1e-6);
     }
 
     /// The preset 0.5 at 50 m to 0.9 at 120 m, and what the paper's program makes of it.
@@ -407,7 +402,7 @@ mod tests {
             }
         }
         let threshold = Threshold::new(&detection, PULSE, false);
-        assert_eq!((threshold.least_power(), threshold.relative_snr(0.5, 9.0)), (None, None));
+        assert_eq!((threshold.least_power(), threshold.unit()), (None, None));
     }
 
     fn statistical(tnr: f64, sunlight: Option<Sunlight>) -> Detection {
@@ -468,7 +463,7 @@ mod tests {
         }
         assert!(share(&fixed, rho, 1.1 * half) > share(&dark, rho, 1.1 * half) + 10.0 * error);
         // The noise of timing follows the ratio to the noise there is.
-        let snr = |threshold: &Threshold| threshold.relative_snr(rho, half).unwrap();
+        let snr = |threshold: &Threshold| rho / (threshold.unit().unwrap() * half * half);
         assert!((snr(&dark) - 1.0).abs() < 1e-5 && (snr(&fixed) * sigma - 1.0).abs() < 1e-5);
         assert_eq!(snr(&fixed), snr(&follows));
     }

@@ -5,7 +5,7 @@ use super::run::Scan;
 use crate::cloud::{Field, Frame, Kept, Slices};
 use crate::ground::angle::azimuth_elevation;
 use crate::ground::lanes::LANES;
-use echocast_kernels::{light, measure};
+use echocast_kernels::{aim, light, measure};
 use glam::Vec3;
 use std::f32::consts::PI;
 
@@ -47,12 +47,13 @@ impl Block {
             ([&ZERO; 3], directions.each_ref())
         };
         if scan.measure.errors.turn_beams() {
-            let mut turned = along.map(|axis| *axis);
-            for lane in 0..count {
-                let up = if world { scan.aim.pose.pose(beams, lanes.beam[lane] as usize).0.z_axis } else { Vec3::Z };
-                let direction = glam::Quat::from_axis_angle(up, turn[lane]) * Vec3::from(along.map(|axis| axis[lane]));
-                turned.iter_mut().zip(direction.to_array()).for_each(|(axis, value)| axis[lane] = value);
+            let mut up = Vec3::Z.to_array().map(|axis| [axis; LANES]);
+            for lane in (0..count).filter(|_| world) {
+                let (rotation, _) = scan.aim.pose.pose(beams, lanes.beam[lane] as usize);
+                up.iter_mut().zip(rotation.z_axis.to_array()).for_each(|(axis, value)| axis[lane] = value);
             }
+            let mut turned = along.map(|axis| *axis);
+            aim::turn(up.each_ref(), turn, turned.each_mut());
             directions = turned;
             along = directions.each_ref();
         }
