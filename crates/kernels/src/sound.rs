@@ -12,6 +12,15 @@ fn prefer(heard: f32, who: u32, most: &mut f32, is: &mut u32) {
 }
 
 kernels! {
+    /// Whole numbers next below `places`, which are less than 2^31, as the words of an address.
+    pub fn cells(places: &[f32], words: &mut [u32]) {
+        /// Beside it the lower half of a number's bits is a whole number.
+        const UNIT: f64 = 1.5 * (1u64 << 52) as f64;
+        for (word, place) in words.iter_mut().zip(places) {
+            *word = (f64::from(place.floor()) + UNIT).to_bits() as u32;
+        }
+    }
+
     /// `to += scale from`.
     pub fn add(scale: f32, from: &[f32], to: &mut [f32]) {
         for (sum, x) in to.iter_mut().zip(from) {

@@ -2,6 +2,13 @@
 
 pub(crate) use echocast_kernels::math::{LOG2_PER_DB, exp2, log2};
 
+/// The greatest whole number that is not above `x`, as `x.floor() as i64`, which calls a function on processors that are
+/// not asked for SSE 4.1.
+pub(crate) fn floor(x: f64) -> i64 {
+    let whole = x as i64;
+    whole.saturating_sub((whole as f64 > x).into())
+}
+
 /// The error function by its power series, to 1e-12 for |z| < 5.
 pub(crate) fn erf(z: f64) -> f64 {
     if z.abs() > 5.0 {

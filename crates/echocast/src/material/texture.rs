@@ -2,6 +2,7 @@
 
 use super::decode::Header;
 use crate::ground::error::{Error, Result};
+use crate::ground::math::floor;
 use std::sync::{Arc, OnceLock};
 
 /// What lies beyond the edge of an image.
@@ -178,11 +179,10 @@ impl TextureRef {
             linear_rgba(image.pixels[(row * width + column) as usize])
         };
         match self.filter {
-            Filter::Nearest => pixel(x.floor() as i64, y.floor() as i64),
+            Filter::Nearest => pixel(floor(x), floor(y)),
             Filter::Linear => {
-                let (left, top) = ((x - 0.5).floor(), (y - 0.5).floor());
-                let (fx, fy) = ((x - 0.5 - left) as f32, (y - 0.5 - top) as f32);
-                let (left, top) = (left as i64, top as i64);
+                let (left, top) = (floor(x - 0.5), floor(y - 0.5));
+                let (fx, fy) = ((x - 0.5 - left as f64) as f32, (y - 0.5 - top as f64) as f32);
                 let corners = [pixel(left, top), pixel(left + 1, top), pixel(left, top + 1), pixel(left + 1, top + 1)];
                 std::array::from_fn(|c| {
                     let upper = corners[0][c] + (corners[1][c] - corners[0][c]) * fx;
@@ -227,7 +227,7 @@ pub(crate) fn srgb_from_linear(linear: f32) -> f32 {
 
 /// Linear 0..1 to an sRGB-encoded byte.
 pub(crate) fn srgb_byte(linear: f32) -> u8 {
-    (srgb_from_linear(linear) * 255.0).round().clamp(0.0, 255.0) as u8
+    floor(f64::from(srgb_from_linear(linear) * 255.0) + 0.5).clamp(0, 255) as u8
 }
 
 #[cfg(test)]

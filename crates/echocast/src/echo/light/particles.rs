@@ -1,5 +1,6 @@
 //! Drops and flakes one by one: the few that a sensor sees.
 
+use crate::ground::math::floor;
 use crate::medium::Particles;
 use std::f64::consts::PI;
 
@@ -163,7 +164,7 @@ impl Detectable {
 
     /// Range, m, of a particle of `strength`, from a number in [0, 1).
     pub(crate) fn place(&self, strength: f32, place: f32) -> f32 {
-        let level = ((strength / self.k).log2() * LEVELS_PER_OCTAVE).round() as usize;
+        let level = floor(f64::from((strength / self.k).log2() * LEVELS_PER_OCTAVE) + 0.5).max(0) as usize;
         self.range_of(&self.shares[level.min(LEVELS - 1)], place)
     }
 }

@@ -6,6 +6,7 @@
 
 use crate::detect::Peak;
 use crate::ground::lanes::LANES;
+use crate::ground::math::floor;
 use echocast_kernels::light;
 
 /// A part of the signal: the pulse as one place sends it back.
@@ -146,9 +147,9 @@ impl Waveform {
         let reach = Self::REACH * Self::BINS_PER_SIGMA;
         for part in parts {
             let place = (part.range - start) / step;
-            let low = (place - reach).max(0.0).ceil();
+            let low = -floor(-f64::from((place - reach).max(0.0)));
             let high = ((place + reach) as usize).min(count - 1);
-            let x = (low - place) * h;
+            let x = (low as f32 - place) * h;
             let mut value = part.power * (-0.5 * x * x).exp();
             let mut ratio = (-x * h - 0.5 * h * h).exp();
             for bin in &mut self.bins[low as usize..=high] {

@@ -141,7 +141,8 @@ pub(super) struct Parts<'a> {
 
 /// Parts on their way to random amplitudes, as many as are made at once.
 struct Batch {
-    place: [[u32; BATCH]; 3],
+    /// In cells of the lattice.
+    place: [[f32; BATCH]; 3],
     object: [u32; BATCH],
     turn: [f32; BATCH],
     energy: [f32; BATCH],
@@ -273,9 +274,9 @@ impl Insonification<'_> {
             let beside = 0.5 * (low + high) * self.bin_m - at;
             let scatterer = (arrival.place + slide * beside) * per_lattice + OFF_LATTICE;
             let lane = batch.count;
-            batch.place[0][lane] = scatterer.x.floor() as i32 as u32;
-            batch.place[1][lane] = scatterer.y.floor() as i32 as u32;
-            batch.place[2][lane] = scatterer.z.floor() as i32 as u32;
+            for (place, scatterer) in batch.place.iter_mut().zip(scatterer.to_array()) {
+                place[lane] = scatterer;
+            }
             batch.object[lane] = object;
             batch.turn[lane] = (arrival.path + beside) * self.turns;
             batch.energy[lane] = if whole { power } else { share * (high - low).max(0.0) };
@@ -351,17 +352,21 @@ impl Parts<'_> {
 
 impl Batch {
     fn new() -> Batch {
-        Batch { place: [[0; BATCH]; 3], object: [0; BATCH], turn: [0.0; BATCH], energy: [0.0; BATCH], count: 0 }
+        Batch { place: [[0.0; BATCH]; 3], object: [0; BATCH], turn: [0.0; BATCH], energy: [0.0; BATCH], count: 0 }
     }
 
     /// Gives the parts random amplitudes and adds them to the others.
     fn scatter(&mut self, scatterers: &Scatterers, energy: &mut Vec<f32>, re: &mut Vec<f32>, im: &mut Vec<f32>) {
         let (mut x, mut y) = ([0.0; BATCH], [0.0; BATCH]);
-        let Batch { place: [a, b, c], object, turn, .. } = self;
+        let mut cells = [[0; BATCH]; 3];
+        for (place, cells) in self.place.iter().zip(&mut cells) {
+            sound::cells(place, cells);
+        }
         // All lanes, also those that hold nothing yet: loops of fixed length are vector instructions.
-        scatterers.rng.phasors([a, b, c, object], turn, &mut x, &mut y);
+        let [a, b, c] = &cells;
+        scatterers.rng.phasors([a, b, c, &self.object], &self.turn, &mut x, &mut y);
         if !scatterers.texture.is_empty() {
-            self.roughen(scatterers);
+            self.roughen(scatterers, &cells);
         }
         for lane in 0..BATCH {
             let amplitude = self.energy[lane].sqrt();
@@ -376,11 +381,11 @@ impl Batch {
 
     /// Makes places some lattice cells wide louder or fainter.
     #[inline(never)]
-    fn roughen(&mut self, scatterers: &Scatterers) {
+    fn roughen(&mut self, scatterers: &Scatterers, cells: &[[u32; BATCH]; 3]) {
         /// Lattice cells, as a power of 2, along a side of a place of one texture: some range cells.
         const WIDE: u32 = 4;
         for part in 0..self.count {
-            let address = self.place.each_ref().map(|axis| ((axis[part] as i32) >> WIDE) as u32);
+            let address = cells.each_ref().map(|axis| ((axis[part] as i32) >> WIDE) as u32);
             let at = scatterers.rng.uniform_at(address, Draw::Texture) * scatterers.texture.len() as f32;
             self.energy[part] *= scatterers.texture[at as usize];
         }
