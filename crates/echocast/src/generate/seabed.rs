@@ -14,7 +14,7 @@ use std::f64::consts::{PI, TAU};
 /// Triangles of a bed without a given cell size, and the most it may have.
 const USUAL_TRIANGLES: f64 = 30_000.0;
 const MOST_TRIANGLES: f64 = 10e6;
-/// Cells per ripple: with fewer, other waves than the true ones appear.
+/// Cells that a ripple needs: with fewer, other waves than the true ones appear.
 const CELLS_PER_RIPPLE: f64 = 3.0;
 
 /// Parameters of a lake bed. The water surface is at z = 0, the bed lies around z = -`depth_m`, centred on the z axis.

@@ -61,7 +61,7 @@ pub struct LoadOptions {
     /// Most memory that the images of all materials together may take, MiB: four bytes a pixel.
     pub texture_limit_mib: u64,
     /// Whether buffers, images and material files may lie outside the folder of the scene file that names them, or be
-    /// named by absolute path. Otherwise an untrusted scene could pull in any file that you may read.
+    /// named by absolute path. If so, an untrusted scene can pull in any file that you may read.
     pub allow_outside_paths: bool,
 }
 

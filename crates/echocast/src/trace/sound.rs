@@ -1,5 +1,4 @@
-//! Rays of sound through layered water and a scene: bent, reflected and, where they meet something, recorded as
-//! arrivals.
+//! Sound rays through layered water and a scene: bent, reflected, and arriving where they meet something.
 
 mod direct;
 

@@ -95,7 +95,7 @@ pub struct Water {
     pub allow_unphysical: bool,
     /// Wind over the water, m/s: it makes waves and noise; 5.
     pub wind_m_s: f64,
-    /// Intensity of shipping noise, 0 to 1; 0.5.
+    /// Amount of shipping noise, 0 to 1; 0.5.
     pub shipping: f64,
     /// Volume backscatter of the water, dB re 1/m; none when not given. Open sea has -95 to -70.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -5,7 +5,7 @@
 pub struct AmbientNoise {
     /// Wind, m/s.
     pub wind_m_s: f64,
-    /// Intensity of shipping, 0 to 1.
+    /// Amount of shipping, 0 to 1.
     pub shipping: f64,
 }
 
