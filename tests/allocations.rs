@@ -16,7 +16,7 @@ struct Counting;
 
 static COUNT: AtomicUsize = AtomicUsize::new(0);
 
-// SAFETY: everything is left to the system's allocator.
+// SAFETY: everything is delegated to the system's allocator.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         COUNT.fetch_add(1, Ordering::Relaxed);
@@ -33,7 +33,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Both in one test: tests run side by side, and all are counted.
+/// Both in one test: tests run side by side, and all allocations are counted.
 #[test]
 fn scans_and_pings_in_a_loop_hardly_allocate() {
     scans();
@@ -70,12 +70,12 @@ fn scans() {
     }
 }
 
-/// Sensors that work in memory of their own, before a mirror and glass.
+/// Sensors that work in their own memory, in front of a mirror and glass.
 fn sensors() {
     let scene = Scene::load(echocast_tests::root().join("examples/scenes/glass.gltf")).unwrap();
     let (dry, wet) = ("{}", "{rain: {rate_mm_h: 20}, fog: {visibility_m: 60}}");
     let place = Trajectory::fixed(Pose::at(0.0, 0.0, 1.0));
-    // What a scan may make anew with one thread: what the documents name.
+    // What a scan may allocate with one thread: as documented.
     for (preset, settings, weather, allowed) in [
         ("velodyne_vlp16", &[][..], dry, 0),
         ("kinect_v1", &[("pattern.resolution", "[80, 60]")], dry, 0),
@@ -98,7 +98,7 @@ fn sensors() {
                 built.scan_into(&sensor, &place, &options, &mut cloud).unwrap();
                 counts.push(COUNT.load(Ordering::Relaxed) - before);
             }
-            // Until every thread has worked, and lists are as long as they get.
+            // Until every thread has worked, and lists have reached full length.
             let most = counts[15..].iter().max().unwrap();
             assert!(
                 *most <= allowed + own,
@@ -136,7 +136,7 @@ fn pings() {
                 built.ping_into(&sensor, &trajectory, &options, &mut ping).unwrap();
                 counts.push(COUNT.load(Ordering::Relaxed) - before);
             }
-            // What the water and the tracer of a ping are made of; none of them grows with rays or cells.
+            // What the water and the tracer of a ping consist of; none of it grows with rays or cells.
             let most = counts[1..].iter().max().unwrap();
             assert!(*most <= allowed, "{most} allocations in a ping of {preset} with {threads} threads");
         }

@@ -12,7 +12,7 @@ fn threads() -> usize {
     std::fs::read_dir("/proc/self/task").unwrap().count()
 }
 
-/// That so many threads are left: one that has been joined may still be counted for a moment.
+/// Checks that this many threads are left: one that has been joined may still be counted for a moment.
 #[track_caller]
 fn are_left(expected: usize) {
     for _ in 0..200 {
@@ -41,7 +41,7 @@ fn an_engine_with_more_starts_no_others_later() {
     scene.stand(Shape::sphere(20.0, 200), None);
     let scene = scene.finish();
     assert!(scene.triangle_count() > 50_000);
-    // Several threads commit at once, as those of a host may.
+    // Several threads commit at once, as a host's may.
     std::thread::scope(|scope| {
         let commits: Vec<_> = (0..4).map(|_| scope.spawn(|| scene.build_with(&engine).unwrap())).collect();
         let built = commits.into_iter().map(|commit| commit.join().unwrap()).next_back().unwrap();

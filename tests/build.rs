@@ -1,4 +1,4 @@
-//! Where Embree lies (rpath.rs, shared with the other packages), and whether there are recorded scans.
+//! Where Embree is (rpath.rs, shared with the other packages), and whether there are recorded scans.
 
 use std::env;
 use std::path::PathBuf;

@@ -1,5 +1,5 @@
-//! The same scan gives the same bits: whatever the threads, in every run, in reused memory; and options that say
-//! nothing of a column leave it as it is.
+//! The same scan gives the same bits: for any number of threads, in every run, in reused memory; and options that do
+//! not affect a column leave it unchanged.
 
 use echocast::cloud::FIELDS;
 use echocast::material::{RetroSample, Scattering};
@@ -13,7 +13,7 @@ use echocast_tests::reference::{Random, SceneBuilder, Shape};
 use glam::{DAffine3, DVec3};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Balls, smooth and flat, once and as copies; between them mirrors, panes, and balls of glass.
+/// Balls, smooth and flat, single and as copies; between them mirrors, panes, and balls of glass.
 fn scene() -> BuiltScene {
     scene_with(&Engine::new().unwrap())
 }
@@ -72,7 +72,7 @@ noise: {range_sigma_m: 0.01, range_snr_sigma_m: 0.02}
     Sensor::from_yaml(yaml, "").unwrap()
 }
 
-/// The same with every error that there is.
+/// The same with every kind of error.
 fn noisy() -> Sensor {
     let mut sensor = camera();
     sensor.set("beam.pulse_ns", "3").unwrap();
@@ -88,7 +88,7 @@ fn noisy() -> Sensor {
     sensor
 }
 
-/// Several rays a beam, several returns, and every error.
+/// Several rays per beam, several returns, and every error.
 fn many() -> Sensor {
     let mut sensor = noisy();
     sensor.set("beam", "{divergence_mrad: 9, pulse_ns: 3, sub_rays: 7}").unwrap();
@@ -96,7 +96,7 @@ fn many() -> Sensor {
     sensor
 }
 
-/// The same with all that is particular to a depth camera.
+/// The same with everything specific to a depth camera.
 fn depth_camera() -> Sensor {
     let mut sensor = camera();
     let tof = "{frequencies_mhz: [16, 80, 120], shot_noise: {sigma_m: 0.01, reflectance: 0.5, at_m: 2}, vignetting: cos4, \
@@ -129,8 +129,8 @@ fn differences(a: &PointCloud, b: &PointCloud) -> Vec<&'static str> {
     FIELDS.iter().filter(|info| differ(info.field)).map(|info| info.name).collect()
 }
 
-/// Threads keep the memory that they work in: sensors that use much of it, and sensors that count on what it is at
-/// first, follow each other on one thread.
+/// Threads keep their working memory: sensors that use much of it, and sensors that rely on its initial state, follow
+/// each other on one thread.
 #[test]
 fn what_a_thread_did_before_does_not_change_a_bit() {
     let built = scene_with(&Engine::with_threads(1).unwrap());
@@ -181,7 +181,7 @@ fn threads_do_not_change_a_bit() {
     assert_eq!(causes, (0..=Cause::Multipath as u8).collect());
 }
 
-/// In one test, since the level is that of the whole process.
+/// In one test, since the level applies to the whole process.
 #[test]
 fn vector_levels_do_not_change_a_bit() {
     let built = scene();
@@ -212,7 +212,7 @@ fn vector_levels_do_not_change_a_bit() {
     limit_level(Level::Avx512);
 }
 
-/// The scene too is built the same twice.
+/// The scene is built identically twice, too.
 #[test]
 fn two_runs_give_the_same_bits() {
     let path = drive();
@@ -252,13 +252,13 @@ fn reused_memory_gives_the_same_bits() {
     }
 }
 
-/// Each column alone, or without it, is what it is among all.
+/// Each column alone, or left out, is the same as among all.
 #[test]
 fn columns_do_not_depend_on_which_are_asked_for() {
     let (scene, path) = (scene(), drive());
     let profiles = [Profile::Physical, Profile::Paper, Profile::Blainder];
     for (mut sensor, profiles) in [(camera(), &profiles[..]), (noisy(), &profiles[..1])] {
-        // Quick, and with all that detection needs.
+        // Quick, and with everything that detection needs.
         sensor.set("pattern.resolution", "[160, 120]").unwrap();
         for (&profile, coordinates) in profiles.iter().flat_map(|p| [(p, Frame::World), (p, Frame::Sensor)]) {
             let scan = |fields| {
@@ -276,7 +276,7 @@ fn columns_do_not_depend_on_which_are_asked_for() {
     }
 }
 
-/// Another seed or frame moves what is measured with noise, and nothing else but the frame's own number.
+/// Another seed or frame changes only what is measured with noise, and the frame's own number.
 #[test]
 fn seeds_and_frames_change_only_what_has_noise() {
     let (scene, path) = (scene(), drive());
@@ -305,7 +305,7 @@ fn order_by_time_is_the_same_set_of_points() {
     assert!(rows_by_beam(&by_beam) == rows_by_beam(&by_time));
 }
 
-/// An organised cloud has the same points, with a row of its own for each beam.
+/// An organised cloud has the same points, with one row for each beam.
 #[test]
 fn organised_clouds_hold_the_same_points() {
     let (scene, path) = (scene(), drive());
@@ -332,7 +332,7 @@ fn organised_clouds_hold_the_same_points() {
     }
 }
 
-/// One of each pattern, with all that draws random numbers.
+/// One of each pattern, with everything that draws random numbers.
 fn sonars() -> Vec<Sensor> {
     let sonar = |pattern: &str| {
         let yaml = format!(
@@ -356,7 +356,7 @@ range: {{max_m: 60}}
     .into()
 }
 
-/// Ten layers, things that float, waves.
+/// Ten layers, volume backscatter, waves.
 fn sea() -> ScanOptions {
     let row = |row: u32| format!("{{depth_m: {}, speed_m_s: {}}}", 3 * row, 1500 + 7 * (row * row % 5));
     let rows: Vec<String> = (0..10).map(row).collect();
@@ -399,7 +399,7 @@ fn threads_do_not_change_a_bit_of_a_ping() {
                     let ping = scene.ping(&sensor, &path, &options).unwrap();
                     assert_eq!(ping_differences(&alone, &ping), [""; 0], "{threads}");
                 }
-                // Memory of another pose and other water.
+                // Memory from another pose and other water.
                 two.ping_into(&sensor, &path, &options, &mut reused).unwrap();
                 assert_eq!(ping_differences(&alone, &reused), [""; 0], "reused");
                 let few = ScanOptions { fields: FieldSet::default(), ..options.clone() };

@@ -1,4 +1,4 @@
-//! Every format, read back by other people's readers.
+//! Every format, read back by third-party readers.
 
 use echocast::cloud::{ColumnType, Columns, FIELDS, Field, FieldSet, Frame};
 use echocast::export::{self, FORMATS, FramesFile};
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
 
-/// A cloud of `len` rows that holds what is hard to write: large ids, a far origin, all numbers of returns.
+/// A cloud of `len` rows with what is hard to write: large ids, a far origin, all numbers of returns.
 fn cloud(len: usize, fields: FieldSet) -> PointCloud {
     let mut random = 1u64;
     let mut draw = move || {
@@ -139,14 +139,14 @@ fn compare(cloud: &PointCloud, format: &str, found: &Value, rows: &[usize], held
             let mut value = cloud.column(info.field).get_f64(row) + offset;
             let mut tolerance = 0.0;
             match (info.field, format) {
-                // Half a step, and what f64 resolves at such coordinates.
+                // Half a step, plus what f64 resolves at such coordinates.
                 (Field::X | Field::Y | Field::Z, "las" | "las2") => {
                     tolerance = found["scale"].as_f64().unwrap() / 2.0 + 2e-9;
                 }
                 (Field::Intensity, "las" | "las2") => value = (value * 65535.0).round(),
                 (Field::CategoryId, "las2") => value = value.min(65535.0),
                 (_, "csv") if offset != 0.0 => tolerance = 0.5e-6 + 2e-9,
-                // The shortest text of an f32 is that number again only as f32.
+                // The shortest text of an f32 is the same number again only as f32.
                 (_, "csv") if info.kind == ColumnType::F32 => read = f64::from(read as f32),
                 _ => {}
             }
@@ -332,7 +332,7 @@ fn relative_energy_fills_the_range_of_las() {
         assert_eq!(wanted[1], "65535.0");
         let found = read(format, &[path]);
         assert_eq!(found[0]["columns"]["intensity"], json!(wanted));
-        // Beside it as it is, where there is room.
+        // Next to it unchanged, where there is room.
         assert_eq!(said(&report, "raw_intensity holds it"), format == "las");
         match found[0]["columns"]["raw_intensity"].as_array() {
             Some(raw) => {
@@ -407,7 +407,7 @@ fn the_same_cloud_gives_the_same_bytes() {
     }
 }
 
-/// Set in the process that may write no more than 100 kB to a file.
+/// Set in the process that may write at most 100 kB to a file.
 const FULL_DISK: &str = "ECHOCAST_TEST_FULL_DISK";
 
 #[test]
@@ -427,7 +427,7 @@ fn a_full_disk_leaves_the_older_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("cloud");
     fs::write(&path, "old").unwrap();
-    // A limit on the size of files fails writes as a full disk does, once its signal is ignored.
+    // A limit on file size fails writes like a full disk, once its signal is ignored.
     let output = Command::new("sh")
         .args(["-c", "trap '' XFSZ; ulimit -f 200; exec \"$0\" \"$@\""])
         .arg(std::env::current_exe().unwrap())

@@ -1,4 +1,5 @@
-//! What is fuzzed (`scripts/fuzz`), with inputs made of the seeds: a short part of that work, the same at every run.
+//! The fuzz targets (`scripts/fuzz`), with inputs derived from the seeds: a short part of that work, the same in every
+//! run.
 
 use echocast_tests::reference::Random;
 use std::fs;
@@ -35,7 +36,7 @@ fn change(random: &mut Random, input: &mut Vec<u8>, others: &[Vec<u8>]) {
     }
 }
 
-/// Runs a target with its seeds, and with `rounds` inputs made of them.
+/// Runs a target with its seeds, and with `rounds` inputs derived from them.
 fn fuzz(target: &str, rounds: usize, seeds: &[&[u8]], run: impl Fn(&[u8])) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/seeds").join(target);
     let mut known: Vec<Vec<u8>> = seeds.iter().map(|seed| seed.to_vec()).collect();

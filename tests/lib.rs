@@ -11,7 +11,7 @@ pub fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("this package is a folder of the repository")
 }
 
-/// The Python of `.venv`, where `scripts/setup --test` puts other people's readers, or `ECHOCAST_PYTHON`.
+/// The Python of `.venv`, where `scripts/setup --test` installs third-party readers, or `ECHOCAST_PYTHON`.
 pub fn python() -> Command {
     let python = match std::env::var_os("ECHOCAST_PYTHON") {
         Some(path) => PathBuf::from(path),
@@ -19,7 +19,7 @@ pub fn python() -> Command {
     };
     assert!(python.exists(), "{} is not there: run scripts/setup --test, or set ECHOCAST_PYTHON", python.display());
     let mut command = Command::new(python);
-    // Processes started by tests that run meanwhile inherit the open files of this one, and their locks with them.
+    // Processes started by concurrent tests inherit this one's open files, and their locks.
     command.env("HDF5_USE_FILE_LOCKING", "FALSE");
     command
 }

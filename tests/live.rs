@@ -36,7 +36,7 @@ fn ball() -> Arc<Mesh> {
     mesh(Shape::sphere(1.0, 16), Some(paint(0.5)))
 }
 
-/// A beam in every degree, all around and 20 degrees up and down.
+/// A beam at every degree, all round and 20 degrees up and down.
 fn sensor() -> Sensor {
     let yaml = "
 name: all around
@@ -73,7 +73,7 @@ fn close(found: Option<f32>, expected: f32) -> bool {
     found.is_some_and(|range| (range - expected).abs() < 1e-3)
 }
 
-/// The objects of `live` in a scene that has no past.
+/// The objects of `live` in a scene without a history.
 fn anew(live: &LiveScene, fixed: &[ObjectId]) -> LiveScene {
     let mut scene = LiveScene::new(live.engine());
     for (id, object) in live.objects() {
@@ -404,7 +404,7 @@ fn far_scenes_are_relative_to_an_origin_near_them() {
     let built = live.commit().unwrap();
     assert_eq!(built.origin().y, y);
     assert!((from(&built, x) - (x + 5.0)).abs() < 1e-4);
-    // The origin stays where it is; what goes too far is told.
+    // The origin stays where it is; what goes too far is reported.
     live.set_pose(wall, at(x + 20_005.0, y, 0.0)).unwrap();
     let moved = live.commit().unwrap();
     assert_eq!(moved.origin(), built.origin());
@@ -422,7 +422,7 @@ fn absurd_numbers_of_threads_are_refused() {
     assert_eq!(error, "threads is 100000; allowed: 0 to 1024");
 }
 
-/// Scans from the threads of another pool, and work within work, wait for nobody in vain.
+/// Scans from threads of another pool, and nested work, never wait in vain.
 #[test]
 fn scans_of_many_threads_follow_each_other() {
     for engine in [Engine::new().unwrap(), Engine::with_threads(2).unwrap(), Engine::with_threads(1).unwrap()] {

@@ -1,4 +1,4 @@
-//! The library against the oracle of `reference/`: random scenes, random rays, every column of every hit.
+//! The library compared with the oracle of `reference/`: random scenes, random rays, every column of every hit.
 
 use echocast::material::Reflectance;
 use echocast::scene::{Material, Scene};
@@ -6,18 +6,18 @@ use echocast::{FieldSet, Frame, PointCloud, Pose, ScanOptions, Trajectory};
 use echocast_tests::reference::{Hit, Random, SceneBuilder, Shape, Tracer, raster, sensor};
 use glam::{DAffine3, DQuat, DVec3};
 
-/// How a comparison went.
+/// Outcome of a comparison.
 #[derive(Debug, Default)]
 struct Tally {
     rays: usize,
     hits: usize,
-    /// Rays that the oracle itself is not sure of.
+    /// Rays of which the oracle itself is unsure.
     doubtful: usize,
     wrong: Vec<String>,
 }
 
 impl Tally {
-    /// That nothing was wrong, that `least_hits` of the rays hit something, and few were doubtful.
+    /// Checks that nothing was wrong, that `least_hits` of the rays hit something, and few were doubtful.
     fn check(&self, least_hits: f64) {
         let share = |count: usize| count as f64 / self.rays as f64;
         assert!(
@@ -60,7 +60,7 @@ fn compare(scene: &Scene, pose: Pose, directions: &[DVec3]) -> Tally {
             if answer.nearest.is_none() { check_miss(&world, beam) } else { Err("misses".into()) }
         } else {
             tally.hits += 1;
-            // Among the answers that are as good as each other, one must be right in everything.
+            // Among equally good answers, one must be right in everything.
             let matching = answer.candidates().filter(|hit| {
                 let surface = tracer.surface(hit);
                 (surface.instance_id, surface.part_id) == labels && (hit.range - range).abs() <= hit.range_tolerance
@@ -97,7 +97,7 @@ fn check_miss(cloud: &PointCloud, row: usize) -> Result<(), String> {
     Ok(())
 }
 
-/// Every column of a hit that the oracle agrees with.
+/// Every column of a hit that the oracle confirms.
 fn check_hit(
     tracer: &Tracer,
     hit: &Hit,
@@ -132,7 +132,7 @@ fn check_hit(
     near("azimuth", c.azimuth[row].into(), direction.y.atan2(direction.x), 5e-7)?;
     near("elevation", c.elevation[row].into(), direction.z.asin(), 5e-7)?;
 
-    // The triangle says on which side of the surface the sensor is.
+    // The triangle determines on which side of the surface the sensor is.
     let facing = surface.geometric_normal * -surface.geometric_normal.dot(along).signum();
     let tolerance = surface.normal_tolerance + 1e-6;
     let is = vector(&c.normal_x, &c.normal_y, &c.normal_z);
@@ -225,7 +225,7 @@ fn triangle_soups_are_hit_as_the_oracle_says() {
         let scene = scene.finish();
         let pose = random_pose(random, &scene, DVec3::ZERO, 8.0);
         compare(&scene, pose, &random_rays(random, &scene, pose, 20_000)).check(0.5);
-        // Neighbours near to each other: coherent packets.
+        // Close neighbours: coherent packets.
         compare(&scene, pose, &raster(100, 100, 1.2)).check(0.01);
     }
 }
@@ -283,7 +283,7 @@ fn smooth_and_flat_solids_are_hit_as_the_oracle_says() {
     }
 }
 
-/// Far from the world's origin single precision is taken relative to the scene's own centre.
+/// Far from the world's origin single precision is relative to the scene's own centre.
 #[test]
 fn survey_coordinates_are_hit_as_the_oracle_says() {
     let random = &mut Random::new(30);
@@ -304,7 +304,7 @@ fn survey_coordinates_are_hit_as_the_oracle_says() {
     compare(&scene, pose, &random_rays(random, &scene, pose, 20_000)).check(0.5);
 }
 
-/// Copies squeezed flat: they have no inverse, but are there to be hit.
+/// Copies squeezed flat have no inverse, but can still be hit.
 #[test]
 fn copies_without_thickness_are_hit_as_the_oracle_says() {
     let random = &mut Random::new(40);
@@ -321,7 +321,7 @@ fn copies_without_thickness_are_hit_as_the_oracle_says() {
     compare(&scene, pose, &raster(60, 60, 1.2)).check(0.05);
 }
 
-/// Single precision may let a ray through between two triangles, but only one in a million that comes within a rounding
+/// Single precision may let a ray through between two triangles, but only one in a million of those within a rounding
 /// error of their edge.
 #[test]
 fn closed_shells_are_closed() {

@@ -1,4 +1,4 @@
-//! Files of sonar pings and of their images, read back by other people's readers.
+//! Files of sonar pings and of their images, read back by third-party readers.
 
 use echocast::cloud::{Columns, Field, FieldSet};
 use echocast::image::{self, ImageRange, Overlap};
@@ -135,7 +135,7 @@ fn pings_are_read_back() {
         compare(found, "category_ids", "u4", &[2], [1.0, 70_000.0]);
         assert_eq!(texts(found, "category_names"), ["seabed", "Fisch Ü"]);
         assert_eq!(texts(found, "view"), ["sidescan"]);
-        // Nothing else, but the tables of the other labels.
+        // Nothing else except the tables of the other labels.
         let names = found.as_object().unwrap().keys();
         assert_eq!(names.filter(|name| !name.ends_with("_names") && !name.ends_with("_ids")).count(), 25);
     }

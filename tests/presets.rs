@@ -110,7 +110,7 @@ fn patterns_have_the_figures_of_their_files() {
         let tolerance = if expected.source == "computed" { 1e-3 } else { 0.03 };
         assert_near(&format!("{name}: points per second"), beams.len() as f64 / beams.period, rate, tolerance * rate);
 
-        // A scan is over before the next one starts, but for channels that fire early or late in their cycle.
+        // A scan ends before the next one starts, except for channels that fire early or late in their cycle.
         let slack = if is_spinning { 1e-4 } else { 0.0 };
         for &time in &beams.time {
             assert!((-slack..beams.period + slack).contains(&time), "{name}: a beam at {time} s");
@@ -118,7 +118,7 @@ fn patterns_have_the_figures_of_their_files() {
     }
 }
 
-/// A cycle takes 55.296 us, in which a rotor of 10 turns/s advances 0.1990656 deg; the last of 16 firings 2.304 us
+/// A cycle takes 55.296 us, in which a rotor at 10 turns/s advances 0.1990656 deg; the last of 16 firings 2.304 us
 /// apart comes 34.56 us after the first, 0.124416 deg further on. In the HDL-32E's cycle of 46.080 us, 0.165888 deg,
 /// the last of 32 firings 1.152 us apart comes after 35.712 us.
 #[test]
@@ -166,7 +166,7 @@ fn cameras_reach_their_field_of_view() {
         let [x, y, z] = [beams.dir_x[beam], beams.dir_y[beam], beams.dir_z[beam]].map(f64::from);
         (y / x, z / x)
     };
-    // The program takes the ratio of the angles, 43 to 57 degrees, for that of the sides.
+    // The program uses the ratio of the angles, 43 to 57 degrees, for that of the sides.
     let left = 28.5f64.to_radians().tan();
     let up = left * 43.0 / 57.0;
     assert_eq!((corner.columns, corner.rows), (320, 240));
@@ -194,7 +194,7 @@ fn fans_rise_with_the_row() {
     }
 }
 
-/// Cells of half a degree that the scans of `sensor` meet in its first second, after each tenth.
+/// Half-degree cells that the scans of `sensor` meet in its first second, after each tenth.
 fn coverage(sensor: &Sensor) -> Vec<usize> {
     let mut cells = BTreeSet::new();
     let mut covered = Vec::new();
@@ -209,8 +209,8 @@ fn coverage(sensor: &Sensor) -> Vec<usize> {
     covered
 }
 
-/// The data sheets say cones of 38.4 and 70.4 degrees. The fit to the published patterns reaches 19.26 and 35.82
-/// degrees, azimuth and elevation as the legs of a triangle; ten scans come as near to it as 0.01.
+/// The data sheets give cones of 38.4 and 70.4 degrees. The fit to the published patterns reaches 19.26 and 35.82
+/// degrees, with azimuth and elevation as the legs of a triangle; ten scans come within 0.01 of it.
 #[test]
 fn livox_prisms_fill_their_cones() {
     for (name, cone, reach) in [("livox_mid40", 38.4, 19.26), ("livox_mid70", 70.4, 35.82)] {
@@ -230,7 +230,7 @@ fn livox_prisms_fill_their_cones() {
     }
 }
 
-/// HELIOS++ estimated the prisms of the Avia; the data sheet says 70.4 x 77.2 degrees.
+/// HELIOS++ estimated the prisms of the Avia; the data sheet gives 70.4 x 77.2 degrees.
 #[test]
 fn the_avia_fills_its_field_of_view() {
     let sensor = Sensor::preset("livox_avia").unwrap();
@@ -249,7 +249,7 @@ fn the_avia_fills_its_field_of_view() {
 
 #[test]
 fn livox_scans_cover_more_with_time() {
-    // Of the cells of half a degree in the field of view.
+    // Of the half-degree cells in the field of view.
     for (name, first_scan, first_second) in
         [("livox_mid40", 0.3, 0.9), ("livox_mid70", 0.15, 0.8), ("livox_avia", 0.5, 0.9)]
     {
@@ -277,7 +277,7 @@ fn presets_of(folders: &'static [&'static str]) -> impl Iterator<Item = (PresetI
     })
 }
 
-/// The presets of real instruments of light.
+/// The presets of real optical instruments.
 fn instruments() -> impl Iterator<Item = (PresetInfo, Sensor, String)> {
     presets_of(&["lidar", "tof"])
 }
@@ -304,7 +304,7 @@ fn instruments_are_complete() {
     }
 }
 
-/// Sections of a preset file whose comments, on their lines or right above, call a figure unverified.
+/// Sections of a preset file whose comments, on the same line or right above, call a figure unverified.
 fn unverified(text: &str) -> Vec<&str> {
     const SECTIONS: [&str; 8] = ["pattern", "beam", "range", "detection", "returns", "noise", "intensity", "acoustics"];
     let (mut section, mut sections, mut above) = ("", Vec::new(), false);
@@ -374,7 +374,7 @@ fn the_table_of_instruments_is_up_to_date() {
     assert!(file.contains(&table), "docs/instruments.md is not as the presets are; its rows are:\n{table}");
 }
 
-/// Speed of sound that widths and resolutions are said for, m/s.
+/// Speed of sound for which widths and resolutions are stated, m/s.
 const WATER: f64 = 1500.0;
 
 /// Speed of sound in cold water, m/s.
@@ -408,7 +408,7 @@ fn sonars_have_the_figures_of_their_files() {
         assert!(range.min_m > 0.0 && range.max_m.is_some(), "{name}: {range:?}");
         let heard = 0.5 * COLD_WATER * beams.period;
         assert!(range.max_m.unwrap() <= heard, "{name}: up to {range:?}, but the next ping comes after {heard} m");
-        // Makers keep it to themselves.
+        // Makers do not publish it.
         let generic = sensor.source() == "generic starting values, not those of a maker";
         assert_eq!(!generic, unverified(&text).contains(&"acoustics"), "{name}: a source level needs a word");
         let written = sensor.to_yaml().unwrap();
@@ -422,7 +422,7 @@ fn degrees(lobe: &Lobe, wavelength: f64) -> f64 {
 }
 
 /// A sonar hears a bottom of medium sand at three tenths of its range, in the direction half way from its axis to where
-/// it hears half as loud.
+/// it hears half as loudly.
 #[test]
 fn sonars_hear_a_flat_bottom() {
     let mut scene = SceneBuilder::new();
@@ -456,7 +456,7 @@ fn sonars_hear_a_flat_bottom() {
         let from_to = [0.97, 1.03].map(|part| (part * range / layout.bin_m) as usize);
         let power = |level: f32| 10f64.powf(f64::from(level) / 10.0);
         let heard: Vec<f64> = ping.levels(beam)[from_to[0]..from_to[1]].iter().copied().map(power).collect();
-        // Straight down the echo is short; aside it is as long as the window.
+        // Straight down the echo is short; to the side it is as long as the window.
         let level = if below == 90.0 {
             heard.iter().copied().fold(0.0, f64::max)
         } else {
@@ -470,7 +470,7 @@ fn sonars_hear_a_flat_bottom() {
             assert_near(&format!("{name}: depth"), found.range.into(), range, 0.02 * range);
         }
     }
-    // More pings than the range leaves time for.
+    // More pings than the range allows time for.
     let mut hasty = Sensor::preset("mbes_400").unwrap();
     hasty.set("pattern.rate_hz", "10").unwrap();
     let error = ping(&hasty, 20.0).unwrap_err().to_string();

@@ -1,7 +1,7 @@
-//! Scans recorded with the paper's system (BLAINDER range scanner 7842360 in Blender 3.4.1), against the same rays in
-//! the same scenes under profile `blainder`.
+//! Scans recorded with the paper's system (BLAINDER range scanner 7842360 in Blender 3.4.1), compared with the same
+//! rays in the same scenes under profile `blainder`.
 //!
-//! The recordings are found in `reference/scans` of the folder that the environment variable `ECHOCAST_SHARED` names,
+//! The recordings are searched in `reference/scans` of the folder named by the environment variable `ECHOCAST_SHARED`,
 //! else of `../shared` beside the repository; without them these tests are listed as ignored.
 
 use echocast::scene::Scene;
@@ -69,7 +69,7 @@ impl Recording {
 
         let scene = Scene::load(folder.join(scene)).unwrap();
         let pose = scene.camera("Sensor").unwrap().pose;
-        // The same pose as the recording says: a camera that looks along its -z with y up.
+        // The same pose as in the recording: a camera that looks along its -z with y up.
         let entry = |row: usize, column: usize| about["sensor"]["matrix_world"][row][column].as_f64().unwrap();
         let axis = |column: usize| DVec3::new(entry(0, column), entry(1, column), entry(2, column));
         assert!((pose.position - axis(3)).length() < 1e-6);
@@ -101,7 +101,7 @@ fn linear(byte: u8) -> f64 {
     if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }
 
-/// How many of `rows` differ from their points, in what; `column` is what the recording calls distance.
+/// How many of `rows` differ from their points, by quantity; `column` is what the recording calls distance.
 fn differences(cloud: &PointCloud, points: &[Point], rows: &[usize], column: Field) -> HashMap<&'static str, usize> {
     let c = &cloud.columns;
     let mut wrong = HashMap::new();
@@ -122,7 +122,7 @@ fn differences(cloud: &PointCloud, points: &[Point], rows: &[usize], column: Fie
     wrong
 }
 
-/// That at most one of 1000 rows differs in anything.
+/// Checks that at most one of 1000 rows differs in anything.
 #[track_caller]
 fn check(case: &str, wrong: &HashMap<&'static str, usize>, rows: usize) {
     eprintln!("{case}: {rows} points, of which differ: {wrong:?}");
@@ -153,9 +153,9 @@ fn chairs_are_scanned_as_recorded() {
     check("e_chairs", &differences(&cloud, &recording.points, &rows, Field::Depth), rows.len());
 }
 
-/// What is seen directly, and what is seen in the mirror: along the beam at the length of the way, of which the program
-/// leaves out the millimetre that it starts behind the mirror; with the label of the mirror, which ours has as that of
-/// the first surface.
+/// What is seen directly, and what is seen in the mirror: along the beam at the length of the path, from which the
+/// program omits the millimetre by which it starts behind the mirror; with the label of the mirror, which for us is
+/// that of the first surface.
 #[test]
 #[cfg_attr(not(recorded), ignore = "there are no recorded scans; ECHOCAST_SHARED names where they are")]
 fn a_mirror_is_scanned_as_recorded() {
@@ -182,8 +182,8 @@ fn a_mirror_is_scanned_as_recorded() {
     }
 }
 
-/// The beam of `beams` nearest to each of `directions`, as the greatest angle between them, rad. Both are in the same
-/// order, so that the search goes forwards only.
+/// The greatest angle between each of `directions` and the nearest beam of `beams`, rad. Both are in the same order, so
+/// that the search only goes forwards.
 fn greatest_angle(sensor: &Sensor, directions: &[DVec3]) -> f64 {
     let beams = sensor.beams();
     let mut beam = 0;
@@ -193,7 +193,7 @@ fn greatest_angle(sensor: &Sensor, directions: &[DVec3]) -> f64 {
             let own = DVec3::new(beams.dir_x[beam].into(), beams.dir_y[beam].into(), beams.dir_z[beam].into());
             own.cross(*direction).length().atan2(own.dot(*direction))
         };
-        // A third of a pixel is surely this one.
+        // A third of a pixel is certainly this one.
         let pixel = angle_between_columns(sensor);
         while angle(beam) > pixel / 3.0 {
             beam += 1;
@@ -213,8 +213,8 @@ fn angle_between_columns(sensor: &Sensor) -> f64 {
     direction(middle).cross(direction(middle + 1)).length()
 }
 
-/// The program takes the ratio of the two angles of view for the ratio of the image's sides: 70 x 60 degrees become
-/// 70 x 61.9425.
+/// The program uses the ratio of the two angles of view as the ratio of the image's sides: 70 x 60 degrees become 70 x
+/// 61.9425.
 #[test]
 #[cfg_attr(not(recorded), ignore = "there are no recorded scans; ECHOCAST_SHARED names where they are")]
 fn the_kinect_pattern_of_the_paper_is_the_recorded_one() {
@@ -231,14 +231,14 @@ fn the_kinect_pattern_of_the_paper_is_the_recorded_one() {
     let off = greatest_angle(&kinect, &directions);
     assert!(off < 1e-5, "{off} rad");
 
-    // The preset then sees the recorded points and no others.
+    // The preset then sees exactly the recorded points.
     let cloud = recording.scan(&kinect);
     let returns = cloud.columns.range.iter().filter(|range| range.is_finite()).count();
     let share = returns as f64 / recording.points.len() as f64;
     assert!((share - 1.0).abs() < 1e-3, "{returns} returns of {} points", recording.points.len());
 }
 
-/// The rotating patterns: steps of azimuth and elevation as the parameters say.
+/// The rotating patterns: steps of azimuth and elevation according to the parameters.
 #[test]
 #[cfg_attr(not(recorded), ignore = "there are no recorded scans; ECHOCAST_SHARED names where they are")]
 fn recorded_rotating_beams_lie_on_an_even_grid() {

@@ -1,5 +1,5 @@
-//! How much stack builds and scans take: of a host's thread that does all the work itself, and of the threads of an
-//! engine. Alone in its file, where nobody else has stacks of the size of theirs.
+//! How much stack builds and scans use: of a host's thread that does all the work itself, and of an engine's threads.
+//! Alone in its file, where nothing else has stacks of the same size.
 
 #![cfg(target_os = "linux")]
 
@@ -8,18 +8,18 @@ use std::fmt::Write as _;
 use std::fs;
 use std::ops::Range;
 
-/// What `docs/embedding.md` and the C header promise of the thread that calls.
+/// What `docs/embedding.md` and the C header guarantee for the calling thread.
 const CALLER_KIB: usize = 256;
 
-/// A fourth of what threads of an engine have.
+/// A quarter of what an engine's threads have.
 const WORKER_KIB: usize = 512;
 
-/// How much has been touched of the stack that each of `addresses` is in, KiB: the most of them.
+/// How much of the stack that each of `addresses` is in has been touched, KiB: the maximum.
 fn deepest(addresses: &[usize]) -> usize {
     touched(|range| addresses.iter().any(|address| range.contains(address)))
 }
 
-/// The most that is in memory of any mapping that is `wanted`, KiB.
+/// The most memory resident in any mapping that is `wanted`, KiB.
 fn touched(wanted: impl Fn(&Range<usize>) -> bool) -> usize {
     let maps = fs::read_to_string("/proc/self/smaps").unwrap();
     let (mut is_wanted, mut most) = (false, 0);
@@ -44,7 +44,7 @@ fn here() -> usize {
     std::hint::black_box(&raw const local).addr()
 }
 
-/// Does `work` on a thread of its own and says how much of its stack that has touched, KiB.
+/// Does `work` on a separate thread and returns how much of its stack was touched, KiB.
 fn caller(work: impl FnOnce() + Send) -> usize {
     let on_its_own = || {
         work();
@@ -81,8 +81,8 @@ fn sensors() -> Vec<(String, Sensor)> {
     all
 }
 
-/// All that a host does with a sensor, on `engine`: a scene from a file is built and scanned, some times where there
-/// are threads, which share the work in another way each time.
+/// All that a host does with a sensor, on `engine`: a scene from a file is built and scanned, several times if there
+/// are threads, which share the work differently each time.
 fn use_sensor(engine: &Engine, sensor: &Sensor) {
     let scene = Scene::load(concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/scenes/glass.gltf")).unwrap();
     let built = scene.build_with(engine).unwrap();
@@ -98,7 +98,7 @@ fn use_sensor(engine: &Engine, sensor: &Sensor) {
     }
 }
 
-/// A ground of so many triangles that all threads which build are called, as a part of it again and again.
+/// A ground with enough triangles that all building threads are called, as a part of it again and again.
 #[test]
 fn building_takes_little_stack() {
     let side = 400;
@@ -120,7 +120,7 @@ fn building_takes_little_stack() {
     for _ in 0..3 {
         scene.build_with(&engine).unwrap();
     }
-    // Threads that build cannot be asked where they are; the size of their stacks tells.
+    // Building threads cannot be asked where they are; the size of their stacks identifies them.
     let helped = touched(|range| (2047 << 10..=2053 << 10).contains(&range.len()));
     println!("a build takes {alone} KiB of stack alone, {helped} KiB of threads that help");
     assert!(alone <= CALLER_KIB && helped <= WORKER_KIB);

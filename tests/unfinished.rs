@@ -1,4 +1,4 @@
-//! Files of a process that is about to end: by itself, as what is unfinished is a matter of the whole process.
+//! Files of a process about to end: alone in its file, as unfinished files concern the whole process.
 
 use echocast::export::{self, FramesFile};
 use echocast::generate::Seabed;

@@ -1,4 +1,4 @@
-//! Processor time, which a busy machine distorts less than time on the wall.
+//! Processor time, which a busy machine distorts less than wall-clock time.
 
 use rustix::time::{ClockId, clock_gettime};
 use std::time::{Duration, Instant};
@@ -9,7 +9,7 @@ pub fn cpu_seconds() -> f64 {
     now.tv_sec as f64 + now.tv_nsec as f64 * 1e-9
 }
 
-/// Processor seconds per call of `work`, repeated until `least` has passed on the wall.
+/// Processor seconds per call of `work`, repeated until `least` has passed on the wall clock.
 pub fn cpu_per_call(least: Duration, mut work: impl FnMut()) -> f64 {
     let (start, wall) = (cpu_seconds(), Instant::now());
     let mut calls = 0;

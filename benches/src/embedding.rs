@@ -1,4 +1,5 @@
-//! The loop of a simulator in C beside the same loop in Rust: `examples/c/live.c` and `examples/rust/src/bin/live.rs`.
+//! The loop of a simulator in C compared with the same loop in Rust: `examples/c/live.c` and
+//! `examples/rust/src/bin/live.rs`.
 
 use crate::Result;
 use crate::clock::median;
@@ -50,7 +51,7 @@ pub fn run() -> Result<Value> {
     Ok(json!({"c_ms": c, "rust_ms": rust, "ratio": ratio}))
 }
 
-/// What the program says of itself.
+/// The program's own timing.
 fn milliseconds(program: &Path) -> Result<f64> {
     let output = Command::new(program).output()?;
     let text = String::from_utf8(output.stderr)?;

@@ -1,4 +1,4 @@
-//! What weather adds to a scan of the terrain, processor time for each beam; and what mirrors and glass do.
+//! What weather adds to a scan of the terrain, processor time per beam; and the cost of mirrors and glass.
 
 use crate::Result;
 use crate::clock::{cpu_per_call, median};
@@ -45,7 +45,7 @@ pub fn run() -> Result<Value> {
     Ok(json!({"weather": rows, "paths": paths()?, "sub_rays": sub_rays()?}))
 }
 
-/// Beams of 19 rays: pulses per second of one core, and the time of the bare Embree loop on the same rays over that of
+/// Beams of 19 rays: pulses per second on one core, and the time of the bare Embree loop on the same rays over that of
 /// the scan.
 fn sub_rays() -> Result<Value> {
     println!(
@@ -88,13 +88,13 @@ fn sub_rays() -> Result<Value> {
     Ok(json!(rows))
 }
 
-/// Processor seconds of scans at 2 m on one thread, of each scene with its options, in rounds in turn.
+/// Processor seconds of scans at 2 m on one thread, each scene with its options, in interleaved rounds.
 fn interleaved(scans: &[(&BuiltScene, &ScanOptions)], sensor: &Sensor) -> Result<Vec<Vec<f64>>> {
     let one = ThreadPoolBuilder::new().num_threads(1).build()?;
     let trajectory = Trajectory::fixed(Pose::at(0.0, 0.0, 2.0));
     let mut times = vec![Vec::new(); scans.len()];
     let mut cloud = PointCloud::default();
-    // The first round warms memory and caches.
+    // The first round warms up memory and caches.
     for round in 0..=ROUNDS {
         for ((built, options), times) in scans.iter().zip(&mut times) {
             let time = one.install(|| {
@@ -110,7 +110,7 @@ fn interleaved(scans: &[(&BuiltScene, &ScanOptions)], sensor: &Sensor) -> Result
     Ok(times)
 }
 
-/// The city around a case of mirrors or glass that the sensor stands in: processor time of a scan over one without.
+/// The city around a case of mirrors or glass that surrounds the sensor: processor time of a scan over one without.
 fn paths() -> Result<Value> {
     println!("\nMirrors and glass around the sensor in the city, one thread: time of a scan over that without");
     println!("{:<18}{:<24}{:>10}{:>14}", "sensor", "case", "ratio", "plain ns");
@@ -127,7 +127,7 @@ fn paths() -> Result<Value> {
         let mut built = vec![scenes::city().build()?];
         for (what, material) in &cases {
             let mut case = Builder::default();
-            // A mirror on one side shows the city on the other; glass is all around.
+            // A mirror on one side shows the city on the other; glass is all round.
             let low = if *what == "mirror" { [2.0, -50.0, 0.5] } else { [-2.0, -2.0, 0.5] };
             let high = if *what == "mirror" { [2.1, 50.0, 40.0] } else { [2.0, 2.0, 3.5] };
             case.cuboid(low, high);

@@ -1,4 +1,4 @@
-//! Peak memory of a scan, beside what it must hold: scene data, Embree's own, output columns.
+//! Peak memory of a scan, compared with what it must hold: scene data, Embree's own, output columns.
 
 use crate::{Result, scenes};
 use echocast::{FieldSet, Pose, ScanOptions, Scene, Sensor, Trajectory};
@@ -36,7 +36,7 @@ pub fn run() -> Result<Value> {
     Ok(json!(rows))
 }
 
-/// Scans `name` once and prints what was measured as JSON.
+/// Scans `name` once and prints the measurements as JSON.
 pub fn child(name: &str) -> Result<()> {
     let base = status("VmRSS")?;
     let scene = match name {
@@ -46,11 +46,11 @@ pub fn child(name: &str) -> Result<()> {
         _ => scenes::million(),
     };
     let scene_bytes = scene_bytes(&scene);
-    // Making the scene is the benchmark's affair: forget its peak.
+    // Making the scene is the benchmark's business: reset its peak.
     std::fs::write("/proc/self/clear_refs", "5")?;
     let before = status("VmRSS")?;
     let built = scene.build()?;
-    // What building added to the process, less what our tables hold: Embree's structure and vertex copies.
+    // What building added to the process, minus what our tables hold: Embree's structure and vertex copies.
     let embree = status("VmRSS")?.saturating_sub(before);
     let sensor = Sensor::preset("velodyne_vls128")?;
     let options = ScanOptions::default().fields(FieldSet::all());

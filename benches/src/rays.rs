@@ -1,4 +1,5 @@
-//! Rays per second: five scenes, three sensors and two depth cameras, beside the bare Embree loop on the same rays.
+//! Rays per second: five scenes, three sensors and two depth cameras, compared with the bare Embree loop on the same
+//! rays.
 
 use crate::clock::{cpu_per_call, median};
 use crate::{Result, scenes};
@@ -22,7 +23,7 @@ range: {max_m: 300}
 noise: {range_sigma_m: 0.01}
 ";
 
-/// An instrument without errors and threshold, for the geometry alone.
+/// An instrument without errors and threshold, for pure geometry.
 fn ideal(sensor: &Sensor) -> Result<Sensor> {
     let mut ideal = sensor.clone();
     for (key, value) in [("tof", "null"), ("detection", "{model: none}"), ("noise", "{}"), ("range.resolution_m", "0")]
@@ -85,7 +86,7 @@ pub fn run() -> Result<Value> {
                     scan(&all, sensor, &default, &mut clouds[2]),
                     all.install(|| cpu_per_call(LEAST, || bare.run())),
                 ];
-                // The first round warms memory and caches.
+                // The first round warms up memory and caches.
                 if round > 0 {
                     times.iter_mut().zip(sample).for_each(|(list, time)| list.push(time));
                 }

@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 const ROUNDS: usize = 7;
 const LEAST: Duration = Duration::from_millis(60);
 
-/// Everywhere the same; ten layers; a cast with gradients.
+/// Uniform; ten layers; a cast with gradients.
 const WATERS: [(&str, &str); 3] = [
     ("one speed", "{profile: {constant: {speed_m_s: 1480}}}"),
     (

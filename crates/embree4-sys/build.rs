@@ -1,4 +1,4 @@
-//! Finds `libembree4.so` and tells the linker. In this order: `EMBREE_LIB_DIR`, `.embree/lib` in a folder above this
+//! Finds `libembree4.so` and tells the linker. Search order: `EMBREE_LIB_DIR`, `.embree/lib` in a folder above this
 //! package (where `scripts/setup` puts it on systems without an Embree 4 package), the system's library folders.
 
 use std::env;
@@ -23,7 +23,7 @@ fn main() {
 const LIBRARY: &str = "libembree4.so";
 
 enum Found {
-    /// The loader does not look here by itself: binaries need an rpath.
+    /// The loader does not search here by itself: binaries need an rpath.
     Private(PathBuf),
     System(PathBuf),
 }

@@ -1,4 +1,4 @@
-//! Beam patterns of apertures: tables made elsewhere, and what is known of widths, sidelobes and directivity.
+//! Beam patterns of apertures: tables made elsewhere, and known widths, sidelobes and directivities.
 
 use super::assert_near;
 use echocast::emitter::Lobe;
@@ -55,7 +55,7 @@ fn sidelobe(pattern: &BeamPattern, reach: f64) -> f64 {
     levels[null..].iter().copied().fold(f64::MIN, f64::max)
 }
 
-/// The sine, between `inside` and `outside`, where a beam steered to that sine `axis` has half its power.
+/// The sine, between `inside` and `outside`, at which a beam steered to the sine `axis` has half its power.
 fn half_power(pattern: &BeamPattern, axis: f64, mut inside: f64, mut outside: f64) -> f64 {
     for _ in 0..60 {
         let middle = 0.5 * (inside + outside);
@@ -109,7 +109,7 @@ fn directivity_and_widths_are_those_of_the_table() {
             degrees => assert_near(&what, width.to_degrees(), degrees, 1e-5),
         }
     }
-    // Without aperture there is no direction, and wide ones go on where the quadrature ends.
+    // Without an aperture there is no direction, and wide ones continue where the quadrature ends.
     assert_near("a short line", line_directivity(1e-3), 0.0, 1e-4);
     assert_near("a small piston", piston_directivity(1e-3), 10.0 * 2f64.log10(), 1e-4);
     for (below, above, growth) in [
@@ -144,7 +144,7 @@ fn directivity_of_two_planes_is_that_of_known_apertures() {
     assert_near("box", directivity(&window(1.0), &window(3.0)), 10.0 * (4.0 * PI / solid).log10(), 2e-3);
 }
 
-/// `10 log(2 L / lambda)` and what a wall adds, of lobes as narrow as a file may ask for.
+/// `10 log(2 L / lambda)` plus the gain of a wall, for lobes as narrow as a file may specify.
 #[test]
 fn narrow_lobes_have_the_directivity_of_long_lines() {
     let all_around = pattern("{shape: box, width_deg: 180}");
@@ -159,7 +159,7 @@ fn narrow_lobes_have_the_directivity_of_long_lines() {
         let both = directivity(&lobe, &lobe);
         assert_near(&format!("{degrees} deg both"), both, rectangle_directivity(length, length), 2e-3);
     }
-    // An array with grating lobes to each side: 5 lobes share its power.
+    // An array with grating lobes on each side: 5 lobes share its power.
     let sparse = "{shape: array, elements: 4096, pitch_m: 2.5}";
     let dense = "{shape: array, elements: 4096, pitch_m: 0.5}";
     let [sparse, dense] = [sparse, dense].map(|text| directivity(&pattern(text), &all_around));
@@ -187,7 +187,7 @@ fn shading_trades_width_for_sidelobes() {
         .map(|of: fn(&BeamPattern) -> f64| shaded.map(|shading| of(&array(shading))));
     assert!(width.is_sorted_by(|a, b| a < b), "{width:?}");
     assert!(level.is_sorted_by(|a, b| a > b), "{level:?}");
-    // Of all weights with such sidelobes Chebyshev's are those of the narrowest lobe.
+    // Of all weights with such sidelobes Chebyshev's have the narrowest lobe.
     let same = array(&format!("shading: chebyshev, sidelobe_db: {}", -level[3]));
     assert!(same.width() < width[3], "{} {}", same.width(), width[3]);
 }
@@ -233,7 +233,7 @@ fn steered_beams_widen_as_the_aperture_shrinks() {
             let half = (0.5 * pattern.width()).sin();
             let [left, right] = [-2.0, 2.0].map(|side| half_power(&pattern, axis, axis, axis + side * half).asin());
             assert_near(yaml, right - left, (axis + half).asin() - (axis - half).asin(), 1e-9);
-            // The cosine is that of the axis: right for narrow lobes.
+            // The cosine is that of the axis: accurate for narrow lobes.
             let expected = pattern.width() / cos;
             assert_near(yaml, right - left, expected, (half / cos.powi(2)).powi(2) * expected);
         }
@@ -271,7 +271,7 @@ fn beyond_its_extent_a_lobe_is_faint() {
                 assert!(found.into_iter().all(|found| found <= power), "{yaml} {power} {extent} {u}: {found:?}");
             }
             if !yaml.contains("element_m") {
-                // And no more is left out than must be.
+                // And no more is left out than necessary.
                 let (from, to) = (extent - 0.06, extent);
                 let loudest = (0..=10_000).map(|i| pattern.amplitude(from + (to - from) * f64::from(i) / 1e4).powi(2));
                 assert!(loudest.fold(0.0, f64::max) > 0.99 * power, "{yaml} {power} {extent}");
@@ -279,7 +279,7 @@ fn beyond_its_extent_a_lobe_is_faint() {
         }
         assert_eq!((pattern.extent(1.0), pattern.extent(0.0)), (0.0, 1.0), "{yaml}");
     }
-    // The last lobe of a sinc above a thousandth is that beyond 9 nulls: 1 / (pi 9.5)^2 = 1.12e-3.
+    // The last lobe of a sinc above a thousandth is the one beyond 9 nulls: 1 / (pi 9.5)^2 = 1.12e-3.
     let extent = 50.0 * line(50.0).extent(1e-3);
     assert!(extent > 9.5 && extent < 10.0, "{extent}");
 }
@@ -290,7 +290,7 @@ fn equivalent_widths_are_the_integrals() {
     assert_near("box", of(&pattern("{shape: box, width_deg: 3}")), 3f64.to_radians(), 1e-7);
     let gaussian = 0.5 * (PI / 2f64.ln()).sqrt() * 3f64.to_radians();
     assert_near("Gaussian", of(&pattern("{shape: gaussian, width_deg: 3}")), gaussian, 1e-7);
-    // lambda / L, and what is lost where sin is not the angle.
+    // lambda / L, plus the loss where sin is not the angle.
     for length in [20.0, 200.0, 1000.0] {
         assert_near("line", of(&line(length)) * length, 1.0, 0.1 / length);
     }

@@ -38,7 +38,7 @@ fn sigma(sample: &[f64]) -> f64 {
     (sample.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / sample.len() as f64).sqrt()
 }
 
-/// That `sample` has mean 0 and standard deviation `expected`, within 3 standard errors of each.
+/// Checks that `sample` has mean 0 and standard deviation `expected`, within 3 standard errors of each.
 #[track_caller]
 fn assert_sigma(sample: &[f64], expected: f64) {
     let n = sample.len() as f64;
@@ -46,7 +46,7 @@ fn assert_sigma(sample: &[f64], expected: f64) {
     assert_near("sigma", sigma(sample), expected, 3.0 * expected / (2.0 * n).sqrt());
 }
 
-/// Measured less true value of each point, from two columns.
+/// Measured minus true value of each point, from two columns.
 fn errors(measured: &[f32], truth: &[f32]) -> Vec<f64> {
     measured.iter().zip(truth).map(|(&is, &truth)| f64::from(is) - f64::from(truth)).collect()
 }
@@ -57,7 +57,7 @@ fn true_depths(cloud: &PointCloud) -> Vec<f32> {
     cloud.columns.true_x.clone()
 }
 
-/// A wall at 10 m in light of 20 MHz, whose phase wraps at 7.49481 m: points lie at the rest, the truth stays.
+/// A wall at 10 m in light of 20 MHz, whose phase wraps at 7.49481 m: points lie at the remainder, the truth stays.
 #[test]
 fn ranges_wrap() {
     let cloud = scan(&wall(10.0), &camera("{frequencies_mhz: [20], wiggle_residual: 0}"), ScanOptions::default());
@@ -68,7 +68,7 @@ fn ranges_wrap() {
         let along = vector(&c.true_x, &c.true_y, &c.true_z, row).normalize();
         assert!((cloud.position(row) - along * f64::from(c.range[row])).length() < 1e-5);
     }
-    // What it reports keeps to its limits, though the wall is beyond them.
+    // Reported ranges keep to the limits, though the wall is beyond them.
     let limited = camera_with("range: {max_m: 4}\ntof: {frequencies_mhz: [20], wiggle_residual: 0}");
     let near = scan(&wall(10.0), &limited, ScanOptions::default());
     assert!(near.len > 20_000 && near.len < 40_000);
@@ -87,7 +87,7 @@ fn three_frequencies_see_to_the_range_of_their_divisor() {
     }
 }
 
-/// Four taps at 20 MHz, uncalibrated and not: the error of 0.5 m, made with numpy.
+/// Four taps at 20 MHz, uncalibrated and not: the error of 0.5 m, computed with numpy.
 #[test]
 fn ranges_wiggle() {
     for (residual, expected) in [(1.0, -0.085_570_6), (0.1, -0.008_557_06)] {
@@ -101,8 +101,8 @@ fn ranges_wiggle() {
     }
 }
 
-/// The target of the sheet has the sigma of the sheet, a darker one more: as the root of the light alone, in full under
-/// the sun.
+/// The target of the data sheet has its sigma, a darker one more: by the root of the light alone, in full under the
+/// sun.
 #[test]
 fn shot_noise_is_that_of_the_target() {
     // Head-on within a degree: the light is even to 1e-3.
@@ -172,11 +172,11 @@ fn depths_err_as_their_laws_say() {
     ];
     for (law, depth, expected) in laws {
         let mut sensor = camera(&format!("{{depth_noise: {law}, second_eye_m: [0, -0.05, 0]}}"));
-        // Head-on within two degrees, where what slanted surfaces add is below 1e-3 of it.
+        // Head-on within two degrees, where the addition for slanted surfaces is below 1e-3 of it.
         if law.contains("nguyen") || law.contains("fankhauser") {
             sensor.set("pattern.fov_deg", "[2, 2]").unwrap();
         }
-        // Khoshelham's steps are even over a range of depths: a wall that leans a little.
+        // Khoshelham's steps are uniform over a range of depths: a slightly leaning wall.
         let lean = if law.contains("khoshelham") { 0.1 } else { 0.0 };
         let leaning = Shape::plate(depth * DVec3::X, DVec3::new(-1.0, 0.0, lean).normalize(), 200.0);
         let cloud = scan(&walls([leaning]), &sensor, ScanOptions::default().seed(5));
@@ -196,8 +196,8 @@ fn depths_err_as_their_laws_say() {
     }
 }
 
-/// A head-on wall has one depth wherever a pixel looks. On a leaning one the depth errs by how far it looks aside; the
-/// true point is where it did.
+/// A head-on wall has one depth wherever a pixel looks. On a leaning one the depth errs by the deviation of the pixel's
+/// direction; the true point is where it looked.
 #[test]
 fn pixels_look_aside() {
     let sensor = camera("{lateral_sigma_px: 0.8}");
@@ -250,7 +250,7 @@ fn boards_cast_a_shadow_away_from_the_second_eye() {
     for beam in 0..cloud.len {
         let [y, z] = [beam % 200, beam / 200].map(|index| (99.5 - index as f64) * pixel());
         let on_board = y.abs() < half / near && z.abs() < half / near;
-        // Where the way from the eye to the wall passes the board's depth.
+        // Where the line from the eye to the wall passes the board's depth.
         let part = near / far;
         let passes = [(1.0 - part) * -baseline + part * far * y, part * far * z];
         let edge = passes.iter().any(|place| (place.abs() - half).abs() < 1e-4);
@@ -265,10 +265,10 @@ fn boards_cast_a_shadow_away_from_the_second_eye() {
     // Width times height of the board, in pixels.
     let width = baseline * (1.0 / near - 1.0 / far) / pixel();
     let expected = width * 2.0 * half / near / pixel();
-    // Whole columns and rows: one more or less of each.
+    // Whole columns and rows: one more or one fewer of each.
     assert_near("pixels in the shadow", shadow as f64, expected, width + 2.0 * half / near / pixel() + 1.0);
 
-    // An eye above throws it down; a mask that hides the board from the camera hides its shadow too.
+    // A second eye above casts it downwards; a mask that hides the board from the camera hides its shadow too.
     let above = scan(&built, &camera("{second_eye_m: [0, 0, 0.075]}"), options.clone());
     let lost: Vec<usize> = (0..above.len).filter(|&beam| above.columns.range[beam].is_nan()).collect();
     assert!(!lost.is_empty() && lost.iter().all(|beam| beam / 200 >= 100), "below the middle row");
@@ -276,7 +276,7 @@ fn boards_cast_a_shadow_away_from_the_second_eye() {
     assert!(open.columns.range.iter().all(|range| !range.is_nan()), "a wall does not hide itself");
 }
 
-/// Walls met at a grazing angle do not hide themselves, far from the origin of the world too.
+/// Walls met at a grazing angle do not hide themselves, even far from the world's origin.
 #[test]
 fn surfaces_do_not_hide_themselves() {
     let ball = Shape::sphere(1.0, 24);
@@ -288,7 +288,7 @@ fn surfaces_do_not_hide_themselves() {
         let all = scan_at(&built, &open, pose, ScanOptions::default()).len;
         assert_eq!(scan_at(&built, &sensor, pose, ScanOptions::default()).len, all);
     }
-    // Of a ball 3 m away an eye 1 m beside misses a sliver, 1 - cos(1/3) of its radius wide.
+    // An eye 1 m to the side misses a sliver of a ball 3 m away, 1 - cos(1/3) of its radius wide.
     let mut scene = SceneBuilder::new();
     let mesh = scene.mesh([(ball, None)]);
     scene.place(mesh, glam::DAffine3::from_translation(3.0 * DVec3::X));
@@ -298,7 +298,7 @@ fn surfaces_do_not_hide_themselves() {
     assert!(seen < all * 99 / 100 && seen > all * 95 / 100, "{seen} of {all}");
 }
 
-/// Two square walls of half `half` m that meet at a right angle 2 m ahead, at the corner of a room.
+/// Two square walls of half `half` m that meet at a right angle 2 m ahead, like the corner of a room.
 fn corner(half: f64) -> BuiltScene {
     let along = |sign: f64| DVec3::new(-1.0, sign, 0.0).normalize();
     // Each begins at the corner.
@@ -306,7 +306,7 @@ fn corner(half: f64) -> BuiltScene {
     walls([wall(1.0), wall(-1.0)])
 }
 
-/// A few pixels that look at one place of a corner see it too far, by what the light over the other wall comes to: its
+/// A few pixels that look at one place of a corner see it too far, by the effect of light over the other wall: its
 /// phasors summed over that wall, square by square.
 #[test]
 fn light_over_two_walls_makes_corners_round() {
@@ -353,7 +353,7 @@ fn light_over_two_walls_makes_corners_round() {
     assert!(c.cause.iter().all(|&cause| cause == echocast::Cause::Multipath as u8));
 }
 
-/// In the image of a corner all points lie behind the walls, most so in its middle; on a wall alone none does.
+/// In the image of a corner all points lie behind the walls, most in its middle; on a single wall none does.
 #[test]
 fn corners_bend_away_and_walls_stay() {
     let tof = "{frequencies_mhz: [16, 80, 120], wiggle_residual: 0, multipath_rays: 16}";
@@ -373,7 +373,7 @@ fn corners_bend_away_and_walls_stay() {
     assert!(alone.columns.cause.iter().chain(&plain.columns.cause).all(|&cause| cause == 0));
 }
 
-/// The paper's profiles know none of it.
+/// The paper's profiles know none of this.
 #[test]
 fn other_profiles_have_ideal_cameras() {
     let sensor = camera("{frequencies_mhz: [20], vignetting: cos4, lateral_sigma_px: 1, second_eye_m: [0, 1, 0]}");
@@ -385,8 +385,8 @@ fn other_profiles_have_ideal_cameras() {
     }
 }
 
-/// A pixel half on a board at 1 m and half on a wall at 4 m, 16 MHz: the phasors of both with 1/d^2 amplitudes say
-/// 1.086479 m. Made with numpy. The light is the board's, mostly, and the pixel is mixed.
+/// A pixel half on a board at 1 m and half on a wall at 4 m, 16 MHz: the phasors of both with 1/d^2 amplitudes give
+/// 1.086479 m. Computed with numpy. The light is mostly the board's, and the pixel is mixed.
 #[test]
 fn pixels_fly_between_what_they_see() {
     let board = Shape::quad([1.0, 0.0, -2.0].into(), 4.0 * DVec3::Y, 4.0 * DVec3::Z);
@@ -403,7 +403,7 @@ fn pixels_fly_between_what_they_see() {
     let near = scan_at(&built, &sensor, Pose::at(0.0, 0.5, 0.0), ScanOptions::default());
     assert_near("on the board", near.columns.range[0].into(), 1.0, 3e-4);
     assert_eq!(near.columns.cause[0], Cause::Surface as u8);
-    // Where one ray stands for the pixel it cannot.
+    // If one ray represents the pixel it cannot.
     for (key, value, expected) in [
         ("tof.multipath_rays", "4", "beam.sub_rays: is 256; allowed: 1 with tof.multipath_rays"),
         ("tof.second_eye_m", "[0, 0.1, 0]", "beam.sub_rays: is 256; allowed: 1 with tof.second_eye_m"),

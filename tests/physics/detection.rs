@@ -39,8 +39,7 @@ fn targets_are_seen_up_to_the_range_of_the_radar_equation() {
     }
 }
 
-/// The least power that a sensor sees which is said to see 0.9 at 200 m: 0.9 / (pi R^2) = 7.1620e-6 (Goodin et al.
-/// 2019).
+/// The least power seen by a sensor specified to see 0.9 at 200 m: 0.9 / (pi R^2) = 7.1620e-6 (Goodin et al. 2019).
 #[test]
 fn the_data_sheet_line_is_the_least_power() {
     let line = "detection: {model: radar_equation, reflectance: 0.9, at_m: 200}\nintensity: {encoding: power}";
@@ -73,7 +72,7 @@ fn the_linear_limit_is_that_of_its_table() {
             [(Profile::Physical, "r_threshold_linear_correct"), (Profile::Blainder, "r_threshold_BLAINDER_code")]
         {
             let limit = table.number(row, column);
-            // The intensity of what is not detected is 0 where such points are kept at all.
+            // The intensity of undetected points is 0 where they are kept at all.
             let detected = |rho: f64| {
                 let options = ScanOptions { profile, ..ScanOptions::default() };
                 let cloud = scan(&target(rho, range, 0.0), &one_beam(&sections), options);
@@ -159,7 +158,7 @@ fn program_weather(table: &Table, row: usize) -> Environment {
     environment
 }
 
-/// Two plates behind each other: the ray stops at the first, seen or not.
+/// Two plates one behind the other: the ray stops at the first, seen or not.
 #[test]
 fn ranges_outside_the_limits_are_not_reported_and_still_block() {
     let mut scene = SceneBuilder::new();
@@ -214,7 +213,7 @@ fn normal_distribution(x: f64) -> f64 {
     0.5 + sum * (-0.5 * x * x).exp() / (2.0 * std::f64::consts::PI).sqrt()
 }
 
-/// That `found` of many chances came true, within three standard errors.
+/// Checks that `found` of many chances came true, within three standard errors.
 #[track_caller]
 fn assert_count(what: &str, found: usize, chances: impl Iterator<Item = f64>) {
     let (sum, variance) = chances.fold((0.0, 0.0), |(sum, variance), p| (sum + p, variance + p * (1.0 - p)));
@@ -235,7 +234,7 @@ fn noise_decides_what_is_seen() {
     };
     assert!(cloud.len > 20_000 && cloud.len < 80_000, "{}", cloud.len);
     assert_count("echoes", cloud.len, (0..all.len).map(chance));
-    // Not only in all: those that are seen with one chance in ten to nine in ten.
+    // Not only in total: those seen with one chance in ten to nine in ten.
     let between: Vec<usize> = (0..all.len).filter(|&row| (0.1..0.9).contains(&chance(row))).collect();
     let seen: BTreeMap<u32, usize> = (0..cloud.len).map(|row| (cloud.columns.beam[row], row)).collect();
     let found = between.iter().filter(|&&row| seen.contains_key(&c.beam[row])).count();
@@ -244,7 +243,7 @@ fn noise_decides_what_is_seen() {
     for (beam, &row) in &seen {
         assert_eq!(cloud.columns.range[row], c.range[*beam as usize]);
     }
-    // The paper's program knows the line alone.
+    // The paper's program uses the line alone.
     let program = ScanOptions { profile: Profile::Blainder, ..ScanOptions::default() };
     let seen = |sections: &str| {
         let cloud = scan(&wall(), &camera(sections), program.clone());
@@ -256,7 +255,7 @@ fn noise_decides_what_is_seen() {
     );
 }
 
-/// What is seen in a mirror, and dust in the air, are seen by chance as surfaces are, once each.
+/// What is seen in a mirror, and dust in the air, are detected by chance as surfaces are, once each.
 #[test]
 fn noise_decides_what_is_seen_of_mirrors_and_dust() {
     let mut scene = SceneBuilder::new();
@@ -291,7 +290,7 @@ fn noise_decides_what_is_seen_of_mirrors_and_dust() {
     }
 }
 
-/// 100 MHz at a ratio of 4 over 200 m: 0.0258418 for each beam (made with numpy), anywhere and without labels.
+/// 100 MHz at a ratio of 4 over 200 m: 0.0258418 for each beam (computed with numpy), anywhere and without labels.
 #[test]
 fn false_alarms_come_evenly() {
     let receiver = |max_m: f64, rest: &str| {
@@ -307,7 +306,7 @@ fn false_alarms_come_evenly() {
     assert!(c.cause.iter().all(|&cause| cause == Cause::FalseAlarm as u8));
     assert!(c.category_id.iter().chain(&c.instance_id).all(|&id| id == 0) && c.normal_x.iter().all(|x| x.is_nan()));
     assert!(c.range == c.true_range && c.range.iter().all(|range| (0.0..200.0).contains(range)));
-    // The last of one or more: a little beyond the middle. Three standard errors of an even distribution.
+    // The last of one or more: slightly beyond the middle. Three standard errors of a uniform distribution.
     let mean = c.range.iter().map(|&range| f64::from(range)).sum::<f64>() / cloud.len as f64;
     let expected = 100.0 * (1.0 + per_m * 200.0 / 6.0);
     assert_near("mean range", mean, expected, 3.0 * 200.0 / (12.0 * cloud.len as f64).sqrt());
@@ -317,7 +316,8 @@ fn false_alarms_come_evenly() {
         c.intensity.iter().zip(&c.range).map(|(&rho, &range)| f64::from(rho) / f64::from(range).powi(2) / unit);
     assert!(strengths.into_iter().all(|strength| strength > 4.0 - 1e-4));
 
-    // Before a wall in mode first, each beam as far as the wall; stronger than its echo in mode strongest never.
+    // In front of a wall: in mode first each beam up to the wall; in mode strongest never, the wall's echo being
+    // stronger.
     let plain = scan(&wall(), &camera(""), ScanOptions::default());
     for (mode, before) in [("first", true), ("strongest", false)] {
         let cloud = scan(&wall(), &receiver(40.0, mode), ScanOptions::default().seed(2));
@@ -332,9 +332,9 @@ fn false_alarms_come_evenly() {
     }
 }
 
-/// Worked out by hand from section values made with scipy: 0.1 at 8 m sends back 89.69 photons of 1.8e-4 uJ, 71.76
+/// Computed by hand from section values made with scipy: 0.1 at 8 m returns 89.69 photons of 1.8e-4 uJ, 71.76
 /// electrons, of which the noise in darkness is the 6.28155th part, 11.42; 51.80 photons of the sun add 124.3 to its
-/// square: 1.3973 times the noise. A threshold that follows costs range, a fixed one blurs it and rings.
+/// square: 1.3973 times the noise. A threshold that follows costs range, a fixed one blurs it and raises false alarms.
 #[test]
 fn sunlight_costs_range_or_adds_alarms() {
     let (noise, plain) = (1.3973, scan(&wall(), &camera(""), ScanOptions::default()));
@@ -366,7 +366,7 @@ fn sunlight_costs_range_or_adds_alarms() {
     }
 }
 
-/// Three channels beside each other, of which two make use of a part of the light.
+/// Three channels side by side, two of which use only a part of the light.
 #[test]
 fn weak_channels_see_less_far() {
     let sensor = |sections: &str| {
@@ -415,7 +415,7 @@ fn strong_echoes_saturate() {
 }
 
 /// Echoes of 5 ns at 2, 10 and 100 times the threshold seem nearer by 0.374741, 0.683008 and 0.965919 m where their
-/// leading edge is timed. Made with numpy.
+/// leading edge is timed. Computed with numpy.
 #[test]
 fn the_leading_edge_of_strong_echoes_comes_early() {
     let built = target(0.8, 20.0, 0.0);
@@ -430,8 +430,8 @@ fn the_leading_edge_of_strong_echoes_comes_early() {
     }
 }
 
-/// A retro-reflector shines in the beams beside it, as much as the angles to those that meet it say; a white plate does
-/// not.
+/// A retro-reflector shines in the beams beside it, by as much as the angles to those that meet it predict; a white
+/// plate does not.
 #[test]
 fn bright_surfaces_bloom() {
     let sections = "beam: {pulse_ns: 5}\nintensity: {encoding: reflectivity}\n\

@@ -71,7 +71,7 @@ fn a_tilted_plane_is_met_where_its_equation_says() {
     });
 }
 
-/// A unit sphere and the ellipsoids made of it by scale, each once and as copies. Its facets of less than half a degree
+/// A unit sphere and ellipsoids made from it by scaling, each once and as copies. Its facets of less than half a degree
 /// keep the range to 1e-5 and the normals to 3e-5.
 #[test]
 fn spheres_and_scaled_spheres_are_met_where_their_equation_says() {
@@ -106,7 +106,7 @@ fn spheres_and_scaled_spheres_are_met_where_their_equation_says() {
     }
 }
 
-/// Three plates of one object, each a part of its own, that meet in a corner.
+/// Three plates of one object, each its own part, that meet in a corner.
 #[test]
 fn in_a_corner_the_nearest_of_three_planes_is_met() {
     let corner = DVec3::new(6.0, 4.0, -2.0);
@@ -152,7 +152,7 @@ fn copies_of_a_square_are_met_where_their_transforms_put_them() {
     let paint = scene.reflector(1.0);
     let mesh = scene.mesh([(square, Some(paint))]);
     for (origin, x, y) in places {
-        // The scale of the third axis is anything, even mirrored.
+        // The scale of the third axis is arbitrary, even mirrored.
         let z = -0.3 * x.cross(y).normalize();
         scene.place(mesh, DAffine3::from_cols(x, y, z, origin));
     }
@@ -166,7 +166,7 @@ fn copies_of_a_square_are_met_where_their_transforms_put_them() {
             .min_by(|a, b| a.0.total_cmp(&b.0))
             .map(|(range, normal)| (range, normal, 1))
     });
-    // Which of the copies it is, the instance number says.
+    // The instance number tells the copies apart.
     let (c, beams) = (&cloud.columns, sensor.beams());
     for row in 0..cloud.len {
         let along = vector(&beams.dir_x, &beams.dir_y, &beams.dir_z, c.beam[row] as usize);

@@ -11,14 +11,14 @@ fn profile(profile: Profile) -> ScanOptions {
     ScanOptions { profile, ..ScanOptions::default() }
 }
 
-/// What dims by `extinction`, 1/m, and does nothing else.
+/// Dims by `extinction`, 1/m, and does nothing else.
 fn dimming(extinction: f64) -> Environment {
     let model = Some(RainModel::PowerLaw { a: extinction, b: 0.0, unit: PerLength::PerM });
     let rain = Rain { model, drops: Some(false), range_noise: Some(false), ..Rain::new(1.0) };
     Environment { rain: vec![rain.into()], ..Environment::default() }
 }
 
-/// Pulses of 1 uJ into an opening of 20 mm and optics of 0.7: received energy, J, and photons at 905 nm, made with
+/// Pulses of 1 uJ into an opening of 20 mm and optics of 0.7: received energy, J, and photons at 905 nm, computed with
 /// numpy.
 #[test]
 fn a_microjoule_gives_thousands_of_photons() {
@@ -120,7 +120,7 @@ fn reflectance_comes_from_the_material_then_the_library_then_the_colour() {
     assert_near("the material's own", head_on(own, with(None)), 0.123, 1e-6);
 }
 
-/// A sheet with a picture of `width` x 1 pixels from y = 0 (left, u = 0) to y = -`width`, 4 m before the sensor.
+/// A sheet with a picture of `width` x 1 pixels from y = 0 (left, u = 0) to y = -`width`, 4 m in front of the sensor.
 fn picture(pixels: &[[u8; 4]], filter: Filter, copies: usize) -> Scene {
     let width = pixels.len() as f64;
     let mut sheet = Shape::quad(DVec3::new(4.0, 0.0, 1.0), -width * DVec3::Y, -2.0 * DVec3::Z);

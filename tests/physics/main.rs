@@ -38,7 +38,7 @@ fn target(reflectance: f64, range: f64, angle_deg: f64) -> BuiltScene {
     let corners = [-along - DVec3::Z, along - DVec3::Z, 0.1 * along + 2.0 * DVec3::Z];
     let mut scene = SceneBuilder::new();
     let paint = scene.reflector(reflectance as f32);
-    // As wide as the range asks: single precision keeps the direction of a small triangle far away only roughly.
+    // As wide as the range requires: single precision keeps the direction of a small, distant triangle only roughly.
     let size = 0.1 * range;
     scene.stand(Shape::triangle(corners.map(|corner| DVec3::X * range + size * corner)), Some(paint));
     scene.finish().build().unwrap()

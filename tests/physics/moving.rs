@@ -43,7 +43,7 @@ fn check(cloud: &PointCloud, sensor: &Sensor, start_time: f64, pose_at: impl Fn(
         if range > 100.0 {
             continue;
         }
-        // Single precision, and what it grows to where the wall is met at a low angle.
+        // Single precision, and its error where the wall is met at a low angle.
         let tolerance = 1e-5 * range / along.y;
         assert_near("range", c.range[row].into(), range, tolerance);
         let expected = match cloud.frame {
@@ -52,7 +52,7 @@ fn check(cloud: &PointCloud, sensor: &Sensor, start_time: f64, pose_at: impl Fn(
         };
         let off = (cloud.position(row) - expected).length();
         assert!(off <= tolerance, "point {row} at {} s is {off} m off", c.time[row]);
-        // Backwards from the point along the beam lies the sensor at that time.
+        // The sensor at that time lies backwards along the beam from the point.
         if cloud.frame == Frame::World {
             let origin = cloud.position(row) - f64::from(c.range[row]) * along;
             assert!((origin - pose.position).length() < 1e-4, "beam {beam} starts at {origin}, not {}", pose.position);
@@ -92,7 +92,7 @@ fn a_sensor_that_turns_is_taken_at_each_beams_own_orientation() {
         orientation: DQuat::from_axis_angle(axis, 1.9 * time / 0.2) * from,
     };
     let mut end = pose_at(0.2);
-    // The same orientation, named by the other quaternion.
+    // The same orientation, expressed by the opposite quaternion.
     end.orientation = -end.orientation;
     let path = Trajectory::new(vec![(0.0, pose_at(0.0)), (0.2, end)]).unwrap();
     for coordinates in [Frame::World, Frame::Sensor] {

@@ -11,12 +11,12 @@ use glam::{DAffine3, DVec3};
 /// Depth of the bottom, m, below a surface at z = 0.
 const BOTTOM: f64 = 30.0;
 
-/// Balls of target strength 0 dB at `places`, and a bottom that mirrors all and sends nothing back.
+/// Balls of target strength 0 dB at `places`, and a bottom that mirrors everything and scatters nothing back.
 fn targets(places: &[DVec3], radius: f64, bottom: bool) -> BuiltScene {
     behind_a_wall(places, radius, bottom, None)
 }
 
-/// The same and a wall of which nothing comes.
+/// The same and a wall that returns nothing.
 fn behind_a_wall(places: &[DVec3], radius: f64, bottom: bool, wall: Option<Shape>) -> BuiltScene {
     let mut scene = SceneBuilder::new();
     let dead = "{name: dead, sound: {law: facet, mu_db: -100, slope_sigma_deg: 0.1, reflection_loss_db: 100}}";
@@ -65,14 +65,14 @@ range: {{max_m: 150}}
     Sensor::from_yaml(&yaml, "").unwrap()
 }
 
-/// A thin fan ahead, as loud everywhere within it.
+/// A thin fan ahead, equally loud everywhere within it.
 fn fan(bounces: u32) -> Sensor {
     let pattern = "type: single_beam, tilt_deg: 0, rays: 400000, beam_deg: {shape: box, width_deg: 0.6}, vertical_deg: \
                    {shape: box, width_deg: 120}";
     sensor(pattern, &format!(", bounces: {bounces}"))
 }
 
-/// Energy of the bins about `range`, dB, of which one at `range` within a bin must be the strongest.
+/// Energy of the bins about `range`, dB, of which one within a bin of `range` must be the strongest.
 fn level_at(ping: &Ping, beam: usize, range: f64) -> f64 {
     let bin_m = ping.layout.bin_m;
     let at = (range / bin_m) as usize;
@@ -83,14 +83,14 @@ fn level_at(ping: &Ping, beam: usize, range: f64) -> f64 {
     10.0 * near.map(power).sum::<f64>().log10()
 }
 
-/// Lengths of the direct way to a target `level` m off and of those over its images in surface and bottom, m; depths in
-/// m.
+/// Lengths of the direct path to a target `level` m away and of those over its images in surface and bottom, m; depths
+/// in m.
 fn image_ways(sonar: f64, target: f64, level: f64) -> [f64; 3] {
     let way = |depth: f64| level.hypot(depth);
     [way(target - sonar), way(target + sonar), way(2.0 * BOTTOM - target - sonar)]
 }
 
-/// Directly, over the surface and over the bottom: three ways out and back, six echoes, of which those between two
+/// Directly, over the surface and over the bottom: three paths out and back, six echoes, of which those between two
 /// reflections are not followed.
 #[test]
 fn first_order_echoes_are_those_of_the_images() {
@@ -124,13 +124,13 @@ fn first_order_echoes_are_those_of_the_images() {
     }
 }
 
-/// On each way as much is swallowed as the law says, straight or by a ray that is found: `a (out + back)`.
+/// On each path as much is absorbed as the law says, straight or by a ray that is found: `a (out + back)`.
 #[test]
 fn mixed_ways_lose_what_the_water_swallows() {
     let (sonar, target, level) = (20.0, 14.0, 30.0);
     let scene = targets(&[DVec3::new(level, 0.0, -target)], 0.09, true);
     let pose = Trajectory::fixed(Pose::at(0.0, 0.0, -sonar));
-    // So little changes over depth that the ways stay those of the images.
+    // So little changes with depth that the paths stay those of the images.
     let bent = ", assumed_speed_m_s: 1500, profile: {cast: [{depth_m: 0, speed_m_s: 1500}, {depth_m: 40, speed_m_s: \
                 1500.001}]}";
     let ways = image_ways(sonar, target, level);
@@ -152,7 +152,7 @@ fn mixed_ways_lose_what_the_water_swallows() {
     }
 }
 
-/// A fan that is louder in some directions sends one way as loud as it does there, and hears the other likewise.
+/// A fan that is louder in some directions sends one path as loudly as in its direction, and hears the other likewise.
 #[test]
 fn lobes_weigh_both_ways() {
     let (sonar, target, level) = (10.0, 14.0, 30.0);
@@ -189,13 +189,13 @@ fn a_wall_takes_mixed_ways_away_that_it_stands_in() {
             ping.levels(0)[bin - 1..=bin + 1].iter().any(|&level| level > 100.0)
         })
     };
-    // At the wall the direct way is 13 m deep, the other 8.
+    // At the wall the direct path is 13 m deep, the other 8.
     assert_eq!(heard(14.0), [true, true, true]);
     assert_eq!(heard(12.0), [false, false, true]);
     assert_eq!(heard(7.0), [false, false, false]);
 }
 
-/// Half of a mixed echo comes from each of its ways, and each beam hears its own.
+/// Half of a mixed echo comes from each of its paths, and each beam hears its own.
 #[test]
 fn beams_hear_mixed_echoes_from_where_they_come() {
     let (sonar, target, level) = (10.0, 14.0, 40.0);
@@ -236,7 +236,7 @@ fn mixed_ways_bend() {
         let square = level * level + (a - b) * (a - b);
         (1.0 + square / (2.0 * (1500.0 + a) * (1500.0 + b))).acosh()
     };
-    // Over the surface where that takes least (Fermat).
+    // Over the surface where the time is least (Fermat).
     let over = |x: f64| time(sonar, 0.0, x) + time(0.0, target, level - x);
     let fermat = (0..60_000).map(|step| over(f64::from(step) * 1e-3)).fold(f64::INFINITY, f64::min);
     let (direct, over) = (1500.0 * time(sonar, target, level), 1500.0 * fermat);
@@ -249,7 +249,7 @@ fn mixed_ways_bend() {
     assert_near("mixed level", levels[1], mean + 10.0 * 2f64.log10(), 0.2);
 }
 
-/// A mean of the way there and of the way back may be within reach where one of them is not.
+/// The mean of the path out and the path back may be within reach where one of them is not.
 #[test]
 fn mixed_echoes_are_heard_up_to_the_last_bin() {
     let (sonar, target, level) = (20.0, 60.0, 80.0);
@@ -291,7 +291,7 @@ fn mixed_echoes_do_not_depend_on_threads() {
     }
 }
 
-/// A path that turns by `yaw` degrees in a second.
+/// A trajectory that turns by `yaw` degrees in a second.
 fn turning(yaw: f64) -> Trajectory {
     let at = |yaw: f64| Pose::at(0.0, 0.0, -30.0).with_rpy_deg(0.0, 0.0, yaw);
     Trajectory::new(vec![(0.0, at(0.0)), (1.0, at(yaw))]).unwrap()
@@ -336,7 +336,8 @@ fn a_sonar_that_turns_hears_targets_where_it_looks_by_then() {
     assert_near("azimuth of one that hops", heard(&still, 50.0, places[0]), 0.0, 0.1);
 }
 
-/// A beam that has turned away hears less, as its lobe says; of a side-scan sonar, of one beam and of a round one.
+/// A beam that has turned away hears less, according to its lobe; for a side-scan sonar, for one beam and for a round
+/// one.
 #[test]
 fn a_beam_that_turns_away_hears_less() {
     let thin = "vertical_deg: {shape: box, width_deg: 10}, tilt_deg: 0";
@@ -377,7 +378,7 @@ fn what_does_not_move_sounds_as_what_stands() {
     ] {
         let still = Pose::at(0.0, 0.0, -30.0 + 12.0);
         let fixed = Trajectory::fixed(still);
-        // It starts to turn when all has been heard.
+        // It starts to turn after everything has been heard.
         let late =
             Trajectory::new(vec![(0.0, still), (1.0, still), (2.0, still.with_rpy_deg(0.0, 0.0, 90.0))]).unwrap();
         let now = Trajectory::new(vec![(0.0, still), (1.0, still.with_rpy_deg(4.0, 3.0, 30.0))]).unwrap();
@@ -413,7 +414,7 @@ fn mixed_echoes_of_a_bottom_have_the_level_of_the_sonar_equation() {
         for x in (10_000..150_000).map(|index| f64::from(index) * step) {
             let (straight, over) = (x.hypot(height), x.hypot(height + 2.0 * depth));
             let (sin, sin_over) = (height / straight, (height + 2.0 * depth) / over);
-            // Both ways must lie within the fan: half its width is a sine to its side, not an azimuth.
+            // Both paths must lie within the fan: half its width is a sine to its side, not an azimuth.
             let width = |cosine: f64| 2.0 * (half / cosine).asin();
             let echo = |sines: f64, ways: f64, azimuth: f64| 0.1 * sines * azimuth * x * step / (ways * ways);
             if near(over) && sin_over < 60f64.to_radians().sin() {

@@ -33,7 +33,7 @@ fn sigma(sample: &[f64]) -> f64 {
     (sample.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / sample.len() as f64).sqrt()
 }
 
-/// That `sample` is Gaussian with `mean` and `sigma`, within 3 standard errors of mean, deviation and tails.
+/// Checks that `sample` is Gaussian with `mean` and `sigma`, within 3 standard errors of mean, deviation and tails.
 #[track_caller]
 fn assert_gaussian(sample: &[f64], expected_mean: f64, expected_sigma: f64) {
     let n = sample.len() as f64;
@@ -92,10 +92,10 @@ fn ranges_are_whole_steps_and_the_nearest_of_them() {
     }
     let errors = errors(&cloud);
     assert!(errors.iter().all(|error| error.abs() <= 0.501 * step));
-    // Even over a step: sigma = step / sqrt(12), and the standard error of a variance of an even distribution.
+    // Uniform over a step: sigma = step / sqrt(12), and the standard error of the variance of a uniform distribution.
     assert_near("sigma", sigma(&errors), step / 12f64.sqrt(), 3.0 * step / 12f64.sqrt() * (0.8 / 4.0 / 9e4f64).sqrt());
 
-    // Noise comes before the rounding.
+    // Noise comes before rounding.
     let noisy = "range: {resolution_m: 0.004}\nnoise: {range_sigma_m: 0.03}";
     let cloud = scan(&wall(), &camera(noisy), ScanOptions::default());
     for &range in &cloud.columns.range {
@@ -118,7 +118,7 @@ fn noise_moves_points_along_their_beams() {
     }
 }
 
-/// Switching noise on moves what is measured and nothing else, bit by bit.
+/// Switching noise on changes what is measured and nothing else, bit by bit.
 #[test]
 fn truth_and_labels_do_not_feel_noise() {
     let radar = "detection: {model: radar_equation, reflectance: 0.8, at_m: 50}\n";
@@ -137,7 +137,7 @@ fn truth_and_labels_do_not_feel_noise() {
     }
 }
 
-/// Seed, frame and beam: each gives numbers of its own, uncorrelated with the others'.
+/// Seed, frame and beam: each gives different numbers, uncorrelated with the others'.
 #[test]
 fn draws_of_other_seeds_frames_and_beams_are_uncorrelated() {
     let camera = camera("noise: {range_sigma_m: 0.05}");
@@ -157,7 +157,7 @@ fn draws_of_other_seeds_frames_and_beams_are_uncorrelated() {
     }
 }
 
-/// Points of a wall all around: the reported azimuth, and with it the point, is off; range and elevation are not.
+/// Points of a wall all round: the reported azimuth, and with it the point, is off; range and elevation are not.
 #[test]
 fn azimuth_noise_turns_points_about_the_sensors_axis() {
     let mut sensor = camera("noise: {azimuth_sigma_deg: 0.2}");
@@ -246,7 +246,7 @@ fn errors_may_grow_with_range() {
     assert_gaussian(&scaled, 0.0, 1.0);
 }
 
-/// 1000 channels, each off by an amount of its own: the same in every scan, another in another instrument.
+/// 1000 channels, each with its own error: the same in every scan, different in another instrument.
 #[test]
 fn channels_are_off_by_amounts_of_their_own() {
     let elevations = (0..1000).map(|channel| format!("{}", f64::from(channel) * 0.02 - 10.0)).collect::<Vec<_>>();
@@ -293,7 +293,7 @@ fn channels_are_off_by_amounts_of_their_own() {
     assert_ne!(rows, of(&scan(2, 1)));
 }
 
-/// Points and azimuths are where the encoder has its steps.
+/// Points and azimuths lie on the encoder's steps.
 #[test]
 fn an_encoder_has_steps() {
     let (step, sensor) = (0.36, camera("noise: {azimuth_step_deg: 0.36}"));
@@ -313,7 +313,7 @@ fn an_encoder_has_steps() {
     assert!(sigma(&errors) > 0.25 * step, "not all beams are on steps");
 }
 
-/// The ray that is traced goes elsewhere than the beam that is reported.
+/// The traced ray goes elsewhere than the reported beam.
 #[test]
 fn pointing_noise_moves_rays_and_not_what_is_reported() {
     let sensor = camera("noise: {pointing_sigma_deg: 0.1}");
@@ -367,7 +367,7 @@ fn times_are_reported_with_an_error() {
     }
 }
 
-/// Returns of little reflectivity get lost more often: 0.4 (1 - I / 0.3) of them.
+/// Returns of low reflectivity are lost more often: 0.4 (1 - I / 0.3) of them.
 #[test]
 fn weak_returns_get_lost_more_often() {
     let all = scan(&wall(), &camera(""), ScanOptions::default());
@@ -382,7 +382,7 @@ fn weak_returns_get_lost_more_often() {
     assert_eq!(weak(&all) - weak(&cloud), all.len - cloud.len, "strong ones stay");
 }
 
-/// What one noise draws does not depend on which others there are.
+/// What one kind of noise draws does not depend on the others.
 #[test]
 fn switching_a_noise_on_does_not_move_the_others() {
     let radar = "range: {max_m: 60}\ndetection: {model: radar_equation, reflectance: 0.5, at_m: 60}";
@@ -411,12 +411,12 @@ fn switching_a_noise_on_does_not_move_the_others() {
         }
         assert!(noise.starts_with("time") || cloud.len < plain.len);
     }
-    // Pointing noise moves what is hit; the error of its range is still the same.
+    // Pointing noise changes what is hit; the range error stays the same.
     let pointed = scan("pointing_sigma_deg: 0.05", radar);
     for (a, b) in errors(&pointed).iter().zip(errors(&plain)) {
         assert_near("error", *a, b, 1e-5);
     }
-    // A hundred thousandth of a pointing error hits the same place: what chance decides stays decided.
+    // A hundred-thousandth of a pointing error hits the same place: random decisions stay the same.
     let quiet = scan("dropout: 0", chance);
     assert_eq!(scan("pointing_sigma_deg: 1.0e-9", chance).columns.beam, quiet.columns.beam);
 }

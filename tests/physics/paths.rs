@@ -14,7 +14,7 @@ fn glass(ior: f32) -> Material {
     Material { name: "glass".into(), transmission: 1.0, roughness: 0.0, ior, ..Material::default() }
 }
 
-/// How far beside their line, m, rays go on that start a little off a surface 4 m away, which they must not meet again;
+/// How far from their line, m, rays go on that start slightly off a surface 4 m away, which they must not meet again;
 /// and two steps of single precision at 10 m, by which processors differ.
 const BESIDE: f64 = 2.6e-5;
 
@@ -23,7 +23,7 @@ fn plate(centre: [f64; 3], normal: [f64; 3], half: f64) -> Shape {
     Shape::plate(centre.into(), DVec3::from(normal).normalize(), half)
 }
 
-/// A wall of `reflectance` and other things, all across the x axis or not.
+/// A wall of `reflectance` and other objects, all across the x axis or not.
 fn scene(wall: Option<(Shape, f32)>, others: Vec<(Shape, Material)>) -> BuiltScene {
     let mut scene = SceneBuilder::new();
     if let Some((shape, reflectance)) = wall {
@@ -41,8 +41,7 @@ fn look(scene: &BuiltScene, sections: &str) -> PointCloud {
     scan(scene, &one_beam(sections), ScanOptions::default())
 }
 
-/// The mirror of the paper's figure 2 a: the target is seen behind it, along the beam, with what the mirror leaves
-/// taken twice.
+/// The mirror of the paper's figure 2 a: the target is seen behind it, along the beam, attenuated twice by the mirror.
 #[test]
 fn a_mirror_shows_what_it_faces() {
     let half = 0.5f64.sqrt();
@@ -59,12 +58,12 @@ fn a_mirror_shows_what_it_faces() {
     assert_eq!(cloud.labels.category.name(c.category_id[0]), cloud.labels.category.name(1));
     assert_ne!(c.first_category_id[0], c.category_id[0]);
     assert_near("normal", c.normal_y[0].into(), -1.0, 1e-6);
-    // Where the mirror faces nothing there is nothing.
+    // Where the mirror faces nothing, nothing is seen.
     let empty = scene(None, vec![(plate([5.0, 0.0, 0.0], [-half, half, 0.0], 1.0), mirror(0.9))]);
     assert_eq!(look(&empty, "").len, 0);
 }
 
-/// What is seen in a mirror is the mirror image of where the light goes, whatever the mirror and the wall.
+/// What is seen in a mirror is the mirror image of where the light goes, for any mirror and wall.
 #[test]
 fn points_in_a_mirror_are_virtual_images() {
     let random = &mut Random::new(8);
@@ -75,10 +74,10 @@ fn points_in_a_mirror_are_virtual_images() {
         let wall = (Shape::plate(place, facing, 30.0), 0.5);
         let built = scene(Some(wall), vec![(Shape::plate(at, normal, 1.0), mirror(1.0))]);
         let cloud = look(&built, "");
-        // The beam turned at the mirror, up to the wall.
+        // The beam reflected at the mirror, up to the wall.
         let turned = DVec3::X - 2.0 * normal.x * normal;
         let length = facing.dot(place - at) / facing.dot(turned);
-        // Walls far off are met at a low angle; a wall in front of the mirror hides it.
+        // Distant walls are met at a low angle; a wall in front of the mirror hides it.
         if cloud.len == 0 || cloud.columns.cause[0] != Cause::Mirror as u8 || length > 100.0 {
             continue;
         }
@@ -92,7 +91,7 @@ fn points_in_a_mirror_are_virtual_images() {
     assert!(seen > 20, "{seen}");
 }
 
-/// A metal by its index: 89.0411 % of 2 + 8i head-on, there and back.
+/// A metal by its index: 89.0411 % for 2 + 8i head-on, there and back.
 #[test]
 fn metals_reflect_by_their_index() {
     let metal = Material { ior: 2.0, extinction_index: 8.0, ..mirror(1.0) };
@@ -106,7 +105,7 @@ fn metals_reflect_by_their_index() {
     assert_near("range", cloud.columns.range[0].into(), 13.0, 2e-4);
 }
 
-/// Single sheets: what is left behind a pane, with all echoes between its faces, and how much later it comes.
+/// Single sheets: what is left behind a pane, with all echoes between its faces, and how much later it arrives.
 #[test]
 fn panes_follow_their_table() {
     let table = Table::parse(include_str!("../data/pane.csv"), ',');
@@ -127,7 +126,7 @@ fn panes_follow_their_table() {
         let c = &cloud.columns;
         assert_eq!((cloud.len, c.cause[0]), (1, Cause::Glass as u8), "row {row}");
         let factor = number("two_way_incoherent_s_p_mean");
-        // Energy falls with the paraxial distance, in which the way through glass counts 1/n; ranges with n.
+        // Energy falls with the paraxial distance, in which the path through glass counts 1/n; ranges with n.
         let way = thickness / (theta.sin() / n).asin().cos();
         let spread = 10.0 + number("range_extra_geometric_m") - way + way / n;
         let expected = factor * ((10.0 + number("range_extra_optical_m")) / spread).powi(2);
@@ -136,7 +135,7 @@ fn panes_follow_their_table() {
         let paper = ScanOptions { profile: Profile::Paper, ..ScanOptions::default() };
         let paper = scan(&built, &one_beam(""), paper);
         assert_near("length", paper.columns.range[0].into(), 10.0 + number("range_extra_geometric_m"), 2e-5);
-        // The beam goes on beside its line: a wall that leans by 45 degrees is met so much earlier.
+        // The beam continues beside its line: a wall that leans by 45 degrees is met that much earlier.
         let leaning = (plate([10.0, 0.0, 0.0], [-1.0, 1.0, 0.0], 0.5), 0.5);
         let pane = plate([4.0, 0.0, 0.0], [-theta.cos(), theta.sin(), 0.0], 3.0);
         let beside = look(&scene(Some(leaning), vec![(pane, material)]), "").columns.range[0];
@@ -146,7 +145,8 @@ fn panes_follow_their_table() {
 }
 
 /// A pane of 4 mm that the scene has as a body, with two faces: what passes both, without the echoes between them, and
-/// how far it goes beside its line. Made with numpy for an index of 1.5: incidence, transmission, shift in mm.
+/// how far it is displaced from its line. Computed with numpy for an index of 1.5: incidence, transmission, shift in
+/// mm.
 #[test]
 fn panes_that_are_bodies_pass_light_face_by_face() {
     for (degrees, passed, shift_mm, surplus_mm) in [
@@ -173,7 +173,7 @@ fn panes_that_are_bodies_pass_light_face_by_face() {
         assert_eq!((c.cause[0], c.bounces[0]), (Cause::Glass as u8, 2));
         let range = 10.0 + 1e-3 * surplus_mm;
         assert_near("range", c.range[0].into(), range, 2e-5);
-        // Light spreads over the way in air, and over 1/n of that in glass.
+        // Light spreads over the path in air, and over 1/n of that in glass.
         let way = 0.004 / (1.0 - (sin / 1.5).powi(2)).sqrt();
         let spread = range - 1.5 * way + way / 1.5;
         let expected = 0.5 * passed * passed * (range / spread).powi(2);
@@ -184,7 +184,7 @@ fn panes_that_are_bodies_pass_light_face_by_face() {
 }
 
 /// A boundary between two media, each a body: a wall where its reflected light goes and one where its refracted light
-/// goes, which lean by 45 degrees so that their ranges tell the direction.
+/// goes, both leaning by 45 degrees so that their ranges reveal the direction.
 #[test]
 fn boundaries_follow_their_table() {
     let table = Table::parse(include_str!("../data/fresnel_dielectric.csv"), ',');
@@ -193,16 +193,16 @@ fn boundaries_follow_their_table() {
     for row in 0..table.len() {
         let number = |column| table.number(row, column);
         let (n1, n2, degrees) = (number("n1"), number("n2"), number("theta_i_deg"));
-        // Along the boundary no beam meets it.
+        // At grazing incidence no beam meets it.
         if degrees == 90.0 {
             continue;
         }
         let (sin, cos) = degrees.to_radians().sin_cos();
         let (normal, along) = (DVec3::new(-cos, sin, 0.0), DVec3::new(sin, cos, 0.0));
         let at = 5.0 * DVec3::X;
-        // What is left of light behind the wall of `n1`, which the beam enters head-on at 1 m.
+        // The light left behind the wall of `n1`, which the beam enters head-on at 1 m.
         let entered = 1.0 - ((n1 - 1.0) / (n1 + 1.0)).powi(2);
-        // Reflectance or transmittance by a wall `length` m off in `direction`; `outside` of that in air.
+        // Reflectance or transmittance from a wall `length` m away in `direction`; `outside` of that in air.
         let part = |direction: DVec3, length: f64, index: f64, outside: f64| {
             let across = DVec3::Z.cross(direction);
             let wall = (Shape::plate(at + length * direction, (across - direction).normalize(), 0.1), 0.5);
@@ -211,7 +211,7 @@ fn boundaries_follow_their_table() {
             if n1 > 1.0 {
                 others.push((Shape::plate(DVec3::X, -DVec3::X, 0.01), Material { name: "bath".into(), ..body(n1) }));
             }
-            // Not what the boundary of the bath reflects, and nothing after a second way to and fro.
+            // Not what the boundary of the bath reflects, and nothing after a second pass to and fro.
             let [low, high] = [4.9 + length, 5.1 + length];
             let sections = format!("intensity: {{encoding: power}}\nrange: {{min_m: {low}, max_m: {high}}}");
             let cloud = look(&scene(Some(wall), others), &sections);
@@ -223,7 +223,7 @@ fn boundaries_follow_their_table() {
             let two_way = f64::from(cloud.columns.intensity[0]) * std::f64::consts::PI * spread * spread;
             (two_way / (0.5 * 0.5f64.sqrt())).sqrt() / entered
         };
-        // Near the critical angle single precision leaves the refracted direction open.
+        // Near the critical angle single precision does not determine the refracted direction.
         let theta_t: f64 = table.text(row, "theta_t_deg(nan=TIR)").parse().unwrap();
         let tolerance = if theta_t > 80.0 { 5e-5 } else { 1e-5 };
         // Head-on light leaves through the wall of `n1` again.
@@ -247,7 +247,7 @@ fn boundaries_follow_their_table() {
     assert_eq!((reflected, refracted), (168, 142));
 }
 
-/// Light that goes the other way through a prism of tinted glass takes as long and loses as much.
+/// Light in the reverse direction through a prism of tinted glass takes as long and loses as much.
 #[test]
 fn light_goes_back_as_it_came() {
     let corner = |x: f64, y: f64, z: f64| DVec3::new(x, y, z);
@@ -271,7 +271,7 @@ fn light_goes_back_as_it_came() {
         assert_eq!((cloud.len, cloud.columns.cause[0], cloud.columns.bounces[0]), (1, Cause::Glass as u8, 2));
         (f64::from(cloud.columns.range[0]), f64::from(cloud.columns.intensity[0]))
     };
-    // The way of the beam along x, by Snell's law at both sides.
+    // The path of the beam along x, by Snell's law at both sides.
     let refract = |d: DVec3, n: DVec3, q: f64| {
         let cos = -d.dot(n);
         q * d + (q * cos - (1.0 - q * q * (1.0 - cos * cos)).sqrt()) * n
@@ -293,8 +293,8 @@ fn light_goes_back_as_it_came() {
     assert!(there.1 < 0.9 * 0.5 / (std::f64::consts::PI * there.0 * there.0), "glass takes its part");
 }
 
-/// Of the light of a beam no more is under way after an event than before it: among mirrors, half-mirrors, panes and
-/// bodies of all kinds.
+/// No more of a beam's light is in transit after an event than before it: among mirrors, half-mirrors, panes and bodies
+/// of all kinds.
 #[test]
 fn light_never_becomes_more() {
     let random = &mut Random::new(21);
@@ -330,7 +330,7 @@ fn light_never_becomes_more() {
         for beam in 0..24 {
             let text =
                 built.explain(&sensor, &Trajectory::fixed(Pose::IDENTITY), &ScanOptions::default(), beam).unwrap();
-            // Light left after each number of events; the last that is listed may not be complete.
+            // Light left after each number of events; the last one listed may be incomplete.
             let mut left = vec![0.0; 12];
             let mut lines = 0;
             for line in text.lines().filter(|line| line.ends_with("of the light is left")) {
@@ -341,7 +341,7 @@ fn light_never_becomes_more() {
             }
             let complete = left.iter().rposition(|&part| part > 0.0).unwrap_or(0).max(1) - usize::from(lines == 48);
             for pair in left[..=complete].windows(2) {
-                // To the digits of the text.
+                // To the digits printed.
                 assert!(pair[1] <= pair[0] + 48.0 * 5e-5, "{left:?}\n{text}");
                 nearly_all += usize::from(pair[1] > 0.9 * pair[0] && pair[0] > 0.1);
                 events += 1;
@@ -351,7 +351,7 @@ fn light_never_becomes_more() {
     assert!(events > 500 && nearly_all > 50, "{events} {nearly_all}");
 }
 
-/// A pane without thickness shifts and delays nothing, before a wall that leans; without an index it does nothing at
+/// A pane without thickness shifts and delays nothing, in front of a leaning wall; without an index it does nothing at
 /// all.
 #[test]
 fn an_endlessly_thin_pane_only_dims() {
@@ -367,7 +367,7 @@ fn an_endlessly_thin_pane_only_dims() {
     }
 }
 
-/// A body of glass with an inside: entered and left, later by what its index says.
+/// A body of glass with an inside: entered and left, with the delay of its index.
 #[test]
 fn bodies_of_glass_delay_and_dim() {
     for (ior, group) in [(1.5f32, None), (1.5, Some(1.52f32))] {
@@ -403,7 +403,7 @@ fn water_shows_its_bed_deeper() {
     assert_eq!(c.bounces[0], 3);
 }
 
-/// A right-angled prism turns the beam by total reflection and takes nothing from it but at its legs.
+/// A right-angled prism turns the beam by total reflection and takes light from it only at its legs.
 #[test]
 fn a_prism_turns_the_beam_by_total_reflection() {
     let [a, b, c] = [[5.0, -1.0], [5.0, 1.0], [7.0, 1.0]];
@@ -451,7 +451,7 @@ fn mirrors_that_face_each_other_end() {
     }
 }
 
-/// Rough metals are mirrors for a part, and half-transparent surfaces show themselves too.
+/// Rough metals are partly mirrors, and semi-transparent surfaces are visible themselves.
 #[test]
 fn between_mirror_and_diffuse() {
     let wall = || Some((plate([-3.0, 0.0, 0.0], [1.0, 0.0, 0.0], 2.0), 0.8));
@@ -471,7 +471,7 @@ fn between_mirror_and_diffuse() {
     assert_near("rough", intensity(rough(1.0), "strongest").0, 0.5, 1e-6);
 }
 
-/// Weather lies on the whole folded way, and not within glass.
+/// Weather covers the whole folded path, but not inside glass.
 #[test]
 fn weather_dims_the_folded_way() {
     let half = 0.5f64.sqrt();
@@ -489,7 +489,7 @@ fn weather_dims_the_folded_way() {
     }
 }
 
-/// What cannot be detected after the mirror is not there.
+/// What cannot be detected after the mirror is absent.
 #[test]
 fn the_threshold_holds_behind_mirrors() {
     let half = 0.5f64.sqrt();

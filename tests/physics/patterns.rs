@@ -47,7 +47,7 @@ fn scans_take_up_a_pattern_where_it_is_when_they_start() {
     }
     assert_ne!(seen[0], seen[1]);
     assert_eq!(seen[1], seen[2]);
-    // Patterns that do not turn, and those of a table, do not care.
+    // Patterns that do not rotate, and those of a table, are unaffected.
     sensor
         .set("pattern", "{type: raster, azimuth: {fov_deg: 4, step_deg: 2}, elevation: {fov_deg: 2, step_deg: 1}}")
         .unwrap();
@@ -64,7 +64,7 @@ fn scans_take_up_a_pattern_where_it_is_when_they_start() {
     assert_eq!(error, "start_time is NaN; allowed: finite numbers");
 }
 
-/// The time of the trajectory is another one than that of the run, which turns the prisms.
+/// The trajectory's time differs from that of the run, which turns the prisms.
 #[test]
 fn a_sensor_that_drives_sees_along_its_beams() {
     let (wall, sensor) = (wall(), prisms());

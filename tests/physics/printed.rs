@@ -1,4 +1,4 @@
-//! Sonars in the profiles of the paper and of its program: what the program printed, line by line, and laws.
+//! Sonars in the profiles of the paper and of its program: the program's output, line by line, and laws.
 
 use super::assert_near;
 use echocast::scene::Material;
@@ -10,8 +10,8 @@ use glam::DVec3;
 
 const RUN: &str = include_str!("../data/sonar/blainder_sonar_run.txt");
 
-/// Hits of the program's run agree with ours to this, m, and levels to that, dB: what it prints, and more than single
-/// precision leaves.
+/// Hits of the program's run agree with ours to this, m, and levels to that, dB: its printed precision, and more than
+/// single precision leaves.
 const NEAR_M: f64 = 1e-2;
 const NEAR_DB: f64 = 1e-3;
 
@@ -33,8 +33,7 @@ fn after(line: &str, key: &str) -> f64 {
     rest[..end].parse().unwrap_or_else(|_| panic!("no number after {key:?} in {line:?}"))
 }
 
-/// Plates that lie at heights, wide enough for any ray, each with its alpha: what the program takes for the
-/// reflectance.
+/// Plates at given heights, wide enough for any ray, each with its alpha: what the program uses as the reflectance.
 fn plates(plates: &[(f64, f32)]) -> BuiltScene {
     let mut scene = SceneBuilder::new();
     for &(height, alpha) in plates {
@@ -45,7 +44,7 @@ fn plates(plates: &[(f64, f32)]) -> BuiltScene {
     scene.finish().build().unwrap()
 }
 
-/// The paper's two fans, with what the program starts with.
+/// The paper's two fans, with the program's start values.
 fn fans(fov_deg: f64, step_deg: f64) -> Sensor {
     let yaml = format!(
         "
@@ -136,7 +135,7 @@ fn the_programs_run_a_isovelocity() {
         assert_near(line, distance, after(line, " d="), NEAR_M);
         assert_near(line, level, after(line, "level="), NEAR_DB);
         assert_place(line, cloud.position(row), [after(line, "loc=("), -100.0]);
-        // 20 dB of noise less gains.
+        // 20 dB of noise minus gains.
         assert_near(line, (180.0 - level) / 2.0, after(line, "TLoneway="), NEAR_DB);
         assert_near(line, 10.0 * distance.log10(), after(line, "10logr="), NEAR_DB);
         assert_near(line, 20.0 * distance.log10(), after(line, " 20logr="), NEAR_DB);
@@ -153,7 +152,7 @@ fn the_programs_run_b_reflectance() {
         assert_near(line, printed_level(&cloud, row, 200.0), after(line, "level="), NEAR_DB);
         assert_near(line, range(&cloud, row), after(line, "distance"), NEAR_M);
     }
-    // Below 0 dB what is darker is louder. Levels down to -50 dB were printed, so the threshold was below.
+    // Below 0 dB darker is louder. Levels down to -50 dB were printed, so the threshold was below.
     for line in section("B2") {
         let alpha = line.split(' ').next().unwrap().parse().unwrap();
         let sensor = set(fans(150.0, 15.0), "acoustics.source_level_db", "60");
@@ -167,13 +166,13 @@ fn the_programs_run_b_reflectance() {
     }
 }
 
-/// Six layers; densities do not matter to the way of a ray.
+/// Six layers; densities do not affect the path of a ray.
 fn six_layers() -> Environment {
     let rows = [[0.0, 1520.0], [10.0, 1500.0], [25.0, 1487.0], [45.0, 1475.0], [70.0, 1490.0], [95.0, 1510.0]];
     layers(&rows.map(|[depth, speed]| [depth, speed, 1025.0]))
 }
 
-/// B6: the way to each interface is that of the first direction. The paper's equations go by Snell's law.
+/// B6: the path to each interface is that of the first direction. The paper's equations follow Snell's law.
 #[test]
 fn the_programs_run_c_six_layers() {
     let (scene, sensor) = (plates(&[(-120.0, 1.0)]), fans(180.0, 5.0));
@@ -183,7 +182,7 @@ fn the_programs_run_c_six_layers() {
     let (last, lines) = lines.split_last().unwrap();
     let rows = side(&program, STARBOARD);
     assert_eq!(rows.len() as f64, after(last, "hits on this side:"));
-    // 19 rays a side, port first; the others are lost.
+    // 19 rays per side, port first; the others are lost.
     assert_eq!(program.columns.beam[rows[0]], 19);
     let find = |cloud: &PointCloud, ray: u32| {
         let row = (0..cloud.len).find(|&row| cloud.columns.beam[row] == 19 + ray).unwrap();
@@ -199,7 +198,7 @@ fn the_programs_run_c_six_layers() {
     }
 }
 
-/// B4 and B5: a layer without contrast changes the level, and the part of the power that goes over multiplies it.
+/// B4 and B5: a layer without contrast changes the level, and the transmitted part of the power multiplies it.
 #[test]
 fn the_programs_run_d_interface() {
     let scene = plates(&[(-100.0, 1.0)]);
@@ -220,7 +219,7 @@ fn the_programs_run_d_interface() {
     }
 }
 
-/// B8: what is too weak is no hit, so that the ray goes on behind it where there are layers.
+/// B8: what is too weak is not a hit, so the ray goes on behind it where there are layers.
 #[test]
 fn the_programs_run_e_weak_targets() {
     let scene = plates(&[(-30.0, 0.02), (-100.0, 1.0)]);
@@ -237,7 +236,7 @@ fn the_programs_run_e_weak_targets() {
     }
 }
 
-/// B7: rays are lost where all is reflected.
+/// B7: rays are lost at total reflection.
 #[test]
 fn the_programs_run_f_total_reflection() {
     let environment = layers(&[[0.0, 1450.0, 1000.0], [50.0, 1700.0, 1000.0]]);
@@ -252,7 +251,7 @@ fn the_programs_run_f_total_reflection() {
 }
 
 /// B9: points are where the surface is. What the program calls the place with noise, here none, is the path along the
-/// last direction, which the incidence on a flat bottom tells.
+/// last direction, given by the incidence on a flat bottom.
 #[test]
 fn the_programs_run_g_places() {
     let environment = layers(&[[0.0, 1500.0, 1000.0], [50.0, 1400.0, 1000.0]]);
@@ -303,11 +302,11 @@ fn the_paper_has_the_sonar_equation() {
         assert_near("level", cloud.columns.intensity[row].into(), level, 1e-4);
         assert_near("incidence", cloud.columns.cos_incidence[row].into(), angle.cos(), 1e-5);
     }
-    // Straight down comes 90 dB, at 45 degrees 6 dB less.
+    // Straight down 90 dB arrive, at 45 degrees 6 dB less.
     let sensor = set(sensor, "acoustics.detection_threshold_db", "83.9");
     assert_eq!(side(&of(&sensor, 0.1), PORT).len(), 4);
     assert_eq!(of(&sensor, 0.0).len, 0);
-    // What the sonar does not say is 0.
+    // What the sonar does not specify is 0.
     let keys = ["noise_level_db", "directivity_index_db", "processing_gain_db"];
     let text = sensor.to_yaml().unwrap();
     let text: Vec<_> = text.lines().filter(|line| !keys.iter().any(|key| line.contains(key))).collect();
@@ -315,7 +314,7 @@ fn the_paper_has_the_sonar_equation() {
     assert_near("level", cloud.columns.intensity[0].into(), 120.0, 1e-4);
 }
 
-/// Of the paper, not of its program (run D), a layer like the one above changes nothing.
+/// For the paper, unlike its program (run D), a layer like the one above changes nothing.
 #[test]
 fn in_the_paper_a_layer_without_contrast_changes_nothing() {
     let (scene, sensor) = (bottom(0.3), fans(150.0, 5.0));
@@ -370,7 +369,8 @@ fn the_papers_points_lie_along_the_beams_that_were_sent() {
     }
 }
 
-/// A ray 5 degrees down is mirrored in 70 m, 171.45 m away, and meets a wall on its way up; the program loses it.
+/// A ray 5 degrees down is reflected at 70 m depth, 171.45 m away, and meets a wall on its way up; the program loses
+/// it.
 #[test]
 fn total_reflection_is_the_papers() {
     let mut scene = SceneBuilder::new();
@@ -475,7 +475,7 @@ fn errors_say_what_is_allowed() {
     }
 }
 
-/// They make speeds by Medwin's formula, whatever the water asks for, and know no laws of sediments.
+/// Both derive speeds by Medwin's formula, whatever the water specifies, and know no laws of sediments.
 #[test]
 fn warnings_are_those_of_their_own_water() {
     let sensor = fans(90.0, 20.0);

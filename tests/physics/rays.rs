@@ -1,4 +1,4 @@
-//! Rays of sound, as BELLHOP, another solver and closed forms have them.
+//! Rays of sound, compared with BELLHOP, another solver and closed forms.
 
 use super::assert_near;
 use echocast::Environment;
@@ -23,7 +23,7 @@ fn unphysical(profile: &str) -> Water {
     Environment::from_yaml(&yaml).unwrap().water.unwrap()
 }
 
-/// The layers with ramps of 0.2 m in place of jumps.
+/// The layers with ramps of 0.2 m instead of jumps.
 fn ramps() -> Water {
     let layers = [(0.0, 1520.0), (10.0, 1500.0), (25.0, 1487.0), (45.0, 1475.0), (70.0, 1490.0), (95.0, 1510.0)];
     let mut rows = vec![(0.0, 1520.0)];
@@ -45,7 +45,7 @@ fn touch(ray: &mut SoundRay) -> Option<(RayPoint, RayEvent)> {
     }
 }
 
-/// Follows the launches of a table of touches and compares range and time by the names of two columns.
+/// Follows the launches of a table of touches and compares range and time, by the names of two columns.
 fn compare(text: &str, water: &Water, start: f64, bottom: f64, [range, time]: [&str; 2], [metres, seconds]: [f64; 2]) {
     let table = Table::parse(text, ',');
     let (mut ray, mut launch) = (None, f64::NAN);
@@ -91,7 +91,7 @@ fn rays_pass_layers_as_others_have_them() {
     compare(table, &ramps(), 55.0, 120.0, ["range_closed_m", "time_closed_s"], [1e-5, 1e-8]);
 }
 
-/// Depth and time along the way.
+/// Depth and time along the path.
 #[test]
 fn paths_are_those_of_others() {
     for (text, water, start, bottom) in [
@@ -114,7 +114,7 @@ fn paths_are_those_of_others() {
                     None => ray.next_slab().unwrap_or_else(|| panic!("{angle} deg does not get to {range} m")),
                 }
             };
-            // BELLHOP steps on to just beyond a boundary.
+            // BELLHOP steps to just beyond a boundary.
             let tolerance = 1e-3 + 1e-6 * range;
             assert_near(&format!("{angle} deg at {range} m: depth"), point.depth_m, depth, tolerance);
             assert_near(&format!("{angle} deg at {range} m: time"), point.time_s, time, 1e-6);
@@ -172,7 +172,7 @@ fn a_boundary_without_contrast_changes_nothing() {
     }
 }
 
-/// Back along the way that it came, sound takes as long.
+/// Along the reverse path sound takes the same time.
 #[test]
 fn reversed_rays_take_the_same_time() {
     for profile in [GRADIENT, LAYERS] {
@@ -194,7 +194,7 @@ fn reversed_rays_take_the_same_time() {
     }
 }
 
-/// Spreading by the tube of rays is that of neighbouring rays, and spherical without gradient.
+/// Spreading by the ray tube agrees with neighbouring rays, and is spherical without gradient.
 #[test]
 fn tubes_are_as_wide_as_their_neighbours_are_apart() {
     let mut ray = SoundRay::new(&water(ISO), 1000.0, 50.0, 30.0, 200.0).unwrap();
@@ -221,7 +221,7 @@ fn tubes_are_as_wide_as_their_neighbours_are_apart() {
     }
 }
 
-/// A level ray spreads alike whether it starts at a row in the middle of a line or beside it.
+/// A level ray spreads equally whether it starts at a row in the middle of a line or beside it.
 #[test]
 fn level_rays_spread_from_the_rows_of_a_cast() {
     let cast =
@@ -256,7 +256,7 @@ fn vertical_rays_take_the_time_of_the_logarithm() {
     assert!(SoundRay::new(&water, 1000.0, 0.0, 10.0, 0.0).is_err());
 }
 
-/// Where sound is slowest a level ray is held from above and from below.
+/// Where sound is slowest a level ray is held from above and below.
 #[test]
 fn level_rays_run_along_the_axis_of_a_duct() {
     let duct =
@@ -275,7 +275,7 @@ fn level_rays_run_along_the_axis_of_a_duct() {
     assert_near("time", point.time_s, 50e3 / 1480.0, 1e-9);
     assert_near("angle", point.grazing, 0.0, 1e-12);
     assert!(ray.next_event().is_none());
-    // A degree off it swings: up at 0.2 1/s and down at 0.1 1/s, over chords of 2 c tan(g) / gradient.
+    // A degree off it oscillates: up at 0.2 1/s and down at 0.1 1/s, over chords of 2 c tan(g) / gradient.
     let mut ray = SoundRay::new(&water(duct), 1000.0, 100.0, 1.0, 250.0).unwrap();
     let tangent = 1f64.to_radians().tan();
     let period = 2.0 * 1480.0 * tangent * (1.0 / 0.2 + 1.0 / 0.1);
@@ -283,14 +283,14 @@ fn level_rays_run_along_the_axis_of_a_duct() {
         ray.next_slab().unwrap();
     }
     assert_near("ten swings", ray.point().distance_m, 10.0 * period, 1e-6);
-    // Along the surface and the bottom, to which they bend, rays get nowhere.
+    // Along the surface and the bottom, towards which they bend, rays make no progress.
     let up = "{cast: [{depth_m: 0, speed_m_s: 1480}, {depth_m: 200, speed_m_s: 1500}]}";
     assert!(SoundRay::new(&water(up), 1000.0, 0.0, 0.0, 200.0).unwrap().next_event().is_none());
     let down = "{cast: [{depth_m: 0, speed_m_s: 1500}, {depth_m: 200, speed_m_s: 1480}]}";
     assert!(SoundRay::new(&water(down), 1000.0, 200.0, 0.0, 200.0).unwrap().next_event().is_none());
 }
 
-/// Rows of a cast, and the depths where absorption is cut, leave roundings that are no layers.
+/// Rows of a cast, and the depths where absorption is cut, leave rounding errors that are not layers.
 #[test]
 fn rows_of_a_cast_are_no_boundaries() {
     let rows: Vec<String> = (0..40)

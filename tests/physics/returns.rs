@@ -6,7 +6,7 @@ use echocast::{BuiltScene, Cause, Environment, PointCloud, Pose, ScanOptions, Tr
 use echocast_tests::reference::{SceneBuilder, Shape, one_beam};
 use glam::DVec3;
 
-/// A board of 0.5 across the x axis at `near` m that covers what is to the left of `edge` m, and a wall at `far` m.
+/// A board of 0.5 across the x axis at `near` m that covers everything left of `edge` m, and a wall at `far` m.
 fn edge(near: f64, edge: f64, far: f64) -> BuiltScene {
     edge_of(near, edge, far, 0.5)
 }
@@ -45,14 +45,14 @@ fn an_edge_divides_the_beam() {
                 let near = if c.range[0] < 20.0 { c.intensity[0] } else { 0.0 };
                 assert_near("share of the board", f64::from(near) / 0.5, expected, most);
                 let all: f32 = c.intensity.iter().sum();
-                // Where a few rays get by, their echo counts too; nothing is lost or won.
+                // Where a few rays get past, their echo counts too; nothing is lost or gained.
                 assert_near("light", all.into(), 0.5, 2e-6);
             }
         }
     }
 }
 
-/// Two echoes of 5 ns that are as strong have one maximum up to 2 sigma = 0.637 m.
+/// Two equally strong echoes of 5 ns have one maximum up to 2 sigma = 0.637 m.
 #[test]
 fn echoes_join_within_the_pulse() {
     let sections = sections(256, "{mode: all}");
@@ -75,7 +75,7 @@ fn echoes_join_within_the_pulse() {
     assert_near("far", far.columns.range[1].into(), 13.0, 1e-4);
 }
 
-/// On a plain wall many rays see what one sees.
+/// On a plain wall many rays see the same as one.
 #[test]
 fn a_wall_across_the_beam_is_one_echo() {
     let built = super::target(0.5, 40.0, 0.0);
@@ -90,7 +90,7 @@ fn a_wall_across_the_beam_is_one_echo() {
 }
 
 /// A surface tilted by 75 degrees at 100 m under a half angle of 1.5 mrad: the echo's sigma grows from 2.12330 to
-/// 2.82760 ns, and its peak falls as much.
+/// 2.82760 ns, and its peak falls in proportion.
 #[test]
 fn tilted_surfaces_stretch_the_echo() {
     let built = super::target(0.5, 100.0, 75.0);
@@ -105,7 +105,7 @@ fn tilted_surfaces_stretch_the_echo() {
     }
 }
 
-/// Ground at 40 m under 2.6 degrees: its echo is many pulses long, and one.
+/// Ground at 40 m under 2.6 degrees: its echo is many pulses long, but a single one.
 #[test]
 fn grazed_ground_is_one_echo() {
     let (range, grazing) = (40.0, 2.6f64.to_radians());
@@ -125,7 +125,7 @@ fn grazed_ground_is_one_echo() {
             let cloud = look(&built, &sections, frame);
             let c = &cloud.columns;
             assert_eq!((cloud.len, c.cause[0]), (1, Cause::Surface as u8), "{sub_rays}");
-            // What is nearer sends more: the echo comes 0.06 m early.
+            // Nearer parts return more: the echo comes 0.06 m early.
             assert_near("range", c.range[0].into(), range, range_error);
             assert_near("peak", f64::from(c.intensity[0]) / expected, 1.0, peak_error);
         }
@@ -167,7 +167,7 @@ fn half_a_mirror_gives_two_returns() {
         let c = &cloud.columns;
         assert_eq!(c.cause, [Cause::Surface as u8, Cause::Mirror as u8]);
         assert_eq!((&c.bounces[..], &c.return_number[..]), (&[0, 1][..], &[1, 2][..]));
-        // A few rays lie on a tilted surface a little to one side.
+        // A few rays lie on a tilted surface slightly to one side.
         assert_near("near", c.range[0].into(), 5.0, 2e-3);
         assert_near("far", c.range[1].into(), 12.0, 2e-3);
         assert_ne!(c.instance_id[0], c.instance_id[1]);
@@ -175,7 +175,7 @@ fn half_a_mirror_gives_two_returns() {
     }
 }
 
-/// An echo that is reported twice, and one that another mode reports alone, have the same errors.
+/// An echo reported twice, and one reported alone in another mode, have the same errors.
 #[test]
 fn errors_belong_to_the_echo() {
     let built = super::target(0.5, 20.0, 0.0);
@@ -227,7 +227,7 @@ fn returns_come_beam_by_beam() {
     assert!(cloud.columns.range.iter().any(|range| range.is_nan()));
 }
 
-/// What is told of a beam: the way over the mirror, the weather on it, and the echo that is reported.
+/// The explanation of a beam: the path over the mirror, the weather on it, and the reported echo.
 #[test]
 fn a_beam_is_explained_step_by_step() {
     let half = 0.5f64.sqrt();

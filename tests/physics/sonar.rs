@@ -48,7 +48,7 @@ fn bottom(sound: Sound, cell: f64) -> BuiltScene {
     with_bottom(sound, cell, [])
 }
 
-/// A flat bottom at z = 0, and what stands on it, of Lambert's law with mu 0.1: category 1, then 2 and so on.
+/// A flat bottom at z = 0, and objects on it, of Lambert's law with mu 0.1: category 1, then 2 and so on.
 fn with_bottom(sound: Sound, cell: f64, others: impl IntoIterator<Item = Shape>) -> BuiltScene {
     let mut scene = SceneBuilder::new();
     let paint = scene.material(sounding_material(sound));
@@ -67,7 +67,7 @@ fn nothing() -> BuiltScene {
     scene.finish().build().unwrap()
 }
 
-/// Water to 50 m above the bottom, of 1500 m/s, without absorption and noise.
+/// Water up to 50 m above the bottom, of 1500 m/s, without absorption and noise.
 fn water(more: &str) -> Environment {
     let water = "surface_z_m: 50, absorption: none, wind_m_s: 0, profile: {constant: {speed_m_s: 1500}}";
     Environment::from_yaml(&format!("water: {{{water}{more}}}")).unwrap()
@@ -84,7 +84,7 @@ range: {max_m: 100}
     set(Sensor::from_yaml(yaml, "").unwrap(), more)
 }
 
-/// Any sonar; what `sidescan` says of sound.
+/// Any sonar; the acoustics of `sidescan`.
 fn sonar(pattern: &str, more: &str) -> Sensor {
     let yaml = format!(
         "
@@ -98,7 +98,7 @@ range: {{max_m: 100}}
     set(Sensor::from_yaml(&yaml, "").unwrap(), more)
 }
 
-/// Sets what `more` says, `key=value` after `key=value`.
+/// Applies `more`, `key=value` after `key=value`.
 fn set(mut sensor: Sensor, more: &str) -> Sensor {
     for assignment in more.split_whitespace() {
         let (key, value) = assignment.split_once('=').unwrap();

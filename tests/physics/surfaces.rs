@@ -21,7 +21,7 @@ fn retro(r_a: f32) -> Scattering {
     Scattering::RetroReflector { samples: vec![RetroSample { angle_deg: 70.0, cd_lx_m2: r_a }] }
 }
 
-/// A board of `material` 10 m off, turned by `angle_deg` from head-on.
+/// A board of `material` 10 m away, turned by `angle_deg` from head-on.
 fn board(material: Material, angle_deg: f64) -> SceneBuilder {
     let (sin, cos) = angle_deg.to_radians().sin_cos();
     let mut scene = SceneBuilder::new();
@@ -30,7 +30,7 @@ fn board(material: Material, angle_deg: f64) -> SceneBuilder {
     scene
 }
 
-/// Effective reflectances head-on and at 60 degrees, made with numpy from the formulas of the models.
+/// Effective reflectances head-on and at 60 degrees, computed with numpy from the formulas of the models.
 #[test]
 fn boards_are_as_bright_as_their_model_says() {
     let oren_nayar = |s: f32| Scattering::OrenNayar { slope_sigma_deg: s.to_degrees() };
@@ -51,7 +51,7 @@ fn boards_are_as_bright_as_their_model_says() {
             let power = scan(&built, &one_beam("intensity: {encoding: power}"), ScanOptions::default());
             let expected = expected / (std::f64::consts::PI * 100.0);
             assert_near("power", power.columns.intensity[0].into(), expected, 1e-5 * expected);
-            // The paper knows Lambert surfaces only.
+            // The paper uses Lambert surfaces only.
             let paper = ScanOptions { profile: Profile::Blainder, ..ScanOptions::default() };
             let cos = angle.to_radians().cos();
             assert_near(
@@ -64,7 +64,7 @@ fn boards_are_as_bright_as_their_model_says() {
     }
 }
 
-/// A plate of a retro-reflector is seen beyond the range of a white wall, in a mirror too, though that takes most.
+/// A retro-reflecting plate is seen beyond the range of a white wall, even in a mirror that takes most of the light.
 #[test]
 fn retro_reflectors_are_seen_from_afar() {
     let sections = "detection: {model: radar_equation, reflectance: 1.0, at_m: 5}";
@@ -91,7 +91,7 @@ fn retro_reflectors_are_seen_from_afar() {
     assert_near("intensity", cloud.columns.intensity[0].into(), 785.398 * 0.01, 1e-4);
 }
 
-/// A surface that scatters otherwise leaves Lambert surfaces beside it as they are.
+/// A surface that scatters differently leaves Lambert surfaces beside it unchanged.
 #[test]
 fn others_keep_their_bits() {
     let walls = |second: Scattering| {
@@ -122,7 +122,7 @@ fn leaves(alpha: Alpha, alpha_cutoff: f32) -> Material {
     }
 }
 
-/// A sheet of them from y = 2 to y = -2 across x = 4, a metre for each pixel.
+/// A sheet of them from y = 2 to y = -2 across x = 4, a metre per pixel.
 fn sheet() -> Shape {
     let mut sheet = Shape::quad(DVec3::new(4.0, 2.0, 1.0), -4.0 * DVec3::Y, -2.0 * DVec3::Z);
     sheet.uvs = Some(vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]);
@@ -139,8 +139,7 @@ fn wall(scene: &mut SceneBuilder) {
     scene.stand(Shape::plate(DVec3::new(8.0, 0.0, 0.0), -DVec3::X, 9.0), Some(grey));
 }
 
-/// Light passes where alpha is below the cutoff, by one sheet and by many behind each other, that stand by themselves
-/// or are placed often.
+/// Light passes where alpha is below the cutoff, through one sheet and through many in a row, single or placed often.
 #[test]
 fn light_passes_the_holes_of_cutouts() {
     for (alpha, cutoff, solid) in [
@@ -157,7 +156,7 @@ fn light_passes_the_holes_of_cutouts() {
             let material = scene.material(leaves(alpha, cutoff));
             let mesh = scene.mesh([(sheet(), Some(material))]);
             for copy in 0..sheets {
-                // Nearer ones are smaller, so that beams meet the same pixel of all.
+                // Nearer ones are smaller, so that beams meet the same pixel of each.
                 let part = 1.0 - f64::from(copy) / 60.0;
                 scene.place(mesh, DAffine3::from_scale(DVec3::splat(part)));
             }
@@ -175,7 +174,7 @@ fn light_passes_the_holes_of_cutouts() {
     }
 }
 
-/// Alpha is the reflectance of a material that says so, whatever the scan takes.
+/// Alpha is the reflectance of a material that says so, whatever the scan uses.
 #[test]
 fn alpha_may_be_the_reflectance() {
     let mut scene = SceneBuilder::new();
@@ -188,7 +187,7 @@ fn alpha_may_be_the_reflectance() {
     }
 }
 
-/// Without an image alpha is everywhere the same: all is there, or nothing.
+/// Without an image alpha is uniform: everything is there, or nothing.
 #[test]
 fn cutouts_without_an_image_are_there_or_not() {
     for (alpha, found) in [(0.49f32, 8.0), (0.51, 4.0)] {
@@ -203,7 +202,7 @@ fn cutouts_without_an_image_are_there_or_not() {
     }
 }
 
-/// What is seen in a mirror has holes too.
+/// Objects seen in a mirror have holes too.
 #[test]
 fn mirrors_show_holes() {
     let half = 0.5f64.sqrt();
@@ -275,7 +274,7 @@ fn glass() -> Material {
     Material { name: "glass".into(), transmission: 1.0, roughness: 0.0, ..Material::default() }
 }
 
-/// Dirt shows itself, diffusely, and dims what lies behind it.
+/// Dirt is itself visible, diffusely, and dims what lies behind it.
 #[test]
 fn dirty_glass_shows_itself() {
     let look = |dirt: f32, mode: &str| {
@@ -293,7 +292,7 @@ fn dirty_glass_shows_itself() {
 }
 
 /// Met head-on, glass and mirrors show the instrument itself: with a beam of 5 mm and 1.5 mrad (half), 19.4439 % of
-/// what is reflected at 10 m come into an opening of 10 mm.
+/// what is reflected at 10 m enters an opening of 10 mm.
 #[test]
 fn smooth_surfaces_glint_head_on() {
     let beam = "beam: {exit_diameter_mm: 10, divergence_mrad: 3, pulse_ns: 5, aperture_mm: 20}\nreturns: {mode: first}";
@@ -310,7 +309,7 @@ fn smooth_surfaces_glint_head_on() {
     assert_near("range", c.range[0].into(), 10.0, 1e-5);
     let expected = 0.04 * 0.194_439 * (10.0f64 / 10e-3).powi(2);
     assert_near("glint", c.intensity[0].into(), expected, 1e-4 * expected);
-    // Many rays come to the same, turned away too: 0.4602 of it at 1 mrad, made with numpy.
+    // Many rays give the same, also turned away: 0.4602 of it at 1 mrad, computed with numpy.
     let rays = beam.replace("aperture_mm", "sub_rays: 1000, aperture_mm");
     for (mrad, part) in [(0.0f64, 1.0), (1.0, 0.4602)] {
         for (sections, most) in [(beam, 0.02), (&rays, 0.06)] {
@@ -321,13 +320,13 @@ fn smooth_surfaces_glint_head_on() {
     let found = |angle, sections: &str| scan(&block(angle), &one_beam(sections), ScanOptions::default()).len;
     assert_eq!([0.1, 0.5].map(|angle| found(angle, beam)), [1, 0]);
     assert_eq!(found(0.0, "beam: {exit_diameter_mm: 10, divergence_mrad: 3, pulse_ns: 5}"), 0);
-    // So bright that the wall behind a pane is lost, where the strongest echo is reported.
+    // So bright that the wall behind a pane is lost where the strongest echo is reported.
     let built = pane(glass(), 0.0).finish().build().unwrap();
     let strongest = scan(&built, &one_beam(&beam.replace("first", "strongest")), ScanOptions::default());
     assert_near("range", strongest.columns.range[0].into(), 4.0, 1e-5);
 }
 
-/// Glass as the paper's program has it: itself within 2 degrees; else twice what the first face lets pass, whatever the
+/// Glass as in the paper's program: itself within 2 degrees; else twice what the first face transmits, whatever the
 /// others do, or the brighter of what is behind it and what it reflects. 0.9216 is (1 - 0.04)^2.
 #[test]
 fn glass_of_the_papers_program() {

@@ -1,12 +1,12 @@
-//! Water and what ends it, as other programs compute it.
+//! Water and its boundaries, as computed by other programs.
 
 use super::assert_near;
 use echocast::material::{Material, Sediment, Sound};
 use echocast::medium::{Absorption, AmbientNoise, Fluid, Sea, SoundSpeed, pressure_bar, unesco_speed};
 use echocast_tests::reference::Table;
 
-/// One of the programs turns temperatures into those of the scale of 1968 for formulas of that time; we, as the others,
-/// only do so for UNESCO's, which says that it must be.
+/// One of the programs converts temperatures to the scale of 1968 for formulas of that time; we, like the others, do so
+/// only for UNESCO's, which requires it.
 fn scale(temperature_c: f64, column: &str) -> f64 {
     let as_in_1968 = column.contains("_swp") && column != "leroy2008_swp_lat45";
     if as_in_1968 { 1.000_24 * temperature_c } else { temperature_c }
@@ -31,7 +31,7 @@ fn speeds_of_sound_are_those_of_other_programs() {
         let what = format!("UNESCO at {t} C, {s} PSU, {z} m");
         let expected = table.number(row, "chenmillero_seawater");
         assert_near(&what, unesco_speed(t, s, dbar / 10.0), expected, 1e-3);
-        // By depth the pressure is that of another standard ocean, 0.13 dbar apart at most.
+        // By depth the pressure is that of another standard ocean, at most 0.13 dbar apart.
         assert_near("pressure", 10.0 * pressure_bar(z, 45.0), dbar, 0.14);
         assert_near(&what, SoundSpeed::Unesco.speed(t, s, z, 45.0), expected, 4e-3);
     }
@@ -49,7 +49,7 @@ fn absorption_is_that_of_other_programs() {
         ] {
             for column in columns {
                 let expected = table.number(row, column);
-                // At 20 C two branches of the law meet, and programs differ in which they take.
+                // At 20 C two branches of the law meet, and programs differ in which they use.
                 let tolerance = if t == 20.0 { 1e-3 } else { 1e-5 };
                 let what = format!("{law:?} ({column}) at {f} Hz, {t} C, {s} PSU, pH {ph}, {z} m");
                 assert_near(&what, law.db_per_km(f, scale(t, column), s, ph, z) / expected, 1.0, tolerance);
@@ -83,7 +83,7 @@ fn noise_is_that_of_the_table() {
         let number = |column| table.number(row, column);
         let noise = AmbientNoise { wind_m_s: number("wind_m_s"), shipping: number("shipping_s") };
         let frequency = number("f_kHz") * 1e3;
-        // Half of the last digit that is printed.
+        // Half of the last printed digit.
         let tolerance = 0.5e-4 + 1e-9;
         assert_near("level", noise.level_db(frequency), number("NL_total_dB_re_1uPa2_per_Hz"), tolerance);
         for (part, column) in noise.parts_db(frequency).into_iter().zip(["turbulence", "shipping", "wind", "thermal"]) {
@@ -132,7 +132,7 @@ fn seabeds_are_smooth_between_the_rows() {
             for step in 10..900 {
                 let degrees = f64::from(step) / 10.0;
                 // Where it grows with the fourth power of the angle a tenth of a degree makes 1.74 dB / angle; and
-                // head-on shines a lobe.
+                // head-on there is a lobe.
                 let change = (db(degrees + 0.1) - db(degrees)).abs();
                 assert!(change < 2.0 / degrees + 0.6, "{name:?} {frequency} {degrees}: {change}");
             }
@@ -149,6 +149,6 @@ fn what_the_sea_does_not_mirror_it_scatters() {
         assert!(rough.mirror_loss_db(sin, 100e3, 1500.0) > 20.0);
     }
     assert!(rough.backscatter(0.3, 5e3) > calm.backscatter(0.3, 5e3));
-    // In wind facets lean more, so that fewer of them face an instrument below.
+    // In wind facets lean more, so fewer of them face an instrument below.
     assert!(rough.backscatter(1.0, 100e3) < Sea { wind_m_s: 2.0 }.backscatter(1.0, 100e3));
 }

@@ -16,7 +16,7 @@ fn in_weather(scene: &BuiltScene, sensor: &Sensor, yaml: &str) -> PointCloud {
     scan(scene, sensor, ScanOptions { environment: env(yaml), ..ScanOptions::default() })
 }
 
-/// Something far behind the sensor: a scene must have something.
+/// Something far behind the sensor: a scene must not be empty.
 fn nothing() -> BuiltScene {
     let mut scene = SceneBuilder::new();
     scene.stand(Shape::plate(DVec3::new(-5000.0, 0.0, 0.0), DVec3::X, 1.0), None);
@@ -36,7 +36,7 @@ fn is(cloud: &PointCloud, cause: Cause) -> usize {
     cloud.columns.cause.iter().filter(|&&value| value == cause as u8).count()
 }
 
-/// Beer and Lambert, there and back: everywhere, and in part of the way.
+/// Beer and Lambert, there and back: everywhere, and on part of the path.
 #[test]
 fn what_is_left_behind_weather_falls_exponentially() {
     let scene = target(0.5, 30.0, 0.0);
@@ -83,7 +83,7 @@ fn rain_dims_as_its_table_says() {
             let found = Rain { mu, ..rain }.extinction(model);
             assert_near(column, found / number(column), 1.0, 1e-6);
         }
-        // Drops of twice their area are up to 0.8 % brighter than Mie series at 905 nm have them.
+        // Drops of twice their area are up to 0.8 % brighter than Mie series at 905 nm.
         let twice = rain.extinction(MarshallPalmer);
         assert_near("Mie", twice / number("alpha_MP_Mie_905_1/m"), 1.0, 0.008);
         let lewandowski = Rain { model: Some(PaperLewandowski), ..rain };
@@ -113,7 +113,7 @@ fn rain_scatters_as_its_table_says() {
     }
 }
 
-/// Extinction of haze and fog by how far one sees, at six wavelengths.
+/// Extinction of haze and fog by visibility, at six wavelengths.
 #[test]
 fn fog_dims_as_its_table_says() {
     let table = Table::parse(include_str!("../data/visibility_extinction.csv"), ',');
@@ -137,7 +137,7 @@ fn fog_dims_as_its_table_says() {
     }
 }
 
-/// Clouds of dust, the paper's eq. 16 and 17: what they take from a wall behind them, and what they send back.
+/// Clouds of dust, the paper's eq. 16 and 17: what they take from a wall behind them, and what they return.
 #[test]
 fn dust_dims_and_answers_as_its_table_says() {
     let table = Table::parse(include_str!("../data/dust.csv"), ',');
@@ -160,7 +160,7 @@ fn dust_dims_and_answers_as_its_table_says() {
             let left = scan(&wall, &one_beam(""), cloud(q_ext, 5.0)).columns.intensity[0];
             assert_near(column, f64::from(left) / 0.5 / number(column), 1.0, 1e-5);
         }
-        // A pulse 0.749 m long fills with dust, of which its own front part hides a little.
+        // A pulse 0.749 m long fills with dust, slightly hidden by its own front part.
         let c = scan(&nothing(), &far, cloud(1.0, 1000.0)).columns;
         assert_eq!(c.cause, [Cause::Dust as u8]);
         let depth = 2.0 * dust.extinction() * 0.749_481;
@@ -170,7 +170,7 @@ fn dust_dims_and_answers_as_its_table_says() {
 }
 
 /// Fog answers at 1.677 m when the receiver sees its beam from 1 m on and the pulse lasts 20 ns; a wall at 10 m is
-/// stronger from a reflectance of 0.57597 on. Values made with scipy (MOR 99.86 m, pulse sin^2, lidar ratio 18.8 sr).
+/// stronger above a reflectance of 0.57597. Values computed with scipy (MOR 99.86 m, pulse sin^2, lidar ratio 18.8 sr).
 #[test]
 fn fog_hides_dark_walls() {
     let sensor = one_beam("beam: {pulse_ns: 20, pulse_shape: sin2, overlap_m: [0.9, 1.0]}");
@@ -188,12 +188,12 @@ fn fog_hides_dark_walls() {
     let mut first = sensor.clone();
     first.set("returns.mode", "first").unwrap();
     assert_eq!(is(&in_weather(&target(0.9, 10.0, 0.0), &first, fog), Cause::Fog), 1);
-    // Nothing stands there, and the fog is seen all the same; nearer than its echo a wall hides it.
+    // Nothing stands there, but the fog is seen; a wall nearer than its echo hides it.
     assert_eq!(is(&in_weather(&nothing(), &sensor, fog), Cause::Fog), 1);
     assert_eq!(is(&in_weather(&target(0.01, 1.7, 0.0), &first, fog), Cause::Surface), 1);
 }
 
-/// The four regimes of a cloud of dust in front of a wall at 30 m: the wall alone, the wall before the cloud, the cloud
+/// The four regimes of a dust cloud in front of a wall at 30 m: the wall alone, the wall before the cloud, the cloud
 /// alone, nothing. The cloud lies around the sensor, or in a box of the world.
 #[test]
 fn dust_has_four_regimes() {
@@ -223,8 +223,8 @@ fn dust_has_four_regimes() {
     }
 }
 
-/// Greatest ranges in weather are in the table of `detection.rs`; this is its counterpart for what comes back: the echo
-/// of a cloud of dust over that of a wall, 5.61957 for 10^7 grains and a reflectance of 0.5.
+/// Greatest ranges in weather are in the table of `detection.rs`; this is its counterpart for what returns: the echo of
+/// a dust cloud over that of a wall, 5.61957 for 10^7 grains and a reflectance of 0.5.
 #[test]
 fn dust_is_as_bright_as_its_backscatter_says() {
     let sensor = one_beam("beam: {pulse_ns: 5, pulse_shape: sin2, overlap_m: [0, 0.1]}\nintensity: {encoding: power}");
@@ -235,7 +235,7 @@ fn dust_is_as_bright_as_its_backscatter_says() {
     assert_near("ratio", f64::from(cloud) / wall, 5.61957, 1e-4);
 }
 
-/// Drops that the sensor detects, counted in a plain way: the mean number of a beam by small steps of range.
+/// Drops that the sensor detects, counted by brute force: the mean number of a beam by small steps of range.
 #[test]
 fn drops_and_flakes_show_as_often_as_they_should() {
     let [start, h, v] = [0.012, 3e-3, 1.5e-3];
@@ -272,12 +272,12 @@ fn drops_and_flakes_show_as_often_as_they_should() {
         assert!((found - expected).abs() < 3.0 * error + 0.01 * expected, "{yaml}: {found} {expected}");
         let mean_range = cloud.columns.range.iter().map(|&r| f64::from(r)).sum::<f64>() / cloud.len as f64;
         assert_near("mean range of the nearest", mean_range, nearest / expected, 0.05);
-        // The mean is measured, the noise is not asked for.
+        // The mean is measured, no noise is requested.
         assert_eq!(cloud.columns.range, cloud.columns.true_range);
     }
 }
 
-/// Eq. 15 as a standard deviation, and off where nobody asks.
+/// Eq. 15 as a standard deviation, and off unless requested.
 #[test]
 fn rain_scatters_ranges_if_asked() {
     let mut scene = SceneBuilder::new();
@@ -306,7 +306,7 @@ fn rain_scatters_ranges_if_asked() {
     assert_eq!(spread("{rain: {rate_mm_h: 10, drops: false}}", Profile::Physical), 0.0);
 }
 
-/// Whether it rains does not change the errors of the points that are left.
+/// Rain does not change the errors of the points that are left.
 #[test]
 fn rain_leaves_the_noise_of_others_alone() {
     let mut scene = SceneBuilder::new();
@@ -329,7 +329,7 @@ fn rain_leaves_the_noise_of_others_alone() {
     assert!(same > 100_000 && is(&wet, Cause::Rain) > 1000, "{same} {}", is(&wet, Cause::Rain));
 }
 
-/// Nothing answers from behind a surface, be it too dark or too near to be reported, or a mirror.
+/// Nothing answers from behind a surface, even if that is too dark or too near to be reported, or a mirror.
 #[test]
 fn surfaces_end_what_is_seen_of_the_air() {
     let dust = "{dust: {radius_um: 50, per_m3: 1e8, box: {min_m: [20, -5, -5], max_m: [30, 5, 5]}}}";
@@ -345,7 +345,7 @@ fn surfaces_end_what_is_seen_of_the_air() {
     assert_eq!(in_weather(&scene.finish().build().unwrap(), &sensor, dust).len, 0);
 }
 
-/// Fog of a height answers a sensor within it as fog that is everywhere; a thin sheet answers from its middle.
+/// Fog up to a height answers a sensor inside it like fog everywhere; a thin sheet answers from its middle.
 #[test]
 fn fog_in_places_answers_as_fog_everywhere() {
     let fog = |place: &str| {
@@ -362,7 +362,7 @@ fn fog_in_places_answers_as_fog_everywhere() {
         assert_near("power", as_bright / power, 1.0, 0.05);
     }
     assert_near("thin", fog(", box: {min_m: [10, -9, -9], max_m: [10.2, 9, 9]}").0, 10.1, 1e-3);
-    // Grazing a face of the box is within.
+    // Grazing a face of the box counts as inside.
     assert_near("grazing", fog(", box: {min_m: [-9, -9, 0], max_m: [90, 9, 9]}").0, range, 0.02);
 }
 
@@ -372,7 +372,7 @@ fn the_last_echo_of_the_air_may_be_a_drop() {
     let sensor = lidar("beam: {divergence_mrad: 3, pulse_ns: 5}\nreturns: {mode: last}");
     let cloud = in_weather(&nothing(), &sensor, "{fog: {visibility_m: 100}, snow: {rate_mm_h: 2}}");
     assert!(is(&cloud, Cause::Snow) > 1000 && is(&cloud, Cause::Fog) > 1000);
-    // Other weather leaves the flakes where they are.
+    // Other weather leaves the flakes unchanged.
     let more = in_weather(&nothing(), &sensor, "{clear_air: {visibility_m: 1e9}, snow: {rate_mm_h: 2}}");
     let less = in_weather(&nothing(), &sensor, "{snow: {rate_mm_h: 2}}");
     let same = more.columns.beam.iter().zip(&less.columns.beam).filter(|(a, b)| a == b).count();

@@ -4,10 +4,10 @@
 //!
 //! # Linking
 //!
-//! The build script looks for `libembree4.so` in `EMBREE_LIB_DIR`, then `.embree/lib` in a folder above the package
+//! The build script searches for `libembree4.so` in `EMBREE_LIB_DIR`, then `.embree/lib` in a folder above the package
 //! (`scripts/setup` fills it where the system has no package), then the system's library folders. In the first two the
-//! loader would not find it at run time, and an rpath only reaches the binaries of the package whose build script asks
-//! for it. So every package that makes binaries, tests or shared libraries on top of this one
+//! loader would not find it at run time, and an rpath only reaches the binaries of the package whose build script sets
+//! it. So every package that builds binaries, tests or shared libraries on top of this one
 //!
 //! * names `embree4-sys` as a direct dependency, and
 //! * has `build.rs` as a symbolic link to `crates/embree4-sys/rpath.rs`, or calls that file as a module.
@@ -17,13 +17,13 @@
 mod bindings;
 pub use bindings::*;
 
-// Embree writes hits into memory of ours: if these were off, it would write past the end. (bindings.rs also asserts
-// every field's offset; these are the figures to check a new header against.)
+// Embree writes hits into our memory: if these were wrong, it would write past the end. (bindings.rs also asserts every
+// field's offset; these are the figures to check a new header against.)
 const _: () = {
     assert!(size_of::<RTCRayHit>() == 96);
     assert!(size_of::<RTCRayHit4>() == 336);
     assert!(size_of::<RTCRayHit8>() == 672);
     assert!(size_of::<RTCRayHit16>() == 1344);
-    // The layout above holds for libraries with one level of instances, which Debian's and PyPI's are.
+    // The layout above holds for libraries with one level of instances, such as Debian's and PyPI's.
     assert!(RTC_MAX_INSTANCE_LEVEL_COUNT == 1);
 };

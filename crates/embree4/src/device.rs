@@ -9,7 +9,7 @@ use crate::error::{Error, check};
 /// First minor version of Embree 4 with the memory layout of 4.3.3, whose header the bindings come from.
 pub(crate) const OLDEST_MINOR: u32 = 3;
 
-/// An Embree device: the factory of meshes and scenes. Clones are handles of the same device; what it made keeps it
+/// An Embree device: the factory of meshes and scenes. Clones are handles of the same device; what it created keeps it
 /// alive.
 #[derive(Clone)]
 pub struct Device(Arc<Owned>);
@@ -32,21 +32,20 @@ impl Device {
     /// that commit them.
     ///
     /// # Errors
-    /// [`Error::Version`] when the library loaded is older than 4.3 or newer than 4.x; [`Error::Embree`] when Embree
-    /// cannot run on this CPU or is out of memory.
+    /// [`Error::Version`] if the loaded library is older than 4.3 or newer than 4.x; [`Error::Embree`] if Embree cannot
+    /// run on this CPU or is out of memory.
     pub fn new() -> Result<Device, Error> {
         Self::with_config("")
     }
 
-    /// A device in a configuration of its own, as in `"isa=avx2"`. Keys are those of `rtcNewDevice`; Embree ignores
-    /// those it does not know, and `threads` and `user_threads` are taken.
+    /// A device with a custom configuration, such as `"isa=avx2"`. Keys are those of `rtcNewDevice`; Embree ignores
+    /// unknown ones, and `threads` and `user_threads` are reserved.
     ///
     /// # Errors
     /// As [`Device::new`], and [`Error::Config`] when `config` contains a NUL character.
     pub fn with_config(config: &str) -> Result<Device, Error> {
-        // As many threads as TBB has places for, all of them callers of ours: TBB starts none of its own, which it
-        // could not do without ending the process where the system refuses, and limits none of another user in this
-        // process.
+        // As many threads as TBB has places for, all of them our callers: TBB starts none of its own, which would end
+        // the process if the system refused, and limits none of another user in this process.
         let places = "threads=65536,user_threads=65536";
         let text = CString::new(format!("{places},{config}")).map_err(|_| Error::Config { config: config.into() })?;
         // SAFETY: `text` is a C string that outlives the call; Embree copies what it needs.
@@ -55,7 +54,7 @@ impl Device {
             check(None, "rtcNewDevice")?;
             return Err(Error::Embree { call: "rtcNewDevice", reason: "no device and no error returned" });
         }
-        let mut owned = Owned { raw, version: (0, 0, 0), packet_width: 4, slots: Slots::new() }; // from here on released by Drop
+        let mut owned = Owned { raw, version: (0, 0, 0), packet_width: 4, slots: Slots::new() }; // released by Drop from here on
         let number = |property| u32::try_from(owned.property(property)).unwrap_or(0);
         owned.version = (
             number(sys::RTC_DEVICE_PROPERTY_VERSION_MAJOR),
@@ -73,7 +72,7 @@ impl Device {
         Ok(device)
     }
 
-    /// Major, minor and patch number of the library that runs.
+    /// Major, minor and patch number of the running library.
     pub fn version(&self) -> (u32, u32, u32) {
         self.0.version
     }
@@ -122,8 +121,8 @@ impl Drop for Owned {
     }
 }
 
-/// The places of the threads that build scenes of a device, as many as TBB has for them. One more, and TBB would start
-/// a thread to make room.
+/// The places for threads that build a device's scenes, as many as TBB has for them. With one more, TBB would start a
+/// thread to make room.
 pub(crate) struct Slots {
     count: usize,
     free: Mutex<usize>,
@@ -132,13 +131,13 @@ pub(crate) struct Slots {
 
 impl Slots {
     fn new() -> Slots {
-        /// TBB counts cores once, too.
+        /// TBB counts cores only once, too.
         static COUNT: OnceLock<usize> = OnceLock::new();
         let count = *COUNT.get_or_init(|| thread::available_parallelism().map_or(1, usize::from));
         Slots { count, free: Mutex::new(count), freed: Condvar::new() }
     }
 
-    /// Does `work` in a place, for which it waits; `spare` others stay free, if there are so many.
+    /// Does `work` in a place, waiting for one; `spare` others stay free, if there are that many.
     pub fn with<R>(&self, spare: usize, work: impl FnOnce() -> R) -> R {
         let spare = spare.min(self.count - 1);
         let free = self.free.lock().unwrap_or_else(PoisonError::into_inner);
@@ -148,7 +147,7 @@ impl Slots {
         self.leave_after(work)
     }
 
-    /// [`Slots::with`] if there is a place right now.
+    /// [`Slots::with`] if a place is free right now.
     pub fn try_with<R>(&self, spare: usize, work: impl FnOnce() -> R) -> Option<R> {
         let mut free = self.free.lock().unwrap_or_else(PoisonError::into_inner);
         if *free <= spare {
@@ -165,7 +164,7 @@ impl Slots {
         impl Drop for Leave<'_> {
             fn drop(&mut self) {
                 *self.0.free.lock().unwrap_or_else(PoisonError::into_inner) += 1;
-                // Those who wait may want different numbers to stay free.
+                // Waiters may want different numbers of places to stay free.
                 self.0.freed.notify_all();
             }
         }
@@ -174,7 +173,7 @@ impl Slots {
     }
 }
 
-/// 4.2 has smaller hits (80 bytes instead of 96 for one ray); what 5.0 will have is not known.
+/// 4.2 has smaller hits (80 bytes instead of 96 for one ray); 5.0 is unknown.
 fn check_version(found: (u32, u32, u32)) -> Result<(), Error> {
     if found.0 == 4 && found.1 >= OLDEST_MINOR { Ok(()) } else { Err(Error::Version { found }) }
 }

@@ -6,7 +6,7 @@ use crate::Device;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The library that was loaded has a version whose memory layout may differ from the one compiled in.
+    /// The loaded library has a version whose memory layout may differ from the one compiled in.
     #[error(
         "the Embree library loaded is version {}.{}.{}, but 4.{} or a later 4.x is needed",
         .found.0, .found.1, .found.2, crate::device::OLDEST_MINOR
@@ -15,7 +15,7 @@ pub enum Error {
         /// Major, minor and patch number of the library.
         found: (u32, u32, u32),
     },
-    /// A device configuration with a NUL character in it, which C cannot be given.
+    /// A device configuration with a NUL character in it, which cannot be passed to C.
     #[error("the Embree configuration {config:?} contains a NUL character")]
     Config {
         /// The configuration as it was given.
@@ -29,7 +29,7 @@ pub enum Error {
         /// Number of triangles given.
         triangles: usize,
     },
-    /// More vertices or triangles than 32-bit numbers can name.
+    /// More vertices or triangles than 32-bit numbers can index.
     #[error("a mesh can have up to 4294967294 vertices and triangles, but this one has {vertices} and {triangles}")]
     MeshTooLarge {
         /// Number of vertices given.
@@ -72,8 +72,8 @@ pub enum Error {
 /// The `reason` of [`Error::Embree`] when memory runs out.
 pub const OUT_OF_MEMORY: &str = "out of memory";
 
-/// Reads and clears the calling thread's error, which is the first since it was read last.
-/// `device` is `None` where there is no device because its creation failed.
+/// Reads and clears the calling thread's error, the first since the last read. `device` is `None` if there is no device
+/// because its creation failed.
 pub(crate) fn check(device: Option<&Device>, call: &'static str) -> Result<(), Error> {
     let raw = device.map_or(std::ptr::null_mut(), Device::raw);
     // SAFETY: `raw` is null, which Embree allows here, or a live device.

@@ -20,7 +20,7 @@
 //! # Ok::<(), embree4::Error>(())
 //! ```
 //!
-//! What it promises on top of Embree:
+//! What it guarantees on top of Embree:
 //!
 //! * A library whose version does not fit the memory layout compiled in here is refused ([`Device::new`]).
 //! * Every set-up call's error is read and returned; calls that trace rays report none (Embree does not check them).

@@ -11,7 +11,7 @@ use crate::error::{Error, check};
 pub struct Mesh(Arc<Geometry>);
 
 impl Mesh {
-    /// Copies vertices and triangles into memory of Embree's own. Rays hit it whose mask shares a bit with `mask`.
+    /// Copies vertices and triangles into Embree's own memory. Rays whose mask shares a bit with `mask` hit it.
     ///
     /// A triangle with a coordinate that is not finite, or beyond 1.8e18, is never hit.
     ///
@@ -39,7 +39,7 @@ impl Mesh {
         }
         let mut geometry = Geometry::new(device, sys::RTC_GEOMETRY_TYPE_TRIANGLE)?;
         for slot in geometry.buffer(sys::RTC_BUFFER_TYPE_VERTEX, sys::RTC_FORMAT_FLOAT3, vertices)? {
-            // Safe code may implement an iterator that is shorter than it says: such vertices are never hit.
+            // Safe code may implement an iterator shorter than it claims: such vertices are never hit.
             slot.write(positions.next().unwrap_or([f32::NAN; 3]));
         }
         let slots = geometry.buffer(sys::RTC_BUFFER_TYPE_INDEX, sys::RTC_FORMAT_UINT3, triangles.len())?;
@@ -79,7 +79,7 @@ impl Geometry {
         Ok(Geometry { raw, device: device.clone() })
     }
 
-    /// Makes and returns a buffer of `count` > 0 items of three 32-bit numbers each; Embree pads it as it needs.
+    /// Creates and returns a buffer of `count` > 0 items of three 32-bit numbers each; Embree pads it as needed.
     fn buffer<T: ThreeNumbers>(
         &mut self,
         kind: sys::RTCBufferType,
@@ -97,7 +97,7 @@ impl Geometry {
         Ok(unsafe { std::slice::from_raw_parts_mut(data.cast(), count) })
     }
 
-    /// Makes it ready to be attached.
+    /// Prepares it for attaching.
     pub(crate) fn commit(&mut self, mask: u32) -> Result<(), Error> {
         // SAFETY: the geometry is alive and not shared yet; its buffers are filled.
         unsafe {

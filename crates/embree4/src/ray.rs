@@ -1,9 +1,9 @@
 use embree4_sys as sys;
 
-/// The id of nothing: what a ray that hits nothing keeps in `geom_id`, and a hit outside of instances has in `inst_id`.
+/// The id of nothing: what `geom_id` of a ray that hits nothing keeps, and `inst_id` of a hit outside instances.
 pub const INVALID: u32 = u32::MAX;
 
-/// How alike the rays of a packet are.
+/// How similar the rays of a packet are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Coherence {
     /// Neighbours with nearly the same origin and direction: traced together, two to six times as fast as one by one.
@@ -37,7 +37,7 @@ pub struct Ray {
     pub org_z: f32,
     /// Where the ray starts, in direction lengths from the origin; at least 0.
     pub tnear: f32,
-    /// Direction, best of unit length.
+    /// Direction, preferably of unit length.
     pub dir_x: f32,
     /// Direction.
     pub dir_y: f32,
@@ -105,7 +105,7 @@ impl Ray {
 /// `W` rays and their hits, lane by lane, in Embree's layout (`RTCRayHit4`, `8`, `16`). The fields are those of
 /// [`Ray`].
 ///
-/// A packet that is used again needs new `tfar`, `geom_id` and `inst_id`; write whole arrays, not lanes.
+/// A reused packet needs new `tfar`, `geom_id` and `inst_id`; write whole arrays, not lanes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(64))]
 #[allow(missing_docs)] // the fields of Ray

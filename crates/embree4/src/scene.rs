@@ -7,17 +7,17 @@ use crate::error::{Error, check};
 use crate::mesh::Geometry;
 use crate::{Coherence, Device, INVALID, Mesh, Packet, Ray};
 
-/// How much work goes into a scene's structure.
+/// How much work goes into building a scene's structure.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Quality {
-    /// Built four times as fast as medium, traced up to twice as slowly: for what is built anew for every frame.
+    /// Built four times as fast as medium, traced up to twice as slowly: for what is rebuilt every frame.
     Low,
     /// Fastest to trace.
     #[default]
     Medium,
 }
 
-/// A scene that is being put together from meshes and instances. [`Scene::commit`] makes it ready to trace.
+/// A scene being assembled from meshes and instances. [`Scene::commit`] makes it ready to trace.
 #[derive(Debug)]
 pub struct Scene(Owned);
 
@@ -25,8 +25,8 @@ pub struct Scene(Owned);
 #[derive(Clone, Debug)]
 pub struct CommittedScene(Arc<Owned>);
 
-/// One reference to an Embree scene, and what it stands on. Embree counts references of scenes to their geometries
-/// and, though only its source says so, of instances to their scenes; the latter we do not rely on.
+/// One reference to an Embree scene, and what it depends on. Embree counts references of scenes to their geometries
+/// and, though only its source says so, of instances to their scenes; we do not rely on the latter.
 #[derive(Debug)]
 struct Owned {
     raw: sys::RTCScene,
@@ -72,14 +72,13 @@ impl Scene {
         // SAFETY: the scene is alive and ours alone.
         unsafe { sys::rtcSetSceneBuildQuality(raw, quality) };
         check(Some(device), "rtcSetSceneBuildQuality")?;
-        // What lets `intersect_where` ask; without a filter it costs nothing that can be measured.
-        // SAFETY: as above.
+        // Lets `intersect_where` call back; without a filter it has no measurable cost. SAFETY: as above.
         unsafe { sys::rtcSetSceneFlags(raw, sys::RTC_SCENE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS) };
         check(Some(device), "rtcSetSceneFlags")?;
         Ok(scene)
     }
 
-    /// Adds a mesh and returns its geometry id: 0, 1, 2 ... over meshes and instances in the order they are attached.
+    /// Adds a mesh and returns its geometry id: 0, 1, 2 ... over meshes and instances in the order of attachment.
     ///
     /// # Errors
     /// [`Error::OtherDevice`]; [`Error::Embree`] when memory runs out.
@@ -115,8 +114,8 @@ impl Scene {
         self.commit_with(Pace::Now, |_| ())
     }
 
-    /// [`Scene::commit`] with the help of other threads: `call` makes them known what to do, which is
-    /// [`Joint::help`] on each. It need not wait for them, and they may come too late or never.
+    /// [`Scene::commit`] with the help of other threads: `call` tells them what to do, which is [`Joint::help`] on
+    /// each. It need not wait for them, and they may come too late or never.
     ///
     /// # Errors
     /// As [`Scene::commit`].
@@ -135,26 +134,26 @@ impl Scene {
     }
 }
 
-/// Who goes first where scenes of one device are built at the same time.
+/// Who goes first when scenes of one device are built at the same time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pace {
-    /// As fast as can be.
+    /// As fast as possible.
     Now,
-    /// In the background: a thread is left for others that build, where the machine has more than one.
+    /// In the background: leaves a thread for others that build, if the machine has more than one.
     Aside,
 }
 
 /// A scene that several threads build together.
 pub struct Joint {
-    /// Places that are left to others.
+    /// Places left to others.
     spare: usize,
     open: Mutex<Open>,
-    /// Tells that a helper has left.
+    /// Signals that a helper has left.
     left: Condvar,
 }
 
 struct Open {
-    /// `None`: it is built.
+    /// `None`: it has been built.
     scene: Option<Arc<Owned>>,
     /// Helpers at work.
     inside: usize,
@@ -162,7 +161,7 @@ struct Open {
 }
 
 impl Joint {
-    /// Helps to build until nothing is left to do, or does nothing where there is no place for one more.
+    /// Helps build until nothing is left to do; does nothing if there is no free place.
     pub fn help(&self) {
         let Some(scene) = self.enter() else { return };
         let built = scene.device.slots().try_with(self.spare, || scene.build());
@@ -182,7 +181,7 @@ impl Joint {
         Some(scene)
     }
 
-    /// Lets nobody in any more and waits for those who are; `own` is what the thread that commits has come to.
+    /// Admits nobody else and waits for those inside; `own` is the committing thread's result.
     fn close(&self, own: Result<(), Error>) -> Result<(), Error> {
         let mut open = self.lock();
         open.scene = None;
@@ -205,21 +204,21 @@ impl Owned {
     /// Builds the scene with all threads that call this at the same time.
     fn build(&self) -> Result<(), Error> {
         // SAFETY: the scene is alive, everything attached to it is committed, and nothing else is done with it before
-        // all calls have returned. Embree lets any number of threads join; those that come late find nothing to do.
+        // all calls have returned. Embree lets any number of threads join; late ones find nothing to do.
         unsafe { sys::rtcJoinCommitScene(self.raw) };
         check(Some(&self.device), "rtcJoinCommitScene")
     }
 }
 
 impl Instance {
-    /// Places `of` in the world. Rays hit it whose mask shares a bit with `mask`.
+    /// Places `of` in the world. Rays whose mask shares a bit with `mask` hit it.
     ///
     /// `world_from_object` is the 3x4 matrix column by column: the images of x, y and z, then the translation. It may
     /// scale, shear and mirror.
     ///
     /// # Errors
-    /// [`Error::NestedInstance`] when `of` contains instances; [`Error::Transform`] when the matrix is not finite or
-    /// has no inverse in f32; [`Error::Embree`] when memory runs out.
+    /// [`Error::NestedInstance`] if `of` contains instances; [`Error::Transform`] if the matrix is not finite or has no
+    /// inverse in f32; [`Error::Embree`] when memory runs out.
     pub fn new(of: &CommittedScene, world_from_object: [f32; 12], mask: u32) -> Result<Instance, Error> {
         if !of.0.instances.is_empty() {
             return Err(Error::NestedInstance);
@@ -254,12 +253,12 @@ impl Instance {
 }
 
 impl CommittedScene {
-    /// Whether it was made with `device`.
+    /// Whether it was created with `device`.
     pub fn is_of(&self, device: &Device) -> bool {
         self.0.device.is(device)
     }
 
-    /// Least and greatest x, y, z of what is in it; without anything the least are +infinity, the greatest -infinity.
+    /// Least and greatest x, y, z of its contents; if empty the least are +infinity, the greatest -infinity.
     pub fn bounds(&self) -> [[f32; 3]; 2] {
         let mut bounds = sys::RTCBounds {
             lower_x: 0.0,
@@ -278,17 +277,17 @@ impl CommittedScene {
 
     /// Finds the closest hit of each ray whose lane in `valid` is -1; lanes where it is 0 stay as they are.
     ///
-    /// `W` is 4, 8 or 16 (anything else does not compile); [`Device::packet_width`] says which is fastest. A lane
-    /// with a coordinate that is not finite, or with neither -1 nor 0 in `valid`, gives a meaningless hit or none.
+    /// `W` is 4, 8 or 16 (anything else does not compile); [`Device::packet_width`] gives the fastest. A lane with a
+    /// coordinate that is not finite, or with neither -1 nor 0 in `valid`, gives a meaningless hit or none.
     #[inline]
     pub fn intersect<const W: usize>(&self, valid: &[i32; W], rays: &mut Packet<W>, coherence: Coherence) {
         // SAFETY: the arguments name no context and no filter.
         unsafe { self.intersect_with(valid, rays, &mut arguments(coherence.flags())) }
     }
 
-    /// [`CommittedScene::intersect`] that passes through every hit which `counts` refuses. It is asked about hits in
-    /// any order, about some more than once and about some that are not the closest, so it must answer by the hit
-    /// alone. A panic in it ends the process.
+    /// [`CommittedScene::intersect`] that passes through every hit that `counts` refuses. It is called for hits in any
+    /// order, for some more than once and for some that are not the closest, so it must decide by the hit alone. A
+    /// panic in it ends the process.
     #[inline]
     pub fn intersect_where<const W: usize, F: Fn(&Candidate) -> bool>(
         &self,
@@ -333,8 +332,8 @@ impl CommittedScene {
         }
     }
 
-    /// Finds out which rays hit anything at all, of those whose lane in `valid` is -1: their `tfar` becomes -infinity,
-    /// all else stays. Faster than [`CommittedScene::intersect`]; what holds there holds here.
+    /// Finds which rays hit anything at all, of those whose lane in `valid` is -1: their `tfar` becomes -infinity, all
+    /// else stays. Faster than [`CommittedScene::intersect`]; the same conditions apply.
     #[inline]
     pub fn occlude<const W: usize>(&self, valid: &[i32; W], rays: &mut Packet<W>, coherence: Coherence) {
         // SAFETY: the arguments name no context and no filter.
@@ -410,15 +409,15 @@ pub struct Candidate {
     pub inst_id: u32,
 }
 
-/// What a query takes along for its filter.
+/// What a query carries for its filter.
 #[repr(C)]
 struct Asking<'a, F> {
-    /// First, so that a pointer to it is one to all.
+    /// First, so that a pointer to it is one to the whole.
     context: sys::RTCRayQueryContext,
     counts: &'a F,
 }
 
-/// The filter that asks.
+/// The filter that calls back.
 ///
 /// # Safety
 /// Only for Embree to call, in a query whose context is that of an [`Asking<F>`].
@@ -479,8 +478,8 @@ fn occlusion(flags: sys::RTCRayQueryFlags) -> sys::RTCOccludedArguments {
     }
 }
 
-/// Whether [`Instance::new`] takes the transform `m`: Embree inverts it in f32, and without an inverse every
-/// ray would become NaN.
+/// Whether [`Instance::new`] accepts the transform `m`: Embree inverts it in f32, and without an inverse every ray
+/// would become NaN.
 pub fn is_invertible(m: &[f32; 12]) -> bool {
     let [a, b, c, d, e, f, g, h, i] = std::array::from_fn(|k| f64::from(m[k]));
     let determinant = (a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g)) as f32;

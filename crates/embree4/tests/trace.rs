@@ -1,4 +1,4 @@
-//! The wrapper against geometry whose hits are known.
+//! The wrapper tested on geometry whose hits are known.
 
 use embree4::{
     Candidate, Coherence, CommittedScene, Device, Error, INVALID, Instance, Joint, Mesh, Pace, Packet, Quality, Ray,
@@ -27,7 +27,7 @@ fn placed(of: &CommittedScene, world_from_object: [f32; 12]) -> Instance {
     Instance::new(of, world_from_object, u32::MAX).unwrap()
 }
 
-/// A few thousand triangles without order, from a small generator of numbers (a 64-bit LCG, Knuth's MMIX constants).
+/// A few thousand unordered triangles, from a small number generator (a 64-bit LCG, Knuth's MMIX constants).
 fn clutter(device: &Device) -> Mesh {
     let (positions, triangles) = clutter_of(4000);
     Mesh::new(device, positions.into_iter(), &triangles, u32::MAX).unwrap()
@@ -60,7 +60,7 @@ fn fan(count: usize) -> Vec<[f32; 3]> {
         .collect()
 }
 
-/// Traces rays from the origin in packets and takes them apart again.
+/// Traces rays from the origin in packets and unpacks them again.
 fn trace<const W: usize>(scene: &CommittedScene, directions: &[[f32; 3]], coherence: Coherence) -> Vec<Ray> {
     let mut hits = Vec::new();
     for directions in directions.chunks(W) {
@@ -171,7 +171,7 @@ fn every_width_finds_the_hits_of_the_single_ray_in_clutter() {
             trace::<8>(&scene, &directions, coherence),
             trace::<16>(&scene, &directions, coherence),
         ] {
-            // Rays that graze an edge may go either way, and no more than a few do.
+            // Rays that graze an edge may go either way, but only a few do.
             let other = rays.iter().zip(&single).filter(|(a, b)| a.prim_id != b.prim_id).count();
             assert!(other <= 2, "{other} rays hit something else");
             for (a, b) in rays.iter().zip(&single).filter(|(a, b)| a.prim_id == b.prim_id) {
@@ -207,7 +207,7 @@ fn lanes_that_are_not_valid_stay_as_they_are() {
     check::<16>(&scene);
 }
 
-/// The closest hit among those that count is the closest hit of a scene that holds only them.
+/// The closest hit among those that count is the closest hit of a scene that contains only them.
 #[test]
 fn rays_pass_through_what_does_not_count() {
     fn check<const W: usize>(whole: &CommittedScene, rest: &CommittedScene, coherence: Coherence) {
@@ -231,7 +231,7 @@ fn rays_pass_through_what_does_not_count() {
             whole.occlude_where(&valid, &mut stops, coherence, &counts);
             for lane in 0..directions.len() {
                 let (found, expected) = (lane_of(&rays, lane), lane_of(&expected, lane));
-                // Occlusion tells no more than whether there is a hit.
+                // Occlusion only tells whether there is a hit.
                 let stopped = Ray { tfar: f32::NEG_INFINITY, ..lane_of(&start, lane) };
                 let expected_stop = if expected.geom_id == INVALID { lane_of(&start, lane) } else { stopped };
                 assert_eq!(lane_of(&stops, lane), expected_stop);
@@ -364,7 +364,7 @@ fn meshes_without_content_or_with_wrong_indices_are_refused() {
         Mesh::new(&device, corners(), &[[0, 1, 2], [0, 3, 1]], u32::MAX).unwrap_err(),
         Error::IndexOutOfRange { triangle: 1, index: 3, vertices: 3 }
     );
-    // As many vertices as an iterator can claim; it must not be believed before it is checked.
+    // As many vertices as an iterator can claim; the claim must not be trusted unchecked.
     let endless = (0..u32::MAX).map(|_| [0.0; 3]);
     let error = Mesh::new(&device, endless, &[[0, 1, 2]], u32::MAX).unwrap_err();
     assert_eq!(error, Error::MeshTooLarge { vertices: u32::MAX as usize, triangles: 1 });
@@ -418,7 +418,7 @@ fn an_empty_scene_is_missed() {
     assert!(trace::<16>(&scene, &fan(16), Coherence::Coherent).iter().all(|ray| ray.geom_id == INVALID));
 }
 
-/// Embree does not promise this; results that do not depend on the machine's load rest on it.
+/// Embree does not guarantee this; that results do not depend on machine load relies on it.
 #[test]
 fn build_threads_do_not_change_a_bit() {
     let run = |helpers: usize| {
@@ -454,7 +454,7 @@ fn build_threads_do_not_change_a_bit() {
     }
 }
 
-/// Scenes that are built side by side on more threads than there are cores, one of which is in the background.
+/// Scenes built side by side on more threads than there are cores, one of them in the background.
 #[test]
 fn builds_wait_for_each_other() {
     let device = Device::new().unwrap();

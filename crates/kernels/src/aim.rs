@@ -4,27 +4,27 @@ use crate::level::kernels;
 use crate::math::{cos_pi, sin_cos, sin_pi};
 use crate::{LANES, Lanes};
 
-/// An even motion: straight on, and evenly about one axis.
+/// A uniform motion: along a straight line, and about one axis.
 #[derive(Clone, Copy, Debug)]
 pub struct Motion {
     /// When it begins, s.
     pub start: f64,
-    /// Part of the motion that a second is.
+    /// Part of the motion done in a second.
     pub per_second: f64,
     /// Place at its start, m.
     pub from: [f64; 3],
-    /// The way from there to its end, m.
+    /// Displacement from there to its end, m.
     pub way: [f64; 3],
-    /// Columns of the matrix to the world from the sensor frame at the start.
+    /// Columns of the matrix from the sensor frame at the start to the world.
     pub rotation: [[f32; 3]; 3],
-    /// What it turns about, in the sensor frame, of length 1.
+    /// Axis of its rotation, in the sensor frame, of length 1.
     pub axis: [f32; 3],
-    /// Half of what it turns by, rad, 0 to pi/2.
+    /// Half of its rotation angle, rad, 0 to pi/2.
     pub half_angle: f64,
 }
 
 kernels! {
-    /// Directions `from`, turned by the matrix with the columns `axes`, into the first lanes.
+    /// Rotates directions `from` by the matrix with the columns `axes`, into the first lanes.
     pub fn rotate(axes: &[[f32; 3]; 3], from: [&[f32]; 3], to: [&mut Lanes; 3]) {
         let count = from[0].len();
         let [x, y, z] = from.map(|axis| &axis[..count]);
@@ -54,7 +54,7 @@ kernels! {
     }
 
     /// Origins and directions of rays from lane `first` on, one for each of `times`, s after `start_time`, of beams in
-    /// the directions `from` in a sensor that moves. Origins are relative to `local_origin`, m.
+    /// the directions `from` of a moving sensor. Origins are relative to `local_origin`, m.
     pub fn rotate_moving(
         motion: &Motion,
         start_time: f64,
@@ -73,7 +73,7 @@ kernels! {
         let (mut sine, mut versine) = ([0.0; LANES], [0.0; LANES]);
         if motion.half_angle > 0.0 {
             for lane in 0..LANES {
-                // Of the whole angle, from its half: the difference of 1 and a cosine would lose digits.
+                // Of the whole angle, from the half: the difference of 1 and a cosine would lose digits.
                 let (s, c) = sin_cos(part[lane] * motion.half_angle);
                 (sine[lane], versine[lane]) = ((2.0 * s * c) as f32, (2.0 * s * s) as f32);
             }
@@ -103,10 +103,10 @@ kernels! {
         }
     }
 
-    /// Rays beside the axes of beams, one each: `place` is where in the beam it is (cosine and sine of its place on a
-    /// spiral, times its distance from the axis over the beam's radius), `left` and `up` are unit vectors across the
-    /// beam, `turn` the cosine and sine by which the spiral is turned, `start` the radius at the exit, m, `half_angles`
-    /// the half of the divergence, rad, horizontal and vertical.
+    /// Rays beside the axes of beams, one each: `place` is the ray's place in the beam (cosine and sine of its place on
+    /// a spiral, times its distance from the axis over the beam's radius), `left` and `up` are unit vectors across the
+    /// beam, `turn` the cosine and sine of the spiral's rotation, `start` the radius at the exit, m, `half_angles` half
+    /// the divergence, rad, horizontal and vertical.
     pub fn spread(
         place: [f32; 2],
         start: f32,
@@ -126,7 +126,7 @@ kernels! {
         for lane in 0..LANES {
             let c = cos * turn[0][lane] - sin * turn[1][lane];
             let s = sin * turn[0][lane] + cos * turn[1][lane];
-            // Sideways: the place at the exit is a quarter of a turn from where the angle leads.
+            // Sideways: the place at the exit is a quarter turn from where the angle leads.
             let (a, b) = (start * c, start * s);
             let (u, v) = (-horizontal * s, vertical * c);
             org_x[lane] = axis_origin[0][lane] + a * left[0][lane] + b * up[0][lane];
@@ -135,7 +135,7 @@ kernels! {
             let x = axis[0][lane] + u * left[0][lane] + v * up[0][lane];
             let y = axis[1][lane] + u * left[1][lane] + v * up[1][lane];
             let z = axis[2][lane] + u * left[2][lane] + v * up[2][lane];
-            // Unit length: Embree is a third slower otherwise.
+            // Unit length: without it Embree is a third slower.
             let scale = 1.0 / (x * x + y * y + z * z).sqrt();
             (dir_x[lane], dir_y[lane], dir_z[lane]) = (x * scale, y * scale, z * scale);
         }

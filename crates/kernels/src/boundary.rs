@@ -1,33 +1,33 @@
-//! Light at smooth boundaries: what is reflected and what goes through, and where to.
+//! Light at smooth boundaries: what is reflected, what is transmitted, and where it goes.
 
 use crate::level::kernels;
 use crate::math::exp_negative;
 use crate::{LANES, Lanes};
 
-/// Paths of light side by side at the surfaces they meet, and what of those and of the way there decides how they go on.
+/// Light paths side by side at the surfaces they meet, with what decides how each goes on.
 #[repr(align(64))]
 pub struct Meetings {
-    /// Range so far as the instrument takes it, m.
+    /// Range so far as the instrument measures it, m.
     pub range: Lanes,
-    /// Length so far that light spreads over, m.
+    /// Length so far over which light spreads, m.
     pub spread: Lanes,
-    /// Way so far, m.
+    /// Path length so far, m.
     pub length: Lanes,
     /// Part of the light that is left, one way.
     pub part: Lanes,
-    /// What the last piece of the way was through: range and spread over its length, absorption, 1/m.
+    /// What the last segment went through: range and spread over its length, absorption, 1/m.
     pub through: [Lanes; 3],
-    /// Part that the surface mirrors whatever it is made of, 0..1.
+    /// Part that the surface mirrors whatever its material, 0..1.
     pub mirrored: Lanes,
     /// Part that obeys Fresnel's equations, 0..1.
     pub clear: Lanes,
-    /// Index behind the surface over that before it.
+    /// Index behind the surface over that in front of it.
     pub index: Lanes,
-    /// Thickness of a pane of which the surface is both faces, m; below 0 it is the face of a body.
+    /// Thickness of the pane whose two faces the surface is, m; below 0 it is the face of a body.
     pub pane: Lanes,
-    /// As `through`, of the pane.
+    /// As `through`, for the pane.
     pub within: [Lanes; 3],
-    /// Whether the face of a body reflects, totally or not at all, 0, or as Fresnel has it, 1.
+    /// How the face of a body reflects: 0 totally or not at all, 1 as Fresnel's equations say.
     pub partly: Lanes,
     /// Where they are.
     pub place: [Lanes; 3],
@@ -40,9 +40,9 @@ pub struct Meetings {
 /// Paths side by side that go on.
 #[repr(align(64))]
 pub struct Onward {
-    /// Where from.
+    /// Start of the next segment.
     pub origin: [Lanes; 3],
-    /// Where to, a unit vector.
+    /// Its direction, a unit vector.
     pub direction: [Lanes; 3],
     /// As [`Meetings::range`].
     pub range: Lanes,
@@ -89,7 +89,7 @@ impl Default for Onward {
 }
 
 kernels! {
-    /// The last piece of the way, of these `lengths`, along `direction` from `origin`.
+    /// Adds the last segment of each path, of these `lengths`, along `direction` from `origin`.
     pub fn arrive(at: &mut Meetings, origin: [&Lanes; 3], direction: [&Lanes; 3], lengths: &Lanes) {
         let Meetings { range, spread, length, part, through: [slower, wider, absorption], place, .. } = at;
         for lane in 0..LANES {
@@ -105,9 +105,9 @@ kernels! {
         }
     }
 
-    /// Divides light in the directions `along` at surfaces with the unit `normals` on its side, met at cosines of
-    /// incidence `cos`. Where a shading normal looks away nothing goes on. `simple`: panes reflect with their first face
-    /// alone and let all the rest pass.
+    /// Divides light that travels `along` at surfaces whose unit `normals` face it, met at cosines of incidence `cos`.
+    /// Where a shading normal faces away nothing goes on. `simple`: panes reflect at their first face only and transmit
+    /// all the rest.
     pub fn divide(
         at: &mut Meetings,
         along: [&Lanes; 3],
@@ -127,7 +127,7 @@ kernels! {
             let mut off = [0.0; N];
             let (mut share, mut pass, mut cos_t, mut inside) = ([0.0; N], [0.0; N], [0.0; N], [0.0; N]);
             for lane in 0..N {
-                // Off the surface by what single precision leaves open there.
+                // Off the surface by the rounding error of single precision there.
                 let farthest = place[0][lane].abs().max(place[1][lane].abs()).max(place[2][lane].abs());
                 off[lane] = 2e-5 + 1e-6 * farthest;
                 let to = chunk + lane;
@@ -152,7 +152,7 @@ kernels! {
             for lane in 0..N {
                 let to = chunk + lane;
                 let along = d[0][lane] * n[0][lane] + d[1][lane] * n[1][lane] + d[2][lane] * n[2][lane];
-                // Near head-on the difference of the directions is the angle, and exact where the cosine is 1 all over.
+                // Near head-on the difference of the directions is the angle, and exact where the cosine rounds to 1.
                 let apart = [d[0][lane] + n[0][lane], d[1][lane] + n[1][lane], d[2][lane] + n[2][lane]];
                 at.angle[to] = (apart[0] * apart[0] + apart[1] * apart[1] + apart[2] * apart[2]).sqrt();
                 at.reflected[to] = share[lane];
@@ -163,7 +163,7 @@ kernels! {
                     mirrored.origin[axis][to] = place[axis][lane] + n[axis][lane] * off[lane];
                     back += n[axis][lane] * direction;
                 }
-                // What `off` takes from the way.
+                // What `off` takes from the path.
                 let skipped = off[lane] * back.abs();
                 mirrored.range[to] = at.range[to] + skipped;
                 mirrored.spread[to] = at.spread[to] + skipped;
@@ -183,7 +183,7 @@ kernels! {
                 );
                 let scale = 1.0 / (x * x + y * y + z * z).sqrt();
                 let bent = [x * scale, y * scale, z * scale];
-                // Behind a pane light goes on as it came, from the other face.
+                // Behind a pane light goes on in its old direction, from the other face.
                 let is_pane = at.pane[to] >= 0.0;
                 let mut on = 0.0;
                 for axis in 0..3 {
@@ -204,10 +204,11 @@ kernels! {
 }
 
 /// What a smooth boundary reflects of unpolarised light, 0..1, and the cosine of the refracted direction; total
-/// reflection has 1 and 0. `cos`: of the incidence angle, 0..1. `m`: index behind the boundary over that before it.
+/// reflection gives 1 and 0. `cos`: of the incidence angle, 0..1. `m`: index behind the boundary over that in front of
+/// it.
 ///
-/// The amplitudes of Fresnel's equations, `r_s = (c_i - m c_t) / (c_i + m c_t)`, `r_p = (m c_i - c_t) / (m c_i + c_t)`,
-/// which the paper's eq. 12 is the quotient of tangents and sines of, 0/0 head-on.
+/// Uses the amplitudes of Fresnel's equations, `r_s = (c_i - m c_t) / (c_i + m c_t)`, `r_p = (m c_i - c_t) / (m c_i +
+/// c_t)`, which the paper's eq. 12 writes as quotients of tangents and sines, 0/0 head-on.
 #[inline(always)]
 pub fn dielectric(cos: f32, m: f32) -> (f32, f32) {
     let sin2 = (1.0 - cos * cos) / (m * m);
@@ -221,9 +222,9 @@ fn amplitudes(cos: f32, cos_t: f32, m: f32) -> (f32, f32) {
     ((cos - m * cos_t) / (cos + m * cos_t), (m * cos - cos_t) / (m * cos + cos_t))
 }
 
-/// What a plate of index `n` reflects and lets pass, with all echoes between its faces, summed as powers for each
+/// What a plate of index `n` reflects and transmits, with all echoes between its faces, summed as powers for each
 /// polarisation: `T = (1-R)^2 A / (1 - R^2 A^2)`, `R' = R + R (1-R)^2 A^2 / (1 - R^2 A^2)`. `pass`: what is left after
-/// one way through, `A`; `cos_t`: as [`dielectric`] has it. Total reflection does not occur: both sides are air.
+/// one pass, `A`; `cos_t`: as in [`dielectric`]. Total reflection does not occur: both sides are air.
 #[inline(always)]
 pub fn plate(cos: f32, cos_t: f32, n: f32, pass: f32) -> (f32, f32) {
     let (s, p) = amplitudes(cos, cos_t, n);
@@ -243,7 +244,7 @@ mod tests {
         degrees.to_radians().cos()
     }
 
-    /// Values made with numpy from Fresnel's equations.
+    /// Values computed with numpy from Fresnel's equations.
     #[test]
     fn dielectric_table() {
         for (m, degrees, expected) in [
@@ -257,7 +258,7 @@ mod tests {
         ] {
             let (found, cos_t) = dielectric(cos(degrees), m);
             assert!((found - expected).abs() < 1e-5, "{m} {degrees}: {found}");
-            // There and back: the same share the other way.
+            // The same part in the reverse direction.
             let (back, _) = dielectric(cos_t, 1.0 / m);
             assert!((back - found).abs() < 1e-5, "{m} {degrees}: {back}");
         }
@@ -269,7 +270,7 @@ mod tests {
             assert_eq!(dielectric(cos(critical + 5e-5), 1.0 / index).0, 1.0);
             assert!(dielectric(cos(critical - 5e-5), 1.0 / index).0 < 1.0);
         }
-        // Along the boundary everything is reflected.
+        // At grazing incidence everything is reflected.
         for m in [1.5, 1.33, 1.0 / 1.5] {
             assert_eq!(dielectric(0.0, m).0, 1.0);
         }
@@ -316,7 +317,7 @@ mod tests {
             assert!(mirrored.origin[2][lane] > 0.0 && refracted.origin[2][lane] < 0.0);
             assert!((refracted.range[lane] - 7.0).abs() < 3e-5);
         }
-        // Where the normal looks away nothing goes on.
+        // Where the normal faces away nothing goes on.
         let away = [0.0, 0.0, -1.0].map(constant);
         divide(&mut at, along, away.each_ref(), &[0.0; LANES], false, &mut mirrored, &mut refracted);
         assert_eq!((mirrored.part[9], refracted.part[9]), (0.0, 0.0));

@@ -1,21 +1,21 @@
-//! Depth cameras: where pixels look, how much light they get, which range they make of it.
+//! Depth cameras: where pixels look, how much light they receive, which range they derive from it.
 
 use crate::level::kernels;
 use crate::math::acos;
 use crate::{LANES, Lanes};
 use std::f64::consts::TAU;
 
-/// Most frequencies that light is modulated at.
+/// Greatest number of frequencies that light is modulated at.
 pub const MOST_FREQUENCIES: usize = 3;
 
-/// The frequencies that the light of a camera is modulated at, one after the other.
+/// The frequencies that a camera's light is modulated at, one after the other.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frequencies {
     /// Range at which the phase of each frequency wraps, m, rising.
     wraps: [f64; MOST_FREQUENCIES],
     /// Number of frequencies.
     count: usize,
-    /// Turns of the first until all are where they began.
+    /// Turns of the first until all are back where they began.
     turns: u32,
     /// Part of the [`wiggle`] that calibration leaves.
     residual: f32,
@@ -31,16 +31,16 @@ pub struct ShotNoise {
 }
 
 impl ShotNoise {
-    /// Noise of `phase` rad on an echo of `power` 1/m^2, where background light gives `ambient` times the electrons
-    /// that the echo gives.
+    /// Noise of `phase` rad on an echo of `power` 1/m^2, where background light gives `ambient` times the electrons of
+    /// the echo.
     pub fn new(phase: f64, power: f64, ambient: f64) -> ShotNoise {
-        // What `sigma` says, solved for the amplitude; an echo of fully modulated light has that mean too.
+        // `sigma` solved for the amplitude; an echo of fully modulated light has the same mean.
         let amplitude = (1.0 + ambient) / (2.0 * phase * phase);
         ShotNoise { gain: amplitude / power, background: amplitude * ambient }
     }
 
-    /// Standard deviation of the phase, rad, of echoes whose powers sum to `offset` and whose phasors to the length
-    /// `amplitude`, 1/m^2: `sqrt(B / 2) / A`, so that of the range `c sqrt(B) / (4 sqrt(2) pi f A)`.
+    /// Standard deviation of the phase, rad, of echoes whose powers sum to `offset` and whose phasors sum to the length
+    /// `amplitude`, 1/m^2: `sqrt(B / 2) / A`; that of the range is `c sqrt(B) / (4 sqrt(2) pi f A)`.
     #[inline(always)]
     pub fn sigma(&self, amplitude: f64, offset: f64) -> f64 {
         (0.5 * (self.gain * offset + self.background)).sqrt() / (self.gain * amplitude)
@@ -49,8 +49,8 @@ impl ShotNoise {
 
 impl Frequencies {
     /// `wraps`: ranges, m, rising, at which the phases of the frequencies wrap, 1 to [`MOST_FREQUENCIES`] of them.
-    /// `turns`: of the first until all are where they began. `residual`: part of the [`wiggle`] that calibration leaves,
-    /// 0 to 1.
+    /// `turns`: of the first until all are back where they began. `residual`: part of the [`wiggle`] that calibration
+    /// leaves, 0 to 1.
     pub fn new(wraps: &[f64], turns: u32, residual: f64) -> Frequencies {
         let mut all = [f64::INFINITY; MOST_FREQUENCIES];
         all[..wraps.len()].copy_from_slice(wraps);
@@ -62,13 +62,13 @@ impl Frequencies {
         &self.wraps[..self.count]
     }
 
-    /// Range at which what is measured wraps, m: where all phases do together.
+    /// Range at which the measurement wraps, m: where all phases wrap together.
     #[inline]
     pub fn ambiguity_range(&self) -> f64 {
         self.wraps[0] * f64::from(self.turns)
     }
 
-    /// Phases in turns of echoes that are `turns` away, with an `error` of each, rad.
+    /// Phases in turns of echoes `turns` away, each with an `error`, rad.
     #[inline(always)]
     pub fn phases<const N: usize>(&self, turns: &[f64; N], error: &[f64; N]) -> [f64; N] {
         let (mut parts, mut phases) = ([0.0; N], [0.0; N]);
@@ -84,11 +84,11 @@ impl Frequencies {
         phases
     }
 
-    /// Ranges, m, that the `phases` of each frequency, in turns, agree on best, and the greatest differences between
-    /// what two of them say, m.
+    /// Ranges, m, on which the `phases` of the frequencies, in turns, agree best, and the greatest differences between
+    /// any two of them, m.
     ///
-    /// Every whole number of turns of the highest frequency is tried; the one that leaves least of the others' phases,
-    /// in squares, counts. Then all count with the weight of their precision, `f^2`.
+    /// Tries every whole number of turns of the highest frequency; the one with the least squared residuals of the
+    /// other phases counts. Then all are weighted by their precision, `f^2`.
     #[inline(always)]
     pub fn unwrap<const N: usize>(&self, phases: &[[f64; N]; MOST_FREQUENCIES]) -> ([f64; N], [f64; N]) {
         let (count, finest) = (self.count, self.wraps[0]);
@@ -97,14 +97,14 @@ impl Frequencies {
         for lane in 0..N {
             first[lane] = phases[0][lane] - phases[0][lane].floor();
         }
-        // What is left of the others' turns before any whole one. In units of 2^-32, whole turns overflow by themselves.
+        // What is left of the others' turns before any whole one. In units of 2^-32, whole turns overflow away.
         let mut rests = [[0u32; N]; MOST_FREQUENCIES];
         for index in 1..count {
             for lane in 0..N {
                 rests[index][lane] = fixed(first[lane] * per_turn[index] - phases[index][lane]);
             }
         }
-        // What is left after a turn, as bits, with the turn in the lowest of them: the least is that of both.
+        // The residual after a turn, as bits, with the turn in the lowest of them: one minimum finds both.
         let low = self.turns.next_power_of_two() - 1;
         let mut least = [u32::MAX; N];
         for turn in 0..self.turns {
@@ -120,7 +120,7 @@ impl Frequencies {
                 least[lane] = least[lane].min((left[lane].to_bits() & !low) | turn);
             }
         }
-        // How far each says the range is beyond that.
+        // How far beyond that each puts the range.
         let weights = self.wraps.map(|wrap| 1.0 / (wrap * wrap));
         let (mut best, mut sum, mut nearest, mut farthest) = ([0.0; N], [0.0; N], [0.0f64; N], [0.0f64; N]);
         for lane in 0..N {
@@ -139,7 +139,7 @@ impl Frequencies {
         let (mut ranges, mut disagreements) = ([0.0; N], [0.0; N]);
         for lane in 0..N {
             let range = best[lane] * finest + sum[lane] * scale;
-            // A wrap at most to either side.
+            // At most one wrap either way.
             let range = if range < 0.0 { range + ambiguity } else { range };
             ranges[lane] = if range >= ambiguity { range - ambiguity } else { range };
             disagreements[lane] = farthest[lane] - nearest[lane];
@@ -148,12 +148,12 @@ impl Frequencies {
     }
 }
 
-/// Error of a phase that four taps make of the correlation of two square waves, rad, to 1e-7, where four times the phase
-/// is `turns`, -1/2 to 1/2.
+/// Error of the phase that four taps derive from the correlation of two square waves, rad, to 1e-7, where four times
+/// the phase is `turns`, -1/2 to 1/2.
 ///
 /// That correlation is a triangle, `cos p + cos(3 p) / 9 + cos(5 p) / 25 + ...`; four taps take its third and fifth
-/// harmonic for the phasor `1 + e^(-4jp) / 9 + e^(4jp) / 25` along that of the first. Its angle is an odd function that
-/// is 0 at both ends: a polynomial that least squares gave, at 4000 Chebyshev nodes.
+/// harmonics for the phasor `1 + e^(-4jp) / 9 + e^(4jp) / 25` along that of the first. Its angle is an odd function
+/// that is 0 at both ends: a least-squares polynomial at 4000 Chebyshev nodes.
 #[inline(always)]
 pub fn wiggle(turns: f32) -> f32 {
     const TERMS: [f32; 7] = [-0.388_151_94, 0.015_280_537, 2.092_470_2, 2.353_244, -10.328_791, -20.083_952, 55.647_77];
@@ -165,7 +165,7 @@ pub fn wiggle(turns: f32) -> f32 {
     turns * (1.0 - 4.0 * q) * sum
 }
 
-/// `turns` less the whole number next to it; exact below 2^51.
+/// `turns` minus the nearest whole number; exact below 2^51.
 #[inline(always)]
 pub fn fraction(turns: f64) -> f64 {
     const WHOLE: f64 = 1.5 * (1u64 << 52) as f64;
@@ -175,14 +175,14 @@ pub fn fraction(turns: f64) -> f64 {
 /// [`fraction`] in units of 2^-32, as a signed number.
 #[inline(always)]
 fn fixed(turns: f64) -> u32 {
-    // The sum has it in the lower bits.
+    // The lower bits of the sum hold it.
     const UNIT: f64 = 1.5 * (1u64 << 20) as f64;
     (fraction(turns) + UNIT).to_bits() as u32
 }
 
 kernels! {
-    /// Where pixels that should look along `from` do look: off by `normals` times `across` and `down`, in units of the
-    /// focal length. Unit vectors.
+    /// Where pixels that should look along `from` actually look: off by `normals` times `across` and `down`, in units
+    /// of the focal length. Unit vectors.
     pub fn look_aside(from: [&[f32]; 3], across: f32, down: f32, normals: [&[f32]; 2], to: &mut [Lanes; 3]) {
         let count = from[0].len();
         let [x, y, z] = from.map(|axis| &axis[..count]);
@@ -196,7 +196,7 @@ kernels! {
         }
     }
 
-    /// Lets rays at `from` look at the places at `range` m along rays from `origin`, up to a part `free` of the way
+    /// Points rays from `from` at the places at `range` m along rays from `origin`, up to a part `free` of the way
     /// there.
     pub fn look_at(
         origin: [&Lanes; 3],
@@ -227,7 +227,7 @@ kernels! {
         }
     }
 
-    /// Multiplies with the fourth power of cosines.
+    /// Multiplies by the fourth power of cosines.
     pub fn vignette(cos: &Lanes, values: &mut Lanes) {
         for lane in 0..LANES {
             let square = cos[lane].max(0.0) * cos[lane].max(0.0);
@@ -235,7 +235,7 @@ kernels! {
         }
     }
 
-    /// Multiplies with the [`light`] at angles of these cosines.
+    /// Multiplies by the [`light`] at angles of these cosines.
     pub fn illuminate(table: &[[f32; 2]], cos: &Lanes, values: &mut Lanes) {
         for (cos, values) in cos.as_chunks::<N>().0.iter().zip(values.as_chunks_mut::<N>().0) {
             let light = light(table, cos);
@@ -245,9 +245,9 @@ kernels! {
         }
     }
 
-    /// Ranges that pixels make of the phases of one echo each, m, from 0 to where all phases wrap together, and the
-    /// greatest difference between what two frequencies say, m. Beside the shot `noise`, if any, stands a standard
-    /// normal number for each frequency.
+    /// Ranges that pixels derive from the phases of one echo each, m, from 0 to where all phases wrap together, and the
+    /// greatest difference between two frequencies, m. The shot `noise`, if any, comes with a standard normal number
+    /// for each frequency.
     pub fn form(
         frequencies: &Frequencies,
         noise: Option<(ShotNoise, &[Lanes; MOST_FREQUENCIES])>,
@@ -286,10 +286,9 @@ kernels! {
         }
     }
 
-    /// Measured depths along rays `axis` (cosines) off the optical axis, m of range: errors of the deviation `a + b z +
-    /// c z^2` with the `terms` a, b, c, and on surfaces met at cosines of incidence `cos` of `slanted.0 z^slanted.1 t^2
-    /// / (pi/2 - t)^2` more; in even steps of the disparity where `step`, that of depth over its square, 1/m, is above
-    /// 0.
+    /// Measured depths along rays `axis` (cosines) off the optical axis, m of range: errors have the deviation `a + b
+    /// z + c z^2` with the `terms` a, b, c, plus `slanted.0 z^slanted.1 t^2 / (pi/2 - t)^2` on surfaces met at cosines
+    /// of incidence `cos`; in even steps of the disparity where `step`, that of depth over its square, 1/m, is above 0.
     pub fn err(
         terms: [f32; 3],
         slanted: (f32, f32),
@@ -307,7 +306,7 @@ kernels! {
 }
 
 /// Light at angles of these cosines from a `table` of angles, rad, rising, and light: linear in between, constant
-/// outside, 1 without any.
+/// outside, 1 if empty.
 #[inline(always)]
 pub fn light<const N: usize>(table: &[[f32; 2]], cos: &[f32; N]) -> [f32; N] {
     let (Some(&[_, first]), Some(&[end, last])) = (table.first(), table.last()) else { return [1.0; N] };
@@ -315,7 +314,7 @@ pub fn light<const N: usize>(table: &[[f32; 2]], cos: &[f32; N]) -> [f32; N] {
     for lane in 0..N {
         angles[lane] = acos(cos[lane].clamp(-1.0, 1.0));
     }
-    // The ends of the part of the table that each angle is in; below all, of no rise.
+    // The ends of the table segment that each angle is in; below all, one without slope.
     let (mut from, mut step, mut light, mut rise) = ([0.0; N], [1.0; N], [first; N], [0.0; N]);
     for pair in table.windows(2) {
         let [[low, low_light], [high, high_light]] = [pair[0], pair[1]];
@@ -335,7 +334,7 @@ pub fn light<const N: usize>(table: &[[f32; 2]], cos: &[f32; N]) -> [f32; N] {
 }
 
 /// Standard deviation of a depth, m. From 85 degrees on it is that at 85 degrees: at 90 the laws are infinite, and
-/// nobody measured so far.
+/// nobody has measured that far.
 #[inline(always)]
 pub fn depth_sigma([a, b, c]: [f32; 3], (factor, power): (f32, f32), depth: f32, cos: f32) -> f32 {
     const STEEPEST: f32 = 85.0 / 180.0 * std::f32::consts::PI;
@@ -344,7 +343,7 @@ pub fn depth_sigma([a, b, c]: [f32; 3], (factor, power): (f32, f32), depth: f32,
         let incidence = acos(cos.clamp(0.0, 1.0)).min(STEEPEST);
         let grazing = std::f32::consts::FRAC_PI_2 - incidence;
         let ratio = incidence / grazing;
-        // The powers that there are: 3/2 and -1/2.
+        // The only powers in use: 3/2 and -1/2.
         let root = depth.max(0.0).sqrt();
         let powered = if power > 0.0 { depth * root } else { 1.0 / root };
         sigma += factor * powered * ratio * ratio;
@@ -352,14 +351,14 @@ pub fn depth_sigma([a, b, c]: [f32; 3], (factor, power): (f32, f32), depth: f32,
     sigma.max(0.0)
 }
 
-/// A measured depth, m, where `depth` is true and `normal` a standard normal number. Sigma is that of what is reported:
-/// the steps' own part of its variance, a twelfth of their square, is left to them.
+/// Measured depth, m, where `depth` is true and `normal` a standard normal number. Sigma is that of what is reported:
+/// the steps themselves contribute their part of its variance, a twelfth of their square.
 #[inline(always)]
 pub fn measured_depth(terms: [f32; 3], slanted: (f32, f32), per_square: f32, depth: f32, cos: f32, normal: f32) -> f32 {
     let step = per_square * depth * depth;
     let sigma = depth_sigma(terms, slanted, depth, cos);
     let noisy = depth + (sigma * sigma - step * step / 12.0).max(0.0).sqrt() * normal;
-    // Disparities are even steps, so that inverse depths are.
+    // Disparities have even steps, so inverse depths do too.
     let steps = (1.0 / (noisy * per_square)).round_ties_even().max(1.0);
     if per_square > 0.0 && noisy > 0.0 { 1.0 / (steps * per_square) } else { noisy.max(0.0) }
 }
@@ -378,7 +377,7 @@ mod tests {
         }
     }
 
-    /// What vectors make of many phases is what one by itself comes to; nothing is lost of many turns.
+    /// Vectors of many phases give what each phase gives by itself; many turns cost no precision.
     #[test]
     fn whole_turns_are_found() {
         // 299 and 300 MHz: 300 turns.

@@ -1,4 +1,4 @@
-//! Which vector instructions there are.
+//! Which vector instructions the processor has.
 
 use std::sync::atomic::{AtomicU8, Ordering};
 
@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU8, Ordering};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum Level {
-    /// What every processor of its kind has.
+    /// What every processor of this architecture has.
     Plain = 1,
     /// x86-64-v3: AVX2.
     Avx2 = 2,
@@ -14,7 +14,7 @@ pub enum Level {
     Avx512 = 3,
 }
 
-/// What kernels use; 0: nobody has asked yet.
+/// What kernels use; 0: not determined yet.
 static LEVEL: AtomicU8 = AtomicU8::new(0);
 
 /// The widest level of this processor.
@@ -48,7 +48,7 @@ pub fn level() -> Level {
     }
 }
 
-/// Makes kernels use no level wider than `most`, in the whole process; returns what they use. Tests compare levels.
+/// Limits kernels to levels no wider than `most`, in the whole process; returns what they use. Tests compare levels.
 #[cold]
 pub fn limit_level(most: Level) -> Level {
     let level = widest().min(most);
@@ -56,8 +56,8 @@ pub fn limit_level(most: Level) -> Level {
     level
 }
 
-/// Compiles functions for every level; who calls them gets the widest that there is. Within them `N` is how many lanes
-/// at a time keep a few numbers each in registers.
+/// Compiles functions for every level; callers get the widest available. Within them `N` is how many lanes at a time
+/// keep a few numbers each in registers.
 macro_rules! kernels {
     ($($(#[$meta:meta])* pub fn $name:ident($($arg:ident: $type:ty),* $(,)?) $(-> $out:ty)? $body:block)*) => {$(
         $(#[$meta])*

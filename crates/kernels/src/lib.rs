@@ -1,8 +1,8 @@
-//! The loops over blocks of beams that time goes to, compiled for every vector level of a processor; the widest that
-//! this one has is chosen once. Everything around them is ordinary code.
+//! The hot loops over blocks of beams, compiled for every vector level; the widest that this processor has is chosen
+//! once. Everything around them is ordinary code.
 //!
 //! A kernel does the same operations on every lane and knows nothing of sensors or scenes. Results are the same bits at
-//! every level: no operation is fused or put in another order.
+//! every level: no operation is fused or reordered.
 
 mod level;
 
@@ -19,7 +19,7 @@ pub mod sound;
 
 pub use level::{Level, level, limit_level};
 
-/// Lanes of a block. All columns of a block together stay in the first-level cache.
+/// Lanes of a block. All columns of a block together fit in the first-level cache.
 pub const LANES: usize = 256;
 
 /// Surface index of a ray that hit nothing.

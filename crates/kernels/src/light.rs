@@ -1,4 +1,4 @@
-//! Light that comes back: incidence, intensity, what is seen of it.
+//! Returning light: incidence, intensity, what of it is seen.
 
 use crate::level::kernels;
 use crate::math::{exp_negative, ln};
@@ -30,8 +30,8 @@ pub fn power(value: f32, range: f32) -> f32 {
 }
 
 kernels! {
-    /// Makes normals of any length unit vectors on the side of rays in the directions `rays`, and finds the cosines of
-    /// incidence.
+    /// Turns normals of any length into unit vectors that face rays in the directions `rays`, and computes the cosines
+    /// of incidence.
     pub fn face(normals: [&mut Lanes; 3], rays: [&Lanes; 3], cos: &mut Lanes) {
         let [nx, ny, nz] = normals;
         let [dx, dy, dz] = rays;
@@ -127,7 +127,7 @@ kernels! {
         }
     }
 
-    /// Takes the surfaces away that are not seen, and their intensities.
+    /// Removes the surfaces that are not seen, and their intensities.
     pub fn forget(seen: &Lanes<bool>, surface: &mut Lanes<u32>, intensity: &mut Lanes) {
         for lane in 0..LANES {
             intensity[lane] = if seen[lane] { intensity[lane] } else { 0.0 };
@@ -135,7 +135,7 @@ kernels! {
         }
     }
 
-    /// Takes the surfaces away that are not `valid`.
+    /// Removes the surfaces that are not `valid`.
     pub fn keep(valid: &Lanes<bool>, surface: &mut Lanes<u32>) {
         for lane in 0..LANES {
             surface[lane] = if valid[lane] { surface[lane] } else { MISS };
@@ -163,14 +163,14 @@ kernels! {
         }
     }
 
-    /// Makes optical depths, one way, transmittances there and back.
+    /// Turns one-way optical depths into two-way transmittances.
     pub fn transmit(depth: &mut Lanes) {
         for value in depth {
             *value = exp_negative(2.0 * *value);
         }
     }
 
-    /// Where rays enter and leave a box, within `0 .. to`; they do not where `from >= to`.
+    /// Where rays enter and leave a box, within `0 .. to`; they miss it where `from >= to`.
     pub fn cross_box(
         min: [f32; 3],
         max: [f32; 3],
@@ -184,7 +184,7 @@ kernels! {
                 let (place, slope) = (origin[axis][lane], direction[axis][lane]);
                 let a = (min[axis] - place) / slope;
                 let b = (max[axis] - place) / slope;
-                // Parallel to a pair of faces, which themselves are within.
+                // Parallel to a pair of faces, which count as inside.
                 let within = (place >= min[axis]) & (place <= max[axis]);
                 let never = if within { f32::NEG_INFINITY } else { f32::INFINITY };
                 let (near, far) = if slope == 0.0 { (never, f32::INFINITY) } else { (a.min(b), a.max(b)) };
@@ -194,8 +194,8 @@ kernels! {
         }
     }
 
-    /// What a ray adds to the signal of its beam: in place of `power`, its share of the beam, `power rho cos / R^2`; 0
-    /// where it meets nothing.
+    /// What a ray adds to the signal of its beam: replaces `power`, its share of the beam, by `power rho cos / R^2`; 0
+    /// where it hits nothing.
     pub fn contribute(
         surface: &Lanes<u32>,
         range: &Lanes,
@@ -206,7 +206,7 @@ kernels! {
     ) {
         for lane in 0..LANES {
             let value = power[lane] * reflectance[lane] * cos[lane] / (range[lane] * range[lane]);
-            // A miss has no incidence; rays that begin on a surface have no range.
+            // A miss has no incidence; rays that start on a surface have no range.
             let met = (surface[lane] != MISS) & value.is_finite();
             power[lane] = if met { value * efficiency[lane] } else { 0.0 };
         }

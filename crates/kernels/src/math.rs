@@ -40,11 +40,11 @@ pub fn exp2(x: f32) -> f32 {
     if x < -126.0 { 0.0 } else { part * power }
 }
 
-/// The whole number next to `x`, -126 to 127, and 2 to its power. Without a conversion to an integer, which saturates and
-/// so is no vector instruction.
+/// The nearest whole number to `x`, -126 to 127, and 2 to its power. Avoids conversion to an integer, which saturates
+/// and so is no vector instruction.
 #[inline(always)]
 fn whole(x: f32) -> (f32, f32) {
-    // The sum has it in the lower bits.
+    // The lower bits of the sum hold it.
     const UNIT: f32 = 1.5 * (1 << 23) as f32;
     let sum = x + UNIT;
     let exponent = sum.to_bits().wrapping_sub(UNIT.to_bits()).wrapping_add(127);

@@ -12,8 +12,8 @@ kernels! {
         }
     }
 
-    /// Makes standard normal numbers errors of ranges with the deviation `sigma + sigma_per_m R`, beside `timing` over
-    /// the signal-to-noise ratio `rho_eff / (unit R^2)`, 1 at least.
+    /// Turns standard normal numbers into range errors with the deviation `sigma + sigma_per_m R`, combined with
+    /// `timing` over the signal-to-noise ratio `rho_eff / (unit R^2)`, at least 1.
     pub fn spread(
         values: &mut [f32],
         rho_eff: &[f32],
@@ -28,9 +28,9 @@ kernels! {
         }
     }
 
-    /// Takes off how much nearer than its peak, m, the edge of a Gaussian echo of this `sigma`, m, is where it rises above
-    /// the threshold, at an effective reflectance of `unit R^2`: `sigma sqrt(2 ln(A/T))`, with sigma of half the way
-    /// light goes in that of the pulse.
+    /// Subtracts how much nearer than its peak, m, the edge of a Gaussian echo of this `sigma`, m, rises above the
+    /// threshold, at an effective reflectance of `unit R^2`: `sigma sqrt(2 ln(A/T))`, where sigma is half the distance
+    /// that light travels in that of the pulse.
     pub fn walk(values: &mut [f32], rho_eff: &[f32], range: &[f32], sigma: f32, unit: f32) {
         for ((value, &rho_eff), &range) in values.iter_mut().zip(rho_eff).zip(range) {
             let over = rho_eff / (unit * range * range);
@@ -38,14 +38,14 @@ kernels! {
         }
     }
 
-    /// Makes errors measured ranges: `R gain + bias + error`, 0 at least.
+    /// Turns errors into measured ranges: `R gain + bias + error`, at least 0.
     pub fn measure(values: &mut [f32], range: &[f32], gain: f32, bias: f32) {
         for (value, &range) in values.iter_mut().zip(range) {
             *value = (range * gain + bias + *value).max(0.0);
         }
     }
 
-    /// Adds noise in proportion to the range; 0 at least.
+    /// Adds noise proportional to the range; at least 0.
     pub fn add_in_proportion(values: &mut [f32], range: &[f32], noise: &[f32], sigma: f32) {
         for ((value, &range), &noise) in values.iter_mut().zip(range).zip(noise) {
             *value = (*value + sigma * range * noise).max(0.0);
@@ -60,16 +60,16 @@ kernels! {
         }
     }
 
-    /// Takes the surfaces away whose range is not above 0 and from `low` to `high`.
+    /// Removes the surfaces whose range is not above 0 and from `low` to `high`.
     pub fn limit(range: &Lanes, low: f32, high: f32, surface: &mut Lanes<u32>) {
         for lane in 0..LANES {
-            // Written so that a miss, at an infinite range or none, stays one.
+            // Written so that a miss, with an infinite range or none, stays one.
             let within = (range[lane] > 0.0) & (range[lane] >= low) & (range[lane] <= high);
             surface[lane] = if within { surface[lane] } else { MISS };
         }
     }
 
-    /// [`limit`] with bounds of their own.
+    /// [`limit`] with bounds for each lane.
     pub fn limit_each(range: &Lanes, low: &Lanes, high: &Lanes, surface: &mut Lanes<u32>) {
         for lane in 0..LANES {
             let within = (range[lane] > 0.0) & (range[lane] >= low[lane]) & (range[lane] <= high[lane]);
@@ -77,7 +77,7 @@ kernels! {
         }
     }
 
-    /// Takes the surfaces away whose chance is below `probability`.
+    /// Removes the surfaces whose chance is below `probability`.
     pub fn lose(chance: &[f32], probability: f32, surface: &mut Lanes<u32>) {
         for (surface, &chance) in surface.iter_mut().zip(chance) {
             *surface = if chance < probability { MISS } else { *surface };
@@ -92,7 +92,7 @@ kernels! {
     }
 }
 
-/// Variance of a range, m^2: of [`spread`].
+/// Variance of a range, m^2, as in [`spread`].
 #[inline(always)]
 pub fn variance(rho_eff: f32, range: f32, [sigma, sigma_per_m, timing, unit]: [f32; 4]) -> f32 {
     let timing = if timing > 0.0 { timing / (rho_eff / (unit * range * range)).max(1.0) } else { 0.0 };

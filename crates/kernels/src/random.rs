@@ -2,7 +2,7 @@
 //! order of work.
 //!
 //! Philox4x32-10 (Salmon, Moraes, Dror, Shaw 2011, "Parallel random numbers: as easy as 1, 2, 3"): a key of two words,
-//! a counter of four. One lane computes what a number by itself is.
+//! a counter of four. A lane computes the same number as a single call.
 
 use crate::level::kernels;
 use crate::math::{cos_pi, ln, sin_pi};
@@ -13,8 +13,8 @@ const ROUNDS: u32 = 10;
 
 /// One block of Philox4x32-10 for each of `N` counters under one key.
 ///
-/// Words stand in the lower halves of 64 bits each, as vector multiplications take them and leave their products; what is
-/// in the upper halves is never looked at.
+/// Words occupy the lower halves of 64 bits each, as vector multiplications take them and leave their products; the
+/// upper halves are never read.
 #[inline(always)]
 fn philox<const N: usize>(counter: [[u32; N]; 4], mut key: [u32; 2]) -> [[u32; N]; 4] {
     const LOWER: u64 = u32::MAX as u64;
@@ -71,7 +71,7 @@ kernels! {
         out: &mut [f32],
     ) {
         for ((out, first), third) in out.chunks_mut(N).zip(first.chunks(N)).zip(third.chunks(N)) {
-            // Plain loops: closures would be compiled apart, without the vector instructions of the caller.
+            // Plain loops: closures would be compiled separately, without the caller's vector instructions.
             let words = words::<N>(key, [first, third], [second, fourth]);
             let mut values = [0.0; N];
             for lane in 0..N {
@@ -123,8 +123,8 @@ kernels! {
         }
     }
 
-    /// Complex numbers whose squared magnitude is exponentially distributed with mean 1 and whose phase is even, turned
-    /// by `turns` of a circle: the sum of many small echoes. Each has its own counter.
+    /// Complex numbers whose squared magnitude is exponentially distributed with mean 1 and whose phase is uniform,
+    /// turned by `turns` of a circle: the sum of many small echoes. Each has its own counter.
     pub fn phasors(key: [u32; 2], counter: [&[u32]; 4], turns: &[f32], re: &mut [f32], im: &mut [f32]) {
         let count = re.len();
         for first in (0..count).step_by(N) {
@@ -147,7 +147,7 @@ kernels! {
 
     /// [`phasors`] of the counters `0 ..` before the three words `rest`; each counter gives the numbers of two.
     pub fn phasor_row(key: [u32; 2], rest: [u32; 3], re: &mut [f32], im: &mut [f32]) {
-        /// Cells of one number after those of the other: not `N`, as results do not depend on the level.
+        /// Cells of one number, then those of the other: not `N`, as results must not depend on the level.
         const HALF: usize = 16;
         for (index, (re, im)) in (0..).zip(re.chunks_mut(2 * HALF).zip(im.chunks_mut(2 * HALF))) {
             let mut first = [0; HALF];

@@ -8,7 +8,7 @@ kernels! {
     pub fn choose(surface: &Lanes<u32>, count: usize, lanes: &mut Lanes<u8>) -> usize {
         let mut hits = 0;
         for lane in 0..count.min(surface.len()) {
-            // Bytes reach every lane of a block and no other, so no index needs a check.
+            // A byte reaches every lane of a block and no other, so no index needs a check.
             lanes[hits & 0xff] = lane as u8;
             hits += usize::from(surface[lane] != MISS);
         }
@@ -16,8 +16,8 @@ kernels! {
     }
 }
 
-/// First and end of each run of `lanes` that follow each other; returns how many there are, 0 if there are more than
-/// `runs` has room for.
+/// First and end of each run of consecutive `lanes`; returns how many there are, 0 if there are more than `runs` has
+/// room for.
 pub fn runs(lanes: &[u8], runs: &mut [[u16; 2]]) -> usize {
     let (mut first, mut count) = (0, 0);
     for end in 1..=lanes.len() {

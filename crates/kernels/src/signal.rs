@@ -1,17 +1,17 @@
-//! Signals of beams of several rays, where all rays of a beam meet one place of one surface.
+//! Signals of beams of several rays that all meet one place of one surface.
 
 use crate::level::kernels;
 use crate::{LANES, Lanes};
 
-/// What the rays of each beam meet, summed up ray by ray.
+/// What the rays of each beam meet, accumulated ray by ray.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub struct Plain {
-    /// Range of the first ray, m; in the end that of the echo.
+    /// Range of the first ray, m; finally that of the echo.
     pub range: Lanes,
-    /// Sum of the powers, 1/m^2; in the end that of the echo.
+    /// Sum of the powers, 1/m^2; finally that of the echo.
     pub power: Lanes,
-    /// Sums of range and its square, times power, from the range of the first ray on.
+    /// Sums of range and its square, times power, relative to the range of the first ray.
     pub moments: [Lanes; 2],
     nearest: Lanes,
     farthest: Lanes,
@@ -38,7 +38,7 @@ impl Default for Plain {
 }
 
 impl Plain {
-    /// Where a ray from `origin` is at its range, along the normal, m.
+    /// Position along the normal of a ray from `origin` at its range, m.
     #[inline(always)]
     fn along(&self, lane: usize, origin: [&Lanes; 3], direction: [&Lanes; 3], range: f32) -> f32 {
         self.normal[0][lane] * (origin[0][lane] + direction[0][lane] * range)
@@ -48,7 +48,7 @@ impl Plain {
 }
 
 kernels! {
-    /// Begins with the first ray of every beam.
+    /// Starts with the first ray of every beam.
     pub fn start(
         plain: &mut Plain,
         normal: [&Lanes; 3],
@@ -66,8 +66,8 @@ kernels! {
         }
     }
 
-    /// Takes in what one more of the rays meets, with its `surface`; `first` is that of the first ray. Farther than
-    /// `off` m off its plane is another place.
+    /// Adds what one more ray meets, with its `surface`; `first` is that of the first ray. More than `off` m off its
+    /// plane is another place.
     pub fn meet(
         plain: &mut Plain,
         origin: [&Lanes; 3],
@@ -93,7 +93,7 @@ kernels! {
         }
     }
 
-    /// Puts the mean range in place of that of the first ray. `wide`: the rays span more than `narrow` m. Returns
+    /// Replaces the range of the first ray by the mean range. `wide`: the rays span more than `narrow` m. Returns
     /// whether any beam spans more than `fine` m.
     pub fn middle(plain: &mut Plain, narrow: f32, fine: f32, wide: &mut Lanes<bool>) -> bool {
         let mut any = false;

@@ -3,7 +3,7 @@
 use crate::level::kernels;
 use crate::math::{LOG2_PER_DB, log2};
 
-/// Whether `heard` is more than the `most` so far, and who then it is.
+/// If `heard` is more than the `most` so far, takes it and whose it is.
 #[inline(always)]
 fn prefer(heard: f32, who: u32, most: &mut f32, is: &mut u32) {
     let stronger = heard > *most;
@@ -28,15 +28,15 @@ kernels! {
         }
     }
 
-    /// Keeps of every cell the most energy, `loud^2 energy`, and whose it is.
+    /// Keeps for every cell the greatest energy, `loud^2 energy`, and whose it is.
     pub fn prefer_parts(loud: f32, energy: &[f32], who: u32, most: &mut [f32], is: &mut [u32]) {
         for ((most, is), energy) in most.iter_mut().zip(is).zip(energy) {
             prefer(loud * loud * energy, who, most, is);
         }
     }
 
-    /// Adds the `parts` of an arrival to rows of `width` cells, one after the other from cell `start` on, as loud as
-    /// `loudness` says cell by cell.
+    /// Adds the `parts` of an arrival to consecutive rows of `width` cells, from cell `start` on, scaled cell by cell
+    /// by `loudness`.
     pub fn add_rows(start: usize, width: usize, loudness: &[f32], parts: &[f32], to: &mut [f32]) {
         for (bin, &x) in parts.iter().enumerate() {
             let start = start + bin * width;
@@ -46,7 +46,7 @@ kernels! {
         }
     }
 
-    /// [`add_rows`] of energies: as loud as the square.
+    /// [`add_rows`] of energies: scaled by the square.
     pub fn add_rows_squared(start: usize, width: usize, loudness: &[f32], parts: &[f32], to: &mut [f32]) {
         for (bin, &x) in parts.iter().enumerate() {
             let start = start + bin * width;
@@ -56,7 +56,7 @@ kernels! {
         }
     }
 
-    /// [`prefer_parts`] of rows as those of [`add_rows`].
+    /// [`prefer_parts`] for rows like those of [`add_rows`].
     pub fn prefer_rows(
         start: usize,
         width: usize,
@@ -74,7 +74,7 @@ kernels! {
         }
     }
 
-    /// Adds energies, and energies times the angle `beside` the axis of each cell's beam, to rows as those of
+    /// Adds energies, and energies times the angle `beside` the axis of each cell's beam, to rows like those of
     /// [`add_rows`].
     pub fn lean_rows(
         start: usize,
@@ -96,8 +96,8 @@ kernels! {
         }
     }
 
-    /// Folds a line with a symmetrical response of `taps`, from the middle on; `padded` is the line with as many zeros
-    /// as there are taps beside the middle on either side.
+    /// Convolves a line with a symmetric response of `taps`, given from the middle on; `padded` is the line with as
+    /// many zeros on either side as there are taps beside the middle.
     pub fn convolve(taps: &[f32], squared: bool, padded: &[f32], out: &mut [f32]) {
         let half = taps.len() - 1;
         out.fill(0.0);

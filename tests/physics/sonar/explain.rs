@@ -1,4 +1,4 @@
-//! What is told of a beam of a ping.
+//! The explanation of a beam of a ping.
 
 use super::*;
 use echocast::medium::{Absorption, Fluid};
@@ -62,7 +62,7 @@ fn the_ray_of_an_echo_is_told_layer_by_layer() {
     }
 }
 
-/// Term by term: the echo level is that of a flat bottom, which is known, and what is said of the noise adds up.
+/// Term by term: the echo level is the known level of a flat bottom, and the noise terms add up.
 #[test]
 fn the_sonar_equation_is_told_term_by_term() {
     let scene = flat(100.0);
@@ -88,7 +88,7 @@ fn the_sonar_equation_is_told_term_by_term() {
     assert_near("signal excess", term("SE "), heard - (term("N ") + 10.0), 0.02);
     assert!(text.contains("signal excess: it is reported"), "{text}");
 
-    // Total reflection, as sound that leaves flat meets faster water below, and comes to the surface.
+    // Total reflection, as sound that leaves at a low angle meets faster water below and rises to the surface.
     let fast = "{layers: [{depth_m: 0, speed_m_s: 1450}, {depth_m: 35, speed_m_s: 1550}]}";
     let yaml = format!("water: {{surface_z_m: 50, absorption: none, wind_m_s: 10, profile: {fast}}}");
     let flat_beam =

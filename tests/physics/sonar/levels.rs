@@ -8,11 +8,11 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 const HEIGHT: f64 = 20.0;
 
-/// What the sidelobes of the pulse beyond the fourth hold, which are left out, dB.
+/// Energy in the pulse's sidelobes beyond the fourth, which are left out, dB.
 const SIDELOBES: f64 = -0.1;
 
-/// Directions around an axis along `y`: those that lie `sine` beside the plane across it, and turned by an angle about
-/// it from straight down; `dOmega = d(sine) d(angle)`.
+/// Directions around an axis along `y`: those `sine` off the plane across it, rotated by an angle about it from
+/// straight down; `dOmega = d(sine) d(angle)`.
 fn turned(sine: f64, angle: f64) -> DVec3 {
     let level = (1.0 - sine * sine).sqrt();
     DVec3::new(level * angle.sin(), sine, -level * angle.cos())
@@ -40,13 +40,13 @@ fn bottom_energy(sines: [f64; 2], angles: [f64; 2], power: impl Fn(f64, f64) -> 
     220.0 + db(integral(sines, angles, heard))
 }
 
-/// The same, as a ping has it.
+/// The same, from a ping.
 fn heard_energy(ping: &Ping, beam: usize, resolution: f64) -> f64 {
     let sum: f64 = ping.levels(beam).iter().map(|&level| power(level.into())).sum();
     db(sum * ping.layout.bin_m / resolution)
 }
 
-/// Of all patterns: side-scan, multibeam, imaging, and single beams, round and high.
+/// For all patterns: side-scan, multibeam, imaging, and single beams, round and high.
 #[test]
 fn all_patterns_hear_the_energy_of_a_flat_bottom() {
     let scene = flat(100.0);
@@ -63,7 +63,7 @@ fn all_patterns_hear_the_energy_of_a_flat_bottom() {
         let power = |sine: f64, angle: f64| {
             sent.amplitude(sine).powi(2) * heard.amplitude(turned(sine, angle).x - axis).powi(2)
         };
-        // Sidelobes that are left out, and see the bottom straight down, hold this much.
+        // The energy of omitted sidelobes that see the bottom straight down.
         let expected = bottom_energy([-0.3, 0.3], [-1.4, 1.4], power);
         assert_near(&format!("beam {beam} of a swath"), heard_energy(&found, beam, 0.05), expected, 0.2);
     }
@@ -118,7 +118,7 @@ fn bin_levels(
     [sines, angles]: [f64; 2],
     power: impl Fn(f64, f64) -> f64,
 ) -> Vec<f64> {
-    /// So fine over the angle that the bins far away have several.
+    /// So fine over the angle that distant bins have several steps.
     const STEPS: [usize; 2] = [600, 12_000];
     let mut sums = vec![0.0; bins];
     let middle = |half: f64, index: usize, steps: usize| half * ((2 * index + 1) as f64 / steps as f64 - 1.0);
@@ -213,7 +213,7 @@ fn levels_depend_neither_on_bins_nor_on_rays_mesh_or_seed() {
     let first = ping(&scene, &sidescan(""), pose, &options(water("")));
     let other = ping(&scene, &sidescan(""), pose, &options(water("")).seed(5));
     for (bin, (a, b)) in first.levels(0).iter().zip(other.levels(0)).enumerate() {
-        // Noise alone has a seed.
+        // Only noise has a seed.
         assert!(a == b || a.max(*b) < -100.0, "bin {bin}: {a} {b}");
     }
     for (bin, (a, b)) in first.levels(0).iter().zip(fine.levels(0)).enumerate() {
@@ -244,7 +244,7 @@ fn spreading_and_absorption_are_those_of_the_law() {
     }
     for (name, law) in [("francois_garrison", Absorption::FrancoisGarrison), ("thorp", Absorption::Thorp)] {
         let found = hear(&format!("absorption: {name}"));
-        // Of the middle of the way: it hardly changes over 20 m.
+        // At the middle of the path: it hardly changes over 20 m.
         let rate = law.db_per_km(450e3, 10.0, 35.0, 8.0, 40.0) * 1e-3;
         for range in [25.0, 35.0, 60.0, 90.0] {
             let expected = flat_level(HEIGHT, range) - 2.0 * rate * range;
@@ -253,7 +253,7 @@ fn spreading_and_absorption_are_those_of_the_law() {
     }
 }
 
-/// Range that is reported, and level, of the ray that leaves at a grazing angle, by its neighbours.
+/// Reported range and level of the ray that leaves at a grazing angle, from its neighbours.
 fn bent(environment: &Environment, degrees: f64, loss: f64) -> (f64, f64) {
     let water = environment.water.as_ref().unwrap();
     let at = |degrees: f64| {
@@ -281,8 +281,8 @@ fn bent(environment: &Environment, degrees: f64, loss: f64) -> (f64, f64) {
         .sum::<f64>()
         / f64::from(steps);
     let beam = vertical.amplitude((start - 30f64.to_radians()).sin()).powi(4);
-    // A sonar at 1500 m/s. What lands on the footprint of d(omega) is p^2 dA = (c / c0) d(omega), and comes back over
-    // the same tube: p^2 = (c / c0) / tube, both ways the same (reciprocity).
+    // A sonar at 1500 m/s. What lands on the footprint of d(omega) is p^2 dA = (c / c0) d(omega), and returns over the
+    // same tube: p^2 = (c / c0) / tube, both ways the same (reciprocity).
     let speeds = here.speed_m_s / 1500.0;
     let power = 0.1 * here.grazing.sin() * beam * width * 0.05 / spread * speeds * speeds / tube;
     (believed * here.time_s, 220.0 + db(power) - 2.0 * (here.loss_db - loss))
@@ -292,7 +292,7 @@ fn bent(environment: &Environment, degrees: f64, loss: f64) -> (f64, f64) {
 fn levels_in_bending_water_are_those_of_ray_tubes() {
     let scene = flat(100.0);
     for profile in [
-        // Slower, and faster, with depth; then layers, whose boundaries take something away.
+        // Slower, and faster, with depth; then layers, whose boundaries cause losses.
         "{cast: [{depth_m: 0, speed_m_s: 1530}, {depth_m: 30, speed_m_s: 1500}, {depth_m: 60, speed_m_s: 1400}]}",
         "{cast: [{depth_m: 0, speed_m_s: 1500}, {depth_m: 30, speed_m_s: 1500}, {depth_m: 60, speed_m_s: 1560}]}",
         "{layers: [{depth_m: 0, speed_m_s: 1500}, {depth_m: 36, speed_m_s: 1440}]}",
@@ -322,7 +322,7 @@ fn a_boundary_without_contrast_changes_no_level() {
     let without = hear("{constant: {speed_m_s: 1500}}");
     let row = |depth: f64, speed: f64| format!("{{depth_m: {depth}, speed_m_s: {speed}}}");
     let many: Vec<String> = (0..10).map(|row_| row(f64::from(row_) * 5.0, 1500.0)).collect();
-    // Below the bottom the water is another one, so that rays are followed layer by layer.
+    // Below the bottom the water differs, so that rays are followed layer by layer.
     for profile in [
         format!("{{layers: [{}]}}", many.join(", ")),
         format!("{{layers: [{}, {}]}}", many.join(", "), row(60.0, 1450.0)),
@@ -331,7 +331,7 @@ fn a_boundary_without_contrast_changes_no_level() {
     ] {
         let with = hear(&profile);
         for (bin, (a, b)) in without.levels(0).iter().zip(with.levels(0)).enumerate() {
-            // A ray that lies on the edge of a bin may fall to either side.
+            // A ray at the edge of a bin may fall to either side.
             let range = without.layout.range(bin);
             assert!((a - b).abs() < 2e-2 || a.max(*b) < 0.0, "{profile}: {a} {b} at {range} m");
         }
@@ -342,7 +342,7 @@ fn a_boundary_without_contrast_changes_no_level() {
     }
 }
 
-/// What a boundary reflects is missing, on the way there and back.
+/// What a boundary reflects is missing, there and back.
 #[test]
 fn a_boundary_takes_what_it_reflects_both_ways() {
     let scene = flat(100.0);
@@ -392,7 +392,7 @@ fn surfaces_differ_by_their_laws() {
     assert!(expected > 3.0);
 }
 
-/// Up, at the depth of the sonar, and nowhere else.
+/// Upwards, at the depth of the sonar, and nowhere else.
 #[test]
 fn the_sea_surface_is_heard_at_the_depth_of_the_sonar() {
     let environment = |wind: f64| {
@@ -410,7 +410,7 @@ fn the_sea_surface_is_heard_at_the_depth_of_the_sonar() {
         assert_eq!((c.cause[cell], c.category_id[cell], c.instance_id[cell], c.bounces[cell]), (10, 0, 0, 0));
         assert_near("height of what is heard", (f64::from(c.true_z[cell])) + found.origin.z, 50.0, 1e-3);
         assert_near("normal", c.normal_z[cell].into(), -1.0, 1e-6);
-        // As a bottom of the same strength straight up: 1 degree changes nothing.
+        // Like a bottom of the same strength straight up: 1 degree changes nothing.
         let (law, lambert) = (Sea { wind_m_s: wind }.backscatter(1.0, 450e3), 0.1);
         let down = set(up.clone(), "pattern.tilt_deg=90");
         let below = ping(&flat(100.0), &down, Pose::at(0.0, 0.0, 20.0), &options(water("")));

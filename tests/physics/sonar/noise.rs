@@ -1,4 +1,4 @@
-//! What is heard beside echoes of surfaces.
+//! What is heard besides echoes of surfaces.
 
 use super::*;
 use echocast::medium::AmbientNoise;
@@ -7,7 +7,7 @@ const SIDES: &str = "pattern.sides=both acoustics.noise_level_db=80 acoustics.pu
 
 fn empty(sensor: &Sensor, frame: u32, more: &str) -> Ping {
     let options = ScanOptions { frame, ..options(water(more)) };
-    // No surface either: the sonar is deeper than it hears.
+    // No surface either: the sonar is deeper than its range.
     ping(&nothing(), sensor, Pose::at(0.0, 0.0, -300.0), &options)
 }
 
@@ -34,7 +34,7 @@ fn an_empty_sea_is_as_loud_as_its_noise() {
             let found = empty(&sidescan(&format!("{SIDES} {more} acoustics.speckle={speckle}")), 0, "");
             assert_near("what the layout says", found.layout.noise_db.into(), level, 1e-3);
             for beam in [0, 1] {
-                // Neighbouring cells of short bins are heard together: fewer than there are of them say something new.
+                // Neighbouring short bins are heard together: fewer than all of them are independent.
                 let powers = powers(&found, beam);
                 let error = 4.343 / (100.0 / 0.05f64.max(found.layout.bin_m)).sqrt();
                 assert_near(&format!("{more} {speckle}"), db(mean(&powers)), level, 4.0 * error);
@@ -65,7 +65,7 @@ fn sides_and_pings_have_their_own_noise() {
     assert_near("scintillation of noise", scintillation, 1.0, 0.15);
 }
 
-/// Each cell is above the threshold with `exp(-10^(threshold / 10))`.
+/// Each cell is above the threshold with probability `exp(-10^(threshold / 10))`.
 #[test]
 fn false_alarms_are_as_many_as_the_threshold_lets() {
     for threshold in [3.0, 6.0, 9.0] {
@@ -142,7 +142,7 @@ fn what_floats_in_the_water_is_heard_before_the_bottom() {
             let expected = 220.0 + strength + db(solid * 0.05) - 20.0 * range.log10();
             assert_near(&format!("volume at {range} m, {speckle}"), around(&open, range), expected, 0.6);
         }
-        // Spreading as a cylinder takes half as many dB on each way.
+        // Cylindrical spreading costs half as many dB on each path.
         let law = |law: &str| {
             let options = options(water(&format!("{more}, spreading: {law}")));
             around(&powers(&ping(&nothing(), &sounder, Pose::at(0.0, 0.0, -300.0), &options), 0), 60.0)
@@ -158,7 +158,7 @@ fn what_floats_in_the_water_is_heard_before_the_bottom() {
             around(&open, 60.0)
         );
     }
-    // Thresholds rise above what floats: soundings are of the bottom.
+    // Thresholds rise above volume backscatter: soundings are of the bottom.
     let sounder = sonar("type: single_beam, beam_deg: 6, rays: 1024", "acoustics.noise_level_db=-100");
     let found = ping(&nothing(), &sounder, Pose::at(0.0, 0.0, -300.0), &options(water(&more)));
     let level = 220.0 + strength + db(solid * 0.05) - 40.0;

@@ -4,7 +4,7 @@ use super::*;
 use echocast::medium::Absorption;
 use echocast::{Pings, Sounding};
 
-/// Water of 1500 m/s, of which the sonar believes something else.
+/// Water of 1500 m/s, where the sonar assumes a different speed.
 fn believing(speed: f64) -> Environment {
     water(&format!(", assumed_speed_m_s: {speed}"))
 }
@@ -30,7 +30,7 @@ fn ranges_are_times_at_the_speed_that_is_believed() {
         assert_near(&format!("range at {believed} m/s"), sounding.range.into(), range, 0.02);
         let cell = sounding.cell as usize;
         let c = &found.cells;
-        // Times are true, whatever is believed; so is where it is, within a cell.
+        // Times are true, whatever is assumed; so is the position, within a cell.
         assert_near("time", c.time[cell], 2.0 * 30.0 / 1500.0, 0.05 / 1500.0);
         assert_near("the way there", c.true_range[cell].into(), 30.0, 0.03);
         assert_near("height", f64::from(c.true_z[cell]) + found.origin.z, 0.0, 0.03);
@@ -45,7 +45,7 @@ fn ranges_are_times_at_the_speed_that_is_believed() {
     assert_near("range through layers", first(&found).range.into(), 1500.0 * time, 0.02);
 }
 
-/// A sonar that comes nearer has a shorter way back: by `v.d t / 2` of one-way range.
+/// An approaching sonar has a shorter return path: by `v.d t / 2` of one-way range.
 #[test]
 fn a_moving_sonar_hears_from_where_it_is_by_then() {
     let scene = flat(100.0);
@@ -62,7 +62,7 @@ fn a_moving_sonar_hears_from_where_it_is_by_then() {
         let cell = first(&found).cell as usize;
         let arrives = 2.0 * f64::from(first(&found).range) / 1500.0;
         assert_near("time of the echo", found.cells.time[cell], arrives, 0.05 / 1500.0);
-        // Of the last ping it is not known where it goes on to: it goes on as it came.
+        // Where the sonar goes after the last ping is unknown: it continues as before.
         let hear_last = |more: &str| {
             let last = ScanOptions { start_time: 1.0, ..options(water("")) };
             scene.ping(&echo_sounder(more), &trajectory, &last).unwrap()
@@ -73,7 +73,7 @@ fn a_moving_sonar_hears_from_where_it_is_by_then() {
     }
 }
 
-/// A trajectory shorter than the sound is on its way, and one that is over.
+/// A trajectory shorter than the sound's travel time, and one that is over.
 #[test]
 fn a_sonar_moves_as_long_as_its_trajectory_says() {
     let scene = flat(100.0);
@@ -90,7 +90,7 @@ fn a_sonar_moves_as_long_as_its_trajectory_says() {
     assert_near("after its end", moved(0.01, 0.5).into(), 0.0, 1e-6);
 }
 
-/// The gain that pictures are drawn with: `spreading log10(r) + 2 absorption r + gain`, r 1 m at least.
+/// The gain used for drawing pictures: `spreading log10(r) + 2 absorption r + gain`, r 1 m at least.
 #[test]
 fn gain_over_range_follows_its_law() {
     let scene = flat(100.0);
@@ -101,7 +101,7 @@ fn gain_over_range_follows_its_law() {
         let expected = 40.0 * range.max(1.0).log10() + 0.14 * range - 3.0;
         assert_near(&format!("gain at {range} m"), layout.tvg_db[bin].into(), expected, 1e-4);
     }
-    // Without one of its own the absorption is that of the water at the sonar.
+    // Without its own absorption it uses that of the water at the sonar.
     let salty = Environment::from_yaml("water: {surface_z_m: 50, profile: {constant: {speed_m_s: 1500}}}").unwrap();
     let layout = ping(&scene, &sidescan(""), Pose::at(0.0, 0.0, 20.0), &options(salty)).layout;
     let swallowed = Absorption::FrancoisGarrison.db_per_km(450e3, 10.0, 35.0, 8.0, 30.0) * 1e-3;
@@ -117,7 +117,7 @@ fn needle_beams_hear_what_is_below_them() {
         let found = ping(&scene, &sonar(pattern, ""), Pose::at(0.0, 0.0, 30.0), &options(water("")));
         let narrow = first(&found);
         assert_near("range", narrow.range.into(), 30.0, 0.03);
-        // One of its sides, or all around it.
+        // On one of its sides, or all round it.
         let louder = if pattern.contains("vertical") { -20.0 } else { -40.0 };
         let wider = pattern.replace("0.01", "1");
         let wider = first(&ping(&scene, &sonar(&wider, ""), Pose::at(0.0, 0.0, 30.0), &options(water(""))));
@@ -131,7 +131,7 @@ fn needle_beams_hear_what_is_below_them() {
     };
     let line = directivity("type: multibeam, beams: 2, swath_deg: 10, across_deg: 0.01");
     assert_near("a line", line, db(4.0 * length), 0.01);
-    // Elements so far apart that each hears for itself, as a slip of units may have them: 10 log(N), and 3 dB.
+    // Elements so far apart that each hears for itself, as a unit mistake may place them: 10 log(N), and 3 dB.
     let slip = "{shape: array, elements: 32, pitch_m: 20}";
     let sparse = directivity(&format!("type: multibeam, beams: 2, swath_deg: 10, across_deg: {slip}"));
     assert_near("a sparse line", sparse, db(2.0 * 32.0), 0.05);
@@ -163,7 +163,7 @@ fn echoes_after_the_next_ping_are_refused_or_folded() {
     assert!(ask(&echo_sounder("pattern.rate_hz=12.5 range.max_m=60")).is_ok());
 }
 
-/// The range and what else of a flat bottom beams hear: amplitude below 35 degrees, then where it crosses the axis.
+/// How beams range a flat bottom: amplitude below 35 degrees, then where it crosses the axis.
 fn swath(more: &str) -> Sensor {
     sonar(
         "type: multibeam, beams: 121, swath_deg: 120, along_deg: 1, across_deg: 1, rays: 64",
@@ -191,7 +191,7 @@ fn a_beamformer_that_believes_another_speed_turns_its_beams() {
     }
 }
 
-/// Errors of depths, m: mean and standard deviation of the beams `which`, by where their axes meet the truth.
+/// Depth errors, m: mean and standard deviation of the beams `which`, by where their axes meet the truth.
 fn depth_errors(ping: &Ping, which: impl Fn(f64) -> bool, truth: impl Fn(f64) -> f64, height: f64) -> [f64; 2] {
     let errors: Vec<f64> = ping
         .soundings
@@ -255,7 +255,7 @@ fn soundings_lie_on_the_bottom() {
     );
     let found = hear(&step, "", 0);
     for (side, z) in [(-1.0, 0.0), (1.0, 2.0)] {
-        // Away from the edge, whose sides and shadow are heard too.
+        // Away from the edge, whose sides and shadow are also heard.
         let here = |angle: f64| angle * side > 0.0 && !(0.0..=20.0).contains(&angle) && angle.abs() < 50.0;
         let [mean, sigma] = depth_errors(&found, here, |_| z, height);
         assert_near(&format!("step to {side}"), mean, 0.0, 0.05);
@@ -272,7 +272,7 @@ fn walls_throw_shadows() {
     let scene = with_bottom(
         Sound::Lambert { mu_db: -10.0 },
         100.0,
-        // Thin: its top is not seen apart from its face.
+        // Thin: its top cannot be distinguished from its face.
         [Shape::quad(DVec3::new(-20.0, -at, 0.0), DVec3::X * 40.0, DVec3::Z * wall)],
     );
     let found = ping(&scene, &sidescan(""), Pose::at(0.0, 0.0, height), &options(water("")));
@@ -294,7 +294,7 @@ fn walls_throw_shadows() {
             assert_eq!(what, (0, 1), "bottom at {range} m");
             seen[1] += 1;
         } else if range > top + 0.1 && range < foot - 0.1 {
-            // The wall faces the sonar, the bottom before it hardly.
+            // The wall faces the sonar, the bottom in front of it hardly.
             assert_eq!(what, (0, 2), "wall at {range} m");
             assert_near("normal of the wall", c.normal_y[bin].into(), 1.0, 1e-4);
             seen[2] += 1;
@@ -323,7 +323,7 @@ fn walls_throw_shadows() {
     assert!(seen.iter().all(|&count| count > 20), "{seen:?}");
 }
 
-/// The speed that is believed, bins and gain are those of the start, so that the pings of a dive fit together.
+/// Assumed speed, bins and gain are those of the start, so that the pings of a dive fit together.
 #[test]
 fn pings_of_a_dive_have_one_layout() {
     let keys = [(0.0, Pose::at(0.0, 0.0, 40.0)), (10.0, Pose::at(10.0, 0.0, 20.0))];

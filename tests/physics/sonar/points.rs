@@ -26,7 +26,7 @@ fn truth(cloud: &PointCloud, row: usize) -> DVec3 {
     super::super::vector(&c.true_x, &c.true_y, &c.true_z, row)
 }
 
-/// A pose of which nothing is 0.
+/// A pose with no component 0.
 fn pose() -> Pose {
     Pose::at(3.0, -2.0, 21.0).with_rpy_deg(4.0, -3.0, 35.0)
 }
@@ -64,7 +64,7 @@ fn points_lie_along_their_direction_at_the_range_that_is_believed() {
             assert_near("depth", c.depth[row].into(), place(&own, row).x, 1e-4);
             if c.cause[row] == 0 {
                 surfaces += 1;
-                // Truth is on the bottom, at the true way, and nearer by what the sonar believes.
+                // The truth is on the bottom, at the true range, and the report nearer by the assumed speed.
                 let there = truth(&world, row) + world.origin;
                 let far = there.distance(pose().position);
                 assert_near("truth", there.z, 0.0, 0.1);
@@ -131,7 +131,7 @@ fn organised_clouds_have_the_shape_of_the_sonar() {
             assert!(c.x[row].is_nan() && c.intensity[row].is_nan() && c.true_x[row].is_nan());
             assert_eq!((c.return_number[row], c.category_id[row], c.frame[row]), (0, 0, 0));
         }
-        // A depth is the only one of its beam, and a range bin a beam of its own.
+        // A depth is the only one of its beam, and a range bin is a separate beam.
         let c = &loose.columns;
         assert!(c.return_number.iter().chain(&c.return_count).all(|&number| number == 1));
     }
@@ -232,7 +232,7 @@ fn what_makes_no_sense_is_refused() {
     let fine_bins = sonar("type: single_beam, beam_deg: 2", "acoustics.bandwidth_khz=1 acoustics.bin_m=0.003");
     let fine_bins = refused(&fine_bins, 20.0, &fine);
     assert!(fine_bins.starts_with("acoustics.bin_m is 0.003 m; allowed: at least 0.0032"), "{fine_bins}");
-    // Columns are public; a cloud is not made of those that do not fit.
+    // Columns are public; a cloud is not made from mismatched ones.
     let mut short = ping(&scene, &sidescan(""), Pose::at(0.0, 0.0, 20.0), &fine);
     short.cells.azimuth.pop();
     let error = short.cloud(&fine).unwrap_err().to_string();

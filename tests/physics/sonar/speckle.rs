@@ -2,12 +2,12 @@
 
 use super::*;
 
-/// Side-scan with speckle that is thin along the track, so that neighbouring places are heard apart.
+/// Side-scan with speckle, thin along the track, so that neighbouring places are heard separately.
 fn speckled(more: &str) -> Sensor {
     sidescan(&format!("acoustics.speckle=frozen pattern.along_deg=0.25 {more}"))
 }
 
-/// Powers of cells far apart, over the mean at their range: of `count` pings along the track, every fourth resolution.
+/// Powers of distant cells, over the mean at their range: of `count` pings along the track, every fourth resolution.
 fn powers(scene: &BuiltScene, sensor: &Sensor, count: u32) -> Vec<f64> {
     let plain = set(sensor.clone(), "acoustics.speckle=off");
     let options = options(water("")).fields(FieldSet::default());
@@ -26,7 +26,7 @@ fn mean(values: impl Iterator<Item = f64> + Clone) -> f64 {
     values.clone().sum::<f64>() / values.count() as f64
 }
 
-/// Probability that a sample of `n` is as far (`distance`) from its distribution or farther: Kolmogorov's series.
+/// Probability that a sample of `n` is at least this far (`distance`) from its distribution: Kolmogorov's series.
 fn kolmogorov(distance: f64, n: usize) -> f64 {
     let x = (n as f64).sqrt() * distance;
     2.0 * (1..100).map(|k| (-1f64).powi(k - 1) * (-2.0 * f64::from(k * k) * x * x).exp()).sum::<f64>()
@@ -63,10 +63,10 @@ fn speckle_is_rayleigh_and_keeps_the_mean() {
     }
     let index = mean(powers.iter().map(|p| p * p)) / (over * over) - 1.0;
     assert_near("scintillation index", index, 1.0, 0.05);
-    // Looks are averaged by whoever draws pictures: the mean of L of them is gamma-distributed.
+    // Whoever draws pictures averages looks: the mean of L of them is gamma-distributed.
     for (looks, gamma) in table["gamma_multilook"].as_object().unwrap() {
         let looks: usize = looks.parse().unwrap();
-        // In an order that has no neighbours in it: sorted ones would be alike.
+        // In an order without neighbours: sorted ones would be alike.
         let count = n / looks;
         let mut means: Vec<f64> =
             (0..count).map(|at| mean((0..looks).map(|look| unsorted[at + look * count])) / over).collect();
@@ -138,7 +138,7 @@ fn speckle_is_frozen_to_the_bottom() {
         ping(&scene, sensor, pose, &ScanOptions { seed, frame, ..options(water("")) })
     };
     let bits = |ping: &Ping| -> Vec<u32> { ping.levels(0).iter().map(|level| level.to_bits()).collect() };
-    // With and without noise to be heard.
+    // With and without audible noise.
     let [quiet, noisy] = ["-200", "70"].map(|noise| speckled(&format!("acoustics.noise_level_db={noise}")));
     for sensor in [&quiet, &noisy] {
         assert!(bits(&hear(sensor, 0, 4)) == bits(&hear(sensor, 0, 4)));
@@ -149,7 +149,7 @@ fn speckle_is_frozen_to_the_bottom() {
     let other = hear(&quiet, 1, 4);
     let same = echoes(&hear(&quiet, 0, 4)).iter().zip(echoes(&other)).filter(|(a, b)| **a == *b).count();
     assert!(same < 30, "{same} cells are the same with another seed");
-    // A step along the track of more than the beam is wide: another bottom.
+    // A step along the track larger than the beam's width: another bottom.
     let along = |x: f64| {
         let found = ping(&scene, &quiet, Pose::at(x, 0.0, 20.0), &options(water("")));
         found.levels(0)[900..].iter().map(|&level| f64::from(level)).collect::<Vec<_>>()
@@ -170,7 +170,7 @@ fn speckle_is_frozen_to_the_bottom() {
         product(&a, &b) / (product(&a, &a) * product(&b, &b)).sqrt()
     };
     let here = along(0.0);
-    // As far as rays stay on their places, a third of a resolution wide.
+    // As long as rays stay on their places, a third of a resolution wide.
     assert!(correlation(&here, &along(0.0003)) > 0.9);
     let far = correlation(&here, &along(2.0));
     assert!(far.abs() < 0.1, "{far}");

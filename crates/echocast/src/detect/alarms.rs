@@ -5,10 +5,10 @@ use crate::ground::lanes::LANES;
 use crate::ground::rng::{Draw, Rng};
 use crate::ground::units::SPEED_OF_LIGHT;
 
-/// Most false alarms that are drawn for one beam, nearest first.
+/// Most false alarms drawn for one beam, nearest first.
 const MOST_ALARMS: u32 = 64;
 
-/// False alarms of a statistical detector: where its noise alone crosses the threshold. They come evenly over range.
+/// False alarms of a statistical detector: where its noise alone crosses the threshold. They are uniform over range.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FalseAlarms {
     /// Mean number per metre of range.
@@ -21,7 +21,7 @@ pub(crate) struct FalseAlarms {
 }
 
 impl FalseAlarms {
-    /// Of a receiver with `detection`, made ready as `threshold`; none where its noise is not known.
+    /// For a receiver with `detection`, prepared as `threshold`; none where its noise is unknown.
     pub(crate) fn new(detection: &Detection, threshold: &Threshold) -> Option<FalseAlarms> {
         let (Detection::Statistical(receiver), &Threshold::Statistical { unit, level, sigma, .. }) =
             (detection, threshold)
@@ -38,8 +38,8 @@ impl FalseAlarms {
         1.0 - (-self.per_m * length).exp()
     }
 
-    /// Tells of those of all `beams`, by their place among them, as [`FalseAlarms::of_beam`] does; `limits` has the
-    /// ranges that are reported of a beam, `farthest` those of all, m.
+    /// Reports those of all `beams`, by their place among them, as [`FalseAlarms::of_beam`] does; `limits` gives the
+    /// reported ranges of a beam, `farthest` those of all, m.
     pub(crate) fn of_beams(
         &self,
         rng: &Rng,
@@ -57,14 +57,13 @@ impl FalseAlarms {
         }
     }
 
-    /// Tells of those of `beam` from `from` to `to` m: range, m, rising, and effective reflectance of a surface there
-    /// that would be as strong. There is one if the first number of [`Draw::FalseAlarm`] is below
-    /// [`FalseAlarms::some`].
+    /// Reports those of `beam` from `from` to `to` m: range, m, rising, and effective reflectance of an equally strong
+    /// surface there. There is one if the first number of [`Draw::FalseAlarm`] is below [`FalseAlarms::some`].
     fn of_beam(&self, rng: &Rng, beam: u32, [from, to]: [f32; 2], mut tell: impl FnMut(f32, f32)) {
         let mut range = from;
         for alarm in 0..MOST_ALARMS {
             let [gap, amplitude, ..] = rng.four(beam, Draw::FalseAlarm, alarm);
-            // Exponential gaps: a Poisson number of them, each anywhere.
+            // Exponential gaps: a Poisson number of alarms, each anywhere.
             range -= (1.0 - gap).ln() / self.per_m;
             if range >= to {
                 return;
@@ -76,7 +75,7 @@ impl FalseAlarms {
     }
 }
 
-/// False alarms per second of noise through an ideal low-pass of `bandwidth` Hz, at a ratio `tnr` of threshold to noise
+/// False alarms per second of noise through an ideal low-pass of `bandwidth` Hz, at a threshold-to-noise ratio `tnr`
 /// (Rice 1945, level crossings of a Gaussian process): `B / sqrt 3 exp(-TNR^2 / 2)`.
 fn rate(bandwidth: f64, tnr: f64) -> f64 {
     bandwidth / 3f64.sqrt() * (-tnr * tnr / 2.0).exp()
@@ -94,7 +93,7 @@ mod tests {
         FalseAlarms::new(&detection, &Threshold::new(&detection, (905.0, 5.0), false))
     }
 
-    /// 100 MHz; TNR, alarms per second and per shot over 200 m. Made with numpy.
+    /// 100 MHz; TNR, alarms per second and per shot over 200 m. Computed with numpy.
     #[test]
     fn false_alarms_are_as_many_as_level_crossings() {
         for (tnr, per_s, per_shot) in [(4.0, 19_367.9, 0.025_841_8), (5.0, 215.158, 2.870_76e-4)] {
@@ -107,7 +106,7 @@ mod tests {
         assert!(FalseAlarms::new(&Detection::None, &Threshold::Open).is_none());
     }
 
-    /// Number, range and amplitude: a Poisson number, evenly over the gate, Rayleigh above the threshold.
+    /// Number, range and amplitude: a Poisson number, uniform over the gate, Rayleigh above the threshold.
     #[test]
     fn alarms_are_spread_as_noise_is() {
         let (alarms, rng) = (alarms(1000.0, 4.0).unwrap(), Rng::new(3, 1));
@@ -127,7 +126,7 @@ mod tests {
             });
             assert_eq!(any, first[0] < alarms.some(150.0), "beam {beam}");
         }
-        // Three standard errors: of a Poisson number, of an even distribution, of an exponential one.
+        // Three standard errors: of a Poisson number, of a uniform distribution, of an exponential one.
         let expected = mean * f64::from(beams);
         assert!((count - expected).abs() < 3.0 * expected.sqrt(), "{count} {expected}");
         assert!((places / count - 125.0).abs() < 3.0 * 150.0 / (12.0 * count).sqrt(), "{}", places / count);

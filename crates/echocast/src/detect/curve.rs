@@ -1,4 +1,4 @@
-//! Functions of range that are given by points.
+//! Functions of range given by points.
 
 /// A function of range, linear between its points and constant outside them.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -19,8 +19,8 @@ impl Curve {
         self.ranges.is_empty()
     }
 
-    /// Its value at `range` m; 0 of one without points.
-    // Apart from the loops that call it, which stay short enough for vector instructions.
+    /// Its value at `range` m; 0 if it has no points.
+    // Separate from the loops that call it, which stay short enough for vector instructions.
     #[inline(never)]
     pub(crate) fn at(&self, range: f32) -> f32 {
         let behind = self.ranges.partition_point(|&from| from <= range);

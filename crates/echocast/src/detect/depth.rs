@@ -1,11 +1,11 @@
-//! Errors of depth images of structured light, of stereo, and as they were measured of some cameras.
+//! Errors of depth images from structured light and stereo, and as measured for some cameras.
 
 use crate::read::yaml;
 use echocast_kernels::{LANES, camera};
 use serde::{Deserialize, Deserializer, Serialize};
 
-/// Random error of the depth z, the distance along the optical axis in m, of a depth camera; a point moves along its
-/// ray.
+/// Random error of the depth z, the distance along the optical axis in m, of a depth camera; points move along their
+/// rays.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 #[serde(tag = "model", rename_all = "snake_case")]
 pub enum DepthNoise {
@@ -27,7 +27,7 @@ pub enum DepthNoise {
         /// Step of the disparity, pixels; 0 is none.
         step_px: f64,
     },
-    /// sigma = a + b z + c z^2, of a data sheet.
+    /// sigma = a + b z + c z^2, from a data sheet.
     Polynomial {
         /// a in m, b in m/m, c in m/m^2.
         sigma_m: [f64; 3],
@@ -72,7 +72,7 @@ impl<'de> Deserialize<'de> for DepthNoise {
     }
 }
 
-/// A law of depth noise made ready for a sensor.
+/// A law of depth noise prepared for a sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct DepthError {
     /// Standard deviation head-on: `a + b z + c z^2`, m.
@@ -84,7 +84,7 @@ pub(crate) struct DepthError {
 }
 
 impl DepthError {
-    /// `per_pixel`: `1 / (f B)`, depth over z^2 for a pixel of disparity, 1/m. None without noise.
+    /// `per_pixel`: `1 / (f B)`, depth over z^2 per pixel of disparity, 1/m. None without noise.
     pub(crate) fn new(noise: DepthNoise, per_pixel: f64) -> Option<DepthError> {
         let law = |terms: [f64; 3], slanted, step| {
             Some(DepthError { terms: terms.map(|term| term as f32), slanted, step: step as f32 })
@@ -92,7 +92,7 @@ impl DepthError {
         match noise {
             DepthNoise::None => None,
             DepthNoise::Khoshelham => law([0.0, 0.0, 1.425e-3], (0.0, 0.0), 2.85e-3),
-            // 0.0012 + 0.0019 (z - 0.4)^2, by powers of z.
+            // 0.0012 + 0.0019 (z - 0.4)^2, in powers of z.
             DepthNoise::Nguyen => law([0.0012 + 0.0019 * 0.16, -0.0019 * 0.8, 0.0019], (1e-4, -0.5), 0.0),
             DepthNoise::Fankhauser => law([1.5e-3, -0.5e-3, 0.3e-3], (1e-4, 1.5), 0.0),
             DepthNoise::Disparity { sigma_px, step_px } => {
@@ -140,7 +140,7 @@ mod tests {
         assert!((f64::from(is) / expected - 1.0).abs() < relative, "{is} is not {expected}");
     }
 
-    /// Published laws at some depths, head-on, worked out by hand.
+    /// Published laws at some depths, head-on, computed by hand.
     #[test]
     fn laws_have_their_values() {
         let k = law(DepthNoise::Khoshelham);
@@ -168,7 +168,7 @@ mod tests {
         assert_eq!(law(DepthNoise::Khoshelham).sigma(1.0, 0.1), law(DepthNoise::Khoshelham).sigma(1.0, 1.0));
     }
 
-    /// With steps or without, sigma is that of the law: 3 standard errors, sigma / sqrt(2 n).
+    /// With or without steps, sigma is that of the law: 3 standard errors, sigma / sqrt(2 n).
     #[test]
     fn what_is_measured_has_the_sigma_of_the_law() {
         let rng = Rng::new(9, 0);
@@ -177,7 +177,7 @@ mod tests {
             let count = 100_000;
             let mut variance = 0.0;
             for beam in 0..count {
-                // Over many steps, so that their places do not matter.
+                // Over many steps, so that their position does not matter.
                 let depth = 2.0 + 0.1 * beam as f32 / count as f32;
                 let [normal, _] = rng.normal_pair(beam, Draw::DepthJitter, 0);
                 let error = (law.measure(depth, 0.8, normal) - depth) / law.sigma(depth, 0.8);
@@ -188,7 +188,7 @@ mod tests {
         }
     }
 
-    /// Steps are even in disparity: 2.85e-3 z^2 apart in depth.
+    /// Steps are uniform in disparity: 2.85e-3 z^2 apart in depth.
     #[test]
     fn depths_are_steps_of_disparity() {
         let law = law(DepthNoise::Khoshelham);
@@ -196,7 +196,7 @@ mod tests {
         depths.dedup();
         assert!(depths.len() > 5);
         for pair in depths.windows(2) {
-            // The step grows within itself: its relative error is that of z^2 over a step.
+            // The step grows across itself: its relative error is that of z^2 over one step.
             let middle = 0.5 * (pair[0] + pair[1]);
             assert_near(pair[1] - pair[0], 2.85e-3 * f64::from(middle * middle), 1e-3);
         }

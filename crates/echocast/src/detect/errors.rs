@@ -8,7 +8,7 @@ use echocast_kernels::measure;
 
 /// Returns side by side.
 pub(crate) struct Returns<'a> {
-    /// The beam of each, and which of its returns it is, from 0: the address of random numbers.
+    /// The beam of each, and which of the beam's returns it is, from 0: the address of random numbers.
     pub beams: &'a [u32],
     pub numbers: &'a [u32],
     pub channels: &'a [u16],
@@ -21,18 +21,18 @@ pub(crate) struct Returns<'a> {
 pub(crate) struct Errors {
     range: RangeError,
     azimuth: Option<AzimuthError>,
-    /// Standard deviation of where beams point beside what is reported, rad.
+    /// Standard deviation of the beams' true directions about the reported ones, rad.
     pub pointing_sigma: f32,
     /// Of the reported time, s.
     time_sigma: f64,
     dropout: f32,
     dropout_weak: Option<WeakDropout>,
-    /// Whether anything beside the pointing errs.
+    /// Whether anything but the pointing errs.
     pub any: bool,
 }
 
 impl Errors {
-    /// Of an instrument with this `noise` and its errors of `range`.
+    /// For an instrument with this `noise` and its errors of `range`.
     pub(crate) fn new(noise: &Noise, range: RangeError) -> Errors {
         Errors {
             range,
@@ -45,18 +45,18 @@ impl Errors {
         }
     }
 
-    /// Whether light that is not seen may matter: returns get lost by their strength.
+    /// Whether light may matter although it is not seen: returns are lost depending on their strength.
     pub(crate) fn depend_on_light(&self) -> bool {
         self.dropout_weak.is_some()
     }
 
-    /// Whether azimuths are not reported as they are.
+    /// Whether reported azimuths differ from the true ones.
     pub(crate) fn turn_beams(&self) -> bool {
         self.azimuth.is_some()
     }
 
-    /// Measured ranges, m, of returns whose ranges would be `formed` without errors; `in_proportion` is the standard
-    /// deviation over the range that rain adds.
+    /// Measured ranges, m, of returns whose ranges without errors would be `formed`; `in_proportion` is the standard
+    /// deviation over range that rain adds.
     pub(crate) fn measure(
         &self,
         rng: &Rng,
@@ -79,7 +79,7 @@ impl Errors {
         self.range.round(measured);
     }
 
-    /// Takes away the surfaces of returns that get lost.
+    /// Removes the surfaces of returns that are lost.
     pub(crate) fn lose(&self, rng: &Rng, returns: &Returns, surface: &mut [u32; LANES]) {
         let count = returns.beams.len();
         let mut chance = [0.0; LANES];
@@ -100,7 +100,7 @@ impl Errors {
     /// How far to the left, rad, `beams` in the directions `x`, `y` (sensor frame) are reported.
     pub(crate) fn turn(&self, rng: &Rng, beams: &[u32], [x, y]: [&[f32]; 2], turn: &mut [f32]) {
         if let Some(error) = &self.azimuth {
-            // All returns of a beam come from one direction.
+            // All returns of a beam share one direction.
             rng.normals(beams, &[0; LANES][..beams.len()], Draw::AzimuthJitter, turn);
             error.turn(x, y, turn);
         }

@@ -1,4 +1,4 @@
-//! Errors of what is measured.
+//! Measurement errors.
 
 use super::{Curve, Threshold};
 use crate::ground::error::{Error, Result};
@@ -7,7 +7,7 @@ use crate::read::bounds::{ABOVE_ZERO, Bounds, FARTHEST_M, check_rows, rising_row
 use echocast_kernels::measure;
 use serde::{Deserialize, Serialize};
 
-/// Errors of an instrument; all zero is an ideal one.
+/// Errors of an instrument; with all zero it is ideal.
 ///
 /// `R_out = Q[(1 + percent/100 + g_ch) R + offset + b_ch + k_T dT + N(mean, sigma)]` along the beam, Q = rounding to
 /// the instrument's range step. Variances add: that of `range_sigma_m + range_sigma_per_m R`, of `range_snr_sigma_m`
@@ -23,22 +23,22 @@ pub struct Noise {
     pub range_mean_m: f64,
     /// Standard deviation of the Gaussian error, m, at least 0.
     pub range_sigma_m: f64,
-    /// What it grows by with every metre of range, at least 0.
+    /// Growth of that with every metre of range, at least 0.
     pub range_sigma_per_m: f64,
     /// Standard deviation at the detection threshold, m, at least 0; it falls as 1/SNR (the Cramer-Rao bound of a
     /// Gaussian pulse, `sigma_R = (c/2) sqrt(2) sigma_p / SNR`) and adds in squares to `range_sigma_m`. Needs
     /// `detection.model: radar_equation` or `statistical`.
     pub range_snr_sigma_m: f64,
-    /// Mean and standard deviation by range, rising, linear between and constant outside; at most 1000 points.
+    /// Mean and standard deviation by range, rising, linear between points and constant outside; at most 1000 points.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub range_table: Vec<RangePoint>,
     /// Standard deviation, over the channels, of a constant error of each, m, at least 0.
     pub channel_bias_sigma_m: f64,
-    /// Likewise of an error in proportion to the range, 0 to 1.
+    /// Likewise for an error proportional to range, 0 to 1.
     pub channel_gain_sigma: f64,
-    /// Which one of many instruments of its kind this is: each has channel errors of its own, in all its scans.
+    /// Which of many instruments of its kind this is: each has channel errors of its own, the same in all its scans.
     pub instrument: u32,
-    /// Error for each kelvin that the instrument is warmer than when it was calibrated, m/K.
+    /// Error for each kelvin by which the instrument is warmer than at calibration, m/K.
     pub temperature_m_per_k: f64,
     /// How much warmer it is, K.
     pub temperature_offset_k: f64,
@@ -47,14 +47,14 @@ pub struct Noise {
     /// Step of the encoder, degrees, 1e-4 to 10: azimuths, and points with them, are reported at the nearest multiple
     /// of it; 0 is none.
     pub azimuth_step_deg: f64,
-    /// Standard deviation, in each of the two directions across a beam, of where it really goes beside where it is
-    /// reported to, degrees, 0 to 10.
+    /// Standard deviation, in each of the two directions across a beam, of its true direction from the reported one,
+    /// degrees, 0 to 10.
     pub pointing_sigma_deg: f64,
     /// Standard deviation of the reported time of a firing, us, at least 0.
     pub time_sigma_us: f64,
-    /// Part of the returns that gets lost at random, 0 to 1.
+    /// Part of the returns lost at random, 0 to 1.
     pub dropout: f64,
-    /// Weak returns that get lost beside them.
+    /// Weak returns lost in addition.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub dropout_weak: Option<WeakDropout>,
 }
@@ -72,20 +72,19 @@ pub struct RangePoint {
     pub sigma_m: f64,
 }
 
-/// Loss of weak returns, as the simulator CARLA has it: `p = at_zero (1 - I / below)` where I is less than `below`. I
-/// is the range-corrected reflectivity `rho cos(theta)` with what weather and the channel leave of it, 1 = a white
-/// surface head-on.
+/// Loss of weak returns, as in the simulator CARLA: `p = at_zero (1 - I / below)` where I is less than `below`. I is
+/// the range-corrected reflectivity `rho cos(theta)` after weather and the channel, 1 = a white surface head-on.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WeakDropout {
-    /// Reflectivity from which on none gets lost, above 0, at most 1000.
+    /// Reflectivity from which on none is lost, above 0, at most 1000.
     pub below: f64,
-    /// Part that gets lost of the weakest, 0 to 1.
+    /// Part lost of the weakest, 0 to 1.
     pub at_zero: f64,
 }
 
 impl WeakDropout {
-    /// Probability that a return of effective reflectance `rho_eff` gets lost.
+    /// Probability that a return of effective reflectance `rho_eff` is lost.
     pub(crate) fn probability(&self, rho_eff: f32) -> f32 {
         (self.at_zero as f32 * (1.0 - rho_eff / self.below as f32)).max(0.0)
     }
@@ -101,17 +100,17 @@ pub(crate) struct RangeError {
     snr_sigma: f32,
     /// Mean and standard deviation of the table.
     table: [Curve; 2],
-    /// Bias, m, and gain of each channel; empty where all are alike.
+    /// Bias, m, and gain of each channel; empty where all are equal.
     channels: Vec<[f32; 2]>,
     step: f32,
-    /// Standard deviation, m of range, of pulses whose leading edge is timed; 0 where their peak is.
+    /// Standard deviation, m of range, of pulses timed at their leading edge; 0 if timed at their peak.
     edge_sigma: f32,
     threshold: Threshold,
 }
 
 impl RangeError {
     /// `step`: the instrument's range resolution, m, 0 = none; `channels`: how many it has; `edge_sigma`: standard
-    /// deviation of pulses whose leading edge is timed, m of range, 0 where their peak is.
+    /// deviation of pulses timed at their leading edge, m of range, 0 if at their peak.
     pub(crate) fn new(noise: &Noise, step: f64, channels: usize, edge_sigma: f64, threshold: Threshold) -> Self {
         let bias = noise.range_offset_m + noise.range_mean_m + noise.temperature_m_per_k * noise.temperature_offset_k;
         let (bias, gain) = (bias as f32, (1.0 + noise.range_offset_percent / 100.0) as f32);
@@ -145,7 +144,7 @@ impl RangeError {
         self.sigma > 0.0 || self.sigma_per_m > 0.0 || self.snr_sigma > 0.0 || !sigma.is_empty()
     }
 
-    /// Measured ranges, not rounded yet, from the channels, effective reflectances and true ranges of some echoes.
+    /// Measured ranges, not yet rounded, from the channels, effective reflectances and true ranges of some echoes.
     /// `measured` holds a standard normal number for each, if [`RangeError::draws`] any.
     pub(crate) fn measure(&self, channel: &[u16], rho_eff: &[f32], truth: &[f32], measured: &mut [f32]) {
         let [mean_at, sigma_at] = &self.table;
@@ -182,7 +181,7 @@ impl RangeError {
         measure::variance(rho_eff, range, self.deviation())
     }
 
-    /// What [`measure::variance`] needs to know.
+    /// What [`measure::variance`] needs.
     fn deviation(&self) -> [f32; 4] {
         match self.threshold.unit() {
             Some(unit) => [self.sigma, self.sigma_per_m, self.snr_sigma, unit],
@@ -190,7 +189,7 @@ impl RangeError {
         }
     }
 
-    /// Rounds what is measured to the instrument's range step.
+    /// Rounds measurements to the instrument's range step.
     pub(crate) fn round(&self, measured: &mut [f32]) {
         if self.step > 0.0 {
             measure::round(measured, self.step);
@@ -206,7 +205,7 @@ pub(crate) struct AzimuthError {
 }
 
 impl AzimuthError {
-    /// None where azimuths are reported as they are.
+    /// None where azimuths are reported exactly.
     pub(crate) fn new(noise: &Noise) -> Option<AzimuthError> {
         let (sigma, step) = (noise.azimuth_sigma_deg.to_radians(), noise.azimuth_step_deg.to_radians());
         (sigma > 0.0 || step > 0.0).then_some(AzimuthError { sigma: sigma as f32, step: step as f32 })
@@ -335,7 +334,7 @@ mod tests {
         let noise = Noise { range_offset_m: -3.0, ..Noise::default() };
         assert_eq!(measure(&noise, 0.0, &Detection::None, 0.5, 1.0, 1), [0.0]);
     }
-    /// UTM-30LX after Friedman 2013, as Blensor has it: range, mean, three sigma, m.
+    /// UTM-30LX after Friedman 2013, as in Blensor: range, mean, three sigma, m.
     #[test]
     fn a_table_has_mean_and_sigma_by_range() {
         let rows = [(2.0, 0.0114, 0.028), (10.5, 0.007_35, 0.0525), (30.0, 0.0009, 0.195)];
@@ -345,14 +344,14 @@ mod tests {
         for (range, mean, three) in rows.into_iter().chain([between, (1.0, 0.0114, 0.028), (50.0, 0.0009, 0.195)]) {
             let sample = measure(&noise, 0.0, &Detection::None, 0.5, range as f32, 100_000);
             let (found, sigma) = mean_and_sigma(&sample);
-            // Three standard errors, and what is lost of ranges in single precision.
+            // Three standard errors, plus the rounding of ranges in single precision.
             let error = 3.0 * three / 3.0 / (sample.len() as f64).sqrt() + 1e-6;
             assert!((found - range - mean).abs() < error, "{found} at {range} m");
             assert!((sigma - three / 3.0).abs() < error, "{sigma} at {range} m");
         }
     }
 
-    /// RGL's form: base + rise R; in squares with what the signal leaves.
+    /// RGL's form: base + rise R; added in squares to what the signal leaves.
     #[test]
     fn noise_may_grow_with_range() {
         let noise =
@@ -366,7 +365,8 @@ mod tests {
         }
     }
 
-    /// The Cramer-Rao bound of a Gaussian pulse of 5 ns, made with numpy: 0.0450109 m at SNR 10, a tenth of it at 100.
+    /// The Cramer-Rao bound of a Gaussian pulse of 5 ns, computed with numpy: 0.0450109 m at SNR 10, a tenth of it at
+    /// 100.
     #[test]
     fn the_timing_of_a_pulse_has_a_bound() {
         let bound = |snr: f64| 2f64.sqrt() * Pulse::new(PulseShape::Gaussian, 5.0).sigma() / snr;
@@ -378,7 +378,8 @@ mod tests {
         assert!((sigma / 4.501_10e-3 - 1.0).abs() < 3.0 / 2e5f64.sqrt(), "{sigma}");
     }
 
-    /// Echoes of 5 ns at 2, 10 and 100 times the threshold: how much earlier their leading edge is, m. Made with numpy.
+    /// Echoes of 5 ns at 2, 10 and 100 times the threshold: how much earlier their leading edge is, m. Computed with
+    /// numpy.
     #[test]
     fn edges_walk_with_the_strength_of_an_echo() {
         let sigma = Pulse::new(PulseShape::Gaussian, 5.0).sigma();
@@ -391,7 +392,7 @@ mod tests {
         }
     }
 
-    /// c/2 x 6.8 ns = 1.01929 m over 40 K, as Gao et al. 2018 have it.
+    /// c/2 x 6.8 ns = 1.01929 m over 40 K, as in Gao et al. 2018.
     #[test]
     fn a_warm_instrument_measures_more() {
         assert!((SPEED_OF_LIGHT / 2.0 * 6.8e-9 - 1.019_29).abs() < 5e-6);
@@ -401,7 +402,7 @@ mod tests {
         assert_eq!(measure(&noise, 0.0, &Detection::None, 0.5, 10.0, 1), [10.0]);
     }
 
-    /// Drawn once: the same channels in all scans of an instrument, others in another.
+    /// Drawn once: the same channels in all scans of an instrument, different ones in another.
     #[test]
     fn channels_have_errors_of_their_own() {
         let channels = 4096;

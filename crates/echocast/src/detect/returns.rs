@@ -23,12 +23,12 @@ pub enum ReturnMode {
     First,
     /// The farthest echo.
     Last,
-    /// The second strongest echo; the only one where there is one.
+    /// The second strongest echo; the only one if there is just one.
     Second,
-    /// Two: the strongest echo, or the second strongest where the strongest is the farthest too, and then the farthest.
-    /// An only echo is reported twice (Velodyne's manuals, chapter on return modes).
+    /// Two: the strongest echo, or the second strongest if the strongest is also the farthest, and then the farthest. A
+    /// single echo is reported twice (Velodyne's manuals, chapter on return modes).
     Dual,
-    /// The strongest echoes, up to the greatest number, the nearest first.
+    /// The strongest echoes, up to the greatest number, nearest first.
     All,
 }
 
@@ -40,7 +40,7 @@ pub(crate) struct ReturnRule {
     pub mode: ReturnMode,
     /// Greatest number in mode `all`.
     pub max: usize,
-    /// Of echoes nearer to each other than this only the strongest is seen, m.
+    /// Of echoes closer together than this only the strongest is seen, m.
     pub separation: f32,
 }
 
@@ -54,18 +54,18 @@ impl ReturnRule {
         }
     }
 
-    /// How often an only echo is reported.
+    /// How often a single echo is reported.
     pub(crate) fn copies(&self) -> usize {
         if self.mode == ReturnMode::Dual { 2 } else { 1 }
     }
 
-    /// Places among `echoes`, which are detected and rise in range, of those that are reported, in the order of
-    /// reporting. `order` is memory to work in.
+    /// Indices of the reported ones among `echoes`, which are detected and rise in range, in the order of reporting.
+    /// `order` is working memory.
     pub(crate) fn choose(&self, echoes: &[Peak], order: &mut Vec<usize>, chosen: &mut Vec<usize>) {
         chosen.clear();
         order.clear();
         order.extend(0..echoes.len());
-        // The nearer of two that are as strong comes first.
+        // The nearer of two equally strong ones comes first.
         order.sort_by(|&a, &b| echoes[b].power.total_cmp(&echoes[a].power));
         if self.separation > 0.0 {
             let mut kept = 0;
@@ -131,7 +131,7 @@ mod tests {
     }
 
     /// Block A holds the strongest return, or the second strongest if the strongest is also the last; block B the last;
-    /// both hold an only one.
+    /// both hold a single one.
     #[test]
     fn dual_returns_follow_the_makers_rule() {
         assert_eq!(choose(ReturnMode::Dual, 2, 0.0, &[0.3, 0.1, 0.0, 0.9]), [5.0, 20.0]);
@@ -148,7 +148,7 @@ mod tests {
         assert_eq!(choose(ReturnMode::Last, 1, 100.0, &powers), [6.0]);
     }
 
-    /// Of two that are as strong the nearer is the strongest.
+    /// Of two equally strong echoes the nearer counts as the strongest.
     #[test]
     fn ties_go_to_the_nearer() {
         assert_eq!(choose(ReturnMode::Strongest, 1, 0.0, &[0.0, 0.5, 0.5, 0.5]), [6.0]);

@@ -3,8 +3,8 @@
 use crate::cloud::{Layout, Sounding};
 use std::ops::Range;
 
-/// Beams further from straight down than this are detected by where the echo crosses their axis, rad (35 degrees):
-/// there it is long, and its strongest part is anywhere in it.
+/// Beams farther from straight down than this are detected where the echo crosses their axis, rad (35 degrees): there
+/// it is long, and its strongest part may be anywhere in it.
 const BY_CROSSING: f32 = 0.61;
 
 /// What one beam has heard.
@@ -13,13 +13,13 @@ pub(crate) struct BeamLevels<'a> {
     /// Levels, dB, bin by bin, and as powers.
     pub levels: &'a [f32],
     pub powers: &'a [f32],
-    /// Angle beside the beam's axis that the energy of each bin comes from, rad; NaN: none. Empty: not known.
+    /// Angle from the beam's axis at which the energy of each bin arrives, rad; NaN: none. Empty: unknown.
     pub beside: &'a [f32],
     /// Width of the beam, rad.
     pub width: f32,
 }
 
-/// The range of the strongest echo of a beam: the centre of its energy, or of beams that look aside where it crosses
+/// The range of the strongest echo of a beam: the centre of its energy, or for beams that look aside where it crosses
 /// their axis. `None`: nothing is loud enough.
 pub(crate) fn sounding(layout: &Layout, heard: &BeamLevels) -> Option<Sounding> {
     let BeamLevels { beam, levels, powers, beside, width } = *heard;
@@ -67,7 +67,7 @@ fn centre(window: Range<usize>, powers: &[f32], most: f32) -> (f32, f32) {
     (origin as f32 + mean, (second / sum - mean * mean).max(0.0).sqrt())
 }
 
-/// Where the line through the angles in `window`, weighed by power, is 0; `None`: nowhere in it.
+/// Where the line through the angles in `window`, weighted by power, is 0; `None`: nowhere in it.
 fn crossing(window: Range<usize>, beside: &[f32], powers: &[f32]) -> Option<f32> {
     let origin = window.start;
     let [mut n, mut x, mut y, mut xx, mut xy] = [0f64; 5];
@@ -122,7 +122,7 @@ mod tests {
 
     #[test]
     fn a_long_echo_is_found_where_it_crosses_the_axis() {
-        // Louder towards one end, as speckle may have it.
+        // Louder towards one end, as speckle may make it.
         let mut levels = [40.0; 200];
         let mut beside = [f32::NAN; 200];
         for bin in 90..120 {

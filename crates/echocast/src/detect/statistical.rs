@@ -10,9 +10,9 @@ use std::f64::consts::{PI, SQRT_2};
 /// Planck's constant, J s.
 const PLANCK: f64 = 6.626_070_15e-34;
 
-/// A receiver whose noise decides: an echo of the signal-to-noise ratio SNR is detected with the probability
-/// `Phi(SNR - TNR)`, Phi = the normal distribution. SNR is proportional to the received energy (noise of the amplifier,
-/// not of the light itself) and calibrated by one data-sheet line.
+/// A receiver limited by noise: an echo of the signal-to-noise ratio SNR is detected with the probability `Phi(SNR -
+/// TNR)`, Phi = the normal distribution. SNR is proportional to the received energy (noise of the amplifier, not of the
+/// light itself) and calibrated by one data-sheet line.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Statistical {
@@ -25,7 +25,7 @@ pub struct Statistical {
     pub probability: f64,
     /// Ratio of threshold to noise, TNR, 1 to 100.
     pub tnr: f64,
-    /// Bandwidth of the receiver, MHz; with it come false alarms. 0 is none of them.
+    /// Bandwidth of the receiver, MHz; it determines false alarms. 0 means none.
     #[serde(default)]
     pub bandwidth_mhz: f64,
     /// The sun, and how the receiver sees it; darkness when not given.
@@ -33,8 +33,8 @@ pub struct Statistical {
     pub sunlight: Option<Sunlight>,
 }
 
-/// Sunlight that a receiver sees beside its echoes. What it adds to the noise depends on how many photo-electrons the
-/// noise in darkness is worth, which the energy of the pulse and the data-sheet line tell.
+/// Sunlight that a receiver sees besides its echoes. What it adds to the noise depends on how many photo-electrons the
+/// noise in darkness is worth, which follows from the energy of the pulse and the data-sheet line.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sunlight {
@@ -55,13 +55,13 @@ pub struct Sunlight {
     /// Excess noise factor of the detector, 1 to 100; about 3 of an avalanche photodiode, 1 of counted photons.
     #[serde(default = "avalanche")]
     pub excess_noise: f64,
-    /// The sun's irradiance at the wavelength, W/(m^2 nm), across its rays: 0.65 at 905 nm at the ground.
+    /// The sun's irradiance at the wavelength, W/(m^2 nm), perpendicular to its rays: 0.65 at 905 nm at the ground.
     #[serde(default = "sun_at_905_nm")]
     pub irradiance_w_m2_nm: f64,
-    /// Reflectance of what it shines on, 0 to 1.
+    /// Reflectance of what the sun shines on, 0 to 1.
     #[serde(default = "half")]
     pub reflectance: f64,
-    /// Its angle of incidence there, degrees, 0 to 90.
+    /// The sun's angle of incidence there, degrees, 0 to 90.
     #[serde(default = "slanting")]
     pub incidence_deg: f64,
     /// Whether the threshold follows the noise: then ranges shrink. Otherwise there are more false alarms.
@@ -108,7 +108,7 @@ impl Statistical {
     }
 
     /// Noise under the sun over that in darkness, of pulses `pulse_ns` long: the variances add, in photo-electrons of a
-    /// pulse, and that of the light is its number times the excess noise factor.
+    /// pulse, and that of light is its number times the excess noise factor.
     pub(super) fn noise_in_light(&self, wavelength_nm: f64, pulse_ns: f64) -> f64 {
         let Some(sun) = &self.sunlight else { return 1.0 };
         let electrons = |joule: f64| sun.quantum_efficiency * photons(joule, wavelength_nm);
@@ -121,7 +121,8 @@ impl Statistical {
 impl Sunlight {
     pub(crate) fn check(&self, bounds: &mut Bounds) -> Result<()> {
         let [wide, high] = self.field_of_view_mrad;
-        // No instrument is near these; the ratio of two of them stays far from the ends of what numbers can be.
+        // No real instrument comes near these; the ratio of two of them stays far from the limits of floating-point
+        // numbers.
         for (name, value, least, most) in [
             ("pulse_uj", self.pulse_uj, 1e-6, 1e6),
             ("aperture_mm", self.aperture_mm, 0.01, 1e4),
@@ -172,7 +173,7 @@ fn normal_distribution(x: f64) -> f64 {
     0.5 * (1.0 + erf(x / SQRT_2))
 }
 
-/// Where the normal distribution has `probability`, 1e-6 to 1 - 1e-6, by bisection.
+/// Where the normal distribution equals `probability`, 1e-6 to 1 - 1e-6, by bisection.
 fn normal_quantile(probability: f64) -> f64 {
     let (mut low, mut high) = (-5.0, 5.0);
     for _ in 0..60 {
@@ -201,7 +202,7 @@ mod tests {
         adaptive: true,
     };
 
-    /// Values made with scipy.
+    /// Values computed with scipy.
     #[test]
     fn known_values_of_the_normal_distribution() {
         for (x, p) in [(0.0, 0.5), (1.0, 0.841_344_746), (2.0, 0.977_249_868), (-3.0, 0.001_349_898)] {
@@ -211,7 +212,7 @@ mod tests {
         assert!((normal_quantile(0.9) - 1.281_551_566).abs() < 1e-8);
     }
 
-    /// Echoes of 1 uJ in clear air, made with numpy: reflectance, range, J, photons at 905 nm.
+    /// Echoes of 1 uJ in clear air, computed with numpy: reflectance, range, J, photons at 905 nm.
     #[test]
     fn received_energy_follows_the_lidar_equation() {
         for (reflectance, range, joule, count) in [(0.1, 50.0, 2.8e-15, 12_756.5), (0.8 * 0.5, 200.0, 7e-16, 3_189.11)]
@@ -222,15 +223,15 @@ mod tests {
         }
     }
 
-    /// Made with scipy: 1.13710e-9 W, 25.90 photons in 5 ns.
+    /// Computed with scipy: 1.13710e-9 W, 25.90 photons in 5 ns.
     #[test]
     fn sunlight_that_a_receiver_sees() {
         assert!((SUN.background_w() / 1.137_10e-9 - 1.0).abs() < 5e-6, "{}", SUN.background_w());
         assert!((photons(SUN.background_w() * 5e-9, 905.0) - 25.90).abs() < 5e-3);
     }
 
-    /// Worked out by hand: 0.1 at 100 m gives 3189.11 photons, 2551.29 electrons, of which the noise is the 6.28155th
-    /// part, 406.15; 25.90 photons of the sun are 20.72 electrons, and add 62.2 to the variance of 164961.
+    /// By hand: 0.1 at 100 m gives 3189.11 photons, 2551.29 electrons, of which the noise is the 6.28155th part,
+    /// 406.15; 25.90 photons of the sun are 20.72 electrons, and add 62.2 to the variance of 164961.
     #[test]
     fn the_sun_adds_to_the_noise() {
         let receiver = |sunlight| Statistical {

@@ -15,22 +15,22 @@ pub struct DetectionSpec {
     /// The model.
     #[serde(flatten)]
     pub model: Detection,
-    /// Part of the light of an echo that each channel makes use of, 0 to 1, beside the one that the model speaks of; as
-    /// many as there are channels, or none where all are alike.
+    /// Part of the light of an echo that each channel uses, 0 to 1, relative to the channel that the model describes;
+    /// one per channel, or none if all are equal.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub channel_efficiency: Vec<f64>,
-    /// Received power beyond which the reported intensity does not rise, in multiples of the detection threshold, 1 to
+    /// Received power above which the reported intensity does not rise, in multiples of the detection threshold, 1 to
     /// 1e12; none is no limit. Needs a model of `radar_equation` or `statistical`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub saturation: Option<f64>,
-    /// Light of bright returns that gets into the beams around; none is nothing of it. Needs such a model too.
+    /// Light of bright returns that leaks into the beams around them; none is no leakage. Needs such a model too.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub blooming: Option<Blooming>,
-    /// What of an echo is timed. Needs such a model too, and a pulse, unless it is the peak.
+    /// What part of an echo is timed. Needs such a model too, and a pulse, unless it is the peak.
     pub timing: Timing,
 }
 
-/// What of an echo an instrument times.
+/// What part of an echo an instrument times.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Timing {
@@ -84,8 +84,8 @@ pub enum Detection {
         /// Its greatest range, m.
         at_m: f64,
     },
-    /// The linear limit of the paper's system: between the two points the reflectivity that is
-    /// just not seen rises linearly with range; nearer than `lower` everything is seen.
+    /// The linear limit of the paper's system: between the two points the reflectivity that is just not seen rises
+    /// linearly with range; everything nearer than `lower` is seen.
     ReflectivityLimit {
         /// Near point.
         lower: LimitPoint,
@@ -177,7 +177,7 @@ impl Detection {
     }
 }
 
-/// A detection model made ready for one scan.
+/// A detection model prepared for one scan.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Threshold {
     /// Every echo.
@@ -186,12 +186,12 @@ pub(crate) enum Threshold {
     Calibrated { k: f32 },
     /// Echoes with `rho_eff > limit + slope (R - from)` where `R >= from`, all nearer ones.
     Linear { from: f32, limit: f32, slope: f32 },
-    /// The paper's program: `rho_eff > limit + slope R` where `R >= from`, `rho_eff > 0` nearer (it leaves out
-    /// the `- from` of the model it cites).
+    /// The paper's program: `rho_eff > limit + slope R` where `R >= from`, `rho_eff > 0` nearer (it omits the `- from`
+    /// of the model it cites).
     LinearBlainder { from: f32, limit: f32, slope: f32 },
     /// Echoes with `rho_eff` above the curve.
     Table(Curve),
-    /// Echoes that reach `level` with the noise they come in: `rho_eff / (R^2 unit) + sigma N(0, 1) >= level`.
+    /// Echoes that reach `level` including their noise: `rho_eff / (R^2 unit) + sigma N(0, 1) >= level`.
     Statistical {
         /// `rho_eff / R^2` of an echo as strong as the noise in darkness, 1/m^2.
         unit: f32,
@@ -205,8 +205,8 @@ pub(crate) enum Threshold {
 }
 
 impl Threshold {
-    /// Of pulses of a wavelength, nm, and a width, ns. `blainder`: as the paper's program computes the linear limit; it
-    /// knows no chance, so that the data-sheet line of a statistical detector is its limit.
+    /// For pulses of a wavelength, nm, and a width, ns. `blainder`: as the paper's program computes the linear limit;
+    /// it has no randomness, so the data-sheet line of a statistical detector is its limit.
     pub(crate) fn new(detection: &Detection, (wavelength_nm, pulse_ns): (f64, f64), blainder: bool) -> Self {
         match *detection {
             Detection::None => Threshold::Open,
@@ -241,8 +241,8 @@ impl Threshold {
         }
     }
 
-    /// The noise that an echo of `beam` is detected in, a standard normal number; 0 where noise does not decide. `echo`
-    /// tells the echoes of a beam apart.
+    /// The noise in which an echo of `beam` is detected, a standard normal number; 0 where noise plays no part. `echo`
+    /// distinguishes the echoes of a beam.
     pub(crate) fn noise(&self, rng: &Rng, beam: u32, echo: u32) -> f32 {
         match self {
             Threshold::Statistical { .. } => rng.normal(beam, Draw::Detection, echo),
@@ -305,7 +305,7 @@ impl Threshold {
         }
     }
 
-    /// Least `rho_eff / R^2` that is ever detected, 1/m^2, where the model knows one.
+    /// Least `rho_eff / R^2` that is ever detected, 1/m^2, where the model defines one.
     pub(crate) fn least_power(&self) -> Option<f64> {
         match *self {
             Threshold::Calibrated { k } => Some(k.into()),
@@ -314,7 +314,7 @@ impl Threshold {
         }
     }
 
-    /// `rho_eff / R^2` at the threshold, in darkness, 1/m^2, where the model knows one.
+    /// `rho_eff / R^2` at the threshold, in darkness, 1/m^2, where the model defines one.
     pub(crate) fn power(&self) -> Option<f32> {
         match *self {
             Threshold::Calibrated { k } => Some(k),
@@ -323,7 +323,7 @@ impl Threshold {
         }
     }
 
-    /// `rho_eff / R^2` of an echo whose signal-to-noise ratio is the threshold's, 1/m^2, where the model knows it.
+    /// `rho_eff / R^2` of an echo whose signal-to-noise ratio is the threshold's, 1/m^2, where the model defines it.
     pub(crate) fn unit(&self) -> Option<f32> {
         match *self {
             Threshold::Calibrated { k } => Some(k),
@@ -333,7 +333,7 @@ impl Threshold {
     }
 }
 
-/// Signal over the noise in darkness below which no echo is looked for: four sigma under the threshold, where one in
+/// Signal over the noise in darkness below which no echo is searched: four sigma under the threshold, where one in
 /// 30,000 would be detected, and at least half as strong as the noise.
 fn least_snr(level: f32, sigma: f32) -> f32 {
     (level - 4.0 * sigma).max(0.5 * sigma)
@@ -421,7 +421,7 @@ mod tests {
         seen as f64 / (4000 * LANES) as f64
     }
 
-    /// `Phi(SNR - TNR)`, made with scipy; within three standard errors.
+    /// `Phi(SNR - TNR)`, computed with scipy; within three standard errors.
     #[test]
     fn noise_decides_with_the_probability_of_the_normal_distribution() {
         for (snr, tnr, p) in [(6.0, 5.0, 0.841_345), (8.0, 6.0, 0.977_250), (5.0, 5.0, 0.5), (2.0, 4.0, 0.022_750)] {
@@ -462,7 +462,7 @@ mod tests {
             assert!((found - 0.5).abs() < error, "{threshold:?} {found}");
         }
         assert!(share(&fixed, rho, 1.1 * half) > share(&dark, rho, 1.1 * half) + 10.0 * error);
-        // The noise of timing follows the ratio to the noise there is.
+        // The timing noise follows the ratio to the actual noise.
         let snr = |threshold: &Threshold| rho / (threshold.unit().unwrap() * half * half);
         assert!((snr(&dark) - 1.0).abs() < 1e-5 && (snr(&fixed) * sigma - 1.0).abs() < 1e-5);
         assert_eq!(snr(&fixed), snr(&follows));

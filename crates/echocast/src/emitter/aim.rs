@@ -6,7 +6,7 @@ use crate::ground::rng::{Draw, Rng};
 use echocast_kernels::aim;
 use glam::{DVec3, Mat3, Vec3};
 
-/// How the beams of one scan are put into the world.
+/// How the beams of one scan are placed in the world.
 pub(crate) enum Aim<'a> {
     /// The sensor stands: one rotation and origin for all beams.
     Fixed { rotation: Mat3, origin: Vec3 },
@@ -36,8 +36,8 @@ impl<'a> Aim<'a> {
         }
     }
 
-    /// Origins, directions and farthest ranges of beams `first ..` that go in the directions `x`, `y`, `z` (sensor
-    /// frame); `range_max`, m, where the table has none.
+    /// Origins, directions and farthest ranges of beams `first ..` in the directions `x`, `y`, `z` (sensor frame);
+    /// `range_max`, m, where the table has none.
     pub(crate) fn rays(
         &self,
         beams: &BeamTable,
@@ -70,7 +70,7 @@ impl<'a> Aim<'a> {
                         lane += 1;
                         continue;
                     };
-                    // Neighbours mostly fire during the same motion.
+                    // Neighbours mostly fire within the same motion.
                     let times = &beams.time[first + lane..first + count];
                     let lanes = times.iter().take_while(|&time| motion.covers(start_time + time)).count();
                     let beams = [&x[lane..], &y[lane..], &z[lane..]];
@@ -86,8 +86,8 @@ fn local(pose: &Pose, local_origin: DVec3) -> (Mat3, Vec3) {
     (pose.rotation().as_mat3(), (pose.position - local_origin).as_vec3())
 }
 
-/// Where `beams` really go that are reported to go in the directions `nominal` (sensor frame): off by a
-/// Gaussian angle of `sigma` rad, small, in each of the two directions across.
+/// Where `beams` really go whose reported directions are `nominal` (sensor frame): off by a small Gaussian angle of
+/// `sigma` rad in each of the two directions across.
 pub(crate) fn scatter(rng: &Rng, beams: &[u32], sigma: f32, nominal: [&[f32]; 3], pointed: &mut [[f32; LANES]; 3]) {
     let count = beams.len();
     let mut angles = [[0.0; LANES]; 2];
@@ -96,7 +96,7 @@ pub(crate) fn scatter(rng: &Rng, beams: &[u32], sigma: f32, nominal: [&[f32]; 3]
     }
     for lane in 0..count {
         let along = Vec3::from(nominal.map(|axis| axis[lane]));
-        // Straight up and down, there is no horizontal: any direction is across.
+        // Straight up or down there is no horizontal: any direction is across.
         let left = Vec3::Z.cross(along).try_normalize().unwrap_or(Vec3::Y);
         let across = left * angles[0][lane] + along.cross(left) * angles[1][lane];
         let direction = (along + sigma * across).normalize();
@@ -110,7 +110,7 @@ pub(crate) fn scatter(rng: &Rng, beams: &[u32], sigma: f32, nominal: [&[f32]; 3]
 mod tests {
     use super::*;
 
-    /// Ahead, slanting, straight up: Gaussian in both directions across, by one sigma each, and of length 1.
+    /// Ahead, slanting, straight up: Gaussian in both directions across, with one sigma each, and of length 1.
     #[test]
     fn beams_scatter_around_where_they_point() {
         let sigma = 2e-3;

@@ -1,12 +1,12 @@
-//! The face of a sonar: how loud it is in any direction, to send to or to hear from.
+//! The face of a sonar: how loudly it sends in, or hears from, any direction.
 
 use crate::ground::math::log2;
 use glam::Vec3;
 
-/// log2 of the least power that a face is given, 1e-15; also of what is behind it.
+/// log2 of the least power assigned to a face, 1e-15; also of what is behind it.
 pub(super) const FAINT: f32 = -49.8;
 
-/// A side of a face that makes no beam: its pattern, and how wide that is, rad.
+/// The side of a face that forms no beam: its pattern, and its width, rad.
 pub(super) const EVERYWHERE: (fn(f64) -> f64, f64) = (|_| 1.0, std::f64::consts::PI);
 
 /// A face that looks along an axis, with tables of its patterns.
@@ -14,7 +14,7 @@ pub(super) const EVERYWHERE: (fn(f64) -> f64, f64) = (|_| 1.0, std::f64::consts:
 pub(crate) struct Aperture {
     /// Unit vectors in the sensor's frame: its axis, its long edge and the one across it.
     frame: [Vec3; 3],
-    /// Amplitudes along the long edge, or all around the axis if it is round.
+    /// Amplitudes along the long edge, or all round the axis if it is round.
     along: Table,
     across: Table,
     round: bool,
@@ -22,7 +22,7 @@ pub(crate) struct Aperture {
 
 impl Aperture {
     /// With a pattern and its width (rad) along the long edge, by the sine of the angle off the axis, and one across
-    /// it, by that of the angle in the plane of axis and the edge across. `frame`: see [`Aperture`].
+    /// it, by that of the angle in the plane of the axis and the edge across. `frame`: see [`Aperture`].
     pub fn new(
         frame: [[f64; 3]; 3],
         along: (impl Fn(f64) -> f64, f64),
@@ -32,13 +32,13 @@ impl Aperture {
         Aperture { frame: frame.map(vector), along, across, round: false }
     }
 
-    /// With one pattern all around its axis.
+    /// With one pattern all round its axis.
     pub fn round(frame: [[f64; 3]; 3], lobe: impl Fn(f64) -> f64, width: f64) -> Aperture {
         let (along, across) = (Table::new(lobe, width), Table::default());
         Aperture { frame: frame.map(vector), along, across, round: true }
     }
 
-    /// log2 of the power along a unit `direction` in the sensor's frame; nothing is sent to what is behind.
+    /// log2 of the power along a unit `direction` in the sensor's frame; nothing is sent backwards.
     pub fn power(&self, direction: Vec3) -> f32 {
         let [ahead, along, across] = self.frame.map(|axis| axis.dot(direction));
         if ahead <= 0.0 {
@@ -63,7 +63,7 @@ struct Table(Vec<f32>);
 
 impl Table {
     fn new(pattern: impl Fn(f64) -> f64, width: f64) -> Table {
-        /// Steps within the width: a line's power is then off by 0.003 dB at most on its main lobe.
+        /// Steps per width: the power of a line is then off by at most 0.003 dB on its main lobe.
         const FINE: f64 = 32.0;
         let half = (FINE / width).ceil().clamp(64.0, 262_144.0) as i32;
         Table((-half..=half).map(|step| pattern(f64::from(step) / f64::from(half)) as f32).collect())

@@ -16,8 +16,8 @@ pub enum FiringOrder {
 /// Most beams of one scan. A fuzzer would spend its time drawing.
 pub(crate) const MAX_BEAMS: u64 = if cfg!(fuzzing) { 1_000_000 } else { 64_000_000 };
 
-/// The beams of one scan in beam order, a column each; directions are unit vectors in the sensor
-/// frame (x forward, y left, z up).
+/// The beams of one scan in beam order, one column per quantity; directions are unit vectors in the sensor frame (x
+/// forward, y left, z up).
 ///
 /// Beam `row * columns + column`; neighbours in a row are neighbours in angle, so that packets are
 /// coherent.
@@ -51,7 +51,7 @@ impl BeamTable {
     /// An empty table of `rows` x `columns` beams, with room for them.
     ///
     /// # Errors
-    /// No memory.
+    /// Out of memory.
     pub(crate) fn with_size(rows: usize, columns: usize, firing_order: FiringOrder, period: f64) -> Result<BeamTable> {
         let beams = rows * columns;
         Ok(BeamTable {
@@ -78,7 +78,7 @@ impl BeamTable {
         self.channel.push(channel);
     }
 
-    /// Brings the directions to length 1 as well as f32 can, because ranges count in them; those that are stay.
+    /// Normalises the directions as well as f32 can, because ranges count in them; those that already are stay.
     pub(crate) fn normalize(&mut self) {
         for ((x, y), z) in self.dir_x.iter_mut().zip(&mut self.dir_y).zip(&mut self.dir_z) {
             let direction = glam::DVec3::new((*x).into(), (*y).into(), (*z).into());
@@ -108,12 +108,12 @@ impl BeamTable {
         self.dir_x.is_empty()
     }
 
-    /// Whether neighbours in beam order are neighbours in angle: then rays are traced in coherent packets.
+    /// Whether neighbours in beam order are neighbours in angle: rays are then traced in coherent packets.
     pub(crate) fn is_coherent(&self) -> bool {
-        /// A packet of 16 beams of 1 degree apart still gains from being traced together.
+        /// A packet of 16 beams 1 degree apart still gains from being traced together.
         const WIDEST_PACKET: usize = 16;
         const COS_LIMIT: f32 = 0.94;
-        /// One packet in so many is looked at.
+        /// One packet in this many is checked.
         const STRIDE: usize = 61 * WIDEST_PACKET;
         let dot = |a: usize, b: usize| {
             self.dir_x[a] * self.dir_x[b] + self.dir_y[a] * self.dir_y[b] + self.dir_z[a] * self.dir_z[b]
@@ -136,11 +136,11 @@ impl BeamTable {
         }
     }
 
-    /// Whether the table can be scanned with: columns of equal length, unit directions (to 1e-4), finite
-    /// times, ranges at least 0 with the nearest below the farthest, a period above 0.
+    /// Whether the table can be scanned: columns of equal length, unit directions (to 1e-4), finite times, ranges at
+    /// least 0 with the nearest below the farthest, a period above 0.
     ///
     /// # Errors
-    /// The column and the beam that is wrong, and what is allowed.
+    /// Names the column and the beam that is wrong, and what is allowed.
     pub fn check(&self) -> Result<()> {
         let beams = u64::from(self.rows) * u64::from(self.columns);
         if beams == 0 || beams > MAX_BEAMS {
@@ -201,8 +201,8 @@ fn room<T>(beams: usize) -> Result<Vec<T>> {
     Ok(column)
 }
 
-/// Unit vector in the sensor frame of a direction given by its azimuth, degrees, and the sine and cosine of its
-/// elevation, which a row of beams shares.
+/// Unit vector in the sensor frame from an azimuth, degrees, and the sine and cosine of the elevation, which a row of
+/// beams shares.
 pub(crate) fn direction(azimuth_deg: f64, (sin_el, cos_el): (f64, f64)) -> [f64; 3] {
     let (sin_az, cos_az) = azimuth_deg.to_radians().sin_cos();
     [cos_el * cos_az, cos_el * sin_az, sin_el]

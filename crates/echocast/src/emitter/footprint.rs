@@ -1,4 +1,4 @@
-//! Where within a beam its light goes: sub-rays that stand for it.
+//! How a beam's light is spread within it: sub-rays that represent it.
 
 use crate::ground::lanes::{LANES, RayBatch};
 use echocast_kernels::aim;
@@ -9,17 +9,17 @@ use std::f64::consts::{PI, TAU};
 ///
 /// Irradiance falls as `exp(-2 r^2 / w^2)` across the beam, `w(R)^2 = w0^2 + (phi R)^2` with the half angle `phi` at
 /// 1/e^2, each axis its own. Sub-ray `i` of `N` crosses it at `r = w sqrt(-ln(1 - u)/2)`, `u = (i + 1/2)/N`, the golden
-/// angle `pi (3 - sqrt 5)` on from the one before it (a Vogel spiral); the spiral is turned at random beam by beam.
-/// Straight rays keep to `w(R)` at every range when they leave the exit disc sideways: a ruled hyperboloid.
+/// angle `pi (3 - sqrt 5)` on from the previous one (a Vogel spiral); the spiral is rotated at random for each beam.
+/// Straight rays keep to `w(R)` at every range if they leave the exit disc sideways: a ruled hyperboloid.
 #[derive(Clone, Debug)]
 pub(crate) struct Footprint {
     /// Cosine and sine of each sub-ray's place on the spiral, times `r / w`.
     places: Vec<[f32; 2]>,
     /// Radius of the beam at the exit, m.
     start: f32,
-    /// Half angles, horizontal and vertical, rad; of a pixel its whole width and height over the focal length.
+    /// Half angles, horizontal and vertical, rad; for a pixel its full width and height over the focal length.
     half_angles: [f32; 2],
-    /// Whether it is turned at random beam by beam.
+    /// Whether it is rotated at random for each beam.
     pub turns: bool,
 }
 
@@ -28,7 +28,7 @@ pub(crate) struct Across {
     /// Unit vectors across the beam, to the left and up, in the world.
     left: [[f32; LANES]; 3],
     up: [[f32; LANES]; 3],
-    /// Cosine and sine of the spiral's turn.
+    /// Cosine and sine of the spiral's rotation.
     turn: [[f32; LANES]; 2],
 }
 
@@ -37,7 +37,8 @@ impl Across {
         Across { left: [[0.0; LANES]; 3], up: [[0.0; LANES]; 3], turn: [[0.0; LANES]; 2] }
     }
 
-    /// The axes of one beam in `direction`, where the sensor's z is `up`, with the spiral turned by `turn` of a circle.
+    /// Sets the axes of one beam in `direction`, where the sensor's z is `up`, with the spiral rotated by `turn` of a
+    /// circle.
     pub(crate) fn set(&mut self, lane: usize, direction: Vec3, up: Vec3, turn: f32) {
         let left = up.cross(direction);
         // A beam straight up or down has no left of its own.
@@ -45,7 +46,7 @@ impl Across {
         self.set_axes(lane, [left, direction.cross(left)], turn);
     }
 
-    /// The same with the vectors across themselves.
+    /// The same with the vectors across given.
     pub(crate) fn set_axes(&mut self, lane: usize, [left, up]: [Vec3; 2], turn: f32) {
         for (axis, (left, up)) in left.to_array().into_iter().zip(up.to_array()).enumerate() {
             self.left[axis][lane] = left;
@@ -74,8 +75,8 @@ impl Footprint {
         }
     }
 
-    /// `count` sub-rays, at least 2, evenly over a pixel of a width and height over the focal length: a low-discrepancy
-    /// sequence of the plastic number g = 1.3247, `(i/g, i/g^2) mod 1` (Roberts 2018).
+    /// `count` sub-rays, at least 2, spread evenly over a pixel of a width and height over the focal length: a
+    /// low-discrepancy sequence of the plastic number g = 1.3247, `(i/g, i/g^2) mod 1` (Roberts 2018).
     pub(crate) fn of_pixel(count: usize, size: [f64; 2]) -> Footprint {
         let place = |i: usize| {
             [0.754_877_666_246_693, 0.569_840_290_998_053].map(|step| ((0.5 + step * i as f64).fract() - 0.5) as f32)
@@ -93,7 +94,7 @@ impl Footprint {
         self.places.len()
     }
 
-    /// Where sub-ray `index` of the beam at `lane` is at `range` m, in the world: to first order in the divergence.
+    /// World position of sub-ray `index` of the beam at `lane` at `range` m: to first order in the divergence.
     pub(crate) fn crossing(&self, index: usize, across: &Across, beams: &RayBatch, lane: usize, range: f32) -> Vec3 {
         let [cos, sin] = self.places[index];
         let [horizontal, vertical] = self.half_angles;
@@ -107,7 +108,7 @@ impl Footprint {
             + up * (self.start * s + vertical * range * c)
     }
 
-    /// Sub-ray `index` of every beam of the block: `beams` turned aside as `across` says. Their range limits are
+    /// Sub-ray `index` of every beam of the block: `beams` turned aside according to `across`. Their range limits are
     /// copied.
     pub(crate) fn rays(&self, index: usize, across: &Across, beams: &RayBatch, rays: &mut RayBatch) {
         rays.range_max = beams.range_max;
@@ -150,7 +151,7 @@ mod tests {
     }
 
     /// The part of the light on the near side of an edge at `x0` from the axis is `(1 + erf(sqrt 2 x0/w))/2`; measured
-    /// bounds of the spiral over |x0| <= 1.2 w and all turns.
+    /// bounds of the spiral over |x0| <= 1.2 w and all rotations.
     #[test]
     fn a_knife_edge_divides_the_beam_by_the_error_function() {
         for (count, most) in [(19, 0.13), (64, 0.06), (256, 0.025)] {
@@ -169,14 +170,14 @@ mod tests {
                 }
             }
         }
-        // Values of the law itself.
+        // Values of the law.
         for (x0, expected) in [(0.25, 0.691_462), (0.5, 0.841_345), (1.0, 0.977_250)] {
             assert!(((1.0 + erf(2f64.sqrt() * x0)) / 2.0 - expected).abs() < 1e-6);
         }
     }
 
     /// Light within a circle: `1 - exp(-2 r^2/w^2)`, of which 0.393469 is within w/2, 0.864665 within w, 0.988891
-    /// within 1.5 w; within the half maximum, 1.17741 w wide, there is one half.
+    /// within 1.5 w; half is within the half maximum, 1.17741 w wide.
     #[test]
     fn circles_encircle_their_part_of_the_light() {
         let count = 1000;
@@ -187,13 +188,13 @@ mod tests {
             for (radius, expected) in [(0.5, 0.393_469), (1.0, 0.864_665), (1.5, 0.988_891), (1.177_41 / 2.0, 0.5)] {
                 let within = places.iter().filter(|[y, z]| y.hypot(*z) < radius * w).count();
                 let found = within as f64 / count as f64;
-                // To one ray.
+                // To within one ray.
                 assert!((found - expected).abs() <= 1.0 / count as f64, "{radius} w at {range} m: {found}");
             }
         }
     }
 
-    /// Sub-rays of a pixel fill it evenly, whichever part of it is asked for.
+    /// Sub-rays of a pixel fill it evenly, in every part of it.
     #[test]
     fn pixels_are_filled() {
         let (count, width, height) = (64, 0.004, 0.002);

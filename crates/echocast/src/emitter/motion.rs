@@ -1,11 +1,11 @@
-//! An even motion, for many times at once.
+//! A uniform motion, for many times at once.
 
 use super::Pose;
 use crate::ground::lanes::RayBatch;
 use echocast_kernels::aim;
 use glam::{DQuat, DVec3};
 
-/// How a sensor moves between two poses: straight on, and evenly about one axis.
+/// How a sensor moves between two poses: in a straight line, and uniformly about one axis.
 pub(super) struct Motion {
     end: f64,
     inner: aim::Motion,
@@ -30,7 +30,7 @@ impl Motion {
         Motion { end, inner }
     }
 
-    /// Whether it is going on at `time`, s.
+    /// Whether it includes `time`, s.
     pub fn covers(&self, time: f64) -> bool {
         self.inner.start <= time && time <= self.end
     }
@@ -81,7 +81,7 @@ mod tests {
                     let origin = Vec3::new(rays.org_x[lane], rays.org_y[lane], rays.org_z[lane]).as_dvec3();
                     assert!((origin + local_origin - pose.position).length() < 1e-6);
                     let direction = Vec3::new(rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]).as_dvec3();
-                    // glam's slerp takes a straight line for the smallest turns.
+                    // glam's slerp uses a straight line for the smallest turns.
                     assert!((direction - pose.orientation * axis).length() < 4e-6, "{roll} {yaw} {time}");
                 }
             }

@@ -7,23 +7,23 @@ use crate::read::csv::{Csv, Lines};
 use glam::{DQuat, DVec3};
 use std::path::Path;
 
-/// The path of a sensor: poses at rising times, linear in position and slerp in orientation between
-/// them; before the first and after the last key the sensor stands.
+/// The path of a sensor: poses at rising times, linear in position and slerp in orientation between them; before the
+/// first and after the last key the sensor stands still.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trajectory {
     keys: Vec<(f64, Pose)>,
 }
 
 impl Trajectory {
-    /// A sensor that stands at `pose`, whose quaternion is brought to length 1.
+    /// A sensor fixed at `pose`, whose quaternion is normalised.
     pub fn fixed(pose: Pose) -> Self {
         Trajectory { keys: vec![(0.0, Pose { orientation: pose.orientation.normalize(), ..pose })] }
     }
 
-    /// A sensor that passes `keys`: (time in s, pose), times strictly rising. Quaternions are brought to length 1.
+    /// A sensor that passes through `keys`: (time in s, pose), times strictly rising. Quaternions are normalised.
     ///
     /// # Errors
-    /// No key, times that do not rise, numbers that are not finite, a quaternion without length.
+    /// No key, times that do not rise, non-finite numbers, a quaternion without length.
     pub fn new(mut keys: Vec<(f64, Pose)>) -> Result<Self> {
         if keys.is_empty() {
             return Err(Error::invalid("trajectory", "empty", "at least one pose"));
@@ -41,7 +41,7 @@ impl Trajectory {
     /// Reads TUM text (`t x y z qx qy qz qw`, `#` comments) or CSV with a header: the time `time_s`, `t` or `time` in
     /// seconds, `x,y,z` in metres, and `qx,qy,qz,qw` or `roll_deg,pitch_deg,yaw_deg` ([`Pose::with_rpy_deg`]).
     ///
-    /// Times stay as the file has them, also when they count from 1970: see [`Trajectory::shifted_to_zero`].
+    /// Times stay as in the file, even when they count from 1970: see [`Trajectory::shifted_to_zero`].
     ///
     /// # Errors
     /// A missing file, or the line and what is wrong with it.
@@ -49,7 +49,7 @@ impl Trajectory {
         Trajectory::read(Lines::open(path.as_ref())?)
     }
 
-    /// [`Trajectory::load`] from the text of such a file.
+    /// [`Trajectory::load`] from the text of a file.
     ///
     /// # Errors
     /// The line and what is wrong with it.
@@ -72,7 +72,7 @@ impl Trajectory {
         Ok(Trajectory { keys })
     }
 
-    /// The same with the first key at time 0, as a scan that starts at time 0 wants it.
+    /// The same with the first key at time 0, as a scan that starts at time 0 needs it.
     #[must_use]
     pub fn shifted_to_zero(mut self) -> Self {
         let start = self.keys[0].0;
@@ -98,7 +98,7 @@ impl Trajectory {
         (self.keys[0].0, self.keys[self.keys.len() - 1].0)
     }
 
-    /// The even motion that the sensor is in at `time`, s; `None`: it stands.
+    /// The uniform motion of the sensor at `time`, s; `None`: it stands still.
     pub(super) fn motion(&self, time: f64) -> Option<Motion> {
         let after = self.keys.partition_point(|(key, _)| *key <= time);
         let from = *self.keys.get(after.checked_sub(1)?)?;
@@ -116,13 +116,13 @@ impl Trajectory {
         let part = (time - t0) / (t1 - t0);
         Pose {
             position: a.position.lerp(b.position, part),
-            // glam goes the shorter of the two ways.
+            // glam takes the shorter way.
             orientation: a.orientation.slerp(b.orientation, part).normalize(),
         }
     }
 }
 
-/// The pose with a unit quaternion, or what is wrong with a key that follows the one at time `before`.
+/// The pose with a unit quaternion, or what is wrong with a key after the one at time `before`.
 fn check_key(before: Option<f64>, time: f64, pose: Pose) -> Result<Pose, String> {
     if !(time.is_finite() && pose.position.is_finite() && pose.orientation.is_finite()) {
         return Err("a number that is not finite".into());
@@ -208,7 +208,7 @@ mod tests {
     fn poses_between_keys_are_linear_and_turn_the_short_way() {
         let a = Pose::at(0.0, 0.0, 1.0).with_rpy_deg(0.0, 0.0, 170.0);
         let mut b = Pose::at(2.0, 4.0, 1.0).with_rpy_deg(0.0, 0.0, -170.0);
-        // The same orientation, named by the quaternion on the other side.
+        // The same orientation, expressed by the opposite quaternion.
         b.orientation = -b.orientation;
         let path = Trajectory::new(vec![(1.0, a), (3.0, b)]).unwrap();
         let middle = path.at(1.5);

@@ -1,4 +1,4 @@
-//! The fans of a sonar as rays: how much sound each stands for, and how loud each beam hears it.
+//! The fans of a sonar as rays: how much sound each represents, and how loudly each beam hears it.
 
 use super::aperture::{Aperture, EVERYWHERE, FAINT};
 use super::lobe::{self, Lobe, Shape};
@@ -7,44 +7,43 @@ use crate::ground::angle::azimuth_elevation;
 use glam::Vec3;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Power below which a beam hears nothing beside its axis, of a line array: four sidelobes to each side.
+/// Power of a line array below which a beam hears nothing off its axis: four sidelobes on each side.
 const FAINTEST: f64 = 5e-3;
 
-/// Part of the rays that are spread evenly over a fan, whatever its pattern: they find what the sidelobes see.
+/// Part of the rays spread evenly over a fan, whatever its pattern: they find what the sidelobes see.
 const EVEN: f64 = 0.2;
 
-/// What a sonar sends and hears, for one wavelength. Rays follow each other from the first beam to the last.
+/// What a sonar sends and hears, at one wavelength. Rays are ordered from the first beam to the last.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Transducer {
     /// Unit directions of the rays in the sensor's frame.
     pub direction: [Vec<f32>; 3],
-    /// Unit vectors across each ray along which the cell of directions that it stands for is `cell` rad long.
+    /// Unit vectors across each ray along which the cell of directions it represents is `cell` rad long.
     pub tangent: [Vec<f32>; 3],
     pub cell: Vec<f32>,
-    /// How long the cells are across ray and tangent, rad; empty: fans so thin that ranges hardly change that way.
+    /// Length of the cells across ray and tangent, rad; empty: fans so thin that ranges hardly change that way.
     pub aside: Vec<f32>,
-    /// Powers of sending and hearing, times the solid angle of the cell, sr, as log2; without what the beams make of
-    /// it.
+    /// Powers of sending and hearing, times the solid angle of the cell, sr, as log2; without the beams' own pattern.
     pub weight: Vec<f32>,
     /// Power of the face in the direction of each ray, one way, as log2.
     pub power: Vec<f32>,
     /// Index of the ray's [`Hearing`].
     pub hearing: Vec<u32>,
-    /// Who hears rays, by rising first beam; then who hears any direction, by even steps of its sine to a line array.
+    /// Who hears rays, by rising first beam; then who hears any direction, at even steps of its sine to a line array.
     pub hearings: Vec<Hearing>,
-    /// Hearings of rays alone.
+    /// Number of hearings that belong to rays.
     of_rays: usize,
-    /// What sends and hears: of a side-scan sonar one for each beam.
+    /// What sends and hears: for a side-scan sonar one for each beam.
     faces: Vec<Aperture>,
-    /// Whether the face only sends: beams hear what is before it as [`Hearing`] says alone.
+    /// Whether the face only sends: beams hear what is in front of it as [`Hearing`] alone says.
     only_sends: bool,
     /// Amplitudes with which beams hear, 1 on the axis; see [`Hearing`].
     pub loudness: Vec<f32>,
-    /// Angles from the beam's axis to the ray, rad, positive to port, beside each loudness; only of swaths.
+    /// Angles from the beam's axis to the ray, rad, positive to port, beside each loudness; only for swaths.
     pub beside: Vec<f32>,
-    /// Azimuth and elevation of each beam's axis as it is reported, rad.
+    /// Reported azimuth and elevation of each beam's axis, rad.
     pub axes: Vec<[f32; 2]>,
-    /// Width of a swath's beams, or of the only one, rad.
+    /// Width of the beams of a swath, or of a single beam, rad.
     pub width: f32,
     /// Directivity index of hearing, dB.
     pub directivity_db: f64,
@@ -61,7 +60,7 @@ pub(crate) struct Hearing {
 }
 
 impl Transducer {
-    /// That of `pattern` for `wavelength`, m, where the true sound speed is `ratio` times what the beamformer believes;
+    /// For `pattern` at `wavelength`, m, where the true sound speed is `ratio` times what the beamformer believes;
     /// `None` for patterns of light.
     pub fn new(pattern: &Pattern, wavelength: f64, ratio: f64) -> Option<Transducer> {
         let mut transducer = match pattern {
@@ -79,7 +78,8 @@ impl Transducer {
         Some(transducer)
     }
 
-    /// How often a beam hears a ray or a direction, about, in a transducer for `pattern`: what its memory grows with.
+    /// Roughly how many hearings of rays or directions by beams a transducer for `pattern` has: its memory grows with
+    /// this.
     pub fn hearings_of(pattern: &Pattern, wavelength: f64) -> f64 {
         let (rays, sines, heard): (u32, Vec<f64>, _) = match pattern {
             Pattern::Multibeam(swath) => {
@@ -126,7 +126,7 @@ impl Transducer {
     }
 
     /// log2 of how much louder sound is heard from the unit `direction` (sensor frame) than from that of a ray, without
-    /// what the beams make of it; and the index of the [`Hearing`] that says this.
+    /// the beams' own pattern; and the index of the [`Hearing`] that gives that.
     pub fn heard_beside(&self, ray: usize, direction: Vec3) -> (f32, u32) {
         let power = self.face(ray).power(direction);
         let louder = match self.only_sends {
@@ -198,13 +198,13 @@ impl Transducer {
     fn sidescan(sonar: &Sidescan, wavelength: f64) -> Transducer {
         let lobe = sonar.along_deg.at(wavelength);
         let along = ThinSide::two_way(&lobe);
-        // Half of a fan from nadir hears all of it alike.
+        // Half a fan from nadir hears all of it alike.
         let half_fan = sonar.down_fov_deg.map(|fov| Lobe::Shape(Shape::Box { width_deg: 0.5 * fov }));
         let vertical = half_fan.as_ref().unwrap_or(&sonar.vertical_deg).at(wavelength);
         let axis = sonar.axis_deg().to_radians();
         let strata = match sonar.down_fov_deg.zip(sonar.step_deg) {
             Some((fov, step)) => {
-                // One ray at each end of the fan, as the paper's system has them.
+                // One ray at each end of the fan, as in the paper's system.
                 let count = (0.5 * fov / step + 1e-6).floor() as usize + 1;
                 let step = step.to_radians();
                 let stratum = |index| Stratum { at: -FRAC_PI_2 + index as f64 * step, size: step, power: 1.0 };
@@ -247,7 +247,7 @@ impl Transducer {
         let sines: Vec<f64> = swath.angles_deg().map(|angle| sine_deg(angle) * ratio).collect();
         let extent = heard.extent_within(FAINTEST, 1.0 + sines[0].abs());
         let widest = (0.5 * swath.swath_deg).to_radians();
-        // Rays as far beside the outermost beams as these hear, but not up.
+        // Rays extend as far beyond the outermost beams as these hear, but not upwards.
         let most = (widest.sin() * ratio.max(1.0) + extent).min(88f64.to_radians().sin()).asin().max(widest);
         let count = swath.beams as usize * swath.rays as usize;
         let mut transducer = Transducer::default();
@@ -321,17 +321,17 @@ impl Transducer {
             let (lobe, vertical) = (sonar.beam_deg.at(wavelength), vertical.at(wavelength));
             let two_way = |lobe: &lobe::BeamPattern, angle: f64| lobe.amplitude(angle.sin()).powi(4);
             let (power, power_aside) = (|angle| two_way(&vertical, angle), |angle| two_way(&lobe, angle));
-            // Cells about as high as wide.
+            // Cells about as high as they are wide.
             let columns = (count as f64 * lobe.width() / vertical.width()).sqrt().round();
             let columns = (columns as usize).clamp(1, count / 4);
             let most = lobe.extent(1e-2).min(1.0).asin();
             let columns = strata(columns, (&lobe, 0.0), [-most, most], power_aside, |_| 1.0);
-            // One column alone is as wide as the beam, not as its sidelobes.
+            // A single column is as wide as the beam, not as its sidelobes.
             let widest = ThinSide::two_way(&lobe).width;
             let half = [-FRAC_PI_2, FRAC_PI_2];
             let rows = strata(count / columns.len(), (&vertical, 0.0), half, power, |_| 1.0);
             for (index, column) in columns.iter().enumerate() {
-                // Of all columns none is above the others on average.
+                // On average no column is higher than the others.
                 let shift = golden(index) - 0.5 + 0.5 / columns.len() as f64;
                 for (index, row) in rows.iter().enumerate() {
                     let angle = row.at + shift * row.size;
@@ -339,7 +339,7 @@ impl Transducer {
                     let ((sin, cos), (aside, level)) = (angle.sin_cos(), angle_aside.sin_cos());
                     let direction = tilted([cos * level, aside, sin * level]);
                     let power = power(angle) * power_aside(angle_aside);
-                    // The angle aside is a latitude: a step of the other one is as much shorter there.
+                    // The angle aside is a latitude: a step of the other angle is shorter there by its cosine.
                     let size = row.size * level;
                     transducer.push(
                         direction,
@@ -374,7 +374,7 @@ impl Transducer {
     }
 }
 
-/// Steps of the sine by which anything is heard.
+/// Steps of the sine at which anything is heard.
 fn directions_of(lobe: &lobe::BeamPattern) -> usize {
     /// Steps for each width of a beam.
     const FINE: f64 = 16.0;
@@ -392,22 +392,22 @@ fn axes(pattern: &Pattern) -> Vec<[f32; 2]> {
     (0..table.len()).map(axis).collect()
 }
 
-/// `index` times the golden ratio, without its whole part: even, and never the same.
+/// `index` times the golden ratio, without its whole part: even, and never repeating.
 fn golden(index: usize) -> f64 {
     (index as f64 * 0.618_033_988_749_894_9).fract()
 }
 
-/// A part of a fan that one ray stands for.
+/// A part of a fan that one ray represents.
 #[derive(Clone, Copy, Debug)]
 struct Stratum {
     /// Its middle and size, rad.
     at: f64,
     size: f64,
-    /// Power in its middle.
+    /// Power at its middle.
     power: f64,
 }
 
-/// `count` parts of a fan of a `lobe` about an axis, rad: small where it is loud, and some everywhere. `measure`: solid
+/// `count` parts of a fan of a `lobe` about an axis, rad: small where it is loud, but some everywhere. `measure`: solid
 /// angle of a ring by angle.
 fn strata(
     count: usize,
@@ -416,7 +416,7 @@ fn strata(
     power: impl Fn(f64) -> f64,
     measure: impl Fn(f64) -> f64,
 ) -> Vec<Stratum> {
-    /// Steps that the density is summed in, over all and again about the axis.
+    /// Steps for summing the density, over all and again about the axis.
     const STEPS: usize = 8192;
     /// Widths of the lobe to each side that have steps of their own.
     const WIDTHS: f64 = 20.0;
@@ -425,7 +425,7 @@ fn strata(
     let mut steps: Vec<f64> = even([low, high]).chain(even(about)).collect();
     steps.sort_by(f64::total_cmp);
     let steps: Vec<[f64; 2]> = steps.windows(2).map(|pair| [pair[0], pair[1]]).collect();
-    // As many rays as amplitude: in between of noise (power) and of even sampling.
+    // Rays in proportion to amplitude: between noise (power) and even sampling.
     let ring = |[from, to]: &[f64; 2]| {
         let at = 0.5 * (from + to);
         let even = measure(at) * (to - from);
@@ -452,21 +452,21 @@ fn strata(
     edges.windows(2).map(stratum).collect()
 }
 
-/// The thin side of a fan: where across it rays lie, so that all weigh the same.
+/// The thin side of a fan: where rays lie across it so that all weigh the same.
 struct ThinSide {
     /// Its power over all angles, rad.
     width: f64,
-    /// Angles with even power between them, rad.
+    /// Angles with equal power between them, rad.
     angles: Vec<f64>,
 }
 
 impl ThinSide {
-    /// Of a lobe that sends and hears.
+    /// For a lobe that sends and hears.
     fn two_way(lobe: &lobe::BeamPattern) -> ThinSide {
         ThinSide::new(|sine| lobe.amplitude(sine).powi(4), lobe.extent(1e-2))
     }
 
-    /// Of a lobe with `power` at a sine, which is heard up to `extent`.
+    /// For a lobe with `power` at a sine, heard up to `extent`.
     fn new(power: impl Fn(f64) -> f64, extent: f64) -> ThinSide {
         const STEPS: usize = 4096;
         const ANGLES: usize = 1024;

@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 
 /// Kinds of ground, in the order of [`Bed::triangles`].
 pub(super) const SOILS: [&str; 3] = ["sand", "gravel", "mud"];
-/// Parts of the bed that gravel covers, and mud of the rest.
+/// Part of the bed covered by gravel, and by mud of the rest.
 const GRAVEL: f64 = 0.15;
 const MUD: f64 = 0.2;
 /// Hills over the depth, at most; [`SLOPE`] over the depth from the middle to a corner, at most.
@@ -18,7 +18,7 @@ const SLOPE: f64 = 0.1;
 /// Random numbers of the hills, of gravel, mud, and the wandering of ripples.
 const FIELDS: [u32; 4] = [0, 1, 2, 3];
 
-/// What the bed is made from.
+/// What the bed is generated from.
 pub(super) struct Ground {
     pub size: [f64; 2],
     pub depth: f64,
@@ -32,7 +32,7 @@ pub(super) struct Bed {
     pub ground: Ground,
     /// Heights of the grid points, row by row along x.
     heights: Vec<f64>,
-    /// How much of gravel and mud is at the grid points, over what makes it one: positive where it is.
+    /// Amount of gravel and mud at the grid points, above the threshold: positive where present.
     soils: Vec<[f32; 2]>,
 }
 
@@ -42,9 +42,9 @@ impl Bed {
         let [columns, rows] = cells.map(|cells| cells + 1);
         let shorter = size[0].min(size[1]);
         let step: [f64; 2] = std::array::from_fn(|axis| size[axis] / cells[axis] as f64);
-        // Shorter waves than these would only be seen as spikes of single grid points.
+        // Shorter waves would only show as spikes of single grid points.
         let finest = 2.5 * step[0].max(step[1]);
-        // Hills are long and flat: at most a tenth as high as long.
+        // Hills are long and flat: at most a tenth as high as they are long.
         let wavelength = (shorter / 2.5).min(60.0);
         let hill_height = (0.1 * wavelength).min(HILLS * depth);
         let noise = |field: usize, wavelength: f64, most, gain| {
@@ -83,7 +83,7 @@ impl Bed {
                     + slope[0] * (at[0] - size[0] / 2.0)
                     + slope[1] * (at[1] - size[1] / 2.0);
                 if let Some(waves) = &waves {
-                    // Sand has ripples; they fade towards gravel and mud.
+                    // Sand has ripples that fade towards gravel and mud.
                     let sand = soils[row * columns + column].map(|other| (-other / 0.15).clamp(0.0, 1.0));
                     *height += f64::from(sand[0] * sand[1]) * waves(at);
                 }
@@ -94,7 +94,7 @@ impl Bed {
         Bed { ground, heights, soils }
     }
 
-    /// Where the grid point `column`, `row` is.
+    /// Position of the grid point `column`, `row`.
     fn vertex(&self, column: usize, row: usize) -> DVec3 {
         let Ground { size, cells, .. } = &self.ground;
         let along = |axis: usize, index: usize| size[axis] * (index as f64 / cells[axis] as f64 - 0.5);
@@ -149,7 +149,7 @@ impl Bed {
         of_soil
     }
 
-    /// Height of the triangle above or below a place; beside the bed, of the nearest edge.
+    /// Height of the triangle above or below a place; outside the bed, of the nearest edge.
     pub fn height(&self, x: f64, y: f64) -> f64 {
         let Ground { size, cells, .. } = &self.ground;
         let split = |axis: usize, at: f64| {
@@ -168,7 +168,7 @@ impl Bed {
         }
     }
 
-    /// Unit normal of the ground as something `reach` m long lies on it.
+    /// Unit normal of the ground as something `reach` m long would lie on it.
     pub fn normal(&self, x: f64, y: f64, reach: f64) -> DVec3 {
         let half = reach / 2.0;
         let rise_x = self.height(x + half, y) - self.height(x - half, y);
@@ -177,14 +177,14 @@ impl Bed {
     }
 }
 
-/// Whether the diagonal of a square falls from the upper left to the lower right corner: squares take turns, so that no
+/// Whether the diagonal of a square falls from the upper left to the lower right corner: squares alternate, so that no
 /// direction stands out.
 fn falls(column: usize, row: usize) -> bool {
     (column + row) % 2 == 1
 }
 
-/// Rise per metre along x and y: about 2 degrees some way, less where that would change the height by more than `most`
-/// m from the middle to a corner.
+/// Rise per metre along x and y: about 2 degrees in some direction, less where that would change the height by more
+/// than `most` m from the middle to a corner.
 fn slope(dice: &mut Dice, size: [f64; 2], most: f64) -> [f64; 2] {
     let (sin, cos) = dice.between(0.0, TAU).sin_cos();
     let reach = (size[0] * cos.abs() + size[1] * sin.abs()) / 2.0;

@@ -1,6 +1,6 @@
-//! Writing binary glTF 2.0: just what generated scenes need.
+//! Writing binary glTF 2.0: only what generated scenes need.
 //!
-//! Callers speak in echocast's frame (metres, z up); what is written is y up.
+//! Callers use echocast's frame (metres, z up); the output is y up.
 
 use crate::scene::count;
 use glam::{DQuat, DVec3};
@@ -13,9 +13,9 @@ const FLOAT: u32 = 5126;
 const ARRAY_BUFFER: u32 = 34962;
 const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
-/// A glTF vector of one of echocast's: the inverse of (x, y, z) -> (x, -z, y), which readers apply.
+/// Converts a vector from echocast to glTF: the inverse of (x, y, z) -> (x, -z, y), which readers apply.
 fn y_up([x, y, z]: [f32; 3]) -> [f32; 3] {
-    // A difference, because a minus sign would make -0 of 0.
+    // A difference, because a minus sign would turn 0 into -0.
     [x, z, 0.0 - y]
 }
 
@@ -27,7 +27,7 @@ fn quaternion(q: DQuat) -> Value {
     json!([q.x, q.z, 0.0 - q.y, q.w])
 }
 
-/// Lists of a file by the names they have there, and its buffer.
+/// Lists of a file under their names there, and its buffer.
 #[derive(Default)]
 pub(super) struct Glb {
     lists: Map<String, Value>,
@@ -44,7 +44,7 @@ pub(super) struct Primitive<'a> {
     pub material: usize,
 }
 
-/// Where a node is and how large.
+/// Position and size of a node.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Placement {
     pub at: DVec3,
@@ -56,7 +56,7 @@ impl Placement {
     /// At the parent's origin.
     pub const HERE: Placement = Placement { at: DVec3::ZERO, turned: DQuat::IDENTITY, scale: DVec3::ONE };
 
-    /// `point` of what is placed, in the parent's frame.
+    /// Transforms `point` of the placed object to the parent's frame.
     pub fn apply(&self, point: DVec3) -> DVec3 {
         self.at + self.turned * (self.scale * point)
     }
@@ -78,7 +78,7 @@ impl Glb {
         self.push("materials", json!({ "name": name, "pbrMetallicRoughness": pbr, "extras": extras }))
     }
 
-    /// An accessor for the bytes that were appended since the buffer had `start` of them.
+    /// An accessor for the bytes appended since the buffer had `start` of them.
     fn accessor(&mut self, start: usize, target: Option<u32>, mut description: Value) -> usize {
         let mut view = json!({ "buffer": 0, "byteOffset": start, "byteLength": self.buffer.len() - start });
         if let Some(target) = target {
@@ -90,7 +90,7 @@ impl Glb {
         self.push("accessors", description)
     }
 
-    /// Vectors of a vertex attribute, or of an animation where there is no `target`.
+    /// Vectors of a vertex attribute, or of an animation if there is no `target`.
     fn vectors(&mut self, vectors: &[[f32; 3]], target: Option<u32>) -> usize {
         let start = self.buffer.len();
         let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
@@ -110,7 +110,7 @@ impl Glb {
     fn indices(&mut self, triangles: &[[u32; 3]], vertices: usize) -> usize {
         let start = self.buffer.len();
         let corners = triangles.as_flattened();
-        // The largest number of a type is no index (3.7.2.1).
+        // The largest number of a type is not an index (3.7.2.1).
         let short = vertices <= usize::from(u16::MAX);
         for &corner in corners {
             match short {
@@ -153,13 +153,13 @@ impl Glb {
             node["rotation"] = quaternion(place.turned);
         }
         if place.scale != DVec3::ONE {
-            // Axes swap as those of points do, sizes have no sign.
+            // Axes swap as for points, sizes have no sign.
             node["scale"] = json!([place.scale.x, place.scale.z, place.scale.y]);
         }
         node
     }
 
-    /// A node that shows `mesh`; it is put into the world by [`Glb::root`] or [`Glb::group`].
+    /// A node that shows `mesh`; [`Glb::root`] or [`Glb::group`] puts it into the world.
     pub fn object(&mut self, name: &str, category: &str, mesh: usize, place: Placement) -> usize {
         let mut node = Glb::node(name, place);
         node["mesh"] = json!(mesh);
@@ -191,7 +191,7 @@ impl Glb {
         self.roots.push(node);
     }
 
-    /// An animation that moves `node` from place to place in its parent, evenly, from time 0 to `seconds`.
+    /// An animation that moves `node` uniformly from place to place in its parent, from time 0 to `seconds`.
     pub fn movement(&mut self, name: &str, node: usize, seconds: f32, [from, to]: [DVec3; 2]) {
         let start = self.buffer.len();
         self.buffer.extend([0.0, seconds].iter().flat_map(|time: &f32| time.to_le_bytes()));
@@ -208,12 +208,12 @@ impl Glb {
         );
     }
 
-    /// Triangles that a mesh has.
+    /// Triangles of a mesh.
     pub fn triangle_count(&self, mesh: usize) -> usize {
         self.triangles[mesh]
     }
 
-    /// The bytes of the file (glTF 2.0, 4.4); an error where they are more than a GLB can hold.
+    /// The bytes of the file (glTF 2.0, 4.4); an error if they exceed the limit of a GLB.
     pub fn finish(mut self) -> Result<Vec<u8>, String> {
         let generator = concat!("echocast ", env!("CARGO_PKG_VERSION"));
         let mut file = json!({

@@ -1,9 +1,9 @@
-//! Random numbers in turn, and smooth noise over a plane.
+//! Sequences of random numbers, and smooth noise over a plane.
 
 use crate::ground::rng::{Draw, Rng};
 use std::f64::consts::{SQRT_2, TAU};
 
-/// Random numbers of one thing that is made, one after the other.
+/// Random numbers for one generated thing, in sequence.
 pub(super) struct Dice {
     rng: Rng,
     draw: Draw,
@@ -52,7 +52,7 @@ struct Octave {
 
 impl Noise {
     /// Octaves of `wavelength` m, half of it and so on, as long as that is at least `finest` m, at most `most` of them;
-    /// each has `gain` times the height of the one before. `field` tells the noises of one seed apart.
+    /// each has `gain` times the height of the previous one. `field` distinguishes the noises of one seed.
     pub fn new(seed: u64, field: u32, size: [f64; 2], [wavelength, finest]: [f64; 2], most: usize, gain: f64) -> Self {
         let all = (0..most).map(|octave| wavelength / f64::powi(2.0, octave as i32));
         let wavelengths: Vec<f64> = all.enumerate().filter(|&(i, w)| i == 0 || w >= finest).map(|(_, w)| w).collect();
@@ -87,7 +87,7 @@ impl Octave {
     fn at(&self, x: f64, y: f64) -> f64 {
         let (x, y) = (x * self.frequency, y * self.frequency);
         let last = [self.columns - 2, self.gradients.len() / self.columns - 2];
-        // On the far edges rounding may lead one square too far.
+        // At the far edges rounding may lead one square too far.
         let (column, row) = ((x as usize).min(last[0]), (y as usize).min(last[1]));
         let (fx, fy) = (x - column as f64, y - row as f64);
         let corner = |right: usize, up: usize| {
@@ -101,7 +101,7 @@ impl Octave {
     }
 }
 
-/// From 0 to 1 with no slope and no bend at both ends: 6 t^5 - 15 t^4 + 10 t^3.
+/// From 0 to 1 with zero slope and curvature at both ends: 6 t^5 - 15 t^4 + 10 t^3.
 fn smooth(t: f64) -> f64 {
     t * t * t * (t * (t * 6.0 - 15.0) + 10.0)
 }

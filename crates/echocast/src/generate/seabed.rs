@@ -11,10 +11,10 @@ use glam::{DQuat, DVec3, EulerRot};
 use serde_json::{Value, json};
 use std::f64::consts::{PI, TAU};
 
-/// Triangles of a bed whose cells are not given, and the most it may have.
+/// Triangles of a bed without a given cell size, and the most it may have.
 const USUAL_TRIANGLES: f64 = 30_000.0;
 const MOST_TRIANGLES: f64 = 10e6;
-/// Cells that a ripple needs: fewer show other waves than there are.
+/// Cells that a ripple needs: with fewer, other waves than the true ones appear.
 const CELLS_PER_RIPPLE: f64 = 3.0;
 
 /// Parameters of a lake bed. The water surface is at z = 0, the bed lies around z = -`depth_m`, centred on the z axis.
@@ -24,16 +24,15 @@ const CELLS_PER_RIPPLE: f64 = 3.0;
 /// animation moves against the x axis. The camera node `Sonar` stands at the low end of x, 1 m below the surface (less
 /// in less than 4 m of water), and looks along x.
 ///
-/// Boulders, wrecks and fish are smaller than usual where water is shallow or the bed small, so that all of them are
-/// below the surface and on the bed.
+/// Boulders, wrecks and fish are smaller than usual where the water is shallow or the bed small, so that all of them
+/// are below the surface and on the bed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Seabed {
     /// Extent along x and y, 1 to 10 000 m.
     pub size_m: [f64; 2],
     /// Mean depth of the bed below the surface, 0.5 to 11 000 m.
     pub depth_m: f64,
-    /// Spacing of the grid. `None`: as fine as about 30 000 triangles allow, or as the `ripples` that are asked for
-    /// need.
+    /// Spacing of the grid. `None`: as fine as about 30 000 triangles allow, or as the requested `ripples` need.
     pub cell_m: Option<f64>,
     /// Ripples of the sand. `None`: those of [`Ripples::default`] if the cells are fine enough to show them, else none.
     pub ripples: Option<Ripples>,
@@ -67,7 +66,7 @@ impl Default for Ripples {
 }
 
 impl Seabed {
-    /// Makes the scene.
+    /// Generates the scene.
     ///
     /// # Errors
     /// A parameter outside its range, more than 10 million triangles in the bed; the message names the field.
@@ -123,7 +122,7 @@ impl Seabed {
         let [x, y] = self.size_m;
         let asked = self.ripples.filter(|ripples| ripples.height_m > 0.0);
         let usual = (2.0 * x * y / USUAL_TRIANGLES).sqrt();
-        // One cell more than needed: cells are not all as wide as asked for.
+        // One cell more than needed: not all cells are as wide as requested.
         let for_ripples = asked.map_or(f64::INFINITY, |ripples| ripples.wavelength_m / (CELLS_PER_RIPPLE + 1.0));
         let cell = self.cell_m.unwrap_or(usual.min(for_ripples));
         let finest = finest_cell(x, y);
@@ -155,7 +154,7 @@ impl Seabed {
         })
     }
 
-    /// By how much things are smaller than usual that need `depth` m of water and a bed of `size` m.
+    /// How much smaller than usual things are that need `depth` m of water and a bed of `size` m.
     fn shrinkage(&self, depth: f64, size: f64) -> f64 {
         (self.depth_m / depth).min(self.size_m[0] / size).min(self.size_m[1] / size).min(1.0)
     }
@@ -165,8 +164,8 @@ impl Seabed {
     }
 }
 
-/// Cells of this width or more make at most [`MOST_TRIANGLES`] of a bed of `x` times `y` m: the root c of
-/// 2 (x / c + 1) (y / c + 1) = most, as up to one cell a side is there in part only.
+/// Cells of this width or more make at most [`MOST_TRIANGLES`] of a bed of `x` times `y` m: the root c of 2 (x / c + 1)
+/// (y / c + 1) = most, as up to one cell per side is only partly there.
 fn finest_cell(x: f64, y: f64) -> f64 {
     ((x + y) + ((x + y).powi(2) + 2.0 * (MOST_TRIANGLES - 2.0) * x * y).sqrt()) / (MOST_TRIANGLES - 2.0)
 }
@@ -185,16 +184,16 @@ struct Made {
     glb: Glb,
     triangles: usize,
     categories: Vec<(&'static str, usize)>,
-    /// What is to be told of the swarm.
+    /// What to report about the swarm.
     swimming: Option<String>,
 }
 
-/// Lambert's constant of the skin of a fish, dB: with it one 0.4 m long has, from above, about the target strength of
+/// Lambert's constant of a fish's skin, dB: with it a fish 0.4 m long has, from above, about the target strength of
 /// fish with a closed swim bladder at 38 kHz, 20 log10(L / cm) - 67.4 dB re 1 m^2 (Foote 1987, J. Acoust. Soc. Am. 82).
 pub(super) const FISH_MU_DB: f64 = -16.0;
 
-/// Colours and reflectances are our own choice, as such things look. What the ground does to sound is named by the
-/// sediments of the material key `sound`.
+/// Colours and reflectances are our own choice, as such things look. The sediments of the material key `sound` define
+/// how the ground scatters sound.
 fn material(glb: &mut Glb, name: &str) -> usize {
     let sediment = |name: &str| json!({ "law": "sediment", "name": name });
     let (color, reflectance, sound) = match name {
@@ -239,9 +238,9 @@ impl Made {
     }
 
     fn add_boulders(&mut self, seabed: &Seabed, bed: &Bed, seed: u64) {
-        /// Boulders have one of some shapes; turned and stretched they are all different.
+        /// Boulders have one of a few shapes; rotated and stretched they all differ.
         const SHAPES: u32 = 8;
-        /// Dice of the shapes, far from those of the boulders.
+        /// Dice of the shapes, separate from those of the boulders.
         const SHAPE_DICE: u32 = 1 << 31;
         if seabed.boulders == 0 {
             return;
@@ -291,7 +290,7 @@ impl Made {
         for number in 0..seabed.wrecks {
             let mut dice = Dice::new(seed, Draw::Wreck, number);
             let scale = usual * dice.between(0.8, 1.0);
-            // Of some places the one that is farthest from the other wrecks.
+            // Of several places the one farthest from the other wrecks.
             let mut chance = || {
                 let [x, y] = seabed.size_m.map(|length| dice.between(-0.5, 0.5) * (length - 10.0 * scale));
                 DVec3::new(x, y, 0.0)

@@ -63,17 +63,17 @@ impl Shape {
             .collect();
     }
 
-    /// An irregular rock that just fits into the ball of radius 1: a ball with flat faces cut off it, and rough.
+    /// An irregular rock that just fits into the ball of radius 1: a ball with flat faces cut off, and rough.
     pub fn rock(dice: &mut Dice) -> Self {
-        /// Faces that are cut, and how far from the middle.
+        /// Number of cut faces, and their distance from the middle.
         const CUTS: usize = 14;
         const DEEPEST: f64 = 0.6;
-        /// By how much the surface goes up and down.
+        /// How far the surface rises and falls.
         const ROUGHNESS: f64 = 0.03;
         let mut rock = Shape::ball(2);
         let cuts: Vec<(DVec3, f64)> = (0..CUTS).map(|_| (direction(dice), dice.between(DEEPEST, 0.95))).collect();
         for vertex in &mut rock.vertices {
-            // The nearest of the cuts that this direction meets, or the ball.
+            // The nearest cut in this direction, or the ball.
             let reach = |(normal, distance): &(DVec3, f64)| {
                 let cosine = normal.dot(*vertex);
                 if cosine > *distance { distance / cosine } else { 1.0 }
@@ -117,7 +117,7 @@ impl Shape {
     }
 }
 
-/// A direction, all alike (Archimedes: heights on a sphere are uniform).
+/// A random direction, uniform (Archimedes: heights on a sphere are uniform).
 pub(super) fn direction(dice: &mut Dice) -> DVec3 {
     let z = dice.between(-1.0, 1.0);
     let (sin, cos) = dice.between(0.0, std::f64::consts::TAU).sin_cos();

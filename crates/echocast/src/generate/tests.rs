@@ -101,7 +101,7 @@ fn the_bed_is_a_sheet_of_that_depth_with_normals_up() {
             for i in 0..3 {
                 *edges.entry([corners[i], corners[(i + 1) % 3]]).or_insert(0) += 1;
             }
-            // The ground under things is the ground in the file.
+            // The ground below things is the ground in the file.
             let middle = (a + b + c) / 3.0;
             assert!((bed.height(middle.x, middle.y) - middle.z).abs() < 1e-4 * depth_m);
         }
@@ -129,7 +129,7 @@ fn ripples_are_seen_where_the_cells_show_them() {
         bed(&seabed, 3).vertices().0.iter().map(|p| p[2]).collect::<Vec<_>>()
     };
     let (none, asked) = (Ripples { height_m: 0.0, ..Ripples::default() }, Ripples::default());
-    // Usual cells of so small a bed are fine enough; those of a large one are not.
+    // The default cells of such a small bed are fine enough; those of a large one are not.
     assert_eq!(heights(None, None), heights(Some(asked), None));
     assert_eq!(heights(None, Some(0.5)), heights(Some(none), Some(0.5)));
     assert_eq!(Seabed::default().ground().unwrap().ripples, None);
@@ -166,7 +166,7 @@ fn boulders_and_wrecks_lie_on_the_bed_and_everything_is_under_water() {
                 assert!(lowest > 0.0, "{name} in the ground");
                 assert!((0.35..0.65).contains(&(-bottom / depth_m)), "{name} at {bottom}");
             } else {
-                // Sunk in a little, and mostly above the ground.
+                // Sunk in slightly, and mostly above the ground.
                 assert!(lowest < -0.05 * (top - bottom) && highest > 0.3 * (top - bottom), "{name} {lowest} {highest}");
             }
         }
@@ -193,7 +193,7 @@ fn chunks(glb: &[u8]) -> (Value, &[u8]) {
 
 #[test]
 fn files_are_valid_gltf() {
-    // Few and many vertices: indices of two and of four bytes.
+    // Few and many vertices: two-byte and four-byte indices.
     for cell_m in [Some(0.5), Some(0.08)] {
         let made = Seabed { cell_m, ..small() }.scene(1).unwrap();
         let gltf = gltf::Gltf::from_slice(made.bytes()).unwrap();
@@ -315,7 +315,7 @@ fn bad_parameters_are_named() {
         let error = seabed.scene(0).unwrap_err().to_string();
         assert!(error.contains(says), "{error}");
     }
-    // The finest cells that are allowed make no more triangles than are allowed, however long the bed.
+    // The finest cells allowed make no more triangles than allowed, however long the bed.
     for size_m in [[60.0, 40.0], [10_000.0, 1.0], [1.0, 1.0]] {
         let refused = Seabed { size_m, cell_m: Some(1e-9), ..usual() }.ground().err().unwrap().to_string();
         let finest = refused.split_once("allowed: ").unwrap().1.split_once(" to ").unwrap().0.parse().unwrap();

@@ -1,6 +1,6 @@
 //! Why a point is there.
 
-/// Why a point is there: the values of the column `cause`. Numbers are written out and never reused.
+/// Why a point is there: the values of the column `cause`. Numbers are explicit and never reused.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(u8)]
 pub enum Cause {
@@ -21,16 +21,16 @@ pub enum Cause {
     Dust = 6,
     /// Noise that looks like an echo.
     FalseAlarm = 7,
-    /// Several surfaces whose echoes are one.
+    /// Several surfaces whose echoes have merged.
     Mixed = 8,
-    /// Light that went another way back than there, or got into a beam beside its own.
+    /// Light that returned by another path than it went, or got into a neighbouring beam.
     Multipath = 9,
     /// The surface of the water, heard from below.
     SeaSurface = 10,
 }
 
 impl Cause {
-    /// All there are, each at its number.
+    /// All of them, each at its number.
     pub const ALL: [Cause; 11] = [
         Cause::Surface,
         Cause::Mirror,
@@ -45,17 +45,17 @@ impl Cause {
         Cause::SeaSurface,
     ];
 
-    /// The one that the column `cause` calls `number`.
+    /// The one with the number `number` in the column `cause`.
     pub fn from_number(number: u8) -> Option<Cause> {
         Cause::ALL.get(usize::from(number)).copied()
     }
 
-    /// Whether there is a surface at the other end of the way; where there is none, points have no labels.
+    /// Whether there is a surface at the end of the path; without one, points have no labels.
     pub fn has_surface(self) -> bool {
         !matches!(self, Cause::Rain | Cause::Fog | Cause::Snow | Cause::Dust | Cause::FalseAlarm | Cause::SeaSurface)
     }
 
-    /// Its name for people.
+    /// Its display name.
     pub fn name(self) -> &'static str {
         match self {
             Cause::Surface => "surface",

@@ -8,7 +8,7 @@ use std::{fmt, io};
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 /// Why a call failed. Each message is one sentence: where, what was found, what is allowed; on one line, below 500
-/// bytes, and with nothing in it that a terminal obeys, whatever the files said.
+/// bytes, and without control characters, whatever the files said.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -19,11 +19,11 @@ pub enum Error {
         /// What the system said.
         source: io::Error,
     },
-    /// A file or text was read but does not say what it should.
+    /// A file or text was read but its content is wrong.
     Parse {
-        /// File path, or a word for text that came from elsewhere (`--set`, `YAML text`).
+        /// File path, or a word for text from elsewhere (`--set`, `YAML text`).
         origin: String,
-        /// Where in it: `line 7`, `node 3 "Chair"`, `accessor 12`; empty when the whole is meant.
+        /// Where in it: `line 7`, `node 3 "Chair"`, `accessor 12`; empty for the whole.
         place: String,
         /// What was found and what is allowed.
         message: String,
@@ -43,7 +43,7 @@ pub enum Error {
         what: &'static str,
         /// Name looked for.
         name: String,
-        /// Existing names that come near, best first.
+        /// Similar existing names, best first.
         near: Vec<String>,
     },
     /// Understood, but this build or format cannot do it.
@@ -53,11 +53,11 @@ pub enum Error {
         /// Which feature, format or tool would do it.
         instead: String,
     },
-    /// The caller did not want it any more: its progress callback says so, or [`crate::export::cancel_flag`].
+    /// The caller cancelled: by its progress callback, or [`crate::export::cancel_flag`].
     Cancelled,
-    /// The system gives no more memory.
+    /// The system is out of memory.
     Memory(String),
-    /// The system gives no more threads.
+    /// The system cannot start more threads.
     Threads {
         /// How many were wanted.
         wanted: String,
@@ -131,13 +131,13 @@ impl Error {
         Error::InvalidParameter { name: name.into(), value: value.to_string(), allowed: allowed.into() }
     }
 
-    /// An [`Error::Missing`] that lists the names of `known` that come near `name`.
+    /// An [`Error::Missing`] that lists the names of `known` similar to `name`.
     pub fn missing<S: AsRef<str>>(what: &'static str, name: &str, known: impl IntoIterator<Item = S>) -> Self {
         Error::Missing { what, name: name.to_owned(), near: nearest(name, known) }
     }
 }
 
-/// Up to three of `known` within a few slips of the pen of `name` or containing it, best first.
+/// Up to three of `known` within a few typing errors of `name` or containing it, best first.
 pub fn nearest<S: AsRef<str>>(name: &str, known: impl IntoIterator<Item = S>) -> Vec<String> {
     let wanted = name.to_lowercase();
     let mut scored: Vec<(usize, String)> = known

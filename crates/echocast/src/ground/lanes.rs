@@ -1,4 +1,4 @@
-//! Blocks of rays, a lane each.
+//! Blocks of rays, one per lane.
 
 pub(crate) use echocast_kernels::{LANES, MISS};
 use glam::Vec3;
@@ -7,13 +7,13 @@ use glam::Vec3;
 /// size.
 pub(crate) const CHUNK: usize = 2048;
 
-/// Surface index of what the medium itself sends back, and no surface of the scene: rain and dust in the air, noise,
-/// the face of the sea.
+/// Surface index of what the medium itself sends back, not a surface of the scene: rain and dust in the air, noise, the
+/// surface of the sea.
 pub(crate) const MEDIUM: u32 = MISS - 1;
 
 /// Rays of one block, relative to the scene's local origin; directions have unit length.
 ///
-/// Columns of blocks begin with a cache line: the widest vectors are one, and half of two costs up to a tenth of a
+/// Columns of blocks start at a cache line: the widest vectors fill one, and straddling two costs up to a tenth of a
 /// scan.
 #[derive(Clone)]
 #[repr(align(64))]
@@ -24,7 +24,7 @@ pub(crate) struct RayBatch {
     pub dir_x: [f32; LANES],
     pub dir_y: [f32; LANES],
     pub dir_z: [f32; LANES],
-    /// Greatest range, m; behind it nothing is hit.
+    /// Greatest range, m; nothing is hit beyond it.
     pub range_max: [f32; LANES],
 }
 
@@ -43,7 +43,7 @@ impl Default for RayBatch {
 }
 
 impl RayBatch {
-    /// Makes `lane` what lane `other` of `from` is.
+    /// Copies lane `other` of `from` to `lane`.
     pub(crate) fn take(&mut self, lane: usize, from: &RayBatch, other: usize) {
         (self.org_x[lane], self.org_y[lane], self.org_z[lane]) = from.origin(other).into();
         (self.dir_x[lane], self.dir_y[lane], self.dir_z[lane]) = from.direction(other).into();

@@ -1,20 +1,19 @@
-//! Choices among a few named values.
+//! Choices between a few named values.
 
 use super::error::{Error, Result, nearest};
 
-/// A type of a few values that have names: those of options, files and the numbers of the C ABI, which count them from
-/// 0.
+/// A type of a few named values: the names of options and files, and the numbers of the C ABI, which count them from 0.
 pub trait Named: Copy + PartialEq + 'static {
     /// Every value with its name.
     const NAMES: &'static [(&'static str, Self)];
 }
 
-/// The value called `name`; an error tells the near names and all there are. `what`: kind of thing, for the error.
+/// The value called `name`; an error lists similar names and all others. `what`: kind of thing, for the error.
 pub(crate) fn by_name<T: Named>(what: &'static str, name: &str) -> Result<T> {
     if let Some((_, value)) = T::NAMES.iter().find(|(known, _)| *known == name) {
         return Ok(*value);
     }
-    // There are so few names that all of them may stand in the message, the near ones first.
+    // There are so few names that the message may list all of them, similar ones first.
     let mut names = nearest(name, T::NAMES.iter().map(|(known, _)| known));
     for (known, _) in T::NAMES {
         if !names.iter().any(|near| near == known) {

@@ -1,22 +1,21 @@
-//! Work shared among threads, or done by the calling thread alone where [`crate::Engine`] says so.
+//! Work shared among threads, or done by the calling thread alone if [`crate::Engine`] says so.
 //!
-//! Threads take parts from one list until it is empty. They do not divide the work in halves of halves: a thread that
-//! waits for the other half takes up whatever else its pool has to do, on the same stack, and in that waits again. Here
-//! all that is left for it is an empty list, and what others give the pool to do it does without the help of more
-//! threads.
+//! Threads take parts from one list until it is empty. They do not halve the work recursively: a thread waiting for the
+//! other half would take up whatever else its pool has to do, on the same stack, and wait again in that. Here it only
+//! finds an empty list, and does what others give the pool without the help of more threads.
 
 use std::cell::Cell;
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
 thread_local! {
-    /// Whether this thread must do all work itself: it is an engine's only one, or others share its work already.
+    /// Whether this thread must do all work itself: it is an engine's only one, or others already share its work.
     static ALONE: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Runs `work` without help of other threads.
+/// Runs `work` without the help of other threads.
 pub(crate) fn alone<R>(work: impl FnOnce() -> R) -> R {
-    /// Puts back what was, also when `work` panics.
+    /// Restores the previous state, also when `work` panics.
     struct Before(bool);
     impl Drop for Before {
         fn drop(&mut self) {
@@ -32,19 +31,19 @@ pub(crate) fn threads() -> usize {
     if ALONE.get() { 1 } else { rayon::current_num_threads() }
 }
 
-/// Does both, perhaps at the same time.
+/// Does both, possibly at the same time.
 pub(crate) fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
     if ALONE.get() { (a(), b()) } else { both(a, b) }
 }
 
-/// [`join`] on a thread that need not be alone. What it takes up while it waits, for others or for us, it does alone.
+/// [`join`] on a thread that need not be alone. What it takes up while waiting, for others or for us, it does alone.
 fn both<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
     alone(|| rayon::join(a, || alone(b)))
 }
 
-/// Does `work` on every one of `items`, each on the thread that is free first.
+/// Does `work` on every one of `items`, each on the first free thread.
 pub(crate) fn for_each_of<T: Send>(items: impl Iterator<Item = T> + Send, work: impl Fn(T) + Sync) {
-    /// `work` on `threads` threads, as far as they are free.
+    /// `work` on up to `threads` free threads.
     fn team(threads: usize, work: &(impl Fn() + Sync)) {
         let half = threads / 2;
         match half {
@@ -66,7 +65,7 @@ pub(crate) fn for_each<T: Send>(items: &mut [T], work: impl Fn(usize, &mut T) + 
     for_each_of(items.iter_mut().enumerate(), |(index, item)| work(index, item));
 }
 
-/// Does `work` on every `size` items, the last of which may be fewer, and the number of the chunk.
+/// Does `work` on every `size` items (the last chunk may be smaller) and the number of the chunk.
 pub(crate) fn for_each_chunk<T: Send>(items: &mut [T], size: usize, work: impl Fn(usize, &mut [T]) + Sync) {
     for_each_of(items.chunks_mut(size).enumerate(), |(number, chunk)| work(number, chunk));
 }
@@ -80,7 +79,7 @@ fn ranges(count: usize, size: usize) -> impl Iterator<Item = Range<usize>> + Sen
     (0..count).step_by(size).map(move |first| first..(first + size).min(count))
 }
 
-/// [`for_each_range`] that puts the results together in their order; in the same pairs, however many threads there are.
+/// [`for_each_range`] that combines the results in order; in the same pairs, however many threads there are.
 pub(crate) fn map_reduce<R: Send>(
     count: usize,
     size: usize,

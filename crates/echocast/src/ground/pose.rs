@@ -2,7 +2,7 @@
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
-/// Where a sensor is and how it is turned: `world_from_sensor`, sensor x forward, y left, z up.
+/// Position and orientation of a sensor: `world_from_sensor`, sensor x forward, y left, z up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
     /// Position in the world, metres.
@@ -26,8 +26,8 @@ impl Pose {
         Pose { position: DVec3::new(x, y, z), orientation: DQuat::IDENTITY }
     }
 
-    /// Same position, turned by roll (about x), then pitch (about y), then yaw (about z), degrees,
-    /// each about the world's fixed axes (ROS: `Rz(yaw) Ry(pitch) Rx(roll)`).
+    /// Same position, rotated by roll (about x), then pitch (about y), then yaw (about z), degrees, each about the
+    /// world's fixed axes (ROS: `Rz(yaw) Ry(pitch) Rx(roll)`).
     #[must_use]
     pub fn with_rpy_deg(self, roll: f64, pitch: f64, yaw: f64) -> Pose {
         let orientation = DQuat::from_rotation_z(yaw.to_radians())
@@ -38,7 +38,7 @@ impl Pose {
 
     /// A camera's pose from its node transform, which looks along its own -z with +y up.
     ///
-    /// Scale and shear of the node are left out.
+    /// Scale and shear of the node are ignored.
     pub fn from_camera_node(world_from_node: &DAffine3) -> Pose {
         let back = world_from_node.matrix3.z_axis.normalize_or(DVec3::Z);
         let up = world_from_node.matrix3.y_axis;

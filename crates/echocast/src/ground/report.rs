@@ -1,16 +1,16 @@
-//! What a load, a scan or a write did beyond its result: warnings are data, libraries do not print.
+//! What a load, a scan or a write reports besides its result: warnings are data, libraries do not print.
 
 use crate::ground::shown;
 
 /// Warnings and counts of one piece of work.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Report {
-    /// One sentence each, in the order they arose; repeated ones are kept once.
+    /// One sentence each, in the order they arose; duplicates are kept once.
     pub warnings: Vec<String>,
 }
 
 impl Report {
-    /// Adds `warning`, on one line and cut where it is as long as nobody reads, unless it has been said.
+    /// Adds `warning`, on one line and cut where too long to read, unless it is already there.
     pub fn warn(&mut self, warning: impl AsRef<str>) {
         let warning = shown::message(warning.as_ref());
         if !self.warnings.contains(&warning) {
@@ -19,7 +19,7 @@ impl Report {
         }
     }
 
-    /// Takes over the warnings of `other`.
+    /// Adds the warnings of `other`.
     pub fn absorb(&mut self, other: Report) {
         for warning in other.warnings {
             if !self.warnings.contains(&warning) {

@@ -4,8 +4,8 @@
 
 use echocast_kernels::random;
 
-/// What a random number is for. Numbers are written out and never reused, so that a new purpose leaves
-/// the draws of the others as they are.
+/// What a random number is for. Numbers are explicit and never reused, so that a new purpose leaves the draws of the
+/// others unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub(crate) enum Draw {
@@ -13,7 +13,7 @@ pub(crate) enum Draw {
     RangeJitter = 1,
     /// Gaussian error of the reported azimuth.
     AzimuthJitter = 2,
-    /// Whether a return gets lost.
+    /// Whether a return is lost.
     Dropout = 3,
     /// How many rain drops a beam meets, where, how large.
     Drops = 4,
@@ -21,34 +21,34 @@ pub(crate) enum Draw {
     Flakes = 5,
     /// Gaussian error of the range from rain.
     RainRange = 6,
-    /// By how much the sub-rays of a beam are turned about it.
+    /// Rotation of a beam's sub-rays about it.
     Footprint = 7,
-    /// Noise that an echo is detected in: sub-ray 0 for the surface that a beam meets, the bits of the range for
+    /// Noise in which an echo is detected: sub-ray 0 for the surface that a beam meets, the bits of the range for
     /// others.
     Detection = 20,
     /// Noise that looks like an echo.
     FalseAlarm = 21,
-    /// Error of the range of a channel, once for an instrument: seed = its number, counter = (channel, 0, 0).
+    /// Range error of a channel, once per instrument: seed = its number, counter = (channel, 0, 0).
     ChannelBias = 22,
-    /// Likewise relative error of the range.
+    /// Likewise the relative range error.
     ChannelGain = 23,
-    /// Where a beam points beside what is reported: sub-rays 0 and 1 for the two directions across it.
+    /// True direction of a beam relative to the reported one: sub-rays 0 and 1 for the two directions across it.
     Pointing = 24,
     /// Error of the reported time, by firing.
     TimeJitter = 25,
-    /// Whether a weak return gets lost.
+    /// Whether a weak return is lost.
     WeakDropout = 26,
     /// Gaussian errors of the phases of modulated light, by frequency.
     Phase = 30,
     /// Gaussian error of the measured depth.
     DepthJitter = 31,
-    /// By how much a pixel looks beside its place.
+    /// Deviation of a pixel's direction from its nominal one.
     LookAside = 32,
-    /// Where light that comes to a pixel over two surfaces met the first.
+    /// Where light that reaches a pixel over two surfaces met the first.
     SecondBounce = 33,
-    /// Phase and amplitude of what a small place of a surface scatters of sound: counter = (place, what it belongs to).
+    /// Phase and amplitude of the sound scattered by a small place of a surface: counter = (place, what it belongs to).
     Speckle = 40,
-    /// How rough a larger place of a surface is.
+    /// Roughness of a larger place of a surface.
     Texture = 41,
     /// Noise of a sonar's receiver, by cell.
     PingNoise = 42,
@@ -89,13 +89,13 @@ impl Rng {
         random::uniforms(self.key, beams, self.frame, sub_rays, draw as u32, out);
     }
 
-    /// Complex numbers whose squared magnitude is exponentially distributed with mean 1 and whose phase is even, turned
-    /// by `turns` of a circle: the sum of many small echoes. Each at its own address of four words.
+    /// Complex numbers whose squared magnitude is exponentially distributed with mean 1 and whose phase is uniform,
+    /// turned by `turns` of a circle: the sum of many small echoes. Each at its own address of four words.
     pub(crate) fn phasors(&self, address: [&[u32]; 4], turns: &[f32], re: &mut [f32], im: &mut [f32]) {
         random::phasors(self.key, address, turns, re, im);
     }
 
-    /// [`Rng::phasors`] of the cells of `beam`, in their order.
+    /// [`Rng::phasors`] of the cells of `beam`, in order.
     pub(crate) fn cell_phasors(&self, beam: u32, draw: Draw, re: &mut [f32], im: &mut [f32]) {
         random::phasor_row(self.key, [self.frame, beam, draw as u32], re, im);
     }
@@ -163,7 +163,7 @@ mod tests {
         assert!((mean(&|x, y| (x * x + y * y).powi(2)) - 2.0).abs() < 5.0 * tolerance);
         assert!(mean(&|x, _| x).abs() < tolerance && mean(&|_, y| y).abs() < tolerance);
         assert!(mean(&|x, y| x * y).abs() < tolerance && mean(&|x, y| x * x - y * y).abs() < 2.0 * tolerance);
-        // A quarter of a turn, and many whole ones, on.
+        // A quarter turn, and many whole ones, on.
         let (mut turned_re, mut turned_im) = (re.clone(), im.clone());
         rng.phasors([&words, &zeros, &zeros, &zeros], &vec![1000.25; n as usize], &mut turned_re, &mut turned_im);
         for lane in 0..n as usize {

@@ -1,5 +1,5 @@
-//! What people are shown of names, texts and numbers that come from anywhere: nothing that a terminal obeys, nothing
-//! that is longer than anybody reads.
+//! How names, texts and numbers from anywhere are shown to people: without control characters, and no longer than
+//! anybody reads.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
@@ -7,12 +7,12 @@ use std::path::Path;
 
 /// Messages are shorter than this, bytes.
 const LONGEST: usize = 500;
-/// Longest name, bytes, that is shown whole in a message.
+/// Longest name, bytes, shown whole in a message.
 const LONGEST_NAME: usize = 160;
 /// Numbers of more digits get an exponent.
 const MOST_DIGITS: usize = 24;
 
-/// `text` on one line: what is no letter, digit, sign or space is shown as `\n` or `\u{1b}`.
+/// `text` on one line: anything but letters, digits, signs and spaces is shown as `\n` or `\u{1b}`.
 pub fn text(text: &str) -> Cow<'_, str> {
     if !text.contains(is_unseen) {
         return text.into();
@@ -24,7 +24,7 @@ pub fn text(text: &str) -> Cow<'_, str> {
     shown.into()
 }
 
-/// The name of a file as [`text()`]; bytes that are no UTF-8 as `\xff`.
+/// A file name as [`text()`]; bytes that are not UTF-8 as `\xff`.
 pub fn path(path: &Path) -> String {
     let mut shown = String::new();
     for chunk in path.as_os_str().as_encoded_bytes().utf8_chunks() {
@@ -41,7 +41,7 @@ pub fn message(message: &str) -> String {
     cut(&text(message), LONGEST - 1).into_owned()
 }
 
-/// A name or value for a message, which shows the beginning of long ones.
+/// A name or value for a message; long ones show their beginning.
 pub(crate) fn name(name: &str) -> Cow<'_, str> {
     match text(name) {
         Cow::Borrowed(name) => cut(name, LONGEST_NAME),
@@ -49,14 +49,14 @@ pub(crate) fn name(name: &str) -> Cow<'_, str> {
     }
 }
 
-/// Where something comes from, for a message, which shows the end of long ones: the file's own name.
+/// A source for a message; long ones show their end: the file's own name.
 pub(crate) fn origin(origin: &str) -> String {
     let shown = text(origin);
     let Some(start) = shown.len().checked_sub(LONGEST_NAME) else { return shown.into_owned() };
     format!("...{}", &shown[shown.ceil_char_boundary(start + 3)..])
 }
 
-/// `text` with an exponent in numbers of too many digits: 1e300 has 301.
+/// `text` with exponents for numbers of too many digits: 1e300 has 301.
 pub fn short_numbers(text: &str) -> Cow<'_, str> {
     let is_part = |c: char| c.is_ascii_digit() || matches!(c, '.' | '-' | '+');
     let bare = |word: &'_ str| -> Option<String> {
@@ -80,7 +80,7 @@ fn cut(text: &str, most: usize) -> Cow<'_, str> {
     format!("{}...", &text[..text.floor_char_boundary(most - 3)]).into()
 }
 
-/// Whether a terminal obeys `c`, or turns the text after it around.
+/// Whether `c` controls a terminal, or reverses the text after it.
 pub(crate) fn is_unseen(c: char) -> bool {
     c.is_control() || matches!(c, '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }

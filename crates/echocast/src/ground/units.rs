@@ -5,7 +5,7 @@ pub const fn seconds_from_us(us: f64) -> f64 {
     us / 1e6
 }
 
-/// Amplitude of a level: of dB re 1 uPa in uPa.
+/// Amplitude from a level: dB re 1 uPa to uPa.
 pub fn amplitude_from_db(db: f64) -> f64 {
     10f64.powf(db / 20.0)
 }

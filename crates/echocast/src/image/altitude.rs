@@ -3,25 +3,25 @@
 use crate::cloud::{Ping, Pings, SonarView};
 use crate::ground::error::{Error, Result};
 
-/// The bed is no fainter than the loudest twentieth of a ping by more than this, dB; the surface of the water and what
-/// floats in it are.
+/// The bed is no fainter than the loudest twentieth of a ping by more than this, dB; the water surface and volume
+/// backscatter are.
 const FAINTER: f32 = 25.0;
-/// Pings before and after one whose first returns count for it.
+/// Pings before and after one whose first returns also count for it.
 const NEIGHBOURS: usize = 3;
-/// Part of the cells after the first return that are above the threshold. Fish and noise are shorter than that.
+/// Part of the cells after the first return above the threshold. Fish and noise are shorter than that.
 const FILLED: f64 = 0.6;
-/// Cells in which that is looked for, as part of all of a beam, and at least.
+/// Cells searched for that, as a fraction of all of a beam, and at least.
 const WINDOW: (usize, usize) = (16, 8);
 
 /// Height of the sonar over the bed at each ping, m, as side-scan software tracks it: the range at which the returns of
 /// the bed begin, which stay above the threshold and near the loudest of the ping, the median over both sides and seven
-/// pings. Pings without a first return near them have the height of the nearest that has one.
+/// pings. Pings without a first return near them take the height of the nearest that has one.
 ///
-/// Where the sonar is nearer to the surface of the water than to the bed, and hears it as loud as the bed, this is the
-/// distance from the surface.
+/// Where the sonar is nearer to the water surface than to the bed, and hears it as loudly as the bed, this is the
+/// distance to the surface.
 ///
 /// # Errors
-/// Pings that do not fit together; none that has a first return.
+/// Pings that do not fit together; none with a first return.
 pub fn altitudes(pings: &Pings) -> Result<Vec<f64>> {
     let layout = pings.check()?;
     let candidates: Vec<Vec<f64>> = pings
@@ -29,7 +29,7 @@ pub fn altitudes(pings: &Pings) -> Result<Vec<f64>> {
         .iter()
         .map(|ping| {
             let mut found: Vec<f64> = (0..layout.beams()).filter_map(|beam| first_return(ping, beam)).collect();
-            // The sides see the same bed; of beams side by side only the one that looks down sees it that near.
+            // Both sides see the same bed; of adjacent beams only the one that looks down sees it that near.
             if layout.view != SonarView::Sidescan {
                 found = found.into_iter().reduce(f64::min).into_iter().collect();
             }
@@ -62,7 +62,7 @@ pub fn altitudes(pings: &Pings) -> Result<Vec<f64>> {
         .collect())
 }
 
-/// Slant range at which the returns of the bed begin in a beam, m.
+/// Slant range, m, at which the returns of the bed begin in a beam.
 fn first_return(ping: &Ping, beam: usize) -> Option<f64> {
     let layout = &ping.layout;
     let levels = ping.levels(beam);
@@ -78,17 +78,17 @@ fn first_return(ping: &Ping, beam: usize) -> Option<f64> {
     let dense = |from: usize, length: usize, part: f64| {
         let cells = &above[from..(from + length).min(above.len())];
         let heard = cells.iter().filter(|&&is| is).count();
-        // The end of the record may cut the window short, but not to nothing.
+        // The end of the record may shorten the window, but not to nothing.
         2 * cells.len() >= length && heard as f64 >= part * cells.len() as f64
     };
     let start = (0..above.len()).find(|&bin| above[bin] && dense(bin, window, FILLED))?;
-    // A lone cell of noise just before the bed is not its beginning.
+    // A lone noisy cell just before the bed is not its beginning.
     let bin =
         (start..(start + window).min(above.len())).find(|&bin| above[bin] && dense(bin, 4, 0.75)).unwrap_or(start);
     Some(layout.range(bin))
 }
 
-/// The middle of `values`, of an even number the mean of both.
+/// The median of `values`; for an even number the mean of the middle two.
 fn median(mut values: Vec<f64>) -> Option<f64> {
     values.sort_unstable_by(f64::total_cmp);
     let count = values.len();

@@ -1,4 +1,4 @@
-//! Fan: beams and ranges as they lie around the sonar.
+//! Fan: beams and ranges laid out around the sonar.
 
 use super::{Image, ImageKind, LONE_SECTOR, Place, Source, check_view, direction, filled, middle, of_sources};
 use crate::cloud::{Ping, Pings, SonarView};
@@ -6,19 +6,19 @@ use crate::ground::error::{Error, Result};
 use glam::DVec2;
 use std::f64::consts::{PI, TAU};
 
-/// Directions that are told apart: a pixel of the largest picture.
+/// Directions distinguished: a pixel of the largest picture.
 const DIRECTIONS: usize = 1 << 16;
-/// How much wider than usual the angle between neighbours may be that share a border.
+/// How much wider than usual the angle between neighbours with a common border may be.
 const USUAL: f64 = 3.0;
-/// Pixels that the longer side may have.
+/// Allowed lengths of the longer side, pixels.
 const SIDES: std::ops::RangeInclusive<usize> = 16..=8192;
 
-/// One ping of an imaging or swath sonar: of an imaging sonar ahead is up, of a swath sonar the image is a cut across
-/// the track through the water, up is up. Starboard is to the right. Beams reach to the middle between them; the longer
-/// side has `pixels` pixels, 16 to 8192.
+/// One ping of an imaging or swath sonar: for an imaging sonar ahead is up, for a swath sonar the image is a cut across
+/// the track through the water, and up is up. Starboard is to the right. Beams extend to the middle between them; the
+/// longer side has `pixels` pixels, 16 to 8192.
 ///
 /// # Errors
-/// A ping of another sonar, or whose columns disagree; a side out of bounds.
+/// A ping of another sonar, or one with inconsistent columns; a side out of bounds.
 pub fn fan(ping: &Ping, pixels: usize) -> Result<Image> {
     let pings = Pings { pings: vec![ping.clone()] };
     let words = "imaging and swath sonars; a single beam that turns makes a fan of many pings, others a waterfall";
@@ -30,8 +30,8 @@ pub fn fan(ping: &Ping, pixels: usize) -> Result<Image> {
     draw(&pings, &sectors, pixels)
 }
 
-/// The pings of a single beam that turns, around where the first was sent: ahead of the sonar then is up. The way that
-/// the sonar goes meanwhile counts for nothing; a [mosaic](fn@super::mosaic) has it. Later pings cover earlier ones.
+/// The pings of a rotating single beam, around where the first was sent: what was ahead of the sonar then is up. Its
+/// motion meanwhile is ignored; a [mosaic](fn@super::mosaic) includes it. Later pings cover earlier ones.
 ///
 /// # Errors
 /// Pings that do not fit together or of another sonar; a side out of bounds.
@@ -42,7 +42,7 @@ pub fn turning_fan(pings: &Pings, pixels: usize) -> Result<Image> {
     for ping in &pings.pings {
         let look = start * (ping.pose.orientation * direction(ping.layout.axes[0]));
         let angle = look.y.atan2(look.x);
-        // On from the ping before, the shorter way round.
+        // Continues from the previous ping, the shorter way round.
         let before = angles.last().copied().unwrap_or(angle);
         angles.push(before + (angle - before + PI).rem_euclid(TAU) - PI);
     }
@@ -56,7 +56,7 @@ pub fn turning_fan(pings: &Pings, pixels: usize) -> Result<Image> {
             };
             let before = border(ping.checked_sub(1), ping.saturating_sub(1));
             let after = border(Some(ping), (ping + 1).min(angles.len() - 1));
-            // Half of the usual step on the side without a neighbour, and for a beam that comes back.
+            // Half the usual step on the side without a neighbour, and for a beam that reverses.
             let half = 0.5 * usual;
             let limits = [before.min(after).min(angles[ping] - half), before.max(after).max(angles[ping] + half)];
             Sector { ping, beam: 0, limits }
@@ -65,7 +65,7 @@ pub fn turning_fan(pings: &Pings, pixels: usize) -> Result<Image> {
     draw(pings, &sectors, pixels)
 }
 
-/// How wide a beam usually is with these `steps` to its neighbours, rad.
+/// Usual width of a beam with these `steps` to its neighbours, rad.
 fn sector(steps: Vec<f64>) -> f64 {
     Some(middle(steps)).filter(|&usual| usual > 0.0).unwrap_or(LONE_SECTOR)
 }
@@ -90,10 +90,10 @@ fn angle(view: SonarView, axis: [f32; 2]) -> f64 {
 }
 
 /// Which angles each beam covers: to the middle between neighbours, at the rims and beside gaps as far as on the other
-/// side or as beams usually do. In rising order of the angle.
+/// side or as beams usually do. Sorted by rising angle.
 pub(super) fn limits(angles: Vec<f64>) -> Vec<(usize, [f64; 2])> {
     let Some(&first) = angles.first() else { return Vec::new() };
-    // No seam between the beams unless they go round.
+    // No seam between the beams unless they go all round.
     let mut beams: Vec<(usize, f64)> =
         angles.iter().map(|angle| first + (angle - first + PI).rem_euclid(TAU) - PI).enumerate().collect();
     beams.sort_by(|a, b| a.1.total_cmp(&b.1));
@@ -113,7 +113,7 @@ fn draw(pings: &Pings, sectors: &[Sector], pixels: usize) -> Result<Image> {
         return Err(Error::invalid("side of a fan", pixels, allowed));
     }
     let layout = &pings.pings[0].layout;
-    // Which sector looks into each direction.
+    // Which sector covers each direction.
     let mut looks: Vec<Option<usize>> = filled(DIRECTIONS, None)?;
     let turn = DIRECTIONS as f64 / TAU;
     for (sector, Sector { limits, .. }) in sectors.iter().enumerate() {
@@ -123,7 +123,7 @@ fn draw(pings: &Pings, sectors: &[Sector], pixels: usize) -> Result<Image> {
             looks[direction.rem_euclid(DIRECTIONS as i64) as usize] = Some(sector);
         }
     }
-    // How far the beams reach to all sides, starting at the sonar.
+    // Extent of the beams on all sides, starting at the sonar.
     let reach = layout.reach();
     let (mut low, mut high) = (DVec2::ZERO, DVec2::ZERO);
     for direction in (0..DIRECTIONS).filter(|&direction| looks[direction].is_some()) {

@@ -20,7 +20,7 @@ impl Grid {
     /// Squares of `cell` metres from `low` to `high`.
     ///
     /// # Errors
-    /// A cell that is no length or makes more pixels than images may have.
+    /// A cell that is not a length or makes more pixels than images may have.
     pub(super) fn new([low, high]: [DVec2; 2], cell: f64) -> Result<Grid> {
         if !(cell.is_finite() && cell > 0.0) {
             return Err(Error::invalid("cell_m", cell, "a length above 0"));
@@ -45,15 +45,15 @@ impl Grid {
         Ok(Grid { corner, cell, width: size.x as usize, height: size.y as usize })
     }
 
-    /// Pixels together.
+    /// Number of pixels.
     pub(super) fn len(&self) -> usize {
         self.width * self.height
     }
 
-    /// Index of the pixel at `at`, which lies in the span that the grid was made for.
+    /// Index of the pixel at `at`, which lies in the grid's span.
     pub(super) fn index(&self, at: DVec2) -> usize {
         let steps = (at - self.corner) / self.cell;
-        // Casts saturate: rounding at the rim does not lead out.
+        // Casts saturate: rounding at the rim cannot lead outside.
         let column = (steps.x as usize).min(self.width - 1);
         let row = self.height - 1 - (steps.y as usize).min(self.height - 1);
         row * self.width + column
@@ -70,10 +70,10 @@ pub(super) fn span(points: impl Iterator<Item = DVec2>) -> [DVec2; 2] {
     points.fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[low, high], point| [low.min(point), high.max(point)])
 }
 
-/// Cells with which a map of `low` to `high` fits into `pixels`.
+/// Cell size with which a map of `low` to `high` fits into `pixels`.
 pub(super) fn fitting([low, high]: [DVec2; 2], pixels: [u32; 2]) -> f64 {
     let pixels = DVec2::new(f64::from(pixels[0]), f64::from(pixels[1]));
-    // One pixel more than the span has may be touched.
+    // The span may touch one more pixel than it has.
     ((high - low) / (pixels - 1.0).max(DVec2::ONE)).max_element().max(1e-6)
 }
 

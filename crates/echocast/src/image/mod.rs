@@ -1,7 +1,7 @@
 //! Images of sonar pings: waterfall, mosaic, fan and depth map, each with its labels.
 //!
-//! An image is made from what a sonar reports, as its own software would make it: nothing here asks the scene. Levels
-//! are drawn with the time-varied gain of the sonar. The pings stay as they are.
+//! Images are made from what a sonar reports, as its own software would make them: nothing here uses the scene. Levels
+//! are drawn with the sonar's time-varied gain. The pings are not changed.
 
 mod altitude;
 mod fan;
@@ -30,13 +30,13 @@ use std::sync::Arc;
 /// What an image is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ImageKind {
-    /// A row for each ping, the first on top.
+    /// A row for each ping, the first at the top.
     Waterfall,
     /// What the sonar saw, from above: x to the right, y up.
     Mosaic,
-    /// What one ping, or one turn of a beam, saw, as beams and ranges lie.
+    /// What one ping, or one turn of a beam, saw, laid out by beam and range.
     Fan,
-    /// Height of the bed by soundings, from above: x to the right, y up.
+    /// Height of the bed from soundings, seen from above: x to the right, y up.
     DepthMap,
 }
 
@@ -52,17 +52,18 @@ impl ImageKind {
     }
 }
 
-/// Which range side-scan images are drawn over.
+/// The range over which side-scan images are drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ImageRange {
-    /// Slant range as it is reported, with the water below the sonar.
+    /// Slant range as reported, including the water below the sonar.
     #[default]
     Slant,
-    /// Distance over a flat bed, `sqrt(slant^2 - altitude^2)`, with the altitude by [`altitudes`]; the water goes.
+    /// Distance over a flat bed, `sqrt(slant^2 - altitude^2)`, with the altitude by [`altitudes`]; the water is
+    /// removed.
     Ground,
 }
 
-/// Pixels, their labels, and where they are.
+/// Pixels, their labels, and their positions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
     /// What it is.
@@ -71,10 +72,10 @@ pub struct Image {
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Row by row from the top: echo level with the gain of pictures, dB re 1 uPa; of a depth map height, world z, m.
+    /// Row by row from the top: echo level with the gain of pictures, dB re 1 uPa; for a depth map height, world z, m.
     /// NaN where there is nothing.
     pub values: Vec<f32>,
-    /// The label columns that the pings have, pixel by pixel as `values`.
+    /// The label columns of the pings, pixel by pixel like `values`.
     pub layers: Vec<LabelLayer>,
     /// Coordinates of the pixels.
     pub place: Place,
@@ -94,7 +95,7 @@ pub struct LabelLayer {
 /// Coordinates of an image's pixels: the middle of column `c`, row `r` is `first + [c, r] * step`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
-    /// Of the middle of the upper left pixel.
+    /// Of the middle of the top left pixel.
     pub first: [f64; 2],
     /// From column to column, and from row to row.
     pub step: [f64; 2],
@@ -119,12 +120,12 @@ impl Image {
         inside.then(|| row as usize * self.width + column as usize)
     }
 
-    /// Label numbers of the column `field`; `None` when the pings have none.
+    /// Label numbers of the column `field`; `None` if the pings have none.
     pub fn layer(&self, field: Field) -> Option<&[u32]> {
         self.layers.iter().find(|layer| layer.field == field).map(|layer| layer.ids.as_slice())
     }
 
-    /// The lengths of `values` and `layers`: they are public, so they may disagree.
+    /// Checks the lengths of `values` and `layers`: they are public, so they may disagree.
     pub(crate) fn check(&self) -> Result<()> {
         let pixels = self.width.checked_mul(self.height);
         let lengths = std::iter::once(self.values.len()).chain(self.layers.iter().map(|layer| layer.ids.len()));
@@ -144,7 +145,7 @@ impl Image {
 struct Source {
     /// Index of its ping.
     ping: u32,
-    /// Cell in it.
+    /// Its cell.
     cell: u32,
 }
 
@@ -156,7 +157,7 @@ impl Source {
 /// `count` times `value`.
 ///
 /// # Errors
-/// No memory.
+/// Out of memory.
 fn filled<T: Clone>(count: usize, value: T) -> Result<Vec<T>> {
     let mut values = Vec::new();
     values.try_reserve_exact(count).map_err(|_| Error::Memory(format!("an image of {count} pixels")))?;
@@ -216,7 +217,7 @@ fn of_sources(
     Ok(Image { kind, width, height, values, layers, place, labels })
 }
 
-/// That `pings` are of one of the kinds that `what` can be made of.
+/// Checks that `pings` are of one of the kinds from which `what` can be made.
 fn check_view(pings: &Pings, what: &str, allowed: &[SonarView], words: &str) -> Result<SonarView> {
     let view = pings.check()?.view;
     if !allowed.contains(&view) {
@@ -231,10 +232,10 @@ fn direction(axis: [f32; 2]) -> DVec3 {
     DVec3::new(elevation.cos() * azimuth.cos(), elevation.cos() * azimuth.sin(), elevation.sin())
 }
 
-/// How wide beams are drawn whose width no neighbour says, rad: 2 degrees, as of a sonar that scans mechanically.
+/// Drawn width of beams without a neighbour, rad: 2 degrees, as of a mechanically scanning sonar.
 const LONE_SECTOR: f64 = 0.035;
 
-/// The middle one of `values`; 0 of none.
+/// The median of `values`; 0 if empty.
 fn middle(mut values: Vec<f64>) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(0.0)

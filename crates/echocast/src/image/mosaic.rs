@@ -1,4 +1,4 @@
-//! Mosaic: what the sonar saw, laid on the map by its poses.
+//! Mosaic: what the sonar saw, placed on the map by its poses.
 
 use super::grid::{self, Grid, span};
 use super::{
@@ -11,13 +11,13 @@ use crate::ground::pose::Pose;
 use glam::{DMat2, DVec2};
 use std::sync::Arc;
 
-/// How much farther apart, and by how much more turned, than usual neighbours may be that share a border. What lies
-/// between others is a gap.
+/// How much farther apart and more turned than usual neighbours with a common border may be. What lies between others
+/// is a gap.
 const USUAL: f64 = 3.0;
-/// And turned by this at least, rad: 2 degrees.
+/// And at least this turn, rad: 2 degrees.
 const TURN: f64 = 0.035;
 
-/// What a pixel of a mosaic shows that several cells fall into.
+/// What a mosaic pixel shows when several cells fall into it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Overlap {
     /// Mean of the power; its label is that of the strongest cell.
@@ -25,23 +25,23 @@ pub enum Overlap {
     Mean,
     /// The strongest.
     Max,
-    /// The last that was heard.
+    /// The last one heard.
     Last,
     /// The one nearest to the sonar.
     Nearest,
 }
 
 /// The pings of a side-scan, imaging or single-beam sonar on a map of squares of `cell_m` metres: each cell lies where
-/// its beam looks from the ping's position and heading, at its range. Roll and pitch count for nothing, nor does the
-/// height of what is seen, which a sonar cannot know.
+/// its beam looks from the ping's position and heading, at its range. Roll and pitch are ignored, as is the height of
+/// what is seen, which a sonar cannot know.
 ///
-/// Neighbouring pings share the border in the middle between them, so that a swath is closed; where the sonar turns it
-/// is stretched outside and overlaps inside. Where pings are missing there is a gap, and beams of an imaging sonar
-/// reach to the middle between them.
+/// Neighbouring pings share a border in the middle between them, so that a swath is closed; where the sonar turns it is
+/// stretched outside and overlaps inside. Missing pings leave a gap, and beams of an imaging sonar extend to the middle
+/// between them.
 ///
 /// # Errors
-/// Pings that do not fit together, of a swath sonar, or, for ground range, without a first return of the bed; a cell
-/// that is no length or makes too many pixels.
+/// Pings that do not fit together, are from a swath sonar, or, for ground range, lack a first return of the bed; a cell
+/// that is not a length or makes too many pixels.
 pub fn mosaic(pings: &Pings, range: ImageRange, cell_m: f64, overlap: Overlap) -> Result<Image> {
     check(pings)?;
     let heights = if range == ImageRange::Ground { Some(altitudes(pings)?) } else { None };
@@ -49,7 +49,7 @@ pub fn mosaic(pings: &Pings, range: ImageRange, cell_m: f64, overlap: Overlap) -
 }
 
 /// The mosaic that fits into a picture of `pixels`: over ground range where a side-scan sonar sees the bed, else over
-/// slant range. Tells which.
+/// slant range. Returns which.
 ///
 /// # Errors
 /// As [`mosaic`].
@@ -71,12 +71,12 @@ fn draw(pings: &Pings, strips: &[Strip], cell_m: f64, overlap: Overlap) -> Resul
     let grid = Grid::new(extent(strips), cell_m)?;
     let mut sources = filled(grid.len(), Source::NONE)?;
     let mut scores = filled(grid.len(), f32::NEG_INFINITY)?;
-    // Of the mean: power over 1 uPa^2, and how many places it is of.
+    // For the mean: power over 1 uPa^2, and the number of places in it.
     let mut sums = if overlap == Overlap::Mean { filled(grid.len(), (0f64, 0u32))? } else { Vec::new() };
     for strip in strips {
         let ping = &pings.pings[strip.ping];
         let layout = &ping.layout;
-        // Every cell has its place, and no pixel in the strip is left out.
+        // Every cell has a place, and no pixel in the strip is left out.
         let step = layout.bin_m.min(0.5 * cell_m);
         let steps = (strip.reach / step) as usize;
         for i in 0..steps {
@@ -147,16 +147,16 @@ fn extent(strips: &[Strip]) -> [DVec2; 2] {
     span(strips.iter().flat_map(|strip| [strip.at(0.0), strip.at(strip.reach)]).flatten())
 }
 
-/// Where a sonar looks, seen from above, whatever its roll and pitch.
+/// Direction in which a sonar looks, seen from above, whatever its roll and pitch.
 pub(crate) fn heading(pose: &Pose) -> DVec2 {
     let rotation = pose.rotation();
     let ahead = rotation.x_axis;
-    // One that looks straight up or down heads where its upper side leans to if it is raised.
+    // One that looks straight up or down heads where its upper side would lean if it were raised.
     let level = if ahead.truncate().length() > 1e-6 { ahead } else { -ahead.z.signum() * rotation.z_axis };
     level.truncate().normalize_or(DVec2::X)
 }
 
-/// What the pings paint; over ground range where the `altitudes` of the sonar are known.
+/// What the pings paint; over ground range if the `altitudes` of the sonar are known.
 fn strips(Pings { pings }: &Pings, altitudes: Option<Vec<f64>>) -> Vec<Strip> {
     let altitudes = altitudes.unwrap_or_else(|| vec![0.0; pings.len()]);
     let layout = &pings[0].layout;
@@ -181,7 +181,7 @@ fn strips(Pings { pings }: &Pings, altitudes: Option<Vec<f64>>) -> Vec<Strip> {
     let steps: Vec<[f64; 2]> = (1..pings.len())
         .map(|ping| [from[ping].distance(from[ping - 1]), headings[ping].angle_to(headings[ping - 1]).abs()])
         .collect();
-    // Of those that move.
+    // Only those that move.
     let moving = |what: usize| steps.iter().map(|step| step[what]).filter(|&step| step > 1e-9).collect();
     let [distance, turn] = [0, 1].map(|what| middle(moving(what)));
     let neighbours = |first: usize| {
@@ -198,7 +198,7 @@ fn strips(Pings { pings }: &Pings, altitudes: Option<Vec<f64>>) -> Vec<Strip> {
                     Some(other) => (here.midpoint(from[other]), direction.midpoint(looks(other, azimuth(beam)))),
                     None if distance > 0.0 => (here + 0.5 * outwards * distance * headings[ping], direction),
                     None if turn > 0.0 => (here, direction),
-                    // No other to be as wide as: to both sides of its beam.
+                    // No neighbour to compare with: to both sides of its beam.
                     None => (here, DMat2::from_angle(0.5 * outwards * LONE_SECTOR) * direction),
                 }
             };
@@ -237,7 +237,7 @@ mod tests {
                 let centre = found.iter().fold(DVec2::ZERO, |sum, &at| sum + DVec2::from(at)) / found.len() as f64;
                 let wanted = track.target_in_world();
                 assert!(centre.distance(wanted) < 0.1, "{course} {overlap:?}: {centre} {wanted}");
-                // As long and wide as it is: half a metre along, 0.4 m across.
+                // As long and wide as the target: half a metre along, 0.4 m across.
                 let area = found.len() as f64 * 0.01;
                 assert!((area - 0.2).abs() < 0.1, "{course} {overlap:?}: {area}");
             }
@@ -258,7 +258,7 @@ mod tests {
                 })
                 .count()
         };
-        // Pixels much smaller than the way from ping to ping, and pixels much larger.
+        // Pixels much smaller than the distance from ping to ping, and much larger.
         for cell in [0.07, 3.0] {
             assert_eq!(empty(&mosaic(&pings, ImageRange::Slant, cell, Overlap::Mean).unwrap()), 0);
         }
@@ -301,7 +301,7 @@ mod tests {
         }
     }
 
-    /// Most pings are of a sonar that stands: those on the way join all the same.
+    /// Most pings are of a stationary sonar: those in motion still join.
     #[test]
     fn a_rest_on_the_way_leaves_no_gaps() {
         let mut resting = pings(&Sidescan { pings: 30, target: None, ..Sidescan::default() });

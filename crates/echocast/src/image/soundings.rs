@@ -11,8 +11,8 @@ use std::sync::Arc;
 /// reported range; NaN without any. The label is that of the strongest sounding.
 ///
 /// # Errors
-/// Pings that do not fit together, report no depths at all or are of a side-scan or imaging sonar; a cell that is no
-/// length or makes too many pixels.
+/// Pings that do not fit together, report no depths at all or are from a side-scan or imaging sonar; a cell that is not
+/// a length or makes too many pixels.
 pub fn depth_map(pings: &Pings, cell_m: f64) -> Result<Image> {
     let soundings = soundings(pings)?;
     let grid = Grid::new(span(soundings.iter().map(|sounding| sounding.at.truncate())), cell_m)?;
@@ -40,14 +40,14 @@ pub fn depth_map(pings: &Pings, cell_m: f64) -> Result<Image> {
     })
 }
 
-/// Cells with which the depth map fits into a picture of `pixels` and has few holes.
+/// Cell size with which the depth map fits into a picture of `pixels` and has few holes.
 ///
 /// # Errors
 /// As [`depth_map`].
 pub(crate) fn fitting_cell(pings: &Pings, pixels: [u32; 2]) -> Result<f64> {
     let soundings = soundings(pings)?;
     let [low, high] = span(soundings.iter().map(|sounding| sounding.at.truncate()));
-    // Nine soundings a square, were they spread evenly.
+    // Nine soundings a square if evenly spread.
     let spread = 3.0 * ((high - low).element_product() / soundings.len() as f64).sqrt();
     Ok(fitting([low, high], pixels).max(spread))
 }

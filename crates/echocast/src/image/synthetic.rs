@@ -23,7 +23,7 @@ pub(crate) struct Sidescan {
     pub start: DVec2,
     /// Metres along and to port of its middle; half a metre long, 0.4 m wide, 2 m high.
     pub target: Option<[f64; 2]>,
-    /// Whether levels vary as those of sand do.
+    /// Whether levels vary like those of sand.
     pub speckle: bool,
 }
 
@@ -122,7 +122,7 @@ pub(crate) fn pings(track: &Sidescan) -> Pings {
         let mut index = (number * 1_000_000) as u64;
         let made = ping(number, &layout, pose, |beam, range| {
             index += 1;
-            // Rayleigh's amplitude has a power with an exponential distribution.
+            // Rayleigh's amplitude has an exponentially distributed power.
             let speckle = if track.speckle { 10.0 * (-(random(index) + 1e-6).ln()).log10() } else { 0.0 };
             let (noise, altitude) = (NOISE + speckle, track.altitude);
             if range < altitude {
@@ -161,7 +161,7 @@ pub(crate) fn imaging(view: SonarView, degrees: f64, range: f64) -> Ping {
     })
 }
 
-/// A single beam that turns to the left by `step` degrees from ping to ping, with a target at 12 m at the 50th.
+/// A single beam that rotates to the left by `step` degrees from ping to ping, with a target at 12 m at the 50th.
 pub(crate) fn turning(pings: usize, step: f64) -> Pings {
     let layout = layout(SonarView::Single, vec![[0.0; 2]], 300, 0.05, 0.0);
     let mut turned = Pings::default();

@@ -7,14 +7,14 @@ use crate::ground::error::{Error, Result};
 /// Most pixels of a waterfall.
 const MOST_PIXELS: usize = 1 << 26;
 
-/// A row for each ping by its index, the first on top, whatever way the sonar took: `[port reversed | starboard]` of a
-/// side-scan sonar, nearest ranges in the middle; else the cells of one beam, nearest on the left. Pixels are as wide
-/// as cells.
+/// A row for each ping by its index, the first at the top, whatever the sonar's track: `[port reversed | starboard]`
+/// for a side-scan sonar, nearest ranges in the middle; else the cells of one beam, nearest on the left. Pixels are as
+/// wide as cells.
 ///
-/// `beam`: only that one; by default both sides of a side-scan sonar, the middle beam of others.
+/// `beam`: only this one; by default both sides of a side-scan sonar, the middle beam of others.
 ///
 /// # Errors
-/// Pings that do not fit together, no such beam, ground range of another than a side-scan sonar or without a first
+/// Pings that do not fit together, no such beam, ground range for other than a side-scan sonar or without a first
 /// return of the bed, too many pixels.
 pub fn waterfall(pings: &Pings, range: ImageRange, beam: Option<usize>) -> Result<Image> {
     let layout = pings.check()?;
@@ -49,7 +49,7 @@ pub fn waterfall(pings: &Pings, range: ImageRange, beam: Option<usize>) -> Resul
     for (ping, (row, altitude)) in sources.chunks_exact_mut(width).zip(heights).enumerate() {
         for (column, source) in row.iter_mut().enumerate() {
             let (beam, step) = if column < left { (port, left - 1 - column) } else { (starboard, column - left) };
-            // What lies at this distance over the bed answers from this far away.
+            // What lies at this distance over the bed is heard at this slant range.
             let slant = layout.range(step).hypot(altitude) / layout.bin_m;
             if let Some(beam) = beam
                 && slant < bins as f64
@@ -66,8 +66,8 @@ pub fn waterfall(pings: &Pings, range: ImageRange, beam: Option<usize>) -> Resul
     of_sources(ImageKind::Waterfall, &pings.pings, [width, height], &sources, place)
 }
 
-/// The beam that a waterfall shows by default: the middle one; `None` of a side-scan sonar, of which it shows both
-/// sides.
+/// The beam that a waterfall shows by default: the middle one; `None` for a side-scan sonar, both sides of which are
+/// shown.
 pub(crate) fn middle_beam(layout: &Layout) -> Option<usize> {
     (layout.view != SonarView::Sidescan).then(|| layout.beams() / 2)
 }
@@ -127,7 +127,7 @@ mod tests {
         }
         let water = |image: &Image| image.layer(Field::CategoryId).unwrap()[row * image.width..][image.width / 2];
         assert_eq!((water(&slant), water(&ground)), (0, 1));
-        // What lies past the last cell is not there.
+        // There is nothing past the last cell.
         assert!(ground.values[0].is_nan() && !slant.values[0].is_nan());
         assert_eq!(ground.index([-across, row as f64]).map(|pixel| pixel / ground.width), Some(row));
     }

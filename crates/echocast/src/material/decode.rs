@@ -8,20 +8,20 @@ use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-/// Why an image cannot be decoded, without the words of who decodes it.
+/// Why an image cannot be decoded, without the decoder's wording.
 pub(super) type Fault = &'static str;
 
 const DAMAGED: Fault = "it is damaged";
 const CUT_OFF: Fault = "it is cut off";
 const UNSUPPORTED: Fault = "it is of a kind that is not supported";
 
-/// An image of which the header has been read.
+/// An image whose header has been read.
 pub(super) struct Header<'a> {
     pub width: u32,
     pub height: u32,
-    /// Numbers of a pixel, 1 to 4: grey or colours, and alpha.
+    /// Numbers per pixel, 1 to 4: grey or colours, and alpha.
     pub channels: usize,
-    /// Bytes of a number, 1 or 2, the more significant first.
+    /// Bytes per number, 1 or 2, most significant first.
     pub depth: usize,
     rest: Rest<'a>,
 }
@@ -32,8 +32,8 @@ enum Rest<'a> {
 }
 
 impl<'a> Header<'a> {
-    /// Reads the header of the file `bytes`; `None`: it is neither PNG nor JPEG. A PNG may take `aside` bytes for what
-    /// else stands in it.
+    /// Reads the header of the file `bytes`; `None`: it is neither PNG nor JPEG. A PNG may use `aside` bytes for its
+    /// other contents.
     pub fn read(bytes: &'a [u8], aside: u64) -> Option<Result<Header<'a>, Fault>> {
         if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
             Some(Header::of_png(bytes, aside))
@@ -47,7 +47,7 @@ impl<'a> Header<'a> {
     fn of_png(bytes: &'a [u8], aside: u64) -> Result<Header<'a>, Fault> {
         let limits = png::Limits { bytes: usize::try_from(aside).unwrap_or(usize::MAX) };
         let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), limits);
-        // Palettes, few bits and transparent colours become plain numbers.
+        // Expands palettes, low bit depths and transparent colours to plain numbers.
         decoder.set_transformations(Transformations::EXPAND);
         let reader = decoder.read_info().map_err(|error| of_png(&error))?;
         let (width, height) = reader.info().size();
@@ -68,7 +68,7 @@ impl<'a> Header<'a> {
     }
 
     fn of_jpeg(bytes: &'a [u8]) -> Result<Header<'a>, Fault> {
-        // Sides are for the caller to judge.
+        // The caller judges the dimensions.
         let options =
             DecoderOptions::default().set_strict_mode(false).set_max_width(usize::MAX).set_max_height(usize::MAX);
         let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
@@ -79,7 +79,7 @@ impl<'a> Header<'a> {
         };
         let (color, channels) = if color == ColorSpace::Luma { (color, 1) } else { (ColorSpace::RGB, 3) };
         decoder.set_options(options.jpeg_set_out_colorspace(color));
-        // Two bytes hold a side.
+        // A side fits in two bytes.
         let (width, height) = (width as u32, height as u32);
         Ok(Header { width, height, channels, depth: 1, rest: Rest::Jpeg(Box::new(decoder)) })
     }

@@ -7,11 +7,11 @@ use serde::de::{Deserialize, Deserializer, Error as _};
 use std::fmt::Display;
 
 impl Material {
-    /// Reads the text of a material file, whose keys are the fields of this type but for the texture. Only `name` must
-    /// be there; `base_color` may lack alpha, and `reflectance` is a number or a list of [`super::ReflectanceSample`].
+    /// Reads the text of a material file, whose keys are the fields of this type except the texture. Only `name` is
+    /// required; `base_color` may omit alpha, and `reflectance` is a number or a list of [`super::ReflectanceSample`].
     ///
     /// # Errors
-    /// Line and key of what is wrong, with the nearest known key.
+    /// Line and key of what is wrong, with the most similar known key.
     pub fn from_yaml(text: &str) -> Result<Material> {
         Material::read(&Document::parse("YAML text", text)?)
     }
@@ -26,7 +26,7 @@ impl Material {
         Ok(material)
     }
 
-    /// Whether all values are within what is allowed.
+    /// Checks that all values are within what is allowed.
     fn check(&self) -> Result<()> {
         if self.name.is_empty() {
             return Err(Error::invalid("name", "empty", "a word"));
@@ -63,7 +63,7 @@ impl Material {
 }
 
 impl Reflectance {
-    /// Whether all values at the key `key` are within what is allowed.
+    /// Checks that all values at the key `key` are within what is allowed.
     pub(crate) fn check(&self, key: &str) -> Result<()> {
         let samples = match self {
             Reflectance::Constant(value) => return fraction(key, *value),
@@ -94,7 +94,7 @@ fn fraction(key: impl Display, value: impl Into<f64> + Display + Copy) -> Result
     allow(key, value, (0.0..=1.0).contains(&value.into()), "0 to 1")
 }
 
-/// Reads red, green, blue and perhaps alpha.
+/// Reads red, green, blue and optionally alpha.
 pub(super) fn color_and_alpha<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[f32; 4], D::Error> {
     match Vec::deserialize(deserializer)?[..] {
         [red, green, blue] => Ok([red, green, blue, 1.0]),

@@ -1,6 +1,6 @@
 //! What metals reflect.
 
-/// What a metal of complex index `n + i k` reflects of unpolarised light from air, 0..1.
+/// What a metal of complex index `n + i k` reflects of unpolarised light in air, 0..1.
 pub(crate) fn conductor(cos: f32, n: f32, k: f32) -> f32 {
     // c_t = sqrt(1 - sin^2 / m^2), all complex.
     let (cos, n, k) = (f64::from(cos), f64::from(n), f64::from(k));

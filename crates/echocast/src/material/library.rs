@@ -8,10 +8,10 @@ use crate::read::yaml::Document;
 use std::sync::OnceLock;
 
 impl Material {
-    /// The material of the library called `name`; case and a copy's suffix (`concrete.001`) do not matter.
+    /// The library material called `name`; case and the suffix of a copy (`concrete.001`) are ignored.
     ///
     /// # Errors
-    /// [`Error::Missing`] with near names.
+    /// [`Error::Missing`] with similar names.
     pub fn library(name: &str) -> Result<Material> {
         let known = || materials().iter().map(|material| &material.name);
         find(name).cloned().ok_or_else(|| Error::missing("library material", name, known()))
@@ -27,18 +27,18 @@ fn find(name: &str) -> Option<&'static Material> {
     materials().iter().find(|material| material.name.eq_ignore_ascii_case(stem))
 }
 
-/// The reflectance of a material, by its own word or by the library's; none where its alpha says it.
+/// The reflectance of a material, from itself or from the library; none where its alpha gives it.
 pub(super) fn reflectance(material: &Material) -> Option<&Reflectance> {
     let by_name = || find(&material.name).filter(|_| material.alpha != Alpha::Reflectance)?.reflectance.as_ref();
     material.reflectance.as_ref().or_else(by_name)
 }
 
-/// What a material does with sound, by its own word or by the library's.
+/// What a material does with sound, from itself or from the library.
 pub(super) fn sound(material: &Material) -> Option<&Sound> {
     material.sound.as_ref().or_else(|| find(&material.name)?.sound.as_ref())
 }
 
-/// All of them; the files are part of this crate and a test reads every one.
+/// All of them; the files are embedded in this crate and a test reads every one.
 fn materials() -> &'static [Material] {
     static MATERIALS: OnceLock<Vec<Material>> = OnceLock::new();
     MATERIALS.get_or_init(|| {
@@ -88,7 +88,7 @@ mod tests {
         }
     }
 
-    /// Light does not know the seabeds, so scenes whose materials have their names keep their reflectance.
+    /// The seabeds say nothing of light, so scenes whose materials have their names keep their reflectance.
     #[test]
     fn seabeds_have_sound_alone() {
         use super::super::Sediment;

@@ -21,7 +21,7 @@ pub(crate) use texture::{TextureBudget, srgb_byte};
 use crate::ground::named::named;
 use serde::Deserialize;
 
-/// Where the reflectance of a surface comes from when neither its material nor the material library says it.
+/// Where the reflectance of a surface comes from when neither its material nor the material library gives it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ReflectanceSource {
     /// Luminance of the linear base colour (Rec. 709 weights).
@@ -37,16 +37,16 @@ named! { ReflectanceSource: Luminance "luminance", Alpha "alpha" }
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Alpha {
-    /// Nothing, unless the scan takes it for the reflectance ([`ReflectanceSource::Alpha`]).
+    /// Nothing, unless the scan uses it as the reflectance ([`ReflectanceSource::Alpha`]).
     #[default]
     Ignore,
-    /// Its reflectance, where the material gives no other, whatever the scan takes.
+    /// Its reflectance, where the material gives no other, whatever the scan uses.
     Reflectance,
     /// Where there is a surface at all: light passes where alpha is below [`Material::alpha_cutoff`].
     Cutout,
 }
 
-/// A surface material as a file gave it; colours are linear.
+/// A surface material as given by a file; colours are linear.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Material {
@@ -64,9 +64,9 @@ pub struct Material {
     pub alpha: Alpha,
     /// Least alpha of a cut-out that stops light, 0..1.
     pub alpha_cutoff: f32,
-    /// Reflectance, where the file says it (in glTF `extras.reflectance` or `blainder_rgba`'s fourth number).
+    /// Reflectance, where the file gives it (in glTF `extras.reflectance` or `blainder_rgba`'s fourth number).
     pub reflectance: Option<Reflectance>,
-    /// How what is sent back is divided over the directions.
+    /// How returned light is distributed over directions.
     pub scattering: Scattering,
     /// glTF metallic factor, 0..1; 1 with roughness 0 is a mirror.
     pub metallic: f32,
@@ -82,15 +82,15 @@ pub struct Material {
     pub attenuation_distance_m: f32,
     /// Linear colour of white light after the attenuation distance (`KHR_materials_volume`).
     pub attenuation_color: [f32; 3],
-    /// Thickness of a pane that the scene has as a single sheet, metres; none is a body with an inside, or, where
-    /// `thickness_m` is 0, an endlessly thin pane.
+    /// Thickness of a pane that the scene models as a single sheet, metres; none is a body with an inside, or, where
+    /// `thickness_m` is 0, an infinitely thin pane.
     pub pane_m: Option<f32>,
-    /// Index of refraction for the travel time of pulses, 1 at least; none is `ior`.
+    /// Index of refraction for the travel time of pulses, at least 1; none is `ior`.
     pub group_index: Option<f32>,
-    /// Imaginary part of a metal's index of refraction, whose real part is `ior`: with it what a mirror takes away
-    /// depends on the angle, without it (0) the reflectance is what it leaves.
+    /// Imaginary part of a metal's index of refraction, whose real part is `ior`: with it a mirror's loss depends on
+    /// the angle; without it (0) the mirror leaves its reflectance.
     pub extinction_index: f32,
-    /// Reflectance of the dirt on a mirror, glass or water, 0..1; it is diffuse, and what lies behind it gets the rest.
+    /// Reflectance of the dirt on a mirror, glass or water, 0..1; it is diffuse, and what lies behind gets the rest.
     pub dirt: f32,
     /// What it does with sound (in glTF `extras.sound`); see [`Material::sound_law`].
     pub sound: Option<Sound>,
@@ -99,8 +99,8 @@ pub struct Material {
 }
 
 impl Default for Material {
-    /// glTF's default material: white, fully rough, not metallic here (a scanner sees no mirrors where nothing is
-    /// said).
+    /// glTF's default material: white, fully rough, but not metallic here (a scanner sees no mirrors where none are
+    /// specified).
     fn default() -> Self {
         Material {
             name: String::new(),
@@ -129,13 +129,13 @@ impl Default for Material {
 }
 
 impl Material {
-    /// What it does with sound, by its own word or by that of the library's material of its name; where neither says
-    /// it, its reflectance may: [`Sound::of_reflectance`].
+    /// What it does with sound, from itself or from the library material of its name; if neither gives it, its
+    /// reflectance may: [`Sound::of_reflectance`].
     pub fn sound_law(&self) -> Option<&Sound> {
         library::sound(self)
     }
 
-    /// Where its reflectance comes from in a scan that takes it from `source`.
+    /// Where its reflectance comes from in a scan that uses `source`.
     pub(crate) fn reflectance_source(&self, source: ReflectanceSource) -> ReflectanceSource {
         if self.alpha == Alpha::Reflectance { ReflectanceSource::Alpha } else { source }
     }

@@ -5,11 +5,11 @@ use super::{Material, ReflectanceSource, fresnel, library};
 /// How a material divides light that meets it, at one wavelength.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Optics {
-    /// Part that is sent back diffusely, of which the reflectance is taken, 0..1.
+    /// Part scattered diffusely, which the reflectance multiplies, 0..1.
     pub diffuse: f32,
-    /// Reflectance of the dirt on it, 0..1; the parts are of what it leaves.
+    /// Reflectance of the dirt on it, 0..1; the other parts are of what the dirt leaves.
     pub dirt: f32,
-    /// Part that is mirrored, 0..1; what a metal takes away is not in it, unless that depends on the angle.
+    /// Part that is mirrored, 0..1; excludes what a metal absorbs, unless that depends on the angle.
     pub mirrored: f32,
     /// Index and extinction index of a metal whose reflectance depends on the angle.
     pub metal: Option<[f32; 2]>,
@@ -21,14 +21,14 @@ pub(crate) struct Optics {
     pub group_index: f32,
     /// Absorption within, 1/m.
     pub absorption: f32,
-    /// Thickness of a pane that the scene has as a single sheet, m; none is a body with an inside.
+    /// Thickness of a pane that the scene models as a single sheet, m; none is a body with an inside.
     pub sheet: Option<f32>,
 }
 
-/// What mirrors take away.
+/// What mirrors absorb.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Mirrors {
-    /// What their material leaves of it.
+    /// All but what their material leaves.
     Real,
     /// Nothing, as in the paper's equations.
     Lossless,
@@ -55,7 +55,8 @@ impl Optics {
     }
 
     /// A rough surface is a mirror or a pane only for the part `(1 - roughness)^4` of the light (a choice of ours: a
-    /// half at 0.16, a sixteenth at 0.5); of the rest a metal sends back as a diffuse surface, glass nothing.
+    /// half at 0.16, a sixteenth at 0.5); of the rest a metal scatters like a diffuse surface, and glass returns
+    /// nothing.
     pub(crate) fn new(material: &Material, wavelength_nm: f64, source: ReflectanceSource, mirrors: Mirrors) -> Optics {
         if mirrors == Mirrors::OfTheProgram {
             match material.metallic {
@@ -91,7 +92,7 @@ impl Optics {
             index: material.ior,
             group_index: material.group_index.unwrap_or(material.ior),
             absorption,
-            // KHR_materials_volume: without a thickness the surface is thin-walled, an endlessly thin pane.
+            // KHR_materials_volume: without a thickness the surface is thin-walled, an infinitely thin pane.
             sheet: material.pane_m.or((material.thickness_m == 0.0).then_some(0.0)),
         }
     }

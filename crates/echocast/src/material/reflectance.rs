@@ -1,4 +1,4 @@
-//! How much light surfaces send back: of one material at every wavelength, of all materials of a scene at one.
+//! How much light surfaces return: one material at every wavelength, all materials of a scene at one.
 
 use super::{Material, Mirrors, Optics, ReflectanceSource, Scattering, library};
 use serde::Deserialize;
@@ -11,7 +11,7 @@ use std::sync::Arc;
 pub enum Reflectance {
     /// The same at every wavelength, 0..1.
     Constant(f32),
-    /// Measured at some wavelengths, in rising order; without any, 0.
+    /// Measured at some wavelengths, rising; 0 if empty.
     Samples(Vec<ReflectanceSample>),
 }
 
@@ -83,11 +83,11 @@ impl<'de> Deserialize<'de> for Reflectance {
 
 /// Reflectance of every material at one wavelength.
 pub(crate) struct Reflectances {
-    /// In the order of the materials; NaN where only the image of the surface knows.
+    /// In the order of the materials; NaN where only the surface's image gives it.
     pub by_material: Vec<f32>,
-    /// The greatest effective reflectance that any of them has at any angle.
+    /// The greatest effective reflectance of any of them at any angle.
     pub greatest: f32,
-    /// Whether any of them scatters otherwise than Lambert surfaces do, and that matters.
+    /// Whether any of them scatters differently from Lambert surfaces, and that matters.
     pub scatter: bool,
     /// What smooth surfaces do with light, likewise.
     pub optics: Vec<Optics>,
@@ -99,8 +99,8 @@ pub(crate) struct Reflectances {
 }
 
 impl Reflectances {
-    /// In this order: the material's own word, the material library, the base colour as `source` says. `mirrors`: what
-    /// these take away.
+    /// In this order: the material itself, the material library, the base colour as `source` says. `mirrors`: what
+    /// these absorb.
     pub fn new(materials: &[Arc<Material>], wavelength_nm: f64, source: ReflectanceSource, mirrors: Mirrors) -> Self {
         let of = |material: &Arc<Material>| match library::reflectance(material) {
             Some(reflectance) => reflectance.at(wavelength_nm),
@@ -110,7 +110,7 @@ impl Reflectances {
         let optics: Vec<Optics> =
             materials.iter().map(|material| Optics::new(material, wavelength_nm, source, mirrors)).collect();
         let by_material: Vec<f32> = materials.iter().map(of).collect();
-        // The paper knows Lambert surfaces only.
+        // The paper uses Lambert surfaces only.
         let scatter =
             mirrors == Mirrors::Real && materials.iter().any(|material| material.scattering != Scattering::Lambert);
         let greatest = |(material, &value): (&Arc<Material>, &f32)| {
@@ -119,7 +119,7 @@ impl Reflectances {
         };
         let own = materials.iter().zip(&by_material).map(greatest);
         Reflectances {
-            // Dirt comes on top of what a surface is.
+            // Dirt adds to what the surface itself returns.
             greatest: own.zip(&optics).map(|(own, optics)| own * optics.diffuse + optics.dirt).fold(0.0, f32::max),
             by_material,
             scatter,

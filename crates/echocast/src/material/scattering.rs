@@ -1,9 +1,7 @@
-//! How surfaces divide what they send back over the directions, as far as an instrument sees it that receives where it
-//! sends.
+//! How surfaces distribute what they return over directions, as seen by an instrument that receives where it sends.
 //!
-//! Each model says the effective reflectance `rho_eff = pi f_r cos(theta)`: the reflectance of a head-on Lambert
-//! surface that sends back as much, `f_r` the model's BRDF (1/sr) back to where the light comes from, `theta` the
-//! incidence angle.
+//! Each model gives the effective reflectance `rho_eff = pi f_r cos(theta)`: the reflectance of a head-on Lambert
+//! surface that returns as much, `f_r` the model's BRDF (1/sr) back to the light source, `theta` the incidence angle.
 
 use super::Reflectance;
 use crate::ground::error::{Error, Result};
@@ -11,18 +9,18 @@ use crate::read::yaml;
 use serde::{Deserialize, Deserializer};
 use std::f32::consts::PI;
 
-/// How a surface scatters. Its reflectance is that of the diffuse part; what `phong` and `ggx` add may not make it more
-/// than 1 together, and where it would, the diffuse part gives way.
+/// How a surface scatters. Its reflectance is that of the diffuse part; together with what `phong` and `ggx` add it may
+/// not exceed 1, and where it would, the diffuse part is reduced.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Scattering {
-    /// Equally bright from everywhere: `rho cos(theta)`.
+    /// Equally bright from all directions: `rho cos(theta)`.
     #[default]
     Lambert,
-    /// As strong at every angle: `rho`. A model of targets such as foliage, not of a surface.
+    /// Equally strong at every angle: `rho`. A model of targets such as foliage, not of a surface.
     Constant,
-    /// Rough and diffuse, made of Lambert facets (Oren and Nayar 1994, their qualitative model, seen from where the
-    /// light comes from): `rho (A cos(theta) + B sin^2(theta))` with `A = 1 - s^2 / (2 s^2 + 0.66)`, `B = 0.45 s^2 /
-    /// (s^2 + 0.09)`.
+    /// Rough and diffuse, made of Lambert facets (Oren and Nayar 1994, their qualitative model, seen from the light
+    /// source): `rho (A cos(theta) + B sin^2(theta))` with `A = 1 - s^2 / (2 s^2 + 0.66)`, `B = 0.45 s^2 / (s^2 +
+    /// 0.09)`.
     OrenNayar {
         /// Standard deviation `s` of the facets' slope angle, degrees, 0 to 90.
         slope_sigma_deg: f32,
@@ -35,19 +33,19 @@ pub enum Scattering {
         /// How narrow it is: `n`, 0 to 100000.
         exponent: f32,
     },
-    /// Diffuse under a face of mirrors that lean every way (Walter and others 2007, shadowed by height-correlated
-    /// Smith): `rho cos(theta) + pi D f0 G / (4 cos(theta))`.
+    /// Diffuse under a layer of microfacet mirrors (Walter and others 2007, shadowed by height-correlated Smith): `rho
+    /// cos(theta) + pi D f0 G / (4 cos(theta))`.
     Ggx {
         /// What a mirror reflects head-on, 0 to 1.
         f0: f32,
-        /// How much the mirrors lean, 0.001 to 1; in glTF the square of the roughness.
+        /// How much the mirrors tilt, 0.001 to 1; in glTF the square of the roughness.
         alpha: f32,
     },
-    /// Diffuse, and sending light back to where it comes from: `rho cos(theta) + pi R_A(theta) / cos(theta)`. Effective
+    /// Diffuse, and returning light to its source: `rho cos(theta) + pi R_A(theta) / cos(theta)`. Effective
     /// reflectances are far above 1.
     RetroReflector {
-        /// Coefficient of retro-reflection `R_A` at some incidence angles, in rising order: linear in between, as the
-        /// first before it, and nothing beyond the last, where data sheets end.
+        /// Coefficient of retro-reflection `R_A` at some incidence angles, rising: linear in between, constant before
+        /// the first, and zero beyond the last, where data sheets end.
         samples: Vec<RetroSample>,
     },
 }
@@ -58,7 +56,7 @@ pub enum Scattering {
 pub struct RetroSample {
     /// Incidence angle, degrees, 0 to 85.
     pub angle_deg: f32,
-    /// Luminous intensity sent back, over the illuminance across the beam and the area: `R_A`, cd/(lx m^2), 0 to 10000.
+    /// Returned luminous intensity, over the illuminance across the beam and the area: `R_A`, cd/(lx m^2), 0 to 10000.
     pub cd_lx_m2: f32,
 }
 
@@ -93,17 +91,16 @@ impl Scattering {
         }
     }
 
-    /// Reflectance that a Lambert surface has at this angle if it sends back as much: [`Scattering::rho_eff`] over
-    /// `cos`.
+    /// Reflectance of a Lambert surface that returns as much at this angle: [`Scattering::rho_eff`] over `cos`.
     pub(crate) fn as_lambert(&self, rho: f32, cos: f32) -> f32 {
         self.rho_eff(rho, cos) / cos.max(LEAST_COS)
     }
 
-    /// What [`Scattering::rho_eff`] does not exceed at any angle.
+    /// Upper bound of [`Scattering::rho_eff`] at any angle.
     pub(crate) fn greatest(&self, rho: f32) -> f32 {
         match *self {
-            // A and B of Oren and Nayar keep below 1 what they multiply: A cos + B sin^2 is A head-on, and at its peak,
-            // if it has one, A^2 / (4 B) + B, which is 0.65 for s = 1 and less for rougher ones.
+            // A and B of Oren and Nayar keep their factors below 1: A cos + B sin^2 is A head-on, and at its peak, if
+            // it has one, A^2 / (4 B) + B, which is 0.65 for s = 1 and less for rougher ones.
             Scattering::Lambert | Scattering::Constant | Scattering::OrenNayar { .. } => rho,
             // Both lobes are greatest head-on.
             Scattering::Phong { .. } | Scattering::Ggx { .. } => self.rho_eff(rho, 1.0),
@@ -115,7 +112,7 @@ impl Scattering {
         }
     }
 
-    /// Whether all values are within what is allowed, beside the `reflectance` that is known of the diffuse part.
+    /// Checks that all values are within what is allowed, given the `reflectance` known of the diffuse part.
     ///
     /// # Errors
     /// [`Error::InvalidParameter`] that names the key, as in `scattering.f0`.
@@ -128,7 +125,7 @@ impl Scattering {
         let beside_reflectance = |key: &str, value: f32| {
             within(key, value, [0.0, 1.0])?;
             let reflectance = reflectance.map_or(0.0, Reflectance::greatest);
-            // Numbers of single precision that make 1 in decimals may make a little more.
+            // Single-precision numbers that add up to 1 in decimals may exceed it slightly.
             if value + reflectance <= 1.0 + 1e-6 {
                 return Ok(());
             }
@@ -167,8 +164,7 @@ impl Scattering {
     }
 }
 
-/// Cosine from which on incidence is grazing: nothing comes back from there, whatever the model, and nothing is divided
-/// by less.
+/// Cosine below which incidence is grazing: nothing comes back, whatever the model, and nothing is divided by less.
 const LEAST_COS: f32 = 1e-6;
 
 /// `R_A` at the incidence angle `angle_deg`.
@@ -259,7 +255,7 @@ mod tests {
         Scattering::RetroReflector { samples: samples.iter().map(sample).collect() }
     }
 
-    /// Made with numpy from the formulas of the models: head-on and at 60 degrees.
+    /// Computed with numpy from the formulas of the models: head-on and at 60 degrees.
     #[test]
     fn effective_reflectances_are_those_of_the_table() {
         for (model, rho, head_on, inclined) in [
@@ -306,7 +302,7 @@ mod tests {
         }
     }
 
-    /// Finite, not negative and under the bound that prunes paths, at every angle up to 90 degrees.
+    /// Finite, non-negative and below the bound that prunes paths, at every angle up to 90 degrees.
     #[test]
     fn nothing_exceeds_the_bound() {
         let models = [
@@ -335,7 +331,7 @@ mod tests {
         }
     }
 
-    /// BRDFs, 1/sr, as their authors have them, of unit directions to the light and to the eye; the normal is z.
+    /// BRDFs, 1/sr, as their authors give them, for unit directions to the light and to the eye; the normal is z.
     fn brdf(model: &Scattering, rho: f64, light: DVec3, eye: DVec3) -> f64 {
         let (cos_i, cos_o) = (light.z, eye.z);
         match *model {
@@ -363,8 +359,8 @@ mod tests {
         }
     }
 
-    /// What we have of each model is its BRDF back to the light, and no BRDF sends back more than comes: the integral
-    /// of `f_r cos` over the hemisphere, by the midpoint rule.
+    /// Our form of each model is its BRDF back to the light, and no BRDF returns more than arrives: the integral of
+    /// `f_r cos` over the hemisphere, by the midpoint rule.
     #[test]
     fn brdfs_keep_energy() {
         let models = [
@@ -402,7 +398,7 @@ mod tests {
         }
     }
 
-    /// What gloss and diffuse part make together is at most 1, whatever the base colour says.
+    /// Gloss and diffuse part add up to at most 1, whatever the base colour.
     #[test]
     fn the_diffuse_part_gives_way() {
         let white = |model: &Scattering| at(model, 1.0, 60.0);

@@ -1,4 +1,4 @@
-//! How surfaces send back sound.
+//! How surfaces scatter sound.
 
 use crate::ground::error::{Error, Result};
 use crate::read::yaml;
@@ -6,7 +6,7 @@ use serde::{Deserialize, Deserializer};
 use std::f64::consts::PI;
 use std::sync::LazyLock;
 
-/// What a surface does with sound that meets it under water: the section `sound` of a material, told apart by `law`.
+/// What a surface does with sound under water: the section `sound` of a material, distinguished by `law`.
 ///
 /// Backscatter is a cross-section per area and solid angle, 1/sr; in decibels that is the surface's scattering
 /// strength. Angles are grazing angles, between wave and surface.
@@ -14,22 +14,22 @@ use std::sync::LazyLock;
 pub enum Sound {
     /// Lambert's law, `mu sin^2(g)`: a rough surface without layers below.
     Lambert {
-        /// `10 log mu`, dB, -100 to -4.9715, where all that comes is sent back; -27 is the deep sea (Mackenzie 1961),
-        /// -15 sand, -8 rock.
+        /// `10 log mu`, dB, -100 to -4.9715, where everything is scattered; -27 is the deep sea (Mackenzie 1961), -15
+        /// sand, -8 rock.
         mu_db: f64,
     },
-    /// Lambert's law and the mirror facets of a surface whose slopes are normally distributed, which shine where it is
-    /// met head-on (high-frequency Kirchhoff): `mu sin^2(g) + R / (8 pi s^2 sin^4(g)) exp(-1 / (2 s^2 tan^2(g)))`.
+    /// Lambert's law plus mirror facets of a surface with normally distributed slopes, which shine where it is met
+    /// head-on (high-frequency Kirchhoff): `mu sin^2(g) + R / (8 pi s^2 sin^4(g)) exp(-1 / (2 s^2 tan^2(g)))`.
     Facet {
         /// As in `lambert`.
         mu_db: f64,
         /// Standard deviation of the slope along any direction, as an angle in degrees, 0.1 to 45: `s` is its tangent.
         slope_sigma_deg: f64,
-        /// What a facet loses when met head-on, dB, 0 to 100: `R` is `10^(-loss / 10)`.
+        /// Loss of a facet met head-on, dB, 0 to 100: `R` is `10^(-loss / 10)`.
         reflection_loss_db: f64,
     },
-    /// Generic seabed backscatter (Lamarche and others 2011, Cont. Shelf Res. 31, S158), six numbers that are fitted to
-    /// what was measured: `A exp(-i^2 / (2 b^2)) + C cos^d(i) + E exp(-i^2 / (2 f^2))` at the incidence angle `i`.
+    /// Generic seabed backscatter (Lamarche and others 2011, Cont. Shelf Res. 31, S158), six numbers fitted to
+    /// measurements: `A exp(-i^2 / (2 b^2)) + C cos^d(i) + E exp(-i^2 / (2 f^2))` at the incidence angle `i`.
     Gsab {
         /// `10 log A`, dB, -100 to 30: what is seen head-on.
         a_db: f64,
@@ -56,7 +56,7 @@ pub enum Sound {
     },
 }
 
-/// Seabeds of which the library has a table: Jackson's small-slope model at 20, 100, 300 and 450 kHz.
+/// Seabeds for which the library has a table: Jackson's small-slope model at 20, 100, 300 and 450 kHz.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Sediment {
@@ -92,18 +92,18 @@ impl Sediment {
     ];
 }
 
-/// What a mirror image loses where a law does not say it, dB: between that of sand (7 to 13) and of rock (3) met
-/// head-on. A mirror image is what several ways of one echo need, and such laws are fitted to backscatter alone.
+/// Loss of a mirror image where a law does not give it, dB: between that of sand (7 to 13) and of rock (3) met head-on.
+/// Mirror images matter where one echo takes several paths, and such laws are fitted to backscatter alone.
 const UNKNOWN_LOSS_DB: f64 = 10.0;
 
 impl Sound {
-    /// What a surface does of which only the reflectance is known, 0 to 1: Lambert's law with `mu` a `pi`-th of it.
+    /// For a surface of which only the reflectance is known, 0 to 1: Lambert's law with `mu` a `pi`-th of it.
     pub fn of_reflectance(reflectance: f64) -> Sound {
         Sound::Lambert { mu_db: 10.0 * (reflectance / PI).log10() }
     }
 
-    /// Backscattering cross-section, 1/sr, of a surface that is met at a grazing angle of sine `sin_grazing`, 0 to 1,
-    /// by sound of `frequency_hz`. That of a target is 0: it has its [`Sound::target_strength_db`].
+    /// Backscattering cross-section, 1/sr, of a surface met at a grazing angle of sine `sin_grazing`, 0 to 1, by sound
+    /// of `frequency_hz`. That of a target is 0: it has its [`Sound::target_strength_db`].
     pub fn backscatter(&self, sin_grazing: f64, frequency_hz: f64) -> f64 {
         if sin_grazing <= 0.0 {
             return 0.0;
@@ -129,9 +129,9 @@ impl Sound {
         }
     }
 
-    /// What the mirror image of a source loses, dB, 0 or more, in a smooth surface that is met at a grazing angle of
-    /// sine `sin_grazing`. Lambert's law and `gsab` do not say it, and 10 dB are taken; nothing is seen in a target,
-    /// whose loss is infinite. None of the laws asks for the frequency.
+    /// Loss of the mirror image of a source, dB, 0 or more, in a smooth surface met at a grazing angle of sine
+    /// `sin_grazing`. Lambert's law and `gsab` do not give it, and 10 dB are used; nothing is mirrored in a target,
+    /// whose loss is infinite. None of the laws depends on the frequency.
     pub fn reflection_loss_db(&self, sin_grazing: f64) -> f64 {
         match *self {
             Sound::Lambert { .. } | Sound::Gsab { .. } => UNKNOWN_LOSS_DB,
@@ -149,7 +149,7 @@ impl Sound {
         }
     }
 
-    /// What one should know before one trusts it at `frequency_hz`.
+    /// What users should know before trusting it at `frequency_hz`.
     pub fn warning(&self, frequency_hz: f64) -> Option<String> {
         let [least, most] = [FREQUENCIES_HZ[0], FREQUENCIES_HZ[FREQUENCIES_HZ.len() - 1]];
         let outside = matches!(self, Sound::Sediment { .. }) && !(least..=most).contains(&frequency_hz);
@@ -160,7 +160,7 @@ impl Sound {
         })
     }
 
-    /// Whether all values are within what is allowed.
+    /// Checks that all values are within what is allowed.
     ///
     /// # Errors
     /// [`Error::InvalidParameter`] that names the key, as in `sound.mu_db`.
@@ -169,7 +169,7 @@ impl Sound {
             let invalid = || Error::invalid(format!("sound.{key}"), value, format!("{least} to {most}"));
             if (least..=most).contains(&value) { Ok(()) } else { Err(invalid()) }
         };
-        // What Lambert's law sends back in all directions is pi mu of what comes.
+        // Lambert's law scatters pi mu of what arrives, over all directions.
         let lambert = |mu_db: f64| within("mu_db", mu_db, [-100.0, -4.9715]);
         match *self {
             Sound::Lambert { mu_db } => lambert(mu_db),
@@ -207,7 +207,7 @@ struct Sediments {
     log_frequency: [f64; FREQUENCIES_HZ.len()],
 }
 
-/// What the table knows of one sediment.
+/// The table's values for one sediment.
 struct Rows {
     /// Logarithm of each grazing angle in degrees, rising, and the sine of the first.
     log_angle: Vec<f64>,
@@ -223,9 +223,9 @@ impl Sediments {
         &self.rows[name as usize]
     }
 
-    /// Linear in decibels over the logarithms of angle and frequency: at small angles the power of the angle rules.
-    /// Outside the frequencies as at the first or last; below the first angle with the fourth power of the sine, as
-    /// the table goes on its last degrees.
+    /// Linear in decibels over the logarithms of angle and frequency: at small angles a power of the angle dominates.
+    /// Outside the frequencies as at the first or last; below the first angle with the fourth power of the sine,
+    /// continuing the table's last degrees.
     fn backscatter_db(&self, name: Sediment, sin: f64, frequency_hz: f64) -> f64 {
         let rows = self.of(name);
         let (row, t) = rows.place(sin);
@@ -243,7 +243,7 @@ impl Sediments {
 }
 
 impl Rows {
-    /// Row below a grazing angle, and how far it is on the way to the next.
+    /// Row below a grazing angle, and the fraction of the way to the next.
     fn place(&self, sin: f64) -> (usize, f64) {
         let log = sin.clamp(0.0, 1.0).asin().to_degrees().ln();
         let row = self.log_angle.partition_point(|&angle| angle <= log).clamp(1, self.log_angle.len() - 1) - 1;
@@ -251,7 +251,7 @@ impl Rows {
         (row, ((log - low) / (high - low)).clamp(0.0, 1.0))
     }
 
-    /// Linear over the logarithm of the angle; below the first angle as there.
+    /// Linear over the logarithm of the angle; constant below the first angle.
     fn reflection_loss_db(&self, sin: f64) -> f64 {
         let (row, t) = self.place(sin);
         self.loss_db[row] + (self.loss_db[row + 1] - self.loss_db[row]) * t
@@ -370,7 +370,7 @@ mod tests {
     #[test]
     fn sediments_are_met_at_and_between_the_nodes() {
         let sand = Sound::Sediment { name: Sediment::MediumSand };
-        // Rock answers more than sand, sand more than silt.
+        // Rock scatters more than sand, sand more than silt.
         let at = |name| db(&Sound::Sediment { name }, 30.0, 100e3);
         assert!(at(Sediment::Rock) > at(Sediment::MediumSand) && at(Sediment::MediumSand) > at(Sediment::Silt));
         for (low, high) in [(20e3f64, 100e3f64), (100e3, 300e3), (300e3, 450e3)] {
@@ -389,8 +389,8 @@ mod tests {
         assert_eq!(Sound::Lambert { mu_db: -27.0 }.warning(900e3), None);
     }
 
-    /// What Lambert's law sends in all directions, `int mu sin(g) sin(g') / sin(g)` over the hemisphere, is at most
-    /// what comes.
+    /// What Lambert's law scatters in all directions, `int mu sin(g) sin(g') / sin(g)` over the hemisphere, is at most
+    /// what arrives.
     #[test]
     fn lambert_keeps_energy() {
         for (sound, expected) in [
@@ -413,7 +413,7 @@ mod tests {
         }
     }
 
-    /// Head-on all facets that lie flat shine: `R / (8 pi s^2)`.
+    /// Head-on all level facets shine: `R / (8 pi s^2)`.
     #[test]
     fn facets_shine_head_on() {
         let facet = Sound::Facet { mu_db: -100.0, slope_sigma_deg: 5.0, reflection_loss_db: 6.0 };

@@ -11,7 +11,7 @@ pub enum Wrap {
     /// The image again.
     #[default]
     Repeat,
-    /// The image again, every second one mirrored.
+    /// The image again, every second copy mirrored.
     MirroredRepeat,
     /// The edge pixel.
     ClampToEdge,
@@ -38,7 +38,7 @@ pub struct Texture {
     pub pixels: Vec<[u8; 4]>,
 }
 
-/// Bytes that the decoded images of one scene may still take.
+/// Bytes that the decoded images of one scene may still use.
 pub(crate) struct TextureBudget {
     left: u64,
     limit_mib: u64,
@@ -51,14 +51,14 @@ impl TextureBudget {
 }
 
 impl Texture {
-    /// Decodes a PNG or JPEG image of a scene with `budget`; `origin` is where it comes from, for errors.
+    /// Decodes a PNG or JPEG image of a scene with `budget`; `origin` is its source, for errors.
     ///
     /// # Errors
     /// Another format, damaged data, more than 16384 pixels a side; no budget left, or no memory.
     pub(crate) fn decode(bytes: &[u8], origin: &str, budget: &mut TextureBudget) -> Result<Texture> {
-        /// Most pixels of a row, and rows.
+        /// Most pixels per row, and most rows.
         const LONGEST_SIDE: u32 = 16384;
-        /// For what else stands in the file: colour profiles, notes.
+        /// For the other contents of the file: colour profiles, notes.
         const ASIDE: u64 = 64 << 20;
         let error = |message: String| Error::Parse { origin: origin.to_owned(), place: String::new(), message };
         let fault = |fault: &str| error(format!("the image cannot be decoded: {fault}"));
@@ -74,7 +74,7 @@ impl Texture {
             return Err(error(format!("the image has {width} x {height} pixels; allowed: {LONGEST_SIDE} a side")));
         }
         let (stored, size) = (header.size(), 4 * u64::from(width) * u64::from(height));
-        // What the decoder writes becomes pixels where it lies: there is no second copy.
+        // The decoder's output becomes pixels in place: there is no second copy.
         let room = stored.max(size);
         if room > budget.left {
             return Err(error(format!(
@@ -111,7 +111,7 @@ impl Texture {
         bytes.truncate(size as usize);
         bytes.shrink_to_fit();
         budget.left -= size;
-        // No copy, unless the bytes have room for a broken pixel behind them.
+        // No copy, unless the bytes have room for a partial pixel at the end.
         let pixels = bytemuck::allocation::try_cast_vec(bytes);
         Ok(Texture { width, height, pixels: pixels.unwrap_or_else(|(_, bytes)| bytemuck::cast_slice(&bytes).to_vec()) })
     }
@@ -144,12 +144,12 @@ pub struct TextureRef {
     pub wrap_v: Wrap,
     /// Between pixel centres.
     pub filter: Filter,
-    /// Rows of the 2x3 matrix that takes a vertex's (u, v, 1) to the image's (u, v), v downwards.
+    /// Rows of the 2x3 matrix from a vertex's (u, v, 1) to the image's (u, v), v downwards.
     pub transform: [[f32; 3]; 2],
 }
 
 impl TextureRef {
-    /// The plain use of `texture`: repeated, bilinear, coordinates as they are.
+    /// The plain use of `texture`: repeated, bilinear, coordinates unchanged.
     pub fn plain(texture: Arc<Texture>) -> Self {
         TextureRef {
             texture,
@@ -170,7 +170,7 @@ impl TextureRef {
         if !(x.is_finite() && y.is_finite()) {
             return [0.0; 4];
         }
-        // So far out pixels have no fractions: what colour is there does not matter, but whole numbers must hold it.
+        // This far out pixels have no fractions: the colour there does not matter, but whole numbers must hold it.
         const FAR: f64 = (1u64 << 52) as f64;
         let (x, y) = (x.clamp(-FAR, FAR), y.clamp(-FAR, FAR));
         let pixel = |px: i64, py: i64| {
@@ -306,7 +306,7 @@ mod tests {
         let mut bytes = png(1, 1, png::ColorType::Grayscale, png::BitDepth::Eight, &[0]);
         bytes[16..20].copy_from_slice(&width.to_be_bytes());
         bytes[20..24].copy_from_slice(&height.to_be_bytes());
-        // The check sum of kind and content of the first chunk (PNG, annex D).
+        // The checksum of the type and data of the first chunk (PNG, annex D).
         let crc = !bytes[12..29].iter().fold(u32::MAX, |crc, &byte| {
             (0..8).fold(crc ^ u32::from(byte), |crc, _| crc >> 1 ^ (0xedb8_8320 & (crc & 1).wrapping_neg()))
         });
@@ -320,7 +320,7 @@ mod tests {
         let found = error(&header(60_000, 60_000));
         assert_eq!(found, "a: the image has 60000 x 60000 pixels; allowed: 16384 a side");
         assert!(error(&header(16_384, 16_385)).contains("16384 x 16385"));
-        // Just what there is room for, so that it is the missing data that is told.
+        // Room for just that, so that the error is about the missing data.
         assert_eq!(error(&header(16_384, 16_384)), "a: the image cannot be decoded: it is damaged");
         let error = Texture::decode(&header(16_384, 16_384), "a", &mut TextureBudget::new(1023)).unwrap_err();
         assert!(error.to_string().contains("more than 1023 MiB"), "{error}");
@@ -353,7 +353,7 @@ mod tests {
         }
     }
 
-    /// Pixels beside those that libjpeg makes of the same files (Pillow 13), which rounds elsewhere.
+    /// Pixels compared with those that libjpeg decodes from the same files (Pillow 13), which rounds differently.
     #[test]
     fn photographs_are_those_of_another_reader() {
         let files: [(&[u8], &[u8]); 2] = [

@@ -11,8 +11,7 @@ use std::path::Path;
 
 /// What is between sensor and surfaces. The default is nothing: no air, no weather.
 ///
-/// Each kind is one section of keys or a list of them, and each section may say where it is, see
-/// [`super::Region`].
+/// Each kind is one section of keys or a list of them, and each section may give a region, see [`super::Region`].
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Environment {
@@ -40,7 +39,8 @@ pub struct Environment {
 }
 
 impl Environment {
-    /// Reads the file at `path`: these keys, or a section `environment` that holds them; an empty one is no weather.
+    /// Reads the file at `path`: these keys, or a section `environment` that holds them; an empty file means no
+    /// weather.
     ///
     /// # Errors
     /// A missing file; line and key of what is wrong.
@@ -49,7 +49,7 @@ impl Environment {
         Environment::read(&Document::load(path)?, path.parent().unwrap_or(Path::new("")))
     }
 
-    /// [`Environment::load`] from `text`; names of other files in it start at the current folder.
+    /// [`Environment::load`] from `text`; names of other files in it are relative to the current folder.
     ///
     /// # Errors
     /// Line and key of what is wrong.
@@ -86,17 +86,17 @@ impl Environment {
         Ok(environment)
     }
 
-    /// Reads what is kept in files of its own; relative names start at `folder`.
+    /// Reads what is kept in separate files; relative names start at `folder`.
     fn read_files(&mut self, folder: &Path) -> Result<()> {
         self.water.as_mut().map_or(Ok(()), |water| water.read_file(folder))
     }
 
-    /// Whether all values are within what is allowed.
+    /// Checks that all values are within what is allowed.
     ///
     /// # Errors
     /// [`Error::InvalidParameter`] that names the key.
     pub fn check(&self) -> Result<()> {
-        /// More are a mistake; every beam would have to look at all of them.
+        /// More are a mistake; every beam would have to check all of them.
         const MOST: usize = 100;
         let count = self.rain.len() + self.fog.len() + self.snow.len() + self.dust.len() + self.spray.len();
         if count > MOST {
@@ -114,7 +114,7 @@ impl Environment {
         self.water.as_ref().map_or(Ok(()), |water| water.check("water", bounds))
     }
 
-    /// What [`Environment::from_yaml`] reads as this.
+    /// Text that [`Environment::from_yaml`] reads back as this.
     ///
     /// # Errors
     /// None that is known.
@@ -122,7 +122,7 @@ impl Environment {
         yaml::to_string(self)
     }
 
-    /// Whether there is anything at all.
+    /// Whether there is nothing at all.
     pub fn is_empty(&self) -> bool {
         *self == Environment::default()
     }

@@ -1,5 +1,4 @@
-//! What is between a sensor and the surfaces: air with its weather, which light goes through, and water, which sound
-//! goes through.
+//! What is between a sensor and the surfaces: air with its weather, for light, and water, for sound.
 
 mod air;
 mod environment;

@@ -1,4 +1,4 @@
-//! An environment made ready for the beams of one scan.
+//! An environment prepared for the beams of one scan.
 
 use super::{Environment, Extent, Particles, Placed, RainModel, Region};
 use crate::ground::cause::Cause;
@@ -18,7 +18,7 @@ pub(crate) struct Medium {
 }
 
 impl Medium {
-    /// Optical depth, one way, of `length` m from `origin` on; `travelled`: the beam's way to there, m.
+    /// Optical depth, one way, of `length` m from `origin` on; `travelled`: the beam's path up to there, m.
     pub(crate) fn depth(&self, origin: Vec3, direction: Vec3, travelled: f32, length: f32) -> f32 {
         let (from, to) = self.extent.interval(origin, direction, travelled, length);
         self.extinction as f32 * (to - from).max(0.0)
@@ -29,13 +29,13 @@ impl Medium {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Weather {
     pub media: Vec<Medium>,
-    /// Standard deviation of ranges over the range, from rain.
+    /// Standard deviation of ranges over range, from rain.
     pub range_noise: f32,
 }
 
 impl Weather {
-    /// `as_the_paper`: where the environment leaves a choice, the paper's. `origin`: world position of the rays'
-    /// (0, 0, 0).
+    /// `as_the_paper`: where the environment leaves a choice, the paper's. `origin`: world position of the rays' (0, 0,
+    /// 0).
     pub(crate) fn new(environment: &Environment, wavelength_nm: f64, as_the_paper: bool, origin: DVec3) -> Weather {
         let mut weather = Weather::default();
         let mut add = |region: Region, [extinction, backscatter]: [f64; 2], cause, particles: Option<Particles>| {

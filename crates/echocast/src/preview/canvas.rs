@@ -37,10 +37,10 @@ impl Picture {
         Picture { width, height, pixels: color.repeat(width as usize * height as usize) }
     }
 
-    /// Colour of column `x`, row `y`.
+    /// Colour at column `x`, row `y`.
     ///
     /// # Panics
-    /// Outside of the picture.
+    /// Outside the picture.
     pub fn pixel(&self, x: u32, y: u32) -> [u8; 3] {
         let at = self.offset(x, y);
         [self.pixels[at], self.pixels[at + 1], self.pixels[at + 2]]
@@ -58,7 +58,7 @@ impl Picture {
         }
     }
 
-    /// Blends `color` over the rectangle from `left`, `top`, as far as it lies in the picture.
+    /// Blends `color` over the rectangle at `left`, `top`, clipped to the picture.
     pub(super) fn fill(&mut self, [left, top]: [u32; 2], [width, height]: [u32; 2], color: Color, opacity: f32) {
         for y in top..top.saturating_add(height).min(self.height) {
             for x in left..left.saturating_add(width).min(self.width) {
@@ -67,7 +67,7 @@ impl Picture {
         }
     }
 
-    /// Draws line segments with round ends as one shape; a segment of no length is a disc.
+    /// Draws line segments with round ends as one shape; a segment of zero length is a disc.
     ///
     /// Coordinates are pixels from the top left corner, pixel centres at halves.
     pub(super) fn stroke(&mut self, segments: &[[Vec2; 2]], radius: f32, color: Color, opacity: f32) {
@@ -75,7 +75,7 @@ impl Picture {
             .iter()
             .flatten()
             .fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(low, high), &point| (low.min(point), high.max(point)));
-        // Saturating casts keep strokes outside of the picture, and NaN, harmless.
+        // Saturating casts make strokes outside the picture, and NaN, harmless.
         let first = (low - radius - 1.0).max(Vec2::ZERO);
         let last = (high + radius + 1.0).min(Vec2::new(self.width as f32, self.height as f32));
         for y in first.y as u32..last.y.ceil() as u32 {
@@ -105,7 +105,7 @@ impl Picture {
         self.text(words, start, capitals, color);
     }
 
-    /// Marks the sensor: a ring, and a line to `ahead` where it looks.
+    /// Marks the sensor: a ring, and a line to `ahead` in its viewing direction.
     pub(super) fn sensor_mark(&mut self, at: Vec2, ahead: Vec2, size: f32) {
         let ring: Vec<[Vec2; 2]> = (0..24)
             .map(|i| [i, i + 1].map(|i| at + size * Vec2::from_angle(i as f32 * std::f32::consts::TAU / 24.0)))
@@ -119,7 +119,7 @@ impl Picture {
         self.stroke(&[[at, at]], 0.3 * size, TEXT, 1.0);
     }
 
-    /// Copies `other` to `left`, `top`, as far as it fits.
+    /// Copies `other` to `left`, `top`, clipped to the picture.
     pub(super) fn paste(&mut self, other: &Picture, left: u32, top: u32) {
         let width = 3 * other.width.min(self.width.saturating_sub(left)) as usize;
         for y in 0..other.height.min(self.height.saturating_sub(top)) {
@@ -132,8 +132,8 @@ impl Picture {
 
     /// The picture as a PNG file, 8-bit RGB.
     ///
-    /// Names have few colours, which pack best as they are; scales have many, of which the differences between
-    /// neighbours pack better. What comes out smaller is it.
+    /// Names have few colours, which compress best unfiltered; scales have many, whose differences between neighbours
+    /// compress better. The smaller result is used.
     pub(super) fn packed(&self) -> io::Result<Vec<u8>> {
         let (plain, differences) = parallel::join(
             || self.png(Filter::NoFilter, Compression::High),
@@ -149,7 +149,7 @@ impl Picture {
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);
         encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-        // In this order: compression comes with a filter of its own.
+        // In this order: compression sets a filter of its own.
         encoder.set_compression(compression);
         encoder.set_filter(filter);
         let mut writer = encoder.write_header()?;
@@ -191,7 +191,7 @@ mod tests {
         let swatches = [[10u8, 200, 30], [240, 20, 90], [0, 0, 0], [90, 90, 250]];
         let flat = (0..400 * 300).map(at).flat_map(|(x, y)| swatches[(x * x + 7 * y * y) / 999 % 4]).collect();
         let smooth = (0..400 * 300).map(at).flat_map(|(x, y)| [x / 2, y / 2, (x + y) / 3].map(|v| v as u8)).collect();
-        // Of 360000 bytes; the other way takes half as much again and more.
+        // Of 360000 bytes; the other way takes at least half as much again.
         let (flat, smooth) = (packed(flat), packed(smooth));
         assert!(flat < 20_000 && smooth < 4_000, "{flat} {smooth}");
     }

@@ -1,23 +1,23 @@
-//! What hides the scene from a viewer who is not the sensor: ceilings, and the walls nearest to the viewer.
+//! What hides the scene from a viewer other than the sensor: ceilings, and the walls nearest to the viewer.
 
 use super::points::{Points, quantile};
 use glam::{Vec2, Vec3};
 use std::f32::consts::TAU;
 
-/// Thickness of the layer that a ceiling's points lie in, metres.
+/// Thickness of the layer that holds a ceiling's points, metres.
 const LAYER: f32 = 0.15;
-/// Sectors of azimuth that the reach of a cloud is taken in, and how many on both sides count with each: gaps in walls.
+/// Azimuth sectors for the reach of a cloud, and how many on both sides count with each, to bridge gaps in walls.
 const SECTORS: usize = 64;
 const NEIGHBOURS: usize = 3;
-/// Part of the reach from which on surfaces close the room off; nearer ones are furniture.
+/// Part of the reach from which surfaces enclose the room; nearer ones are furniture.
 const CLOSING: f32 = 0.6;
 
 /// Where a cloud is cut open.
 pub(super) struct Cutaway {
-    /// Height right under a ceiling above the sensor; infinite without one.
+    /// Height just below a ceiling above the sensor; infinite without one.
     ///
-    /// The highest points of a room lie in one thin layer, fuller than the part of the walls under it; the
-    /// highest points outdoors do not.
+    /// The highest points of a room lie in one thin layer, denser than the part of the walls below it; outdoors they do
+    /// not.
     pub ceiling: f32,
     sensor: Vec3,
     /// Greatest horizontal distance from the sensor by sector of azimuth, metres.
@@ -33,7 +33,7 @@ impl Cutaway {
         let below = top - 1.5 * LAYER;
         let within = |low: f32, high: f32| heights.iter().filter(|&&z| low < z && z <= high).count();
         let (layer, under) = (within(top - LAYER, top), within(top - 4.0 * LAYER, top - LAYER));
-        // Most of a cloud is no ceiling, or nothing would be left to see.
+        // Most of a cloud is not ceiling, or nothing would be left to see.
         let part = layer as f32 / heights.len().max(1) as f32;
         let full = (0.02..0.6).contains(&part) && layer > under;
         let ceiling = if full && points.sensor.z < below { below } else { f32::INFINITY };
@@ -49,9 +49,8 @@ impl Cutaway {
 
     /// Whether a viewer in the direction `toward_viewer` (unit) sees a wall at `position` from behind.
     ///
-    /// A surface shows its front to the sensor. So one well above the floor that is seen from nearly the
-    /// opposite side is seen from behind; where it ends the view of the sensor, leaving it out gives the view into a
-    /// doll's house.
+    /// A surface shows its front to the sensor. So one well above the floor seen from nearly the opposite side is seen
+    /// from behind; where it limits the sensor's view, leaving it out gives the view into a doll's house.
     pub(super) fn seen_from_behind(&self, position: Vec3, toward_viewer: Vec3) -> bool {
         let out = position - self.sensor;
         let horizontal = out.truncate();
@@ -102,7 +101,7 @@ mod tests {
     fn only_walls_between_viewer_and_sensor_are_seen_from_behind() {
         let cloud = room(None);
         let cutaway = Cutaway::new(&Points::new(&cloud, &mut Report::default()));
-        // The wall at x = 3 between the viewer and the sensor, then beyond it.
+        // The wall at x = 3 between viewer and sensor, then beyond it.
         let behind = |x, z, viewer| cutaway.seen_from_behind(Vec3::new(x, 0.0, z), Vec3::new(viewer, 0.0, 0.6));
         assert!(behind(3.0, 1.5, 0.8), "wall");
         assert!(!behind(1.5, 1.5, 0.8), "desk before it");

@@ -1,4 +1,4 @@
-//! A stroke font for the texts of pictures: each letter is a few pen strokes, so it is smooth at any size.
+//! A stroke font for the text in pictures: each letter is a few pen strokes, so it is smooth at any size.
 
 use glam::Vec2;
 
@@ -8,16 +8,16 @@ pub(super) const RADIUS: f32 = 0.062;
 /// Baseline and height of capitals in the grid of [`GLYPHS`].
 const BASELINE: f32 = 4.0;
 const CAPITALS: f32 = 14.0;
-/// Space between two letters, and width of the blank, in grid units.
+/// Space between two letters, and width of a blank, in grid units.
 const SPACING: f32 = 4.0;
 const BLANK: f32 = 3.0;
 
 /// Strokes of the characters from `!` to `~`.
 ///
-/// Strokes are divided by blanks. Each is a row of points, two digits in base 36 a point: x to the right,
-/// y up with descenders at 0, the baseline at 4, small letters up to 14 and capitals up to 18. A stroke
-/// runs straight from point to point; one that begins with `~` is a quadratic B-spline with these
-/// control points, closed when the last point is the first, with a corner where a point stands twice.
+/// Strokes are separated by blanks. Each is a row of points, two base-36 digits per point: x to the right, y up with
+/// descenders at 0, the baseline at 4, small letters up to 14 and capitals up to 18. A stroke runs straight from point
+/// to point; one that begins with `~` is a quadratic B-spline with these control points, closed if the last point is
+/// the first, with a corner where a point appears twice.
 const GLYPHS: [&str; 94] = [
     "080i 0404",                        // !
     "0e0i 3e3i",                        // "
@@ -118,8 +118,8 @@ const GLYPHS: [&str; 94] = [
 /// Line segments of one letter.
 pub(super) type Glyph = Vec<[Vec2; 2]>;
 
-/// The letters of `text` at their places, y down: `start` is the left end of the baseline, `capitals`
-/// the height of a capital letter.
+/// The letters of `text` in place, y down: `start` is the left end of the baseline, `capitals` the height of a capital
+/// letter.
 ///
 /// Letters of western Europe lose their accents, other characters become `?`.
 pub(super) fn set(text: &str, start: Vec2, capitals: f32) -> Vec<Glyph> {
@@ -137,7 +137,7 @@ pub(super) fn set(text: &str, start: Vec2, capitals: f32) -> Vec<Glyph> {
         .collect()
 }
 
-/// Width of `text` with capitals `capitals` high, without the space behind the last letter.
+/// Width of `text` with capitals `capitals` high, without the space after the last letter.
 pub(super) fn width(text: &str, capitals: f32) -> f32 {
     let advance: f32 = plain(text).map(|letter| glyph(letter).1).sum();
     (advance - SPACING).max(0.0) * capitals / CAPITALS
@@ -172,7 +172,7 @@ fn plain(text: &str) -> impl Iterator<Item = u8> {
     })
 }
 
-/// Segments of a letter in grid units, y up, and how far the next one stands to the right.
+/// Segments of a letter in grid units, y up, and the advance to the next one.
 fn glyph(letter: u8) -> (Glyph, f32) {
     let Some(strokes) = usize::from(letter).checked_sub(usize::from(b'!')).and_then(|row| GLYPHS.get(row)) else {
         return (Glyph::new(), BLANK + SPACING);
@@ -185,7 +185,7 @@ fn glyph(letter: u8) -> (Glyph, f32) {
         };
         glyph.extend(line.windows(2).map(|pair| [pair[0], pair[1]]));
     }
-    // Figures share one width, so that numbers in columns line up.
+    // Digits share one width, so that numbers in columns line up.
     let right = glyph.iter().flatten().map(|point| point.x).fold(0.0, f32::max);
     let right = if letter.is_ascii_digit() { 9.0 } else { right };
     (glyph, right + SPACING)
@@ -196,7 +196,7 @@ fn points(digits: &str) -> Vec<Vec2> {
     digits.as_bytes().chunks_exact(2).map(|pair| Vec2::new(value(pair[0]), value(pair[1]))).collect()
 }
 
-/// A quadratic B-spline as a line through some of its points.
+/// A quadratic B-spline as a polyline.
 fn spline(controls: &[Vec2]) -> Vec<Vec2> {
     const STEPS: usize = 6;
     let (first, last) = (controls[0], controls[controls.len() - 1]);

@@ -1,4 +1,4 @@
-//! The strip under the picture that says what the colours mean.
+//! The strip below the picture that explains its colours.
 
 use super::canvas::{DIM, PAGE, Picture, TEXT};
 use super::paint::{Entry, Legend};
@@ -8,7 +8,7 @@ use glam::Vec2;
 
 /// Longest name that a legend shows, characters.
 const LONGEST: usize = 32;
-/// Left of text, so that the pen's width is not cut off, pixels.
+/// Left of text, so that the pen is not cut off, pixels.
 const INSET: f32 = 2.0;
 
 /// The legend as a picture as wide as the page's inner width.
@@ -19,7 +19,7 @@ pub(super) fn draw(legend: &Legend, page: &Page) -> Picture {
     }
 }
 
-/// Swatches, names and counts, row by row in columns of one width.
+/// Swatches, names and counts, row by row in equally wide columns.
 fn names(entries: &[Entry], page: &Page) -> Picture {
     let (capitals, gap) = (page.text(), page.text());
     let swatch = 1.3 * capitals;
@@ -72,12 +72,12 @@ fn scale(caption: &str, ramp: &Ramp, [low, high]: [f64; 2], page: &Page) -> Pict
     picture
 }
 
-/// About six round values from `low` to `high`, with their words.
+/// About six round values from `low` to `high`, with their text.
 fn ticks(low: f64, high: f64) -> Vec<(f64, String)> {
     let step = round_down((high - low) / 4.0);
     let decimals = (-step.log10().floor()).clamp(0.0, 12.0) as usize;
     let first = (low / step).ceil();
-    // Counting, not adding up, ends even where the step is lost against the value.
+    // Counting, rather than adding up, ends even where the step is lost against the value.
     (0..=10)
         .map(|i| (first + f64::from(i)) * step)
         .filter(|value| (low..=high).contains(value))
@@ -151,7 +151,7 @@ mod tests {
         assert_eq!(shortened(&"x".repeat(40)).len(), LONGEST);
     }
 
-    /// Every name leaves its swatch and its letters in the picture.
+    /// Every name puts its swatch and its letters into the picture.
     #[test]
     fn names_are_drawn_with_their_colours() {
         let page = Page::new(1600);

@@ -1,5 +1,5 @@
-//! A picture of a cloud for people: from above, in perspective or as range image, coloured by label, cause,
-//! intensity, range or height, with a legend; and of the pings of a sonar: waterfall, track and fan.
+//! A picture of a cloud for people: from above, in perspective or as range image, coloured by label, cause, intensity,
+//! range or height, with a legend; and of a sonar's pings: waterfall, track and fan.
 
 mod canvas;
 mod cutaway;
@@ -31,10 +31,10 @@ use serde::Deserialize;
 use std::path::Path;
 use std::str::FromStr;
 
-/// Widths that a picture may have, pixels.
+/// Allowed widths of a picture, pixels.
 const WIDTHS: std::ops::RangeInclusive<u32> = 320..=4096;
 
-/// What a preview shows: from where it looks at a cloud, or which image it makes of pings.
+/// What a preview shows: the viewpoint for a cloud, or the image made of pings.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum View {
@@ -45,12 +45,12 @@ pub enum View {
     Perspective,
     /// As the sensor sees it: rows and columns of the sensor, or azimuth and elevation.
     Range,
-    /// Pings of a sonar, a row each, the first on top: both sides of a side-scan sonar, else the middle beam.
+    /// Pings of a sonar, one per row, the first at the top: both sides of a side-scan sonar, else the middle beam.
     Waterfall,
     /// Pings of a sonar on the map: the mosaic of side-scan, imaging and single-beam sonars, the depths of swath
     /// sonars.
     Track,
-    /// A ping as its beams lie: the last of an imaging or swath sonar, all of a beam that turns.
+    /// A ping laid out by its beams: the last of an imaging or swath sonar, all of a rotating beam.
     Fan,
 }
 
@@ -75,13 +75,13 @@ impl FromStr for View {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ColorBy {
-    /// Category, or part when there is only one category; what the air sends back has colours of its own where the
-    /// cloud has the column `cause`.
+    /// Category, or part if there is only one category; what the air sends back has its own colours if the cloud has
+    /// the column `cause`.
     #[default]
     Label,
     /// Why a point is there: [`crate::Cause`].
     Cause,
-    /// Intensity that the instrument reports.
+    /// Intensity as reported by the instrument.
     Intensity,
     /// Slant range.
     Range,
@@ -103,13 +103,13 @@ impl FromStr for ColorBy {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PreviewOptions {
-    /// From where; default top.
+    /// Viewpoint; default top.
     pub view: View,
     /// What the colours show; default label.
     pub color: ColorBy,
     /// Width of the picture in pixels, 320 to 4096, default 1600; the height follows the content.
     pub width: u32,
-    /// Whether a waterfall shows ground range, along the bed, in place of slant range; default false.
+    /// Whether a waterfall shows ground range, along the bed, instead of slant range; default false.
     pub ground: bool,
 }
 
@@ -123,12 +123,12 @@ impl PreviewOptions {
     /// Reads options from YAML: `view`, `color`, `width`, `ground`.
     ///
     /// # Errors
-    /// Line and key of what is wrong, with the nearest known key.
+    /// Line and key of what is wrong, with the most similar known key.
     pub fn from_yaml(text: &str) -> Result<PreviewOptions> {
         yaml::from_str("preview options", text)
     }
 
-    /// The columns that such a picture shows, of a cloud or of pings, as the view says.
+    /// The columns that such a picture needs, of a cloud or of pings, depending on the view.
     pub fn fields(&self) -> FieldSet {
         if self.view.shows_pings() {
             return [Field::Intensity, Field::CategoryId, Field::PartId].into_iter().collect();
@@ -145,10 +145,10 @@ impl PreviewOptions {
     }
 }
 
-/// Says before a long scan whether a picture could be written to `path`.
+/// Checks before a long scan whether a picture could be written to `path`.
 ///
 /// # Errors
-/// A width out of bounds, a folder that is missing or cannot be written to.
+/// A width out of bounds, a folder that is missing or not writable.
 pub fn check(path: &Path, options: &PreviewOptions) -> Result<()> {
     check_width(options.width)?;
     Pending::create(path).map(drop)
@@ -162,9 +162,9 @@ fn check_width(width: u32) -> Result<()> {
     Ok(())
 }
 
-/// Writes a picture of `cloud` to the PNG file `path`, which appears only when it is complete.
+/// Writes a picture of `cloud` to the PNG file `path`, which appears only when complete.
 ///
-/// Columns that the colours need and the cloud lacks are replaced by others, which the report says.
+/// Columns that the colours need and the cloud lacks are replaced by others, as the report says.
 ///
 /// # Errors
 /// As [`check`], a view that shows pings, and a full disk.
@@ -175,10 +175,10 @@ pub fn write(cloud: &PointCloud, path: &Path, options: &PreviewOptions) -> Resul
     Ok(report)
 }
 
-/// Writes a picture of `pings` to the PNG file `path`, which appears only when it is complete.
+/// Writes a picture of `pings` to the PNG file `path`, which appears only when complete.
 ///
 /// # Errors
-/// As [`render_pings`], a folder that is missing or cannot be written to, and a full disk.
+/// As [`render_pings`], a folder that is missing or not writable, and a full disk.
 pub fn write_pings(pings: &Pings, path: &Path, options: &PreviewOptions) -> Result<Report> {
     let mut report = Report::default();
     let picture = render_pings(pings, options, &mut report)?;
@@ -193,8 +193,8 @@ fn write_picture(picture: &Picture, path: &Path) -> Result<()> {
     pending.commit()
 }
 
-/// What the picture of `pings` shows, as numbers: levels in dB with the sonar's gain over time, or heights in m, and
-/// labels.
+/// The content of the picture of `pings`, as numbers: levels in dB with the sonar's gain over time, or heights in m,
+/// and labels.
 ///
 /// # Errors
 /// As [`render_pings`]; no pings.
@@ -207,7 +207,7 @@ pub fn image_of(pings: &Pings, options: &PreviewOptions) -> Result<Image> {
     Ok(image)
 }
 
-/// That the options are those of a picture of pings.
+/// Checks that the options are for a picture of pings.
 fn check_pinged(options: &PreviewOptions) -> Result<()> {
     check_width(options.width)?;
     if !options.view.shows_pings() {
@@ -217,13 +217,13 @@ fn check_pinged(options: &PreviewOptions) -> Result<()> {
     Ok(())
 }
 
-/// The picture of `pings`; without any it says so.
+/// The picture of `pings`; if there are none, it says so.
 ///
-/// Pings without labels are coloured by level instead, which the report says.
+/// Pings without labels are coloured by level instead, as the report says.
 ///
 /// # Errors
-/// A width out of bounds, a view that shows clouds or another kind of sonar, a colour that pings do not have, pings
-/// that do not fit together.
+/// A width out of bounds, a view that shows clouds or another kind of sonar, a colour that pings lack, pings that do
+/// not fit together.
 pub fn render_pings(pings: &Pings, options: &PreviewOptions, report: &mut Report) -> Result<Picture> {
     check_pinged(options)?;
     let page = Page::new(options.width);
@@ -235,7 +235,7 @@ pub fn render_pings(pings: &Pings, options: &PreviewOptions, report: &mut Report
 
 /// The picture of `cloud`; the same cloud and options give the same pixels.
 ///
-/// A cloud without points gives a picture that says so.
+/// A cloud without points yields a picture that says so.
 ///
 /// # Errors
 /// A width out of bounds, a view that shows pings.
@@ -265,10 +265,10 @@ pub fn render(cloud: &PointCloud, options: &PreviewOptions, report: &mut Report)
     Ok(page.compose(&title, &notes.join("; "), &panel, &legend::draw(paint.legend(), &page)))
 }
 
-/// Sizes that grow with the width of the picture.
+/// Sizes that scale with the width of the picture.
 struct Page {
     width: u32,
-    /// Pixels per design pixel of a picture 1600 wide; small pictures keep readable text.
+    /// Pixels per design pixel of a picture 1600 wide; text stays readable in small pictures.
     scale: f32,
 }
 
@@ -405,7 +405,7 @@ mod tests {
             let rows = strange[index].len as u32;
             strange.push(PointCloud { organised: Some([rows, 1]), ..strange[index].clone() });
             strange.push(PointCloud { organised: Some([1, rows]), ..strange[index].clone() });
-            // A shape that does not belong to the cloud, and a sensor far from it.
+            // A shape that does not match the cloud, and a sensor far from it.
             strange.push(PointCloud { organised: Some([rows, 7]), ..strange[index].clone() });
             strange.push(PointCloud {
                 sensor_pose: crate::Pose { position: DVec3::splat(1e300), ..crate::Pose::IDENTITY },

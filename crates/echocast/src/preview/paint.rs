@@ -1,4 +1,4 @@
-//! Which colour a point has, and what the legend says of it.
+//! The colour of each point, and what the legend says about it.
 
 use super::ColorBy;
 use super::canvas::Color;
@@ -12,9 +12,9 @@ use crate::scene::NameTable;
 use std::collections::HashMap;
 use std::ops::Range;
 
-/// How many names a legend lists before it sums up the rest.
+/// How many names a legend lists before summing up the rest.
 pub(super) const LISTED: usize = 16;
-/// Part of the values at each end of a scale that shares the colour of its end.
+/// Part of the values at each end of a scale that shares the end's colour.
 const CLIPPED: f32 = 0.01;
 
 /// Colours of a cloud's points.
@@ -59,10 +59,10 @@ enum Group {
     Cause(Cause),
 }
 
-/// Which group each point is of.
+/// The group of each point.
 #[derive(Clone, Copy)]
 struct Groups<'a> {
-    /// Labels of what has a surface; without them causes alone count.
+    /// Labels of points on surfaces; without them only causes count.
     labels: Option<&'a [u32]>,
     points: &'a Points<'a>,
 }
@@ -86,7 +86,7 @@ impl<'a> Paint<'a> {
                     counts.keys().filter(|group| matches!(group, Group::Label(_))).count()
                 };
                 let of_categories = count(categories);
-                // One category says nothing; its parts may.
+                // A single category says nothing; its parts may.
                 let of_parts = if labels(&of_categories) <= 1 { count(parts) } else { HashMap::new() };
                 if let Some(parts) = parts
                     && labels(&of_parts) > labels(&of_categories)
@@ -142,7 +142,7 @@ impl<'a> Paint<'a> {
         frequent.sort_unstable_by_key(|&(group, count)| (std::cmp::Reverse(count), group));
         let (mut listed, causes): (Vec<_>, Vec<_>) =
             frequent.into_iter().partition(|(group, _)| matches!(group, Group::Label(_)));
-        // Summing up a single name would hide it without saving room.
+        // Summing up a single name would hide it without saving space.
         let rest = if listed.len() == LISTED + 1 { Vec::new() } else { listed.split_off(LISTED.min(listed.len())) };
         let entry = |&(group, count): &(Group, usize)| {
             let name = match group {
@@ -181,7 +181,7 @@ impl<'a> Paint<'a> {
         Paint { name, source: Source::Values { values, points, table: ramp.table(), low, high }, legend }
     }
 
-    /// What is coloured by.
+    /// What the colours show.
     pub(super) fn name(&self) -> &'static str {
         self.name
     }
@@ -226,7 +226,7 @@ impl Groups<'_> {
     fn of(&self, row: u32) -> Group {
         let cause = self.points.cause(row);
         match self.labels {
-            // Over reflections sound may come from the surface of the water, which has no label.
+            // After reflections sound may come from the water surface, which has no label.
             Some(ids) if cause.has_surface() && (cause != Cause::Multipath || ids[row as usize] != 0) => {
                 Group::Label(ids[row as usize])
             }
@@ -234,12 +234,12 @@ impl Groups<'_> {
         }
     }
 
-    /// How many points there are of each.
+    /// Number of points in each.
     fn count(self) -> HashMap<Group, usize> {
         let count_rows = |rows: Range<usize>| {
             let mut counts = HashMap::new();
             let mut hits = rows.map(|row| row as u32).filter(|&row| self.points.get(row).is_some()).peekable();
-            // Neighbours are mostly of one group, so runs are counted, not points.
+            // Neighbours mostly belong to one group, so runs are counted, not points.
             while let Some(first) = hits.next() {
                 let group = self.of(first);
                 let mut run = 1;
@@ -321,7 +321,7 @@ mod tests {
         assert_eq!([0, 1].map(|row| label.color(row)), [palette::category(1), palette::cause(Cause::Fog)]);
         assert_eq!([0, 5].map(|row| cause.color(row)), [Cause::Surface, Cause::Mixed].map(palette::cause));
 
-        // The air is no category: there is one.
+        // The air is not a category: there is only one.
         cloud.columns.category_id[5] = 1;
         assert_eq!(names(&cloud, ColorBy::Label, &mut Report::default()).0, "part");
         cloud.columns.cause = vec![Cause::Fog as u8; 6];

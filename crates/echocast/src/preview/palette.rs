@@ -5,12 +5,12 @@ use crate::ground::cause::Cause;
 use crate::material::srgb_byte;
 use std::f32::consts::TAU;
 
-/// Colours of categories 1, 2, ...: well apart on a dark ground for normal, protanopic and deuteranopic
-/// eyes, the first ones most.
+/// Colours of categories 1, 2, ...: well apart on a dark background for normal, protanopic and deuteranopic eyes,
+/// especially the first ones.
 ///
-/// The first seven follow Okabe and Ito, "Color Universal Design" (2008), lightened for the dark ground;
-/// each further one is the colour farthest from all before it in Oklab, seen with normal eyes (weight 0.65)
-/// and through the dichromat matrices of Machado, Oliveira and Fernandes (IEEE TVCG 15, 2009; weight 0.35).
+/// The first seven follow Okabe and Ito, "Color Universal Design" (2008), lightened for the dark background; each
+/// further one is the colour farthest from all before it in Oklab, seen with normal eyes (weight 0.65) and through the
+/// dichromat matrices of Machado, Oliveira and Fernandes (IEEE TVCG 15, 2009; weight 0.35).
 const CATEGORIES: [Color; 24] = [
     [0x56, 0xb4, 0xe9],
     [0xe6, 0x9f, 0x00],
@@ -38,14 +38,14 @@ const CATEGORIES: [Color; 24] = [
     [0x02, 0x8f, 0x75],
 ];
 
-/// Colour of what has no label.
+/// Colour of points without a label.
 const UNLABELLED: Color = [0x84, 0x88, 0x90];
 /// Colour of the categories that the legend sums up.
 pub(super) const OTHER: Color = [0x52, 0x56, 0x5e];
 
-/// Colour of points that are there for `cause`; the same in every picture.
+/// Colour of points with `cause`; the same in every picture.
 ///
-/// Those without a surface are muted, and far from the colours of labels, beside which they stand.
+/// Those without a surface are muted, and far from the label colours that they appear beside.
 pub(super) fn cause(cause: Cause) -> Color {
     match cause {
         Cause::Surface => [0xda, 0xd8, 0xcc],
@@ -68,7 +68,7 @@ pub(super) fn category(id: u32) -> Color {
         return UNLABELLED;
     };
     let base = CATEGORIES[index as usize % CATEGORIES.len()];
-    // Numbers past the table take its colours again, lighter and darker in turn.
+    // Numbers past the table reuse its colours, alternately lighter and darker.
     match (index as usize / CATEGORIES.len()) % 3 {
         0 => base,
         1 => base.map(|value| value / 2 + 0x60),
@@ -76,8 +76,8 @@ pub(super) fn category(id: u32) -> Color {
     }
 }
 
-/// A scale of colours: lightness rises evenly while the hue turns, in Oklab, so that equal steps of the
-/// value look equal and grey prints keep their order.
+/// A scale of colours: lightness rises evenly while the hue turns, in Oklab, so that equal steps of the value look
+/// equal and grey prints keep their order.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ramp {
     /// Lightness at both ends, 0 black, 1 white.
@@ -88,13 +88,13 @@ pub(super) struct Ramp {
     chroma: f32,
 }
 
-/// For range: violet by red to yellow.
+/// For range: violet through red to yellow.
 pub(super) const RANGE: Ramp = Ramp { lightness: [0.42, 0.95], hue: [0.77, 1.28], chroma: 0.155 };
-/// For height: violet by blue and green to yellow.
+/// For height: violet through blue and green to yellow.
 pub(super) const HEIGHT: Ramp = Ramp { lightness: [0.40, 0.93], hue: [0.83, 0.30], chroma: 0.135 };
 /// For intensity: ember to pale yellow.
 pub(super) const INTENSITY: Ramp = Ramp { lightness: [0.36, 0.97], hue: [0.03, 0.28], chroma: 0.14 };
-/// For levels of sonars: copper, as their screens show it.
+/// For sonar levels: copper, as on their screens.
 pub(super) const LEVEL: Ramp = Ramp { lightness: [0.16, 0.95], hue: [0.13, 0.22], chroma: 0.105 };
 
 impl Ramp {
@@ -103,7 +103,7 @@ impl Ramp {
         let mix = |[from, to]: [f32; 2]| from + (to - from) * t.clamp(0.0, 1.0);
         let (lightness, hue) = (mix(self.lightness), mix(self.hue) * TAU);
         let at = |chroma: f32| linear_srgb_from_oklab(lightness, chroma * hue.cos(), chroma * hue.sin());
-        // The most chroma that the screen can show, up to the scale's own; grey it always can.
+        // The most chroma that the screen can show, up to the scale's own; grey always works.
         let (mut low, mut high) = (0.0f32, self.chroma);
         for _ in 0..16 {
             let middle = low.midpoint(high);
@@ -113,7 +113,7 @@ impl Ramp {
         at(low).map(srgb_byte)
     }
 
-    /// [`Ramp::color`] at 256 even steps.
+    /// [`Ramp::color`] at 256 equal steps.
     pub(super) fn table(&self) -> Vec<Color> {
         (0..256).map(|step| self.color(step as f32 / 255.0)).collect()
     }
@@ -159,7 +159,7 @@ mod tests {
             let color = cause(air);
             assert!((0..72).all(|id| distance(color, category(id)) > 400), "{air:?}");
             assert!(distance(color, UNLABELLED) > 1600 && distance(color, OTHER) > 1600, "{air:?}");
-            // Muted: nearer to grey than any colour of the first categories.
+            // Muted: nearer to grey than any of the first category colours.
             let spread = |color: Color| color.iter().max().unwrap() - color.iter().min().unwrap();
             assert!(CATEGORIES[..7].iter().all(|&strong| spread(color) < spread(strong)), "{air:?}");
         }

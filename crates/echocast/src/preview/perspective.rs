@@ -9,14 +9,14 @@ use super::points::{Points, quantile, robust_span, wide};
 use super::splat::{self, Splats, Stamp};
 use glam::{Quat, Vec2, Vec3};
 
-/// How far the camera may look down: the angle at which the cloud fills the picture best is taken.
+/// How far the camera may look down: the angle at which the cloud best fills the picture is used.
 const PITCHES_DEG: [f32; 7] = [16.0, 20.0, 24.0, 28.0, 32.0, 36.0, 40.0];
-/// How far the camera stands to the right of the sensor's heading: boxes show two sides.
+/// How far the camera stands to the right of the sensor's heading, so that boxes show two sides.
 const YAW_DEG: f32 = 18.0;
 /// Tangents of half the angles of view: 50 degrees wide, 16 : 9.
 const HALF_WIDTH: f32 = 0.466;
 const HALF_HEIGHT: f32 = HALF_WIDTH * 9.0 / 16.0;
-/// Part of the points at each edge that may lie outside of the picture.
+/// Part of the points at each edge that may lie outside the picture.
 const OUTSIDE: f32 = 0.006;
 
 /// A pinhole camera.
@@ -31,9 +31,9 @@ struct Camera {
 }
 
 impl Camera {
-    /// The camera that has the seen part of `points` in the picture.
+    /// The camera that has the visible part of `points` in the picture.
     fn new(points: &Points<'_>, picture: &Picture, seen: impl Fn(Vec3, Vec3) -> bool) -> Camera {
-        // A sensor that looks straight down has its heading where its upper edge points.
+        // A sensor that looks straight down heads where its upper edge points.
         let heading = [Vec3::X, Vec3::Z]
             .map(|axis| (points.orientation * axis).with_z(0.0))
             .into_iter()
@@ -51,13 +51,13 @@ impl Camera {
         rest.into_iter().fold(first, |best, next| if next.1 < best.1 { next } else { best }).0
     }
 
-    /// The camera that looks along `forward` and has `sample` in the picture, and how much of the picture's
-    /// width or height it leaves empty, as difference of logarithms.
+    /// The camera that looks along `forward` and has `sample` in the picture, and how much of the picture's width or
+    /// height it leaves empty, as a difference of logarithms.
     fn fit(forward: Vec3, sample: &[Vec3], picture: &Picture) -> (Camera, f32) {
         let right = forward.cross(Vec3::Z).normalize();
         let up = right.cross(forward);
-        // The four sides of the view are planes that should touch the cloud: they stand where the offsets of
-        // all but the outermost points from them end, and two opposite ones meet in a line through the camera.
+        // The four sides of the view are planes that should touch the cloud: they are placed at the offsets of all but
+        // the outermost points, and two opposite ones meet in a line through the camera.
         let meet = |axis: Vec3, tangent: f32| {
             let span = |tangent: f32| {
                 let mut offsets: Vec<f32> = sample.iter().map(|p| p.dot(axis) + tangent * p.dot(forward)).collect();
@@ -66,10 +66,10 @@ impl Camera {
             let ([low, _], [_, high]) = (span(tangent), span(-tangent));
             (low.midpoint(high), (low - high) / (2.0 * tangent))
         };
-        // A little room around the cloud.
+        // A small margin around the cloud.
         let (across, along_width) = meet(right, 0.94 * HALF_WIDTH);
         let (upward, along_height) = meet(up, 0.94 * HALF_HEIGHT);
-        // However narrow the cloud, the camera stands before it.
+        // However narrow the cloud, the camera is in front of it.
         let mut depths: Vec<f32> = sample.iter().map(|p| p.dot(forward)).collect();
         let middle = quantile(&mut depths, 0.5);
         let [before, _] = wide([middle, middle]);
@@ -87,7 +87,7 @@ impl Camera {
         (camera, empty.abs())
     }
 
-    /// Pixels from the upper left corner and distance along the view; none behind the camera.
+    /// Pixels from the top left corner and distance along the view; none behind the camera.
     fn project(&self, position: Vec3) -> Option<(Vec2, f32)> {
         let from_camera = position - self.position;
         let depth = from_camera.dot(self.forward);
@@ -111,14 +111,14 @@ pub(super) fn draw(points: &Points<'_>, paint: &Paint<'_>, page: &Page, notes: &
     let splats = Splats::new(width, height);
     let behind = points.count_rows(|row| {
         let Some(position) = points.get(row) else { return false };
-        // What the air sends back is no wall.
+        // What the air sends back is not a wall.
         let shown = !points.cause(row).has_surface() || seen(position, -camera.forward);
         if shown && let Some((at, depth)) = camera.project(position) {
             splats.put(at, &stamp, depth, row);
         }
         !shown && position.z <= cutaway.ceiling
     });
-    // A neighbour nearer by 5 % of the distance darkens as much as one can.
+    // A neighbour nearer by 5 % of the distance gives the maximum darkening.
     splats.draw(&mut picture, paint, |depth| depth.ln() / 0.05);
 
     let mark = 8.0 * page.scale;
@@ -179,7 +179,7 @@ mod tests {
         }
         assert!(first.x > -40.0 && first.y > -40.0 && last.x < 1640.0 && last.y < 940.0, "{first} {last}");
         assert!(last.x - first.x > 1280.0 || last.y - first.y > 720.0, "{first} {last}");
-        // Behind and above the sensor, looking its way; left is left and up is up.
+        // Behind and above the sensor, looking the same way; left is left and up is up.
         assert!(camera.position.x < 0.0 && camera.position.z > 1.5, "{}", camera.position);
         assert!(camera.forward.x > 0.7, "{}", camera.forward);
         let at = |x, y, z| camera.project(Vec3::new(x, y, z)).unwrap().0;
@@ -194,7 +194,7 @@ mod tests {
         for column in [&mut c.x, &mut c.y, &mut c.z] {
             *column = column.repeat(10);
         }
-        // A hundredth of the points, of which no more than the outermost may be cut off.
+        // A hundredth of the points, of which only the outermost may be cut off.
         c.x.extend([12.0; 100]);
         c.y.extend((0..100).map(|i| -3.0 - 0.06 * i as f32));
         c.z.extend([2.0; 100]);

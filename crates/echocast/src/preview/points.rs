@@ -1,4 +1,4 @@
-//! Positions of a cloud as a preview needs them: finite, in single precision, beside the sensor.
+//! Positions of a cloud as a preview needs them: finite, in single precision, relative to the sensor.
 
 use crate::cloud::{Frame, PointCloud};
 use crate::ground::cause::Cause;
@@ -8,15 +8,15 @@ use crate::ground::report::Report;
 use glam::{Quat, Vec3};
 use std::ops::Range;
 
-/// Places farther out than this are treated as misses, so that squares stay finite, metres.
+/// Positions farther out than this are treated as misses, so that squares stay finite, metres.
 const FARTHEST: f32 = 1e15;
-/// Most rows that a picture shows: it numbers them in 32 bits.
+/// Most rows in a picture, which numbers them in 32 bits.
 const MOST_ROWS: usize = u32::MAX as usize;
 /// Rows that are worth a task of their own.
 pub(super) const CHUNK: usize = 1 << 16;
-/// Most points of a sample; a percentile of it is good to a thousandth.
+/// Most points of a sample; a percentile of it is accurate to a thousandth.
 const SAMPLE: usize = 50_000;
-/// Part of a sample that must be of surfaces to show where the scene is.
+/// Part of a sample that must be on surfaces to show where the scene is.
 const SCENE: f32 = 0.01;
 
 /// The positions of a cloud, relative to its origin.
@@ -24,13 +24,13 @@ pub(super) struct Points<'a> {
     x: &'a [f32],
     y: &'a [f32],
     z: &'a [f32],
-    /// Numbers of causes; empty when they are not known.
+    /// Numbers of causes; empty if unknown.
     causes: &'a [u8],
     /// Number of rows that have a position.
     pub count: usize,
     /// Some rows with their positions, evenly spread over the cloud.
     pub sample: Vec<(u32, Vec3)>,
-    /// The positions of the sample that are on surfaces, or all when those are few: what pictures are framed by.
+    /// The positions of the sample on surfaces, or all if those are few: what pictures are framed by.
     pub scene: Vec<Vec3>,
     /// Height of z = 0 in the cloud's frame, metres.
     pub height_origin: f64,
@@ -41,7 +41,7 @@ pub(super) struct Points<'a> {
 }
 
 impl<'a> Points<'a> {
-    /// The positions of `cloud`; none, with a warning, when it lacks them.
+    /// The positions of `cloud`; none, with a warning, if it lacks them.
     pub(super) fn new(cloud: &'a PointCloud, report: &mut Report) -> Self {
         let columns = &cloud.columns;
         let rows = cloud.len.min(MOST_ROWS);
@@ -88,7 +88,7 @@ impl<'a> Points<'a> {
         self.x.len()
     }
 
-    /// Shows every row to `counts`, in parallel, and returns how often it said yes.
+    /// Passes every row to `counts`, in parallel, and returns how often it said yes.
     pub(super) fn count_rows(&self, counts: impl Fn(u32) -> bool + Sync) -> usize {
         let count = |rows: Range<usize>| rows.filter(|&row| counts(row as u32)).count();
         parallel::map_reduce(self.len(), CHUNK, count, |left, right| left + right)
@@ -101,12 +101,12 @@ impl<'a> Points<'a> {
         (position.abs().max_element() < FARTHEST && position.is_finite()).then_some(position)
     }
 
-    /// Whether it is known why points are there.
+    /// Whether the causes of points are known.
     pub(super) fn have_causes(&self) -> bool {
         self.causes.len() == self.len()
     }
 
-    /// Why the point of row `row` is there; a surface unless something else is known.
+    /// The cause of the point of row `row`; a surface unless known otherwise.
     pub(super) fn cause(&self, row: u32) -> Cause {
         self.causes.get(row as usize).and_then(|&number| Cause::from_number(number)).unwrap_or_default()
     }
@@ -122,7 +122,7 @@ impl<'a> Points<'a> {
     }
 }
 
-/// The value that the fraction `q` of `values` lies below; 0 when there are none.
+/// The value below which the fraction `q` of `values` lies; 0 if there are none.
 pub(super) fn quantile(values: &mut [f32], q: f32) -> f32 {
     if values.is_empty() {
         return 0.0;
@@ -131,10 +131,10 @@ pub(super) fn quantile(values: &mut [f32], q: f32) -> f32 {
     *values.select_nth_unstable_by(rank, f32::total_cmp).1
 }
 
-/// From where to where `values` reach, without the few that lie far outside of the others.
+/// The span of `values`, without the few outliers.
 ///
-/// The ends stand where all but the fraction `outside` at each end lies between them, moved out to the
-/// last value when that is near. The span is never empty.
+/// Each end excludes the fraction `outside` of the values, moved out to the last value if that is near. The span is
+/// never empty.
 pub(super) fn robust_span(values: &mut [f32], outside: f32) -> [f32; 2] {
     let [low, high] = [quantile(values, outside), quantile(values, 1.0 - outside)];
     let near = 0.25 * (high - low);
@@ -190,7 +190,7 @@ mod tests {
         cloud.columns.cause = vec![Cause::Fog as u8; 200];
         cloud.columns.cause[7] = Cause::Mirror as u8;
         assert_eq!(scene(&cloud).len(), 200, "one point is no scene");
-        // What has an unknown number has a surface.
+        // A point with an unknown number has a surface.
         cloud.columns.cause[9] = 77;
         assert_eq!(scene(&cloud), [7.0, 9.0]);
     }

@@ -1,4 +1,4 @@
-//! The cloud as the sensor sees it: left is left, up is up.
+//! The cloud as seen by the sensor: left is left, up is up.
 
 use super::Page;
 use super::canvas::{GROUND, Picture};
@@ -14,9 +14,9 @@ use std::f32::consts::{PI, TAU};
 /// The flattest and the steepest picture, height over width; scans with few rows are stretched to it.
 const FLATTEST: f32 = 0.22;
 const STEEPEST: f32 = 0.62;
-/// With more channels than any spinning sensor has, the column `channel` does not tell rows.
+/// With more channels than any spinning sensor has, the column `channel` does not define rows.
 const CHANNELS: usize = 128;
-/// The range image: rows and columns of the sensor when the cloud has them, azimuth and elevation else.
+/// The range image: rows and columns of the sensor if the cloud has them, else azimuth and elevation.
 pub(super) fn draw(cloud: &PointCloud, points: &Points<'_>, paint: &Paint<'_>, page: &Page) -> Picture {
     let channel = &cloud.columns.channel;
     let (mut picture, splats);
@@ -32,16 +32,16 @@ pub(super) fn draw(cloud: &PointCloud, points: &Points<'_>, paint: &Paint<'_>, p
             splats = panorama.splats(points, &picture);
         }
     }
-    // A neighbour nearer by a quarter of the range darkens as much as one can.
+    // A neighbour nearer by a quarter of the range gives the maximum darkening.
     splats.draw(&mut picture, paint, |range| range.max(1e-3).ln() / 0.25);
     picture
 }
 
-/// A dark picture of about the proportion `aspect` (width over height).
+/// A dark picture of roughly the aspect ratio `aspect` (width over height).
 fn frame(page: &Page, aspect: f32) -> Picture {
     let full = page.inner() as f32;
     let height = (full / aspect).clamp(FLATTEST * full, STEEPEST * full);
-    // What is taller than the page allows becomes narrower, but no thin line either.
+    // What is taller than the page allows becomes narrower, but not a thin line.
     let width = (height * aspect).clamp(FLATTEST * full, full);
     Picture::new(width as u32, height as u32, GROUND)
 }
@@ -51,7 +51,7 @@ fn angles(direction: Vec3) -> Vec2 {
     Vec2::new(direction.y.atan2(direction.x), direction.z.atan2(direction.truncate().length()))
 }
 
-/// Rows and columns of the sensor in the order in which a person sees them.
+/// Rows and columns of the sensor in the order in which people see them.
 struct Grid {
     /// Sensor rows from the top of the picture down.
     rows: Vec<u32>,
@@ -64,7 +64,7 @@ impl Grid {
     fn new(points: &Points<'_>, [rows, columns]: [u32; 2], channel: &[u16]) -> Grid {
         let cell = |row: u32, column: u32| row * columns + column;
         let direction = |row, column| Some(angles(points.in_sensor_frame(points.get(cell(row, column))?)));
-        // A few hundred places of each row are enough to tell how it runs.
+        // A few hundred positions per row are enough to tell its direction.
         let step = columns.div_ceil(512) as usize;
         let (mut leftward, mut rightward) = (0, 0);
         let elevations: Vec<Option<f32>> = (0..rows)
@@ -127,7 +127,7 @@ struct Panorama<'a> {
     reported: Option<(&'a [f32], &'a [f32])>,
     azimuth: [f32; 2],
     elevation: [f32; 2],
-    /// Channel of each point and row of each channel, where channels make rows.
+    /// Channel of each point and row of each channel, if channels form rows.
     channels: Option<(&'a [u16], BTreeMap<u16, usize>)>,
 }
 
@@ -143,7 +143,7 @@ impl<'a> Panorama<'a> {
             let mut values: Vec<f32> =
                 sample.iter().map(|(_, angles)| angles[axis]).filter(|a| a.is_finite()).collect();
             let [low, high] = robust_span(&mut values, 0.002);
-            // A thousandth of a turn is as little as a picture needs to show.
+            // A picture needs to show at least a thousandth of a turn.
             let middle = low.midpoint(high);
             [low.min(middle - 0.003), high.max(middle + 0.003)]
         });
@@ -181,7 +181,7 @@ impl<'a> Panorama<'a> {
         let size = Vec2::new(picture.width as f32, picture.height as f32);
         let row_height = self.channels.as_ref().map(|(_, rows)| size.y / rows.len() as f32);
         let stamp = match row_height {
-            // Wide enough to close the row when all its beams return.
+            // Wide enough to close the row if all its beams return.
             Some(height) => {
                 let per_row = points.count as f32 * height / size.y;
                 // Rounded up: no gap between rows.

@@ -67,19 +67,19 @@ pub(super) fn draw(pings: &Pings, options: &PreviewOptions, page: &Page, report:
     Ok(page.compose(&title, &notes.join("; "), &panel, &legend::draw(&ink.legend, page)))
 }
 
-/// Pixels that a panel may have.
+/// Maximum size of a panel, pixels.
 fn room(page: &Page) -> [u32; 2] {
     [page.inner(), (TALLEST * page.inner() as f32) as u32]
 }
 
-/// The fan of the last ping, or of all pings of a beam that turns.
+/// The fan of the last ping, or of all pings of a rotating beam.
 fn fan(pings: &Pings, page: &Page) -> Result<(String, Vec<String>, Image)> {
     let last = &pings.pings[pings.pings.len() - 1];
     let make = |pixels| match last.layout.view {
         SonarView::Single => image::turning_fan(pings, pixels),
         _ => image::fan(last, pixels),
     };
-    // A small one tells the proportion.
+    // A small one gives the aspect ratio.
     let small = make(64)?;
     let sides = [small.width, small.height].map(|side| side as f32);
     let fit = (room(page)[0] as f32 / sides[0]).min(room(page)[1] as f32 / sides[1]);
@@ -96,7 +96,7 @@ fn fan(pings: &Pings, page: &Page) -> Result<(String, Vec<String>, Image)> {
 struct Ink<'a> {
     name: &'static str,
     image: &'a Image,
-    /// Label numbers, and the colours of those that the legend lists.
+    /// Label numbers, and the colours of those in the legend.
     labels: Option<(&'a [u32], HashMap<u32, Color>)>,
     table: Vec<Color>,
     window: [f32; 2],
@@ -156,8 +156,8 @@ impl<'a> Ink<'a> {
         Ink { name, image, labels: Some((ids, listed)), table: Vec::new(), window, legend: Legend::Names(entries) }
     }
 
-    /// Colour of a pixel of the picture that shows the columns and rows of the image up to, not including, the ends: of
-    /// the mean power, or of the mean height, and of the label of the strongest, or highest.
+    /// Colour of a picture pixel that shows the image's columns and rows up to, not including, the ends: of the mean
+    /// power, or of the mean height, and of the label of the strongest, or highest.
     fn color(&self, columns: [usize; 2], rows: [usize; 2]) -> Option<Color> {
         let heights = self.image.kind == ImageKind::DepthMap;
         let [low, high] = self.window;
@@ -170,7 +170,7 @@ impl<'a> Ink<'a> {
                 if value.is_nan() {
                     continue;
                 }
-                // Strays at the ends of the scale, to which no power is too large for a number.
+                // Strays at the ends of the scale, for which no power is too large for a number.
                 sum += if heights { value.clamp(low, high) } else { exp2((value.min(high) - high) * LOG2_PER_DB) };
                 count += 1;
                 if strongest.is_none() || value > most {
@@ -186,7 +186,7 @@ impl<'a> Ink<'a> {
             return Some(self.table[((part * 255.0).round() as usize).min(255)]);
         };
         let color = listed.get(&ids[strongest]).copied().unwrap_or(palette::OTHER);
-        // Weak echoes are dark, so that shadows and shapes stay to be seen; so, a little, is what lies deep.
+        // Weak echoes are dark, so that shadows and shapes remain visible; so, slightly, is what lies deep.
         let dark = if heights { 0.4 } else { 0.7 };
         let light = 1.0 - dark * (1.0 - part);
         Some(std::array::from_fn(|i| {
@@ -213,10 +213,10 @@ impl<'a> Ink<'a> {
     }
 }
 
-/// How far below the median level a picture goes, dB: shadows and water are dark, the bed has most of the scale.
+/// How far below the median level a picture extends, dB: shadows and water are dark, the bed has most of the scale.
 const BELOW_MEDIAN: f32 = 30.0;
 
-/// The values between which an image has its colours: without half a percent at each end.
+/// The values between which an image's colours range: without half a percent at each end.
 fn span(image: &Image) -> [f32; 2] {
     let mut known: Vec<f32> = image.values.iter().copied().filter(|value| value.is_finite()).collect();
     if image.kind == ImageKind::DepthMap {
@@ -226,7 +226,7 @@ fn span(image: &Image) -> [f32; 2] {
     wide([low.max(middle - BELOW_MEDIAN), high])
 }
 
-/// The numbers that an image is labelled by, as clouds are: the category, or the part where there is one category only.
+/// The numbers by which an image is labelled, as for clouds: the category, or the part if there is only one category.
 fn labels(image: &Image) -> Option<(&'static str, &[u32], BTreeMap<u32, usize>)> {
     let of = |name, field| {
         let ids = image.layer(field)?;
@@ -245,7 +245,7 @@ fn labels(image: &Image) -> Option<(&'static str, &[u32], BTreeMap<u32, usize>)>
     }
 }
 
-/// The waterfall over the whole width, with lines of equal range.
+/// The waterfall at full width, with lines of equal range.
 fn waterfall(image: &Image, ink: &Ink, page: &Page) -> Picture {
     let width = page.inner();
     let rows = (image.height as f32).clamp(FLATTEST * width as f32, TALLEST * width as f32);
@@ -278,7 +278,7 @@ fn waterfall(image: &Image, ink: &Ink, page: &Page) -> Picture {
     picture
 }
 
-/// A dark panel with the image as large as it fits, and the image's upper left corner and pixels per column in it.
+/// A dark panel with the image as large as possible, and the image's top left corner and pixels per column in it.
 fn fitted(image: &Image, ink: &Ink, page: &Page) -> (Picture, Vec2, f32) {
     let [width, tallest] = room(page);
     let sides = [image.width, image.height].map(|side| side as f32);
@@ -295,7 +295,7 @@ fn fitted(image: &Image, ink: &Ink, page: &Page) -> (Picture, Vec2, f32) {
 fn rings(image: &Image, ink: &Ink, page: &Page) -> Picture {
     let (mut picture, corner, zoom) = fitted(image, ink, page);
     let metres = image.place.step[0] / f64::from(zoom);
-    // From the upper left corner of the panel to the sonar, pixels.
+    // From the top left corner of the panel to the sonar, pixels.
     let pixels = |at: DVec2| {
         let [x, y] = [0, 1].map(|axis| ((at[axis] - image.place.first[axis]) / image.place.step[axis] + 0.5) as f32);
         corner + zoom * Vec2::new(x, y)
@@ -330,7 +330,7 @@ fn rings(image: &Image, ink: &Ink, page: &Page) -> Picture {
     picture
 }
 
-/// The map with the way of the sonar and a scale.
+/// The map with the sonar's track and a scale.
 fn track(image: &Image, pings: &Pings, ink: &Ink, page: &Page) -> Picture {
     let (mut picture, corner, zoom) = fitted(image, ink, page);
     let pixels = |at: DVec2| {
@@ -341,7 +341,7 @@ fn track(image: &Image, pings: &Pings, ink: &Ink, page: &Page) -> Picture {
     for (radius, color) in [(1.4, GROUND), (0.6, TEXT)] {
         let mut from = way[0];
         for &to in &way {
-            // Pings nearer to each other than that make one step.
+            // Pings closer together than that make one step.
             if from.distance(to) >= 4.0 {
                 picture.stroke(&[[from, to]], radius * page.scale, color, 0.8);
                 from = to;
@@ -389,7 +389,7 @@ mod tests {
         let more = [(&round, View::Fan), (&round, View::Track), (&ahead, View::Track), (&down, View::Waterfall)];
         for (pings, view) in views.into_iter().chain(more) {
             let wanted = palette::category(TARGET);
-            // The target is the strongest, so it is not darkened.
+            // The target is strongest, so it is not darkened.
             let found = count(&render(pings, view, ColorBy::Label), |color| color == wanted);
             assert!(found > 5 || pings.pings.len() == 1 && view == View::Waterfall, "{view:?}: {found}");
             render(pings, view, ColorBy::Intensity);

@@ -30,8 +30,8 @@ impl Splats {
         Splats { width, height, cells }
     }
 
-    /// Puts a point at `at` (pixels from the top left corner) as far as it lies in the picture; the one
-    /// with the smallest `depth` stays.
+    /// Puts a point at `at` (pixels from the top left corner), clipped to the picture; the one with the smallest
+    /// `depth` stays.
     pub(super) fn put(&self, at: Vec2, stamp: &Stamp, depth: f32, row: u32) {
         if !(at.is_finite() && depth.is_finite()) {
             return;
@@ -56,7 +56,7 @@ impl Splats {
         }
     }
 
-    /// Asks `point` for the depth and row of every sample from its column, its row and the size in samples.
+    /// Calls `point` for the depth and row of every sample from its column, its row and the size in samples.
     pub(super) fn fill(&self, point: impl Fn(u32, u32, [u32; 2]) -> Option<(f32, u32)> + Sync) {
         parallel::for_each_range(self.cells.len(), CHUNK, |indices| {
             for index in indices {
@@ -68,11 +68,10 @@ impl Splats {
         });
     }
 
-    /// Colours the points over `picture`, which has the size asked for.
+    /// Draws the points over `picture`, which has the size requested.
     ///
-    /// Shapes show by eye-dome lighting (Boucheny, "Visualisation scientifique de grands volumes de
-    /// données", 2009): a sample is the darker the nearer its neighbours are, measured in `level` of the
-    /// depth.
+    /// Shape is shown by eye-dome lighting (Boucheny, "Visualisation scientifique de grands volumes de données", 2009):
+    /// a sample is darker the nearer its neighbours are, measured in `level` of the depth.
     pub(super) fn draw(&self, picture: &mut Picture, paint: &Paint<'_>, level: impl Fn(f32) -> f32 + Sync) {
         let mut levels = vec![f32::INFINITY; self.cells.len()];
         parallel::for_each_chunk(&mut levels, CHUNK, |chunk, levels| {
@@ -123,7 +122,7 @@ impl Splats {
             .filter_map(|&(dx, dy)| {
                 let (x, y) = (x.checked_add_signed(dx)?, y.checked_add_signed(dy)?);
                 let near = x < self.width && y < self.height;
-                // One neighbour alone never makes a sample black.
+                // A single neighbour never makes a sample black.
                 near.then(|| (own - levels[self.index(x, y)]).clamp(0.0, 1.0))
             })
             .sum();
@@ -135,13 +134,13 @@ fn key(depth: f32, row: u32) -> u64 {
     u64::from(ordered(depth)) << 32 | u64::from(row)
 }
 
-/// A number that orders finite floats as they are.
+/// A number that sorts like finite floats.
 fn ordered(value: f32) -> u32 {
     let bits = value.to_bits();
     if value.is_sign_negative() { !bits } else { bits | 1 << 31 }
 }
 
-/// The float that [`ordered`] made `number` of.
+/// The float from which [`ordered`] made `number`.
 fn unordered(number: u32) -> f32 {
     f32::from_bits(if number >> 31 == 1 { number & !(1 << 31) } else { !number })
 }
@@ -162,7 +161,7 @@ impl Stamp {
         let spans = (0..size)
             .map(|dy| {
                 let up = dy as f32 + 0.5 - radius;
-                // Slightly more than the circle keeps small discs from losing their sides.
+                // Slightly more than the circle, so that small discs keep their sides.
                 let half = (radius * radius + 0.3 - up * up).max(0.25).sqrt();
                 let first = (radius - half).round().max(0.0) as i32;
                 (dy, first, size - 1 - first)
@@ -183,8 +182,8 @@ fn samples(pixels: f32) -> i32 {
     ((pixels * SAMPLES as f32).round() as i32).clamp(1, 4096)
 }
 
-/// Diameter of splats, pixels, with which `count` points in `picture` make closed surfaces where they are
-/// dense and stay visible dots, no thicker than `thickest`, where they are thin.
+/// Diameter of splats, pixels, with which `count` points in `picture` form closed surfaces where dense and remain
+/// visible dots, no larger than `thickest`, where sparse.
 pub(super) fn diameter(count: usize, picture: &Picture, thickest: f32) -> f32 {
     let area = picture.width as f32 * picture.height as f32;
     (1.5 * (area / count.max(1) as f32).sqrt()).max(1.5).min(thickest)

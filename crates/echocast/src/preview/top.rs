@@ -11,7 +11,7 @@ use glam::{Vec2, Vec3};
 
 /// Where the map lies in the world.
 struct Map {
-    /// World position of the upper left corner, metres.
+    /// World position of the top left corner, metres.
     corner: Vec2,
     /// Pixels per metre.
     zoom: f32,
@@ -24,7 +24,7 @@ impl Map {
         let along = |axis: usize| {
             let mut values: Vec<f32> = points.scene.iter().map(|position| position[axis]).collect();
             let [low, high] = robust_span(&mut values, 0.005);
-            // The sensor belongs on the map unless that makes the scene small.
+            // The sensor belongs on the map unless that makes the scene too small.
             let (first, last) = (low.min(points.sensor[axis]), high.max(points.sensor[axis]));
             if last - first < 1.7 * (high - low) { [first, last] } else { [low, high] }
         };
@@ -38,7 +38,7 @@ impl Map {
         Map { corner: centre + Vec2::new(-0.5, 0.5) * pixels / zoom, zoom, width, height }
     }
 
-    /// Pixels from the upper left corner, y down.
+    /// Pixels from the top left corner, y down.
     fn project(&self, position: Vec3) -> Vec2 {
         (position.truncate() - self.corner) * Vec2::new(self.zoom, -self.zoom)
     }
@@ -52,7 +52,7 @@ impl Map {
 pub(super) fn draw(points: &Points<'_>, paint: &Paint<'_>, page: &Page, notes: &mut Vec<String>) -> Picture {
     let map = Map::new(points, page);
     let mut picture = Picture::new(map.width, map.height, GROUND);
-    // A round length that makes a good scale bar and grid.
+    // A round length that suits scale bar and grid.
     let unit = round_down(f64::from(map.width as f32 / map.zoom) / 6.0);
     grid(&mut picture, &map, unit, page);
 
@@ -69,7 +69,7 @@ pub(super) fn draw(points: &Points<'_>, paint: &Paint<'_>, page: &Page, notes: &
         splats.put(at, &stamp, -position.z, row);
         !map.shows(at)
     });
-    // A step of 2 % of the map's height is as dark as steps get.
+    // A step of 2 % of the map's height gives the maximum darkening.
     let step = 0.02 * map.height as f32 / map.zoom;
     splats.draw(&mut picture, paint, |depth| depth / step);
 
@@ -89,7 +89,7 @@ pub(super) fn draw(points: &Points<'_>, paint: &Paint<'_>, page: &Page, notes: &
     picture
 }
 
-/// Faint lines every `unit` metres from the middle of the map.
+/// Faint lines every `unit` metres from the centre of the map.
 fn grid(picture: &mut Picture, map: &Map, unit: f64, page: &Page) {
     let step = unit as f32 * map.zoom;
     let thickness = page.px(1.0);
@@ -105,7 +105,7 @@ fn grid(picture: &mut Picture, map: &Map, unit: f64, page: &Page) {
     }
 }
 
-/// The length `unit`, at `zoom` pixels per metre, in the lower left corner, with the directions of x and y.
+/// The length `unit`, at `zoom` pixels per metre, in the bottom left corner, with the directions of x and y.
 pub(super) fn scale_bar(picture: &mut Picture, zoom: f32, unit: f64, page: &Page) {
     let capitals = page.text();
     let start = Vec2::new(2.0 * capitals, picture.height as f32 - 2.0 * capitals);

@@ -1,4 +1,4 @@
-//! What numbers may be: said once, for whoever checks them and for whoever asks.
+//! Allowed ranges of numbers: defined once, for checking and for querying.
 
 use crate::ground::error::{Error, Result};
 use crate::read::yaml;
@@ -7,27 +7,27 @@ use std::fmt::Display;
 /// A numeric parameter of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parameter {
-    /// What it is; of an optional key without a value infinite (`range.max_m`) or NaN (all others).
+    /// Its value; for an optional key without one infinite (`range.max_m`) or NaN (all others).
     pub value: f64,
-    /// Least value that is allowed beside the present values of the other keys; -infinite without such a bound. Where
-    /// a number must be above another, this is the next one that `f64` knows.
+    /// Least value allowed with the present values of the other keys; -infinite without such a bound. Where a number
+    /// must be above another, this is the next one in `f64`.
     pub min: f64,
-    /// Greatest value that is allowed, likewise.
+    /// Greatest value allowed, likewise.
     pub max: f64,
 }
 
 /// The least number above 0.
 pub(crate) const ABOVE_ZERO: f64 = 0f64.next_up();
 
-/// Farthest range that makes sense anywhere here, m.
+/// Farthest range that makes sense anywhere, m.
 pub(crate) const FARTHEST_M: f64 = 1e9;
 
-/// Goes along with a check from number to number: refuses those out of bounds, and remembers the bounds of one key.
+/// Accompanies a check from number to number: refuses those out of bounds, and remembers the bounds of one key.
 pub(crate) struct Bounds<'k> {
     wanted: Option<&'k str>,
     pub min: f64,
     pub max: f64,
-    /// The keys that were shown to it, if one is wanted.
+    /// The keys seen, if wanted.
     pub keys: Vec<String>,
 }
 
@@ -37,12 +37,12 @@ impl<'k> Bounds<'k> {
         Bounds { wanted: None, min: f64::NEG_INFINITY, max: f64::INFINITY, keys: Vec::new() }
     }
 
-    /// For a check that finds out the bounds of `key`.
+    /// For a check that determines the bounds of `key`.
     pub fn of(key: &'k str) -> Self {
         Bounds { wanted: Some(key), ..Bounds::none() }
     }
 
-    /// That the number at `key`, if there is one, is from `min` to `max`, which errors call `allowed`.
+    /// Checks that the number at `key`, if there is one, is from `min` to `max`, which errors call `allowed`.
     pub fn number(
         &mut self,
         key: impl Display,
@@ -65,12 +65,12 @@ impl<'k> Bounds<'k> {
         }
     }
 
-    /// That it is from `min` to `max`.
+    /// Checks that it is from `min` to `max`.
     pub fn within(&mut self, key: impl Display, value: impl Into<Option<f64>>, min: f64, max: f64) -> Result<()> {
         self.number(key, value, [min, max], format_args!("{min} to {max}"))
     }
 
-    /// That the number at the key `far` is above that at `near`.
+    /// Checks that the number at the key `far` is above that at `near`.
     pub fn rising<F: Into<Option<f64>> + Copy>(
         &mut self,
         (near, from): (impl Display, f64),
@@ -82,7 +82,7 @@ impl<'k> Bounds<'k> {
     }
 }
 
-/// That the table at `key` has some rows, and not too many for every beam to look at.
+/// Checks that the table at `key` has rows, and not too many for every beam to search.
 pub(crate) fn check_rows(key: &str, rows: usize) -> Result<()> {
     const MOST: usize = 1000;
     if (1..=MOST).contains(&rows) {
@@ -91,7 +91,7 @@ pub(crate) fn check_rows(key: &str, rows: usize) -> Result<()> {
     Err(Error::invalid(key, format!("a list of {rows}"), format!("1 to {MOST} points")))
 }
 
-/// That the `at_m` of the table at `key` rise from row to row.
+/// Checks that the `at_m` of the table at `key` rise from row to row.
 pub(crate) fn rising_rows(bounds: &mut Bounds, key: &str, at_m: impl Iterator<Item = f64> + Clone) -> Result<()> {
     let row = |index: usize| format!("{key}[{index}].at_m");
     at_m.clone()

@@ -9,7 +9,7 @@ use std::path::Path;
 /// Longest line that is read, bytes.
 const MAX_LINE: u64 = 64 << 10;
 
-/// The lines of a text file, counted; blank ones and comments (`#`) are left out.
+/// The lines of a text file, counted; blank ones and comments (`#`) are skipped.
 pub(crate) struct Lines {
     /// The file, or a word for text.
     origin: String,
@@ -34,7 +34,7 @@ impl Lines {
         Lines { origin, reader: Box::new(reader), buffer: Vec::new(), number: 0 }
     }
 
-    /// Goes to the next line with something on it; false at the end.
+    /// Advances to the next non-empty line; false at the end.
     pub fn advance(&mut self) -> Result<bool> {
         loop {
             self.buffer.clear();
@@ -67,7 +67,7 @@ impl Lines {
         Error::Parse { origin: self.origin.clone(), place: format!("line {}", self.number), message }
     }
 
-    /// An error in the whole of it.
+    /// An error in the file as a whole.
     pub fn error_at_all(&self, message: &str) -> Error {
         Error::Parse { origin: self.origin.clone(), place: String::new(), message: message.to_owned() }
     }
@@ -76,7 +76,7 @@ impl Lines {
 /// A CSV file of finite numbers with a header.
 pub(crate) struct Csv {
     lines: Lines,
-    /// Whether errors may show a header that is none of ours.
+    /// Whether errors may show a header that is not ours.
     shows: bool,
     header: Vec<String>,
     row: Vec<f64>,
@@ -84,7 +84,7 @@ pub(crate) struct Csv {
 
 impl Csv {
     /// Opens the file at `path`, which another file names, and reads its header. It may be any file of the user's:
-    /// errors show what is in it only once the header has the columns that are looked for.
+    /// errors show its content only once the header has the expected columns.
     pub fn open(path: &Path) -> Result<Csv> {
         let mut lines = Lines::open(path)?;
         if !lines.advance()? {
@@ -93,7 +93,7 @@ impl Csv {
         Csv::new(lines, false)
     }
 
-    /// Takes the current line of `lines`, of what the user has named, for the header.
+    /// Takes the current line of `lines`, from a file the user named, as the header.
     pub fn with_header(lines: Lines) -> Result<Csv> {
         Csv::new(lines, true)
     }
@@ -115,7 +115,7 @@ impl Csv {
         names.map(|name| self.header.iter().position(|column| column == name))
     }
 
-    /// Index of each of the columns `names`, which must be there.
+    /// Index of each of the columns `names`, which are required.
     pub fn required<const N: usize>(&self, names: [&str; N]) -> Result<[usize; N]> {
         let found = self.optional(names);
         match found.iter().position(Option::is_none) {
@@ -129,7 +129,7 @@ impl Csv {
         }
     }
 
-    /// That there are no columns but `known`.
+    /// Checks that there are no columns but `known`.
     pub fn only(&self, known: &[&str]) -> Result<()> {
         match self.header.iter().find(|name| !known.contains(&name.as_str())) {
             None => Ok(()),
@@ -167,7 +167,7 @@ impl Csv {
         self.lines.error(message)
     }
 
-    /// An error in the whole of it.
+    /// An error in the file as a whole.
     pub fn error_at_all(&self, message: &str) -> Error {
         self.lines.error_at_all(message)
     }

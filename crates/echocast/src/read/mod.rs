@@ -1,4 +1,4 @@
-//! Reading files: all that are read, named by a user or by another file, are opened here.
+//! Reading files: all files, named by a user or by another file, are opened here.
 
 pub(crate) mod bounds;
 pub(crate) mod csv;
@@ -13,11 +13,11 @@ use std::io::{self, ErrorKind, Read, Take};
 use std::path::{Path, PathBuf};
 
 thread_local! {
-    /// What has been read, if that is noted.
+    /// What has been read, if recorded.
     static NOTED: RefCell<Option<Vec<PathBuf>>> = const { RefCell::new(None) };
 }
 
-/// Does `work` and says which files it has read on this thread: those it was told to, and those that these name, such
+/// Does `work` and returns which files it has read on this thread: those it was given, and those that they name, such
 /// as the textures of a scene.
 pub fn noting<R>(work: impl FnOnce() -> R) -> (R, Vec<PathBuf>) {
     let before = NOTED.replace(Some(Vec::new()));
@@ -25,7 +25,7 @@ pub fn noting<R>(work: impl FnOnce() -> R) -> (R, Vec<PathBuf>) {
     (result, NOTED.replace(before).unwrap_or_default())
 }
 
-/// How long a file of a kind may be, bytes.
+/// Largest size of a kind of file, bytes.
 #[derive(Clone, Copy)]
 pub(crate) struct Limit(u64);
 
@@ -41,7 +41,7 @@ impl Limit {
     /// Trajectories, beams, casts.
     pub const TABLE: Limit = Limit(1 << 30);
 
-    /// That no more than this has been read of `origin`.
+    /// Checks that no more than this has been read of `origin`.
     pub fn check(self, origin: &str, bytes: u64) -> Result<()> {
         if bytes <= self.0 {
             return Ok(());
@@ -52,13 +52,13 @@ impl Limit {
     }
 }
 
-/// Opens the file at `path`, of which no more is read than it has now: one that grows meanwhile ends all the same.
+/// Opens the file at `path`; reads no more than its present size, so that a growing file ends too.
 ///
 /// # Errors
-/// A missing file; a folder, pipe or device, which could be without end or wait for ever; a file beyond `limit`.
+/// A missing file; a folder, pipe or device, which could be endless or block for ever; a file beyond `limit`.
 pub(crate) fn open(path: &Path, limit: Limit) -> Result<Take<File>> {
     let fault = |source| Error::io(path, source);
-    // Opening alone can do things to a device.
+    // Merely opening a device can have effects.
     only_files(fs::metadata(path).map_err(fault)?.file_type()).map_err(fault)?;
     let file = open_at_once(path).map_err(fault)?;
     let found = file.metadata().map_err(fault)?;
@@ -81,7 +81,7 @@ pub(crate) fn bytes(path: &Path, limit: Limit) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Opens without waiting for the other end of what may have become a pipe since it was looked at.
+/// Opens without waiting for the other end of what may have become a pipe since it was checked.
 fn open_at_once(path: &Path) -> io::Result<File> {
     let mut options = OpenOptions::new();
     #[cfg(unix)]
@@ -135,7 +135,7 @@ mod tests {
         assert_eq!(bytes(&file, Limit(3)).unwrap(), b"abc");
         File::options().write(true).open(&file).unwrap().set_len((16 << 20) + 1).unwrap();
         assert_eq!(fault(&file, Limit::YAML), "FILE: is longer than 16 MiB, the most allowed");
-        // Without a byte on the disk.
+        // Without a byte on disk.
         File::options().write(true).open(&file).unwrap().set_len((16 << 30) + 1).unwrap();
         assert_eq!(fault(&file, Limit::SCENE), "FILE: is longer than 16 GiB, the most allowed");
         assert_eq!(fault(folder.path(), Limit::YAML), "FILE: is a directory");
@@ -156,7 +156,7 @@ mod tests {
         assert_eq!(fault(&at("x.glb"), Limit::SCENE), "FILE: is a pipe; allowed: regular files");
         let _socket = UnixListener::bind(at("s")).unwrap();
         assert_eq!(fault(&at("s"), Limit::SCENE), "FILE: is a socket; allowed: regular files");
-        // It was no pipe when it was looked at.
+        // It was not a pipe when it was checked.
         assert!(open_at_once(&at("x.glb")).unwrap().metadata().is_ok());
     }
 

@@ -1,8 +1,7 @@
-//! Reading and writing YAML: the only file that knows which crate does it.
+//! Reading and writing YAML: the only file that depends on the YAML crate.
 //!
-//! A text is read in two steps: YAML to a tree of values that remembers the line of every key, then
-//! the tree to a type. So every error can name file, line and key, also those that are found later
-//! ([`Document::locate`]).
+//! A text is read in two steps: YAML to a tree of values that remembers the line of every key, then the tree to a type.
+//! So every error can name file, line and key, even those found later ([`Document::locate`]).
 
 use crate::ground::error::{Error, Result, nearest};
 use crate::ground::shown;
@@ -15,7 +14,7 @@ use std::fmt;
 use std::marker::PhantomData;
 use std::path::Path;
 
-/// Deepest nesting that is read.
+/// Deepest nesting accepted.
 const MAX_DEPTH: usize = 64;
 
 /// Reads the YAML file at `path`.
@@ -76,7 +75,7 @@ impl Document {
         &self.value
     }
 
-    /// Line of the value at `path`, or of the innermost section around it that is there.
+    /// Line of the value at `path`, or of the innermost existing section around it.
     fn line(&self, path: &str) -> Option<u64> {
         let mut node = self.tree.as_ref()?;
         let mut line = node.referenced.line();
@@ -99,7 +98,7 @@ impl Document {
     /// Turns the tree into a `T`.
     ///
     /// # Errors
-    /// An unknown key (with near ones), a missing key, a wrong type, with the line and the key.
+    /// An unknown key (with similar ones), a missing key, a wrong type, with the line and the key.
     pub fn read<T: DeserializeOwned>(&self) -> Result<T> {
         serde_path_to_error::deserialize(&self.value).map_err(|error| {
             let key = match error.path().to_string() {
@@ -110,7 +109,7 @@ impl Document {
         })
     }
 
-    /// An error about `key` from what serde says of it.
+    /// An error about `key` from serde's message.
     fn explain(&self, mut key: String, mut message: String) -> Error {
         // A section chosen by a tag reports "inner.key: message", see `Section`.
         while let Some((inner, rest)) = message.split_once(": ") {
@@ -156,7 +155,7 @@ impl Document {
     }
 }
 
-/// What serde says is missing or of another type, in the words of users.
+/// What serde calls missing or of another type, in users' words.
 pub fn plain(message: &str) -> String {
     if let Some(missing) = message.strip_prefix("missing field ") {
         return format!("the key {missing} is missing");
@@ -191,7 +190,7 @@ fn unknown_name(message: &str) -> Option<(&str, Vec<&str>)> {
     if !(message.starts_with("unknown field `") || message.starts_with("unknown variant `")) {
         return None;
     }
-    // The unknown name itself may hold anything, so it is cut at the words that follow it.
+    // The unknown name itself may contain anything, so it is cut at the words that follow it.
     let start = message.find('`')? + 1;
     let end = message.rfind("`, expected ").or_else(|| message.rfind("`, there are no "))?;
     let known = message[end + 1..].split('`').skip(1).step_by(2).collect();
@@ -242,22 +241,22 @@ fn steps(path: &str) -> impl Iterator<Item = Step<'_>> {
     })
 }
 
-/// Keys that say which of several kinds of section this is, see [`split_tag`].
+/// Keys that select one of several kinds of section, see [`split_tag`].
 const TAGS: [&str; 3] = ["type", "model", "shape"];
 
-/// `key=value` for messages, without what would make them too long to read.
+/// `key=value` for messages, shortened if too long to read.
 pub fn assignment(key: &str, value: &str) -> String {
     format!("{}={}", shown::name(key), shown::name(value))
 }
 
-/// Puts the YAML `text` at `path` (`noise.range_sigma_m`, `pattern.resolution[0]`) below `value`;
-/// `null` takes the key away. Sections on the way that are not there are made. Another kind of section ([`TAGS`])
-/// takes the keys of the old kind away.
+/// Puts the YAML `text` at `path` (`noise.range_sigma_m`, `pattern.resolution[0]`) below `value`; `null` removes the
+/// key. Missing sections on the way are created. Changing the kind of a section ([`TAGS`]) removes the keys of the old
+/// kind.
 ///
 /// # Errors
-/// No text or text that is no YAML, a path through something that is no section, an index past the end.
+/// No text or invalid YAML, a path through something that is not a section, an index past the end.
 pub fn set(value: &mut Value, path: &str, text: &str) -> Result<()> {
-    /// Deeper than any file of ours; a tree without end could not even be dropped.
+    /// Deeper than any file of ours; an unlimited tree could not even be dropped.
     const DEEPEST: usize = 64;
     let origin = assignment(path, text);
     let depth = steps(path).take(DEEPEST + 1).count();
@@ -277,7 +276,7 @@ pub fn set(value: &mut Value, path: &str, text: &str) -> Result<()> {
         place = match (step, place) {
             (Step::Key(""), _) => return Err(fail("the key has an empty part; allowed: names joined by dots".into())),
             (Step::Key(key), Value::Object(map)) => {
-                // A key that is not there gets its null: whether it could be there is told when it is read.
+                // A missing key gets its null: reading will tell whether it may exist.
                 if last && new.is_null() && map.shift_remove(key).is_some() {
                     return Ok(());
                 }
@@ -300,17 +299,17 @@ pub fn set(value: &mut Value, path: &str, text: &str) -> Result<()> {
     Ok(())
 }
 
-/// A mapping without the key that says which of several kinds it is, see [`split_tag`].
+/// A mapping without the key that selects its kind, see [`split_tag`].
 pub struct Section {
     tag: &'static str,
     keys: Map<String, Value>,
 }
 
-/// Reads a mapping whose key `tag` says which of several kinds of section it is: the word, and the
-/// other keys. Unlike serde's own tagged enums, errors keep the key they are about.
+/// Reads a mapping whose key `tag` selects one of several kinds of section: the word, and the other keys. Unlike
+/// serde's own tagged enums, errors keep the key they are about.
 ///
 /// # Errors
-/// Not a mapping; no such key, or no word at it.
+/// Not a mapping; no such key, or no word as its value.
 pub fn split_tag<'de, D: Deserializer<'de>>(deserializer: D, tag: &'static str) -> Result<(String, Section), D::Error> {
     let mut keys = Map::deserialize(deserializer)?;
     match keys.shift_remove(tag) {
@@ -366,7 +365,7 @@ impl Section {
     /// # Errors
     /// As [`Document::read`], with the key in front.
     pub fn read<T: DeserializeOwned, E: de::Error>(self) -> Result<T, E> {
-        // By reference, as whole documents are: by value all of it would be compiled once more.
+        // By reference, like whole documents: by value all of it would be compiled again.
         let keys = Value::Object(self.keys);
         serde_path_to_error::deserialize(&keys).map_err(|error| match error.path().to_string().as_str() {
             "." => E::custom(error.inner()),
@@ -374,7 +373,7 @@ impl Section {
         })
     }
 
-    /// That there are no keys.
+    /// Checks that there are no keys.
     ///
     /// # Errors
     /// As [`Section::read`].
@@ -386,13 +385,13 @@ impl Section {
         Ok(())
     }
 
-    /// That `word` is none of the kinds `known`.
+    /// The error that `word` is none of the kinds `known`.
     pub fn unknown<E: de::Error>(&self, word: &str, known: &'static [&'static str]) -> E {
         E::custom(format!("{}: {}", self.tag, E::unknown_variant(word, known)))
     }
 }
 
-/// A YAML value with the lines of what is in it.
+/// A YAML value with the lines of its contents.
 enum Tree {
     Leaf(Value),
     List(Vec<Spanned<Tree>>),
@@ -411,7 +410,7 @@ impl Tree {
     }
 }
 
-/// YAML 1.2 words (`yes` is a text), and limits against texts that are made to exhaust memory.
+/// YAML 1.2 words (`yes` is a text), and limits against texts made to exhaust memory.
 fn options() -> Options {
     serde_saphyr::options! {
         strict_booleans: true,
@@ -420,7 +419,7 @@ fn options() -> Options {
     }
 }
 
-/// What the YAML crate says, in one line, without the place (which we name ourselves) and words that only its own users
+/// The YAML crate's message, on one line, without the place (which we name ourselves) and words that only its own users
 /// know.
 fn plain_message(error: &serde_saphyr::Error) -> String {
     use serde_saphyr::Error as Yaml;
@@ -502,7 +501,7 @@ impl<'de> Deserialize<'de> for Tree {
 /// Widest line that [`to_string`] writes, where a value can be broken at all.
 const WIDTH: usize = 120;
 
-/// Writes `value` as YAML a person likes to read: a key a line, short sections and lists of numbers in flow style.
+/// Writes `value` as readable YAML: one key per line, short sections and lists of numbers in flow style.
 ///
 /// # Errors
 /// A value that YAML cannot hold, such as a map whose keys are not words.
@@ -544,7 +543,7 @@ fn write_map(text: &mut String, map: &Map<String, Value>, indent: usize) {
     }
 }
 
-/// A long list, as many items on a line as fit.
+/// A long list, with as many items per line as fit.
 fn write_list(text: &mut String, items: &[Value], indent: usize) {
     let mut line = format!("{:indent$}[", "");
     for (i, item) in items.iter().enumerate() {
@@ -581,7 +580,7 @@ fn flow(value: &Value) -> String {
     }
 }
 
-/// `text` bare where YAML would read it back as the same text, quoted otherwise.
+/// `text` unquoted where YAML would read it back as the same text, quoted otherwise.
 fn scalar(text: &str) -> String {
     let words = ["true", "false", "null", "yes", "no", "on", "off", "y", "n"];
     let bare = text.starts_with(|c: char| c.is_ascii_alphabetic())
@@ -591,7 +590,7 @@ fn scalar(text: &str) -> String {
     if bare {
         return text.to_owned();
     }
-    // A JSON string is a YAML string, and JSON escapes only some of what a terminal obeys.
+    // A JSON string is a YAML string, and JSON escapes only some control characters.
     let quoted = Value::from(text).to_string();
     quoted.chars().fold(String::new(), |mut shown, c| {
         if shown::is_unseen(c) {

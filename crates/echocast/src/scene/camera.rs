@@ -16,7 +16,7 @@ impl Camera {
     /// The first of `cameras` called `name`.
     ///
     /// # Errors
-    /// [`Error::Missing`] with near names.
+    /// [`Error::Missing`] with similar names.
     pub(crate) fn find<'a>(cameras: &'a [Camera], name: &str) -> Result<&'a Camera> {
         let found = cameras.iter().find(|camera| camera.name == name);
         found.ok_or_else(|| Error::missing("camera node", name, cameras.iter().map(|camera| &camera.name)))

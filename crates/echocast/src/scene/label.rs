@@ -10,7 +10,7 @@ use std::path::Path;
 /// Numbers and names of one label column, sorted by number.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct NameTable {
-    /// Numbers, rising, each once; 0 never stands here (it means unlabelled).
+    /// Numbers, rising, each once; never 0 (which means unlabelled).
     pub ids: Vec<u32>,
     /// Names, one for each number.
     pub names: Vec<String>,
@@ -34,7 +34,7 @@ impl NameTable {
         NameTable { ids, names }
     }
 
-    /// Gives the number `id` a name, whatever it was called before; 0 has none.
+    /// Names the number `id`, replacing any earlier name; 0 has none.
     pub(crate) fn set(&mut self, id: u32, name: &str) {
         match self.ids.binary_search(&id) {
             _ if id == 0 => {}
@@ -54,8 +54,8 @@ impl NameTable {
         }
     }
 
-    /// Takes the names of `other`: those that are here keep their number, the others theirs if it is free. Returns what
-    /// the numbers of `other` are here, where they differ.
+    /// Adopts the names of `other`: known ones keep their number here, the others theirs if it is free. Returns the
+    /// numbers here of those of `other` that differ.
     pub(crate) fn absorb(&mut self, other: &NameTable) -> HashMap<u32, u32> {
         let known: HashMap<String, u32> = self.iter().map(|(id, name)| (name.to_owned(), id)).collect();
         let mut changed = HashMap::new();
@@ -72,7 +72,7 @@ impl NameTable {
         changed
     }
 
-    /// A number that is not in use: `wanted`, else the one after the last.
+    /// A free number: `wanted`, else the one after the last.
     pub(crate) fn free(&self, wanted: u32) -> u32 {
         let is_free = |id: &u32| self.ids.binary_search(id).is_err();
         if is_free(&wanted) {
@@ -123,7 +123,7 @@ impl Labels {
     }
 }
 
-/// A label file: fixed numbers, and patterns that give names.
+/// A label file: fixed numbers, and patterns that assign names.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LabelRules {
@@ -139,7 +139,7 @@ impl LabelRules {
     /// Reads a label file (YAML).
     ///
     /// # Errors
-    /// A missing file, an unknown key, a number that is 0 or no number or that two names have.
+    /// A missing file, an unknown key, a number that is 0 or invalid or used by two names.
     pub fn load(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let rules: LabelRules = yaml::load(path)?;
@@ -147,10 +147,10 @@ impl LabelRules {
         Ok(rules)
     }
 
-    /// [`LabelRules::load`] from the text of such a file.
+    /// [`LabelRules::load`] from the text of a file.
     ///
     /// # Errors
-    /// As there, but for the file.
+    /// As there, except for the file.
     pub fn from_yaml(text: &str) -> Result<Self> {
         const ORIGIN: &str = "YAML text";
         let rules: LabelRules = yaml::from_str(ORIGIN, text)?;
@@ -158,7 +158,7 @@ impl LabelRules {
         Ok(rules)
     }
 
-    /// Whether each number has one name; `path`: where the rules come from.
+    /// Checks that each number has one name; `path`: where the rules come from.
     pub(super) fn check(&self, path: &Path) -> Result<()> {
         let rules = self;
         if let Some((name, _)) = rules.numbers.iter().find(|(_, number)| **number == 0) {
@@ -174,7 +174,7 @@ impl LabelRules {
         Ok(())
     }
 
-    /// Sentences about what these rules name and `scene`, read with them, does not have: mostly slips of the pen.
+    /// Sentences about names in these rules that `scene`, read with them, does not have: mostly typing errors.
     pub(super) fn idle(&self, scene: &Scene) -> Vec<String> {
         let objects: BTreeSet<&str> = scene.objects.iter().map(|object| object.name.as_str()).collect();
         let parts = scene.objects.iter().flat_map(|object| &object.mesh.parts);
@@ -198,12 +198,12 @@ impl LabelRules {
         .collect()
     }
 
-    /// Category that the patterns give an object; they go before what the scene file says.
+    /// Category that the patterns assign to an object; they override the scene file.
     pub fn category(&self, object: &str) -> Option<&str> {
         best_match(&self.objects, object)
     }
 
-    /// Part that the patterns give the faces of a material; they go before what the scene file says.
+    /// Part that the patterns assign to the faces of a material; they override the scene file.
     pub fn part(&self, material: &str) -> Option<&str> {
         best_match(&self.materials, material)
     }
@@ -221,7 +221,7 @@ fn best_match<'a>(patterns: &'a BTreeMap<String, String>, name: &str) -> Option<
 fn matches(pattern: &str, name: &str) -> bool {
     let (pattern, name): (Vec<char>, Vec<char>) = (pattern.chars().collect(), name.chars().collect());
     let (mut p, mut n) = (0, 0);
-    // Where to go on when the text after the last `*` does not fit: (pattern after it, next start).
+    // Where to continue when the text after the last `*` does not fit: (pattern after it, next start).
     let mut retry: Option<(usize, usize)> = None;
     while n < name.len() {
         match pattern.get(p) {

@@ -3,8 +3,8 @@
 use super::{LabelRules, NamedObject, Scene};
 
 impl Scene {
-    /// Puts `scenes`, which were read with `rules`, together as they stand: one world, one numbering of the labels.
-    /// Objects, cameras and warnings keep their order.
+    /// Merges `scenes`, which were read with `rules`, as they are: one world, one numbering of the labels. Objects,
+    /// cameras and warnings keep their order.
     pub(super) fn merge(mut scenes: Vec<Scene>, rules: &LabelRules) -> Scene {
         if scenes.len() == 1 {
             return scenes.remove(0);

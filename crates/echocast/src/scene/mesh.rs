@@ -9,14 +9,14 @@ use std::fmt;
 use std::ops::{Deref, Range};
 use std::sync::{Arc, Mutex};
 
-/// Numbers of a mesh, immutable and shared by clones: a vector, or memory that somebody else keeps.
+/// Numbers of a mesh, immutable and shared by clones: a vector, or memory owned by somebody else.
 pub struct Array<T> {
     owner: Arc<dyn AsRef<[T]> + Send + Sync>,
     range: Range<usize>,
 }
 
 impl<T> Array<T> {
-    /// What `owner` shows, which must always be the same; it is dropped with the last clone, on any thread.
+    /// What `owner` exposes, which must never change; it is dropped with the last clone, on any thread.
     pub fn new(owner: impl AsRef<[T]> + Send + Sync + 'static) -> Self {
         Array { range: 0..owner.as_ref().len(), owner: Arc::new(owner) }
     }
@@ -26,7 +26,7 @@ impl<T> Array<T> {
         Arc::ptr_eq(&self.owner, &other.owner) && self.range == other.range
     }
 
-    /// The elements from `range.start` to before `range.end`, as far as there are some.
+    /// The elements from `range.start` to before `range.end`, as far as they exist.
     #[must_use]
     pub fn range(&self, range: Range<usize>) -> Array<T> {
         let end = range.end.min(self.len());
@@ -74,7 +74,7 @@ pub struct Part {
     pub positions: Array<[f32; 3]>,
     /// Unit shading normals per vertex; `None`: the surface is flat-shaded.
     pub normals: Option<Array<[f32; 3]>>,
-    /// Texture coordinates per vertex, of the set the material's base colour texture uses.
+    /// Texture coordinates per vertex, of the set that the material's base colour texture uses.
     pub uvs: Option<Array<[f32; 2]>>,
     /// Vertex indices, three per triangle, all in range.
     pub triangles: Array<[u32; 3]>,
@@ -83,7 +83,7 @@ pub struct Part {
 }
 
 impl Part {
-    /// Area in the world, m^2, where `world_from_object` places it.
+    /// Area in the world, m^2, as placed by `world_from_object`.
     pub(crate) fn area(&self, world_from_object: &DAffine3) -> f64 {
         let corner = |index: u32| {
             let position = self.positions[index as usize].map(f64::from);
@@ -128,16 +128,16 @@ impl Part {
     }
 }
 
-/// The ray-tracing structure of a mesh by itself, which whoever traces it builds when it is first needed.
+/// The ray-tracing structure of a mesh by itself, built when tracing first needs it.
 #[derive(Default)]
 pub(crate) struct Structure {
-    /// Whether the mesh is one of many that follow each other.
+    /// Whether the mesh is one of a sequence.
     pub changing: bool,
     pub built: Mutex<Option<CommittedScene>>,
 }
 
 impl Structure {
-    /// Of a mesh that follows others with other positions.
+    /// Of a mesh that follows others with different positions.
     fn changing() -> Self {
         Structure { changing: true, ..Structure::default() }
     }
@@ -163,16 +163,16 @@ pub struct Mesh {
     pub name: String,
     /// Its parts, none empty.
     pub parts: Vec<Part>,
-    /// What objects that move need to be traced, once they do.
+    /// What moving objects need to be traced, once they do.
     pub(crate) structure: Structure,
 }
 
 impl Mesh {
-    /// A mesh of parts that may come from anywhere.
+    /// A mesh of parts from any source.
     ///
     /// # Errors
-    /// No part; one without triangles; a corner past the last vertex; a coordinate that is not finite or beyond 1e18;
-    /// normals or texture coordinates of another number than vertices.
+    /// No part; one without triangles; a corner past the last vertex; a coordinate that is not finite or beyond 1e18; a
+    /// different number of normals or texture coordinates than vertices.
     pub fn new(name: impl Into<String>, parts: Vec<Part>) -> Result<Mesh> {
         if parts.is_empty() {
             return Err(Error::invalid("parts", "none", "at least one"));
@@ -188,15 +188,15 @@ impl Mesh {
         Ok(Mesh::trusted(name.into(), parts))
     }
 
-    /// A mesh of parts that have been checked.
+    /// A mesh of already checked parts.
     pub(crate) fn trusted(name: String, parts: Vec<Part>) -> Mesh {
         Mesh { name, parts, structure: Structure::default() }
     }
 
-    /// This mesh with other vertex positions and, if there are any, shading normals.
+    /// This mesh with other vertex positions and, if given, shading normals.
     ///
     /// # Errors
-    /// As [`Mesh::new`]; another number of vertices; parts that do not share their vertices.
+    /// As [`Mesh::new`]; a different number of vertices; parts that do not share their vertices.
     pub(crate) fn with_vertices(&self, positions: Array<[f32; 3]>, normals: Option<Array<[f32; 3]>>) -> Result<Mesh> {
         let before = &self.parts[0].positions;
         if !self.parts.iter().all(|part| part.positions.is(before)) {
@@ -237,9 +237,9 @@ impl Mesh {
     }
 }
 
-/// The first vertex that is not a place, or so far out that later steps overflow.
+/// The first vertex that is not finite, or so far out that later steps overflow.
 pub(crate) fn beyond_reach(positions: &[[f32; 3]]) -> Option<usize> {
-    // A comparison that not-a-number fails too.
+    // A comparison that NaN fails too.
     positions.iter().position(|p| !p.iter().all(|x| f64::from(x.abs()) <= LARGEST))
 }
 
@@ -250,8 +250,8 @@ pub(crate) fn is_degenerate(a: [f32; 3], b: [f32; 3], c: [f32; 3]) -> bool {
     edge(a, b).cross(edge(a, c)).length_squared() == 0.0
 }
 
-/// Whether the vertex normals say no more than the triangles do: then they are not kept, and rays
-/// that hit the part skip the interpolation.
+/// Whether the vertex normals add nothing to the triangles: then they are not kept, and rays that hit the part skip the
+/// interpolation.
 pub(crate) fn normals_are_flat(positions: &[[f32; 3]], normals: &[[f32; 3]], triangles: &[[u32; 3]]) -> bool {
     /// About 0.08 degrees: exporters round normals to 8 bits or more.
     const COS_TOLERANCE: f32 = 1.0 - 1e-6;

@@ -1,6 +1,6 @@
 //! A resolved scene: what the files said, with references resolved.
 //!
-//! What [`Scene`] promises to the rooms below:
+//! What [`Scene`] guarantees to its users:
 //! * z is up, lengths are metres, the frame is right-handed;
 //! * world positions are `f64`; mesh vertices are `f32` in the mesh's own frame;
 //! * every index is in range, every vertex finite, no triangle degenerate;
@@ -31,11 +31,11 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
-/// Largest magnitude of a coordinate that is taken, in files and in the world: well inside `f32`, so that no later
-/// step overflows.
+/// Largest magnitude of an accepted coordinate, in files and in the world: well inside `f32`, so that no later step
+/// overflows.
 const LARGEST: f64 = 1e18;
 
-/// Which axis of a file points up, for formats that do not say.
+/// Which axis of a file points up, for formats that do not specify it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum UpAxis {
@@ -52,16 +52,16 @@ named! { UpAxis: Y "y", Z "z" }
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LoadOptions {
-    /// Up axis of formats that do not say (OBJ). glTF is always y up.
+    /// Up axis of formats that do not specify it (OBJ). glTF is always y up.
     pub up: UpAxis,
-    /// Metres per unit of formats that do not say (OBJ).
+    /// Metres per unit of formats that do not specify it (OBJ).
     pub scale: f64,
     /// Names to numbers and patterns to names.
     pub labels: LabelRules,
     /// Most memory that the images of all materials together may take, MiB: four bytes a pixel.
     pub texture_limit_mib: u64,
     /// Whether buffers, images and material files may lie outside the folder of the scene file that names them, or be
-    /// named by their whole path. A scene of somebody else's could else make any file its own that you may read.
+    /// named by absolute path. If so, an untrusted scene can pull in any file that you may read.
     pub allow_outside_paths: bool,
 }
 
@@ -78,11 +78,11 @@ impl Default for LoadOptions {
 }
 
 impl LoadOptions {
-    /// Reads options from YAML: the fields of this type, `up` as `y` or `z`, and `labels`, which holds what a label
-    /// file does.
+    /// Reads options from YAML: the fields of this type, `up` as `y` or `z`, and `labels`, with the contents of a label
+    /// file.
     ///
     /// # Errors
-    /// Line and key of what is wrong, with the nearest known key.
+    /// Line and key of what is wrong, with the most similar known key.
     pub fn from_yaml(text: &str) -> Result<LoadOptions> {
         const ORIGIN: &str = "load options";
         let options: LoadOptions = yaml::from_str(ORIGIN, text)?;
@@ -104,16 +104,16 @@ pub struct Object {
     pub category_id: u32,
     /// Part number of each part of the mesh, in their order.
     pub part_ids: Vec<u32>,
-    /// Number of this very object, from 1.
+    /// Number of this object, from 1.
     pub instance_id: u32,
-    /// Scans see it whose mask shares a bit with this.
+    /// Scans whose mask shares a bit with this see it.
     pub mask: u32,
-    /// In place of the materials of all parts.
+    /// Replaces the materials of all parts.
     pub material: Option<Arc<Material>>,
 }
 
 impl Object {
-    /// `mesh` where its own coordinates say, without labels, seen by every scan.
+    /// `mesh` at its own coordinates, without labels, seen by every scan.
     pub fn new(name: impl Into<String>, mesh: Arc<Mesh>) -> Object {
         Object {
             name: name.into(),
@@ -128,12 +128,12 @@ impl Object {
     }
 }
 
-/// A scene ready to be built; see the module's promises.
+/// A scene ready to be built; see the module's guarantees.
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
-    /// Objects, each places one mesh.
+    /// Objects, each placing one mesh.
     pub objects: Vec<Object>,
-    /// The surface materials that there are, whether a part has them or not.
+    /// All surface materials, whether used by a part or not.
     pub materials: Vec<Arc<Material>>,
     /// Camera nodes, places for a sensor.
     pub cameras: Vec<Camera>,
@@ -165,7 +165,7 @@ impl Scene {
         Scene::load_all(&[path], options)
     }
 
-    /// Reads several scene files as they stand into one scene: one world, one numbering of the labels.
+    /// Reads several scene files as they are into one scene: one world, one numbering of the labels.
     ///
     /// # Errors
     /// As [`Scene::load`].
@@ -182,7 +182,7 @@ impl Scene {
     /// Reads the bytes of a `.glb` file, or of a `.gltf` file whose buffers and images are data URIs.
     ///
     /// # Errors
-    /// As [`Scene::load`]; messages say `glTF data` in place of the path. Also a URI that leads to a file.
+    /// As [`Scene::load`]; messages say `glTF data` instead of the path. Also a URI that refers to a file.
     pub fn from_glb_bytes(bytes: &[u8], options: &LoadOptions) -> Result<Scene> {
         let origin = Path::new("glTF data");
         let mut images = TextureBudget::new(options.texture_limit_mib);
@@ -190,7 +190,7 @@ impl Scene {
         Ok(scene.with_idle_rules(&options.labels))
     }
 
-    /// The scene as read from `origin` if there is something to scan in it.
+    /// The scene as read from `origin` if it has anything to scan.
     fn checked(mut self, origin: &Path) -> Result<Scene> {
         if self.triangle_count() == 0 {
             return Err(Error::parse(origin, "", "no triangle to scan: the file holds no mesh with area"));
@@ -209,13 +209,13 @@ impl Scene {
         Ok(self)
     }
 
-    /// This scene with warnings about the rules that say nothing in it.
+    /// This scene with warnings about rules that have no effect in it.
     fn with_idle_rules(mut self, rules: &LabelRules) -> Scene {
         rules.idle(&self).into_iter().for_each(|warning| self.report.warn(warning));
         self
     }
 
-    /// Every object with a mesh that is not empty, and the corners of its box in the world.
+    /// Every object with a non-empty mesh, and the corners of its box in the world.
     pub(crate) fn object_boxes(&self) -> impl Iterator<Item = (&Object, [DVec3; 8])> {
         let mut boxes = HashMap::new();
         self.objects.iter().filter_map(move |object| {
@@ -248,19 +248,19 @@ impl Scene {
     /// The camera node called `name`.
     ///
     /// # Errors
-    /// [`Error::Missing`] with near names.
+    /// [`Error::Missing`] with similar names.
     pub fn camera(&self, name: &str) -> Result<&Camera> {
         Camera::find(&self.cameras, name)
     }
 }
 
-/// The cofactors of the linear part of a transform: up to length they take normals to where it takes surfaces, whatever
-/// its scale and mirror. They are zero where it leaves no surface.
+/// The cofactors of the linear part of a transform: up to length they transform normals along with surfaces, whatever
+/// its scale and mirroring. They are zero where it leaves no surface.
 pub(crate) fn cofactors(m: &DMat3) -> DMat3 {
     DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis))
 }
 
-/// The corners of the box `bounds` of a mesh in the world; the first and the last face each other.
+/// The corners of the box `bounds` of a mesh in the world; the first and the last are opposite.
 pub(crate) fn corners(bounds: [[f32; 3]; 2], world_from_object: &DAffine3) -> [DVec3; 8] {
     std::array::from_fn(|corner| {
         let local = DVec3::from_array(std::array::from_fn(|axis| f64::from(bounds[corner >> axis & 1][axis])));
@@ -270,7 +270,7 @@ pub(crate) fn corners(bounds: [[f32; 3]; 2], world_from_object: &DAffine3) -> [D
 
 /// Whether no coordinate is beyond [`LARGEST`].
 pub(crate) fn within_reach(point: &DVec3) -> bool {
-    // A comparison that not-a-number fails too.
+    // A comparison that NaN fails too.
     point.abs().max_element() <= LARGEST && point.is_finite()
 }
 
@@ -279,7 +279,7 @@ pub(crate) fn surrounding(points: impl Iterator<Item = DVec3>) -> Option<(DVec3,
     points.map(|p| (p, p)).reduce(|(low, high), (p, _)| (low.min(p), high.max(p)))
 }
 
-/// What `all` shares, each once.
+/// The shared values of `all`, each once.
 fn once<'a, T>(all: impl Iterator<Item = &'a Arc<T>>) -> Vec<&'a Arc<T>> {
     let mut seen = HashSet::new();
     all.filter(|one| seen.insert(Arc::as_ptr(one))).collect()
@@ -302,8 +302,8 @@ fn read(path: &Path, options: &LoadOptions, images: &mut TextureBudget) -> Resul
     (reader.read)(path, options, images)?.checked(path)
 }
 
-/// `path` without its `..`, if it leads to a place in `folder`, as it is spelled: links are followed wherever they
-/// lead, for they are no words of the scene's.
+/// `path` without its `..`, if it leads into `folder`, as spelled: links are followed wherever they lead, as they are
+/// not named by the scene.
 fn inside(folder: &Path, path: &Path) -> Option<PathBuf> {
     let mut found = folder.to_owned();
     let mut depth = 0;
@@ -333,7 +333,7 @@ fn outside(name: &str) -> String {
     )
 }
 
-/// The first names of a list, and how many more there are.
+/// The first names of a list, and the number of the others.
 fn some_of(names: &[String]) -> String {
     const SHOWN: usize = 5;
     let shown = names[..names.len().min(SHOWN)].iter().map(|name| shown::name(name)).collect::<Vec<_>>().join(", ");
@@ -357,7 +357,7 @@ pub(crate) struct RawObject {
     pub part: Option<String>,
 }
 
-/// An object whose labels are words: what gets numbers next.
+/// An object whose labels are words, about to be numbered.
 struct NamedObject {
     name: String,
     mesh: Arc<Mesh>,
@@ -440,7 +440,7 @@ pub struct SceneFormat {
     pub name: &'static str,
     /// File name endings, lower case, without the dot.
     pub extensions: &'static [&'static str],
-    /// One line for people.
+    /// One-line description.
     pub description: &'static str,
     read: fn(&Path, &LoadOptions, &mut TextureBudget) -> Result<Scene>,
 }

@@ -1,4 +1,4 @@
-//! What surfaces send back of sound, made ready for one frequency.
+//! What surfaces scatter back of sound, prepared for one frequency.
 
 use super::{Arrival, Surfaces};
 use crate::ground::lanes::MEDIUM;
@@ -7,40 +7,40 @@ use crate::material::{Material, ReflectanceSource, Reflectances, Sound};
 use crate::medium::Sea;
 use std::sync::Arc;
 
-/// Angles that a law is tabulated at: even steps of `sqrt(1 - sine of the grazing angle)`, which are fine at both ends:
-/// 0.16 degrees apart near head-on, half a degree where sound just grazes.
+/// Angles that a law is tabulated at: even steps of `sqrt(1 - sine of the grazing angle)`, fine at both ends: 0.16
+/// degrees apart near head-on, half a degree at grazing.
 const STEPS: usize = 512;
 
-/// Of every material, and of the sea surface, how much it sends back and what a reflection costs.
+/// How much every material and the sea surface scatter back, and what a reflection costs.
 pub(crate) struct Backscatter {
     /// `log2(s_b / sine of the grazing angle)` at the angles of the table, a run of `STEPS + 1` for each material, then
-    /// the sea surface; where the reflectance of an image decides, that of reflectance 1.
+    /// the sea surface; where the reflectance of an image decides, that for reflectance 1.
     laws: Vec<f32>,
     /// Loss of a reflection at those angles, dB, likewise.
     losses: Vec<f32>,
     /// What else decides, by material.
     by: Vec<By>,
-    /// What an image says.
+    /// What images provide.
     source: ReflectanceSource,
     frequency: f64,
     sea: Sea,
     speed: f64,
 }
 
-/// What decides beside the angle.
+/// What decides besides the angle.
 #[derive(Clone, Copy, PartialEq)]
 enum By {
     /// Nothing.
     Law,
-    /// The image of the surface: the law is that of reflectance 1.
+    /// The image of the surface: the law is for reflectance 1.
     Image,
-    /// The area of the object: the law is that of 1 m^2.
+    /// The area of the object: the law is for 1 m^2.
     Area,
 }
 
 impl Backscatter {
-    /// For `materials`, where their reflectances stand for those that say nothing of sound, and for `sea`, at
-    /// `frequency` Hz in water of `speed` m/s.
+    /// For `materials`, whose reflectances stand in where they say nothing of sound, and for `sea`, at `frequency` Hz
+    /// in water of `speed` m/s.
     pub fn new(
         materials: &[Arc<Material>],
         reflectances: &Reflectances,
@@ -57,8 +57,8 @@ impl Backscatter {
             let sound = known.cloned().unwrap_or_else(of_reflectance);
             if let Some(strength) = sound.target_strength_db() {
                 by.push(By::Area);
-                // Seen from anywhere, a convex body covers a quarter of its surface in the mean (Cauchy 1832): so much
-                // of its target strength answers for each area that is met.
+                // From any direction, a convex body presents on average a quarter of its surface (Cauchy 1832): this
+                // much of its target strength answers per area that is met.
                 tabulate(&mut laws, |_| strength / 10.0 * 10f64.log2() + 2.0);
             } else {
                 by.push(if known.is_none() && reflectance.is_nan() { By::Image } else { By::Law });
@@ -98,12 +98,12 @@ impl Backscatter {
         f64::from(ratio) * 10.0 * std::f64::consts::LOG10_2
     }
 
-    /// `log2(s_b / sine in)` of what an arrival meets at the sine of a grazing angle, of what it sends elsewhere at
+    /// `log2(s_b / sine in)` of what an arrival meets at the sine of a grazing angle, for what it scatters elsewhere at
     /// another.
     ///
     /// Between the two directions `s_b` is the geometric mean of what goes back into either, an assumption of ours: it
-    /// is the same both ways, and of Lambert's law it makes `mu sin(in) sin(out)`, which that law is. Lobes about the
-    /// mirror direction are not in it. What answers as a whole does so in all directions.
+    /// is the same both ways, and turns Lambert's law into `mu sin(in) sin(out)`, which is that law. It has no lobes
+    /// about the mirror direction. What answers as a whole does so in all directions.
     pub fn log2_between(&self, surfaces: &Surfaces, arrival: &Arrival, [sine_in, sine_out]: [f32; 2]) -> f32 {
         if self.is_whole(surfaces, arrival.surface) {
             return self.log2(surfaces, arrival, sine_in);

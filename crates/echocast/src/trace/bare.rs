@@ -1,4 +1,4 @@
-//! The yardstick: nothing but Embree, on the rays of a scan.
+//! The yardstick: Embree alone, on the rays of a scan.
 
 use super::{BuiltScene, Tables};
 use crate::ground::lanes::{CHUNK, LANES, RayBatch};
@@ -6,9 +6,9 @@ use echocast_kernels::measure;
 use embree4::{Coherence, INVALID, Packet};
 use rayon::prelude::*;
 
-/// A bare loop over the fastest Embree call, on the same committed scene and the same rays as a scan:
-/// what there is to reach. It stores 48 bytes a ray (position, range, normal, u, v, three ids) and
-/// does nothing else; rays are prepared beforehand.
+/// A bare loop over the fastest Embree call, on the same committed scene and the same rays as a scan: the upper bound.
+/// It stores 48 bytes a ray (position, range, normal, u, v, three ids) and does nothing else; rays are prepared
+/// beforehand.
 pub struct BareLoop<'a> {
     scene: &'a Tables,
     coherent: bool,

@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::{fmt, io, mem};
 
-/// Embree's device and the threads that work. Clones share them, and so does everything built with it.
+/// Embree's device and the threads that work. Clones share them, as does everything built with it.
 #[derive(Clone)]
 pub struct Engine(Arc<Parts>);
 
@@ -24,38 +24,38 @@ struct Parts {
 enum Workers {
     /// The calling thread alone.
     Caller,
-    /// The rayon pool that the caller is in, the global one as a rule.
+    /// The rayon pool that the caller is in, usually the global one.
     Rayon,
     /// Threads of this engine's own.
     Own(Pool),
 }
 
-/// A pool whose threads are gone once it is dropped.
+/// A pool whose threads have ended once it is dropped.
 struct Pool {
     pool: Option<ThreadPool>,
     threads: Vec<JoinHandle<()>>,
-    /// Held by the thread whose work is being done: a worker that waits for a part of it would take up the next
-    /// thread's work meanwhile, on the same stack, and so on.
+    /// Held by the thread whose work is being done: otherwise a worker that waits for a part of it would take up the
+    /// next thread's work, on the same stack, and so on.
     turn: Mutex<()>,
 }
 
-/// As [`Pool::turn`], of rayon's global pool.
+/// As [`Pool::turn`], for rayon's global pool.
 static RAYONS_TURN: Mutex<()> = Mutex::new(());
 
-/// Threads that help those who build scenes, apart from those that scan: a mesh may be built in the background. Asleep
-/// until they are called.
+/// Threads that help build scenes, apart from those that scan: a mesh may be built in the background. They sleep until
+/// called.
 struct Builders {
     calls: Option<Sender<Arc<Joint>>>,
     threads: Vec<JoinHandle<()>>,
 }
 
-/// Those of engines that work with rayon's threads, started with the first and kept as these are.
+/// Those of engines that work with rayon's threads, started with the first and kept as rayon's are.
 static RAYONS_BUILDERS: Mutex<Option<Arc<Builders>>> = Mutex::new(None);
 
-/// Scenes of fewer triangles and instances are built by the calling thread before another is awake.
+/// Scenes of fewer triangles and instances are built by the calling thread before another wakes up.
 const WORTH_HELP: usize = 4096;
 
-/// Stack of the threads that are started here, whatever the environment says: several times what they use.
+/// Stack of the threads started here, whatever the environment says: several times what they use.
 const STACK: usize = 2 << 20;
 
 impl Engine {
@@ -65,7 +65,7 @@ impl Engine {
     /// Embree's: out of memory, a library that is too old or too new; [`Error::Threads`].
     pub fn new() -> Result<Engine> {
         if rayon::current_thread_index().is_none() {
-            // Later on rayon would panic where the system gives no threads.
+            // Later rayon would panic if the system gives no threads.
             match rayon::ThreadPoolBuilder::new().stack_size(STACK).build_global() {
                 Err(error) if error.source().is_some() => return Err(no_threads("enough", error)),
                 _ => {}
@@ -79,9 +79,9 @@ impl Engine {
         Ok(Engine(Arc::new(Parts { device, workers: Workers::Rayon, builders: builders.clone() })))
     }
 
-    /// Works with `threads` threads of its own, and one less that helps to build large scenes, up to one for each core;
-    /// all end with it. With 1, no thread is started at all and the calling thread does everything; with 0, there are
-    /// as many as the machine has cores. Nothing asks the system for threads later on.
+    /// Works with `threads` threads of its own, and one fewer that help build large scenes, up to one per core; all end
+    /// with it. With 1, no thread is started and the calling thread does everything; with 0, there are as many as the
+    /// machine has cores. No threads are requested from the system later.
     ///
     /// # Errors
     /// Embree's: out of memory, a library that is too old or too new; [`Error::Threads`]; more than 1024.
@@ -113,18 +113,18 @@ impl Engine {
         self.0.device.version()
     }
 
-    /// Runs `work` so that its parallel parts are done by this engine's threads; work of several threads follows one
-    /// another. On a thread of a rayon pool, that pool does the work instead, whatever the engine, except for an engine
-    /// of one thread, which never asks for another. `work` must not wait for other work of the engine.
+    /// Runs `work` with its parallel parts done by this engine's threads; work of several threads runs in turn. On a
+    /// thread of a rayon pool, that pool does the work instead, whatever the engine, except for an engine of one
+    /// thread, which never asks for another. `work` must not wait for other work of the engine.
     pub fn install<R: Send>(&self, work: impl FnOnce() -> R + Send) -> R {
         match &self.0.workers {
             Workers::Caller => parallel::alone(work),
-            // A thread of a pool takes up other tasks of it while it waits, and these may end up here again: it must
-            // hold no turn, nor wait for one.
+            // A pool thread takes up other tasks of its pool while it waits, and these may end up here again: it must
+            // neither hold a turn nor wait for one.
             _ if rayon::current_thread_index().is_some() => work(),
             Workers::Rayon => {
                 let _turn = wait_for(&RAYONS_TURN);
-                // On one of the pool's threads, so that work within this work is known as such.
+                // On one of the pool's threads, so that work within this work is recognised as such.
                 rayon::scope(|_| work())
             }
             Workers::Own(workers) => {
@@ -138,14 +138,14 @@ impl Engine {
         &self.0.device
     }
 
-    /// Builds `scene`, which has so many triangles or instances.
+    /// Builds `scene`, which has this many triangles or instances.
     pub(crate) fn commit(&self, scene: embree4::Scene, primitives: usize, pace: Pace) -> Result<CommittedScene> {
         let builders = self.0.builders.as_ref().filter(|_| primitives >= WORTH_HELP);
         Ok(scene.commit_with(pace, |joint| builders.into_iter().for_each(|builders| builders.call(joint)))?)
     }
 }
 
-/// The turn, which ends when what this returns is dropped.
+/// Waits for the turn, which ends when the returned guard is dropped.
 fn wait_for(turn: &Mutex<()>) -> MutexGuard<'_, ()> {
     turn.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -174,12 +174,12 @@ impl Pool {
 }
 
 impl Builders {
-    /// As many as can be of use beside a calling thread, where `workers` threads scan; none is `None`.
+    /// As many as can be of use beside a calling thread when `workers` threads scan; `None` if none can.
     fn for_workers(device: &Device, workers: usize) -> Result<Option<Arc<Builders>>> {
         let count = workers.min(device.build_threads()) - 1;
         let (calls, heard) = mpsc::channel::<Arc<Joint>>();
         let heard = Arc::new(Mutex::new(heard));
-        // Dropped on the way, those that have been started end.
+        // If dropped on an error, those already started end.
         let mut builders = Builders { calls: Some(calls), threads: Vec::with_capacity(count) };
         for number in 0..count {
             let heard = heard.clone();
@@ -198,7 +198,7 @@ impl Builders {
     /// Calls all for help with `joint`.
     fn call(&self, joint: &Arc<Joint>) {
         if let Some(calls) = &self.calls {
-            // They listen as long as this is there.
+            // They listen as long as this exists.
             self.threads.iter().for_each(|_| drop(calls.send(joint.clone())));
         }
     }
@@ -215,7 +215,7 @@ fn no_threads(wanted: impl ToString, error: impl ToString) -> Error {
 /// Waits until `threads` have ended.
 fn end(threads: &mut Vec<JoinHandle<()>>) {
     for thread in mem::take(threads) {
-        // One of them cannot wait for itself.
+        // A thread cannot wait for itself.
         if thread.thread().id() != thread::current().id() {
             let _ = thread.join();
         }

@@ -1,4 +1,4 @@
-//! What the rays of a block hit, a lane each.
+//! What the rays of a block hit, one per lane.
 
 use super::Tables;
 use crate::ground::lanes::{LANES, MISS, RayBatch};
@@ -38,7 +38,7 @@ impl HitBatch {
     }
 
     /// Traces the first `count` rays, through the holes of cut-outs. `coherent`: neighbours in the batch are neighbours
-    /// in angle. `mask`: objects are hit whose mask shares a bit with it.
+    /// in angle. `mask`: only objects whose mask shares a bit with it are hit.
     pub(crate) fn trace(&mut self, scene: &Tables, rays: &RayBatch, count: usize, coherent: bool, mask: u32) {
         let coherence = if coherent { Coherence::Coherent } else { Coherence::Incoherent };
         match scene.packet_width {
@@ -85,7 +85,7 @@ impl HitBatch {
         }
     }
 
-    /// Finds out which of the first `count` rays meet anything before their end; see [`HitBatch::trace`].
+    /// Finds which of the first `count` rays meet anything before their end; see [`HitBatch::trace`].
     pub(crate) fn blocked(scene: &Tables, rays: &RayBatch, count: usize, coherent: bool, mask: u32) -> [bool; LANES] {
         let coherence = if coherent { Coherence::Coherent } else { Coherence::Incoherent };
         match scene.packet_width {
@@ -127,7 +127,7 @@ impl HitBatch {
         Vec3::new(self.normal_x[lane], self.normal_y[lane], self.normal_z[lane])
     }
 
-    /// Makes `lane` what lane `other` of `from` is.
+    /// Copies lane `other` of `from` to `lane`.
     pub(crate) fn take(&mut self, lane: usize, from: &HitBatch, other: usize) {
         self.range[lane] = from.range[other];
         self.normal_x[lane] = from.normal_x[other];
@@ -149,7 +149,7 @@ impl HitBatch {
     }
 }
 
-/// Puts rays into a packet, from lane `first` on.
+/// Loads rays into a packet, from lane `first` on.
 fn load<const W: usize>(packet: &mut Packet<W>, rays: &RayBatch, first: usize) {
     let lanes = first..first + W;
     packet.org_x.copy_from_slice(&rays.org_x[lanes.clone()]);

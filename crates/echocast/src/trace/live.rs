@@ -14,13 +14,13 @@ use std::collections::HashMap;
 use std::sync::{Arc, PoisonError};
 use std::{fmt, mem};
 
-/// A scene that changes. [`LiveScene::commit`] makes what is scanned, a [`BuiltScene`] that never changes: any number
-/// of threads may scan it while the next one is prepared.
+/// A scene that changes. [`LiveScene::commit`] produces what is scanned, a [`BuiltScene`] that never changes: any
+/// number of threads may scan it while the next one is prepared.
 ///
-/// Objects that may move are placed one by one, so that a commit after moving them costs a few microseconds for each
+/// Objects that may move are placed individually, so that a commit after moving them costs a few microseconds per
 /// object, whatever the size of their meshes. Fixed objects with a mesh of their own are built together, which makes
 /// them as fast to trace as can be; adding, removing or changing a fixed object, or moving it for the first time,
-/// builds all of them anew.
+/// rebuilds all of them.
 pub struct LiveScene {
     engine: Engine,
     slots: Vec<Slot>,
@@ -31,15 +31,15 @@ pub struct LiveScene {
     origin: Option<DVec3>,
     /// `None`: fixed objects have changed.
     fixed: Option<Fixed>,
-    /// Objects that are placed by themselves, by slot, as far as they are where they were.
+    /// Objects placed by themselves, by slot, unless they have moved.
     placed: HashMap<u32, Placed>,
-    /// `None`: objects have come, gone, or mean something else.
+    /// `None`: objects have come, gone or changed their meaning.
     surfaces: Option<Arc<Surfaces>>,
     /// `None`: something has changed.
     built: Option<BuiltScene>,
 }
 
-/// Names an object of a [`LiveScene`]; it is never given to another object, not even after the first is gone.
+/// Identifies an object of a [`LiveScene`]; never reused, even after the object is gone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ObjectId {
     slot: u32,
@@ -52,7 +52,7 @@ impl ObjectId {
         u64::from(self.generation) << 32 | u64::from(self.slot)
     }
 
-    /// The object that [`ObjectId::to_u64`] gave this number; one of no object is found out where it is used.
+    /// The object that [`ObjectId::to_u64`] gave this number; a number of no object is detected where it is used.
     pub fn from_u64(number: u64) -> ObjectId {
         ObjectId { slot: number as u32, generation: (number >> 32) as u32 }
     }
@@ -60,7 +60,7 @@ impl ObjectId {
 
 #[derive(Default)]
 struct Slot {
-    /// Counted from 1, up with every object.
+    /// Counted from 1, incremented with every object.
     generation: u32,
     live: Option<Box<Live>>,
 }
@@ -70,13 +70,13 @@ struct Live {
     /// Of its mesh.
     bounds: Option<[[f32; 3]; 2]>,
     place: Place,
-    /// Whether it has been put where it is since the last commit.
+    /// Whether it has been placed where it is since the last commit.
     moved: bool,
 }
 
-/// How an object is in Embree's structure.
+/// How an object appears in Embree's structure.
 enum Place {
-    /// Together with the other fixed objects, if it can be; known once those are built.
+    /// Together with the other fixed objects, if possible; known once those are built.
     Fixed { together: bool },
     /// By itself.
     Free,
@@ -84,10 +84,10 @@ enum Place {
 
 /// The fixed objects, built.
 struct Fixed {
-    /// Slots of those that are together, in the order of their geometries.
+    /// Slots of those built together, in the order of their geometries.
     together: Vec<u32>,
     scene: CommittedScene,
-    /// The scene placed as it stands, beside which others can be placed.
+    /// The scene placed as it is, so that others can be placed beside it.
     instance: Instance,
 }
 
@@ -99,7 +99,7 @@ struct Placed {
 
 impl Mesh {
     /// Builds what objects with this mesh need to be traced, which otherwise happens when the first of them is
-    /// committed. It can be done on any thread, while scenes are edited, and leaves a core to those who commit them.
+    /// committed. This can be done on any thread while scenes are edited, and leaves a core to those who commit them.
     ///
     /// # Errors
     /// Embree's: out of memory.
@@ -107,7 +107,7 @@ impl Mesh {
         self.structure_by(engine, Pace::Aside).map(drop)
     }
 
-    /// Its structure, built now if it has none of the engine's.
+    /// Its structure, built now if the engine has none of it yet.
     fn structure_by(&self, engine: &Engine, pace: Pace) -> Result<CommittedScene> {
         let mut built = self.structure.built.lock().unwrap_or_else(PoisonError::into_inner);
         match &*built {
@@ -170,8 +170,8 @@ impl LiveScene {
     }
 
     /// Sets the world position, metres, that the single-precision coordinates of clouds are relative to. Without it the
-    /// first commit chooses: the world's own origin for scenes within a kilometre of it, else where the middle one of
-    /// the triangles lies. Coordinates more than 8 km from it lose more than half a millimetre.
+    /// first commit chooses: the world's own origin for scenes within a kilometre of it, else the position of the
+    /// middle triangle. Coordinates more than 8 km from it lose more than half a millimetre.
     ///
     /// # Errors
     /// A position that is not finite or beyond 1e18 m.
@@ -186,8 +186,8 @@ impl LiveScene {
     }
 
     /// Adds the objects of a scene file, all fixed, its cameras and the names of its labels, and returns the objects in
-    /// their order. In a scene with labels, a name that is known keeps its number here, and so does the file's number
-    /// of any other name if it is free; instances are numbered on from the greatest number that has a name.
+    /// their order. In a scene with labels, a known name keeps its number here, as does any other name whose number in
+    /// the file is free; instances are numbered on from the greatest named number.
     ///
     /// # Errors
     /// As [`LiveScene::add`]; then none is added.
@@ -229,7 +229,7 @@ impl LiveScene {
     /// Adds an object that may move.
     ///
     /// # Errors
-    /// A place that is not finite or reaches beyond 1e18 m; another number of part numbers than parts.
+    /// A place that is not finite or reaches beyond 1e18 m; a different number of part numbers than parts.
     pub fn add(&mut self, object: Object) -> Result<ObjectId> {
         self.add_at(object, Place::Free)
     }
@@ -270,7 +270,7 @@ impl LiveScene {
         ObjectId { slot, generation: entry.generation }
     }
 
-    /// Takes an object away.
+    /// Removes an object.
     ///
     /// # Errors
     /// As [`LiveScene::object`].
@@ -281,7 +281,7 @@ impl LiveScene {
         (self.surfaces, self.built) = (None, None);
         let slot = &mut self.slots[id.slot as usize];
         slot.live = None;
-        // A slot whose numbers are used up is left empty.
+        // A slot whose generations are used up stays empty.
         if slot.generation < u32::MAX {
             self.free.push(id.slot);
         }
@@ -291,7 +291,7 @@ impl LiveScene {
         Ok(())
     }
 
-    /// Whether [`LiveScene::set_pose`] would take a pose.
+    /// Whether [`LiveScene::set_pose`] would accept a pose.
     ///
     /// # Errors
     /// As [`LiveScene::set_pose`].
@@ -300,10 +300,10 @@ impl LiveScene {
         check_pose(&live.object.name, live.bounds, world_from_object)
     }
 
-    /// Puts an object somewhere else. A fixed one may move from now on.
+    /// Moves an object elsewhere. A fixed one may move from now on.
     ///
     /// # Errors
-    /// As [`LiveScene::object`]; a place that is not finite or reaches beyond 1e18 m, then it stays.
+    /// As [`LiveScene::object`]; a place that is not finite or reaches beyond 1e18 m, in which case it stays.
     pub fn set_pose(&mut self, id: ObjectId, world_from_object: DAffine3) -> Result<()> {
         let live = self.live(id)?;
         check_pose(&live.object.name, live.bounds, &world_from_object)?;
@@ -313,12 +313,12 @@ impl LiveScene {
         Ok(())
     }
 
-    /// Gives the vertices of an object new positions, and shading normals if it is to have some: it gets a mesh of its
-    /// own, built for speed of building, with the triangles it had.
+    /// Gives the vertices of an object new positions, and optionally shading normals: it gets a mesh of its own,
+    /// optimised for build speed, with the same triangles.
     ///
     /// # Errors
-    /// As [`LiveScene::object`] and [`Mesh::new`]; another number of vertices than before; a mesh whose parts do not
-    /// share their vertices. Then it stays as it is.
+    /// As [`LiveScene::object`] and [`Mesh::new`]; a different number of vertices than before; a mesh whose parts do
+    /// not share their vertices. Then it stays as it is.
     pub fn set_vertices(
         &mut self,
         id: ObjectId,
@@ -336,10 +336,10 @@ impl LiveScene {
         Ok(())
     }
 
-    /// Sets what an object is: category, number of this very object, and of each part of its mesh.
+    /// Sets what an object is: its category, its own number, and that of each part of its mesh.
     ///
     /// # Errors
-    /// As [`LiveScene::object`]; another number of part numbers than parts.
+    /// As [`LiveScene::object`]; a different number of part numbers than parts.
     pub fn set_labels(&mut self, id: ObjectId, category_id: u32, instance_id: u32, part_ids: &[u32]) -> Result<()> {
         let live = self.live(id)?;
         check_parts(&live.object.mesh, part_ids)?;
@@ -359,7 +359,7 @@ impl LiveScene {
         Ok(())
     }
 
-    /// Sets by which scans an object is seen: those whose mask shares a bit with `mask`.
+    /// Sets which scans see an object: those whose mask shares a bit with `mask`.
     ///
     /// # Errors
     /// As [`LiveScene::object`].
@@ -371,7 +371,7 @@ impl LiveScene {
         Ok(())
     }
 
-    /// Gives an object one material in place of those of its mesh, or with `None` those of its mesh again.
+    /// Gives an object one material instead of those of its mesh, or with `None` those of its mesh again.
     ///
     /// # Errors
     /// As [`LiveScene::object`].
@@ -387,7 +387,7 @@ impl LiveScene {
     /// Names a number of a label column: `category`, `part` or `instance`; the names travel with every file.
     ///
     /// # Errors
-    /// Another table; the number 0, which means unlabelled.
+    /// A different table; the number 0, which means unlabelled.
     pub fn name_label(&mut self, table: &str, number: u32, name: &str) -> Result<()> {
         if number == 0 {
             return Err(Error::invalid("number", 0, "1 to 4294967295: 0 means unlabelled"));
@@ -403,10 +403,10 @@ impl LiveScene {
         Ok(())
     }
 
-    /// An object as it is now.
+    /// An object in its current state.
     ///
     /// # Errors
-    /// [`Error::InvalidParameter`] for an object that has been removed or is of another scene.
+    /// [`Error::InvalidParameter`] for an object that has been removed or belongs to another scene.
     pub fn object(&self, id: ObjectId) -> Result<&Object> {
         self.slot(id).map(|live| &live.object)
     }
@@ -420,7 +420,7 @@ impl LiveScene {
     /// The first object called `name`.
     ///
     /// # Errors
-    /// [`Error::Missing`] with near names.
+    /// [`Error::Missing`] with similar names.
     pub fn find(&self, name: &str) -> Result<ObjectId> {
         let found = self.objects().find(|(_, object)| object.name == name).map(|(id, _)| id);
         found.ok_or_else(|| Error::missing("object", name, self.objects().map(|(_, object)| &object.name)))
@@ -429,7 +429,7 @@ impl LiveScene {
     /// Where the camera node called `name` of an added scene stands.
     ///
     /// # Errors
-    /// [`Error::Missing`] with near names.
+    /// [`Error::Missing`] with similar names.
     pub fn camera(&self, name: &str) -> Result<Pose> {
         Camera::find(&self.cameras, name).map(|camera| camera.pose)
     }
@@ -444,7 +444,7 @@ impl LiveScene {
         surrounding(boxes(&self.slots).flat_map(|(_, corners)| corners))
     }
 
-    /// Builds what has changed and returns the scene as it is now, to be scanned.
+    /// Builds what has changed and returns the current scene, to be scanned.
     ///
     /// # Errors
     /// Embree's: out of memory.
@@ -467,7 +467,7 @@ impl LiveScene {
         let fixed = match self.fixed.take() {
             Some(fixed) => fixed,
             None => {
-                // The order of objects may change with what is together.
+                // The order of objects may depend on which are together.
                 self.surfaces = None;
                 self.build_fixed(origin)?
             }
@@ -537,7 +537,7 @@ impl LiveScene {
         Ok(BuiltScene(Arc::new(tables)))
     }
 
-    /// Builds the fixed objects: in one scene those whose mesh nobody else has, the others to be placed like free ones.
+    /// Builds the fixed objects: in one scene those whose mesh is not shared, the others to be placed like free ones.
     fn build_fixed(&mut self, origin: DVec3) -> Result<Fixed> {
         let mut uses: HashMap<*const Mesh, usize> = HashMap::new();
         for (_, live) in self.lives().filter(|(_, live)| !matches!(live.place, Place::Free)) {
@@ -550,7 +550,7 @@ impl LiveScene {
         {
             let Place::Fixed { together: is_together } = &mut live.place else { continue };
             let local_from_object = DAffine3::from_translation(-origin) * live.object.world_from_object;
-            // A copy that is squeezed flat cannot be an instance: rays could not be brought to its frame.
+            // A copy squeezed flat cannot be an instance: rays could not be transformed to its frame.
             *is_together =
                 uses[&Arc::as_ptr(&live.object.mesh)] == 1 || !embree4::is_invertible(&columns(&local_from_object));
             if *is_together {
@@ -565,7 +565,7 @@ impl LiveScene {
         Ok(Fixed { together, scene, instance })
     }
 
-    /// An object has been put elsewhere: it may move from now on.
+    /// An object has been moved: it may move from now on.
     fn loosen(&mut self, id: ObjectId) {
         self.take_out(id);
         if let Some(live) = &mut self.slots[id.slot as usize].live {
@@ -574,7 +574,7 @@ impl LiveScene {
         self.built = None;
     }
 
-    /// What has been built of an object no longer holds.
+    /// What has been built of an object is no longer valid.
     fn take_out(&mut self, id: ObjectId) {
         let live = &self.slots[id.slot as usize].live;
         if live.as_ref().is_some_and(|live| !matches!(live.place, Place::Free)) {
@@ -633,7 +633,7 @@ fn check_parts(mesh: &Mesh, part_ids: &[u32]) -> Result<()> {
     }
 }
 
-/// Gives the number of an instance a name, if both are there and it has none.
+/// Names the number of an instance, if both are given and it has no name.
 fn name_instance(labels: &mut Labels, number: u32, name: &str) {
     if !name.is_empty() && labels.instance.name(number).is_none() {
         labels.instance.set(number, name);
@@ -673,7 +673,7 @@ fn mesh_scene(
     engine.commit(scene, mesh.triangle_count(), pace)
 }
 
-/// Adds the parts of `mesh` to `scene`, a geometry each.
+/// Adds the parts of `mesh` to `scene`, one geometry each.
 fn attach(
     scene: &mut embree4::Scene,
     engine: &Engine,
@@ -699,8 +699,8 @@ fn attach(
     Ok(())
 }
 
-/// Scenes within this distance of the world's origin keep it as their own, so that coordinates stay
-/// as the file has them: an f32 step there is 0.06 mm.
+/// Scenes within this distance of the world's origin keep it as their own, so that coordinates stay as in the file: an
+/// f32 step there is 0.06 mm.
 const NEAR_ORIGIN_M: f64 = 1000.0;
 
 /// Farther from the scene's origin than this, coordinates lose more than half a millimetre.
@@ -711,8 +711,8 @@ fn boxes(slots: &[Slot]) -> impl Iterator<Item = (&Live, [DVec3; 8])> {
     lives(slots).filter_map(|(_, live)| Some((live, corners(live.bounds?, &live.object.world_from_object))))
 }
 
-/// The world's origin where the scene is near it, else, in whole metres, where the middle one of its triangles lies: a
-/// stray object far from all others does not draw it away.
+/// The world's origin where the scene is near it, else the place of the middle triangle, in whole metres: a stray
+/// object far from all others does not pull it away.
 fn local_origin(slots: &[Slot]) -> DVec3 {
     if boxes(slots).all(|(_, corners)| reach(&corners, DVec3::ZERO) <= NEAR_ORIGIN_M) {
         return DVec3::ZERO;
@@ -720,7 +720,7 @@ fn local_origin(slots: &[Slot]) -> DVec3 {
     let weight = |live: &Live| live.object.mesh.triangle_count();
     let half = boxes(slots).map(|(live, _)| weight(live)).sum::<usize>() / 2;
     let middle = |axis: usize| {
-        // The first and the last corner of a box face each other.
+        // The first and the last corner of a box are opposite.
         let centre = |corners: [DVec3; 8]| corners[0].midpoint(corners[7])[axis];
         let mut centres: Vec<_> = boxes(slots).map(|(live, corners)| (centre(corners), weight(live))).collect();
         centres.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -755,17 +755,17 @@ fn warn_of_far_objects(slots: &[Slot], origin: DVec3, report: &mut Report) {
     }
 }
 
-/// A transform as Embree takes it: column by column, single precision.
+/// A transform in Embree's form: column by column, single precision.
 fn columns(m: &DAffine3) -> [f32; 12] {
     let columns = [m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis, m.translation];
     std::array::from_fn(|k| columns[k / 3][k % 3] as f32)
 }
 
-/// The matrix that takes an object's normals to the world's, up to length (scaled to unit size against underflow).
+/// The matrix from an object's normals to the world's, up to length (scaled to unit size against underflow).
 fn normal_matrix(object: &Object) -> Mat3 {
     let cofactors = cofactors(&object.world_from_object.matrix3);
     let size = cofactors.x_axis.abs().max(cofactors.y_axis.abs()).max(cofactors.z_axis.abs()).max_element();
     let scale = if size > 0.0 { 1.0 / size } else { 0.0 };
-    // A mirrored object's cofactors point its normals inwards; surfaces are two-sided, so that is no matter.
+    // A mirrored object's cofactors point its normals inwards; surfaces are two-sided, so this does not matter.
     (cofactors * scale).as_mat3()
 }

@@ -22,7 +22,7 @@ use embree4::CommittedScene;
 use glam::{DVec3, Mat3};
 use std::sync::Arc;
 
-/// A scene with its ray-tracing structure, immutable and shared by threads; clones share it.
+/// A scene with its ray-tracing structure, immutable and shared by threads and clones.
 #[derive(Clone)]
 pub struct BuiltScene(pub(crate) Arc<Tables>);
 
@@ -51,8 +51,8 @@ impl BuiltScene {
         &self.0.report
     }
 
-    /// World position that single-precision coordinates are relative to, metres; the origin of
-    /// clouds in world coordinates.
+    /// World position that single-precision coordinates are relative to, metres; the origin of clouds in world
+    /// coordinates.
     pub fn origin(&self) -> DVec3 {
         self.0.origin
     }

@@ -1,4 +1,4 @@
-//! Rays of sound through layered water and a scene: bent, reflected and, where they meet something, arrived.
+//! Sound rays through layered water and a scene: bent, reflected, and arriving where they meet something.
 
 mod direct;
 
@@ -14,10 +14,10 @@ use std::ops::Range;
 const SAGITTA: f64 = 1e-3;
 
 /// Steps on which something can be met after which the rays of a block are given up, and steps between two such after
-/// which one is: a ray that swings in a thin duct makes that many.
+/// which a single ray is: a ray that oscillates in a thin duct makes that many.
 const MOST_STEPS: usize = 100_000;
 
-/// What a reflection takes away, dB: of a surface's row (or [`MEDIUM`]) at the sine of a grazing angle.
+/// Loss of a reflection, dB: of a surface's row (or [`MEDIUM`]) at the sine of a grazing angle.
 pub(crate) type ReflectionLoss<'a> = &'a (dyn Fn(u32, f64) -> f64 + Sync);
 
 /// Follows rays through one scene and one water column, from one place.
@@ -39,7 +39,7 @@ pub(crate) struct SoundTracer<'a> {
     believed: f64,
     /// Farthest range that is reported, m.
     reach: f64,
-    /// Reported range for a metre of way where sound is fastest.
+    /// Reported range per metre of path where sound is fastest.
     least_range: f64,
     /// Reflections that are followed.
     bounces: u8,
@@ -59,7 +59,7 @@ pub(crate) struct Arrival {
     pub corner: [f32; 2],
     /// Range that the sonar reports, m: one-way time times the speed that it believes.
     pub range: f32,
-    /// Way along the ray, m.
+    /// Length along the ray, m.
     pub path: f32,
     /// One-way loss by absorption, boundaries and reflections, dB.
     pub loss: f32,
@@ -71,18 +71,17 @@ pub(crate) struct Arrival {
     pub place: Vec3,
     /// Unit vector along the ray.
     pub direction: Vec3,
-    /// Normal of the surface, of any length and sign: of smooth parts the interpolated one, of others that of the
-    /// triangle.
+    /// Normal of the surface, of any length and sign: interpolated for smooth parts, otherwise that of the triangle.
     pub normal: Vec3,
-    /// Reflections on the way.
+    /// Reflections on the path.
     pub order: u8,
 }
 
-/// A ray on its way through the scene.
+/// A ray on its path through the scene.
 #[derive(Clone, Copy, Debug)]
 struct State {
     number: u32,
-    /// Where its vertical plane starts, relative to the scene's origin, m, and where it goes, a unit vector.
+    /// Where its vertical plane starts, relative to the scene's origin, m, and its direction, a unit vector.
     start: [f64; 2],
     heading: [f64; 2],
     ray: Ray,
@@ -103,7 +102,7 @@ struct Start {
 struct Step {
     length: f64,
     end: End,
-    /// What is traced in its place, where something of the scene can be met on it.
+    /// What is traced in its place, where it can meet something of the scene.
     chord: Option<Chord>,
 }
 
@@ -140,7 +139,7 @@ impl State {
 /// Horizontal unit vector along `direction`, and the length of its horizontal part.
 fn heading(direction: DVec3) -> ([f64; 2], f64) {
     let level = direction.x.hypot(direction.y);
-    // Straight up and down, any will do.
+    // Straight up or down, any will do.
     let heading = if level > 1e-12 { [direction.x / level, direction.y / level] } else { [1.0, 0.0] };
     (heading, level)
 }
@@ -176,7 +175,7 @@ impl Default for TracerMemory {
     }
 }
 
-/// What [`SoundTracer::new`] needs beside scene and water.
+/// What [`SoundTracer::new`] needs besides scene and water.
 pub(crate) struct SoundLimits<'a> {
     pub mask: u32,
     /// Speed that ranges are reported with, m/s.
@@ -227,10 +226,9 @@ impl<'a> SoundTracer<'a> {
         }
     }
 
-    /// Adds what the rays `which` of `launch` meet to `arrivals`, block by block: in water that is the same everywhere
-    /// first what each meets first, in their order, then what they meet over reflections; in other water in the order
-    /// of the steps that get there. Over reflections also what is out of reach back the way that sound came, if it may
-    /// be heard straight back.
+    /// Adds what the rays `which` of `launch` meet to `arrivals`, block by block: in uniform water first what each
+    /// meets first, in their order, then what they meet over reflections; in other water in the order of the steps that
+    /// reach it. After reflections also what is out of reach back along the path, if it may be heard straight back.
     pub fn trace(&self, launch: &Launch, which: Range<usize>, memory: &mut TracerMemory, arrivals: &mut Vec<Arrival>) {
         let depth = self.surface_z - launch.place.z;
         let slab = self.slab_at(depth);
@@ -254,12 +252,12 @@ impl<'a> SoundTracer<'a> {
         slab_at(&self.slabs, depth)
     }
 
-    /// Rays of one block through water that is the same everywhere; those that are reflected go to `memory.states`.
+    /// Rays of one block through uniform water; those that are reflected go to `memory.states`.
     fn straight(&self, launch: &Launch, block: Range<usize>, memory: &mut TracerMemory, arrivals: &mut Vec<Arrival>) {
         let TracerMemory { rays, hits, states, .. } = memory;
         let depth = self.surface_z - launch.place.z;
         let water = &self.column.slabs[self.column.slab_at(depth)];
-        // The reported range for a metre of way.
+        // The reported range per metre of path.
         let scale = (self.believed / water.speed) as f32;
         let reach = (self.reach * water.speed / self.believed) as f32;
         let place = launch.place.as_vec3();
@@ -322,9 +320,9 @@ impl<'a> SoundTracer<'a> {
         }
     }
 
-    /// Turns a ray at the surface that it has met; whether it goes on.
+    /// Reflects a ray at the surface that it has met; whether it goes on.
     fn reflect(&self, state: &mut State, surface: u32, normal: Vec3) -> bool {
-        /// What is weaker by this, dB, is not followed.
+        /// Rays weaker by this, dB, are not followed.
         const MOST_LOSS: f64 = 80.0;
         if state.order >= self.bounces {
             return false;
@@ -333,7 +331,7 @@ impl<'a> SoundTracer<'a> {
         if surface == MEDIUM {
             let ray = &mut state.ray;
             ray.lose((self.reflection_loss)(MEDIUM, ray.sine.abs()));
-            // Mirroring turns it down again.
+            // Mirroring points it down again.
             (ray.depth, ray.sine) = (0.0, -ray.sine.abs());
             ray.mirror(&self.slabs[ray.slab]);
             return ray.loss() < MOST_LOSS;
@@ -355,17 +353,17 @@ impl<'a> SoundTracer<'a> {
         let slab = &self.slabs[ray.slab];
         ray.speed = slab.speed_at(ray.depth);
         (ray.sine, ray.snell, ray.level) = (-turned.z, level / ray.speed, false);
-        // A facet is a mirror: the tube widens on as it did.
+        // A facet is a mirror: the tube keeps widening as before.
         ray.turn = ray.widening * ray.sine + slab.gradient * ray.snell * ray.snell * ray.tube;
         ray.loss() < MOST_LOSS
     }
 
-    /// Follows all states until they have met something and are not reflected, or are out of reach.
+    /// Follows all states until they have met something without being reflected, or are out of reach.
     fn follow(&self, memory: &mut TracerMemory, start: &Start, arrivals: &mut Vec<Arrival>) {
         let TracerMemory { rays, hits, states, steps, .. } = memory;
         for _ in 0..MOST_STEPS {
             steps.clear();
-            // Every ray goes on to where something could be in its way.
+            // Every ray goes on to where something could block it.
             let mut kept = 0;
             for index in 0..states.len() {
                 let mut state = states[index];
@@ -386,7 +384,7 @@ impl<'a> SoundTracer<'a> {
                 // No gap between one chord and the next.
                 rays.range_max[lane] = length * (1.0 + 1e-6) + rounding(from).max(1e-5);
             }
-            // Rays that nothing has turned are neighbours still.
+            // Rays that nothing has turned are still neighbours.
             let coherent = states.iter().all(|state| state.order == 0);
             hits.trace(self.scene, rays, states.len(), coherent, self.mask);
             kept = 0;
@@ -418,8 +416,7 @@ impl<'a> SoundTracer<'a> {
         }
     }
 
-    /// Takes a ray on, through water where nothing is, up to its next step on which something can be met; `None`: it
-    /// ends.
+    /// Advances a ray through empty water up to its next step on which something can be met; `None`: it ends.
     fn next_traced(&self, state: &mut State, start: &Start, arrivals: &mut Vec<Arrival>) -> Option<Step> {
         for _ in 0..MOST_STEPS {
             let latest = self.latest(state);
@@ -437,15 +434,15 @@ impl<'a> SoundTracer<'a> {
         None
     }
 
-    /// When a ray ends, s: what comes back the way it went is heard until then; after a reflection also what comes
-    /// back a shorter way.
+    /// When a ray ends, s: what comes back along its path is heard until then; after a reflection also what comes back
+    /// along a shorter path.
     fn latest(&self, state: &State) -> f64 {
         let reach = if state.order == 0 { self.reach } else { 2.0 * self.reach };
         reach / self.believed
     }
 
-    /// Whether something is heard of what a ray meets where it is: back the way it went or, after a reflection, even
-    /// straight back.
+    /// Whether anything is heard of what a ray meets where it is: back along its path or, after a reflection, straight
+    /// back.
     fn is_in_reach(&self, state: &State, start: &Start) -> bool {
         let range = self.believed * state.ray.time;
         if state.order == 0 || range <= self.reach {
@@ -456,7 +453,7 @@ impl<'a> SoundTracer<'a> {
         range + self.least_range * straight <= 2.0 * self.reach
     }
 
-    /// The next step of a ray: to the end of its slab, and no farther than its arc is near its chord where that is
+    /// The next step of a ray: to the end of its slab, but only as far as its arc stays near its chord where that is
     /// traced.
     fn step(&self, state: &State, latest: f64) -> Step {
         let slab = &self.slabs[state.ray.slab];
@@ -487,7 +484,7 @@ impl<'a> SoundTracer<'a> {
         Step { length, end, chord: (!apart).then_some(chord) }
     }
 
-    /// Takes a ray to the end of a step on which it meets nothing; whether it goes on.
+    /// Advances a ray to the end of a step on which it meets nothing; whether it goes on.
     fn finish(&self, state: &mut State, step: &Step, start: &Start, arrivals: &mut Vec<Arrival>) -> bool {
         state.ray = state.ray.advanced(&self.slabs[state.ray.slab], step.length);
         match step.end {
@@ -527,8 +524,8 @@ impl<'a> SoundTracer<'a> {
         }
     }
 
-    /// The normal that an echo asks for where the hit of a `lane` is met along `direction`, of which the triangle's is
-    /// `flat`. Mirrors go by the triangle's, lest a ray go on behind it.
+    /// The normal for the echo of a `lane`'s hit, met along `direction`; that of its triangle is `flat`. Mirrors use
+    /// the triangle's, lest a ray go on behind it.
     fn smooth_normal(&self, hits: &HitBatch, lane: usize, direction: Vec3, flat: Vec3) -> Vec3 {
         let corner = [hits.u[lane], hits.v[lane]];
         let Some(smooth) = self.scene.shading_normal(hits.surface[lane], hits.triangle[lane], corner) else {
@@ -536,7 +533,7 @@ impl<'a> SoundTracer<'a> {
         };
         let facing = if direction.dot(flat) > 0.0 { -flat } else { flat };
         let smooth = if smooth.dot(facing) < 0.0 { -smooth } else { smooth };
-        // At the rim of a smooth body it may look away: there sound grazes, on the side that it comes from.
+        // At the rim of a smooth body it may face away: there sound grazes, on the side that it comes from.
         const LEAST: f32 = 1e-3;
         smooth - direction * (smooth.dot(direction) + LEAST * smooth.length()).max(0.0)
     }
@@ -567,7 +564,7 @@ impl Launch<'_> {
     }
 }
 
-/// How far off a `place`, m, may be where it is rounded and something is met there, m.
+/// How far, m, a hit may be from a `place`, m, because of rounding.
 fn rounding(place: Vec3) -> f32 {
     4.0 * f32::EPSILON * place.abs().max_element()
 }
@@ -579,7 +576,7 @@ fn arc_to(state: &State, slab: &Slab, step: &Step, range: f32, along: Vec3, norm
     if curvature == 0.0 {
         return f64::from(range);
     }
-    // Below the chord where sound is faster below, for then the arc bends upwards.
+    // Below the chord where sound is faster below, because the arc then bends upwards.
     let below = 0.5 * curvature * step.length * step.length * part * (1.0 - part);
     let (along, normal) = (along.as_dvec3(), normal.as_dvec3());
     let level = along.x.hypot(along.y);
@@ -597,7 +594,7 @@ mod tests {
     use crate::{BuiltScene, Engine, Environment, LiveScene};
     use std::sync::Arc;
 
-    /// A sheet of `corners` alone, and their normals if it is smooth.
+    /// A sheet of just `corners`, and their normals if it is smooth.
     fn sheet(corners: [DVec3; 4], normals: Option<[DVec3; 4]>) -> BuiltScene {
         let array = |vectors: [DVec3; 4]| vectors.map(|it| it.as_vec3().to_array()).to_vec();
         let part = Part {
@@ -652,8 +649,8 @@ mod tests {
         }
     }
 
-    /// Rows of a table of touches of surface and bottom, one launch after the other: angle, number of the touch, range
-    /// by BELLHOP, time by another solver.
+    /// Rows of a table of touches of surface and bottom, launch by launch: angle, number of the touch, range by
+    /// BELLHOP, time by another solver.
     fn touches(table: &str) -> Vec<(f64, usize, f64, f64)> {
         let mut lines = table.lines();
         let header: Vec<&str> = lines.next().unwrap().split(',').collect();
@@ -672,7 +669,7 @@ mod tests {
     fn scenes_are_met_where_others_have_rays_touch_the_bottom() {
         let gradient = "{cast: [{depth_m: 0, speed_m_s: 1500}, {depth_m: 1000, speed_m_s: 1000}]}".to_owned();
         let layers = [(0.0, 1520.0), (10.0, 1500.0), (25.0, 1487.0), (45.0, 1475.0), (70.0, 1490.0), (95.0, 1510.0)];
-        // Ramps of 0.2 m in place of jumps.
+        // Ramps of 0.2 m instead of jumps.
         let ramp = |pair: &[(f64, f64)]| [(pair[1].0 - 0.1, pair[0].1), (pair[1].0 + 0.1, pair[1].1)];
         let rows = std::iter::once(layers[0]).chain(layers.windows(2).flat_map(ramp)).chain([(200.0, 1510.0)]);
         let rows: Vec<String> = rows.map(|(z, c)| format!("{{depth_m: {z}, speed_m_s: {c}}}")).collect();
@@ -734,7 +731,7 @@ mod tests {
         }
     }
 
-    /// From where sound is slowest a level ray goes straight on, and so does one to a wall there.
+    /// From the depth where sound is slowest a level ray goes straight, as does one to a wall there.
     #[test]
     fn level_rays_on_the_axis_of_a_duct_arrive() {
         let wall = [[-9.0, -120.0], [9.0, -120.0], [9.0, -80.0], [-9.0, -80.0]].map(|[y, z]| DVec3::new(40.0, y, z));

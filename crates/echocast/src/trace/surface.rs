@@ -30,15 +30,15 @@ pub(crate) struct Surface {
     pub instanced: bool,
     /// Whether it may have holes.
     pub cutout: bool,
-    /// Area, m^2, of what answers sound as a whole; 0 of all others, where nobody asks.
+    /// Area, m^2, of what answers sound as a whole; 0 of all others, where it is not used.
     pub area: f32,
 }
 
-/// A scene is scanned with a few sensors; one whose wavelength is changed all the time must not fill the memory.
+/// A scene is scanned with a few sensors; one whose wavelength keeps changing must not fill the memory.
 const MOST_WAVELENGTHS: usize = 16;
 
-/// All parts of all objects, as they are found by Embree's ids: first those that lie in the top level or in its group
-/// of fixed objects, by geometry, then the instances, by part.
+/// All parts of all objects, in the order of Embree's ids: first those in the top level or in its group of fixed
+/// objects, by geometry, then the instances, by part.
 #[derive(Default)]
 pub(crate) struct Surfaces {
     pub rows: Vec<Surface>,
@@ -55,14 +55,14 @@ pub(crate) struct Surfaces {
     pub has_shading_normals: bool,
     /// Whether any surface may have holes.
     pub has_cutouts: bool,
-    /// Found once for each wavelength: a scan in a loop allocates nothing.
+    /// Computed once for each wavelength: a scan in a loop allocates nothing.
     reflectances: Mutex<Vec<Arc<Reflectances>>>,
-    /// Found once for each frequency and sea.
+    /// Computed once for each frequency and sea.
     backscatter: Mutex<Vec<Arc<Backscatter>>>,
 }
 
 impl Surfaces {
-    /// Rows of `objects` in their order; with each, whether its normals come in the mesh's frame.
+    /// Rows of `objects` in their order; each with whether its normals come in the mesh's frame.
     pub(crate) fn new<'a>(objects: impl Iterator<Item = (&'a Object, bool)>, labels: Arc<Labels>) -> Surfaces {
         let mut surfaces = Surfaces { materials: vec![Arc::default()], ..Surfaces::default() };
         let material_ids = labels.material.to_map();
@@ -84,7 +84,7 @@ impl Surfaces {
                 };
                 let made_of = &surfaces.materials[material as usize];
                 let textured = made_of.base_color_texture.is_some() && part.uvs.is_some();
-                // Without an image, alpha is everywhere the same.
+                // Without an image, alpha is the same everywhere.
                 let cutout =
                     made_of.alpha == Alpha::Cutout && (textured || made_of.base_color[3] < made_of.alpha_cutoff);
                 surfaces.has_cutouts |= cutout;
@@ -114,7 +114,7 @@ impl Surfaces {
         surfaces
     }
 
-    /// The row of what is hit: `geometry` by itself, or that of `instance` where that is not [`INVALID`].
+    /// The row of what is hit: that of `geometry` itself, or of `instance` where that is not [`INVALID`].
     pub(crate) fn row(&self, geometry: u32, instance: u32) -> u32 {
         if instance == INVALID { geometry } else { self.first_row[instance as usize] + geometry }
     }
@@ -131,7 +131,7 @@ impl Surfaces {
         std::array::from_fn(|k| material.base_color[k] * texel[k])
     }
 
-    /// Base colour of `surface` as [`Surfaces::base_color`] has it, sRGB.
+    /// Base colour of `surface` as in [`Surfaces::base_color`], sRGB.
     pub(crate) fn rgb(&self, surface: &Surface, triangle: u32, corner: [f32; 2]) -> [u8; 3] {
         if !surface.textured {
             return surface.rgb;
@@ -140,7 +140,7 @@ impl Surfaces {
         std::array::from_fn(|channel| srgb_byte(rgba[channel]))
     }
 
-    /// Whether light that meets a surface is stopped there, and does not pass one of its holes.
+    /// Whether light that meets a surface is stopped there rather than passing through a hole.
     pub(crate) fn stops(&self, hit: &Candidate) -> bool {
         let surface = &self.rows[self.row(hit.geom_id, hit.inst_id) as usize];
         !surface.cutout || {
@@ -149,7 +149,7 @@ impl Surfaces {
         }
     }
 
-    /// What `surface`, a row or [`super::MISS`], does with light, as `reflectances` has it.
+    /// What `surface`, a row or [`super::MISS`], does with light, according to `reflectances`.
     pub(crate) fn optics<'a>(&self, reflectances: &'a Reflectances, surface: u32) -> Option<&'a Optics> {
         let row = self.rows.get(surface as usize)?;
         Some(&reflectances.optics[row.material as usize])
@@ -169,8 +169,8 @@ impl Surfaces {
         )
     }
 
-    /// What every material and the `sea` send back of sound of `frequency` Hz in water of `speed` m/s; `reflectances`
-    /// stand for what materials do not say.
+    /// What every material and the `sea` scatter back of sound of `frequency` Hz in water of `speed` m/s;
+    /// `reflectances` stand for what materials do not say.
     pub(crate) fn backscatter(
         &self,
         reflectances: &Reflectances,
@@ -178,8 +178,8 @@ impl Surfaces {
         sea: Sea,
         speed: f64,
     ) -> Arc<Backscatter> {
-        // What depends on the speed changes little with it, so that one stands for those near it; which one that is
-        // must not depend on what came before.
+        // What depends on the speed changes little with it, so one value serves those near it; which one must not
+        // depend on what came before.
         const STEP: f64 = 1e-3;
         let speed = ((speed.ln() / STEP).round() * STEP).exp();
         kept(
@@ -192,8 +192,8 @@ impl Surfaces {
 
 impl Tables {
     /// The interpolated normal of a smooth part where the second and the third corner of `triangle` weigh `u` and `v`,
-    /// in the world's frame, of any length and on the side that the mesh has it; `None`: the part is flat, or the
-    /// normals of its corners cancel.
+    /// in the world's frame, of any length and on the mesh's side; `None`: the part is flat, or the normals of its
+    /// corners cancel.
     pub(crate) fn shading_normal(&self, surface: u32, triangle: u32, [u, v]: [f32; 2]) -> Option<Vec3> {
         let surfaces = &self.surfaces;
         if !surfaces.has_shading_normals {
@@ -208,7 +208,7 @@ impl Tables {
     }
 }
 
-/// The one of `all` that fits, or one that is made and kept.
+/// The one of `all` that fits, or a new one that is kept.
 fn kept<T>(all: &Mutex<Vec<Arc<T>>>, fits: impl Fn(&T) -> bool, make: impl FnOnce() -> T) -> Arc<T> {
     let mut known = all.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(found) = known.iter().find(|it| fits(it)) {

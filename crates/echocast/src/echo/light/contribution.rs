@@ -45,7 +45,7 @@ impl Contribution {
         }
     }
 
-    /// Incidence of the first `count` rays, with the normals of `hits` made unit vectors in the world's frame on the
+    /// Incidence of the first `count` rays, turning the normals of `hits` into unit vectors in the world's frame on the
     /// sensor's side; interpolated ones where the part has them and `smooth` wants them.
     pub(crate) fn face(&mut self, scene: &Tables, rays: &RayBatch, hits: &mut HitBatch, count: usize, smooth: bool) {
         if scene.surfaces.has_instances {
@@ -57,15 +57,15 @@ impl Contribution {
         }
     }
 
-    /// Incidence, with the normals of `hits` made unit vectors on the sensor's side.
+    /// Incidence, turning the normals of `hits` into unit vectors on the sensor's side.
     fn meet(&mut self, rays: &RayBatch, hits: &mut HitBatch) {
         let normals = [&mut hits.normal_x, &mut hits.normal_y, &mut hits.normal_z];
         light::face(normals, [&rays.dir_x, &rays.dir_y, &rays.dir_z], &mut self.cos_incidence);
     }
 
-    /// Puts the interpolated shading normal in place of the triangle's on smooth parts, and its incidence. The
-    /// triangle, made to face the sensor by [`Contribution::meet`], says on which side of the surface the sensor is;
-    /// where the shading normal turns away from the sensor nothing comes back.
+    /// Replaces the triangle's normal by the interpolated shading normal on smooth parts, with its incidence. The
+    /// triangle, turned to face the sensor by [`Contribution::meet`], determines on which side of the surface the
+    /// sensor is; where the shading normal faces away from the sensor nothing comes back.
     fn shade(&mut self, scene: &Tables, rays: &RayBatch, hits: &mut HitBatch, count: usize) {
         let surfaces = &scene.surfaces;
         let mut start = 0;
@@ -83,7 +83,7 @@ impl Contribution {
                 let [a, b, c] = corners.map(|index| Vec3::from(normals[index as usize]));
                 let (u, v) = (hits.u[lane], hits.v[lane]);
                 let smooth = matrix * (a * (1.0 - u - v) + b * u + c * v);
-                // Opposite vertex normals can cancel; then the triangle's own normal stays.
+                // Opposite vertex normals may cancel; then the triangle's own normal stays.
                 if smooth.length_squared() > f32::MIN_POSITIVE {
                     let facing = hits.normal(lane);
                     let n = smooth.normalize() * if smooth.dot(facing) < 0.0 { -1.0 } else { 1.0 };
@@ -131,7 +131,7 @@ impl Contribution {
         }
     }
 
-    /// Makes `lane` what lane `other` of `from` is.
+    /// Copies lane `other` of `from` to `lane`.
     pub(crate) fn take(&mut self, lane: usize, from: &Contribution, other: usize) {
         self.cos_incidence[lane] = from.cos_incidence[other];
         self.reflectance[lane] = from.reflectance[other];
@@ -152,7 +152,7 @@ impl Contribution {
         (self.red[lane], self.green[lane], self.blue[lane]) = (0, 0, 0);
     }
 
-    /// Takes lanes that scatter as `model` says for Lambert surfaces as bright as they are at their angle.
+    /// Turns lanes that scatter as `model` says into Lambert surfaces equally bright at their angle.
     #[inline(never)]
     fn scatter(&mut self, model: &Scattering, lanes: std::ops::Range<usize>) {
         if *model != Scattering::Lambert {

@@ -1,16 +1,16 @@
-//! The instrument's own light, thrown back by a smooth surface that is met head-on.
+//! The instrument's own light, reflected by a smooth surface that it meets head-on.
 //!
-//! Such a surface is a mirror in which the instrument sees itself at twice the range. Into its receiver comes the part
-//! `1 - exp(-2 a^2 / w(2 R)^2)` of what is reflected: of a Gaussian beam of radius `w` (1/e^2) through an opening of
-//! radius `a` on its axis. At an incidence of `theta` the axis comes back `d = 2 theta R` beside the middle of the
-//! opening, and less comes into it by the factor `(erf(sqrt 2 (d + a) / w) - erf(sqrt 2 (d - a) / w)) / (2 erf(sqrt 2 a
-//! / w))`: what a slit of that width would lose. For an opening much smaller than the beam, and for a beam that is a
-//! line, that is exact; in between it is too much by up to 0.07 of the light of head-on.
+//! Such a surface is a mirror in which the instrument sees itself at twice the range. Its receiver gets the part `1 -
+//! exp(-2 a^2 / w(2 R)^2)` of what is reflected: of a Gaussian beam of radius `w` (1/e^2) through an opening of radius
+//! `a` on its axis. At an incidence of `theta` the axis returns `d = 2 theta R` beside the middle of the opening, and
+//! the light is reduced by the factor `(erf(sqrt 2 (d + a) / w) - erf(sqrt 2 (d - a) / w)) / (2 erf(sqrt 2 a / w))`:
+//! what a slit of that width would lose. For an opening much smaller than the beam, and for a beam that is a line, this
+//! is exact; in between it is too large by up to 0.07 of the head-on light.
 
 use crate::ground::math::erf;
 use std::f64::consts::SQRT_2;
 
-/// What of an instrument decides how it sees itself.
+/// What determines how an instrument sees itself.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Glint {
     /// Radius of the beam where it starts, at 1/e^2, m.
@@ -27,17 +27,16 @@ impl Glint {
         self.start.hypot(self.divergence * length)
     }
 
-    /// Part of the light reflected at `range` m, along the way that it came, that the receiver takes, 0..1.
+    /// Part of the light reflected at `range` m, back the way it came, that the receiver takes, 0..1.
     fn taken(self, range: f32) -> f32 {
         -(-2.0 * (self.opening / self.radius(2.0 * range)).powi(2)).exp_m1()
     }
 
-    /// Effective reflectance of a surface that sends the light back as it came: whose `reflected` part, 0..1, comes to
-    /// the receiver as it would from a Lambert surface that is so bright. `angle`: of incidence, rad; `range`: way
-    /// there, m.
+    /// Effective reflectance of a surface that returns the light the way it came: its `reflected` part, 0..1, reaches
+    /// the receiver as from a Lambert surface of that brightness. `angle`: of incidence, rad; `range`: distance, m.
     pub(crate) fn rho_eff(self, reflected: f32, angle: f32, range: f32) -> f32 {
         let beside = 2.0 * angle * range;
-        // There is no light to speak of beyond; mostly the sum, which is more than the radius, shows that.
+        // There is no significant light beyond; usually the sum, which exceeds the radius, shows this.
         let is_beyond = |width: f32| beside - self.opening > 3.0 * width;
         if is_beyond(self.start + self.divergence * 2.0 * range) {
             return 0.0;
@@ -54,7 +53,7 @@ impl Glint {
         reflected * left as f32 * self.taken(range) * (range / self.opening).powi(2)
     }
 
-    /// What `rho_eff / R^2` does not exceed from `range` m on, 1/m^2.
+    /// Upper bound of `rho_eff / R^2` from `range` m on, 1/m^2.
     pub(crate) fn greatest_power(self, range: f32) -> f32 {
         self.taken(range) / (self.opening * self.opening)
     }
@@ -78,7 +77,7 @@ mod tests {
         assert_eq!((line.taken(10.0), line.greatest_power(10.0)), (1.0, 1e4));
     }
 
-    /// Share of head-on at 0.25 to 2 mrad, computed with numpy by adding up the beam over the opening.
+    /// Part of the head-on light at 0.25 to 2 mrad, computed with numpy by summing the beam over the opening.
     #[test]
     fn a_surface_turned_away_shows_less() {
         let head_on = BEAM.rho_eff(0.04, 0.0, 10.0);

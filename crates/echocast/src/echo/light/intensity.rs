@@ -12,17 +12,17 @@ pub enum IntensityEncoding {
     /// retro-reflectors and gloss.
     #[default]
     Reflectivity,
-    /// The same in 8 bits as Velodyne and RoboSense have it: 0..100 are percent, 101..255 what sends back more than a
+    /// The same in 8 bits as Velodyne and RoboSense define it: 0..100 are percent, 101..255 what returns more than a
     /// white surface, in equal steps of the logarithm up to 1000 times as much.
     Reflectivity8,
-    /// The same in 8 bits as Hesai has it: percent, 0..255.
+    /// The same in 8 bits as Hesai defines it: percent, 0..255.
     Reflectivity255,
     /// Relative received energy of the hard-target radar equation, `rho cos(theta) / (pi R^2)`, 1/(m^2 sr).
     Power,
 }
 
 impl IntensityEncoding {
-    /// Value that means full scale; relative energy has none.
+    /// Full-scale value; relative energy has none.
     pub fn full_scale(self) -> Option<f32> {
         match self {
             IntensityEncoding::Reflectivity => Some(1.0),
@@ -32,7 +32,7 @@ impl IntensityEncoding {
     }
 }
 
-/// How a scan computes intensity: the instrument's encoding, or what a profile puts in its place.
+/// How a scan computes intensity: the instrument's encoding, or what a profile uses instead.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum IntensityModel {
     /// As the instrument encodes it.
@@ -82,7 +82,7 @@ impl IntensityModel {
 mod tests {
     use super::*;
 
-    /// Rows of `P_n` made with numpy: gamma, R in m, theta in degrees, eq. 5 without and with cosine.
+    /// Rows of `P_n` computed with numpy: gamma, R in m, theta in degrees, eq. 5 without and with cosine.
     #[test]
     fn relative_energy_follows_the_radar_equation() {
         for (gamma, range, theta, without, with) in [
@@ -133,7 +133,7 @@ mod tests {
         ] {
             assert_eq!(model.of(rho_eff, 1.0, 7.0), expected, "{rho_eff}");
         }
-        // What lanes without a hit have left over.
+        // What lanes without a hit may contain.
         for none in [f32::NAN, -f32::NAN] {
             assert!(model.of(none, 1.0, 7.0).is_nan());
         }

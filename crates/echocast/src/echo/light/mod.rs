@@ -1,4 +1,4 @@
-//! Echoes of light: what surfaces, mirrors, glass and the air send back, and the signal that it makes.
+//! Echoes of light: what surfaces, mirrors, glass and the air send back, and the resulting signal.
 
 mod contribution;
 mod glint;

@@ -23,16 +23,16 @@ impl Cone {
 /// The particles of a medium that one kind of beam detects.
 ///
 /// A particle of diameter D at range r fills the part D^2 / beam^2 of the beam; its strength is `S = reflectance (D /
-/// beam)^2 gain(r) / r^2`, and it is detected if that is the threshold K or more. All others are never seen and never
-/// drawn. What is left is a Poisson process, which can be met in the order of range or of strength, one particle after
-/// the other, as far as anybody wants: the mean number up to the n-th is a sum of n exponential numbers.
+/// beam)^2 gain(r) / r^2`, and it is detected if that is at least the threshold K. All others are never seen and never
+/// drawn. The rest is a Poisson process, which can be sampled in the order of range or of strength, particle by
+/// particle, as far as needed: the mean number up to the n-th is a sum of n exponential numbers.
 #[derive(Clone, Debug)]
 pub(crate) struct Detectable {
     from: f32,
     cell: f32,
     /// Mean number nearer than the end of each cell.
     nearer: [f32; CELLS],
-    /// Least diameter that is seen in each cell, mm.
+    /// Least diameter seen in each cell, mm.
     least_mm: [f32; CELLS],
     /// Strength over the filled part of the beam, `reflectance gain / r^2`, in each cell.
     whole: [f32; CELLS],
@@ -40,9 +40,9 @@ pub(crate) struct Detectable {
     square_mm2: [f32; CELLS],
     slope_per_mm: f32,
     k: f32,
-    /// Mean number as strong as each level or stronger, falling.
+    /// Mean number at least as strong as each level, falling.
     stronger: [f32; LEVELS],
-    /// How much of what is just as strong as a level is nearer than the end of each cell, 0..1.
+    /// How much of what has exactly a level's strength is nearer than the end of each cell, 0..1.
     shares: Box<[[f32; CELLS]; LEVELS]>,
 }
 
@@ -53,7 +53,7 @@ const LEVELS: usize = 48;
 const LEVELS_PER_OCTAVE: f32 = 2.0;
 
 impl Detectable {
-    /// `from` and `to`: where the medium is, m. `gain`: `overlap(r) T(r)`. `k`: the detection threshold, 1/m^2, above
+    /// `from` and `to`: extent of the medium, m. `gain`: `overlap(r) T(r)`. `k`: the detection threshold, 1/m^2, above
     /// 0.
     pub(crate) fn new(
         particles: &Particles,
@@ -65,7 +65,7 @@ impl Detectable {
         let whole = |range: f64| particles.reflectance * gain(range) / (range * range).max(1e-12);
         let rate = |range: f64| {
             let (fill, square) = (k / whole(range), cone.square(range));
-            // No particle sends back more than a disc as wide as the beam.
+            // No particle returns more than a disc as wide as the beam.
             let least = ((fill * square).sqrt() * 1e3).max(particles.least_mm);
             if fill > 1.0 { 0.0 } else { PI / 4.0 * square * particles.count_above(least) }
         };
@@ -111,7 +111,7 @@ impl Detectable {
                     let diameter = (fill * seen.square_mm2[index]).sqrt();
                     let least = particles.least_mm as f32;
                     stronger += all[index] * (-seen.slope_per_mm * diameter.max(least)).exp();
-                    // dD/dS = D / 2S: what is just as strong, but for a factor that all cells share.
+                    // dD/dS = D / 2S: what has exactly that strength, up to a factor common to all cells.
                     if diameter >= least {
                         alike += all[index] * (-seen.slope_per_mm * diameter).exp() * diameter;
                     }
@@ -127,18 +127,17 @@ impl Detectable {
         seen
     }
 
-    /// Mean number in a beam that nothing stops.
+    /// Mean number in an unobstructed beam.
     pub(crate) fn mean(&self) -> f32 {
         self.nearer[CELLS - 1]
     }
 
-    /// Range, m, of the particle up to which there are `number` in the mean; `number` is less than
-    /// [`Detectable::mean`].
+    /// Range, m, of the particle up to which there are `number` on average; `number` is less than [`Detectable::mean`].
     pub(crate) fn nearest(&self, number: f32) -> f32 {
         self.range_of(&self.nearer, number)
     }
 
-    /// Range, m, up to which the sum over cells is `wanted`; `sums` has it at the end of each.
+    /// Range, m, up to which the sum over cells is `wanted`; `sums` holds it at the end of each.
     fn range_of(&self, sums: &[f32; CELLS], wanted: f32) -> f32 {
         let cell = sums.partition_point(|&sum| sum <= wanted).min(CELLS - 1);
         let before = if cell == 0 { 0.0 } else { sums[cell - 1] };
@@ -153,7 +152,7 @@ impl Detectable {
         (diameter * diameter / self.square_mm2[cell]).min(1.0) * self.whole[cell] * range * range
     }
 
-    /// Strength, 1/m^2, of the particle down to which there are `number` in the mean; `number` is less than
+    /// Strength, 1/m^2, of the particle down to which there are `number` on average; `number` is less than
     /// [`Detectable::mean`].
     pub(crate) fn strongest(&self, number: f32) -> f32 {
         let above = self.stronger.partition_point(|&stronger| stronger > number).clamp(1, LEVELS - 1);
@@ -177,7 +176,7 @@ mod tests {
         Particles { per_m3_mm: 8000.0, slope_per_mm: 2.528_039_5, least_mm: 1.0, reflectance: 0.0225 };
 
     /// Drops of 10 mm/h above 1 mm in 50 m of a cone of 3 mrad, when the sensor sees them all: 74.390, and above 0.05
-    /// mm 821.36, made with numpy. The others are volumes, m^3, of cones, and of frustums that begin 12 mm wide.
+    /// mm 821.36, computed with numpy. The others are volumes, m^3, of cones, and of frustums that start 12 mm wide.
     #[test]
     fn drops_in_a_beam_are_counted() {
         let mean = |start, length, particles: &Particles| {
@@ -202,7 +201,7 @@ mod tests {
         }
     }
 
-    /// Drawn in the order of range and in that of strength: the same particles.
+    /// Drawn in order of range and in order of strength: the same particles.
     #[test]
     fn both_orders_meet_the_same_particles() {
         let flakes = Particles { per_m3_mm: 600.0, slope_per_mm: 0.8, least_mm: 1.0, reflectance: 0.9 };

@@ -1,9 +1,8 @@
 //! Light that goes on: over mirrors, through glass and water, to what is seen in them.
 //!
-//! A beam that meets such a surface becomes a tree of paths. Each path is a straight piece after another; at a smooth
-//! surface it divides into a reflected and a refracted one, and wherever a surface sends light back diffusely there is
-//! an echo, whose light returns the same way. The paths of a block of beams are traced together, generation by
-//! generation.
+//! A beam that meets such a surface becomes a tree of paths. Each path is a chain of straight segments; at a smooth
+//! surface it divides into a reflected and a refracted one, and wherever a surface scatters light back there is an
+//! echo, whose light returns the same way. The paths of a block of beams are traced together, generation by generation.
 
 use super::{Air, Contribution, Glint, Wanted};
 use crate::ground::cause::Cause;
@@ -16,26 +15,26 @@ use glam::Vec3;
 /// How far paths are followed.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PathLimits {
-    /// Most specular events of a path.
+    /// Most specular events on a path.
     pub depth: u8,
-    /// Least part of the light, there and back, that is followed.
+    /// Least part of the light, two-way, that is followed.
     pub least: f32,
     /// Whether ranges are sums of lengths rather than of travel times.
     pub geometric: bool,
     /// Whether the incidence on what is seen in a mirror matters.
     pub cosine_after: bool,
-    /// How the instrument sees itself in what it meets head-on, if it does.
+    /// How the instrument sees itself in what it meets head-on, if at all.
     pub glint: Option<Glint>,
-    /// Whether glass is that of the paper's program: seen itself where it is met within 2 degrees of head-on, elsewhere
-    /// with a first face alone, the others letting everything pass. Total reflection, for which the program has no
-    /// number, stays.
+    /// Whether glass behaves as in the paper's program: seen itself within 2 degrees of head-on, elsewhere with a first
+    /// face only, the other faces transmitting everything. Total reflection, for which the program has no number,
+    /// stays.
     pub glass_of_the_program: bool,
 }
 
 /// Cosine of the 2 degrees within which the paper's program sees glass itself.
 const PROGRAM_COS: f32 = 0.999_390_8;
 
-/// Bodies that a path is within, outermost first: object and material of their surfaces.
+/// Bodies that a path is inside, outermost first: object and material of their surfaces.
 #[derive(Clone, Copy, Debug, Default)]
 struct Inside {
     bodies: [(u32, u32); Inside::MOST],
@@ -43,7 +42,7 @@ struct Inside {
 }
 
 impl Inside {
-    /// Deeper nesting is taken for an open mesh.
+    /// Deeper nesting is treated as an open mesh.
     const MOST: usize = 4;
 
     fn material(&self) -> Option<u32> {
@@ -68,7 +67,7 @@ impl Inside {
     }
 }
 
-/// A path that is still under way.
+/// A path still in progress.
 #[derive(Clone, Copy, Debug)]
 struct Path {
     origin: Vec3,
@@ -76,20 +75,20 @@ struct Path {
     way: Way,
 }
 
-/// How a path came to where it is.
+/// How a path got to where it is.
 #[derive(Clone, Copy, Debug)]
 struct Way {
-    /// Range so far as the instrument takes it, m.
+    /// Range so far as the instrument measures it, m.
     range: f32,
-    /// Length so far that light spreads over, m.
+    /// Length so far over which light spreads, m.
     spread: f32,
-    /// Way so far, m.
+    /// Path length so far, m.
     length: f32,
     /// Optical depth of weather so far.
     depth: f32,
     /// Part of the light that is left, one way.
     part: f32,
-    /// What it is within: a row of [`Follower::insides`].
+    /// What it is inside: a row of [`Follower::insides`].
     inside: u32,
     lane: u8,
     bounces: u8,
@@ -97,7 +96,7 @@ struct Way {
 }
 
 impl Way {
-    /// Where all begin, that of `lane`.
+    /// Where all start, for `lane`.
     fn start(lane: usize) -> Way {
         Way {
             range: 0.0,
@@ -112,20 +111,20 @@ impl Way {
         }
     }
 
-    /// The same through glass, or seen in a mirror still.
+    /// The same through glass, or still seen in a mirror.
     fn through(self) -> Way {
         Way { cause: if self.cause == Cause::Surface { Cause::Glass } else { self.cause }, ..self }
     }
 }
 
-/// Row of [`Follower::insides`] for what is within no body.
+/// Row of [`Follower::insides`] for outside all bodies.
 const OUTSIDE: u32 = 0;
 
 /// An echo at the end of a path.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PathEcho {
     pub lane: usize,
-    /// Range as the instrument takes it, m.
+    /// Range as the instrument measures it, m.
     pub range: f32,
     /// Effective reflectance of a surface at that range that would send back as much, apart from incidence.
     pub reflectance: f32,
@@ -137,11 +136,11 @@ pub(crate) struct PathEcho {
     pub hit: usize,
 }
 
-/// Memory of a block to follow paths in.
+/// Memory of a block for following paths.
 pub(crate) struct Follower {
     paths: Next,
     next: Next,
-    /// What paths are within; the first row is none.
+    /// What paths are inside; the first row is nothing.
     insides: Vec<Inside>,
     rays: RayBatch,
     hits: HitBatch,
@@ -152,8 +151,8 @@ pub(crate) struct Follower {
     refracted: Onward,
 }
 
-/// The next generation of paths. Those of neighbours go on side by side when what is reflected and what is refracted do
-/// not take turns.
+/// The next generation of paths. Those of neighbours stay side by side if reflected and refracted ones do not
+/// alternate.
 #[derive(Default)]
 struct Next {
     reflected: Vec<Path>,
@@ -168,7 +167,7 @@ pub(crate) struct Meeting {
     pub bounces: u8,
     pub place: Vec3,
     pub cos_incidence: f32,
-    /// Range so far as the instrument takes it, m.
+    /// Range so far as the instrument measures it, m.
     pub range: f32,
     /// Part of the light that is left, one way.
     pub part: f32,
@@ -184,21 +183,21 @@ pub(crate) trait PathEchoes {
     /// Takes `echo`, whose surface is among `hits` and `surfaces`.
     fn take(&mut self, echo: &PathEcho, hits: &HitBatch, surfaces: &Contribution);
 
-    /// Is told where paths lead.
+    /// Called with where paths lead.
     fn meet(&mut self, _: Meeting) {}
 }
 
-/// Of the echoes of each beam only the one that is preferred, in the place of the beam's own surface.
+/// Keeps only the preferred echo of each beam, in place of the beam's own surface.
 pub(crate) struct Preferred<'a, F> {
-    /// How much the one so far is wanted; the rule is the caller's.
+    /// Preference of the echo so far; the rule is the caller's.
     pub strength: &'a mut [f32; LANES],
     pub hits: &'a mut HitBatch,
     pub surfaces: &'a mut Contribution,
     pub cause: &'a mut [u8; LANES],
     pub bounces: &'a mut [u8; LANES],
-    /// How much an echo is wanted, if at all.
+    /// Preference of an echo, if it is wanted at all.
     pub prefer: F,
-    /// Least `rho_eff / R^2` that is detected anywhere, 1/m^2.
+    /// Least `rho_eff / R^2` detected anywhere, 1/m^2.
     pub least_power: f32,
     /// Whether the strongest is preferred, with `rho_eff / R^2` as its strength.
     pub strongest: bool,
@@ -235,7 +234,7 @@ pub(crate) struct Surroundings<'a> {
     pub limits: PathLimits,
     /// Farthest range of each beam, m.
     pub range_max: &'a [f32; LANES],
-    /// Weather on the way.
+    /// Weather along the path.
     pub air: Option<&'a Air>,
 }
 
@@ -256,7 +255,7 @@ impl Default for Follower {
 }
 
 impl Follower {
-    /// Begins with the rays of `lanes`, whose surfaces do not stop their light. `rays`, `hits` and `surfaces` are the
+    /// Starts with the rays of `lanes`, whose surfaces do not stop their light. `rays`, `hits` and `surfaces` are the
     /// rays' own, normals on their side.
     pub(crate) fn begin(&mut self, rays: &RayBatch, hits: &HitBatch, surfaces: &Contribution, lanes: &[u8]) {
         for (to, lane) in lanes.iter().map(|&lane| usize::from(lane)).enumerate() {
@@ -268,7 +267,7 @@ impl Follower {
         }
     }
 
-    /// Follows the light; `echoes` takes what comes back, from the first surfaces too.
+    /// Follows the light; `echoes` takes what comes back, including from the first surfaces.
     pub(crate) fn follow(&mut self, around: &Surroundings, echoes: &mut impl PathEchoes) {
         self.insides.truncate(1);
         let mut first = std::mem::take(&mut self.paths.reflected);
@@ -278,11 +277,11 @@ impl Follower {
         let limits = &around.limits;
         while !(self.next.reflected.is_empty() && self.next.refracted.is_empty()) {
             std::mem::swap(&mut self.paths, &mut self.next);
-            // What is refracted first: behind it is mostly what is strongest.
+            // Refracted paths first: the strongest echo is mostly behind.
             let Next { reflected, refracted } = std::mem::take(&mut self.paths);
             let [refracted, reflected] = [refracted, reflected].map(|mut paths| {
                 paths.retain(|Path { way, .. }| {
-                    // The most that a surface right there could send back.
+                    // The most that a surface right there could return.
                     let square = way.spread * way.spread;
                     let (light, least) = (way.part * way.part, echoes.least(way.lane.into()) * square);
                     let own = || limits.glint.map_or(0.0, |glint| glint.greatest_power(way.spread) * square);
@@ -292,7 +291,7 @@ impl Follower {
                 paths.clear();
                 paths
             });
-            // Their memory is used again.
+            // Their memory is reused.
             self.paths = Next { reflected, refracted };
         }
     }
@@ -304,8 +303,7 @@ impl Follower {
             (self.rays.dir_x[lane], self.rays.dir_y[lane], self.rays.dir_z[lane]) = path.direction.into();
             self.rays.range_max[lane] = (around.range_max[usize::from(path.way.lane)] - path.way.range).max(0.0);
         }
-        // Neighbours come from neighbours on the same surface, mostly: packets as for beams take two thirds of the
-        // time.
+        // Neighbours mostly come from neighbours on the same surface: packets as for beams take two thirds of the time.
         self.hits.trace(around.scene, &self.rays, paths.len(), true, around.mask);
         self.surfaces.face(around.scene, &self.rays, &mut self.hits, paths.len(), around.smooth);
         let (surfaces, reflectances) = (&around.scene.surfaces, around.reflectances);
@@ -391,13 +389,13 @@ impl Follower {
         }
     }
 
-    /// Makes `self.at` what `paths` were like before the surfaces of the first lanes, and those: by runs, as neighbours
-    /// mostly meet the same. `inside`: what they are within behind them.
+    /// Fills `self.at` with the state of `paths` before the surfaces of the first lanes, and with those surfaces: by
+    /// runs, as neighbours mostly meet the same. `inside`: what they are inside behind them.
     fn read_surfaces(&mut self, around: &Surroundings, paths: &[Path], inside: &mut [u32; LANES]) {
         let limits = &around.limits;
         let Follower { insides, hits, surfaces, at, .. } = self;
         let of = |material: u32| &around.reflectances.optics[material as usize];
-        // Range and spread over the length, and absorption.
+        // Range and spread per length, and absorption.
         let through = |body: &Optics| {
             let (slower, nearer) = if limits.geometric { (1.0, 1.0) } else { (body.group_index, 1.0 / body.index) };
             [slower, nearer, body.absorption]
@@ -462,7 +460,7 @@ fn optics<'a>(around: &Surroundings<'a>, surface: u32) -> Option<&'a Optics> {
     around.scene.surfaces.optics(around.reflectances, surface)
 }
 
-/// Whether what is met head-on is all that is seen: glass of the paper's program.
+/// Whether only what is met head-on is seen: glass of the paper's program.
 fn sees_itself(limits: &PathLimits, optics: &Optics, way: &Way, cos: f32) -> bool {
     limits.glass_of_the_program && optics.clear > 0.0 && way.inside == OUTSIDE && cos >= PROGRAM_COS
 }

@@ -1,4 +1,4 @@
-//! Light of modulated power: from the echoes at a pixel to the one range that its phases say.
+//! Light of modulated power: from the echoes at a pixel to the one range that its phases give.
 //!
 //! The light of an echo from `R` m comes back with the phase `4 pi f R / c`, and the phasors of all echoes at a pixel
 //! add: at an edge the range lies between those of the two surfaces, or beyond either. Phases are counted in turns.
@@ -22,18 +22,18 @@ pub(crate) fn sum(wrap: f64, ranges: &[f32], powers: &[f32]) -> [f64; 2] {
     })
 }
 
-/// What the phases of a pixel come to.
+/// What the phases of a pixel yield.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Formed {
     /// One-way range, m, from 0 to the ambiguity range of all frequencies together.
     pub range: f32,
-    /// Amplitude of the sum of echoes, 1/m^2, in the mean of the frequencies.
+    /// Amplitude of the sum of echoes, 1/m^2, averaged over the frequencies.
     pub power: f32,
-    /// Greatest difference between the ranges that two frequencies say, m.
+    /// Greatest difference between the ranges given by two frequencies, m.
     pub disagreement: f32,
 }
 
-/// The frequencies that the light of a camera is modulated at, one after the other.
+/// The frequencies at which a camera's light is modulated, one after the other.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Modulation(pub Frequencies);
 
@@ -48,19 +48,19 @@ impl Modulation {
 
     /// Standard deviation of a phase, rad, where that of the range is `sigma` m.
     pub(crate) fn phase_sigma(&self, sigma: f64) -> f64 {
-        // Ranges of variance (wrap / (2 pi))^2, weighted by their inverse.
+        // Ranges of variance (wrap / (2 pi))^2, weighted by its inverse.
         let weights: f64 = self.0.wraps().iter().map(|wrap| wrap.powi(-2)).sum();
         TAU * sigma * weights.sqrt()
     }
 
-    /// What the echoes from `ranges` m with `powers`, `rho_eff / R^2` in 1/m^2, come to at one pixel. `noise` gives the
+    /// What the echoes from `ranges` m with `powers`, `rho_eff / R^2` in 1/m^2, yield at one pixel. `noise` gives the
     /// error of the phase, rad, by frequency (the highest is 0), amplitude and sum of the powers.
     pub(crate) fn form(&self, ranges: &[f32], powers: &[f32], noise: impl Fn(usize, f64, f64) -> f64) -> Formed {
         let offset = powers.iter().map(|&power| f64::from(power)).sum();
         let (mut phases, mut amplitudes) = ([[0.0]; MOST_FREQUENCIES], 0.0);
         for (index, &wrap) in self.0.wraps().iter().enumerate() {
             let (turns, amplitude) = match ranges {
-                // One echo keeps its range to the last bit that f64 has.
+                // A single echo keeps its range to the last bit of f64.
                 [range] => (f64::from(*range) / wrap, offset),
                 _ => {
                     let [re, im] = sum(wrap, ranges, powers);
@@ -76,7 +76,7 @@ impl Modulation {
     }
 }
 
-/// Turns of the highest of `frequencies` until all are where they began: that frequency over the greatest common
+/// Turns of the highest of `frequencies` until all are back where they began: that frequency over the greatest common
 /// divisor.
 pub(crate) fn turns(frequencies: &[u32]) -> u32 {
     fn divisor(a: u32, b: u32) -> u32 {
@@ -115,7 +115,7 @@ mod tests {
         modulation.form(ranges, powers, quiet).range.into()
     }
 
-    /// c / (2 f), made with numpy; three frequencies together reach as far as their greatest common divisor, 8 MHz.
+    /// c / (2 f), computed with numpy; three frequencies together reach as far as their greatest common divisor, 8 MHz.
     #[test]
     fn ambiguity_ranges_are_half_a_wavelength() {
         for (mhz, expected) in [(16, 9.36851), (20, 7.49481), (80, 1.87370), (100, 1.49896), (120, 1.24914)] {
@@ -125,7 +125,7 @@ mod tests {
         assert_eq!((turns(&[16_000, 80_000, 120_000]), turns(&[20_000]), turns(&[])), (15, 1, 1));
     }
 
-    /// Depth modulo the ambiguity range of 80 MHz, made with numpy.
+    /// Depth modulo the ambiguity range of 80 MHz, computed with numpy.
     #[test]
     fn phases_wrap() {
         assert_near(range(one(80_000), &[2.0], &[1.0]), 0.126_297, 1e-6);
@@ -149,7 +149,7 @@ mod tests {
         assert_near(range(kinect, &[20.0], &[1.0]), 20.0 - kinect.0.ambiguity_range(), 2e-6);
     }
 
-    /// Errors of the phases below a fifteenth of a turn or so never choose the wrong turn; then the range errs as their
+    /// Phase errors below about a fifteenth of a turn never select the wrong turn; then the range errs as their
     /// weighted mean.
     #[test]
     fn noisy_phases_choose_the_same_turn() {
@@ -173,7 +173,7 @@ mod tests {
         assert!(errors.iter().all(|error| error.abs() < 6.0 * expected));
     }
 
-    /// Sums of phasors, made with numpy: light that came a longer way as well, and pixels on an edge.
+    /// Sums of phasors, computed with numpy: light that also came a longer path, and pixels on an edge.
     #[test]
     fn phasors_of_echoes_add() {
         assert_near(range(one(20_000), &[2.0, 3.0], &[1.0, 0.2]), 2.155_570, 1e-6);
@@ -193,7 +193,7 @@ mod tests {
         assert_eq!(one(16_000).form(&[1.0, 4.0], &[0.5, 0.5], quiet).disagreement, 0.0);
     }
 
-    /// Four taps of a triangle's harmonics, made with numpy: greatest error, and at two ranges of 20 MHz light.
+    /// Four taps of a triangle's harmonics, computed with numpy: greatest error, and at two ranges of 20 MHz light.
     #[test]
     fn wiggling_follows_the_harmonics() {
         let steps = 100_000;
@@ -205,14 +205,14 @@ mod tests {
         let raw = Modulation::new(&[20_000], 1.0);
         assert_near(range(raw, &[0.5], &[1.0]) - 0.5, -0.085_570_6, 1e-6);
         assert_near(range(raw, &[3.3], &[1.0]) - f64::from(3.3f32), 0.083_584_8, 1e-6);
-        // The error comes again a quarter of the ambiguity range on, and calibration leaves a part of it.
+        // The error recurs every quarter of the ambiguity range, and calibration leaves a part of it.
         assert_near(range(raw, &[0.5 + wrap as f32 / 4.0], &[1.0]) - wrap / 4.0, range(raw, &[0.5], &[1.0]), 1e-6);
         let calibrated = Modulation::new(&[20_000], 0.1);
         assert_near(range(calibrated, &[0.5], &[1.0]) - 0.5, -0.008_557_06, 1e-6);
     }
 
-    /// Shot noise of four taps with A = 1000 and B = 4000 electrons at 20 MHz, A = 1000 and B = 20,000 at 80 MHz, made
-    /// with numpy (and a simulation of the taps: 0.05337 m).
+    /// Shot noise of four taps with A = 1000 and B = 4000 electrons at 20 MHz, A = 1000 and B = 20,000 at 80 MHz,
+    /// computed with numpy (and a simulation of the taps: 0.05337 m).
     #[test]
     fn shot_noise_is_that_of_four_taps() {
         for (mhz, background, expected) in [(20.0, 3000.0, 0.053_345_3), (80.0, 19_000.0, 0.029_820_9)] {
@@ -225,18 +225,19 @@ mod tests {
     fn shot_noise_is_calibrated_by_one_target() {
         let noise = ShotNoise::new(0.02, 0.2, 3.0);
         assert_near(noise.sigma(0.2, 0.2), 0.02, 1e-12);
-        // Without background light four times the light halves the noise; with much of it, it goes down to a quarter.
+        // Without background light four times the light halves the noise; with much of it, the noise drops to a
+        // quarter.
         let dark = ShotNoise::new(0.02, 0.2, 0.0);
         assert_near(dark.sigma(0.8, 0.8), 0.01, 1e-12);
         assert_near(ShotNoise::new(0.02, 0.2, 1e9).sigma(0.8, 0.8), 0.005, 1e-9);
-        // Light whose phase is lost makes noise all the same.
+        // Light whose phase is lost still makes noise.
         assert_near(dark.sigma(0.2, 0.8), 0.04, 1e-12);
         let modulation = one(20_000);
         assert_near(modulation.phase_sigma(0.1), 0.1 * 2.0 * TAU * 20e6 / SPEED_OF_LIGHT, 1e-12);
     }
 
-    /// cos^4 made with numpy; the corner of a field of view of 70 by 60 degrees, 42.2249 degrees off, is
-    /// (1 + tan^2 35 + tan^2 30)^-2.
+    /// cos^4 computed with numpy; the corner of a field of view of 70 by 60 degrees, 42.2249 degrees off, is (1 + tan^2
+    /// 35 + tan^2 30)^-2.
     #[test]
     fn lenses_dim_with_the_fourth_power_of_the_cosine() {
         for (angle, expected) in [(30.0f64, 0.562_5), (35.0, 0.450_255), (42.224_9, 0.300_697)] {

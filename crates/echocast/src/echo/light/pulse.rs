@@ -12,13 +12,13 @@ pub enum PulseShape {
     /// A Gaussian.
     #[default]
     Gaussian,
-    /// One hump of a squared sine, as LiDAR_fog_sim (Hahner et al. 2021) has it.
+    /// One hump of a squared sine, as in LiDAR_fog_sim (Hahner et al. 2021).
     Sin2,
     /// On and off.
     Rectangular,
 }
 
-/// A pulse in metres of range: what lasts `t` s is `c t / 2` m long.
+/// A pulse in metres of range: one of `t` s is `c t / 2` m long.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Pulse {
     shape: PulseShape,
@@ -32,19 +32,19 @@ impl Pulse {
         Pulse { shape, width: fwhm_ns * 1e-9 * SPEED_OF_LIGHT / 2.0 }
     }
 
-    /// Power `distance` m from its middle, 1 in the middle.
+    /// Power `distance` m from its middle, where it is 1.
     fn power(self, distance: f64) -> f64 {
         let x = distance.abs() / self.width;
         match self.shape {
             PulseShape::Gaussian => (-4.0 * LN_2 * x * x).exp(),
             PulseShape::Sin2 if x < 1.0 => (FRAC_PI_2 * x).cos().powi(2),
-            // Its edges count, where integrals begin and end, whatever is lost of their place.
+            // Its edges, where integrals begin and end, count despite rounding.
             PulseShape::Rectangular if x < 0.5 + 1e-9 => 1.0,
             PulseShape::Sin2 | PulseShape::Rectangular => 0.0,
         }
     }
 
-    /// Half of the length outside which it has no power that matters, m.
+    /// Half of the length outside which its power is negligible, m.
     fn reach(self) -> f64 {
         match self.shape {
             PulseShape::Gaussian => 2.2 * self.width,
@@ -58,14 +58,14 @@ impl Pulse {
         self.width / (2.0 * SQRT_2 * LN_2.sqrt())
     }
 
-    /// Echoes nearer to each other than this have one peak, m: two equal Gaussians do up to 2 sigma.
+    /// Echoes closer together than this have one peak, m: two equal Gaussians do up to 2 sigma.
     pub(crate) fn merging_distance(self) -> f64 {
         2.0 * self.sigma()
     }
 
     /// The echo of a medium from `from` to `to` m whose power at a range is `density(range)`, 1/m^2 per unit of
-    /// backscatter: range of its peak, m, and its height `J`, 1/m,
-    /// `J(R) = int p(2 (R - r) / c) density(r) dr`. The density falls beyond `falls_from`.
+    /// backscatter: range of its peak, m, and its height `J`, 1/m, `J(R) = int p(2 (R - r) / c) density(r) dr`. The
+    /// density falls beyond `falls_from`.
     pub(crate) fn peak(self, [from, to]: [f64; 2], falls_from: f64, density: impl Fn(f64) -> f64) -> (f64, f64) {
         let from = from.max(1e-2);
         // Simpson's rule in the logarithm of range, with an odd number of `points`: near the sensor density falls
@@ -88,7 +88,7 @@ impl Pulse {
                 .sum();
             sum * step / 3.0
         };
-        // In two pieces: density may have a bend where it begins to fall.
+        // In two pieces: density may have a kink where it begins to fall.
         let received = |range: f64, points: usize| {
             let (low, high) = ((range - self.reach()).max(from), (range + self.reach()).min(to));
             let bend = falls_from.max(low).min(high);
@@ -127,26 +127,26 @@ impl Pulse {
     }
 }
 
-/// The echo of a medium that begins at once, far from the sensor: power falls by `e^(-kappa r)` behind its face, with
-/// `kappa` = two extinctions and what spreading adds. In units of the pulse's sigma, with `u = kappa sigma`: how far
-/// behind the face the peak is, and its height over the power at the face.
+/// The echo of a medium with a sharp face, far from the sensor: power falls by `e^(-kappa r)` behind its face, with
+/// `kappa` = two extinctions plus spreading. In units of the pulse's sigma, with `u = kappa sigma`: how far behind the
+/// face the peak is, and its height over the power at the face.
 ///
-/// `J(x) = sqrt(pi/2) exp(u^2/2 - u x) erfc((u - x) / sqrt 2)`: a Gaussian folded with a falling exponential; the peak
-/// is found by Newton's method once for a row of `u` and read from it linearly in `sqrt u`.
+/// `J(x) = sqrt(pi/2) exp(u^2/2 - u x) erfc((u - x) / sqrt 2)`: a Gaussian convolved with a falling exponential; the
+/// peak is found by Newton's method once for a row of `u` and interpolated from it linearly in `sqrt u`.
 pub(crate) struct FaceEcho {
     rows: [[f32; 2]; FaceEcho::ROWS],
 }
 
 impl FaceEcho {
     const ROWS: usize = 65;
-    /// Greatest `u` of the rows; thicker media answer as a wall.
+    /// Greatest `u` of the rows; denser media answer like a wall.
     const MOST: f64 = 16.0;
 
     pub(crate) fn get() -> &'static FaceEcho {
         static FACE: std::sync::OnceLock<FaceEcho> = std::sync::OnceLock::new();
         FACE.get_or_init(|| {
             let rows = std::array::from_fn(|row| {
-                // Without any decay there is no peak: it recedes, ever more slowly.
+                // Without decay there is no peak: it recedes, ever more slowly.
                 let u = (Self::MOST * (row as f64 / (Self::ROWS - 1) as f64).powi(2)).max(1e-3);
                 let height = |x: f64| (PI / 2.0).sqrt() * scaled_erfc((u - x) / SQRT_2) * (-x * x / 2.0).exp();
                 // J'(x) = 0 where u J = exp(-x^2/2): the height is exp(-x^2/2) / u there. Bisection: u J - exp(-x^2/2)
@@ -171,7 +171,7 @@ impl FaceEcho {
     }
 }
 
-/// `exp(z^2) erfc(z)`: by the error function's series where that is exact enough, else by its continued fraction
+/// `exp(z^2) erfc(z)`: by the error function's series where that is accurate enough, else by its continued fraction
 /// (Abramowitz and Stegun 7.1.5, 7.1.14).
 fn scaled_erfc(z: f64) -> f64 {
     if z < 2.0 {
@@ -188,14 +188,14 @@ fn scaled_erfc(z: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Where the sensor begins to see: 0 at `near`, 1 at `far`.
+    /// Where the sensor starts to see: 0 at `near`, 1 at `far`.
     fn overlap([near, far]: [f64; 2], range: f64) -> f64 {
         ((range - near) / (far - near)).clamp(0.0, 1.0)
     }
 
-    /// Values made with scipy: pulse sin^2 of a width in ns, overlap, extinction (optical ranges of 99.86, 49.93 and
-    /// 149.8 m); range of the fog's echo, m, and J, 1/m; reflectances of walls at 10, 20, 30 and 50 m that are as
-    /// strong, `pi beta J R^2 / T` with 18.8 sr.
+    /// Values computed with scipy: pulse sin^2 of a width in ns, overlap, extinction (optical ranges of 99.86, 49.93
+    /// and 149.8 m); range of the fog's echo, m, and J, 1/m; reflectances of equally strong walls at 10, 20, 30 and 50
+    /// m, `pi beta J R^2 / T` with 18.8 sr.
     #[test]
     fn fog_answers_where_the_overlap_begins() {
         for (ns, seen, extinction, range, height, walls) in [
@@ -207,7 +207,7 @@ mod tests {
         ] {
             let density = |r: f64| overlap(seen, r) * (-2.0 * extinction * r).exp() / (r * r);
             let (found, j) = Pulse::new(PulseShape::Sin2, ns).peak([seen[0], 200.0], seen[1], density);
-            // The peak is looked for to 1e-4 of the pulse.
+            // The peak is found to 1e-4 of the pulse.
             assert!((found - range).abs() < 1e-4, "{found} {range}");
             assert!((j / height - 1.0).abs() < 5e-6, "{j} {height}");
             for (at, wall) in [10.0f64, 20.0, 30.0, 50.0].into_iter().zip(walls) {
@@ -217,7 +217,7 @@ mod tests {
         }
     }
 
-    /// The dust cloud from 5 to 17.5 m, 5 ns sin^2, 10^5 to 10^7 grains of 50 um per m^3, made with scipy: its echo
+    /// The dust cloud from 5 to 17.5 m, 5 ns sin^2, 10^5 to 10^7 grains of 50 um per m^3, computed with scipy: its echo
     /// over that of a target of reflectance 0.5 at 30 m, and of 0.05. The first is below the threshold of 0.8 at 200 m.
     #[test]
     fn dust_answers_at_its_face() {
@@ -267,7 +267,7 @@ mod tests {
         {
             assert!((erf(z) - expected).abs() < 1e-11 && erf(-z) == -erf(z));
         }
-        // The two forms meet.
+        // The two forms agree where they meet.
         assert!((scaled_erfc(1.999_999) - scaled_erfc(2.000_001)).abs() < 1e-6);
     }
 }

@@ -1,22 +1,22 @@
 //! The received signal of a beam over range, and the echoes in it.
 //!
-//! Every piece of surface that a beam meets sends its pulse back; `W(R) = sum P_i exp(-(R - R_i)^2 / (2 sigma^2))` is
-//! what the receiver sees, with the Gaussian pulse of the beam's width (whatever its shape), P_i = `rho_eff / R_i^2`,
-//! 1/m^2. An echo is a local maximum of W. Two equal pulses have one maximum up to a distance of 2 sigma.
+//! Every piece of surface that a beam meets returns its pulse; `W(R) = sum P_i exp(-(R - R_i)^2 / (2 sigma^2))` is what
+//! the receiver sees, with the Gaussian pulse of the beam's width (whatever its shape), P_i = `rho_eff / R_i^2`, 1/m^2.
+//! An echo is a local maximum of W. Two equal pulses have one maximum up to a distance of 2 sigma.
 
 use crate::detect::Peak;
 use crate::ground::lanes::LANES;
 use crate::ground::math::floor;
 use echocast_kernels::light;
 
-/// A part of the signal: the pulse as one place sends it back.
+/// A part of the signal: the pulse as returned by one place.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pulselet {
     /// Range, m.
     pub range: f32,
     /// Peak power, 1/m^2.
     pub power: f32,
-    /// Where it comes from; the number is the caller's.
+    /// Where it comes from; a number of the caller's.
     pub source: u32,
 }
 
@@ -29,7 +29,7 @@ pub(crate) struct Waveform {
 }
 
 impl Waveform {
-    /// Parts farther apart than this, in sigmas, do not see each other: `exp(-5^2/2)` = 4e-6.
+    /// Parts farther apart than this, in sigmas, do not affect each other: `exp(-5^2/2)` = 4e-6.
     const REACH: f32 = 5.0;
     /// Bins per sigma: 8 in the pulse's width at half its maximum are 3.4.
     const BINS_PER_SIGMA: f32 = 3.5;
@@ -49,13 +49,13 @@ impl Waveform {
         self.sigma
     }
 
-    /// The maxima of the signal of `parts`, which it puts in the order of range, nearest first, into `peaks`.
+    /// Puts the maxima of the signal of `parts` into `peaks`, and the parts in order of range, nearest first.
     pub(crate) fn peaks(&mut self, parts: &mut [Pulselet], peaks: &mut Vec<Peak>) {
         parts.sort_unstable_by(|a, b| a.range.total_cmp(&b.range).then(a.source.cmp(&b.source)));
         peaks.clear();
         let mut rest = &*parts;
         while let [first, ..] = rest {
-            // Parts so near to each other that they form one signal.
+            // Parts so close together that they form one signal.
             let length = self.sigma * Self::MOST_BINS as f32 / Self::BINS_PER_SIGMA;
             let mut end = 1;
             while end < rest.len()
@@ -112,14 +112,14 @@ impl Waveform {
     }
 
     /// [`Waveform::refine`] for signals side by side, each of parts that span no more than [`Waveform::NARROW`]:
-    /// `signals` has range and power of the parts. `peaks` begins as their mean range and the sum of their power.
+    /// `signals` holds range and power of the parts. `peaks` starts as their mean range and the sum of their power.
     pub(crate) fn refine_narrow<'a>(
         &self,
         signals: impl Iterator<Item = [&'a [f32; LANES]; 2]> + Clone,
         [range, power]: [&mut [f32; LANES]; 2],
     ) {
         let scale = 1.0 / self.sigma;
-        // With centres within one sigma two steps are exact to 1e-4 of it.
+        // With centres within one sigma two steps are accurate to 1e-4 of it.
         for _ in 0..2 {
             let (mut sum, mut first, mut second) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
             for [ranges, powers] in signals.clone() {
@@ -130,13 +130,13 @@ impl Waveform {
         }
     }
 
-    /// Greatest span of the parts of a signal, in sigmas, that [`Waveform::refine_narrow`] takes.
+    /// Greatest span of the parts of a signal, in sigmas, that [`Waveform::refine_narrow`] accepts.
     pub(crate) const NARROW: f32 = 1.0;
 
     /// All maxima of one signal, sampled finely enough to miss none.
     fn search(&mut self, parts: &[Pulselet], peaks: &mut Vec<Peak>) {
         let step = self.sigma / Self::BINS_PER_SIGMA;
-        // Maxima lie between the first and the last part; a bin beyond either shows that it falls there.
+        // Maxima lie between the first and the last part; one bin beyond each shows that the signal falls there.
         let start = parts[0].range - step;
         let count = ((parts[parts.len() - 1].range - start) / step) as usize + 3;
         self.bins.clear();
@@ -212,7 +212,7 @@ mod tests {
         assert_eq!(found, [Peak { range: 3.0, power: 1.0 }, Peak { range: 3.5, power: 0.5 }]);
     }
 
-    /// Amplitudes 1 and 0.5 at 0 and dR: where the maxima are and how high; values made with scipy.
+    /// Amplitudes 1 and 0.5 at 0 and dR: position and height of the maxima; values computed with scipy.
     #[test]
     fn two_echoes_of_different_strength() {
         let at = 20.0;
@@ -240,7 +240,7 @@ mod tests {
         }
     }
 
-    /// A row of equal parts is a pulse folded with a box: its middle, and its power by the error function.
+    /// A row of equal parts is a pulse convolved with a box: its middle, and its power by the error function.
     #[test]
     fn a_tilted_surface_answers_from_its_middle() {
         let parts: Vec<[f32; 2]> = (0..41).map(|i| [30.0 + 0.02 * i as f32, 1.0 / 41.0]).collect();
@@ -267,7 +267,7 @@ mod tests {
         assert!((sampled[0].range - peak.range).abs() < 3e-5 && (sampled[0].power / peak.power - 1.0).abs() < 1e-5);
     }
 
-    /// Narrow signals side by side are what they are one by one.
+    /// Narrow signals side by side give the same as one by one.
     #[test]
     fn lanes_find_what_one_signal_finds() {
         let waveform = Waveform::new(sigma());

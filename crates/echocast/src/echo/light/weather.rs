@@ -1,4 +1,4 @@
-//! What weather does to the beams of one scan: it dims what lies behind it, and answers itself.
+//! What weather does to the beams of one scan: it dims what lies behind it, and echoes itself.
 
 use super::particles::{Cone, Detectable};
 use super::pulse::{FaceEcho, Pulse};
@@ -12,14 +12,14 @@ use echocast_kernels::math::exp_negative;
 use glam::Vec3;
 use std::f64::consts::PI;
 
-/// Most particles that are drawn for one beam and medium.
+/// Most particles drawn for one beam and medium.
 const MOST_PARTICLES: u32 = 64;
 
-/// What of an instrument decides how weather shows.
+/// What determines how weather shows in an instrument.
 #[derive(Clone, Debug)]
 pub(crate) struct Receiver {
     pub pulse: Pulse,
-    /// Range below which the receiver does not see its own beam, and from which it sees all of it, m.
+    /// Range below which the receiver does not see its own beam, and range from which it sees all of it, m.
     pub overlap: [f64; 2],
     pub cone: Cone,
     pub threshold: Threshold,
@@ -46,23 +46,23 @@ pub(crate) struct AirEcho {
 
 /// A sink for the echoes of the air.
 pub(crate) trait AirEchoes {
-    /// Range at which surfaces end what `lane` sees of the air, m.
+    /// Range at which surfaces end `lane`'s view of the air, m.
     fn end(&self, lane: usize) -> f32;
 
     /// Light, as `rho_eff / R^2` in 1/m^2, that an echo of `lane` must exceed to matter; infinite where none does.
     fn least(&self, lane: usize) -> f32;
 
-    /// Takes `echo`; says whether the instrument sees it.
+    /// Takes `echo`; returns whether the instrument sees it.
     fn take(&mut self, lane: usize, echo: AirEcho, cause: Cause) -> bool;
 }
 
-/// A medium that begins and ends where the world has it.
+/// A medium with an extent in the world.
 struct MediumInPlace {
     extent: Extent,
     extinction: f32,
     backscatter: f32,
     cause: Cause,
-    /// Where the peak is behind a face in [`Air::near`], m, and its height `J`, 1/m.
+    /// Distance of the peak behind a face in [`Air::near`], m, and its height `J`, 1/m.
     near: [[f32; 2]; NEAR],
 }
 
@@ -81,32 +81,32 @@ struct Flying {
     some: f32,
 }
 
-/// Weather made ready for one scan.
+/// Weather prepared for one scan.
 pub(crate) struct Air {
     weather: Weather,
-    /// Echoes that are the same for every beam that gets beyond them.
+    /// Echoes that are the same for every beam that reaches beyond them.
     around: Vec<(AirEcho, Cause)>,
     placed: Vec<MediumInPlace>,
     flying: Vec<Flying>,
     receiver: Receiver,
     mode: ReturnMode,
-    /// Least and greatest range of faces that the receiver does not see as distant ones, m.
+    /// Least and greatest range of faces too near for the receiver to treat as distant, m.
     near: [f64; 2],
 }
 
-/// The echo of each beam that is reported.
+/// The reported echo of each beam.
 #[repr(align(64))]
 pub(crate) struct Answer {
     pub range: [f32; LANES],
     pub rho_eff: [f32; LANES],
     pub cause: [u8; LANES],
-    /// Range at which the first surface ends what a beam sees of the air, m, whether it is detected or not.
+    /// Range at which the first surface ends a beam's view of the air, m, whether it is detected or not.
     pub end: [f32; LANES],
-    /// Mirrors and faces of glass on the way.
+    /// Mirrors and faces of glass on the path.
     pub bounces: [u8; LANES],
-    /// Whether the weather on its way is taken off already.
+    /// Whether weather on the path is already accounted for.
     pub dimmed: [bool; LANES],
-    /// Part of the light of echoes that the channel of each beam makes use of.
+    /// Part of an echo's light that the channel of each beam uses.
     pub efficiency: [f32; LANES],
     /// Labels of the first surface that the beam meets.
     pub first_category: [u32; LANES],
@@ -128,13 +128,13 @@ impl Answer {
         }
     }
 
-    /// Surfaces all over, met directly.
+    /// Surfaces everywhere, met directly.
     pub(crate) fn reset(&mut self) {
         self.cause = [Cause::Surface as u8; LANES];
         (self.bounces, self.dimmed) = ([0; LANES], [false; LANES]);
     }
 
-    /// Puts `echo`, which no surface sent, in place of that of `lane` if `mode` prefers it.
+    /// Replaces the echo of `lane` by `echo`, which no surface sent, if `mode` prefers it.
     pub(crate) fn offer(
         &mut self,
         mode: ReturnMode,
@@ -159,7 +159,7 @@ impl Answer {
 }
 
 impl Air {
-    /// None where there is nothing in the air. `answers`: whether echoes of the air are looked for.
+    /// None where there is nothing in the air. `answers`: whether to look for echoes of the air.
     pub(crate) fn new(weather: Weather, receiver: Receiver, mode: ReturnMode, answers: bool) -> Option<Air> {
         if weather.media.is_empty() {
             return None;
@@ -179,7 +179,7 @@ impl Air {
         let Receiver { pulse, cone, range_max, .. } = receiver;
         let transmittance = |range: f64| (-2.0 * self.weather.depth_around_the_sensor(range)).exp();
         let farthest = range_max.min(1e4);
-        // What is everywhere answers as one; the strongest of it says why.
+        // What is everywhere answers as one; its strongest part is the cause.
         let everywhere = || self.weather.media.iter().filter(|medium| matches!(medium.extent, Extent::Everywhere));
         let strongest = everywhere().max_by(|a, b| a.backscatter.total_cmp(&b.backscatter)).map(|medium| medium.cause);
         let together: f64 = everywhere().map(|medium| medium.backscatter).sum();
@@ -218,7 +218,7 @@ impl Air {
                     near,
                 });
             }
-            // Without a threshold every particle would be seen, and the nearest would hide all else.
+            // Without a threshold every particle would be seen, and the nearest would hide everything else.
             let (Some(particles), Some(k)) = (&medium.particles, receiver.threshold.least_power()) else { continue };
             let [from, to] = match medium.extent {
                 Extent::Shell { start, end } => [start.into(), f64::from(end).min(farthest)],
@@ -229,7 +229,7 @@ impl Air {
                 let gain = |range: f64| receiver.overlap(range) * transmittance(range);
                 let seen = Detectable::new(particles, cone, [from, to], gain, k);
                 let draw = if medium.cause == Cause::Snow { Draw::Flakes } else { Draw::Drops };
-                // Counted within the kind, so that other weather does not move it.
+                // Counted within the kind, so that other weather does not shift it.
                 let before = self.flying.iter().filter(|flying| flying.draw == draw).count();
                 let address = before as u32 * MOST_PARTICLES;
                 let some = 1.0 - (-seen.mean()).exp();
@@ -238,34 +238,34 @@ impl Air {
         }
     }
 
-    /// Whether beams may have echoes where no surface is.
+    /// Whether beams may have echoes where there is no surface.
     pub(crate) fn answers(&self) -> bool {
         !(self.around.is_empty() && self.placed.is_empty() && self.flying.is_empty())
     }
 
-    /// Standard deviation of ranges over the range, from rain.
+    /// Standard deviation of ranges over range, from rain.
     pub(crate) fn range_noise(&self) -> f32 {
         self.weather.range_noise
     }
 
-    /// Optical depth, one way, of `length` m from `origin` on; `travelled`: the beam's way to there, m.
+    /// Optical depth, one way, of `length` m from `origin` on; `travelled`: the beam's path up to there, m.
     pub(crate) fn depth(&self, origin: Vec3, direction: Vec3, travelled: f32, length: f32) -> f32 {
         self.weather.media.iter().map(|medium| medium.depth(origin, direction, travelled, length)).sum()
     }
 
-    /// Optical depth, one way, of the first `length` m of a beam in what has a place in the world.
+    /// Optical depth, one way, of the first `length` m of a beam in media with a place in the world.
     fn depth_in_places(&self, origin: Vec3, direction: Vec3, length: f32) -> f32 {
         let placed = self.weather.media.iter().filter(|medium| !medium.extent.is_around_the_sensor());
         placed.map(|medium| medium.depth(origin, direction, 0.0, length)).sum()
     }
 
-    /// Transmittance, there and back, of the first `length` m of the first `count` rays, which begin at the sensor.
+    /// Two-way transmittance of the first `length` m of the first `count` rays, which start at the sensor.
     pub(crate) fn dim(&self, rays: &RayBatch, length: &[f32; LANES], count: usize, two_way: &mut [f32; LANES]) {
         self.depths(rays, length, count, two_way);
         light::transmit(two_way);
     }
 
-    /// Optical depth, one way, of the first `length` m of the first `count` rays, which begin at the sensor.
+    /// Optical depth, one way, of the first `length` m of the first `count` rays, which start at the sensor.
     fn depths(&self, rays: &RayBatch, length: &[f32; LANES], count: usize, depth: &mut [f32; LANES]) {
         depth.fill(0.0);
         for medium in &self.weather.media {
@@ -281,12 +281,12 @@ impl Air {
         }
     }
 
-    /// Tells `echoes` of what the air sends back along `rays`, one of each of `beams`.
+    /// Gives `echoes` what the air sends back along `rays`, one for each of `beams`.
     pub(crate) fn answer(&self, rays: &RayBatch, rng: &Rng, beams: &[u32], echoes: &mut impl AirEchoes) {
         let count = beams.len();
         for &(echo, cause) in &self.around {
             for lane in 0..count {
-                // A surface within the pulse hides it, and what is behind a surface is not there.
+                // A surface within the pulse hides it, and nothing is seen behind a surface.
                 if echo.range + self.receiver.pulse.merging_distance() as f32 <= echoes.end(lane) {
                     echoes.take(lane, echo, cause);
                 }
@@ -307,7 +307,7 @@ impl Air {
     }
 
     /// What the paper's program makes of a surface at `range` m whose reflectivity is `rho_eff` and must exceed
-    /// `limit`: the reflectivity that it tests, and the range and intensity of a cloud of dust that it reports instead.
+    /// `limit`: the reflectivity that it tests, and the range and intensity of a dust cloud that it reports instead.
     /// Rain adds what it should multiply, and the backscatter of dust is compared with a reflectivity.
     pub(crate) fn as_the_program(&self, range: f32, rho_eff: f32, limit: f32) -> (f32, Option<(f32, f32)>) {
         let depth = |medium: &Medium, length: f32| 2.0 * medium.extinction as f32 * length;
@@ -324,14 +324,14 @@ impl Air {
                     dry += depth(medium, range.min(end) - start);
                 }
                 Extent::Everywhere => dry += depth(medium, range),
-                // It knows no other places.
+                // It knows no other regions.
                 _ => {}
             }
         }
         (left * exp_negative(dry), None)
     }
 
-    /// The faces of media that lie in the world.
+    /// The faces of media with a place in the world.
     fn answer_from_places(&self, rays: &RayBatch, count: usize, echoes: &mut impl AirEchoes) {
         let face = FaceEcho::get();
         let sigma = self.receiver.pulse.sigma() as f32;
@@ -411,7 +411,7 @@ impl Air {
             if number >= flying.seen.mean() {
                 break;
             }
-            // In order of strength all that follow are weaker still.
+            // In order of strength all that follow are weaker.
             let strength = if by_range { f32::MAX } else { flying.seen.strongest(number) };
             if strength <= echoes.least(lane) {
                 break;
@@ -424,7 +424,7 @@ impl Air {
                 let range = flying.seen.place(strength, place);
                 AirEcho { range, rho_eff: strength * range * range }
             };
-            // Weather that has a place in the world is not in the table: it takes some of the particles away again.
+            // Weather with a place in the world is not in the table: it removes some of the particles again.
             echo.rho_eff *= exp_negative(2.0 * self.depth_in_places(org, dir, echo.range));
             if by_range && echo.range >= to {
                 break;
@@ -440,15 +440,15 @@ impl Air {
     }
 }
 
-/// The echo of each beam that the return mode prefers, when every beam has one return.
+/// The echo of each beam preferred by the return mode, when every beam has one return.
 pub(crate) struct Foremost<'a> {
-    /// The surfaces' range and dimmed effective reflectance to begin with.
+    /// Starts with the surfaces' range and dimmed effective reflectance.
     pub answer: &'a mut Answer,
     /// [`MISS`] where no surface is detected; becomes [`MEDIUM`] where the air's echo is taken.
     pub surface: &'a mut [u32; LANES],
     pub mode: ReturnMode,
     pub threshold: &'a Threshold,
-    /// Ranges that are reported of a lane, m.
+    /// Reported ranges of a lane, m.
     pub limits: &'a dyn Fn(usize) -> [f32; 2],
     pub rng: &'a Rng,
     pub beams: &'a [u32],
@@ -485,7 +485,7 @@ impl AirEchoes for Foremost<'_> {
     }
 }
 
-/// [`Extent::interval`] of each of the first `count` rays, which begin at the sensor, up to its `length` m; boxes side
+/// [`Extent::interval`] of each of the first `count` rays, which start at the sensor, up to its `length` m; boxes side
 /// by side.
 fn intervals(extent: &Extent, rays: &RayBatch, length: &[f32; LANES], count: usize) -> [[f32; LANES]; 2] {
     let (mut from, mut to) = ([0.0f32; LANES], *length);
@@ -509,7 +509,7 @@ fn exponential(uniform: f32) -> f32 {
 mod tests {
     use super::*;
 
-    /// Side by side boxes are what they are one by one, within them, beside them, along their faces.
+    /// Boxes side by side give the same as one by one: inside, beside and along their faces.
     #[test]
     fn boxes_are_met_side_by_side() {
         let extent = Extent::Box { min: Vec3::new(1.0, -2.0, 0.5), max: Vec3::new(4.0, 3.0, 2.0) };

@@ -1,17 +1,17 @@
-//! Echoes that return another way than they went: out directly and back over reflections, or the other way round.
+//! Echoes that return by another path than they went: out directly and back over reflections, or vice versa.
 
 use super::ping::{Echo, Echoes, Heard, Insonification, Parts, PingEcho, sine};
 use crate::ground::math::{LOG2_PER_DB, exp2};
 use crate::trace::{Arrival, Direct};
 
-/// Ways of a mixed echo, by its number.
+/// Paths of a mixed echo, by its number.
 const HEARD_STRAIGHT: u32 = 1;
 const SENT_STRAIGHT: u32 = 2;
 
 impl Insonification<'_> {
-    /// For each direct way to the place of an arrival two more arrivals and their answers: what comes straight back of
-    /// the arrival, then what was sent straight and comes back its way. By reciprocity both lose the same on their way,
-    /// and both come at the mean of the two one-way times; they add up as energies.
+    /// For each direct path to the place of an arrival two more arrivals and their answers: what comes straight back
+    /// from the arrival, then what was sent straight and returns along its path. By reciprocity both have the same
+    /// loss, and both arrive at the mean of the two one-way times; they add up as energies.
     pub(super) fn answer_mixed(
         &self,
         arrivals: &mut Vec<Arrival>,
@@ -35,7 +35,7 @@ impl Insonification<'_> {
                 + self.backscatter.log2_between(self.surfaces, &far, sines)
                 + self.spread_between(&far, way)
                 - 2.0 * LOG2_PER_DB * mixed.loss;
-            // Across the cell each way gets longer by its own.
+            // Across the cell each path lengthens by its own amount.
             let (reach, slide) = self.reach(&far, way.direction);
 
             let back = self.heard_from(ray, mixed.range, *launch);
@@ -54,7 +54,7 @@ impl Insonification<'_> {
 }
 
 impl Echoes {
-    /// The direct way by which arrival `index` is heard, if it was sent another way.
+    /// The direct path by which arrival `index` is heard, if it was sent another way.
     pub fn heard_straight(&self, index: usize) -> Option<&Direct> {
         let before = self.arrivals.len() - 2 * self.direct.len();
         let way = index.checked_sub(before)?;

@@ -1,4 +1,4 @@
-//! Echoes of sound: what surfaces and water send back to the beams of a sonar, and the levels that it makes.
+//! Echoes of sound: what surfaces and water send back to the beams of a sonar, and the resulting levels.
 
 mod mixed;
 mod ping;

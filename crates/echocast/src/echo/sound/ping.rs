@@ -1,6 +1,6 @@
 //! From what rays of sound meet to what the beams of a sonar hear in each range bin.
 //!
-//! Each ray stands for a cell of directions; what that cell covers of a surface sends energy back over a stretch of
+//! Each ray represents a cell of directions; the patch of surface that it covers returns energy over a stretch of
 //! range, which is divided among bins as it lies. So a bin's energy depends neither on the mesh nor on the number of
 //! rays.
 
@@ -14,14 +14,14 @@ use echocast_kernels::sound;
 use glam::{Mat3, Quat, Vec3};
 use std::sync::Arc;
 
-/// Bins that the cell of one ray is divided among at most.
+/// Most bins that the cell of one ray is divided among.
 const MOST_BINS: f32 = 256.0;
 
-/// Where the lattice of scatterers begins, its cells: flat surfaces at round heights, 0 above all, lie within cells of
-/// it and of the wider ones of the texture, and not between two of them, where rounding would decide.
+/// Where the lattice of scatterers begins, in its cells: flat surfaces at round heights, 0 above all, lie inside its
+/// cells and the wider ones of the texture, not between two of them, where rounding would decide.
 const OFF_LATTICE: f32 = 5.37;
 
-/// What is the same for all rays of a ping.
+/// What all rays of a ping share.
 pub(crate) struct Insonification<'a> {
     pub transducer: &'a Transducer,
     pub backscatter: &'a Backscatter,
@@ -35,17 +35,17 @@ pub(crate) struct Insonification<'a> {
     pub spreading_from: f32,
     /// Whether rays are straight.
     pub straight: bool,
-    /// Range from which echoes come at most, m.
+    /// Greatest range from which echoes come, m.
     pub farthest: f32,
     pub bins: usize,
     pub bin_m: f32,
-    /// Range after which the next ping is sent, m: echoes from beyond come that much nearer.
+    /// Range after which the next ping is sent, m: echoes from beyond appear that much nearer.
     pub fold: f32,
-    /// 2 / wavelength, 1/m: turns of the phase for a metre of range.
+    /// 2 / wavelength, 1/m: turns of the phase per metre of range.
     pub turns: f32,
     /// Random scatterers; `None`: the mean level.
     pub speckle: Option<Scatterers>,
-    /// How the sonar moves while sound is on its way.
+    /// How the sonar moves while sound travels.
     pub drift: Option<Drift>,
 }
 
@@ -55,34 +55,34 @@ pub(crate) struct Scatterers {
     pub rng: Rng,
     /// Side of the places that scatter as one, m.
     pub lattice: f32,
-    /// Quantiles of the texture, from the least on, of mean 1; empty: no texture.
+    /// Quantiles of the texture, rising, of mean 1; empty: no texture.
     pub texture: Arc<[f32]>,
 }
 
-/// How the sonar moves while sound is on its way, per metre of one-way range.
+/// How the sonar moves while sound travels, per metre of one-way range.
 #[derive(Clone, Copy)]
 pub(crate) struct Drift {
     /// Displacement, world, m/m.
     pub moved: Vec3,
-    /// Rotation about its own axes, rad/m; zero: it does not turn.
+    /// Rotation about its own axes, rad/m; zero: none.
     pub turned: Vec3,
 }
 
 impl Drift {
-    /// Reported range of an echo from the unit `direction` (world): the way back ends where the sonar is by then.
+    /// Reported range of an echo from the unit `direction` (world): the return path ends where the sonar is by then.
     fn range(&self, range: f32, direction: Vec3) -> f32 {
         range - range * self.moved.dot(direction)
     }
 }
 
-/// What a chunk of rays sends back: arrivals in their order, and their parts in bins.
+/// What a chunk of rays returns: arrivals in order, and their parts in bins.
 #[derive(Clone, Default)]
 pub(crate) struct Echoes {
     pub arrivals: Vec<Arrival>,
-    /// Direct ways to the places of arrivals. When they are answered, two more arrivals for each: see
+    /// Direct paths to the places of arrivals. Once answered, two more arrivals for each: see
     /// [`Echoes::heard_straight`].
     pub direct: Vec<Direct>,
-    /// Of each arrival, in their order.
+    /// For each arrival, in order.
     pub answers: Vec<PingEcho>,
     /// Parts: energies, and amplitudes with random phases, or energies again.
     pub energy: Vec<f32>,
@@ -90,7 +90,7 @@ pub(crate) struct Echoes {
     pub im: Vec<f32>,
 }
 
-/// What comes back of an arrival.
+/// What returns from an arrival.
 #[derive(Clone, Copy)]
 pub(crate) struct PingEcho {
     /// Its parts: from this one on, `parts` of them.
@@ -100,7 +100,7 @@ pub(crate) struct PingEcho {
     pub bin: u32,
     /// Reported range, m, folded.
     pub range: f32,
-    /// Range that its surface covers, m.
+    /// Range covered by its surface, m.
     pub reach: f32,
     /// How far along the surface a metre of range is.
     pub slide: Vec3,
@@ -113,15 +113,15 @@ pub(crate) struct PingEcho {
 pub(super) struct Heard {
     /// Reported range, m.
     pub at: f32,
-    /// log2 of how much louder than in the direction of the ray that told of it.
+    /// log2 of how much louder than in the direction of the ray that found it.
     pub louder: f32,
     /// Index of the [`Hearing`].
     pub hearing: u32,
 }
 
-/// An echo that is to be divided among bins.
+/// An echo to be divided among bins.
 pub(super) struct Echo {
-    /// Energy; `None`: it is not heard.
+    /// Energy; `None`: not heard.
     pub power: Option<f32>,
     pub heard: Heard,
     /// Stretch of range, m, and how far along the surface a metre of it is.
@@ -131,7 +131,7 @@ pub(super) struct Echo {
     pub way: u32,
 }
 
-/// Parts of echoes, and those that wait for random amplitudes.
+/// Parts of echoes, and those waiting for random amplitudes.
 pub(super) struct Parts<'a> {
     energy: &'a mut Vec<f32>,
     re: &'a mut Vec<f32>,
@@ -139,7 +139,7 @@ pub(super) struct Parts<'a> {
     batch: Batch,
 }
 
-/// Parts on their way to random amplitudes, as many as are made at once.
+/// Parts waiting for random amplitudes, as many as are drawn at once.
 struct Batch {
     /// In cells of the lattice.
     place: [[f32; BATCH]; 3],
@@ -172,7 +172,7 @@ impl Insonification<'_> {
                 loudness += heard.louder;
             }
             let (reach, slide) = self.reach(arrival, arrival.direction);
-            // Over reflections also what is heard straight back alone has arrived.
+            // After reflections also what is only heard straight back has arrived.
             let in_reach = arrival.order == 0 || arrival.range <= self.farthest;
             let power = if in_reach { Some(exp2(loudness)) } else { None };
             answers.push(self.divide(arrival, Echo { power, heard, reach, slide, way: 0 }, &mut parts));
@@ -183,7 +183,7 @@ impl Insonification<'_> {
         }
     }
 
-    /// How the echo that came back along its ray is heard, by `drift`.
+    /// How the echo that came back along its ray is heard, given `drift`.
     pub(super) fn heard_later(&self, drift: &Drift, ray: usize, range: f32, direction: Vec3) -> Heard {
         if drift.turned == Vec3::ZERO {
             let hearing = self.transducer.hearing[ray];
@@ -192,30 +192,30 @@ impl Insonification<'_> {
         self.heard_from(ray, range, direction)
     }
 
-    /// How an echo of a one-way range is heard that comes from the unit `direction` (world), of which a ray has told.
+    /// How an echo of a one-way range from the unit `direction` (world), found by a ray, is heard.
     pub(super) fn heard_from(&self, ray: usize, range: f32, direction: Vec3) -> Heard {
         let mut at = range;
         let mut seen = self.rotation.transpose() * direction;
         if let Some(drift) = &self.drift {
             at = drift.range(range, direction);
-            // From the sonar, the world turns the other way.
+            // Seen from the sonar, the world turns the other way.
             seen = Quat::from_scaled_axis(-range * drift.turned) * seen;
         }
         let (louder, hearing) = self.transducer.heard_beside(ray, seen);
         Heard { at, louder, hearing }
     }
 
-    /// By how much the range of an echo that leaves back along the unit `back` changes over a ray's cell, m, and how
-    /// far along the surface a metre of range is.
+    /// How much the range of an echo that leaves back along the unit `back` changes over a ray's cell, m, and how far
+    /// along the surface a metre of range is.
     pub(super) fn reach(&self, arrival: &Arrival, back: Vec3) -> (f32, Vec3) {
-        /// Sine of the grazing angle, 0.6 degrees, from which on cells cover no more: at the rim of a round thing they
+        /// Sine of the least grazing angle, 0.6 degrees, for the extent of cells: at the rim of a round object they
         /// would reach far behind it.
         const LEAST: f32 = 1e-2;
         let (direction, normal) = (arrival.direction, arrival.normal);
         let along = direction.dot(normal);
         let least = LEAST * normal.length();
         let towards = if along.abs() > least { along } else { least.copysign(along) };
-        // From one side of the cell to the other, along the surface: how much farther that is, and the way there.
+        // From one side of the cell to the other, along the surface: the change of range, and the displacement.
         let side = |across: Vec3| {
             let farther = -across.dot(normal) / towards;
             let way = across + direction * farther;
@@ -227,7 +227,7 @@ impl Insonification<'_> {
         let Some(&aside) = self.transducer.aside.get(ray) else {
             return (reach, if reach.abs() > 1e-6 { way / reach } else { Vec3::ZERO });
         };
-        // Sides of the cell one by the other: as long as the spread of both is, the way as both have it on average.
+        // The cell's sides combined: length by the spread of both, direction as both have it on average.
         let (reach_aside, way_aside) = side(self.across(ray, arrival, tangent.cross(self.launch(ray)) * aside));
         let square = reach * reach + reach_aside * reach_aside;
         let way = way * reach + way_aside * reach_aside;
@@ -263,8 +263,8 @@ impl Insonification<'_> {
             return answer;
         };
         let instance = self.surfaces.rows.get(arrival.surface as usize).map_or(MEDIUM, |row| row.instance_id);
-        // Each ray and each way has its own scatterers: were those of one place the same for several, their echoes
-        // would be in step where the surface is met head-on, and the more rays, the louder.
+        // Each ray and each path has its own scatterers: if several shared those of one place, their echoes would be in
+        // phase where the surface is met head-on, and the more rays, the louder.
         let ray = arrival.ray.wrapping_mul(0x85EB_CA6B).rotate_left(16);
         let object = instance.wrapping_mul(0x9E37_79B9).wrapping_add(ray) ^ Draw::Speckle as u32 ^ (way << 24);
         let per_lattice = 1.0 / scatterers.lattice;
@@ -300,7 +300,7 @@ impl Insonification<'_> {
         self.rotation * Vec3::new(x[ray], y[ray], z[ray])
     }
 
-    /// What is `tangent` (rad) from one side of a ray's cell to the other, where it arrives, m.
+    /// Length of `tangent` (rad) from one side of a ray's cell to the other, where the ray arrives, m.
     fn across(&self, ray: usize, arrival: &Arrival, tangent: Vec3) -> Vec3 {
         let [upright, level] = arrival.tube;
         if self.straight && arrival.order == 0 {
@@ -321,15 +321,15 @@ impl Insonification<'_> {
         self.spread_between(arrival, arrival)
     }
 
-    /// log2 of what spreading leaves of an echo that went `out` and comes `back`: of the way back alone, as the way
-    /// there makes the footprint that the ray stands for. Levels do not rise within a metre of the sonar.
+    /// log2 of what spreading leaves of an echo that went `out` and comes `back`: of the return path alone, as the
+    /// outward path makes the footprint that the ray represents. Levels do not rise within a metre of the sonar.
     pub(super) fn spread_between(&self, out: &Arrival, back: &Arrival) -> f32 {
         if self.spreading == Spreading::RayTube {
             let [upright, level] = back.tube;
             // At a caustic the tube is as wide as diffraction leaves it.
             let length = back.path;
             let least = length.min((2.0 * length / self.turns).sqrt());
-            // Pressure there is that of the intensity by the impedance: on both ways.
+            // Pressure there follows from intensity by the impedance: on both paths.
             return log2(out.speed * back.speed) - log2((upright.max(least) * level).max(1e-6)).abs();
         }
         let [out, back] = [out, back].map(|way| log2(way.path.max(1e-3)));
@@ -344,7 +344,7 @@ pub(super) fn sine(direction: Vec3, normal: Vec3) -> f32 {
 }
 
 impl Parts<'_> {
-    /// [`Batch::scatter`] of what waits for it.
+    /// [`Batch::scatter`] of what is waiting for it.
     fn scatter(&mut self, scatterers: &Scatterers) {
         self.batch.scatter(scatterers, self.energy, self.re, self.im);
     }
@@ -362,7 +362,7 @@ impl Batch {
         for (place, cells) in self.place.iter().zip(&mut cells) {
             sound::cells(place, cells);
         }
-        // All lanes, also those that hold nothing yet: loops of fixed length are vector instructions.
+        // All lanes, including those still empty: loops of fixed length compile to vector instructions.
         let [a, b, c] = &cells;
         scatterers.rng.phasors([a, b, c, &self.object], &self.turn, &mut x, &mut y);
         if !scatterers.texture.is_empty() {
@@ -379,10 +379,10 @@ impl Batch {
         self.count = 0;
     }
 
-    /// Makes places some lattice cells wide louder or fainter.
+    /// Makes places several lattice cells wide louder or fainter.
     #[inline(never)]
     fn roughen(&mut self, scatterers: &Scatterers, cells: &[[u32; BATCH]; 3]) {
-        /// Lattice cells, as a power of 2, along a side of a place of one texture: some range cells.
+        /// Lattice cells, as a power of 2, along a side of a place of one texture: several range cells.
         const WIDE: u32 = 4;
         for part in 0..self.count {
             let address = cells.each_ref().map(|axis| ((axis[part] as i32) >> WIDE) as u32);
@@ -392,11 +392,11 @@ impl Batch {
     }
 }
 
-/// A gamma distribution of mean 1 and this shape, cut into parts of even probability: the mean of each, rising.
+/// A gamma distribution of mean 1 and this shape, cut into equally probable parts: the mean of each, rising.
 pub(crate) fn texture(shape: f64) -> Arc<[f32]> {
     const PARTS: usize = 4096;
     const STEPS: usize = 400_000;
-    // The density over the logarithm t of the number is e^(shape t - e^t): smooth, and nothing outside these ends.
+    // The density over the logarithm t of the number is e^(shape t - e^t): smooth, and negligible outside these ends.
     let (low, high) = (-40.0 / shape, (shape + 12.0 * shape.sqrt() + 40.0).ln());
     let step = (high - low) / STEPS as f64;
     let densities = (0..STEPS).map(|index| {
@@ -416,7 +416,7 @@ pub(crate) fn texture(shape: f64) -> Arc<[f32]> {
     parts.iter().map(|[weight, sum]| (sum / weight.max(1e-300) / shape) as f32).collect()
 }
 
-/// Beams side by side that are heard together.
+/// Adjacent beams that are heard together.
 #[derive(Clone, Default)]
 pub(crate) struct Tile {
     /// Beams of this tile: from `beams.0` to before `beams.1`.
@@ -424,30 +424,30 @@ pub(crate) struct Tile {
     /// Sums by bin and beam: of amplitudes, or in `re` of energies without speckle.
     pub re: Vec<f32>,
     pub im: Vec<f32>,
-    /// Energy of the strongest arrival of each cell, and which that is: see [`Tile::hear`].
+    /// Energy of the strongest arrival of each cell, and its number: see [`Tile::hear`].
     pub most: Vec<f32>,
     pub who: Vec<u32>,
-    /// Energy times the angle beside the beam's axis, and energy; of swaths.
+    /// Energy times the angle from the beam's axis, and energy; for swaths.
     pub lean: Vec<f32>,
     pub total: Vec<f32>,
-    /// Solid angle that is still open at each bin, sr, less what is closed there.
+    /// Solid angle still open at each bin, sr, minus what is closed there.
     pub open: Vec<f32>,
 }
 
 /// No arrival.
 pub(crate) const NOBODY: u32 = u32::MAX;
 
-/// Arrivals of a chunk at most: their number goes into the lower bits of [`Tile::who`].
+/// Most arrivals of a chunk: their number goes into the lower bits of [`Tile::who`].
 pub(crate) const CHUNK_BITS: u32 = 16;
 
-/// What a tile finds out.
+/// What a tile determines.
 #[derive(Clone, Copy)]
 pub(crate) struct Wants {
-    /// Which arrival is the strongest of each cell.
+    /// The strongest arrival of each cell.
     pub who: bool,
     /// Where in its beam an echo lies.
     pub lean: bool,
-    /// How much of the water is still in sight.
+    /// How much of the water is still in view.
     pub open: bool,
     /// Amplitudes with phases, not energies.
     pub speckle: bool,
@@ -476,7 +476,7 @@ impl Tile {
         self.who.resize(if wants.who { cells } else { 0 }, NOBODY);
     }
 
-    /// Adds the parts of an arrival that one beam hears, where its bins follow each other.
+    /// Adds the parts of an arrival heard by one beam whose bins are consecutive.
     fn hear_alone(&mut self, echoes: &Echoes, answer: &PingEcho, loud: f32, who: u32, wants: Wants) {
         let parts = answer.first as usize..(answer.first + answer.parts) as usize;
         let cells = answer.bin as usize..(answer.bin + answer.parts) as usize;
@@ -491,8 +491,8 @@ impl Tile {
         }
     }
 
-    /// Adds the parts of an arrival that beams side by side hear, from the tile's beam `first` on, as loud as
-    /// `loudness` says.
+    /// Adds the parts of an arrival heard by adjacent beams, from the tile's beam `first` on, as loud as `loudness`
+    /// says.
     fn hear_together(
         &mut self,
         echoes: &Echoes,
@@ -516,7 +516,7 @@ impl Tile {
         }
     }
 
-    /// Adds up where in the beams the energy of an arrival comes from.
+    /// Accumulates where in the beams the energy of an arrival comes from.
     fn lean(&mut self, echoes: &Echoes, answer: &PingEcho, first: usize, [loudness, beside]: [&[f32]; 2]) {
         let width = self.width();
         let parts = answer.first as usize..(answer.first + answer.parts) as usize;
@@ -555,7 +555,7 @@ impl Tile {
     /// Closes the water of a bin, and behind it, to beams by the cell of a ray that meets something there.
     fn close(&mut self, transducer: &Transducer, ray: usize, bin: usize) {
         let width = self.width();
-        // Of the beams at the start, by which the open water is reckoned.
+        // Uses the beams at the start, which define the open water.
         let Hearing { first, from, to } = transducer.hearings[transducer.hearing[ray] as usize];
         let (first, last) = (first as usize, (first + to - from) as usize);
         let (low, high) = (first.max(self.beams.0), last.min(self.beams.1));
@@ -575,7 +575,7 @@ impl Tile {
 mod tests {
     use super::*;
 
-    /// A texture times an exponential is K-distributed: a table made with another library has quantiles and moments.
+    /// A texture times an exponential is K-distributed: compared with quantiles and moments from another library.
     #[test]
     fn textures_make_k_distributions() {
         let table = include_str!("../../../../../tests/data/sonar/speckle_statistics.json");

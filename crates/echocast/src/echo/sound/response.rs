@@ -10,21 +10,21 @@ use std::f64::consts::PI;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Taper {
-    /// None: `sinc^2` with first sidelobes at -13.3 dB; an unmodulated pulse is as long as it is.
+    /// None: `sinc^2` with first sidelobes at -13.3 dB; an unmodulated pulse keeps its length.
     #[default]
     None,
-    /// Hamming: sidelobes below -42 dB, 1.47 times as wide; areas, noise and what floats in the water are 1.34 dB
-    /// louder beside a point. Of a pulse with a `bandwidth_khz`.
+    /// Hamming: sidelobes below -42 dB, 1.47 times as wide; areas, noise and volume backscatter are 1.34 dB louder
+    /// relative to a point. For a pulse with a `bandwidth_khz`.
     Hamming,
 }
 
 impl Taper {
-    /// The spectrum `0.54 + 0.46 cos` of a Hamming window (Harris 1978) is one line and two of half the cosine: these
-    /// to that one.
+    /// The spectrum `0.54 + 0.46 cos` of a Hamming window (Harris 1978) is one line and two of half the cosine: the
+    /// latter over the former.
     pub(crate) const HAMMING: f64 = 0.23 / 0.54;
 
-    /// Energy over range of a point-like echo that is 1 in its middle, resolutions: an untapered one has that of one.
-    /// Equivalent noise bandwidth of the window (Harris 1978, table I: 1.36).
+    /// Energy over range of a point-like echo that is 1 in its middle, resolutions: 1 if untapered. Equivalent noise
+    /// bandwidth of the window (Harris 1978, table I: 1.36).
     pub(crate) fn resolutions(self) -> f64 {
         match self {
             Taper::None => 1.0,
@@ -34,10 +34,10 @@ impl Taper {
 }
 
 /// What a point-like echo looks like over range bins: amplitudes, 1 in the middle (less where a bin is longer than the
-/// resolution and holds the mean of what it covers), symmetrical.
+/// resolution and holds the mean over its length), symmetric.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Response {
-    /// From the middle on.
+    /// From the middle outwards.
     taps: Vec<f32>,
     /// Sum of the squares of all taps.
     power: f32,
@@ -47,15 +47,15 @@ impl Response {
     /// Bins are `bin` resolutions `c / (2 B)` long; `modulated`: compressed by a matched filter.
     ///
     /// # Errors
-    /// The least `bin` that is possible: shorter ones would need more taps than that.
+    /// The least possible `bin`: shorter ones would need more taps than that.
     pub fn new(bin: f64, modulated: bool, taper: Taper) -> Result<Response, f64> {
-        /// Resolutions to each side: four sidelobes, the fifth is 27 dB down.
+        /// Resolutions on each side: four sidelobes, the fifth is 27 dB down.
         const REACH: f64 = 4.5;
-        /// Bounds the work for bins much shorter than the pulse.
+        /// Limits the work for bins much shorter than the pulse.
         const MOST_TAPS: f64 = 1024.0;
         let sinc = |x: f64| if x == 0.0 { 1.0 } else { (PI * x).sin() / (PI * x) };
         let shape = |x: f64| match taper {
-            // An unmodulated pulse is even over one resolution; its edges count half.
+            // An unmodulated pulse is uniform over one resolution; its edges count half.
             _ if !modulated => {
                 let edge = (0.5 + 0.5 * bin - x) / bin;
                 edge.clamp(0.0, 1.0).sqrt()
@@ -72,7 +72,7 @@ impl Response {
         taps[0] = 1.0;
         let sum = |taps: &[f32]| taps[0] * taps[0] + 2.0 * taps[1..].iter().map(|tap| tap * tap).sum::<f32>();
         if bin > 1.0 {
-            // The mean over a long bin: an area has the level that it has in short ones.
+            // The mean over a long bin: an area has the same level as in short ones.
             let scale = (taper.resolutions() as f32 / (bin as f32 * sum(&taps))).sqrt();
             taps.iter_mut().for_each(|tap| *tap *= scale);
         }
@@ -80,17 +80,17 @@ impl Response {
         Ok(Response { taps, power })
     }
 
-    /// Power of a point-like echo `bins` from its middle, of that in it.
+    /// Power of a point-like echo `bins` from its middle, relative to the middle.
     pub fn power_at(&self, bins: usize) -> f64 {
         self.taps.get(bins).map_or(0.0, |&tap| f64::from(tap * tap))
     }
 
-    /// Bins to each side in which a point is heard.
+    /// Bins on each side in which a point is heard.
     pub fn reach(&self) -> usize {
         self.taps.len() - 1
     }
 
-    /// Adds up `line` over range into `out`; `padded` is memory.
+    /// Sums `line` over range into `out`; `padded` is memory.
     fn convolve(&self, line: &[f32], squared: bool, padded: &mut Vec<f32>, out: &mut [f32]) {
         let half = self.taps.len() - 1;
         padded.clear();
@@ -100,12 +100,12 @@ impl Response {
     }
 }
 
-/// What is heard beside echoes of surfaces.
+/// What is heard besides echoes of surfaces.
 pub(crate) struct Background<'a> {
     pub rng: Rng,
     /// Power of the noise in a cell, uPa^2.
     pub noise: f32,
-    /// Power that a steradian of open water sends back from each bin, uPa^2; empty: none.
+    /// Power that a steradian of open water returns from each bin, uPa^2; empty: none.
     pub volume: &'a [f32],
     /// Solid angle of each beam, sr.
     pub solid_angles: &'a [f32],
@@ -160,7 +160,7 @@ impl Tile {
         }
     }
 
-    /// Amplitudes of noise and of what floats in the water of a beam, uPa; before the response, if `coherent`.
+    /// Amplitudes of the noise and volume backscatter of a beam, uPa; before the response, if `coherent`.
     fn hiss(&self, beam: usize, response: &Response, background: &Background, coherent: bool, amplitudes: &mut [f32]) {
         let width = self.width();
         let share = if coherent { 1.0 / response.power } else { 1.0 };

@@ -15,11 +15,11 @@ pub(super) struct Factor {
 #[derive(Clone, Debug, PartialEq)]
 enum Weights {
     Uniform,
-    /// With the sum of the weights, of N.
+    /// With the sum of the weights for N.
     Hamming {
         share: f64,
     },
-    /// With `x0`, where the polynomial has the height 1 / `lowest`.
+    /// With `x0`, where the polynomial reaches the height 1 / `lowest`.
     Chebyshev {
         x0: f64,
         lowest: f64,
@@ -45,7 +45,7 @@ impl Factor {
         self.elements * self.pitch
     }
 
-    /// u from a main lobe to the next.
+    /// u from one main lobe to the next.
     pub fn spacing(&self) -> f64 {
         self.pitch.recip()
     }
@@ -95,7 +95,7 @@ mod tests {
         Factor::new(&Array { elements, pitch_m: 0.5, shading, element_m: None }, 1.0)
     }
 
-    /// The sum over the elements as it is defined.
+    /// The sum over the elements by definition.
     #[test]
     fn closed_forms_are_the_sums() {
         for elements in [2, 3, 8, 33] {
@@ -118,7 +118,7 @@ mod tests {
         }
     }
 
-    /// Weights of N elements give it: those that its values at N angles ask for give the others too.
+    /// Weights of N elements produce it: those that fit its values at N angles fit the others too.
     #[test]
     fn chebyshev_is_a_sum_over_the_elements() {
         for elements in [2u32, 7, 16] {

@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_PI_4, PI};
 /// `2 J1(x) / x`, 1 at 0, to 1e-10.
 ///
 /// Up to 12 the power series (Abramowitz & Stegun 9.1.10), beyond it Hankel's asymptotic expansion (9.2.5, 9.2.9 and
-/// 9.2.10; 9.4 has polynomials of 1e-7 in their place).
+/// 9.2.10; 9.4 gives polynomials of 1e-7 instead).
 pub(super) fn jinc(x: f64) -> f64 {
     let x = x.abs();
     if x < 12.0 {
@@ -43,8 +43,8 @@ pub(super) fn jinc(x: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Bessel's integral, `J1(x) = 1/pi integral of cos(t - x sin t) over 0..pi`, whose trapezoids converge faster than
-    /// any power; and zeros from Abramowitz & Stegun, table 9.5.
+    /// Bessel's integral, `J1(x) = 1/pi integral of cos(t - x sin t) over 0..pi`, for which the trapezoidal rule
+    /// converges faster than any power; and zeros from Abramowitz & Stegun, table 9.5.
     #[test]
     fn jinc_is_bessels_integral() {
         const STEPS: usize = 400;

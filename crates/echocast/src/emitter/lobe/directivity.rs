@@ -1,18 +1,18 @@
-//! Directivity indices: how much less of the noise that comes from everywhere an aperture hears.
+//! Directivity indices: how much less isotropic noise an aperture hears.
 
 use super::BeamPattern;
 use super::bessel::jinc;
 use super::integral::{integral, integral_over};
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Above so many wavelengths (or ka) the first terms of the asymptotic expansion are right to 1e-4 dB.
+/// Above this many wavelengths (or ka) the first terms of the asymptotic expansion are accurate to 1e-4 dB.
 const LONG: f64 = 1000.0;
 
-/// Directivity index of a uniform line, dB, that hears all around itself: `10 log(4 pi / integral of b over the
+/// Directivity index of a uniform line, dB, that hears all round itself: `10 log(4 pi / integral of b over the
 /// sphere)`, `10 log(2 L / lambda)` if it is long. `length_in_wavelengths` is above 0.
 pub fn line_directivity(length_in_wavelengths: f64) -> f64 {
     let length = length_in_wavelengths;
-    // The integral of sinc(x)^2 over 0..length; over angle the cosine makes it one over u.
+    // The integral of sinc(x)^2 over 0..length; the cosine turns the integral over angle into one over u.
     let area = if length > LONG {
         0.5 - 0.5 / (PI * PI * length)
     } else {
@@ -23,7 +23,7 @@ pub fn line_directivity(length_in_wavelengths: f64) -> f64 {
 }
 
 /// Directivity index of a rectangular face of `length` x `height` wavelengths in a wall, dB: `10 log(4 pi L H /
-/// lambda^2)`, right where both are several wavelengths (to 0.01 dB for 180 x 6); [`directivity`] of two lines is right
+/// lambda^2)`, valid where both are several wavelengths (to 0.01 dB for 180 x 6); [`directivity`] of two lines is valid
 /// for all.
 pub fn rectangle_directivity(length: f64, height: f64) -> f64 {
     10.0 * (4.0 * PI * length * height).log10()
@@ -40,15 +40,15 @@ pub fn piston_directivity(ka: f64) -> f64 {
     10.0 * (2.0 / half).log10()
 }
 
-/// Directivity index of a round aperture in a wall that has the pattern `lobe` all around its axis, dB:
-/// `10 log(4 pi / integral of b over the half sphere before it)`.
+/// Directivity index of a round aperture in a wall with the pattern `lobe` all round its axis, dB: `10 log(4 pi /
+/// integral of b over the half sphere before it)`.
 pub(crate) fn round_directivity(lobe: &BeamPattern) -> f64 {
     let power = |theta: f64| lobe.amplitude(theta.sin()).powi(2) * theta.sin();
     let edges = lobe.panels().into_iter().filter(|&u| u >= 0.0).map(f64::asin);
     10.0 * (2.0 / integral_over(&power, edges, 1e-9 * lobe.detail().powi(2))).log10()
 }
 
-/// Directivity index of a line array in a wall that hears all around itself, dB: `10 log(4 / integral of b over u)`, as
+/// Directivity index of a line array in a wall that hears all round itself, dB: `10 log(4 / integral of b over u)`, as
 /// `d(solid angle) = pi d(u)` before the wall.
 pub(crate) fn wall_directivity(lobe: &BeamPattern) -> f64 {
     10.0 * (4.0 / over_sines(lobe)).log10()
@@ -59,10 +59,10 @@ fn over_sines(lobe: &BeamPattern) -> f64 {
     integral_over(&|u| lobe.amplitude(u).powi(2), lobe.panels(), 1e-6 * lobe.detail())
 }
 
-/// Directivity index of an aperture in a wall that has the pattern `across` in one plane and `up` in the other, dB: `10
-/// log(4 pi / integral of b over the half sphere before it)`; what is behind is silent. The patterns multiply, each at
-/// the direction cosine along its edge. Good to 0.01 dB, for lobes of a thousandth of a degree too; of arrays with so
-/// many grating lobes that nobody builds them (a pitch of more than 8 wavelengths) good to 2 dB.
+/// Directivity index of an aperture in a wall with the pattern `across` in one plane and `up` in the other, dB: `10
+/// log(4 pi / integral of b over the half sphere before it)`; the half sphere behind is silent. The patterns multiply,
+/// each at the direction cosine along its edge. Accurate to 0.01 dB, even for lobes of a thousandth of a degree; to 2
+/// dB for arrays with so many grating lobes that nobody builds them (a pitch of more than 8 wavelengths).
 pub fn directivity(across: &BeamPattern, up: &BeamPattern) -> f64 {
     const PRECISION: f64 = 1e-6;
     let (fine_across, fine_up) = (across.detail(), up.detail());

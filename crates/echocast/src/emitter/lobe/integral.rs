@@ -1,15 +1,15 @@
 //! Integrals of patterns.
 
-/// Simpson's rule over `panels` of equal width, as [`integral_over`].
+/// Simpson's rule over `panels` of equal width, see [`integral_over`].
 pub(super) fn integral(f: &impl Fn(f64) -> f64, [from, to]: [f64; 2], panels: usize, tolerance: f64) -> f64 {
     let width = (to - from) / panels as f64;
     integral_over(f, (0..=panels).map(|edge| from + width * edge as f64), tolerance)
 }
 
-/// Simpson's rule over the panels between rising `edges`, each halved until that changes its integral by no more than
+/// Simpson's rule over the panels between rising `edges`, each halved until its integral changes by no more than
 /// `tolerance`.
 pub(super) fn integral_over(f: &impl Fn(f64) -> f64, edges: impl IntoIterator<Item = f64>, tolerance: f64) -> f64 {
-    /// Enough to cut 1e-6 of a panel out at an edge.
+    /// Enough to isolate 1e-6 of a panel at an edge.
     const MOST_HALVINGS: u32 = 24;
     let mut edges = edges.into_iter();
     let Some(mut start) = edges.next() else { return 0.0 };
@@ -25,7 +25,7 @@ pub(super) fn integral_over(f: &impl Fn(f64) -> f64, edges: impl IntoIterator<It
     sum
 }
 
-/// One panel, of which `f` at both ends and in the middle is known.
+/// One panel, with `f` known at both ends and in the middle.
 fn halved(f: &impl Fn(f64) -> f64, [a, b]: [f64; 2], [fa, fm, fb]: [f64; 3], tolerance: f64, halvings: u32) -> f64 {
     let (middle, sixth) = (0.5 * (a + b), (b - a) / 6.0);
     let (left, right) = (f(0.5 * (a + middle)), f(0.5 * (middle + b)));
@@ -33,7 +33,7 @@ fn halved(f: &impl Fn(f64) -> f64, [a, b]: [f64; 2], [fa, fm, fb]: [f64; 3], tol
     let halves = 0.5 * sixth * (fa + 4.0 * left + 2.0 * fm + 4.0 * right + fb);
     let change = halves - whole;
     if halvings == 0 || change.abs() <= tolerance || change.is_nan() {
-        // What the next halvings would change, by the rule's fourth order.
+        // What further halvings would change, by the rule's fourth order.
         return halves + change / 15.0;
     }
     halved(f, [a, middle], [fa, left, fm], tolerance, halvings - 1)

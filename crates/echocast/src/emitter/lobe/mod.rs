@@ -1,6 +1,6 @@
-//! Beam patterns: how loud an aperture of a sonar is in directions off its axis, in one plane.
+//! Beam patterns: how loud a sonar aperture is in directions off its axis, in one plane.
 //!
-//! Amplitudes are signed and 1 on the axis; powers are their squares (one way). An aperture of two planes, as of a
+//! Amplitudes are signed and 1 on the axis; powers are their squares (one way). An aperture of two planes, such as a
 //! rectangular face, has the product of two patterns, each at the direction cosine along its own edge.
 
 mod array;
@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_PI_2;
 use std::fmt;
 
-/// The pattern of an aperture in one plane, as a file says it: a number, or a section with a `shape`.
+/// The pattern of an aperture in one plane, as written in a file: a number, or a section with a `shape`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Lobe {
@@ -32,13 +32,13 @@ pub enum Lobe {
     Shape(Shape),
 }
 
-/// Shapes of patterns. All widths are full ones at -3 dB (half the power), degrees, 0.001 to 180.
+/// Shapes of patterns. All widths are full widths at -3 dB (half the power), degrees, 0.001 to 180.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "shape", rename_all = "snake_case")]
 pub enum Shape {
-    /// A line that sends and hears alike all along: `sin(x) / x`.
+    /// A line that sends and hears uniformly along its length: `sin(x) / x`.
     Line(Line),
-    /// Without sidelobes: the power falls with the square of the angle in dB.
+    /// Without sidelobes: the power in dB falls with the square of the angle.
     Gaussian {
         /// Full width, degrees.
         width_deg: f64,
@@ -63,7 +63,7 @@ pub enum Shape {
 /// Size of a uniform line.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub enum Line {
-    /// Full width of its lobe, degrees: the line is as long as that takes at its wavelength.
+    /// Full width of its lobe, degrees: the line has the length that this takes at its wavelength.
     #[serde(rename = "width_deg")]
     Width(f64),
     /// Length, m, 1e-6 to 1000.
@@ -74,7 +74,7 @@ pub enum Line {
 /// Size of a round piston.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub enum Piston {
-    /// Full width of its lobe, degrees: the piston is as wide as that takes at its wavelength.
+    /// Full width of its lobe, degrees: the piston has the width that this takes at its wavelength.
     #[serde(rename = "width_deg")]
     Width(f64),
     /// Diameter, m, 1e-6 to 1000.
@@ -87,7 +87,7 @@ pub enum Piston {
 pub struct Array {
     /// Number of elements, 2 to 4096.
     pub elements: u32,
-    /// From the middle of one to that of the next, m, 1e-6 to 1000.
+    /// From the middle of one element to that of the next, m, 1e-6 to 1000.
     pub pitch_m: f64,
     /// Weights of the elements.
     #[serde(flatten)]
@@ -97,15 +97,15 @@ pub struct Array {
     pub element_m: Option<f64>,
 }
 
-/// Weights of the elements of an array: less sidelobes for a wider main lobe.
+/// Weights of the elements of an array: lower sidelobes for a wider main lobe.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(tag = "shading", rename_all = "snake_case")]
 pub enum Shading {
-    /// All alike: sidelobes of -13.3 dB.
+    /// All equal: sidelobes of -13.3 dB.
     Uniform,
     /// `0.54 - 0.46 cos(2 pi n / (N - 1))`: sidelobes of -42.7 dB.
     Hamming,
-    /// Dolph and Chebyshev's: all sidelobes alike, and no narrower lobe has them that low.
+    /// Dolph and Chebyshev's: all sidelobes equal, with the narrowest main lobe for that level.
     Chebyshev {
         /// How far the sidelobes are below the main lobe, dB, 10 to 150.
         sidelobe_db: f64,
@@ -141,7 +141,7 @@ impl Lobe {
         Ok(lobe)
     }
 
-    /// Whether all values, which are at `key`, are within what is allowed; shows all that have bounds to `bounds`.
+    /// Whether all values, which are at `key`, are allowed; shows those that have bounds to `bounds`.
     pub(crate) fn check(&self, bounds: &mut Bounds, key: &str) -> Result<()> {
         let width = |bounds: &mut Bounds, key: String, deg: f64| bounds.within(key, deg, NARROWEST_DEG, 180.0);
         let size = |bounds: &mut Bounds, name: &str, m: f64| bounds.within(join(key, name), m, SIZES_M[0], SIZES_M[1]);
@@ -217,12 +217,13 @@ fn check_rows(rows: &[Row], bounds: &mut Bounds, key: &str) -> Result<()> {
     Ok(())
 }
 
-/// Angle over which a pattern of 1 would hold as much: the integral over the angle off the axis, rad, from -pi/2 to
-/// pi/2, of `power`, a power pattern (1 on its axis).
+/// Width of the rectangle of height 1 with the same integral: the integral over the angle off the axis, rad, from -pi/2
+/// to pi/2, of `power`, a power pattern (1 on its axis).
 ///
-/// What is narrower than 1e-4 rad (0.006 deg) is seen for sure only where `power` is asked at a multiple of that.
+/// Anything narrower than 1e-4 rad (0.006 deg) is certain to be seen only where `power` is sampled at a multiple of
+/// that.
 pub fn equivalent_width(power: impl Fn(f64) -> f64) -> f64 {
-    /// A power of 2, so that the axis is among the angles asked for.
+    /// A power of 2, so that the axis is among the samples.
     const PANELS: usize = 8192;
     integral::integral(&power, [-FRAC_PI_2, FRAC_PI_2], PANELS, 1e-10)
 }
@@ -304,7 +305,7 @@ impl<'de> Deserialize<'de> for Shape {
     }
 }
 
-/// The width (`Ok`) or the size (`Err`), of which a section must have exactly one.
+/// The width (`Ok`) or the size (`Err`); a section must have exactly one.
 fn one_of<E: de::Error>(width_deg: Option<f64>, (name, size): (&str, Option<f64>)) -> Result<Result<f64, f64>, E> {
     match (width_deg, size) {
         (Some(deg), None) => Ok(Ok(deg)),
@@ -450,7 +451,7 @@ mod tests {
         assert_eq!(bounds(table, "send.along.rows[1].angle_deg"), ((-5f64).next_up(), 8f64.next_down()));
     }
 
-    /// Values that no check has seen: no panic, no hanging.
+    /// Values that no check has seen: no panic, no hang.
     #[test]
     fn any_lobe_has_a_pattern() {
         let array = |elements, pitch_m, sidelobe_db| {

@@ -8,11 +8,11 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 /// The pattern of an aperture in one plane at one wavelength.
 ///
-/// It is a function of `u = sin(psi) - sin(psi0)`, where psi is the angle off the axis in that plane and psi0 that to
-/// which the beam is steered; sines may be direction cosines along the aperture. Shapes that are given by angles
-/// (Gaussian, box, table) take `asin(u)` as their angle, 90 degrees beyond 1, so that they widen when steered as
-/// apertures do. What is behind the aperture (psi beyond 90 degrees) is the mirror image of what is before it: whether
-/// a wall is between them the caller knows.
+/// It is a function of `u = sin(psi) - sin(psi0)`, where psi is the angle off the axis in that plane and psi0 the
+/// steering angle; sines may be direction cosines along the aperture. Shapes given by angles (Gaussian, box, table)
+/// take `asin(u)` as their angle, 90 degrees beyond 1, so that they widen when steered as apertures do. What is behind
+/// the aperture (psi beyond 90 degrees) mirrors what is in front of it: the caller knows whether there is a wall
+/// between them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BeamPattern(Kind);
 
@@ -36,9 +36,9 @@ enum Kind {
 const HALF_SINC: f64 = 0.442_946_470_689_452_2;
 /// Where `(2 J1(x) / x)^2 = 1/2`.
 const HALF_JINC: f64 = 1.616_339_948_310_703;
-/// Steps within a lobe of an aperture when lobes are looked for: one is within 1/128 of a lobe's width of its peak.
+/// Steps within a lobe of an aperture when searching for lobes: one is within 1/128 of a lobe's width of its peak.
 const STEPS: f64 = 64.0;
-/// Part of the power at a peak that is seen for sure: `sinc(1/128)^2` is 0.9998 (of a Chebyshev lobe 0.9994).
+/// Part of the power at a peak that is certain to be seen: `sinc(1/128)^2` is 0.9998 (of a Chebyshev lobe 0.9994).
 const SEEN: f64 = 0.999;
 
 impl BeamPattern {
@@ -84,14 +84,14 @@ impl BeamPattern {
         BeamPattern(Kind::Table { rows: own })
     }
 
-    /// Signed amplitude at `u`, the sine of the angle off the axis, of a beam that is not steered; 1 on the axis (of a
-    /// table: in its loudest direction).
+    /// Signed amplitude at `u`, the sine of the angle off the axis, of an unsteered beam; 1 on the axis (for a table:
+    /// in its loudest direction).
     pub fn amplitude(&self, u: f64) -> f64 {
         self.amplitude_steered(u, 0.0)
     }
 
-    /// Signed amplitude in the direction whose sine is `sin`, of a beam steered to where it is `sin0`: a function of
-    /// the difference of the two, but that elements of an array do not turn with the beam, so that it is as loud on its
+    /// Signed amplitude in the direction whose sine is `sin`, of a beam steered to that of `sin0`: a function of their
+    /// difference, except that the elements of an array do not turn with the beam, so that it is only as loud on its
     /// axis as they are there.
     pub fn amplitude_steered(&self, sin: f64, sin0: f64) -> f64 {
         let u = sin - sin0;
@@ -112,8 +112,8 @@ impl BeamPattern {
         }
     }
 
-    /// Full width at half the power of a beam that is not steered, rad; pi if its power is above that everywhere. Of a
-    /// table the width about its loudest row.
+    /// Full width at half the power of an unsteered beam, rad; pi if its power is above that everywhere. For a table
+    /// the width about its loudest row.
     pub fn width(&self) -> f64 {
         let both_sides = |sin: f64| if sin < 1.0 { 2.0 * sin.asin() } else { PI };
         match &self.0 {
@@ -139,15 +139,15 @@ impl BeamPattern {
         }
     }
 
-    /// The u, 0 to 1, beyond which a beam that is not steered keeps below `power` (of 1 on its axis) on both sides; 1
-    /// if it does not. It may be more by a part of a sidelobe that hardly stays below; of an array whose elements have
-    /// a length it is the smaller one of those of elements and of array.
+    /// The u, 0 to 1, beyond which an unsteered beam stays below `power` (of 1 on its axis) on both sides; 1 if it does
+    /// not. It may be too large by part of a sidelobe that just stays below; for an array whose elements have a length
+    /// it is the smaller of the values for elements and array.
     pub fn extent(&self, power: f64) -> f64 {
         self.extent_within(power, 1.0)
     }
 
-    /// [`BeamPattern::extent`] among u up to `reach`: a beam steered to psi0 meets u up to `1 + |sin(psi0)|`, where an
-    /// array may have grating lobes.
+    /// [`BeamPattern::extent`] among u up to `reach`: a beam steered to psi0 reaches u up to `1 + |sin(psi0)|`, where
+    /// an array may have grating lobes.
     pub fn extent_within(&self, power: f64, reach: f64) -> f64 {
         if power >= 1.0 {
             return 0.0;
@@ -160,12 +160,12 @@ impl BeamPattern {
         match &self.0 {
             Kind::Line { length } => line_extent(*length, power, reach),
             Kind::Piston { ka } => {
-                // |J1(x)|^2 < 1.3 * 2 / (pi x) where x > 1, which is less than a lobe off.
+                // |J1(x)|^2 < 1.3 * 2 / (pi x) where x > 1, which is less than one lobe off.
                 let envelope = (8.0 * 1.3 / (PI * power)).cbrt().max(4.0);
                 outermost(|x| jinc(x).powi(2), envelope.min(reach * ka), PI, power) / ka
             }
             Kind::Array { factor, element } => {
-                // Within a period there is a main lobe.
+                // Every period has a main lobe.
                 let found = outermost(|u| factor.amplitude(u).powi(2), reach, factor.length().recip(), power);
                 found.min(line_extent(*element, power, reach))
             }
@@ -193,22 +193,22 @@ impl BeamPattern {
             Kind::Array { factor, element } => factor.length().max(*element).recip(),
             Kind::Table { rows } => rows.windows(2).map(|pair| pair[1][0] - pair[0][0]).fold(1.0, f64::min),
         };
-        // A number even of what no check has seen.
+        // Returns a number even for values that no check has seen.
         if detail.is_nan() { 1.0 } else { detail.clamp(1e-7, 1.0) }
     }
 
-    /// Whether it is that of an array with so many grating lobes that there is little between them.
+    /// Whether it is that of an array with so many grating lobes that little lies between them.
     pub(super) fn is_sparse(&self) -> bool {
         const LEAST: f64 = 1.0 / 8.0;
         matches!(&self.0, Kind::Array { factor, .. } if factor.spacing() < LEAST)
     }
 
-    /// Edges in u, rising from -1 to 1, of panels to integrate it in: one for each lobe about the main one and, of
-    /// arrays, about each grating lobe; wider and wider off these.
+    /// Edges in u, rising from -1 to 1, of panels to integrate over: one for each lobe about the main one and, for
+    /// arrays, about each grating lobe; wider and wider away from these.
     pub(super) fn panels(&self) -> Vec<f64> {
-        /// Panels of a lobe each to either side of a main lobe.
+        /// Panels of one lobe each on either side of a main lobe.
         const NARROW: u32 = 64;
-        /// Of the width of the last.
+        /// Width over that of the previous panel.
         const WIDER: f64 = 1.05;
         const WIDEST: f64 = 0.125;
         const EVEN: u32 = 2048;
@@ -225,7 +225,7 @@ impl BeamPattern {
         if self.is_sparse() {
             return (0..=EVEN).map(|edge| 2.0 * f64::from(edge) / f64::from(EVEN) - 1.0).collect();
         }
-        // To one side of a main lobe, half of the way to the next.
+        // On one side of a main lobe, half way to the next.
         let (mut side, mut width) = (vec![0.0], self.detail());
         let end = (0.5 * spacing).min(2.0);
         while let Some(&last) = side.last().filter(|&&last| last < end) {
@@ -265,7 +265,7 @@ fn level(rows: &[[f64; 2]], angle: f64) -> f64 {
     }
 }
 
-/// Angle at which the level, along rows that start at least that loud, falls below `db` first; that of the last row if
+/// Angle at which the level, along rows that start at least that loud, first falls below `db`; that of the last row if
 /// it does not.
 fn first_below(rows: impl Iterator<Item = [f64; 2]>, db: f64) -> f64 {
     let mut last: Option<[f64; 2]> = None;
@@ -290,8 +290,8 @@ fn line_extent(length: f64, power: f64, reach: f64) -> f64 {
     outermost(|x| sinc(x).powi(2), envelope.min(reach * length), 1.0, power) / length
 }
 
-/// The greatest x up to `top` where `f`, 1 at 0 and with lobes `lobe` wide, comes to within a step of `power`; `top` if
-/// it does so there.
+/// The greatest x up to `top` where `f`, 1 at 0 and with lobes `lobe` wide, comes within a step of `power`; `top` if it
+/// does so there.
 fn outermost(f: impl Fn(f64) -> f64, top: f64, lobe: f64, power: f64) -> f64 {
     let seen = SEEN * power;
     let step = lobe / STEPS;
@@ -308,7 +308,7 @@ fn outermost(f: impl Fn(f64) -> f64, top: f64, lobe: f64, power: f64) -> f64 {
     }
 }
 
-/// Where `f` changes from not below 0 at `from` to below 0 at `to`.
+/// Where `f` changes from at least 0 at `from` to below 0 at `to`.
 fn crossing(f: impl Fn(f64) -> f64, mut from: f64, mut to: f64) -> f64 {
     for _ in 0..60 {
         let middle = 0.5 * (from + to);

@@ -5,12 +5,12 @@ use crate::read::bounds::{ABOVE_ZERO, Bounds};
 use serde::{Deserialize, Serialize};
 use std::fmt::Display;
 
-/// Angles at `centre - fov/2 + i step`, both ends included when `fov / step` is whole; a full turn has no
-/// duplicate at its seam.
+/// Angles at `centre - fov/2 + i step`, both ends included when `fov / step` is whole; a full turn has no duplicate at
+/// its seam.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Fan {
-    /// Angle that is covered, degrees, above 0, at most 360.
+    /// Angle covered, degrees, above 0, at most 360.
     pub fov_deg: f64,
     /// Angle from sample to sample, degrees, above 0.
     pub step_deg: f64,
@@ -25,7 +25,7 @@ impl Fan {
         samples(self.fov_deg, self.step_deg)
     }
 
-    /// Whether there are no samples: never, as there is one at the start.
+    /// Whether there are no samples: never, as there is always one at the start.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -41,11 +41,11 @@ impl Fan {
         bounds.within(format_args!("{key}.centre_deg"), self.centre_deg, -360.0, 360.0)
     }
 
-    /// That all elevations lie between straight down and straight up.
+    /// Checks that all elevations lie between straight down and straight up.
     pub(super) fn check_elevations(&self, bounds: &mut Bounds, key: &str) -> Result<()> {
         self.check(bounds, key, 180.0)?;
         let (low, high) = (self.angle_deg(0), self.angle_deg(self.len() as usize - 1));
-        // Sums of decimal fractions may pass the pole by a rounding.
+        // Sums of decimal fractions may pass the pole by a rounding error.
         if low < -90.0 - 1e-9 || high > 90.0 + 1e-9 {
             return Err(Error::invalid(key, format!("{low} to {high} deg"), "elevations of -90 to 90 deg"));
         }
@@ -53,7 +53,7 @@ impl Fan {
     }
 }
 
-/// Number of samples of a fan; a full turn's last one is a step before the first.
+/// Number of samples of a fan; the last of a full turn is one step before the first.
 pub(super) fn samples(fov_deg: f64, step_deg: f64) -> u64 {
     let steps = fov_deg / step_deg;
     if fov_deg == 360.0 { (steps.round() as u64).max(1) } else { ((steps + 1e-6).floor() as u64).saturating_add(1) }

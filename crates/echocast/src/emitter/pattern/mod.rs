@@ -24,17 +24,17 @@ use crate::read::yaml;
 use serde::{Deserialize, Deserializer, Serialize};
 use std::path::Path;
 
-/// A scan pattern, as the `pattern` section of a sensor file says it.
+/// A scan pattern, as written in the `pattern` section of a sensor file.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "type", rename_all = "snake_case")]
 pub enum Pattern {
-    /// Emitters that turn about the z axis.
+    /// Emitters that rotate about the z axis.
     Spinning(Spinning),
     /// One beam that sweeps row by row.
     Raster(Raster),
     /// A camera: one exposure of all pixels.
     Pinhole(Pinhole),
-    /// Beams through turning prisms; no scan repeats another.
+    /// Beams through rotating prisms; no scan repeats another.
     Risley(Risley),
     /// Beams listed in a CSV file.
     Table(Table),
@@ -42,15 +42,15 @@ pub enum Pattern {
     Sidescan(Sidescan),
     /// Beams of sound across the track, down.
     Multibeam(Multibeam),
-    /// Beams of sound side by side, ahead.
+    /// Beams of sound side by side, looking ahead.
     Imaging(Imaging),
     /// One beam of sound.
     SingleBeam(SingleBeam),
-    /// Beams given in code ([`crate::Sensor::from_beams`]); no file can say this.
+    /// Beams given in code ([`crate::Sensor::from_beams`]); files cannot express this.
     Custom,
 }
 
-/// Words for the patterns that files may say.
+/// Words for the patterns in files.
 const WORDS: [&str; 9] =
     ["spinning", "raster", "pinhole", "risley", "table", "sidescan", "multibeam", "imaging", "single_beam"];
 
@@ -74,7 +74,7 @@ impl<'de> Deserialize<'de> for Pattern {
 }
 
 impl Pattern {
-    /// Whether all values are within what is allowed.
+    /// Checks that all values are within what is allowed.
     ///
     /// # Errors
     /// [`Error::InvalidParameter`] that names the key, from `pattern` on.
@@ -82,7 +82,7 @@ impl Pattern {
         self.check_with(&mut Bounds::none())
     }
 
-    /// [`Pattern::check`] that shows all numbers that have bounds to `bounds`.
+    /// [`Pattern::check`] that shows all bounded numbers to `bounds`.
     pub(crate) fn check_with(&self, bounds: &mut Bounds) -> Result<()> {
         match self {
             Pattern::Spinning(spinning) => spinning.check(bounds),
@@ -98,8 +98,8 @@ impl Pattern {
         }
     }
 
-    /// Makes file names absolute, relative ones from `folder`: then the pattern means the same everywhere. Those of the
-    /// pattern `before` that this one was made from stay, whatever they look like written.
+    /// Makes file names absolute, relative to `folder`, so that the pattern means the same everywhere. Those of the
+    /// pattern `before` from which this one was made stay, however they are written.
     pub(crate) fn resolve(&mut self, folder: &Path, before: Option<&Pattern>) {
         if let (Pattern::Table(table), Some(Pattern::Table(before))) = (&mut *self, before) {
             table.keep_file(before);
@@ -120,7 +120,7 @@ impl Pattern {
         !matches!(self, Pattern::Risley(_))
     }
 
-    /// The beams of the scan that starts at `start_time`, s, which matters to patterns that do not repeat.
+    /// The beams of the scan that starts at `start_time`, s, which matters only for patterns that do not repeat.
     ///
     /// # Errors
     /// Values out of range, naming the key; a beam table that cannot be read.
@@ -145,12 +145,12 @@ impl Pattern {
     }
 }
 
-/// Scans per second of patterns that do not say.
+/// Scans per second of patterns that give none.
 fn ten() -> f64 {
     10.0
 }
 
-/// That `rows` x `columns` beams are not too many; `keys` say how many there are.
+/// Checks that `rows` x `columns` beams are not too many; `keys` set how many there are.
 fn check_count(keys: &str, rows: u64, columns: u64) -> Result<()> {
     if rows.checked_mul(columns).is_some_and(|beams| beams <= MAX_BEAMS) {
         return Ok(());

@@ -8,14 +8,14 @@ use crate::ground::error::Result;
 use crate::read::bounds::{ABOVE_ZERO, Bounds};
 use serde::{Deserialize, Serialize};
 
-/// Where in a pixel its ray goes through.
+/// Where its ray passes through a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Rays {
     /// Through the centres of the pixels, which fill the field of view.
     #[default]
     Centres,
-    /// Evenly over the image plane with the outermost on the edges of the field of view, as the paper's system has it.
+    /// Evenly over the image plane with the outermost on the edges of the field of view, as in the paper's system.
     Edges,
 }
 
@@ -31,7 +31,7 @@ pub struct Pinhole {
     /// Frames per second, above 0.
     #[serde(default = "thirty")]
     pub rate_hz: f64,
-    /// Where in a pixel its ray goes through.
+    /// Where its ray passes through a pixel.
     #[serde(default)]
     pub rays: Rays,
 }
@@ -51,7 +51,7 @@ impl Pinhole {
         }
         check_above_zero(bounds, "pattern.rate_hz", self.rate_hz)?;
         check_count("pattern.resolution", self.resolution[1].into(), self.resolution[0].into())?;
-        // What that leaves for the one beside the other.
+        // What each axis leaves for the other.
         for axis in 0..2 {
             let (key, count) = pixels(axis);
             bounds.within(key, count, 1.0, (MAX_BEAMS / u64::from(self.resolution[1 - axis])) as f64)?;

@@ -8,8 +8,8 @@ use crate::ground::error::Result;
 use crate::read::bounds::Bounds;
 use serde::{Deserialize, Serialize};
 
-/// One beam that sweeps row by row, from the lowest to the highest and in each from right to left;
-/// firings are spread evenly over the period.
+/// One beam that sweeps row by row, from the lowest to the highest and within each from right to left; firings are
+/// evenly spaced over the period.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Raster {

@@ -1,4 +1,4 @@
-//! Beams through turning wedge prisms.
+//! Beams through rotating wedge prisms.
 
 use super::check_count;
 use super::fan::check_above_zero;
@@ -8,15 +8,15 @@ use crate::read::bounds::Bounds;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-/// Beams along x that wedge prisms bend, each prism turning at its own speed (Risley 1889; the Livox sensors): the
-/// pattern goes on from scan to scan and fills its field of view with time. Rows of the table are lines, columns
+/// Beams along x, bent by wedge prisms that each rotate at their own speed (Risley 1889; the Livox sensors): the
+/// pattern continues from scan to scan and fills its field of view over time. Rows of the table are lines, columns
 /// pulses.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Risley {
     /// Pulses per second of each line, above 0; all lines fire together.
     pub pulse_rate_hz: f64,
-    /// Scans per second, above 0; 10 when not given. A scan is as many whole pulses as it has time for.
+    /// Scans per second, above 0; 10 when not given. A scan has as many whole pulses as fit.
     #[serde(default = "super::ten")]
     pub rate_hz: f64,
     /// Elevations at which the lines enter the first prism, degrees, -45 to 45; one line at 0 when not given.
@@ -26,12 +26,12 @@ pub struct Risley {
     pub prisms: Vec<Prism>,
 }
 
-/// A wedge prism that turns about the x axis.
+/// A wedge prism that rotates about the x axis.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Prism {
-    /// Angle between its faces, degrees, -60 to 60. A positive one tilts the normal of the tilted face, in the sense of
-    /// the light, to +y at phase 0.
+    /// Angle between its faces, degrees, -60 to 60. A positive one tilts the normal of the tilted face, along the
+    /// light, to +y at phase 0.
     pub wedge_deg: f64,
     /// Index of refraction, 1 to 4.
     pub ior: f64,
@@ -61,7 +61,7 @@ fn one_line() -> Vec<f64> {
 impl Risley {
     /// Pulses of a scan.
     fn pulses(&self) -> u64 {
-        // Quotients of decimal fractions may miss a whole number by a rounding.
+        // Quotients of decimal fractions may miss a whole number by a rounding error.
         ((self.pulse_rate_hz / self.rate_hz + 1e-6).floor() as u64).max(1)
     }
 
@@ -124,10 +124,10 @@ impl Risley {
 }
 
 impl Prism {
-    /// It at `start_time`, s, to be turned from pulse to pulse.
+    /// The prism at `start_time`, s, to be rotated from pulse to pulse.
     fn spin(&self, start_time: f64, pulse_rate_hz: f64) -> Spin {
         let turns_s = self.rpm / 60.0;
-        // Whole turns are left out before they cost digits.
+        // Whole turns are dropped before they cost digits.
         let start = (turns_s * start_time).fract() * 360.0 + self.phase_deg;
         let (sin_wedge, cos_wedge) = self.wedge_deg.to_radians().sin_cos();
         Spin {
@@ -147,7 +147,7 @@ struct Spin {
     wedge: [f64; 2],
     /// Cosine and sine of the phase.
     phase: [f64; 2],
-    /// Likewise of the angle by which it turns from pulse to pulse.
+    /// Likewise for the angle of rotation from pulse to pulse.
     step: [f64; 2],
     ior: f64,
     first_face: Face,
@@ -160,7 +160,7 @@ fn rotation(angle_deg: f64) -> [f64; 2] {
 }
 
 impl Spin {
-    /// Turns it to the next pulse.
+    /// Rotates it to the next pulse.
     fn turn(&mut self) {
         let ([cos, sin], [step_cos, step_sin]) = (self.phase, self.step);
         self.phase = [cos * step_cos - sin * step_sin, sin * step_cos + cos * step_sin];
@@ -178,8 +178,8 @@ impl Spin {
     }
 }
 
-/// Snell's law for unit vectors: `normal` in the sense of the light, `ratio` the index before the face to that behind;
-/// `None` beyond the limiting angle.
+/// Snell's law for unit vectors: `normal` along the light, `ratio` the index before the face over that behind; `None`
+/// beyond the critical angle.
 fn refract(beam: DVec3, normal: DVec3, ratio: f64) -> Option<DVec3> {
     let cosine = beam.dot(normal);
     let behind = 1.0 - ratio * ratio * (1.0 - cosine * cosine);
@@ -231,7 +231,7 @@ mod tests {
     fn prisms_turn_from_y_to_z() {
         let one = pattern(vec![prism(-10.0, 1.5, 600.0, Face::Flat)]);
         let table = one.beams(0.0).unwrap();
-        // 10 turns a second: a quarter after 25 ms, a cone about the axis.
+        // 10 turns a second: a quarter turn after 25 ms, a cone about the axis.
         assert!(table.dir_y[0] > 0.08 && table.dir_z[0] == 0.0);
         for (beam, turned) in [(2500, [0, 1]), (5000, [-1, 0]), (7500, [0, -1])] {
             let [y, z] = turned.map(|part| f64::from(part) * f64::from(table.dir_y[0]));

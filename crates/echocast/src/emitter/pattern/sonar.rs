@@ -1,7 +1,7 @@
 //! Transducers of sonars: where they send and from where they hear.
 //!
-//! Of all of them x is forward, y to port, z up; a tilt is below the horizontal. A width is a number, the full width of
-//! a uniform line at -3 dB in degrees, or a section that says what aperture makes the beam ([`Lobe`]).
+//! For all of them x is forward, y to port, z up; a tilt is below the horizontal. A width is a number, the full width
+//! of a uniform line at -3 dB in degrees, or a section that says what aperture forms the beam ([`Lobe`]).
 
 use super::fan::{check_above_zero, check_fov};
 use super::{Fan, check_count};
@@ -12,7 +12,7 @@ use crate::ground::error::{Error, Result};
 use crate::read::bounds::Bounds;
 use serde::{Deserialize, Serialize};
 
-/// Two fans across the track, thin along it: port is beam 0, starboard beam 1; a side alone is beam 0.
+/// Two fans across the track, thin along it: port is beam 0, starboard beam 1; a single side is beam 0.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sidescan {
@@ -31,8 +31,8 @@ pub struct Sidescan {
     /// Rays of each side, 8 to 1000000.
     #[serde(default = "side_rays")]
     pub rays: u32,
-    /// Two fans from straight down, half this angle to either side, degrees, as the paper's system has them; in place
-    /// of tilt, width and rays.
+    /// Two fans from straight down, each half this angle to its side, degrees, as in the paper's system; instead of
+    /// tilt, width and rays.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub down_fov_deg: Option<f64>,
     /// Angle from ray to ray of such fans, degrees.
@@ -50,13 +50,13 @@ pub enum Sides {
     /// Port and starboard.
     #[default]
     Both,
-    /// Port alone.
+    /// Port only.
     Port,
-    /// Starboard alone.
+    /// Starboard only.
     Starboard,
 }
 
-/// A Mills cross that looks down: sends a fan that is thin along the track, hears beams side by side across it.
+/// A Mills cross that looks down: sends a fan that is thin along the track, hears with beams side by side across it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Multibeam {
@@ -129,7 +129,7 @@ pub struct SingleBeam {
     /// Axis below the horizontal, degrees, -90 to 90: 90 is straight down.
     #[serde(default = "down")]
     pub tilt_deg: f64,
-    /// Azimuths that the beam turns to, one after the other with each ping; without it the beam stands.
+    /// Azimuths that the beam turns to, one per ping; without it the beam is fixed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub turn: Option<Fan>,
     /// Rays of the beam, 8 to 1000000.
@@ -200,7 +200,7 @@ impl Sidescan {
         }
     }
 
-    /// That nothing else says where a fan with `down_fov_deg` looks, which would do nothing.
+    /// Checks that nothing else says where a fan with `down_fov_deg` looks, which would have no effect.
     fn check_no_other_fan(&self) -> Result<()> {
         let check = |name: &str, same: bool, found: String| {
             let allowed = "none beside pattern.down_fov_deg";
@@ -216,7 +216,7 @@ impl Sidescan {
         self.down_fov_deg.map_or(-self.tilt_deg, |fov| -90.0 + 0.25 * fov)
     }
 
-    /// Azimuths of the sides in the order of their beams, degrees.
+    /// Azimuths of the sides in beam order, degrees.
     pub(crate) fn azimuths_deg(&self) -> &'static [f64] {
         match self.sides {
             Sides::Both => &[90.0, -90.0],
@@ -304,7 +304,7 @@ impl SingleBeam {
         check_above_zero(bounds, "pattern.rate_hz", self.rate_hz)
     }
 
-    /// The lobe of a beam that is round: a number is the width of a piston.
+    /// The lobe of a round beam: a number is the width of a piston.
     pub(crate) fn round_lobe(&self) -> Lobe {
         match self.beam_deg {
             Lobe::Width(width_deg) => Lobe::Shape(Shape::Piston(Piston::Width(width_deg))),
@@ -322,7 +322,7 @@ impl SingleBeam {
     }
 }
 
-/// That there are not more `rays` for each of `beams` than fit into memory many times over.
+/// Checks that `rays` for each of `beams` stay far below what fits into memory.
 fn check_rays(bounds: &mut Bounds, rays: u32, [least, most]: [f64; 2], beams: u32) -> Result<()> {
     const MOST: u32 = 4_000_000;
     let most = most.min(f64::from(MOST / beams.max(1)));
@@ -377,7 +377,7 @@ mod tests {
             rate_hz: 10.0,
         };
         let table = array.beams().unwrap();
-        // The array's plane is tilted; its ends look to the side and less far down.
+        // The array's plane is tilted; its ends look sideways and less far down.
         for (beam, expected) in [(0, [0.433, 0.866, -0.25]), (1, [0.866, 0.0, -0.5]), (2, [0.433, -0.866, -0.25])] {
             let found = [table.dir_x[beam], table.dir_y[beam], table.dir_z[beam]];
             assert!(found.iter().zip(expected).all(|(a, b)| (a - b as f32).abs() < 1e-3), "{found:?}");

@@ -1,4 +1,4 @@
-//! Emitters that turn about the z axis.
+//! Emitters that rotate about the z axis.
 
 use super::fan::{check_above_zero, check_fov, samples};
 use super::{Fan, check_count};
@@ -20,16 +20,16 @@ pub enum Direction {
     Cw,
 }
 
-/// A column of emitters that turns about the z axis. Rows of the table are channels, columns azimuth steps.
+/// A column of emitters that rotates about the z axis. Rows of the table are channels, columns azimuth steps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Spinning {
-    /// How it turns.
+    /// How it rotates.
     pub azimuth: SpinningAzimuth,
     /// Time between two firings of a channel, us, above 0; the azimuth step is then `360 deg rate cycle`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cycle_us: Option<f64>,
-    /// The emitters one by one, or else `elevation`.
+    /// The emitters one by one, or use `elevation`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub channels: Option<Channels>,
     /// Emitters in an even fan that fire together.
@@ -37,11 +37,11 @@ pub struct Spinning {
     pub elevation: Option<Fan>,
 }
 
-/// How a spinning sensor turns.
+/// How a spinning sensor rotates.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SpinningAzimuth {
-    /// Angle in which it measures, degrees, above 0, at most 360.
+    /// Angle over which it measures, degrees, above 0, at most 360.
     pub fov_deg: f64,
     /// Turns per second, above 0; 10 when not given.
     #[serde(default = "super::ten")]
@@ -69,10 +69,10 @@ pub struct Channels {
     /// Time of firing in the cycle, us; may be negative; none is 0.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub fire_time_us: Vec<f64>,
-    /// Nearest range that is reported, m; none is the sensor's.
+    /// Nearest reported range, m; none is the sensor's.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub range_min_m: Vec<f64>,
-    /// Farthest range that is reported, m; none is the sensor's.
+    /// Farthest reported range, m; none is the sensor's.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub range_max_m: Vec<f64>,
 }
@@ -166,7 +166,7 @@ impl Spinning {
             let elevation = channels.elevation_deg[channel].to_radians().sin_cos();
             for column in 0..columns {
                 let turned = column as f64 * step;
-                // The rotor goes on turning while a channel waits for its turn.
+                // The rotor keeps turning while a channel waits for its turn.
                 let rotor = azimuth.centre_deg + sense * (turned - 0.5 * azimuth.fov_deg + speed * fire_time);
                 let time = turned / speed + fire_time;
                 table.push(direction(rotor + offset, elevation), time, channel as u16);
@@ -180,7 +180,7 @@ impl Spinning {
     }
 }
 
-/// Entry `index` of a list that repeats; 0 of an empty one.
+/// Entry `index` of a repeating list; 0 if it is empty.
 fn cycled(list: &[f64], index: usize) -> f64 {
     if list.is_empty() { 0.0 } else { list[index % list.len()] }
 }
@@ -201,7 +201,7 @@ impl Channels {
                 format!("at most as many as elevation_deg ({count})"),
             ));
         }
-        // A firing more than a second from its cycle is a mistake of units.
+        // A firing more than a second from its cycle is a unit mistake.
         let lists = [
             ("elevation_deg", &self.elevation_deg, -90.0, 90.0),
             ("azimuth_offset_deg", &self.azimuth_offset_deg, -360.0, 360.0),

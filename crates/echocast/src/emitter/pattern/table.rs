@@ -12,11 +12,12 @@ use serde::{Deserialize, Serialize, Serializer};
 use std::path::{Path, PathBuf};
 
 /// Beams listed in a CSV file with the header `azimuth_deg,elevation_deg` and optionally
-/// `time_us,channel,range_min_m,range_max_m`, in any order; a row for each beam.
+/// `time_us,channel,range_min_m,range_max_m`, in any order; one row per beam.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Table {
-    /// The file; a relative name starts at the folder of the sensor file. A name that is not UTF-8 is written escaped.
+    /// The file; a relative name is relative to the folder of the sensor file. A name that is not UTF-8 is written
+    /// escaped.
     #[serde(serialize_with = "escaped")]
     pub file: PathBuf,
     /// Scans per second, above 0; 10 when not given.

@@ -8,7 +8,7 @@ use std::f64::consts::PI;
 
 /// A modified gamma distribution of droplet radii, `N(r) ~ r^a exp(-b r^g)` with its maximum at the mode radius.
 ///
-/// The named ones are those of Rasshofer et al. 2011 and Chu and Hogg 1968, as LISA (Kilic et al. 2021) lists them.
+/// The named ones are those of Rasshofer et al. 2011 and Chu and Hogg 1968, as listed by LISA (Kilic et al. 2021).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Spectrum {
@@ -22,7 +22,7 @@ pub enum Spectrum {
     StrongSpray,
     /// 100 droplets per cm^3, mode radius 2 um.
     ModerateSpray,
-    /// One's own.
+    /// A custom one.
     Gamma {
         /// Droplets per cm^3, above 0.
         per_cm3: f64,
@@ -30,7 +30,7 @@ pub enum Spectrum {
         a: f64,
         /// Exponent `g`, above 0.
         g: f64,
-        /// Radius at which there are most, um, above 0.
+        /// Most frequent radius, um, above 0.
         mode_radius_um: f64,
     },
 }
@@ -58,19 +58,19 @@ impl Spectrum {
         [per_cm3 * 1e6, a, g, mode_radius_um * 1e-6]
     }
 
-    /// Extinction, 1/m: `int pi r^2 Q_ext(r) N(r) dr`, the distribution made to hold its number of droplets.
+    /// Extinction, 1/m: `int pi r^2 Q_ext(r) N(r) dr`, the distribution normalised to its number of droplets.
     pub fn extinction(self, wavelength_nm: f64) -> f64 {
         let [number, a, g, mode] = self.numbers();
-        // In units of the mode radius N ~ x^a exp(-(a/g) x^g); x = e^s makes all scales equally fine.
+        // In units of the mode radius N ~ x^a exp(-(a/g) x^g); x = e^s resolves all scales equally.
         let (mut droplets, mut area) = (0.0, 0.0);
         let steps = 4000;
-        // Around the droplets that catch most light; slow exponents spread far.
+        // Around the droplets that intercept most light; small exponents spread far.
         let middle = ((a + 3.0) / a).ln() / g;
         let reach = 7.0 / g.min(1.0);
         let (from, to) = (middle - reach, middle + reach);
         for step in 0..steps {
             let x = f64::exp(from + (to - from) * (f64::from(step) + 0.5) / f64::from(steps));
-            // In logarithms: neither factor alone need be a number of f64.
+            // In logarithms: either factor alone may overflow f64.
             let weight = ((a + 1.0) * x.ln() - (a / g) * x.powf(g)).exp();
             droplets += weight;
             area += weight * PI * (x * mode).powi(2) * extinction_efficiency(x * mode, wavelength_nm);
@@ -83,8 +83,8 @@ impl Spectrum {
 const WATER: f64 = 1.328;
 
 /// Extinction efficiency of a water droplet: anomalous diffraction (van de Hulst 1957, 11.22) and the edge term
-/// `1.992386 x^(-2/3)` (Nussenzveig and Wiscombe 1980); against Mie series of the five named spectra it is 0.05 to 0.5
-/// % too great.
+/// `1.992386 x^(-2/3)` (Nussenzveig and Wiscombe 1980); compared with Mie series of the five named spectra it is 0.05
+/// to 0.5 % too large.
 fn extinction_efficiency(radius: f64, wavelength_nm: f64) -> f64 {
     let x = 2.0 * PI * radius / (wavelength_nm * 1e-9);
     let p = 2.0 * x * (WATER - 1.0);
@@ -93,7 +93,7 @@ fn extinction_efficiency(radius: f64, wavelength_nm: f64) -> f64 {
     diffraction + if x > 1.0 { 1.992_386 * x.powf(-2.0 / 3.0) } else { 0.0 }
 }
 
-/// Fog: by how far one sees, or by its droplets.
+/// Fog, given by visibility or by its droplets.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Fog {
@@ -184,15 +184,15 @@ mod tests {
         ] {
             let found = spectrum.extinction(905.0);
             assert!((found / expected - 1.0).abs() < 0.006, "{spectrum:?}: {found} {expected}");
-            // As far as one sees 5 % of contrast.
+            // Range at which 5 % of contrast remains.
             assert!((20f64.ln() / found / mor - 1.0).abs() < 0.006, "{spectrum:?}: {found} {mor}");
         }
         let own = Spectrum::Gamma { per_cm3: 20.0, a: 3.0, g: 1.0, mode_radius_um: 10.0 };
         assert_eq!(own.extinction(905.0), Spectrum::StrongAdvectionFog.extinction(905.0));
     }
 
-    /// Lidar ratios: 18.8 sr of droplets make a backscatter of 0.15935 over the optical range, 65.1 sr the 0.046 that
-    /// LiDAR_fog_sim (Hahner et al. 2021) takes.
+    /// Lidar ratios: 18.8 sr of droplets give a backscatter of 0.15935 over the optical range, 65.1 sr the 0.046 used
+    /// by LiDAR_fog_sim (Hahner et al. 2021).
     #[test]
     fn fog_sends_back_by_its_lidar_ratio() {
         for (lidar_ratio_sr, expected, within) in [(None, 0.159_35, 5e-6), (Some(65.1), 0.046, 5e-5)] {

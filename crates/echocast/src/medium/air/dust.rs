@@ -5,8 +5,8 @@ use crate::read::bounds::{ABOVE_ZERO, Bounds};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
-/// A cloud of equal spheres that scatter evenly (Phillips et al. 2017, the paper's eq. 16 and 17):
-/// `{radius_um: 50, per_m3: 1.0e5, start_m: 5, length_m: 12.5}`.
+/// A cloud of equal spheres that scatter isotropically (Phillips et al. 2017, the paper's eq. 16 and 17): `{radius_um:
+/// 50, per_m3: 1.0e5, start_m: 5, length_m: 12.5}`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Dust {
@@ -14,8 +14,8 @@ pub struct Dust {
     pub radius_um: f64,
     /// Grains per m^3, at least 0.
     pub per_m3: f64,
-    /// What a grain takes out of the light over its area: 1, as in the paper (whose 2 is the way there and back), or 2,
-    /// with what it bends away; 0.1 to 4.
+    /// What a grain removes from the light over its area: 1, as in the paper (whose 2 is the way there and back), or 2,
+    /// including what it diffracts; 0.1 to 4.
     #[serde(default = "one")]
     pub q_ext: f64,
 }
@@ -36,7 +36,7 @@ impl Dust {
         self.q_ext * PI * (self.radius_um * 1e-6).powi(2) * self.per_m3
     }
 
-    /// Backscatter, 1/(m sr): `r^2 n / 4`, the paper's eq. 17, all of what a grain's area catches sent evenly into
+    /// Backscatter, 1/(m sr): `r^2 n / 4`, the paper's eq. 17, all that a grain's area intercepts scattered evenly into
     /// 4 pi sr.
     pub fn backscatter(&self) -> f64 {
         (self.radius_um * 1e-6).powi(2) * self.per_m3 / 4.0

@@ -7,9 +7,9 @@ pub(crate) struct Particles {
     pub per_m3_mm: f64,
     /// L, 1/mm.
     pub slope_per_mm: f64,
-    /// Smaller ones only dim, mm.
+    /// Smaller ones only dim the beam, mm.
     pub least_mm: f64,
-    /// Reflectance of a Lambert disc of the same size that would send back as much.
+    /// Reflectance of a Lambert disc of the same size that would return as much.
     pub reflectance: f64,
 }
 

@@ -1,4 +1,4 @@
-//! Rain: many drops dim the beam, single ones answer.
+//! Rain: many drops dim the beam, single ones echo.
 
 use super::particles::Particles;
 use crate::ground::error::Result;
@@ -13,12 +13,12 @@ pub enum RainModel {
     /// ITU-R P.1814-1 (2025), for drops of a gamma distribution of shape `mu`.
     #[default]
     Itu,
-    /// Drops of Marshall and Palmer 1948, each twice its area.
+    /// Drops of Marshall and Palmer 1948, each counted with twice its area.
     MarshallPalmer,
     /// `0.01 R^0.6` per metre: Goodin et al. 2019, the first pair of the paper's eq. 14, some 25 times the others.
     Paper,
-    /// `0.063 R^0.37` per kilometre: Lewandowski et al. 2009, the second pair of the paper's eq. 14, which leaves the
-    /// unit out; per metre one would see 10 m far in drizzle.
+    /// `0.063 R^0.37` per kilometre: Lewandowski et al. 2009, the second pair of the paper's eq. 14, which omits the
+    /// unit; per metre, visibility in drizzle would be 10 m.
     PaperLewandowski,
     /// `a R^b`.
     PowerLaw {
@@ -26,7 +26,7 @@ pub enum RainModel {
         a: f64,
         /// Exponent.
         b: f64,
-        /// What it is per.
+        /// The length it refers to.
         unit: PerLength,
     },
 }
@@ -53,14 +53,14 @@ pub struct Rain {
     /// Shape of the drops' distribution in `itu`, -2 to 2.
     #[serde(default)]
     pub mu: i32,
-    /// Part of the light that a drop takes away but bends so little that the receiver sees it all the same, 0 to 0.5.
+    /// Part of the light that a drop removes but bends so little that the receiver still sees it, 0 to 0.5.
     #[serde(default)]
     pub forward_recovery: f64,
     /// Whether drops show as points; default true, in profiles `paper` and `blainder` false. Only instruments with
-    /// `detection.model: radar_equation` tell drops that they see from others.
+    /// `detection.model: radar_equation` distinguish drops that they see from others.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drops: Option<bool>,
-    /// Whether ranges scatter as the paper's eq. 15 has it, `sigma = 0.02 R (1 - e^-rate)^2`, where the rain is
+    /// Whether ranges scatter according to the paper's eq. 15, `sigma = 0.02 R (1 - e^-rate)^2`, where the rain is
     /// everywhere; default false, in profiles `paper` and `blainder` true.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub range_noise: Option<bool>,
@@ -73,7 +73,7 @@ const ITU: [[f64; 2]; 5] = [[2.2838, 0.4050], [1.5921, 0.5506], [1.2924, 0.6436]
 const DB_PER_KM: f64 = 1.0 / 4_342.944_819_032_518;
 
 impl Rain {
-    /// Rain of `rate_mm_h`, all else by default.
+    /// Rain of `rate_mm_h`, with defaults for everything else.
     pub fn new(rate_mm_h: f64) -> Rain {
         Rain { rate_mm_h, model: None, mu: 0, forward_recovery: 0.0, drops: None, range_noise: None }
     }
@@ -89,7 +89,7 @@ impl Rain {
         Ok(())
     }
 
-    /// Extinction, 1/m; `model` where none is said.
+    /// Extinction, 1/m; `model` where none is given.
     pub fn extinction(&self, model: RainModel) -> f64 {
         let rate = self.rate_mm_h;
         let all = match self.model.unwrap_or(model) {
@@ -110,8 +110,8 @@ impl Rain {
     }
 
     /// The drops of Marshall and Palmer 1948: N0 = 8000 /(m^3 mm), Lambda = 4.1 R^-0.21 /mm. Drops above a millimetre
-    /// are flattened as they fall, which takes their glory away: Q_back 0.09, so a 0.0225th of what a white disc of
-    /// their size would send back.
+    /// flatten as they fall and lose their glory: Q_back 0.09, so they return 0.0225 of what a white disc of their size
+    /// would.
     pub(crate) fn drops(&self) -> Option<Particles> {
         (self.rate_mm_h > 0.0).then(|| Particles {
             per_m3_mm: 8000.0,
@@ -140,7 +140,7 @@ pub struct Snow {
     #[serde(default = "flake_density")]
     pub density_kg_m3: f64,
     /// Whether flakes show as points; default true, in profiles `paper` and `blainder` false. Only instruments with
-    /// `detection.model: radar_equation` tell flakes that they see from others.
+    /// `detection.model: radar_equation` distinguish flakes that they see from others.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flakes: Option<bool>,
 }
@@ -161,7 +161,7 @@ pub enum SnowModel {
 }
 
 impl Snow {
-    /// Snow of `rate_mm_h`, all else by default.
+    /// Snow of `rate_mm_h`, with defaults for everything else.
     pub fn new(rate_mm_h: f64) -> Snow {
         Snow { rate_mm_h, model: SnowModel::default(), density_kg_m3: flake_density(), flakes: None }
     }
@@ -185,7 +185,7 @@ impl Snow {
         (1000.0 / self.density_kg_m3).cbrt()
     }
 
-    /// Extinction, 1/m: flakes of twice their area.
+    /// Extinction, 1/m: flakes counted with twice their area.
     pub fn extinction(&self) -> f64 {
         if self.rate_mm_h == 0.0 {
             return 0.0;
@@ -210,7 +210,7 @@ impl Snow {
 mod tests {
     use super::*;
 
-    /// Values made with numpy from the cited formulas.
+    /// Values computed with numpy from the cited formulas.
     #[test]
     fn rain_tables() {
         for (rate, paper, marshall_palmer, itu) in [

@@ -12,10 +12,10 @@ use std::collections::BTreeMap;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Region {
-    /// All of it.
+    /// All of space.
     #[default]
     Everywhere,
-    /// A shell around the sensor: what a beam passes between two distances, along its path.
+    /// A shell around the sensor: the part of a beam between two distances along its path.
     Shell {
         /// Where it begins, m, at least 0.
         start_m: f64,
@@ -36,7 +36,7 @@ pub enum Region {
         /// Its radius, m, above 0.
         radius_m: f64,
     },
-    /// What lies behind a plane, as ground fog below a height: `{point_m: [0, 0, 2], normal: [0, 0, 1]}`.
+    /// What lies behind a plane, such as ground fog below a height: `{point_m: [0, 0, 2], normal: [0, 0, 1]}`.
     HalfSpace {
         /// A point of the plane, m.
         point_m: [f64; 3],
@@ -119,7 +119,7 @@ fn write_region<S: serde::Serializer>(region: &Region, serializer: S) -> Result<
 }
 
 impl<'de, T: DeserializeOwned> Deserialize<'de> for Placed<T> {
-    /// The keys of the weather, and beside them those of a region: `start_m` and `length_m`, or `box`, `sphere`,
+    /// Reads the keys of the weather together with those of a region: `start_m` and `length_m`, or `box`, `sphere`,
     /// `half_space`.
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         #[derive(Deserialize)]
@@ -177,13 +177,13 @@ impl Extent {
         }
     }
 
-    /// Whether the interval of a beam depends on nothing but distances from the sensor.
+    /// Whether the interval of a beam depends only on distances from the sensor.
     pub(crate) fn is_around_the_sensor(&self) -> bool {
         matches!(self, Extent::Everywhere | Extent::Shell { .. })
     }
 
-    /// Where a ray is within, from and to, as distances from its origin between 0 and `length`, m; `from > to` means
-    /// nowhere. `travelled`: the beam's way to the origin of the ray, m.
+    /// The interval of a ray inside, as distances from its origin between 0 and `length`, m; `from > to` means nowhere.
+    /// `travelled`: the beam's path up to the origin of the ray, m.
     pub(crate) fn interval(&self, org: Vec3, dir: Vec3, travelled: f32, length: f32) -> (f32, f32) {
         let (from, to) = match *self {
             Extent::Everywhere => (0.0, length),
@@ -191,7 +191,7 @@ impl Extent {
             Extent::Box { min, max } => {
                 let (mut from, mut to) = (f32::NEG_INFINITY, f32::INFINITY);
                 for axis in 0..3 {
-                    // Parallel to a pair of faces, which themselves are within.
+                    // Parallel to a pair of faces, which count as inside.
                     if dir[axis] == 0.0 {
                         if org[axis] < min[axis] || org[axis] > max[axis] {
                             return (1.0, 0.0);

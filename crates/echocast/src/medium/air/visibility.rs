@@ -1,4 +1,4 @@
-//! How far one sees, and what that means for a beam.
+//! Visibility, and what it means for a beam.
 
 use crate::ground::error::{Error, Result};
 use crate::read::bounds::Bounds;
@@ -10,11 +10,11 @@ use serde::{Deserialize, Serialize};
 pub enum VisibilityModel {
     /// Kruse et al. 1962, for haze.
     Kruse,
-    /// Kim et al. 2001, for fog: below 500 m all wavelengths are dimmed alike.
+    /// Kim et al. 2001, for fog: below 500 m all wavelengths are dimmed equally.
     Kim,
 }
 
-/// Clear air or haze, by how far one sees: `{visibility_m: 23000}`.
+/// Clear air or haze, given by visibility: `{visibility_m: 23000}`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ClearAir {
@@ -45,7 +45,7 @@ impl ClearAir {
     }
 }
 
-/// That both are distances, and not both there.
+/// Checks that both are distances, and that only one is given.
 pub(in crate::medium) fn check_sight(
     key: &str,
     visibility_m: Option<f64>,
@@ -61,14 +61,14 @@ pub(in crate::medium) fn check_sight(
     }
 }
 
-/// Distance, m, at which 2 % contrast are left (visibility, ITU-R P.1814), where that of 5 % may be given instead
+/// Distance, m, at which 2 % contrast remains (visibility, ITU-R P.1814), where that of 5 % may be given instead
 /// (meteorological optical range, WMO): by Koschmieder's law contrast is `e^(-extinction distance)`.
 pub(in crate::medium) fn sight(visibility_m: Option<f64>, mor_m: Option<f64>) -> Option<f64> {
     visibility_m.or_else(|| mor_m.map(|mor| mor * 0.02f64.ln() / 0.05f64.ln()))
 }
 
-/// Extinction, 1/m, where one sees `sight` m far: Koschmieder's `-ln(0.02) / sight` at 550 nm, times
-/// `(lambda / 550 nm)^-q`.
+/// Extinction, 1/m, for a sight of `sight` m: Koschmieder's `-ln(0.02) / sight` at 550 nm, times `(lambda / 550
+/// nm)^-q`.
 ///
 /// Kruse: q = 1.6 above 50 km, 1.3 above 6 km, else 0.585 V^(1/3). Kim: 1.6, 1.3, 0.16 V + 0.34 (1 to 6 km), V - 0.5
 /// (0.5 to 1 km), 0 below; V is the sight in km.
@@ -94,7 +94,7 @@ mod tests {
         ClearAir { visibility_m: Some(visibility_m), mor_m: None, model: Some(model) }.extinction(wavelength_nm)
     }
 
-    /// Values made with numpy (Koschmieder at 2 and 5 %; Kruse 1962; Kim 2001).
+    /// Values computed with numpy (Koschmieder at 2 and 5 %; Kruse 1962; Kim 2001).
     #[test]
     fn visibility_tables() {
         use VisibilityModel::{Kim, Kruse};

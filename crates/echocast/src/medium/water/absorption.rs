@@ -1,9 +1,9 @@
-//! How much sound water swallows.
+//! How much sound water absorbs.
 
 use super::validity::{Outside, outside};
 use serde::{Deserialize, Serialize};
 
-/// How absorption follows from the frequency and the water.
+/// How absorption depends on the frequency and the water.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Absorption {
@@ -12,8 +12,8 @@ pub enum Absorption {
     FrancoisGarrison,
     /// Ainslie and McColm 1998, J. Acoust. Soc. Am. 103, 1671: the same, simplified, to 10 % of it.
     AinslieMccolm,
-    /// Thorp, as Jensen and others have it (Computational Ocean Acoustics, eq. 1.34): 100 Hz to 50 kHz, water of 4 C,
-    /// 35 PSU and pH 8 in 1 km, whatever the water is.
+    /// Thorp, as in Jensen and others (Computational Ocean Acoustics, eq. 1.34): 100 Hz to 50 kHz, water of 4 C, 35 PSU
+    /// and pH 8 in 1 km, whatever the actual water.
     Thorp,
     /// None.
     None,
@@ -30,7 +30,7 @@ impl Absorption {
         }
     }
 
-    /// Whether it asks for the water, and not only for the frequency.
+    /// Whether it depends on the water, not only on the frequency.
     pub(super) fn depends_on_the_water(self) -> bool {
         matches!(self, Absorption::FrancoisGarrison | Absorption::AinslieMccolm)
     }
@@ -43,7 +43,7 @@ impl Absorption {
             return 0.0;
         }
         let (f2, t, s, z) = ((frequency_hz * 1e-3).powi(2), temperature_c, salinity.max(0.0), depth_m);
-        // What a process that relaxes at the frequency `at`, kHz, makes of f^2; nothing where it is not there.
+        // What a process with the relaxation frequency `at`, kHz, makes of f^2; nothing if the process is absent.
         let relaxed = |at: f64| at * f2 / (at * at + f2);
         match self {
             Absorption::FrancoisGarrison => {
@@ -77,10 +77,10 @@ impl Absorption {
         }
     }
 
-    /// What of this is not within the range of the law.
+    /// Which of these are outside the range of the law.
     pub fn outside(self, frequency_hz: f64, temperature_c: f64, salinity: f64, ph: f64, depth_m: f64) -> Vec<Outside> {
         let (frequency, temperature, salt, acid, depth) = match self {
-            // Their 5 % hold in oceans; above 500 kHz, where only the water itself counts, in most waters.
+            // Their 5 % hold in oceans; above 500 kHz, where only the water itself matters, in most waters.
             Absorption::FrancoisGarrison if frequency_hz <= 500e3 => {
                 ([200.0, 1e6], [-2.0, 22.0], [30.0, 35.0], [7.7, 8.3], [0.0, 3500.0])
             }
@@ -111,7 +111,7 @@ mod tests {
         }
     }
 
-    /// Fresh water has no salts that relax: what is left grows with the square of the frequency.
+    /// Fresh water has no relaxing salts: the rest grows with the square of the frequency.
     #[test]
     fn fresh_water_only_is_viscous() {
         for law in [Absorption::FrancoisGarrison, Absorption::AinslieMccolm] {

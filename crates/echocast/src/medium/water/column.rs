@@ -1,4 +1,4 @@
-//! The water made ready for the rays of one instrument: slabs, in each of which speed and absorption are linear.
+//! The water prepared for the rays of one instrument: slabs, in each of which speed and absorption are linear.
 
 use super::profile::{DEEPEST, Layer, PHYSICAL_SPEEDS, SEA_WATER_KG_M3, SoundSpeedProfile, SpeedRow, WaterRow, unread};
 use super::{Outside, Water};
@@ -6,9 +6,9 @@ use crate::ground::error::{Error, Result};
 
 /// Where absorption changes with depth, slabs are no thicker than this, m, down to [`CONSTANT_FROM`].
 const THICKEST: f64 = 500.0;
-/// Depth from which on absorption is constant, m: deeper than any sea.
+/// Depth below which absorption is constant, m: deeper than any sea.
 const CONSTANT_FROM: f64 = 12_000.0;
-/// Largest error, m/s, of the lines that are drawn through the speeds of a formula.
+/// Largest error, m/s, of the lines through the speeds of a formula.
 const SPEED_ERROR: f64 = 0.01;
 
 /// Water between two depths.
@@ -20,13 +20,13 @@ pub(crate) struct Slab {
     pub bottom: f64,
     /// Speed of sound at its top, m/s.
     pub speed: f64,
-    /// How much faster it gets with depth, 1/s.
+    /// Increase of speed with depth, 1/s.
     pub gradient: f64,
     /// Density, kg/m^3.
     pub density: f64,
     /// Absorption at its top, dB/m.
     pub absorption: f64,
-    /// How much more it gets with depth, dB/m per m.
+    /// Increase of absorption with depth, dB/m per m.
     pub absorption_slope: f64,
 }
 
@@ -39,7 +39,7 @@ pub(crate) struct Column {
     pub slabs: Vec<Slab>,
 }
 
-/// Water between two depths, of which the absorption is not known yet.
+/// Water between two depths, before its absorption is known.
 #[derive(Clone, Copy)]
 struct Stretch {
     top: f64,
@@ -52,13 +52,13 @@ struct Stretch {
 }
 
 impl Stretch {
-    /// Of `between`, top and bottom, what is at the part `t` of the thickness.
+    /// Interpolates `between`, top and bottom, at the part `t` of the thickness.
     fn at([top, bottom]: [f64; 2], t: f64) -> f64 {
-        // Not top + (bottom - top) t: both ends shall be met exactly.
+        // Not top + (bottom - top) t: both ends must be exact.
         top * (1.0 - t) + bottom * t
     }
 
-    /// From `top` to `bottom`, both within it. What has no end does not change.
+    /// From `top` to `bottom`, both within it. A stretch without an end does not change.
     fn part(&self, top: f64, bottom: f64) -> Stretch {
         if self.bottom == f64::INFINITY {
             return Stretch { top, bottom, ..*self };
@@ -88,7 +88,7 @@ impl Slab {
         self.absorption + self.absorption_slope * (depth - self.top)
     }
 
-    /// What is above and what is below `depth`, which is within it.
+    /// The parts above and below `depth`, which is within it.
     pub fn split(&self, depth: f64) -> (Slab, Slab) {
         let (speed, absorption) = (self.speed_at(depth), self.absorption_at(depth));
         (Slab { bottom: depth, ..*self }, Slab { top: depth, speed, absorption, ..*self })
@@ -96,11 +96,11 @@ impl Slab {
 }
 
 impl Column {
-    /// The `water`, which is sound, for a sonar of `frequency_hz` (above 0) at `sonar_depth_m` below the surface; and
-    /// what one should know of it.
+    /// The `water`, which is valid, for a sonar of `frequency_hz` (above 0) at `sonar_depth_m` below the surface; and
+    /// what users should know about it.
     ///
     /// # Errors
-    /// A sonar above the water, or where the profile says nothing; a profile whose file is not read.
+    /// A sonar above the water, or where the profile says nothing; a profile whose file has not been read.
     pub fn new(water: &Water, frequency_hz: f64, sonar_depth_m: f64) -> Result<(Column, Vec<String>)> {
         Column::check_depth(water, sonar_depth_m)?;
         let whole = |speed: f64| Stretch {
@@ -195,13 +195,13 @@ impl Column {
         Ok((Column { surface_z: water.surface_z_m, slabs: slabs(water, frequency_hz, &stretches) }, warnings))
     }
 
-    /// That `water` is known at `sonar_depth_m`, m below its surface.
+    /// Checks that `water` is known at `sonar_depth_m`, m below its surface.
     ///
     /// # Errors
     /// A sonar above the water, or where the profile says nothing.
     pub fn check_depth(water: &Water, sonar_depth_m: f64) -> Result<()> {
         let (from, to, table) = match &water.profile {
-            // Formulas have powers of the depth in them.
+            // Formulas contain powers of the depth.
             None => (0.0, DEEPEST, ""),
             Some(SoundSpeedProfile::Layers(rows)) => {
                 (rows.first().map_or(0.0, |layer| layer.depth_m), f64::INFINITY, "layers")
@@ -234,13 +234,13 @@ impl Column {
         Err(Error::invalid("the depth of the sonar", format!("{sonar_depth_m} m"), allowed))
     }
 
-    /// Index of the slab at `depth`, m; of two that meet there, the lower one. Above the surface it is the first.
+    /// Index of the slab at `depth`, m; at a boundary the lower one. Above the surface it is the first.
     #[inline]
     pub fn slab_at(&self, depth: f64) -> usize {
         slab_at(&self.slabs, depth)
     }
 
-    /// Speeds of sound at the ends of the slabs, m/s: the least and the greatest there are are among them.
+    /// Speeds of sound at the ends of the slabs, m/s: they include the least and the greatest of all.
     pub fn end_speeds(&self) -> impl Iterator<Item = f64> {
         self.slabs.iter().flat_map(|slab| {
             let bottom = if slab.bottom.is_finite() { slab.bottom } else { slab.top };
@@ -253,13 +253,13 @@ impl Column {
         self.slabs[self.slab_at(depth)].speed_at(depth)
     }
 
-    /// Whether sound goes straight: speed and density are the same everywhere.
+    /// Whether sound travels straight: speed and density are the same everywhere.
     pub fn is_uniform(&self) -> bool {
         let first = &self.slabs[0];
         self.slabs.iter().all(|slab| slab.gradient == 0.0 && slab.speed == first.speed && slab.density == first.density)
     }
 
-    /// Mean absorption between two depths, dB/m, on a straight way.
+    /// Mean absorption between two depths, dB/m, on a straight path.
     pub fn mean_absorption(&self, from: f64, to: f64) -> f64 {
         let (from, to) = (from.min(to), from.max(to));
         if to - from < 1e-6 {
@@ -274,16 +274,15 @@ impl Column {
     }
 }
 
-/// Index of that of `slabs`, which touch, at `depth`, m; of two that meet there, the lower one. Above all it is the
-/// first.
+/// Index of that of `slabs`, which touch, at `depth`, m; at a boundary the lower one. Above all it is the first.
 #[inline]
 pub(crate) fn slab_at(slabs: &[Slab], depth: f64) -> usize {
     slabs.partition_point(|slab| slab.top <= depth).saturating_sub(1)
 }
 
-/// Divides `stretch` in halves until its line of speeds is near those of the `formula`.
+/// Halves `stretch` until its line of speeds is near those of the `formula`.
 fn divide_until_straight(stretch: Stretch, formula: &impl Fn(&WaterRow) -> f64, into: &mut Vec<Stretch>) {
-    /// Halves of halves; the widest steps of temperature that are allowed take 7.
+    /// Most successive halvings; the widest temperature steps allowed take 7.
     const MOST: u32 = 12;
     fn divide(stretch: Stretch, formula: &impl Fn(&WaterRow) -> f64, deeper: u32, into: &mut Vec<Stretch>) {
         let speed_at = |t: f64| {
@@ -293,7 +292,7 @@ fn divide_until_straight(stretch: Stretch, formula: &impl Fn(&WaterRow) -> f64, 
                 salinity_psu: Stretch::at(stretch.salinity, t),
             })
         };
-        // Formulas are near to parabolas between rows: half of what is allowed is left for what lies between these.
+        // Formulas are nearly parabolic between rows: half of the tolerance is reserved for what lies between these.
         let off = |t: f64| (speed_at(t) - Stretch::at(stretch.speed, t)).abs() > SPEED_ERROR / 2.0;
         if deeper == 0 || ![0.25, 0.5, 0.75].into_iter().any(off) {
             into.push(stretch);
@@ -309,7 +308,7 @@ fn divide_until_straight(stretch: Stretch, formula: &impl Fn(&WaterRow) -> f64, 
     divide(stretch, formula, MOST, into);
 }
 
-/// Slabs of `stretches` that touch: they get the absorption, and go on to the surface and to infinity.
+/// Slabs of adjoining `stretches`: adds the absorption, and extends them to the surface and to infinity.
 fn slabs(water: &Water, frequency_hz: f64, stretches: &[Stretch]) -> Vec<Slab> {
     let absorption = |depth: f64, temperature: f64, salinity: f64| {
         let db_per_km = water.absorption.db_per_km(frequency_hz, temperature, salinity, water.ph, depth);
@@ -329,7 +328,7 @@ fn slabs(water: &Water, frequency_hz: f64, stretches: &[Stretch]) -> Vec<Slab> {
     let mut slabs: Vec<Slab> = Vec::with_capacity(stretches.len() + 2);
     let mut add = |part: Stretch| {
         let [from, to] = [0, 1].map(|end| {
-            // What has no end has the absorption of its top.
+            // A slab without an end has the absorption of its top.
             let depth = if end == 0 || part.bottom == f64::INFINITY { part.top } else { part.bottom };
             absorption(depth, part.temperature[end], part.salinity[end])
         });
@@ -348,7 +347,7 @@ fn slabs(water: &Water, frequency_hz: f64, stretches: &[Stretch]) -> Vec<Slab> {
     for stretch in above.iter().chain(stretches).chain(&below) {
         let mut rest = *stretch;
         while cuts && rest.top < CONSTANT_FROM && rest.bottom - rest.top > THICKEST {
-            // Slabs of the same thickness where that is possible, so at round depths.
+            // Slabs of equal thickness where possible, so at round depths.
             let cut = ((rest.top / THICKEST).floor() + 1.0) * THICKEST;
             add(rest.part(rest.top, cut));
             rest = rest.part(cut, rest.bottom);
@@ -452,7 +451,7 @@ mod tests {
         assert!(warnings.is_empty());
         let found: Vec<_> = column.slabs.iter().map(|it| (it.top, it.speed, it.gradient, it.density)).collect();
         assert_eq!(found, [(0.0, 1500.0, 0.0, 1020.0), (30.0, 1480.0, 0.0, 1025.0), (900.0, 1510.0, 0.0, 1025.0)]);
-        // Of two slabs that meet the lower one.
+        // At a boundary the lower slab.
         assert_eq!([0.0, 29.9, 30.0, 1e5, -3.0, f64::NAN].map(|depth| column.slab_at(depth)), [0, 0, 1, 2, 0, 0]);
         assert!(Column::new(&water(keys), FREQUENCY, 1e4).is_ok());
         let error = Column::new(&water(keys), FREQUENCY, 1.0).unwrap_err().to_string();
@@ -478,7 +477,7 @@ mod tests {
         ] {
             assert!((column.speed_at(depth) - expected).abs() < 1e-9, "{depth}: {}", column.speed_at(depth));
         }
-        // The interval of 1000 m is divided, and its speed goes on without a step.
+        // The interval of 1000 m is divided, and its speed is continuous.
         for pair in column.slabs.windows(2) {
             let end = pair[0].speed + pair[0].gradient * (pair[0].bottom - pair[0].top);
             assert!((end - pair[1].speed).abs() < 1e-9);
@@ -524,7 +523,7 @@ mod tests {
         }
     }
 
-    /// Rows as hostile as they may be still make a column of bearable size.
+    /// Even the most hostile rows yield a column of bearable size.
     #[test]
     fn the_wildest_cast_is_bounded() {
         let row = |i: u32| WaterRow {
@@ -552,9 +551,9 @@ mod tests {
         let absorption =
             "the absorption is that of francois_garrison, for salinity 5 PSU (it is good for 30 to 35 PSU)";
         assert_eq!(told("salinity_psu: 5, sound_speed: leroy", 450e3), absorption);
-        // Where the salts hardly count any more.
+        // Where the salts hardly matter.
         assert_eq!(told("salinity_psu: 5, sound_speed: leroy", 600e3), "");
-        // A cast of speeds asks no formula for them.
+        // A cast of speeds needs no formula for them.
         assert_eq!(told("salinity_psu: 5, profile: {constant: {speed_m_s: 1490}}", 450e3), absorption);
         let cast = "profile: {ts: [{depth_m: 0, temperature_c: 24, salinity_psu: 34}, {depth_m: 50, temperature_c: 9, \
                     salinity_psu: 34}]}";
@@ -584,7 +583,7 @@ mod tests {
         let constant = "surface_z_m: 10, profile: {constant: {speed_m_s: 1500}}";
         assert_eq!(refused(constant, -1.5), expected("0 m or more"));
         assert!(refused("", f64::NAN).starts_with("the depth of the sonar is NaN m; allowed: 0 to 12000 m"));
-        // There formulas give less than nothing; one speed for all depths does not ask for them.
+        // There formulas yield negative values; one speed for all depths does not use them.
         assert!(refused("", 1e5).starts_with("the depth of the sonar is 100000 m; allowed: 0 to 12000 m, below"));
         assert!(Column::new(&water("profile: {constant: {speed_m_s: 1500}}"), FREQUENCY, 1e5).is_ok());
     }

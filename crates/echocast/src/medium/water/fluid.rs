@@ -1,28 +1,28 @@
-//! What a plane wave does where two fluids meet.
+//! Plane waves at the interface of two fluids.
 
 use std::f64::consts::{LOG10_E, PI};
 use std::ops::{Add, Div, Mul, Sub};
 
-/// A fluid, as sound sees it: water, or a sediment that is taken for one.
+/// A fluid, acoustically: water, or a sediment treated as one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fluid {
     /// Density, kg/m^3, above 0.
     pub density_kg_m3: f64,
     /// Speed of sound, m/s, above 0.
     pub speed_m_s: f64,
-    /// What a wave loses in it, dB per wavelength, 0 or more; sand has 0.5 to 1. That of the fluid a wave comes from
-    /// does not count.
+    /// Loss of a wave in it, dB per wavelength, 0 or more; sand has 0.5 to 1. That of the fluid a wave comes from is
+    /// ignored.
     pub loss_db_per_wavelength: f64,
 }
 
 impl Fluid {
-    /// A fluid that keeps what it gets.
+    /// A lossless fluid.
     pub fn new(density_kg_m3: f64, speed_m_s: f64) -> Fluid {
         Fluid { density_kg_m3, speed_m_s, loss_db_per_wavelength: 0.0 }
     }
 
-    /// Pressure of what is reflected of a plane wave that meets `other` from here, over the pressure that comes: real
-    /// and imaginary part, for waves `e^(-i w t)`. `sin_grazing`: sine of the angle between wave and interface, 0 to 1.
+    /// Pressure reflected from a plane wave that meets `other` from here, over the incident pressure: real and
+    /// imaginary part, for waves `e^(-i w t)`. `sin_grazing`: sine of the angle between wave and interface, 0 to 1.
     ///
     /// Rayleigh's `V = (r2 c2 cos t1 - r1 c1 cos t2) / (r2 c2 cos t1 + r1 c1 cos t2)`, angles from the normal; beyond
     /// the critical angle `cos t2` is imaginary, and a loss makes `c2` complex (Brekhovskikh and Lysanov, Fundamentals
@@ -38,9 +38,9 @@ impl Fluid {
         [re, im]
     }
 
-    /// Part of the power that goes over to `other`, 0 to 1; with [`Fluid::reflection`]'s square it is 1. Without losses
-    /// it is `4 r1 c1 r2 c2 cos t1 cos t2 / (r2 c2 cos t1 + r1 c1 cos t2)^2`, and 0 beyond the critical angle: the
-    /// paper's eq. 13.
+    /// Part of the power transmitted to `other`, 0 to 1; together with the square of [`Fluid::reflection`] it is 1.
+    /// Without losses it is `4 r1 c1 r2 c2 cos t1 cos t2 / (r2 c2 cos t1 + r1 c1 cos t2)^2`, and 0 beyond the critical
+    /// angle: the paper's eq. 13.
     pub fn transmittance(&self, other: &Fluid, sin_grazing: f64) -> f64 {
         let [here, there] = self.impedances(other, sin_grazing);
         let sum = (there + here).norm();
@@ -48,8 +48,8 @@ impl Fluid {
         if sum == 0.0 { 1.0 } else { (4.0 * (there.re * here.re + there.im * here.im) / sum).clamp(0.0, 1.0) }
     }
 
-    /// [`Fluid::transmittance`] without losses, where the sines of the grazing angles on both sides are known, above 0:
-    /// as Snell has them.
+    /// [`Fluid::transmittance`] without losses, given the sines of the grazing angles on both sides, above 0: as by
+    /// Snell's law.
     #[inline]
     pub(super) fn lossless_transmittance(&self, other: &Fluid, [sine, sine_there]: [f64; 2]) -> f64 {
         let here = self.density_kg_m3 * self.speed_m_s * sine_there;
@@ -65,7 +65,7 @@ impl Fluid {
         let speed = Complex::real(other.speed_m_s) / slowness;
         let ratio = speed / Complex::real(self.speed_m_s);
         let ratio2 = ratio * ratio;
-        // 1 - ratio^2 sin^2 such that it stays exact at grazing angles where there is little contrast.
+        // 1 - ratio^2 sin^2, kept exact at grazing angles with little contrast.
         let cos_there = (Complex::real(1.0) - ratio2 + ratio2 * Complex::real(cos * cos)).sqrt();
         [
             cos_there * Complex::real(self.density_kg_m3 * self.speed_m_s),
@@ -90,10 +90,10 @@ impl Complex {
         self.re * self.re + self.im * self.im
     }
 
-    /// The root of which neither part is negative, which has waves decay: of a number whose imaginary part is not.
+    /// The root with neither part negative, which makes waves decay, of a number whose imaginary part is not negative.
     fn sqrt(self) -> Complex {
         let length = self.norm().sqrt();
-        // Of the two forms of each part the one that does not cancel.
+        // Of the two forms of each part, the one without cancellation.
         let large = (0.5 * (length + self.re.abs())).sqrt();
         if large == 0.0 {
             return Complex::real(0.0);
@@ -172,7 +172,7 @@ mod tests {
         }
     }
 
-    /// As much goes over from there to here, by Snell's law.
+    /// As much is transmitted in the reverse direction, by Snell's law.
     #[test]
     fn both_ways_are_alike() {
         let other = Fluid::new(1100.0, 1550.0);
@@ -196,7 +196,7 @@ mod tests {
         assert!(WATER.transmittance(&hard, 25f64.to_radians().sin()) > 0.1);
     }
 
-    /// The air sends all back with the sign turned.
+    /// The air reflects everything with the sign inverted.
     #[test]
     fn the_surface_is_a_soft_mirror() {
         let [re, im] = WATER.reflection(&Fluid::new(1.2, 340.0), 1.0);

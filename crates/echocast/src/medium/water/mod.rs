@@ -1,4 +1,4 @@
-//! Water, as sonar needs it: how fast sound is in it, what it swallows, and what happens where it ends.
+//! Water, for sonar: how fast sound travels in it, what it absorbs, and what happens at its boundaries.
 
 mod absorption;
 mod column;
@@ -28,11 +28,11 @@ use crate::read::bounds::{ABOVE_ZERO, Bounds};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// How sound gets weaker on its way because it spreads.
+/// How sound weakens as it spreads.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Spreading {
-    /// As the rays of the profile spread; without one as a sphere.
+    /// As the rays of the profile spread; without one like a sphere.
     #[default]
     RayTube,
     /// `20 log r` dB one way.
@@ -46,8 +46,8 @@ pub enum Spreading {
 }
 
 impl Spreading {
-    /// log2 of what it takes of energy on a way of `2^path` m: nothing within a metre. `from`: where hybrid spreading
-    /// becomes cylindrical, m; ray tubes are taken for those of straight rays.
+    /// log2 of the energy loss on a path of `2^path` m: nothing within a metre. `from`: where hybrid spreading becomes
+    /// cylindrical, m; ray tubes are treated as those of straight rays.
     pub(crate) fn one_way(self, path: f32, from: f32) -> f32 {
         match self {
             Spreading::RayTube | Spreading::Spherical => 2.0 * path.max(0.0),
@@ -67,37 +67,37 @@ impl Spreading {
 pub struct Water {
     /// Height of the mean surface in the world, m; depths count down from it. 0.
     pub surface_z_m: f64,
-    /// Temperature where `profile` does not say it, degrees Celsius; 10.
+    /// Temperature where `profile` does not give it, degrees Celsius; 10.
     pub temperature_c: f64,
-    /// Practical salinity where `profile` does not say it, PSU; 35.
+    /// Practical salinity where `profile` does not give it, PSU; 35.
     pub salinity_psu: f64,
     /// Acidity; 8.
     pub ph: f64,
-    /// Latitude, degrees, by which pressure depends on depth; 45.
+    /// Latitude, degrees, on which pressure at depth depends; 45.
     pub latitude_deg: f64,
-    /// The formula that makes speeds of temperature and salinity.
+    /// The formula that derives speeds from temperature and salinity.
     pub sound_speed: SoundSpeed,
     /// The law of absorption.
     pub absorption: Absorption,
     /// The law of spreading.
     pub spreading: Spreading,
-    /// Distance from which on `hybrid` spreading is cylindrical, m, above 0; only with it.
+    /// Distance from which `hybrid` spreading is cylindrical, m, above 0; only for hybrid.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub spreading_from_m: Option<f64>,
     /// How speeds change with depth; without it there is one speed, by temperature, salinity and the depth of the
     /// sonar, at most 12 km.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub profile: Option<SoundSpeedProfile>,
-    /// Speed of sound that the instrument believes in, m/s; that at its own depth when not given.
+    /// Speed of sound that the instrument assumes, m/s; that at its own depth when not given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub assumed_speed_m_s: Option<f64>,
-    /// Whether speeds and densities may be anything from 1e-6 to 1e6, as in files whose numbers are in other units.
+    /// Whether speeds and densities may be anything from 1e-6 to 1e6, as in files with other units.
     pub allow_unphysical: bool,
     /// Wind over the water, m/s: it makes waves and noise; 5.
     pub wind_m_s: f64,
-    /// How much traffic of ships there is to hear, 0 to 1; 0.5.
+    /// Amount of shipping noise, 0 to 1; 0.5.
     pub shipping: f64,
-    /// Backscatter of what floats in the water, dB re 1/m; none when not given. Open sea has -95 to -70.
+    /// Volume backscatter of the water, dB re 1/m; none when not given. Open sea has -95 to -70.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub volume_backscatter_db: Option<f64>,
 }
@@ -174,7 +174,7 @@ impl Water {
         Sea { wind_m_s: self.wind_m_s }
     }
 
-    /// What is to be heard in it.
+    /// Its ambient noise.
     pub fn noise(&self) -> AmbientNoise {
         AmbientNoise { wind_m_s: self.wind_m_s, shipping: self.shipping }
     }
@@ -364,14 +364,14 @@ water:
         let row = |depth_m, speed_m_s| SpeedRow { depth_m, speed_m_s };
         let expected = SoundSpeedProfile::Cast(vec![row(0.0, 1500.0), row(10.5, 1490.25)]);
         assert_eq!(speeds.water.as_ref().unwrap().profile, Some(expected));
-        // Nothing is read later: what is written holds the rows.
+        // Nothing is read later: the written text holds the rows.
         let text = speeds.to_yaml().unwrap();
         assert_eq!(Environment::from_yaml(&text).unwrap(), speeds);
         let ts = load("salinity_psu,depth_m,temperature_c\n35,0,20\n34,100,4\n").unwrap().water.unwrap();
         let row = |depth_m, temperature_c, salinity_psu| WaterRow { depth_m, temperature_c, salinity_psu };
         assert_eq!(ts.profile, Some(SoundSpeedProfile::Ts(vec![row(0.0, 20.0, 35.0), row(100.0, 4.0, 34.0)])));
 
-        // Layers by their density; one is enough.
+        // Layers are recognised by their density; one is enough.
         let layers = load("depth_m,density_kg_m3,speed_m_s\n0,1024,1520\n10,1025,1500\n").unwrap().water.unwrap();
         let row = |depth_m, speed_m_s, density_kg_m3| Layer { depth_m, speed_m_s, density_kg_m3 };
         let expected = SoundSpeedProfile::Layers(vec![row(0.0, 1520.0, 1024.0), row(10.0, 1500.0, 1025.0)]);

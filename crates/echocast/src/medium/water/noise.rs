@@ -5,12 +5,13 @@
 pub struct AmbientNoise {
     /// Wind, m/s.
     pub wind_m_s: f64,
-    /// How much traffic of ships there is, 0 to 1.
+    /// Amount of shipping, 0 to 1.
     pub shipping: f64,
 }
 
 impl AmbientNoise {
-    /// Spectrum levels of turbulence, ships, wind and warmth, dB re 1 uPa^2/Hz, at a frequency in Hz, above 0.
+    /// Spectrum levels of turbulence, shipping, wind and thermal noise, dB re 1 uPa^2/Hz, at a frequency in Hz, above
+    /// 0.
     pub fn parts_db(&self, frequency_hz: f64) -> [f64; 4] {
         let khz = frequency_hz * 1e-3;
         [
@@ -43,7 +44,7 @@ mod tests {
             }
             assert!(loud.level_db(frequency) > quiet.level_db(frequency));
         }
-        // Warmth rules above 100 kHz: 38 dB at 450 kHz.
+        // Thermal noise dominates above 100 kHz: 38 dB at 450 kHz.
         assert!((quiet.level_db(450e3) - 38.06).abs() < 0.05);
     }
 }

@@ -1,4 +1,4 @@
-//! How the water changes with depth: rows of a cast, in YAML or in a CSV file.
+//! How water changes with depth: rows of a cast, in YAML or in a CSV file.
 
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
@@ -10,27 +10,27 @@ use std::path::{Path, PathBuf};
 const MOST_ROWS: usize = 1000;
 /// Deepest row, m; the deepest trench is 11 km deep.
 pub(super) const DEEPEST: f64 = 12_000.0;
-/// Speeds of sound that water has, m/s.
+/// Plausible speeds of sound in water, m/s.
 pub(super) const PHYSICAL_SPEEDS: [f64; 2] = [1300.0, 1700.0];
-/// Densities that water and thin mud have, kg/m^3.
+/// Plausible densities of water and thin mud, kg/m^3.
 const PHYSICAL_DENSITIES: [f64; 2] = [900.0, 1400.0];
-/// What speeds and densities may be in files whose numbers are in other units.
+/// Allowed speeds and densities in files with other units.
 const UNPHYSICAL: [f64; 2] = [1e-6, 1e6];
 /// Temperatures of water, degrees Celsius.
 pub(super) const TEMPERATURES: [f64; 2] = [-4.0, 45.0];
-/// Practical salinities that formulas still say something of.
+/// Practical salinities for which formulas still hold.
 pub(super) const SALINITIES: [f64; 2] = [0.0, 50.0];
 
-/// How speed of sound, or temperature and salinity, change with depth, which is counted down from the surface.
+/// How the speed of sound, or temperature and salinity, changes with depth, counted down from the surface.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum SoundSpeedProfile {
-    /// Layers of one speed each, from their depth down to the next one's, the last without end. They say nothing of
-    /// what lies above the first.
+    /// Layers of one speed each, from their depth down to the next one's, the last without end. Nothing is known above
+    /// the first.
     Layers(Vec<Layer>),
     /// A cast of speeds, linear in between.
     Cast(Vec<SpeedRow>),
-    /// A cast of temperature and salinity, linear in between; the formula makes speeds of them.
+    /// A cast of temperature and salinity, linear in between; the formula derives speeds from them.
     Ts(Vec<WaterRow>),
     /// The same speed everywhere.
     Constant {
@@ -38,8 +38,7 @@ pub enum SoundSpeedProfile {
         speed_m_s: f64,
     },
     /// A cast in a CSV file with the header `depth_m,speed_m_s` or `depth_m,temperature_c,salinity_psu`, or layers in
-    /// one with the header `depth_m,speed_m_s,density_kg_m3`; where the environment is read, the rows take the place of
-    /// its name.
+    /// one with the header `depth_m,speed_m_s,density_kg_m3`; when the environment is read, the rows replace the name.
     File(PathBuf),
 }
 
@@ -78,14 +77,14 @@ pub struct WaterRow {
     pub salinity_psu: f64,
 }
 
-/// Density of sea water where nothing else is said, kg/m^3.
+/// Density of sea water where none is given, kg/m^3.
 pub(super) const SEA_WATER_KG_M3: f64 = 1025.0;
 
 fn sea_water() -> f64 {
     SEA_WATER_KG_M3
 }
 
-/// A number that is not allowed: its key, and what would be.
+/// A number that is not allowed: its key, the number, and what would be allowed.
 struct Fault(&'static str, f64, String);
 
 /// A row of any of the tables.
@@ -127,7 +126,7 @@ fn within(key: &'static str, value: f64, [least, most]: [f64; 2]) -> Option<Faul
     (!(least..=most).contains(&value)).then(|| Fault(key, value, format!("{least} to {most}")))
 }
 
-/// A speed in km/s, or an index of refraction, is a common slip.
+/// A speed in km/s, or an index of refraction, is a common mistake.
 fn speed_fault(speed: f64, allow_unphysical: bool) -> Option<Fault> {
     physical("speed_m_s", speed, PHYSICAL_SPEEDS, "m/s", allow_unphysical)
 }
@@ -147,7 +146,7 @@ fn physical(
     if (least..=most).contains(&value) { None } else { Some(Fault(key, value, allowed)) }
 }
 
-/// That a speed outside of a table is one.
+/// Checks that a speed outside a table is plausible.
 pub(super) fn check_speed(key: &str, speed: f64, allow_unphysical: bool) -> Result<()> {
     match speed_fault(speed, allow_unphysical) {
         None => Ok(()),
@@ -155,7 +154,7 @@ pub(super) fn check_speed(key: &str, speed: f64, allow_unphysical: bool) -> Resu
     }
 }
 
-/// What is wrong with a row that comes after one at the depth `above`.
+/// What is wrong with a row that follows one at the depth `above`.
 fn row_fault(row: &impl Row, above: Option<f64>, allow_unphysical: bool) -> Option<Fault> {
     let depth = row.depth();
     match above {
@@ -183,11 +182,11 @@ fn check_rows(key: &str, rows: &[impl Row], least: usize, allow_unphysical: bool
 }
 
 impl SoundSpeedProfile {
-    /// Whether all values are within what is allowed, for errors below the key `key`.
+    /// Checks that all values are within what is allowed, for errors below the key `key`.
     pub(super) fn check(&self, key: &str, allow_unphysical: bool) -> Result<()> {
         match self {
             SoundSpeedProfile::Layers(rows) => check_rows(&format!("{key}.layers"), rows, 1, allow_unphysical),
-            // One row alone would cover no depth.
+            // A single row would cover no depth.
             SoundSpeedProfile::Cast(rows) => check_rows(&format!("{key}.cast"), rows, 2, allow_unphysical),
             SoundSpeedProfile::Ts(rows) => check_rows(&format!("{key}.ts"), rows, 2, allow_unphysical),
             SoundSpeedProfile::Constant { speed_m_s } => {
@@ -206,7 +205,7 @@ impl SoundSpeedProfile {
     }
 }
 
-/// That the rows of `file` are not known.
+/// The error that the rows of `file` have not been read.
 pub(super) fn unread(key: &str, file: &Path) -> Error {
     let allowed = "a file whose rows are known, as after Environment::load or Environment::from_yaml";
     Error::invalid(format!("{key}.file"), shown::path(file), allowed)

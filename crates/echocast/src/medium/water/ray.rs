@@ -1,16 +1,16 @@
 //! A ray of sound in layered water, in its vertical plane.
 //!
-//! The ocean is stratified: in a slab sound speed is linear in depth, so a ray is a circular arc, a straight line
+//! The ocean is stratified: in a slab sound speed is linear in depth, so a ray is a circular arc, or a straight line
 //! without gradient, and `cos(grazing angle) / speed` stays the same from slab to slab (Snell). Slabs, arcs and the
 //! equations below: Jensen, Kuperman, Porter, Schmidt, "Computational Ocean Acoustics", 2nd ed., chapter 3.
 
 use super::{Fluid, Slab};
 
-/// Height, m, that a ray rises above and falls below the axis of a duct at most to be taken for one along it: else one
-/// that is level there would pass from slab to slab without getting anywhere.
+/// A ray that rises above and falls below the axis of a duct by no more than this, m, is treated as running along it:
+/// otherwise one that is level there would pass from slab to slab without progress.
 const NARROW: f64 = 1e-6;
 
-/// A ray on its way.
+/// A ray in progress.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ray {
     /// Horizontal distance, m.
@@ -29,24 +29,25 @@ pub(crate) struct Ray {
     pub time: f64,
     /// m since the start.
     pub path: f64,
-    /// Whether it goes straight along the depth between two slabs where sound is slowest: it bends back from both.
+    /// Whether it runs straight along the depth between two slabs where sound is slowest: both bend it back.
     pub level: bool,
-    /// What absorption and mirrors have taken since the start, dB; not what boundaries between slabs have.
+    /// Loss by absorption and mirrors since the start, dB; without that at boundaries between slabs.
     absorbed: f64,
-    /// Part of the energy that boundaries between slabs have let through, 0 to 1.
+    /// Part of the energy transmitted by boundaries between slabs, 0 to 1.
     transmitted: f64,
-    /// Integral of speed over the way, m^2/s: over the speed at the start it is the width of the tube across the plane.
+    /// Integral of speed over the path, m^2/s: divided by the speed at the start it is the width of the tube across the
+    /// plane.
     pub speed_path: f64,
     /// Width of the tube within the vertical plane per radian at the start, m; negative beyond a caustic.
     pub tube: f64,
-    /// What the tube widens by with each m^2/s of `speed_path`, s/m: constant within a slab.
+    /// Widening of the tube per m^2/s of `speed_path`, s/m: constant within a slab.
     pub widening: f64,
-    /// What `snell` falls by with each radian that the start points further down, with its sign turned by every
-    /// reflection, s/m.
+    /// Decrease of `snell` per radian that the start points further down, with its sign inverted by every reflection,
+    /// s/m.
     pub turn: f64,
 }
 
-/// How a part of a ray ends.
+/// How a segment of a ray ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum End {
     /// Within the slab.
@@ -84,17 +85,17 @@ impl Ray {
         self.absorbed - 10.0 * self.transmitted.max(1e-30).log10()
     }
 
-    /// Takes `db` away, as mirrors do; below 0 it gives back.
+    /// Adds a loss of `db`, as mirrors do; negative values give back.
     pub fn lose(&mut self, db: f64) {
         self.absorbed += db;
     }
 
-    /// What sound gets faster by on its way through `slab`, 1/s downwards.
+    /// Increase of speed on the path through `slab`, 1/s downwards.
     pub fn gradient(&self, slab: &Slab) -> f64 {
         if self.level { 0.0 } else { slab.gradient }
     }
 
-    /// The ray `length` m on along the arc within `slab`.
+    /// The ray `length` m further along the arc within `slab`.
     #[inline]
     pub fn advanced(&self, slab: &Slab, length: f64) -> Ray {
         let mut next = *self;
@@ -110,7 +111,7 @@ impl Ray {
             next.tube += self.widening * length * c;
             return next;
         }
-        // The grazing angle falls evenly with the length; a chord is `length sinc(half)` long, in the direction of the
+        // The grazing angle falls linearly with length; a chord is `length sinc(half)` long, in the direction of the
         // middle of the arc.
         let half = 0.5 * slab.gradient * self.snell * length;
         let (sin, cos) = small_sin_cos(half);
@@ -122,12 +123,12 @@ impl Ray {
         next.depth += fall;
         next.sine = middle_sine * cos - middle_cosine * sin;
         next.speed = slab.speed_at(next.depth);
-        // Depth in the middle of the arc, by half the arc.
+        // Depth at the middle of the arc, by half the arc.
         let (quarter_sin, quarter_cos) = small_sin_cos(0.5 * half);
         let quarter = if half == 0.0 { 1.0 } else { quarter_sin / (0.5 * half) };
         let middle_depth = self.depth + 0.5 * length * (s * quarter_cos - cosine * quarter_sin) * quarter;
         let middle = slab.speed_at(middle_depth);
-        // Simpson's rule, which is exact for cubics, where the integrand is near one.
+        // Simpson's rule, exact for cubics, where the integrand is nearly one.
         let short = half.abs() < 0.02;
         next.time += if short && (next.speed / c - 1.0).abs() < 4e-3 {
             length / 6.0 * (1.0 / c + 4.0 / middle + 1.0 / next.speed)
@@ -182,7 +183,7 @@ impl Ray {
         if fall == 0.0 {
             return (0.0, end);
         }
-        // Half of the angle of the arc: its tangent is the difference of the cosines over the sum of the sines.
+        // Half the angle of the arc: its tangent is the difference of the cosines over the sum of the sines.
         let tangent = curvature * fall / sum;
         let length = if tangent < 0.03 {
             // The arc tangent's power series, to 1e-12.
@@ -194,10 +195,10 @@ impl Ray {
         (length, end)
     }
 
-    /// Goes over into the next slab, or back into this one where the boundary reflects everything. The part of the
-    /// energy that goes over, 0 to 1; `None`: the water is the same on both sides.
+    /// Passes into the next slab, or back into this one where the boundary reflects everything. Returns the part of the
+    /// energy transmitted, 0 to 1; `None`: the water is the same on both sides.
     pub fn cross(&mut self, slabs: &[Slab], end: End) -> Option<f64> {
-        /// Speeds and densities that are as near to each other are the same: only rounding is between them.
+        /// Speeds and densities this close are equal: they differ only by rounding.
         const SAME: f64 = 1e-12;
         let here = &slabs[self.slab];
         let (there, depth) = match end {
@@ -208,7 +209,7 @@ impl Ray {
         let next = &slabs[there];
         let (from, to) = (here.speed_at(depth), next.speed_at(depth));
         let down = if end == End::Bottom { 1.0 } else { -1.0 };
-        // At a vertex it may come with the other sign.
+        // At a vertex its sign may be wrong.
         self.sine = down * self.sine.abs();
         let differ = |a: f64, b: f64| (a - b).abs() > SAME * a;
         let mut transmitted = None;
@@ -239,7 +240,7 @@ impl Ray {
         if transmitted.is_some() {
             self.widen(next);
         } else if !self.level {
-            // As `widen` has it, but exact for level rays too, of which `turn` says nothing.
+            // As in `widen`, but exact for level rays too, for which `turn` gives nothing.
             self.widening += (here.gradient - next.gradient) * self.snell * self.snell * self.tube / self.steep();
         }
         transmitted
@@ -252,20 +253,19 @@ impl Ray {
         self.widen(slab);
     }
 
-    /// How the tube widens from here on: in a slab its width over the sine of the ray is the derivative of the
-    /// horizontal distance by `snell` at this depth, times `turn`; from one slab to the next that derivative is
-    /// continuous.
+    /// How the tube widens from here on: within a slab its width over the sine of the ray is the derivative of the
+    /// horizontal distance by `snell` at this depth, times `turn`; across slabs that derivative is continuous.
     fn widen(&mut self, slab: &Slab) {
         self.widening = (self.turn - slab.gradient * self.snell * self.snell * self.tube) / self.steep();
     }
 
-    /// Its sine, such that one can divide by it.
+    /// Its sine, made safe to divide by.
     fn steep(&self) -> f64 {
         if self.sine.abs() < 1e-6 { 1e-6f64.copysign(self.sine) } else { self.sine }
     }
 }
 
-/// Sine and cosine, by their series where those are exact.
+/// Sine and cosine, by their series where these are exact.
 pub(crate) fn small_sin_cos(x: f64) -> (f64, f64) {
     if x.abs() > 0.02 {
         return x.sin_cos();
@@ -282,7 +282,7 @@ mod tests {
         Slab { top, bottom, speed, gradient, density: 1025.0, absorption: 0.0, absorption_slope: 0.0 }
     }
 
-    /// A ray that comes level, by rounding even from the wrong side, stays on its own.
+    /// A ray that comes level, through rounding even from the wrong side, stays on its own side.
     #[test]
     fn total_reflection_sends_back() {
         let slabs = [slab(0.0, 10.0, 1490.0, 1.0), slab(10.0, 20.0, 1600.0, 1.0)];
@@ -299,7 +299,7 @@ mod tests {
         }
     }
 
-    /// Where sound is slowest a level ray is held from both sides, and one that is not quite level swings about it.
+    /// Where sound is slowest a level ray is held from both sides, and one that is nearly level oscillates about it.
     #[test]
     fn a_duct_holds_rays_on_its_axis() {
         let slabs = [slab(0.0, 100.0, 1500.0, -0.2), slab(100.0, 200.0, 1480.0, 0.1)];

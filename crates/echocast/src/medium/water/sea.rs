@@ -2,7 +2,7 @@
 
 use std::f64::consts::{LOG10_E, PI, TAU};
 
-/// The surface of a sea on which the wind has blown for long.
+/// The surface of a sea after a long-lasting wind.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sea {
     /// Wind, m/s.
@@ -16,11 +16,11 @@ impl Sea {
         0.0214 * self.wind_m_s.powi(2) / 4.0
     }
 
-    /// What the mirror image of a wave of `frequency_hz` loses, dB, at a grazing angle of sine `sin_grazing` in water
-    /// of the speed of sound `speed_m_s`.
+    /// Loss of the mirror image of a wave of `frequency_hz`, dB, at a grazing angle of sine `sin_grazing` in water of
+    /// the speed of sound `speed_m_s`.
     ///
-    /// Amplitudes are `-exp(-2 k^2 s^2 sin^2 g)`, with the wavenumber `k` and the height `s` (Eckart 1953, heights of a
-    /// normal distribution). What is lost is scattered.
+    /// Amplitudes are `-exp(-2 k^2 s^2 sin^2 g)`, with the wavenumber `k` and the height `s` (Eckart 1953, normally
+    /// distributed heights). What is lost is scattered.
     pub fn mirror_loss_db(&self, sin_grazing: f64, frequency_hz: f64, speed_m_s: f64) -> f64 {
         let rayleigh = TAU * frequency_hz / speed_m_s * self.rms_height_m() * sin_grazing;
         20.0 * LOG10_E * 2.0 * rayleigh * rayleigh
@@ -29,13 +29,13 @@ impl Sea {
     /// Backscattering cross-section of the surface, m^2 per m^2 and sr, at a grazing angle of sine `sin_grazing`.
     ///
     /// Chapman and Harris 1962 (J. Acoust. Soc. Am. 34, 1592), `3.3 b log(g / 30 deg) - 42.4 log b + 2.6` dB with `b =
-    /// 158 (v f^(1/3))^-0.58`, wind `v` in knots and `f` in Hz; and above 10 kHz facets that mirror the wave back,
-    /// leaning as Cox and Munk 1954 saw it (mean square slope `m = 0.003 + 0.00512 U`, both axes together):
+    /// 158 (v f^(1/3))^-0.58`, wind `v` in knots and `f` in Hz; and above 10 kHz facets that mirror the wave back, with
+    /// the slopes seen by Cox and Munk 1954 (mean square slope `m = 0.003 + 0.00512 U`, both axes together):
     /// `exp(-tan^2(i) / m) / (4 pi m cos^4(i))` at the angle `i` from the normal.
     ///
-    /// Assumptions of ours: Chapman and Harris measured from 400 Hz to 6.4 kHz, and outside the value at that edge is
-    /// taken; above 30 degrees, where their law runs away in calm seas, that at 30; the facets reflect all. Bubbles
-    /// count only as far as they are in the measurements.
+    /// Assumptions of ours: Chapman and Harris measured from 400 Hz to 6.4 kHz, and outside the value at the nearer
+    /// limit is used; above 30 degrees, where their law diverges in calm seas, the value at 30; the facets reflect
+    /// everything. Bubbles count only as far as they are in the measurements.
     pub fn backscatter(&self, sin_grazing: f64, frequency_hz: f64) -> f64 {
         if sin_grazing <= 0.0 {
             return 0.0;
@@ -98,7 +98,7 @@ mod tests {
         }
     }
 
-    /// At every angle, frequency and wind a number, not negative; the facets shine when one looks up.
+    /// A non-negative number at every angle, frequency and wind; the facets shine when seen from below.
     #[test]
     fn nothing_is_negative_or_infinite() {
         for wind_m_s in [0.0, 0.1, 1.0, 10.0, 50.0] {

@@ -1,10 +1,10 @@
-//! A single ray of sound through water, event by event: what a surveyor checks against other programs.
+//! A single ray of sound through water, event by event: what a surveyor compares with other programs.
 
 use super::{Column, End, Ray, Slab, Water, slab_at};
 use crate::ground::error::Result;
 use crate::read::bounds::{ABOVE_ZERO, Bounds};
 
-/// A ray of sound between the surface of the water and a flat bottom, both of which mirror it.
+/// A ray of sound between the surface of the water and a flat bottom, both of which reflect it.
 #[derive(Clone, Debug)]
 pub struct SoundRay {
     /// The column down to the bottom.
@@ -15,7 +15,7 @@ pub struct SoundRay {
     wavelength: f64,
 }
 
-/// Where a ray is.
+/// Position and state of a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RayPoint {
     /// Horizontal distance from the start, m.
@@ -28,25 +28,25 @@ pub struct RayPoint {
     pub speed_m_s: f64,
     /// Time since the start, s.
     pub time_s: f64,
-    /// Way since the start, m.
+    /// Path length since the start, m.
     pub path_m: f64,
     /// Loss by absorption and at boundaries since the start, dB.
     pub loss_db: f64,
     /// Transmission loss by spreading since the start, dB re 1 m, 0 or more, from the tube between this ray and its
-    /// neighbours; where they cross it is as wide as diffraction leaves it, `sqrt(wavelength x way)`.
+    /// neighbours; where they cross, the tube is as wide as diffraction leaves it, `sqrt(wavelength x way)`.
     pub spreading_db: f64,
 }
 
 /// What happens to a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum RayEvent {
-    /// It goes on into another layer of water; with the energy that does, 0 to 1 (the paper's eq. 13).
+    /// It passes into another layer of water; with the part of the energy transmitted, 0 to 1 (the paper's eq. 13).
     Boundary(f64),
     /// A layer reflects all of it.
     TotalReflection,
-    /// The surface mirrors it.
+    /// The surface reflects it.
     Surface,
-    /// The bottom mirrors it.
+    /// The bottom reflects it.
     Bottom,
 }
 
@@ -75,15 +75,15 @@ impl SoundRay {
         Ok(SoundRay { bottom: bottom_m, start_speed: ray.speed, wavelength, slabs, ray })
     }
 
-    /// Where it is: at its start, or at its last event, before what happens there.
+    /// Where it is: at its start, or at its last event, before its effect.
     pub fn point(&self) -> RayPoint {
         self.tell(&self.ray)
     }
 
-    /// Follows it to the next event; where it was just then, and what happened. `None`: it goes on for ever, or so flat
-    /// that it does not get anywhere.
+    /// Follows it to the next event; where it was just before, and what happened. `None`: it goes on for ever, or so
+    /// flat that it makes no progress.
     pub fn next_event(&mut self) -> Option<(RayPoint, RayEvent)> {
-        /// Slabs that are passed without an event at most.
+        /// Most slabs passed without an event.
         const MOST: usize = 100_000;
         for _ in 0..MOST {
             let (before, event) = self.pass()?;
@@ -117,7 +117,7 @@ impl SoundRay {
         }
         let before = self.ray;
         let event = match self.ray.cross(&self.slabs, end) {
-            // The gradient changes, or nothing.
+            // The gradient changes, or nothing does.
             None => None,
             Some(_) if self.ray.slab == before.slab => Some(RayEvent::TotalReflection),
             Some(part) => Some(RayEvent::Boundary(part)),
@@ -144,7 +144,7 @@ impl SoundRay {
         Some(self.tell(&at(0.5 * (low + high))))
     }
 
-    /// Passes over to the next slab or event, whichever comes first.
+    /// Moves on to the next slab or event, whichever comes first.
     pub fn next_slab(&mut self) -> Option<()> {
         self.pass().map(|_| ())
     }

@@ -1,9 +1,9 @@
-//! How fast sound is in water.
+//! The speed of sound in water.
 
 use super::validity::{Outside, outside};
 use serde::{Deserialize, Serialize};
 
-/// How the speed of sound follows from temperature, salinity and depth.
+/// How the speed of sound depends on temperature, salinity and depth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SoundSpeed {
@@ -34,10 +34,10 @@ impl SoundSpeed {
     }
 
     /// Speed of sound, m/s, at a temperature in degrees Celsius (ITS-90), a practical salinity (PSU), a depth below the
-    /// surface in metres and a latitude in degrees; only `Leroy` and `Unesco` ask for the latitude.
+    /// surface in metres and a latitude in degrees; only `Leroy` and `Unesco` use the latitude.
     ///
-    /// Of the temperature scales of their time only `Unesco` is corrected for; in the others that would be 0.02 m/s at
-    /// 30 C.
+    /// The temperature scale of its time is corrected for in `Unesco` only; in the others that would be 0.02 m/s at 30
+    /// C.
     pub fn speed(self, temperature_c: f64, salinity: f64, depth_m: f64, latitude_deg: f64) -> f64 {
         let (t, s, z) = (temperature_c, salinity, depth_m);
         match self {
@@ -67,14 +67,14 @@ impl SoundSpeed {
         }
     }
 
-    /// What of this is not within the range of the formula.
+    /// Which of these are outside the range of the formula.
     pub fn outside(self, temperature_c: f64, salinity: f64, depth_m: f64) -> Vec<Outside> {
         let (temperature, salt, depth) = match self {
             SoundSpeed::Mackenzie => ([-2.0, 30.0], [30.0, 40.0], [0.0, 8000.0]),
             SoundSpeed::Medwin => ([0.0, 35.0], [0.0, 45.0], [0.0, 1000.0]),
             // "All oceans": from freezing to the warmest surface, to the deepest trench.
             SoundSpeed::Leroy => ([-2.0, 34.0], [0.0, 42.0], [0.0, 12_000.0]),
-            // 1000 bar are reached in 9700 m.
+            // 1000 bar are reached at 9700 m.
             SoundSpeed::Unesco => ([0.0, 40.0], [0.0, 40.0], [0.0, 9700.0]),
         };
         outside([
@@ -85,8 +85,8 @@ impl SoundSpeed {
     }
 }
 
-/// Pressure below what the air adds, bar, at a depth in metres and a latitude in degrees: Leroy and Parthiot 1998, J.
-/// Acoust. Soc. Am. 103, 1346, their standard ocean (0 C, 35 PSU).
+/// Pressure above atmospheric, bar, at a depth in metres and a latitude in degrees: Leroy and Parthiot 1998, J. Acoust.
+/// Soc. Am. 103, 1346, their standard ocean (0 C, 35 PSU).
 pub fn pressure_bar(depth_m: f64, latitude_deg: f64) -> f64 {
     let z = depth_m;
     let at_45_degrees = z * (1.008_18e-2 + z * (2.465e-8 + z * (-1.25e-13 + z * 2.8e-19)));
@@ -96,7 +96,7 @@ pub fn pressure_bar(depth_m: f64, latitude_deg: f64) -> f64 {
 }
 
 /// [`SoundSpeed::Unesco`] by pressure: speed of sound, m/s, at a temperature in degrees Celsius (ITS-90), a practical
-/// salinity (PSU) and a pressure in bar beside that of the air.
+/// salinity (PSU) and a pressure in bar above atmospheric.
 ///
 /// Coefficients: Fofonoff and Millard 1983, UNESCO technical papers in marine science 44.
 pub fn unesco_speed(temperature_c: f64, salinity: f64, pressure_bar: f64) -> f64 {
@@ -112,7 +112,7 @@ pub fn unesco_speed(temperature_c: f64, salinity: f64, pressure_bar: f64) -> f64
         &[-3.9064e-7, 9.1041e-9, -1.6002e-10, 7.988e-12],
         &[1.100e-10, 6.649e-12, -3.389e-13],
     ];
-    // The coefficients are of the temperature scale of 1968.
+    // The coefficients use the temperature scale of 1968.
     let (t, s, p) = (1.000_24 * temperature_c, salinity.max(0.0), pressure_bar);
     let polynomial = |coefficients: &[f64], x: f64| coefficients.iter().rev().fold(0.0, |sum, c| sum * x + c);
     let of = |rows: [&[f64]; 4]| polynomial(&rows.map(|row| polynomial(row, t)), p);
@@ -125,14 +125,14 @@ pub fn unesco_speed(temperature_c: f64, salinity: f64, pressure_bar: f64) -> f64
 mod tests {
     use super::*;
 
-    /// Values that the authors print for checking.
+    /// Check values published by the authors.
     #[test]
     fn published_values() {
         assert!((SoundSpeed::Mackenzie.speed(25.0, 35.0, 1000.0, 45.0) - 1550.744).abs() < 1e-3);
         assert!((unesco_speed(40.0 / 1.000_24, 40.0, 1000.0) - 1731.995).abs() < 1e-3);
     }
 
-    /// Where all of them hold they say the same to what they promise.
+    /// Where all of them hold they agree within their stated accuracy.
     #[test]
     fn formulas_agree_where_they_hold() {
         for (t, z) in [(0.0, 0.0), (5.0, 500.0), (10.0, 1000.0), (20.0, 100.0), (30.0, 0.0)] {

@@ -1,15 +1,15 @@
-//! What formulas that were fitted to measurements are good for.
+//! Validity ranges of formulas fitted to measurements.
 
 use std::fmt;
 
-/// A quantity that is not within what a formula was made for; it still gives a number there, but no promise.
+/// A quantity outside the range that a formula was made for; the formula still gives a number there, but no accuracy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outside {
     /// Which: `temperature`, `salinity`, `pH`, `depth` or `frequency`.
     pub quantity: &'static str,
     /// What was given, in `unit`.
     pub value: f64,
-    /// From where to where the formula is good, in `unit`.
+    /// Range in which the formula holds, in `unit`.
     pub range: [f64; 2],
     /// Unit of both; may be empty.
     pub unit: &'static str,

@@ -1,4 +1,4 @@
-//! Accessors to numbers, every bound checked before anything is allocated.
+//! Accessors to numbers; every bound is checked before anything is allocated.
 
 use gltf::json::accessor::{ComponentType, Type};
 use gltf::json::validation::{Checked, USize64};
@@ -9,12 +9,12 @@ use std::cell::Cell;
 pub(super) struct Accessors<'a> {
     json: &'a Root,
     buffers: &'a [&'a [u8]],
-    /// Bytes that may still be taken, see [`Accessors::charge`].
+    /// Bytes that may still be used, see [`Accessors::charge`].
     budget: Cell<usize>,
 }
 
-/// Decoded bytes allowed for each byte of the file. Honest files stay below 20 (a strip with 8-bit
-/// indices); files whose accessors overlap a thousandfold would take all memory.
+/// Decoded bytes allowed per byte of the file. Honest files stay below 20 (a strip with 8-bit indices); files whose
+/// accessors overlap a thousandfold would fill the memory.
 const EXPANSION_LIMIT: usize = 64;
 
 /// Elements of an accessor or sparse array, where they lie in their buffer.
@@ -35,7 +35,7 @@ impl<'a> Accessors<'a> {
         Accessors { json, buffers, budget }
     }
 
-    /// Asks for `bytes` of memory; refused when the file has become far larger in memory than it is.
+    /// Asks for `bytes` of memory; refused when the file has become far larger in memory than on disk.
     pub fn charge(&self, bytes: usize) -> Result<(), String> {
         let left = self.budget.get().checked_sub(bytes).ok_or_else(|| {
             format!("is too much: the file would take more than {EXPANSION_LIMIT} times its size in memory")
@@ -80,7 +80,7 @@ impl<'a> Accessors<'a> {
         Ok(indices.into_iter().map(|[index]| index).collect())
     }
 
-    /// Elements of an accessor: its own, zeros where it has none, and the sparse ones over them.
+    /// Elements of an accessor: its own, or zeros, overlaid by the sparse ones.
     fn read<T: Copy + Default, const N: usize>(
         &self,
         index: Index<Accessor>,

@@ -14,13 +14,13 @@ const HEADER_BYTES: usize = 12;
 const CHUNK_JSON: &[u8] = b"JSON";
 const CHUNK_BIN: &[u8] = b"BIN\0";
 
-/// Finds the payloads in the bytes of a `.glb` or `.gltf` file; the first bytes tell which it is.
+/// Finds the payloads in the bytes of a `.glb` or `.gltf` file; the first bytes determine which it is.
 pub(super) fn split(bytes: &[u8]) -> Result<Container<'_>, String> {
     if bytes.is_empty() {
         return Err("the file is empty".into());
     }
     if !bytes.starts_with(MAGIC) {
-        // Some editors put a byte order mark before the text.
+        // Some editors write a byte order mark before the text.
         return Ok(Container { json: bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes), bin: None });
     }
     let (Some(version), Some(length)) = (u32_at(bytes, 4), u32_at(bytes, 8)) else {
@@ -39,7 +39,7 @@ pub(super) fn split(bytes: &[u8]) -> Result<Container<'_>, String> {
     };
     let mut bin = None;
     while let Some(Chunk { kind, data }) = next_chunk(&mut rest)? {
-        // Chunks of other kinds are to be skipped (glTF 2.0, 4.4.3).
+        // Chunks of other kinds must be skipped (glTF 2.0, 4.4.3).
         if kind == CHUNK_BIN && bin.is_none() {
             bin = Some(data);
         }
@@ -54,7 +54,7 @@ struct Chunk<'a> {
     data: &'a [u8],
 }
 
-/// Takes one chunk off the front of `rest`; `None` at the end.
+/// Takes one chunk from the front of `rest`; `None` at the end.
 fn next_chunk<'a>(rest: &mut &'a [u8]) -> Result<Option<Chunk<'a>>, String> {
     let (Some(length), Some(kind)) = (u32_at(rest, 0), rest.get(4..8)) else { return Ok(None) };
     let data = rest

@@ -6,7 +6,7 @@ use serde_json::Value;
 /// The custom property `key`, if there is one.
 pub(super) fn get(extras: &Extras, key: &str) -> Option<Value> {
     let raw = extras.as_ref()?.get();
-    // Most extras hold nothing of ours: a search is quicker than parsing them.
+    // Most extras hold nothing of ours: searching is faster than parsing.
     if !raw.contains(key) {
         return None;
     }

@@ -10,8 +10,8 @@ use serde::Deserialize;
 const Z_UP_FROM_Y_UP: DAffine3 =
     DAffine3 { matrix3: DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y), translation: DVec3::ZERO };
 
-/// Placement of a node in its parent, in double precision: survey coordinates need it, and the
-/// `gltf` crate reads single.
+/// Placement of a node in its parent, in double precision: survey coordinates need it, and the `gltf` crate reads
+/// single precision.
 #[derive(Deserialize)]
 pub(super) struct Transform {
     matrix: Option<[f64; 16]>,
@@ -53,7 +53,7 @@ pub(super) struct Placed<'a> {
     pub part: Option<&'a str>,
 }
 
-/// `categoryID` and `partID` of every node, as far as it has them.
+/// `categoryID` and `partID` of every node that has them.
 pub(super) fn label_extras(document: &Document<'_>) -> Vec<[Option<String>; 2]> {
     let nodes = document.json.nodes.iter();
     nodes.map(|node| ["categoryID", "partID"].map(|key| text(&node.extras, key))).collect()
@@ -86,7 +86,7 @@ pub(super) fn walk<'a>(document: &Document<'_>, labels: &'a [[Option<String>; 2]
     Ok(placed)
 }
 
-/// Parent of every node; an error where the nodes are no forest.
+/// Parent of every node; an error if the nodes form no forest.
 fn parents(document: &Document<'_>) -> Result<Vec<Option<usize>>> {
     let nodes = &document.json.nodes;
     let children = |node: usize| nodes[node].children.iter().flatten().map(|child| child.value());
@@ -104,7 +104,7 @@ fn parents(document: &Document<'_>) -> Result<Vec<Option<usize>>> {
             }
         }
     }
-    // With one parent each, the nodes that no root leads to are those in and below cycles.
+    // With one parent each, the nodes that no root reaches are those in and below cycles.
     let mut reached = vec![false; nodes.len()];
     let mut stack: Vec<usize> = (0..nodes.len()).filter(|&node| parents[node].is_none()).collect();
     while let Some(node) = stack.pop() {
@@ -119,7 +119,7 @@ fn parents(document: &Document<'_>) -> Result<Vec<Option<usize>>> {
     }
 }
 
-/// Top nodes of the scene that is to be read.
+/// Top nodes of the scene to be read.
 fn roots(document: &Document<'_>, parents: &[Option<usize>]) -> Result<Vec<usize>> {
     let scenes = &document.json.scenes;
     let wanted = document.json.scene.map(|scene| scene.value());

@@ -1,4 +1,4 @@
-//! Materials: what glTF, its extensions and custom properties say, as echocast keeps it.
+//! Materials: what glTF, its extensions and custom properties say, in echocast's form.
 
 use super::accessor::Accessors;
 use super::{Document, Notes, extras, place};
@@ -15,9 +15,9 @@ use serde_json::Value;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// The materials of a file, and those made of them while meshes are read.
+/// The materials of a file, and those derived from them while meshes are read.
 pub(super) struct Materials<'a> {
-    /// The file's materials in its order, then tinted ones. They have their textures once they are used.
+    /// The file's materials in order, then tinted ones. They get their textures once they are used.
     list: Vec<Arc<Material>>,
     images: Images<'a>,
     /// Texture coordinate set of the texture of each of the file's materials that has been used.
@@ -45,7 +45,7 @@ impl<'a> Materials<'a> {
         Ok(Materials { list, images, sets: HashMap::new(), tinted: HashMap::new() })
     }
 
-    /// Reads the texture of a material of the file, which a part uses; the texture coordinate set that it needs.
+    /// Reads the texture of a material of the file that a part uses; returns the texture coordinate set that it needs.
     pub fn texture_set(&mut self, index: usize, notes: &mut Notes) -> Result<Option<u32>> {
         if let Some(&known) = self.sets.get(&index) {
             return Ok(known);
@@ -146,13 +146,13 @@ fn surface(source: &json::Material, name: String, factors: &mut Factors<'_>) -> 
         let check = material.scattering.check(material.reflectance.as_ref());
         check.map_err(|error| format!("extras.{error}"))?;
     }
-    // Anything else of that name is somebody else's, the name of a noise it makes perhaps.
+    // Anything else of that name has another purpose, perhaps the name of a noise it makes.
     if let Some(value) = property("sound").filter(Value::is_object) {
         let sound: Sound = section("extras.sound", value)?;
         sound.check().map_err(|error| format!("extras.{error}"))?;
         material.sound = Some(sound);
     }
-    // A number of that name is somebody else's.
+    // A number of that name has another purpose.
     if let Some(value) = property("alpha").filter(Value::is_string) {
         material.alpha = section("extras.alpha", value)?;
     }
@@ -177,23 +177,23 @@ fn refraction(name: &str, value: &Value) -> Result<Option<f32>, String> {
     Ok((ior != 0.0).then_some(ior))
 }
 
-/// What `value` says in the words of a material file.
+/// Parses `value` with the keys of a material file.
 fn section<T: DeserializeOwned>(name: &str, value: Value) -> Result<T, String> {
     yaml::Document::from_value(name, value).read().map_err(|error| error.to_string())
 }
 
-/// `value` if `allows` allows it.
+/// `value` if `allows` permits it.
 fn checked(name: &str, value: f64, allowed: &str, allows: impl Fn(f64) -> bool) -> Result<f32, String> {
     if allows(value) { Ok(value as f32) } else { Err(format!("{name} is {value}; allowed: {allowed}")) }
 }
 
-/// The number in `value` if `allows` allows it.
+/// The number in `value` if `allows` permits it.
 fn number(name: &str, value: &Value, allowed: &str, allows: impl Fn(f64) -> bool) -> Result<f32, String> {
     let number = value.as_f64().ok_or_else(|| format!("{name} is not a number; allowed: {allowed}"))?;
     checked(name, number, allowed, allows)
 }
 
-/// glTF's own factors are drawn clamped by every viewer, so a stray 1.001 only earns a note.
+/// Every viewer clamps glTF's own factors, so a stray 1.001 is only noted.
 struct Factors<'a> {
     place: &'a dyn Fn() -> String,
     notes: &'a mut Notes,
@@ -222,8 +222,8 @@ struct Images<'a> {
 }
 
 impl Images<'_> {
-    /// The use that `info` makes of an image; `None`, with a note, where the file only has it in a
-    /// format of an extension.
+    /// The use that `info` makes of an image; `None`, with a note, where the file only has it in the format of an
+    /// extension.
     fn texture_ref(&mut self, info: &Info, user: &str, notes: &mut Notes) -> Result<Option<TextureRef>> {
         let document = self.document;
         let json = &document.json;
@@ -240,7 +240,7 @@ impl Images<'_> {
                 sampler => sampler,
             },
         };
-        // The crate's mark for a texture without `source`.
+        // The crate's marker for a texture without `source`.
         if texture.source.value() == u32::MAX as usize {
             notes.add("textures without a PNG or JPEG image are left out", || user.to_owned());
             return Ok(None);

@@ -33,8 +33,8 @@ use std::collections::HashMap;
 use std::path::Path;
 use uri::Files;
 
-/// Extensions that a file may require. Those of materials are accepted by their prefix: they say how
-/// light is shaded, and what echocast knows of them is read.
+/// Extensions that a file may require. Those of materials are accepted by prefix: they affect shading, and what
+/// echocast supports of them is read.
 const EXTENSIONS: &[&str] =
     &["KHR_lights_punctual", "KHR_mesh_quantization", "KHR_texture_transform", instancing::EXTENSION];
 const MATERIAL_EXTENSIONS: &str = "KHR_materials_";
@@ -46,7 +46,7 @@ pub(super) fn read(path: &Path, options: &LoadOptions, images: &mut TextureBudge
     read_bytes(&bytes, path, path.parent(), options, images)
 }
 
-/// Reads the bytes of a file; `folder` is where its URIs lead, `None`: nowhere.
+/// Reads the bytes of a file; `folder` is the base of its URIs, `None`: it may have none.
 pub(super) fn read_bytes(
     bytes: &[u8],
     origin: &Path,
@@ -97,7 +97,7 @@ pub(super) fn read_bytes(
     Ok(scene.assemble(objects, &options.labels))
 }
 
-/// Adds the objects that a node stands for: none, one, or all its instances.
+/// Adds the objects that a node represents: none, one, or all its instances.
 fn objects_of(placed: &Placed<'_>, meshes: &mut Meshes<'_>, objects: &mut Vec<RawObject>) -> Result<()> {
     let document = meshes.document;
     let node = &document.json.nodes[placed.node];
@@ -118,7 +118,7 @@ fn objects_of(placed: &Placed<'_>, meshes: &mut Meshes<'_>, objects: &mut Vec<Ra
     let instances = instancing::node_from_instances(meshes.accessors, node).map_err(fault)?;
     for node_from_object in instances.unwrap_or_else(|| vec![DAffine3::IDENTITY]) {
         let world_from_object = placed.world_from_node * node_from_object;
-        // What is squeezed flat can still be seen.
+        // Objects squeezed flat can still be seen.
         if cofactors(&world_from_object.matrix3) == DMat3::ZERO {
             meshes.notes.add("objects scaled to a line or a point are left out", here);
             continue;
@@ -157,10 +157,10 @@ fn camera_of(placed: &Placed<'_>, document: &Document<'_>) -> Result<Option<Came
 struct Document<'a> {
     /// Path, or a word for data in memory; for messages.
     origin: &'a Path,
-    /// Where URIs lead.
+    /// Base of URIs.
     files: Files<'a>,
     json: Root,
-    /// Of every node of `json`.
+    /// For every node of `json`.
     transforms: Vec<Transform>,
 }
 
@@ -203,7 +203,7 @@ impl<'a> Document<'a> {
             Some(nodes) => serde_json::from_str(nodes.get()).map_err(broken)?,
             None => Vec::new(),
         };
-        // Compiled where the type is: here it would be compiled once more.
+        // Compiled where the type is: here it would be compiled again.
         let json = Root::from_slice(json).map_err(broken)?;
         Ok(Document { origin, files, json, transforms })
     }
@@ -222,7 +222,7 @@ fn place(kind: &str, index: usize, name: Option<&str>) -> String {
     name.map_or_else(|| format!("{kind} {index}"), |name| format!("{kind} {index} {:?}", shown::name(name)))
 }
 
-/// Contents of the buffers that lie in files of their own or in data URIs, each URI once.
+/// Contents of the buffers in separate files or in data URIs, each URI once.
 fn external_buffers<'a>(document: &'a Document<'_>) -> Result<HashMap<&'a str, Vec<u8>>> {
     let mut contents = HashMap::new();
     for (index, buffer) in document.json.buffers.iter().enumerate() {
@@ -260,14 +260,14 @@ fn buffers<'a>(
         .collect()
 }
 
-/// What is worth a warning, told once for each kind however often it occurs.
+/// Notes worth a warning, reported once per kind however often they occur.
 #[derive(Default)]
 struct Notes(Vec<Note>);
 
 struct Note {
     what: &'static str,
     count: usize,
-    /// Where it was met first.
+    /// Where it occurred first.
     first: String,
 }
 

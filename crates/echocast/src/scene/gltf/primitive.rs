@@ -13,7 +13,7 @@ use gltf::json::{Accessor, Index};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Reads the meshes that nodes ask for, each once; data that primitives share is decoded once.
+/// Reads the meshes that nodes use, each once; data that primitives share is decoded once.
 pub(super) struct Meshes<'a> {
     pub document: &'a Document<'a>,
     pub accessors: &'a Accessors<'a>,
@@ -37,13 +37,13 @@ pub(super) struct Cache {
     /// Unit normals; `None`: some have no length.
     normals: HashMap<usize, Option<Shared<3>>>,
     uvs: HashMap<usize, Shared<2>>,
-    /// Normals and texture coordinates as the parts have them.
+    /// Normals and texture coordinates in the parts' form.
     part_normals: HashMap<(usize, TriangleKey), Option<Shared<3>>>,
     part_uvs: HashMap<(usize, TriangleKey), Shared<2>>,
     colors: HashMap<usize, VertexColors>,
 }
 
-/// What a triangle list is made of: accessors of positions and indices, and the mode.
+/// What a triangle list is made from: accessors of positions and indices, and the mode.
 type TriangleKey = (usize, Option<usize>, u32);
 
 #[derive(Clone)]
@@ -51,9 +51,9 @@ struct Triangles {
     kept: Array<[u32; 3]>,
     /// The vertices that `kept` counts.
     positions: Shared<3>,
-    /// Which of the accessor's vertices those are; `None`: all, in its order.
+    /// Which of the accessor's vertices those are; `None`: all, in order.
     used: Option<Arc<Vec<u32>>>,
-    /// How many were left out because they have no area.
+    /// How many triangles were left out because they have no area.
     degenerate: usize,
 }
 
@@ -62,7 +62,7 @@ struct Triangles {
 enum VertexColors {
     /// The same linear colour at every vertex.
     Constant([f32; 4]),
-    /// Cannot be kept.
+    /// Not supported.
     Varying,
 }
 
@@ -313,10 +313,10 @@ fn assemble(mode: Mode, corners: &[u32]) -> Vec<[u32; 3]> {
     }
 }
 
-/// The vertices that `triangles` use, rising, when those are less than half of `vertices`: `triangles` then count
-/// in them. A part must not carry a buffer that hundreds share; it is copied for each when the scene is built.
+/// The vertices that `triangles` use, rising, if fewer than half of `vertices`: `triangles` then index them. A part
+/// must not carry a buffer that hundreds share; it is copied for each when the scene is built.
 fn used_vertices(triangles: &mut [[u32; 3]], vertices: usize) -> Option<Vec<u32>> {
-    // Closed meshes have two triangles for each vertex: so many need no closer look.
+    // Closed meshes have two triangles per vertex: with so many no closer look is needed.
     if triangles.len() >= vertices {
         return None;
     }
@@ -338,7 +338,7 @@ fn same_count(what: &str, accessor: &Accessor, vertices: usize) -> Result<(), St
     if found == vertices as u64 { Ok(()) } else { Err(format!("{what} has {found} elements for {vertices} vertices")) }
 }
 
-/// The colour that all vertices have, clamped to 0..1.
+/// The colour shared by all vertices, clamped to 0..1.
 fn constant<const N: usize>(colors: &[[f32; N]]) -> Option<[f32; N]> {
     let first = *colors.first()?;
     let usable = first.iter().all(|channel| channel.is_finite()) && colors.iter().all(|color| *color == first);

@@ -9,13 +9,13 @@ use std::path::Path;
 
 const F32: u32 = 5126;
 
-/// A file in the making.
+/// A file under construction.
 struct File {
     json: Value,
     bin: Vec<u8>,
 }
 
-/// What spoils a file.
+/// What corrupts a file.
 type Edit<'a> = &'a dyn Fn(&mut File);
 
 impl File {
@@ -341,7 +341,7 @@ fn parts_carry_only_the_vertices_they_use() {
     let normals = file.floats("VEC3", &(0..VERTICES).flat_map(|i| [1.0, i as f32, 0.0]).collect::<Vec<_>>());
     let uvs = file.floats("VEC2", &(0..VERTICES).flat_map(|i| [i as f32, 0.5]).collect::<Vec<_>>());
     let attributes = json!({"POSITION": positions, "NORMAL": normals, "TEXCOORD_0": uvs});
-    // So many that whole buffers would go beyond the limit.
+    // So many that whole buffers would exceed the limit.
     let primitives: Vec<Value> = (0..400)
         .map(|i| {
             let corners = [3 * i + 2, 3 * i, 3 * i + 1].map(|corner: u16| corner.to_le_bytes());
@@ -634,7 +634,7 @@ fn materials_are_read_with_their_extensions() {
     file.material(json!({}));
     let scene = file.load().unwrap();
     let m = &scene.materials[0];
-    // glTF's defaults of a material that says nothing.
+    // glTF's defaults for a material without keys.
     assert_eq!((m.name.as_str(), m.metallic, m.roughness, m.ior), ("material_0", 1.0, 1.0, 1.5));
     assert_eq!((&m.reflectance, m.thickness_m, m.attenuation_distance_m), (&None, 0.0, f32::INFINITY));
 
@@ -1016,7 +1016,7 @@ fn damaged_files_are_errors() {
         let error = read(&whole[..length]);
         assert!(error.contains("cut off") || length < 4, "{length}: {error}");
     }
-    // The length in the header fits what is left, the chunks do not.
+    // The length in the header matches the rest, the chunks do not.
     for length in 12..whole.len() {
         let mut cut = whole[..length].to_vec();
         cut[8..12].copy_from_slice(&(length as u32).to_le_bytes());

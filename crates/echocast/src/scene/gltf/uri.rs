@@ -38,7 +38,7 @@ impl Files<'_> {
             }
             _ => uri,
         };
-        // Escapes may hide what a path is, so it is looked at without them.
+        // Escapes may disguise a path, so it is checked without them.
         let name = percent_decoded(name);
         let path = folder.join(&*name);
         match inside(folder, &path).filter(|_| !name.starts_with(['/', '\\'])) {
@@ -57,7 +57,7 @@ fn has_scheme(uri: &str) -> bool {
     })
 }
 
-/// `%20` and the like replaced; what is no valid escape stays as it is.
+/// Replaces `%20` and the like; invalid escapes stay as they are.
 fn percent_decoded(uri: &str) -> Cow<'_, str> {
     if !uri.contains('%') {
         return uri.into();

@@ -3,7 +3,7 @@
 use crate::scene::{inside, outside};
 use std::path::{Path, PathBuf};
 
-/// What is said of the file that a name means: none, or why it must not be read.
+/// The file that a name means, if any, or why it must not be read.
 type Found = Result<Option<PathBuf>, String>;
 
 /// Where material files and images of a scene may be.
@@ -11,16 +11,16 @@ type Found = Result<Option<PathBuf>, String>;
 pub(super) struct Files<'a> {
     /// The folder of the scene.
     pub folder: &'a Path,
-    /// Whether they may be anywhere else.
+    /// Whether they may be anywhere.
     pub allow_outside: bool,
 }
 
 impl Files<'_> {
-    /// The file that `name` means in the file `from`: as it stands, with Windows separators, or, as many
-    /// files carry paths of the machine they were made on, its last piece beside. Folders do not count.
+    /// The file that `name` means in the file `from`: as it stands, with Windows separators, or, because many files
+    /// carry paths of the machine they were made on, its last component beside `from`. Folders do not count.
     ///
     /// # Errors
-    /// One that is there, but not where files may be.
+    /// A file that exists, but not where files may be.
     pub fn find(self, from: &Path, name: &str) -> Found {
         let slashed = name.replace('\\', "/");
         let last = slashed.rsplit('/').next().unwrap_or(&slashed);
@@ -64,7 +64,7 @@ impl Files<'_> {
     }
 }
 
-/// Whether there is something to read, or to say that it cannot be read: pipes and devices.
+/// Whether there is something to read, or to report as unreadable: pipes and devices.
 fn is_there(path: &Path) -> bool {
     path.metadata().is_ok_and(|found| !found.is_dir())
 }
@@ -110,7 +110,7 @@ mod tests {
         let found = |allow_outside, from: &str, name: &str| {
             Files { folder: &scene, allow_outside }.find(&scene.join(from), name).map(Option::unwrap)
         };
-        // A material file in a folder of the scene may go back to the scene, and no farther.
+        // A material file in a folder of the scene may refer back to the scene, but no farther.
         assert_eq!(found(false, "sub/a.mtl", "../x.png").unwrap(), at("mats/here/x.png"));
         for name in ["../../x.png", "..\\..\\x.png", at("y.png").to_str().unwrap()] {
             let error = found(false, "sub/a.mtl", name).unwrap_err();

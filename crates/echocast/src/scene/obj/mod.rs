@@ -1,7 +1,7 @@
 //! Wavefront OBJ with MTL.
 //!
-//! The format is the appendix "Object Files (.obj)" of Alias|Wavefront's Advanced Visualizer manual, read as exporters
-//! write it.
+//! The format is that of the appendix "Object Files (.obj)" of Alias|Wavefront's Advanced Visualizer manual, read as
+//! exporters write it.
 
 mod files;
 mod mtl;
@@ -28,12 +28,12 @@ use std::sync::Arc;
 
 /// Reads the OBJ file at `path` and the MTL files and images it names.
 ///
-/// Every `o`, or in files without one every name of a `g`, is an object, whatever lies between its faces;
-/// faces before the first belong to an object called like the file.
+/// Every `o`, or in files without one every name of a `g`, is an object, whatever lies between its faces; faces before
+/// the first belong to an object named after the file.
 ///
 /// # Errors
-/// A file that cannot be read; a line that says no number where one must stand or a vertex that is not
-/// there; no faces; an image that is missing or damaged. A missing MTL file or material is a warning.
+/// A file that cannot be read; a line without a number where one is required or with a vertex that does not exist; no
+/// faces; an image that is missing or damaged. A missing MTL file or material is a warning.
 pub(super) fn read(path: &Path, options: &LoadOptions, images: &mut TextureBudget) -> Result<Scene> {
     if !(options.scale.is_finite() && options.scale > 0.0) {
         return Err(Error::invalid("scale", options.scale, "finite numbers above 0"));
@@ -98,7 +98,7 @@ pub(super) fn read(path: &Path, options: &LoadOptions, images: &mut TextureBudge
     Ok(scene.assemble(objects, &options.labels))
 }
 
-/// The materials of the MTL files, and which of them the scene has got.
+/// The materials of the MTL files, and which of them the scene uses.
 struct Materials<'a> {
     files: Files<'a>,
     entries: HashMap<String, mtl::Entry>,
@@ -126,7 +126,7 @@ impl<'a> Materials<'a> {
             let libraries = files.libraries(path, names).map_err(|message| Error::parse(path, "mtllib", message))?;
             for (name, library) in libraries {
                 match library {
-                    // Many names may mean one file.
+                    // Many names may refer to one file.
                     Some(library) => {
                         if read.insert(fs::canonicalize(&library).unwrap_or(library.clone())) {
                             mtl::read(&library, &mut entries)?;
@@ -170,7 +170,7 @@ impl<'a> Materials<'a> {
         Ok(Some(material))
     }
 
-    /// The use of an image, which is read when it is first needed.
+    /// The use of an image, which is read when first needed.
     fn texture(&mut self, map: &mtl::Map) -> Result<TextureRef> {
         let path = map.path(self.files)?;
         let texture = match self.textures.entry(fs::canonicalize(&path).unwrap_or(path.clone())) {
@@ -198,7 +198,7 @@ impl<'a> Materials<'a> {
             let unknown = some_of(&self.unknown);
             scene.report.warn(format!("{path}: materials without definition are taken as white: {unknown}"));
         }
-        // Those in use have been taken out.
+        // Those in use have been removed.
         let mut faults: Vec<_> =
             self.entries.values().filter_map(|entry| Some(entry.fault.as_ref()?.to_string())).collect();
         faults.sort();

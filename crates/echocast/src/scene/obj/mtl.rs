@@ -12,11 +12,11 @@ use std::path::{Path, PathBuf};
 /// A material of an MTL file.
 #[derive(Debug, Default)]
 pub(super) struct Entry {
-    /// All but the texture.
+    /// Everything but the texture.
     pub material: Material,
     /// `map_Kd`.
     pub map: Option<Map>,
-    /// What is wrong with it, first of all; no matter where it is not used.
+    /// The first error in it; irrelevant if it is not used.
     pub fault: Option<Error>,
     /// Where both are given, `d` counts: exporters do not agree on what `Tr` means.
     dissolve_given: bool,
@@ -41,7 +41,7 @@ impl Map {
     /// The image file.
     ///
     /// # Errors
-    /// It is not there, or where `files` may not be.
+    /// It does not exist, or is where `files` may not be.
     pub fn path(&self, files: Files<'_>) -> Result<PathBuf> {
         let missing = || format!("there is no image {:?}", shown::name(&self.file));
         files
@@ -51,19 +51,19 @@ impl Map {
     }
 }
 
-/// Adds the materials of the MTL file at `path` to `entries`; a name that comes again replaces what was there.
+/// Adds the materials of the MTL file at `path` to `entries`; a repeated name replaces the earlier one.
 ///
-/// Read are `Kd` (taken as linear, 0..1), `d` and `Tr`, `Ni`, `map_Kd`, the extension `Pm` and `Pr`, and our
-/// own `reflectance`. What draws highlights and reflections says nothing about a scanner's wavelength.
+/// Reads `Kd` (taken as linear, 0..1), `d` and `Tr`, `Ni`, `map_Kd`, the extension `Pm` and `Pr`, and our own
+/// `reflectance`. Keys for highlights and reflections say nothing about a scanner's wavelength.
 ///
-/// Numbers are brought into their range, as many exporters do not care. One that is none, or a reflectance
-/// outside 0..1, is the fault of its material.
+/// Numbers are clamped to their range, as many exporters ignore it. An invalid one, or a reflectance outside 0..1, is
+/// the fault of its material.
 ///
 /// # Errors
 /// A file that cannot be read.
 pub(super) fn read(path: &Path, entries: &mut HashMap<String, Entry>) -> Result<()> {
     let bytes = read::bytes(path, Limit::MATERIALS)?;
-    // Another file names it, which may be any of the user's: errors show none of its words.
+    // Another file names it, and it may be any of the user's: errors show none of its words.
     let mut text = Text::new(path, &bytes)?.unseen();
     let mut entry = Entry::default();
     while text.next_statement() {
@@ -83,13 +83,13 @@ pub(super) fn read(path: &Path, entries: &mut HashMap<String, Entry>) -> Result<
         text.skip_statement();
     }
     entries.insert(entry.material.name.clone(), entry);
-    // What stands before the first `newmtl` belongs to nobody.
+    // Statements before the first `newmtl` belong to no material.
     entries.remove("");
     Ok(())
 }
 
 impl Entry {
-    /// Reads the numbers of a statement that begins with `word`.
+    /// Reads the numbers of a statement that starts with `word`.
     fn number(&mut self, word: &[u8], text: &mut Text) -> Result<()> {
         let material = &mut self.material;
         match word {
@@ -163,7 +163,7 @@ fn map(text: &mut Text, library: &Path) -> Option<Map> {
                 b"-o" => &mut map.offset,
                 _ => &mut [0.0; 2],
             };
-            // One to three numbers: u, v and w, which an image does not have.
+            // One to three numbers: u, v and w, which images do not have.
             for axis in 0..3 {
                 let Some(value) = text.optional_number() else { break };
                 if let Some(slot) = target.get_mut(axis) {

@@ -6,11 +6,11 @@ use crate::scene::Part;
 use crate::scene::mesh::{is_degenerate, normals_are_flat};
 use glam::{DVec3, Vec3};
 
-/// How many vertices at one position are compared before a corner gets a vertex of its own: sharing is
-/// worth little there, and a million corners at one point must not be compared with each other.
+/// How many vertices at one position are compared before a corner gets a vertex of its own: sharing gains little there,
+/// and a million corners at one point must not be compared with each other.
 const LONGEST_SEARCH: usize = 16;
 
-/// Makes parts out of the faces of a file.
+/// Makes parts from the faces of a file.
 pub(super) struct PartMaker<'a> {
     file: &'a Statements,
     /// For every position the part that used it last (counted from 1) and its newest vertex there.
@@ -31,7 +31,7 @@ impl<'a> PartMaker<'a> {
         PartMaker { file, newest, parts: 0, looks_left, degenerate_triangles: 0, tangled_polygons: 0 }
     }
 
-    /// The middle of the vertices of `runs`, in whole units: relative to it `f32` keeps what `f64` coordinates say.
+    /// The middle of the vertices of `runs`, in whole units: relative to it `f32` preserves `f64` coordinates.
     pub fn middle(&self, runs: &[Run]) -> DVec3 {
         let (mut low, mut high) = (DVec3::MAX, DVec3::MIN);
         for corner in runs.iter().flat_map(|run| self.file.faces(run)).flatten() {
@@ -82,7 +82,7 @@ impl<'a> PartMaker<'a> {
                 added += usize::from(has_area);
                 empty += usize::from(!has_area);
             });
-            // A polygon all of whose corners are on one line yields nothing at all: it counts once.
+            // A polygon with all corners on one line yields nothing: it counts once.
             degenerate += if added + empty == 0 { 1 } else { empty };
             tangled += usize::from(!simple);
         }
@@ -96,7 +96,7 @@ impl<'a> PartMaker<'a> {
     fn weld(&mut self, triangles: &[[Corner; 3]], middle: DVec3, smooth: bool, textured: bool) -> Part {
         self.parts += 1;
         let (mut positions, mut normals, mut uvs) = (Vec::new(), Vec::new(), Vec::new());
-        // Of each vertex: the indices that make it, and the vertex before it at its position.
+        // For each vertex: the indices that make it, and the previous vertex at its position.
         let (mut keys, mut older) = (Vec::new(), Vec::new());
         let mut indices = Vec::with_capacity(triangles.len());
         for triangle in triangles {
@@ -105,7 +105,7 @@ impl<'a> PartMaker<'a> {
                 let key = [if textured { corner.texcoord } else { NONE }, if smooth { corner.normal } else { NONE }];
                 let [part, newest] = self.newest[corner.position as usize];
                 let newest = if part == self.parts { newest } else { NONE };
-                // Among smooth corners one without a normal takes that of its own face.
+                // Among smooth corners one without a normal takes that of its face.
                 if !smooth || normal.is_some() {
                     let mut vertex = newest;
                     for _ in 0..LONGEST_SEARCH {

@@ -4,12 +4,12 @@ use glam::{DVec2, DVec3};
 use std::collections::VecDeque;
 use std::iter::successors;
 
-/// How often a corner or grid cell is looked at in one polygon, per corner, before it counts as crossing itself.
-/// A star with 20,000 corners takes 360; what takes more goes through the same few points over and over.
+/// How often a corner or grid cell is checked in one polygon, per corner, before the polygon counts as crossing itself.
+/// A star with 20,000 corners takes 360; what takes more passes the same few points over and over.
 const LOOKS_PER_CORNER: usize = 4000;
 
-/// Looks that all polygons of a file may take together, and more for each corner in the file: some seconds.
-/// Files of many small polygons, which take fewer, never come to the end of them.
+/// Checks that all polygons of a file may take together, plus more for each corner in the file: a few seconds. Files of
+/// many small polygons take fewer and never exhaust them.
 const LOOKS: usize = 20_000_000;
 const MORE_LOOKS_PER_CORNER: usize = 16;
 
@@ -18,12 +18,12 @@ pub(super) fn looks(corners: usize) -> usize {
     LOOKS + MORE_LOOKS_PER_CORNER * corners
 }
 
-/// Splits the polygon with corners `points`, at least three, into triangles that keep its winding and
-/// hands their corners (positions in `points`) to `add`. The polygon may be concave, may have
-/// collinear or repeated corners and need not be quite plane. Triangles without area can occur.
+/// Splits the polygon with corners `points`, at least three, into triangles that keep its winding and passes their
+/// corners (positions in `points`) to `add`. The polygon may be concave, may have collinear or repeated corners and
+/// need not be exactly plane. Triangles without area can occur.
 ///
-/// Returns false for a polygon that crosses itself or is folded so that it seems to: then the triangles
-/// may cover more or less than was meant. So may they when `looks_left`, the file's budget, is used up.
+/// Returns false for a polygon that crosses itself or is folded so that it appears to: the triangles may then cover
+/// more or less than intended. So may they when `looks_left`, the file's budget, is used up.
 pub(super) fn triangulate(points: &[DVec3], looks_left: &mut usize, mut add: impl FnMut([usize; 3])) -> bool {
     match *points {
         [_, _, _] => {
@@ -49,7 +49,7 @@ pub(super) fn triangulate(points: &[DVec3], looks_left: &mut usize, mut add: imp
     let origin = points[0];
     let pairs = points.windows(2).map(|pair| (pair[0] - origin).cross(pair[1] - origin));
     let normal: DVec3 = pairs.clone().sum();
-    // A fan is right when all its triangles face the way of the whole: so for convex polygons, and more.
+    // A fan is right if all its triangles face the same way as the whole: true for convex polygons, and others.
     if pairs.skip(1).all(|area| area.dot(normal) > 0.0) {
         for i in 1..points.len() - 1 {
             add([0, i, i + 1]);
@@ -81,9 +81,9 @@ fn turn(a: DVec2, b: DVec2, c: DVec2) -> f64 {
 
 /// Cuts corners off a counter-clockwise polygon whose triangle with both neighbours holds no other corner.
 ///
-/// Cutting one makes or breaks only the two neighbours (every cut shrinks the polygon), so a queue of
-/// candidates sees at most three times the corners; the grid makes each look short. See Eberly,
-/// "Triangulation by ear clipping" (Geometric Tools, 2002), for the method.
+/// Cutting one affects only the two neighbours (every cut shrinks the polygon), so a queue of candidates sees at most
+/// three times the corners; the grid makes each check short. See Eberly, "Triangulation by ear clipping" (Geometric
+/// Tools, 2002), for the method.
 fn clip_ears(points: &[DVec2], looks_left: &mut usize, mut add: impl FnMut([usize; 3])) -> bool {
     let count = points.len();
     let mut ring = Ring {
@@ -100,13 +100,13 @@ fn clip_ears(points: &[DVec2], looks_left: &mut usize, mut add: impl FnMut([usiz
     while left > 3 {
         let (tip, forced) = match candidates.pop_front() {
             Some(tip) => (tip, false),
-            // A corner on the edge of an ear blocks it and may have gone as collinear: all get another look.
+            // A corner on the edge of an ear blocks it and may have been removed as collinear: all get another check.
             None if left < left_at_refill && *looks_left > left => {
                 (left_at_refill, *looks_left) = (left, *looks_left - left);
                 candidates.extend(successors(Some(anchor), |&i| Some(ring.after[i])).take(left));
                 continue;
             }
-            // The polygon crosses itself. A corner that is at least convex has to do.
+            // The polygon crosses itself. A corner that is at least convex must do.
             None => {
                 simple = false;
                 let mut near = successors(Some(anchor), |&i| Some(ring.after[i])).take(64);
@@ -136,7 +136,7 @@ fn clip_ears(points: &[DVec2], looks_left: &mut usize, mut add: impl FnMut([usiz
     simple && *looks_left > 0
 }
 
-/// The corners that are left, linked in a ring.
+/// The remaining corners, linked in a ring.
 struct Ring<'a> {
     points: &'a [DVec2],
     before: Vec<usize>,
@@ -155,13 +155,13 @@ impl Ring<'_> {
         self.before[i] = usize::MAX;
     }
 
-    /// [`turn`] at a corner that is left: positive where convex.
+    /// [`turn`] at a remaining corner: positive where convex.
     fn turn(&self, i: usize) -> f64 {
         turn(self.points[self.before[i]], self.points[i], self.points[self.after[i]])
     }
 }
 
-/// The corners that are not convex, sorted into about as many square cells: only they can lie in an ear.
+/// The non-convex corners, sorted into about as many square cells: only they can lie in an ear.
 struct Grid {
     low: DVec2,
     cells_per_unit: DVec2,
@@ -189,10 +189,10 @@ impl Grid {
         ((at.x as usize).min(self.side - 1), (at.y as usize).min(self.side - 1))
     }
 
-    /// Whether a corner that is left and not convex lies in the triangle that would be cut off at `tip`.
+    /// Whether a remaining, non-convex corner lies in the triangle that would be cut off at `tip`.
     ///
-    /// Every look costs one of `looks_left`; without any nothing blocks, so a polygon that goes
-    /// through the same few points a million times ends too.
+    /// Every check costs one of `looks_left`; without any left nothing blocks, so a polygon that passes the same few
+    /// points a million times ends too.
     fn blocks(&mut self, ring: &Ring, tip: usize, looks_left: &mut usize) -> bool {
         if self.side == 0 || *looks_left == 0 {
             return false;
@@ -205,7 +205,7 @@ impl Grid {
                 while *looks_left > 0 && place < cell.len() {
                     *looks_left -= 1;
                     let i = cell[place];
-                    // A corner that was cut off or has become convex stays so.
+                    // A corner that was cut off or became convex stays so.
                     if !ring.contains(i) || ring.turn(i) > 0.0 {
                         cell.swap_remove(place);
                         continue;
@@ -236,7 +236,7 @@ mod tests {
         (1..points.len() - 1).map(|i| (points[i] - points[0]).cross(points[i + 1] - points[0])).sum::<DVec3>() / 2.0
     }
 
-    /// Checks that the triangles have the polygon's winding and together its area: none overlap, none stick out.
+    /// Checks that the triangles have the polygon's winding and its total area: none overlap, none stick out.
     fn check(points: &[DVec3]) {
         let whole = area_vector(points);
         let (mut sum, mut absolute) = (0.0, 0.0);
@@ -255,7 +255,7 @@ mod tests {
         points.iter().map(|p| DVec3::new(p[0], p[1], 0.0)).collect()
     }
 
-    /// The polygon turned and moved to survey coordinates, every starting corner, both windings.
+    /// The polygon rotated and moved to survey coordinates, every starting corner, both windings.
     fn check_all_ways(points: &[DVec3]) {
         let turned = glam::DQuat::from_euler(glam::EulerRot::XYZ, 0.3, 1.1, -0.7);
         let mut points = points.to_vec();
@@ -339,7 +339,7 @@ mod tests {
         assert!(!triangulate(&bow, &mut looks(4), |_| {}));
         let line: Vec<DVec3> = (0..1000).map(|i| DVec3::X * f64::from(i % 7)).collect();
         triangulate(&line, &mut looks(1000), |_| {});
-        // A million times the same nine points, or others, in a hardly repeating order.
+        // The same nine points a million times, or others, in an almost non-repeating order.
         let scatter = |i: u64| i.wrapping_mul(0x9E37_79B9_7F4A_7C15).rotate_left(17) as f64;
         for different in [9.0, 1e6] {
             let angle = |i: u64| scatter(i) % different * (9.0 / different);

@@ -1,4 +1,4 @@
-//! The statements of an OBJ file, as they stand: vertices, faces, names.
+//! The statements of an OBJ file, as written: vertices, faces, names.
 
 use super::text::{Text, quoted};
 use crate::ground::error::{Error, Result};
@@ -7,17 +7,17 @@ use glam::DVec3;
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Stands where a face corner has no texture coordinate or normal.
+/// Used where a face corner has no texture coordinate or normal.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// What an OBJ file says.
+/// The contents of an OBJ file.
 #[derive(Default)]
 pub(super) struct Statements {
     /// `v`, file units.
     pub positions: Vec<[f64; 3]>,
     /// `vt`, v upwards.
     pub texcoords: Vec<[f32; 2]>,
-    /// `vn`, brought to unit length; zero where it has no direction.
+    /// `vn`, normalised; zero where it has no direction.
     pub normals: Vec<[f32; 3]>,
     /// Corners of all faces.
     pub corners: Vec<Corner>,
@@ -25,13 +25,13 @@ pub(super) struct Statements {
     pub face_ends: Vec<usize>,
     /// Faces with the same object, group and material, in the file's order.
     pub runs: Vec<Run>,
-    /// Names of `o`: each statement begins an object, even with a name that came before.
+    /// Names of `o`: each statement starts an object, even with a repeated name.
     pub objects: Names,
     /// Names of `g`.
     pub groups: Names,
     /// Names of `usemtl`.
     pub materials: Names,
-    /// What stands behind each `mtllib`.
+    /// Arguments of each `mtllib`.
     pub libraries: Names,
     /// Sentences about what was skipped.
     pub warnings: Vec<String>,
@@ -73,7 +73,7 @@ impl Default for Names {
 }
 
 impl Names {
-    /// A number of its own for a name that may have come before.
+    /// A new number for a name, which may be a repeated one.
     fn add(&mut self, name: String) -> usize {
         if name.is_empty() {
             return 0;
@@ -96,8 +96,7 @@ impl Names {
     }
 }
 
-/// How far the indices of one kind reach: faces may come before what they refer to, so that is
-/// known at the end only.
+/// How far the indices of one kind reach: faces may come before what they refer to, so this is known only at the end.
 #[derive(Default)]
 struct Reach {
     highest: i64,
@@ -125,13 +124,13 @@ impl Reach {
         })
     }
 
-    /// An index that hits nothing, and its line.
+    /// An index out of range, and its line.
     fn stray(&self, count: usize) -> Option<(i64, usize)> {
         self.before_first.or((self.highest > count as i64).then_some((self.highest, self.highest_line)))
     }
 }
 
-/// A kind of statement that is left out: how many there are and where the first is.
+/// A kind of skipped statement: how many there are and where the first is.
 #[derive(Default)]
 struct Skipped {
     count: usize,
@@ -154,7 +153,7 @@ impl Statements {
     /// Reads `bytes`, the content of the file at `path`.
     ///
     /// # Errors
-    /// UTF-16 text, a number that is none, a vertex index that hits nothing, no face at all.
+    /// UTF-16 text, an invalid number, a vertex index out of range, no face at all.
     pub fn parse(path: &Path, bytes: &[u8]) -> Result<Self> {
         let mut text = Text::new(path, bytes)?;
         let mut file = Statements::default();
@@ -212,7 +211,7 @@ impl Statements {
                 b"mtllib" => {
                     file.libraries.number(text.rest());
                 }
-                // Points, lines, smoothing groups and how to draw: nothing that a beam meets.
+                // Points, lines, smoothing groups and drawing hints: nothing that a beam meets.
                 b"p" | b"l" | b"s" | b"mg" | b"bevel" | b"c_interp" | b"d_interp" | b"lod" | b"shadow_obj"
                 | b"trace_obj" => {}
                 word @ (b"vp" | b"cstype" | b"deg" | b"bmat" | b"step" | b"curv" | b"curv2" | b"surf" | b"parm"
@@ -225,7 +224,7 @@ impl Statements {
         }
         file.start_run(&mut run, |_| {});
 
-        // Vertices of a mesh are counted in 32 bits, and a corner can become three: it may begin three triangles.
+        // Mesh vertices are counted in 32 bits, and a corner can become three: it may start three triangles.
         for (count, what) in [(file.positions.len(), "vertices"), (file.corners.len(), "face corners")] {
             let most = NONE as usize / 3;
             if count > most {
@@ -260,7 +259,7 @@ impl Statements {
         Ok(file)
     }
 
-    /// Ends the current run of faces and lets `change` say what the next has.
+    /// Ends the current run of faces and lets `change` set up the next.
     fn start_run(&mut self, run: &mut Run, change: impl FnOnce(&mut Run)) {
         run.end = self.face_ends.len();
         if run.end > run.start {

@@ -10,7 +10,7 @@ pub(super) struct Text<'a> {
     bytes: &'a [u8],
     at: usize,
     line: usize,
-    /// Whether errors show words of it.
+    /// Whether errors show words of the text.
     seen: bool,
 }
 
@@ -45,13 +45,13 @@ impl<'a> Text<'a> {
         Error::parse(self.path, format!("line {}", self.line), message)
     }
 
-    /// The byte here.
+    /// The current byte.
     #[inline]
     fn peek(&self) -> Option<u8> {
         self.bytes.get(self.at).copied()
     }
 
-    /// Skips blanks, and line ends that a backslash joins.
+    /// Skips blanks, and line ends escaped by a backslash.
     #[inline]
     fn skip_blanks(&mut self) {
         while let Some(byte) = self.peek() {
@@ -69,7 +69,7 @@ impl<'a> Text<'a> {
         }
     }
 
-    /// Whether nothing but a comment is left of the statement.
+    /// Whether only a comment is left of the statement.
     #[inline]
     pub fn statement_is_over(&mut self) -> bool {
         self.skip_blanks();
@@ -89,7 +89,7 @@ impl<'a> Text<'a> {
                     self.at += 1;
                     self.line += 1;
                 }
-                // A backslash at the end of a comment joins nothing: it is mostly a Windows path.
+                // A backslash at the end of a comment joins nothing: it is usually a Windows path.
                 Some(_) => self.at = self.line_end(),
             }
         }
@@ -114,7 +114,7 @@ impl<'a> Text<'a> {
         word
     }
 
-    /// [`Text::word`] without going on.
+    /// [`Text::word`] without advancing.
     pub fn peek_word(&mut self) -> &'a [u8] {
         self.skip_blanks();
         self.word_here()
@@ -157,7 +157,7 @@ impl<'a> Text<'a> {
         }
     }
 
-    /// Where the next line feed, or the end of the file, is.
+    /// Position of the next line feed, or the end of the file.
     fn line_end(&self) -> usize {
         let rest = &self.bytes[self.at..];
         self.at + rest.iter().position(|&byte| byte == b'\n').unwrap_or(rest.len())
@@ -166,7 +166,7 @@ impl<'a> Text<'a> {
     /// Next number.
     ///
     /// # Errors
-    /// The statement is over, the word is no finite decimal number, or it is beyond 1e18.
+    /// The statement is over, the word is not a finite decimal number, or it is beyond 1e18.
     #[inline]
     pub fn number(&mut self) -> Result<f64> {
         self.skip_blanks();
@@ -207,7 +207,7 @@ impl<'a> Text<'a> {
         })
     }
 
-    /// Next face corner: the indices of vertex, texture coordinate and normal as they stand, 0 where there is none.
+    /// Next face corner: the indices of vertex, texture coordinate and normal as written, 0 where there is none.
     ///
     /// # Errors
     /// The word is not `1`, `1/2`, `1//3` or `1/2/3`.
@@ -218,7 +218,7 @@ impl<'a> Text<'a> {
         let mut slot = 0;
         loop {
             let (index, length) = integer(&self.bytes[self.at..]);
-            // Only the vertex must be there, and 0 is no index.
+            // Only the vertex is required, and 0 is no index.
             if index == 0 && (slot == 0 || length > 0) {
                 break;
             }
@@ -277,7 +277,7 @@ fn integer(bytes: &[u8]) -> (i64, usize) {
     (if negative { -value } else { value }, at)
 }
 
-/// Whether `bytes` starts with a minus, and how long its sign is.
+/// Whether `bytes` starts with a minus, and the length of its sign.
 #[inline]
 fn sign(bytes: &[u8]) -> (bool, usize) {
     match bytes.first() {
@@ -295,7 +295,7 @@ fn digit(bytes: &[u8], at: usize) -> Option<u64> {
 
 /// Decimal number at the start of `bytes`, correctly rounded, and its length.
 ///
-/// Digits are wanted before or after the point, and after an `e`: `2.`, `+1`, `-.5`, `2.e1`, `1E-7`.
+/// Digits are required before or after the point, and after an `e`: `2.`, `+1`, `-.5`, `2.e1`, `1E-7`.
 #[inline]
 fn decimal(bytes: &[u8]) -> Option<(f64, usize)> {
     /// Powers of ten that are exact in `f64`.
@@ -334,8 +334,8 @@ fn decimal(bytes: &[u8]) -> Option<(f64, usize)> {
         exponent = exponent.saturating_add(power);
         at += 1 + length;
     }
-    // Where mantissa and power of ten are exact, one operation rounds once (Clinger 1990,
-    // "How to read floating point numbers accurately"); the rest is rare. 19 digits always fit in 64 bits.
+    // Where mantissa and power of ten are exact, one operation rounds once (Clinger 1990, "How to read floating point
+    // numbers accurately"); the rest is rare. 19 digits always fit in 64 bits.
     let exact = digits <= 19 && mantissa <= 1 << 53 && exponent.abs() <= 22;
     let value = if exact {
         let power = POWERS[exponent.unsigned_abs() as usize];

@@ -1,4 +1,4 @@
-//! Direct ways from the sonar to what rays have met over reflections.
+//! Direct paths from the sonar to what rays have met over reflections.
 
 use super::{
     Arrival, Chord, End, HitBatch, Launch, MOST_STEPS, SAGITTA, SoundTracer, Start, State, Step, TracerMemory, rounding,
@@ -7,26 +7,26 @@ use crate::ground::lanes::{LANES, MISS, RayBatch};
 use crate::medium::Ray;
 use glam::{DVec3, Vec3};
 
-/// The direct way to the place of an arrival.
+/// The direct path to the place of an arrival.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Direct {
     /// Index of the arrival.
     pub arrival: u32,
-    /// As if a ray had arrived there this way.
+    /// The arrival as if a ray had taken this path.
     pub way: Arrival,
-    /// Unit vector along the way where it leaves the sonar, world.
+    /// Unit vector along the path where it leaves the sonar, world.
     pub launch: Vec3,
 }
 
-/// A direct way that something may stand in.
+/// A direct path that something may block.
 pub(super) struct Candidate {
     direct: Direct,
     /// The ray on its way, and how far it has to get, m.
     state: State,
     length: f64,
-    /// When it is at the place, s.
+    /// When it arrives at the place, s.
     time: f64,
-    /// Where it goes next, once it is followed.
+    /// Its next step, once it is followed.
     step: Step,
 }
 
@@ -34,8 +34,8 @@ pub(super) struct Candidate {
 const NEAR: f64 = 1e-3;
 
 impl SoundTracer<'_> {
-    /// Adds the direct ways to those of `arrivals` that came over reflections to `ways`, where there is one on which
-    /// nothing stands and echoes are within reach. What answers as a `whole` (by row) is seen from all sides.
+    /// Adds to `ways` the direct paths to those of `arrivals` that came over reflections, where there is one that
+    /// nothing blocks and echoes are within reach. What answers as a `whole` (by row) is seen from all sides.
     pub fn direct(
         &self,
         launch: &Launch,
@@ -59,7 +59,7 @@ impl SoundTracer<'_> {
         self.look(&whole, rays, hits, direct, ways);
     }
 
-    /// The direct way to an arrival's place, if it leads to the side of the surface that the arrival meets.
+    /// The direct path to an arrival's place, if it leads to the side of the surface that the arrival meets.
     fn candidate(&self, start: &Start, index: u32, arrival: &Arrival, whole: bool) -> Option<Candidate> {
         let to = arrival.place.as_dvec3() - start.place;
         let straight = to.length();
@@ -85,7 +85,7 @@ impl SoundTracer<'_> {
         Some(Candidate { direct, state, length, time: end.time, step })
     }
 
-    /// The ray along `to`, at its start and at its end, in water that is the same everywhere.
+    /// The ray along `to`, at its start and at its end, in uniform water.
     fn straight_way(&self, start: &Start, to: DVec3) -> (State, Ray) {
         let depth = self.surface_z - start.place.z;
         let path = to.length();
@@ -95,8 +95,7 @@ impl SoundTracer<'_> {
         (state, end)
     }
 
-    /// The ray that comes by `to` from where it starts, at its start and there: the angle at the start is found by its
-    /// tube, then by secants.
+    /// The ray that passes `to`, at its start and there: its tube gives the angle at the start, then secants refine it.
     fn bent_way(&self, start: &Start, to: DVec3) -> Option<(State, Ray)> {
         const MOST: usize = 12;
         let depth = self.surface_z - start.place.z;
@@ -111,7 +110,7 @@ impl SoundTracer<'_> {
             let state = State::launch(0, start.place, direction, depth, &self.slabs, slab);
             let end = self.nearest(state.ray, target)?;
             let cosine = (end.snell * end.speed).min(1.0);
-            // How far beside the ray the place is, downwards.
+            // How far the place is beside the ray, downwards.
             let miss = (target[1] - end.depth) * cosine - (target[0] - end.distance) * end.sine;
             if miss.abs() < NEAR {
                 return Some((state, end));
@@ -129,7 +128,7 @@ impl SoundTracer<'_> {
         None
     }
 
-    /// A ray where it passes a place (its horizontal distance and depth) on its way on.
+    /// A ray where it passes a place (its horizontal distance and depth) along its path.
     fn nearest(&self, mut ray: Ray, target: [f64; 2]) -> Option<Ray> {
         const MOST_SLABS: usize = 10_000;
         let ahead = |ray: &Ray| {
@@ -139,8 +138,8 @@ impl SoundTracer<'_> {
         for _ in 0..MOST_SLABS {
             let slab = &self.slabs[ray.slab];
             let (length, end) = ray.exit(slab);
-            // Up to the surface and beyond it the slab goes on: a ray that gets there is none that is looked for, but
-            // one from which that is found.
+            // The slab goes on up to the surface and beyond it: a ray that gets there is not the one sought, but leads
+            // to it.
             let is_last = !length.is_finite() || end == End::Inside || end == End::Top && ray.slab == 0;
             if !is_last {
                 let next = ray.advanced(slab, length);
@@ -165,7 +164,7 @@ impl SoundTracer<'_> {
         None
     }
 
-    /// Moves those of `candidates` that nothing stands in to `ways`.
+    /// Moves those of `candidates` that nothing blocks to `ways`.
     fn look(
         &self,
         whole: impl Fn(u32) -> bool,
@@ -178,7 +177,7 @@ impl SoundTracer<'_> {
             if candidates.is_empty() {
                 return;
             }
-            // Every ray goes on to where something could be in its way, or has arrived.
+            // Every ray goes on to where something could block it, or has arrived.
             candidates.retain_mut(|it| match self.clear_way(it) {
                 Some(arrived) => {
                     if arrived {
@@ -202,7 +201,7 @@ impl SoundTracer<'_> {
                 if surface == MISS {
                     return self.go_on(it);
                 }
-                // Its own body hides nothing of what answers as a whole.
+                // What answers as a whole is not hidden by its own body.
                 if surface == it.direct.way.surface && whole(surface) {
                     ways.push(it.direct);
                 }
@@ -212,7 +211,7 @@ impl SoundTracer<'_> {
         candidates.clear();
     }
 
-    /// Takes a ray on through water where nothing is; whether it has arrived, `None`: it has to be traced.
+    /// Advances a ray through empty water; whether it has arrived, `None`: it has to be traced.
     fn clear_way(&self, it: &mut Candidate) -> Option<bool> {
         for _ in 0..MOST_STEPS {
             if it.length - it.state.ray.path <= 1e-6 {
@@ -229,7 +228,7 @@ impl SoundTracer<'_> {
         Some(false)
     }
 
-    /// The next step of a direct way, which ends at the place at the latest.
+    /// The next step of a direct path, which ends at the place at the latest.
     fn direct_step(&self, it: &Candidate) -> Step {
         let step = self.step(&it.state, it.time);
         let rest = it.length - it.state.ray.path;
@@ -239,7 +238,7 @@ impl SoundTracer<'_> {
         Step { length: rest, end: End::Inside, chord: step.chord.map(|_| self.chord(&it.state, rest)) }
     }
 
-    /// Takes a ray to the end of its step; whether it goes on from there.
+    /// Advances a ray to the end of its step; whether it goes on from there.
     fn go_on(&self, it: &mut Candidate) -> bool {
         let Candidate { state: State { ray, .. }, step, .. } = it;
         *ray = ray.advanced(&self.slabs[ray.slab], step.length);
