@@ -246,7 +246,7 @@ pub(crate) fn beyond_reach(positions: &[[f32; 3]]) -> Option<usize> {
 /// Whether a triangle has no area: two corners equal, or all three on one line to the last bit.
 pub(crate) fn is_degenerate(a: [f32; 3], b: [f32; 3], c: [f32; 3]) -> bool {
     // In f64 the products of f32 differences are exact enough that only true slivers vanish.
-    let edge = |p: [f32; 3], q: [f32; 3]| glam::DVec3::from(q.map(f64::from)) - glam::DVec3::from(p.map(f64::from));
+    let edge = |p: [f32; 3], q: [f32; 3]| glam::Vec3::from(q).as_dvec3() - glam::Vec3::from(p).as_dvec3();
     edge(a, b).cross(edge(a, c)).length_squared() == 0.0
 }
 

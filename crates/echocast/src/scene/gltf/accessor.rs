@@ -195,12 +195,14 @@ impl<'a> Accessors<'a> {
 
 impl Elements<'_> {
     /// `N` numbers of `W` bytes from each element.
-    fn decode<T, const N: usize, const W: usize>(&self, number: impl Fn([u8; W]) -> T) -> Vec<[T; N]> {
-        let element = |bytes: &[u8]| {
+    fn decode<T: Copy + Default, const N: usize, const W: usize>(&self, number: impl Fn([u8; W]) -> T) -> Vec<[T; N]> {
+        let elements = self.bytes.chunks(self.stride);
+        let mut vectors = vec![[T::default(); N]; elements.len()];
+        for (vector, bytes) in vectors.iter_mut().zip(elements) {
             let (numbers, _) = bytes.as_chunks::<W>();
-            std::array::from_fn(|i| number(numbers[i]))
-        };
-        self.bytes.chunks(self.stride).map(element).collect()
+            vector.iter_mut().zip(numbers).for_each(|(value, &bytes)| *value = number(bytes));
+        }
+        vectors
     }
 
     fn decode_indices(&self) -> Result<Vec<[u32; 1]>, String> {

@@ -189,10 +189,8 @@ impl Meshes<'_> {
         drop(corners);
         self.accessors.charge(triangles.len() * size_of::<[u32; 3]>())?;
         let all = triangles.len();
-        triangles.retain(|corners| {
-            let [a, b, c] = corners.map(|corner| positions[corner as usize]);
-            !is_degenerate(a, b, c)
-        });
+        let places: &[[f32; 3]] = &positions;
+        triangles.retain(|&[a, b, c]| !is_degenerate(places[a as usize], places[b as usize], places[c as usize]));
         let degenerate = all - triangles.len();
         let used = used_vertices(&mut triangles, count).map(Arc::new);
         self.accessors.charge(used.as_ref().map_or(0, |used| used.len() * size_of::<u32>()))?;
