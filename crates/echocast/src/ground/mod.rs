@@ -1,4 +1,4 @@
-//! What every room stands on: errors, units, poses, blocks of rays, random numbers, work on threads. It knows nothing
+//! What every module is built on: errors, units, poses, blocks of rays, random numbers, work on threads. It knows nothing
 //! of sensors or scenes.
 
 pub(crate) mod angle;
