@@ -119,8 +119,8 @@
 //!
 //! # Promises
 //! * The same binary, machine, inputs and seed give the same bits, for any number of threads and any vector level.
-//! * A random number is a function of its address: the key is the seed, the counter is beam, frame, number of the return
-//!   or sub-ray, and purpose. A new noise has its own purpose and does not change the draws of the others.
+//! * A random number is a function of its address: the key is the seed, the counter is beam, frame, number of the
+//!   return or sub-ray, and purpose. A new noise has its own purpose and does not change the draws of the others.
 //! * Nothing panics, prints or hangs on input; errors say what was found and what is allowed.
 #![forbid(unsafe_code)]
 
