@@ -147,8 +147,10 @@ text::versioned!(echocast_scan_desc {
 /// released with echocast_result_release; or a result, whose memory is reused: a loop of scans in beam order allocates
 /// nothing after the first of its kind, except for a few small blocks with weather, several rays per beam, blooming or
 /// another profile, the beams of a pattern that does not repeat (risley), and sonars.
+///
 /// Points of a sonar: for multibeam and single-beam sonars the depth of each beam; for side-scan and imaging sonars the
 /// range bins with an echo. Their `intensity` is a level in dB re 1 uPa. Sonars must be in the water.
+///
 /// On an error in the arguments, an old result stays as it was; after a cancelled scan, or one for which there was no
 /// memory, it is empty.
 ///

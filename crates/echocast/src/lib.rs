@@ -11,6 +11,7 @@
 //! cloud.write("street.las")?;
 //! # Ok::<(), echocast::Error>(())
 //! ```
+//!
 //! In a loop, a [`LiveScene`] changes while its last snapshot is scanned, into the memory of the scan before:
 //!
 //! ```no_run
@@ -27,6 +28,7 @@
 //! }
 //! # Ok::<(), echocast::Error>(())
 //! ```
+//!
 //! A sonar sends pings. [`BuiltScene::scan`] gives the points of a ping, as for any sensor; [`BuiltScene::ping`] gives
 //! the whole ping, a level and labels for every range bin, from which [`image`] makes what a sonar's software shows:
 //!
@@ -50,6 +52,7 @@
 //! ```
 //!
 //! # The path of a scan
+//!
 //! | step | module | result |
 //! |---|---|---|
 //! | make | [`generate`] | a lake bed as a file, if you have no scene |
@@ -64,6 +67,7 @@
 //! | write | [`export`], [`preview`] | a file and a [`Report`] of what it could not hold; a picture for people |
 //!
 //! # The path of a ping
+//!
 //! | step | module | result |
 //! |---|---|---|
 //! | stretch | [`medium`] | the water as layers in which sound speed, absorption and density are known |
@@ -74,7 +78,9 @@
 //! | report | [`detect`] | the depth that each beam reports |
 //!
 //! # Floors
+//!
 //! A module imports only from modules below it in this list; a test enforces this.
+//!
 //! | module | contents |
 //! |---|---|
 //! | `generate` | generated scenes: a lake bed |
@@ -101,6 +107,7 @@
 //! from x, elevation up from the xy plane. `range` is the slant range, `depth` the distance along x.
 //!
 //! # Words
+//!
 //! | word | meaning here |
 //! |---|---|
 //! | beam | what one emitter or transducer sends in one firing; it has a divergence |
@@ -118,6 +125,7 @@
 //! | kernel | a loop over the lanes of a block, compiled for every vector level (the crate `echocast-kernels`) |
 //!
 //! # Promises
+//!
 //! * The same binary, machine, inputs and seed give the same bits, for any number of threads and any vector level.
 //! * A random number is a function of its address: the key is the seed, the counter is beam, frame, number of the
 //!   return or sub-ray, and purpose. A new noise has its own purpose and does not change the draws of the others.
