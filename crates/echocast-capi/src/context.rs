@@ -9,22 +9,22 @@ use std::fmt::Display;
 use std::ptr;
 use std::sync::Arc;
 
-/// Threads and Embree's device; everything else belongs to a context. Contexts do not notice each other.
+/// Threads and Embree's device; everything else belongs to a context. Contexts are independent of each other.
 pub struct echocast_context(());
 
 handles! {
     echocast_context: Context, "context", 1;
 }
 
-/// Nothing is said. 1 is reserved.
+/// No messages. 1 is reserved.
 pub const ECHOCAST_LOG_OFF: i32 = 0;
-/// What was done nonetheless, though something was left out or looks wrong.
+/// Done, but something was left out or looks wrong.
 pub const ECHOCAST_LOG_WARN: i32 = 2;
 /// What was done.
 pub const ECHOCAST_LOG_INFO: i32 = 3;
 
-/// Takes a message of one sentence, valid during the call. It may be called on any thread, on several at once, and must
-/// neither throw nor call the library.
+/// Receives a message of one sentence, valid during the call. It may be called on any thread, on several at once, and
+/// must neither throw nor call the library.
 pub type echocast_log_fn = Option<unsafe extern "C" fn(user: *mut c_void, level: i32, text: *const c_char)>;
 
 /// How a context works; ECHOCAST_CONTEXT_DESC_INIT has the defaults.
@@ -33,13 +33,13 @@ pub type echocast_log_fn = Option<unsafe extern "C" fn(user: *mut c_void, level:
 pub struct echocast_context_desc {
     /// sizeof(echocast_context_desc).
     pub struct_size: usize,
-    /// Threads of the context's own that scan: 0 as many as the machine has cores, 1 none at all (the calling thread
-    /// does everything, on 256 KiB of its stack), up to 1024. One less, up to one for each core, helps to build large
-    /// meshes. All are started with the context; nothing asks the system for threads later on, Embree's TBB neither.
+    /// Threads of the context's own that scan, up to 1024: 0 for as many as the machine has cores, 1 for none at all
+    /// (the calling thread does everything, on 256 KiB of its stack). One less, up to one per core, help to build large
+    /// meshes. All are started with the context; nothing asks the system for threads later, nor does Embree's TBB.
     pub threads: i32,
     /// Least important messages for `log`: an ECHOCAST_LOG_ number.
     pub log_level: i32,
-    /// Takes messages; may be NULL.
+    /// Receives messages; may be NULL.
     pub log: echocast_log_fn,
     /// First argument of `log`.
     pub log_user: *mut c_void,
@@ -59,7 +59,7 @@ impl Default for echocast_context_desc {
 
 text::versioned!(echocast_context_desc { struct_size, threads, log_level, log, log_user });
 
-/// What a context's objects share.
+/// What the objects of a context share.
 pub struct Context {
     pub(crate) engine: Engine,
     level: i32,
@@ -84,7 +84,7 @@ impl Context {
         report.warnings.iter().for_each(|warning| self.say(ECHOCAST_LOG_WARN, warning));
     }
 
-    /// That `other`, of the argument `name`, is this context.
+    /// Checks that `other`, of the argument `name`, is this context.
     pub(crate) fn check(self: &Arc<Self>, other: &Arc<Self>, name: &str) -> Outcome {
         if Arc::ptr_eq(self, other) {
             return Ok(());
@@ -93,12 +93,12 @@ impl Context {
     }
 }
 
-/// Makes a context: starts its threads, which have the signal mask of this one, and loads Embree. A process that was
-/// forked afterwards has no such threads: make contexts after a fork. `desc`: NULL for the defaults. `*out` is the new
-/// context, to be released with echocast_context_release.
+/// Creates a context: starts its threads, which have the signal mask of this one, and loads Embree. A process forked
+/// afterwards does not have these threads: create contexts after a fork. `desc`: NULL for the defaults. `*out` is the
+/// new context; release it with echocast_context_release.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_UNSUPPORTED (Embree is too old, or the processor), ECHOCAST_E_MEMORY (the
-/// system gives no memory, or not so many threads). Any thread may call this.
+/// system gives no memory, or not enough threads). Any thread may call this.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_context_create(
     desc: *const echocast_context_desc,
@@ -130,8 +130,8 @@ pub unsafe extern "C" fn echocast_context_create(
     })
 }
 
-/// Releases a context. What was made with it stays usable; its threads end with the last of that. NULL is allowed.
-/// Any thread may call this.
+/// Releases a context. What was made with it stays usable; its threads end when the last of these is released. NULL is
+/// allowed. Any thread may call this.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_context_release(context: *mut echocast_context) {
     guard(|| {

@@ -20,7 +20,7 @@ handles! {
     echocast_frames: Frames, "frames file", 8;
 }
 
-/// A file that grows, until it is finished.
+/// The growing file, until it is finished.
 pub struct Frames {
     context: Arc<Context>,
     file: Mutex<Option<FramesFile>>,
@@ -47,9 +47,9 @@ impl FramesFile {
 }
 
 /// Writes the points to a file, which appears under its name only when it is complete and on the disk. `format`: a name
-/// of the list "formats"; NULL: as the ending of `path` says. The names of labels stand in the file, or in
-/// NAME.labels.json beside it, which gets its name just before; an error leaves both as they were. What a format cannot
-/// hold is told to the context's log.
+/// from the list "formats"; NULL: chosen by the ending of `path`. Label names are in the file, or in NAME.labels.json
+/// beside it, which gets its name just before; an error leaves both as they were. What a format cannot hold is reported
+/// to the context's log.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_IO (a full disk), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_HANDLE,
 /// ECHOCAST_E_BUSY.
@@ -72,7 +72,7 @@ pub unsafe extern "C" fn echocast_result_write(
 
 /// Writes a picture of the points as PNG. `options`: NULL, or YAML with `view` (top, perspective, range), `color`
 /// (label, cause, intensity, range, height) and `width` in pixels. With the column `cause`, points of rain, fog and the
-/// like have colours of their own.
+/// like have their own colours.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (columns that the picture needs are missing), ECHOCAST_E_PARSE, ECHOCAST_E_IO,
 /// ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
@@ -97,8 +97,8 @@ pub unsafe extern "C" fn echocast_result_preview(
     })
 }
 
-/// Starts an HDF5 file that takes scans one by one, each a row of every dataset; only one is in memory at a time. The
-/// file appears under its name with echocast_frames_finish; released before, it leaves nothing behind.
+/// Starts an HDF5 file that takes scans one by one, each as one row of every dataset; only one is in memory at a time.
+/// The file appears under its name with echocast_frames_finish; if released before, it leaves nothing behind.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_IO, ECHOCAST_E_UNSUPPORTED (built without HDF5), ECHOCAST_E_HANDLE.
 #[unsafe(no_mangle)]
@@ -140,9 +140,9 @@ pub unsafe extern "C" fn echocast_frames_add(
     })
 }
 
-/// Completes the file and gives it its name; late errors of the disk show here.
+/// Completes the file and gives it its name; late disk errors appear here.
 ///
-/// Errors: ECHOCAST_E_IO, ECHOCAST_E_ARGUMENT (it is finished already), ECHOCAST_E_HANDLE,
+/// Errors: ECHOCAST_E_IO, ECHOCAST_E_ARGUMENT (it is already finished), ECHOCAST_E_HANDLE,
 /// ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_frames_finish(frames: *mut echocast_frames) -> echocast_status {

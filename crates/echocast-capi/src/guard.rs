@@ -1,4 +1,4 @@
-//! Errors, panics and the floating-point state at the border.
+//! Errors, panics and the floating-point state at the boundary.
 
 use echocast::{Error, shown};
 use std::any::Any;
@@ -7,30 +7,30 @@ use std::ffi::{CStr, c_char};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Once;
 
-/// What became of a call. The numbers never change and are never used for something else; more may be added.
+/// The result of a call. The numbers never change and are never reused; more may be added.
 pub type echocast_status = i32;
 
 /// Done.
 pub const ECHOCAST_OK: i32 = 0;
-/// An argument is not what is allowed.
+/// An argument is not allowed.
 pub const ECHOCAST_E_ARGUMENT: i32 = 1;
-/// The object cannot be used any more: a call on it failed half-way by a defect of the library.
+/// The object can no longer be used: a call on it failed halfway because of a defect of the library.
 pub const ECHOCAST_E_STATE: i32 = 2;
-/// A handle or the number of an instance stands for nothing: released, of another kind or another context.
+/// A handle or the number of an instance is invalid: released, of another kind or of another context.
 pub const ECHOCAST_E_HANDLE: i32 = 3;
 /// The system gives no more memory, or no more threads.
 pub const ECHOCAST_E_MEMORY: i32 = 4;
 /// The system refused a file: it is missing, not permitted, the disk is full.
 pub const ECHOCAST_E_IO: i32 = 5;
-/// A file or text does not say what it should.
+/// A file or text does not have the expected contents.
 pub const ECHOCAST_E_PARSE: i32 = 6;
 /// This build cannot do it.
 pub const ECHOCAST_E_UNSUPPORTED: i32 = 7;
-/// The progress callback wanted no more.
+/// The progress callback ended the scan.
 pub const ECHOCAST_E_CANCELLED: i32 = 8;
-/// The object is in use right now: by another thread, or by the call that this one is in a callback of. 9 is reserved.
+/// The object is in use: by another thread, or by the call whose callback this call comes from. 9 is reserved.
 pub const ECHOCAST_E_BUSY: i32 = 10;
-/// A structure of a header that is newer than this library, with something set that it does not know.
+/// A structure from a header newer than this library has something set that the library does not know.
 pub const ECHOCAST_E_VERSION: i32 = 11;
 /// A defect of the library; please report the text.
 pub const ECHOCAST_E_INTERNAL: i32 = 99;
@@ -49,13 +49,13 @@ impl Failure {
         Failure { status, text: text.into() }
     }
 
-    /// An argument that is not what is allowed.
+    /// An argument that is not allowed.
     pub fn argument(name: &str, value: impl std::fmt::Display, allowed: &str) -> Failure {
         let value = value.to_string();
         Failure::new(ECHOCAST_E_ARGUMENT, format!("{name} is {}; allowed: {allowed}", shown::short_numbers(&value)))
     }
 
-    /// The same about element `number` of what was called `name` in general.
+    /// The same for element `number` of the argument called `name`.
     pub fn at(self, name: &str, number: usize) -> Failure {
         Failure { text: self.text.replacen(name, &format!("[{number}]"), 1), ..self }
     }
@@ -90,7 +90,7 @@ impl From<Error> for Failure {
 }
 
 thread_local! {
-    /// Text of this thread's last failure, ending in 0; empty: none.
+    /// Text of this thread's last failure, ending in 0; empty if none.
     static LAST: RefCell<Vec<u8>> = const { RefCell::new(Vec::new()) };
     /// Where and why this thread panicked.
     static PANIC: RefCell<String> = const { RefCell::new(String::new()) };
@@ -147,8 +147,8 @@ pub(crate) fn push_lossy(to: &mut Vec<u8>, text: &str) {
     to.push(0);
 }
 
-/// Rust's own hook prints to stderr, which is the host's: it is kept for threads that have nothing to do with us, of
-/// which there are none in a shared library, that has a hook of its own.
+/// Rust's own hook prints to stderr, which is the host's: it is kept for threads that have nothing to do with us. There
+/// are none in a shared library, which has its own hook.
 fn silence_panics() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
@@ -172,8 +172,8 @@ fn keep(text: &str) {
     });
 }
 
-/// Why this thread's last call that failed did so: one sentence that names the argument, what it was and what is
-/// allowed. "" if none failed.
+/// Why this thread's last failed call failed: one sentence that names the argument, what it was and what is allowed. ""
+/// if none failed.
 ///
 /// Valid until the next call on this thread that fails, or its end. Never NULL.
 #[unsafe(no_mangle)]
@@ -208,8 +208,8 @@ pub extern "C" fn echocast_status_string(status: echocast_status) -> *const c_ch
     text.as_ptr()
 }
 
-/// The floating-point state that Rust and Embree count on (round to nearest, no traps, denormals kept), for as long as
-/// this lives; then the caller's again.
+/// The floating-point state that Rust and Embree rely on (round to nearest, no traps, denormals kept), for as long as
+/// this lives; then the caller's is restored.
 struct FloatState {
     callers: u64,
 }

@@ -1,8 +1,8 @@
 //! Handles: numbers dressed up as pointers.
 //!
 //! A handle says which kind of object it is for, which slot of a table that object is in, and how often the slot has
-//! been used. Nothing is read through it, so every handle that stands for nothing is found out, whatever it is. The
-//! tables are the only state that is not in a context; nothing can be seen of one context from another through them.
+//! been used. Nothing is read through it, so every invalid handle is detected, whatever it is. The
+//! tables are the only state that is not in a context; one context cannot see another through them.
 
 use crate::guard::{ECHOCAST_E_BUSY, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_STATE, Failure, Outcome};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard, TryLockError};
@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, Rw
 /// What handles of the C type `Self` stand for.
 pub(crate) trait Handle: Sized + 'static {
     type Object: Send + Sync + 'static;
-    /// In words.
+    /// The kind, in words.
     const NAME: &'static str;
     /// Of the kind; never 0.
     const KIND: u8;
@@ -42,7 +42,7 @@ struct Slots<T> {
 }
 
 struct Slot<T> {
-    /// Counted from 1, up with every object.
+    /// Counts from 1, one more with every object.
     generation: u32,
     object: Option<Arc<T>>,
 }
@@ -100,7 +100,7 @@ pub(crate) fn get<H: Handle>(handle: *const H, name: &str) -> Outcome<Arc<H::Obj
     })
 }
 
-/// Takes the object from its handle, which stands for nothing from now on; NULL and handles of nothing are left alone.
+/// Takes the object from its handle, which is invalid from now on; NULL and invalid handles are ignored.
 pub(crate) fn release<H: Handle>(handle: *mut H) {
     let Some((slot, generation)) = parse(handle) else { return };
     let mut table = H::table().0.write().unwrap_or_else(PoisonError::into_inner);

@@ -1,10 +1,10 @@
-//! The C ABI of echocast. What it offers is described in `include/echocast.h`, which is made from the comments of this
-//! crate, and in `docs/embedding.md`.
+//! The C ABI of echocast. It is described in `include/echocast.h`, which is generated from the comments of this crate,
+//! and in `docs/embedding.md`.
 //!
 //! * Every exported function is one call of `guard::guard` (or one that cannot fail), which catches panics and turns
 //!   errors into numbers and a text.
 //! * A handle is a number dressed up as a pointer: nothing is ever read through it, so a stale, foreign or invented one
-//!   is found out (`handle`).
+//!   is detected (`handle`).
 //! * Nothing is decided here: every function translates its arguments, calls the Rust API and translates the result.
 #![allow(unsafe_code)] // C's pointers; each block says what the caller promises
 #![allow(non_camel_case_types)] // the names are C's

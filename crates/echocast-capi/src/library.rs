@@ -1,4 +1,4 @@
-//! What the library is and knows.
+//! The version and the capabilities of the library.
 
 use crate::guard::{Outcome, guard_or};
 use crate::text;
@@ -23,7 +23,7 @@ const MAJOR: u32 = number(env!("CARGO_PKG_VERSION_MAJOR"));
 const MINOR: u32 = number(env!("CARGO_PKG_VERSION_MINOR"));
 const PATCH: u32 = number(env!("CARGO_PKG_VERSION_PATCH"));
 
-/// Version of the library that runs: major << 24 | minor << 12 | patch. That of the header is ECHOCAST_VERSION.
+/// Version of the running library: major << 24 | minor << 12 | patch. That of the header is ECHOCAST_VERSION.
 #[unsafe(no_mangle)]
 pub extern "C" fn echocast_version() -> u32 {
     MAJOR << 24 | MINOR << 12 | PATCH
@@ -42,8 +42,8 @@ pub extern "C" fn echocast_version_string() -> *const c_char {
     TEXT.as_ptr().cast()
 }
 
-/// Whether the library can do what has a name: a format that clouds are written in ("las", "hdf5") or scenes read from
-/// ("gltf", "obj"), a column ("true_range"). 1 or 0, also for names that nothing has and for NULL.
+/// Whether the library has a feature: a format that clouds are written in ("las", "hdf5") or scenes are read from
+/// ("gltf", "obj"), a column ("true_range"). 1 or 0; 0 for unknown names and for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_has_feature(name: *const c_char) -> i32 {
     guard_or(0, || {
@@ -56,8 +56,8 @@ pub unsafe extern "C" fn echocast_has_feature(name: *const c_char) -> i32 {
     })
 }
 
-/// Names that functions take, one by one: `list` is "presets" (sensors), "columns", "formats" (of clouds),
-/// "scene_formats"; `index` counts from 0. NULL after the last, and for another list.
+/// Names that functions accept, one by one: `list` is "presets" (sensors), "columns", "formats" (of clouds),
+/// "scene_formats"; `index` counts from 0. NULL after the last, and for an unknown list.
 ///
 /// Static: valid as long as the library is loaded.
 ///

@@ -16,7 +16,7 @@ handles! {
     echocast_material: (Arc<Context>, Arc<Material>), "material", 2;
 }
 
-/// An image on a surface: rows from the top, 8 bits a channel, colours sRGB-encoded; ECHOCAST_IMAGE_INIT is empty.
+/// An image on a surface: rows from the top, 8 bits per channel, colours sRGB-encoded; ECHOCAST_IMAGE_INIT is empty.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct echocast_image {
@@ -24,7 +24,7 @@ pub struct echocast_image {
     pub struct_size: usize,
     /// The pixels; copied by the call.
     pub data: *const u8,
-    /// Pixels of a row, 1 to 16384.
+    /// Pixels per row, 1 to 16384.
     pub width: u32,
     /// Rows, 1 to 16384.
     pub height: u32,
@@ -52,7 +52,7 @@ impl Default for echocast_image {
 
 text::versioned!(echocast_image { struct_size, data, width, height, channels, reserved, row_stride });
 
-/// Makes a material of YAML text with the keys of a material file: `name`, `base_color`, `reflectance` and so on.
+/// Creates a material from YAML text with the keys of a material file: `name`, `base_color`, `reflectance` and so on.
 /// `image` multiplies its base colour where the mesh has texture coordinates; NULL for none.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_PARSE (line and key), ECHOCAST_E_MEMORY. Any thread may call this.

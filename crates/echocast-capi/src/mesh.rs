@@ -18,30 +18,30 @@ handles! {
     echocast_mesh: SharedMesh, "mesh", 3;
 }
 
-/// A mesh, and what C says of its parts.
+/// A mesh, and what C says about its parts.
 pub struct SharedMesh {
     pub(crate) context: Arc<Context>,
     pub(crate) mesh: Arc<Mesh>,
     pub(crate) part_ids: Vec<u32>,
 }
 
-/// The arrays of a mesh are copied by the call.
+/// The call copies the arrays of a mesh.
 pub const ECHOCAST_MESH_COPY: i32 = 0;
-/// The arrays of a mesh stay the host's, who neither changes nor frees them before `released` is called.
+/// The arrays of a mesh stay the host's, which neither changes nor frees them before `released` is called.
 pub const ECHOCAST_MESH_BORROW: i32 = 1;
 
-/// Triangles of one mesh that follow each other and have one material and one part label; ECHOCAST_PART_INIT has the
+/// Consecutive triangles of one mesh that have one material and one part label; ECHOCAST_PART_INIT has the
 /// defaults.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct echocast_part {
-    /// Its first triangle.
+    /// The first triangle.
     pub first_triangle: u32,
-    /// How many there are.
+    /// Number of triangles.
     pub triangle_count: u32,
-    /// What it is made of; NULL for the default material.
+    /// Material; NULL for the default material.
     pub material: *const echocast_material,
-    /// Its number in the column part_id; 0 = unlabelled.
+    /// Number in the column part_id; 0 = unlabelled.
     pub part_id: u32,
     /// 0.
     pub reserved: u32,
@@ -55,7 +55,7 @@ pub struct echocast_mesh_desc {
     pub struct_size: usize,
     /// Positions of the vertices, x, y, z in metres, -1e18 to 1e18, in the frame of the mesh.
     pub positions: *const f32,
-    /// Bytes from vertex to vertex, a multiple of 4; 0 for 12, which borrowed positions must have.
+    /// Bytes from vertex to vertex, a multiple of 4; 0 means 12, which is required for borrowed positions.
     pub position_stride: usize,
     /// Vertices, 1 to 4294967294.
     pub vertex_count: u32,
@@ -65,17 +65,17 @@ pub struct echocast_mesh_desc {
     pub indices: *const u32,
     /// A shading normal of length 1 for each vertex; NULL for flat triangles.
     pub normals: *const f32,
-    /// Texture coordinates u, v of each vertex, v down from the image's top; NULL without image.
+    /// Texture coordinates u, v of each vertex, v down from the top of the image; NULL without an image.
     pub uvs: *const f32,
-    /// Parts that cover all triangles in their order; NULL for one part of the default material without label.
+    /// Parts that cover all triangles in order; NULL for one part with the default material and no label.
     pub parts: *const echocast_part,
-    /// How many parts there are.
+    /// Number of parts.
     pub part_count: u32,
     /// ECHOCAST_MESH_COPY or ECHOCAST_MESH_BORROW.
     pub ownership: i32,
-    /// Called once, on any thread, when nothing uses borrowed arrays any more (not for copied ones): the mesh has been
-    /// released, and so has everything that was made with it. It must neither throw nor call the library. Not called
-    /// when the mesh could not be made. May be NULL.
+    /// Called once, on any thread, when nothing uses borrowed arrays any more (not for copied ones): the mesh and
+    /// everything made with it have been released. It must neither throw nor call the library. Not called if the mesh
+    /// could not be created. May be NULL.
     pub released: Option<unsafe extern "C" fn(user: *mut c_void)>,
     /// Argument of `released`.
     pub released_user: *mut c_void,
@@ -121,7 +121,7 @@ text::versioned!(echocast_mesh_desc {
     name,
 });
 
-/// Makes a mesh. Its own structure for tracing is built when an instance is first committed, or by
+/// Creates a mesh. Its own structure for tracing is built when an instance is first committed, or by
 /// echocast_mesh_prepare.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (the vertex, index or part that is wrong), ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY. Any
@@ -158,7 +158,7 @@ pub unsafe extern "C" fn echocast_mesh_create(
     })
 }
 
-/// Builds the structure that instances of the mesh are traced with, which the first commit would do otherwise.
+/// Builds the structure that instances of the mesh are traced with, which the first commit would otherwise build.
 ///
 /// Errors: ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY. Any thread may call this, also while scenes are edited.
 #[unsafe(no_mangle)]
@@ -178,11 +178,11 @@ pub unsafe extern "C" fn echocast_mesh_release(mesh: *mut echocast_mesh) {
     });
 }
 
-/// The host, who wants to know when its arrays are free.
+/// The host, which is told when its arrays are free.
 struct Host {
     released: Option<unsafe extern "C" fn(user: *mut c_void)>,
     user: *mut c_void,
-    /// Whether a mesh was made of the arrays.
+    /// Whether a mesh was created from the arrays.
     armed: AtomicBool,
 }
 

@@ -14,14 +14,14 @@ use std::ffi::{CString, c_char, c_void};
 use std::ptr;
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
 
-/// Points, column by column. Any number of threads may read it; one at a time may change it.
+/// Points, column by column. Any number of threads may read it; only one at a time may change it.
 pub struct echocast_result(());
 
 handles! {
     echocast_result: RwLock<Points>, "result", 7;
 }
 
-/// The points of a result, and memory that a scan uses again.
+/// The points of a result, and memory that a scan reuses.
 pub struct Points {
     pub(crate) context: Arc<Context>,
     pub(crate) cloud: PointCloud,
@@ -56,28 +56,28 @@ pub const ECHOCAST_TYPE_U8: i32 = 3;
 pub const ECHOCAST_TYPE_U16: i32 = 4;
 /// Unsigned 32-bit number.
 pub const ECHOCAST_TYPE_U32: i32 = 5;
-/// Signed 8-bit number; only to pack.
+/// Signed 8-bit number; for packing only.
 pub const ECHOCAST_TYPE_I8: i32 = 6;
-/// Signed 16-bit number; only to pack.
+/// Signed 16-bit number; for packing only.
 pub const ECHOCAST_TYPE_I16: i32 = 7;
-/// Signed 32-bit number; only to pack.
+/// Signed 32-bit number; for packing only.
 pub const ECHOCAST_TYPE_I32: i32 = 8;
-/// Signed 64-bit number; only to pack.
+/// Signed 64-bit number; for packing only.
 pub const ECHOCAST_TYPE_I64: i32 = 9;
-/// Unsigned 64-bit number; only to pack.
+/// Unsigned 64-bit number; for packing only.
 pub const ECHOCAST_TYPE_U64: i32 = 10;
 
-/// A column of a result, where it is.
+/// A column of a result, in place.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct echocast_view {
-    /// Its first element; NULL without any.
+    /// The first element; NULL if there are none.
     pub data: *const c_void,
-    /// Elements: as many as the result has points.
+    /// Number of elements: as many as the result has points.
     pub count: usize,
     /// Bytes from element to element.
     pub stride: usize,
-    /// Its type: ECHOCAST_TYPE_F32 to ECHOCAST_TYPE_U32.
+    /// Type: ECHOCAST_TYPE_F32 to ECHOCAST_TYPE_U32.
     pub kind: i32,
     /// 0.
     pub reserved: i32,
@@ -89,17 +89,17 @@ pub struct echocast_view {
 pub struct echocast_pack_item {
     /// Name of the column.
     pub column: *const c_char,
-    /// Type that it gets: an ECHOCAST_TYPE_ number.
+    /// Type in the packed point: an ECHOCAST_TYPE_ number.
     pub kind: i32,
-    /// Where it starts in a point, bytes.
+    /// Offset in the packed point, bytes.
     pub offset: u32,
-    /// What is taken from the column's number first, in its unit: 0, or the start of the scan for times.
+    /// Subtracted from the column's number first, in its unit: 0, or the start of the scan for times.
     pub shift: f64,
-    /// What the rest is multiplied by: 1 (0 means 1 too), or 1e9 for nanoseconds, 255 for an intensity of bytes.
+    /// Factor for the rest: 1 (0 also means 1), or 1e9 for nanoseconds, 255 for an intensity in bytes.
     pub scale: f64,
 }
 
-/// What a result is; ECHOCAST_RESULT_INFO_INIT is empty.
+/// Information on a result; ECHOCAST_RESULT_INFO_INIT is empty.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct echocast_result_info {
@@ -107,14 +107,14 @@ pub struct echocast_result_info {
     pub struct_size: usize,
     /// Points.
     pub count: usize,
-    /// Rows of the range image, if every beam has its point (scan_desc.organised); else 0. Of side-scan and imaging
-    /// sonars a row is a beam, and a column a range bin.
+    /// Rows of the range image, if every beam has its point (scan_desc.organised); else 0. For side-scan and imaging
+    /// sonars, a row is a beam and a column is a range bin.
     pub rows: u32,
     /// Columns of the range image, or 0.
     pub columns: u32,
-    /// What positions refer to: an ECHOCAST_COORDINATES_ number.
+    /// Frame of the positions: an ECHOCAST_COORDINATES_ number.
     pub coordinates: i32,
-    /// What the column `intensity` has at full scale: 1, or 255; 0 if it has none, as levels in dB.
+    /// Full scale of the column `intensity`: 1 or 255; 0 if it has none, as for levels in dB.
     pub intensity_full_scale: f32,
     /// World position, metres, that the columns x, y, z and true_x, true_y, true_z are relative to.
     pub origin: [f64; 3],
@@ -148,13 +148,13 @@ text::versioned!(echocast_result_info {
     sensor_pose,
 });
 
-/// Runs `look` on the points, which nobody changes meanwhile.
+/// Runs `look` on the points, while nobody changes them.
 pub(crate) fn look<T>(result: *const echocast_result, look: impl FnOnce(&Points) -> Outcome<T>) -> Outcome<T> {
     let result = handle::get(result, "result")?;
     look(&*handle::read(&result, "result")?)
 }
 
-/// Tells what a result is. `*info` has its struct_size set.
+/// Gets information on a result. The caller sets struct_size of `*info`.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
@@ -185,13 +185,14 @@ pub unsafe extern "C" fn echocast_result_get_info(
     })
 }
 
-/// The number of points; 0 for a handle of nothing.
+/// The number of points; 0 for an invalid handle.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_result_count(result: *const echocast_result) -> usize {
     guard_or(0, || look(result, |points| Ok(points.cloud.len)))
 }
 
-/// Shows a column without copying it. The view is valid until the result is scanned into, appended to or released.
+/// Gives access to a column without copying it. The view is valid until the result is scanned into, appended to or
+/// released.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (no such column, or one that was not computed), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 ///
@@ -249,13 +250,13 @@ fn computed(cloud: &PointCloud, name: &str) -> Outcome<Field> {
 /// Most columns of a packed point.
 const MOST_ITEMS: usize = 64;
 
-/// Writes the points as a host wants them, all at once: point i at `to + i * stride`, each column converted to its type
-/// at its offset; bytes that no item covers stay. Numbers are rounded to the nearest that the type has; not-a-number
-/// becomes 0 in whole numbers. Positions are relative to the result's origin as ECHOCAST_TYPE_F32, complete as
-/// ECHOCAST_TYPE_F64. Up to 64 items. `capacity`: bytes of `to`; `*needed` (may be NULL): stride * points; with `to`
-/// NULL only that is told.
+/// Writes the points in the host's layout, all at once: point i at `to + i * stride`, each column converted to its type
+/// at its offset; bytes that no item covers stay unchanged. Numbers are rounded to the nearest value of the type;
+/// not-a-number becomes 0 in integers. Positions are relative to the result's origin as ECHOCAST_TYPE_F32, and complete
+/// as ECHOCAST_TYPE_F64. Up to 64 items. `capacity`: bytes of `to`; `*needed` (may be NULL): stride * points; if `to`
+/// is NULL, only that is written.
 ///
-/// Errors: ECHOCAST_E_ARGUMENT (an item that is wrong, too little room), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+/// Errors: ECHOCAST_E_ARGUMENT (a wrong item, too little room), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 ///
 /// ```c
 /// // The layout that most ROS 2 drivers publish.
@@ -374,8 +375,8 @@ pub unsafe extern "C" fn echocast_result_label_name(
 
 /// Appends the points of another scan of the same scene with the same columns, to be written to one file.
 ///
-/// Errors: ECHOCAST_E_ARGUMENT (a scan that does not fit), ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY; then
-/// nothing is appended.
+/// Errors: ECHOCAST_E_ARGUMENT (a scan that does not fit), ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY;
+/// nothing is then appended.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_result_append(
     result: *mut echocast_result,

@@ -17,18 +17,18 @@ use std::{mem, ptr};
 pub struct echocast_pose_key {
     /// Time, ns.
     pub t_ns: i64,
-    /// Where the sensor is then, in the world.
+    /// Where the sensor is at that time, in the world.
     pub pose: echocast_pose,
 }
 
-/// Points are in the world.
+/// Points are in the world frame.
 pub const ECHOCAST_COORDINATES_WORLD: i32 = 0;
-/// Points are in the frame of the sensor at the time of their own firing, as a driver reports them.
+/// Points are in the sensor frame at the time of their own firing, as a driver reports them.
 pub const ECHOCAST_COORDINATES_SENSOR: i32 = 1;
 
-/// Points come in rising order of beams.
+/// Points are in order of rising beam.
 pub const ECHOCAST_ORDER_BEAM: i32 = 0;
-/// Points come in rising order of time.
+/// Points are in order of rising time.
 pub const ECHOCAST_ORDER_TIME: i32 = 1;
 
 /// Physics as we know it.
@@ -38,15 +38,16 @@ pub const ECHOCAST_PROFILE_PAPER: i32 = 1;
 /// What the paper's program computes.
 pub const ECHOCAST_PROFILE_BLAINDER: i32 = 2;
 
-/// As the profile has it.
+/// As the profile defines.
 pub const ECHOCAST_REFLECTANCE_DEFAULT: i32 = 0;
-/// Surfaces whose reflectance nothing says have that of their linear base colour's luminance.
+/// Surfaces without a given reflectance take the luminance of their linear base colour.
 pub const ECHOCAST_REFLECTANCE_LUMINANCE: i32 = 1;
-/// Surfaces whose reflectance nothing says have that of their base colour's alpha.
+/// Surfaces without a given reflectance take the alpha of their base colour.
 pub const ECHOCAST_REFLECTANCE_ALPHA: i32 = 2;
 
-/// Progress callback: is told which part of the work is done, 0 to 1; not 0 ends it, unless it is done. Called on the
-/// thread that scans, every 2048 beams of each thread; not for sonars. It must not throw, and finds the result in use.
+/// Progress callback: gets the fraction of the work that is done, 0 to 1; returning anything but 0 ends the scan,
+/// unless it is complete. Called on the scanning thread, every 2048 beams of each thread; not for sonars. It must not
+/// throw, and the result is in use during the call.
 pub type echocast_progress_fn = Option<unsafe extern "C" fn(user: *mut c_void, fraction: f64) -> i32>;
 
 /// How to scan; ECHOCAST_SCAN_DESC_INIT has the defaults.
@@ -55,44 +56,44 @@ pub type echocast_progress_fn = Option<unsafe extern "C" fn(user: *mut c_void, f
 pub struct echocast_scan_desc {
     /// sizeof(echocast_scan_desc).
     pub struct_size: usize,
-    /// What to scan with.
+    /// The sensor to scan with.
     pub sensor: *const echocast_sensor,
     /// Where the sensor is: one pose, or several at rising times, between which it moves evenly and turns the shorter
-    /// way; before the first and after the last it stands. Each beam is cast from the pose at the time of its own
+    /// way; before the first and after the last it stands still. Each beam is cast from the pose at the time of its own
     /// firing.
     pub poses: *const echocast_pose_key,
-    /// How many poses there are, 1 or more.
+    /// Number of poses, 1 or more.
     pub pose_count: usize,
-    /// Time of the scan's start, ns, from the same zero as those of the poses. The column `time` counts from it too, in
-    /// seconds: those since 1970 are rounded to 0.2 microseconds there.
+    /// Start time of the scan, ns, from the same zero as the times of the poses. The column `time` counts from this
+    /// zero too, in seconds: there, times since 1970 are rounded to 0.2 microseconds.
     pub t0_ns: i64,
-    /// Of all random draws: equal seeds, frames and inputs give equal bits, whatever the threads.
+    /// Seed of all random draws: equal seeds, frames and inputs give equal bits, for any number of threads.
     pub seed: u64,
     /// Index of the frame; it changes the random draws and fills the column `frame`.
     pub frame: u32,
-    /// Instances are seen whose mask shares a bit with this.
+    /// Instances whose mask shares a bit with this are seen.
     pub mask: u32,
-    /// Columns to compute: names with commas between ("x,y,z,range,category_id"), "all", or NULL for the default ones.
+    /// Columns to compute: comma-separated names ("x,y,z,range,category_id"), "all", or NULL for the default columns.
     pub columns: *const c_char,
-    /// 1: every beam has its row, and those without a return have NaN or 0. 0: only returns have rows.
+    /// 1: every beam has a row, with NaN or 0 if it has no return. 0: only returns have rows.
     pub organised: i32,
-    /// What the points refer to: an ECHOCAST_COORDINATES_ number.
+    /// Frame of the points: an ECHOCAST_COORDINATES_ number.
     pub coordinates: i32,
-    /// In which order the points come: an ECHOCAST_ORDER_ number.
+    /// Order of the points: an ECHOCAST_ORDER_ number.
     pub order: i32,
     /// Which models are used: an ECHOCAST_PROFILE_ number.
     pub profile: i32,
-    /// Where reflectance comes from when no material says: an ECHOCAST_REFLECTANCE_ number.
+    /// Source of the reflectance where no material gives one: an ECHOCAST_REFLECTANCE_ number.
     pub reflectance: i32,
     /// 0.
     pub reserved: i32,
-    /// Is told how far the scan is and may end it; may be NULL.
+    /// Gets the progress of the scan and may end it; may be NULL.
     pub progress: echocast_progress_fn,
     /// First argument of `progress`.
     pub progress_user: *mut c_void,
-    /// What is in the air, and in which water a sonar is, as YAML with the keys of a scenario's section `environment`
+    /// What is in the air, and the water a sonar is in, as YAML with the keys of a scenario's section `environment`
     /// ("{rain: {rate_mm_h: 10}}", "{water: {temperature_c: 8}}"), or NULL: clear air, and for sonars the sea below z =
-    /// 0. A text that is the same as in the result's last scan is not read again.
+    /// 0. A text that is the same as in the result's last scan is not parsed again.
     pub environment: *const c_char,
 }
 
@@ -142,20 +143,20 @@ text::versioned!(echocast_scan_desc {
     environment,
 });
 
-/// Scans once; a sonar sends one ping, whose echoes are the points. `*io`: NULL, then it becomes a new result, to be
-/// released with echocast_result_release; or a result, whose memory is used again: a loop of scans in the order of
-/// beams allocates nothing after the first of its kind, but for a few small blocks with weather, several rays a beam,
-/// blooming or another profile, the beams of a pattern that does not repeat (risley), and sonars.
+/// Scans once; a sonar sends one ping, whose echoes are the points. `*io`: NULL, and it becomes a new result, to be
+/// released with echocast_result_release; or a result, whose memory is reused: a loop of scans in beam order allocates
+/// nothing after the first of its kind, except for a few small blocks with weather, several rays per beam, blooming or
+/// another profile, the beams of a pattern that does not repeat (risley), and sonars.
 ///
-/// Points of a sonar: the depth of each beam of multibeam and single-beam ones; of side-scan and imaging sonars the
+/// Points of a sonar: for multibeam and single-beam sonars the depth of each beam; for side-scan and imaging sonars the
 /// range bins with an echo. Their `intensity` is a level in dB re 1 uPa. Sonars must be in the water.
 ///
-/// On an error in the arguments an old result stays as it was; one that was cancelled, or for which there was no
-/// memory, is empty.
+/// On an error in the arguments, an old result stays as it was; after a cancelled scan, or one for which there was no
+/// memory, it is empty.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_CANCELLED, ECHOCAST_E_BUSY (another
 /// thread uses the result, or changes the sensor). Any number of threads may scan one snapshot with one sensor, each
-/// with a result of its own.
+/// with its own result.
 ///
 /// ```c
 /// echocast_pose_key here = {0, ECHOCAST_POSE_IDENTITY};
@@ -255,7 +256,7 @@ unsafe fn scan(scene: &BuiltScene, sensor: &Sensor, desc: &echocast_scan_desc, p
 }
 
 /// # Safety
-/// The strings of `desc` are such.
+/// The strings of `desc` are valid.
 unsafe fn scan_options(desc: &echocast_scan_desc) -> Outcome<ScanOptions> {
     // SAFETY: as the caller promises.
     let fields = match unsafe { text::optional(desc.columns, "desc->columns") }? {
@@ -292,7 +293,7 @@ unsafe fn scan_options(desc: &echocast_scan_desc) -> Outcome<ScanOptions> {
     })
 }
 
-/// The value whose number, counted from 0, an argument is.
+/// The value whose number, counted from 0, is the argument.
 fn named<T: Named>(number: i32, argument: &str) -> Outcome<T> {
     numbered(number, 0, argument)
 }

@@ -13,7 +13,7 @@ use std::ffi::{c_char, c_void};
 use std::ptr;
 use std::sync::{Arc, RwLock};
 
-/// Instances that come, go and move. One thread at a time may edit it; ECHOCAST_E_BUSY tells another one.
+/// Instances that are added, removed and moved. One thread at a time may edit it; another gets ECHOCAST_E_BUSY.
 pub struct echocast_scene(());
 
 /// A scene as it was when it was committed; immutable. Any number of threads may scan it.
@@ -24,7 +24,7 @@ handles! {
     echocast_snapshot: (Arc<Context>, BuiltScene), "snapshot", 5;
 }
 
-/// An instance of a mesh in a scene: a number that is never given to another one. 0 is none.
+/// An instance of a mesh in a scene: a number that is never reused. 0 means none.
 pub type echocast_instance = u64;
 
 /// A placement: the upper three rows of the 4x4 matrix, row after row, that takes points of the child (an instance, a
@@ -56,7 +56,7 @@ impl echocast_pose {
 
     /// As a sensor's pose.
     pub(crate) fn rigid(&self, name: &str) -> Outcome<Pose> {
-        /// Of the entries of the rotation; a quaternion that was rounded to single precision passes.
+        /// For the entries of the rotation; a quaternion that was rounded to single precision passes.
         const TOLERANCE: f64 = 1e-4;
         let DAffine3 { matrix3, translation } = self.placement(name)?;
         let product = matrix3.transpose() * matrix3;
@@ -85,21 +85,22 @@ impl echocast_pose {
 pub struct echocast_instance_desc {
     /// sizeof(echocast_instance_desc).
     pub struct_size: usize,
-    /// Its shape, of the scene's context.
+    /// Its mesh, from the scene's context.
     pub mesh: *const echocast_mesh,
     /// Where it is in the world.
     pub pose: echocast_pose,
     /// Number in the column category_id; 0 = unlabelled.
     pub category_id: u32,
-    /// Number in the column instance_id; 0 = unlabelled. Instances may share one; the first to have it names it.
+    /// Number in the column instance_id; 0 = unlabelled. Instances may share a number; the first to have it
+    /// names it.
     pub instance_id: u32,
-    /// Scans see it whose mask shares a bit with this; not 0.
+    /// Scans whose mask shares a bit with this see it; not 0.
     pub mask: u32,
     /// 1: it stays where it is. Fixed instances with a mesh of their own are built together, the fastest to trace;
-    /// whenever one comes, goes or is changed, all are built anew. 0: it may move, at the cost of a few microseconds a
+    /// whenever one is added, removed or changed, all are rebuilt. 0: it may move, at a cost of a few microseconds per
     /// commit.
     pub fixed: i32,
-    /// In place of the materials of the mesh; NULL for those.
+    /// Replaces the materials of the mesh; NULL to keep those.
     pub material: *const echocast_material,
     /// Name, for echocast_scene_find, messages and the files' table of instances; NULL for none.
     pub name: *const c_char,
@@ -140,8 +141,8 @@ pub struct echocast_scene_desc {
     /// sizeof(echocast_scene_desc).
     pub struct_size: usize,
     /// World position, three numbers, metres, that the single-precision coordinates of results are relative to. NULL:
-    /// the first commit with an instance chooses, the world's own origin for scenes within a kilometre of it. Choose
-    /// one near the vehicle for survey coordinates: 8 km from it coordinates are rounded to half a millimetre.
+    /// the first commit with an instance chooses it, the world's own origin for scenes within a kilometre of it. For
+    /// survey coordinates, choose one near the vehicle: 8 km from it, coordinates are rounded to half a millimetre.
     pub origin: *const f64,
 }
 
@@ -153,7 +154,7 @@ impl Default for echocast_scene_desc {
 
 text::versioned!(echocast_scene_desc { struct_size, origin });
 
-/// What a scene holds; ECHOCAST_SCENE_INFO_INIT is empty.
+/// The contents of a scene; ECHOCAST_SCENE_INFO_INIT is empty.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct echocast_scene_info {
@@ -163,9 +164,9 @@ pub struct echocast_scene_info {
     pub instances: usize,
     /// Triangles, each mesh counted as often as it is placed.
     pub triangles: usize,
-    /// Lowest corner of the box around all instances, world, metres; all 0 without any.
+    /// Lowest corner of the box around all instances, in the world, metres; all 0 without instances.
     pub low: [f64; 3],
-    /// Highest corner.
+    /// Highest corner of that box.
     pub high: [f64; 3],
 }
 
@@ -183,7 +184,7 @@ impl Default for echocast_scene_info {
 
 text::versioned!(echocast_scene_info { struct_size, instances, triangles, low, high });
 
-/// Makes a scene without instances. `desc`: NULL for the defaults.
+/// Creates a scene without instances. `desc`: NULL for the defaults.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE. Any thread may call this.
 #[unsafe(no_mangle)]
@@ -220,14 +221,14 @@ pub unsafe extern "C" fn echocast_scene_release(scene: *mut echocast_scene) {
     });
 }
 
-/// Runs `edit` on the scene, which no other thread uses meanwhile.
+/// Runs `edit` on the scene, while no other thread uses it.
 fn edit<T>(scene: *mut echocast_scene, edit: impl FnOnce(&Arc<Context>, &mut LiveScene) -> Outcome<T>) -> Outcome<T> {
     let scene = handle::get(scene, "scene")?;
     let mut live = handle::write(&scene.1, "scene")?;
     edit(&scene.0, &mut live)
 }
 
-/// Runs `look` on the scene, which nobody edits meanwhile.
+/// Runs `look` on the scene, while nobody edits it.
 fn look<T>(scene: *const echocast_scene, look: impl FnOnce(&LiveScene) -> Outcome<T>) -> Outcome<T> {
     let scene = handle::get(scene, "scene")?;
     look(&*handle::read(&scene.1, "scene")?)
@@ -251,15 +252,15 @@ fn add_scene(context: &Context, live: &mut LiveScene, file: &Scene) -> Outcome {
     Ok(())
 }
 
-/// Adds what a scene file holds (glTF, GLB, OBJ): its objects as fixed instances with their labels, and its cameras.
-/// `options`: NULL, or YAML with `up` (y or z) and `scale` (metres per unit) for formats that do not say; `labels`,
-/// which holds what a label file does; `texture_limit_mib` (1024), most memory for all images; and
-/// `allow_outside_paths` (false), whether the scene may name files that are not in its own folder. Categories and
-/// parts whose name the scene knows get the number that it has there; instances count on from the greatest number
-/// that has a name, from 1 in a scene without any.
+/// Adds the contents of a scene file (glTF, GLB, OBJ): its objects as fixed instances with their labels, and its
+/// cameras. `options`: NULL, or YAML with `up` (y or z) and `scale` (metres per unit) for formats that do not define
+/// them; `labels`, with the contents of a label file; `texture_limit_mib` (1024), most memory for all images; and
+/// `allow_outside_paths` (false), whether the scene may name files that are not in its own folder. Categories and parts
+/// whose name is already in the scene get its number there; instances are numbered on from the greatest number that has
+/// a name, from 1 if there is none.
 ///
 /// Errors: ECHOCAST_E_IO, ECHOCAST_E_PARSE (file and place), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_ARGUMENT,
-/// ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY; then the scene is as it was.
+/// ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY; the scene is then unchanged.
 ///
 /// ```c
 /// echocast_scene_load(scene, "street.glb", "labels: {numbers: {car: 10, road: 40}}");
@@ -280,7 +281,7 @@ pub unsafe extern "C" fn echocast_scene_load(
     })
 }
 
-/// As echocast_scene_load, from the bytes of a GLB file, or of a glTF file whose buffers and images stand in it.
+/// Like echocast_scene_load, from the bytes of a GLB file, or of a glTF file with embedded buffers and images.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_scene_load_memory(
     scene: *mut echocast_scene,
@@ -298,9 +299,9 @@ pub unsafe extern "C" fn echocast_scene_load_memory(
     })
 }
 
-/// Adds an instance of a mesh. `*out` is its number; NULL if it is not wanted.
+/// Adds an instance of a mesh. `*out` is its number; `out` may be NULL.
 ///
-/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY; then the scene is as it was.
+/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY; the scene is then unchanged.
 ///
 /// ```c
 /// echocast_instance_desc desc = ECHOCAST_INSTANCE_DESC_INIT;
@@ -378,7 +379,7 @@ fn instance(live: &LiveScene, number: echocast_instance, name: &str) -> Outcome<
     }
 }
 
-/// Takes an instance away. Its number is never used again.
+/// Removes an instance. Its number is never reused.
 ///
 /// Errors: ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
@@ -386,9 +387,9 @@ pub unsafe extern "C" fn echocast_scene_remove(scene: *mut echocast_scene, id: e
     guard(|| edit(scene, |_, live| Ok(live.remove(instance(live, id, "id")?)?)))
 }
 
-/// Finds the first instance of a name; those of files are called as in the file.
+/// Finds the first instance with a name; instances from files have their names in the file.
 ///
-/// Errors: ECHOCAST_E_ARGUMENT (no such name; near ones are told), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+/// Errors: ECHOCAST_E_ARGUMENT (no such name; similar ones are listed), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_scene_find(
     scene: *const echocast_scene,
@@ -405,8 +406,8 @@ pub unsafe extern "C" fn echocast_scene_find(
     })
 }
 
-/// Writes the numbers of instances to `ids`, which has room for `capacity` of them, in a fixed order from the one at
-/// `first` on. `*count` (may be NULL): how many there are in all.
+/// Writes the numbers of instances to `ids`, which has room for `capacity` of them, in a fixed order, starting at index
+/// `first`. `*count` (may be NULL): the total number of instances.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
@@ -435,7 +436,7 @@ pub unsafe extern "C" fn echocast_scene_get_instances(
     })
 }
 
-/// An instance as it is; ECHOCAST_INSTANCE_INFO_INIT is empty.
+/// The current state of an instance; ECHOCAST_INSTANCE_INFO_INIT is empty.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct echocast_instance_info {
@@ -447,15 +448,15 @@ pub struct echocast_instance_info {
     pub category_id: u32,
     /// Number in the column instance_id.
     pub instance_id: u32,
-    /// Scans see it whose mask shares a bit with this.
+    /// Scans whose mask shares a bit with this see it.
     pub mask: u32,
     /// Parts of its mesh.
     pub part_count: u32,
     /// Triangles of its mesh.
     pub triangle_count: usize,
-    /// Where its name is written, and a 0 behind it, cut off where it is longer; NULL if it is not wanted. To be set.
+    /// Where its name is written, ending in 0, cut off if it is too long; NULL if not wanted. Set by the caller.
     pub name: *mut c_char,
-    /// Bytes of room at `name`. To be set.
+    /// Capacity of `name`, bytes. Set by the caller.
     pub name_capacity: usize,
 }
 
@@ -487,7 +488,7 @@ text::versioned!(echocast_instance_info {
     name_capacity,
 });
 
-/// Tells what an instance is. `*info` has its struct_size set, and where its name is to go.
+/// Gets the state of an instance. The caller sets struct_size of `*info`, and where its name is to go.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
@@ -520,9 +521,9 @@ pub unsafe extern "C" fn echocast_scene_get_instance(
     })
 }
 
-/// Finds where the camera node of a name in a loaded file stands, as a sensor's pose: x along its view, z up.
+/// Gets the pose of the camera node with a name in a loaded file, as a sensor's pose: x along its view, z up.
 ///
-/// Errors: ECHOCAST_E_ARGUMENT (no such name; near ones are told), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+/// Errors: ECHOCAST_E_ARGUMENT (no such name; similar ones are listed), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_scene_camera(
     scene: *const echocast_scene,
@@ -539,7 +540,7 @@ pub unsafe extern "C" fn echocast_scene_camera(
     })
 }
 
-/// Tells what a scene holds. `*info` has its struct_size set.
+/// Gets the contents of a scene. The caller sets struct_size of `*info`.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
@@ -563,7 +564,7 @@ pub unsafe extern "C" fn echocast_scene_get_info(
     })
 }
 
-/// Puts instances somewhere else: `ids[i]` to `poses[i]`, all or, on an error, none. Fixed ones may move from then on.
+/// Moves instances: `ids[i]` to `poses[i]`, all or, on an error, none. Fixed instances may move from then on.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
@@ -596,11 +597,11 @@ pub unsafe extern "C" fn echocast_scene_set_poses(
 }
 
 /// Gives the vertices of an instance new positions: `count` times x, y, z, as many as its mesh has, and shading
-/// normals, or NULL for flat triangles. Its mesh becomes its own; others that share it keep theirs. The arrays are
+/// normals, or NULL for flat triangles. It then has its own mesh; others that share the mesh keep it. The arrays are
 /// copied. The parts of its mesh must share their vertices, as those of echocast_mesh_create do; those of files may
 /// not.
 ///
-/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY; then it is as it was.
+/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY; the instance is then unchanged.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_scene_set_vertices(
     scene: *mut echocast_scene,
@@ -628,8 +629,8 @@ pub unsafe extern "C" fn echocast_scene_set_vertices(
     })
 }
 
-/// Sets the labels of an instance: category, number of this very instance, and those of the parts of its mesh, or NULL
-/// to keep them.
+/// Sets the labels of an instance: its category, its own number, and those of the parts of its mesh, or NULL to keep
+/// these.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
@@ -657,7 +658,7 @@ pub unsafe extern "C" fn echocast_scene_set_labels(
     })
 }
 
-/// Sets by which scans an instance is seen: those whose mask shares a bit with `mask`, which may be 0.
+/// Sets which scans see an instance: those whose mask shares a bit with `mask`, which may be 0.
 ///
 /// Errors: ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
@@ -669,7 +670,7 @@ pub unsafe extern "C" fn echocast_scene_set_mask(
     guard(|| edit(scene, |_, live| Ok(live.set_mask(instance(live, id, "id")?, mask)?)))
 }
 
-/// Gives an instance one material in place of those of its mesh; NULL: those of its mesh again.
+/// Gives an instance one material instead of those of its mesh; NULL restores those of its mesh.
 ///
 /// Errors: ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
@@ -686,7 +687,7 @@ pub unsafe extern "C" fn echocast_scene_set_material(
     })
 }
 
-/// Names a number of a label column; the names travel with every file. `table`: "category", "part" or "instance".
+/// Names a number in a label column; the names travel with every file. `table`: "category", "part" or "instance".
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
@@ -705,8 +706,8 @@ pub unsafe extern "C" fn echocast_scene_name_label(
     })
 }
 
-/// Builds what has changed. `*out` is the scene as it is now, which can be scanned while the next one is edited; it is
-/// to be released with echocast_snapshot_release.
+/// Builds what has changed. `*out` is a snapshot of the scene as it is now, which can be scanned while the scene is
+/// edited further; release it with echocast_snapshot_release.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]

@@ -10,8 +10,8 @@ use std::ffi::c_char;
 use std::ptr;
 use std::sync::{Arc, RwLock};
 
-/// An instrument: where its beams point, what it sees, and the errors that it makes. Any number of threads may scan
-/// with it; one at a time may change it.
+/// An instrument: where its beams point, what it sees, and the errors it makes. Any number of threads may scan with it;
+/// only one at a time may change it.
 pub struct echocast_sensor(());
 
 handles! {
@@ -28,7 +28,7 @@ pub struct echocast_beam {
     pub direction: [f32; 3],
     /// Nearest range that is reported, metres.
     pub range_min_m: f32,
-    /// Farthest range that is reported, metres; 0 for no limit but the sensor's.
+    /// Farthest range that is reported, metres; 0 for the sensor's own limit only.
     pub range_max_m: f32,
     /// Emitter index, 0 to 65535.
     pub channel: u32,
@@ -36,20 +36,20 @@ pub struct echocast_beam {
     pub reserved: [u32; 4],
 }
 
-/// Every beam is a firing of its own.
+/// Every beam is its own firing.
 pub const ECHOCAST_FIRING_BEAMS: i32 = 0;
 /// All beams of a column belong to one firing.
 pub const ECHOCAST_FIRING_COLUMNS: i32 = 1;
 /// All beams belong to one firing.
 pub const ECHOCAST_FIRING_FRAME: i32 = 2;
 
-/// What a sensor is; ECHOCAST_SENSOR_INFO_INIT is empty.
+/// The shape of a sensor; ECHOCAST_SENSOR_INFO_INIT is empty.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct echocast_sensor_info {
     /// sizeof(echocast_sensor_info).
     pub struct_size: usize,
-    /// Rows of its range image: channels of a spinning sensor, pixel rows of a camera, 1 of a sonar.
+    /// Rows of its range image: channels of a spinning sensor, pixel rows of a camera, 1 for a sonar.
     pub rows: u32,
     /// Columns of its range image. It has rows * columns beams; beam row * columns + column.
     pub columns: u32,
@@ -65,10 +65,11 @@ impl Default for echocast_sensor_info {
 
 text::versioned!(echocast_sensor_info { struct_size, rows, columns, period_ns });
 
-/// Makes a sensor. `sensor`: the name of a preset ("velodyne_vlp32c", see echocast_name) or the path of a sensor file.
+/// Creates a sensor. `sensor`: the name of a preset ("velodyne_vlp32c", see echocast_name) or the path of a sensor
+/// file.
 ///
-/// Errors: ECHOCAST_E_ARGUMENT (no such preset; near ones are told), ECHOCAST_E_IO, ECHOCAST_E_PARSE (file, line, key).
-/// Any thread may call this.
+/// Errors: ECHOCAST_E_ARGUMENT (no such preset; similar names are listed), ECHOCAST_E_IO, ECHOCAST_E_PARSE (file, line,
+/// key). Any thread may call this.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_sensor_create(
     context: *const echocast_context,
@@ -82,8 +83,8 @@ pub unsafe extern "C" fn echocast_sensor_create(
     })
 }
 
-/// Makes a sensor of YAML text, which says what a sensor file does. `folder`: where names of other files in it start;
-/// NULL for the working folder.
+/// Creates a sensor from YAML text with the contents of a sensor file. `folder`: where relative paths in it start; NULL
+/// for the working folder.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_IO, ECHOCAST_E_PARSE (line and key). Any thread may call this.
 #[unsafe(no_mangle)]
@@ -100,7 +101,7 @@ pub unsafe extern "C" fn echocast_sensor_from_text(
     })
 }
 
-/// A sensor of beams; ECHOCAST_BEAMS_DESC_INIT is empty.
+/// A sensor made of beams; ECHOCAST_BEAMS_DESC_INIT is empty.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct echocast_beams_desc {
@@ -108,7 +109,7 @@ pub struct echocast_beams_desc {
     pub struct_size: usize,
     /// Its name.
     pub name: *const c_char,
-    /// rows * columns beams, row by row. Neighbours in a row should be neighbours in angle, which is several times as
+    /// rows * columns beams, row by row. Neighbours in a row should be neighbours in angle: this is several times as
     /// fast.
     pub beams: *const echocast_beam,
     /// Rows of its range image.
@@ -140,8 +141,8 @@ impl Default for echocast_beams_desc {
 
 text::versioned!(echocast_beams_desc { struct_size, name, beams, rows, columns, period_ns, firing, reserved });
 
-/// Makes an ideal lidar of beams: no noise, no threshold, no range limit but theirs; echocast_sensor_set adds what is
-/// wanted.
+/// Creates an ideal lidar from beams: no noise, no threshold, no range limit but theirs; echocast_sensor_set adds what
+/// you want.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (the beam that is wrong), ECHOCAST_E_MEMORY. Any thread may call this.
 #[unsafe(no_mangle)]
@@ -230,10 +231,10 @@ fn look<T>(sensor: *const echocast_sensor, look: impl FnOnce(&Sensor) -> Outcome
 }
 
 /// Changes a parameter: `key` is its path in the sensor file ("noise.range_sigma_m"), `value` YAML: a number, a word, a
-/// list or a whole section; "null" takes an optional one away.
+/// list or a whole section; "null" removes an optional one.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_PARSE (key, what was found, what is allowed), ECHOCAST_E_BUSY (a scan is
-/// using the sensor); then it is as it was.
+/// using the sensor); the sensor is then unchanged.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_sensor_set(
     sensor: *mut echocast_sensor,
@@ -248,10 +249,10 @@ pub unsafe extern "C" fn echocast_sensor_set(
     })
 }
 
-/// Reads a parameter that is a number, with the least and the greatest value that it may have (infinite without a
-/// bound). `value`, `min` and `max` may each be NULL.
+/// Reads a parameter that is a number, with the least and the greatest value that is allowed (infinite if unbounded).
+/// `value`, `min` and `max` may each be NULL.
 ///
-/// Errors: ECHOCAST_E_ARGUMENT (no such key, or no number), ECHOCAST_E_BUSY.
+/// Errors: ECHOCAST_E_ARGUMENT (no such key, or not a number), ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_sensor_get(
     sensor: *const echocast_sensor,
@@ -274,8 +275,8 @@ pub unsafe extern "C" fn echocast_sensor_get(
     })
 }
 
-/// Writes the sensor as YAML, every key that has a value, to `yaml`, which has room for `capacity` bytes, cut off where
-/// it is longer. `*needed`: bytes of the whole with the 0 at its end. One of `yaml` and `needed` may be NULL.
+/// Writes the sensor as YAML, every key that has a value, to `yaml`, which has room for `capacity` bytes; longer text
+/// is cut off. `*needed`: bytes of the whole text, including the 0 at its end. One of `yaml` and `needed` may be NULL.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
@@ -292,7 +293,7 @@ pub unsafe extern "C" fn echocast_sensor_describe(
     })
 }
 
-/// Tells the shape of a sensor. `*info` has its struct_size set.
+/// Gets the shape of a sensor. The caller sets struct_size of `*info`.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
@@ -315,7 +316,7 @@ pub unsafe extern "C" fn echocast_sensor_get_info(
     })
 }
 
-/// Writes beams `first` to `first + count - 1` to `beams`, to look at the pattern.
+/// Writes beams `first` to `first + count - 1` to `beams`, to inspect the pattern.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (more than there are), ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]

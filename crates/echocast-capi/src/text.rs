@@ -6,7 +6,7 @@ use std::mem::MaybeUninit;
 use std::ops::Range;
 use std::path::Path;
 
-/// Longest text that is taken: a string without its end is found out before it leads far astray.
+/// Longest text that is accepted: a string without an end is detected before it is read too far.
 const LONGEST: usize = 64 << 20;
 
 /// The text `argument`; `None` for NULL.
@@ -86,7 +86,7 @@ pub(crate) unsafe fn array<'a, T>(data: *const T, count: usize, name: &str) -> O
     Ok(unsafe { std::slice::from_raw_parts(data, count) })
 }
 
-/// That `data` can be an array of `count` elements, as far as that can be seen.
+/// Checks that `data` can be an array of `count` elements, as far as possible.
 pub(crate) fn check_array<T>(data: *const T, count: usize, name: &str) -> Outcome {
     if data.is_null() {
         return Err(Failure::argument(name, "NULL", &format!("an array of {count}")));
@@ -122,8 +122,8 @@ pub(crate) unsafe fn output<'a, T>(to: *mut T, name: &str) -> Outcome<&'a mut Ma
 /// Structures of the header that begin with `struct_size` and may grow at their end.
 ///
 /// # Safety
-/// The type is `repr(C)`, begins with its size as a `usize`, has no padding but such that may hold anything, and any
-/// bits make a value of it.
+/// The type is `repr(C)`, begins with its size as a `usize`, has no padding except padding that may hold anything, and
+/// any bits are a valid value of it.
 pub(crate) unsafe trait Versioned: Copy + Default {
     /// Where each field begins and ends, bytes from the start.
     const FIELDS: &'static [Range<usize>];
@@ -150,7 +150,7 @@ pub(crate) const fn size_of_field<S, F>(_: fn(&S) -> &F) -> usize {
     size_of::<F>()
 }
 
-/// Largest structure that is looked at.
+/// Largest structure that is accepted.
 const LARGEST_STRUCT: usize = 4096;
 
 /// Reads a structure that may be shorter or longer than this library knows: what an older header lacks has its default,
@@ -186,7 +186,7 @@ pub(crate) unsafe fn structure<T: Versioned>(from: *const T, name: &str) -> Outc
     Ok(value)
 }
 
-/// Writes a structure as far as the caller's, which may be older or newer, has room; `to->struct_size` stays.
+/// Writes as much of a structure as the caller's, which may be older or newer, has room for; `to->struct_size` stays.
 ///
 /// # Safety
 /// `to` is NULL or points to as many bytes as its `struct_size` says, which nobody else uses meanwhile.
@@ -210,7 +210,7 @@ pub(crate) unsafe fn put_structure<T: Versioned>(value: T, to: *mut T, name: &st
     Ok(())
 }
 
-/// A vector of `count` elements, or the answer that there is no memory for so many of `name`.
+/// A vector of `count` elements, or the error that there is no memory for so many of `name`.
 pub(crate) fn collect<T>(elements: impl Iterator<Item = T>, count: usize, name: &str) -> Outcome<Vec<T>> {
     let mut all = Vec::new();
     all.try_reserve_exact(count)
@@ -219,7 +219,7 @@ pub(crate) fn collect<T>(elements: impl Iterator<Item = T>, count: usize, name: 
     Ok(all)
 }
 
-/// Copies `text` and a 0 to `to`, which has room for `capacity` bytes, as far as they go; `needed`: bytes with the 0.
+/// Copies as much of `text` and a 0 to `to` as fits in its `capacity` bytes; `needed`: bytes with the 0.
 ///
 /// # Safety
 /// `to` is NULL or has room; `needed` is NULL or a place for a number.

@@ -10,7 +10,8 @@ use rustix::time::{ClockId, clock_gettime};
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 
-/// Measure how fast a scene is here: warm scans for some seconds, beside the bare Embree loop on the same rays
+/// Measure how fast a scene is scanned on this machine: a few seconds of warm scans, compared with the bare Embree loop
+/// on the same rays
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -35,7 +36,7 @@ pub struct Args {
 
 /// Interleaved rounds of both loops; the machine may be busy with other things.
 const ROUNDS: usize = 15;
-/// A round of one loop lasts at least so long.
+/// A round of one loop lasts at least this long.
 const ROUND: Duration = Duration::from_millis(100);
 
 pub fn run(args: &Args) -> Result<()> {
@@ -83,9 +84,9 @@ pub fn run(args: &Args) -> Result<()> {
     }
     text::print(&format!(
         "{} in {}: {}, {}, default columns\n\
-         scan        best {}, median {} on the wall: {:.1} M rays/s\n\
+         scan, wall  best {}, median {}: {:.1} M rays/s\n\
          scan, CPU   best {}, median {}\n\
-         bare, CPU   best {}, median {} (nothing but Embree on the same rays)\n\
+         bare, CPU   best {}, median {} (only Embree, on the same rays)\n\
          ratio       {ratio:.2} (bare / scan, CPU time, median of {ROUNDS} interleaved rounds)\n",
         sensor.name(),
         args.scene.names(),

@@ -7,7 +7,7 @@ use echocast::cloud::FIELDS;
 use echocast::{export, scene};
 use std::fmt::Write as _;
 
-/// List input and output formats and what each can hold
+/// List the input and output formats and what each can hold
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  echocast formats")]
 pub struct Args {}
@@ -25,15 +25,15 @@ pub fn run() -> Result<()> {
             writeln!(list, "{:23}cannot hold {}", "", lost.join(", "))?;
         }
         if !format.holds_label_names() {
-            writeln!(list, "{:23}label names stand beside it in NAME.labels.json", "")?;
+            writeln!(list, "{:23}label names are beside it, in NAME.labels.json", "")?;
         }
     }
     list.push_str("\nPictures (--preview) are written as\n");
     row(&mut list, "png", &["png"], "RGB picture with legend");
-    list.push_str("\nPings of sonars (--pings) and their images (--image) are written as\n");
-    row(&mut list, "npz", &["npz"], "arrays, labels and all");
-    row(&mut list, "hdf5", &["h5", "hdf5"], "a dataset for each array, with unit and meaning");
-    row(&mut list, "png", &["png"], "images alone: grey, and labels in files beside it");
+    list.push_str("\nSonar pings (--pings) and their images (--image) are written as\n");
+    row(&mut list, "npz", &["npz"], "arrays, including labels");
+    row(&mut list, "hdf5", &["h5", "hdf5"], "one dataset per array, with unit and meaning");
+    row(&mut list, "png", &["png"], "images only: greyscale, labels in files beside it");
     text::print(&list)
 }
 
@@ -42,11 +42,11 @@ fn row(list: &mut String, name: &str, extensions: &[&str], description: &str) {
     list.push_str(&format!("  {name:<7} {:<12} {description}\n", endings.join(" ")));
 }
 
-/// The columns, a line each, for the help of `--fields`.
+/// The columns, one per line, for the help of `--fields`.
 pub fn column_help() -> StyledStr {
     let mut help = String::from(
         "Columns to compute and write: names separated by commas, `default` or `all`\n\n* = written by \
-         default, of sonars also cause:\n",
+         default; for sonars, also cause:\n",
     );
     for info in FIELDS {
         let mark = if info.default { "*" } else { " " };

@@ -10,11 +10,11 @@ use echocast::{Error, shown};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-/// Make a scene by rules and a seed, labelled, as binary glTF
+/// Generate a labelled scene from rules and a seed, as binary glTF
 #[derive(clap::Args)]
 #[command(
     arg_required_else_help = true,
-    after_help = "Example:\n  echocast generate seabed --seed 7 -o lake.glb\n\n`echocast generate seabed --help` tells more."
+    after_help = "Example:\n  echocast generate seabed --seed 7 -o lake.glb\n\nSee `echocast generate seabed --help` for more."
 )]
 pub struct Args {
     #[command(subcommand)]
@@ -26,12 +26,12 @@ enum Kind {
     Seabed(SeabedArgs),
 }
 
-/// A lake bed for sonar: sand, gravel and mud, boulders, wrecks, a swarm of fish
+/// A lake bed for sonar: sand, gravel and mud, boulders, wrecks, a school of fish
 ///
 /// The water surface is at z = 0, the bed is centred on the z axis. Categories are seabed, boulder, wreck and fish; the
-/// bed has the parts sand, gravel and mud, a wreck hull, cabin and mast. The fish hang on the node Swarm, which an
-/// animation moves against the x axis. The camera node Sonar stands at the low end of x, just below the surface, and
-/// looks along x.
+/// bed has the parts sand, gravel and mud, a wreck hull, cabin and mast. The fish are children of the node Swarm,
+/// which an animation moves against the x axis. The camera node Sonar is at the low end of x, just below the surface,
+/// and looks along x.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -49,8 +49,8 @@ pub struct SeabedArgs {
     /// Spacing of the grid, metres [default: about 30,000 triangles, more where --ripples needs them]
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     cell: Option<f64>,
-    /// Ripples of the sand, metres from crest to crest and from trough to crest; 0 high: none [default: 0.6,0.05 where
-    /// the cells are fine enough]
+    /// Ripples of the sand, metres from crest to crest and from trough to crest; height 0 means none [default: 0.6,0.05
+    /// where the cells are fine enough]
     #[arg(long, value_name = "LENGTH,HEIGHT", value_parser = two_numbers, allow_hyphen_values = true)]
     ripples: Option<[f64; 2]>,
     /// Boulders of 0.3 to 1.5 m
@@ -59,7 +59,7 @@ pub struct SeabedArgs {
     /// Sunken boats
     #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
     wrecks: u32,
-    /// Fish of the swarm, about 0.4 m long
+    /// Fish in the school, about 0.4 m long
     #[arg(long, value_name = "N", default_value_t = 60, allow_negative_numbers = true)]
     fish: u32,
     /// Seed of all random draws: same seed and options, same file
@@ -68,7 +68,7 @@ pub struct SeabedArgs {
     /// Scene file, .glb
     #[arg(short, long, value_name = "FILE.glb")]
     output: PathBuf,
-    /// Print nothing but errors
+    /// Print only errors
     #[arg(short, long)]
     quiet: bool,
 }
@@ -92,11 +92,11 @@ fn seabed(args: &SeabedArgs) -> Result<()> {
     make(|| seabed.scene(args.seed), &args.output, args.quiet)
 }
 
-/// Makes a scene, writes it to `file` and says what it is.
+/// Makes a scene, writes it to `file` and prints a summary.
 fn make(scene: impl FnOnce() -> echocast::Result<GeneratedScene>, file: &Path, quiet: bool) -> Result<()> {
     let is_glb = file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("glb"));
     ensure!(is_glb, "-o {}: scenes are written as .glb", shown::path(file));
-    interrupt::listen().context("cannot listen to signals")?;
+    interrupt::listen().context("cannot listen for signals")?;
     let (mut making, mut writing) = (0.0, 0.0);
     let scene = match timed(&mut making, scene) {
         Ok(scene) => scene,

@@ -8,7 +8,7 @@ use echocast::{Scene, shown};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-/// Show what a scene holds: triangles, instances, materials, labels, cameras, animations, bounds
+/// Show what is in a scene: triangles, instances, materials, labels, cameras, animations, bounds
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  echocast info street.glb --labels street.labels.yaml")]
 pub struct Args {

@@ -13,28 +13,28 @@ use std::sync::OnceLock;
 /// Scene files and how to read them.
 #[derive(Args)]
 pub struct SceneArgs {
-    /// Scene files; several are put together as they stand (`echocast formats` lists the kinds)
+    /// Scene files; several are combined as they are (`echocast formats` lists the formats)
     #[arg(required = true, value_name = "SCENE")]
     pub files: Vec<PathBuf>,
     /// Label file (YAML): names to numbers, object and material name patterns to names; `-` for standard input
     #[arg(long, value_name = "FILE", help_heading = "Scene")]
     labels: Option<PathBuf>,
-    /// Up axis of scene formats that do not say (OBJ)
+    /// Up axis of scene formats that do not define one (OBJ)
     #[arg(long, default_value = "z", value_parser = choice::of::<UpAxis>(), help_heading = "Scene")]
     up: UpAxis,
-    /// Metres per unit of scene formats that do not say (OBJ)
+    /// Metres per unit of scene formats that do not define the unit (OBJ)
     #[arg(long, value_name = "F", default_value = "1", value_parser = positive, help_heading = "Scene")]
     scale: f64,
-    /// Most memory that the images of all materials may take, MiB
+    /// Most memory for the images of all materials, MiB
     #[arg(long, value_name = "MIB", default_value_t = LoadOptions::default().texture_limit_mib, help_heading = "Scene")]
     texture_limit: u64,
-    /// Let scenes name buffers, images and material files outside their own folder: only of scenes that you trust
+    /// Let scenes name buffers, images and material files outside their own folder: only for scenes that you trust
     #[arg(long, help_heading = "Scene")]
     allow_outside_paths: bool,
 }
 
 impl SceneArgs {
-    /// Reads all files, one scene.
+    /// Reads all files into one scene.
     pub fn load(&self) -> Result<Scene> {
         let labels = match &self.labels {
             Some(file) => file_or_stdin("--labels", file, LabelRules::load, LabelRules::from_yaml)?,
@@ -51,7 +51,7 @@ impl SceneArgs {
         let is_obj = |file: &PathBuf| file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("obj"));
         ensure!(
             !told || self.files.iter().any(is_obj),
-            "--up, --scale: {} says itself which axis is up and what its unit is",
+            "--up, --scale: {} already says which axis is up and what its unit is",
             self.names()
         );
         Ok(Scene::load_all(&self.files, &options)?)
@@ -108,7 +108,7 @@ impl SensorArgs {
     }
 }
 
-/// A preset (`NAME` or `FOLDER/NAME`), or the file where `name` is one's.
+/// A preset (`NAME` or `FOLDER/NAME`), or a file if `name` is the name of one.
 pub fn load_sensor(name: &Path) -> Result<Sensor> {
     file_or_stdin("--sensor", name, open_sensor, |text| Sensor::from_yaml(text, ""))
 }
@@ -141,13 +141,13 @@ pub fn file_or_stdin<'f, T, E: Into<anyhow::Error>>(
     if file != Path::new("-") {
         return load(file).map_err(|error| match error.into() {
             error if is_pipe(file, &error) => {
-                anyhow!("{}; standard input is read where it is called `-`", text::one_line(&error))
+                anyhow!("{}; for standard input, use `-`", text::one_line(&error))
             }
             error => error,
         });
     }
     let by = *READ_BY.get_or_init(|| option);
-    ensure!(by == option, "{option} -: standard input is read by {by} already; allowed: one option");
+    ensure!(by == option, "{option} -: standard input is already read by {by}; allowed: one option");
     let mut input = String::new();
     let read = stdin().lock().take((MOST_MIB << 20) + 1).read_to_string(&mut input);
     read.with_context(|| format!("{option} -: standard input"))?;
@@ -158,7 +158,7 @@ pub fn file_or_stdin<'f, T, E: Into<anyhow::Error>>(
     parse(&input).with_context(|| format!("{option} -"))
 }
 
-/// Whether `error` is that `file` is no regular one.
+/// Whether `error` says that `file` is not a regular file.
 fn is_pipe(file: &Path, error: &anyhow::Error) -> bool {
     let Some(Error::Io { path, source }) = error.downcast_ref() else { return false };
     path == file && source.kind() == ErrorKind::InvalidInput
@@ -179,7 +179,7 @@ pub fn positive(text: &str) -> Result<f64, String> {
         .ok_or("expected a number above 0".into())
 }
 
-/// Uses `threads` threads for all parallel work; all cores without a number.
+/// Uses `threads` threads for all parallel work, or all cores if `None`.
 pub fn set_threads(threads: Option<u16>) -> Result<usize> {
     rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0).into()).build_global().map_err(|error| {
         let wanted = threads.map_or("as many as there are cores".to_owned(), |threads| threads.to_string());

@@ -1,4 +1,4 @@
-//! Ctrl-C, termination, a terminal that closes: the work is told to end; unfinished files go, older files stay.
+//! Ctrl-C, termination, a terminal that closes: the work is told to end; unfinished files are removed, older ones stay.
 
 use echocast::{Error, export};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
@@ -9,56 +9,56 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use std::{fs, thread};
 
-/// The exit code: what shells report of a program that SIGINT has ended, 128 + 2.
+/// The exit code: what shells report for a program ended by SIGINT, 128 + 2.
 pub const INTERRUPTED: u8 = 130;
 
-/// How long the work may go on before it looks up.
+/// How long the work may go on before it checks for a signal.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 /// Whether the next signal ends the program in its handler.
 static LEAVING: AtomicBool = AtomicBool::new(false);
 
-/// From now on a signal sets [`export::cancel_flag`], at which the work looks from time to time; a second one, or work
-/// that does not look in time, ends the program where it is, without destructors, but for its unfinished files. Signals
-/// that whoever started the program has it ignore (`nohup`) stay ignored.
+/// From now on a signal sets [`export::cancel_flag`], which the work checks from time to time; a second signal, or work
+/// that does not check in time, ends the program where it is, without destructors, after removing its unfinished files.
+/// Signals that are ignored when the program starts (`nohup`) stay ignored.
 pub fn listen() -> io::Result<()> {
     let ignored = ignored_signals();
     let heard = [SIGINT, SIGTERM, SIGHUP].into_iter().filter(|signal| ignored >> (signal - 1) & 1 == 0);
     let heard: Vec<i32> = heard.collect();
     let signals = Signals::new(&heard)?;
     let watcher = thread::Builder::new().name("signals".into()).spawn(|| watch(signals));
-    // Where the system gives no thread, the second signal ends the program all the same.
+    // If the system gives no thread, the second signal still ends the program.
     let at_once = if watcher.is_ok() { &LEAVING } else { export::cancel_flag() };
     for signal in heard {
-        // In this order: the first must not be its own second.
+        // In this order: the first signal must not count as the second, too.
         flag::register_conditional_shutdown(signal, INTERRUPTED.into(), at_once)?;
         flag::register(signal, export::cancel_flag())?;
     }
     Ok(())
 }
 
-/// Makes a file that may grow no more (`ulimit -f`) an error like a full disk; the signal would end the program.
+/// Makes a file that reaches its size limit (`ulimit -f`) an error like a full disk; the signal would end the program.
 pub fn outlive_full_files() -> io::Result<()> {
     static IGNORED: AtomicBool = AtomicBool::new(false);
     flag::register(SIGXFSZ, &IGNORED).map(drop)
 }
 
-/// That the work is wanted.
+/// Fails if the work is to be cancelled.
 pub fn check() -> Result<(), Error> {
     if export::cancel_flag().load(Ordering::SeqCst) { Err(Error::Cancelled) } else { Ok(()) }
 }
 
-/// Tells people what became of their files.
+/// Tells the user what happened to the files.
 pub fn say() {
     static SAID: AtomicBool = AtomicBool::new(false);
     if !SAID.swap(true, Ordering::SeqCst) {
-        // A progress line may stand there.
+        // There may be a progress line.
         let clear = if stderr().is_terminal() { "\r\x1b[K" } else { "" };
-        let _ = writeln!(stderr(), "{clear}error: interrupted; files that were complete stay, others are gone");
+        let _ = writeln!(stderr(), "{clear}error: interrupted; complete files stay, others are removed");
     }
 }
 
-/// Waits for a signal, and ends the program when the work does not.
+/// Waits for a signal, and ends the program if the work does not end.
 fn watch(mut signals: Signals) {
     signals.forever().next();
     export::cancel_flag().store(true, Ordering::SeqCst);

@@ -23,7 +23,7 @@ use echocast::Error;
 use std::io::Write as _;
 use std::process::ExitCode;
 
-/// Simulates depth sensors: casts the beams of LiDARs, depth cameras and sonars over a 3D scene and writes what the
+/// Simulates depth sensors: casts the beams of LiDARs, depth cameras and sonars into a 3D scene and writes what the
 /// instrument would have reported, every point labelled.
 #[derive(Parser)]
 #[command(
@@ -31,7 +31,7 @@ use std::process::ExitCode;
     version,
     arg_required_else_help = true,
     after_help = "Example:\n  echocast scan street.glb --sensor velodyne_vlp32c --camera Sensor -o scan.las --preview scan.png\n\n\
-                  Exit codes: 0 done; 1 the work failed; 2 wrong usage; 130 interrupted."
+                  Exit codes: 0 success; 1 failure; 2 wrong usage; 130 interrupted."
 )]
 struct Cli {
     #[command(subcommand)]
@@ -49,7 +49,7 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    // Without it a file that is too long ends the program, as ever.
+    // If this fails, a file that grows too long ends the program, as usual.
     let _ = interrupt::outlive_full_files();
     let done = match Cli::parse().command {
         Command::Scan(args) => scan::run(&args),
@@ -66,7 +66,7 @@ fn main() -> ExitCode {
             ExitCode::from(interrupt::INTERRUPTED)
         }
         Err(error) => {
-            // Nobody is left to tell when stderr is closed.
+            // If stderr is closed, there is nobody to tell.
             let _ = writeln!(std::io::stderr(), "error: {}", text::one_line(&error));
             ExitCode::FAILURE
         }

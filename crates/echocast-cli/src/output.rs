@@ -16,13 +16,13 @@ use std::path::{Path, PathBuf};
 #[derive(Args)]
 #[command(group = ArgGroup::new("shown").args(["preview", "image"]).multiple(true))]
 pub struct OutputArgs {
-    /// Cloud file, repeatable; the format is chosen by the ending (`echocast formats` lists them)
+    /// Cloud file, repeatable; its ending chooses the format (`echocast formats` lists them)
     #[arg(short, long, value_name = "FILE", required_unless_present_any = ["preview", "explain", "pings", "image"], help_heading = "Output")]
     output: Vec<PathBuf>,
     /// Format of the cloud files, whatever their endings
     #[arg(long, value_name = "NAME", requires = "output", help_heading = "Output")]
     format: Option<String>,
-    /// One file per frame: `name_0007.las`; in HDF5 one file, one variable-length row per frame and column
+    /// One file per frame: `name_0007.las`; for HDF5, one file with one variable-length row per frame and column
     #[arg(long, overrides_with = "_merged", help_heading = "Output")]
     single: bool,
     /// All frames in one cloud (the default)
@@ -31,42 +31,42 @@ pub struct OutputArgs {
     /// Picture of the cloud
     #[arg(long, value_name = "FILE.png", help_heading = "Output")]
     preview: Option<PathBuf>,
-    /// What the colours of the picture show: `label`, category or part of what is met; `cause`, why a point is there:
+    /// What the colours of the picture show: `label`, the category or part that was hit; `cause`, why a point is there:
     /// a surface, seen in a mirror or through glass, rain, fog and so on; the others are scales of values
     #[arg(long, requires = "preview", default_value = "label", value_parser = choice::of::<ColorBy>(), help_heading = "Output")]
     color: ColorBy,
-    /// From where the picture looks at the cloud; `range` shows the last of several frames. Of sonars also `waterfall`,
-    /// a row for each ping; `track`, what they have seen from above; `fan`, the last ping as its beams lie
+    /// How the picture shows the cloud; `range` shows the last of several frames. For sonars, also `waterfall`, one row
+    /// per ping; `track`, what was seen along the track, from above; `fan`, the last ping as its beams lie
     #[arg(long, requires = "shown", default_value = "top", value_parser = choice::of::<View>(), help_heading = "Output")]
     view: View,
-    /// Waterfall over ground range, along the bed, in place of slant range
+    /// Waterfall over ground range, along the bed, instead of slant range
     #[arg(long, requires = "shown", help_heading = "Output")]
     ground: bool,
     /// Pings of a sonar as arrays of beams and range bins, with levels, labels and true places: .npz, .h5
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     pings: Option<PathBuf>,
-    /// What `--view waterfall`, `track` or `fan` shows as numbers and labels: .npz, .h5, or grey .png
+    /// What `--view waterfall`, `track` or `fan` shows, as numbers and labels: .npz, .h5, or greyscale .png
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     image: Option<PathBuf>,
 }
 
 impl OutputArgs {
-    /// Whether every frame is written by itself.
+    /// Whether every frame is written to its own file.
     pub fn single(&self) -> bool {
         self.single
     }
 
-    /// Files that are asked for by name.
+    /// Files that were asked for by name.
     fn files(&self) -> impl Iterator<Item = &PathBuf> {
         self.output.iter().chain(&self.preview).chain(&self.pings).chain(&self.image)
     }
 
-    /// Whether clouds are asked for, as files or pictures.
+    /// Whether clouds were asked for, as files or pictures.
     pub fn wants_clouds(&self) -> bool {
         !self.output.is_empty() || self.preview.is_some() && !self.view.shows_pings()
     }
 
-    /// The columns of pings that are asked for, beside `fields` in files of pings; `None`: no pings are.
+    /// The columns of pings that were asked for, in addition to `fields` in files of pings; `None`: no pings were.
     pub fn pinged(&self, fields: FieldSet) -> Option<FieldSet> {
         let shown = self.preview.is_some() && self.view.shows_pings() || self.image.is_some();
         let shown = shown.then(|| self.picture().fields());
@@ -74,7 +74,7 @@ impl OutputArgs {
         shown.into_iter().chain(kept).reduce(FieldSet::union)
     }
 
-    /// Says before a long scan what would fail after it.
+    /// Fails before a long scan rather than after it.
     pub fn check(&self, fields: FieldSet, sensor: &Sensor, profile: Profile) -> Result<()> {
         let kind = sensor.kind();
         if kind != SensorKind::Sonar {
@@ -122,7 +122,7 @@ impl OutputArgs {
             );
         }
         for file in &self.output {
-            ensure!(file != Path::new("-"), "-o -: clouds go to files; allowed: the name of a file");
+            ensure!(file != Path::new("-"), "-o -: clouds go to files; allowed: a file name");
             export::check(file, self.format.as_deref(), fields)?;
         }
         if let Some(file) = &self.preview {
@@ -133,9 +133,9 @@ impl OutputArgs {
         self.check_names(fields)
     }
 
-    /// That `input`, which the run reads, is none of the files that it writes.
+    /// Checks that `input`, which the run reads, is none of the files that it writes.
     pub fn check_input(&self, input: &Path) -> Result<()> {
-        // Of the files of single frames, the one that has the number of `input` may be it.
+        // Of the files of single frames, only the one with the number of `input` can be the same file.
         let framed = |file: &PathBuf| if self.single { numbered_as(input, file) } else { Some(file.clone()) };
         let clouds =
             self.output.iter().filter_map(|file| if self.grows(file) { Some(file.clone()) } else { framed(file) });
@@ -148,7 +148,7 @@ impl OutputArgs {
         let others = images.chain(self.image.clone()).chain(self.pings.clone());
         if let Some(file) = clouds.chain(pictures).chain(others).find(|file| is_same(file, input)) {
             bail!(
-                "{}: would be written over {}, which this run reads; allowed: another name",
+                "{}: would overwrite {}, which this run reads; allowed: another name",
                 shown::path(&file),
                 shown::path(input)
             );
@@ -156,7 +156,7 @@ impl OutputArgs {
         Ok(())
     }
 
-    /// That pings of such a sonar can be shown so.
+    /// Checks that pings of such a sonar can be shown in this view.
     fn check_view(&self, pattern: &Pattern) -> Result<()> {
         if !self.view.shows_pings() {
             return Ok(());
@@ -164,7 +164,7 @@ impl OutputArgs {
         let sides = matches!(pattern, Pattern::Sidescan(_));
         ensure!(
             !self.ground || sides,
-            "--ground: the sonar has other beams than two sides; allowed: with side-scan sonars"
+            "--ground: the sonar does not look to the sides; allowed: with side-scan sonars"
         );
         ensure!(
             self.view != View::Fan || !sides,
@@ -174,7 +174,7 @@ impl OutputArgs {
         let values = if depths { ColorBy::Height } else { ColorBy::Intensity };
         ensure!(
             self.preview.is_none() || [ColorBy::Label, values].contains(&self.color),
-            "--color {}: is nothing that --view {} of this sonar shows; allowed: label, {}",
+            "--color {}: is not shown by --view {} of this sonar; allowed: label, {}",
             self.color.name(),
             self.view.name(),
             values.name()
@@ -182,9 +182,9 @@ impl OutputArgs {
         Ok(())
     }
 
-    /// That no file would be written over another. `fields` are the columns of files of pings.
+    /// Checks that no file would overwrite another. `fields` are the columns of files of pings.
     fn check_names(&self, fields: FieldSet) -> Result<()> {
-        // Files of one stem share their label file, which is the same for all clouds of a run.
+        // Files with one stem share their label file, which is the same for all clouds of a run.
         let mut labels = BTreeSet::new();
         labels.extend(self.output.iter().filter_map(|file| self.labels_of(file)));
         let beside = self.beside_image(fields);
@@ -197,7 +197,7 @@ impl OutputArgs {
                 shown::path(name)
             );
         }
-        // Files of single frames have names that nobody asked for.
+        // Files of single frames have names that were not asked for.
         let of_frames = self.output.iter().chain(self.preview.iter().filter(|_| !self.view.shows_pings()));
         let whole = self.pings.iter().chain(&self.image).chain(&beside);
         for (file, name) in of_frames.flat_map(|file| whole.clone().map(move |name| (file, name))) {
@@ -222,7 +222,7 @@ impl OutputArgs {
         self.single && export::format_for(file, self.format.as_deref()).is_ok_and(|format| format.name() == "hdf5")
     }
 
-    /// Files of labels beside the image.
+    /// Label files beside the image.
     fn beside_image(&self, fields: FieldSet) -> Vec<PathBuf> {
         let kept = self.pinged(fields).unwrap_or(FieldSet::EMPTY);
         self.image.as_ref().map_or_else(Vec::new, |file| export::image_label_paths(file, kept))
@@ -259,7 +259,7 @@ impl OutputArgs {
     }
 }
 
-/// Folder that `file` goes to.
+/// The folder that `file` goes to.
 fn folder(file: &Path) -> &Path {
     file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
@@ -322,7 +322,7 @@ impl<'a> Writer<'a> {
         Ok(())
     }
 
-    /// Gives files that grew frame by frame their names.
+    /// Gives their names to the files that grew frame by frame.
     pub fn finish(&mut self) -> Result<()> {
         for (file, frames) in self.growing.drain(..) {
             frames.finish()?;
@@ -370,7 +370,7 @@ fn numbered(file: &Path, frame: u32) -> PathBuf {
     file.with_file_name(name)
 }
 
-/// Whether `name` may be that of a frame of `file`.
+/// Whether `name` could be the name of a frame of `file`.
 fn is_numbered(name: &Path, file: &Path) -> bool {
     let place = |path: &Path| folder(path).canonicalize().unwrap_or_default();
     numbered_as(name, file).is_some_and(|frame| frame.file_name() == name.file_name()) && place(name) == place(file)
@@ -384,7 +384,7 @@ fn numbered_as(name: &Path, file: &Path) -> Option<PathBuf> {
     Some(numbered(file, digits.parse().ok()?))
 }
 
-/// Whether there is a file that has both names: by way of links, too.
+/// Whether both names are those of one existing file, also by way of links.
 fn is_same(a: &Path, b: &Path) -> bool {
     let identity = |path: &Path| path.metadata().ok().map(|file| (file.dev(), file.ino()));
     identity(a).is_some_and(|file| identity(b) == Some(file))

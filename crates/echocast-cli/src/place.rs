@@ -1,4 +1,4 @@
-//! Where the sensor stands.
+//! Where the sensor is.
 
 use anyhow::{Result, bail};
 use clap::Args;
@@ -42,7 +42,7 @@ impl PlaceArgs {
         let names = || scene.cameras.iter().map(|camera| camera.name.as_str()).collect::<Vec<_>>().join(", ");
         match (&self.camera, scene.cameras.as_slice()) {
             (None, [camera]) => Ok(camera.pose),
-            (None, []) => bail!("the scene has no camera node: say where the sensor stands with --at X,Y,Z"),
+            (None, []) => bail!("the scene has no camera node: place the sensor with --at X,Y,Z"),
             (None, cameras) => bail!(
                 "the scene has {} camera nodes ({}): choose one with --camera NODE, or a place with --at X,Y,Z",
                 cameras.len(),
@@ -59,7 +59,7 @@ impl PlaceArgs {
     }
 }
 
-/// That a sonar on `trajectory` is in the water at all `times`, s.
+/// Checks that a sonar on `trajectory` is in the water at all `times`, s.
 pub fn check_submerged(
     trajectory: &Trajectory,
     environment: &Environment,
@@ -71,8 +71,8 @@ pub fn check_submerged(
         if above > 0.0 {
             let when = if time > 0.0 { format!("at {time:.3} s ") } else { String::new() };
             bail!(
-                "{when}the sonar is {above:.3} m above the water, whose surface is at z = {surface} m: put it below with --at, \
-                 --camera or --trajectory, or the surface higher with water.surface_z_m in the file of --env"
+                "{when}the sonar is {above:.3} m above the water, whose surface is at z = {surface} m: lower it with --at, \
+                 --camera or --trajectory, or raise the surface with water.surface_z_m in the file of --env"
             );
         }
     }

@@ -13,16 +13,15 @@ const PATIENCE: Duration = Duration::from_secs(1);
 /// Time between two turns of the spinner.
 const TICK: Duration = Duration::from_millis(100);
 
-/// What is being done right now; gone when dropped.
+/// Shows what is being done; removed from the terminal when dropped.
 pub struct Progress {
     bar: ProgressBar,
-    /// The thread that draws, and what ends it when dropped.
+    /// The thread that draws, and the sender that ends it when dropped.
     drawer: Option<(Sender<()>, JoinHandle<()>)>,
 }
 
 impl Progress {
-    /// Shows itself after a while if stderr is a terminal, unless `quiet`, and unless the system gives no thread for
-    /// it.
+    /// Appears after a while if stderr is a terminal, unless `quiet` is set or the system gives no thread for it.
     pub fn new(quiet: bool) -> Self {
         let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::hidden());
         bar.set_style(style("{spinner} {msg} {elapsed}"));
@@ -36,12 +35,12 @@ impl Progress {
         Progress { bar, drawer }
     }
 
-    /// Names what is done now.
+    /// Names the current work.
     pub fn phase(&self, doing: String) {
         self.bar.set_message(doing);
     }
 
-    /// From now on there are `frames` to count, each of which is a `noun`.
+    /// From now on counts `frames`, each of which is called a `noun`.
     pub fn count_frames(&self, frames: usize, noun: &str) {
         if frames > 1 {
             self.bar.set_length(frames as u64);
@@ -66,7 +65,7 @@ impl Drop for Progress {
     }
 }
 
-/// Draws `bar` until `ended` says so. An interrupted program does not draw any more: it may end at any moment.
+/// Draws `bar` until `ended` says to stop. An interrupted program draws no more: it may end at any moment.
 fn draw(bar: &ProgressBar, ended: &Receiver<()>) {
     let waits = |time| ended.recv_timeout(time) == Err(RecvTimeoutError::Timeout) && interrupt::check().is_ok();
     if waits(PATIENCE) {

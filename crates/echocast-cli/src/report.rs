@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::time::Instant;
 
-/// Seconds on the wall, by kind of work.
+/// Wall-clock seconds, by kind of work.
 #[derive(Default)]
 pub struct Seconds {
     pub load: f64,
@@ -29,7 +29,7 @@ pub struct RunReport {
     pub points: usize,
     /// Whether points were asked for: pictures of pings need none.
     pub with_points: bool,
-    /// Why points are there, and how many; empty where it is not told.
+    /// Causes of points, and how many points each has; empty if not reported.
     pub causes: Vec<(&'static str, usize)>,
     /// What a frame of the sensor is called.
     pub frame: &'static str,
@@ -38,7 +38,7 @@ pub struct RunReport {
     pub seconds: Seconds,
     pub warnings: Vec<String>,
     pub outputs: Vec<PathBuf>,
-    /// Everything that is needed to repeat the run.
+    /// Everything needed to repeat the run.
     pub run: Value,
 }
 
@@ -79,7 +79,7 @@ impl RunReport {
                 self.causes.iter().map(|(name, count)| format!("{} {name}", thousands(*count))).collect();
             text.push_str(&format!("  points by cause: {}\n", told.join(", ")));
         }
-        /// More files are told by the first and the last.
+        /// If there are more files, only the first and the last are listed.
         const MOST_LINES: usize = 12;
         match self.outputs.as_slice() {
             [first, .., last] if self.outputs.len() > MOST_LINES => {

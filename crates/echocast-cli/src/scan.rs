@@ -37,13 +37,13 @@ A survey with a side-scan sonar, from nothing:
 pub struct Args {
     #[command(flatten)]
     scene: SceneArgs,
-    /// Where reflectance comes from when the material does not say it [default: alpha for the profile blainder,
+    /// Source of the reflectance where the material does not give one [default: alpha for the profile blainder,
     /// luminance for the others]
     #[arg(long, value_parser = choice::of::<ReflectanceSource>(), help_heading = "Scene")]
     reflectance_source: Option<ReflectanceSource>,
     #[command(flatten)]
     sensor: SensorArgs,
-    /// Model set: physics as we know it, the paper's equations as printed, or what its program computes
+    /// Model set: physics as we know it, the paper's equations as printed, or what the paper's program computes
     #[arg(long, default_value = "physical", value_parser = choice::of::<Profile>(), help_heading = "Sensor")]
     profile: Profile,
     /// Seed of all random draws
@@ -57,8 +57,8 @@ pub struct Args {
     /// run is the first pose
     #[arg(long, value_name = "FILE", conflicts_with_all = ["at", "rpy", "camera"], help_heading = "Place")]
     trajectory: Option<PathBuf>,
-    /// Frames A to B, both included, every STEPth; frame k starts at k / fps seconds. Those of a sonar are its pings
-    /// [default: frame 0 alone, of sonars all along the trajectory]
+    /// Frames A to B, both included, every STEPth; frame k starts at k / fps seconds. The frames of a sonar are its
+    /// pings [default: frame 0 only; for sonars, the whole trajectory]
     #[arg(long, value_name = "A:B[:STEP]", help_heading = "Place")]
     frames: Option<Frames>,
     /// Frames per second [default: the sensor's rate]
@@ -70,15 +70,14 @@ pub struct Args {
     /// Coordinates of the points
     #[arg(long = "frame", default_value = "world", value_parser = choice::of::<Frame>(), help_heading = "Points")]
     coordinates: Frame,
-    /// Order of the points: rising frame, beam, return; or rising time
+    /// Order of the points: by frame, beam and return, or by time
     #[arg(long, default_value = "beam", value_parser = choice::of::<Order>(), help_heading = "Points")]
     order: Order,
-    /// Keep beams without a return (NaN), rows and columns of the sensor
+    /// Keep beams without a return (as NaN), in the rows and columns of the sensor
     #[arg(long, help_heading = "Points")]
     organised: bool,
-    /// Tell what happens to one beam of the first frame, or of another that is named before it, step by step with
-    /// numbers, and write nothing: rows and columns are counted from 0, a beam is row * columns + column; of a sonar a
-    /// frame is a ping
+    /// Show what happens to one beam of the first frame, or of FRAME, step by step with numbers, and write nothing;
+    /// rows and columns count from 0, a beam is row * columns + column; for a sonar, a frame is a ping
     #[arg(long, value_name = "[FRAME,]BEAM", value_parser = frame_and_beam, conflicts_with_all = ["output", "preview", "json"], help_heading = "Output")]
     explain: Option<(Option<u32>, u32)>,
     #[command(flatten)]
@@ -89,7 +88,7 @@ pub struct Args {
     /// Print the run's report as one JSON object on stdout
     #[arg(long)]
     json: bool,
-    /// Print nothing but errors
+    /// Print only errors
     #[arg(short, long, conflicts_with = "verbose")]
     quiet: bool,
     /// Print more: scene, sensor and pose
@@ -103,7 +102,7 @@ pub fn run(args: &Args) -> Result<()> {
         !(args.organised && args.order == Order::Time),
         "--organised: its rows and columns are beams; allowed: --order beam"
     );
-    interrupt::listen().context("cannot listen to signals")?;
+    interrupt::listen().context("cannot listen for signals")?;
     let progress = Progress::new(args.quiet);
     let mut seconds = Seconds::default();
     let mut warnings = Report::default();
@@ -117,7 +116,7 @@ pub fn run(args: &Args) -> Result<()> {
     interrupt::check()?;
     warnings.absorb(scene.report.clone());
     let fps = frame_rate(args.fps, &sensor)?;
-    // A sonar pings all along its way.
+    // A sonar pings along its whole trajectory.
     let all_along = Frames { last: (trajectory.span().1 * fps + 1e-6).min(1e9) as u32, ..Frames::ONE };
     let frames = args.frames.unwrap_or(if sonar { all_along } else { Frames::ONE });
     if args.trajectory.is_some() && !(sonar && args.frames.is_none()) {
@@ -141,7 +140,7 @@ pub fn run(args: &Args) -> Result<()> {
     interrupt::check()?;
     warnings.absorb(built.report().clone());
 
-    // Why a point of a sonar is there is told, whatever the files hold.
+    // The report counts a sonar's points by cause, whatever the files hold.
     let told = if sonar { FieldSet::EMPTY.with(Field::Cause) } else { FieldSet::EMPTY };
     let options_of = |frame: u32| ScanOptions {
         fields: fields.union(args.output.pictured()).union(told),
@@ -171,7 +170,7 @@ pub fn run(args: &Args) -> Result<()> {
     let mut all = PointCloud::default();
     let mut cloud = PointCloud::default();
     let (mut points, mut causes) = (0, Causes::default());
-    // Whether anything but noise is heard.
+    // Whether anything but noise is received.
     let mut heard = false;
     let mut pings = Pings::default();
     let mut ping = Ping::default();
@@ -181,7 +180,7 @@ pub fn run(args: &Args) -> Result<()> {
         let options = options_of(frame);
         progress.phase("scanning".into());
         timed(&mut seconds.scan, || -> Result<()> {
-            // Of one ping come its cells and its points.
+            // One ping gives both cells and points.
             let Some(kept) = pinged else { return Ok(built.scan_into(&sensor, &trajectory, &options, &mut cloud)?) };
             let wants_clouds = args.output.wants_clouds();
             let cells = if wants_clouds { Ping::cloud_fields(options.fields) } else { told };
@@ -195,7 +194,7 @@ pub fn run(args: &Args) -> Result<()> {
             pings.push(ping.with(kept))?;
             Ok(())
         })?;
-        // Files hold what was asked for; what the picture shows besides is there all the same.
+        // Files hold what was asked for; the other columns that the picture shows are computed all the same.
         cloud.fields = fields;
         points += return_rows(&cloud).count();
         causes.count(&cloud);
@@ -260,13 +259,13 @@ struct Loaded {
     trajectory: Trajectory,
 }
 
-/// Reads all that a run needs, the scene last: it may take long.
+/// Reads everything a run needs, the scene last: it may take a long time.
 fn load(args: &Args) -> Result<Loaded> {
     let sensor = args.sensor.load()?;
     args.output.check(args.fields.unwrap_or_default().of(sensor.kind()), &sensor, args.profile)?;
     ensure!(
         args.explain.is_none() || sensor.kind() != SensorKind::Sonar || args.profile == Profile::Physical,
-        "--explain: does not tell of sonars with --profile {}; allowed: --profile physical",
+        "--explain: does not cover sonars with --profile {}; allowed: --profile physical",
         args.profile.name()
     );
     let environment = args.weather.load(sensor.kind())?;
@@ -288,11 +287,11 @@ fn frame_and_beam(text: &str) -> Result<(Option<u32>, u32), String> {
     }
 }
 
-/// Columns that are asked for.
+/// The columns that were asked for.
 #[derive(Clone, Copy)]
 struct Asked {
     fields: FieldSet,
-    /// Whether those are among them that are written by default.
+    /// Whether the default columns are among them.
     by_default: bool,
 }
 
@@ -302,7 +301,7 @@ impl Asked {
         Ok(Asked { fields: FieldSet::parse(list)?, by_default })
     }
 
-    /// Those of a sensor: points of sonars are of the bed, the surface of the water, reflections and noise.
+    /// The columns for a sensor: points of sonars are of the bed, the water surface, reflections and noise.
     fn of(self, kind: SensorKind) -> FieldSet {
         let with_cause = self.by_default && kind == SensorKind::Sonar;
         if with_cause { self.fields.with(Field::Cause) } else { self.fields }
@@ -315,7 +314,7 @@ impl Default for Asked {
     }
 }
 
-/// Rows of `cloud` that are returns: all but the misses of an organised cloud, where a column tells them.
+/// Rows of `cloud` that are returns: all but the misses of an organised cloud, if a column shows which they are.
 fn return_rows(cloud: &PointCloud) -> impl Iterator<Item = usize> {
     /// Columns that only returns have: misses are NaN.
     const TELLING: [Field; 5] = [Field::X, Field::Range, Field::TrueRange, Field::Intensity, Field::NormalX];
@@ -324,12 +323,12 @@ fn return_rows(cloud: &PointCloud) -> impl Iterator<Item = usize> {
     (0..cloud.len).filter(move |&row| telling.is_none_or(|column| !column.get_f64(row).is_nan()))
 }
 
-/// How many points there are for each cause.
+/// Number of points for each cause.
 #[derive(Default)]
 struct Causes([usize; Cause::ALL.len()]);
 
 impl Causes {
-    /// Adds the points of `cloud`, if it tells.
+    /// Adds the points of `cloud`, if it has the column.
     fn count(&mut self, cloud: &PointCloud) {
         let causes = &cloud.columns.cause;
         return_rows(cloud).filter_map(|row| causes.get(row)).for_each(|&cause| {
@@ -339,13 +338,13 @@ impl Causes {
         });
     }
 
-    /// Whether there are points, and all for `cause`.
+    /// Whether there are points, all of them with `cause`.
     fn only(&self, cause: Cause) -> bool {
         let all: usize = self.0.iter().sum();
         all > 0 && self.0[cause as usize] == all
     }
 
-    /// Names and numbers, the most frequent first.
+    /// Names and counts, the most frequent first.
     fn told(&self) -> Vec<(&'static str, usize)> {
         let mut told: Vec<_> =
             Cause::ALL.into_iter().map(Cause::name).zip(self.0).filter(|(_, count)| *count > 0).collect();
@@ -354,17 +353,14 @@ impl Causes {
     }
 }
 
-/// Beams of a merged run: what memory of some hundred gigabytes could hold.
+/// Most beams of a merged run: what a memory of some hundred gigabytes could hold.
 const MOST_MERGED: u64 = 4_000_000_000;
 
-/// Frames per second: as asked for, else as many as the sensor makes.
+/// Frames per second: as asked for, or else the sensor's rate.
 fn frame_rate(asked: Option<f64>, sensor: &Sensor) -> Result<f64> {
     let period = sensor.beams().period;
     let fps = asked.unwrap_or(1.0 / period);
-    ensure!(
-        fps.is_finite() && fps > 0.0,
-        "the sensor's period is {period} s: say how many frames a second with --fps N"
-    );
+    ensure!(fps.is_finite() && fps > 0.0, "the sensor's period is {period} s: set the frames per second with --fps N");
     Ok(fps)
 }
 
@@ -374,19 +370,19 @@ fn warn_of_other_span(trajectory: &Trajectory, asked: Option<Frames>, fps: f64, 
     let last_start = f64::from(asked.unwrap_or(Frames::ONE).last) / fps;
     if last_start > end {
         warnings.warn(format!(
-            "the last frame starts at {last_start:.3} s, but the trajectory ends at {end:.3} s: the sensor stands there"
+            "the last frame starts at {last_start:.3} s, but the trajectory ends at {end:.3} s: the sensor stays there"
         ));
     }
     let whole = (end * fps).ceil() - 1.0;
     if asked.is_none() && whole >= 1.0 {
         warnings.warn(format!(
-            "the trajectory lasts {end:.3} s, one frame of {:.3} s is scanned: --frames 0:{whole} takes all",
+            "the trajectory lasts {end:.3} s, one frame of {:.3} s is scanned: --frames 0:{whole} scans all of it",
             1.0 / fps
         ));
     }
 }
 
-/// Says what may be the cause of an empty cloud.
+/// Warns of possible reasons for an empty cloud.
 fn warn_of_nothing(
     scene: &Scene,
     sensor: &Sensor,
@@ -413,14 +409,14 @@ fn warn_of_nothing(
             start.x, start.y, start.z, low.x, low.y, low.z, high.x, high.y, high.z
         ));
     }
-    // What cannot be told apart here is named, as far as this sensor and this weather have it.
-    let mut causes = vec!["its beams pass by what is there"];
+    // Reasons that cannot be told apart here are listed, as far as they apply to this sensor and this weather.
+    let mut causes = vec!["its beams miss the scene"];
     let sonar = sensor.kind() == SensorKind::Sonar;
     if sonar || spec.detection.model != Detection::None {
         causes.push("echoes are below its detection limit");
     }
     if !sonar && !environment.is_empty() {
-        causes.push("the weather takes their light");
+        causes.push("the weather attenuates their light");
     }
     if spec.tof.is_some() {
         causes.push("its pixels are invalid (amplitude, ambiguous range, saturation)");
@@ -429,23 +425,23 @@ fn warn_of_nothing(
         causes.push("returns are lost (noise.dropout)");
     }
     warnings.warn(format!(
-        "no beam has a return, though the scene is within range of the sensor; it may be that {}; --explain BEAM tells \
+        "no beam has a return, though the scene is within range of the sensor; perhaps {}; --explain BEAM shows \
          what happens to one beam",
         causes.join(", or ")
     ));
 }
 
-/// Says what may be the cause that a sonar hears nothing but noise, which has made `points`.
+/// Warns of possible reasons why a sonar receives nothing but noise, which has made `points`.
 fn warn_of_noise(points: usize, sensor: &Sensor, warnings: &mut Report) {
     let heard = match points {
-        0 => "nothing but noise is heard".to_owned(),
+        0 => "nothing but noise is received".to_owned(),
         1 => "the only point is noise".to_owned(),
         _ => format!("all {} points are noise", text::thousands(points)),
     };
     let reach = sensor.spec().range.max_m.unwrap_or(f64::INFINITY);
     warnings.warn(format!(
-        "{heard}; it may be that the sonar is below the bed or looks past what is there, or that all of it is farther than \
-         range.max_m, {reach} m; --explain BEAM tells what happens to one beam"
+        "{heard}; perhaps the sonar is below the bed or looks past the scene, or all of the scene is farther away than \
+         range.max_m, {reach} m; --explain BEAM shows what happens to one beam"
     ));
 }
 
@@ -509,7 +505,7 @@ fn tell_more(scene: &Scene, sensor: &Sensor, trajectory: &Trajectory) {
     note(&format!("start: at {x:.3},{y:.3},{z:.3}, looking along {:.3},{:.3},{:.3}", forward.x, forward.y, forward.z));
 }
 
-/// A line on stderr; nobody is left to tell when it is closed.
+/// A line on stderr; if that is closed, there is nobody to tell.
 fn note(line: &str) {
     let _ = writeln!(std::io::stderr(), "{}", shown::text(line));
 }

@@ -13,7 +13,7 @@ pub fn print(text: &str) -> anyhow::Result<()> {
     }
 }
 
-/// `text` of several lines with nothing in them that a terminal obeys.
+/// `text` of several lines, with control characters escaped.
 pub fn lines(text: &str) -> String {
     text.split('\n').map(shown::text).collect::<Vec<_>>().join("\n")
 }
@@ -23,7 +23,7 @@ pub fn paths(files: &[PathBuf]) -> Vec<String> {
     files.iter().map(|file| shown::path(file)).collect()
 }
 
-/// `error` and its causes on one line that is not too long; a cause that the text before already tells is left out.
+/// `error` and its causes on one line that is not too long; a cause that the line already contains is left out.
 pub fn one_line(error: &anyhow::Error) -> String {
     let mut line = String::new();
     for cause in error.chain() {
@@ -56,7 +56,7 @@ pub fn counted(count: usize, noun: &str) -> String {
     format!("{} {noun}{plural}", thousands(count))
 }
 
-/// `seconds` with three digits and the unit that suits.
+/// `seconds` with three digits and a suitable unit.
 pub fn duration(seconds: f64) -> String {
     let (value, unit) = match seconds {
         s if s >= 1.0 => (s, "s"),

@@ -1,4 +1,4 @@
-//! Weather and water by flag or file.
+//! Weather and water from flags or a file.
 
 use crate::input;
 use anyhow::{Result, ensure};
@@ -10,21 +10,21 @@ use std::path::{Path, PathBuf};
 /// What is between sensor and surfaces.
 #[derive(Args)]
 pub struct WeatherArgs {
-    /// Weather, and the water of sonars, from a YAML file: the section `environment` of a scenario, or its keys alone;
+    /// Weather, and water for sonars, from a YAML file: the section `environment` of a scenario, or only its keys;
     /// `-` for standard input
     #[arg(long, value_name = "FILE", help_heading = "Weather")]
     env: Option<PathBuf>,
-    /// Rain, mm/h (10 is a shower, 50 a cloudburst); single drops are seen by sensors with a detection threshold
-    /// (`detection.model: radar_equation` or `statistical`), for others rain only dims what lies behind it
+    /// Rain, mm/h (10 is a shower, 50 a cloudburst); sensors with a detection threshold (`detection.model:
+    /// radar_equation` or `statistical`) see single drops; for others, rain only dims what lies behind it
     #[arg(long, value_name = "MM_H", allow_negative_numbers = true, help_heading = "Weather")]
     rain: Option<f64>,
-    /// Snow, mm/h of melted water (1 is a moderate snowfall); flakes are seen as drops are
+    /// Snow, mm/h of melted water (1 is a moderate snowfall); flakes are seen like drops
     #[arg(long, value_name = "MM_H", allow_negative_numbers = true, help_heading = "Weather")]
     snow: Option<f64>,
-    /// Fog: how far one sees, metres
+    /// Fog: visibility, metres
     #[arg(long, value_name = "VISIBILITY_M", allow_negative_numbers = true, help_heading = "Weather")]
     fog: Option<f64>,
-    /// A cloud of dust around the sensor, from START_M on, LENGTH_M thick: `50,1e5,5,12.5`; repeatable
+    /// Cloud of dust around the sensor, from START_M on, LENGTH_M thick: `50,1e5,5,12.5`; repeatable
     #[arg(
         long,
         value_name = "RADIUS_UM,PER_M3,START_M,LENGTH_M",
@@ -36,7 +36,7 @@ pub struct WeatherArgs {
 }
 
 impl WeatherArgs {
-    /// The file's weather, in which each kind that a flag names is as the flag says, for a sensor of `kind`.
+    /// The file's weather for a sensor of `kind`; a flag replaces the file's weather of its kind.
     pub fn load(&self, kind: SensorKind) -> Result<Environment> {
         let mut environment = match &self.env {
             Some(file) => input::file_or_stdin("--env", file, read, Environment::from_yaml)?,
@@ -62,7 +62,7 @@ impl WeatherArgs {
         Ok(environment)
     }
 
-    /// That there is no weather but water, in `environment` of the file or as flags.
+    /// Checks that there is no weather but water, in `environment` of the file or as flags.
     fn check_for_sonar(&self, environment: &Environment) -> Result<()> {
         let flags = [
             ("--rain", self.rain.is_some()),
@@ -96,7 +96,7 @@ impl WeatherArgs {
     }
 }
 
-/// Reads the environment in `file`. Of another file that it names it tells which key does.
+/// Reads the environment in `file`. An error in another file that it names says which key names it.
 fn read(file: &Path) -> Result<Environment> {
     let own = shown::path(file);
     Environment::load(file).map_err(|error| {
@@ -116,7 +116,7 @@ fn replace<T>(kind: &mut Vec<T>, by: Vec<T>) {
     }
 }
 
-/// Names the flag in place of the key that it stands for.
+/// Names the flag instead of the key that it stands for.
 fn name_flag(error: Error) -> Error {
     match error {
         Error::InvalidParameter { name, value, allowed } => {

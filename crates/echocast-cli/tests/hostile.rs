@@ -157,10 +157,7 @@ fn pipes_devices_and_folders_are_refused_at_once() {
         ("info DIR/p.glb", "p.glb: is a pipe; allowed: regular files"),
         ("info DIR/p.obj", "p.obj: is a pipe; allowed: regular files"),
         ("info DIR/z.glb", "z.glb: is a device; allowed: regular files"),
-        (
-            "sensors DIR/p.yaml",
-            "p.yaml: is a pipe; allowed: regular files; standard input is read where it is called `-`",
-        ),
+        ("sensors DIR/p.yaml", "p.yaml: is a pipe; allowed: regular files; for standard input, use `-`"),
         (
             &format!("{scan} --at 0,0,0 --labels DIR/z.yaml"),
             "z.yaml: is a device; allowed: regular files; standard input",
@@ -213,7 +210,7 @@ fn standard_input_is_read_once() {
     let output = run_bytes(&[b"sensors", b"-"], BEAM);
     assert!(output.stdout.starts_with(b"name: pole\n"), "{}", stderr(&output));
     let output = scan(&[b"--sensor", b"-", b"--env", b"-", b"--at", b"0,0,1"], BEAM);
-    let says = "standard input is read by --sensor already";
+    let says = "standard input is already read by --sensor";
     assert!(stderr(&output).contains(says), "{}", stderr(&output));
 }
 

@@ -91,7 +91,7 @@ fn wait_until_it_listens(child: &Child) {
     }
 }
 
-const INTERRUPTED: &str = "error: interrupted; files that were complete stay, others are gone\n";
+const INTERRUPTED: &str = "error: interrupted; complete files stay, others are removed\n";
 
 /// Interrupts at moments of all kinds; `ECHOCAST_INTERRUPTS` says how many.
 #[test]

@@ -231,7 +231,7 @@ fn frames_follow_the_trajectory() {
     assert_eq!(written, ["b.h5", "b_0001.csv", "b_0001.labels.json", "b_0002.csv", "b_0002.labels.json"]);
 
     let whole = report(folder.path(), &format!("{scan} -o DIR/d.csv"));
-    assert!(whole["warnings"][0].as_str().unwrap().contains("--frames 0:9 takes all"), "{whole}");
+    assert!(whole["warnings"][0].as_str().unwrap().contains("--frames 0:9 scans all of it"), "{whole}");
 
     let late = report(folder.path(), &format!("{scan} --frames 0:20:20 -o DIR/c.csv"));
     close(column("c.csv", "range"), &[1.0, 2.0]);
@@ -277,10 +277,10 @@ fn an_empty_cloud_within_range_is_not_blamed_on_the_range() {
     };
     let aside = warnings("--sensor DIR/pole.yaml");
     assert!(aside.contains("though the scene is within range of the sensor"), "{aside}");
-    assert!(aside.contains("its beams pass by what is there; --explain BEAM"), "{aside}");
+    assert!(aside.contains("its beams miss the scene; --explain BEAM"), "{aside}");
     // The floor is met, but far too dark in this fog.
     let weak = warnings("--sensor DIR/dull.yaml --rpy 0,90,0 --fog 0.5");
-    assert!(weak.contains("echoes are below its detection limit, or the weather takes their light"), "{weak}");
+    assert!(weak.contains("echoes are below its detection limit, or the weather attenuates their light"), "{weak}");
     assert!(!weak.contains("reaches from"), "{weak}");
 }
 

@@ -172,7 +172,7 @@ fn what_does_not_fit_a_sonar_is_named_and_nothing_is_written() {
         (format!("{SIDES} --image DIR/x.npz"), "--image: shows what --view says, which is top; allowed: waterfall"),
         (
             format!("{above} -o DIR/x.csv"),
-            "error: the sonar is 1.000 m above the water, whose surface is at z = 0 m: put it below with --at",
+            "error: the sonar is 1.000 m above the water, whose surface is at z = 0 m: lower it with --at",
         ),
         ("bench DIR/lake.glb --sensor sss_450 --at 0,0,1".to_owned(), "error: the sonar is 1.000 m above the water"),
         (format!("{SIDES} --env DIR/low.yaml -o DIR/x.csv"), "error: the sonar is 0.500 m above the water"),
@@ -190,7 +190,7 @@ fn what_does_not_fit_a_sonar_is_named_and_nothing_is_written() {
             format!("{SIDES} --profile paper --preview DIR/x.png --view waterfall"),
             "--view waterfall: --profile paper makes points and no pings",
         ),
-        (format!("{SIDES} --profile paper --explain 1"), "--explain: does not tell of sonars with --profile paper"),
+        (format!("{SIDES} --profile paper --explain 1"), "--explain: does not cover sonars with --profile paper"),
         (format!("{SIDES} --rain 3 -o DIR/x.csv"), "--rain: the sensor is a sonar, and in water there is no weather"),
         (format!("{SIDES} --dust 50,1e5,5,12 -o DIR/x.csv"), "--dust: the sensor is a sonar"),
         (format!("{SIDES} --env DIR/wet.yaml -o DIR/x.csv"), "wet.yaml: fog: the sensor is a sonar"),
@@ -217,11 +217,11 @@ fn what_does_not_fit_a_sonar_is_named_and_nothing_is_written() {
         ),
         (
             format!("{SIDES} --preview DIR/x.png --view track --color cause"),
-            "--color cause: is nothing that --view track of this sonar shows; allowed: label, intensity",
+            "--color cause: is not shown by --view track of this sonar; allowed: label, intensity",
         ),
         (
             "scan DIR/lake.glb --sensor mbes_400 --at 0,0,-2 --preview DIR/x.png --view waterfall --ground".to_owned(),
-            "--ground: the sonar has other beams than two sides",
+            "--ground: the sonar does not look to the sides",
         ),
     ] {
         let output = run(folder, &args);
@@ -262,10 +262,10 @@ fn a_sonar_that_hears_nothing_is_told_why() {
     let deep = "scan DIR/lake.glb --sensor sss_450 --set range.max_m=20 --set pattern.rays=256 --at 0,0,-40";
     let warnings = |args: &str| report(folder, &format!("{deep} {args}"))["warnings"].to_string();
     let said = warnings("--set acoustics.detection_threshold_db=3 -o DIR/points.csv");
-    assert!(said.contains("points are noise; it may be that the sonar is below the bed"), "{said}");
+    assert!(said.contains("points are noise; perhaps the sonar is below the bed"), "{said}");
     assert!(said.contains("farther than range.max_m, 20 m"), "{said}");
     let said = warnings("--preview DIR/falls.png --view waterfall");
-    assert!(said.contains("nothing but noise is heard; it may be"), "{said}");
+    assert!(said.contains("nothing but noise is received; perhaps"), "{said}");
     let said = warnings("--set acoustics.detection_threshold_db=40 -o DIR/none.csv");
     assert!(said.contains("no beam has a return") && !said.contains("noise"), "{said}");
     let said = report(folder, &format!("{SIDES} -o DIR/heard.csv"))["warnings"].to_string();

@@ -1,4 +1,4 @@
-//! Holds the rooms to the floors that the front page of the crate states.
+//! Holds the modules (rooms) to the floors listed on the front page of the crate.
 
 use std::fs;
 use std::path::Path;

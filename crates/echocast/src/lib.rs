@@ -1,5 +1,5 @@
-//! echocast simulates depth sensors: it casts the beams of LiDARs, depth cameras and sonars over a 3D
-//! scene through Embree and returns what the instrument would have reported, every point labelled.
+//! echocast simulates depth sensors: it casts the beams of LiDARs, depth cameras and sonars into a 3D
+//! scene with Embree and returns what the instrument would have reported, every point labelled.
 //!
 //! ```no_run
 //! use echocast::{Pose, ScanOptions, Scene, Sensor, Trajectory};
@@ -12,7 +12,7 @@
 //! # Ok::<(), echocast::Error>(())
 //! ```
 //!
-//! In a loop a [`LiveScene`] changes while what it was is scanned, into the memory of the scan before:
+//! In a loop, a [`LiveScene`] changes while its last snapshot is scanned, into the memory of the scan before:
 //!
 //! ```no_run
 //! # use echocast::{Engine, LiveScene, PointCloud, ScanOptions, Scene, Sensor, Trajectory};
@@ -29,8 +29,8 @@
 //! # Ok::<(), echocast::Error>(())
 //! ```
 //!
-//! A sonar pings. [`BuiltScene::scan`] gives the points of a ping as of any sensor; [`BuiltScene::ping`] the whole of
-//! it, a level and labels for every range bin, of which [`image`] makes what the software of a sonar shows:
+//! A sonar sends pings. [`BuiltScene::scan`] gives the points of a ping, as for any sensor; [`BuiltScene::ping`] gives
+//! the whole ping, a level and labels for every range bin, from which [`image`] makes what a sonar's software shows:
 //!
 //! ```no_run
 //! use echocast::{Environment, Field, Pings, ScanOptions, Scene, Sensor, Trajectory, image};
@@ -53,51 +53,51 @@
 //!
 //! # The path of a scan
 //!
-//! | step | room | what comes out |
+//! | step | module | result |
 //! |---|---|---|
-//! | make | [`generate`] | a lake bed as a file, if there is no scene at hand |
+//! | make | [`generate`] | a lake bed as a file, if you have no scene |
 //! | read, resolve | [`scene`] | [`Scene`]: z up, metres, labels and materials attached |
-//! | build | `trace` | [`BuiltScene`]: Embree's structure and what its ids mean, shared by threads; a [`LiveScene`] makes one after the other |
+//! | build | `trace` | [`BuiltScene`]: Embree's structure and what its ids mean, shared by threads; a [`LiveScene`] makes one after another |
 //! | aim | [`emitter`] | the beams of a [`Sensor`], each at the pose of its own time |
-//! | trace | `trace` | range, normal, surface of every beam |
-//! | interact | [`echo`], with [`material`] and [`medium`] | reflectance, incidence, intensity; of sonars a [`Ping`], levels in range bins |
+//! | trace | `trace` | range, normal and surface for every beam |
+//! | interact | [`echo`], with [`material`] and [`medium`] | reflectance, incidence, intensity; for sonars a [`Ping`]: levels in range bins |
 //! | detect | [`detect`] | which echoes are seen, and at which measured range |
-//! | collect | [`cloud`] | [`PointCloud`]: a column each, truth beside measurement; [`Pings`] of a sonar |
-//! | draw | [`image`] | of [`Pings`]: waterfall, mosaic, fan, depth map |
+//! | collect | [`cloud`] | [`PointCloud`]: one column per quantity, truth beside measurement; [`Pings`] for a sonar |
+//! | draw | [`image`] | from [`Pings`]: waterfall, mosaic, fan, depth map |
 //! | write | [`export`], [`preview`] | a file and a [`Report`] of what it could not hold; a picture for people |
 //!
 //! # The path of a ping
 //!
-//! | step | room | what comes out |
+//! | step | module | result |
 //! |---|---|---|
 //! | stretch | [`medium`] | the water as layers in which sound speed, absorption and density are known |
-//! | send | [`emitter`] | the rays that stand for what a transducer sends, and how loud each of its beams hears them |
-//! | trace | `trace` | arrivals: where rays that bend and are reflected meet the bed, things in the water, its surface |
-//! | answer | [`echo`] | of each arrival its energy, divided among range bins, with the phase of its scatterers |
-//! | listen | [`echo`] | of each beam the sum over bins, its pulse's response, noise: levels in dB |
-//! | sound out | [`detect`] | the depth that each beam reports |
+//! | send | [`emitter`] | the rays that stand for the sound a transducer sends, and how strongly each of its beams receives them |
+//! | trace | `trace` | arrivals: where rays, bent and reflected, meet the bed, objects in the water and its surface |
+//! | answer | [`echo`] | for each arrival its energy, divided among range bins, with the phase of its scatterers |
+//! | listen | [`echo`] | for each beam the sum over bins, the response to its pulse, and noise: levels in dB |
+//! | report | [`detect`] | the depth that each beam reports |
 //!
 //! # Floors
 //!
-//! Rooms import from rooms below them in this list and from no other; a test holds them to it.
+//! A module imports only from modules below it in this list; a test enforces this.
 //!
-//! | room | what is in it |
+//! | module | contents |
 //! |---|---|
-//! | `generate` | scenes made up: a lake bed |
+//! | `generate` | generated scenes: a lake bed |
 //! | `preview` | pictures of clouds and pings, for people |
 //! | `export` | files of clouds, pings and images |
-//! | `image` | of pings: waterfall, mosaic, fan, depth map |
+//! | `image` | images of pings: waterfall, mosaic, fan, depth map |
 //! | `scan` | the driver: a scan of light, a ping, the profiles of the paper |
-//! | `sensor` | sensor files, presets, what they make of the rooms below |
-//! | `echo` | what comes back: contributions, paths, weather, signals; levels of sound |
+//! | `sensor` | sensor files, presets, and what they set up in the modules below |
+//! | `echo` | what comes back: contributions, paths, weather, signals; sound levels |
 //! | `detect` | which echoes are seen, with which errors |
 //! | `cloud` | columns of points, pings |
 //! | `trace` | rays to hits: Embree, and what its ids mean |
 //! | `scene` | objects, meshes and labels, read from files |
-//! | `material` | what surfaces do with light and sound |
+//! | `material` | how surfaces reflect light and sound |
 //! | `medium` | air and water |
 //! | `emitter` | beams, trajectories, lobes |
-//! | `read` | files, YAML and tables, with errors that name the place |
+//! | `read` | files, YAML and tables, with errors that say where |
 //! | `ground` | errors, units, poses, blocks of rays, random numbers, threads |
 //!
 //! # Conventions
@@ -108,28 +108,28 @@
 //!
 //! # Words
 //!
-//! | word | what it means here |
+//! | word | meaning here |
 //! |---|---|
 //! | beam | what one emitter or transducer sends in one firing; it has a divergence |
-//! | ray | a line handed to Embree; several stand for one beam |
+//! | ray | a line handed to Embree; several can stand for one beam |
 //! | firing | one emission: a pulse, an exposure, a ping |
 //! | hit | a ray meets a triangle: geometry alone |
-//! | echo | a bump of energy in what is received |
+//! | echo | a peak of energy in the received signal |
 //! | return | an echo that the instrument reports |
 //! | reflectance | a property of the surface, at the wavelength |
-//! | effective reflectance, `rho_eff` | that of a Lambert surface, met head-on, that would send back as much |
+//! | effective reflectance, `rho_eff` | that of a Lambert surface, met head-on, that would reflect as much |
 //! | intensity | what the instrument reports, in its own scale |
-//! | extinction, backscatter | 1/m, and 1/(m sr), of what is in the air |
-//! | lane, block, chunk | one of 256 beams side by side; these 256; 2048 beams, the work of one task |
-//! | row | of a cloud: a return; of the table of surfaces: a part of an object |
+//! | extinction, backscatter | in 1/m and 1/(m sr), of what is in the air |
+//! | lane, block, chunk | one of 256 beams side by side; these 256 beams; 2048 beams, the work of one task |
+//! | row | in a cloud: a return; in the table of surfaces: a part of an object |
 //! | kernel | a loop over the lanes of a block, compiled for every vector level (the crate `echocast-kernels`) |
 //!
 //! # Promises
 //!
-//! * Same binary, same machine, same inputs and seed: the same bits, for any number of threads and any vector level.
-//! * A random number is a function of its address: the key is the seed, the counter is beam, frame, number of the return
-//!   or sub-ray, and purpose. A new noise has a purpose of its own and does not move the draws of the others.
-//! * Nothing panics, prints or hangs on input; errors name what was found and what is allowed.
+//! * The same binary, machine, inputs and seed give the same bits, for any number of threads and any vector level.
+//! * A random number is a function of its address: the key is the seed, the counter is beam, frame, number of the
+//!   return or sub-ray, and purpose. A new noise has its own purpose and does not change the draws of the others.
+//! * Nothing panics, prints or hangs on input; errors say what was found and what is allowed.
 #![forbid(unsafe_code)]
 
 pub mod cloud;

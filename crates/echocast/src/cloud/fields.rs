@@ -116,7 +116,7 @@ pub struct FieldInfo {
     pub kind: ColumnType,
     /// SI unit, `1` for ratios, empty for counts and ids.
     pub unit: &'static str,
-    /// Whether it is computed and written when nothing is asked for.
+    /// Whether it is computed and written by default.
     pub default: bool,
     /// Name of the LAS dimension that carries it; `None`: carried as LAS extra bytes under `name`.
     pub las: Option<&'static str>,
@@ -152,8 +152,8 @@ macro_rules! columns {
                 match field { $( Field::$variant => <$t as Element>::column(&self.$name) ),* }
             }
 
-            /// Makes every column of `fields` `len` long, the others empty. What it held is kept only where it need not
-            /// grow.
+            /// Makes every column of `fields` `len` long, and the others empty. Contents are kept only where a column
+            /// need not grow.
             ///
             /// # Errors
             /// No memory.
@@ -165,8 +165,8 @@ macro_rules! columns {
                 Ok(())
             }
 
-            /// Gives every column of `fields` memory for `len` rows and makes the others empty. What it held is kept
-            /// only where it has the memory.
+            /// Gives every column of `fields` memory for `len` rows and makes the others empty. Contents are kept only
+            /// where a column already has the memory.
             ///
             /// # Errors
             /// No memory.
@@ -187,7 +187,7 @@ macro_rules! columns {
                 } )*
             }
 
-            /// Moves `count` rows from row `from` to row `to`, in every column that is there.
+            /// Moves `count` rows from row `from` to row `to`, in every column that exists.
             pub(crate) fn move_rows(&mut self, from: usize, to: usize, count: usize) {
                 $( if !self.$name.is_empty() { self.$name.copy_within(from..from + count, to) } )*
             }
@@ -214,7 +214,7 @@ macro_rules! columns {
             /// Puts row `order[i]` at row `i`, in every column.
             ///
             /// # Errors
-            /// No memory; then some columns are in order and some are not.
+            /// No memory; some columns are then in order and some are not.
             pub(crate) fn permute(&mut self, order: &[usize]) -> Result<()> {
                 $( if !self.$name.is_empty() {
                     let mut sorted = Vec::new();
@@ -225,7 +225,7 @@ macro_rules! columns {
                 Ok(())
             }
 
-            /// Mutable slices of rows `start..end` of every column that is there.
+            /// Mutable slices of rows `start..end` of every column that exists.
             pub(crate) fn slices(&mut self, start: usize, end: usize) -> Slices<'_> {
                 Slices { $( $name: if self.$name.is_empty() { &mut [] } else { &mut self.$name[start..end] } ),* }
             }
@@ -318,7 +318,7 @@ impl Field {
     /// The column called `name`.
     ///
     /// # Errors
-    /// [`Error::Missing`] with the names that come near.
+    /// [`Error::Missing`] with similar names.
     pub fn from_name(name: &str) -> Result<Field> {
         FIELDS
             .iter()
@@ -399,7 +399,7 @@ impl FieldSet {
 }
 
 impl Default for FieldSet {
-    /// The columns written when nothing is asked for.
+    /// The columns written by default.
     fn default() -> Self {
         FIELDS.iter().filter(|info| info.default).map(|info| info.field).collect()
     }

@@ -1,4 +1,4 @@
-//! The labelled point cloud: a column each for position, range, labels and what else was asked for.
+//! The labelled point cloud: one column each for position, range, labels and whatever else was asked for.
 
 mod collect;
 mod fields;
@@ -42,14 +42,14 @@ pub struct PointCloud {
     pub fields: FieldSet,
     /// Number of rows.
     pub len: usize,
-    /// `[rows, columns]` of the sensor when every beam has its row (misses are NaN).
+    /// `[rows, columns]` of the sensor if every beam has a row (misses are NaN).
     pub organised: Option<[u32; 2]>,
-    /// What `x`, `y`, `z` and the normals refer to.
+    /// Frame of `x`, `y`, `z` and the normals.
     pub frame: Frame,
     /// World pose of the sensor at the start of the (first) scan.
     pub sensor_pose: Pose,
-    /// Value of `intensity` that means full scale: 1, or 255 for 8-bit encodings; relative energy and the
-    /// levels of sonars, dB, have none.
+    /// Full scale of `intensity`: 1, or 255 for 8-bit encodings; relative energy and the levels of sonars, dB, have
+    /// none.
     pub intensity_full_scale: Option<f32>,
     /// Names of the numbers in the label columns.
     pub labels: Arc<Labels>,
@@ -81,7 +81,7 @@ impl PointCloud {
     /// Column called `name`.
     ///
     /// # Errors
-    /// [`crate::Error::Missing`] when there is no such column at all.
+    /// [`crate::Error::Missing`] if there is no such column at all.
     pub fn column_by_name(&self, name: &str) -> Result<Column<'_>> {
         Ok(self.column(Field::from_name(name)?))
     }
@@ -89,7 +89,7 @@ impl PointCloud {
     /// World (or sensor) position of row `row`, metres, f64.
     ///
     /// # Panics
-    /// Without such a row, or when `x`, `y` or `z` was not computed.
+    /// If there is no such row, or `x`, `y` or `z` was not computed.
     pub fn position(&self, row: usize) -> DVec3 {
         let c = &self.columns;
         self.origin + DVec3::new(f64::from(c.x[row]), f64::from(c.y[row]), f64::from(c.z[row]))
@@ -105,7 +105,7 @@ impl PointCloud {
         }
     }
 
-    /// That the columns are as long as the cloud: they are public, so they may disagree.
+    /// Checks that the columns are as long as the cloud: they are public, so they may disagree.
     pub(crate) fn check(&self) -> Result<()> {
         match self.fields.iter().find(|info| self.column(info.field).len() != self.len) {
             None => Ok(()),
@@ -117,10 +117,10 @@ impl PointCloud {
         }
     }
 
-    /// Puts the rows in rising order of the `time` column; rows of one time keep their order.
+    /// Sorts the rows by the `time` column; rows with the same time keep their order.
     ///
     /// # Errors
-    /// No memory; then the columns are of no use.
+    /// No memory; the columns are then unusable.
     pub(crate) fn sort_by_time(&mut self) -> Result<()> {
         let times = &self.columns.time;
         let mut order = Vec::new();

@@ -44,18 +44,18 @@ impl PackType {
     }
 }
 
-/// A number of every packed row: see [`PointCloud::pack`].
+/// A number in every packed row: see [`PointCloud::pack`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PackItem {
     /// Column that it comes from.
     pub field: Field,
-    /// Type that it gets.
+    /// Type in the packed row.
     pub kind: PackType,
     /// Its first byte in the row; any, aligned or not.
     pub offset: usize,
-    /// What is taken from the column's number first, in its unit; 0 as a rule.
+    /// Subtracted from the column's number first, in its unit; usually 0.
     pub shift: f64,
-    /// What the rest is multiplied by; 1 as a rule.
+    /// Factor for the rest; usually 1.
     pub scale: f64,
 }
 
@@ -67,8 +67,8 @@ impl PackItem {
 }
 
 impl PointCloud {
-    /// Writes row `i` at byte `i * stride` of `to`: of each of `items` a number of that type. All other bytes stay as
-    /// they are.
+    /// Writes row `i` at byte `i * stride` of `to`: for each of `items` a number of its type. All other bytes stay
+    /// unchanged.
     ///
     /// Positions (`x`, `true_x` and so on) become world (or sensor) coordinates as [`PackType::F64`] and stay relative
     /// to [`PointCloud::origin`] as any other type. Then the item's shift is taken away and the rest scaled. Floats
@@ -100,7 +100,7 @@ impl PointCloud {
         Ok(())
     }
 
-    /// Bytes of all rows, packed `stride` bytes apart; `None` when no memory holds as many.
+    /// Bytes of all rows, packed `stride` bytes apart; `None` if no memory can hold as many.
     pub fn packed_len(&self, stride: usize) -> Option<usize> {
         self.len.checked_mul(stride)
     }
@@ -172,7 +172,7 @@ impl PointCloud {
     }
 }
 
-/// A type of packed numbers, made of those of any column.
+/// A type of packed numbers, converted from those of any column.
 trait Number: NoUninit {
     fn from_f64(value: f64) -> Self;
     fn from_u32(value: u32) -> Self;
@@ -200,7 +200,7 @@ macro_rules! integers {
 }
 integers! { u8 u16 u32 i8 i16 i32 i64 u64 }
 
-/// The whole number nearest to `value`, halves to the even one.
+/// The integer nearest to `value`, halves to the even one.
 fn nearest(value: f64) -> f64 {
     /// The sum of this and a smaller number has no bits below 1; much faster than a call of the C library.
     const WHOLE: f64 = (1u64 << 52) as f64;

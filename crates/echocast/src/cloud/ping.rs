@@ -9,18 +9,18 @@ use std::any::Any;
 use std::fmt;
 use std::sync::Arc;
 
-/// What a ping may hold of each cell, beside its level in `intensity`: what the strongest scatterer in it is. Where
+/// What a ping can hold for each cell, beside its level in `intensity`: what the strongest scatterer in it is. Where
 /// nothing scatters, numbers are NaN and labels 0.
 ///
 /// | column | meaning in a cell |
 /// |---|---|
 /// | `intensity` | echo level with noise, dB re 1 uPa |
 /// | `category_id` to `material_id`, `red` to `blue` | labels and colour of the scatterer; 0 for sea surface and water |
-/// | `true_x` to `true_z`, `true_range` | where the scatterer is, and the length of the way there, m; of two ways their mean |
+/// | `true_x` to `true_z`, `true_range` | where the scatterer is, and the length of the path there, m; the mean if there are two paths |
 /// | `time` | when the echo arrives, s since the start of the run |
-/// | `cos_incidence`, `normal_x` to `normal_z` | how it is met |
-/// | `azimuth`, `elevation` | direction in which the sound left, sensor frame, rad; of sound that comes back straight, but left over reflections, that in which it comes back |
-/// | `cause`, `bounces` | surface (0), sea surface (10), either over reflections (9) or noise alone (7), and reflections on the way; of two ways on the one that has some |
+/// | `cos_incidence`, `normal_x` to `normal_z` | how sound meets it |
+/// | `azimuth`, `elevation` | direction in which the sound left, sensor frame, rad; for sound that left over reflections but comes back directly, the direction from which it comes back |
+/// | `cause`, `bounces` | surface (0), sea surface (10), either over reflections (9) or noise alone (7), and number of reflections on the path; with two paths, on the one that has some |
 pub const CELL_FIELDS: [Field; 21] = [
     Field::Intensity,
     Field::CategoryId,
@@ -50,29 +50,29 @@ pub const CELL_FIELDS: [Field; 21] = [
 pub struct Layout {
     /// What kind of sonar it is.
     pub view: SonarView,
-    /// Azimuth and elevation of each beam's axis as it is reported, sensor frame, rad; of a beam that turns, at its
-    /// first ping.
+    /// Azimuth and elevation of each beam's axis as reported, sensor frame, rad; for a rotating beam, at its first
+    /// ping.
     pub axes: Vec<[f32; 2]>,
-    /// Range bins of each beam; bin `k` reaches from `k bin_m` to `(k + 1) bin_m`.
+    /// Range bins per beam; bin `k` reaches from `k bin_m` to `(k + 1) bin_m`.
     pub bins: usize,
     /// Length of a bin, m of reported slant range.
     pub bin_m: f64,
-    /// First bin that reports echoes: those before it are nearer than the nearest range.
+    /// First bin that reports echoes: earlier bins are nearer than the nearest range.
     pub first_bin: usize,
     /// Sound speed that ranges are reported with, m/s.
     pub believed_speed: f64,
     /// Level of the noise in a cell, dB re 1 uPa, after directivity and processing gain.
     pub noise_db: f32,
-    /// Least level that is reported as an echo, dB re 1 uPa, by bin: noise, volume reverberation and threshold.
+    /// Lowest level that is reported as an echo, dB re 1 uPa, by bin: noise, volume reverberation and threshold.
     pub threshold_db: Vec<f32>,
     /// Time-varied gain that pictures are drawn with, dB, by bin.
     pub tvg_db: Vec<f32>,
 }
 
-/// How the beams of a sonar lie: what pictures it makes.
+/// How the beams of a sonar lie: which pictures it makes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SonarView {
-    /// Sides: waterfall and mosaic.
+    /// Beams to the sides: waterfall and mosaic.
     Sidescan,
     /// Beams side by side, down: bathymetry and the image of the water column.
     Swath,
@@ -85,19 +85,19 @@ pub enum SonarView {
 /// An echo that a sonar reports as the depth of a beam.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sounding {
-    /// Beam that heard it.
+    /// Beam that received it.
     pub beam: u32,
     /// Reported slant range, m.
     pub range: f32,
-    /// Cell at that range, or the nearest from which something comes: `beam * bins + bin`.
+    /// Cell at that range, or the nearest one with an echo: `beam * bins + bin`.
     pub cell: u32,
     /// Level of the loudest cell of the echo, dB re 1 uPa.
     pub level_db: f32,
-    /// How sure it is, 0 to 1: level above the threshold over 20 dB, less where the echo is wide.
+    /// Confidence, 0 to 1: level above the threshold over 20 dB, less where the echo is wide.
     pub quality: f32,
 }
 
-/// Memory that whoever makes pings keeps in each, for the next one made in its place.
+/// Memory that the maker of pings keeps in each, for the next ping made in its place.
 #[derive(Default)]
 pub(crate) struct Spare(Option<Box<dyn Any + Send + Sync>>);
 
@@ -113,7 +113,7 @@ impl Spare {
 }
 
 impl Clone for Spare {
-    /// A copy needs memory of its own when it is pinged into.
+    /// A copy needs its own memory when it is pinged into.
     fn clone(&self) -> Self {
         Spare::default()
     }
@@ -134,11 +134,11 @@ pub struct Ping {
     pub time: f64,
     /// Where the sonar was then: `world_from_sensor`.
     pub pose: Pose,
-    /// What it has in common with others of its sonar.
+    /// What it has in common with other pings of its sonar.
     pub layout: Arc<Layout>,
     /// World position of `true_x`, `true_y`, `true_z` 0, metres.
     pub origin: DVec3,
-    /// A row for each cell; columns that were not asked for are empty.
+    /// One row per cell; columns that were not asked for are empty.
     pub cells: Columns,
     /// Which columns are there.
     pub fields: FieldSet,
@@ -203,13 +203,13 @@ impl Ping {
     /// Levels of a beam, dB re 1 uPa, bin by bin.
     ///
     /// # Panics
-    /// Without such a beam.
+    /// If there is no such beam.
     pub fn levels(&self, beam: usize) -> &[f32] {
         let bins = self.layout.bins;
         &self.cells.intensity[beam * bins..(beam + 1) * bins]
     }
 
-    /// A copy with those of its columns that are in `fields`, and the level.
+    /// A copy with only the columns in `fields`, and the level.
     #[must_use]
     pub fn with(&self, fields: FieldSet) -> Ping {
         let fields: FieldSet =
@@ -226,8 +226,8 @@ impl Ping {
         }
     }
 
-    /// That it is whole: every column as long as it should be, every number one that makes sense. All of them are
-    /// public, so they may disagree. `name`: of the ping, for errors.
+    /// Checks that it is consistent: every column has the right length, every number is valid. They are all public, so
+    /// they may disagree. `name`: of the ping, for errors.
     pub(crate) fn check(&self, name: &str) -> Result<()> {
         let wrong = |found: String, allowed: &str| Err(Error::invalid(name, found, allowed));
         let layout = &*self.layout;
@@ -265,14 +265,14 @@ impl Ping {
         Ok(())
     }
 
-    /// Whether it may be one of the [`Pings`] of `other`.
+    /// Whether it can be one of the [`Pings`] of `other`.
     fn is_beside(&self, other: &Ping) -> bool {
         let same_layout = Arc::ptr_eq(&self.layout, &other.layout) || self.layout == other.layout;
         let same_labels = Arc::ptr_eq(&self.labels, &other.labels) || self.labels == other.labels;
         same_layout && same_labels && self.origin == other.origin && self.fields == other.fields
     }
 
-    /// Column `field`, a row for each cell; empty when it was not asked for.
+    /// Column `field`, one row per cell; empty if it was not asked for.
     pub fn column(&self, field: Field) -> Column<'_> {
         self.cells.get(field)
     }
@@ -289,7 +289,7 @@ impl Pings {
     /// Adds a ping.
     ///
     /// # Errors
-    /// One of another layout, origin, set of columns or labels.
+    /// A ping with another layout, origin, set of columns or labels.
     pub fn push(&mut self, ping: Ping) -> Result<()> {
         if self.pings.first().is_some_and(|first| !first.is_beside(&ping)) {
             let found = "of another layout, origin, set of columns or labels";
@@ -299,7 +299,7 @@ impl Pings {
         Ok(())
     }
 
-    /// What all pings have in common, if each is whole and they fit together.
+    /// What all pings have in common, if each is consistent and they fit together.
     pub(crate) fn check(&self) -> Result<&Layout> {
         let Some(first) = self.pings.first() else {
             return Err(Error::invalid("pings", "an empty list", "at least one ping"));
@@ -314,7 +314,7 @@ impl Pings {
         Ok(&first.layout)
     }
 
-    /// What all pings have in common; `None` without any.
+    /// What all pings have in common; `None` if there are none.
     pub fn layout(&self) -> Option<&Layout> {
         self.pings.first().map(|ping| &*ping.layout)
     }

@@ -19,7 +19,7 @@ impl Pending {
     /// An empty file in the folder of `target`, with the permissions of any newly created file.
     ///
     /// # Errors
-    /// When the folder is missing or not writable, or `target` is something else than a file: a folder, a device.
+    /// The folder is missing or not writable, or `target` is not a file but a folder or a device.
     pub(crate) fn create(target: &Path) -> Result<Self> {
         // A link stays, what it points to is replaced.
         let target = fs::canonicalize(target).unwrap_or_else(|_| target.to_owned());
@@ -47,11 +47,11 @@ impl Pending {
         &self.target
     }
 
-    /// Gives the file its name, in place of an older one, once its content is on the disk: after a power cut there is
-    /// the old file or the new one.
+    /// Gives the file its name, replacing an older file, once its content is on the disk: after a power cut there is
+    /// either the old file or the new one.
     ///
     /// # Errors
-    /// The system's; [`Error::Cancelled`] when files are no longer wanted.
+    /// The system's errors; [`Error::Cancelled`] if files are no longer wanted.
     pub(crate) fn commit(self) -> Result<()> {
         commit_all(vec![self])
     }
@@ -63,11 +63,11 @@ impl Pending {
     }
 }
 
-/// Gives files that belong together their names, one after the other; all or none. A process that is killed between two
-/// of them leaves the first with its new content and the others with their old: the one that is looked for comes last.
+/// Gives files that belong together their names, one after the other; all or none. A process that is killed in between
+/// leaves the first with new and the others with old content: the one that is waited for comes last.
 ///
 /// # Errors
-/// As [`Pending::commit`]; then all older files are what they were.
+/// As [`Pending::commit`]; all older files are then unchanged.
 pub(crate) fn commit_all(mut files: Vec<Pending>) -> Result<()> {
     files.iter().try_for_each(Pending::sync)?;
     // Older files whose names are taken.

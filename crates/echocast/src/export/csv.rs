@@ -7,7 +7,7 @@ use crate::ground::report::Report;
 use std::io::{self, Write};
 use std::path::Path;
 
-/// Text for everything that reads nothing else.
+/// Text, for programs that read nothing else.
 pub(super) struct Csv;
 
 /// Rows that one thread formats at a time: about 1 MB of text.

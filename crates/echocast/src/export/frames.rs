@@ -17,7 +17,7 @@ use std::sync::Arc;
 /// of `sensor_position` and `sensor_orientation_xyzw` per frame. All else is as in a merged HDF5 file. Only one frame
 /// is in memory at a time.
 ///
-/// The file appears under its name with [`FramesFile::finish`]; dropped before, it leaves nothing behind.
+/// The file appears under its name with [`FramesFile::finish`]; if dropped before, it leaves nothing behind.
 #[derive(Debug)]
 pub struct FramesFile {
     // The datasets go before the file, the file before its name.
@@ -26,7 +26,7 @@ pub struct FramesFile {
     file: File,
     pending: Pending,
     frames: usize,
-    /// Whether adding a frame failed half-way, which leaves columns of unequal length.
+    /// Whether adding a frame failed halfway, which leaves columns of unequal length.
     broken: bool,
     /// What every frame must share with the first.
     common: Option<Common>,
@@ -49,7 +49,7 @@ impl FramesFile {
     /// Starts the file that will be called `path`.
     ///
     /// # Errors
-    /// A missing folder, no permission, or `path` is something else than a file.
+    /// A missing folder, no permission, or a `path` that is not a file.
     pub fn create(path: impl AsRef<Path>) -> Result<Self> {
         let pending = Pending::create(path.as_ref())?;
         let file = File::create(pending.path()).map_err(|e| hdf5_error(&pending, e))?;
@@ -60,7 +60,7 @@ impl FramesFile {
     ///
     /// # Errors
     /// A cloud with other columns or labels, another frame, origin, shape or intensity scale than the first; a full
-    /// disk; what [`cancel_flag`](super::cancel_flag) says.
+    /// disk; a set [`cancel_flag`](super::cancel_flag).
     pub fn add(&mut self, cloud: &PointCloud) -> Result<()> {
         unfinished::check().map_err(|source| failed(self.pending.target(), source))?;
         cloud.check()?;
@@ -122,7 +122,7 @@ impl FramesFile {
         Ok(())
     }
 
-    /// Gives the file its name, in place of an older one.
+    /// Gives the file its name, replacing an older file.
     ///
     /// # Errors
     /// A full disk, also when that made [`FramesFile::add`] fail before.

@@ -27,7 +27,7 @@ pub(super) static LAS: Las = Las {
     extra_bytes: true,
 };
 
-/// LAS 1.2, point format 2: position, label, intensity and colour, which is what most of the world reads.
+/// LAS 1.2, point format 2: position, label, intensity and colour, which most programs read.
 pub(super) static LAS2: Las = Las {
     name: "las2",
     extensions: &[],
@@ -55,7 +55,7 @@ pub(super) struct Las {
     source_id: usize,
     time: Option<usize>,
     colour: usize,
-    /// Whether the columns that LAS lacks follow as extra bytes; else the category stands as point source id.
+    /// Whether the columns that LAS lacks follow as extra bytes; otherwise the category is the point source id.
     extra_bytes: bool,
 }
 
@@ -113,7 +113,7 @@ impl Format for Las {
 }
 
 impl Las {
-    /// Writes the header and the records before the points; returns the one that must stand behind them.
+    /// Writes the header and the records before the points; returns the record that must follow them.
     fn write_header(
         &self,
         cloud: &PointCloud,
@@ -267,7 +267,7 @@ struct Survey {
     /// Intensity that is stored as 65535.
     full_intensity: f32,
     misses: usize,
-    /// Points farther away than numbers reach.
+    /// Points too far away for the numbers to hold.
     infinite: usize,
     clamped_intensities: bool,
     clamped_returns: bool,
@@ -372,7 +372,7 @@ impl Survey {
 /// levels of sonars, and relative energy.
 const RAW_INTENSITY: &str = "raw_intensity";
 
-/// A column that LAS has no dimension for, or not the whole of it, behind the members of each record.
+/// A column for which LAS has no dimension, or only part of one, behind the members of each record.
 struct Extra<'a> {
     info: &'static FieldInfo,
     name: &'static str,

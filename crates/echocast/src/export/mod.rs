@@ -53,13 +53,13 @@ pub trait Format: Sync {
     fn holds(&self, info: &FieldInfo) -> bool;
     /// Whether it can only hold clouds with the columns `x`, `y` and `z`.
     fn needs_positions(&self) -> bool;
-    /// Whether the label names stand inside the file; otherwise they go to `NAME.labels.json`.
+    /// Whether the label names are inside the file; otherwise they go to `NAME.labels.json`.
     fn holds_label_names(&self) -> bool;
     /// Writes `cloud` to the file `path`, which nobody else sees yet. `cloud` is consistent and has positions if the
     /// format needs them. Columns that the format does not hold are left out; what else is lost goes to `report`.
     ///
     /// # Errors
-    /// The system's: a full disk.
+    /// The system's errors: a full disk.
     fn write(&self, cloud: &PointCloud, path: &Path, report: &mut Report) -> io::Result<()>;
 }
 
@@ -77,7 +77,7 @@ pub const FORMATS: &[&dyn Format] = &[
 /// The format called `name`, or the one that owns the ending of `path`.
 ///
 /// # Errors
-/// [`Error::Missing`] or [`Error::Unsupported`], listing what there is, or naming the feature that is missing.
+/// [`Error::Missing`] or [`Error::Unsupported`], listing the formats, or naming the missing feature.
 pub fn format_for(path: &Path, name: Option<&str>) -> Result<&'static dyn Format> {
     let ending = ending(path);
     #[cfg(not(feature = "hdf5"))]
@@ -111,7 +111,7 @@ fn format_with(ending: &str) -> Option<&'static dyn Format> {
     FORMATS.iter().find(|format| format.extensions().contains(&ending)).copied()
 }
 
-/// Says before a long scan whether a cloud with the columns `fields` could be written to `path`, and its label names
+/// Checks, before a long scan, whether a cloud with the columns `fields` can be written to `path`, and its label names
 /// beside it.
 ///
 /// # Errors
@@ -136,14 +136,14 @@ fn check_fields(format: &dyn Format, fields: FieldSet) -> Result<()> {
     Ok(())
 }
 
-/// Writes `cloud` to `path` in the format called `format`, or the one its ending says.
+/// Writes `cloud` to `path` in the format called `format`, or the one of its ending.
 ///
 /// The file, and `NAME.labels.json` beside formats that cannot hold the label names, appear under their names only when
 /// both are complete and on the disk; the label names first. An error leaves both as they were. The report says what
 /// the format could not hold.
 ///
 /// # Errors
-/// As [`check`], a full disk, and what [`cancel_flag`] says.
+/// As [`check`], a full disk, and a set [`cancel_flag`].
 pub fn write(cloud: &PointCloud, path: &Path, format: Option<&str>) -> Result<Report> {
     let format = format_for(path, format)?;
     check_fields(format, cloud.fields)?;
@@ -186,7 +186,7 @@ impl Output {
     }
 }
 
-/// Where the label names of the cloud file at `path` stand if its format cannot hold them: `street.labels.json` beside
+/// Where the label names of the cloud file at `path` are if its format cannot hold them: `street.labels.json` beside
 /// `street.csv`. An ending that belongs to no format is a part of the name: `run_1.5m.labels.json` beside `run_1.5m`.
 pub fn labels_path(path: &Path) -> PathBuf {
     match format_with(&ending(path)) {

@@ -1,4 +1,4 @@
-//! NPZ: a stored zip of NumPy arrays, `numpy.load` without anything else.
+//! NPZ: an uncompressed zip of NumPy arrays; `numpy.load` reads it without anything else.
 
 use super::{Format, Sink, sensor_pose};
 use crate::cloud::{Column, FieldInfo, PointCloud};

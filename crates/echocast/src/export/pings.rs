@@ -17,22 +17,22 @@ use std::path::{Path, PathBuf};
 const ARRAYS: &[&str] = &["npz", "h5", "hdf5"];
 /// Endings of image files.
 const IMAGES: &[&str] = &["png", "npz", "h5", "hdf5"];
-/// Part of the values at each end of the window of a PNG that shares the grey of its end.
+/// Fraction of the values at each end of the window of a PNG that shares the grey of that end.
 const CLIPPED: f32 = 0.005;
 
-/// Says before a long scan whether pings could be written to `path`.
+/// Checks, before a long scan, whether pings can be written to `path`.
 ///
 /// # Errors
-/// An ending that pings are not written as; a missing folder or one that cannot be written to.
+/// An ending of no format for pings; a missing folder or one that cannot be written to.
 pub fn check_pings(path: &Path) -> Result<()> {
     check_ending(path, "pings", ARRAYS)?;
     Pending::create(path).map(drop)
 }
 
-/// Says before a long scan whether an image of pings could be written to `path`.
+/// Checks, before a long scan, whether an image of pings can be written to `path`.
 ///
 /// # Errors
-/// An ending that images are not written as; a missing folder or one that cannot be written to.
+/// An ending of no format for images; a missing folder or one that cannot be written to.
 pub fn check_image(path: &Path) -> Result<()> {
     check_ending(path, "images of pings", IMAGES)?;
     Pending::create(path).map(drop)
@@ -58,7 +58,7 @@ impl Pings {
     /// Writes everything that the pings hold to `path`, as NPZ (`.npz`) or HDF5 (`.h5`, `.hdf5`). The file appears
     /// under its name only when it is complete.
     ///
-    /// Cells stand in arrays of pings x beams x bins, `level` and `amplitude` and a column for each field; `true_x` to
+    /// Cells are in arrays of pings x beams x bins: `level`, `amplitude` and a column for each field; `true_x` to
     /// `true_z` are relative to `origin`. Soundings are a list in which `sounding_ping` counts the pings of the file.
     ///
     /// # Errors
@@ -76,8 +76,8 @@ impl Image {
     /// that it has and its place, or PNG (`.png`), eight bits grey. The files appear under their names only when all
     /// are complete.
     ///
-    /// In a PNG 0 is nothing, and 1 to 255 are the window of values that its text `window` says, which leaves out half
-    /// a percent at each end. Labels stand beside it, `NAME.category_id.png` and so on, sixteen bits grey, the numbers
+    /// In a PNG, 0 is nothing, and 1 to 255 are the window of values given by its text `window`, which leaves out half
+    /// a percent at each end. Labels are beside it, `NAME.category_id.png` and so on, 16-bit greyscale, the numbers
     /// themselves.
     ///
     /// # Errors
@@ -245,7 +245,7 @@ fn write_soundings(file: &mut Arrays, pings: &[Ping]) -> io::Result<()> {
     file.add(about, &count, Column::U32(&whole(|s| s.cell)?))
 }
 
-/// What `part` gives of each ping, one after the other.
+/// What `part` returns for each ping, one after the other.
 fn joined<'a, T, I: Iterator<Item = T>>(pings: &'a [Ping], part: impl Fn(&'a Ping) -> I) -> io::Result<Vec<T>> {
     let mut all = Vec::new();
     for ping in pings {
@@ -351,7 +351,7 @@ fn write_png(
     to.into_inner().map_err(io::IntoInnerError::into_error)?.finish()
 }
 
-/// Where the label image of `field` stands beside the image at `path`: `fan.category_id.png` beside `fan.png`.
+/// Where the label image of `field` is, beside the image at `path`: `fan.category_id.png` beside `fan.png`.
 fn layer_path(path: &Path, field: Field) -> PathBuf {
     path.with_extension(format!("{}.png", field.info().name))
 }

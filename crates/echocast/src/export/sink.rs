@@ -5,11 +5,11 @@ use std::fs::File;
 use std::io::{self, ErrorKind, Seek, SeekFrom, Write};
 use std::path::Path;
 
-/// Bytes that are written at a time, between two looks at whether to go on.
+/// Bytes that are written at a time, between two checks whether to go on.
 const PIECE: usize = 8 << 20;
 
-/// A file that, after the first error, takes everything and keeps nothing: writers of libraries complete their files
-/// when they are dropped, also those that cannot be completed, and print what they think of it.
+/// A file that, after the first error, accepts everything and keeps nothing: writers in libraries complete their files
+/// when they are dropped, even those that cannot be completed, and print their errors.
 pub(crate) struct Sink {
     file: File,
     /// The first error.
@@ -24,7 +24,7 @@ impl Sink {
         Ok(Sink { file: File::create(path)?, error: None, at: 0 })
     }
 
-    /// That everything was written.
+    /// Checks that everything was written.
     pub(crate) fn finish(self) -> io::Result<()> {
         self.error.map_or(Ok(()), Err)
     }

@@ -1,4 +1,4 @@
-//! Files that this process has begun and not completed: an interrupted program takes them along.
+//! Files that this process has begun and not completed: an interrupted program removes them.
 
 use crate::ground::error::Error;
 use crate::ground::shown;
@@ -10,20 +10,20 @@ use std::{fs, io, mem, thread};
 
 static CANCELLED: AtomicBool = AtomicBool::new(false);
 
-/// Where they are. Held whenever one is made, gets its name or goes, so that whoever holds it sees no pair of files
-/// half renamed.
+/// Where they are. Held whenever one is created, renamed or removed, so that its holder never sees a pair of files half
+/// renamed.
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// Where [`Error::Cancelled`] comes from while files are written: once this is set, what this process is writing fails
-/// with it and leaves nothing behind, and no file gets its name any more. It is false unless a program sets it, on
-/// Ctrl-C for instance; a signal handler may.
+/// The source of [`Error::Cancelled`] while files are written: once this is set, whatever this process is writing fails
+/// with that error and leaves nothing behind, and no more files get their names. It is false unless a program sets it,
+/// on Ctrl-C for instance; a signal handler may set it.
 pub fn cancel_flag() -> &'static AtomicBool {
     &CANCELLED
 }
 
 /// Removes the files that this process has begun and not completed, for a program that is about to end without its
-/// destructors: sets [`cancel_flag`], so that no other is begun, and no file gets its name any more. It waits a tenth
-/// of a second for those that are getting theirs, and then gives up.
+/// destructors: sets [`cancel_flag`], so that no more files are begun or get their names. It waits a tenth of a second
+/// for files that are just getting theirs, and then gives up.
 pub fn remove_unfinished() {
     CANCELLED.store(true, Ordering::SeqCst);
     let start = Instant::now();
@@ -36,7 +36,7 @@ pub fn remove_unfinished() {
     }
 }
 
-/// That nobody wants files to stay unwritten.
+/// Fails if writing files has been cancelled.
 pub(super) fn check() -> io::Result<()> {
     if CANCELLED.load(Ordering::SeqCst) { Err(io::Error::other("cancelled")) } else { Ok(()) }
 }
@@ -68,7 +68,7 @@ impl Unfinished {
         Ok(Temporary { path })
     }
 
-    /// Gives a file the name `target`, in place of an older one.
+    /// Gives a file the name `target`, replacing an older file.
     pub(super) fn rename(&mut self, file: &mut Temporary, target: &Path) -> io::Result<()> {
         check()?;
         fs::rename(&file.path, target)?;
@@ -81,7 +81,7 @@ impl Unfinished {
     }
 }
 
-/// A file that goes when this is dropped, unless it has got a name.
+/// A file that is removed when this is dropped, unless it has got its name.
 #[derive(Debug)]
 pub(super) struct Temporary {
     /// Empty once it has.

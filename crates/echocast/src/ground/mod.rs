@@ -1,5 +1,5 @@
-//! The common base: errors, units, poses, blocks of rays, random numbers, work on threads. It knows nothing of sensors
-//! or scenes.
+//! What every module is built on: errors, units, poses, blocks of rays, random numbers, work on threads. It knows
+//! nothing of sensors or scenes.
 
 pub(crate) mod angle;
 pub(crate) mod cause;

@@ -7,8 +7,8 @@ use crate::sensor::Sensor;
 use crate::trace::{BareLoop, BuiltScene};
 
 impl<'a> BareLoop<'a> {
-    /// Prepares the rays that [`BuiltScene::scan`] would trace with `sensor` standing at `pose`, those that stand for
-    /// one beam among them; of a sonar, those of a ping through water of 1500 m/s.
+    /// Prepares the rays that [`BuiltScene::scan`] would trace with `sensor` at `pose`, including all rays that stand
+    /// for one beam; for a sonar, those of a ping through water of 1500 m/s.
     pub fn new(scene: &'a BuiltScene, sensor: &Sensor, pose: Pose) -> Self {
         let beams = &*sensor.rays();
         let trajectory = Trajectory::fixed(pose);

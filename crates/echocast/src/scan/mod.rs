@@ -21,16 +21,16 @@ pub enum Profile {
     /// Physics as we know it.
     #[default]
     Physical,
-    /// The equations of the paper as printed; glass is physical. Of sonars there are clouds, and no pings.
+    /// The equations of the paper as printed; glass is physical. Sonars give clouds, and no pings.
     Paper,
-    /// What the paper's program computes; total reflection within glass is physical. Of sonars as of the paper.
+    /// What the paper's program computes; total reflection within glass is physical. Sonars as with `Paper`.
     Blainder,
 }
 
 named! { Profile: Physical "physical", Paper "paper", Blainder "blainder" }
 
 impl Profile {
-    /// That it is the physical one; `allowed` says why no other.
+    /// Checks that it is the physical one; `allowed` says why no other is.
     fn check_physical(self, allowed: &str) -> Result<()> {
         match self {
             Profile::Physical => Ok(()),
@@ -42,10 +42,10 @@ impl Profile {
 /// Order of the points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Order {
-    /// Rising frame, beam, return.
+    /// By rising frame, beam and return.
     #[default]
     Beam,
-    /// Rising time, as drivers publish.
+    /// By rising time, as drivers publish.
     Time,
 }
 
@@ -64,7 +64,7 @@ pub struct ScanOptions {
     pub start_time: f64,
     /// Time of the trajectory at which the scan starts, s; `None`: `start_time`.
     pub trajectory_time: Option<f64>,
-    /// Keep misses, so that every beam has its row.
+    /// Keep misses, so that every beam has a row.
     pub organised: bool,
     /// Coordinates of the output points.
     pub coordinates: Frame,
@@ -72,14 +72,14 @@ pub struct ScanOptions {
     pub order: Order,
     /// Model set.
     pub profile: Profile,
-    /// Where reflectance comes from when the material does not say; `None`: as the profile has it
+    /// Source of the reflectance if the material does not give it; `None`: as the profile defines
     /// (`blainder`: alpha, the others: luminance).
     pub reflectance_source: Option<ReflectanceSource>,
-    /// Objects are seen whose mask shares a bit with this.
+    /// Objects whose mask shares a bit with this are seen.
     pub mask: u32,
-    /// Most mirrors and faces of glass that a path of light is followed over and through.
+    /// Most mirrors and glass faces that a path of light is followed over and through.
     pub specular_depth: u8,
-    /// What is between sensor and surfaces; it must be sound, see [`Environment::check`].
+    /// What is between sensor and surfaces; it must be valid, see [`Environment::check`].
     pub environment: Environment,
 }
 
@@ -114,7 +114,7 @@ impl ScanOptions {
         self.trajectory_time.unwrap_or(self.start_time)
     }
 
-    /// That a scan along `trajectory` makes sense.
+    /// Checks that a scan along `trajectory` is possible.
     fn check(&self, trajectory: &Trajectory) -> Result<()> {
         let start = trajectory.at(self.trajectory_time());
         if !(start.position.is_finite() && start.orientation.is_finite()) {
@@ -138,28 +138,29 @@ impl ScanOptions {
     }
 }
 
-/// A callback that is told how much of the work is done, 0 to 1, and says whether to go on.
+/// A callback that gets the fraction of the work that is done, 0 to 1, and returns whether to go on.
 pub type Progress<'a> = &'a mut dyn FnMut(f64) -> ControlFlow<()>;
 
 impl BuiltScene {
-    /// Scans once with `sensor` along `trajectory`. Of a sonar it gives the points of one ping ([`Ping::cloud`]).
+    /// Scans once with `sensor` along `trajectory`. For a sonar, gives the points of one ping ([`Ping::cloud`]).
     ///
     /// # Errors
-    /// A pose that is not finite, an organised cloud ordered by time or of several returns a beam, what
-    /// [`Sensor::beams_at`] says, no memory for the columns; for sonars as [`BuiltScene::ping`].
+    /// A pose that is not finite, an organised cloud ordered by time or with several returns per beam, the errors of
+    /// [`Sensor::beams_at`], no memory for the columns; for sonars as [`BuiltScene::ping`].
     pub fn scan(&self, sensor: &Sensor, trajectory: &Trajectory, options: &ScanOptions) -> Result<PointCloud> {
         let mut cloud = PointCloud::default();
         self.scan_into(sensor, trajectory, options, &mut cloud)?;
         Ok(cloud)
     }
 
-    /// [`BuiltScene::scan`] into the memory of `cloud`. After the first of its kind a scan in the order of beams
-    /// allocates nothing, but for a few small blocks with weather, several rays a beam, blooming or another profile
-    /// than the physical one, the beams of a pattern that does not repeat (`risley`), and sonars
-    /// ([`BuiltScene::ping_into`] uses memory again). Threads keep the memory that they work in until they end.
+    /// [`BuiltScene::scan`] into the memory of `cloud`. After the first of its kind, a scan in beam order allocates
+    /// nothing, except for a few small blocks with weather, several rays per beam, blooming or another profile than the
+    /// physical one, the beams of a pattern that does not repeat (`risley`), and sonars ([`BuiltScene::ping_into`]
+    /// reuses memory). Threads keep their working memory until they end.
     ///
     /// # Errors
-    /// As [`BuiltScene::scan`]. `cloud` stays as it was when pose or options are at fault; without memory it is empty.
+    /// As [`BuiltScene::scan`]. `cloud` is unchanged if the pose or the options are wrong; if there is no memory, it is
+    /// empty.
     pub fn scan_into(
         &self,
         sensor: &Sensor,
@@ -170,11 +171,11 @@ impl BuiltScene {
         self.scan_watched(sensor, trajectory, options, cloud, None)
     }
 
-    /// [`BuiltScene::scan_into`] that tells `progress`, on this thread, how far it is, some times in a long scan; of a
-    /// sonar, whose scan is one ping, before it and after it.
+    /// [`BuiltScene::scan_into`] that reports to `progress`, on this thread, how far it is, several times in a long
+    /// scan; for a sonar, whose scan is one ping, before and after it.
     ///
     /// # Errors
-    /// As [`BuiltScene::scan_into`], and [`Error::Cancelled`] when `progress` wants no more; then `cloud` is empty.
+    /// As [`BuiltScene::scan_into`], and [`Error::Cancelled`] if `progress` says to stop; `cloud` is then empty.
     pub fn scan_with_progress(
         &self,
         sensor: &Sensor,
@@ -213,12 +214,13 @@ impl BuiltScene {
         self.scan_light(sensor, trajectory, options, cloud, progress)
     }
 
-    /// Tells what happens to beam `beam` of such a scan, step by step with numbers: where it goes, what it meets, what
-    /// comes back, what of it is seen and reported. Of a sonar the ray of the beam's echo is told, layer by layer, and
-    /// the terms of the sonar equation.
+    /// Explains what happens to beam `beam` of such a scan, step by step with numbers: where it goes, what it meets,
+    /// what comes back, and which part of it is seen and reported. For a sonar, explains the ray of the beam's echo,
+    /// layer by layer, and the terms of the sonar equation.
     ///
     /// # Errors
-    /// As [`BuiltScene::scan`], a beam that there is not, and a sonar with another profile than [`Profile::Physical`].
+    /// As [`BuiltScene::scan`], a beam that does not exist, and a sonar with another profile than
+    /// [`Profile::Physical`].
     pub fn explain(
         &self,
         sensor: &Sensor,

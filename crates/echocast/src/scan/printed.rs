@@ -1,4 +1,4 @@
-//! Sonars as the paper prints them and as its program computes them: a ray for each angle, a point for each ray.
+//! Sonars as the paper describes them and as its program computes them: one ray per angle, one point per ray.
 //!
 //! The paper: Reitmann, Neumann, Jung, Sensors 2021, 21, 2144, eqs. 6 to 13 and sections 2.3.3 and 3.3. The program:
 //! its `sonar.py` as it was run, oddities and all.
@@ -67,8 +67,8 @@ impl BuiltScene {
     /// [`BuiltScene::scan_into`] of a sonar in the profiles of the paper and of its program.
     ///
     /// # Errors
-    /// A sensor that is no sonar; a sonar above the water or outside its profile; for the program water that does not
-    /// lie in layers, and a source level of 0; no memory.
+    /// A sensor that is not a sonar; a sonar above the water or outside its profile; for the program, water that is not
+    /// in layers, and a source level of 0; no memory.
     pub(super) fn scan_printed(
         &self,
         sensor: &Sensor,
@@ -429,7 +429,7 @@ impl Way {
         Way { ray, place, direction, fall: -direction.z, length: 0.0, path: 0.0, left: reach, source_level }
     }
 
-    /// Goes over into the `next` layer, at the end of the `length` that the direction at launch makes of the layer's
+    /// Passes into the `next` layer, at the end of the `length` that the direction at launch makes of the layer's
     /// thickness, whatever it is by now; whether it goes on. The source level is multiplied with the part of the power
     /// that goes over (eq. 13), though it is in dB. Where all is reflected the program makes no number of the
     /// direction, and the ray is lost.

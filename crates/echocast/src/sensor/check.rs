@@ -1,4 +1,4 @@
-//! Which sensor files make sense: bounds of numbers, and keys that need each other.
+//! Which sensor files are valid: bounds of numbers, and keys that depend on each other.
 
 use super::spec::{BeamSpec, IntensitySpec, ReturnsSpec, SensorKind, SensorSpec};
 use crate::detect::{Detection, DetectionSpec, Noise, Statistical, Timing};
@@ -12,7 +12,7 @@ use crate::read::yaml::Document;
 const FINEST_M: f64 = 1e-6;
 
 impl SensorSpec {
-    /// Whether all values are within what is allowed.
+    /// Checks that all values are within what is allowed.
     ///
     /// # Errors
     /// [`Error::InvalidParameter`] that names the key.
@@ -137,7 +137,7 @@ impl SensorSpec {
         }
     }
 
-    /// The part of [`SensorSpec::check_with`] that is about sonars.
+    /// The part of [`SensorSpec::check_with`] for sonars.
     fn check_sonar(&self, bounds: &mut Bounds) -> Result<()> {
         let Some(acoustics) = &self.acoustics else {
             return Err(Error::invalid("acoustics", "missing", "a section with kind: sonar"));

@@ -1,4 +1,4 @@
-//! Numbers of a sensor by their keys.
+//! Numbers of a sensor by key.
 
 use super::{Sensor, SensorKind, SensorSpec};
 use crate::ground::error::{Error, Result};
@@ -14,7 +14,7 @@ impl Sensor {
     /// sensor stays as it was.
     ///
     /// # Errors
-    /// An unknown key (with near ones), a wrong type, a value out of range, a pattern that cannot be drawn.
+    /// An unknown key (with similar ones), a wrong type, a value out of range, a pattern that cannot be drawn.
     pub fn set(&mut self, key: &str, value: &str) -> Result<()> {
         let mut tree = self.tree()?;
         yaml::set(&mut tree, key, value)?;
@@ -35,7 +35,7 @@ impl Sensor {
     /// differently, a `range.resolution_m` between 0 and a micrometre.
     ///
     /// # Errors
-    /// [`Error::Missing`] with near keys; [`Error::InvalidParameter`] for the key of a word, a list or a section.
+    /// [`Error::Missing`] with similar keys; [`Error::InvalidParameter`] for the key of a word, a list or a section.
     pub fn parameter(&self, key: &str) -> Result<Parameter> {
         let tree = self.tree()?;
         let mut bounds = Bounds::of(key);
@@ -72,7 +72,7 @@ impl Sensor {
     }
 }
 
-/// Whether a sonar must not fill the section that `key` is in.
+/// Whether the section of `key` is not allowed for a sonar.
 fn is_of_light(key: &str) -> bool {
     let section = key.split(['.', '[']).next().unwrap_or_default();
     ["beam", "detection", "returns", "noise", "intensity", "tof"].contains(&section)

@@ -33,7 +33,7 @@ type Transducers = Vec<(f64, f64, Arc<Transducer>)>;
 #[derive(Clone, Debug)]
 pub struct Sensor {
     spec: SensorSpec,
-    /// Where relative file names in it start.
+    /// Where relative paths in it start.
     folder: PathBuf,
     pub(crate) beams: Arc<BeamTable>,
     /// One more than the greatest channel of a beam.
@@ -46,9 +46,9 @@ pub struct Sensor {
     pub(crate) noise: Noise,
     pub(crate) intensity: IntensityEncoding,
     pub(crate) camera: Option<DepthCamera>,
-    /// Quantiles of the texture of what a sonar hears; empty: none.
+    /// Quantiles of the texture of a sonar's echoes; empty: none.
     pub(crate) texture: Arc<[f32]>,
-    /// What a sonar sends and hears, for the wavelengths that it has been used at; shared with copies.
+    /// What a sonar sends and receives, for the wavelengths that it has been used at; shared with copies.
     transducers: Arc<Mutex<Transducers>>,
 }
 
@@ -62,7 +62,7 @@ impl Sensor {
         Sensor::from_document(&Document::load(path)?, path.parent().unwrap_or(Path::new("")))
     }
 
-    /// Reads the text of a sensor file; names of other files in it start at `folder`.
+    /// Reads the text of a sensor file; relative paths in it start at `folder`.
     ///
     /// # Errors
     /// As [`Sensor::load`].
@@ -77,10 +77,10 @@ impl Sensor {
         Sensor::new(spec, folder.to_owned(), Arc::new(beams)).map_err(|error| document.locate(error))
     }
 
-    /// A sensor of a checked description.
+    /// A sensor from a checked description.
     ///
     /// # Errors
-    /// Not as many numbers by channel as there are channels.
+    /// A list with a number per channel does not have as many numbers as there are channels.
     fn new(spec: SensorSpec, folder: PathBuf, beams: Arc<BeamTable>) -> Result<Sensor> {
         let channels = beams.channel.iter().max().map_or(0, |&channel| usize::from(channel) + 1);
         let numbers = spec.detection.channel_efficiency.len();
@@ -107,12 +107,12 @@ impl Sensor {
         })
     }
 
-    /// Its detection model made ready; `blainder`: as the paper's program has it.
+    /// Its detection model, ready to use; `blainder`: as in the paper's program.
     pub(crate) fn threshold(&self, blainder: bool) -> Threshold {
         Threshold::new(&self.detection.model, (self.wavelength_nm, self.spec.beam.pulse_ns), blainder)
     }
 
-    /// How it receives, with `threshold` in place of its detection model.
+    /// How it receives, with `threshold` instead of its detection model.
     pub(crate) fn receiver(&self, threshold: Threshold) -> Receiver {
         let beam = &self.spec.beam;
         Receiver {
@@ -131,7 +131,7 @@ impl Sensor {
         }
     }
 
-    /// How what its beams send back makes returns.
+    /// How the echoes of its beams become returns.
     pub(crate) fn signals(&self) -> Signals {
         let SensorSpec { beam, returns, .. } = &self.spec;
         // A pixel has one range.
@@ -159,8 +159,8 @@ impl Sensor {
         RangeError::new(&self.noise, self.range_resolution_m, self.channels, edge_sigma, threshold)
     }
 
-    /// How it sees itself in smooth surfaces, if it does. Of an elliptic beam the round one of the same area stands for
-    /// it; where many rays make up the beam, each of them is a line.
+    /// How it sees itself in smooth surfaces, if it does. A round beam of the same area stands for an elliptic one; if
+    /// many rays make up the beam, each of them is a line.
     pub(crate) fn glint(&self) -> Option<Glint> {
         let beam = &self.spec.beam;
         let [horizontal, vertical] = beam.divergence_mrad;
@@ -177,7 +177,7 @@ impl Sensor {
         self.spec.returns.mode
     }
 
-    /// An ideal lidar with beams of your own: no noise, no threshold, no range limit but the table's.
+    /// An ideal lidar with your own beams: no noise, no threshold, no range limit but the table's.
     ///
     /// # Errors
     /// As [`BeamTable::check`].
@@ -234,12 +234,12 @@ impl Sensor {
         &self.spec.source
     }
 
-    /// Figures of the maker that its pattern is tested against.
+    /// The maker's figures, which its pattern is tested against.
     pub fn expectations(&self) -> Option<&Expectations> {
         self.spec.expect.as_ref()
     }
 
-    /// The beams of one scan; of a pattern that does not repeat, those of the scan that starts at time 0.
+    /// The beams of one scan; for a pattern that does not repeat, those of the scan that starts at time 0.
     pub fn beams(&self) -> &BeamTable {
         &self.beams
     }

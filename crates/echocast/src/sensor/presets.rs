@@ -26,7 +26,7 @@ impl Sensor {
     /// The preset called `name`.
     ///
     /// # Errors
-    /// [`crate::Error::Missing`] with near names.
+    /// [`crate::Error::Missing`] with similar names.
     pub fn preset(name: &str) -> Result<Sensor> {
         match presets::sensors().find(|preset| preset.name == name) {
             Some(preset) => Sensor::from_document(&Document::parse(preset.path, preset.text)?, Path::new("")),
@@ -56,7 +56,7 @@ impl Sensor {
 
     /// All presets, by folder and name.
     pub fn presets() -> Vec<PresetInfo> {
-        /// The keys that a list shows; the others are left unread.
+        /// The keys that a list shows; the others are not read.
         #[derive(Deserialize)]
         struct Head {
             title: String,

@@ -1,9 +1,9 @@
-//! How what comes back of a beam becomes returns.
+//! How the echoes of a beam become returns.
 
 use crate::detect::{ReturnMode, ReturnRule};
 use crate::emitter::Footprint;
 
-/// How beams of several rays or returns are made; the same for all of a scan.
+/// How beams of several rays or returns are made; the same for the whole scan.
 pub(crate) struct Signals {
     /// None: one ray along the beam.
     pub footprint: Option<Footprint>,
@@ -13,7 +13,7 @@ pub(crate) struct Signals {
 }
 
 impl Signals {
-    /// Whether beams are one ray each and have one return each: then there is a shorter way.
+    /// Whether each beam is one ray and has one return: then there is a shortcut.
     pub fn are_simple(&self) -> bool {
         let single = match self.rule.mode {
             ReturnMode::Strongest => true,
@@ -23,7 +23,7 @@ impl Signals {
         self.footprint.is_none() && single
     }
 
-    /// Rays of a beam.
+    /// Rays per beam.
     pub fn rays(&self) -> usize {
         self.footprint.as_ref().map_or(1, Footprint::len)
     }

@@ -1,4 +1,4 @@
-//! What is particular to a sonar: the section `acoustics` of a sensor file.
+//! Keys for sonars only: the section `acoustics` of a sensor file.
 
 use super::Sensor;
 use crate::cloud::SonarView;
@@ -21,8 +21,8 @@ pub struct AcousticsSpec {
     /// Source level, dB re 1 uPa at 1 m, 0 to 300.
     #[serde(default = "source_level")]
     pub source_level_db: f64,
-    /// Bandwidth of the pulse, kHz, at most twice the frequency; without it that of an unmodulated pulse of `pulse_ms`,
-    /// its inverse.
+    /// Bandwidth of the pulse, kHz, at most twice the frequency; without it, that of an unmodulated pulse of
+    /// `pulse_ms`, its inverse.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bandwidth_khz: Option<f64>,
     /// Length of the pulse, ms, 0.0001 to 10000.
@@ -31,19 +31,19 @@ pub struct AcousticsSpec {
     /// Noise within the bandwidth, dB re 1 uPa, -200 to 300; without it the ambient noise of the water.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise_level_db: Option<f64>,
-    /// Directivity index of the receiver, dB, -10 to 100, by which noise is less; without it that of its beam.
+    /// Directivity index of the receiver, dB, -10 to 100, which reduces noise; without it, that of its beam.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub directivity_index_db: Option<f64>,
-    /// Gain of the matched filter, dB, -100 to 100, by which noise is less; without it `10 log(bandwidth x length of
+    /// Gain of the matched filter, dB, -100 to 100, which reduces noise; without it, `10 log(bandwidth x length of
     /// the pulse)`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub processing_gain_db: Option<f64>,
-    /// What an echo must have above noise and volume reverberation to be reported, dB, -100 to 100.
+    /// How far an echo must be above noise and volume reverberation to be reported, dB, -100 to 100.
     #[serde(default = "threshold")]
     pub detection_threshold_db: f64,
     /// Length of a range bin, m, 0.001 to 1000 and at least 0.0044 of the resolution (0.0005 of an unmodulated pulse);
-    /// without it half the resolution `c / (2 bandwidth)`. Longer ones than that resolution hold the mean power of what
-    /// they cover: an area keeps its level, a point gets fainter.
+    /// without it half the resolution `c / (2 bandwidth)`. Longer bins hold the mean power of what they cover: an
+    /// area keeps its level, a point gets fainter.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bin_m: Option<f64>,
     /// Weighting of the matched filter.
@@ -52,25 +52,26 @@ pub struct AcousticsSpec {
     /// What the random scatterers of a surface make of its echo.
     #[serde(default, skip_serializing_if = "is_default")]
     pub speckle: Speckle,
-    /// Shape of the gamma-distributed texture that makes K-distributed echoes of Rayleigh ones, 0.1 to 1000; there is
-    /// none where speckle is off.
+    /// Shape of the gamma-distributed texture that turns Rayleigh-distributed echoes into K-distributed ones, 0.1 to
+    /// 1000; there is no texture if speckle is off.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub texture_shape: Option<f64>,
-    /// Reflections by sea surface and scene that sound is followed over, 0 to 8; it returns the way it went, or
-    /// straight from where it got to. What was sent straight and returns over reflections counts too.
+    /// Reflections at the sea surface and the scene that sound is followed over, 0 to 8; it returns the way it went, or
+    /// directly from where it got to. Sound that was sent directly and returns over reflections counts too.
     #[serde(default)]
     pub bounces: u8,
     /// Gain over range that pictures are drawn with.
     #[serde(default)]
     pub tvg: Tvg,
-    /// Sound speed that the beamformer of a `multibeam` or `imaging` sonar believes, m/s, 100 to 10000; without it the
+    /// Sound speed that the beamformer of a `multibeam` or `imaging` sonar assumes, m/s, 100 to 10000; without it the
     /// true one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub array_speed_m_s: Option<f64>,
-    /// Whether the sonar stands still from a ping to its last echo; else it hears from where it is and looks by then.
+    /// Whether the sonar stands still from a ping to its last echo; otherwise it receives with the pose that it has by
+    /// then.
     #[serde(default, skip_serializing_if = "is_default")]
     pub stop_and_hop: bool,
-    /// Whether echoes may come after the next ping, and are then taken for its own.
+    /// Whether echoes may arrive after the next ping, and are then taken for echoes of that ping.
     #[serde(default, skip_serializing_if = "is_default")]
     pub allow_ambiguity: bool,
 }
@@ -79,9 +80,9 @@ pub struct AcousticsSpec {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Speckle {
-    /// Rayleigh-distributed amplitude: each ray, on each way back, has a random scatterer of its own in every place of
-    /// a surface, a third of the range resolution wide, and it is the same in all pings of a seed. What does not move
-    /// sounds the same again; where another ray meets a place it finds another scatterer.
+    /// Rayleigh-distributed amplitude: each ray, on each way back, has its own random scatterer in every place of a
+    /// surface, a third of the range resolution wide, the same in all pings of a seed. If nothing moves, echoes are the
+    /// same again; where another ray meets a place, it finds another scatterer.
     #[default]
     Frozen,
     /// None: the mean level.
@@ -192,13 +193,13 @@ impl Sensor {
     /// Sound, transmitter and receiver.
     ///
     /// # Errors
-    /// A sensor that is no sonar.
+    /// A sensor that is not a sonar.
     pub fn acoustics(&self) -> Result<&AcousticsSpec> {
         let kind = self.kind();
         self.spec.acoustics.as_ref().ok_or_else(|| Error::invalid("kind of the sensor", kind, "sonar, which pings"))
     }
 
-    /// What pictures its pings make.
+    /// Which pictures its pings make.
     pub(crate) fn sonar_view(&self) -> SonarView {
         match self.spec.pattern {
             Pattern::Sidescan(_) => SonarView::Sidescan,
@@ -208,7 +209,7 @@ impl Sensor {
         }
     }
 
-    /// Where a sonar at `pose` looks at ping `number`: beams that turn look elsewhere with each.
+    /// Where a sonar at `pose` looks at ping `number`: rotating beams look elsewhere with each ping.
     pub(crate) fn turned(&self, pose: Pose, number: u32) -> Pose {
         match &self.spec.pattern {
             Pattern::SingleBeam(beam) => {
@@ -219,12 +220,12 @@ impl Sensor {
         }
     }
 
-    /// What a sonar sends and hears at `wavelength` m, where sound is `ratio` times as fast as its beamformer believes.
-    /// Of wavelengths that hardly differ one stands for all.
+    /// What a sonar sends and receives at `wavelength` m, where sound is `ratio` times as fast as its beamformer
+    /// assumes. One wavelength stands for all that hardly differ from it.
     pub(crate) fn transducer(&self, wavelength: f64, ratio: f64) -> Arc<Transducer> {
-        /// Steps of the wavelength and of the ratio, as a part of them: beams turn with the ratio.
+        /// Steps of the wavelength and of the ratio, as a fraction of them: beams turn with the ratio.
         const STEPS: [f64; 2] = [1e-3, 1e-4];
-        /// A sonar that goes up and down meets a few; it must not fill the memory.
+        /// A sonar that moves up and down uses a few; they must not fill the memory.
         const MOST: usize = 16;
         let step = |value: f64, step: f64| ((value.ln() / step).round() * step).exp();
         let (wavelength, ratio) = (step(wavelength, STEPS[0]), step(ratio, STEPS[1]));
@@ -240,12 +241,12 @@ impl Sensor {
         known[known.len() - 1].2.clone()
     }
 
-    /// Rays of one scan: as many as beams, but of a sonar, whose beams many rays stand for.
+    /// Rays of one scan: one per beam, except for a sonar, where many rays stand for a beam.
     pub fn ray_count(&self) -> usize {
         if self.spec.acoustics.is_some() { self.rays().len() } else { self.beams.len() }
     }
 
-    /// The rays that stand for its beams, where each beam is no ray of its own: of a sonar in water of 1500 m/s.
+    /// The rays that stand for its beams, if a beam is not a single ray: for a sonar in water of 1500 m/s.
     pub(crate) fn rays(&self) -> Cow<'_, BeamTable> {
         let Some(acoustics) = &self.spec.acoustics else { return Cow::Borrowed(&self.beams) };
         let transducer = self.transducer(1500.0 / acoustics.frequency(), 1.0);

@@ -10,8 +10,8 @@ use serde::ser::{SerializeStruct, Serializer};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// A sensor file: what each key of its YAML means. What is left out is ideal. Written, a sonar is without the sections
-/// of light (`beam`, `detection`, `returns`, `noise`, `intensity`), which its file must not fill.
+/// A sensor file: what each key of its YAML means. What is left out is ideal. A sonar is written without the sections
+/// for light (`beam`, `detection`, `returns`, `noise`, `intensity`), which its file must not contain.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SensorSpec {
@@ -45,13 +45,13 @@ pub struct SensorSpec {
     /// What it reports as intensity.
     #[serde(default)]
     pub intensity: IntensitySpec,
-    /// What is particular to a depth camera.
+    /// Keys for depth cameras only.
     #[serde(default)]
     pub tof: Option<TofSpec>,
-    /// What is particular to a sonar.
+    /// Keys for sonars only.
     #[serde(default)]
     pub acoustics: Option<AcousticsSpec>,
-    /// Figures of the maker that the pattern is tested against.
+    /// The maker's figures, which the pattern is tested against.
     #[serde(default)]
     pub expect: Option<Expectations>,
 }
@@ -145,12 +145,12 @@ pub struct BeamSpec {
     pub pulse_shape: PulseShape,
     /// Diameter of the beam where it leaves the instrument, mm, 0 to 1000.
     pub exit_diameter_mm: f64,
-    /// Diameter of the receiver's opening, mm, above 0, at most 1000. With it, smooth surfaces that are met head-on
-    /// throw the instrument's own light back at it; without it that is left out.
+    /// Diameter of the receiver's aperture, mm, above 0, at most 1000. With it, smooth surfaces that are met head-on
+    /// reflect the instrument's own light back to it; without it, this is left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub aperture_mm: Option<f64>,
-    /// Ranges below which the receiver sees nothing of its own beam and from which it sees all of it, m; in between
-    /// linear. It decides how near fog shows.
+    /// Range below which the receiver sees nothing of its own beam and range from which it sees all of it, m; linear in
+    /// between. This decides how nearby fog appears.
     pub overlap_m: [f64; 2],
     /// Rays that stand for a beam, 1 to 1024: one along its axis, or as many over its footprint (of a depth camera:
     /// over the pixel), which then meet edges and slopes as the beam does.
@@ -178,10 +178,10 @@ impl Default for BeamSpec {
 pub struct RangeSpec {
     /// Nearest, m, at least 0.
     pub min_m: f64,
-    /// Farthest, m, above the nearest; none is no limit.
+    /// Farthest, m, above the nearest; without it there is no limit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_m: Option<f64>,
-    /// Step of the reported range, m; 0 is none.
+    /// Step of the reported range, m; 0 for none.
     pub resolution_m: f64,
 }
 
@@ -193,7 +193,7 @@ pub struct ReturnsSpec {
     pub mode: ReturnMode,
     /// Greatest number of them in mode `all`, 1 to 255.
     pub max: u8,
-    /// Of echoes nearer to each other than this only the strongest is reported, m, at least 0.
+    /// Of echoes closer together than this, m, at least 0, only the strongest is reported.
     pub separation_m: f64,
 }
 
@@ -211,7 +211,7 @@ pub struct IntensitySpec {
     pub encoding: IntensityEncoding,
 }
 
-/// `expect`: figures that a test draws the pattern against. They do not change a scan.
+/// `expect`: figures that a test compares the pattern with. They do not change a scan.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Expectations {

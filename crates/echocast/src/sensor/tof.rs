@@ -1,4 +1,4 @@
-//! Depth cameras: the section `tof` of a sensor file, and what it makes of the light at a pixel.
+//! Depth cameras: the section `tof` of a sensor file, and how it turns the light at a pixel into a range.
 
 use crate::detect::{DepthError, DepthNoise};
 use crate::echo::{MOST_FREQUENCIES, Modulation, ShotNoise, natural_vignetting, turns};
@@ -12,41 +12,40 @@ use echocast_kernels::camera as kernels;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-/// `tof`: what is particular to a depth camera; only sensors of kind `tof` have it. What is left out is ideal. Only the
-/// physical profile knows these effects.
+/// `tof`: keys for depth cameras; only sensors of kind `tof` have it. What is left out is ideal. Only the physical
+/// profile has these effects.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TofSpec {
-    /// Frequencies that its light is modulated at, MHz, up to 3, whole kHz: the range is what their phases say
+    /// Frequencies that its light is modulated at, MHz, up to 3, whole kHz: the range follows from their phases
     /// together. Without any, ranges do not wrap.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub frequencies_mhz: Vec<f64>,
-    /// Part of the error that four taps make of square waves, which calibration leaves, 0 to 1.
+    /// Fraction of the error of four taps in square waves that remains after calibration, 0 to 1.
     pub wiggle_residual: f64,
-    /// Pixels are invalid where two frequencies say ranges that differ by more, m, above 0.
+    /// Pixels are invalid where the ranges from two frequencies differ by more than this, m, above 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub inconsistency_m: Option<f64>,
     /// Noise of the phases.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shot_noise: Option<ShotNoiseSpec>,
-    /// Pixels are invalid that get more light than from this target.
+    /// Pixels that get more light than from this target are invalid.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub saturation: Option<Target>,
     /// How the lens dims the image off its axis.
     pub vignetting: Vignetting,
-    /// How much light goes out, by the angle off the axis; linear in between, constant outside. Without any, as much
-    /// everywhere.
+    /// Emitted light, by angle off the axis; linear in between, constant outside. Without any, the same everywhere.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub illumination: Vec<Illumination>,
     /// Random error along the optical axis.
     pub depth_noise: DepthNoise,
     /// Standard deviation of the place that a pixel looks at, pixels across and down, 0 to 10.
     pub lateral_sigma_px: f64,
-    /// Where the projector or the other camera is, in the sensor frame, m: a pixel is invalid whose surface is not seen
-    /// from there.
+    /// Position of the projector or the other camera, in the sensor frame, m: a pixel whose surface is not seen from
+    /// there is invalid.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub second_eye_m: Option<[f64; 3]>,
-    /// Rays of each pixel that look for light which came over another surface, 0 to 256; 0 is none.
+    /// Rays per pixel that look for light that arrived via another surface, 0 to 256; 0 for none.
     pub multipath_rays: u32,
 }
 
@@ -312,8 +311,8 @@ impl DepthCamera {
     }
 
     /// Range, m, and power, 1/m^2, that pixel `beam` makes of the echoes at it, from `ranges` m with the `powers`
-    /// `rho_eff / R^2`, 1/m^2, dimmed by [`DepthCamera::gain`] and weighted by their part of the pixel; none where it is
-    /// invalid.
+    /// `rho_eff / R^2`, 1/m^2, dimmed by [`DepthCamera::gain`] and weighted by their part of the pixel; none where it
+    /// is invalid.
     pub(crate) fn form(&self, rng: &Rng, beam: u32, ranges: &[f32], powers: &[f32]) -> Option<(f32, f32)> {
         let light: f32 = powers.iter().sum();
         if light > self.saturation {

@@ -1,4 +1,4 @@
-//! One block of beams with a ray each and a return each, step by step.
+//! One block of beams with one ray and one return each, step by step.
 
 use super::camera::Looks;
 use super::returns::Gatherer;
@@ -79,7 +79,7 @@ impl Lanes {
 }
 
 thread_local! {
-    /// What this thread works in, from chunk to chunk and scan to scan.
+    /// Working memory of this thread, from chunk to chunk and scan to scan.
     static BLOCK: Cell<Option<Box<Block>>> = const { Cell::new(None) };
 }
 
@@ -151,7 +151,7 @@ impl Default for Block {
 }
 
 impl Block {
-    /// Whatever scan it was for, the next finds what it does not set itself as in a new one.
+    /// Whatever scan it was used for, the next one finds all that it does not set itself as in a new one.
     #[inline(never)]
     fn renew(&mut self) {
         self.lanes = Lanes::new();
@@ -212,7 +212,7 @@ impl Block {
         rays(pointed.each_ref().map(|axis| &axis[..count]), &mut self.rays);
     }
 
-    /// Steps 6 and 8: what the rays hit and what it is like.
+    /// Steps 6 and 8: what the rays hit, and its properties.
     pub fn trace(&mut self, scan: &Scan, count: usize) {
         let Block { rays, hits, surfaces, .. } = self;
         hits.trace(scan.world.scene, rays, count, scan.aim.coherent, scan.options.mask);

@@ -1,4 +1,4 @@
-//! What a block of beams is to a depth camera: pixels.
+//! A block of beams of a depth camera: pixels.
 
 use super::block::{Block, boxed};
 use super::run::Scan;
@@ -20,7 +20,7 @@ const FREE: f32 = 0.999;
 /// Light that came over another surface is why a point is there if it moves it by more than this, m.
 const MOVED: f32 = 0.005;
 
-/// Memory of a block to look from elsewhere in: from a second eye, or after light that comes over other surfaces.
+/// Memory of a block for looking from elsewhere: from a second eye, or for light that comes via other surfaces.
 pub(super) struct Looks {
     rays: RayBatch,
     /// What light comes over.

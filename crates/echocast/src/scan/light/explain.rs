@@ -17,7 +17,7 @@ use std::fmt::{self, Write};
 const MOST: usize = 12;
 
 impl Scan<'_> {
-    /// Tells of beam `beam` step by step. `signals`: how what comes back makes returns.
+    /// Explains beam `beam` step by step. `signals`: how echoes become returns.
     pub fn explain(&self, signals: &Signals, beam: usize) -> Result<String> {
         let mut block: Box<Block> = boxed();
         block.lanes.start_at(beam);

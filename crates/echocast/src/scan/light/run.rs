@@ -1,4 +1,4 @@
-//! One scan: what is the same for all its beams, and their chunks side by side on threads.
+//! One scan: what is the same for all its beams, and their chunks, side by side on threads.
 
 use super::block::{Lanes, Task, with_block};
 use super::halo::Halos;
@@ -19,7 +19,7 @@ use echocast_kernels::measure;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Columns that say which surface it is.
+/// Columns that identify the surface.
 const LABELS: [Field; 6] = [
     Field::CategoryId,
     Field::PartId,
@@ -44,7 +44,7 @@ pub(super) struct Scan<'a> {
     pub world: World<'a>,
     pub detect: Detecting,
     pub measure: Measuring,
-    /// What a depth camera makes of light, if it says so.
+    /// What a depth camera makes of light, if the sensor is one.
     pub camera: Option<&'a DepthCamera>,
     /// How beams of several rays or returns are made; `None` where beams are a ray and a return each.
     pub signals: Option<Signals>,
@@ -82,7 +82,7 @@ pub(super) struct Detecting {
     pub threshold: Threshold,
     /// Noise that looks like echoes, if there is any.
     pub alarms: Option<FalseAlarms>,
-    /// Part of the light that each channel makes use of; empty where all are alike.
+    /// Fraction of the light that each channel uses; empty if all are alike.
     pub efficiency: Vec<f32>,
     pub mode: ReturnMode,
     /// Nearest and farthest range that is reported, m.
@@ -329,7 +329,7 @@ impl Scan<'_> {
         self.measure.errors.pointing_sigma > 0.0 || self.camera.is_some_and(|camera| camera.aside.is_some())
     }
 
-    /// Part of the light that the channel of `beam` makes use of.
+    /// Fraction of the light that the channel of `beam` uses.
     pub fn efficiency_of(&self, beam: u32) -> f32 {
         let channel = usize::from(self.aim.beams.channel[beam as usize]);
         self.detect.efficiency.get(channel).copied().unwrap_or(1.0)
@@ -376,7 +376,7 @@ impl Scan<'_> {
         }
     }
 
-    /// Takes away the hits whose range is none that the instrument reports.
+    /// Removes the hits at ranges that the instrument does not report.
     pub fn limit(&self, surface: &mut [u32; LANES], ranges: &[f32; LANES], lanes: &Lanes, count: usize) {
         let (low, high) = (&self.aim.beams.range_min, &self.aim.beams.range_max);
         if low.is_empty() && high.is_empty() {

@@ -6,7 +6,7 @@ use crate::ground::error::{Error, Result};
 use crate::scan::ScanOptions;
 use glam::{DVec3, Vec3};
 
-/// A point of a ping: the cell that it is, and what the sonar says of it.
+/// A point of a ping: its cell, and what the sonar reports of it.
 struct PingPoint {
     cell: usize,
     beam: usize,
@@ -17,7 +17,7 @@ struct PingPoint {
 }
 
 impl Ping {
-    /// The columns of cells that a cloud of `fields` is made of.
+    /// The columns of cells that a cloud of `fields` is made from.
     pub fn cloud_fields(fields: FieldSet) -> FieldSet {
         let cells = CELL_FIELDS.into_iter().filter(|&field| fields.contains(field) && field != Field::Time);
         let aim = [Field::Intensity, Field::Azimuth, Field::Elevation, Field::Cause];
@@ -29,13 +29,13 @@ impl Ping {
         cells.chain(aim).chain(truth).chain(first).chain(normals).collect()
     }
 
-    /// Its echoes as labelled points, as `options` want them: of swaths and single beams the depth of each beam, along
-    /// the beam's axis; of side-scan and imaging sonars every cell above the threshold, in the direction in which the
-    /// sound of its strongest scatterer left, or where nothing scatters (cause 7) along the beam's axis. Points lie at
-    /// the range that the sonar reports; where sound really was is in `true_x` to `true_range`.
+    /// Its echoes as labelled points, as `options` ask for: for swaths and single beams the depth of each beam, along
+    /// the beam's axis; for side-scan and imaging sonars every cell above the threshold, in the direction in which the
+    /// sound of its strongest scatterer left, or, where nothing scatters (cause 7), along the beam's axis. Points lie
+    /// at the range that the sonar reports; where the sound really was is in `true_x` to `true_range`.
     ///
     /// `intensity` is the echo level, dB re 1 uPa; `firing` the number of the ping; `channel` the beam; `beam` the beam
-    /// of a depth, and the cell, `beam * bins + bin`, of other points.
+    /// for a depth, and the cell, `beam * bins + bin`, for other points.
     ///
     /// # Errors
     /// A ping without [`Ping::cloud_fields`], or with columns that do not fit its layout; no memory.

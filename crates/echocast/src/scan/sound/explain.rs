@@ -1,4 +1,4 @@
-//! One beam of a ping, told step by step: the ray of its echo layer by layer, and the sonar equation term by term.
+//! One beam of a ping, explained step by step: the ray of its echo layer by layer, and the sonar equation term by term.
 
 use super::ping::{PingMemory, Pinging};
 use crate::cloud::{FieldSet, Ping};
@@ -13,11 +13,11 @@ use crate::sensor::Sensor;
 use crate::trace::{Arrival, BuiltScene};
 use std::fmt::Write as _;
 
-/// Layers that are told; the others are summed up.
+/// Layers that are listed; the others are summarised.
 const MOST_LAYERS: usize = 40;
 
 impl BuiltScene {
-    /// Tells what one beam of a ping hears, see [`BuiltScene::explain`].
+    /// Explains what one beam of a ping receives, see [`BuiltScene::explain`].
     pub(in crate::scan) fn explain_ping(
         &self,
         sensor: &Sensor,
@@ -307,7 +307,7 @@ impl Pinging<'_> {
 }
 
 impl PingMemory {
-    /// The strongest arrival that a beam hears in a bin, or [`NOBODY`].
+    /// The strongest arrival that a beam receives in a bin, or [`NOBODY`].
     fn who(&self, beam: usize, bin: usize) -> u32 {
         let tile = self.tile_of(beam);
         tile.who[bin * tile.width() + beam - tile.beams.0]
@@ -327,7 +327,7 @@ impl Pinging<'_> {
         f64::from(self.water.spreading.one_way(log2(arrival.path), self.water.spreading_from()) / LOG2_PER_DB)
     }
 
-    /// Mean power of what a beam hears in a bin, uPa^2: all parts of all rays, by the response.
+    /// Mean power that a beam receives in a bin, uPa^2: all parts of all rays, by the response.
     fn mean_power(&self, memory: &PingMemory, beam: usize, bin: usize) -> f64 {
         let mut sum = 0.0;
         for echoes in memory.all_echoes() {

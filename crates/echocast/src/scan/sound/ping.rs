@@ -1,4 +1,4 @@
-//! One ping of a sonar, step by step: rays through the water, what they meet, what of it the beams hear, levels,
+//! One ping of a sonar, step by step: rays through the water, what they meet, what the beams receive of it, levels,
 //! depths.
 
 use crate::cloud::{CELL_FIELDS, Field, FieldSet, Layout, Ping, Slices, SonarView, Sounding, put};
@@ -28,7 +28,7 @@ use std::sync::Arc;
 /// Rays per task: a constant, so that results cannot depend on the number of threads.
 const CHUNK: usize = 2048;
 
-/// Beams per tile, where rays are heard by several: the sums of a tile fit into the second-level cache.
+/// Beams per tile, where several receive a ray: the sums of a tile fit into the second-level cache.
 const TILE: usize = 32;
 
 /// Memory of a ping, kept from one to the next.
@@ -36,7 +36,7 @@ const TILE: usize = 32;
 pub(crate) struct PingMemory {
     chunks: Vec<RayChunk>,
     tiles: Vec<TileMemory>,
-    /// The layout of the last ping, and what it was made of.
+    /// The layout of the last ping, and what it was made from.
     layout: Option<(LayoutInputs, Arc<Layout>)>,
 }
 
@@ -74,7 +74,7 @@ struct TileMemory {
     soundings: Vec<Sounding>,
 }
 
-/// What a [`Layout`] depends on beside the sensor.
+/// What a [`Layout`] depends on, apart from the sensor.
 #[derive(Clone, PartialEq)]
 struct LayoutInputs {
     sensor: AcousticsSpec,
@@ -121,8 +121,8 @@ impl BuiltScene {
     /// holds those of `options.fields` that are [`CELL_FIELDS`], and always the level (`intensity`).
     ///
     /// # Errors
-    /// A sensor that is no sonar; a sonar above the water or outside its profile; another profile of physics than
-    /// [`Profile::Physical`], of which there are clouds only; as [`BuiltScene::scan`].
+    /// A sensor that is not a sonar; a sonar above the water or outside its profile; another profile than
+    /// [`Profile::Physical`], as the others give clouds only; as [`BuiltScene::scan`].
     pub fn ping(&self, sensor: &Sensor, trajectory: &Trajectory, options: &ScanOptions) -> Result<Ping> {
         let mut ping = Ping::default();
         self.ping_into(sensor, trajectory, options, &mut ping)?;
@@ -132,7 +132,7 @@ impl BuiltScene {
     /// [`BuiltScene::ping`] into the memory of `ping`.
     ///
     /// # Errors
-    /// As [`BuiltScene::ping`]; then `ping` is of no use.
+    /// As [`BuiltScene::ping`]; `ping` is then unusable.
     pub fn ping_into(
         &self,
         sensor: &Sensor,
@@ -149,9 +149,9 @@ impl BuiltScene {
         done
     }
 
-    /// What there is to say against the water of `options` for a sonar at `trajectory`: formulas outside the ranges
-    /// that they were made for, speeds that no water has, sediments at frequencies that nobody has measured them at; in
-    /// the profiles of the paper and its program, against the water that these make of it.
+    /// Warnings about the water of `options` for a sonar at `trajectory`: formulas outside the ranges that they were
+    /// made for, speeds that no water has, sediments at frequencies at which nobody has measured them; in the profiles
+    /// of the paper and its program, about the water that these make of it.
     ///
     /// # Errors
     /// As [`BuiltScene::ping`].
@@ -226,7 +226,7 @@ impl<'a> Pinging<'a> {
         let bin_m = acoustics.bin_m.unwrap_or(0.5 * resolution);
         let bins = (reach.min(fold) / bin_m).ceil();
         let cells = bins * transducer.beams() as f64;
-        /// What fits into memory many times over.
+        /// A size that fits into memory many times over.
         const MOST_CELLS: f64 = 2e7;
         if cells > MOST_CELLS {
             let found = format!("{bin_m} m: {bins} bins of {} beams", transducer.beams());
@@ -389,7 +389,7 @@ impl<'a> Pinging<'a> {
 }
 
 impl TileMemory {
-    /// The ranges that beams report, of sonars that do, by the levels of all cells.
+    /// The ranges that beams report, for sonars that do so, from the levels of all cells.
     fn sound_out(&mut self, pinging: &Pinging, levels: &[f32]) {
         let TileMemory { tile, powers, beside, soundings, .. } = self;
         soundings.clear();
