@@ -1,22 +1,22 @@
 /* echocast: simulated depth sensors. C99, no other header needed.
  *
- * Made of crates/echocast-capi by its test `header`; do not edit.
+ * Generated from crates/echocast-capi by its test `header`; do not edit.
  *
  * Units are metres, radians and nanoseconds; a name with another unit says so. Frames are right-handed, z up; sensors
  * look along x, y is left. Strings are UTF-8 and end in 0; paths are bytes where the system's are.
  *
- * Functions return ECHOCAST_OK or why they failed; echocast_last_error says it in a sentence. A function that makes
+ * Functions return ECHOCAST_OK or why they failed; echocast_last_error says it in a sentence. A function that creates
  * something sets *out to NULL first. Nothing here ends the process, prints, or sets a signal handler; the
- * floating-point state is the caller's again after every call. Where files may grow to a limit, SIGXFSZ is the host's to
- * ignore or handle: then the limit is an error as a full disk is.
+ * floating-point state of the caller is restored after every call. Where files may grow to a limit, SIGXFSZ is the
+ * host's to ignore or handle: then the limit is an error, like a full disk.
  *
- * What cannot be found out is undefined, as anywhere in C: pointers that are neither NULL nor lead to what the function
- * asks for, arrays that are shorter than their count, strings without an end, a struct_size that is larger than the
- * structure, memory that is freed or changed during a call. Handles are looked up and never followed.
+ * What cannot be checked is undefined behaviour, as always in C: pointers that are neither NULL nor point to what the
+ * function asks for, arrays shorter than their count, strings without an end, a struct_size larger than the structure,
+ * memory that is freed or changed during a call. Handles are looked up and never dereferenced.
  *
- * Threads: functions that take a pointer to const only look, and any number of threads may call them at once for one
- * object. Of the others one thread at a time may be in a call for one object; ECHOCAST_E_BUSY tells another one. Handles
- * may be released on any thread, once; what uses the object keeps it.
+ * Threads: functions that take a pointer to const only read, and any number of threads may call them at once for one
+ * object. Of the other functions, one thread at a time may be in a call for one object; another gets ECHOCAST_E_BUSY.
+ * Handles may be released on any thread, once; whatever uses the object keeps it.
  */
 
 #ifndef ECHOCAST_H
@@ -40,11 +40,11 @@
 #define ECHOCAST_VERSION                                                                                               \
     ((uint32_t)ECHOCAST_VERSION_MAJOR << 24 | (uint32_t)ECHOCAST_VERSION_MINOR << 12 | (uint32_t)ECHOCAST_VERSION_PATCH)
 
-/** The pose of what stands at the parent's origin, not turned. */
+/** The pose of something at the parent's origin, not rotated. */
 #define ECHOCAST_POSE_IDENTITY                                                                                         \
     { { 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0 } }
 
-/* What a structure has before anything is set in it: `echocast_scan_desc desc = ECHOCAST_SCAN_DESC_INIT;` */
+/* The initial values of a structure: `echocast_scan_desc desc = ECHOCAST_SCAN_DESC_INIT;` */
 #define ECHOCAST_CONTEXT_DESC_INIT { sizeof(echocast_context_desc), 0, 2, 0, 0 }
 #define ECHOCAST_IMAGE_INIT { sizeof(echocast_image), 0, 0, 0, 3, 0, 0 }
 #define ECHOCAST_SCENE_DESC_INIT { sizeof(echocast_scene_desc), 0 }
@@ -71,13 +71,13 @@ extern "C" {
 /** Done. */
 #define ECHOCAST_OK 0
 
-/** An argument is not what is allowed. */
+/** An argument is not allowed. */
 #define ECHOCAST_E_ARGUMENT 1
 
-/** The object cannot be used any more: a call on it failed half-way by a defect of the library. */
+/** The object can no longer be used: a call on it failed halfway because of a defect of the library. */
 #define ECHOCAST_E_STATE 2
 
-/** A handle or the number of an instance stands for nothing: released, of another kind or another context. */
+/** A handle or the number of an instance is invalid: released, of another kind or of another context. */
 #define ECHOCAST_E_HANDLE 3
 
 /** The system gives no more memory, or no more threads. */
@@ -86,30 +86,30 @@ extern "C" {
 /** The system refused a file: it is missing, not permitted, the disk is full. */
 #define ECHOCAST_E_IO 5
 
-/** A file or text does not say what it should. */
+/** A file or text does not have the expected contents. */
 #define ECHOCAST_E_PARSE 6
 
 /** This build cannot do it. */
 #define ECHOCAST_E_UNSUPPORTED 7
 
-/** The progress callback wanted no more. */
+/** The progress callback ended the scan. */
 #define ECHOCAST_E_CANCELLED 8
 
-/** The object is in use right now: by another thread, or by the call that this one is in a callback of. 9 is reserved. */
+/** The object is in use: by another thread, or by the call whose callback this call comes from. 9 is reserved. */
 #define ECHOCAST_E_BUSY 10
 
-/** A structure of a header that is newer than this library, with something set that it does not know. */
+/** A structure from a header newer than this library has something set that the library does not know. */
 #define ECHOCAST_E_VERSION 11
 
 /** A defect of the library; please report the text. */
 #define ECHOCAST_E_INTERNAL 99
 
-/** What became of a call. The numbers never change and are never used for something else; more may be added. */
+/** The result of a call. The numbers never change and are never reused; more may be added. */
 typedef int32_t echocast_status;
 
 /**
- * Why this thread's last call that failed did so: one sentence that names the argument, what it was and what is
- * allowed. "" if none failed.
+ * Why this thread's last failed call failed: one sentence that names the argument, what it was and what is allowed. ""
+ * if none failed.
  *
  * Valid until the next call on this thread that fails, or its end. Never NULL.
  */
@@ -124,7 +124,7 @@ ECHOCAST_API const char *echocast_status_string(echocast_status status);
 
 /* -- The library ----------------------------------------------------------------------------------------------------- */
 
-/** Version of the library that runs: major << 24 | minor << 12 | patch. That of the header is ECHOCAST_VERSION. */
+/** Version of the running library: major << 24 | minor << 12 | patch. That of the header is ECHOCAST_VERSION. */
 ECHOCAST_API uint32_t echocast_version(void);
 
 /**
@@ -135,14 +135,14 @@ ECHOCAST_API uint32_t echocast_version(void);
 ECHOCAST_API const char *echocast_version_string(void);
 
 /**
- * Whether the library can do what has a name: a format that clouds are written in ("las", "hdf5") or scenes read from
- * ("gltf", "obj"), a column ("true_range"). 1 or 0, also for names that nothing has and for NULL.
+ * Whether the library has a feature: a format that clouds are written in ("las", "hdf5") or scenes are read from
+ * ("gltf", "obj"), a column ("true_range"). 1 or 0; 0 for unknown names and for NULL.
  */
 ECHOCAST_API int32_t echocast_has_feature(const char *name);
 
 /**
- * Names that functions take, one by one: `list` is "presets" (sensors), "columns", "formats" (of clouds),
- * "scene_formats"; `index` counts from 0. NULL after the last, and for another list.
+ * Names that functions accept, one by one: `list` is "presets" (sensors), "columns", "formats" (of clouds),
+ * "scene_formats"; `index` counts from 0. NULL after the last, and for an unknown list.
  *
  * Static: valid as long as the library is loaded.
  *
@@ -156,21 +156,21 @@ ECHOCAST_API const char *echocast_name(const char *list, size_t index);
 
 /* -- Contexts -------------------------------------------------------------------------------------------------------- */
 
-/** Nothing is said. 1 is reserved. */
+/** No messages. 1 is reserved. */
 #define ECHOCAST_LOG_OFF 0
 
-/** What was done nonetheless, though something was left out or looks wrong. */
+/** Done, but something was left out or looks wrong. */
 #define ECHOCAST_LOG_WARN 2
 
 /** What was done. */
 #define ECHOCAST_LOG_INFO 3
 
-/** Threads and Embree's device; everything else belongs to a context. Contexts do not notice each other. */
+/** Threads and Embree's device; everything else belongs to a context. Contexts are independent of each other. */
 typedef struct echocast_context echocast_context;
 
 /**
- * Takes a message of one sentence, valid during the call. It may be called on any thread, on several at once, and must
- * neither throw nor call the library.
+ * Receives a message of one sentence, valid during the call. It may be called on any thread, on several at once, and
+ * must neither throw nor call the library.
  */
 typedef void (*echocast_log_fn)(void *user, int32_t level, const char *text);
 
@@ -179,34 +179,34 @@ typedef struct echocast_context_desc {
     /** sizeof(echocast_context_desc). */
     size_t struct_size;
     /**
-     * Threads of the context's own that scan: 0 as many as the machine has cores, 1 none at all (the calling thread
-     * does everything, on 256 KiB of its stack), up to 1024. One less, up to one for each core, helps to build large
-     * meshes. All are started with the context; nothing asks the system for threads later on, Embree's TBB neither.
+     * Threads of the context's own that scan, up to 1024: 0 for as many as the machine has cores, 1 for none at all
+     * (the calling thread does everything, on 256 KiB of its stack). One less, up to one per core, help to build large
+     * meshes. All are started with the context; nothing asks the system for threads later, nor does Embree's TBB.
      */
     int32_t threads;
     /** Least important messages for `log`: an ECHOCAST_LOG_ number. */
     int32_t log_level;
-    /** Takes messages; may be NULL. */
+    /** Receives messages; may be NULL. */
     echocast_log_fn log;
     /** First argument of `log`. */
     void *log_user;
 } echocast_context_desc;
 
 /**
- * Makes a context: starts its threads, which have the signal mask of this one, and loads Embree. A process that was
- * forked afterwards has no such threads: make contexts after a fork. `desc`: NULL for the defaults. `*out` is the new
- * context, to be released with echocast_context_release.
+ * Creates a context: starts its threads, which have the signal mask of this one, and loads Embree. A process forked
+ * afterwards does not have these threads: create contexts after a fork. `desc`: NULL for the defaults. `*out` is the
+ * new context; release it with echocast_context_release.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_UNSUPPORTED (Embree is too old, or the processor), ECHOCAST_E_MEMORY (the
- * system gives no memory, or not so many threads). Any thread may call this.
+ * system gives no memory, or not enough threads). Any thread may call this.
  */
 ECHOCAST_API
 echocast_status echocast_context_create(const echocast_context_desc *desc,
                                         echocast_context **out);
 
 /**
- * Releases a context. What was made with it stays usable; its threads end with the last of that. NULL is allowed.
- * Any thread may call this.
+ * Releases a context. What was made with it stays usable; its threads end when the last of these is released. NULL is
+ * allowed. Any thread may call this.
  */
 ECHOCAST_API void echocast_context_release(echocast_context *context);
 
@@ -215,13 +215,13 @@ ECHOCAST_API void echocast_context_release(echocast_context *context);
 /** What surfaces are made of; immutable. */
 typedef struct echocast_material echocast_material;
 
-/** An image on a surface: rows from the top, 8 bits a channel, colours sRGB-encoded; ECHOCAST_IMAGE_INIT is empty. */
+/** An image on a surface: rows from the top, 8 bits per channel, colours sRGB-encoded; ECHOCAST_IMAGE_INIT is empty. */
 typedef struct echocast_image {
     /** sizeof(echocast_image). */
     size_t struct_size;
     /** The pixels; copied by the call. */
     const uint8_t *data;
-    /** Pixels of a row, 1 to 16384. */
+    /** Pixels per row, 1 to 16384. */
     uint32_t width;
     /** Rows, 1 to 16384. */
     uint32_t height;
@@ -234,7 +234,7 @@ typedef struct echocast_image {
 } echocast_image;
 
 /**
- * Makes a material of YAML text with the keys of a material file: `name`, `base_color`, `reflectance` and so on.
+ * Creates a material from YAML text with the keys of a material file: `name`, `base_color`, `reflectance` and so on.
  * `image` multiplies its base colour where the mesh has texture coordinates; NULL for none.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_PARSE (line and key), ECHOCAST_E_MEMORY. Any thread may call this.
@@ -255,27 +255,27 @@ ECHOCAST_API void echocast_material_release(echocast_material *material);
 
 /* -- Meshes ---------------------------------------------------------------------------------------------------------- */
 
-/** The arrays of a mesh are copied by the call. */
+/** The call copies the arrays of a mesh. */
 #define ECHOCAST_MESH_COPY 0
 
-/** The arrays of a mesh stay the host's, who neither changes nor frees them before `released` is called. */
+/** The arrays of a mesh stay the host's, which neither changes nor frees them before `released` is called. */
 #define ECHOCAST_MESH_BORROW 1
 
 /** Triangles that instances place in a scene; immutable. */
 typedef struct echocast_mesh echocast_mesh;
 
 /**
- * Triangles of one mesh that follow each other and have one material and one part label; ECHOCAST_PART_INIT has the
+ * Consecutive triangles of one mesh that have one material and one part label; ECHOCAST_PART_INIT has the
  * defaults.
  */
 typedef struct echocast_part {
-    /** Its first triangle. */
+    /** The first triangle. */
     uint32_t first_triangle;
-    /** How many there are. */
+    /** Number of triangles. */
     uint32_t triangle_count;
-    /** What it is made of; NULL for the default material. */
+    /** Material; NULL for the default material. */
     const echocast_material *material;
-    /** Its number in the column part_id; 0 = unlabelled. */
+    /** Number in the column part_id; 0 = unlabelled. */
     uint32_t part_id;
     /** 0. */
     uint32_t reserved;
@@ -287,7 +287,7 @@ typedef struct echocast_mesh_desc {
     size_t struct_size;
     /** Positions of the vertices, x, y, z in metres, -1e18 to 1e18, in the frame of the mesh. */
     const float *positions;
-    /** Bytes from vertex to vertex, a multiple of 4; 0 for 12, which borrowed positions must have. */
+    /** Bytes from vertex to vertex, a multiple of 4; 0 means 12, which is required for borrowed positions. */
     size_t position_stride;
     /** Vertices, 1 to 4294967294. */
     uint32_t vertex_count;
@@ -297,18 +297,18 @@ typedef struct echocast_mesh_desc {
     const uint32_t *indices;
     /** A shading normal of length 1 for each vertex; NULL for flat triangles. */
     const float *normals;
-    /** Texture coordinates u, v of each vertex, v down from the image's top; NULL without image. */
+    /** Texture coordinates u, v of each vertex, v down from the top of the image; NULL without an image. */
     const float *uvs;
-    /** Parts that cover all triangles in their order; NULL for one part of the default material without label. */
+    /** Parts that cover all triangles in order; NULL for one part with the default material and no label. */
     const echocast_part *parts;
-    /** How many parts there are. */
+    /** Number of parts. */
     uint32_t part_count;
     /** ECHOCAST_MESH_COPY or ECHOCAST_MESH_BORROW. */
     int32_t ownership;
     /**
-     * Called once, on any thread, when nothing uses borrowed arrays any more (not for copied ones): the mesh has been
-     * released, and so has everything that was made with it. It must neither throw nor call the library. Not called
-     * when the mesh could not be made. May be NULL.
+     * Called once, on any thread, when nothing uses borrowed arrays any more (not for copied ones): the mesh and
+     * everything made with it have been released. It must neither throw nor call the library. Not called if the mesh
+     * could not be created. May be NULL.
      */
     void (*released)(void *user);
     /** Argument of `released`. */
@@ -318,7 +318,7 @@ typedef struct echocast_mesh_desc {
 } echocast_mesh_desc;
 
 /**
- * Makes a mesh. Its own structure for tracing is built when an instance is first committed, or by
+ * Creates a mesh. Its own structure for tracing is built when an instance is first committed, or by
  * echocast_mesh_prepare.
  *
  * Errors: ECHOCAST_E_ARGUMENT (the vertex, index or part that is wrong), ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY. Any
@@ -340,7 +340,7 @@ echocast_status echocast_mesh_create(const echocast_context *context,
                                      echocast_mesh **out);
 
 /**
- * Builds the structure that instances of the mesh are traced with, which the first commit would do otherwise.
+ * Builds the structure that instances of the mesh are traced with, which the first commit would otherwise build.
  *
  * Errors: ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY. Any thread may call this, also while scenes are edited.
  */
@@ -351,7 +351,7 @@ ECHOCAST_API void echocast_mesh_release(echocast_mesh *mesh);
 
 /* -- Scenes and snapshots -------------------------------------------------------------------------------------------- */
 
-/** Instances that come, go and move. One thread at a time may edit it; ECHOCAST_E_BUSY tells another one. */
+/** Instances that are added, removed and moved. One thread at a time may edit it; another gets ECHOCAST_E_BUSY. */
 typedef struct echocast_scene echocast_scene;
 
 /** A scene as it was when it was committed; immutable. Any number of threads may scan it. */
@@ -363,8 +363,8 @@ typedef struct echocast_scene_desc {
     size_t struct_size;
     /**
      * World position, three numbers, metres, that the single-precision coordinates of results are relative to. NULL:
-     * the first commit with an instance chooses, the world's own origin for scenes within a kilometre of it. Choose
-     * one near the vehicle for survey coordinates: 8 km from it coordinates are rounded to half a millimetre.
+     * the first commit with an instance chooses it, the world's own origin for scenes within a kilometre of it. For
+     * survey coordinates, choose one near the vehicle: 8 km from it, coordinates are rounded to half a millimetre.
      */
     const double *origin;
 } echocast_scene_desc;
@@ -383,32 +383,35 @@ typedef struct echocast_pose {
 typedef struct echocast_instance_desc {
     /** sizeof(echocast_instance_desc). */
     size_t struct_size;
-    /** Its shape, of the scene's context. */
+    /** Its mesh, from the scene's context. */
     const echocast_mesh *mesh;
     /** Where it is in the world. */
     echocast_pose pose;
     /** Number in the column category_id; 0 = unlabelled. */
     uint32_t category_id;
-    /** Number in the column instance_id; 0 = unlabelled. Instances may share one; the first to have it names it. */
+    /**
+     * Number in the column instance_id; 0 = unlabelled. Instances may share a number; the first to have it
+     * names it.
+     */
     uint32_t instance_id;
-    /** Scans see it whose mask shares a bit with this; not 0. */
+    /** Scans whose mask shares a bit with this see it; not 0. */
     uint32_t mask;
     /**
      * 1: it stays where it is. Fixed instances with a mesh of their own are built together, the fastest to trace;
-     * whenever one comes, goes or is changed, all are built anew. 0: it may move, at the cost of a few microseconds a
+     * whenever one is added, removed or changed, all are rebuilt. 0: it may move, at a cost of a few microseconds per
      * commit.
      */
     int32_t fixed;
-    /** In place of the materials of the mesh; NULL for those. */
+    /** Replaces the materials of the mesh; NULL to keep those. */
     const echocast_material *material;
     /** Name, for echocast_scene_find, messages and the files' table of instances; NULL for none. */
     const char *name;
 } echocast_instance_desc;
 
-/** An instance of a mesh in a scene: a number that is never given to another one. 0 is none. */
+/** An instance of a mesh in a scene: a number that is never reused. 0 means none. */
 typedef uint64_t echocast_instance;
 
-/** An instance as it is; ECHOCAST_INSTANCE_INFO_INIT is empty. */
+/** The current state of an instance; ECHOCAST_INSTANCE_INFO_INIT is empty. */
 typedef struct echocast_instance_info {
     /** sizeof(echocast_instance_info). */
     size_t struct_size;
@@ -418,19 +421,19 @@ typedef struct echocast_instance_info {
     uint32_t category_id;
     /** Number in the column instance_id. */
     uint32_t instance_id;
-    /** Scans see it whose mask shares a bit with this. */
+    /** Scans whose mask shares a bit with this see it. */
     uint32_t mask;
     /** Parts of its mesh. */
     uint32_t part_count;
     /** Triangles of its mesh. */
     size_t triangle_count;
-    /** Where its name is written, and a 0 behind it, cut off where it is longer; NULL if it is not wanted. To be set. */
+    /** Where its name is written, ending in 0, cut off if it is too long; NULL if not wanted. Set by the caller. */
     char *name;
-    /** Bytes of room at `name`. To be set. */
+    /** Capacity of `name`, bytes. Set by the caller. */
     size_t name_capacity;
 } echocast_instance_info;
 
-/** What a scene holds; ECHOCAST_SCENE_INFO_INIT is empty. */
+/** The contents of a scene; ECHOCAST_SCENE_INFO_INIT is empty. */
 typedef struct echocast_scene_info {
     /** sizeof(echocast_scene_info). */
     size_t struct_size;
@@ -438,14 +441,14 @@ typedef struct echocast_scene_info {
     size_t instances;
     /** Triangles, each mesh counted as often as it is placed. */
     size_t triangles;
-    /** Lowest corner of the box around all instances, world, metres; all 0 without any. */
+    /** Lowest corner of the box around all instances, in the world, metres; all 0 without instances. */
     double low[3];
-    /** Highest corner. */
+    /** Highest corner of that box. */
     double high[3];
 } echocast_scene_info;
 
 /**
- * Makes a scene without instances. `desc`: NULL for the defaults.
+ * Creates a scene without instances. `desc`: NULL for the defaults.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE. Any thread may call this.
  */
@@ -458,15 +461,15 @@ echocast_status echocast_scene_create(const echocast_context *context,
 ECHOCAST_API void echocast_scene_release(echocast_scene *scene);
 
 /**
- * Adds what a scene file holds (glTF, GLB, OBJ): its objects as fixed instances with their labels, and its cameras.
- * `options`: NULL, or YAML with `up` (y or z) and `scale` (metres per unit) for formats that do not say; `labels`,
- * which holds what a label file does; `texture_limit_mib` (1024), most memory for all images; and
- * `allow_outside_paths` (false), whether the scene may name files that are not in its own folder. Categories and
- * parts whose name the scene knows get the number that it has there; instances count on from the greatest number
- * that has a name, from 1 in a scene without any.
+ * Adds the contents of a scene file (glTF, GLB, OBJ): its objects as fixed instances with their labels, and its
+ * cameras. `options`: NULL, or YAML with `up` (y or z) and `scale` (metres per unit) for formats that do not define
+ * them; `labels`, with the contents of a label file; `texture_limit_mib` (1024), most memory for all images; and
+ * `allow_outside_paths` (false), whether the scene may name files that are not in its own folder. Categories and parts
+ * whose name is already in the scene get its number there; instances are numbered on from the greatest number that has
+ * a name, from 1 if there is none.
  *
  * Errors: ECHOCAST_E_IO, ECHOCAST_E_PARSE (file and place), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_ARGUMENT,
- * ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY; then the scene is as it was.
+ * ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY; the scene is then unchanged.
  *
  * ```c
  * echocast_scene_load(scene, "street.glb", "labels: {numbers: {car: 10, road: 40}}");
@@ -474,7 +477,7 @@ ECHOCAST_API void echocast_scene_release(echocast_scene *scene);
  */
 ECHOCAST_API echocast_status echocast_scene_load(echocast_scene *scene, const char *path, const char *options);
 
-/** As echocast_scene_load, from the bytes of a GLB file, or of a glTF file whose buffers and images stand in it. */
+/** Like echocast_scene_load, from the bytes of a GLB file, or of a glTF file with embedded buffers and images. */
 ECHOCAST_API
 echocast_status echocast_scene_load_memory(echocast_scene *scene,
                                            const void *data,
@@ -482,9 +485,9 @@ echocast_status echocast_scene_load_memory(echocast_scene *scene,
                                            const char *options);
 
 /**
- * Adds an instance of a mesh. `*out` is its number; NULL if it is not wanted.
+ * Adds an instance of a mesh. `*out` is its number; `out` may be NULL.
  *
- * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY; then the scene is as it was.
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY; the scene is then unchanged.
  *
  * ```c
  * echocast_instance_desc desc = ECHOCAST_INSTANCE_DESC_INIT;
@@ -502,16 +505,16 @@ echocast_status echocast_scene_add(echocast_scene *scene,
                                    echocast_instance *out);
 
 /**
- * Takes an instance away. Its number is never used again.
+ * Removes an instance. Its number is never reused.
  *
  * Errors: ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */
 ECHOCAST_API echocast_status echocast_scene_remove(echocast_scene *scene, echocast_instance id);
 
 /**
- * Finds the first instance of a name; those of files are called as in the file.
+ * Finds the first instance with a name; instances from files have their names in the file.
  *
- * Errors: ECHOCAST_E_ARGUMENT (no such name; near ones are told), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ * Errors: ECHOCAST_E_ARGUMENT (no such name; similar ones are listed), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */
 ECHOCAST_API
 echocast_status echocast_scene_find(const echocast_scene *scene,
@@ -519,8 +522,8 @@ echocast_status echocast_scene_find(const echocast_scene *scene,
                                     echocast_instance *out);
 
 /**
- * Writes the numbers of instances to `ids`, which has room for `capacity` of them, in a fixed order from the one at
- * `first` on. `*count` (may be NULL): how many there are in all.
+ * Writes the numbers of instances to `ids`, which has room for `capacity` of them, in a fixed order, starting at index
+ * `first`. `*count` (may be NULL): the total number of instances.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */
@@ -532,7 +535,7 @@ echocast_status echocast_scene_get_instances(const echocast_scene *scene,
                                              size_t *count);
 
 /**
- * Tells what an instance is. `*info` has its struct_size set, and where its name is to go.
+ * Gets the state of an instance. The caller sets struct_size of `*info`, and where its name is to go.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */
@@ -542,9 +545,9 @@ echocast_status echocast_scene_get_instance(const echocast_scene *scene,
                                             echocast_instance_info *info);
 
 /**
- * Finds where the camera node of a name in a loaded file stands, as a sensor's pose: x along its view, z up.
+ * Gets the pose of the camera node with a name in a loaded file, as a sensor's pose: x along its view, z up.
  *
- * Errors: ECHOCAST_E_ARGUMENT (no such name; near ones are told), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ * Errors: ECHOCAST_E_ARGUMENT (no such name; similar ones are listed), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */
 ECHOCAST_API
 echocast_status echocast_scene_camera(const echocast_scene *scene,
@@ -552,7 +555,7 @@ echocast_status echocast_scene_camera(const echocast_scene *scene,
                                       echocast_pose *out);
 
 /**
- * Tells what a scene holds. `*info` has its struct_size set.
+ * Gets the contents of a scene. The caller sets struct_size of `*info`.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */
@@ -561,7 +564,7 @@ echocast_status echocast_scene_get_info(const echocast_scene *scene,
                                         echocast_scene_info *info);
 
 /**
- * Puts instances somewhere else: `ids[i]` to `poses[i]`, all or, on an error, none. Fixed ones may move from then on.
+ * Moves instances: `ids[i]` to `poses[i]`, all or, on an error, none. Fixed instances may move from then on.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */
@@ -573,11 +576,11 @@ echocast_status echocast_scene_set_poses(echocast_scene *scene,
 
 /**
  * Gives the vertices of an instance new positions: `count` times x, y, z, as many as its mesh has, and shading
- * normals, or NULL for flat triangles. Its mesh becomes its own; others that share it keep theirs. The arrays are
+ * normals, or NULL for flat triangles. It then has its own mesh; others that share the mesh keep it. The arrays are
  * copied. The parts of its mesh must share their vertices, as those of echocast_mesh_create do; those of files may
  * not.
  *
- * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY; then it is as it was.
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY; the instance is then unchanged.
  */
 ECHOCAST_API
 echocast_status echocast_scene_set_vertices(echocast_scene *scene,
@@ -587,8 +590,8 @@ echocast_status echocast_scene_set_vertices(echocast_scene *scene,
                                             size_t count);
 
 /**
- * Sets the labels of an instance: category, number of this very instance, and those of the parts of its mesh, or NULL
- * to keep them.
+ * Sets the labels of an instance: its category, its own number, and those of the parts of its mesh, or NULL to keep
+ * these.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */
@@ -601,14 +604,14 @@ echocast_status echocast_scene_set_labels(echocast_scene *scene,
                                           size_t part_count);
 
 /**
- * Sets by which scans an instance is seen: those whose mask shares a bit with `mask`, which may be 0.
+ * Sets which scans see an instance: those whose mask shares a bit with `mask`, which may be 0.
  *
  * Errors: ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */
 ECHOCAST_API echocast_status echocast_scene_set_mask(echocast_scene *scene, echocast_instance id, uint32_t mask);
 
 /**
- * Gives an instance one material in place of those of its mesh; NULL: those of its mesh again.
+ * Gives an instance one material instead of those of its mesh; NULL restores those of its mesh.
  *
  * Errors: ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */
@@ -618,7 +621,7 @@ echocast_status echocast_scene_set_material(echocast_scene *scene,
                                             const echocast_material *material);
 
 /**
- * Names a number of a label column; the names travel with every file. `table`: "category", "part" or "instance".
+ * Names a number in a label column; the names travel with every file. `table`: "category", "part" or "instance".
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */
@@ -629,8 +632,8 @@ echocast_status echocast_scene_name_label(echocast_scene *scene,
                                           const char *name);
 
 /**
- * Builds what has changed. `*out` is the scene as it is now, which can be scanned while the next one is edited; it is
- * to be released with echocast_snapshot_release.
+ * Builds what has changed. `*out` is a snapshot of the scene as it is now, which can be scanned while the scene is
+ * edited further; release it with echocast_snapshot_release.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY.
  */
@@ -641,7 +644,7 @@ ECHOCAST_API void echocast_snapshot_release(echocast_snapshot *snapshot);
 
 /* -- Sensors --------------------------------------------------------------------------------------------------------- */
 
-/** Every beam is a firing of its own. */
+/** Every beam is its own firing. */
 #define ECHOCAST_FIRING_BEAMS 0
 
 /** All beams of a column belong to one firing. */
@@ -651,8 +654,8 @@ ECHOCAST_API void echocast_snapshot_release(echocast_snapshot *snapshot);
 #define ECHOCAST_FIRING_FRAME 2
 
 /**
- * An instrument: where its beams point, what it sees, and the errors that it makes. Any number of threads may scan
- * with it; one at a time may change it.
+ * An instrument: where its beams point, what it sees, and the errors it makes. Any number of threads may scan with it;
+ * only one at a time may change it.
  */
 typedef struct echocast_sensor echocast_sensor;
 
@@ -664,7 +667,7 @@ typedef struct echocast_beam {
     float direction[3];
     /** Nearest range that is reported, metres. */
     float range_min_m;
-    /** Farthest range that is reported, metres; 0 for no limit but the sensor's. */
+    /** Farthest range that is reported, metres; 0 for the sensor's own limit only. */
     float range_max_m;
     /** Emitter index, 0 to 65535. */
     uint32_t channel;
@@ -672,14 +675,14 @@ typedef struct echocast_beam {
     uint32_t reserved[4];
 } echocast_beam;
 
-/** A sensor of beams; ECHOCAST_BEAMS_DESC_INIT is empty. */
+/** A sensor made of beams; ECHOCAST_BEAMS_DESC_INIT is empty. */
 typedef struct echocast_beams_desc {
     /** sizeof(echocast_beams_desc). */
     size_t struct_size;
     /** Its name. */
     const char *name;
     /**
-     * rows * columns beams, row by row. Neighbours in a row should be neighbours in angle, which is several times as
+     * rows * columns beams, row by row. Neighbours in a row should be neighbours in angle: this is several times as
      * fast.
      */
     const echocast_beam *beams;
@@ -695,11 +698,11 @@ typedef struct echocast_beams_desc {
     int32_t reserved;
 } echocast_beams_desc;
 
-/** What a sensor is; ECHOCAST_SENSOR_INFO_INIT is empty. */
+/** The shape of a sensor; ECHOCAST_SENSOR_INFO_INIT is empty. */
 typedef struct echocast_sensor_info {
     /** sizeof(echocast_sensor_info). */
     size_t struct_size;
-    /** Rows of its range image: channels of a spinning sensor, pixel rows of a camera, 1 of a sonar. */
+    /** Rows of its range image: channels of a spinning sensor, pixel rows of a camera, 1 for a sonar. */
     uint32_t rows;
     /** Columns of its range image. It has rows * columns beams; beam row * columns + column. */
     uint32_t columns;
@@ -708,10 +711,11 @@ typedef struct echocast_sensor_info {
 } echocast_sensor_info;
 
 /**
- * Makes a sensor. `sensor`: the name of a preset ("velodyne_vlp32c", see echocast_name) or the path of a sensor file.
+ * Creates a sensor. `sensor`: the name of a preset ("velodyne_vlp32c", see echocast_name) or the path of a sensor
+ * file.
  *
- * Errors: ECHOCAST_E_ARGUMENT (no such preset; near ones are told), ECHOCAST_E_IO, ECHOCAST_E_PARSE (file, line, key).
- * Any thread may call this.
+ * Errors: ECHOCAST_E_ARGUMENT (no such preset; similar names are listed), ECHOCAST_E_IO, ECHOCAST_E_PARSE (file, line,
+ * key). Any thread may call this.
  */
 ECHOCAST_API
 echocast_status echocast_sensor_create(const echocast_context *context,
@@ -719,8 +723,8 @@ echocast_status echocast_sensor_create(const echocast_context *context,
                                        echocast_sensor **out);
 
 /**
- * Makes a sensor of YAML text, which says what a sensor file does. `folder`: where names of other files in it start;
- * NULL for the working folder.
+ * Creates a sensor from YAML text with the contents of a sensor file. `folder`: where relative paths in it start; NULL
+ * for the working folder.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_IO, ECHOCAST_E_PARSE (line and key). Any thread may call this.
  */
@@ -731,8 +735,8 @@ echocast_status echocast_sensor_from_text(const echocast_context *context,
                                           echocast_sensor **out);
 
 /**
- * Makes an ideal lidar of beams: no noise, no threshold, no range limit but theirs; echocast_sensor_set adds what is
- * wanted.
+ * Creates an ideal lidar from beams: no noise, no threshold, no range limit but theirs; echocast_sensor_set adds what
+ * you want.
  *
  * Errors: ECHOCAST_E_ARGUMENT (the beam that is wrong), ECHOCAST_E_MEMORY. Any thread may call this.
  */
@@ -743,18 +747,18 @@ echocast_status echocast_sensor_from_beams(const echocast_context *context,
 
 /**
  * Changes a parameter: `key` is its path in the sensor file ("noise.range_sigma_m"), `value` YAML: a number, a word, a
- * list or a whole section; "null" takes an optional one away.
+ * list or a whole section; "null" removes an optional one.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_PARSE (key, what was found, what is allowed), ECHOCAST_E_BUSY (a scan is
- * using the sensor); then it is as it was.
+ * using the sensor); the sensor is then unchanged.
  */
 ECHOCAST_API echocast_status echocast_sensor_set(echocast_sensor *sensor, const char *key, const char *value);
 
 /**
- * Reads a parameter that is a number, with the least and the greatest value that it may have (infinite without a
- * bound). `value`, `min` and `max` may each be NULL.
+ * Reads a parameter that is a number, with the least and the greatest value that is allowed (infinite if unbounded).
+ * `value`, `min` and `max` may each be NULL.
  *
- * Errors: ECHOCAST_E_ARGUMENT (no such key, or no number), ECHOCAST_E_BUSY.
+ * Errors: ECHOCAST_E_ARGUMENT (no such key, or not a number), ECHOCAST_E_BUSY.
  */
 ECHOCAST_API
 echocast_status echocast_sensor_get(const echocast_sensor *sensor,
@@ -764,8 +768,8 @@ echocast_status echocast_sensor_get(const echocast_sensor *sensor,
                                     double *max);
 
 /**
- * Writes the sensor as YAML, every key that has a value, to `yaml`, which has room for `capacity` bytes, cut off where
- * it is longer. `*needed`: bytes of the whole with the 0 at its end. One of `yaml` and `needed` may be NULL.
+ * Writes the sensor as YAML, every key that has a value, to `yaml`, which has room for `capacity` bytes; longer text
+ * is cut off. `*needed`: bytes of the whole text, including the 0 at its end. One of `yaml` and `needed` may be NULL.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_BUSY.
  */
@@ -776,7 +780,7 @@ echocast_status echocast_sensor_describe(const echocast_sensor *sensor,
                                          size_t *needed);
 
 /**
- * Tells the shape of a sensor. `*info` has its struct_size set.
+ * Gets the shape of a sensor. The caller sets struct_size of `*info`.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_BUSY.
  */
@@ -785,7 +789,7 @@ echocast_status echocast_sensor_get_info(const echocast_sensor *sensor,
                                          echocast_sensor_info *info);
 
 /**
- * Writes beams `first` to `first + count - 1` to `beams`, to look at the pattern.
+ * Writes beams `first` to `first + count - 1` to `beams`, to inspect the pattern.
  *
  * Errors: ECHOCAST_E_ARGUMENT (more than there are), ECHOCAST_E_BUSY.
  */
@@ -815,40 +819,40 @@ ECHOCAST_API void echocast_sensor_release(echocast_sensor *sensor);
 /** Unsigned 32-bit number. */
 #define ECHOCAST_TYPE_U32 5
 
-/** Signed 8-bit number; only to pack. */
+/** Signed 8-bit number; for packing only. */
 #define ECHOCAST_TYPE_I8 6
 
-/** Signed 16-bit number; only to pack. */
+/** Signed 16-bit number; for packing only. */
 #define ECHOCAST_TYPE_I16 7
 
-/** Signed 32-bit number; only to pack. */
+/** Signed 32-bit number; for packing only. */
 #define ECHOCAST_TYPE_I32 8
 
-/** Signed 64-bit number; only to pack. */
+/** Signed 64-bit number; for packing only. */
 #define ECHOCAST_TYPE_I64 9
 
-/** Unsigned 64-bit number; only to pack. */
+/** Unsigned 64-bit number; for packing only. */
 #define ECHOCAST_TYPE_U64 10
 
-/** Points, column by column. Any number of threads may read it; one at a time may change it. */
+/** Points, column by column. Any number of threads may read it; only one at a time may change it. */
 typedef struct echocast_result echocast_result;
 
-/** What a result is; ECHOCAST_RESULT_INFO_INIT is empty. */
+/** Information on a result; ECHOCAST_RESULT_INFO_INIT is empty. */
 typedef struct echocast_result_info {
     /** sizeof(echocast_result_info). */
     size_t struct_size;
     /** Points. */
     size_t count;
     /**
-     * Rows of the range image, if every beam has its point (scan_desc.organised); else 0. Of side-scan and imaging
-     * sonars a row is a beam, and a column a range bin.
+     * Rows of the range image, if every beam has its point (scan_desc.organised); else 0. For side-scan and imaging
+     * sonars, a row is a beam and a column is a range bin.
      */
     uint32_t rows;
     /** Columns of the range image, or 0. */
     uint32_t columns;
-    /** What positions refer to: an ECHOCAST_COORDINATES_ number. */
+    /** Frame of the positions: an ECHOCAST_COORDINATES_ number. */
     int32_t coordinates;
-    /** What the column `intensity` has at full scale: 1, or 255; 0 if it has none, as levels in dB. */
+    /** Full scale of the column `intensity`: 1 or 255; 0 if it has none, as for levels in dB. */
     float intensity_full_scale;
     /** World position, metres, that the columns x, y, z and true_x, true_y, true_z are relative to. */
     double origin[3];
@@ -856,15 +860,15 @@ typedef struct echocast_result_info {
     echocast_pose sensor_pose;
 } echocast_result_info;
 
-/** A column of a result, where it is. */
+/** A column of a result, in place. */
 typedef struct echocast_view {
-    /** Its first element; NULL without any. */
+    /** The first element; NULL if there are none. */
     const void *data;
-    /** Elements: as many as the result has points. */
+    /** Number of elements: as many as the result has points. */
     size_t count;
     /** Bytes from element to element. */
     size_t stride;
-    /** Its type: ECHOCAST_TYPE_F32 to ECHOCAST_TYPE_U32. */
+    /** Type: ECHOCAST_TYPE_F32 to ECHOCAST_TYPE_U32. */
     int32_t kind;
     /** 0. */
     int32_t reserved;
@@ -874,18 +878,18 @@ typedef struct echocast_view {
 typedef struct echocast_pack_item {
     /** Name of the column. */
     const char *column;
-    /** Type that it gets: an ECHOCAST_TYPE_ number. */
+    /** Type in the packed point: an ECHOCAST_TYPE_ number. */
     int32_t kind;
-    /** Where it starts in a point, bytes. */
+    /** Offset in the packed point, bytes. */
     uint32_t offset;
-    /** What is taken from the column's number first, in its unit: 0, or the start of the scan for times. */
+    /** Subtracted from the column's number first, in its unit: 0, or the start of the scan for times. */
     double shift;
-    /** What the rest is multiplied by: 1 (0 means 1 too), or 1e9 for nanoseconds, 255 for an intensity of bytes. */
+    /** Factor for the rest: 1 (0 also means 1), or 1e9 for nanoseconds, 255 for an intensity in bytes. */
     double scale;
 } echocast_pack_item;
 
 /**
- * Tells what a result is. `*info` has its struct_size set.
+ * Gets information on a result. The caller sets struct_size of `*info`.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */
@@ -893,11 +897,12 @@ ECHOCAST_API
 echocast_status echocast_result_get_info(const echocast_result *result,
                                          echocast_result_info *info);
 
-/** The number of points; 0 for a handle of nothing. */
+/** The number of points; 0 for an invalid handle. */
 ECHOCAST_API size_t echocast_result_count(const echocast_result *result);
 
 /**
- * Shows a column without copying it. The view is valid until the result is scanned into, appended to or released.
+ * Gives access to a column without copying it. The view is valid until the result is scanned into, appended to or
+ * released.
  *
  * Errors: ECHOCAST_E_ARGUMENT (no such column, or one that was not computed), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  *
@@ -913,13 +918,13 @@ echocast_status echocast_result_view(const echocast_result *result,
                                      echocast_view *out);
 
 /**
- * Writes the points as a host wants them, all at once: point i at `to + i * stride`, each column converted to its type
- * at its offset; bytes that no item covers stay. Numbers are rounded to the nearest that the type has; not-a-number
- * becomes 0 in whole numbers. Positions are relative to the result's origin as ECHOCAST_TYPE_F32, complete as
- * ECHOCAST_TYPE_F64. Up to 64 items. `capacity`: bytes of `to`; `*needed` (may be NULL): stride * points; with `to`
- * NULL only that is told.
+ * Writes the points in the host's layout, all at once: point i at `to + i * stride`, each column converted to its type
+ * at its offset; bytes that no item covers stay unchanged. Numbers are rounded to the nearest value of the type;
+ * not-a-number becomes 0 in integers. Positions are relative to the result's origin as ECHOCAST_TYPE_F32, and complete
+ * as ECHOCAST_TYPE_F64. Up to 64 items. `capacity`: bytes of `to`; `*needed` (may be NULL): stride * points; if `to`
+ * is NULL, only that is written.
  *
- * Errors: ECHOCAST_E_ARGUMENT (an item that is wrong, too little room), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ * Errors: ECHOCAST_E_ARGUMENT (a wrong item, too little room), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  *
  * ```c
  * // The layout that most ROS 2 drivers publish.
@@ -952,8 +957,8 @@ const char *echocast_result_label_name(const echocast_result *result,
 /**
  * Appends the points of another scan of the same scene with the same columns, to be written to one file.
  *
- * Errors: ECHOCAST_E_ARGUMENT (a scan that does not fit), ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY; then
- * nothing is appended.
+ * Errors: ECHOCAST_E_ARGUMENT (a scan that does not fit), ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY;
+ * nothing is then appended.
  */
 ECHOCAST_API
 echocast_status echocast_result_append(echocast_result *result,
@@ -964,16 +969,16 @@ ECHOCAST_API void echocast_result_release(echocast_result *result);
 
 /* -- Scans ----------------------------------------------------------------------------------------------------------- */
 
-/** Points are in the world. */
+/** Points are in the world frame. */
 #define ECHOCAST_COORDINATES_WORLD 0
 
-/** Points are in the frame of the sensor at the time of their own firing, as a driver reports them. */
+/** Points are in the sensor frame at the time of their own firing, as a driver reports them. */
 #define ECHOCAST_COORDINATES_SENSOR 1
 
-/** Points come in rising order of beams. */
+/** Points are in order of rising beam. */
 #define ECHOCAST_ORDER_BEAM 0
 
-/** Points come in rising order of time. */
+/** Points are in order of rising time. */
 #define ECHOCAST_ORDER_TIME 1
 
 /** Physics as we know it. */
@@ -985,26 +990,27 @@ ECHOCAST_API void echocast_result_release(echocast_result *result);
 /** What the paper's program computes. */
 #define ECHOCAST_PROFILE_BLAINDER 2
 
-/** As the profile has it. */
+/** As the profile defines. */
 #define ECHOCAST_REFLECTANCE_DEFAULT 0
 
-/** Surfaces whose reflectance nothing says have that of their linear base colour's luminance. */
+/** Surfaces without a given reflectance take the luminance of their linear base colour. */
 #define ECHOCAST_REFLECTANCE_LUMINANCE 1
 
-/** Surfaces whose reflectance nothing says have that of their base colour's alpha. */
+/** Surfaces without a given reflectance take the alpha of their base colour. */
 #define ECHOCAST_REFLECTANCE_ALPHA 2
 
 /** A pose at a time. */
 typedef struct echocast_pose_key {
     /** Time, ns. */
     int64_t t_ns;
-    /** Where the sensor is then, in the world. */
+    /** Where the sensor is at that time, in the world. */
     echocast_pose pose;
 } echocast_pose_key;
 
 /**
- * Progress callback: is told which part of the work is done, 0 to 1; not 0 ends it, unless it is done. Called on the
- * thread that scans, every 2048 beams of each thread; not for sonars. It must not throw, and finds the result in use.
+ * Progress callback: gets the fraction of the work that is done, 0 to 1; returning anything but 0 ends the scan,
+ * unless it is complete. Called on the scanning thread, every 2048 beams of each thread; not for sonars. It must not
+ * throw, and the result is in use during the call.
  */
 typedef int32_t (*echocast_progress_fn)(void *user, double fraction);
 
@@ -1012,68 +1018,68 @@ typedef int32_t (*echocast_progress_fn)(void *user, double fraction);
 typedef struct echocast_scan_desc {
     /** sizeof(echocast_scan_desc). */
     size_t struct_size;
-    /** What to scan with. */
+    /** The sensor to scan with. */
     const echocast_sensor *sensor;
     /**
      * Where the sensor is: one pose, or several at rising times, between which it moves evenly and turns the shorter
-     * way; before the first and after the last it stands. Each beam is cast from the pose at the time of its own
+     * way; before the first and after the last it stands still. Each beam is cast from the pose at the time of its own
      * firing.
      */
     const echocast_pose_key *poses;
-    /** How many poses there are, 1 or more. */
+    /** Number of poses, 1 or more. */
     size_t pose_count;
     /**
-     * Time of the scan's start, ns, from the same zero as those of the poses. The column `time` counts from it too, in
-     * seconds: those since 1970 are rounded to 0.2 microseconds there.
+     * Start time of the scan, ns, from the same zero as the times of the poses. The column `time` counts from this
+     * zero too, in seconds: there, times since 1970 are rounded to 0.2 microseconds.
      */
     int64_t t0_ns;
-    /** Of all random draws: equal seeds, frames and inputs give equal bits, whatever the threads. */
+    /** Seed of all random draws: equal seeds, frames and inputs give equal bits, for any number of threads. */
     uint64_t seed;
     /** Index of the frame; it changes the random draws and fills the column `frame`. */
     uint32_t frame;
-    /** Instances are seen whose mask shares a bit with this. */
+    /** Instances whose mask shares a bit with this are seen. */
     uint32_t mask;
-    /** Columns to compute: names with commas between ("x,y,z,range,category_id"), "all", or NULL for the default ones. */
+    /** Columns to compute: comma-separated names ("x,y,z,range,category_id"), "all", or NULL for the default columns. */
     const char *columns;
-    /** 1: every beam has its row, and those without a return have NaN or 0. 0: only returns have rows. */
+    /** 1: every beam has a row, with NaN or 0 if it has no return. 0: only returns have rows. */
     int32_t organised;
-    /** What the points refer to: an ECHOCAST_COORDINATES_ number. */
+    /** Frame of the points: an ECHOCAST_COORDINATES_ number. */
     int32_t coordinates;
-    /** In which order the points come: an ECHOCAST_ORDER_ number. */
+    /** Order of the points: an ECHOCAST_ORDER_ number. */
     int32_t order;
     /** Which models are used: an ECHOCAST_PROFILE_ number. */
     int32_t profile;
-    /** Where reflectance comes from when no material says: an ECHOCAST_REFLECTANCE_ number. */
+    /** Source of the reflectance where no material gives one: an ECHOCAST_REFLECTANCE_ number. */
     int32_t reflectance;
     /** 0. */
     int32_t reserved;
-    /** Is told how far the scan is and may end it; may be NULL. */
+    /** Gets the progress of the scan and may end it; may be NULL. */
     echocast_progress_fn progress;
     /** First argument of `progress`. */
     void *progress_user;
     /**
-     * What is in the air, and in which water a sonar is, as YAML with the keys of a scenario's section `environment`
+     * What is in the air, and the water a sonar is in, as YAML with the keys of a scenario's section `environment`
      * ("{rain: {rate_mm_h: 10}}", "{water: {temperature_c: 8}}"), or NULL: clear air, and for sonars the sea below z =
-     * 0. A text that is the same as in the result's last scan is not read again.
+     * 0. A text that is the same as in the result's last scan is not parsed again.
      */
     const char *environment;
 } echocast_scan_desc;
 
 /**
- * Scans once; a sonar sends one ping, whose echoes are the points. `*io`: NULL, then it becomes a new result, to be
- * released with echocast_result_release; or a result, whose memory is used again: a loop of scans in the order of
- * beams allocates nothing after the first of its kind, but for a few small blocks with weather, several rays a beam,
- * blooming or another profile, the beams of a pattern that does not repeat (risley), and sonars.
+ * Scans once; a sonar sends one ping, whose echoes are the points. `*io`: NULL, and it becomes a new result, to be
+ * released with echocast_result_release; or a result, whose memory is reused: a loop of scans in beam order allocates
+ * nothing after the first of its kind, except for a few small blocks with weather, several rays per beam, blooming or
+ * another profile, the beams of a pattern that does not repeat (risley), and sonars.
  *
- * Points of a sonar: the depth of each beam of multibeam and single-beam ones; of side-scan and imaging sonars the
+ * Points of a sonar: for multibeam and single-beam sonars the depth of each beam; for side-scan and imaging sonars the
  * range bins with an echo. Their `intensity` is a level in dB re 1 uPa. Sonars must be in the water.
  *
- * On an error in the arguments an old result stays as it was; one that was cancelled, or for which there was no
- * memory, is empty.
+ * On an error in the arguments, an old result stays as it was; after a cancelled scan, or one for which there was no
+ * memory, it is empty.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_CANCELLED, ECHOCAST_E_BUSY (another
  * thread uses the result, or changes the sensor). Any number of threads may scan one snapshot with one sensor, each
- * with a result of its own.
+ * with its own result.
  *
  * ```c
  * echocast_pose_key here = {0, ECHOCAST_POSE_IDENTITY};
@@ -1097,9 +1103,9 @@ typedef struct echocast_frames echocast_frames;
 
 /**
  * Writes the points to a file, which appears under its name only when it is complete and on the disk. `format`: a name
- * of the list "formats"; NULL: as the ending of `path` says. The names of labels stand in the file, or in
- * NAME.labels.json beside it, which gets its name just before; an error leaves both as they were. What a format cannot
- * hold is told to the context's log.
+ * from the list "formats"; NULL: chosen by the ending of `path`. Label names are in the file, or in NAME.labels.json
+ * beside it, which gets its name just before; an error leaves both as they were. What a format cannot hold is reported
+ * to the context's log.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_IO (a full disk), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_HANDLE,
  * ECHOCAST_E_BUSY.
@@ -1109,7 +1115,7 @@ ECHOCAST_API echocast_status echocast_result_write(const echocast_result *result
 /**
  * Writes a picture of the points as PNG. `options`: NULL, or YAML with `view` (top, perspective, range), `color`
  * (label, cause, intensity, range, height) and `width` in pixels. With the column `cause`, points of rain, fog and the
- * like have colours of their own.
+ * like have their own colours.
  *
  * Errors: ECHOCAST_E_ARGUMENT (columns that the picture needs are missing), ECHOCAST_E_PARSE, ECHOCAST_E_IO,
  * ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
@@ -1120,8 +1126,8 @@ echocast_status echocast_result_preview(const echocast_result *result,
                                         const char *options);
 
 /**
- * Starts an HDF5 file that takes scans one by one, each a row of every dataset; only one is in memory at a time. The
- * file appears under its name with echocast_frames_finish; released before, it leaves nothing behind.
+ * Starts an HDF5 file that takes scans one by one, each as one row of every dataset; only one is in memory at a time.
+ * The file appears under its name with echocast_frames_finish; if released before, it leaves nothing behind.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_IO, ECHOCAST_E_UNSUPPORTED (built without HDF5), ECHOCAST_E_HANDLE.
  */
@@ -1138,9 +1144,9 @@ echocast_status echocast_frames_create(const echocast_context *context,
 ECHOCAST_API echocast_status echocast_frames_add(echocast_frames *frames, const echocast_result *result);
 
 /**
- * Completes the file and gives it its name; late errors of the disk show here.
+ * Completes the file and gives it its name; late disk errors appear here.
  *
- * Errors: ECHOCAST_E_IO, ECHOCAST_E_ARGUMENT (it is finished already), ECHOCAST_E_HANDLE,
+ * Errors: ECHOCAST_E_IO, ECHOCAST_E_ARGUMENT (it is already finished), ECHOCAST_E_HANDLE,
  * ECHOCAST_E_BUSY.
  */
 ECHOCAST_API echocast_status echocast_frames_finish(echocast_frames *frames);
