@@ -189,7 +189,7 @@ impl Meshes<'_> {
         drop(corners);
         self.accessors.charge(triangles.len() * size_of::<[u32; 3]>())?;
         let all = triangles.len();
-        let places: &[[f32; 3]] = &positions;
+        let places: &[[f32; 3]] = positions;
         triangles.retain(|&[a, b, c]| !is_degenerate(places[a as usize], places[b as usize], places[c as usize]));
         let degenerate = all - triangles.len();
         let used = used_vertices(&mut triangles, count).map(Arc::new);
