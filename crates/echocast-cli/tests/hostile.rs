@@ -160,7 +160,7 @@ fn pipes_devices_and_folders_are_refused_at_once() {
         ("sensors DIR/p.yaml", "p.yaml: is a pipe; allowed: regular files; for standard input, use `-`"),
         (
             &format!("{scan} --at 0,0,0 --labels DIR/z.yaml"),
-            "z.yaml: is a device; allowed: regular files; standard input",
+            "z.yaml: is a device; allowed: regular files; for standard input",
         ),
         (&format!("{scan} --at 0,0,0 --env DIR/p.yaml"), "p.yaml: is a pipe"),
         (&format!("{scan} --trajectory DIR/p.yaml"), "p.yaml: is a pipe"),

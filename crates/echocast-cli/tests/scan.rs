@@ -152,7 +152,7 @@ fn what_is_read_is_not_written_over() {
         let output = run(folder.path(), &format!("{scan} {args}"));
         let said = stderr(&output);
         assert!(output.status.code() == Some(1) && said.contains("which this run reads"), "{args}: {said}");
-        assert!(said.starts_with(&format!("error: {}: would be", at(named).display())), "{args}: {said}");
+        assert!(said.starts_with(&format!("error: {}: would overwrite", at(named).display())), "{args}: {said}");
         assert_eq!(files(folder.path()), before, "{args}");
     }
     // What is read by name of another file.

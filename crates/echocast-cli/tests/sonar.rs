@@ -263,7 +263,7 @@ fn a_sonar_that_hears_nothing_is_told_why() {
     let warnings = |args: &str| report(folder, &format!("{deep} {args}"))["warnings"].to_string();
     let said = warnings("--set acoustics.detection_threshold_db=3 -o DIR/points.csv");
     assert!(said.contains("points are noise; perhaps the sonar is below the bed"), "{said}");
-    assert!(said.contains("farther than range.max_m, 20 m"), "{said}");
+    assert!(said.contains("farther away than range.max_m, 20 m"), "{said}");
     let said = warnings("--preview DIR/falls.png --view waterfall");
     assert!(said.contains("nothing but noise is received; perhaps"), "{said}");
     let said = warnings("--set acoustics.detection_threshold_db=40 -o DIR/none.csv");

@@ -97,7 +97,7 @@ fn failed_work_is_1_and_one_line_that_names_the_cause() {
         (&format!("{scene} -o DIR/x.csv -o DIR/../{name}/x.csv"), &["x.csv", "twice"]),
         (&format!("{scene} -o DIR/x.png --format las --preview DIR/x.png"), &["x.png", "twice"]),
         (&format!("{scene} -o DIR/x.labels.json --format csv -o DIR/x.csv"), &["x.labels.json", "twice"]),
-        (&format!("{scene} -o - --format las"), &["-o -", "name of a file"]),
+        (&format!("{scene} -o - --format las"), &["-o -", "a file name"]),
         (&format!("{scene} --set noise.range_sigma_m= -o DIR/x.las"), &["has no value"]),
         (&format!("{scene} --organised --order time -o DIR/x.las"), &["--organised", "--order beam"]),
         (&format!("{scene} --up y -o DIR/x.las"), &["--up", "indoor-1.glb"]),
