@@ -89,23 +89,24 @@ impl Default for Onward {
 }
 
 kernels! {
-    /// Adds the last segment of each path, of these `lengths`, along `direction` from `origin`.
-    pub fn arrive(at: &mut Meetings, origin: [&Lanes; 3], direction: [&Lanes; 3], lengths: &Lanes) {
+    /// Adds the last segment of the first `count` paths, of these `lengths`, along `direction` from `origin`.
+    pub fn arrive(at: &mut Meetings, origin: [&Lanes; 3], direction: [&Lanes; 3], lengths: &Lanes, count: usize) {
         let Meetings { range, spread, length, part, through: [slower, wider, absorption], place, .. } = at;
-        for lane in 0..LANES {
+        let lanes = count.next_multiple_of(N).min(LANES);
+        for lane in 0..lanes {
             range[lane] += lengths[lane] * slower[lane];
             spread[lane] += lengths[lane] * wider[lane];
             length[lane] += lengths[lane];
             part[lane] *= exp_negative(absorption[lane] * lengths[lane]);
         }
         for axis in 0..3 {
-            for lane in 0..LANES {
+            for lane in 0..lanes {
                 place[axis][lane] = origin[axis][lane] + direction[axis][lane] * lengths[lane];
             }
         }
     }
 
-    /// Divides light that travels `along` at surfaces whose unit `normals` face it, met at cosines of incidence `cos`.
+    /// Divides the light of the first `count` paths, which travels `along`, at surfaces whose unit `normals` face it, met at cosines of incidence `cos`.
     /// Where a shading normal faces away nothing goes on. `simple`: panes reflect at their first face only and transmit
     /// all the rest.
     pub fn divide(
@@ -114,10 +115,11 @@ kernels! {
         normals: [&Lanes; 3],
         cos: &Lanes,
         simple: bool,
+        count: usize,
         mirrored: &mut Onward,
         refracted: &mut Onward,
     ) {
-        for chunk in (0..LANES).step_by(N) {
+        for chunk in (0..count.min(LANES)).step_by(N) {
             let (mut d, mut n, mut place) = ([[0.0; N]; 3], [[0.0; N]; 3], [[0.0; N]; 3]);
             for axis in 0..3 {
                 d[axis].copy_from_slice(&along[axis][chunk..chunk + N]);
@@ -307,7 +309,7 @@ mod tests {
         let constant = |value: f32| [value; LANES];
         let (along, normal) = ([0.5, 0.0, -cosine].map(constant), [0.0, 0.0, 1.0].map(constant));
         let (along, normal) = (along.each_ref(), normal.each_ref());
-        divide(&mut at, along, normal, &[cosine; LANES], false, &mut mirrored, &mut refracted);
+        divide(&mut at, along, normal, &[cosine; LANES], false, LANES, &mut mirrored, &mut refracted);
         for lane in [0, 31, 255] {
             let [down, up] = [&refracted, &mirrored].map(|on| on.direction.map(|axis| axis[lane]));
             assert!((down[0] - 0.333_333_3).abs() < 1e-6 && (down[2] + 0.942_809).abs() < 1e-6, "{down:?}");
@@ -319,7 +321,7 @@ mod tests {
         }
         // Where the normal faces away nothing goes on.
         let away = [0.0, 0.0, -1.0].map(constant);
-        divide(&mut at, along, away.each_ref(), &[0.0; LANES], false, &mut mirrored, &mut refracted);
+        divide(&mut at, along, away.each_ref(), &[0.0; LANES], false, LANES, &mut mirrored, &mut refracted);
         assert_eq!((mirrored.part[9], refracted.part[9]), (0.0, 0.0));
     }
 }

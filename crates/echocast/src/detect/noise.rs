@@ -383,12 +383,12 @@ mod tests {
     #[test]
     fn edges_walk_with_the_strength_of_an_echo() {
         let sigma = Pulse::new(PulseShape::Gaussian, 5.0).sigma();
-        let radar = Detection::RadarEquation { reflectance: 0.005, at_m: 20.0 };
+        let radar = Detection::RadarEquation { reflectance: 0.005, at_m: 2.0 };
         let error = RangeError::new(&Noise::default(), 0.0, 1, sigma, Threshold::new(&radar, (905.0, 5.0), false));
         for (over, expected) in [(0.5, 0.0), (1.0, 0.0), (2.0, 0.374_741), (10.0, 0.683_008), (100.0, 0.965_919)] {
             let mut measured = [0.0];
-            error.measure(&[0], &[over * 0.005], &[20.0], &mut measured);
-            assert!((measured[0] - (20.0 - expected)).abs() < 4e-6, "{over}: {measured:?}");
+            error.measure(&[0], &[over * 0.005], &[2.0], &mut measured);
+            assert!((measured[0] - (2.0 - expected)).abs() < 1e-6, "{over}: {measured:?}");
         }
     }
 

@@ -206,7 +206,8 @@ mod tests {
         assert_near(range(raw, &[0.5], &[1.0]) - 0.5, -0.085_570_6, 1e-6);
         assert_near(range(raw, &[3.3], &[1.0]) - f64::from(3.3f32), 0.083_584_8, 1e-6);
         // The error recurs every quarter of the ambiguity range, and calibration leaves a part of it.
-        assert_near(range(raw, &[0.5 + wrap as f32 / 4.0], &[1.0]) - wrap / 4.0, range(raw, &[0.5], &[1.0]), 1e-6);
+        let error = |turns: f64| raw.0.phases(&[turns], &[0.0])[0] - turns;
+        assert_near(error(0.07), error(0.32), 1e-12);
         let calibrated = Modulation::new(&[20_000], 0.1);
         assert_near(range(calibrated, &[0.5], &[1.0]) - 0.5, -0.008_557_06, 1e-6);
     }
