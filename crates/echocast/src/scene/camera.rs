@@ -8,8 +8,10 @@ use crate::ground::pose::Pose;
 pub struct Camera {
     /// Name of the node.
     pub name: String,
-    /// Sensor pose at the camera: x = the view direction, z = the camera's up.
+    /// Sensor pose at the camera at time 0: x = the view direction, z = the camera's up.
     pub pose: Pose,
+    /// Node of the timeline that it is; `None`: it never moves.
+    pub(crate) node: Option<usize>,
 }
 
 impl Camera {

@@ -14,9 +14,10 @@ mod merge;
 mod mesh;
 mod obj;
 
+pub use crate::ground::array::Array;
 pub use camera::Camera;
 pub use label::{LabelRules, Labels, NameTable};
-pub use mesh::{Array, Mesh, Part};
+pub use mesh::{Mesh, Part};
 
 use crate::ground::error::{Error, Result};
 use crate::ground::named::named;
@@ -24,6 +25,7 @@ use crate::ground::report::Report;
 use crate::ground::shown;
 use crate::material::TextureBudget;
 pub use crate::material::{Filter, Material, Texture, TextureRef, Wrap};
+use crate::motion::{Motion, Timeline};
 use crate::read::yaml;
 use glam::{DAffine3, DMat3, DVec3};
 use serde::Deserialize;
@@ -110,6 +112,8 @@ pub struct Object {
     pub mask: u32,
     /// Replaces the materials of all parts.
     pub material: Option<Arc<Material>>,
+    /// How it follows the timeline of its scene; `None`: it stays as and where it is.
+    pub motion: Option<Motion>,
 }
 
 impl Object {
@@ -124,6 +128,7 @@ impl Object {
             instance_id: 0,
             mask: u32::MAX,
             material: None,
+            motion: None,
         }
     }
 }
@@ -139,7 +144,9 @@ pub struct Scene {
     pub cameras: Vec<Camera>,
     /// Names of the label numbers.
     pub labels: Labels,
-    /// Names of the file's animations (not played yet).
+    /// What moves; objects and cameras are where they are at time 0.
+    pub timeline: Arc<Timeline>,
+    /// Names of the file's animations.
     pub animations: Vec<String>,
     /// Triangles without area that were left out.
     pub degenerate_triangles: usize,
@@ -355,6 +362,8 @@ pub(crate) struct RawObject {
     pub category: Option<String>,
     /// `partID` of the node or its nearest ancestor.
     pub part: Option<String>,
+    /// How it follows the timeline.
+    pub motion: Option<Motion>,
 }
 
 /// An object whose labels are words, about to be numbered.
@@ -365,6 +374,7 @@ struct NamedObject {
     category: String,
     /// One for each part of the mesh; empty = unlabelled.
     parts: Vec<String>,
+    motion: Option<Motion>,
 }
 
 impl Scene {
@@ -390,6 +400,7 @@ impl Scene {
                 name: object.name,
                 mesh: object.mesh,
                 world_from_object: object.world_from_object,
+                motion: object.motion,
             })
             .collect();
         self.number(named, &rules.numbers)
@@ -427,6 +438,7 @@ impl Scene {
                 instance_id,
                 mask: u32::MAX,
                 material: None,
+                motion: object.motion,
             })
             .collect();
         self.labels = Labels { category, part, material, instance };

@@ -129,6 +129,7 @@ fn objects_of(placed: &Placed<'_>, meshes: &mut Meshes<'_>, objects: &mut Vec<Ra
             world_from_object,
             category: placed.category.map(str::to_owned),
             part: placed.part.map(str::to_owned),
+            motion: None,
         };
         let text = object.name.len() + placed.category.map_or(0, str::len) + placed.part.map_or(0, str::len);
         meshes.accessors.charge(size_of::<RawObject>() + text).map_err(fault)?;
@@ -150,6 +151,7 @@ fn camera_of(placed: &Placed<'_>, document: &Document<'_>) -> Result<Option<Came
     Ok(Some(Camera {
         name: name.cloned().unwrap_or_else(|| format!("camera_{index}")),
         pose: Pose::from_camera_node(&placed.world_from_node),
+        node: None,
     }))
 }
 

@@ -82,6 +82,7 @@ pub(super) fn read(path: &Path, options: &LoadOptions, images: &mut TextureBudge
             world_from_object: DAffine3::from_mat3_translation(world_from_file, world_from_file * middle),
             category: None,
             part: None,
+            motion: None,
         });
     }
 
