@@ -11,7 +11,7 @@ mod timeline;
 
 pub(crate) use cache::Cache;
 pub(crate) use curve::{Curve, Interpolation, Track};
-pub(crate) use path::{Path, Piece, Place, Span};
+pub(crate) use path::{Path, Span};
 pub(crate) use shape::{PartVertices, Shape, Skin, Target, Vertices};
 pub use timeline::Timeline;
 pub(crate) use timeline::{Node, Rest};

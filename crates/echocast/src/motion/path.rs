@@ -1,5 +1,6 @@
 //! Where something that keeps its shape is, at all times of one scan, in the form that rays need.
 
+use echocast_kernels::aim::Frame;
 use glam::{DAffine3, DMat3, DVec3, Mat3, Vec3};
 
 /// Where something is at all times of a scan, counted from 0 to 1: pieces between which it may bend or jump, on each of
@@ -21,16 +22,10 @@ const MOST_CUTS: u32 = 18;
 /// A part of a path.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Piece {
-    /// When it starts.
-    start: f32,
-    /// One over its length.
-    rate: f32,
+    /// When it is, where the thing's origin is relative to the scene's, m, and the linear part of object-from-world.
+    frame: Frame,
     /// Whether the thing can be seen.
     visible: bool,
-    /// At both ends: its origin relative to the scene's, m.
-    place: [Vec3; 2],
-    /// At both ends: the linear part of object-from-world.
-    inverse: [Mat3; 2],
     /// At both ends: how fast its origin moves, m/s.
     velocity: [Vec3; 2],
     /// At both ends: how fast the linear part of world-from-object changes, 1/s.
@@ -99,7 +94,7 @@ impl Path {
         let mut piece = 0;
         for part in 0..count {
             let start = part as f32 / count as f32;
-            while piece + 1 < count && pieces[piece + 1].start <= start {
+            while piece + 1 < count && pieces[piece + 1].frame.start <= start {
                 piece += 1;
             }
             first.push(piece as u32);
@@ -112,7 +107,7 @@ impl Path {
         let part = (time * self.first.len() as f32) as usize;
         let mut piece = self.first[part.min(self.first.len() - 1)] as usize;
         // Rounded, a time can lie before the first piece of its part.
-        while self.pieces.get(piece + 1).is_some_and(|next| next.start <= time) {
+        while self.pieces.get(piece + 1).is_some_and(|next| next.frame.start <= time) {
             piece += 1;
         }
         &self.pieces[piece]
@@ -133,9 +128,9 @@ impl Path {
         // Where it is at the ends and in the middle of each piece.
         let mut samples = Vec::new();
         for (index, piece) in self.pieces.iter().enumerate().filter(|(_, piece)| piece.visible) {
-            let end = self.pieces.get(index + 1).map_or(1.0, |next| next.start);
+            let end = self.pieces.get(index + 1).map_or(1.0, |next| next.frame.start);
             for part in [0.0, 0.5, 1.0] {
-                let time = piece.start + part * (end - piece.start);
+                let time = piece.frame.start + part * (end - piece.frame.start);
                 samples.push((time, surround(&piece.at_part(part), bounds(time))));
             }
         }
@@ -219,15 +214,19 @@ impl Piece {
         };
         let (a, b) = (end(from + inside, 1.0), end(to - inside, -1.0));
         let start = ((from - span.start) / span.length) as f32;
-        Piece {
+        let frame = Frame {
             start,
             rate: (span.length / (to - from)) as f32,
-            visible,
-            place: [a.0, b.0],
-            inverse: [a.1, b.1],
-            velocity: [a.2, b.2],
-            turning: [a.3, b.3],
-        }
+            place: [a.0.to_array(), b.0.to_array()],
+            into: [a.1.to_cols_array_2d(), b.1.to_cols_array_2d()],
+        };
+        Piece { frame, visible, velocity: [a.2, b.2], turning: [a.3, b.3] }
+    }
+
+    /// Whether `time`, 0 to 1, lies in it.
+    pub(crate) fn covers(&self, time: f32) -> bool {
+        let passed = (time - self.frame.start) * self.frame.rate;
+        (0.0..1.0).contains(&passed)
     }
 
     /// Whether the thing can be seen.
@@ -237,13 +236,14 @@ impl Piece {
 
     /// Which part of the piece has passed at `time`, 0 to 1.
     pub(crate) fn part(&self, time: f32) -> f32 {
-        ((time - self.start) * self.rate).clamp(0.0, 1.0)
+        ((time - self.frame.start) * self.frame.rate).clamp(0.0, 1.0)
     }
 
     /// Where the thing is when `part` of the piece has passed.
     pub(crate) fn at_part(&self, part: f32) -> Place {
-        let [a, b] = &self.inverse;
-        Place { place: self.place[0] + (self.place[1] - self.place[0]) * part, inverse: *a + (*b - *a) * part }
+        let [p, q] = self.frame.place.map(Vec3::from);
+        let [a, b] = self.frame.into.map(|columns| Mat3::from_cols_array_2d(&columns));
+        Place { place: p + (q - p) * part, inverse: a + (b - a) * part }
     }
 
     /// How fast the point at `object` (object frame) moves when `part` of the piece has passed, m/s.
@@ -252,9 +252,9 @@ impl Piece {
         self.velocity[0] + (self.velocity[1] - self.velocity[0]) * part + (*a + (*b - *a) * part) * object
     }
 
-    /// The ends of what changes linearly, place and object-from-world, and when it starts and how fast it passes.
-    pub(crate) fn ends(&self) -> (f32, f32, [Vec3; 2], [Mat3; 2]) {
-        (self.start, self.rate, self.place, self.inverse)
+    /// What rays enter.
+    pub(crate) fn frame(&self) -> &Frame {
+        &self.frame
     }
 }
 
