@@ -141,7 +141,7 @@ impl Track {
             let first = times.partition_point(|key| start + key <= from);
             let last = times.partition_point(|key| start + key < to);
             bends.extend(times[first..last.max(first)].iter().map(|key| start + key));
-            if self.period.is_some() && start > from {
+            if self.period.is_some() && start > from && start < to {
                 bends.push(start);
             }
         };

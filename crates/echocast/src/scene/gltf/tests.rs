@@ -13,7 +13,7 @@ pub(super) const F32: u32 = 5126;
 #[derive(Clone)]
 pub(super) struct File {
     pub json: Value,
-    bin: Vec<u8>,
+    pub bin: Vec<u8>,
 }
 
 /// What corrupts a file.
@@ -59,6 +59,7 @@ impl File {
     pub fn floats(&mut self, kind: &str, numbers: &[f32]) -> usize {
         let width = match kind {
             "SCALAR" => 1,
+            "MAT4" => 16,
             _ => kind[3..].parse().unwrap(),
         };
         self.accessor(kind, F32, numbers.len() / width, bytemuck::cast_slice(numbers))
