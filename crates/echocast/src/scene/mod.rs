@@ -237,6 +237,12 @@ impl Scene {
         })
     }
 
+    /// Whether anything in it moves or changes by itself.
+    pub fn is_moving(&self) -> bool {
+        self.objects.iter().any(|object| object.motion.is_some())
+            || self.materials.iter().any(|material| material.changes.is_some())
+    }
+
     /// Triangles, each mesh counted as often as it is placed.
     pub fn triangle_count(&self) -> usize {
         self.objects.iter().map(|object| object.mesh.triangle_count()).sum()
