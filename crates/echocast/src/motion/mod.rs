@@ -8,7 +8,7 @@ mod curve;
 mod shape;
 mod timeline;
 
-pub(crate) use cache::Cache;
+pub(crate) use cache::{Cache, FPS};
 pub(crate) use curve::{Curve, Interpolation, Track};
 pub(crate) use shape::{PartVertices, Shape, Skin, Target, Vertices};
 pub use timeline::Timeline;

@@ -3,21 +3,25 @@
 //! What [`Scene`] guarantees to its users:
 //! * z is up, lengths are metres, the frame is right-handed;
 //! * world positions are `f64`; mesh vertices are `f32` in the mesh's own frame;
-//! * every index is in range, every vertex finite, no triangle degenerate;
+//! * every index is in range, every vertex finite, no triangle degenerate but where a cache makes it so;
 //! * a mesh that many objects use is stored once;
 //! * every object and part carries label numbers, and [`Labels`] names them.
 
+mod caches;
 mod camera;
 mod gltf;
 mod label;
 mod merge;
 mod mesh;
 mod obj;
+mod sequence;
 
 pub use crate::ground::array::Array;
+pub use caches::CacheFile;
 pub use camera::Camera;
 pub use label::{LabelRules, Labels, NameTable};
 pub use mesh::{Mesh, Part};
+pub use sequence::Sequence;
 
 use crate::ground::error::{Error, Result};
 use crate::ground::named::named;
@@ -65,6 +69,9 @@ pub struct LoadOptions {
     /// Whether buffers, images and material files may lie outside the folder of the scene file that names them, or be
     /// named by absolute path. If so, an untrusted scene can pull in any file that you may read.
     pub allow_outside_paths: bool,
+    /// Object name pattern (`*` and `?`) to the file that says how the object changes its shape; the longest matching
+    /// pattern wins. In YAML relative to the working folder, in a label file to its own.
+    pub caches: BTreeMap<String, CacheFile>,
 }
 
 impl Default for LoadOptions {
@@ -75,6 +82,7 @@ impl Default for LoadOptions {
             labels: LabelRules::default(),
             texture_limit_mib: 1024,
             allow_outside_paths: false,
+            caches: BTreeMap::new(),
         }
     }
 }
@@ -114,6 +122,8 @@ pub struct Object {
     pub material: Option<Arc<Material>>,
     /// How it follows the timeline of its scene; `None`: it stays as and where it is.
     pub motion: Option<Motion>,
+    /// Meshes that one after another take the place of its own, which is the one at time 0.
+    pub sequence: Option<Arc<Sequence>>,
 }
 
 impl Object {
@@ -129,6 +139,7 @@ impl Object {
             mask: u32::MAX,
             material: None,
             motion: None,
+            sequence: None,
         }
     }
 }
@@ -158,8 +169,8 @@ impl Scene {
     /// Reads a scene file; the format is chosen by the extension (`.glb`, `.gltf`, `.obj`).
     ///
     /// # Errors
-    /// A missing or damaged file, a feature that is not supported, nothing to scan. The message
-    /// names file and place.
+    /// A missing or damaged file, a feature that is not supported, nothing to scan; a cache that does not fit its object.
+    /// The message names file and place.
     pub fn load(path: impl AsRef<Path>) -> Result<Scene> {
         Scene::load_with(path, &LoadOptions::default())
     }
@@ -183,7 +194,7 @@ impl Scene {
         let mut images = TextureBudget::new(options.texture_limit_mib);
         let scenes: Vec<Scene> =
             paths.iter().map(|path| read(path.as_ref(), options, &mut images)).collect::<Result<_>>()?;
-        Ok(Scene::merge(scenes, &options.labels).with_idle_rules(&options.labels))
+        Scene::merge(scenes, &options.labels).with_idle_rules(&options.labels).with_caches(options)
     }
 
     /// Reads the bytes of a `.glb` file, or of a `.gltf` file whose buffers and images are data URIs.
@@ -194,7 +205,7 @@ impl Scene {
         let origin = Path::new("glTF data");
         let mut images = TextureBudget::new(options.texture_limit_mib);
         let scene = gltf::read_bytes(bytes, origin, None, options, &mut images)?.checked(origin)?;
-        Ok(scene.with_idle_rules(&options.labels))
+        scene.with_idle_rules(&options.labels).with_caches(options)
     }
 
     /// The scene as read from `origin` if it has anything to scan.
@@ -202,18 +213,24 @@ impl Scene {
         if self.triangle_count() == 0 {
             return Err(Error::parse(origin, "", "no triangle to scan: the file holds no mesh with area"));
         }
-        for (object, corners) in self.object_boxes() {
-            if let Some(corner) = corners.iter().find(|corner| !within_reach(corner)) {
-                let message = format!("it reaches to {:?} in the world; allowed: -1e18 to 1e18", corner.to_array());
-                return Err(Error::parse(origin, format!("object {:?}", object.name), message));
-            }
-        }
+        self.check_reach(origin)?;
         if !self.animations.is_empty() {
             let animations = count(self.animations.len(), "animation");
             self.report
                 .warn(format!("{}: {animations} not played: the scene stands still at time 0", shown::path(origin)));
         }
         Ok(self)
+    }
+
+    /// Checks that no object, as it was read from `origin`, is too far away.
+    fn check_reach(&self, origin: &Path) -> Result<()> {
+        for (object, corners) in self.object_boxes() {
+            if let Some(corner) = corners.iter().find(|corner| !within_reach(corner)) {
+                let message = format!("it reaches to {:?} in the world; allowed: -1e18 to 1e18", corner.to_array());
+                return Err(Error::parse(origin, format!("object {:?}", object.name), message));
+            }
+        }
+        Ok(())
     }
 
     /// This scene with warnings about rules that have no effect in it.
@@ -297,14 +314,16 @@ pub(crate) fn count(number: usize, what: &str) -> String {
     format!("{number} {what}{}", if number == 1 { "" } else { "s" })
 }
 
+/// The endings of scene files, for people.
+fn extensions() -> String {
+    FORMATS.iter().flat_map(|f| f.extensions).map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ")
+}
+
 /// Reads one scene file.
 fn read(path: &Path, options: &LoadOptions, images: &mut TextureBudget) -> Result<Scene> {
     let reader = FORMATS.iter().find(|format| format.reads(path)).ok_or_else(|| Error::Unsupported {
         what: format!("{}: scene format", shown::path(path)),
-        instead: format!(
-            "scenes are read from {}",
-            FORMATS.iter().flat_map(|f| f.extensions).map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ")
-        ),
+        instead: format!("scenes are read from {}", extensions()),
     })?;
     (reader.read)(path, options, images)?.checked(path)
 }
@@ -439,6 +458,7 @@ impl Scene {
                 mask: u32::MAX,
                 material: None,
                 motion: object.motion,
+                sequence: None,
             })
             .collect();
         self.labels = Labels { category, part, material, instance };
