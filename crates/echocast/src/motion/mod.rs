@@ -5,11 +5,13 @@
 
 mod cache;
 mod curve;
+mod path;
 mod shape;
 mod timeline;
 
 pub(crate) use cache::{Cache, FPS};
 pub(crate) use curve::{Curve, Interpolation, Track};
+pub(crate) use path::{Path, Span};
 pub(crate) use shape::{PartVertices, Shape, Skin, Target, Vertices};
 pub use timeline::Timeline;
 pub(crate) use timeline::{Node, Rest};
