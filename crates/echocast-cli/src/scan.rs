@@ -28,6 +28,7 @@ Examples:
   echocast scan hall.glb --sensor kinect_v2 --at 1,2,1.5 --rpy 0,15,90 --organised --fields default,depth -o hall.npz
   echocast scan street.glb --sensor velodyne_vlp32c --at 0,0,1.8 --fog 150 --explain 12345
   echocast scan city.obj --up y --sensor velodyne_hdl64e --trajectory drive.txt --frames 0:99 --single -o drive.las
+  echocast scan yard.glb --cache Flag=flag.pc2@25 --sensor velodyne_vlp16 --at 0,0,1.8 --frames 0:99 -o yard.las
 A survey with a side-scan sonar, from nothing:
   echocast generate seabed -o lake.glb
   printf '0 -25 0 -3 0 0 0 1\\n30 25 0 -3 0 0 0 1\\n' > survey.txt

@@ -9,7 +9,7 @@ mod path;
 mod shape;
 mod timeline;
 
-pub(crate) use cache::Cache;
+pub(crate) use cache::{Cache, FPS};
 pub(crate) use curve::{Curve, Interpolation, Track};
 pub(crate) use path::{Path, Span};
 pub(crate) use shape::{PartVertices, Shape, Skin, Target, Vertices};

@@ -96,6 +96,7 @@ mod tests {
             numbers: ["tree", "vehicle", "Cars", "sky"].map(str::to_owned).into_iter().zip(1..).collect(),
             objects: words(&[("Tree_*", "tree"), ("Car", "vehicle"), ("Lamp*", "lamp")]),
             materials: words(&[("Tree?1s", "bark"), ("Steal", "steel"), ("Wod", "wood")]),
+            ..LabelRules::default()
         };
         let options = super::super::LoadOptions { labels, ..Default::default() };
         let warnings = |files: &[std::path::PathBuf]| {

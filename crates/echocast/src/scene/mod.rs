@@ -7,17 +7,21 @@
 //! * a mesh that many objects use is stored once;
 //! * every object and part carries label numbers, and [`Labels`] names them.
 
+mod caches;
 mod camera;
 mod gltf;
 mod label;
 mod merge;
 mod mesh;
 mod obj;
+mod sequence;
 
 pub use crate::ground::array::Array;
+pub use caches::CacheFile;
 pub use camera::Camera;
 pub use label::{LabelRules, Labels, NameTable};
 pub use mesh::{Mesh, Part};
+pub use sequence::Sequence;
 
 use crate::ground::error::{Error, Result};
 pub(crate) use crate::ground::math::cofactors;
@@ -70,6 +74,9 @@ pub struct LoadOptions {
     /// Whether buffers, images and material files may lie outside the folder of the scene file that names them, or be
     /// named by absolute path. If so, an untrusted scene can pull in any file that you may read.
     pub allow_outside_paths: bool,
+    /// Object name pattern (`*` and `?`) to the file that says how the object changes its shape; the longest matching
+    /// pattern wins. In YAML relative to the working folder, in a label file to its own.
+    pub caches: BTreeMap<String, CacheFile>,
 }
 
 impl Default for LoadOptions {
@@ -82,6 +89,7 @@ impl Default for LoadOptions {
             animation: None,
             looped: false,
             allow_outside_paths: false,
+            caches: BTreeMap::new(),
         }
     }
 }
@@ -121,6 +129,8 @@ pub struct Object {
     pub material: Option<Arc<Material>>,
     /// How it follows the timeline of its scene; `None`: it stays as and where it is.
     pub motion: Option<Motion>,
+    /// Meshes that one after another take the place of its own, which is the one at time 0.
+    pub sequence: Option<Arc<Sequence>>,
 }
 
 impl Object {
@@ -136,6 +146,7 @@ impl Object {
             mask: u32::MAX,
             material: None,
             motion: None,
+            sequence: None,
         }
     }
 }
@@ -167,8 +178,8 @@ impl Scene {
     /// Reads a scene file; the format is chosen by the extension (`.glb`, `.gltf`, `.obj`).
     ///
     /// # Errors
-    /// A missing or damaged file, a feature that is not supported, nothing to scan. The message
-    /// names file and place.
+    /// A missing or damaged file, a feature that is not supported, nothing to scan; a cache that does not fit its object.
+    /// The message names file and place.
     pub fn load(path: impl AsRef<Path>) -> Result<Scene> {
         Scene::load_with(path, &LoadOptions::default())
     }
@@ -219,13 +230,14 @@ impl Scene {
         Ok(self)
     }
 
-    /// This scene if it has the animation that `options` name, with warnings about rules that have no effect in it.
+    /// This scene if it has the animation that `options` name, with its caches, and warnings about rules that have no
+    /// effect in it.
     fn as_asked(mut self, options: &LoadOptions) -> Result<Scene> {
         if let Some(name) = options.animation.as_ref().filter(|name| !self.animations.contains(name)) {
             return Err(Error::missing("animation", name, &self.animations));
         }
         options.labels.idle(&self).into_iter().for_each(|warning| self.report.warn(warning));
-        Ok(self)
+        self.with_caches(options)
     }
 
     /// Every object with a non-empty mesh, and the corners of its box in the world.
@@ -303,14 +315,16 @@ pub(crate) fn count(number: usize, what: &str) -> String {
     format!("{number} {what}{}", if number == 1 { "" } else { "s" })
 }
 
+/// The endings of scene files, for people.
+fn extensions() -> String {
+    FORMATS.iter().flat_map(|f| f.extensions).map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ")
+}
+
 /// Reads one scene file.
 fn read(path: &Path, options: &LoadOptions, images: &mut TextureBudget) -> Result<Scene> {
     let reader = FORMATS.iter().find(|format| format.reads(path)).ok_or_else(|| Error::Unsupported {
         what: format!("{}: scene format", shown::path(path)),
-        instead: format!(
-            "scenes are read from {}",
-            FORMATS.iter().flat_map(|f| f.extensions).map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ")
-        ),
+        instead: format!("scenes are read from {}", extensions()),
     })?;
     (reader.read)(path, options, images)?.checked(path)
 }
@@ -445,6 +459,7 @@ impl Scene {
                 mask: u32::MAX,
                 material: None,
                 motion: object.motion,
+                sequence: None,
             })
             .collect();
         self.labels = Labels { category, part, material, instance };
