@@ -5,6 +5,7 @@ mod cameras;
 mod detection;
 mod geometry;
 mod intensity;
+mod motion;
 mod moving;
 mod multipath;
 mod noise;

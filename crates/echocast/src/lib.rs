@@ -97,6 +97,7 @@
 //! | `material` | how surfaces reflect light and sound |
 //! | `medium` | air and water |
 //! | `emitter` | beams, trajectories, lobes |
+//! | `motion` | how things move: keys, nodes, what changes its shape |
 //! | `read` | files, YAML and tables, with errors that say where |
 //! | `ground` | errors, units, poses, blocks of rays, random numbers, threads |
 //!
@@ -144,6 +145,7 @@ mod ground;
 pub mod image;
 pub mod material;
 pub mod medium;
+mod motion;
 pub mod preview;
 pub mod read;
 mod scan;
@@ -165,6 +167,7 @@ pub use ground::report::Report;
 pub use ground::{error, report, shown, units};
 pub use material::ReflectanceSource;
 pub use medium::Environment;
+pub use motion::{Motion, Timeline};
 pub use read::bounds::Parameter;
 pub use scan::{Order, Profile, Progress, ScanOptions};
 pub use scene::{LabelRules, LoadOptions, Scene};

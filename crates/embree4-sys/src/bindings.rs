@@ -628,6 +628,28 @@ pub const RTC_GEOMETRY_TYPE_INSTANCE_ARRAY: RTCGeometryType = 122;
 pub type RTCGeometryType = ::core::ffi::c_uint;
 #[repr(C)]
 #[derive(Debug, Copy, Clone)]
+pub struct RTCBoundsFunctionArguments {
+    pub geometryUserPtr: *mut ::core::ffi::c_void,
+    pub primID: ::core::ffi::c_uint,
+    pub timeStep: ::core::ffi::c_uint,
+    pub bounds_o: *mut RTCBounds,
+}
+#[allow(clippy::unnecessary_operation, clippy::identity_op)]
+const _: () = {
+    ["Size of RTCBoundsFunctionArguments"][::core::mem::size_of::<RTCBoundsFunctionArguments>() - 24usize];
+    ["Alignment of RTCBoundsFunctionArguments"][::core::mem::align_of::<RTCBoundsFunctionArguments>() - 8usize];
+    ["Offset of field: RTCBoundsFunctionArguments::geometryUserPtr"]
+        [::core::mem::offset_of!(RTCBoundsFunctionArguments, geometryUserPtr) - 0usize];
+    ["Offset of field: RTCBoundsFunctionArguments::primID"]
+        [::core::mem::offset_of!(RTCBoundsFunctionArguments, primID) - 8usize];
+    ["Offset of field: RTCBoundsFunctionArguments::timeStep"]
+        [::core::mem::offset_of!(RTCBoundsFunctionArguments, timeStep) - 12usize];
+    ["Offset of field: RTCBoundsFunctionArguments::bounds_o"]
+        [::core::mem::offset_of!(RTCBoundsFunctionArguments, bounds_o) - 16usize];
+};
+pub type RTCBoundsFunction = ::core::option::Option<unsafe extern "C" fn(args: *const RTCBoundsFunctionArguments)>;
+#[repr(C)]
+#[derive(Debug, Copy, Clone)]
 pub struct RTCIntersectFunctionNArguments {
     pub valid: *mut ::core::ffi::c_int,
     pub geometryUserPtr: *mut ::core::ffi::c_void,
@@ -806,6 +828,14 @@ unsafe extern "C" {
     pub fn rtcSetGeometryEnableFilterFunctionFromArguments(geometry: RTCGeometry, enable: bool);
     pub fn rtcSetGeometryUserData(geometry: RTCGeometry, ptr: *mut ::core::ffi::c_void);
     pub fn rtcGetGeometryUserData(geometry: RTCGeometry) -> *mut ::core::ffi::c_void;
+    pub fn rtcSetGeometryUserPrimitiveCount(geometry: RTCGeometry, userPrimitiveCount: ::core::ffi::c_uint);
+    pub fn rtcSetGeometryBoundsFunction(
+        geometry: RTCGeometry,
+        bounds: RTCBoundsFunction,
+        userPtr: *mut ::core::ffi::c_void,
+    );
+    pub fn rtcSetGeometryIntersectFunction(geometry: RTCGeometry, intersect: RTCIntersectFunctionN);
+    pub fn rtcSetGeometryOccludedFunction(geometry: RTCGeometry, occluded: RTCOccludedFunctionN);
     pub fn rtcSetGeometryInstancedScene(geometry: RTCGeometry, scene: RTCScene);
     pub fn rtcSetGeometryTransform(
         geometry: RTCGeometry,
@@ -851,6 +881,33 @@ unsafe extern "C" {
         rayhit: *mut RTCRayHit16,
         args: *mut RTCIntersectArguments,
     );
+    pub fn rtcForwardIntersect1(
+        args: *const RTCIntersectFunctionNArguments,
+        scene: RTCScene,
+        ray: *mut RTCRay,
+        instID: ::core::ffi::c_uint,
+    );
+    pub fn rtcForwardIntersect4(
+        valid: *const ::core::ffi::c_int,
+        args: *const RTCIntersectFunctionNArguments,
+        scene: RTCScene,
+        ray: *mut RTCRay4,
+        instID: ::core::ffi::c_uint,
+    );
+    pub fn rtcForwardIntersect8(
+        valid: *const ::core::ffi::c_int,
+        args: *const RTCIntersectFunctionNArguments,
+        scene: RTCScene,
+        ray: *mut RTCRay8,
+        instID: ::core::ffi::c_uint,
+    );
+    pub fn rtcForwardIntersect16(
+        valid: *const ::core::ffi::c_int,
+        args: *const RTCIntersectFunctionNArguments,
+        scene: RTCScene,
+        ray: *mut RTCRay16,
+        instID: ::core::ffi::c_uint,
+    );
     pub fn rtcOccluded1(scene: RTCScene, ray: *mut RTCRay, args: *mut RTCOccludedArguments);
     pub fn rtcOccluded4(
         valid: *const ::core::ffi::c_int,
@@ -869,5 +926,32 @@ unsafe extern "C" {
         scene: RTCScene,
         ray: *mut RTCRay16,
         args: *mut RTCOccludedArguments,
+    );
+    pub fn rtcForwardOccluded1(
+        args: *const RTCOccludedFunctionNArguments,
+        scene: RTCScene,
+        ray: *mut RTCRay,
+        instID: ::core::ffi::c_uint,
+    );
+    pub fn rtcForwardOccluded4(
+        valid: *const ::core::ffi::c_int,
+        args: *const RTCOccludedFunctionNArguments,
+        scene: RTCScene,
+        ray: *mut RTCRay4,
+        instID: ::core::ffi::c_uint,
+    );
+    pub fn rtcForwardOccluded8(
+        valid: *const ::core::ffi::c_int,
+        args: *const RTCOccludedFunctionNArguments,
+        scene: RTCScene,
+        ray: *mut RTCRay8,
+        instID: ::core::ffi::c_uint,
+    );
+    pub fn rtcForwardOccluded16(
+        valid: *const ::core::ffi::c_int,
+        args: *const RTCOccludedFunctionNArguments,
+        scene: RTCScene,
+        ray: *mut RTCRay16,
+        instID: ::core::ffi::c_uint,
     );
 }

@@ -5,7 +5,7 @@ use embree4_sys as sys;
 
 use crate::error::{Error, check};
 use crate::mesh::Geometry;
-use crate::{Coherence, Device, INVALID, Mesh, Packet, Ray};
+use crate::{Coherence, Custom, Device, INVALID, Mesh, Packet, Ray};
 
 /// How much work goes into building a scene's structure.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -32,6 +32,7 @@ struct Owned {
     raw: sys::RTCScene,
     device: Device,
     instances: Vec<Instance>,
+    customs: Vec<Custom>,
 }
 
 /// A scene placed in another one, ready to be attached to any number of scenes. Clones are handles of the same
@@ -64,7 +65,7 @@ impl Scene {
         if raw.is_null() {
             return Err(Error::Embree { call: "rtcNewScene", reason: "no scene and no error returned" });
         }
-        let scene = Scene(Owned { raw, device: device.clone(), instances: Vec::new() });
+        let scene = Scene(Owned { raw, device: device.clone(), instances: Vec::new(), customs: Vec::new() });
         let quality = match quality {
             Quality::Low => sys::RTC_BUILD_QUALITY_LOW,
             Quality::Medium => sys::RTC_BUILD_QUALITY_MEDIUM,
@@ -94,6 +95,16 @@ impl Scene {
         // First, so that Embree never holds an instance of a scene that we do not.
         self.0.instances.push(instance.clone());
         self.attach(&instance.0.geometry)
+    }
+
+    /// Adds a shape and returns its geometry id, which hits report as `inst_id`.
+    ///
+    /// # Errors
+    /// [`Error::OtherDevice`]; [`Error::Embree`] when memory runs out.
+    pub fn attach_shape(&mut self, shape: &Custom) -> Result<u32, Error> {
+        // First, so that Embree never holds a shape that we do not.
+        self.0.customs.push(shape.clone());
+        self.attach(shape.geometry())
     }
 
     fn attach(&mut self, geometry: &Geometry) -> Result<u32, Error> {
@@ -220,7 +231,7 @@ impl Instance {
     /// [`Error::NestedInstance`] if `of` contains instances; [`Error::Transform`] if the matrix is not finite or has no
     /// inverse in f32; [`Error::Embree`] when memory runs out.
     pub fn new(of: &CommittedScene, world_from_object: [f32; 12], mask: u32) -> Result<Instance, Error> {
-        if !of.0.instances.is_empty() {
+        if !(of.0.instances.is_empty() && of.0.customs.is_empty()) {
             return Err(Error::NestedInstance);
         }
         if !is_invertible(&world_from_object) {
@@ -253,6 +264,10 @@ impl Instance {
 }
 
 impl CommittedScene {
+    pub(crate) fn raw(&self) -> sys::RTCScene {
+        self.0.raw
+    }
+
     /// Whether it was created with `device`.
     pub fn is_of(&self, device: &Device) -> bool {
         self.0.device.is(device)
@@ -281,8 +296,10 @@ impl CommittedScene {
     /// coordinate that is not finite, or with neither -1 nor 0 in `valid`, gives a meaningless hit or none.
     #[inline]
     pub fn intersect<const W: usize>(&self, valid: &[i32; W], rays: &mut Packet<W>, coherence: Coherence) {
-        // SAFETY: the arguments name no context and no filter.
-        unsafe { self.intersect_with(valid, rays, &mut arguments(coherence.flags())) }
+        let mut asking = Asking::ALL;
+        let mut arguments = arguments(coherence.flags(), &mut asking);
+        // SAFETY: the context outlives the call, and there is no filter.
+        unsafe { self.intersect_with(valid, rays, &mut arguments) }
     }
 
     /// [`CommittedScene::intersect`] that passes through every hit that `counts` refuses. It is called for hits in any
@@ -296,16 +313,11 @@ impl CommittedScene {
         coherence: Coherence,
         counts: &F,
     ) {
-        let context = sys::RTCRayQueryContext { instID: [INVALID], instPrimID: [INVALID] };
-        let mut asking = Asking { context, counts };
+        let mut asking = Asking::new(counts);
         let flags = coherence.flags() | sys::RTC_RAY_QUERY_FLAG_INVOKE_ARGUMENT_FILTER;
-        let mut arguments = sys::RTCIntersectArguments {
-            context: std::ptr::from_mut(&mut asking).cast(),
-            filter: Some(ask::<F>),
-            ..arguments(flags)
-        };
-        // SAFETY: `ask::<F>` may be called with this context: it begins an `Asking<F>` that outlives the call, and the
-        // pointer to it is one to the whole of it.
+        let mut arguments = sys::RTCIntersectArguments { filter: Some(ask), ..arguments(flags, &mut asking) };
+        // SAFETY: `ask` may be called with this context: it begins an `Asking` that outlives the call, and the pointer
+        // to it is one to the whole of it.
         unsafe { self.intersect_with(valid, rays, &mut arguments) }
     }
 
@@ -336,8 +348,10 @@ impl CommittedScene {
     /// else stays. Faster than [`CommittedScene::intersect`]; the same conditions apply.
     #[inline]
     pub fn occlude<const W: usize>(&self, valid: &[i32; W], rays: &mut Packet<W>, coherence: Coherence) {
-        // SAFETY: the arguments name no context and no filter.
-        unsafe { self.occlude_with(valid, rays, &mut occlusion(coherence.flags())) }
+        let mut asking = Asking::ALL;
+        let mut arguments = occlusion(coherence.flags(), &mut asking);
+        // SAFETY: the context outlives the call, and there is no filter.
+        unsafe { self.occlude_with(valid, rays, &mut arguments) }
     }
 
     /// [`CommittedScene::occlude`] by hits that `counts` does not refuse, see [`CommittedScene::intersect_where`].
@@ -349,14 +363,9 @@ impl CommittedScene {
         coherence: Coherence,
         counts: &F,
     ) {
-        let context = sys::RTCRayQueryContext { instID: [INVALID], instPrimID: [INVALID] };
-        let mut asking = Asking { context, counts };
+        let mut asking = Asking::new(counts);
         let flags = coherence.flags() | sys::RTC_RAY_QUERY_FLAG_INVOKE_ARGUMENT_FILTER;
-        let mut arguments = sys::RTCOccludedArguments {
-            context: std::ptr::from_mut(&mut asking).cast(),
-            filter: Some(ask::<F>),
-            ..occlusion(flags)
-        };
+        let mut arguments = sys::RTCOccludedArguments { filter: Some(ask), ..occlusion(flags, &mut asking) };
         // SAFETY: as in `intersect_where`.
         unsafe { self.occlude_with(valid, rays, &mut arguments) }
     }
@@ -387,8 +396,9 @@ impl CommittedScene {
     /// Finds the closest hit of one ray.
     #[inline]
     pub fn intersect1(&self, ray: &mut Ray) {
-        let mut arguments = arguments(Coherence::Incoherent.flags());
-        // SAFETY: the scene is alive and committed; `ray` has the size, alignment and fields of RTCRayHit (proved where
+        let mut asking = Asking::ALL;
+        let mut arguments = arguments(Coherence::Incoherent.flags(), &mut asking);
+        // SAFETY: the context outlives the call; the scene is alive and committed; `ray` has the size, alignment and fields of RTCRayHit (proved where
         // Ray is defined), and Embree writes nothing else.
         unsafe { sys::rtcIntersect1(self.0.raw, std::ptr::from_mut(ray).cast(), &mut arguments) }
     }
@@ -409,23 +419,51 @@ pub struct Candidate {
     pub inst_id: u32,
 }
 
-/// What a query carries for its filter.
+/// What every query carries: for Embree's filter and for shapes.
 #[repr(C)]
-struct Asking<'a, F> {
+pub(crate) struct Asking {
     /// First, so that a pointer to it is one to the whole.
     context: sys::RTCRayQueryContext,
-    counts: &'a F,
+    /// Calls `counts`; `None`: every hit counts.
+    ask: Option<unsafe fn(*const (), &Candidate) -> bool>,
+    counts: *const (),
+}
+
+impl Asking {
+    /// Nothing: every hit counts.
+    const ALL: Asking = Asking {
+        context: sys::RTCRayQueryContext { instID: [INVALID], instPrimID: [INVALID] },
+        ask: None,
+        counts: std::ptr::null(),
+    };
+
+    /// Whether hits count that `counts` does not refuse; it must outlive the query.
+    fn new<F: Fn(&Candidate) -> bool>(counts: &F) -> Asking {
+        /// # Safety
+        /// `counts` points to an `F`.
+        unsafe fn call<F: Fn(&Candidate) -> bool>(counts: *const (), hit: &Candidate) -> bool {
+            // SAFETY: as this function asks for.
+            unsafe { (*counts.cast::<F>())(hit) }
+        }
+        Asking { ask: Some(call::<F>), counts: std::ptr::from_ref(counts).cast(), ..Asking::ALL }
+    }
+
+    /// Whether a hit counts.
+    pub(crate) fn counts(&self, hit: &Candidate) -> bool {
+        // SAFETY: both were set together, and `counts` outlives the query that carries this.
+        self.ask.is_none_or(|ask| unsafe { ask(self.counts, hit) })
+    }
 }
 
 /// The filter that calls back.
 ///
 /// # Safety
-/// Only for Embree to call, in a query whose context is that of an [`Asking<F>`].
-unsafe extern "C" fn ask<F: Fn(&Candidate) -> bool>(arguments: *const sys::RTCFilterFunctionNArguments) {
+/// Only for Embree to call, in a query whose context is that of an [`Asking`].
+unsafe extern "C" fn ask(arguments: *const sys::RTCFilterFunctionNArguments) {
     // SAFETY: Embree passes its arguments for the time of the call, with the query's context.
     let (arguments, asking) = unsafe {
         let arguments = &*arguments;
-        (arguments, &*arguments.context.cast::<Asking<F>>())
+        (arguments, &*arguments.context.cast::<Asking>())
     };
     let lanes = arguments.N as usize;
     for lane in 0..lanes {
@@ -444,7 +482,7 @@ unsafe extern "C" fn ask<F: Fn(&Candidate) -> bool>(arguments: *const sys::RTCFi
             geom_id: row(6),
             inst_id: row(7),
         };
-        if !(asking.counts)(&candidate) {
+        if !asking.counts(&candidate) {
             *valid = 0;
         }
     }
@@ -454,25 +492,25 @@ unsafe extern "C" fn ask<F: Fn(&Candidate) -> bool>(arguments: *const sys::RTCFi
 #[repr(align(64))]
 struct Aligned<const W: usize>([i32; W]);
 
-/// What `rtcInitIntersectArguments` sets, and `flags`.
+/// What `rtcInitIntersectArguments` sets, `flags`, and the context of `asking`.
 #[inline]
-fn arguments(flags: sys::RTCRayQueryFlags) -> sys::RTCIntersectArguments {
+fn arguments(flags: sys::RTCRayQueryFlags, asking: &mut Asking) -> sys::RTCIntersectArguments {
     sys::RTCIntersectArguments {
         flags,
         feature_mask: sys::RTC_FEATURE_FLAG_ALL,
-        context: std::ptr::null_mut(),
+        context: std::ptr::from_mut(asking).cast(),
         filter: None,
         intersect: None,
     }
 }
 
-/// What `rtcInitOccludedArguments` sets, and `flags`.
+/// What `rtcInitOccludedArguments` sets, `flags`, and the context of `asking`.
 #[inline]
-fn occlusion(flags: sys::RTCRayQueryFlags) -> sys::RTCOccludedArguments {
+fn occlusion(flags: sys::RTCRayQueryFlags, asking: &mut Asking) -> sys::RTCOccludedArguments {
     sys::RTCOccludedArguments {
         flags,
         feature_mask: sys::RTC_FEATURE_FLAG_ALL,
-        context: std::ptr::null_mut(),
+        context: std::ptr::from_mut(asking).cast(),
         filter: None,
         occluded: None,
     }

@@ -8,7 +8,7 @@ pub(crate) mod record;
 
 pub(crate) use collect::Kept;
 pub use fields::{Column, ColumnType, Columns, FIELDS, Field, FieldInfo, FieldSet};
-pub(crate) use fields::{Element, Slices, put};
+pub(crate) use fields::{Element, FLOW, Slices, put};
 pub use pack::{PackItem, PackType};
 pub use ping::{CELL_FIELDS, Layout, Ping, Pings, SonarView, Sounding};
 

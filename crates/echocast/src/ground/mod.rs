@@ -2,6 +2,7 @@
 //! nothing of sensors or scenes.
 
 pub(crate) mod angle;
+pub(crate) mod array;
 pub(crate) mod cause;
 pub mod error;
 pub(crate) mod lanes;

@@ -64,6 +64,10 @@ pub struct ScanOptions {
     pub start_time: f64,
     /// Time of the trajectory at which the scan starts, s; `None`: `start_time`.
     pub trajectory_time: Option<f64>,
+    /// Let the scene hold still during the scan, as it is when it starts: to compare with simulators that do.
+    pub freeze: bool,
+    /// Time from one frame to the next, s, over which scene flow is measured; `None`: the sensor's period.
+    pub frame_period: Option<f64>,
     /// Keep misses, so that every beam has a row.
     pub organised: bool,
     /// Coordinates of the output points.
@@ -91,6 +95,8 @@ impl Default for ScanOptions {
             frame: 0,
             start_time: 0.0,
             trajectory_time: None,
+            freeze: false,
+            frame_period: None,
             organised: false,
             coordinates: Frame::World,
             order: Order::Beam,
@@ -121,6 +127,9 @@ impl ScanOptions {
             return Err(Error::invalid("pose", format!("{start:?}"), "finite numbers, a quaternion that is not 0"));
         }
         self.environment.check()?;
+        if let Some(period) = self.frame_period.filter(|period| !(*period > 0.0 && *period < 1e9)) {
+            return Err(Error::invalid("frame_period", period, "above 0, up to 1e9 s"));
+        }
         if self.organised && self.order == Order::Time {
             return Err(Error::invalid(
                 "order",

@@ -1,6 +1,8 @@
 //! Several scene files as one scene.
 
-use super::{LabelRules, NamedObject, Scene};
+use super::{Camera, LabelRules, NamedObject, Scene};
+use crate::motion::Timeline;
+use std::sync::Arc;
 
 impl Scene {
     /// Merges `scenes`, which were read with `rules`, as they are: one world, one numbering of the labels. Objects,
@@ -10,22 +12,28 @@ impl Scene {
             return scenes.remove(0);
         }
         let mut all = Scene::default();
-        let mut objects = Vec::new();
+        let (mut objects, mut timeline) = (Vec::new(), Timeline::default());
         for scene in scenes {
             let Scene { labels, .. } = scene;
+            let shift = timeline.append(Arc::unwrap_or_clone(scene.timeline));
             objects.extend(scene.objects.into_iter().map(|object| NamedObject {
                 category: labels.category.name(object.category_id).unwrap_or_default().to_owned(),
                 parts: object.part_ids.iter().map(|&id| labels.part.name(id).unwrap_or_default().to_owned()).collect(),
                 name: object.name,
                 mesh: object.mesh,
                 world_from_object: object.world_from_object,
+                motion: object.motion.map(|motion| motion.shifted(shift)),
             }));
             all.materials.extend(scene.materials);
-            all.cameras.extend(scene.cameras);
+            all.cameras.extend(
+                scene.cameras.into_iter().map(|camera| Camera { node: camera.node.map(|node| node + shift), ..camera }),
+            );
             all.animations.extend(scene.animations);
+            all.animation_lengths.extend(scene.animation_lengths);
             all.degenerate_triangles += scene.degenerate_triangles;
             all.report.absorb(scene.report);
         }
+        all.timeline = Arc::new(timeline);
         all.number(objects, &rules.numbers)
     }
 }
@@ -36,7 +44,6 @@ mod tests {
     use super::*;
     use glam::DAffine3;
     use std::collections::BTreeMap;
-    use std::sync::Arc;
 
     /// One object of one triangle.
     fn scene(object: &str, category: Option<&str>, material: &str, rules: &LabelRules) -> Scene {
@@ -54,6 +61,7 @@ mod tests {
             world_from_object: DAffine3::IDENTITY,
             category: category.map(str::to_owned),
             part: None,
+            motion: None,
         };
         empty.assemble(vec![object], rules)
     }
@@ -88,6 +96,7 @@ mod tests {
             numbers: ["tree", "vehicle", "Cars", "sky"].map(str::to_owned).into_iter().zip(1..).collect(),
             objects: words(&[("Tree_*", "tree"), ("Car", "vehicle"), ("Lamp*", "lamp")]),
             materials: words(&[("Tree?1s", "bark"), ("Steal", "steel"), ("Wod", "wood")]),
+            ..LabelRules::default()
         };
         let options = super::super::LoadOptions { labels, ..Default::default() };
         let warnings = |files: &[std::path::PathBuf]| {

@@ -1,71 +1,13 @@
 //! Triangle meshes, split into parts of one material each.
 
+use crate::ground::array::Array;
 use crate::ground::error::{Error, Result};
 use crate::material::Material;
 use crate::scene::LARGEST;
 use embree4::CommittedScene;
 use glam::{DAffine3, DVec3};
 use std::fmt;
-use std::ops::{Deref, Range};
 use std::sync::{Arc, Mutex};
-
-/// Numbers of a mesh, immutable and shared by clones: a vector, or memory owned by somebody else.
-pub struct Array<T> {
-    owner: Arc<dyn AsRef<[T]> + Send + Sync>,
-    range: Range<usize>,
-}
-
-impl<T> Array<T> {
-    /// What `owner` exposes, which must never change; it is dropped with the last clone, on any thread.
-    pub fn new(owner: impl AsRef<[T]> + Send + Sync + 'static) -> Self {
-        Array { range: 0..owner.as_ref().len(), owner: Arc::new(owner) }
-    }
-
-    /// Whether both are clones of one array.
-    pub fn is(&self, other: &Array<T>) -> bool {
-        Arc::ptr_eq(&self.owner, &other.owner) && self.range == other.range
-    }
-
-    /// The elements from `range.start` to before `range.end`, as far as they exist.
-    #[must_use]
-    pub fn range(&self, range: Range<usize>) -> Array<T> {
-        let end = range.end.min(self.len());
-        let start = self.range.start + range.start.min(end);
-        Array { owner: self.owner.clone(), range: start..self.range.start + end }
-    }
-}
-
-impl<T: Send + Sync + 'static> From<Vec<T>> for Array<T> {
-    fn from(numbers: Vec<T>) -> Self {
-        Array::new(numbers)
-    }
-}
-
-impl<T: Send + Sync + 'static> Default for Array<T> {
-    fn default() -> Self {
-        Vec::new().into()
-    }
-}
-
-impl<T> Clone for Array<T> {
-    fn clone(&self) -> Self {
-        Array { owner: self.owner.clone(), range: self.range.clone() }
-    }
-}
-
-impl<T> Deref for Array<T> {
-    type Target = [T];
-
-    fn deref(&self) -> &[T] {
-        &(*self.owner).as_ref()[self.range.clone()]
-    }
-}
-
-impl<T> fmt::Debug for Array<T> {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        write!(f, "[{} elements]", self.len())
-    }
-}
 
 /// Triangles with one material.
 #[derive(Clone, Debug, Default)]
@@ -138,7 +80,7 @@ pub(crate) struct Structure {
 
 impl Structure {
     /// Of a mesh that follows others with different positions.
-    fn changing() -> Self {
+    pub(super) fn changing() -> Self {
         Structure { changing: true, ..Structure::default() }
     }
 }
@@ -165,6 +107,19 @@ pub struct Mesh {
     pub parts: Vec<Part>,
     /// What moving objects need to be traced, once they do.
     pub(crate) structure: Structure,
+    /// Where its vertices are in the file, if the file has them in another order and a cache may ask.
+    pub(crate) source: Option<Arc<Source>>,
+}
+
+/// Where the vertices of a mesh come from.
+#[derive(Debug)]
+pub(crate) struct Source {
+    /// For each part, of each vertex which of the file's it is, from 0.
+    pub vertices: Vec<Vec<u32>>,
+    /// Vertices in the file, those of other meshes included.
+    pub count: usize,
+    /// The origin of the mesh in the file's coordinates.
+    pub origin: DVec3,
 }
 
 impl Mesh {
@@ -190,7 +145,7 @@ impl Mesh {
 
     /// A mesh of already checked parts.
     pub(crate) fn trusted(name: String, parts: Vec<Part>) -> Mesh {
-        Mesh { name, parts, structure: Structure::default() }
+        Mesh { name, parts, ..Mesh::default() }
     }
 
     /// This mesh with other vertex positions and, if given, shading normals.

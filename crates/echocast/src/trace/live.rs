@@ -1,14 +1,16 @@
 //! A scene that is edited while it is scanned: from objects to Embree's structure and the tables behind its ids.
 
+use super::mover::Mover;
 use super::{BuiltScene, Engine, Surfaces, Tables};
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::Pose;
 use crate::ground::report::Report;
 use crate::material::Material;
+use crate::motion::{Motion, Span, Timeline};
 use crate::scene::{
     Array, Camera, Labels, Mesh, NameTable, Object, Scene, cofactors, corners, surrounding, within_reach,
 };
-use embree4::{CommittedScene, Instance, Pace, Quality};
+use embree4::{CommittedScene, Custom, Instance, Pace, Quality};
 use glam::{DAffine3, DVec3, Mat3};
 use std::collections::HashMap;
 use std::sync::{Arc, PoisonError};
@@ -29,6 +31,8 @@ pub struct LiveScene {
     labels: Arc<Labels>,
     /// World position of Embree's (0, 0, 0); `None`: chosen by the next commit.
     origin: Option<DVec3>,
+    /// The time of the next scans, s: its start, and its length, which is 0 where the scene holds still.
+    time: [f64; 2],
     /// `None`: fixed objects have changed.
     fixed: Option<Fixed>,
     /// Objects placed by themselves, by slot, unless they have moved.
@@ -67,6 +71,8 @@ struct Slot {
 
 struct Live {
     object: Object,
+    /// What it follows, if it moves by itself.
+    timeline: Option<Arc<Timeline>>,
     /// Of its mesh.
     bounds: Option<[[f32; 3]; 2]>,
     place: Place,
@@ -92,9 +98,16 @@ struct Fixed {
 }
 
 struct Placed {
-    instance: Instance,
+    thing: Thing,
     /// Whether its normals come in the mesh's frame.
     turned: bool,
+}
+
+/// An object in Embree's structure.
+enum Thing {
+    Still(Instance),
+    /// On its way, or out of sight.
+    Moving(Custom, Arc<Mover>),
 }
 
 impl Mesh {
@@ -157,6 +170,7 @@ impl LiveScene {
             cameras: Vec::new(),
             labels: Arc::default(),
             origin: None,
+            time: [0.0; 2],
             fixed: None,
             placed: HashMap::new(),
             surfaces: None,
@@ -221,7 +235,9 @@ impl LiveScene {
                 instance_id: if object.instance_id == 0 { 0 } else { object.instance_id + last },
                 ..object.clone()
             };
-            self.insert(object, bounds, Place::Fixed { together: false })
+            let timeline = object.motion.is_some().then(|| scene.timeline.clone());
+            let place = if timeline.is_some() { Place::Free } else { Place::Fixed { together: false } };
+            self.insert(object, bounds, place, timeline)
         });
         Ok(objects.collect())
     }
@@ -252,10 +268,16 @@ impl LiveScene {
         for material in parts.chain(&object.material) {
             name_material(labels, material);
         }
-        Ok(self.insert(object, bounds, place))
+        Ok(self.insert(Object { motion: None, ..object }, bounds, place, None))
     }
 
-    fn insert(&mut self, object: Object, bounds: Option<[[f32; 3]; 2]>, place: Place) -> ObjectId {
+    fn insert(
+        &mut self,
+        object: Object,
+        bounds: Option<[[f32; 3]; 2]>,
+        place: Place,
+        timeline: Option<Arc<Timeline>>,
+    ) -> ObjectId {
         if let Place::Fixed { .. } = place {
             self.fixed = None;
         }
@@ -266,7 +288,7 @@ impl LiveScene {
         });
         let entry = &mut self.slots[slot as usize];
         entry.generation += 1;
-        entry.live = Some(Box::new(Live { object, bounds, place, moved: true }));
+        entry.live = Some(Box::new(Live { object, timeline, bounds, place, moved: true }));
         ObjectId { slot, generation: entry.generation }
     }
 
@@ -308,8 +330,61 @@ impl LiveScene {
         let live = self.live(id)?;
         check_pose(&live.object.name, live.bounds, &world_from_object)?;
         live.object.world_from_object = world_from_object;
+        (live.object.motion, live.timeline) = (None, None);
         live.moved = true;
         self.loosen(id);
+        Ok(())
+    }
+
+    /// Moves an object during the scans that follow: through `keys`, times in s (those of [`ScanOptions::start_time`]
+    /// and of the beams) and poses, in straight lines and turning uniformly between them; before the first and after
+    /// the last it stands. [`LiveScene::set_time`] says which of it the next scans see.
+    ///
+    /// [`ScanOptions::start_time`]: crate::ScanOptions::start_time
+    ///
+    /// # Errors
+    /// As [`LiveScene::set_pose`]; no key; times that are not finite or fall; a pose that is not a rotation and scaling
+    /// along the object's axes. Then it moves as before.
+    pub fn set_motion(&mut self, id: ObjectId, keys: &[(f64, DAffine3)]) -> Result<()> {
+        let live = self.live(id)?;
+        for (_, pose) in keys {
+            check_pose(&live.object.name, live.bounds, pose)?;
+        }
+        let timeline = Timeline::through(keys)?;
+        live.object.motion = Some(Motion { node: 0, node_from_object: DAffine3::IDENTITY, shape: None });
+        live.timeline = Some(Arc::new(timeline));
+        live.moved = true;
+        self.loosen(id);
+        Ok(())
+    }
+
+    /// Sets the time of the next scans, s: everything that moves by itself will be where it is at every moment from
+    /// `start` to `start + length`. With a `length` of 0 it holds still where it is at `start`, whatever the time of a
+    /// scan. A new scene is set to time 0, still.
+    ///
+    /// # Errors
+    /// A time that is not finite; a negative length.
+    pub fn set_time(&mut self, start: f64, length: f64) -> Result<()> {
+        if !start.is_finite() {
+            return Err(Error::invalid("start", start, "a finite number"));
+        }
+        if !(0.0..1e9).contains(&length) {
+            return Err(Error::invalid("length", length, "0 to 1e9 s"));
+        }
+        let before = mem::replace(&mut self.time, [start, length]);
+        if before == self.time {
+            return Ok(());
+        }
+        for (slot, entry) in (0..).zip(&mut self.slots) {
+            let Some(live) = &mut entry.live else { continue };
+            let (Some(timeline), Some(motion)) = (&live.timeline, &live.object.motion) else { continue };
+            let (from, to) = (start.min(before[0]), (start + length).max(before[0] + before[1]));
+            if !timeline.stays(motion.node, from, to) {
+                self.placed.remove(&slot);
+                self.built = None;
+                live.moved = true;
+            }
+        }
         Ok(())
     }
 
@@ -473,9 +548,12 @@ impl LiveScene {
             }
         };
         let fixed = &*self.fixed.insert(fixed);
+        for live in self.slots.iter_mut().filter_map(|slot| slot.live.as_mut()).filter(|live| live.moved) {
+            live.follow(self.time[0]);
+        }
         for (slot, live) in lives(&self.slots) {
             if !live.place.is_together() && !self.placed.contains_key(&slot) {
-                let placed = place(&self.engine, &live.object, origin)?;
+                let placed = live.place(&self.engine, origin, self.time)?;
                 if !placed.turned {
                     self.surfaces = None;
                 }
@@ -495,7 +573,10 @@ impl LiveScene {
             let mut top = embree4::Scene::new(self.engine.device(), Quality::Medium)?;
             top.attach_instance(&fixed.instance)?;
             for (slot, _) in order().skip(fixed.together.len()) {
-                top.attach_instance(&self.placed[&slot].instance)?;
+                match &self.placed[&slot].thing {
+                    Thing::Still(instance) => top.attach_instance(instance)?,
+                    Thing::Moving(custom, _) => top.attach_shape(custom)?,
+                };
             }
             self.engine.commit(top, self.placed.len(), Pace::Now)?
         };
@@ -515,6 +596,12 @@ impl LiveScene {
                 Arc::new(surfaces)
             }
         };
+        let mover = |slot: u32| match &self.placed.get(&slot)?.thing {
+            Thing::Still(_) => None,
+            Thing::Moving(_, mover) => Some(mover.clone()),
+        };
+        let movers: Vec<_> = order().map(|(slot, _)| mover(slot)).collect();
+        let moves = movers.iter().any(Option::is_some);
         let normal_matrices = order().map(|(_, live)| normal_matrix(&live.object)).collect();
         let mut report = Report::default();
         warn_of_far_objects(&self.slots, origin, &mut report);
@@ -525,6 +612,8 @@ impl LiveScene {
             packet_width: device.packet_width(),
             origin,
             normal_matrices,
+            movers: if moves { movers } else { Vec::new() },
+            span: (moves && self.time[1] > 0.0).then(|| span(self.time)),
             surfaces: surfaces.clone(),
             report,
         };
@@ -648,17 +737,43 @@ fn name_material(labels: &mut Labels, material: &Material) {
     }
 }
 
-/// Places an object by itself.
-fn place(engine: &Engine, object: &Object, origin: DVec3) -> Result<Placed> {
-    let local_from_object = DAffine3::from_translation(-origin) * object.world_from_object;
-    let matrix = columns(&local_from_object);
-    if embree4::is_invertible(&matrix) {
-        let of = object.mesh.structure_by(engine, Pace::Now)?;
-        return Ok(Placed { instance: Instance::new(&of, matrix, object.mask)?, turned: true });
+/// The time that moving objects are prepared for.
+fn span([start, length]: [f64; 2]) -> Span {
+    // Of what holds still only the start is looked at.
+    Span { start, length: if length > 0.0 { length } else { 1.0 } }
+}
+
+impl Live {
+    /// Puts what moves by itself where it is at `time`, s.
+    fn follow(&mut self, time: f64) {
+        if let (Some(timeline), Some(motion)) = (&self.timeline, &self.object.motion) {
+            self.object.world_from_object = timeline.world_from_node(motion.node, time) * motion.node_from_object;
+        }
     }
-    // Squeezed flat, it gets a mesh of its own in the world.
-    let of = mesh_scene(engine, &object.mesh, Quality::Low, Some(&local_from_object), Pace::Now)?;
-    Ok(Placed { instance: Instance::new(&of, columns(&DAffine3::IDENTITY), object.mask)?, turned: false })
+
+    /// Places it by itself, as it is in `time`.
+    fn place(&self, engine: &Engine, origin: DVec3, time: [f64; 2]) -> Result<Placed> {
+        let object = &self.object;
+        let [start, end] = [time[0], time[0] + time[1]];
+        if let (Some(timeline), Some(motion)) = (&self.timeline, &object.motion)
+            && !(timeline.stays(motion.node, start, end) && timeline.is_visible(motion.node, start))
+        {
+            let of = object.mesh.structure_by(engine, Pace::Now)?;
+            let mover = Arc::new(Mover::new(timeline, motion, span(time), origin, of));
+            let custom = Custom::new(engine.device(), mover.clone(), object.mask)?;
+            return Ok(Placed { thing: Thing::Moving(custom, mover), turned: true });
+        }
+        let local_from_object = DAffine3::from_translation(-origin) * object.world_from_object;
+        let matrix = columns(&local_from_object);
+        if embree4::is_invertible(&matrix) {
+            let of = object.mesh.structure_by(engine, Pace::Now)?;
+            return Ok(Placed { thing: Thing::Still(Instance::new(&of, matrix, object.mask)?), turned: true });
+        }
+        // Squeezed flat, it gets a mesh of its own in the world.
+        let of = mesh_scene(engine, &object.mesh, Quality::Low, Some(&local_from_object), Pace::Now)?;
+        let instance = Instance::new(&of, columns(&DAffine3::IDENTITY), object.mask)?;
+        Ok(Placed { thing: Thing::Still(instance), turned: false })
+    }
 }
 
 fn mesh_scene(

@@ -5,6 +5,7 @@ mod bare;
 mod engine;
 mod hits;
 mod live;
+mod mover;
 mod sound;
 mod surface;
 
@@ -13,10 +14,12 @@ pub use bare::BareLoop;
 pub use engine::Engine;
 pub(crate) use hits::HitBatch;
 pub use live::{LiveScene, ObjectId};
+pub(crate) use mover::{Clock, Later, Mover};
 pub(crate) use sound::{Arrival, Direct, Launch, SoundLimits, SoundTracer, TracerMemory};
 pub(crate) use surface::{Surface, Surfaces};
 
 use crate::ground::report::Report;
+use crate::motion::Span;
 use crate::scene::Labels;
 use embree4::CommittedScene;
 use glam::{DVec3, Mat3};
@@ -36,6 +39,10 @@ pub(crate) struct Tables {
     pub origin: DVec3,
     /// World-from-object matrices for normals (cofactors of the linear part), by [`Surface::object`].
     pub normal_matrices: Vec<Mat3>,
+    /// Objects that move, by [`Surface::object`]; empty if none does.
+    pub movers: Vec<Option<Arc<Mover>>>,
+    /// The time of the scans that those are prepared for; `None`: nothing moves.
+    pub span: Option<Span>,
     pub surfaces: Arc<Surfaces>,
     pub report: Report,
 }

@@ -191,10 +191,10 @@ impl Surfaces {
 }
 
 impl Tables {
-    /// The interpolated normal of a smooth part where the second and the third corner of `triangle` weigh `u` and `v`,
-    /// in the world's frame, of any length and on the mesh's side; `None`: the part is flat, or the normals of its
+    /// The interpolated normal of a smooth part at `time` where the second and the third corner of `triangle` weigh `u`
+    /// and `v`, in the world's frame, of any length and on the mesh's side; `None`: the part is flat, or the normals of its
     /// corners cancel.
-    pub(crate) fn shading_normal(&self, surface: u32, triangle: u32, [u, v]: [f32; 2]) -> Option<Vec3> {
+    pub(crate) fn shading_normal(&self, surface: u32, triangle: u32, [u, v]: [f32; 2], time: f32) -> Option<Vec3> {
         let surfaces = &self.surfaces;
         if !surfaces.has_shading_normals {
             return None;
@@ -203,7 +203,7 @@ impl Tables {
         let part = &surfaces.parts[row.part as usize];
         let normals = part.normals.as_deref()?;
         let [a, b, c] = part.triangles[triangle as usize].map(|index| Vec3::from(normals[index as usize]));
-        let smooth = self.normal_matrices[row.object as usize] * (a * (1.0 - u - v) + b * u + c * v);
+        let smooth = self.turned(row.object, a * (1.0 - u - v) + b * u + c * v, time);
         (smooth.length_squared() > f32::MIN_POSITIVE).then_some(smooth)
     }
 }

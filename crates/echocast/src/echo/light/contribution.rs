@@ -49,7 +49,7 @@ impl Contribution {
     /// sensor's side; interpolated ones where the part has them and `smooth` wants them.
     pub(crate) fn face(&mut self, scene: &Tables, rays: &RayBatch, hits: &mut HitBatch, count: usize, smooth: bool) {
         if scene.surfaces.has_instances {
-            hits.orient_normals(scene, count);
+            hits.orient_normals(scene, rays, count);
         }
         self.meet(rays, hits);
         if smooth {
@@ -78,11 +78,14 @@ impl Contribution {
             let part = &surfaces.parts[surface.part as usize];
             let Some(normals) = &part.normals else { continue };
             let matrix = scene.normal_matrices[surface.object as usize];
+            let moves = scene.mover(surface.object).is_some();
             for lane in run {
                 let corners = part.triangles[hits.triangle[lane] as usize];
                 let [a, b, c] = corners.map(|index| Vec3::from(normals[index as usize]));
                 let (u, v) = (hits.u[lane], hits.v[lane]);
-                let smooth = matrix * (a * (1.0 - u - v) + b * u + c * v);
+                let smooth = a * (1.0 - u - v) + b * u + c * v;
+                let smooth =
+                    if moves { scene.turned(surface.object, smooth, rays.time[lane]) } else { matrix * smooth };
                 // Opposite vertex normals may cancel; then the triangle's own normal stays.
                 if smooth.length_squared() > f32::MIN_POSITIVE {
                     let facing = hits.normal(lane);

@@ -2,19 +2,19 @@
 
 use super::block::{Lanes, Task, with_block};
 use super::halo::Halos;
-use crate::cloud::{Columns, Field, Frame, PointCloud, Slices};
+use crate::cloud::{Columns, FLOW, Field, Frame, PointCloud, Slices};
 use crate::detect::{Errors, FalseAlarms, ReturnMode, Threshold};
 use crate::echo::{Air, IntensityEncoding, IntensityModel, PathLimits, Surroundings, Wanted};
 use crate::emitter::{Aim, BeamTable, Trajectory};
 use crate::ground::error::{Error, Result};
-use crate::ground::lanes::{CHUNK, LANES, MISS};
+use crate::ground::lanes::{CHUNK, LANES, MISS, RayBatch};
 use crate::ground::parallel;
 use crate::ground::rng::Rng;
 use crate::material::{Mirrors, Optics, ReflectanceSource, Reflectances};
 use crate::medium::Weather;
 use crate::scan::{Order, Profile, Progress, ScanOptions};
 use crate::sensor::{DepthCamera, Sensor, Signals};
-use crate::trace::Tables;
+use crate::trace::{Clock, Later, Tables};
 use echocast_kernels::measure;
 use std::ops::Range;
 use std::sync::Arc;
@@ -27,6 +27,17 @@ const LABELS: [Field; 6] = [
     Field::MaterialId,
     Field::FirstCategoryId,
     Field::FirstInstanceId,
+];
+
+/// Columns that depend on how things move.
+pub(super) const MOVING: [Field; 7] = [
+    Field::VelocityX,
+    Field::VelocityY,
+    Field::VelocityZ,
+    Field::RadialVelocity,
+    Field::FlowX,
+    Field::FlowY,
+    Field::FlowZ,
 ];
 
 /// Chunks per thread between two passes that close the gaps of misses: few enough that their rows are
@@ -46,6 +57,8 @@ pub(super) struct Scan<'a> {
     pub measure: Measuring,
     /// What a depth camera makes of light, if the sensor is one.
     pub camera: Option<&'a DepthCamera>,
+    /// Time from one frame to the next, s.
+    pub frame_period: f64,
     /// How beams of several rays or returns are made; `None` where beams are a ray and a return each.
     pub signals: Option<Signals>,
 }
@@ -58,6 +71,8 @@ pub(super) struct Aiming<'a> {
     /// How far rays go, m: beyond the greatest range where what is measured wraps.
     pub reach: f32,
     pub coherent: bool,
+    /// Where the scene moves, beam by beam.
+    pub clock: Option<Clock>,
 }
 
 /// What light goes through and meets, and what of it is looked up.
@@ -75,6 +90,10 @@ pub(super) struct World<'a> {
     /// Whether labels, colours or reflectances are asked for.
     pub wants_surfaces: bool,
     pub wanted: Wanted,
+    /// Where things are one frame later, if they move and that is asked for.
+    pub later: Option<Later>,
+    /// Whether anything moves and that is asked for.
+    pub motion: bool,
 }
 
 /// Which echoes are seen.
@@ -174,6 +193,7 @@ impl<'a> Scan<'a> {
         });
 
         let fields = options.fields;
+        let frame_period = options.frame_period.unwrap_or(beams.period);
         let depends = threshold != Threshold::Open || errors.depend_on_light() || camera.is_some();
         let wants_echo =
             signals.is_some() || air.is_some() || paths.is_some() || depends || fields.contains(Field::Intensity);
@@ -190,6 +210,7 @@ impl<'a> Scan<'a> {
                 pose: Aim::new(trajectory, options.trajectory_time(), scene.origin),
                 reach: if camera.is_some_and(DepthCamera::wraps) { f32::INFINITY } else { range_max },
                 coherent: beams.is_coherent(),
+                clock: scene.clock(options.start_time, options.freeze),
             },
             world: World {
                 scene,
@@ -200,6 +221,8 @@ impl<'a> Scan<'a> {
                 wants_normals: wants_echo || fields.contains_any(&normals),
                 wants_surfaces: wants_echo || fields.contains_any(&LABELS) || colors,
                 wanted: Wanted { colors, reflectance: wants_echo },
+                later: (scene.span.is_some() && fields.contains_any(&FLOW)).then(|| scene.later(frame_period)),
+                motion: scene.span.is_some() && fields.contains_any(&MOVING),
             },
             measure: Measuring {
                 errors,
@@ -217,6 +240,7 @@ impl<'a> Scan<'a> {
                 halos: None,
             },
             camera,
+            frame_period,
             signals,
         }
     }
@@ -356,13 +380,13 @@ impl Scan<'_> {
         found
     }
 
-    /// What light is followed through up to `range_max` m, with the weather of `air` on its way.
+    /// What the light of `beams` is followed through, with the weather of `air` on its way.
     pub fn surroundings<'b>(
         &'b self,
         air: Option<&'b Air>,
         limits: PathLimits,
         wanted: Wanted,
-        range_max: &'b [f32; LANES],
+        beams: &'b RayBatch,
     ) -> Surroundings<'b> {
         Surroundings {
             scene: self.world.scene,
@@ -370,8 +394,9 @@ impl Scan<'_> {
             mask: self.options.mask,
             smooth: self.world.smooth,
             wanted,
+            motion: self.world.motion,
             limits,
-            range_max,
+            beams,
             air,
         }
     }

@@ -1,0 +1,398 @@
+//! Where something that keeps its shape is, at all times of one scan, in the form that rays need.
+
+use echocast_kernels::aim::Frame;
+use glam::{DAffine3, DMat3, DVec3, Mat3, Vec3};
+
+/// Where something is at all times of a scan, counted from 0 to 1: pieces between which it may bend or jump, on each of
+/// which its place and the inverse of its linear part change linearly. They are short enough that no point of it is
+/// farther than [`TOLERANCE_M`] from where it should be.
+#[derive(Clone, Debug)]
+pub(crate) struct Path {
+    pieces: Vec<Piece>,
+    /// For each of as many equal parts of the time as there are pieces, the first piece that reaches into it.
+    first: Vec<u32>,
+}
+
+/// Half of what is promised: a tenth of a millimetre, which at one metre is a tenth of a milliradian.
+const TOLERANCE_M: f64 = 0.05e-3;
+
+/// Where a piece is checked, as parts of its length: not evenly, so that no turn and no wave passes all unnoticed.
+const CHECKED: [f64; 4] = [0.21, 0.47, 0.68, 0.87];
+
+/// Pieces are not cut further than this: a motion that needs more is noise.
+const MOST_CUTS: u32 = 18;
+
+/// A part of a path.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Piece {
+    /// When it is, where the thing's origin is relative to the scene's, m, and the linear part of object-from-world.
+    frame: Frame,
+    /// Whether the thing can be seen.
+    visible: bool,
+    /// At both ends: how fast its origin moves, m/s.
+    velocity: [Vec3; 2],
+    /// At both ends: how fast the linear part of world-from-object changes, 1/s.
+    turning: [Mat3; 2],
+}
+
+/// Where something is at one time.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Place {
+    /// Its origin relative to the scene's, m.
+    pub place: Vec3,
+    /// The linear part of object-from-world.
+    pub inverse: Mat3,
+}
+
+/// The time of a scan.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Span {
+    /// s.
+    pub start: f64,
+    /// s, above 0.
+    pub length: f64,
+}
+
+impl Path {
+    /// Along `world_from_object`, where the object can be seen at a time if `visible`, and may bend or jump at `bends`,
+    /// in any order. `bounds` is the box of the object's mesh; `origin` the scene's.
+    pub(crate) fn new(
+        span: Span,
+        mut bends: Vec<f64>,
+        bounds: [[f32; 3]; 2],
+        origin: DVec3,
+        world_from_object: impl Fn(f64) -> DAffine3,
+        visible: impl Fn(f64) -> bool,
+    ) -> Path {
+        let Span { start, length } = span;
+        bends.push(start);
+        bends.push(start + length);
+        bends.retain(|time| (start..=start + length).contains(time));
+        bends.sort_by(f64::total_cmp);
+        bends.dedup();
+        let local_from_object = |time: f64| DAffine3::from_translation(-origin) * world_from_object(time);
+        let marks = marks(bounds);
+        let mut pieces = Vec::new();
+        let mut cuts: Vec<(f64, f64, u32)> = Vec::new();
+        for ends in bends.windows(2) {
+            let visible = visible(0.5 * (ends[0] + ends[1]));
+            cuts.push((ends[0], ends[1], 0));
+            while let Some((from, to, depth)) = cuts.pop() {
+                let piece = Piece::between(span, from, to, visible, &local_from_object);
+                let middle = 0.5 * (from + to);
+                let near = CHECKED.into_iter().all(|part| {
+                    let exact = local_from_object(from + part * (to - from));
+                    piece.at_part(part as f32).is_near(&exact, &marks)
+                });
+                if near || depth == MOST_CUTS {
+                    pieces.push(piece);
+                } else {
+                    cuts.push((middle, to, depth + 1));
+                    cuts.push((from, middle, depth + 1));
+                }
+            }
+        }
+        let count = pieces.len();
+        let mut first = Vec::with_capacity(count);
+        let mut piece = 0;
+        for part in 0..count {
+            let start = part as f32 / count as f32;
+            while piece + 1 < count && pieces[piece + 1].frame.start <= start {
+                piece += 1;
+            }
+            first.push(piece as u32);
+        }
+        Path { pieces, first }
+    }
+
+    /// The piece that `time`, 0 to 1, lies in.
+    pub(crate) fn piece(&self, time: f32) -> &Piece {
+        let part = (time * self.first.len() as f32) as usize;
+        let mut piece = self.first[part.min(self.first.len() - 1)] as usize;
+        // Rounded, a time can lie before the first piece of its part.
+        while self.pieces.get(piece + 1).is_some_and(|next| next.frame.start <= time) {
+            piece += 1;
+        }
+        &self.pieces[piece]
+    }
+
+    /// Where it is at `time`, 0 to 1.
+    pub(crate) fn at(&self, time: f32) -> Place {
+        let piece = self.piece(time);
+        piece.at_part(piece.part(time))
+    }
+
+    /// Boxes, least and greatest x, y, z, at `steps` evenly spaced times from 0 to 1, such that in between what lies in
+    /// `bounds(time)` (object frame) stays within the box between them; where nothing is ever seen, they are empty.
+    pub(crate) fn boxes(&self, steps: usize, bounds: impl Fn(f32) -> [[f32; 3]; 2]) -> Vec<[[f32; 3]; 2]> {
+        /// Far more than rounding and [`TOLERANCE_M`].
+        const MARGIN_M: f32 = 2e-3;
+        const NOTHING: [Vec3; 2] = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+        // Where it is at the ends and in the middle of each piece.
+        let mut samples = Vec::new();
+        for (index, piece) in self.pieces.iter().enumerate().filter(|(_, piece)| piece.visible) {
+            let end = self.pieces.get(index + 1).map_or(1.0, |next| next.frame.start);
+            for part in [0.0, 0.5, 1.0] {
+                let time = piece.frame.start + part * (end - piece.frame.start);
+                samples.push((time, surround(&piece.at_part(part), bounds(time))));
+            }
+        }
+        let last = steps.max(2) - 1;
+        let mut boxes = vec![NOTHING; last + 1];
+        for step in 0..last {
+            let (from, to) = (step as f32 / last as f32, (step + 1) as f32 / last as f32);
+            // Both ends of the interval hold every sample within, and what the path is at the ends themselves.
+            let ends = [from, to].map(|time| {
+                let piece = self.piece(time);
+                (time, surround(&piece.at_part(piece.part(time)), bounds(time)), piece.visible)
+            });
+            let within = samples.iter().filter(|(time, _)| (from..=to).contains(time)).copied();
+            let all: Vec<_> =
+                within.chain(ends.into_iter().filter(|end| end.2).map(|(time, bounds, _)| (time, bounds))).collect();
+            // Linear between the boxes at both ends, if it is seen there, widened by what sticks out.
+            let [a, b] = match ends {
+                [(_, a, true), (_, b, true)] => [a, b],
+                _ => {
+                    let whole = all.iter().fold(NOTHING, |sum, (_, next)| unite(sum, *next));
+                    [whole; 2]
+                }
+            };
+            let mut out = [Vec3::ZERO; 2];
+            for (time, [low, high]) in &all {
+                let part = (time - from) / (to - from);
+                out[0] = out[0].max(a[0].lerp(b[0], part) - *low);
+                out[1] = out[1].max(*high - a[1].lerp(b[1], part));
+            }
+            let widened = |[low, high]: [Vec3; 2]| {
+                if all.is_empty() { NOTHING } else { [low - out[0], high + out[1]] }
+            };
+            boxes[step] = unite(boxes[step], widened(a));
+            boxes[step + 1] = unite(boxes[step + 1], widened(b));
+        }
+        boxes.iter().map(|[low, high]| [(*low - MARGIN_M).to_array(), (*high + MARGIN_M).to_array()]).collect()
+    }
+}
+
+/// The box around the corners of `bounds` (object frame) at a place.
+fn surround(place: &Place, bounds: [[f32; 3]; 2]) -> [Vec3; 2] {
+    let linear = place.inverse.inverse();
+    let [low, high] = bounds.map(Vec3::from);
+    let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
+    let middle = place.place + linear * middle;
+    let half = linear.x_axis.abs() * half.x + linear.y_axis.abs() * half.y + linear.z_axis.abs() * half.z;
+    // A thousandth for what turns between samples.
+    let half = half * 1.001;
+    [middle - half, middle + half]
+}
+
+fn unite(a: [Vec3; 2], b: [Vec3; 2]) -> [Vec3; 2] {
+    [a[0].min(b[0]), a[1].max(b[1])]
+}
+
+/// Points that must be where they belong: the corners of a box, and one metre along each axis, so that small things
+/// do not turn too far.
+fn marks(bounds: [[f32; 3]; 2]) -> [DVec3; 11] {
+    let corner = |k: usize| DVec3::from_array(std::array::from_fn(|axis| f64::from(bounds[k >> axis & 1][axis])));
+    std::array::from_fn(|k| match k {
+        0..8 => corner(k),
+        _ => DVec3::AXES[k - 8],
+    })
+}
+
+impl Piece {
+    /// From `from` to `to`, s.
+    fn between(span: Span, from: f64, to: f64, visible: bool, local_from_object: &impl Fn(f64) -> DAffine3) -> Piece {
+        // A little inside: at its ends it may jump.
+        let inside = 1e-6 * (to - from);
+        let rates = 1e-3 * (to - from);
+        let end = |time: f64, forward: f64| {
+            let at = local_from_object(time);
+            // Of second order, from one side.
+            let [next, second] = [1.0, 2.0].map(|steps| local_from_object(time + forward * steps * rates));
+            let rate = |a: DVec3, b: DVec3, c: DVec3| (4.0 * b - 3.0 * a - c) / (2.0 * forward * rates);
+            let axis = |k: usize| rate(at.matrix3.col(k), next.matrix3.col(k), second.matrix3.col(k)).as_vec3();
+            let turning = Mat3::from_cols(axis(0), axis(1), axis(2));
+            let velocity = rate(at.translation, next.translation, second.translation).as_vec3();
+            (at.translation.as_vec3(), inverse(&at.matrix3), velocity, turning)
+        };
+        let (a, b) = (end(from + inside, 1.0), end(to - inside, -1.0));
+        let start = ((from - span.start) / span.length) as f32;
+        let frame = Frame {
+            start,
+            rate: (span.length / (to - from)) as f32,
+            place: [a.0.to_array(), b.0.to_array()],
+            into: [a.1.to_cols_array_2d(), b.1.to_cols_array_2d()],
+        };
+        Piece { frame, visible, velocity: [a.2, b.2], turning: [a.3, b.3] }
+    }
+
+    /// Whether `time`, 0 to 1, lies in it.
+    pub(crate) fn covers(&self, time: f32) -> bool {
+        let passed = (time - self.frame.start) * self.frame.rate;
+        (0.0..1.0).contains(&passed)
+    }
+
+    /// Whether the thing can be seen.
+    pub(crate) fn is_visible(&self) -> bool {
+        self.visible
+    }
+
+    /// Which part of the piece has passed at `time`, 0 to 1.
+    pub(crate) fn part(&self, time: f32) -> f32 {
+        ((time - self.frame.start) * self.frame.rate).clamp(0.0, 1.0)
+    }
+
+    /// Where the thing is when `part` of the piece has passed.
+    pub(crate) fn at_part(&self, part: f32) -> Place {
+        let [p, q] = self.frame.place.map(Vec3::from);
+        let [a, b] = self.frame.into.map(|columns| Mat3::from_cols_array_2d(&columns));
+        Place { place: p + (q - p) * part, inverse: a + (b - a) * part }
+    }
+
+    /// How fast the point at `object` (object frame) moves when `part` of the piece has passed, m/s.
+    pub(crate) fn velocity(&self, part: f32, object: Vec3) -> Vec3 {
+        let [a, b] = &self.turning;
+        self.velocity[0] + (self.velocity[1] - self.velocity[0]) * part + (*a + (*b - *a) * part) * object
+    }
+
+    /// What rays enter.
+    pub(crate) fn frame(&self) -> &Frame {
+        &self.frame
+    }
+}
+
+/// The inverse of a linear part; what is squeezed flat gets a thickness of a millionth.
+fn inverse(linear: &DMat3) -> Mat3 {
+    let size = linear.x_axis.length().max(linear.y_axis.length()).max(linear.z_axis.length());
+    let flat = linear.determinant().abs() <= 1e-18 * size * size * size;
+    if flat {
+        (*linear + DMat3::from_diagonal(DVec3::splat(1e-6 * size.max(1e-6)))).inverse()
+    } else {
+        linear.inverse()
+    }
+    .as_mat3()
+}
+
+impl Place {
+    /// Where a point at `local` (scene frame) is on the thing.
+    pub(crate) fn to_object(&self, local: Vec3) -> Vec3 {
+        self.inverse * (local - self.place)
+    }
+
+    /// Where the point at `object` of the thing is in the scene's frame.
+    pub(crate) fn to_local(&self, object: Vec3) -> Vec3 {
+        self.place + self.inverse.inverse() * object
+    }
+
+    /// A normal of the thing in the scene's frame, of any length.
+    pub(crate) fn normal(&self, normal: Vec3) -> Vec3 {
+        self.inverse.transpose() * normal
+    }
+
+    /// Whether `marks` (object frame) are within tolerance of where `exact` has them.
+    fn is_near(&self, exact: &DAffine3, marks: &[DVec3; 11]) -> bool {
+        let inverse = self.inverse.as_dmat3();
+        marks.iter().all(|mark| {
+            let should = exact.transform_point3(*mark);
+            let is = inverse * (should - self.place.as_dvec3());
+            // Rounding to single precision is no reason to cut.
+            let rounding = 2e-7 * (should.abs().max_element() + mark.abs().max_element());
+            exact.transform_vector3(is - *mark).length() <= TOLERANCE_M + 4.0 * rounding
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DQuat;
+
+    const CUBE: [[f32; 3]; 2] = [[-1.0; 3], [1.0; 3]];
+
+    fn path(span: Span, bends: &[f64], pose: impl Fn(f64) -> DAffine3) -> Path {
+        Path::new(span, bends.to_vec(), CUBE, DVec3::ZERO, pose, |_| true)
+    }
+
+    /// Every corner at every time, against the exact pose; and no box is left.
+    fn check(span: Span, bends: &[f64], pose: impl Fn(f64) -> DAffine3) -> usize {
+        let path = path(span, bends, &pose);
+        for steps in [2, 5] {
+            let boxes = path.boxes(steps, |_| CUBE);
+            for k in 0..=1000 {
+                let part = (f64::from(k) + 0.37) / 1001.0;
+                let place = path.at(part as f32);
+                let exact = pose(span.start + span.length * f64::from(part as f32));
+                let at = part as f32 * (boxes.len() - 1) as f32;
+                let (step, fraction) = (at as usize, at.fract());
+                for mark in marks(CUBE) {
+                    let (is, should) = (place.to_local(mark.as_vec3()), exact.transform_point3(mark).as_vec3());
+                    assert!((is - should).length() < 1e-4, "{part}: {is} {should}");
+                }
+                for corner in &marks(CUBE)[..8] {
+                    let point = exact.transform_point3(*corner).as_vec3();
+                    let [low, high] =
+                        [0, 1].map(|end| Vec3::from(boxes[step][end]).lerp(Vec3::from(boxes[step + 1][end]), fraction));
+                    assert!(point.cmpge(low).all() && point.cmple(high).all(), "{part}: {point} {low} {high}");
+                }
+            }
+        }
+        path.pieces.len()
+    }
+
+    #[test]
+    fn what_moves_straight_is_one_piece() {
+        let span = Span { start: 5.0, length: 0.1 };
+        let straight = |time: f64| DAffine3::from_translation(DVec3::new(30.0 * time, 2.0, 3.0 * time));
+        assert_eq!(check(span, &[], straight), 1);
+        let path = path(span, &[], straight);
+        let piece = path.piece(0.3);
+        assert!((piece.velocity(0.3, Vec3::ONE) - Vec3::new(30.0, 0.0, 3.0)).length() < 1e-3);
+    }
+
+    #[test]
+    fn a_rotor_is_exact_at_fifty_turns_a_second() {
+        let span = Span { start: 12.0, length: 0.1 };
+        let rate = 50.0 * std::f64::consts::TAU;
+        let rotor = |time: f64| {
+            DAffine3::from_scale_rotation_translation(
+                DVec3::new(1.0, 2.0, 0.5),
+                DQuat::from_rotation_z(rate * time),
+                DVec3::new(10.0, -20.0, 3.0),
+            )
+        };
+        let pieces = check(span, &[], rotor);
+        assert!((500..8000).contains(&pieces), "{pieces}");
+        let path = path(span, &[], rotor);
+        for time in [0.0, 0.123, 0.9999] {
+            let piece = path.piece(time);
+            let exact = rotor(span.start + span.length * f64::from(time));
+            let point = DVec3::new(1.0, 0.5, 1.0);
+            let should = DVec3::Z.cross(exact.transform_vector3(point)) * rate;
+            let is = piece.velocity(piece.part(time), point.as_vec3());
+            assert!((is.as_dvec3() - should).length() < 1e-3 * rate, "{is} {should}");
+        }
+    }
+
+    #[test]
+    fn what_bends_and_jumps_does_so_at_its_time() {
+        let span = Span { start: 0.0, length: 1.0 };
+        let pose = |time: f64| {
+            let x = if time < 0.3 { 10.0 * time } else { 3.0 - 5.0 * (time - 0.3) };
+            let y = if time < 0.6 { 0.0 } else { 40.0 };
+            DAffine3::from_translation(DVec3::new(x, y, 0.0))
+        };
+        assert_eq!(check(span, &[0.6, 0.3, 7.0], pose), 3);
+    }
+
+    #[test]
+    fn what_is_not_seen_has_no_box() {
+        let span = Span { start: 0.0, length: 1.0 };
+        let still = |_| DAffine3::IDENTITY;
+        let path = Path::new(span, vec![0.5], CUBE, DVec3::ZERO, still, |time| time > 0.5);
+        assert!(!path.piece(0.2).is_visible() && path.piece(0.7).is_visible());
+        let boxes = path.boxes(2, |_| CUBE);
+        assert!(boxes[0][0][0] <= -1.0 && boxes[1][1][0] >= 1.0);
+        let never = Path::new(span, vec![], CUBE, DVec3::ZERO, still, |_| false);
+        assert!(never.boxes(2, |_| CUBE).iter().all(|[low, high]| low[0] > high[0]));
+    }
+}

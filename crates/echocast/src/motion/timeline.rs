@@ -1,0 +1,238 @@
+//! The nodes of a scene over time.
+
+use super::{Curve, Interpolation, Track};
+use crate::ground::error::{Error, Result};
+use glam::{DAffine3, DQuat, DVec3};
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// What moves in a scene, asked at any time, in seconds: nodes that hang on each other, and the keys of the file.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Timeline {
+    /// Parents before their children.
+    pub(crate) nodes: Vec<Node>,
+}
+
+/// A place that others may hang on.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Node {
+    /// Number of the node it hangs on; `None`: the world.
+    pub parent: Option<usize>,
+    /// Where it is in its parent, where no track says otherwise.
+    pub rest: Rest,
+    /// Three numbers, m.
+    pub translation: Option<Track>,
+    /// A quaternion, x, y, z, w.
+    pub rotation: Option<Track>,
+    /// Three factors.
+    pub scale: Option<Track>,
+    /// Above 0.5: it and what hangs on it can be seen.
+    pub visible: Option<Track>,
+}
+
+/// A place in a parent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Rest {
+    /// Parts that tracks may replace.
+    Parts { translation: DVec3, rotation: DQuat, scale: DVec3 },
+    /// As a whole, never moving.
+    Whole(DAffine3),
+}
+
+impl Default for Rest {
+    fn default() -> Self {
+        Rest::Parts { translation: DVec3::ZERO, rotation: DQuat::IDENTITY, scale: DVec3::ONE }
+    }
+}
+
+impl Node {
+    /// Place in the parent at `time`, s.
+    pub(crate) fn parent_from_node(&self, time: f64) -> DAffine3 {
+        let (translation, rotation, scale) = match self.rest {
+            Rest::Whole(place) => return place,
+            Rest::Parts { translation, rotation, scale } => (translation, rotation, scale),
+        };
+        let vector =
+            |track: &Option<Track>, rest| track.as_ref().map_or(rest, |track| DVec3::from_array(track.value(time)));
+        let rotation = self.rotation.as_ref().map_or(rotation, |track| {
+            // Splines leave the unit sphere (glTF 2.0, appendix C.5).
+            DQuat::from_array(track.value(time)).normalize()
+        });
+        DAffine3::from_scale_rotation_translation(
+            vector(&self.scale, scale),
+            rotation,
+            vector(&self.translation, translation),
+        )
+    }
+
+    fn tracks(&self) -> impl Iterator<Item = &Track> {
+        [&self.translation, &self.rotation, &self.scale, &self.visible].into_iter().flatten()
+    }
+}
+
+impl Timeline {
+    /// Of one node that passes through `keys`, times in s and places in the world.
+    ///
+    /// # Errors
+    /// No key; a number that is not finite; times that fall; a place that is sheared or squeezed flat.
+    pub(crate) fn through(keys: &[(f64, DAffine3)]) -> Result<Timeline> {
+        if keys.is_empty() {
+            return Err(Error::invalid("keys", "none", "at least one"));
+        }
+        let times: Vec<f64> = keys.iter().map(|(time, _)| *time).collect();
+        if let Some(index) = (0..times.len()).find(|&k| !times[k].is_finite() || k > 0 && times[k] < times[k - 1]) {
+            return Err(Error::invalid(format!("time of key {index}"), times[index], "finite times that never fall"));
+        }
+        let (mut places, mut turns, mut scales) = (Vec::new(), Vec::new(), Vec::new());
+        for (index, (_, pose)) in keys.iter().enumerate() {
+            let (scale, rotation, translation) = pose.to_scale_rotation_translation();
+            let again = DAffine3::from_scale_rotation_translation(scale, rotation, translation);
+            if !again.abs_diff_eq(*pose, 1e-6 * scale.abs().max_element()) {
+                let message = format!("{:?}", pose.matrix3.to_cols_array());
+                let allowed = "a rotation and factors along the object's axes, none of them 0";
+                return Err(Error::invalid(format!("pose of key {index}"), message, allowed));
+            }
+            places.extend(translation.to_array());
+            turns.extend(rotation.to_array());
+            scales.extend(scale.to_array());
+        }
+        let track = |values: Vec<f64>, turns| {
+            let (times, width) = (times.clone(), if turns { 4 } else { 3 });
+            let curve = Curve { times, values, width, interpolation: Interpolation::Linear, turns };
+            Some(Track { curve: Arc::new(curve), period: None })
+        };
+        let node = Node {
+            translation: track(places, false),
+            rotation: track(turns, true),
+            scale: track(scales, false),
+            ..Node::default()
+        };
+        Ok(Timeline { nodes: vec![node] })
+    }
+
+    /// Whether nothing ever moves.
+    pub fn is_still(&self) -> bool {
+        self.nodes.iter().all(|node| node.tracks().next().is_none())
+    }
+
+    /// Time of the last key, s; 0 without any.
+    pub fn end(&self) -> f64 {
+        self.nodes.iter().flat_map(Node::tracks).map(|track| track.curve.end()).fold(0.0, f64::max)
+    }
+
+    /// `node` and the nodes that it hangs on.
+    fn up(&self, node: usize) -> impl Iterator<Item = &Node> {
+        std::iter::successors(self.nodes.get(node), |node| self.nodes.get(node.parent?))
+    }
+
+    /// Where `node` is at `time`, s.
+    pub(crate) fn world_from_node(&self, node: usize, time: f64) -> DAffine3 {
+        self.up(node).fold(DAffine3::IDENTITY, |below, node| node.parent_from_node(time) * below)
+    }
+
+    /// Where each of `nodes` is at `time`, s; what several of them hang on is looked at once.
+    pub(crate) fn world_from_nodes(&self, nodes: &[usize], time: f64) -> Vec<DAffine3> {
+        let mut known: HashMap<usize, DAffine3> = HashMap::new();
+        let mut unknown = Vec::new();
+        let mut place = |node: usize| {
+            let mut next = Some(node);
+            let mut world = loop {
+                let Some(node) = next else { break DAffine3::IDENTITY };
+                match known.get(&node) {
+                    Some(place) => break *place,
+                    None => unknown.push(node),
+                }
+                next = self.nodes[node].parent;
+            };
+            while let Some(node) = unknown.pop() {
+                world = world * self.nodes[node].parent_from_node(time);
+                known.insert(node, world);
+            }
+            world
+        };
+        nodes.iter().map(|&node| place(node)).collect()
+    }
+
+    /// Whether `node` can be seen at `time`, s.
+    pub(crate) fn is_visible(&self, node: usize, time: f64) -> bool {
+        self.up(node).filter_map(|node| node.visible.as_ref()).all(|track| track.value::<1>(time)[0] > 0.5)
+    }
+
+    /// Whether `node` stays as it is at all times from `from` to `to`, s.
+    pub(crate) fn stays(&self, node: usize, from: f64, to: f64) -> bool {
+        self.up(node).flat_map(Node::tracks).all(|track| track.is_still(from, to))
+    }
+
+    /// Adds the times between `from` and `to`, s, at which the motion of `node` may bend or jump, in no order.
+    pub(crate) fn bends(&self, node: usize, from: f64, to: f64, bends: &mut Vec<f64>) {
+        self.up(node).flat_map(Node::tracks).for_each(|track| track.bends(from, to, bends));
+    }
+
+    /// No fewer times than [`Timeline::bends`] adds.
+    pub(crate) fn most_bends(&self, node: usize, from: f64, to: f64) -> f64 {
+        self.up(node).flat_map(Node::tracks).map(|track| track.most_bends(from, to)).sum()
+    }
+
+    /// Appends the nodes of `other`; returns by how much their numbers have risen.
+    pub(crate) fn append(&mut self, other: Timeline) -> usize {
+        let shift = self.nodes.len();
+        self.nodes.extend(
+            other.nodes.into_iter().map(|node| Node { parent: node.parent.map(|parent| parent + shift), ..node }),
+        );
+        shift
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Curve, Interpolation};
+    use super::*;
+    use std::f64::consts::FRAC_PI_2;
+
+    fn track(times: &[f64], values: &[&[f64]], turns: bool) -> Option<Track> {
+        let curve = Curve {
+            times: times.to_vec(),
+            values: values.concat(),
+            width: values[0].len(),
+            interpolation: if values[0].len() == 1 { Interpolation::Step } else { Interpolation::Linear },
+            turns,
+        };
+        Some(Track { curve: Arc::new(curve), period: None })
+    }
+
+    /// A wheel on a car that drives and turns.
+    #[test]
+    fn what_hangs_on_a_node_moves_with_it() {
+        let quarter = DQuat::from_rotation_z(FRAC_PI_2).to_array();
+        let car = Node {
+            translation: track(&[0.0, 2.0], &[&[0.0; 3], &[20.0, 0.0, 0.0]], false),
+            visible: track(&[0.0, 1.5], &[&[1.0], &[0.0]], false),
+            ..Node::default()
+        };
+        let wheel = Node {
+            parent: Some(0),
+            rest: Rest::Parts { translation: DVec3::Y, rotation: DQuat::IDENTITY, scale: DVec3::splat(2.0) },
+            rotation: track(&[0.0, 1.0], &[&[0.0, 0.0, 0.0, 1.0], &quarter], true),
+            ..Node::default()
+        };
+        let timeline = Timeline { nodes: vec![car, wheel] };
+        let rim = |time| timeline.world_from_node(1, time).transform_point3(DVec3::X);
+        assert!((rim(0.0) - DVec3::new(2.0, 1.0, 0.0)).length() < 1e-12);
+        let half = 2.0 * FRAC_PI_2 / 2.0;
+        assert!(
+            (rim(0.5) - DVec3::new(5.0 + 2.0 * (half / 2.0).cos(), 1.0 + 2.0 * (half / 2.0).sin(), 0.0)).length()
+                < 1e-12
+        );
+        assert!(timeline.is_visible(1, 1.4) && !timeline.is_visible(1, 1.6));
+        assert!(timeline.stays(1, 3.0, 4.0) && !timeline.stays(1, 1.2, 1.3) && !timeline.stays(0, 0.2, 0.3));
+        let mut bends = Vec::new();
+        timeline.bends(1, 0.1, 1.9, &mut bends);
+        bends.sort_by(f64::total_cmp);
+        assert_eq!(bends, [1.0, 1.5]);
+        assert_eq!((timeline.end(), timeline.is_still()), (2.0, false));
+
+        let mut both = timeline.clone();
+        assert_eq!(both.append(timeline.clone()), 2);
+        assert_eq!(both.world_from_node(3, 0.7), timeline.world_from_node(1, 0.7));
+    }
+}

@@ -1,0 +1,309 @@
+use std::any::Any;
+use std::sync::Arc;
+
+use embree4_sys as sys;
+
+use crate::error::{Error, check};
+use crate::mesh::Geometry;
+use crate::scene::{Asking, Candidate};
+use crate::{CommittedScene, Device};
+
+/// Most lanes of a packet.
+const MOST: usize = 16;
+
+/// Something that finds the hits of rays on itself, such as a mesh that moves.
+pub trait Shape: Any + Send + Sync {
+    /// Boxes, least and greatest x, y, z, at evenly spaced times of rays from 0 to 1, 1 to 129 of them. What rays can
+    /// hit at a time must lie in the box between its two neighbours, corner by corner. A box whose least is above its
+    /// greatest is never hit.
+    fn bounds(&self) -> Vec<[[f32; 3]; 2]>;
+
+    /// Finds hits nearer than the far ends of the rays; a panic in it ends the process.
+    fn intersect(&self, query: &mut Query);
+}
+
+/// A [`Shape`] as part of a scene. Clones are handles of the same one.
+#[derive(Clone)]
+pub struct Custom(Arc<Owned>);
+
+struct Owned {
+    geometry: Geometry,
+    /// What Embree's geometry refers to: on the heap, so that its place stays; dropped after the geometry.
+    _told: Box<Told>,
+}
+
+/// What Embree calls back with.
+struct Told {
+    shape: Arc<dyn Shape>,
+    bounds: Vec<[[f32; 3]; 2]>,
+}
+
+/// Rays that come near a [`Shape`], lane by lane, with what they hit so far.
+pub struct Query<'a> {
+    call: Call,
+    /// Lanes of the packet: 1, 4, 8 or 16.
+    lanes: usize,
+    active: &'a [i32],
+    /// The packet, as rows of `lanes` numbers in the order of [`crate::Ray`]'s fields.
+    rows: *mut f32,
+    context: *mut sys::RTCRayQueryContext,
+    geometry: u32,
+}
+
+/// Which of Embree's calls it answers.
+#[derive(Clone, Copy)]
+enum Call {
+    Intersect(*const sys::RTCIntersectFunctionNArguments),
+    Occluded(*const sys::RTCOccludedFunctionNArguments),
+}
+
+/// Rays in a frame of their own, for [`Query::forward`]: rows of as many lanes as the query has.
+#[repr(C, align(64))]
+pub struct LocalRays([f32; 12 * MOST]);
+
+/// What a lane hits, see [`crate::Ray`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// Distance in lengths of the ray's direction.
+    pub far: f32,
+    /// Geometric normal, of any length.
+    pub normal: [f32; 3],
+    /// Barycentric weights of the second and third corner.
+    pub uv: [f32; 2],
+    /// Triangle in the mesh.
+    pub triangle: u32,
+    /// Mesh in the shape.
+    pub mesh: u32,
+}
+
+impl Custom {
+    /// Prepares `shape` for scenes of `device`. Rays whose mask shares a bit with `mask` meet it. Hits come with the id
+    /// of its place in the scene as `inst_id`.
+    ///
+    /// # Errors
+    /// [`Error::Embree`] when memory runs out, or for more than 129 boxes or none.
+    pub fn new(device: &Device, shape: Arc<dyn Shape>, mask: u32) -> Result<Custom, Error> {
+        let bounds = shape.bounds();
+        let mut geometry = Geometry::new(device, sys::RTC_GEOMETRY_TYPE_USER)?;
+        let mut told = Box::new(Told { shape, bounds });
+        let place: *mut Told = &raw mut *told;
+        // SAFETY: the geometry is alive and ours alone. The functions are called with `place`, which lives as long as
+        // the geometry (`Owned`) and is only read from now on; Embree asks for as many boxes as there are steps.
+        unsafe {
+            sys::rtcSetGeometryUserPrimitiveCount(geometry.raw(), 1);
+            sys::rtcSetGeometryTimeStepCount(geometry.raw(), told.bounds.len() as u32);
+            sys::rtcSetGeometryUserData(geometry.raw(), place.cast());
+            sys::rtcSetGeometryBoundsFunction(geometry.raw(), Some(bounds_of), place.cast());
+            sys::rtcSetGeometryIntersectFunction(geometry.raw(), Some(intersect));
+            sys::rtcSetGeometryOccludedFunction(geometry.raw(), Some(occluded));
+        }
+        check(Some(device), "rtcSetGeometryIntersectFunction")?;
+        geometry.commit(mask)?;
+        Ok(Custom(Arc::new(Owned { geometry, _told: told })))
+    }
+
+    pub(crate) fn geometry(&self) -> &Geometry {
+        &self.0.geometry
+    }
+}
+
+impl std::fmt::Debug for Custom {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("Custom").field(&self.0.geometry).finish()
+    }
+}
+
+/// # Safety
+/// Only for Embree to call, for a geometry that [`Custom::new`] made.
+unsafe extern "C" fn bounds_of(arguments: *const sys::RTCBoundsFunctionArguments) {
+    // SAFETY: Embree passes its arguments for the time of the call, with the pointer it was given.
+    let (told, step, bounds) = unsafe {
+        let arguments = &*arguments;
+        (&*arguments.geometryUserPtr.cast::<Told>(), arguments.timeStep as usize, &mut *arguments.bounds_o)
+    };
+    let [low, high] = told.bounds[step];
+    [bounds.lower_x, bounds.lower_y, bounds.lower_z] = low;
+    [bounds.upper_x, bounds.upper_y, bounds.upper_z] = high;
+}
+
+/// # Safety
+/// As [`bounds_of`].
+unsafe extern "C" fn intersect(call: *const sys::RTCIntersectFunctionNArguments) {
+    // SAFETY: Embree passes its arguments for the time of the call; `valid` has N numbers, the rays N lanes.
+    let (told, mut query) = unsafe {
+        let arguments = &*call;
+        let query = Query {
+            call: Call::Intersect(call),
+            lanes: arguments.N as usize,
+            active: std::slice::from_raw_parts(arguments.valid, arguments.N as usize),
+            rows: arguments.rayhit.cast(),
+            context: arguments.context,
+            geometry: arguments.geomID,
+        };
+        (&*arguments.geometryUserPtr.cast::<Told>(), query)
+    };
+    told.shape.intersect(&mut query);
+}
+
+/// # Safety
+/// As [`bounds_of`].
+unsafe extern "C" fn occluded(call: *const sys::RTCOccludedFunctionNArguments) {
+    // SAFETY: as in `intersect`.
+    let (told, mut query) = unsafe {
+        let arguments = &*call;
+        let query = Query {
+            call: Call::Occluded(call),
+            lanes: arguments.N as usize,
+            active: std::slice::from_raw_parts(arguments.valid, arguments.N as usize),
+            rows: arguments.ray.cast(),
+            context: arguments.context,
+            geometry: arguments.geomID,
+        };
+        (&*arguments.geometryUserPtr.cast::<Told>(), query)
+    };
+    told.shape.intersect(&mut query);
+}
+
+/// Rows of a packet, see [`crate::Ray`].
+#[derive(Clone, Copy)]
+enum Row {
+    Origin = 0,
+    Near = 3,
+    Direction = 4,
+    Time = 7,
+    Far = 8,
+    Normal = 12,
+    U = 15,
+    V = 16,
+    Triangle = 17,
+    Mesh = 18,
+    Instance = 19,
+    InstancePrimitive = 20,
+}
+
+impl Query<'_> {
+    /// Lanes of the packet: 1, 4, 8 or 16.
+    pub fn lanes(&self) -> usize {
+        self.lanes
+    }
+
+    /// For each lane whether it asks: -1, else 0.
+    pub fn active(&self) -> &[i32] {
+        self.active
+    }
+
+    /// Whether any hit will do: the nearest is not looked for.
+    pub fn any_hit(&self) -> bool {
+        matches!(self.call, Call::Occluded(_))
+    }
+
+    fn row(&self, row: usize) -> &[f32] {
+        // SAFETY: a packet of rays has twelve rows, one with hits 21, of as many 32-bit numbers as lanes; callers know
+        // which (RTCRayHit4, 8 and 16; for one lane RTCRayHit has the same order).
+        unsafe { std::slice::from_raw_parts(self.rows.add(row * self.lanes), self.lanes) }
+    }
+
+    /// Where rays start.
+    pub fn origins(&self) -> [&[f32]; 3] {
+        [0, 1, 2].map(|axis| self.row(Row::Origin as usize + axis))
+    }
+
+    /// Directions of rays.
+    pub fn directions(&self) -> [&[f32]; 3] {
+        [0, 1, 2].map(|axis| self.row(Row::Direction as usize + axis))
+    }
+
+    /// Where rays begin to count, in lengths of their directions.
+    pub fn near(&self) -> &[f32] {
+        self.row(Row::Near as usize)
+    }
+
+    /// Times of rays.
+    pub fn times(&self) -> &[f32] {
+        self.row(Row::Time as usize)
+    }
+
+    /// Where rays end, or what they have hit so far, in lengths of their directions.
+    pub fn far(&self) -> &[f32] {
+        self.row(Row::Far as usize)
+    }
+
+    /// Lets the lanes of `active` (-1, else 0; those that do not ask stay out) hit what is in `scene`, starting and
+    /// going as `rays` do, up to where they end.
+    pub fn forward(&mut self, scene: &CommittedScene, rays: &mut LocalRays, active: &[i32; MOST]) {
+        #[repr(align(64))]
+        struct Aligned([i32; MOST]);
+        let mut valid = Aligned(*active);
+        for (lane, asks) in valid.0.iter_mut().enumerate() {
+            *asks &= self.active.get(lane).copied().unwrap_or(0);
+        }
+        if valid.0 == [0; MOST] {
+            return;
+        }
+        let (valid, scene, to, instance) = (valid.0.as_ptr(), scene.raw(), rays.0.as_mut_ptr(), self.geometry);
+        // SAFETY: the call is the one being answered; the scene is alive, committed and without instances of its own;
+        // `to` has twelve rows of 16 lanes, of which Embree reads those of the query's width, and is aligned to 64
+        // bytes like `valid`.
+        unsafe {
+            match (self.call, self.lanes) {
+                (Call::Intersect(call), 1) => sys::rtcForwardIntersect1(call, scene, to.cast(), instance),
+                (Call::Intersect(call), 4) => sys::rtcForwardIntersect4(valid, call, scene, to.cast(), instance),
+                (Call::Intersect(call), 8) => sys::rtcForwardIntersect8(valid, call, scene, to.cast(), instance),
+                (Call::Intersect(call), _) => sys::rtcForwardIntersect16(valid, call, scene, to.cast(), instance),
+                (Call::Occluded(call), 1) => sys::rtcForwardOccluded1(call, scene, to.cast(), instance),
+                (Call::Occluded(call), 4) => sys::rtcForwardOccluded4(valid, call, scene, to.cast(), instance),
+                (Call::Occluded(call), 8) => sys::rtcForwardOccluded8(valid, call, scene, to.cast(), instance),
+                (Call::Occluded(call), _) => sys::rtcForwardOccluded16(valid, call, scene, to.cast(), instance),
+            }
+        }
+    }
+
+    /// Whether a hit counts, for queries that pass through some ([`CommittedScene::intersect_where`]).
+    pub fn counts(&self, mesh: u32, triangle: u32, [u, v]: [f32; 2]) -> bool {
+        let candidate = Candidate { u, v, prim_id: triangle, geom_id: mesh, inst_id: self.geometry };
+        // SAFETY: every query of this crate carries an `Asking` that outlives it.
+        unsafe { (*self.context.cast::<Asking>()).counts(&candidate) }
+    }
+
+    /// Lets `lane` hit what it hits, nearer than its far end.
+    pub fn hit(&mut self, lane: usize, hit: &Hit) {
+        assert!(lane < self.lanes, "lane {lane} of {}", self.lanes);
+        // SAFETY: the lane exists, and rows as in `row`: of a query for any hit only its far end is written.
+        let put = |row: usize, value: f32| unsafe { *self.rows.add(row * self.lanes + lane) = value };
+        if matches!(self.call, Call::Occluded(_)) {
+            return put(Row::Far as usize, f32::NEG_INFINITY);
+        }
+        put(Row::Far as usize, hit.far);
+        (0..3).for_each(|axis| put(Row::Normal as usize + axis, hit.normal[axis]));
+        put(Row::U as usize, hit.uv[0]);
+        put(Row::V as usize, hit.uv[1]);
+        let ids = [
+            (Row::Triangle, hit.triangle),
+            (Row::Mesh, hit.mesh),
+            (Row::Instance, self.geometry),
+            (Row::InstancePrimitive, 0),
+        ];
+        ids.into_iter().for_each(|(row, id)| put(row as usize, f32::from_bits(id)));
+    }
+}
+
+impl LocalRays {
+    /// All zero.
+    pub fn new() -> Self {
+        LocalRays([0.0; 12 * MOST])
+    }
+
+    /// Origins and directions of `lanes` lanes, axis by axis, to be written.
+    pub fn rows(&mut self, lanes: usize) -> [&mut [f32]; 6] {
+        let lanes = lanes.min(MOST);
+        let (origins, rest) = self.0.split_at_mut(Row::Direction as usize * lanes);
+        let mut rows = origins[..3 * lanes].chunks_exact_mut(lanes).chain(rest[..3 * lanes].chunks_exact_mut(lanes));
+        std::array::from_fn(|_| rows.next().unwrap_or_default())
+    }
+}
+
+impl Default for LocalRays {
+    fn default() -> Self {
+        Self::new()
+    }
+}
