@@ -134,6 +134,12 @@ pub struct Object {
 }
 
 impl Object {
+    /// The materials of its parts, or the one that replaces them.
+    pub(crate) fn materials(&self) -> impl Iterator<Item = &Arc<Material>> {
+        let own = self.mesh.parts.iter().filter_map(|part| part.material.as_ref());
+        self.material.iter().chain(own.filter(|_| self.material.is_none()))
+    }
+
     /// `mesh` at its own coordinates, without labels, seen by every scan.
     pub fn new(name: impl Into<String>, mesh: Arc<Mesh>) -> Object {
         Object {
@@ -221,13 +227,19 @@ impl Scene {
         if self.triangle_count() == 0 {
             return Err(Error::parse(origin, "", "no triangle to scan: the file holds no mesh with area"));
         }
+        self.check_reach(origin)?;
+        Ok(self)
+    }
+
+    /// Checks that no object, as it was read from `origin`, is too far away.
+    fn check_reach(&self, origin: &Path) -> Result<()> {
         for (object, corners) in self.object_boxes() {
             if let Some(corner) = corners.iter().find(|corner| !within_reach(corner)) {
                 let message = format!("it reaches to {:?} in the world; allowed: -1e18 to 1e18", corner.to_array());
                 return Err(Error::parse(origin, format!("object {:?}", object.name), message));
             }
         }
-        Ok(self)
+        Ok(())
     }
 
     /// This scene if it has the animation that `options` name, with its caches, and warnings about rules that have no
