@@ -6,7 +6,7 @@ use crate::ground::lanes::LANES;
 use crate::motion::{Motion, Path, Span, Timeline};
 use echocast_kernels::aim;
 use embree4::{CommittedScene, LocalRays, Query, Shape};
-use glam::{DVec3, Vec3};
+use glam::{DAffine3, DVec3, Vec3};
 use std::sync::Arc;
 
 /// An object on its way, as rays at their own times meet it.
@@ -32,6 +32,16 @@ impl Mover {
     ) -> Mover {
         let path = path(timeline, motion, span, origin, of.bounds());
         Mover { path, timeline: timeline.clone(), motion: motion.clone(), of }
+    }
+
+    /// Where it is at `time`, s.
+    pub(super) fn world_from_object(&self, time: f64) -> DAffine3 {
+        self.timeline.world_from_node(self.motion.node, time) * self.motion.node_from_object
+    }
+
+    /// Whether it can be seen at `time`, s.
+    pub(super) fn is_visible(&self, time: f64) -> bool {
+        self.timeline.is_visible(self.motion.node, time)
     }
 
     /// Its way `period` s later than in `span`.
@@ -129,9 +139,17 @@ impl Tables {
     /// [`Tables::point`].
     pub(crate) fn velocity(&self, surface: u32, triangle: u32, uv: [f32; 2], time: f32) -> Vec3 {
         let Some(row) = self.surfaces.rows.get(surface as usize) else { return Vec3::ZERO };
-        let Some(mover) = self.mover(row.object) else { return Vec3::ZERO };
+        if self.mover(row.object).is_none() {
+            return Vec3::ZERO;
+        }
+        self.velocity_of(row.object, self.point(row, triangle, uv), time)
+    }
+
+    /// How fast the place `at` (object frame) of `object` moves at `time`, in the world, m/s.
+    pub(super) fn velocity_of(&self, object: u32, at: Vec3, time: f32) -> Vec3 {
+        let Some(mover) = self.mover(object) else { return Vec3::ZERO };
         let piece = mover.path.piece(time);
-        piece.velocity(piece.part(time), self.point(row, triangle, uv))
+        piece.velocity(piece.part(time), at)
     }
 
     /// Where a point of a surface will be one frame after `time`, minus where it is, in the world, m.
