@@ -259,9 +259,15 @@ impl Query<'_> {
         }
     }
 
-    /// Whether a hit of `lane` counts, for queries that pass through some ([`CommittedScene::intersect_where`]).
-    pub fn counts(&self, lane: usize, hit: &Hit) -> bool {
-        let &Hit { far, uv: [u, v], triangle, mesh, .. } = hit;
+    /// Whether some hits may not count, see [`Query::counts`].
+    pub fn refuses(&self) -> bool {
+        // SAFETY: every query of this crate carries an `Asking` that outlives it.
+        unsafe { (*self.context.cast::<Asking>()).refuses() }
+    }
+
+    /// Whether a hit of `lane` at `far` counts, for queries that pass through some
+    /// ([`CommittedScene::intersect_where`]).
+    pub fn counts(&self, lane: usize, far: f32, mesh: u32, triangle: u32, [u, v]: [f32; 2]) -> bool {
         let ray = self.row(Row::Id as usize)[lane].to_bits();
         let candidate = Candidate { ray, far, u, v, prim_id: triangle, geom_id: mesh, inst_id: self.geometry };
         // SAFETY: every query of this crate carries an `Asking` that outlives it.

@@ -22,7 +22,8 @@ pub struct InstanceBox {
     pub pose: Pose,
     /// Lengths along its axes, metres.
     pub size: DVec3,
-    /// How fast its middle moves over the ground, m/s, in the frame of the cloud.
+    /// How fast its middle moves over the ground, m/s, in the frame of the cloud; with what changes its shape, as that
+    /// does on average.
     pub velocity: DVec3,
     /// Returns of the scan that lie on it: the rows with its `instance_id`.
     pub points: u32,
@@ -35,7 +36,8 @@ pub struct InstanceBox {
 /// Along which axes boxes lie.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BoxAxes {
-    /// Those of each object: its x axis, and the z axis as far as it is at right angles to that.
+    /// Those of each object, z up as it was modelled: its x axis, and the z axis as far as it is at right angles to that.
+    /// Of a mesh with a skeleton, they turn with the root of the skeleton.
     #[default]
     Object,
     /// Those of the cloud's frame.

@@ -14,10 +14,10 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 impl BuiltScene {
-    /// Boxes around the labelled instances that such a scan can see: those with an `instance_id` that is not 0, points
-    /// in `cloud`, which it made, or a box that reaches into the sensor's range when the scan starts. Objects with one
-    /// `instance_id` share a box, along the axes of the first. Along [`BoxAxes::Object`] unless the options say
-    /// otherwise.
+    /// Boxes around the labelled instances that such a scan can see: those with an `instance_id` that is not 0, which are
+    /// there when it starts and then reach into the sensor's range, or have points in `cloud`, which it made. Objects
+    /// with one `instance_id` share a box, along the axes of the first; what changes its shape is as it is then. Along
+    /// [`BoxAxes::Object`] unless the options say otherwise.
     ///
     /// # Errors
     /// As [`BuiltScene::scan`]; a cloud without the column `instance_id`.
@@ -117,19 +117,23 @@ impl Boxes<'_> {
 
     /// The box around `instance`, without points; `None`: it is not there, or neither `seen` nor within range.
     fn around(&self, instance: &Instance, seen: bool) -> Option<InstanceBox> {
-        let time = self.options.start_time;
-        let mask = self.options.mask;
-        let poses = instance.objects.iter().filter_map(|&object| Some((object, self.scene.pose(object, time, mask)?)));
-        let poses: Vec<(u32, DAffine3)> = poses.collect();
-        let &(first, world_from_first) = poses.first()?;
+        let (time, mask) = (self.options.start_time, self.options.mask);
+        let moment = self.scene.clock(time, self.options.freeze).map_or(0.0, |clock| clock.of(0.0));
+        let stances = instance.objects.iter().filter_map(|&object| {
+            let (place, turned) = self.scene.stance(object, time, mask)?;
+            Some((object, place, turned))
+        });
+        let stances: Vec<(u32, DAffine3, DMat3)> = stances.collect();
+        let (first, place, turned) = stances.first()?;
         let axes = match self.options.boxes.unwrap_or_default() {
-            BoxAxes::Object => axes(&world_from_first.matrix3),
+            BoxAxes::Object => axes(turned),
             BoxAxes::Frame => self.frame.orientation,
         };
         // Relative to a place nearby, so that distances keep their digits.
-        let near = world_from_first.translation;
+        let near = place.translation;
         let into = DAffine3::from_quat(axes.inverse()) * DAffine3::from_translation(-near);
-        let extents = poses.iter().filter_map(|(object, pose)| self.scene.extent(*object, &(into * *pose)));
+        let extents =
+            stances.iter().filter_map(|(object, place, _)| self.scene.extent(*object, &(into * *place), moment));
         let [low, high] = extents.reduce(|[a, b], [low, high]| [a.min(low), b.max(high)])?;
         let (middle, size) = (0.5 * (low + high), high - low);
         let place = near + axes * middle;
@@ -137,8 +141,7 @@ impl Boxes<'_> {
         if !seen && beyond.max(DVec3::ZERO).length() > self.reach {
             return None;
         }
-        let clock = self.scene.clock(time, self.options.freeze);
-        let velocity = self.scene.velocity_at(first, place, clock.map_or(0.0, |clock| clock.of(0.0)));
+        let velocity = self.scene.velocity_at(*first, place, moment);
         let into_frame = self.frame.orientation.inverse();
         Some(InstanceBox {
             frame: self.options.frame,

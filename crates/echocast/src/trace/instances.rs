@@ -3,7 +3,7 @@
 use super::hits::load;
 use super::{Surfaces, Tables};
 use crate::ground::lanes::RayBatch;
-use crate::scene::Object;
+use crate::scene::{Object, UpAxis};
 use embree4::{Candidate, Coherence, Packet};
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use std::cell::RefCell;
@@ -16,6 +16,8 @@ pub(crate) struct Extent {
     world_from_object: DAffine3,
     /// Box of its mesh, object frame; `None`: it has no triangles.
     bounds: Option<[[f32; 3]; 2]>,
+    /// Which of its axes points up as it was modelled.
+    up: UpAxis,
     mask: u32,
 }
 
@@ -67,7 +69,7 @@ impl Crossings {
 
 impl Extent {
     pub(super) fn new(object: &Object, bounds: Option<[[f32; 3]; 2]>) -> Extent {
-        Extent { world_from_object: object.world_from_object, bounds, mask: object.mask }
+        Extent { world_from_object: object.world_from_object, bounds, up: object.up, mask: object.mask }
     }
 }
 
@@ -98,50 +100,62 @@ impl Tables {
         &self.known_instances().all
     }
 
-    /// Where an object is at `time`, s; `None` if scans with this mask do not see it then.
-    pub(crate) fn pose(&self, object: u32, time: f64, mask: u32) -> Option<DAffine3> {
-        let Extent { world_from_object, bounds, mask: own } = self.extents[object as usize];
+    /// Where an object is at `time`, s, and how it has turned, z up; `None` if scans with this mask do not see it then.
+    pub(crate) fn stance(&self, object: u32, time: f64, mask: u32) -> Option<(DAffine3, DMat3)> {
+        let Extent { world_from_object, bounds, up, mask: own } = self.extents[object as usize];
         if own & mask == 0 || bounds.is_none() {
             return None;
         }
-        match (self.mover(object), self.span) {
-            (None, _) => Some(world_from_object),
-            (Some(mover), Some(_)) => mover.is_visible(time).then(|| mover.world_from_object(time)),
-            // It holds still.
-            (Some(mover), None) => mover.path.piece(0.0).is_visible().then_some(world_from_object),
-        }
+        let (place, turned) = match self.mover(object) {
+            None => (world_from_object, world_from_object.matrix3),
+            // What holds still is as it is when it starts to.
+            Some(mover) => mover.stance(self.span.map_or(mover.start, |_| time))?,
+        };
+        let DMat3 { x_axis, y_axis, z_axis } = turned;
+        let upright = match up {
+            UpAxis::Y => DMat3::from_cols(x_axis, -z_axis, y_axis),
+            UpAxis::Z => turned,
+        };
+        Some((place, upright))
     }
 
-    /// Least and greatest coordinates of an object, as it was modelled, in the frame of `frame_from_object`. It has the
-    /// same shape at all times.
-    pub(crate) fn extent(&self, object: u32, frame_from_object: &DAffine3) -> Option<[DVec3; 2]> {
-        let linear = &frame_from_object.matrix3;
-        let columns = [linear.x_axis, linear.y_axis, linear.z_axis];
-        let size = columns.iter().map(|column| column.abs().max_element()).fold(0.0, f64::max);
-        let diagonal = DMat3::from_diagonal(DVec3::new(columns[0].x, columns[1].y, columns[2].z));
-        if linear.abs_diff_eq(diagonal, 1e-9 * size) {
-            // Along the object's own axes its box is known.
-            let ends = self.extents[object as usize]
-                .bounds?
-                .map(|end| frame_from_object.transform_point3(DVec3::from_array(end.map(f64::from))));
-            return Some([ends[0].min(ends[1]), ends[0].max(ends[1])]);
+    /// Least and greatest coordinates of an object at `time`, 0 to 1, in the frame of `frame_from_object`.
+    pub(crate) fn extent(&self, object: u32, frame_from_object: &DAffine3, time: f32) -> Option<[DVec3; 2]> {
+        let mut ends: Option<[DVec3; 2]> = None;
+        let mut add = |place: DVec3| {
+            let place = frame_from_object.transform_point3(place);
+            let [low, high] = ends.get_or_insert([place; 2]);
+            (*low, *high) = (low.min(place), high.max(place));
+        };
+        if let Some(mover) = self.mover(object).filter(|mover| !mover.is_stiff()) {
+            mover.each_corner(time, &mut |place, _| add(place.as_dvec3()));
+        } else if keeps_axes(&frame_from_object.matrix3) {
+            // Along the axes of its mesh the box is known.
+            let ends = self.extents[object as usize].bounds?;
+            ends.into_iter().for_each(|end| add(DVec3::from_array(end.map(f64::from))));
+        } else {
+            let first = self.surfaces.rows.partition_point(|row| row.object < object);
+            for row in self.surfaces.rows[first..].iter().take_while(|row| row.object == object) {
+                let part = &self.surfaces.parts[row.part as usize];
+                for &corner in part.triangles.iter().flatten() {
+                    add(DVec3::from_array(part.positions[corner as usize].map(f64::from)));
+                }
+            }
         }
-        let first = self.surfaces.rows.partition_point(|row| row.object < object);
-        let rows = self.surfaces.rows[first..].iter().take_while(|row| row.object == object);
-        let vertices = rows.flat_map(|row| {
-            let part = &self.surfaces.parts[row.part as usize];
-            part.triangles.iter().flatten().map(|&index| part.positions[index as usize])
-        });
-        let places =
-            vertices.map(|vertex| frame_from_object.transform_point3(DVec3::from_array(vertex.map(f64::from))));
-        places.map(|place| [place; 2]).reduce(|[low, high], [place, _]| [low.min(place), high.max(place)])
+        ends
     }
 
-    /// How fast the point of an object that is at `place` (world) moves at `time`, m/s.
+    /// How fast the point of an object that is at `place` (world) moves at `time`, 0 to 1, m/s; with what changes its
+    /// shape, as its corners do on average.
     pub(crate) fn velocity_at(&self, object: u32, place: DVec3, time: f32) -> Vec3 {
-        let Some(mover) = self.mover(object).filter(|_| self.span.is_some()) else { return Vec3::ZERO };
-        let at = mover.path.at(time).to_object((place - self.origin).as_vec3());
-        self.velocity_of(object, at, time)
+        let (Some(mover), Some(span)) = (self.mover(object), self.span) else { return Vec3::ZERO };
+        let (mut sum, mut count) = (Vec3::ZERO, 0.0);
+        mover.each_corner(time, &mut |_, rate| (sum, count) = (sum + rate, count + 1.0));
+        let own = if count > 0.0 { sum / (count * span.length as f32) } else { Vec3::ZERO };
+        let piece = mover.path.piece(time);
+        let part = piece.part(time);
+        let at = piece.at_part(part);
+        piece.velocity(part, at.inverse * ((place - self.origin).as_vec3() - at.place)) + at.turn(own)
     }
 
     /// Adds to `crossings` which instances the first `count` rays meet.
@@ -188,6 +202,13 @@ impl Tables {
             met.borrow_mut().iter_mut().for_each(|met| met.count(crossings));
         }
     }
+}
+
+/// Whether a linear map takes every axis to an axis.
+fn keeps_axes(linear: &DMat3) -> bool {
+    let columns = [linear.x_axis, linear.y_axis, linear.z_axis].map(DVec3::abs);
+    let size = columns.iter().map(|column| column.max_element()).fold(0.0, f64::max);
+    columns.iter().all(|column| column.element_sum() - column.max_element() <= 1e-9 * size)
 }
 
 /// What a ray meets.
