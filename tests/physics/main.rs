@@ -1,6 +1,7 @@
 //! Laws: scenes whose answer is a formula, and tables made elsewhere from the formulas.
 
 mod beams;
+mod boxes;
 mod cameras;
 mod detection;
 mod geometry;

