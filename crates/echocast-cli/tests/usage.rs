@@ -3,6 +3,7 @@
 mod common;
 
 use common::{run, stderr, stdout, write_room};
+use std::fs;
 use std::io::pipe;
 use std::path::Path;
 

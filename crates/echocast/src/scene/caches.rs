@@ -16,6 +16,7 @@ use glam::{DAffine3, DVec3};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{self, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
+use std::collections::hash_map::Entry;
 use std::collections::{BTreeMap, HashMap};
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -79,7 +80,6 @@ struct Bound {
     changes: Changes,
 }
 
-#[derive(Clone)]
 enum Changes {
     Shape(Arc<Shape>),
     Sequence(Arc<Sequence>),
@@ -110,10 +110,10 @@ impl Scene {
                 continue;
             };
             let key = (pattern, Arc::as_ptr(&object.mesh));
-            if !bound.contains_key(&key) {
-                bound.insert(key, bind(pattern, cache, &object.name, &object.mesh, options)?);
-            }
-            let Bound { mesh, changes, .. } = &bound[&key];
+            let Bound { mesh, changes, .. } = match bound.entry(key) {
+                Entry::Occupied(known) => known.into_mut(),
+                Entry::Vacant(new) => new.insert(bind(pattern, cache, &object.name, &object.mesh, options)?),
+            };
             object.mesh = mesh.clone();
             if object.motion.as_mut().is_some_and(|motion| motion.shape.take().is_some()) {
                 let file = shown::path(&cache.file);
