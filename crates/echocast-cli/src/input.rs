@@ -32,6 +32,12 @@ pub struct SceneArgs {
     /// Most memory for the images of all materials, MiB
     #[arg(long, value_name = "MIB", default_value_t = LoadOptions::default().texture_limit_mib, help_heading = "Scene")]
     texture_limit: u64,
+    /// Play this animation alone (`echocast info` lists them) [default: all of them at once]
+    #[arg(long, value_name = "NAME", help_heading = "Scene")]
+    animation: Option<String>,
+    /// Repeat animations: each starts again at its last key, instead of staying there
+    #[arg(long = "loop", help_heading = "Scene")]
+    looped: bool,
     /// Let scenes name buffers, images and material files outside their own folder: only for scenes that you trust
     #[arg(long, help_heading = "Scene")]
     allow_outside_paths: bool,
@@ -59,6 +65,8 @@ impl SceneArgs {
             scale: self.scale,
             labels,
             texture_limit_mib: self.texture_limit,
+            animation: self.animation.clone(),
+            looped: self.looped,
             allow_outside_paths: self.allow_outside_paths,
             caches,
         };
@@ -85,6 +93,8 @@ impl SceneArgs {
             "up": self.up.name(),
             "scale": self.scale,
             "texture_limit_mib": self.texture_limit,
+            "animation": self.animation,
+            "loop": self.looped,
             "allow_outside_paths": self.allow_outside_paths,
             "caches": self.cache.iter().map(|(name, CacheFile { file, fps })| {
                 json!({"object": name, "file": shown::path(file), "fps": fps})

@@ -4,7 +4,7 @@ use glam::DQuat;
 use std::sync::Arc;
 
 /// What a curve does between two keys (glTF 2.0, appendix C).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Interpolation {
     /// Holds the value of the key before.
     Step,
@@ -141,16 +141,26 @@ impl Track {
             let first = times.partition_point(|key| start + key <= from);
             let last = times.partition_point(|key| start + key < to);
             bends.extend(times[first..last.max(first)].iter().map(|key| start + key));
-            if self.period.is_some() && start > from {
+            if self.period.is_some() && start > from && start < to {
                 bends.push(start);
             }
         };
         let Some(period) = self.period else { return round(0.0) };
-        let mut number = (from / period).floor();
-        while number * period < to {
-            round(number * period);
-            number += 1.0;
+        let first = (from / period).floor();
+        // Counted, as late numbers may be too large for one more to make a difference.
+        for number in 0..self.rounds(from, to) as u64 {
+            round((first + number as f64) * period);
         }
+    }
+
+    /// In how many rounds the times between `from` and `to`, s, may lie.
+    fn rounds(&self, from: f64, to: f64) -> f64 {
+        self.period.map_or(1.0, |period| ((to - from) / period).ceil() + 1.0)
+    }
+
+    /// No fewer times than [`Track::bends`] adds.
+    pub(crate) fn most_bends(&self, from: f64, to: f64) -> f64 {
+        self.rounds(from, to) * (self.curve.times.len() + 1) as f64
     }
 }
 

@@ -29,6 +29,7 @@ impl Scene {
                 scene.cameras.into_iter().map(|camera| Camera { node: camera.node.map(|node| node + shift), ..camera }),
             );
             all.animations.extend(scene.animations);
+            all.animation_lengths.extend(scene.animation_lengths);
             all.degenerate_triangles += scene.degenerate_triangles;
             all.report.absorb(scene.report);
         }

@@ -3,7 +3,7 @@
 //! What [`Scene`] guarantees to its users:
 //! * z is up, lengths are metres, the frame is right-handed;
 //! * world positions are `f64`; mesh vertices are `f32` in the mesh's own frame;
-//! * every index is in range, every vertex finite, no triangle degenerate but where a cache makes it so;
+//! * every index is in range, every vertex finite, no triangle degenerate but of objects whose shape changes over time;
 //! * a mesh that many objects use is stored once;
 //! * every object and part carries label numbers, and [`Labels`] names them.
 
@@ -24,6 +24,7 @@ pub use mesh::{Mesh, Part};
 pub use sequence::Sequence;
 
 use crate::ground::error::{Error, Result};
+pub(crate) use crate::ground::math::cofactors;
 use crate::ground::named::named;
 use crate::ground::report::Report;
 use crate::ground::shown;
@@ -31,7 +32,7 @@ use crate::material::TextureBudget;
 pub use crate::material::{Filter, Material, Texture, TextureRef, Wrap};
 use crate::motion::{Motion, Timeline};
 use crate::read::yaml;
-use glam::{DAffine3, DMat3, DVec3};
+use glam::{DAffine3, DVec3};
 use serde::Deserialize;
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::{Component, Path, PathBuf};
@@ -66,6 +67,10 @@ pub struct LoadOptions {
     pub labels: LabelRules,
     /// Most memory that the images of all materials together may take, MiB: four bytes a pixel.
     pub texture_limit_mib: u64,
+    /// Name of the animation to play; `None`: all of them at once.
+    pub animation: Option<String>,
+    /// Whether each animation starts again at the time of its last key; if not, what it moves stays where it is then.
+    pub looped: bool,
     /// Whether buffers, images and material files may lie outside the folder of the scene file that names them, or be
     /// named by absolute path. If so, an untrusted scene can pull in any file that you may read.
     pub allow_outside_paths: bool,
@@ -81,6 +86,8 @@ impl Default for LoadOptions {
             scale: 1.0,
             labels: LabelRules::default(),
             texture_limit_mib: 1024,
+            animation: None,
+            looped: false,
             allow_outside_paths: false,
             caches: BTreeMap::new(),
         }
@@ -157,8 +164,10 @@ pub struct Scene {
     pub labels: Labels,
     /// What moves; objects and cameras are where they are at time 0.
     pub timeline: Arc<Timeline>,
-    /// Names of the file's animations.
+    /// Names of the file's animations, played or not.
     pub animations: Vec<String>,
+    /// Time of the last key of each animation, s.
+    pub animation_lengths: Vec<f64>,
     /// Triangles without area that were left out.
     pub degenerate_triangles: usize,
     /// What the reader noticed.
@@ -194,7 +203,7 @@ impl Scene {
         let mut images = TextureBudget::new(options.texture_limit_mib);
         let scenes: Vec<Scene> =
             paths.iter().map(|path| read(path.as_ref(), options, &mut images)).collect::<Result<_>>()?;
-        Scene::merge(scenes, &options.labels).with_idle_rules(&options.labels).with_caches(options)
+        Scene::merge(scenes, &options.labels).as_asked(options)
     }
 
     /// Reads the bytes of a `.glb` file, or of a `.gltf` file whose buffers and images are data URIs.
@@ -204,39 +213,31 @@ impl Scene {
     pub fn from_glb_bytes(bytes: &[u8], options: &LoadOptions) -> Result<Scene> {
         let origin = Path::new("glTF data");
         let mut images = TextureBudget::new(options.texture_limit_mib);
-        let scene = gltf::read_bytes(bytes, origin, None, options, &mut images)?.checked(origin)?;
-        scene.with_idle_rules(&options.labels).with_caches(options)
+        gltf::read_bytes(bytes, origin, None, options, &mut images)?.checked(origin)?.as_asked(options)
     }
 
     /// The scene as read from `origin` if it has anything to scan.
-    fn checked(mut self, origin: &Path) -> Result<Scene> {
+    fn checked(self, origin: &Path) -> Result<Scene> {
         if self.triangle_count() == 0 {
             return Err(Error::parse(origin, "", "no triangle to scan: the file holds no mesh with area"));
         }
-        self.check_reach(origin)?;
-        if !self.animations.is_empty() {
-            let animations = count(self.animations.len(), "animation");
-            self.report
-                .warn(format!("{}: {animations} not played: the scene stands still at time 0", shown::path(origin)));
-        }
-        Ok(self)
-    }
-
-    /// Checks that no object, as it was read from `origin`, is too far away.
-    fn check_reach(&self, origin: &Path) -> Result<()> {
         for (object, corners) in self.object_boxes() {
             if let Some(corner) = corners.iter().find(|corner| !within_reach(corner)) {
                 let message = format!("it reaches to {:?} in the world; allowed: -1e18 to 1e18", corner.to_array());
                 return Err(Error::parse(origin, format!("object {:?}", object.name), message));
             }
         }
-        Ok(())
+        Ok(self)
     }
 
-    /// This scene with warnings about rules that have no effect in it.
-    fn with_idle_rules(mut self, rules: &LabelRules) -> Scene {
-        rules.idle(&self).into_iter().for_each(|warning| self.report.warn(warning));
-        self
+    /// This scene if it has the animation that `options` name, with its caches, and warnings about rules that have no
+    /// effect in it.
+    fn as_asked(mut self, options: &LoadOptions) -> Result<Scene> {
+        if let Some(name) = options.animation.as_ref().filter(|name| !self.animations.contains(name)) {
+            return Err(Error::missing("animation", name, &self.animations));
+        }
+        options.labels.idle(&self).into_iter().for_each(|warning| self.report.warn(warning));
+        self.with_caches(options)
     }
 
     /// Every object with a non-empty mesh, and the corners of its box in the world.
@@ -246,6 +247,12 @@ impl Scene {
             let bounds = (*boxes.entry(Arc::as_ptr(&object.mesh)).or_insert_with(|| object.mesh.bounds()))?;
             Some((object, corners(bounds, &object.world_from_object)))
         })
+    }
+
+    /// Whether anything in it moves or changes by itself.
+    pub fn is_moving(&self) -> bool {
+        self.objects.iter().any(|object| object.motion.is_some())
+            || self.materials.iter().any(|material| material.changes.is_some())
     }
 
     /// Triangles, each mesh counted as often as it is placed.
@@ -276,12 +283,6 @@ impl Scene {
     pub fn camera(&self, name: &str) -> Result<&Camera> {
         Camera::find(&self.cameras, name)
     }
-}
-
-/// The cofactors of the linear part of a transform: up to length they transform normals along with surfaces, whatever
-/// its scale and mirroring. They are zero where it leaves no surface.
-pub(crate) fn cofactors(m: &DMat3) -> DMat3 {
-    DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis))
 }
 
 /// The corners of the box `bounds` of a mesh in the world; the first and the last are opposite.
@@ -490,7 +491,8 @@ pub const FORMATS: &[SceneFormat] = &[
     SceneFormat {
         name: "gltf",
         extensions: &["glb", "gltf"],
-        description: "glTF 2.0, binary or text: hierarchy, instances, materials, textures, cameras, labels in extras",
+        description: "glTF 2.0, binary or text: hierarchy, instances, materials, textures, cameras, animations, skins, \
+                      morph targets, labels in extras",
         read: gltf::read,
     },
     SceneFormat {
