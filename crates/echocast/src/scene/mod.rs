@@ -69,7 +69,8 @@ pub struct LoadOptions {
     pub texture_limit_mib: u64,
     /// Name of the animation to play; `None`: all of them at once.
     pub animation: Option<String>,
-    /// Whether each animation starts again at the time of its last key; if not, what it moves stays where it is then.
+    /// Whether each animation and each cache starts again at the time of its last key or sample, numbered files after the
+    /// last; if not, what they move stays as it is then.
     pub looped: bool,
     /// Whether buffers, images and material files may lie outside the folder of the scene file that names them, or be
     /// named by absolute path. If so, an untrusted scene can pull in any file that you may read.
@@ -221,13 +222,19 @@ impl Scene {
         if self.triangle_count() == 0 {
             return Err(Error::parse(origin, "", "no triangle to scan: the file holds no mesh with area"));
         }
+        self.check_reach(origin)?;
+        Ok(self)
+    }
+
+    /// Checks that no object, as it was read from `origin`, is too far away.
+    fn check_reach(&self, origin: &Path) -> Result<()> {
         for (object, corners) in self.object_boxes() {
             if let Some(corner) = corners.iter().find(|corner| !within_reach(corner)) {
                 let message = format!("it reaches to {:?} in the world; allowed: -1e18 to 1e18", corner.to_array());
                 return Err(Error::parse(origin, format!("object {:?}", object.name), message));
             }
         }
-        Ok(self)
+        Ok(())
     }
 
     /// This scene if it has the animation that `options` name, with its caches, and warnings about rules that have no
