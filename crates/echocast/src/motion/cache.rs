@@ -8,6 +8,7 @@
 //! Blender's glTF exporter places frame f at f / fps seconds, and so does [`Cache::open`] for PC2, which counts frames.
 //! Blender's MDD exporter counts seconds from the first frame that it exports, whichever that is.
 
+use super::curve::bends_of;
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
 use crate::read::{self, Limit};
@@ -120,6 +121,17 @@ impl Cache {
     #[must_use]
     pub(crate) fn placed(self, order: Option<Vec<u32>>, origin: DVec3) -> Cache {
         Cache { order, origin, ..self }
+    }
+
+    /// Whether it has the same positions at all times from `from` to `to`, s.
+    pub(crate) fn is_still(&self, from: f64, to: f64) -> bool {
+        let (first, last) = (self.times[0], self.times[self.times.len() - 1]);
+        self.times.len() == 1 || self.period.is_none() && (to <= first || from >= last)
+    }
+
+    /// Adds the times between `from` and `to`, s, at which it has samples, in no order.
+    pub(crate) fn bends(&self, from: f64, to: f64, bends: &mut Vec<f64>) {
+        bends_of(&self.times, self.period, from, to, bends);
     }
 
     /// The positions at `time`, s, one for each vertex of the mesh, m, in its frame: linear between samples, those of the

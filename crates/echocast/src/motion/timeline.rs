@@ -71,6 +71,11 @@ impl Node {
 }
 
 impl Timeline {
+    /// Of one node that stays at `place`.
+    pub(crate) fn standing(place: DAffine3) -> Timeline {
+        Timeline { nodes: vec![Node { rest: Rest::Whole(place), ..Node::default() }] }
+    }
+
     /// Of one node that passes through `keys`, times in s and places in the world.
     ///
     /// # Errors

@@ -169,7 +169,7 @@ fn bind(pattern: &str, cache: &CacheFile, name: &str, mesh: &Arc<Mesh>, options:
         let vertices =
             mesh.parts.iter().map(|part| PartVertices { positions: part.positions.clone(), ..PartVertices::default() });
         let shape = Shape {
-            vertices: Arc::new(Vertices { parts: vertices.collect() }),
+            vertices: Arc::new(Vertices::new(vertices.collect())),
             weights: Vec::new(),
             weights_track: None,
             skin: None,

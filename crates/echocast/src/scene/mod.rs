@@ -135,6 +135,12 @@ pub struct Object {
 }
 
 impl Object {
+    /// The materials of its parts, or the one that replaces them.
+    pub(crate) fn materials(&self) -> impl Iterator<Item = &Arc<Material>> {
+        let own = self.mesh.parts.iter().filter_map(|part| part.material.as_ref());
+        self.material.iter().chain(own.filter(|_| self.material.is_none()))
+    }
+
     /// `mesh` at its own coordinates, without labels, seen by every scan.
     pub fn new(name: impl Into<String>, mesh: Arc<Mesh>) -> Object {
         Object {
