@@ -69,7 +69,8 @@ pub struct LoadOptions {
     pub texture_limit_mib: u64,
     /// Name of the animation to play; `None`: all of them at once.
     pub animation: Option<String>,
-    /// Whether each animation starts again at the time of its last key; if not, what it moves stays where it is then.
+    /// Whether each animation and each cache starts again at the time of its last key or sample, numbered files after the
+    /// last; if not, what they move stays as it is then.
     pub looped: bool,
     /// Whether buffers, images and material files may lie outside the folder of the scene file that names them, or be
     /// named by absolute path. If so, an untrusted scene can pull in any file that you may read.
