@@ -8,6 +8,7 @@ mod animation;
 #[cfg(test)]
 mod animation_tests;
 mod container;
+mod deform;
 mod extras;
 mod hierarchy;
 mod instancing;

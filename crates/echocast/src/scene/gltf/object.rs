@@ -1,11 +1,12 @@
 //! Objects: what the meshes of nodes become, still, moving or changing their shape.
 
 use super::animation::Tracks;
+use super::deform::{Form, Modelled};
 use super::hierarchy::Placed;
 use super::instancing;
 use super::morph::Weights;
 use super::nodes::Nodes;
-use super::primitive::{Form, Meshes, Modelled};
+use super::primitive::Meshes;
 use super::skin::{Skeleton, Skins, check_joints};
 use crate::ground::error::Result;
 use crate::motion::{Motion, Shape};
