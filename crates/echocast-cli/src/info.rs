@@ -95,8 +95,8 @@ fn describe(name: &str, scene: &Scene) -> Result<String> {
         )?;
     }
     writeln!(text, "animations  {}", scene.animations.len())?;
-    for animation in &scene.animations {
-        writeln!(text, "  {}", shown::text(animation))?;
+    for (animation, length) in scene.animations.iter().zip(&scene.animation_lengths) {
+        writeln!(text, "  {:<28} {length:.3} s", shown::text(animation))?;
     }
     for warning in &scene.report.warnings {
         writeln!(text, "warning: {warning}")?;

@@ -448,6 +448,11 @@ impl Asking {
         Asking { ask: Some(call::<F>), counts: std::ptr::from_ref(counts).cast(), ..Asking::ALL }
     }
 
+    /// Whether some hits may not count.
+    pub(crate) fn refuses(&self) -> bool {
+        self.ask.is_some()
+    }
+
     /// Whether a hit counts.
     pub(crate) fn counts(&self, hit: &Candidate) -> bool {
         // SAFETY: both were set together, and `counts` outlives the query that carries this.

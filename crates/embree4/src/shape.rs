@@ -258,6 +258,12 @@ impl Query<'_> {
         }
     }
 
+    /// Whether some hits may not count, see [`Query::counts`].
+    pub fn refuses(&self) -> bool {
+        // SAFETY: every query of this crate carries an `Asking` that outlives it.
+        unsafe { (*self.context.cast::<Asking>()).refuses() }
+    }
+
     /// Whether a hit counts, for queries that pass through some ([`CommittedScene::intersect_where`]).
     pub fn counts(&self, mesh: u32, triangle: u32, [u, v]: [f32; 2]) -> bool {
         let candidate = Candidate { u, v, prim_id: triangle, geom_id: mesh, inst_id: self.geometry };

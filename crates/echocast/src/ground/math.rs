@@ -1,6 +1,13 @@
 //! Functions that the standard library does not have.
 
 pub(crate) use echocast_kernels::math::{LOG2_PER_DB, exp2, log2};
+use glam::DMat3;
+
+/// The cofactors of the linear part of a transform: up to length they transform normals along with surfaces, whatever
+/// its scale and mirroring. They are zero where it leaves no surface.
+pub(crate) fn cofactors(m: &DMat3) -> DMat3 {
+    DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis))
+}
 
 /// The greatest whole number that is not above `x`, as `x.floor() as i64`, which calls a function on processors that are
 /// not asked for SSE 4.1.

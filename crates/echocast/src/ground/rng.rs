@@ -62,6 +62,12 @@ pub(crate) enum Draw {
     Wreck = 102,
     /// Likewise fish.
     Fish = 103,
+    /// Widths, storeys and fronts of generated houses.
+    House = 104,
+    /// Shape of generated trees.
+    Tree = 105,
+    /// Makes, colours, speeds of generated cars, and where they are parked.
+    Car = 106,
 }
 
 /// Random numbers of one scan.

@@ -1,14 +1,17 @@
 //! Materials as YAML.
 
-use super::{Material, Reflectance, Sound};
+use super::{Material, Reflectance, Sound, change};
 use crate::ground::error::{Error, Result};
 use crate::read::yaml::Document;
-use serde::de::{Deserialize, Deserializer, Error as _};
+use serde::Deserialize;
+use serde::de::{Deserializer, Error as _};
+use serde_json::Value;
 use std::fmt::Display;
 
 impl Material {
     /// Reads the text of a material file, whose keys are the fields of this type except the texture. Only `name` is
-    /// required; `base_color` may omit alpha, and `reflectance` is a number or a list of [`super::ReflectanceSample`].
+    /// required; `base_color` may omit alpha, and `reflectance` is a number, a list of [`super::ReflectanceSample`], or a list
+    /// of `{t, value}`: what it is at times in s.
     ///
     /// # Errors
     /// Line and key of what is wrong, with the most similar known key.
@@ -18,7 +21,12 @@ impl Material {
 
     /// Turns `document` into a checked material.
     pub(super) fn read(document: &Document) -> Result<Material> {
-        let material: Material = document.read()?;
+        let (keys, value) = take_keys(document)?;
+        let mut material: Material = document.read_at("", &value)?;
+        if !keys.is_empty() {
+            check_keys(&keys).map_err(|error| document.locate(error))?;
+            material.set_changes(change::reflectance(keys.iter().map(|key| [key.t, key.value])));
+        }
         if document.value().get("name").is_none() {
             return Err(document.error("", "the key `name` is missing"));
         }
@@ -38,7 +46,7 @@ impl Material {
             }
         }
         self.reflectance.as_ref().map_or(Ok(()), |reflectance| reflectance.check("reflectance"))?;
-        self.scattering.check(self.reflectance.as_ref())?;
+        self.scattering.check(self.greatest_reflectance().as_ref())?;
         self.sound.as_ref().map_or(Ok(()), Sound::check)?;
         let fractions = [
             ("alpha_cutoff", self.alpha_cutoff),
@@ -92,6 +100,39 @@ fn allow(key: impl Display, found: impl Display, holds: bool, allowed: impl Disp
 
 fn fraction(key: impl Display, value: impl Into<f64> + Display + Copy) -> Result<()> {
     allow(key, value, (0.0..=1.0).contains(&value.into()), "0 to 1")
+}
+
+/// Reflectance at one time.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Key {
+    /// s
+    t: f64,
+    value: f64,
+}
+
+/// The reflectance over time, if `document` gives one, and everything else.
+fn take_keys(document: &Document) -> Result<(Vec<Key>, Value)> {
+    const KEY: &str = "reflectance";
+    let mut value = document.value().clone();
+    let timed = |list: &Vec<Value>| list.iter().any(|item| item.get("t").is_some());
+    if !value.get(KEY).and_then(Value::as_array).is_some_and(timed) {
+        return Ok((Vec::new(), value));
+    }
+    let keys = value.as_object_mut().and_then(|map| map.shift_remove(KEY)).unwrap_or_default();
+    Ok((document.read_at(KEY, &keys)?, value))
+}
+
+fn check_keys(keys: &[Key]) -> Result<()> {
+    let mut before = f64::MIN;
+    for (index, key) in keys.iter().enumerate() {
+        let name = |name| format!("reflectance[{index}].{name}");
+        allow(name("t"), key.t, key.t.is_finite(), "a finite number")?;
+        allow(name("t"), key.t, key.t >= before, format_args!("{before} and more, in rising order"))?;
+        before = key.t;
+        fraction(name("value"), key.value)?;
+    }
+    Ok(())
 }
 
 /// Reads red, green, blue and optionally alpha.
@@ -161,6 +202,7 @@ unlit: true
             dirt: 0.02,
             sound: Some(Sound::Lambert { mu_db: -17.0 }),
             unlit: true,
+            changes: None,
         };
         assert_eq!(Material::from_yaml(text).unwrap(), expected);
         let short = Material::from_yaml("{name: a, base_color: [0.5, 0.5, 1], reflectance: 1}").unwrap();

@@ -1,5 +1,6 @@
 //! What surfaces are made of, and how much light and sound they send back.
 
+mod change;
 mod decode;
 mod file;
 pub(crate) mod fresnel;
@@ -10,6 +11,7 @@ mod scattering;
 mod sound;
 mod texture;
 
+pub use change::Changes;
 pub(crate) use optics::{Mirrors, Optics};
 pub(crate) use reflectance::Reflectances;
 pub use reflectance::{Reflectance, ReflectanceSample};
@@ -20,6 +22,7 @@ pub(crate) use texture::{TextureBudget, srgb_byte};
 
 use crate::ground::named::named;
 use serde::Deserialize;
+use std::sync::Arc;
 
 /// Where the reflectance of a surface comes from when neither its material nor the material library gives it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -96,6 +99,9 @@ pub struct Material {
     pub sound: Option<Sound>,
     /// Whether the file wants the surface drawn without lighting (`KHR_materials_unlit`).
     pub unlit: bool,
+    /// How it changes over time; none: it stays as it is. The other fields are what it is at time 0.
+    #[serde(skip)]
+    pub changes: Option<Arc<Changes>>,
 }
 
 impl Default for Material {
@@ -124,6 +130,7 @@ impl Default for Material {
             dirt: 0.0,
             sound: None,
             unlit: false,
+            changes: None,
         }
     }
 }

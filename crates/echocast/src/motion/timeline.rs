@@ -3,6 +3,7 @@
 use super::{Curve, Interpolation, Track};
 use crate::ground::error::{Error, Result};
 use glam::{DAffine3, DQuat, DVec3};
+use std::collections::HashMap;
 use std::sync::Arc;
 
 /// What moves in a scene, asked at any time, in seconds: nodes that hang on each other, and the keys of the file.
@@ -70,6 +71,11 @@ impl Node {
 }
 
 impl Timeline {
+    /// Of one node that stays at `place`.
+    pub(crate) fn standing(place: DAffine3) -> Timeline {
+        Timeline { nodes: vec![Node { rest: Rest::Whole(place), ..Node::default() }] }
+    }
+
     /// Of one node that passes through `keys`, times in s and places in the world.
     ///
     /// # Errors
@@ -129,6 +135,29 @@ impl Timeline {
         self.up(node).fold(DAffine3::IDENTITY, |below, node| node.parent_from_node(time) * below)
     }
 
+    /// Where each of `nodes` is at `time`, s; what several of them hang on is looked at once.
+    pub(crate) fn world_from_nodes(&self, nodes: &[usize], time: f64) -> Vec<DAffine3> {
+        let mut known: HashMap<usize, DAffine3> = HashMap::new();
+        let mut unknown = Vec::new();
+        let mut place = |node: usize| {
+            let mut next = Some(node);
+            let mut world = loop {
+                let Some(node) = next else { break DAffine3::IDENTITY };
+                match known.get(&node) {
+                    Some(place) => break *place,
+                    None => unknown.push(node),
+                }
+                next = self.nodes[node].parent;
+            };
+            while let Some(node) = unknown.pop() {
+                world = world * self.nodes[node].parent_from_node(time);
+                known.insert(node, world);
+            }
+            world
+        };
+        nodes.iter().map(|&node| place(node)).collect()
+    }
+
     /// Whether `node` can be seen at `time`, s.
     pub(crate) fn is_visible(&self, node: usize, time: f64) -> bool {
         self.up(node).filter_map(|node| node.visible.as_ref()).all(|track| track.value::<1>(time)[0] > 0.5)
@@ -142,6 +171,11 @@ impl Timeline {
     /// Adds the times between `from` and `to`, s, at which the motion of `node` may bend or jump, in no order.
     pub(crate) fn bends(&self, node: usize, from: f64, to: f64, bends: &mut Vec<f64>) {
         self.up(node).flat_map(Node::tracks).for_each(|track| track.bends(from, to, bends));
+    }
+
+    /// No fewer times than [`Timeline::bends`] adds.
+    pub(crate) fn most_bends(&self, node: usize, from: f64, to: f64) -> f64 {
+        self.up(node).flat_map(Node::tracks).map(|track| track.most_bends(from, to)).sum()
     }
 
     /// Appends the nodes of `other`; returns by how much their numbers have risen.

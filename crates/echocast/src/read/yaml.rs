@@ -100,10 +100,19 @@ impl Document {
     /// # Errors
     /// An unknown key (with similar ones), a missing key, a wrong type, with the line and the key.
     pub fn read<T: DeserializeOwned>(&self) -> Result<T> {
-        serde_path_to_error::deserialize(&self.value).map_err(|error| {
+        self.read_at("", &self.value)
+    }
+
+    /// Turns `value`, which stands at `key`, into a `T`.
+    ///
+    /// # Errors
+    /// As [`Document::read`].
+    pub fn read_at<T: DeserializeOwned>(&self, key: &str, value: &Value) -> Result<T> {
+        serde_path_to_error::deserialize(value).map_err(|error| {
             let key = match error.path().to_string() {
-                root if root == "." => String::new(),
-                path => path,
+                root if root == "." => key.to_owned(),
+                item if item.starts_with('[') => format!("{key}{item}"),
+                path => join(key, &path),
             };
             self.explain(key, error.inner().to_string())
         })

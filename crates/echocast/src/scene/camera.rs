@@ -1,5 +1,7 @@
 //! Camera nodes: places in the scene where a sensor can be put.
 
+use super::Scene;
+use crate::emitter::Trajectory;
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::Pose;
 
@@ -23,4 +25,80 @@ impl Camera {
         let found = cameras.iter().find(|camera| camera.name == name);
         found.ok_or_else(|| Error::missing("camera node", name, cameras.iter().map(|camera| &camera.name)))
     }
+}
+
+/// Half of what [`Scene::camera_path`] promises, as it is checked at some times only.
+const TOLERANCE_RAD: f64 = 0.5e-4;
+const TOLERANCE_M: f64 = 0.05e-3;
+
+/// Where a stretch between two keys is checked, as parts of its length: not evenly, so that no turn and no wave passes
+/// all of them unnoticed.
+const CHECKED: [f64; 5] = [0.11, 0.29, 0.5, 0.73, 0.9];
+
+/// How long a jump takes, s: a trajectory has one pose at a time.
+const JUMP_S: f64 = 1e-6;
+
+/// Most poses of a path.
+const MOST_KEYS: usize = 1_000_000;
+
+impl Scene {
+    /// The path of the camera node called `name` from time `from` to `to`, s, as the animations move it; poses between
+    /// its keys are right to 0.1 mrad and 0.1 mm. A jump takes a microsecond, and ends when the camera has jumped.
+    ///
+    /// # Errors
+    /// [`Error::Missing`] with similar names; times that are not finite or fall; more than a million keys.
+    pub fn camera_path(&self, name: &str, from: f64, to: f64) -> Result<Trajectory> {
+        let camera = self.camera(name)?;
+        if !(from.is_finite() && to.is_finite() && from <= to) {
+            return Err(Error::invalid("times of the camera path", format!("{from} to {to} s"), "rising finite times"));
+        }
+        let Some(node) = camera.node else { return Ok(Trajectory::fixed(camera.pose)) };
+        let pose = |time: f64| Pose::from_camera_node(&self.timeline.world_from_node(node, time));
+        let too_many = || {
+            let found = format!("{from} to {to} s, which takes more than {MOST_KEYS} poses");
+            Error::invalid("times of the camera path", found, "a shorter time")
+        };
+        // A comparison that NaN fails too.
+        let few = self.timeline.most_bends(node, from, to) <= 4.0 * MOST_KEYS as f64;
+        if !few {
+            return Err(too_many());
+        }
+        let mut bends = vec![from, to];
+        self.timeline.bends(node, from, to, &mut bends);
+        bends.sort_by(f64::total_cmp);
+        bends.dedup();
+
+        let mut keys = vec![(from, pose(from))];
+        let mut stretches = Vec::new();
+        for ends in bends.windows(2) {
+            let (start, end) = (ends[0], ends[1]);
+            let before = end - JUMP_S;
+            if before > start && !near(&pose(before), &pose(end)) {
+                stretches.push((before, end));
+                stretches.push((start, before));
+            } else {
+                stretches.push((start, end));
+            }
+            while let Some((start, end)) = stretches.pop() {
+                let (first, last) = (pose(start), pose(end));
+                let straight = Trajectory::new(vec![(start, first), (end, last)])?;
+                let times = CHECKED.map(|part| start + part * (end - start));
+                if end - start <= 2.0 * JUMP_S || times.iter().all(|&time| near(&straight.at(time), &pose(time))) {
+                    keys.push((end, last));
+                } else {
+                    let middle = 0.5 * (start + end);
+                    stretches.push((middle, end));
+                    stretches.push((start, middle));
+                }
+                if keys.len() > MOST_KEYS {
+                    return Err(too_many());
+                }
+            }
+        }
+        Trajectory::new(keys)
+    }
+}
+
+fn near(a: &Pose, b: &Pose) -> bool {
+    a.position.distance(b.position) <= TOLERANCE_M && a.orientation.angle_between(b.orientation) <= TOLERANCE_RAD
 }

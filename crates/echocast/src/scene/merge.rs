@@ -29,6 +29,7 @@ impl Scene {
                 scene.cameras.into_iter().map(|camera| Camera { node: camera.node.map(|node| node + shift), ..camera }),
             );
             all.animations.extend(scene.animations);
+            all.animation_lengths.extend(scene.animation_lengths);
             all.degenerate_triangles += scene.degenerate_triangles;
             all.report.absorb(scene.report);
         }
@@ -95,6 +96,7 @@ mod tests {
             numbers: ["tree", "vehicle", "Cars", "sky"].map(str::to_owned).into_iter().zip(1..).collect(),
             objects: words(&[("Tree_*", "tree"), ("Car", "vehicle"), ("Lamp*", "lamp")]),
             materials: words(&[("Tree?1s", "bark"), ("Steal", "steel"), ("Wod", "wood")]),
+            ..LabelRules::default()
         };
         let options = super::super::LoadOptions { labels, ..Default::default() };
         let warnings = |files: &[std::path::PathBuf]| {

@@ -3,23 +3,28 @@
 //! What [`Scene`] guarantees to its users:
 //! * z is up, lengths are metres, the frame is right-handed;
 //! * world positions are `f64`; mesh vertices are `f32` in the mesh's own frame;
-//! * every index is in range, every vertex finite, no triangle degenerate;
+//! * every index is in range, every vertex finite, no triangle degenerate but of objects whose shape changes over time;
 //! * a mesh that many objects use is stored once;
 //! * every object and part carries label numbers, and [`Labels`] names them.
 
+mod caches;
 mod camera;
 mod gltf;
 mod label;
 mod merge;
 mod mesh;
 mod obj;
+mod sequence;
 
 pub use crate::ground::array::Array;
+pub use caches::CacheFile;
 pub use camera::Camera;
 pub use label::{LabelRules, Labels, NameTable};
 pub use mesh::{Mesh, Part};
+pub use sequence::Sequence;
 
 use crate::ground::error::{Error, Result};
+pub(crate) use crate::ground::math::cofactors;
 use crate::ground::named::named;
 use crate::ground::report::Report;
 use crate::ground::shown;
@@ -27,7 +32,7 @@ use crate::material::TextureBudget;
 pub use crate::material::{Filter, Material, Texture, TextureRef, Wrap};
 use crate::motion::{Motion, Timeline};
 use crate::read::yaml;
-use glam::{DAffine3, DMat3, DVec3};
+use glam::{DAffine3, DVec3};
 use serde::Deserialize;
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::{Component, Path, PathBuf};
@@ -62,9 +67,16 @@ pub struct LoadOptions {
     pub labels: LabelRules,
     /// Most memory that the images of all materials together may take, MiB: four bytes a pixel.
     pub texture_limit_mib: u64,
+    /// Name of the animation to play; `None`: all of them at once.
+    pub animation: Option<String>,
+    /// Whether each animation starts again at the time of its last key; if not, what it moves stays where it is then.
+    pub looped: bool,
     /// Whether buffers, images and material files may lie outside the folder of the scene file that names them, or be
     /// named by absolute path. If so, an untrusted scene can pull in any file that you may read.
     pub allow_outside_paths: bool,
+    /// Object name pattern (`*` and `?`) to the file that says how the object changes its shape; the longest matching
+    /// pattern wins. In YAML relative to the working folder, in a label file to its own.
+    pub caches: BTreeMap<String, CacheFile>,
 }
 
 impl Default for LoadOptions {
@@ -74,7 +86,10 @@ impl Default for LoadOptions {
             scale: 1.0,
             labels: LabelRules::default(),
             texture_limit_mib: 1024,
+            animation: None,
+            looped: false,
             allow_outside_paths: false,
+            caches: BTreeMap::new(),
         }
     }
 }
@@ -114,9 +129,17 @@ pub struct Object {
     pub material: Option<Arc<Material>>,
     /// How it follows the timeline of its scene; `None`: it stays as and where it is.
     pub motion: Option<Motion>,
+    /// Meshes that one after another take the place of its own, which is the one at time 0.
+    pub sequence: Option<Arc<Sequence>>,
 }
 
 impl Object {
+    /// The materials of its parts, or the one that replaces them.
+    pub(crate) fn materials(&self) -> impl Iterator<Item = &Arc<Material>> {
+        let own = self.mesh.parts.iter().filter_map(|part| part.material.as_ref());
+        self.material.iter().chain(own.filter(|_| self.material.is_none()))
+    }
+
     /// `mesh` at its own coordinates, without labels, seen by every scan.
     pub fn new(name: impl Into<String>, mesh: Arc<Mesh>) -> Object {
         Object {
@@ -129,6 +152,7 @@ impl Object {
             mask: u32::MAX,
             material: None,
             motion: None,
+            sequence: None,
         }
     }
 }
@@ -146,8 +170,10 @@ pub struct Scene {
     pub labels: Labels,
     /// What moves; objects and cameras are where they are at time 0.
     pub timeline: Arc<Timeline>,
-    /// Names of the file's animations.
+    /// Names of the file's animations, played or not.
     pub animations: Vec<String>,
+    /// Time of the last key of each animation, s.
+    pub animation_lengths: Vec<f64>,
     /// Triangles without area that were left out.
     pub degenerate_triangles: usize,
     /// What the reader noticed.
@@ -158,8 +184,8 @@ impl Scene {
     /// Reads a scene file; the format is chosen by the extension (`.glb`, `.gltf`, `.obj`).
     ///
     /// # Errors
-    /// A missing or damaged file, a feature that is not supported, nothing to scan. The message
-    /// names file and place.
+    /// A missing or damaged file, a feature that is not supported, nothing to scan; a cache that does not fit its object.
+    /// The message names file and place.
     pub fn load(path: impl AsRef<Path>) -> Result<Scene> {
         Scene::load_with(path, &LoadOptions::default())
     }
@@ -183,7 +209,7 @@ impl Scene {
         let mut images = TextureBudget::new(options.texture_limit_mib);
         let scenes: Vec<Scene> =
             paths.iter().map(|path| read(path.as_ref(), options, &mut images)).collect::<Result<_>>()?;
-        Ok(Scene::merge(scenes, &options.labels).with_idle_rules(&options.labels))
+        Scene::merge(scenes, &options.labels).as_asked(options)
     }
 
     /// Reads the bytes of a `.glb` file, or of a `.gltf` file whose buffers and images are data URIs.
@@ -193,33 +219,37 @@ impl Scene {
     pub fn from_glb_bytes(bytes: &[u8], options: &LoadOptions) -> Result<Scene> {
         let origin = Path::new("glTF data");
         let mut images = TextureBudget::new(options.texture_limit_mib);
-        let scene = gltf::read_bytes(bytes, origin, None, options, &mut images)?.checked(origin)?;
-        Ok(scene.with_idle_rules(&options.labels))
+        gltf::read_bytes(bytes, origin, None, options, &mut images)?.checked(origin)?.as_asked(options)
     }
 
     /// The scene as read from `origin` if it has anything to scan.
-    fn checked(mut self, origin: &Path) -> Result<Scene> {
+    fn checked(self, origin: &Path) -> Result<Scene> {
         if self.triangle_count() == 0 {
             return Err(Error::parse(origin, "", "no triangle to scan: the file holds no mesh with area"));
         }
+        self.check_reach(origin)?;
+        Ok(self)
+    }
+
+    /// Checks that no object, as it was read from `origin`, is too far away.
+    fn check_reach(&self, origin: &Path) -> Result<()> {
         for (object, corners) in self.object_boxes() {
             if let Some(corner) = corners.iter().find(|corner| !within_reach(corner)) {
                 let message = format!("it reaches to {:?} in the world; allowed: -1e18 to 1e18", corner.to_array());
                 return Err(Error::parse(origin, format!("object {:?}", object.name), message));
             }
         }
-        if !self.animations.is_empty() {
-            let animations = count(self.animations.len(), "animation");
-            self.report
-                .warn(format!("{}: {animations} not played: the scene stands still at time 0", shown::path(origin)));
-        }
-        Ok(self)
+        Ok(())
     }
 
-    /// This scene with warnings about rules that have no effect in it.
-    fn with_idle_rules(mut self, rules: &LabelRules) -> Scene {
-        rules.idle(&self).into_iter().for_each(|warning| self.report.warn(warning));
-        self
+    /// This scene if it has the animation that `options` name, with its caches, and warnings about rules that have no
+    /// effect in it.
+    fn as_asked(mut self, options: &LoadOptions) -> Result<Scene> {
+        if let Some(name) = options.animation.as_ref().filter(|name| !self.animations.contains(name)) {
+            return Err(Error::missing("animation", name, &self.animations));
+        }
+        options.labels.idle(&self).into_iter().for_each(|warning| self.report.warn(warning));
+        self.with_caches(options)
     }
 
     /// Every object with a non-empty mesh, and the corners of its box in the world.
@@ -229,6 +259,12 @@ impl Scene {
             let bounds = (*boxes.entry(Arc::as_ptr(&object.mesh)).or_insert_with(|| object.mesh.bounds()))?;
             Some((object, corners(bounds, &object.world_from_object)))
         })
+    }
+
+    /// Whether anything in it moves or changes by itself.
+    pub fn is_moving(&self) -> bool {
+        self.objects.iter().any(|object| object.motion.is_some())
+            || self.materials.iter().any(|material| material.changes.is_some())
     }
 
     /// Triangles, each mesh counted as often as it is placed.
@@ -261,12 +297,6 @@ impl Scene {
     }
 }
 
-/// The cofactors of the linear part of a transform: up to length they transform normals along with surfaces, whatever
-/// its scale and mirroring. They are zero where it leaves no surface.
-pub(crate) fn cofactors(m: &DMat3) -> DMat3 {
-    DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis))
-}
-
 /// The corners of the box `bounds` of a mesh in the world; the first and the last are opposite.
 pub(crate) fn corners(bounds: [[f32; 3]; 2], world_from_object: &DAffine3) -> [DVec3; 8] {
     std::array::from_fn(|corner| {
@@ -297,14 +327,16 @@ pub(crate) fn count(number: usize, what: &str) -> String {
     format!("{number} {what}{}", if number == 1 { "" } else { "s" })
 }
 
+/// The endings of scene files, for people.
+fn extensions() -> String {
+    FORMATS.iter().flat_map(|f| f.extensions).map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ")
+}
+
 /// Reads one scene file.
 fn read(path: &Path, options: &LoadOptions, images: &mut TextureBudget) -> Result<Scene> {
     let reader = FORMATS.iter().find(|format| format.reads(path)).ok_or_else(|| Error::Unsupported {
         what: format!("{}: scene format", shown::path(path)),
-        instead: format!(
-            "scenes are read from {}",
-            FORMATS.iter().flat_map(|f| f.extensions).map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ")
-        ),
+        instead: format!("scenes are read from {}", extensions()),
     })?;
     (reader.read)(path, options, images)?.checked(path)
 }
@@ -439,6 +471,7 @@ impl Scene {
                 mask: u32::MAX,
                 material: None,
                 motion: object.motion,
+                sequence: None,
             })
             .collect();
         self.labels = Labels { category, part, material, instance };
@@ -470,7 +503,8 @@ pub const FORMATS: &[SceneFormat] = &[
     SceneFormat {
         name: "gltf",
         extensions: &["glb", "gltf"],
-        description: "glTF 2.0, binary or text: hierarchy, instances, materials, textures, cameras, labels in extras",
+        description: "glTF 2.0, binary or text: hierarchy, instances, materials, textures, cameras, animations, skins, \
+                      morph targets, labels in extras",
         read: gltf::read,
     },
     SceneFormat {

@@ -110,6 +110,17 @@ impl Sensor {
         })
     }
 
+    /// How long the scene is looked at by one scan, s, for [`LiveScene::set_time`](crate::LiveScene::set_time); never 0.
+    pub fn scan_time(&self) -> f64 {
+        /// Snapshots take a moment too.
+        const LEAST: f64 = 1e-4;
+        /// Slower, m/s, than sound in any water.
+        const SLOW: f64 = 1000.0;
+        let last = self.beams.last_time();
+        let sound = if self.spec.kind == SensorKind::Sonar { self.range_max_m / SLOW } else { 0.0 };
+        (last + if sound.is_finite() { sound } else { 0.0 }).max(LEAST)
+    }
+
     /// Its detection model, ready to use; `blainder`: as in the paper's program.
     pub(crate) fn threshold(&self, blainder: bool) -> Threshold {
         Threshold::new(&self.detection.model, (self.wavelength_nm, self.spec.beam.pulse_ns), blainder)

@@ -1,6 +1,7 @@
 //! A scene that is edited while it is scanned: from objects to Embree's structure and the tables behind its ids.
 
-use super::mover::Mover;
+use super::bending::Moment;
+use super::mover::{Follows, Mover};
 use super::{BuiltScene, Engine, Surfaces, Tables};
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::Pose;
@@ -33,6 +34,8 @@ pub struct LiveScene {
     origin: Option<DVec3>,
     /// The time of the next scans, s: its start, and its length, which is 0 where the scene holds still.
     time: [f64; 2],
+    /// Greatest distance of what changes its shape from where it should be, m.
+    tolerance: f64,
     /// `None`: fixed objects have changed.
     fixed: Option<Fixed>,
     /// Objects placed by themselves, by slot, unless they have moved.
@@ -78,6 +81,8 @@ struct Live {
     place: Place,
     /// Whether it has been placed where it is since the last commit.
     moved: bool,
+    /// Its shape at the end of the last time, where the next one mostly starts.
+    known: Option<Arc<Moment>>,
 }
 
 /// How an object appears in Embree's structure.
@@ -121,7 +126,7 @@ impl Mesh {
     }
 
     /// Its structure, built now if the engine has none of it yet.
-    fn structure_by(&self, engine: &Engine, pace: Pace) -> Result<CommittedScene> {
+    pub(super) fn structure_by(&self, engine: &Engine, pace: Pace) -> Result<CommittedScene> {
         let mut built = self.structure.built.lock().unwrap_or_else(PoisonError::into_inner);
         match &*built {
             Some(scene) if scene.is_of(engine.device()) => Ok(scene.clone()),
@@ -171,6 +176,7 @@ impl LiveScene {
             labels: Arc::default(),
             origin: None,
             time: [0.0; 2],
+            tolerance: 1e-3,
             fixed: None,
             placed: HashMap::new(),
             surfaces: None,
@@ -236,6 +242,7 @@ impl LiveScene {
                 ..object.clone()
             };
             let timeline = object.motion.is_some().then(|| scene.timeline.clone());
+            let (object, timeline) = staged(object, timeline);
             let place = if timeline.is_some() { Place::Free } else { Place::Fixed { together: false } };
             self.insert(object, bounds, place, timeline)
         });
@@ -288,7 +295,7 @@ impl LiveScene {
         });
         let entry = &mut self.slots[slot as usize];
         entry.generation += 1;
-        entry.live = Some(Box::new(Live { object, timeline, bounds, place, moved: true }));
+        entry.live = Some(Box::new(Live { object, timeline, bounds, place, moved: true, known: None }));
         ObjectId { slot, generation: entry.generation }
     }
 
@@ -379,10 +386,36 @@ impl LiveScene {
             let Some(live) = &mut entry.live else { continue };
             let (Some(timeline), Some(motion)) = (&live.timeline, &live.object.motion) else { continue };
             let (from, to) = (start.min(before[0]), (start + length).max(before[0] + before[1]));
-            if !timeline.stays(motion.node, from, to) {
-                self.placed.remove(&slot);
+            let same = live.object.sequence.as_ref().is_none_or(|sequence| sequence.at(from) == sequence.at(to));
+            if !(same && motion.stays(timeline, from, to)) {
+                if let Some(Placed { thing: Thing::Moving(_, mover), .. }) = self.placed.remove(&slot) {
+                    live.known = mover.moments().last().cloned();
+                }
                 self.built = None;
                 live.moved = true;
+            }
+        }
+        if self.objects().any(|(_, object)| object.materials().any(|material| material.changes.is_some())) {
+            (self.surfaces, self.built) = (None, None);
+        }
+        Ok(())
+    }
+
+    /// Sets how far what changes its shape may be from where it should be during a scan, m: 1 mm in a new scene. Rays
+    /// see straight motion between steps, of which there are as many as that needs.
+    ///
+    /// # Errors
+    /// A distance that is not above 0, or beyond 1 km.
+    pub fn set_motion_tolerance(&mut self, tolerance: f64) -> Result<()> {
+        if !(tolerance > 0.0 && tolerance <= 1e3) {
+            return Err(Error::invalid("motion tolerance", tolerance, "above 0, up to 1000 m"));
+        }
+        self.tolerance = tolerance;
+        for (slot, entry) in (0..).zip(&mut self.slots) {
+            let bends = |live: &Live| live.object.motion.as_ref().is_some_and(|motion| motion.shape.is_some());
+            if entry.live.as_deref().is_some_and(bends) {
+                self.placed.remove(&slot);
+                self.built = None;
             }
         }
         Ok(())
@@ -553,7 +586,7 @@ impl LiveScene {
         }
         for (slot, live) in lives(&self.slots) {
             if !live.place.is_together() && !self.placed.contains_key(&slot) {
-                let placed = live.place(&self.engine, origin, self.time)?;
+                let placed = live.place(&self.engine, origin, self.time, self.tolerance)?;
                 if !placed.turned {
                     self.surfaces = None;
                 }
@@ -585,7 +618,9 @@ impl LiveScene {
             None => {
                 let turned = |slot| self.placed.get(&slot).is_some_and(|placed| placed.turned);
                 let objects = order().map(|(slot, live)| (&live.object, turned(slot)));
-                let mut surfaces = Surfaces::new(objects, self.labels.clone());
+                // Materials are as in the middle of a scan.
+                let time = self.time[0] + 0.5 * self.time[1];
+                let mut surfaces = Surfaces::new(objects, self.labels.clone(), time);
                 let rows = |live: &Live| live.object.mesh.parts.len() as u32;
                 let mut row = order().take(fixed.together.len()).map(|(_, live)| rows(live)).sum();
                 surfaces.first_row.push(0);
@@ -689,6 +724,16 @@ impl LiveScene {
     }
 }
 
+/// An object whose mesh is one of a sequence hangs on a node even if that stays.
+fn staged(object: Object, timeline: Option<Arc<Timeline>>) -> (Object, Option<Arc<Timeline>>) {
+    if object.sequence.is_none() || timeline.is_some() {
+        return (object, timeline);
+    }
+    let timeline = Timeline::standing(object.world_from_object);
+    let motion = Motion { node: 0, node_from_object: DAffine3::IDENTITY, shape: None };
+    (Object { motion: Some(motion), ..object }, Some(Arc::new(timeline)))
+}
+
 impl Place {
     fn is_together(&self) -> bool {
         matches!(self, Place::Fixed { together: true })
@@ -752,14 +797,18 @@ impl Live {
     }
 
     /// Places it by itself, as it is in `time`.
-    fn place(&self, engine: &Engine, origin: DVec3, time: [f64; 2]) -> Result<Placed> {
+    fn place(&self, engine: &Engine, origin: DVec3, time: [f64; 2], tolerance: f64) -> Result<Placed> {
         let object = &self.object;
         let [start, end] = [time[0], time[0] + time[1]];
         if let (Some(timeline), Some(motion)) = (&self.timeline, &object.motion)
-            && !(timeline.stays(motion.node, start, end) && timeline.is_visible(motion.node, start))
+            && !(motion.shape.is_none()
+                && object.sequence.is_none()
+                && timeline.stays(motion.node, start, end)
+                && timeline.is_visible(motion.node, start))
         {
-            let of = object.mesh.structure_by(engine, Pace::Now)?;
-            let mover = Arc::new(Mover::new(timeline, motion, span(time), origin, of));
+            let (timeline, motion, mesh) = (timeline.clone(), motion.clone(), object.mesh.clone());
+            let follows = Follows { timeline, motion, mesh, sequence: object.sequence.clone(), tolerance, origin };
+            let mover = Arc::new(Mover::new(engine, follows, span(time), self.known.as_slice())?);
             let custom = Custom::new(engine.device(), mover.clone(), object.mask)?;
             return Ok(Placed { thing: Thing::Moving(custom, mover), turned: true });
         }

@@ -2,6 +2,7 @@
 
 mod backscatter;
 mod bare;
+mod bending;
 mod engine;
 mod hits;
 mod live;

@@ -20,6 +20,8 @@ pub(crate) struct Surface {
     pub material: u32,
     /// Index into [`Surfaces::parts`].
     pub part: u32,
+    /// Which part of its mesh, from 0.
+    pub number: u16,
     /// Index into [`super::Tables::normal_matrices`].
     pub object: u32,
     /// Base colour of the material's factor, sRGB.
@@ -62,8 +64,12 @@ pub(crate) struct Surfaces {
 }
 
 impl Surfaces {
-    /// Rows of `objects` in their order; each with whether its normals come in the mesh's frame.
-    pub(crate) fn new<'a>(objects: impl Iterator<Item = (&'a Object, bool)>, labels: Arc<Labels>) -> Surfaces {
+    /// Rows of `objects` in their order at `time`, s; each with whether its normals come in the mesh's frame.
+    pub(crate) fn new<'a>(
+        objects: impl Iterator<Item = (&'a Object, bool)>,
+        labels: Arc<Labels>,
+        time: f64,
+    ) -> Surfaces {
         let mut surfaces = Surfaces { materials: vec![Arc::default()], ..Surfaces::default() };
         let material_ids = labels.material.to_map();
         let mut first_part: HashMap<*const Mesh, u32> = HashMap::new();
@@ -78,7 +84,7 @@ impl Surfaces {
                 let material = match object.material.as_ref().or(part.material.as_ref()) {
                     None => 0,
                     Some(material) => *material_index.entry(Arc::as_ptr(material)).or_insert_with(|| {
-                        surfaces.materials.push(material.clone());
+                        surfaces.materials.push(material.at(time).map_or_else(|| material.clone(), Arc::new));
                         surfaces.materials.len() as u32 - 1
                     }),
                 };
@@ -95,6 +101,7 @@ impl Surfaces {
                     material_id: material_ids.get(made_of.name.as_str()).copied().unwrap_or(0),
                     material,
                     part: first_part + number as u32,
+                    number: number as u16,
                     object: index as u32,
                     rgb: std::array::from_fn(|c| srgb_byte(made_of.base_color[c])),
                     textured,
@@ -200,6 +207,11 @@ impl Tables {
             return None;
         }
         let row = surfaces.rows.get(surface as usize)?;
+        if let Some(mover) = self.mover(row.object).filter(|mover| mover.bends()) {
+            let smooth = mover.smooth_normal((row.number.into(), triangle, [u, v]), time)?;
+            return Some(mover.path.at(time).normal(smooth))
+                .filter(|normal| normal.length_squared() > f32::MIN_POSITIVE);
+        }
         let part = &surfaces.parts[row.part as usize];
         let normals = part.normals.as_deref()?;
         let [a, b, c] = part.triangles[triangle as usize].map(|index| Vec3::from(normals[index as usize]));

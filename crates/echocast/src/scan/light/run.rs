@@ -161,13 +161,16 @@ impl Profile {
 
 impl<'a> Scan<'a> {
     /// With the `beams` that `sensor` has when the scan starts.
+    ///
+    /// # Errors
+    /// A vertex cache that can no longer be read.
     pub fn new(
         scene: &'a Tables,
         sensor: &'a Sensor,
         beams: &'a BeamTable,
         trajectory: &'a Trajectory,
         options: &'a ScanOptions,
-    ) -> Self {
+    ) -> Result<Self> {
         let Rules { source, mirrors, as_printed, as_computed } = options.profile.rules();
         let threshold = sensor.threshold(as_computed);
         // Without what makes it a camera, a pixel of several rays is none.
@@ -202,7 +205,7 @@ impl<'a> Scan<'a> {
         let colors = fields.contains_any(&[Field::Red, Field::Green, Field::Blue]);
         let range_max = sensor.range_max_m as f32;
         let errs = errors.any || camera.is_some() || air.as_ref().is_some_and(|air| air.range_noise() > 0.0);
-        Scan {
+        Ok(Scan {
             options,
             rng: Rng::new(options.seed, options.frame),
             aim: Aiming {
@@ -222,7 +225,7 @@ impl<'a> Scan<'a> {
                 wants_normals: wants_echo || fields.contains_any(&normals),
                 wants_surfaces: wants_echo || fields.contains_any(&LABELS) || colors,
                 wanted: Wanted { colors, reflectance: wants_echo },
-                later: (scene.span.is_some() && fields.contains_any(&FLOW)).then(|| scene.later(frame_period)),
+                later: fields.contains_any(&FLOW).then(|| scene.later(frame_period)).transpose()?,
                 motion: scene.span.is_some() && fields.contains_any(&MOVING),
             },
             measure: Measuring {
@@ -243,7 +246,7 @@ impl<'a> Scan<'a> {
             camera,
             frame_period,
             signals,
-        }
+        })
     }
 
     /// Finds what blooms, if `sensor` does; before anything is scanned.

@@ -53,6 +53,15 @@ impl<'a> Accessors<'a> {
     /// Vectors of `N` numbers; integers become 0..1 or -1..1 where the accessor is normalised.
     pub fn vectors<const N: usize>(&self, index: Index<Accessor>) -> Result<Vec<[f32; N]>, String> {
         let wanted = [Type::Scalar, Type::Vec2, Type::Vec3, Type::Vec4][N - 1];
+        self.numbers(index, wanted)
+    }
+
+    /// Matrices, column by column.
+    pub fn matrices(&self, index: Index<Accessor>) -> Result<Vec<[f32; 16]>, String> {
+        self.numbers(index, Type::Mat4)
+    }
+
+    fn numbers<const N: usize>(&self, index: Index<Accessor>, wanted: Type) -> Result<Vec<[f32; N]>, String> {
         self.read(index, wanted, |elements| {
             // Normalised integers: glTF 2.0, 3.6.2.2 and 3.11.
             Ok(match (elements.kind, elements.normalized) {
@@ -69,8 +78,17 @@ impl<'a> Accessors<'a> {
                 (ComponentType::I16, true) => {
                     elements.decode(|two| (f32::from(i16::from_le_bytes(two)) / 32767.0).max(-1.0))
                 }
-                (ComponentType::U32, _) => return Err("holds 32-bit integers, which attributes cannot".into()),
+                (ComponentType::U32, _) => return Err("holds 32-bit integers; allowed: other numbers".into()),
             })
+        })
+    }
+
+    /// Fours of 8-bit or 16-bit numbers.
+    pub fn quadruples(&self, index: Index<Accessor>) -> Result<Vec<[u16; 4]>, String> {
+        self.read(index, Type::Vec4, |elements| match elements.kind {
+            ComponentType::U8 => Ok(elements.decode(|[byte]| u16::from(byte))),
+            ComponentType::U16 => Ok(elements.decode(u16::from_le_bytes)),
+            _ => Err("holds no numbers of joints; allowed: componentType 5121, 5123".into()),
         })
     }
 

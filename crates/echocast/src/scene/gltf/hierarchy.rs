@@ -1,13 +1,18 @@
 //! The node tree, flattened: every node of the scene with its place in the world.
 
 use super::Document;
+use super::animation::{Property, Tracks};
 use super::extras::text;
 use crate::ground::error::Result;
+use crate::motion::{Node, Rest};
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
+use gltf::json;
 use serde::Deserialize;
 
+pub(super) const VISIBILITY: &str = "KHR_node_visibility";
+
 /// World from glTF: y up becomes z up, (x, y, z) -> (x, -z, y).
-const Z_UP_FROM_Y_UP: DAffine3 =
+pub(super) const Z_UP_FROM_Y_UP: DAffine3 =
     DAffine3 { matrix3: DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y), translation: DVec3::ZERO };
 
 /// Placement of a node in its parent, in double precision: survey coordinates need it, and the `gltf` crate reads
@@ -21,14 +26,19 @@ pub(super) struct Transform {
 }
 
 impl Transform {
-    fn parent_from_node(&self) -> Result<DAffine3, String> {
+    /// Whether it is a matrix, which cannot be animated.
+    pub fn has_matrix(&self) -> bool {
+        self.matrix.is_some()
+    }
+
+    fn rest(&self) -> Result<Rest, String> {
         if let Some(matrix) = &self.matrix {
             let matrix = DMat4::from_cols_array(matrix);
             let last_row = matrix.row(3);
             if !last_row.abs_diff_eq(glam::DVec4::W, 1e-6) {
                 return Err(format!("the last row of its matrix is {last_row}; allowed: [0, 0, 0, 1]"));
             }
-            return Ok(DAffine3::from_mat4(matrix));
+            return Ok(Rest::Whole(DAffine3::from_mat4(matrix)));
         }
         let rotation = match self.rotation.map(DQuat::from_array) {
             None => DQuat::IDENTITY,
@@ -38,52 +48,162 @@ impl Transform {
         };
         let scale = self.scale.map_or(DVec3::ONE, DVec3::from);
         let translation = self.translation.map_or(DVec3::ZERO, DVec3::from);
-        Ok(DAffine3::from_scale_rotation_translation(scale, rotation, translation))
+        Ok(Rest::Parts { translation, rotation, scale })
     }
 }
 
-/// A node of the scene.
+/// A node with its place in the world.
 pub(super) struct Placed<'a> {
     /// Index of the node.
     pub node: usize,
+    /// At time 0.
     pub world_from_node: DAffine3,
+    /// Whether it or a node above it is animated.
+    pub moves: bool,
+    /// Whether the scale of one of them is.
+    pub scales: bool,
+    /// Whether one of them can be seen at times only.
+    pub blinks: bool,
+    /// Whether it can never be seen.
+    pub hidden: bool,
     /// `categoryID` of the node or its nearest ancestor.
     pub category: Option<&'a str>,
     /// `partID` of the node or its nearest ancestor.
     pub part: Option<&'a str>,
 }
 
+/// The nodes of a file, as far as they matter.
+pub(super) struct Tree<'a> {
+    /// Those of the scene, then those that only hold joints; parents before their children.
+    placed: Vec<Placed<'a>>,
+    /// How many are in the scene.
+    in_scene: usize,
+    /// For every node of the file its number in `placed`.
+    numbers: Vec<Option<u32>>,
+    /// For every node of the file.
+    pub parents: Vec<Option<usize>>,
+}
+
+impl<'a> Tree<'a> {
+    /// The nodes of the default scene, else of the first, else all, in the file's order.
+    pub fn scene(&self) -> &[Placed<'a>] {
+        &self.placed[..self.in_scene]
+    }
+
+    /// A node of the scene, or a joint, or what these hang on.
+    pub fn get(&self, node: usize) -> &Placed<'a> {
+        &self.placed[self.numbers[node].unwrap_or_default() as usize]
+    }
+
+    /// Places the nodes of the scene; those elsewhere only if joints are among them.
+    pub fn read(document: &Document<'_>, labels: &'a [[Option<String>; 2]], tracks: &Tracks) -> Result<Tree<'a>> {
+        let parents = parents(document)?;
+        let numbers = vec![None; parents.len()];
+        let mut tree = Tree { placed: Vec::new(), in_scene: 0, numbers, parents };
+        let roots = roots(document, &tree.parents)?;
+        tree.walk(roots, document, labels, tracks)?;
+        tree.in_scene = tree.placed.len();
+        let mut joints = document.json.skins.iter().flat_map(|skin| &skin.joints);
+        if joints.any(|joint| tree.numbers.get(joint.value()).is_some_and(Option::is_none)) {
+            let other = |&node: &usize| tree.parents[node].is_none() && tree.numbers[node].is_none();
+            let others = (0..tree.parents.len()).filter(other).collect();
+            tree.walk(others, document, labels, tracks)?;
+        }
+        Ok(tree)
+    }
+
+    /// Places `roots` and what is below them.
+    fn walk(
+        &mut self,
+        roots: Vec<usize>,
+        document: &Document<'_>,
+        labels: &'a [[Option<String>; 2]],
+        tracks: &Tracks,
+    ) -> Result<()> {
+        let nodes = &document.json.nodes;
+        let root = |node| Placed {
+            node,
+            world_from_node: Z_UP_FROM_Y_UP,
+            moves: false,
+            scales: false,
+            blinks: false,
+            hidden: false,
+            category: None,
+            part: None,
+        };
+        let mut stack: Vec<Placed<'a>> = roots.into_iter().rev().map(root).collect();
+        // On the stack a node still has what its parent has.
+        while let Some(mut placed) = stack.pop() {
+            let node = placed.node;
+            let fault = |message| document.error(document.node_place(node), message);
+            let Local { node: local, hidden } = Local::read(document, tracks, node).map_err(fault)?;
+            placed.world_from_node = placed.world_from_node * local.parent_from_node(0.0);
+            if !placed.world_from_node.is_finite() {
+                return Err(fault("its place in the world is not finite".into()));
+            }
+            placed.scales |= local.scale.is_some();
+            placed.moves |= placed.scales || local.translation.is_some() || local.rotation.is_some();
+            placed.blinks |= local.visible.is_some();
+            placed.hidden |= hidden;
+            let [own_category, own_part] = &labels[node];
+            placed.category = own_category.as_deref().or(placed.category);
+            placed.part = own_part.as_deref().or(placed.part);
+            for child in nodes[node].children.iter().flatten().rev() {
+                stack.push(Placed { node: child.value(), ..placed });
+            }
+            self.numbers[node] = u32::try_from(self.placed.len()).ok();
+            self.placed.push(placed);
+        }
+        Ok(())
+    }
+}
+
+/// A node by itself, as it is animated.
+pub(super) struct Local {
+    /// Hangs on nothing.
+    pub node: Node,
+    /// Whether it can never be seen.
+    pub hidden: bool,
+}
+
+impl Local {
+    /// Node `index` of the file.
+    pub fn read(document: &Document<'_>, tracks: &Tracks, index: usize) -> Result<Local, String> {
+        let mut node = Node { rest: document.transforms[index].rest()?, ..Node::default() };
+        let mut hidden = !is_visible(&document.json.nodes[index])?;
+        if tracks.is_empty() {
+            return Ok(Local { node, hidden });
+        }
+        if let Rest::Parts { translation, rotation, scale } = &mut node.rest {
+            let (still, track) = tracks.split(Property::Translation(index));
+            (*translation, node.translation) = (still.map_or(*translation, DVec3::from_array), track);
+            let (still, track) = tracks.split(Property::Rotation(index));
+            let still = still.map(|q| DQuat::from_array(q).normalize());
+            (*rotation, node.rotation) = (still.unwrap_or(*rotation), track);
+            let (still, track) = tracks.split(Property::Scale(index));
+            (*scale, node.scale) = (still.map_or(*scale, DVec3::from_array), track);
+        }
+        let (still, track) = tracks.split(Property::Visible(index));
+        hidden = track.is_none() && still.map_or(hidden, |[visible]| visible == 0.0);
+        node.visible = track;
+        Ok(Local { node, hidden })
+    }
+}
+
+/// What `KHR_node_visibility` says without animations.
+fn is_visible(node: &json::Node) -> Result<bool, String> {
+    match node.extensions.as_ref().and_then(|all| all.others.get(VISIBILITY)?.get("visible")) {
+        None => Ok(true),
+        Some(value) => {
+            value.as_bool().ok_or_else(|| format!("{VISIBILITY}: visible is no boolean; allowed: true, false"))
+        }
+    }
+}
+
 /// `categoryID` and `partID` of every node that has them.
 pub(super) fn label_extras(document: &Document<'_>) -> Vec<[Option<String>; 2]> {
     let nodes = document.json.nodes.iter();
     nodes.map(|node| ["categoryID", "partID"].map(|key| text(&node.extras, key))).collect()
-}
-
-/// The nodes of the default scene, else of the first, else all, parents before children, in the file's order.
-pub(super) fn walk<'a>(document: &Document<'_>, labels: &'a [[Option<String>; 2]]) -> Result<Vec<Placed<'a>>> {
-    let nodes = &document.json.nodes;
-    let parents = parents(document)?;
-    let mut stack: Vec<Placed<'a>> = roots(document, &parents)?
-        .into_iter()
-        .rev()
-        .map(|node| Placed { node, world_from_node: Z_UP_FROM_Y_UP, category: None, part: None })
-        .collect();
-    let mut placed = Vec::new();
-    // On the stack a node still has its parent's transform and labels.
-    while let Some(Placed { node, world_from_node: world_from_parent, category, part }) = stack.pop() {
-        let fault = |message| document.error(document.node_place(node), message);
-        let world_from_node = world_from_parent * document.transforms[node].parent_from_node().map_err(fault)?;
-        if !world_from_node.is_finite() {
-            return Err(fault("its place in the world is not finite".into()));
-        }
-        let [own_category, own_part] = &labels[node];
-        let (category, part) = (own_category.as_deref().or(category), own_part.as_deref().or(part));
-        for child in nodes[node].children.iter().flatten().rev() {
-            stack.push(Placed { node: child.value(), world_from_node, category, part });
-        }
-        placed.push(Placed { node, world_from_node, category, part });
-    }
-    Ok(placed)
 }
 
 /// Parent of every node; an error if the nodes form no forest.

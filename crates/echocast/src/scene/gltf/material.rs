@@ -1,10 +1,11 @@
 //! Materials: what glTF, its extensions and custom properties say, in echocast's form.
 
 use super::accessor::Accessors;
+use super::animation::{Property, Tracks};
 use super::{Document, Notes, extras, place};
 use crate::ground::error::Result;
 use crate::ground::shown;
-use crate::material::{Alpha, Filter, Material, Reflectance, Sound, Texture, TextureBudget, TextureRef, Wrap};
+use crate::material::{Alpha, Changes, Filter, Material, Reflectance, Sound, Texture, TextureBudget, TextureRef, Wrap};
 use crate::read::{Limit, yaml};
 use gltf::json;
 use gltf::json::material::AlphaMode;
@@ -30,6 +31,7 @@ impl<'a> Materials<'a> {
     pub fn read(
         document: &'a Document<'a>,
         accessors: &'a Accessors<'a>,
+        tracks: &Tracks,
         budget: &'a mut TextureBudget,
         notes: &mut Notes,
     ) -> Result<Self> {
@@ -38,7 +40,9 @@ impl<'a> Materials<'a> {
             let here = || place("material", index, source.name.as_deref());
             let name = source.name.clone().unwrap_or_else(|| format!("material_{index}"));
             let mut factors = Factors { place: &here, notes };
-            let material = surface(source, name, &mut factors).map_err(|message| document.error(here(), message))?;
+            let material = surface(source, name, &mut factors)
+                .and_then(|material| animated(material, index, tracks))
+                .map_err(|message| document.error(here(), message))?;
             list.push(Arc::new(material));
         }
         let images = Images { document, accessors, by_image: HashMap::new(), budget };
@@ -79,9 +83,7 @@ impl<'a> Materials<'a> {
         let key = (material, color.map(f32::to_bits));
         *self.tinted.entry(key).or_insert_with(|| {
             let mut tinted = material.map(|index| (*self.list[index]).clone()).unwrap_or_default();
-            for (channel, factor) in tinted.base_color.iter_mut().zip(color) {
-                *channel *= factor;
-            }
+            tinted.tint(color);
             self.list.push(Arc::new(tinted));
             self.list.len() - 1
         })
@@ -169,6 +171,38 @@ fn surface(source: &json::Material, name: String, factors: &mut Factors<'_>) -> 
         material.ior = refraction("extras.blainder_ior", &value)?.unwrap_or(material.ior);
     }
     Ok(material)
+}
+
+/// `material`, the file's material `index`, with what its animations say: as it is at time 0, and how it changes.
+fn animated(mut material: Material, index: usize, tracks: &Tracks) -> Result<Material, String> {
+    if tracks.is_empty() {
+        return Ok(material);
+    }
+    let mut changes = Changes::default();
+    let still;
+    (still, changes.base_color) = tracks.split(Property::BaseColor(index));
+    material.base_color = still.map_or(material.base_color, |color: [f64; 4]| color.map(unit));
+    let factor = |property, value: &mut f32| {
+        let (still, track) = tracks.split(property);
+        *value = still.map_or(*value, |[still]| unit(still));
+        track
+    };
+    changes.metallic = factor(Property::Metallic(index), &mut material.metallic);
+    changes.roughness = factor(Property::Roughness(index), &mut material.roughness);
+    let still;
+    (still, changes.reflectance) = tracks.split(Property::Reflectance(index));
+    if let Some([still]) = still {
+        material.reflectance = Some(Reflectance::Constant(unit(still)));
+    }
+    material.set_changes(changes);
+    let greatest = material.greatest_reflectance();
+    let check = material.scattering.check(greatest.as_ref());
+    check.map_err(|error| format!("extras.{error}, at all times"))?;
+    Ok(material)
+}
+
+fn unit(value: f64) -> f32 {
+    value.clamp(0.0, 1.0) as f32
 }
 
 /// An index of refraction; both glTF's extension and the paper's system write 0 for "does not refract".

@@ -4,17 +4,25 @@
 //! length and index in a file may be wrong and survey coordinates need double precision.
 
 mod accessor;
+mod animation;
+#[cfg(test)]
+mod animation_tests;
 mod container;
 mod extras;
 mod hierarchy;
 mod instancing;
 mod material;
+mod morph;
+mod nodes;
+mod object;
 mod primitive;
+mod sampler;
+mod skin;
 #[cfg(test)]
 mod tests;
 mod uri;
 
-use super::{Camera, LoadOptions, RawObject, Scene, cofactors, count};
+use super::{Camera, LoadOptions, Scene, count};
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::Pose;
 use crate::ground::report::Report;
@@ -22,21 +30,31 @@ use crate::ground::shown;
 use crate::material::TextureBudget;
 use crate::read::{self, Limit, yaml};
 use accessor::Accessors;
-use glam::{DAffine3, DMat3};
+use animation::Animation;
 use gltf::json::Root;
 use gltf::json::extras::RawValue;
-use hierarchy::{Placed, Transform};
+use hierarchy::{Placed, Transform, Tree};
 use material::Materials;
+use nodes::Nodes;
+use object::Objects;
 use primitive::Meshes;
 use serde::Deserialize;
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::Path;
+use std::sync::Arc;
 use uri::Files;
 
 /// Extensions that a file may require. Those of materials are accepted by prefix: they affect shading, and what
 /// echocast supports of them is read.
-const EXTENSIONS: &[&str] =
-    &["KHR_lights_punctual", "KHR_mesh_quantization", "KHR_texture_transform", instancing::EXTENSION];
+const EXTENSIONS: &[&str] = &[
+    "KHR_lights_punctual",
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+    animation::POINTER,
+    hierarchy::VISIBILITY,
+    instancing::EXTENSION,
+];
 const MATERIAL_EXTENSIONS: &str = "KHR_materials_";
 
 /// Reads a `.glb` or `.gltf` file.
@@ -62,8 +80,11 @@ pub(super) fn read_bytes(
     let accessors = Accessors::new(&document.json, &buffers, container.json.len());
 
     let mut notes = Notes::default();
-    let materials = Materials::read(&document, &accessors, images, &mut notes)?;
-    let mut meshes = Meshes {
+    let (tracks, lengths) = animation::read(&document, &accessors, options, &mut notes)?;
+    let materials = Materials::read(&document, &accessors, &tracks, images, &mut notes)?;
+    let labels = hierarchy::label_extras(&document);
+    let tree = Tree::read(&document, &labels, &tracks)?;
+    let meshes = Meshes {
         document: &document,
         accessors: &accessors,
         materials,
@@ -71,25 +92,29 @@ pub(super) fn read_bytes(
         degenerate_triangles: 0,
         cache: primitive::Cache::default(),
     };
-    let labels = hierarchy::label_extras(&document);
-    let (mut objects, mut cameras) = (Vec::new(), Vec::new());
-    for placed in hierarchy::walk(&document, &labels)? {
-        objects_of(&placed, &mut meshes, &mut objects)?;
-        cameras.extend(camera_of(&placed, &document)?);
+    let nodes = Nodes::new(&document, &accessors, &tracks, &tree);
+    let mut objects = Objects::new(meshes, nodes, &tracks);
+    let mut cameras = Vec::new();
+    for placed in tree.scene() {
+        objects.add(placed)?;
+        cameras.extend(camera_of(placed, &document, &mut objects.nodes)?);
     }
 
+    let Objects { meshes, nodes, list: objects, .. } = objects;
     let Meshes { materials, notes, degenerate_triangles, .. } = meshes;
     let mut report = Report::default();
     notes.tell(origin, &mut report);
+    tracks.tell(origin, &mut report);
     if degenerate_triangles > 0 {
         let triangles = count(degenerate_triangles, "triangle");
         report.warn(format!("{}: {triangles} without area left out", shown::path(origin)));
     }
-    let animations = document.json.animations.iter().enumerate();
     let scene = Scene {
         materials: materials.finish(),
         cameras,
-        animations: animations.map(|(i, a)| a.name.clone().unwrap_or_else(|| format!("animation_{i}"))).collect(),
+        animations: document.animation_names(),
+        animation_lengths: lengths,
+        timeline: Arc::new(nodes.timeline),
         degenerate_triangles,
         report,
         ..Scene::default()
@@ -97,61 +122,20 @@ pub(super) fn read_bytes(
     Ok(scene.assemble(objects, &options.labels))
 }
 
-/// Adds the objects that a node represents: none, one, or all its instances.
-fn objects_of(placed: &Placed<'_>, meshes: &mut Meshes<'_>, objects: &mut Vec<RawObject>) -> Result<()> {
-    let document = meshes.document;
-    let node = &document.json.nodes[placed.node];
-    let Some(index) = node.mesh.map(|mesh| mesh.value()) else { return Ok(()) };
-    let here = || document.node_place(placed.node);
-    let fault = |message: String| document.error(here(), message);
-    let Some(source) = document.json.meshes.get(index) else {
-        return Err(fault(format!("its mesh {index} does not exist: the file has {}", document.json.meshes.len())));
-    };
-    if node.skin.is_some() {
-        meshes.notes.add("skins are not applied, meshes stand as they were bound", here);
-    }
-    if node.weights.as_ref().or(source.weights.as_ref()).is_some_and(|all| all.iter().any(|&weight| weight != 0.0)) {
-        meshes.notes.add("morph targets are not applied, meshes have their base shape", here);
-    }
-    let Some(mesh) = meshes.get(index)? else { return Ok(()) };
-    let name = node.name.as_ref().or(source.name.as_ref());
-    let instances = instancing::node_from_instances(meshes.accessors, node).map_err(fault)?;
-    for node_from_object in instances.unwrap_or_else(|| vec![DAffine3::IDENTITY]) {
-        let world_from_object = placed.world_from_node * node_from_object;
-        // Objects squeezed flat can still be seen.
-        if cofactors(&world_from_object.matrix3) == DMat3::ZERO {
-            meshes.notes.add("objects scaled to a line or a point are left out", here);
-            continue;
-        }
-        let object = RawObject {
-            name: name.cloned().unwrap_or_else(|| format!("object_{}", placed.node)),
-            mesh: mesh.clone(),
-            world_from_object,
-            category: placed.category.map(str::to_owned),
-            part: placed.part.map(str::to_owned),
-            motion: None,
-        };
-        let text = object.name.len() + placed.category.map_or(0, str::len) + placed.part.map_or(0, str::len);
-        meshes.accessors.charge(size_of::<RawObject>() + text).map_err(fault)?;
-        objects.push(object);
-    }
-    Ok(())
-}
-
 /// The camera at a node, if there is one.
-fn camera_of(placed: &Placed<'_>, document: &Document<'_>) -> Result<Option<Camera>> {
+fn camera_of(placed: &Placed<'_>, document: &Document<'_>, nodes: &mut Nodes<'_>) -> Result<Option<Camera>> {
     let node = &document.json.nodes[placed.node];
     let Some(index) = node.camera.map(|camera| camera.value()) else { return Ok(None) };
+    let fault = |message: String| document.error(document.node_place(placed.node), message);
     let known = &document.json.cameras;
     let Some(camera) = known.get(index) else {
-        let message = format!("its camera {index} does not exist: the file has {}", known.len());
-        return Err(document.error(document.node_place(placed.node), message));
+        return Err(fault(format!("its camera {index} does not exist: the file has {}", known.len())));
     };
     let name = node.name.as_ref().or(camera.name.as_ref());
     Ok(Some(Camera {
         name: name.cloned().unwrap_or_else(|| format!("camera_{index}")),
         pose: Pose::from_camera_node(&placed.world_from_node),
-        node: None,
+        node: if placed.moves { Some(nodes.number(placed.node).map_err(fault)?) } else { None },
     }))
 }
 
@@ -164,6 +148,10 @@ struct Document<'a> {
     json: Root,
     /// For every node of `json`.
     transforms: Vec<Transform>,
+    /// Those of `json` are left out: `gltf` does not know what extensions animate.
+    animations: Vec<Animation>,
+    /// For every mesh of `json`, see [`morph::target_counts`].
+    targets: Vec<[usize; 2]>,
 }
 
 /// What must be known before the rest can be understood.
@@ -174,6 +162,8 @@ struct Header<'a> {
     extensions_required: Vec<String>,
     #[serde(borrow)]
     nodes: Option<&'a RawValue>,
+    #[serde(borrow)]
+    animations: Option<&'a RawValue>,
 }
 
 #[derive(Deserialize)]
@@ -205,9 +195,22 @@ impl<'a> Document<'a> {
             Some(nodes) => serde_json::from_str(nodes.get()).map_err(broken)?,
             None => Vec::new(),
         };
+        let animations = match header.animations {
+            Some(animations) => parse_animations(animations).map_err(|(place, error)| {
+                let said = error.to_string();
+                let message = said.rsplit_once(" at line ").map_or(said.as_str(), |(message, _)| message);
+                Error::parse(origin, place, format!("not a glTF file: {}", yaml::plain(message)))
+            })?,
+            None => Vec::new(),
+        };
         // Compiled where the type is: here it would be compiled again.
-        let json = Root::from_slice(json).map_err(broken)?;
-        Ok(Document { origin, files, json, transforms })
+        let json = Root::from_slice(&without(json, header.animations)).map_err(broken)?;
+        let targets = json.meshes.iter().map(morph::target_counts).collect();
+        Ok(Document { origin, files, json, transforms, animations, targets })
+    }
+
+    fn animation_names(&self) -> Vec<String> {
+        self.animations.iter().enumerate().map(|(index, animation)| animation.name(index)).collect()
     }
 
     fn error(&self, place: impl Into<String>, message: impl Into<String>) -> Error {
@@ -217,6 +220,26 @@ impl<'a> Document<'a> {
     fn node_place(&self, node: usize) -> String {
         place("node", node, self.json.nodes[node].name.as_deref())
     }
+}
+
+/// The animations, or the place of what is wrong with them.
+fn parse_animations(text: &RawValue) -> Result<Vec<Animation>, (String, serde_json::Error)> {
+    let mut parser = serde_json::Deserializer::from_str(text.get());
+    serde_path_to_error::deserialize(&mut parser)
+        .map_err(|error| (format!("animations{}", error.path()), error.into_inner()))
+}
+
+/// `json` with an empty list instead of `part`, its lines and columns as they were.
+fn without<'j>(json: &'j [u8], part: Option<&RawValue>) -> Cow<'j, [u8]> {
+    let Some(part) = part.map(RawValue::get).filter(|part| part.len() > 1) else { return Cow::Borrowed(json) };
+    // The part was borrowed from the text.
+    let start = part.as_ptr() as usize - json.as_ptr() as usize;
+    let mut json = json.to_owned();
+    let blank = &mut json[start..start + part.len()];
+    blank.iter_mut().filter(|byte| **byte != b'\n').for_each(|byte| *byte = b' ');
+    blank[0] = b'[';
+    blank[part.len() - 1] = b']';
+    Cow::Owned(json)
 }
 
 /// `mesh 3 "Chair"`.

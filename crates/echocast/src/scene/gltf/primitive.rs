@@ -2,8 +2,10 @@
 
 use super::accessor::Accessors;
 use super::material::Materials;
+use super::skin::{self, InfluenceKey, Influences};
 use super::{Document, Notes, place};
 use crate::ground::error::Result;
+use crate::motion::{PartVertices, Target, Vertices};
 use crate::scene::mesh::{beyond_reach, is_degenerate, normals_are_flat};
 use crate::scene::{Array, Mesh, Part};
 use gltf::json::accessor::Type;
@@ -24,6 +26,28 @@ pub(super) struct Meshes<'a> {
     pub cache: Cache,
 }
 
+/// What changes the shape of a mesh.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub(super) struct Form {
+    pub skinned: bool,
+    pub morphed: bool,
+}
+
+impl Form {
+    /// Whether anything does.
+    pub fn deforms(self) -> bool {
+        self.skinned || self.morphed
+    }
+}
+
+/// A mesh as it was modelled.
+#[derive(Clone)]
+pub(super) struct Modelled {
+    pub mesh: Arc<Mesh>,
+    /// What deforms, part by part; empty for a mesh that does not.
+    pub vertices: Arc<Vertices>,
+}
+
 /// Vectors that several parts may use.
 type Shared<const N: usize> = Array<[f32; N]>;
 
@@ -31,7 +55,7 @@ type Shared<const N: usize> = Array<[f32; N]>;
 #[derive(Default)]
 pub(super) struct Cache {
     /// `None`: nothing to scan in it.
-    meshes: HashMap<usize, Option<Arc<Mesh>>>,
+    meshes: HashMap<(usize, Form), Option<Modelled>>,
     positions: HashMap<usize, Shared<3>>,
     triangles: HashMap<TriangleKey, Triangles>,
     /// Unit normals; `None`: some have no length.
@@ -41,10 +65,13 @@ pub(super) struct Cache {
     part_normals: HashMap<(usize, TriangleKey), Option<Shared<3>>>,
     part_uvs: HashMap<(usize, TriangleKey), Shared<2>>,
     colors: HashMap<usize, VertexColors>,
+    /// Of morph targets; `None`: all are zero.
+    deltas: HashMap<usize, Option<Shared<3>>>,
+    influences: HashMap<InfluenceKey, Influences>,
 }
 
-/// What a triangle list is made from: accessors of positions and indices, and the mode.
-type TriangleKey = (usize, Option<usize>, u32);
+/// What a triangle list is made from: accessors of positions and indices, the mode, and whether the part deforms.
+type TriangleKey = (usize, Option<usize>, u32, bool);
 
 #[derive(Clone)]
 struct Triangles {
@@ -53,6 +80,8 @@ struct Triangles {
     positions: Shared<3>,
     /// Which of the accessor's vertices those are; `None`: all, in order.
     used: Option<Arc<Vec<u32>>>,
+    /// How many vertices the accessor has.
+    vertices: usize,
     /// How many triangles were left out because they have no area.
     degenerate: usize,
 }
@@ -68,28 +97,31 @@ enum VertexColors {
 
 impl Meshes<'_> {
     /// The file's mesh `index`; `None` if it has nothing to scan.
-    pub fn get(&mut self, index: usize) -> Result<Option<Arc<Mesh>>> {
-        if let Some(known) = self.cache.meshes.get(&index) {
+    pub fn get(&mut self, index: usize, form: Form) -> Result<Option<Modelled>> {
+        if let Some(known) = self.cache.meshes.get(&(index, form)) {
             return Ok(known.clone());
         }
         let document = self.document;
         let source = &document.json.meshes[index];
         let here = place("mesh", index, source.name.as_deref());
-        let mut parts = Vec::new();
+        let (mut parts, mut vertices) = (Vec::new(), Vertices::default());
         for (number, primitive) in source.primitives.iter().enumerate() {
             let here = format!("{here} primitive {number}");
-            parts.extend(self.part(primitive, &here)?);
+            if let Some((part, deforming)) = self.part(primitive, form, &here)? {
+                parts.push(part);
+                vertices.parts.extend(deforming);
+            }
         }
         let read = (!parts.is_empty()).then(|| {
             let name = source.name.clone().unwrap_or_else(|| format!("mesh_{index}"));
-            Arc::new(Mesh::trusted(name, parts))
+            Modelled { mesh: Arc::new(Mesh::trusted(name, parts)), vertices: Arc::new(vertices) }
         });
-        self.cache.meshes.insert(index, read.clone());
+        self.cache.meshes.insert((index, form), read.clone());
         Ok(read)
     }
 
-    /// A primitive as a part; `None` if it has no triangle.
-    fn part(&mut self, primitive: &Primitive, here: &str) -> Result<Option<Part>> {
+    /// A primitive as a part, with its vertices if they move; `None` if it has no triangle.
+    fn part(&mut self, primitive: &Primitive, form: Form, here: &str) -> Result<Option<(Part, Option<PartVertices>)>> {
         let document = self.document;
         let fault = |message: String| document.error(here, message);
         let mode = match primitive.mode {
@@ -110,7 +142,7 @@ impl Meshes<'_> {
             return Err(fault(format!("its material {missing} does not exist: the file has {known}")));
         }
 
-        let key = (position.value(), primitive.indices.map(|index| index.value()), mode.as_gl_enum());
+        let key = (position.value(), primitive.indices.map(|index| index.value()), mode.as_gl_enum(), form.deforms());
         let vertices = self.positions(position).map_err(fault)?;
         let triangles = self.triangles(key, primitive.indices, mode, &vertices, here).map_err(fault)?;
         self.degenerate_triangles += triangles.degenerate;
@@ -139,7 +171,73 @@ impl Meshes<'_> {
             Some(VertexColors::Constant(_)) | None => material,
         };
         let material = material.map(|index| self.materials.get(index));
-        Ok(Some(Part { positions: triangles.positions, normals, uvs, triangles: triangles.kept, material }))
+        let mut deforming = None;
+        if form.deforms() {
+            let mut vertices = PartVertices {
+                positions: triangles.positions.clone(),
+                normals: normals.clone(),
+                ..PartVertices::default()
+            };
+            self.deforming(&mut vertices, primitive, form, &triangles, here).map_err(fault)?;
+            deforming = Some(vertices);
+        }
+        let part = Part { positions: triangles.positions, normals, uvs, triangles: triangles.kept, material };
+        Ok(Some((part, deforming)))
+    }
+
+    /// Adds to the vertices of a part what moves them.
+    fn deforming(
+        &mut self,
+        part: &mut PartVertices,
+        primitive: &Primitive,
+        form: Form,
+        triangles: &Triangles,
+        here: &str,
+    ) -> Result<(), String> {
+        let (used, vertices) = (triangles.used.as_deref(), triangles.vertices);
+        if form.morphed {
+            for (number, target) in primitive.targets.iter().flatten().enumerate() {
+                let fault = |message: String| format!("morph target {number} {message}");
+                let with_normals = target.normals.filter(|_| part.normals.is_some());
+                let mut read = |name: &str, index: Option<Index<Accessor>>| {
+                    let Some(index) = index else { return Ok(None) };
+                    let deltas = self.deltas(name, index, vertices)?;
+                    deltas.map(|deltas| self.pick(&deltas, used)).transpose()
+                };
+                let positions = read("POSITION", target.positions).map_err(fault)?;
+                let normals = read("NORMAL", with_normals).map_err(fault)?;
+                part.targets.push(Target { positions, normals });
+            }
+        }
+        if form.skinned {
+            let key = skin::influence_key(primitive);
+            let all = match self.cache.influences.get(&key) {
+                Some(known) => known.clone(),
+                None => skin::influences(self.accessors, primitive, vertices, &mut self.notes, here)?,
+            };
+            let joints = all.joints.iter().map(|set| self.pick(set, used));
+            part.joints = joints.collect::<Result<_, _>>()?;
+            let weights = all.weights.iter().map(|set| self.pick(set, used));
+            part.weights = weights.collect::<Result<_, _>>()?;
+            self.cache.influences.insert(key, all);
+        }
+        Ok(())
+    }
+
+    /// What a morph target adds to `vertices` vertices; `None`: nothing.
+    fn deltas(&mut self, name: &str, index: Index<Accessor>, vertices: usize) -> Result<Option<Shared<3>>, String> {
+        let fault = |message: String| format!("{name}: {message}");
+        same_count(name, self.accessors.describe(index).map_err(fault)?, vertices)?;
+        if let Some(known) = self.cache.deltas.get(&index.value()) {
+            return Ok(known.clone());
+        }
+        let deltas = self.accessors.vectors::<3>(index).map_err(fault)?;
+        if let Some(vertex) = beyond_reach(&deltas) {
+            return Err(fault(format!("vertex {vertex} has {:?}; allowed: -1e18 to 1e18", deltas[vertex])));
+        }
+        let deltas = deltas.iter().any(|delta| *delta != [0.0; 3]).then(|| Shared::from(deltas));
+        self.cache.deltas.insert(index.value(), deltas.clone());
+        Ok(deltas)
     }
 
     fn positions(&mut self, index: Index<Accessor>) -> Result<Shared<3>, String> {
@@ -190,20 +288,29 @@ impl Meshes<'_> {
         self.accessors.charge(triangles.len() * size_of::<[u32; 3]>())?;
         let all = triangles.len();
         let places: &[[f32; 3]] = positions;
-        triangles.retain(|&[a, b, c]| !is_degenerate(places[a as usize], places[b as usize], places[c as usize]));
+        let (.., deforms) = key;
+        triangles.retain(|&[a, b, c]| {
+            // Triangles that deform may open up, unless two of their corners are one.
+            let opens = deforms && a != b && b != c && c != a;
+            opens || !is_degenerate(places[a as usize], places[b as usize], places[c as usize])
+        });
         let degenerate = all - triangles.len();
         let used = used_vertices(&mut triangles, count).map(Arc::new);
         self.accessors.charge(used.as_ref().map_or(0, |used| used.len() * size_of::<u32>()))?;
         let positions = self.pick(positions, used.as_deref())?;
-        let read = Triangles { kept: triangles.into(), positions, used, degenerate };
+        let read = Triangles { kept: triangles.into(), positions, used, vertices: count, degenerate };
         self.cache.triangles.insert(key, read.clone());
         Ok(read)
     }
 
     /// Those of `all` that a part uses.
-    fn pick<const N: usize>(&self, all: &Shared<N>, used: Option<&Vec<u32>>) -> Result<Shared<N>, String> {
+    fn pick<T: Copy + Send + Sync + 'static>(
+        &self,
+        all: &Array<T>,
+        used: Option<&Vec<u32>>,
+    ) -> Result<Array<T>, String> {
         let Some(used) = used else { return Ok(all.clone()) };
-        self.accessors.charge(used.len() * size_of::<[f32; N]>())?;
+        self.accessors.charge(used.len() * size_of::<T>())?;
         Ok(used.iter().map(|&vertex| all[vertex as usize]).collect::<Vec<_>>().into())
     }
 
@@ -239,7 +346,12 @@ impl Meshes<'_> {
             self.notes.add("normals of no length are not used, the surface is flat-shaded", || here.to_owned());
         }
         let picked = all.map(|all| self.pick(&all, triangles.used.as_deref())).transpose()?;
-        let normals = picked.filter(|normals| !normals_are_flat(&triangles.positions, normals, &triangles.kept));
+        let normals = picked.filter(|normals| {
+            // What deforms is flat-shaded only where neighbours share no normals: a flat sheet may roll up.
+            let (.., deforms) = triangle_key;
+            deforms && share_vertices(&triangles.kept, normals.len())
+                || !normals_are_flat(&triangles.positions, normals, &triangles.kept)
+        });
         self.cache.part_normals.insert(key, normals.clone());
         Ok(normals)
     }
@@ -291,8 +403,14 @@ impl Meshes<'_> {
     }
 }
 
+/// Whether any two triangles share one of `vertices` vertices.
+fn share_vertices(triangles: &[[u32; 3]], vertices: usize) -> bool {
+    let mut seen = vec![false; vertices];
+    triangles.iter().flatten().any(|&vertex| std::mem::replace(&mut seen[vertex as usize], true))
+}
+
 /// The accessor of an attribute.
-fn attribute(primitive: &Primitive, semantic: Semantic) -> Option<Index<Accessor>> {
+pub(super) fn attribute(primitive: &Primitive, semantic: Semantic) -> Option<Index<Accessor>> {
     primitive.attributes.get(&Checked::Valid(semantic)).copied()
 }
 
@@ -331,7 +449,7 @@ fn used_vertices(triangles: &mut [[u32; 3]], vertices: usize) -> Option<Vec<u32>
     Some(used)
 }
 
-fn same_count(what: &str, accessor: &Accessor, vertices: usize) -> Result<(), String> {
+pub(super) fn same_count(what: &str, accessor: &Accessor, vertices: usize) -> Result<(), String> {
     let found = accessor.count.0;
     if found == vertices as u64 { Ok(()) } else { Err(format!("{what} has {found} elements for {vertices} vertices")) }
 }
