@@ -3,6 +3,7 @@
 mod beams;
 mod cameras;
 mod detection;
+mod doppler;
 mod geometry;
 mod intensity;
 mod motion;

@@ -116,7 +116,7 @@ pub fn run(args: &Args) -> Result<()> {
     let Loaded { sensor, environment, scene, path } = loaded?;
     read.iter().try_for_each(|input| args.output.check_input(input))?;
     let sonar = sensor.kind() == SensorKind::Sonar;
-    let fields = args.fields.unwrap_or_default().of(sensor.kind());
+    let fields = args.fields.unwrap_or_default().of(&sensor);
     interrupt::check()?;
     warnings.absorb(scene.report.clone());
     let fps = frame_rate(args.fps, &sensor)?;
@@ -292,7 +292,7 @@ struct Loaded {
 /// Reads everything a run needs, the scene last: it may take a long time.
 fn load(args: &Args) -> Result<Loaded> {
     let sensor = args.sensor.load()?;
-    args.output.check(args.fields.unwrap_or_default().of(sensor.kind()), &sensor, args.profile)?;
+    args.output.check(args.fields.unwrap_or_default().of(&sensor), &sensor, args.profile)?;
     ensure!(
         args.explain.is_none() || sensor.kind() != SensorKind::Sonar || args.profile == Profile::Physical,
         "--explain: does not cover sonars with --profile {}; allowed: --profile physical",
@@ -329,9 +329,12 @@ impl Asked {
     }
 
     /// The columns for a sensor: points of sonars are of the bed, the water surface, reflections and noise.
-    fn of(self, kind: SensorKind) -> FieldSet {
-        let with_cause = self.by_default && kind == SensorKind::Sonar;
-        if with_cause { self.fields.with(Field::Cause) } else { self.fields }
+    fn of(self, sensor: &Sensor) -> FieldSet {
+        if !self.by_default {
+            return self.fields;
+        }
+        let fields = self.fields.union(sensor.default_fields());
+        if sensor.kind() == SensorKind::Sonar { fields.with(Field::Cause) } else { fields }
     }
 }
 
