@@ -27,6 +27,8 @@ Examples:
   echocast scan street.glb --sensor velodyne_vlp32c --at 0,0,1.8 --rain 20 --fog 150 -o wet.las
   echocast scan hall.glb --sensor kinect_v2 --at 1,2,1.5 --rpy 0,15,90 --organised --fields default,depth -o hall.npz
   echocast scan street.glb --sensor velodyne_vlp32c --at 0,0,1.8 --fog 150 --explain 12345
+  echocast scan street.glb --sensor velodyne_vlp32c --at 0,0,1.8 -o scan.npz --boxes boxes.json --preview scan.png \\
+    --view perspective --show boxes
   echocast scan city.obj --up y --sensor velodyne_hdl64e --trajectory drive.txt --frames 0:99 --single -o drive.las
   echocast scan yard.glb --cache Flag=flag.pc2@25 --sensor velodyne_vlp16 --at 0,0,1.8 --frames 0:99 -o yard.las
 A survey with a side-scan sonar, from nothing:
@@ -82,7 +84,7 @@ pub struct Args {
     organised: bool,
     /// Show what happens to one beam of the first frame, or of FRAME, step by step with numbers, and write nothing;
     /// rows and columns count from 0, a beam is row * columns + column; for a sonar, a frame is a ping
-    #[arg(long, value_name = "[FRAME,]BEAM", value_parser = frame_and_beam, conflicts_with_all = ["output", "preview", "json"], help_heading = "Output")]
+    #[arg(long, value_name = "[FRAME,]BEAM", value_parser = frame_and_beam, conflicts_with_all = ["output", "preview", "boxes", "json"], help_heading = "Output")]
     explain: Option<(Option<u32>, u32)>,
     #[command(flatten)]
     output: OutputArgs,
@@ -162,8 +164,11 @@ pub fn run(args: &Args) -> Result<()> {
     interrupt::check()?;
     warnings.absorb(built.report().clone());
 
-    // The report counts a sonar's points by cause, whatever the files hold.
-    let told = if sonar { FieldSet::EMPTY.with(Field::Cause) } else { FieldSet::EMPTY };
+    // The report counts a sonar's points by cause, and boxes count them by instance, whatever the files hold.
+    let mut told = if sonar { FieldSet::EMPTY.with(Field::Cause) } else { FieldSet::EMPTY };
+    if args.output.boxes().is_some() {
+        told = told.with(Field::InstanceId);
+    }
     let options_of = |frame: u32| ScanOptions {
         fields: fields.union(args.output.pictured()).union(told),
         seed: args.seed,
@@ -174,6 +179,7 @@ pub fn run(args: &Args) -> Result<()> {
         organised: args.organised,
         coordinates: args.coordinates,
         order: args.order,
+        boxes: args.output.boxes(),
         profile: args.profile,
         reflectance_source: args.reflectance_source,
         environment: environment.clone(),
@@ -197,6 +203,7 @@ pub fn run(args: &Args) -> Result<()> {
     let (mut points, mut causes) = (0, Causes::default());
     // Whether anything but noise is received.
     let mut heard = false;
+    let mut boxes = Vec::new();
     let mut pings = Pings::default();
     let mut ping = Ping::default();
     let pinged = args.output.pinged(fields).filter(|_| sonar);
@@ -218,7 +225,11 @@ pub fn run(args: &Args) -> Result<()> {
             built.ping_into(&sensor, &trajectory, &options, &mut ping)?;
             heard |= ping.cells.cause.iter().any(|&cause| cause != Cause::FalseAlarm as u8);
             if wants_clouds {
-                cloud = ping.cloud(&options_of(frame))?;
+                let options = options_of(frame);
+                cloud = ping.cloud(&options)?;
+                if options.boxes.is_some() {
+                    cloud.boxes = Some(built.boxes(&sensor, &trajectory, &options, &cloud)?);
+                }
             }
             pings.push(ping.with(kept))?;
             Ok(())
@@ -227,6 +238,7 @@ pub fn run(args: &Args) -> Result<()> {
         cloud.fields = fields;
         points += return_rows(&cloud).count();
         causes.count(&cloud);
+        boxes.extend(cloud.boxes.iter().flatten().copied());
         if args.output.single() {
             progress.phase("writing".into());
             timed(&mut seconds.write, || writer.write_frame(frame, &cloud))?;
@@ -238,6 +250,7 @@ pub fn run(args: &Args) -> Result<()> {
     progress.phase("writing".into());
     timed(&mut seconds.write, || -> Result<()> {
         writer.write_pings(&pings)?;
+        writer.write_boxes(&boxes, built.labels())?;
         match args.output.single() {
             true => writer.finish(),
             false => writer.write(if frames.len() > 1 { &all } else { &cloud }, &cloud),

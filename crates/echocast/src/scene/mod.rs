@@ -118,6 +118,8 @@ pub struct Object {
     pub mesh: Arc<Mesh>,
     /// Placement, metres.
     pub world_from_object: DAffine3,
+    /// Which axis of its mesh points up as it was modelled: boxes stand on it.
+    pub up: UpAxis,
     /// Semantic class number, 0 = unlabelled.
     pub category_id: u32,
     /// Part number of each part of the mesh, in their order.
@@ -148,6 +150,7 @@ impl Object {
             part_ids: vec![0; mesh.parts.len()],
             mesh,
             world_from_object: DAffine3::IDENTITY,
+            up: UpAxis::Z,
             category_id: 0,
             instance_id: 0,
             mask: u32::MAX,
@@ -391,6 +394,8 @@ pub(crate) struct RawObject {
     pub mesh: Arc<Mesh>,
     /// Placement, metres.
     pub world_from_object: DAffine3,
+    /// As in [`Object::up`].
+    pub up: UpAxis,
     /// `categoryID` of the node or its nearest ancestor.
     pub category: Option<String>,
     /// `partID` of the node or its nearest ancestor.
@@ -404,6 +409,7 @@ struct NamedObject {
     name: String,
     mesh: Arc<Mesh>,
     world_from_object: DAffine3,
+    up: UpAxis,
     category: String,
     /// One for each part of the mesh; empty = unlabelled.
     parts: Vec<String>,
@@ -433,6 +439,7 @@ impl Scene {
                 name: object.name,
                 mesh: object.mesh,
                 world_from_object: object.world_from_object,
+                up: object.up,
                 motion: object.motion,
             })
             .collect();
@@ -468,6 +475,7 @@ impl Scene {
                 name: object.name,
                 mesh: object.mesh,
                 world_from_object: object.world_from_object,
+                up: object.up,
                 instance_id,
                 mask: u32::MAX,
                 material: None,
