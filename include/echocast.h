@@ -1040,7 +1040,10 @@ typedef struct echocast_scan_desc {
     uint32_t frame;
     /** Instances whose mask shares a bit with this are seen. */
     uint32_t mask;
-    /** Columns to compute: comma-separated names ("x,y,z,range,category_id"), "all", or NULL for the default columns. */
+    /**
+     * Columns to compute: comma-separated names ("x,y,z,range,category_id"), "all", or NULL for the default columns
+     * ("default" in a list): `doppler` is one of a sensor that measures it.
+     */
     const char *columns;
     /** 1: every beam has a row, with NaN or 0 if it has no return. 0: only returns have rows. */
     int32_t organised;

@@ -1,6 +1,7 @@
 //! What is fuzzed: each module takes one input and fails where a promise is broken. libFuzzer runs them (fuzz_targets),
 //! and so do tests with inputs made of the seeds.
 
+pub mod cache;
 pub mod capi;
 mod common;
 pub mod gltf;

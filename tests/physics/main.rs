@@ -3,8 +3,10 @@
 mod beams;
 mod cameras;
 mod detection;
+mod doppler;
 mod geometry;
 mod intensity;
+mod motion;
 mod moving;
 mod multipath;
 mod noise;

@@ -73,7 +73,8 @@ pub struct echocast_scan_desc {
     pub frame: u32,
     /// Instances whose mask shares a bit with this are seen.
     pub mask: u32,
-    /// Columns to compute: comma-separated names ("x,y,z,range,category_id"), "all", or NULL for the default columns.
+    /// Columns to compute: comma-separated names ("x,y,z,range,category_id"), "all", or NULL for the default columns
+    /// ("default" in a list): `doppler` is one of a sensor that measures it.
     pub columns: *const c_char,
     /// 1: every beam has a row, with NaN or 0 if it has no return. 0: only returns have rows.
     pub organised: i32,
@@ -207,7 +208,7 @@ pub unsafe extern "C" fn echocast_scan(
 /// The arrays and strings of `desc` are as it says.
 unsafe fn scan(scene: &BuiltScene, sensor: &Sensor, desc: &echocast_scan_desc, points: &mut Points) -> Outcome {
     // SAFETY: as the caller promises.
-    let mut options = unsafe { scan_options(desc) }?;
+    let mut options = unsafe { scan_options(desc, sensor) }?;
     // SAFETY: as the caller promises.
     points.weather.read(unsafe { text::optional(desc.environment, "desc->environment") }?)?;
     // SAFETY: as the caller promises.
@@ -257,11 +258,11 @@ unsafe fn scan(scene: &BuiltScene, sensor: &Sensor, desc: &echocast_scan_desc, p
 
 /// # Safety
 /// The strings of `desc` are valid.
-unsafe fn scan_options(desc: &echocast_scan_desc) -> Outcome<ScanOptions> {
+unsafe fn scan_options(desc: &echocast_scan_desc, sensor: &Sensor) -> Outcome<ScanOptions> {
     // SAFETY: as the caller promises.
     let fields = match unsafe { text::optional(desc.columns, "desc->columns") }? {
-        None => FieldSet::default(),
-        Some(names) => FieldSet::parse(names)?,
+        None => sensor.default_fields(),
+        Some(names) => FieldSet::parse_with(names, sensor.default_fields())?,
     };
     if desc.mask == 0 {
         return Err(Failure::argument("desc->mask", 0, "a bit or more: nothing would be seen"));

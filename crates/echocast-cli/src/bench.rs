@@ -44,7 +44,7 @@ pub fn run(args: &Args) -> Result<()> {
     let sensor = args.sensor.load()?;
     let environment = args.weather.load(sensor.kind())?;
     let scene = args.scene.load()?;
-    let pose = args.place.pose(&scene)?;
+    let pose = args.place.path(&scene, 0.0, 0.0)?.at(0.0);
     let trajectory = Trajectory::fixed(pose);
     if sensor.kind() == SensorKind::Sonar {
         place::check_submerged(&trajectory, &environment, [0.0].into_iter())?;

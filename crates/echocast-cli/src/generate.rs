@@ -5,7 +5,7 @@ use crate::report::timed;
 use crate::text::{self, counted, duration};
 use anyhow::{Context as _, Result, bail, ensure};
 use clap::Subcommand;
-use echocast::generate::{GeneratedScene, Ripples, Seabed};
+use echocast::generate::{GeneratedScene, Ripples, Seabed, Street};
 use echocast::{Error, shown};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 #[derive(clap::Args)]
 #[command(
     arg_required_else_help = true,
-    after_help = "Example:\n  echocast generate seabed --seed 7 -o lake.glb\n\nSee `echocast generate seabed --help` for more."
+    after_help = "Examples:\n  echocast generate seabed --seed 7 -o lake.glb\n  echocast generate street --seed 7 -o street.glb\n\nSee `echocast generate seabed --help` and `echocast generate street --help` for more."
 )]
 pub struct Args {
     #[command(subcommand)]
@@ -24,6 +24,7 @@ pub struct Args {
 #[derive(Subcommand)]
 enum Kind {
     Seabed(SeabedArgs),
+    Street(StreetArgs),
 }
 
 /// A lake bed for sonar: sand, gravel and mud, boulders, wrecks, a school of fish
@@ -73,9 +74,40 @@ pub struct SeabedArgs {
     quiet: bool,
 }
 
+/// A street with houses and trees, cars that drive and people who walk
+///
+/// The street runs along x and is 200 m long, a side street crosses it at 0,0. Categories are road, pavement, building,
+/// vegetation, pole, furniture, traffic_light, flag, car and person. The animation Street moves cars and their wheels,
+/// people, the flag and the lamps of the traffic lights. The camera node Lidar is on the roof of a moving car, 1.9 m
+/// above the road; Corner stands at the crossing, 3 m high, and looks along the street.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  echocast generate street -o street.glb
+  echocast generate street --cars 10 --seconds 20 --seed 7 -o street.glb
+  echocast scan street.glb --sensor velodyne_vlp32c --camera Lidar --preview street.png --view perspective")]
+pub struct StreetArgs {
+    /// Cars that drive, 1 to 10; others are parked
+    #[arg(long, value_name = "N", default_value_t = Street::default().cars, allow_negative_numbers = true)]
+    cars: u32,
+    /// Length of the animation, 8 to 30 s; the street is longer if it takes more than 10 s
+    #[arg(long, value_name = "S", default_value_t = Street::default().seconds, allow_negative_numbers = true)]
+    seconds: f64,
+    /// Seed of all random draws: same seed and options, same file
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
+    seed: u64,
+    /// Scene file, .glb
+    #[arg(short, long, value_name = "FILE.glb")]
+    output: PathBuf,
+    /// Print only errors
+    #[arg(short, long)]
+    quiet: bool,
+}
+
 pub fn run(args: &Args) -> Result<()> {
     match &args.kind {
         Kind::Seabed(args) => seabed(args),
+        Kind::Street(args) => street(args),
     }
 }
 
@@ -90,6 +122,11 @@ fn seabed(args: &SeabedArgs) -> Result<()> {
         fish: args.fish,
     };
     make(|| seabed.scene(args.seed), &args.output, args.quiet)
+}
+
+fn street(args: &StreetArgs) -> Result<()> {
+    let street = Street { cars: args.cars, seconds: args.seconds };
+    make(|| street.scene(args.seed), &args.output, args.quiet)
 }
 
 /// Makes a scene, writes it to `file` and prints a summary.

@@ -3,10 +3,14 @@
 use crate::{choice, text};
 use anyhow::{Context as _, Result, anyhow, ensure};
 use clap::Args;
-use echocast::scene::UpAxis;
+use clap::builder::{OsStringValueParser, TypedValueParser as _};
+use echocast::scene::{CacheFile, UpAxis};
 use echocast::{Error, LabelRules, LoadOptions, ReturnMode, Scene, Sensor, SensorKind, Trajectory, shown};
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::ffi::{OsStr, OsString};
 use std::io::{ErrorKind, Read as _, stdin};
+use std::os::unix::ffi::OsStrExt as _;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -31,12 +35,17 @@ pub struct SceneArgs {
     /// Play this animation alone (`echocast info` lists them) [default: all of them at once]
     #[arg(long, value_name = "NAME", help_heading = "Scene")]
     animation: Option<String>,
-    /// Repeat animations: each starts again at its last key, instead of staying there
+    /// Repeat animations and caches: each starts again at its last key or sample, instead of staying there
     #[arg(long = "loop", help_heading = "Scene")]
     looped: bool,
     /// Let scenes name buffers, images and material files outside their own folder: only for scenes that you trust
     #[arg(long, help_heading = "Scene")]
     allow_outside_paths: bool,
+    /// Change the shape of the object NAME (a pattern with `*` and `?`) over time, by a vertex cache (.mdd, .pc2) or by
+    /// numbered scene files, of which FILE is the first; FPS is the frame rate of .pc2 and of numbered files (24).
+    /// Example: `--cache Flag=flag.pc2 --cache Water=water_0001.obj@25`; repeatable
+    #[arg(long, value_name = "NAME=FILE[@FPS]", value_parser = OsStringValueParser::new().try_map(cache), help_heading = "Scene")]
+    cache: Vec<(String, CacheFile)>,
 }
 
 impl SceneArgs {
@@ -46,6 +55,11 @@ impl SceneArgs {
             Some(file) => file_or_stdin("--labels", file, LabelRules::load, LabelRules::from_yaml)?,
             None => LabelRules::default(),
         };
+        let mut caches = BTreeMap::new();
+        for (name, file) in &self.cache {
+            let before = caches.insert(name.clone(), file.clone());
+            ensure!(before.is_none(), "--cache: {:?} is there twice; allowed: once for each name", shown::text(name));
+        }
         let options = LoadOptions {
             up: self.up,
             scale: self.scale,
@@ -54,6 +68,7 @@ impl SceneArgs {
             animation: self.animation.clone(),
             looped: self.looped,
             allow_outside_paths: self.allow_outside_paths,
+            caches,
         };
         let told = self.up != UpAxis::Z || self.scale != 1.0;
         let is_obj = |file: &PathBuf| file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("obj"));
@@ -81,6 +96,9 @@ impl SceneArgs {
             "animation": self.animation,
             "loop": self.looped,
             "allow_outside_paths": self.allow_outside_paths,
+            "caches": self.cache.iter().map(|(name, CacheFile { file, fps })| {
+                json!({"object": name, "file": shown::path(file), "fps": fps})
+            }).collect::<Vec<_>>(),
         })
     }
 }
@@ -172,6 +190,26 @@ pub fn file_or_stdin<'f, T, E: Into<anyhow::Error>>(
 fn is_pipe(file: &Path, error: &anyhow::Error) -> bool {
     let Some(Error::Io { path, source }) = error.downcast_ref() else { return false };
     path == file && source.kind() == ErrorKind::InvalidInput
+}
+
+/// `NAME=FILE[@FPS]`; what follows an `@` and is no number belongs to the file.
+fn cache(text: OsString) -> Result<(String, CacheFile), String> {
+    let expected = "expected NAME=FILE or NAME=FILE@FPS, such as Flag=flag.pc2@25";
+    let bytes = text.as_bytes();
+    let split = bytes.iter().position(|&byte| byte == b'=').ok_or(expected)?;
+    let (name, file) = (&bytes[..split], &bytes[split + 1..]);
+    let name = str::from_utf8(name).map_err(|_| "NAME is not UTF-8 text")?;
+    let (file, fps) = match file.iter().rposition(|&byte| byte == b'@') {
+        Some(at) => match str::from_utf8(&file[at + 1..]).ok().and_then(|fps| fps.parse().ok()) {
+            Some(fps) => (&file[..at], Some(fps)),
+            None => (file, None),
+        },
+        None => (file, None),
+    };
+    if name.is_empty() || file.is_empty() {
+        return Err(expected.into());
+    }
+    Ok((name.to_owned(), CacheFile { file: OsStr::from_bytes(file).into(), fps }))
 }
 
 fn key_value(text: &str) -> Result<(String, String), String> {

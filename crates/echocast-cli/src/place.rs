@@ -33,15 +33,16 @@ pub struct PlaceArgs {
 }
 
 impl PlaceArgs {
-    /// The pose that was asked for, or that of the scene's only camera.
-    pub fn pose(&self, scene: &Scene) -> Result<Pose> {
+    /// The place that was asked for, or the way that the camera of that name, or the scene's only one, takes from time
+    /// `from` to `to`, s.
+    pub fn path(&self, scene: &Scene, from: f64, to: f64) -> Result<Trajectory> {
         if let Some([x, y, z]) = self.at {
             let [roll, pitch, yaw] = self.rpy.unwrap_or_default();
-            return Ok(Pose::at(x, y, z).with_rpy_deg(roll, pitch, yaw));
+            return Ok(Trajectory::fixed(Pose::at(x, y, z).with_rpy_deg(roll, pitch, yaw)));
         }
         let names = || scene.cameras.iter().map(|camera| camera.name.as_str()).collect::<Vec<_>>().join(", ");
         match (&self.camera, scene.cameras.as_slice()) {
-            (None, [camera]) => Ok(camera.pose),
+            (None, [camera]) => Ok(scene.camera_path(&camera.name, from, to)?),
             (None, []) => bail!("the scene has no camera node: place the sensor with --at X,Y,Z"),
             (None, cameras) => bail!(
                 "the scene has {} camera nodes ({}): choose one with --camera NODE, or a place with --at X,Y,Z",
@@ -52,7 +53,7 @@ impl PlaceArgs {
                 bail!("--camera {name}: the scene has no camera node; a place can be given with --at X,Y,Z")
             }
             (Some(name), _) => match scene.camera(name) {
-                Ok(camera) => Ok(camera.pose),
+                Ok(camera) => Ok(scene.camera_path(&camera.name, from, to)?),
                 Err(error) => bail!("--camera {name}: {error}; the scene has {}", names()),
             },
         }

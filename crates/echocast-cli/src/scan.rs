@@ -12,8 +12,8 @@ use crate::{choice, formats, interrupt, place, text};
 use anyhow::{Context as _, Result, ensure};
 use echocast::detect::Detection;
 use echocast::{
-    Cause, Environment, Field, FieldSet, Frame, Order, Ping, Pings, PointCloud, Profile, ReflectanceSource, Report,
-    ScanOptions, Scene, Sensor, SensorKind, Trajectory, read, shown,
+    Cause, Engine, Environment, Field, FieldSet, Frame, LiveScene, Order, Ping, Pings, PointCloud, Profile,
+    ReflectanceSource, Report, ScanOptions, Scene, Sensor, SensorKind, Trajectory, read, shown,
 };
 use serde_json::{Value, json};
 use std::io::Write as _;
@@ -27,7 +27,10 @@ Examples:
   echocast scan street.glb --sensor velodyne_vlp32c --at 0,0,1.8 --rain 20 --fog 150 -o wet.las
   echocast scan hall.glb --sensor kinect_v2 --at 1,2,1.5 --rpy 0,15,90 --organised --fields default,depth -o hall.npz
   echocast scan street.glb --sensor velodyne_vlp32c --at 0,0,1.8 --fog 150 --explain 12345
+  echocast scan street.glb --sensor velodyne_vlp32c --at 0,0,1.8 -o scan.npz --boxes boxes.json --preview scan.png \\
+    --view perspective --show boxes
   echocast scan city.obj --up y --sensor velodyne_hdl64e --trajectory drive.txt --frames 0:99 --single -o drive.las
+  echocast scan yard.glb --cache Flag=flag.pc2@25 --sensor velodyne_vlp16 --at 0,0,1.8 --frames 0:99 -o yard.las
 A survey with a side-scan sonar, from nothing:
   echocast generate seabed -o lake.glb
   printf '0 -25 0 -3 0 0 0 1\\n30 25 0 -3 0 0 0 1\\n' > survey.txt
@@ -64,6 +67,9 @@ pub struct Args {
     /// Frames per second [default: the sensor's rate]
     #[arg(long, value_name = "N", value_parser = input::positive, requires = "frames", help_heading = "Place")]
     fps: Option<f64>,
+    /// Let the scene hold still during each frame, as it is when the frame starts
+    #[arg(long, help_heading = "Place")]
+    freeze: bool,
     /// Columns to compute and write: names separated by commas, `default` or `all`; `--help` lists them
     #[arg(long, value_name = "LIST", value_parser = Asked::parse, long_help = formats::column_help(), help_heading = "Points")]
     fields: Option<Asked>,
@@ -78,7 +84,7 @@ pub struct Args {
     organised: bool,
     /// Show what happens to one beam of the first frame, or of FRAME, step by step with numbers, and write nothing;
     /// rows and columns count from 0, a beam is row * columns + column; for a sonar, a frame is a ping
-    #[arg(long, value_name = "[FRAME,]BEAM", value_parser = frame_and_beam, conflicts_with_all = ["output", "preview", "json"], help_heading = "Output")]
+    #[arg(long, value_name = "[FRAME,]BEAM", value_parser = frame_and_beam, conflicts_with_all = ["output", "preview", "boxes", "json"], help_heading = "Output")]
     explain: Option<(Option<u32>, u32)>,
     #[command(flatten)]
     output: OutputArgs,
@@ -109,19 +115,27 @@ pub fn run(args: &Args) -> Result<()> {
 
     progress.phase(format!("loading {}", args.scene.names()));
     let (loaded, read) = read::noting(|| timed(&mut seconds.load, || load(args)));
-    let Loaded { sensor, environment, scene, trajectory } = loaded?;
+    let Loaded { sensor, environment, scene, path } = loaded?;
     read.iter().try_for_each(|input| args.output.check_input(input))?;
     let sonar = sensor.kind() == SensorKind::Sonar;
-    let fields = args.fields.unwrap_or_default().of(sensor.kind());
+    let fields = args.fields.unwrap_or_default().of(&sensor);
     interrupt::check()?;
     warnings.absorb(scene.report.clone());
     let fps = frame_rate(args.fps, &sensor)?;
     // A sonar pings along its whole trajectory.
-    let all_along = Frames { last: (trajectory.span().1 * fps + 1e-6).min(1e9) as u32, ..Frames::ONE };
-    let frames = args.frames.unwrap_or(if sonar { all_along } else { Frames::ONE });
-    if args.trajectory.is_some() && !(sonar && args.frames.is_none()) {
-        warn_of_other_span(&trajectory, args.frames, fps, &mut warnings);
+    let all_along = |end: f64| Frames { last: (end * fps + 1e-6).min(1e9) as u32, ..Frames::ONE };
+    let asked = args.frames.or_else(|| path.as_ref().filter(|_| sonar).map(|path| all_along(path.span().1)));
+    let frames = asked.unwrap_or(Frames::ONE);
+    match &path {
+        Some(_) if sonar && args.frames.is_none() => {}
+        Some(path) => warn_of_other_span(path, args.frames, fps, &mut warnings),
+        None => warn_of_other_animation(&scene, args.frames, fps, &mut warnings),
     }
+    let [from, to] = [frames.first, frames.last].map(|frame| f64::from(frame) / fps);
+    let trajectory = match path {
+        Some(path) => path,
+        None => args.place.path(&scene, from, to + sensor.scan_time())?,
+    };
     if sonar {
         let moves = args.trajectory.is_some();
         let pings = frames.iter().take(if moves { usize::MAX } else { 1 });
@@ -136,20 +150,36 @@ pub fn run(args: &Args) -> Result<()> {
     );
 
     progress.phase("building".into());
-    let built = timed(&mut seconds.build, || scene.build())?;
+    let mut live = LiveScene::new(&Engine::new()?);
+    timed(&mut seconds.build, || live.add_scene(&scene).map(drop))?;
+    let moving = scene.is_moving();
+    // The scene as the frame that starts at `time`, s, sees it.
+    let mut build = |time: f64| {
+        if moving {
+            live.set_time(time, sensor.scan_time())?;
+        }
+        live.commit()
+    };
+    let mut built = timed(&mut seconds.build, || build(from))?;
     interrupt::check()?;
     warnings.absorb(built.report().clone());
 
-    // The report counts a sonar's points by cause, whatever the files hold.
-    let told = if sonar { FieldSet::EMPTY.with(Field::Cause) } else { FieldSet::EMPTY };
+    // The report counts a sonar's points by cause, and boxes count them by instance, whatever the files hold.
+    let mut told = if sonar { FieldSet::EMPTY.with(Field::Cause) } else { FieldSet::EMPTY };
+    if args.output.boxes().is_some() {
+        told = told.with(Field::InstanceId);
+    }
     let options_of = |frame: u32| ScanOptions {
         fields: fields.union(args.output.pictured()).union(told),
         seed: args.seed,
         frame,
         start_time: f64::from(frame) / fps,
+        freeze: args.freeze,
+        frame_period: Some(f64::from(frames.step) / fps),
         organised: args.organised,
         coordinates: args.coordinates,
         order: args.order,
+        boxes: args.output.boxes(),
         profile: args.profile,
         reflectance_source: args.reflectance_source,
         environment: environment.clone(),
@@ -158,6 +188,7 @@ pub fn run(args: &Args) -> Result<()> {
     if let Some((frame, beam)) = args.explain {
         drop(progress);
         let options = options_of(frame.unwrap_or(frames.first));
+        let built = build(options.start_time)?;
         return text::print(&text::lines(&built.explain(&sensor, &trajectory, &options, beam).context("--explain")?));
     }
 
@@ -172,12 +203,17 @@ pub fn run(args: &Args) -> Result<()> {
     let (mut points, mut causes) = (0, Causes::default());
     // Whether anything but noise is received.
     let mut heard = false;
+    let mut boxes = Vec::new();
     let mut pings = Pings::default();
     let mut ping = Ping::default();
     let pinged = args.output.pinged(fields).filter(|_| sonar);
     for frame in frames.iter() {
         interrupt::check()?;
         let options = options_of(frame);
+        if moving {
+            progress.phase("moving".into());
+            built = timed(&mut seconds.build, || build(options.start_time))?;
+        }
         progress.phase("scanning".into());
         timed(&mut seconds.scan, || -> Result<()> {
             // One ping gives both cells and points.
@@ -189,7 +225,11 @@ pub fn run(args: &Args) -> Result<()> {
             built.ping_into(&sensor, &trajectory, &options, &mut ping)?;
             heard |= ping.cells.cause.iter().any(|&cause| cause != Cause::FalseAlarm as u8);
             if wants_clouds {
-                cloud = ping.cloud(&options_of(frame))?;
+                let options = options_of(frame);
+                cloud = ping.cloud(&options)?;
+                if options.boxes.is_some() {
+                    cloud.boxes = Some(built.boxes(&sensor, &trajectory, &options, &cloud)?);
+                }
             }
             pings.push(ping.with(kept))?;
             Ok(())
@@ -198,6 +238,7 @@ pub fn run(args: &Args) -> Result<()> {
         cloud.fields = fields;
         points += return_rows(&cloud).count();
         causes.count(&cloud);
+        boxes.extend(cloud.boxes.iter().flatten().copied());
         if args.output.single() {
             progress.phase("writing".into());
             timed(&mut seconds.write, || writer.write_frame(frame, &cloud))?;
@@ -209,6 +250,7 @@ pub fn run(args: &Args) -> Result<()> {
     progress.phase("writing".into());
     timed(&mut seconds.write, || -> Result<()> {
         writer.write_pings(&pings)?;
+        writer.write_boxes(&boxes, built.labels())?;
         match args.output.single() {
             true => writer.finish(),
             false => writer.write(if frames.len() > 1 { &all } else { &cloud }, &cloud),
@@ -256,13 +298,14 @@ struct Loaded {
     sensor: Sensor,
     environment: Environment,
     scene: Scene,
-    trajectory: Trajectory,
+    /// Poses over time from a file.
+    path: Option<Trajectory>,
 }
 
 /// Reads everything a run needs, the scene last: it may take a long time.
 fn load(args: &Args) -> Result<Loaded> {
     let sensor = args.sensor.load()?;
-    args.output.check(args.fields.unwrap_or_default().of(sensor.kind()), &sensor, args.profile)?;
+    args.output.check(args.fields.unwrap_or_default().of(&sensor), &sensor, args.profile)?;
     ensure!(
         args.explain.is_none() || sensor.kind() != SensorKind::Sonar || args.profile == Profile::Physical,
         "--explain: does not cover sonars with --profile {}; allowed: --profile physical",
@@ -271,11 +314,8 @@ fn load(args: &Args) -> Result<Loaded> {
     let environment = args.weather.load(sensor.kind())?;
     let trajectory = args.trajectory.as_deref().map(input::load_trajectory).transpose()?;
     let scene = args.scene.load()?;
-    let trajectory = match trajectory {
-        Some(trajectory) => trajectory.shifted_to_zero(),
-        None => Trajectory::fixed(args.place.pose(&scene)?),
-    };
-    Ok(Loaded { sensor, environment, scene, trajectory })
+    let path = trajectory.map(Trajectory::shifted_to_zero);
+    Ok(Loaded { sensor, environment, scene, path })
 }
 
 /// `BEAM` or `FRAME,BEAM`.
@@ -302,9 +342,12 @@ impl Asked {
     }
 
     /// The columns for a sensor: points of sonars are of the bed, the water surface, reflections and noise.
-    fn of(self, kind: SensorKind) -> FieldSet {
-        let with_cause = self.by_default && kind == SensorKind::Sonar;
-        if with_cause { self.fields.with(Field::Cause) } else { self.fields }
+    fn of(self, sensor: &Sensor) -> FieldSet {
+        if !self.by_default {
+            return self.fields;
+        }
+        let fields = self.fields.union(sensor.default_fields());
+        if sensor.kind() == SensorKind::Sonar { fields.with(Field::Cause) } else { fields }
     }
 }
 
@@ -377,6 +420,18 @@ fn warn_of_other_span(trajectory: &Trajectory, asked: Option<Frames>, fps: f64, 
     if asked.is_none() && whole >= 1.0 {
         warnings.warn(format!(
             "the trajectory lasts {end:.3} s, one frame of {:.3} s is scanned: --frames 0:{whole} scans all of it",
+            1.0 / fps
+        ));
+    }
+}
+
+/// Warns when no frames were asked for though the scene moves.
+fn warn_of_other_animation(scene: &Scene, asked: Option<Frames>, fps: f64, warnings: &mut Report) {
+    let end = scene.timeline.end();
+    let last = (end * fps).ceil() - 1.0;
+    if asked.is_none() && last >= 1.0 {
+        warnings.warn(format!(
+            "the scene moves for {end:.3} s, one frame of {:.3} s is scanned: --frames 0:{last} scans all of it",
             1.0 / fps
         ));
     }
@@ -476,6 +531,7 @@ fn repeatable(
         "fields": fields.iter().map(|info| info.name).collect::<Vec<_>>(),
         "frame": args.coordinates.name(),
         "order": args.order.name(),
+        "freeze": args.freeze,
         "organised": args.organised,
         "outputs": args.output.to_json(),
     }))

@@ -32,6 +32,18 @@ fn a_lake_bed_is_made_and_scanned() {
 }
 
 #[test]
+fn a_street_is_made() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = stdout(folder.path(), "generate street --cars 3 --seconds 8 --seed 3 -o DIR/street.glb");
+    for words in ["2 person", "1 flag", "200 m", "animation Street: 8 s, 3 cars", "camera Lidar", "street.glb"] {
+        assert!(said.contains(words), "{words}\n{said}");
+    }
+    assert_eq!(stdout(folder.path(), "generate street --cars 3 --seconds 8 --seed 3 -q -o DIR/again.glb"), "");
+    let [street, again] = ["street.glb", "again.glb"].map(|name| fs::read(folder.path().join(name)).unwrap());
+    assert_eq!(street, again);
+}
+
+#[test]
 fn what_is_wrong_is_named_and_nothing_is_written() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("old.glb"), "old").unwrap();
@@ -45,6 +57,8 @@ fn what_is_wrong_is_named_and_nothing_is_written() {
         ("seabed --cell 0.001 -o DIR/x.glb", 1, "--cell is 0.001; allowed: 0.0220 to 40: a bed of 60 x 40 m"),
         ("seabed --ripples 0.6,0.05 --cell 0.4 -o DIR/x.glb", 1, "--ripples LENGTH is 0.6; allowed: 1.200 or more"),
         ("seabed --ripples 0.6,0.4 -o DIR/x.glb", 1, "--ripples HEIGHT is 0.4"),
+        ("street --cars 11 -o DIR/old.glb", 1, "--cars is 11; allowed: 1 to 10"),
+        ("street --seconds 3 -o DIR/x.glb", 1, "--seconds is 3; allowed: 8 to 30"),
         ("seabed -o DIR/x.obj", 1, "written as .glb"),
         ("seabed -o DIR/no/x.glb", 1, "no/x.glb: No such file"),
     ] {

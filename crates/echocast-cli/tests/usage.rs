@@ -3,6 +3,7 @@
 mod common;
 
 use common::{run, stderr, stdout, write_room};
+use std::fs;
 use std::io::pipe;
 use std::path::Path;
 
@@ -20,7 +21,8 @@ fn every_command_explains_itself_with_an_example() {
     let scan = stdout(folder, "scan --help");
     for option in "--sensor --set --at --rpy --camera --trajectory --frames --fps --profile --frame --fields --labels \
                    --seed --threads --single --merged --order --organised --output --format --preview --color --view \
-                   --up --scale --json --quiet --verbose --reflectance-source --returns --env --rain --snow --fog --dust"
+                   --up --scale --json --quiet --verbose --reflectance-source --returns --env --rain --snow --fog --dust \
+                   --cache"
         .split_whitespace()
     {
         assert!(scan.contains(option), "{option}");
@@ -53,6 +55,8 @@ fn wrong_usage_is_2() {
         ("scan HALL --sensor kinect_v2 --at 0,0,0 --dust 50,1e5,5 -o DIR/x.las", "RADIUS_UM,PER_M3,START_M,LENGTH_M"),
         ("scan HALL --sensor kinect_v2 --at 0,0,0 --threads 0 -o DIR/x.las", "--threads"),
         ("scan HALL --sensor kinect_v2 --at 0,0,0 --view top -o DIR/x.las", "--preview"),
+        ("info HALL --cache chair", "NAME=FILE"),
+        ("info HALL --cache =a.pc2@25", "NAME=FILE"),
     ] {
         let output = run(folder.path(), args);
         assert_eq!(output.status.code(), Some(2), "{args}");
@@ -112,6 +116,11 @@ fn failed_work_is_1_and_one_line_that_names_the_cause() {
         ("scan HALL FLAT DIR/no.obj --sensor kinect_v2 --at 0,0,0 -o DIR/x.las", &["no.obj: No such file"]),
         ("sensors kinect", &["kinect", "kinect_v2"]),
         ("info DIR/no.glb", &["no.glb: No such file"]),
+        ("info HALL --cache Chiar=DIR/a.pc2", &["there is no object named \"Chiar\""]),
+        ("info HALL --cache *=DIR/no.pc2", &["no.pc2: No such file"]),
+        ("info HALL --cache *=DIR/no.ply", &["no.ply", ".mdd and .pc2"]),
+        ("info HALL --cache *=DIR/a.pc2@-1", &["caches.*.fps is -1; allowed: numbers above 0"]),
+        ("info HALL --cache a=b.pc2 --cache a=c.pc2", &["--cache", "\"a\"", "twice"]),
         ("bench HALL --sensor kinect_v2", &["--at X,Y,Z"]),
     ] {
         let output = run(folder.path(), args);
@@ -208,4 +217,8 @@ fn info_tells_what_a_scene_holds() {
     ] {
         assert!(room.contains(text), "{text} is missing in\n{room}");
     }
+    // Its floor from another file, whose name is not that of a rate.
+    fs::write(folder.path().join("bed@home_1.obj"), "v 0 0 0\nv 7 0 0\nv 0 1 2\nf 1 2 3\n").unwrap();
+    let room = stdout(folder.path(), "info DIR/room.gltf --cache Floor=DIR/bed@home_1.obj@25");
+    assert!(room.contains("triangles   1\n") && room.contains("size        7.000 x 2.000 x 1.000 m"), "{room}");
 }

@@ -23,7 +23,44 @@ pub struct Motion {
     pub half_angle: f64,
 }
 
+/// A frame that moves: its origin and the matrix into it change linearly from one end of a time to the other.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Frame {
+    /// When the time starts.
+    pub start: f32,
+    /// One over its length.
+    pub rate: f32,
+    /// The frame's origin at both ends.
+    pub place: [[f32; 3]; 2],
+    /// Columns of the matrix into the frame, for directions, at both ends.
+    pub into: [[[f32; 3]; 3]; 2],
+}
+
 kernels! {
+    /// Brings rays, origins and directions axis by axis, into a frame, each at its own time.
+    pub fn enter(frame: &Frame, times: &[f32], from: [&[f32]; 6], to: [&mut [f32]; 6]) {
+        let count = times.len();
+        let [ox, oy, oz, dx, dy, dz] = from.map(|row| &row[..count]);
+        let [to_ox, to_oy, to_oz, to_dx, to_dy, to_dz] = to.map(|row| &mut row[..count]);
+        let Frame { start, rate, place: [p, q], into: [[a0, b0, c0], [a1, b1, c1]] } = *frame;
+        for lane in 0..count {
+            let part = ((times[lane] - start) * rate).clamp(0.0, 1.0);
+            let between = |from: f32, to: f32| from + (to - from) * part;
+            let x = ox[lane] - between(p[0], q[0]);
+            let y = oy[lane] - between(p[1], q[1]);
+            let z = oz[lane] - between(p[2], q[2]);
+            let a = [between(a0[0], a1[0]), between(a0[1], a1[1]), between(a0[2], a1[2])];
+            let b = [between(b0[0], b1[0]), between(b0[1], b1[1]), between(b0[2], b1[2])];
+            let c = [between(c0[0], c1[0]), between(c0[1], c1[1]), between(c0[2], c1[2])];
+            to_ox[lane] = a[0] * x + b[0] * y + c[0] * z;
+            to_oy[lane] = a[1] * x + b[1] * y + c[1] * z;
+            to_oz[lane] = a[2] * x + b[2] * y + c[2] * z;
+            to_dx[lane] = a[0] * dx[lane] + b[0] * dy[lane] + c[0] * dz[lane];
+            to_dy[lane] = a[1] * dx[lane] + b[1] * dy[lane] + c[1] * dz[lane];
+            to_dz[lane] = a[2] * dx[lane] + b[2] * dy[lane] + c[2] * dz[lane];
+        }
+    }
+
     /// Rotates directions `from` by the matrix with the columns `axes`, into the first lanes.
     pub fn rotate(axes: &[[f32; 3]; 3], from: [&[f32]; 3], to: [&mut Lanes; 3]) {
         let count = from[0].len();

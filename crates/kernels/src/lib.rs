@@ -15,7 +15,9 @@ pub mod measure;
 pub mod random;
 pub mod rows;
 pub mod signal;
+pub mod skin;
 pub mod sound;
+pub mod tree;
 
 pub use level::{Level, level, limit_level};
 

@@ -4,9 +4,9 @@ mod light;
 mod sound;
 
 pub(crate) use light::{
-    Air, AirEcho, AirEchoes, Answer, Cone, Contribution, Follower, Foremost, Glint, IntensityModel, MOST_FREQUENCIES,
-    Meeting, Modulation, PathEcho, PathEchoes, PathLimits, Preferred, Pulse, Pulselet, Receiver, ShotNoise,
-    Surroundings, Wanted, Waveform, natural_vignetting, turns,
+    Air, AirEcho, AirEchoes, Answer, Cone, Contribution, Follower, Foremost, Glint, Image, IntensityModel,
+    MOST_FREQUENCIES, Meeting, Modulation, PathEcho, PathEchoes, PathLimits, Preferred, Pulse, Pulselet, Receiver,
+    ShotNoise, Surroundings, Wanted, Waveform, natural_vignetting, turns,
 };
 pub use light::{IntensityEncoding, PulseShape};
 pub use sound::Taper;

@@ -36,6 +36,19 @@ impl<'a> Aim<'a> {
         }
     }
 
+    /// Whether the sensor moves.
+    pub(crate) fn moves(&self) -> bool {
+        matches!(self, Aim::Moving { .. })
+    }
+
+    /// How fast the sensor moves when beam `beam` fires, m/s.
+    pub(crate) fn velocity(&self, beams: &BeamTable, beam: usize) -> Vec3 {
+        match *self {
+            Aim::Fixed { .. } => Vec3::ZERO,
+            Aim::Moving { trajectory, start_time, .. } => trajectory.velocity(start_time + beams.time[beam]).as_vec3(),
+        }
+    }
+
     /// Origins, directions and farthest ranges of beams `first ..` in the directions `x`, `y`, `z` (sensor frame);
     /// `range_max`, m, where the table has none.
     pub(crate) fn rays(

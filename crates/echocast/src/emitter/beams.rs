@@ -98,6 +98,11 @@ impl BeamTable {
         [&self.dir_x, &self.dir_y, &self.dir_z].map(|axis| &axis[first..first + count])
     }
 
+    /// Time of the last firing since the start of the scan, s.
+    pub fn last_time(&self) -> f64 {
+        self.time.iter().copied().fold(0.0, f64::max)
+    }
+
     /// Number of beams.
     pub fn len(&self) -> usize {
         self.dir_x.len()

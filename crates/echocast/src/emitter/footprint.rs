@@ -108,10 +108,10 @@ impl Footprint {
             + up * (self.start * s + vertical * range * c)
     }
 
-    /// Sub-ray `index` of every beam of the block: `beams` turned aside according to `across`. Their range limits are
-    /// copied.
+    /// Sub-ray `index` of every beam of the block: `beams` turned aside according to `across`. Their range limits and
+    /// times are copied.
     pub(crate) fn rays(&self, index: usize, across: &Across, beams: &RayBatch, rays: &mut RayBatch) {
-        rays.range_max = beams.range_max;
+        (rays.range_max, rays.time) = (beams.range_max, beams.time);
         let RayBatch { org_x, org_y, org_z, dir_x, dir_y, dir_z, .. } = rays;
         aim::spread(
             self.places[index],

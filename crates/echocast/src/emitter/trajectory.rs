@@ -105,6 +105,16 @@ impl Trajectory {
         Some(Motion::new(from, *self.keys.get(after)?))
     }
 
+    /// How fast it moves at `time`, s, m/s.
+    pub(crate) fn velocity(&self, time: f64) -> DVec3 {
+        let after = self.keys.partition_point(|(key, _)| *key <= time);
+        let ends = after.checked_sub(1).zip(self.keys.get(after));
+        ends.map_or(DVec3::ZERO, |(before, (t1, b))| {
+            let (t0, a) = self.keys[before];
+            (b.position - a.position) / (t1 - t0)
+        })
+    }
+
     /// Pose at `time`, s.
     pub fn at(&self, time: f64) -> Pose {
         let after = self.keys.partition_point(|(key, _)| *key <= time);

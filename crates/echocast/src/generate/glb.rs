@@ -2,11 +2,14 @@
 //!
 //! Callers use echocast's frame (metres, z up); the output is y up.
 
+use super::GeneratedScene;
 use crate::scene::count;
 use glam::{DQuat, DVec3};
 use serde_json::{Map, Value, json};
+use std::f64::consts::FRAC_1_SQRT_2;
 
 /// Component types and buffer targets of the glTF 2.0 specification, 3.6.2.2 and 5.11.5.
+const UNSIGNED_BYTE: u32 = 5121;
 const UNSIGNED_SHORT: u32 = 5123;
 const UNSIGNED_INT: u32 = 5125;
 const FLOAT: u32 = 5126;
@@ -36,6 +39,26 @@ pub(super) struct Glb {
     buffer: Vec<u8>,
     /// Triangles of each mesh.
     triangles: Vec<usize>,
+    /// Triangles of all objects, and how many objects each category has.
+    placed: usize,
+    categories: Vec<(&'static str, usize)>,
+    /// Samplers and channels of the animation that is being made.
+    samplers: Vec<Value>,
+    channels: Vec<Value>,
+    extensions: Vec<&'static str>,
+}
+
+/// How a material looks besides its colour.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Look {
+    /// Without gloss.
+    Matt,
+    /// The same, a single sheet that is seen from both sides.
+    Sheet,
+    /// A thin sheet of glass, through which light passes.
+    Pane,
+    /// A light of its own.
+    Glow,
 }
 
 /// A part of a mesh: its triangles and the index of their material.
@@ -71,11 +94,37 @@ impl Glb {
         items.len() - 1
     }
 
-    /// A material without gloss, its colour linear; `extras` are custom properties.
-    pub fn material(&mut self, name: &str, color: [f32; 3], extras: Value) -> usize {
+    /// The file uses an extension, which readers may ignore.
+    fn extension(&mut self, name: &'static str) {
+        if !self.extensions.contains(&name) {
+            self.extensions.push(name);
+        }
+    }
+
+    /// A material, its colour linear; `extras` are custom properties, or null.
+    pub fn material(&mut self, name: &str, look: Look, color: [f32; 3], extras: Value) -> usize {
         let [r, g, b] = color;
-        let pbr = json!({ "baseColorFactor": [r, g, b, 1], "metallicFactor": 0, "roughnessFactor": 1 });
-        self.push("materials", json!({ "name": name, "pbrMetallicRoughness": pbr, "extras": extras }))
+        let rough = if look == Look::Pane { 0 } else { 1 };
+        let pbr = json!({ "baseColorFactor": [r, g, b, 1], "metallicFactor": 0, "roughnessFactor": rough });
+        let mut material = json!({ "name": name, "pbrMetallicRoughness": pbr });
+        if extras != Value::Null {
+            material["extras"] = extras;
+        }
+        match look {
+            Look::Matt => {}
+            Look::Sheet => material["doubleSided"] = json!(true),
+            Look::Pane => {
+                self.extension("KHR_materials_ior");
+                self.extension("KHR_materials_transmission");
+                material["doubleSided"] = json!(true);
+                material["extensions"] = json!({
+                    "KHR_materials_ior": { "ior": 1.5 },
+                    "KHR_materials_transmission": { "transmissionFactor": 1 },
+                });
+            }
+            Look::Glow => material["emissiveFactor"] = json!(color),
+        }
+        self.push("materials", material)
     }
 
     /// An accessor for the bytes appended since the buffer had `start` of them.
@@ -104,6 +153,14 @@ impl Glb {
         let description = json!({
             "componentType": FLOAT, "count": vectors.len(), "type": "VEC3", "min": low, "max": high
         });
+        self.accessor(start, target, description)
+    }
+
+    /// Numbers of several components, the accessor's `type`, as they are.
+    fn numbers<const N: usize>(&mut self, kind: &str, numbers: &[[f32; N]], target: Option<u32>) -> usize {
+        let start = self.buffer.len();
+        self.buffer.extend(numbers.as_flattened().iter().flat_map(|number| number.to_le_bytes()));
+        let description = json!({ "componentType": FLOAT, "count": numbers.len(), "type": kind });
         self.accessor(start, target, description)
     }
 
@@ -144,6 +201,50 @@ impl Glb {
         self.push("meshes", json!({ "name": name, "primitives": primitives }))
     }
 
+    /// The same mesh under another name, with the material `to` instead of `from`.
+    pub fn repainted(&mut self, mesh: usize, name: &str, from: usize, to: usize) -> usize {
+        let mut copy = self.lists["meshes"][mesh].clone();
+        copy["name"] = json!(name);
+        for primitive in copy["primitives"].as_array_mut().into_iter().flatten() {
+            if primitive["material"] == from {
+                primitive["material"] = json!(to);
+            }
+        }
+        self.triangles.push(self.triangles[mesh]);
+        self.push("meshes", copy)
+    }
+
+    /// Gives the vertices of a mesh their joints, numbers of joints in a skin, and how much each joint moves them.
+    pub fn joints(&mut self, mesh: usize, joints: &[[u8; 4]], weights: &[[f32; 4]]) {
+        let start = self.buffer.len();
+        self.buffer.extend(joints.as_flattened());
+        let description = json!({ "componentType": UNSIGNED_BYTE, "count": joints.len(), "type": "VEC4" });
+        let joints = self.accessor(start, Some(ARRAY_BUFFER), description);
+        let weights = self.numbers("VEC4", weights, Some(ARRAY_BUFFER));
+        for primitive in self.primitives(mesh) {
+            primitive["attributes"]["JOINTS_0"] = json!(joints);
+            primitive["attributes"]["WEIGHTS_0"] = json!(weights);
+        }
+    }
+
+    /// Gives a mesh shapes into which it changes: for each, how far vertices move and normals change, and how much of
+    /// it there is at rest.
+    pub fn morphs(&mut self, mesh: usize, shapes: &[[Vec<[f32; 3]>; 2]], weights: &[f64]) {
+        let mut targets = Vec::new();
+        for [moves, turns] in shapes {
+            let [moves, turns] = [moves, turns].map(|vectors| self.vectors(vectors, Some(ARRAY_BUFFER)));
+            targets.push(json!({ "POSITION": moves, "NORMAL": turns }));
+        }
+        for primitive in self.primitives(mesh) {
+            primitive["targets"] = json!(targets);
+        }
+        self.lists["meshes"][mesh]["weights"] = json!(weights);
+    }
+
+    fn primitives(&mut self, mesh: usize) -> impl Iterator<Item = &mut Value> {
+        self.lists["meshes"][mesh]["primitives"].as_array_mut().into_iter().flatten()
+    }
+
     fn node(name: &str, place: Placement) -> Value {
         let mut node = json!({ "name": name });
         if place.at != DVec3::ZERO {
@@ -159,29 +260,64 @@ impl Glb {
         node
     }
 
-    /// A node that shows `mesh`; [`Glb::root`] or [`Glb::group`] puts it into the world.
-    pub fn object(&mut self, name: &str, category: &str, mesh: usize, place: Placement) -> usize {
+    /// A node that shows `mesh`; [`Glb::root`], [`Glb::group`] or [`Glb::adopt`] puts it into the world.
+    pub fn object(&mut self, name: &str, category: &'static str, mesh: usize, place: Placement) -> usize {
+        self.placed += self.triangles[mesh];
+        match self.categories.iter_mut().find(|(known, _)| *known == category) {
+            Some((_, objects)) => *objects += 1,
+            None => self.categories.push((category, 1)),
+        }
         let mut node = Glb::node(name, place);
         node["mesh"] = json!(mesh);
         node["extras"] = json!({ "categoryID": category });
         self.push("nodes", node)
     }
 
-    /// A node with children.
-    pub fn group(&mut self, name: &str, place: Placement, children: &[usize]) -> usize {
-        let mut node = Glb::node(name, place);
-        node["children"] = json!(children);
-        self.push("nodes", node)
+    /// A node that holds others, or a joint of a skeleton.
+    pub fn frame(&mut self, name: &str, place: Placement) -> usize {
+        self.push("nodes", Glb::node(name, place))
     }
 
-    /// A camera node at `at` that looks along x, z up.
-    pub fn camera(&mut self, name: &str, at: DVec3) -> usize {
+    /// Gives a node without children its children.
+    pub fn adopt(&mut self, node: usize, children: &[usize]) {
+        self.lists["nodes"][node]["children"] = json!(children);
+    }
+
+    /// Shows or hides a node and everything below it (KHR_node_visibility).
+    pub fn visible(&mut self, node: usize, visible: bool) {
+        self.extension("KHR_node_visibility");
+        self.lists["nodes"][node]["extensions"] = json!({ "KHR_node_visibility": { "visible": visible } });
+    }
+
+    /// Lets the joints, nodes under `root`, move the mesh of a node. `bound` is where they were when the mesh was made,
+    /// none of them turned. The place of the node itself then has no meaning (3.7.3.3).
+    pub fn skin(&mut self, node: usize, root: usize, joints: &[usize], bound: &[DVec3]) {
+        let inverse: Vec<[f32; 16]> = bound
+            .iter()
+            .map(|&joint| {
+                let [x, y, z] = y_up((-joint).as_vec3().to_array());
+                [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, x, y, z, 1.0]
+            })
+            .collect();
+        let matrices = self.numbers("MAT4", &inverse, None);
+        let skin = self.push("skins", json!({ "inverseBindMatrices": matrices, "joints": joints, "skeleton": root }));
+        self.lists["nodes"][node]["skin"] = json!(skin);
+    }
+
+    /// A node with children.
+    pub fn group(&mut self, name: &str, place: Placement, children: &[usize]) -> usize {
+        let node = self.frame(name, place);
+        self.adopt(node, children);
+        node
+    }
+
+    /// A camera node that looks along x, z up, when it is not turned.
+    pub fn camera(&mut self, name: &str, place: Placement) -> usize {
         let lens = json!({ "type": "perspective", "perspective": { "yfov": 1, "znear": 0.1 } });
         let camera = self.push("cameras", lens);
-        let mut node = Glb::node(name, Placement { at, ..Placement::HERE });
-        // glTF's cameras look along -z, y up: a quarter turn to the right about y.
-        let half = std::f64::consts::FRAC_1_SQRT_2;
-        node["rotation"] = json!([0, -half, 0, half]);
+        // glTF's cameras look along -z, y up: first a quarter turn to the right, about our z.
+        let ahead = DQuat::from_xyzw(0.0, 0.0, -FRAC_1_SQRT_2, FRAC_1_SQRT_2);
+        let mut node = Glb::node(name, Placement { turned: place.turned * ahead, ..place });
         node["camera"] = json!(camera);
         self.push("nodes", node)
     }
@@ -191,30 +327,87 @@ impl Glb {
         self.roots.push(node);
     }
 
-    /// An animation that moves `node` uniformly from place to place in its parent, from time 0 to `seconds`.
-    pub fn movement(&mut self, name: &str, node: usize, seconds: f32, [from, to]: [DVec3; 2]) {
+    /// Times of keys, which rise from 0.
+    pub fn times(&mut self, seconds: &[f64]) -> usize {
         let start = self.buffer.len();
-        self.buffer.extend([0.0, seconds].iter().flat_map(|time: &f32| time.to_le_bytes()));
-        let times = json!({ "componentType": FLOAT, "count": 2, "type": "SCALAR", "min": [0], "max": [seconds] });
-        let input = self.accessor(start, None, times);
-        let output = self.vectors(&[from, to].map(|place| place.as_vec3().to_array()), None);
-        self.push(
-            "animations",
-            json!({
-                "name": name,
-                "channels": [{ "sampler": 0, "target": { "node": node, "path": "translation" } }],
-                "samplers": [{ "input": input, "interpolation": "LINEAR", "output": output }],
-            }),
-        );
+        let seconds: Vec<f32> = seconds.iter().map(|&time| time as f32).collect();
+        self.buffer.extend(seconds.iter().flat_map(|time| time.to_le_bytes()));
+        let (low, high) = (seconds.first(), seconds.last());
+        let description = json!({
+            "componentType": FLOAT, "count": seconds.len(), "type": "SCALAR", "min": [low], "max": [high]
+        });
+        self.accessor(start, None, description)
     }
 
-    /// Triangles of a mesh.
-    pub fn triangle_count(&self, mesh: usize) -> usize {
-        self.triangles[mesh]
+    fn sampler(&mut self, times: usize, interpolation: &str, output: usize) -> usize {
+        self.samplers.push(json!({ "input": times, "interpolation": interpolation, "output": output }));
+        self.samplers.len() - 1
     }
 
-    /// The bytes of the file (glTF 2.0, 4.4); an error if they exceed the limit of a GLB.
-    pub fn finish(mut self) -> Result<Vec<u8>, String> {
+    /// Places at times, with straight lines in between.
+    pub fn places(&mut self, times: usize, places: &[DVec3]) -> usize {
+        let places: Vec<[f32; 3]> = places.iter().map(|place| place.as_vec3().to_array()).collect();
+        let output = self.vectors(&places, None);
+        self.sampler(times, "LINEAR", output)
+    }
+
+    /// Places at times and the velocities there, with cubic curves in between.
+    pub fn curve(&mut self, times: usize, keys: &[[DVec3; 2]]) -> usize {
+        let rows = keys.iter().flat_map(|&[place, velocity]| [velocity, place, velocity]);
+        let rows: Vec<[f32; 3]> = rows.map(|row| row.as_vec3().to_array()).collect();
+        let output = self.vectors(&rows, None);
+        self.sampler(times, "CUBICSPLINE", output)
+    }
+
+    /// Turns at times, evenly in between: less than half a turn from key to key.
+    pub fn turns(&mut self, times: usize, turns: &[DQuat]) -> usize {
+        let turns: Vec<[f32; 4]> = turns.iter().map(|q| [q.x, q.z, 0.0 - q.y, q.w].map(|part| part as f32)).collect();
+        let output = self.numbers("VEC4", &turns, None);
+        self.sampler(times, "LINEAR", output)
+    }
+
+    /// Weights of the shapes of a mesh at times, evenly in between.
+    pub fn weights<const N: usize>(&mut self, times: usize, weights: &[[f64; N]]) -> usize {
+        let weights: Vec<[f32; 1]> = weights.as_flattened().iter().map(|&weight| [weight as f32]).collect();
+        let output = self.numbers("SCALAR", &weights, None);
+        self.sampler(times, "LINEAR", output)
+    }
+
+    /// On or off from each time to the next.
+    pub fn switches(&mut self, times: usize, on: &[bool]) -> usize {
+        let start = self.buffer.len();
+        self.buffer.extend(on.iter().map(|&on| u8::from(on)));
+        let description = json!({ "componentType": UNSIGNED_BYTE, "count": on.len(), "type": "SCALAR" });
+        let output = self.accessor(start, None, description);
+        self.sampler(times, "STEP", output)
+    }
+
+    /// Lets the property `path` of a node follow a sampler.
+    pub fn animate(&mut self, node: usize, path: &str, sampler: usize) {
+        self.channels.push(json!({ "sampler": sampler, "target": { "node": node, "path": path } }));
+    }
+
+    /// Lets a node that is [`Glb::visible`] or not follow switches (KHR_animation_pointer).
+    pub fn animate_visible(&mut self, node: usize, sampler: usize) {
+        self.extension("KHR_animation_pointer");
+        let pointer = format!("/nodes/{node}/extensions/KHR_node_visibility/visible");
+        let extensions = json!({ "KHR_animation_pointer": { "pointer": pointer } });
+        self.channels.push(json!({ "sampler": sampler, "target": { "path": "pointer", "extensions": extensions } }));
+    }
+
+    /// Puts everything that has been animated since the last animation into one.
+    pub fn animation(&mut self, name: &str) {
+        let [channels, samplers] = [&mut self.channels, &mut self.samplers].map(std::mem::take);
+        self.push("animations", json!({ "name": name, "channels": channels, "samplers": samplers }));
+    }
+
+    /// The file (glTF 2.0, 4.4), described by `details`; an error if it exceeds the limit of a GLB.
+    pub fn finish(self, details: Vec<String>) -> Result<GeneratedScene, String> {
+        let (triangles, categories) = (self.placed, self.categories.clone());
+        Ok(GeneratedScene { triangles, categories, details, glb: self.bytes()? })
+    }
+
+    fn bytes(mut self) -> Result<Vec<u8>, String> {
         let generator = concat!("echocast ", env!("CARGO_PKG_VERSION"));
         let mut file = json!({
             "asset": { "version": "2.0", "generator": generator },
@@ -222,6 +415,9 @@ impl Glb {
             "scenes": [{ "nodes": self.roots }],
             "buffers": [{ "byteLength": self.buffer.len() }],
         });
+        if !self.extensions.is_empty() {
+            file["extensionsUsed"] = json!(self.extensions);
+        }
         if let Value::Object(members) = &mut file {
             members.append(&mut self.lists);
         }

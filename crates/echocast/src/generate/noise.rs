@@ -32,6 +32,11 @@ impl Dice {
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
     }
+
+    /// The next whole number below `end`.
+    pub fn below(&mut self, end: usize) -> usize {
+        (self.unit() * end as f64) as usize
+    }
 }
 
 /// Gradient noise (Perlin 1985, "An image synthesizer"; the smooth step of Perlin 2002, "Improving noise") in several

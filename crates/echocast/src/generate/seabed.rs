@@ -1,10 +1,10 @@
 //! A lake bed for sonar: sand, gravel and mud with boulders and wrecks on it, and a swarm of fish above.
 
-use super::GeneratedScene;
 use super::bed::{Bed, Ground, SOILS};
-use super::glb::{Glb, Placement, Primitive};
+use super::glb::{Glb, Look, Placement, Primitive};
 use super::noise::Dice;
 use super::shapes::{Shape, direction};
+use super::{GeneratedScene, within};
 use crate::ground::error::{Error, Result};
 use crate::ground::rng::Draw;
 use glam::{DQuat, DVec3, EulerRot};
@@ -82,7 +82,7 @@ impl Seabed {
         made.add_wrecks(self, &bed, seed);
         made.add_swarm(self, seed);
         let sonar = self.sonar();
-        let camera = made.glb.camera("Sonar", sonar);
+        let camera = made.glb.camera("Sonar", Placement { at: sonar, ..Placement::HERE });
         made.glb.root(camera);
 
         let ripples = match ripples {
@@ -96,12 +96,7 @@ impl Seabed {
         ];
         details.extend(made.swimming);
         let too_large = |size: String| Error::invalid("cell_m", format!("too small for a GLB: {size}"), "larger cells");
-        Ok(GeneratedScene {
-            triangles: made.triangles,
-            categories: made.categories,
-            details,
-            glb: made.glb.finish().map_err(too_large)?,
-        })
+        made.glb.finish(details).map_err(too_large)
     }
 
     /// Checks everything and divides the bed into cells.
@@ -170,20 +165,10 @@ fn finest_cell(x: f64, y: f64) -> f64 {
     ((x + y) + ((x + y).powi(2) + 2.0 * (MOST_TRIANGLES - 2.0) * x * y).sqrt()) / (MOST_TRIANGLES - 2.0)
 }
 
-/// An error unless `value` is between `low` and `high`.
-fn within(name: &str, value: f64, low: f64, high: f64) -> Result<()> {
-    if (low..=high).contains(&value) {
-        return Ok(());
-    }
-    Err(Error::invalid(name, value, format!("{low} to {high}")))
-}
-
 /// The file as it grows.
 #[derive(Default)]
 struct Made {
     glb: Glb,
-    triangles: usize,
-    categories: Vec<(&'static str, usize)>,
     /// What to report about the swarm.
     swimming: Option<String>,
 }
@@ -210,20 +195,10 @@ fn material(glb: &mut Glb, name: &str) -> usize {
     if sound != Value::Null {
         extras["sound"] = sound;
     }
-    glb.material(name, color, extras)
+    glb.material(name, Look::Matt, color, extras)
 }
 
 impl Made {
-    /// Adds an object; it still needs a parent or a place in the scene.
-    fn object(&mut self, name: &str, category: &'static str, mesh: usize, place: Placement) -> usize {
-        self.triangles += self.glb.triangle_count(mesh);
-        match self.categories.iter_mut().find(|(known, _)| *known == category) {
-            Some((_, objects)) => *objects += 1,
-            None => self.categories.push((category, 1)),
-        }
-        self.glb.object(name, category, mesh, place)
-    }
-
     fn add_bed(&mut self, bed: &Bed) {
         let (positions, normals) = bed.vertices();
         let triangles = bed.triangles();
@@ -233,7 +208,7 @@ impl Made {
             .map(|(name, triangles)| Primitive { triangles, material: material(&mut self.glb, name) })
             .collect();
         let mesh = self.glb.mesh("Seabed", &positions, Some(&normals), &parts);
-        let node = self.object("Seabed", "seabed", mesh, Placement::HERE);
+        let node = self.glb.object("Seabed", "seabed", mesh, Placement::HERE);
         self.glb.root(node);
     }
 
@@ -269,7 +244,7 @@ impl Made {
             };
             let height = place.scale.z * 2.0;
             place.at.z = resting_height(bed, shape, &place) - height * dice.between(0.15, 0.45);
-            let node = self.object(&format!("Boulder_{:04}", number + 1), "boulder", *mesh, place);
+            let node = self.glb.object(&format!("Boulder_{:04}", number + 1), "boulder", *mesh, place);
             self.glb.root(node);
         }
     }
@@ -310,7 +285,7 @@ impl Made {
             };
             place.at.z = resting_height(bed, &boat, &place) - scale * dice.between(0.4, 0.7);
             places.push(at);
-            let node = self.object(&format!("Wreck_{:02}", number + 1), "wreck", mesh, place);
+            let node = self.glb.object(&format!("Wreck_{:02}", number + 1), "wreck", mesh, place);
             self.glb.root(node);
         }
     }
@@ -349,7 +324,7 @@ impl Made {
                     turned: DQuat::from_euler(EulerRot::ZYX, yaw, pitch, 0.0),
                     scale: DVec3::splat(scale * dice.between(0.34, 0.46)),
                 };
-                self.object(&format!("Fish_{:04}", number + 1), "fish", mesh, place)
+                self.glb.object(&format!("Fish_{:04}", number + 1), "fish", mesh, place)
             })
             .collect();
 
@@ -359,7 +334,10 @@ impl Made {
         let swarm = self.glb.group("Swarm", Placement { at: from, ..Placement::HERE }, &fish);
         self.glb.root(swarm);
         let seconds = way / SPEED;
-        self.glb.movement("Swarm", swarm, seconds as f32, [from, from - DVec3::X * way]);
+        let times = self.glb.times(&[0.0, seconds]);
+        let places = self.glb.places(times, &[from, from - DVec3::X * way]);
+        self.glb.animate(swarm, "translation", places);
+        self.glb.animation("Swarm");
         self.swimming = Some(format!("animation Swarm: {way:.1} m against x in {seconds:.1} s"));
     }
 }

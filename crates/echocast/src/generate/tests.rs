@@ -20,7 +20,7 @@ fn bed(seabed: &Seabed, seed: u64) -> Bed {
     Bed::new(seabed.ground().unwrap(), seed)
 }
 
-fn of_category<'a>(scene: &'a Scene, category: &str) -> Vec<&'a Object> {
+pub(super) fn of_category<'a>(scene: &'a Scene, category: &str) -> Vec<&'a Object> {
     let id = scene.labels.category.id(category);
     scene.objects.iter().filter(|object| object.category_id == id).collect()
 }
@@ -181,7 +181,7 @@ fn boulders_and_wrecks_lie_on_the_bed_and_everything_is_under_water() {
 }
 
 /// The parts of a GLB by the specification alone: its JSON and binary chunk.
-fn chunks(glb: &[u8]) -> (Value, &[u8]) {
+pub(super) fn chunks(glb: &[u8]) -> (Value, &[u8]) {
     let word = |at: usize| u32::from_le_bytes(glb[at..at + 4].try_into().unwrap()) as usize;
     assert_eq!((&glb[..4], word(4), word(8)), (&b"glTF"[..], 2, glb.len()));
     let json = word(12);

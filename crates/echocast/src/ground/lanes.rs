@@ -26,6 +26,8 @@ pub(crate) struct RayBatch {
     pub dir_z: [f32; LANES],
     /// Greatest range, m; nothing is hit beyond it.
     pub range_max: [f32; LANES],
+    /// When, 0 to 1 in the time that the scene is prepared for; not used where nothing moves.
+    pub time: [f32; LANES],
 }
 
 impl Default for RayBatch {
@@ -38,15 +40,17 @@ impl Default for RayBatch {
             dir_y: [0.0; LANES],
             dir_z: [0.0; LANES],
             range_max: [0.0; LANES],
+            time: [0.0; LANES],
         }
     }
 }
 
 impl RayBatch {
-    /// Copies lane `other` of `from` to `lane`.
+    /// Copies lane `other` of `from`, without its greatest range, to `lane`.
     pub(crate) fn take(&mut self, lane: usize, from: &RayBatch, other: usize) {
         (self.org_x[lane], self.org_y[lane], self.org_z[lane]) = from.origin(other).into();
         (self.dir_x[lane], self.dir_y[lane], self.dir_z[lane]) = from.direction(other).into();
+        self.time[lane] = from.time[other];
     }
 
     /// Where rays start, axis by axis.

@@ -38,6 +38,8 @@ pub(crate) enum Draw {
     TimeJitter = 25,
     /// Whether a weak return is lost.
     WeakDropout = 26,
+    /// Gaussian error of the measured radial velocity, or the velocity of a false alarm.
+    Doppler = 27,
     /// Gaussian errors of the phases of modulated light, by frequency.
     Phase = 30,
     /// Gaussian error of the measured depth.
@@ -60,6 +62,12 @@ pub(crate) enum Draw {
     Wreck = 102,
     /// Likewise fish.
     Fish = 103,
+    /// Widths, storeys and fronts of generated houses.
+    House = 104,
+    /// Shape of generated trees.
+    Tree = 105,
+    /// Makes, colours, speeds of generated cars, and where they are parked.
+    Car = 106,
 }
 
 /// Random numbers of one scan.

@@ -136,31 +136,35 @@ impl Track {
 
     /// Adds the times between `from` and `to`, s, at which it may bend or jump, in no order.
     pub(crate) fn bends(&self, from: f64, to: f64, bends: &mut Vec<f64>) {
-        let times = &self.curve.times;
-        let mut round = |start: f64| {
-            let first = times.partition_point(|key| start + key <= from);
-            let last = times.partition_point(|key| start + key < to);
-            bends.extend(times[first..last.max(first)].iter().map(|key| start + key));
-            if self.period.is_some() && start > from && start < to {
-                bends.push(start);
-            }
-        };
-        let Some(period) = self.period else { return round(0.0) };
-        let first = (from / period).floor();
-        // Counted, as late numbers may be too large for one more to make a difference.
-        for number in 0..self.rounds(from, to) as u64 {
-            round((first + number as f64) * period);
-        }
-    }
-
-    /// In how many rounds the times between `from` and `to`, s, may lie.
-    fn rounds(&self, from: f64, to: f64) -> f64 {
-        self.period.map_or(1.0, |period| ((to - from) / period).ceil() + 1.0)
+        bends_of(&self.curve.times, self.period, from, to, bends);
     }
 
     /// No fewer times than [`Track::bends`] adds.
     pub(crate) fn most_bends(&self, from: f64, to: f64) -> f64 {
-        self.rounds(from, to) * (self.curve.times.len() + 1) as f64
+        rounds(self.period, from, to) * (self.curve.times.len() + 1) as f64
+    }
+}
+
+/// In how many rounds the times between `from` and `to`, s, may lie.
+fn rounds(period: Option<f64>, from: f64, to: f64) -> f64 {
+    period.map_or(1.0, |period| ((to - from) / period).ceil() + 1.0)
+}
+
+/// Adds those of `times` that lie between `from` and `to`, s, repeated with the `period`, in no order.
+pub(super) fn bends_of(times: &[f64], period: Option<f64>, from: f64, to: f64, bends: &mut Vec<f64>) {
+    let mut round = |start: f64| {
+        let first = times.partition_point(|key| start + key <= from);
+        let last = times.partition_point(|key| start + key < to);
+        bends.extend(times[first..last.max(first)].iter().map(|key| start + key));
+        if period.is_some() && start > from && start < to {
+            bends.push(start);
+        }
+    };
+    let Some(length) = period else { return round(0.0) };
+    let first = (from / length).floor();
+    // Counted, as late numbers may be too large for one more to make a difference.
+    for number in 0..rounds(period, from, to) as u64 {
+        round((first + number as f64) * length);
     }
 }
 

@@ -9,10 +9,10 @@ mod path;
 mod shape;
 mod timeline;
 
-pub(crate) use cache::Cache;
+pub(crate) use cache::{Cache, FPS};
 pub(crate) use curve::{Curve, Interpolation, Track};
-pub(crate) use path::{Path, Piece, Place, Span};
-pub(crate) use shape::{PartVertices, Shape, Skin, Target, Vertices};
+pub(crate) use path::{Path, Span};
+pub(crate) use shape::{Layout, PartVertices, Pull, Shape, Skin, Target, Vertices};
 pub use timeline::Timeline;
 pub(crate) use timeline::{Node, Rest};
 
@@ -31,6 +31,11 @@ pub struct Motion {
 }
 
 impl Motion {
+    /// Whether an object that follows `timeline` in this way stays as and where it is from `from` to `to`, s.
+    pub(crate) fn stays(&self, timeline: &Timeline, from: f64, to: f64) -> bool {
+        timeline.stays(self.node, from, to) && self.shape.as_ref().is_none_or(|shape| shape.stays(timeline, from, to))
+    }
+
     /// The same on a timeline whose nodes have numbers `shift` higher.
     pub(crate) fn shifted(self, shift: usize) -> Motion {
         let shape = self.shape.map(|shape| Arc::new(Arc::unwrap_or_clone(shape).shifted(shift)));

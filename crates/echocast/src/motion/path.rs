@@ -1,5 +1,6 @@
 //! Where something that keeps its shape is, at all times of one scan, in the form that rays need.
 
+use echocast_kernels::aim::Frame;
 use glam::{DAffine3, DMat3, DVec3, Mat3, Vec3};
 
 /// Where something is at all times of a scan, counted from 0 to 1: pieces between which it may bend or jump, on each of
@@ -15,22 +16,19 @@ pub(crate) struct Path {
 /// Half of what is promised: a tenth of a millimetre, which at one metre is a tenth of a milliradian.
 const TOLERANCE_M: f64 = 0.05e-3;
 
+/// Where a piece is checked, as parts of its length: not evenly, so that no turn and no wave passes all unnoticed.
+const CHECKED: [f64; 4] = [0.21, 0.47, 0.68, 0.87];
+
 /// Pieces are not cut further than this: a motion that needs more is noise.
 const MOST_CUTS: u32 = 18;
 
 /// A part of a path.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Piece {
-    /// When it starts.
-    start: f32,
-    /// One over its length.
-    rate: f32,
+    /// When it is, where the thing's origin is relative to the scene's, m, and the linear part of object-from-world.
+    frame: Frame,
     /// Whether the thing can be seen.
     visible: bool,
-    /// At both ends: its origin relative to the scene's, m.
-    place: [Vec3; 2],
-    /// At both ends: the linear part of object-from-world.
-    inverse: [Mat3; 2],
     /// At both ends: how fast its origin moves, m/s.
     velocity: [Vec3; 2],
     /// At both ends: how fast the linear part of world-from-object changes, 1/s.
@@ -82,7 +80,7 @@ impl Path {
             while let Some((from, to, depth)) = cuts.pop() {
                 let piece = Piece::between(span, from, to, visible, &local_from_object);
                 let middle = 0.5 * (from + to);
-                let near = [0.25, 0.5, 0.75].into_iter().all(|part| {
+                let near = CHECKED.into_iter().all(|part| {
                     let exact = local_from_object(from + part * (to - from));
                     piece.at_part(part as f32).is_near(&exact, &marks)
                 });
@@ -99,7 +97,7 @@ impl Path {
         let mut piece = 0;
         for part in 0..count {
             let start = part as f32 / count as f32;
-            while piece + 1 < count && pieces[piece + 1].start <= start {
+            while piece + 1 < count && pieces[piece + 1].frame.start <= start {
                 piece += 1;
             }
             first.push(piece as u32);
@@ -112,7 +110,7 @@ impl Path {
         let part = (time * self.first.len() as f32) as usize;
         let mut piece = self.first[part.min(self.first.len() - 1)] as usize;
         // Rounded, a time can lie before the first piece of its part.
-        while self.pieces.get(piece + 1).is_some_and(|next| next.start <= time) {
+        while self.pieces.get(piece + 1).is_some_and(|next| next.frame.start <= time) {
             piece += 1;
         }
         &self.pieces[piece]
@@ -125,18 +123,30 @@ impl Path {
     }
 
     /// Boxes, least and greatest x, y, z, at `steps` evenly spaced times from 0 to 1, such that in between what lies in
-    /// `bounds(time)` (object frame) stays within the box between them; where nothing is ever seen, they are empty.
-    pub(crate) fn boxes(&self, steps: usize, bounds: impl Fn(f32) -> [[f32; 3]; 2]) -> Vec<[[f32; 3]; 2]> {
+    /// `bounds(time)` (object frame), which bends at `bends` alone, stays within the box between them; where nothing is
+    /// ever seen, they are empty.
+    pub(crate) fn boxes(
+        &self,
+        steps: usize,
+        bends: &[f32],
+        bounds: impl Fn(f32) -> [[f32; 3]; 2],
+    ) -> Vec<[[f32; 3]; 2]> {
         /// Far more than rounding and [`TOLERANCE_M`].
         const MARGIN_M: f32 = 2e-3;
         const NOTHING: [Vec3; 2] = [Vec3::INFINITY, Vec3::NEG_INFINITY];
         // Where it is at the ends and in the middle of each piece.
         let mut samples = Vec::new();
         for (index, piece) in self.pieces.iter().enumerate().filter(|(_, piece)| piece.visible) {
-            let end = self.pieces.get(index + 1).map_or(1.0, |next| next.start);
+            let end = self.pieces.get(index + 1).map_or(1.0, |next| next.frame.start);
             for part in [0.0, 0.5, 1.0] {
-                let time = piece.start + part * (end - piece.start);
+                let time = piece.frame.start + part * (end - piece.frame.start);
                 samples.push((time, surround(&piece.at_part(part), bounds(time))));
+            }
+        }
+        for &time in bends {
+            let piece = self.piece(time);
+            if piece.visible {
+                samples.push((time, surround(&piece.at_part(piece.part(time)), bounds(time))));
             }
         }
         let last = steps.max(2) - 1;
@@ -219,15 +229,19 @@ impl Piece {
         };
         let (a, b) = (end(from + inside, 1.0), end(to - inside, -1.0));
         let start = ((from - span.start) / span.length) as f32;
-        Piece {
+        let frame = Frame {
             start,
             rate: (span.length / (to - from)) as f32,
-            visible,
-            place: [a.0, b.0],
-            inverse: [a.1, b.1],
-            velocity: [a.2, b.2],
-            turning: [a.3, b.3],
-        }
+            place: [a.0.to_array(), b.0.to_array()],
+            into: [a.1.to_cols_array_2d(), b.1.to_cols_array_2d()],
+        };
+        Piece { frame, visible, velocity: [a.2, b.2], turning: [a.3, b.3] }
+    }
+
+    /// Whether `time`, 0 to 1, lies in it.
+    pub(crate) fn covers(&self, time: f32) -> bool {
+        let passed = (time - self.frame.start) * self.frame.rate;
+        (0.0..1.0).contains(&passed)
     }
 
     /// Whether the thing can be seen.
@@ -237,13 +251,14 @@ impl Piece {
 
     /// Which part of the piece has passed at `time`, 0 to 1.
     pub(crate) fn part(&self, time: f32) -> f32 {
-        ((time - self.start) * self.rate).clamp(0.0, 1.0)
+        ((time - self.frame.start) * self.frame.rate).clamp(0.0, 1.0)
     }
 
     /// Where the thing is when `part` of the piece has passed.
     pub(crate) fn at_part(&self, part: f32) -> Place {
-        let [a, b] = &self.inverse;
-        Place { place: self.place[0] + (self.place[1] - self.place[0]) * part, inverse: *a + (*b - *a) * part }
+        let [p, q] = self.frame.place.map(Vec3::from);
+        let [a, b] = self.frame.into.map(|columns| Mat3::from_cols_array_2d(&columns));
+        Place { place: p + (q - p) * part, inverse: a + (b - a) * part }
     }
 
     /// How fast the point at `object` (object frame) moves when `part` of the piece has passed, m/s.
@@ -252,9 +267,9 @@ impl Piece {
         self.velocity[0] + (self.velocity[1] - self.velocity[0]) * part + (*a + (*b - *a) * part) * object
     }
 
-    /// The ends of what changes linearly, place and object-from-world, and when it starts and how fast it passes.
-    pub(crate) fn ends(&self) -> (f32, f32, [Vec3; 2], [Mat3; 2]) {
-        (self.start, self.rate, self.place, self.inverse)
+    /// What rays enter.
+    pub(crate) fn frame(&self) -> &Frame {
+        &self.frame
     }
 }
 
@@ -271,14 +286,14 @@ fn inverse(linear: &DMat3) -> Mat3 {
 }
 
 impl Place {
-    /// Where a point at `local` (scene frame) is on the thing.
-    pub(crate) fn to_object(&self, local: Vec3) -> Vec3 {
-        self.inverse * (local - self.place)
-    }
-
     /// Where the point at `object` of the thing is in the scene's frame.
     pub(crate) fn to_local(&self, object: Vec3) -> Vec3 {
         self.place + self.inverse.inverse() * object
+    }
+
+    /// A direction of the thing, of any length, in the scene's frame.
+    pub(crate) fn turn(&self, object: Vec3) -> Vec3 {
+        self.inverse.inverse() * object
     }
 
     /// A normal of the thing in the scene's frame, of any length.
@@ -314,7 +329,7 @@ mod tests {
     fn check(span: Span, bends: &[f64], pose: impl Fn(f64) -> DAffine3) -> usize {
         let path = path(span, bends, &pose);
         for steps in [2, 5] {
-            let boxes = path.boxes(steps, |_| CUBE);
+            let boxes = path.boxes(steps, &[], |_| CUBE);
             for k in 0..=1000 {
                 let part = (f64::from(k) + 0.37) / 1001.0;
                 let place = path.at(part as f32);
@@ -387,9 +402,9 @@ mod tests {
         let still = |_| DAffine3::IDENTITY;
         let path = Path::new(span, vec![0.5], CUBE, DVec3::ZERO, still, |time| time > 0.5);
         assert!(!path.piece(0.2).is_visible() && path.piece(0.7).is_visible());
-        let boxes = path.boxes(2, |_| CUBE);
+        let boxes = path.boxes(2, &[], |_| CUBE);
         assert!(boxes[0][0][0] <= -1.0 && boxes[1][1][0] >= 1.0);
         let never = Path::new(span, vec![], CUBE, DVec3::ZERO, still, |_| false);
-        assert!(never.boxes(2, |_| CUBE).iter().all(|[low, high]| low[0] > high[0]));
+        assert!(never.boxes(2, &[], |_| CUBE).iter().all(|[low, high]| low[0] > high[0]));
     }
 }

@@ -1,10 +1,14 @@
 //! Meshes that change their shape: skins, morph targets, caches.
 
-use super::{Cache, Timeline, Track};
+use super::{Cache, Span, Timeline, Track};
 use crate::ground::array::Array;
 use crate::ground::math::cofactors;
-use glam::{DAffine3, DMat3, DVec3};
-use std::sync::Arc;
+use echocast_kernels::tree::Tree;
+use glam::{DAffine3, DMat3, DVec3, Vec3};
+use std::sync::{Arc, OnceLock};
+
+/// Steps closer than this, s, are not cut further: what jumps does so within it.
+const SHORTEST_S: f64 = 1e-6;
 
 /// How an object's mesh changes its shape over time.
 #[derive(Clone, Debug)]
@@ -23,6 +27,40 @@ pub(crate) struct Shape {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Vertices {
     pub parts: Vec<PartVertices>,
+    /// How far joints and morph targets move them, once asked for.
+    reach: OnceLock<Reach>,
+    /// Their triangles as rays need them, once asked for.
+    pub(crate) layout: OnceLock<Layout>,
+}
+
+/// How far joints and morph targets move vertices.
+#[derive(Clone, Debug)]
+struct Reach {
+    /// Lowest and highest corner of the box around the vertices that each joint moves, m; `None`: it moves none.
+    joints: Vec<Option<[DVec3; 2]>>,
+    /// Greatest way of a vertex, m, for each morph target.
+    targets: Vec<f64>,
+}
+
+/// The triangles of a mesh that changes its shape, those of all parts together.
+#[derive(Clone, Debug)]
+pub(crate) struct Layout {
+    pub tree: Tree,
+    /// Where the vertices of each part begin among all; parts may share theirs.
+    pub first_vertex: Vec<usize>,
+    /// Where the triangles of each part begin among all.
+    pub first_triangle: Vec<u32>,
+    /// Number of all vertices.
+    pub vertices: usize,
+}
+
+/// What brings vertices to their places at one time.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Pull {
+    /// Of the morph targets.
+    pub weights: Vec<f64>,
+    /// Of the joints, see [`Skin::palette`].
+    pub palette: Vec<DAffine3>,
 }
 
 /// The vertices of a part, in the order of [`crate::scene::Part::positions`].
@@ -69,16 +107,17 @@ impl Shape {
     }
 
     /// What brings its vertices to their places at `time`, s: weights of the morph targets, and [`Skin::palette`].
-    fn pull(&self, timeline: &Timeline, time: f64, world_from_object: &DAffine3) -> (Vec<f64>, Vec<DAffine3>) {
+    pub(crate) fn pull(&self, timeline: &Timeline, time: f64, world_from_object: &DAffine3) -> Pull {
         let mut palette = Vec::new();
         if let Some(skin) = &self.skin {
             skin.palette(timeline, time, world_from_object, &mut palette);
         }
-        (self.weights_at(time), palette)
+        Pull { weights: self.weights_at(time), palette }
     }
 
     /// Sets `positions` to where the vertices of part `part` are at `time`, s, in the frame of an object at
     /// `world_from_object`, which counts for skins only.
+    #[cfg(test)]
     pub(crate) fn pose(
         &self,
         timeline: &Timeline,
@@ -87,11 +126,12 @@ impl Shape {
         part: usize,
         positions: &mut Vec<[f32; 3]>,
     ) {
-        let (weights, palette) = self.pull(timeline, time, world_from_object);
+        let Pull { weights, palette } = self.pull(timeline, time, world_from_object);
         self.vertices.parts[part].pose(&weights, &palette, positions);
     }
 
     /// Sets `normals` to the unit normals that go with [`Shape::pose`]; empty where the surface is not smooth.
+    #[cfg(test)]
     pub(crate) fn normals(
         &self,
         timeline: &Timeline,
@@ -100,8 +140,98 @@ impl Shape {
         part: usize,
         normals: &mut Vec<[f32; 3]>,
     ) {
-        let (weights, palette) = self.pull(timeline, time, world_from_object);
+        let Pull { weights, palette } = self.pull(timeline, time, world_from_object);
         self.vertices.parts[part].turn(&weights, &palette, normals);
+    }
+
+    /// Whether it stays as it is at all times from `from` to `to`, s.
+    pub(crate) fn stays(&self, timeline: &Timeline, from: f64, to: f64) -> bool {
+        let weights = self.weights_track.as_ref().is_none_or(|track| track.is_still(from, to));
+        let cache = self.cache.as_ref().is_none_or(|cache| cache.is_still(from, to));
+        let skin =
+            self.skin.as_ref().is_none_or(|skin| skin.joints.iter().all(|&joint| timeline.stays(joint, from, to)));
+        weights && cache && skin
+    }
+
+    /// Times, s, from the start to the end of `span`, between which no vertex is farther than `tolerance` m from the
+    /// straight line between its places at both; `world_from_object` as in [`Shape::pose`].
+    pub(crate) fn steps(
+        &self,
+        timeline: &Timeline,
+        span: Span,
+        world_from_object: &DAffine3,
+        tolerance: f64,
+    ) -> Vec<f64> {
+        let (start, end) = (span.start, span.start + span.length);
+        if self.stays(timeline, start, end) {
+            return vec![start];
+        }
+        let mut bends = Vec::new();
+        self.cache.iter().for_each(|cache| cache.bends(start, end, &mut bends));
+        let baked = bends.len();
+        self.weights_track.iter().for_each(|track| track.bends(start, end, &mut bends));
+        for &joint in self.skin.iter().flat_map(|skin| &skin.joints) {
+            timeline.bends(joint, start, end, &mut bends);
+        }
+        let mut marks = bends[..baked].to_vec();
+        marks.extend([start, end]);
+        marks.sort_by(f64::total_cmp);
+        marks.dedup();
+        bends.sort_by(f64::total_cmp);
+        bends.dedup();
+        let mut times = vec![start];
+        let pull = |time: f64| self.pull(timeline, time, world_from_object);
+        let mut cuts = Vec::new();
+        for ends in marks.windows(2) {
+            cuts.push((ends[0], pull(ends[0]), ends[1], pull(ends[1])));
+            while let Some((from, a, to, b)) = cuts.pop() {
+                let middle = 0.5 * (from + to);
+                let error = self.error(&a, &pull(middle), &b);
+                if error <= tolerance || to - from <= SHORTEST_S {
+                    times.push(to);
+                    continue;
+                }
+                // An error falls with the square of the length; where it bends in between, it is better cut there.
+                let near = |bend: &&f64| (*bend - middle).abs() < 0.3 * (to - from);
+                let nearest =
+                    bends.iter().filter(near).min_by(|a, b| (*a - middle).abs().total_cmp(&(*b - middle).abs()));
+                let parts =
+                    if nearest.is_some() { 2 } else { ((error / tolerance).sqrt().ceil() as usize).clamp(2, 16) };
+                let cut = |part: usize| match nearest {
+                    Some(bend) => *bend,
+                    None => from + (to - from) * part as f64 / parts as f64,
+                };
+                let mut last = (to, b);
+                for part in (1..parts).rev() {
+                    let here = pull(cut(part));
+                    cuts.push((cut(part), here.clone(), last.0, last.1));
+                    last = (cut(part), here);
+                }
+                cuts.push((from, a, last.0, last.1));
+            }
+        }
+        times
+    }
+
+    /// How far at most vertices pulled by `middle` are from the middle of where `a` and `b` pull them, m.
+    fn error(&self, a: &Pull, middle: &Pull, b: &Pull) -> f64 {
+        let reach = self.vertices.reach();
+        let targets = reach.targets.iter().enumerate().map(|(k, way)| {
+            let [a, middle, b] = [a, middle, b].map(|pull| pull.weights.get(k).copied().unwrap_or(0.0));
+            (middle - 0.5 * (a + b)).abs() * way
+        });
+        let joints = reach.joints.iter().enumerate().filter_map(|(k, extent)| Some((k, (*extent)?)));
+        let joints = joints.map(|(k, [low, high])| {
+            let [Some(a), Some(middle), Some(b)] = [a, middle, b].map(|pull| pull.palette.get(k)) else { return 0.0 };
+            let matrix = middle.matrix3 - (a.matrix3 + b.matrix3) * 0.5;
+            let offset = middle.translation - (a.translation + b.translation) * 0.5;
+            // The error is affine in the place: greatest at a corner of the box.
+            let centre = offset + matrix * (0.5 * (low + high));
+            let half = 0.5 * (high - low);
+            let spread = matrix.x_axis.abs() * half.x + matrix.y_axis.abs() * half.y + matrix.z_axis.abs() * half.z;
+            (centre.abs() + spread).length()
+        });
+        targets.sum::<f64>() + joints.fold(0.0, f64::max)
     }
 
     /// The same on a timeline whose nodes have numbers `shift` higher.
@@ -111,6 +241,49 @@ impl Shape {
             Arc::new(Skin { joints: joints.into_iter().map(|joint| joint + shift).collect(), joint_from_mesh })
         });
         Shape { skin, ..self }
+    }
+}
+
+impl Layout {
+    /// Part and triangle of the part that a `triangle` of all is.
+    pub(crate) fn of(&self, triangle: u32) -> (usize, u32) {
+        let part = self.first_triangle.partition_point(|first| *first <= triangle) - 1;
+        (part, triangle - self.first_triangle[part])
+    }
+}
+
+impl Vertices {
+    /// Of these parts.
+    pub(crate) fn new(parts: Vec<PartVertices>) -> Vertices {
+        Vertices { parts, ..Vertices::default() }
+    }
+
+    fn reach(&self) -> &Reach {
+        self.reach.get_or_init(|| {
+            let mut reach = Reach { joints: Vec::new(), targets: Vec::new() };
+            for part in &self.parts {
+                reach.targets.resize(reach.targets.len().max(part.targets.len()), 0.0);
+                for (way, target) in reach.targets.iter_mut().zip(&part.targets) {
+                    let ways = target.positions.iter().flat_map(|ways| ways.iter());
+                    *way = ways.map(|way| DVec3::from(way.map(f64::from)).length()).fold(*way, f64::max);
+                }
+            }
+            let most: f64 = reach.targets.iter().sum();
+            for part in &self.parts {
+                for (joints, weights) in part.joints.iter().zip(&part.weights) {
+                    for ((joints, weights), place) in joints.iter().zip(weights.iter()).zip(part.positions.iter()) {
+                        let place = DVec3::from(place.map(f64::from));
+                        for (&joint, _) in joints.iter().zip(weights).filter(|(_, weight)| **weight > 0.0) {
+                            let joint = usize::from(joint);
+                            reach.joints.resize(reach.joints.len().max(joint + 1), None);
+                            let [low, high] = reach.joints[joint].get_or_insert([place; 2]);
+                            (*low, *high) = (low.min(place - most), high.max(place + most));
+                        }
+                    }
+                }
+            }
+            reach
+        })
     }
 }
 
@@ -141,6 +314,43 @@ impl Skin {
 }
 
 impl PartVertices {
+    /// Whether its vertices are those of `other`, and always will be.
+    pub(crate) fn moves_as(&self, other: &PartVertices) -> bool {
+        let alike = |a: &Target, b: &Target| match (&a.positions, &b.positions) {
+            (None, None) => true,
+            (Some(a), Some(b)) => a.is(b),
+            _ => false,
+        };
+        self.positions.is(&other.positions)
+            && self.targets.len() == other.targets.len()
+            && self.targets.iter().zip(&other.targets).all(|(a, b)| alike(a, b))
+            && self.joints.len() == other.joints.len()
+            && self.joints.iter().zip(&other.joints).all(|(a, b)| a.is(b))
+            && self.weights.iter().zip(&other.weights).all(|(a, b)| a.is(b))
+    }
+
+    /// The normal of a vertex as in [`PartVertices::turn`], of any length; 0 without normals.
+    pub(crate) fn normal(&self, vertex: usize, weights: &[f64], palette: &[DAffine3]) -> Vec3 {
+        let Some(modelled) = &self.normals else { return Vec3::ZERO };
+        let double = |vector: [f32; 3]| DVec3::from(vector.map(f64::from));
+        let mut normal = double(modelled[vertex]);
+        for (target, &weight) in self.targets.iter().zip(weights) {
+            if let Some(ways) = &target.normals {
+                normal += weight * double(ways[vertex]);
+            }
+        }
+        if !self.joints.is_empty() {
+            let mut blend = DMat3::ZERO;
+            for (joints, weights) in self.joints.iter().zip(&self.weights) {
+                for (&joint, &weight) in joints[vertex].iter().zip(&weights[vertex]) {
+                    blend += palette[usize::from(joint)].matrix3 * f64::from(weight);
+                }
+            }
+            normal = cofactors(&blend) * normal;
+        }
+        normal.as_vec3()
+    }
+
     /// Sets `positions` to where the vertices are with these weights of the morph targets and, if it has a skin, this
     /// palette of its joints: first morph targets, then joints (glTF 2.0, 3.7.2.2 and 3.7.3.3).
     pub(crate) fn pose(&self, weights: &[f64], palette: &[DAffine3], positions: &mut Vec<[f32; 3]>) {

@@ -1,8 +1,10 @@
 //! The nodes of a scene over time.
 
-use super::Track;
+use super::{Curve, Interpolation, Track};
+use crate::ground::error::{Error, Result};
 use glam::{DAffine3, DQuat, DVec3};
 use std::collections::HashMap;
+use std::sync::Arc;
 
 /// What moves in a scene, asked at any time, in seconds: nodes that hang on each other, and the keys of the file.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -69,6 +71,50 @@ impl Node {
 }
 
 impl Timeline {
+    /// Of one node that stays at `place`.
+    pub(crate) fn standing(place: DAffine3) -> Timeline {
+        Timeline { nodes: vec![Node { rest: Rest::Whole(place), ..Node::default() }] }
+    }
+
+    /// Of one node that passes through `keys`, times in s and places in the world.
+    ///
+    /// # Errors
+    /// No key; a number that is not finite; times that fall; a place that is sheared or squeezed flat.
+    pub(crate) fn through(keys: &[(f64, DAffine3)]) -> Result<Timeline> {
+        if keys.is_empty() {
+            return Err(Error::invalid("keys", "none", "at least one"));
+        }
+        let times: Vec<f64> = keys.iter().map(|(time, _)| *time).collect();
+        if let Some(index) = (0..times.len()).find(|&k| !times[k].is_finite() || k > 0 && times[k] < times[k - 1]) {
+            return Err(Error::invalid(format!("time of key {index}"), times[index], "finite times that never fall"));
+        }
+        let (mut places, mut turns, mut scales) = (Vec::new(), Vec::new(), Vec::new());
+        for (index, (_, pose)) in keys.iter().enumerate() {
+            let (scale, rotation, translation) = pose.to_scale_rotation_translation();
+            let again = DAffine3::from_scale_rotation_translation(scale, rotation, translation);
+            if !again.abs_diff_eq(*pose, 1e-6 * scale.abs().max_element()) {
+                let message = format!("{:?}", pose.matrix3.to_cols_array());
+                let allowed = "a rotation and factors along the object's axes, none of them 0";
+                return Err(Error::invalid(format!("pose of key {index}"), message, allowed));
+            }
+            places.extend(translation.to_array());
+            turns.extend(rotation.to_array());
+            scales.extend(scale.to_array());
+        }
+        let track = |values: Vec<f64>, turns| {
+            let (times, width) = (times.clone(), if turns { 4 } else { 3 });
+            let curve = Curve { times, values, width, interpolation: Interpolation::Linear, turns };
+            Some(Track { curve: Arc::new(curve), period: None })
+        };
+        let node = Node {
+            translation: track(places, false),
+            rotation: track(turns, true),
+            scale: track(scales, false),
+            ..Node::default()
+        };
+        Ok(Timeline { nodes: vec![node] })
+    }
+
     /// Whether nothing ever moves.
     pub fn is_still(&self) -> bool {
         self.nodes.iter().all(|node| node.tracks().next().is_none())
@@ -147,7 +193,6 @@ mod tests {
     use super::super::{Curve, Interpolation};
     use super::*;
     use std::f64::consts::FRAC_PI_2;
-    use std::sync::Arc;
 
     fn track(times: &[f64], values: &[&[f64]], turns: bool) -> Option<Track> {
         let curve = Curve {

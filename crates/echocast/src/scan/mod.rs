@@ -1,11 +1,12 @@
 //! The driver: one scan, step by step.
 
 mod bare;
+mod boxes;
 mod light;
 mod printed;
 mod sound;
 
-use crate::cloud::{FieldSet, Frame, Ping, PointCloud};
+use crate::cloud::{BoxAxes, Field, FieldSet, Frame, Ping, PointCloud};
 use crate::emitter::Trajectory;
 use crate::ground::error::{Error, Result};
 use crate::ground::named::named;
@@ -64,12 +65,18 @@ pub struct ScanOptions {
     pub start_time: f64,
     /// Time of the trajectory at which the scan starts, s; `None`: `start_time`.
     pub trajectory_time: Option<f64>,
+    /// Let the scene hold still during the scan, as it is when it starts: to compare with simulators that do.
+    pub freeze: bool,
+    /// Time from one frame to the next, s, over which scene flow is measured; `None`: the sensor's period.
+    pub frame_period: Option<f64>,
     /// Keep misses, so that every beam has a row.
     pub organised: bool,
     /// Coordinates of the output points.
     pub coordinates: Frame,
     /// Order of the points.
     pub order: Order,
+    /// Along which axes the boxes around labelled instances lie; `None`: no boxes, for which all beams are traced once more.
+    pub boxes: Option<BoxAxes>,
     /// Model set.
     pub profile: Profile,
     /// Source of the reflectance if the material does not give it; `None`: as the profile defines
@@ -91,9 +98,12 @@ impl Default for ScanOptions {
             frame: 0,
             start_time: 0.0,
             trajectory_time: None,
+            freeze: false,
+            frame_period: None,
             organised: false,
             coordinates: Frame::World,
             order: Order::Beam,
+            boxes: None,
             profile: Profile::Physical,
             reflectance_source: None,
             mask: u32::MAX,
@@ -121,6 +131,9 @@ impl ScanOptions {
             return Err(Error::invalid("pose", format!("{start:?}"), "finite numbers, a quaternion that is not 0"));
         }
         self.environment.check()?;
+        if let Some(period) = self.frame_period.filter(|period| !(*period > 0.0 && *period < 1e9)) {
+            return Err(Error::invalid("frame_period", period, "above 0, up to 1e9 s"));
+        }
         if self.organised && self.order == Order::Time {
             return Err(Error::invalid(
                 "order",
@@ -188,6 +201,33 @@ impl BuiltScene {
     }
 
     fn scan_watched(
+        &self,
+        sensor: &Sensor,
+        trajectory: &Trajectory,
+        options: &ScanOptions,
+        cloud: &mut PointCloud,
+        progress: Option<Progress>,
+    ) -> Result<()> {
+        if options.boxes.is_none() {
+            self.scan_points(sensor, trajectory, options, cloud, progress)?;
+            cloud.boxes = None;
+            return Ok(());
+        }
+        // Boxes count the points of each instance.
+        let counted = ScanOptions { fields: options.fields.with(Field::InstanceId), ..options.clone() };
+        self.scan_points(sensor, trajectory, &counted, cloud, progress)?;
+        let done = self.boxes(sensor, trajectory, options, cloud).and_then(|boxes| {
+            cloud.boxes = Some(boxes);
+            cloud.fields = options.fields;
+            cloud.columns.resize(options.fields, cloud.len)
+        });
+        if done.is_err() {
+            *cloud = PointCloud::default();
+        }
+        done
+    }
+
+    fn scan_points(
         &self,
         sensor: &Sensor,
         trajectory: &Trajectory,

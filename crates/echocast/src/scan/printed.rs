@@ -95,6 +95,7 @@ impl<'a> Printed<'a> {
         options: &'a ScanOptions,
     ) -> Result<Printed<'a>> {
         let acoustics = sensor.acoustics()?;
+        scene.check_time(options.start_time, 0.0)?;
         let program = options.profile == Profile::Blainder;
         if program {
             check_for_program(acoustics, options.environment.water.as_ref())?;
@@ -134,6 +135,7 @@ impl<'a> Printed<'a> {
                 reach: self.limits[1],
                 bounces: 0,
                 reflection_loss: &no_loss,
+                clock: self.scene.clock(self.options.start_time, self.options.freeze),
             },
         );
         parallel::for_each(&mut chunks, |number, chunk| {
@@ -218,6 +220,10 @@ impl<'a> Printed<'a> {
     /// Echoes as the program has them, block by block, all rays of a block through one layer after the other.
     fn follow_as_program(&self, rays: Range<usize>, chunk: &mut PrintedChunk) {
         let (mut batch, mut hits) = (RayBatch::default(), HitBatch::new());
+        // As for the program, nothing moves during a ping.
+        if let Some(clock) = self.scene.clock(self.options.start_time, true) {
+            batch.time = [clock.of(0.0); LANES];
+        }
         let depth = self.column.surface_z - self.pose.position.z;
         let slabs = &self.column.slabs[self.column.slab_at(depth)..];
         let rotation = self.rotation();
@@ -245,7 +251,7 @@ impl<'a> Printed<'a> {
                     batch.range_max[lane] = way.left.min(way.length) as f32;
                 }
                 hits.trace(self.scene, &batch, ways.len(), true, self.options.mask);
-                hits.orient_normals(self.scene, ways.len());
+                hits.orient_normals(self.scene, &batch, ways.len());
                 let mut lane = 0;
                 ways.retain_mut(|way| {
                     let point = self.echo_as_program(way, &hits, lane);
@@ -331,6 +337,7 @@ impl<'a> Printed<'a> {
             return_count: u8::from(point.is_some()),
             cause: Cause::Surface as u8,
             bounces: 0,
+            doppler: f32::NAN,
         );
         let Some(point) = point else {
             let none = f32::NAN;

@@ -1,6 +1,6 @@
 //! Names to numbers: categories, parts, materials and instances.
 
-use super::{Part, Scene, some_of};
+use super::{CacheFile, Part, Scene, some_of};
 use crate::ground::error::{Error, Result};
 use crate::read::yaml;
 use serde::{Deserialize, Serialize};
@@ -133,17 +133,22 @@ pub struct LabelRules {
     pub objects: BTreeMap<String, String>,
     /// Material name pattern (`*` and `?`) to part; the longest matching pattern wins.
     pub materials: BTreeMap<String, String>,
+    /// Object name pattern (`*` and `?`) to the file that says how the object changes its shape, see
+    /// [`LoadOptions::caches`](super::LoadOptions::caches), which these are added to.
+    pub caches: BTreeMap<String, CacheFile>,
 }
 
 impl LabelRules {
-    /// Reads a label file (YAML).
+    /// Reads a label file (YAML). The files that it names are relative to its folder.
     ///
     /// # Errors
     /// A missing file, an unknown key, a number that is 0 or invalid or used by two names.
     pub fn load(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
-        let rules: LabelRules = yaml::load(path)?;
+        let mut rules: LabelRules = yaml::load(path)?;
         rules.check(path)?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        rules.caches.values_mut().for_each(|cache| cache.file = folder.join(&cache.file));
         Ok(rules)
     }
 
@@ -210,15 +215,19 @@ impl LabelRules {
 }
 
 fn best_match<'a>(patterns: &'a BTreeMap<String, String>, name: &str) -> Option<&'a str> {
+    let patterns = patterns.iter().map(|(pattern, value)| (pattern.as_str(), value.as_str()));
+    best_of(patterns, name).map(|(_, value)| value)
+}
+
+/// Of `patterns` and what they stand for the one with the most letters that matches `name`.
+pub(super) fn best_of<'a, T>(patterns: impl Iterator<Item = (&'a str, T)>, name: &str) -> Option<(&'a str, T)> {
     patterns
-        .iter()
         .filter(|(pattern, _)| matches(pattern, name))
         .max_by_key(|(pattern, _)| pattern.chars().filter(|c| !"*?".contains(*c)).count())
-        .map(|(_, value)| value.as_str())
 }
 
 /// Shell-style match: `*` any run of characters, `?` any one.
-fn matches(pattern: &str, name: &str) -> bool {
+pub(super) fn matches(pattern: &str, name: &str) -> bool {
     let (pattern, name): (Vec<char>, Vec<char>) = (pattern.chars().collect(), name.chars().collect());
     let (mut p, mut n) = (0, 0);
     // Where to continue when the text after the last `*` does not fit: (pattern after it, next start).

@@ -80,7 +80,7 @@ pub(crate) struct Structure {
 
 impl Structure {
     /// Of a mesh that follows others with different positions.
-    fn changing() -> Self {
+    pub(super) fn changing() -> Self {
         Structure { changing: true, ..Structure::default() }
     }
 }
@@ -107,6 +107,19 @@ pub struct Mesh {
     pub parts: Vec<Part>,
     /// What moving objects need to be traced, once they do.
     pub(crate) structure: Structure,
+    /// Where its vertices are in the file, if the file has them in another order and a cache may ask.
+    pub(crate) source: Option<Arc<Source>>,
+}
+
+/// Where the vertices of a mesh come from.
+#[derive(Debug)]
+pub(crate) struct Source {
+    /// For each part, of each vertex which of the file's it is, from 0.
+    pub vertices: Vec<Vec<u32>>,
+    /// Vertices in the file, those of other meshes included.
+    pub count: usize,
+    /// The origin of the mesh in the file's coordinates.
+    pub origin: DVec3,
 }
 
 impl Mesh {
@@ -132,7 +145,7 @@ impl Mesh {
 
     /// A mesh of already checked parts.
     pub(crate) fn trusted(name: String, parts: Vec<Part>) -> Mesh {
-        Mesh { name, parts, structure: Structure::default() }
+        Mesh { name, parts, ..Mesh::default() }
     }
 
     /// This mesh with other vertex positions and, if given, shading normals.

@@ -7,17 +7,21 @@
 //! * a mesh that many objects use is stored once;
 //! * every object and part carries label numbers, and [`Labels`] names them.
 
+mod caches;
 mod camera;
 mod gltf;
 mod label;
 mod merge;
 mod mesh;
 mod obj;
+mod sequence;
 
 pub use crate::ground::array::Array;
+pub use caches::CacheFile;
 pub use camera::Camera;
 pub use label::{LabelRules, Labels, NameTable};
 pub use mesh::{Mesh, Part};
+pub use sequence::Sequence;
 
 use crate::ground::error::{Error, Result};
 pub(crate) use crate::ground::math::cofactors;
@@ -65,11 +69,15 @@ pub struct LoadOptions {
     pub texture_limit_mib: u64,
     /// Name of the animation to play; `None`: all of them at once.
     pub animation: Option<String>,
-    /// Whether each animation starts again at the time of its last key; if not, what it moves stays where it is then.
+    /// Whether each animation and each cache starts again at the time of its last key or sample, numbered files after the
+    /// last; if not, what they move stays as it is then.
     pub looped: bool,
     /// Whether buffers, images and material files may lie outside the folder of the scene file that names them, or be
     /// named by absolute path. If so, an untrusted scene can pull in any file that you may read.
     pub allow_outside_paths: bool,
+    /// Object name pattern (`*` and `?`) to the file that says how the object changes its shape; the longest matching
+    /// pattern wins. In YAML relative to the working folder, in a label file to its own.
+    pub caches: BTreeMap<String, CacheFile>,
 }
 
 impl Default for LoadOptions {
@@ -82,6 +90,7 @@ impl Default for LoadOptions {
             animation: None,
             looped: false,
             allow_outside_paths: false,
+            caches: BTreeMap::new(),
         }
     }
 }
@@ -109,6 +118,8 @@ pub struct Object {
     pub mesh: Arc<Mesh>,
     /// Placement, metres.
     pub world_from_object: DAffine3,
+    /// Which axis of its mesh points up as it was modelled: boxes stand on it.
+    pub up: UpAxis,
     /// Semantic class number, 0 = unlabelled.
     pub category_id: u32,
     /// Part number of each part of the mesh, in their order.
@@ -121,9 +132,17 @@ pub struct Object {
     pub material: Option<Arc<Material>>,
     /// How it follows the timeline of its scene; `None`: it stays as and where it is.
     pub motion: Option<Motion>,
+    /// Meshes that one after another take the place of its own, which is the one at time 0.
+    pub sequence: Option<Arc<Sequence>>,
 }
 
 impl Object {
+    /// The materials of its parts, or the one that replaces them.
+    pub(crate) fn materials(&self) -> impl Iterator<Item = &Arc<Material>> {
+        let own = self.mesh.parts.iter().filter_map(|part| part.material.as_ref());
+        self.material.iter().chain(own.filter(|_| self.material.is_none()))
+    }
+
     /// `mesh` at its own coordinates, without labels, seen by every scan.
     pub fn new(name: impl Into<String>, mesh: Arc<Mesh>) -> Object {
         Object {
@@ -131,11 +150,13 @@ impl Object {
             part_ids: vec![0; mesh.parts.len()],
             mesh,
             world_from_object: DAffine3::IDENTITY,
+            up: UpAxis::Z,
             category_id: 0,
             instance_id: 0,
             mask: u32::MAX,
             material: None,
             motion: None,
+            sequence: None,
         }
     }
 }
@@ -167,8 +188,8 @@ impl Scene {
     /// Reads a scene file; the format is chosen by the extension (`.glb`, `.gltf`, `.obj`).
     ///
     /// # Errors
-    /// A missing or damaged file, a feature that is not supported, nothing to scan. The message
-    /// names file and place.
+    /// A missing or damaged file, a feature that is not supported, nothing to scan; a cache that does not fit its object.
+    /// The message names file and place.
     pub fn load(path: impl AsRef<Path>) -> Result<Scene> {
         Scene::load_with(path, &LoadOptions::default())
     }
@@ -210,22 +231,29 @@ impl Scene {
         if self.triangle_count() == 0 {
             return Err(Error::parse(origin, "", "no triangle to scan: the file holds no mesh with area"));
         }
+        self.check_reach(origin)?;
+        Ok(self)
+    }
+
+    /// Checks that no object, as it was read from `origin`, is too far away.
+    fn check_reach(&self, origin: &Path) -> Result<()> {
         for (object, corners) in self.object_boxes() {
             if let Some(corner) = corners.iter().find(|corner| !within_reach(corner)) {
                 let message = format!("it reaches to {:?} in the world; allowed: -1e18 to 1e18", corner.to_array());
                 return Err(Error::parse(origin, format!("object {:?}", object.name), message));
             }
         }
-        Ok(self)
+        Ok(())
     }
 
-    /// This scene if it has the animation that `options` name, with warnings about rules that have no effect in it.
+    /// This scene if it has the animation that `options` name, with its caches, and warnings about rules that have no
+    /// effect in it.
     fn finished(mut self, options: &LoadOptions) -> Result<Scene> {
         if let Some(name) = options.animation.as_ref().filter(|name| !self.animations.contains(name)) {
             return Err(Error::missing("animation", name, &self.animations));
         }
         options.labels.idle(&self).into_iter().for_each(|warning| self.report.warn(warning));
-        Ok(self)
+        self.with_caches(options)
     }
 
     /// Every object with a non-empty mesh, and the corners of its box in the world.
@@ -235,6 +263,12 @@ impl Scene {
             let bounds = (*boxes.entry(Arc::as_ptr(&object.mesh)).or_insert_with(|| object.mesh.bounds()))?;
             Some((object, corners(bounds, &object.world_from_object)))
         })
+    }
+
+    /// Whether anything in it moves or changes by itself.
+    pub fn is_moving(&self) -> bool {
+        self.objects.iter().any(|object| object.motion.is_some())
+            || self.materials.iter().any(|material| material.changes.is_some())
     }
 
     /// Triangles, each mesh counted as often as it is placed.
@@ -297,14 +331,16 @@ pub(crate) fn count(number: usize, what: &str) -> String {
     format!("{number} {what}{}", if number == 1 { "" } else { "s" })
 }
 
+/// The endings of scene files, for people.
+fn extensions() -> String {
+    FORMATS.iter().flat_map(|f| f.extensions).map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ")
+}
+
 /// Reads one scene file.
 fn read(path: &Path, options: &LoadOptions, images: &mut TextureBudget) -> Result<Scene> {
     let reader = FORMATS.iter().find(|format| format.reads(path)).ok_or_else(|| Error::Unsupported {
         what: format!("{}: scene format", shown::path(path)),
-        instead: format!(
-            "scenes are read from {}",
-            FORMATS.iter().flat_map(|f| f.extensions).map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ")
-        ),
+        instead: format!("scenes are read from {}", extensions()),
     })?;
     (reader.read)(path, options, images)?.checked(path)
 }
@@ -358,6 +394,8 @@ pub(crate) struct RawObject {
     pub mesh: Arc<Mesh>,
     /// Placement, metres.
     pub world_from_object: DAffine3,
+    /// As in [`Object::up`].
+    pub up: UpAxis,
     /// `categoryID` of the node or its nearest ancestor.
     pub category: Option<String>,
     /// `partID` of the node or its nearest ancestor.
@@ -371,6 +409,7 @@ struct NamedObject {
     name: String,
     mesh: Arc<Mesh>,
     world_from_object: DAffine3,
+    up: UpAxis,
     category: String,
     /// One for each part of the mesh; empty = unlabelled.
     parts: Vec<String>,
@@ -400,6 +439,7 @@ impl Scene {
                 name: object.name,
                 mesh: object.mesh,
                 world_from_object: object.world_from_object,
+                up: object.up,
                 motion: object.motion,
             })
             .collect();
@@ -435,10 +475,12 @@ impl Scene {
                 name: object.name,
                 mesh: object.mesh,
                 world_from_object: object.world_from_object,
+                up: object.up,
                 instance_id,
                 mask: u32::MAX,
                 material: None,
                 motion: object.motion,
+                sequence: None,
             })
             .collect();
         self.labels = Labels { category, part, material, instance };

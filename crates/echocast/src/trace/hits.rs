@@ -61,6 +61,9 @@ impl HitBatch {
         for first in (0..count).step_by(W) {
             let lanes = first..first + W;
             load(&mut packet, rays, first);
+            if scene.span.is_some() {
+                packet.time.copy_from_slice(&rays.time[first..first + W]);
+            }
             packet.geom_id = [INVALID; W];
             packet.inst_id = [INVALID; W];
             if first + W > count {
@@ -107,6 +110,9 @@ impl HitBatch {
         let mut valid = [-1; W];
         for first in (0..count).step_by(W) {
             load(&mut packet, rays, first);
+            if scene.span.is_some() {
+                packet.time.copy_from_slice(&rays.time[first..first + W]);
+            }
             if first + W > count {
                 valid[count - first..].fill(0);
             }
@@ -139,10 +145,10 @@ impl HitBatch {
     }
 
     /// Brings the normals of hits in instances to the world's frame.
-    pub(crate) fn orient_normals(&mut self, scene: &Tables, count: usize) {
+    pub(crate) fn orient_normals(&mut self, scene: &Tables, rays: &RayBatch, count: usize) {
         for lane in 0..count {
             if scene.surfaces.rows.get(self.surface[lane] as usize).is_some_and(|row| row.instanced) {
-                let normal = scene.world_normal(self.surface[lane], self.normal(lane));
+                let normal = scene.world_normal(self.surface[lane], self.normal(lane), rays.time[lane]);
                 (self.normal_x[lane], self.normal_y[lane], self.normal_z[lane]) = normal.into();
             }
         }
@@ -150,7 +156,7 @@ impl HitBatch {
 }
 
 /// Loads rays into a packet, from lane `first` on.
-fn load<const W: usize>(packet: &mut Packet<W>, rays: &RayBatch, first: usize) {
+pub(super) fn load<const W: usize>(packet: &mut Packet<W>, rays: &RayBatch, first: usize) {
     let lanes = first..first + W;
     packet.org_x.copy_from_slice(&rays.org_x[lanes.clone()]);
     packet.org_y.copy_from_slice(&rays.org_y[lanes.clone()]);
@@ -162,10 +168,10 @@ fn load<const W: usize>(packet: &mut Packet<W>, rays: &RayBatch, first: usize) {
 }
 
 impl Tables {
-    /// The `normal` of a hit on a `surface` (a row, or [`MISS`]) as Embree gives it, in the world's frame.
-    pub(crate) fn world_normal(&self, surface: u32, normal: Vec3) -> Vec3 {
+    /// The `normal` of a hit on a `surface` (a row, or [`MISS`]) at `time` as Embree gives it, in the world's frame.
+    pub(crate) fn world_normal(&self, surface: u32, normal: Vec3, time: f32) -> Vec3 {
         match self.surfaces.rows.get(surface as usize) {
-            Some(row) if row.instanced => self.normal_matrices[row.object as usize] * normal,
+            Some(row) if row.instanced => self.turned(row.object, normal, time),
             _ => normal,
         }
     }

@@ -1,14 +1,18 @@
 //! A scene that is edited while it is scanned: from objects to Embree's structure and the tables behind its ids.
 
+use super::bending::Moment;
+use super::instances::Extent;
+use super::mover::{Follows, Mover};
 use super::{BuiltScene, Engine, Surfaces, Tables};
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::Pose;
 use crate::ground::report::Report;
 use crate::material::Material;
+use crate::motion::{Motion, Span, Timeline};
 use crate::scene::{
     Array, Camera, Labels, Mesh, NameTable, Object, Scene, cofactors, corners, surrounding, within_reach,
 };
-use embree4::{CommittedScene, Instance, Pace, Quality};
+use embree4::{CommittedScene, Custom, Instance, Pace, Quality};
 use glam::{DAffine3, DVec3, Mat3};
 use std::collections::HashMap;
 use std::sync::{Arc, PoisonError};
@@ -29,6 +33,10 @@ pub struct LiveScene {
     labels: Arc<Labels>,
     /// World position of Embree's (0, 0, 0); `None`: chosen by the next commit.
     origin: Option<DVec3>,
+    /// The time of the next scans, s: its start, and its length, which is 0 where the scene holds still.
+    time: [f64; 2],
+    /// Greatest distance of what changes its shape from where it should be, m.
+    tolerance: f64,
     /// `None`: fixed objects have changed.
     fixed: Option<Fixed>,
     /// Objects placed by themselves, by slot, unless they have moved.
@@ -67,11 +75,15 @@ struct Slot {
 
 struct Live {
     object: Object,
+    /// What it follows, if it moves by itself.
+    timeline: Option<Arc<Timeline>>,
     /// Of its mesh.
     bounds: Option<[[f32; 3]; 2]>,
     place: Place,
     /// Whether it has been placed where it is since the last commit.
     moved: bool,
+    /// Its shape at the end of the last time, where the next one mostly starts.
+    known: Option<Arc<Moment>>,
 }
 
 /// How an object appears in Embree's structure.
@@ -92,9 +104,16 @@ struct Fixed {
 }
 
 struct Placed {
-    instance: Instance,
+    thing: Thing,
     /// Whether its normals come in the mesh's frame.
     turned: bool,
+}
+
+/// An object in Embree's structure.
+enum Thing {
+    Still(Instance),
+    /// On its way, or out of sight.
+    Moving(Custom, Arc<Mover>),
 }
 
 impl Mesh {
@@ -108,7 +127,7 @@ impl Mesh {
     }
 
     /// Its structure, built now if the engine has none of it yet.
-    fn structure_by(&self, engine: &Engine, pace: Pace) -> Result<CommittedScene> {
+    pub(super) fn structure_by(&self, engine: &Engine, pace: Pace) -> Result<CommittedScene> {
         let mut built = self.structure.built.lock().unwrap_or_else(PoisonError::into_inner);
         match &*built {
             Some(scene) if scene.is_of(engine.device()) => Ok(scene.clone()),
@@ -157,6 +176,8 @@ impl LiveScene {
             cameras: Vec::new(),
             labels: Arc::default(),
             origin: None,
+            time: [0.0; 2],
+            tolerance: 1e-3,
             fixed: None,
             placed: HashMap::new(),
             surfaces: None,
@@ -221,7 +242,10 @@ impl LiveScene {
                 instance_id: if object.instance_id == 0 { 0 } else { object.instance_id + last },
                 ..object.clone()
             };
-            self.insert(object, bounds, Place::Fixed { together: false })
+            let timeline = object.motion.is_some().then(|| scene.timeline.clone());
+            let (object, timeline) = staged(object, timeline);
+            let place = if timeline.is_some() { Place::Free } else { Place::Fixed { together: false } };
+            self.insert(object, bounds, place, timeline)
         });
         Ok(objects.collect())
     }
@@ -252,10 +276,16 @@ impl LiveScene {
         for material in parts.chain(&object.material) {
             name_material(labels, material);
         }
-        Ok(self.insert(object, bounds, place))
+        Ok(self.insert(Object { motion: None, ..object }, bounds, place, None))
     }
 
-    fn insert(&mut self, object: Object, bounds: Option<[[f32; 3]; 2]>, place: Place) -> ObjectId {
+    fn insert(
+        &mut self,
+        object: Object,
+        bounds: Option<[[f32; 3]; 2]>,
+        place: Place,
+        timeline: Option<Arc<Timeline>>,
+    ) -> ObjectId {
         if let Place::Fixed { .. } = place {
             self.fixed = None;
         }
@@ -266,7 +296,7 @@ impl LiveScene {
         });
         let entry = &mut self.slots[slot as usize];
         entry.generation += 1;
-        entry.live = Some(Box::new(Live { object, bounds, place, moved: true }));
+        entry.live = Some(Box::new(Live { object, timeline, bounds, place, moved: true, known: None }));
         ObjectId { slot, generation: entry.generation }
     }
 
@@ -308,8 +338,87 @@ impl LiveScene {
         let live = self.live(id)?;
         check_pose(&live.object.name, live.bounds, &world_from_object)?;
         live.object.world_from_object = world_from_object;
+        (live.object.motion, live.timeline) = (None, None);
         live.moved = true;
         self.loosen(id);
+        Ok(())
+    }
+
+    /// Moves an object during the scans that follow: through `keys`, times in s (those of [`ScanOptions::start_time`]
+    /// and of the beams) and poses, in straight lines and turning uniformly between them; before the first and after
+    /// the last it stands. [`LiveScene::set_time`] says which of it the next scans see.
+    ///
+    /// [`ScanOptions::start_time`]: crate::ScanOptions::start_time
+    ///
+    /// # Errors
+    /// As [`LiveScene::set_pose`]; no key; times that are not finite or fall; a pose that is not a rotation and scaling
+    /// along the object's axes. Then it moves as before.
+    pub fn set_motion(&mut self, id: ObjectId, keys: &[(f64, DAffine3)]) -> Result<()> {
+        let live = self.live(id)?;
+        for (_, pose) in keys {
+            check_pose(&live.object.name, live.bounds, pose)?;
+        }
+        let timeline = Timeline::through(keys)?;
+        live.object.motion = Some(Motion { node: 0, node_from_object: DAffine3::IDENTITY, shape: None });
+        live.timeline = Some(Arc::new(timeline));
+        live.moved = true;
+        self.loosen(id);
+        Ok(())
+    }
+
+    /// Sets the time of the next scans, s: everything that moves by itself will be where it is at every moment from
+    /// `start` to `start + length`. With a `length` of 0 it holds still where it is at `start`, whatever the time of a
+    /// scan. A new scene is set to time 0, still.
+    ///
+    /// # Errors
+    /// A time that is not finite; a negative length.
+    pub fn set_time(&mut self, start: f64, length: f64) -> Result<()> {
+        if !start.is_finite() {
+            return Err(Error::invalid("start", start, "a finite number"));
+        }
+        if !(0.0..1e9).contains(&length) {
+            return Err(Error::invalid("length", length, "0 to 1e9 s"));
+        }
+        let before = mem::replace(&mut self.time, [start, length]);
+        if before == self.time {
+            return Ok(());
+        }
+        for (slot, entry) in (0..).zip(&mut self.slots) {
+            let Some(live) = &mut entry.live else { continue };
+            let (Some(timeline), Some(motion)) = (&live.timeline, &live.object.motion) else { continue };
+            let (from, to) = (start.min(before[0]), (start + length).max(before[0] + before[1]));
+            let same = live.object.sequence.as_ref().is_none_or(|sequence| sequence.at(from) == sequence.at(to));
+            if !(same && motion.stays(timeline, from, to)) {
+                if let Some(Placed { thing: Thing::Moving(_, mover), .. }) = self.placed.remove(&slot) {
+                    live.known = mover.moments().last().cloned();
+                }
+                self.built = None;
+                live.moved = true;
+            }
+        }
+        if self.objects().any(|(_, object)| object.materials().any(|material| material.changes.is_some())) {
+            (self.surfaces, self.built) = (None, None);
+        }
+        Ok(())
+    }
+
+    /// Sets how far what changes its shape may be from where it should be during a scan, m: 1 mm in a new scene. Rays
+    /// see straight motion between steps, of which there are as many as that needs.
+    ///
+    /// # Errors
+    /// A distance that is not above 0, or beyond 1 km.
+    pub fn set_motion_tolerance(&mut self, tolerance: f64) -> Result<()> {
+        if !(tolerance > 0.0 && tolerance <= 1e3) {
+            return Err(Error::invalid("motion tolerance", tolerance, "above 0, up to 1000 m"));
+        }
+        self.tolerance = tolerance;
+        for (slot, entry) in (0..).zip(&mut self.slots) {
+            let bends = |live: &Live| live.object.motion.as_ref().is_some_and(|motion| motion.shape.is_some());
+            if entry.live.as_deref().is_some_and(bends) {
+                self.placed.remove(&slot);
+                self.built = None;
+            }
+        }
         Ok(())
     }
 
@@ -473,9 +582,12 @@ impl LiveScene {
             }
         };
         let fixed = &*self.fixed.insert(fixed);
+        for live in self.slots.iter_mut().filter_map(|slot| slot.live.as_mut()).filter(|live| live.moved) {
+            live.follow(self.time[0]);
+        }
         for (slot, live) in lives(&self.slots) {
             if !live.place.is_together() && !self.placed.contains_key(&slot) {
-                let placed = place(&self.engine, &live.object, origin)?;
+                let placed = live.place(&self.engine, origin, self.time, self.tolerance)?;
                 if !placed.turned {
                     self.surfaces = None;
                 }
@@ -495,7 +607,10 @@ impl LiveScene {
             let mut top = embree4::Scene::new(self.engine.device(), Quality::Medium)?;
             top.attach_instance(&fixed.instance)?;
             for (slot, _) in order().skip(fixed.together.len()) {
-                top.attach_instance(&self.placed[&slot].instance)?;
+                match &self.placed[&slot].thing {
+                    Thing::Still(instance) => top.attach_instance(instance)?,
+                    Thing::Moving(custom, _) => top.attach_shape(custom)?,
+                };
             }
             self.engine.commit(top, self.placed.len(), Pace::Now)?
         };
@@ -504,7 +619,9 @@ impl LiveScene {
             None => {
                 let turned = |slot| self.placed.get(&slot).is_some_and(|placed| placed.turned);
                 let objects = order().map(|(slot, live)| (&live.object, turned(slot)));
-                let mut surfaces = Surfaces::new(objects, self.labels.clone());
+                // Materials are as in the middle of a scan.
+                let time = self.time[0] + 0.5 * self.time[1];
+                let mut surfaces = Surfaces::new(objects, self.labels.clone(), time);
                 let rows = |live: &Live| live.object.mesh.parts.len() as u32;
                 let mut row = order().take(fixed.together.len()).map(|(_, live)| rows(live)).sum();
                 surfaces.first_row.push(0);
@@ -515,7 +632,14 @@ impl LiveScene {
                 Arc::new(surfaces)
             }
         };
+        let mover = |slot: u32| match &self.placed.get(&slot)?.thing {
+            Thing::Still(_) => None,
+            Thing::Moving(_, mover) => Some(mover.clone()),
+        };
+        let movers: Vec<_> = order().map(|(slot, _)| mover(slot)).collect();
+        let moves = movers.iter().any(Option::is_some);
         let normal_matrices = order().map(|(_, live)| normal_matrix(&live.object)).collect();
+        let extents = order().map(|(_, live)| Extent::new(&live.object, live.bounds)).collect();
         let mut report = Report::default();
         warn_of_far_objects(&self.slots, origin, &mut report);
         let device = self.engine.device();
@@ -525,6 +649,9 @@ impl LiveScene {
             packet_width: device.packet_width(),
             origin,
             normal_matrices,
+            extents,
+            movers: if moves { movers } else { Vec::new() },
+            span: (moves && self.time[1] > 0.0).then(|| span(self.time)),
             surfaces: surfaces.clone(),
             report,
         };
@@ -600,6 +727,16 @@ impl LiveScene {
     }
 }
 
+/// An object whose mesh is one of a sequence hangs on a node even if that stays.
+fn staged(object: Object, timeline: Option<Arc<Timeline>>) -> (Object, Option<Arc<Timeline>>) {
+    if object.sequence.is_none() || timeline.is_some() {
+        return (object, timeline);
+    }
+    let timeline = Timeline::standing(object.world_from_object);
+    let motion = Motion { node: 0, node_from_object: DAffine3::IDENTITY, shape: None };
+    (Object { motion: Some(motion), ..object }, Some(Arc::new(timeline)))
+}
+
 impl Place {
     fn is_together(&self) -> bool {
         matches!(self, Place::Fixed { together: true })
@@ -648,17 +785,47 @@ fn name_material(labels: &mut Labels, material: &Material) {
     }
 }
 
-/// Places an object by itself.
-fn place(engine: &Engine, object: &Object, origin: DVec3) -> Result<Placed> {
-    let local_from_object = DAffine3::from_translation(-origin) * object.world_from_object;
-    let matrix = columns(&local_from_object);
-    if embree4::is_invertible(&matrix) {
-        let of = object.mesh.structure_by(engine, Pace::Now)?;
-        return Ok(Placed { instance: Instance::new(&of, matrix, object.mask)?, turned: true });
+/// The time that moving objects are prepared for.
+fn span([start, length]: [f64; 2]) -> Span {
+    // Of what holds still only the start is looked at.
+    Span { start, length: if length > 0.0 { length } else { 1.0 } }
+}
+
+impl Live {
+    /// Puts what moves by itself where it is at `time`, s.
+    fn follow(&mut self, time: f64) {
+        if let (Some(timeline), Some(motion)) = (&self.timeline, &self.object.motion) {
+            self.object.world_from_object = timeline.world_from_node(motion.node, time) * motion.node_from_object;
+        }
     }
-    // Squeezed flat, it gets a mesh of its own in the world.
-    let of = mesh_scene(engine, &object.mesh, Quality::Low, Some(&local_from_object), Pace::Now)?;
-    Ok(Placed { instance: Instance::new(&of, columns(&DAffine3::IDENTITY), object.mask)?, turned: false })
+
+    /// Places it by itself, as it is in `time`.
+    fn place(&self, engine: &Engine, origin: DVec3, time: [f64; 2], tolerance: f64) -> Result<Placed> {
+        let object = &self.object;
+        let [start, end] = [time[0], time[0] + time[1]];
+        if let (Some(timeline), Some(motion)) = (&self.timeline, &object.motion)
+            && !(motion.shape.is_none()
+                && object.sequence.is_none()
+                && timeline.stays(motion.node, start, end)
+                && timeline.is_visible(motion.node, start))
+        {
+            let (timeline, motion, mesh) = (timeline.clone(), motion.clone(), object.mesh.clone());
+            let follows = Follows { timeline, motion, mesh, sequence: object.sequence.clone(), tolerance, origin };
+            let mover = Arc::new(Mover::new(engine, follows, span(time), self.known.as_slice())?);
+            let custom = Custom::new(engine.device(), mover.clone(), object.mask)?;
+            return Ok(Placed { thing: Thing::Moving(custom, mover), turned: true });
+        }
+        let local_from_object = DAffine3::from_translation(-origin) * object.world_from_object;
+        let matrix = columns(&local_from_object);
+        if embree4::is_invertible(&matrix) {
+            let of = object.mesh.structure_by(engine, Pace::Now)?;
+            return Ok(Placed { thing: Thing::Still(Instance::new(&of, matrix, object.mask)?), turned: true });
+        }
+        // Squeezed flat, it gets a mesh of its own in the world.
+        let of = mesh_scene(engine, &object.mesh, Quality::Low, Some(&local_from_object), Pace::Now)?;
+        let instance = Instance::new(&of, columns(&DAffine3::IDENTITY), object.mask)?;
+        Ok(Placed { thing: Thing::Still(instance), turned: false })
+    }
 }
 
 fn mesh_scene(

@@ -4,7 +4,7 @@ mod direct;
 
 pub(crate) use direct::Direct;
 
-use super::{HitBatch, Tables};
+use super::{Clock, HitBatch, Tables};
 use crate::ground::lanes::{LANES, MEDIUM, MISS, RayBatch};
 use crate::medium::{Column, End, Ray, Slab, slab_at, small_sin_cos};
 use glam::{DVec3, Mat3, Vec3};
@@ -44,6 +44,8 @@ pub(crate) struct SoundTracer<'a> {
     /// Reflections that are followed.
     bounces: u8,
     reflection_loss: ReflectionLoss<'a>,
+    /// Where the scene moves, when sound is where.
+    clock: Option<Clock>,
 }
 
 /// What a ray meets.
@@ -185,6 +187,8 @@ pub(crate) struct SoundLimits<'a> {
     /// Reflections that are followed.
     pub bounces: u8,
     pub reflection_loss: ReflectionLoss<'a>,
+    /// Where the scene moves, when sound is where.
+    pub clock: Option<Clock>,
 }
 
 impl<'a> SoundTracer<'a> {
@@ -208,7 +212,7 @@ impl<'a> SoundTracer<'a> {
         let empty = slabs.iter().map(is_empty).collect();
         let uniform = column.is_uniform();
         let fastest = column.end_speeds().fold(0.0, f64::max);
-        let SoundLimits { mask, believed, reach, bounces, reflection_loss } = limits;
+        let SoundLimits { mask, believed, reach, bounces, reflection_loss, clock } = limits;
         SoundTracer {
             scene,
             slabs,
@@ -223,6 +227,7 @@ impl<'a> SoundTracer<'a> {
             least_range: believed / fastest,
             bounces,
             reflection_loss,
+            clock,
         }
     }
 
@@ -271,7 +276,8 @@ impl<'a> SoundTracer<'a> {
             let to_surface = if direction.z > 0.0 { shallow / direction.z } else { f32::INFINITY };
             rays.range_max[lane] = reach.min(to_surface);
         }
-        hits.trace(self.scene, rays, block.len(), true, self.mask);
+        let per_metre = 1.0 / water.speed;
+        self.meet(rays, hits, block.len(), true, |_| [0.0, per_metre]);
         let absorption = water.absorption_at(depth) as f32;
         let half_slope = 0.5 * water.absorption_slope as f32;
         // Depths below the sonar where this slab begins and ends.
@@ -279,7 +285,8 @@ impl<'a> SoundTracer<'a> {
         for (lane, ray) in block.enumerate() {
             let direction = rays.direction(lane);
             let (range, surface, normal) = if hits.surface[lane] != MISS {
-                (hits.range[lane], hits.surface[lane], self.scene.world_normal(hits.surface[lane], hits.normal(lane)))
+                let normal = self.scene.world_normal(hits.surface[lane], hits.normal(lane), rays.time[lane]);
+                (hits.range[lane], hits.surface[lane], normal)
             } else if rays.range_max[lane] < reach {
                 (rays.range_max[lane], MEDIUM, Vec3::NEG_Z)
             } else {
@@ -303,7 +310,11 @@ impl<'a> SoundTracer<'a> {
                 speed: 1.0,
                 place: place + direction * range,
                 direction,
-                normal: if surface == MEDIUM { normal } else { self.smooth_normal(hits, lane, direction, normal) },
+                normal: if surface == MEDIUM {
+                    normal
+                } else {
+                    self.smooth_normal((rays, hits), lane, direction, normal)
+                },
                 order: 0,
             });
             if self.bounces > 0 {
@@ -316,6 +327,38 @@ impl<'a> SoundTracer<'a> {
                 if self.reflect(&mut state, surface, normal) {
                     states.push(state);
                 }
+            }
+        }
+    }
+
+    /// Traces `count` rays that sound follows; what moves is met where it is when the sound gets there. `passing` is, of
+    /// a lane, the time at which its ray starts, s after the ping, and what a metre takes, s.
+    fn meet(
+        &self,
+        rays: &mut RayBatch,
+        hits: &mut HitBatch,
+        count: usize,
+        coherent: bool,
+        passing: impl Fn(usize) -> [f64; 2],
+    ) {
+        /// Things are at most a hundredth as fast as sound: each pass finds the place a hundred times better.
+        const PASSES: usize = 4;
+        let Some(clock) = &self.clock else { return hits.trace(self.scene, rays, count, coherent, self.mask) };
+        for pass in 0..PASSES {
+            let mut changed = false;
+            for lane in 0..count {
+                let length = match hits.surface[lane] {
+                    _ if pass == 0 => 0.0,
+                    MISS => rays.range_max[lane],
+                    _ => hits.range[lane],
+                };
+                let [start, per_metre] = passing(lane);
+                let length = if length.is_finite() { f64::from(length) } else { 0.0 };
+                let before = std::mem::replace(&mut rays.time[lane], clock.of(start + length * per_metre));
+                changed |= (rays.time[lane] - before).abs() > 1e-6;
+            }
+            if changed || pass == 0 {
+                hits.trace(self.scene, rays, count, coherent, self.mask);
             }
         }
     }
@@ -386,7 +429,7 @@ impl<'a> SoundTracer<'a> {
             }
             // Rays that nothing has turned are still neighbours.
             let coherent = states.iter().all(|state| state.order == 0);
-            hits.trace(self.scene, rays, states.len(), coherent, self.mask);
+            self.meet(rays, hits, states.len(), coherent, |lane| [states[lane].ray.time, 1.0 / states[lane].ray.speed]);
             kept = 0;
             for lane in 0..states.len() {
                 let (mut state, step) = (states[lane], steps[lane]);
@@ -395,13 +438,13 @@ impl<'a> SoundTracer<'a> {
                 } else {
                     let slab = &self.slabs[state.ray.slab];
                     let surface = hits.surface[lane];
-                    let normal = self.scene.world_normal(surface, hits.normal(lane));
+                    let normal = self.scene.world_normal(surface, hits.normal(lane), rays.time[lane]);
                     let length = arc_to(&state, slab, &step, hits.range[lane], rays.direction(lane), normal);
                     state.ray = state.ray.advanced(slab, length);
                     let (triangle, corner) = (hits.triangle[lane], [hits.u[lane], hits.v[lane]]);
                     let in_reach = self.is_in_reach(&state, start);
                     if in_reach {
-                        let smooth = self.smooth_normal(hits, lane, state.direction().as_vec3(), normal);
+                        let smooth = self.smooth_normal((rays, hits), lane, state.direction().as_vec3(), normal);
                         let arrival = self.arrival(&state, surface, smooth, start);
                         arrivals.push(Arrival { triangle, corner, ..arrival });
                     }
@@ -526,9 +569,10 @@ impl<'a> SoundTracer<'a> {
 
     /// The normal for the echo of a `lane`'s hit, met along `direction`; that of its triangle is `flat`. Mirrors use
     /// the triangle's, lest a ray go on behind it.
-    fn smooth_normal(&self, hits: &HitBatch, lane: usize, direction: Vec3, flat: Vec3) -> Vec3 {
-        let corner = [hits.u[lane], hits.v[lane]];
-        let Some(smooth) = self.scene.shading_normal(hits.surface[lane], hits.triangle[lane], corner) else {
+    fn smooth_normal(&self, (rays, hits): (&RayBatch, &HitBatch), lane: usize, direction: Vec3, flat: Vec3) -> Vec3 {
+        let (corner, time) = ([hits.u[lane], hits.v[lane]], rays.time[lane]);
+        let smooth = self.scene.shading_normal(hits.surface[lane], hits.triangle[lane], corner, time);
+        let Some(smooth) = smooth else {
             return flat;
         };
         let facing = if direction.dot(flat) > 0.0 { -flat } else { flat };
@@ -616,7 +660,8 @@ mod tests {
         let (column, _) = Column::new(&water, 100e3, -place.z).unwrap();
         let believed = column.speed_at(-place.z);
         let reflection_loss = |_: u32, _: f64| 0.0;
-        let limits = SoundLimits { mask: u32::MAX, believed, reach, bounces: 3, reflection_loss: &reflection_loss };
+        let limits =
+            SoundLimits { mask: u32::MAX, believed, reach, bounces: 3, reflection_loss: &reflection_loss, clock: None };
         let tracer = SoundTracer::new(&scene.0, &column, limits);
         let [x, y, z] = [0, 1, 2].map(|axis| directions.iter().map(|it| it[axis] as f32).collect::<Vec<f32>>());
         let launch = Launch { directions: [&x, &y, &z], rotation: Mat3::IDENTITY, place };

@@ -1,5 +1,6 @@
 //! What the ids of Embree's hits mean.
 
+use super::instances::Instances;
 use super::{Backscatter, Tables};
 use crate::material::{Alpha, Material, Mirrors, Optics, ReflectanceSource, Reflectances, Sound, srgb_byte};
 use crate::medium::Sea;
@@ -7,7 +8,7 @@ use crate::scene::{Labels, Mesh, Object, Part};
 use embree4::{Candidate, INVALID};
 use glam::Vec3;
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// A part of an object: what a hit on it means.
 #[derive(Clone, Copy, Debug)]
@@ -20,6 +21,8 @@ pub(crate) struct Surface {
     pub material: u32,
     /// Index into [`Surfaces::parts`].
     pub part: u32,
+    /// Which part of its mesh, from 0.
+    pub number: u16,
     /// Index into [`super::Tables::normal_matrices`].
     pub object: u32,
     /// Base colour of the material's factor, sRGB.
@@ -59,11 +62,17 @@ pub(crate) struct Surfaces {
     reflectances: Mutex<Vec<Arc<Reflectances>>>,
     /// Computed once for each frequency and sea.
     backscatter: Mutex<Vec<Arc<Backscatter>>>,
+    /// Computed when first asked for.
+    pub(super) instances: OnceLock<Instances>,
 }
 
 impl Surfaces {
-    /// Rows of `objects` in their order; each with whether its normals come in the mesh's frame.
-    pub(crate) fn new<'a>(objects: impl Iterator<Item = (&'a Object, bool)>, labels: Arc<Labels>) -> Surfaces {
+    /// Rows of `objects` in their order at `time`, s; each with whether its normals come in the mesh's frame.
+    pub(crate) fn new<'a>(
+        objects: impl Iterator<Item = (&'a Object, bool)>,
+        labels: Arc<Labels>,
+        time: f64,
+    ) -> Surfaces {
         let mut surfaces = Surfaces { materials: vec![Arc::default()], ..Surfaces::default() };
         let material_ids = labels.material.to_map();
         let mut first_part: HashMap<*const Mesh, u32> = HashMap::new();
@@ -78,7 +87,7 @@ impl Surfaces {
                 let material = match object.material.as_ref().or(part.material.as_ref()) {
                     None => 0,
                     Some(material) => *material_index.entry(Arc::as_ptr(material)).or_insert_with(|| {
-                        surfaces.materials.push(material.clone());
+                        surfaces.materials.push(material.at(time).map_or_else(|| material.clone(), Arc::new));
                         surfaces.materials.len() as u32 - 1
                     }),
                 };
@@ -95,6 +104,7 @@ impl Surfaces {
                     material_id: material_ids.get(made_of.name.as_str()).copied().unwrap_or(0),
                     material,
                     part: first_part + number as u32,
+                    number: number as u16,
                     object: index as u32,
                     rgb: std::array::from_fn(|c| srgb_byte(made_of.base_color[c])),
                     textured,
@@ -149,6 +159,12 @@ impl Surfaces {
         }
     }
 
+    /// Whether what lies behind a surface is seen through it.
+    pub(crate) fn is_glass(&self, surface: &Surface) -> bool {
+        let Material { transmission, metallic, .. } = *self.materials[surface.material as usize];
+        transmission > 0.0 && metallic < 1.0
+    }
+
     /// What `surface`, a row or [`super::MISS`], does with light, according to `reflectances`.
     pub(crate) fn optics<'a>(&self, reflectances: &'a Reflectances, surface: u32) -> Option<&'a Optics> {
         let row = self.rows.get(surface as usize)?;
@@ -191,19 +207,24 @@ impl Surfaces {
 }
 
 impl Tables {
-    /// The interpolated normal of a smooth part where the second and the third corner of `triangle` weigh `u` and `v`,
-    /// in the world's frame, of any length and on the mesh's side; `None`: the part is flat, or the normals of its
+    /// The interpolated normal of a smooth part at `time` where the second and the third corner of `triangle` weigh `u`
+    /// and `v`, in the world's frame, of any length and on the mesh's side; `None`: the part is flat, or the normals of its
     /// corners cancel.
-    pub(crate) fn shading_normal(&self, surface: u32, triangle: u32, [u, v]: [f32; 2]) -> Option<Vec3> {
+    pub(crate) fn shading_normal(&self, surface: u32, triangle: u32, [u, v]: [f32; 2], time: f32) -> Option<Vec3> {
         let surfaces = &self.surfaces;
         if !surfaces.has_shading_normals {
             return None;
         }
         let row = surfaces.rows.get(surface as usize)?;
+        if let Some(mover) = self.mover(row.object).filter(|mover| mover.bends()) {
+            let smooth = mover.smooth_normal((row.number.into(), triangle, [u, v]), time)?;
+            return Some(mover.path.at(time).normal(smooth))
+                .filter(|normal| normal.length_squared() > f32::MIN_POSITIVE);
+        }
         let part = &surfaces.parts[row.part as usize];
         let normals = part.normals.as_deref()?;
         let [a, b, c] = part.triangles[triangle as usize].map(|index| Vec3::from(normals[index as usize]));
-        let smooth = self.normal_matrices[row.object as usize] * (a * (1.0 - u - v) + b * u + c * v);
+        let smooth = self.turned(row.object, a * (1.0 - u - v) + b * u + c * v, time);
         (smooth.length_squared() > f32::MIN_POSITIVE).then_some(smooth)
     }
 }

@@ -49,7 +49,7 @@ impl Contribution {
     /// sensor's side; interpolated ones where the part has them and `smooth` wants them.
     pub(crate) fn face(&mut self, scene: &Tables, rays: &RayBatch, hits: &mut HitBatch, count: usize, smooth: bool) {
         if scene.surfaces.has_instances {
-            hits.orient_normals(scene, count);
+            hits.orient_normals(scene, rays, count);
         }
         self.meet(rays, hits);
         if smooth {
@@ -78,11 +78,16 @@ impl Contribution {
             let part = &surfaces.parts[surface.part as usize];
             let Some(normals) = &part.normals else { continue };
             let matrix = scene.normal_matrices[surface.object as usize];
+            let moves = scene.mover(surface.object).is_some();
             for lane in run {
-                let corners = part.triangles[hits.triangle[lane] as usize];
-                let [a, b, c] = corners.map(|index| Vec3::from(normals[index as usize]));
-                let (u, v) = (hits.u[lane], hits.v[lane]);
-                let smooth = matrix * (a * (1.0 - u - v) + b * u + c * v);
+                let (triangle, u, v) = (hits.triangle[lane], hits.u[lane], hits.v[lane]);
+                let smooth = if moves {
+                    scene.shading_normal(index, triangle, [u, v], rays.time[lane]).unwrap_or(Vec3::ZERO)
+                } else {
+                    let corners = part.triangles[triangle as usize];
+                    let [a, b, c] = corners.map(|index| Vec3::from(normals[index as usize]));
+                    matrix * (a * (1.0 - u - v) + b * u + c * v)
+                };
                 // Opposite vertex normals may cancel; then the triangle's own normal stays.
                 if smooth.length_squared() > f32::MIN_POSITIVE {
                     let facing = hits.normal(lane);

@@ -2,6 +2,7 @@
 
 mod contribution;
 mod glint;
+mod images;
 mod intensity;
 mod particles;
 mod path;
@@ -12,6 +13,7 @@ mod weather;
 
 pub(crate) use contribution::{Contribution, Wanted};
 pub(crate) use glint::Glint;
+pub(crate) use images::Image;
 pub use intensity::IntensityEncoding;
 pub(crate) use intensity::IntensityModel;
 pub(crate) use particles::Cone;

@@ -4,7 +4,7 @@
 //! surface it divides into a reflected and a refracted one, and wherever a surface scatters light back there is an
 //! echo, whose light returns the same way. The paths of a block of beams are traced together, generation by generation.
 
-use super::{Air, Contribution, Glint, Wanted};
+use super::{Air, Contribution, Glint, Image, Wanted};
 use crate::ground::cause::Cause;
 use crate::ground::lanes::{LANES, MISS, RayBatch};
 use crate::material::{Optics, Reflectances};
@@ -90,6 +90,8 @@ struct Way {
     part: f32,
     /// What it is inside: a row of [`Follower::insides`].
     inside: u32,
+    /// How what is at its end is seen to move: a row of [`Follower::images`].
+    image: u32,
     lane: u8,
     bounces: u8,
     cause: Cause,
@@ -105,6 +107,7 @@ impl Way {
             depth: 0.0,
             part: 1.0,
             inside: OUTSIDE,
+            image: DIRECT,
             lane: lane as u8,
             bounces: 0,
             cause: Cause::Surface,
@@ -120,6 +123,9 @@ impl Way {
 /// Row of [`Follower::insides`] for outside all bodies.
 const OUTSIDE: u32 = 0;
 
+/// Row of [`Follower::images`] for what is seen directly.
+const DIRECT: u32 = 0;
+
 /// An echo at the end of a path.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PathEcho {
@@ -134,6 +140,8 @@ pub(crate) struct PathEcho {
     pub bounces: u8,
     /// Lane of its hit.
     pub hit: usize,
+    /// How it is seen to move: a row of [`Follower::image`].
+    pub image: u32,
 }
 
 /// Memory of a block for following paths.
@@ -142,6 +150,8 @@ pub(crate) struct Follower {
     next: Next,
     /// What paths are inside; the first row is nothing.
     insides: Vec<Inside>,
+    /// How what paths lead to is seen to move; the first row is as it does.
+    images: Vec<Image>,
     rays: RayBatch,
     hits: HitBatch,
     surfaces: Contribution,
@@ -195,6 +205,8 @@ pub(crate) struct Preferred<'a, F> {
     pub surfaces: &'a mut Contribution,
     pub cause: &'a mut [u8; LANES],
     pub bounces: &'a mut [u8; LANES],
+    /// How it is seen to move.
+    pub image: &'a mut [u32; LANES],
     /// Preference of an echo, if it is wanted at all.
     pub prefer: F,
     /// Least `rho_eff / R^2` detected anywhere, 1/m^2.
@@ -219,7 +231,7 @@ impl<F: Fn(&PathEcho) -> Option<f32>> PathEchoes for Preferred<'_, F> {
             self.hits.range[lane] = echo.range;
             self.surfaces.reflectance[lane] = echo.reflectance;
             self.surfaces.cos_incidence[lane] = echo.cos_incidence;
-            (self.cause[lane], self.bounces[lane]) = (echo.cause as u8, echo.bounces);
+            (self.cause[lane], self.bounces[lane], self.image[lane]) = (echo.cause as u8, echo.bounces, echo.image);
         }
     }
 }
@@ -231,9 +243,11 @@ pub(crate) struct Surroundings<'a> {
     pub mask: u32,
     pub smooth: bool,
     pub wanted: Wanted,
+    /// Whether it matters how what is seen moves.
+    pub motion: bool,
     pub limits: PathLimits,
-    /// Farthest range of each beam, m.
-    pub range_max: &'a [f32; LANES],
+    /// The beams: their farthest ranges and their times.
+    pub beams: &'a RayBatch,
     /// Weather along the path.
     pub air: Option<&'a Air>,
 }
@@ -244,6 +258,7 @@ impl Default for Follower {
             paths: Next::default(),
             next: Next::default(),
             insides: vec![Inside::default()],
+            images: vec![Image::DIRECT],
             rays: RayBatch::default(),
             hits: HitBatch::new(),
             surfaces: Contribution::new(),
@@ -265,6 +280,16 @@ impl Follower {
             let (origin, direction) = (rays.origin(lane), rays.direction(lane));
             self.paths.reflected.push(Path { origin, direction, way: Way::start(lane) });
         }
+    }
+
+    /// Forgets the images of the beams before.
+    pub(crate) fn forget_images(&mut self) {
+        self.images.truncate(1);
+    }
+
+    /// How an echo is seen to move, by [`PathEcho::image`].
+    pub(crate) fn image(&self, row: u32) -> &Image {
+        &self.images[row as usize]
     }
 
     /// Follows the light; `echoes` takes what comes back, including from the first surfaces.
@@ -301,7 +326,9 @@ impl Follower {
         for (lane, path) in paths.iter().enumerate() {
             (self.rays.org_x[lane], self.rays.org_y[lane], self.rays.org_z[lane]) = path.origin.into();
             (self.rays.dir_x[lane], self.rays.dir_y[lane], self.rays.dir_z[lane]) = path.direction.into();
-            self.rays.range_max[lane] = (around.range_max[usize::from(path.way.lane)] - path.way.range).max(0.0);
+            let beam = usize::from(path.way.lane);
+            self.rays.range_max[lane] = (around.beams.range_max[beam] - path.way.range).max(0.0);
+            self.rays.time[lane] = around.beams.time[beam];
         }
         // Neighbours mostly come from neighbours on the same surface: packets as for beams take two thirds of the time.
         self.hits.trace(around.scene, &self.rays, paths.len(), true, around.mask);
@@ -316,7 +343,7 @@ impl Follower {
         let limits = &around.limits;
         let mut inside = [OUTSIDE; LANES];
         self.read_surfaces(around, paths, &mut inside);
-        let Follower { next, rays, hits, surfaces, at, mirrored, refracted, .. } = self;
+        let Follower { next, rays, hits, surfaces, at, mirrored, refracted, images, .. } = self;
         boundary::arrive(at, rays.origins(), rays.directions(), &hits.range, paths.len());
         let normals = [&hits.normal_x, &hits.normal_y, &hits.normal_z];
         let (cos, simple) = (&surfaces.cos_incidence, limits.glass_of_the_program);
@@ -354,6 +381,7 @@ impl Follower {
                     cause: way.cause,
                     bounces: way.bounces,
                     hit: lane,
+                    image: way.image,
                 };
                 echoes.take(&echo, hits, surfaces);
             };
@@ -384,8 +412,21 @@ impl Follower {
                     });
                 }
             };
-            go(&mut next.reflected, mirrored, Way { cause: Cause::Mirror, ..onward });
-            go(&mut next.refracted, refracted, Way { inside: inside[lane], ..onward.through() });
+            let [behind, beyond] = if around.motion {
+                let time = rays.time[lane];
+                let velocity = around.scene.velocity(surface, hits.triangle[lane], [hits.u[lane], hits.v[lane]], time);
+                let onward = Vec3::from(refracted.direction.each_ref().map(|axis| axis[lane]));
+                let image = images[way.image as usize];
+                let seen = [image.in_mirror(hits.normal(lane), velocity), image.through(direction, onward)];
+                seen.map(|image| {
+                    images.push(image);
+                    images.len() as u32 - 1
+                })
+            } else {
+                [DIRECT; 2]
+            };
+            go(&mut next.reflected, mirrored, Way { cause: Cause::Mirror, image: behind, ..onward });
+            go(&mut next.refracted, refracted, Way { inside: inside[lane], image: beyond, ..onward.through() });
         }
     }
 

@@ -5,7 +5,7 @@ use super::returns::Gatherer;
 use super::run::{Measuring, Scan};
 use crate::cloud::{Kept, Slices};
 use crate::detect::{ReturnMode, Returns, Threshold};
-use crate::echo::{Air, AirEcho, Answer, Contribution, Follower, Foremost, PathEcho, PathLimits, Preferred};
+use crate::echo::{Air, AirEcho, Answer, Contribution, Follower, Foremost, Image, PathEcho, PathLimits, Preferred};
 use crate::emitter;
 use crate::ground::cause::Cause;
 use crate::ground::lanes::{LANES, MEDIUM, MISS, RayBatch};
@@ -100,6 +100,13 @@ pub(super) fn boxed<T: Default>() -> Box<T> {
     Box::default()
 }
 
+/// As boxed, for what is seen directly.
+#[cold]
+#[inline(never)]
+pub(super) fn no_images() -> Box<[Image; LANES]> {
+    Box::new([Image::DIRECT; LANES])
+}
+
 /// The intermediate results of one block of beams: the table in the crate's documentation, column by column.
 #[repr(C, align(64))]
 pub(super) struct Block {
@@ -119,6 +126,8 @@ pub(super) struct Block {
     pub kept: Kept,
     /// The rays that beams are reported to be, where those are not `rays`.
     pub reported: Option<Box<RayBatch>>,
+    /// How what lanes see is seen to move, where mirrors or glass are on the way and that is asked for.
+    pub images: Option<Box<[Image; LANES]>>,
     /// Memory to follow light in, where a scene has mirrors or glass.
     pub paths: Option<Box<Follower>>,
     /// Memory for beams of several rays or returns.
@@ -143,6 +152,7 @@ impl Default for Block {
             scratch: [0.0; LANES],
             answer: Answer::new(),
             reported: None,
+            images: None,
             paths: None,
             gatherer: None,
             looks: None,
@@ -200,6 +210,9 @@ impl Block {
         let rays = |directions, rays: &mut RayBatch| {
             scan.aim.pose.rays(scan.aim.beams, first, directions, scan.aim.reach, rays);
         };
+        if let Some(clock) = &scan.aim.clock {
+            clock.set(&scan.aim.beams.time[first..first + count], &mut self.rays.time);
+        }
         if !scan.points_elsewhere() {
             return rays(nominal, &mut self.rays);
         }
@@ -228,7 +241,7 @@ impl Block {
     /// mode prefers takes the place of the surface.
     #[inline(never)]
     fn follow(&mut self, scan: &Scan, limits: PathLimits, first: usize, count: usize) {
-        let Block { rays, hits, surfaces, answer, paths, .. } = self;
+        let Block { rays, hits, surfaces, answer, paths, images, .. } = self;
         (answer.first_category, answer.first_instance) = (surfaces.category_id, surfaces.instance_id);
         let mut lanes = [0; LANES];
         let found = scan.going_on(&hits.surface, count, &mut lanes);
@@ -237,12 +250,13 @@ impl Block {
             return;
         }
         let follower = paths.get_or_insert_with(boxed);
+        follower.forget_images();
         follower.begin(rays, hits, surfaces, lanes);
         // The paper's program knows weather on the whole of the way alone.
         let air = scan.world.air.as_ref().filter(|_| !scan.detect.keeps_undetected);
-        let around = scan.surroundings(air, limits, scan.world.wanted, &rays.range_max);
+        let around = scan.surroundings(air, limits, scan.world.wanted, rays);
         let Answer { efficiency, cause, bounces, dimmed, .. } = answer;
-        let mut strength = [f32::NEG_INFINITY; LANES];
+        let (mut strength, mut image) = ([f32::NEG_INFINITY; LANES], [0; LANES]);
         let prefer = |echo: &PathEcho| {
             let rho_eff = echo.reflectance * echo.cos_incidence * efficiency[echo.lane];
             let seen = scan.detect.keeps_undetected || {
@@ -266,6 +280,7 @@ impl Block {
             surfaces,
             cause,
             bounces,
+            image: &mut image,
             prefer,
             least_power: scan.detect.threshold.least_power().filter(|_| !scan.detect.keeps_undetected).unwrap_or(0.0)
                 as f32,
@@ -273,6 +288,10 @@ impl Block {
                 && !matches!(scan.detect.mode, ReturnMode::First | ReturnMode::Last),
         };
         follower.follow(&around, &mut preferred);
+        if scan.world.motion {
+            let images = images.get_or_insert_with(no_images);
+            lanes.iter().map(|&lane| usize::from(lane)).for_each(|lane| images[lane] = *follower.image(image[lane]));
+        }
         for lane in lanes.iter().map(|&lane| usize::from(lane)) {
             if strength[lane] == f32::NEG_INFINITY {
                 hits.surface[lane] = MISS;

@@ -97,6 +97,7 @@ impl Block {
     pub fn shadow(&mut self, scan: &Scan, eye: Vec3, count: usize) {
         let mut looks = self.looks.take().unwrap_or_else(boxed);
         let rays = &mut looks.rays;
+        rays.time = self.rays.time;
         match &scan.aim.pose {
             Aim::Fixed { rotation, origin } => {
                 let eye = *rotation * eye + *origin;
@@ -143,6 +144,7 @@ impl Block {
     fn bounce(&mut self, scan: &Scan, camera: &DepthCamera, looks: &mut Looks, count: usize) {
         let rays = camera.multipath_rays;
         let each = rays as usize + 1;
+        looks.rays.time = self.rays.time;
         looks.ranges.clear();
         looks.powers.clear();
         looks.ranges.resize(LANES * each, 0.0);

@@ -1,7 +1,7 @@
 //! The columns of a block's returns.
 
 use super::block::{Block, Lanes};
-use super::run::Scan;
+use super::run::{MOVING, Scan};
 use crate::cloud::{Field, Frame, Kept, Slices};
 use crate::ground::angle::azimuth_elevation;
 use crate::ground::lanes::LANES;
@@ -11,7 +11,7 @@ use std::f32::consts::PI;
 
 impl Block {
     /// Step 11: the columns that were asked for, row by row.
-    pub fn collect(&mut self, scan: &Scan, count: usize, rows: Slices) -> usize {
+    pub fn collect(&mut self, scan: &Scan, count: usize, mut rows: Slices) -> usize {
         let Block { lanes, rays, hits, surfaces, measured, intensity, turn, kept, scratch, answer, reported, .. } =
             self;
         let surface = &hits.surface;
@@ -98,6 +98,14 @@ impl Block {
             kept.put(surface, &surfaces.category_id, rows.first_category_id);
             kept.put(surface, &surfaces.instance_id, rows.first_instance_id);
         }
+
+        if !rows.track_id.is_empty() {
+            kept.put(surface, &surfaces.instance_id, rows.track_id);
+        }
+        if scan.options.fields.contains_any(&MOVING) {
+            self.tell_motion(scan, count, rows.rows_after(0));
+        }
+        let Block { lanes, kept, turn, .. } = self;
 
         // What is known of every beam, return or not.
         if !rows.channel.is_empty() {

@@ -7,6 +7,7 @@ mod explain;
 mod halo;
 mod returns;
 mod run;
+mod truth;
 
 use super::{Progress, ScanOptions};
 use crate::cloud::PointCloud;
@@ -28,7 +29,8 @@ impl BuiltScene {
     ) -> Result<()> {
         options.check(trajectory)?;
         let beams = sensor.beams_at(options.start_time)?;
-        let mut scan = Scan::new(&self.0, sensor, &beams, trajectory, options);
+        self.0.check_time(options.start_time, beams.last_time())?;
+        let mut scan = Scan::new(&self.0, sensor, &beams, trajectory, options)?;
         if options.organised && scan.most_returns() > 1 {
             let found = format!("{} returns a beam", scan.most_returns());
             return Err(Error::invalid(
@@ -57,7 +59,8 @@ impl BuiltScene {
         if beam as usize >= beams.len() {
             return Err(Error::invalid("beam", beam, format!("0 to {}", beams.len() - 1)));
         }
-        let mut scan = Scan::new(&self.0, sensor, &beams, trajectory, options);
+        self.0.check_time(options.start_time, beams.last_time())?;
+        let mut scan = Scan::new(&self.0, sensor, &beams, trajectory, options)?;
         scan.find_halos(sensor);
         scan.explain(&sensor.signals(), beam as usize)
     }

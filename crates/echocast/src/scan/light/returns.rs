@@ -1,7 +1,7 @@
 //! One block of beams that are several rays each, or have several returns: what comes back of every ray makes a signal,
 //! and the echoes in it make returns.
 
-use super::block::{Block, boxed};
+use super::block::{Block, boxed, no_images};
 use super::run::Scan;
 use crate::cloud::Slices;
 use crate::detect::Peak;
@@ -55,6 +55,8 @@ pub(super) struct Other {
     pub triangle: u32,
     pub uv: [f32; 2],
     pub normal: Vec3,
+    /// How it is seen to move: a row of [`Follower::image`], 0 of what is seen directly.
+    pub image: u32,
 }
 
 pub(super) const NONE: u32 = u32::MAX;
@@ -182,6 +184,7 @@ impl PathEchoes for OfPaths<'_> {
             triangle: hits.triangle[hit],
             uv: [hits.u[hit], hits.v[hit]],
             normal: hits.normal(hit),
+            image: echo.image,
         };
         if other.power > 0.0 {
             self.others.add(echo.lane, other);
@@ -227,6 +230,7 @@ impl AirEchoes for OfAir<'_> {
             triangle: 0,
             uv: [0.0; 2],
             normal: Vec3::NAN,
+            image: 0,
         };
         if other.power > 0.0 {
             self.others.add(lane, other);
@@ -348,7 +352,7 @@ impl Block {
 
     /// Makes lane `to` the return that `found` of the beam at `lane` is.
     fn put(&mut self, scan: &Scan, gatherer: &Gatherer, lane: usize, to: usize, found: Found) {
-        let Block { rays, reported, hits, surfaces, rho_eff, formed, answer, .. } = self;
+        let Block { rays, reported, hits, surfaces, rho_eff, formed, answer, images, .. } = self;
         let Found { peak, source, mixed, .. } = found;
         formed[to] = found.formed;
         rays.take(to, &gatherer.beams, lane);
@@ -374,6 +378,9 @@ impl Block {
             (hits.triangle[to], hits.surface[to]) = (other.triangle, other.surface);
             surfaces.cos_incidence[to] = other.cos_incidence;
             (first, cause, answer.bounces[to]) = (other.first, other.cause, other.bounces);
+            if let Some(follower) = gatherer.follower.as_ref().filter(|_| scan.world.motion) {
+                images.get_or_insert_with(no_images)[to] = *follower.image(other.image);
+            }
         }
         hits.range[to] = peak.range;
         rho_eff[to] = peak.power * peak.range * peak.range;
@@ -434,6 +441,9 @@ impl Gatherer {
     /// Steps 5 to 8: what every ray of `beams` sends back. `rays` is memory for them.
     pub fn gather(&mut self, scan: &Scan, signals: &Signals, rays: &mut RayBatch, beams: &[u32]) {
         let count = beams.len();
+        if let Some(follower) = &mut self.follower {
+            follower.forget_images();
+        }
         self.others.list.clear();
         self.others.last = [NONE; LANES];
         if let Some(footprint) = &signals.footprint {
@@ -478,7 +488,7 @@ impl Gatherer {
             let going_on = scan.world.paths.map(|limits| (limits, scan.going_on(&ray.hits.surface, count, &mut lanes)));
             if let Some((limits, found @ 1..)) = going_on {
                 let lanes = &lanes[..found];
-                let around = scan.surroundings(scan.world.air.as_ref(), limits, wanted, &rays.range_max);
+                let around = scan.surroundings(scan.world.air.as_ref(), limits, wanted, rays);
                 // A hundredth of what is seen adds nothing to what is seen.
                 let least_power = 0.01 * scan.detect.threshold.least_power().unwrap_or(0.0) as f32;
                 let mut echoes =
@@ -522,6 +532,7 @@ impl Gatherer {
                     triangle: bright.triangle,
                     uv: bright.uv,
                     normal: bright.normal,
+                    image: 0,
                 };
                 self.others.add(lane, other);
             });

@@ -2,19 +2,19 @@
 
 use super::block::{Lanes, Task, with_block};
 use super::halo::Halos;
-use crate::cloud::{Columns, Field, Frame, PointCloud, Slices};
+use crate::cloud::{Columns, FLOW, Field, Frame, PointCloud, Slices};
 use crate::detect::{Errors, FalseAlarms, ReturnMode, Threshold};
 use crate::echo::{Air, IntensityEncoding, IntensityModel, PathLimits, Surroundings, Wanted};
 use crate::emitter::{Aim, BeamTable, Trajectory};
 use crate::ground::error::{Error, Result};
-use crate::ground::lanes::{CHUNK, LANES, MISS};
+use crate::ground::lanes::{CHUNK, LANES, MISS, RayBatch};
 use crate::ground::parallel;
 use crate::ground::rng::Rng;
 use crate::material::{Mirrors, Optics, ReflectanceSource, Reflectances};
 use crate::medium::Weather;
 use crate::scan::{Order, Profile, Progress, ScanOptions};
 use crate::sensor::{DepthCamera, Sensor, Signals};
-use crate::trace::Tables;
+use crate::trace::{Clock, Later, Tables};
 use echocast_kernels::measure;
 use std::ops::Range;
 use std::sync::Arc;
@@ -27,6 +27,18 @@ const LABELS: [Field; 6] = [
     Field::MaterialId,
     Field::FirstCategoryId,
     Field::FirstInstanceId,
+];
+
+/// Columns that depend on how things move.
+pub(super) const MOVING: [Field; 8] = [
+    Field::VelocityX,
+    Field::VelocityY,
+    Field::VelocityZ,
+    Field::RadialVelocity,
+    Field::FlowX,
+    Field::FlowY,
+    Field::FlowZ,
+    Field::Doppler,
 ];
 
 /// Chunks per thread between two passes that close the gaps of misses: few enough that their rows are
@@ -46,6 +58,8 @@ pub(super) struct Scan<'a> {
     pub measure: Measuring,
     /// What a depth camera makes of light, if the sensor is one.
     pub camera: Option<&'a DepthCamera>,
+    /// Time from one frame to the next, s.
+    pub frame_period: f64,
     /// How beams of several rays or returns are made; `None` where beams are a ray and a return each.
     pub signals: Option<Signals>,
 }
@@ -58,6 +72,8 @@ pub(super) struct Aiming<'a> {
     /// How far rays go, m: beyond the greatest range where what is measured wraps.
     pub reach: f32,
     pub coherent: bool,
+    /// Where the scene moves, beam by beam.
+    pub clock: Option<Clock>,
 }
 
 /// What light goes through and meets, and what of it is looked up.
@@ -75,6 +91,10 @@ pub(super) struct World<'a> {
     /// Whether labels, colours or reflectances are asked for.
     pub wants_surfaces: bool,
     pub wanted: Wanted,
+    /// Where things are one frame later, if they move and that is asked for.
+    pub later: Option<Later>,
+    /// Whether anything moves and that is asked for.
+    pub motion: bool,
 }
 
 /// Which echoes are seen.
@@ -141,13 +161,16 @@ impl Profile {
 
 impl<'a> Scan<'a> {
     /// With the `beams` that `sensor` has when the scan starts.
+    ///
+    /// # Errors
+    /// A vertex cache that can no longer be read.
     pub fn new(
         scene: &'a Tables,
         sensor: &'a Sensor,
         beams: &'a BeamTable,
         trajectory: &'a Trajectory,
         options: &'a ScanOptions,
-    ) -> Self {
+    ) -> Result<Self> {
         let Rules { source, mirrors, as_printed, as_computed } = options.profile.rules();
         let threshold = sensor.threshold(as_computed);
         // Without what makes it a camera, a pixel of several rays is none.
@@ -158,7 +181,7 @@ impl<'a> Scan<'a> {
         // Signals are made of all echoes.
         let mode = if signals.is_some() { ReturnMode::All } else { sensor.return_mode() };
         let camera = sensor.camera.as_ref().filter(|_| !as_printed);
-        let errors = Errors::new(&sensor.noise, sensor.range_error(threshold.clone()));
+        let errors = Errors::new(&sensor.noise, sensor.range_error(threshold.clone()), sensor.doppler);
 
         let weather = Weather::new(&options.environment, sensor.wavelength_nm, as_printed, scene.origin);
         let air = Air::new(weather, sensor.receiver(threshold.clone()), mode, !as_computed);
@@ -174,6 +197,7 @@ impl<'a> Scan<'a> {
         });
 
         let fields = options.fields;
+        let frame_period = options.frame_period.unwrap_or(beams.period);
         let depends = threshold != Threshold::Open || errors.depend_on_light() || camera.is_some();
         let wants_echo =
             signals.is_some() || air.is_some() || paths.is_some() || depends || fields.contains(Field::Intensity);
@@ -181,7 +205,7 @@ impl<'a> Scan<'a> {
         let colors = fields.contains_any(&[Field::Red, Field::Green, Field::Blue]);
         let range_max = sensor.range_max_m as f32;
         let errs = errors.any || camera.is_some() || air.as_ref().is_some_and(|air| air.range_noise() > 0.0);
-        Scan {
+        Ok(Scan {
             options,
             rng: Rng::new(options.seed, options.frame),
             aim: Aiming {
@@ -190,6 +214,7 @@ impl<'a> Scan<'a> {
                 pose: Aim::new(trajectory, options.trajectory_time(), scene.origin),
                 reach: if camera.is_some_and(DepthCamera::wraps) { f32::INFINITY } else { range_max },
                 coherent: beams.is_coherent(),
+                clock: scene.clock(options.start_time, options.freeze),
             },
             world: World {
                 scene,
@@ -200,6 +225,8 @@ impl<'a> Scan<'a> {
                 wants_normals: wants_echo || fields.contains_any(&normals),
                 wants_surfaces: wants_echo || fields.contains_any(&LABELS) || colors,
                 wanted: Wanted { colors, reflectance: wants_echo },
+                later: fields.contains_any(&FLOW).then(|| scene.later(frame_period)).transpose()?,
+                motion: scene.span.is_some() && fields.contains_any(&MOVING),
             },
             measure: Measuring {
                 errors,
@@ -217,8 +244,9 @@ impl<'a> Scan<'a> {
                 halos: None,
             },
             camera,
+            frame_period,
             signals,
-        }
+        })
     }
 
     /// Finds what blooms, if `sensor` does; before anything is scanned.
@@ -356,13 +384,13 @@ impl Scan<'_> {
         found
     }
 
-    /// What light is followed through up to `range_max` m, with the weather of `air` on its way.
+    /// What the light of `beams` is followed through, with the weather of `air` on its way.
     pub fn surroundings<'b>(
         &'b self,
         air: Option<&'b Air>,
         limits: PathLimits,
         wanted: Wanted,
-        range_max: &'b [f32; LANES],
+        beams: &'b RayBatch,
     ) -> Surroundings<'b> {
         Surroundings {
             scene: self.world.scene,
@@ -370,8 +398,9 @@ impl Scan<'_> {
             mask: self.options.mask,
             smooth: self.world.smooth,
             wanted,
+            motion: self.world.motion,
             limits,
-            range_max,
+            beams,
             air,
         }
     }

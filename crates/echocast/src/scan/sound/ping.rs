@@ -114,6 +114,7 @@ pub(super) struct Pinging<'a> {
     fold: f64,
     mask: u32,
     time: f64,
+    freeze: bool,
 }
 
 impl BuiltScene {
@@ -209,6 +210,7 @@ impl<'a> Pinging<'a> {
 
         let interval = 0.5 * believed * sensor.beams.period;
         let reach = sensor.range_max_m;
+        scene.check_time(options.start_time, reach / believed)?;
         let allowed = |most: f64, how: &str| {
             let found =
                 format!("{reach} m, beyond the {interval:.2} m that sound goes and comes back between two pings");
@@ -303,6 +305,7 @@ impl<'a> Pinging<'a> {
             fold,
             mask: options.mask,
             time: options.start_time,
+            freeze: options.freeze,
             transducer,
         })
     }
@@ -335,6 +338,7 @@ impl<'a> Pinging<'a> {
             reach: self.reach,
             bounces: self.acoustics.bounces,
             reflection_loss: &loss,
+            clock: self.scene.clock(self.time, self.freeze),
         };
         let tracer = SoundTracer::new(self.scene, &self.column, limits);
         let insonification = self.insonification();

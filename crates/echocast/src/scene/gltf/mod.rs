@@ -32,6 +32,7 @@ use crate::material::TextureBudget;
 use crate::read::{self, Limit, yaml};
 use accessor::Accessors;
 use animation::Animation;
+pub(super) use animation::SHORTEST_ROUND_S;
 use gltf::json::Root;
 use gltf::json::extras::RawValue;
 use hierarchy::{Placed, Transform, Tree};

@@ -11,7 +11,7 @@ use super::skin::{Skeleton, Skins, check_joints};
 use crate::ground::error::Result;
 use crate::motion::{Motion, Shape};
 use crate::scene::mesh::{beyond_reach, is_degenerate};
-use crate::scene::{Mesh, Part, RawObject, cofactors};
+use crate::scene::{Mesh, Part, RawObject, UpAxis, cofactors};
 use glam::{DAffine3, DMat3};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -73,6 +73,7 @@ impl<'a> Objects<'a> {
                 name: name.cloned().unwrap_or_else(|| format!("object_{}", placed.node)),
                 mesh: mesh.clone(),
                 world_from_object,
+                up: UpAxis::Y,
                 category: placed.category.map(str::to_owned),
                 part: placed.part.map(str::to_owned),
                 motion,

@@ -16,13 +16,15 @@ use crate::ground::shown;
 use crate::material::{Material, TextureBudget};
 use crate::read::{self, Limit};
 use crate::scene::Mesh;
+use crate::scene::mesh::Source;
 use files::Files;
 use glam::{DAffine3, DMat3, DVec3};
 use parts::PartMaker;
-use statements::{Run, Statements};
+use statements::{Names, Run, Statements};
 use std::collections::hash_map::Entry;
 use std::collections::{HashMap, HashSet};
 use std::fs;
+use std::mem;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -38,10 +40,27 @@ pub(super) fn read(path: &Path, options: &LoadOptions, images: &mut TextureBudge
     if !(options.scale.is_finite() && options.scale > 0.0) {
         return Err(Error::invalid("scale", options.scale, "finite numbers above 0"));
     }
-    let bytes = read::bytes(path, Limit::SCENE)?;
-    let mut file = Statements::parse(path, &bytes)?;
-    drop(bytes);
+    let file = statements(path)?;
+    scene_of(path, file, options, images)
+}
 
+/// Reads the shapes alone of the OBJ file at `path`, as [`read`] does, z up and in metres: materials are not looked for.
+///
+/// # Errors
+/// As [`read`].
+pub(super) fn read_shapes(path: &Path) -> Result<Scene> {
+    let mut file = statements(path)?;
+    file.libraries = Names::default();
+    file.runs.iter_mut().for_each(|run| run.material = 0);
+    scene_of(path, file, &LoadOptions::default(), &mut TextureBudget::new(0))
+}
+
+fn statements(path: &Path) -> Result<Statements> {
+    Statements::parse(path, &read::bytes(path, Limit::SCENE)?)
+}
+
+/// The scene of the statements of the file at `path`.
+fn scene_of(path: &Path, mut file: Statements, options: &LoadOptions, images: &mut TextureBudget) -> Result<Scene> {
     let mut scene = Scene::default();
     file.warnings.drain(..).for_each(|warning| scene.report.warn(warning));
     let mut materials = Materials::read(path, &file, options, images, &mut scene)?;
@@ -59,7 +78,7 @@ pub(super) fn read(path: &Path, options: &LoadOptions, images: &mut TextureBudge
     );
     let world_from_file = axes * options.scale;
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    let mut maker = PartMaker::new(&file);
+    let mut maker = PartMaker::new(&file, options.caches().next().is_some());
     let mut objects = Vec::new();
     for runs in runs.chunk_by(|a, b| object_of(a) == object_of(b)) {
         let middle = maker.middle(runs);
@@ -76,10 +95,14 @@ pub(super) fn read(path: &Path, options: &LoadOptions, images: &mut TextureBudge
             0 => stem.to_string(),
             number => names.list[number].clone(),
         };
+        let source = maker.sources.as_mut().map(|sources| {
+            Arc::new(Source { vertices: mem::take(sources), count: file.positions.len(), origin: middle })
+        });
         objects.push(RawObject {
             name: name.clone(),
-            mesh: Arc::new(Mesh::trusted(name, parts)),
+            mesh: Arc::new(Mesh { source, ..Mesh::trusted(name, parts) }),
             world_from_object: DAffine3::from_mat3_translation(world_from_file, world_from_file * middle),
+            up: options.up,
             category: None,
             part: None,
             motion: None,

@@ -18,6 +18,8 @@ pub(super) struct PartMaker<'a> {
     parts: u32,
     /// What is left for [`triangulate`].
     looks_left: usize,
+    /// For each part so far, of each vertex which of the file's positions it is; `None`: nobody asks.
+    pub sources: Option<Vec<Vec<u32>>>,
     /// Triangles without area that were left out.
     pub degenerate_triangles: usize,
     /// Polygons that cross themselves.
@@ -25,10 +27,12 @@ pub(super) struct PartMaker<'a> {
 }
 
 impl<'a> PartMaker<'a> {
-    pub fn new(file: &'a Statements) -> Self {
+    /// Of the faces of `file`; `traced`: somebody asks for the sources of vertices.
+    pub fn new(file: &'a Statements, traced: bool) -> Self {
         let newest = vec![[0; 2]; file.positions.len()];
         let looks_left = looks(file.corners.len());
-        PartMaker { file, newest, parts: 0, looks_left, degenerate_triangles: 0, tangled_polygons: 0 }
+        let sources = traced.then(Vec::new);
+        PartMaker { file, newest, parts: 0, looks_left, sources, degenerate_triangles: 0, tangled_polygons: 0 }
     }
 
     /// The middle of the vertices of `runs`, in whole units: relative to it `f32` preserves `f64` coordinates.
@@ -98,6 +102,7 @@ impl<'a> PartMaker<'a> {
         let (mut positions, mut normals, mut uvs) = (Vec::new(), Vec::new(), Vec::new());
         // For each vertex: the indices that make it, and the previous vertex at its position.
         let (mut keys, mut older) = (Vec::new(), Vec::new());
+        let mut source = self.sources.is_some().then(Vec::new);
         let mut indices = Vec::with_capacity(triangles.len());
         for triangle in triangles {
             indices.push(triangle.map(|corner| {
@@ -123,6 +128,7 @@ impl<'a> PartMaker<'a> {
                 keys.push(key);
                 older.push(newest);
                 positions.push(self.local(&corner, middle));
+                source.iter_mut().for_each(|source| source.push(corner.position));
                 if smooth {
                     let of_face = || face_normal(triangle.map(|corner| self.local(&corner, middle)));
                     normals.push(normal.unwrap_or_else(of_face));
@@ -133,6 +139,7 @@ impl<'a> PartMaker<'a> {
                 vertex
             }));
         }
+        self.sources.iter_mut().for_each(|sources| sources.extend(source.take()));
         Part {
             positions: positions.into(),
             normals: smooth.then(|| normals.into()),

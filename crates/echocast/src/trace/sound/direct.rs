@@ -193,7 +193,10 @@ impl SoundTracer<'_> {
                 (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = along.into();
                 rays.range_max[lane] = length;
             }
-            hits.trace(self.scene, rays, candidates.len(), false, self.mask);
+            self.meet(rays, hits, candidates.len(), false, |lane| {
+                let ray = &candidates[lane].state.ray;
+                [ray.time, 1.0 / ray.speed]
+            });
             let mut lane = 0;
             candidates.retain_mut(|it| {
                 let surface = hits.surface[lane];

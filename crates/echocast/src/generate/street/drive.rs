@@ -1,0 +1,227 @@
+//! How cars drive: their ways, and traffic that follows, brakes, stops and turns.
+
+use super::plan::{LANE_MIDDLE, MOST_CARS, Plan};
+use crate::generate::noise::Dice;
+use crate::ground::rng::Draw;
+use glam::{DQuat, DVec2, DVec3};
+use std::f64::consts::{FRAC_PI_2, PI};
+
+/// Keys per second of cars, and of their wheels.
+pub(super) const KEYS: f64 = 10.0;
+pub(super) const WHEEL_KEYS: f64 = 30.0;
+/// The fastest that cars drive, m/s.
+const FASTEST: f64 = 14.0;
+/// Step of the simulation, s.
+const STEP: f64 = 0.01;
+
+/// The intelligent driver model (Treiber, Hennecke and Helbing 2000, Phys. Rev. E 62, 1805): acceleration and
+/// comfortable deceleration in m/s^2, time headway in s, and the gap at rest in m.
+const ACCELERATION: f64 = 1.9;
+const BRAKING: f64 = 2.4;
+const HEADWAY: f64 = 1.0;
+const GAP: f64 = 2.0;
+/// Nobody brakes harder than this, nor stops at a light if that would need more than the second.
+const HARDEST: f64 = 7.0;
+const WILLING: f64 = 3.5;
+/// Length that every car is assumed to have.
+const LENGTH: f64 = 4.6;
+/// Radius of the turn at the crossing, and the speed there.
+const RADIUS: f64 = 6.5;
+const TURNING: f64 = 4.5;
+
+/// Ways through the crossing, by where they lead.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Lane {
+    East,
+    West,
+    South,
+    North,
+}
+
+/// Where each car starts, m before the crossing, the speeds that its driver may want, and whether it turns: the carrier of
+/// the sensor, one that stops in the side street, one that turns to the right, and others. On the street they do not
+/// leave it before the end, and the first meets no red light.
+const STARTS: [(Lane, f64, [f64; 2], bool); MOST_CARS as usize] = [
+    (Lane::East, -60.0, [12.0, 12.8], false),
+    (Lane::South, -44.0, [9.0, 10.0], false),
+    (Lane::West, -34.0, [9.0, 10.0], true),
+    (Lane::West, -8.0, [9.2, 10.2], false),
+    (Lane::East, -27.0, [12.0, 12.2], false),
+    (Lane::West, -62.0, [11.0, 14.0], false),
+    (Lane::East, 11.0, [8.0, 8.3], false),
+    (Lane::North, -40.0, [8.0, 9.0], false),
+    (Lane::East, -84.0, [10.0, 14.0], false),
+    (Lane::West, -86.0, [10.0, 14.0], false),
+];
+
+/// A way: straight, with an arc to the right at one place or not. Lengths along it are 0 in the middle of the crossing,
+/// if it leads straight there.
+#[derive(Clone, Copy, Debug)]
+struct Way {
+    middle: DVec2,
+    heading: f64,
+    /// Where the arc begins.
+    turn: Option<f64>,
+}
+
+impl Way {
+    fn new(lane: Lane, turns: bool) -> Self {
+        let (x, y, heading) = match lane {
+            Lane::East => (0.0, -LANE_MIDDLE, 0.0),
+            Lane::West => (0.0, LANE_MIDDLE, PI),
+            Lane::South => (-LANE_MIDDLE, 0.0, -FRAC_PI_2),
+            Lane::North => (LANE_MIDDLE, 0.0, FRAC_PI_2),
+        };
+        Way { middle: DVec2::new(x, y), heading, turn: turns.then_some(-LANE_MIDDLE - RADIUS) }
+    }
+
+    /// Place and heading after `length`.
+    fn at(&self, length: f64) -> (DVec2, f64) {
+        let ahead = DVec2::from_angle(self.heading);
+        let Some(turn) = self.turn.filter(|turn| length > *turn) else {
+            return (self.middle + ahead * length, self.heading);
+        };
+        let angle = ((length - turn) / RADIUS).min(FRAC_PI_2);
+        let heading = self.heading - angle;
+        let center = self.middle + ahead * turn - ahead.perp() * RADIUS;
+        let after = (length - turn - RADIUS * FRAC_PI_2).max(0.0);
+        (center + DVec2::from_angle(heading).perp() * RADIUS + DVec2::from_angle(heading) * after, heading)
+    }
+
+    /// One over the radius, to the left, on average over 3 m.
+    fn curvature(&self, length: f64) -> f64 {
+        const HALF: f64 = 1.5;
+        (self.at(length + HALF).1 - self.at(length - HALF).1) / (2.0 * HALF)
+    }
+}
+
+/// A car's drive: how far it has come, and how fast it is, at every step.
+pub(super) struct Drive {
+    way: Way,
+    lane: Lane,
+    wanted: f64,
+    states: Vec<[f64; 2]>,
+    /// Drives on although the light is no longer green, since it cannot stop any more.
+    hurries: Option<bool>,
+}
+
+impl Drive {
+    /// How far it is, and how fast.
+    fn state(&self, time: f64) -> [f64; 2] {
+        let last = self.states.len() - 1;
+        let step = ((time / STEP) as usize).min(last.saturating_sub(1));
+        let part = (time / STEP - step as f64).clamp(0.0, 1.0);
+        let ([length, speed], [next, next_speed]) = (self.states[step], self.states[(step + 1).min(last)]);
+        [length + (next - length) * part, speed + (next_speed - speed) * part]
+    }
+
+    /// Place and velocity.
+    pub fn place(&self, time: f64) -> [DVec3; 2] {
+        let [length, speed] = self.state(time);
+        let (at, heading) = self.way.at(length);
+        [at.extend(0.0), (DVec2::from_angle(heading) * speed).extend(0.0)]
+    }
+
+    pub fn turned(&self, time: f64) -> DQuat {
+        DQuat::from_rotation_z(self.way.at(self.state(time)[0]).1)
+    }
+
+    /// How far its wheels have turned.
+    pub fn rolled(&self, time: f64, radius: f64) -> f64 {
+        (self.state(time)[0] - self.states[0][0]) / radius
+    }
+
+    /// Whether it turns at the crossing.
+    pub fn turns(&self) -> bool {
+        self.way.turn.is_some()
+    }
+
+    /// Angle of the front wheels to the left.
+    pub fn steered(&self, time: f64, wheelbase: f64) -> f64 {
+        (wheelbase * self.way.curvature(self.state(time)[0])).atan()
+    }
+
+    /// Its slowest speed, and its fastest.
+    #[cfg(test)]
+    pub fn speeds(&self) -> [f64; 2] {
+        let speeds = || self.states.iter().map(|[_, speed]| *speed);
+        [speeds().fold(f64::INFINITY, f64::min), speeds().fold(0.0, f64::max)]
+    }
+
+    /// The acceleration to be behind something, `gap` m ahead and approached at `closing` m/s, or on a free road.
+    fn follow(&self, gap: f64, closing: f64) -> f64 {
+        let speed = self.now()[1];
+        let wish = GAP + (speed * HEADWAY + speed * closing / (2.0 * (ACCELERATION * BRAKING).sqrt())).max(0.0);
+        let free = 1.0 - (speed / self.limit()).powi(4);
+        ACCELERATION * (free - (wish / gap.max(0.1)).powi(2))
+    }
+
+    fn now(&self) -> [f64; 2] {
+        self.states.last().copied().unwrap_or_default()
+    }
+
+    /// The speed it wants: less before a turn.
+    fn limit(&self) -> f64 {
+        let Some(turn) = self.way.turn else { return self.wanted };
+        let length = self.now()[0];
+        let (before, after) = (turn - length, length - turn - RADIUS * FRAC_PI_2);
+        (TURNING.powi(2) + 2.0 * 1.5 * before.max(after).max(0.0)).sqrt().min(self.wanted)
+    }
+}
+
+/// Times of keys, about `rate` a second, from 0 to exactly `seconds`.
+pub(super) fn key_times(seconds: f64, rate: f64) -> Vec<f64> {
+    let last = (seconds * rate).ceil() as u32;
+    (0..=last).map(|key| seconds * f64::from(key) / f64::from(last)).collect()
+}
+
+/// The drives of the cars.
+pub(super) fn drives(plan: &Plan, cars: u32, seed: u64) -> Vec<Drive> {
+    let starts = STARTS.iter().take(cars as usize).enumerate();
+    let mut drives: Vec<Drive> = starts
+        .map(|(number, &(lane, start, [low, high], turns))| {
+            let wanted = Dice::new(seed, Draw::Car, number as u32).between(low, high);
+            let states = vec![[start * plan.pace, wanted]];
+            Drive { way: Way::new(lane, turns), lane, wanted, states, hurries: None }
+        })
+        .collect();
+    let steps = (plan.seconds / STEP).ceil() as u32;
+    for step in 0..steps {
+        let time = f64::from(step) * STEP;
+        let accelerations: Vec<f64> = (0..drives.len()).map(|car| acceleration(&mut drives, car, plan, time)).collect();
+        for (drive, acceleration) in drives.iter_mut().zip(accelerations) {
+            let [length, speed] = drive.now();
+            let next = (speed + acceleration * STEP).clamp(0.0, FASTEST);
+            drive.states.push([length + f64::midpoint(speed, next) * STEP, next]);
+        }
+    }
+    drives
+}
+
+fn acceleration(drives: &mut [Drive], car: usize, plan: &Plan, time: f64) -> f64 {
+    let in_side_street = matches!(drives[car].lane, Lane::South | Lane::North);
+    let line = -if in_side_street { plan.side_stop } else { plan.stop };
+    let green = plan.is_green(in_side_street, time);
+    let [length, speed] = drives[car].now();
+    let to_line = line - length - LENGTH / 2.0;
+    let drive = &mut drives[car];
+    if green {
+        drive.hurries = None;
+    } else if drive.hurries.is_none() {
+        drive.hurries = Some(to_line <= 0.0 || speed * speed / (2.0 * to_line) > WILLING);
+    }
+    let drive = &drives[car];
+    let mut acceleration = drive.follow(f64::INFINITY, 0.0);
+    if drive.hurries == Some(false) {
+        // A car at rest would be its gap before the line, or rather closer.
+        acceleration = acceleration.min(drive.follow(to_line + 0.6 * GAP, speed));
+    }
+    for other in drives.iter().filter(|other| other.lane == drive.lane) {
+        let [ahead, other_speed] = other.now();
+        let left = other.way.turn.is_some_and(|turn| ahead > turn + RADIUS * FRAC_PI_2 && drive.way.turn.is_none());
+        if ahead > length && !left {
+            acceleration = acceleration.min(drive.follow(ahead - length - LENGTH, speed - other_speed));
+        }
+    }
+    acceleration.max(-HARDEST)
+}

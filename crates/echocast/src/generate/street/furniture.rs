@@ -1,0 +1,298 @@
+//! What stands on the pavements: lamps, trees, traffic lights, benches, bollards and a flag.
+
+use super::model::{Made, Model, single};
+use super::plan::{CORNER, FRONT, HALF_ROAD, KERB, POSTS, Plan, SIDE_FRONT, SIDE_HALF_ROAD};
+use crate::generate::glb::{Placement, Primitive};
+use crate::generate::noise::Dice;
+use crate::generate::shapes::{Shape, direction};
+use crate::ground::rng::Draw;
+use glam::{DQuat, DVec2, DVec3};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+/// From one lamp or tree to the next.
+const SPACING: f64 = 10.0;
+/// Different trees.
+const TREES: u32 = 3;
+
+pub(super) fn add(made: &mut Made, plan: &Plan, seed: u64) {
+    let lamp = lamp();
+    let lamp = made.rounded_mesh("Lamp", &lamp);
+    let trees: Vec<usize> = (0..TREES)
+        .map(|number| {
+            let tree = tree(&mut Dice::new(seed, Draw::Tree, number));
+            made.mesh(&format!("Tree_{}", number + 1), &tree)
+        })
+        .collect();
+    let bench = made.mesh("Bench", &bench());
+    let bin = made.rounded_mesh("Bin", &bin());
+    let bollard = made.rounded_mesh("Bollard", &bollard());
+    let mut dice = Dice::new(seed, Draw::Tree, TREES);
+    let mut numbers = [0; 4];
+    let mut next = |kind: usize| {
+        numbers[kind] += 1;
+        numbers[kind]
+    };
+    for side in [-1.0, 1.0] {
+        let facing = if side > 0.0 { DQuat::IDENTITY } else { DQuat::from_rotation_z(PI) };
+        let count = ((plan.end - plan.stop - 4.0) / SPACING) as u32;
+        for (step, end) in (0..=count).flat_map(|step| [(step, -1.0), (step, 1.0)]) {
+            let x = end * (plan.stop + 5.0 + SPACING * f64::from(step));
+            let at = DVec3::new(x, side * POSTS, KERB);
+            // Lamps on one side stand opposite trees on the other.
+            if (step % 2 == 0) == (side > 0.0) {
+                let place = Placement { at, turned: facing, ..Placement::HERE };
+                made.put(&format!("Lamp_{:02}", next(0)), "pole", lamp, place);
+                continue;
+            }
+            let turned = DQuat::from_rotation_z(dice.between(0.0, TAU));
+            let scale = DVec3::splat(dice.between(0.85, 1.1));
+            made.put(
+                &format!("Tree_{:02}", next(1)),
+                "vegetation",
+                trees[step as usize % trees.len()],
+                Placement { at, turned, scale },
+            );
+            if step % 2 == 0 {
+                let at = DVec3::new(x + 2.4, side * POSTS, KERB);
+                made.put(
+                    &format!("Bench_{:02}", next(2)),
+                    "furniture",
+                    bench,
+                    Placement { at, turned: facing, ..Placement::HERE },
+                );
+                let at = DVec3::new(x + 4.0, side * POSTS, KERB);
+                made.put(&format!("Bin_{:02}", next(2)), "furniture", bin, Placement { at, ..Placement::HERE });
+            }
+        }
+        for end in [-1.0, 1.0] {
+            let middle = DVec2::new(SIDE_HALF_ROAD, HALF_ROAD) + CORNER;
+            for i in 1..4 {
+                let (sin, cos) = (f64::from(i) / 4.0 * FRAC_PI_2).sin_cos();
+                let at = middle - DVec2::new(sin, cos) * (CORNER - 0.4);
+                let at = DVec3::new(end * at.x, side * at.y, KERB);
+                made.put(&format!("Bollard_{:02}", next(3)), "pole", bollard, Placement { at, ..Placement::HERE });
+            }
+        }
+    }
+    traffic_lights(made, plan);
+    flag(made, plan);
+}
+
+/// A street lamp whose arm reaches out against y.
+fn lamp() -> Model {
+    let mut lamp = Model::default();
+    let up = DVec3::Z;
+    lamp.tube("steel", &[(DVec3::ZERO, 0.11), (up * 0.9, 0.11), (up, 0.075), (up * 6.2, 0.05)], 10);
+    let arm = |y: f64, z: f64| (DVec3::new(0.0, y, z), 0.04);
+    lamp.tube("steel", &[arm(0.0, 6.1), arm(-0.15, 6.5), arm(-0.5, 6.75), arm(-1.3, 6.85)], 8);
+    lamp.add_box("steel", [-0.14, -2.0, 6.84], [0.14, -1.25, 6.94]);
+    lamp.add_box("headlight", [-0.11, -1.95, 6.8], [0.11, -1.35, 6.84]);
+    lamp
+}
+
+/// A trunk with branches, and leaves around their ends.
+fn tree(dice: &mut Dice) -> Model {
+    const BRANCHES: usize = 7;
+    const LEAVES: usize = 2000;
+    let mut tree = Model::default();
+    let lean = DVec3::new(dice.between(-0.15, 0.15), dice.between(-0.15, 0.15), 0.0);
+    let trunk = [
+        (DVec3::ZERO, 0.19),
+        (lean * 0.3 + DVec3::Z * 0.4, 0.14),
+        (lean + DVec3::Z * 2.4, 0.12),
+        (lean + DVec3::Z * 4.4, 0.07),
+    ];
+    tree.tube("bark", &trunk, 9);
+    // Balls of leaves: middle and radius.
+    let mut balls = vec![(lean + DVec3::Z * 5.0, 1.3)];
+    for branch in 0..BRANCHES {
+        let from = lean + DVec3::Z * dice.between(2.3, 3.6);
+        let (sin, cos) = ((branch as f64 + dice.between(-0.3, 0.3)) * TAU / BRANCHES as f64).sin_cos();
+        let reach = DVec3::new(cos, sin, 0.0) * dice.between(1.0, 1.5) + DVec3::Z * dice.between(0.7, 1.7);
+        tree.tube("bark", &[(from, 0.055), (from + reach * 0.5 + DVec3::Z * 0.1, 0.04), (from + reach, 0.02)], 5);
+        balls.push((from + reach, dice.between(0.75, 1.05)));
+    }
+    for leaf in 0..LEAVES {
+        // The first ball is larger than the others, and gets more leaves.
+        let (middle, radius) = balls[if leaf % 4 == 0 { 0 } else { leaf % balls.len() }];
+        // Most leaves are near the light.
+        let at = middle + direction(dice) * radius * dice.between(0.15, 1.0).sqrt();
+        let (normal, size) = (direction(dice), dice.between(0.13, 0.24));
+        let side = normal.any_orthonormal_vector();
+        let corners =
+            [0.0, 2.1, 4.2].map(|angle: f64| at + (side * angle.cos() + normal.cross(side) * angle.sin()) * size);
+        tree.polygon("vegetation", &corners);
+    }
+    tree
+}
+
+/// A bench that looks against y.
+fn bench() -> Model {
+    let mut bench = Model::default();
+    for i in 0..4 {
+        let y = -0.22 + f64::from(i) * 0.13;
+        bench.add_box("wood", [-0.9, y, 0.42], [0.9, y + 0.1, 0.46]);
+    }
+    for i in 0..3 {
+        let z = 0.55 + f64::from(i) * 0.13;
+        bench.add_box("wood", [-0.9, 0.28, z], [0.9, 0.31, z + 0.1]);
+    }
+    for x in [-0.75, 0.7] {
+        bench.add_box("steel", [x, -0.2, 0.0], [x + 0.05, -0.15, 0.42]);
+        bench.add_box("steel", [x, 0.31, 0.0], [x + 0.05, 0.36, 0.95]);
+        bench.add_box("steel", [x, -0.15, 0.36], [x + 0.05, 0.31, 0.41]);
+    }
+    bench
+}
+
+fn bin() -> Model {
+    let mut bin = Model::default();
+    let at = |z: f64, radius: f64| (DVec3::Z * z, radius);
+    bin.tube("steel", &[at(0.0, 0.05), at(0.3, 0.05)], 8);
+    bin.tube("plastic", &[at(0.3, 0.18), at(0.95, 0.22), at(1.0, 0.2)], 14);
+    bin
+}
+
+fn bollard() -> Model {
+    let mut bollard = Model::default();
+    let at = |z: f64, radius: f64| (DVec3::Z * z, radius);
+    bollard.tube("steel", &[at(0.0, 0.06), at(0.8, 0.06), at(0.85, 0.075), at(0.92, 0.075), at(0.96, 0.04)], 10);
+    bollard
+}
+
+/// A traffic light for each of the four ways into the crossing; their lamps come and go.
+fn traffic_lights(made: &mut Made, plan: &Plan) {
+    /// Colours of the lamps from above, and their heights.
+    const LAMPS: [(&str, &str, f64); 3] =
+        [("red", "lamp_red", 3.2), ("yellow", "lamp_yellow", 2.9), ("green", "lamp_green", 2.6)];
+    /// Front of the housing.
+    const FACE: f64 = 0.2;
+    let mut post = Model::default();
+    post.tube("steel", &[(DVec3::ZERO, 0.07), (DVec3::Z * 3.45, 0.06)], 10);
+    post.add_box("plastic", [0.06, -0.16, 2.42], [FACE, 0.16, 3.38]);
+    for (.., z) in LAMPS {
+        // Half a tube is the hood above the lamp.
+        let hood = |i: u32, x: f64| {
+            let (sin, cos) = (PI * f64::from(i) / 8.0).sin_cos();
+            DVec3::new(x, 0.13 * cos, z + 0.13 * sin)
+        };
+        for i in 0..8 {
+            let (near, far) = (FACE, FACE + 0.17);
+            post.polygon("plastic", &[hood(i, near), hood(i, far), hood(i + 1, far), hood(i + 1, near)]);
+        }
+    }
+    let post = made.rounded_mesh("TrafficLight", &post);
+    let lamps = LAMPS.map(|(color, material, _)| {
+        let mut lamp = Model::default();
+        let at = |x: f64, radius: f64| (DVec3::X * x, radius);
+        lamp.tube(material, &[at(0.0, 0.105), at(0.02, 0.095), at(0.04, 0.05)], 16);
+        made.rounded_mesh(&format!("Lamp_{color}"), &lamp)
+    });
+
+    let changes = plan.lights();
+    let times: Vec<f64> = changes.iter().map(|(time, _)| *time).collect();
+    let times = made.glb.times(&times);
+    let (beside, aside) = (plan.stop - 0.6, plan.side_stop - 0.6);
+    let edge = SIDE_HALF_ROAD + 0.6;
+    for (street, ways) in [
+        [("East", -beside, -POSTS, PI), ("West", beside, POSTS, 0.0)],
+        [("North", edge, -aside, -FRAC_PI_2), ("South", -edge, aside, FRAC_PI_2)],
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let states: Vec<[bool; 3]> = changes.iter().map(|(_, lamps)| lamps[street]).collect();
+        let switches: [usize; 3] = std::array::from_fn(|lamp| {
+            let on: Vec<bool> = states.iter().map(|state| state[lamp]).collect();
+            made.glb.switches(times, &on)
+        });
+        for (way, x, y, yaw) in ways {
+            let at = DVec3::new(x, y, KERB);
+            let place = Placement { at, turned: DQuat::from_rotation_z(yaw), ..Placement::HERE };
+            let name = format!("TrafficLight_{way}");
+            let node = made.put(&name, "traffic_light", post, place);
+            let mut children = Vec::new();
+            for (lamp, (color, _, z)) in LAMPS.into_iter().enumerate() {
+                let place = Placement { at: DVec3::new(FACE, 0.0, z), ..Placement::HERE };
+                let child = made.glb.object(&format!("{name}_{color}"), "traffic_light", lamps[lamp], place);
+                made.glb.visible(child, states[0][lamp]);
+                made.glb.animate_visible(child, switches[lamp]);
+                children.push(child);
+            }
+            made.glb.adopt(node, &children);
+        }
+    }
+}
+
+/// A flag on a mast. Two shapes, a quarter of a wave apart, make a wave that runs along it: A sin(k x) cos(w t) -
+/// A cos(k x) sin(w t) = A sin(k x - w t).
+fn flag(made: &mut Made, plan: &Plan) {
+    const MAST: f64 = 7.6;
+    const SIZE: [f64; 2] = [2.1, 1.3];
+    const CELLS: [usize; 2] = [24, 9];
+    /// Waves on the flag, how high they are at its end, and how many pass in a second.
+    const WAVES: f64 = 1.4;
+    const HEIGHT: f64 = 0.2;
+    const RATE: f64 = 1.1;
+    const KEYS_PER_WAVE: f64 = 16.0;
+    let mut mast = Model::default();
+    mast.tube("steel", &[(DVec3::ZERO, 0.06), (DVec3::Z * MAST, 0.035)], 10);
+    mast.add_placed(
+        "steel",
+        &Shape::ball(1),
+        &Placement { at: DVec3::Z * MAST, scale: DVec3::splat(0.07), ..Placement::HERE },
+    );
+    let mast = made.rounded_mesh("Mast", &mast);
+    let at = DVec3::new(-SIDE_FRONT - 2.0, FRONT - 0.9, KERB);
+    let mast = made.put("Mast", "pole", mast, Placement { at, turned: DQuat::from_rotation_z(3.5), ..Placement::HERE });
+
+    let [columns, rows] = CELLS;
+    let (mut flat, mut shapes) = (Vec::new(), [[Vec::new(), Vec::new()], [Vec::new(), Vec::new()]]);
+    for row in 0..=rows {
+        for column in 0..=columns {
+            let part = column as f64 / columns as f64;
+            let x = part * SIZE[0];
+            flat.push(DVec3::new(0.06 + x, 0.0, MAST - 0.12 - row as f64 / rows as f64 * SIZE[1]));
+            let (wave, height) = (WAVES * TAU / SIZE[0], HEIGHT * part);
+            let (sin, cos) = (wave * x).sin_cos();
+            // How far the cloth is from y = 0, and the slope of that.
+            let steepness = HEIGHT / SIZE[0];
+            let slopes = [steepness * sin + height * wave * cos, -steepness * cos + height * wave * sin];
+            for ([moves, turns], (out, slope)) in
+                shapes.iter_mut().zip([(height * sin, slopes[0]), (-height * cos, slopes[1])])
+            {
+                moves.push(DVec3::Y * out);
+                turns.push(DVec3::new(slope, -1.0, 0.0).normalize() - DVec3::NEG_Y);
+            }
+        }
+    }
+    let mut parts = [("flag", Vec::new()), ("flag_stripe", Vec::new())];
+    for row in 0..rows {
+        for column in 0..columns {
+            let corner = |down: usize, right: usize| ((row + down) * (columns + 1) + column + right) as u32;
+            let stripe = usize::from(row * 3 / rows == 1);
+            parts[stripe].1.push([corner(1, 0), corner(1, 1), corner(0, 1)]);
+            parts[stripe].1.push([corner(1, 0), corner(0, 1), corner(0, 0)]);
+        }
+    }
+    let parts: Vec<Primitive> =
+        parts.iter().map(|(name, triangles)| Primitive { triangles, material: made.material(name) }).collect();
+    let normals = vec![[0.0, -1.0, 0.0]; flat.len()];
+    let mesh = made.glb.mesh("Flag", &single(&flat), Some(&normals), &parts);
+    made.glb.morphs(mesh, &shapes.map(|shape| shape.map(|vectors| single(&vectors))), &[1.0, 0.0]);
+    let node = made.glb.object("Flag", "flag", mesh, Placement::HERE);
+    made.glb.adopt(mast, &[node]);
+
+    let waves = (RATE * plan.seconds).round();
+    let keys = (waves * KEYS_PER_WAVE) as u32;
+    let (times, weights): (Vec<f64>, Vec<[f64; 2]>) = (0..=keys)
+        .map(|key| {
+            let part = f64::from(key) / f64::from(keys);
+            let (sin, cos) = (part * waves * TAU).sin_cos();
+            (part * plan.seconds, [cos, sin])
+        })
+        .unzip();
+    let times = made.glb.times(&times);
+    let weights = made.glb.weights(times, &weights);
+    made.glb.animate(node, "weights", weights);
+}

@@ -1,0 +1,279 @@
+//! People who walk: a body with a skeleton in it.
+
+use super::model::{Made, Model};
+use super::plan::{FRONT, HALF_ROAD, KERB, Plan};
+use super::walk::{self, Gait};
+use crate::generate::glb::Placement;
+use glam::{DQuat, DVec3};
+use std::f64::consts::PI;
+
+/// Joints of the skeleton: name, parent, and place in the body as it was made, which looks along x with its arms spread.
+pub(super) const JOINTS: [(&str, Option<usize>, [f64; 3]); 17] = [
+    ("Hips", None, [0.0, 0.0, 0.95]),
+    ("Spine", Some(0), [0.0, 0.0, 1.06]),
+    ("Chest", Some(1), [-0.01, 0.0, 1.2]),
+    ("Neck", Some(2), [-0.015, 0.0, 1.47]),
+    ("Head", Some(3), [0.0, 0.0, 1.57]),
+    ("UpperArm_L", Some(2), [-0.01, 0.185, 1.41]),
+    ("LowerArm_L", Some(5), [-0.01, 0.371, 1.188]),
+    ("Hand_L", Some(6), [-0.01, 0.538, 0.989]),
+    ("UpperArm_R", Some(2), [-0.01, -0.185, 1.41]),
+    ("LowerArm_R", Some(8), [-0.01, -0.371, 1.188]),
+    ("Hand_R", Some(9), [-0.01, -0.538, 0.989]),
+    ("UpperLeg_L", Some(0), [0.0, 0.095, 0.92]),
+    ("LowerLeg_L", Some(11), [0.0, 0.095, 0.49]),
+    ("Foot_L", Some(12), [0.0, 0.095, 0.08]),
+    ("UpperLeg_R", Some(0), [0.0, -0.095, 0.92]),
+    ("LowerLeg_R", Some(14), [0.0, -0.095, 0.49]),
+    ("Foot_R", Some(15), [0.0, -0.095, 0.08]),
+];
+
+/// A piece of the body: a line with a radius at each end, how much flatter it is from front to back than wide, and the
+/// joint that moves it.
+struct Limb {
+    joint: usize,
+    from: [f64; 3],
+    to: [f64; 3],
+    radii: [f64; 2],
+    depth: f64,
+}
+
+const fn limb(joint: usize, from: [f64; 3], to: [f64; 3], radii: [f64; 2], depth: f64) -> Limb {
+    Limb { joint, from, to, radii, depth }
+}
+
+/// Limbs on the middle line and on the left; those on the right are their images.
+const LIMBS: [Limb; 17] = [
+    limb(0, [0.0, 0.0, 0.95], [0.0, 0.06, 0.93], [0.12, 0.12], 0.95),
+    limb(1, [0.0, 0.0, 1.03], [0.0, 0.05, 1.12], [0.115, 0.115], 0.9),
+    limb(2, [-0.005, 0.0, 1.2], [-0.01, 0.07, 1.34], [0.115, 0.125], 0.88),
+    limb(2, [-0.01, 0.0, 1.43], [-0.01, 0.165, 1.41], [0.06, 0.06], 1.0),
+    limb(3, [-0.015, 0.0, 1.44], [0.0, 0.0, 1.55], [0.056, 0.052], 1.0),
+    limb(4, [0.01, 0.0, 1.615], [0.005, 0.0, 1.675], [0.082, 0.09], 1.12),
+    limb(4, [0.05, 0.0, 1.58], [0.06, 0.0, 1.6], [0.05, 0.05], 1.0),
+    limb(4, [0.1, 0.0, 1.625], [0.112, 0.0, 1.61], [0.012, 0.018], 1.0),
+    limb(5, [-0.01, 0.185, 1.41], [-0.01, 0.371, 1.188], [0.062, 0.05], 1.0),
+    limb(6, [-0.01, 0.371, 1.188], [-0.01, 0.538, 0.989], [0.048, 0.036], 1.0),
+    limb(7, [-0.01, 0.545, 0.98], [0.0, 0.62, 0.89], [0.036, 0.028], 1.25),
+    limb(7, [0.0, 0.56, 0.965], [0.045, 0.58, 0.92], [0.018, 0.014], 1.0),
+    limb(11, [0.0, 0.088, 0.9], [0.005, 0.095, 0.5], [0.093, 0.062], 1.0),
+    limb(12, [0.005, 0.095, 0.49], [-0.005, 0.095, 0.1], [0.06, 0.044], 1.0),
+    limb(12, [-0.02, 0.095, 0.4], [-0.018, 0.095, 0.32], [0.052, 0.05], 1.0),
+    limb(13, [-0.02, 0.095, 0.05], [0.12, 0.1, 0.04], [0.05, 0.042], 1.0),
+    limb(13, [0.12, 0.1, 0.04], [0.155, 0.1, 0.035], [0.042, 0.034], 1.0),
+];
+
+pub(super) fn add(made: &mut Made, plan: &Plan) {
+    let body = Body::new();
+    let mesh = body.mesh(made);
+    let bound = JOINTS.map(|(.., at)| DVec3::from(at));
+    let times = walk::times(plan.seconds);
+    let keys = made.glb.times(&times);
+    let ends = made.glb.times(&[0.0, plan.seconds]);
+    let way = walk::SPEED * plan.seconds;
+    // On both pavements, between the houses and the trees, up to the crossing and away from it.
+    let y = (HALF_ROAD + FRONT) / 2.0 + 0.6;
+    for (name, from, heading, phase) in
+        [("Person_1", DVec3::new(-13.0 - way, -y, KERB), 0.0, 0.0), ("Person_2", DVec3::new(-13.0, y, KERB), PI, 0.37)]
+    {
+        let turned = DQuat::from_rotation_z(heading);
+        let root = made.glb.frame(name, Placement { at: from, turned, ..Placement::HERE });
+        made.glb.root(root);
+        let places = made.glb.places(ends, &[from, from + turned * DVec3::X * way]);
+        made.glb.animate(root, "translation", places);
+
+        let gaits: Vec<Gait> = times.iter().map(|&time| walk::gait(time, phase)).collect();
+        let mut nodes = Vec::new();
+        for (joint, (own, parent, _)) in JOINTS.into_iter().enumerate() {
+            let at = match parent {
+                Some(parent) => bound[joint] - bound[parent],
+                None => gaits[0].hips,
+            };
+            let place = Placement { at, turned: gaits[0].turns[joint], ..Placement::HERE };
+            nodes.push(made.glb.frame(&format!("{name}_{own}"), place));
+            let turns: Vec<DQuat> = gaits.iter().map(|gait| gait.turns[joint]).collect();
+            let turns = made.glb.turns(keys, &turns);
+            made.glb.animate(nodes[joint], "rotation", turns);
+        }
+        let hips: Vec<DVec3> = gaits.iter().map(|gait| gait.hips).collect();
+        let hips = made.glb.places(keys, &hips);
+        made.glb.animate(nodes[0], "translation", hips);
+        for parent in 0..JOINTS.len() {
+            let children = (0..JOINTS.len()).filter(|&child| JOINTS[child].1 == Some(parent));
+            let children: Vec<usize> = children.map(|child| nodes[child]).collect();
+            if !children.is_empty() {
+                made.glb.adopt(nodes[parent], &children);
+            }
+        }
+        made.glb.adopt(root, &nodes[..1]);
+        let skin = made.put(&format!("{name}_Body"), "person", mesh, Placement::HERE);
+        made.glb.skin(skin, nodes[0], &nodes, &bound);
+    }
+}
+
+/// The surface of the body.
+pub(super) struct Body {
+    limbs: Vec<Limb>,
+}
+
+impl Limb {
+    /// Distance of a place from the surface, negative inside; nearly, as the limb may be flat.
+    fn distance(&self, at: DVec3) -> f64 {
+        let flat = DVec3::new(1.0 / self.depth, 1.0, 1.0);
+        let [from, to] = [self.from, self.to].map(|end| DVec3::from(end) * flat);
+        let (at, along) = (at * flat - from, to - from);
+        let part = (at.dot(along) / along.length_squared()).clamp(0.0, 1.0);
+        (at - along * part).length() - (self.radii[0] + (self.radii[1] - self.radii[0]) * part)
+    }
+}
+
+impl Body {
+    pub fn new() -> Self {
+        let mut limbs = Vec::new();
+        for Limb { joint, from, to, radii, depth } in LIMBS {
+            limbs.push(Limb { joint, from, to, radii, depth });
+            if from[1] != 0.0 || to[1] != 0.0 {
+                // The right arm and leg come after the left ones.
+                let joint = if joint >= 5 { joint + 3 } else { joint };
+                let [from, to] = [from, to].map(|[x, y, z]| [x, -y, z]);
+                limbs.push(Limb { joint, from, to, radii, depth });
+            }
+        }
+        Body { limbs }
+    }
+
+    /// Distance from the skin: that of the nearest limb, less where limbs meet, which rounds the corner. The smooth
+    /// minimum is -k ln(sum of e^(-d / k)). The soles are flat.
+    fn distance(&self, at: DVec3) -> f64 {
+        const ROUNDING: f64 = 0.014;
+        let sum: f64 = self.limbs.iter().map(|limb| (-limb.distance(at) / ROUNDING).exp()).sum();
+        (-ROUNDING * sum.max(f64::MIN_POSITIVE).ln()).max(-at.z)
+    }
+
+    /// The skin as a net over a grid ("surface nets", Gibson 1998): one vertex in each cell that the skin passes, in the
+    /// middle of where it cuts the edges, one face around each edge that it cuts.
+    pub fn skin(&self) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+        const CELL: f64 = 0.026;
+        const LOW: DVec3 = DVec3::new(-0.2, -0.72, -0.06);
+        const HIGH: DVec3 = DVec3::new(0.26, 0.72, 1.86);
+        let cells = ((HIGH - LOW) / CELL).ceil();
+        let [nx, ny, nz] = [cells.x as usize, cells.y as usize, cells.z as usize];
+        let place = |x: usize, y: usize, z: usize| LOW + DVec3::new(x as f64, y as f64, z as f64) * CELL;
+        let index = |x: usize, y: usize, z: usize| (z * (ny + 1) + y) * (nx + 1) + x;
+        let mut values = Vec::with_capacity((nx + 1) * (ny + 1) * (nz + 1));
+        for z in 0..=nz {
+            for y in 0..=ny {
+                values.extend((0..=nx).map(|x| self.distance(place(x, y, z))));
+            }
+        }
+        let mut vertices = Vec::new();
+        let mut of_cell = vec![u32::MAX; values.len()];
+        for (z, y, x) in (0..nz).flat_map(|z| (0..ny).flat_map(move |y| (0..nx).map(move |x| (z, y, x)))) {
+            let corner = |bits: usize| (x + (bits & 1), y + (bits >> 1 & 1), z + (bits >> 2));
+            let value = |bits: usize| {
+                let (x, y, z) = corner(bits);
+                values[index(x, y, z)]
+            };
+            let (mut sum, mut count) = (DVec3::ZERO, 0.0);
+            for (a, b) in (0..8).flat_map(|a| [1, 2, 4].map(|bit| (a, a | bit))).filter(|(a, b)| a != b) {
+                let (from, to) = (value(a), value(b));
+                if (from < 0.0) != (to < 0.0) {
+                    let [p, q] = [a, b].map(|bits| {
+                        let (x, y, z) = corner(bits);
+                        place(x, y, z)
+                    });
+                    sum += p + (q - p) * (from / (from - to));
+                    count += 1.0;
+                }
+            }
+            if count > 0.0 {
+                of_cell[index(x, y, z)] = vertices.len() as u32;
+                vertices.push(sum / count);
+            }
+        }
+        let mut triangles = Vec::new();
+        for (z, y, x) in (1..nz).flat_map(|z| (1..ny).flat_map(move |y| (1..nx).map(move |x| (z, y, x)))) {
+            for axis in 0..3 {
+                let step = [[1, 0, 0], [0, 1, 0], [0, 0, 1]][axis];
+                let (here, next) = (values[index(x, y, z)], values[index(x + step[0], y + step[1], z + step[2])]);
+                if (here < 0.0) == (next < 0.0) {
+                    continue;
+                }
+                // The four cells around the edge, counter-clockwise seen from its end.
+                let [u, v] = [[[0, 1, 0], [0, 0, 1]], [[0, 0, 1], [1, 0, 0]], [[1, 0, 0], [0, 1, 0]]][axis];
+                let cell = |back: [usize; 3]| of_cell[index(x - back[0], y - back[1], z - back[2])];
+                let both = [u[0] + v[0], u[1] + v[1], u[2] + v[2]];
+                let quad = [cell(both), cell(v), cell([0; 3]), cell(u)];
+                let [a, b, c, d] = if here < 0.0 { quad } else { [quad[3], quad[2], quad[1], quad[0]] };
+                triangles.extend([[a, b, c], [a, c, d]]);
+            }
+        }
+        (vertices, triangles)
+    }
+
+    /// Joints that move a place, and how much: that of the nearest limb, and its neighbours where they are near.
+    pub fn weights(&self, at: DVec3) -> ([u8; 4], [f32; 4]) {
+        const REACH: f64 = 0.035;
+        let mut near = [f64::INFINITY; JOINTS.len()];
+        for limb in &self.limbs {
+            near[limb.joint] = near[limb.joint].min(limb.distance(at));
+        }
+        let order = |a: &usize, b: &usize| near[*a].total_cmp(&near[*b]);
+        let nearest = (0..JOINTS.len()).min_by(order).unwrap_or(0);
+        let parent = |joint: usize| JOINTS[joint].1;
+        let mut joints: Vec<usize> = (0..JOINTS.len())
+            .filter(|&joint| joint == nearest || parent(joint) == Some(nearest) || parent(nearest) == Some(joint))
+            .collect();
+        joints.sort_by(order);
+        joints.truncate(4);
+        let share = |joint: usize| (-((near[joint] - near[nearest]) / REACH).powi(2)).exp();
+        let sum: f64 = joints.iter().map(|&joint| share(joint)).sum();
+        let (mut numbers, mut weights) = ([0; 4], [0.0; 4]);
+        for (slot, &joint) in joints.iter().enumerate() {
+            let weight = (share(joint) / sum) as f32;
+            // A joint that hardly moves the place is left out, and the nearest gets what is left.
+            if slot > 0 && weight > 0.005 {
+                (numbers[slot], weights[slot]) = (joint as u8, weight);
+            }
+        }
+        numbers[0] = nearest as u8;
+        weights[0] = 1.0 - (weights[1] + weights[2] + weights[3]);
+        (numbers, weights)
+    }
+
+    /// The mesh, clothed.
+    fn mesh(&self, made: &mut Made) -> usize {
+        let (vertices, triangles) = self.skin();
+        let mut model = Model { vertices, parts: Vec::new() };
+        for corners in triangles {
+            let middle = corners.iter().map(|&corner| model.vertices[corner as usize]).sum::<DVec3>() / 3.0;
+            let cloth = self.cloth(middle);
+            model.triangle(cloth, corners);
+        }
+        let weights: (Vec<[u8; 4]>, Vec<[f32; 4]>) = model.vertices.iter().map(|&at| self.weights(at)).unzip();
+        let normals: Vec<DVec3> = model.vertices.iter().map(|&at| self.normal(at)).collect();
+        let mesh = made.shaded_mesh("Person", &model, &normals);
+        made.glb.joints(mesh, &weights.0, &weights.1);
+        mesh
+    }
+
+    /// Direction in which the distance grows.
+    fn normal(&self, at: DVec3) -> DVec3 {
+        const STEP: f64 = 0.004;
+        let along = |axis: DVec3| self.distance(at + axis * STEP) - self.distance(at - axis * STEP);
+        DVec3::new(along(DVec3::X), along(DVec3::Y), along(DVec3::Z)).normalize_or(DVec3::Z)
+    }
+
+    fn cloth(&self, at: DVec3) -> &'static str {
+        let distance = |limb: &&Limb| limb.distance(at);
+        let nearest = self.limbs.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        match nearest.map_or(0, |limb| limb.joint) {
+            4 if at.z > 1.69 || at.x < -0.01 && at.z > 1.57 => "hair",
+            3 if at.z < 1.47 => "jacket",
+            3 | 4 | 7 | 10 => "skin",
+            13 | 16 => "shoe",
+            0 | 11 | 12 | 14 | 15 if at.z < 0.93 => "trousers",
+            _ => "jacket",
+        }
+    }
+}

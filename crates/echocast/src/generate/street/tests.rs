@@ -1,0 +1,385 @@
+//! Laws of the street, and what other readers find in its file.
+
+use super::cars::WHEEL;
+use super::drive::{self, WHEEL_KEYS};
+use super::person::{Body, JOINTS};
+use super::plan::{LANE_MIDDLE, Plan};
+use super::{Street, walk};
+use crate::generate::tests::{chunks, of_category};
+use crate::scene::LoadOptions;
+use glam::{DVec3, Quat, Vec3};
+use serde_json::Value;
+use std::collections::HashMap;
+use std::f64::consts::FRAC_PI_2;
+
+fn plan(street: &Street) -> Plan {
+    Plan::new(street).unwrap()
+}
+
+/// The file by the specification alone: JSON and numbers. The `gltf` crate does not know channels without a node.
+struct File<'a> {
+    json: Value,
+    binary: &'a [u8],
+}
+
+impl<'a> File<'a> {
+    fn new(glb: &'a [u8]) -> Self {
+        let (json, binary) = chunks(glb);
+        File { json, binary }
+    }
+
+    fn list(&self, name: &str) -> &[Value] {
+        self.json[name].as_array().unwrap()
+    }
+
+    /// The rows of an accessor.
+    fn rows(&self, accessor: &Value) -> Vec<Vec<f32>> {
+        let accessor = &self.list("accessors")[number(accessor)];
+        let view = &self.list("bufferViews")[number(&accessor["bufferView"])];
+        let (width, size) = match (accessor["type"].as_str().unwrap(), number(&accessor["componentType"])) {
+            ("SCALAR", 5126) => (1, 4),
+            ("SCALAR", 5121) => (1, 1),
+            ("SCALAR", 5123) => (1, 2),
+            ("SCALAR", 5125) => (1, 4),
+            ("VEC3", 5126) => (3, 4),
+            ("VEC4", 5126) => (4, 4),
+            ("VEC4", 5121) => (4, 1),
+            ("MAT4", 5126) => (16, 4),
+            other => panic!("{other:?}"),
+        };
+        let count = number(&accessor["count"]);
+        assert_eq!(number(&view["byteLength"]), count * width * size);
+        let start = number(&view["byteOffset"]);
+        assert!(start.is_multiple_of(4) && start + count * width * size <= self.binary.len());
+        let whole = number(&accessor["componentType"]) == 5125;
+        let one = |bytes: &[u8]| match *bytes {
+            [a] => f32::from(a),
+            [a, b] => f32::from(u16::from_le_bytes([a, b])),
+            [a, b, c, d] if whole => u32::from_le_bytes([a, b, c, d]) as f32,
+            [a, b, c, d] => f32::from_le_bytes([a, b, c, d]),
+            _ => panic!(),
+        };
+        let values: Vec<f32> = self.binary[start..start + count * width * size].chunks(size).map(one).collect();
+        values.chunks(width).map(<[f32]>::to_vec).collect()
+    }
+
+    fn node(&self, name: &str) -> usize {
+        self.list("nodes").iter().position(|node| node["name"] == name).unwrap()
+    }
+
+    /// Times and values of what animates a property of a node.
+    fn keys(&self, node: &str, path: &str) -> (Vec<f32>, Vec<Vec<f32>>) {
+        let animation = &self.list("animations")[0];
+        let node = self.node(node);
+        let target = |channel: &&Value| channel["target"]["node"] == node && channel["target"]["path"] == path;
+        let channel = animation["channels"].as_array().unwrap().iter().find(target).unwrap();
+        let sampler = &animation["samplers"][number(&channel["sampler"])];
+        (self.rows(&sampler["input"]).concat(), self.rows(&sampler["output"]))
+    }
+}
+
+fn number(value: &Value) -> usize {
+    value.as_u64().unwrap_or_else(|| panic!("{value}")) as usize
+}
+
+#[test]
+fn a_street_reads_back() {
+    let made = Street::default().scene(7).unwrap();
+    assert!(made.bytes().len() < 4_000_000, "{}", made.bytes().len());
+    let scene = made.load(&LoadOptions::default()).unwrap();
+    assert_eq!(scene.degenerate_triangles, 0);
+    assert_eq!(scene.triangle_count(), made.triangles);
+    assert_eq!(scene.animations, ["Street"]);
+    let mut categories = vec!["road", "pavement", "building", "vegetation", "pole", "furniture", "traffic_light"];
+    categories.extend(["flag", "car", "person"]);
+    let mut found: Vec<&str> = made.categories.iter().map(|(name, _)| *name).collect();
+    categories.sort_unstable();
+    found.sort_unstable();
+    assert_eq!(found, categories);
+    for (category, count) in &made.categories {
+        assert_eq!(of_category(&scene, category).len(), *count, "{category}");
+    }
+    let (low, high) = scene.bounds().unwrap();
+    assert!((low.x + 100.0).abs() < 0.1 && (high.x - 100.0).abs() < 0.1 && low.z > -0.01, "{low} {high}");
+    let lidar = scene.camera("Lidar").unwrap().pose;
+    assert!((lidar.position.z - 1.9).abs() < 1e-9 && (lidar.orientation * DVec3::X - DVec3::X).length() < 1e-9);
+    assert!((lidar.position.y + LANE_MIDDLE).abs() < 1e-6 && lidar.position.x < -55.0);
+    let corner = scene.camera("Corner").unwrap().pose;
+    assert!((3.0..3.2).contains(&corner.position.z) && (corner.orientation * DVec3::Z).z > 0.9);
+}
+
+#[test]
+fn nothing_of_the_car_below_is_in_the_sensor_s_view() {
+    let scene = Street::default().scene(7).unwrap().load(&LoadOptions::default()).unwrap();
+    let camera = scene.camera("Lidar").unwrap().pose.position;
+    let own = scene.objects.iter().filter(|object| object.name.starts_with("Car_1"));
+    for object in own {
+        for part in &object.mesh.parts {
+            for &vertex in part.positions.iter() {
+                let at = object.world_from_object.transform_point3(Vec3::from(vertex).as_dvec3()) - camera;
+                let down = (-at.z).atan2(at.truncate().length()).to_degrees();
+                assert!(down > 25.0, "{} at {at}: {down} degrees down", object.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn same_seed_same_bytes() {
+    let one = Street::default().scene(1).unwrap();
+    assert_eq!(one.bytes(), Street::default().scene(1).unwrap().bytes());
+    assert_ne!(one.bytes(), Street::default().scene(2).unwrap().bytes());
+}
+
+#[test]
+fn files_are_valid_gltf() {
+    let longest = Street { cars: 10, seconds: 30.0 };
+    for made in [Street::default().scene(3).unwrap(), longest.scene(4).unwrap()] {
+        let file = File::new(made.bytes());
+        for mesh in file.list("meshes") {
+            for primitive in mesh["primitives"].as_array().unwrap() {
+                let attributes = &primitive["attributes"];
+                let targets = primitive["targets"].as_array().into_iter().flatten();
+                let vertices = file.rows(&attributes["POSITION"]).len();
+                for positions in targets.map(|target| &target["POSITION"]).chain([&attributes["POSITION"]]) {
+                    let rows = file.rows(positions);
+                    assert_eq!(rows.len(), vertices);
+                    let accessor = &file.list("accessors")[number(positions)];
+                    for axis in 0..3 {
+                        let values = || rows.iter().map(|row| row[axis]);
+                        let bound = |key: &str| accessor[key][axis].as_f64().unwrap() as f32;
+                        assert_eq!(values().fold(f32::INFINITY, f32::min), bound("min"));
+                        assert_eq!(values().fold(f32::NEG_INFINITY, f32::max), bound("max"));
+                    }
+                }
+                if attributes["NORMAL"].is_u64() {
+                    let normals = file.rows(&attributes["NORMAL"]);
+                    assert_eq!(normals.len(), vertices);
+                    assert!(normals.iter().all(|n| (Vec3::from_slice(n).length() - 1.0).abs() < 1e-5));
+                }
+                let indices = file.rows(&primitive["indices"]).concat();
+                assert!(indices.len().is_multiple_of(3) && indices.iter().all(|&index| (index as usize) < vertices));
+                if attributes["JOINTS_0"].is_u64() {
+                    let (joints, weights) = (file.rows(&attributes["JOINTS_0"]), file.rows(&attributes["WEIGHTS_0"]));
+                    assert_eq!((joints.len(), weights.len()), (vertices, vertices));
+                    assert!(weights.iter().all(|row| (row.iter().sum::<f32>() - 1.0).abs() < 4e-7));
+                    assert!(joints.iter().flatten().all(|&joint| (joint as usize) < JOINTS.len()));
+                }
+            }
+        }
+        assert_eq!(file.list("skins").len(), 2);
+        for skin in file.list("skins") {
+            assert_eq!(skin["joints"].as_array().unwrap().len(), file.rows(&skin["inverseBindMatrices"]).len());
+        }
+        let [animation] = file.list("animations") else { panic!() };
+        let seconds = if made.bytes().len() > 3_000_000 { 30.0 } else { 10.0 };
+        for channel in animation["channels"].as_array().unwrap() {
+            let sampler = &animation["samplers"][number(&channel["sampler"])];
+            let times = file.rows(&sampler["input"]).concat();
+            let accessor = &file.list("accessors")[number(&sampler["input"])];
+            let last = times[times.len() - 1];
+            assert!(times[0] == 0.0 && last <= seconds && times.windows(2).all(|pair| pair[0] < pair[1]));
+            assert_eq!((accessor["min"][0].as_f64(), accessor["max"][0].as_f64()), (Some(0.0), Some(last.into())));
+            let values = file.rows(&sampler["output"]);
+            let rows = match (channel["target"]["path"].as_str().unwrap(), sampler["interpolation"].as_str().unwrap()) {
+                ("translation", "CUBICSPLINE") => 3 * times.len(),
+                ("weights", "LINEAR") => 2 * times.len(),
+                ("rotation", "LINEAR") => {
+                    for pair in values.windows(2) {
+                        let [a, b] = [&pair[0], &pair[1]].map(|q| Quat::from_slice(q));
+                        assert!((a.length() - 1.0).abs() < 1e-5);
+                        assert!(a.dot(b).abs() > std::f32::consts::FRAC_1_SQRT_2, "{} degrees", a.angle_between(b));
+                    }
+                    times.len()
+                }
+                ("translation", "LINEAR") => times.len(),
+                ("pointer", "STEP") => {
+                    let pointer = &channel["target"]["extensions"]["KHR_animation_pointer"]["pointer"];
+                    let value = file.json.pointer(pointer.as_str().unwrap()).unwrap();
+                    assert!(channel["target"]["node"].is_null());
+                    assert_eq!(value.as_bool().map(|on| f32::from(u8::from(on))), Some(values[0][0]));
+                    times.len()
+                }
+                other => panic!("{other:?}"),
+            };
+            assert_eq!(values.len(), rows);
+        }
+        for used in ["KHR_animation_pointer", "KHR_node_visibility", "KHR_materials_transmission"] {
+            assert!(file.list("extensionsUsed").iter().any(|name| name == used));
+        }
+        assert!(file.json["extensionsRequired"].is_null());
+    }
+}
+
+#[test]
+fn what_moves_starts_where_it_stands() {
+    let made = Street::default().scene(5).unwrap();
+    let file = File::new(made.bytes());
+    let animation = &file.list("animations")[0];
+    for channel in animation["channels"].as_array().unwrap() {
+        let (target, sampler) = (&channel["target"], &animation["samplers"][number(&channel["sampler"])]);
+        let path = target["path"].as_str().unwrap();
+        if !["translation", "rotation"].contains(&path) {
+            continue;
+        }
+        let node = &file.list("nodes")[number(&target["node"])];
+        let rows = file.rows(&sampler["output"]);
+        let first = if sampler["interpolation"] == "CUBICSPLINE" { &rows[1] } else { &rows[0] };
+        let rest = if path == "translation" { vec![0.0; 3] } else { vec![0.0, 0.0, 0.0, 1.0] };
+        let still: Vec<f32> = match node[path].as_array() {
+            Some(still) => still.iter().map(|value| value.as_f64().unwrap() as f32).collect(),
+            None => rest,
+        };
+        let difference = first.iter().zip(&still).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(difference < 1e-5, "{} {path}: {first:?} {still:?}", node["name"]);
+    }
+    // The red lamps of the street are dark, those of the side street shine.
+    let lit = |name: &str| file.list("nodes")[file.node(name)]["extensions"]["KHR_node_visibility"]["visible"] == true;
+    assert!(lit("TrafficLight_East_green") && !lit("TrafficLight_East_red") && lit("TrafficLight_South_red"));
+}
+
+#[test]
+fn wheels_turn_as_far_as_their_car_drives() {
+    let made = Street::default().scene(5).unwrap();
+    let file = File::new(made.bytes());
+    for car in 1..=6 {
+        let (_, places) = file.keys(&format!("Car_{car}"), "translation");
+        let (_, turns) = file.keys(&format!("Car_{car}_Wheel_RL"), "rotation");
+        // Chords of arcs are a little shorter than the arcs.
+        let at: Vec<Vec3> = places.iter().skip(1).step_by(3).map(|row| Vec3::from_slice(row)).collect();
+        let driven: f32 = at.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
+        let angle = |pair: &[Vec<f32>]| {
+            let turn = Quat::from_slice(&pair[0]).inverse() * Quat::from_slice(&pair[1]);
+            let turn = if turn.w < 0.0 { -turn } else { turn };
+            // The axle is the z axis of the file, and cars drive along its x axis: forward is against z.
+            assert!(turn.x.abs() < 1e-5 && turn.y.abs() < 1e-5 && turn.z <= 1e-6);
+            -2.0 * turn.z.asin()
+        };
+        let rolled: f32 = turns.windows(2).map(angle).sum::<f32>() * WHEEL as f32;
+        assert!((rolled - driven).abs() < 0.02 && driven > 30.0, "{car}: {rolled} {driven}");
+    }
+}
+
+#[test]
+fn traffic_is_orderly() {
+    for (seed, seconds) in (0..40).flat_map(|seed| [(seed, 8.0), (seed, 10.0), (seed, 17.0), (seed, 30.0)]) {
+        for cars in [1, 6, 10] {
+            let street = Street { cars, seconds };
+            let plan = plan(&street);
+            let drives = drive::drives(&plan, cars, seed);
+            let told = |car: usize| format!("seed {seed}, {seconds} s, car {}: {:?}", car + 1, drives[car].speeds());
+            let steps = (seconds * WHEEL_KEYS) as u32;
+            for step in 0..=steps {
+                let time = f64::from(step) / WHEEL_KEYS;
+                let places: Vec<DVec3> = drives.iter().map(|drive| drive.place(time)[0]).collect();
+                for (a, at) in places.iter().enumerate() {
+                    assert!(at.x.abs() < plan.end - 1.0 && at.y.abs() < plan.side_end - 1.0, "{} at {at}", told(a));
+                    for (b, other) in places.iter().enumerate().skip(a + 1) {
+                        let apart = (*at - *other).abs();
+                        let beside = apart.y >= 1.9 && at.y.abs() < 3.0 && other.y.abs() < 3.0;
+                        let aside = apart.x >= 1.9 && at.x.abs() < 3.0 && other.x.abs() < 3.0;
+                        assert!(apart.length() > 4.9 || beside || aside, "{} and {} at {time}", told(a), told(b));
+                    }
+                }
+            }
+            for (car, drive) in drives.iter().enumerate() {
+                let [slowest, fastest] = drive.speeds();
+                assert!(slowest >= 0.0 && (8.0..=14.0).contains(&fastest), "{}", told(car));
+                let step = drive.rolled(5.0, WHEEL) - drive.rolled(5.0 - 1.0 / WHEEL_KEYS, WHEEL);
+                assert!(step < FRAC_PI_2);
+            }
+            // The first meets no red light, the second stops and drives on, the third turns to the right.
+            assert!(drives[0].speeds()[0] > 8.0, "{}", told(0));
+            if cars > 1 {
+                let [slowest, _] = drives[1].speeds();
+                let [[at, _], [_, velocity]] = [drives[1].place(plan.lights()[4].0), drives[1].place(seconds)];
+                assert!(slowest < 0.1 && velocity.y < -1.5 && (15.0..19.0).contains(&at.y), "{} {at}", told(1));
+                let [at, velocity] = drives[2].place(seconds);
+                assert!((at.x - LANE_MIDDLE).abs() < 1e-9 && at.y > 12.0 && velocity.y > 5.0, "{} {at}", told(2));
+            }
+        }
+    }
+}
+
+/// Places of the joints in front of the person's feet, from the hips on, and of a point of one of them.
+fn place(gait: &walk::Gait, joint: usize, point: DVec3) -> DVec3 {
+    let bound = |joint: usize| DVec3::from(JOINTS[joint].2);
+    let (mut at, mut joint) = (point - bound(joint), joint);
+    loop {
+        at = gait.turns[joint] * at;
+        match JOINTS[joint].1 {
+            Some(parent) => at += bound(joint) - bound(parent),
+            None => return at + gait.hips,
+        }
+        joint = JOINTS[joint].1.unwrap();
+    }
+}
+
+#[test]
+fn feet_stand_still_on_the_ground() {
+    let mut standing = [0, 0];
+    for step in 0..1000 {
+        let times = [f64::from(step) / 500.0, f64::from(step + 1) / 500.0];
+        let gaits = times.map(|time| walk::gait(time, 0.0));
+        let mut lowest = f64::INFINITY;
+        for (foot, side) in [(13, 0.095), (16, -0.095)] {
+            // The ends of the sole.
+            for x in [-0.05, 0.12] {
+                let sole = DVec3::new(x, side, 0.0);
+                let [now, next] = [0, 1].map(|i| place(&gaits[i], foot, sole) + DVec3::X * walk::SPEED * times[i]);
+                assert!(now.z > -0.012, "{now} at {}", times[0]);
+                lowest = lowest.min(now.z);
+                let speed = (next - now).truncate().length() * 500.0;
+                if now.z < 0.003 && next.z < 0.003 {
+                    standing[usize::from(foot == 16)] += 1;
+                    assert!(speed < 0.25, "slides at {speed} m/s, {now}, {}", times[0]);
+                }
+                assert!(speed < 7.0, "{speed} m/s at {}", times[0]);
+            }
+        }
+        assert!(lowest < 0.02, "flies at {}", times[0]);
+    }
+    assert!(standing.iter().all(|&count| count > 500), "{standing:?}");
+}
+
+#[test]
+fn a_body_is_closed_and_its_joints_move_what_is_near() {
+    let body = Body::new();
+    let (vertices, triangles) = body.skin();
+    assert!((2000..7000).contains(&triangles.len()), "{}", triangles.len());
+    let mut edges = HashMap::new();
+    let mut volume = 0.0;
+    for &[a, b, c] in &triangles {
+        for edge in [[a, b], [b, c], [c, a]] {
+            *edges.entry(edge).or_insert(0) += 1;
+        }
+        let corner = |index: u32| vertices[index as usize];
+        volume += corner(a).cross(corner(b)).dot(corner(c)) / 6.0;
+    }
+    assert!(edges.iter().all(|([a, b], count)| edges.get(&[*b, *a]) == Some(count)));
+    // People of 1.76 m have 60 to 90 litres.
+    assert!((0.055..0.09).contains(&volume), "{volume}");
+    let tallest = vertices.iter().fold(0.0, |tallest: f64, at| tallest.max(at.z));
+    assert!((1.7..1.85).contains(&tallest), "{tallest}");
+    for &at in &vertices {
+        let (joints, weights) = body.weights(at);
+        for (joint, weight) in joints.into_iter().zip(weights) {
+            let [_, y, _] = JOINTS[usize::from(joint)].2;
+            assert!(weight >= 0.0 && (weight == 0.0 || y * at.y >= -0.01), "{joint} moves {at}");
+        }
+    }
+}
+
+#[test]
+fn bad_parameters_are_named() {
+    for (street, says) in [
+        (Street { cars: 0, ..Street::default() }, "cars is 0; allowed: 1 to 10"),
+        (Street { cars: 11, ..Street::default() }, "cars is 11"),
+        (Street { seconds: 7.9, ..Street::default() }, "seconds is 7.9; allowed: 8 to 30"),
+        (Street { seconds: 30.1, ..Street::default() }, "seconds is 30.1"),
+        (Street { seconds: f64::NAN, ..Street::default() }, "seconds is NaN"),
+    ] {
+        let error = street.scene(0).unwrap_err().to_string();
+        assert!(error.contains(says), "{error}");
+    }
+}

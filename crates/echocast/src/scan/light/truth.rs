@@ -1,0 +1,76 @@
+//! How what was hit moves, and how fast it seems to.
+
+use super::block::Block;
+use super::run::Scan;
+use crate::cloud::Slices;
+use crate::detect::Returns;
+use crate::ground::cause::Cause;
+use crate::ground::lanes::LANES;
+use glam::Vec3;
+
+impl Block {
+    /// Step 11, of motion: the columns that were asked for, row by row.
+    #[inline(never)]
+    pub fn tell_motion(&mut self, scan: &Scan, count: usize, rows: Slices) {
+        let Block { lanes, rays, hits, rho_eff, kept, answer, images, .. } = self;
+        let (scene, surface) = (scan.world.scene, &hits.surface);
+        let mut velocity = [[0.0; LANES]; 3];
+        let mut flow = [[0.0; LANES]; 3];
+        if scan.world.motion {
+            let period = scan.frame_period as f32;
+            for lane in 0..count {
+                let hit = (surface[lane], hits.triangle[lane], [hits.u[lane], hits.v[lane]]);
+                let seen = images.as_ref().filter(|_| answer.bounces[lane] > 0).map(|images| &images[lane]);
+                let moves = scene.moves(surface[lane]);
+                if !moves && seen.is_none() {
+                    continue;
+                }
+                let set = |columns: &mut [[f32; LANES]; 3], value: Vec3| {
+                    columns.iter_mut().zip(value.to_array()).for_each(|(column, value)| column[lane] = value);
+                };
+                let own = scene.velocity(hit.0, hit.1, hit.2, rays.time[lane]);
+                set(&mut velocity, seen.map_or(own, |image| image.velocity(own)));
+                if let Some(later) = &scan.world.later {
+                    let own = scene.flow(later, hit.0, hit.1, hit.2, rays.time[lane]);
+                    set(&mut flow, seen.map_or(own, |image| image.way(own, period)));
+                }
+            }
+        }
+        if !rows.radial_velocity.is_empty() || !rows.doppler.is_empty() {
+            // Along the beam, relative to the sensor.
+            let mut radial = [0.0; LANES];
+            let [x, y, z] = rays.directions();
+            for lane in 0..count {
+                radial[lane] = velocity[0][lane] * x[lane] + velocity[1][lane] * y[lane] + velocity[2][lane] * z[lane];
+            }
+            if scan.aim.pose.moves() {
+                for lane in 0..count {
+                    let own = scan.aim.pose.velocity(scan.aim.beams, lanes.beam[lane] as usize);
+                    radial[lane] -= own.dot(rays.direction(lane));
+                }
+            }
+            kept.put(surface, &radial, rows.radial_velocity);
+            if !rows.doppler.is_empty() {
+                let channels = lanes.take(&scan.aim.beams.channel, count);
+                let returns = Returns {
+                    beams: &lanes.beam[..count],
+                    numbers: &lanes.number[..count],
+                    channels: &channels[..count],
+                    rho_eff,
+                    range: &hits.range,
+                };
+                let false_alarm = |lane: usize| answer.cause[lane] == Cause::FalseAlarm as u8;
+                scan.measure.errors.shift(&scan.rng, &returns, false_alarm, &mut radial);
+                kept.put(surface, &radial, rows.doppler);
+            }
+        }
+        let [velocity_x, velocity_y, velocity_z] = &velocity;
+        kept.put(surface, velocity_x, rows.velocity_x);
+        kept.put(surface, velocity_y, rows.velocity_y);
+        kept.put(surface, velocity_z, rows.velocity_z);
+        let [flow_x, flow_y, flow_z] = &flow;
+        kept.put(surface, flow_x, rows.flow_x);
+        kept.put(surface, flow_y, rows.flow_y);
+        kept.put(surface, flow_z, rows.flow_z);
+    }
+}

@@ -1,0 +1,292 @@
+//! Meshes that change their shape while they are scanned.
+
+use crate::ground::array::Array;
+use crate::ground::error::Result;
+use crate::motion::{Layout, Pull, Shape, Span, Timeline, Vertices};
+use crate::scene::Mesh;
+use echocast_kernels::skin::{self, Influences, Joint};
+use echocast_kernels::tree::{self, Packet, RAYS, Step, Tree};
+use embree4::{Hit, LocalRays, Query};
+use glam::{DAffine3, DMat3, Mat3, Vec3};
+use std::sync::Arc;
+
+/// A mesh in a frame of its own, at steps of the time of a scan, between which its vertices move in straight lines.
+pub(crate) struct Bending {
+    shape: Arc<Shape>,
+    mesh: Arc<Mesh>,
+    /// When each moment is, 0 to 1.
+    times: Vec<f32>,
+    moments: Vec<Arc<Moment>>,
+}
+
+/// A mesh at one time.
+pub(crate) struct Moment {
+    /// s.
+    time: f64,
+    pull: Pull,
+    step: Step,
+}
+
+/// Where on a mesh: part, triangle of the part, weights of its second and third corner.
+pub(crate) type Spot = (usize, u32, [f32; 2]);
+
+impl Bending {
+    /// The `mesh` of an object at `world_from_object` that follows `timeline` in `shape` through `span`; in between it
+    /// is right to `tolerance` m. Moments `known` already are taken over.
+    ///
+    /// # Errors
+    /// A vertex cache that can no longer be read.
+    pub(super) fn new(
+        mesh: &Arc<Mesh>,
+        shape: &Arc<Shape>,
+        timeline: &Timeline,
+        span: Span,
+        world_from_object: &DAffine3,
+        tolerance: f64,
+        known: &[Arc<Moment>],
+    ) -> Result<Bending> {
+        let layout = layout(&shape.vertices, mesh);
+        let steps = shape.steps(timeline, span, world_from_object, tolerance);
+        let times = steps.iter().map(|time| ((time - span.start) / span.length) as f32).collect();
+        let mut memory = Vec::new();
+        let moment = |time: f64| -> Result<Arc<Moment>> {
+            if let Some(known) = known.iter().find(|moment| moment.time == time) {
+                return Ok(known.clone());
+            }
+            let pull = shape.pull(timeline, time, world_from_object);
+            let mut step = Step { positions: vec![[0.0; 3]; layout.vertices], boxes: Vec::new() };
+            place(shape, layout, &pull, time, &mut step.positions, &mut memory)?;
+            layout.tree.fit(&step.positions, &mut step.boxes);
+            Ok(Arc::new(Moment { time, pull, step }))
+        };
+        let moments = steps.into_iter().map(moment).collect::<Result<_>>()?;
+        Ok(Bending { shape: shape.clone(), mesh: mesh.clone(), times, moments })
+    }
+
+    /// Its moments, for the next scan.
+    pub(super) fn moments(&self) -> &[Arc<Moment>] {
+        &self.moments
+    }
+
+    /// Times at which it may bend, 0 to 1.
+    pub(super) fn times(&self) -> &[f32] {
+        &self.times
+    }
+
+    fn layout(&self) -> &Layout {
+        layout(&self.shape.vertices, &self.mesh)
+    }
+
+    /// The moments before and after `time`, 0 to 1, and which part of the way from one to the other has passed.
+    fn between(&self, time: f32) -> (usize, usize, f32) {
+        let after = self.times.partition_point(|step| *step <= time);
+        let before = after.saturating_sub(1);
+        if after == 0 || after == self.times.len() {
+            return (before, before, 0.0);
+        }
+        let [from, to] = [self.times[before], self.times[after]];
+        (before, after, (time - from) / (to - from))
+    }
+
+    /// Box around it at `time`, 0 to 1.
+    pub(super) fn bounds(&self, time: f32) -> [[f32; 3]; 2] {
+        let (before, after, part) = self.between(time);
+        let [a, b] =
+            [before, after].map(|moment| self.layout().tree.bounds(&self.moments[moment].step).map(Vec3::from));
+        [a[0].lerp(b[0], part).to_array(), a[1].lerp(b[1], part).to_array()]
+    }
+
+    /// Finds what the `active` lanes (-1, else 0) of `query` hit, which start and go as `rays` do.
+    pub(super) fn intersect(&self, query: &mut Query, rays: &mut LocalRays, active: &[i32; RAYS]) {
+        let lanes = query.lanes();
+        let layout = self.layout();
+        let mut packet = Packet::default();
+        let [org, dir] = {
+            let [a, b, c, d, e, f] = rays.rows(lanes);
+            [[a, b, c], [d, e, f]]
+        };
+        for axis in 0..3 {
+            packet.org[axis][..lanes].copy_from_slice(org[axis]);
+            packet.dir[axis][..lanes].copy_from_slice(dir[axis]);
+        }
+        packet.near[..lanes].copy_from_slice(query.near());
+        packet.far[..lanes].copy_from_slice(query.far());
+        let (mut from, mut to) = ([0; RAYS], [0; RAYS]);
+        let mut waiting = 0_u16;
+        for lane in (0..lanes).filter(|&lane| active[lane] != 0) {
+            (from[lane], to[lane], packet.part[lane]) = self.between(query.times()[lane]);
+            waiting |= 1 << lane;
+        }
+        let mut hits = 0;
+        while waiting != 0 {
+            // Lanes between the same moments go together.
+            let first = waiting.trailing_zeros() as usize;
+            let alike = (0..lanes).filter(|&lane| (from[lane], to[lane]) == (from[first], to[first]));
+            let together = waiting & alike.fold(0, |mask, lane| mask | 1 << lane);
+            waiting &= !together;
+            let [a, b] = [from[first], to[first]].map(|moment| &self.moments[moment].step);
+            let mut accept = |lane: usize, far: f32, triangle: u32, uv: [f32; 2]| {
+                let (part, triangle) = layout.of(triangle);
+                query.counts(lane, far, part as u32, triangle, uv)
+            };
+            let accept: Option<&mut tree::Accept> = if query.refuses() { Some(&mut accept) } else { None };
+            hits |= if query.any_hit() {
+                tree::occluded(&layout.tree, a, b, &packet, together, accept)
+            } else {
+                tree::intersect(&layout.tree, a, b, &mut packet, together, accept)
+            };
+        }
+        while hits != 0 {
+            let lane = hits.trailing_zeros() as usize;
+            hits &= hits - 1;
+            let (part, triangle) = layout.of(packet.triangle[lane]);
+            let normal = packet.normal.map(|axis| axis[lane]);
+            let uv = [packet.u[lane], packet.v[lane]];
+            query.hit(lane, &Hit { far: packet.far[lane], normal, uv, triangle, mesh: part as u32 });
+        }
+    }
+
+    fn corners(&self, part: usize, triangle: u32) -> [usize; 3] {
+        self.mesh.parts[part].triangles[triangle as usize].map(|vertex| vertex as usize)
+    }
+
+    /// Passes the places of the corners of all triangles at `time`, 0 to 1, and how fast they move, per length of the
+    /// scan's time, to `visit`.
+    pub(super) fn each_corner(&self, time: f32, visit: &mut dyn FnMut(Vec3, Vec3)) {
+        let (before, after, way) = self.between(time);
+        let [a, b] = [before, after].map(|moment| &self.moments[moment].step.positions);
+        let per_time = if after > before { 1.0 / (self.times[after] - self.times[before]) } else { 0.0 };
+        for (part, &first) in self.mesh.parts.iter().zip(&self.layout().first_vertex) {
+            for &corner in part.triangles.iter().flatten() {
+                let [a, b] = [a, b].map(|positions| Vec3::from(positions[first + corner as usize]));
+                visit(a.lerp(b, way), (b - a) * per_time);
+            }
+        }
+    }
+
+    /// How its skeleton as a whole has turned at `time`, s, since it was modelled: as the first of its joints has.
+    pub(super) fn turned(&self, timeline: &Timeline, time: f64, world_from_object: &DAffine3) -> Option<DMat3> {
+        let skin = self.shape.skin.as_ref()?;
+        // Parents have lower numbers than their children.
+        let (first, _) = skin.joints.iter().enumerate().min_by_key(|(_, node)| **node)?;
+        let Pull { palette, .. } = self.shape.pull(timeline, time, world_from_object);
+        palette.get(first).map(|joint| joint.matrix3)
+    }
+
+    /// A point of it at `time`, 0 to 1, and how fast it moves, per length of the scan's time.
+    pub(super) fn point(&self, (part, triangle, [u, v]): Spot, time: f32) -> (Vec3, Vec3) {
+        let (before, after, way) = self.between(time);
+        let first = self.layout().first_vertex[part];
+        let corners = self.corners(part, triangle);
+        let [a, b] = [before, after].map(|moment| {
+            let positions = &self.moments[moment].step.positions;
+            let [p, q, r] = corners.map(|vertex| Vec3::from(positions[first + vertex]));
+            p * (1.0 - u - v) + q * u + r * v
+        });
+        let rate = if after > before { (b - a) / (self.times[after] - self.times[before]) } else { Vec3::ZERO };
+        (a.lerp(b, way), rate)
+    }
+
+    /// The normal there, of any length, from those of the vertices; `None`: the part is flat.
+    pub(super) fn normal(&self, (part, triangle, [u, v]): Spot, time: f32) -> Option<Vec3> {
+        let vertices = &self.shape.vertices.parts[part];
+        let modelled = vertices.normals.as_deref()?;
+        let (before, after, way) = self.between(time);
+        let corners = self.corners(part, triangle);
+        if self.shape.cache.is_some() {
+            // What turns the triangle turns the normals that it was modelled with.
+            let first = self.layout().first_vertex[part];
+            let now = corners.map(|vertex| {
+                let [a, b] = [before, after].map(|moment| self.moments[moment].step.positions[first + vertex]);
+                Vec3::from(a).lerp(b.into(), way)
+            });
+            let then = corners.map(|vertex| Vec3::from(vertices.positions[vertex]));
+            let frame = |[a, b, c]: [Vec3; 3]| {
+                let normal = (b - a).cross(c - a).normalize_or_zero();
+                Mat3::from_cols(b - a, c - a, normal)
+            };
+            let turn = (frame(now) * frame(then).inverse()).inverse().transpose();
+            let [p, q, r] = corners.map(|vertex| Vec3::from(modelled[vertex]));
+            let smooth = turn * (p * (1.0 - u - v) + q * u + r * v);
+            return smooth.is_finite().then_some(smooth);
+        }
+        let [a, b] = [before, after].map(|moment| {
+            let Pull { weights, palette } = &self.moments[moment].pull;
+            let [p, q, r] = corners.map(|vertex| vertices.normal(vertex, weights, palette));
+            p * (1.0 - u - v) + q * u + r * v
+        });
+        Some(a.lerp(b, way))
+    }
+}
+
+/// The triangles of `mesh`, whose vertices these are, for rays.
+fn layout<'a>(vertices: &'a Vertices, mesh: &Mesh) -> &'a Layout {
+    vertices.layout.get_or_init(|| {
+        let (mut first_vertex, mut first_triangle) = (Vec::<usize>::new(), Vec::new());
+        let (mut all, mut positions, mut triangles) = (0, Vec::new(), Vec::new());
+        for (number, (part, of)) in mesh.parts.iter().zip(&vertices.parts).enumerate() {
+            // Parts may share vertices; those then move alike.
+            let shared = (0..number).find(|&other| vertices.parts[other].moves_as(of));
+            let first = shared.map_or(all, |other| first_vertex[other]);
+            if shared.is_none() {
+                positions.extend_from_slice(&of.positions);
+                all += of.positions.len();
+            }
+            first_triangle.push(triangles.len() as u32);
+            triangles.extend(part.triangles.iter().map(|corners| corners.map(|corner| corner + first as u32)));
+            first_vertex.push(first);
+        }
+        Layout { tree: Tree::new(&positions, &triangles), first_vertex, first_triangle, vertices: all }
+    })
+}
+
+/// Puts all vertices of `shape` where they are at `time`, s, when `pull` moves them; `memory` is reused.
+fn place(
+    shape: &Shape,
+    layout: &Layout,
+    pull: &Pull,
+    time: f64,
+    positions: &mut [[f32; 3]],
+    memory: &mut Vec<[f32; 3]>,
+) -> Result<()> {
+    if let Some(cache) = &shape.cache {
+        cache.at(time, memory)?;
+        // Its vertices are those that the parts share.
+        positions.copy_from_slice(memory);
+        return Ok(());
+    }
+    let palette: Vec<Joint> = pull.palette.iter().map(joint).collect();
+    let mut done = 0;
+    for (part, &first) in shape.vertices.parts.iter().zip(&layout.first_vertex) {
+        if first < done {
+            continue;
+        }
+        let to = &mut positions[first..first + part.positions.len()];
+        done = first + to.len();
+        let morphs = part.targets.iter().zip(&pull.weights).filter(|(_, weight)| **weight != 0.0);
+        let morphs = morphs.filter_map(|(target, &weight)| Some((target.positions.as_deref()?, weight as f32)));
+        let sets: Vec<_> =
+            part.joints.iter().zip(&part.weights).map(|(joints, weights)| Influences { joints, weights }).collect();
+        let rest: &Array<[f32; 3]> = &part.positions;
+        let mut morphs = morphs.peekable();
+        if sets.is_empty() {
+            to.copy_from_slice(rest);
+            morphs.for_each(|(way, weight)| skin::add_scaled(to, way, weight));
+        } else if morphs.peek().is_none() {
+            skin::skin(rest, &sets, &palette, to);
+        } else {
+            memory.clear();
+            memory.extend_from_slice(rest);
+            morphs.for_each(|(way, weight)| skin::add_scaled(memory, way, weight));
+            skin::skin(memory, &sets, &palette, to);
+        }
+    }
+    Ok(())
+}
+
+/// In the kernels' form.
+fn joint(place: &DAffine3) -> Joint {
+    let DAffine3 { matrix3, translation } = place;
+    let columns = [matrix3.x_axis, matrix3.y_axis, matrix3.z_axis, *translation];
+    std::array::from_fn(|k| if k % 4 == 3 { 0.0 } else { columns[k / 4][k % 4] as f32 })
+}

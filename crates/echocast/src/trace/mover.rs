@@ -1,0 +1,354 @@
+//! Objects that move while they are scanned.
+
+use super::bending::{Bending, Moment, Spot};
+use super::{Engine, Surface, Tables};
+use crate::ground::error::{Error, Result};
+use crate::ground::lanes::LANES;
+use crate::motion::{Motion, Path, Span, Timeline};
+use crate::scene::{Mesh, Sequence};
+use echocast_kernels::aim;
+use embree4::{CommittedScene, LocalRays, Pace, Query, Shape};
+use glam::{DAffine3, DMat3, DVec3, Vec3};
+use std::sync::Arc;
+
+/// An object on its way, as rays at their own times meet it.
+pub(crate) struct Mover {
+    pub path: Path,
+    /// When it starts, s.
+    pub start: f64,
+    follows: Follows,
+    body: Body,
+}
+
+/// What an object follows, and how exactly.
+#[derive(Clone)]
+pub(super) struct Follows {
+    pub timeline: Arc<Timeline>,
+    pub motion: Motion,
+    pub mesh: Arc<Mesh>,
+    /// Meshes that take the place of its own.
+    pub sequence: Option<Arc<Sequence>>,
+    /// Greatest distance of what changes its shape from where it should be, m.
+    pub tolerance: f64,
+    /// The scene's origin.
+    pub origin: DVec3,
+}
+
+/// The mesh of an object that moves, in the object's frame.
+enum Body {
+    /// It keeps its shape.
+    Stiff(CommittedScene),
+    Bending(Bending),
+    /// One mesh takes the place of another.
+    Changing(Vec<Stage>),
+}
+
+/// A mesh and from when it is there, 0 to 1.
+struct Stage {
+    start: f32,
+    mesh: Arc<Mesh>,
+    of: CommittedScene,
+}
+
+/// Where the objects of a scene are one frame later, by number; `None` of those that stay.
+pub(crate) struct Later(Vec<Option<Then>>);
+
+/// Where an object is one frame later.
+struct Then {
+    path: Path,
+    shape: Option<Bending>,
+}
+
+/// Most lanes of a packet.
+const MOST: usize = 16;
+
+impl Follows {
+    /// Its way through `span` around `bounds`.
+    fn path(&self, span: Span, bounds: [[f32; 3]; 2]) -> Path {
+        let Follows { timeline, motion, origin, .. } = self;
+        let mut bends = Vec::new();
+        timeline.bends(motion.node, span.start, span.start + span.length, &mut bends);
+        let pose = |time: f64| timeline.world_from_node(motion.node, time) * motion.node_from_object;
+        Path::new(span, bends, bounds, *origin, pose, |time| timeline.is_visible(motion.node, time))
+    }
+
+    /// Its shape in `span`, if it changes; moments `known` already are taken over.
+    fn shape(&self, span: Span, known: &[Arc<Moment>]) -> Result<Option<Bending>> {
+        let Follows { timeline, motion, mesh, tolerance, .. } = self;
+        let Some(shape) = &motion.shape else { return Ok(None) };
+        // Skins hang on nodes that stay.
+        let world_from_object = timeline.world_from_node(motion.node, span.start) * motion.node_from_object;
+        Bending::new(mesh, shape, timeline, span, &world_from_object, *tolerance, known).map(Some)
+    }
+}
+
+impl Mover {
+    /// What moves through `span` as `follows` says; moments `known` already are taken over.
+    ///
+    /// # Errors
+    /// Embree's: out of memory; a vertex cache that can no longer be read.
+    pub(super) fn new(engine: &Engine, follows: Follows, span: Span, known: &[Arc<Moment>]) -> Result<Mover> {
+        let body = match (follows.shape(span, known)?, &follows.sequence) {
+            (Some(bending), _) => Body::Bending(bending),
+            (None, Some(sequence)) => Body::Changing(stages(engine, sequence, span)?),
+            (None, None) => Body::Stiff(follows.mesh.structure_by(engine, Pace::Now)?),
+        };
+        Ok(Mover { path: follows.path(span, body.bounds(0.0)), start: span.start, follows, body })
+    }
+
+    /// Where it is at `time`, s, and how it has turned: as its frame has, or its skeleton; `None`: it cannot be seen.
+    pub(super) fn stance(&self, time: f64) -> Option<(DAffine3, DMat3)> {
+        let Follows { timeline, motion, .. } = &self.follows;
+        let world_from_object = timeline.world_from_node(motion.node, time) * motion.node_from_object;
+        timeline.is_visible(motion.node, time).then(|| (world_from_object, self.turned(time, &world_from_object)))
+    }
+
+    /// How it has turned at `time`, s, where it is then.
+    fn turned(&self, time: f64, world_from_object: &DAffine3) -> DMat3 {
+        let turned = match &self.body {
+            Body::Bending(bending) => bending.turned(&self.follows.timeline, time, world_from_object),
+            Body::Stiff(_) | Body::Changing(_) => None,
+        };
+        world_from_object.matrix3 * turned.unwrap_or(DMat3::IDENTITY)
+    }
+
+    /// If its shape changes, passes the places of the corners of its triangles at `time`, 0 to 1, in the object's frame
+    /// and how fast they move there, per length of the scan's time, to `visit`.
+    pub(super) fn each_corner(&self, time: f32, visit: &mut dyn FnMut(Vec3, Vec3)) {
+        match &self.body {
+            Body::Stiff(_) => {}
+            Body::Bending(bending) => bending.each_corner(time, visit),
+            Body::Changing(stages) => {
+                let Some(stage) = stages.get(stage_at(stages, time)) else { return };
+                for part in &stage.mesh.parts {
+                    let corners = part.triangles.iter().flatten();
+                    corners.for_each(|&corner| visit(part.positions[corner as usize].into(), Vec3::ZERO));
+                }
+            }
+        }
+    }
+
+    /// Whether it keeps its shape.
+    pub(super) fn is_stiff(&self) -> bool {
+        matches!(self.body, Body::Stiff(_))
+    }
+
+    /// Its way `period` s later than in `span`.
+    fn later(&self, span: Span, period: f64) -> Result<Then> {
+        let span = Span { start: span.start + period, ..span };
+        let shape = self.follows.shape(span, self.moments())?;
+        Ok(Then { path: self.follows.path(span, self.body.bounds(0.0)), shape })
+    }
+
+    /// What is known of its shape, for the next scan.
+    pub(super) fn moments(&self) -> &[Arc<Moment>] {
+        match &self.body {
+            Body::Stiff(_) | Body::Changing(_) => &[],
+            Body::Bending(bending) => bending.moments(),
+        }
+    }
+
+    /// The interpolated normal of a spot at `time` in the object's frame, of any length, where its shape changes;
+    /// `None`: it is flat there, or keeps its shape.
+    pub(crate) fn smooth_normal(&self, spot: Spot, time: f32) -> Option<Vec3> {
+        match &self.body {
+            Body::Stiff(_) | Body::Changing(_) => None,
+            Body::Bending(bending) => bending.normal(spot, time),
+        }
+    }
+
+    /// Whether its shape changes.
+    pub(crate) fn bends(&self) -> bool {
+        matches!(self.body, Body::Bending(_))
+    }
+}
+
+impl Body {
+    /// Box around it at `time`, 0 to 1.
+    fn bounds(&self, time: f32) -> [[f32; 3]; 2] {
+        match self {
+            Body::Stiff(of) => of.bounds(),
+            Body::Bending(bending) => bending.bounds(time),
+            // Of all: one box is as good as another where everything changes at once.
+            Body::Changing(stages) => {
+                let all = stages.iter().map(|stage| stage.of.bounds().map(Vec3::from));
+                let around = all.reduce(|[low, high], [a, b]| [low.min(a), high.max(b)]);
+                around.map_or([[0.0; 3]; 2], |ends| ends.map(|end| end.to_array()))
+            }
+        }
+    }
+}
+
+/// The meshes of `sequence` that are there in `span`.
+fn stages(engine: &Engine, sequence: &Sequence, span: Span) -> Result<Vec<Stage>> {
+    let range = sequence.at(span.start)..=sequence.at(span.start + span.length);
+    let times = sequence.times().enumerate().filter(|(index, _)| range.contains(index));
+    let stage = |(index, time): (usize, f64)| {
+        let mesh = sequence.load(index)?;
+        let of = mesh.structure_by(engine, Pace::Now)?;
+        Ok(Stage { start: ((time - span.start) / span.length) as f32, mesh, of })
+    };
+    times.map(stage).collect()
+}
+
+/// Which of `stages` is there at `time`, 0 to 1.
+fn stage_at(stages: &[Stage], time: f32) -> usize {
+    stages.partition_point(|stage| stage.start <= time).saturating_sub(1)
+}
+
+impl Shape for Mover {
+    fn bounds(&self) -> Vec<[[f32; 3]; 2]> {
+        /// Two boxes fit what moves straight; what turns gains from more.
+        const STEPS: usize = 3;
+        let times: &[f32] = match &self.body {
+            Body::Stiff(_) | Body::Changing(_) => &[],
+            Body::Bending(bending) => bending.times(),
+        };
+        self.path.boxes(STEPS, times, |time| self.body.bounds(time))
+    }
+
+    fn intersect(&self, query: &mut Query) {
+        let lanes = query.lanes();
+        let (mut rays, mut active) = (LocalRays::new(), [0; MOST]);
+        let times = query.times();
+        let [ox, oy, oz] = query.origins();
+        let [dx, dy, dz] = query.directions();
+        let mut start = 0;
+        while start < lanes {
+            // Neighbours are mostly in the same piece.
+            let piece = self.path.piece(times[start]);
+            let run = start..start + times[start..].iter().take_while(|&&time| piece.covers(time)).count().max(1);
+            start = run.end;
+            if piece.is_visible() {
+                active[run.clone()].copy_from_slice(&query.active()[run.clone()]);
+                let from = [ox, oy, oz, dx, dy, dz].map(|row| &row[run.clone()]);
+                aim::enter(piece.frame(), &times[run.clone()], from, rays.rows(lanes).map(|row| &mut row[run.clone()]));
+            }
+        }
+        match &self.body {
+            Body::Stiff(of) => query.forward(of, &mut rays, &active),
+            Body::Bending(bending) => bending.intersect(query, &mut rays, &active),
+            Body::Changing(stages) => {
+                let mut at = [0; MOST];
+                at.iter_mut().zip(query.times()).for_each(|(at, &time)| *at = stage_at(stages, time));
+                for (number, stage) in stages.iter().enumerate().filter(|(number, _)| at[..lanes].contains(number)) {
+                    let there = std::array::from_fn(|lane| if at[lane] == number { active[lane] } else { 0 });
+                    query.forward(&stage.of, &mut rays, &there);
+                }
+            }
+        }
+    }
+}
+
+/// From the times of beams to those of rays.
+pub(crate) struct Clock {
+    /// Time of the scan's start since the scene's, in lengths of the scene's time.
+    offset: f64,
+    /// One over the length of the scene's time, 1/s; 0 where time stands still.
+    rate: f64,
+}
+
+impl Clock {
+    /// Times of rays of beams that fire `times` s after the start of the scan.
+    pub(crate) fn set(&self, times: &[f64], to: &mut [f32; LANES]) {
+        for (to, time) in to.iter_mut().zip(times) {
+            *to = self.of(*time);
+        }
+    }
+
+    /// The time of a ray of a beam that fires `time` s after the start of the scan.
+    pub(crate) fn of(&self, time: f64) -> f32 {
+        ((self.offset + time * self.rate) as f32).clamp(0.0, 1.0)
+    }
+}
+
+impl Tables {
+    /// Where the scene moves, what the times of beams of a scan are that starts at `start_time`, s; all the same if it
+    /// is to `freeze`.
+    pub(crate) fn clock(&self, start_time: f64, freeze: bool) -> Option<Clock> {
+        let Span { start, length } = self.span?;
+        Some(Clock { offset: (start_time - start) / length, rate: if freeze { 0.0 } else { 1.0 / length } })
+    }
+
+    /// Where its objects are `period` s later.
+    ///
+    /// # Errors
+    /// A vertex cache that can no longer be read.
+    pub(crate) fn later(&self, period: f64) -> Result<Later> {
+        let Some(span) = self.span else { return Ok(Later(Vec::new())) };
+        let then = |mover: &Option<Arc<Mover>>| mover.as_ref().map(|mover| mover.later(span, period)).transpose();
+        Ok(Later(self.movers.iter().map(then).collect::<Result<_>>()?))
+    }
+
+    /// The point of a surface of `mover`, in its object's frame, where at `time` the second and the third corner of a
+    /// `triangle` weigh `u` and `v`, and how fast it moves there, m per length of the scan's time.
+    fn point(&self, mover: &Mover, surface: &Surface, triangle: u32, [u, v]: [f32; 2], time: f32) -> (Vec3, Vec3) {
+        let part = match &mover.body {
+            Body::Bending(bending) => return bending.point((surface.number.into(), triangle, [u, v]), time),
+            Body::Stiff(_) => &self.surfaces.parts[surface.part as usize],
+            Body::Changing(stages) => &stages[stage_at(stages, time)].mesh.parts[usize::from(surface.number)],
+        };
+        let corner = |index: u32| Vec3::from(part.positions[index as usize]);
+        let [a, b, c] = part.triangles[triangle as usize].map(corner);
+        (a * (1.0 - u - v) + b * u + c * v, Vec3::ZERO)
+    }
+
+    /// How fast a point of a surface (a row, or [`super::MISS`]) moves at `time`, in the world, m/s; see
+    /// [`Tables::point`].
+    pub(crate) fn velocity(&self, surface: u32, triangle: u32, uv: [f32; 2], time: f32) -> Vec3 {
+        let Some(row) = self.surfaces.rows.get(surface as usize) else { return Vec3::ZERO };
+        let (Some(mover), Some(span)) = (self.mover(row.object), self.span) else { return Vec3::ZERO };
+        let piece = mover.path.piece(time);
+        let part = piece.part(time);
+        let (point, rate) = self.point(mover, row, triangle, uv, time);
+        piece.velocity(part, point) + piece.at_part(part).turn(rate / span.length as f32)
+    }
+
+    /// Where a point of a surface will be one frame after `time`, minus where it is, in the world, m.
+    pub(crate) fn flow(&self, later: &Later, surface: u32, triangle: u32, uv: [f32; 2], time: f32) -> Vec3 {
+        let Some(row) = self.surfaces.rows.get(surface as usize) else { return Vec3::ZERO };
+        let Some(mover) = self.mover(row.object) else { return Vec3::ZERO };
+        let Some(Some(then)) = later.0.get(row.object as usize) else { return Vec3::ZERO };
+        let (from, _) = self.point(mover, row, triangle, uv, time);
+        let to = then.shape.as_ref().map_or(from, |then| then.point((row.number.into(), triangle, uv), time).0);
+        then.path.at(time).to_local(to) - mover.path.at(time).to_local(from)
+    }
+    /// Checks that a scan from `start_time` on that takes `length`, s, lies in the time that the scene is prepared for.
+    ///
+    /// # Errors
+    /// If something moves, and it does not.
+    pub(crate) fn check_time(&self, start_time: f64, length: f64) -> Result<()> {
+        // Sums of times are rounded.
+        const SLACK: f64 = 1e-6;
+        match self.span {
+            Some(Span { start, length: whole })
+                if start_time < start - SLACK || start_time + length > start + whole + SLACK =>
+            {
+                Err(Error::invalid(
+                    "start_time",
+                    format!("{start_time} s for a scan of {length} s"),
+                    format!("within {start} to {} s, for which the moving scene was set", start + whole),
+                ))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Whether a surface (a row, or [`super::MISS`]) belongs to something that moves.
+    pub(crate) fn moves(&self, surface: u32) -> bool {
+        self.surfaces.rows.get(surface as usize).is_some_and(|row| self.mover(row.object).is_some())
+    }
+
+    /// The object of a row, if it moves.
+    pub(crate) fn mover(&self, object: u32) -> Option<&Mover> {
+        self.movers.get(object as usize)?.as_deref()
+    }
+
+    /// The `normal` of `object` in its own frame in the world's, at `time`; of any length.
+    pub(crate) fn turned(&self, object: u32, normal: Vec3, time: f32) -> Vec3 {
+        match self.mover(object) {
+            Some(mover) => mover.path.at(time).normal(normal),
+            None => self.normal_matrices[object as usize] * normal,
+        }
+    }
+}
