@@ -43,6 +43,8 @@ impl Meshes<'_> {
     ) -> Result<(), String> {
         let (used, vertices) = (triangles.used.as_deref(), triangles.vertices);
         if form.morphed {
+            let targets = primitive.targets.as_ref().map_or(0, Vec::len);
+            self.accessors.charge(targets * size_of::<Target>())?;
             for (number, target) in primitive.targets.iter().flatten().enumerate() {
                 let fault = |message: String| format!("morph target {number} {message}");
                 let with_normals = target.normals.filter(|_| part.normals.is_some());
