@@ -463,10 +463,11 @@ ECHOCAST_API void echocast_scene_release(echocast_scene *scene);
 /**
  * Adds the contents of a scene file (glTF, GLB, OBJ): its objects as fixed instances with their labels, and its
  * cameras. `options`: NULL, or YAML with `up` (y or z) and `scale` (metres per unit) for formats that do not define
- * them; `labels`, with the contents of a label file; `texture_limit_mib` (1024), most memory for all images; and
- * `allow_outside_paths` (false), whether the scene may name files that are not in its own folder. Categories and parts
- * whose name is already in the scene get its number there; instances are numbered on from the greatest number that has
- * a name, from 1 if there is none.
+ * them; `labels`, with the contents of a label file; `texture_limit_mib` (1024), most memory for all images;
+ * `animation`, the name of the one to play instead of all; `looped` (false), whether animations start again at their
+ * ends; and `allow_outside_paths` (false), whether the scene may name files that are not in its own folder. Categories
+ * and parts whose name is already in the scene get its number there; instances are numbered on from the greatest
+ * number that has a name, from 1 if there is none.
  *
  * Errors: ECHOCAST_E_IO, ECHOCAST_E_PARSE (file and place), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_ARGUMENT,
  * ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY; the scene is then unchanged.
@@ -1039,7 +1040,10 @@ typedef struct echocast_scan_desc {
     uint32_t frame;
     /** Instances whose mask shares a bit with this are seen. */
     uint32_t mask;
-    /** Columns to compute: comma-separated names ("x,y,z,range,category_id"), "all", or NULL for the default columns. */
+    /**
+     * Columns to compute: comma-separated names ("x,y,z,range,category_id"), "all", or NULL for the default columns
+     * ("default" in a list): `doppler` is one of a sensor that measures it.
+     */
     const char *columns;
     /** 1: every beam has a row, with NaN or 0 if it has no return. 0: only returns have rows. */
     int32_t organised;

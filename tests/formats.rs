@@ -65,6 +65,15 @@ fn cloud(len: usize, fields: FieldSet) -> PointCloud {
         bounces: |row| (row % 256) as u8;
         first_category_id: |row| (row % 7) as u32;
         first_instance_id: |row| (row % 11) as u32;
+        velocity_x: |_| metres(40.0);
+        velocity_y: |_| metres(1e-3);
+        velocity_z: |_| metres(1.0);
+        radial_velocity: |_| metres(60.0);
+        flow_x: |_| metres(4.0);
+        flow_y: |_| metres(0.1);
+        flow_z: |_| 0.0;
+        track_id: |row| whole(row, 100_000_000);
+        doppler: |row| if row % 5 == 0 { f32::NAN } else { metres(128.0) };
     }
     let table = |rows: &[(u32, &str)]| NameTable {
         ids: rows.iter().map(|row| row.0).collect(),

@@ -4,6 +4,7 @@ mod beams;
 mod boxes;
 mod cameras;
 mod detection;
+mod doppler;
 mod geometry;
 mod intensity;
 mod motion;

@@ -29,6 +29,7 @@ Examples:
   echocast scan street.glb --sensor velodyne_vlp32c --at 0,0,1.8 --fog 150 --explain 12345
   echocast scan street.glb --sensor velodyne_vlp32c --at 0,0,1.8 -o scan.npz --boxes boxes.json --preview scan.png \\
     --view perspective --show boxes
+  echocast scan street.glb --sensor velodyne_vlp32c --camera Lidar --frames 0:99 --fields default,velocity,flow -o drive.las
   echocast scan city.obj --up y --sensor velodyne_hdl64e --trajectory drive.txt --frames 0:99 --single -o drive.las
   echocast scan yard.glb --cache Flag=flag.pc2@25 --sensor velodyne_vlp16 --at 0,0,1.8 --frames 0:99 -o yard.las
 A survey with a side-scan sonar, from nothing:
@@ -70,6 +71,9 @@ pub struct Args {
     /// Let the scene hold still during each frame, as it is when the frame starts
     #[arg(long, help_heading = "Place")]
     freeze: bool,
+    /// How far skins, morph targets and baked shapes may be from their true place within a frame, metres
+    #[arg(long, value_name = "M", default_value = "0.001", value_parser = input::positive, help_heading = "Place")]
+    motion_tolerance: f64,
     /// Columns to compute and write: names separated by commas, `default` or `all`; `--help` lists them
     #[arg(long, value_name = "LIST", value_parser = Asked::parse, long_help = formats::column_help(), help_heading = "Points")]
     fields: Option<Asked>,
@@ -118,7 +122,7 @@ pub fn run(args: &Args) -> Result<()> {
     let Loaded { sensor, environment, scene, path } = loaded?;
     read.iter().try_for_each(|input| args.output.check_input(input))?;
     let sonar = sensor.kind() == SensorKind::Sonar;
-    let fields = args.fields.unwrap_or_default().of(sensor.kind());
+    let fields = args.fields.unwrap_or_default().of(&sensor);
     interrupt::check()?;
     warnings.absorb(scene.report.clone());
     let fps = frame_rate(args.fps, &sensor)?;
@@ -151,6 +155,7 @@ pub fn run(args: &Args) -> Result<()> {
 
     progress.phase("building".into());
     let mut live = LiveScene::new(&Engine::new()?);
+    live.set_motion_tolerance(args.motion_tolerance).context("--motion-tolerance")?;
     timed(&mut seconds.build, || live.add_scene(&scene).map(drop))?;
     let moving = scene.is_moving();
     // The scene as the frame that starts at `time`, s, sees it.
@@ -305,7 +310,7 @@ struct Loaded {
 /// Reads everything a run needs, the scene last: it may take a long time.
 fn load(args: &Args) -> Result<Loaded> {
     let sensor = args.sensor.load()?;
-    args.output.check(args.fields.unwrap_or_default().of(sensor.kind()), &sensor, args.profile)?;
+    args.output.check(args.fields.unwrap_or_default().of(&sensor), &sensor, args.profile)?;
     ensure!(
         args.explain.is_none() || sensor.kind() != SensorKind::Sonar || args.profile == Profile::Physical,
         "--explain: does not cover sonars with --profile {}; allowed: --profile physical",
@@ -342,9 +347,12 @@ impl Asked {
     }
 
     /// The columns for a sensor: points of sonars are of the bed, the water surface, reflections and noise.
-    fn of(self, kind: SensorKind) -> FieldSet {
-        let with_cause = self.by_default && kind == SensorKind::Sonar;
-        if with_cause { self.fields.with(Field::Cause) } else { self.fields }
+    fn of(self, sensor: &Sensor) -> FieldSet {
+        if !self.by_default {
+            return self.fields;
+        }
+        let fields = self.fields.union(sensor.default_fields());
+        if sensor.kind() == SensorKind::Sonar { fields.with(Field::Cause) } else { fields }
     }
 }
 
@@ -529,6 +537,7 @@ fn repeatable(
         "frame": args.coordinates.name(),
         "order": args.order.name(),
         "freeze": args.freeze,
+        "motion_tolerance_m": args.motion_tolerance,
         "organised": args.organised,
         "outputs": args.output.to_json(),
     }))

@@ -315,6 +315,7 @@ columns! {
     flow_y, FlowY, f32, "m", false, None, "scene flow: where the surface point is one frame later, minus where it is, in the world";
     flow_z, FlowZ, f32, "m", false, None, "scene flow: where the surface point is one frame later, minus where it is, in the world";
     track_id, TrackId, u32, "", false, None, "object over all frames, 0 = unlabelled";
+    doppler, Doppler, f32, "m/s", false, None, "measured radial velocity: negative where point and sensor approach each other, NaN where the instrument measures none; a default column of those that measure it";
 }
 
 impl Field {
@@ -361,11 +362,19 @@ impl FieldSet {
     /// # Errors
     /// [`Error::Missing`] for an unknown name, [`Error::InvalidParameter`] for an empty list.
     pub fn parse(list: &str) -> Result<Self> {
+        FieldSet::parse_with(list, FieldSet::default())
+    }
+
+    /// [`FieldSet::parse`] where `"default"` stands for `default`, such as [`crate::Sensor::default_fields`].
+    ///
+    /// # Errors
+    /// As [`FieldSet::parse`].
+    pub fn parse_with(list: &str, default: FieldSet) -> Result<Self> {
         let mut set = FieldSet::EMPTY;
         for name in list.split(',').map(str::trim).filter(|name| !name.is_empty()) {
             set = match name {
                 "all" => FieldSet::all(),
-                "default" => set.union(FieldSet::default()),
+                "default" => set.union(default),
                 "velocity" => set.union(VELOCITY.into_iter().collect()),
                 "flow" => set.union(FLOW.into_iter().collect()),
                 _ => set.with(Field::from_name(name)?),
@@ -416,7 +425,7 @@ impl FieldSet {
 }
 
 impl Default for FieldSet {
-    /// The columns written by default.
+    /// The columns written by default; [`crate::Sensor::default_fields`] are those of a sensor.
     fn default() -> Self {
         FIELDS.iter().filter(|info| info.default).map(|info| info.field).collect()
     }

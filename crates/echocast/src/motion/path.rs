@@ -292,7 +292,7 @@ fn inverse(linear: &DMat3) -> Mat3 {
 
 impl Place {
     /// Where the point at `object` of the thing is in the scene's frame.
-    pub(crate) fn to_local(&self, object: Vec3) -> Vec3 {
+    pub(crate) fn to_local(self, object: Vec3) -> Vec3 {
         self.place + self.inverse.inverse() * object
     }
 

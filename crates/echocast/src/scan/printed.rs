@@ -337,6 +337,7 @@ impl<'a> Printed<'a> {
             return_count: u8::from(point.is_some()),
             cause: Cause::Surface as u8,
             bounces: 0,
+            doppler: f32::NAN,
         );
         let Some(point) = point else {
             let none = f32::NAN;

@@ -438,7 +438,10 @@ impl LiveScene {
         let mesh = live.object.mesh.with_vertices(positions, normals)?;
         let bounds = mesh.bounds();
         check_pose(&live.object.name, bounds, &live.object.world_from_object)?;
-        (live.object.mesh, live.bounds) = (Arc::new(mesh), bounds);
+        (live.object.mesh, live.bounds, live.object.sequence) = (Arc::new(mesh), bounds, None);
+        if let Some(motion) = &mut live.object.motion {
+            motion.shape = None;
+        }
         live.moved = true;
         self.loosen(id);
         self.surfaces = None;

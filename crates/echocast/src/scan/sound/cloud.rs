@@ -142,6 +142,7 @@ impl Ping {
             frame: options.frame,
             beam: if self.reports_depths() { beam as u32 } else { cell as u32 },
             firing: self.number,
+            doppler: f32::NAN,
         );
         if range.is_nan() {
             // A miss of an organised cloud.
