@@ -1,12 +1,10 @@
 //! Scenes that move: driving cars, walking people, cloth from a cache, and the columns of how things move. One core.
 
+use crate::Result;
 use crate::clock::{cpu_per_call, cpu_seconds, median};
 use crate::scenes::{self, Builder, Shapes};
-use crate::Result;
 use echocast::scene::{CacheFile, Mesh, Object, Scene};
-use echocast::{
-    BareLoop, Engine, FieldSet, LiveScene, LoadOptions, PointCloud, Pose, ScanOptions, Sensor, Trajectory,
-};
+use echocast::{BareLoop, Engine, FieldSet, LiveScene, LoadOptions, PointCloud, Pose, ScanOptions, Sensor, Trajectory};
 use echocast_kernels::skin::{Influences, Joint, skin};
 use glam::{DAffine3, DQuat, DVec3};
 use rayon::ThreadPoolBuilder;
@@ -75,7 +73,8 @@ fn cars() -> Result<Value> {
     let ids: Vec<_> = streets
         .iter()
         .map(|street| {
-            let object = Object { world_from_object: pose(street, 0.0), category_id: 9, ..Object::new("car", car.clone()) };
+            let object =
+                Object { world_from_object: pose(street, 0.0), category_id: 9, ..Object::new("car", car.clone()) };
             live.add(object)
         })
         .collect::<echocast::Result<_>>()?;
@@ -152,7 +151,8 @@ fn people() -> Result<Value> {
     let setting = median(times) * 1e3;
     // The kernel alone, on one of them.
     let rest = &scene.objects[0].mesh.parts[0].positions;
-    let joints: Vec<[u16; 4]> = (0..rest.len()).map(|k| [0, 1, 2, 3].map(|n| ((k / 400 + n) % JOINTS) as u16)).collect();
+    let joints: Vec<[u16; 4]> =
+        (0..rest.len()).map(|k| [0, 1, 2, 3].map(|n| ((k / 400 + n) % JOINTS) as u16)).collect();
     let weights = vec![[0.4, 0.3, 0.2, 0.1]; rest.len()];
     let palette: Vec<Joint> = vec![std::array::from_fn(|k| if k % 5 == 0 { 1.0 } else { 0.01 }); JOINTS];
     let mut out = vec![[0.0; 3]; rest.len()];
@@ -194,7 +194,24 @@ fn walkers() -> Result<Vec<u8>> {
     let step = 1.8 / JOINTS as f32;
     let mut inverse = Vec::new();
     for joint in 0..JOINTS {
-        inverse.extend([1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, -step * joint as f32, 1.0]);
+        inverse.extend([
+            1.0,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+            1.0,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+            1.0,
+            0.0,
+            0.0,
+            0.0,
+            -step * joint as f32,
+            1.0,
+        ]);
     }
     const KEYS: usize = 25;
     let times: Vec<f32> = (0..KEYS).map(|key| key as f32 / (KEYS - 1) as f32).collect();

@@ -337,7 +337,7 @@ impl<'a> Panorama<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{ColorBy, PreviewOptions, View, palette, render};
+    use super::super::{PreviewOptions, View, palette, render};
     use super::*;
     use crate::ground::pose::Pose;
     use crate::ground::report::Report;
