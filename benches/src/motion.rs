@@ -56,7 +56,7 @@ fn cars() -> Result<Value> {
     let streets: Vec<(DVec3, DVec3)> = (0..CARS)
         .map(|number| {
             let lane = f64::from(shapes.between(-4.0, 5.0).floor()) * 72.0;
-            let side = if shapes.between(0.0, 1.0) < 0.5 { 2.5 } else { -2.5 };
+            let side: f64 = if shapes.between(0.0, 1.0) < 0.5 { 2.5 } else { -2.5 };
             let along = f64::from(shapes.between(-200.0, 200.0));
             let speed = 14.0 * side.signum();
             match number % 2 {
