@@ -218,7 +218,7 @@ fn walkers() -> Result<Vec<u8>> {
     let swing: Vec<f32> = times
         .iter()
         .flat_map(|time| {
-            let half = 0.5 * 0.02 * (TAU * time).sin();
+            let half = 0.5 * 0.007 * (TAU * time).sin();
             [half.sin(), 0.0, 0.0, half.cos()]
         })
         .collect();

@@ -44,7 +44,7 @@ enum Lane {
 const STARTS: [(Lane, f64, [f64; 2], bool); MOST_CARS as usize] = [
     (Lane::East, -60.0, [12.0, 12.8], false),
     (Lane::South, -44.0, [9.0, 10.0], false),
-    (Lane::West, -34.0, [9.0, 10.0], true),
+    (Lane::West, -38.0, [8.5, 8.9], true),
     (Lane::West, -8.0, [9.2, 10.2], false),
     (Lane::East, -27.0, [12.0, 12.2], false),
     (Lane::West, -62.0, [11.0, 14.0], false),
@@ -136,6 +136,11 @@ impl Drive {
         self.way.turn.is_some()
     }
 
+    /// Where the turn is over.
+    fn turned_at(&self) -> f64 {
+        self.way.turn.map_or(f64::INFINITY, |turn| turn + RADIUS * FRAC_PI_2)
+    }
+
     /// Angle of the front wheels to the left.
     pub fn steered(&self, time: f64, wheelbase: f64) -> f64 {
         (wheelbase * self.way.curvature(self.state(time)[0])).atan()
@@ -218,7 +223,9 @@ fn acceleration(drives: &mut [Drive], car: usize, plan: &Plan, time: f64) -> f64
     }
     for other in drives.iter().filter(|other| other.lane == drive.lane) {
         let [ahead, other_speed] = other.now();
-        let left = other.way.turn.is_some_and(|turn| ahead > turn + RADIUS * FRAC_PI_2 && drive.way.turn.is_none());
+        // A car that has turned is no longer in the way of those that drive straight on, nor they in its.
+        let gone = |turning: &Drive| turning.turns() && turning.now()[0] > turning.turned_at();
+        let left = drive.turns() != other.turns() && (gone(drive) || gone(other));
         if ahead > length && !left {
             acceleration = acceleration.min(drive.follow(ahead - length - LENGTH, speed - other_speed));
         }

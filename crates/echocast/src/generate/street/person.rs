@@ -153,7 +153,7 @@ impl Body {
     /// The skin as a net over a grid ("surface nets", Gibson 1998): one vertex in each cell that the skin passes, in the
     /// middle of where it cuts the edges, one face around each edge that it cuts.
     pub fn skin(&self) -> (Vec<DVec3>, Vec<[u32; 3]>) {
-        const CELL: f64 = 0.026;
+        const CELL: f64 = 0.031;
         const LOW: DVec3 = DVec3::new(-0.2, -0.72, -0.06);
         const HIGH: DVec3 = DVec3::new(0.26, 0.72, 1.86);
         let cells = ((HIGH - LOW) / CELL).ceil();

@@ -65,7 +65,7 @@ fn foot(part: f64) -> (DVec2, f64) {
     let part = (part - STANCE) / (1.0 - STANCE);
     let (from, to) = (on_ball(STANCE, PUSH), on_heel(0.0, STRIKE));
     // The foot leaves the ground and comes back to it at about the speed that it has there, backwards.
-    let back = -SPEED * CYCLE * (1.0 - STANCE) * 0.5;
+    let back = -SPEED * CYCLE * (1.0 - STANCE) * 0.9;
     let (t, u) = (part, 1.0 - part);
     let x = from.x * u * u * (1.0 + 2.0 * t) + to.x * t * t * (1.0 + 2.0 * u) + back * t * u * (u - t);
     let z = from.y + (to.y - from.y) * smooth(part) + LIFT * (part * FRAC_PI_2 * 2.0).sin().powi(2);
