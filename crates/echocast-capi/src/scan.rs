@@ -2,7 +2,7 @@
 
 use crate::guard::{Failure, Outcome, echocast_status, guard};
 use crate::result::{Points, echocast_result};
-use crate::scene::{echocast_pose, echocast_snapshot};
+use crate::scene::{echocast_pose_key, echocast_snapshot};
 use crate::sensor::{echocast_sensor, seconds};
 use crate::{handle, text};
 use echocast::{BuiltScene, FieldSet, Named, ScanOptions, Sensor, Trajectory};
@@ -10,16 +10,6 @@ use std::ffi::{c_char, c_void};
 use std::ops::ControlFlow;
 use std::sync::{Arc, RwLock};
 use std::{mem, ptr};
-
-/// A pose at a time.
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct echocast_pose_key {
-    /// Time, ns.
-    pub t_ns: i64,
-    /// Where the sensor is at that time, in the world.
-    pub pose: echocast_pose,
-}
 
 /// Points are in the world frame.
 pub const ECHOCAST_COORDINATES_WORLD: i32 = 0;

@@ -5,7 +5,6 @@ use crate::guard::{Failure, Outcome, echocast_status, guard};
 use crate::handle::{self, handles};
 use crate::material::echocast_material;
 use crate::mesh::echocast_mesh;
-use crate::scan::echocast_pose_key;
 use crate::sensor::seconds;
 use crate::text;
 use echocast::scene::{Array, Object};
@@ -37,6 +36,16 @@ pub type echocast_instance = u64;
 pub struct echocast_pose {
     /// Row after row.
     pub m: [f64; 12],
+}
+
+/// A pose at a time.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct echocast_pose_key {
+    /// Time, ns.
+    pub t_ns: i64,
+    /// Where the sensor or instance is at that time, in the world.
+    pub pose: echocast_pose,
 }
 
 impl echocast_pose {
