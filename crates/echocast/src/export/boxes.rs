@@ -13,6 +13,7 @@ pub(super) struct BoxColumn {
     pub name: &'static str,
     /// SI unit, `1` for ratios, empty for counts and ids.
     pub unit: &'static str,
+    #[cfg_attr(not(feature = "hdf5"), allow(dead_code))] // HDF5 alone holds it
     pub meaning: &'static str,
     pub values: Values,
 }
