@@ -58,7 +58,7 @@
 #define ECHOCAST_SCENE_INFO_INIT { sizeof(echocast_scene_info), 0, 0, { 0, 0, 0 }, { 0, 0, 0 } }
 #define ECHOCAST_SENSOR_INFO_INIT { sizeof(echocast_sensor_info), 0, 0, 0 }
 #define ECHOCAST_SCAN_DESC_INIT                                                                                        \
-    { sizeof(echocast_scan_desc), 0, 0, 0, 0, 0, 0, 0xffffffffu, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0 }
+    { sizeof(echocast_scan_desc), 0, 0, 0, 0, 0, 0, 0xffffffffu, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0 }
 #define ECHOCAST_RESULT_INFO_INIT                                                                                      \
     { sizeof(echocast_result_info), 0, 0, 0, 0, 0, { 0, 0, 0 }, ECHOCAST_POSE_IDENTITY }
 
@@ -447,6 +447,14 @@ typedef struct echocast_scene_info {
     double high[3];
 } echocast_scene_info;
 
+/** A pose at a time. */
+typedef struct echocast_pose_key {
+    /** Time, ns. */
+    int64_t t_ns;
+    /** Where the sensor or instance is at that time, in the world. */
+    echocast_pose pose;
+} echocast_pose_key;
+
 /**
  * Creates a scene without instances. `desc`: NULL for the defaults.
  *
@@ -463,10 +471,11 @@ ECHOCAST_API void echocast_scene_release(echocast_scene *scene);
 /**
  * Adds the contents of a scene file (glTF, GLB, OBJ): its objects as fixed instances with their labels, and its
  * cameras. `options`: NULL, or YAML with `up` (y or z) and `scale` (metres per unit) for formats that do not define
- * them; `labels`, with the contents of a label file; `texture_limit_mib` (1024), most memory for all images; and
- * `allow_outside_paths` (false), whether the scene may name files that are not in its own folder. Categories and parts
- * whose name is already in the scene get its number there; instances are numbered on from the greatest number that has
- * a name, from 1 if there is none.
+ * them; `labels`, with the contents of a label file; `texture_limit_mib` (1024), most memory for all images;
+ * `animation`, the name of the one to play instead of all; `looped` (false), whether animations start again at their
+ * ends; and `allow_outside_paths` (false), whether the scene may name files that are not in its own folder. Categories
+ * and parts whose name is already in the scene get its number there; instances are numbered on from the greatest
+ * number that has a name, from 1 if there is none.
  *
  * Errors: ECHOCAST_E_IO, ECHOCAST_E_PARSE (file and place), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_ARGUMENT,
  * ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY; the scene is then unchanged.
@@ -573,6 +582,30 @@ echocast_status echocast_scene_set_poses(echocast_scene *scene,
                                          size_t count,
                                          const echocast_instance *ids,
                                          const echocast_pose *poses);
+
+/**
+ * Moves an instance during the scans that follow: through `count` poses at times that never fall, in straight lines and
+ * turning uniformly between them; before the first and after the last it stands. Times count from the same zero as
+ * echocast_scan_desc.t0_ns. The poses may scale along the instance's own axes, but not shear. The keys are copied;
+ * echocast_scene_set_time says which of the motion the next snapshot shows, and echocast_scene_set_poses ends it.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY; the instance then moves as before.
+ */
+ECHOCAST_API
+echocast_status echocast_scene_set_motion(echocast_scene *scene,
+                                          echocast_instance id,
+                                          const echocast_pose_key *keys,
+                                          size_t count);
+
+/**
+ * Sets the time of the scans of the next snapshots: what moves by itself, through the animations of files or
+ * echocast_scene_set_motion, is where it is at every moment from `start_ns` to `start_ns + length_ns`. A scan of such a
+ * snapshot must lie within that time. With a length of 0 everything holds still where it is at `start_ns`, whatever the
+ * time of a scan; a new scene is set to time 0, still.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (a negative length), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API echocast_status echocast_scene_set_time(echocast_scene *scene, int64_t start_ns, int64_t length_ns);
 
 /**
  * Gives the vertices of an instance new positions: `count` times x, y, z, as many as its mesh has, and shading
@@ -999,14 +1032,6 @@ ECHOCAST_API void echocast_result_release(echocast_result *result);
 /** Surfaces without a given reflectance take the alpha of their base colour. */
 #define ECHOCAST_REFLECTANCE_ALPHA 2
 
-/** A pose at a time. */
-typedef struct echocast_pose_key {
-    /** Time, ns. */
-    int64_t t_ns;
-    /** Where the sensor is at that time, in the world. */
-    echocast_pose pose;
-} echocast_pose_key;
-
 /**
  * Progress callback: gets the fraction of the work that is done, 0 to 1; returning anything but 0 ends the scan,
  * unless it is complete. Called on the scanning thread, every 2048 beams of each thread; not for sonars. It must not
@@ -1039,7 +1064,10 @@ typedef struct echocast_scan_desc {
     uint32_t frame;
     /** Instances whose mask shares a bit with this are seen. */
     uint32_t mask;
-    /** Columns to compute: comma-separated names ("x,y,z,range,category_id"), "all", or NULL for the default columns. */
+    /**
+     * Columns to compute: comma-separated names ("x,y,z,range,category_id"), "all", or NULL for the default columns
+     * ("default" in a list): `doppler` is one of a sensor that measures it.
+     */
     const char *columns;
     /** 1: every beam has a row, with NaN or 0 if it has no return. 0: only returns have rows. */
     int32_t organised;
@@ -1063,6 +1091,15 @@ typedef struct echocast_scan_desc {
      * 0. A text that is the same as in the result's last scan is not parsed again.
      */
     const char *environment;
+    /** 1: what moves holds still during the scan, where it is at t0_ns. 0: every beam meets it at its own time. */
+    int32_t freeze;
+    /** 0. */
+    int32_t reserved_2;
+    /**
+     * Time from one frame to the next, ns, over which the columns `flow_x` to `flow_z` are measured; 0: the sensor's
+     * period.
+     */
+    int64_t frame_period_ns;
 } echocast_scan_desc;
 
 /**

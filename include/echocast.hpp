@@ -285,6 +285,16 @@ public:
         check(echocast_scene_set_poses(get(), ids.size(), ids.data(), poses.data()));
     }
 
+    /** Through these poses, whose times never fall; see echocast_scene_set_motion. */
+    void set_motion(instance id, const std::vector<echocast_pose_key> &keys) {
+        check(echocast_scene_set_motion(get(), id, keys.data(), keys.size()));
+    }
+
+    /** What moves is where it is from `start_ns` on for `length_ns`; 0: it holds still. */
+    void set_time(int64_t start_ns, int64_t length_ns) {
+        check(echocast_scene_set_time(get(), start_ns, length_ns));
+    }
+
     /** `normals`: empty for flat triangles. */
     void set_vertices(instance id, const std::vector<std::array<float, 3>> &positions,
                       const std::vector<std::array<float, 3>> &normals = {}) {

@@ -85,6 +85,8 @@ fn noisy() -> Sensor {
                  0.8, at_zero: 0.4}}";
     sensor.set("detection", detection).unwrap();
     sensor.set("noise", noise).unwrap();
+    sensor.set("kind", "lidar").unwrap();
+    sensor.set("doppler", "{sigma_m_s: 0.2, ambiguity_m_s: 9}").unwrap();
     sensor
 }
 

@@ -3,9 +3,9 @@
 use echocast::cloud::{ColumnType, Columns, FIELDS, Field, FieldSet, Frame};
 use echocast::export::{self, FORMATS, FramesFile};
 use echocast::scene::{Labels, NameTable};
-use echocast::{Error, PointCloud, Pose, Report};
+use echocast::{Error, InstanceBox, PointCloud, Pose, Report};
 use echocast_tests::python;
-use glam::DQuat;
+use glam::{DQuat, DVec3};
 use serde_json::{Value, json};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -65,6 +65,15 @@ fn cloud(len: usize, fields: FieldSet) -> PointCloud {
         bounces: |row| (row % 256) as u8;
         first_category_id: |row| (row % 7) as u32;
         first_instance_id: |row| (row % 11) as u32;
+        velocity_x: |_| metres(40.0);
+        velocity_y: |_| metres(1e-3);
+        velocity_z: |_| metres(1.0);
+        radial_velocity: |_| metres(60.0);
+        flow_x: |_| metres(4.0);
+        flow_y: |_| metres(0.1);
+        flow_z: |_| 0.0;
+        track_id: |row| whole(row, 100_000_000);
+        doppler: |row| if row % 5 == 0 { f32::NAN } else { metres(128.0) };
     }
     let table = |rows: &[(u32, &str)]| NameTable {
         ids: rows.iter().map(|row| row.0).collect(),
@@ -86,8 +95,54 @@ fn cloud(len: usize, fields: FieldSet) -> PointCloud {
             ..Pose::at(500_001.1, 5_600_002.2, -3.3)
         },
         labels: Arc::new(labels),
+        boxes: Some(boxes(len.min(20))),
         ..PointCloud::default()
     }
+}
+
+/// As many boxes, of several frames, with numbers that serde_json reads exactly.
+fn boxes(count: usize) -> Vec<InstanceBox> {
+    (0..count as u32)
+        .map(|k| {
+            let some = |scale: f64| scale * f64::from(k + 1) / 1024.0;
+            InstanceBox {
+                frame: k / 3,
+                time: some(2.0),
+                track_id: 4_000_000_000 + k,
+                instance_id: if k == 1 { 1 } else { 4_000_000_000 + k },
+                category_id: k % 3,
+                pose: Pose {
+                    position: DVec3::new(5e5, 5.6e6, some(-1.0)),
+                    orientation: DQuat::from_xyzw(0.0, 0.6, 0.0, [0.8, -0.8][k as usize % 2]),
+                },
+                size: DVec3::new(some(1.0), 1e-9, 12.0),
+                velocity: DVec3::new(some(-3.0), 0.0, -0.0),
+                points: k * 1000,
+                visible: some(1.0),
+            }
+        })
+        .collect()
+}
+
+/// What a file says of a box.
+fn told(found: &InstanceBox) -> Value {
+    json!({
+        "frame": found.frame,
+        "time": found.time,
+        "track_id": found.track_id,
+        "instance_id": found.instance_id,
+        "category_id": found.category_id,
+        "position": found.pose.position.to_array(),
+        "size": found.size.to_array(),
+        "orientation_xyzw": found.pose.orientation.to_array(),
+        "velocity": found.velocity.to_array(),
+        "points": found.points,
+        "visible": found.visible,
+    })
+}
+
+fn all_told(boxes: &[InstanceBox]) -> Value {
+    boxes.iter().map(told).collect()
 }
 
 /// A grid of 4 by 5 beams, some without a return.
@@ -157,6 +212,9 @@ fn compare(cloud: &PointCloud, format: &str, found: &Value, rows: &[usize], held
     for (stem, table) in cloud.labels.tables() {
         let names: Vec<(u32, String)> = serde_json::from_value(found["names"][stem].clone()).unwrap();
         assert!(table.iter().eq(names.iter().map(|(id, name)| (*id, name.as_str()))), "{format} {stem}: {names:?}");
+    }
+    if matches!(format, "npz" | "hdf5") {
+        assert_eq!(found["boxes"], all_told(cloud.boxes.as_deref().unwrap()), "{format}");
     }
     let about = json!({
         "coordinates": cloud.frame.name(),
@@ -386,11 +444,66 @@ fn frames_are_rows_of_one_hdf5_file() {
     let found = read("frames", &[path]);
     let frames = found[0]["frames"].as_array().unwrap();
     assert_eq!(frames.len(), 603);
+    let boxes: Vec<_> = clouds.iter().cycle().take(603).flat_map(|cloud| cloud.boxes.clone().unwrap()).collect();
+    assert_eq!(found[0]["boxes"], all_told(&boxes));
     for (cloud, frame) in clouds.iter().cycle().zip(frames) {
         compare(cloud, "frames", frame, &points(cloud), cloud.fields);
     }
     drop(FramesFile::create(folder.path().join("dropped.h5")).unwrap());
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+}
+
+#[test]
+fn boxes_of_all_frames_have_files_of_their_own() {
+    let mut all = cloud(12, FieldSet::default());
+    let more = cloud(5, FieldSet::default());
+    all.append(&more).unwrap();
+    let boxes = all.boxes.clone().unwrap();
+    assert_eq!(boxes[..12], cloud(12, FieldSet::default()).boxes.unwrap());
+    assert_eq!(boxes[12..], more.boxes.clone().unwrap());
+    assert!(all.append(&PointCloud { boxes: None, ..more }).unwrap_err().to_string().contains("as to boxes"));
+
+    let folder = tempfile::tempdir().unwrap();
+    let files = ["all.json", "all.CSV", "none.json", "none.csv"].map(|name| folder.path().join(name));
+    for (file, boxes) in files.iter().zip([&boxes[..], &boxes, &[], &[]]) {
+        export::check_boxes(file).unwrap();
+        export::write_boxes(boxes, &all.labels, file).unwrap();
+    }
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 4);
+    let found = read("boxes", &files);
+    assert_eq!((&found[2]["boxes"], &found[3]["boxes"]), (&json!([]), &json!([])));
+    let names = |found: &InstanceBox| {
+        let category = ["", "chair", "Tür, \"groß\""][found.category_id as usize];
+        (category, if found.instance_id == 1 { "Desk" } else { "" })
+    };
+    for (index, wanted) in boxes.iter().enumerate() {
+        let (category, instance) = names(wanted);
+        let mut named = told(wanted);
+        named["category"] = category.into();
+        named["instance"] = instance.into();
+        assert_eq!(found[0]["boxes"][index], named);
+        let cells = &found[1]["boxes"][index];
+        let number = |name: &str| cells[name].as_str().unwrap().parse::<f64>().unwrap();
+        let vector = |stem: &str, unit: &str| ["x", "y", "z"].map(|axis| number(&format!("{stem}_{axis}{unit}")));
+        assert_eq!(cells["category"].as_str(), Some(category));
+        assert_eq!(cells["instance"].as_str(), Some(instance));
+        assert_eq!(number("track_id"), f64::from(wanted.track_id));
+        assert_eq!((number("time_s"), number("visible")), (wanted.time, wanted.visible));
+        assert_eq!(vector("position", "_m"), wanted.pose.position.to_array());
+        assert_eq!(vector("size", "_m"), wanted.size.to_array());
+        assert_eq!(vector("velocity", "_m_s"), wanted.velocity.to_array());
+        assert_eq!(number("orientation_w"), wanted.pose.orientation.w);
+    }
+
+    let error = export::check_boxes(&folder.path().join("boxes.txt")).unwrap_err().to_string();
+    assert!(error.contains("boxes are written as .json, .csv"), "{error}");
+    assert!(export::check_boxes(&folder.path().join("missing/boxes.json")).is_err());
+    let without = PointCloud { boxes: None, ..cloud(3, FieldSet::default()) };
+    for format in ["npz", "hdf5"] {
+        let path = folder.path().join(format);
+        export::write(&without, &path, Some(format)).unwrap();
+        assert_eq!(read(format, &[path])[0].get("boxes"), None);
+    }
 }
 
 #[test]

@@ -306,7 +306,8 @@ fn instruments_are_complete() {
 
 /// Sections of a preset file whose comments, on the same line or right above, call a figure unverified.
 fn unverified(text: &str) -> Vec<&str> {
-    const SECTIONS: [&str; 8] = ["pattern", "beam", "range", "detection", "returns", "noise", "intensity", "acoustics"];
+    const SECTIONS: [&str; 9] =
+        ["pattern", "beam", "range", "detection", "returns", "noise", "intensity", "doppler", "acoustics"];
     let (mut section, mut sections, mut above) = ("", Vec::new(), false);
     for line in text.lines() {
         let doubt = line.contains("unverified");

@@ -1,4 +1,4 @@
-//! `make bench`: rays per second compared with the bare Embree loop, what weather adds, sonar, the paper's two
+//! `make bench`: rays per second compared with the bare Embree loop, what weather adds, what moves, sonar, the paper's two
 //! experiments, how fast files are read and written, and the C library compared with the Rust crate. Prints tables and
 //! writes `target/bench.json`.
 //!
@@ -10,6 +10,7 @@ mod embedding;
 mod files;
 mod light;
 mod memory;
+mod motion;
 mod paper;
 mod rays;
 mod scenes;
@@ -25,6 +26,7 @@ type Section = (&'static str, fn() -> Result<Value>);
 const SECTIONS: &[Section] = &[
     ("rays", rays::run),
     ("light", light::run),
+    ("motion", motion::run),
     ("sound", sound::run),
     ("paper", paper::run),
     ("files", files::run),

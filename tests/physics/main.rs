@@ -1,8 +1,10 @@
 //! Laws: scenes whose answer is a formula, and tables made elsewhere from the formulas.
 
 mod beams;
+mod boxes;
 mod cameras;
 mod detection;
+mod doppler;
 mod geometry;
 mod intensity;
 mod motion;

@@ -35,7 +35,7 @@ fn sigma(sample: &[f64]) -> f64 {
 
 /// Checks that `sample` is Gaussian with `mean` and `sigma`, within 3 standard errors of mean, deviation and tails.
 #[track_caller]
-fn assert_gaussian(sample: &[f64], expected_mean: f64, expected_sigma: f64) {
+pub(super) fn assert_gaussian(sample: &[f64], expected_mean: f64, expected_sigma: f64) {
     let n = sample.len() as f64;
     let error = expected_sigma / n.sqrt();
     assert_near("mean", mean(sample), expected_mean, 3.0 * error);

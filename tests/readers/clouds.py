@@ -114,13 +114,25 @@ def read_ply(path):
 def from_arrays(arrays):
     """A mapping of arrays whose positions are relative to `origin`."""
     arrays = dict(arrays)
+    boxes = {name.removeprefix("boxes/"): arrays.pop(name) for name in list(arrays) if name.startswith("boxes/")}
     said = {name: arrays.pop(name) for name in ABOUT}
     origin, shape = arrays.pop("origin"), arrays.pop("shape", None)
     for name, axis in POSITIONS.items():
         if name in arrays:
             assert arrays[name].dtype == numpy.float32
             arrays[name] = arrays[name].astype(float) + origin[axis]
-    return {"columns": arrays, "shape": None if shape is None else shape.tolist()} | meaning(said)
+    return {"columns": arrays, "shape": None if shape is None else shape.tolist()} | about_boxes(boxes) | meaning(said)
+
+
+def about_boxes(columns):
+    """Columns of boxes as a list of boxes; nothing if there are none."""
+    if not columns:
+        return {}
+    for name, column in columns.items():
+        kind = numpy.float64 if column.ndim == 2 or name in ("time", "visible") else numpy.uint32
+        assert column.dtype == kind, name
+    (count,) = {len(column) for column in columns.values()}
+    return {"boxes": [{name: column[i].tolist() for name, column in columns.items()} for i in range(count)]}
 
 
 def read_npz(path):
@@ -134,22 +146,41 @@ def whole(dataset):
 
 def read_hdf5(path):
     with h5py.File(path) as file:
-        for name, dataset in file.items():
+        datasets = with_boxes(file)
+        for name, dataset in datasets.items():
             other = name in ABOUT or name in ("origin", "shape")
             assert other or ({"unit", "meaning"} == set(dataset.attrs) and dataset.attrs["meaning"]), name
-        return from_arrays({name: whole(dataset) for name, dataset in file.items()})
+        return from_arrays({name: whole(dataset) for name, dataset in datasets.items()})
+
+
+def with_boxes(file):
+    """All datasets, those of the group `boxes` under the names that NPZ has for them."""
+    datasets = dict(file.items())
+    boxes = datasets.pop("boxes", {})
+    return datasets | {f"boxes/{name}": dataset for name, dataset in boxes.items()}
 
 
 def read_frames(path):
     """A file of frames: one result per frame."""
     with h5py.File(path) as file:
-        columns = {k: d for k, d in file.items() if k not in ABOUT and h5py.check_vlen_dtype(d.dtype)}
+        datasets = with_boxes(file)
+        boxes = {k.removeprefix("boxes/"): whole(datasets.pop(k)) for k in list(datasets) if k.startswith("boxes/")}
+        columns = {k: d for k, d in datasets.items() if k not in ABOUT and h5py.check_vlen_dtype(d.dtype)}
         assert all(d.attrs["meaning"] for d in columns.values())
         rows = columns | {k: file[k] for k in POSE}
-        common = {k: whole(d) for k, d in file.items() if k not in rows}
+        common = {k: whole(d) for k, d in datasets.items() if k not in rows}
         count = {len(d) for d in rows.values()}
         assert len(count) == 1
-        return {"frames": [plain(from_arrays({k: d[i] for k, d in rows.items()} | common)) for i in range(*count)]}
+        frames = [plain(from_arrays({k: d[i] for k, d in rows.items()} | common)) for i in range(*count)]
+        return {"frames": frames} | about_boxes(boxes)
+
+
+def read_boxes(path):
+    """A file of boxes, JSON or CSV, as one list; cells of a CSV as text."""
+    if str(path).endswith(".json"):
+        return {"boxes": json.loads(Path(path).read_text(encoding="utf-8"))}
+    with open(path, newline="", encoding="utf-8") as file:
+        return {"boxes": list(csv.DictReader(file))}
 
 
 def plain(result):

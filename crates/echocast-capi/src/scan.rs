@@ -2,7 +2,7 @@
 
 use crate::guard::{Failure, Outcome, echocast_status, guard};
 use crate::result::{Points, echocast_result};
-use crate::scene::{echocast_pose, echocast_snapshot};
+use crate::scene::{echocast_pose_key, echocast_snapshot};
 use crate::sensor::{echocast_sensor, seconds};
 use crate::{handle, text};
 use echocast::{BuiltScene, FieldSet, Named, ScanOptions, Sensor, Trajectory};
@@ -10,16 +10,6 @@ use std::ffi::{c_char, c_void};
 use std::ops::ControlFlow;
 use std::sync::{Arc, RwLock};
 use std::{mem, ptr};
-
-/// A pose at a time.
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct echocast_pose_key {
-    /// Time, ns.
-    pub t_ns: i64,
-    /// Where the sensor is at that time, in the world.
-    pub pose: echocast_pose,
-}
 
 /// Points are in the world frame.
 pub const ECHOCAST_COORDINATES_WORLD: i32 = 0;
@@ -73,7 +63,8 @@ pub struct echocast_scan_desc {
     pub frame: u32,
     /// Instances whose mask shares a bit with this are seen.
     pub mask: u32,
-    /// Columns to compute: comma-separated names ("x,y,z,range,category_id"), "all", or NULL for the default columns.
+    /// Columns to compute: comma-separated names ("x,y,z,range,category_id"), "all", or NULL for the default columns
+    /// ("default" in a list): `doppler` is one of a sensor that measures it.
     pub columns: *const c_char,
     /// 1: every beam has a row, with NaN or 0 if it has no return. 0: only returns have rows.
     pub organised: i32,
@@ -95,6 +86,13 @@ pub struct echocast_scan_desc {
     /// ("{rain: {rate_mm_h: 10}}", "{water: {temperature_c: 8}}"), or NULL: clear air, and for sonars the sea below z =
     /// 0. A text that is the same as in the result's last scan is not parsed again.
     pub environment: *const c_char,
+    /// 1: what moves holds still during the scan, where it is at t0_ns. 0: every beam meets it at its own time.
+    pub freeze: i32,
+    /// 0.
+    pub reserved_2: i32,
+    /// Time from one frame to the next, ns, over which the columns `flow_x` to `flow_z` are measured; 0: the sensor's
+    /// period.
+    pub frame_period_ns: i64,
 }
 
 impl Default for echocast_scan_desc {
@@ -118,6 +116,9 @@ impl Default for echocast_scan_desc {
             progress: None,
             progress_user: ptr::null_mut(),
             environment: ptr::null(),
+            freeze: 0,
+            reserved_2: 0,
+            frame_period_ns: 0,
         }
     }
 }
@@ -141,6 +142,9 @@ text::versioned!(echocast_scan_desc {
     progress,
     progress_user,
     environment,
+    freeze,
+    reserved_2,
+    frame_period_ns,
 });
 
 /// Scans once; a sonar sends one ping, whose echoes are the points. `*io`: NULL, and it becomes a new result, to be
@@ -207,7 +211,7 @@ pub unsafe extern "C" fn echocast_scan(
 /// The arrays and strings of `desc` are as it says.
 unsafe fn scan(scene: &BuiltScene, sensor: &Sensor, desc: &echocast_scan_desc, points: &mut Points) -> Outcome {
     // SAFETY: as the caller promises.
-    let mut options = unsafe { scan_options(desc) }?;
+    let mut options = unsafe { scan_options(desc, sensor) }?;
     // SAFETY: as the caller promises.
     points.weather.read(unsafe { text::optional(desc.environment, "desc->environment") }?)?;
     // SAFETY: as the caller promises.
@@ -257,17 +261,19 @@ unsafe fn scan(scene: &BuiltScene, sensor: &Sensor, desc: &echocast_scan_desc, p
 
 /// # Safety
 /// The strings of `desc` are valid.
-unsafe fn scan_options(desc: &echocast_scan_desc) -> Outcome<ScanOptions> {
+unsafe fn scan_options(desc: &echocast_scan_desc, sensor: &Sensor) -> Outcome<ScanOptions> {
     // SAFETY: as the caller promises.
     let fields = match unsafe { text::optional(desc.columns, "desc->columns") }? {
-        None => FieldSet::default(),
-        Some(names) => FieldSet::parse(names)?,
+        None => sensor.default_fields(),
+        Some(names) => FieldSet::parse_with(names, sensor.default_fields())?,
     };
     if desc.mask == 0 {
         return Err(Failure::argument("desc->mask", 0, "a bit or more: nothing would be seen"));
     }
-    if desc.reserved != 0 {
-        return Err(Failure::argument("desc->reserved", desc.reserved, "0"));
+    for (name, reserved) in [("desc->reserved", desc.reserved), ("desc->reserved_2", desc.reserved_2)] {
+        if reserved != 0 {
+            return Err(Failure::argument(name, reserved, "0"));
+        }
     }
     Ok(ScanOptions {
         fields,
@@ -275,11 +281,13 @@ unsafe fn scan_options(desc: &echocast_scan_desc) -> Outcome<ScanOptions> {
         frame: desc.frame,
         start_time: seconds(desc.t0_ns),
         trajectory_time: Some(0.0),
-        organised: match desc.organised {
-            0 => false,
-            1 => true,
-            other => return Err(Failure::argument("desc->organised", other, "0 to 1")),
+        freeze: flag(desc.freeze, "desc->freeze")?,
+        frame_period: match desc.frame_period_ns {
+            0 => None,
+            1.. => Some(seconds(desc.frame_period_ns)),
+            other => return Err(Failure::argument("desc->frame_period_ns", other, "0 or more")),
         },
+        organised: flag(desc.organised, "desc->organised")?,
         coordinates: named(desc.coordinates, "desc->coordinates")?,
         order: named(desc.order, "desc->order")?,
         profile: named(desc.profile, "desc->profile")?,
@@ -291,6 +299,15 @@ unsafe fn scan_options(desc: &echocast_scan_desc) -> Outcome<ScanOptions> {
         mask: desc.mask,
         ..ScanOptions::default()
     })
+}
+
+/// The argument as yes or no.
+fn flag(number: i32, argument: &str) -> Outcome<bool> {
+    match number {
+        0 => Ok(false),
+        1 => Ok(true),
+        other => Err(Failure::argument(argument, other, "0 to 1")),
+    }
 }
 
 /// The value whose number, counted from 0, is the argument.

@@ -5,6 +5,7 @@ use crate::guard::{Failure, Outcome, echocast_status, guard};
 use crate::handle::{self, handles};
 use crate::material::echocast_material;
 use crate::mesh::echocast_mesh;
+use crate::sensor::seconds;
 use crate::text;
 use echocast::scene::{Array, Object};
 use echocast::{BuiltScene, LiveScene, LoadOptions, ObjectId, Pose, Scene};
@@ -35,6 +36,16 @@ pub type echocast_instance = u64;
 pub struct echocast_pose {
     /// Row after row.
     pub m: [f64; 12],
+}
+
+/// A pose at a time.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct echocast_pose_key {
+    /// Time, ns.
+    pub t_ns: i64,
+    /// Where the sensor or instance is at that time, in the world.
+    pub pose: echocast_pose,
 }
 
 impl echocast_pose {
@@ -594,6 +605,54 @@ pub unsafe extern "C" fn echocast_scene_set_poses(
             }
             Ok(())
         })
+    })
+}
+
+/// Moves an instance during the scans that follow: through `count` poses at times that never fall, in straight lines and
+/// turning uniformly between them; before the first and after the last it stands. Times count from the same zero as
+/// echocast_scan_desc.t0_ns. The poses may scale along the instance's own axes, but not shear. The keys are copied;
+/// echocast_scene_set_time says which of the motion the next snapshot shows, and echocast_scene_set_poses ends it.
+///
+/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY; the instance then moves as before.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_scene_set_motion(
+    scene: *mut echocast_scene,
+    id: echocast_instance,
+    keys: *const echocast_pose_key,
+    count: usize,
+) -> echocast_status {
+    guard(|| {
+        // SAFETY: as the header asks.
+        let keys = unsafe { text::array(keys, count, "keys") }?;
+        edit(scene, |_, live| {
+            let id = instance(live, id, "id")?;
+            let place = |(number, key): (usize, &echocast_pose_key)| {
+                let pose = key.pose.placement("keys[i].pose").map_err(|failure| failure.at("[i]", number))?;
+                Ok((seconds(key.t_ns), pose))
+            };
+            let keys = keys.iter().enumerate().map(place).collect::<Outcome<Vec<_>>>()?;
+            Ok(live.set_motion(id, &keys)?)
+        })
+    })
+}
+
+/// Sets the time of the scans of the next snapshots: what moves by itself, through the animations of files or
+/// echocast_scene_set_motion, is where it is at every moment from `start_ns` to `start_ns + length_ns`. A scan of such a
+/// snapshot must lie within that time. With a length of 0 everything holds still where it is at `start_ns`, whatever the
+/// time of a scan; a new scene is set to time 0, still.
+///
+/// Errors: ECHOCAST_E_ARGUMENT (a negative length), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_scene_set_time(
+    scene: *mut echocast_scene,
+    start_ns: i64,
+    length_ns: i64,
+) -> echocast_status {
+    guard(|| {
+        if length_ns < 0 {
+            return Err(Failure::argument("length_ns", length_ns, "0 or more"));
+        }
+        edit(scene, |_, live| Ok(live.set_time(seconds(start_ns), seconds(length_ns))?))
     })
 }
 

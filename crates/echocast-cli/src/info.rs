@@ -58,9 +58,10 @@ fn describe(name: &str, scene: &Scene) -> Result<String> {
         let [r, g, b, a] = material.base_color;
         let texture = if material.base_color_texture.is_some() { ", texture" } else { "" };
         let reflectance = material.reflectance.as_ref().map_or(String::new(), reflectance);
+        let changes = if material.changes.is_some() { ", changes over time" } else { "" };
         writeln!(
             text,
-            "  {:<28} linear rgba {r:.3} {g:.3} {b:.3} {a:.3}{texture}{reflectance}",
+            "  {:<28} linear rgba {r:.3} {g:.3} {b:.3} {a:.3}{texture}{reflectance}{changes}",
             shown::text(&material.name)
         )?;
     }

@@ -35,7 +35,7 @@ pub struct SceneArgs {
     /// Play this animation alone (`echocast info` lists them) [default: all of them at once]
     #[arg(long, value_name = "NAME", help_heading = "Scene")]
     animation: Option<String>,
-    /// Repeat animations: each starts again at its last key, instead of staying there
+    /// Repeat animations and caches: each starts again at its last key or sample, instead of staying there
     #[arg(long = "loop", help_heading = "Scene")]
     looped: bool,
     /// Let scenes name buffers, images and material files outside their own folder: only for scenes that you trust

@@ -6,7 +6,8 @@ use clap::{ArgGroup, Args};
 use echocast::emitter::Pattern;
 use echocast::export::{self, FramesFile};
 use echocast::preview::{self, ColorBy, PreviewOptions, View};
-use echocast::{FieldSet, Pings, PointCloud, Profile, Report, Sensor, SensorKind, shown};
+use echocast::scene::Labels;
+use echocast::{BoxAxes, FieldSet, InstanceBox, Pings, PointCloud, Profile, Report, Sensor, SensorKind, shown};
 use serde_json::{Value, json};
 use std::collections::{BTreeSet, HashSet};
 use std::os::unix::fs::MetadataExt as _;
@@ -15,9 +16,10 @@ use std::path::{Path, PathBuf};
 /// Files to write.
 #[derive(Args)]
 #[command(group = ArgGroup::new("shown").args(["preview", "image"]).multiple(true))]
+#[command(group = ArgGroup::new("boxed").args(["boxes", "show"]).multiple(true))]
 pub struct OutputArgs {
     /// Cloud file, repeatable; its ending chooses the format (`echocast formats` lists them)
-    #[arg(short, long, value_name = "FILE", required_unless_present_any = ["preview", "explain", "pings", "image"], help_heading = "Output")]
+    #[arg(short, long, value_name = "FILE", required_unless_present_any = ["preview", "explain", "pings", "image", "boxes"], help_heading = "Output")]
     output: Vec<PathBuf>,
     /// Format of the cloud files, whatever their endings
     #[arg(long, value_name = "NAME", requires = "output", help_heading = "Output")]
@@ -39,6 +41,10 @@ pub struct OutputArgs {
     /// per ping; `track`, what was seen along the track, from above; `fan`, the last ping as its beams lie
     #[arg(long, requires = "shown", default_value = "top", value_parser = choice::of::<View>(), help_heading = "Output")]
     view: View,
+    /// What else the picture shows: `boxes`, the edges of the boxes around labelled instances that have points, in the
+    /// colours of their categories
+    #[arg(long, value_name = "WHAT", requires = "preview", value_parser = ["boxes"], help_heading = "Output")]
+    show: Option<String>,
     /// Waterfall over ground range, along the bed, instead of slant range
     #[arg(long, requires = "shown", help_heading = "Output")]
     ground: bool,
@@ -48,6 +54,13 @@ pub struct OutputArgs {
     /// What `--view waterfall`, `track` or `fan` shows, as numbers and labels: .npz, .h5, or greyscale .png
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     image: Option<PathBuf>,
+    /// Boxes around the labelled instances of all frames, with velocity, number of points and visible share: .json, .csv;
+    /// clouds in .npz and .h5 carry them too
+    #[arg(long, value_name = "FILE", help_heading = "Output")]
+    boxes: Option<PathBuf>,
+    /// Along which axes boxes lie: those of each object, or those of the frame of the points (`--frame`)
+    #[arg(long, requires = "boxed", default_value = "object", value_parser = choice::of::<BoxAxes>(), help_heading = "Output")]
+    box_axes: BoxAxes,
 }
 
 impl OutputArgs {
@@ -58,12 +71,17 @@ impl OutputArgs {
 
     /// Files that were asked for by name.
     fn files(&self) -> impl Iterator<Item = &PathBuf> {
-        self.output.iter().chain(&self.preview).chain(&self.pings).chain(&self.image)
+        self.output.iter().chain(&self.preview).chain(&self.pings).chain(&self.image).chain(&self.boxes)
     }
 
-    /// Whether clouds were asked for, as files or pictures.
+    /// Along which axes boxes lie, if any were asked for.
+    pub fn boxes(&self) -> Option<BoxAxes> {
+        (self.boxes.is_some() || self.show.is_some()).then_some(self.box_axes)
+    }
+
+    /// Whether clouds or boxes were asked for, as files or pictures.
     pub fn wants_clouds(&self) -> bool {
-        !self.output.is_empty() || self.preview.is_some() && !self.view.shows_pings()
+        !self.output.is_empty() || self.boxes.is_some() || self.preview.is_some() && !self.view.shows_pings()
     }
 
     /// The columns of pings that were asked for, in addition to `fields` in files of pings; `None`: no pings were.
@@ -121,6 +139,15 @@ impl OutputArgs {
                 self.view.name()
             );
         }
+        ensure!(
+            self.show.is_none() || !self.view.shows_pings(),
+            "--show boxes: is not shown by --view {}; allowed: top, perspective, range",
+            self.view.name()
+        );
+        if let Some(file) = &self.boxes {
+            ensure!(file != Path::new("-"), "--boxes -: boxes go to files; allowed: a file name");
+            export::check_boxes(file).context("--boxes")?;
+        }
         for file in &self.output {
             ensure!(file != Path::new("-"), "-o -: clouds go to files; allowed: a file name");
             export::check(file, self.format.as_deref(), fields)?;
@@ -145,7 +172,7 @@ impl OutputArgs {
             .iter()
             .filter_map(|file| if self.view.shows_pings() { Some(file.clone()) } else { framed(file) });
         let images = self.image.iter().flat_map(|file| export::image_label_paths(file, FieldSet::all()));
-        let others = images.chain(self.image.clone()).chain(self.pings.clone());
+        let others = images.chain(self.image.clone()).chain(self.pings.clone()).chain(self.boxes.clone());
         if let Some(file) = clouds.chain(pictures).chain(others).find(|file| is_same(file, input)) {
             bail!(
                 "{}: would overwrite {}, which this run reads; allowed: another name",
@@ -199,7 +226,7 @@ impl OutputArgs {
         }
         // Files of single frames have names that were not asked for.
         let of_frames = self.output.iter().chain(self.preview.iter().filter(|_| !self.view.shows_pings()));
-        let whole = self.pings.iter().chain(&self.image).chain(&beside);
+        let whole = self.pings.iter().chain(&self.image).chain(&self.boxes).chain(&beside);
         for (file, name) in of_frames.flat_map(|file| whole.clone().map(move |name| (file, name))) {
             ensure!(
                 !(self.single && is_numbered(name, file)),
@@ -229,7 +256,13 @@ impl OutputArgs {
     }
 
     fn picture(&self) -> PreviewOptions {
-        PreviewOptions { view: self.view, color: self.color, ground: self.ground, ..PreviewOptions::default() }
+        PreviewOptions {
+            view: self.view,
+            color: self.color,
+            ground: self.ground,
+            boxes: self.show.is_some(),
+            ..PreviewOptions::default()
+        }
     }
 
     /// The columns that the picture shows, whatever the files hold.
@@ -246,6 +279,7 @@ impl OutputArgs {
                 "color": self.color.name(),
                 "view": self.view.name(),
                 "ground": self.ground,
+                "boxes": self.show.is_some(),
             })
         });
         json!({
@@ -255,6 +289,8 @@ impl OutputArgs {
             "preview": preview,
             "pings": self.pings.as_deref().map(shown::path),
             "image": self.image.as_deref().map(shown::path),
+            "boxes": self.boxes.as_deref().map(shown::path),
+            "box_axes": self.boxes().map(BoxAxes::name),
         })
     }
 }
@@ -319,6 +355,14 @@ impl<'a> Writer<'a> {
             self.report.absorb(preview::write_pings(pings, file, &args.picture()).context("--preview")?);
             self.files.push(file.clone());
         }
+        Ok(())
+    }
+
+    /// Writes the boxes of all frames.
+    pub fn write_boxes(&mut self, boxes: &[InstanceBox], labels: &Labels) -> Result<()> {
+        let Some(file) = &self.args.boxes else { return Ok(()) };
+        export::write_boxes(boxes, labels, file).context("--boxes")?;
+        self.files.push(file.clone());
         Ok(())
     }
 

@@ -27,6 +27,9 @@ Examples:
   echocast scan street.glb --sensor velodyne_vlp32c --at 0,0,1.8 --rain 20 --fog 150 -o wet.las
   echocast scan hall.glb --sensor kinect_v2 --at 1,2,1.5 --rpy 0,15,90 --organised --fields default,depth -o hall.npz
   echocast scan street.glb --sensor velodyne_vlp32c --at 0,0,1.8 --fog 150 --explain 12345
+  echocast scan street.glb --sensor velodyne_vlp32c --at 0,0,1.8 -o scan.npz --boxes boxes.json --preview scan.png \\
+    --view perspective --show boxes
+  echocast scan street.glb --sensor velodyne_vlp32c --camera Lidar --frames 0:99 --fields default,velocity,flow -o drive.las
   echocast scan city.obj --up y --sensor velodyne_hdl64e --trajectory drive.txt --frames 0:99 --single -o drive.las
   echocast scan yard.glb --cache Flag=flag.pc2@25 --sensor velodyne_vlp16 --at 0,0,1.8 --frames 0:99 -o yard.las
 A survey with a side-scan sonar, from nothing:
@@ -68,6 +71,9 @@ pub struct Args {
     /// Let the scene hold still during each frame, as it is when the frame starts
     #[arg(long, help_heading = "Place")]
     freeze: bool,
+    /// How far skins, morph targets and baked shapes may be from their true place within a frame, metres
+    #[arg(long, value_name = "M", default_value = "0.001", value_parser = input::positive, help_heading = "Place")]
+    motion_tolerance: f64,
     /// Columns to compute and write: names separated by commas, `default` or `all`; `--help` lists them
     #[arg(long, value_name = "LIST", value_parser = Asked::parse, long_help = formats::column_help(), help_heading = "Points")]
     fields: Option<Asked>,
@@ -82,7 +88,7 @@ pub struct Args {
     organised: bool,
     /// Show what happens to one beam of the first frame, or of FRAME, step by step with numbers, and write nothing;
     /// rows and columns count from 0, a beam is row * columns + column; for a sonar, a frame is a ping
-    #[arg(long, value_name = "[FRAME,]BEAM", value_parser = frame_and_beam, conflicts_with_all = ["output", "preview", "json"], help_heading = "Output")]
+    #[arg(long, value_name = "[FRAME,]BEAM", value_parser = frame_and_beam, conflicts_with_all = ["output", "preview", "boxes", "json"], help_heading = "Output")]
     explain: Option<(Option<u32>, u32)>,
     #[command(flatten)]
     output: OutputArgs,
@@ -116,7 +122,7 @@ pub fn run(args: &Args) -> Result<()> {
     let Loaded { sensor, environment, scene, path } = loaded?;
     read.iter().try_for_each(|input| args.output.check_input(input))?;
     let sonar = sensor.kind() == SensorKind::Sonar;
-    let fields = args.fields.unwrap_or_default().of(sensor.kind());
+    let fields = args.fields.unwrap_or_default().of(&sensor);
     interrupt::check()?;
     warnings.absorb(scene.report.clone());
     let fps = frame_rate(args.fps, &sensor)?;
@@ -149,6 +155,7 @@ pub fn run(args: &Args) -> Result<()> {
 
     progress.phase("building".into());
     let mut live = LiveScene::new(&Engine::new()?);
+    live.set_motion_tolerance(args.motion_tolerance).context("--motion-tolerance")?;
     timed(&mut seconds.build, || live.add_scene(&scene).map(drop))?;
     let moving = scene.is_moving();
     // The scene as the frame that starts at `time`, s, sees it.
@@ -162,8 +169,11 @@ pub fn run(args: &Args) -> Result<()> {
     interrupt::check()?;
     warnings.absorb(built.report().clone());
 
-    // The report counts a sonar's points by cause, whatever the files hold.
-    let told = if sonar { FieldSet::EMPTY.with(Field::Cause) } else { FieldSet::EMPTY };
+    // The report counts a sonar's points by cause, and boxes count them by instance, whatever the files hold.
+    let mut told = if sonar { FieldSet::EMPTY.with(Field::Cause) } else { FieldSet::EMPTY };
+    if args.output.boxes().is_some() {
+        told = told.with(Field::InstanceId);
+    }
     let options_of = |frame: u32| ScanOptions {
         fields: fields.union(args.output.pictured()).union(told),
         seed: args.seed,
@@ -174,6 +184,7 @@ pub fn run(args: &Args) -> Result<()> {
         organised: args.organised,
         coordinates: args.coordinates,
         order: args.order,
+        boxes: args.output.boxes(),
         profile: args.profile,
         reflectance_source: args.reflectance_source,
         environment: environment.clone(),
@@ -197,6 +208,7 @@ pub fn run(args: &Args) -> Result<()> {
     let (mut points, mut causes) = (0, Causes::default());
     // Whether anything but noise is received.
     let mut heard = false;
+    let mut boxes = Vec::new();
     let mut pings = Pings::default();
     let mut ping = Ping::default();
     let pinged = args.output.pinged(fields).filter(|_| sonar);
@@ -218,7 +230,11 @@ pub fn run(args: &Args) -> Result<()> {
             built.ping_into(&sensor, &trajectory, &options, &mut ping)?;
             heard |= ping.cells.cause.iter().any(|&cause| cause != Cause::FalseAlarm as u8);
             if wants_clouds {
-                cloud = ping.cloud(&options_of(frame))?;
+                let options = options_of(frame);
+                cloud = ping.cloud(&options)?;
+                if options.boxes.is_some() {
+                    cloud.boxes = Some(built.boxes(&sensor, &trajectory, &options, &cloud)?);
+                }
             }
             pings.push(ping.with(kept))?;
             Ok(())
@@ -227,6 +243,7 @@ pub fn run(args: &Args) -> Result<()> {
         cloud.fields = fields;
         points += return_rows(&cloud).count();
         causes.count(&cloud);
+        boxes.extend(cloud.boxes.iter().flatten().copied());
         if args.output.single() {
             progress.phase("writing".into());
             timed(&mut seconds.write, || writer.write_frame(frame, &cloud))?;
@@ -238,6 +255,7 @@ pub fn run(args: &Args) -> Result<()> {
     progress.phase("writing".into());
     timed(&mut seconds.write, || -> Result<()> {
         writer.write_pings(&pings)?;
+        writer.write_boxes(&boxes, built.labels())?;
         match args.output.single() {
             true => writer.finish(),
             false => writer.write(if frames.len() > 1 { &all } else { &cloud }, &cloud),
@@ -292,7 +310,7 @@ struct Loaded {
 /// Reads everything a run needs, the scene last: it may take a long time.
 fn load(args: &Args) -> Result<Loaded> {
     let sensor = args.sensor.load()?;
-    args.output.check(args.fields.unwrap_or_default().of(sensor.kind()), &sensor, args.profile)?;
+    args.output.check(args.fields.unwrap_or_default().of(&sensor), &sensor, args.profile)?;
     ensure!(
         args.explain.is_none() || sensor.kind() != SensorKind::Sonar || args.profile == Profile::Physical,
         "--explain: does not cover sonars with --profile {}; allowed: --profile physical",
@@ -329,9 +347,12 @@ impl Asked {
     }
 
     /// The columns for a sensor: points of sonars are of the bed, the water surface, reflections and noise.
-    fn of(self, kind: SensorKind) -> FieldSet {
-        let with_cause = self.by_default && kind == SensorKind::Sonar;
-        if with_cause { self.fields.with(Field::Cause) } else { self.fields }
+    fn of(self, sensor: &Sensor) -> FieldSet {
+        if !self.by_default {
+            return self.fields;
+        }
+        let fields = self.fields.union(sensor.default_fields());
+        if sensor.kind() == SensorKind::Sonar { fields.with(Field::Cause) } else { fields }
     }
 }
 
@@ -516,6 +537,7 @@ fn repeatable(
         "frame": args.coordinates.name(),
         "order": args.order.name(),
         "freeze": args.freeze,
+        "motion_tolerance_m": args.motion_tolerance,
         "organised": args.organised,
         "outputs": args.output.to_json(),
     }))

@@ -21,6 +21,11 @@ fn a_lake_bed_is_made_and_scanned() {
     // Of the bed, boulders, the wreck and fish: 3200 + 5 * 320 + 40 + 60 * 80.
     assert!(said.contains("9,640 triangles") && info.contains("9,640"), "{info}");
     assert!(info.contains("Sonar") && info.contains("gravel"), "{info}");
+    assert!(info.contains("animations  1\n  Swarm ") && info.contains(" s\n"), "{info}");
+    let chosen = stdout(folder.path(), "info DIR/lake.glb --animation Swarm --loop");
+    assert_eq!(chosen, info);
+    let wrong = run(folder.path(), "info DIR/lake.glb --animation swam");
+    assert!(stderr(&wrong).contains("there is no animation named \"swam\"; near: Swarm"), "{}", stderr(&wrong));
     let scan =
         "scan DIR/lake.glb --sensor velodyne_vlp16 --at 0,0,-2 --rpy 0,90,0 -o DIR/lake.csv --preview DIR/lake.png";
     assert!(stdout(folder.path(), scan).contains("points of"));

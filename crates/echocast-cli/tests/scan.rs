@@ -239,6 +239,22 @@ fn frames_follow_the_trajectory() {
 }
 
 #[test]
+fn velocities_come_from_sensors_that_measure_them() {
+    let folder = tempfile::tempdir().unwrap();
+    for (options, expected) in [
+        ("", false),
+        ("--set doppler.sigma_m_s=0.1", true),
+        ("--set doppler.sigma_m_s=0.1 --fields x,default", true),
+        ("--set doppler.sigma_m_s=0.1 --fields x,y", false),
+        ("--fields x,doppler", true),
+    ] {
+        stdout(folder.path(), &format!("{SCAN} {options} -o DIR/a.csv"));
+        let text = fs::read_to_string(folder.path().join("a.csv")).unwrap();
+        assert_eq!(text.lines().next().unwrap().contains("doppler"), expected, "{options}");
+    }
+}
+
+#[test]
 fn an_empty_cloud_is_explained() {
     let folder = tempfile::tempdir().unwrap();
     let report = report(folder.path(), "scan HALL --sensor paper/generic_lidar --at 5000,0,1 -o DIR/a.csv");

@@ -154,7 +154,8 @@ mod sensor;
 mod trace;
 
 pub use cloud::{
-    CELL_FIELDS, Field, FieldSet, Frame, Layout, PackItem, PackType, Ping, Pings, PointCloud, SonarView, Sounding,
+    BoxAxes, CELL_FIELDS, Field, FieldSet, Frame, InstanceBox, Layout, PackItem, PackType, Ping, Pings, PointCloud,
+    SonarView, Sounding,
 };
 pub use detect::ReturnMode;
 pub use echo::Taper;

@@ -407,6 +407,10 @@ impl CommittedScene {
 /// A hit that a ray may take or pass through, see [`CommittedScene::intersect_where`]; the fields are those of [`Ray`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Candidate {
+    /// Number of the ray: the `id` it was given.
+    pub ray: u32,
+    /// Where it is, in lengths of the ray's direction.
+    pub far: f32,
     /// Barycentric weight of the triangle's second corner.
     pub u: f32,
     /// Barycentric weight of the triangle's third corner.
@@ -480,7 +484,11 @@ unsafe extern "C" fn ask(arguments: *const sys::RTCFilterFunctionNArguments) {
         // SAFETY: an RTCHitN is, for one level of instances, nine rows of `lanes` 32-bit numbers: the normal, u, v,
         // primID, geomID, instID and instPrimID, as RTCHit4, 8 and 16 have them (rtcore_ray.h, `RTCHitN_u` and others).
         let row = |row: usize| unsafe { *arguments.hit.cast::<u32>().add(row * lanes + lane) };
+        // SAFETY: an RTCRayN is twelve such rows, of which the ninth is tfar, here that of the hit, and the eleventh id.
+        let ray = |row: usize| unsafe { *arguments.ray.cast::<u32>().add(row * lanes + lane) };
         let candidate = Candidate {
+            ray: ray(10),
+            far: f32::from_bits(ray(8)),
             u: f32::from_bits(row(3)),
             v: f32::from_bits(row(4)),
             prim_id: row(5),

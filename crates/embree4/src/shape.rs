@@ -172,6 +172,7 @@ enum Row {
     Direction = 4,
     Time = 7,
     Far = 8,
+    Id = 10,
     Normal = 12,
     U = 15,
     V = 16,
@@ -264,9 +265,11 @@ impl Query<'_> {
         unsafe { (*self.context.cast::<Asking>()).refuses() }
     }
 
-    /// Whether a hit counts, for queries that pass through some ([`CommittedScene::intersect_where`]).
-    pub fn counts(&self, mesh: u32, triangle: u32, [u, v]: [f32; 2]) -> bool {
-        let candidate = Candidate { u, v, prim_id: triangle, geom_id: mesh, inst_id: self.geometry };
+    /// Whether a hit of `lane` at `far` counts, for queries that pass through some
+    /// ([`CommittedScene::intersect_where`]).
+    pub fn counts(&self, lane: usize, far: f32, mesh: u32, triangle: u32, [u, v]: [f32; 2]) -> bool {
+        let ray = self.row(Row::Id as usize)[lane].to_bits();
+        let candidate = Candidate { ray, far, u, v, prim_id: triangle, geom_id: mesh, inst_id: self.geometry };
         // SAFETY: every query of this crate carries an `Asking` that outlives it.
         unsafe { (*self.context.cast::<Asking>()).counts(&candidate) }
     }

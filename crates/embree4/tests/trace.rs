@@ -1,9 +1,10 @@
 //! The wrapper tested on geometry whose hits are known.
 
 use embree4::{
-    Candidate, Coherence, CommittedScene, Device, Error, INVALID, Instance, Joint, Mesh, Pace, Packet, Quality, Ray,
-    Scene,
+    Candidate, Coherence, CommittedScene, Custom, Device, Error, INVALID, Instance, Joint, LocalRays, Mesh, Pace,
+    Packet, Quality, Query, Ray, Scene, Shape,
 };
+use std::cell::RefCell;
 use std::sync::Arc;
 use std::thread;
 
@@ -217,6 +218,7 @@ fn rays_pass_through_what_does_not_count() {
             let mut valid = [0; W];
             for (lane, direction) in directions.iter().enumerate() {
                 [rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]] = *direction;
+                rays.id[lane] = 100 + lane as u32;
                 valid[lane] = -1;
             }
             let (start, mut expected, mut stops, mut rest_stops) = (rays, rays, rays, rays);
@@ -263,6 +265,60 @@ fn rays_pass_through_what_does_not_count() {
         check::<4>(&whole, &of(&kept), coherence);
         check::<8>(&whole, &of(&kept), coherence);
         check::<16>(&whole, &of(&kept), coherence);
+    }
+}
+
+/// All that lies on a ray is passed to whoever refuses it all, with the ray's number and its distance.
+#[test]
+fn what_refuses_every_hit_sees_every_hit() {
+    struct Forwards(CommittedScene);
+    impl Shape for Forwards {
+        fn bounds(&self) -> Vec<[[f32; 3]; 2]> {
+            vec![self.0.bounds()]
+        }
+
+        fn intersect(&self, query: &mut Query) {
+            let (mut rays, lanes) = (LocalRays::new(), query.lanes());
+            let from: Vec<Vec<f32>> =
+                query.origins().into_iter().chain(query.directions()).map(<[f32]>::to_vec).collect();
+            rays.rows(lanes).into_iter().zip(from).for_each(|(row, from)| row.copy_from_slice(&from));
+            query.forward(&self.0, &mut rays, &[-1; 16]);
+        }
+    }
+    fn check<const W: usize>(world: &CommittedScene, coherence: Coherence) {
+        let mut rays = Packet::<W>::new();
+        for lane in 0..W {
+            let along = [0.005 * lane as f32, 0.1, 1.0];
+            let length = along.map(|x| x * x).iter().sum::<f32>().sqrt();
+            [rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]] = along.map(|x| x / length);
+            (rays.org_x[lane], rays.org_y[lane]) = (0.01, 0.01);
+            rays.id[lane] = 100 + lane as u32;
+        }
+        let (before, met) = (rays, RefCell::new(Vec::new()));
+        let refuse = |hit: &Candidate| {
+            let height = hit.far * before.dir_z[hit.ray as usize - 100];
+            assert!(close(height, height.round()) && hit.inst_id == u32::from(height > 2.5), "{hit:?}");
+            met.borrow_mut().push((hit.ray, height.round() as u32));
+            false
+        };
+        world.intersect_where(&[-1; W], &mut rays, coherence, &refuse);
+        assert_eq!(rays.tfar, before.tfar);
+        let mut met = met.into_inner();
+        met.sort_unstable();
+        met.dedup();
+        let all = (100..100 + W as u32).flat_map(|ray| (1..5).map(move |height| (ray, height)));
+        assert!(met.into_iter().eq(all));
+    }
+    let device = Device::new().unwrap();
+    let [near, far] = [[1.0, 2.0], [3.0, 4.0]].map(|z| scene(&device, &z.map(|z| triangle(&device, z))));
+    let mut world = Scene::new(&device, Quality::Medium).unwrap();
+    world.attach_instance(&placed(&near, IDENTITY)).unwrap();
+    world.attach_shape(&Custom::new(&device, Arc::new(Forwards(far)), u32::MAX).unwrap()).unwrap();
+    let world = world.commit().unwrap();
+    for coherence in [Coherence::Coherent, Coherence::Incoherent] {
+        check::<4>(&world, coherence);
+        check::<8>(&world, coherence);
+        check::<16>(&world, coherence);
     }
 }
 

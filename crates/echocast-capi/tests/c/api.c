@@ -198,6 +198,14 @@ static void scenes(echocast_context *context)
     CHECK(strcmp(echocast_result_label_name(result, "instance", 7), "box") == 0);
     CHECK(echocast_result_label_name(result, "instance", 8) == NULL);
     CHECK(echocast_result_label_name(result, "planet", 8) == NULL);
+    /* A default column of sensors that measure it. */
+    echocast_view doppler;
+    CHECK(echocast_result_view(result, "doppler", &doppler) != ECHOCAST_OK);
+    OK(echocast_sensor_set(sensor, "doppler.sigma_m_s", "0"));
+    OK(echocast_scan(snapshot, &desc, &result));
+    doppler = view(result, "doppler");
+    CHECK(doppler.count == echocast_result_count(result) && *(const float *)doppler.data == 0);
+    OK(echocast_sensor_set(sensor, "doppler", "null"));
     echocast_snapshot_release(snapshot);
 
     /* Edits; ids of what is gone. */

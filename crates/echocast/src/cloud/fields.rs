@@ -307,14 +307,15 @@ columns! {
     bounces, Bounces, u8, "", false, None, "specular events on the path";
     first_category_id, FirstCategoryId, u32, "", false, None, "category of the first surface: the mirror or pane that the beam meets, if any";
     first_instance_id, FirstInstanceId, u32, "", false, None, "instance of the first surface: as first_category_id";
-    velocity_x, VelocityX, f32, "m/s", false, None, "velocity of the point: of the surface there, in the world; of its image where it is seen in a mirror";
-    velocity_y, VelocityY, f32, "m/s", false, None, "velocity of the point: of the surface there, in the world; of its image where it is seen in a mirror";
-    velocity_z, VelocityZ, f32, "m/s", false, None, "velocity of the point: of the surface there, in the world; of its image where it is seen in a mirror";
-    radial_velocity, RadialVelocity, f32, "m/s", false, None, "rate of the true range: negative where point and sensor approach each other";
-    flow_x, FlowX, f32, "m", false, None, "scene flow: where the surface point is one frame later, minus where it is, in the world";
-    flow_y, FlowY, f32, "m", false, None, "scene flow: where the surface point is one frame later, minus where it is, in the world";
-    flow_z, FlowZ, f32, "m", false, None, "scene flow: where the surface point is one frame later, minus where it is, in the world";
+    velocity_x, VelocityX, f32, "m/s", false, None, "velocity of the point: of the surface there, in the world; of its image where it is seen in a mirror; of sonars NaN";
+    velocity_y, VelocityY, f32, "m/s", false, None, "velocity of the point: of the surface there, in the world; of its image where it is seen in a mirror; of sonars NaN";
+    velocity_z, VelocityZ, f32, "m/s", false, None, "velocity of the point: of the surface there, in the world; of its image where it is seen in a mirror; of sonars NaN";
+    radial_velocity, RadialVelocity, f32, "m/s", false, None, "rate of the true range: negative where point and sensor approach each other; of sonars NaN";
+    flow_x, FlowX, f32, "m", false, None, "scene flow: where the surface point is one frame later, minus where it is, in the world; of sonars NaN";
+    flow_y, FlowY, f32, "m", false, None, "scene flow: where the surface point is one frame later, minus where it is, in the world; of sonars NaN";
+    flow_z, FlowZ, f32, "m", false, None, "scene flow: where the surface point is one frame later, minus where it is, in the world; of sonars NaN";
     track_id, TrackId, u32, "", false, None, "object over all frames, 0 = unlabelled";
+    doppler, Doppler, f32, "m/s", false, None, "measured radial velocity: negative where point and sensor approach each other, NaN where the instrument measures none; a default column of those that measure it";
 }
 
 impl Field {
@@ -361,11 +362,19 @@ impl FieldSet {
     /// # Errors
     /// [`Error::Missing`] for an unknown name, [`Error::InvalidParameter`] for an empty list.
     pub fn parse(list: &str) -> Result<Self> {
+        FieldSet::parse_with(list, FieldSet::default())
+    }
+
+    /// [`FieldSet::parse`] where `"default"` stands for `default`, such as [`crate::Sensor::default_fields`].
+    ///
+    /// # Errors
+    /// As [`FieldSet::parse`].
+    pub fn parse_with(list: &str, default: FieldSet) -> Result<Self> {
         let mut set = FieldSet::EMPTY;
         for name in list.split(',').map(str::trim).filter(|name| !name.is_empty()) {
             set = match name {
                 "all" => FieldSet::all(),
-                "default" => set.union(FieldSet::default()),
+                "default" => set.union(default),
                 "velocity" => set.union(VELOCITY.into_iter().collect()),
                 "flow" => set.union(FLOW.into_iter().collect()),
                 _ => set.with(Field::from_name(name)?),
@@ -416,7 +425,7 @@ impl FieldSet {
 }
 
 impl Default for FieldSet {
-    /// The columns written by default.
+    /// The columns written by default; [`crate::Sensor::default_fields`] are those of a sensor.
     fn default() -> Self {
         FIELDS.iter().filter(|info| info.default).map(|info| info.field).collect()
     }

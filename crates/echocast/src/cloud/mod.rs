@@ -1,11 +1,13 @@
 //! The labelled point cloud: one column each for position, range, labels and whatever else was asked for.
 
+mod boxes;
 mod collect;
 mod fields;
 mod pack;
 mod ping;
 pub(crate) mod record;
 
+pub use boxes::{BoxAxes, InstanceBox};
 pub(crate) use collect::Kept;
 pub use fields::{Column, ColumnType, Columns, FIELDS, Field, FieldInfo, FieldSet};
 pub(crate) use fields::{Element, FLOW, Slices, put};
@@ -44,13 +46,16 @@ pub struct PointCloud {
     pub len: usize,
     /// `[rows, columns]` of the sensor if every beam has a row (misses are NaN).
     pub organised: Option<[u32; 2]>,
-    /// Frame of `x`, `y`, `z` and the normals.
+    /// Frame of `x`, `y`, `z`, the normals and the boxes.
     pub frame: Frame,
     /// World pose of the sensor at the start of the (first) scan.
     pub sensor_pose: Pose,
     /// Full scale of `intensity`: 1, or 255 for 8-bit encodings; relative energy and the levels of sonars, dB, have
     /// none.
     pub intensity_full_scale: Option<f32>,
+    /// Boxes around labelled instances, if they were asked for ([`crate::ScanOptions::boxes`]): by frame, then by rising
+    /// `instance_id`.
+    pub boxes: Option<Vec<InstanceBox>>,
     /// Names of the numbers in the label columns.
     pub labels: Arc<Labels>,
 }
@@ -67,6 +72,7 @@ impl Default for PointCloud {
             frame: Frame::World,
             sensor_pose: Pose::IDENTITY,
             intensity_full_scale: Some(1.0),
+            boxes: None,
             labels: Arc::default(),
         }
     }
@@ -134,7 +140,7 @@ impl PointCloud {
     /// Appends the rows of `other`, a later scan of the same scene with the same columns.
     ///
     /// # Errors
-    /// When origins, frames, columns, intensity scales or labels differ; more than 4,294,967,295 rows of an organised
+    /// When origins, frames, columns, intensity scales or labels differ, or only one has boxes; more than 4,294,967,295 rows of an organised
     /// cloud; no memory.
     pub fn append(&mut self, other: &PointCloud) -> Result<()> {
         if self.len == 0 && self.fields == FieldSet::EMPTY {
@@ -145,11 +151,12 @@ impl PointCloud {
             && self.frame == other.frame
             && self.fields == other.fields
             && self.intensity_full_scale == other.intensity_full_scale
+            && self.boxes.is_some() == other.boxes.is_some()
             && self.labels == other.labels;
         if !same {
             return Err(Error::invalid(
                 "cloud to append",
-                "of another origin, frame, set of columns, intensity scale or labels",
+                "of another origin, frame, set of columns, intensity scale or labels, or as to boxes",
                 "a scan of the same scene with the same options",
             ));
         }
@@ -165,6 +172,9 @@ impl PointCloud {
         };
         self.columns.reserve(&other.columns)?;
         self.columns.append(&other.columns);
+        if let (Some(boxes), Some(more)) = (&mut self.boxes, &other.boxes) {
+            boxes.extend_from_slice(more);
+        }
         self.len += other.len;
         Ok(())
     }

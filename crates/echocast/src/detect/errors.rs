@@ -1,6 +1,6 @@
 //! All errors of what an instrument measures: each step of a scan asks here for those of its quantity.
 
-use super::{AzimuthError, Noise, RangeError, WeakDropout};
+use super::{AzimuthError, Doppler, Noise, RangeError, WeakDropout};
 use crate::ground::lanes::{LANES, MISS};
 use crate::ground::rng::{Draw, Rng};
 use crate::ground::units::seconds_from_us;
@@ -25,6 +25,7 @@ pub(crate) struct Errors {
     pub pointing_sigma: f32,
     /// Of the reported time, s.
     time_sigma: f64,
+    doppler: Option<Doppler>,
     dropout: f32,
     dropout_weak: Option<WeakDropout>,
     /// Whether anything but the pointing errs.
@@ -32,13 +33,15 @@ pub(crate) struct Errors {
 }
 
 impl Errors {
-    /// For an instrument with this `noise` and its errors of `range`.
-    pub(crate) fn new(noise: &Noise, range: RangeError) -> Errors {
+    /// For an instrument with this `noise` and its errors of `range`, which measures velocities as `doppler` says, or
+    /// not at all.
+    pub(crate) fn new(noise: &Noise, range: RangeError, doppler: Option<Doppler>) -> Errors {
         Errors {
             range,
             azimuth: AzimuthError::new(noise),
             pointing_sigma: noise.pointing_sigma_deg.to_radians() as f32,
             time_sigma: seconds_from_us(noise.time_sigma_us),
+            doppler,
             dropout: noise.dropout as f32,
             dropout_weak: noise.dropout_weak,
             any: *noise != Noise::default(),
@@ -77,6 +80,26 @@ impl Errors {
             measure::add_in_proportion(measured, returns.range, &noise, in_proportion);
         }
         self.range.round(measured);
+    }
+
+    /// Whether the instrument measures radial velocities.
+    pub(crate) fn tells_doppler(&self) -> bool {
+        self.doppler.is_some()
+    }
+
+    /// Turns the true radial velocities of returns, m/s, into measured ones, NaN if the instrument measures none;
+    /// `false_alarm` says which of them are one.
+    pub(crate) fn shift(
+        &self,
+        rng: &Rng,
+        returns: &Returns,
+        false_alarm: impl Fn(usize) -> bool,
+        velocity: &mut [f32; LANES],
+    ) {
+        match &self.doppler {
+            Some(doppler) => doppler.measure(rng, returns, false_alarm, velocity),
+            None => velocity.fill(f32::NAN),
+        }
     }
 
     /// Removes the surfaces of returns that are lost.

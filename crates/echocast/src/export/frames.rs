@@ -1,6 +1,7 @@
 //! Frames of a sequence in one HDF5 file, written one by one.
 
 use super::atomic::Pending;
+use super::boxes::{self, BoxColumn, Numbers};
 use super::hdf5::{add_tables, describe, io_error};
 use super::{failed, sensor_pose, unfinished};
 use crate::cloud::{Column, FieldInfo, FieldSet, Frame, PointCloud};
@@ -8,13 +9,14 @@ use crate::ground::error::{Error, Result};
 use crate::ground::shown;
 use crate::scene::Labels;
 use ::hdf5::types::VarLenArray;
-use ::hdf5::{Dataset, Extent, File, H5Type};
+use ::hdf5::{Dataset, Extent, File, Group, H5Type};
 use glam::DVec3;
 use std::path::Path;
 use std::sync::Arc;
 
 /// An HDF5 file that grows by one frame at a time: one dataset per column, one variable-length row per frame, and a row
-/// of `sensor_position` and `sensor_orientation_xyzw` per frame. All else is as in a merged HDF5 file. Only one frame
+/// of `sensor_position` and `sensor_orientation_xyzw` per frame. Boxes are rows of one group, which say their frame.
+/// All else is as in a merged HDF5 file. Only one frame
 /// is in memory at a time.
 ///
 /// The file appears under its name with [`FramesFile::finish`]; if dropped before, it leaves nothing behind.
@@ -23,6 +25,10 @@ pub struct FramesFile {
     // The datasets go before the file, the file before its name.
     columns: Vec<(&'static FieldInfo, Dataset)>,
     poses: Vec<Dataset>,
+    /// The boxes of all frames, in the order of [`boxes::COLUMNS`]; none if there are no boxes.
+    boxes: Vec<Dataset>,
+    /// How many boxes there are.
+    boxed: usize,
     file: File,
     pending: Pending,
     frames: usize,
@@ -39,6 +45,7 @@ struct Common {
     origin: DVec3,
     intensity_full_scale: Option<f32>,
     organised: Option<[u32; 2]>,
+    boxes: bool,
     labels: Arc<Labels>,
 }
 
@@ -53,7 +60,17 @@ impl FramesFile {
     pub fn create(path: impl AsRef<Path>) -> Result<Self> {
         let pending = Pending::create(path.as_ref())?;
         let file = File::create(pending.path()).map_err(|e| hdf5_error(&pending, e))?;
-        Ok(FramesFile { columns: Vec::new(), poses: Vec::new(), file, pending, frames: 0, broken: false, common: None })
+        Ok(FramesFile {
+            columns: Vec::new(),
+            poses: Vec::new(),
+            boxes: Vec::new(),
+            boxed: 0,
+            file,
+            pending,
+            frames: 0,
+            broken: false,
+            common: None,
+        })
     }
 
     /// Appends `cloud` as the next frame.
@@ -70,12 +87,13 @@ impl FramesFile {
             origin: cloud.origin,
             intensity_full_scale: cloud.intensity_full_scale,
             organised: cloud.organised,
+            boxes: cloud.boxes.is_some(),
             labels: Arc::clone(&cloud.labels),
         };
         if self.common.as_ref().is_some_and(|first| *first != common) {
             return Err(Error::invalid(
                 format!("frame {}", self.frames),
-                "of another frame, origin, shape, intensity scale, set of columns or labels",
+                "of another frame, origin, shape, intensity scale, set of columns or labels, or as to boxes",
                 "a scan of the same scene with the same options as the first frame",
             ));
         }
@@ -102,6 +120,9 @@ impl FramesFile {
                 let rows = self.file.new_dataset::<f64>().obj_track_times(false).chunk((ROWS, values.len()));
                 self.poses.push(rows.shape(shape).create(name)?);
             }
+            if common.boxes {
+                self.boxes = create_boxes(&self.file)?;
+            }
             self.common = Some(common);
         }
         for (info, dataset) in &self.columns {
@@ -118,6 +139,16 @@ impl FramesFile {
             dataset.resize((self.frames + 1, values.len()))?;
             dataset.write_slice(values, (self.frames, ..))?;
         }
+        if let Some(boxes) = &cloud.boxes {
+            for (column, dataset) in boxes::COLUMNS.iter().zip(&self.boxes) {
+                dataset.resize(column.shape(self.boxed + boxes.len()))?;
+                match column.numbers(boxes) {
+                    Numbers::U32(numbers) => put_boxes(dataset, self.boxed, column, &numbers),
+                    Numbers::F64(numbers) => put_boxes(dataset, self.boxed, column, &numbers),
+                }?;
+            }
+            self.boxed += boxes.len();
+        }
         self.frames += 1;
         Ok(())
     }
@@ -131,8 +162,8 @@ impl FramesFile {
             let file = format!("frame {} of {}", self.frames, shown::path(self.pending.target()));
             return Err(Error::invalid(file, "incomplete, because adding it failed", "a file of complete frames"));
         }
-        let FramesFile { columns, poses, file, pending, .. } = self;
-        drop((columns, poses));
+        let FramesFile { columns, poses, boxes, file, pending, .. } = self;
+        drop((columns, poses, boxes));
         file.close().map_err(|e| hdf5_error(&pending, e))?;
         pending.commit()
     }
@@ -155,6 +186,37 @@ fn create<T: H5Type + Copy>(file: &File, info: &FieldInfo) -> ::hdf5::Result<Dat
 
 fn put<T: H5Type + Copy>(dataset: &Dataset, frame: usize, column: &[T]) -> ::hdf5::Result<()> {
     dataset.write_slice(&[VarLenArray::from_slice(column)], frame..frame + 1)
+}
+
+/// The group of boxes, empty.
+fn create_boxes(file: &File) -> ::hdf5::Result<Vec<Dataset>> {
+    fn create<T: H5Type>(group: &Group, column: &BoxColumn) -> ::hdf5::Result<Dataset> {
+        let (extents, chunk): (Vec<Extent>, Vec<usize>) = [(Extent::resizable(0), ROWS)]
+            .into_iter()
+            .chain(column.width().map(|width| (Extent::fixed(width), width)))
+            .unzip();
+        let dataset =
+            group.new_dataset::<T>().obj_track_times(false).chunk(chunk).shape(extents).create(column.name)?;
+        describe(&dataset, column.unit, column.meaning)?;
+        Ok(dataset)
+    }
+    let group = file.create_group("boxes")?;
+    let all = boxes::COLUMNS.iter().map(|column| match column.numbers(&[]) {
+        Numbers::U32(_) => create::<u32>(&group, column),
+        Numbers::F64(_) => create::<f64>(&group, column),
+    });
+    all.collect()
+}
+
+/// Writes the `numbers` of boxes from the row `first` on.
+fn put_boxes<T: H5Type>(dataset: &Dataset, first: usize, column: &BoxColumn, numbers: &[T]) -> ::hdf5::Result<()> {
+    match column.width() {
+        None => dataset.write_slice(numbers, first..first + numbers.len()),
+        Some(width) => {
+            let rows = (first..).zip(numbers.chunks_exact(width));
+            rows.into_iter().try_for_each(|(row, numbers)| dataset.write_slice(numbers, (row, ..)))
+        }
+    }
 }
 
 #[cfg(test)]

@@ -1,11 +1,11 @@
 //! HDF5: one dataset per column at the root.
 
-use super::{Format, sensor_pose, unfinished};
+use super::{Format, boxes, sensor_pose, unfinished};
 use crate::cloud::{Column, FieldInfo, PointCloud};
 use crate::ground::report::Report;
 use crate::scene::Labels;
 use ::hdf5::types::VarLenUnicode;
-use ::hdf5::{Attribute, Dataset, ErrorFrame, File, H5Type, Location};
+use ::hdf5::{Attribute, Dataset, ErrorFrame, File, Group, H5Type, Location};
 use std::io;
 use std::path::Path;
 
@@ -55,6 +55,14 @@ impl Hdf5 {
             add(&file, name, &[values.len()], &values)?;
         }
         add_tables(&file, cloud)?;
+        if let Some(boxes) = &cloud.boxes {
+            let group = file.create_group("boxes")?;
+            for column in &boxes::COLUMNS {
+                let numbers = column.numbers(boxes);
+                let dataset = add_column(&group, column.name, &column.shape(boxes.len()), numbers.column())?;
+                describe(&dataset, column.unit, column.meaning)?;
+            }
+        }
         file.close()
     }
 }
@@ -99,20 +107,20 @@ pub(super) fn io_error(error: ::hdf5::Error) -> io::Error {
 }
 
 /// Adds the dataset `name` of `data`.
-pub(super) fn add_column(file: &File, name: &str, shape: &[usize], data: Column<'_>) -> ::hdf5::Result<Dataset> {
+pub(super) fn add_column(group: &Group, name: &str, shape: &[usize], data: Column<'_>) -> ::hdf5::Result<Dataset> {
     unfinished::check().map_err(|error| error.to_string())?;
     match data {
-        Column::F32(c) => add(file, name, shape, c),
-        Column::F64(c) => add(file, name, shape, c),
-        Column::U8(c) => add(file, name, shape, c),
-        Column::U16(c) => add(file, name, shape, c),
-        Column::U32(c) => add(file, name, shape, c),
+        Column::F32(c) => add(group, name, shape, c),
+        Column::F64(c) => add(group, name, shape, c),
+        Column::U8(c) => add(group, name, shape, c),
+        Column::U16(c) => add(group, name, shape, c),
+        Column::U32(c) => add(group, name, shape, c),
     }
 }
 
-fn add<T: H5Type>(file: &File, name: &str, shape: &[usize], data: &[T]) -> ::hdf5::Result<Dataset> {
+fn add<T: H5Type>(group: &Group, name: &str, shape: &[usize], data: &[T]) -> ::hdf5::Result<Dataset> {
     // Without times of change the same run gives the same bytes.
-    let dataset = file.new_dataset::<T>().obj_track_times(false).shape(shape).create(name)?;
+    let dataset = group.new_dataset::<T>().obj_track_times(false).shape(shape).create(name)?;
     if !data.is_empty() {
         dataset.write_raw(data)?;
     }

@@ -1,6 +1,7 @@
 //! Clouds to files: one file per format, one table of formats.
 
 mod atomic;
+mod boxes;
 mod csv;
 #[cfg(feature = "hdf5")]
 mod frames;
@@ -13,6 +14,7 @@ mod ply;
 mod sink;
 mod unfinished;
 
+pub use boxes::{check_boxes, write_boxes};
 #[cfg(feature = "hdf5")]
 pub use frames::FramesFile;
 pub use pings::{check_image, check_pings, image_label_paths};
@@ -30,7 +32,8 @@ use std::path::{Path, PathBuf};
 pub(crate) use unfinished::failed;
 
 impl PointCloud {
-    /// Writes the cloud to `path`; the format is chosen by the extension.
+    /// Writes the cloud to `path`; the format is chosen by the extension. Boxes go to NPZ and HDF5 only; see
+    /// [`write_boxes`].
     ///
     /// The file appears under its name only when it is complete.
     ///

@@ -1,6 +1,6 @@
 //! NPZ: an uncompressed zip of NumPy arrays; `numpy.load` reads it without anything else.
 
-use super::{Format, Sink, sensor_pose};
+use super::{Format, Sink, boxes, sensor_pose};
 use crate::cloud::{Column, FieldInfo, PointCloud};
 use crate::ground::report::Report;
 use crate::scene::Labels;
@@ -55,6 +55,12 @@ impl Format for Npz {
         zip.text("coordinates", cloud.frame.name())?;
         if let Some(shape) = cloud.organised {
             zip.add("shape", "u4", &[2], &shape)?;
+        }
+        if let Some(boxes) = &cloud.boxes {
+            for column in &boxes::COLUMNS {
+                let numbers = column.numbers(boxes);
+                zip.column(&format!("boxes/{}", column.name), &column.shape(boxes.len()), numbers.column())?;
+            }
         }
         zip.names(&cloud.labels, report)?;
         zip.finish()

@@ -38,6 +38,8 @@ pub(crate) enum Draw {
     TimeJitter = 25,
     /// Whether a weak return is lost.
     WeakDropout = 26,
+    /// Gaussian error of the measured radial velocity, or the velocity of a false alarm.
+    Doppler = 27,
     /// Gaussian errors of the phases of modulated light, by frequency.
     Phase = 30,
     /// Gaussian error of the measured depth.

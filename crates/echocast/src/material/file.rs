@@ -120,6 +120,11 @@ fn take_keys(document: &Document) -> Result<(Vec<Key>, Value)> {
         return Ok((Vec::new(), value));
     }
     let keys = value.as_object_mut().and_then(|map| map.shift_remove(KEY)).unwrap_or_default();
+    let other = keys.as_array().into_iter().flatten().position(|item| item.get("wavelength_nm").is_some());
+    if let Some(other) = other {
+        let message = "has a wavelength in a list of times; allowed: {t, value} alone, or {wavelength_nm, value} alone";
+        return Err(document.error(&format!("{KEY}[{other}]"), message));
+    }
     Ok((document.read_at(KEY, &keys)?, value))
 }
 
@@ -127,7 +132,6 @@ fn check_keys(keys: &[Key]) -> Result<()> {
     let mut before = f64::MIN;
     for (index, key) in keys.iter().enumerate() {
         let name = |name| format!("reflectance[{index}].{name}");
-        allow(name("t"), key.t, key.t.is_finite(), "a finite number")?;
         allow(name("t"), key.t, key.t >= before, format_args!("{before} and more, in rising order"))?;
         before = key.t;
         fraction(name("value"), key.value)?;
@@ -211,6 +215,20 @@ unlit: true
     }
 
     #[test]
+    fn reflectance_may_change_over_time() {
+        let keys = "[{t: 0, value: 0.25}, {t: 4, value: 0.75}, {t: 4, value: 0.5}, {t: 5, value: 0.5}]";
+        let material = Material::from_yaml(&format!("{{name: sign, metallic: 0.5, reflectance: {keys}}}")).unwrap();
+        assert_eq!((material.reflectance.clone(), material.metallic), (Some(Reflectance::Constant(0.25)), 0.5));
+        let at = |time| match material.at(time).unwrap().reflectance {
+            Some(Reflectance::Constant(value)) => value,
+            other => panic!("{other:?}"),
+        };
+        assert_eq!([-1.0, 2.0, 3.999_999_999, 4.0, 9.0].map(at), [0.25, 0.5, 0.75, 0.5, 0.5]);
+        let still = Material::from_yaml("{name: a, reflectance: [{t: 3, value: 0.5}]}").unwrap();
+        assert_eq!((still.reflectance.clone(), still.at(1.0)), (Some(Reflectance::Constant(0.5)), None));
+    }
+
+    #[test]
     fn scattering_models_are_read() {
         let read = |section: &str| Material::from_yaml(&format!("name: a\nscattering: {section}")).unwrap().scattering;
         assert_eq!(read("{model: lambert}"), Scattering::Lambert);
@@ -259,6 +277,25 @@ unlit: true
             (
                 "reflectance:\n- {wavelength_nm: 905, value: 1}\n- {wavelength_nm: 905, value: 1}",
                 "line 4: reflectance[1].wavelength_nm: is 905; allowed: above 905, in rising order",
+            ),
+            (
+                "reflectance: [{t: 0, value: 0.2}, {wavelength_nm: 905, value: 1}]",
+                "line 2: reflectance[1]: has a wavelength in a list of times; allowed: {t, value} alone, or {wavelength_nm,",
+            ),
+            (
+                "reflectance:\n- {wavelength_nm: 905, value: 1}\n- {t: 1, value: 1}",
+                "line 3: reflectance[0]: has a wavelength in a list of times; allowed: {t, value} alone, or {wavelength_nm,",
+            ),
+            ("reflectance: [{t: 0}]", "line 2: reflectance[0]: the key `value` is missing"),
+            (
+                "reflectance:\n- {t: 2, value: 1}\n- {t: 1, value: 1}",
+                "line 4: reflectance[1].t: is 1; allowed: 2 and more, in rising order",
+            ),
+            ("reflectance: [{t: 0, value: 1.5}]", "line 2: reflectance[0].value: is 1.5; allowed: 0 to 1"),
+            ("reflectance: [{t: .inf, value: 1}]", "line 2: .inf is not a finite number"),
+            (
+                "reflectance: [{t: 0, value: 0.2}, {t: 1, value: 0.6}]\nscattering: {model: phong, specular: 0.5, exponent: 2}",
+                "line 3: scattering.specular: is 0.5; allowed: such that it and the reflectance of 0.6 make at most 1",
             ),
             ("scattering: lambert", "line 2: scattering: invalid type: string \"lambert\", expected a section of keys"),
             ("scattering: {f0: 1}", "line 2: scattering: the key `model` is missing"),

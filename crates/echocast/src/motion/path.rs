@@ -69,7 +69,12 @@ impl Path {
         bends.push(start + length);
         bends.retain(|time| (start..=start + length).contains(time));
         bends.sort_by(f64::total_cmp);
-        bends.dedup();
+        // Times that only rounding tells apart: there is no speed between them.
+        let rounding = 1e-9 * length + 16.0 * f64::EPSILON * start.abs();
+        bends.dedup_by(|later, before| *later - *before <= rounding);
+        if let Some(last) = bends.last_mut() {
+            *last = start + length;
+        }
         let local_from_object = |time: f64| DAffine3::from_translation(-origin) * world_from_object(time);
         let marks = marks(bounds);
         let mut pieces = Vec::new();
@@ -287,7 +292,7 @@ fn inverse(linear: &DMat3) -> Mat3 {
 
 impl Place {
     /// Where the point at `object` of the thing is in the scene's frame.
-    pub(crate) fn to_local(&self, object: Vec3) -> Vec3 {
+    pub(crate) fn to_local(self, object: Vec3) -> Vec3 {
         self.place + self.inverse.inverse() * object
     }
 
@@ -318,6 +323,19 @@ impl Place {
 mod tests {
     use super::*;
     use glam::DQuat;
+
+    /// A key that rounding has put next to the start, or to the end.
+    #[test]
+    fn no_piece_is_too_short_to_have_a_speed() {
+        let pose = |time: f64| DAffine3::from_translation(8.0 * time * DVec3::X);
+        let span = Span { start: 0.3, length: 0.9 };
+        let path = path(span, &[0.3_f64.next_up(), 0.7, (0.3_f64 + 0.9).next_down()], pose);
+        for time in [0.0, 0.3, 0.9999, 1.0] {
+            let piece = path.piece(time);
+            let velocity = piece.velocity(piece.part(time), Vec3::ZERO);
+            assert!((velocity - 8.0 * Vec3::X).length() < 1e-3, "{velocity} at {time}");
+        }
+    }
 
     const CUBE: [[f32; 3]; 2] = [[-1.0; 3], [1.0; 3]];
 

@@ -150,7 +150,7 @@ impl Timeline {
                 next = self.nodes[node].parent;
             };
             while let Some(node) = unknown.pop() {
-                world = world * self.nodes[node].parent_from_node(time);
+                world *= self.nodes[node].parent_from_node(time);
                 known.insert(node, world);
             }
             world

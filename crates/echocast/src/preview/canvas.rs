@@ -90,6 +90,33 @@ impl Picture {
         }
     }
 
+    /// Draws a line segment as [`Picture::stroke`] does, however long, looking only at what is near it.
+    pub(super) fn line(&mut self, segment: &[Vec2; 2], radius: f32, color: Color) {
+        let [start, end] = *segment;
+        let reach = radius + 1.0;
+        let along = end - start;
+        if !(along.is_finite() && start.is_finite()) {
+            return;
+        }
+        let (low, high) = (start.min(end) - reach, start.max(end) + reach);
+        // Casts saturate.
+        for y in low.y.max(0.0) as u32..high.y.clamp(0.0, self.height as f32).ceil() as u32 {
+            // What of the segment is near this row.
+            let (above, below) = (y as f32 + 0.5 - reach, y as f32 + 0.5 + reach);
+            let part = |height: f32| ((height - start.y) / along.y).clamp(0.0, 1.0);
+            let parts = if along.y.abs() > f32::EPSILON { [part(above), part(below)] } else { [0.0, 1.0] };
+            let [a, b] = parts.map(|part| start.x + along.x * part);
+            let first = (a.min(b) - reach).max(low.x).max(0.0);
+            let last = (a.max(b) + reach).min(high.x).min(self.width as f32);
+            for x in first as u32..last.max(0.0).ceil() as u32 {
+                let cover = (radius + 0.5 - distance(Vec2::new(x as f32 + 0.5, y as f32 + 0.5), segment)).min(1.0);
+                if cover > 0.0 {
+                    self.blend(x, y, color, cover);
+                }
+            }
+        }
+    }
+
     /// Writes `words` from `start` (left end of the baseline) with capitals `capitals` pixels high.
     pub(super) fn text(&mut self, words: &str, start: Vec2, capitals: f32, color: Color) {
         for glyph in font::set(words, start, capitals) {
@@ -182,6 +209,23 @@ mod tests {
         picture.stroke(&[[Vec2::NAN, Vec2::NAN]], 1.0, [255; 3], 1.0);
         picture.stroke(&[[Vec2::splat(-1e30), Vec2::splat(-1e30)]], 1.0, [255; 3], 1.0);
         assert_eq!(picture, before);
+    }
+
+    #[test]
+    fn a_line_is_a_stroke() {
+        let ends = [[3.0, 2.0], [17.5, 8.0], [3.0, 2.0], [9.0, 2.0], [-30.0, 4.0], [4.0, 70.0], [1e3, -1e3]];
+        for pair in ends.map(Vec2::from).windows(2) {
+            let segment = [pair[0], pair[1]];
+            let (mut line, mut stroke) = (Picture::new(20, 10, [0; 3]), Picture::new(20, 10, [0; 3]));
+            line.line(&segment, 1.2, [200, 100, 50]);
+            stroke.stroke(&[segment], 1.2, [200, 100, 50], 1.0);
+            assert_eq!(line, stroke, "{segment:?}");
+        }
+        let mut picture = Picture::new(20, 10, [0; 3]);
+        picture.line(&[Vec2::NAN, Vec2::ONE], 1.0, [255; 3]);
+        picture.line(&[Vec2::splat(f32::MAX), Vec2::splat(f32::MIN)], 1.0, [255; 3]);
+        picture.line(&[Vec2::splat(1e20), Vec2::splat(2e20)], 1.0, [255; 3]);
+        assert_eq!(picture, Picture::new(20, 10, [0; 3]));
     }
 
     #[test]

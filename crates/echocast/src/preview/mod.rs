@@ -1,6 +1,7 @@
 //! A picture of a cloud for people: from above, in perspective or as range image, coloured by label, cause, intensity,
 //! range or height, with a legend; and of a sonar's pings: waterfall, track and fan.
 
+mod boxes;
 mod canvas;
 mod cutaway;
 mod font;
@@ -111,16 +112,18 @@ pub struct PreviewOptions {
     pub width: u32,
     /// Whether a waterfall shows ground range, along the bed, instead of slant range; default false.
     pub ground: bool,
+    /// Whether the boxes of a cloud that have points are drawn, coloured by category; default false.
+    pub boxes: bool,
 }
 
 impl Default for PreviewOptions {
     fn default() -> Self {
-        PreviewOptions { view: View::default(), color: ColorBy::default(), width: 1600, ground: false }
+        PreviewOptions { view: View::default(), color: ColorBy::default(), width: 1600, ground: false, boxes: false }
     }
 }
 
 impl PreviewOptions {
-    /// Reads options from YAML: `view`, `color`, `width`, `ground`.
+    /// Reads options from YAML: `view`, `color`, `width`, `ground`, `boxes`.
     ///
     /// # Errors
     /// Line and key of what is wrong, with the most similar known key.
@@ -254,11 +257,15 @@ pub fn render(cloud: &PointCloud, options: &PreviewOptions, report: &mut Report)
         return Ok(page.empty("no points"));
     }
     let paint = Paint::new(cloud, &points, options.color, report);
+    if options.boxes && cloud.boxes.is_none() {
+        report.warn("preview: the cloud has no boxes, which are made where ScanOptions::boxes asks for them");
+    }
+    let outlines = if options.boxes { boxes::outlines(cloud) } else { Vec::new() };
     let mut notes = Vec::new();
     let (view, panel) = match options.view {
-        View::Top => ("Top view", top::draw(&points, &paint, &page, &mut notes)),
-        View::Perspective => ("Perspective view", perspective::draw(&points, &paint, &page, &mut notes)),
-        View::Range => ("Range image", range_image::draw(cloud, &points, &paint, &page)),
+        View::Top => ("Top view", top::draw(&points, &paint, &outlines, &page, &mut notes)),
+        View::Perspective => ("Perspective view", perspective::draw(&points, &paint, &outlines, &page, &mut notes)),
+        View::Range => ("Range image", range_image::draw(cloud, &points, &paint, &outlines, &page)),
         View::Waterfall | View::Track | View::Fan => return pings_only(),
     };
     let title = format!("{view} of {} by {}", legend::counted(points.count, "point"), paint.name());
@@ -343,7 +350,7 @@ impl Page {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Engine;
+    use crate::{Engine, InstanceBox};
     use glam::DVec3;
     use std::fs::File;
 
@@ -412,10 +419,13 @@ mod tests {
                 ..strange[index].clone()
             });
         }
-        for (index, cloud) in strange.iter().enumerate() {
+        let sizes = [0.0, 1.0, 1e18, f64::NAN, f64::INFINITY];
+        for (index, cloud) in strange.iter_mut().enumerate() {
+            let boxes = sizes.map(|size| InstanceBox { size: DVec3::splat(size), ..boxes::tests::unit_box() });
+            cloud.boxes = Some(boxes.into());
             for (turn, view) in VIEWS.into_iter().enumerate() {
-                let options =
-                    PreviewOptions { view, color: COLORS[(index + turn) % COLORS.len()], width: 320, ground: false };
+                let color = COLORS[(index + turn) % COLORS.len()];
+                let options = PreviewOptions { view, color, width: 320, boxes: true, ..PreviewOptions::default() };
                 let picture = render(cloud, &options, &mut Report::default()).unwrap();
                 assert_eq!(picture.pixels.len(), 3 * 320 * picture.height as usize, "{index} {options:?}");
                 assert!(picture.height < 600, "{index} {options:?}");

@@ -1,6 +1,7 @@
 //! The cloud in perspective, from behind and above the sensor.
 
 use super::Page;
+use super::boxes::{self, Outline};
 use super::canvas::{GROUND, Picture};
 use super::cutaway::Cutaway;
 use super::legend::counted;
@@ -94,10 +95,29 @@ impl Camera {
         let at = Vec2::new(from_camera.dot(self.right), -from_camera.dot(self.up)) * (self.focal / depth);
         (depth > 0.0).then_some((self.centre + at, depth))
     }
+
+    /// What of an edge is before the camera, in pixels.
+    fn line(&self, edge: [Vec3; 2]) -> Option<[Vec2; 2]> {
+        /// Nearest depth, as a part of the farther end's.
+        const NEAREST: f32 = 1e-3;
+        let depths = edge.map(|end| (end - self.position).dot(self.forward));
+        let nearest = NEAREST * depths[0].max(depths[1]);
+        let cut = |end: usize| {
+            let part = (nearest - depths[end]) / (depths[1 - end] - depths[end]);
+            if depths[end] < nearest { edge[end].lerp(edge[1 - end], part) } else { edge[end] }
+        };
+        Some([self.project(cut(0))?.0, self.project(cut(1))?.0])
+    }
 }
 
 /// The view of `points`; what it leaves out goes to `notes`.
-pub(super) fn draw(points: &Points<'_>, paint: &Paint<'_>, page: &Page, notes: &mut Vec<String>) -> Picture {
+pub(super) fn draw(
+    points: &Points<'_>,
+    paint: &Paint<'_>,
+    outlines: &[Outline],
+    page: &Page,
+    notes: &mut Vec<String>,
+) -> Picture {
     let width = page.inner();
     let height = (width as f32 * HALF_HEIGHT / HALF_WIDTH) as u32;
     let mut picture = Picture::new(width, height, GROUND);
@@ -120,6 +140,7 @@ pub(super) fn draw(points: &Points<'_>, paint: &Paint<'_>, page: &Page, notes: &
     });
     // A neighbour nearer by 5 % of the distance gives the maximum darkening.
     splats.draw(&mut picture, paint, |depth| depth.ln() / 0.05);
+    boxes::draw(&mut picture, outlines, page, |edge| camera.line(edge));
 
     let mark = 8.0 * page.scale;
     let room = Vec2::new(width as f32, height as f32) - mark;
@@ -221,7 +242,7 @@ mod tests {
             let (mut notes, mut report) = (Vec::new(), Report::default());
             let points = Points::new(cloud, &mut report);
             let paint = Paint::new(cloud, &points, ColorBy::Height, &mut report);
-            draw(&points, &paint, &Page::new(400), &mut notes);
+            draw(&points, &paint, &[], &Page::new(400), &mut notes);
             notes.iter().any(|note| note.contains("seen from behind"))
         };
         assert!(cut(&wall));

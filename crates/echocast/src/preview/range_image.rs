@@ -1,6 +1,7 @@
 //! The cloud as seen by the sensor: left is left, up is up.
 
 use super::Page;
+use super::boxes::{self, Outline};
 use super::canvas::{GROUND, Picture};
 use super::paint::Paint;
 use super::points::{CHUNK, Points, robust_span};
@@ -16,24 +17,40 @@ const FLATTEST: f32 = 0.22;
 const STEEPEST: f32 = 0.62;
 /// With more channels than any spinning sensor has, the column `channel` does not define rows.
 const CHANNELS: usize = 128;
+
 /// The range image: rows and columns of the sensor if the cloud has them, else azimuth and elevation.
-pub(super) fn draw(cloud: &PointCloud, points: &Points<'_>, paint: &Paint<'_>, page: &Page) -> Picture {
+pub(super) fn draw(
+    cloud: &PointCloud,
+    points: &Points<'_>,
+    paint: &Paint<'_>,
+    outlines: &[Outline],
+    page: &Page,
+) -> Picture {
     let channel = &cloud.columns.channel;
     let (mut picture, splats);
+    // Where a direction (sensor frame) is in the picture.
+    let place: Box<dyn Fn(Vec3, Vec2) -> Option<Vec2>>;
     match cloud.organised {
         Some([rows, columns]) if cloud.len as u64 == u64::from(rows) * u64::from(columns) => {
             let grid = Grid::new(points, [rows, columns], channel);
             picture = frame(page, columns as f32 / rows as f32);
             splats = grid.splats(points, &picture);
+            let lines = if outlines.is_empty() { Lines::default() } else { Lines::new(&grid, points) };
+            place = Box::new(move |direction, size| lines.place(direction, size));
         }
         _ => {
             let panorama = Panorama::new(cloud, points);
             picture = frame(page, panorama.aspect());
             splats = panorama.splats(points, &picture);
+            place = Box::new(move |direction, size| panorama.place(direction, size));
         }
     }
     // A neighbour nearer by a quarter of the range gives the maximum darkening.
     splats.draw(&mut picture, paint, |range| range.max(1e-3).ln() / 0.25);
+    let size = Vec2::new(picture.width as f32, picture.height as f32);
+    boxes::draw(&mut picture, outlines, page, |edge| {
+        boxes::bent(edge, size.x, |position| place(points.in_sensor_frame(position), size))
+    });
     picture
 }
 
@@ -113,6 +130,91 @@ impl Grid {
     }
 }
 
+/// Directions of the rows and columns of a [`Grid`], from the points in them.
+#[derive(Default)]
+struct Lines {
+    /// Whether rows and columns are straight lines on a plane ahead, as a camera's, rather than of one elevation and one
+    /// azimuth.
+    flat: bool,
+    /// Of each row from the top down, and of each column from the left.
+    rows: Vec<Option<f32>>,
+    columns: Vec<Option<f32>>,
+}
+
+impl Lines {
+    fn new(grid: &Grid, points: &Points<'_>) -> Lines {
+        let mut places = vec![0; grid.rows.len()];
+        for (place, &row) in grid.rows.iter().enumerate() {
+            places[row as usize] = place;
+        }
+        let cells: Vec<([usize; 2], Vec3)> = points
+            .sample
+            .iter()
+            .map(|&(cell, position)| {
+                let (row, column) = ((cell / grid.columns) as usize, (cell % grid.columns) as usize);
+                let column = if grid.mirrored { grid.columns as usize - 1 - column } else { column };
+                ([column, places[row]], points.in_sensor_frame(position))
+            })
+            .collect();
+        let ahead = cells.iter().all(|(_, direction)| direction.x > 0.05 * direction.length());
+        let [round, flat] = [false, true].map(|flat| {
+            let lines = Lines {
+                flat,
+                rows: Lines::means(1, grid.rows.len(), &cells, flat),
+                columns: Lines::means(0, grid.columns as usize, &cells, flat),
+            };
+            let off = cells.iter().map(|([column, row], direction)| {
+                let at = lines.of(*direction);
+                let off = |of: Option<f32>, at: f32| of.map_or(0.0, |of| f64::from((at - of).abs().min(1.0)));
+                off(lines.columns[*column], at.x) + off(lines.rows[*row], at.y)
+            });
+            let off = off.sum::<f64>();
+            (lines, off)
+        });
+        if ahead && flat.1 < round.1 { flat.0 } else { round.0 }
+    }
+
+    /// What is the same along a column, x, and along a row, y.
+    fn of(&self, direction: Vec3) -> Vec2 {
+        if self.flat { Vec2::new(direction.y, direction.z) / direction.x } else { angles(direction) }
+    }
+
+    /// Means of the coordinate `axis` in each of `count` lines.
+    fn means(axis: usize, count: usize, cells: &[([usize; 2], Vec3)], flat: bool) -> Vec<Option<f32>> {
+        let lines = Lines { flat, ..Lines::default() };
+        // Of an azimuth, whose mean is that of directions.
+        let mut sums = vec![Vec2::ZERO; count];
+        for (cell, direction) in cells {
+            let value = lines.of(*direction)[axis];
+            sums[cell[axis]] += if flat { Vec2::new(1.0, value) } else { Vec2::from_angle(value) };
+        }
+        let mean = |sum: &Vec2| if flat { sum.y / sum.x } else { sum.y.atan2(sum.x) };
+        sums.iter().map(|sum| (*sum != Vec2::ZERO).then(|| mean(sum))).collect()
+    }
+
+    /// Where a direction is in a picture of this size; `None`: between no two of the lines.
+    fn place(&self, direction: Vec3, size: Vec2) -> Option<Vec2> {
+        if self.flat && direction.x <= 0.0 {
+            return None;
+        }
+        let at = self.of(direction);
+        let along = |lines: &[Option<f32>], value: f32| {
+            // A turn has no beginning.
+            let off = |line: f32| if self.flat { line - value } else { (line - value + PI).rem_euclid(TAU) - PI };
+            let known: Vec<(usize, f32)> =
+                lines.iter().enumerate().filter_map(|(index, line)| Some((index, off((*line)?)))).collect();
+            let pair = known.windows(2).find(|pair| {
+                let [a, b] = [pair[0].1, pair[1].1];
+                a * b <= 0.0 && (self.flat || (a - b).abs() < PI)
+            })?;
+            let [(from, a), (to, b)] = [pair[0], pair[1]];
+            let part = if a == b { 0.0 } else { a / (a - b) };
+            Some((from as f32 + (to - from) as f32 * part + 0.5) / lines.len() as f32)
+        };
+        Some(Vec2::new(along(&self.columns, at.x)?, along(&self.rows, at.y)?) * size)
+    }
+}
+
 /// Whether `values` mostly rise with their index: the sign of their covariance.
 fn rises(values: &[Option<f32>]) -> bool {
     let known = || values.iter().enumerate().filter_map(|(index, value)| Some((index as f64, f64::from((*value)?))));
@@ -129,6 +231,8 @@ struct Panorama<'a> {
     elevation: [f32; 2],
     /// Channel of each point and row of each channel, if channels form rows.
     channels: Option<(&'a [u16], BTreeMap<u16, usize>)>,
+    /// Their elevations, from the top row down.
+    elevations: Vec<f32>,
 }
 
 impl<'a> Panorama<'a> {
@@ -136,7 +240,8 @@ impl<'a> Panorama<'a> {
         let columns = &cloud.columns;
         let reported = (columns.azimuth.len() >= cloud.len && columns.elevation.len() >= cloud.len)
             .then_some((columns.azimuth.as_slice(), columns.elevation.as_slice()));
-        let mut panorama = Panorama { reported, azimuth: [0.0; 2], elevation: [0.0; 2], channels: None };
+        let mut panorama =
+            Panorama { reported, azimuth: [0.0; 2], elevation: [0.0; 2], channels: None, elevations: Vec::new() };
         let sample: Vec<(u32, Vec2)> =
             points.sample.iter().map(|&(row, position)| (row, panorama.direction(points, row, position))).collect();
         let [azimuth, elevation] = [0, 1].map(|axis| {
@@ -159,6 +264,7 @@ impl<'a> Panorama<'a> {
                 let mut order: Vec<(u16, f64)> =
                     rows.into_iter().map(|(channel, (sum, count))| (channel, sum / count)).collect();
                 order.sort_by(|a, b| b.1.total_cmp(&a.1));
+                panorama.elevations = order.iter().map(|(_, elevation)| *elevation as f32).collect();
                 let rows = order.into_iter().enumerate().map(|(row, (channel, _))| (channel, row)).collect();
                 panorama.channels = Some((&columns.channel, rows));
             }
@@ -171,6 +277,21 @@ impl<'a> Panorama<'a> {
             Some((azimuth, elevation)) => Vec2::new(azimuth[row as usize], elevation[row as usize]),
             None => angles(points.in_sensor_frame(position)),
         }
+    }
+
+    /// Where a direction (sensor frame) is in a picture of this size; `None`: above or below all channels.
+    fn place(&self, direction: Vec3, size: Vec2) -> Option<Vec2> {
+        let at = angles(direction);
+        let part = |value: f32, [low, high]: [f32; 2]| (high - value) / (high - low);
+        let down = if self.elevations.is_empty() {
+            part(at.y, self.elevation)
+        } else {
+            let rows = self.elevations.windows(2).position(|rows| (rows[1]..=rows[0]).contains(&at.y))?;
+            let [above, below] = [self.elevations[rows], self.elevations[rows + 1]];
+            let between = if above > below { (above - at.y) / (above - below) } else { 0.0 };
+            (rows as f32 + between + 0.5) / self.elevations.len() as f32
+        };
+        Some(Vec2::new(part(at.x, self.azimuth), down) * size)
     }
 
     fn aspect(&self) -> f32 {
@@ -216,7 +337,7 @@ impl<'a> Panorama<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{ColorBy, PreviewOptions, View, palette, render};
+    use super::super::{PreviewOptions, View, palette, render};
     use super::*;
     use crate::ground::pose::Pose;
     use crate::ground::report::Report;
@@ -242,7 +363,7 @@ mod tests {
     }
 
     fn picture(cloud: &PointCloud) -> Picture {
-        let options = PreviewOptions { view: View::Range, color: ColorBy::Label, width: 800, ground: false };
+        let options = PreviewOptions { view: View::Range, width: 800, ..PreviewOptions::default() };
         let mut report = Report::default();
         let picture = render(cloud, &options, &mut report).unwrap();
         assert_eq!(report.warnings, Vec::<String>::new());

@@ -364,7 +364,7 @@ mod tests {
     use crate::image::synthetic::{self, Sidescan, TARGET};
 
     fn render(pings: &Pings, view: View, color: ColorBy) -> Picture {
-        let options = PreviewOptions { view, color, width: 800, ground: false };
+        let options = PreviewOptions { view, color, width: 800, ..PreviewOptions::default() };
         let mut report = Report::default();
         let picture = render_pings(pings, &options, &mut report).unwrap();
         assert_eq!(report.warnings, Vec::<String>::new());
@@ -470,7 +470,7 @@ mod tests {
         for pings in &strange {
             for view in [View::Waterfall, View::Track] {
                 for color in [ColorBy::Label, ColorBy::Intensity] {
-                    let options = PreviewOptions { view, color, width: 320, ground: false };
+                    let options = PreviewOptions { view, color, width: 320, ..PreviewOptions::default() };
                     let picture = render_pings(pings, &options, &mut Report::default()).unwrap();
                     assert!(picture.height < 600);
                 }

@@ -1,5 +1,6 @@
 //! The cloud from above, without perspective: a map.
 
+use super::boxes::{self, Outline};
 use super::canvas::{GRID, GROUND, Picture, TEXT};
 use super::cutaway::Cutaway;
 use super::legend::{counted, round_down};
@@ -49,7 +50,13 @@ impl Map {
 }
 
 /// The map of `points`; what it leaves out goes to `notes`.
-pub(super) fn draw(points: &Points<'_>, paint: &Paint<'_>, page: &Page, notes: &mut Vec<String>) -> Picture {
+pub(super) fn draw(
+    points: &Points<'_>,
+    paint: &Paint<'_>,
+    outlines: &[Outline],
+    page: &Page,
+    notes: &mut Vec<String>,
+) -> Picture {
     let map = Map::new(points, page);
     let mut picture = Picture::new(map.width, map.height, GROUND);
     // A round length that suits scale bar and grid.
@@ -72,6 +79,7 @@ pub(super) fn draw(points: &Points<'_>, paint: &Paint<'_>, page: &Page, notes: &
     // A step of 2 % of the map's height gives the maximum darkening.
     let step = 0.02 * map.height as f32 / map.zoom;
     splats.draw(&mut picture, paint, |depth| depth / step);
+    boxes::draw(&mut picture, outlines, page, |edge| [edge.map(|end| map.project(end))]);
 
     let sensor = map.project(points.sensor);
     if map.shows(sensor) {
@@ -175,7 +183,7 @@ mod tests {
     }
 
     fn picture(cloud: &PointCloud) -> Picture {
-        let options = PreviewOptions { view: View::Top, color: ColorBy::Label, width: 800, ground: false };
+        let options = PreviewOptions { view: View::Top, width: 800, ..PreviewOptions::default() };
         render(cloud, &options, &mut Report::default()).unwrap()
     }
 
@@ -212,7 +220,7 @@ mod tests {
         assert!((zoom / near - 1.0).abs() < 0.02, "{zoom} {near}");
         let mut notes = Vec::new();
         let paint = Paint::new(&cloud, &points, ColorBy::Height, &mut Report::default());
-        draw(&points, &paint, &Page::new(800), &mut notes);
+        draw(&points, &paint, &[], &Page::new(800), &mut notes);
         assert_eq!(notes, ["9 points outside of the picture"]);
     }
 

@@ -1,11 +1,12 @@
 //! The driver: one scan, step by step.
 
 mod bare;
+mod boxes;
 mod light;
 mod printed;
 mod sound;
 
-use crate::cloud::{FieldSet, Frame, Ping, PointCloud};
+use crate::cloud::{BoxAxes, Field, FieldSet, Frame, Ping, PointCloud};
 use crate::emitter::Trajectory;
 use crate::ground::error::{Error, Result};
 use crate::ground::named::named;
@@ -74,6 +75,8 @@ pub struct ScanOptions {
     pub coordinates: Frame,
     /// Order of the points.
     pub order: Order,
+    /// Along which axes the boxes around labelled instances lie; `None`: no boxes, for which all beams are traced once more.
+    pub boxes: Option<BoxAxes>,
     /// Model set.
     pub profile: Profile,
     /// Source of the reflectance if the material does not give it; `None`: as the profile defines
@@ -100,6 +103,7 @@ impl Default for ScanOptions {
             organised: false,
             coordinates: Frame::World,
             order: Order::Beam,
+            boxes: None,
             profile: Profile::Physical,
             reflectance_source: None,
             mask: u32::MAX,
@@ -197,6 +201,33 @@ impl BuiltScene {
     }
 
     fn scan_watched(
+        &self,
+        sensor: &Sensor,
+        trajectory: &Trajectory,
+        options: &ScanOptions,
+        cloud: &mut PointCloud,
+        progress: Option<Progress>,
+    ) -> Result<()> {
+        if options.boxes.is_none() {
+            self.scan_points(sensor, trajectory, options, cloud, progress)?;
+            cloud.boxes = None;
+            return Ok(());
+        }
+        // Boxes count the points of each instance.
+        let counted = ScanOptions { fields: options.fields.with(Field::InstanceId), ..options.clone() };
+        self.scan_points(sensor, trajectory, &counted, cloud, progress)?;
+        let done = self.boxes(sensor, trajectory, options, cloud).and_then(|boxes| {
+            cloud.boxes = Some(boxes);
+            cloud.fields = options.fields;
+            cloud.columns.resize(options.fields, cloud.len)
+        });
+        if done.is_err() {
+            *cloud = PointCloud::default();
+        }
+        done
+    }
+
+    fn scan_points(
         &self,
         sensor: &Sensor,
         trajectory: &Trajectory,

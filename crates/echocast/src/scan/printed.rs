@@ -337,6 +337,15 @@ impl<'a> Printed<'a> {
             return_count: u8::from(point.is_some()),
             cause: Cause::Surface as u8,
             bounces: 0,
+            doppler: f32::NAN,
+            velocity_x: f32::NAN,
+            velocity_y: f32::NAN,
+            velocity_z: f32::NAN,
+            radial_velocity: f32::NAN,
+            flow_x: f32::NAN,
+            flow_y: f32::NAN,
+            flow_z: f32::NAN,
+            track_id: 0,
         );
         let Some(point) = point else {
             let none = f32::NAN;
@@ -382,6 +391,7 @@ impl<'a> Printed<'a> {
             category_id: surface.category_id,
             part_id: surface.part_id,
             instance_id: surface.instance_id,
+            track_id: surface.instance_id,
             material_id: surface.material_id,
             first_category_id: surface.category_id,
             first_instance_id: surface.instance_id,

@@ -6,6 +6,7 @@
 //! PC2 with "Export into Worldspace", "Convert to Y-up" if the OBJ file is y up; or MDD, which is always in world
 //! coordinates and z up.
 
+use super::gltf::SHORTEST_ROUND_S;
 use super::label::{best_of, matches};
 use super::mesh::Structure;
 use super::{Array, FORMATS, LoadOptions, Mesh, Part, Scene, Sequence};
@@ -16,6 +17,7 @@ use glam::{DAffine3, DVec3};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{self, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
+use std::collections::hash_map::Entry;
 use std::collections::{BTreeMap, HashMap};
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -79,7 +81,6 @@ struct Bound {
     changes: Changes,
 }
 
-#[derive(Clone)]
 enum Changes {
     Shape(Arc<Shape>),
     Sequence(Arc<Sequence>),
@@ -110,10 +111,10 @@ impl Scene {
                 continue;
             };
             let key = (pattern, Arc::as_ptr(&object.mesh));
-            if !bound.contains_key(&key) {
-                bound.insert(key, bind(pattern, cache, &object.name, &object.mesh, options)?);
-            }
-            let Bound { mesh, changes, .. } = &bound[&key];
+            let Bound { mesh, changes, .. } = match bound.entry(key) {
+                Entry::Occupied(known) => known.into_mut(),
+                Entry::Vacant(new) => new.insert(bind(pattern, cache, &object.name, &object.mesh, options)?),
+            };
             object.mesh = mesh.clone();
             if object.motion.as_mut().is_some_and(|motion| motion.shape.take().is_some()) {
                 let file = shown::path(&cache.file);
@@ -155,7 +156,13 @@ fn bind(pattern: &str, cache: &CacheFile, name: &str, mesh: &Arc<Mesh>, options:
         let cache = Cache::open(file, *fps)?;
         let order = order(&cache, mesh).map_err(fault)?;
         let origin = mesh.source.as_ref().map_or(DVec3::ZERO, |source| source.origin);
-        let cache = cache.placed(order, origin);
+        let mut cache = cache.placed(order, origin);
+        let last = cache.times.last().copied().filter(|&last| options.looped && last > 0.0);
+        if let Some(short) = last.filter(|&last| last < SHORTEST_ROUND_S) {
+            let message = format!("it ends after {short} s; allowed to be repeated: {SHORTEST_ROUND_S} s and more");
+            return Err(Error::parse(file, "", message));
+        }
+        cache.period = last;
         let mut positions = Vec::new();
         cache.at(0.0, &mut positions)?;
         let mesh = shared(mesh, positions.into()).map_err(fault)?;
@@ -334,6 +341,31 @@ mod tests {
     const OBJ: &str = "o Post\nv 1000 0 0\nv 1001 0 0\nv 1000 0 9\nf 1 2 3\n\
         o Flag\nv 1000 10 5\nv 1002 10 5\nv 1002 10 6\nv 1000 10 6\nv 1000 10 9\nvt 0 0\nvt 1 1\n\
         usemtl red\nf 7/1 5/1 4/2\nusemtl blue\nf 4/1 7/2 6/2\nf 8 7 6\n";
+
+    #[test]
+    fn caches_repeat_if_told() {
+        let folder = Folder::new();
+        folder.write("yard.obj", OBJ);
+        let [low, high] = [0.0, 4.0].map(|z| [[0.0, 0.0, z], [1.0, 0.0, z], [0.0, 1.0, z + 1.0]]);
+        folder.write("post.pc2", pc2(&[&low, &high]));
+        for number in 1..=3 {
+            folder.write(&format!("w{number}.obj"), "v 0 0 0\nv 1 0 0\nv 0 0 1\nf 1 2 3\n");
+        }
+        let load = |fps| {
+            let mut options =
+                LoadOptions { looped: true, ..folder.options(&[("Post", "post.pc2"), ("Flag", "w1.obj")]) };
+            options.caches.values_mut().for_each(|cache| cache.fps = Some(fps));
+            Scene::load_with(folder.path("yard.obj"), &options)
+        };
+        let scene = load(2.0).unwrap();
+        assert_eq!([0.25, 0.75, 7.75].map(|time| cached(&scene, 0, time)[0][0].z), [2.0; 3]);
+        let sequence = scene.objects[1].sequence.as_ref().unwrap();
+        assert_eq!([0.0, 1.4, 1.5, 2.0, 7.0, -0.5].map(|time| sequence.at(time)), [0, 2, 0, 1, 2, 2]);
+        assert_eq!(
+            folder.plain(load(1e4).unwrap_err()),
+            "post.pc2: it ends after 0.0001 s; allowed to be repeated: 0.001 s and more"
+        );
+    }
 
     #[test]
     fn obj_vertices_are_found_again_whatever_their_order() {

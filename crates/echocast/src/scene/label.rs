@@ -133,8 +133,8 @@ pub struct LabelRules {
     pub objects: BTreeMap<String, String>,
     /// Material name pattern (`*` and `?`) to part; the longest matching pattern wins.
     pub materials: BTreeMap<String, String>,
-    /// Object name pattern (`*` and `?`) to the file that says how the object changes its shape, see
-    /// [`LoadOptions::caches`](super::LoadOptions::caches), which these are added to.
+    /// Object name pattern (`*` and `?`) to the file that says how the object changes its shape; added to those of the load
+    /// options.
     pub caches: BTreeMap<String, CacheFile>,
 }
 

@@ -22,6 +22,7 @@ impl Scene {
                 name: object.name,
                 mesh: object.mesh,
                 world_from_object: object.world_from_object,
+                up: object.up,
                 motion: object.motion.map(|motion| motion.shifted(shift)),
             }));
             all.materials.extend(scene.materials);
@@ -40,7 +41,7 @@ impl Scene {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Material, Mesh, Part, RawObject};
+    use super::super::{Material, Mesh, Part, RawObject, UpAxis};
     use super::*;
     use glam::DAffine3;
     use std::collections::BTreeMap;
@@ -59,6 +60,7 @@ mod tests {
             name: object.to_owned(),
             mesh: Arc::new(Mesh::trusted(String::new(), vec![part])),
             world_from_object: DAffine3::IDENTITY,
+            up: UpAxis::Z,
             category: category.map(str::to_owned),
             part: None,
             motion: None,

@@ -69,7 +69,8 @@ pub struct LoadOptions {
     pub texture_limit_mib: u64,
     /// Name of the animation to play; `None`: all of them at once.
     pub animation: Option<String>,
-    /// Whether each animation starts again at the time of its last key; if not, what it moves stays where it is then.
+    /// Whether each animation and each cache starts again at the time of its last key or sample, numbered files after the
+    /// last; if not, what they move stays as it is then.
     pub looped: bool,
     /// Whether buffers, images and material files may lie outside the folder of the scene file that names them, or be
     /// named by absolute path. If so, an untrusted scene can pull in any file that you may read.
@@ -117,6 +118,8 @@ pub struct Object {
     pub mesh: Arc<Mesh>,
     /// Placement, metres.
     pub world_from_object: DAffine3,
+    /// Which axis of its mesh points up as it was modelled: boxes stand on it.
+    pub up: UpAxis,
     /// Semantic class number, 0 = unlabelled.
     pub category_id: u32,
     /// Part number of each part of the mesh, in their order.
@@ -147,6 +150,7 @@ impl Object {
             part_ids: vec![0; mesh.parts.len()],
             mesh,
             world_from_object: DAffine3::IDENTITY,
+            up: UpAxis::Z,
             category_id: 0,
             instance_id: 0,
             mask: u32::MAX,
@@ -209,7 +213,7 @@ impl Scene {
         let mut images = TextureBudget::new(options.texture_limit_mib);
         let scenes: Vec<Scene> =
             paths.iter().map(|path| read(path.as_ref(), options, &mut images)).collect::<Result<_>>()?;
-        Scene::merge(scenes, &options.labels).as_asked(options)
+        Scene::merge(scenes, &options.labels).finished(options)
     }
 
     /// Reads the bytes of a `.glb` file, or of a `.gltf` file whose buffers and images are data URIs.
@@ -219,7 +223,7 @@ impl Scene {
     pub fn from_glb_bytes(bytes: &[u8], options: &LoadOptions) -> Result<Scene> {
         let origin = Path::new("glTF data");
         let mut images = TextureBudget::new(options.texture_limit_mib);
-        gltf::read_bytes(bytes, origin, None, options, &mut images)?.checked(origin)?.as_asked(options)
+        gltf::read_bytes(bytes, origin, None, options, &mut images)?.checked(origin)?.finished(options)
     }
 
     /// The scene as read from `origin` if it has anything to scan.
@@ -244,7 +248,7 @@ impl Scene {
 
     /// This scene if it has the animation that `options` name, with its caches, and warnings about rules that have no
     /// effect in it.
-    fn as_asked(mut self, options: &LoadOptions) -> Result<Scene> {
+    fn finished(mut self, options: &LoadOptions) -> Result<Scene> {
         if let Some(name) = options.animation.as_ref().filter(|name| !self.animations.contains(name)) {
             return Err(Error::missing("animation", name, &self.animations));
         }
@@ -390,6 +394,8 @@ pub(crate) struct RawObject {
     pub mesh: Arc<Mesh>,
     /// Placement, metres.
     pub world_from_object: DAffine3,
+    /// As in [`Object::up`].
+    pub up: UpAxis,
     /// `categoryID` of the node or its nearest ancestor.
     pub category: Option<String>,
     /// `partID` of the node or its nearest ancestor.
@@ -403,6 +409,7 @@ struct NamedObject {
     name: String,
     mesh: Arc<Mesh>,
     world_from_object: DAffine3,
+    up: UpAxis,
     category: String,
     /// One for each part of the mesh; empty = unlabelled.
     parts: Vec<String>,
@@ -432,6 +439,7 @@ impl Scene {
                 name: object.name,
                 mesh: object.mesh,
                 world_from_object: object.world_from_object,
+                up: object.up,
                 motion: object.motion,
             })
             .collect();
@@ -467,6 +475,7 @@ impl Scene {
                 name: object.name,
                 mesh: object.mesh,
                 world_from_object: object.world_from_object,
+                up: object.up,
                 instance_id,
                 mask: u32::MAX,
                 material: None,

@@ -1,14 +1,13 @@
 //! Meshes one after another, from numbered scene files: for what changes its triangles, such as water.
 
 use super::mesh::{Structure, beyond_reach, is_degenerate};
-use super::{LabelRules, LoadOptions, Mesh, Part, Scene, obj};
+use super::{LoadOptions, Mesh, Part, Scene, obj};
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
 use crate::material::{Material, TextureBudget};
 use crate::motion::FPS;
 use crate::read::{self, Limit};
 use glam::DVec3;
-use std::collections::BTreeMap;
 use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -23,6 +22,8 @@ pub struct Sequence {
     files: Vec<PathBuf>,
     /// Files per second.
     fps: f64,
+    /// Whether the first follows the last.
+    looped: bool,
     /// How to read them.
     options: LoadOptions,
     /// The origin of the object's mesh in the files' coordinates.
@@ -44,7 +45,12 @@ impl Sequence {
         Ok(Sequence {
             files: numbered(first)?,
             fps: fps.unwrap_or(FPS),
-            options: LoadOptions { labels: LabelRules::default(), caches: BTreeMap::new(), ..options.clone() },
+            looped: options.looped,
+            options: LoadOptions {
+                texture_limit_mib: options.texture_limit_mib,
+                allow_outside_paths: options.allow_outside_paths,
+                ..LoadOptions::default()
+            },
             origin: mesh.source.as_ref().map_or(DVec3::ZERO, |source| source.origin),
             name: mesh.name.clone(),
             material: mesh.parts.first().and_then(|part| part.material.clone()),
@@ -52,7 +58,7 @@ impl Sequence {
         })
     }
 
-    /// When each mesh takes its place, s. The first is also there before, the last stays.
+    /// When each mesh takes its place, s. The first is also there before, the last stays; or they repeat.
     pub fn times(&self) -> impl ExactSizeIterator<Item = f64> {
         (0..self.files.len()).map(|index| index as f64 / self.fps)
     }
@@ -60,10 +66,11 @@ impl Sequence {
     /// The number of the mesh that is there at `time`, s, from 0.
     pub fn at(&self, time: f64) -> usize {
         // Products of times and rates miss whole numbers by the last bit.
-        let near = (time * self.fps).round() as usize;
-        let holds = |index: &usize| *index as f64 / self.fps <= time;
-        let index = if holds(&near) { near } else { near.saturating_sub(1) };
-        index.min(self.files.len() - 1)
+        let near = (time * self.fps).round();
+        let index = if near / self.fps <= time { near } else { near - 1.0 };
+        let count = self.files.len() as f64;
+        let index = if self.looped { index.rem_euclid(count) } else { index.clamp(0.0, count - 1.0) };
+        index as usize
     }
 
     /// Loads mesh `index`, below the number of [`Sequence::times`]: one part, flat-shaded, of the material of the object's

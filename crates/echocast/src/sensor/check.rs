@@ -130,6 +130,12 @@ impl SensorSpec {
                 needs_pulse(bounds, "detection.sunlight")?;
             }
         }
+        if let Some(doppler) = &self.doppler {
+            if self.kind != SensorKind::Lidar {
+                return Err(Error::invalid("doppler", "given", "with kind: lidar only"));
+            }
+            doppler.check(bounds)?;
+        }
         match &self.tof {
             Some(_) if self.kind != SensorKind::Tof => Err(Error::invalid("tof", "given", "with kind: tof only")),
             Some(tof) => tof.check(&self.pattern, bounds),
@@ -153,6 +159,7 @@ impl SensorSpec {
             ("returns", *returns != ReturnsSpec::default()),
             ("noise", *noise != Noise::default()),
             ("intensity", *intensity != IntensitySpec::default()),
+            ("doppler", self.doppler.is_some()),
             ("tof", self.tof.is_some()),
         ] {
             if given {

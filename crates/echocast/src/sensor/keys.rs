@@ -75,7 +75,7 @@ impl Sensor {
 /// Whether the section of `key` is not allowed for a sonar.
 fn is_of_light(key: &str) -> bool {
     let section = key.split(['.', '[']).next().unwrap_or_default();
-    ["beam", "detection", "returns", "noise", "intensity", "tof"].contains(&section)
+    ["beam", "detection", "returns", "noise", "intensity", "doppler", "tof"].contains(&section)
 }
 
 /// Whether a sensor file could have a number at `key`, where `tree` has nothing.

@@ -17,7 +17,8 @@ pub use spec::{BeamSpec, Expectations, IntensitySpec, RangeSpec, ReturnsSpec, Se
 pub(crate) use tof::DepthCamera;
 pub use tof::{Illumination, ShotNoiseSpec, Target, TofSpec, Vignetting};
 
-use crate::detect::{DetectionSpec, Noise, RangeError, ReturnMode, ReturnRule, Threshold, Timing};
+use crate::cloud::{Field, FieldSet};
+use crate::detect::{DetectionSpec, Doppler, Noise, RangeError, ReturnMode, ReturnRule, Threshold, Timing};
 use crate::echo::{Cone, Glint, IntensityEncoding, Pulse, Receiver, texture};
 use crate::emitter::pattern::Pattern;
 use crate::emitter::{BeamTable, Footprint, Transducer};
@@ -45,6 +46,7 @@ pub struct Sensor {
     pub(crate) detection: DetectionSpec,
     pub(crate) noise: Noise,
     pub(crate) intensity: IntensityEncoding,
+    pub(crate) doppler: Option<Doppler>,
     pub(crate) camera: Option<DepthCamera>,
     /// Quantiles of the texture of a sonar's echoes; empty: none.
     pub(crate) texture: Arc<[f32]>,
@@ -97,6 +99,7 @@ impl Sensor {
             detection: spec.detection.clone(),
             noise: spec.noise.clone(),
             intensity: spec.intensity.encoding,
+            doppler: spec.doppler,
             camera: spec.tof.as_ref().map(|tof| DepthCamera::new(tof, &spec.pattern)),
             texture: spec.acoustics.as_ref().and_then(|it| it.texture_shape).map_or_else(|| Arc::from([]), texture),
             transducers: Arc::default(),
@@ -207,6 +210,7 @@ impl Sensor {
             returns: ReturnsSpec::default(),
             noise: Noise::default(),
             intensity: IntensitySpec::default(),
+            doppler: None,
             tof: None,
             acoustics: None,
             expect: None,
@@ -238,6 +242,12 @@ impl Sensor {
     /// What it measures with.
     pub fn kind(&self) -> SensorKind {
         self.spec.kind
+    }
+
+    /// The columns of its clouds by default: [`FieldSet::default`], and `doppler` if it measures that.
+    pub fn default_fields(&self) -> FieldSet {
+        let fields = FieldSet::default();
+        if self.doppler.is_some() { fields.with(Field::Doppler) } else { fields }
     }
 
     /// Where its numbers come from; may be empty.

@@ -2,7 +2,7 @@
 
 use super::sonar::AcousticsSpec;
 use super::tof::TofSpec;
-use crate::detect::{DetectionSpec, Noise, ReturnMode};
+use crate::detect::{DetectionSpec, Doppler, Noise, ReturnMode};
 use crate::echo::{IntensityEncoding, PulseShape};
 use crate::emitter::pattern::Pattern;
 use serde::de::{self, Deserializer, SeqAccess, Visitor};
@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// A sensor file: what each key of its YAML means. What is left out is ideal. A sonar is written without the sections
-/// for light (`beam`, `detection`, `returns`, `noise`, `intensity`), which its file must not contain.
+/// for light (`beam`, `detection`, `returns`, `noise`, `intensity`, `doppler`), which its file must not contain.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SensorSpec {
@@ -45,6 +45,9 @@ pub struct SensorSpec {
     /// What it reports as intensity.
     #[serde(default)]
     pub intensity: IntensitySpec,
+    /// How it measures radial velocities; without it, it measures none. Of a LiDAR only.
+    #[serde(default)]
+    pub doppler: Option<Doppler>,
     /// Keys for depth cameras only.
     #[serde(default)]
     pub tof: Option<TofSpec>,
@@ -70,12 +73,13 @@ impl Serialize for SensorSpec {
             returns,
             noise,
             intensity,
+            doppler,
             tof,
             acoustics,
             expect,
         } = self;
         let of_light = *kind != SensorKind::Sonar;
-        let mut keys = serializer.serialize_struct("SensorSpec", 14)?;
+        let mut keys = serializer.serialize_struct("SensorSpec", 15)?;
         keys.serialize_field("name", name)?;
         if !title.is_empty() {
             keys.serialize_field("title", title)?;
@@ -94,6 +98,9 @@ impl Serialize for SensorSpec {
             keys.serialize_field("returns", returns)?;
             keys.serialize_field("noise", noise)?;
             keys.serialize_field("intensity", intensity)?;
+        }
+        if let Some(doppler) = doppler {
+            keys.serialize_field("doppler", doppler)?;
         }
         if let Some(tof) = tof {
             keys.serialize_field("tof", tof)?;

@@ -48,6 +48,9 @@ fn errors_name_line_and_key() {
             "noise:\n  range_sigma_m: lots",
             "line 9: noise.range_sigma_m: invalid type: string \"lots\", expected a number",
         ),
+        ("doppler: {sigma_m_s: -1}", "line 8: doppler.sigma_m_s: is -1; allowed: 0 to 1000"),
+        ("doppler: {ambiguity_m_s: 0}", "line 8: doppler.ambiguity_m_s: is 0; allowed: 0.001 to 1000000"),
+        ("doppler: {sigma: 1}", "line 8: doppler.sigma: unknown key \"sigma\"; near: sigma_m_s"),
         ("noise:\n  range_sigma_m: -1", "line 9: noise.range_sigma_m: is -1; allowed: 0 to 1000000000"),
         ("noise:\n  range_sigma_m: .nan", "line 9: "),
         ("noise:\n  range_sigma_per_m: 2", "line 9: noise.range_sigma_per_m: is 2; allowed: 0 to 1"),
@@ -679,7 +682,10 @@ fn what_noise_needs_is_written_and_has_bounds() {
                      sunlight: {pulse_uj: 1, aperture_mm: 20, field_of_view_mrad: [3, 1.5], filter_nm: 20, adaptive: false}}";
     let noise = "{range_table: [{at_m: 2, mean_m: 0.1, sigma_m: 0.01}, {at_m: 9, sigma_m: 0.1}], instrument: 7, \
                  channel_bias_sigma_m: 0.04, dropout_weak: {below: 0.8, at_zero: 0.4}, range_snr_sigma_m: 0.02}";
-    let sections = format!("range: {{max_m: 200}}\nbeam: {{pulse_ns: 5}}\ndetection: {detection}\nnoise: {noise}\n");
+    let doppler = "{sigma_m_s: 0.1, ambiguity_m_s: 80}";
+    let sections = format!(
+        "range: {{max_m: 200}}\nbeam: {{pulse_ns: 5}}\ndetection: {detection}\nnoise: {noise}\ndoppler: {doppler}\n"
+    );
     let mut sensor = Sensor::from_yaml(&format!("{MINIMAL}{sections}"), "").unwrap();
     let text = sensor.to_yaml().unwrap();
     assert_eq!(Sensor::from_yaml(&text, "").unwrap().spec, sensor.spec, "{text}");
@@ -690,6 +696,7 @@ fn what_noise_needs_is_written_and_has_bounds() {
     assert_eq!(bounds(&sensor, "noise.range_table[0].at_m"), (2.0, 0.0, 9f64.next_down()));
     assert_eq!(bounds(&sensor, "noise.range_table[1].mean_m"), (0.0, -1e9, 1e9));
     assert_eq!(bounds(&sensor, "noise.dropout_weak.below"), (0.8, ABOVE_ZERO, 1000.0));
+    assert_eq!(bounds(&sensor, "doppler.ambiguity_m_s"), (80.0, 1e-3, 1e6));
     assert_eq!(bounds(&sensor, "noise.instrument"), (7.0, 0.0, f64::from(u32::MAX)));
     assert_eq!(bounds(&sensor, "detection.channel_efficiency[1]"), (0.9, 0.0, 1.0));
     assert_eq!(bounds(&sensor, "detection.saturation"), (1000.0, 1.0, 1e12));

@@ -7,7 +7,7 @@ use crate::scene::Mesh;
 use echocast_kernels::skin::{self, Influences, Joint};
 use echocast_kernels::tree::{self, Packet, RAYS, Step, Tree};
 use embree4::{Hit, LocalRays, Query};
-use glam::{DAffine3, Mat3, Vec3};
+use glam::{DAffine3, DMat3, Mat3, Vec3};
 use std::sync::Arc;
 
 /// A mesh in a frame of its own, at steps of the time of a scan, between which its vertices move in straight lines.
@@ -125,9 +125,9 @@ impl Bending {
             let together = waiting & alike.fold(0, |mask, lane| mask | 1 << lane);
             waiting &= !together;
             let [a, b] = [from[first], to[first]].map(|moment| &self.moments[moment].step);
-            let mut accept = |_: usize, triangle: u32, u: f32, v: f32| {
+            let mut accept = |lane: usize, far: f32, triangle: u32, uv: [f32; 2]| {
                 let (part, triangle) = layout.of(triangle);
-                query.counts(part as u32, triangle, [u, v])
+                query.counts(lane, far, part as u32, triangle, uv)
             };
             let accept: Option<&mut tree::Accept> = if query.refuses() { Some(&mut accept) } else { None };
             hits |= if query.any_hit() {
@@ -148,6 +148,29 @@ impl Bending {
 
     fn corners(&self, part: usize, triangle: u32) -> [usize; 3] {
         self.mesh.parts[part].triangles[triangle as usize].map(|vertex| vertex as usize)
+    }
+
+    /// Passes the places of the corners of all triangles at `time`, 0 to 1, and how fast they move, per length of the
+    /// scan's time, to `visit`.
+    pub(super) fn each_corner(&self, time: f32, visit: &mut dyn FnMut(Vec3, Vec3)) {
+        let (before, after, way) = self.between(time);
+        let [a, b] = [before, after].map(|moment| &self.moments[moment].step.positions);
+        let per_time = if after > before { 1.0 / (self.times[after] - self.times[before]) } else { 0.0 };
+        for (part, &first) in self.mesh.parts.iter().zip(&self.layout().first_vertex) {
+            for &corner in part.triangles.iter().flatten() {
+                let [a, b] = [a, b].map(|positions| Vec3::from(positions[first + corner as usize]));
+                visit(a.lerp(b, way), (b - a) * per_time);
+            }
+        }
+    }
+
+    /// How its skeleton as a whole has turned at `time`, s, since it was modelled: as the first of its joints has.
+    pub(super) fn turned(&self, timeline: &Timeline, time: f64, world_from_object: &DAffine3) -> Option<DMat3> {
+        let skin = self.shape.skin.as_ref()?;
+        // Parents have lower numbers than their children.
+        let (first, _) = skin.joints.iter().enumerate().min_by_key(|(_, node)| **node)?;
+        let Pull { palette, .. } = self.shape.pull(timeline, time, world_from_object);
+        palette.get(first).map(|joint| joint.matrix3)
     }
 
     /// A point of it at `time`, 0 to 1, and how fast it moves, per length of the scan's time.

@@ -156,7 +156,7 @@ impl HitBatch {
 }
 
 /// Loads rays into a packet, from lane `first` on.
-fn load<const W: usize>(packet: &mut Packet<W>, rays: &RayBatch, first: usize) {
+pub(super) fn load<const W: usize>(packet: &mut Packet<W>, rays: &RayBatch, first: usize) {
     let lanes = first..first + W;
     packet.org_x.copy_from_slice(&rays.org_x[lanes.clone()]);
     packet.org_y.copy_from_slice(&rays.org_y[lanes.clone()]);

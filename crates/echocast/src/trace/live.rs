@@ -1,6 +1,7 @@
 //! A scene that is edited while it is scanned: from objects to Embree's structure and the tables behind its ids.
 
 use super::bending::Moment;
+use super::instances::Extent;
 use super::mover::{Follows, Mover};
 use super::{BuiltScene, Engine, Surfaces, Tables};
 use crate::ground::error::{Error, Result};
@@ -437,7 +438,10 @@ impl LiveScene {
         let mesh = live.object.mesh.with_vertices(positions, normals)?;
         let bounds = mesh.bounds();
         check_pose(&live.object.name, bounds, &live.object.world_from_object)?;
-        (live.object.mesh, live.bounds) = (Arc::new(mesh), bounds);
+        (live.object.mesh, live.bounds, live.object.sequence) = (Arc::new(mesh), bounds, None);
+        if let Some(motion) = &mut live.object.motion {
+            motion.shape = None;
+        }
         live.moved = true;
         self.loosen(id);
         self.surfaces = None;
@@ -638,6 +642,7 @@ impl LiveScene {
         let movers: Vec<_> = order().map(|(slot, _)| mover(slot)).collect();
         let moves = movers.iter().any(Option::is_some);
         let normal_matrices = order().map(|(_, live)| normal_matrix(&live.object)).collect();
+        let extents = order().map(|(_, live)| Extent::new(&live.object, live.bounds)).collect();
         let mut report = Report::default();
         warn_of_far_objects(&self.slots, origin, &mut report);
         let device = self.engine.device();
@@ -647,6 +652,7 @@ impl LiveScene {
             packet_width: device.packet_width(),
             origin,
             normal_matrices,
+            extents,
             movers: if moves { movers } else { Vec::new() },
             span: (moves && self.time[1] > 0.0).then(|| span(self.time)),
             surfaces: surfaces.clone(),

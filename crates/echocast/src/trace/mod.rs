@@ -5,6 +5,7 @@ mod bare;
 mod bending;
 mod engine;
 mod hits;
+mod instances;
 mod live;
 mod mover;
 mod sound;
@@ -14,6 +15,7 @@ pub(crate) use backscatter::Backscatter;
 pub use bare::BareLoop;
 pub use engine::Engine;
 pub(crate) use hits::HitBatch;
+pub(crate) use instances::{Crossings, Instance, Sight};
 pub use live::{LiveScene, ObjectId};
 pub(crate) use mover::{Clock, Later, Mover};
 pub(crate) use sound::{Arrival, Direct, Launch, SoundLimits, SoundTracer, TracerMemory};
@@ -24,6 +26,7 @@ use crate::motion::Span;
 use crate::scene::Labels;
 use embree4::CommittedScene;
 use glam::{DVec3, Mat3};
+use instances::Extent;
 use std::sync::Arc;
 
 /// A scene with its ray-tracing structure, immutable and shared by threads and clones.
@@ -40,6 +43,8 @@ pub(crate) struct Tables {
     pub origin: DVec3,
     /// World-from-object matrices for normals (cofactors of the linear part), by [`Surface::object`].
     pub normal_matrices: Vec<Mat3>,
+    /// Where objects are while nothing moves, and how far they reach, by [`Surface::object`].
+    pub extents: Vec<Extent>,
     /// Objects that move, by [`Surface::object`]; empty if none does.
     pub movers: Vec<Option<Arc<Mover>>>,
     /// The time of the scans that those are prepared for; `None`: nothing moves.

@@ -8,12 +8,14 @@ use crate::motion::{Motion, Path, Span, Timeline};
 use crate::scene::{Mesh, Sequence};
 use echocast_kernels::aim;
 use embree4::{CommittedScene, LocalRays, Pace, Query, Shape};
-use glam::{DVec3, Vec3};
+use glam::{DAffine3, DMat3, DVec3, Vec3};
 use std::sync::Arc;
 
 /// An object on its way, as rays at their own times meet it.
 pub(crate) struct Mover {
     pub path: Path,
+    /// When it starts, s.
+    pub start: f64,
     follows: Follows,
     body: Body,
 }
@@ -91,7 +93,44 @@ impl Mover {
             (None, Some(sequence)) => Body::Changing(stages(engine, sequence, span)?),
             (None, None) => Body::Stiff(follows.mesh.structure_by(engine, Pace::Now)?),
         };
-        Ok(Mover { path: follows.path(span, body.bounds(0.0)), follows, body })
+        Ok(Mover { path: follows.path(span, body.bounds(0.0)), start: span.start, follows, body })
+    }
+
+    /// Where it is at `time`, s, and how it has turned: as its frame has, or its skeleton; `None`: it cannot be seen.
+    pub(super) fn stance(&self, time: f64) -> Option<(DAffine3, DMat3)> {
+        let Follows { timeline, motion, .. } = &self.follows;
+        let world_from_object = timeline.world_from_node(motion.node, time) * motion.node_from_object;
+        timeline.is_visible(motion.node, time).then(|| (world_from_object, self.turned(time, &world_from_object)))
+    }
+
+    /// How it has turned at `time`, s, where it is then.
+    fn turned(&self, time: f64, world_from_object: &DAffine3) -> DMat3 {
+        let turned = match &self.body {
+            Body::Bending(bending) => bending.turned(&self.follows.timeline, time, world_from_object),
+            Body::Stiff(_) | Body::Changing(_) => None,
+        };
+        world_from_object.matrix3 * turned.unwrap_or(DMat3::IDENTITY)
+    }
+
+    /// If its shape changes, passes the places of the corners of its triangles at `time`, 0 to 1, in the object's frame
+    /// and how fast they move there, per length of the scan's time, to `visit`.
+    pub(super) fn each_corner(&self, time: f32, visit: &mut dyn FnMut(Vec3, Vec3)) {
+        match &self.body {
+            Body::Stiff(_) => {}
+            Body::Bending(bending) => bending.each_corner(time, visit),
+            Body::Changing(stages) => {
+                let Some(stage) = stages.get(stage_at(stages, time)) else { return };
+                for part in &stage.mesh.parts {
+                    let corners = part.triangles.iter().flatten();
+                    corners.for_each(|&corner| visit(part.positions[corner as usize].into(), Vec3::ZERO));
+                }
+            }
+        }
+    }
+
+    /// Whether it keeps its shape.
+    pub(super) fn is_stiff(&self) -> bool {
+        matches!(self.body, Body::Stiff(_))
     }
 
     /// Its way `period` s later than in `span`.

@@ -1,5 +1,6 @@
 //! What the ids of Embree's hits mean.
 
+use super::instances::Instances;
 use super::{Backscatter, Tables};
 use crate::material::{Alpha, Material, Mirrors, Optics, ReflectanceSource, Reflectances, Sound, srgb_byte};
 use crate::medium::Sea;
@@ -7,7 +8,7 @@ use crate::scene::{Labels, Mesh, Object, Part};
 use embree4::{Candidate, INVALID};
 use glam::Vec3;
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// A part of an object: what a hit on it means.
 #[derive(Clone, Copy, Debug)]
@@ -61,6 +62,8 @@ pub(crate) struct Surfaces {
     reflectances: Mutex<Vec<Arc<Reflectances>>>,
     /// Computed once for each frequency and sea.
     backscatter: Mutex<Vec<Arc<Backscatter>>>,
+    /// Computed when first asked for.
+    pub(super) instances: OnceLock<Instances>,
 }
 
 impl Surfaces {
@@ -154,6 +157,12 @@ impl Surfaces {
             let [.., alpha] = self.base_color(surface, hit.prim_id, [hit.u, hit.v]);
             alpha >= self.materials[surface.material as usize].alpha_cutoff
         }
+    }
+
+    /// Whether what lies behind a surface is seen through it.
+    pub(crate) fn is_glass(&self, surface: &Surface) -> bool {
+        let Material { transmission, metallic, .. } = *self.materials[surface.material as usize];
+        transmission > 0.0 && metallic < 1.0
     }
 
     /// What `surface`, a row or [`super::MISS`], does with light, according to `reflectances`.

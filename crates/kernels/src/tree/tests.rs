@@ -279,9 +279,9 @@ fn what_is_refused_is_passed_through() {
         triangle as usize >= 2 * lane
     };
     let mut asked = vec![0; RAYS];
-    let mut accept = |lane: usize, triangle: u32, u: f32, v: f32| {
+    let mut accept = |lane: usize, far: f32, triangle: u32, [u, v]: [f32; 2]| {
         // The axis meets each at 1/4, 1/4, 1/2.
-        assert!((u - 0.25).abs() < 1e-6 && (v - 0.5).abs() < 1e-6);
+        assert!((u - 0.25).abs() < 1e-6 && (v - 0.5).abs() < 1e-6 && far == (triangle + 1) as f32 / 2.0);
         from(&mut asked, lane, triangle)
     };
     let hits = intersect(&scene.tree, &scene.a, &scene.b, &mut packet, !1, Some(&mut accept));
@@ -295,7 +295,7 @@ fn what_is_refused_is_passed_through() {
     // Not beyond the nearest that counts.
     packet.far = [f32::INFINITY; RAYS];
     packet.far[3] = 3.4;
-    let mut accept = |lane: usize, triangle: u32, _: f32, _: f32| triangle as usize >= 2 * lane;
+    let mut accept = |lane: usize, _: f32, triangle: u32, _: [f32; 2]| triangle as usize >= 2 * lane;
     let any = occluded(&scene.tree, &scene.a, &scene.b, &packet, !0, Some(&mut accept));
     assert_eq!(any, !(1 << 3));
     // Limits: near is not hit, far is.

@@ -55,8 +55,9 @@ impl Default for Packet {
     }
 }
 
-/// Whether a hit counts: the lane of the ray, the triangle, the weights of its second and third corner.
-pub type Accept<'a> = dyn FnMut(usize, u32, f32, f32) -> bool + 'a;
+/// Whether a hit counts: the lane of the ray, where it is in lengths of the ray's `dir`, the triangle, the weights of its
+/// second and third corner.
+pub type Accept<'a> = dyn FnMut(usize, f32, u32, [f32; 2]) -> bool + 'a;
 
 kernels! {
     /// Finds the closest hit of each of the rays whose bit in `active` is set, on triangles whose corners move in
@@ -547,7 +548,7 @@ fn meet<const ANY: bool, const MOVES: bool>(
     if let Some(accept) = accept {
         for lane in 0..RAYS {
             if is[lane] != 0 {
-                is[lane] = u32::from(accept(lane, triangle, weights[0][lane], weights[1][lane]));
+                is[lane] = u32::from(accept(lane, far[lane], triangle, [weights[0][lane], weights[1][lane]]));
             }
         }
     }

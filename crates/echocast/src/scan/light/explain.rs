@@ -281,6 +281,13 @@ impl Scan<'_> {
                 columns.y[row],
                 columns.z[row]
             )?;
+            if self.measure.errors.tells_doppler() {
+                writeln!(
+                    text,
+                    "    doppler {:.4} m/s, true radial velocity {:.4} m/s",
+                    columns.doppler[row], columns.radial_velocity[row]
+                )?;
+            }
         }
         Ok(())
     }

@@ -30,7 +30,7 @@ const LABELS: [Field; 6] = [
 ];
 
 /// Columns that depend on how things move.
-pub(super) const MOVING: [Field; 7] = [
+pub(super) const MOVING: [Field; 8] = [
     Field::VelocityX,
     Field::VelocityY,
     Field::VelocityZ,
@@ -38,6 +38,7 @@ pub(super) const MOVING: [Field; 7] = [
     Field::FlowX,
     Field::FlowY,
     Field::FlowZ,
+    Field::Doppler,
 ];
 
 /// Chunks per thread between two passes that close the gaps of misses: few enough that their rows are
@@ -180,7 +181,7 @@ impl<'a> Scan<'a> {
         // Signals are made of all echoes.
         let mode = if signals.is_some() { ReturnMode::All } else { sensor.return_mode() };
         let camera = sensor.camera.as_ref().filter(|_| !as_printed);
-        let errors = Errors::new(&sensor.noise, sensor.range_error(threshold.clone()));
+        let errors = Errors::new(&sensor.noise, sensor.range_error(threshold.clone()), sensor.doppler);
 
         let weather = Weather::new(&options.environment, sensor.wavelength_nm, as_printed, scene.origin);
         let air = Air::new(weather, sensor.receiver(threshold.clone()), mode, !as_computed);

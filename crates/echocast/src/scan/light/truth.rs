@@ -1,8 +1,10 @@
-//! How what was hit moves, without errors.
+//! How what was hit moves, and how fast it seems to.
 
 use super::block::Block;
 use super::run::Scan;
 use crate::cloud::Slices;
+use crate::detect::Returns;
+use crate::ground::cause::Cause;
 use crate::ground::lanes::LANES;
 use glam::Vec3;
 
@@ -10,7 +12,7 @@ impl Block {
     /// Step 11, of motion: the columns that were asked for, row by row.
     #[inline(never)]
     pub fn tell_motion(&mut self, scan: &Scan, count: usize, rows: Slices) {
-        let Block { lanes, rays, hits, kept, answer, images, .. } = self;
+        let Block { lanes, rays, hits, rho_eff, kept, answer, images, .. } = self;
         let (scene, surface) = (scan.world.scene, &hits.surface);
         let mut velocity = [[0.0; LANES]; 3];
         let mut flow = [[0.0; LANES]; 3];
@@ -34,7 +36,7 @@ impl Block {
                 }
             }
         }
-        if !rows.radial_velocity.is_empty() {
+        if !rows.radial_velocity.is_empty() || !rows.doppler.is_empty() {
             // Along the beam, relative to the sensor.
             let mut radial = [0.0; LANES];
             let [x, y, z] = rays.directions();
@@ -48,6 +50,19 @@ impl Block {
                 }
             }
             kept.put(surface, &radial, rows.radial_velocity);
+            if !rows.doppler.is_empty() {
+                let channels = lanes.take(&scan.aim.beams.channel, count);
+                let returns = Returns {
+                    beams: &lanes.beam[..count],
+                    numbers: &lanes.number[..count],
+                    channels: &channels[..count],
+                    rho_eff,
+                    range: &hits.range,
+                };
+                let false_alarm = |lane: usize| answer.cause[lane] == Cause::FalseAlarm as u8;
+                scan.measure.errors.shift(&scan.rng, &returns, false_alarm, &mut radial);
+                kept.put(surface, &radial, rows.doppler);
+            }
         }
         let [velocity_x, velocity_y, velocity_z] = &velocity;
         kept.put(surface, velocity_x, rows.velocity_x);

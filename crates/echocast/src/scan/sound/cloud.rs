@@ -22,7 +22,11 @@ impl Ping {
         let cells = CELL_FIELDS.into_iter().filter(|&field| fields.contains(field) && field != Field::Time);
         let aim = [Field::Intensity, Field::Azimuth, Field::Elevation, Field::Cause];
         let truth = [Field::TrueX, Field::TrueY, Field::TrueZ, Field::TrueRange];
-        let first = [(Field::FirstCategoryId, Field::CategoryId), (Field::FirstInstanceId, Field::InstanceId)];
+        let first = [
+            (Field::FirstCategoryId, Field::CategoryId),
+            (Field::FirstInstanceId, Field::InstanceId),
+            (Field::TrackId, Field::InstanceId),
+        ];
         let first = first.into_iter().filter(|(first, _)| fields.contains(*first)).map(|(_, of)| of);
         let normals = [Field::NormalX, Field::NormalY, Field::NormalZ];
         let normals = normals.into_iter().filter(|_| fields.contains_any(&normals));
@@ -142,6 +146,15 @@ impl Ping {
             frame: options.frame,
             beam: if self.reports_depths() { beam as u32 } else { cell as u32 },
             firing: self.number,
+            doppler: f32::NAN,
+            velocity_x: f32::NAN,
+            velocity_y: f32::NAN,
+            velocity_z: f32::NAN,
+            radial_velocity: f32::NAN,
+            flow_x: f32::NAN,
+            flow_y: f32::NAN,
+            flow_z: f32::NAN,
+            track_id: 0,
         );
         if range.is_nan() {
             // A miss of an organised cloud.
@@ -153,6 +166,7 @@ impl Ping {
         copy!(intensity, category_id, part_id, instance_id, material_id, red, green, blue, cos_incidence);
         copy!(true_range, cause, bounces);
         put!(columns, row, first_category_id: cells.category_id[cell], first_instance_id: cells.instance_id[cell]);
+        put!(columns, row, track_id: cells.instance_id[cell]);
         let truth = Vec3::new(cells.true_x[cell], cells.true_y[cell], cells.true_z[cell]);
         match options.coordinates {
             Frame::World => {

@@ -58,6 +58,10 @@ impl<'a> Accessors<'a> {
 
     /// Matrices, column by column.
     pub fn matrices(&self, index: Index<Accessor>) -> Result<Vec<[f32; 16]>, String> {
+        if !matches!(self.describe(index)?.component_type, Checked::Valid(component) if component.0 == ComponentType::F32)
+        {
+            return Err(format!("accessor {index} holds no single-precision numbers; allowed: componentType 5126"));
+        }
         self.numbers(index, Type::Mat4)
     }
 

@@ -14,8 +14,8 @@ use std::path::Path;
 
 pub(super) const POINTER: &str = "KHR_animation_pointer";
 
-/// Shortest animation that can be repeated, s: whoever looks at a time must get to the end of its rounds.
-const SHORTEST_ROUND_S: f64 = 1e-3;
+/// Shortest animation or cache that can be repeated, s: whoever looks at a time must get to the end of its rounds.
+pub(in crate::scene) const SHORTEST_ROUND_S: f64 = 1e-3;
 
 /// An animation as the file has it.
 #[derive(Deserialize)]

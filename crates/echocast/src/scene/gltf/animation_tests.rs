@@ -542,6 +542,24 @@ fn morph_targets_move_vertices_by_their_weights() {
 }
 
 #[test]
+fn a_mesh_with_still_joints_may_morph() {
+    let mut file = File::bar();
+    let lift = file.floats("VEC3", &[0.0, 0.0, 1.0].repeat(6));
+    file.primitive()["targets"] = json!([{"POSITION": lift}]);
+    file.animate(0, "weights", &[0.0, 1.0], "SCALAR", &[0.0, 1.0]);
+    // Another object has the same skin, and nothing of it moves.
+    file.json["nodes"].as_array_mut().unwrap().insert(0, json!({"mesh": 0, "skin": 0, "name": "Still"}));
+    file.json["nodes"][2]["children"] = json!([3]);
+    file.json["skins"][0]["joints"] = json!([2, 3]);
+    file.json["animations"][0]["channels"][0]["target"]["node"] = json!(1);
+    let scene = file.moving();
+    assert!(scene.objects[0].motion.is_none());
+    let end = |time| vertices_at(&scene, &scene.objects[1], 0, time)[4];
+    close(end(0.0), DVec3::X * 7.0, 1e-6);
+    close(end(0.5), DVec3::new(7.0, -0.5, 0.0), 1e-6);
+}
+
+#[test]
 fn normals_follow_morph_targets_and_scaled_bones() {
     let mut file = File::morphing();
     file.primitive()["attributes"]["NORMAL"] =
@@ -742,7 +760,8 @@ fn bad_animations_are_errors_that_name_the_channel() {
         assert!(error.starts_with(place) && error.contains(message), "{error} is not {message}");
     }
     let clip = |file: &mut File| std::mem::take(&mut file.json["animations"][0]);
-    let edits: [(&dyn Fn(&mut Value), &str); 7] = [
+    type Change<'a> = &'a dyn Fn(&mut Value);
+    let edits: [(Change, &str); 7] = [
         (
             &|clip| clip["channels"][0]["sampler"] = json!(7),
             "animation 0 \"clip\" channel 0: its sampler 7 does not exist: the animation has 1",

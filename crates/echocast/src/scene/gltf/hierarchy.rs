@@ -137,7 +137,7 @@ impl<'a> Tree<'a> {
             let node = placed.node;
             let fault = |message| document.error(document.node_place(node), message);
             let Local { node: local, hidden } = Local::read(document, tracks, node).map_err(fault)?;
-            placed.world_from_node = placed.world_from_node * local.parent_from_node(0.0);
+            placed.world_from_node *= local.parent_from_node(0.0);
             if !placed.world_from_node.is_finite() {
                 return Err(fault("its place in the world is not finite".into()));
             }

@@ -8,6 +8,7 @@ mod animation;
 #[cfg(test)]
 mod animation_tests;
 mod container;
+mod deform;
 mod extras;
 mod hierarchy;
 mod instancing;
@@ -31,6 +32,7 @@ use crate::material::TextureBudget;
 use crate::read::{self, Limit, yaml};
 use accessor::Accessors;
 use animation::Animation;
+pub(super) use animation::SHORTEST_ROUND_S;
 use gltf::json::Root;
 use gltf::json::extras::RawValue;
 use hierarchy::{Placed, Transform, Tree};
@@ -226,7 +228,7 @@ impl<'a> Document<'a> {
 fn parse_animations(text: &RawValue) -> Result<Vec<Animation>, (String, serde_json::Error)> {
     let mut parser = serde_json::Deserializer::from_str(text.get());
     serde_path_to_error::deserialize(&mut parser)
-        .map_err(|error| (format!("animations{}", error.path()), error.into_inner()))
+        .map_err(|error| (format!("animations{}", error.path()).trim_end_matches('.').to_owned(), error.into_inner()))
 }
 
 /// `json` with an empty list instead of `part`, its lines and columns as they were.

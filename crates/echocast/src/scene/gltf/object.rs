@@ -1,16 +1,17 @@
 //! Objects: what the meshes of nodes become, still, moving or changing their shape.
 
 use super::animation::Tracks;
+use super::deform::{Form, Modelled};
 use super::hierarchy::Placed;
 use super::instancing;
 use super::morph::Weights;
 use super::nodes::Nodes;
-use super::primitive::{Form, Meshes, Modelled};
+use super::primitive::Meshes;
 use super::skin::{Skeleton, Skins, check_joints};
 use crate::ground::error::Result;
 use crate::motion::{Motion, Shape};
 use crate::scene::mesh::{beyond_reach, is_degenerate};
-use crate::scene::{Mesh, Part, RawObject, cofactors};
+use crate::scene::{Mesh, Part, RawObject, UpAxis, cofactors};
 use glam::{DAffine3, DMat3};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -72,6 +73,7 @@ impl<'a> Objects<'a> {
                 name: name.cloned().unwrap_or_else(|| format!("object_{}", placed.node)),
                 mesh: mesh.clone(),
                 world_from_object,
+                up: UpAxis::Y,
                 category: placed.category.map(str::to_owned),
                 part: placed.part.map(str::to_owned),
                 motion,
@@ -118,7 +120,7 @@ impl<'a> Objects<'a> {
                 let known = document.json.skins.len();
                 return Err(fault(format!("its skin {missing} does not exist: the file has {known}")));
             }
-            Some(skin) => Some(self.skins.get(skin, &mut self.nodes)?),
+            Some(skin) => Some(self.skins.get(skin, weights.track.is_some(), &mut self.nodes)?),
             None => None,
         };
         let key = (index, weights.now.iter().map(|weight| weight.to_bits()).collect());
@@ -139,6 +141,7 @@ impl<'a> Objects<'a> {
             cache: None,
         };
         let mut palette = Vec::new();
+        self.meshes.accessors.charge(skeleton.as_ref().map_or(0, Skeleton::palette_bytes)).map_err(fault)?;
         if let (Some(skeleton), Some(world_from_object)) = (&skeleton, &world_from_object) {
             let joints = skeleton.world_from_joints.iter().copied();
             palette.extend(skeleton.skin.palette_of(joints, world_from_object));
@@ -157,6 +160,9 @@ impl<'a> Objects<'a> {
         for (part, vertices) in mesh.parts.iter().zip(&shape.vertices.parts) {
             let normals = vertices.normals.as_ref().map_or(0, |normals| normals.len());
             self.meshes.accessors.charge((vertices.positions.len() + normals) * size_of::<[f32; 3]>())?;
+            // They take time, not memory; but targets that share an accessor could take for ever.
+            let working = shape.weights.iter().filter(|&&weight| weight != 0.0).count();
+            self.meshes.accessors.charge(working.saturating_mul(vertices.positions.len()))?;
             if shape.skin.is_some() {
                 check_joints(vertices, palette.len())?;
             }

@@ -1,11 +1,12 @@
 //! Meshes: primitives to parts.
 
 use super::accessor::Accessors;
+use super::deform::{Form, Modelled, share_vertices};
 use super::material::Materials;
-use super::skin::{self, InfluenceKey, Influences};
+use super::skin::{InfluenceKey, Influences};
 use super::{Document, Notes, place};
 use crate::ground::error::Result;
-use crate::motion::{PartVertices, Target, Vertices};
+use crate::motion::{PartVertices, Vertices};
 use crate::scene::mesh::{beyond_reach, is_degenerate, normals_are_flat};
 use crate::scene::{Array, Mesh, Part};
 use gltf::json::accessor::Type;
@@ -26,30 +27,8 @@ pub(super) struct Meshes<'a> {
     pub cache: Cache,
 }
 
-/// What changes the shape of a mesh.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub(super) struct Form {
-    pub skinned: bool,
-    pub morphed: bool,
-}
-
-impl Form {
-    /// Whether anything does.
-    pub fn deforms(self) -> bool {
-        self.skinned || self.morphed
-    }
-}
-
-/// A mesh as it was modelled.
-#[derive(Clone)]
-pub(super) struct Modelled {
-    pub mesh: Arc<Mesh>,
-    /// What deforms, part by part; empty for a mesh that does not.
-    pub vertices: Arc<Vertices>,
-}
-
 /// Vectors that several parts may use.
-type Shared<const N: usize> = Array<[f32; N]>;
+pub(super) type Shared<const N: usize> = Array<[f32; N]>;
 
 /// What has been decoded, by accessor.
 #[derive(Default)]
@@ -66,22 +45,22 @@ pub(super) struct Cache {
     part_uvs: HashMap<(usize, TriangleKey), Shared<2>>,
     colors: HashMap<usize, VertexColors>,
     /// Of morph targets; `None`: all are zero.
-    deltas: HashMap<usize, Option<Shared<3>>>,
-    influences: HashMap<InfluenceKey, Influences>,
+    pub deltas: HashMap<usize, Option<Shared<3>>>,
+    pub influences: HashMap<InfluenceKey, Influences>,
 }
 
 /// What a triangle list is made from: accessors of positions and indices, the mode, and whether the part deforms.
 type TriangleKey = (usize, Option<usize>, u32, bool);
 
 #[derive(Clone)]
-struct Triangles {
+pub(super) struct Triangles {
     kept: Array<[u32; 3]>,
     /// The vertices that `kept` counts.
     positions: Shared<3>,
     /// Which of the accessor's vertices those are; `None`: all, in order.
-    used: Option<Arc<Vec<u32>>>,
+    pub used: Option<Arc<Vec<u32>>>,
     /// How many vertices the accessor has.
-    vertices: usize,
+    pub vertices: usize,
     /// How many triangles were left out because they have no area.
     degenerate: usize,
 }
@@ -185,61 +164,6 @@ impl Meshes<'_> {
         Ok(Some((part, deforming)))
     }
 
-    /// Adds to the vertices of a part what moves them.
-    fn deforming(
-        &mut self,
-        part: &mut PartVertices,
-        primitive: &Primitive,
-        form: Form,
-        triangles: &Triangles,
-        here: &str,
-    ) -> Result<(), String> {
-        let (used, vertices) = (triangles.used.as_deref(), triangles.vertices);
-        if form.morphed {
-            for (number, target) in primitive.targets.iter().flatten().enumerate() {
-                let fault = |message: String| format!("morph target {number} {message}");
-                let with_normals = target.normals.filter(|_| part.normals.is_some());
-                let mut read = |name: &str, index: Option<Index<Accessor>>| {
-                    let Some(index) = index else { return Ok(None) };
-                    let deltas = self.deltas(name, index, vertices)?;
-                    deltas.map(|deltas| self.pick(&deltas, used)).transpose()
-                };
-                let positions = read("POSITION", target.positions).map_err(fault)?;
-                let normals = read("NORMAL", with_normals).map_err(fault)?;
-                part.targets.push(Target { positions, normals });
-            }
-        }
-        if form.skinned {
-            let key = skin::influence_key(primitive);
-            let all = match self.cache.influences.get(&key) {
-                Some(known) => known.clone(),
-                None => skin::influences(self.accessors, primitive, vertices, &mut self.notes, here)?,
-            };
-            let joints = all.joints.iter().map(|set| self.pick(set, used));
-            part.joints = joints.collect::<Result<_, _>>()?;
-            let weights = all.weights.iter().map(|set| self.pick(set, used));
-            part.weights = weights.collect::<Result<_, _>>()?;
-            self.cache.influences.insert(key, all);
-        }
-        Ok(())
-    }
-
-    /// What a morph target adds to `vertices` vertices; `None`: nothing.
-    fn deltas(&mut self, name: &str, index: Index<Accessor>, vertices: usize) -> Result<Option<Shared<3>>, String> {
-        let fault = |message: String| format!("{name}: {message}");
-        same_count(name, self.accessors.describe(index).map_err(fault)?, vertices)?;
-        if let Some(known) = self.cache.deltas.get(&index.value()) {
-            return Ok(known.clone());
-        }
-        let deltas = self.accessors.vectors::<3>(index).map_err(fault)?;
-        if let Some(vertex) = beyond_reach(&deltas) {
-            return Err(fault(format!("vertex {vertex} has {:?}; allowed: -1e18 to 1e18", deltas[vertex])));
-        }
-        let deltas = deltas.iter().any(|delta| *delta != [0.0; 3]).then(|| Shared::from(deltas));
-        self.cache.deltas.insert(index.value(), deltas.clone());
-        Ok(deltas)
-    }
-
     fn positions(&mut self, index: Index<Accessor>) -> Result<Shared<3>, String> {
         if let Some(known) = self.cache.positions.get(&index.value()) {
             return Ok(known.clone());
@@ -304,7 +228,7 @@ impl Meshes<'_> {
     }
 
     /// Those of `all` that a part uses.
-    fn pick<T: Copy + Send + Sync + 'static>(
+    pub fn pick<T: Copy + Send + Sync + 'static>(
         &self,
         all: &Array<T>,
         used: Option<&Vec<u32>>,
@@ -401,12 +325,6 @@ impl Meshes<'_> {
         self.cache.colors.insert(index.value(), colors);
         Ok(colors)
     }
-}
-
-/// Whether any two triangles share one of `vertices` vertices.
-fn share_vertices(triangles: &[[u32; 3]], vertices: usize) -> bool {
-    let mut seen = vec![false; vertices];
-    triangles.iter().flatten().any(|&vertex| std::mem::replace(&mut seen[vertex as usize], true))
 }
 
 /// The accessor of an attribute.

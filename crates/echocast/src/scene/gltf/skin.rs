@@ -9,6 +9,7 @@ use crate::scene::Array;
 use glam::{DAffine3, DMat4};
 use gltf::json::mesh::{Primitive, Semantic};
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::sync::Arc;
 
 /// Joints are numbered with 16 bits.
@@ -20,8 +21,10 @@ const SUM_TOLERANCE: f32 = 0.005;
 /// A skeleton of the file.
 #[derive(Clone)]
 pub(super) struct Skeleton {
-    /// Its joints are nodes of the timeline if they move, and else none.
+    /// Its joints are nodes of the timeline if something moves, and else none.
     pub skin: Arc<Skin>,
+    /// Nodes of the file.
+    joints: Arc<Vec<usize>>,
     /// Where its joints are at time 0.
     pub world_from_joints: Arc<Vec<DAffine3>>,
     /// Whether any of its joints moves.
@@ -40,25 +43,42 @@ impl<'a> Skins<'a> {
         Skins { document, accessors, known: HashMap::new() }
     }
 
-    /// The file's skin `index`, which exists.
-    pub fn get(&mut self, index: usize, nodes: &mut Nodes<'_>) -> Result<Skeleton> {
-        if let Some(known) = self.known.get(&index) {
-            return Ok(known.clone());
+    /// The file's skin `index`, which exists. `morphs`: it is of a mesh that changes even if its joints do not.
+    pub fn get(&mut self, index: usize, morphs: bool, nodes: &mut Nodes<'_>) -> Result<Skeleton> {
+        let document = self.document;
+        let here = || place("skin", index, document.json.skins[index].name.as_deref());
+        let fault = |message: String| document.error(here(), message);
+        let skeleton = match self.known.entry(index) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(new) => new.insert(Skeleton::read(document, self.accessors, index, nodes).map_err(fault)?),
+        };
+        if (morphs || skeleton.moves) && skeleton.skin.joints.is_empty() {
+            let numbers = skeleton.joints.iter().map(|&joint| nodes.number(joint));
+            Arc::make_mut(&mut skeleton.skin).joints = numbers.collect::<Result<_, _>>().map_err(fault)?;
         }
-        let here = || place("skin", index, self.document.json.skins[index].name.as_deref());
-        let read = self.read(index, nodes).map_err(|message| self.document.error(here(), message))?;
-        self.known.insert(index, read.clone());
-        Ok(read)
+        Ok(skeleton.clone())
+    }
+}
+
+impl Skeleton {
+    /// Memory of one pose of its joints.
+    pub fn palette_bytes(&self) -> usize {
+        self.world_from_joints.len() * size_of::<DAffine3>()
     }
 
-    fn read(&self, index: usize, nodes: &mut Nodes<'_>) -> Result<Skeleton, String> {
-        let json = &self.document.json;
+    fn read(
+        document: &Document<'_>,
+        accessors: &Accessors<'_>,
+        index: usize,
+        nodes: &Nodes<'_>,
+    ) -> Result<Skeleton, String> {
+        let json = &document.json;
         let source = &json.skins[index];
         let count = source.joints.len();
         if !(1..=MOST_JOINTS).contains(&count) {
             return Err(format!("it has {count} joints; allowed: 1 to {MOST_JOINTS}"));
         }
-        self.accessors.charge(count * (2 * size_of::<DAffine3>() + size_of::<usize>()))?;
+        accessors.charge(count * (2 * size_of::<DAffine3>() + 2 * size_of::<usize>()))?;
         let joints: Vec<usize> = source.joints.iter().map(|joint| joint.value()).collect();
         if let Some(missing) = joints.iter().find(|&&joint| joint >= json.nodes.len()) {
             return Err(format!("its joint {missing} does not exist: the file has {} nodes", json.nodes.len()));
@@ -67,20 +87,19 @@ impl<'a> Skins<'a> {
             None => vec![DAffine3::IDENTITY; count],
             Some(accessor) => {
                 let fault = |message: String| format!("inverseBindMatrices: {message}");
-                let found = self.accessors.describe(accessor).map_err(fault)?.count.0;
+                let found = accessors.describe(accessor).map_err(fault)?.count.0;
                 if found < count as u64 {
                     return Err(fault(format!("{found} for {count} joints; allowed: one for each")));
                 }
-                let matrices = self.accessors.matrices(accessor).map_err(fault)?;
+                let matrices = accessors.matrices(accessor).map_err(fault)?;
                 let read = matrices.iter().take(count).enumerate();
                 read.map(|(joint, matrix)| affine(joint, matrix).map_err(fault)).collect::<Result<_, _>>()?
             }
         };
         let moves = joints.iter().any(|&joint| nodes.tree.get(joint).moves);
         let world_from_joints = Arc::new(joints.iter().map(|&joint| nodes.tree.get(joint).world_from_node).collect());
-        let numbers =
-            if moves { joints.iter().map(|&joint| nodes.number(joint)).collect::<Result<_, _>>()? } else { vec![] };
-        Ok(Skeleton { skin: Arc::new(Skin { joints: numbers, joint_from_mesh }), world_from_joints, moves })
+        let skin = Arc::new(Skin { joints: Vec::new(), joint_from_mesh });
+        Ok(Skeleton { skin, joints: Arc::new(joints), world_from_joints, moves })
     }
 }
 

@@ -102,6 +102,7 @@ fn scene_of(path: &Path, mut file: Statements, options: &LoadOptions, images: &m
             name: name.clone(),
             mesh: Arc::new(Mesh { source, ..Mesh::trusted(name, parts) }),
             world_from_object: DAffine3::from_mat3_translation(world_from_file, world_from_file * middle),
+            up: options.up,
             category: None,
             part: None,
             motion: None,

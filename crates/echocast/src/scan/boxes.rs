@@ -1,0 +1,203 @@
+//! Boxes around labelled instances: where they are, how many points they have, how much of them is not hidden.
+
+use super::ScanOptions;
+use crate::cloud::{BoxAxes, Field, Frame, InstanceBox, PointCloud};
+use crate::emitter::{Aim, BeamTable, Trajectory};
+use crate::ground::error::{Error, Result};
+use crate::ground::lanes::{CHUNK, LANES, RayBatch};
+use crate::ground::parallel;
+use crate::ground::pose::Pose;
+use crate::sensor::{DepthCamera, Sensor, SensorKind};
+use crate::trace::{BuiltScene, Crossings, Instance, Sight, Tables};
+use glam::{DAffine3, DMat3, DQuat, DVec3};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+impl BuiltScene {
+    /// Boxes around the labelled instances that such a scan can see: those with an `instance_id` that is not 0, which are
+    /// there when it starts and then reach into the sensor's range, or have points in `cloud`, which it made. Objects
+    /// with one `instance_id` share a box, along the axes of the first; what changes its shape is as it is then. Along
+    /// [`BoxAxes::Object`] unless the options say otherwise.
+    ///
+    /// # Errors
+    /// As [`BuiltScene::scan`]; a cloud without the column `instance_id`.
+    pub fn boxes(
+        &self,
+        sensor: &Sensor,
+        trajectory: &Trajectory,
+        options: &ScanOptions,
+        cloud: &PointCloud,
+    ) -> Result<Vec<InstanceBox>> {
+        options.check(trajectory)?;
+        let ids = &cloud.columns.instance_id;
+        if !cloud.fields.contains(Field::InstanceId) || ids.len() != cloud.len {
+            return Err(Error::invalid("cloud", "without instance_id", "one with it, by which points are counted"));
+        }
+        let sonar = sensor.kind() == SensorKind::Sonar;
+        let beams = if sonar { Arc::new(sensor.rays().into_owned()) } else { sensor.beams_at(options.start_time)? };
+        self.0.check_time(options.start_time, beams.last_time())?;
+        let start = trajectory.at(options.trajectory_time());
+        let turned = sonar.then(|| Trajectory::fixed(sensor.turned(start, options.frame)));
+        let aim = Aim::new(turned.as_ref().unwrap_or(trajectory), options.trajectory_time(), self.0.origin);
+        let instances = self.0.instances();
+        let reach = match &sensor.camera {
+            Some(camera) if DepthCamera::wraps(camera) => f64::INFINITY,
+            _ => sensor.range_max_m,
+        };
+        let points = counts(ids, instances);
+        let frame = match cloud.frame {
+            Frame::World => Pose::IDENTITY,
+            Frame::Sensor => cloud.sensor_pose,
+        };
+        let make = Boxes { scene: &self.0, options, frame, sensor: start.position, reach };
+        Ok(self.0.engine.install(|| {
+            let crossings = make.cross(&beams, &aim, sonar);
+            let mut boxes = vec![None; instances.len()];
+            parallel::for_each(&mut boxes, |index, to| {
+                let [alone, first] = [&crossings.alone, &crossings.first].map(|all| all[index].load(Ordering::Relaxed));
+                let seen = points[index] > 0 || alone > 0;
+                *to = make.around(&instances[index], seen).map(|found| InstanceBox {
+                    points: points[index],
+                    visible: f64::from(first) / f64::from(alone.max(1)),
+                    ..found
+                });
+            });
+            boxes.into_iter().flatten().collect()
+        }))
+    }
+}
+
+/// How many of `ids` are those of each of `instances`.
+fn counts(ids: &[u32], instances: &[Instance]) -> Vec<u32> {
+    let mut counts = vec![0; instances.len()];
+    for run in ids.chunk_by(|a, b| a == b) {
+        if let Ok(index) = instances.binary_search_by_key(&run[0], |instance| instance.id) {
+            counts[index] += run.len() as u32;
+        }
+    }
+    counts
+}
+
+/// What is the same for all boxes of a scan.
+struct Boxes<'a> {
+    scene: &'a Tables,
+    options: &'a ScanOptions,
+    /// World from the frame of the boxes.
+    frame: Pose,
+    /// Where the sensor starts, in the world.
+    sensor: DVec3,
+    /// Greatest range, m.
+    reach: f64,
+}
+
+impl Boxes<'_> {
+    /// Which instances the axes of `beams` meet.
+    fn cross(&self, beams: &BeamTable, aim: &Aim, sonar: bool) -> Crossings {
+        let clock = self.scene.clock(self.options.start_time, self.options.freeze);
+        let crossings = Crossings::new(self.scene.instances().len());
+        if crossings.alone.is_empty() {
+            return crossings;
+        }
+        // Sound does not pass through glass as light does.
+        let sight = Sight { mask: self.options.mask, through_glass: !sonar };
+        let coherent = beams.is_coherent();
+        parallel::for_each_range(beams.len(), CHUNK, |chunk| {
+            let mut rays = RayBatch::default();
+            for first in chunk.clone().step_by(LANES) {
+                let count = LANES.min(chunk.end - first);
+                if let Some(clock) = &clock {
+                    clock.set(&beams.time[first..first + count], &mut rays.time);
+                }
+                aim.rays(beams, first, beams.directions(first, count), self.reach as f32, &mut rays);
+                self.scene.cross(&rays, count, coherent, sight, &crossings);
+            }
+        });
+        crossings
+    }
+
+    /// The box around `instance`, without points; `None`: it is not there, or neither `seen` nor within range.
+    fn around(&self, instance: &Instance, seen: bool) -> Option<InstanceBox> {
+        let (time, mask) = (self.options.start_time, self.options.mask);
+        let moment = self.scene.clock(time, self.options.freeze).map_or(0.0, |clock| clock.of(0.0));
+        let stances = instance.objects.iter().filter_map(|&object| {
+            let (place, turned) = self.scene.stance(object, time, mask)?;
+            Some((object, place, turned))
+        });
+        let stances: Vec<(u32, DAffine3, DMat3)> = stances.collect();
+        let (first, place, turned) = stances.first()?;
+        let axes = match self.options.boxes.unwrap_or_default() {
+            BoxAxes::Object => axes(turned),
+            BoxAxes::Frame => self.frame.orientation,
+        };
+        // Relative to a place nearby, so that distances keep their digits.
+        let near = place.translation;
+        let into = DAffine3::from_quat(axes.inverse()) * DAffine3::from_translation(-near);
+        let extents =
+            stances.iter().filter_map(|(object, place, _)| self.scene.extent(*object, &(into * *place), moment));
+        let [low, high] = extents.reduce(|[a, b], [low, high]| [a.min(low), b.max(high)])?;
+        let (middle, size) = (0.5 * (low + high), high - low);
+        let place = near + axes * middle;
+        let beyond = (axes.inverse() * (self.sensor - place)).abs() - 0.5 * size;
+        if !seen && beyond.max(DVec3::ZERO).length() > self.reach {
+            return None;
+        }
+        let velocity = self.scene.velocity_at(*first, place, moment);
+        let into_frame = self.frame.orientation.inverse();
+        Some(InstanceBox {
+            frame: self.options.frame,
+            time,
+            track_id: instance.id,
+            instance_id: instance.id,
+            category_id: instance.category_id,
+            pose: Pose {
+                position: into_frame * (place - self.frame.position),
+                orientation: (into_frame * axes).normalize(),
+            },
+            size,
+            velocity: into_frame * velocity.as_dvec3(),
+            points: 0,
+            visible: 0.0,
+        })
+    }
+}
+
+/// The rotation of an object with this linear part: where its x axis goes, and its z axis as far as it is at right
+/// angles to that; y follows, whether it is mirrored or not.
+fn axes(linear: &DMat3) -> DQuat {
+    let [x, y, z] = [linear.x_axis, linear.y_axis, linear.z_axis].map(DVec3::normalize_or_zero);
+    // What is squeezed flat takes its axes from what is left.
+    let x = if x == DVec3::ZERO { y.cross(z).try_normalize().unwrap_or(DVec3::X) } else { x };
+    let across = |axis: DVec3| (axis - x * x.dot(axis)).try_normalize().filter(|_| axis.cross(x).length() > 1e-9);
+    let z = across(z).or_else(|| across(x.cross(y))).unwrap_or_else(|| x.any_orthonormal_vector());
+    DQuat::from_mat3(&DMat3::from_cols(x, z.cross(x), z)).normalize()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn axes_follow_x_and_the_rest_is_at_right_angles() {
+        let quarter = DMat3::from_rotation_z(1.0) * DMat3::from_rotation_x(0.3);
+        let same = |linear: DMat3, expected: DMat3| {
+            let found = DMat3::from_quat(axes(&linear));
+            assert!(found.abs_diff_eq(expected, 1e-12), "{linear}: {found}, not {expected}");
+        };
+        let of = |x, y, z| DMat3::from_diagonal(DVec3::new(x, y, z));
+        same(quarter * of(2.0, 3.0, 0.5), quarter);
+        // Left and right of what is mirrored change places; what looks back has been turned.
+        same(quarter * of(1.0, -1.0, 1.0), quarter);
+        same(of(-1.0, 1.0, 1.0), of(-1.0, -1.0, 1.0));
+        same(of(-1.0, -1.0, -1.0), of(-1.0, 1.0, -1.0));
+        // Sheared: z leans forward.
+        same(DMat3::from_cols(2.0 * DVec3::X, DVec3::Y, DVec3::new(1.0, 0.0, 1.0)), DMat3::IDENTITY);
+        // Squeezed flat.
+        same(quarter * of(0.0, 1.0, 1.0), quarter);
+        same(quarter * of(1.0, 0.0, 1.0), quarter);
+        same(quarter * of(1.0, 1.0, 0.0), quarter);
+        for linear in [DMat3::ZERO, of(1.0, 0.0, 0.0), of(0.0, 1.0, 0.0), of(0.0, 0.0, 1.0)] {
+            let found = DMat3::from_quat(axes(&linear));
+            assert!((found.determinant() - 1.0).abs() < 1e-12, "{linear}: {found}");
+        }
+    }
+}
