@@ -41,6 +41,8 @@ fn a_street_is_made() {
     assert_eq!(stdout(folder.path(), "generate street --cars 3 --seconds 8 --seed 3 -q -o DIR/again.glb"), "");
     let [street, again] = ["street.glb", "again.glb"].map(|name| fs::read(folder.path().join(name)).unwrap());
     assert_eq!(street, again);
+    let drive = "scan DIR/street.glb --sensor velodyne_vlp16 --camera Lidar --frames 0:2 -o DIR/drive.csv";
+    assert!(stdout(folder.path(), drive).contains("3 frames"));
 }
 
 #[test]

@@ -324,7 +324,7 @@ fn feet_stand_still_on_the_ground() {
         let mut lowest = f64::INFINITY;
         for (foot, side) in [(13, 0.095), (16, -0.095)] {
             // The ends of the sole.
-            for x in [-0.05, 0.12] {
+            for x in [-0.05, 0.16] {
                 let sole = DVec3::new(x, side, 0.0);
                 let [now, next] = [0, 1].map(|i| place(&gaits[i], foot, sole) + DVec3::X * walk::SPEED * times[i]);
                 assert!(now.z > -0.012, "{now} at {}", times[0]);

@@ -16,9 +16,9 @@ const RISING: f64 = 0.36;
 /// Pitch of the foot, toes down, when the heel touches the ground and when the toes leave it.
 const STRIKE: f64 = -0.33;
 const PUSH: f64 = 0.85;
-/// Ankle from the heel and from the ball of the foot, along the foot and up.
+/// Ankle from the heel and from the toes, along the foot and up.
 const FROM_HEEL: DVec2 = DVec2::new(0.05, 0.08);
-const FROM_BALL: DVec2 = DVec2::new(-0.12, 0.08);
+const FROM_TOES: DVec2 = DVec2::new(-0.16, 0.08);
 /// Where the heel touches the ground, before the hips.
 const REACH: f64 = 0.27;
 /// How high the foot is lifted, and the hips, which are lowest when both feet are on the ground.
@@ -52,18 +52,18 @@ fn foot(part: f64) -> (DVec2, f64) {
     };
     let heel = |part: f64| DVec2::new(REACH - SPEED * CYCLE * part, 0.0);
     let on_heel = |part: f64, pitch: f64| heel(part) + turned(FROM_HEEL, pitch);
-    let on_ball =
-        |part: f64, pitch: f64| heel(part) + FROM_HEEL.with_y(0.0) - FROM_BALL.with_y(0.0) + turned(FROM_BALL, pitch);
+    let on_toes =
+        |part: f64, pitch: f64| heel(part) + FROM_HEEL.with_y(0.0) - FROM_TOES.with_y(0.0) + turned(FROM_TOES, pitch);
     if part < FLAT {
         let pitch = STRIKE * (1.0 - smooth(part / FLAT));
         return (on_heel(part, pitch), pitch);
     }
     if part < STANCE {
         let pitch = PUSH * ((part - RISING) / (STANCE - RISING)).max(0.0).powi(2);
-        return (on_ball(part, pitch), pitch);
+        return (on_toes(part, pitch), pitch);
     }
     let part = (part - STANCE) / (1.0 - STANCE);
-    let (from, to) = (on_ball(STANCE, PUSH), on_heel(0.0, STRIKE));
+    let (from, to) = (on_toes(STANCE, PUSH), on_heel(0.0, STRIKE));
     // The foot leaves the ground and comes back to it at about the speed that it has there, backwards.
     let back = -SPEED * CYCLE * (1.0 - STANCE) * 0.9;
     let (t, u) = (part, 1.0 - part);
