@@ -38,8 +38,8 @@ enum Lane {
     North,
 }
 
-/// Where each car starts, m before the crossing, the speeds that its driver may want, and whether it turns: the carrier of
-/// the sensor, one that stops in the side street, one that turns to the right, and others. On the street they do not
+/// Where each car starts, m before the crossing, the speeds that its driver may want, and whether it turns: the carrier
+/// of the sensor, one that stops in the side street, one that turns to the right, and others. On the street they do not
 /// leave it before the end, and the first meets no red light.
 const STARTS: [(Lane, f64, [f64; 2], bool); MOST_CARS as usize] = [
     (Lane::East, -60.0, [12.0, 12.8], false),

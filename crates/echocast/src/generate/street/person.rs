@@ -7,7 +7,7 @@ use crate::generate::glb::Placement;
 use glam::{DQuat, DVec3};
 use std::f64::consts::PI;
 
-/// Joints of the skeleton: name, parent, and place in the body as it was made, which looks along x with its arms spread.
+/// Joints of the skeleton: name, parent, and place in the body as it was made, looking along x, arms spread.
 pub(super) const JOINTS: [(&str, Option<usize>, [f64; 3]); 17] = [
     ("Hips", None, [0.0, 0.0, 0.95]),
     ("Spine", Some(0), [0.0, 0.0, 1.06]),
@@ -150,8 +150,8 @@ impl Body {
         (-ROUNDING * sum.max(f64::MIN_POSITIVE).ln()).max(-at.z)
     }
 
-    /// The skin as a net over a grid ("surface nets", Gibson 1998): one vertex in each cell that the skin passes, in the
-    /// middle of where it cuts the edges, one face around each edge that it cuts.
+    /// The skin as a net over a grid ("surface nets", Gibson 1998): one vertex in each cell that the skin passes, in
+    /// the middle of where it cuts the edges, one face around each edge that it cuts.
     pub fn skin(&self) -> (Vec<DVec3>, Vec<[u32; 3]>) {
         const CELL: f64 = 0.031;
         const LOW: DVec3 = DVec3::new(-0.2, -0.72, -0.06);

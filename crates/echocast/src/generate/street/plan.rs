@@ -50,7 +50,7 @@ impl Plan {
         Ok(Plan { seconds: street.seconds, pace, end, side_end: end / 2.0, stop: 11.0, side_stop: 13.0 })
     }
 
-    /// When the lights change, and which lamps shine from then on, red, yellow, green: of the street, of the side street.
+    /// When the lights change, and which lamps shine then, red, yellow, green: of the street, of the side street.
     pub fn lights(&self) -> [(f64, [[bool; 3]; 2]); 5] {
         const RED: [bool; 3] = [true, false, false];
         const READY: [bool; 3] = [true, true, false];

@@ -9,7 +9,7 @@ pub(super) const SPEED: f64 = 1.4;
 const CYCLE: f64 = 1.0;
 /// Keys of the joints in two steps.
 const KEYS: f64 = 24.0;
-/// Part of a cycle in which a foot is on the ground; until when it comes down on its heel, and from when the heel rises.
+/// Part of a cycle in which a foot is on the ground; until when it rolls off its heel, and from when the heel rises.
 const STANCE: f64 = 0.6;
 const FLAT: f64 = 0.1;
 const RISING: f64 = 0.36;
