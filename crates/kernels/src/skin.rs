@@ -16,10 +16,11 @@ pub struct Influences<'a> {
 
 kernels! {
     /// Moves `rest` by the joints of the `palette`: every vertex by the sum of the matrices of its influences, of which
-    /// there may be several sets of four. As many vertices as the shortest of the slices has.
+    /// there may be several sets of four. As many vertices as the shortest of the slices has; the fourth number of each
+    /// is what the fourth numbers of the columns make of it.
     ///
     /// Panics on a joint that the palette does not have.
-    pub fn skin(rest: &[[f32; 3]], sets: &[Influences], palette: &[Joint], out: &mut [[f32; 3]]) {
+    pub fn skin(rest: &[[f32; 3]], sets: &[Influences], palette: &[Joint], out: &mut [[f32; 4]]) {
         // All meshes but a few have one set; with AVX-512 a loop over it would cost a fifth.
         if let &[Influences { joints, weights }] = sets {
             for (((out, rest), joints), weights) in out.iter_mut().zip(rest).zip(joints).zip(weights) {
@@ -59,13 +60,13 @@ fn blend(matrix: &mut Joint, joints: &[u16; 4], weights: &[f32; 4], palette: &[J
 }
 
 #[inline(always)]
-fn transform(matrix: &Joint, point: &[f32; 3]) -> [f32; 3] {
+fn transform(matrix: &Joint, point: &[f32; 3]) -> [f32; 4] {
     let mut moved = [0.0; 4];
     for axis in 0..4 {
         moved[axis] =
             point[0] * matrix[axis] + point[1] * matrix[4 + axis] + (point[2] * matrix[8 + axis] + matrix[12 + axis]);
     }
-    [moved[0], moved[1], moved[2]]
+    moved
 }
 
 #[cfg(test)]
@@ -92,7 +93,7 @@ mod tests {
             let mut first = Vec::new();
             for level in [Level::Plain, Level::Avx2, Level::Avx512] {
                 limit_level(level);
-                let mut out = vec![[0.0; 3]; VERTICES];
+                let mut out = vec![[0.0; 4]; VERTICES];
                 skin(&rest, sets, &palette, &mut out);
                 for vertex in 0..VERTICES {
                     for axis in 0..3 {
@@ -123,14 +124,14 @@ mod tests {
         let palette = [[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 2.0, 3.0, 0.0]];
         let set = Influences { joints: &[[0; 4]; 2], weights: &[[1.0, 0.0, 0.0, 0.0]; 5] };
         for sets in [&[set][..], &[set, set]] {
-            let mut out = [[0.0; 3]; 3];
+            let mut out = [[0.0; 4]; 3];
             skin(&[[9.0; 3]; 4], sets, &palette, &mut out);
             let all = sets.len() as f32;
-            assert_eq!(out, [[all, 2.0 * all, 3.0 * all], [all, 2.0 * all, 3.0 * all], [0.0; 3]]);
+            assert_eq!(out, [[all, 2.0 * all, 3.0 * all, 0.0], [all, 2.0 * all, 3.0 * all, 0.0], [0.0; 4]]);
         }
-        let mut out = [[7.0; 3]];
+        let mut out = [[7.0; 4]];
         skin(&[[9.0; 3]], &[], &palette, &mut out);
-        assert_eq!(out, [[7.0; 3]]);
+        assert_eq!(out, [[7.0; 4]]);
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Meshes that change their shape: skins, morph targets, caches.
 
+use super::timeline::Branch;
 use super::{Cache, Span, Timeline, Track};
 use crate::ground::array::Array;
 use crate::ground::math::cofactors;
@@ -94,6 +95,8 @@ pub(crate) struct Skin {
     pub joints: Vec<usize>,
     /// From the mesh as modelled to each joint's own frame.
     pub joint_from_mesh: Vec<DAffine3>,
+    /// The joints in their timeline, once asked for.
+    branch: OnceLock<Branch>,
 }
 
 impl Shape {
@@ -148,47 +151,46 @@ impl Shape {
     pub(crate) fn stays(&self, timeline: &Timeline, from: f64, to: f64) -> bool {
         let weights = self.weights_track.as_ref().is_none_or(|track| track.is_still(from, to));
         let cache = self.cache.as_ref().is_none_or(|cache| cache.is_still(from, to));
-        let skin =
-            self.skin.as_ref().is_none_or(|skin| skin.joints.iter().all(|&joint| timeline.stays(joint, from, to)));
+        let skin = self.skin.as_ref().is_none_or(|skin| skin.branch(timeline).stays(timeline, from, to));
         weights && cache && skin
     }
 
     /// Times, s, from the start to the end of `span`, between which no vertex is farther than `tolerance` m from the
-    /// straight line between its places at both; `world_from_object` as in [`Shape::pose`].
+    /// straight line between its places at both, and what pulls them then; `world_from_object` as in [`Shape::pose`].
     pub(crate) fn steps(
         &self,
         timeline: &Timeline,
         span: Span,
         world_from_object: &DAffine3,
         tolerance: f64,
-    ) -> Vec<f64> {
+    ) -> Vec<(f64, Pull)> {
         let (start, end) = (span.start, span.start + span.length);
+        let pull = |time: f64| self.pull(timeline, time, world_from_object);
+        let mut steps = vec![(start, pull(start))];
         if self.stays(timeline, start, end) {
-            return vec![start];
+            return steps;
         }
         let mut bends = Vec::new();
         self.cache.iter().for_each(|cache| cache.bends(start, end, &mut bends));
         let baked = bends.len();
         self.weights_track.iter().for_each(|track| track.bends(start, end, &mut bends));
-        for &joint in self.skin.iter().flat_map(|skin| &skin.joints) {
-            timeline.bends(joint, start, end, &mut bends);
-        }
+        self.skin.iter().for_each(|skin| skin.branch(timeline).bends(timeline, start, end, &mut bends));
         let mut marks = bends[..baked].to_vec();
         marks.extend([start, end]);
         marks.sort_by(f64::total_cmp);
         marks.dedup();
         bends.sort_by(f64::total_cmp);
         bends.dedup();
-        let mut times = vec![start];
-        let pull = |time: f64| self.pull(timeline, time, world_from_object);
-        let mut cuts = Vec::new();
-        for ends in marks.windows(2) {
-            cuts.push((ends[0], pull(ends[0]), ends[1], pull(ends[1])));
-            while let Some((from, a, to, b)) = cuts.pop() {
+        // Where the next steps may be, the last first.
+        let mut ends = Vec::new();
+        for &mark in &marks[1..] {
+            ends.push((mark, pull(mark)));
+            while let Some((to, b)) = ends.pop() {
+                let (from, ref a) = steps[steps.len() - 1];
                 let middle = 0.5 * (from + to);
-                let error = self.error(&a, &pull(middle), &b);
+                let error = self.error(a, &pull(middle), &b);
                 if error <= tolerance || to - from <= SHORTEST_S {
-                    times.push(to);
+                    steps.push((to, b));
                     continue;
                 }
                 // An error falls with the square of the length; where it bends in between, it is better cut there.
@@ -201,16 +203,11 @@ impl Shape {
                     Some(bend) => *bend,
                     None => from + (to - from) * part as f64 / parts as f64,
                 };
-                let mut last = (to, b);
-                for part in (1..parts).rev() {
-                    let here = pull(cut(part));
-                    cuts.push((cut(part), here.clone(), last.0, last.1));
-                    last = (cut(part), here);
-                }
-                cuts.push((from, a, last.0, last.1));
+                ends.push((to, b));
+                ends.extend((1..parts).rev().map(|part| (cut(part), pull(cut(part)))));
             }
         }
-        times
+        steps
     }
 
     /// How far at most vertices pulled by `middle` are from the middle of where `a` and `b` pull them, m.
@@ -237,8 +234,8 @@ impl Shape {
     /// The same on a timeline whose nodes have numbers `shift` higher.
     pub(super) fn shifted(self, shift: usize) -> Shape {
         let skin = self.skin.map(|skin| {
-            let Skin { joints, joint_from_mesh } = Arc::unwrap_or_clone(skin);
-            Arc::new(Skin { joints: joints.into_iter().map(|joint| joint + shift).collect(), joint_from_mesh })
+            let Skin { joints, joint_from_mesh, .. } = Arc::unwrap_or_clone(skin);
+            Arc::new(Skin::new(joints.into_iter().map(|joint| joint + shift).collect(), joint_from_mesh))
         });
         Shape { skin, ..self }
     }
@@ -288,6 +285,15 @@ impl Vertices {
 }
 
 impl Skin {
+    /// Of these joints; see its fields.
+    pub(crate) fn new(joints: Vec<usize>, joint_from_mesh: Vec<DAffine3>) -> Skin {
+        Skin { joints, joint_from_mesh, branch: OnceLock::new() }
+    }
+
+    fn branch(&self, timeline: &Timeline) -> &Branch {
+        self.branch.get_or_init(|| timeline.branch(&self.joints))
+    }
+
     /// Sets `palette` to what brings the mesh as modelled to where each joint wants it at `time`, s, in the frame of an
     /// object at `world_from_object`.
     pub(crate) fn palette(
@@ -298,7 +304,7 @@ impl Skin {
         palette: &mut Vec<DAffine3>,
     ) {
         palette.clear();
-        palette.extend(self.palette_of(timeline.world_from_nodes(&self.joints, time), world_from_object));
+        palette.extend(self.palette_of(timeline.world_from_ends(self.branch(timeline), time), world_from_object));
     }
 
     /// [`Skin::palette`] where the joints are at `world_from_joints`.

@@ -3,7 +3,6 @@
 use super::{Curve, Interpolation, Track};
 use crate::ground::error::{Error, Result};
 use glam::{DAffine3, DQuat, DVec3};
-use std::collections::HashMap;
 use std::sync::Arc;
 
 /// What moves in a scene, asked at any time, in seconds: nodes that hang on each other, and the keys of the file.
@@ -37,6 +36,33 @@ pub(crate) enum Rest {
     Parts { translation: DVec3, rotation: DQuat, scale: DVec3 },
     /// As a whole, never moving.
     Whole(DAffine3),
+}
+
+/// Nodes that belong together, and all that they hang on.
+#[derive(Clone, Debug)]
+pub(crate) struct Branch {
+    /// Parents before their children.
+    nodes: Vec<usize>,
+    /// Places of their parents in `nodes`.
+    parents: Vec<Option<usize>>,
+    /// Places in `nodes` of those that were asked for, in their order.
+    ends: Vec<usize>,
+}
+
+impl Branch {
+    fn tracks<'a>(&'a self, timeline: &'a Timeline) -> impl Iterator<Item = &'a Track> {
+        self.nodes.iter().flat_map(|&node| timeline.nodes[node].tracks())
+    }
+
+    /// Whether all of it stays as it is at all times from `from` to `to`, s.
+    pub(crate) fn stays(&self, timeline: &Timeline, from: f64, to: f64) -> bool {
+        self.tracks(timeline).all(|track| track.is_still(from, to))
+    }
+
+    /// Adds the times between `from` and `to`, s, at which any of it may bend or jump, in no order.
+    pub(crate) fn bends(&self, timeline: &Timeline, from: f64, to: f64, bends: &mut Vec<f64>) {
+        self.tracks(timeline).for_each(|track| track.bends(from, to, bends));
+    }
 }
 
 impl Default for Rest {
@@ -135,27 +161,32 @@ impl Timeline {
         self.up(node).fold(DAffine3::IDENTITY, |below, node| node.parent_from_node(time) * below)
     }
 
-    /// Where each of `nodes` is at `time`, s; what several of them hang on is looked at once.
-    pub(crate) fn world_from_nodes(&self, nodes: &[usize], time: f64) -> Vec<DAffine3> {
-        let mut known: HashMap<usize, DAffine3> = HashMap::new();
-        let mut unknown = Vec::new();
-        let mut place = |node: usize| {
-            let mut next = Some(node);
-            let mut world = loop {
-                let Some(node) = next else { break DAffine3::IDENTITY };
-                match known.get(&node) {
-                    Some(place) => break *place,
-                    None => unknown.push(node),
-                }
+    /// `ends` and all nodes that they hang on.
+    pub(crate) fn branch(&self, ends: &[usize]) -> Branch {
+        let mut nodes: Vec<usize> = Vec::new();
+        for &end in ends {
+            let mut next = Some(end);
+            while let Some(node) = next
+                && let Err(place) = nodes.binary_search(&node)
+            {
+                nodes.insert(place, node);
                 next = self.nodes[node].parent;
-            };
-            while let Some(node) = unknown.pop() {
-                world *= self.nodes[node].parent_from_node(time);
-                known.insert(node, world);
             }
-            world
-        };
-        nodes.iter().map(|&node| place(node)).collect()
+        }
+        let place = |node: usize| nodes.binary_search(&node).ok();
+        let parents = nodes.iter().map(|&node| place(self.nodes[node].parent?)).collect();
+        let ends = ends.iter().filter_map(|&end| place(end)).collect();
+        Branch { nodes, parents, ends }
+    }
+
+    /// Where each end of `branch` is at `time`, s; what several of them hang on is looked at once.
+    pub(crate) fn world_from_ends(&self, branch: &Branch, time: f64) -> impl Iterator<Item = DAffine3> {
+        let mut places: Vec<DAffine3> = Vec::with_capacity(branch.nodes.len());
+        for (&node, &parent) in branch.nodes.iter().zip(&branch.parents) {
+            let place = self.nodes[node].parent_from_node(time);
+            places.push(parent.map_or(place, |parent| places[parent] * place));
+        }
+        branch.ends.iter().map(move |&end| places[end])
     }
 
     /// Whether `node` can be seen at `time`, s.
@@ -235,6 +266,11 @@ mod tests {
         bends.sort_by(f64::total_cmp);
         assert_eq!(bends, [1.0, 1.5]);
         assert_eq!((timeline.end(), timeline.is_still()), (2.0, false));
+
+        let branch = timeline.branch(&[1, 0, 1]);
+        let ends: Vec<_> = timeline.world_from_ends(&branch, 0.7).collect();
+        assert_eq!(ends, [1, 0, 1].map(|node| timeline.world_from_node(node, 0.7)));
+        assert!(branch.stays(&timeline, 3.0, 4.0) && !branch.stays(&timeline, 1.2, 1.3));
 
         let mut both = timeline.clone();
         assert_eq!(both.append(timeline.clone()), 2);

@@ -20,6 +20,7 @@ pub(crate) struct Bending {
 }
 
 /// A mesh at one time.
+#[derive(Default)]
 pub(crate) struct Moment {
     /// s.
     time: f64,
@@ -32,7 +33,8 @@ pub(crate) type Spot = (usize, u32, [f32; 2]);
 
 impl Bending {
     /// The `mesh` of an object at `world_from_object` that follows `timeline` in `shape` through `span`; in between it
-    /// is right to `tolerance` m. Moments `known` already are taken over.
+    /// is right to `tolerance` m. Moments `known` already are taken over, and the memory of those that nobody needs any
+    /// more; what is left may serve the next time.
     ///
     /// # Errors
     /// A vertex cache that can no longer be read.
@@ -43,23 +45,31 @@ impl Bending {
         span: Span,
         world_from_object: &DAffine3,
         tolerance: f64,
-        known: &[Arc<Moment>],
+        known: &mut Vec<Arc<Moment>>,
     ) -> Result<Bending> {
         let layout = layout(&shape.vertices, mesh);
         let steps = shape.steps(timeline, span, world_from_object, tolerance);
-        let times = steps.iter().map(|time| ((time - span.start) / span.length) as f32).collect();
+        let times: Vec<_> = steps.iter().map(|(time, _)| ((time - span.start) / span.length) as f32).collect();
         let mut memory = Vec::new();
-        let moment = |time: f64| -> Result<Arc<Moment>> {
-            if let Some(known) = known.iter().find(|moment| moment.time == time) {
-                return Ok(known.clone());
+        // Of moments that nobody needs any more only the memory is of use.
+        let spare = |known: &mut Vec<Arc<Moment>>, needed: &[f64]| {
+            let is_spare = |moment: &Arc<Moment>| Arc::strong_count(moment) == 1 && !needed.contains(&moment.time);
+            known.iter().position(is_spare).and_then(|index| Arc::into_inner(known.swap_remove(index)))
+        };
+        let needed: Vec<f64> = steps.iter().map(|(time, _)| *time).collect();
+        let moment = |(time, pull): (f64, Pull)| -> Result<Arc<Moment>> {
+            if let Some(index) = known.iter().position(|moment| moment.time == time) {
+                return Ok(known.swap_remove(index));
             }
-            let pull = shape.pull(timeline, time, world_from_object);
-            let mut step = Step { positions: vec![[0.0; 3]; layout.vertices], boxes: Vec::new() };
+            let Moment { mut step, .. } = spare(known, &needed).unwrap_or_default();
+            step.positions.resize(layout.vertices, [0.0; 4]);
             place(shape, layout, &pull, time, &mut step.positions, &mut memory)?;
             layout.tree.fit(&step.positions, &mut step.boxes);
             Ok(Arc::new(Moment { time, pull, step }))
         };
-        let moments = steps.into_iter().map(moment).collect::<Result<_>>()?;
+        let moments: Vec<_> = steps.into_iter().map(moment).collect::<Result<_>>()?;
+        // Those of this scan are in use until after the next.
+        known.truncate(2 * moments.len());
         Ok(Bending { shape: shape.clone(), mesh: mesh.clone(), times, moments })
     }
 
@@ -158,7 +168,7 @@ impl Bending {
         let per_time = if after > before { 1.0 / (self.times[after] - self.times[before]) } else { 0.0 };
         for (part, &first) in self.mesh.parts.iter().zip(&self.layout().first_vertex) {
             for &corner in part.triangles.iter().flatten() {
-                let [a, b] = [a, b].map(|positions| Vec3::from(positions[first + corner as usize]));
+                let [a, b] = [a, b].map(|positions| vertex(&positions[first + corner as usize]));
                 visit(a.lerp(b, way), (b - a) * per_time);
             }
         }
@@ -180,7 +190,7 @@ impl Bending {
         let corners = self.corners(part, triangle);
         let [a, b] = [before, after].map(|moment| {
             let positions = &self.moments[moment].step.positions;
-            let [p, q, r] = corners.map(|vertex| Vec3::from(positions[first + vertex]));
+            let [p, q, r] = corners.map(|corner| vertex(&positions[first + corner]));
             p * (1.0 - u - v) + q * u + r * v
         });
         let rate = if after > before { (b - a) / (self.times[after] - self.times[before]) } else { Vec3::ZERO };
@@ -196,9 +206,9 @@ impl Bending {
         if self.shape.cache.is_some() {
             // What turns the triangle turns the normals that it was modelled with.
             let first = self.layout().first_vertex[part];
-            let now = corners.map(|vertex| {
-                let [a, b] = [before, after].map(|moment| self.moments[moment].step.positions[first + vertex]);
-                Vec3::from(a).lerp(b.into(), way)
+            let now = corners.map(|corner| {
+                let [a, b] = [before, after].map(|at| vertex(&self.moments[at].step.positions[first + corner]));
+                a.lerp(b, way)
             });
             let then = corners.map(|vertex| Vec3::from(vertices.positions[vertex]));
             let frame = |[a, b, c]: [Vec3; 3]| {
@@ -246,13 +256,13 @@ fn place(
     layout: &Layout,
     pull: &Pull,
     time: f64,
-    positions: &mut [[f32; 3]],
+    positions: &mut [[f32; 4]],
     memory: &mut Vec<[f32; 3]>,
 ) -> Result<()> {
     if let Some(cache) = &shape.cache {
         cache.at(time, memory)?;
         // Its vertices are those that the parts share.
-        positions.copy_from_slice(memory);
+        widen(memory, positions);
         return Ok(());
     }
     let palette: Vec<Joint> = pull.palette.iter().map(joint).collect();
@@ -269,19 +279,31 @@ fn place(
             part.joints.iter().zip(&part.weights).map(|(joints, weights)| Influences { joints, weights }).collect();
         let rest: &Array<[f32; 3]> = &part.positions;
         let mut morphs = morphs.peekable();
-        if sets.is_empty() {
-            to.copy_from_slice(rest);
-            morphs.for_each(|(way, weight)| skin::add_scaled(to, way, weight));
-        } else if morphs.peek().is_none() {
-            skin::skin(rest, &sets, &palette, to);
-        } else {
+        let mut morphed: &[[f32; 3]] = rest;
+        if morphs.peek().is_some() {
             memory.clear();
             memory.extend_from_slice(rest);
             morphs.for_each(|(way, weight)| skin::add_scaled(memory, way, weight));
-            skin::skin(memory, &sets, &palette, to);
+            morphed = memory;
+        }
+        if sets.is_empty() {
+            widen(morphed, to);
+        } else {
+            skin::skin(morphed, &sets, &palette, to);
         }
     }
     Ok(())
+}
+
+/// As many as both have.
+fn widen(from: &[[f32; 3]], to: &mut [[f32; 4]]) {
+    for (to, &[x, y, z]) in to.iter_mut().zip(from) {
+        *to = [x, y, z, 0.0];
+    }
+}
+
+fn vertex(&[x, y, z, _]: &[f32; 4]) -> Vec3 {
+    Vec3::new(x, y, z)
 }
 
 /// In the kernels' form.

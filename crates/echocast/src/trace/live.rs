@@ -82,8 +82,8 @@ struct Live {
     place: Place,
     /// Whether it has been placed where it is since the last commit.
     moved: bool,
-    /// Its shape at the end of the last time, where the next one mostly starts.
-    known: Option<Arc<Moment>>,
+    /// Its shape in the last scans: the next one mostly starts where the last ended, and takes over memory.
+    known: Vec<Arc<Moment>>,
 }
 
 /// How an object appears in Embree's structure.
@@ -296,7 +296,7 @@ impl LiveScene {
         });
         let entry = &mut self.slots[slot as usize];
         entry.generation += 1;
-        entry.live = Some(Box::new(Live { object, timeline, bounds, place, moved: true, known: None }));
+        entry.live = Some(Box::new(Live { object, timeline, bounds, place, moved: true, known: Vec::new() }));
         ObjectId { slot, generation: entry.generation }
     }
 
@@ -390,7 +390,7 @@ impl LiveScene {
             let same = live.object.sequence.as_ref().is_none_or(|sequence| sequence.at(from) == sequence.at(to));
             if !(same && motion.stays(timeline, from, to)) {
                 if let Some(Placed { thing: Thing::Moving(_, mover), .. }) = self.placed.remove(&slot) {
-                    live.known = mover.moments().last().cloned();
+                    live.known.extend_from_slice(mover.moments());
                 }
                 self.built = None;
                 live.moved = true;
@@ -588,7 +588,8 @@ impl LiveScene {
         for live in self.slots.iter_mut().filter_map(|slot| slot.live.as_mut()).filter(|live| live.moved) {
             live.follow(self.time[0]);
         }
-        for (slot, live) in lives(&self.slots) {
+        for (slot, entry) in (0..).zip(&mut self.slots) {
+            let Some(live) = &mut entry.live else { continue };
             if !live.place.is_together() && !self.placed.contains_key(&slot) {
                 let placed = live.place(&self.engine, origin, self.time, self.tolerance)?;
                 if !placed.turned {
@@ -803,7 +804,7 @@ impl Live {
     }
 
     /// Places it by itself, as it is in `time`.
-    fn place(&self, engine: &Engine, origin: DVec3, time: [f64; 2], tolerance: f64) -> Result<Placed> {
+    fn place(&mut self, engine: &Engine, origin: DVec3, time: [f64; 2], tolerance: f64) -> Result<Placed> {
         let object = &self.object;
         let [start, end] = [time[0], time[0] + time[1]];
         if let (Some(timeline), Some(motion)) = (&self.timeline, &object.motion)
@@ -814,7 +815,7 @@ impl Live {
         {
             let (timeline, motion, mesh) = (timeline.clone(), motion.clone(), object.mesh.clone());
             let follows = Follows { timeline, motion, mesh, sequence: object.sequence.clone(), tolerance, origin };
-            let mover = Arc::new(Mover::new(engine, follows, span(time), self.known.as_slice())?);
+            let mover = Arc::new(Mover::new(engine, follows, span(time), &mut self.known)?);
             let custom = Custom::new(engine.device(), mover.clone(), object.mask)?;
             return Ok(Placed { thing: Thing::Moving(custom, mover), turned: true });
         }

@@ -17,7 +17,7 @@ pub use engine::Engine;
 pub(crate) use hits::HitBatch;
 pub(crate) use instances::{Crossings, Instance, Sight};
 pub use live::{LiveScene, ObjectId};
-pub(crate) use mover::{Clock, Later, Mover};
+pub(crate) use mover::{Clock, Later, Movement, Mover};
 pub(crate) use sound::{Arrival, Direct, Launch, SoundLimits, SoundTracer, TracerMemory};
 pub(crate) use surface::{Surface, Surfaces};
 

@@ -9,7 +9,7 @@ use crate::scene::{Mesh, Sequence};
 use echocast_kernels::aim;
 use embree4::{CommittedScene, LocalRays, Pace, Query, Shape};
 use glam::{DAffine3, DMat3, DVec3, Vec3};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// An object on its way, as rays at their own times meet it.
 pub(crate) struct Mover {
@@ -50,13 +50,28 @@ struct Stage {
     of: CommittedScene,
 }
 
-/// Where the objects of a scene are one frame later, by number; `None` of those that stay.
-pub(crate) struct Later(Vec<Option<Then>>);
+/// Where the objects of a scene are one frame later.
+pub(crate) struct Later {
+    /// The time of the scan, and how much later, s.
+    span: Span,
+    period: f64,
+    /// By number, once asked for; few objects are hit.
+    objects: Vec<OnceLock<Option<Then>>>,
+}
 
 /// Where an object is one frame later.
 struct Then {
     path: Path,
     shape: Option<Bending>,
+}
+
+/// How a point moves.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Movement {
+    /// In the world, m/s.
+    pub velocity: Vec3,
+    /// Where it will be one frame later, minus where it is, in the world, m.
+    pub flow: Vec3,
 }
 
 /// Most lanes of a packet.
@@ -72,8 +87,8 @@ impl Follows {
         Path::new(span, bends, bounds, *origin, pose, |time| timeline.is_visible(motion.node, time))
     }
 
-    /// Its shape in `span`, if it changes; moments `known` already are taken over.
-    fn shape(&self, span: Span, known: &[Arc<Moment>]) -> Result<Option<Bending>> {
+    /// Its shape in `span`, if it changes; see [`Bending::new`].
+    fn shape(&self, span: Span, known: &mut Vec<Arc<Moment>>) -> Result<Option<Bending>> {
         let Follows { timeline, motion, mesh, tolerance, .. } = self;
         let Some(shape) = &motion.shape else { return Ok(None) };
         // Skins hang on nodes that stay.
@@ -83,11 +98,11 @@ impl Follows {
 }
 
 impl Mover {
-    /// What moves through `span` as `follows` says; moments `known` already are taken over.
+    /// What moves through `span` as `follows` says; moments `known` already as in [`Bending::new`].
     ///
     /// # Errors
     /// Embree's: out of memory; a vertex cache that can no longer be read.
-    pub(super) fn new(engine: &Engine, follows: Follows, span: Span, known: &[Arc<Moment>]) -> Result<Mover> {
+    pub(super) fn new(engine: &Engine, follows: Follows, span: Span, known: &mut Vec<Arc<Moment>>) -> Result<Mover> {
         let body = match (follows.shape(span, known)?, &follows.sequence) {
             (Some(bending), _) => Body::Bending(bending),
             (None, Some(sequence)) => Body::Changing(stages(engine, sequence, span)?),
@@ -136,7 +151,7 @@ impl Mover {
     /// Its way `period` s later than in `span`.
     fn later(&self, span: Span, period: f64) -> Result<Then> {
         let span = Span { start: span.start + period, ..span };
-        let shape = self.follows.shape(span, self.moments())?;
+        let shape = self.follows.shape(span, &mut self.moments().to_vec())?;
         Ok(Then { path: self.follows.path(span, self.body.bounds(0.0)), shape })
     }
 
@@ -155,6 +170,11 @@ impl Mover {
             Body::Stiff(_) | Body::Changing(_) => None,
             Body::Bending(bending) => bending.normal(spot, time),
         }
+    }
+
+    /// Whether its shape is read from a file.
+    fn is_read(&self) -> bool {
+        self.follows.motion.shape.as_ref().is_some_and(|shape| shape.cache.is_some())
     }
 
     /// Whether its shape changes.
@@ -262,6 +282,14 @@ impl Clock {
     }
 }
 
+impl Later {
+    /// Where object `number`, which is `mover`, is then.
+    fn of(&self, mover: &Mover, number: u32) -> Option<&Then> {
+        let then = self.objects.get(number as usize)?;
+        then.get_or_init(|| mover.later(self.span, self.period).ok()).as_ref()
+    }
+}
+
 impl Tables {
     /// Where the scene moves, what the times of beams of a scan are that starts at `start_time`, s; all the same if it
     /// is to `freeze`.
@@ -270,14 +298,19 @@ impl Tables {
         Some(Clock { offset: (start_time - start) / length, rate: if freeze { 0.0 } else { 1.0 / length } })
     }
 
-    /// Where its objects are `period` s later.
+    /// Where its objects are `period` s later; `None` where time stands still.
     ///
     /// # Errors
     /// A vertex cache that can no longer be read.
-    pub(crate) fn later(&self, period: f64) -> Result<Later> {
-        let Some(span) = self.span else { return Ok(Later(Vec::new())) };
-        let then = |mover: &Option<Arc<Mover>>| mover.as_ref().map(|mover| mover.later(span, period)).transpose();
-        Ok(Later(self.movers.iter().map(then).collect::<Result<_>>()?))
+    pub(crate) fn later(&self, period: f64) -> Result<Option<Later>> {
+        let Some(span) = self.span else { return Ok(None) };
+        let object = |mover: &Option<Arc<Mover>>| match mover {
+            // What may fail does so before the scan.
+            Some(mover) if mover.is_read() => Ok(OnceLock::from(Some(mover.later(span, period)?))),
+            _ => Ok(OnceLock::new()),
+        };
+        let objects = self.movers.iter().map(object).collect::<Result<_>>()?;
+        Ok(Some(Later { span, period, objects }))
     }
 
     /// The point of a surface of `mover`, in its object's frame, where at `time` the second and the third corner of a
@@ -293,26 +326,37 @@ impl Tables {
         (a * (1.0 - u - v) + b * u + c * v, Vec3::ZERO)
     }
 
-    /// How fast a point of a surface (a row, or [`super::MISS`]) moves at `time`, in the world, m/s; see
-    /// [`Tables::point`].
-    pub(crate) fn velocity(&self, surface: u32, triangle: u32, uv: [f32; 2], time: f32) -> Vec3 {
-        let Some(row) = self.surfaces.rows.get(surface as usize) else { return Vec3::ZERO };
-        let (Some(mover), Some(span)) = (self.mover(row.object), self.span) else { return Vec3::ZERO };
+    /// How a point of a surface (a row, or [`super::MISS`]) moves at `time`, see [`Tables::point`]; where it will be one
+    /// frame later is known with `later` alone. `None`: it stays.
+    pub(crate) fn movement(
+        &self,
+        later: Option<&Later>,
+        surface: u32,
+        triangle: u32,
+        uv: [f32; 2],
+        time: f32,
+    ) -> Option<Movement> {
+        let row = self.surfaces.rows.get(surface as usize)?;
+        let mover = self.mover(row.object)?;
         let piece = mover.path.piece(time);
         let part = piece.part(time);
+        let at = piece.at_part(part);
         let (point, rate) = self.point(mover, row, triangle, uv, time);
-        piece.velocity(part, point) + piece.at_part(part).turn(rate / span.length as f32)
+        let mut velocity = Vec3::ZERO;
+        if let Some(span) = self.span {
+            velocity = piece.velocity(part, point);
+            if mover.bends() {
+                velocity += at.turn(rate / span.length as f32);
+            }
+        }
+        let mut flow = Vec3::ZERO;
+        if let Some(then) = later.and_then(|later| later.of(mover, row.object)) {
+            let to = then.shape.as_ref().map_or(point, |then| then.point((row.number.into(), triangle, uv), time).0);
+            flow = then.path.at(time).to_local(to) - at.to_local(point);
+        }
+        Some(Movement { velocity, flow })
     }
 
-    /// Where a point of a surface will be one frame after `time`, minus where it is, in the world, m.
-    pub(crate) fn flow(&self, later: &Later, surface: u32, triangle: u32, uv: [f32; 2], time: f32) -> Vec3 {
-        let Some(row) = self.surfaces.rows.get(surface as usize) else { return Vec3::ZERO };
-        let Some(mover) = self.mover(row.object) else { return Vec3::ZERO };
-        let Some(Some(then)) = later.0.get(row.object as usize) else { return Vec3::ZERO };
-        let (from, _) = self.point(mover, row, triangle, uv, time);
-        let to = then.shape.as_ref().map_or(from, |then| then.point((row.number.into(), triangle, uv), time).0);
-        then.path.at(time).to_local(to) - mover.path.at(time).to_local(from)
-    }
     /// Checks that a scan from `start_time` on that takes `length`, s, lies in the time that the scene is prepared for.
     ///
     /// # Errors
@@ -332,11 +376,6 @@ impl Tables {
             }
             _ => Ok(()),
         }
-    }
-
-    /// Whether a surface (a row, or [`super::MISS`]) belongs to something that moves.
-    pub(crate) fn moves(&self, surface: u32) -> bool {
-        self.surfaces.rows.get(surface as usize).is_some_and(|row| self.mover(row.object).is_some())
     }
 
     /// The object of a row, if it moves.

@@ -6,6 +6,10 @@ use super::{CHILDREN, NODE, Node, Tree, greatest, least};
 /// Most triangles of a leaf.
 const LEAF: usize = 8;
 
+/// Runs of no more triangles become one node. Fewer would make more boxes, which take time to fit; more, leaves of too
+/// many triangles.
+const BOTTOM: usize = 100;
+
 /// Bins along each axis.
 const BINS: usize = 16;
 
@@ -88,7 +92,8 @@ impl Tree {
             vertices = corners.iter().fold(vertices, |most, &corner| most.max(corner as usize + 1));
         }
         let size = (0..3).map(|axis| all.upper[axis] - all.lower[axis]).sum::<f32>().max(0.0);
-        let mut tree = Tree { nodes: Vec::new(), triangles: Vec::with_capacity(items.len()), vertices, size };
+        let triangles_in_order = Vec::with_capacity(items.len());
+        let mut tree = Tree { nodes: Vec::new(), triangles: triangles_in_order, corners: Vec::new(), vertices, size };
         // Runs that become nodes, with the child of a node that each is, and their depth.
         let mut open = Vec::new();
         if !items.is_empty() {
@@ -103,7 +108,9 @@ impl Tree {
             }
             // Like beside like: a processor guesses what comes next.
             children[..count].sort_by_key(|run| (run.len() > LEAF, usize::MAX - run.len()));
-            let mut node = Node { first: [0; CHILDREN], count: [0; CHILDREN] };
+            let corners = [0; CHILDREN];
+            let first_corner = tree.corners.len() as u32;
+            let mut node = Node { first: [0; CHILDREN], count: [0; CHILDREN], first_corner, corners };
             for (child, run) in children[..count].iter().enumerate() {
                 if run.len() > LEAF {
                     node.count[child] = NODE;
@@ -114,6 +121,13 @@ impl Tree {
                 for item in &items[run.first..run.end] {
                     let [a, b, c] = triangles[item.triangle as usize];
                     tree.triangles.push([a, b, c, item.triangle]);
+                    for corner in [a, b, c] {
+                        let known = tree.corners.len() - usize::from(node.corners[child]);
+                        if !tree.corners[known..].contains(&corner) {
+                            tree.corners.push(corner);
+                            node.corners[child] += 1;
+                        }
+                    }
                 }
             }
             tree.nodes.push(node);
@@ -122,15 +136,17 @@ impl Tree {
     }
 }
 
-/// Splits `run` until there are enough children, always the one with the greatest area, or with `halves` the longest.
-/// Returns them and how many there are.
+/// Splits `run` until there are enough children, always the one with the greatest area, or with `halves` the longest;
+/// if it takes more than one node, until each child is small enough for one. Returns them and how many there are.
 fn divide(items: &mut [Item], run: Run, halves: bool) -> ([Run; CHILDREN], usize) {
     let mut children = [run; CHILDREN];
     let mut count = 1;
-    while count < CHILDREN {
-        // First what cannot be a leaf; single triangles stay.
+    let most = if run.len() > BOTTOM { BOTTOM } else { LEAF };
+    let is_small = |run: &Run| run.len() <= most;
+    while count < CHILDREN && !(most == BOTTOM && children[..count].iter().all(is_small)) {
+        // First what is too large; single triangles stay.
         let size = |run: &Run| if halves { run.len() as f32 } else { run.area };
-        let rank = |run: &Run| (run.len() > LEAF, if run.len() > 1 { size(run) } else { -1.0 });
+        let rank = |run: &Run| (!is_small(run), if run.len() > 1 { size(run) } else { -1.0 });
         let by = |a: &&mut Run, b: &&mut Run| rank(a).partial_cmp(&rank(b)).unwrap_or(std::cmp::Ordering::Equal);
         let Some(largest) = children[..count].iter_mut().max_by(by).filter(|run| run.len() > 1) else { break };
         let [left, right] = split(items, *largest, halves);

@@ -1,50 +1,52 @@
 //! Boxes around triangles where they are.
 
 use super::{Boxes, CHILDREN, FARTHEST, NODE, Node, greatest, least};
+use crate::level::kernels;
 
 /// By more than what rounding makes of a coordinate between two steps and seen from a ray.
 const SLACK: f32 = 1.0 / (1 << 21) as f32;
 
-/// Fits the boxes of all `nodes`, children before their parents. What takes time is to gather corners, for which wide
-/// vectors are of no use.
-pub fn fit(nodes: &[Node], triangles: &[[u32; 4]], positions: &[[f32; 3]], boxes: &mut [Boxes]) {
-    for (index, node) in nodes.iter().enumerate().rev() {
-        let mut lowers = [[FARTHEST; CHILDREN]; 3];
-        let mut uppers = [[-FARTHEST; CHILDREN]; 3];
-        for child in 0..CHILDREN {
-            let (first, count) = (node.first[child] as usize, node.count[child]);
-            if count == NODE {
-                let [of_lower, of_upper] = &boxes[first].bounds;
-                for axis in 0..3 {
-                    lowers[axis][child] = extreme(&of_lower[axis], least);
-                    uppers[axis][child] = extreme(&of_upper[axis], greatest);
-                }
-                continue;
-            }
-            if count == 0 {
-                break;
-            }
-            let (mut lower, mut upper) = ([FARTHEST; 3], [-FARTHEST; 3]);
-            for &[a, b, c, _] in &triangles[first..first + usize::from(count)] {
-                let (a, b, c) = (&positions[a as usize], &positions[b as usize], &positions[c as usize]);
-                for axis in 0..3 {
-                    let (a, b, c) = (a[axis], b[axis], c[axis]);
-                    lower[axis] = least(a, least(b, least(c, lower[axis])));
-                    upper[axis] = greatest(a, greatest(b, greatest(c, upper[axis])));
-                }
-            }
-            for axis in 0..3 {
-                lowers[axis][child] = lower[axis];
-                uppers[axis][child] = upper[axis];
-            }
-        }
-        let fitted = &mut boxes[index].bounds;
-        for axis in 0..3 {
+kernels! {
+    /// Fits the boxes of all `nodes`, children before their parents.
+    pub fn fit(nodes: &[Node], corners: &[u32], positions: &[[f32; 4]], boxes: &mut [Boxes]) {
+        for (index, node) in nodes.iter().enumerate().rev() {
+            // Corners with a fourth number: one register each.
+            let mut lowers = [[FARTHEST; 4]; CHILDREN];
+            let mut uppers = [[-FARTHEST; 4]; CHILDREN];
+            let mut first_corner = node.first_corner as usize;
             for child in 0..CHILDREN {
-                let (lower, upper) = (lowers[axis][child], uppers[axis][child]);
-                let slack = (lower.abs() + upper.abs()) * SLACK;
-                fitted[0][axis][child] = greatest(lower - slack, -FARTHEST);
-                fitted[1][axis][child] = least(upper + slack, FARTHEST);
+                let (first, count) = (node.first[child] as usize, node.count[child]);
+                if count == NODE {
+                    let [of_lower, of_upper] = &boxes[first].bounds;
+                    for axis in 0..3 {
+                        lowers[child][axis] = extreme(&of_lower[axis], least);
+                        uppers[child][axis] = extreme(&of_upper[axis], greatest);
+                    }
+                    continue;
+                }
+                if count == 0 {
+                    break;
+                }
+                let (mut lower, mut upper) = ([FARTHEST; 4], [-FARTHEST; 4]);
+                let end = first_corner + usize::from(node.corners[child]);
+                for &corner in &corners[first_corner..end] {
+                    let place = &positions[corner as usize];
+                    for axis in 0..4 {
+                        lower[axis] = least(place[axis], lower[axis]);
+                        upper[axis] = greatest(place[axis], upper[axis]);
+                    }
+                }
+                first_corner = end;
+                (lowers[child], uppers[child]) = (lower, upper);
+            }
+            let fitted = &mut boxes[index].bounds;
+            for axis in 0..3 {
+                for child in 0..CHILDREN {
+                    let (lower, upper) = (lowers[child][axis], uppers[child][axis]);
+                    let slack = (lower.abs() + upper.abs()) * SLACK;
+                    fitted[0][axis][child] = greatest(lower - slack, -FARTHEST);
+                    fitted[1][axis][child] = least(upper + slack, FARTHEST);
+                }
             }
         }
     }

@@ -23,6 +23,8 @@ pub struct Tree {
     nodes: Vec<Node>,
     /// Corners and number of every triangle, those of a leaf one after the other.
     triangles: Vec<[u32; 4]>,
+    /// Corners of the triangles of each leaf, each of them once; those of the leaves of a node one after the other.
+    corners: Vec<u32>,
     /// One more than the greatest corner.
     vertices: usize,
     /// Length, width and height at rest together.
@@ -35,6 +37,10 @@ struct Node {
     first: [u32; CHILDREN],
     /// Triangles of each child that is a leaf, [`NODE`] of any other, 0 where there is none.
     count: [u8; CHILDREN],
+    /// Where the corners of its leaves begin.
+    first_corner: u32,
+    /// How many each child has that is a leaf.
+    corners: [u8; CHILDREN],
 }
 
 const NODE: u8 = u8::MAX;
@@ -52,8 +58,8 @@ const NOTHING: Boxes = Boxes { bounds: [[[FARTHEST; CHILDREN]; 3], [[-FARTHEST; 
 /// A mesh at one moment.
 #[derive(Clone, Debug, Default)]
 pub struct Step {
-    /// Where its vertices are.
-    pub positions: Vec<[f32; 3]>,
+    /// Where its vertices are; the fourth number, of any value, makes each a whole register.
+    pub positions: Vec<[f32; 4]>,
     /// What [`Tree::fit`] makes of them.
     pub boxes: Vec<Boxes>,
 }
@@ -61,12 +67,12 @@ pub struct Step {
 impl Tree {
     /// Fits `boxes` to the vertices at these `positions`; takes memory the first time only. With fewer positions than
     /// the triangles need, rays hit nothing.
-    pub fn fit(&self, positions: &[[f32; 3]], boxes: &mut Vec<Boxes>) {
+    pub fn fit(&self, positions: &[[f32; 4]], boxes: &mut Vec<Boxes>) {
         boxes.resize(self.nodes.len(), NOTHING);
         if positions.len() < self.vertices {
             boxes.fill(NOTHING);
         } else {
-            fit::fit(&self.nodes, &self.triangles, positions, boxes);
+            fit::fit(&self.nodes, &self.corners, positions, boxes);
         }
     }
 

@@ -27,7 +27,8 @@ struct Scene {
     b: Step,
 }
 
-fn step(tree: &Tree, positions: Vec<[f32; 3]>) -> Step {
+fn step(tree: &Tree, positions: &[[f32; 3]]) -> Step {
+    let positions: Vec<_> = positions.iter().map(|&[x, y, z]| [x, y, z, f32::NAN]).collect();
     let mut boxes = Vec::new();
     tree.fit(&positions, &mut boxes);
     Step { positions, boxes }
@@ -35,7 +36,7 @@ fn step(tree: &Tree, positions: Vec<[f32; 3]>) -> Step {
 
 fn scene(rest: &[[f32; 3]], triangles: Vec<[u32; 3]>, a: Vec<[f32; 3]>, b: Vec<[f32; 3]>) -> Scene {
     let tree = Tree::new(rest, &triangles);
-    let (a, b) = (step(&tree, a), step(&tree, b));
+    let (a, b) = (step(&tree, &a), step(&tree, &b));
     Scene { tree, triangles, a, b }
 }
 
@@ -353,7 +354,9 @@ fn hostile_meshes_and_rays_are_harmless() {
         for lane in 0..RAYS {
             let corners = scene.triangles[traced.triangle[lane] as usize];
             for step in [&scene.a, &scene.b] {
-                assert!(corners.iter().all(|&corner| step.positions[corner as usize].iter().all(|at| at.is_finite())));
+                assert!(
+                    corners.iter().all(|&corner| step.positions[corner as usize][..3].iter().all(|at| at.is_finite()))
+                );
             }
             assert!(traced.far[lane] <= 2.000_01);
         }
@@ -396,7 +399,7 @@ fn steps_that_do_not_fit_hit_nothing() {
         assert_eq!(intersect(&tree, a, b, &mut packet, !0, None), 0);
     }
     // Too few positions.
-    let short = step(&tree, a.positions[..7].to_vec());
+    let short = step(&tree, &[[1.0; 3]; 7]);
     assert_eq!(occluded(&tree, &short, &short, &packet, !0, None), 0);
     // Memory is taken once, and boxes hold all corners.
     let mut boxes = a.boxes.clone();

@@ -287,7 +287,7 @@ fn pass<const ANY: bool, const MOVES: bool>(
                 continue;
             }
             let (node, child) = (place as usize / CHILDREN, place as usize % CHILDREN);
-            let Node { first, count } = &tree.nodes[node];
+            let Node { first, count, .. } = &tree.nodes[node];
             let (first, count) = (first[child] as usize, count[child]);
             if count == NODE {
                 break first;
@@ -491,7 +491,7 @@ fn touches<const MOVES: bool>(a: &Boxes, b: &Boxes, child: usize, beam: &Beam, a
 /// triangles see their common edge with exactly opposite signs, so that no ray passes between them.
 #[inline(always)]
 fn meet<const ANY: bool, const MOVES: bool>(
-    corners: [[&[f32; 3]; 2]; 3],
+    corners: [[&[f32; 4]; 2]; 3],
     triangle: u32,
     beam: &mut Beam,
     axes: [usize; 3],

@@ -414,7 +414,9 @@ impl Follower {
             };
             let [behind, beyond] = if around.motion {
                 let time = rays.time[lane];
-                let velocity = around.scene.velocity(surface, hits.triangle[lane], [hits.u[lane], hits.v[lane]], time);
+                let uv = [hits.u[lane], hits.v[lane]];
+                let movement = around.scene.movement(None, surface, hits.triangle[lane], uv, time);
+                let velocity = movement.map_or(Vec3::ZERO, |movement| movement.velocity);
                 let onward = Vec3::from(refracted.direction.each_ref().map(|axis| axis[lane]));
                 let image = images[way.image as usize];
                 let seen = [image.in_mirror(hits.normal(lane), velocity), image.through(direction, onward)];

@@ -225,7 +225,7 @@ impl<'a> Scan<'a> {
                 wants_normals: wants_echo || fields.contains_any(&normals),
                 wants_surfaces: wants_echo || fields.contains_any(&LABELS) || colors,
                 wanted: Wanted { colors, reflectance: wants_echo },
-                later: fields.contains_any(&FLOW).then(|| scene.later(frame_period)).transpose()?,
+                later: if fields.contains_any(&FLOW) { scene.later(frame_period)? } else { None },
                 motion: scene.span.is_some() && fields.contains_any(&MOVING),
             },
             measure: Measuring {

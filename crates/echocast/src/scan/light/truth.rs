@@ -6,6 +6,7 @@ use crate::cloud::Slices;
 use crate::detect::Returns;
 use crate::ground::cause::Cause;
 use crate::ground::lanes::LANES;
+use crate::trace::Movement;
 use glam::Vec3;
 
 impl Block {
@@ -17,22 +18,18 @@ impl Block {
         let mut velocity = [[0.0; LANES]; 3];
         let mut flow = [[0.0; LANES]; 3];
         if scan.world.motion {
-            let period = scan.frame_period as f32;
+            let (later, period) = (scan.world.later.as_ref(), scan.frame_period as f32);
             for lane in 0..count {
-                let hit = (surface[lane], hits.triangle[lane], [hits.u[lane], hits.v[lane]]);
                 let seen = images.as_ref().filter(|_| answer.bounces[lane] > 0).map(|images| &images[lane]);
-                let moves = scene.moves(surface[lane]);
-                if !moves && seen.is_none() {
-                    continue;
-                }
+                let uv = [hits.u[lane], hits.v[lane]];
+                let own = scene.movement(later, surface[lane], hits.triangle[lane], uv, rays.time[lane]);
+                let Some(own) = own.or(seen.map(|_| Movement::default())) else { continue };
                 let set = |columns: &mut [[f32; LANES]; 3], value: Vec3| {
                     columns.iter_mut().zip(value.to_array()).for_each(|(column, value)| column[lane] = value);
                 };
-                let own = scene.velocity(hit.0, hit.1, hit.2, rays.time[lane]);
-                set(&mut velocity, seen.map_or(own, |image| image.velocity(own)));
-                if let Some(later) = &scan.world.later {
-                    let own = scene.flow(later, hit.0, hit.1, hit.2, rays.time[lane]);
-                    set(&mut flow, seen.map_or(own, |image| image.way(own, period)));
+                set(&mut velocity, seen.map_or(own.velocity, |image| image.velocity(own.velocity)));
+                if later.is_some() {
+                    set(&mut flow, seen.map_or(own.flow, |image| image.way(own.flow, period)));
                 }
             }
         }

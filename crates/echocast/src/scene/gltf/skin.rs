@@ -98,7 +98,7 @@ impl Skeleton {
         };
         let moves = joints.iter().any(|&joint| nodes.tree.get(joint).moves);
         let world_from_joints = Arc::new(joints.iter().map(|&joint| nodes.tree.get(joint).world_from_node).collect());
-        let skin = Arc::new(Skin { joints: Vec::new(), joint_from_mesh });
+        let skin = Arc::new(Skin::new(Vec::new(), joint_from_mesh));
         Ok(Skeleton { skin, joints: Arc::new(joints), world_from_joints, moves })
     }
 }
