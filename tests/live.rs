@@ -2,7 +2,7 @@
 
 use echocast::cloud::FIELDS;
 use echocast::material::Reflectance;
-use echocast::scene::{Material, Mesh, Object, Part};
+use echocast::scene::{Array, Material, Mesh, Object, Part};
 use echocast::{
     BuiltScene, Engine, FieldSet, LiveScene, ObjectId, PointCloud, Pose, ScanOptions, Scene, Sensor, Trajectory,
 };
@@ -486,4 +486,92 @@ fn scans_and_edits_run_beside_each_other() {
         }
         done.store(true, Ordering::Relaxed);
     });
+}
+
+/// Corners of a ball whose centre is at `x`.
+fn ball_at(x: f32) -> Array<[f32; 3]> {
+    let corners = Shape::sphere(1.0, 16).positions;
+    corners.into_iter().map(|[from, y, z]| [from + x, y, z]).collect::<Vec<_>>().into()
+}
+
+/// Lowest and highest value of a column.
+fn ends(column: &[f32]) -> [f32; 2] {
+    column.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], &value| [low.min(value), high.max(value)])
+}
+
+#[test]
+fn vertices_move_while_they_are_scanned() {
+    let mut live = LiveScene::new(&Engine::new().unwrap());
+    let object = live.add(Object::new("ball", ball())).unwrap();
+    let options = ScanOptions { frame_period: Some(0.5), ..ScanOptions::default() };
+    let motion = |live: &mut LiveScene, start: f64| {
+        live.set_time(start, 0.1).unwrap();
+        let options = ScanOptions { start_time: start, fields: FieldSet::all(), ..options.clone() };
+        live.commit().unwrap().scan(&sensor(), &Trajectory::fixed(Pose::IDENTITY), &options).unwrap().columns
+    };
+    // Twice: the second time begins where the first ended, with other vertices.
+    for (start, speed) in [(0.0, 2.0), (1.0, -3.0)] {
+        let keys = [start, start + 1.0].map(|time| (time, ball_at(5.0 + ((time - start) * speed) as f32)));
+        live.set_vertex_motion(object, &keys).unwrap();
+        live.set_time(start + 0.25, 0.0).unwrap();
+        assert!(close(ahead(&live.commit().unwrap()), (4.0 + 0.25 * speed) as f32));
+        let columns = motion(&mut live, start + 0.25);
+        for (column, expected) in [(&columns.velocity_x, speed), (&columns.flow_x, 0.5 * speed)] {
+            assert!(ends(column).iter().all(|value| (value - expected as f32).abs() < 1e-4), "{:?}", ends(column));
+        }
+        assert!(ends(&columns.velocity_y).iter().all(|value| value.abs() < 1e-4));
+        // It has stopped, at its last key.
+        let columns = motion(&mut live, start + 2.0);
+        assert_eq!((ends(&columns.velocity_x), ends(&columns.flow_x)), ([0.0; 2], [0.0; 2]));
+    }
+    // Elsewhere its vertices go on to move, and on its way too.
+    live.set_pose(object, at(10.0, 0.0, 0.0)).unwrap();
+    live.set_time(1.25, 0.0).unwrap();
+    assert!(close(ahead(&live.commit().unwrap()), 14.0 - 0.75));
+    live.set_motion(object, &[(0.0, at(0.0, 0.0, 0.0)), (2.0, at(0.0, 2.0, 0.0))]).unwrap();
+    let columns = motion(&mut live, 1.25);
+    assert!(ends(&columns.velocity_x).iter().all(|value| (value + 3.0).abs() < 1e-4));
+    assert!(ends(&columns.velocity_y).iter().all(|value| (value - 1.0).abs() < 1e-4));
+    // What is wrong changes nothing.
+    let keys = |times: &[f64]| times.iter().map(|&time| (time, ball_at(9.0))).collect::<Vec<_>>();
+    let mut other = keys(&[0.0, 1.0]);
+    other[1].1 = vec![[0.0; 3]; 3].into();
+    let mut nowhere = keys(&[0.0]);
+    nowhere[0].1 = nowhere[0].1.iter().map(|_| [f32::NAN; 3]).collect::<Vec<_>>().into();
+    for (wrong, expected) in [
+        (vec![], "keys"),
+        (keys(&[0.0, 0.0]), "time of key 1"),
+        (keys(&[f64::NAN]), "time of key 0"),
+        (other, "positions of key 1"),
+        (nowhere, "vertex 0 of key 0"),
+    ] {
+        let error = live.set_vertex_motion(object, &wrong).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}");
+    }
+    assert_eq!(motion(&mut live, 1.25).velocity_x, columns.velocity_x);
+}
+
+#[test]
+fn what_stands_now_may_flow() {
+    let mut live = LiveScene::new(&Engine::new().unwrap());
+    let objects = [0.0, 180.0_f64].map(|side| {
+        let place = DVec3::new(8.0 * side.to_radians().cos(), 0.0, 0.0);
+        let object = live.add(Object::new("ball", ball())).unwrap();
+        (object, place)
+    });
+    for ((object, place), way) in objects.into_iter().zip([10.0, 0.0]) {
+        let keys = [(0.0, 0.0), (1.0, 0.0), (2.0, way)].map(|(time, y)| (time, at(place.x, y, 0.0)));
+        live.set_motion(object, &keys).unwrap();
+    }
+    live.set_time(0.85, 0.1).unwrap();
+    let options =
+        ScanOptions { start_time: 0.85, frame_period: Some(0.1), fields: FieldSet::all(), ..ScanOptions::default() };
+    let built = live.commit().unwrap();
+    let columns = built.scan(&sensor(), &Trajectory::fixed(Pose::IDENTITY), &options).unwrap().columns;
+    for row in 0..columns.x.len() {
+        let flow = [columns.flow_x[row], columns.flow_y[row], columns.flow_z[row]];
+        let expected = if columns.x[row] > 0.0 { 10.0 * (columns.time[row] + 0.1 - 1.0).max(0.0) as f32 } else { 0.0 };
+        assert!((flow[1] - expected).abs() < 1e-4 && flow[0].abs() < 1e-5 && flow[2] == 0.0, "{flow:?} {expected}");
+        assert_eq!(columns.velocity_y[row], 0.0);
+    }
 }

@@ -8,7 +8,8 @@
 //! Blender's glTF exporter places frame f at f / fps seconds, and so does [`Cache::open`] for PC2, which counts frames.
 //! Blender's MDD exporter counts seconds from the first frame that it exports, whichever that is.
 
-use super::curve::bends_of;
+use super::curve::{bends_of, most_bends_of};
+use crate::ground::array::Array;
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
 use crate::read::{self, Limit};
@@ -28,15 +29,28 @@ const MOST_SAMPLES: usize = 1_000_000;
 /// Largest magnitude of a coordinate, as in scene files.
 const LARGEST: f32 = 1e18;
 
-/// The positions of a mesh's vertices at certain times, in a file.
+/// The positions of a mesh's vertices at certain times.
 #[derive(Debug)]
 pub(crate) struct Cache {
     /// When each sample holds, s, rising.
     pub times: Vec<f64>,
-    /// Vertices of each sample in the file.
-    pub vertices: usize,
     /// After how many seconds it starts again; `None`: it holds its last sample.
     pub period: Option<f64>,
+    samples: Samples,
+}
+
+/// The positions of each sample of a cache.
+#[derive(Debug)]
+enum Samples {
+    Held(Vec<Array<[f32; 3]>>),
+    File(Box<Baked>),
+}
+
+/// Samples in a file.
+#[derive(Debug)]
+struct Baked {
+    /// Vertices of each.
+    vertices: usize,
     /// For each vertex of the mesh which of the file's it is; `None`: they are the same, in order.
     order: Option<Vec<u32>>,
     /// The mesh's origin in the file's coordinates.
@@ -102,10 +116,8 @@ impl Cache {
         let file = file.into_inner();
         let state = state(&file).map_err(|source| Error::io(path, source))?;
         let recent = Recent { file, samples: Default::default(), unordered: Vec::new() };
-        Ok(Cache {
-            times,
+        let baked = Baked {
             vertices: points,
-            period: None,
             order: None,
             origin: DVec3::ZERO,
             path: path.to_owned(),
@@ -113,14 +125,36 @@ impl Cache {
             big_endian,
             state,
             recent: Mutex::new(recent),
-        })
+        };
+        Ok(Cache { times, period: None, samples: Samples::File(Box::new(baked)) })
+    }
+
+    /// Of samples at rising `times`, s; as many of both, with as many vertices each.
+    pub(crate) fn held(times: Vec<f64>, samples: Vec<Array<[f32; 3]>>) -> Cache {
+        Cache { times, period: None, samples: Samples::Held(samples) }
+    }
+
+    /// Whether its samples are in a file.
+    pub(crate) fn is_read(&self) -> bool {
+        matches!(self.samples, Samples::File(_))
+    }
+
+    /// Vertices of each sample, in the file if they are in one.
+    pub(crate) fn vertices(&self) -> usize {
+        match &self.samples {
+            Samples::Held(samples) => samples[0].len(),
+            Samples::File(baked) => baked.vertices,
+        }
     }
 
     /// The same for a mesh whose origin is at `origin` in the file's coordinates, and whose vertices are those of the file
     /// that `order` says, all below [`Cache::vertices`].
     #[must_use]
-    pub(crate) fn placed(self, order: Option<Vec<u32>>, origin: DVec3) -> Cache {
-        Cache { order, origin, ..self }
+    pub(crate) fn placed(mut self, order: Option<Vec<u32>>, origin: DVec3) -> Cache {
+        if let Samples::File(baked) = &mut self.samples {
+            (baked.order, baked.origin) = (order, origin);
+        }
+        self
     }
 
     /// Whether it has the same positions at all times from `from` to `to`, s.
@@ -134,6 +168,11 @@ impl Cache {
         bends_of(&self.times, self.period, from, to, bends);
     }
 
+    /// No fewer times than [`Cache::bends`] adds.
+    pub(crate) fn most_bends(&self, from: f64, to: f64) -> f64 {
+        most_bends_of(&self.times, self.period, from, to)
+    }
+
     /// The positions at `time`, s, one for each vertex of the mesh, m, in its frame: linear between samples, those of the
     /// first before it and of the last after it.
     ///
@@ -143,20 +182,46 @@ impl Cache {
         let time = self.period.map_or(time, |period| time.rem_euclid(period));
         let before = self.times.partition_point(|sample| *sample <= time).saturating_sub(1);
         let after = before + 1;
+        let part = match self.times.get(after) {
+            Some(next) if time > self.times[before] => {
+                Some(((time - self.times[before]) / (next - self.times[before])) as f32)
+            }
+            _ => None,
+        };
+        match &self.samples {
+            Samples::Held(samples) => {
+                let to = part.map(|part| (&*samples[after], part));
+                positions.clear();
+                positions.extend(blend(&samples[before], to));
+                Ok(())
+            }
+            Samples::File(baked) => baked.at(before, part, positions),
+        }
+    }
+}
+
+/// Positions on the way from one sample to another, of which a part has passed.
+fn blend<'a>(from: &'a [[f32; 3]], to: Option<(&'a [[f32; 3]], f32)>) -> impl Iterator<Item = [f32; 3]> + 'a {
+    let (to, part) = to.unwrap_or((from, 0.0));
+    // On the way from a place to itself rounding changes nothing.
+    from.iter().zip(to).map(move |(&from, &to)| Vec3::from(from).lerp(to.into(), part).to_array())
+}
+
+impl Baked {
+    /// The positions when `part` of the time from sample `before` to the next has passed, or those of that one.
+    fn at(&self, before: usize, part: Option<f32>, positions: &mut Vec<[f32; 3]>) -> Result<()> {
+        let after = before + 1;
         // After a panic at worst a sample is read again.
         let recent = &mut *self.recent.lock().unwrap_or_else(PoisonError::into_inner);
         let from = self.slot(recent, before, after)?;
-        let between = time > self.times[before] && after < self.times.len();
-        let to = if between { self.slot(recent, after, before)? } else { from };
-        let [from, to] = [from, to].map(|slot| recent.samples[slot].positions.as_slice());
+        let to = match part {
+            Some(part) => Some((self.slot(recent, after, before)?, part)),
+            None => None,
+        };
         positions.clear();
-        reserve(&self.path, positions, from.len())?;
-        if between {
-            let part = ((time - self.times[before]) / (self.times[after] - self.times[before])) as f32;
-            positions.extend(from.iter().zip(to).map(|(&from, &to)| Vec3::from(from).lerp(to.into(), part).to_array()));
-        } else {
-            positions.extend_from_slice(from);
-        }
+        reserve(&self.path, positions, recent.samples[from].positions.len())?;
+        let to = to.map(|(slot, part)| (recent.samples[slot].positions.as_slice(), part));
+        positions.extend(blend(&recent.samples[from].positions, to));
         Ok(())
     }
 
@@ -393,7 +458,7 @@ mod tests {
     fn mdd_holds_seconds() {
         let folder = Folder::new();
         let cache = Cache::open(&folder.write("a.MDD", &mdd_bytes(&[-0.5, 0.25, 4.0], &[&A, &B, &C])), None).unwrap();
-        assert_eq!((cache.times.as_slice(), cache.vertices), (&[-0.5, 0.25, 4.0][..], 2));
+        assert_eq!((cache.times.as_slice(), cache.vertices()), (&[-0.5, 0.25, 4.0][..], 2));
         for (time, sample) in [(-0.5, A), (0.25, B), (4.0, C), (-9.0, A), (1e300, C), (f64::NAN, A)] {
             assert_eq!(at(&cache, time), sample, "{time}");
         }
@@ -406,7 +471,7 @@ mod tests {
         // As Blender's glTF exporter has it, frame 1 is 1 / 24 s after time 0.
         assert_eq!(Cache::open(&path, None).unwrap().times, [1.0 / 24.0, 1.5 / 24.0, 2.0 / 24.0]);
         let cache = Cache::open(&path, Some(10.0)).unwrap();
-        assert_eq!((cache.times.as_slice(), cache.vertices), (&[0.1, 0.15, 0.2][..], 2));
+        assert_eq!((cache.times.as_slice(), cache.vertices()), (&[0.1, 0.15, 0.2][..], 2));
         assert_eq!([at(&cache, 0.0), at(&cache, 0.15), at(&cache, 0.3)], [A, B, C]);
         let one = Cache::open(&folder.write("b.pc2", &pc2_bytes(-3.0, 0.0, &[&C])), None).unwrap();
         assert_eq!((one.times.as_slice(), at(&one, 0.0)), (&[-0.125][..], C.to_vec()));
@@ -442,7 +507,8 @@ mod tests {
         let cache = Cache::open(&path, None).unwrap();
         let known = |time| {
             at(&cache, time);
-            let mut known = cache.recent.lock().unwrap().samples.each_ref().map(|sample| sample.index);
+            let Samples::File(baked) = &cache.samples else { unreachable!() };
+            let mut known = baked.recent.lock().unwrap().samples.each_ref().map(|sample| sample.index);
             known.sort();
             known
         };

@@ -97,6 +97,9 @@ impl Curve {
     }
 }
 
+/// Most times at which something may bend during one scan.
+pub(crate) const MOST_BENDS: f64 = 1e7;
+
 /// A curve as it is played.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Track {
@@ -141,13 +144,25 @@ impl Track {
 
     /// No fewer times than [`Track::bends`] adds.
     pub(crate) fn most_bends(&self, from: f64, to: f64) -> f64 {
-        rounds(self.period, from, to) * (self.curve.times.len() + 1) as f64
+        most_bends_of(&self.curve.times, self.period, from, to)
     }
 }
 
 /// In how many rounds the times between `from` and `to`, s, may lie.
 fn rounds(period: Option<f64>, from: f64, to: f64) -> f64 {
     period.map_or(1.0, |period| ((to - from) / period).ceil() + 1.0)
+}
+
+/// No fewer times than [`bends_of`] adds.
+pub(super) fn most_bends_of(times: &[f64], period: Option<f64>, from: f64, to: f64) -> f64 {
+    let within = |from: f64, to: f64| {
+        let first = times.partition_point(|key| *key <= from);
+        times.partition_point(|key| *key < to).saturating_sub(first)
+    };
+    match period {
+        None => within(from, to) as f64,
+        Some(_) => rounds(period, from, to) * (times.len() + 1) as f64,
+    }
 }
 
 /// Adds those of `times` that lie between `from` and `to`, s, repeated with the `period`, in no order.

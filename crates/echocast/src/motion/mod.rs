@@ -10,7 +10,7 @@ mod shape;
 mod timeline;
 
 pub(crate) use cache::{Cache, FPS};
-pub(crate) use curve::{Curve, Interpolation, Track};
+pub(crate) use curve::{Curve, Interpolation, MOST_BENDS, Track};
 pub(crate) use path::{Path, Span};
 pub(crate) use shape::{Layout, PartVertices, Pull, Shape, Skin, Target, Vertices};
 pub use timeline::Timeline;

@@ -54,8 +54,11 @@ pub(crate) struct Span {
 }
 
 impl Path {
+    const PIECE_BYTES: usize = size_of::<Piece>() + size_of::<u32>();
+
     /// Along `world_from_object`, where the object can be seen at a time if `visible`, and may bend or jump at `bends`,
-    /// in any order. `bounds` is the box of the object's mesh; `origin` the scene's.
+    /// in any order. `bounds` is the box of the object's mesh; `origin` the scene's. `None`: its pieces take more than
+    /// `most_bytes`.
     pub(crate) fn new(
         span: Span,
         mut bends: Vec<f64>,
@@ -63,7 +66,8 @@ impl Path {
         origin: DVec3,
         world_from_object: impl Fn(f64) -> DAffine3,
         visible: impl Fn(f64) -> bool,
-    ) -> Path {
+        most_bytes: usize,
+    ) -> Option<Path> {
         let Span { start, length } = span;
         bends.push(start);
         bends.push(start + length);
@@ -90,6 +94,9 @@ impl Path {
                     piece.at_part(part as f32).is_near(&exact, &marks)
                 });
                 if near || depth == MOST_CUTS {
+                    if pieces.len() >= most_bytes / Path::PIECE_BYTES {
+                        return None;
+                    }
                     pieces.push(piece);
                 } else {
                     cuts.push((middle, to, depth + 1));
@@ -107,7 +114,12 @@ impl Path {
             }
             first.push(piece as u32);
         }
-        Path { pieces, first }
+        Some(Path { pieces, first })
+    }
+
+    /// Memory that it takes.
+    pub(crate) fn bytes(&self) -> usize {
+        self.pieces.len() * Path::PIECE_BYTES
     }
 
     /// The piece that `time`, 0 to 1, lies in.
@@ -340,7 +352,7 @@ mod tests {
     const CUBE: [[f32; 3]; 2] = [[-1.0; 3], [1.0; 3]];
 
     fn path(span: Span, bends: &[f64], pose: impl Fn(f64) -> DAffine3) -> Path {
-        Path::new(span, bends.to_vec(), CUBE, DVec3::ZERO, pose, |_| true)
+        Path::new(span, bends.to_vec(), CUBE, DVec3::ZERO, pose, |_| true, usize::MAX).unwrap()
     }
 
     /// Every corner at every time, against the exact pose; and no box is left.
@@ -415,14 +427,21 @@ mod tests {
     }
 
     #[test]
+    fn noise_does_not_take_all_memory() {
+        let noise = |time: f64| DAffine3::from_translation(DVec3::X * (1e9 * time).sin());
+        let span = Span { start: 0.0, length: 1.0 };
+        assert!(Path::new(span, vec![], CUBE, DVec3::ZERO, noise, |_| true, 1 << 20).is_none());
+    }
+
+    #[test]
     fn what_is_not_seen_has_no_box() {
         let span = Span { start: 0.0, length: 1.0 };
         let still = |_| DAffine3::IDENTITY;
-        let path = Path::new(span, vec![0.5], CUBE, DVec3::ZERO, still, |time| time > 0.5);
+        let path = Path::new(span, vec![0.5], CUBE, DVec3::ZERO, still, |time| time > 0.5, usize::MAX).unwrap();
         assert!(!path.piece(0.2).is_visible() && path.piece(0.7).is_visible());
         let boxes = path.boxes(2, &[], |_| CUBE);
         assert!(boxes[0][0][0] <= -1.0 && boxes[1][1][0] >= 1.0);
-        let never = Path::new(span, vec![], CUBE, DVec3::ZERO, still, |_| false);
+        let never = Path::new(span, vec![], CUBE, DVec3::ZERO, still, |_| false, usize::MAX).unwrap();
         assert!(never.boxes(2, &[], |_| CUBE).iter().all(|[low, high]| low[0] > high[0]));
     }
 }

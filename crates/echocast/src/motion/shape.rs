@@ -1,7 +1,7 @@
 //! Meshes that change their shape: skins, morph targets, caches.
 
 use super::timeline::Branch;
-use super::{Cache, Span, Timeline, Track};
+use super::{Cache, MOST_BENDS, Span, Timeline, Track};
 use crate::ground::array::Array;
 use crate::ground::math::cofactors;
 use echocast_kernels::tree::Tree;
@@ -100,6 +100,13 @@ pub(crate) struct Skin {
 }
 
 impl Shape {
+    /// Of so many `parts` that share their vertices, those of `cache`, at rest at `positions`.
+    pub(crate) fn baked(parts: usize, positions: &Array<[f32; 3]>, cache: Cache) -> Shape {
+        let part = PartVertices { positions: positions.clone(), ..PartVertices::default() };
+        let vertices = Arc::new(Vertices::new(vec![part; parts]));
+        Shape { vertices, weights: Vec::new(), weights_track: None, skin: None, cache: Some(Arc::new(cache)) }
+    }
+
     /// Weights of the morph targets at `time`, s.
     pub(crate) fn weights_at(&self, time: f64) -> Vec<f64> {
         let mut weights = self.weights.clone();
@@ -156,19 +163,24 @@ impl Shape {
     }
 
     /// Times, s, from the start to the end of `span`, between which no vertex is farther than `tolerance` m from the
-    /// straight line between its places at both, and what pulls them then; `world_from_object` as in [`Shape::pose`].
+    /// straight line between its places at both, and what pulls them then; `world_from_object` as in
+    /// [`Shape::pose`]. `None`: more than `most`, at least 1.
     pub(crate) fn steps(
         &self,
         timeline: &Timeline,
         span: Span,
         world_from_object: &DAffine3,
         tolerance: f64,
-    ) -> Vec<(f64, Pull)> {
+        most: usize,
+    ) -> Option<Vec<(f64, Pull)>> {
         let (start, end) = (span.start, span.start + span.length);
         let pull = |time: f64| self.pull(timeline, time, world_from_object);
         let mut steps = vec![(start, pull(start))];
         if self.stays(timeline, start, end) {
-            return steps;
+            return Some(steps);
+        }
+        if self.most_bends(timeline, start, end) > MOST_BENDS {
+            return None;
         }
         let mut bends = Vec::new();
         self.cache.iter().for_each(|cache| cache.bends(start, end, &mut bends));
@@ -190,6 +202,9 @@ impl Shape {
                 let middle = 0.5 * (from + to);
                 let error = self.error(a, &pull(middle), &b);
                 if error <= tolerance || to - from <= SHORTEST_S {
+                    if steps.len() >= most {
+                        return None;
+                    }
                     steps.push((to, b));
                     continue;
                 }
@@ -207,7 +222,21 @@ impl Shape {
                 ends.extend((1..parts).rev().map(|part| (cut(part), pull(cut(part)))));
             }
         }
-        steps
+        Some(steps)
+    }
+
+    /// No fewer times than those at which it may bend between `from` and `to`, s.
+    fn most_bends(&self, timeline: &Timeline, from: f64, to: f64) -> f64 {
+        let cache = self.cache.as_ref().map_or(0.0, |cache| cache.most_bends(from, to));
+        let weights = self.weights_track.as_ref().map_or(0.0, |track| track.most_bends(from, to));
+        cache + weights + self.skin.as_ref().map_or(0.0, |skin| skin.branch(timeline).most_bends(timeline, from, to))
+    }
+
+    /// Memory of what pulls it at one time.
+    pub(crate) fn pull_bytes(&self) -> usize {
+        size_of::<Pull>()
+            + self.weights.len() * size_of::<f64>()
+            + self.skin.as_ref().map_or(0, |skin| skin.joints.len() * size_of::<DAffine3>())
     }
 
     /// How far at most vertices pulled by `middle` are from the middle of where `a` and `b` pull them, m.
@@ -242,6 +271,11 @@ impl Shape {
 }
 
 impl Layout {
+    /// Memory of one step.
+    pub(crate) fn step_bytes(&self) -> usize {
+        self.vertices * size_of::<[f32; 4]>() + self.tree.box_bytes()
+    }
+
     /// Part and triangle of the part that a `triangle` of all is.
     pub(crate) fn of(&self, triangle: u32) -> (usize, u32) {
         let part = self.first_triangle.partition_point(|first| *first <= triangle) - 1;

@@ -63,6 +63,11 @@ impl Branch {
     pub(crate) fn bends(&self, timeline: &Timeline, from: f64, to: f64, bends: &mut Vec<f64>) {
         self.tracks(timeline).for_each(|track| track.bends(from, to, bends));
     }
+
+    /// No fewer times than [`Branch::bends`] adds.
+    pub(crate) fn most_bends(&self, timeline: &Timeline, from: f64, to: f64) -> f64 {
+        self.tracks(timeline).map(|track| track.most_bends(from, to)).sum()
+    }
 }
 
 impl Default for Rest {
@@ -81,8 +86,9 @@ impl Node {
         let vector =
             |track: &Option<Track>, rest| track.as_ref().map_or(rest, |track| DVec3::from_array(track.value(time)));
         let rotation = self.rotation.as_ref().map_or(rotation, |track| {
-            // Splines leave the unit sphere (glTF 2.0, appendix C.5).
-            DQuat::from_array(track.value(time)).normalize()
+            // Splines leave the unit sphere (glTF 2.0, appendix C.5), and may pass through its centre.
+            let turned = DQuat::from_array(track.value(time));
+            if turned.length_squared().is_normal() { turned.normalize() } else { rotation }
         });
         DAffine3::from_scale_rotation_translation(
             vector(&self.scale, scale),

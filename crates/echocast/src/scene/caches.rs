@@ -12,7 +12,7 @@ use super::mesh::Structure;
 use super::{Array, FORMATS, LoadOptions, Mesh, Part, Scene, Sequence};
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
-use crate::motion::{Cache, Motion, Node, PartVertices, Rest, Shape, Vertices};
+use crate::motion::{Cache, Motion, Node, Rest, Shape};
 use glam::{DAffine3, DVec3};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{self, MapAccess, Visitor};
@@ -166,15 +166,7 @@ fn bind(pattern: &str, cache: &CacheFile, name: &str, mesh: &Arc<Mesh>, options:
         let mut positions = Vec::new();
         cache.at(0.0, &mut positions)?;
         let mesh = shared(mesh, positions.into()).map_err(fault)?;
-        let vertices =
-            mesh.parts.iter().map(|part| PartVertices { positions: part.positions.clone(), ..PartVertices::default() });
-        let shape = Shape {
-            vertices: Arc::new(Vertices::new(vertices.collect())),
-            weights: Vec::new(),
-            weights_track: None,
-            skin: None,
-            cache: Some(Arc::new(cache)),
-        };
+        let shape = Shape::baked(mesh.parts.len(), &mesh.parts[0].positions, cache);
         return Ok(Bound { _from: from, mesh: Arc::new(mesh), changes: Changes::Shape(Arc::new(shape)) });
     }
     if !FORMATS.iter().any(|format| format.reads(file)) {
@@ -194,12 +186,13 @@ fn bind(pattern: &str, cache: &CacheFile, name: &str, mesh: &Arc<Mesh>, options:
 /// Which vertex of `cache` each vertex of `mesh` is, part after part, vertices that parts share once; `None`: they are the
 /// same.
 fn order(cache: &Cache, mesh: &Mesh) -> Result<Option<Vec<u32>>, String> {
+    let vertices = cache.vertices();
     let fault = |found: usize, more: &str| {
-        Err(format!("the file has {} vertices, the object {found}{more}; allowed: the same number", cache.vertices))
+        Err(format!("the file has {vertices} vertices, the object {found}{more}; allowed: the same number"))
     };
     let Some(source) = &mesh.source else {
         let found = starts(mesh).1;
-        if found == cache.vertices {
+        if found == vertices {
             return Ok(None);
         }
         return fault(
@@ -210,9 +203,9 @@ fn order(cache: &Cache, mesh: &Mesh) -> Result<Option<Vec<u32>>, String> {
     let used = || source.vertices.iter().flatten().copied();
     let first = used().min().unwrap_or(0);
     let own = (used().max().unwrap_or(0) - first) as usize + 1;
-    let first = match cache.vertices {
-        vertices if vertices == own => first,
-        vertices if vertices == source.count => 0,
+    let first = match vertices {
+        _ if vertices == own => first,
+        _ if vertices == source.count => 0,
         _ if own == source.count => return fault(own, ""),
         _ => return fault(own, &format!(" (its file {})", source.count)),
     };

@@ -5,7 +5,7 @@ use crate::ground::error::{Error, Result};
 use crate::material::Material;
 use crate::scene::LARGEST;
 use embree4::CommittedScene;
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DVec3, Vec3};
 use std::fmt;
 use std::sync::{Arc, Mutex};
 
@@ -25,6 +25,13 @@ pub struct Part {
 }
 
 impl Part {
+    /// The point of a triangle where its second and third corner weigh `u` and `v`.
+    pub(crate) fn point(&self, triangle: u32, [u, v]: [f32; 2]) -> Vec3 {
+        let corner = |index: u32| Vec3::from(self.positions[index as usize]);
+        let [a, b, c] = self.triangles[triangle as usize].map(corner);
+        a * (1.0 - u - v) + b * u + c * v
+    }
+
     /// Area in the world, m^2, as placed by `world_from_object`.
     pub(crate) fn area(&self, world_from_object: &DAffine3) -> f64 {
         let corner = |index: u32| {

@@ -33,6 +33,7 @@ pub use crate::material::{Filter, Material, Texture, TextureRef, Wrap};
 use crate::motion::{Motion, Timeline};
 use crate::read::yaml;
 use glam::{DAffine3, DVec3};
+pub(crate) use mesh::beyond_reach;
 use serde::Deserialize;
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::{Component, Path, PathBuf};

@@ -1,5 +1,6 @@
 //! Meshes that change their shape while they are scanned.
 
+use super::mover::Follows;
 use crate::ground::array::Array;
 use crate::ground::error::Result;
 use crate::motion::{Layout, Pull, Shape, Span, Timeline, Vertices};
@@ -22,6 +23,8 @@ pub(crate) struct Bending {
 /// A mesh at one time.
 #[derive(Default)]
 pub(crate) struct Moment {
+    /// Of which shape.
+    shape: Option<Arc<Shape>>,
     /// s.
     time: f64,
     pull: Pull,
@@ -32,45 +35,54 @@ pub(crate) struct Moment {
 pub(crate) type Spot = (usize, u32, [f32; 2]);
 
 impl Bending {
-    /// The `mesh` of an object at `world_from_object` that follows `timeline` in `shape` through `span`; in between it
-    /// is right to `tolerance` m. Moments `known` already are taken over, and the memory of those that nobody needs any
-    /// more; what is left may serve the next time.
+    /// The mesh of an object that follows its timeline in `shape` through `span`; in between it is right to the
+    /// tolerance. Moments `known` already are taken over, and the memory of those that nobody needs any
+    /// more; what is left may serve the next time. `None`: its moments take more than `most_bytes`.
     ///
     /// # Errors
     /// A vertex cache that can no longer be read.
     pub(super) fn new(
-        mesh: &Arc<Mesh>,
+        follows: &Follows,
         shape: &Arc<Shape>,
-        timeline: &Timeline,
         span: Span,
-        world_from_object: &DAffine3,
-        tolerance: f64,
         known: &mut Vec<Arc<Moment>>,
-    ) -> Result<Bending> {
+        most_bytes: usize,
+    ) -> Result<Option<Bending>> {
+        let Follows { mesh, timeline, tolerance, .. } = follows;
+        // Skins hang on nodes that stay.
+        let world_from_object = follows.world_from_object(span.start);
         let layout = layout(&shape.vertices, mesh);
-        let steps = shape.steps(timeline, span, world_from_object, tolerance);
+        let most = most_bytes / (layout.step_bytes() + shape.pull_bytes());
+        let Some(steps) = shape.steps(timeline, span, &world_from_object, *tolerance, most) else { return Ok(None) };
         let times: Vec<_> = steps.iter().map(|(time, _)| ((time - span.start) / span.length) as f32).collect();
         let mut memory = Vec::new();
+        let needed: Vec<f64> = steps.iter().map(|(time, _)| *time).collect();
+        let is_own = |moment: &Moment| moment.shape.as_ref().is_some_and(|of| Arc::ptr_eq(of, shape));
         // Of moments that nobody needs any more only the memory is of use.
-        let spare = |known: &mut Vec<Arc<Moment>>, needed: &[f64]| {
-            let is_spare = |moment: &Arc<Moment>| Arc::strong_count(moment) == 1 && !needed.contains(&moment.time);
+        let spare = |known: &mut Vec<Arc<Moment>>| {
+            let is_needed = |moment: &Arc<Moment>| is_own(moment) && needed.contains(&moment.time);
+            let is_spare = |moment: &Arc<Moment>| Arc::strong_count(moment) == 1 && !is_needed(moment);
             known.iter().position(is_spare).and_then(|index| Arc::into_inner(known.swap_remove(index)))
         };
-        let needed: Vec<f64> = steps.iter().map(|(time, _)| *time).collect();
         let moment = |(time, pull): (f64, Pull)| -> Result<Arc<Moment>> {
-            if let Some(index) = known.iter().position(|moment| moment.time == time) {
+            if let Some(index) = known.iter().position(|moment| is_own(moment) && moment.time == time) {
                 return Ok(known.swap_remove(index));
             }
-            let Moment { mut step, .. } = spare(known, &needed).unwrap_or_default();
+            let Moment { mut step, .. } = spare(known).unwrap_or_default();
             step.positions.resize(layout.vertices, [0.0; 4]);
             place(shape, layout, &pull, time, &mut step.positions, &mut memory)?;
             layout.tree.fit(&step.positions, &mut step.boxes);
-            Ok(Arc::new(Moment { time, pull, step }))
+            Ok(Arc::new(Moment { shape: Some(shape.clone()), time, pull, step }))
         };
         let moments: Vec<_> = steps.into_iter().map(moment).collect::<Result<_>>()?;
         // Those of this scan are in use until after the next.
         known.truncate(2 * moments.len());
-        Ok(Bending { shape: shape.clone(), mesh: mesh.clone(), times, moments })
+        Ok(Some(Bending { shape: shape.clone(), mesh: mesh.clone(), times, moments }))
+    }
+
+    /// Memory that its moments take.
+    pub(super) fn bytes(&self) -> usize {
+        self.moments.len() * (self.layout().step_bytes() + self.shape.pull_bytes())
     }
 
     /// Its moments, for the next scan.

@@ -2,15 +2,15 @@
 
 use super::bending::Moment;
 use super::instances::Extent;
-use super::mover::{Follows, Mover};
+use super::mover::{Follows, MOST_BYTES, Mover};
 use super::{BuiltScene, Engine, Surfaces, Tables};
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::Pose;
 use crate::ground::report::Report;
 use crate::material::Material;
-use crate::motion::{Motion, Span, Timeline};
+use crate::motion::{Cache, Motion, Shape, Span, Timeline};
 use crate::scene::{
-    Array, Camera, Labels, Mesh, NameTable, Object, Scene, cofactors, corners, surrounding, within_reach,
+    Array, Camera, Labels, Mesh, NameTable, Object, Scene, beyond_reach, cofactors, corners, surrounding, within_reach,
 };
 use embree4::{CommittedScene, Custom, Instance, Pace, Quality};
 use glam::{DAffine3, DVec3, Mat3};
@@ -109,9 +109,21 @@ struct Placed {
     turned: bool,
 }
 
+impl Placed {
+    /// Memory that its motion takes.
+    fn bytes(&self) -> usize {
+        match &self.thing {
+            Thing::Still(_) | Thing::Resting(..) => 0,
+            Thing::Moving(_, mover) => mover.bytes(),
+        }
+    }
+}
+
 /// An object in Embree's structure.
 enum Thing {
     Still(Instance),
+    /// It stands where it is, for the time.
+    Resting(Instance, Arc<Follows>),
     /// On its way, or out of sight.
     Moving(Custom, Arc<Mover>),
 }
@@ -330,7 +342,8 @@ impl LiveScene {
         check_pose(&live.object.name, live.bounds, world_from_object)
     }
 
-    /// Moves an object elsewhere. A fixed one may move from now on.
+    /// Moves an object elsewhere. A fixed one may move from now on. Vertices that move by themselves (caches, morph
+    /// targets, [`LiveScene::set_vertex_motion`]) go on to do so there; a skin is left in its rest pose.
     ///
     /// # Errors
     /// As [`LiveScene::object`]; a place that is not finite or reaches beyond 1e18 m, in which case it stays.
@@ -338,7 +351,10 @@ impl LiveScene {
         let live = self.live(id)?;
         check_pose(&live.object.name, live.bounds, &world_from_object)?;
         live.object.world_from_object = world_from_object;
-        (live.object.motion, live.timeline) = (None, None);
+        match live.own_shape() {
+            None => (live.object.motion, live.timeline) = (None, None),
+            Some(shape) => live.hang(Timeline::standing(world_from_object), Some(shape)),
+        }
         live.moved = true;
         self.loosen(id);
         Ok(())
@@ -359,9 +375,66 @@ impl LiveScene {
             check_pose(&live.object.name, live.bounds, pose)?;
         }
         let timeline = Timeline::through(keys)?;
-        live.object.motion = Some(Motion { node: 0, node_from_object: DAffine3::IDENTITY, shape: None });
-        live.timeline = Some(Arc::new(timeline));
+        live.hang(timeline, live.own_shape());
         live.moved = true;
+        self.loosen(id);
+        Ok(())
+    }
+
+    /// Lets the vertices of an object move during the scans that follow: through `keys`, times in s as those of
+    /// [`LiveScene::set_motion`] and positions in the object's frame, in straight lines between them; before the first
+    /// and after the last they stand. Its triangles stay, and are flat-shaded. Given again and again, for the next part
+    /// of a simulation each time, only what the next scan needs is built.
+    ///
+    /// # Errors
+    /// As [`LiveScene::object`]; no key; times that are not finite or do not rise; a different number of vertices than
+    /// before; a coordinate that is not finite or beyond 1e18; a mesh whose parts do not share their vertices. Then it
+    /// moves as before.
+    pub fn set_vertex_motion(&mut self, id: ObjectId, keys: &[(f64, Array<[f32; 3]>)]) -> Result<()> {
+        let live = self.live(id)?;
+        let times: Vec<f64> = keys.iter().map(|(time, _)| *time).collect();
+        if let Some(index) = (0..times.len()).find(|&k| !times[k].is_finite() || k > 0 && times[k] <= times[k - 1]) {
+            return Err(Error::invalid(format!("time of key {index}"), times[index], "finite times that rise"));
+        }
+        let Some((_, first)) = keys.first() else { return Err(Error::invalid("keys", "none", "at least one")) };
+        // What has moved before keeps the tree that its rays go through.
+        let known = live.object.motion.as_ref().and_then(|motion| motion.shape.clone());
+        let known = known.filter(|shape| shape.cache.as_ref().is_some_and(|cache| !cache.is_read()));
+        let vertices = live.object.mesh.parts[0].positions.len();
+        for (index, (_, positions)) in keys.iter().enumerate() {
+            if positions.len() != vertices {
+                let (what, allowed) = (format!("positions of key {index}"), format!("as many as before, {vertices}"));
+                return Err(Error::invalid(what, positions.len(), allowed));
+            }
+            if let Some(vertex) = beyond_reach(positions) {
+                let what = format!("vertex {vertex} of key {index}");
+                return Err(Error::invalid(what, format!("{:?}", positions[vertex]), "-1e18 to 1e18"));
+            }
+        }
+        let samples = keys.iter().map(|(_, positions)| positions.clone()).collect();
+        let cache = Cache::held(times, samples);
+        let shape = match known {
+            Some(known) => Shape { cache: Some(Arc::new(cache)), ..(*known).clone() },
+            None => {
+                let mesh = live.object.mesh.with_vertices(first.clone(), None)?;
+                let shape = Shape::baked(mesh.parts.len(), first, cache);
+                (live.bounds, live.object.mesh, live.object.sequence) = (mesh.bounds(), Arc::new(mesh), None);
+                self.surfaces = None;
+                shape
+            }
+        };
+        let live = self.live(id)?;
+        match &mut live.object.motion {
+            Some(motion) => motion.shape = Some(Arc::new(shape)),
+            None => live.hang(Timeline::standing(live.object.world_from_object), Some(Arc::new(shape))),
+        }
+        live.moved = true;
+        if let Some(Placed { thing: Thing::Moving(_, mover), .. }) = self.placed.get(&id.slot)
+            && let Some(live) = &mut self.slots[id.slot as usize].live
+        {
+            // For their memory.
+            live.known.extend_from_slice(mover.moments());
+        }
         self.loosen(id);
         Ok(())
     }
@@ -588,10 +661,12 @@ impl LiveScene {
         for live in self.slots.iter_mut().filter_map(|slot| slot.live.as_mut()).filter(|live| live.moved) {
             live.follow(self.time[0]);
         }
+        let mut left = MOST_BYTES.saturating_sub(self.placed.values().map(Placed::bytes).sum());
         for (slot, entry) in (0..).zip(&mut self.slots) {
             let Some(live) = &mut entry.live else { continue };
             if !live.place.is_together() && !self.placed.contains_key(&slot) {
-                let placed = live.place(&self.engine, origin, self.time, self.tolerance)?;
+                let placed = live.place(&self.engine, origin, self.time, self.tolerance, left)?;
+                left = left.saturating_sub(placed.bytes());
                 if !placed.turned {
                     self.surfaces = None;
                 }
@@ -612,7 +687,7 @@ impl LiveScene {
             top.attach_instance(&fixed.instance)?;
             for (slot, _) in order().skip(fixed.together.len()) {
                 match &self.placed[&slot].thing {
-                    Thing::Still(instance) => top.attach_instance(instance)?,
+                    Thing::Still(instance) | Thing::Resting(instance, _) => top.attach_instance(instance)?,
                     Thing::Moving(custom, _) => top.attach_shape(custom)?,
                 };
             }
@@ -636,12 +711,18 @@ impl LiveScene {
                 Arc::new(surfaces)
             }
         };
-        let mover = |slot: u32| match &self.placed.get(&slot)?.thing {
-            Thing::Still(_) => None,
-            Thing::Moving(_, mover) => Some(mover.clone()),
-        };
-        let movers: Vec<_> = order().map(|(slot, _)| mover(slot)).collect();
+        let (mut movers, mut resting) = (Vec::new(), Vec::new());
+        for (slot, _) in order() {
+            let (mover, rests) = match self.placed.get(&slot).map(|placed| &placed.thing) {
+                None | Some(Thing::Still(_)) => (None, None),
+                Some(Thing::Resting(_, follows)) => (None, Some(follows.clone())),
+                Some(Thing::Moving(_, mover)) => (Some(mover.clone()), None),
+            };
+            movers.push(mover);
+            resting.push(rests);
+        }
         let moves = movers.iter().any(Option::is_some);
+        let rests = resting.iter().any(Option::is_some);
         let normal_matrices = order().map(|(_, live)| normal_matrix(&live.object)).collect();
         let extents = order().map(|(_, live)| Extent::new(&live.object, live.bounds)).collect();
         let mut report = Report::default();
@@ -655,7 +736,8 @@ impl LiveScene {
             normal_matrices,
             extents,
             movers: if moves { movers } else { Vec::new() },
-            span: (moves && self.time[1] > 0.0).then(|| span(self.time)),
+            resting: if rests { resting } else { Vec::new() },
+            span: ((moves || rests) && self.time[1] > 0.0).then(|| span(self.time)),
             surfaces: surfaces.clone(),
             report,
         };
@@ -796,6 +878,17 @@ fn span([start, length]: [f64; 2]) -> Span {
 }
 
 impl Live {
+    /// The shape that it has wherever it is: all but a skin, whose joints are in the world.
+    fn own_shape(&self) -> Option<Arc<Shape>> {
+        self.object.motion.as_ref()?.shape.clone().filter(|shape| shape.skin.is_none())
+    }
+
+    /// Hangs it on the only node of `timeline`.
+    fn hang(&mut self, timeline: Timeline, shape: Option<Arc<Shape>>) {
+        self.object.motion = Some(Motion { node: 0, node_from_object: DAffine3::IDENTITY, shape });
+        self.timeline = Some(Arc::new(timeline));
+    }
+
     /// Puts what moves by itself where it is at `time`, s.
     fn follow(&mut self, time: f64) {
         if let (Some(timeline), Some(motion)) = (&self.timeline, &self.object.motion) {
@@ -803,32 +896,47 @@ impl Live {
         }
     }
 
-    /// Places it by itself, as it is in `time`.
-    fn place(&mut self, engine: &Engine, origin: DVec3, time: [f64; 2], tolerance: f64) -> Result<Placed> {
+    /// Places it by itself, as it is in `time`, its motion in no more than `most_bytes`.
+    fn place(
+        &mut self,
+        engine: &Engine,
+        origin: DVec3,
+        time: [f64; 2],
+        tolerance: f64,
+        most_bytes: usize,
+    ) -> Result<Placed> {
         let object = &self.object;
         let [start, end] = [time[0], time[0] + time[1]];
-        if let (Some(timeline), Some(motion)) = (&self.timeline, &object.motion)
-            && !(motion.shape.is_none()
+        let mut resting = None;
+        if let (Some(timeline), Some(motion)) = (&self.timeline, &object.motion) {
+            let rests = motion.shape.is_none()
                 && object.sequence.is_none()
                 && timeline.stays(motion.node, start, end)
-                && timeline.is_visible(motion.node, start))
-        {
+                && timeline.is_visible(motion.node, start);
             let (timeline, motion, mesh) = (timeline.clone(), motion.clone(), object.mesh.clone());
-            let follows = Follows { timeline, motion, mesh, sequence: object.sequence.clone(), tolerance, origin };
-            let mover = Arc::new(Mover::new(engine, follows, span(time), &mut self.known)?);
-            let custom = Custom::new(engine.device(), mover.clone(), object.mask)?;
-            return Ok(Placed { thing: Thing::Moving(custom, mover), turned: true });
+            let (name, sequence) = (object.name.clone(), object.sequence.clone());
+            let follows = Follows { name, timeline, motion, mesh, sequence, tolerance, origin };
+            if !rests {
+                let mover = Arc::new(Mover::new(engine, follows, span(time), &mut self.known, most_bytes)?);
+                let custom = Custom::new(engine.device(), mover.clone(), object.mask)?;
+                return Ok(Placed { thing: Thing::Moving(custom, mover), turned: true });
+            }
+            resting = Some(Arc::new(follows));
         }
+        let thing = |instance| match resting {
+            Some(follows) => Thing::Resting(instance, follows),
+            None => Thing::Still(instance),
+        };
         let local_from_object = DAffine3::from_translation(-origin) * object.world_from_object;
         let matrix = columns(&local_from_object);
         if embree4::is_invertible(&matrix) {
             let of = object.mesh.structure_by(engine, Pace::Now)?;
-            return Ok(Placed { thing: Thing::Still(Instance::new(&of, matrix, object.mask)?), turned: true });
+            return Ok(Placed { thing: thing(Instance::new(&of, matrix, object.mask)?), turned: true });
         }
         // Squeezed flat, it gets a mesh of its own in the world.
         let of = mesh_scene(engine, &object.mesh, Quality::Low, Some(&local_from_object), Pace::Now)?;
         let instance = Instance::new(&of, columns(&DAffine3::IDENTITY), object.mask)?;
-        Ok(Placed { thing: Thing::Still(instance), turned: false })
+        Ok(Placed { thing: thing(instance), turned: false })
     }
 }
 

@@ -17,7 +17,7 @@ pub use engine::Engine;
 pub(crate) use hits::HitBatch;
 pub(crate) use instances::{Crossings, Instance, Sight};
 pub use live::{LiveScene, ObjectId};
-pub(crate) use mover::{Clock, Later, Movement, Mover};
+pub(crate) use mover::{Clock, Follows, Later, Movement, Mover};
 pub(crate) use sound::{Arrival, Direct, Launch, SoundLimits, SoundTracer, TracerMemory};
 pub(crate) use surface::{Surface, Surfaces};
 
@@ -47,7 +47,9 @@ pub(crate) struct Tables {
     pub extents: Vec<Extent>,
     /// Objects that move, by [`Surface::object`]; empty if none does.
     pub movers: Vec<Option<Arc<Mover>>>,
-    /// The time of the scans that those are prepared for; `None`: nothing moves.
+    /// Objects that stand in this time but may move at others, by [`Surface::object`]; empty if there are none.
+    pub resting: Vec<Option<Arc<Follows>>>,
+    /// The time of the scans that those are prepared for; `None`: nothing ever moves, or time stands still.
     pub span: Option<Span>,
     pub surfaces: Arc<Surfaces>,
     pub report: Report,

@@ -4,7 +4,7 @@ use super::bending::{Bending, Moment, Spot};
 use super::{Engine, Surface, Tables};
 use crate::ground::error::{Error, Result};
 use crate::ground::lanes::LANES;
-use crate::motion::{Motion, Path, Span, Timeline};
+use crate::motion::{MOST_BENDS, Motion, Path, Span, Timeline};
 use crate::scene::{Mesh, Sequence};
 use echocast_kernels::aim;
 use embree4::{CommittedScene, LocalRays, Pace, Query, Shape};
@@ -22,7 +22,8 @@ pub(crate) struct Mover {
 
 /// What an object follows, and how exactly.
 #[derive(Clone)]
-pub(super) struct Follows {
+pub(crate) struct Follows {
+    pub name: String,
     pub timeline: Arc<Timeline>,
     pub motion: Motion,
     pub mesh: Arc<Mesh>,
@@ -56,14 +57,19 @@ pub(crate) struct Later {
     span: Span,
     period: f64,
     /// By number, once asked for; few objects are hit.
-    objects: Vec<OnceLock<Option<Then>>>,
+    objects: Vec<OnceLock<Next>>,
 }
 
-/// Where an object is one frame later.
-struct Then {
-    path: Path,
-    shape: Option<Bending>,
+/// What becomes of an object in one frame.
+enum Next {
+    Stays,
+    Moves(Path, Option<Bending>),
+    /// It moves too much to be followed.
+    Unknown,
 }
+
+/// Most memory for what moves in one scene, bytes.
+pub(super) const MOST_BYTES: usize = 4 << 30;
 
 /// How a point moves.
 #[derive(Clone, Copy, Debug, Default)]
@@ -78,22 +84,48 @@ pub(crate) struct Movement {
 const MOST: usize = 16;
 
 impl Follows {
-    /// Its way through `span` around `bounds`.
-    fn path(&self, span: Span, bounds: [[f32; 3]; 2]) -> Path {
+    /// Its way through `span` around `bounds`, in no more than `most_bytes`.
+    fn path(&self, span: Span, bounds: [[f32; 3]; 2], most_bytes: usize) -> Result<Path> {
         let Follows { timeline, motion, origin, .. } = self;
+        let end = span.start + span.length;
+        if timeline.most_bends(motion.node, span.start, end) > MOST_BENDS {
+            return Err(self.too_much(span));
+        }
         let mut bends = Vec::new();
-        timeline.bends(motion.node, span.start, span.start + span.length, &mut bends);
-        let pose = |time: f64| timeline.world_from_node(motion.node, time) * motion.node_from_object;
-        Path::new(span, bends, bounds, *origin, pose, |time| timeline.is_visible(motion.node, time))
+        timeline.bends(motion.node, span.start, end, &mut bends);
+        let visible = |time: f64| timeline.is_visible(motion.node, time);
+        let path = Path::new(span, bends, bounds, *origin, |time| self.world_from_object(time), visible, most_bytes);
+        path.ok_or_else(|| self.too_much(span))
     }
 
-    /// Its shape in `span`, if it changes; see [`Bending::new`].
-    fn shape(&self, span: Span, known: &mut Vec<Arc<Moment>>) -> Result<Option<Bending>> {
-        let Follows { timeline, motion, mesh, tolerance, .. } = self;
-        let Some(shape) = &motion.shape else { return Ok(None) };
-        // Skins hang on nodes that stay.
-        let world_from_object = timeline.world_from_node(motion.node, span.start) * motion.node_from_object;
-        Bending::new(mesh, shape, timeline, span, &world_from_object, *tolerance, known).map(Some)
+    /// Its shape in `span`, if it changes, in no more than `most_bytes`; see [`Bending::new`].
+    fn shape(&self, span: Span, known: &mut Vec<Arc<Moment>>, most_bytes: usize) -> Result<Option<Bending>> {
+        let Some(shape) = &self.motion.shape else { return Ok(None) };
+        let bending = Bending::new(self, shape, span, known, most_bytes)?;
+        bending.ok_or_else(|| self.too_much(span)).map(Some)
+    }
+
+    pub(super) fn world_from_object(&self, time: f64) -> DAffine3 {
+        self.timeline.world_from_node(self.motion.node, time) * self.motion.node_from_object
+    }
+
+    fn too_much(&self, span: Span) -> Error {
+        let allowed = format!(
+            "a time in which what moves takes no more than {} GiB; with object {:?} it takes more",
+            MOST_BYTES >> 30,
+            self.name
+        );
+        Error::invalid("time of a scan", format!("{} s", span.length), allowed)
+    }
+
+    /// What becomes of it from `span` to the same time `period` s later, in which it keeps its shape.
+    fn next(&self, span: Span, period: f64) -> Next {
+        if self.timeline.stays(self.motion.node, span.start, span.start + period + span.length) {
+            return Next::Stays;
+        }
+        let span = Span { start: span.start + period, ..span };
+        let bounds = self.mesh.bounds().unwrap_or_default();
+        self.path(span, bounds, MOST_BYTES).map_or(Next::Unknown, |path| Next::Moves(path, None))
     }
 }
 
@@ -101,20 +133,36 @@ impl Mover {
     /// What moves through `span` as `follows` says; moments `known` already as in [`Bending::new`].
     ///
     /// # Errors
-    /// Embree's: out of memory; a vertex cache that can no longer be read.
-    pub(super) fn new(engine: &Engine, follows: Follows, span: Span, known: &mut Vec<Arc<Moment>>) -> Result<Mover> {
-        let body = match (follows.shape(span, known)?, &follows.sequence) {
+    /// Embree's: out of memory; a vertex cache that can no longer be read; motion that takes more than `most_bytes`.
+    pub(super) fn new(
+        engine: &Engine,
+        follows: Follows,
+        span: Span,
+        known: &mut Vec<Arc<Moment>>,
+        most_bytes: usize,
+    ) -> Result<Mover> {
+        let body = match (follows.shape(span, known, most_bytes)?, &follows.sequence) {
             (Some(bending), _) => Body::Bending(bending),
             (None, Some(sequence)) => Body::Changing(stages(engine, sequence, span)?),
             (None, None) => Body::Stiff(follows.mesh.structure_by(engine, Pace::Now)?),
         };
-        Ok(Mover { path: follows.path(span, body.bounds(0.0)), start: span.start, follows, body })
+        let path = follows.path(span, body.bounds(0.0), most_bytes)?;
+        Ok(Mover { path, start: span.start, follows, body })
+    }
+
+    /// Memory that its motion takes.
+    pub(super) fn bytes(&self) -> usize {
+        let body = match &self.body {
+            Body::Stiff(_) | Body::Changing(_) => 0,
+            Body::Bending(bending) => bending.bytes(),
+        };
+        self.path.bytes() + body
     }
 
     /// Where it is at `time`, s, and how it has turned: as its frame has, or its skeleton; `None`: it cannot be seen.
     pub(super) fn stance(&self, time: f64) -> Option<(DAffine3, DMat3)> {
         let Follows { timeline, motion, .. } = &self.follows;
-        let world_from_object = timeline.world_from_node(motion.node, time) * motion.node_from_object;
+        let world_from_object = self.follows.world_from_object(time);
         timeline.is_visible(motion.node, time).then(|| (world_from_object, self.turned(time, &world_from_object)))
     }
 
@@ -149,10 +197,10 @@ impl Mover {
     }
 
     /// Its way `period` s later than in `span`.
-    fn later(&self, span: Span, period: f64) -> Result<Then> {
+    fn later(&self, span: Span, period: f64) -> Result<Next> {
         let span = Span { start: span.start + period, ..span };
-        let shape = self.follows.shape(span, &mut self.moments().to_vec())?;
-        Ok(Then { path: self.follows.path(span, self.body.bounds(0.0)), shape })
+        let shape = self.follows.shape(span, &mut self.moments().to_vec(), MOST_BYTES)?;
+        Ok(Next::Moves(self.follows.path(span, self.body.bounds(0.0), MOST_BYTES)?, shape))
     }
 
     /// What is known of its shape, for the next scan.
@@ -174,7 +222,8 @@ impl Mover {
 
     /// Whether its shape is read from a file.
     fn is_read(&self) -> bool {
-        self.follows.motion.shape.as_ref().is_some_and(|shape| shape.cache.is_some())
+        let shape = self.follows.motion.shape.as_ref();
+        shape.and_then(|shape| shape.cache.as_ref()).is_some_and(|cache| cache.is_read())
     }
 
     /// Whether its shape changes.
@@ -283,10 +332,10 @@ impl Clock {
 }
 
 impl Later {
-    /// Where object `number`, which is `mover`, is then.
-    fn of(&self, mover: &Mover, number: u32) -> Option<&Then> {
-        let then = self.objects.get(number as usize)?;
-        then.get_or_init(|| mover.later(self.span, self.period).ok()).as_ref()
+    /// What becomes of object `number`, if it ever moves.
+    fn of(&self, number: u32, next: impl FnOnce(Span, f64) -> Next) -> &Next {
+        let known = self.objects.get(number as usize);
+        known.map_or(&Next::Stays, |known| known.get_or_init(|| next(self.span, self.period)))
     }
 }
 
@@ -304,26 +353,24 @@ impl Tables {
     /// A vertex cache that can no longer be read.
     pub(crate) fn later(&self, period: f64) -> Result<Option<Later>> {
         let Some(span) = self.span else { return Ok(None) };
-        let object = |mover: &Option<Arc<Mover>>| match mover {
+        let object = |number: u32| match self.mover(number) {
             // What may fail does so before the scan.
-            Some(mover) if mover.is_read() => Ok(OnceLock::from(Some(mover.later(span, period)?))),
+            Some(mover) if mover.is_read() => Ok(OnceLock::from(mover.later(span, period)?)),
             _ => Ok(OnceLock::new()),
         };
-        let objects = self.movers.iter().map(object).collect::<Result<_>>()?;
+        let objects = (0..self.extents.len() as u32).map(object).collect::<Result<_>>()?;
         Ok(Some(Later { span, period, objects }))
     }
 
     /// The point of a surface of `mover`, in its object's frame, where at `time` the second and the third corner of a
     /// `triangle` weigh `u` and `v`, and how fast it moves there, m per length of the scan's time.
-    fn point(&self, mover: &Mover, surface: &Surface, triangle: u32, [u, v]: [f32; 2], time: f32) -> (Vec3, Vec3) {
+    fn point(&self, mover: &Mover, surface: &Surface, triangle: u32, uv: [f32; 2], time: f32) -> (Vec3, Vec3) {
         let part = match &mover.body {
-            Body::Bending(bending) => return bending.point((surface.number.into(), triangle, [u, v]), time),
+            Body::Bending(bending) => return bending.point((surface.number.into(), triangle, uv), time),
             Body::Stiff(_) => &self.surfaces.parts[surface.part as usize],
             Body::Changing(stages) => &stages[stage_at(stages, time)].mesh.parts[usize::from(surface.number)],
         };
-        let corner = |index: u32| Vec3::from(part.positions[index as usize]);
-        let [a, b, c] = part.triangles[triangle as usize].map(corner);
-        (a * (1.0 - u - v) + b * u + c * v, Vec3::ZERO)
+        (part.point(triangle, uv), Vec3::ZERO)
     }
 
     /// How a point of a surface (a row, or [`super::MISS`]) moves at `time`, see [`Tables::point`]; where it will be one
@@ -337,7 +384,10 @@ impl Tables {
         time: f32,
     ) -> Option<Movement> {
         let row = self.surfaces.rows.get(surface as usize)?;
-        let mover = self.mover(row.object)?;
+        let Some(mover) = self.mover(row.object) else {
+            let flow = self.start_of(later?, row, triangle, uv, time)?;
+            return Some(Movement { velocity: Vec3::ZERO, flow });
+        };
         let piece = mover.path.piece(time);
         let part = piece.part(time);
         let at = piece.at_part(part);
@@ -349,12 +399,30 @@ impl Tables {
                 velocity += at.turn(rate / span.length as f32);
             }
         }
-        let mut flow = Vec3::ZERO;
-        if let Some(then) = later.and_then(|later| later.of(mover, row.object)) {
-            let to = then.shape.as_ref().map_or(point, |then| then.point((row.number.into(), triangle, uv), time).0);
-            flow = then.path.at(time).to_local(to) - at.to_local(point);
-        }
+        let next = |span, period| mover.later(span, period).unwrap_or(Next::Unknown);
+        let flow = match later.map_or(&Next::Stays, |later| later.of(row.object, next)) {
+            Next::Stays => Vec3::ZERO,
+            Next::Moves(path, shape) => {
+                let to = shape.as_ref().map_or(point, |then| then.point((row.number.into(), triangle, uv), time).0);
+                path.at(time).to_local(to) - at.to_local(point)
+            }
+            Next::Unknown => Vec3::NAN,
+        };
         Some(Movement { velocity, flow })
+    }
+
+    /// Where a point of an object that stands will be one frame later, minus where it is, if it moves by then.
+    fn start_of(&self, later: &Later, row: &Surface, triangle: u32, uv: [f32; 2], time: f32) -> Option<Vec3> {
+        let follows = self.resting.get(row.object as usize)?.as_deref()?;
+        match later.of(row.object, |span, period| follows.next(span, period)) {
+            Next::Stays => None,
+            Next::Moves(path, _) => {
+                let point = self.surfaces.parts[row.part as usize].point(triangle, uv);
+                let now = follows.world_from_object(later.span.start).transform_point3(point.as_dvec3()) - self.origin;
+                Some(path.at(time).to_local(point) - now.as_vec3())
+            }
+            Next::Unknown => Some(Vec3::NAN),
+        }
     }
 
     /// Checks that a scan from `start_time` on that takes `length`, s, lies in the time that the scene is prepared for.
@@ -389,5 +457,45 @@ impl Tables {
             Some(mover) => mover.path.at(time).normal(normal),
             None => self.normal_matrices[object as usize] * normal,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Part;
+
+    #[test]
+    fn motion_takes_no_more_memory_than_it_may() {
+        let part = Part {
+            positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]].into(),
+            normals: None,
+            uvs: None,
+            triangles: vec![[0, 1, 2]].into(),
+            material: None,
+        };
+        let mesh = Arc::new(Mesh::new("flag", vec![part]).unwrap());
+        let engine = Engine::with_threads(1).unwrap();
+        let turn = |key: u32| {
+            let pose = DAffine3::from_rotation_z(f64::from(key));
+            (0.01 * f64::from(key), pose)
+        };
+        let keys: Vec<_> = (0..100).map(turn).collect();
+        let follows = Follows {
+            name: "Flag".to_owned(),
+            timeline: Arc::new(Timeline::through(&keys).unwrap()),
+            motion: Motion { node: 0, node_from_object: DAffine3::IDENTITY, shape: None },
+            mesh,
+            sequence: None,
+            tolerance: 1e-3,
+            origin: DVec3::ZERO,
+        };
+        let span = Span { start: 0.0, length: 1.0 };
+        let of = |most: usize| Mover::new(&engine, follows.clone(), span, &mut Vec::new(), most);
+        let bytes = of(1 << 22).unwrap().bytes();
+        assert!((10_000..1 << 22).contains(&bytes), "{bytes}");
+        assert_eq!(of(bytes).unwrap().bytes(), bytes);
+        let error = of(bytes - 1).err().unwrap().to_string();
+        assert!(error.contains("1 s") && error.contains("Flag") && error.contains("4 GiB"), "{error}");
     }
 }

@@ -76,6 +76,11 @@ impl Tree {
         }
     }
 
+    /// Memory of the boxes of a step.
+    pub fn box_bytes(&self) -> usize {
+        self.nodes.len() * size_of::<Boxes>()
+    }
+
     /// Lower and upper corner of a box around the mesh at this step; the lower is above the upper if there is nothing.
     pub fn bounds(&self, step: &Step) -> [[f32; 3]; 2] {
         let Boxes { bounds: [lower, upper] } = step.boxes.first().unwrap_or(&NOTHING);
