@@ -598,14 +598,17 @@ echocast_status echocast_scene_set_motion(echocast_scene *scene,
                                           size_t count);
 
 /**
- * Sets the time of the scans of the next snapshots: what moves by itself, through the animations of files or
- * echocast_scene_set_motion, is where it is at every moment from `start_ns` to `start_ns + length_ns`. A scan of such a
+ * Sets the time of the scans of the next snapshots: what moves by itself, through the animations of files,
+ * echocast_scene_set_motion or echocast_scene_set_vertex_motion, is where it is at every moment from `start_ns` to `start_ns + length_ns`. A scan of such a
  * snapshot must lie within that time. With a length of 0 everything holds still where it is at `start_ns`, whatever the
  * time of a scan; a new scene is set to time 0, still.
  *
  * Errors: ECHOCAST_E_ARGUMENT (a negative length), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */
-ECHOCAST_API echocast_status echocast_scene_set_time(echocast_scene *scene, int64_t start_ns, int64_t length_ns);
+ECHOCAST_API
+echocast_status echocast_scene_set_time(echocast_scene *scene,
+                                        int64_t start_ns,
+                                        int64_t length_ns);
 
 /**
  * Gives the vertices of an instance new positions: `count` times x, y, z, as many as its mesh has, and shading
@@ -621,6 +624,24 @@ echocast_status echocast_scene_set_vertices(echocast_scene *scene,
                                             const float *positions,
                                             const float *normals,
                                             size_t count);
+
+/**
+ * Lets the vertices of an instance move during the scans that follow: `keys` times, ns as those of
+ * echocast_scene_set_motion, that rise, and for each of them one after the other `count` times x, y, z, as many as its
+ * mesh has, in its own frame. Between keys they move in straight lines; before the first and after the last they stand.
+ * Its triangles stay, and are flat. The arrays are copied. The parts of its mesh must share their vertices, as for
+ * echocast_scene_set_vertices, which ends it.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY; the instance then moves as
+ * before.
+ */
+ECHOCAST_API
+echocast_status echocast_scene_set_vertex_motion(echocast_scene *scene,
+                                                 echocast_instance id,
+                                                 const int64_t *times_ns,
+                                                 size_t keys,
+                                                 const float *positions,
+                                                 size_t count);
 
 /**
  * Sets the labels of an instance: its category, its own number, and those of the parts of its mesh, or NULL to keep

@@ -305,6 +305,17 @@ public:
                                           normals.empty() ? nullptr : normals.data()->data(), positions.size()));
     }
 
+    /** For each of `times_ns`, which rise, the positions of all vertices, one after the other. */
+    void set_vertex_motion(instance id, const std::vector<int64_t> &times_ns,
+                           const std::vector<std::array<float, 3>> &positions) {
+        if (times_ns.empty() || positions.size() % times_ns.size() != 0) {
+            throw std::invalid_argument("as many positions for each time");
+        }
+        check(echocast_scene_set_vertex_motion(get(), id, times_ns.data(), times_ns.size(),
+                                               positions.empty() ? nullptr : positions.data()->data(),
+                                               positions.size() / times_ns.size()));
+    }
+
     /** The parts keep theirs. */
     void set_labels(instance id, uint32_t category_id, uint32_t instance_id) {
         check(echocast_scene_set_labels(get(), id, category_id, instance_id, nullptr, 0));

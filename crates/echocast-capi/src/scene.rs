@@ -636,8 +636,8 @@ pub unsafe extern "C" fn echocast_scene_set_motion(
     })
 }
 
-/// Sets the time of the scans of the next snapshots: what moves by itself, through the animations of files or
-/// echocast_scene_set_motion, is where it is at every moment from `start_ns` to `start_ns + length_ns`. A scan of such a
+/// Sets the time of the scans of the next snapshots: what moves by itself, through the animations of files,
+/// echocast_scene_set_motion or echocast_scene_set_vertex_motion, is where it is at every moment from `start_ns` to `start_ns + length_ns`. A scan of such a
 /// snapshot must lie within that time. With a length of 0 everything holds still where it is at `start_ns`, whatever the
 /// time of a scan; a new scene is set to time 0, still.
 ///
@@ -685,6 +685,46 @@ pub unsafe extern "C" fn echocast_scene_set_vertices(
             let positions = copy(positions, "positions")?;
             let normals = if normals.is_null() { None } else { Some(copy(normals, "normals")?) };
             Ok(live.set_vertices(id, positions, normals)?)
+        })
+    })
+}
+
+/// Lets the vertices of an instance move during the scans that follow: `keys` times, ns as those of
+/// echocast_scene_set_motion, that rise, and for each of them one after the other `count` times x, y, z, as many as its
+/// mesh has, in its own frame. Between keys they move in straight lines; before the first and after the last they stand.
+/// Its triangles stay, and are flat. The arrays are copied. The parts of its mesh must share their vertices, as for
+/// echocast_scene_set_vertices, which ends it.
+///
+/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY; the instance then moves as
+/// before.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_scene_set_vertex_motion(
+    scene: *mut echocast_scene,
+    id: echocast_instance,
+    times_ns: *const i64,
+    keys: usize,
+    positions: *const f32,
+    count: usize,
+) -> echocast_status {
+    guard(|| {
+        // SAFETY: as the header asks.
+        let times = unsafe { text::array(times_ns, keys, "times_ns") }?;
+        edit(scene, |_, live| {
+            let id = instance(live, id, "id")?;
+            let vertices = live.object(id)?.mesh.parts[0].positions.len();
+            if count != vertices {
+                return Err(Failure::argument("count", count, &format!("the vertices of its mesh, {vertices}")));
+            }
+            let all =
+                keys.checked_mul(count).ok_or_else(|| Failure::argument("keys", keys, "as many as fit in memory"))?;
+            // SAFETY: as the header asks.
+            let all = unsafe { text::array(positions.cast::<[f32; 3]>(), all, "positions") }?;
+            let sample = |(&time, from): (&i64, &[[f32; 3]])| {
+                let positions = text::collect(from.iter().copied(), count, "positions")?;
+                Ok((seconds(time), Array::from(positions)))
+            };
+            let samples = times.iter().zip(all.chunks(count.max(1))).map(sample).collect::<Outcome<Vec<_>>>()?;
+            Ok(live.set_vertex_motion(id, &samples)?)
         })
     })
 }

@@ -23,7 +23,7 @@ extern echocast_mesh *mesh, *car_mesh;
 extern echocast_instance instance;
 extern echocast_scan_desc scan;
 extern echocast_pose poses[101];
-extern float positions[300];
+extern float positions[300], bent[600];
 extern uint32_t indices[300], vertex_count, triangle_count;
 extern int64_t period;
 extern double value, least, greatest;

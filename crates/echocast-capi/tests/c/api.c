@@ -235,6 +235,24 @@ static void scenes(echocast_context *context)
     CHECK(strcmp(echocast_result_label_name(result, "category", 9), "car") == 0);
     echocast_snapshot_release(snapshot);
 
+    /* Vertices on their way, half of which has passed; the time of a scan counts once time does not stand still. */
+    float on_way[48];
+    for (int i = 0; i < 48; ++i)
+        on_way[i] = 2 * BOX_POSITIONS[i % 24] + (i >= 24 && i % 3 == 0);
+    int64_t way_ns[2] = {0, 1000000000}, back_ns[2] = {5, 5};
+    OK(echocast_scene_set_vertex_motion(scene, car, way_ns, 2, on_way, 8));
+    FAILS(ECHOCAST_E_ARGUMENT, "count is 9; allowed: the vertices of its mesh, 8",
+          echocast_scene_set_vertex_motion(scene, car, way_ns, 2, on_way, 9));
+    FAILS(ECHOCAST_E_ARGUMENT, "time of key 1", echocast_scene_set_vertex_motion(scene, car, back_ns, 2, on_way, 8));
+    FAILS(ECHOCAST_E_ARGUMENT, "keys is none", echocast_scene_set_vertex_motion(scene, car, NULL, 0, NULL, 8));
+    OK(echocast_scene_set_time(scene, 500000000, 0));
+    OK(echocast_scene_commit(scene, &snapshot));
+    OK(echocast_scan(snapshot, &desc, &result));
+    CHECK(close_to(least(result, "x"), 3.5f));
+    echocast_snapshot_release(snapshot);
+    OK(echocast_scene_set_time(scene, 0, 0));
+    OK(echocast_scene_set_vertices(scene, car, positions, NULL, 8));
+
     OK(echocast_scene_set_mask(scene, car, 2));
     OK(echocast_scene_commit(scene, &snapshot));
     desc.mask = 1;

@@ -273,6 +273,14 @@ int main(int argc, char **argv)
     REFUSED(echocast_scene_set_vertices(scene, id, BOX_POSITIONS, NULL, 0));
     REFUSED(echocast_scene_set_vertices(scene, id, BOX_POSITIONS, NULL, SIZE_MAX));
     REFUSED(echocast_scene_set_vertices(scene, id, BOX_POSITIONS, (const float *)((char *)somewhere + 1), 8));
+    int64_t times[] = {0, 1};
+    BAD_HANDLES(echocast_scene, wrong, echocast_scene_set_vertex_motion(wrong, id, times, 1, BOX_POSITIONS, 8));
+    REFUSED(echocast_scene_set_vertex_motion(scene, id, NULL, 1, BOX_POSITIONS, 8));
+    REFUSED(echocast_scene_set_vertex_motion(scene, id, times, 0, BOX_POSITIONS, 8));
+    REFUSED(echocast_scene_set_vertex_motion(scene, id, times, SIZE_MAX / 8, BOX_POSITIONS, 8));
+    REFUSED(echocast_scene_set_vertex_motion(scene, id, times, SIZE_MAX, BOX_POSITIONS, 8));
+    REFUSED(echocast_scene_set_vertex_motion(scene, id, times, 1, NULL, 8));
+    REFUSED(echocast_scene_set_vertex_motion(scene, id, times, 1, BOX_POSITIONS, SIZE_MAX));
     BAD_HANDLES(echocast_scene, wrong, echocast_scene_set_labels(wrong, id, 1, 1, NULL, 0));
     uint32_t part_id = 1;
     REFUSED(echocast_scene_set_labels(scene, id, 1, 1, &part_id, SIZE_MAX));
