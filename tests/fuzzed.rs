@@ -55,7 +55,12 @@ fn fuzz(target: &str, rounds: usize, seeds: &[&[u8]], run: impl Fn(&[u8])) {
 
 #[test]
 fn gltf() {
-    fuzz("gltf", 3000, &[], targets::gltf::run);
+    let moving: &[&[u8]] = &[
+        include_bytes!("data/motion/morph_skin.glb"),
+        include_bytes!("data/motion/trs_cubic.glb"),
+        include_bytes!("data/motion/flag.glb"),
+    ];
+    fuzz("gltf", 3000, moving, targets::gltf::run);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! What the fuzz targets of the scene readers share.
 
-use echocast::Scene;
 use echocast::scene::Part;
+use echocast::{Engine, FieldSet, LiveScene, Pose, ScanOptions, Scene, Sensor, Trajectory};
 
 /// Scenes up to here are built too: Embree is the slow part.
 const MOST_TO_BUILD: usize = 1000;
@@ -33,6 +33,32 @@ pub fn check(scene: &Scene) {
     assert!(low.abs().max(high.abs()).max_element() <= 1e18);
     if scene.triangle_count() < MOST_TO_BUILD {
         scene.build().expect("the scene can be built");
+        if scene.is_moving() {
+            play(scene);
+        }
+    }
+}
+
+/// Scans it while it moves.
+fn play(scene: &Scene) {
+    thread_local! {
+        static ENGINE: Engine = Engine::with_threads(1).expect("an engine");
+    }
+    const SENSOR: &str = "{name: s, kind: lidar, pattern: {type: raster, azimuth: {fov_deg: 360, step_deg: 30}, \
+        elevation: {fov_deg: 120, step_deg: 30}}}";
+    let sensor = Sensor::from_yaml(SENSOR, "").expect("a sensor");
+    let mut live = LiveScene::new(&ENGINE.with(Engine::clone));
+    live.add_scene(scene).expect("what can be built can be added");
+    for (start_time, length) in [(0.0, 0.1), (0.7, sensor.scan_time()), (-1.0, 3.0)] {
+        live.set_time(start_time, length).expect("a time");
+        // What moves may take too much memory.
+        let Ok(built) = live.commit() else { continue };
+        if length < sensor.scan_time() {
+            continue;
+        }
+        let options = ScanOptions { start_time, fields: FieldSet::all(), ..ScanOptions::default() };
+        let cloud = built.scan(&sensor, &Trajectory::fixed(Pose::IDENTITY), &options).expect("it can be scanned");
+        assert!(cloud.columns.x.iter().all(|x| !x.is_nan()));
     }
 }
 

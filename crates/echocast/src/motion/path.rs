@@ -19,8 +19,14 @@ const TOLERANCE_M: f64 = 0.05e-3;
 /// Where a piece is checked, as parts of its length: not evenly, so that no turn and no wave passes all unnoticed.
 const CHECKED: [f64; 4] = [0.21, 0.47, 0.68, 0.87];
 
-/// Pieces are not cut further than this: a motion that needs more is noise.
+/// Pieces are not cut further than this: where a motion needs more it jumps,
 const MOST_CUTS: u32 = 18;
+
+/// and one that jumps more often, other than at its bends, is noise.
+const MOST_JUMPS: usize = 64;
+
+/// Most pieces of a path: what takes longer is not worth waiting for.
+const MOST_PIECES: usize = 1 << 20;
 
 /// A part of a path.
 #[derive(Clone, Copy, Debug, Default)]
@@ -49,16 +55,23 @@ pub(crate) struct Place {
 pub(crate) struct Span {
     /// s.
     pub start: f64,
-    /// s, above 0.
+    /// s; 0: everything holds still.
     pub length: f64,
+}
+
+impl Span {
+    /// Which part of it has passed at `time`, s; 0 where everything holds still.
+    pub(crate) fn part(&self, time: f64) -> f32 {
+        if self.length > 0.0 { ((time - self.start) / self.length) as f32 } else { 0.0 }
+    }
 }
 
 impl Path {
     const PIECE_BYTES: usize = size_of::<Piece>() + size_of::<u32>();
 
     /// Along `world_from_object`, where the object can be seen at a time if `visible`, and may bend or jump at `bends`,
-    /// in any order. `bounds` is the box of the object's mesh; `origin` the scene's. `None`: its pieces take more than
-    /// `most_bytes`.
+    /// in any order. `bounds` is the box of the object's mesh; `origin` the scene's. `None`: it is noise, or its pieces
+    /// take more than `most_bytes`.
     pub(crate) fn new(
         span: Span,
         mut bends: Vec<f64>,
@@ -82,6 +95,8 @@ impl Path {
         let local_from_object = |time: f64| DAffine3::from_translation(-origin) * world_from_object(time);
         let marks = marks(bounds);
         let mut pieces = Vec::new();
+        let most = MOST_PIECES.min(most_bytes / Path::PIECE_BYTES);
+        let mut jumps = 0;
         let mut cuts: Vec<(f64, f64, u32)> = Vec::new();
         for ends in bends.windows(2) {
             let visible = visible(0.5 * (ends[0] + ends[1]));
@@ -94,7 +109,8 @@ impl Path {
                     piece.at_part(part as f32).is_near(&exact, &marks)
                 });
                 if near || depth == MOST_CUTS {
-                    if pieces.len() >= most_bytes / Path::PIECE_BYTES {
+                    jumps += usize::from(!near);
+                    if pieces.len() >= most || jumps > MOST_JUMPS {
                         return None;
                     }
                     pieces.push(piece);
@@ -120,6 +136,14 @@ impl Path {
     /// Memory that it takes.
     pub(crate) fn bytes(&self) -> usize {
         self.pieces.len() * Path::PIECE_BYTES
+    }
+
+    /// Of what holds still at `local_from_object`, where it can be seen or not.
+    pub(crate) fn standing(local_from_object: &DAffine3, visible: bool) -> Path {
+        let place = local_from_object.translation.as_vec3().to_array();
+        let into = inverse(&local_from_object.matrix3).to_cols_array_2d();
+        let frame = Frame { start: 0.0, rate: 0.0, place: [place; 2], into: [into; 2] };
+        Path { pieces: vec![Piece { frame, visible, ..Piece::default() }], first: vec![0] }
     }
 
     /// The piece that `time`, 0 to 1, lies in.

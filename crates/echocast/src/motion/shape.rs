@@ -11,6 +11,12 @@ use std::sync::{Arc, OnceLock};
 /// Steps closer than this, s, are not cut further: what jumps does so within it.
 const SHORTEST_S: f64 = 1e-6;
 
+/// What jumps more often, other than at its bends, is noise.
+const MOST_JUMPS: usize = 64;
+
+/// Most steps: what takes longer is not worth waiting for.
+const MOST_STEPS: usize = 1 << 16;
+
 /// How an object's mesh changes its shape over time.
 #[derive(Clone, Debug)]
 pub(crate) struct Shape {
@@ -164,7 +170,7 @@ impl Shape {
 
     /// Times, s, from the start to the end of `span`, between which no vertex is farther than `tolerance` m from the
     /// straight line between its places at both, and what pulls them then; `world_from_object` as in
-    /// [`Shape::pose`]. `None`: more than `most`, at least 1.
+    /// [`Shape::pose`]. `None`: it is noise, or they are more than `most`, at least 1.
     pub(crate) fn steps(
         &self,
         timeline: &Timeline,
@@ -176,7 +182,7 @@ impl Shape {
         let (start, end) = (span.start, span.start + span.length);
         let pull = |time: f64| self.pull(timeline, time, world_from_object);
         let mut steps = vec![(start, pull(start))];
-        if self.stays(timeline, start, end) {
+        if span.length == 0.0 || self.stays(timeline, start, end) {
             return Some(steps);
         }
         if self.most_bends(timeline, start, end) > MOST_BENDS {
@@ -193,6 +199,8 @@ impl Shape {
         marks.dedup();
         bends.sort_by(f64::total_cmp);
         bends.dedup();
+        let most = most.min(MOST_STEPS);
+        let mut jumps = 0;
         // Where the next steps may be, the last first.
         let mut ends = Vec::new();
         for &mark in &marks[1..] {
@@ -202,7 +210,8 @@ impl Shape {
                 let middle = 0.5 * (from + to);
                 let error = self.error(a, &pull(middle), &b);
                 if error <= tolerance || to - from <= SHORTEST_S {
-                    if steps.len() >= most {
+                    jumps += usize::from(error > tolerance);
+                    if steps.len() >= most || jumps > MOST_JUMPS + bends.len() {
                         return None;
                     }
                     steps.push((to, b));

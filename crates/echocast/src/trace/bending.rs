@@ -54,7 +54,7 @@ impl Bending {
         let layout = layout(&shape.vertices, mesh);
         let most = most_bytes / (layout.step_bytes() + shape.pull_bytes());
         let Some(steps) = shape.steps(timeline, span, &world_from_object, *tolerance, most) else { return Ok(None) };
-        let times: Vec<_> = steps.iter().map(|(time, _)| ((time - span.start) / span.length) as f32).collect();
+        let times: Vec<_> = steps.iter().map(|(time, _)| span.part(*time)).collect();
         let mut memory = Vec::new();
         let needed: Vec<f64> = steps.iter().map(|(time, _)| *time).collect();
         let is_own = |moment: &Moment| moment.shape.as_ref().is_some_and(|of| Arc::ptr_eq(of, shape));

@@ -33,8 +33,8 @@ pub struct LiveScene {
     labels: Arc<Labels>,
     /// World position of Embree's (0, 0, 0); `None`: chosen by the next commit.
     origin: Option<DVec3>,
-    /// The time of the next scans, s: its start, and its length, which is 0 where the scene holds still.
-    time: [f64; 2],
+    /// The time of the next scans.
+    time: Span,
     /// Greatest distance of what changes its shape from where it should be, m.
     tolerance: f64,
     /// `None`: fixed objects have changed.
@@ -188,7 +188,7 @@ impl LiveScene {
             cameras: Vec::new(),
             labels: Arc::default(),
             origin: None,
-            time: [0.0; 2],
+            time: Span { start: 0.0, length: 0.0 },
             tolerance: 1e-3,
             fixed: None,
             placed: HashMap::new(),
@@ -452,14 +452,14 @@ impl LiveScene {
         if !(0.0..1e9).contains(&length) {
             return Err(Error::invalid("length", length, "0 to 1e9 s"));
         }
-        let before = mem::replace(&mut self.time, [start, length]);
+        let before = mem::replace(&mut self.time, Span { start, length });
         if before == self.time {
             return Ok(());
         }
         for (slot, entry) in (0..).zip(&mut self.slots) {
             let Some(live) = &mut entry.live else { continue };
             let (Some(timeline), Some(motion)) = (&live.timeline, &live.object.motion) else { continue };
-            let (from, to) = (start.min(before[0]), (start + length).max(before[0] + before[1]));
+            let (from, to) = (start.min(before.start), (start + length).max(before.start + before.length));
             let same = live.object.sequence.as_ref().is_none_or(|sequence| sequence.at(from) == sequence.at(to));
             if !(same && motion.stays(timeline, from, to)) {
                 if let Some(Placed { thing: Thing::Moving(_, mover), .. }) = self.placed.remove(&slot) {
@@ -659,7 +659,7 @@ impl LiveScene {
         };
         let fixed = &*self.fixed.insert(fixed);
         for live in self.slots.iter_mut().filter_map(|slot| slot.live.as_mut()).filter(|live| live.moved) {
-            live.follow(self.time[0]);
+            live.follow(self.time.start);
         }
         let mut left = MOST_BYTES.saturating_sub(self.placed.values().map(Placed::bytes).sum());
         for (slot, entry) in (0..).zip(&mut self.slots) {
@@ -699,7 +699,7 @@ impl LiveScene {
                 let turned = |slot| self.placed.get(&slot).is_some_and(|placed| placed.turned);
                 let objects = order().map(|(slot, live)| (&live.object, turned(slot)));
                 // Materials are as in the middle of a scan.
-                let time = self.time[0] + 0.5 * self.time[1];
+                let time = self.time.start + 0.5 * self.time.length;
                 let mut surfaces = Surfaces::new(objects, self.labels.clone(), time);
                 let rows = |live: &Live| live.object.mesh.parts.len() as u32;
                 let mut row = order().take(fixed.together.len()).map(|(_, live)| rows(live)).sum();
@@ -737,7 +737,7 @@ impl LiveScene {
             extents,
             movers: if moves { movers } else { Vec::new() },
             resting: if rests { resting } else { Vec::new() },
-            span: ((moves || rests) && self.time[1] > 0.0).then(|| span(self.time)),
+            span: ((moves || rests) && self.time.length > 0.0).then_some(self.time),
             surfaces: surfaces.clone(),
             report,
         };
@@ -871,12 +871,6 @@ fn name_material(labels: &mut Labels, material: &Material) {
     }
 }
 
-/// The time that moving objects are prepared for.
-fn span([start, length]: [f64; 2]) -> Span {
-    // Of what holds still only the start is looked at.
-    Span { start, length: if length > 0.0 { length } else { 1.0 } }
-}
-
 impl Live {
     /// The shape that it has wherever it is: all but a skin, whose joints are in the world.
     fn own_shape(&self) -> Option<Arc<Shape>> {
@@ -901,12 +895,12 @@ impl Live {
         &mut self,
         engine: &Engine,
         origin: DVec3,
-        time: [f64; 2],
+        time: Span,
         tolerance: f64,
         most_bytes: usize,
     ) -> Result<Placed> {
         let object = &self.object;
-        let [start, end] = [time[0], time[0] + time[1]];
+        let [start, end] = [time.start, time.start + time.length];
         let mut resting = None;
         if let (Some(timeline), Some(motion)) = (&self.timeline, &object.motion) {
             let rests = motion.shape.is_none()
@@ -917,7 +911,7 @@ impl Live {
             let (name, sequence) = (object.name.clone(), object.sequence.clone());
             let follows = Follows { name, timeline, motion, mesh, sequence, tolerance, origin };
             if !rests {
-                let mover = Arc::new(Mover::new(engine, follows, span(time), &mut self.known, most_bytes)?);
+                let mover = Arc::new(Mover::new(engine, follows, time, &mut self.known, most_bytes)?);
                 let custom = Custom::new(engine.device(), mover.clone(), object.mask)?;
                 return Ok(Placed { thing: Thing::Moving(custom, mover), turned: true });
             }

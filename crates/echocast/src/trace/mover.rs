@@ -87,6 +87,10 @@ impl Follows {
     /// Its way through `span` around `bounds`, in no more than `most_bytes`.
     fn path(&self, span: Span, bounds: [[f32; 3]; 2], most_bytes: usize) -> Result<Path> {
         let Follows { timeline, motion, origin, .. } = self;
+        if span.length == 0.0 {
+            let place = DAffine3::from_translation(-*origin) * self.world_from_object(span.start);
+            return Ok(Path::standing(&place, timeline.is_visible(motion.node, span.start)));
+        }
         let end = span.start + span.length;
         if timeline.most_bends(motion.node, span.start, end) > MOST_BENDS {
             return Err(self.too_much(span));
@@ -255,7 +259,7 @@ fn stages(engine: &Engine, sequence: &Sequence, span: Span) -> Result<Vec<Stage>
     let stage = |(index, time): (usize, f64)| {
         let mesh = sequence.load(index)?;
         let of = mesh.structure_by(engine, Pace::Now)?;
-        Ok(Stage { start: ((time - span.start) / span.length) as f32, mesh, of })
+        Ok(Stage { start: span.part(time), mesh, of })
     };
     times.map(stage).collect()
 }

@@ -240,13 +240,24 @@ fn pointed(pointer: &str, document: &Document<'_>) -> Result<Result<Property, St
             if material >= known {
                 return Err(format!("its material {material} does not exist: the file has {known}"));
             }
-            Ok(Ok(of(material)))
+            let property = of(material);
+            // Where the older model is given, it counts.
+            let extensions = document.json.materials[material].extensions.as_ref();
+            let is_older = extensions.is_some_and(|all| all.pbr_specular_glossiness.is_some());
+            if is_older && !matches!(property, Property::Reflectance(_)) {
+                return Ok(Err(unknown(pointer)));
+            }
+            Ok(Ok(property))
         }
-        None => {
-            let name = |step: &str| if number(step).is_some() { "N".to_owned() } else { step.to_owned() };
-            Ok(Err(pointer.split('/').map(name).collect::<Vec<_>>().join("/")))
-        }
+        None => Ok(Err(unknown(pointer))),
     }
+}
+
+/// A kind of pointers that lead to nothing that is known here.
+fn unknown(pointer: &str) -> String {
+    let is_number = |step: &str| !step.is_empty() && step.bytes().all(|byte| byte.is_ascii_digit());
+    let name = |step| if is_number(step) { "N" } else { step };
+    pointer.split('/').map(name).collect::<Vec<_>>().join("/")
 }
 
 /// The property `of` a node that exists and may have it animated.
