@@ -1,4 +1,4 @@
-//! The examples in the header and in `docs/embedding.md` compile, and show every function.
+//! The examples in the header, in `docs/embedding.md` and in `docs/motion.md` compile, and show every function.
 
 mod common;
 
@@ -57,8 +57,8 @@ fn blocks(text: &str) -> Vec<String> {
 fn examples_compile_and_show_every_function() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let header = fs::read_to_string(include().join("echocast.h")).unwrap();
-    let page = fs::read_to_string(root.join("docs/embedding.md")).unwrap();
-    let examples: Vec<String> = [&header, &page].into_iter().flat_map(|text| blocks(text)).collect();
+    let pages = ["embedding", "motion"].map(|name| fs::read_to_string(root.join(format!("docs/{name}.md"))).unwrap());
+    let examples: Vec<String> = [&header].into_iter().chain(&pages).flat_map(|text| blocks(text)).collect();
     assert!(examples.len() > 12, "{} examples", examples.len());
     let mut program = GIVEN.to_owned();
     for (number, example) in examples.iter().enumerate() {

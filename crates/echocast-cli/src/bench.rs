@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
-  echocast bench street.glb --sensor velodyne_vls128 --camera Sensor --threads 1
+  echocast bench street.glb --sensor velodyne_vls128 --camera Corner --threads 1
   echocast bench lake.glb --sensor sss_450 --camera Sonar")]
 pub struct Args {
     #[command(flatten)]

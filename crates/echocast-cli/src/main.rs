@@ -30,7 +30,7 @@ use std::process::ExitCode;
     name = "echocast",
     version,
     arg_required_else_help = true,
-    after_help = "Example:\n  echocast scan street.glb --sensor velodyne_vlp32c --camera Sensor -o scan.las --preview scan.png\n\n\
+    after_help = "Example:\n  echocast scan street.glb --sensor velodyne_vlp32c --camera Corner -o scan.las --preview scan.png\n\n\
                   Exit codes: 0 success; 1 failure; 2 wrong usage; 130 interrupted."
 )]
 struct Cli {

@@ -30,11 +30,14 @@ pub struct OutputArgs {
     /// All frames in one cloud (the default)
     #[arg(long = "merged", help_heading = "Output")]
     _merged: bool,
-    /// Picture of the cloud
+    /// Picture of the cloud: of all frames together, so that what moves leaves a trail, or with `--single` one for each
+    /// frame, `name_0007.png`
     #[arg(long, value_name = "FILE.png", help_heading = "Output")]
     preview: Option<PathBuf>,
     /// What the colours of the picture show: `label`, the category or part that was hit; `cause`, why a point is there:
-    /// a surface, seen in a mirror or through glass, rain, fog and so on; the others are scales of values
+    /// a surface, seen in a mirror or through glass, rain, fog and so on; `velocity`, the speed of what moves, while
+    /// what stands is grey; `radial_velocity` and `doppler`, its part along the beam, true and measured, blue towards
+    /// the sensor and orange away from it; the others are scales of values
     #[arg(long, requires = "preview", default_value = "label", value_parser = choice::of::<ColorBy>(), help_heading = "Output")]
     color: ColorBy,
     /// How the picture shows the cloud; `range` shows the last of several frames. For sonars, also `waterfall`, one row
@@ -72,6 +75,11 @@ impl OutputArgs {
     /// Files that were asked for by name.
     fn files(&self) -> impl Iterator<Item = &PathBuf> {
         self.output.iter().chain(&self.preview).chain(&self.pings).chain(&self.image).chain(&self.boxes)
+    }
+
+    /// Whether one picture shows the points of all frames.
+    pub fn piles_frames(&self) -> bool {
+        self.preview.is_some() && !self.single && matches!(self.view, View::Top | View::Perspective)
     }
 
     /// Along which axes boxes lie, if any were asked for.
@@ -128,6 +136,7 @@ impl OutputArgs {
             "--ground: allowed with --view waterfall only; a track is over ground range where the bed is seen"
         );
         self.check_view(&sensor.spec().pattern)?;
+        self.check_color(sensor)?;
         if let Some(file) = &self.pings {
             export::check_pings(file).context("--pings")?;
         }
@@ -205,6 +214,22 @@ impl OutputArgs {
             self.color.name(),
             self.view.name(),
             values.name()
+        );
+        Ok(())
+    }
+
+    /// Checks that such a sensor gives points the values that the picture shows.
+    fn check_color(&self, sensor: &Sensor) -> Result<()> {
+        let named = format!("--color {}", self.color.name());
+        let moving = matches!(self.color, ColorBy::Velocity | ColorBy::RadialVelocity | ColorBy::Doppler);
+        ensure!(
+            !moving || sensor.kind() != SensorKind::Sonar,
+            "{named}: points of sonars have no velocities; allowed: label, cause, intensity, range, height"
+        );
+        ensure!(
+            self.color != ColorBy::Doppler || sensor.spec().doppler.is_some(),
+            "{named}: the sensor does not measure velocities; allowed: with a section doppler (--set \
+             doppler.sigma_m_s=0.05), or --color radial_velocity"
         );
         Ok(())
     }

@@ -23,13 +23,14 @@ use std::path::PathBuf;
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
-  echocast scan street.glb --sensor velodyne_vlp32c --camera Sensor -o scan.las --preview scan.png
+  echocast scan street.glb --sensor velodyne_vlp32c --camera Corner -o scan.las --preview scan.png
   echocast scan street.glb --sensor velodyne_vlp32c --at 0,0,1.8 --rain 20 --fog 150 -o wet.las
   echocast scan hall.glb --sensor kinect_v2 --at 1,2,1.5 --rpy 0,15,90 --organised --fields default,depth -o hall.npz
   echocast scan street.glb --sensor velodyne_vlp32c --at 0,0,1.8 --fog 150 --explain 12345
   echocast scan street.glb --sensor velodyne_vlp32c --at 0,0,1.8 -o scan.npz --boxes boxes.json --preview scan.png \\
     --view perspective --show boxes
   echocast scan street.glb --sensor velodyne_vlp32c --camera Lidar --frames 0:99 --fields default,velocity,flow -o drive.las
+  echocast scan street.glb --sensor ouster_os1_128 --camera Corner --frames 4:36:8 --preview trail.png --color velocity
   echocast scan city.obj --up y --sensor velodyne_hdl64e --trajectory drive.txt --frames 0:99 --single -o drive.las
   echocast scan yard.glb --cache Flag=flag.pc2@25 --sensor velodyne_vlp16 --at 0,0,1.8 --frames 0:99 -o yard.las
 A survey with a side-scan sonar, from nothing:
@@ -144,6 +145,9 @@ pub fn run(args: &Args) -> Result<()> {
         let moves = args.trajectory.is_some();
         let pings = frames.iter().take(if moves { usize::MAX } else { 1 });
         place::check_submerged(&trajectory, &environment, pings.map(|ping| f64::from(ping) / fps))?;
+    }
+    if args.output.piles_frames() && args.coordinates == Frame::Sensor && frames.len() > 1 {
+        warn_of_piled_frames(&trajectory, [from, to], &mut warnings);
     }
     let rows = sensor.beams().len() as u64 * frames.len() as u64;
     ensure!(
@@ -427,6 +431,17 @@ fn warn_of_other_span(trajectory: &Trajectory, asked: Option<Frames>, fps: f64, 
             "the trajectory lasts {end:.3} s, one frame of {:.3} s is scanned: --frames 0:{whole} scans all of it",
             1.0 / fps
         ));
+    }
+}
+
+/// Warns when the points of several frames are shown as a sensor sees them that has moved from the first frame to the
+/// last, at times `from` and `to`.
+fn warn_of_piled_frames(trajectory: &Trajectory, [from, to]: [f64; 2], warnings: &mut Report) {
+    if trajectory.at(from) != trajectory.at(to) {
+        warnings.warn(
+            "--preview: with --frame sensor, the frames of a sensor that moves lie over each other; --frame world shows \
+             them in their places",
+        );
     }
 }
 

@@ -3,6 +3,9 @@
 mod common;
 
 use common::{csv_column, files, report, run, stderr, stdout, write_room, write_single_beam};
+use echocast::preview::{self, ColorBy, PreviewOptions, View};
+use echocast::{Engine, FieldSet, LiveScene, PointCloud, ScanOptions, Scene, Sensor};
+use serde_json::Value;
 use std::fs;
 use std::process::{Command, Stdio};
 use std::thread::sleep;
@@ -239,6 +242,24 @@ fn frames_follow_the_trajectory() {
 }
 
 #[test]
+fn colours_that_a_sensor_has_no_values_for_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    stdout(folder.path(), "generate seabed --size 20,20 --cell 0.5 --boulders 5 -q -o DIR/lake.glb");
+    let lake = "scan DIR/lake.glb --sensor mbes_400 --at 0,0,-2";
+    for (scan, color, says) in [
+        (SCAN, "doppler", "--color doppler: the sensor does not measure velocities; allowed: with a section doppler"),
+        (lake, "velocity", "--color velocity: points of sonars have no velocities; allowed: label, cause"),
+        (lake, "radial_velocity", "--color radial_velocity: points of sonars have no velocities"),
+        (lake, "doppler", "--color doppler: points of sonars have no velocities"),
+    ] {
+        let output = run(folder.path(), &format!("{scan} --preview DIR/a.png --color {color}"));
+        assert_eq!(output.status.code(), Some(1), "{color}");
+        assert!(stderr(&output).contains(says), "{}", stderr(&output));
+    }
+    assert_eq!(files(folder.path()), ["lake.glb"]);
+}
+
+#[test]
 fn velocities_come_from_sensors_that_measure_them() {
     let folder = tempfile::tempdir().unwrap();
     for (options, expected) in [
@@ -304,7 +325,7 @@ fn an_empty_cloud_within_range_is_not_blamed_on_the_range() {
 #[test]
 fn pictures_need_no_columns_in_the_files() {
     let folder = tempfile::tempdir().unwrap();
-    for color in ["label", "cause", "intensity", "range", "height"] {
+    for color in ["label", "cause", "intensity", "range", "height", "velocity", "radial_velocity"] {
         let args = format!("{SCAN} --fog 20 --fields channel -o DIR/a.csv --preview DIR/{color}.png --color {color}");
         let report = report(folder.path(), &args);
         assert!(!report["warnings"].to_string().contains("preview: "), "{report}");
@@ -312,9 +333,62 @@ fn pictures_need_no_columns_in_the_files() {
         let text = fs::read_to_string(folder.path().join("a.csv")).unwrap();
         assert!(text.starts_with("channel\n"), "{color}");
     }
+    let measured = "--set doppler.sigma_m_s=0.05 --fields channel -o DIR/c.csv --preview DIR/c.png --color doppler";
+    assert!(!report(folder.path(), &format!("{SCAN} {measured}"))["warnings"].to_string().contains("preview: "));
     let merged = format!("{SCAN} --frames 0:1 --fields x,y,z -o DIR/b.csv --preview DIR/b.png --color cause");
     assert!(!report(folder.path(), &merged)["warnings"].to_string().contains("preview: "));
     assert!(fs::read_to_string(folder.path().join("b.csv")).unwrap().starts_with("x,y,z\n"));
+}
+
+/// A picture of several frames shows the points of all of them, where they were in the world; one that shows what the
+/// sensor sees shows the last. Single frames have pictures with their numbers.
+#[test]
+fn what_moves_leaves_a_trail_in_pictures() {
+    let folder = tempfile::tempdir().unwrap();
+    stdout(folder.path(), "generate street --cars 3 --seconds 8 -q -o DIR/street.glb");
+    let scan = "scan DIR/street.glb --sensor velodyne_vlp16 --camera Lidar --color velocity";
+    for view in ["top", "perspective", "range"] {
+        let [merged, single] = ["--frames 0:8:4", "--frames 0:8:4 --single"].map(|frames| {
+            let name = format!("{view}{}", if frames.ends_with("single") { "" } else { "_all" });
+            report(folder.path(), &format!("{scan} --view {view} {frames} --preview DIR/{name}.png"))
+        });
+        let outputs = |report: &Value| report["outputs"].as_array().unwrap().len();
+        assert_eq!((outputs(&merged), outputs(&single)), (1, 3));
+    }
+    let names = [0, 4, 8].map(|frame| ["perspective", "range", "top"].map(|view| format!("{view}_{frame:04}.png")));
+    let bytes = |name: &str| fs::read(folder.path().join(name)).unwrap();
+    names.iter().flatten().for_each(|name| assert!(bytes(name).starts_with(b"\x89PNG"), "{name}"));
+    assert_eq!(bytes("range_all.png"), bytes("range_0008.png"));
+    assert_ne!(bytes("range_0004.png"), bytes("range_0008.png"));
+
+    // The same by the library.
+    let scene = Scene::load(folder.path().join("street.glb")).unwrap();
+    let sensor = Sensor::preset("velodyne_vlp16").unwrap();
+    let (fps, length) = (1.0 / sensor.beams().period, sensor.scan_time());
+    let path = scene.camera_path("Lidar", 0.0, 8.0 / fps + length).unwrap();
+    let mut live = LiveScene::new(&Engine::new().unwrap());
+    live.add_scene(&scene).unwrap();
+    let mut all = PointCloud::default();
+    for frame in [0, 4, 8] {
+        let start_time = f64::from(frame) / fps;
+        live.set_time(start_time, length).unwrap();
+        let fields = FieldSet::parse("default,velocity,cause").unwrap();
+        let options = ScanOptions { frame, start_time, fields, ..ScanOptions::default() };
+        all.append(&live.commit().unwrap().scan(&sensor, &path, &options).unwrap()).unwrap();
+    }
+    for view in [View::Top, View::Perspective] {
+        let options = PreviewOptions { view, color: ColorBy::Velocity, ..PreviewOptions::default() };
+        let report = preview::write(&all, &folder.path().join("mine.png"), &options).unwrap();
+        assert!(report.warnings.is_empty(), "{report:?}");
+        assert!(bytes("mine.png") == bytes(&format!("{}_all.png", view.name())), "{view:?}");
+    }
+
+    let warnings = |args: &str| report(folder.path(), &format!("{scan} {args}"))["warnings"].to_string();
+    let piled = "--frame sensor --frames 0:4:4 --preview DIR/piled.png";
+    assert!(warnings(piled).contains("--frame world shows them in their places"));
+    for other in ["--single", "--view range"] {
+        assert!(!warnings(&format!("{piled} {other}")).contains("--frame world"), "{other}");
+    }
 }
 
 #[test]

@@ -153,6 +153,11 @@ pub mod scene;
 mod sensor;
 mod trace;
 
+/// Compiles the examples of the page.
+#[cfg(doctest)]
+#[doc = include_str!("../../../docs/motion.md")]
+mod page_of_motion {}
+
 pub use cloud::{
     BoxAxes, CELL_FIELDS, Field, FieldSet, Frame, InstanceBox, Layout, PackItem, PackType, Ping, Pings, PointCloud,
     SonarView, Sounding,

@@ -333,6 +333,45 @@ static void scenes(echocast_context *context)
     echocast_scene_release(scene);
 }
 
+/* A box that moves while it is scanned, and how fast its points are, also as colours of a picture. */
+static void motion(echocast_context *context)
+{
+    echocast_scene *scene;
+    OK(echocast_scene_create(context, NULL, &scene));
+    echocast_mesh *mesh = box(context);
+    echocast_instance mover = place(scene, mesh, at(5, 0, 0), 1);
+    place(scene, mesh, at(-5, 0, 0), 2);
+    echocast_pose_key way[2] = {{0, at(5, 0, 0)}, {1000000000, at(5, 3, 0)}};
+    OK(echocast_scene_set_motion(scene, mover, way, 2));
+    FAILS(ECHOCAST_E_ARGUMENT, "", echocast_scene_set_time(scene, 0, -1));
+    OK(echocast_scene_set_time(scene, 0, 200000000));
+    echocast_snapshot *snapshot;
+    OK(echocast_scene_commit(scene, &snapshot));
+    echocast_sensor *sensor = around(context);
+    echocast_result *result = NULL;
+    memset(messages, 0, sizeof messages);
+    scan_into(snapshot, sensor, "x,y,z,velocity,radial_velocity", &result);
+    echocast_view x = view(result, "x"), velocity = view(result, "velocity_y");
+    size_t moving = 0;
+    for (size_t i = 0; i < x.count; ++i) {
+        const int ahead = ((const float *)x.data)[i] > 0;
+        CHECK(close_to(((const float *)velocity.data)[i], ahead ? 3 : 0));
+        moving += (size_t)ahead;
+    }
+    CHECK(moving > 0 && moving < x.count);
+    OK(echocast_result_preview(result, in_folder("motion.png"), "{view: top, color: velocity, width: 400}"));
+    OK(echocast_result_preview(result, in_folder("motion.png"), "{color: radial_velocity, width: 400}"));
+    CHECK(exists(in_folder("motion.png")) && messages[ECHOCAST_LOG_WARN] == 0);
+    OK(echocast_result_preview(result, in_folder("motion.png"), "{color: doppler, width: 400}"));
+    CHECK(messages[ECHOCAST_LOG_WARN] == 1);
+
+    echocast_result_release(result);
+    echocast_sensor_release(sensor);
+    echocast_snapshot_release(snapshot);
+    echocast_mesh_release(mesh);
+    echocast_scene_release(scene);
+}
+
 static void files(echocast_context *context)
 {
     const char *path = in_folder("wall.obj");
@@ -858,6 +897,7 @@ int main(int argc, char **argv)
     FAILS(ECHOCAST_E_ARGUMENT, "desc->log_level is 9;", echocast_context_create(&desc, &none));
     meshes(context);
     scenes(context);
+    motion(context);
     files(context);
     sensors(context);
     scans(context);

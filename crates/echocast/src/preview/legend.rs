@@ -1,8 +1,7 @@
 //! The strip below the picture that explains its colours.
 
-use super::canvas::{DIM, PAGE, Picture, TEXT};
+use super::canvas::{Color, DIM, PAGE, Picture, TEXT};
 use super::paint::{Entry, Legend};
-use super::palette::Ramp;
 use super::{Page, font};
 use glam::Vec2;
 
@@ -15,7 +14,17 @@ const INSET: f32 = 2.0;
 pub(super) fn draw(legend: &Legend, page: &Page) -> Picture {
     match legend {
         Legend::Names(entries) => names(entries, page),
-        Legend::Scale { caption, ramp, low, high } => scale(caption, ramp, [*low, *high], page),
+        Legend::Scale { caption, table, low, high, beside } => {
+            let bar = scale(caption, table, [*low, *high], page);
+            if beside.is_empty() {
+                return bar;
+            }
+            let (names, top) = (names(beside, page), bar.height + page.px(8.0));
+            let mut both = Picture::new(page.inner(), top + names.height, PAGE);
+            both.paste(&bar, 0, 0);
+            both.paste(&names, 0, top);
+            both
+        }
     }
 }
 
@@ -48,7 +57,7 @@ fn names(entries: &[Entry], page: &Page) -> Picture {
 }
 
 /// A bar of colours with ticks at round values.
-fn scale(caption: &str, ramp: &Ramp, [low, high]: [f64; 2], page: &Page) -> Picture {
+fn scale(caption: &str, table: &[Color], [low, high]: [f64; 2], page: &Page) -> Picture {
     let capitals = page.text();
     let (bar_top, bar_height) = (page.px(4.0), page.px(14.0));
     let tick_baseline = (bar_top + bar_height) as f32 + 2.0 * capitals;
@@ -58,7 +67,7 @@ fn scale(caption: &str, ramp: &Ramp, [low, high]: [f64; 2], page: &Page) -> Pict
     let left = (INSET + font::width(caption, capitals) + 2.0 * capitals).ceil() as u32;
     let width = page.px(720.0).min(page.inner().saturating_sub(left + 2 * capitals as u32)).max(2);
     for x in 0..width {
-        let color = ramp.color(x as f32 / (width - 1) as f32);
+        let color = table[(x as usize * (table.len() - 1) + width as usize / 2 - 1) / (width as usize - 1)];
         picture.fill([left + x, bar_top], [1, bar_height], color, 1.0);
     }
     for (value, words) in ticks(low, high) {

@@ -1,5 +1,5 @@
 //! A picture of a cloud for people: from above, in perspective or as range image, coloured by label, cause, intensity,
-//! range or height, with a legend; and of a sonar's pings: waterfall, track and fan.
+//! range, height or velocity, with a legend; and of a sonar's pings: waterfall, track and fan.
 
 mod boxes;
 mod canvas;
@@ -17,7 +17,7 @@ mod top;
 
 pub use canvas::Picture;
 
-use crate::cloud::{Field, FieldSet, Pings, PointCloud};
+use crate::cloud::{Field, FieldSet, Pings, PointCloud, VELOCITY};
 use crate::export::{Pending, failed, write_bytes};
 use crate::ground::error::{Error, Result};
 use crate::ground::named::{by_name, named};
@@ -88,9 +88,16 @@ pub enum ColorBy {
     Range,
     /// Height, z.
     Height,
+    /// Speed of the surface in the world, m/s; what stands is grey.
+    Velocity,
+    /// Rate of the true range, m/s: one colour towards the sensor, another away from it, grey in between.
+    RadialVelocity,
+    /// The same as an FMCW LiDAR measures it.
+    Doppler,
 }
 
-named! { ColorBy: Label "label", Cause "cause", Intensity "intensity", Range "range", Height "height" }
+named! { ColorBy: Label "label", Cause "cause", Intensity "intensity", Range "range", Height "height",
+Velocity "velocity", RadialVelocity "radial_velocity", Doppler "doppler" }
 
 impl FromStr for ColorBy {
     type Err = Error;
@@ -140,6 +147,9 @@ impl PreviewOptions {
             ColorBy::Label => &[Field::CategoryId, Field::PartId],
             ColorBy::Intensity => &[Field::Intensity],
             ColorBy::Range => &[Field::Range],
+            ColorBy::Velocity => &VELOCITY,
+            ColorBy::RadialVelocity => &[Field::RadialVelocity],
+            ColorBy::Doppler => &[Field::Doppler],
             ColorBy::Cause | ColorBy::Height => &[],
         };
         let rows: &[Field] = if self.view == View::Range { &[Field::Channel] } else { &[] };
@@ -355,7 +365,16 @@ mod tests {
     use std::fs::File;
 
     const VIEWS: [View; 3] = [View::Top, View::Perspective, View::Range];
-    const COLORS: [ColorBy; 5] = [ColorBy::Label, ColorBy::Cause, ColorBy::Intensity, ColorBy::Range, ColorBy::Height];
+    const COLORS: [ColorBy; 8] = [
+        ColorBy::Label,
+        ColorBy::Cause,
+        ColorBy::Intensity,
+        ColorBy::Range,
+        ColorBy::Height,
+        ColorBy::Velocity,
+        ColorBy::RadialVelocity,
+        ColorBy::Doppler,
+    ];
 
     fn cloud(positions: &[[f32; 3]]) -> PointCloud {
         let mut cloud = PointCloud { len: positions.len(), ..PointCloud::default() };
@@ -370,6 +389,10 @@ mod tests {
         c.category_id = (0..cloud.len as u32).collect();
         c.channel = vec![0; cloud.len];
         c.cause = (0..cloud.len).map(|row| (row % 12) as u8).collect();
+        let speeds =
+            |from: usize| (0..cloud.len).map(move |row| [0.0, f32::NAN, 1e30, f32::INFINITY][(from + row) % 4]);
+        [c.velocity_x, c.velocity_y, c.velocity_z] = [0, 1, 2].map(|axis| speeds(axis).collect());
+        (c.radial_velocity, c.doppler) = (speeds(0).map(|speed| -speed).collect(), speeds(2).collect());
         cloud
     }
 
@@ -383,7 +406,11 @@ mod tests {
             "there is no view named \"prespective\"; near: perspective, top, range, waterfall, track, fan"
         );
         let error = "hieght".parse::<ColorBy>().unwrap_err().to_string();
-        assert_eq!(error, "there is no preview colour named \"hieght\"; near: height, label, cause, intensity, range");
+        assert_eq!(
+            error,
+            "there is no preview colour named \"hieght\"; near: height, label, cause, intensity, range, velocity, \
+             radial_velocity, doppler"
+        );
     }
 
     #[test]

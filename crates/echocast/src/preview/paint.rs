@@ -2,13 +2,14 @@
 
 use super::ColorBy;
 use super::canvas::Color;
-use super::palette::{self, HEIGHT, INTENSITY, RANGE, Ramp};
-use super::points::{CHUNK, Points, quantile, wide};
+use super::palette::{self, HEIGHT, INTENSITY, RANGE, Ramp, SPEED, STANDING};
+use super::points::{CHUNK, Points, SAMPLE, quantile, wide};
 use crate::cloud::PointCloud;
 use crate::ground::cause::Cause;
 use crate::ground::parallel;
 use crate::ground::report::Report;
 use crate::scene::NameTable;
+use glam::Vec3;
 use std::collections::HashMap;
 use std::ops::Range;
 
@@ -16,6 +17,10 @@ use std::ops::Range;
 pub(super) const LISTED: usize = 16;
 /// Part of the values at each end of a scale that shares the end's colour.
 const CLIPPED: f32 = 0.01;
+/// What is slower than this stands, m/s.
+const STANDS: f32 = 0.05;
+/// A scale of radial velocities is that of the points faster than this, if there are any, not that of errors, m/s.
+const MOVES: f32 = 0.5;
 
 /// Colours of a cloud's points.
 pub(super) struct Paint<'a> {
@@ -32,9 +37,12 @@ pub(super) enum Legend {
     Scale {
         /// Quantity and unit.
         caption: String,
-        ramp: Ramp,
+        /// Colours at equal steps from `low` to `high`.
+        table: Vec<Color>,
         low: f64,
         high: f64,
+        /// What has no place on the scale.
+        beside: Vec<Entry>,
     },
 }
 
@@ -50,6 +58,7 @@ pub(super) struct Entry {
 enum Source<'a> {
     Groups { groups: Groups<'a>, listed: HashMap<Group, Color> },
     Values { values: Values<'a>, points: &'a Points<'a>, table: Vec<Color>, low: f32, high: f32 },
+    Motion { motion: Motion<'a>, table: Vec<Color>, low: f32, high: f32 },
 }
 
 /// What points of one colour have in common.
@@ -71,6 +80,15 @@ enum Values<'a> {
     Column(&'a [f32]),
     Distance,
     Height,
+}
+
+/// How fast points are, m/s.
+#[derive(Clone, Copy)]
+enum Motion<'a> {
+    /// The length of the velocity.
+    Speed([&'a [f32]; 3]),
+    /// Along the beam, negative towards the sensor.
+    Radial(&'a [f32]),
 }
 
 impl<'a> Paint<'a> {
@@ -130,6 +148,29 @@ impl<'a> Paint<'a> {
                 Paint::values("range", "range in m".to_owned(), RANGE, values, points, 0.0)
             }
             ColorBy::Height => Paint::height(points),
+            ColorBy::Velocity => {
+                let velocity = [&columns.velocity_x, &columns.velocity_y, &columns.velocity_z].map(Vec::as_slice);
+                Paint::motion("speed", "speed in m/s", Motion::Speed(velocity), rows, points).unwrap_or_else(|| {
+                    report.warn("preview: the cloud has no velocities (velocity_x to _z); coloured by label instead");
+                    Paint::new(cloud, points, ColorBy::Label, report)
+                })
+            }
+            ColorBy::RadialVelocity => {
+                let caption = "radial velocity in m/s, negative towards the sensor";
+                let motion = Motion::Radial(&columns.radial_velocity);
+                Paint::motion("radial velocity", caption, motion, rows, points).unwrap_or_else(|| {
+                    report.warn("preview: the cloud has no radial_velocity; coloured by label instead");
+                    Paint::new(cloud, points, ColorBy::Label, report)
+                })
+            }
+            ColorBy::Doppler => {
+                let caption = "measured radial velocity in m/s, negative towards the sensor";
+                let motion = Motion::Radial(&columns.doppler);
+                Paint::motion("Doppler", caption, motion, rows, points).unwrap_or_else(|| {
+                    report.warn("preview: the cloud has no doppler; coloured by radial_velocity instead");
+                    Paint::new(cloud, points, ColorBy::RadialVelocity, report)
+                })
+            }
         }
     }
 
@@ -177,8 +218,45 @@ impl<'a> Paint<'a> {
         let mut sample: Vec<f32> =
             points.sample.iter().map(|&(row, _)| values.get(row, points)).filter(|value| value.is_finite()).collect();
         let [low, high] = wide([quantile(&mut sample, CLIPPED), quantile(&mut sample, 1.0 - CLIPPED)]);
-        let legend = Legend::Scale { caption, ramp, low: f64::from(low) + offset, high: f64::from(high) + offset };
-        Paint { name, source: Source::Values { values, points, table: ramp.table(), low, high }, legend }
+        let (table, ends) = (ramp.table(), [low, high].map(|end| f64::from(end) + offset));
+        let legend = Legend::Scale { caption, table: table.clone(), low: ends[0], high: ends[1], beside: Vec::new() };
+        Paint { name, source: Source::Values { values, points, table, low, high }, legend }
+    }
+
+    /// Colours by `motion`; `None`: it is not known of any of the points.
+    fn motion(
+        name: &'static str,
+        caption: &str,
+        motion: Motion<'a>,
+        rows: usize,
+        points: &'a Points<'a>,
+    ) -> Option<Self> {
+        if !motion.covers(rows) {
+            return None;
+        }
+        let count = |is: fn(Motion, f32) -> bool| {
+            points.count_rows(|row| points.get(row).is_some() && is(motion, motion.get(row)))
+        };
+        let unknown = count(|_, value| !value.is_finite());
+        if unknown == points.count {
+            return None;
+        }
+        let standing = count(|motion, value| motion.stands(value));
+        let high = motion.scale(points);
+        let (low, table) = match motion {
+            Motion::Speed(_) => (0.0, SPEED.table()),
+            Motion::Radial(_) => (-high, palette::radial()),
+        };
+        let entry = |name: &str, color, count| Entry { name: name.to_owned(), color, count };
+        let beside = [entry("standing", STANDING, standing), entry("unknown", palette::OTHER, unknown)];
+        let legend = Legend::Scale {
+            caption: caption.to_owned(),
+            table: table.clone(),
+            low: f64::from(low),
+            high: f64::from(high),
+            beside: beside.into_iter().filter(|entry| entry.count > 0).collect(),
+        };
+        Some(Paint { name, source: Source::Motion { motion, table, low, high }, legend })
     }
 
     /// What the colours show.
@@ -199,7 +277,61 @@ impl<'a> Paint<'a> {
                 // The cast saturates: below the scale 0, NaN 0.
                 table[((t * 255.0).round() as usize).min(table.len() - 1)]
             }
+            Source::Motion { motion, table, low, high } => match motion.get(row) {
+                value if !value.is_finite() => palette::OTHER,
+                value if motion.stands(value) => STANDING,
+                value => {
+                    let last = table.len() - 1;
+                    table[(((value - low) / (high - low) * last as f32).round() as usize).min(last)]
+                }
+            },
         }
+    }
+}
+
+impl Motion<'_> {
+    /// Whether it has a value for each of `rows` rows.
+    fn covers(self, rows: usize) -> bool {
+        match self {
+            Motion::Speed(axes) => axes.iter().all(|axis| axis.len() >= rows),
+            Motion::Radial(values) => values.len() >= rows,
+        }
+    }
+
+    /// Of row `row`, m/s; NaN where it is unknown.
+    fn get(self, row: u32) -> f32 {
+        let row = row as usize;
+        match self {
+            Motion::Speed([x, y, z]) => Vec3::new(x[row], y[row], z[row]).length(),
+            Motion::Radial(values) => values[row],
+        }
+    }
+
+    /// Whether a point with `value` stands; of a radial velocity this is not known, and 0 is a value like others.
+    fn stands(self, value: f32) -> bool {
+        matches!(self, Motion::Speed(_)) && value < STANDS
+    }
+
+    /// The greatest speed of surfaces, without strays: the end of the scale, m/s.
+    fn scale(self, points: &Points<'_>) -> f32 {
+        // Of the radial velocities that a driving sensor sees, few are those of others that drive.
+        let (least, clipped) = match self {
+            Motion::Speed(_) => (STANDS, CLIPPED),
+            Motion::Radial(_) => (MOVES, 0.2 * CLIPPED),
+        };
+        let faster = |than: f32| {
+            // Few of many points may move, so it is them that are sampled.
+            let speed = |row: u32| match points.get(row) {
+                Some(_) if points.cause(row).has_surface() => self.get(row).abs(),
+                _ => f32::NAN,
+            };
+            let moves = |row: u32| speed(row) > than && speed(row).is_finite();
+            let step = points.count_rows(moves).div_ceil(SAMPLE).max(1);
+            let rows = (0..points.len() as u32).filter(|&row| moves(row)).step_by(step);
+            let mut speeds: Vec<f32> = rows.map(speed).collect();
+            (!speeds.is_empty()).then(|| quantile(&mut speeds, 1.0 - clipped))
+        };
+        faster(least).or_else(|| faster(0.0)).map_or(1.0, |speed| speed.max(STANDS))
     }
 }
 
@@ -399,6 +531,100 @@ mod tests {
         assert!((low - 300.1).abs() < 0.02 && (high - 309.9).abs() < 0.02, "{low} {high}");
         assert_eq!(paint.color(0), HEIGHT.color(0.0));
         assert_eq!(paint.color(500), HEIGHT.color(1.0));
+    }
+
+    /// A floor that stands, a person and a car that move at 1.4 and 10 m/s, and a false alarm without a velocity.
+    fn moving() -> PointCloud {
+        let mut cloud = cloud(vec![1; 1000], vec![]);
+        let velocity = |row: usize| match row {
+            0..900 => [0.0; 3],
+            900..910 => [0.0, 1.4, 0.0],
+            910..999 => [6.0, 8.0, 0.0],
+            _ => [f32::NAN; 3],
+        };
+        let axis = |axis: usize| (0..1000).map(|row| velocity(row)[axis]).collect::<Vec<_>>();
+        let c = &mut cloud.columns;
+        [c.velocity_x, c.velocity_y, c.velocity_z] = [0, 1, 2].map(axis);
+        // The person comes nearer, the car goes away.
+        c.radial_velocity =
+            (0..1000).map(|row| [0.0, -1.4, 10.0, f32::NAN][row / 900 + row / 910 + row / 999]).collect();
+        c.cause = vec![Cause::Surface as u8; 999];
+        c.cause.push(Cause::FalseAlarm as u8);
+        cloud
+    }
+
+    #[test]
+    fn what_moves_has_the_colour_of_its_speed_and_what_stands_is_grey() {
+        let cloud = moving();
+        let points = Points::new(&cloud, &mut Report::default());
+        let mut report = Report::default();
+        let paint = Paint::new(&cloud, &points, ColorBy::Velocity, &mut report);
+        let Legend::Scale { caption, low, high, beside, .. } = paint.legend() else { panic!("scale") };
+        assert_eq!((caption.as_str(), *low, *high), ("speed in m/s", 0.0, 10.0));
+        let told: Vec<_> = beside.iter().map(|entry| (entry.name.as_str(), entry.color, entry.count)).collect();
+        assert_eq!(told, [("standing", STANDING, 900), ("unknown", palette::OTHER, 1)]);
+        let wanted = [STANDING, SPEED.table()[(0.14f32 * 255.0).round() as usize], SPEED.color(1.0), palette::OTHER];
+        assert_eq!([0, 905, 950, 999].map(|row| paint.color(row)), wanted);
+        assert!(report.warnings.is_empty());
+    }
+
+    #[test]
+    fn radial_velocities_are_told_apart_by_their_sign() {
+        let mut cloud = moving();
+        let radial = palette::radial();
+        let wanted = [STANDING, radial[127 - 18], radial[254], palette::OTHER];
+        // Errors of a measurement neither widen nor narrow the scale, nor does a false alarm.
+        cloud.columns.doppler = cloud.columns.radial_velocity.clone();
+        cloud.columns.doppler[..900]
+            .iter_mut()
+            .enumerate()
+            .for_each(|(i, value)| *value = 0.03 * (i % 5) as f32 - 0.06);
+        cloud.columns.doppler[999] = 60.0;
+        let points = Points::new(&cloud, &mut Report::default());
+        for (color, name) in
+            [(ColorBy::RadialVelocity, "radial velocity in m/s"), (ColorBy::Doppler, "measured radial")]
+        {
+            let paint = Paint::new(&cloud, &points, color, &mut Report::default());
+            let Legend::Scale { caption, low, high, beside, .. } = paint.legend() else { panic!("scale") };
+            assert!(caption.starts_with(name) && (*low, *high) == (-10.0, 10.0), "{caption} {low} {high}");
+            let unknown = color == ColorBy::RadialVelocity;
+            assert_eq!(beside.len(), usize::from(unknown));
+            assert_eq!([2, 905, 950].map(|row| paint.color(row)), wanted[..3]);
+            assert_eq!(paint.color(999), if unknown { palette::OTHER } else { radial[254] });
+        }
+    }
+
+    #[test]
+    fn a_scene_that_stands_has_a_scale_too() {
+        let mut cloud = moving();
+        let c = &mut cloud.columns;
+        [c.velocity_x, c.velocity_y, c.velocity_z] = [(); 3].map(|()| vec![0.0; 1000]);
+        c.radial_velocity = vec![0.0; 1000];
+        let points = Points::new(&cloud, &mut Report::default());
+        for color in [ColorBy::Velocity, ColorBy::RadialVelocity] {
+            let paint = Paint::new(&cloud, &points, color, &mut Report::default());
+            let Legend::Scale { high, .. } = paint.legend() else { panic!("scale") };
+            assert_eq!((*high, paint.color(0)), (1.0, STANDING));
+        }
+    }
+
+    #[test]
+    fn velocities_that_are_not_there_are_replaced_with_a_warning() {
+        for (color, warnings, name) in [
+            (ColorBy::Velocity, 1, "category"),
+            (ColorBy::RadialVelocity, 1, "category"),
+            (ColorBy::Doppler, 2, "category"),
+        ] {
+            let mut cloud = moving();
+            let c = &mut cloud.columns;
+            // Not asked for, or of an instrument that does not measure it.
+            (c.velocity_x, c.radial_velocity) = (Vec::new(), vec![f32::NAN; 1000]);
+            let mut report = Report::default();
+            assert_eq!((names(&cloud, color, &mut report).0, report.warnings.len()), (name, warnings), "{report:?}");
+        }
+        let mut report = Report::default();
+        assert_eq!(names(&moving(), ColorBy::Doppler, &mut report).0, "radial velocity");
+        assert_eq!(report.warnings.len(), 1, "{report:?}");
     }
 
     #[test]

@@ -40,8 +40,10 @@ const CATEGORIES: [Color; 24] = [
 
 /// Colour of points without a label.
 const UNLABELLED: Color = [0x84, 0x88, 0x90];
-/// Colour of the categories that the legend sums up.
+/// Colour of the categories that the legend sums up, and of values that are unknown.
 pub(super) const OTHER: Color = [0x52, 0x56, 0x5e];
+/// Colour of what stands, a calm grey between the colours of what moves.
+pub(super) const STANDING: Color = [0x71, 0x72, 0x75];
 
 /// Colour of points with `cause`; the same in every picture.
 ///
@@ -84,27 +86,38 @@ pub(super) struct Ramp {
     lightness: [f32; 2],
     /// Hue at both ends, turns.
     hue: [f32; 2],
-    /// Largest chroma; less where the screen cannot show it.
-    chroma: f32,
+    /// Largest chroma at both ends; less where the screen cannot show it.
+    chroma: [f32; 2],
 }
 
 /// For range: violet through red to yellow.
-pub(super) const RANGE: Ramp = Ramp { lightness: [0.42, 0.95], hue: [0.77, 1.28], chroma: 0.155 };
+pub(super) const RANGE: Ramp = Ramp { lightness: [0.42, 0.95], hue: [0.77, 1.28], chroma: [0.155; 2] };
 /// For height: violet through blue and green to yellow.
-pub(super) const HEIGHT: Ramp = Ramp { lightness: [0.40, 0.93], hue: [0.83, 0.30], chroma: 0.135 };
+pub(super) const HEIGHT: Ramp = Ramp { lightness: [0.40, 0.93], hue: [0.83, 0.30], chroma: [0.135; 2] };
 /// For intensity: ember to pale yellow.
-pub(super) const INTENSITY: Ramp = Ramp { lightness: [0.36, 0.97], hue: [0.03, 0.28], chroma: 0.14 };
+pub(super) const INTENSITY: Ramp = Ramp { lightness: [0.36, 0.97], hue: [0.03, 0.28], chroma: [0.14; 2] };
 /// For sonar levels: copper, as on their screens.
-pub(super) const LEVEL: Ramp = Ramp { lightness: [0.16, 0.95], hue: [0.13, 0.22], chroma: 0.105 };
+pub(super) const LEVEL: Ramp = Ramp { lightness: [0.16, 0.95], hue: [0.13, 0.22], chroma: [0.105; 2] };
+/// For the speed of what moves: blue through magenta and orange to pale yellow, all of it brighter than [`STANDING`].
+pub(super) const SPEED: Ramp = Ramp { lightness: [0.60, 0.96], hue: [0.74, 1.28], chroma: [0.17; 2] };
+/// For radial velocities, from [`STANDING`] outwards: blue towards the sensor, red to orange away from it.
+const TOWARDS: Ramp = Ramp { lightness: [0.55, 0.80], hue: [0.67, 0.62], chroma: [0.004, 0.15] };
+const AWAY: Ramp = Ramp { lightness: [0.55, 0.80], hue: [0.06, 0.16], chroma: [0.004, 0.16] };
+
+/// Colours of radial velocities at 255 equal steps, from towards the sensor to away from it; the middle one is 0.
+pub(super) fn radial() -> Vec<Color> {
+    let half = |ramp: Ramp| (1..=127).map(move |step| ramp.color(step as f32 / 127.0));
+    half(TOWARDS).rev().chain([STANDING]).chain(half(AWAY)).collect()
+}
 
 impl Ramp {
     /// Colour at `t` from 0 to 1.
     pub(super) fn color(&self, t: f32) -> Color {
         let mix = |[from, to]: [f32; 2]| from + (to - from) * t.clamp(0.0, 1.0);
-        let (lightness, hue) = (mix(self.lightness), mix(self.hue) * TAU);
+        let (lightness, hue, chroma) = (mix(self.lightness), mix(self.hue) * TAU, mix(self.chroma));
         let at = |chroma: f32| linear_srgb_from_oklab(lightness, chroma * hue.cos(), chroma * hue.sin());
         // The most chroma that the screen can show, up to the scale's own; grey always works.
-        let (mut low, mut high) = (0.0f32, self.chroma);
+        let (mut low, mut high) = (0.0f32, chroma);
         for _ in 0..16 {
             let middle = low.midpoint(high);
             let shown = at(middle).iter().all(|value| (-0.001..=1.001).contains(value));
@@ -167,18 +180,29 @@ mod tests {
 
     #[test]
     fn ramps_rise_in_luminance() {
-        for ramp in [RANGE, HEIGHT, INTENSITY, LEVEL] {
-            let luminance: Vec<f32> = ramp
-                .table()
-                .iter()
-                .map(|c| {
-                    0.2126 * f32::from(c[0]).powf(2.2)
-                        + 0.7152 * f32::from(c[1]).powf(2.2)
-                        + 0.0722 * f32::from(c[2]).powf(2.2)
-                })
-                .collect();
+        for ramp in [RANGE, HEIGHT, INTENSITY, LEVEL, SPEED, TOWARDS, AWAY] {
+            let luminance: Vec<f32> = ramp.table().into_iter().map(luminance).collect();
             assert!(luminance.windows(9).all(|w| w[0] < w[8]), "{ramp:?}");
         }
+    }
+
+    fn luminance([red, green, blue]: Color) -> f32 {
+        let linear = |value: u8| f32::from(value).powf(2.2);
+        0.2126 * linear(red) + 0.7152 * linear(green) + 0.0722 * linear(blue)
+    }
+
+    #[test]
+    fn what_moves_stands_out_from_what_stands() {
+        assert!(SPEED.table().into_iter().all(|color| distance(color, STANDING) > 1600));
+        let radial = radial();
+        assert_eq!((radial.len(), radial[127]), (255, STANDING));
+        // Two hues from near the middle on, equally bright.
+        for step in 20..=127 {
+            let [towards, away] = [radial[127 - step], radial[127 + step]];
+            assert!(towards[2] > towards[0] + 8 && away[0] > away[2] + 8, "{step}: {towards:?} {away:?}");
+            assert!((luminance(towards) / luminance(away) - 1.0).abs() < 0.25, "{step}: {towards:?} {away:?}");
+        }
+        assert!(radial.windows(2).all(|pair| distance(pair[0], pair[1]) < 100));
     }
 
     #[test]

@@ -15,7 +15,7 @@ const MOST_ROWS: usize = u32::MAX as usize;
 /// Rows that are worth a task of their own.
 pub(super) const CHUNK: usize = 1 << 16;
 /// Most points of a sample; a percentile of it is accurate to a thousandth.
-const SAMPLE: usize = 50_000;
+pub(super) const SAMPLE: usize = 50_000;
 /// Part of a sample that must be on surfaces to show where the scene is.
 const SCENE: f32 = 0.01;
 

@@ -129,8 +129,9 @@ impl<'a> Ink<'a> {
             true => ("height", HEIGHT, "height in m".to_owned()),
             false => ("level", LEVEL, format!("level in dB re 1 uPa, {low:.0} to {high:.0}")),
         };
-        let legend = Legend::Scale { caption, ramp, low: f64::from(range[0]), high: f64::from(range[1]) };
-        Ok(Ink { name, image, labels: None, table: ramp.table(), window: range, legend })
+        let (table, [low, high]) = (ramp.table(), range.map(f64::from));
+        let legend = Legend::Scale { caption, table: table.clone(), low, high, beside: Vec::new() };
+        Ok(Ink { name, image, labels: None, table, window: range, legend })
     }
 
     fn labelled(image: &'a Image, name: &'static str, ids: &'a [u32], counts: &BTreeMap<u32, usize>) -> Self {
