@@ -28,6 +28,21 @@ pub(crate) struct Moment {
     step: Step,
 }
 
+/// What is known of a shape from the last scans.
+#[derive(Default)]
+pub(super) struct Known {
+    /// The next scan mostly starts where the last ended; it takes over the memory of others, too.
+    pub moments: Vec<Arc<Moment>>,
+    /// Memory for vertices.
+    memory: Vec<[f32; 3]>,
+}
+
+impl From<&[Arc<Moment>]> for Known {
+    fn from(moments: &[Arc<Moment>]) -> Self {
+        Known { moments: moments.to_vec(), memory: Vec::new() }
+    }
+}
+
 /// Where on a mesh: part, triangle of the part, weights of its second and third corner.
 pub(crate) type Spot = (usize, u32, [f32; 2]);
 
@@ -45,12 +60,12 @@ impl Bending {
         span: Span,
         world_from_object: &DAffine3,
         tolerance: f64,
-        known: &mut Vec<Arc<Moment>>,
+        known: &mut Known,
     ) -> Result<Bending> {
+        let Known { moments: known, memory } = known;
         let layout = layout(&shape.vertices, mesh);
         let steps = shape.steps(timeline, span, world_from_object, tolerance);
         let times: Vec<_> = steps.iter().map(|(time, _)| ((time - span.start) / span.length) as f32).collect();
-        let mut memory = Vec::new();
         // Of moments that nobody needs any more only the memory is of use.
         let spare = |known: &mut Vec<Arc<Moment>>, needed: &[f64]| {
             let is_spare = |moment: &Arc<Moment>| Arc::strong_count(moment) == 1 && !needed.contains(&moment.time);
@@ -63,7 +78,7 @@ impl Bending {
             }
             let Moment { mut step, .. } = spare(known, &needed).unwrap_or_default();
             step.positions.resize(layout.vertices, [0.0; 4]);
-            place(shape, layout, &pull, time, &mut step.positions, &mut memory)?;
+            place(shape, layout, &pull, time, &mut step.positions, memory)?;
             layout.tree.fit(&step.positions, &mut step.boxes);
             Ok(Arc::new(Moment { time, pull, step }))
         };

@@ -1,6 +1,6 @@
 //! A scene that is edited while it is scanned: from objects to Embree's structure and the tables behind its ids.
 
-use super::bending::Moment;
+use super::bending::Known;
 use super::instances::Extent;
 use super::mover::{Follows, Mover};
 use super::{BuiltScene, Engine, Surfaces, Tables};
@@ -82,8 +82,8 @@ struct Live {
     place: Place,
     /// Whether it has been placed where it is since the last commit.
     moved: bool,
-    /// Its shape in the last scans: the next one mostly starts where the last ended, and takes over memory.
-    known: Vec<Arc<Moment>>,
+    /// Its shape in the last scans.
+    known: Known,
 }
 
 /// How an object appears in Embree's structure.
@@ -111,7 +111,8 @@ struct Placed {
 
 /// An object in Embree's structure.
 enum Thing {
-    Still(Instance),
+    /// What rests but will move, or has moved, with its way.
+    Still(Instance, Option<Arc<Mover>>),
     /// On its way, or out of sight.
     Moving(Custom, Arc<Mover>),
 }
@@ -296,7 +297,7 @@ impl LiveScene {
         });
         let entry = &mut self.slots[slot as usize];
         entry.generation += 1;
-        entry.live = Some(Box::new(Live { object, timeline, bounds, place, moved: true, known: Vec::new() }));
+        entry.live = Some(Box::new(Live { object, timeline, bounds, place, moved: true, known: Known::default() }));
         ObjectId { slot, generation: entry.generation }
     }
 
@@ -387,14 +388,15 @@ impl LiveScene {
             let Some(live) = &mut entry.live else { continue };
             let (Some(timeline), Some(motion)) = (&live.timeline, &live.object.motion) else { continue };
             let (from, to) = (start.min(before[0]), (start + length).max(before[0] + before[1]));
-            let same = live.object.sequence.as_ref().is_none_or(|sequence| sequence.at(from) == sequence.at(to));
+            let same = live.object.sequence.as_ref().is_none_or(|sequence| sequence.stays(from, to));
             if !(same && motion.stays(timeline, from, to)) {
                 if let Some(Placed { thing: Thing::Moving(_, mover), .. }) = self.placed.remove(&slot) {
-                    live.known.extend_from_slice(mover.moments());
+                    live.known.moments.extend_from_slice(mover.moments());
                 }
-                self.built = None;
                 live.moved = true;
             }
+            // Even of what rests, another time is told.
+            self.built = None;
         }
         if self.objects().any(|(_, object)| object.materials().any(|material| material.changes.is_some())) {
             (self.surfaces, self.built) = (None, None);
@@ -612,7 +614,7 @@ impl LiveScene {
             top.attach_instance(&fixed.instance)?;
             for (slot, _) in order().skip(fixed.together.len()) {
                 match &self.placed[&slot].thing {
-                    Thing::Still(instance) => top.attach_instance(instance)?,
+                    Thing::Still(instance, _) => top.attach_instance(instance)?,
                     Thing::Moving(custom, _) => top.attach_shape(custom)?,
                 };
             }
@@ -636,12 +638,20 @@ impl LiveScene {
                 Arc::new(surfaces)
             }
         };
-        let mover = |slot: u32| match &self.placed.get(&slot)?.thing {
-            Thing::Still(_) => None,
+        let things = || order().map(|(slot, _)| Some(&self.placed.get(&slot)?.thing));
+        let mover = |thing: Option<&Thing>| match thing? {
+            Thing::Still(..) => None,
             Thing::Moving(_, mover) => Some(mover.clone()),
         };
-        let movers: Vec<_> = order().map(|(slot, _)| mover(slot)).collect();
-        let moves = movers.iter().any(Option::is_some);
+        let rests = |thing: Option<&Thing>| match thing? {
+            Thing::Still(_, mover) => mover.clone(),
+            Thing::Moving(..) => None,
+        };
+        let some = |movers: Vec<Option<Arc<Mover>>>| {
+            if movers.iter().any(Option::is_some) { movers } else { Vec::new() }
+        };
+        let (movers, resting) = (some(things().map(mover).collect()), some(things().map(rests).collect()));
+        let moves = !(movers.is_empty() && resting.is_empty());
         let normal_matrices = order().map(|(_, live)| normal_matrix(&live.object)).collect();
         let extents = order().map(|(_, live)| Extent::new(&live.object, live.bounds)).collect();
         let mut report = Report::default();
@@ -654,7 +664,8 @@ impl LiveScene {
             origin,
             normal_matrices,
             extents,
-            movers: if moves { movers } else { Vec::new() },
+            movers,
+            resting,
             span: (moves && self.time[1] > 0.0).then(|| span(self.time)),
             surfaces: surfaces.clone(),
             report,
@@ -791,8 +802,8 @@ fn name_material(labels: &mut Labels, material: &Material) {
 
 /// The time that moving objects are prepared for.
 fn span([start, length]: [f64; 2]) -> Span {
-    // Of what holds still only the start is looked at.
-    Span { start, length: if length > 0.0 { length } else { 1.0 } }
+    // Of what holds still only the start is looked at: hardly anything happens until the end of a short time.
+    Span { start, length: if length > 0.0 { length } else { 1e-3 } }
 }
 
 impl Live {
@@ -807,28 +818,32 @@ impl Live {
     fn place(&mut self, engine: &Engine, origin: DVec3, time: [f64; 2], tolerance: f64) -> Result<Placed> {
         let object = &self.object;
         let [start, end] = [time[0], time[0] + time[1]];
-        if let (Some(timeline), Some(motion)) = (&self.timeline, &object.motion)
-            && !(motion.shape.is_none()
+        let mut rests = None;
+        if let (Some(timeline), Some(motion)) = (&self.timeline, &object.motion) {
+            let still = motion.shape.is_none()
                 && object.sequence.is_none()
                 && timeline.stays(motion.node, start, end)
-                && timeline.is_visible(motion.node, start))
-        {
+                && timeline.is_visible(motion.node, start);
             let (timeline, motion, mesh) = (timeline.clone(), motion.clone(), object.mesh.clone());
             let follows = Follows { timeline, motion, mesh, sequence: object.sequence.clone(), tolerance, origin };
             let mover = Arc::new(Mover::new(engine, follows, span(time), &mut self.known)?);
-            let custom = Custom::new(engine.device(), mover.clone(), object.mask)?;
-            return Ok(Placed { thing: Thing::Moving(custom, mover), turned: true });
+            if !still {
+                let custom = Custom::new(engine.device(), mover.clone(), object.mask)?;
+                return Ok(Placed { thing: Thing::Moving(custom, mover), turned: true });
+            }
+            rests = Some(mover);
         }
         let local_from_object = DAffine3::from_translation(-origin) * object.world_from_object;
         let matrix = columns(&local_from_object);
         if embree4::is_invertible(&matrix) {
             let of = object.mesh.structure_by(engine, Pace::Now)?;
-            return Ok(Placed { thing: Thing::Still(Instance::new(&of, matrix, object.mask)?), turned: true });
+            let thing = Thing::Still(Instance::new(&of, matrix, object.mask)?, rests);
+            return Ok(Placed { thing, turned: true });
         }
         // Squeezed flat, it gets a mesh of its own in the world.
         let of = mesh_scene(engine, &object.mesh, Quality::Low, Some(&local_from_object), Pace::Now)?;
         let instance = Instance::new(&of, columns(&DAffine3::IDENTITY), object.mask)?;
-        Ok(Placed { thing: Thing::Still(instance), turned: false })
+        Ok(Placed { thing: Thing::Still(instance, None), turned: false })
     }
 }
 

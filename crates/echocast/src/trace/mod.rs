@@ -47,6 +47,8 @@ pub(crate) struct Tables {
     pub extents: Vec<Extent>,
     /// Objects that move, by [`Surface::object`]; empty if none does.
     pub movers: Vec<Option<Arc<Mover>>>,
+    /// Objects that only rest, for the scene flow of those that are about to move; empty if none does.
+    pub resting: Vec<Option<Arc<Mover>>>,
     /// The time of the scans that those are prepared for; `None`: nothing moves.
     pub span: Option<Span>,
     pub surfaces: Arc<Surfaces>,

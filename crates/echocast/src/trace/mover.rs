@@ -1,6 +1,6 @@
 //! Objects that move while they are scanned.
 
-use super::bending::{Bending, Moment, Spot};
+use super::bending::{Bending, Known, Moment, Spot};
 use super::{Engine, Surface, Tables};
 use crate::ground::error::{Error, Result};
 use crate::ground::lanes::LANES;
@@ -46,6 +46,8 @@ enum Body {
 /// A mesh and from when it is there, 0 to 1.
 struct Stage {
     start: f32,
+    /// Which of the sequence it is.
+    number: usize,
     mesh: Arc<Mesh>,
     of: CommittedScene,
 }
@@ -88,7 +90,7 @@ impl Follows {
     }
 
     /// Its shape in `span`, if it changes; see [`Bending::new`].
-    fn shape(&self, span: Span, known: &mut Vec<Arc<Moment>>) -> Result<Option<Bending>> {
+    fn shape(&self, span: Span, known: &mut Known) -> Result<Option<Bending>> {
         let Follows { timeline, motion, mesh, tolerance, .. } = self;
         let Some(shape) = &motion.shape else { return Ok(None) };
         // Skins hang on nodes that stay.
@@ -102,7 +104,7 @@ impl Mover {
     ///
     /// # Errors
     /// Embree's: out of memory; a vertex cache that can no longer be read.
-    pub(super) fn new(engine: &Engine, follows: Follows, span: Span, known: &mut Vec<Arc<Moment>>) -> Result<Mover> {
+    pub(super) fn new(engine: &Engine, follows: Follows, span: Span, known: &mut Known) -> Result<Mover> {
         let body = match (follows.shape(span, known)?, &follows.sequence) {
             (Some(bending), _) => Body::Bending(bending),
             (None, Some(sequence)) => Body::Changing(stages(engine, sequence, span)?),
@@ -151,7 +153,7 @@ impl Mover {
     /// Its way `period` s later than in `span`.
     fn later(&self, span: Span, period: f64) -> Result<Then> {
         let span = Span { start: span.start + period, ..span };
-        let shape = self.follows.shape(span, &mut self.moments().to_vec())?;
+        let shape = self.follows.shape(span, &mut self.moments().into())?;
         Ok(Then { path: self.follows.path(span, self.body.bounds(0.0)), shape })
     }
 
@@ -201,14 +203,20 @@ impl Body {
 
 /// The meshes of `sequence` that are there in `span`.
 fn stages(engine: &Engine, sequence: &Sequence, span: Span) -> Result<Vec<Stage>> {
-    let range = sequence.at(span.start)..=sequence.at(span.start + span.length);
-    let times = sequence.times().enumerate().filter(|(index, _)| range.contains(index));
-    let stage = |(index, time): (usize, f64)| {
-        let mesh = sequence.load(index)?;
-        let of = mesh.structure_by(engine, Pace::Now)?;
-        Ok(Stage { start: ((time - span.start) / span.length) as f32, mesh, of })
-    };
-    times.map(stage).collect()
+    let mut stages: Vec<Stage> = Vec::new();
+    for (number, time) in sequence.between(span.start, span.start + span.length) {
+        // Those that repeat come back.
+        let (mesh, of) = match stages.iter().find(|stage| stage.number == number) {
+            Some(known) => (known.mesh.clone(), known.of.clone()),
+            None => {
+                let mesh = sequence.load(number)?;
+                let of = mesh.structure_by(engine, Pace::Now)?;
+                (mesh, of)
+            }
+        };
+        stages.push(Stage { start: ((time - span.start) / span.length) as f32, number, mesh, of });
+    }
+    Ok(stages)
 }
 
 /// Which of `stages` is there at `time`, 0 to 1.
@@ -304,12 +312,12 @@ impl Tables {
     /// A vertex cache that can no longer be read.
     pub(crate) fn later(&self, period: f64) -> Result<Option<Later>> {
         let Some(span) = self.span else { return Ok(None) };
-        let object = |mover: &Option<Arc<Mover>>| match mover {
+        let object = |number: usize| match self.mover(number as u32) {
             // What may fail does so before the scan.
             Some(mover) if mover.is_read() => Ok(OnceLock::from(Some(mover.later(span, period)?))),
             _ => Ok(OnceLock::new()),
         };
-        let objects = self.movers.iter().map(object).collect::<Result<_>>()?;
+        let objects = (0..self.normal_matrices.len()).map(object).collect::<Result<_>>()?;
         Ok(Some(Later { span, period, objects }))
     }
 
@@ -337,7 +345,13 @@ impl Tables {
         time: f32,
     ) -> Option<Movement> {
         let row = self.surfaces.rows.get(surface as usize)?;
-        let mover = self.mover(row.object)?;
+        let Some(mover) = self.mover(row.object) else {
+            let mover = self.resting.get(row.object as usize)?.as_deref()?;
+            let then = later?.of(mover, row.object)?;
+            let (point, _) = self.point(mover, row, triangle, uv, time);
+            let flow = then.path.at(time).to_local(point) - mover.path.at(time).to_local(point);
+            return Some(Movement { velocity: Vec3::ZERO, flow });
+        };
         let piece = mover.path.piece(time);
         let part = piece.part(time);
         let at = piece.at_part(part);
