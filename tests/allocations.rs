@@ -6,8 +6,8 @@ use echocast::scene::{Mesh, Object, Part};
 use echocast::{
     Engine, Environment, FieldSet, LiveScene, Ping, PointCloud, Pose, ScanOptions, Scene, Sensor, Trajectory,
 };
-use echocast_tests::reference::Shape;
-use glam::{DAffine3, DVec3};
+use echocast_tests::reference::{Actor, Change, Moving, Shape, Track};
+use glam::{DAffine3, DQuat, DVec3};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -15,11 +15,15 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 struct Counting;
 
 static COUNT: AtomicUsize = AtomicUsize::new(0);
+static BYTES: AtomicUsize = AtomicUsize::new(0);
+static LARGEST: AtomicUsize = AtomicUsize::new(0);
 
 // SAFETY: everything is delegated to the system's allocator.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         COUNT.fetch_add(1, Ordering::Relaxed);
+        BYTES.fetch_add(layout.size(), Ordering::Relaxed);
+        LARGEST.fetch_max(layout.size(), Ordering::Relaxed);
         // SAFETY: as the caller promises.
         unsafe { System.alloc(layout) }
     }
@@ -39,6 +43,34 @@ fn scans_and_pings_in_a_loop_hardly_allocate() {
     scans();
     sensors();
     pings();
+    frames();
+}
+
+/// What something allocates.
+#[derive(Clone, Copy, Debug, Default)]
+struct Cost {
+    count: usize,
+    bytes: usize,
+    /// Bytes of the largest one.
+    largest: usize,
+}
+
+impl Cost {
+    fn of<T>(what: impl FnOnce() -> T) -> (Cost, T) {
+        LARGEST.store(0, Ordering::Relaxed);
+        let before = (COUNT.load(Ordering::Relaxed), BYTES.load(Ordering::Relaxed));
+        let done = what();
+        let (count, bytes) = (COUNT.load(Ordering::Relaxed), BYTES.load(Ordering::Relaxed));
+        (Cost { count: count - before.0, bytes: bytes - before.1, largest: LARGEST.load(Ordering::Relaxed) }, done)
+    }
+
+    fn most(self, other: Cost) -> Cost {
+        Cost {
+            count: self.count.max(other.count),
+            bytes: self.bytes.max(other.bytes),
+            largest: self.largest.max(other.largest),
+        }
+    }
 }
 
 fn scans() {
@@ -105,6 +137,76 @@ fn sensors() {
                 "{counts:?} allocations in scans of {preset} with {settings:?}, {threads} threads"
             );
         }
+    }
+}
+
+/// Warm, a loop over a moving scene allocates small things alone, whatever the size of its meshes, and the scan nothing.
+fn frames() {
+    let folder = tempfile::tempdir().unwrap();
+    // Closed and smooth, 20,000 vertices.
+    let ball = || Shape::sphere(1.0, 100);
+    let vertices = ball().positions.len();
+    // To and fro by so many rad every 0.1 s.
+    let drive = |place: DVec3, turn: f64| Track {
+        places: [0.0, 10.0].map(|time| (time, place + DVec3::X * time)).to_vec(),
+        turns: (0..100).map(|k| (0.1 * f64::from(k), DQuat::from_rotation_x(turn * f64::from(k % 3)))).collect(),
+    };
+    let skin = || {
+        let of = |[_, _, z]: [f32; 3]| [(0, 0.5 - 0.5 * z), (1, 0.5 + 0.5 * z), (0, 0.0), (0, 0.0)];
+        let influences = ball().positions.into_iter().map(of);
+        let joints = vec![(DVec3::ZERO, Track::default()), (DVec3::ZERO, drive(DVec3::ZERO, 0.3))];
+        Change::Skin { joints, influences: vec![influences.collect()] }
+    };
+    let grown = |by: f32| ball().positions.iter().map(|place| place.map(|x| by * x)).collect::<Vec<_>>();
+    let morph = || {
+        let weights = (0..100).map(|k| (0.1 * f64::from(k), vec![f64::from(k % 2)])).collect();
+        Change::Morph { targets: vec![vec![grown(0.2)]], weights }
+    };
+    let cache = || Change::Cache {
+        samples: (0..100).map(|k| (0.05 * f64::from(k), grown(1.0 + 0.1 * (k % 2) as f32))).collect(),
+        fps: None,
+    };
+    for (what, count, shape, change) in [
+        ("stiff", 10, Shape::cuboid(-DVec3::ONE, DVec3::ONE), &(|| Change::None) as &dyn Fn() -> Change),
+        ("skinned", 1, ball(), &skin),
+        ("morphing", 1, ball(), &morph),
+        ("cached", 1, ball(), &cache),
+    ] {
+        let actor = |number: i32| Actor {
+            name: format!("{what} {number}"),
+            parts: vec![(shape.clone(), 0)],
+            track: drive(DVec3::new(3.0, 3.0 * f64::from(number) - 9.0, 0.0), 0.05),
+            change: change(),
+        };
+        let ground = Actor {
+            name: "ground".into(),
+            parts: vec![(Shape::plate(-2.0 * DVec3::Z, DVec3::Z, 50.0), 0)],
+            ..Actor::default()
+        };
+        let actors = (0..count).map(actor).chain([ground]).collect();
+        let scene = Moving { actors, materials: vec![(0.5, [0.5; 3])] }.load(folder.path());
+        let sensor = Sensor::preset("velodyne_vlp16").unwrap();
+        let place = Trajectory::fixed(Pose::IDENTITY);
+        let mut live = LiveScene::new(&Engine::with_threads(1).unwrap());
+        live.add_scene(&scene).unwrap();
+        let mut cloud = PointCloud::default();
+        let [mut set, mut scanned] = [Cost::default(); 2];
+        for frame in 0..30 {
+            let start_time = 0.1 * f64::from(frame);
+            let fields = FieldSet::parse("default,velocity,normal_x,track_id").unwrap();
+            let options = ScanOptions { frame, start_time, fields, ..ScanOptions::default() };
+            let (cost, built) = Cost::of(|| {
+                live.set_time(start_time, 0.1).unwrap();
+                live.commit().unwrap()
+            });
+            let (scan, ()) = Cost::of(|| built.scan_into(&sensor, &place, &options, &mut cloud).unwrap());
+            assert!(cloud.columns.velocity_x.iter().filter(|speed| **speed > 0.5).count() > 50);
+            if frame >= 10 {
+                (set, scanned) = (set.most(cost), scanned.most(scan));
+            }
+        }
+        assert!(set.largest <= 16 << 10, "{what} of {vertices} vertices: {set:?}");
+        assert_eq!(scanned.count, 0, "{what}: {scanned:?} in scans");
     }
 }
 

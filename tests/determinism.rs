@@ -5,11 +5,11 @@ use echocast::cloud::FIELDS;
 use echocast::material::{RetroSample, Scattering};
 use echocast::scene::Material;
 use echocast::{
-    BuiltScene, Cause, Engine, Environment, Field, FieldSet, Frame, Order, Ping, PointCloud, Pose, Profile, ReturnMode,
-    ScanOptions, Sensor, Trajectory,
+    BoxAxes, BuiltScene, Cause, Engine, Environment, Field, FieldSet, Frame, LiveScene, Order, Ping, PointCloud, Pose,
+    Profile, ReturnMode, ScanOptions, Scene, Sensor, Trajectory,
 };
 use echocast_kernels::{Level, limit_level};
-use echocast_tests::reference::{Random, SceneBuilder, Shape};
+use echocast_tests::reference::{Moving, Random, SceneBuilder, Shape};
 use glam::{DAffine3, DVec3};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -183,12 +183,72 @@ fn threads_do_not_change_a_bit() {
     assert_eq!(causes, (0..=Cause::Multipath as u8).collect());
 }
 
+/// Things that turn, bend, morph and come from caches, all of it four times.
+fn moving(folder: &std::path::Path) -> Vec<Scene> {
+    let load = |seed: u64| {
+        let own = folder.join(seed.to_string());
+        std::fs::create_dir(&own).unwrap();
+        Moving::random(&mut Random::new(seed)).load(&own)
+    };
+    (0..4).map(load).collect()
+}
+
+/// Three frames of `scenes` that move, with boxes and flow.
+fn moving_clouds(scenes: &[Scene], engine: &Engine) -> Vec<PointCloud> {
+    let mut live = LiveScene::new(engine);
+    for scene in scenes {
+        live.add_scene(scene).unwrap();
+    }
+    let mut camera = camera();
+    camera.set("pattern.resolution", "[160, 120]").unwrap();
+    camera.set("pattern.fov_deg", "[160, 120]").unwrap();
+    let mut clouds = Vec::new();
+    for (frame, sensor) in [lidar(), many(), camera].into_iter().enumerate() {
+        let start_time = 0.09 * frame as f64;
+        live.set_time(start_time, 0.1).unwrap();
+        let options = ScanOptions { start_time, boxes: Some(BoxAxes::Object), ..all() };
+        clouds.push(live.commit().unwrap().scan(&sensor, &drive(), &options).unwrap());
+    }
+    clouds
+}
+
+/// Clouds of what moves, boxes included.
+#[track_caller]
+fn assert_same(a: &[PointCloud], b: &[PointCloud], what: &str) {
+    for (number, (a, b)) in a.iter().zip(b).enumerate() {
+        assert_eq!(differences(a, b), [""; 0], "{what}, frame {number}");
+        assert_eq!(a.boxes, b.boxes, "{what}, frame {number}");
+    }
+}
+
+#[test]
+fn threads_do_not_change_a_bit_of_what_moves() {
+    let folder = tempfile::tempdir().unwrap();
+    let scenes = moving(folder.path());
+    let clouds = |threads: usize| moving_clouds(&scenes, &Engine::with_threads(threads).unwrap());
+    let alone = clouds(1);
+    for cloud in &alone {
+        let flows = cloud.columns.flow_x.iter().filter(|flow| **flow != 0.0 && !flow.is_nan()).count();
+        let boxes = cloud.boxes.as_ref().unwrap();
+        assert!(
+            flows > 1000 && boxes.len() == 20 && boxes.iter().any(|found| found.velocity != DVec3::ZERO),
+            "{flows}"
+        );
+    }
+    for threads in [1, 2, 8] {
+        assert_same(&alone, &clouds(threads), &format!("{threads} threads"));
+    }
+}
+
 /// In one test, since the level applies to the whole process.
 #[test]
 fn vector_levels_do_not_change_a_bit() {
     let built = scene();
+    let folder = tempfile::tempdir().unwrap();
+    let moving = moving(folder.path());
     let of_all = || {
-        let mut clouds = Vec::new();
+        // Built at each level, too.
+        let mut clouds = moving_clouds(&moving, &Engine::new().unwrap());
         for sensor in [lidar(), camera(), noisy(), many(), depth_camera()] {
             for (path, options) in [(Trajectory::fixed(Pose::IDENTITY), wet()), (drive(), all())] {
                 clouds.push(built.scan(&sensor, &path, &options).unwrap());
@@ -205,6 +265,7 @@ fn vector_levels_do_not_change_a_bit() {
             let (others, other_pings) = of_all();
             for (index, (cloud, other)) in clouds.iter().zip(&others).enumerate() {
                 assert_eq!(differences(cloud, other), [""; 0], "{level:?} case {index}");
+                assert_eq!(cloud.boxes, other.boxes, "{level:?} case {index}");
             }
             for (index, (ping, other)) in pings.iter().zip(&other_pings).enumerate() {
                 assert_eq!(ping_differences(ping, other), [""; 0], "{level:?} ping {index}");

@@ -1,10 +1,12 @@
 //! Laws: scenes whose answer is a formula, and tables made elsewhere from the formulas.
 
+mod baked;
 mod beams;
 mod boxes;
 mod cameras;
 mod detection;
 mod doppler;
+mod flow;
 mod geometry;
 mod intensity;
 mod motion;

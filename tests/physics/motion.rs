@@ -3,7 +3,7 @@
 use super::{assert_near, vector};
 use echocast::scene::Material;
 use echocast::{Engine, FieldSet, LiveScene, ObjectId, PointCloud, Pose, ScanOptions, Sensor, Trajectory};
-use echocast_tests::reference::{SceneBuilder, Shape};
+use echocast_tests::reference::{Actor, Moving, Random, SceneBuilder, Shape};
 use glam::{DAffine3, DQuat, DVec3};
 use std::f64::consts::TAU;
 
@@ -107,6 +107,101 @@ fn a_rotor_draws_its_true_spiral() {
     }
 }
 
+/// A plate on a rod of 4 m that swings towards the sensor and back: its distance along each beam is that to the plane
+/// it lies in at the time of the beam.
+#[test]
+fn a_pendulum_is_where_it_swings() {
+    let (pivot, length, widest) = (DVec3::new(10.0, 0.0, 4.0), 4.0, 0.5);
+    let (mut scene, objects) = live([Shape::plate(-length * DVec3::Z, -DVec3::X, 1.0)]);
+    let rate = (9.81 / length).sqrt();
+    let angle = |time: f64| widest * (rate * time).cos();
+    let turned = |time: f64| DQuat::from_rotation_y(angle(time));
+    let keys: Vec<_> = (0..=800)
+        .map(|k| 0.005 * f64::from(k))
+        .map(|time| (time, DAffine3::from_rotation_translation(turned(time), pivot)))
+        .collect();
+    scene.set_motion(objects[0], &keys).unwrap();
+    for frame in 0..30 {
+        let start_time = 0.1 * f64::from(frame);
+        scene.set_time(start_time, 0.1).unwrap();
+        let cloud =
+            scan(&mut scene, &Trajectory::fixed(Pose::IDENTITY), ScanOptions { start_time, ..ScanOptions::default() });
+        assert!(cloud.len > 50, "frame {frame}: {}", cloud.len);
+        let c = &cloud.columns;
+        for row in 0..cloud.len {
+            let along = cloud.position(row).normalize();
+            let normal = turned(c.time[row]) * DVec3::X;
+            assert_near("range", c.range[row].into(), pivot.dot(normal) / along.dot(normal), 2e-4);
+            let turning = -widest * rate * (rate * c.time[row]).sin() * DVec3::Y;
+            let should = turning.cross(cloud.position(row) - pivot);
+            let velocity = vector(&c.velocity_x, &c.velocity_y, &c.velocity_z, row);
+            // The motion between two keys is uniform.
+            let tolerance = 0.0025 * widest * rate * rate * 6.0 + 1e-3;
+            assert!((velocity - should).length() < tolerance, "{velocity} {should}");
+            assert_near("radial velocity", c.radial_velocity[row].into(), velocity.dot(along), 1e-4);
+        }
+    }
+}
+
+/// Where the ray from 0 along `along` enters the box from `low` to `high`, if it does.
+fn enters(along: DVec3, low: DVec3, high: DVec3) -> Option<f64> {
+    let (a, b) = (low / along, high / along);
+    let (enter, leave) = (a.min(b).max_element(), a.max(b).min_element());
+    (enter > 0.0 && enter < leave).then_some(enter)
+}
+
+/// In the far lane, a fast car passes a slow one in the near lane: which one a beam meets is decided at its own time.
+#[test]
+fn a_car_that_overtakes_is_hidden_as_long_as_it_is_behind_the_other() {
+    let half = DVec3::new(2.2, 0.9, 0.75);
+    let (mut scene, objects) = live([(); 2].map(|()| Shape::cuboid(-half, half)));
+    let cars = [(DVec3::new(-3.0, 6.0, 0.0), 8.0), (DVec3::new(-12.0, 11.0, 0.5), 40.0)];
+    let place = |car: usize, time: f64| cars[car].0 + DVec3::X * cars[car].1 * time;
+    for (car, object) in objects.iter().enumerate() {
+        scene.set_motion(*object, &[0.0, 2.0].map(|time| at(time, place(car, time)))).unwrap();
+    }
+    let hit = |along: DVec3, time: f64| {
+        let boxes = [0, 1].map(|car| enters(along, place(car, time) - half, place(car, time) + half));
+        match boxes {
+            [Some(near), far] if far.is_none_or(|far| near < far) => Some((1, near)),
+            [_, far] => far.map(|range| (2, range)),
+        }
+    };
+    let sensor = spinner();
+    let beams = sensor.beams();
+    let (mut seen, mut changed, mut edges) = ([0; 2], 0, 0);
+    for frame in 0..8 {
+        let start_time = 0.1 * f64::from(frame);
+        scene.set_time(start_time, 0.1).unwrap();
+        let options = ScanOptions { start_time, organised: true, ..ScanOptions::default() };
+        let cloud = scan(&mut scene, &Trajectory::fixed(Pose::IDENTITY), options);
+        let c = &cloud.columns;
+        for row in 0..cloud.len {
+            let along = vector(&beams.dir_x, &beams.dir_y, &beams.dir_z, row).normalize();
+            let expected = hit(along, c.time[row]);
+            let found = (c.instance_id[row] > 0).then_some((c.instance_id[row], f64::from(c.range[row])));
+            match (found, expected) {
+                (None, None) => continue,
+                (Some((car, range)), Some((should, at))) if car == should && (range - at).abs() < 2e-4 => {}
+                _ => {
+                    // At an edge, a moment earlier or later it is right.
+                    let near = [-1e-5, 1e-5].map(|step| hit(along, c.time[row] + step).map(|(car, _)| car));
+                    assert!(near.contains(&found.map(|(car, _)| car)), "beam {row}: {found:?}, not {expected:?}");
+                    edges += 1;
+                    continue;
+                }
+            }
+            let car = c.instance_id[row] as usize - 1;
+            seen[car] += 1;
+            changed += usize::from(hit(along, start_time).map(|(car, _)| car) != Some(car as u32 + 1));
+            let velocity = vector(&c.velocity_x, &c.velocity_y, &c.velocity_z, row);
+            assert!((velocity - DVec3::X * cars[car].1).length() < 1e-3, "{velocity}");
+            assert_eq!(c.track_id[row], c.instance_id[row], "in every frame the same");
+        }
+    }
+    assert!(seen[0] > 1000 && seen[1] > 500 && changed > 200 && edges < 10, "{seen:?} {changed} {edges}");
+}
+
 /// With everything held still, a frame is the scan of the scene as it is when the frame starts.
 #[test]
 fn a_frozen_frame_is_the_still_scene_at_its_start() {
@@ -144,6 +239,71 @@ fn a_frozen_frame_is_the_still_scene_at_its_start() {
         }
         // At the very edge of the box rounding decides.
         assert!(other <= 2, "{other}");
+    }
+}
+
+/// The same for all that changes its shape: held still by the scan it is as it is when the scene is set to that time,
+/// and as the same scene is when it stands.
+#[test]
+fn what_changes_its_shape_is_frozen_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut moving = Moving::random(&mut Random::new(6));
+    let ground = Shape::plate(-3.0 * DVec3::Z, DVec3::Z, 40.0);
+    moving.actors.push(Actor { name: "ground".into(), parts: vec![(ground, 0)], ..Actor::default() });
+    let scene = moving.load(folder.path());
+    let mut live = LiveScene::new(&Engine::new().unwrap());
+    live.add_scene(&scene).unwrap();
+    let standing = Trajectory::fixed(Pose::IDENTITY);
+    for start_time in [0.0, 0.13] {
+        let options = ScanOptions { start_time, freeze: true, organised: true, ..ScanOptions::default() };
+        live.set_time(start_time, 0.1).unwrap();
+        let frozen = scan(&mut live, &standing, options.clone());
+        let moves = scan(&mut live, &standing, ScanOptions { freeze: false, ..options.clone() });
+        live.set_time(start_time, 0.0).unwrap();
+        let held = scan(&mut live, &standing, options.clone());
+        let mut still = LiveScene::new(&Engine::new().unwrap());
+        still.add_scene(&moving.still(&scene, start_time)).unwrap();
+        let expected = scan(&mut still, &standing, options);
+        let ground = scene.objects.iter().find(|object| object.name == "ground").unwrap().instance_id;
+        let (mut same, mut other, mut apart) = (0, [0; 2], 0);
+        for row in 0..frozen.len {
+            let [f, h, e, m] = [&frozen, &held, &expected, &moves].map(|cloud| {
+                let c = &cloud.columns;
+                (c.instance_id[row], c.part_id[row], c.range[row])
+            });
+            for (other, known) in other.iter_mut().zip([h, e]) {
+                if (f.0, f.1) != (known.0, known.1) {
+                    *other += 1;
+                } else if f.0 > 0 {
+                    assert_near("range", f.2.into(), known.2.into(), 1e-4);
+                }
+            }
+            apart += usize::from(f.0 != ground && m.0 == f.0 && (f.2 - m.2).abs() > 5e-3);
+            // What stands is hit at the same bits, whatever moves beside it.
+            if f.0 == ground && m.0 == ground {
+                same += 1;
+                for column in [&frozen.columns, &held.columns] {
+                    let of =
+                        |c: &echocast::cloud::Columns| [c.x[row], c.y[row], c.z[row], c.range[row], c.intensity[row]];
+                    assert_eq!(of(column), of(&moves.columns), "beam {row}");
+                }
+            }
+        }
+        // At edges rounding decides.
+        assert!(other[0] <= 1 && other[1] <= 4 && same > 1000 && apart > 200, "{other:?} {same} {apart}");
+    }
+    // At rest, frozen or not is the same in everything.
+    let start_time = 0.5;
+    live.set_time(start_time, 0.1).unwrap();
+    let [frozen, free] = [true, false]
+        .map(|freeze| scan(&mut live, &standing, ScanOptions { start_time, freeze, ..ScanOptions::default() }));
+    assert_eq!(frozen.len, free.len);
+    for info in echocast::cloud::FIELDS {
+        for row in 0..frozen.len {
+            // Up to the rounding of speeds; NaN is as good as NaN.
+            let [a, b] = [&frozen, &free].map(|cloud| cloud.column(info.field).get_f64(row));
+            assert!((a - b).abs() < 1e-9 || a.is_nan() && b.is_nan(), "{}: {a} {b}", info.name);
+        }
     }
 }
 

@@ -87,6 +87,8 @@ pub struct Tracer<'a> {
     local_origin: DVec3,
     /// Greatest coordinate relative to it.
     size: f64,
+    /// How far corners may be from where they are here, m.
+    slack: f64,
 }
 
 impl<'a> Tracer<'a> {
@@ -125,7 +127,13 @@ impl<'a> Tracer<'a> {
                 }
             }
         }
-        Tracer { scene, triangles, local_origin, size }
+        Tracer { scene, triangles, local_origin, size, slack: 0.0 }
+    }
+
+    /// The same where single precision is not all: corners may be `slack` m off.
+    #[must_use]
+    pub fn within(self, slack: f64) -> Self {
+        Tracer { slack, ..self }
     }
 
     /// Number of triangles.
@@ -166,7 +174,7 @@ impl<'a> Tracer<'a> {
             }
             let along = relative.map(|p| p.dot(direction));
             let reach = along.iter().fold(0.0f64, |reach, t| reach.max(t.abs()));
-            let slack = ROUNDING * (size + reach);
+            let slack = self.slack + ROUNDING * (size + reach);
             let area_slack = slack * triangle.longest_edge;
             let inmost = areas[0].min(areas[1]).min(areas[2]);
             if inmost < -area_slack || along.iter().all(|t| *t < -slack) {
@@ -208,7 +216,8 @@ impl<'a> Tracer<'a> {
         let triangle = &self.triangles[hit.triangle];
         let object = &self.scene.objects[triangle.object];
         let part = &object.mesh.parts[triangle.part];
-        let flat_tolerance = ROUNDING * (self.size + triangle.longest_edge) / triangle.altitude;
+        let off = 2.0 * self.slack + ROUNDING * (self.size + triangle.longest_edge);
+        let flat_tolerance = off / triangle.altitude;
         let (normal, normal_tolerance) = match triangle.normals {
             None => (triangle.normal, flat_tolerance),
             Some(normals) => {
@@ -228,6 +237,11 @@ impl<'a> Tracer<'a> {
             normal,
             normal_tolerance,
         }
+    }
+
+    /// Where the spot of `hit`, of a tracer with the same triangles, is in this one.
+    pub fn place(&self, hit: &Hit) -> DVec3 {
+        self.point(hit.triangle, hit.weights)
     }
 
     /// Object, part and number of the triangle in the part.

@@ -217,8 +217,8 @@ fn column<T>(beams: &[echocast_beam], of: impl Fn(&echocast_beam) -> T) -> Outco
 }
 
 pub(crate) fn seconds(ns: i64) -> f64 {
-    // Whole seconds apart, so that a time of 2026 is rounded once.
-    (ns / 1_000_000_000) as f64 + (ns % 1_000_000_000) as f64 * 1e-9
+    // Whole seconds apart, so that a time of 2026 is rounded once; divided, as 1e-9 itself is rounded.
+    (ns / 1_000_000_000) as f64 + (ns % 1_000_000_000) as f64 / 1e9
 }
 
 fn nanoseconds(seconds: f64) -> i64 {

@@ -84,6 +84,10 @@ impl Custom {
     /// [`Error::Embree`] when memory runs out, or for more than 129 boxes or none.
     pub fn new(device: &Device, shape: Arc<dyn Shape>, mask: u32) -> Result<Custom, Error> {
         let bounds = shape.bounds();
+        if bounds.is_empty() {
+            // Embree would ask for one.
+            return Err(Error::Embree { call: "rtcSetGeometryTimeStepCount", reason: "invalid argument" });
+        }
         let mut geometry = Geometry::new(device, sys::RTC_GEOMETRY_TYPE_USER)?;
         let mut told = Box::new(Told { shape, bounds });
         let place: *mut Told = &raw mut *told;

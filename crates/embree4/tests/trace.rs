@@ -1,7 +1,7 @@
 //! The wrapper tested on geometry whose hits are known.
 
 use embree4::{
-    Candidate, Coherence, CommittedScene, Custom, Device, Error, INVALID, Instance, Joint, LocalRays, Mesh, Pace,
+    Candidate, Coherence, CommittedScene, Custom, Device, Error, Hit, INVALID, Instance, Joint, LocalRays, Mesh, Pace,
     Packet, Quality, Query, Ray, Scene, Shape,
 };
 use std::cell::RefCell;
@@ -319,6 +319,272 @@ fn what_refuses_every_hit_sees_every_hit() {
         check::<4>(&world, coherence);
         check::<8>(&world, coherence);
         check::<16>(&world, coherence);
+    }
+}
+
+/// Floors at the heights `z + speed * time` of `floors`, each a triangle of mesh 7, from -1 to 1 in x and y.
+struct Floors {
+    floors: Vec<f32>,
+    speed: f32,
+}
+
+impl Shape for Floors {
+    fn bounds(&self) -> Vec<[[f32; 3]; 2]> {
+        let (low, high) = self.floors.iter().fold((f32::MAX, f32::MIN), |(low, high), z| (low.min(*z), high.max(*z)));
+        [0.0, self.speed].map(|risen| [[-1.0, -1.0, low + risen - 0.01], [1.0, 1.0, high + risen + 0.01]]).to_vec()
+    }
+
+    fn intersect(&self, query: &mut Query) {
+        assert!([1, 4, 8, 16].contains(&query.lanes()) && query.active().len() == query.lanes());
+        for lane in 0..query.lanes() {
+            if query.active()[lane] == 0 {
+                continue;
+            }
+            let of = |rows: [&[f32]; 3]| rows.map(|row| row[lane]);
+            let ([ox, oy, oz], [dx, dy, dz]) = (of(query.origins()), of(query.directions()));
+            // The last ones first, so that nearer hits follow farther ones.
+            for (triangle, z) in self.floors.iter().enumerate().rev() {
+                let far = (z + self.speed * query.times()[lane] - oz) / dz;
+                let [x, y] = [ox + far * dx, oy + far * dy];
+                if !(far >= query.near()[lane] && far < query.far()[lane] && x.abs() <= 1.0 && y.abs() <= 1.0) {
+                    continue;
+                }
+                let uv = [0.25 * (x + 1.0), 0.25 * (y + 1.0)];
+                if query.refuses() && !query.counts(lane, far, 7, triangle as u32, uv) {
+                    continue;
+                }
+                query.hit(lane, &Hit { far, normal: [0.0, 0.0, 2.0], uv, triangle: triangle as u32, mesh: 7 });
+                if query.any_hit() {
+                    break;
+                }
+            }
+        }
+    }
+}
+
+/// A scene with a triangle below everything, and `shape` in the third place.
+fn with_shape(device: &Device, shape: impl Shape, mask: u32) -> CommittedScene {
+    let mut world = Scene::new(device, Quality::Medium).unwrap();
+    world.attach_instance(&placed(&scene(device, &[triangle(device, -9.0)]), IDENTITY)).unwrap();
+    world.attach_mesh(&triangle(device, -8.0)).unwrap();
+    assert_eq!(world.attach_shape(&Custom::new(device, Arc::new(shape), mask).unwrap()).unwrap(), 2);
+    world.commit().unwrap()
+}
+
+/// Rays upwards from the height 0, each at its own place and time; some start too late, end too early or pass by.
+fn upwards<const W: usize>() -> Packet<W> {
+    let mut rays = Packet::new();
+    for lane in 0..W {
+        let part = lane as f32 / 16.0;
+        (rays.org_x[lane], rays.org_y[lane], rays.dir_z[lane]) = (0.9 * part, -0.5 * part, 2.0);
+        (rays.time[lane], rays.id[lane]) = (part, 100 + lane as u32);
+        match lane % 8 {
+            5 => rays.tnear[lane] = 1.6,
+            6 => rays.tfar[lane] = 0.4,
+            7 => rays.org_x[lane] = 1.1,
+            _ => {}
+        }
+    }
+    rays
+}
+
+/// The floor, 0 to 2, that such a ray hits and where, counted in lengths of its direction.
+fn floor_above(lane: usize, time: f32, counts: impl Fn(u32) -> bool) -> Option<(u32, f32)> {
+    let floors = [1.0, 2.0, 4.0].map(|z| (z + 0.5 * time) / 2.0);
+    let (near, far) = match lane % 8 {
+        5 => (1.6, f32::INFINITY),
+        6 => (0.0, 0.4),
+        7 => return None,
+        _ => (0.0, f32::INFINITY),
+    };
+    (0..3).map(|floor| (floor, floors[floor as usize])).find(|(floor, z)| (near..far).contains(z) && counts(*floor))
+}
+
+/// Rays of every width, with lanes that do not ask, at times of their own.
+#[test]
+fn shapes_are_hit_where_they_are_at_the_time_of_each_ray() {
+    fn check<const W: usize>(world: &CommittedScene, coherence: Coherence) {
+        // The third lane of four does not ask.
+        let valid = std::array::from_fn(|lane| if lane % 4 == 2 { 0 } else { -1 });
+        let before = upwards::<W>();
+        let (mut rays, mut stops) = (before, before);
+        world.intersect(&valid, &mut rays, coherence);
+        world.occlude(&valid, &mut stops, coherence);
+        let odd = |floor: u32| floor % 2 == 1;
+        let (mut odd_rays, mut odd_stops) = (before, before);
+        let counts = |hit: &Candidate| {
+            let lane = hit.ray as usize - 100;
+            let height = [1.0, 2.0, 4.0][hit.prim_id as usize] + 0.5 * before.time[lane];
+            assert!(hit.geom_id == 7 && hit.inst_id == 2 && close(2.0 * hit.far, height), "{hit:?}");
+            assert!(close(hit.u, 0.25 * (before.org_x[lane] + 1.0)), "{hit:?}");
+            odd(hit.prim_id)
+        };
+        world.intersect_where(&valid, &mut odd_rays, coherence, &counts);
+        world.occlude_where(&valid, &mut odd_stops, coherence, &counts);
+        for lane in 0..W {
+            let start = lane_of(&before, lane);
+            let check = |found: Ray, stop: Ray, expected: Option<(u32, f32)>| match expected.filter(|_| lane % 4 != 2) {
+                None => assert_eq!([found, stop], [start; 2], "lane {lane}"),
+                Some((floor, far)) => {
+                    assert!(close(found.tfar, far) && found.prim_id == floor, "lane {lane}: {found:?}, not {floor}");
+                    assert_eq!((found.geom_id, found.inst_id, found.ng_z), (7, 2, 2.0));
+                    assert!(close(found.v, 0.25 * (start.org_y + 1.0)), "{found:?}");
+                    assert_eq!(stop, Ray { tfar: f32::NEG_INFINITY, ..start }, "lane {lane}");
+                }
+            };
+            let at = start.time;
+            check(lane_of(&rays, lane), lane_of(&stops, lane), floor_above(lane, at, |_| true));
+            check(lane_of(&odd_rays, lane), lane_of(&odd_stops, lane), floor_above(lane, at, odd));
+            let mut single = start;
+            world.intersect1(&mut single);
+            match floor_above(lane, at, |_| true) {
+                None => assert_eq!(single, start),
+                Some((floor, far)) => {
+                    assert!(close(single.tfar, far), "{single:?}");
+                    assert_eq!((single.prim_id, single.geom_id, single.inst_id), (floor, 7, 2));
+                }
+            }
+        }
+    }
+    let device = Device::new().unwrap();
+    let world = with_shape(&device, Floors { floors: vec![1.0, 2.0, 4.0], speed: 0.5 }, u32::MAX);
+    for coherence in [Coherence::Coherent, Coherence::Incoherent] {
+        check::<4>(&world, coherence);
+        check::<8>(&world, coherence);
+        check::<16>(&world, coherence);
+    }
+}
+
+#[test]
+fn masks_hide_shapes() {
+    let device = Device::new().unwrap();
+    let world = with_shape(&device, Floors { floors: vec![1.0], speed: 0.0 }, 0b10);
+    for (mask, hit) in [(0b01, false), (0b10, true), (0b11, true)] {
+        let mut rays = Packet::<8> { mask: [mask; 8], ..upwards() };
+        let mut stops = rays;
+        world.intersect(&[-1; 8], &mut rays, Coherence::Coherent);
+        world.occlude(&[-1; 8], &mut stops, Coherence::Coherent);
+        let mut ray = Ray { mask, ..Ray::new([0.0; 3], [0.0, 0.0, 1.0]) };
+        world.intersect1(&mut ray);
+        assert_eq!([rays.geom_id[0] == 7, stops.tfar[0] == f32::NEG_INFINITY, ray.geom_id == 7], [hit; 3], "{mask:b}");
+    }
+}
+
+/// A shape that is drawn from elsewhere: `at` in x at time 0, 1 farther at time 1, and twice as high.
+struct Elsewhere {
+    of: CommittedScene,
+    at: f32,
+}
+
+impl Shape for Elsewhere {
+    fn bounds(&self) -> Vec<[[f32; 3]; 2]> {
+        let [low, high] = self.of.bounds();
+        [self.at, self.at + 1.0].map(|x| [low, high].map(|[a, b, z]| [a + x, b, 2.0 * z])).to_vec()
+    }
+
+    fn intersect(&self, query: &mut Query) {
+        let (mut rays, lanes) = (LocalRays::new(), query.lanes());
+        let mut active = [0; 16];
+        active[..lanes].copy_from_slice(query.active());
+        let ([ox, oy, oz], [dx, dy, dz], times) = (query.origins(), query.directions(), query.times());
+        let [to_ox, to_oy, to_oz, to_dx, to_dy, to_dz] = rays.rows(lanes);
+        for lane in 0..lanes {
+            to_ox[lane] = ox[lane] - self.at - times[lane];
+            (to_oy[lane], to_oz[lane]) = (oy[lane], 0.5 * oz[lane]);
+            (to_dx[lane], to_dy[lane], to_dz[lane]) = (dx[lane], dy[lane], 0.5 * dz[lane]);
+            // It keeps rays of this height out.
+            if query.origins()[1][lane] > 0.55 {
+                active[lane] = 0;
+            }
+        }
+        query.forward(&self.of, &mut rays, &active);
+    }
+}
+
+/// What a shape forwards to is hit as if it stood there, by queries of every kind and width.
+#[test]
+fn shapes_forward_to_scenes_in_frames_of_their_own() {
+    fn check<const W: usize>(world: &CommittedScene, coherence: Coherence) {
+        let mut before = Packet::<W>::new();
+        for lane in 0..W {
+            let part = lane as f32 / 16.0;
+            // Where the triangles' point (0.2, 0.3) is at the time of the ray; each third is asleep, each fifth stays out.
+            (before.time[lane], before.org_x[lane]) = (part, 5.2 + part);
+            (before.org_y[lane], before.dir_z[lane]) = (if lane % 5 == 4 { 0.6 } else { 0.3 }, 1.0);
+            before.id[lane] = lane as u32;
+        }
+        let valid = std::array::from_fn(|lane| if lane % 3 == 2 { 0 } else { -1 });
+        let (mut rays, mut stops, mut second, mut none) = (before, before, before, before);
+        world.intersect(&valid, &mut rays, coherence);
+        world.occlude(&valid, &mut stops, coherence);
+        let far_one = |hit: &Candidate| hit.inst_id == 2 && hit.geom_id == 1;
+        world.intersect_where(&valid, &mut second, coherence, &far_one);
+        world.occlude_where(&valid, &mut none, coherence, &|hit: &Candidate| hit.geom_id == 2);
+        for lane in 0..W {
+            let start = lane_of(&before, lane);
+            assert_eq!(lane_of(&none, lane), start, "no hit counts");
+            let found = [&rays, &second, &stops].map(|rays| lane_of(rays, lane));
+            let mut single = start;
+            world.intersect1(&mut single);
+            if lane % 5 == 4 {
+                assert_eq!((found, single), ([start; 3], start), "lane {lane}");
+                continue;
+            }
+            // Twice as high as in their own scene.
+            let expected = |ray: &Ray, mesh: u32, far: f32| {
+                assert!(close(ray.tfar, far) && close(ray.u, 0.2) && close(ray.v, 0.3), "lane {lane}: {ray:?}");
+                assert_eq!((ray.geom_id, ray.prim_id, ray.inst_id), (mesh, 0, 2), "lane {lane}");
+                assert!(ray.ng_x == 0.0 && ray.ng_y == 0.0 && close(ray.ng_z, 1.0), "the normal in its own frame");
+            };
+            expected(&single, 0, 6.0);
+            if lane % 3 == 2 {
+                assert_eq!(found, [start; 3], "lane {lane}");
+            } else {
+                expected(&found[0], 0, 6.0);
+                expected(&found[1], 1, 8.0);
+                assert_eq!(found[2], Ray { tfar: f32::NEG_INFINITY, ..start }, "lane {lane}");
+            }
+        }
+    }
+    let device = Device::new().unwrap();
+    let of = scene(&device, &[triangle(&device, 3.0), triangle(&device, 4.0)]);
+    let world = with_shape(&device, Elsewhere { of, at: 5.0 }, u32::MAX);
+    for coherence in [Coherence::Coherent, Coherence::Incoherent] {
+        check::<4>(&world, coherence);
+        check::<8>(&world, coherence);
+        check::<16>(&world, coherence);
+    }
+}
+
+#[test]
+fn shapes_have_one_to_129_boxes_and_none_of_nothing() {
+    struct Boxes(Vec<[[f32; 3]; 2]>);
+    impl Shape for Boxes {
+        fn bounds(&self) -> Vec<[[f32; 3]; 2]> {
+            self.0.clone()
+        }
+
+        fn intersect(&self, query: &mut Query) {
+            for lane in 0..query.lanes() {
+                query.hit(lane, &Hit { far: 1.0, normal: [0.0; 3], uv: [0.0; 2], triangle: 0, mesh: 0 });
+            }
+        }
+    }
+    let device = Device::new().unwrap();
+    let unit = [[-1.0; 3], [1.0; 3]];
+    let shape = |boxes: Vec<[[f32; 3]; 2]>| Custom::new(&device, Arc::new(Boxes(boxes)), u32::MAX);
+    for count in [1, 2, 129] {
+        shape(vec![unit; count]).unwrap();
+    }
+    for count in [0, 130] {
+        assert!(matches!(shape(vec![unit; count]), Err(Error::Embree { .. })), "{count} boxes");
+    }
+    let nothing = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
+    for (boxes, hit) in [(vec![unit], true), (vec![nothing], false), (vec![nothing; 3], false)] {
+        let world = with_shape(&device, Boxes(boxes), u32::MAX);
+        let mut ray = Ray { time: 0.5, ..Ray::new([0.0; 3], [0.0, 0.0, 1.0]) };
+        world.intersect1(&mut ray);
+        assert_eq!(ray.inst_id == 2, hit);
     }
 }
 

@@ -876,6 +876,114 @@ static void contexts(echocast_context *context)
     echocast_mesh_release(theirs);
 }
 
+/* A box that drives towards the sensor, 10 m away at time 0, at 20 m/s, and stops after half a second. */
+static void motion(echocast_context *context)
+{
+    echocast_scene *scene;
+    OK(echocast_scene_create(context, NULL, &scene));
+    echocast_mesh *mesh = box(context);
+    echocast_instance car = place(scene, mesh, at(10, 0, 0), 1);
+    echocast_mesh_release(mesh);
+    echocast_pose_key keys[3] = {{0, at(10, 0, 0)}, {250000000, at(5, 0, 0)}, {500000000, at(0, 0, 0)}};
+    OK(echocast_scene_set_motion(scene, car, keys, 3));
+    keys[0].pose = at(99, 0, 0); /* They were copied. */
+
+    /* Three rows of 1/30 s each, and the box is met in the middle of each. */
+    echocast_sensor *sensor;
+    OK(echocast_sensor_from_text(context,
+                                 "{name: turning, kind: lidar, pattern: {type: raster, azimuth: {fov_deg: 360, step_deg: 1}, "
+                                 "elevation: {fov_deg: 4, step_deg: 2}, rate_hz: 10}}",
+                                 NULL, &sensor));
+    echocast_pose_key here = {0, ECHOCAST_POSE_IDENTITY};
+    echocast_scan_desc desc = ECHOCAST_SCAN_DESC_INIT;
+    desc.sensor = sensor;
+    desc.poses = &here;
+    desc.pose_count = 1;
+    desc.columns = "x,time,velocity,flow,track_id";
+    echocast_snapshot *snapshot;
+    echocast_result *result = NULL;
+    const int64_t tenth = 100000000;
+    double first = INFINITY, last = -INFINITY;
+    for (int frame = 0; frame < 3; ++frame) {
+        OK(echocast_scene_set_time(scene, frame * tenth, tenth));
+        OK(echocast_scene_commit(scene, &snapshot));
+        desc.t0_ns = frame * tenth;
+        for (desc.freeze = 0; desc.freeze < 2; ++desc.freeze) {
+            OK(echocast_scan(snapshot, &desc, &result));
+            const float *x = view(result, "x").data, *speed = view(result, "velocity_x").data;
+            const float *flow = view(result, "flow_x").data;
+            const uint32_t *track = view(result, "track_id").data;
+            const double *time = view(result, "time").data;
+            CHECK(echocast_result_count(result) > 10);
+            for (size_t i = 0; i < echocast_result_count(result); ++i) {
+                CHECK(time[i] >= 0.1 * frame && time[i] < 0.1 * frame + 0.1);
+                double when = desc.freeze ? 0.1 * frame : time[i];
+                CHECK(fabs(x[i] - (9 - 20 * when)) < 1e-3);
+                CHECK(fabs(speed[i] + 20) < 1e-3 && fabs(flow[i] + 2) < 1e-3 && track[i] == 1);
+                first = frame == 0 && !desc.freeze && time[i] < first ? time[i] : first;
+                last = frame == 0 && !desc.freeze && time[i] > last ? time[i] : last;
+            }
+        }
+        desc.freeze = 0;
+        if (frame < 2)
+            echocast_snapshot_release(snapshot);
+    }
+    CHECK(first > 0.01 && first < 0.02 && last > 0.08 && last < 0.09);
+
+    /* The snapshot is of 0.2 to 0.3 s. */
+    desc.t0_ns = 3 * tenth;
+    FAILS(ECHOCAST_E_ARGUMENT, "start_time is 0.3 s for a scan of ", echocast_scan(snapshot, &desc, &result));
+    CHECK(strstr(echocast_last_error(), "allowed: within 0.2 to 0.3") != NULL);
+    desc.t0_ns = 2 * tenth - 1000000;
+    FAILS(ECHOCAST_E_ARGUMENT, "start_time is 0.199 s for a scan of ", echocast_scan(snapshot, &desc, &result));
+    echocast_snapshot_release(snapshot);
+    /* Without length everything holds still, whatever the time of a scan. */
+    OK(echocast_scene_set_time(scene, 4 * tenth, 0));
+    OK(echocast_scene_commit(scene, &snapshot));
+    OK(echocast_scan(snapshot, &desc, &result));
+    CHECK(close_to(least(result, "x"), 1) && *(const float *)view(result, "velocity_x").data == 0);
+    echocast_snapshot_release(snapshot);
+
+    FAILS(ECHOCAST_E_ARGUMENT, "length_ns is -1; allowed: 0 or more", echocast_scene_set_time(scene, 0, -1));
+    FAILS(ECHOCAST_E_ARGUMENT, "keys is none; allowed: at least one", echocast_scene_set_motion(scene, car, NULL, 0));
+    FAILS(ECHOCAST_E_ARGUMENT, "keys is NULL", echocast_scene_set_motion(scene, car, NULL, 2));
+    FAILS(ECHOCAST_E_HANDLE, "id is 0x", echocast_scene_set_motion(scene, car + 1, keys, 3));
+    keys[2].t_ns = 249999999;
+    FAILS(ECHOCAST_E_ARGUMENT, "time of key 2 is 0.249999999; allowed: finite times that never fall",
+          echocast_scene_set_motion(scene, car, keys, 3));
+    keys[2].t_ns = 250000000;
+    keys[1].pose.m[3] = NAN;
+    FAILS(ECHOCAST_E_ARGUMENT, "pose of object \"box\" is ", echocast_scene_set_motion(scene, car, keys, 3));
+    memset(&keys[1].pose, 0, sizeof keys[1].pose);
+    FAILS(ECHOCAST_E_ARGUMENT, "keys[1].pose is all 0; ", echocast_scene_set_motion(scene, car, keys, 3));
+    keys[1].pose = at(5, 0, 0);
+    keys[1].pose.m[1] = 0.5; /* sheared */
+    FAILS(ECHOCAST_E_ARGUMENT, "pose of key 1 is [", echocast_scene_set_motion(scene, car, keys, 3));
+    /* It moves as before. */
+    OK(echocast_scene_commit(scene, &snapshot));
+    OK(echocast_scan(snapshot, &desc, &result));
+    CHECK(close_to(least(result, "x"), 1));
+    echocast_snapshot_release(snapshot);
+    /* Until it is placed elsewhere; two keys at one time are a jump. */
+    echocast_pose there = at(7, 0, 0);
+    OK(echocast_scene_set_poses(scene, 1, &car, &there));
+    OK(echocast_scene_commit(scene, &snapshot));
+    OK(echocast_scan(snapshot, &desc, &result));
+    CHECK(close_to(least(result, "x"), 6));
+    echocast_snapshot_release(snapshot);
+    keys[0].pose = at(3, 0, 0);
+    keys[1].pose = at(4, 0, 0);
+    keys[2].pose = at(8, 0, 0);
+    OK(echocast_scene_set_motion(scene, car, keys, 3));
+    OK(echocast_scene_commit(scene, &snapshot));
+    OK(echocast_scan(snapshot, &desc, &result));
+    CHECK(close_to(least(result, "x"), 7));
+    echocast_snapshot_release(snapshot);
+    echocast_result_release(result);
+    echocast_sensor_release(sensor);
+    echocast_scene_release(scene);
+}
+
 int main(int argc, char **argv)
 {
     CHECK(argc == 2);
@@ -903,6 +1011,7 @@ int main(int argc, char **argv)
     scans(context);
     images(context);
     sonars(context);
+    motion(context);
     contexts(context);
     echocast_context_release(context);
     puts("passed");

@@ -268,6 +268,24 @@ int main(int argc, char **argv)
     REFUSED(echocast_scene_set_poses(scene, SIZE_MAX, &id, &pose));
     REFUSED(echocast_scene_set_poses(scene, SIZE_MAX / 8, &id, &pose));
     OK(echocast_scene_set_poses(scene, 0, NULL, NULL));
+    echocast_pose_key keys[2] = {{0, ECHOCAST_POSE_IDENTITY}, {1000, ECHOCAST_POSE_IDENTITY}};
+    BAD_HANDLES(echocast_scene, wrong, echocast_scene_set_motion(wrong, id, keys, 2));
+    REFUSED(echocast_scene_set_motion(scene, 0, keys, 2));
+    REFUSED(echocast_scene_set_motion(scene, id, NULL, 2));
+    REFUSED(echocast_scene_set_motion(scene, id, keys, 0));
+    REFUSED(echocast_scene_set_motion(scene, id, keys, SIZE_MAX));
+    REFUSED(echocast_scene_set_motion(scene, id, keys, SIZE_MAX / sizeof *keys));
+    for (size_t i = 0; i < sizeof odd / sizeof *odd; ++i) {
+        keys[1].pose.m[3] = odd[i];
+        REFUSED(echocast_scene_set_motion(scene, id, keys, 2));
+    }
+    BAD_HANDLES(echocast_scene, wrong, echocast_scene_set_time(wrong, 0, 0));
+    REFUSED(echocast_scene_set_time(scene, 0, -1));
+    REFUSED(echocast_scene_set_time(scene, 0, INT64_MIN));
+    REFUSED(echocast_scene_set_time(scene, 0, INT64_MAX));
+    OK(echocast_scene_set_time(scene, INT64_MIN, 0));
+    OK(echocast_scene_set_time(scene, INT64_MAX, 0));
+    OK(echocast_scene_set_time(scene, 0, 0));
     BAD_HANDLES(echocast_scene, wrong, echocast_scene_set_vertices(wrong, id, BOX_POSITIONS, NULL, 8));
     REFUSED(echocast_scene_set_vertices(scene, id, NULL, NULL, 8));
     REFUSED(echocast_scene_set_vertices(scene, id, BOX_POSITIONS, NULL, 0));

@@ -23,6 +23,9 @@ use std::time::SystemTime;
 /// Frames per second where nothing says otherwise: Blender's default.
 pub(crate) const FPS: f64 = 24.0;
 
+/// Where a cache begins again, it jumps within this time, s.
+const JUMP_S: f64 = 1e-6;
+
 /// Most samples of a cache: half a day of 24 frames a second.
 const MOST_SAMPLES: usize = 1_000_000;
 
@@ -163,9 +166,12 @@ impl Cache {
         self.times.len() == 1 || self.period.is_none() && (to <= first || from >= last)
     }
 
-    /// Adds the times between `from` and `to`, s, at which it has samples, in no order.
+    /// Adds the times between `from` and `to`, s, at which it has samples or is about to jump, in no order.
     pub(crate) fn bends(&self, from: f64, to: f64, bends: &mut Vec<f64>) {
         bends_of(&self.times, self.period, from, to, bends);
+        if let Some(period) = self.period {
+            bends_of(&[period - JUMP_S], self.period, from, to, bends);
+        }
     }
 
     /// No fewer times than [`Cache::bends`] adds.

@@ -65,12 +65,32 @@ impl Sequence {
 
     /// The number of the mesh that is there at `time`, s, from 0.
     pub fn at(&self, time: f64) -> usize {
+        self.mesh_of(self.turn(time))
+    }
+
+    /// Whose turn it is at `time`, s: the number of a mesh, counted on through all rounds.
+    fn turn(&self, time: f64) -> f64 {
         // Products of times and rates miss whole numbers by the last bit.
         let near = (time * self.fps).round();
-        let index = if near / self.fps <= time { near } else { near - 1.0 };
-        let count = self.files.len() as f64;
-        let index = if self.looped { index.rem_euclid(count) } else { index.clamp(0.0, count - 1.0) };
-        index as usize
+        let turn = if near / self.fps <= time { near } else { near - 1.0 };
+        if self.looped { turn } else { turn.clamp(0.0, self.files.len() as f64 - 1.0) }
+    }
+
+    fn mesh_of(&self, turn: f64) -> usize {
+        turn.rem_euclid(self.files.len() as f64) as usize
+    }
+
+    /// Whether one mesh is there at all times from `from` to `to`, s.
+    pub(crate) fn stays(&self, from: f64, to: f64) -> bool {
+        self.files.len() == 1 || self.turn(from) == self.turn(to)
+    }
+
+    /// The numbers of the meshes that are there from `from` to `to`, s, and when each takes its place, s.
+    pub(crate) fn between(&self, from: f64, to: f64) -> impl Iterator<Item = (usize, f64)> {
+        let [first, last] = [from, to].map(|time| self.turn(time));
+        // Counted, as late numbers may be too large for one more to make a difference.
+        let turns = (0..=(last - first) as u64).map(move |number| first + number as f64);
+        turns.map(|turn| (self.mesh_of(turn), turn / self.fps))
     }
 
     /// Loads mesh `index`, below the number of [`Sequence::times`]: one part, flat-shaded, of the material of the object's

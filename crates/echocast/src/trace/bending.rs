@@ -31,6 +31,21 @@ pub(crate) struct Moment {
     step: Step,
 }
 
+/// What is known of a shape from the last scans.
+#[derive(Default)]
+pub(super) struct Known {
+    /// The next scan mostly starts where the last ended; it takes over the memory of others, too.
+    pub moments: Vec<Arc<Moment>>,
+    /// Memory for vertices.
+    memory: Vec<[f32; 3]>,
+}
+
+impl From<&[Arc<Moment>]> for Known {
+    fn from(moments: &[Arc<Moment>]) -> Self {
+        Known { moments: moments.to_vec(), memory: Vec::new() }
+    }
+}
+
 /// Where on a mesh: part, triangle of the part, weights of its second and third corner.
 pub(crate) type Spot = (usize, u32, [f32; 2]);
 
@@ -45,7 +60,7 @@ impl Bending {
         follows: &Follows,
         shape: &Arc<Shape>,
         span: Span,
-        known: &mut Vec<Arc<Moment>>,
+        known: &mut Known,
         most_bytes: usize,
     ) -> Result<Option<Bending>> {
         let Follows { mesh, timeline, tolerance, .. } = follows;
@@ -55,7 +70,7 @@ impl Bending {
         let most = most_bytes / (layout.step_bytes() + shape.pull_bytes());
         let Some(steps) = shape.steps(timeline, span, &world_from_object, *tolerance, most) else { return Ok(None) };
         let times: Vec<_> = steps.iter().map(|(time, _)| span.part(*time)).collect();
-        let mut memory = Vec::new();
+        let Known { moments: known, memory } = known;
         let needed: Vec<f64> = steps.iter().map(|(time, _)| *time).collect();
         let is_own = |moment: &Moment| moment.shape.as_ref().is_some_and(|of| Arc::ptr_eq(of, shape));
         // Of moments that nobody needs any more only the memory is of use.
@@ -70,7 +85,7 @@ impl Bending {
             }
             let Moment { mut step, .. } = spare(known).unwrap_or_default();
             step.positions.resize(layout.vertices, [0.0; 4]);
-            place(shape, layout, &pull, time, &mut step.positions, &mut memory)?;
+            place(shape, layout, &pull, time, &mut step.positions, memory)?;
             layout.tree.fit(&step.positions, &mut step.boxes);
             Ok(Arc::new(Moment { shape: Some(shape.clone()), time, pull, step }))
         };

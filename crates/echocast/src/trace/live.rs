@@ -1,6 +1,6 @@
 //! A scene that is edited while it is scanned: from objects to Embree's structure and the tables behind its ids.
 
-use super::bending::Moment;
+use super::bending::Known;
 use super::instances::Extent;
 use super::mover::{Follows, MOST_BYTES, Mover};
 use super::{BuiltScene, Engine, Surfaces, Tables};
@@ -82,8 +82,8 @@ struct Live {
     place: Place,
     /// Whether it has been placed where it is since the last commit.
     moved: bool,
-    /// Its shape in the last scans: the next one mostly starts where the last ended, and takes over memory.
-    known: Vec<Arc<Moment>>,
+    /// Its shape in the last scans.
+    known: Known,
 }
 
 /// How an object appears in Embree's structure.
@@ -308,7 +308,7 @@ impl LiveScene {
         });
         let entry = &mut self.slots[slot as usize];
         entry.generation += 1;
-        entry.live = Some(Box::new(Live { object, timeline, bounds, place, moved: true, known: Vec::new() }));
+        entry.live = Some(Box::new(Live { object, timeline, bounds, place, moved: true, known: Known::default() }));
         ObjectId { slot, generation: entry.generation }
     }
 
@@ -433,7 +433,7 @@ impl LiveScene {
             && let Some(live) = &mut self.slots[id.slot as usize].live
         {
             // For their memory.
-            live.known.extend_from_slice(mover.moments());
+            live.known.moments.extend_from_slice(mover.moments());
         }
         self.loosen(id);
         Ok(())
@@ -460,14 +460,15 @@ impl LiveScene {
             let Some(live) = &mut entry.live else { continue };
             let (Some(timeline), Some(motion)) = (&live.timeline, &live.object.motion) else { continue };
             let (from, to) = (start.min(before.start), (start + length).max(before.start + before.length));
-            let same = live.object.sequence.as_ref().is_none_or(|sequence| sequence.at(from) == sequence.at(to));
+            let same = live.object.sequence.as_ref().is_none_or(|sequence| sequence.stays(from, to));
             if !(same && motion.stays(timeline, from, to)) {
                 if let Some(Placed { thing: Thing::Moving(_, mover), .. }) = self.placed.remove(&slot) {
-                    live.known.extend_from_slice(mover.moments());
+                    live.known.moments.extend_from_slice(mover.moments());
                 }
-                self.built = None;
                 live.moved = true;
             }
+            // Even of what rests, another time is told.
+            self.built = None;
         }
         if self.objects().any(|(_, object)| object.materials().any(|material| material.changes.is_some())) {
             (self.surfaces, self.built) = (None, None);

@@ -1,6 +1,6 @@
 //! Objects that move while they are scanned.
 
-use super::bending::{Bending, Moment, Spot};
+use super::bending::{Bending, Known, Moment, Spot};
 use super::{Engine, Surface, Tables};
 use crate::ground::error::{Error, Result};
 use crate::ground::lanes::LANES;
@@ -47,6 +47,8 @@ enum Body {
 /// A mesh and from when it is there, 0 to 1.
 struct Stage {
     start: f32,
+    /// Which of the sequence it is.
+    number: usize,
     mesh: Arc<Mesh>,
     of: CommittedScene,
 }
@@ -103,7 +105,7 @@ impl Follows {
     }
 
     /// Its shape in `span`, if it changes, in no more than `most_bytes`; see [`Bending::new`].
-    fn shape(&self, span: Span, known: &mut Vec<Arc<Moment>>, most_bytes: usize) -> Result<Option<Bending>> {
+    fn shape(&self, span: Span, known: &mut Known, most_bytes: usize) -> Result<Option<Bending>> {
         let Some(shape) = &self.motion.shape else { return Ok(None) };
         let bending = Bending::new(self, shape, span, known, most_bytes)?;
         bending.ok_or_else(|| self.too_much(span)).map(Some)
@@ -142,7 +144,7 @@ impl Mover {
         engine: &Engine,
         follows: Follows,
         span: Span,
-        known: &mut Vec<Arc<Moment>>,
+        known: &mut Known,
         most_bytes: usize,
     ) -> Result<Mover> {
         let body = match (follows.shape(span, known, most_bytes)?, &follows.sequence) {
@@ -203,7 +205,7 @@ impl Mover {
     /// Its way `period` s later than in `span`.
     fn later(&self, span: Span, period: f64) -> Result<Next> {
         let span = Span { start: span.start + period, ..span };
-        let shape = self.follows.shape(span, &mut self.moments().to_vec(), MOST_BYTES)?;
+        let shape = self.follows.shape(span, &mut self.moments().into(), MOST_BYTES)?;
         Ok(Next::Moves(self.follows.path(span, self.body.bounds(0.0), MOST_BYTES)?, shape))
     }
 
@@ -254,14 +256,20 @@ impl Body {
 
 /// The meshes of `sequence` that are there in `span`.
 fn stages(engine: &Engine, sequence: &Sequence, span: Span) -> Result<Vec<Stage>> {
-    let range = sequence.at(span.start)..=sequence.at(span.start + span.length);
-    let times = sequence.times().enumerate().filter(|(index, _)| range.contains(index));
-    let stage = |(index, time): (usize, f64)| {
-        let mesh = sequence.load(index)?;
-        let of = mesh.structure_by(engine, Pace::Now)?;
-        Ok(Stage { start: span.part(time), mesh, of })
-    };
-    times.map(stage).collect()
+    let mut stages: Vec<Stage> = Vec::new();
+    for (number, time) in sequence.between(span.start, span.start + span.length) {
+        // Those that repeat come back.
+        let (mesh, of) = match stages.iter().find(|stage| stage.number == number) {
+            Some(known) => (known.mesh.clone(), known.of.clone()),
+            None => {
+                let mesh = sequence.load(number)?;
+                let of = mesh.structure_by(engine, Pace::Now)?;
+                (mesh, of)
+            }
+        };
+        stages.push(Stage { start: span.part(time), number, mesh, of });
+    }
+    Ok(stages)
 }
 
 /// Which of `stages` is there at `time`, 0 to 1.
@@ -495,7 +503,7 @@ mod tests {
             origin: DVec3::ZERO,
         };
         let span = Span { start: 0.0, length: 1.0 };
-        let of = |most: usize| Mover::new(&engine, follows.clone(), span, &mut Vec::new(), most);
+        let of = |most: usize| Mover::new(&engine, follows.clone(), span, &mut Known::default(), most);
         let bytes = of(1 << 22).unwrap().bytes();
         assert!((10_000..1 << 22).contains(&bytes), "{bytes}");
         assert_eq!(of(bytes).unwrap().bytes(), bytes);

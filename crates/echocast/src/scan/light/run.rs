@@ -20,13 +20,14 @@ use std::ops::Range;
 use std::sync::Arc;
 
 /// Columns that identify the surface.
-const LABELS: [Field; 6] = [
+const LABELS: [Field; 7] = [
     Field::CategoryId,
     Field::PartId,
     Field::InstanceId,
     Field::MaterialId,
     Field::FirstCategoryId,
     Field::FirstInstanceId,
+    Field::TrackId,
 ];
 
 /// Columns that depend on how things move.
