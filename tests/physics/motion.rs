@@ -340,3 +340,35 @@ fn images_move_as_the_range_to_them_changes() {
     }
     assert!(seen > 50, "{seen}");
 }
+
+/// A bed that rises under a boat that sinks and drives on; and its points.
+#[test]
+fn sonars_tell_how_what_they_hear_moves() {
+    let (mut scene, objects) = live([Shape::plate(DVec3::ZERO, DVec3::Z, 200.0)]);
+    let (bed, boat) = (DVec3::new(0.5, 0.0, 1.0), DVec3::new(3.0, 0.0, -0.25));
+    let keys = [0.0, 10.0].map(|time| at(time, bed * time - 20.0 * DVec3::Z));
+    scene.set_motion(objects[0], &keys).unwrap();
+    scene.set_time(2.0, 0.5).unwrap();
+    let path = [0.0, 10.0].map(|time| (time, Pose { position: boat * time - 2.0 * DVec3::Z, ..Pose::IDENTITY }));
+    let path = Trajectory::new(path.to_vec()).unwrap();
+    let sonar = Sensor::preset("mbes_400").unwrap();
+    let options = ScanOptions { start_time: 2.0, frame_period: Some(0.1), ..ScanOptions::default() };
+    let options = options.fields(FieldSet::all());
+    let cloud = scene.commit().unwrap().scan(&sonar, &path, &options).unwrap();
+    let columns = &cloud.columns;
+    assert!(cloud.len > 100);
+    let here = path.at(2.0).position;
+    for row in 0..cloud.len {
+        let velocity = vector(&columns.velocity_x, &columns.velocity_y, &columns.velocity_z, row);
+        let flow = vector(&columns.flow_x, &columns.flow_y, &columns.flow_z, row);
+        assert!((velocity - bed).length() < 1e-3 && (flow - 0.1 * bed).length() < 1e-4, "{velocity} {flow}");
+        let place = vector(&columns.true_x, &columns.true_y, &columns.true_z, row) + cloud.origin;
+        let along = (place - here).normalize();
+        // Water without a profile: sound goes straight. The place within a cell is rounded along the bed.
+        let expected = (bed - boat).dot(along);
+        assert!((f64::from(columns.radial_velocity[row]) - expected).abs() < 0.02, "{row}: {expected}");
+        // It has risen when the sound gets there.
+        let met = columns.true_range[row] as f64 / 1500.0;
+        assert!((place.z - (-18.0 + met)).abs() < 2e-3, "{place} {met}");
+    }
+}

@@ -221,16 +221,13 @@ impl OutputArgs {
     /// Checks that such a sensor gives points the values that the picture shows.
     fn check_color(&self, sensor: &Sensor) -> Result<()> {
         let named = format!("--color {}", self.color.name());
-        let moving = matches!(self.color, ColorBy::Velocity | ColorBy::RadialVelocity | ColorBy::Doppler);
-        ensure!(
-            !moving || sensor.kind() != SensorKind::Sonar,
-            "{named}: points of sonars have no velocities; allowed: label, cause, intensity, range, height"
-        );
-        ensure!(
-            self.color != ColorBy::Doppler || sensor.spec().doppler.is_some(),
-            "{named}: the sensor does not measure velocities; allowed: with a section doppler (--set \
-             doppler.sigma_m_s=0.05), or --color radial_velocity"
-        );
+        let measured = self.color != ColorBy::Doppler || sensor.spec().doppler.is_some();
+        let way = if sensor.kind() == SensorKind::Sonar {
+            ""
+        } else {
+            "with a section doppler (--set doppler.sigma_m_s=0.05), or "
+        };
+        ensure!(measured, "{named}: the sensor does not measure velocities; allowed: {way}--color radial_velocity");
         Ok(())
     }
 

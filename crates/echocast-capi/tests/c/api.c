@@ -334,7 +334,7 @@ static void scenes(echocast_context *context)
 }
 
 /* A box that moves while it is scanned, and how fast its points are, also as colours of a picture. */
-static void motion(echocast_context *context)
+static void pictures_of_motion(echocast_context *context)
 {
     echocast_scene *scene;
     OK(echocast_scene_create(context, NULL, &scene));
@@ -1005,7 +1005,7 @@ int main(int argc, char **argv)
     FAILS(ECHOCAST_E_ARGUMENT, "desc->log_level is 9;", echocast_context_create(&desc, &none));
     meshes(context);
     scenes(context);
-    motion(context);
+    pictures_of_motion(context);
     files(context);
     sensors(context);
     scans(context);

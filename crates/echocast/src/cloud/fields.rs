@@ -343,6 +343,18 @@ pub(crate) const VELOCITY: [Field; 3] = [Field::VelocityX, Field::VelocityY, Fie
 /// The columns that `flow` stands for.
 pub(crate) const FLOW: [Field; 3] = [Field::FlowX, Field::FlowY, Field::FlowZ];
 
+/// Columns that depend on how things move.
+pub(crate) const MOVING: [Field; 8] = [
+    Field::VelocityX,
+    Field::VelocityY,
+    Field::VelocityZ,
+    Field::RadialVelocity,
+    Field::FlowX,
+    Field::FlowY,
+    Field::FlowZ,
+    Field::Doppler,
+];
+
 /// A set of columns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct FieldSet(u64);

@@ -21,7 +21,7 @@ use std::sync::Arc;
 /// | `cos_incidence`, `normal_x` to `normal_z` | how sound meets it |
 /// | `azimuth`, `elevation` | direction in which the sound left, sensor frame, rad; for sound that left over reflections but comes back directly, the direction from which it comes back |
 /// | `cause`, `bounces` | surface (0), sea surface (10), either over reflections (9) or noise alone (7), and number of reflections on the path; with two paths, on the one that has some |
-pub const CELL_FIELDS: [Field; 21] = [
+pub const CELL_FIELDS: [Field; 28] = [
     Field::Intensity,
     Field::CategoryId,
     Field::PartId,
@@ -43,6 +43,13 @@ pub const CELL_FIELDS: [Field; 21] = [
     Field::TrueRange,
     Field::Cause,
     Field::Bounces,
+    Field::VelocityX,
+    Field::VelocityY,
+    Field::VelocityZ,
+    Field::RadialVelocity,
+    Field::FlowX,
+    Field::FlowY,
+    Field::FlowZ,
 ];
 
 /// What all pings of a sonar have in common.

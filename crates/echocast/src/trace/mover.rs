@@ -322,6 +322,7 @@ impl Shape for Mover {
 }
 
 /// From the times of beams to those of rays.
+#[derive(Clone, Copy)]
 pub(crate) struct Clock {
     /// Time of the scan's start since the scene's, in lengths of the scene's time.
     offset: f64,

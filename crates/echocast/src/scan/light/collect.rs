@@ -1,8 +1,8 @@
 //! The columns of a block's returns.
 
 use super::block::{Block, Lanes};
-use super::run::{MOVING, Scan};
-use crate::cloud::{Field, Frame, Kept, Slices};
+use super::run::Scan;
+use crate::cloud::{Field, Frame, Kept, MOVING, Slices};
 use crate::ground::angle::azimuth_elevation;
 use crate::ground::lanes::LANES;
 use echocast_kernels::{aim, light, measure};

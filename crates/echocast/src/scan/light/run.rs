@@ -2,7 +2,7 @@
 
 use super::block::{Lanes, Task, with_block};
 use super::halo::Halos;
-use crate::cloud::{Columns, FLOW, Field, Frame, PointCloud, Slices};
+use crate::cloud::{Columns, FLOW, Field, Frame, MOVING, PointCloud, Slices};
 use crate::detect::{Errors, FalseAlarms, ReturnMode, Threshold};
 use crate::echo::{Air, IntensityEncoding, IntensityModel, PathLimits, Surroundings, Wanted};
 use crate::emitter::{Aim, BeamTable, Trajectory};
@@ -28,18 +28,6 @@ const LABELS: [Field; 7] = [
     Field::FirstCategoryId,
     Field::FirstInstanceId,
     Field::TrackId,
-];
-
-/// Columns that depend on how things move.
-pub(super) const MOVING: [Field; 8] = [
-    Field::VelocityX,
-    Field::VelocityY,
-    Field::VelocityZ,
-    Field::RadialVelocity,
-    Field::FlowX,
-    Field::FlowY,
-    Field::FlowZ,
-    Field::Doppler,
 ];
 
 /// Chunks per thread between two passes that close the gaps of misses: few enough that their rows are

@@ -147,13 +147,6 @@ impl Ping {
             beam: if self.reports_depths() { beam as u32 } else { cell as u32 },
             firing: self.number,
             doppler: f32::NAN,
-            velocity_x: f32::NAN,
-            velocity_y: f32::NAN,
-            velocity_z: f32::NAN,
-            radial_velocity: f32::NAN,
-            flow_x: f32::NAN,
-            flow_y: f32::NAN,
-            flow_z: f32::NAN,
             track_id: 0,
         );
         if range.is_nan() {
@@ -161,10 +154,13 @@ impl Ping {
             put!(columns, row, intensity: f32::NAN, cos_incidence: f32::NAN, true_range: f32::NAN);
             put!(columns, row, true_x: f32::NAN, true_y: f32::NAN, true_z: f32::NAN);
             put!(columns, row, normal_x: f32::NAN, normal_y: f32::NAN, normal_z: f32::NAN);
+            put!(columns, row, velocity_x: f32::NAN, velocity_y: f32::NAN, velocity_z: f32::NAN);
+            put!(columns, row, flow_x: f32::NAN, flow_y: f32::NAN, flow_z: f32::NAN, radial_velocity: f32::NAN);
             return;
         }
         copy!(intensity, category_id, part_id, instance_id, material_id, red, green, blue, cos_incidence);
         copy!(true_range, cause, bounces);
+        copy!(velocity_x, velocity_y, velocity_z, radial_velocity, flow_x, flow_y, flow_z);
         put!(columns, row, first_category_id: cells.category_id[cell], first_instance_id: cells.instance_id[cell]);
         put!(columns, row, track_id: cells.instance_id[cell]);
         let truth = Vec3::new(cells.true_x[cell], cells.true_y[cell], cells.true_z[cell]);

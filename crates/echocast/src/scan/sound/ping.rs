@@ -1,7 +1,7 @@
 //! One ping of a sonar, step by step: rays through the water, what they meet, what the beams receive of it, levels,
 //! depths.
 
-use crate::cloud::{CELL_FIELDS, Field, FieldSet, Layout, Ping, Slices, SonarView, Sounding, put};
+use crate::cloud::{CELL_FIELDS, FLOW, Field, FieldSet, Layout, MOVING, Ping, Slices, SonarView, Sounding, put};
 use crate::detect::{BeamLevels, sounding};
 use crate::echo::{
     Background, CHUNK_BITS, Drift, Echoes, Insonification, Lines, NOBODY, Response, Scatterers, Tile, Wants,
@@ -21,8 +21,10 @@ use crate::medium::{Column, Spreading, Water};
 use crate::scan::printed::printed_water;
 use crate::scan::{Profile, ScanOptions};
 use crate::sensor::{AcousticsSpec, Sensor, Speckle};
-use crate::trace::{Backscatter, BuiltScene, Launch, SoundLimits, SoundTracer, Tables, TracerMemory};
-use glam::{DVec3, Mat3};
+use crate::trace::{
+    Backscatter, BuiltScene, Clock, Later, Launch, Movement, SoundLimits, SoundTracer, Tables, TracerMemory,
+};
+use glam::{DVec3, Mat3, Vec3};
 use std::sync::Arc;
 
 /// Rays per task: a constant, so that results cannot depend on the number of threads.
@@ -114,7 +116,18 @@ pub(super) struct Pinging<'a> {
     fold: f64,
     mask: u32,
     time: f64,
-    freeze: bool,
+    /// Where the scene moves, when sound is where.
+    clock: Option<Clock>,
+    /// What is told of motion, if it is asked for.
+    motion: Option<Motion>,
+}
+
+/// What the columns of motion are made from.
+struct Motion {
+    /// How fast the sonar moves, world, m/s.
+    own: Vec3,
+    /// Where things are one frame later, if they move and that is asked for.
+    later: Option<Later>,
 }
 
 impl BuiltScene {
@@ -281,6 +294,14 @@ impl<'a> Pinging<'a> {
             }
             _ => None,
         };
+        let motion = match options.fields.contains_any(&MOVING) {
+            false => None,
+            true => {
+                let period = options.frame_period.unwrap_or(sensor.beams.period);
+                let later = if options.fields.contains_any(&FLOW) { scene.later(period)? } else { None };
+                Some(Motion { own: trajectory.velocity(time).as_vec3(), later })
+            }
+        };
         let rng = Rng::new(options.seed, options.frame);
         let speckle = (acoustics.speckle == Speckle::Frozen).then(|| Scatterers {
             // Of the seed alone: a surface looks the same in every ping.
@@ -305,7 +326,8 @@ impl<'a> Pinging<'a> {
             fold,
             mask: options.mask,
             time: options.start_time,
-            freeze: options.freeze,
+            clock: scene.clock(options.start_time, options.freeze),
+            motion,
             transducer,
         })
     }
@@ -338,7 +360,7 @@ impl<'a> Pinging<'a> {
             reach: self.reach,
             bounces: self.acoustics.bounces,
             reflection_loss: &loss,
-            clock: self.scene.clock(self.time, self.freeze),
+            clock: self.clock,
         };
         let tracer = SoundTracer::new(self.scene, &self.column, limits);
         let insonification = self.insonification();
@@ -623,12 +645,30 @@ impl Pinging<'_> {
             normal_y: normal.y,
             normal_z: normal.z,
         );
+        let launch = || match echoes.heard_straight(index) {
+            Some(direct) => self.rotation().transpose() * direct.launch,
+            None => self.transducer.direction.each_ref().map(|axis| axis[arrival.ray as usize]).into(),
+        };
         if !(rows.azimuth.is_empty() && rows.elevation.is_empty()) {
-            let [azimuth, elevation] = azimuth_elevation(match echoes.heard_straight(index) {
-                Some(direct) => (self.rotation().transpose() * direct.launch).into(),
-                None => self.transducer.direction.each_ref().map(|axis| axis[arrival.ray as usize]),
-            });
+            let [azimuth, elevation] = azimuth_elevation(launch().into());
             put!(rows, row, azimuth: azimuth, elevation: elevation);
+        }
+        if let Some(Motion { own, later }) = &self.motion {
+            let met = f64::from(arrival.range) / self.layout.believed_speed;
+            let time = self.clock.as_ref().map_or(0.0, |clock| clock.of(met));
+            let movement = self.scene.movement(later.as_ref(), arrival.surface, arrival.triangle, arrival.corner, time);
+            let Movement { velocity, flow } = movement.unwrap_or_default();
+            // How fast the way there grows at both its ends.
+            let radial = velocity.dot(direction) - own.dot(self.rotation() * launch());
+            put!(rows, row,
+                velocity_x: velocity.x,
+                velocity_y: velocity.y,
+                velocity_z: velocity.z,
+                radial_velocity: radial,
+                flow_x: flow.x,
+                flow_y: flow.y,
+                flow_z: flow.z,
+            );
         }
     }
 }
@@ -641,5 +681,7 @@ fn silence(rows: &mut Slices, row: usize) {
         true_x: f32::NAN, true_y: f32::NAN, true_z: f32::NAN, true_range: f32::NAN, time: f64::NAN,
         cos_incidence: f32::NAN, normal_x: f32::NAN, normal_y: f32::NAN, normal_z: f32::NAN,
         azimuth: f32::NAN, elevation: f32::NAN,
+        velocity_x: f32::NAN, velocity_y: f32::NAN, velocity_z: f32::NAN, radial_velocity: f32::NAN,
+        flow_x: f32::NAN, flow_y: f32::NAN, flow_z: f32::NAN,
     );
 }
