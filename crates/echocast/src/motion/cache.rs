@@ -176,7 +176,8 @@ impl Cache {
 
     /// No fewer times than [`Cache::bends`] adds.
     pub(crate) fn most_bends(&self, from: f64, to: f64) -> f64 {
-        most_bends_of(&self.times, self.period, from, to)
+        let jumps = self.period.map_or(0.0, |_| most_bends_of(&[], self.period, from, to));
+        most_bends_of(&self.times, self.period, from, to) + jumps
     }
 
     /// The positions at `time`, s, one for each vertex of the mesh, m, in its frame: linear between samples, those of the

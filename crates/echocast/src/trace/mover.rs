@@ -51,6 +51,8 @@ struct Stage {
     number: usize,
     mesh: Arc<Mesh>,
     of: CommittedScene,
+    /// Memory that these take, unless an earlier stage has them too.
+    bytes: usize,
 }
 
 /// Where the objects of a scene are one frame later.
@@ -116,11 +118,9 @@ impl Follows {
     }
 
     fn too_much(&self, span: Span) -> Error {
-        let allowed = format!(
-            "a time in which what moves takes no more than {} GiB; with object {:?} it takes more",
-            MOST_BYTES >> 30,
-            self.name
-        );
+        let gib = MOST_BYTES >> 30;
+        let allowed =
+            format!("times in which what moves can be followed in {gib} GiB, as object {:?} cannot", self.name);
         Error::invalid("time of a scan", format!("{} s", span.length), allowed)
     }
 
@@ -149,7 +149,10 @@ impl Mover {
     ) -> Result<Mover> {
         let body = match (follows.shape(span, known, most_bytes)?, &follows.sequence) {
             (Some(bending), _) => Body::Bending(bending),
-            (None, Some(sequence)) => Body::Changing(stages(engine, sequence, span)?),
+            (None, Some(sequence)) => {
+                let stages = stages(engine, sequence, span, most_bytes)?;
+                Body::Changing(stages.ok_or_else(|| follows.too_much(span))?)
+            }
             (None, None) => Body::Stiff(follows.mesh.structure_by(engine, Pace::Now)?),
         };
         let path = follows.path(span, body.bounds(0.0), most_bytes)?;
@@ -159,8 +162,9 @@ impl Mover {
     /// Memory that its motion takes.
     pub(super) fn bytes(&self) -> usize {
         let body = match &self.body {
-            Body::Stiff(_) | Body::Changing(_) => 0,
+            Body::Stiff(_) => 0,
             Body::Bending(bending) => bending.bytes(),
+            Body::Changing(stages) => stages.iter().map(|stage| stage.bytes).sum(),
         };
         self.path.bytes() + body
     }
@@ -254,22 +258,31 @@ impl Body {
     }
 }
 
-/// The meshes of `sequence` that are there in `span`.
-fn stages(engine: &Engine, sequence: &Sequence, span: Span) -> Result<Vec<Stage>> {
+/// The meshes of `sequence` that are there in `span`; `None`: they take more than `most_bytes`, or are far too many.
+fn stages(engine: &Engine, sequence: &Sequence, span: Span, most_bytes: usize) -> Result<Option<Vec<Stage>>> {
+    const MOST_STAGES: usize = 100_000;
+    /// Of Embree's structure, corners and indices.
+    const TRIANGLE_BYTES: usize = 150;
     let mut stages: Vec<Stage> = Vec::new();
+    let mut left = most_bytes;
     for (number, time) in sequence.between(span.start, span.start + span.length) {
         // Those that repeat come back.
-        let (mesh, of) = match stages.iter().find(|stage| stage.number == number) {
-            Some(known) => (known.mesh.clone(), known.of.clone()),
+        let (mesh, of, bytes) = match stages.iter().find(|stage| stage.number == number) {
+            Some(known) => (known.mesh.clone(), known.of.clone(), 0),
             None => {
                 let mesh = sequence.load(number)?;
                 let of = mesh.structure_by(engine, Pace::Now)?;
-                (mesh, of)
+                let bytes = mesh.triangle_count() * TRIANGLE_BYTES;
+                (mesh, of, bytes)
             }
         };
-        stages.push(Stage { start: span.part(time), number, mesh, of });
+        if bytes > left || stages.len() == MOST_STAGES {
+            return Ok(None);
+        }
+        left -= bytes;
+        stages.push(Stage { start: span.part(time), number, mesh, of, bytes });
     }
-    Ok(stages)
+    Ok(Some(stages))
 }
 
 /// Which of `stages` is there at `time`, 0 to 1.
