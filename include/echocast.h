@@ -599,16 +599,13 @@ echocast_status echocast_scene_set_motion(echocast_scene *scene,
 
 /**
  * Sets the time of the scans of the next snapshots: what moves by itself, through the animations of files,
- * echocast_scene_set_motion or echocast_scene_set_vertex_motion, is where it is at every moment from `start_ns` to `start_ns + length_ns`. A scan of such a
- * snapshot must lie within that time. With a length of 0 everything holds still where it is at `start_ns`, whatever the
- * time of a scan; a new scene is set to time 0, still.
+ * echocast_scene_set_motion or echocast_scene_set_vertex_motion, is where it is at every moment from `start_ns` to
+ * `start_ns + length_ns`. A scan of such a snapshot must lie within that time. With a length of 0 everything holds
+ * still where it is at `start_ns`, whatever the time of a scan; a new scene is set to time 0, still.
  *
  * Errors: ECHOCAST_E_ARGUMENT (a negative length), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */
-ECHOCAST_API
-echocast_status echocast_scene_set_time(echocast_scene *scene,
-                                        int64_t start_ns,
-                                        int64_t length_ns);
+ECHOCAST_API echocast_status echocast_scene_set_time(echocast_scene *scene, int64_t start_ns, int64_t length_ns);
 
 /**
  * Gives the vertices of an instance new positions: `count` times x, y, z, as many as its mesh has, and shading

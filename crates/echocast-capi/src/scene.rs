@@ -637,9 +637,9 @@ pub unsafe extern "C" fn echocast_scene_set_motion(
 }
 
 /// Sets the time of the scans of the next snapshots: what moves by itself, through the animations of files,
-/// echocast_scene_set_motion or echocast_scene_set_vertex_motion, is where it is at every moment from `start_ns` to `start_ns + length_ns`. A scan of such a
-/// snapshot must lie within that time. With a length of 0 everything holds still where it is at `start_ns`, whatever the
-/// time of a scan; a new scene is set to time 0, still.
+/// echocast_scene_set_motion or echocast_scene_set_vertex_motion, is where it is at every moment from `start_ns` to
+/// `start_ns + length_ns`. A scan of such a snapshot must lie within that time. With a length of 0 everything holds
+/// still where it is at `start_ns`, whatever the time of a scan; a new scene is set to time 0, still.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (a negative length), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]

@@ -155,14 +155,11 @@ fn rounds(period: Option<f64>, from: f64, to: f64) -> f64 {
 
 /// No fewer times than [`bends_of`] adds.
 pub(super) fn most_bends_of(times: &[f64], period: Option<f64>, from: f64, to: f64) -> f64 {
-    let within = |from: f64, to: f64| {
-        let first = times.partition_point(|key| *key <= from);
-        times.partition_point(|key| *key < to).saturating_sub(first)
-    };
-    match period {
-        None => within(from, to) as f64,
-        Some(_) => rounds(period, from, to) * (times.len() + 1) as f64,
+    if period.is_some() {
+        return rounds(period, from, to) * (times.len() + 1) as f64;
     }
+    let first = times.partition_point(|key| *key <= from);
+    times.partition_point(|key| *key < to).saturating_sub(first) as f64
 }
 
 /// Adds those of `times` that lie between `from` and `to`, s, repeated with the `period`, in no order.

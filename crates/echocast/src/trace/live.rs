@@ -429,12 +429,6 @@ impl LiveScene {
             None => live.hang(Timeline::standing(live.object.world_from_object), Some(Arc::new(shape))),
         }
         live.moved = true;
-        if let Some(Placed { thing: Thing::Moving(_, mover), .. }) = self.placed.get(&id.slot)
-            && let Some(live) = &mut self.slots[id.slot as usize].live
-        {
-            // For their memory.
-            live.known.moments.extend_from_slice(mover.moments());
-        }
         self.loosen(id);
         Ok(())
     }
@@ -462,8 +456,8 @@ impl LiveScene {
             let (from, to) = (start.min(before.start), (start + length).max(before.start + before.length));
             let same = live.object.sequence.as_ref().is_none_or(|sequence| sequence.stays(from, to));
             if !(same && motion.stays(timeline, from, to)) {
-                if let Some(Placed { thing: Thing::Moving(_, mover), .. }) = self.placed.remove(&slot) {
-                    live.known.moments.extend_from_slice(mover.moments());
+                if let Some(placed) = self.placed.remove(&slot) {
+                    live.remember(&placed);
                 }
                 live.moved = true;
             }
@@ -790,12 +784,15 @@ impl LiveScene {
 
     /// What has been built of an object is no longer valid.
     fn take_out(&mut self, id: ObjectId) {
-        let live = &self.slots[id.slot as usize].live;
-        if live.as_ref().is_some_and(|live| !matches!(live.place, Place::Free)) {
+        let Some(live) = &mut self.slots[id.slot as usize].live else { return };
+        if !matches!(live.place, Place::Free) {
             self.fixed = None;
         }
-        if self.placed.remove(&id.slot).is_some_and(|placed| !placed.turned) {
-            self.surfaces = None;
+        if let Some(placed) = self.placed.remove(&id.slot) {
+            live.remember(&placed);
+            if !placed.turned {
+                self.surfaces = None;
+            }
         }
     }
 
@@ -882,6 +879,13 @@ impl Live {
     fn hang(&mut self, timeline: Timeline, shape: Option<Arc<Shape>>) {
         self.object.motion = Some(Motion { node: 0, node_from_object: DAffine3::IDENTITY, shape });
         self.timeline = Some(Arc::new(timeline));
+    }
+
+    /// What is known of its shape when it is no longer `placed` so.
+    fn remember(&mut self, placed: &Placed) {
+        if let Thing::Moving(_, mover) = &placed.thing {
+            self.known.moments.extend_from_slice(mover.moments());
+        }
     }
 
     /// Puts what moves by itself where it is at `time`, s.

@@ -92,8 +92,8 @@ impl Tree {
             vertices = corners.iter().fold(vertices, |most, &corner| most.max(corner as usize + 1));
         }
         let size = (0..3).map(|axis| all.upper[axis] - all.lower[axis]).sum::<f32>().max(0.0);
-        let triangles_in_order = Vec::with_capacity(items.len());
-        let mut tree = Tree { nodes: Vec::new(), triangles: triangles_in_order, corners: Vec::new(), vertices, size };
+        let (nodes, corners) = (Vec::new(), Vec::new());
+        let mut tree = Tree { nodes, triangles: Vec::with_capacity(items.len()), corners, vertices, size };
         // Runs that become nodes, with the child of a node that each is, and their depth.
         let mut open = Vec::new();
         if !items.is_empty() {
@@ -108,9 +108,8 @@ impl Tree {
             }
             // Like beside like: a processor guesses what comes next.
             children[..count].sort_by_key(|run| (run.len() > LEAF, usize::MAX - run.len()));
-            let corners = [0; CHILDREN];
             let first_corner = tree.corners.len() as u32;
-            let mut node = Node { first: [0; CHILDREN], count: [0; CHILDREN], first_corner, corners };
+            let mut node = Node { first: [0; CHILDREN], count: [0; CHILDREN], first_corner, corners: [0; CHILDREN] };
             for (child, run) in children[..count].iter().enumerate() {
                 if run.len() > LEAF {
                     node.count[child] = NODE;
