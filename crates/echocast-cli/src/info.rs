@@ -17,7 +17,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<()> {
-    text::print(&describe(&args.scene.names(), &args.scene.load()?)?)
+    text::print(&describe(&args.scene.names(), &args.scene.load(&args.scene.labels()?)?)?)
 }
 
 fn reflectance(of: &Reflectance) -> String {

@@ -49,12 +49,16 @@ pub struct SceneArgs {
 }
 
 impl SceneArgs {
-    /// Reads all files into one scene.
-    pub fn load(&self) -> Result<Scene> {
-        let labels = match &self.labels {
-            Some(file) => file_or_stdin("--labels", file, LabelRules::load, LabelRules::from_yaml)?,
-            None => LabelRules::default(),
-        };
+    /// The rules of the label file.
+    pub fn labels(&self) -> Result<LabelRules> {
+        match &self.labels {
+            Some(file) => Ok(file_or_stdin("--labels", file, LabelRules::load, LabelRules::from_yaml)?),
+            None => Ok(LabelRules::default()),
+        }
+    }
+
+    /// Reads all files into one scene, labelled by `labels`.
+    pub fn load(&self, labels: &LabelRules) -> Result<Scene> {
         let mut caches = BTreeMap::new();
         for (name, file) in &self.cache {
             let before = caches.insert(name.clone(), file.clone());
@@ -63,7 +67,7 @@ impl SceneArgs {
         let options = LoadOptions {
             up: self.up,
             scale: self.scale,
-            labels,
+            labels: labels.clone(),
             texture_limit_mib: self.texture_limit,
             animation: self.animation.clone(),
             looped: self.looped,
@@ -85,21 +89,31 @@ impl SceneArgs {
         text::paths(&self.files).join(" + ")
     }
 
-    /// For the report.
-    pub fn to_json(&self) -> Value {
-        json!({
+    /// As the section `scene` of a scenario; `labels` are the rules of the label file.
+    pub fn to_json(&self, labels: &LabelRules) -> Result<Value> {
+        // What came from standard input is not there again.
+        let labels = match &self.labels {
+            Some(file) if file.as_os_str() == "-" => {
+                serde_json::to_value(labels).context("the label rules cannot be reported")?
+            }
+            file => json!(file.as_deref().map(shown::path)),
+        };
+        let caches: serde_json::Map<String, Value> = self
+            .cache
+            .iter()
+            .map(|(name, CacheFile { file, fps })| (name.clone(), json!({"file": shown::path(file), "fps": fps})))
+            .collect();
+        Ok(json!({
             "files": text::paths(&self.files),
-            "labels": self.labels.as_deref().map(shown::path),
+            "labels": labels,
             "up": self.up.name(),
             "scale": self.scale,
             "texture_limit_mib": self.texture_limit,
             "animation": self.animation,
             "loop": self.looped,
             "allow_outside_paths": self.allow_outside_paths,
-            "caches": self.cache.iter().map(|(name, CacheFile { file, fps })| {
-                json!({"object": name, "file": shown::path(file), "fps": fps})
-            }).collect::<Vec<_>>(),
-        })
+            "caches": caches,
+        }))
     }
 }
 
@@ -212,7 +226,7 @@ fn cache(text: OsString) -> Result<(String, CacheFile), String> {
     Ok((name.to_owned(), CacheFile { file: OsStr::from_bytes(file).into(), fps }))
 }
 
-fn key_value(text: &str) -> Result<(String, String), String> {
+pub fn key_value(text: &str) -> Result<(String, String), String> {
     match text.split_once('=') {
         Some((key, value)) if !key.is_empty() => Ok((key.to_owned(), value.to_owned())),
         _ => Err("expected KEY=VALUE, such as noise.range_sigma_m=0".into()),

@@ -22,11 +22,20 @@ static LEAVING: AtomicBool = AtomicBool::new(false);
 /// that does not check in time, ends the program where it is, without destructors, after removing its unfinished files.
 /// Signals that are ignored when the program starts (`nohup`) stay ignored.
 pub fn listen() -> io::Result<()> {
+    listen_for(PATIENCE)
+}
+
+/// [`listen`] for work that completes what it has begun, whatever time that takes.
+pub fn listen_patiently() -> io::Result<()> {
+    listen_for(Duration::MAX)
+}
+
+fn listen_for(patience: Duration) -> io::Result<()> {
     let ignored = ignored_signals();
     let heard = [SIGINT, SIGTERM, SIGHUP].into_iter().filter(|signal| ignored >> (signal - 1) & 1 == 0);
     let heard: Vec<i32> = heard.collect();
     let signals = Signals::new(&heard)?;
-    let watcher = thread::Builder::new().name("signals".into()).spawn(|| watch(signals));
+    let watcher = thread::Builder::new().name("signals".into()).spawn(move || watch(signals, patience));
     // If the system gives no thread, the second signal still ends the program.
     let at_once = if watcher.is_ok() { &LEAVING } else { export::cancel_flag() };
     for signal in heard {
@@ -59,11 +68,11 @@ pub fn say() {
 }
 
 /// Waits for a signal, and ends the program if the work does not end.
-fn watch(mut signals: Signals) {
+fn watch(mut signals: Signals, patience: Duration) {
     signals.forever().next();
     export::cancel_flag().store(true, Ordering::SeqCst);
     let start = Instant::now();
-    while start.elapsed() < PATIENCE && signals.pending().next().is_none() {
+    while start.elapsed() < patience && signals.pending().next().is_none() {
         thread::sleep(Duration::from_millis(10));
     }
     export::remove_unfinished();

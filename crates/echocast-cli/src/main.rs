@@ -12,7 +12,9 @@ mod interrupt;
 mod output;
 mod place;
 mod progress;
+mod record;
 mod report;
+mod run;
 mod scan;
 mod sensors;
 mod text;
@@ -41,6 +43,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     Scan(Box<scan::Args>),
+    Run(Box<run::Args>),
     Sensors(sensors::Args),
     Info(info::Args),
     Generate(generate::Args),
@@ -53,6 +56,7 @@ fn main() -> ExitCode {
     let _ = interrupt::outlive_full_files();
     let done = match Cli::parse().command {
         Command::Scan(args) => scan::run(&args),
+        Command::Run(args) => run::run(&args),
         Command::Sensors(args) => sensors::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Generate(args) => generate::run(&args),

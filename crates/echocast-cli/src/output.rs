@@ -7,11 +7,28 @@ use echocast::emitter::Pattern;
 use echocast::export::{self, FramesFile};
 use echocast::preview::{self, ColorBy, PreviewOptions, View};
 use echocast::scene::Labels;
-use echocast::{BoxAxes, FieldSet, InstanceBox, Pings, PointCloud, Profile, Report, Sensor, SensorKind, shown};
-use serde_json::{Value, json};
+use echocast::{
+    BoxAxes, FieldSet, InstanceBox, Named as _, Pings, PointCloud, Profile, Report, Sensor, SensorKind, shown,
+};
+use serde::Deserialize;
+use serde_json::{Map, Value, json};
 use std::collections::{BTreeSet, HashSet};
 use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
+
+/// A picture of one sample.
+#[derive(Args)]
+pub struct PictureArgs {
+    /// Write a picture of the sample instead of adding it to the set
+    #[arg(long, value_name = "FILE.png", requires = "sample")]
+    pub preview: Option<PathBuf>,
+    /// What the colours of the picture show
+    #[arg(long, requires = "preview", default_value = "label", value_parser = choice::of::<ColorBy>())]
+    pub color: ColorBy,
+    /// How the picture shows the cloud
+    #[arg(long, requires = "preview", default_value = "top", value_parser = choice::of::<View>())]
+    pub view: View,
+}
 
 /// Files to write.
 #[derive(Args)]
@@ -67,6 +84,77 @@ pub struct OutputArgs {
 }
 
 impl OutputArgs {
+    /// From an entry of the section `outputs` of a scenario whose style is `files`; names of files in it are relative
+    /// to `folder`.
+    pub fn from_json(entry: &Value, folder: &Path) -> Result<OutputArgs> {
+        #[derive(Default, Deserialize)]
+        #[serde(deny_unknown_fields, default)]
+        struct Keys {
+            #[serde(rename = "style")]
+            _style: String,
+            files: Vec<PathBuf>,
+            format: Option<String>,
+            single: bool,
+            preview: Option<Preview>,
+            pings: Option<PathBuf>,
+            image: Option<PathBuf>,
+            boxes: Option<PathBuf>,
+            box_axes: Option<String>,
+        }
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Preview {
+            file: PathBuf,
+            #[serde(default)]
+            color: ColorBy,
+            #[serde(default)]
+            view: View,
+            #[serde(default)]
+            ground: bool,
+            #[serde(default)]
+            boxes: bool,
+        }
+        let keys = Keys::deserialize(entry)?;
+        let at = |file: PathBuf| folder.join(file);
+        let axes = keys.box_axes.as_deref().unwrap_or("object");
+        let axes = BoxAxes::NAMES.iter().find(|(name, _)| *name == axes).map(|(_, axes)| *axes);
+        let preview = keys.preview.as_ref();
+        Ok(OutputArgs {
+            output: keys.files.into_iter().map(at).collect(),
+            format: keys.format,
+            single: keys.single,
+            _merged: false,
+            color: preview.map_or_else(ColorBy::default, |preview| preview.color),
+            view: preview.map_or_else(View::default, |preview| preview.view),
+            show: preview.filter(|preview| preview.boxes).map(|_| "boxes".to_owned()),
+            ground: preview.is_some_and(|preview| preview.ground),
+            preview: preview.map(|preview| at(preview.file.clone())),
+            pings: keys.pings.map(at),
+            image: keys.image.map(at),
+            boxes: keys.boxes.map(at),
+            box_axes: axes.context("box_axes: allowed: object, frame")?,
+        })
+    }
+
+    /// A picture alone.
+    pub fn picture_only(picture: &PictureArgs) -> OutputArgs {
+        OutputArgs {
+            output: Vec::new(),
+            format: None,
+            single: false,
+            _merged: false,
+            preview: picture.preview.clone(),
+            color: picture.color,
+            view: picture.view,
+            show: None,
+            ground: false,
+            pings: None,
+            image: None,
+            boxes: None,
+            box_axes: BoxAxes::Object,
+        }
+    }
+
     /// Whether every frame is written to its own file.
     pub fn single(&self) -> bool {
         self.single
@@ -75,6 +163,11 @@ impl OutputArgs {
     /// Files that were asked for by name.
     fn files(&self) -> impl Iterator<Item = &PathBuf> {
         self.output.iter().chain(&self.preview).chain(&self.pings).chain(&self.image).chain(&self.boxes)
+    }
+
+    /// Number of files of clouds, pings and images.
+    pub fn clouds(&self) -> usize {
+        self.files().count() - usize::from(self.preview.is_some())
     }
 
     /// Whether one picture shows the points of all frames.
@@ -293,8 +386,8 @@ impl OutputArgs {
         if clouds { self.picture().fields() } else { FieldSet::EMPTY }
     }
 
-    /// For the report.
-    pub fn to_json(&self) -> Value {
+    /// As an entry of the section `outputs` of a scenario, without its style.
+    pub fn to_json(&self) -> Map<String, Value> {
         let preview = self.preview.as_ref().map(|file| {
             json!({
                 "file": shown::path(file),
@@ -304,7 +397,7 @@ impl OutputArgs {
                 "boxes": self.show.is_some(),
             })
         });
-        json!({
+        let json = json!({
             "files": text::paths(&self.output),
             "format": self.format,
             "single": self.single,
@@ -313,7 +406,8 @@ impl OutputArgs {
             "image": self.image.as_deref().map(shown::path),
             "boxes": self.boxes.as_deref().map(shown::path),
             "box_axes": self.boxes().map(BoxAxes::name),
-        })
+        });
+        json.as_object().cloned().unwrap_or_default()
     }
 }
 

@@ -3,6 +3,7 @@
 use anyhow::{Result, bail};
 use clap::Args;
 use echocast::{Environment, Pose, Scene, Trajectory};
+use serde_json::{Value, json};
 
 /// A fixed place for the sensor.
 #[derive(Args)]
@@ -56,6 +57,21 @@ impl PlaceArgs {
                 Ok(camera) => Ok(scene.camera_path(&camera.name, from, to)?),
                 Err(error) => bail!("--camera {name}: {error}; the scene has {}", names()),
             },
+        }
+    }
+}
+
+impl PlaceArgs {
+    /// As the section `trajectory` of a scenario; `path` is where it was.
+    pub fn to_json(&self, path: &Trajectory) -> Value {
+        match (self.at, &self.camera) {
+            (None, Some(name)) => json!({ "camera": name }),
+            // The only camera of the scene.
+            (None, None) => Value::Null,
+            (Some(_), _) => {
+                let Pose { position, orientation } = path.at(0.0);
+                json!({ "position_m": position.to_array(), "orientation_xyzw": orientation.to_array() })
+            }
         }
     }
 }

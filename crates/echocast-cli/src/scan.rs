@@ -2,18 +2,20 @@
 
 use crate::frames::Frames;
 use crate::input::{self, SceneArgs, SensorArgs};
-use crate::output::{OutputArgs, Writer};
+use crate::output::OutputArgs;
 use crate::place::PlaceArgs;
 use crate::progress::Progress;
+use crate::record::{Nothing, Take, frame_word};
 use crate::report::{RunReport, Seconds, timed};
 use crate::text::duration;
 use crate::weather::WeatherArgs;
 use crate::{choice, formats, interrupt, place, text};
 use anyhow::{Context as _, Result, ensure};
 use echocast::detect::Detection;
+use echocast::scenario::FrameTime;
 use echocast::{
-    Cause, Engine, Environment, Field, FieldSet, Frame, LiveScene, Order, Ping, Pings, PointCloud, Profile,
-    ReflectanceSource, Report, ScanOptions, Scene, Sensor, SensorKind, Trajectory, read, shown,
+    Engine, Environment, Field, FieldSet, Frame, LabelRules, LiveScene, Order, Pose, Profile, ReflectanceSource,
+    Report, ScanOptions, Scene, Sensor, SensorKind, Trajectory, read, shown,
 };
 use serde_json::{Value, json};
 use std::io::Write as _;
@@ -120,7 +122,7 @@ pub fn run(args: &Args) -> Result<()> {
 
     progress.phase(format!("loading {}", args.scene.names()));
     let (loaded, read) = read::noting(|| timed(&mut seconds.load, || load(args)));
-    let Loaded { sensor, environment, scene, path } = loaded?;
+    let Loaded { sensor, environment, labels, scene, path } = loaded?;
     read.iter().try_for_each(|input| args.output.check_input(input))?;
     let sonar = sensor.kind() == SensorKind::Sonar;
     let fields = args.fields.unwrap_or_default().of(&sensor);
@@ -169,20 +171,13 @@ pub fn run(args: &Args) -> Result<()> {
         }
         live.commit()
     };
-    let mut built = timed(&mut seconds.build, || build(from))?;
+    let built = timed(&mut seconds.build, || build(from))?;
     interrupt::check()?;
     warnings.absorb(built.report().clone());
 
-    // The report counts a sonar's points by cause, and boxes count them by instance, whatever the files hold.
-    let mut told = if sonar { FieldSet::EMPTY.with(Field::Cause) } else { FieldSet::EMPTY };
-    if args.output.boxes().is_some() {
-        told = told.with(Field::InstanceId);
-    }
-    let options_of = |frame: u32| ScanOptions {
-        fields: fields.union(args.output.pictured()).union(told),
+    let options = ScanOptions {
+        fields,
         seed: args.seed,
-        frame,
-        start_time: f64::from(frame) / fps,
         freeze: args.freeze,
         frame_period: Some(f64::from(frames.step) / fps),
         organised: args.organised,
@@ -194,100 +189,37 @@ pub fn run(args: &Args) -> Result<()> {
         environment: environment.clone(),
         ..ScanOptions::default()
     };
+    let times = frames.iter().map(|number| FrameTime { number, start: f64::from(number) / fps }).collect();
+    let take = Take { sensor: &sensor, trajectory: &trajectory, frames: times, options, output: &args.output };
     if let Some((frame, beam)) = args.explain {
         drop(progress);
-        let options = options_of(frame.unwrap_or(frames.first));
+        let number = frame.unwrap_or(frames.first);
+        let options = take.options_of(FrameTime { number, start: f64::from(number) / fps });
         let built = build(options.start_time)?;
         return text::print(&text::lines(&built.explain(&sensor, &trajectory, &options, beam).context("--explain")?));
     }
 
-    if sonar {
-        warnings.absorb(built.check_water(&sensor, &trajectory, &options_of(frames.first))?);
-    }
-    let frame_word = if sonar { "ping" } else { "frame" };
-    progress.count_frames(frames.len(), frame_word);
-    let mut writer = Writer::new(&args.output);
-    let mut all = PointCloud::default();
-    let mut cloud = PointCloud::default();
-    let (mut points, mut causes) = (0, Causes::default());
-    // Whether anything but noise is received.
-    let mut heard = false;
-    let mut boxes = Vec::new();
-    let mut pings = Pings::default();
-    let mut ping = Ping::default();
-    let pinged = args.output.pinged(fields).filter(|_| sonar);
-    for frame in frames.iter() {
-        interrupt::check()?;
-        let options = options_of(frame);
-        if moving {
-            progress.phase("moving".into());
-            built = timed(&mut seconds.build, || build(options.start_time))?;
-        }
-        progress.phase("scanning".into());
-        timed(&mut seconds.scan, || -> Result<()> {
-            // One ping gives both cells and points.
-            let Some(kept) = pinged else { return Ok(built.scan_into(&sensor, &trajectory, &options, &mut cloud)?) };
-            let wants_clouds = args.output.wants_clouds();
-            let cells = if wants_clouds { Ping::cloud_fields(options.fields) } else { told };
-            let made = kept.union(cells);
-            let options = ScanOptions { fields: made, ..options.clone() };
-            built.ping_into(&sensor, &trajectory, &options, &mut ping)?;
-            heard |= ping.cells.cause.iter().any(|&cause| cause != Cause::FalseAlarm as u8);
-            if wants_clouds {
-                let options = options_of(frame);
-                cloud = ping.cloud(&options)?;
-                if options.boxes.is_some() {
-                    cloud.boxes = Some(built.boxes(&sensor, &trajectory, &options, &cloud)?);
-                }
-            }
-            pings.push(ping.with(kept))?;
-            Ok(())
-        })?;
-        // Files hold what was asked for; the other columns that the picture shows are computed all the same.
-        cloud.fields = fields;
-        points += return_rows(&cloud).count();
-        causes.count(&cloud);
-        boxes.extend(cloud.boxes.iter().flatten().copied());
-        if args.output.single() {
-            progress.phase("writing".into());
-            timed(&mut seconds.write, || writer.write_frame(frame, &cloud))?;
-        } else if frames.len() > 1 {
-            timed(&mut seconds.scan, || all.append(&cloud))?;
-        }
-        progress.frame_done();
-    }
-    progress.phase("writing".into());
-    timed(&mut seconds.write, || -> Result<()> {
-        writer.write_pings(&pings)?;
-        writer.write_boxes(&boxes, built.labels())?;
-        match args.output.single() {
-            true => writer.finish(),
-            false => writer.write(if frames.len() > 1 { &all } else { &cloud }, &cloud),
-        }
-    })?;
+    let recorded = take.record(built, moving.then_some(&mut build), &progress, &mut seconds)?;
     drop(progress);
-    warnings.absorb(writer.report);
-    let with_points = args.output.wants_clouds() || !sonar;
-    if points == 0 && with_points {
-        warn_of_nothing(&scene, &sensor, &trajectory, &environment, &mut warnings);
-    }
-    let noise = if with_points { causes.only(Cause::FalseAlarm) } else { !heard };
-    if sonar && noise {
-        warn_of_noise(points, &sensor, &mut warnings);
+    warnings.absorb(recorded.report);
+    match recorded.nothing {
+        Some(Nothing::Seen) => warn_of_nothing(&scene, &sensor, &trajectory, &environment, &mut warnings),
+        Some(Nothing::ButNoise) => warn_of_noise(recorded.points, &sensor, &mut warnings),
+        None => {}
     }
 
     let report = RunReport {
         rays: sensor.ray_count() * frames.len(),
-        points,
-        with_points,
-        causes: if sonar && args.profile == Profile::Physical { causes.told() } else { Vec::new() },
-        frame: frame_word,
+        points: recorded.points,
+        with_points: args.output.wants_clouds() || !sonar,
+        causes: if args.profile == Profile::Physical { recorded.causes } else { Vec::new() },
+        frame: frame_word(&sensor),
         frames: frames.len(),
         threads,
         seconds,
         warnings: warnings.warnings,
-        outputs: writer.files,
-        run: repeatable(args, &sensor, &environment, &trajectory, frames, fps, fields)?,
+        outputs: recorded.files,
+        run: repeatable(args, &labels, &take, frames, fps)?,
     };
     if args.verbose {
         tell_more(&scene, &sensor, &trajectory);
@@ -306,6 +238,7 @@ pub fn run(args: &Args) -> Result<()> {
 struct Loaded {
     sensor: Sensor,
     environment: Environment,
+    labels: LabelRules,
     scene: Scene,
     /// Poses over time from a file.
     path: Option<Trajectory>,
@@ -322,9 +255,10 @@ fn load(args: &Args) -> Result<Loaded> {
     );
     let environment = args.weather.load(sensor.kind())?;
     let trajectory = args.trajectory.as_deref().map(input::load_trajectory).transpose()?;
-    let scene = args.scene.load()?;
+    let labels = args.scene.labels()?;
+    let scene = args.scene.load(&labels)?;
     let path = trajectory.map(Trajectory::shifted_to_zero);
-    Ok(Loaded { sensor, environment, scene, path })
+    Ok(Loaded { sensor, environment, labels, scene, path })
 }
 
 /// `BEAM` or `FRAME,BEAM`.
@@ -363,45 +297,6 @@ impl Asked {
 impl Default for Asked {
     fn default() -> Self {
         Asked { fields: FieldSet::default(), by_default: true }
-    }
-}
-
-/// Rows of `cloud` that are returns: all but the misses of an organised cloud, if a column shows which they are.
-fn return_rows(cloud: &PointCloud) -> impl Iterator<Item = usize> {
-    /// Columns that only returns have: misses are NaN.
-    const TELLING: [Field; 5] = [Field::X, Field::Range, Field::TrueRange, Field::Intensity, Field::NormalX];
-    let telling = TELLING.map(|field| cloud.column(field)).into_iter().find(|column| !column.is_empty());
-    let telling = telling.filter(|_| cloud.organised.is_some());
-    (0..cloud.len).filter(move |&row| telling.is_none_or(|column| !column.get_f64(row).is_nan()))
-}
-
-/// Number of points for each cause.
-#[derive(Default)]
-struct Causes([usize; Cause::ALL.len()]);
-
-impl Causes {
-    /// Adds the points of `cloud`, if it has the column.
-    fn count(&mut self, cloud: &PointCloud) {
-        let causes = &cloud.columns.cause;
-        return_rows(cloud).filter_map(|row| causes.get(row)).for_each(|&cause| {
-            if let Some(count) = self.0.get_mut(usize::from(cause)) {
-                *count += 1;
-            }
-        });
-    }
-
-    /// Whether there are points, all of them with `cause`.
-    fn only(&self, cause: Cause) -> bool {
-        let all: usize = self.0.iter().sum();
-        all > 0 && self.0[cause as usize] == all
-    }
-
-    /// Names and counts, the most frequent first.
-    fn told(&self) -> Vec<(&'static str, usize)> {
-        let mut told: Vec<_> =
-            Cause::ALL.into_iter().map(Cause::name).zip(self.0).filter(|(_, count)| *count > 0).collect();
-        told.sort_by_key(|&(_, count)| std::cmp::Reverse(count));
-        told
     }
 }
 
@@ -520,41 +415,39 @@ fn warn_of_noise(points: usize, sensor: &Sensor, warnings: &mut Report) {
     ));
 }
 
-/// The resolved scenario.
-fn repeatable(
-    args: &Args,
-    sensor: &Sensor,
-    environment: &Environment,
-    trajectory: &Trajectory,
-    frames: Frames,
-    fps: f64,
-    fields: FieldSet,
-) -> Result<Value> {
-    let start = trajectory.at(0.0);
-    let place = match &args.trajectory {
-        Some(file) => json!({ "file": shown::path(file), "duration_s": trajectory.span().1 }),
-        None => json!({
-            "position_m": start.position.to_array(),
-            "orientation_xyzw": start.orientation.to_array(),
-        }),
+/// The scenario that repeats this run.
+fn repeatable(args: &Args, labels: &LabelRules, take: &Take, frames: Frames, fps: f64) -> Result<Value> {
+    let place = match (&args.trajectory, args.place.to_json(take.trajectory)) {
+        (Some(file), _) if file.as_os_str() != "-" => json!({ "file": shown::path(file) }),
+        (Some(_), _) => {
+            let row = |(time, pose): (f64, Pose)| {
+                let (place, turned) = (pose.position.to_array(), pose.orientation.to_array());
+                [&[time][..], &place, &turned].concat()
+            };
+            json!({ "poses": take.trajectory.clone().into_keys().into_iter().map(row).collect::<Vec<_>>() })
+        }
+        (None, place) => place,
     };
+    let spec = serde_json::to_value(take.sensor.spec()).context("the sensor cannot be reported")?;
+    let mut outputs = args.output.to_json();
+    outputs.insert("style".into(), "files".into());
     Ok(json!({
         "folder": std::env::current_dir().ok().as_deref().map(shown::path),
-        "scene": args.scene.to_json(),
-        "sensors": [serde_json::to_value(sensor.spec()).context("the sensor cannot be reported")?],
-        "environment": serde_json::to_value(environment).context("the weather cannot be reported")?,
+        "scene": args.scene.to_json(labels)?,
+        "sensors": [{ "sensor": spec }],
+        "environment": serde_json::to_value(&take.options.environment).context("the weather cannot be reported")?,
         "trajectory": place,
         "frames": { "first": frames.first, "last": frames.last, "step": frames.step, "fps": fps },
         "profile": args.profile.name(),
         "reflectance_source": args.reflectance_source.map(|source| source.name()),
         "seed": args.seed,
-        "fields": fields.iter().map(|info| info.name).collect::<Vec<_>>(),
+        "fields": take.options.fields.iter().map(|info| info.name).collect::<Vec<_>>(),
         "frame": args.coordinates.name(),
         "order": args.order.name(),
         "freeze": args.freeze,
         "motion_tolerance_m": args.motion_tolerance,
         "organised": args.organised,
-        "outputs": args.output.to_json(),
+        "outputs": [outputs],
     }))
 }
 

@@ -60,7 +60,7 @@ pub struct Scenario {
 }
 
 impl Scenario {
-    /// Reads a scenario file.
+    /// Reads a scenario file, or the report of `echocast scan --json`.
     ///
     /// # Errors
     /// A missing file; line and key of what is wrong, with the nearest known key.
@@ -80,6 +80,11 @@ impl Scenario {
     }
 
     fn read(document: &Document, origin: &str, folder: &Path) -> Result<Scenario> {
+        // The report of a scan holds the scenario that repeats it.
+        let reported = document.value().get("run").filter(|_| document.value().get("version").is_some());
+        if let Some(run) = reported {
+            return Scenario::read(&Document::from_value(format!("{origin}: run"), run.clone()), origin, folder);
+        }
         let mut spec = Spec::read(document)?;
         let folder = folder.join(spec.folder.as_deref().unwrap_or(Path::new("")));
         spec.read_files(&folder).map_err(|error| document.locate(error))?;
@@ -156,6 +161,24 @@ impl Scenario {
         let draws = Draws::new(self.spec.seed, number);
         let (spec, value, set) = self.varied(&draws, index)?;
         Sample::new(&stage, &spec, &value, &self.folder, &draws, set)
+    }
+
+    /// Where relative names of files in it start.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// The entries of its section `outputs` of this style.
+    pub fn outputs_of<'s>(&'s self, style: &'s str) -> impl Iterator<Item = &'s Value> {
+        self.spec.outputs.iter().filter(move |output| output.get("style").and_then(Value::as_str) == Some(style))
+    }
+
+    /// Checks that its outputs can hold the scans of `sample`.
+    ///
+    /// # Errors
+    /// A style or key that does not exist; a sensor that a style cannot take.
+    pub fn check_outputs(&self, sample: &Sample) -> Result<()> {
+        set::check_outputs(self, sample)
     }
 
     /// Folder of its set: `given`, what it says, or one called as the file.

@@ -129,16 +129,29 @@ impl Sample {
         &self.live
     }
 
+    /// Whether anything in its scene moves or changes by itself.
+    pub fn is_moving(&self) -> bool {
+        self.moving
+    }
+
+    /// The scene from the time `start` on, for `length`, s, if it moves.
+    ///
+    /// # Errors
+    /// As [`LiveScene::commit`].
+    pub fn built_at(&mut self, start: f64, length: f64) -> Result<BuiltScene> {
+        if self.moving {
+            self.live.set_time(start, length)?;
+        }
+        self.live.commit()
+    }
+
     /// The scene as the `frame`th frame of a scan sees it.
     ///
     /// # Errors
     /// As [`LiveScene::commit`].
     pub fn built(&mut self, scan: usize, frame: usize) -> Result<BuiltScene> {
-        let scan = &self.scans[scan];
-        if self.moving {
-            self.live.set_time(scan.frames[frame].start, scan.sensor.scan_time())?;
-        }
-        self.live.commit()
+        let Scan { frames, sensor, .. } = &self.scans[scan];
+        self.built_at(frames[frame].start, sensor.scan_time())
     }
 
     /// The points of the `frame`th frame of a scan.

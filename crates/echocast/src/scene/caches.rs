@@ -16,7 +16,7 @@ use crate::motion::{Cache, Motion, Node, Rest, Shape};
 use glam::{DAffine3, DVec3};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{self, MapAccess, Visitor};
-use serde::{Deserialize, Deserializer};
+use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::hash_map::Entry;
 use std::collections::{BTreeMap, HashMap};
 use std::fmt;
@@ -27,7 +27,7 @@ use std::sync::Arc;
 const MOST_VERTICES: usize = 200_000_000;
 
 /// The file that says how an object changes its shape over time.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CacheFile {
     /// A vertex cache (`.mdd`, `.pc2`), or the first of numbered scene files (`water_0001.obj`), each a shape of its own.
     pub file: PathBuf,

@@ -136,7 +136,7 @@ impl Labels {
 }
 
 /// A label file: fixed numbers, and patterns that assign names.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LabelRules {
     /// Category or part name to number, from 1, no number twice.

@@ -20,3 +20,11 @@ mod style;
 pub use folder::check_folder;
 pub use manifest::{Entry, FileEntry};
 pub use run::{Event, RunOptions, RunSummary, finish, run};
+
+use super::{Sample, Scenario};
+use crate::ground::error::Result;
+
+/// Checks that the styles of `scenario` can hold the scans of `sample`.
+pub(super) fn check_outputs(scenario: &Scenario, sample: &Sample) -> Result<()> {
+    style::Style::all(scenario)?.iter().try_for_each(|style| style.fits(sample))
+}

@@ -1,0 +1,194 @@
+//! Frame after frame of one sensor, to files: what `scan` and `run` do alike.
+
+use crate::interrupt;
+use crate::output::{OutputArgs, Writer};
+use crate::progress::Progress;
+use crate::report::{Seconds, timed};
+use anyhow::Result;
+use echocast::scenario::FrameTime;
+use echocast::{
+    BuiltScene, Cause, Field, FieldSet, Ping, Pings, PointCloud, Profile, Report, ScanOptions, Sensor, SensorKind,
+    Trajectory,
+};
+use std::path::PathBuf;
+
+/// What is recorded.
+pub struct Take<'t> {
+    pub sensor: &'t Sensor,
+    pub trajectory: &'t Trajectory,
+    pub frames: Vec<FrameTime>,
+    /// Of all frames; `fields` are the columns that files hold.
+    pub options: ScanOptions,
+    pub output: &'t OutputArgs,
+}
+
+/// What has been recorded.
+pub struct Recorded {
+    pub points: usize,
+    /// Causes of a sonar's points, and how many points each has.
+    pub causes: Vec<(&'static str, usize)>,
+    pub report: Report,
+    pub files: Vec<PathBuf>,
+    /// Whether it is worth nothing.
+    pub nothing: Option<Nothing>,
+}
+
+/// Why a recording is worth nothing.
+pub enum Nothing {
+    /// No beam has a return.
+    Seen,
+    /// A sonar hears noise alone.
+    ButNoise,
+}
+
+/// The scene as the frame that starts at a time, s, sees it.
+pub type Build<'b> = &'b mut dyn FnMut(f64) -> echocast::Result<BuiltScene>;
+
+/// What a frame of `sensor` is called.
+pub fn frame_word(sensor: &Sensor) -> &'static str {
+    if sensor.kind() == SensorKind::Sonar { "ping" } else { "frame" }
+}
+
+impl Take<'_> {
+    /// How a frame is scanned.
+    pub fn options_of(&self, frame: FrameTime) -> ScanOptions {
+        let fields = self.options.fields.union(self.output.pictured()).union(self.told());
+        ScanOptions { fields, frame: frame.number, start_time: frame.start, ..self.options.clone() }
+    }
+
+    /// Columns for the report, which counts a sonar's points by cause, and for boxes, which count them by instance,
+    /// whatever the files hold.
+    fn told(&self) -> FieldSet {
+        let cause = if self.is_sonar() { FieldSet::EMPTY.with(Field::Cause) } else { FieldSet::EMPTY };
+        if self.output.boxes().is_some() { cause.with(Field::InstanceId) } else { cause }
+    }
+
+    fn is_sonar(&self) -> bool {
+        self.sensor.kind() == SensorKind::Sonar
+    }
+
+    /// Scans all frames and writes what was asked for. `built` is the scene as the first frame sees it; `build` makes
+    /// it anew where it moves.
+    pub fn record(
+        &self,
+        mut built: BuiltScene,
+        mut build: Option<Build>,
+        progress: &Progress,
+        seconds: &mut Seconds,
+    ) -> Result<Recorded> {
+        let (sensor, trajectory, output) = (self.sensor, self.trajectory, self.output);
+        let mut report = Report::default();
+        if let Some(&first) = self.frames.first().filter(|_| self.is_sonar()) {
+            report.absorb(built.check_water(sensor, trajectory, &self.options_of(first))?);
+        }
+        let several = self.frames.len() > 1;
+        progress.count_frames(self.frames.len(), frame_word(sensor));
+        let mut writer = Writer::new(output);
+        let mut all = PointCloud::default();
+        let mut cloud = PointCloud::default();
+        let (mut points, mut causes) = (0, Causes::default());
+        // Whether anything but noise is received.
+        let mut heard = false;
+        let mut boxes = Vec::new();
+        let mut pings = Pings::default();
+        let mut ping = Ping::default();
+        let pinged = output.pinged(self.options.fields).filter(|_| self.is_sonar());
+        for &frame in &self.frames {
+            interrupt::check()?;
+            let options = self.options_of(frame);
+            if let Some(build) = &mut build {
+                progress.phase("moving".into());
+                built = timed(&mut seconds.build, || build(options.start_time))?;
+            }
+            progress.phase("scanning".into());
+            timed(&mut seconds.scan, || -> Result<()> {
+                // One ping gives both cells and points.
+                let Some(kept) = pinged else { return Ok(built.scan_into(sensor, trajectory, &options, &mut cloud)?) };
+                let wants_clouds = output.wants_clouds();
+                let cells = if wants_clouds { Ping::cloud_fields(options.fields) } else { self.told() };
+                let cells = ScanOptions { fields: kept.union(cells), ..options.clone() };
+                built.ping_into(sensor, trajectory, &cells, &mut ping)?;
+                heard |= ping.cells.cause.iter().any(|&cause| cause != Cause::FalseAlarm as u8);
+                if wants_clouds {
+                    cloud = ping.cloud(&options)?;
+                    if options.boxes.is_some() {
+                        cloud.boxes = Some(built.boxes(sensor, trajectory, &options, &cloud)?);
+                    }
+                }
+                pings.push(ping.with(kept))?;
+                Ok(())
+            })?;
+            // Files hold what was asked for; the other columns that the picture shows are computed all the same.
+            cloud.fields = self.options.fields;
+            points += return_rows(&cloud).count();
+            causes.count(&cloud);
+            boxes.extend(cloud.boxes.iter().flatten().copied());
+            if output.single() {
+                progress.phase("writing".into());
+                timed(&mut seconds.write, || writer.write_frame(frame.number, &cloud))?;
+            } else if several {
+                timed(&mut seconds.scan, || all.append(&cloud))?;
+            }
+            progress.frame_done();
+        }
+        progress.phase("writing".into());
+        timed(&mut seconds.write, || -> Result<()> {
+            writer.write_pings(&pings)?;
+            writer.write_boxes(&boxes, built.labels())?;
+            match output.single() {
+                true => writer.finish(),
+                false => writer.write(if several { &all } else { &cloud }, &cloud),
+            }
+        })?;
+        report.absorb(writer.report);
+        let with_points = output.wants_clouds() || !self.is_sonar();
+        let noise = self.is_sonar() && if with_points { causes.only(Cause::FalseAlarm) } else { !heard };
+        let nothing = match () {
+            () if points == 0 && with_points => Some(Nothing::Seen),
+            () if noise => Some(Nothing::ButNoise),
+            () => None,
+        };
+        let told = self.is_sonar() && self.options.profile == Profile::Physical;
+        let causes = if told { causes.told() } else { Vec::new() };
+        Ok(Recorded { points, causes, report, files: writer.files, nothing })
+    }
+}
+
+/// Rows of `cloud` that are returns: all but the misses of an organised cloud, if a column shows which they are.
+fn return_rows(cloud: &PointCloud) -> impl Iterator<Item = usize> {
+    /// Columns that only returns have: misses are NaN.
+    const TELLING: [Field; 5] = [Field::X, Field::Range, Field::TrueRange, Field::Intensity, Field::NormalX];
+    let telling = TELLING.map(|field| cloud.column(field)).into_iter().find(|column| !column.is_empty());
+    let telling = telling.filter(|_| cloud.organised.is_some());
+    (0..cloud.len).filter(move |&row| telling.is_none_or(|column| !column.get_f64(row).is_nan()))
+}
+
+/// Number of points for each cause.
+#[derive(Default)]
+struct Causes([usize; Cause::ALL.len()]);
+
+impl Causes {
+    /// Adds the points of `cloud`, if it has the column.
+    fn count(&mut self, cloud: &PointCloud) {
+        let causes = &cloud.columns.cause;
+        return_rows(cloud).filter_map(|row| causes.get(row)).for_each(|&cause| {
+            if let Some(count) = self.0.get_mut(usize::from(cause)) {
+                *count += 1;
+            }
+        });
+    }
+
+    /// Whether there are points, all of them with `cause`.
+    fn only(&self, cause: Cause) -> bool {
+        let all: usize = self.0.iter().sum();
+        all > 0 && self.0[cause as usize] == all
+    }
+
+    /// Names and counts, the most frequent first.
+    fn told(&self) -> Vec<(&'static str, usize)> {
+        let mut told: Vec<_> =
+            Cause::ALL.into_iter().map(Cause::name).zip(self.0).filter(|(_, count)| *count > 0).collect();
+        told.sort_by_key(|&(_, count)| std::cmp::Reverse(count));
+        told
+    }
+}

@@ -1,0 +1,365 @@
+//! `echocast run`
+
+use crate::output::{OutputArgs, PictureArgs};
+use crate::progress::Progress;
+use crate::record::{Nothing, Take, frame_word};
+use crate::report::{RunReport, Seconds, timed};
+use crate::text::{self, counted, duration, thousands};
+use crate::{input, interrupt};
+use anyhow::{Context as _, Result, bail, ensure};
+use echocast::scenario::Sample;
+use echocast::scenario::set::{self, Event, RunOptions, RunSummary};
+use echocast::{Report, Scenario, shown};
+use serde_json::{Value, json};
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::PathBuf;
+use std::str::FromStr;
+use std::sync::Mutex;
+
+/// Make a set of samples from a scenario file: a scene, a rig of sensors, and what varies from sample to sample
+///
+/// Samples are made side by side on all cores. Each is the same alone, in any order, on any machine: its random numbers
+/// are addressed by seed, sample, rule and object. A sample that fails is told at the end, and the others go on.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  echocast run drive.yaml
+  echocast run drive.yaml --samples 0:9999 --resume
+  echocast run drive.yaml --shard 3/16
+  echocast run drive.yaml --sample 17 --preview sample.png --view perspective
+  echocast run drive.yaml --set samples=100 --set environment.fog.visibility_m=80 -o foggy
+  echocast run --check-output drive
+A scan repeated:
+  echocast generate street -o street.glb
+  echocast scan street.glb --sensor velodyne_vlp16 --camera Corner -o scan.las --json > report.json
+  echocast run report.json")]
+pub struct Args {
+    /// Scenario file (docs/scenario.md), the report of `echocast scan --json`, or `-` for standard input
+    #[arg(value_name = "SCENARIO", required_unless_present_any = ["check_output", "finish"])]
+    scenario: Option<PathBuf>,
+    /// Samples A to B, both included, every STEPth [default: all]
+    #[arg(long, value_name = "A:B[:STEP]", conflicts_with = "sample")]
+    samples: Option<Range>,
+    /// This sample alone
+    #[arg(long, value_name = "N")]
+    sample: Option<u64>,
+    /// One of N parts of the samples, counted from 0; together they are the same files
+    #[arg(long, value_name = "K/N")]
+    shard: Option<Shard>,
+    /// Go on where a run has stopped: what is there, with its size and digest, is not made again
+    #[arg(long)]
+    resume: bool,
+    /// Folder of the set [default: as the scenario says, or one called as its file]
+    #[arg(short, long, value_name = "FOLDER")]
+    output: Option<PathBuf>,
+    /// Change one key of the scenario by its path; repeatable
+    #[arg(long, value_name = "KEY=VALUE", value_parser = input::key_value)]
+    set: Vec<(String, String)>,
+    /// Check the scenario and make its first sample, but write nothing
+    #[arg(long, conflicts_with_all = ["samples", "shard", "resume", "output", "preview"])]
+    check: bool,
+    /// Check a finished set instead: that no sample is missing, and all files are as they were written
+    #[arg(long, value_name = "FOLDER", conflicts_with = "scenario")]
+    check_output: Option<PathBuf>,
+    /// Complete a set whose shards are all there instead: with its manifest and its report
+    #[arg(long, value_name = "FOLDER", conflicts_with = "scenario")]
+    finish: Option<PathBuf>,
+    #[command(flatten)]
+    picture: PictureArgs,
+    /// Worker threads [default: all cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Print a line of JSON for each sample, and one for the whole run, on stdout
+    #[arg(long)]
+    json: bool,
+    /// Print only errors
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+/// `A:B[:STEP]`.
+#[derive(Clone, Copy)]
+struct Range([u64; 3]);
+
+impl FromStr for Range {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let numbers: Result<Vec<u64>, _> = text.split(':').map(str::parse).collect();
+        match numbers.as_deref() {
+            Ok(&[first, last]) => Ok(Range([first, last, 1])),
+            Ok(&[first, last, step]) => Ok(Range([first, last, step])),
+            _ => Err("expected FIRST:LAST or FIRST:LAST:STEP, such as 0:999"),
+        }
+    }
+}
+
+/// `K/N`.
+#[derive(Clone, Copy)]
+struct Shard([u64; 2]);
+
+impl FromStr for Shard {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let parts = text.split_once('/').and_then(|(part, parts)| Some([part.parse().ok()?, parts.parse().ok()?]));
+        parts.map(Shard).ok_or("expected K/N, such as 3/16")
+    }
+}
+
+pub fn run(args: &Args) -> Result<()> {
+    if let Some(folder) = &args.check_output {
+        let faults = set::check_folder(folder).context("--check-output")?;
+        ensure!(faults.is_empty(), "--check-output {}: {}", shown::path(folder), some_of(&faults));
+        return text::print(&format!("{}: all there, all as written\n", shown::path(folder)));
+    }
+    if let Some(folder) = &args.finish {
+        return Ok(set::finish(folder).context("--finish")?);
+    }
+    let mut scenario = load(args)?;
+    for (key, value) in &args.set {
+        scenario.set(key, value).context("--set")?;
+    }
+    let of_files = scenario.outputs_of("files").next().cloned();
+    if args.check {
+        input::set_threads(args.threads)?;
+        let sample = scenario.sample(args.sample.unwrap_or(0))?;
+        if of_files.is_none() {
+            scenario.check_outputs(&sample)?;
+        }
+        return text::print(&described(&scenario, &sample));
+    }
+    if args.picture.preview.is_some() {
+        return record(args, scenario, &OutputArgs::picture_only(&args.picture));
+    }
+    if let Some(entry) = of_files {
+        ensure!(
+            args.samples.is_none() && args.shard.is_none() && !args.resume && args.output.is_none(),
+            "the scenario writes the files of one sample (style: files); allowed without --samples, --shard, --resume \
+             and --output"
+        );
+        let output = OutputArgs::from_json(&entry, scenario.folder()).context("outputs")?;
+        return record(args, scenario, &output);
+    }
+    make_set(args, scenario)
+}
+
+fn load(args: &Args) -> Result<Scenario> {
+    let Some(file) = &args.scenario else { bail!("a scenario file is missing") };
+    let parse = |text: &str| Scenario::from_yaml(text, "");
+    input::file_or_stdin("SCENARIO", file, Scenario::load, parse)
+}
+
+/// Writes what was asked for of one sample, one sensor after the other.
+fn record(args: &Args, scenario: Scenario, output: &OutputArgs) -> Result<()> {
+    let threads = input::set_threads(args.threads)?;
+    interrupt::listen().context("cannot listen for signals")?;
+    let progress = Progress::new(args.quiet);
+    let mut seconds = Seconds::default();
+    progress.phase("loading".into());
+    let mut sample = timed(&mut seconds.load, || scenario.sample(args.sample.unwrap_or(0)))?;
+    let mut report = Report::default();
+    report.absorb(sample.report().clone());
+    ensure!(
+        sample.scans().len() == 1 || output.clouds() == 0,
+        "outputs: the files of one sensor are written, and there are {}; allowed: the styles of sets",
+        sample.scans().len()
+    );
+    let scan = sample.scans()[0].clone();
+    output.check(scan.options(0).fields, scan.sensor(), scan.options(0).profile)?;
+    let first = timed(&mut seconds.build, || sample.built(0, 0))?;
+    let options = echocast::ScanOptions { boxes: output.boxes(), ..scan.options(0) };
+    let take =
+        Take { sensor: scan.sensor(), trajectory: scan.trajectory(), frames: scan.frames().to_vec(), options, output };
+    let moving = sample.is_moving();
+    let scan_time = scan.sensor().scan_time();
+    let drawn = sample.drawn().to_vec();
+    let mut build = |time: f64| sample.built_at(time, scan_time);
+    let recorded = take.record(first, moving.then_some(&mut build), &progress, &mut seconds)?;
+    drop(progress);
+    report.absorb(recorded.report);
+    match recorded.nothing {
+        Some(Nothing::Seen) => report.warn("no beam has a return"),
+        Some(Nothing::ButNoise) => report.warn("nothing but noise is received"),
+        None => {}
+    }
+    let report = RunReport {
+        rays: scan.sensor().ray_count() * scan.frames().len(),
+        points: recorded.points,
+        with_points: true,
+        causes: recorded.causes,
+        frame: frame_word(scan.sensor()),
+        frames: scan.frames().len(),
+        threads,
+        seconds,
+        warnings: report.warnings,
+        outputs: recorded.files,
+        run: scenario.value().clone(),
+    };
+    if args.json {
+        let mut json = report.to_json();
+        json["drawn"] = drawn.into();
+        return text::print(&format!("{json:#}\n"));
+    }
+    if !args.quiet {
+        report.warnings.iter().for_each(|warning| note(&format!("warning: {warning}")));
+        let mut summary = report.summary(&shown::text(scan.name()));
+        for entry in &drawn {
+            writeln!(summary, "  {}", shown::text(&drawn_line(entry)))?;
+        }
+        text::print(&summary)?;
+    }
+    Ok(())
+}
+
+/// Makes samples of a set.
+fn make_set(args: &Args, scenario: Scenario) -> Result<()> {
+    interrupt::listen_patiently().context("cannot listen for signals")?;
+    let progress = Progress::new(args.quiet || args.json);
+    progress.phase("loading".into());
+    let options = RunOptions {
+        folder: args.output.clone(),
+        samples: args.samples.map(|Range(range)| range).or(args.sample.map(|sample| [sample, sample, 1])),
+        shard: args.shard.map(|Shard(shard)| shard),
+        resume: args.resume,
+        threads: args.threads.map_or(0, usize::from),
+    };
+    let failed = Mutex::new(0_u64);
+    let watch = |event: Event| match event {
+        Event::Begins(count) => {
+            progress.phase("making".into());
+            progress.count_frames(count as usize, "sample");
+        }
+        Event::Made(entry) => {
+            if args.json {
+                let line = json!({
+                    "sample": entry.sample, "points": entry.points, "error": entry.error,
+                    "files": entry.files.iter().map(|file| &file.path).collect::<Vec<_>>(),
+                });
+                // If nobody reads, the samples are made all the same.
+                let _ = text::print(&format!("{line}\n"));
+            }
+            if entry.error.is_some() {
+                let mut failed = failed.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+                *failed += 1;
+                progress.phase(format!("{failed} failed,"));
+            }
+            progress.frame_done();
+        }
+        Event::Found(_) => progress.frame_done(),
+    };
+    let summary = set::run(scenario, &options, &watch)?;
+    drop(progress);
+    if args.json {
+        text::print(&format!("{}\n", summary_json(&summary)))?;
+    } else if !args.quiet {
+        for (warning, count) in &summary.warnings {
+            note(&format!(
+                "warning: {warning}{}",
+                if *count > 1 { format!(" ({count} samples)") } else { String::new() }
+            ));
+        }
+        text::print(&summarised(&summary)?)?;
+    }
+    if let Some((sample, error)) = summary.failed.first() {
+        let others = summary.failed.len() - 1;
+        let more = if others > 0 { format!(" (and {} more)", counted(others, "sample")) } else { String::new() };
+        bail!("sample {sample} has failed: {error}{more}");
+    }
+    Ok(())
+}
+
+fn summarised(summary: &RunSummary) -> Result<String> {
+    let made = summary.made + summary.failed.len() as u64;
+    let mut text = format!(
+        "{} made in {} ({:.1} a second, {}), {} points\n",
+        counted(made as usize, "sample"),
+        duration(summary.seconds),
+        made as f64 / summary.seconds,
+        counted(summary.threads, "thread"),
+        thousands(summary.points as usize),
+    );
+    if summary.found > 0 {
+        writeln!(text, "  {} were there", counted(summary.found as usize, "sample"))?;
+    }
+    for (sample, error) in summary.failed.iter().take(10) {
+        writeln!(text, "  sample {sample} has failed: {error}")?;
+    }
+    let folder = shown::path(&summary.folder);
+    match summary.complete {
+        true => writeln!(text, "  {folder}: complete, see report.html")?,
+        false => writeln!(text, "  {folder}: not complete yet")?,
+    }
+    Ok(text)
+}
+
+fn summary_json(summary: &RunSummary) -> Value {
+    json!({
+        "folder": shown::path(&summary.folder),
+        "made": summary.made,
+        "found": summary.found,
+        "failed": summary.failed.iter().map(|(sample, error)| json!({"sample": sample, "error": error})).collect::<Vec<_>>(),
+        "points": summary.points,
+        "seconds": summary.seconds,
+        "threads": summary.threads,
+        "complete": summary.complete,
+        "warnings": summary.warnings.keys().collect::<Vec<_>>(),
+    })
+}
+
+/// What a scenario would do.
+fn described(scenario: &Scenario, sample: &Sample) -> String {
+    let mut text =
+        format!("{}, {}\n", counted(scenario.samples() as usize, "sample"), counted(sample.scans().len(), "sensor"));
+    for scan in sample.scans() {
+        let pose = scan.trajectory().at(scan.frames().first().map_or(0.0, |frame| frame.start)).position;
+        // Writing to a text does not fail.
+        let _ = writeln!(
+            text,
+            "  {}: {}, {}, starts at {:.3},{:.3},{:.3}",
+            shown::text(scan.name()),
+            shown::text(scan.sensor().title()),
+            counted(scan.frames().len(), frame_word(scan.sensor())),
+            pose.x,
+            pose.y,
+            pose.z
+        );
+    }
+    for warning in &sample.report().warnings {
+        let _ = writeln!(text, "  warning: {}", shown::text(warning));
+    }
+    for entry in sample.drawn() {
+        let _ = writeln!(text, "  {}", shown::text(&drawn_line(entry)));
+    }
+    text
+}
+
+/// What was drawn for a rule, in a line: `move Chair_*, Chair_2: moved_m [0.1, 0, 0]`.
+fn drawn_line(entry: &Value) -> String {
+    let word = |key: &str| entry[key].as_str().unwrap_or_default().to_owned();
+    let values: Vec<String> = entry
+        .as_object()
+        .into_iter()
+        .flatten()
+        .filter(|(key, _)| !["rule", "object", "key"].contains(&key.as_str()))
+        .map(|(key, value)| format!("{key} {value}"))
+        .collect();
+    let about = if entry["object"].is_null() { word("key") } else { word("object") };
+    format!("{}, {about}: {}", word("rule"), values.join(", "))
+}
+
+/// The first of some sentences, and the number of the others.
+fn some_of(sentences: &[String]) -> String {
+    const SHOWN: usize = 3;
+    let first = sentences[..sentences.len().min(SHOWN)].join("; ");
+    match sentences.len().saturating_sub(SHOWN) {
+        0 => first,
+        more => format!("{first}; and {more} more"),
+    }
+}
+
+/// A line on stderr; if that is closed, there is nobody to tell.
+fn note(line: &str) {
+    let _ = writeln!(std::io::stderr(), "{}", shown::text(line));
+}
