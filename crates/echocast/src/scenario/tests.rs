@@ -213,6 +213,34 @@ fn swapped_objects_keep_place_name_and_category() {
     assert_eq!(sample.scene().objects().filter(|(_, object)| object.category_id == chair).count(), 6);
 }
 
+/// A car of the generated street has wheels, which are objects of their own and turn while it drives.
+#[test]
+fn what_hangs_on_a_node_is_moved_with_it() {
+    let text = "scene: {generate: {street: {}}}\nsensors: [{sensor: velodyne_vlp16}]\ntrajectory: {camera: Corner}\n\
+                samples: 10\nvariation:\n  - {move: \"Car_*\", by_m: [{uniform: [1, 3]}, 0, {uniform: [1, 2]}]}\n";
+    let scenario = Scenario::from_yaml(text, "").unwrap().with_engine(&Engine::with_threads(1).unwrap());
+    let plain = Scenario::from_yaml(text.split("variation").next().unwrap(), "").unwrap();
+    let (mut sample, mut before) = (scenario.sample(3).unwrap(), plain.sample(3).unwrap());
+    assert_eq!(sample.drawn().len(), 6, "{:?}", sample.drawn());
+    for time in [0.0, 2.5] {
+        sample.built_at(time, 0.1).unwrap();
+        before.built_at(time, 0.1).unwrap();
+        let there = |sample: &Sample, name: &str| -> Vec<DVec3> {
+            let named = sample.scene().objects().filter(|(_, object)| object.name.starts_with(name));
+            named.map(|(_, object)| object.world_from_object.translation).collect()
+        };
+        for entry in sample.drawn() {
+            let name = entry["object"].as_str().unwrap();
+            let by: Vec<f64> = entry["moved_m"].as_array().unwrap().iter().map(|it| it.as_f64().unwrap()).collect();
+            let (now, then) = (there(&sample, name), there(&before, name));
+            assert!(now.len() >= 5 && now.len() == then.len(), "{name}");
+            for (now, then) in now.iter().zip(&then) {
+                assert!((*now - *then - DVec3::from_slice(&by)).length() < 1e-9, "{name} at {time}");
+            }
+        }
+    }
+}
+
 #[test]
 fn looks_change_what_is_seen_without_building() {
     let (_folder, scenario) = rules(

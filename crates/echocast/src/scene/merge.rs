@@ -24,6 +24,7 @@ impl Scene {
                 world_from_object: object.world_from_object,
                 up: object.up,
                 motion: object.motion.map(|motion| motion.shifted(shift)),
+                ancestors: object.ancestors,
             }));
             all.materials.extend(scene.materials);
             all.cameras.extend(
@@ -64,6 +65,7 @@ mod tests {
             category: category.map(str::to_owned),
             part: None,
             motion: None,
+            ancestors: Arc::default(),
         };
         empty.assemble(vec![object], rules)
     }

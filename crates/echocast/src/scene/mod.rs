@@ -136,7 +136,24 @@ pub struct Object {
     pub motion: Option<Motion>,
     /// Meshes that one after another take the place of its own, which is the one at time 0.
     pub sequence: Option<Arc<Sequence>>,
+    /// The nodes of the file that it hangs on, from the outermost in, then its own if it is the only object there; the
+    /// nearest [`MOST_ANCESTORS`] of them. Empty in formats without such nodes.
+    pub ancestors: Arc<[Ancestor]>,
 }
+
+/// A node of a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Ancestor {
+    /// Its number in the file.
+    pub node: u32,
+    /// Its name; empty without one.
+    pub name: Arc<str>,
+    /// The category that it gives to what hangs on it, if it does.
+    pub category: Option<Arc<str>>,
+}
+
+/// Most ancestors that an object knows.
+pub const MOST_ANCESTORS: usize = 32;
 
 impl Object {
     /// The materials of its parts, or the one that replaces them.
@@ -159,6 +176,7 @@ impl Object {
             material: None,
             motion: None,
             sequence: None,
+            ancestors: Arc::default(),
         }
     }
 }
@@ -409,6 +427,8 @@ pub(crate) struct RawObject {
     pub part: Option<String>,
     /// How it follows the timeline.
     pub motion: Option<Motion>,
+    /// As in [`Object::ancestors`].
+    pub ancestors: Arc<[Ancestor]>,
 }
 
 /// An object whose labels are words, about to be numbered.
@@ -421,6 +441,7 @@ struct NamedObject {
     /// One for each part of the mesh; empty = unlabelled.
     parts: Vec<String>,
     motion: Option<Motion>,
+    ancestors: Arc<[Ancestor]>,
 }
 
 impl Scene {
@@ -448,6 +469,7 @@ impl Scene {
                 world_from_object: object.world_from_object,
                 up: object.up,
                 motion: object.motion,
+                ancestors: object.ancestors,
             })
             .collect();
         self.number(named, &rules.numbers)
@@ -487,6 +509,7 @@ impl Scene {
                 mask: u32::MAX,
                 material: None,
                 motion: object.motion,
+                ancestors: object.ancestors,
                 sequence: None,
             })
             .collect();

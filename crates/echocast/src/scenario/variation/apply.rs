@@ -10,7 +10,7 @@ use crate::material::Material;
 use crate::scenario::assets::{Assets, Model};
 use crate::scenario::draw::{Address, Draws};
 use crate::scenario::random::{Random, choose};
-use crate::scene::{LabelRules, Mesh, matches};
+use crate::scene::{Ancestor, LabelRules, Mesh, matches};
 use crate::trace::{LiveScene, ObjectId};
 use glam::{DAffine3, DMat3, DQuat, DVec3, EulerRot};
 use rand_distr::{Distribution as _, StandardUniform};
@@ -19,71 +19,79 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// What is moved as one: the objects of an instance.
-#[derive(Clone, Debug)]
-pub(in crate::scenario) struct Unit {
-    name: String,
-    /// Names of its objects.
-    names: Vec<String>,
-    category: String,
-    /// Its instance number; 0: none.
-    number: u32,
-    things: Vec<Thing>,
-    solid: Solid,
-}
-
+/// An object of the scene of a sample.
 #[derive(Clone, Debug)]
 struct Thing {
     id: ObjectId,
+    name: Arc<str>,
+    category: Arc<str>,
+    /// Its instance number; 0: none.
+    number: u32,
+    /// The nodes of the scene's file that it hangs on; none of what a rule has placed.
+    ancestors: Arc<[Ancestor]>,
     mesh: Arc<Mesh>,
     world_from_object: DAffine3,
+    solid: Solid,
 }
 
-/// The units of a scene, and the surfaces that things are placed on.
+/// What makes objects one: they hang on a node, or were placed as an instance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+enum Bond {
+    Node(u32),
+    Instance(u32),
+    /// It is alone.
+    Object(ObjectId),
+}
+
+/// Objects that are changed as one.
+#[derive(Clone, Debug)]
+struct Group {
+    name: Arc<str>,
+    category: Arc<str>,
+    /// Instance number of the first of them.
+    number: u32,
+    /// Their places in the list of all things.
+    members: Vec<usize>,
+    solid: Solid,
+}
+
+/// The objects of a scene, and the surfaces that things are placed on.
 #[derive(Debug)]
 pub(in crate::scenario) struct Units {
-    units: Vec<Arc<Unit>>,
+    things: Vec<Arc<Thing>>,
     patches: Mutex<HashMap<(Target, u64), Arc<Patches>>>,
 }
 
 impl Units {
     /// Those of `live`.
     pub fn new(live: &LiveScene) -> Units {
-        let mut units: Vec<Unit> = Vec::new();
-        let mut known: HashMap<u32, usize> = HashMap::new();
-        for (id, object) in live.objects() {
-            let thing = Thing { id, mesh: object.mesh.clone(), world_from_object: object.world_from_object };
-            let place = known.get(&object.instance_id).copied().filter(|_| object.instance_id != 0);
-            let Some(place) = place else {
-                known.insert(object.instance_id, units.len());
-                units.push(Unit {
-                    name: object.name.clone(),
-                    names: vec![object.name.clone()],
-                    category: live.labels().category.name(object.category_id).unwrap_or("").to_owned(),
-                    number: object.instance_id,
-                    things: vec![thing],
-                    solid: Solid { centre: DVec3::ZERO, axes: DMat3::IDENTITY, half: DVec3::ZERO },
-                });
-                continue;
-            };
-            units[place].names.push(object.name.clone());
-            units[place].things.push(thing);
-        }
-        let units = units.into_iter().filter_map(|mut unit| {
-            unit.solid = unit.measured()?;
-            Some(Arc::new(unit))
+        let labels = live.labels();
+        let categories: HashMap<u32, Arc<str>> =
+            labels.category.iter().map(|(number, name)| (number, name.into())).collect();
+        let things = live.objects().filter_map(|(id, object)| {
+            let category = categories.get(&object.category_id).cloned().unwrap_or_default();
+            Some(Arc::new(Thing {
+                id,
+                name: object.name.as_str().into(),
+                category,
+                number: object.instance_id,
+                ancestors: object.ancestors.clone(),
+                mesh: object.mesh.clone(),
+                world_from_object: object.world_from_object,
+                solid: solid_of(&object.mesh, &object.world_from_object)?,
+            }))
         });
-        Units { units: units.collect(), patches: Mutex::default() }
+        Units { things: things.collect(), patches: Mutex::default() }
     }
 
     /// The objects that `target` names.
     pub fn ids<'u>(&'u self, target: &'u Target) -> impl Iterator<Item = ObjectId> + 'u {
-        self.units.iter().filter(|unit| unit.is(target)).flat_map(|unit| unit.things.iter().map(|thing| thing.id))
+        self.things.iter().filter(|thing| thing.bond(target).is_some()).map(|thing| thing.id)
     }
 
-    /// What units are called, for messages.
+    /// What objects are called, for messages.
     pub fn names(&self) -> impl Iterator<Item = &str> {
-        self.units.iter().map(|unit| unit.name.as_str())
+        self.things.iter().map(|thing| &*thing.name)
     }
 
     /// The surfaces of `target` in `live`.
@@ -101,34 +109,44 @@ impl Units {
     }
 }
 
-impl Unit {
-    fn is(&self, target: &Target) -> bool {
-        let names = std::iter::once(self.name.as_str()).chain(self.names.iter().map(String::as_str));
-        target.takes(names, &self.category)
-    }
+/// A box around a mesh, upright and turned as it is.
+fn solid_of(mesh: &Mesh, world_from_object: &DAffine3) -> Option<Solid> {
+    let axes = DMat3::from_rotation_z(heading(&world_from_object.matrix3));
+    Solid::around(axes, crate::scene::corners(mesh.bounds()?, world_from_object).into_iter())
+}
 
-    /// An upright box around it, turned as its first object is.
-    fn measured(&self) -> Option<Solid> {
-        let ahead = self.things.first()?.world_from_object.matrix3.x_axis;
-        let axes = DMat3::from_rotation_z(if ahead.truncate().length() > 1e-9 { ahead.y.atan2(ahead.x) } else { 0.0 });
-        let corners = self
-            .things
-            .iter()
-            .filter_map(|thing| Some(crate::scene::corners(thing.mesh.bounds()?, &thing.world_from_object)));
-        Solid::around(axes, corners.flatten())
-    }
+/// Direction of the x axis about z, rad.
+fn heading(turned: &DMat3) -> f64 {
+    let ahead = turned.x_axis;
+    if ahead.truncate().length() > 1e-9 * ahead.length() { ahead.y.atan2(ahead.x) } else { 0.0 }
+}
 
-    /// Direction of its box about z, rad.
-    fn heading(&self) -> f64 {
-        let ahead = self.solid.axes.x_axis;
-        ahead.y.atan2(ahead.x)
+impl Thing {
+    /// What makes it one with others for `target`; `None`: that does not name it. An object pattern takes all that hangs
+    /// on the outermost node with such a name; a category all that hangs on the outermost node that gives it.
+    fn bond(&self, target: &Target) -> Option<(Bond, Arc<str>)> {
+        let fits = |pattern: &Option<String>, name: &str| pattern.as_ref().is_none_or(|it| matches(it, name));
+        if !fits(&target.category, &self.category) {
+            return None;
+        }
+        let is = |node: &&Ancestor| match &target.object {
+            Some(pattern) => matches(pattern, &node.name),
+            None => node.category.as_ref() == Some(&self.category),
+        };
+        if let Some(node) = self.ancestors.iter().find(is) {
+            let name = if node.name.is_empty() { &self.name } else { &node.name };
+            return Some((Bond::Node(node.node), name.clone()));
+        }
+        let placed = self.ancestors.is_empty() && self.number != 0;
+        let bond = if placed { Bond::Instance(self.number) } else { Bond::Object(self.id) };
+        fits(&target.object, &self.name).then(|| (bond, self.name.clone()))
     }
 }
 
 /// The scene of a sample while rules are applied to it.
 pub(in crate::scenario) struct Stand<'s> {
     pub live: LiveScene,
-    units: Vec<Arc<Unit>>,
+    things: Vec<Arc<Thing>>,
     /// Instances that are no longer where they were, with their surfaces.
     gone: HashSet<u32>,
     /// What was drawn.
@@ -150,9 +168,9 @@ impl<'s> Stand<'s> {
         labels: &'s LabelRules,
         folder: &'s Path,
     ) -> Stand<'s> {
-        let (live, units) = (base.0.clone(), base.1.units.clone());
+        let (live, things) = (base.0.clone(), base.1.things.clone());
         let (gone, drawn, notes) = (HashSet::new(), Vec::new(), Vec::new());
-        Stand { live, units, gone, drawn, notes, base, assets, labels, folder }
+        Stand { live, things, gone, drawn, notes, base, assets, labels, folder }
     }
 
     /// Applies `rule`, the one at `key` of the file; `models` are the files it names.
@@ -171,40 +189,52 @@ impl<'s> Stand<'s> {
         }
     }
 
-    /// The places in `units` of those that `target` names, each with its address.
-    fn targets(&self, target: &Target, address: &Address) -> Vec<(usize, Address)> {
-        let mut seen: HashMap<&str, usize> = HashMap::new();
-        let named = self.units.iter().enumerate().filter(|(_, unit)| unit.is(target));
-        named
-            .map(|(index, unit)| {
-                // Names may repeat.
-                let count = seen.entry(&unit.name).or_default();
-                *count += 1;
-                (index, address.of(&unit.name).at(*count - 1))
-            })
-            .collect()
+    /// What `target` names, each with its address.
+    fn groups(&self, target: &Target, address: &Address) -> Vec<(Group, Address)> {
+        let mut groups: Vec<Group> = Vec::new();
+        let mut known: HashMap<Bond, usize> = HashMap::new();
+        for (index, thing) in self.things.iter().enumerate() {
+            let Some((bond, name)) = thing.bond(target) else { continue };
+            let place = *known.entry(bond).or_insert(groups.len());
+            if place == groups.len() {
+                let (category, number, solid) = (thing.category.clone(), thing.number, thing.solid);
+                groups.push(Group { name, category, number, members: Vec::new(), solid });
+            }
+            groups[place].members.push(index);
+        }
+        let mut seen: HashMap<Arc<str>, usize> = HashMap::new();
+        let addressed = groups.into_iter().map(|mut group| {
+            let corners = group.members.iter().flat_map(|&index| self.things[index].solid.corners());
+            group.solid = Solid::around(group.solid.axes, corners).unwrap_or(group.solid);
+            // Names may repeat.
+            let count = seen.entry(group.name.clone()).or_default();
+            *count += 1;
+            let address = address.of(&group.name).at(*count - 1);
+            (group, address)
+        });
+        addressed.collect()
     }
 
     fn remove(&mut self, rule: &RemoveRule, name: &str, address: &Address) -> Result<()> {
-        let mut left = Vec::new();
-        for (index, address) in self.targets(&rule.remove, address) {
+        let mut left = HashSet::new();
+        for (group, address) in self.groups(&rule.remove, address) {
             if happens(&rule.chance, &address) {
-                self.note(name, &self.units[index].name.clone(), Map::new());
-                left.push(index);
+                self.note(name, &group.name, Map::new());
+                left.extend(group.members);
             }
         }
         self.take_away(&left)
     }
 
-    /// Takes the units at these places away.
-    fn take_away(&mut self, places: &[usize]) -> Result<()> {
+    /// Takes the things at these places away.
+    fn take_away(&mut self, places: &HashSet<usize>) -> Result<()> {
         for &index in places {
-            let unit = self.units[index].clone();
-            unit.things.iter().try_for_each(|thing| self.live.remove(thing.id))?;
-            self.gone.insert(unit.number);
+            let thing = self.things[index].clone();
+            self.live.remove(thing.id)?;
+            self.gone.insert(thing.number);
         }
         let mut index = 0;
-        self.units.retain(|_| {
+        self.things.retain(|_| {
             index += 1;
             !places.contains(&(index - 1))
         });
@@ -213,40 +243,38 @@ impl<'s> Stand<'s> {
 
     fn swap(&mut self, rule: &SwapRule, name: &str, models: &[(PathBuf, f64)], address: &Address) -> Result<()> {
         let mut swapped = Vec::new();
-        for (index, address) in self.targets(&rule.swap, address) {
+        let mut places = HashSet::new();
+        for (group, address) in self.groups(&rule.swap, address) {
             if !happens(&rule.chance, &address) {
                 continue;
             }
-            let unit = self.units[index].clone();
             let model = self.model(models, &address)?;
-            let scale = if rule.fit { unit.solid.half.z / model.solid.half.z.max(1e-9) } else { 1.0 };
-            let turned = DQuat::from_rotation_z(unit.heading());
-            let (foot, own) = (unit.solid.foot(), model.solid.foot() * scale);
+            let scale = if rule.fit { group.solid.half.z / model.solid.half.z.max(1e-9) } else { 1.0 };
+            let turned = DQuat::from_rotation_z(heading(&group.solid.axes));
+            let (foot, own) = (group.solid.foot(), model.solid.foot() * scale);
             let placed = DAffine3::from_scale_rotation_translation(DVec3::splat(scale), turned, foot - turned * own);
             let mut values = Map::new();
             values.insert("model".into(), shown::path(&model.path).into());
-            self.note(name, &unit.name, values);
-            swapped.push((index, model, placed));
+            self.note(name, &group.name, values);
+            places.extend(group.members.iter().copied());
+            swapped.push((group, model, placed));
         }
-        let places: Vec<usize> = swapped.iter().map(|(index, ..)| *index).collect();
-        let units: Vec<Arc<Unit>> = places.iter().map(|&index| self.units[index].clone()).collect();
         self.take_away(&places)?;
-        for ((_, model, placed), unit) in swapped.into_iter().zip(units) {
-            let category = Some(unit.category.as_str()).filter(|category| !category.is_empty());
-            let number = if unit.number == 0 { self.live.next_instance() } else { unit.number };
-            self.add(&model, &placed, (&unit.name, number), category)?;
+        for (group, model, placed) in swapped {
+            let category = Some(&*group.category).filter(|category| !category.is_empty());
+            let number = if group.number == 0 { self.live.next_instance() } else { group.number };
+            self.add(&model, &placed, (&group.name, number), category)?;
         }
         Ok(())
     }
 
     fn shift(&mut self, rule: &MoveRule, name: &str, key: &str, address: &Address) -> Result<()> {
         let patches = self.surfaces(rule.to.as_ref(), &format!("{key}.to.on"))?;
-        for (index, address) in self.targets(&rule.moved, address) {
+        for (group, address) in self.groups(&rule.moved, address) {
             if rule.chance.as_ref().is_some_and(|chance| !happens(chance, &address)) {
                 continue;
             }
-            let unit = self.units[index].clone();
-            let foot = unit.solid.foot();
+            let foot = group.solid.foot();
             let mut values = Map::new();
             let mut found = None;
             for attempt in 0..rule.tries {
@@ -262,7 +290,7 @@ impl<'s> Stand<'s> {
                     continue;
                 }
                 let heading = if rule.to.is_some() && rule.to.as_ref().is_some_and(|place| place.along.is_some()) {
-                    DQuat::from_rotation_z(point.heading - unit.heading())
+                    DQuat::from_rotation_z(point.heading - heading(&group.solid.axes))
                 } else {
                     DQuat::IDENTITY
                 };
@@ -273,12 +301,12 @@ impl<'s> Stand<'s> {
                         * DAffine3::from_scale_rotation_translation(scale, turned, DVec3::ZERO)
                         * DAffine3::from_translation(-foot)
                 };
-                let settled = self.settled(&unit.solid, target, rule.drop, Some(index), about);
+                let settled = self.settled(&group.solid, target, rule.drop, &group.members, about);
                 let Some((moved, normal)) = settled else { continue };
-                let lifted = lift(&unit.solid.moved(&moved), rule.align, normal);
+                let lifted = lift(&group.solid.moved(&moved), rule.align, normal);
                 let is_free = rule
                     .clearance_m
-                    .is_none_or(|free| self.is_free(&unit.solid.moved(&moved).widened(free, lifted), Some(index)));
+                    .is_none_or(|free| self.is_free(&group.solid.moved(&moved).widened(free, lifted), &group.members));
                 if is_free {
                     values.insert("moved_m".into(), json!((moved.transform_point3(foot) - foot).to_array()));
                     values.extend(turn.map(|turn| ("turn_deg".to_owned(), turn)));
@@ -288,25 +316,25 @@ impl<'s> Stand<'s> {
                 }
             }
             match found {
-                Some(moved) => self.move_unit(index, &moved)?,
+                Some(moved) => self.move_group(&group.members, &moved)?,
                 None => {
-                    self.no_room(rule.otherwise, key, &format!("{:?} finds no room", unit.name), rule.tries)?;
+                    self.no_room(rule.otherwise, key, &format!("{:?} finds no room", group.name), rule.tries)?;
                     values.insert("skipped".into(), true.into());
                 }
             }
-            self.note(name, &unit.name, values);
+            self.note(name, &group.name, values);
         }
         Ok(())
     }
 
-    fn move_unit(&mut self, index: usize, moved: &DAffine3) -> Result<()> {
-        let unit = Arc::make_mut(&mut self.units[index]);
-        for thing in &mut unit.things {
+    fn move_group(&mut self, members: &[usize], moved: &DAffine3) -> Result<()> {
+        for &index in members {
+            let thing = Arc::make_mut(&mut self.things[index]);
             self.live.move_by(thing.id, moved)?;
             thing.world_from_object = *moved * thing.world_from_object;
+            thing.solid = thing.solid.moved(moved);
+            self.gone.insert(thing.number);
         }
-        unit.solid = unit.solid.moved(moved);
-        self.gone.insert(unit.number);
         Ok(())
     }
 
@@ -344,11 +372,11 @@ impl<'s> Stand<'s> {
                         * DAffine3::from_scale_rotation_translation(scale, turned, DVec3::ZERO)
                         * DAffine3::from_translation(-foot)
                 };
-                let settled = self.settled(&model.solid, point, rule.drop, None, about);
+                let settled = self.settled(&model.solid, point, rule.drop, &[], about);
                 let Some((placed, normal)) = settled else { continue };
                 let solid = model.solid.moved(&placed);
                 let lifted = lift(&solid, rule.align, normal);
-                if rule.overlap || self.is_free(&solid.widened(rule.clearance_m, lifted), None) {
+                if rule.overlap || self.is_free(&solid.widened(rule.clearance_m, lifted), &[]) {
                     values.insert("position_m".into(), json!(placed.transform_point3(foot).to_array()));
                     values.extend(turn.map(|turn| ("turn_deg".to_owned(), turn)));
                     values.extend(factor.map(|factor| ("scale".to_owned(), factor)));
@@ -389,7 +417,7 @@ impl<'s> Stand<'s> {
             let position = point.at + DVec3::Z * height;
             let (turned, turn) = turn(spot.turn_deg.as_ref(), &address);
             let room = Solid { centre: position, axes: DMat3::IDENTITY, half: DVec3::splat(spot.clearance_m) };
-            if spot.clearance_m == 0.0 || self.is_free(&room, None) {
+            if spot.clearance_m == 0.0 || self.is_free(&room, &[]) {
                 let mut values = Map::new();
                 values.insert("position_m".into(), json!(position.to_array()));
                 values.extend(turn.map(|turn| ("turn_deg".to_owned(), turn)));
@@ -404,7 +432,7 @@ impl<'s> Stand<'s> {
     fn look(&mut self, rule: &super::LookRule, name: &str, address: &Address) -> Result<()> {
         // By the name of the material; each once.
         let mut used: BTreeMap<&str, Vec<&Arc<Material>>> = BTreeMap::new();
-        let parts = self.units.iter().flat_map(|unit| &unit.things).flat_map(|thing| &thing.mesh.parts);
+        let parts = self.things.iter().flat_map(|thing| &thing.mesh.parts);
         for material in parts.filter_map(|part| part.material.as_ref()).filter(|it| matches(&rule.look, &it.name)) {
             let alike = used.entry(&material.name).or_default();
             if !alike.iter().any(|known| Arc::ptr_eq(known, material)) {
@@ -429,11 +457,9 @@ impl<'s> Stand<'s> {
                 }
             }
             Some(target) => {
-                for (index, address) in self.targets(target, address) {
-                    let unit = &self.units[index];
-                    let own: HashSet<*const Material> = unit
-                        .things
-                        .iter()
+                for (group, address) in self.groups(target, address) {
+                    let things = || group.members.iter().map(|&index| &self.things[index]);
+                    let own: HashSet<*const Material> = things()
                         .flat_map(|thing| &thing.mesh.parts)
                         .filter_map(|part| part.material.as_ref().map(Arc::as_ptr))
                         .collect();
@@ -441,10 +467,8 @@ impl<'s> Stand<'s> {
                         let mut values = Vec::new();
                         let look =
                             Arc::new(rule.of_material(material, &address.of(&material.name), open, &mut values)?);
-                        drawn.push((format!("{}: {}", unit.name, material.name), values));
-                        looks.extend(
-                            unit.things.iter().map(|thing| (Some(thing.id), (*material).clone(), look.clone())),
-                        );
+                        drawn.push((format!("{}: {}", group.name, material.name), values));
+                        looks.extend(things().map(|thing| (Some(thing.id), (*material).clone(), look.clone())));
                     }
                 }
             }
@@ -456,7 +480,7 @@ impl<'s> Stand<'s> {
         looks.into_iter().try_for_each(|(id, material, look)| self.live.set_look(id, &material, look))
     }
 
-    /// Adds a model as a unit of its own.
+    /// Adds a model as an instance.
     fn add(
         &mut self,
         model: &Model,
@@ -465,23 +489,21 @@ impl<'s> Stand<'s> {
         category: Option<&str>,
     ) -> Result<()> {
         let ids = self.live.add_model(&model.scene, world_from_model, (name, number), category)?;
-        let things = model.scene.objects.iter().zip(ids).map(|(object, id)| Thing {
-            id,
-            mesh: object.mesh.clone(),
-            world_from_object: *world_from_model * object.world_from_object,
-        });
-        let own = || {
-            let first = model.scene.objects.first()?;
-            model.scene.labels.category.name(first.category_id).map(str::to_owned)
-        };
-        self.units.push(Arc::new(Unit {
-            name: name.to_owned(),
-            names: Vec::new(),
-            category: category.map(str::to_owned).or_else(own).unwrap_or_default(),
-            number,
-            things: things.collect(),
-            solid: model.solid.moved(world_from_model),
-        }));
+        let own = |number: u32| model.scene.labels.category.name(number).unwrap_or_default();
+        for (object, id) in model.scene.objects.iter().zip(ids) {
+            let world_from_object = *world_from_model * object.world_from_object;
+            let Some(solid) = solid_of(&object.mesh, &world_from_object) else { continue };
+            self.things.push(Arc::new(Thing {
+                id,
+                name: name.into(),
+                category: category.unwrap_or_else(|| own(object.category_id)).into(),
+                number,
+                ancestors: Arc::default(),
+                mesh: object.mesh.clone(),
+                world_from_object,
+                solid,
+            }));
+        }
         Ok(())
     }
 
@@ -502,7 +524,7 @@ impl<'s> Stand<'s> {
         solid: &Solid,
         point: Point,
         drop: bool,
-        except: Option<usize>,
+        except: &[usize],
         about: impl Fn(&Point) -> DAffine3,
     ) -> Option<(DAffine3, DVec3)> {
         if !drop {
@@ -513,24 +535,22 @@ impl<'s> Stand<'s> {
         Some((about(&Point { at: point.at.with_z(z), normal, ..point }), normal))
     }
 
-    /// Height of the highest surface below `from`, and its normal, except that of the unit at `except`.
-    fn below(&self, from: DVec3, except: Option<usize>) -> Option<(f64, DVec3)> {
-        let near = |unit: &Unit| {
-            let reach = unit.solid.half.length();
-            (unit.solid.centre - from).truncate().length() <= reach && unit.solid.centre.z - reach <= from.z
+    /// Height of the highest surface below `from`, and its normal, except of the things at `except`.
+    fn below(&self, from: DVec3, except: &[usize]) -> Option<(f64, DVec3)> {
+        let near = |thing: &Thing| {
+            let reach = thing.solid.half.length();
+            (thing.solid.centre - from).truncate().length() <= reach && thing.solid.centre.z - reach <= from.z
         };
-        let others = self.units.iter().enumerate().filter(|(index, unit)| Some(*index) != except && near(unit));
-        let things = others.flat_map(|(_, unit)| &unit.things);
-        let found = things.filter_map(|thing| self.assets.room.below(&thing.mesh, &thing.world_from_object, from));
+        let others = self.things.iter().enumerate().filter(|(index, thing)| near(thing) && !except.contains(index));
+        let found = others.filter_map(|(_, thing)| self.assets.room.below(&thing.mesh, &thing.world_from_object, from));
         found.max_by(|a, b| a.0.total_cmp(&b.0))
     }
 
-    /// Whether nothing reaches into `solid`, except the unit at `except`.
-    fn is_free(&self, solid: &Solid, except: Option<usize>) -> bool {
-        let others = self.units.iter().enumerate().filter(|(index, _)| Some(*index) != except);
-        !others.filter(|(_, unit)| unit.solid.meets(solid)).any(|(_, unit)| {
-            unit.things.iter().any(|thing| self.assets.room.meets(&thing.mesh, &thing.world_from_object, solid))
-        })
+    /// Whether nothing reaches into `solid`, except the things at `except`.
+    fn is_free(&self, solid: &Solid, except: &[usize]) -> bool {
+        let near =
+            self.things.iter().enumerate().filter(|(index, thing)| thing.solid.meets(solid) && !except.contains(index));
+        !near.into_iter().any(|(_, thing)| self.assets.room.meets(&thing.mesh, &thing.world_from_object, solid))
     }
 
     fn no_room(&mut self, otherwise: Otherwise, key: &str, what: &str, tries: u32) -> Result<()> {

@@ -42,7 +42,8 @@ impl Patches {
         let labels = live.labels();
         for (_, object) in live.objects() {
             let category = labels.category.name(object.category_id).unwrap_or("");
-            if !target.takes(std::iter::once(object.name.as_str()), category) {
+            let above = object.ancestors.iter().map(|node| &*node.name);
+            if !target.takes(std::iter::once(object.name.as_str()).chain(above), category) {
                 continue;
             }
             for (part, number) in object.mesh.parts.iter().zip(&object.part_ids) {

@@ -5,9 +5,12 @@ use super::animation::{Property, Tracks};
 use super::extras::text;
 use crate::ground::error::Result;
 use crate::motion::{Node, Rest};
+use crate::scene::{Ancestor, MOST_ANCESTORS};
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
 use gltf::json;
 use serde::Deserialize;
+use std::collections::HashMap;
+use std::sync::Arc;
 
 pub(super) const VISIBILITY: &str = "KHR_node_visibility";
 
@@ -155,6 +158,38 @@ impl<'a> Tree<'a> {
             self.placed.push(placed);
         }
         Ok(())
+    }
+}
+
+/// What objects know of the nodes that they hang on, each node once.
+pub(super) struct Ancestry<'a> {
+    document: &'a Document<'a>,
+    labels: &'a [[Option<String>; 2]],
+    parents: &'a [Option<usize>],
+    known: HashMap<usize, Ancestor>,
+}
+
+impl<'a> Ancestry<'a> {
+    pub fn new(document: &'a Document<'a>, labels: &'a [[Option<String>; 2]], tree: &'a Tree<'a>) -> Self {
+        Ancestry { document, labels, parents: &tree.parents, known: HashMap::new() }
+    }
+
+    /// The nodes that what is at `node` hangs on, see [`crate::scene::Object::ancestors`].
+    pub fn of(&mut self, node: usize, with_itself: bool) -> Arc<[Ancestor]> {
+        let first = if with_itself { Some(node) } else { self.parents[node] };
+        let mut line: Vec<Ancestor> = std::iter::successors(first, |&node| self.parents[node])
+            .take(MOST_ANCESTORS)
+            .map(|node| {
+                let made = || Ancestor {
+                    node: node as u32,
+                    name: self.document.json.nodes[node].name.as_deref().unwrap_or_default().into(),
+                    category: self.labels[node][0].as_deref().map(Arc::from),
+                };
+                self.known.entry(node).or_insert_with(made).clone()
+            })
+            .collect();
+        line.reverse();
+        line.into()
     }
 }
 

@@ -35,7 +35,7 @@ use animation::Animation;
 pub(super) use animation::SHORTEST_ROUND_S;
 use gltf::json::Root;
 use gltf::json::extras::RawValue;
-use hierarchy::{Placed, Transform, Tree};
+use hierarchy::{Ancestry, Placed, Transform, Tree};
 use material::Materials;
 use nodes::Nodes;
 use object::Objects;
@@ -95,7 +95,7 @@ pub(super) fn read_bytes(
         cache: primitive::Cache::default(),
     };
     let nodes = Nodes::new(&document, &accessors, &tracks, &tree);
-    let mut objects = Objects::new(meshes, nodes, &tracks);
+    let mut objects = Objects::new(meshes, nodes, Ancestry::new(&document, &labels, &tree), &tracks);
     let mut cameras = Vec::new();
     for placed in tree.scene() {
         objects.add(placed)?;

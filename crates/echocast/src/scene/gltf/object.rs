@@ -2,7 +2,7 @@
 
 use super::animation::Tracks;
 use super::deform::{Form, Modelled};
-use super::hierarchy::Placed;
+use super::hierarchy::{Ancestry, Placed};
 use super::instancing;
 use super::morph::Weights;
 use super::nodes::Nodes;
@@ -11,7 +11,7 @@ use super::skin::{Skeleton, Skins, check_joints};
 use crate::ground::error::Result;
 use crate::motion::{Motion, Shape};
 use crate::scene::mesh::{beyond_reach, is_degenerate};
-use crate::scene::{Mesh, Part, RawObject, UpAxis, cofactors};
+use crate::scene::{Ancestor, Mesh, Part, RawObject, UpAxis, cofactors};
 use glam::{DAffine3, DMat3};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -21,6 +21,7 @@ pub(super) struct Objects<'a> {
     pub meshes: Meshes<'a>,
     pub nodes: Nodes<'a>,
     pub list: Vec<RawObject>,
+    ancestry: Ancestry<'a>,
     tracks: &'a Tracks,
     skins: Skins<'a>,
     /// Meshes that stay as morph targets make them, by mesh and bits of the weights; `None`: nothing is left of it.
@@ -37,9 +38,9 @@ struct Posed {
 }
 
 impl<'a> Objects<'a> {
-    pub fn new(meshes: Meshes<'a>, nodes: Nodes<'a>, tracks: &'a Tracks) -> Self {
+    pub fn new(meshes: Meshes<'a>, nodes: Nodes<'a>, ancestry: Ancestry<'a>, tracks: &'a Tracks) -> Self {
         let skins = Skins::new(meshes.document, meshes.accessors);
-        Objects { meshes, nodes, list: Vec::new(), tracks, skins, morphed: HashMap::new() }
+        Objects { meshes, nodes, list: Vec::new(), ancestry, tracks, skins, morphed: HashMap::new() }
     }
 
     /// Adds the objects that a node represents: none, one, or all its instances.
@@ -61,6 +62,8 @@ impl<'a> Objects<'a> {
         if world_from_object.is_some() && instances.take().is_some() {
             self.meshes.notes.add("instances of meshes with a skin are left out but for one", here);
         }
+        let ancestors = self.ancestry.of(placed.node, instances.is_none());
+        self.meshes.accessors.charge(ancestors.len() * size_of::<Ancestor>()).map_err(fault)?;
         for node_from_object in instances.unwrap_or_else(|| vec![DAffine3::IDENTITY]) {
             let world_from_object = world_from_object.unwrap_or(placed.world_from_node * node_from_object);
             // Objects squeezed flat can still be seen.
@@ -77,6 +80,7 @@ impl<'a> Objects<'a> {
                 category: placed.category.map(str::to_owned),
                 part: placed.part.map(str::to_owned),
                 motion,
+                ancestors: ancestors.clone(),
             };
             let text = object.name.len() + placed.category.map_or(0, str::len) + placed.part.map_or(0, str::len);
             self.meshes.accessors.charge(size_of::<RawObject>() + text).map_err(fault)?;

@@ -106,6 +106,7 @@ fn scene_of(path: &Path, mut file: Statements, options: &LoadOptions, images: &m
             category: None,
             part: None,
             motion: None,
+            ancestors: Arc::default(),
         });
     }
 
