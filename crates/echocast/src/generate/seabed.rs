@@ -8,6 +8,7 @@ use super::{GeneratedScene, within};
 use crate::ground::error::{Error, Result};
 use crate::ground::rng::Draw;
 use glam::{DQuat, DVec3, EulerRot};
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::f64::consts::{PI, TAU};
 
@@ -26,7 +27,8 @@ const CELLS_PER_RIPPLE: f64 = 3.0;
 ///
 /// Boulders, wrecks and fish are smaller than usual where the water is shallow or the bed small, so that all of them
 /// are below the surface and on the bed.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct Seabed {
     /// Extent along x and y, 1 to 10 000 m.
     pub size_m: [f64; 2],
@@ -51,7 +53,8 @@ impl Default for Seabed {
 }
 
 /// Sand ripples: waves with parallel crests that wander a little.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct Ripples {
     /// From crest to crest, 0.01 to 100 m and at least three cells.
     pub wavelength_m: f64,

@@ -68,6 +68,16 @@ pub(crate) enum Draw {
     Tree = 105,
     /// Makes, colours, speeds of generated cars, and where they are parked.
     Car = 106,
+    /// Shapes of the trees, bushes and grass of a landscape, and where its water and its path wander.
+    Plant = 120,
+    /// Where the trees of a landscape stand, their kinds and sizes.
+    Forest = 121,
+    /// Likewise its bushes.
+    Bush = 122,
+    /// Likewise its grass.
+    Grass = 123,
+    /// Likewise its rocks, and their shapes.
+    Stone = 124,
 }
 
 /// Random numbers of one scan.
