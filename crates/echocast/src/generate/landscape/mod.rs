@@ -43,7 +43,7 @@ const MOST_OBJECTS: f64 = 1e6;
 /// one for each patch of [`Landscape::TUFTS`] tufts. Plants and rocks are off the path and out of the stream.
 ///
 /// The path winds from the low end of x to the high one, the stream runs where most water leaves the land. The camera
-/// node `Lidar` is 1.8 m above the path (without one above the ground) near the middle and looks along it; `Overview`
+/// node `Lidar` is 1.8 m above the path, without one above the ground, near the middle where most room is, and looks along it or along x; `Overview`
 /// looks down on everything from the low corner of x and y.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -262,7 +262,13 @@ impl Land {
         let middle = stations.get(stations.len() / 3..stations.len() * 2 / 3).unwrap_or_default();
         // Where no branch is near.
         let clearest = middle.windows(2).max_by(|a, b| apart(a[0].at).total_cmp(&apart(b[0].at)));
-        let (at, ahead) = clearest.map_or((DVec2::ZERO, DVec2::X), |pair| (pair[0].at, pair[1].at - pair[0].at));
+        let along = clearest.map(|pair| (pair[0].at, pair[1].at - pair[0].at));
+        let (at, ahead) = along.unwrap_or_else(|| {
+            let reach = DVec2::from(terrain.size).min(DVec2::splat(100.0)) / 40.0;
+            let around = (0..49).map(|i| DVec2::new((i % 7 - 3).into(), (i / 7 - 3).into()) * reach);
+            let dry = around.filter(|&at| self.clearance(at) > 1.0);
+            (dry.max_by(|&a, &b| apart(a).total_cmp(&apart(b))).unwrap_or_default(), DVec2::X)
+        });
         let stands = DVec3::new(at.x, at.y, terrain.height(at.x, at.y) + 1.8);
         let facing = DQuat::from_rotation_z(ahead.y.atan2(ahead.x));
         let [x, y] = terrain.size;

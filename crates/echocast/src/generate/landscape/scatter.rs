@@ -109,7 +109,7 @@ fn noise(land: &Land, field: u32, wavelength: f64, seed: u64) -> impl Fn(DVec2) 
 fn trees(landscape: &Landscape, land: &Land, seed: u64) -> Vec<Site> {
     /// How far trunks are from path and stream, m.
     const CLEAR: f64 = 1.2;
-    /// How many of each kind: woods of oaks with birches, spruces in groups, few dead.
+    /// Parts of the noise for each kind of tree: oaks, birches and spruces in groups, and how many are dead anywhere.
     const SHARES: [f64; TREES.len()] = [0.4, 0.3, 0.27, 0.03];
     let mut dice = Dice::new(seed, Draw::Forest, 0);
     let (woods, kinds) = (noise(land, WOODS, 50.0, seed), noise(land, KINDS, 60.0, seed));
@@ -124,7 +124,7 @@ fn trees(landscape: &Landscape, land: &Land, seed: u64) -> Vec<Site> {
     let places = darts(land, &mut dice, count, spacing(land, count, 0.5, 4.0), likes);
     let mut dice = Dice::new(seed, Draw::Forest, 1);
     let site = |at: DVec2| {
-        // A kind for each tenth of a number that is even over the land, roughly.
+        // From 0 to 1, its parts for oaks, birches and spruces one after the other.
         let mut chance = (0.5 + 0.9 * kinds(at) + dice.between(-0.3, 0.3)).clamp(0.0, 1.0 - 1e-9);
         if dice.unit() < SHARES[3] {
             chance = 1.0 - 1e-9;
@@ -177,7 +177,7 @@ fn rocks(landscape: &Landscape, land: &Land, trees: &[Site], seed: u64) -> Vec<S
         if sites.len() == count {
             break;
         }
-        // As many between 0.2 and 0.4 m as between 0.8 and 1.6 m are too many of the large: their square.
+        // Many small ones, few large ones.
         let size = 0.2 * f64::powf(LARGEST / 0.2, dice.unit().powi(2));
         let at = DVec2::new(dice.between(-0.5, 0.5) * (x - size), dice.between(-0.5, 0.5) * (y - size));
         let (turn, variant) = (dice.between(0.0, TAU), dice.below(plants::ROCKS));

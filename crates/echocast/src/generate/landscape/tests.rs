@@ -518,4 +518,9 @@ fn the_landscape_of_the_paper_has_trees_rocks_and_grass() {
     let mut found: Vec<&str> = made.categories.iter().map(|(name, _)| *name).collect();
     found.sort_unstable();
     assert_eq!(found, ["grass", "rock", "terrain", "tree"]);
+    // Without a path too its sensor does not stand in a tree.
+    let scene = made.load(&LoadOptions::default()).unwrap();
+    let lidar = scene.camera("Lidar").unwrap().pose.position;
+    assert!(of_category(&scene, "tree").iter().all(|tree| place(tree).distance(lidar) > 2.0));
+    assert!((lidar.z - height(&triangles(&scene, "terrain"), lidar.truncate()) - 1.8).abs() < 0.01);
 }
