@@ -12,7 +12,7 @@ use tiff::tags::Tag;
 use tiff::{ColorType, TiffError};
 
 /// Most samples of a height map.
-pub(super) const MOST_SAMPLES: usize = 100_000_000;
+pub(super) const MOST_SAMPLES: usize = 25_000_000;
 /// Heights beyond this are no heights, m.
 const HIGHEST: f32 = 100_000.0;
 

@@ -70,7 +70,7 @@ pub struct Landscape {
     pub height_map: Option<HeightMap>,
 }
 
-/// A file of heights: a PNG of 16 bits, a GeoTIFF in metres or an ESRI ASCII grid, up to 100 million samples.
+/// A file of heights: a PNG of 16 bits, a GeoTIFF in metres or an ESRI ASCII grid, up to 25 million samples.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct HeightMap {
