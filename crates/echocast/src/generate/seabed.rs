@@ -54,7 +54,7 @@ impl Default for Seabed {
 
 /// Sand ripples: waves with parallel crests that wander a little.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[serde(deny_unknown_fields)]
 pub struct Ripples {
     /// From crest to crest, 0.01 to 100 m and at least three cells.
     pub wavelength_m: f64,

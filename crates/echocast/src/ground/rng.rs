@@ -68,7 +68,7 @@ pub(crate) enum Draw {
     Tree = 105,
     /// Makes, colours, speeds of generated cars, and where they are parked.
     Car = 106,
-    /// Shapes of the trees, bushes and grass of a landscape, and where its water and its path wander.
+    /// Shapes of the trees, bushes and grass of a landscape.
     Plant = 120,
     /// Where the trees of a landscape stand, their kinds and sizes.
     Forest = 121,
@@ -78,6 +78,10 @@ pub(crate) enum Draw {
     Grass = 123,
     /// Likewise its rocks, and their shapes.
     Stone = 124,
+    /// Seed of a scan of a sample: counter = (sensor, sample, 0).
+    ScanSeed = 200,
+    /// Key of what varies from sample to sample.
+    Variation = 201,
 }
 
 /// Random numbers of one scan.
@@ -90,6 +94,24 @@ pub(crate) struct Rng {
 impl Rng {
     pub(crate) fn new(seed: u64, frame: u32) -> Self {
         Rng { key: [seed as u32, (seed >> 32) as u32], frame }
+    }
+
+    /// Four random words at an address of two words and its purpose.
+    pub(crate) fn words(&self, [a, b]: [u32; 2], draw: Draw) -> [u32; 4] {
+        random::block([a, self.frame, b, draw as u32], self.key)
+    }
+
+    /// Four random words of what varies, at an address of three words; the frame is the sample.
+    pub(crate) fn variation(&self, [a, b, c]: [u32; 3]) -> [u32; 4] {
+        // A counter has no room for its purpose, so that the key is another one.
+        let [low, high, ..] = random::block([0, 0, 0, Draw::Variation as u32], self.key);
+        random::block([a, self.frame, b, c], [low, high])
+    }
+
+    /// A number that is another one for another seed.
+    pub(crate) fn seed_word(&self) -> u32 {
+        let [word, ..] = random::block([1, 0, 0, Draw::Variation as u32], self.key);
+        word
     }
 
     /// Standard normal numbers of `beams` at their `sub_rays`, one for each element of `out`.

@@ -508,7 +508,7 @@ fn parameters_are_sections_of_yaml() {
     assert_eq!(again, read);
     let error = yaml::from_str::<Landscape>("text", "tree_per_ha: 5").unwrap_err().to_string();
     assert!(error.contains("trees_per_ha"), "{error}");
-    let seabed: Seabed = yaml::from_str("text", "depth_m: 7\nripples: {height_m: 0.02}").unwrap();
+    let seabed: Seabed = yaml::from_str("text", "depth_m: 7\nripples: {wavelength_m: 0.5, height_m: 0.02}").unwrap();
     assert_eq!((seabed.depth_m, seabed.ripples.unwrap().height_m, seabed.fish), (7.0, 0.02, 60));
 }
 

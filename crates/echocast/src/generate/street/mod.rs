@@ -18,6 +18,7 @@ use crate::ground::error::{Error, Result};
 use glam::{DQuat, DVec3, EulerRot};
 use model::Made;
 use plan::{KERB, Plan};
+use serde::{Deserialize, Serialize};
 
 /// Parameters of a street. It runs along x and is 200 m long (longer if the animation is longer than 10 s); a side
 /// street crosses it at the origin. Traffic keeps to the right.
@@ -33,7 +34,8 @@ use plan::{KERB, Plan};
 ///
 /// The camera node `Lidar` is on the roof of `Car_1`, 1.9 m above the road, and looks ahead; `Corner` stands at the
 /// crossing, 3 m high, and looks along the street.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct Street {
     /// Cars that drive, 1 to 10. Others are parked.
     pub cars: u32,
