@@ -5,7 +5,7 @@ use crate::report::timed;
 use crate::text::{self, counted, duration};
 use anyhow::{Context as _, Result, bail, ensure};
 use clap::Subcommand;
-use echocast::generate::{GeneratedScene, Ripples, Seabed, Street};
+use echocast::generate::{GeneratedScene, HeightMap, Landscape, Ripples, Seabed, Street};
 use echocast::{Error, shown};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 #[derive(clap::Args)]
 #[command(
     arg_required_else_help = true,
-    after_help = "Examples:\n  echocast generate seabed --seed 7 -o lake.glb\n  echocast generate street --seed 7 -o street.glb\n\nSee `echocast generate seabed --help` and `echocast generate street --help` for more."
+    after_help = "Examples:\n  echocast generate seabed --seed 7 -o lake.glb\n  echocast generate street --seed 7 -o street.glb\n  echocast generate landscape --seed 7 -o forest.glb\n\nSee `echocast generate landscape --help` and so on for more."
 )]
 pub struct Args {
     #[command(subcommand)]
@@ -25,6 +25,7 @@ pub struct Args {
 enum Kind {
     Seabed(SeabedArgs),
     Street(StreetArgs),
+    Landscape(LandscapeArgs),
 }
 
 /// A lake bed for sonar: sand, gravel and mud, boulders, wrecks, a school of fish
@@ -104,10 +105,78 @@ pub struct StreetArgs {
     quiet: bool,
 }
 
+/// A landscape: hills, or a height map, with trees, bushes, grass, rocks, a path and a stream
+///
+/// The land is centred on the z axis. Categories are terrain, path, water, tree, bush, grass and rock; trees and bushes
+/// have the parts trunk, branch and leaf, the terrain turf, soil, rock and sand. Every tree, bush and rock is an instance,
+/// grass one for each patch of 24 tufts. The camera node Lidar is 1.8 m above the path, near the middle, and looks along
+/// it; Overview looks down from a corner.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  echocast generate landscape --size 200,200 --seed 7 -o forest.glb
+  echocast generate landscape --trees-per-ha 1250 --grass-per-m2 0 --no-path -o wood.glb
+  echocast generate landscape --height-map hills.tif -o hills.glb
+  echocast generate landscape --height-map hills.png --height-range 120,340 --size 500,500 -o hills.glb
+  echocast scan forest.glb --sensor velodyne_vlp32c --camera Lidar --preview forest.png --view perspective")]
+pub struct LandscapeArgs {
+    /// Start from other values than the defaults: paper, the landscape of the paper (hills with trees, rocks and grass)
+    #[arg(long, value_name = "NAME")]
+    preset: Option<Preset>,
+    /// Extent along x and y, metres; that of the height map if its file says it [default: 100,100]
+    #[arg(long, value_name = "X,Y", value_parser = two_numbers, allow_hyphen_values = true)]
+    size: Option<[f64; 2]>,
+    /// Spacing of the grid, metres [default: 0.5, or that of the height map]
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    cell: Option<f64>,
+    /// From the lowest to the highest place, metres; not used with a height map [default: 12]
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    relief: Option<f64>,
+    /// Trees per hectare [default: 300]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    trees_per_ha: Option<f64>,
+    /// Bushes per hectare [default: 200]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    bushes_per_ha: Option<f64>,
+    /// Rocks of 0.2 to 2 m per hectare [default: 100]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    rocks_per_ha: Option<f64>,
+    /// Tufts of grass per square metre of turf [default: 10]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    grass_per_m2: Option<f64>,
+    /// No path
+    #[arg(long)]
+    no_path: bool,
+    /// No stream
+    #[arg(long)]
+    no_stream: bool,
+    /// Heights from a PNG of 16 bits, a GeoTIFF in metres or an ESRI ASCII grid
+    #[arg(long, value_name = "FILE")]
+    height_map: Option<PathBuf>,
+    /// Heights of black and white in a PNG, metres
+    #[arg(long, value_name = "LOW,HIGH", value_parser = two_numbers, allow_hyphen_values = true, requires = "height_map")]
+    height_range: Option<[f64; 2]>,
+    /// Seed of all random draws: same seed and options, same file
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
+    seed: u64,
+    /// Scene file, .glb
+    #[arg(short, long, value_name = "FILE.glb")]
+    output: PathBuf,
+    /// Print only errors
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum Preset {
+    Paper,
+}
+
 pub fn run(args: &Args) -> Result<()> {
     match &args.kind {
         Kind::Seabed(args) => seabed(args),
         Kind::Street(args) => street(args),
+        Kind::Landscape(args) => landscape(args),
     }
 }
 
@@ -127,6 +196,27 @@ fn seabed(args: &SeabedArgs) -> Result<()> {
 fn street(args: &StreetArgs) -> Result<()> {
     let street = Street { cars: args.cars, seconds: args.seconds };
     make(|| street.scene(args.seed), &args.output, args.quiet)
+}
+
+fn landscape(args: &LandscapeArgs) -> Result<()> {
+    let usual = match args.preset {
+        None => Landscape::default(),
+        Some(Preset::Paper) => Landscape::paper(),
+    };
+    let range_m = args.height_range;
+    let landscape = Landscape {
+        size_m: args.size.unwrap_or(usual.size_m),
+        cell_m: args.cell.or(usual.cell_m),
+        relief_m: args.relief.unwrap_or(usual.relief_m),
+        trees_per_ha: args.trees_per_ha.unwrap_or(usual.trees_per_ha),
+        bushes_per_ha: args.bushes_per_ha.unwrap_or(usual.bushes_per_ha),
+        rocks_per_ha: args.rocks_per_ha.unwrap_or(usual.rocks_per_ha),
+        grass_per_m2: args.grass_per_m2.unwrap_or(usual.grass_per_m2),
+        path: usual.path && !args.no_path,
+        stream: usual.stream && !args.no_stream,
+        height_map: args.height_map.clone().map(|file| HeightMap { file, range_m }),
+    };
+    make(|| landscape.scene(args.seed), &args.output, args.quiet)
 }
 
 /// Makes a scene, writes it to `file` and prints a summary.
@@ -167,7 +257,8 @@ fn option(name: &str) -> String {
     match name.split_once('.') {
         Some((option, "wavelength_m")) => format!("--{option} LENGTH"),
         Some((option, "height_m")) => format!("--{option} HEIGHT"),
-        _ => format!("--{}", name.strip_suffix("_m").unwrap_or(name)),
+        Some(("height_map", "range_m")) => "--height-range".to_owned(),
+        _ => format!("--{}", name.strip_suffix("_m").unwrap_or(name).replace('_', "-")),
     }
 }
 

@@ -46,6 +46,25 @@ fn a_street_is_made() {
 }
 
 #[test]
+fn a_landscape_is_made_and_scanned() {
+    let folder = tempfile::tempdir().unwrap();
+    let args = "generate landscape --size 40,30 --cell 1 --trees-per-ha 100 --grass-per-m2 1 --seed 3";
+    let said = stdout(folder.path(), &format!("{args} -o DIR/forest.glb"));
+    for words in ["12 tree", "1 path", "40 x 30 m", "stream of", "cameras Lidar, Overview", "forest.glb"] {
+        assert!(said.contains(words), "{words}\n{said}");
+    }
+    assert_eq!(stdout(folder.path(), &format!("{args} -q -o DIR/again.glb")), "");
+    let [forest, again] = ["forest.glb", "again.glb"].map(|name| fs::read(folder.path().join(name)).unwrap());
+    assert_eq!(forest, again);
+    let scan = "scan DIR/forest.glb --sensor velodyne_vlp16 --camera Lidar -o DIR/forest.csv";
+    assert!(stdout(folder.path(), scan).contains("points of"));
+
+    fs::write(folder.path().join("a.asc"), "ncols 3\nnrows 3\ncellsize 10\n1 2 3\n4 5 6\n7 8 9.5\n").unwrap();
+    let said = stdout(folder.path(), "generate landscape --preset paper --height-map DIR/a.asc -o DIR/map.glb");
+    assert!(said.contains("20 x 20 m, 1.0 to 9.5 m high, 2 x 2 cells") && !said.contains("path"), "{said}");
+}
+
+#[test]
 fn what_is_wrong_is_named_and_nothing_is_written() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("old.glb"), "old").unwrap();
@@ -61,6 +80,11 @@ fn what_is_wrong_is_named_and_nothing_is_written() {
         ("seabed --ripples 0.6,0.4 -o DIR/x.glb", 1, "--ripples HEIGHT is 0.4"),
         ("street --cars 11 -o DIR/old.glb", 1, "--cars is 11; allowed: 1 to 10"),
         ("street --seconds 3 -o DIR/x.glb", 1, "--seconds is 3; allowed: 8 to 30"),
+        ("landscape --size 5,50 -o DIR/x.glb", 1, "--size is 5; allowed: 10 to 10000"),
+        ("landscape --trees-per-ha 9e9 -o DIR/old.glb", 1, "--trees-per-ha is 9000000000; allowed: 0 to 5000"),
+        ("landscape --height-map DIR/old.glb -o DIR/x.glb", 1, "old.glb: not a height map; allowed: a PNG of 16 bits"),
+        ("landscape --height-range 1,2 -o DIR/x.glb", 2, "--height-map"),
+        ("landscape --preset papers -o DIR/x.glb", 2, "paper"),
         ("seabed -o DIR/x.obj", 1, "written as .glb"),
         ("seabed -o DIR/no/x.glb", 1, "no/x.glb: No such file"),
     ] {

@@ -30,6 +30,10 @@ fn quaternion(q: DQuat) -> Value {
     json!([q.x, q.z, 0.0 - q.y, q.w])
 }
 
+fn turn(q: DQuat) -> [f32; 4] {
+    [q.x, q.z, 0.0 - q.y, q.w].map(|part| part as f32)
+}
+
 /// Lists of a file under their names there, and its buffer.
 #[derive(Default)]
 pub(super) struct Glb {
@@ -46,6 +50,8 @@ pub(super) struct Glb {
     samplers: Vec<Value>,
     channels: Vec<Value>,
     extensions: Vec<&'static str>,
+    /// Those without which the file would show something else.
+    required: Vec<&'static str>,
 }
 
 /// How a material looks besides its colour.
@@ -273,6 +279,32 @@ impl Glb {
         self.push("nodes", node)
     }
 
+    /// A node that shows `mesh` once at each of `places`, every time as an object of its own
+    /// (EXT_mesh_gpu_instancing).
+    pub fn objects(&mut self, name: &str, category: &'static str, mesh: usize, places: &[Placement]) -> usize {
+        const INSTANCING: &str = "EXT_mesh_gpu_instancing";
+        self.extension(INSTANCING);
+        if !self.required.contains(&INSTANCING) {
+            self.required.push(INSTANCING);
+        }
+        let node = self.object(name, category, mesh, Placement::HERE);
+        self.placed += self.triangles[mesh] * places.len().saturating_sub(1);
+        if let Some((_, objects)) = self.categories.iter_mut().find(|(known, _)| *known == category) {
+            *objects += places.len().saturating_sub(1);
+        }
+        let single = |vector: DVec3| vector.as_vec3().to_array();
+        let at: Vec<[f32; 3]> = places.iter().map(|place| single(place.at)).collect();
+        let turned: Vec<[f32; 4]> = places.iter().map(|place| turn(place.turned)).collect();
+        // Axes swap as for points, sizes have no sign.
+        let scale: Vec<[f32; 3]> =
+            places.iter().map(|Placement { scale, .. }| single(DVec3::new(scale.x, scale.z, scale.y))).collect();
+        let (at, turned) = (self.vectors(&at, None), self.numbers("VEC4", &turned, None));
+        let scale = self.numbers("VEC3", &scale, None);
+        let attributes = json!({ "TRANSLATION": at, "ROTATION": turned, "SCALE": scale });
+        self.lists["nodes"][node]["extensions"] = json!({ INSTANCING: { "attributes": attributes } });
+        node
+    }
+
     /// A node that holds others, or a joint of a skeleton.
     pub fn frame(&mut self, name: &str, place: Placement) -> usize {
         self.push("nodes", Glb::node(name, place))
@@ -361,7 +393,7 @@ impl Glb {
 
     /// Turns at times, evenly in between: less than half a turn from key to key.
     pub fn turns(&mut self, times: usize, turns: &[DQuat]) -> usize {
-        let turns: Vec<[f32; 4]> = turns.iter().map(|q| [q.x, q.z, 0.0 - q.y, q.w].map(|part| part as f32)).collect();
+        let turns: Vec<[f32; 4]> = turns.iter().map(|&q| turn(q)).collect();
         let output = self.numbers("VEC4", &turns, None);
         self.sampler(times, "LINEAR", output)
     }
@@ -417,6 +449,9 @@ impl Glb {
         });
         if !self.extensions.is_empty() {
             file["extensionsUsed"] = json!(self.extensions);
+        }
+        if !self.required.is_empty() {
+            file["extensionsRequired"] = json!(self.required);
         }
         if let Value::Object(members) = &mut file {
             members.append(&mut self.lists);

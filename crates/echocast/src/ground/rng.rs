@@ -68,6 +68,16 @@ pub(crate) enum Draw {
     Tree = 105,
     /// Makes, colours, speeds of generated cars, and where they are parked.
     Car = 106,
+    /// Shapes of the trees, bushes and grass of a landscape.
+    Plant = 120,
+    /// Where the trees of a landscape stand, their kinds and sizes.
+    Forest = 121,
+    /// Likewise its bushes.
+    Bush = 122,
+    /// Likewise its grass.
+    Grass = 123,
+    /// Likewise its rocks, and their shapes.
+    Stone = 124,
     /// Seed of a scan of a sample: counter = (sensor, sample, 0).
     ScanSeed = 200,
     /// Key of what varies from sample to sample.
