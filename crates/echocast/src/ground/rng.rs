@@ -68,6 +68,22 @@ pub(crate) enum Draw {
     Tree = 105,
     /// Makes, colours, speeds of generated cars, and where they are parked.
     Car = 106,
+    /// Where generated people walk.
+    Person = 120,
+    /// Kinds of generated traffic signs.
+    Sign = 121,
+    /// Sizes of generated rooms, and where their doors and windows are.
+    Room = 122,
+    /// What is in a generated room, and where.
+    Furniture = 123,
+    /// Likewise mirrors and glass partitions.
+    Glass = 124,
+    /// Way of generated pipes.
+    Pipe = 125,
+    /// Place of generated mines.
+    Mine = 126,
+    /// Likewise sea grass.
+    Seagrass = 127,
 }
 
 /// Random numbers of one scan.

@@ -1,9 +1,10 @@
 //! Cars: their shapes, where they are parked, and those that drive.
 
 use super::drive::{self, Drive, KEYS, WHEEL_KEYS};
-use super::model::{Made, Model};
+use super::ground::PARKING;
 use super::plan::{LANE, Plan};
 use crate::generate::glb::Placement;
+use crate::generate::model::{Made, Model};
 use crate::generate::noise::Dice;
 use crate::generate::shapes::Shape;
 use crate::ground::rng::Draw;
@@ -170,9 +171,9 @@ fn park(made: &mut Made, plan: &Plan, kinds: &[Kind], wheel: usize, seed: u64) -
     const PLACE: f64 = 6.2;
     let mut dice = Dice::new(seed, Draw::Car, u32::MAX);
     let mut parked = 0;
-    for side in [-1.0, 1.0] {
-        for end in [-1.0, 1.0] {
-            let places = ((plan.end - plan.stop - 10.0) / PLACE) as u32;
+    for crossing in &plan.crossings {
+        for (side, end) in [-1.0, 1.0].into_iter().flat_map(|side| [(side, -1.0), (side, 1.0)]) {
+            let places = ((crossing.reach(0, end) - PARKING) / PLACE) as u32;
             for place in 0..places {
                 let [taken, shift, aside] = [dice.unit(), dice.between(-0.5, 0.5), dice.between(-0.08, 0.08)];
                 let (kind, paint) = (&kinds[dice.below(kinds.len())], dice.below(PAINTS.len()));
@@ -180,8 +181,8 @@ fn park(made: &mut Made, plan: &Plan, kinds: &[Kind], wheel: usize, seed: u64) -
                     continue;
                 }
                 parked += 1;
-                let x = end * (plan.stop + 10.0 + PLACE * (f64::from(place) + 0.5)) + shift;
-                let at = DVec3::new(x, side * (LANE + 1.12) + aside, 0.0);
+                let x = end * (PARKING + PLACE * (f64::from(place) + 0.5)) + shift;
+                let at = crossing.place(x, side * (LANE + 1.12) + aside, 0.0);
                 let turned = DQuat::from_rotation_z(if side > 0.0 { PI } else { 0.0 });
                 let name = format!("Parked_{parked:02}");
                 let car = made.put(&name, "car", kind.bodies[paint], Placement { at, turned, ..Placement::HERE });
