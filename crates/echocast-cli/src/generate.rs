@@ -34,10 +34,10 @@ enum Kind {
     Street(StreetArgs),
 }
 
-/// A lake bed for sonar: sand, gravel and mud, boulders, wrecks, a school of fish
+/// A lake bed for sonar: sand, gravel and mud, boulders, wrecks, pipes, mines, sea grass, a school of fish
 ///
-/// The water surface is at z = 0, the bed is centred on the z axis. Categories are seabed, boulder, wreck and fish; the
-/// bed has the parts sand, gravel and mud, a wreck hull, cabin and mast. The fish are children of the node Swarm,
+/// The water surface is at z = 0, the bed is centred on the z axis. Categories are seabed, boulder, wreck, pipe, mine,
+/// seagrass and fish; the bed has the parts sand, gravel and mud, a wreck hull, cabin and mast. The fish are children of the node Swarm,
 /// which an animation moves against the x axis. The camera node Sonar is at the low end of x, just below the surface,
 /// and looks along x.
 #[derive(clap::Args)]
@@ -45,7 +45,8 @@ enum Kind {
 Examples:
   echocast generate seabed -o lake.glb
   echocast generate seabed --size 200,80 --depth 25 --boulders 100 --wrecks 3 --seed 7 -o lake.glb
-  echocast generate seabed --ripples 0.6,0.05 --fish 0 -o ripples.glb
+  echocast generate seabed --ripples 0.6,0.05,30 --fish 0 -o ripples.glb
+  echocast generate seabed --pipes 1 --mines 6 --seagrass 5 --seed 7 -o harbour.glb
   echocast scan lake.glb --sensor fls_900 --set range.max_m=40 --camera Sonar --preview lake.png --view fan")]
 pub struct SeabedArgs {
     /// Extent along x and y, metres
@@ -57,10 +58,11 @@ pub struct SeabedArgs {
     /// Spacing of the grid, metres [default: about 30,000 triangles, more where --ripples needs them]
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     cell: Option<f64>,
-    /// Ripples of the sand, metres from crest to crest and from trough to crest; height 0 means none [default: 0.6,0.05
-    /// where the cells are fine enough]
-    #[arg(long, value_name = "LENGTH,HEIGHT", value_parser = two_numbers, allow_hyphen_values = true)]
-    ripples: Option<[f64; 2]>,
+    /// Ripples of the sand, metres from crest to crest and from trough to crest, and the direction across the crests,
+    /// degrees counter-clockwise from x; height 0 means none [default: 0.6,0.05 where the cells are fine enough, in any
+    /// direction]
+    #[arg(long, value_name = "LENGTH,HEIGHT[,DIRECTION]", value_parser = ripples, allow_hyphen_values = true)]
+    ripples: Option<Ripples>,
     /// Boulders of 0.3 to 1.5 m
     #[arg(long, value_name = "N", default_value_t = 20, allow_negative_numbers = true)]
     boulders: u32,
@@ -70,6 +72,15 @@ pub struct SeabedArgs {
     /// Fish in the school, about 0.4 m long
     #[arg(long, value_name = "N", default_value_t = 60, allow_negative_numbers = true)]
     fish: u32,
+    /// Pipes that lie across the bed
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
+    pipes: u32,
+    /// Mines: by turns a cylinder of 2 m, a ball of 1 m with horns, a blunt cone of 1 m
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
+    mines: u32,
+    /// Patches of sea grass, 2 to 5 m wide
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
+    seagrass: u32,
     /// Seed of all random draws: same seed and options, same file
     #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
     seed: u64,
@@ -147,10 +158,10 @@ pub struct IndoorArgs {
     /// How much furniture there is, from 0, none, to 1
     #[arg(long, value_name = "PART", default_value_t = Indoor::default().furniture, allow_negative_numbers = true)]
     furniture: f64,
-    /// Mirrors on walls, at most one for each room
+    /// Mirrors on walls, at most one in a room
     #[arg(long, value_name = "N", default_value_t = Indoor::default().mirrors, allow_negative_numbers = true)]
     mirrors: u32,
-    /// Partitions of glass, at most one for each room
+    /// Partitions of glass, at most one in a room
     #[arg(long, value_name = "N", default_value_t = Indoor::default().panes, allow_negative_numbers = true)]
     panes: u32,
     /// Leave out ceilings
@@ -180,10 +191,13 @@ fn seabed(args: &SeabedArgs) -> Result<()> {
         size_m: args.size,
         depth_m: args.depth,
         cell_m: args.cell,
-        ripples: args.ripples.map(|[wavelength_m, height_m]| Ripples { wavelength_m, height_m }),
+        ripples: args.ripples,
         boulders: args.boulders,
         wrecks: args.wrecks,
         fish: args.fish,
+        pipes: args.pipes,
+        mines: args.mines,
+        seagrass: args.seagrass,
     };
     make(|| seabed.scene(args.seed), &args.output, args.quiet)
 }
@@ -244,6 +258,7 @@ fn option(name: &str) -> String {
     match name.split_once('.') {
         Some((option, "wavelength_m")) => format!("--{option} LENGTH"),
         Some((option, "height_m")) => format!("--{option} HEIGHT"),
+        Some((option, "direction_deg")) => format!("--{option} DIRECTION"),
         None if name == "room_m" => "--room-size".to_owned(),
         _ => format!("--{}", name.strip_suffix("_m").unwrap_or(name)),
     }
@@ -257,4 +272,15 @@ fn two_numbers(text: &str) -> Result<[f64; 2], String> {
 fn two_counts(text: &str) -> Result<[u32; 2], String> {
     let numbers: Option<Vec<u32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
     numbers.and_then(|numbers| numbers.try_into().ok()).ok_or("expected two whole numbers, such as 3,2".into())
+}
+
+fn ripples(text: &str) -> Result<Ripples, String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[wavelength_m, height_m]) => Ok(Ripples { wavelength_m, height_m, direction_deg: None }),
+        Some(&[wavelength_m, height_m, direction]) => {
+            Ok(Ripples { wavelength_m, height_m, direction_deg: Some(direction) })
+        }
+        _ => Err("expected two or three numbers, such as 0.6,0.05 or 0.6,0.05,30".into()),
+    }
 }

@@ -55,7 +55,7 @@
 //!
 //! | step | module | result |
 //! |---|---|---|
-//! | make | [`generate`] | a lake bed or a street as a file, if you have no scene |
+//! | make | [`generate`] | a lake bed, a street, a town or rooms as a file, if you have no scene |
 //! | read, resolve | [`scene`] | [`Scene`]: z up, metres, labels and materials attached |
 //! | build | `trace` | [`BuiltScene`]: Embree's structure and what its ids mean, shared by threads; a [`LiveScene`] makes one after another |
 //! | aim | [`emitter`] | the beams of a [`Sensor`], each at the pose of its own time |
@@ -83,7 +83,7 @@
 //!
 //! | module | contents |
 //! |---|---|
-//! | `generate` | generated scenes: a lake bed, a street |
+//! | `generate` | generated scenes: a lake bed, streets, rooms |
 //! | `preview` | pictures of clouds and pings, for people |
 //! | `export` | files of clouds, pings and images |
 //! | `image` | images of pings: waterfall, mosaic, fan, depth map |

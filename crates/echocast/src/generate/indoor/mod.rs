@@ -38,9 +38,9 @@ pub struct Indoor {
     pub height_m: f64,
     /// How much furniture there is: 0 (none) to 1.
     pub furniture: f64,
-    /// Mirrors on walls, at most one for each room.
+    /// Mirrors on walls, 0 to 100, but at most one in a room.
     pub mirrors: u32,
-    /// Partitions of glass, at most one for each room.
+    /// Partitions of glass, likewise.
     pub panes: u32,
     /// Whether rooms have a ceiling.
     pub ceiling: bool,
@@ -75,7 +75,7 @@ impl Indoor {
         let size = plan.rooms.first().map_or(DVec2::ZERO, |room| 2.0 * room.outer[0].abs() + WALL);
         let details = vec![
             format!(
-                "{x} x {y} rooms, {:.2} x {:.2} m, {} m high, {mirrors} mirrors, {panes} panes",
+                "{x} x {y} rooms, {:.2} x {:.2} m, {} m high, mirrors: {mirrors}, panes: {panes}",
                 size.x, size.y, self.height_m
             ),
             format!("cameras Camera_1 to Camera_{cameras} in corners, camera Scanner in the first room, {EYE} m high"),

@@ -4,7 +4,7 @@ use super::Indoor;
 use crate::generate::tests::of_category;
 use crate::scene::{LoadOptions, Object, Scene};
 use crate::{FieldSet, Pose, ScanOptions, Sensor, Trajectory};
-use glam::{DQuat, DVec3, Vec3};
+use glam::{DVec3, Vec3};
 use std::collections::HashSet;
 
 const FURNITURE: [&str; 9] = ["table", "chair", "sofa", "bed", "shelf", "cupboard", "lamp", "plant", "tv"];
@@ -114,7 +114,7 @@ fn every_room_can_be_reached() {
                 if FURNITURE.contains(&category) || category == "partition" {
                     let [a, b] = extent(object);
                     let away = (a - middle).max(middle - b).truncate().max_element();
-                    assert!(away > 0.6, "seed {seed}: {} is {away} m from {}", object.name, frame.name);
+                    assert!(away > 0.5, "seed {seed}: {} is {away} m from {}", object.name, frame.name);
                 }
             }
         }
@@ -123,25 +123,21 @@ fn every_room_can_be_reached() {
 
 #[test]
 fn mirrors_show_what_is_before_them_and_panes_let_light_through() {
-    let scene = load(&Indoor { rooms: [2, 1], mirrors: 2, panes: 2, furniture: 0.3, ..Indoor::default() }, 3);
-    let [mirror, pane, window] = ["mirror", "partition", "window"].map(|name| scene.labels.category.id(name));
-    let camera = scene.camera("Scanner").unwrap().pose.position;
-    let wall = scene.labels.category.id("wall");
+    let scene = load(&Indoor { rooms: [2, 1], panes: 2, furniture: 0.3, ..Indoor::default() }, 1);
+    let [mirror, pane] = ["mirror", "partition"].map(|name| scene.labels.category.id(name));
+    let pose = Pose { position: scene.camera("Scanner").unwrap().pose.position, ..Pose::at(0.0, 0.0, 0.0) };
     let built = scene.build().unwrap();
     let sensor = Sensor::preset("velodyne_vlp32c").unwrap();
-    let fields = FieldSet::parse("default,category_id,first_category_id,cause,bounces").unwrap();
+    let fields = FieldSet::parse("default,category_id,first_category_id,cause").unwrap();
     let options = ScanOptions { fields, ..ScanOptions::default() };
-    let mut pose = Pose::at(camera.x, camera.y, camera.z);
-    pose.orientation = DQuat::IDENTITY;
-    let cloud = built.scan(&sensor, &Trajectory::fixed(pose), &options).unwrap();
-    let columns = &cloud.columns;
+    let columns = built.scan(&sensor, &Trajectory::fixed(pose), &options).unwrap().columns;
     let seen = |cause: u8, first: u32| {
         let rows = columns.cause.iter().zip(&columns.first_category_id).zip(&columns.category_id);
-        rows.filter(|((c, f), id)| (**c, **f) == (cause, first) && **id == wall).count()
+        // In the mirror and behind the pane are other things.
+        rows.filter(|((c, f), id)| (**c, **f) == (cause, first) && ![0, first].contains(*id)).count()
     };
-    assert!(seen(1, mirror) > 100, "{}", seen(1, mirror));
-    assert!(seen(2, pane) > 100, "{}", seen(2, pane));
-    assert!(columns.first_category_id.iter().filter(|id| **id == window).count() < columns.cause.len() / 2);
+    assert!(seen(1, mirror) > 500, "{}", seen(1, mirror));
+    assert!(seen(2, pane) > 1000, "{}", seen(2, pane));
 }
 
 #[test]
@@ -169,8 +165,8 @@ fn bad_parameters_are_named() {
         (Indoor { room_m: [4.0, f64::NAN], ..usual() }, "room_m is NaN"),
         (Indoor { height_m: 2.2, ..usual() }, "height_m is 2.2; allowed: 2.3 to 6"),
         (Indoor { furniture: 1.1, ..usual() }, "furniture is 1.1; allowed: 0 to 1"),
-        (Indoor { mirrors: 5, ..usual() }, "mirrors is 5; allowed: 0 to 4"),
-        (Indoor { panes: 5, ..usual() }, "panes is 5; allowed: 0 to 4"),
+        (Indoor { mirrors: 101, ..usual() }, "mirrors is 101; allowed: 0 to 100"),
+        (Indoor { panes: 101, ..usual() }, "panes is 101; allowed: 0 to 100"),
     ] {
         let error = indoor.scene(0).unwrap_err().to_string();
         assert!(error.contains(says), "{error}");
