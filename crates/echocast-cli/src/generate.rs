@@ -97,7 +97,7 @@ pub struct SeabedArgs {
 /// The street runs along x and is 200 m long, a side street crosses it at 0,0; with --blocks there are streets around
 /// blocks of houses, a crossing every 100 m along x and 84 m along y, one of them at 0,0. Categories are those of
 /// SemanticKITTI: road, lane-marking, parking, sidewalk, terrain, building, fence, vegetation, trunk, pole, traffic-sign
-/// (retro-reflectors), car, person and other-object. The animation Street moves cars and their wheels, people, the flag
+/// (retro-reflectors), car, truck, bicycle, person and other-object. The animation Street moves cars and their wheels, people, the flag
 /// and the lamps of the traffic lights. The camera node Lidar is on the roof of a moving car, 1.9 m above the road;
 /// Corner stands at the crossing at 0,0, 3 m high, and looks along the street.
 #[derive(clap::Args)]

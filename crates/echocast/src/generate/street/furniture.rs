@@ -1,10 +1,10 @@
-//! What stands on the sidewalks and in gardens: lamps, trees, traffic lights, benches, bollards and a flag.
+//! What stands on the sidewalks and in gardens: lamps, trees, traffic lights, benches, bollards, bicycles and a flag.
 
 use super::houses::DEPTH;
 use super::plan::{CORNER, Crossing, FRONT, HALF_ROAD, KERB, POSTS, Plan, SIDE_FRONT, SIDE_HALF_ROAD, SIDE_STOP, STOP};
 use super::signs;
 use crate::generate::glb::{Placement, Primitive};
-use crate::generate::model::{Made, Model, single};
+use crate::generate::model::{Made, Model, ring, single};
 use crate::generate::noise::Dice;
 use crate::generate::shapes::{Shape, direction};
 use crate::ground::rng::Draw;
@@ -15,13 +15,15 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 const SPACING: f64 = 10.0;
 /// Different trees.
 const TREES: u32 = 3;
+/// Part of the lamps at which a bicycle stands.
+const BICYCLES: f64 = 0.5;
 /// Area for a tree behind the houses, m^2.
 const ROOM: f64 = 180.0;
 
 /// Adds all of it; `gardens` are places for trees between houses.
 pub(super) fn add(made: &mut Made, plan: &Plan, gardens: &[DVec3], seed: u64) {
     let mut trees = Trees::new(made, seed);
-    let mut things = Things::new(made);
+    let mut things = Things::new(made, seed);
     let lights = Lights::new(made, plan);
     for crossing in &plan.crossings {
         for (side, end) in [-1.0, 1.0].into_iter().flat_map(|side| [(side, -1.0), (side, 1.0)]) {
@@ -34,6 +36,9 @@ pub(super) fn add(made: &mut Made, plan: &Plan, gardens: &[DVec3], seed: u64) {
                 // Lamps on one side stand opposite trees on the other.
                 if (step % 2 == 0) == (side > 0.0) {
                     things.put(made, Thing::Lamp, place(x));
+                    if things.dice.unit() < BICYCLES {
+                        things.put(made, Thing::Bicycle, place(x + 1.2));
+                    }
                     continue;
                 }
                 trees.plant(made, place(x).at);
@@ -74,23 +79,27 @@ enum Thing {
     Bench,
     Bin,
     Bollard,
+    Bicycle,
 }
 
 /// Meshes of these, and how many there are of each name so far.
 struct Things {
-    meshes: [usize; 4],
-    counts: [u32; 4],
+    meshes: [usize; 5],
+    counts: [u32; 5],
+    dice: Dice,
 }
 
 impl Things {
-    fn new(made: &mut Made) -> Self {
+    fn new(made: &mut Made, seed: u64) -> Self {
         let meshes = [
             made.rounded_mesh("Lamp", &lamp()),
             made.mesh("Bench", &bench()),
             made.rounded_mesh("Bin", &bin()),
             made.rounded_mesh("Bollard", &bollard()),
+            made.rounded_mesh("Bicycle", &bicycle()),
         ];
-        Things { meshes, counts: [0; 4] }
+        // After the dice of the trees' places.
+        Things { meshes, counts: [0; 5], dice: Dice::new(seed, Draw::Tree, TREES + 1) }
     }
 
     fn put(&mut self, made: &mut Made, thing: Thing, place: Placement) {
@@ -99,6 +108,7 @@ impl Things {
             Thing::Bench => ("Bench", "other-object"),
             Thing::Bin => ("Bin", "other-object"),
             Thing::Bollard => ("Bollard", "pole"),
+            Thing::Bicycle => ("Bicycle", "bicycle"),
         };
         self.counts[thing as usize] += 1;
         let number = self.counts[thing as usize];
@@ -216,6 +226,47 @@ fn bollard() -> Model {
     let at = |z: f64, radius: f64| (DVec3::Z * z, radius);
     bollard.tube("steel", &[at(0.0, 0.06), at(0.8, 0.06), at(0.85, 0.075), at(0.92, 0.075), at(0.96, 0.04)], 10);
     bollard
+}
+
+/// A bicycle along x.
+fn bicycle() -> Model {
+    const WHEEL: f64 = 0.34;
+    const HUBS: [DVec3; 2] = [DVec3::new(-0.52, 0.0, WHEEL), DVec3::new(0.52, 0.0, WHEEL)];
+    let mut bicycle = Model::default();
+    for hub in HUBS {
+        // The outline of a tyre, around the hole.
+        let outline = [[-0.016, 0.31], [-0.016, WHEEL], [0.016, WHEEL], [0.016, 0.31], [-0.016, 0.31]];
+        let rings = outline.map(|[y, radius]| ring(24, |sin, cos| hub + DVec3::new(radius * sin, y, radius * cos)));
+        bicycle.loft(&rings, [None; 2], |_, _| "rubber");
+        for spoke in 0..4 {
+            let (sin, cos) = (f64::from(spoke) / 4.0 * PI).sin_cos();
+            let out = DVec3::new(cos, 0.0, sin) * 0.315;
+            bicycle.tube("rim", &[(hub - out, 0.004), (hub + out, 0.004)], 5);
+        }
+    }
+    let at = |x: f64, z: f64| DVec3::new(x, 0.0, z);
+    let (pedals, saddle, head) = (at(-0.08, 0.29), at(-0.24, 0.82), at(0.36, 0.84));
+    for (from, to) in [
+        (pedals, saddle),
+        (pedals, head),
+        (at(-0.21, 0.74), head),
+        (HUBS[0], pedals),
+        (HUBS[0], saddle),
+        (HUBS[1], head),
+    ] {
+        bicycle.tube("blue_car_paint", &[(from, 0.016), (to, 0.016)], 8);
+    }
+    let bar = at(0.33, 0.98);
+    bicycle.tube("steel", &[(head, 0.014), (bar, 0.014)], 8);
+    bicycle.tube("plastic", &[(bar - DVec3::Y * 0.28, 0.014), (bar + DVec3::Y * 0.28, 0.014)], 8);
+    bicycle.add_box("plastic", [-0.38, -0.07, 0.83], [-0.13, 0.07, 0.88]);
+    for side in [-1.0, 1.0] {
+        let y = [0.02, 0.13].map(|y: f64| side * y);
+        let (low, high) = (at(-0.08 + side * 0.14, 0.27), at(-0.02 + side * 0.14, 0.31));
+        let [near, far] = [y[0].min(y[1]), y[0].max(y[1])];
+        bicycle.add_box("plastic", [low.x, near, low.z], [high.x, far, high.z]);
+    }
+    bicycle
 }
 
 /// Colours of the lamps of traffic lights from above, and their heights.

@@ -28,7 +28,7 @@ use serde::{Deserialize, Serialize};
 ///
 /// Objects have the categories of SemanticKITTI: `road`, `lane-marking`, `parking`, `sidewalk`, `terrain`, `building`,
 /// `fence`, `vegetation` (the crowns of trees), `trunk`, `pole`, `traffic-sign` (plates that are retro-reflectors),
-/// `car`, `person` and, for benches, bins, traffic lights and a flag, `other-object`. The parts of each are named after
+/// `car`, `truck`, `bicycle`, `person` and, for benches, bins, traffic lights and a flag, `other-object`. The parts of each are named after
 /// their materials. The animation `Street` moves
 ///
 /// * the cars `Car_1` and so on, with their wheels. At a single crossing the second brakes, stops at a red light and
