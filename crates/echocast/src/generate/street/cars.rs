@@ -391,6 +391,10 @@ fn truck() -> Model {
     truck.loft(&rings, [Some("plastic"), Some("blue_car_paint")], |level, side| {
         if level == 1 && side < 3 { "window" } else { "blue_car_paint" }
     });
+    // Posts beside the windows.
+    for corner in 0..4 {
+        truck.tube("blue_car_paint", &[(rings[1][corner], 0.035), (rings[2][corner], 0.035)], 6);
+    }
     truck.add_box("blue_car_paint", [2.45, -0.98, 0.45], [2.88, 0.98, 0.85]);
     for side in [-1.0, 1.0] {
         let y = side * 0.75;

@@ -265,6 +265,8 @@ fn bicycle() -> Model {
         let (low, high) = (at(-0.08 + side * 0.14, 0.27), at(-0.02 + side * 0.14, 0.31));
         let [near, far] = [y[0].min(y[1]), y[0].max(y[1])];
         bicycle.add_box("plastic", [low.x, near, low.z], [high.x, far, high.z]);
+        let arm = DVec3::Y * side * 0.03;
+        bicycle.tube("steel", &[(pedals + arm, 0.01), (pedals + arm + DVec3::X * side * 0.16, 0.01)], 6);
     }
     bicycle
 }
