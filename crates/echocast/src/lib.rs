@@ -83,6 +83,7 @@
 //!
 //! | module | contents |
 //! |---|---|
+//! | `scenario` | scenes, rigs and what varies, from one file; samples, sets |
 //! | `generate` | generated scenes: a lake bed, streets, rooms |
 //! | `preview` | pictures of clouds and pings, for people |
 //! | `export` | files of clouds, pings and images |
@@ -149,6 +150,7 @@ mod motion;
 pub mod preview;
 pub mod read;
 mod scan;
+pub mod scenario;
 pub mod scene;
 mod sensor;
 mod trace;
@@ -176,6 +178,7 @@ pub use medium::Environment;
 pub use motion::{Motion, Timeline};
 pub use read::bounds::Parameter;
 pub use scan::{Order, Profile, Progress, ScanOptions};
+pub use scenario::Scenario;
 pub use scene::{LabelRules, LoadOptions, Scene};
 pub use sensor::{
     AcousticsSpec, BeamSpec, Expectations, Illumination, IntensitySpec, PresetInfo, RangeSpec, ReturnsSpec, Sensor,

@@ -167,6 +167,29 @@ pub fn write(cloud: &PointCloud, path: &Path, format: Option<&str>) -> Result<Re
     Ok(report)
 }
 
+/// Writes `cloud` to the new file `path`, and its label names beside it if `format` cannot hold them, in a folder that
+/// nobody else looks into yet.
+///
+/// # Errors
+/// As [`write`].
+pub(crate) fn write_new(cloud: &PointCloud, path: &Path, format: &dyn Format) -> Result<Report> {
+    check_fields(format, cloud.fields)?;
+    let mut report = Report::default();
+    format.write(cloud, path, &mut report).map_err(|source| failed(path, source))?;
+    if !format.holds_label_names() {
+        write_whole(&labels_path(path), labels_json(cloud).as_bytes())?;
+    }
+    Ok(report)
+}
+
+/// [`write_bytes`] whose error names the file.
+///
+/// # Errors
+/// The system's.
+pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
+    write_bytes(path, bytes).map_err(|source| failed(path, source))
+}
+
 /// Writes all of the file at `path`.
 pub(crate) fn write_bytes(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut file = Sink::create(path)?;

@@ -84,6 +84,10 @@ pub(crate) enum Draw {
     Mine = 126,
     /// Likewise sea grass.
     Seagrass = 127,
+    /// Seed of a scan of a sample: counter = (sensor, sample, 0).
+    ScanSeed = 200,
+    /// Key of what varies from sample to sample.
+    Variation = 201,
 }
 
 /// Random numbers of one scan.
@@ -96,6 +100,24 @@ pub(crate) struct Rng {
 impl Rng {
     pub(crate) fn new(seed: u64, frame: u32) -> Self {
         Rng { key: [seed as u32, (seed >> 32) as u32], frame }
+    }
+
+    /// Four random words at an address of two words and its purpose.
+    pub(crate) fn words(&self, [a, b]: [u32; 2], draw: Draw) -> [u32; 4] {
+        random::block([a, self.frame, b, draw as u32], self.key)
+    }
+
+    /// Four random words of what varies, at an address of three words; the frame is the sample.
+    pub(crate) fn variation(&self, [a, b, c]: [u32; 3]) -> [u32; 4] {
+        // A counter has no room for its purpose, so that the key is another one.
+        let [low, high, ..] = random::block([0, 0, 0, Draw::Variation as u32], self.key);
+        random::block([a, self.frame, b, c], [low, high])
+    }
+
+    /// A number that is another one for another seed.
+    pub(crate) fn seed_word(&self) -> u32 {
+        let [word, ..] = random::block([1, 0, 0, Draw::Variation as u32], self.key);
+        word
     }
 
     /// Standard normal numbers of `beams` at their `sub_rays`, one for each element of `out`.

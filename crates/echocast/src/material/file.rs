@@ -19,6 +19,33 @@ impl Material {
         Material::read(&Document::parse("YAML text", text)?)
     }
 
+    /// This material with the keys of a material file that `keys` gives.
+    ///
+    /// # Errors
+    /// As [`Material::from_yaml`]; `key` is where they stand.
+    pub(crate) fn with_keys(&self, key: &str, keys: &Value) -> Result<Material> {
+        let mut whole = keys.clone();
+        if let Some(whole) = whole.as_object_mut() {
+            whole.entry("name").or_insert_with(|| self.name.clone().into());
+        }
+        let given = Material::read(&Document::from_value(key, whole))?;
+        let mut material = self.clone();
+        let has = |name: &str| keys.get(name).is_some();
+        macro_rules! take {
+            ($($field:ident)*) => {
+                $(if has(stringify!($field)) {
+                    material.$field = given.$field;
+                })*
+            };
+        }
+        if has("reflectance") {
+            material.changes = given.changes;
+        }
+        take!(name source base_color alpha alpha_cutoff reflectance scattering metallic roughness ior transmission
+            thickness_m attenuation_distance_m attenuation_color pane_m group_index extinction_index dirt sound unlit);
+        Ok(material)
+    }
+
     /// Turns `document` into a checked material.
     pub(super) fn read(document: &Document) -> Result<Material> {
         let (keys, value) = take_keys(document)?;

@@ -87,7 +87,7 @@ impl Environment {
     }
 
     /// Reads what is kept in separate files; relative names start at `folder`.
-    fn read_files(&mut self, folder: &Path) -> Result<()> {
+    pub(crate) fn read_files(&mut self, folder: &Path) -> Result<()> {
         self.water.as_mut().map_or(Ok(()), |water| water.read_file(folder))
     }
 

@@ -215,6 +215,15 @@ impl Timeline {
         self.up(node).flat_map(Node::tracks).map(|track| track.most_bends(from, to)).sum()
     }
 
+    /// Hangs the nodes of `other` on the first node; returns by how much their numbers have risen.
+    pub(crate) fn hang(&mut self, other: &Timeline) -> usize {
+        let shift = self.nodes.len();
+        let hung =
+            other.nodes.iter().map(|node| Node { parent: Some(node.parent.map_or(0, |n| n + shift)), ..node.clone() });
+        self.nodes.extend(hung);
+        shift
+    }
+
     /// Appends the nodes of `other`; returns by how much their numbers have risen.
     pub(crate) fn append(&mut self, other: Timeline) -> usize {
         let shift = self.nodes.len();
@@ -277,6 +286,11 @@ mod tests {
         let ends: Vec<_> = timeline.world_from_ends(&branch, 0.7).collect();
         assert_eq!(ends, [1, 0, 1].map(|node| timeline.world_from_node(node, 0.7)));
         assert!(branch.stays(&timeline, 3.0, 4.0) && !branch.stays(&timeline, 1.2, 1.3));
+
+        let place = DAffine3::from_rotation_z(1.0);
+        let mut hung = Timeline::standing(place);
+        assert_eq!(hung.hang(&timeline), 1);
+        assert!(hung.world_from_node(2, 0.7).abs_diff_eq(place * timeline.world_from_node(1, 0.7), 1e-12));
 
         let mut both = timeline.clone();
         assert_eq!(both.append(timeline.clone()), 2);

@@ -18,7 +18,7 @@ mod top;
 pub use canvas::Picture;
 
 use crate::cloud::{Field, FieldSet, Pings, PointCloud, VELOCITY};
-use crate::export::{Pending, failed, write_bytes};
+use crate::export::{self, Pending, failed, write_bytes};
 use crate::ground::error::{Error, Result};
 use crate::ground::named::{by_name, named};
 use crate::ground::report::Report;
@@ -188,6 +188,34 @@ pub fn write(cloud: &PointCloud, path: &Path, options: &PreviewOptions) -> Resul
     Ok(report)
 }
 
+/// Checks options by themselves.
+///
+/// # Errors
+/// A width out of bounds, a view that shows pings.
+pub(crate) fn check_options(options: &PreviewOptions) -> Result<()> {
+    check_width(options.width)?;
+    if options.view.shows_pings() {
+        return Err(pings_only(options.view));
+    }
+    Ok(())
+}
+
+/// [`write`] to a new file in a folder that nobody else looks into yet.
+///
+/// # Errors
+/// As there.
+pub(crate) fn write_new(cloud: &PointCloud, path: &Path, options: &PreviewOptions) -> Result<Report> {
+    let mut report = Report::default();
+    let picture = render(cloud, options, &mut report)?;
+    let bytes = picture.packed().map_err(|source| failed(path, source))?;
+    export::write_whole(path, &bytes)?;
+    Ok(report)
+}
+
+fn pings_only(view: View) -> Error {
+    Error::invalid("view", view.name(), "top, perspective or range for points; it shows pings of a sonar")
+}
+
 /// Writes a picture of `pings` to the PNG file `path`, which appears only when complete.
 ///
 /// # Errors
@@ -253,14 +281,7 @@ pub fn render_pings(pings: &Pings, options: &PreviewOptions, report: &mut Report
 /// # Errors
 /// A width out of bounds, a view that shows pings.
 pub fn render(cloud: &PointCloud, options: &PreviewOptions, report: &mut Report) -> Result<Picture> {
-    check_width(options.width)?;
-    let pings_only = || {
-        let allowed = "top, perspective or range for points; it shows pings of a sonar";
-        Err(Error::invalid("view", options.view.name(), allowed))
-    };
-    if options.view.shows_pings() {
-        return pings_only();
-    }
+    check_options(options)?;
     let page = Page::new(options.width);
     let points = Points::new(cloud, report);
     if points.count == 0 {
@@ -276,7 +297,7 @@ pub fn render(cloud: &PointCloud, options: &PreviewOptions, report: &mut Report)
         View::Top => ("Top view", top::draw(&points, &paint, &outlines, &page, &mut notes)),
         View::Perspective => ("Perspective view", perspective::draw(&points, &paint, &outlines, &page, &mut notes)),
         View::Range => ("Range image", range_image::draw(cloud, &points, &paint, &outlines, &page)),
-        View::Waterfall | View::Track | View::Fan => return pings_only(),
+        View::Waterfall | View::Track | View::Fan => return Err(pings_only(options.view)),
     };
     let title = format!("{view} of {} by {}", legend::counted(points.count, "point"), paint.name());
     Ok(page.compose(&title, &notes.join("; "), &panel, &legend::draw(paint.legend(), &page)))

@@ -1,9 +1,10 @@
 //! Camera nodes: places in the scene where a sensor can be put.
 
-use super::Scene;
+use super::{Scene, UpAxis};
 use crate::emitter::Trajectory;
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::Pose;
+use glam::{DAffine3, DMat3, DQuat, DVec3};
 
 /// A camera node of the scene file.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,11 +50,42 @@ impl Scene {
     /// [`Error::Missing`] with similar names; times that are not finite or fall; more than a million keys.
     pub fn camera_path(&self, name: &str, from: f64, to: f64) -> Result<Trajectory> {
         let camera = self.camera(name)?;
+        let pose = |world_from_node: &DAffine3| Pose::from_camera_node(world_from_node);
+        match camera.node {
+            None => Ok(Trajectory::fixed(camera.pose)),
+            Some(node) => self.path_of(node, from, to, pose),
+        }
+    }
+
+    /// The path of the first object called `name`, likewise: the x axis of the pose is that of the object, its z axis
+    /// what points up in it.
+    ///
+    /// # Errors
+    /// As [`Scene::camera_path`].
+    pub fn object_path(&self, name: &str, from: f64, to: f64) -> Result<Trajectory> {
+        let object = self.objects.iter().find(|object| object.name == name);
+        let object =
+            object.ok_or_else(|| Error::missing("object", name, self.objects.iter().map(|object| &object.name)))?;
+        let pose = |world_from_object: &DAffine3| {
+            let DMat3 { x_axis, y_axis, z_axis } = world_from_object.matrix3;
+            let up = if object.up == UpAxis::Y { y_axis } else { z_axis };
+            let x = x_axis.normalize_or(DVec3::X);
+            let z = (up - x * up.dot(x)).try_normalize().unwrap_or_else(|| x.any_orthonormal_vector());
+            let orientation = DQuat::from_mat3(&DMat3::from_cols(x, z.cross(x), z)).normalize();
+            Pose { position: world_from_object.translation, orientation }
+        };
+        match &object.motion {
+            None => Ok(Trajectory::fixed(pose(&object.world_from_object))),
+            Some(motion) => self.path_of(motion.node, from, to, |node| pose(&(*node * motion.node_from_object))),
+        }
+    }
+
+    /// The path of what is at `pose_on` a node of the timeline.
+    fn path_of(&self, node: usize, from: f64, to: f64, pose_on: impl Fn(&DAffine3) -> Pose) -> Result<Trajectory> {
         if !(from.is_finite() && to.is_finite() && from <= to) {
             return Err(Error::invalid("times of the camera path", format!("{from} to {to} s"), "rising finite times"));
         }
-        let Some(node) = camera.node else { return Ok(Trajectory::fixed(camera.pose)) };
-        let pose = |time: f64| Pose::from_camera_node(&self.timeline.world_from_node(node, time));
+        let pose = |time: f64| pose_on(&self.timeline.world_from_node(node, time));
         let too_many = || {
             let found = format!("{from} to {to} s, which takes more than {MOST_KEYS} poses");
             Error::invalid("times of the camera path", found, "a shorter time")

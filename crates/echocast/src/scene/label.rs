@@ -72,6 +72,18 @@ impl NameTable {
         changed
     }
 
+    /// The number of `name`, a new one if it has none.
+    pub(crate) fn numbered(&mut self, name: &str) -> u32 {
+        match self.id(name) {
+            0 if !name.is_empty() => {
+                let id = self.free(self.ids.len() as u32 + 1);
+                self.set(id, name);
+                id
+            }
+            known => known,
+        }
+    }
+
     /// A free number: `wanted`, else the one after the last.
     pub(crate) fn free(&self, wanted: u32) -> u32 {
         let is_free = |id: &u32| self.ids.binary_search(id).is_err();
@@ -164,7 +176,7 @@ impl LabelRules {
     }
 
     /// Checks that each number has one name; `path`: where the rules come from.
-    pub(super) fn check(&self, path: &Path) -> Result<()> {
+    pub(crate) fn check(&self, path: &Path) -> Result<()> {
         let rules = self;
         if let Some((name, _)) = rules.numbers.iter().find(|(_, number)| **number == 0) {
             return Err(Error::parse(path, format!("numbers.{name}"), "0 means unlabelled; allowed: 1 to 4294967295"));
@@ -227,7 +239,7 @@ pub(super) fn best_of<'a, T>(patterns: impl Iterator<Item = (&'a str, T)>, name:
 }
 
 /// Shell-style match: `*` any run of characters, `?` any one.
-pub(super) fn matches(pattern: &str, name: &str) -> bool {
+pub(crate) fn matches(pattern: &str, name: &str) -> bool {
     let (pattern, name): (Vec<char>, Vec<char>) = (pattern.chars().collect(), name.chars().collect());
     let (mut p, mut n) = (0, 0);
     // Where to continue when the text after the last `*` does not fit: (pattern after it, next start).

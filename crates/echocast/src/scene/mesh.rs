@@ -155,6 +155,23 @@ impl Mesh {
         Mesh { name, parts, ..Mesh::default() }
     }
 
+    /// Memory that its arrays take, and about what is made of them to trace it.
+    pub(crate) fn bytes(&self) -> usize {
+        /// Of Embree's structure, for each triangle.
+        const STRUCTURE: usize = 100;
+        let of_part = |part: &Part| part.positions.len() * 32 + part.triangles.len() * (12 + STRUCTURE);
+        self.parts.iter().map(of_part).sum()
+    }
+
+    /// This mesh with what `made_of` says in the place of its materials, where it says something.
+    pub(crate) fn with_materials(&self, made_of: impl Fn(&Arc<Material>) -> Option<Arc<Material>>) -> Mesh {
+        let mut mesh = self.clone();
+        for part in &mut mesh.parts {
+            part.material = part.material.take().map(|material| made_of(&material).unwrap_or(material));
+        }
+        mesh
+    }
+
     /// This mesh with other vertex positions and, if given, shading normals.
     ///
     /// # Errors

@@ -19,6 +19,7 @@ mod sequence;
 pub use crate::ground::array::Array;
 pub use caches::CacheFile;
 pub use camera::Camera;
+pub(crate) use label::matches;
 pub use label::{LabelRules, Labels, NameTable};
 pub use mesh::{Mesh, Part};
 pub use sequence::Sequence;
@@ -333,8 +334,13 @@ pub(crate) fn count(number: usize, what: &str) -> String {
 }
 
 /// The endings of scene files, for people.
-fn extensions() -> String {
+pub(crate) fn extensions() -> String {
     FORMATS.iter().flat_map(|f| f.extensions).map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ")
+}
+
+/// Whether `path` has an ending of a scene file.
+pub(crate) fn is_scene(path: &Path) -> bool {
+    FORMATS.iter().any(|format| format.reads(path))
 }
 
 /// Reads one scene file.

@@ -61,7 +61,7 @@ impl Sensor {
     /// File, line and key of what is wrong, with the nearest known key.
     pub fn load(path: impl AsRef<Path>) -> Result<Sensor> {
         let path = path.as_ref();
-        Sensor::from_document(&Document::load(path)?, path.parent().unwrap_or(Path::new("")))
+        Sensor::from_section(&Document::load(path)?, path.parent().unwrap_or(Path::new("")))
     }
 
     /// Reads the text of a sensor file; relative paths in it start at `folder`.
@@ -69,10 +69,14 @@ impl Sensor {
     /// # Errors
     /// As [`Sensor::load`].
     pub fn from_yaml(text: &str, folder: impl AsRef<Path>) -> Result<Sensor> {
-        Sensor::from_document(&Document::parse("YAML text", text)?, folder.as_ref())
+        Sensor::from_section(&Document::parse("YAML text", text)?, folder.as_ref())
     }
 
-    fn from_document(document: &Document, folder: &Path) -> Result<Sensor> {
+    /// Reads a section of a file; relative paths in it start at `folder`.
+    ///
+    /// # Errors
+    /// As [`Sensor::load`].
+    pub(crate) fn from_section(document: &Document, folder: &Path) -> Result<Sensor> {
         let mut spec = SensorSpec::read(document)?;
         spec.pattern.resolve(folder, None);
         let beams = spec.pattern.beams(0.0).map_err(|error| document.locate(error))?;

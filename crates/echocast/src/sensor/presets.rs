@@ -29,7 +29,7 @@ impl Sensor {
     /// [`crate::Error::Missing`] with similar names.
     pub fn preset(name: &str) -> Result<Sensor> {
         match presets::sensors().find(|preset| preset.name == name) {
-            Some(preset) => Sensor::from_document(&Document::parse(preset.path, preset.text)?, Path::new("")),
+            Some(preset) => Sensor::from_section(&Document::parse(preset.path, preset.text)?, Path::new("")),
             None => Err(Error::missing("sensor preset", name, presets::sensors().map(|preset| preset.name))),
         }
     }

@@ -40,6 +40,12 @@ pub(super) struct Known {
     memory: Vec<[f32; 3]>,
 }
 
+impl Clone for Known {
+    fn clone(&self) -> Self {
+        Known::from(&*self.moments)
+    }
+}
+
 impl From<&[Arc<Moment>]> for Known {
     fn from(moments: &[Arc<Moment>]) -> Self {
         Known { moments: moments.to_vec(), memory: Vec::new() }

@@ -25,6 +25,9 @@ use std::{fmt, mem};
 /// object, whatever the size of their meshes. Fixed objects with a mesh of their own are built together, which makes
 /// them as fast to trace as can be; adding, removing or changing a fixed object, or moving it for the first time,
 /// rebuilds all of them.
+///
+/// A copy shares what both have in common, and is made about as fast as a list of its objects.
+#[derive(Clone)]
 pub struct LiveScene {
     engine: Engine,
     slots: Vec<Slot>,
@@ -38,9 +41,12 @@ pub struct LiveScene {
     /// Greatest distance of what changes its shape from where it should be, m.
     tolerance: f64,
     /// `None`: fixed objects have changed.
-    fixed: Option<Fixed>,
+    fixed: Option<Arc<Fixed>>,
     /// Objects placed by themselves, by slot, unless they have moved.
     placed: HashMap<u32, Placed>,
+    /// What stands for a material: on one object, by slot, or on all; by the material's address, which nothing else can
+    /// get as long as it is kept here.
+    looks: HashMap<(Option<u32>, usize), [Arc<Material>; 2]>,
     /// `None`: objects have come, gone or changed their meaning.
     surfaces: Option<Arc<Surfaces>>,
     /// `None`: something has changed.
@@ -66,13 +72,14 @@ impl ObjectId {
     }
 }
 
-#[derive(Default)]
+#[derive(Clone, Default)]
 struct Slot {
     /// Counted from 1, incremented with every object.
     generation: u32,
-    live: Option<Box<Live>>,
+    live: Option<Arc<Live>>,
 }
 
+#[derive(Clone)]
 struct Live {
     object: Object,
     /// What it follows, if it moves by itself.
@@ -87,6 +94,7 @@ struct Live {
 }
 
 /// How an object appears in Embree's structure.
+#[derive(Clone)]
 enum Place {
     /// Together with the other fixed objects, if possible; known once those are built.
     Fixed { together: bool },
@@ -103,6 +111,7 @@ struct Fixed {
     instance: Instance,
 }
 
+#[derive(Clone)]
 struct Placed {
     thing: Thing,
     /// Whether its normals come in the mesh's frame.
@@ -120,6 +129,7 @@ impl Placed {
 }
 
 /// An object in Embree's structure.
+#[derive(Clone)]
 enum Thing {
     Still(Instance),
     /// It stands where it is, for the time.
@@ -192,6 +202,7 @@ impl LiveScene {
             tolerance: 1e-3,
             fixed: None,
             placed: HashMap::new(),
+            looks: HashMap::new(),
             surfaces: None,
             built: None,
         }
@@ -308,7 +319,7 @@ impl LiveScene {
         });
         let entry = &mut self.slots[slot as usize];
         entry.generation += 1;
-        entry.live = Some(Box::new(Live { object, timeline, bounds, place, moved: true, known: Known::default() }));
+        entry.live = Some(Arc::new(Live { object, timeline, bounds, place, moved: true, known: Known::default() }));
         ObjectId { slot, generation: entry.generation }
     }
 
@@ -321,6 +332,7 @@ impl LiveScene {
         let number = live.object.instance_id;
         self.take_out(id);
         (self.surfaces, self.built) = (None, None);
+        self.looks.retain(|(slot, _), _| *slot != Some(id.slot));
         let slot = &mut self.slots[id.slot as usize];
         slot.live = None;
         // A slot whose generations are used up stays empty.
@@ -456,6 +468,7 @@ impl LiveScene {
             let (from, to) = (start.min(before.start), (start + length).max(before.start + before.length));
             let same = live.object.sequence.as_ref().is_none_or(|sequence| sequence.stays(from, to));
             if !(same && motion.stays(timeline, from, to)) {
+                let live = Arc::make_mut(live);
                 if let Some(placed) = self.placed.remove(&slot) {
                     live.remember(&placed);
                 }
@@ -564,6 +577,108 @@ impl LiveScene {
         Ok(())
     }
 
+    /// Lets `look` stand for `material` of meshes, on one object or on all; what is set for one object is preferred.
+    /// Nothing is built anew.
+    ///
+    /// # Errors
+    /// As [`LiveScene::object`].
+    pub(crate) fn set_look(
+        &mut self,
+        id: Option<ObjectId>,
+        material: &Arc<Material>,
+        look: Arc<Material>,
+    ) -> Result<()> {
+        id.map_or(Ok(()), |id| self.slot(id).map(drop))?;
+        name_material(Arc::make_mut(&mut self.labels), &look);
+        let key = (id.map(|id| id.slot), Arc::as_ptr(material) as usize);
+        self.looks.insert(key, [material.clone(), look]);
+        (self.surfaces, self.built) = (None, None);
+        Ok(())
+    }
+
+    /// Lets a fixed object be moved, removed or replaced without building the others anew.
+    ///
+    /// # Errors
+    /// As [`LiveScene::object`].
+    pub(crate) fn unfix(&mut self, id: ObjectId) -> Result<()> {
+        self.slot(id)?;
+        self.loosen(id);
+        Ok(())
+    }
+
+    /// Moves an object, with all of its motion, as `moved` moves the world.
+    ///
+    /// # Errors
+    /// As [`LiveScene::set_pose`].
+    pub(crate) fn move_by(&mut self, id: ObjectId, moved: &DAffine3) -> Result<()> {
+        let live = self.live(id)?;
+        let world_from_object = *moved * live.object.world_from_object;
+        check_pose(&live.object.name, live.bounds, &world_from_object)?;
+        live.object.world_from_object = world_from_object;
+        if let (Some(timeline), Some(motion)) = (&live.timeline, live.object.motion.take()) {
+            let mut whole = Timeline::standing(*moved);
+            let shift = whole.hang(timeline);
+            live.timeline = Some(Arc::new(whole));
+            live.object.motion = Some(motion.shifted(shift));
+        }
+        live.moved = true;
+        self.loosen(id);
+        Ok(())
+    }
+
+    /// Adds the objects of a model, which may move, as one instance with this number, name and, if it is given,
+    /// category; `world_from_model` places them.
+    ///
+    /// # Errors
+    /// As [`LiveScene::add`]; then none is added.
+    pub(crate) fn add_model(
+        &mut self,
+        model: &Scene,
+        world_from_model: &DAffine3,
+        (name, number): (&str, u32),
+        category: Option<&str>,
+    ) -> Result<Vec<ObjectId>> {
+        for object in &model.objects {
+            check_pose(&object.name, object.mesh.bounds(), &(*world_from_model * object.world_from_object))?;
+        }
+        let labels = Arc::make_mut(&mut self.labels);
+        name_instance(labels, number, name);
+        let given = category.map(|category| labels.category.numbered(category));
+        let categories = labels.category.absorb(&model.labels.category);
+        let parts = labels.part.absorb(&model.labels.part);
+        labels.material.absorb(&model.labels.material);
+        let renumbered = |changed: &HashMap<u32, u32>, id: u32| changed.get(&id).copied().unwrap_or(id);
+        let mut timeline = Timeline::standing(*world_from_model);
+        let shift = timeline.hang(&model.timeline);
+        let timeline = Arc::new(timeline);
+        let ids = model.objects.iter().map(|object| {
+            let bounds = object.mesh.bounds();
+            let object = Object {
+                world_from_object: *world_from_model * object.world_from_object,
+                category_id: given.unwrap_or_else(|| renumbered(&categories, object.category_id)),
+                part_ids: object.part_ids.iter().map(|&id| renumbered(&parts, id)).collect(),
+                instance_id: number,
+                motion: object.motion.clone().map(|motion| motion.shifted(shift)),
+                ..object.clone()
+            };
+            let timeline = object.motion.is_some().then(|| timeline.clone());
+            let (object, timeline) = staged(object, timeline);
+            self.insert(object, bounds, Place::Free, timeline)
+        });
+        Ok(ids.collect())
+    }
+
+    /// A number for one more instance.
+    pub(crate) fn next_instance(&self) -> u32 {
+        let last = self.objects().map(|(_, object)| object.instance_id).max().unwrap_or(0);
+        last.max(self.labels.instance.ids.last().copied().unwrap_or(0)).saturating_add(1)
+    }
+
+    /// Names of the label numbers.
+    pub(crate) fn labels(&self) -> &Labels {
+        &self.labels
+    }
+
     /// Names a number of a label column: `category`, `part` or `instance`; the names travel with every file.
     ///
     /// # Errors
@@ -649,18 +764,18 @@ impl LiveScene {
             None => {
                 // The order of objects may depend on which are together.
                 self.surfaces = None;
-                self.build_fixed(origin)?
+                Arc::new(self.build_fixed(origin)?)
             }
         };
-        let fixed = &*self.fixed.insert(fixed);
+        let fixed = self.fixed.insert(fixed).clone();
         for live in self.slots.iter_mut().filter_map(|slot| slot.live.as_mut()).filter(|live| live.moved) {
-            live.follow(self.time.start);
+            Arc::make_mut(live).follow(self.time.start);
         }
         let mut left = MOST_BYTES.saturating_sub(self.placed.values().map(Placed::bytes).sum());
         for (slot, entry) in (0..).zip(&mut self.slots) {
             let Some(live) = &mut entry.live else { continue };
             if !live.place.is_together() && !self.placed.contains_key(&slot) {
-                let placed = live.place(&self.engine, origin, self.time, self.tolerance, left)?;
+                let placed = Arc::make_mut(live).place(&self.engine, origin, self.time, self.tolerance, left)?;
                 left = left.saturating_sub(placed.bytes());
                 if !placed.turned {
                     self.surfaces = None;
@@ -692,10 +807,15 @@ impl LiveScene {
             Some(surfaces) => surfaces.clone(),
             None => {
                 let turned = |slot| self.placed.get(&slot).is_some_and(|placed| placed.turned);
-                let objects = order().map(|(slot, live)| (&live.object, turned(slot)));
+                let look = |slot: u32, material: &Arc<Material>| {
+                    let of = |slot| self.looks.get(&(slot, Arc::as_ptr(material) as usize));
+                    of(Some(slot)).or_else(|| of(None)).map(|[_, look]| look.clone())
+                };
+                let looks = (!self.looks.is_empty()).then_some(&look as &dyn Fn(u32, &Arc<Material>) -> _);
+                let objects = order().map(|(slot, live)| (slot, &live.object, turned(slot)));
                 // Materials are as in the middle of a scan.
                 let time = self.time.start + 0.5 * self.time.length;
-                let mut surfaces = Surfaces::new(objects, self.labels.clone(), time);
+                let mut surfaces = Surfaces::new(objects, looks, self.labels.clone(), time);
                 let rows = |live: &Live| live.object.mesh.parts.len() as u32;
                 let mut row = order().take(fixed.together.len()).map(|(_, live)| rows(live)).sum();
                 surfaces.first_row.push(0);
@@ -738,8 +858,8 @@ impl LiveScene {
         };
         self.surfaces = Some(surfaces);
         for slot in &mut self.slots {
-            if let Some(live) = &mut slot.live {
-                live.moved = false;
+            if let Some(live) = slot.live.as_mut().filter(|live| live.moved) {
+                Arc::make_mut(live).moved = false;
             }
         }
         Ok(BuiltScene(Arc::new(tables)))
@@ -756,6 +876,10 @@ impl LiveScene {
         for (slot, live) in
             self.slots.iter_mut().enumerate().filter_map(|(slot, entry)| Some((slot, entry.live.as_mut()?)))
         {
+            if matches!(live.place, Place::Free) {
+                continue;
+            }
+            let live = Arc::make_mut(live);
             let Place::Fixed { together: is_together } = &mut live.place else { continue };
             let local_from_object = DAffine3::from_translation(-origin) * live.object.world_from_object;
             // A copy squeezed flat cannot be an instance: rays could not be transformed to its frame.
@@ -776,8 +900,9 @@ impl LiveScene {
     /// An object has been moved: it may move from now on.
     fn loosen(&mut self, id: ObjectId) {
         self.take_out(id);
-        if let Some(live) = &mut self.slots[id.slot as usize].live {
-            live.place = Place::Free;
+        if let Some(live) = self.slots[id.slot as usize].live.as_mut().filter(|live| !matches!(live.place, Place::Free))
+        {
+            Arc::make_mut(live).place = Place::Free;
         }
         self.built = None;
     }
@@ -789,7 +914,7 @@ impl LiveScene {
             self.fixed = None;
         }
         if let Some(placed) = self.placed.remove(&id.slot) {
-            live.remember(&placed);
+            Arc::make_mut(live).remember(&placed);
             if !placed.turned {
                 self.surfaces = None;
             }
@@ -803,7 +928,7 @@ impl LiveScene {
 
     fn live(&mut self, id: ObjectId) -> Result<&mut Live> {
         let slot = self.slots.get_mut(id.slot as usize).filter(|slot| slot.generation == id.generation);
-        slot.and_then(|slot| slot.live.as_deref_mut()).ok_or_else(|| gone(id))
+        slot.and_then(|slot| slot.live.as_mut()).map(Arc::make_mut).ok_or_else(|| gone(id))
     }
 
     fn lives(&self) -> impl Iterator<Item = (u32, &Live)> {
@@ -863,10 +988,7 @@ fn name_instance(labels: &mut Labels, number: u32, name: &str) {
 
 /// Gives the name of a material a number, if it has none.
 fn name_material(labels: &mut Labels, material: &Material) {
-    if !material.name.is_empty() && labels.material.id(&material.name) == 0 {
-        let id = labels.material.free(labels.material.ids.len() as u32 + 1);
-        labels.material.set(id, &material.name);
-    }
+    labels.material.numbered(&material.name);
 }
 
 impl Live {

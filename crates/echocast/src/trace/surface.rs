@@ -66,10 +66,15 @@ pub(crate) struct Surfaces {
     pub(super) instances: OnceLock<Instances>,
 }
 
+/// What stands for a material on the object in a slot, if anything does.
+pub(crate) type Looks<'l> = &'l dyn Fn(u32, &Arc<Material>) -> Option<Arc<Material>>;
+
 impl Surfaces {
-    /// Rows of `objects` in their order at `time`, s; each with whether its normals come in the mesh's frame.
+    /// Rows of `objects` in their order at `time`, s; each with its slot, and whether its normals come in the mesh's
+    /// frame. `looks` says what stands for a material on an object, if anything does.
     pub(crate) fn new<'a>(
-        objects: impl Iterator<Item = (&'a Object, bool)>,
+        objects: impl Iterator<Item = (u32, &'a Object, bool)>,
+        looks: Option<Looks>,
         labels: Arc<Labels>,
         time: f64,
     ) -> Surfaces {
@@ -77,14 +82,16 @@ impl Surfaces {
         let material_ids = labels.material.to_map();
         let mut first_part: HashMap<*const Mesh, u32> = HashMap::new();
         let mut material_index: HashMap<*const Material, u32> = HashMap::new();
-        for (index, (object, instanced)) in objects.enumerate() {
+        for (index, (slot, object, instanced)) in objects.enumerate() {
             let parts = &mut surfaces.parts;
             let first_part = *first_part.entry(Arc::as_ptr(&object.mesh)).or_insert_with(|| {
                 parts.extend(object.mesh.parts.iter().cloned());
                 (parts.len() - object.mesh.parts.len()) as u32
             });
             for (number, part) in object.mesh.parts.iter().enumerate() {
-                let material = match object.material.as_ref().or(part.material.as_ref()) {
+                let given = object.material.as_ref().or(part.material.as_ref());
+                let look = looks.zip(given).and_then(|(look, material)| look(slot, material));
+                let material = match look.as_ref().or(given) {
                     None => 0,
                     Some(material) => *material_index.entry(Arc::as_ptr(material)).or_insert_with(|| {
                         surfaces.materials.push(material.at(time).map_or_else(|| material.clone(), Arc::new));

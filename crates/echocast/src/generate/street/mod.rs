@@ -17,7 +17,6 @@ use super::model::Made;
 use super::{GeneratedScene, within};
 use crate::ground::error::{Error, Result};
 use glam::{DQuat, DVec3, EulerRot};
-
 use plan::{KERB, Plan};
 use serde::{Deserialize, Serialize};
 
@@ -28,8 +27,8 @@ use serde::{Deserialize, Serialize};
 ///
 /// Objects have the categories of SemanticKITTI: `road`, `lane-marking`, `parking`, `sidewalk`, `terrain`, `building`,
 /// `fence`, `vegetation` (the crowns of trees), `trunk`, `pole`, `traffic-sign` (plates that are retro-reflectors),
-/// `car`, `truck`, `bicycle`, `person` and, for benches, bins, traffic lights and a flag, `other-object`. The parts of each are named after
-/// their materials. The animation `Street` moves
+/// `car`, `truck`, `bicycle`, `person` and, for benches, bins, traffic lights and a flag, `other-object`. The parts of
+/// each are named after their materials. The animation `Street` moves
 ///
 /// * the cars `Car_1` and so on, with their wheels. At a single crossing the second brakes, stops at a red light and
 ///   drives on, the third turns right; in a town they drive straight on and stop at red lights and where streets end;

@@ -1,0 +1,238 @@
+//! Scenarios: a scene, a rig of sensors, and what differs from sample to sample, from one file.
+//!
+//! ```no_run
+//! use echocast::Scenario;
+//!
+//! let scenario = Scenario::load("drive.yaml")?;
+//! for index in 0..scenario.samples() {
+//!     let mut sample = scenario.sample(index)?;
+//!     for scan in 0..sample.scans().len() {
+//!         for frame in 0..sample.scans()[scan].frames().len() {
+//!             let cloud = sample.cloud(scan, frame)?;
+//!             cloud.write(format!("{index}_{scan}_{frame}.las"))?;
+//!         }
+//!     }
+//! }
+//! # Ok::<(), echocast::Error>(())
+//! ```
+
+mod assets;
+mod draw;
+mod random;
+mod sample;
+pub mod set;
+mod spec;
+mod stage;
+#[cfg(test)]
+mod tests;
+mod variation;
+
+pub use sample::{FrameTime, Sample, Scan};
+
+use crate::ground::error::{Error, Result};
+use crate::ground::shown;
+use crate::read::yaml::{self, Document};
+use crate::trace::Engine;
+use draw::Draws;
+use serde_json::Value;
+use spec::Spec;
+use stage::Stage;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+use variation::What;
+
+/// A scenario file, read and checked. Its samples are made one by one, in any order, on any thread: sample 17 is the
+/// same alone and among others.
+#[derive(Debug)]
+pub struct Scenario {
+    /// Where it comes from, for messages.
+    origin: String,
+    /// Whether that is a file.
+    file: bool,
+    /// Where relative names of files start.
+    folder: PathBuf,
+    /// The file as it is written.
+    value: Value,
+    spec: Arc<Spec>,
+    engine: Option<Engine>,
+    /// Made with the first sample.
+    stage: Mutex<Option<Arc<Stage>>>,
+}
+
+impl Scenario {
+    /// Reads a scenario file.
+    ///
+    /// # Errors
+    /// A missing file; line and key of what is wrong, with the nearest known key.
+    pub fn load(path: impl AsRef<Path>) -> Result<Scenario> {
+        let path = path.as_ref();
+        let folder = path.parent().unwrap_or(Path::new(""));
+        Ok(Scenario { file: true, ..Scenario::read(&Document::load(path)?, &shown::path(path), folder)? })
+    }
+
+    /// [`Scenario::load`] from the text of a file; names of files in it are relative to `folder`.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn from_yaml(text: &str, folder: impl AsRef<Path>) -> Result<Scenario> {
+        const ORIGIN: &str = "YAML text";
+        Scenario::read(&Document::parse(ORIGIN, text)?, ORIGIN, folder.as_ref())
+    }
+
+    fn read(document: &Document, origin: &str, folder: &Path) -> Result<Scenario> {
+        let mut spec = Spec::read(document)?;
+        let folder = folder.join(spec.folder.as_deref().unwrap_or(Path::new("")));
+        spec.read_files(&folder).map_err(|error| document.locate(error))?;
+        variation::number_grids(&mut spec.variation);
+        for (index, rule) in spec.variation.iter().enumerate() {
+            if let What::Set(rule) = &rule.what {
+                // Its key must be one that the file could have.
+                let mut value = document.value().clone();
+                let found = yaml::lookup(&value, &rule.set).is_some();
+                let known = found || put(&mut value, &rule.set, Value::Null).is_ok();
+                if !known {
+                    let message = format!("set: there is no place for {:?} in this file", rule.set);
+                    return Err(document.error(&format!("variation[{index}].set"), &message));
+                }
+            }
+        }
+        Ok(Scenario {
+            origin: origin.to_owned(),
+            file: false,
+            folder,
+            value: document.value().clone(),
+            spec: Arc::new(spec),
+            engine: None,
+            stage: Mutex::default(),
+        })
+    }
+
+    /// Changes one key of the file: `key` is its path (`frames.last`, `sensors[0].mount.position_m[2]`,
+    /// `sensors.top.rate_hz`), `value` is YAML.
+    ///
+    /// # Errors
+    /// As [`Scenario::load`]; then it stays as it was.
+    pub fn set(&mut self, key: &str, value: &str) -> Result<()> {
+        let origin = yaml::assignment(key, value);
+        let mut tree = self.value.clone();
+        let new = Document::parse(&origin, value)?.value().clone();
+        put(&mut tree, key, new).map_err(|fault| Error::Parse {
+            origin: origin.clone(),
+            place: String::new(),
+            message: fault,
+        })?;
+        // The folder has been found already.
+        tree.as_object_mut().map(|keys| keys.shift_remove("folder"));
+        let changed = Scenario::read(&Document::from_value(origin, tree), &self.origin, &self.folder)?;
+        *self = Scenario { engine: self.engine.clone(), file: self.file, ..changed };
+        Ok(())
+    }
+
+    /// The same, built and scanned by `engine`. With one of one thread, any number of threads can make samples side by
+    /// side.
+    #[must_use]
+    pub fn with_engine(self, engine: &Engine) -> Scenario {
+        Scenario { engine: Some(engine.clone()), stage: Mutex::default(), ..self }
+    }
+
+    /// Number of samples.
+    pub fn samples(&self) -> u64 {
+        self.spec.samples
+    }
+
+    /// The file as a tree of values.
+    pub fn value(&self) -> &Value {
+        &self.value
+    }
+
+    /// Makes sample `index`: draws what varies, and sets up its scene and scans.
+    ///
+    /// # Errors
+    /// A file that cannot be read; a drawn value that a key does not allow; no room for what must be placed. An index
+    /// beyond [`Scenario::samples`] is allowed up to 4,294,967,295.
+    pub fn sample(&self, index: u64) -> Result<Sample> {
+        let number = u32::try_from(index).map_err(|_| Error::invalid("sample", index, "0 to 4294967295"))?;
+        let stage = self.stage()?;
+        let draws = Draws::new(self.spec.seed, number);
+        let (spec, value, set) = self.varied(&draws, index)?;
+        Sample::new(&stage, &spec, &value, &self.folder, &draws, set)
+    }
+
+    /// Folder of its set: `given`, what it says, or one called as the file.
+    fn set_folder(&self, given: Option<&Path>) -> Result<PathBuf> {
+        let own = || self.spec.set.folder.as_ref().map(|own| self.folder.join(own));
+        let of_file = || {
+            let stem = Path::new(&self.origin).file_stem()?;
+            self.file.then(|| self.folder.join(stem))
+        };
+        let folder = given.map(Path::to_owned).or_else(own).or_else(of_file);
+        folder.ok_or_else(|| Error::invalid("set.folder", "missing", "a folder, for a scenario that is no file"))
+    }
+
+    fn stage(&self) -> Result<Arc<Stage>> {
+        let mut stage = self.stage.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(stage) = &*stage {
+            return Ok(stage.clone());
+        }
+        let engine = self.engine.clone().map_or_else(Engine::new, Ok)?;
+        Ok(stage.insert(Arc::new(Stage::new(&self.spec, &self.folder, engine)?)).clone())
+    }
+
+    /// The sections of a sample, after all rules that set keys, the same as values, and what was drawn.
+    fn varied(&self, draws: &Draws, index: u64) -> Result<(Arc<Spec>, Value, Vec<Value>)> {
+        let mut value = self.value.clone();
+        let mut drawn = Vec::new();
+        for rule in &self.spec.variation {
+            let What::Set(set) = &rule.what else { continue };
+            let new = set.to.draw(&draws.of(&rule.name).of("to"));
+            drawn.push(serde_json::json!({"rule": rule.name, "key": set.set, "value": new}));
+            put(&mut value, &set.set, new).map_err(|fault| Error::invalid(&rule.name, fault, "a key of this file"))?;
+        }
+        if drawn.is_empty() {
+            return Ok((self.spec.clone(), value, drawn));
+        }
+        // Rules stay as they are, with their grids.
+        let rules = value.as_object_mut().and_then(|keys| keys.shift_remove("variation"));
+        let document = Document::from_value(format!("{}, sample {index}", self.origin), value);
+        let mut spec = Spec::read(&document)?;
+        spec.read_files(&self.folder).map_err(|error| document.locate(error))?;
+        spec.variation.clone_from(&self.spec.variation);
+        let mut value = document.value().clone();
+        if let (Some(keys), Some(rules)) = (value.as_object_mut(), rules) {
+            keys.insert("variation".into(), rules);
+        }
+        Ok((Arc::new(spec), value, drawn))
+    }
+}
+
+/// Puts `new` at `path` in a scenario's values; entries of lists are named by number (`sensors[0]`) or by their key
+/// `name` (`sensors.top`).
+fn put(value: &mut Value, path: &str, new: Value) -> Result<(), String> {
+    let mut place = value;
+    let mut done = String::new();
+    for step in path.split(['.', '[']) {
+        let index = step.strip_suffix(']').and_then(|index| index.parse::<usize>().ok());
+        let shown = if done.is_empty() { "the file".to_owned() } else { done.clone() };
+        // Lists of one may be written without brackets.
+        place = match place {
+            Value::Array(items) => {
+                let named = |item: &Value| item.get("name").and_then(Value::as_str) == Some(step);
+                let position = index.or_else(|| items.iter().position(named));
+                let count = items.len();
+                let item = position.and_then(|position| items.get_mut(position));
+                item.ok_or_else(|| format!("{shown}: its list of {count} has no entry {step:?}"))?
+            }
+            _ if index.is_some() => return Err(format!("{shown} is not a list")),
+            _ if step.is_empty() => return Err("the key has an empty part; allowed: names joined by dots".into()),
+            Value::Null => {
+                // A section that is not there yet.
+                return Err(format!("{shown} has no value"));
+            }
+            Value::Object(keys) => keys.entry(step).or_insert_with(|| Value::Object(serde_json::Map::new())),
+            _ => return Err(format!("{shown} is not a section of keys")),
+        };
+        done = yaml::join(&done, step);
+    }
+    *place = new;
+    Ok(())
+}

@@ -1,0 +1,348 @@
+//! One sample: a scene, varied, and the scans of it.
+
+use super::draw::Draws;
+use super::spec::{Carrier, Spec};
+use super::stage::{Base, Stage};
+use super::variation::Stand;
+use crate::cloud::{Field, FieldSet, Ping, PointCloud};
+use crate::emitter::Trajectory;
+use crate::ground::error::{Error, Result};
+use crate::ground::pose::Pose;
+use crate::ground::report::Report;
+use crate::scan::ScanOptions;
+use crate::sensor::{Sensor, SensorKind};
+use crate::trace::{BuiltScene, LiveScene};
+use glam::DQuat;
+use serde_json::Value;
+use std::path::Path;
+use std::sync::Arc;
+
+/// A sample of a [`super::Scenario`]: its scene, and the scans of its sensors.
+#[derive(Debug)]
+pub struct Sample {
+    scans: Vec<Scan>,
+    drawn: Vec<Value>,
+    report: Report,
+    live: LiveScene,
+    /// Whether anything moves by itself.
+    moving: bool,
+}
+
+/// What one sensor of the rig does in a sample.
+#[derive(Clone, Debug)]
+pub struct Scan {
+    name: String,
+    sensor: Arc<Sensor>,
+    trajectory: Trajectory,
+    frames: Vec<FrameTime>,
+    options: ScanOptions,
+}
+
+/// When a frame starts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrameTime {
+    /// Its number.
+    pub number: u32,
+    /// s since the start of the run.
+    pub start: f64,
+}
+
+/// Most frames of a scan.
+const MOST_FRAMES: f64 = 10_000_000.0;
+
+impl Scan {
+    /// Name of the sensor in the rig.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The sensor.
+    pub fn sensor(&self) -> &Sensor {
+        &self.sensor
+    }
+
+    /// Where the sensor is, at all times.
+    pub fn trajectory(&self) -> &Trajectory {
+        &self.trajectory
+    }
+
+    /// Its frames; of a sonar, its pings.
+    pub fn frames(&self) -> &[FrameTime] {
+        &self.frames
+    }
+
+    /// How its `frame`th frame is scanned, counted from 0.
+    pub fn options(&self, frame: usize) -> ScanOptions {
+        let FrameTime { number, start } = self.frames[frame];
+        ScanOptions { frame: number, start_time: start, ..self.options.clone() }
+    }
+}
+
+impl Sample {
+    /// With the sections of `spec`, which as they are written are `value`; `drawn`: what has been drawn for them.
+    pub(super) fn new(
+        stage: &Stage,
+        spec: &Spec,
+        value: &Value,
+        folder: &Path,
+        draws: &Draws,
+        drawn: Vec<Value>,
+    ) -> Result<Sample> {
+        let scene_key = value.get("scene").map(Value::to_string).unwrap_or_default();
+        let base = stage.base(spec, scene_key, folder)?;
+        let mut stand = Stand::new((&base.live, &base.units), &stage.assets, &stage.labels, folder);
+        stand.drawn = drawn;
+        for (index, (rule, models)) in spec.variation.iter().zip(&stage.models).enumerate() {
+            stand.apply(rule, &format!("variation[{index}]"), models, draws)?;
+        }
+        let standing = match &spec.trajectory {
+            Some(Carrier::On(spot)) => Some(stand.spot(spot, draws)?),
+            _ => None,
+        };
+        let mut report = base.scene.report.clone();
+        stand.notes.iter().for_each(|note| report.warn(note));
+        let (live, drawn) = (stand.live, stand.drawn);
+        let moving = live.objects().any(|(_, object)| {
+            object.motion.is_some() || object.materials().any(|material| material.changes.is_some())
+        });
+        let scans = scans(stage, spec, folder, draws, &base, standing)?;
+        Ok(Sample { scans, drawn, report, live, moving })
+    }
+
+    /// Its scans, in the order of the sensors.
+    pub fn scans(&self) -> &[Scan] {
+        &self.scans
+    }
+
+    /// What was drawn for it, in the order of the rules: enough to repeat or to choose by.
+    pub fn drawn(&self) -> &[Value] {
+        &self.drawn
+    }
+
+    /// What was noticed: objects that found no room, what the scene's reader had to say.
+    pub fn report(&self) -> &Report {
+        &self.report
+    }
+
+    /// Its scene.
+    pub fn scene(&self) -> &LiveScene {
+        &self.live
+    }
+
+    /// The scene as the `frame`th frame of a scan sees it.
+    ///
+    /// # Errors
+    /// As [`LiveScene::commit`].
+    pub fn built(&mut self, scan: usize, frame: usize) -> Result<BuiltScene> {
+        let scan = &self.scans[scan];
+        if self.moving {
+            self.live.set_time(scan.frames[frame].start, scan.sensor.scan_time())?;
+        }
+        self.live.commit()
+    }
+
+    /// The points of the `frame`th frame of a scan.
+    ///
+    /// # Errors
+    /// As [`BuiltScene::scan`].
+    pub fn cloud(&mut self, scan: usize, frame: usize) -> Result<PointCloud> {
+        let mut cloud = PointCloud::default();
+        self.cloud_into(scan, frame, &mut cloud)?;
+        Ok(cloud)
+    }
+
+    /// [`Sample::cloud`] into the memory of `cloud`.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn cloud_into(&mut self, scan: usize, frame: usize, cloud: &mut PointCloud) -> Result<()> {
+        let built = self.built(scan, frame)?;
+        let scan = &self.scans[scan];
+        built.scan_into(&scan.sensor, &scan.trajectory, &scan.options(frame), cloud)
+    }
+
+    /// [`Sample::cloud_into`] with further columns, `more`.
+    pub(super) fn cloud_with(
+        &mut self,
+        scan: usize,
+        frame: usize,
+        more: FieldSet,
+        cloud: &mut PointCloud,
+    ) -> Result<()> {
+        let built = self.built(scan, frame)?;
+        let scan = &self.scans[scan];
+        let options = scan.options(frame);
+        let options = ScanOptions { fields: options.fields.union(more), ..options };
+        built.scan_into(&scan.sensor, &scan.trajectory, &options, cloud)
+    }
+
+    /// The `frame`th ping of a scan with a sonar.
+    ///
+    /// # Errors
+    /// As [`BuiltScene::ping`].
+    pub fn ping(&mut self, scan: usize, frame: usize) -> Result<Ping> {
+        let built = self.built(scan, frame)?;
+        let scan = &self.scans[scan];
+        built.ping(&scan.sensor, &scan.trajectory, &scan.options(frame))
+    }
+}
+
+fn scans(
+    stage: &Stage,
+    spec: &Spec,
+    folder: &Path,
+    draws: &Draws,
+    base: &Base,
+    standing: Option<Pose>,
+) -> Result<Vec<Scan>> {
+    let sensors: Vec<Arc<Sensor>> = spec
+        .sensors
+        .iter()
+        .enumerate()
+        .map(|(index, entry)| stage.sensor(entry, &format!("sensors[{index}]"), folder))
+        .collect::<Result<_>>()?;
+    let Some(first) = sensors.first() else {
+        return Err(Error::invalid("sensors", "none", "at least one"));
+    };
+    let fps = spec.frames.and_then(|frames| frames.fps).unwrap_or_else(|| 1.0 / first.beams().period);
+    let file = match &spec.trajectory {
+        Some(Carrier::File(file)) => Some(Trajectory::load(folder.join(file))?.shifted_to_zero()),
+        _ => None,
+    };
+    let [from, to, step] = match &spec.frames {
+        Some(frames) => [frames.first, frames.last, frames.step],
+        // A sonar pings along its whole trajectory.
+        None if first.kind() == SensorKind::Sonar && file.is_some() => {
+            let end = file.as_ref().map_or(0.0, |file| file.span().1);
+            [0, (end * fps + 1e-6).min(MOST_FRAMES) as u32, 1]
+        }
+        None => [0, 0, 1],
+    };
+    let longest = sensors.iter().map(|sensor| sensor.scan_time()).fold(0.0, f64::max);
+    let start = f64::from(from) / fps;
+    let end = f64::from(to) / fps;
+    let carrier = match (file, &spec.trajectory) {
+        (Some(file), _) => file,
+        (None, trajectory) => carrier(trajectory.as_ref(), standing, base, start, end + 1.0 / fps + longest)?,
+    };
+    let mut names: Vec<String> = Vec::new();
+    let mut scans = Vec::new();
+    for (index, (entry, sensor)) in spec.sensors.iter().zip(sensors).enumerate() {
+        let name = entry.name.clone().unwrap_or_else(|| sensor.name().to_owned());
+        if names.contains(&name) {
+            let found = format!("called {name:?}, as a sensor before it");
+            return Err(Error::invalid(format!("sensors[{index}]"), found, "a `name` of its own for each"));
+        }
+        let times: Vec<FrameTime> = match entry.rate_hz {
+            None => (from..=to)
+                .step_by(step as usize)
+                .map(|number| FrameTime { number, start: f64::from(number) / fps })
+                .collect(),
+            Some(rate) => {
+                // All that start before the frame after the last.
+                let first = start + entry.start_s;
+                let count = ((end + f64::from(step) / fps - first) * rate - 1e-9).ceil().max(0.0);
+                if count > MOST_FRAMES {
+                    let found = format!("{rate}, which makes {count} frames");
+                    return Err(Error::invalid(
+                        format!("sensors[{index}].rate_hz"),
+                        found,
+                        format!("{MOST_FRAMES} at most"),
+                    ));
+                }
+                (0..count as u32).map(|number| FrameTime { number, start: first + f64::from(number) / rate }).collect()
+            }
+        };
+        let mount = entry.mount.pose(&format!("sensors[{index}].mount"))?;
+        let fields = fields(&spec.fields, &sensor)?;
+        scans.push(Scan {
+            trajectory: mounted(&carrier, &mount)?,
+            frames: times,
+            options: ScanOptions {
+                fields,
+                seed: draws.scan_seed(spec.seed, index as u32),
+                freeze: spec.freeze,
+                frame_period: Some(entry.rate_hz.map_or(f64::from(step) / fps, f64::recip)),
+                organised: spec.organised,
+                coordinates: spec.frame,
+                order: spec.order,
+                profile: spec.profile,
+                reflectance_source: spec.reflectance_source,
+                environment: spec.environment.clone(),
+                ..ScanOptions::default()
+            },
+            sensor,
+            name: name.clone(),
+        });
+        names.push(name);
+    }
+    Ok(scans)
+}
+
+/// The path of the carrier from `start` to `end`, s.
+fn carrier(
+    trajectory: Option<&Carrier>,
+    standing: Option<Pose>,
+    base: &Base,
+    start: f64,
+    end: f64,
+) -> Result<Trajectory> {
+    match trajectory {
+        Some(Carrier::On(_)) => Ok(Trajectory::fixed(standing.unwrap_or_default())),
+        Some(Carrier::At(pose)) => Ok(Trajectory::fixed(pose.pose("trajectory")?)),
+        Some(Carrier::Poses(rows)) => {
+            let keys = rows.iter().map(|&[time, x, y, z, qx, qy, qz, qw]| {
+                (time, Pose { orientation: DQuat::from_xyzw(qx, qy, qz, qw), ..Pose::at(x, y, z) })
+            });
+            Trajectory::new(keys.collect())
+        }
+        Some(Carrier::Camera(name)) => base.scene.camera_path(name, start, end),
+        Some(Carrier::Object(name)) => base.scene.object_path(name, start, end),
+        Some(Carrier::File(_)) => Err(Error::Internal("a trajectory file that was not read".into())),
+        None => match base.scene.cameras.as_slice() {
+            [camera] => base.scene.camera_path(&camera.name, start, end),
+            cameras => {
+                let found = format!("missing, and the scene has {} camera nodes", cameras.len());
+                Err(Error::invalid("trajectory", found, "one of file, position_m, camera, object, poses, on"))
+            }
+        },
+    }
+}
+
+/// The path of what is mounted so on a carrier: poses are added where the carrier turns, so that a straight line from
+/// one to the next is less than a tenth of a millimetre from the arc.
+fn mounted(carrier: &Trajectory, mount: &Pose) -> Result<Trajectory> {
+    const TOLERANCE_M: f64 = 1e-4;
+    /// Most poses added between two.
+    const MOST: f64 = 1000.0;
+    if *mount == Pose::IDENTITY {
+        return Ok(carrier.clone());
+    }
+    let on = |pose: &Pose| Pose {
+        position: pose.position + pose.orientation * mount.position,
+        orientation: (pose.orientation * mount.orientation).normalize(),
+    };
+    let keys = carrier.clone().into_keys();
+    let mut all = Vec::with_capacity(keys.len());
+    for ends in keys.windows(2) {
+        let [(from, a), (to, b)] = [ends[0], ends[1]];
+        // Height of the arc of a lever of this length above its chord.
+        let angle = a.orientation.angle_between(b.orientation);
+        let parts = (angle * (mount.position.length() / (8.0 * TOLERANCE_M)).sqrt()).ceil().clamp(1.0, MOST);
+        for part in 0..parts as u32 {
+            let time = from + (to - from) * f64::from(part) / parts;
+            all.push((time, on(&carrier.at(time))));
+        }
+    }
+    all.extend(keys.last().map(|(time, pose)| (*time, on(pose))));
+    all.dedup_by(|later, before| later.0 <= before.0);
+    Trajectory::new(all)
+}
+
+/// The columns that are asked for, for a sensor: points of sonars are of the bed, the water surface, reflections and
+/// noise.
+fn fields(names: &[String], sensor: &Sensor) -> Result<FieldSet> {
+    let default = sensor.default_fields();
+    let default = if sensor.kind() == SensorKind::Sonar { default.with(Field::Cause) } else { default };
+    FieldSet::parse_with(&names.join(","), default)
+}

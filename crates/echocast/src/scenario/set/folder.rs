@@ -1,0 +1,179 @@
+//! The folder of a set, and which scenario it belongs to.
+
+use super::manifest::{self, Entry};
+use super::style::{numbered, sample_folder};
+use crate::export;
+use crate::ground::error::{Error, Result};
+use crate::ground::shown;
+use crate::read::{self, Limit};
+use crate::scenario::Scenario;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// `scenario.json`: what made a set.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct Origin {
+    /// Version of the program.
+    pub echocast: String,
+    /// Number of samples of the whole set.
+    pub samples: u64,
+    /// Names of the folders of its styles.
+    pub roots: Vec<String>,
+    /// SHA-256 of the scenario, whatever its number of samples.
+    pub digest: String,
+    /// The scenario, as it was written.
+    pub scenario: Value,
+}
+
+const ORIGIN: &str = "scenario.json";
+
+impl Origin {
+    pub fn of(scenario: &Scenario, roots: Vec<String>) -> Origin {
+        // A set may grow, and lie elsewhere.
+        let mut same = scenario.value().clone();
+        if let Some(keys) = same.as_object_mut() {
+            keys.retain(|key, _| !["samples", "set"].contains(&key.as_str()));
+        }
+        Origin {
+            echocast: env!("CARGO_PKG_VERSION").into(),
+            samples: scenario.samples(),
+            roots,
+            digest: manifest::digest_of(same.to_string().as_bytes()),
+            scenario: scenario.value().clone(),
+        }
+    }
+
+    /// That of the set in `root`; `None`: there is no set.
+    ///
+    /// # Errors
+    /// A file that is not ours.
+    pub fn read(root: &Path) -> Result<Option<Origin>> {
+        let path = root.join(ORIGIN);
+        if !path.exists() {
+            return Ok(None);
+        }
+        let bytes = read::bytes(&path, Limit::YAML)?;
+        let origin = serde_json::from_slice(&bytes).map_err(|error| Error::parse(&path, "", error.to_string()))?;
+        Ok(Some(origin))
+    }
+
+    /// Makes `root` the folder of this set.
+    ///
+    /// # Errors
+    /// It is that of another, or holds something else; the system's.
+    pub fn claim(&self, root: &Path) -> Result<()> {
+        let failed = |source| Error::Io { path: root.to_owned(), source };
+        fs::create_dir_all(root).map_err(failed)?;
+        match Origin::read(root)? {
+            Some(known) if known.digest != self.digest => {
+                let found = format!("{}, which holds a set of another scenario", shown::path(root));
+                return Err(Error::invalid(
+                    "set.folder",
+                    found,
+                    "another folder, or the scenario of its scenario.json",
+                ));
+            }
+            Some(known) if known.samples >= self.samples && known.roots == self.roots => {}
+            Some(_) => self.write(root)?,
+            None => {
+                // Another shard may have begun at this moment.
+                let others = fs::read_dir(root).map_err(failed)?.filter_map(Result::ok).any(|entry| {
+                    let name = entry.file_name();
+                    name != ORIGIN && !name.to_string_lossy().starts_with('.')
+                });
+                if others && Origin::read(root)?.is_none() {
+                    let found = format!("{}, which holds other files", shown::path(root));
+                    return Err(Error::invalid("set.folder", found, "an empty or a new folder"));
+                }
+                self.write(root)?;
+            }
+        }
+        for name in self.roots.iter().map(String::as_str).chain(["samples", "pictures"]) {
+            let folder = root.join(name);
+            fs::create_dir_all(&folder).map_err(|source| Error::Io { path: folder, source })?;
+        }
+        Ok(())
+    }
+
+    fn write(&self, root: &Path) -> Result<()> {
+        let text = serde_json::to_string_pretty(self).map_err(|error| Error::Internal(error.to_string()))? + "\n";
+        replace(&root.join(ORIGIN), text.as_bytes())
+    }
+}
+
+/// Writes a file that appears under its name only when it is complete.
+///
+/// # Errors
+/// The system's.
+pub(super) fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
+    let pending = export::Pending::create(path)?;
+    export::write_bytes(pending.path(), bytes).map_err(|source| export::failed(path, source))?;
+    pending.commit()
+}
+
+/// Where the files of `sample` are while it is made, and where then, for each of `roots`.
+pub(super) fn folders(root: &Path, roots: &[&str], sample: u64) -> Vec<[PathBuf; 2]> {
+    let unfinished = format!(".{}.unfinished", numbered(sample));
+    roots.iter().map(|name| [root.join(name).join(&unfinished), root.join(sample_folder(name, sample))]).collect()
+}
+
+/// All files below `folder`, by name, relative to `root`.
+///
+/// # Errors
+/// The system's.
+pub(super) fn files_below(root: &Path, folder: &Path) -> Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    let mut open = vec![folder.to_owned()];
+    while let Some(folder) = open.pop() {
+        let failed = |source| Error::Io { path: folder.clone(), source };
+        for entry in fs::read_dir(&folder).map_err(failed)? {
+            let path = entry.map_err(failed)?.path();
+            if path.is_dir() {
+                open.push(path);
+            } else if let Ok(relative) = path.strip_prefix(root) {
+                files.push(relative.to_owned());
+            }
+        }
+    }
+    files.sort();
+    Ok(files)
+}
+
+/// What is wrong in the set in `root`, in sentences: files that are missing or changed, samples that have failed or are
+/// not there.
+///
+/// # Errors
+/// There is no set.
+pub fn check_folder(root: &Path) -> Result<Vec<String>> {
+    let origin = need_origin(root)?;
+    let entries = manifest::read(root)?;
+    let mut faults = missing(&origin, &entries).into_iter().collect::<Vec<_>>();
+    for entry in entries.values() {
+        if let Some(error) = &entry.error {
+            faults.push(format!("sample {} has failed: {error}", entry.sample));
+        }
+        faults.extend(entry.files.iter().filter_map(|file| file.fault(root)));
+    }
+    Ok(faults)
+}
+
+/// The origin of a set that must be there.
+pub(super) fn need_origin(root: &Path) -> Result<Origin> {
+    Origin::read(root)?.ok_or_else(|| {
+        let found = format!("{}, in which there is no {ORIGIN}", shown::path(root));
+        Error::invalid("the set's folder", found, "a folder that `echocast run` has written")
+    })
+}
+
+/// A sentence about samples that are not there, if any are.
+pub(super) fn missing(origin: &Origin, entries: &BTreeMap<u64, Entry>) -> Option<String> {
+    let count = origin.samples - entries.range(..origin.samples).count() as u64;
+    let first = (0..origin.samples).find(|sample| !entries.contains_key(sample))?;
+    Some(match count {
+        1 => format!("sample {first} is missing"),
+        _ => format!("{count} of {} samples are missing, the first is {first}", origin.samples),
+    })
+}

@@ -1,0 +1,183 @@
+//! SemanticKITTI: each sample a sequence.
+
+use super::style::numbered;
+use crate::cloud::{Field, FieldSet, Frame, PointCloud};
+use crate::export;
+use crate::ground::error::{Error, Result};
+use crate::ground::pose::Pose;
+use crate::ground::report::Report;
+use crate::scenario::{Sample, Scan};
+use glam::{DAffine3, Vec3};
+use serde::Deserialize;
+use std::collections::{BTreeSet, HashMap};
+use std::fmt::Write as _;
+use std::path::Path;
+
+/// `sequences/000017/velodyne/000003.bin`, `labels/000003.label`, `poses.txt`, `calib.txt`, `times.txt`.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct SemanticKitti {
+    /// Name of the sensor, where there are several.
+    pub sensor: Option<String>,
+}
+
+/// Numbers of SemanticKITTI's classes (Behley et al. 2019, SemanticKITTI; configuration of its development kit), by the
+/// names that scenes use.
+const CLASSES: [(&str, u16); 28] = [
+    ("unlabeled", 0),
+    ("outlier", 1),
+    ("car", 10),
+    ("bicycle", 11),
+    ("bus", 13),
+    ("motorcycle", 15),
+    ("on-rails", 16),
+    ("truck", 18),
+    ("other-vehicle", 20),
+    ("person", 30),
+    ("bicyclist", 31),
+    ("motorcyclist", 32),
+    ("road", 40),
+    ("parking", 44),
+    ("sidewalk", 48),
+    ("other-ground", 49),
+    ("building", 50),
+    ("fence", 51),
+    ("other-structure", 52),
+    ("lane-marking", 60),
+    ("vegetation", 70),
+    ("trunk", 71),
+    ("terrain", 72),
+    ("pole", 80),
+    ("traffic-sign", 81),
+    ("other-object", 99),
+    // Words of scenes for the same.
+    ("pavement", 48),
+    ("traffic_sign", 81),
+];
+
+pub(super) struct Writer<'w> {
+    folder: &'w Path,
+    /// Number of the scan that is written.
+    scan: usize,
+    poses: String,
+    times: String,
+    frames: usize,
+    /// Where the first frame was scanned from.
+    first: Option<Pose>,
+}
+
+impl SemanticKitti {
+    pub fn fields() -> FieldSet {
+        [Field::X, Field::Y, Field::Z, Field::Intensity, Field::CategoryId, Field::InstanceId].into_iter().collect()
+    }
+
+    /// Number of the scan in `sample` that is written.
+    pub fn scan(&self, sample: &Sample) -> Result<usize> {
+        let names = || sample.scans().iter().map(Scan::name).collect::<Vec<_>>().join(", ");
+        match (&self.sensor, sample.scans()) {
+            (None, [_]) => Ok(0),
+            (None, scans) => {
+                let found = format!("missing, and there are {} sensors", scans.len());
+                Err(Error::invalid("semantic_kitti: sensor", found, format!("one of {}", names())))
+            }
+            (Some(name), scans) => {
+                let found = scans.iter().position(|scan| scan.name() == name);
+                found.ok_or_else(|| Error::invalid("semantic_kitti: sensor", format!("{name:?}"), names()))
+            }
+        }
+    }
+
+    pub fn writer<'w>(&self, sample: &Sample, folder: &'w Path) -> Result<Writer<'w>> {
+        for name in ["velodyne", "labels"] {
+            let folder = folder.join(name);
+            std::fs::create_dir(&folder).map_err(|source| Error::Io { path: folder, source })?;
+        }
+        let scan = self.scan(sample)?;
+        Ok(Writer { folder, scan, poses: String::new(), times: String::new(), frames: 0, first: None })
+    }
+}
+
+impl Writer<'_> {
+    pub fn add(&mut self, sample: &Sample, scan: usize, frame: usize, cloud: &PointCloud) -> Result<Report> {
+        let mut report = Report::default();
+        if scan != self.scan {
+            return Ok(report);
+        }
+        let columns = &cloud.columns;
+        // Points in the sensor's frame at the start of the scan.
+        let pose = cloud.sensor_pose;
+        let back = pose.orientation.inverse();
+        let local = |row: usize| {
+            let point = Vec3::new(columns.x[row], columns.y[row], columns.z[row]);
+            match cloud.frame {
+                Frame::Sensor => point,
+                Frame::World => (back * (point.as_dvec3() + (cloud.origin - pose.position))).as_vec3(),
+            }
+        };
+        let full = cloud.intensity_full_scale.filter(|full| *full > 0.0).unwrap_or(1.0);
+        // Instances are numbered anew in each scan, since they have 16 bits.
+        let mut instances: HashMap<u32, u16> = HashMap::new();
+        let (mut points, mut labels, mut unknown) = (Vec::new(), Vec::new(), BTreeSet::new());
+        let mut classes: HashMap<u32, u16> = HashMap::new();
+        for row in 0..cloud.len {
+            let Vec3 { x, y, z } = local(row);
+            if !(x.is_finite() && y.is_finite() && z.is_finite()) {
+                continue;
+            }
+            let remission = (columns.intensity[row] / full).clamp(0.0, 1.0);
+            points.extend(
+                [x, y, z, if remission.is_finite() { remission } else { 0.0 }].map(f32::to_le_bytes).as_flattened(),
+            );
+            let category = columns.category_id[row];
+            let class = *classes.entry(category).or_insert_with(|| {
+                let name = cloud.labels.category.name(category).unwrap_or("unlabeled");
+                let known = CLASSES.iter().find(|(class, _)| *class == name);
+                known.map_or_else(
+                    || {
+                        unknown.insert(name.to_owned());
+                        0
+                    },
+                    |(_, number)| *number,
+                )
+            });
+            let next = u16::try_from(instances.len() + 1).unwrap_or(0);
+            let instance = match columns.instance_id[row] {
+                0 => 0,
+                number => *instances.entry(number).or_insert(next),
+            };
+            labels.extend((u32::from(class) | u32::from(instance) << 16).to_le_bytes());
+        }
+        if !unknown.is_empty() {
+            let names = unknown.into_iter().collect::<Vec<_>>().join(", ");
+            report.warn(format!("semantic_kitti: categories that it does not have are unlabeled: {names}"));
+        }
+        let number = numbered(self.frames as u64);
+        export::write_whole(&self.folder.join(format!("velodyne/{number}.bin")), &points)?;
+        export::write_whole(&self.folder.join(format!("labels/{number}.label")), &labels)?;
+        // Relative to the first, as in KITTI's odometry; the calibration is the identity.
+        let first = *self.first.get_or_insert(pose);
+        let place = |pose: &Pose| DAffine3::from_rotation_translation(pose.orientation, pose.position);
+        let from_first = place(&first).inverse() * place(&pose);
+        let rows = from_first.matrix3.transpose().to_cols_array();
+        let translation = from_first.translation.to_array();
+        let numbers = (0..12).map(|k| if k % 4 < 3 { rows[k / 4 * 3 + k % 4] } else { translation[k / 4] });
+        let line: Vec<String> = numbers.map(|number| format!("{:e}", number + 0.0)).collect();
+        let start = sample.scans()[scan].frames()[frame].start;
+        // Writing to a text does not fail.
+        let _ = writeln!(self.poses, "{}", line.join(" "));
+        let _ = writeln!(self.times, "{start:e}");
+        self.frames += 1;
+        Ok(report)
+    }
+
+    pub fn finish(self) -> Result<()> {
+        const CALIBRATION: &str = "P0: 1 0 0 0 0 1 0 0 0 0 1 0\nP1: 1 0 0 0 0 1 0 0 0 0 1 0\n\
+                                   P2: 1 0 0 0 0 1 0 0 0 0 1 0\nP3: 1 0 0 0 0 1 0 0 0 0 1 0\n\
+                                   Tr: 1 0 0 0 0 1 0 0 0 0 1 0\n";
+        for (name, text) in [("poses.txt", self.poses.as_str()), ("times.txt", &self.times), ("calib.txt", CALIBRATION)]
+        {
+            export::write_whole(&self.folder.join(name), text.as_bytes())?;
+        }
+        Ok(())
+    }
+}

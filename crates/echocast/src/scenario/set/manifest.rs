@@ -1,0 +1,189 @@
+//! What there is in a set, sample by sample.
+
+use crate::ground::error::{Error, Result};
+use crate::ground::shown;
+use crate::scenario::set::style::numbered;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest as _, Sha256};
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use std::path::Path;
+
+/// A sample of a set.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Entry {
+    /// Its number.
+    pub sample: u64,
+    /// Its files, by name; empty if it has failed.
+    pub files: Vec<FileEntry>,
+    /// Why it has failed.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub error: Option<String>,
+    /// Points of all its clouds.
+    pub points: u64,
+    /// How many of them are of each category.
+    pub categories: BTreeMap<String, u64>,
+    /// How many of them are how far away: in steps of [`RANGE_STEP_M`].
+    pub ranges: Vec<u64>,
+    /// What was noticed.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub warnings: Vec<String>,
+}
+
+/// A file of a sample.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct FileEntry {
+    /// Its name in the set's folder.
+    pub path: String,
+    /// Its length.
+    pub bytes: u64,
+    /// SHA-256 of its contents, in hexadecimal digits.
+    pub sha256: String,
+}
+
+/// Width of the steps of ranges, m.
+pub(super) const RANGE_STEP_M: f64 = 10.0;
+
+/// Ranges from here on are counted together, m.
+pub(super) const FARTHEST_M: f64 = 500.0;
+
+impl FileEntry {
+    /// The file at `path` in the set's folder `root`.
+    ///
+    /// # Errors
+    /// The system's.
+    pub(super) fn of(root: &Path, path: &Path) -> Result<FileEntry> {
+        let whole = root.join(path);
+        let (bytes, sha256) = digest(&whole)?;
+        Ok(FileEntry { path: shown::path(path), bytes, sha256 })
+    }
+
+    /// What is wrong with the file in the folder `root`, if anything is.
+    pub(super) fn fault(&self, root: &Path) -> Option<String> {
+        let path = root.join(&self.path);
+        match fs::metadata(&path) {
+            Err(_) => return Some(format!("{} is missing", self.path)),
+            Ok(found) if found.len() != self.bytes => {
+                return Some(format!("{} has {} bytes instead of {}", self.path, found.len(), self.bytes));
+            }
+            Ok(_) => {}
+        }
+        match digest(&path) {
+            Ok((_, sha256)) if sha256 == self.sha256 => None,
+            Ok(_) => Some(format!("{} has other contents", self.path)),
+            Err(error) => Some(error.to_string()),
+        }
+    }
+}
+
+/// Length and SHA-256 of a file.
+fn digest(path: &Path) -> Result<(u64, String)> {
+    let failed = |source| Error::Io { path: path.to_owned(), source };
+    let mut file = File::open(path).map_err(failed)?;
+    let (mut hash, mut bytes, mut block) = (Sha256::new(), 0, vec![0; 1 << 16]);
+    loop {
+        let count = file.read(&mut block).map_err(failed)?;
+        if count == 0 {
+            break;
+        }
+        hash.update(&block[..count]);
+        bytes += count as u64;
+    }
+    Ok((bytes, hex(&hash.finalize())))
+}
+
+/// SHA-256 of `bytes`, in hexadecimal digits.
+pub(super) fn digest_of(bytes: &[u8]) -> String {
+    hex(&Sha256::digest(bytes))
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// Adds lines to the manifest of a run or shard.
+pub(super) struct Log(File);
+
+impl Log {
+    /// # Errors
+    /// The system's.
+    pub fn open(path: &Path) -> Result<Log> {
+        let failed = |source| Error::Io { path: path.to_owned(), source };
+        let mut file = File::options().create(true).append(true).read(true).open(path).map_err(failed)?;
+        // What a killed run left half written gets a line of its own.
+        file.write_all(b"\n").map_err(failed)?;
+        Ok(Log(file))
+    }
+
+    /// # Errors
+    /// The system's.
+    pub fn add(&mut self, entry: &Entry, path: &Path) -> Result<()> {
+        let line = serde_json::to_string(entry).map_err(|error| Error::Internal(error.to_string()))? + "\n";
+        self.0.write_all(line.as_bytes()).map_err(|source| Error::Io { path: path.to_owned(), source })
+    }
+}
+
+/// Writes the manifest of the whole set.
+///
+/// # Errors
+/// The system's.
+pub(super) fn write(root: &Path, entries: &BTreeMap<u64, Entry>) -> Result<()> {
+    let all: Vec<&Entry> = entries.values().collect();
+    let text = serde_json::to_string(&all).map_err(|error| Error::Internal(error.to_string()))?;
+    // A line for each sample.
+    let text = text.replace("},{\"sample\":", "},\n{\"sample\":") + "\n";
+    super::folder::replace(&root.join(WHOLE), text.as_bytes())
+}
+
+/// The manifest of a whole set.
+const WHOLE: &str = "manifest.json";
+
+/// All samples in the manifests of `root`, the newest entry of each. Lines that are not whole are those of killed runs.
+///
+/// # Errors
+/// The system's.
+pub(super) fn read(root: &Path) -> Result<BTreeMap<u64, Entry>> {
+    let mut all: BTreeMap<u64, Entry> = BTreeMap::new();
+    let whole = root.join(WHOLE);
+    if whole.exists() {
+        let bytes = crate::read::bytes(&whole, crate::read::Limit::SCENE)?;
+        let entries: Vec<Entry> =
+            serde_json::from_slice(&bytes).map_err(|error| Error::parse(&whole, "", error.to_string()))?;
+        all.extend(entries.into_iter().map(|entry| (entry.sample, entry)));
+    }
+    for path in logs(root)? {
+        let file = File::open(&path).map_err(|source| Error::Io { path: path.clone(), source })?;
+        for line in BufReader::new(file).lines() {
+            let line = line.map_err(|source| Error::Io { path: path.clone(), source })?;
+            if let Ok(entry) = serde_json::from_str::<Entry>(&line) {
+                // What one run has made stays, whatever fails in another.
+                let worse = |known: &Entry| known.error.is_none() && entry.error.is_some();
+                if !all.get(&entry.sample).is_some_and(worse) {
+                    all.insert(entry.sample, entry);
+                }
+            }
+        }
+    }
+    Ok(all)
+}
+
+/// The manifests of runs and shards, by name.
+pub(super) fn logs(root: &Path) -> Result<Vec<std::path::PathBuf>> {
+    let failed = |source| Error::Io { path: root.to_owned(), source };
+    let mut logs = Vec::new();
+    for entry in fs::read_dir(root).map_err(failed)? {
+        let path = entry.map_err(failed)?.path();
+        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        if name.starts_with("manifest") && name.ends_with(".jsonl") {
+            logs.push(path);
+        }
+    }
+    logs.sort();
+    Ok(logs)
+}
+
+/// Name of the file of what was drawn for a sample.
+pub(super) fn drawn_file(sample: u64) -> String {
+    format!("samples/{}.json", numbered(sample))
+}

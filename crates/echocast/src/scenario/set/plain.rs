@@ -1,0 +1,72 @@
+//! One folder a sample, in any format of clouds.
+
+use crate::cloud::{FieldSet, PointCloud};
+use crate::export;
+use crate::ground::error::Result;
+use crate::ground::report::Report;
+use crate::preview::{self, PreviewOptions};
+use crate::scenario::Sample;
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+
+/// `data/000017/top.npz`, or for several frames `data/000017/top_0003.npz`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Plain {
+    /// Name of the format, as `echocast formats` lists them.
+    pub format: String,
+    /// A picture of each cloud beside it.
+    pub preview: Option<PreviewOptions>,
+}
+
+impl Default for Plain {
+    fn default() -> Self {
+        Plain { format: "npz".into(), preview: None }
+    }
+}
+
+pub(super) struct Writer<'w> {
+    style: &'w Plain,
+    folder: &'w Path,
+}
+
+impl Plain {
+    pub fn check(&self) -> Result<()> {
+        export::format_for(Path::new(""), Some(&self.format)).map(drop)?;
+        match &self.preview {
+            Some(options) => preview::check_options(options),
+            None => Ok(()),
+        }
+    }
+
+    pub fn fields(&self) -> FieldSet {
+        self.preview.as_ref().map_or(FieldSet::EMPTY, PreviewOptions::fields)
+    }
+
+    pub fn writer<'w>(&'w self, folder: &'w Path) -> Writer<'w> {
+        Writer { style: self, folder }
+    }
+}
+
+impl Writer<'_> {
+    pub fn add(&mut self, sample: &Sample, scan: usize, frame: usize, cloud: &PointCloud) -> Result<Report> {
+        let scan = &sample.scans()[scan];
+        let format = export::format_for(Path::new(""), Some(&self.style.format))?;
+        let mut stem = file_name(scan.name());
+        if scan.frames().len() > 1 {
+            stem += &format!("_{:04}", scan.frames()[frame].number);
+        }
+        let path = |ending: &str| -> PathBuf { self.folder.join(format!("{stem}.{ending}")) };
+        let ending = format.extensions().first().copied().unwrap_or(format.name());
+        let mut report = export::write_new(cloud, &path(ending), format)?;
+        if let Some(options) = &self.style.preview {
+            report.absorb(preview::write_new(cloud, &path("png"), options)?);
+        }
+        Ok(report)
+    }
+}
+
+/// `name` as a name of a file: letters that could mean something else in one become `_`.
+pub(super) fn file_name(name: &str) -> String {
+    name.chars().map(|letter| if letter.is_alphanumeric() || "-_.".contains(letter) { letter } else { '_' }).collect()
+}

@@ -1,0 +1,348 @@
+//! Making samples, side by side, and completing a set.
+
+use super::folder::{self, Origin, files_below, folders};
+use super::manifest::{self, Entry, FARTHEST_M, FileEntry, Log, RANGE_STEP_M, drawn_file};
+use super::report;
+use super::style::{Style, numbered};
+use crate::cloud::{Field, FieldSet, PointCloud};
+use crate::export::{self, cancel_flag};
+use crate::ground::error::{Error, Result};
+use crate::preview::{self, PreviewOptions, View};
+use crate::scenario::{Sample, Scenario};
+use crate::trace::Engine;
+use glam::Vec3;
+use std::collections::BTreeMap;
+use std::fs;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
+
+/// Which samples are made, and how.
+#[derive(Clone, Debug)]
+pub struct RunOptions {
+    /// Folder of the set; `None`: as the scenario says.
+    pub folder: Option<PathBuf>,
+    /// First and last sample, and every how many; `None`: all.
+    pub samples: Option<[u64; 3]>,
+    /// Number and count of the parts that the samples are divided into, of which one is made; the first is 0.
+    pub shard: Option<[u64; 2]>,
+    /// Goes on where a run has stopped, instead of refusing a set that has samples.
+    pub resume: bool,
+    /// Threads; 0: all cores.
+    pub threads: usize,
+}
+
+/// What happens during a run.
+#[derive(Debug)]
+pub enum Event<'e> {
+    /// It begins, with so many samples.
+    Begins(u64),
+    /// A sample is complete, or has failed.
+    Made(&'e Entry),
+    /// A sample that was there already.
+    Found(u64),
+}
+
+/// What a run has done.
+#[derive(Debug, Default)]
+pub struct RunSummary {
+    /// Folder of the set.
+    pub folder: PathBuf,
+    /// Samples made.
+    pub made: u64,
+    /// Samples that were there.
+    pub found: u64,
+    /// Samples that have failed, and why.
+    pub failed: Vec<(u64, String)>,
+    /// Points of those that were made.
+    pub points: u64,
+    /// s.
+    pub seconds: f64,
+    /// What was noticed in samples, each once, and in how many.
+    pub warnings: BTreeMap<String, u64>,
+    /// Whether the set is complete: with manifest and report.
+    pub complete: bool,
+    /// Threads that made samples.
+    pub threads: usize,
+}
+
+/// The first samples of a set are shown in its report.
+const PICTURES: u64 = 12;
+
+/// Makes samples of `scenario` and writes them. One that fails is noted, and the others go on.
+///
+/// `watch` is told what happens, on the thread where it happens.
+///
+/// # Errors
+/// A folder that holds something else; samples that are there without `resume`; a full disk; [`Error::Cancelled`] once
+/// the samples under way are complete, if [`cancel_flag`] is set.
+pub fn run(scenario: Scenario, options: &RunOptions, watch: &(dyn Fn(Event) + Sync)) -> Result<RunSummary> {
+    let start = Instant::now();
+    let styles = Style::all(&scenario)?;
+    let root = scenario.set_folder(options.folder.as_deref())?;
+    let wanted = wanted(&scenario, options)?;
+    let cores = Engine::with_threads(options.threads)?.threads();
+    // Samples side by side need no two threads each; few samples do.
+    let side_by_side = wanted.len() >= cores && cores > 1;
+    let (workers, threads) = if side_by_side { (cores, 1) } else { (1, cores) };
+    let scenario = scenario.with_engine(&Engine::with_threads(threads)?);
+
+    let roots: Vec<&str> = styles.iter().map(Style::root).collect();
+    let origin = Origin::of(&scenario, roots.iter().map(|root| (*root).to_owned()).collect());
+    // What cannot be written is told before anything is.
+    if let Some(&first) = wanted.first() {
+        let sample = scenario.sample(first)?;
+        styles.iter().try_for_each(|style| style.fits(&sample))?;
+    }
+    origin.claim(&root)?;
+    let known = manifest::read(&root)?;
+    let there = wanted.iter().filter(|sample| known.get(sample).is_some_and(|entry| entry.error.is_none())).count();
+    if there > 0 && !options.resume {
+        let found = format!("{}, in which {there} of these samples are", crate::ground::shown::path(&root));
+        return Err(Error::invalid("set.folder", found, "another folder, or to go on with it (--resume)"));
+    }
+    let log_name = options.shard.map_or("manifest.jsonl".to_owned(), |[k, n]| format!("manifest.{k}_of_{n}.jsonl"));
+    let log_path = root.join(log_name);
+    let log = Mutex::new(Log::open(&log_path)?);
+    watch(Event::Begins(wanted.len() as u64));
+
+    let maker = Maker { scenario: &scenario, styles: &styles, root: &root, roots: &roots };
+    let queue = Mutex::new(wanted.iter().copied());
+    let summary = Mutex::new(RunSummary { folder: root.clone(), threads: workers * threads, ..RunSummary::default() });
+    let lost = Mutex::new(None);
+    let work = || {
+        let mut cloud = PointCloud::default();
+        while !cancel_flag().load(Ordering::SeqCst) && lock(&lost).is_none() {
+            let Some(sample) = lock(&queue).next() else { break };
+            let old = known.get(&sample).filter(|entry| entry.error.is_none());
+            if old.is_some_and(|entry| entry.files.iter().all(|file| file.fault(&root).is_none())) {
+                watch(Event::Found(sample));
+                lock(&summary).found += 1;
+                continue;
+            }
+            let entry = maker.entry(sample, &mut cloud);
+            if let Err(error) = lock(&log).add(&entry, &log_path) {
+                lock(&lost).get_or_insert(error);
+                break;
+            }
+            watch(Event::Made(&entry));
+            lock(&summary).count(entry);
+        }
+    };
+    std::thread::scope(|scope| {
+        (1..workers).for_each(|_| drop(scope.spawn(work)));
+        work();
+    });
+    if let Some(error) = lock(&lost).take() {
+        return Err(error);
+    }
+    if cancel_flag().load(Ordering::SeqCst) {
+        return Err(Error::Cancelled);
+    }
+    let mut summary = summary.into_inner().unwrap_or_else(PoisonError::into_inner);
+    summary.failed.sort();
+    if options.shard.is_none() {
+        let entries = manifest::read(&root)?;
+        if folder::missing(&folder::need_origin(&root)?, &entries).is_none() {
+            finish(&root)?;
+            summary.complete = true;
+        }
+    }
+    summary.seconds = start.elapsed().as_secs_f64();
+    Ok(summary)
+}
+
+/// Completes the set in `root`, whose samples are all there: writes its manifest and its report.
+///
+/// # Errors
+/// There is no set; samples are missing; the system's.
+pub fn finish(root: &Path) -> Result<()> {
+    let origin = folder::need_origin(root)?;
+    let entries = manifest::read(root)?;
+    if let Some(missing) = folder::missing(&origin, &entries) {
+        let allowed = "a set whose samples are all there; `echocast run --resume` makes them";
+        return Err(Error::invalid("the set", format!("not complete: {missing}"), allowed));
+    }
+    let logs = manifest::logs(root)?;
+    manifest::write(root, &entries)?;
+    report::write(root, &origin, &entries)?;
+    for path in logs {
+        fs::remove_file(&path).map_err(|source| Error::Io { path, source })?;
+    }
+    Ok(())
+}
+
+/// The samples of a run, in order.
+fn wanted(scenario: &Scenario, options: &RunOptions) -> Result<Vec<u64>> {
+    let last = scenario.samples() - 1;
+    let [first, end, step] = options.samples.unwrap_or([0, last, 1]);
+    if end > last || first > end || step == 0 {
+        let found = format!("{first} to {end}, every {step}");
+        return Err(Error::invalid("samples", found, format!("0 to {last}, which the scenario has")));
+    }
+    let [part, parts] = options.shard.unwrap_or([0, 1]);
+    if part >= parts {
+        let allowed = format!("0/{parts} to {}/{parts}", parts.saturating_sub(1));
+        return Err(Error::invalid("shard", format!("{part}/{parts}"), allowed));
+    }
+    Ok((first..=end).step_by(step as usize).filter(|sample| sample % parts == part).collect())
+}
+
+impl RunSummary {
+    fn count(&mut self, entry: Entry) {
+        match entry.error {
+            Some(error) => self.failed.push((entry.sample, error)),
+            None => self.made += 1,
+        }
+        self.points += entry.points;
+        for warning in entry.warnings {
+            *self.warnings.entry(warning).or_default() += 1;
+        }
+    }
+}
+
+struct Maker<'m> {
+    scenario: &'m Scenario,
+    styles: &'m [Style],
+    root: &'m Path,
+    roots: &'m [&'m str],
+}
+
+impl Maker<'_> {
+    /// Makes a sample and writes it; whatever goes wrong is in the entry.
+    fn entry(&self, sample: u64, cloud: &mut PointCloud) -> Entry {
+        let made = catch_unwind(AssertUnwindSafe(|| self.make(sample, cloud)));
+        let made = made.unwrap_or_else(|_| Err(Error::Internal("a defect of the program stopped it".into())));
+        made.unwrap_or_else(|error| {
+            folders(self.root, self.roots, sample).iter().for_each(|[unfinished, _]| {
+                // What is left is removed by the next run.
+                let _ = fs::remove_dir_all(unfinished);
+            });
+            Entry {
+                sample,
+                files: Vec::new(),
+                error: Some(error.to_string()),
+                points: 0,
+                categories: BTreeMap::new(),
+                ranges: Vec::new(),
+                warnings: Vec::new(),
+            }
+        })
+    }
+
+    fn make(&self, number: u64, cloud: &mut PointCloud) -> Result<Entry> {
+        let mut sample = self.scenario.sample(number)?;
+        let engine = sample.scene().engine().clone();
+        engine.install(|| self.write(number, &mut sample, cloud))
+    }
+
+    fn write(&self, number: u64, sample: &mut Sample, cloud: &mut PointCloud) -> Result<Entry> {
+        let folders = folders(self.root, self.roots, number);
+        for [unfinished, _] in &folders {
+            let _ = fs::remove_dir_all(unfinished);
+            fs::create_dir(unfinished).map_err(|source| Error::Io { path: unfinished.clone(), source })?;
+        }
+        let shown = number < PICTURES;
+        let mut needed = self.styles.iter().fold(FieldSet::EMPTY, |all, style| all.union(style.fields()));
+        needed = [Field::X, Field::Y, Field::Z, Field::CategoryId].into_iter().fold(needed, FieldSet::with);
+        if shown {
+            needed = needed.union(picture().fields());
+        }
+        let mut writers = self
+            .styles
+            .iter()
+            .zip(&folders)
+            .map(|(style, [unfinished, _])| style.writer(sample, unfinished))
+            .collect::<Result<Vec<_>>>()?;
+        let mut report = sample.report().clone();
+        let mut counts = Counts::default();
+        let mut pictures = Vec::new();
+        for scan in 0..sample.scans().len() {
+            for frame in 0..sample.scans()[scan].frames().len() {
+                let asked = sample.scans()[scan].options(frame).fields;
+                sample.cloud_with(scan, frame, needed, cloud)?;
+                counts.add(cloud);
+                if shown && (scan, frame) == (0, 0) {
+                    let path = Path::new("pictures").join(format!("{}.png", numbered(number)));
+                    preview::write_new(cloud, &self.root.join(&path), &picture())?;
+                    pictures.push(path);
+                }
+                // Files hold what was asked for.
+                cloud.fields = asked;
+                for writer in &mut writers {
+                    report.absorb(writer.add(sample, scan, frame, cloud)?);
+                }
+            }
+        }
+        writers.into_iter().try_for_each(super::style::Writer::finish)?;
+
+        let drawn = Path::new(&drawn_file(number)).to_owned();
+        let text = serde_json::json!({ "sample": number, "drawn": sample.drawn() });
+        let text = serde_json::to_string_pretty(&text).map_err(|error| Error::Internal(error.to_string()))? + "\n";
+        export::write_whole(&self.root.join(&drawn), text.as_bytes())?;
+        let mut files = vec![FileEntry::of(self.root, &drawn)?];
+        files.extend(pictures.iter().map(|path| FileEntry::of(self.root, path)).collect::<Result<Vec<_>>>()?);
+        for [unfinished, place] in &folders {
+            let _ = fs::remove_dir_all(place);
+            fs::rename(unfinished, place).map_err(|source| Error::Io { path: place.clone(), source })?;
+            for path in files_below(self.root, place)? {
+                files.push(FileEntry::of(self.root, &path)?);
+            }
+        }
+        files.sort();
+        Ok(Entry {
+            sample: number,
+            files,
+            error: None,
+            points: counts.points,
+            categories: counts.categories,
+            ranges: counts.ranges,
+            warnings: report.warnings,
+        })
+    }
+}
+
+fn picture() -> PreviewOptions {
+    PreviewOptions { view: View::Perspective, width: 640, ..PreviewOptions::default() }
+}
+
+/// Points by category and by range.
+#[derive(Default)]
+struct Counts {
+    points: u64,
+    categories: BTreeMap<String, u64>,
+    ranges: Vec<u64>,
+}
+
+impl Counts {
+    fn add(&mut self, cloud: &PointCloud) {
+        let columns = &cloud.columns;
+        let mut numbers: BTreeMap<u32, u64> = BTreeMap::new();
+        let from = (cloud.sensor_pose.position - cloud.origin).as_vec3();
+        let from = if cloud.frame == crate::cloud::Frame::World { from } else { Vec3::ZERO };
+        for row in 0..cloud.len {
+            let range = Vec3::new(columns.x[row], columns.y[row], columns.z[row]).distance(from);
+            // Misses of organised clouds.
+            if !range.is_finite() {
+                continue;
+            }
+            self.points += 1;
+            *numbers.entry(columns.category_id[row]).or_default() += 1;
+            let step = (f64::from(range).min(FARTHEST_M) / RANGE_STEP_M) as usize;
+            if self.ranges.len() <= step {
+                self.ranges.resize(step + 1, 0);
+            }
+            self.ranges[step] += 1;
+        }
+        for (number, count) in numbers {
+            let name = cloud.labels.category.name(number).unwrap_or("unlabelled");
+            *self.categories.entry(name.to_owned()).or_default() += count;
+        }
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

@@ -1,0 +1,428 @@
+//! What a scenario file says, section by section.
+
+use super::variation::Rule;
+use crate::cloud::Frame;
+use crate::generate::{GeneratedScene, Indoor, Seabed, Street};
+use crate::ground::error::{Error, Result};
+use crate::ground::named::{Named, by_name};
+use crate::ground::pose::Pose;
+use crate::material::ReflectanceSource;
+use crate::medium::Environment;
+use crate::read::yaml::Document;
+use crate::scan::{Order, Profile};
+use crate::scene::{CacheFile, LabelRules, UpAxis};
+use glam::{DQuat, DVec3};
+use serde::Deserialize;
+use serde::de::{self, Deserializer, Error as _};
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// A scenario file. Names of files in it are relative to its folder, or to `folder`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Spec {
+    /// Where relative names of files start, instead of the file's own folder; relative to that.
+    pub folder: Option<PathBuf>,
+    pub scene: SceneSpec,
+    pub environment: Environment,
+    pub sensors: Vec<SensorEntry>,
+    pub trajectory: Option<Carrier>,
+    pub frames: Option<FrameSpec>,
+    #[serde(deserialize_with = "list_or_nothing")]
+    pub variation: Vec<Rule>,
+    #[serde(deserialize_with = "word")]
+    pub profile: Profile,
+    #[serde(deserialize_with = "word_or_nothing")]
+    pub reflectance_source: Option<ReflectanceSource>,
+    /// Of all random draws.
+    pub seed: u64,
+    /// How many samples there are.
+    pub samples: u64,
+    /// Names of columns, `default`, `all`.
+    #[serde(deserialize_with = "one_or_more_words")]
+    pub fields: Vec<String>,
+    #[serde(deserialize_with = "word")]
+    pub frame: Frame,
+    #[serde(deserialize_with = "word")]
+    pub order: Order,
+    pub organised: bool,
+    pub freeze: bool,
+    pub motion_tolerance_m: f64,
+    pub set: SetSpec,
+    /// What is written; each style has its own keys.
+    #[serde(deserialize_with = "list_or_nothing")]
+    pub outputs: Vec<Value>,
+}
+
+impl Default for Spec {
+    fn default() -> Self {
+        Spec {
+            folder: None,
+            scene: SceneSpec::default(),
+            environment: Environment::default(),
+            sensors: Vec::new(),
+            trajectory: None,
+            frames: None,
+            variation: Vec::new(),
+            profile: Profile::default(),
+            reflectance_source: None,
+            seed: 0,
+            samples: 1,
+            fields: vec!["default".to_owned()],
+            frame: Frame::World,
+            order: Order::default(),
+            organised: false,
+            freeze: false,
+            motion_tolerance_m: 1e-3,
+            set: SetSpec::default(),
+            outputs: Vec::new(),
+        }
+    }
+}
+
+/// The scene that all samples start from.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct SceneSpec {
+    #[serde(deserialize_with = "one_or_more_words")]
+    pub files: Vec<String>,
+    pub generate: Option<Generate>,
+    pub labels: LabelSource,
+    #[serde(deserialize_with = "word")]
+    pub up: UpAxis,
+    pub scale: f64,
+    pub texture_limit_mib: u64,
+    pub animation: Option<String>,
+    #[serde(rename = "loop")]
+    pub looped: bool,
+    pub allow_outside_paths: bool,
+    /// Object name pattern to the file that says how the object changes its shape.
+    pub caches: BTreeMap<String, CacheFile>,
+    /// Object name patterns that are left out.
+    pub hide: Vec<String>,
+    /// Further models, each at a place of its own.
+    pub place: Vec<Placement>,
+    /// Material name pattern to keys of a material file, which replace those of the scene.
+    pub materials: BTreeMap<String, Value>,
+}
+
+impl Default for SceneSpec {
+    fn default() -> Self {
+        let options = crate::scene::LoadOptions::default();
+        SceneSpec {
+            files: Vec::new(),
+            generate: None,
+            labels: LabelSource::default(),
+            up: options.up,
+            scale: options.scale,
+            texture_limit_mib: options.texture_limit_mib,
+            animation: None,
+            looped: false,
+            allow_outside_paths: false,
+            caches: BTreeMap::new(),
+            hide: Vec::new(),
+            place: Vec::new(),
+            materials: BTreeMap::new(),
+        }
+    }
+}
+
+/// A generated scene.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Generate {
+    #[serde(default)]
+    pub street: Option<Street>,
+    #[serde(default)]
+    pub seabed: Option<Seabed>,
+    #[serde(default)]
+    pub indoor: Option<Indoor>,
+    /// As of `echocast generate`.
+    #[serde(default)]
+    pub seed: u64,
+}
+
+impl Generate {
+    /// # Errors
+    /// As those of the generators; none or several of them.
+    pub fn scene(&self) -> Result<GeneratedScene> {
+        match (&self.street, &self.seabed, &self.indoor) {
+            (Some(street), None, None) => street.scene(self.seed),
+            (None, Some(seabed), None) => seabed.scene(self.seed),
+            (None, None, Some(indoor)) => indoor.scene(self.seed),
+            _ => Err(Error::invalid("scene.generate", "none or several", "one of street, seabed, indoor")),
+        }
+    }
+}
+
+/// A label file, or its contents.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) enum LabelSource {
+    #[default]
+    None,
+    File(PathBuf),
+    Rules(Box<LabelRules>),
+}
+
+impl<'de> Deserialize<'de> for LabelSource {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        match Value::deserialize(deserializer)? {
+            Value::Null => Ok(LabelSource::None),
+            Value::String(file) => Ok(LabelSource::File(file.into())),
+            value => Ok(LabelSource::Rules(Box::new(inner(value)?))),
+        }
+    }
+}
+
+/// A model placed in the scene.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Placement {
+    pub model: PathBuf,
+    /// Name of the instance; without it, that of the file.
+    pub name: Option<String>,
+    pub category: Option<String>,
+    /// Where its origin is, and how it is turned.
+    #[serde(default)]
+    pub at: PoseSpec,
+    /// How much larger it is than in its file.
+    #[serde(default = "unchanged")]
+    pub scale: f64,
+}
+
+/// A place, and how something is turned there.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct PoseSpec {
+    pub position_m: [f64; 3],
+    /// Roll, pitch, yaw about the fixed axes, see [`Pose::with_rpy_deg`].
+    pub rpy_deg: Option<[f64; 3]>,
+    pub orientation_xyzw: Option<[f64; 4]>,
+}
+
+impl PoseSpec {
+    /// The pose, or what is wrong with the section `key`.
+    pub fn pose(&self, key: &str) -> Result<Pose> {
+        let [x, y, z] = self.position_m;
+        let pose = match (self.rpy_deg, self.orientation_xyzw) {
+            (None, None) => Pose::at(x, y, z),
+            (Some([roll, pitch, yaw]), None) => Pose::at(x, y, z).with_rpy_deg(roll, pitch, yaw),
+            (None, Some(turned)) => {
+                let orientation = DQuat::from_array(turned);
+                if !(1e-6..1e6).contains(&orientation.length()) {
+                    let key = format!("{key}.orientation_xyzw");
+                    return Err(Error::invalid(key, format!("{turned:?}"), "a quaternion of length 1"));
+                }
+                // What is of length 1 keeps its bits.
+                let unit = orientation.is_normalized();
+                Pose {
+                    position: DVec3::new(x, y, z),
+                    orientation: if unit { orientation } else { orientation.normalize() },
+                }
+            }
+            (Some(_), Some(_)) => {
+                return Err(Error::invalid(key, "turned twice", "rpy_deg or orientation_xyzw"));
+            }
+        };
+        if pose.position.is_finite() && pose.orientation.is_finite() {
+            return Ok(pose);
+        }
+        Err(Error::invalid(key, format!("{:?}", self.position_m), "finite numbers"))
+    }
+}
+
+/// A sensor of the rig.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SensorEntry {
+    /// Its name in the set; without it, the sensor's own.
+    pub name: Option<String>,
+    /// A preset, a sensor file, or the contents of one.
+    pub sensor: Value,
+    /// Keys that replace those of the sensor: sections, or paths such as `noise.range_sigma_m`.
+    #[serde(default)]
+    pub set: serde_json::Map<String, Value>,
+    /// Where it is on its carrier.
+    #[serde(default)]
+    pub mount: PoseSpec,
+    /// Scans per second; without it, one for each frame.
+    pub rate_hz: Option<f64>,
+    /// When the first of these scans starts, s after the first frame.
+    #[serde(default)]
+    pub start_s: f64,
+}
+
+/// How the carrier of the sensors moves.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Carrier {
+    /// TUM text or CSV; time 0 is the first pose.
+    File(PathBuf),
+    /// It stands.
+    At(PoseSpec),
+    /// A camera node of the scene.
+    Camera(String),
+    /// An object of the scene, its x axis ahead.
+    Object(String),
+    /// Time in s and a pose, as in TUM text.
+    Poses(Vec<[f64; 8]>),
+    /// It stands on surfaces of the scene, elsewhere in each sample.
+    On(Box<super::variation::Spot>),
+}
+
+impl<'de> Deserialize<'de> for Carrier {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct File {
+            file: PathBuf,
+        }
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Camera {
+            camera: String,
+        }
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Object {
+            object: String,
+        }
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Poses {
+            poses: Vec<[f64; 8]>,
+        }
+        let value = Value::deserialize(deserializer)?;
+        let has = |key: &str| value.get(key).is_some();
+        Ok(match () {
+            () if has("file") => Carrier::File(inner::<File, _>(value)?.file),
+            () if has("camera") => Carrier::Camera(inner::<Camera, _>(value)?.camera),
+            () if has("object") => Carrier::Object(inner::<Object, _>(value)?.object),
+            () if has("poses") => Carrier::Poses(inner::<Poses, _>(value)?.poses),
+            () if has("on") => Carrier::On(Box::new(inner(value)?)),
+            () if has("position_m") => Carrier::At(inner(value)?),
+            () => {
+                let found = value.as_object().and_then(|keys| keys.keys().next()).cloned().unwrap_or_default();
+                const KNOWN: &[&str] = &["file", "position_m", "camera", "object", "poses", "on"];
+                return Err(D::Error::unknown_field(&found, KNOWN));
+            }
+        })
+    }
+}
+
+/// Which frames are scanned; frame k starts at k / fps seconds.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct FrameSpec {
+    #[serde(default)]
+    pub first: u32,
+    /// Included.
+    pub last: u32,
+    #[serde(default = "one")]
+    pub step: u32,
+    /// Without it, the rate of the first sensor.
+    pub fps: Option<f64>,
+}
+
+fn one() -> u32 {
+    1
+}
+
+fn unchanged() -> f64 {
+    1.0
+}
+
+/// The set that the samples make.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct SetSpec {
+    /// Where it is written; without it, a folder called as the scenario file without its ending.
+    pub folder: Option<PathBuf>,
+}
+
+/// Turns `value` into a `T`, with the key in front of what is wrong with it.
+fn inner<T: de::DeserializeOwned, E: de::Error>(value: Value) -> Result<T, E> {
+    serde_path_to_error::deserialize(&value).map_err(|error| match error.path().to_string().as_str() {
+        "." => E::custom(error.inner()),
+        path => E::custom(format!("{path}: {}", error.inner())),
+    })
+}
+
+fn word<'de, D: Deserializer<'de>, T: Named>(deserializer: D) -> Result<T, D::Error> {
+    by_name("value", &String::deserialize(deserializer)?).map_err(D::Error::custom)
+}
+
+fn word_or_nothing<'de, D: Deserializer<'de>, T: Named>(deserializer: D) -> Result<Option<T>, D::Error> {
+    let word = Option::<String>::deserialize(deserializer)?;
+    word.map(|word| by_name("value", &word).map_err(D::Error::custom)).transpose()
+}
+
+/// A list; nothing, where all that is in it is a comment, is an empty one.
+fn list_or_nothing<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer: D) -> Result<Vec<T>, D::Error> {
+    Option::deserialize(deserializer).map(Option::unwrap_or_default)
+}
+
+/// A word, several of them separated by commas, or a list.
+fn one_or_more_words<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<String>, D::Error> {
+    match Value::deserialize(deserializer)? {
+        Value::String(word) => Ok(vec![word]),
+        value => inner(value),
+    }
+}
+
+impl Spec {
+    /// Reads and checks `document`.
+    pub fn read(document: &Document) -> Result<Spec> {
+        let spec: Spec = document.read()?;
+        spec.check().map_err(|error| document.locate(error))?;
+        Ok(spec)
+    }
+
+    /// Reads what is kept in files of its own; relative names start at `folder`.
+    ///
+    /// # Errors
+    /// A missing file, or what is wrong in it.
+    pub fn read_files(&mut self, folder: &Path) -> Result<()> {
+        self.environment.read_files(folder)
+    }
+
+    fn check(&self) -> Result<()> {
+        /// More samples than anybody makes, so that each has a number of 32 bits.
+        const MOST_SAMPLES: u64 = 1_000_000_000;
+        if !(1..=MOST_SAMPLES).contains(&self.samples) {
+            return Err(Error::invalid("samples", self.samples, format!("1 to {MOST_SAMPLES}")));
+        }
+        if !(self.motion_tolerance_m > 0.0 && self.motion_tolerance_m <= 1e3) {
+            return Err(Error::invalid("motion_tolerance_m", self.motion_tolerance_m, "above 0, up to 1000 m"));
+        }
+        if self.organised && self.order == Order::Time {
+            return Err(Error::invalid("order", "time", "beam for organised clouds, whose rows and columns are beams"));
+        }
+        if let Some(frames) = &self.frames {
+            if frames.last < frames.first || frames.step == 0 {
+                let found = format!("{} to {} with step {}", frames.first, frames.last, frames.step);
+                return Err(Error::invalid("frames", found, "last not before first, step 1 or more"));
+            }
+            if let Some(fps) = frames.fps.filter(|fps| !(*fps > 0.0 && fps.is_finite())) {
+                return Err(Error::invalid("frames.fps", fps, "above 0"));
+            }
+        }
+        for (index, sensor) in self.sensors.iter().enumerate() {
+            let key = format!("sensors[{index}]");
+            sensor.mount.pose(&format!("{key}.mount"))?;
+            if let Some(rate) = sensor.rate_hz.filter(|rate| !(1e-6..=1e6).contains(rate)) {
+                return Err(Error::invalid(format!("{key}.rate_hz"), rate, "1e-6 to 1e6"));
+            }
+            if !(0.0..1e9).contains(&sensor.start_s) {
+                return Err(Error::invalid(format!("{key}.start_s"), sensor.start_s, "0 to 1e9"));
+            }
+        }
+        self.environment.check().map_err(|error| match error {
+            Error::InvalidParameter { name, value, allowed } => {
+                Error::InvalidParameter { name: format!("environment.{name}"), value, allowed }
+            }
+            other => other,
+        })?;
+        super::variation::check(&self.variation)
+    }
+}

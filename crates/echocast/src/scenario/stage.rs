@@ -1,0 +1,253 @@
+//! What samples start from: scenes, sensors and files, read and built once.
+
+use super::assets::{self, Assets};
+use super::spec::{LabelSource, SceneSpec, SensorEntry, Spec};
+use super::variation::{Units, What};
+use crate::ground::error::{Error, Result};
+use crate::ground::shown;
+use crate::material::Material;
+use crate::read::yaml::Document;
+use crate::scene::{LabelRules, LoadOptions, Mesh, Scene, matches};
+use crate::sensor::Sensor;
+use crate::trace::{Engine, LiveScene};
+use glam::{DAffine3, DVec3};
+use serde_json::Value;
+use std::collections::{HashMap, VecDeque};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// What the samples of a scenario share, for any number of threads.
+#[derive(Debug)]
+pub(super) struct Stage {
+    pub engine: Engine,
+    pub assets: Assets,
+    pub labels: LabelRules,
+    /// The files that each rule names.
+    pub models: Vec<Vec<(PathBuf, f64)>>,
+    /// The last scenes, by the section that describes them; the newest last.
+    bases: Mutex<VecDeque<(String, Arc<Base>)>>,
+    /// By the entry that describes them.
+    sensors: Mutex<HashMap<String, Arc<Sensor>>>,
+}
+
+/// A scene that samples start from, built.
+#[derive(Debug)]
+pub(super) struct Base {
+    pub scene: Scene,
+    pub live: LiveScene,
+    pub units: Units,
+}
+
+/// Scenes kept at once, where the scene itself differs between samples.
+const KEPT: usize = 4;
+
+/// Sensors kept at once, likewise.
+const KEPT_SENSORS: usize = 64;
+
+impl Stage {
+    /// # Errors
+    /// A label file that cannot be read, a model that is not there.
+    pub fn new(spec: &Spec, folder: &Path, engine: Engine) -> Result<Stage> {
+        let labels = match &spec.scene.labels {
+            LabelSource::None => LabelRules::default(),
+            LabelSource::File(file) => LabelRules::load(folder.join(file))?,
+            LabelSource::Rules(rules) => {
+                let mut rules = (**rules).clone();
+                rules.check(Path::new("scene.labels"))?;
+                rules.caches.values_mut().for_each(|cache| cache.file = folder.join(&cache.file));
+                rules
+            }
+        };
+        let files = |(index, rule): (usize, &super::variation::Rule)| match &rule.what {
+            What::Swap(rule) => assets::files(&rule.with, folder, &format!("variation[{index}].with")),
+            What::Place(rule) => assets::files(&rule.place, folder, &format!("variation[{index}].place")),
+            _ => Ok(Vec::new()),
+        };
+        let models = spec.variation.iter().enumerate().map(files).collect::<Result<_>>()?;
+        let (bases, sensors) = (Mutex::default(), Mutex::default());
+        Ok(Stage { engine, assets: Assets::default(), labels, models, bases, sensors })
+    }
+
+    /// The scene that `spec` describes; `key` is the text of its section. A scene that another thread makes at the same
+    /// time is waited for.
+    ///
+    /// # Errors
+    /// As [`Scene::load`] and [`LiveScene::commit`]; a pattern that nothing matches.
+    pub fn base(&self, spec: &Spec, key: String, folder: &Path) -> Result<Arc<Base>> {
+        // With the lock: samples mostly share one scene, and each by itself may fill the memory.
+        let mut bases = lock(&self.bases);
+        if let Some((_, base)) = bases.iter().find(|(known, _)| *known == key) {
+            return Ok(base.clone());
+        }
+        if bases.len() == KEPT {
+            bases.pop_front();
+        }
+        let base = Arc::new(self.make(spec, folder)?);
+        bases.push_back((key, base.clone()));
+        Ok(base)
+    }
+
+    fn make(&self, spec: &Spec, folder: &Path) -> Result<Base> {
+        let mut scene = self.read(&spec.scene, folder)?;
+        hide(&mut scene, &spec.scene.hide)?;
+        override_materials(&mut scene, &spec.scene)?;
+        let mut live = LiveScene::new(&self.engine);
+        live.set_motion_tolerance(spec.motion_tolerance_m)?;
+        live.add_scene(&scene)?;
+        for (index, place) in spec.scene.place.iter().enumerate() {
+            let key = format!("scene.place[{index}]");
+            if !(1e-6..=1e6).contains(&place.scale) {
+                return Err(Error::invalid(format!("{key}.scale"), place.scale, "1e-6 to 1e6"));
+            }
+            let path = folder.join(&place.model);
+            let model = self.assets.model(&path, &self.labels)?;
+            let pose = place.at.pose(&format!("{key}.at"))?;
+            let placed =
+                DAffine3::from_scale_rotation_translation(DVec3::splat(place.scale), pose.orientation, pose.position);
+            let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+            let name = (place.name.as_deref().unwrap_or(&stem), live.next_instance());
+            live.add_model(&model.scene, &placed, name, place.category.as_deref())?;
+        }
+        let units = Units::new(&live);
+        for (index, rule) in spec.variation.iter().enumerate() {
+            let Some(target) = rule.target() else { continue };
+            let ids: Vec<_> = units.ids(target).collect();
+            // What a rule before it has placed is not here yet.
+            let placed = spec.variation[..index].iter().any(|rule| matches!(rule.what, What::Place(_)));
+            if ids.is_empty() && !placed {
+                let found = format!("{}, which nothing in the scene is", target.shown());
+                let names: Vec<&str> = units.names().collect();
+                let near = target.object.as_deref().map(|name| crate::ground::error::nearest(name, &names));
+                let near = near.filter(|near| !near.is_empty()).unwrap_or_default();
+                let shown =
+                    if near.is_empty() { names.iter().take(8).map(|name| (*name).to_owned()).collect() } else { near };
+                return Err(Error::invalid(format!("variation[{index}]"), found, shown.join(", ")));
+            }
+            ids.into_iter().try_for_each(|id| live.unfix(id))?;
+        }
+        if !scene.is_moving() {
+            live.commit()?;
+        }
+        Ok(Base { scene, live, units })
+    }
+
+    fn read(&self, spec: &SceneSpec, folder: &Path) -> Result<Scene> {
+        let mut caches = spec.caches.clone();
+        caches.values_mut().for_each(|cache| cache.file = folder.join(&cache.file));
+        let options = LoadOptions {
+            up: spec.up,
+            scale: spec.scale,
+            labels: self.labels.clone(),
+            texture_limit_mib: spec.texture_limit_mib,
+            animation: spec.animation.clone(),
+            looped: spec.looped,
+            allow_outside_paths: spec.allow_outside_paths,
+            caches,
+        };
+        match &spec.generate {
+            Some(made) if spec.files.is_empty() => made.scene()?.load(&options),
+            Some(_) => Err(Error::invalid("scene", "files and generate", "one of them")),
+            None if spec.files.is_empty() => Err(Error::invalid("scene", "no files", "files or generate")),
+            None => {
+                let files: Vec<PathBuf> = spec.files.iter().map(|file| folder.join(file)).collect();
+                Scene::load_all(&files, &options)
+            }
+        }
+    }
+
+    /// The sensor of `entry`, the one at `key` of the file.
+    ///
+    /// # Errors
+    /// As [`Sensor::open`] and [`Sensor::set`].
+    pub fn sensor(&self, entry: &SensorEntry, key: &str, folder: &Path) -> Result<Arc<Sensor>> {
+        let name = format!("{}{}", entry.sensor, Value::Object(entry.set.clone()));
+        if let Some(known) = lock(&self.sensors).get(&name) {
+            return Ok(known.clone());
+        }
+        let mut sensor = match &entry.sensor {
+            Value::String(name) => {
+                let path = folder.join(name);
+                // A file beside the scenario is preferred to a preset.
+                Sensor::open(if path.is_file() { &path } else { Path::new(name) })?
+            }
+            section @ Value::Object(_) => {
+                Sensor::from_section(&Document::from_value(format!("{key}.sensor"), section.clone()), folder)?
+            }
+            other => {
+                let allowed = "the name of a preset or file, or a section of keys";
+                return Err(Error::invalid(format!("{key}.sensor"), other, allowed));
+            }
+        };
+        for (path, value) in flat(&entry.set) {
+            sensor.set(&path, &value.to_string())?;
+        }
+        let mut sensors = lock(&self.sensors);
+        if sensors.len() == KEPT_SENSORS {
+            sensors.clear();
+        }
+        Ok(sensors.entry(name).or_insert(Arc::new(sensor)).clone())
+    }
+}
+
+/// Takes the objects away whose names match a pattern.
+fn hide(scene: &mut Scene, patterns: &[String]) -> Result<()> {
+    for (index, pattern) in patterns.iter().enumerate() {
+        if !scene.objects.iter().any(|object| matches(pattern, &object.name)) {
+            let names = scene.objects.iter().map(|object| &object.name);
+            let near = crate::ground::error::nearest(pattern, names).join(", ");
+            let found = format!("{:?}, which no object is called", shown::name(pattern));
+            return Err(Error::invalid(format!("scene.hide[{index}]"), found, near));
+        }
+        scene.objects.retain(|object| !matches(pattern, &object.name));
+    }
+    Ok(())
+}
+
+/// Replaces what the section `materials` says about materials.
+fn override_materials(scene: &mut Scene, spec: &SceneSpec) -> Result<()> {
+    let mut replaced: HashMap<*const Material, Arc<Material>> = HashMap::new();
+    for (pattern, keys) in &spec.materials {
+        let key = format!("scene.materials.{pattern}");
+        let mut known = false;
+        for material in scene.materials.iter().filter(|material| matches(pattern, &material.name)) {
+            let now = replaced.get(&Arc::as_ptr(material)).unwrap_or(material);
+            let changed = Arc::new(now.with_keys(&key, keys)?);
+            replaced.insert(Arc::as_ptr(material), changed);
+            known = true;
+        }
+        if !known {
+            let names = scene.materials.iter().map(|material| &material.name);
+            let near = crate::ground::error::nearest(pattern, names).join(", ");
+            return Err(Error::invalid(key, "a pattern that no material's name matches", near));
+        }
+    }
+    if replaced.is_empty() {
+        return Ok(());
+    }
+    let mut meshes: HashMap<*const Mesh, Arc<Mesh>> = HashMap::new();
+    let of = |material: &Arc<Material>| replaced.get(&Arc::as_ptr(material)).cloned();
+    for object in &mut scene.objects {
+        let mesh = meshes.entry(Arc::as_ptr(&object.mesh));
+        object.mesh = mesh.or_insert_with(|| Arc::new(object.mesh.with_materials(of))).clone();
+    }
+    scene.materials.iter_mut().for_each(|material| *material = of(material).unwrap_or_else(|| material.clone()));
+    Ok(())
+}
+
+/// Sections of keys as paths of keys and their values.
+fn flat(keys: &serde_json::Map<String, Value>) -> Vec<(String, &Value)> {
+    let mut all = Vec::new();
+    for (key, value) in keys {
+        match value {
+            Value::Object(inner) if !inner.is_empty() => {
+                all.extend(flat(inner).into_iter().map(|(path, value)| (format!("{key}.{path}"), value)));
+            }
+            _ => all.push((key.clone(), value)),
+        }
+    }
+    all
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

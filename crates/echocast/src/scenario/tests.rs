@@ -1,0 +1,531 @@
+use super::*;
+use crate::trace::LiveScene;
+use glam::{DQuat, DVec3};
+use serde_json::json;
+use std::fs;
+use tempfile::TempDir;
+
+/// A box in OBJ, from `low` to `high`.
+fn cuboid(name: &str, material: &str, low: [f64; 3], high: [f64; 3], first: &mut usize) -> String {
+    let mut text = format!("o {name}\nusemtl {material}\n");
+    for k in 0..8 {
+        let at = |axis: usize| if k >> axis & 1 == 0 { low[axis] } else { high[axis] };
+        text += &format!("v {} {} {}\n", at(0), at(1), at(2));
+    }
+    for face in [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]] {
+        let corners = face.map(|corner| (corner + *first + 1).to_string());
+        text += &format!("f {}\n", corners.join(" "));
+    }
+    *first += 8;
+    text
+}
+
+/// A floor of 20 m, a wall across it at x = 3, a slope at its end, six chairs; and two models.
+fn folder() -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let mut first = 0;
+    let mut room = cuboid("Floor", "wood", [-10.0, -10.0, -0.1], [10.0, 10.0, 0.0], &mut first);
+    room += &cuboid("Wall", "paint", [3.0, -10.0, 0.0], [3.2, 10.0, 2.5], &mut first);
+    for k in 0..6 {
+        let x = -8.0 + 1.5 * f64::from(k);
+        room += &cuboid(&format!("Chair_{k}"), "plastic", [x, 0.0, 0.0], [x + 0.5, 0.5, 0.9], &mut first);
+    }
+    room += "o Slope\nusemtl grass\nv 10 -10 0\nv 30 -10 10\nv 30 10 10\nv 10 10 0\nf 57 58 59 60\nf 57 59 60\n"
+        .replace("57 58 59 60\nf ", &format!("{0} {1} {2}\nf ", first + 1, first + 2, first + 3))
+        .replace("57 59 60", &format!("{} {} {}", first + 1, first + 3, first + 4))
+        .as_str();
+    fs::write(folder.path().join("room.obj"), room).unwrap();
+    fs::create_dir(folder.path().join("models")).unwrap();
+    for (name, size) in [("crate", [1.0, 0.6, 0.4]), ("pole", [0.1, 0.1, 2.0])] {
+        let half = [size[0] / 2.0, size[1] / 2.0];
+        let text = cuboid(name, "metal", [-half[0], -half[1], -0.2], [half[0], half[1], size[2] - 0.2], &mut 0);
+        fs::write(folder.path().join("models").join(format!("{name}.obj")), text).unwrap();
+    }
+    fs::write(folder.path().join("models/readme.txt"), "no model").unwrap();
+    folder
+}
+
+fn scenario(folder: &TempDir, rest: &str) -> Result<Scenario> {
+    let text = format!(
+        "scene: {{files: room.obj, labels: {{objects: {{\"Chair_*\": chair}}}}}}\n\
+         sensors: [{{sensor: velodyne_vlp16, name: top}}]\ntrajectory: {{position_m: [0, -5, 1.5]}}\nsamples: 1000\n{rest}"
+    );
+    Ok(Scenario::from_yaml(&text, folder.path())?.with_engine(&Engine::with_threads(1).unwrap()))
+}
+
+fn rules(rules: &str) -> (TempDir, Scenario) {
+    let folder = folder();
+    let scenario = scenario(&folder, &format!("variation:\n{rules}")).unwrap();
+    (folder, scenario)
+}
+
+/// The middles of the boxes of all objects whose names fit, and their lowest and highest points.
+fn places(live: &LiveScene, pattern: &str) -> Vec<(String, DVec3, f64, f64)> {
+    let fits = |name: &str| crate::scene::matches(pattern, name);
+    let named = |number: u32| live.labels().instance.name(number).unwrap_or_default().to_owned();
+    live.objects()
+        .map(|(_, object)| (named(object.instance_id), object))
+        .filter(|(name, _)| fits(name))
+        .map(|(name, object)| {
+            let corners = crate::scene::corners(object.mesh.bounds().unwrap(), &object.world_from_object);
+            let middle = corners.iter().sum::<DVec3>() / 8.0;
+            let heights = corners.map(|corner| corner.z);
+            let (low, high) = heights.iter().fold((f64::MAX, f64::MIN), |(a, b), z| (a.min(*z), b.max(*z)));
+            (name, middle, low, high)
+        })
+        .collect()
+}
+
+#[test]
+fn a_rule_more_moves_no_other_draw() {
+    let chairs = "  - move: \"Chair_*\"\n    by_m: [{normal: [0, 0.2]}, {uniform: [-1, 1]}, 0]\n    turn_deg: {uniform: [0, 360]}\n";
+    let (_a, alone) = rules(chairs);
+    let (_b, among) = rules(
+        &format!(
+            "  - remove: Wall\n  - set: seed_of_nothing\n    to: 1\n{chairs}  - place: models\n    at: {{on: Floor}}\n"
+        )
+        .replace(
+            "  - set: seed_of_nothing\n    to: 1\n",
+            "  - set: environment.clear_air\n    to: {choice: [{visibility_m: 5000}]}\n",
+        ),
+    );
+    for index in [0, 1, 17, 999] {
+        let [a, b] = [&alone, &among].map(|scenario| places(scenario.sample(index).unwrap().scene(), "Chair_*"));
+        assert_eq!(a, b);
+    }
+    // In any order, again and again.
+    let again: Vec<_> =
+        [5, 3, 5].map(|index| places(alone.sample(index).unwrap().scene(), "Chair_*")).into_iter().collect();
+    assert_eq!(again[0], again[2]);
+    assert_ne!(again[0], again[1]);
+}
+
+#[test]
+fn what_is_drawn_is_told() {
+    let (_folder, scenario) = rules(
+        "  - {remove: \"Chair_*\", chance: 0.5}\n  - {swap: Chair_3, with: models/crate.obj}\n\
+         \x20 - {set: environment.rain.rate_mm_h, to: {uniform: [5, 20]}, name: shower}\n",
+    );
+    let sample = scenario.sample(4).unwrap();
+    let drawn = sample.drawn();
+    assert_eq!(drawn[0]["rule"], "shower");
+    let rate = drawn[0]["value"].as_f64().unwrap();
+    let rain = &sample.scans()[0].options(0).environment.rain;
+    assert!((5.0..20.0).contains(&rate) && serde_json::to_value(rain).unwrap()[0]["rate_mm_h"] == json!(rate));
+    let removed = drawn.iter().filter(|entry| entry["rule"] == "remove Chair_*").count();
+    assert_eq!(places(sample.scene(), "Chair_*").len(), 6 - removed);
+    let kept: usize = (0..200).map(|k| places(scenario.sample(k).unwrap().scene(), "Chair_*").len()).sum();
+    assert!((500..700).contains(&kept), "{kept}");
+}
+
+#[test]
+fn models_stand_on_their_surface_and_clear_of_others() {
+    let (_folder, scenario) = rules(
+        "  - place: [models/crate.obj, {value: models/pole.obj, weight: 3}]\n    call: thing\n    category: clutter\n\
+         \x20   count: {uniform: [5, 12]}\n    at: {on: {category: Floor}}\n    turn_deg: {uniform: [0, 360]}\n\
+         \x20   scale: {uniform: [0.8, 1.2]}\n    clearance_m: 0.2\n",
+    );
+    let mut poles = 0;
+    for index in 0..20 {
+        let sample = scenario.sample(index).unwrap();
+        let things = places(sample.scene(), "thing_*");
+        assert!((5..=12).contains(&things.len()));
+        let others: Vec<_> = ["Chair_*", "Wall"].iter().flat_map(|it| places(sample.scene(), it)).collect();
+        for (k, (name, middle, low, high)) in things.iter().enumerate() {
+            assert!(low.abs() < 1e-3, "{name} stands at {low}");
+            poles += usize::from(high - low > 1.0);
+            assert!(middle.x.abs() < 10.0 && middle.y.abs() < 10.0);
+            // Smaller than half of their least sizes and the clearance.
+            for (other, there, ..) in things[..k].iter().chain(others.iter().filter(|other| other.0 != "Wall")) {
+                assert!(middle.truncate().distance(there.truncate()) > 0.2 + 0.1, "{name} and {other}");
+            }
+            assert!((middle.x - 3.1).abs() > 0.1 + 0.2 + 0.04, "{name} stands in the wall");
+        }
+        let object = sample.scene().objects().find(|(_, object)| object.name == "crate" || object.name == "pole");
+        let category = object.unwrap().1.category_id;
+        assert_eq!(sample.scene().labels().category.name(category), Some("clutter"));
+        // Each is an instance of its own.
+        let mut numbers: Vec<u32> = sample.scene().objects().map(|(_, object)| object.instance_id).collect();
+        numbers.sort_unstable();
+        assert!(numbers.windows(2).all(|pair| pair[0] < pair[1]));
+    }
+    assert!(poles > 60, "{poles}");
+}
+
+#[test]
+fn things_drop_and_lie_along_the_slope() {
+    let (_folder, scenario) = rules(
+        "  - {place: models/pole.obj, call: up, at: {on: Slope}}\n\
+         \x20 - {place: models/crate.obj, call: flat, at: {on: Slope}, align: slope, clearance_m: 0.3}\n\
+         \x20 - {place: models/crate.obj, call: fallen, at: {within: {min_m: [11, -5, 30], max_m: [25, 5, 40]}}, drop: true}\n\
+         \x20 - {move: Chair_0, by_m: [20, 0, 6], drop: true}\n",
+    );
+    let ground = |at: DVec3| 0.5 * (at.x - 10.0);
+    for index in 0..30 {
+        let sample = scenario.sample(index).unwrap();
+        assert!(sample.report().warnings.iter().all(|warning| !warning.contains("no room")), "{:?}", sample.report());
+        let at = |name: &str| places(sample.scene(), name)[0].clone();
+        let (_, pole, low, high) = at("up_1");
+        assert!((low - ground(pole)).abs() < 1e-3 && (high - low - 2.0).abs() < 1e-6);
+        let (_, crate_, ..) = at("flat_1");
+        // Half of its height above the slope, across it.
+        assert!(((crate_.z - ground(crate_)) / 1.25_f64.sqrt() - 0.2).abs() < 1e-3);
+        let (_, fallen, low, _) = at("fallen_1");
+        let others = (low - ground(fallen)).abs() > 1e-3;
+        assert!(!others || low > ground(fallen), "{low}");
+        let (_, chair, low, _) = at("Chair_0");
+        assert!((low - ground(chair)).abs() < 1e-3 && (chair.x - 12.25).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn what_finds_no_room_is_told_or_fails() {
+    let rule = |otherwise: &str| {
+        format!(
+            "  - {{place: models/pole.obj, at: {{on: Floor}}, count: 3, clearance_m: 30, tries: 5, otherwise: {otherwise}}}\n"
+        )
+    };
+    let (_a, skip) = rules(&rule("skip"));
+    let sample = skip.sample(0).unwrap();
+    let notes: Vec<_> = sample.report().warnings.iter().filter(|note| note.contains("no room")).collect();
+    assert_eq!(notes[0], "variation[0]: \"pole_1\" finds no room in 5 tries: left out");
+    assert_eq!((notes.len(), places(sample.scene(), "pole_*").len()), (3, 0));
+    let (_b, fail) = rules(&rule("fail"));
+    let error = fail.sample(0).unwrap_err().to_string();
+    assert!(error.starts_with("variation[0] is \"pole_1\" finds no room in 5 tries; allowed: "), "{error}");
+}
+
+#[test]
+fn swapped_objects_keep_place_name_and_category() {
+    let (_folder, scenario) =
+        rules("  - {swap: {category: chair}, with: models, fit: true}\n  - {move: Chair_2, by_m: [0, 2, 0]}\n");
+    let base = places(rules("").1.sample(0).unwrap().scene(), "Chair_*");
+    let sample = scenario.sample(3).unwrap();
+    let now = places(sample.scene(), "Chair_*");
+    assert_eq!(now.len(), 6);
+    for (name, middle, low, high) in &now {
+        let (_, before, ..) = base.iter().find(|(known, ..)| known == name).unwrap();
+        let by = if name == "Chair_2" { 2.0 } else { 0.0 };
+        assert!((middle.truncate() - before.truncate() - by * glam::DVec2::Y).length() < 1e-6);
+        assert!(low.abs() < 1e-6 && (high - 0.9).abs() < 1e-6);
+    }
+    let chair = sample.scene().labels().category.id("chair");
+    assert_eq!(sample.scene().objects().filter(|(_, object)| object.category_id == chair).count(), 6);
+}
+
+#[test]
+fn looks_change_what_is_seen_without_building() {
+    let (_folder, scenario) = rules(
+        "  - {look: plastic, reflectance: {uniform: [0.1, 0.9]}, of: \"Chair_*\"}\n  - {look: wood, reflectance: 0.25, wetness: 1}\n",
+    );
+    let mut sample = scenario.sample(2).unwrap();
+    let built = sample.built(0, 0).unwrap();
+    let drawn: Vec<f64> = sample.drawn().iter().filter_map(|entry| entry["reflectance"].as_f64()).collect();
+    assert_eq!(drawn.len(), 7);
+    assert!((0..6).all(|k| !drawn[..k].contains(&drawn[k])));
+    let materials = &built.0.surfaces.materials;
+    let of = |name: &str| -> Vec<f32> {
+        let named = materials.iter().filter(|material| material.name == name);
+        let value = |material: &Arc<crate::material::Material>| match material.reflectance {
+            Some(crate::material::Reflectance::Constant(value)) => value,
+            _ => f32::NAN,
+        };
+        named.map(value).collect()
+    };
+    let seen = of("plastic");
+    assert!(seen.len() == 6 && seen.iter().all(|value| drawn.iter().any(|it| (*it as f32 - value).abs() < 1e-6)));
+    let wet = of("wood");
+    assert!(wet.len() == 1 && wet[0] > 0.12 && wet[0] < 0.18, "{wet:?}");
+}
+
+#[test]
+fn rigs_scan_at_their_own_rates_from_their_own_places() {
+    let folder = folder();
+    fs::write(
+        folder.path().join("drive.txt"),
+        "0 0 -8 1 0 0 0 1\n2 4 -8 1 0 0 0.7071067811865476 0.7071067811865476\n",
+    )
+    .unwrap();
+    let text = "scene: {files: room.obj}\nseed: 3\ntrajectory: {file: drive.txt}\nframes: {last: 9, fps: 10}\nsensors:\n\
+                \x20 - {name: top, sensor: velodyne_vlp16, mount: {position_m: [1, 0, 0.5], rpy_deg: [0, 10, 0]}, set: {range.max_m: 30}}\n\
+                \x20 - {name: side, sensor: velodyne_vlp16, mount: {position_m: [0, 1, 0]}, rate_hz: 5, start_s: 0.05, set: {noise: {range_sigma_m: 0}}}\n";
+    let scenario = Scenario::from_yaml(text, folder.path()).unwrap().with_engine(&Engine::with_threads(1).unwrap());
+    let mut sample = scenario.sample(0).unwrap();
+    let [top, side] = sample.scans() else { panic!() };
+    assert_eq!((top.name(), top.frames().len(), side.frames().len()), ("top", 10, 5));
+    assert_eq!(side.frames()[2], FrameTime { number: 2, start: 0.05 + 0.4 });
+    assert_eq!((top.options(0).seed, top.options(3).frame), (3, 3));
+    assert_ne!(side.options(0).seed, 3);
+    assert_eq!((top.sensor().spec().range.max_m, side.sensor().spec().noise.range_sigma_m), (Some(30.0), 0.0));
+    // On the arc of the lever, everywhere.
+    let carrier = crate::emitter::Trajectory::load(folder.path().join("drive.txt")).unwrap();
+    for k in 0..=200 {
+        let time = f64::from(k) / 100.0;
+        let (on, own) = (carrier.at(time), top.trajectory().at(time));
+        assert!(own.position.distance(on.position + on.orientation * DVec3::new(1.0, 0.0, 0.5)) < 1e-4);
+        let turned = on.orientation * DQuat::from_rotation_y(10f64.to_radians());
+        assert!(own.orientation.angle_between(turned) < 1e-6);
+    }
+    let clouds = [sample.cloud(0, 9).unwrap(), sample.cloud(1, 4).unwrap()];
+    assert!(clouds.iter().all(|cloud| cloud.len > 1000));
+}
+
+#[test]
+fn carriers_stand_on_surfaces() {
+    let folder = folder();
+    let text = "scene: {files: room.obj}\nsensors: [{sensor: velodyne_vlp16}]\nsamples: 50\n\
+                trajectory: {on: Floor, height_m: {uniform: [1, 2]}, turn_deg: {uniform: [0, 360]}, clearance_m: 0.4}\n";
+    let scenario = Scenario::from_yaml(text, folder.path()).unwrap().with_engine(&Engine::with_threads(1).unwrap());
+    for index in 0..50 {
+        let sample = scenario.sample(index).unwrap();
+        let pose = sample.scans()[0].trajectory().at(0.0);
+        assert!(pose.position.x.abs() <= 10.0 && (1.0..2.0).contains(&pose.position.z));
+        assert!((pose.position.x - 3.1).abs() > 0.5, "{}", pose.position);
+        assert_eq!(sample.drawn()[0]["rule"], "trajectory");
+    }
+}
+
+#[test]
+fn grids_go_through_all_values() {
+    let (_folder, scenario) = rules(
+        "  - {set: environment.fog, to: {grid: [{visibility_m: 50}, {visibility_m: 100}]}}\n\
+         \x20 - {set: \"sensors.top.mount.position_m\", to: {grid: [[0, 0, 1], [0, 0, 2], [0, 0, 3]]}}\n",
+    );
+    let mut seen: Vec<String> = (0..6)
+        .map(|index| {
+            let sample = scenario.sample(index).unwrap();
+            let height = sample.scans()[0].trajectory().at(0.0).position.z;
+            format!("{:?} {height}", sample.scans()[0].options(0).environment.fog[0].what.visibility_m)
+        })
+        .collect();
+    seen.sort();
+    seen.dedup();
+    assert_eq!(seen.len(), 6);
+}
+
+#[test]
+fn keys_are_changed_by_path() {
+    let folder = folder();
+    let mut scenario = scenario(&folder, "frames: {last: 3}\n").unwrap();
+    scenario.set("frames.last", "5").unwrap();
+    scenario.set("sensors.top.mount.position_m", "[0, 0, 2]").unwrap();
+    scenario.set("environment.rain", "{rate_mm_h: 3}").unwrap();
+    let sample = scenario.sample(0).unwrap();
+    assert_eq!(sample.scans()[0].frames().len(), 6);
+    assert_eq!(sample.scans()[0].trajectory().at(0.0).position.z, 3.5);
+    for (key, value, fault) in [
+        ("frames.lats", "5", "frames.lats=5: frames.lats: unknown key \"lats\"; near: last"),
+        ("sensors.left.rate_hz", "5", "sensors.left.rate_hz=5: sensors: its list of 1 has no entry \"left\""),
+        ("samples", "1000000000000", "samples=1000000000000: samples: is 1000000000000; allowed: 1 to 1000000000"),
+        ("environment.rain.rate_mm_h", "-3", "rate_mm_h"),
+    ] {
+        let error = scenario.set(key, value).unwrap_err().to_string();
+        assert!(error.contains(fault), "{error}");
+    }
+    assert_eq!(scenario.sample(0).unwrap().scans()[0].frames().len(), 6);
+}
+
+#[test]
+fn bad_files_are_told_with_line_and_key() {
+    let folder = folder();
+    fs::create_dir(folder.path().join("empty")).unwrap();
+    let fault = |rest: &str| {
+        let error = scenario(&folder, rest).and_then(|scenario| scenario.sample(0)).unwrap_err();
+        error.to_string()
+    };
+    for (rest, wanted) in [
+        ("variaton: []", "line 5: variaton: unknown key \"variaton\"; near: variation"),
+        ("variation: [{move: \"Chair_*\", by_m: [{uniform: [2, 1]}, 0, 0]}]", "variation[0].by_m"),
+        (
+            "variation: [{move: \"Cahir_*\", by_m: [1, 0, 0]}]",
+            "variation[0] is object \"Cahir_*\", which nothing in the scene is",
+        ),
+        ("variation: [{shuffle: \"Chair_*\"}]", "unknown key \"shuffle\""),
+        ("variation: [{remove: Wall}, {remove: Wall}]", "variation[1]: is called \"remove Wall\", as a rule before it"),
+        ("variation: [{place: empty, at: {on: Floor}}]", "a folder without models"),
+        ("variation: [{place: none.obj, at: {on: Floor}}]", "none.obj: No such file"),
+        (
+            "variation: [{place: models, at: {on: Roof}}]",
+            "variation[0].at.on is object \"Roof\", which nothing in the scene is",
+        ),
+        (
+            "variation: [{place: models, at: {on: Wall, along: [[0, 0, 0], [1, 0, 0]]}}]",
+            "variation[0].at: is several places",
+        ),
+        ("variation: [{remove: Wall, chance: 2}]", "variation[0].chance: is 2; allowed: 0 to 1"),
+        (
+            "variation: [{set: sensors.left.rate_hz, to: 3}]",
+            "there is no place for \"sensors.left.rate_hz\" in this file",
+        ),
+        ("variation: [{set: environment.rain.rate_mm_h, to: -3}]", "YAML text, sample 0: environment.rain.rate_mm_h"),
+        ("frames: {last: 3, first: 5}", "line 5: frames: is 5 to 3 with step 1"),
+        ("outputs: 3", "line 5: outputs"),
+    ] {
+        let error = fault(rest);
+        assert!(error.contains(wanted), "{rest}: {error}");
+    }
+    let two = "scene: {files: room.obj}\nsensors: [{sensor: velodyne_vlp16}, {sensor: velodyne_vlp16}]\ntrajectory: {position_m: [0, 0, 1]}";
+    let error = Scenario::from_yaml(two, folder.path()).unwrap().sample(0).unwrap_err().to_string();
+    assert_eq!(
+        error,
+        "sensors[1] is called \"velodyne_vlp16\", as a sensor before it; allowed: a `name` of its own for each"
+    );
+}
+
+/// Files of a folder by name, with their contents.
+fn contents(root: &Path) -> std::collections::BTreeMap<String, Vec<u8>> {
+    let mut all = std::collections::BTreeMap::new();
+    let mut open = vec![root.to_owned()];
+    while let Some(folder) = open.pop() {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                open.push(path);
+            } else {
+                all.insert(shown::path(path.strip_prefix(root).unwrap()), fs::read(&path).unwrap());
+            }
+        }
+    }
+    all
+}
+
+const VARIED: &str = "set: {folder: made}\nfields: [default, velocity]\n\
+    outputs: [{style: plain, format: ply}, {style: semantic_kitti}]\nframes: {last: 1}\nvariation:\n\
+    \x20 - {place: models, call: thing, category: car, count: {uniform: [0, 4]}, at: {on: Floor}, turn_deg: {uniform: [0, 360]}}\n\
+    \x20 - {remove: \"Chair_*\", chance: 0.3}\n  - {look: wood, reflectance: {uniform: [0.1, 0.9]}}\n\
+    \x20 - {set: environment.fog.visibility_m, to: {log_uniform: [50, 500]}}\n";
+
+fn run(folder: &TempDir, rest: &str, options: &set::RunOptions) -> Result<set::RunSummary> {
+    let text = format!("{}seed: 5\n", VARIED.replace("variation:\n", &format!("{rest}variation:\n")));
+    set::run(scenario(folder, &text)?, options, &|_| {})
+}
+
+fn options(folder: Option<PathBuf>) -> set::RunOptions {
+    set::RunOptions { folder, samples: Some([0, 13, 1]), shard: None, resume: false, threads: 1 }
+}
+
+#[test]
+fn sets_are_the_same_however_they_are_made() {
+    let folder = folder();
+    let fourteen = |options: &set::RunOptions| {
+        let mut scenario = scenario(&folder, &format!("{VARIED}seed: 5\n")).unwrap();
+        scenario.set("samples", "14").unwrap();
+        set::run(scenario, options, &|_| {}).unwrap()
+    };
+    let summary = fourteen(&options(None));
+    assert_eq!((summary.made, summary.found, summary.failed.len(), summary.complete), (14, 0, 0, true));
+    let whole = contents(&folder.path().join("made"));
+    assert!(whole["manifest.json"].len() > 1000 && whole.contains_key("report.html"));
+    assert!(
+        whole.contains_key("data/000013/top_0001.ply") && whole.contains_key("sequences/000000/labels/000001.label")
+    );
+    assert_eq!(set::check_folder(&folder.path().join("made")).unwrap(), Vec::<String>::new());
+
+    // Seven shards, in another order, with two threads.
+    let parts = folder.path().join("parts");
+    for part in [6, 0, 3, 1, 2, 5, 4] {
+        let shard = set::RunOptions { shard: Some([part, 7]), threads: 2, ..options(Some(parts.clone())) };
+        assert_eq!(fourteen(&shard).made, 2);
+    }
+    assert_eq!(set::check_folder(&parts).unwrap(), Vec::<String>::new());
+    set::finish(&parts).unwrap();
+    assert_eq!(contents(&parts), whole);
+
+    // Some of it lost, damaged or half made.
+    let again = folder.path().join("again");
+    fourteen(&set::RunOptions { samples: Some([3, 9, 2]), ..options(Some(again.clone())) });
+    fs::remove_file(again.join("data/000005/top_0000.ply")).unwrap();
+    fs::write(again.join("sequences/000007/times.txt"), "0\n1\n").unwrap();
+    fs::create_dir(again.join("data/.000001.unfinished")).unwrap();
+    fs::write(again.join("data/.000001.unfinished/top_0000.ply"), "half").unwrap();
+    let log = fs::read_to_string(again.join("manifest.jsonl")).unwrap();
+    fs::write(again.join("manifest.jsonl"), format!("{log}{{\"sample\":1,\"fil")).unwrap();
+    let faults = set::check_folder(&again).unwrap();
+    assert_eq!(faults[0], "10 of 14 samples are missing, the first is 0");
+    assert!(faults[1].contains("top_0000.ply is missing") && faults[2].contains("times.txt has "), "{faults:?}");
+    let refused = set::finish(&again).unwrap_err().to_string();
+    assert!(refused.contains("10 of 14 samples are missing"), "{refused}");
+    let summary = fourteen(&set::RunOptions { resume: true, ..options(Some(again.clone())) });
+    assert_eq!((summary.made, summary.found, summary.complete), (12, 2, true));
+    assert_eq!(contents(&again), whole);
+}
+
+#[test]
+fn folders_of_others_are_left_alone() {
+    let folder = folder();
+    let ten = set::RunOptions { samples: Some([0, 1, 1]), ..options(None) };
+    run(&folder, "", &ten).unwrap();
+    let before = contents(&folder.path().join("made"));
+    let error = run(&folder, "", &ten).unwrap_err().to_string();
+    assert!(error.contains("in which 2 of these samples are; allowed: another folder, or to go on"), "{error}");
+    let error = run(&folder, "organised: true\n", &ten).unwrap_err().to_string();
+    assert!(error.contains("which holds a set of another scenario"), "{error}");
+    fs::create_dir(folder.path().join("mine")).unwrap();
+    fs::write(folder.path().join("mine/letter.txt"), "dear").unwrap();
+    let other = set::RunOptions { folder: Some(folder.path().join("mine")), ..ten.clone() };
+    let error = run(&folder, "", &other).unwrap_err().to_string();
+    assert!(error.contains("which holds other files; allowed: an empty or a new folder"), "{error}");
+    assert_eq!(contents(&folder.path().join("made")), before);
+    for (options, fault) in [
+        (set::RunOptions { shard: Some([7, 7]), ..ten.clone() }, "shard is 7/7; allowed: 0/7 to 6/7"),
+        (
+            set::RunOptions { samples: Some([5, 1000, 1]), ..ten.clone() },
+            "samples is 5 to 1000, every 1; allowed: 0 to 999",
+        ),
+    ] {
+        assert!(run(&folder, "", &options).unwrap_err().to_string().starts_with(fault));
+    }
+}
+
+#[test]
+fn a_sample_that_fails_does_not_stop_the_others() {
+    let folder = folder();
+    let text = "set: {folder: made}\noutputs: [{style: plain}]\nvariation:\n\
+                \x20 - {set: environment.rain.rate_mm_h, name: rate, to: {grid: [5, 5, -1]}}\n";
+    let scenario = || {
+        scenario(&folder, text).map(|mut scenario| {
+            scenario.set("samples", "12").unwrap();
+            scenario
+        })
+    };
+    let options = set::RunOptions { samples: None, ..options(None) };
+    let summary = set::run(scenario().unwrap(), &options, &|_| {}).unwrap();
+    assert_eq!((summary.made, summary.failed.len()), (8, 4));
+    assert_eq!(summary.failed[0].0, 2);
+    assert!(summary.failed[0].1.contains("sample 2: environment.rain.rate_mm_h: is -1"), "{:?}", summary.failed[0]);
+    let page = fs::read_to_string(folder.path().join("made/report.html")).unwrap();
+    assert!(page.contains("4 samples have failed") && page.contains("sample 2: environment.rain"));
+    // What has failed is tried again.
+    let summary = set::run(scenario().unwrap(), &set::RunOptions { resume: true, ..options }, &|_| {}).unwrap();
+    assert_eq!((summary.found, summary.failed.len()), (8, 4));
+}
+
+#[test]
+fn sequences_of_semantic_kitti_are_as_its_readers_expect() {
+    let folder = folder();
+    fs::write(folder.path().join("drive.txt"), "0 0 -8 1 0 0 0 1\n1 4 -8 1 0 0 0 1\n").unwrap();
+    let text = "scene: {files: room.obj, labels: {objects: {Floor: road, Wall: building, \"Chair_*\": car}}}\n\
+                sensors: [{sensor: velodyne_vlp16}]\ntrajectory: {file: drive.txt}\nframes: {last: 2, fps: 10}\n\
+                outputs: [{style: semantic_kitti}]\nset: {folder: made}\n";
+    let scenario = Scenario::from_yaml(text, folder.path()).unwrap();
+    let cloud = scenario.sample(0).unwrap().cloud(0, 1).unwrap();
+    set::run(scenario, &set::RunOptions { samples: None, ..options(None) }, &|_| {}).unwrap();
+    let root = folder.path().join("made/sequences/000000");
+    let points = fs::read(root.join("velodyne/000001.bin")).unwrap();
+    let labels = fs::read(root.join("labels/000001.label")).unwrap();
+    assert_eq!((points.len(), labels.len()), (16 * cloud.len, 4 * cloud.len));
+    let number = |k: usize| f32::from_le_bytes(points[4 * k..4 * k + 4].try_into().unwrap());
+    for row in (0..cloud.len).step_by(97) {
+        // The sensor has driven 0.4 m when the second scan begins.
+        assert!((number(4 * row) - (cloud.columns.x[row] - 0.4)).abs() < 1e-4);
+        let label = u32::from_le_bytes(labels[4 * row..4 * row + 4].try_into().unwrap());
+        let name = cloud.labels.category.name(cloud.columns.category_id[row]).unwrap();
+        let class = [("road", 40), ("building", 50), ("car", 10)].iter().find(|(known, _)| *known == name);
+        assert_eq!(label & 0xffff, class.map_or(0, |(_, class)| *class));
+        assert!((1..=9).contains(&(label >> 16)));
+    }
+    let poses = fs::read_to_string(root.join("poses.txt")).unwrap();
+    let last: Vec<f64> = poses.lines().nth(2).unwrap().split(' ').map(|number| number.parse().unwrap()).collect();
+    assert!((last[3] - 0.8).abs() < 1e-9 && last[0] == 1.0 && last.len() == 12);
+    assert_eq!(fs::read_to_string(root.join("times.txt")).unwrap(), "0e0\n1e-1\n2e-1\n");
+}

@@ -1,0 +1,476 @@
+//! What differs from sample to sample: rules, applied one after the other.
+
+mod apply;
+mod look;
+mod room;
+mod spot;
+
+pub(super) use apply::{Stand, Units};
+pub(super) use look::LookRule;
+pub(super) use room::{Room, Solid};
+
+use super::random::{Random, check_range};
+use crate::ground::error::{Error, Result};
+use crate::scene::matches;
+use serde::de::{Deserializer, Error as _};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use std::collections::HashSet;
+use std::path::PathBuf;
+
+/// A rule of the section `variation`.
+#[derive(Clone, Debug)]
+pub(in crate::scenario) struct Rule {
+    /// Its name, part of the address of all that it draws.
+    pub name: String,
+    pub what: What,
+}
+
+/// What a rule does.
+#[derive(Clone, Debug)]
+pub(in crate::scenario) enum What {
+    /// Gives a key of the scenario another value.
+    Set(SetRule),
+    /// Takes objects away.
+    Remove(RemoveRule),
+    /// Puts models in the place of objects.
+    Swap(SwapRule),
+    /// Moves, turns and scales objects.
+    Move(MoveRule),
+    /// Adds models.
+    Place(PlaceRule),
+    /// Changes what surfaces are made of.
+    Look(LookRule),
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(in crate::scenario) struct SetRule {
+    /// Path of the key, such as `environment.rain.rate_mm_h`; entries of lists by number or, of sensors, by name.
+    pub set: String,
+    pub to: Random,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(in crate::scenario) struct RemoveRule {
+    pub remove: Target,
+    /// Of each object.
+    #[serde(default = "certain")]
+    pub chance: Random,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(in crate::scenario) struct SwapRule {
+    pub swap: Target,
+    pub with: Models,
+    #[serde(default = "certain")]
+    pub chance: Random,
+    /// Makes the model as high as the object was.
+    #[serde(default)]
+    pub fit: bool,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(in crate::scenario) struct MoveRule {
+    #[serde(rename = "move")]
+    pub moved: Target,
+    /// By so much along the world's axes, m.
+    #[serde(default)]
+    pub by_m: Option<Random>,
+    #[serde(default)]
+    pub chance: Option<Random>,
+    /// To another place.
+    #[serde(default)]
+    pub to: Option<Place>,
+    #[serde(default)]
+    pub turn_deg: Option<Random>,
+    #[serde(default)]
+    pub scale: Option<Random>,
+    /// Whether it then stands on what is below it.
+    #[serde(default)]
+    pub drop: bool,
+    #[serde(default)]
+    pub align: Align,
+    /// Free space around it, m; without it, it may go through others.
+    #[serde(default)]
+    pub clearance_m: Option<f64>,
+    #[serde(default = "tries")]
+    pub tries: u32,
+    #[serde(default)]
+    pub otherwise: Otherwise,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(in crate::scenario) struct PlaceRule {
+    pub place: Models,
+    #[serde(default = "certain")]
+    pub count: Random,
+    /// Name of the instances, with a number added.
+    #[serde(default)]
+    pub call: Option<String>,
+    /// Without it, those of the model's file.
+    #[serde(default)]
+    pub category: Option<String>,
+    pub at: Place,
+    #[serde(default)]
+    pub turn_deg: Option<Random>,
+    #[serde(default)]
+    pub scale: Option<Random>,
+    #[serde(default)]
+    pub drop: bool,
+    #[serde(default)]
+    pub align: Align,
+    /// Free space around it, m.
+    #[serde(default)]
+    pub clearance_m: f64,
+    /// Whether it may go through others.
+    #[serde(default)]
+    pub overlap: bool,
+    #[serde(default = "tries")]
+    pub tries: u32,
+    #[serde(default)]
+    pub otherwise: Otherwise,
+}
+
+/// Where something stands: one of these.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(in crate::scenario) struct Place {
+    /// Surfaces of the scene that face up.
+    #[serde(default)]
+    pub on: Option<Target>,
+    /// Steepest of them.
+    #[serde(default = "steepest")]
+    pub steepest_deg: f64,
+    /// A box in the world.
+    #[serde(default)]
+    pub within: Option<Space>,
+    /// A line through points in the world, along which its x axis lies.
+    #[serde(default)]
+    pub along: Option<Vec<[f64; 3]>>,
+    /// Height above that, m.
+    #[serde(default)]
+    pub height_m: Option<Random>,
+}
+
+/// Where the carrier of the sensors stands.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(in crate::scenario) struct Spot {
+    pub on: Target,
+    #[serde(default = "steepest")]
+    pub steepest_deg: f64,
+    #[serde(default)]
+    pub height_m: Option<Random>,
+    #[serde(default)]
+    pub turn_deg: Option<Random>,
+    #[serde(default)]
+    pub align: Align,
+    /// Free space around it, m.
+    #[serde(default)]
+    pub clearance_m: f64,
+    #[serde(default = "tries")]
+    pub tries: u32,
+}
+
+/// A box in the world, m.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(in crate::scenario) struct Space {
+    pub min_m: [f64; 3],
+    pub max_m: [f64; 3],
+}
+
+/// How something stands on a slope.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(in crate::scenario) enum Align {
+    /// Upright.
+    #[default]
+    Up,
+    /// With the slope.
+    Slope,
+}
+
+/// What happens where there is no room.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(in crate::scenario) enum Otherwise {
+    /// The sample goes on without, and says so.
+    #[default]
+    Skip,
+    /// The sample fails.
+    Fail,
+}
+
+/// Model files, or folders with such files.
+#[derive(Clone, Debug, PartialEq)]
+pub(in crate::scenario) struct Models(pub Vec<(PathBuf, f64)>);
+
+/// Objects of the scene, or surfaces of them.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
+pub(in crate::scenario) struct Target {
+    /// Pattern of their names.
+    pub object: Option<String>,
+    /// Pattern of their categories.
+    pub category: Option<String>,
+    /// Pattern of the names of parts.
+    pub part: Option<String>,
+}
+
+impl Target {
+    /// Whether it names objects called so.
+    pub fn takes<'n>(&self, mut names: impl Iterator<Item = &'n str>, category: &str) -> bool {
+        let fits = |pattern: &Option<String>, name: &str| pattern.as_ref().is_none_or(|it| matches(it, name));
+        fits(&self.category, category) && (self.object.is_none() || names.any(|name| fits(&self.object, name)))
+    }
+
+    /// For messages.
+    pub fn shown(&self) -> String {
+        let keys = [("object", &self.object), ("category", &self.category), ("part", &self.part)];
+        let keys = keys.iter().filter_map(|(key, pattern)| Some((key, pattern.as_ref()?)));
+        keys.map(|(key, pattern)| format!("{key} {pattern:?}")).collect::<Vec<_>>().join(", ")
+    }
+}
+
+impl<'de> Deserialize<'de> for Target {
+    /// A pattern of names of objects, or a section of keys.
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Keys {
+            object: Option<String>,
+            category: Option<String>,
+            part: Option<String>,
+        }
+        let value = Value::deserialize(deserializer)?;
+        if let Value::String(object) = value {
+            return Ok(Target { object: Some(object), ..Target::default() });
+        }
+        let Keys { object, category, part } = read(&value)?;
+        if object.is_none() && category.is_none() && part.is_none() {
+            return Err(D::Error::custom("names nothing; allowed: object, category, part"));
+        }
+        Ok(Target { object, category, part })
+    }
+}
+
+impl<'de> Deserialize<'de> for Models {
+    /// A file or folder, or a list of them, each with a weight if wanted.
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Weighted {
+            value: PathBuf,
+            weight: f64,
+        }
+        let value = Value::deserialize(deserializer)?;
+        let items = match &value {
+            Value::Array(items) => items.as_slice(),
+            one => std::slice::from_ref(one),
+        };
+        let model = |item: &Value| match item {
+            Value::String(file) => Ok((file.into(), 1.0)),
+            item => {
+                let Weighted { value, weight } = read(item)?;
+                if !(weight > 0.0 && weight <= 1e12) {
+                    return Err(D::Error::custom(format!("weight: is {weight}; allowed: above 0, up to 1e12")));
+                }
+                Ok((value, weight))
+            }
+        };
+        let models: Vec<_> = items.iter().map(model).collect::<Result<_, _>>()?;
+        if models.is_empty() {
+            return Err(D::Error::custom("names no model; allowed: files and folders"));
+        }
+        Ok(Models(models))
+    }
+}
+
+fn certain() -> Random {
+    Random::Fixed(1.into())
+}
+
+fn tries() -> u32 {
+    100
+}
+
+fn steepest() -> f64 {
+    45.0
+}
+
+fn read<T: serde::de::DeserializeOwned, E: serde::de::Error>(value: &Value) -> Result<T, E> {
+    serde_path_to_error::deserialize(value).map_err(|error| match error.path().to_string().as_str() {
+        "." => E::custom(error.inner()),
+        path => E::custom(format!("{path}: {}", error.inner())),
+    })
+}
+
+impl<'de> Deserialize<'de> for Rule {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        const KINDS: &[&str] = &["set", "remove", "swap", "move", "place", "look"];
+        let mut value = Value::deserialize(deserializer)?;
+        let Some(keys) = value.as_object_mut() else { return Err(D::Error::custom("is no section of keys")) };
+        let name = match keys.shift_remove("name") {
+            None => None,
+            Some(Value::String(name)) => Some(name),
+            Some(other) => return Err(D::Error::custom(format!("name: is {other}; allowed: a word"))),
+        };
+        let kind = *KINDS.iter().find(|kind| keys.contains_key(**kind)).ok_or_else(|| {
+            let found = keys.keys().next().cloned().unwrap_or_default();
+            D::Error::unknown_field(&found, KINDS)
+        })?;
+        // Rules are told apart by what they are about.
+        let called = if kind == "place" { keys.get("call") } else { None };
+        let name = name.unwrap_or_else(|| match called.unwrap_or(&keys[kind]) {
+            Value::String(about) => format!("{kind} {about}"),
+            about => format!("{kind} {about}"),
+        });
+        let what = match kind {
+            "set" => What::Set(read(&value)?),
+            "remove" => What::Remove(read(&value)?),
+            "swap" => What::Swap(read(&value)?),
+            "move" => What::Move(read(&value)?),
+            "place" => What::Place(read(&value)?),
+            _ => What::Look(read(&value)?),
+        };
+        Ok(Rule { name, what })
+    }
+}
+
+impl Rule {
+    /// The objects that it changes, which are not built together with others then.
+    pub fn target(&self) -> Option<&Target> {
+        match &self.what {
+            What::Set(_) | What::Place(_) | What::Look(_) => None,
+            What::Remove(rule) => Some(&rule.remove),
+            What::Swap(rule) => Some(&rule.swap),
+            What::Move(rule) => Some(&rule.moved),
+        }
+    }
+
+    /// All that it draws, with the keys.
+    fn randoms(&mut self) -> Vec<(&'static str, &mut Random)> {
+        fn given<'r>(key: &'static str, random: &'r mut Option<Random>) -> Option<(&'static str, &'r mut Random)> {
+            random.as_mut().map(|random| (key, random))
+        }
+        match &mut self.what {
+            What::Set(rule) => vec![("to", &mut rule.to)],
+            What::Remove(rule) => vec![("chance", &mut rule.chance)],
+            What::Swap(rule) => vec![("chance", &mut rule.chance)],
+            What::Move(rule) => {
+                let height = rule.to.as_mut().and_then(|place| given("to.height_m", &mut place.height_m));
+                let own = [
+                    given("by_m", &mut rule.by_m),
+                    given("chance", &mut rule.chance),
+                    given("turn_deg", &mut rule.turn_deg),
+                    given("scale", &mut rule.scale),
+                ];
+                own.into_iter().flatten().chain(height).collect()
+            }
+            What::Place(rule) => {
+                let own = [
+                    Some(("count", &mut rule.count)),
+                    given("turn_deg", &mut rule.turn_deg),
+                    given("scale", &mut rule.scale),
+                    given("at.height_m", &mut rule.at.height_m),
+                ];
+                own.into_iter().flatten().collect()
+            }
+            What::Look(rule) => rule.randoms(),
+        }
+    }
+
+    /// Checks what its type does not.
+    fn check(&self, key: &str) -> Result<()> {
+        for (name, random) in self.clone().randoms() {
+            let key = format!("{key}.{name}");
+            match name {
+                "to" => {}
+                "by_m" | "color" if !random.is_vector() => {
+                    return Err(Error::invalid(key, "not three numbers", "[x, y, z], or a distribution of such"));
+                }
+                "by_m" => {}
+                "color" => check_range(key, random, 0.0, 1.0)?,
+                "turn_deg" | "scale" if random.is_vector() => {}
+                "texture" => {}
+                _ if !random.is_number() => {
+                    return Err(Error::invalid(key, "not a number", "a number, or a distribution of numbers"));
+                }
+                "chance" | "reflectance" | "wetness" | "dirt" => check_range(key, random, 0.0, 1.0)?,
+                "count" => check_range(key, random, 0.0, MOST_PLACED)?,
+                "scale" => check_range(key, random, 1e-6, 1e6)?,
+                _ => check_range(key, random, -1e9, 1e9)?,
+            }
+        }
+        let (place, clearance, tries) = match &self.what {
+            What::Move(rule) => (rule.to.as_ref().map(|place| ("to", place)), rule.clearance_m, rule.tries),
+            What::Place(rule) => (Some(("at", &rule.at)), Some(rule.clearance_m), rule.tries),
+            _ => (None, None, 1),
+        };
+        if let Some((name, place)) = place {
+            place.check(&format!("{key}.{name}"))?;
+        }
+        if let Some(clearance) = clearance.filter(|clearance| !(0.0..=1e6).contains(clearance)) {
+            return Err(Error::invalid(format!("{key}.clearance_m"), clearance, "0 to 1e6"));
+        }
+        if !(1..=1_000_000).contains(&tries) {
+            return Err(Error::invalid(format!("{key}.tries"), tries, "1 to 1000000"));
+        }
+        Ok(())
+    }
+}
+
+/// Most models that one rule places.
+const MOST_PLACED: f64 = 100_000.0;
+
+impl Place {
+    fn check(&self, key: &str) -> Result<()> {
+        let given = [self.on.is_some(), self.within.is_some(), self.along.is_some()];
+        if given.iter().filter(|given| **given).count() != 1 {
+            let found = if given.contains(&true) { "several places" } else { "no place" };
+            return Err(Error::invalid(key, found, "one of on, within, along"));
+        }
+        if !(0.0..90.0).contains(&self.steepest_deg) {
+            return Err(Error::invalid(format!("{key}.steepest_deg"), self.steepest_deg, "0 to 90"));
+        }
+        if let Some(Space { min_m, max_m }) = &self.within
+            && let Some(axis) = (0..3).find(|&k| !(min_m[k] <= max_m[k] && (max_m[k] - min_m[k]).is_finite()))
+        {
+            let found = format!("from {} to {}", min_m[axis], max_m[axis]);
+            return Err(Error::invalid(format!("{key}.within"), found, "min_m not above max_m, finite numbers"));
+        }
+        if let Some(points) = &self.along
+            && (points.len() < 2 || !points.iter().flatten().all(|number| number.is_finite()))
+        {
+            let found = format!("{} points", points.len());
+            return Err(Error::invalid(format!("{key}.along"), found, "two points or more, finite numbers"));
+        }
+        Ok(())
+    }
+}
+
+/// Checks all rules, and that they can be told apart.
+pub(in crate::scenario) fn check(rules: &[Rule]) -> Result<()> {
+    let mut names = HashSet::new();
+    for (index, rule) in rules.iter().enumerate() {
+        let key = format!("variation[{index}]");
+        if !names.insert(&rule.name) {
+            let found = format!("called {:?}, as a rule before it", rule.name);
+            return Err(Error::invalid(key, found, "a `name` of its own, by which its draws are addressed"));
+        }
+        rule.check(&key)?;
+    }
+    Ok(())
+}
+
+/// Gives the grids of all rules their strides; returns how many combinations there are.
+pub(in crate::scenario) fn number_grids(rules: &mut [Rule]) -> u64 {
+    let mut next = 1;
+    rules.iter_mut().flat_map(Rule::randoms).for_each(|(_, random)| random.number_grids(&mut next));
+    next
+}
