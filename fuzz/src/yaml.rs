@@ -10,8 +10,15 @@ use std::sync::LazyLock;
 
 /// A bed of 18 triangles with a boulder, 4 m deep, for one thread.
 static LAKE: LazyLock<BuiltScene> = LazyLock::new(|| {
-    let bed =
-        Seabed { size_m: [9.0; 2], depth_m: 4.0, cell_m: Some(3.0), boulders: 1, wrecks: 0, fish: 0, ripples: None };
+    let bed = Seabed {
+        size_m: [9.0; 2],
+        depth_m: 4.0,
+        cell_m: Some(3.0),
+        boulders: 1,
+        wrecks: 0,
+        fish: 0,
+        ..Seabed::default()
+    };
     let lake = bed.scene(1).expect("the bed can be made");
     let scene = Scene::from_glb_bytes(lake.bytes(), &LoadOptions::default()).expect("it can be read");
     scene.build_with(&Engine::with_threads(1).expect("Embree starts")).expect("it can be built")

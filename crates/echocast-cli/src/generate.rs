@@ -5,7 +5,7 @@ use crate::report::timed;
 use crate::text::{self, counted, duration};
 use anyhow::{Context as _, Result, bail, ensure};
 use clap::Subcommand;
-use echocast::generate::{GeneratedScene, HeightMap, Landscape, Ripples, Seabed, Street};
+use echocast::generate::{GeneratedScene, HeightMap, Indoor, Landscape, Ripples, Seabed, Street};
 use echocast::{Error, shown};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,14 @@ use std::path::{Path, PathBuf};
 #[derive(clap::Args)]
 #[command(
     arg_required_else_help = true,
-    after_help = "Examples:\n  echocast generate seabed --seed 7 -o lake.glb\n  echocast generate street --seed 7 -o street.glb\n  echocast generate landscape --seed 7 -o forest.glb\n\nSee `echocast generate landscape --help` and so on for more."
+    after_help = "\
+Examples:
+  echocast generate indoor --seed 7 -o flat.glb
+  echocast generate landscape --seed 7 -o forest.glb
+  echocast generate seabed --seed 7 -o lake.glb
+  echocast generate street --blocks 3,2 --seed 7 -o town.glb
+
+See `echocast generate KIND --help` for more."
 )]
 pub struct Args {
     #[command(subcommand)]
@@ -23,15 +30,16 @@ pub struct Args {
 
 #[derive(Subcommand)]
 enum Kind {
+    Indoor(IndoorArgs),
     Seabed(SeabedArgs),
     Street(StreetArgs),
     Landscape(LandscapeArgs),
 }
 
-/// A lake bed for sonar: sand, gravel and mud, boulders, wrecks, a school of fish
+/// A lake bed for sonar: sand, gravel and mud, boulders, wrecks, pipes, mines, sea grass, a school of fish
 ///
-/// The water surface is at z = 0, the bed is centred on the z axis. Categories are seabed, boulder, wreck and fish; the
-/// bed has the parts sand, gravel and mud, a wreck hull, cabin and mast. The fish are children of the node Swarm,
+/// The water surface is at z = 0, the bed is centred on the z axis. Categories are seabed, boulder, wreck, pipe, mine,
+/// seagrass and fish; the bed has the parts sand, gravel and mud, a wreck hull, cabin and mast. The fish are children of the node Swarm,
 /// which an animation moves against the x axis. The camera node Sonar is at the low end of x, just below the surface,
 /// and looks along x.
 #[derive(clap::Args)]
@@ -39,7 +47,8 @@ enum Kind {
 Examples:
   echocast generate seabed -o lake.glb
   echocast generate seabed --size 200,80 --depth 25 --boulders 100 --wrecks 3 --seed 7 -o lake.glb
-  echocast generate seabed --ripples 0.6,0.05 --fish 0 -o ripples.glb
+  echocast generate seabed --ripples 0.6,0.05,30 --fish 0 -o ripples.glb
+  echocast generate seabed --pipes 1 --mines 6 --seagrass 5 --seed 7 -o harbour.glb
   echocast scan lake.glb --sensor fls_900 --set range.max_m=40 --camera Sonar --preview lake.png --view fan")]
 pub struct SeabedArgs {
     /// Extent along x and y, metres
@@ -51,10 +60,11 @@ pub struct SeabedArgs {
     /// Spacing of the grid, metres [default: about 30,000 triangles, more where --ripples needs them]
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     cell: Option<f64>,
-    /// Ripples of the sand, metres from crest to crest and from trough to crest; height 0 means none [default: 0.6,0.05
-    /// where the cells are fine enough]
-    #[arg(long, value_name = "LENGTH,HEIGHT", value_parser = two_numbers, allow_hyphen_values = true)]
-    ripples: Option<[f64; 2]>,
+    /// Ripples of the sand, metres from crest to crest and from trough to crest, and the direction across the crests,
+    /// degrees counter-clockwise from x; height 0 means none [default: 0.6,0.05 where the cells are fine enough, in any
+    /// direction]
+    #[arg(long, value_name = "LENGTH,HEIGHT[,DIRECTION]", value_parser = ripples, allow_hyphen_values = true)]
+    ripples: Option<Ripples>,
     /// Boulders of 0.3 to 1.5 m
     #[arg(long, value_name = "N", default_value_t = 20, allow_negative_numbers = true)]
     boulders: u32,
@@ -64,6 +74,15 @@ pub struct SeabedArgs {
     /// Fish in the school, about 0.4 m long
     #[arg(long, value_name = "N", default_value_t = 60, allow_negative_numbers = true)]
     fish: u32,
+    /// Pipes that lie across the bed
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
+    pipes: u32,
+    /// Mines: by turns a cylinder of 2 m, a ball of 1 m with horns, a blunt cone of 1 m
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
+    mines: u32,
+    /// Patches of sea grass, 2 to 5 m wide
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
+    seagrass: u32,
     /// Seed of all random draws: same seed and options, same file
     #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
     seed: u64,
@@ -75,22 +94,32 @@ pub struct SeabedArgs {
     quiet: bool,
 }
 
-/// A street with houses and trees, cars that drive and people who walk
+/// A street, or a town of streets, with houses and trees, cars that drive and people who walk
 ///
-/// The street runs along x and is 200 m long, a side street crosses it at 0,0. Categories are road, pavement, building,
-/// vegetation, pole, furniture, traffic_light, flag, car and person. The animation Street moves cars and their wheels,
-/// people, the flag and the lamps of the traffic lights. The camera node Lidar is on the roof of a moving car, 1.9 m
-/// above the road; Corner stands at the crossing, 3 m high, and looks along the street.
+/// The street runs along x and is 200 m long, a side street crosses it at 0,0; with --blocks there are streets around
+/// blocks of houses, a crossing every 100 m along x and 84 m along y, one of them at 0,0. Categories are those of
+/// SemanticKITTI: road, lane-marking, parking, sidewalk, terrain, building, fence, vegetation, trunk, pole, traffic-sign
+/// (retro-reflectors), car, truck, bicycle, person and other-object. The animation Street moves cars and their wheels, people, the flag
+/// and the lamps of the traffic lights. The camera node Lidar is on the roof of a moving car, 1.9 m above the road;
+/// Corner stands at the crossing at 0,0, 3 m high, and looks along the street.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   echocast generate street -o street.glb
-  echocast generate street --cars 10 --seconds 20 --seed 7 -o street.glb
+  echocast generate street --blocks 3,2 --seed 7 -o town.glb
+  echocast generate street --cars 10 --people 20 --seconds 20 --seed 7 -o street.glb
   echocast scan street.glb --sensor velodyne_vlp32c --camera Lidar --preview street.png --view perspective")]
 pub struct StreetArgs {
-    /// Cars that drive, 1 to 10; others are parked
-    #[arg(long, value_name = "N", default_value_t = Street::default().cars, allow_negative_numbers = true)]
-    cars: u32,
+    /// Blocks of houses along x and y, 1 to 10 each, with streets around them [default: a single crossing]
+    #[arg(long, value_name = "X,Y", value_parser = two_counts, allow_hyphen_values = true)]
+    blocks: Option<[u32; 2]>,
+    /// Cars that drive, 1 to 10 or, with --blocks, as many as there is room for; others are parked [default: 6, with
+    /// --blocks two for each crossing]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    cars: Option<u32>,
+    /// People who walk, as many as there is room for [default: 2, with --blocks two for each crossing]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    people: Option<u32>,
     /// Length of the animation, 8 to 30 s; the street is longer if it takes more than 10 s
     #[arg(long, value_name = "S", default_value_t = Street::default().seconds, allow_negative_numbers = true)]
     seconds: f64,
@@ -167,6 +196,52 @@ pub struct LandscapeArgs {
     quiet: bool,
 }
 
+/// Rooms with furniture, mirrors and panes of glass
+///
+/// The rooms are centred on 0,0, their floor is at z = 0; doors between them stand open. Categories are wall, floor,
+/// ceiling, door, window, mirror, partition (a pane of glass that reaches into the room), table, chair, sofa, bed,
+/// shelf, cupboard, lamp, plant and tv; parts are leg, seat, back and so on. The camera nodes Camera_1 and so on stand
+/// in a corner of each room, 1.5 m high, and look at its middle; Scanner stands in the first room and looks along x.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  echocast generate indoor -o flat.glb
+  echocast generate indoor --rooms 4,3 --mirrors 6 --panes 4 --seed 7 -o office.glb
+  echocast generate indoor --rooms 1,1 --room-size 12,9 --height 4 --no-ceiling -o hall.glb
+  echocast scan flat.glb --sensor ouster_os1_128 --camera Scanner --preview flat.png --view perspective")]
+pub struct IndoorArgs {
+    /// Rooms along x and y, 1 to 10 each
+    #[arg(long, value_name = "X,Y", default_value = "2,2", value_parser = two_counts, allow_hyphen_values = true)]
+    rooms: [u32; 2],
+    /// Usual extent of a room along x and y, metres, 3 to 20
+    #[arg(long, value_name = "X,Y", default_value = "5,4.5", value_parser = two_numbers, allow_hyphen_values = true)]
+    room_size: [f64; 2],
+    /// Height of the rooms, metres
+    #[arg(long, value_name = "M", default_value_t = Indoor::default().height_m, allow_negative_numbers = true)]
+    height: f64,
+    /// How much furniture there is, from 0, none, to 1
+    #[arg(long, value_name = "PART", default_value_t = Indoor::default().furniture, allow_negative_numbers = true)]
+    furniture: f64,
+    /// Mirrors on walls, at most one in a room
+    #[arg(long, value_name = "N", default_value_t = Indoor::default().mirrors, allow_negative_numbers = true)]
+    mirrors: u32,
+    /// Partitions of glass, at most one in a room
+    #[arg(long, value_name = "N", default_value_t = Indoor::default().panes, allow_negative_numbers = true)]
+    panes: u32,
+    /// Leave out ceilings
+    #[arg(long)]
+    no_ceiling: bool,
+    /// Seed of all random draws: same seed and options, same file
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
+    seed: u64,
+    /// Scene file, .glb
+    #[arg(short, long, value_name = "FILE.glb")]
+    output: PathBuf,
+    /// Print only errors
+    #[arg(short, long)]
+    quiet: bool,
+}
+
 #[derive(Clone, Copy, clap::ValueEnum)]
 enum Preset {
     Paper,
@@ -174,6 +249,7 @@ enum Preset {
 
 pub fn run(args: &Args) -> Result<()> {
     match &args.kind {
+        Kind::Indoor(args) => indoor(args),
         Kind::Seabed(args) => seabed(args),
         Kind::Street(args) => street(args),
         Kind::Landscape(args) => landscape(args),
@@ -185,16 +261,32 @@ fn seabed(args: &SeabedArgs) -> Result<()> {
         size_m: args.size,
         depth_m: args.depth,
         cell_m: args.cell,
-        ripples: args.ripples.map(|[wavelength_m, height_m]| Ripples { wavelength_m, height_m }),
+        ripples: args.ripples,
         boulders: args.boulders,
         wrecks: args.wrecks,
         fish: args.fish,
+        pipes: args.pipes,
+        mines: args.mines,
+        seagrass: args.seagrass,
     };
     make(|| seabed.scene(args.seed), &args.output, args.quiet)
 }
 
+fn indoor(args: &IndoorArgs) -> Result<()> {
+    let indoor = Indoor {
+        rooms: args.rooms,
+        room_m: args.room_size,
+        height_m: args.height,
+        furniture: args.furniture,
+        mirrors: args.mirrors,
+        panes: args.panes,
+        ceiling: !args.no_ceiling,
+    };
+    make(|| indoor.scene(args.seed), &args.output, args.quiet)
+}
+
 fn street(args: &StreetArgs) -> Result<()> {
-    let street = Street { cars: args.cars, seconds: args.seconds };
+    let street = Street { blocks: args.blocks, cars: args.cars, people: args.people, seconds: args.seconds };
     make(|| street.scene(args.seed), &args.output, args.quiet)
 }
 
@@ -257,7 +349,9 @@ fn option(name: &str) -> String {
     match name.split_once('.') {
         Some((option, "wavelength_m")) => format!("--{option} LENGTH"),
         Some((option, "height_m")) => format!("--{option} HEIGHT"),
+        Some((option, "direction_deg")) => format!("--{option} DIRECTION"),
         Some(("height_map", "range_m")) => "--height-range".to_owned(),
+        None if name == "room_m" => "--room-size".to_owned(),
         _ => format!("--{}", name.strip_suffix("_m").unwrap_or(name).replace('_', "-")),
     }
 }
@@ -265,4 +359,20 @@ fn option(name: &str) -> String {
 fn two_numbers(text: &str) -> Result<[f64; 2], String> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
     numbers.and_then(|numbers| numbers.try_into().ok()).ok_or("expected two numbers, such as 60,40".into())
+}
+
+fn two_counts(text: &str) -> Result<[u32; 2], String> {
+    let numbers: Option<Vec<u32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    numbers.and_then(|numbers| numbers.try_into().ok()).ok_or("expected two whole numbers, such as 3,2".into())
+}
+
+fn ripples(text: &str) -> Result<Ripples, String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[wavelength_m, height_m]) => Ok(Ripples { wavelength_m, height_m, direction_deg: None }),
+        Some(&[wavelength_m, height_m, direction]) => {
+            Ok(Ripples { wavelength_m, height_m, direction_deg: Some(direction) })
+        }
+        _ => Err("expected two or three numbers, such as 0.6,0.05 or 0.6,0.05,30".into()),
+    }
 }

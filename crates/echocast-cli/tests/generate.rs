@@ -35,7 +35,7 @@ fn a_lake_bed_is_made_and_scanned() {
 fn a_street_is_made() {
     let folder = tempfile::tempdir().unwrap();
     let said = stdout(folder.path(), "generate street --cars 3 --seconds 8 --seed 3 -o DIR/street.glb");
-    for words in ["2 person", "1 flag", "200 m", "animation Street: 8 s, 3 cars", "camera Lidar", "street.glb"] {
+    for words in ["2 person", "4 sidewalk", "200 m", "animation Street: 8 s, 3 cars", "camera Lidar", "street.glb"] {
         assert!(said.contains(words), "{words}\n{said}");
     }
     assert_eq!(stdout(folder.path(), "generate street --cars 3 --seconds 8 --seed 3 -q -o DIR/again.glb"), "");
@@ -65,6 +65,27 @@ fn a_landscape_is_made_and_scanned() {
 }
 
 #[test]
+fn a_town_and_rooms_are_made() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = stdout(folder.path(), "generate street --blocks 2,1 --people 5 --seed 7 -o DIR/town.glb");
+    for words in ["town of 2 x 1 blocks", "6 crossings", "12 cars drive", "5 person", "traffic-sign", "lane-marking"] {
+        assert!(said.contains(words), "{words}\n{said}");
+    }
+    let said = stdout(folder.path(), "generate indoor --rooms 3,1 --seed 7 -o DIR/flat.glb");
+    for words in ["3 x 1 rooms", "mirrors: 2, panes: 1", "3 floor", "camera Scanner"] {
+        assert!(said.contains(words), "{words}\n{said}");
+    }
+    let scan = "scan DIR/flat.glb --sensor velodyne_vlp16 --camera Scanner -o DIR/flat.csv";
+    assert!(stdout(folder.path(), scan).contains("points of"));
+    let harbour =
+        "generate seabed --size 20,20 --ripples 0.8,0.05,30 --pipes 1 --mines 3 --seagrass 2 -o DIR/harbour.glb";
+    let said = stdout(folder.path(), harbour);
+    for words in ["1 pipe", "3 mine", "seagrass", "ripples 0.05 m high every 0.8 m"] {
+        assert!(said.contains(words), "{words}\n{said}");
+    }
+}
+
+#[test]
 fn what_is_wrong_is_named_and_nothing_is_written() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("old.glb"), "old").unwrap();
@@ -79,6 +100,12 @@ fn what_is_wrong_is_named_and_nothing_is_written() {
         ("seabed --ripples 0.6,0.05 --cell 0.4 -o DIR/x.glb", 1, "--ripples LENGTH is 0.6; allowed: 1.200 or more"),
         ("seabed --ripples 0.6,0.4 -o DIR/x.glb", 1, "--ripples HEIGHT is 0.4"),
         ("street --cars 11 -o DIR/old.glb", 1, "--cars is 11; allowed: 1 to 10"),
+        ("street --blocks 3 -o DIR/x.glb", 2, "two whole numbers"),
+        ("street --blocks 0,3 -o DIR/x.glb", 1, "--blocks is 0; allowed: 1 to 10"),
+        ("indoor --room-size 2,3 -o DIR/x.glb", 1, "--room-size is 2; allowed: 3 to 20"),
+        ("indoor --furniture 2 -o DIR/x.glb", 1, "--furniture is 2"),
+        ("seabed --ripples 0.6,0.05,500 -o DIR/x.glb", 1, "--ripples DIRECTION is 500; allowed: -360 to 360"),
+        ("seabed --ripples 0.6 -o DIR/x.glb", 2, "two or three numbers"),
         ("street --seconds 3 -o DIR/x.glb", 1, "--seconds is 3; allowed: 8 to 30"),
         ("landscape --size 5,50 -o DIR/x.glb", 1, "--size is 5; allowed: 10 to 10000"),
         ("landscape --trees-per-ha 9e9 -o DIR/old.glb", 1, "--trees-per-ha is 9000000000; allowed: 0 to 5000"),

@@ -55,7 +55,7 @@
 //!
 //! | step | module | result |
 //! |---|---|---|
-//! | make | [`generate`] | a lake bed, a street or a landscape as a file, if you have no scene |
+//! | make | [`generate`] | a lake bed, a street, a town, rooms or a landscape as a file, if you have no scene |
 //! | read, resolve | [`scene`] | [`Scene`]: z up, metres, labels and materials attached |
 //! | build | `trace` | [`BuiltScene`]: Embree's structure and what its ids mean, shared by threads; a [`LiveScene`] makes one after another |
 //! | aim | [`emitter`] | the beams of a [`Sensor`], each at the pose of its own time |
@@ -84,7 +84,7 @@
 //! | module | contents |
 //! |---|---|
 //! | `scenario` | scenes, rigs and what varies, from one file; samples, sets |
-//! | `generate` | generated scenes: a lake bed, a street, a landscape |
+//! | `generate` | generated scenes: a lake bed, streets, rooms, a landscape |
 //! | `preview` | pictures of clouds and pings, for people |
 //! | `export` | files of clouds, pings and images |
 //! | `image` | images of pings: waterfall, mosaic, fan, depth map |

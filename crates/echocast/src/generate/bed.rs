@@ -70,7 +70,8 @@ impl Bed {
         let mut dice = Dice::new(seed, Draw::Terrain, u32::MAX);
         let (hills, slope) = (noise(0, wavelength, 6, 0.45), slope(&mut dice, *size, SLOPE * depth));
         let waves = ripples.map(|ripples| {
-            let (sin, cos) = dice.between(0.0, TAU).sin_cos();
+            let any = dice.between(0.0, TAU);
+            let (sin, cos) = ripples.direction_deg.map_or(any, f64::to_radians).sin_cos();
             let wander = noise(3, 8.0 * ripples.wavelength_m, 2, 0.5);
             let wave = TAU / ripples.wavelength_m;
             move |[x, y]: [f64; 2]| ripples.height_m / 2.0 * (wave * (cos * x + sin * y) + 3.0 * wander.at(x, y)).sin()

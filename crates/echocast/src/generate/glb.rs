@@ -63,6 +63,8 @@ pub(super) enum Look {
     Sheet,
     /// A thin sheet of glass, through which light passes.
     Pane,
+    /// Without a picture of its own: it shows what is in front of it.
+    Mirror,
     /// A light of its own.
     Glow,
 }
@@ -110,14 +112,15 @@ impl Glb {
     /// A material, its colour linear; `extras` are custom properties, or null.
     pub fn material(&mut self, name: &str, look: Look, color: [f32; 3], extras: Value) -> usize {
         let [r, g, b] = color;
-        let rough = if look == Look::Pane { 0 } else { 1 };
-        let pbr = json!({ "baseColorFactor": [r, g, b, 1], "metallicFactor": 0, "roughnessFactor": rough });
+        let rough = i32::from(!matches!(look, Look::Pane | Look::Mirror));
+        let metal = i32::from(look == Look::Mirror);
+        let pbr = json!({ "baseColorFactor": [r, g, b, 1], "metallicFactor": metal, "roughnessFactor": rough });
         let mut material = json!({ "name": name, "pbrMetallicRoughness": pbr });
         if extras != Value::Null {
             material["extras"] = extras;
         }
         match look {
-            Look::Matt => {}
+            Look::Matt | Look::Mirror => {}
             Look::Sheet => material["doubleSided"] = json!(true),
             Look::Pane => {
                 self.extension("KHR_materials_ior");

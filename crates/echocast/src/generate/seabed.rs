@@ -1,13 +1,15 @@
-//! A lake bed for sonar: sand, gravel and mud with boulders and wrecks on it, and a swarm of fish above.
+//! A lake bed for sonar: sand, gravel and mud with boulders, wrecks, pipes, mines and sea grass on it, and a swarm of
+//! fish above.
 
 use super::bed::{Bed, Ground, SOILS};
 use super::glb::{Glb, Look, Placement, Primitive};
+use super::model::{Model, ring, single};
 use super::noise::Dice;
 use super::shapes::{Shape, direction};
 use super::{GeneratedScene, within};
 use crate::ground::error::{Error, Result};
 use crate::ground::rng::Draw;
-use glam::{DQuat, DVec3, EulerRot};
+use glam::{DQuat, DVec2, DVec3, EulerRot};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::f64::consts::{PI, TAU};
@@ -20,14 +22,15 @@ const CELLS_PER_RIPPLE: f64 = 3.0;
 
 /// Parameters of a lake bed. The water surface is at z = 0, the bed lies around z = -`depth_m`, centred on the z axis.
 ///
-/// Objects have the categories `seabed`, `boulder`, `wreck` and `fish`. The bed has the parts `sand`, `gravel` and
-/// `mud`, a boulder `rock`, a wreck `hull`, `cabin` and `mast`. The fish are children of the node `Swarm`, which an
+/// Objects have the categories `seabed`, `boulder`, `wreck`, `pipe`, `mine`, `seagrass` and `fish`. The bed has the
+/// parts `sand`, `gravel` and `mud`, a boulder `rock`, a wreck `hull`, `cabin` and `mast`, a pipe `pipe` and `joint`, a
+/// mine `mine` and `horn`. The fish are children of the node `Swarm`, which an
 /// animation moves against the x axis. The camera node `Sonar` stands at the low end of x, 1 m below the surface (less
 /// in less than 4 m of water), and looks along x.
 ///
-/// Boulders, wrecks and fish are smaller than usual where the water is shallow or the bed small, so that all of them
-/// are below the surface and on the bed.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// All of them are smaller than usual where the water is shallow or the bed small, so that they are below the surface
+/// and on the bed.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Seabed {
     /// Extent along x and y, 1 to 10 000 m.
@@ -44,27 +47,46 @@ pub struct Seabed {
     pub wrecks: u32,
     /// Fish of about 0.4 m, up to 10 000.
     pub fish: u32,
+    /// Pipes of 0.3 to 0.8 m that lie across the bed, up to 20.
+    pub pipes: u32,
+    /// Mines on the bed, up to 1000: by turns a cylinder of 2 m, a ball of 1 m with horns and a blunt cone of 1 m.
+    pub mines: u32,
+    /// Patches of sea grass of 2 to 5 m, up to 200; blades of 0.3 to 0.6 m.
+    pub seagrass: u32,
 }
 
 impl Default for Seabed {
     fn default() -> Self {
-        Seabed { size_m: [60.0, 40.0], depth_m: 12.0, cell_m: None, ripples: None, boulders: 20, wrecks: 1, fish: 60 }
+        Seabed {
+            size_m: [60.0, 40.0],
+            depth_m: 12.0,
+            cell_m: None,
+            ripples: None,
+            boulders: 20,
+            wrecks: 1,
+            fish: 60,
+            pipes: 0,
+            mines: 0,
+            seagrass: 0,
+        }
     }
 }
 
 /// Sand ripples: waves with parallel crests that wander a little.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct Ripples {
     /// From crest to crest, 0.01 to 100 m and at least three cells.
     pub wavelength_m: f64,
     /// From trough to crest, 0 (none) to half the wavelength and a twentieth of the depth.
     pub height_m: f64,
+    /// Direction across the crests, counter-clockwise from x, -360 to 360 degrees. `None`: any, by the seed.
+    pub direction_deg: Option<f64>,
 }
 
 impl Default for Ripples {
     fn default() -> Self {
-        Ripples { wavelength_m: 0.6, height_m: 0.05 }
+        Ripples { wavelength_m: 0.6, height_m: 0.05, direction_deg: None }
     }
 }
 
@@ -83,13 +105,16 @@ impl Seabed {
         made.add_bed(&bed);
         made.add_boulders(self, &bed, seed);
         made.add_wrecks(self, &bed, seed);
+        made.add_pipes(self, &bed, seed);
+        made.add_mines(self, &bed, seed);
+        made.add_seagrass(self, &bed, seed);
         made.add_swarm(self, seed);
         let sonar = self.sonar();
         let camera = made.glb.camera("Sonar", Placement { at: sonar, ..Placement::HERE });
         made.glb.root(camera);
 
         let ripples = match ripples {
-            Some(Ripples { wavelength_m, height_m }) => format!("ripples {height_m} m high every {wavelength_m} m"),
+            Some(Ripples { wavelength_m, height_m, .. }) => format!("ripples {height_m} m high every {wavelength_m} m"),
             None => "no ripples".to_owned(),
         };
         let [x, y] = self.size_m;
@@ -112,7 +137,11 @@ impl Seabed {
         within("wrecks", self.wrecks.into(), 0.0, 100.0)?;
         within("fish", self.fish.into(), 0.0, 10_000.0)?;
         let highest = self.depth_m / 20.0;
-        if let Some(Ripples { wavelength_m, height_m }) = self.ripples {
+        within("pipes", self.pipes.into(), 0.0, 20.0)?;
+        within("mines", self.mines.into(), 0.0, 1000.0)?;
+        within("seagrass", self.seagrass.into(), 0.0, 200.0)?;
+        if let Some(Ripples { wavelength_m, height_m, direction_deg }) = self.ripples {
+            within("ripples.direction_deg", direction_deg.unwrap_or(0.0), -360.0, 360.0)?;
             within("ripples.wavelength_m", wavelength_m, 0.01, 100.0)?;
             within("ripples.height_m", height_m, 0.0, highest.min(wavelength_m / 2.0))?;
         }
@@ -174,6 +203,10 @@ struct Made {
     glb: Glb,
     /// What to report about the swarm.
     swimming: Option<String>,
+    /// Materials of what is made of a [`Model`].
+    materials: Vec<(&'static str, usize)>,
+    /// Circles, middle and radius, in which something lies already.
+    taken: Vec<(DVec2, f64)>,
 }
 
 /// Lambert's constant of a fish's skin, dB: with it a fish 0.4 m long has, from above, about the target strength of
@@ -192,13 +225,19 @@ fn material(glb: &mut Glb, name: &str) -> usize {
         "hull" => ([0.22, 0.07, 0.03], 0.15, Value::Null),
         "cabin" => ([0.55, 0.55, 0.50], 0.4, Value::Null),
         "mast" => ([0.25, 0.16, 0.08], 0.25, Value::Null),
+        "pipe" => ([0.16, 0.16, 0.15], 0.2, Value::Null),
+        "joint" => ([0.10, 0.09, 0.08], 0.15, Value::Null),
+        "mine" => ([0.07, 0.075, 0.07], 0.15, Value::Null),
+        "horn" => ([0.30, 0.24, 0.12], 0.3, Value::Null),
+        "blade" => ([0.05, 0.14, 0.03], 0.2, json!({ "law": "lambert", "mu_db": -20 })),
         _ => ([0.40, 0.46, 0.52], 0.3, json!({ "law": "lambert", "mu_db": FISH_MU_DB })),
     };
     let mut extras = json!({ "reflectance": reflectance });
     if sound != Value::Null {
         extras["sound"] = sound;
     }
-    glb.material(name, Look::Matt, color, extras)
+    let look = if name == "blade" { Look::Sheet } else { Look::Matt };
+    glb.material(name, look, color, extras)
 }
 
 impl Made {
@@ -246,7 +285,8 @@ impl Made {
                 scale: DVec3::new(1.0, dice.between(0.7, 1.0), dice.between(0.5, 0.8)) * (size / 2.0),
             };
             let height = place.scale.z * 2.0;
-            place.at.z = resting_height(bed, shape, &place) - height * dice.between(0.15, 0.45);
+            place.at.z = resting_height(bed, &shape.vertices, &place) - height * dice.between(0.15, 0.45);
+            self.taken.push((place.at.truncate(), size / 2.0));
             let node = self.glb.object(&format!("Boulder_{:04}", number + 1), "boulder", *mesh, place);
             self.glb.root(node);
         }
@@ -286,10 +326,172 @@ impl Made {
                 turned: (lie * DQuat::from_euler(EulerRot::ZYX, yaw, trim, heel)).normalize(),
                 scale: DVec3::splat(scale),
             };
-            place.at.z = resting_height(bed, &boat, &place) - scale * dice.between(0.4, 0.7);
+            place.at.z = resting_height(bed, &boat.vertices, &place) - scale * dice.between(0.4, 0.7);
             places.push(at);
+            self.taken.push((at.truncate(), 4.5 * scale));
             let node = self.glb.object(&format!("Wreck_{:02}", number + 1), "wreck", mesh, place);
             self.glb.root(node);
+        }
+    }
+
+    fn mesh(&mut self, name: &str, model: &Model) -> usize {
+        let mut parts = Vec::new();
+        for (part, triangles) in &model.parts {
+            let known = self.materials.iter().find(|(known, _)| known == part).map(|(_, index)| *index);
+            let material = known.unwrap_or_else(|| {
+                let index = material(&mut self.glb, part);
+                self.materials.push((part, index));
+                index
+            });
+            parts.push(Primitive { triangles, material });
+        }
+        self.glb.mesh(name, &single(&model.vertices), None, &parts)
+    }
+
+    /// How far a place is from what lies on the bed already, negative inside.
+    fn clearance(&self, at: DVec2) -> f64 {
+        self.taken.iter().map(|(middle, radius)| at.distance(*middle) - radius).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Of several places the one farthest from everything.
+    fn free_place(&self, mut chance: impl FnMut() -> DVec2) -> DVec2 {
+        const CHANCES: usize = 24;
+        let mut best = chance();
+        for _ in 1..CHANCES {
+            let at = chance();
+            if self.clearance(at) > self.clearance(best) {
+                best = at;
+            }
+        }
+        best
+    }
+
+    /// Pipes from one side of the bed to the other.
+    fn add_pipes(&mut self, seabed: &Seabed, bed: &Bed, seed: u64) {
+        /// From one ring of vertices to the next, and from one joint to the next.
+        const STEP: f64 = 0.8;
+        const PIECE: f64 = 12.0;
+        const SIDES: usize = 20;
+        const CHANCES: usize = 16;
+        /// Length and thickness of a joint, in radii.
+        const JOINT: [f64; 2] = [1.5, 1.15];
+        let scale = seabed.shrinkage(4.0, 10.0);
+        for number in 0..seabed.pipes {
+            let mut dice = Dice::new(seed, Draw::Pipe, number);
+            let radius = scale * dice.between(0.15, 0.4);
+            let axis = dice.below(2);
+            let half = seabed.size_m[axis] / 2.0 - 2.0 * radius;
+            let aside = seabed.size_m[1 - axis] / 2.0 - 2.0 * radius;
+            let steps = (2.0 * half / (STEP * scale)).ceil().max(2.0) as u32;
+            let along = |step: u32| half * (2.0 * f64::from(step) / f64::from(steps) - 1.0);
+            let way = |[from, to, bend, phase]: [f64; 4], along: f64| {
+                let part = (along / half + 1.0) / 2.0;
+                let bent = (from + (to - from) * part + bend * (1.5 * PI * part + phase).sin()).clamp(-aside, aside);
+                if axis == 0 { DVec2::new(along, bent) } else { DVec2::new(bent, along) }
+            };
+            // From end to end, with a bend in between, and of several ways the one clear of other things.
+            let ways: [[f64; 4]; CHANCES] = std::array::from_fn(|_| {
+                let [from, to] = [0; 2].map(|_| dice.between(-0.85, 0.85) * aside);
+                [from, to, dice.between(0.02, 0.06) * half, dice.between(0.0, TAU)]
+            });
+            let clear = |shape: &[f64; 4]| {
+                (0..=steps).map(|step| self.clearance(way(*shape, along(step)))).fold(f64::INFINITY, f64::min)
+            };
+            let chosen = ways.into_iter().reduce(|best, shape| if clear(&shape) > clear(&best) { shape } else { best });
+            let way = |along: f64| way(chosen.unwrap_or_default(), along);
+            // A pipe is stiff: it lies on the bed as it is on average over some metres, sunk in by a third.
+            let height = |along: f64| {
+                let near = [-2.0, -1.0, 0.0, 1.0, 2.0].map(|step| {
+                    let at = way((along + step * scale).clamp(-half, half));
+                    bed.height(at.x, at.y)
+                });
+                near.iter().sum::<f64>() / near.len() as f64 + radius / 3.0
+            };
+            let place = |along: f64| way(along).extend(height(along));
+            let mut model = Model::default();
+            let line: Vec<(DVec3, f64)> = (0..=steps).map(|step| (place(along(step)), radius)).collect();
+            model.tube("pipe", &line, SIDES);
+            for joint in 1..(2.0 * half / (PIECE * scale)).ceil() as u32 {
+                let middle = -half + PIECE * scale * f64::from(joint);
+                let ends = [-0.5, 0.5].map(|side| (place(middle + side * JOINT[0] * radius), JOINT[1] * radius));
+                model.tube("joint", &ends, SIDES);
+            }
+            self.taken.extend(line.iter().map(|(at, radius)| (at.truncate(), *radius)));
+            let name = format!("Pipe_{:02}", number + 1);
+            let mesh = self.mesh(&name, &model);
+            let node = self.glb.object(&name, "pipe", mesh, Placement::HERE);
+            self.glb.root(node);
+        }
+    }
+
+    fn add_mines(&mut self, seabed: &Seabed, bed: &Bed, seed: u64) {
+        if seabed.mines == 0 {
+            return;
+        }
+        let kinds = [cylinder(), horned_ball(), blunt_cone()];
+        let meshes: Vec<usize> = kinds
+            .iter()
+            .take(seabed.mines as usize)
+            .enumerate()
+            .map(|(kind, model)| self.mesh(["Cylinder", "HornedBall", "BluntCone"][kind], model))
+            .collect();
+        let scale = seabed.shrinkage(6.0, 10.0);
+        for number in 0..seabed.mines {
+            let mut dice = Dice::new(seed, Draw::Mine, number);
+            let kind = number as usize % kinds.len();
+            let at = self.free_place(|| {
+                DVec2::from(seabed.size_m.map(|length| dice.between(-0.5, 0.5) * (length - 3.0 * scale)))
+            });
+            self.taken.push((at, scale));
+            let at = at.extend(0.0);
+            let lie = DQuat::from_rotation_arc(DVec3::Z, bed.normal(at.x, at.y, 2.0 * scale));
+            let turned = (lie * DQuat::from_rotation_z(dice.between(0.0, TAU))).normalize();
+            let mut place = Placement { at, turned, scale: DVec3::splat(scale) };
+            place.at.z = resting_height(bed, &kinds[kind].vertices, &place) - scale * dice.between(0.08, 0.15);
+            let node = self.glb.object(&format!("Mine_{:04}", number + 1), "mine", meshes[kind], place);
+            self.glb.root(node);
+        }
+    }
+
+    fn add_seagrass(&mut self, seabed: &Seabed, bed: &Bed, seed: u64) {
+        /// Different tufts, and how many there are in a patch per square metre.
+        const TUFTS: u32 = 4;
+        const DENSITY: f64 = 6.0;
+        /// Dice of the shapes, separate from those of the patches.
+        const SHAPE_DICE: u32 = 1 << 31;
+        if seabed.seagrass == 0 {
+            return;
+        }
+        let tufts: Vec<usize> = (0..TUFTS)
+            .map(|number| {
+                let tuft = tuft(&mut Dice::new(seed, Draw::Seagrass, SHAPE_DICE + number));
+                self.mesh(&format!("Tuft_{}", number + 1), &tuft)
+            })
+            .collect();
+        let scale = seabed.shrinkage(4.0, 10.0);
+        let mut count = 0;
+        for number in 0..seabed.seagrass {
+            let mut dice = Dice::new(seed, Draw::Seagrass, number);
+            let radius = scale * dice.between(1.0, 2.5);
+            let middle = self.free_place(|| {
+                DVec2::from(seabed.size_m.map(|length| dice.between(-0.5, 0.5) * (length - 2.0 * radius - scale)))
+            });
+            self.taken.push((middle, radius));
+            for _ in 0..(DENSITY * PI * (radius / scale).powi(2)).round() as u32 {
+                // Dense in the middle, thin at the edge.
+                let (sin, cos) = dice.between(0.0, TAU).sin_cos();
+                let out = radius * dice.unit().powf(0.7);
+                let [x, y] = [middle.x + out * cos, middle.y + out * sin];
+                let place = Placement {
+                    at: DVec3::new(x, y, bed.height(x, y) - 0.03 * scale),
+                    turned: DQuat::from_rotation_z(dice.between(0.0, TAU)),
+                    scale: DVec3::splat(scale * dice.between(0.7, 1.2)),
+                };
+                let tuft = tufts[dice.below(tufts.len())];
+                count += 1;
+                let node = self.glb.object(&format!("Seagrass_{count:04}"), "seagrass", tuft, place);
+                self.glb.root(node);
+            }
         }
     }
 
@@ -345,13 +547,13 @@ impl Made {
     }
 }
 
-/// Height at which `shape`, placed at z = 0, just touches the bed.
-fn resting_height(bed: &Bed, shape: &Shape, place: &Placement) -> f64 {
+/// Height at which a shape with these vertices, placed at z = 0, just touches the bed.
+fn resting_height(bed: &Bed, vertices: &[DVec3], place: &Placement) -> f64 {
     let gap = |vertex: &DVec3| {
         let at = place.apply(*vertex);
         at.z - bed.height(at.x, at.y)
     };
-    -shape.vertices.iter().map(gap).fold(f64::INFINITY, f64::min)
+    -vertices.iter().map(gap).fold(f64::INFINITY, f64::min)
 }
 
 /// A boat 9 m long, its keel on z = 0, bow along x: hull, cabin and mast, and how many triangles hull and cabin have.
@@ -366,4 +568,62 @@ fn boat() -> (Shape, [usize; 2]) {
     let cabin = boat.triangles.len() - hull;
     boat.add_box(DVec3::new(0.9, -0.1, 1.5), DVec3::new(1.1, 0.1, 4.0));
     (boat, [hull, cabin])
+}
+
+/// A mine along x, 2 m long: a cylinder with rounded ends.
+fn cylinder() -> Model {
+    const RADIUS: f64 = 0.265;
+    let mut mine = Model::default();
+    let outline = [(-1.0, 0.15), (-0.95, 0.24), (-0.85, RADIUS), (0.85, RADIUS), (0.95, 0.24), (1.0, 0.15)];
+    mine.tube("mine", &outline.map(|(x, radius)| (DVec3::new(x, 0.0, RADIUS), radius)), 24);
+    mine
+}
+
+/// A ball of 1 m with horns on its upper half.
+fn horned_ball() -> Model {
+    const RADIUS: f64 = 0.5;
+    const HORN: f64 = 0.14;
+    let mut mine = Model::default();
+    let middle = DVec3::Z * RADIUS;
+    mine.add_placed("mine", &Shape::ball(3), &Placement { at: middle, scale: DVec3::splat(RADIUS), ..Placement::HERE });
+    let mut horn = |out: DVec3| {
+        let at = |length: f64, radius: f64| (middle + out * length, radius);
+        mine.tube("horn", &[at(RADIUS - 0.02, 0.035), at(RADIUS + HORN, 0.03), at(RADIUS + HORN + 0.02, 0.015)], 8);
+    };
+    horn(DVec3::Z);
+    for (up, count) in [(0.75_f64, 5), (0.15, 6)] {
+        for number in 0..count {
+            let (sin, cos) = (f64::from(number) / f64::from(count) * TAU).sin_cos();
+            let aside = (1.0 - up * up).sqrt();
+            horn(DVec3::new(aside * cos, aside * sin, up));
+        }
+    }
+    mine
+}
+
+/// A blunt cone of 1 m that stands on its base.
+fn blunt_cone() -> Model {
+    let mut mine = Model::default();
+    let rings = [(0.0, 0.5), (0.06, 0.5), (0.4, 0.27), (0.47, 0.2)];
+    let rings = rings.map(|(z, radius)| ring(28, |sin, cos| DVec3::new(radius * cos, radius * sin, z)));
+    mine.loft(&rings, [Some("mine"); 2], |_, _| "mine");
+    mine
+}
+
+/// Blades that stand together.
+fn tuft(dice: &mut Dice) -> Model {
+    const BLADES: u32 = 14;
+    let mut tuft = Model::default();
+    for _ in 0..BLADES {
+        let (sin, cos) = dice.between(0.0, TAU).sin_cos();
+        let out = DVec3::new(cos, sin, 0.0);
+        let foot = out * dice.between(0.0, 0.16);
+        let (length, lean) = (dice.between(0.3, 0.5), dice.between(0.05, 0.25));
+        let half = out.cross(DVec3::Z) * 0.006;
+        let bend = foot + out * lean * 0.4 + DVec3::Z * length * 0.6;
+        let tip = foot + out * lean + DVec3::Z * length;
+        tuft.polygon("blade", &[foot - half, foot + half, bend + half, bend - half]);
+        tuft.polygon("blade", &[bend - half, bend + half, tip]);
+    }
+    tuft
 }

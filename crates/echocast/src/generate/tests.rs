@@ -4,9 +4,9 @@ use super::bed::Bed;
 use super::seabed::FISH_MU_DB;
 use super::{Ripples, Seabed};
 use crate::scene::{LoadOptions, Object, Scene};
-use glam::{DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 use serde_json::Value;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 fn small() -> Seabed {
     Seabed { size_m: [24.0, 20.0], cell_m: Some(0.5), boulders: 12, fish: 9, ..Seabed::default() }
@@ -180,6 +180,90 @@ fn boulders_and_wrecks_lie_on_the_bed_and_everything_is_under_water() {
     }
 }
 
+/// With some of everything that lies on the bed.
+fn full() -> Seabed {
+    Seabed { pipes: 2, mines: 6, seagrass: 3, ..small() }
+}
+
+#[test]
+fn pipes_mines_and_sea_grass_lie_on_the_bed() {
+    for (seed, (size_m, depth_m)) in
+        [([24.0, 20.0], 12.0), ([60.0, 30.0], 3.0), ([3.0, 4.0], 0.6)].into_iter().enumerate()
+    {
+        let seabed = Seabed { size_m, depth_m, cell_m: None, ..full() };
+        let made = seabed.scene(seed as u64).unwrap();
+        let (scene, bed) = (load(&seabed, seed as u64), bed(&seabed, seed as u64));
+        assert_eq!((scene.triangle_count(), scene.degenerate_triangles), (made.triangles, 0));
+        assert!(scene.objects.iter().all(|object| object.category_id > 0 && object.part_ids.iter().all(|&id| id > 0)));
+        assert_eq!([of_category(&scene, "pipe").len(), of_category(&scene, "mine").len()], [2, 6]);
+        let grass = of_category(&scene, "seagrass");
+        assert!(grass.len() > 30, "{}", grass.len());
+        let tufts: HashSet<_> = grass.iter().map(|tuft| std::sync::Arc::as_ptr(&tuft.mesh)).collect();
+        assert!(tufts.len() <= 4);
+        for category in ["pipe", "mine", "seagrass"] {
+            for object in of_category(&scene, category) {
+                let (name, all) = (&object.name, vertices(object));
+                let gaps = all.iter().map(|vertex| vertex.z - bed.height(vertex.x, vertex.y));
+                let [lowest, highest] =
+                    gaps.fold([f64::MAX, f64::MIN], |[low, high], gap| [low.min(gap), high.max(gap)]);
+                assert!(lowest < 0.0 && highest > 0.05 * depth_m.min(2.0), "{name}: {lowest} {highest}");
+                for vertex in &all {
+                    assert!(vertex.z < 0.0, "{name} at {vertex}");
+                    assert!(
+                        vertex.x.abs() <= size_m[0] / 2.0 && vertex.y.abs() <= size_m[1] / 2.0,
+                        "{name} at {vertex}"
+                    );
+                }
+            }
+        }
+        for pipe in of_category(&scene, "pipe") {
+            let all = vertices(pipe);
+            let [low, high] = all.iter().fold([DVec3::MAX, DVec3::MIN], |[low, high], v| [low.min(*v), high.max(*v)]);
+            let across = (high - low).truncate() / DVec2::from(size_m);
+            assert!(across.max_element() > 0.7, "{across}");
+        }
+    }
+}
+
+#[test]
+fn new_things_leave_the_bed_as_it_was() {
+    let seabed = small();
+    let before = load(&seabed, 1);
+    let after = load(&full(), 1);
+    for object in &before.objects {
+        let same = after.objects.iter().find(|other| other.name == object.name).unwrap();
+        assert_eq!(vertices(object), vertices(same), "{}", object.name);
+    }
+    assert!(after.objects.len() > before.objects.len());
+    let text = serde_json::to_string(&full()).unwrap();
+    assert_eq!(serde_json::from_str::<Seabed>(&text).unwrap(), full());
+    assert!(serde_json::from_str::<Seabed>("{\"pipe\": 3}").unwrap_err().to_string().contains("unknown field"));
+}
+
+#[test]
+fn ripples_have_the_direction_that_is_asked_for() {
+    let of = |height_m, direction_deg| {
+        let ripples = Some(Ripples { height_m, direction_deg, ..Ripples::default() });
+        bed(&Seabed { size_m: [12.0, 10.0], ripples, ..Seabed::default() }, 3)
+    };
+    for direction in [0.0_f64, 30.0, 120.0] {
+        let (flat, rippled) = (of(0.0, None), of(0.05, Some(direction)));
+        let waves = |x: f64, y: f64| rippled.height(x, y) - flat.height(x, y);
+        // Slopes across the crests are much steeper than along them.
+        let (sin, cos) = direction.to_radians().sin_cos();
+        let (mut across, mut along) = (0.0, 0.0);
+        for i in -20..=20 {
+            for j in -20..=20 {
+                let (x, y, step) = (0.25 * f64::from(i), 0.2 * f64::from(j), 0.1);
+                let here = waves(x, y);
+                across += (waves(x + step * cos, y + step * sin) - here).powi(2);
+                along += (waves(x - step * sin, y + step * cos) - here).powi(2);
+            }
+        }
+        assert!(across > 6.0 * along && along > 0.0, "{direction}: {across} {along}");
+    }
+}
+
 /// The parts of a GLB by the specification alone: its JSON and binary chunk.
 pub(super) fn chunks(glb: &[u8]) -> (Value, &[u8]) {
     let word = |at: usize| u32::from_le_bytes(glb[at..at + 4].try_into().unwrap()) as usize;
@@ -291,7 +375,7 @@ fn a_fish_is_as_strong_as_measured_from_above() {
 
 #[test]
 fn bad_parameters_are_named() {
-    let ripples = |wavelength_m, height_m| Some(Ripples { wavelength_m, height_m });
+    let ripples = |wavelength_m, height_m| Some(Ripples { wavelength_m, height_m, direction_deg: None });
     let usual = Seabed::default;
     for (seabed, says) in [
         (Seabed { size_m: [-3.0, 4.0], ..usual() }, "size_m is -3; allowed: 1 to 10000"),
@@ -311,6 +395,13 @@ fn bad_parameters_are_named() {
         (Seabed { boulders: 10_001, ..usual() }, "boulders is 10001; allowed: 0 to 10000"),
         (Seabed { wrecks: 101, ..usual() }, "wrecks is 101"),
         (Seabed { fish: 10_001, ..usual() }, "fish is 10001"),
+        (Seabed { pipes: 21, ..usual() }, "pipes is 21; allowed: 0 to 20"),
+        (Seabed { mines: 1001, ..usual() }, "mines is 1001"),
+        (Seabed { seagrass: 201, ..usual() }, "seagrass is 201"),
+        (
+            Seabed { ripples: Some(Ripples { direction_deg: Some(361.0), ..Ripples::default() }), ..usual() },
+            "ripples.direction_deg is 361; allowed: -360 to 360",
+        ),
     ] {
         let error = seabed.scene(0).unwrap_err().to_string();
         assert!(error.contains(says), "{error}");

@@ -68,16 +68,32 @@ pub(crate) enum Draw {
     Tree = 105,
     /// Makes, colours, speeds of generated cars, and where they are parked.
     Car = 106,
+    /// Where generated people walk.
+    Person = 120,
+    /// Kinds of generated traffic signs.
+    Sign = 121,
+    /// Sizes of generated rooms, and where their doors and windows are.
+    Room = 122,
+    /// What is in a generated room, and where.
+    Furniture = 123,
+    /// Likewise mirrors and glass partitions.
+    Glass = 124,
+    /// Way of generated pipes.
+    Pipe = 125,
+    /// Place of generated mines.
+    Mine = 126,
+    /// Likewise sea grass.
+    Seagrass = 127,
     /// Shapes of the trees, bushes and grass of a landscape.
-    Plant = 120,
+    Plant = 140,
     /// Where the trees of a landscape stand, their kinds and sizes.
-    Forest = 121,
+    Forest = 141,
     /// Likewise its bushes.
-    Bush = 122,
+    Bush = 142,
     /// Likewise its grass.
-    Grass = 123,
+    Grass = 143,
     /// Likewise its rocks, and their shapes.
-    Stone = 124,
+    Stone = 144,
     /// Seed of a scan of a sample: counter = (sensor, sample, 0).
     ScanSeed = 200,
     /// Key of what varies from sample to sample.

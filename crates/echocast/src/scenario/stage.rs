@@ -145,7 +145,7 @@ impl Stage {
             caches,
         };
         match &spec.generate {
-            Some(made) if spec.files.is_empty() => made.scene()?.load(&options),
+            Some(made) if spec.files.is_empty() => made.scene(folder)?.load(&options),
             Some(_) => Err(Error::invalid("scene", "files and generate", "one of them")),
             None if spec.files.is_empty() => Err(Error::invalid("scene", "no files", "files or generate")),
             None => {

@@ -1,9 +1,10 @@
 //! Cars: their shapes, where they are parked, and those that drive.
 
 use super::drive::{self, Drive, KEYS, WHEEL_KEYS};
-use super::model::{Made, Model};
+use super::ground::PARKING;
 use super::plan::{LANE, Plan};
 use crate::generate::glb::Placement;
+use crate::generate::model::{Made, Model};
 use crate::generate::noise::Dice;
 use crate::generate::shapes::Shape;
 use crate::ground::rng::Draw;
@@ -168,20 +169,41 @@ fn park(made: &mut Made, plan: &Plan, kinds: &[Kind], wheel: usize, seed: u64) -
     /// Part of the places that are taken, and the length of one.
     const TAKEN: f64 = 0.55;
     const PLACE: f64 = 6.2;
+    /// Part of these that trucks take.
+    const TRUCKS: f64 = 0.08;
+    let truck = made.rounded_mesh("Truck", &truck());
+    let mut trucks = 0;
     let mut dice = Dice::new(seed, Draw::Car, u32::MAX);
     let mut parked = 0;
-    for side in [-1.0, 1.0] {
-        for end in [-1.0, 1.0] {
-            let places = ((plan.end - plan.stop - 10.0) / PLACE) as u32;
+    for crossing in &plan.crossings {
+        for (side, end) in [-1.0, 1.0].into_iter().flat_map(|side| [(side, -1.0), (side, 1.0)]) {
+            let places = ((crossing.reach(0, end) - PARKING) / PLACE) as u32;
             for place in 0..places {
                 let [taken, shift, aside] = [dice.unit(), dice.between(-0.5, 0.5), dice.between(-0.08, 0.08)];
                 let (kind, paint) = (&kinds[dice.below(kinds.len())], dice.below(PAINTS.len()));
                 if taken > TAKEN {
                     continue;
                 }
+                if dice.unit() < TRUCKS {
+                    trucks += 1;
+                    // It fills its place.
+                    let x = end * (PARKING + PLACE * (f64::from(place) + 0.5)) + 0.2 * shift;
+                    let at = crossing.place(x, side * (LANE + 1.12) + 0.2 * aside, 0.0);
+                    let turned = DQuat::from_rotation_z(if side > 0.0 { PI } else { 0.0 });
+                    let name = format!("Truck_{trucks:02}");
+                    let node = made.put(&name, "truck", truck, Placement { at, turned, ..Placement::HERE });
+                    let wheels = [("RL", -1.7, 0.84), ("RR", -1.7, -0.84), ("FL", 1.95, 0.84), ("FR", 1.95, -0.84)];
+                    let wheels = wheels.map(|(corner, x, y)| {
+                        let at = DVec3::new(x, y, TRUCK_WHEEL * WHEEL);
+                        let place = Placement { at, scale: DVec3::splat(TRUCK_WHEEL), ..Placement::HERE };
+                        made.glb.object(&format!("{name}_Wheel_{corner}"), "truck", wheel, place)
+                    });
+                    made.glb.adopt(node, &wheels);
+                    continue;
+                }
                 parked += 1;
-                let x = end * (plan.stop + 10.0 + PLACE * (f64::from(place) + 0.5)) + shift;
-                let at = DVec3::new(x, side * (LANE + 1.12) + aside, 0.0);
+                let x = end * (PARKING + PLACE * (f64::from(place) + 0.5)) + shift;
+                let at = crossing.place(x, side * (LANE + 1.12) + aside, 0.0);
                 let turned = DQuat::from_rotation_z(if side > 0.0 { PI } else { 0.0 });
                 let name = format!("Parked_{parked:02}");
                 let car = made.put(&name, "car", kind.bodies[paint], Placement { at, turned, ..Placement::HERE });
@@ -350,6 +372,36 @@ fn wheel() -> Model {
         wheel.add_placed("rim", &shape, &Placement { turned, ..Placement::HERE });
     }
     wheel
+}
+
+/// How much larger than those of cars the wheels of a truck are.
+const TRUCK_WHEEL: f64 = 1.25;
+
+/// A truck of 5.8 m with a box: the cab in front, wheels apart.
+fn truck() -> Model {
+    let mut truck = Model::default();
+    truck.add_box("plastic", [-2.85, -0.55, 0.5], [2.6, 0.55, 0.75]);
+    truck.add_box("white_paint", [-2.9, -1.02, 0.85], [1.2, 1.02, 2.75]);
+    truck.add_box("plastic", [-2.88, -1.0, 0.5], [-2.8, 1.0, 0.62]);
+    // From behind along the right side, the windscreen, and back along the left side.
+    let ring = |z: f64, front: f64, half: f64| {
+        [[1.3, -half], [front, -half], [front, half], [1.3, half]].map(|[x, y]| DVec3::new(x, y, z)).to_vec()
+    };
+    let rings = [ring(0.85, 2.88, 0.98), ring(1.35, 2.84, 0.98), ring(2.05, 2.5, 0.93), ring(2.25, 2.36, 0.88)];
+    truck.loft(&rings, [Some("plastic"), Some("blue_car_paint")], |level, side| {
+        if level == 1 && side < 3 { "window" } else { "blue_car_paint" }
+    });
+    // Posts beside the windows.
+    for corner in 0..4 {
+        truck.tube("blue_car_paint", &[(rings[1][corner], 0.035), (rings[2][corner], 0.035)], 6);
+    }
+    truck.add_box("blue_car_paint", [2.45, -0.98, 0.45], [2.88, 0.98, 0.85]);
+    for side in [-1.0, 1.0] {
+        let y = side * 0.75;
+        truck.add_box("headlight", [2.88, y - 0.14, 0.62], [2.9, y + 0.14, 0.76]);
+        truck.add_box("tail_light", [-2.92, y - 0.12, 0.52], [-2.88, y + 0.12, 0.6]);
+    }
+    truck
 }
 
 /// Head and shoulders; the middle of the head is at the origin.

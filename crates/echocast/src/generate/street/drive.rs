@@ -1,9 +1,10 @@
 //! How cars drive: their ways, and traffic that follows, brakes, stops and turns.
 
-use super::plan::{LANE_MIDDLE, MOST_CARS, Plan};
+use super::plan::{Crossing, LANE_MIDDLE, Plan, SIDE_STOP, STOP};
 use crate::generate::noise::Dice;
 use crate::ground::rng::Draw;
 use glam::{DQuat, DVec2, DVec3};
+use std::cmp::Ordering;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Keys per second of cars, and of their wheels.
@@ -29,7 +30,10 @@ const LENGTH: f64 = 4.6;
 const RADIUS: f64 = 6.5;
 const TURNING: f64 = 4.5;
 
-/// Ways through the crossing, by where they lead.
+/// There is room for so many cars at a single crossing.
+const MOST_CARS: usize = 10;
+
+/// Where lanes lead.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Lane {
     East,
@@ -38,10 +42,26 @@ enum Lane {
     North,
 }
 
-/// Where each car starts, m before the crossing, the speeds that its driver may want, and whether it turns: the carrier
+impl Lane {
+    fn is_in_side_street(self) -> bool {
+        matches!(self, Lane::South | Lane::North)
+    }
+
+    /// The axis along which it leads, and whether it leads along or against it.
+    fn axis(self) -> (usize, f64) {
+        match self {
+            Lane::East => (0, 1.0),
+            Lane::West => (0, -1.0),
+            Lane::North => (1, 1.0),
+            Lane::South => (1, -1.0),
+        }
+    }
+}
+
+/// A car at a single crossing: where it starts, m before the crossing, the speeds that its driver may want, and whether it turns: the carrier
 /// of the sensor, one that stops in the side street, one that turns to the right, and others. On the street they do not
 /// leave it before the end, and the first meets no red light.
-const STARTS: [(Lane, f64, [f64; 2], bool); MOST_CARS as usize] = [
+const STARTS: [(Lane, f64, [f64; 2], bool); MOST_CARS] = [
     (Lane::East, -60.0, [12.0, 12.8], false),
     (Lane::South, -44.0, [9.0, 10.0], false),
     (Lane::West, -38.0, [8.5, 8.9], true),
@@ -54,8 +74,8 @@ const STARTS: [(Lane, f64, [f64; 2], bool); MOST_CARS as usize] = [
     (Lane::West, -86.0, [10.0, 14.0], false),
 ];
 
-/// A way: straight, with an arc to the right at one place or not. Lengths along it are 0 in the middle of the crossing,
-/// if it leads straight there.
+/// A way: straight, with an arc to the right at one place or not. Lengths along it are 0 at the coordinate 0 of its
+/// axis, if it leads straight there: in the middle of the crossing at the origin.
 #[derive(Clone, Copy, Debug)]
 struct Way {
     middle: DVec2,
@@ -65,12 +85,13 @@ struct Way {
 }
 
 impl Way {
-    fn new(lane: Lane, turns: bool) -> Self {
+    /// In the street whose middle is at `street`, a y, or an x of side streets.
+    fn new(lane: Lane, street: f64, turns: bool) -> Self {
         let (x, y, heading) = match lane {
-            Lane::East => (0.0, -LANE_MIDDLE, 0.0),
-            Lane::West => (0.0, LANE_MIDDLE, PI),
-            Lane::South => (-LANE_MIDDLE, 0.0, -FRAC_PI_2),
-            Lane::North => (LANE_MIDDLE, 0.0, FRAC_PI_2),
+            Lane::East => (0.0, street - LANE_MIDDLE, 0.0),
+            Lane::West => (0.0, street + LANE_MIDDLE, PI),
+            Lane::South => (street - LANE_MIDDLE, 0.0, -FRAC_PI_2),
+            Lane::North => (street + LANE_MIDDLE, 0.0, FRAC_PI_2),
         };
         Way { middle: DVec2::new(x, y), heading, turn: turns.then_some(-LANE_MIDDLE - RADIUS) }
     }
@@ -99,10 +120,23 @@ impl Way {
 pub(super) struct Drive {
     way: Way,
     lane: Lane,
+    street: f64,
     wanted: f64,
     states: Vec<[f64; 2]>,
-    /// Drives on although the light is no longer green, since it cannot stop any more.
-    hurries: Option<bool>,
+    /// The crossings on its way.
+    crossings: Vec<Ahead>,
+    /// Where its street ends, if it has to stop there.
+    end: f64,
+    /// What it does at a crossing, by its place in the list, whose light is no longer green: drives on, since it cannot
+    /// stop any more, or not.
+    hurries: Option<(usize, bool)>,
+}
+
+/// A crossing on the way of a car: the length at its middle, and whether its lights are the other way round.
+#[derive(Clone, Copy, Debug)]
+struct Ahead {
+    middle: f64,
+    is_odd: bool,
 }
 
 impl Drive {
@@ -180,14 +214,94 @@ pub(super) fn key_times(seconds: f64, rate: f64) -> Vec<f64> {
     (0..=last).map(|key| seconds * f64::from(key) / f64::from(last)).collect()
 }
 
+/// Where a car may start: its lane and street, how far along it, the speeds that its driver may want, whether it turns.
+struct Start {
+    lane: Lane,
+    street: f64,
+    length: f64,
+    wanted: [f64; 2],
+    turns: bool,
+}
+
+/// Where cars may start, the carrier of the sensor first.
+fn starts(plan: &Plan, seed: u64) -> Vec<Start> {
+    /// In a town: from the first car before a crossing to its middle, at least from a car to the middle of the crossing
+    /// behind it, and from car to car.
+    const FIRST: f64 = 42.0;
+    const LAST: f64 = 24.0;
+    const APART: f64 = 17.0;
+    if !plan.is_town {
+        let start = |&(lane, start, wanted, turns): &(Lane, f64, [f64; 2], bool)| Start {
+            lane,
+            street: 0.0,
+            length: start * plan.pace,
+            wanted,
+            turns,
+        };
+        return STARTS.iter().map(start).collect();
+    }
+    let mut starts = Vec::new();
+    for lane in [Lane::East, Lane::West, Lane::South, Lane::North] {
+        let (axis, sign) = lane.axis();
+        for &street in &plan.middles[1 - axis] {
+            let mut behind = plan.ends()[axis][usize::from(sign < 0.0)] * sign - LAST + LENGTH / 2.0 + 0.4;
+            for Ahead { middle, .. } in ahead(plan, lane, street) {
+                let cars = ((middle - FIRST - behind - LAST) / APART + 1.0).max(0.0) as u32;
+                starts.extend((0..cars).map(|car| {
+                    let length = middle - FIRST - APART * f64::from(car);
+                    Start { lane, street, length, wanted: [9.0, 12.5], turns: false }
+                }));
+                behind = middle;
+            }
+        }
+    }
+    // The first drives along the middle street, from its beginning.
+    let far = |start: &Start| (start.lane != Lane::East, start.street.abs(), start.length);
+    let order = |a: &usize, b: &usize| far(&starts[*a]).partial_cmp(&far(&starts[*b])).unwrap_or(Ordering::Equal);
+    let first = (0..starts.len()).min_by(order).unwrap_or(0);
+    starts.swap(0, first);
+    let mut dice = Dice::new(seed, Draw::Car, u32::MAX - 1);
+    for place in 1..starts.len() {
+        let other = place + dice.below(starts.len() - place);
+        starts.swap(place, other);
+    }
+    starts
+}
+
+/// The crossings on a lane of a street, in the order in which it passes them.
+fn ahead(plan: &Plan, lane: Lane, street: f64) -> Vec<Ahead> {
+    let (axis, sign) = lane.axis();
+    let on = |crossing: &&Crossing| crossing.at[1 - axis] == street;
+    let ahead = |crossing: &Crossing| Ahead { middle: sign * crossing.at[axis], is_odd: crossing.is_odd };
+    let mut all: Vec<Ahead> = plan.crossings.iter().filter(on).map(ahead).collect();
+    all.sort_by(|a, b| a.middle.total_cmp(&b.middle));
+    all
+}
+
+/// How many cars there is room for.
+pub(super) fn most_cars(plan: &Plan) -> u32 {
+    starts(plan, 0).len() as u32
+}
+
 /// The drives of the cars.
 pub(super) fn drives(plan: &Plan, cars: u32, seed: u64) -> Vec<Drive> {
-    let starts = STARTS.iter().take(cars as usize).enumerate();
+    let starts = starts(plan, seed).into_iter().take(cars as usize).enumerate();
     let mut drives: Vec<Drive> = starts
-        .map(|(number, &(lane, start, [low, high], turns))| {
+        .map(|(number, Start { lane, street, length, wanted: [low, high], turns })| {
             let wanted = Dice::new(seed, Draw::Car, number as u32).between(low, high);
-            let states = vec![[start * plan.pace, wanted]];
-            Drive { way: Way::new(lane, turns), lane, wanted, states, hurries: None }
+            let (axis, sign) = lane.axis();
+            let end = plan.ends()[axis][usize::from(sign > 0.0)] * sign;
+            Drive {
+                way: Way::new(lane, street, turns),
+                lane,
+                street,
+                wanted,
+                states: vec![[length, wanted]],
+                crossings: ahead(plan, lane, street),
+                // At a single crossing nobody gets there.
+                end: if plan.is_town { end - 1.0 } else { f64::INFINITY },
+                hurries: None,
+            }
         })
         .collect();
     let steps = (plan.seconds / STEP).ceil() as u32;
@@ -204,24 +318,35 @@ pub(super) fn drives(plan: &Plan, cars: u32, seed: u64) -> Vec<Drive> {
 }
 
 fn acceleration(drives: &mut [Drive], car: usize, plan: &Plan, time: f64) -> f64 {
-    let in_side_street = matches!(drives[car].lane, Lane::South | Lane::North);
-    let line = -if in_side_street { plan.side_stop } else { plan.stop };
-    let green = plan.is_green(in_side_street, time);
-    let [length, speed] = drives[car].now();
-    let to_line = line - length - LENGTH / 2.0;
+    /// Whoever is this far past a stop line has crossed it.
+    const PAST: f64 = 1.0;
     let drive = &mut drives[car];
-    if green {
+    let in_side_street = drive.lane.is_in_side_street();
+    let stop = if in_side_street { SIDE_STOP } else { STOP };
+    let [length, speed] = drive.now();
+    let front = length + LENGTH / 2.0;
+    let next = drive.crossings.iter().position(|crossing| crossing.middle - stop + PAST > front);
+    let to_line = next.map(|next| drive.crossings[next].middle - stop - front);
+    if let (Some(next), Some(to_line)) = (next, to_line) {
+        if plan.is_green(in_side_street, drive.crossings[next].is_odd, time) {
+            drive.hurries = None;
+        } else if drive.hurries.is_none_or(|(crossing, _)| crossing != next) {
+            drive.hurries = Some((next, to_line <= 0.0 || speed * speed / (2.0 * to_line) > WILLING));
+        }
+    } else {
         drive.hurries = None;
-    } else if drive.hurries.is_none() {
-        drive.hurries = Some(to_line <= 0.0 || speed * speed / (2.0 * to_line) > WILLING);
     }
     let drive = &drives[car];
     let mut acceleration = drive.follow(f64::INFINITY, 0.0);
-    if drive.hurries == Some(false) {
+    if let (Some((_, false)), Some(to_line)) = (drive.hurries, to_line) {
         // A car at rest would be its gap before the line, or rather closer.
         acceleration = acceleration.min(drive.follow(to_line + 0.6 * GAP, speed));
     }
-    for other in drives.iter().filter(|other| other.lane == drive.lane) {
+    if drive.end.is_finite() {
+        acceleration = acceleration.min(drive.follow(drive.end - front + 0.6 * GAP, speed));
+    }
+    let in_lane = |other: &&Drive| other.lane == drive.lane && other.street == drive.street;
+    for other in drives.iter().filter(in_lane) {
         let [ahead, other_speed] = other.now();
         // A car that has turned is no longer in the way of those that drive straight on, nor they in its.
         let gone = |turning: &Drive| turning.turns() && turning.now()[0] > turning.turned_at();

@@ -1,8 +1,10 @@
-//! What stands on the pavements: lamps, trees, traffic lights, benches, bollards and a flag.
+//! What stands on the sidewalks and in gardens: lamps, trees, traffic lights, benches, bollards, bicycles and a flag.
 
-use super::model::{Made, Model, single};
-use super::plan::{CORNER, FRONT, HALF_ROAD, KERB, POSTS, Plan, SIDE_FRONT, SIDE_HALF_ROAD};
+use super::houses::DEPTH;
+use super::plan::{CORNER, Crossing, FRONT, HALF_ROAD, KERB, POSTS, Plan, SIDE_FRONT, SIDE_HALF_ROAD, SIDE_STOP, STOP};
+use super::signs;
 use crate::generate::glb::{Placement, Primitive};
+use crate::generate::model::{Made, Model, ring, single};
 use crate::generate::noise::Dice;
 use crate::generate::shapes::{Shape, direction};
 use crate::ground::rng::Draw;
@@ -13,69 +15,135 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 const SPACING: f64 = 10.0;
 /// Different trees.
 const TREES: u32 = 3;
+/// Part of the lamps at which a bicycle stands.
+const BICYCLES: f64 = 0.5;
+/// Area for a tree behind the houses, m^2.
+const ROOM: f64 = 180.0;
 
-pub(super) fn add(made: &mut Made, plan: &Plan, seed: u64) {
-    let lamp = lamp();
-    let lamp = made.rounded_mesh("Lamp", &lamp);
-    let trees: Vec<usize> = (0..TREES)
-        .map(|number| {
-            let tree = tree(&mut Dice::new(seed, Draw::Tree, number));
-            made.mesh(&format!("Tree_{}", number + 1), &tree)
-        })
-        .collect();
-    let bench = made.mesh("Bench", &bench());
-    let bin = made.rounded_mesh("Bin", &bin());
-    let bollard = made.rounded_mesh("Bollard", &bollard());
-    let mut dice = Dice::new(seed, Draw::Tree, TREES);
-    let mut numbers = [0; 4];
-    let mut next = |kind: usize| {
-        numbers[kind] += 1;
-        numbers[kind]
-    };
-    for side in [-1.0, 1.0] {
-        let facing = if side > 0.0 { DQuat::IDENTITY } else { DQuat::from_rotation_z(PI) };
-        let count = ((plan.end - plan.stop - 4.0) / SPACING) as u32;
-        for (step, end) in (0..=count).flat_map(|step| [(step, -1.0), (step, 1.0)]) {
-            let x = end * (plan.stop + 5.0 + SPACING * f64::from(step));
-            let at = DVec3::new(x, side * POSTS, KERB);
-            // Lamps on one side stand opposite trees on the other.
-            if (step % 2 == 0) == (side > 0.0) {
-                let place = Placement { at, turned: facing, ..Placement::HERE };
-                made.put(&format!("Lamp_{:02}", next(0)), "pole", lamp, place);
-                continue;
+/// Adds all of it; `gardens` are places for trees between houses.
+pub(super) fn add(made: &mut Made, plan: &Plan, gardens: &[DVec3], seed: u64) {
+    let mut trees = Trees::new(made, seed);
+    let mut things = Things::new(made, seed);
+    let lights = Lights::new(made, plan);
+    for crossing in &plan.crossings {
+        for (side, end) in [-1.0, 1.0].into_iter().flat_map(|side| [(side, -1.0), (side, 1.0)]) {
+            let facing = if side > 0.0 { DQuat::IDENTITY } else { DQuat::from_rotation_z(PI) };
+            let count = ((crossing.reach(0, end) - STOP - 4.0) / SPACING) as u32;
+            for step in 0..=count {
+                let x = end * (STOP + 5.0 + SPACING * f64::from(step));
+                let place =
+                    |x: f64| Placement { at: crossing.place(x, side * POSTS, KERB), turned: facing, ..Placement::HERE };
+                // Lamps on one side stand opposite trees on the other.
+                if (step % 2 == 0) == (side > 0.0) {
+                    things.put(made, Thing::Lamp, place(x));
+                    if things.dice.unit() < BICYCLES {
+                        things.put(made, Thing::Bicycle, place(x + 1.2));
+                    }
+                    continue;
+                }
+                trees.plant(made, place(x).at);
+                if step % 2 == 0 {
+                    things.put(made, Thing::Bench, place(x + 2.4));
+                    things.put(made, Thing::Bin, place(x + 4.0));
+                }
             }
-            let turned = DQuat::from_rotation_z(dice.between(0.0, TAU));
-            let scale = DVec3::splat(dice.between(0.85, 1.1));
-            made.put(
-                &format!("Tree_{:02}", next(1)),
-                "vegetation",
-                trees[step as usize % trees.len()],
-                Placement { at, turned, scale },
-            );
-            if step % 2 == 0 {
-                let at = DVec3::new(x + 2.4, side * POSTS, KERB);
-                made.put(
-                    &format!("Bench_{:02}", next(2)),
-                    "furniture",
-                    bench,
-                    Placement { at, turned: facing, ..Placement::HERE },
-                );
-                let at = DVec3::new(x + 4.0, side * POSTS, KERB);
-                made.put(&format!("Bin_{:02}", next(2)), "furniture", bin, Placement { at, ..Placement::HERE });
-            }
-        }
-        for end in [-1.0, 1.0] {
             let middle = DVec2::new(SIDE_HALF_ROAD, HALF_ROAD) + CORNER;
             for i in 1..4 {
                 let (sin, cos) = (f64::from(i) / 4.0 * FRAC_PI_2).sin_cos();
                 let at = middle - DVec2::new(sin, cos) * (CORNER - 0.4);
-                let at = DVec3::new(end * at.x, side * at.y, KERB);
-                made.put(&format!("Bollard_{:02}", next(3)), "pole", bollard, Placement { at, ..Placement::HERE });
+                let at = crossing.place(end * at.x, side * at.y, KERB);
+                things.put(made, Thing::Bollard, Placement { at, ..Placement::HERE });
+            }
+            // Behind the houses.
+            let from = DVec2::new(SIDE_FRONT, FRONT) + DEPTH + 4.0;
+            let room = DVec2::new(crossing.reach(0, end), crossing.reach(1, side)) - 2.0 - from;
+            let count = (room.x.max(0.0) * room.y.max(0.0) / ROOM).round() as u32;
+            for _ in 0..count {
+                let [x, y] = [room.x, room.y].map(|room| trees.dice.between(0.0, room));
+                trees.plant(made, crossing.place(end * (from.x + x), side * (from.y + y), KERB));
             }
         }
+        lights.put(made, crossing);
     }
-    traffic_lights(made, plan);
+    for &garden in gardens {
+        trees.plant(made, garden.with_z(KERB));
+    }
+    signs::add(made, plan, seed);
     flag(made, plan);
+}
+
+/// What stands along the streets in many places.
+#[derive(Clone, Copy)]
+enum Thing {
+    Lamp,
+    Bench,
+    Bin,
+    Bollard,
+    Bicycle,
+}
+
+/// Meshes of these, and how many there are of each name so far.
+struct Things {
+    meshes: [usize; 5],
+    counts: [u32; 5],
+    dice: Dice,
+}
+
+impl Things {
+    fn new(made: &mut Made, seed: u64) -> Self {
+        let meshes = [
+            made.rounded_mesh("Lamp", &lamp()),
+            made.mesh("Bench", &bench()),
+            made.rounded_mesh("Bin", &bin()),
+            made.rounded_mesh("Bollard", &bollard()),
+            made.rounded_mesh("Bicycle", &bicycle()),
+        ];
+        // After the dice of the trees' places.
+        Things { meshes, counts: [0; 5], dice: Dice::new(seed, Draw::Tree, TREES + 1) }
+    }
+
+    fn put(&mut self, made: &mut Made, thing: Thing, place: Placement) {
+        let (name, category) = match thing {
+            Thing::Lamp => ("Lamp", "pole"),
+            Thing::Bench => ("Bench", "other-object"),
+            Thing::Bin => ("Bin", "other-object"),
+            Thing::Bollard => ("Bollard", "pole"),
+            Thing::Bicycle => ("Bicycle", "bicycle"),
+        };
+        self.counts[thing as usize] += 1;
+        let number = self.counts[thing as usize];
+        made.put(&format!("{name}_{number:02}"), category, self.meshes[thing as usize], place);
+    }
+}
+
+/// Trees: crowns, and the trunks that carry them.
+struct Trees {
+    meshes: Vec<[usize; 2]>,
+    dice: Dice,
+    count: u32,
+}
+
+impl Trees {
+    fn new(made: &mut Made, seed: u64) -> Self {
+        let mesh = |number: u32| {
+            let parts = tree(&mut Dice::new(seed, Draw::Tree, number));
+            let [crown, trunk] = &parts;
+            let number = number + 1;
+            [made.mesh(&format!("Tree_{number}"), crown), made.mesh(&format!("Trunk_{number}"), trunk)]
+        };
+        Trees { meshes: (0..TREES).map(mesh).collect(), dice: Dice::new(seed, Draw::Tree, TREES), count: 0 }
+    }
+
+    fn plant(&mut self, made: &mut Made, at: DVec3) {
+        let turned = DQuat::from_rotation_z(self.dice.between(0.0, TAU));
+        let scale = DVec3::splat(self.dice.between(0.85, 1.1));
+        let [crown, trunk] = self.meshes[self.dice.below(self.meshes.len())];
+        self.count += 1;
+        let name = format!("Tree_{:02}", self.count);
+        let node = made.put(&name, "vegetation", crown, Placement { at, turned, scale });
+        let trunk = made.glb.object(&format!("{name}_Trunk"), "trunk", trunk, Placement::HERE);
+        made.glb.adopt(node, &[trunk]);
+    }
 }
 
 /// A street lamp whose arm reaches out against y.
@@ -90,11 +158,11 @@ fn lamp() -> Model {
     lamp
 }
 
-/// A trunk with branches, and leaves around their ends.
-fn tree(dice: &mut Dice) -> Model {
+/// Leaves, and the trunk with the branches around whose ends they are.
+fn tree(dice: &mut Dice) -> [Model; 2] {
     const BRANCHES: usize = 7;
     const LEAVES: usize = 2000;
-    let mut tree = Model::default();
+    let [mut crown, mut tree] = [Model::default(), Model::default()];
     let lean = DVec3::new(dice.between(-0.15, 0.15), dice.between(-0.15, 0.15), 0.0);
     let trunk = [
         (DVec3::ZERO, 0.19),
@@ -121,9 +189,9 @@ fn tree(dice: &mut Dice) -> Model {
         let side = normal.any_orthonormal_vector();
         let corners =
             [0.0, 2.1, 4.2].map(|angle: f64| at + (side * angle.cos() + normal.cross(side) * angle.sin()) * size);
-        tree.polygon("vegetation", &corners);
+        crown.polygon("vegetation", &corners);
     }
-    tree
+    [crown, tree]
 }
 
 /// A bench that looks against y.
@@ -160,66 +228,126 @@ fn bollard() -> Model {
     bollard
 }
 
-/// A traffic light for each of the four ways into the crossing; their lamps come and go.
-fn traffic_lights(made: &mut Made, plan: &Plan) {
-    /// Colours of the lamps from above, and their heights.
-    const LAMPS: [(&str, &str, f64); 3] =
-        [("red", "lamp_red", 3.2), ("yellow", "lamp_yellow", 2.9), ("green", "lamp_green", 2.6)];
-    /// Front of the housing.
-    const FACE: f64 = 0.2;
-    let mut post = Model::default();
-    post.tube("steel", &[(DVec3::ZERO, 0.07), (DVec3::Z * 3.45, 0.06)], 10);
-    post.add_box("plastic", [0.06, -0.16, 2.42], [FACE, 0.16, 3.38]);
-    for (.., z) in LAMPS {
-        // Half a tube is the hood above the lamp.
-        let hood = |i: u32, x: f64| {
-            let (sin, cos) = (PI * f64::from(i) / 8.0).sin_cos();
-            DVec3::new(x, 0.13 * cos, z + 0.13 * sin)
-        };
-        for i in 0..8 {
-            let (near, far) = (FACE, FACE + 0.17);
-            post.polygon("plastic", &[hood(i, near), hood(i, far), hood(i + 1, far), hood(i + 1, near)]);
+/// A bicycle along x.
+fn bicycle() -> Model {
+    const WHEEL: f64 = 0.34;
+    const HUBS: [DVec3; 2] = [DVec3::new(-0.52, 0.0, WHEEL), DVec3::new(0.52, 0.0, WHEEL)];
+    let mut bicycle = Model::default();
+    for hub in HUBS {
+        // The outline of a tyre, around the hole.
+        let outline = [[-0.016, 0.31], [-0.016, WHEEL], [0.016, WHEEL], [0.016, 0.31], [-0.016, 0.31]];
+        let rings = outline.map(|[y, radius]| ring(24, |sin, cos| hub + DVec3::new(radius * sin, y, radius * cos)));
+        bicycle.loft(&rings, [None; 2], |_, _| "rubber");
+        for spoke in 0..4 {
+            let (sin, cos) = (f64::from(spoke) / 4.0 * PI).sin_cos();
+            let out = DVec3::new(cos, 0.0, sin) * 0.315;
+            bicycle.tube("rim", &[(hub - out, 0.004), (hub + out, 0.004)], 5);
         }
     }
-    let post = made.rounded_mesh("TrafficLight", &post);
-    let lamps = LAMPS.map(|(color, material, _)| {
-        let mut lamp = Model::default();
-        let at = |x: f64, radius: f64| (DVec3::X * x, radius);
-        lamp.tube(material, &[at(0.0, 0.105), at(0.02, 0.095), at(0.04, 0.05)], 16);
-        made.rounded_mesh(&format!("Lamp_{color}"), &lamp)
-    });
+    let at = |x: f64, z: f64| DVec3::new(x, 0.0, z);
+    let (pedals, saddle, head) = (at(-0.08, 0.29), at(-0.24, 0.82), at(0.36, 0.84));
+    for (from, to) in [
+        (pedals, saddle),
+        (pedals, head),
+        (at(-0.21, 0.74), head),
+        (HUBS[0], pedals),
+        (HUBS[0], saddle),
+        (HUBS[1], head),
+    ] {
+        bicycle.tube("blue_car_paint", &[(from, 0.016), (to, 0.016)], 8);
+    }
+    let bar = at(0.33, 0.98);
+    bicycle.tube("steel", &[(head, 0.014), (bar, 0.014)], 8);
+    bicycle.tube("plastic", &[(bar - DVec3::Y * 0.28, 0.014), (bar + DVec3::Y * 0.28, 0.014)], 8);
+    bicycle.add_box("plastic", [-0.38, -0.07, 0.83], [-0.13, 0.07, 0.88]);
+    for side in [-1.0, 1.0] {
+        let y = [0.02, 0.13].map(|y: f64| side * y);
+        let (low, high) = (at(-0.08 + side * 0.14, 0.27), at(-0.02 + side * 0.14, 0.31));
+        let [near, far] = [y[0].min(y[1]), y[0].max(y[1])];
+        bicycle.add_box("plastic", [low.x, near, low.z], [high.x, far, high.z]);
+        let arm = DVec3::Y * side * 0.03;
+        bicycle.tube("steel", &[(pedals + arm, 0.01), (pedals + arm + DVec3::X * side * 0.16, 0.01)], 6);
+    }
+    bicycle
+}
 
-    let changes = plan.lights();
-    let times: Vec<f64> = changes.iter().map(|(time, _)| *time).collect();
-    let times = made.glb.times(&times);
-    let (beside, aside) = (plan.stop - 0.6, plan.side_stop - 0.6);
-    let edge = SIDE_HALF_ROAD + 0.6;
-    for (street, ways) in [
-        [("East", -beside, -POSTS, PI), ("West", beside, POSTS, 0.0)],
-        [("North", edge, -aside, -FRAC_PI_2), ("South", -edge, aside, FRAC_PI_2)],
-    ]
-    .into_iter()
-    .enumerate()
-    {
-        let states: Vec<[bool; 3]> = changes.iter().map(|(_, lamps)| lamps[street]).collect();
-        let switches: [usize; 3] = std::array::from_fn(|lamp| {
-            let on: Vec<bool> = states.iter().map(|state| state[lamp]).collect();
-            made.glb.switches(times, &on)
-        });
-        for (way, x, y, yaw) in ways {
-            let at = DVec3::new(x, y, KERB);
-            let place = Placement { at, turned: DQuat::from_rotation_z(yaw), ..Placement::HERE };
-            let name = format!("TrafficLight_{way}");
-            let node = made.put(&name, "traffic_light", post, place);
-            let mut children = Vec::new();
-            for (lamp, (color, _, z)) in LAMPS.into_iter().enumerate() {
-                let place = Placement { at: DVec3::new(FACE, 0.0, z), ..Placement::HERE };
-                let child = made.glb.object(&format!("{name}_{color}"), "traffic_light", lamps[lamp], place);
-                made.glb.visible(child, states[0][lamp]);
-                made.glb.animate_visible(child, switches[lamp]);
-                children.push(child);
+/// Colours of the lamps of traffic lights from above, and their heights.
+const LAMPS: [(&str, &str, f64); 3] =
+    [("red", "lamp_red", 3.2), ("yellow", "lamp_yellow", 2.9), ("green", "lamp_green", 2.6)];
+/// Front of their housing.
+const FACE: f64 = 0.2;
+
+/// Traffic lights, whose lamps come and go.
+struct Lights {
+    post: usize,
+    lamps: [usize; 3],
+    /// What switches the lamps, and which shine at first: of the street, of the side street.
+    switches: [([usize; 3], [bool; 3]); 2],
+}
+
+impl Lights {
+    fn new(made: &mut Made, plan: &Plan) -> Self {
+        let mut post = Model::default();
+        post.tube("steel", &[(DVec3::ZERO, 0.07), (DVec3::Z * 3.45, 0.06)], 10);
+        post.add_box("plastic", [0.06, -0.16, 2.42], [FACE, 0.16, 3.38]);
+        for (.., z) in LAMPS {
+            // Half a tube is the hood above the lamp.
+            let hood = |i: u32, x: f64| {
+                let (sin, cos) = (PI * f64::from(i) / 8.0).sin_cos();
+                DVec3::new(x, 0.13 * cos, z + 0.13 * sin)
+            };
+            for i in 0..8 {
+                let (near, far) = (FACE, FACE + 0.17);
+                post.polygon("plastic", &[hood(i, near), hood(i, far), hood(i + 1, far), hood(i + 1, near)]);
             }
-            made.glb.adopt(node, &children);
+        }
+        let post = made.rounded_mesh("TrafficLight", &post);
+        let lamps = LAMPS.map(|(color, material, _)| {
+            let mut lamp = Model::default();
+            let at = |x: f64, radius: f64| (DVec3::X * x, radius);
+            lamp.tube(material, &[at(0.0, 0.105), at(0.02, 0.095), at(0.04, 0.05)], 16);
+            made.rounded_mesh(&format!("Lamp_{color}"), &lamp)
+        });
+        let changes = plan.lights();
+        let times: Vec<f64> = changes.iter().map(|(time, _)| *time).collect();
+        let times = made.glb.times(&times);
+        let switches = [0, 1].map(|street| {
+            let switches = std::array::from_fn(|lamp| {
+                let on: Vec<bool> = changes.iter().map(|(_, lamps)| lamps[street][lamp]).collect();
+                made.glb.switches(times, &on)
+            });
+            (switches, changes[0].1[street])
+        });
+        Lights { post, lamps, switches }
+    }
+
+    /// One for each of the four ways into a crossing.
+    fn put(&self, made: &mut Made, crossing: &Crossing) {
+        let (beside, aside) = (STOP - 0.6, SIDE_STOP - 0.6);
+        let edge = SIDE_HALF_ROAD + 0.6;
+        for (street, ways) in [
+            [("East", -beside, -POSTS, PI), ("West", beside, POSTS, 0.0)],
+            [("North", edge, -aside, -FRAC_PI_2), ("South", -edge, aside, FRAC_PI_2)],
+        ]
+        .into_iter()
+        .enumerate()
+        {
+            let (switches, at_first) = self.switches[street ^ usize::from(crossing.is_odd)];
+            for (way, x, y, yaw) in ways {
+                let at = crossing.place(x, y, KERB);
+                let place = Placement { at, turned: DQuat::from_rotation_z(yaw), ..Placement::HERE };
+                let name = crossing.name("TrafficLight", way);
+                let node = made.put(&name, "other-object", self.post, place);
+                let mut children = Vec::new();
+                for (lamp, (color, _, z)) in LAMPS.into_iter().enumerate() {
+                    let place = Placement { at: DVec3::new(FACE, 0.0, z), ..Placement::HERE };
+                    let child = made.glb.object(&format!("{name}_{color}"), "other-object", self.lamps[lamp], place);
+                    made.glb.visible(child, at_first[lamp]);
+                    made.glb.animate_visible(child, switches[lamp]);
+                    children.push(child);
+                }
+                made.glb.adopt(node, &children);
+            }
         }
     }
 }
@@ -280,7 +408,7 @@ fn flag(made: &mut Made, plan: &Plan) {
     let normals = vec![[0.0, -1.0, 0.0]; flat.len()];
     let mesh = made.glb.mesh("Flag", &single(&flat), Some(&normals), &parts);
     made.glb.morphs(mesh, &shapes.map(|shape| shape.map(|vectors| single(&vectors))), &[1.0, 0.0]);
-    let node = made.glb.object("Flag", "flag", mesh, Placement::HERE);
+    let node = made.glb.object("Flag", "other-object", mesh, Placement::HERE);
     made.glb.adopt(mast, &[node]);
 
     let waves = (RATE * plan.seconds).round();

@@ -1,46 +1,81 @@
-//! Road, kerbs, pavements and markings.
+//! Roads, places to park, kerbs, sidewalks, markings, and the gardens behind the houses.
 
-use super::model::{Made, Model};
-use super::plan::{CORNER, FRONT, HALF_ROAD, KERB, LANE, Plan, SIDE_FRONT, SIDE_HALF_ROAD};
+use super::plan::{CORNER, Crossing, FRONT, HALF_ROAD, KERB, LANE, Plan, SIDE_FRONT, SIDE_HALF_ROAD, SIDE_STOP, STOP};
 use crate::generate::glb::Placement;
+use crate::generate::model::{Made, Model};
 use glam::{DVec2, DVec3};
 use std::f64::consts::FRAC_PI_2;
 
-/// Width of a kerbstone, and how far pavements reach below the houses.
+/// Width of a kerbstone, and how far sidewalks reach below the houses.
 const KERBSTONE: f64 = 0.15;
 const BELOW: f64 = 0.2;
 /// Of the paint of markings.
 const THICKNESS: f64 = 0.003;
+/// From where on cars are parked, behind the stop line.
+pub(super) const PARKING: f64 = STOP + 10.0;
 
 pub(super) fn add(made: &mut Made, plan: &Plan) {
-    let mut road = Model::default();
-    let (end, side_end) = (plan.end, plan.side_end);
-    let (inner, outer) = (FRONT + BELOW, SIDE_FRONT + BELOW);
-    flat(&mut road, "asphalt_dry", [-end, -inner], [end, inner], 0.0);
-    flat(&mut road, "asphalt_dry", [-outer, inner], [outer, side_end], 0.0);
-    flat(&mut road, "asphalt_dry", [-outer, -side_end], [outer, -inner], 0.0);
-    markings(&mut road, plan);
-    let mesh = made.mesh("Road", &road);
-    made.put("Road", "road", mesh, Placement::HERE);
-
-    for (number, [right, left]) in [[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]].into_iter().enumerate() {
-        let mut pavement = Model::default();
-        corner(&mut pavement, plan, |x, y, z| DVec3::new(right * x, left * y, z), right * left < 0.0);
-        let mesh = made.mesh(&format!("Pavement_{}", number + 1), &pavement);
-        made.put(&format!("Pavement_{}", number + 1), "pavement", mesh, Placement::HERE);
+    for (number, crossing) in plan.crossings.iter().enumerate() {
+        let place = Placement { at: crossing.place(0.0, 0.0, 0.0), ..Placement::HERE };
+        for (kind, category, model) in [
+            ("Road", "road", road(crossing)),
+            ("Parking", "parking", parking(crossing)),
+            ("Markings", "lane-marking", markings(crossing)),
+        ] {
+            let name = if plan.is_town { format!("{kind}_{}", number + 1) } else { kind.to_owned() };
+            let mesh = made.mesh(&name, &model);
+            made.put(&name, category, mesh, place);
+        }
+        for (number, [right, left]) in [[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]].into_iter().enumerate() {
+            let reach = [crossing.reach(0, right), crossing.reach(1, left)];
+            let (mut sidewalk, mut garden) = (Model::default(), Model::default());
+            corner(&mut sidewalk, reach, |x, y, z| DVec3::new(right * x, left * y, z), right * left < 0.0);
+            let [x, y] =
+                [[SIDE_FRONT + BELOW, reach[0]].map(|x| right * x), [FRONT + BELOW, reach[1]].map(|y| left * y)];
+            flat(&mut garden, "grass", [x[0].min(x[1]), y[0].min(y[1])], [x[0].max(x[1]), y[0].max(y[1])], KERB);
+            for (kind, category, model) in [("Sidewalk", "sidewalk", sidewalk), ("Garden", "terrain", garden)] {
+                let name = crossing.name(kind, number + 1);
+                let mesh = made.mesh(&name, &model);
+                made.put(&name, category, mesh, place);
+            }
+        }
     }
 }
 
-/// The kerb and pavement of the quarter in which x and y are positive, for `place` to move to another; a mirror image
-/// has its triangles the other way round.
-fn corner(model: &mut Model, plan: &Plan, place: impl Fn(f64, f64, f64) -> DVec3, mirrored: bool) {
+/// The carriageways, without the places to park beside them.
+fn road(crossing: &Crossing) -> Model {
+    let mut road = Model::default();
+    let mut piece = |low, high| flat(&mut road, "asphalt_dry", low, high, 0.0);
+    let [[west, east], [south, north]] = crossing.reach;
+    let (inner, outer) = (FRONT + BELOW, SIDE_FRONT + BELOW);
+    piece([-PARKING, -inner], [PARKING, inner]);
+    piece([-west, -LANE], [-PARKING, LANE]);
+    piece([PARKING, -LANE], [east, LANE]);
+    piece([-outer, inner], [outer, north]);
+    piece([-outer, -south], [outer, -inner]);
+    road
+}
+
+fn parking(crossing: &Crossing) -> Model {
+    let mut parking = Model::default();
+    let [[west, east], _] = crossing.reach;
+    for [low, high] in [[-west, -PARKING], [PARKING, east]] {
+        flat(&mut parking, "asphalt_dry", [low, LANE], [high, FRONT + BELOW], 0.0);
+        flat(&mut parking, "asphalt_dry", [low, -FRONT - BELOW], [high, -LANE], 0.0);
+    }
+    parking
+}
+
+/// The kerb and sidewalk of the quarter in which x and y are positive, as far as the crossing reaches, for `place` to
+/// move to another; a mirror image has its triangles the other way round.
+fn corner(model: &mut Model, reach: [f64; 2], place: impl Fn(f64, f64, f64) -> DVec3, mirrored: bool) {
     /// Pieces of the rounded corner.
     const PIECES: usize = 12;
-    let (end, side_end) = (plan.end, plan.side_end);
+    let [end, side_end] = reach;
     let middle = DVec2::new(SIDE_HALF_ROAD, HALF_ROAD) + CORNER;
     let house = DVec2::new(SIDE_FRONT + BELOW, FRONT + BELOW);
     // Along the main street towards the crossing and round the corner: places of the kerb, of its inner edge, and of
-    // the end of the pavement.
+    // the end of the sidewalk.
     let mut line = vec![[DVec2::new(end, HALF_ROAD), DVec2::new(end, HALF_ROAD + KERBSTONE), DVec2::new(end, house.y)]];
     for piece in 0..=PIECES {
         let (sin, cos) = (piece as f64 / PIECES as f64 * FRAC_PI_2).sin_cos();
@@ -66,7 +101,7 @@ fn corner(model: &mut Model, plan: &Plan, place: impl Fn(f64, f64, f64) -> DVec3
         face("granite", [(next_kerb, KERB), (kerb, KERB), (stone, KERB), (next_stone, KERB)]);
         face("concrete", [(next_stone, KERB), (stone, KERB), (inner, KERB), (next_inner, KERB)]);
     }
-    // The end faces, so that one cannot look under a pavement.
+    // The end faces, so that one cannot look under a sidewalk.
     face("concrete", [(line[0][0], 0.0), (line[0][2], 0.0), (line[0][2], KERB), (line[0][0], KERB)]);
     let [kerb, _, inner] = line[line.len() - 1];
     face("concrete", [(inner, 0.0), (kerb, 0.0), (kerb, KERB), (inner, KERB)]);
@@ -77,38 +112,40 @@ fn flat(model: &mut Model, material: &'static str, [x0, y0]: [f64; 2], [x1, y1]:
 }
 
 /// Middle lines, the edges of parking bays, zebra crossings and stop lines.
-fn markings(road: &mut Model, plan: &Plan) {
+fn markings(crossing: &Crossing) -> Model {
     /// Half the width of a line, the length of a dash and from one to the next.
     const LINE: f64 = 0.06;
     const DASH: f64 = 3.0;
     const PERIOD: f64 = 6.0;
-    let Plan { end, side_end, stop, side_stop, .. } = *plan;
+    let mut lines = Model::default();
     let mut paint = |[x0, x1]: [f64; 2], [y0, y1]: [f64; 2]| {
-        flat(road, "white_paint", [x0.min(x1), y0.min(y1)], [x0.max(x1), y0.max(y1)], THICKNESS);
+        flat(&mut lines, "lane_marking", [x0.min(x1), y0.min(y1)], [x0.max(x1), y0.max(y1)], THICKNESS);
     };
     for side in [-1.0, 1.0] {
+        let [end, side_end] = [crossing.reach(0, side), crossing.reach(1, side)];
         let far = |near: f64, far: f64| [side * near, side * far];
         let dashes =
             |from: f64, to: f64| (0..((to - from - DASH) / PERIOD) as u32).map(move |i| from + PERIOD * f64::from(i));
-        for x in dashes(stop + 1.0, end) {
+        for x in dashes(STOP + 1.0, end) {
             paint(far(x, x + DASH), [-LINE, LINE]);
         }
-        for y in dashes(side_stop + 1.0, side_end) {
+        for y in dashes(SIDE_STOP + 1.0, side_end) {
             paint([-LINE, LINE], far(y, y + DASH));
         }
         for edge in [-LANE, LANE] {
-            paint(far(stop + 2.0, end - 1.0), [edge - LINE, edge + LINE]);
+            paint(far(STOP + 2.0, end - 1.0), [edge - LINE, edge + LINE]);
         }
         // Stop lines are before the crossing and on the right, seen from those who come to it.
-        paint(far(stop, stop + 0.4), far(0.15, LANE));
-        paint([-side * 0.15, -side * (SIDE_HALF_ROAD - 0.2)], far(side_stop, side_stop + 0.4));
+        paint(far(STOP, STOP + 0.4), far(0.15, LANE));
+        paint([-side * 0.15, -side * (SIDE_HALF_ROAD - 0.2)], far(SIDE_STOP, SIDE_STOP + 0.4));
         for stripe in -5..5 {
             let y = f64::from(stripe) + 0.25;
-            paint(far(stop - 3.4, stop - 0.8), [y, y + 0.5]);
+            paint(far(STOP - 3.4, STOP - 0.8), [y, y + 0.5]);
         }
         for stripe in -3..3 {
             let x = f64::from(stripe) + 0.25;
-            paint([x, x + 0.5], far(side_stop - 3.2, side_stop - 0.6));
+            paint([x, x + 0.5], far(SIDE_STOP - 3.2, SIDE_STOP - 0.6));
         }
     }
+    lines
 }

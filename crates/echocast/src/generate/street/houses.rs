@@ -1,15 +1,15 @@
-//! Rows of houses with shops, windows, balconies and roofs.
+//! Rows of houses with shops, windows, doors, balconies and roofs, and fences between them.
 
-use super::model::{Made, Model};
-use super::plan::{FRONT, Plan, SIDE_FRONT};
+use super::plan::{Crossing, FRONT, KERB, Plan, SIDE_FRONT};
 use crate::generate::glb::Placement;
+use crate::generate::model::{Made, Model};
 use crate::generate::noise::Dice;
 use crate::ground::rng::Draw;
 use glam::{DQuat, DVec3};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Depth of a house, and height of its ground floor, of the other storeys and of the wall above them.
-const DEPTH: f64 = 11.0;
+pub(super) const DEPTH: f64 = 11.0;
 const GROUND: f64 = 3.8;
 const STOREY: f64 = 3.1;
 const TOP: f64 = 0.5;
@@ -22,29 +22,43 @@ const ROOM: f64 = 4.0;
 const INSET: f64 = 0.05;
 const WALLS: [&str; 6] = ["brick", "plaster_white", "sandstone", "plaster_ochre", "brick_yellow", "plaster_blue"];
 
-pub(super) fn add(made: &mut Made, plan: &Plan, seed: u64) {
-    let balcony = balcony();
-    let balcony = made.mesh("Balcony", &balcony);
-    let mut number = 0;
-    for side in [1.0, -1.0] {
-        for right in [true, false] {
-            let across = DQuat::from_rotation_z(if side > 0.0 { 0.0 } else { PI });
-            let along = DQuat::from_rotation_z(-side * FRAC_PI_2);
-            for row in [
-                Row { turned: across, front: FRONT, from: SIDE_FRONT, to: plan.end, right, at_corner: true },
-                Row {
-                    turned: along,
-                    front: SIDE_FRONT,
-                    from: FRONT + DEPTH,
-                    to: plan.side_end,
-                    right,
-                    at_corner: false,
-                },
-            ] {
-                row.add(made, balcony, seed, &mut number);
+/// Adds the houses, and fences before the gardens between them; says where these gardens are.
+pub(super) fn add(made: &mut Made, plan: &Plan, seed: u64) -> Vec<DVec3> {
+    let stock = Stock::new(made, seed);
+    let mut built = Rows { stock, seed, houses: 0, rows: 0, fences: 0, gardens: Vec::new() };
+    for crossing in &plan.crossings {
+        for side in [1.0, -1.0] {
+            for right in [true, false] {
+                let across = DQuat::from_rotation_z(if side > 0.0 { 0.0 } else { PI });
+                let along = DQuat::from_rotation_z(-side * FRAC_PI_2);
+                // On the right for those who look at the fronts, which is east of the crossing in the north.
+                let beside = if right { side } else { -side };
+                // And for those in the side street who look to the east or west: to the south or north.
+                let behind = if right { -side } else { side };
+                for row in [
+                    Row {
+                        turned: across,
+                        front: FRONT,
+                        from: SIDE_FRONT,
+                        to: crossing.reach(0, beside),
+                        right,
+                        at_corner: true,
+                    },
+                    Row {
+                        turned: along,
+                        front: SIDE_FRONT,
+                        from: FRONT + DEPTH,
+                        to: crossing.reach(1, behind),
+                        right,
+                        at_corner: false,
+                    },
+                ] {
+                    built.add(made, crossing, &row);
+                }
             }
         }
     }
+    built.gardens
 }
 
 /// Houses side by side. A house is made with its front on y = 0, looking against y, from x = 0 to its width.
@@ -62,37 +76,144 @@ struct Row {
     at_corner: bool,
 }
 
-impl Row {
-    fn add(&self, made: &mut Made, balcony: usize, seed: u64, number: &mut u32) {
-        let length = self.to - self.from;
-        let count = (length / WIDTH).round().max(1.0) as u32;
-        let mut dice: Vec<Dice> = (0..count).map(|house| Dice::new(seed, Draw::House, *number + house)).collect();
-        let shares: Vec<f64> = dice.iter_mut().map(|dice| dice.between(0.8, 1.25)).collect();
-        let share: f64 = shares.iter().sum();
-        let (mut at, mut neighbour) = (self.from, "");
-        for (mut dice, part) in dice.into_iter().zip(shares) {
-            *number += 1;
-            let width = length * part / share;
-            let others: Vec<&str> = WALLS.into_iter().filter(|wall| *wall != neighbour).collect();
-            neighbour = others[dice.below(others.len())];
-            let corner = (self.at_corner && at == self.from).then_some(self.right);
-            let house = House { width, storeys: 2 + dice.below(3), wall: neighbour, corner };
-            let left = if self.right { at } else { -at - width };
-            let at_front = self.turned * DVec3::new(left, self.front, 0.0);
-            let name = format!("House_{number:02}");
+/// Houses in the file, of which rows are made.
+struct Stock {
+    plain: Vec<Built>,
+    /// With a second front on the left, and on the right.
+    corners: [Vec<Built>; 2],
+    balcony: usize,
+    fence: usize,
+}
+
+#[derive(Clone)]
+struct Built {
+    mesh: usize,
+    width: f64,
+    wall: &'static str,
+    balconies: Vec<DVec3>,
+}
+
+impl Stock {
+    fn new(made: &mut Made, seed: u64) -> Self {
+        /// How many different houses there are, and of those at a corner, for each side.
+        const PLAIN: u32 = 24;
+        const CORNERS: u32 = 4;
+        let balcony = made.mesh("Balcony", &balcony());
+        let fence = made.mesh("Fence", &fence());
+        let mut build = |number: u32, corner: Option<bool>| {
+            let mut dice = Dice::new(seed, Draw::House, number);
+            let width = WIDTH * dice.between(0.8, 1.25);
+            let wall = WALLS[dice.below(WALLS.len())];
+            let house = House { width, storeys: 2 + dice.below(3), wall, corner };
             let (model, balconies) = house.model(&mut dice);
-            let mesh = made.mesh(&name, &model);
-            let place = Placement { at: at_front, turned: self.turned, ..Placement::HERE };
-            let node = made.put(&name, "building", mesh, place);
-            let place = |at| Placement { at, ..Placement::HERE };
-            let mut hang = |at| made.glb.object(&format!("{name}_Balcony"), "building", balcony, place(at));
-            let balconies: Vec<usize> = balconies.into_iter().map(&mut hang).collect();
+            Built { mesh: made.mesh(&format!("House_{}", number + 1), &model), width, wall, balconies }
+        };
+        let plain = (0..PLAIN).map(|number| build(number, None)).collect();
+        let corners = [true, false].map(|is_left| {
+            let first = PLAIN + if is_left { 0 } else { CORNERS };
+            (first..first + CORNERS).map(|number| build(number, Some(is_left))).collect()
+        });
+        Stock { plain, corners, balcony, fence }
+    }
+}
+
+/// The rows as they are built, and how many things there are in them so far.
+struct Rows {
+    stock: Stock,
+    seed: u64,
+    rows: u32,
+    houses: u32,
+    fences: u32,
+    gardens: Vec<DVec3>,
+}
+
+impl Rows {
+    fn add(&mut self, made: &mut Made, crossing: &Crossing, row: &Row) {
+        /// Choices for a row, of which the one is taken whose widths fit best.
+        const CHOICES: usize = 8;
+        /// Part of the places between houses that are gardens, and the width of one.
+        const GARDENS: f64 = 0.12;
+        const GARDEN: f64 = 9.0;
+        let length = row.to - row.from;
+        let count = (length / WIDTH).round().max(1.0) as usize;
+        // Draws of the stock come first.
+        let mut dice = Dice::new(self.seed, Draw::House, 1 << 16 | self.rows);
+        self.rows += 1;
+        let mut chosen: Vec<Option<Built>> = Vec::new();
+        let mut misfit = f64::INFINITY;
+        for _ in 0..CHOICES {
+            let mut choice: Vec<Option<Built>> = Vec::new();
+            for place in 0..count {
+                let at_corner = row.at_corner && place == 0;
+                let stock = if at_corner { &self.stock.corners[usize::from(!row.right)] } else { &self.stock.plain };
+                let neighbour = choice.last().and_then(Option::as_ref).map(|house| house.wall);
+                let is_garden = place > 0 && place + 1 < count && neighbour.is_some() && dice.unit() < GARDENS;
+                let others: Vec<&Built> = stock.iter().filter(|house| Some(house.wall) != neighbour).collect();
+                choice.push((!is_garden).then(|| others[dice.below(others.len())].clone()));
+            }
+            let width: f64 = choice.iter().map(|house| house.as_ref().map_or(GARDEN, |house| house.width)).sum();
+            if (length / width).ln().abs() < misfit {
+                misfit = (length / width).ln().abs();
+                chosen = choice;
+            }
+        }
+        let width = |house: &Option<Built>| house.as_ref().map_or(GARDEN, |house| house.width);
+        let stretch = length / chosen.iter().map(width).sum::<f64>();
+        let mut at = row.from;
+        for house in &chosen {
+            let width = width(house) * stretch;
+            let left = if row.right { at } else { -at - width };
+            let place =
+                |x: f64, y: f64| crossing.place(0.0, 0.0, 0.0) + row.turned * DVec3::new(left + x, row.front + y, 0.0);
+            at += width;
+            let Some(house) = house else {
+                self.gardens.push(place(width / 2.0, 5.0));
+                self.fence(made, place(0.0, 0.35), row.turned, width);
+                continue;
+            };
+            self.houses += 1;
+            let name = format!("House_{:02}", self.houses);
+            let scale = DVec3::new(stretch, 1.0, 1.0);
+            let placed = Placement { at: place(0.0, 0.0), turned: row.turned, scale };
+            let node = made.put(&name, "building", house.mesh, placed);
+            let hang = |&at: &DVec3| {
+                let place = Placement { at, ..Placement::HERE };
+                made.glb.object(&format!("{name}_Balcony"), "building", self.stock.balcony, place)
+            };
+            let balconies: Vec<usize> = house.balconies.iter().map(hang).collect();
             if !balconies.is_empty() {
                 made.glb.adopt(node, &balconies);
             }
-            at += width;
         }
     }
+
+    /// A fence of several panels along x, from a place on.
+    fn fence(&mut self, made: &mut Made, from: DVec3, turned: DQuat, length: f64) {
+        let panels = (length / PANEL).round().max(1.0);
+        let width = length / panels;
+        for panel in 0..panels as u32 {
+            self.fences += 1;
+            let at = from + turned * DVec3::X * (width * f64::from(panel)) + DVec3::Z * KERB;
+            let scale = DVec3::new(width / PANEL, 1.0, 1.0);
+            made.put(&format!("Fence_{:03}", self.fences), "fence", self.stock.fence, Placement { at, turned, scale });
+        }
+    }
+}
+
+/// Width of a panel of a fence.
+const PANEL: f64 = 2.0;
+
+/// A panel along x, 1.1 m high.
+fn fence() -> Model {
+    let mut fence = Model::default();
+    for z in [0.25, 0.85] {
+        fence.add_box("fence_wood", [0.0, -0.02, z], [PANEL, 0.02, z + 0.07]);
+    }
+    for picket in 0..12 {
+        let x = PANEL / 12.0 * (f64::from(picket) + 0.5);
+        fence.add_box("fence_wood", [x - 0.045, -0.045, 0.0], [x + 0.045, -0.02, 1.1]);
+    }
+    fence
 }
 
 struct House {
@@ -142,6 +263,16 @@ impl House {
         }
         let back = Wall { from: DVec3::new(width, DEPTH, 0.0), along: DVec3::NEG_X, out: DVec3::Y, length: width };
         back.rectangle(model, self.wall, [0.0, 0.0], [width, height], 0.0);
+        let columns = (width / windows.pitch).round().max(2.0);
+        for (storey, column) in (0..self.storeys).flat_map(|storey| (0..columns as usize).map(move |c| (storey, c))) {
+            let (u, low) = (width / columns * (column as f64 + 0.5), GROUND + STOREY * storey as f64);
+            let mut window = |material, edge: f64, out| {
+                let half = windows.width / 2.0 - edge;
+                back.rectangle(model, material, [u - half, low + sill + edge], [u + half, low + lintel - edge], out);
+            };
+            window("white_paint", 0.0, 0.02);
+            window("window", 0.08, 0.03);
+        }
         for storey in 0..=self.storeys {
             let z = if storey == 0 { 0.15 } else { GROUND + STOREY * (storey - 1) as f64 };
             let (x, y) = ([INSET, width - INSET], [RECESS + 0.05, DEPTH - INSET]);
@@ -349,7 +480,7 @@ impl Wall {
             model.polygon(material, &reveal.map(|(u, v, out)| self.at(u, v, out)));
         }
         if opening.filling == Filling::Door {
-            self.rectangle(model, "wood", opening.from, opening.to, -RECESS);
+            self.rectangle(model, "door", opening.from, opening.to, -RECESS);
             self.block(model, "granite", [u0 - 0.1, 0.0], [u1 + 0.1, v0], [0.0, 0.3]);
             return;
         }

@@ -1,51 +1,60 @@
-//! A street with houses, trees, parked cars, traffic and people, which an animation moves.
+//! A street, or a town of streets, with houses, trees, parked cars, traffic and people, which an animation moves.
 
 mod cars;
 mod drive;
 mod furniture;
 mod ground;
 mod houses;
-mod model;
 mod person;
 mod plan;
+mod signs;
 #[cfg(test)]
 mod tests;
 mod walk;
 
-use super::GeneratedScene;
 use super::glb::Placement;
+use super::model::Made;
+use super::{GeneratedScene, within};
 use crate::ground::error::{Error, Result};
 use glam::{DQuat, DVec3, EulerRot};
-use model::Made;
 use plan::{KERB, Plan};
 use serde::{Deserialize, Serialize};
 
-/// Parameters of a street. It runs along x and is 200 m long (longer if the animation is longer than 10 s); a side
-/// street crosses it at the origin. Traffic keeps to the right.
+/// Parameters of a street, or of a town of streets. Without `blocks`, a street runs along x and is 200 m long (longer
+/// if the animation is longer than 10 s), and a side street crosses it at the origin. With `blocks`, as many blocks of
+/// houses as it says have streets around them, a crossing every 100 m along x and every 84 m along y, one of them at the
+/// origin. Traffic keeps to the right.
 ///
-/// Objects have the categories `road`, `pavement`, `building`, `vegetation`, `pole`, `furniture`, `traffic_light`,
-/// `flag`, `car` and `person`; the parts of each are named after their materials. The animation `Street` moves
+/// Objects have the categories of SemanticKITTI: `road`, `lane-marking`, `parking`, `sidewalk`, `terrain`, `building`,
+/// `fence`, `vegetation` (the crowns of trees), `trunk`, `pole`, `traffic-sign` (plates that are retro-reflectors),
+/// `car`, `truck`, `bicycle`, `person` and, for benches, bins, traffic lights and a flag, `other-object`. The parts of
+/// each are named after their materials. The animation `Street` moves
 ///
-/// * the cars `Car_1` and so on, with their wheels: the second brakes, stops at a red light and drives on, the third
-///   turns right at the crossing;
-/// * `Person_1` and `Person_2`, who walk along the pavements: a mesh with a skeleton of 17 joints each;
+/// * the cars `Car_1` and so on, with their wheels. At a single crossing the second brakes, stops at a red light and
+///   drives on, the third turns right; in a town they drive straight on and stop at red lights and where streets end;
+/// * `Person_1` and so on, who walk along the sidewalks: a mesh with a skeleton of 17 joints each;
 /// * the flag, whose mesh changes between two shapes;
 /// * the lamps of the traffic lights, which come and go (`KHR_node_visibility`, `KHR_animation_pointer`).
 ///
 /// The camera node `Lidar` is on the roof of `Car_1`, 1.9 m above the road, and looks ahead; `Corner` stands at the
-/// crossing, 3 m high, and looks along the street.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// crossing at the origin, 3 m high, and looks along the street.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Street {
-    /// Cars that drive, 1 to 10. Others are parked.
-    pub cars: u32,
+    /// Blocks of houses along x and y, 1 to 10 each. `None`: a single crossing.
+    pub blocks: Option<[u32; 2]>,
+    /// Cars that drive, 1 to 10, or with `blocks` as many as there is room for. `None`: 6, with blocks two for each
+    /// crossing. Others are parked.
+    pub cars: Option<u32>,
+    /// People who walk, as many as there is room for. `None`: 2, with blocks two for each crossing.
+    pub people: Option<u32>,
     /// Length of the animation, 8 to 30 s.
     pub seconds: f64,
 }
 
 impl Default for Street {
     fn default() -> Self {
-        Street { cars: 6, seconds: 10.0 }
+        Street { blocks: None, cars: None, people: None, seconds: 10.0 }
     }
 }
 
@@ -56,23 +65,41 @@ impl Street {
     /// A parameter outside its range; the message names the field.
     pub fn scene(&self, seed: u64) -> Result<GeneratedScene> {
         let plan = Plan::new(self)?;
+        let crossings = plan.crossings.len() as u32;
+        let usual = |single: u32| if plan.is_town { 2 * crossings } else { single };
+        let cars = self.cars.unwrap_or(usual(6));
+        within("cars", cars.into(), 1.0, drive::most_cars(&plan).into())?;
+        let mut walks = person::walks(&plan, seed);
+        let people = self.people.unwrap_or(usual(2));
+        within("people", people.into(), 0.0, walks.len() as f64)?;
+        walks.truncate(people as usize);
+
         let mut made = Made::default();
         ground::add(&mut made, &plan);
-        houses::add(&mut made, &plan, seed);
-        furniture::add(&mut made, &plan, seed);
-        let drives = drive::drives(&plan, self.cars, seed);
+        let gardens = houses::add(&mut made, &plan, seed);
+        furniture::add(&mut made, &plan, &gardens, seed);
+        let drives = drive::drives(&plan, cars, seed);
         let parked = cars::add(&mut made, &plan, &drives, seed);
-        person::add(&mut made, &plan);
+        person::add(&mut made, &plan, &walks);
         let at = DVec3::new(6.8, -6.8, 3.0 + KERB);
         let turned = DQuat::from_euler(EulerRot::ZYX, 2.72, 0.09, 0.0);
         let corner = made.glb.camera("Corner", Placement { at, turned, ..Placement::HERE });
         made.glb.root(corner);
         made.glb.animation("Street");
+        let [[west, east], [south, north]] = plan.ends();
+        let size = match self.blocks {
+            None => format!("street of {} m, crossing at 0,0, {parked} parked cars", east - west),
+            Some([x, y]) => format!(
+                "town of {x} x {y} blocks, {} x {} m, {crossings} crossings, {parked} parked cars",
+                east - west,
+                north - south
+            ),
+        };
         let details = vec![
-            format!("street of {} m, crossing at 0,0, {} parked cars", 2.0 * plan.end, parked),
-            format!("animation Street: {} s, {} cars drive, 2 people walk", self.seconds, self.cars),
-            "camera Lidar on the roof of Car_1, camera Corner at the crossing".to_owned(),
+            size,
+            format!("animation Street: {} s, {cars} cars drive, {people} people walk", self.seconds),
+            "camera Lidar on the roof of Car_1, camera Corner at the crossing at 0,0".to_owned(),
         ];
-        made.glb.finish(details).map_err(|size| Error::invalid("seconds", size, "a shorter animation"))
+        made.glb.finish(details).map_err(|size| Error::invalid("blocks", size, "fewer blocks or a shorter animation"))
     }
 }

@@ -1,11 +1,13 @@
 //! People who walk: a body with a skeleton in it.
 
-use super::model::{Made, Model};
-use super::plan::{FRONT, HALF_ROAD, KERB, Plan};
+use super::plan::{FRONT, HALF_ROAD, KERB, Plan, SIDE_FRONT, SIDE_HALF_ROAD, SIDE_STOP};
 use super::walk::{self, Gait};
 use crate::generate::glb::Placement;
+use crate::generate::model::{Made, Model};
+use crate::generate::noise::Dice;
+use crate::ground::rng::Draw;
 use glam::{DQuat, DVec3};
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Joints of the skeleton: name, parent, and place in the body as it was made, looking along x, arms spread.
 pub(super) const JOINTS: [(&str, Option<usize>, [f64; 3]); 17] = [
@@ -63,41 +65,98 @@ const LIMBS: [Limb; 17] = [
     limb(13, [0.12, 0.1, 0.04], [0.155, 0.1, 0.035], [0.042, 0.034], 1.0),
 ];
 
-pub(super) fn add(made: &mut Made, plan: &Plan) {
-    let body = Body::new();
-    let mesh = body.mesh(made);
+/// Where someone walks: from where, along which angle.
+pub(super) struct Walk {
+    pub from: DVec3,
+    pub heading: f64,
+}
+
+/// Walks without other people in the way: between the houses and the trees, up to a crossing or away from it.
+pub(super) fn walks(plan: &Plan, seed: u64) -> Vec<Walk> {
+    /// Distance of the first place from the crossing, and from someone's way to the next.
+    const FIRST: f64 = 13.0;
+    const APART: f64 = 2.0;
+    /// Lanes of sidewalks, from the middle of the street and of the side street.
+    const LANES: [f64; 2] = [(HALF_ROAD + FRONT) / 2.0 + 0.6, (HALF_ROAD + FRONT) / 2.0 - 0.1];
+    const SIDE_LANE: f64 = (SIDE_HALF_ROAD + SIDE_FRONT) / 2.0 + 0.35;
+    let way = walk::SPEED * plan.seconds;
+    let mut walks = Vec::new();
+    for axis in 0..2 {
+        let first = [FIRST, SIDE_STOP + 2.0][axis];
+        let lanes: &[f64] = [&LANES[..], &[SIDE_LANE]][axis];
+        let [low, high] = plan.ends()[axis];
+        let knots: Vec<f64> = [low].into_iter().chain(plan.middles[axis].iter().copied()).chain([high]).collect();
+        for &street in &plan.middles[1 - axis] {
+            for (piece, pair) in knots.windows(2).enumerate() {
+                let is_first = piece == 0;
+                let from = pair[0] + if is_first { 1.0 } else { first };
+                let to = pair[1] - if piece + 2 == knots.len() { 1.0 } else { first };
+                let count = ((to - from + APART) / (way + APART)).max(0.0) as u32;
+                for (side, (lane, aside)) in
+                    [-1.0, 1.0].into_iter().flat_map(|side| lanes.iter().enumerate().map(move |lane| (side, lane)))
+                {
+                    for place in 0..count {
+                        let along = (way + APART) * f64::from(place);
+                        // The way nearest to the crossing comes first.
+                        let start = if is_first { to - way - along } else { from + along };
+                        // One lane in either direction, to the east in the south and to the north in the east.
+                        let ahead = ((side < 0.0) == (lane == 0)) != (axis == 1);
+                        let at = if ahead { start } else { start + way };
+                        let across = street + side * aside;
+                        let (x, y) = if axis == 0 { (at, across) } else { (across, at) };
+                        let heading = f64::from(axis as u32) * FRAC_PI_2 + if ahead { 0.0 } else { PI };
+                        walks.push(Walk { from: DVec3::new(x, y, KERB), heading });
+                    }
+                }
+            }
+        }
+    }
+    // In any order, but at a single crossing two come first who can be seen from its corner.
+    let first = if plan.is_town { 0 } else { 2 };
+    if !plan.is_town {
+        let second = walks.iter().position(|walk| walk.from.y > 0.0).unwrap_or(1);
+        walks.swap(1, second);
+    }
+    let mut dice = Dice::new(seed, Draw::Person, 0);
+    for place in first..walks.len() {
+        let other = place + dice.below(walks.len() - place);
+        walks.swap(place, other);
+    }
+    walks
+}
+
+pub(super) fn add(made: &mut Made, plan: &Plan, walks: &[Walk]) {
+    /// Parts of a step by which people are ahead of each other.
+    const PHASES: [f64; 4] = [0.0, 0.37, 0.62, 0.85];
+    let meshes = Body::new().meshes(made);
     let bound = JOINTS.map(|(.., at)| DVec3::from(at));
     let times = walk::times(plan.seconds);
     let keys = made.glb.times(&times);
     let ends = made.glb.times(&[0.0, plan.seconds]);
     let way = walk::SPEED * plan.seconds;
-    // On both pavements, between the houses and the trees, up to the crossing and away from it.
-    let y = (HALF_ROAD + FRONT) / 2.0 + 0.6;
-    for (name, from, heading, phase) in
-        [("Person_1", DVec3::new(-13.0 - way, -y, KERB), 0.0, 0.0), ("Person_2", DVec3::new(-13.0, y, KERB), PI, 0.37)]
-    {
+    // Who walks in the same phase moves by the same keys.
+    let steps: Vec<Steps> =
+        PHASES[..walks.len().min(PHASES.len())].iter().map(|&phase| Steps::new(made, &times, keys, phase)).collect();
+    for (number, &Walk { from, heading }) in walks.iter().enumerate() {
+        let name = format!("Person_{}", number + 1);
+        let Steps { first, hips, turns } = &steps[number % steps.len()];
         let turned = DQuat::from_rotation_z(heading);
-        let root = made.glb.frame(name, Placement { at: from, turned, ..Placement::HERE });
+        let root = made.glb.frame(&name, Placement { at: from, turned, ..Placement::HERE });
         made.glb.root(root);
         let places = made.glb.places(ends, &[from, from + turned * DVec3::X * way]);
         made.glb.animate(root, "translation", places);
 
-        let gaits: Vec<Gait> = times.iter().map(|&time| walk::gait(time, phase)).collect();
         let mut nodes = Vec::new();
         for (joint, (own, parent, _)) in JOINTS.into_iter().enumerate() {
             let at = match parent {
                 Some(parent) => bound[joint] - bound[parent],
-                None => gaits[0].hips,
+                None => first.hips,
             };
-            let place = Placement { at, turned: gaits[0].turns[joint], ..Placement::HERE };
+            let place = Placement { at, turned: first.turns[joint], ..Placement::HERE };
             nodes.push(made.glb.frame(&format!("{name}_{own}"), place));
-            let turns: Vec<DQuat> = gaits.iter().map(|gait| gait.turns[joint]).collect();
-            let turns = made.glb.turns(keys, &turns);
-            made.glb.animate(nodes[joint], "rotation", turns);
+            made.glb.animate(nodes[joint], "rotation", turns[joint]);
         }
-        let hips: Vec<DVec3> = gaits.iter().map(|gait| gait.hips).collect();
-        let hips = made.glb.places(keys, &hips);
-        made.glb.animate(nodes[0], "translation", hips);
+        made.glb.animate(nodes[0], "translation", *hips);
         for parent in 0..JOINTS.len() {
             let children = (0..JOINTS.len()).filter(|&child| JOINTS[child].1 == Some(parent));
             let children: Vec<usize> = children.map(|child| nodes[child]).collect();
@@ -106,8 +165,28 @@ pub(super) fn add(made: &mut Made, plan: &Plan) {
             }
         }
         made.glb.adopt(root, &nodes[..1]);
+        let mesh = meshes[number % meshes.len()];
         let skin = made.put(&format!("{name}_Body"), "person", mesh, Placement::HERE);
         made.glb.skin(skin, nodes[0], &nodes, &bound);
+    }
+}
+
+/// Keys of the joints: samplers of the place of the hips and of how joints are turned.
+struct Steps {
+    first: Gait,
+    hips: usize,
+    turns: [usize; JOINTS.len()],
+}
+
+impl Steps {
+    fn new(made: &mut Made, times: &[f64], keys: usize, phase: f64) -> Self {
+        let gaits: Vec<Gait> = times.iter().map(|&time| walk::gait(time, phase)).collect();
+        let turns = std::array::from_fn(|joint| {
+            let turns: Vec<DQuat> = gaits.iter().map(|gait| gait.turns[joint]).collect();
+            made.glb.turns(keys, &turns)
+        });
+        let hips: Vec<DVec3> = gaits.iter().map(|gait| gait.hips).collect();
+        Steps { first: walk::gait(0.0, phase), hips: made.glb.places(keys, &hips), turns }
     }
 }
 
@@ -241,8 +320,8 @@ impl Body {
         (numbers, weights)
     }
 
-    /// The mesh, clothed.
-    fn mesh(&self, made: &mut Made) -> usize {
+    /// The meshes: clothed, in jackets of several colours.
+    fn meshes(&self, made: &mut Made) -> [usize; 3] {
         let (vertices, triangles) = self.skin();
         let mut model = Model { vertices, parts: Vec::new() };
         for corners in triangles {
@@ -254,7 +333,12 @@ impl Body {
         let normals: Vec<DVec3> = model.vertices.iter().map(|&at| self.normal(at)).collect();
         let mesh = made.shaded_mesh("Person", &model, &normals);
         made.glb.joints(mesh, &weights.0, &weights.1);
-        mesh
+        let jacket = made.material("jacket");
+        let mut other = |name: &'static str| {
+            let material = made.material(name);
+            made.glb.repainted(mesh, &format!("Person_{name}"), jacket, material)
+        };
+        [mesh, other("red_jacket"), other("grey_jacket")]
     }
 
     /// Direction in which the distance grows.

@@ -1,17 +1,18 @@
-//! What is where in the street, and when the traffic lights change.
+//! What is where in the street, or in a town of several, and when the traffic lights change.
 //!
-//! The street runs along x, a side street crosses it at the origin, traffic keeps to the right.
+//! Streets run along x, side streets cross them along y, traffic keeps to the right. One crossing is at the origin.
 
 use super::Street;
 use crate::generate::within;
 use crate::ground::error::Result;
+use glam::{DVec2, DVec3};
 
 /// Distances from the middle of the street: of the edge of a lane, of the kerb (cars are parked in between), and of the
 /// houses.
 pub(super) const LANE: f64 = 3.3;
 pub(super) const HALF_ROAD: f64 = 5.5;
 pub(super) const FRONT: f64 = 9.0;
-/// Of the kerb and the houses from the middle of the side street.
+/// Of the kerb and the houses from the middle of a side street.
 pub(super) const SIDE_HALF_ROAD: f64 = 3.5;
 pub(super) const SIDE_FRONT: f64 = 6.0;
 /// Radius of the kerbs at the crossing, and how high they are.
@@ -21,36 +22,109 @@ pub(super) const KERB: f64 = 0.12;
 pub(super) const POSTS: f64 = HALF_ROAD + 0.75;
 /// Middle of a lane of either street.
 pub(super) const LANE_MIDDLE: f64 = LANE / 2.0;
+/// Of the stop lines from the crossing, in the street and in a side street.
+pub(super) const STOP: f64 = 11.0;
+pub(super) const SIDE_STOP: f64 = 13.0;
 
 /// Length of the street and of the usual animation. Longer ones need a longer street for the same drives.
 const USUAL_LENGTH: f64 = 200.0;
 const USUAL_SECONDS: f64 = 10.0;
 
-/// There is room for so many cars.
-pub(super) const MOST_CARS: u32 = 10;
+/// With blocks: from one crossing to the next along x and y, and how far the streets go on beyond the last.
+const PITCH: [f64; 2] = [100.0, 84.0];
+const BEYOND: f64 = 45.0;
+const MOST_BLOCKS: f64 = 10.0;
 
 pub(super) struct Plan {
     pub seconds: f64,
     /// How much longer than usual the animation is: what happens later happens as much later.
     pub pace: f64,
-    /// Distance of the ends of the streets from the crossing.
-    pub end: f64,
-    pub side_end: f64,
-    /// Distance of the stop lines.
-    pub stop: f64,
-    pub side_stop: f64,
+    /// Whether there are blocks of houses with streets around them, not just one crossing.
+    pub is_town: bool,
+    /// Middles of the side streets, x, and of the streets, y.
+    pub middles: [Vec<f64>; 2],
+    /// Row by row along x.
+    pub crossings: Vec<Crossing>,
+}
+
+/// A crossing, with the streets up to halfway to its neighbours, or to their ends.
+pub(super) struct Crossing {
+    pub at: DVec2,
+    /// How far that is: to the west and east, to the south and north.
+    pub reach: [[f64; 2]; 2],
+    /// Its lights are the other way round than those at the origin.
+    pub is_odd: bool,
+    /// From 1; `None` for that at the origin.
+    number: Option<usize>,
+}
+
+impl Crossing {
+    /// Where a place of the crossing is in the world.
+    pub fn place(&self, x: f64, y: f64, z: f64) -> DVec3 {
+        (self.at + DVec2::new(x, y)).extend(z)
+    }
+
+    /// The reach along x (0) or y (1) against the axis, where `side` is negative, or along it.
+    pub fn reach(&self, axis: usize, side: f64) -> f64 {
+        self.reach[axis][usize::from(side > 0.0)]
+    }
+
+    /// The name of something that every crossing has; the one at the origin has no number in it.
+    pub fn name(&self, kind: &str, which: impl std::fmt::Display) -> String {
+        match self.number {
+            None => format!("{kind}_{which}"),
+            Some(number) => format!("{kind}_{number}_{which}"),
+        }
+    }
 }
 
 impl Plan {
     pub fn new(street: &Street) -> Result<Self> {
-        within("cars", street.cars.into(), 1.0, MOST_CARS.into())?;
         within("seconds", street.seconds, 8.0, 30.0)?;
+        for blocks in street.blocks.into_iter().flatten() {
+            within("blocks", blocks.into(), 1.0, MOST_BLOCKS)?;
+        }
         let pace = street.seconds / USUAL_SECONDS;
         let end = USUAL_LENGTH / 2.0 * pace.max(1.0);
-        Ok(Plan { seconds: street.seconds, pace, end, side_end: end / 2.0, stop: 11.0, side_stop: 13.0 })
+        let middles = street.blocks.map_or([vec![0.0], vec![0.0]], |blocks| {
+            [0, 1].map(|axis| {
+                let first = blocks[axis] / 2;
+                (0..=blocks[axis]).map(|line| (f64::from(line) - f64::from(first)) * PITCH[axis]).collect()
+            })
+        });
+        let is_town = street.blocks.is_some();
+        let reach = |axis: usize, line: usize| {
+            [line > 0, line + 1 < middles[axis].len()].map(|goes_on| match (goes_on, is_town) {
+                (true, _) => PITCH[axis] / 2.0,
+                (false, true) => BEYOND,
+                (false, false) => end / [1.0, 2.0][axis],
+            })
+        };
+        let mut crossings = Vec::new();
+        for (row, &y) in middles[1].iter().enumerate() {
+            for (column, &x) in middles[0].iter().enumerate() {
+                let at = DVec2::new(x, y);
+                let is_odd = ((x / PITCH[0]) as i32 + (y / PITCH[1]) as i32) % 2 != 0;
+                let number = (at != DVec2::ZERO).then_some(crossings.len() + 1);
+                crossings.push(Crossing { at, reach: [reach(0, column), reach(1, row)], is_odd, number });
+            }
+        }
+        Ok(Plan { seconds: street.seconds, pace, is_town, middles, crossings })
     }
 
-    /// When the lights change, and which lamps shine then, red, yellow, green: of the street, of the side street.
+    /// Lowest and highest place of the streets along x and y.
+    pub fn ends(&self) -> [[f64; 2]; 2] {
+        [0, 1].map(|axis| {
+            let at =
+                |crossing: &Crossing, side: usize| crossing.at[axis] + [-1.0, 1.0][side] * crossing.reach[axis][side];
+            let low = self.crossings.iter().map(|crossing| at(crossing, 0)).fold(f64::INFINITY, f64::min);
+            let high = self.crossings.iter().map(|crossing| at(crossing, 1)).fold(f64::NEG_INFINITY, f64::max);
+            [low, high]
+        })
+    }
+
+    /// When the lights of a crossing change, and which lamps shine then, red, yellow, green: of the street, of the side
+    /// street; at odd crossings, of the side street, of the street.
     pub fn lights(&self) -> [(f64, [[bool; 3]; 2]); 5] {
         const RED: [bool; 3] = [true, false, false];
         const READY: [bool; 3] = [true, true, false];
@@ -66,9 +140,9 @@ impl Plan {
         ]
     }
 
-    /// Whether the light of the street, or of the side street, is green.
-    pub fn is_green(&self, side_street: bool, time: f64) -> bool {
+    /// Whether the light of the street, or of the side street, is green at a crossing.
+    pub fn is_green(&self, side_street: bool, is_odd: bool, time: f64) -> bool {
         let now = self.lights().into_iter().rev().find(|(from, _)| *from <= time);
-        now.is_some_and(|(_, [street, side])| if side_street { side[2] } else { street[2] })
+        now.is_some_and(|(_, lamps)| lamps[usize::from(side_street != is_odd)][2])
     }
 }

@@ -2,15 +2,21 @@
 
 use super::cars::WHEEL;
 use super::drive::{self, WHEEL_KEYS};
-use super::person::{Body, JOINTS};
-use super::plan::{LANE_MIDDLE, Plan};
+use super::person::{self, Body, JOINTS};
+use super::plan::{FRONT, HALF_ROAD, LANE_MIDDLE, Plan, SIDE_FRONT, SIDE_HALF_ROAD};
 use super::{Street, walk};
 use crate::generate::tests::{chunks, of_category};
-use crate::scene::LoadOptions;
-use glam::{DVec3, Quat, Vec3};
+use crate::scene::{LoadOptions, Object};
+use crate::{FieldSet, Pose, ScanOptions, Sensor, Trajectory};
+use glam::{DQuat, DVec2, DVec3, Quat, Vec3};
 use serde_json::Value;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::f64::consts::FRAC_PI_2;
+use std::sync::Arc;
+
+fn town(blocks: [u32; 2]) -> Street {
+    Street { blocks: Some(blocks), ..Street::default() }
+}
 
 fn plan(street: &Street) -> Plan {
     Plan::new(street).unwrap()
@@ -90,8 +96,18 @@ fn a_street_reads_back() {
     assert_eq!(scene.degenerate_triangles, 0);
     assert_eq!(scene.triangle_count(), made.triangles);
     assert_eq!(scene.animations, ["Street"]);
-    let mut categories = vec!["road", "pavement", "building", "vegetation", "pole", "furniture", "traffic_light"];
-    categories.extend(["flag", "car", "person"]);
+    let mut categories = vec!["road", "lane-marking", "parking", "sidewalk", "terrain", "building", "fence"];
+    categories.extend([
+        "vegetation",
+        "trunk",
+        "pole",
+        "traffic-sign",
+        "other-object",
+        "car",
+        "truck",
+        "bicycle",
+        "person",
+    ]);
     let mut found: Vec<&str> = made.categories.iter().map(|(name, _)| *name).collect();
     categories.sort_unstable();
     found.sort_unstable();
@@ -129,12 +145,17 @@ fn same_seed_same_bytes() {
     let one = Street::default().scene(1).unwrap();
     assert_eq!(one.bytes(), Street::default().scene(1).unwrap().bytes());
     assert_ne!(one.bytes(), Street::default().scene(2).unwrap().bytes());
+    let blocks = town([2, 1]).scene(1).unwrap();
+    assert_eq!(blocks.bytes(), town([2, 1]).scene(1).unwrap().bytes());
+    assert_ne!(blocks.bytes(), town([2, 1]).scene(2).unwrap().bytes());
 }
 
 #[test]
 fn files_are_valid_gltf() {
-    let longest = Street { cars: 10, seconds: 30.0 };
-    for made in [Street::default().scene(3).unwrap(), longest.scene(4).unwrap()] {
+    let longest = Street { cars: Some(10), seconds: 30.0, ..Street::default() };
+    let town = Street { people: Some(7), ..town([1, 1]) };
+    for (street, people) in [(Street::default(), 2), (longest, 2), (town, 7)] {
+        let made = street.scene(3).unwrap();
         let file = File::new(made.bytes());
         for mesh in file.list("meshes") {
             for primitive in mesh["primitives"].as_array().unwrap() {
@@ -167,18 +188,19 @@ fn files_are_valid_gltf() {
                 }
             }
         }
-        assert_eq!(file.list("skins").len(), 2);
+        assert_eq!(file.list("skins").len(), people);
         for skin in file.list("skins") {
             assert_eq!(skin["joints"].as_array().unwrap().len(), file.rows(&skin["inverseBindMatrices"]).len());
         }
         let [animation] = file.list("animations") else { panic!() };
-        let seconds = if made.bytes().len() > 3_000_000 { 30.0 } else { 10.0 };
         for channel in animation["channels"].as_array().unwrap() {
             let sampler = &animation["samplers"][number(&channel["sampler"])];
             let times = file.rows(&sampler["input"]).concat();
             let accessor = &file.list("accessors")[number(&sampler["input"])];
             let last = times[times.len() - 1];
-            assert!(times[0] == 0.0 && last <= seconds && times.windows(2).all(|pair| pair[0] < pair[1]));
+            assert!(
+                times[0] == 0.0 && f64::from(last) <= street.seconds && times.windows(2).all(|pair| pair[0] < pair[1])
+            );
             assert_eq!((accessor["min"][0].as_f64(), accessor["max"][0].as_f64()), (Some(0.0), Some(last.into())));
             let values = file.rows(&sampler["output"]);
             let rows = match (channel["target"]["path"].as_str().unwrap(), sampler["interpolation"].as_str().unwrap()) {
@@ -264,8 +286,8 @@ fn wheels_turn_as_far_as_their_car_drives() {
 fn traffic_is_orderly() {
     for (seed, seconds) in (0..40).flat_map(|seed| [(seed, 8.0), (seed, 10.0), (seed, 17.0), (seed, 30.0)]) {
         for cars in [1, 6, 10] {
-            let street = Street { cars, seconds };
-            let plan = plan(&street);
+            let plan = plan(&Street { seconds, ..Street::default() });
+            let [[_, end], [_, side_end]] = plan.ends();
             let drives = drive::drives(&plan, cars, seed);
             let told = |car: usize| format!("seed {seed}, {seconds} s, car {}: {:?}", car + 1, drives[car].speeds());
             let steps = (seconds * WHEEL_KEYS) as u32;
@@ -273,7 +295,7 @@ fn traffic_is_orderly() {
                 let time = f64::from(step) / WHEEL_KEYS;
                 let places: Vec<DVec3> = drives.iter().map(|drive| drive.place(time)[0]).collect();
                 for (a, at) in places.iter().enumerate() {
-                    assert!(at.x.abs() < plan.end - 1.0 && at.y.abs() < plan.side_end - 1.0, "{} at {at}", told(a));
+                    assert!(at.x.abs() < end - 1.0 && at.y.abs() < side_end - 1.0, "{} at {at}", told(a));
                     for (b, other) in places.iter().enumerate().skip(a + 1) {
                         let apart = (*at - *other).abs();
                         let beside = apart.y >= 1.9 && at.y.abs() < 3.0 && other.y.abs() < 3.0;
@@ -373,10 +395,221 @@ fn a_body_is_closed_and_its_joints_move_what_is_near() {
 }
 
 #[test]
+fn a_town_has_its_blocks() {
+    let made = town([3, 2]).scene(7).unwrap();
+    assert!(made.bytes().len() < 4_000_000, "{}", made.bytes().len());
+    let scene = made.load(&LoadOptions::default()).unwrap();
+    assert!(scene.report.warnings.is_empty(), "{:?}", scene.report.warnings);
+    assert_eq!((scene.degenerate_triangles, scene.triangle_count()), (0, made.triangles));
+    // Every triangle belongs to an object of a category and has a part.
+    let names: Vec<&str> = made.categories.iter().map(|(name, _)| *name).collect();
+    for object in &scene.objects {
+        let category = scene.labels.category.name(object.category_id);
+        assert!(category.is_some_and(|name| names.contains(&name)), "{}", object.name);
+        assert!(object.instance_id > 0 && object.part_ids.iter().all(|&part| part > 0), "{}", object.name);
+    }
+    let numbers: HashSet<u32> = scene.objects.iter().map(|object| object.instance_id).collect();
+    assert_eq!(numbers.len(), scene.objects.len());
+    let (low, high) = scene.bounds().unwrap();
+    let size = (high - low).truncate();
+    // Crowns of trees reach a little farther.
+    assert!((390.0..402.0).contains(&size.x) && (258.0..270.0).contains(&size.y), "{low} {high}");
+    let count = |name: &str| made.categories.iter().find(|(known, _)| *known == name).unwrap().1;
+    assert_eq!([count("road"), count("sidewalk"), count("person")], [12, 48, 24]);
+    assert_eq!(
+        scene.objects.iter().filter(|object| object.name.starts_with("Car_") && object.name.len() < 7).count(),
+        24
+    );
+    // The same meshes everywhere.
+    let meshes: HashSet<_> = of_category(&scene, "building").iter().map(|house| Arc::as_ptr(&house.mesh)).collect();
+    assert_eq!(meshes.len(), 33);
+    let lidar = scene.camera("Lidar").unwrap().pose.position;
+    assert!((lidar.y + LANE_MIDDLE).abs() < 1e-6 && (lidar.z - 1.9).abs() < 1e-9, "{lidar}");
+    assert!(scene.camera("Corner").is_ok());
+}
+
+/// Extent along x and y of an object.
+fn extent(object: &Object) -> [DVec2; 2] {
+    let all = object.mesh.parts.iter().flat_map(|part| part.positions.iter());
+    let places = all.map(|&at| object.world_from_object.transform_point3(Vec3::from(at).as_dvec3()).truncate());
+    places.fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[low, high], at| [low.min(at), high.max(at)])
+}
+
+#[test]
+fn things_stand_apart() {
+    for (seed, street) in [(1, Street::default()), (2, town([2, 1])), (3, town([1, 3]))] {
+        let scene = street.scene(seed).unwrap().load(&LoadOptions::default()).unwrap();
+        let mut boxes = Vec::new();
+        for prefix in
+            ["House_", "Car_", "Parked_", "Truck_", "Bicycle_", "Bench_", "Bin_", "Sign_", "Lamp_", "Bollard_"]
+        {
+            let whole = |name: &str| name.starts_with(prefix) && name.matches('_').count() == 1;
+            let named = scene.objects.iter().filter(|object| whole(&object.name));
+            boxes.extend(named.map(|object| {
+                // Arms of lamps and plates of signs are above what stands below.
+                let at = object.world_from_object.translation.truncate();
+                let is_post = ["Sign_", "Lamp_"].contains(&prefix);
+                (prefix, object.name.as_str(), if is_post { [at - 0.12, at + 0.12] } else { extent(object) })
+            }));
+        }
+        boxes.extend(of_category(&scene, "trunk").into_iter().map(|object| {
+            // Branches reach out above.
+            let at = object.world_from_object.translation.truncate();
+            ("Trunk", object.name.as_str(), [at - 0.2, at + 0.2])
+        }));
+        assert!(boxes.len() > 100);
+        for (index, (kind, name, [low, high])) in boxes.iter().enumerate() {
+            for (other_kind, other, [other_low, other_high]) in &boxes[index + 1..] {
+                // Houses touch, their cornices, awnings and eaves reach over the neighbour and the sidewalk.
+                let margin = if kind == other_kind && *kind == "House_" { 0.4 } else { 0.0 };
+                let gap = (*low - *other_high).max(*other_low - *high) + margin;
+                assert!(gap.max_element() > -1e-3, "{name} {other}: {gap}");
+            }
+        }
+    }
+}
+
+#[test]
+fn traffic_in_a_town_is_orderly() {
+    let mut stopped = 0;
+    for (seed, blocks, seconds) in
+        [(1, [1, 1], 10.0), (2, [3, 2], 8.0), (3, [3, 2], 30.0), (4, [2, 3], 20.0), (5, [4, 1], 10.0)]
+    {
+        let plan = plan(&Street { seconds, ..town(blocks) });
+        let most = drive::most_cars(&plan);
+        assert!(most >= 4 * plan.crossings.len() as u32, "{most}");
+        for cars in [most / 3, most] {
+            let drives = drive::drives(&plan, cars, seed);
+            let ends = plan.ends();
+            for step in 0..=(seconds * 10.0) as u32 {
+                let time = f64::from(step) / 10.0;
+                let places: Vec<[DVec3; 2]> = drives.iter().map(|drive| drive.place(time)).collect();
+                for (a, [at, _]) in places.iter().enumerate() {
+                    let told = || format!("seed {seed}, {seconds} s, car {} of {cars} at {at}, {time} s", a + 1);
+                    // On the right half of a street or a side street, and not past its end.
+                    let right = |axis: usize| {
+                        let heading = drives[a].turned(time) * DVec3::X;
+                        let aside = [DVec3::NEG_Y, DVec3::X][axis] * heading[axis].signum() * LANE_MIDDLE;
+                        heading[axis].abs() > 0.99
+                            && plan.middles[1 - axis]
+                                .iter()
+                                .any(|middle| (at[1 - axis] - middle - aside[1 - axis]).abs() < 1e-9)
+                    };
+                    assert!(right(0) || right(1), "{}", told());
+                    assert!((ends[0][0] + 2.0..=ends[0][1] - 2.0).contains(&at.x), "{}", told());
+                    assert!((ends[1][0] + 2.0..=ends[1][1] - 2.0).contains(&at.y), "{}", told());
+                    for (b, [other, _]) in places.iter().enumerate().skip(a + 1) {
+                        let apart = (*at - *other).abs();
+                        let beside = apart.x >= 1.9 && apart.y >= 1.9 || apart.x.min(apart.y) >= 1.9;
+                        let one_lane = apart.x.min(apart.y) < 1e-6;
+                        let opposite = right(0) && apart.y > 3.0 || right(1) && apart.x > 3.0;
+                        let fine = if one_lane { apart.length() > 4.9 } else { apart.length() > 3.3 };
+                        assert!(fine || beside || opposite, "{} and car {} at {other}", told(), b + 1);
+                    }
+                }
+            }
+            assert!(drives.iter().all(|drive| drive.speeds()[1] > 8.0));
+            stopped += drives.iter().filter(|drive| drive.speeds()[0] < 1.0).count();
+        }
+    }
+    assert!(stopped > 20, "{stopped}");
+}
+
+#[test]
+fn people_stay_on_the_sidewalks_and_apart() {
+    for (seed, street) in [(1, Street::default()), (2, town([2, 2])), (3, Street { seconds: 30.0, ..town([1, 2]) })] {
+        let plan = plan(&street);
+        let walks = person::walks(&plan, seed);
+        assert!(walks.len() >= 2 * plan.crossings.len(), "{}", walks.len());
+        let near = |at: f64, middles: &[f64]| middles.iter().map(|m| (at - m).abs()).fold(f64::INFINITY, f64::min);
+        for step in 0..=20 {
+            let way = walk::SPEED * street.seconds * f64::from(step) / 20.0;
+            let places: Vec<DVec2> =
+                walks.iter().map(|walk| walk.from.truncate() + DVec2::from_angle(walk.heading) * way).collect();
+            for (number, at) in places.iter().enumerate() {
+                let [x, y] = [near(at.x, &plan.middles[0]), near(at.y, &plan.middles[1])];
+                let on = |away: f64, kerb: f64, front: f64| (kerb + 0.3..=front - 0.3).contains(&away);
+                let beside_street = on(y, HALF_ROAD, FRONT) && x > SIDE_HALF_ROAD;
+                let beside_side_street = on(x, SIDE_HALF_ROAD, SIDE_FRONT) && y > HALF_ROAD;
+                assert!(beside_street || beside_side_street, "{number} at {at}");
+                for other in &places[number + 1..] {
+                    assert!(at.distance(*other) > 0.6, "{number} at {at} and {other}");
+                }
+            }
+        }
+    }
+    // At a single crossing the first two walk towards each other's side.
+    let walks = person::walks(&plan(&Street::default()), 9);
+    assert!(walks[0].from.y < 0.0 && walks[0].heading == 0.0 && walks[1].from.y > 0.0 && walks[1].heading > 3.0);
+}
+
+#[test]
+fn signs_send_light_back_and_panes_let_it_through() {
+    let scene = Street::default().scene(7).unwrap().load(&LoadOptions::default()).unwrap();
+    let sign = scene.objects.iter().find(|object| object.name == "Sign_01_Plate").unwrap();
+    let (at, front) = (sign.world_from_object.translation, sign.world_from_object.matrix3 * DVec3::X);
+    let from = at + front * 20.0;
+    let yaw = (-front.y).atan2(-front.x).to_degrees();
+    let (category, building) = (scene.labels.category.id("traffic-sign"), scene.labels.category.id("building"));
+    let built = scene.build().unwrap();
+    let mut sensor = Sensor::preset("velodyne_vlp32c").unwrap();
+    sensor.set("intensity.encoding", "reflectivity").unwrap();
+    let scan = |at: DVec3, yaw: f64| {
+        let mut pose = Pose::at(at.x, at.y, at.z);
+        pose.orientation = DQuat::from_rotation_z(yaw.to_radians());
+        let fields = FieldSet::parse("default,category_id,cause,bounces").unwrap();
+        let options = ScanOptions { fields, ..ScanOptions::default() };
+        built.scan(&sensor, &Trajectory::fixed(pose), &options).unwrap()
+    };
+    let cloud = scan(from, yaw);
+    let brightest = |wanted: bool| {
+        let rows = cloud.columns.intensity.iter().zip(&cloud.columns.category_id);
+        rows.filter(|(_, id)| (**id == category) == wanted).fold(0.0_f32, |most, (value, _)| most.max(*value))
+    };
+    // White sheeting of 250 cd/(lx m^2) is 785 times as bright as a white surface, red 141 times.
+    assert!(brightest(true) > 30.0 && brightest(false) <= 1.0, "{} {}", brightest(true), brightest(false));
+    // From the street into the rooms.
+    let cloud = scan(DVec3::new(0.0, 0.0, 5.0), 0.0);
+    let behind = cloud
+        .columns
+        .cause
+        .iter()
+        .zip(&cloud.columns.category_id)
+        .filter(|(cause, id)| **cause == 2 && **id == building);
+    assert!(behind.count() > 50);
+}
+
+#[test]
+fn the_ground_is_covered_once() {
+    // The areas of road, parking and terrain add up to that of the town; sidewalks lie on the asphalt.
+    for (street, size) in [(Street::default(), [200.0, 100.0]), (town([2, 1]), [290.0, 174.0])] {
+        let scene = street.scene(1).unwrap().load(&LoadOptions::default()).unwrap();
+        let mut area = 0.0;
+        for category in ["road", "parking", "terrain"] {
+            for object in of_category(&scene, category) {
+                for part in &object.mesh.parts {
+                    let corner = |index: u32| Vec3::from(part.positions[index as usize]).as_dvec3();
+                    let faces = part
+                        .triangles
+                        .iter()
+                        .map(|&[a, b, c]| (corner(b) - corner(a)).cross(corner(c) - corner(a)).y / 2.0);
+                    area += faces.sum::<f64>();
+                }
+            }
+        }
+        assert!((area - size[0] * size[1]).abs() < 1.0, "{area}");
+    }
+}
+
+#[test]
 fn bad_parameters_are_named() {
     for (street, says) in [
-        (Street { cars: 0, ..Street::default() }, "cars is 0; allowed: 1 to 10"),
-        (Street { cars: 11, ..Street::default() }, "cars is 11"),
+        (Street { cars: Some(0), ..Street::default() }, "cars is 0; allowed: 1 to 10"),
+        (Street { cars: Some(11), ..Street::default() }, "cars is 11"),
+        (Street { cars: Some(1000), ..town([1, 1]) }, "cars is 1000; allowed: 1 to 2"),
+        (Street { people: Some(1000), ..Street::default() }, "people is 1000; allowed: 0 to"),
+        (town([0, 3]), "blocks is 0; allowed: 1 to 10"),
+        (town([3, 11]), "blocks is 11; allowed: 1 to 10"),
         (Street { seconds: 7.9, ..Street::default() }, "seconds is 7.9; allowed: 8 to 30"),
         (Street { seconds: 30.1, ..Street::default() }, "seconds is 30.1"),
         (Street { seconds: f64::NAN, ..Street::default() }, "seconds is NaN"),

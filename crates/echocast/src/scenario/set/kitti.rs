@@ -23,7 +23,7 @@ pub(super) struct SemanticKitti {
 
 /// Numbers of SemanticKITTI's classes (Behley et al. 2019, SemanticKITTI; configuration of its development kit), by the
 /// names that scenes use.
-const CLASSES: [(&str, u16); 28] = [
+const CLASSES: [(&str, u16); 30] = [
     ("unlabeled", 0),
     ("outlier", 1),
     ("car", 10),
@@ -50,9 +50,11 @@ const CLASSES: [(&str, u16); 28] = [
     ("pole", 80),
     ("traffic-sign", 81),
     ("other-object", 99),
-    // Words of scenes for the same.
-    ("pavement", 48),
-    ("traffic_sign", 81),
+    // What generated landscapes have.
+    ("path", 49),
+    ("tree", 70),
+    ("bush", 70),
+    ("grass", 72),
 ];
 
 pub(super) struct Writer<'w> {

@@ -1,7 +1,7 @@
-//! Meshes of several materials, and the materials of the street.
+//! Meshes of several materials, and the materials of streets and rooms.
 
-use crate::generate::glb::{Glb, Look, Placement, Primitive};
-use crate::generate::shapes::Shape;
+use super::glb::{Glb, Look, Placement, Primitive};
+use super::shapes::Shape;
 use glam::{DVec3, Vec3};
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
@@ -10,12 +10,14 @@ use std::f64::consts::TAU;
 const CREASE: f64 = 0.7;
 
 /// Materials by name: how they look, their linear colour and their reflectance at 905 nm. Those without a reflectance
-/// are in the library of materials, or a pane; the others are our own choice, as such things look.
+/// are in the library of materials, or a pane or mirror; the others are our own choice, as such things look.
 const MATERIALS: &[(&str, Look, [f32; 3], Option<f64>)] = &[
     ("asphalt_dry", Look::Matt, [0.055, 0.055, 0.06], None),
     ("concrete", Look::Matt, [0.34, 0.33, 0.31], None),
     ("granite", Look::Matt, [0.22, 0.22, 0.23], Some(0.3)),
     ("white_paint", Look::Matt, [0.75, 0.75, 0.73], None),
+    ("lane_marking", Look::Matt, [0.7, 0.7, 0.66], Some(0.6)),
+    ("grass", Look::Matt, [0.07, 0.16, 0.03], Some(0.45)),
     ("brick", Look::Matt, [0.26, 0.085, 0.05], Some(0.35)),
     ("brick_yellow", Look::Matt, [0.42, 0.31, 0.16], Some(0.45)),
     ("plaster_white", Look::Matt, [0.66, 0.64, 0.58], Some(0.65)),
@@ -25,9 +27,15 @@ const MATERIALS: &[(&str, Look, [f32; 3], Option<f64>)] = &[
     ("roof_tile", Look::Matt, [0.23, 0.06, 0.03], Some(0.3)),
     ("slate", Look::Matt, [0.06, 0.065, 0.075], Some(0.12)),
     ("wood", Look::Matt, [0.13, 0.06, 0.025], Some(0.4)),
+    ("door", Look::Matt, [0.1, 0.05, 0.03], Some(0.4)),
+    ("fence_wood", Look::Matt, [0.25, 0.16, 0.08], Some(0.45)),
     ("curtain", Look::Sheet, [0.6, 0.56, 0.48], Some(0.6)),
     ("awning", Look::Sheet, [0.4, 0.04, 0.03], Some(0.5)),
     ("window", Look::Pane, [0.9, 0.95, 0.95], None),
+    ("sign_white", Look::Matt, [0.8, 0.8, 0.8], Some(0.4)),
+    ("sign_yellow", Look::Matt, [0.75, 0.45, 0.02], Some(0.35)),
+    ("sign_red", Look::Matt, [0.5, 0.02, 0.02], Some(0.3)),
+    ("sign_blue", Look::Matt, [0.01, 0.07, 0.35], Some(0.2)),
     ("steel", Look::Matt, [0.13, 0.14, 0.14], Some(0.25)),
     ("bark", Look::Matt, [0.09, 0.06, 0.04], Some(0.3)),
     ("vegetation", Look::Sheet, [0.06, 0.17, 0.025], None),
@@ -43,6 +51,8 @@ const MATERIALS: &[(&str, Look, [f32; 3], Option<f64>)] = &[
     ("skin", Look::Matt, [0.5, 0.27, 0.18], Some(0.5)),
     ("hair", Look::Matt, [0.035, 0.02, 0.012], Some(0.2)),
     ("jacket", Look::Matt, [0.05, 0.13, 0.2], Some(0.45)),
+    ("red_jacket", Look::Matt, [0.3, 0.02, 0.03], Some(0.5)),
+    ("grey_jacket", Look::Matt, [0.2, 0.2, 0.2], Some(0.3)),
     ("trousers", Look::Matt, [0.09, 0.075, 0.06], Some(0.4)),
     ("shoe", Look::Matt, [0.03, 0.02, 0.015], Some(0.15)),
     ("flag", Look::Sheet, [0.02, 0.1, 0.4], Some(0.5)),
@@ -50,6 +60,49 @@ const MATERIALS: &[(&str, Look, [f32; 3], Option<f64>)] = &[
     ("lamp_red", Look::Glow, [1.0, 0.02, 0.0], Some(0.4)),
     ("lamp_yellow", Look::Glow, [1.0, 0.45, 0.0], Some(0.5)),
     ("lamp_green", Look::Glow, [0.0, 0.8, 0.25], Some(0.4)),
+    // Of rooms.
+    ("wall_paint", Look::Matt, [0.78, 0.76, 0.7], Some(0.7)),
+    ("ceiling_paint", Look::Matt, [0.82, 0.82, 0.8], Some(0.8)),
+    ("parquet", Look::Matt, [0.3, 0.17, 0.08], Some(0.5)),
+    ("carpet", Look::Matt, [0.2, 0.19, 0.2], Some(0.35)),
+    ("tiles", Look::Matt, [0.5, 0.47, 0.42], Some(0.55)),
+    ("door_frame", Look::Matt, [0.7, 0.68, 0.62], Some(0.65)),
+    ("door_leaf", Look::Matt, [0.35, 0.22, 0.11], Some(0.5)),
+    ("handle", Look::Matt, [0.4, 0.4, 0.4], Some(0.4)),
+    ("window_frame", Look::Matt, [0.75, 0.75, 0.72], Some(0.7)),
+    ("glass", Look::Pane, [0.95, 0.97, 0.97], None),
+    ("metal", Look::Matt, [0.35, 0.35, 0.36], Some(0.4)),
+    ("mirror_frame", Look::Matt, [0.3, 0.18, 0.06], Some(0.45)),
+    ("mirror", Look::Mirror, [0.9, 0.9, 0.9], None),
+    ("table_top", Look::Matt, [0.4, 0.24, 0.11], Some(0.5)),
+    ("leg", Look::Matt, [0.25, 0.14, 0.06], Some(0.45)),
+    ("seat", Look::Matt, [0.12, 0.2, 0.28], Some(0.5)),
+    ("back", Look::Matt, [0.13, 0.22, 0.3], Some(0.5)),
+    ("arm", Look::Matt, [0.14, 0.23, 0.31], Some(0.5)),
+    ("bed_frame", Look::Matt, [0.32, 0.19, 0.09], Some(0.5)),
+    ("mattress", Look::Matt, [0.75, 0.74, 0.7], Some(0.75)),
+    ("blanket", Look::Matt, [0.35, 0.1, 0.1], Some(0.55)),
+    ("pillow", Look::Matt, [0.8, 0.79, 0.76], Some(0.8)),
+    ("board", Look::Matt, [0.45, 0.3, 0.16], Some(0.5)),
+    ("book", Look::Matt, [0.25, 0.08, 0.05], Some(0.4)),
+    ("cupboard_body", Look::Matt, [0.5, 0.36, 0.2], Some(0.55)),
+    ("cupboard_door", Look::Matt, [0.55, 0.4, 0.23], Some(0.55)),
+    ("stand", Look::Matt, [0.06, 0.06, 0.06], Some(0.15)),
+    ("shade", Look::Sheet, [0.75, 0.68, 0.5], Some(0.65)),
+    ("pot", Look::Matt, [0.3, 0.11, 0.05], Some(0.4)),
+    ("leaves", Look::Sheet, [0.04, 0.16, 0.03], Some(0.45)),
+    ("casing", Look::Matt, [0.02, 0.02, 0.02], Some(0.08)),
+    ("screen", Look::Matt, [0.01, 0.01, 0.012], Some(0.04)),
+];
+
+/// Sheetings of traffic signs: coefficient of retro-reflection in cd/(lx m^2) at incidences of 4 and 30 degrees, the
+/// least that ASTM D4956 allows for type III (high-intensity) sheeting, seen 0.2 degrees beside the lamp. They end at 60
+/// degrees by our own choice.
+const SHEETINGS: [(&str, [f64; 2]); 4] = [
+    ("sign_white", [250.0, 150.0]),
+    ("sign_yellow", [170.0, 100.0]),
+    ("sign_red", [45.0, 25.0]),
+    ("sign_blue", [20.0, 11.0]),
 ];
 
 /// The file as it grows, and the materials in it.
@@ -67,12 +120,19 @@ impl Made {
         }
         let row = MATERIALS.iter().find(|(known, ..)| *known == name);
         let &(_, look, color, reflectance) = row.unwrap_or_else(|| unreachable!("no material {name}"));
-        let extras = match (look, reflectance) {
+        let mut extras = match (look, reflectance) {
             // A clean pane would be invisible: this is the dust on it.
             (Look::Pane, _) => json!({ "dirt": 0.03, "pane_m": 0.006 }),
+            // Likewise a clean mirror.
+            (Look::Mirror, _) => json!({ "dirt": 0.03 }),
             (_, Some(reflectance)) => json!({ "reflectance": reflectance }),
             _ => Value::Null,
         };
+        if let Some((_, [ahead, aside])) = SHEETINGS.iter().find(|(sheeting, _)| *sheeting == name) {
+            let sample = |angle: u32, value: f64| json!({ "angle_deg": angle, "cd_lx_m2": value });
+            let samples = [sample(4, *ahead), sample(30, *aside), sample(60, 0.0)];
+            extras["scattering"] = json!({ "model": "retro_reflector", "samples": samples });
+        }
         let index = self.glb.material(name, look, color, extras);
         self.materials.push((name, index));
         index
