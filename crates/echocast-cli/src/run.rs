@@ -115,7 +115,7 @@ pub fn run(args: &Args) -> Result<()> {
         return text::print(&format!("{}: all there, all as written\n", shown::path(folder)));
     }
     if let Some(folder) = &args.finish {
-        return Ok(set::finish(folder).context("--finish")?);
+        return set::finish(folder).context("--finish");
     }
     let mut scenario = load(args)?;
     for (key, value) in &args.set {

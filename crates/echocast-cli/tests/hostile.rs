@@ -121,8 +121,8 @@ fn names_of_files_are_bytes() {
         ("/run/scene/files/0", "s\\xff.obj"),
         ("/run/scene/labels", "l\\xff.yaml"),
         ("/run/trajectory/file", "t\\xff.txt"),
-        ("/run/sensors/0/pattern/file", "rays.csv"),
-        ("/run/outputs/preview/file", "p\\xff.png"),
+        ("/run/sensors/0/sensor/pattern/file", "rays.csv"),
+        ("/run/outputs/0/preview/file", "p\\xff.png"),
     ] {
         assert_eq!(report.pointer(place).unwrap(), &serde_json::Value::from(shown(name)), "{place}");
     }

@@ -56,9 +56,9 @@ fn the_report_says_what_was_done_and_how_to_repeat_it() {
 
     let run = &report["run"];
     assert!(run["scene"]["files"][0].as_str().unwrap().ends_with("indoor-1.glb"));
-    assert_eq!(run["sensors"][0]["name"], "velodyne_vlp16");
-    assert_eq!(run["sensors"][0]["noise"]["range_sigma_m"], 0.5);
-    assert_eq!(run["sensors"][0]["returns"]["mode"], "last");
+    assert_eq!(run["sensors"][0]["sensor"]["name"], "velodyne_vlp16");
+    assert_eq!(run["sensors"][0]["sensor"]["noise"]["range_sigma_m"], 0.5);
+    assert_eq!(run["sensors"][0]["sensor"]["returns"]["mode"], "last");
     assert_eq!(run["trajectory"]["position_m"], serde_json::json!([-6.0, 6.0, 1.2]));
     assert_eq!((&run["seed"], &run["profile"]), (&9.into(), &"paper".into()));
     assert_eq!(run["fields"].as_array().unwrap().len(), echocast::FieldSet::default().iter().count());

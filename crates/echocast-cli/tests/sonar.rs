@@ -81,10 +81,10 @@ fn fewer_pings_can_be_asked_for_and_other_columns() {
         &format!("{SIDES} --frames 1:3:2 --fields range,intensity,true_range,category_id,firing -o DIR/points.csv"),
     );
     assert_eq!((&report["frames"], &report["rays"]), (&2.into(), &1024.into()));
-    assert_eq!(report["run"]["sensors"][0]["kind"], "sonar");
-    assert_eq!(report["run"]["sensors"][0]["acoustics"]["bin_m"], 0.1);
+    assert_eq!(report["run"]["sensors"][0]["sensor"]["kind"], "sonar");
+    assert_eq!(report["run"]["sensors"][0]["sensor"]["acoustics"]["bin_m"], 0.1);
     assert_eq!(report["run"]["frames"], serde_json::json!({ "first": 1, "last": 3, "step": 2, "fps": 5.0 }));
-    assert!(report["run"]["outputs"]["pings"].is_null());
+    assert!(report["run"]["outputs"][0]["pings"].is_null());
     let points = folder.join("points.csv");
     let header = fs::read_to_string(&points).unwrap().lines().next().unwrap().to_owned();
     let mut names: Vec<&str> = header.split(',').collect();

@@ -1,7 +1,7 @@
 //! One sample: a scene, varied, and the scans of it.
 
 use super::draw::Draws;
-use super::spec::{Carrier, Spec};
+use super::spec::{Carrier, SensorEntry, Spec};
 use super::stage::{Base, Stage};
 use super::variation::Stand;
 use crate::cloud::{Field, FieldSet, Ping, PointCloud};
@@ -231,41 +231,39 @@ fn scans(
         }
         None => [0, 0, 1],
     };
-    let longest = sensors.iter().map(|sensor| sensor.scan_time()).fold(0.0, f64::max);
     let start = f64::from(from) / fps;
     let end = f64::from(to) / fps;
+    let whole = (from..=to).step_by(step as usize);
+    let times = |index: usize, entry: &SensorEntry| -> Result<Vec<FrameTime>> {
+        let Some(rate) = entry.rate_hz else {
+            return Ok(whole.clone().map(|number| FrameTime { number, start: f64::from(number) / fps }).collect());
+        };
+        // All that start before the frame after the last.
+        let first = start + entry.start_s;
+        let count = ((end + f64::from(step) / fps - first) * rate - 1e-9).ceil().max(0.0);
+        if count > MOST_FRAMES {
+            let found = format!("{rate}, which makes {count} frames");
+            let allowed = format!("a rate that makes {MOST_FRAMES} at most");
+            return Err(Error::invalid(format!("sensors[{index}].rate_hz"), found, allowed));
+        }
+        Ok((0..count as u32).map(|number| FrameTime { number, start: first + f64::from(number) / rate }).collect())
+    };
+    let times: Vec<Vec<FrameTime>> =
+        spec.sensors.iter().enumerate().map(|(index, entry)| times(index, entry)).collect::<Result<_>>()?;
+    let ends = times.iter().zip(&sensors).filter_map(|(times, sensor)| Some(times.last()?.start + sensor.scan_time()));
+    let last = ends.fold(start, f64::max);
     let carrier = match (file, &spec.trajectory) {
         (Some(file), _) => file,
-        (None, trajectory) => carrier(trajectory.as_ref(), standing, base, start, end + 1.0 / fps + longest)?,
+        (None, trajectory) => carrier(trajectory.as_ref(), standing, base, start, last)?,
     };
     let mut names: Vec<String> = Vec::new();
     let mut scans = Vec::new();
-    for (index, (entry, sensor)) in spec.sensors.iter().zip(sensors).enumerate() {
+    for (index, ((entry, sensor), times)) in spec.sensors.iter().zip(sensors).zip(times).enumerate() {
         let name = entry.name.clone().unwrap_or_else(|| sensor.name().to_owned());
         if names.contains(&name) {
             let found = format!("called {name:?}, as a sensor before it");
             return Err(Error::invalid(format!("sensors[{index}]"), found, "a `name` of its own for each"));
         }
-        let times: Vec<FrameTime> = match entry.rate_hz {
-            None => (from..=to)
-                .step_by(step as usize)
-                .map(|number| FrameTime { number, start: f64::from(number) / fps })
-                .collect(),
-            Some(rate) => {
-                // All that start before the frame after the last.
-                let first = start + entry.start_s;
-                let count = ((end + f64::from(step) / fps - first) * rate - 1e-9).ceil().max(0.0);
-                if count > MOST_FRAMES {
-                    let found = format!("{rate}, which makes {count} frames");
-                    return Err(Error::invalid(
-                        format!("sensors[{index}].rate_hz"),
-                        found,
-                        format!("{MOST_FRAMES} at most"),
-                    ));
-                }
-                (0..count as u32).map(|number| FrameTime { number, start: first + f64::from(number) / rate }).collect()
-            }
-        };
         let mount = entry.mount.pose(&format!("sensors[{index}].mount"))?;
         let fields = fields(&spec.fields, &sensor)?;
         scans.push(Scan {

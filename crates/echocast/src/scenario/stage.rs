@@ -125,9 +125,8 @@ impl Stage {
             }
             ids.into_iter().try_for_each(|id| live.unfix(id))?;
         }
-        if !scene.is_moving() {
-            live.commit()?;
-        }
+        // What stays is built here, once for all samples.
+        live.commit()?;
         Ok(Base { scene, live, units })
     }
 
