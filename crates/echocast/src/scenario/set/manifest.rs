@@ -24,7 +24,7 @@ pub struct Entry {
     pub points: u64,
     /// How many of them are of each category.
     pub categories: BTreeMap<String, u64>,
-    /// How many of them are how far away: in steps of [`RANGE_STEP_M`].
+    /// How many of them are how far away, in steps of 10 m; the last counts all from 500 m on.
     pub ranges: Vec<u64>,
     /// What was noticed.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
