@@ -1,6 +1,6 @@
-//! `make bench`: rays per second compared with the bare Embree loop, what weather adds, what moves, sonar, the paper's two
-//! experiments, how fast files are read and written, and the C library compared with the Rust crate. Prints tables and
-//! writes `target/bench.json`.
+//! `make bench`: rays per second compared with the bare Embree loop, what weather adds, what moves, sonar, samples of
+//! sets, the paper's two experiments, how fast files are read and written, and the C library compared with the Rust
+//! crate. Prints tables and writes `target/bench.json`.
 //!
 //! All ratios come from interleaved rounds in one process; times are processor time, medians.
 #![forbid(unsafe_code)]
@@ -13,6 +13,7 @@ mod memory;
 mod motion;
 mod paper;
 mod rays;
+mod scenario;
 mod scenes;
 mod sound;
 
@@ -28,6 +29,7 @@ const SECTIONS: &[Section] = &[
     ("light", light::run),
     ("motion", motion::run),
     ("sound", sound::run),
+    ("scenario", scenario::run),
     ("paper", paper::run),
     ("files", files::run),
     ("memory", memory::run),

@@ -158,7 +158,8 @@ fn an_interrupted_run_ends_after_the_samples_under_way() {
     while fs::read_to_string(&log).map_or(0, |log| log.lines().count()) < 3 && start.elapsed().as_secs() < 60 {
         std::thread::sleep(Duration::from_millis(20));
     }
-    Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    // Not SIGINT, which a shell lets programs in the background ignore.
+    Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
     assert_eq!(child.wait().unwrap().code(), Some(130));
     let names = files(&folder.join("street/sequences"));
     assert!(names.len() >= 2 && names.iter().all(|name| !name.starts_with('.')), "{names:?}");

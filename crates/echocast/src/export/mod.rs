@@ -29,7 +29,7 @@ pub(crate) use atomic::Pending;
 pub(crate) use sink::Sink;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
-pub(crate) use unfinished::failed;
+pub(crate) use unfinished::{PREFIX as UNFINISHED, failed};
 
 impl PointCloud {
     /// Writes the cloud to `path`; the format is chosen by the extension. Boxes go to NPZ and HDF5 only; see

@@ -8,6 +8,9 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use std::{fs, io, mem, thread};
 
+/// How the names of unfinished files begin.
+pub(crate) const PREFIX: &str = ".echocast-";
+
 static CANCELLED: AtomicBool = AtomicBool::new(false);
 
 /// Where they are. Held whenever one is created, renamed or removed, so that its holder never sees a pair of files half
@@ -62,7 +65,7 @@ impl Unfinished {
     /// containers may have one number.
     pub(super) fn make(&mut self, folder: &Path, make: impl FnMut(&Path) -> io::Result<()>) -> io::Result<Temporary> {
         check()?;
-        let made = tempfile::Builder::new().prefix(".echocast-").rand_bytes(12).make_in(folder, make)?;
+        let made = tempfile::Builder::new().prefix(PREFIX).rand_bytes(12).make_in(folder, make)?;
         let path = made.into_temp_path().keep().map_err(|error| error.error)?;
         self.0.push(path.clone());
         Ok(Temporary { path })

@@ -161,7 +161,7 @@ impl Picture {
     ///
     /// Names have few colours, which compress best unfiltered; scales have many, whose differences between neighbours
     /// compress better. The smaller result is used.
-    pub(super) fn packed(&self) -> io::Result<Vec<u8>> {
+    pub(crate) fn packed(&self) -> io::Result<Vec<u8>> {
         let (plain, differences) = parallel::join(
             || self.png(Filter::NoFilter, Compression::High),
             || self.png(Filter::MinEntropy, Compression::Balanced),

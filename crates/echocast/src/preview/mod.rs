@@ -11,11 +11,13 @@ mod palette;
 mod perspective;
 mod points;
 mod range_image;
+mod sheet;
 mod sonar;
 mod splat;
 mod top;
 
 pub use canvas::Picture;
+pub(crate) use sheet::sheet;
 
 use crate::cloud::{Field, FieldSet, Pings, PointCloud, VELOCITY};
 use crate::export::{self, Pending, failed, write_bytes};

@@ -464,6 +464,7 @@ fn sets_are_the_same_however_they_are_made() {
     fourteen(&set::RunOptions { samples: Some([3, 9, 2]), ..options(Some(again.clone())) });
     fs::remove_file(again.join("data/000005/top_0000.ply")).unwrap();
     fs::write(again.join("sequences/000007/times.txt"), "0\n1\n").unwrap();
+    fs::write(again.join(".echocast-abc"), "half").unwrap();
     fs::create_dir(again.join("data/.000001.unfinished")).unwrap();
     fs::write(again.join("data/.000001.unfinished/top_0000.ply"), "half").unwrap();
     let log = fs::read_to_string(again.join("manifest.jsonl")).unwrap();
@@ -556,4 +557,51 @@ fn sequences_of_semantic_kitti_are_as_its_readers_expect() {
     let last: Vec<f64> = poses.lines().nth(2).unwrap().split(' ').map(|number| number.parse().unwrap()).collect();
     assert!((last[3] - 0.8).abs() < 1e-9 && last[0] == 1.0 && last.len() == 12);
     assert_eq!(fs::read_to_string(root.join("times.txt")).unwrap(), "0e0\n1e-1\n2e-1\n");
+}
+
+/// The schema for editors knows the keys that are read, no more and no fewer.
+#[test]
+fn the_schema_has_the_keys_of_the_file() {
+    let schema: Value = serde_json::from_str(include_str!("../../presets/scenario.schema.json")).unwrap();
+    let folder = folder();
+    let fault = |text: &str| {
+        let scenario = Scenario::from_yaml(text, folder.path());
+        let run = scenario.and_then(|scenario| set::run(scenario, &options(Some(folder.path().join("x"))), &|_| {}));
+        run.unwrap_err().to_string()
+    };
+    let rule = |index: usize| format!("/$defs/rule/oneOf/{index}/properties");
+    let output = |index: usize| format!("/$defs/output/oneOf/{index}/properties");
+    for (text, place) in [
+        ("zzz: 1", "/properties".to_owned()),
+        ("scene: {zzz: 1}", "/properties/scene/properties".into()),
+        ("scene: {generate: {zzz: 1}}", "/properties/scene/properties/generate/properties".into()),
+        ("scene: {place: [{model: a, zzz: 1}]}", "/properties/scene/properties/place/items/properties".into()),
+        ("sensors: [{sensor: a, zzz: 1}]", "/$defs/sensor/properties".into()),
+        ("sensors: [{sensor: a, mount: {zzz: 1}}]", "/$defs/pose/properties".into()),
+        ("frames: {last: 1, zzz: 1}", "/properties/frames/properties".into()),
+        ("set: {zzz: 1}", "/properties/set/properties".into()),
+        ("trajectory: {on: a, zzz: 1}", "/$defs/trajectory/oneOf/5/properties".into()),
+        ("trajectory: {position_m: [0, 0, 0], zzz: 1}", "/$defs/trajectory/oneOf/2/properties".into()),
+        ("variation: [{set: a, to: 1, zzz: 1}]", rule(0)),
+        ("variation: [{remove: a, zzz: 1}]", rule(1)),
+        ("variation: [{swap: a, with: b, zzz: 1}]", rule(2)),
+        ("variation: [{move: a, zzz: 1}]", rule(3)),
+        ("variation: [{place: a, at: {on: b}, zzz: 1}]", rule(4)),
+        ("variation: [{look: a, zzz: 1}]", rule(5)),
+        ("variation: [{place: a, at: {zzz: 1}}]", "/$defs/place/properties".into()),
+        ("variation: [{remove: {zzz: 1}}]", "/$defs/target/oneOf/1/properties".into()),
+        ("outputs: [{style: plain, zzz: 1}]", output(0)),
+        ("outputs: [{style: semantic_kitti, zzz: 1}]", output(1)),
+    ] {
+        let error = fault(text);
+        let allowed = error.split_once("; allowed: ").unwrap_or_else(|| panic!("{text}: {error}")).1;
+        let mut allowed: Vec<&str> = allowed.split(", ").collect();
+        let own = schema.pointer(&place).and_then(Value::as_object).unwrap_or_else(|| panic!("{place}"));
+        // Names of rules and styles are read before the other keys.
+        let mut known: Vec<&str> = own.keys().map(String::as_str).collect();
+        known.retain(|key| !(*key == "style" || *key == "name" && place.contains("/rule/")));
+        allowed.sort_unstable();
+        known.sort_unstable();
+        assert_eq!(allowed, known, "{text}");
+    }
 }

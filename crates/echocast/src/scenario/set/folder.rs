@@ -120,6 +120,27 @@ pub(super) fn folders(root: &Path, roots: &[&str], sample: u64) -> Vec<[PathBuf;
     roots.iter().map(|name| [root.join(name).join(&unfinished), root.join(sample_folder(name, sample))]).collect()
 }
 
+/// Removes what runs that were killed have left half written in a set whose samples are all there, so that no other run
+/// is at work.
+///
+/// # Errors
+/// The system's.
+pub(super) fn sweep(root: &Path, origin: &Origin) -> Result<()> {
+    for folder in origin.roots.iter().map(|name| root.join(name)).chain([root.to_owned()]) {
+        let failed = |source| Error::Io { path: folder.clone(), source };
+        for entry in fs::read_dir(&folder).map_err(failed)? {
+            let path = entry.map_err(failed)?.path();
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            if name.starts_with(export::UNFINISHED) {
+                fs::remove_file(&path).map_err(failed)?;
+            } else if name.starts_with('.') && name.ends_with(".unfinished") {
+                fs::remove_dir_all(&path).map_err(failed)?;
+            }
+        }
+    }
+    Ok(())
+}
+
 /// All files below `folder`, by name, relative to `root`.
 ///
 /// # Errors

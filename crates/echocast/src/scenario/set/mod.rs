@@ -7,7 +7,7 @@
 //! | `samples/000017.json` | what was drawn for the sample |
 //! | `pictures/000000.png` | some samples, for people |
 //! | `manifest*.jsonl` | a line for each sample: its files with sizes and digests, its counts; one file for each shard |
-//! | `manifest.json`, `report.json`, `report.html` | the whole set, once all samples are there |
+//! | `manifest.json`, `report.json`, `report.html`, `contact_sheet.png` | the whole set, once all samples are there |
 
 mod folder;
 mod kitti;

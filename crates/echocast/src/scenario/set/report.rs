@@ -2,7 +2,9 @@
 
 use super::folder::{self, Origin};
 use super::manifest::{Entry, RANGE_STEP_M, drawn_file};
+use crate::export;
 use crate::ground::error::{Error, Result};
+use crate::preview;
 use crate::read::{self, Limit};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -21,7 +23,7 @@ enum Drawn {
 /// Most different values that are counted one by one.
 const MOST_OTHERS: usize = 1000;
 
-/// Writes `report.json` and `report.html`.
+/// Writes `report.json`, `report.html`, and the pictures as one, `contact_sheet.png`.
 ///
 /// # Errors
 /// The system's.
@@ -61,6 +63,12 @@ pub(super) fn write(root: &Path, origin: &Origin, entries: &BTreeMap<u64, Entry>
     let text = serde_json::to_string_pretty(&report).map_err(|error| Error::Internal(error.to_string()))? + "\n";
     folder::replace(&root.join("report.json"), text.as_bytes())?;
     let pictures = pictures(root)?;
+    if !pictures.is_empty() {
+        let path = root.join("contact_sheet.png");
+        let files: Vec<Vec<u8>> = pictures.iter().map(|(_, file)| file.clone()).collect();
+        let sheet = preview::sheet(&files).packed().map_err(|source| export::failed(&path, source))?;
+        folder::replace(&path, &sheet)?;
+    }
     folder::replace(&root.join("report.html"), page(&report, &pictures).as_bytes())
 }
 

@@ -165,6 +165,7 @@ pub fn finish(root: &Path) -> Result<()> {
         let allowed = "a set whose samples are all there; `echocast run --resume` makes them";
         return Err(Error::invalid("the set", format!("not complete: {missing}"), allowed));
     }
+    folder::sweep(root, &origin)?;
     let logs = manifest::logs(root)?;
     manifest::write(root, &entries)?;
     report::write(root, &origin, &entries)?;
