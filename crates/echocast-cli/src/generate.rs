@@ -8,7 +8,7 @@ use clap::Subcommand;
 use echocast::generate::{GeneratedScene, HeightMap, Indoor, Landscape, Ripples, Seabed, Street};
 use echocast::{Error, shown};
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Generate a labelled scene from rules and a seed, as binary glTF
 #[derive(clap::Args)]
@@ -26,6 +26,20 @@ See `echocast generate KIND --help` for more."
 pub struct Args {
     #[command(subcommand)]
     kind: Kind,
+}
+
+/// What all of them take.
+#[derive(clap::Args)]
+struct MadeArgs {
+    /// Seed of all random draws: same seed and options, same file
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
+    seed: u64,
+    /// Scene file, .glb
+    #[arg(short, long, value_name = "FILE.glb")]
+    output: PathBuf,
+    /// Print only errors
+    #[arg(short, long)]
+    quiet: bool,
 }
 
 #[derive(Subcommand)]
@@ -83,15 +97,8 @@ pub struct SeabedArgs {
     /// Patches of sea grass, 2 to 5 m wide
     #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
     seagrass: u32,
-    /// Seed of all random draws: same seed and options, same file
-    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
-    seed: u64,
-    /// Scene file, .glb
-    #[arg(short, long, value_name = "FILE.glb")]
-    output: PathBuf,
-    /// Print only errors
-    #[arg(short, long)]
-    quiet: bool,
+    #[command(flatten)]
+    made: MadeArgs,
 }
 
 /// A street, or a town of streets, with houses and trees, cars that drive and people who walk
@@ -123,15 +130,8 @@ pub struct StreetArgs {
     /// Length of the animation, 8 to 30 s; the street is longer if it takes more than 10 s
     #[arg(long, value_name = "S", default_value_t = Street::default().seconds, allow_negative_numbers = true)]
     seconds: f64,
-    /// Seed of all random draws: same seed and options, same file
-    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
-    seed: u64,
-    /// Scene file, .glb
-    #[arg(short, long, value_name = "FILE.glb")]
-    output: PathBuf,
-    /// Print only errors
-    #[arg(short, long)]
-    quiet: bool,
+    #[command(flatten)]
+    made: MadeArgs,
 }
 
 /// A landscape: hills, or a height map, with trees, bushes, grass, rocks, a path and a stream
@@ -185,15 +185,8 @@ pub struct LandscapeArgs {
     /// Heights of black and white in a PNG, metres
     #[arg(long, value_name = "LOW,HIGH", value_parser = two_numbers, allow_hyphen_values = true, requires = "height_map")]
     height_range: Option<[f64; 2]>,
-    /// Seed of all random draws: same seed and options, same file
-    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
-    seed: u64,
-    /// Scene file, .glb
-    #[arg(short, long, value_name = "FILE.glb")]
-    output: PathBuf,
-    /// Print only errors
-    #[arg(short, long)]
-    quiet: bool,
+    #[command(flatten)]
+    made: MadeArgs,
 }
 
 /// Rooms with furniture, mirrors and panes of glass
@@ -231,15 +224,8 @@ pub struct IndoorArgs {
     /// Leave out ceilings
     #[arg(long)]
     no_ceiling: bool,
-    /// Seed of all random draws: same seed and options, same file
-    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
-    seed: u64,
-    /// Scene file, .glb
-    #[arg(short, long, value_name = "FILE.glb")]
-    output: PathBuf,
-    /// Print only errors
-    #[arg(short, long)]
-    quiet: bool,
+    #[command(flatten)]
+    made: MadeArgs,
 }
 
 #[derive(Clone, Copy, clap::ValueEnum)]
@@ -269,7 +255,7 @@ fn seabed(args: &SeabedArgs) -> Result<()> {
         mines: args.mines,
         seagrass: args.seagrass,
     };
-    make(|| seabed.scene(args.seed), &args.output, args.quiet)
+    make(|seed| seabed.scene(seed), &args.made)
 }
 
 fn indoor(args: &IndoorArgs) -> Result<()> {
@@ -282,12 +268,12 @@ fn indoor(args: &IndoorArgs) -> Result<()> {
         panes: args.panes,
         ceiling: !args.no_ceiling,
     };
-    make(|| indoor.scene(args.seed), &args.output, args.quiet)
+    make(|seed| indoor.scene(seed), &args.made)
 }
 
 fn street(args: &StreetArgs) -> Result<()> {
     let street = Street { blocks: args.blocks, cars: args.cars, people: args.people, seconds: args.seconds };
-    make(|| street.scene(args.seed), &args.output, args.quiet)
+    make(|seed| street.scene(seed), &args.made)
 }
 
 fn landscape(args: &LandscapeArgs) -> Result<()> {
@@ -308,16 +294,17 @@ fn landscape(args: &LandscapeArgs) -> Result<()> {
         stream: usual.stream && !args.no_stream,
         height_map: args.height_map.clone().map(|file| HeightMap { file, range_m }),
     };
-    make(|| landscape.scene(args.seed), &args.output, args.quiet)
+    make(|seed| landscape.scene(seed), &args.made)
 }
 
 /// Makes a scene, writes it to `file` and prints a summary.
-fn make(scene: impl FnOnce() -> echocast::Result<GeneratedScene>, file: &Path, quiet: bool) -> Result<()> {
+fn make(scene: impl FnOnce(u64) -> echocast::Result<GeneratedScene>, made: &MadeArgs) -> Result<()> {
+    let MadeArgs { seed, output: file, quiet } = made;
     let is_glb = file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("glb"));
     ensure!(is_glb, "-o {}: scenes are written as .glb", shown::path(file));
     interrupt::listen().context("cannot listen for signals")?;
     let (mut making, mut writing) = (0.0, 0.0);
-    let scene = match timed(&mut making, scene) {
+    let scene = match timed(&mut making, || scene(*seed)) {
         Ok(scene) => scene,
         Err(Error::InvalidParameter { name, value, allowed }) => {
             bail!("{} is {value}; allowed: {allowed}", option(&name))
@@ -325,7 +312,7 @@ fn make(scene: impl FnOnce() -> echocast::Result<GeneratedScene>, file: &Path, q
         Err(other) => return Err(other.into()),
     };
     timed(&mut writing, || scene.write(file))?;
-    if quiet {
+    if *quiet {
         return Ok(());
     }
     let objects = scene.categories.iter().map(|(_, count)| count).sum();

@@ -31,7 +31,7 @@ pub struct PictureArgs {
 }
 
 /// Files to write.
-#[derive(Args)]
+#[derive(Args, Default)]
 #[command(group = ArgGroup::new("shown").args(["preview", "image"]).multiple(true))]
 #[command(group = ArgGroup::new("boxed").args(["boxes", "show"]).multiple(true))]
 pub struct OutputArgs {
@@ -138,21 +138,8 @@ impl OutputArgs {
 
     /// A picture alone.
     pub fn picture_only(picture: &PictureArgs) -> OutputArgs {
-        OutputArgs {
-            output: Vec::new(),
-            format: None,
-            single: false,
-            _merged: false,
-            preview: picture.preview.clone(),
-            color: picture.color,
-            view: picture.view,
-            show: None,
-            ground: false,
-            pings: None,
-            image: None,
-            boxes: None,
-            box_axes: BoxAxes::Object,
-        }
+        let PictureArgs { preview, color, view } = picture;
+        OutputArgs { preview: preview.clone(), color: *color, view: *view, ..OutputArgs::default() }
     }
 
     /// Whether every frame is written to its own file.

@@ -12,7 +12,6 @@ use echocast::scenario::set::{self, Event, RunOptions, RunSummary};
 use echocast::{Report, Scenario, shown};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
-use std::io::Write as _;
 use std::path::PathBuf;
 use std::str::FromStr;
 use std::sync::Mutex;
@@ -203,7 +202,7 @@ fn record(args: &Args, scenario: Scenario, output: &OutputArgs) -> Result<()> {
         return text::print(&format!("{json:#}\n"));
     }
     if !args.quiet {
-        report.warnings.iter().for_each(|warning| note(&format!("warning: {warning}")));
+        report.warnings.iter().for_each(|warning| text::note(&format!("warning: {warning}")));
         let mut summary = report.summary(&shown::text(scan.name()));
         for entry in &drawn {
             writeln!(summary, "  {}", shown::text(&drawn_line(entry)))?;
@@ -255,7 +254,7 @@ fn make_set(args: &Args, scenario: Scenario) -> Result<()> {
         text::print(&format!("{}\n", summary_json(&summary)))?;
     } else if !args.quiet {
         for (warning, count) in &summary.warnings {
-            note(&format!(
+            text::note(&format!(
                 "warning: {warning}{}",
                 if *count > 1 { format!(" ({count} samples)") } else { String::new() }
             ));
@@ -357,9 +356,4 @@ fn some_of(sentences: &[String]) -> String {
         0 => first,
         more => format!("{first}; and {more} more"),
     }
-}
-
-/// A line on stderr; if that is closed, there is nobody to tell.
-fn note(line: &str) {
-    let _ = writeln!(std::io::stderr(), "{}", shown::text(line));
 }

@@ -18,7 +18,6 @@ use echocast::{
     Report, ScanOptions, Scene, Sensor, SensorKind, Trajectory, read, shown,
 };
 use serde_json::{Value, json};
-use std::io::Write as _;
 use std::path::PathBuf;
 
 /// Scan a scene with one sensor: one or more frames or pings, labelled clouds and pictures
@@ -228,7 +227,7 @@ pub fn run(args: &Args) -> Result<()> {
         return text::print(&format!("{:#}\n", report.to_json()));
     }
     if !args.quiet {
-        report.warnings.iter().for_each(|warning| note(&format!("warning: {warning}")));
+        report.warnings.iter().for_each(|warning| text::note(&format!("warning: {warning}")));
         text::print(&report.summary(&format!("{} in {}", shown::text(sensor.name()), args.scene.names())))?;
     }
     Ok(())
@@ -456,14 +455,14 @@ fn tell_more(scene: &Scene, sensor: &Sensor, trajectory: &Trajectory) {
     let beams = sensor.beams();
     let pose = trajectory.at(0.0);
     let [x, y, z] = pose.position.to_array();
-    note(&format!(
+    text::note(&format!(
         "scene: {} in {}, {}, {}",
         text::counted(scene.triangle_count(), "triangle"),
         text::counted(scene.objects.len(), "object"),
         text::counted(scene.materials.len(), "material"),
         text::counted(scene.textures().len(), "texture"),
     ));
-    note(&format!(
+    text::note(&format!(
         "sensor: {} ({}), {} x {} beams, a scan takes {}",
         sensor.name(),
         sensor.title(),
@@ -472,10 +471,8 @@ fn tell_more(scene: &Scene, sensor: &Sensor, trajectory: &Trajectory) {
         duration(beams.period),
     ));
     let forward = pose.rotation().x_axis;
-    note(&format!("start: at {x:.3},{y:.3},{z:.3}, looking along {:.3},{:.3},{:.3}", forward.x, forward.y, forward.z));
-}
-
-/// A line on stderr; if that is closed, there is nobody to tell.
-fn note(line: &str) {
-    let _ = writeln!(std::io::stderr(), "{}", shown::text(line));
+    text::note(&format!(
+        "start: at {x:.3},{y:.3},{z:.3}, looking along {:.3},{:.3},{:.3}",
+        forward.x, forward.y, forward.z
+    ));
 }

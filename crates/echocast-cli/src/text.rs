@@ -13,6 +13,11 @@ pub fn print(text: &str) -> anyhow::Result<()> {
     }
 }
 
+/// A line on stderr; if that is closed, there is nobody to tell.
+pub fn note(line: &str) {
+    let _ = writeln!(io::stderr(), "{}", shown::text(line));
+}
+
 /// `text` of several lines, with control characters escaped.
 pub fn lines(text: &str) -> String {
     text.split('\n').map(shown::text).collect::<Vec<_>>().join("\n")

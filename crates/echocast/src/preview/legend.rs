@@ -104,7 +104,7 @@ pub(super) fn round_down(value: f64) -> f64 {
 }
 
 /// `1,234,567`.
-pub(super) fn thousands(number: usize) -> String {
+pub(crate) fn thousands(number: usize) -> String {
     let digits = number.to_string();
     let mut words = String::new();
     for (index, digit) in digits.chars().enumerate() {

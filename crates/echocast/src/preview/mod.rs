@@ -17,6 +17,7 @@ mod splat;
 mod top;
 
 pub use canvas::Picture;
+pub(crate) use legend::thousands;
 pub(crate) use sheet::sheet;
 
 use crate::cloud::{Field, FieldSet, Pings, PointCloud, VELOCITY};

@@ -363,6 +363,18 @@ pub fn one_or_more<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer:
     deserializer.deserialize_any(OneOrMore(PhantomData))
 }
 
+/// Turns `value`, which is read as a part of another, into a `T`.
+///
+/// # Errors
+/// As [`Document::read`], with the key in front.
+pub fn inner<T: DeserializeOwned, E: de::Error>(value: &Value) -> Result<T, E> {
+    // By reference, like whole documents: by value all of it would be compiled again.
+    serde_path_to_error::deserialize(value).map_err(|error| match error.path().to_string().as_str() {
+        "." => E::custom(error.inner()),
+        path => E::custom(format!("{path}: {}", error.inner())),
+    })
+}
+
 impl Section {
     /// Names of the keys.
     pub fn keys(&self) -> impl Iterator<Item = &str> {
@@ -374,12 +386,7 @@ impl Section {
     /// # Errors
     /// As [`Document::read`], with the key in front.
     pub fn read<T: DeserializeOwned, E: de::Error>(self) -> Result<T, E> {
-        // By reference, like whole documents: by value all of it would be compiled again.
-        let keys = Value::Object(self.keys);
-        serde_path_to_error::deserialize(&keys).map_err(|error| match error.path().to_string().as_str() {
-            "." => E::custom(error.inner()),
-            path => E::custom(format!("{path}: {}", error.inner())),
-        })
+        inner(&Value::Object(self.keys))
     }
 
     /// Checks that there are no keys.

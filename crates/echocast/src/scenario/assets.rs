@@ -1,5 +1,6 @@
 //! Files that samples share: models and images.
 
+use super::lock;
 use super::variation::{Models, Room, Solid};
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
@@ -10,7 +11,7 @@ use glam::DMat3;
 use std::collections::HashMap;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
 /// A file that is placed in scenes.
 #[derive(Debug)]
@@ -104,8 +105,4 @@ pub(super) fn files(models: &Models, folder: &Path, key: &str) -> Result<Vec<(Pa
         all.extend(files.into_iter().map(|file| (file, each)));
     }
     Ok(all)
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -38,7 +38,7 @@ use serde_json::Value;
 use spec::Spec;
 use stage::Stage;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use variation::What;
 
 /// A scenario file, read and checked. Its samples are made one by one, in any order, on any thread: sample 17 is the
@@ -193,7 +193,7 @@ impl Scenario {
     }
 
     fn stage(&self) -> Result<Arc<Stage>> {
-        let mut stage = self.stage.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut stage = lock(&self.stage);
         if let Some(stage) = &*stage {
             return Ok(stage.clone());
         }
@@ -228,6 +228,11 @@ impl Scenario {
     }
 }
 
+/// What `mutex` holds, even if another sample has ended in a panic while it was held: it is whole at all times.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 /// Puts `new` at `path` in a scenario's values; entries of lists are named by number (`sensors[0]`) or by their key
 /// `name` (`sensors.top`).
 fn put(value: &mut Value, path: &str, new: Value) -> Result<(), String> {
@@ -236,7 +241,6 @@ fn put(value: &mut Value, path: &str, new: Value) -> Result<(), String> {
     for step in path.split(['.', '[']) {
         let index = step.strip_suffix(']').and_then(|index| index.parse::<usize>().ok());
         let shown = if done.is_empty() { "the file".to_owned() } else { done.clone() };
-        // Lists of one may be written without brackets.
         place = match place {
             Value::Array(items) => {
                 let named = |item: &Value| item.get("name").and_then(Value::as_str) == Some(step);

@@ -8,12 +8,12 @@ use crate::ground::named::{Named, by_name};
 use crate::ground::pose::Pose;
 use crate::material::ReflectanceSource;
 use crate::medium::Environment;
-use crate::read::yaml::Document;
+use crate::read::yaml::{Document, inner};
 use crate::scan::{Order, Profile};
 use crate::scene::{CacheFile, LabelRules, UpAxis};
 use glam::{DQuat, DVec3};
 use serde::Deserialize;
-use serde::de::{self, Deserializer, Error as _};
+use serde::de::{Deserializer, Error as _};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -181,7 +181,7 @@ impl<'de> Deserialize<'de> for LabelSource {
         match Value::deserialize(deserializer)? {
             Value::Null => Ok(LabelSource::None),
             Value::String(file) => Ok(LabelSource::File(file.into())),
-            value => Ok(LabelSource::Rules(Box::new(inner(value)?))),
+            value => Ok(LabelSource::Rules(Box::new(inner(&value)?))),
         }
     }
 }
@@ -306,12 +306,12 @@ impl<'de> Deserialize<'de> for Carrier {
         let value = Value::deserialize(deserializer)?;
         let has = |key: &str| value.get(key).is_some();
         Ok(match () {
-            () if has("file") => Carrier::File(inner::<File, _>(value)?.file),
-            () if has("camera") => Carrier::Camera(inner::<Camera, _>(value)?.camera),
-            () if has("object") => Carrier::Object(inner::<Object, _>(value)?.object),
-            () if has("poses") => Carrier::Poses(inner::<Poses, _>(value)?.poses),
-            () if has("on") => Carrier::On(Box::new(inner(value)?)),
-            () if has("position_m") => Carrier::At(inner(value)?),
+            () if has("file") => Carrier::File(inner::<File, _>(&value)?.file),
+            () if has("camera") => Carrier::Camera(inner::<Camera, _>(&value)?.camera),
+            () if has("object") => Carrier::Object(inner::<Object, _>(&value)?.object),
+            () if has("poses") => Carrier::Poses(inner::<Poses, _>(&value)?.poses),
+            () if has("on") => Carrier::On(Box::new(inner(&value)?)),
+            () if has("position_m") => Carrier::At(inner(&value)?),
             () => {
                 let found = value.as_object().and_then(|keys| keys.keys().next()).cloned().unwrap_or_default();
                 const KNOWN: &[&str] = &["file", "position_m", "camera", "object", "poses", "on"];
@@ -351,14 +351,6 @@ pub(super) struct SetSpec {
     pub folder: Option<PathBuf>,
 }
 
-/// Turns `value` into a `T`, with the key in front of what is wrong with it.
-fn inner<T: de::DeserializeOwned, E: de::Error>(value: Value) -> Result<T, E> {
-    serde_path_to_error::deserialize(&value).map_err(|error| match error.path().to_string().as_str() {
-        "." => E::custom(error.inner()),
-        path => E::custom(format!("{path}: {}", error.inner())),
-    })
-}
-
 fn word<'de, D: Deserializer<'de>, T: Named>(deserializer: D) -> Result<T, D::Error> {
     by_name("value", &String::deserialize(deserializer)?).map_err(D::Error::custom)
 }
@@ -377,7 +369,7 @@ fn list_or_nothing<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer:
 fn one_or_more_words<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<String>, D::Error> {
     match Value::deserialize(deserializer)? {
         Value::String(word) => Ok(vec![word]),
-        value => inner(value),
+        value => inner(&value),
     }
 }
 

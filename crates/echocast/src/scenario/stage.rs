@@ -1,6 +1,7 @@
 //! What samples start from: scenes, sensors and files, read and built once.
 
 use super::assets::{self, Assets};
+use super::lock;
 use super::spec::{LabelSource, SceneSpec, SensorEntry, Spec};
 use super::variation::{Units, What};
 use crate::ground::error::{Error, Result};
@@ -14,7 +15,7 @@ use glam::{DAffine3, DVec3};
 use serde_json::Value;
 use std::collections::{HashMap, VecDeque};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
 /// What the samples of a scenario share, for any number of threads.
 #[derive(Debug)]
@@ -245,8 +246,4 @@ fn flat(keys: &serde_json::Map<String, Value>) -> Vec<(String, &Value)> {
         }
     }
     all
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

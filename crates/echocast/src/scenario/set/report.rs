@@ -283,17 +283,9 @@ fn histogram(counts: &Value) -> String {
     svg + "</svg>"
 }
 
-/// `1,234,567`.
+/// A number of a report.
 fn grouped(number: &Value) -> String {
-    let digits = number.to_string();
-    let mut text = String::new();
-    for (index, digit) in digits.chars().enumerate() {
-        if index > 0 && (digits.len() - index).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
+    preview::thousands(number.as_u64().unwrap_or(0) as usize)
 }
 
 fn escaped(text: &str) -> String {

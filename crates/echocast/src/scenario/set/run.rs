@@ -8,7 +8,7 @@ use crate::cloud::{Field, FieldSet, PointCloud};
 use crate::export::{self, cancel_flag};
 use crate::ground::error::{Error, Result};
 use crate::preview::{self, PreviewOptions, View};
-use crate::scenario::{Sample, Scenario};
+use crate::scenario::{Sample, Scenario, lock};
 use crate::trace::Engine;
 use glam::Vec3;
 use std::collections::BTreeMap;
@@ -342,8 +342,4 @@ impl Counts {
             *self.categories.entry(name.to_owned()).or_default() += count;
         }
     }
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

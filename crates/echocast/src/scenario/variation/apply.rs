@@ -9,6 +9,7 @@ use crate::ground::shown;
 use crate::material::Material;
 use crate::scenario::assets::{Assets, Model};
 use crate::scenario::draw::{Address, Draws};
+use crate::scenario::lock;
 use crate::scenario::random::{Random, choose};
 use crate::scene::{Ancestor, LabelRules, Mesh, matches};
 use crate::trace::{LiveScene, ObjectId};
@@ -17,7 +18,7 @@ use rand_distr::{Distribution as _, StandardUniform};
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 /// An object of the scene of a sample.
 #[derive(Clone, Debug)]
@@ -99,13 +100,12 @@ impl Units {
     /// # Errors
     /// As [`Patches::new`].
     pub fn patches(&self, live: &LiveScene, target: &Target, steepest_deg: f64, key: &str) -> Result<Arc<Patches>> {
-        let lock = || self.patches.lock().unwrap_or_else(PoisonError::into_inner);
         let name = (target.clone(), steepest_deg.to_bits());
-        if let Some(known) = lock().get(&name) {
+        if let Some(known) = lock(&self.patches).get(&name) {
             return Ok(known.clone());
         }
         let made = Arc::new(Patches::new(live, target, steepest_deg, key)?);
-        Ok(lock().entry(name).or_insert(made).clone())
+        Ok(lock(&self.patches).entry(name).or_insert(made).clone())
     }
 }
 

@@ -11,9 +11,10 @@ pub(super) use room::{Room, Solid};
 
 use super::random::{Random, check_range};
 use crate::ground::error::{Error, Result};
+use crate::read::yaml::inner;
 use crate::scene::matches;
+use serde::Deserialize;
 use serde::de::{Deserializer, Error as _};
-use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::HashSet;
 use std::path::PathBuf;
@@ -186,7 +187,7 @@ pub(in crate::scenario) struct Space {
 }
 
 /// How something stands on a slope.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(in crate::scenario) enum Align {
     /// Upright.
@@ -197,7 +198,7 @@ pub(in crate::scenario) enum Align {
 }
 
 /// What happens where there is no room.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(in crate::scenario) enum Otherwise {
     /// The sample goes on without, and says so.
@@ -251,7 +252,7 @@ impl<'de> Deserialize<'de> for Target {
         if let Value::String(object) = value {
             return Ok(Target { object: Some(object), ..Target::default() });
         }
-        let Keys { object, category, part } = read(&value)?;
+        let Keys { object, category, part } = inner(&value)?;
         if object.is_none() && category.is_none() && part.is_none() {
             return Err(D::Error::custom("names nothing; allowed: object, category, part"));
         }
@@ -276,7 +277,7 @@ impl<'de> Deserialize<'de> for Models {
         let model = |item: &Value| match item {
             Value::String(file) => Ok((file.into(), 1.0)),
             item => {
-                let Weighted { value, weight } = read(item)?;
+                let Weighted { value, weight } = inner(item)?;
                 if !(weight > 0.0 && weight <= 1e12) {
                     return Err(D::Error::custom(format!("weight: is {weight}; allowed: above 0, up to 1e12")));
                 }
@@ -303,13 +304,6 @@ fn steepest() -> f64 {
     45.0
 }
 
-fn read<T: serde::de::DeserializeOwned, E: serde::de::Error>(value: &Value) -> Result<T, E> {
-    serde_path_to_error::deserialize(value).map_err(|error| match error.path().to_string().as_str() {
-        "." => E::custom(error.inner()),
-        path => E::custom(format!("{path}: {}", error.inner())),
-    })
-}
-
 impl<'de> Deserialize<'de> for Rule {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         const KINDS: &[&str] = &["set", "remove", "swap", "move", "place", "look"];
@@ -331,12 +325,12 @@ impl<'de> Deserialize<'de> for Rule {
             about => format!("{kind} {about}"),
         });
         let what = match kind {
-            "set" => What::Set(read(&value)?),
-            "remove" => What::Remove(read(&value)?),
-            "swap" => What::Swap(read(&value)?),
-            "move" => What::Move(read(&value)?),
-            "place" => What::Place(read(&value)?),
-            _ => What::Look(read(&value)?),
+            "set" => What::Set(inner(&value)?),
+            "remove" => What::Remove(inner(&value)?),
+            "swap" => What::Swap(inner(&value)?),
+            "move" => What::Move(inner(&value)?),
+            "place" => What::Place(inner(&value)?),
+            _ => What::Look(inner(&value)?),
         };
         Ok(Rule { name, what })
     }

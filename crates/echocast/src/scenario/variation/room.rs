@@ -1,9 +1,10 @@
 //! Where there is room: boxes of what is placed, against the boxes and the triangles of what is there.
 
+use crate::scenario::lock;
 use crate::scene::Mesh;
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 /// A box in the world, turned in any way.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -272,7 +273,7 @@ type Known = (Arc<Mesh>, Arc<Tree>);
 impl Room {
     pub(super) fn tree(&self, mesh: &Arc<Mesh>) -> Arc<Tree> {
         let key = Arc::as_ptr(mesh) as usize;
-        let known = || self.trees.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = || lock(&self.trees);
         if let Some((_, tree)) = known().get(&key) {
             return tree.clone();
         }
@@ -283,8 +284,7 @@ impl Room {
 
     /// Forgets meshes that nothing else uses any more.
     pub fn forget_unused(&self) {
-        let mut trees = self.trees.lock().unwrap_or_else(PoisonError::into_inner);
-        trees.retain(|_, (mesh, _)| Arc::strong_count(mesh) > 1);
+        lock(&self.trees).retain(|_, (mesh, _)| Arc::strong_count(mesh) > 1);
     }
 
     /// Whether a mesh, placed by `world_from_object`, reaches into `solid`.
