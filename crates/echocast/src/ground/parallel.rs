@@ -31,12 +31,8 @@ pub(crate) fn threads() -> usize {
     if ALONE.get() { 1 } else { rayon::current_num_threads() }
 }
 
-/// Does both, possibly at the same time.
-pub(crate) fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
-    if ALONE.get() { (a(), b()) } else { both(a, b) }
-}
-
-/// [`join`] on a thread that need not be alone. What it takes up while waiting, for others or for us, it does alone.
+/// Does both, possibly at the same time, on a thread that need not be alone. What it takes up while waiting, for others
+/// or for us, it does alone.
 fn both<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
     alone(|| rayon::join(a, || alone(b)))
 }

@@ -251,57 +251,75 @@ fn steps(path: &str) -> impl Iterator<Item = Step<'_>> {
 }
 
 /// Keys that select one of several kinds of section, see [`split_tag`].
-const TAGS: [&str; 3] = ["type", "model", "shape"];
+pub const TAGS: [&str; 3] = ["type", "model", "shape"];
 
 /// `key=value` for messages, shortened if too long to read.
 pub fn assignment(key: &str, value: &str) -> String {
     format!("{}={}", shown::name(key), shown::name(value))
 }
 
-/// Puts the YAML `text` at `path` (`noise.range_sigma_m`, `pattern.resolution[0]`) below `value`; `null` removes the
-/// key. Missing sections on the way are created. Changing the kind of a section ([`TAGS`]) removes the keys of the old
-/// kind.
+/// [`put`] for the YAML `text`.
 ///
 /// # Errors
-/// No text or invalid YAML, a path through something that is not a section, an index past the end.
-pub fn set(value: &mut Value, path: &str, text: &str) -> Result<()> {
-    /// Deeper than any file of ours; an unlimited tree could not even be dropped.
-    const DEEPEST: usize = 64;
+/// As there; no text, invalid YAML.
+pub fn set(value: &mut Value, path: &str, text: &str, tags: &[&str]) -> Result<()> {
     let origin = assignment(path, text);
-    let depth = steps(path).take(DEEPEST + 1).count();
-    if depth > DEEPEST {
-        return Err(Error::invalid("the key", format!("more than {DEEPEST} names deep"), "paths of this file's keys"));
-    }
     let new = Document::parse(&origin, text)?.value;
     let fail = |message: String| Error::Parse { origin: origin.clone(), place: String::new(), message };
     if text.trim().is_empty() {
         return Err(fail("has no value; `null` takes a key away".into()));
+    }
+    put(value, path, new, tags).map_err(fail)
+}
+
+/// Puts `new` at `path` (`noise.range_sigma_m`, `pattern.resolution[0]`) below `value`; `null` removes a key. Missing
+/// sections on the way are created. Entries of lists are named by number or by their key `name` (`sensors.top`). Where
+/// the last key is one of `tags` and changes, its section is of another kind: the keys of the old kind are removed.
+///
+/// # Errors
+/// A sentence about a path through something that is not a section, an entry that a list does not have.
+pub fn put(value: &mut Value, path: &str, new: Value, tags: &[&str]) -> Result<(), String> {
+    /// Deeper than any file of ours; an unlimited tree could not even be dropped.
+    const DEEPEST: usize = 64;
+    if steps(path).take(DEEPEST + 1).count() > DEEPEST {
+        return Err(format!("the key is more than {DEEPEST} names deep; allowed: paths of this file's keys"));
     }
     let mut place = value;
     let mut done = String::new();
     let mut steps = steps(path).peekable();
     while let Some(step) = steps.next() {
         let last = steps.peek().is_none();
+        // A section without keys.
+        if place.is_null() && !done.is_empty() {
+            *place = Value::Object(Map::new());
+        }
         place = match (step, place) {
-            (Step::Key(""), _) => return Err(fail("the key has an empty part; allowed: names joined by dots".into())),
+            (Step::Key(""), _) => return Err("the key has an empty part; allowed: names joined by dots".into()),
             (Step::Key(key), Value::Object(map)) => {
                 // A missing key gets its null: reading will tell whether it may exist.
                 if last && new.is_null() && map.shift_remove(key).is_some() {
                     return Ok(());
                 }
-                if last && TAGS.contains(&key) && map.get(key).is_some_and(|old| *old != new) {
+                if last && tags.contains(&key) && map.get(key).is_some_and(|old| *old != new) {
                     map.clear();
                 }
                 done = join(&done, key);
-                map.entry(key).or_insert_with(|| Value::Object(Map::new()))
+                map.entry(key).or_insert(Value::Null)
+            }
+            (Step::Key(key), Value::Array(items)) => {
+                let length = items.len();
+                let entry = items.iter_mut().find(|item| item.get("name").and_then(Value::as_str) == Some(key));
+                let entry = entry.ok_or_else(|| format!("the list {done} of {length} has no entry called {key:?}"))?;
+                done = join(&done, key);
+                entry
             }
             (Step::Index(index), Value::Array(items)) => {
                 let length = items.len();
                 done = format!("{done}[{index}]");
-                items.get_mut(index).ok_or_else(|| fail(format!("{done} is past the end of the list of {length}")))?
+                items.get_mut(index).ok_or_else(|| format!("{done} is past the end of the list of {length}"))?
             }
-            (Step::Key(key), _) => return Err(fail(format!("{done} has no key {key:?}: it is not a section"))),
-            (Step::Index(_), _) => return Err(fail(format!("{done} is not a list"))),
+            (Step::Key(key), _) => return Err(format!("{done} has no key {key:?}: it is not a section")),
+            (Step::Index(_), _) => return Err(format!("{done} is not a list")),
         };
     }
     *place = new;

@@ -94,7 +94,7 @@ impl Scenario {
                 // Its key must be one that the file could have.
                 let mut value = document.value().clone();
                 let found = yaml::lookup(&value, &rule.set).is_some();
-                let known = found || put(&mut value, &rule.set, Value::Null).is_ok();
+                let known = found || yaml::put(&mut value, &rule.set, Value::Null, &[]).is_ok();
                 if !known {
                     let message = format!("set: there is no place for {:?} in this file", rule.set);
                     return Err(document.error(&format!("variation[{index}].set"), &message));
@@ -118,17 +118,12 @@ impl Scenario {
     /// # Errors
     /// As [`Scenario::load`]; then it stays as it was.
     pub fn set(&mut self, key: &str, value: &str) -> Result<()> {
-        let origin = yaml::assignment(key, value);
         let mut tree = self.value.clone();
-        let new = Document::parse(&origin, value)?.value().clone();
-        put(&mut tree, key, new).map_err(|fault| Error::Parse {
-            origin: origin.clone(),
-            place: String::new(),
-            message: fault,
-        })?;
+        yaml::set(&mut tree, key, value, &[])?;
         // The folder has been found already.
         tree.as_object_mut().map(|keys| keys.shift_remove("folder"));
-        let changed = Scenario::read(&Document::from_value(origin, tree), &self.origin, &self.folder)?;
+        let changed =
+            Scenario::read(&Document::from_value(yaml::assignment(key, value), tree), &self.origin, &self.folder)?;
         *self = Scenario { engine: self.engine.clone(), file: self.file, ..changed };
         Ok(())
     }
@@ -209,7 +204,8 @@ impl Scenario {
             let What::Set(set) = &rule.what else { continue };
             let new = set.to.draw(&draws.of(&rule.name).of("to"));
             drawn.push(serde_json::json!({"rule": rule.name, "key": set.set, "value": new}));
-            put(&mut value, &set.set, new).map_err(|fault| Error::invalid(&rule.name, fault, "a key of this file"))?;
+            yaml::put(&mut value, &set.set, new, &[])
+                .map_err(|fault| Error::invalid(&rule.name, fault, "a key of this file"))?;
         }
         if drawn.is_empty() {
             return Ok((self.spec.clone(), value, drawn));
@@ -231,35 +227,4 @@ impl Scenario {
 /// What `mutex` holds, even if another sample has ended in a panic while it was held: it is whole at all times.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Puts `new` at `path` in a scenario's values; entries of lists are named by number (`sensors[0]`) or by their key
-/// `name` (`sensors.top`).
-fn put(value: &mut Value, path: &str, new: Value) -> Result<(), String> {
-    let mut place = value;
-    let mut done = String::new();
-    for step in path.split(['.', '[']) {
-        let index = step.strip_suffix(']').and_then(|index| index.parse::<usize>().ok());
-        let shown = if done.is_empty() { "the file".to_owned() } else { done.clone() };
-        place = match place {
-            Value::Array(items) => {
-                let named = |item: &Value| item.get("name").and_then(Value::as_str) == Some(step);
-                let position = index.or_else(|| items.iter().position(named));
-                let count = items.len();
-                let item = position.and_then(|position| items.get_mut(position));
-                item.ok_or_else(|| format!("{shown}: its list of {count} has no entry {step:?}"))?
-            }
-            _ if index.is_some() => return Err(format!("{shown} is not a list")),
-            _ if step.is_empty() => return Err("the key has an empty part; allowed: names joined by dots".into()),
-            Value::Null => {
-                // A section that is not there yet.
-                return Err(format!("{shown} has no value"));
-            }
-            Value::Object(keys) => keys.entry(step).or_insert_with(|| Value::Object(serde_json::Map::new())),
-            _ => return Err(format!("{shown} is not a section of keys")),
-        };
-        done = yaml::join(&done, step);
-    }
-    *place = new;
-    Ok(())
 }

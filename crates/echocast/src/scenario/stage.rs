@@ -26,7 +26,7 @@ pub(super) struct Stage {
     /// The files that each rule names.
     pub models: Vec<Vec<(PathBuf, f64)>>,
     /// The last scenes, by the section that describes them; the newest last.
-    bases: Mutex<VecDeque<(String, Arc<Base>)>>,
+    bases: Mutex<VecDeque<(String, Slot)>>,
     /// By the entry that describes them.
     sensors: Mutex<HashMap<String, Arc<Sensor>>>,
 }
@@ -38,6 +38,9 @@ pub(super) struct Base {
     pub live: LiveScene,
     pub units: Units,
 }
+
+/// A scene that is made, or will be by the first that asks for it.
+type Slot = Arc<Mutex<Option<Arc<Base>>>>;
 
 /// Scenes kept at once, where the scene itself differs between samples.
 const KEPT: usize = 4;
@@ -75,17 +78,26 @@ impl Stage {
     /// # Errors
     /// As [`Scene::load`] and [`LiveScene::commit`]; a pattern that nothing matches.
     pub fn base(&self, spec: &Spec, key: String, folder: &Path) -> Result<Arc<Base>> {
-        // With the lock: samples mostly share one scene, and each by itself may fill the memory.
-        let mut bases = lock(&self.bases);
-        if let Some((_, base)) = bases.iter().find(|(known, _)| *known == key) {
-            return Ok(base.clone());
+        let slot = {
+            let mut bases = lock(&self.bases);
+            match bases.iter().find(|(known, _)| *known == key) {
+                Some((_, slot)) => slot.clone(),
+                None => {
+                    if bases.len() == KEPT {
+                        bases.pop_front();
+                    }
+                    let slot = Slot::default();
+                    bases.push_back((key, slot.clone()));
+                    slot
+                }
+            }
+        };
+        // Others that want the same scene wait for it; others make theirs.
+        let mut base = lock(&slot);
+        match &*base {
+            Some(base) => Ok(base.clone()),
+            None => Ok(base.insert(Arc::new(self.make(spec, folder)?)).clone()),
         }
-        if bases.len() == KEPT {
-            bases.pop_front();
-        }
-        let base = Arc::new(self.make(spec, folder)?);
-        bases.push_back((key, base.clone()));
-        Ok(base)
     }
 
     fn make(&self, spec: &Spec, folder: &Path) -> Result<Base> {

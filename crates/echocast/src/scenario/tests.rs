@@ -158,7 +158,8 @@ fn things_drop_and_lie_along_the_slope() {
         "  - {place: models/pole.obj, call: up, at: {on: Slope}}\n\
          \x20 - {place: models/crate.obj, call: flat, at: {on: Slope}, align: slope, clearance_m: 0.3}\n\
          \x20 - {place: models/crate.obj, call: fallen, at: {within: {min_m: [11, -5, 30], max_m: [25, 5, 40]}}, drop: true}\n\
-         \x20 - {move: Chair_0, by_m: [20, 0, 6], drop: true}\n",
+         \x20 - {move: Chair_0, by_m: [20, 0, 6], drop: true}\n\
+         \x20 - {move: Chair_0, by_m: [1, 0, 0.5], clearance_m: 0.1}\n",
     );
     let ground = |at: DVec3| 0.5 * (at.x - 10.0);
     for index in 0..30 {
@@ -174,7 +175,7 @@ fn things_drop_and_lie_along_the_slope() {
         let others = (low - ground(fallen)).abs() > 1e-3;
         assert!(!others || low > ground(fallen), "{low}");
         let (_, chair, low, _) = at("Chair_0");
-        assert!((low - ground(chair)).abs() < 1e-3 && (chair.x - 12.25).abs() < 1e-6);
+        assert!((low - ground(chair)).abs() < 1e-3 && (chair.x - 13.25).abs() < 1e-6);
     }
 }
 
@@ -188,11 +189,14 @@ fn what_finds_no_room_is_told_or_fails() {
     let (_a, skip) = rules(&rule("skip"));
     let sample = skip.sample(0).unwrap();
     let notes: Vec<_> = sample.report().warnings.iter().filter(|note| note.contains("no room")).collect();
-    assert_eq!(notes[0], "variation[0]: \"pole_1\" finds no room in 5 tries: left out");
+    assert_eq!(notes[0], "variation[0]: no room for \"pole_1\" in 5 tries: left out");
     assert_eq!((notes.len(), places(sample.scene(), "pole_*").len()), (3, 0));
     let (_b, fail) = rules(&rule("fail"));
     let error = fail.sample(0).unwrap_err().to_string();
-    assert!(error.starts_with("variation[0] is \"pole_1\" finds no room in 5 tries; allowed: "), "{error}");
+    assert!(
+        error.starts_with("variation[0] is a rule that finds no room for \"pole_1\" in 5 tries; allowed: "),
+        "{error}"
+    );
 }
 
 #[test]
@@ -337,15 +341,18 @@ fn keys_are_changed_by_path() {
     let mut scenario = scenario(&folder, "frames: {last: 3}\n").unwrap();
     scenario.set("frames.last", "5").unwrap();
     scenario.set("sensors.top.mount.position_m", "[0, 0, 2]").unwrap();
-    scenario.set("environment.rain", "{rate_mm_h: 3}").unwrap();
+    scenario.set("environment", "null").unwrap();
+    scenario.set("environment.rain.rate_mm_h", "3").unwrap();
     let sample = scenario.sample(0).unwrap();
     assert_eq!(sample.scans()[0].frames().len(), 6);
     assert_eq!(sample.scans()[0].trajectory().at(0.0).position.z, 3.5);
     for (key, value, fault) in [
         ("frames.lats", "5", "frames.lats=5: frames.lats: unknown key \"lats\"; near: last"),
-        ("sensors.left.rate_hz", "5", "sensors.left.rate_hz=5: sensors: its list of 1 has no entry \"left\""),
+        ("sensors.left.rate_hz", "5", "sensors.left.rate_hz=5: the list sensors of 1 has no entry called \"left\""),
         ("samples", "1000000000000", "samples=1000000000000: samples: is 1000000000000; allowed: 1 to 1000000000"),
         ("environment.rain.rate_mm_h", "-3", "rate_mm_h"),
+        ("frames.last", "", "frames.last=: has no value; `null` takes a key away"),
+        (&vec!["a"; 100_000].join("."), "1", "the key is more than 64 names deep"),
     ] {
         let error = scenario.set(key, value).unwrap_err().to_string();
         assert!(error.contains(fault), "{error}");
@@ -494,6 +501,14 @@ fn folders_of_others_are_left_alone() {
     let other = set::RunOptions { folder: Some(folder.path().join("mine")), ..ten.clone() };
     let error = run(&folder, "", &other).unwrap_err().to_string();
     assert!(error.contains("which holds other files; allowed: an empty or a new folder"), "{error}");
+    // A set is of one scene.
+    let room = fs::read_to_string(folder.path().join("room.obj")).unwrap();
+    fs::write(folder.path().join("room.obj"), room.clone() + "# painted\n").unwrap();
+    let resumed = set::RunOptions { resume: true, ..ten.clone() };
+    let error = run(&folder, "", &resumed).unwrap_err().to_string();
+    assert!(error.contains("for which room.obj had other contents; allowed: another folder, or the"), "{error}");
+    fs::write(folder.path().join("room.obj"), room).unwrap();
+    assert_eq!(run(&folder, "", &resumed).unwrap().found, 2);
     assert_eq!(contents(&folder.path().join("made")), before);
     for (options, fault) in [
         (set::RunOptions { shard: Some([7, 7]), ..ten.clone() }, "shard is 7/7; allowed: 0/7 to 6/7"),

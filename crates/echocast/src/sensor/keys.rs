@@ -17,7 +17,7 @@ impl Sensor {
     /// An unknown key (with similar ones), a wrong type, a value out of range, a pattern that cannot be drawn.
     pub fn set(&mut self, key: &str, value: &str) -> Result<()> {
         let mut tree = self.tree()?;
-        yaml::set(&mut tree, key, value)?;
+        yaml::set(&mut tree, key, value, &yaml::TAGS)?;
         let document = Document::from_value(yaml::assignment(key, value), tree);
         let mut spec = SensorSpec::read(&document)?;
         spec.pattern.resolve(&self.folder, Some(&self.spec.pattern));
@@ -80,5 +80,5 @@ fn is_of_light(key: &str) -> bool {
 
 /// Whether a sensor file could have a number at `key`, where `tree` has nothing.
 fn takes_numbers(mut tree: Value, key: &str) -> bool {
-    yaml::set(&mut tree, key, "1").is_ok() && Document::from_value(key, tree).read::<SensorSpec>().is_ok()
+    yaml::set(&mut tree, key, "1", &yaml::TAGS).is_ok() && Document::from_value(key, tree).read::<SensorSpec>().is_ok()
 }

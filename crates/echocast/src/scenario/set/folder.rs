@@ -9,7 +9,7 @@ use crate::read::{self, Limit};
 use crate::scenario::Scenario;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -24,6 +24,9 @@ pub(super) struct Origin {
     pub roots: Vec<String>,
     /// SHA-256 of the scenario, whatever its number of samples.
     pub digest: String,
+    /// SHA-256 of each file that the scenario names and of each model of a folder, by name; what such files name in their
+    /// turn is left out.
+    pub inputs: BTreeMap<String, String>,
     /// The scenario, as it was written.
     pub scenario: Value,
 }
@@ -31,19 +34,30 @@ pub(super) struct Origin {
 const ORIGIN: &str = "scenario.json";
 
 impl Origin {
-    pub fn of(scenario: &Scenario, roots: Vec<String>) -> Origin {
+    /// # Errors
+    /// The system's.
+    pub fn of(scenario: &Scenario, roots: Vec<String>) -> Result<Origin> {
         // A set may grow, and lie elsewhere.
         let mut same = scenario.value().clone();
         if let Some(keys) = same.as_object_mut() {
             keys.retain(|key, _| !["samples", "set"].contains(&key.as_str()));
         }
-        Origin {
+        let folder = scenario.folder();
+        let stage = scenario.stage()?;
+        let models =
+            stage.models.iter().flatten().map(|(path, _)| path.strip_prefix(folder).unwrap_or(path).to_owned());
+        let mut files = models.collect();
+        named_files(&same, folder, &mut files);
+        let digest = |file: &PathBuf| Ok((shown::path(file), manifest::digest(&folder.join(file))?.1));
+        let inputs = files.iter().map(digest).collect::<Result<_>>()?;
+        Ok(Origin {
             echocast: env!("CARGO_PKG_VERSION").into(),
             samples: scenario.samples(),
             roots,
             digest: manifest::digest_of(same.to_string().as_bytes()),
+            inputs,
             scenario: scenario.value().clone(),
-        }
+        })
     }
 
     /// That of the set in `root`; `None`: there is no set.
@@ -76,6 +90,13 @@ impl Origin {
                     "another folder, or the scenario of its scenario.json",
                 ));
             }
+            Some(known) if known.inputs != self.inputs => {
+                let named = known.inputs.keys().chain(self.inputs.keys());
+                let mut changed = named.filter(|&name| known.inputs.get(name) != self.inputs.get(name));
+                let name = changed.next().map_or("", String::as_str);
+                let found = format!("{}, for which {name} had other contents", shown::path(root));
+                return Err(Error::invalid("set.folder", found, "another folder, or the files as they were"));
+            }
             Some(known) if known.samples >= self.samples && known.roots == self.roots => {}
             Some(_) => self.write(root)?,
             None => {
@@ -101,6 +122,16 @@ impl Origin {
     fn write(&self, root: &Path) -> Result<()> {
         let text = serde_json::to_string_pretty(self).map_err(|error| Error::Internal(error.to_string()))? + "\n";
         replace(&root.join(ORIGIN), text.as_bytes())
+    }
+}
+
+/// The files that `value` names, relative to `folder`.
+fn named_files(value: &Value, folder: &Path, files: &mut BTreeSet<PathBuf>) {
+    match value {
+        Value::String(name) => files.extend(Some(PathBuf::from(name)).filter(|file| folder.join(file).is_file())),
+        Value::Array(items) => items.iter().for_each(|item| named_files(item, folder, files)),
+        Value::Object(keys) => keys.values().for_each(|item| named_files(item, folder, files)),
+        _ => {}
     }
 }
 

@@ -90,7 +90,7 @@ pub fn run(scenario: Scenario, options: &RunOptions, watch: &(dyn Fn(Event) + Sy
     let scenario = scenario.with_engine(&Engine::with_threads(threads)?);
 
     let roots: Vec<&str> = styles.iter().map(Style::root).collect();
-    let origin = Origin::of(&scenario, roots.iter().map(|root| (*root).to_owned()).collect());
+    let origin = Origin::of(&scenario, roots.iter().map(|root| (*root).to_owned()).collect())?;
     // What cannot be written is told before anything is.
     if let Some(&first) = wanted.first() {
         let sample = scenario.sample(first)?;

@@ -294,7 +294,12 @@ impl<'s> Stand<'s> {
                 } else {
                     DQuat::IDENTITY
                 };
-                let target = Point { at: point.at + by, ..point };
+                let mut target = Point { at: point.at + by, ..point };
+                if rule.to.is_none() && (rule.clearance_m.is_some() || rule.align == Align::Slope) {
+                    // It stands where it is now: on what slopes there.
+                    let from = target.at + DVec3::Z * (2.0 * group.solid.half.z);
+                    target.normal = self.below(from, &group.members).map_or(DVec3::Z, |(_, normal)| normal);
+                }
                 let about = |at: &Point| {
                     let turned = aligned(rule.align, at.normal) * heading * turned;
                     DAffine3::from_translation(at.at)
@@ -318,7 +323,7 @@ impl<'s> Stand<'s> {
             match found {
                 Some(moved) => self.move_group(&group.members, &moved)?,
                 None => {
-                    self.no_room(rule.otherwise, key, &format!("{:?} finds no room", group.name), rule.tries)?;
+                    self.no_room(rule.otherwise, key, &group.name, rule.tries)?;
                     values.insert("skipped".into(), true.into());
                 }
             }
@@ -390,7 +395,7 @@ impl<'s> Stand<'s> {
                     self.add(&model, &placed, (&called, number), rule.category.as_deref())?;
                 }
                 None => {
-                    self.no_room(rule.otherwise, key, &format!("{called:?} finds no room"), rule.tries)?;
+                    self.no_room(rule.otherwise, key, &called, rule.tries)?;
                     values.insert("skipped".into(), true.into());
                 }
             }
@@ -517,8 +522,8 @@ impl<'s> Stand<'s> {
         self.base.1.patches(self.base.0, target, *steepest_deg, key).map(Some)
     }
 
-    /// How something with the box `solid` is moved to `point` by `about`; if it drops, to what is below that; and the normal of what
-    /// it stands on. `None`: there is nothing below.
+    /// How something with the box `solid` is moved to `point` by `about`; if it drops, to what is below that; and the
+    /// normal of what it stands on. `None`: there is nothing below.
     fn settled(
         &self,
         solid: &Solid,
@@ -553,15 +558,15 @@ impl<'s> Stand<'s> {
         !near.into_iter().any(|(_, thing)| self.assets.room.meets(&thing.mesh, &thing.world_from_object, solid))
     }
 
-    fn no_room(&mut self, otherwise: Otherwise, key: &str, what: &str, tries: u32) -> Result<()> {
+    fn no_room(&mut self, otherwise: Otherwise, key: &str, object: &str, tries: u32) -> Result<()> {
         match otherwise {
             Otherwise::Skip => {
-                self.notes.push(format!("{key}: {what} in {tries} tries: left out"));
+                self.notes.push(format!("{key}: no room for {object:?} in {tries} tries: left out"));
                 Ok(())
             }
             Otherwise::Fail => Err(Error::invalid(
                 key,
-                format!("{what} in {tries} tries"),
+                format!("a rule that finds no room for {object:?} in {tries} tries"),
                 "more tries, a smaller clearance_m, or `otherwise: skip`",
             )),
         }
