@@ -14,8 +14,8 @@ use anyhow::{Context as _, Result, ensure};
 use echocast::detect::Detection;
 use echocast::scenario::FrameTime;
 use echocast::{
-    Engine, Environment, Field, FieldSet, Frame, LabelRules, LiveScene, Order, Pose, Profile, ReflectanceSource,
-    Report, ScanOptions, Scene, Sensor, SensorKind, Trajectory, read, shown,
+    Engine, Environment, FieldSet, Frame, LabelRules, LiveScene, Order, Pose, Profile, ReflectanceSource, Report,
+    ScanOptions, Scene, Sensor, SensorKind, Trajectory, read, shown,
 };
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -283,13 +283,9 @@ impl Asked {
         Ok(Asked { fields: FieldSet::parse(list)?, by_default })
     }
 
-    /// The columns for a sensor: points of sonars are of the bed, the water surface, reflections and noise.
+    /// The columns for a sensor.
     fn of(self, sensor: &Sensor) -> FieldSet {
-        if !self.by_default {
-            return self.fields;
-        }
-        let fields = self.fields.union(sensor.default_fields());
-        if sensor.kind() == SensorKind::Sonar { fields.with(Field::Cause) } else { fields }
+        if self.by_default { self.fields.union(sensor.default_fields()) } else { self.fields }
     }
 }
 

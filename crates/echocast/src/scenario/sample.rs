@@ -4,7 +4,7 @@ use super::draw::Draws;
 use super::spec::{Carrier, SensorEntry, Spec};
 use super::stage::{Base, Stage};
 use super::variation::Stand;
-use crate::cloud::{Field, FieldSet, Ping, PointCloud};
+use crate::cloud::{FieldSet, Ping, PointCloud};
 use crate::emitter::Trajectory;
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::Pose;
@@ -265,7 +265,7 @@ fn scans(
             return Err(Error::invalid(format!("sensors[{index}]"), found, "a `name` of its own for each"));
         }
         let mount = entry.mount.pose(&format!("sensors[{index}].mount"))?;
-        let fields = fields(&spec.fields, &sensor)?;
+        let fields = FieldSet::parse_with(&spec.fields.join(","), sensor.default_fields())?;
         scans.push(Scan {
             trajectory: mounted(&carrier, &mount)?,
             frames: times,
@@ -348,12 +348,4 @@ fn mounted(carrier: &Trajectory, mount: &Pose) -> Result<Trajectory> {
     all.extend(keys.last().map(|(time, pose)| (*time, on(pose))));
     all.dedup_by(|later, before| later.0 <= before.0);
     Trajectory::new(all)
-}
-
-/// The columns that are asked for, for a sensor: points of sonars are of the bed, the water surface, reflections and
-/// noise.
-fn fields(names: &[String], sensor: &Sensor) -> Result<FieldSet> {
-    let default = sensor.default_fields();
-    let default = if sensor.kind() == SensorKind::Sonar { default.with(Field::Cause) } else { default };
-    FieldSet::parse_with(&names.join(","), default)
 }

@@ -25,11 +25,12 @@ pub(super) struct Spec {
     /// Where relative names of files start, instead of the file's own folder; relative to that.
     pub folder: Option<PathBuf>,
     pub scene: SceneSpec,
+    #[serde(deserialize_with = "nothing_as_empty")]
     pub environment: Environment,
     pub sensors: Vec<SensorEntry>,
     pub trajectory: Option<Carrier>,
     pub frames: Option<FrameSpec>,
-    #[serde(deserialize_with = "list_or_nothing")]
+    #[serde(deserialize_with = "nothing_as_empty")]
     pub variation: Vec<Rule>,
     #[serde(deserialize_with = "word")]
     pub profile: Profile,
@@ -49,9 +50,10 @@ pub(super) struct Spec {
     pub organised: bool,
     pub freeze: bool,
     pub motion_tolerance_m: f64,
+    #[serde(deserialize_with = "nothing_as_empty")]
     pub set: SetSpec,
     /// What is written; each style has its own keys.
-    #[serde(deserialize_with = "list_or_nothing")]
+    #[serde(deserialize_with = "nothing_as_empty")]
     pub outputs: Vec<Value>,
 }
 
@@ -360,8 +362,8 @@ fn word_or_nothing<'de, D: Deserializer<'de>, T: Named>(deserializer: D) -> Resu
     word.map(|word| by_name("value", &word).map_err(D::Error::custom)).transpose()
 }
 
-/// A list; nothing, where all that is in it is a comment, is an empty one.
-fn list_or_nothing<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer: D) -> Result<Vec<T>, D::Error> {
+/// A list or section; nothing, where all that is in it is a comment, is an empty one.
+fn nothing_as_empty<'de, D: Deserializer<'de>, T: Deserialize<'de> + Default>(deserializer: D) -> Result<T, D::Error> {
     Option::deserialize(deserializer).map(Option::unwrap_or_default)
 }
 

@@ -159,7 +159,7 @@ fn things_drop_and_lie_along_the_slope() {
          \x20 - {place: models/crate.obj, call: flat, at: {on: Slope}, align: slope, clearance_m: 0.3}\n\
          \x20 - {place: models/crate.obj, call: fallen, at: {within: {min_m: [11, -5, 30], max_m: [25, 5, 40]}}, drop: true}\n\
          \x20 - {move: Chair_0, by_m: [20, 0, 6], drop: true}\n\
-         \x20 - {move: Chair_0, by_m: [1, 0, 0.5], clearance_m: 0.1}\n",
+         \x20 - {move: Chair_0, name: up, by_m: [1, 0, 0.5], clearance_m: 0.1}\n",
     );
     let ground = |at: DVec3| 0.5 * (at.x - 10.0);
     for index in 0..30 {
@@ -508,8 +508,8 @@ fn folders_of_others_are_left_alone() {
     let error = run(&folder, "", &resumed).unwrap_err().to_string();
     assert!(error.contains("for which room.obj had other contents; allowed: another folder, or the"), "{error}");
     fs::write(folder.path().join("room.obj"), room).unwrap();
-    assert_eq!(run(&folder, "", &resumed).unwrap().found, 2);
     assert_eq!(contents(&folder.path().join("made")), before);
+    assert_eq!(run(&folder, "", &resumed).unwrap().found, 2);
     for (options, fault) in [
         (set::RunOptions { shard: Some([7, 7]), ..ten.clone() }, "shard is 7/7; allowed: 0/7 to 6/7"),
         (

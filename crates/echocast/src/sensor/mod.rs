@@ -248,10 +248,17 @@ impl Sensor {
         self.spec.kind
     }
 
-    /// The columns of its clouds by default: [`FieldSet::default`], and `doppler` if it measures that.
+    /// The columns of its clouds by default: [`FieldSet::default`]; `doppler` if it measures that; of a sonar, whose points
+    /// are of the bed, the water surface, reflections and noise, `cause`.
     pub fn default_fields(&self) -> FieldSet {
-        let fields = FieldSet::default();
-        if self.doppler.is_some() { fields.with(Field::Doppler) } else { fields }
+        let mut fields = FieldSet::default();
+        if self.doppler.is_some() {
+            fields = fields.with(Field::Doppler);
+        }
+        if self.kind() == SensorKind::Sonar {
+            fields = fields.with(Field::Cause);
+        }
+        fields
     }
 
     /// Where its numbers come from; may be empty.

@@ -249,19 +249,16 @@ impl LiveScene {
             return Err(Error::invalid("the greatest instance number", last, allowed));
         }
         let labels = Arc::make_mut(&mut self.labels);
-        let category = labels.category.absorb(&scene.labels.category);
-        let part = labels.part.absorb(&scene.labels.part);
-        labels.material.absorb(&scene.labels.material);
+        let numbers = Renumbered::absorbing(labels, &scene.labels);
         let NameTable { ids, names } = &scene.labels.instance;
         labels.instance.ids.extend(ids.iter().map(|id| id + last));
         labels.instance.names.extend_from_slice(names);
-        let renumbered = |changed: &HashMap<u32, u32>, id: u32| changed.get(&id).copied().unwrap_or(id);
         self.cameras.extend_from_slice(&scene.cameras);
         let objects = scene.objects.iter().map(|object| {
             let bounds = boxes[&Arc::as_ptr(&object.mesh)];
             let object = Object {
-                category_id: renumbered(&category, object.category_id),
-                part_ids: object.part_ids.iter().map(|&id| renumbered(&part, id)).collect(),
+                category_id: numbers.category(object),
+                part_ids: numbers.parts(object),
                 instance_id: if object.instance_id == 0 { 0 } else { object.instance_id + last },
                 ..object.clone()
             };
@@ -644,10 +641,7 @@ impl LiveScene {
         let labels = Arc::make_mut(&mut self.labels);
         name_instance(labels, number, name);
         let given = category.map(|category| labels.category.numbered(category));
-        let categories = labels.category.absorb(&model.labels.category);
-        let parts = labels.part.absorb(&model.labels.part);
-        labels.material.absorb(&model.labels.material);
-        let renumbered = |changed: &HashMap<u32, u32>, id: u32| changed.get(&id).copied().unwrap_or(id);
+        let numbers = Renumbered::absorbing(labels, &model.labels);
         let mut timeline = Timeline::standing(*world_from_model);
         let shift = timeline.hang(&model.timeline);
         let timeline = Arc::new(timeline);
@@ -655,8 +649,8 @@ impl LiveScene {
             let bounds = object.mesh.bounds();
             let object = Object {
                 world_from_object: *world_from_model * object.world_from_object,
-                category_id: given.unwrap_or_else(|| renumbered(&categories, object.category_id)),
-                part_ids: object.part_ids.iter().map(|&id| renumbered(&parts, id)).collect(),
+                category_id: given.unwrap_or_else(|| numbers.category(object)),
+                part_ids: numbers.parts(object),
                 instance_id: number,
                 motion: object.motion.clone().map(|motion| motion.shifted(shift)),
                 ..object.clone()
@@ -969,6 +963,29 @@ fn check_pose(name: &str, bounds: Option<[[f32; 3]; 2]>, world_from_object: &DAf
             corner.map_or("not finite".into(), |corner| format!("such that it reaches to {:?} m", corner.to_array())),
             "finite numbers, places from -1e18 to 1e18 m",
         )),
+    }
+}
+
+/// Numbers of labels that are others here than in the scene that objects come from.
+struct Renumbered {
+    categories: HashMap<u32, u32>,
+    parts: HashMap<u32, u32>,
+}
+
+impl Renumbered {
+    /// Gives `labels` the names of `other` for categories, parts and materials.
+    fn absorbing(labels: &mut Labels, other: &Labels) -> Renumbered {
+        labels.material.absorb(&other.material);
+        let (categories, parts) = (labels.category.absorb(&other.category), labels.part.absorb(&other.part));
+        Renumbered { categories, parts }
+    }
+
+    fn category(&self, object: &Object) -> u32 {
+        self.categories.get(&object.category_id).copied().unwrap_or(object.category_id)
+    }
+
+    fn parts(&self, object: &Object) -> Vec<u32> {
+        object.part_ids.iter().map(|id| self.parts.get(id).copied().unwrap_or(*id)).collect()
     }
 }
 
