@@ -258,6 +258,9 @@ pub fn assignment(key: &str, value: &str) -> String {
     format!("{}={}", shown::name(key), shown::name(value))
 }
 
+/// Most names in a path: more than any file of ours needs; an unlimited tree could not even be dropped.
+pub const DEEPEST: usize = 64;
+
 /// Puts the YAML `text` at `path` (`noise.range_sigma_m`, `pattern.resolution[0]`) below `value`; `null` removes the
 /// key. Missing sections on the way are created. Changing the kind of a section ([`TAGS`]) removes the keys of the old
 /// kind.
@@ -265,8 +268,6 @@ pub fn assignment(key: &str, value: &str) -> String {
 /// # Errors
 /// No text or invalid YAML, a path through something that is not a section, an index past the end.
 pub fn set(value: &mut Value, path: &str, text: &str) -> Result<()> {
-    /// Deeper than any file of ours; an unlimited tree could not even be dropped.
-    const DEEPEST: usize = 64;
     let origin = assignment(path, text);
     let depth = steps(path).take(DEEPEST + 1).count();
     if depth > DEEPEST {

@@ -236,9 +236,13 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 /// Puts `new` at `path` in a scenario's values; entries of lists are named by number (`sensors[0]`) or by their key
 /// `name` (`sensors.top`).
 fn put(value: &mut Value, path: &str, new: Value) -> Result<(), String> {
+    let steps = || path.split(['.', '[']);
+    if steps().nth(yaml::DEEPEST).is_some() {
+        return Err(format!("the key is more than {} names deep; allowed: paths of this file's keys", yaml::DEEPEST));
+    }
     let mut place = value;
     let mut done = String::new();
-    for step in path.split(['.', '[']) {
+    for step in steps() {
         let index = step.strip_suffix(']').and_then(|index| index.parse::<usize>().ok());
         let shown = if done.is_empty() { "the file".to_owned() } else { done.clone() };
         place = match place {

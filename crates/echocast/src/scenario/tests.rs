@@ -341,7 +341,9 @@ fn keys_are_changed_by_path() {
     let sample = scenario.sample(0).unwrap();
     assert_eq!(sample.scans()[0].frames().len(), 6);
     assert_eq!(sample.scans()[0].trajectory().at(0.0).position.z, 3.5);
+    let deep = "a.".repeat(300_000);
     for (key, value, fault) in [
+        (deep.as_str(), "1", "the key is more than 64 names deep"),
         ("frames.lats", "5", "frames.lats=5: frames.lats: unknown key \"lats\"; near: last"),
         ("sensors.left.rate_hz", "5", "sensors.left.rate_hz=5: sensors: its list of 1 has no entry \"left\""),
         ("samples", "1000000000000", "samples=1000000000000: samples: is 1000000000000; allowed: 1 to 1000000000"),
