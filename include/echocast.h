@@ -1215,8 +1215,8 @@ echocast_status echocast_scenario_load(const echocast_context *context,
                                        echocast_scenario **out);
 
 /**
- * Like echocast_scenario_load, from YAML text with the contents of a scenario file. `folder`: where relative paths in it
- * start; NULL for the working folder.
+ * Like echocast_scenario_load, from YAML text with the contents of a scenario file. `folder`: where relative paths in
+ * it start; NULL for the working folder.
  *
  * Errors: ECHOCAST_E_IO, ECHOCAST_E_PARSE (line and key), ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE. Any thread may call
  * this.
@@ -1252,7 +1252,7 @@ ECHOCAST_API echocast_status echocast_scenario_samples(const echocast_scenario *
  * number 4294967295. `*out` is the new sample; release it with echocast_sample_release. What was noticed is reported
  * to the context's log: objects that found no room, what scene files lack.
  *
- * Any number of threads may make samples of one scenario; side by side they do in a context of one thread, while one of
+ * Any number of threads may make samples of one scenario: in a context of one thread side by side; a context of
  * several gives all its threads to one sample after the other.
  *
  * Errors: ECHOCAST_E_IO, ECHOCAST_E_PARSE (file and place), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_ARGUMENT (a value that
@@ -1275,8 +1275,8 @@ ECHOCAST_API void echocast_scenario_release(echocast_scenario *scenario);
 ECHOCAST_API echocast_status echocast_sample_scans(const echocast_sample *sample, size_t *out);
 
 /**
- * Gets information on a scan, counted from 0 in the order of the rig. The caller sets struct_size of `*info`, and where
- * the name is to go.
+ * Gets information on a scan, counted from 0 in the order of the rig. The caller sets struct_size of `*info`, and
+ * where the name is to go.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */

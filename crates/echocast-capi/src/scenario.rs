@@ -97,8 +97,8 @@ pub unsafe extern "C" fn echocast_scenario_load(
     })
 }
 
-/// Like echocast_scenario_load, from YAML text with the contents of a scenario file. `folder`: where relative paths in it
-/// start; NULL for the working folder.
+/// Like echocast_scenario_load, from YAML text with the contents of a scenario file. `folder`: where relative paths in
+/// it start; NULL for the working folder.
 ///
 /// Errors: ECHOCAST_E_IO, ECHOCAST_E_PARSE (line and key), ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE. Any thread may call
 /// this.
@@ -172,7 +172,7 @@ pub unsafe extern "C" fn echocast_scenario_samples(
 /// number 4294967295. `*out` is the new sample; release it with echocast_sample_release. What was noticed is reported
 /// to the context's log: objects that found no room, what scene files lack.
 ///
-/// Any number of threads may make samples of one scenario; side by side they do in a context of one thread, while one of
+/// Any number of threads may make samples of one scenario: in a context of one thread side by side; a context of
 /// several gives all its threads to one sample after the other.
 ///
 /// Errors: ECHOCAST_E_IO, ECHOCAST_E_PARSE (file and place), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_ARGUMENT (a value that
@@ -207,10 +207,7 @@ pub unsafe extern "C" fn echocast_scenario_release(scenario: *mut echocast_scena
 }
 
 /// Runs `look` on the sample, while nobody scans it.
-fn look<T>(
-    sample: *const echocast_sample,
-    look: impl FnOnce(&Arc<Context>, &Sample) -> Outcome<T>,
-) -> Outcome<T> {
+fn look<T>(sample: *const echocast_sample, look: impl FnOnce(&Arc<Context>, &Sample) -> Outcome<T>) -> Outcome<T> {
     let sample = handle::get(sample, "sample")?;
     look(&sample.0, &*handle::read(&sample.1, "sample")?)
 }
@@ -244,8 +241,8 @@ pub unsafe extern "C" fn echocast_sample_scans(sample: *const echocast_sample, o
     })
 }
 
-/// Gets information on a scan, counted from 0 in the order of the rig. The caller sets struct_size of `*info`, and where
-/// the name is to go.
+/// Gets information on a scan, counted from 0 in the order of the rig. The caller sets struct_size of `*info`, and
+/// where the name is to go.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]

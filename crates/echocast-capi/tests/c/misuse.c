@@ -498,16 +498,18 @@ int main(int argc, char **argv)
     BAD_HANDLES(echocast_result, wrong, echocast_result_append(result, wrong));
 
     /* Scenarios. */
-    BAD_HANDLES(echocast_context, wrong, echocast_scenario_load(wrong == bad[6] ? NULL : wrong, path, (echocast_scenario **)&out));
-    REFUSED(echocast_scenario_load(context, NULL, (echocast_scenario **)&out));
-    REFUSED(echocast_scenario_load(context, "", (echocast_scenario **)&out));
-    REFUSED(echocast_scenario_load(context, argv[1], (echocast_scenario **)&out));
+    echocast_scenario *none;
+    BAD_HANDLES(echocast_context, wrong, echocast_scenario_load(wrong == bad[6] ? NULL : wrong, path, &none));
+    REFUSED(echocast_scenario_load(context, NULL, &none));
+    REFUSED(echocast_scenario_load(context, "", &none));
+    REFUSED(echocast_scenario_load(context, argv[1], &none));
     REFUSED(echocast_scenario_load(context, path, NULL));
-    BAD_HANDLES(echocast_context, wrong, echocast_scenario_from_text(wrong == bad[6] ? NULL : wrong, scenario_yaml, NULL, (echocast_scenario **)&out));
-    BAD_TEXTS(yaml, echocast_scenario_from_text(context, yaml, NULL, (echocast_scenario **)&out));
-    REFUSED(echocast_scenario_from_text(context, "", NULL, (echocast_scenario **)&out));
-    REFUSED(echocast_scenario_from_text(context, "[[[[[[", NULL, (echocast_scenario **)&out));
-    REFUSED(echocast_scenario_from_text(context, deep, NULL, (echocast_scenario **)&out));
+    BAD_HANDLES(echocast_context, wrong,
+                echocast_scenario_from_text(wrong == bad[6] ? NULL : wrong, scenario_yaml, NULL, &none));
+    BAD_TEXTS(yaml, echocast_scenario_from_text(context, yaml, NULL, &none));
+    REFUSED(echocast_scenario_from_text(context, "", NULL, &none));
+    REFUSED(echocast_scenario_from_text(context, "[[[[[[", NULL, &none));
+    REFUSED(echocast_scenario_from_text(context, deep, NULL, &none));
     REFUSED(echocast_scenario_from_text(context, scenario_yaml, NULL, NULL));
     BAD_HANDLES(echocast_scenario, wrong, echocast_scenario_set(wrong, "samples", "2"));
     BAD_TEXTS(key, echocast_scenario_set(scenario, key, "2"));

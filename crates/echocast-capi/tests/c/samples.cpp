@@ -43,12 +43,14 @@ int main(int argc, char **argv) try {
                 require(sample.frame(scan, frame).duration_ns > 0, "no duration");
                 sample.scan(scan, frame, points, "range");
                 const echocast_sensor_info shape = sensor.info();
-                require(points.column<float>("range").size() <= std::size_t(shape.rows) * shape.columns, "more points than beams");
+                const std::size_t beams = std::size_t(shape.rows) * shape.columns;
+                require(points.column<float>("range").size() <= beams, "more points than beams");
             }
         }
     }
 
-    echocast::scenario changed = echocast::scenario::from_text(context, "{scene: {files: no.obj}, sensors: [{sensor: velodyne_vlp16}]}");
+    const std::string text = "{scene: {files: no.obj}, sensors: [{sensor: velodyne_vlp16}]}";
+    echocast::scenario changed = echocast::scenario::from_text(context, text);
     changed.set("samples", "3");
     require(changed.samples() == 3, "not changed");
     try {
