@@ -277,9 +277,10 @@ static void warns(echocast_context *context)
 }
 
 static echocast_scenario *shared;
+static echocast_sample *first;
 static echocast_result *expected[5];
 
-/* Makes all samples, while others do and ask for changes. */
+/* Makes all samples, while others do, ask for changes and scan one sample. */
 static void *maker(void *unused)
 {
     echocast_result *result = NULL;
@@ -295,6 +296,11 @@ static void *maker(void *unused)
         /* Either somebody is making a sample, or the value is refused: the scenario stays. */
         status = echocast_scenario_set(shared, "samples", "none");
         CHECK(status == ECHOCAST_E_BUSY || status == ECHOCAST_E_PARSE);
+        /* A sample that another thread scans is refused until that is done. */
+        while ((status = echocast_sample_scan(first, 0, 3, "all", &result)) == ECHOCAST_E_BUSY)
+            sched_yield();
+        OK(status);
+        check_same(result, expected[0], NULL);
     }
     echocast_result_release(result);
     return unused;
@@ -315,6 +321,7 @@ static void side_by_side(int32_t threads)
         OK(echocast_sample_scan(sample, 0, 3, "all", &expected[i]));
         echocast_sample_release(sample);
     }
+    OK(echocast_scenario_sample(shared, 0, &first));
     pthread_t makers[MAKERS];
     for (int i = 0; i < MAKERS; ++i)
         CHECK(pthread_create(&makers[i], NULL, maker, NULL) == 0);
@@ -322,6 +329,7 @@ static void side_by_side(int32_t threads)
         CHECK(pthread_join(makers[i], NULL) == 0);
     for (int i = 0; i < 5; ++i)
         echocast_result_release(expected[i]);
+    echocast_sample_release(first);
     echocast_scenario_release(shared);
     echocast_context_release(context);
 }
