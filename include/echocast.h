@@ -61,6 +61,8 @@
     { sizeof(echocast_scan_desc), 0, 0, 0, 0, 0, 0, 0xffffffffu, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0 }
 #define ECHOCAST_RESULT_INFO_INIT                                                                                      \
     { sizeof(echocast_result_info), 0, 0, 0, 0, 0, { 0, 0, 0 }, ECHOCAST_POSE_IDENTITY }
+#define ECHOCAST_SCAN_INFO_INIT { sizeof(echocast_scan_info), 0, 0, 0 }
+#define ECHOCAST_FRAME_INFO_INIT { sizeof(echocast_frame_info), 0, 0, 0, 0 }
 
 #ifdef __cplusplus
 extern "C" {
@@ -1150,6 +1152,205 @@ ECHOCAST_API
 echocast_status echocast_scan(const echocast_snapshot *snapshot,
                               const echocast_scan_desc *desc,
                               echocast_result **io);
+
+/* -- Scenarios ------------------------------------------------------------------------------------------------------- */
+
+/**
+ * A sample of a scenario: its scene as it was drawn, and the scans of its sensors. Any number of threads may read it;
+ * only one at a time may scan it.
+ */
+typedef struct echocast_sample echocast_sample;
+
+/**
+ * A file that makes samples: a scene, a rig of sensors, and what differs from sample to sample. Any number of threads
+ * may make samples of it; only one at a time may change it.
+ */
+typedef struct echocast_scenario echocast_scenario;
+
+/** What one sensor of the rig does in a sample; ECHOCAST_SCAN_INFO_INIT is empty. */
+typedef struct echocast_scan_info {
+    /** sizeof(echocast_scan_info). */
+    size_t struct_size;
+    /** Its frames; of a sonar, its pings. */
+    size_t frames;
+    /**
+     * Where the name of the sensor in the rig is written, ending in 0, cut off if it is too long; NULL if not wanted.
+     * Set by the caller.
+     */
+    char *name;
+    /** Capacity of `name`, bytes. Set by the caller. */
+    size_t name_capacity;
+} echocast_scan_info;
+
+/** When a frame is scanned; ECHOCAST_FRAME_INFO_INIT is empty. */
+typedef struct echocast_frame_info {
+    /** sizeof(echocast_frame_info). */
+    size_t struct_size;
+    /** Its start, ns since the start of the run, from which the column `time` counts. */
+    int64_t start_ns;
+    /** How long the sensor looks at the scene at most, ns. */
+    int64_t duration_ns;
+    /** Its number, as in the column `frame`. */
+    uint32_t number;
+    /** 0. */
+    uint32_t reserved;
+} echocast_frame_info;
+
+/**
+ * Reads a scenario file, or the report of `echocast scan --json`. Names of files in it are relative to its folder, or
+ * to its `folder`. Scenes and models are read with the first sample that needs them, and kept for the others. What it
+ * says under `outputs` is for the program and not used here.
+ *
+ * Errors: ECHOCAST_E_IO, ECHOCAST_E_PARSE (file, line, key), ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE. Any thread may
+ * call this.
+ *
+ * ```c
+ * echocast_scenario *drive;
+ * echocast_scenario_load(context, "drive.yaml", &drive);
+ * ```
+ */
+ECHOCAST_API
+echocast_status echocast_scenario_load(const echocast_context *context,
+                                       const char *path,
+                                       echocast_scenario **out);
+
+/**
+ * Like echocast_scenario_load, from YAML text with the contents of a scenario file. `folder`: where relative paths in
+ * it start; NULL for the working folder.
+ *
+ * Errors: ECHOCAST_E_IO, ECHOCAST_E_PARSE (line and key), ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE. Any thread may call
+ * this.
+ */
+ECHOCAST_API
+echocast_status echocast_scenario_from_text(const echocast_context *context,
+                                            const char *yaml,
+                                            const char *folder,
+                                            echocast_scenario **out);
+
+/**
+ * Changes a key of a scenario: `key` is its path ("frames.last", "sensors.top.rate_hz", "sensors[0].mount"), `value`
+ * YAML. Samples that were made stay as they are; the next one reads its scene and models again.
+ *
+ * Errors: ECHOCAST_E_PARSE (key, what was found, what is allowed), ECHOCAST_E_IO, ECHOCAST_E_ARGUMENT,
+ * ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY (another thread makes a sample); the scenario is then unchanged.
+ */
+ECHOCAST_API
+echocast_status echocast_scenario_set(echocast_scenario *scenario,
+                                      const char *key,
+                                      const char *value);
+
+/**
+ * Writes the number of samples that a scenario asks for to `*out`.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API echocast_status echocast_scenario_samples(const echocast_scenario *scenario, uint64_t *out);
+
+/**
+ * Makes a sample, counted from 0: draws what varies and sets up its scene and scans. It is the same alone, in any
+ * order, on any thread, and the one that `echocast run` writes; there may be more than the scenario asks for, up to
+ * number 4294967295. `*out` is the new sample; release it with echocast_sample_release. What was noticed is reported
+ * to the context's log: objects that found no room, what scene files lack.
+ *
+ * Any number of threads may make samples of one scenario: in a context of one thread side by side; a context of
+ * several gives all its threads to one sample after the other.
+ *
+ * Errors: ECHOCAST_E_IO, ECHOCAST_E_PARSE (file and place), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_ARGUMENT (a value that
+ * was drawn and is not allowed, no room for what must be placed), ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY,
+ * ECHOCAST_E_BUSY (another thread changes the scenario).
+ */
+ECHOCAST_API
+echocast_status echocast_scenario_sample(const echocast_scenario *scenario,
+                                         uint64_t sample,
+                                         echocast_sample **out);
+
+/** Releases a scenario; its samples stay. NULL is allowed. Any thread may call this. */
+ECHOCAST_API void echocast_scenario_release(echocast_scenario *scenario);
+
+/**
+ * Writes the number of scans of a sample, one for each sensor of the rig, to `*out`.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API echocast_status echocast_sample_scans(const echocast_sample *sample, size_t *out);
+
+/**
+ * Gets information on a scan, counted from 0 in the order of the rig. The caller sets struct_size of `*info`, and
+ * where the name is to go.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API
+echocast_status echocast_sample_get_scan(const echocast_sample *sample,
+                                         size_t scan,
+                                         echocast_scan_info *info);
+
+/**
+ * Gets the time of a frame of a scan, counted from 0. The caller sets struct_size of `*info`.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API
+echocast_status echocast_sample_get_frame(const echocast_sample *sample,
+                                          size_t scan,
+                                          size_t frame,
+                                          echocast_frame_info *info);
+
+/**
+ * Gives a copy of the sensor of a scan, with all that was drawn for it: `*out` is a sensor like any other, to be
+ * released with echocast_sensor_release.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API
+echocast_status echocast_sample_sensor(const echocast_sample *sample,
+                                       size_t scan,
+                                       echocast_sensor **out);
+
+/**
+ * Writes what was drawn for a sample, in the order of the rules, as JSON to `json`, which has room for `capacity`
+ * bytes; longer text is cut off. It is the list `drawn` of the files samples/NUMBER.json that `echocast run` writes.
+ * `*needed`: bytes of the whole text, including the 0 at its end. One of `json` and `needed` may be NULL.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API
+echocast_status echocast_sample_drawn(const echocast_sample *sample,
+                                      char *json,
+                                      size_t capacity,
+                                      size_t *needed);
+
+/**
+ * Scans a frame of a sample as the scenario says: scan and frame are counted from 0; a sonar sends the ping of that
+ * number. `columns`: NULL for those that the scenario asks for (`fields`); else names as in echocast_scan_desc, where
+ * "default" stands for these. `*io`: NULL, and it becomes a new result, or a result, whose memory is reused, as for
+ * echocast_scan. Frames may be scanned in any order and again: the points are the same.
+ *
+ * One thread at a time may scan a sample; each may scan one of its own.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY. On an error in the arguments, an
+ * old result stays as it was; when there was no memory for a scan, it is empty.
+ *
+ * ```c
+ * uint64_t samples;
+ * echocast_scenario_samples(scenario, &samples);
+ * for (uint64_t i = 0; i < samples; ++i) {
+ *     echocast_sample *sample;
+ *     echocast_scenario_sample(scenario, i, &sample);
+ *     echocast_sample_scan(sample, 0, 0, NULL, &result);
+ *     echocast_sample_release(sample);
+ * }
+ * ```
+ */
+ECHOCAST_API
+echocast_status echocast_sample_scan(echocast_sample *sample,
+                                     size_t scan,
+                                     size_t frame,
+                                     const char *columns,
+                                     echocast_result **io);
+
+/** Releases a sample. NULL is allowed. Any thread may call this. */
+ECHOCAST_API void echocast_sample_release(echocast_sample *sample);
 
 /* -- Files ----------------------------------------------------------------------------------------------------------- */
 

@@ -73,6 +73,17 @@ protected:
     std::unique_ptr<T, deleter<T, Release>> handle_;
 };
 
+/** The text that a C function writes: asked for its size first. */
+template <class Put>
+std::string text(Put put) {
+    std::size_t needed = 0;
+    check(put(nullptr, 0, &needed));
+    std::string text(needed, '\0');
+    check(put(&text[0], text.size(), nullptr));
+    text.pop_back();
+    return text;
+}
+
 inline const char *c_str_or_null(const std::string &text) { return text.empty() ? nullptr : text.c_str(); }
 
 /** Lets an exception of a callback out of the C call that it was thrown in. */
@@ -399,12 +410,9 @@ public:
 
     /** All of it, as YAML. */
     std::string describe() const {
-        std::size_t needed = 0;
-        check(echocast_sensor_describe(get(), nullptr, 0, &needed));
-        std::string yaml(needed, '\0');
-        check(echocast_sensor_describe(get(), &yaml[0], yaml.size(), nullptr));
-        yaml.pop_back();
-        return yaml;
+        return detail::text([&](char *to, std::size_t capacity, std::size_t *needed) {
+            return echocast_sensor_describe(get(), to, capacity, needed);
+        });
     }
 
     echocast_sensor_info info() const {
@@ -421,6 +429,8 @@ public:
     }
 
 private:
+    friend class sample;
+
     explicit sensor(echocast_sensor *handle) : owner(handle) {}
 };
 
@@ -477,15 +487,22 @@ public:
     }
 
 private:
+    friend class sample;
     friend void scan(const snapshot &, const echocast_scan_desc &, result &);
+
+    /** Runs a scan of C on the handle here, which is NULL until the first. */
+    template <class Scan>
+    void fill(Scan scan) {
+        echocast_result *handle = get();
+        const echocast_status status = scan(&handle);
+        if (!*this) handle_.reset(handle);
+        check(status);
+    }
 };
 
 /** Scans once, into the memory of `io`. */
 inline void scan(const snapshot &snapshot, const echocast_scan_desc &desc, result &io) {
-    echocast_result *handle = io.get();
-    const echocast_status status = echocast_scan(snapshot.get(), &desc, &handle);
-    if (!io) io.handle_.reset(handle);
-    check(status);
+    io.fill([&](echocast_result **handle) { return echocast_scan(snapshot.get(), &desc, handle); });
 }
 
 /** As above; `progress` hears which part is done and says whether to go on. What it throws comes out here. */
@@ -514,6 +531,100 @@ inline result scan(const snapshot &snapshot, const sensor &sensor, const echocas
     scan(snapshot, desc, points);
     return points;
 }
+
+/** A sample of a scenario: its scene as it was drawn, and the scans of its sensors, all counted from 0. */
+class sample : public detail::owner<echocast_sample, echocast_sample_release> {
+public:
+    /** Number of scans, one for each sensor of the rig. */
+    std::size_t scans() const {
+        std::size_t count = 0;
+        check(echocast_sample_scans(get(), &count));
+        return count;
+    }
+
+    /** Name of a scan's sensor in the rig, up to 255 bytes of it. */
+    std::string name(std::size_t scan) const {
+        char text[256];
+        echocast_scan_info info = ECHOCAST_SCAN_INFO_INIT;
+        info.name = text;
+        info.name_capacity = sizeof text;
+        check(echocast_sample_get_scan(get(), scan, &info));
+        return text;
+    }
+
+    /** Number of frames of a scan. */
+    std::size_t frames(std::size_t scan) const {
+        echocast_scan_info info = ECHOCAST_SCAN_INFO_INIT;
+        check(echocast_sample_get_scan(get(), scan, &info));
+        return info.frames;
+    }
+
+    echocast_frame_info frame(std::size_t scan, std::size_t frame) const {
+        echocast_frame_info info = ECHOCAST_FRAME_INFO_INIT;
+        check(echocast_sample_get_frame(get(), scan, frame, &info));
+        return info;
+    }
+
+    /** A copy of a scan's sensor. */
+    sensor sensor_of(std::size_t scan) const {
+        return sensor(sensor::made([&](echocast_sensor **out) { return echocast_sample_sensor(get(), scan, out); }));
+    }
+
+    /** What was drawn, as JSON. */
+    std::string drawn() const {
+        return detail::text([&](char *to, std::size_t capacity, std::size_t *needed) {
+            return echocast_sample_drawn(get(), to, capacity, needed);
+        });
+    }
+
+    /** Scans a frame into the memory of `io`; `columns`: empty for those of the scenario. */
+    void scan(std::size_t scan, std::size_t frame, result &io, const std::string &columns = "") {
+        io.fill([&](echocast_result **handle) {
+            return echocast_sample_scan(get(), scan, frame, detail::c_str_or_null(columns), handle);
+        });
+    }
+
+private:
+    friend class scenario;
+
+    explicit sample(echocast_sample *handle) : owner(handle) {}
+};
+
+/** A file that makes samples. */
+class scenario : public detail::owner<echocast_scenario, echocast_scenario_release> {
+public:
+    /** Of a scenario file. */
+    scenario(const context &context, const std::string &path)
+        : owner(made([&](echocast_scenario **out) {
+              return echocast_scenario_load(context.get(), path.c_str(), out);
+          })) {}
+
+    static scenario from_text(const context &context, const std::string &yaml, const std::string &folder = "") {
+        return scenario(made([&](echocast_scenario **out) {
+            return echocast_scenario_from_text(context.get(), yaml.c_str(), folder.c_str(), out);
+        }));
+    }
+
+    void set(const std::string &key, const std::string &value) {
+        check(echocast_scenario_set(get(), key.c_str(), value.c_str()));
+    }
+
+    /** Number of samples that it asks for. */
+    uint64_t samples() const {
+        uint64_t count = 0;
+        check(echocast_scenario_samples(get(), &count));
+        return count;
+    }
+
+    /** The sample of this number: the same in any order, on any thread. */
+    echocast::sample sample(uint64_t number) const {
+        return echocast::sample(echocast::sample::made(
+            [&](echocast_sample **out) { return echocast_scenario_sample(get(), number, out); }));
+    }
+
+private:
+    explicit scenario(echocast_scenario *handle) : owner(handle) {}
+};
 
 /** An HDF5 file that grows by one scan at a time. */
 class frames : public detail::owner<echocast_frames, echocast_frames_release> {

@@ -3,10 +3,13 @@
 
 #![cfg(target_os = "linux")]
 
-use echocast::{Engine, Environment, FieldSet, PointCloud, Pose, ScanOptions, Scene, Sensor, SensorKind, Trajectory};
+use echocast::{
+    Engine, Environment, FieldSet, PointCloud, Pose, ScanOptions, Scenario, Scene, Sensor, SensorKind, Trajectory,
+};
 use std::fmt::Write as _;
 use std::fs;
 use std::ops::Range;
+use std::path::Path;
 
 /// What `docs/embedding.md` and the C header guarantee for the calling thread.
 const CALLER_KIB: usize = 256;
@@ -124,6 +127,39 @@ fn building_takes_little_stack() {
     let helped = touched(|range| (2047 << 10..=2053 << 10).contains(&range.len()));
     println!("a build takes {alone} KiB of stack alone, {helped} KiB of threads that help");
     assert!(alone <= CALLER_KIB && helped <= WORKER_KIB);
+}
+
+/// A scenario is read, a scene made and varied, with models that are placed, and scanned.
+#[test]
+fn samples_take_little_stack() {
+    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/scenes"));
+    let street = "
+        scene: {generate: {street: {cars: 3, people: 2}}}
+        sensors: [{sensor: velodyne_vlp16}, {sensor: kinect_v2, set: {pattern.resolution: [64, 48]}}]
+        trajectory: {on: {category: road}, height_m: 1.9, clearance_m: 1}
+        variation:
+          - {set: environment.rain.rate_mm_h, to: {log_uniform: [0.5, 20]}}
+          - {set: 'sensors[0].set.noise', to: {choice: [{range_sigma_m: 0.01}, {range_sigma_m: 0.1}]}}
+          - {move: 'Car_*', by_m: [{uniform: [-3, 3]}, 0, 0], turn_deg: {normal: [0, 3]}, drop: true}
+          - {look: '*', of: 'Car_*', wetness: 1}
+          - {place: glass.gltf, at: {on: {category: road}}, count: 3, align: slope, otherwise: fail}";
+    let lake = "
+        scene: {generate: {seabed: {size_m: [20, 20], cell_m: 0.2}}}
+        sensors: [{sensor: mbes_400}]
+        trajectory: {position_m: [0, 0, -1]}";
+    let woods = "
+        scene: {generate: {landscape: {size_m: [40, 40]}}}
+        sensors: [{sensor: velodyne_vlp16}]
+        trajectory: {on: {category: terrain}, height_m: 1.9}";
+    for (name, text) in [("street", street), ("lake", lake), ("woods", woods)] {
+        let alone = caller(|| {
+            let scenario = Scenario::from_yaml(text, folder).unwrap();
+            let mut sample = scenario.with_engine(&Engine::with_threads(1).unwrap()).sample(1).unwrap();
+            (0..sample.scans().len()).for_each(|scan| drop(sample.cloud(scan, 0).unwrap()));
+        });
+        println!("{name}: {alone} KiB");
+        assert!(alone <= CALLER_KIB, "{name}: {alone} KiB of the calling thread");
+    }
 }
 
 #[test]

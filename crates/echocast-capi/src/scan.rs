@@ -1,5 +1,6 @@
 //! Scans.
 
+use crate::context::Context;
 use crate::guard::{Failure, Outcome, echocast_status, guard};
 use crate::result::{Points, echocast_result};
 use crate::scene::{echocast_pose_key, echocast_snapshot};
@@ -178,33 +179,44 @@ pub unsafe extern "C" fn echocast_scan(
     io: *mut *mut echocast_result,
 ) -> echocast_status {
     guard(|| {
-        if io.is_null() || !io.is_aligned() {
-            return Err(Failure::argument("io", format!("{io:p}"), "where a pointer to a result stands"));
-        }
-        // SAFETY: as the header asks.
-        let old = unsafe { io.read() };
         let snapshot = handle::get(snapshot, "snapshot")?;
         // SAFETY: as the header asks.
         let desc = unsafe { text::structure(desc, "desc") }?;
         let sensor = handle::get(desc.sensor, "desc->sensor")?;
         snapshot.0.check(&sensor.0, "desc->sensor")?;
         let sensor = handle::read(&sensor.1, "desc->sensor")?;
-        if old.is_null() {
-            let mut points = Points::new(&snapshot.0);
-            // SAFETY: as the header asks.
-            unsafe { scan(&snapshot.1, &sensor, &desc, &mut points) }?;
-            let new = handle::create(RwLock::new(points))?;
-            // SAFETY: as the header asks.
-            unsafe { io.write(new) };
-            Ok(())
-        } else {
-            let result: Arc<RwLock<Points>> = handle::get(old, "*io")?;
-            let mut points = handle::write(&result, "*io")?;
-            snapshot.0.check(&points.context, "*io")?;
-            // SAFETY: as the header asks.
-            unsafe { scan(&snapshot.1, &sensor, &desc, &mut points) }
-        }
+        // SAFETY: as the header asks.
+        unsafe { fill(io, &snapshot.0, |points| scan(&snapshot.1, &sensor, &desc, points)) }
     })
+}
+
+/// Runs `scan` on the result at `io`, or on a new one if there is none, which then stands there.
+///
+/// # Safety
+/// `io` is NULL or points to a handle or NULL, which nobody else uses meanwhile.
+pub(crate) unsafe fn fill(
+    io: *mut *mut echocast_result,
+    context: &Arc<Context>,
+    scan: impl FnOnce(&mut Points) -> Outcome,
+) -> Outcome {
+    if io.is_null() || !io.is_aligned() {
+        return Err(Failure::argument("io", format!("{io:p}"), "where a pointer to a result stands"));
+    }
+    // SAFETY: as the caller promises.
+    let old = unsafe { io.read() };
+    if old.is_null() {
+        let mut points = Points::new(context);
+        scan(&mut points)?;
+        let new = handle::create(RwLock::new(points))?;
+        // SAFETY: as the caller promises.
+        unsafe { io.write(new) };
+        Ok(())
+    } else {
+        let result: Arc<RwLock<Points>> = handle::get(old, "*io")?;
+        let mut points = handle::write(&result, "*io")?;
+        context.check(&points.context, "*io")?;
+        scan(&mut points)
+    }
 }
 
 /// # Safety

@@ -18,6 +18,8 @@ extern echocast_scene *scene;
 extern echocast_snapshot *snapshot;
 extern echocast_sensor *sensor;
 extern echocast_result *result;
+extern echocast_scenario *scenario;
+extern echocast_sample *sample;
 extern echocast_material *material;
 extern echocast_mesh *mesh, *car_mesh;
 extern echocast_instance instance;

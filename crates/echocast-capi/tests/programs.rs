@@ -61,6 +61,21 @@ fn functions_do_what_they_say_under_valgrind() {
 }
 
 #[test]
+fn scenarios_do_what_they_say() {
+    check("scenario", "plain", C99, &[]);
+}
+
+#[test]
+fn scenarios_do_what_they_say_under_address_sanitizer() {
+    check("scenario", "asan", ASAN, &[]);
+}
+
+#[test]
+fn scenarios_do_what_they_say_under_valgrind() {
+    under_valgrind("scenario");
+}
+
+#[test]
 fn misuse_is_answered() {
     check("misuse", "plain", C99, &[]);
 }

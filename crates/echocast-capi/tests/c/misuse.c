@@ -51,6 +51,16 @@ int main(int argc, char **argv)
     echocast_sensor *sensor = around(context);
     echocast_result *result = NULL;
     scan_into(snapshot, sensor, NULL, &result);
+    char scene_path[600];
+    snprintf(scene_path, sizeof scene_path, "%s/wall.obj", argv[1]);
+    FILE *wall = fopen(scene_path, "wb");
+    CHECK(wall && fputs("v 5 -9 -9\nv 5 9 -9\nv 5 0 9\nf 1 2 3\n", wall) >= 0 && fclose(wall) == 0);
+    static const char scenario_yaml[] = "{scene: {files: wall.obj}, sensors: [{sensor: velodyne_vlp16}], "
+                                        "trajectory: {position_m: [0, 0, 0]}}";
+    echocast_scenario *scenario;
+    OK(echocast_scenario_from_text(context, scenario_yaml, argv[1], &scenario));
+    echocast_sample *sample;
+    OK(echocast_scenario_sample(scenario, 0, &sample));
 
     /* One that was released, which no kind takes; and one of a kind that no function below is asked for. */
     echocast_mesh *released = box(context);
@@ -105,6 +115,12 @@ int main(int argc, char **argv)
         echocast_scene_info scene_wrong = ECHOCAST_SCENE_INFO_INIT;
         scene_wrong.struct_size = sizes[i];
         REFUSED(echocast_scene_get_info(scene, &scene_wrong));
+        echocast_scan_info scan_info_wrong = ECHOCAST_SCAN_INFO_INIT;
+        scan_info_wrong.struct_size = sizes[i];
+        REFUSED(echocast_sample_get_scan(sample, 0, &scan_info_wrong));
+        echocast_frame_info frame_wrong = ECHOCAST_FRAME_INFO_INIT;
+        frame_wrong.struct_size = sizes[i];
+        REFUSED(echocast_sample_get_frame(sample, 0, 0, &frame_wrong));
     }
     struct {
         echocast_context_desc desc;
@@ -481,6 +497,67 @@ int main(int argc, char **argv)
     BAD_HANDLES(echocast_result, wrong, echocast_result_append(wrong, result));
     BAD_HANDLES(echocast_result, wrong, echocast_result_append(result, wrong));
 
+    /* Scenarios. */
+    echocast_scenario *none;
+    BAD_HANDLES(echocast_context, wrong, echocast_scenario_load(wrong == bad[6] ? NULL : wrong, path, &none));
+    REFUSED(echocast_scenario_load(context, NULL, &none));
+    REFUSED(echocast_scenario_load(context, "", &none));
+    REFUSED(echocast_scenario_load(context, argv[1], &none));
+    REFUSED(echocast_scenario_load(context, path, NULL));
+    BAD_HANDLES(echocast_context, wrong,
+                echocast_scenario_from_text(wrong == bad[6] ? NULL : wrong, scenario_yaml, NULL, &none));
+    BAD_TEXTS(yaml, echocast_scenario_from_text(context, yaml, NULL, &none));
+    REFUSED(echocast_scenario_from_text(context, "", NULL, &none));
+    REFUSED(echocast_scenario_from_text(context, "[[[[[[", NULL, &none));
+    REFUSED(echocast_scenario_from_text(context, deep, NULL, &none));
+    REFUSED(echocast_scenario_from_text(context, scenario_yaml, NULL, NULL));
+    BAD_HANDLES(echocast_scenario, wrong, echocast_scenario_set(wrong, "samples", "2"));
+    BAD_TEXTS(key, echocast_scenario_set(scenario, key, "2"));
+    BAD_TEXTS(value, echocast_scenario_set(scenario, "samples", value));
+    REFUSED(echocast_scenario_set(scenario, "", ""));
+    REFUSED(echocast_scenario_set(scenario, "samples", "-1"));
+    REFUSED(echocast_scenario_set(scenario, "samples", "[[[[[["));
+    REFUSED(echocast_scenario_set(scenario, deep, "1"));
+    REFUSED(echocast_scenario_set(scenario, "samples", wide));
+    CHECK(strlen(echocast_last_error()) < 1000);
+    uint64_t samples;
+    BAD_HANDLES(echocast_scenario, wrong, echocast_scenario_samples(wrong, &samples));
+    REFUSED(echocast_scenario_samples(scenario, NULL));
+    REFUSED(echocast_scenario_samples(scenario, (uint64_t *)((char *)somewhere + 1)));
+    BAD_HANDLES(echocast_scenario, wrong, echocast_scenario_sample(wrong, 0, (echocast_sample **)&out));
+    REFUSED(echocast_scenario_sample(scenario, 0, NULL));
+    REFUSED(echocast_scenario_sample(scenario, UINT64_MAX, (echocast_sample **)&out));
+    BAD_HANDLES(echocast_sample, wrong, echocast_sample_scans(wrong, &needed));
+    REFUSED(echocast_sample_scans(sample, NULL));
+    echocast_scan_info scan_info = ECHOCAST_SCAN_INFO_INIT;
+    BAD_HANDLES(echocast_sample, wrong, echocast_sample_get_scan(wrong, 0, &scan_info));
+    REFUSED(echocast_sample_get_scan(sample, SIZE_MAX, &scan_info));
+    REFUSED(echocast_sample_get_scan(sample, 0, NULL));
+    echocast_frame_info frame_info = ECHOCAST_FRAME_INFO_INIT;
+    BAD_HANDLES(echocast_sample, wrong, echocast_sample_get_frame(wrong, 0, 0, &frame_info));
+    REFUSED(echocast_sample_get_frame(sample, 1, 0, &frame_info));
+    REFUSED(echocast_sample_get_frame(sample, 0, SIZE_MAX, &frame_info));
+    REFUSED(echocast_sample_get_frame(sample, 0, 0, NULL));
+    BAD_HANDLES(echocast_sample, wrong, echocast_sample_sensor(wrong, 0, (echocast_sensor **)&out));
+    REFUSED(echocast_sample_sensor(sample, SIZE_MAX, (echocast_sensor **)&out));
+    REFUSED(echocast_sample_sensor(sample, 0, NULL));
+    BAD_HANDLES(echocast_sample, wrong, echocast_sample_drawn(wrong, text, sizeof text, &needed));
+    REFUSED(echocast_sample_drawn(sample, NULL, 0, NULL));
+    BAD_HANDLES(echocast_sample, wrong, echocast_sample_scan(wrong, 0, 0, NULL, &result));
+    REFUSED(echocast_sample_scan(sample, SIZE_MAX, 0, NULL, &result));
+    REFUSED(echocast_sample_scan(sample, 0, SIZE_MAX, NULL, &result));
+    REFUSED(echocast_sample_scan(sample, 0, 0, "\xff", &result));
+    REFUSED(echocast_sample_scan(sample, 0, 0, "", &result));
+    REFUSED(echocast_sample_scan(sample, 0, 0, NULL, NULL));
+    REFUSED(echocast_sample_scan(sample, 0, 0, NULL, (echocast_result **)((char *)somewhere + 1)));
+    for (size_t b = 1; b < sizeof bad / sizeof *bad; ++b) {
+        echocast_result *wrong = (echocast_result *)bad[b];
+        REFUSED(echocast_sample_scan(sample, 0, 0, NULL, &wrong));
+        CHECK(wrong == (echocast_result *)bad[b]);
+    }
+    OK(echocast_sample_scan(sample, 0, 0, NULL, &result));
+    CHECK(echocast_result_count(result) > 0);
+
     /* Files. */
     BAD_HANDLES(echocast_result, wrong, echocast_result_write(wrong, path, NULL));
     BAD_TEXTS(name, echocast_result_write(result, name, NULL));
@@ -521,10 +598,14 @@ int main(int argc, char **argv)
         echocast_sensor_release((echocast_sensor *)bad[b]);
         echocast_result_release((echocast_result *)bad[b]);
         echocast_frames_release((echocast_frames *)bad[b]);
+        echocast_scenario_release((echocast_scenario *)bad[b]);
+        echocast_sample_release((echocast_sample *)bad[b]);
         if (bad[b] != context)
             echocast_context_release((echocast_context *)bad[b]);
     }
     for (int twice = 0; twice < 2; ++twice) {
+        echocast_sample_release(sample);
+        echocast_scenario_release(scenario);
         echocast_frames_release(frames);
         echocast_result_release(result);
         echocast_sensor_release(sensor);

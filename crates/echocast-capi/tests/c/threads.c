@@ -68,6 +68,38 @@ static void use(echocast_context *context)
     echocast_scene_release(scene);
 }
 
+/* Makes and scans a sample whose scene is made by threads too. */
+static void use_sample(echocast_context *context)
+{
+    echocast_scenario *scenario;
+    OK(echocast_scenario_from_text(context,
+                                   "{scene: {generate: {seabed: {size_m: [20, 20], cell_m: 0.1}}}, "
+                                   "sensors: [{sensor: mbes_400}], trajectory: {position_m: [0, 0, -1]}}",
+                                   NULL, &scenario));
+    echocast_sample *sample;
+    OK(echocast_scenario_sample(scenario, 0, &sample));
+    echocast_result *result = NULL;
+    OK(echocast_sample_scan(sample, 0, 0, NULL, &result));
+    CHECK(echocast_result_count(result) > 50);
+    echocast_result_release(result);
+    echocast_sample_release(sample);
+    echocast_scenario_release(scenario);
+}
+
+/* The threads that this process has. */
+static int threads(void)
+{
+    char line[128];
+    int count = 0;
+    FILE *file = fopen("/proc/self/status", "r");
+    CHECK(file != NULL);
+    while (fgets(line, sizeof line, file))
+        if (sscanf(line, "Threads: %d", &count) == 1)
+            break;
+    fclose(file);
+    return count;
+}
+
 int main(int argc, char **argv)
 {
     (void)argc;
@@ -91,6 +123,8 @@ int main(int argc, char **argv)
     desc.threads = 1;
     OK(echocast_context_create(&desc, &context));
     use(context);
+    use_sample(context);
+    CHECK(threads() == 1);
     echocast_context_release(context);
 
     /* None any more: whoever has threads asks for no other. */
@@ -98,7 +132,10 @@ int main(int argc, char **argv)
     desc.threads = 4;
     OK(echocast_context_create(&desc, &context));
     limit(1);
+    const int before = threads();
     use(context);
+    use_sample(context);
+    CHECK(threads() == before);
     echocast_context_release(context);
     puts("passed");
     return 0;

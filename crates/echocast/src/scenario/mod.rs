@@ -155,7 +155,7 @@ impl Scenario {
         let stage = self.stage()?;
         let draws = Draws::new(self.spec.seed, number);
         let (spec, value, set) = self.varied(&draws, index)?;
-        Sample::new(&stage, &spec, &value, &self.folder, &draws, set)
+        stage.engine.install(|| Sample::new(&stage, &spec, &value, &self.folder, &draws, set))
     }
 
     /// Where relative names of files in it start.

@@ -15,7 +15,7 @@ use glam::{DAffine3, DVec3};
 use serde_json::Value;
 use std::collections::{HashMap, VecDeque};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, TryLockError};
 
 /// What the samples of a scenario share, for any number of threads.
 #[derive(Debug)]
@@ -92,8 +92,14 @@ impl Stage {
                 }
             }
         };
-        // Others that want the same scene wait for it; others make theirs.
-        let mut base = lock(&slot);
+        // Others that want the same scene wait for it, unless the work that they have left to do so is what it needs.
+        let in_the_way = self.engine.threads() > 1 && rayon::current_thread_index().is_some();
+        let mut base = match slot.try_lock() {
+            Err(TryLockError::WouldBlock) if in_the_way => return Ok(Arc::new(self.make(spec, folder)?)),
+            Err(TryLockError::WouldBlock) => lock(&slot),
+            Err(TryLockError::Poisoned(known)) => known.into_inner(),
+            Ok(base) => base,
+        };
         match &*base {
             Some(base) => Ok(base.clone()),
             None => Ok(base.insert(Arc::new(self.make(spec, folder)?)).clone()),

@@ -317,6 +317,23 @@ fn carriers_stand_on_surfaces() {
     }
 }
 
+/// Work that a thread takes up while it waits for a part of a scene may want the same scene.
+#[test]
+fn samples_are_made_on_the_threads_of_any_pool() {
+    use rayon::prelude::*;
+    let text = "scene: {generate: {seabed: {size_m: [20, 20]}}}\nsensors: [{sensor: velodyne_vlp16}]\nsamples: 100\n\
+                trajectory: {position_m: [0, 0, 1]}\nvariation: [{set: scene.generate.seed, to: {choice: [1, 2]}}]\n";
+    let scenario = Scenario::from_yaml(text, "").unwrap();
+    for threads in [1, 3] {
+        let scenario = Scenario::from_yaml(text, "").unwrap().with_engine(&Engine::with_threads(threads).unwrap());
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(4).build().unwrap();
+        pool.install(|| {
+            (0..24_u64).into_par_iter().for_each(|index| assert_eq!(scenario.sample(index).unwrap().scans().len(), 1));
+        });
+    }
+    assert_eq!(scenario.sample(7).unwrap().scans().len(), 1);
+}
+
 #[test]
 fn grids_go_through_all_values() {
     let (_folder, scenario) = rules(
@@ -346,13 +363,14 @@ fn keys_are_changed_by_path() {
     let sample = scenario.sample(0).unwrap();
     assert_eq!(sample.scans()[0].frames().len(), 6);
     assert_eq!(sample.scans()[0].trajectory().at(0.0).position.z, 3.5);
+    let deep = "a.".repeat(300_000);
     for (key, value, fault) in [
+        (deep.as_str(), "1", "the key is more than 64 names deep"),
         ("frames.lats", "5", "frames.lats=5: frames.lats: unknown key \"lats\"; near: last"),
         ("sensors.left.rate_hz", "5", "sensors.left.rate_hz=5: the list sensors of 1 has no entry called \"left\""),
         ("samples", "1000000000000", "samples=1000000000000: samples: is 1000000000000; allowed: 1 to 1000000000"),
         ("environment.rain.rate_mm_h", "-3", "rate_mm_h"),
         ("frames.last", "", "frames.last=: has no value; `null` takes a key away"),
-        (&vec!["a"; 100_000].join("."), "1", "the key is more than 64 names deep"),
     ] {
         let error = scenario.set(key, value).unwrap_err().to_string();
         assert!(error.contains(fault), "{error}");
