@@ -74,6 +74,15 @@ fn cache() {
 }
 
 #[test]
+fn scenario() {
+    fuzz("scenario", 1500, &[], |bytes| {
+        if let Ok(text) = std::str::from_utf8(bytes) {
+            targets::scenario::run(text);
+        }
+    });
+}
+
+#[test]
 fn table() {
     let table = b"azimuth_deg,elevation_deg,time_us,channel\n0,1,0,0\n10,-1,2.5,1\n";
     let poses = b"time,x,y,z,qx,qy,qz,qw\n0,0,0,1,0,0,0,1\n1,2,0,1,0,0,0.7,0.7\n";

@@ -6,5 +6,6 @@ pub mod capi;
 mod common;
 pub mod gltf;
 pub mod obj;
+pub mod scenario;
 pub mod table;
 pub mod yaml;

@@ -358,7 +358,7 @@ pub fn split_keys<'de, D: Deserializer<'de>>(
     Ok((Section { tag: "", keys: taken }, Section { tag: "", keys: left }))
 }
 
-/// Reads a list, or a section as a list of one.
+/// Reads a list, a section as a list of one, or nothing as an empty list.
 ///
 /// # Errors
 /// Neither; what is wrong in an item.
@@ -376,6 +376,9 @@ pub fn one_or_more<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer:
         }
         fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Vec<T>, A::Error> {
             Deserialize::deserialize(de::value::SeqAccessDeserializer::new(seq))
+        }
+        fn visit_unit<E: de::Error>(self) -> Result<Vec<T>, E> {
+            Ok(Vec::new())
         }
     }
     deserializer.deserialize_any(OneOrMore(PhantomData))

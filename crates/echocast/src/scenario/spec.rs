@@ -102,6 +102,7 @@ pub(super) struct SceneSpec {
     /// Object name pattern to the file that says how the object changes its shape.
     pub caches: BTreeMap<String, CacheFile>,
     /// Object name patterns that are left out.
+    #[serde(deserialize_with = "one_or_more_words")]
     pub hide: Vec<String>,
     /// Further models, each at a place of its own.
     pub place: Vec<Placement>,

@@ -3,7 +3,7 @@
 use super::assets::{self, Assets};
 use super::lock;
 use super::spec::{LabelSource, SceneSpec, SensorEntry, Spec};
-use super::variation::{Units, What};
+use super::variation::{SCALES, Units, What};
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
 use crate::material::Material;
@@ -115,8 +115,9 @@ impl Stage {
         live.add_scene(&scene)?;
         for (index, place) in spec.scene.place.iter().enumerate() {
             let key = format!("scene.place[{index}]");
-            if !(1e-6..=1e6).contains(&place.scale) {
-                return Err(Error::invalid(format!("{key}.scale"), place.scale, "1e-6 to 1e6"));
+            let [low, high] = SCALES;
+            if !(low..=high).contains(&place.scale) {
+                return Err(Error::invalid(format!("{key}.scale"), place.scale, format!("{low:e} to {high:e}")));
             }
             let path = folder.join(&place.model);
             let model = self.assets.model(&path, &self.labels)?;

@@ -360,6 +360,7 @@ fn keys_are_changed_by_path() {
     scenario.set("sensors.top.mount.position_m", "[0, 0, 2]").unwrap();
     scenario.set("environment", "null").unwrap();
     scenario.set("environment.rain.rate_mm_h", "3").unwrap();
+    scenario.set("environment.fog", "null").unwrap();
     let sample = scenario.sample(0).unwrap();
     assert_eq!(sample.scans()[0].frames().len(), 6);
     assert_eq!(sample.scans()[0].trajectory().at(0.0).position.z, 3.5);
@@ -387,6 +388,14 @@ fn bad_files_are_told_with_line_and_key() {
         error.to_string()
     };
     for (rest, wanted) in [
+        (
+            "variation: [{place: models/pole.obj, at: {on: Floor}, count: {normal: [3, 1e30]}}]",
+            "variation[0].count is 9223372036854775807; allowed: 0 to 100000",
+        ),
+        (
+            "variation: [{place: models/pole.obj, at: {on: Floor}, scale: {normal: [-1, 0]}}]",
+            "variation[0].scale is -1.0; allowed: 1e-6 to 1e6",
+        ),
         ("variaton: []", "line 5: variaton: unknown key \"variaton\"; near: variation"),
         ("variation: [{move: \"Chair_*\", by_m: [{uniform: [2, 1]}, 0, 0]}]", "variation[0].by_m"),
         (

@@ -2,7 +2,9 @@
 
 use super::room::Solid;
 use super::spot::{Patches, Point};
-use super::{Align, MoveRule, Otherwise, Place, PlaceRule, RemoveRule, Rule, Spot, SwapRule, Target, What};
+use super::{
+    Align, MOST_PLACED, MoveRule, Otherwise, Place, PlaceRule, RemoveRule, Rule, SCALES, Spot, SwapRule, Target, What,
+};
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::Pose;
 use crate::ground::shown;
@@ -281,7 +283,7 @@ impl<'s> Stand<'s> {
                 let address = address.at(attempt as usize);
                 let by = rule.by_m.as_ref().map_or(DVec3::ZERO, |by| by.vector(&address.of("by_m")).into());
                 let (turned, turn) = turn(rule.turn_deg.as_ref(), &address);
-                let (scale, factor) = scale(rule.scale.as_ref(), &address);
+                let (scale, factor) = scale(rule.scale.as_ref(), key, &address)?;
                 let point = match &rule.to {
                     Some(place) => place.draw(patches.as_deref(), &address.of("to")),
                     None => Point { at: foot, normal: DVec3::Z, heading: 0.0, instance: None },
@@ -352,8 +354,11 @@ impl<'s> Stand<'s> {
         address: &Address,
     ) -> Result<()> {
         let patches = self.surfaces(Some(&rule.at), &format!("{key}.at.on"))?;
-        let count = rule.count.whole(&address.of("count")).max(0) as usize;
-        for number in 0..count {
+        let count = rule.count.whole(&address.of("count")).max(0);
+        if count > MOST_PLACED as i64 {
+            return Err(Error::invalid(format!("{key}.count"), count, format!("0 to {MOST_PLACED}")));
+        }
+        for number in 0..count as usize {
             let address = address.at(number);
             let model = self.model(models, &address)?;
             let stem = model.path.file_stem().unwrap_or_default().to_string_lossy();
@@ -364,7 +369,7 @@ impl<'s> Stand<'s> {
             for attempt in 0..rule.tries {
                 let address = address.at(attempt as usize);
                 let (turned, turn) = turn(rule.turn_deg.as_ref(), &address);
-                let (scale, factor) = scale(rule.scale.as_ref(), &address);
+                let (scale, factor) = scale(rule.scale.as_ref(), key, &address)?;
                 let point = rule.at.draw(patches.as_deref(), &address.of("at"));
                 if point.instance.is_some_and(|number| self.gone.contains(&number)) {
                     continue;
@@ -599,12 +604,19 @@ fn turn(random: Option<&Random>, address: &Address) -> (DQuat, Option<Value>) {
 }
 
 /// A drawn size: one factor, or one for each axis; and what was drawn.
-fn scale(random: Option<&Random>, address: &Address) -> (DVec3, Option<Value>) {
-    let Some(random) = random else { return (DVec3::ONE, None) };
+///
+/// # Errors
+/// A factor that no object may have: some distributions have no ends.
+fn scale(random: Option<&Random>, key: &str, address: &Address) -> Result<(DVec3, Option<Value>)> {
+    let Some(random) = random else { return Ok((DVec3::ONE, None)) };
     let value = random.draw(&address.of("scale"));
     let factor = |k: usize| value.get(k).and_then(Value::as_f64).unwrap_or(1.0);
     let factors = value.as_f64().map_or_else(|| DVec3::new(factor(0), factor(1), factor(2)), DVec3::splat);
-    (factors, Some(value))
+    let [low, high] = SCALES;
+    if !factors.to_array().iter().all(|factor| (low..=high).contains(factor)) {
+        return Err(Error::invalid(format!("{key}.scale"), value, format!("{low:e} to {high:e}")));
+    }
+    Ok((factors, Some(value)))
 }
 
 /// Turns z to where things stand up.

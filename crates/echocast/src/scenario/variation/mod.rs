@@ -397,7 +397,7 @@ impl Rule {
                 }
                 "chance" | "reflectance" | "wetness" | "dirt" => check_range(key, random, 0.0, 1.0)?,
                 "count" => check_range(key, random, 0.0, MOST_PLACED)?,
-                "scale" => check_range(key, random, 1e-6, 1e6)?,
+                "scale" => check_range(key, random, SCALES[0], SCALES[1])?,
                 _ => check_range(key, random, -1e9, 1e9)?,
             }
         }
@@ -421,6 +421,9 @@ impl Rule {
 
 /// Most models that one rule places.
 const MOST_PLACED: f64 = 100_000.0;
+
+/// Least and greatest factor that objects are scaled by.
+pub(in crate::scenario) const SCALES: [f64; 2] = [1e-6, 1e6];
 
 impl Place {
     fn check(&self, key: &str) -> Result<()> {
