@@ -179,7 +179,7 @@ static void changes(echocast_context *context)
     FAILS(ECHOCAST_E_PARSE, "", echocast_scenario_set(scenario, "samples", "many"));
     CHECK(strstr(echocast_last_error(), "samples") && strstr(echocast_last_error(), "many"));
     FAILS(ECHOCAST_E_PARSE, "", echocast_scenario_set(scenario, "sensors.back.rate_hz", "5"));
-    CHECK(strstr(echocast_last_error(), "sensors: its list of 2 has no entry \"back\""));
+    CHECK(strstr(echocast_last_error(), "sensors, a list of 2, has no entry called \"back\""));
     OK(echocast_scenario_samples(scenario, &samples));
     CHECK(samples == 7);
     echocast_scenario_release(scenario);

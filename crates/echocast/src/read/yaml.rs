@@ -309,7 +309,7 @@ pub fn put(value: &mut Value, path: &str, new: Value, tags: &[&str]) -> Result<(
             (Step::Key(key), Value::Array(items)) => {
                 let length = items.len();
                 let entry = items.iter_mut().find(|item| item.get("name").and_then(Value::as_str) == Some(key));
-                let entry = entry.ok_or_else(|| format!("the list {done} of {length} has no entry called {key:?}"))?;
+                let entry = entry.ok_or_else(|| format!("{done}, a list of {length}, has no entry called {key:?}"))?;
                 done = join(&done, key);
                 entry
             }

@@ -368,7 +368,7 @@ fn keys_are_changed_by_path() {
     for (key, value, fault) in [
         (deep.as_str(), "1", "the key is more than 64 names deep"),
         ("frames.lats", "5", "frames.lats=5: frames.lats: unknown key \"lats\"; near: last"),
-        ("sensors.left.rate_hz", "5", "sensors.left.rate_hz=5: the list sensors of 1 has no entry called \"left\""),
+        ("sensors.left.rate_hz", "5", "sensors.left.rate_hz=5: sensors, a list of 1, has no entry called \"left\""),
         ("samples", "1000000000000", "samples=1000000000000: samples: is 1000000000000; allowed: 1 to 1000000000"),
         ("environment.rain.rate_mm_h", "-3", "rate_mm_h"),
         ("frames.last", "", "frames.last=: has no value; `null` takes a key away"),
@@ -599,6 +599,33 @@ fn sequences_of_semantic_kitti_are_as_its_readers_expect() {
     let last: Vec<f64> = poses.lines().nth(2).unwrap().split(' ').map(|number| number.parse().unwrap()).collect();
     assert!((last[3] - 0.8).abs() < 1e-9 && last[0] == 1.0 && last.len() == 12);
     assert_eq!(fs::read_to_string(root.join("times.txt")).unwrap(), "0e0\n1e-1\n2e-1\n");
+}
+
+#[test]
+fn what_drives_and_walks_has_classes_of_its_own() {
+    let folder = folder();
+    let text = "scene: {generate: {street: {cars: 6}}}\nsensors: [{sensor: velodyne_vlp32c}]\ntrajectory: {camera: Corner}\n\
+                outputs: [{style: semantic_kitti}]\nset: {folder: made}\nfields: [default, velocity]\n";
+    let scenario = Scenario::from_yaml(text, folder.path()).unwrap();
+    let cloud = scenario.sample(0).unwrap().cloud(0, 0).unwrap();
+    set::run(scenario, &set::RunOptions { samples: None, ..options(None) }, &|_| {}).unwrap();
+    let labels = fs::read(folder.path().join("made/sequences/000000/labels/000000.label")).unwrap();
+    let mut seen = std::collections::BTreeMap::new();
+    for (row, label) in labels.as_chunks::<4>().0.iter().enumerate() {
+        let columns = &cloud.columns;
+        let velocity = [columns.velocity_x[row], columns.velocity_y[row], columns.velocity_z[row]];
+        let name = cloud.labels.category.name(columns.category_id[row]).unwrap();
+        let class = u32::from_le_bytes(*label) & 0xffff;
+        // Cars are stiff.
+        if name == "car" && velocity.iter().all(|speed| speed.abs() < 0.01) {
+            assert_eq!(class, 10);
+        } else if name == "car" && velocity.iter().any(|speed| speed.abs() > 1.0) {
+            assert_eq!(class, 252);
+        }
+        *seen.entry((name, class)).or_insert(0) += 1;
+    }
+    assert!(seen.contains_key(&("car", 252)) && seen.contains_key(&("person", 254)), "{seen:?}");
+    assert!(seen.keys().all(|(name, class)| *class < 252 || ["car", "person", "bicyclist"].contains(name)), "{seen:?}");
 }
 
 /// The schema for editors knows the keys that are read, no more and no fewer.

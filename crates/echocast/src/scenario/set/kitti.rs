@@ -1,7 +1,7 @@
 //! SemanticKITTI: each sample a sequence.
 
 use super::style::numbered;
-use crate::cloud::{Field, FieldSet, Frame, PointCloud};
+use crate::cloud::{Field, FieldSet, Frame, PointCloud, VELOCITY};
 use crate::export;
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::Pose;
@@ -9,7 +9,7 @@ use crate::ground::report::Report;
 use crate::scenario::{Sample, Scan};
 use glam::{DAffine3, Vec3};
 use serde::Deserialize;
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeSet, HashMap, HashSet};
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -57,6 +57,13 @@ const CLASSES: [(&str, u16); 30] = [
     ("grass", 72),
 ];
 
+/// Numbers of the classes for what moves, by those for what stands (as above).
+const MOVING: [(u16, u16); 8] =
+    [(10, 252), (31, 253), (30, 254), (32, 255), (16, 256), (13, 257), (18, 258), (20, 259)];
+
+/// What is slower stands, m/s.
+const STANDING_M_S: f32 = 0.1;
+
 pub(super) struct Writer<'w> {
     folder: &'w Path,
     /// Number of the scan that is written.
@@ -70,7 +77,8 @@ pub(super) struct Writer<'w> {
 
 impl SemanticKitti {
     pub fn fields() -> FieldSet {
-        [Field::X, Field::Y, Field::Z, Field::Intensity, Field::CategoryId, Field::InstanceId].into_iter().collect()
+        let own = [Field::X, Field::Y, Field::Z, Field::Intensity, Field::CategoryId, Field::InstanceId];
+        own.into_iter().chain(VELOCITY).collect()
     }
 
     /// Number of the scan in `sample` that is written.
@@ -119,6 +127,7 @@ impl Writer<'_> {
         let full = cloud.intensity_full_scale.filter(|full| *full > 0.0).unwrap_or(1.0);
         // Instances are numbered anew in each scan, since they have 16 bits.
         let mut instances: HashMap<u32, u16> = HashMap::new();
+        let moving = moving(cloud);
         let (mut points, mut labels, mut unknown) = (Vec::new(), Vec::new(), BTreeSet::new());
         let mut classes: HashMap<u32, u16> = HashMap::new();
         for row in 0..cloud.len {
@@ -142,6 +151,10 @@ impl Writer<'_> {
                     |(_, number)| *number,
                 )
             });
+            let class = match MOVING.iter().find(|(standing, _)| *standing == class) {
+                Some((_, moving_class)) if moving.contains(&columns.instance_id[row]) => *moving_class,
+                _ => class,
+            };
             let next = u16::try_from(instances.len() + 1).unwrap_or(0);
             let instance = match columns.instance_id[row] {
                 0 => 0,
@@ -182,4 +195,19 @@ impl Writer<'_> {
         }
         Ok(())
     }
+}
+
+/// The instances that move. Legs that stand go with those that swing, so each is asked for the mean speed of its points.
+fn moving(cloud: &PointCloud) -> HashSet<u32> {
+    let columns = &cloud.columns;
+    let mut speeds: HashMap<u32, (f32, u32)> = HashMap::new();
+    for row in 0..cloud.len {
+        let velocity = Vec3::new(columns.velocity_x[row], columns.velocity_y[row], columns.velocity_z[row]);
+        if columns.instance_id[row] != 0 && velocity.is_finite() {
+            let (sum, count) = speeds.entry(columns.instance_id[row]).or_default();
+            *sum += velocity.length();
+            *count += 1;
+        }
+    }
+    speeds.into_iter().filter(|(_, (sum, count))| *sum > STANDING_M_S * *count as f32).map(|(id, _)| id).collect()
 }
