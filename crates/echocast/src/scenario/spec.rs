@@ -429,6 +429,9 @@ impl Spec {
             }
             other => other,
         })?;
+        if let Some(Carrier::On(spot)) = &self.trajectory {
+            spot.check("trajectory")?;
+        }
         super::variation::check(&self.variation)
     }
 }

@@ -179,6 +179,24 @@ fn things_drop_and_lie_along_the_slope() {
     }
 }
 
+/// What an upright box on a slope reaches into is the slope, nothing else.
+#[test]
+fn things_on_a_slope_stand_clear_of_each_other() {
+    let (_folder, scenario) =
+        rules("  - {place: models/crate.obj, call: it, count: 60, at: {on: Slope}, clearance_m: 0.1}\n");
+    for index in 0..5 {
+        let there = places(scenario.sample(index).unwrap().scene(), "it_*");
+        assert!(there.len() > 40);
+        for (k, (name, middle, ..)) in there.iter().enumerate() {
+            for (other, at, ..) in &there[..k] {
+                let apart = (*middle - *at).abs() - DVec3::new(1.0, 0.6, 0.4) + 1e-6;
+                // The lowest 2 cm may be in what is there.
+                assert!(apart.cmpge(DVec3::new(0.1, 0.1, -0.02)).any(), "{name} and {other}: {apart}");
+            }
+        }
+    }
+}
+
 #[test]
 fn what_finds_no_room_is_told_or_fails() {
     let rule = |otherwise: &str| {

@@ -202,17 +202,24 @@ impl Mesh {
     /// Lowest and highest corner of the box around the vertices that triangles use; `None` without triangles.
     pub fn bounds(&self) -> Option<[[f32; 3]; 2]> {
         let mut bounds: Option<[[f32; 3]; 2]> = None;
-        for part in &self.parts {
-            for &index in part.triangles.iter().flatten() {
-                let p = part.positions[index as usize];
-                let [low, high] = bounds.get_or_insert([p, p]);
-                for axis in 0..3 {
-                    low[axis] = low[axis].min(p[axis]);
-                    high[axis] = high[axis].max(p[axis]);
-                }
+        for p in self.points() {
+            let [low, high] = bounds.get_or_insert([p, p]);
+            for axis in 0..3 {
+                low[axis] = low[axis].min(p[axis]);
+                high[axis] = high[axis].max(p[axis]);
             }
         }
         bounds
+    }
+
+    /// The corners of all triangles.
+    fn points(&self) -> impl Iterator<Item = [f32; 3]> {
+        self.parts.iter().flat_map(|part| part.triangles.iter().flatten().map(|&index| part.positions[index as usize]))
+    }
+
+    /// The corners of all triangles in the world.
+    pub(crate) fn world_points(&self, world_from_object: &DAffine3) -> impl Iterator<Item = DVec3> {
+        self.points().map(|p| world_from_object.transform_point3(Vec3::from(p).as_dvec3()))
     }
 }
 

@@ -79,7 +79,8 @@ fn collect(path: &Path, drawn: &mut BTreeMap<String, Drawn>) -> Result<()> {
     for entry in sample["drawn"].as_array().into_iter().flatten() {
         let rule = entry["rule"].as_str().unwrap_or_default();
         let values = entry.as_object().into_iter().flatten();
-        for (key, value) in values.filter(|(key, _)| !["rule", "object", "key"].contains(&key.as_str())) {
+        let shown = |key: &str| !["rule", "object", "key", "orientation_xyzw"].contains(&key);
+        for (key, value) in values.filter(|(key, _)| shown(key)) {
             let name = if key == "value" { rule.to_owned() } else { format!("{rule}: {key}") };
             match value {
                 Value::Array(axes) if axes.iter().all(Value::is_number) => {

@@ -114,7 +114,7 @@ impl Units {
 /// A box around a mesh, upright and turned as it is.
 fn solid_of(mesh: &Mesh, world_from_object: &DAffine3) -> Option<Solid> {
     let axes = DMat3::from_rotation_z(heading(&world_from_object.matrix3));
-    Solid::around(axes, crate::scene::corners(mesh.bounds()?, world_from_object).into_iter())
+    Solid::around(axes, mesh.world_points(world_from_object))
 }
 
 /// Direction of the x axis about z, rad.
@@ -300,23 +300,26 @@ impl<'s> Stand<'s> {
                 if rule.to.is_none() && (rule.clearance_m.is_some() || rule.align == Align::Slope) {
                     // It stands where it is now: on what slopes there.
                     let from = target.at + DVec3::Z * (2.0 * group.solid.half.z);
-                    target.normal = self.below(from, &group.members).map_or(DVec3::Z, |(_, normal)| normal);
+                    if let Some(below) = self.below(from, &group.members) {
+                        target = Point { at: target.at, heading: target.heading, ..below };
+                    }
                 }
                 let about = |at: &Point| {
-                    let turned = aligned(rule.align, at.normal) * heading * turned;
+                    let whole = aligned(rule.align, at.normal) * heading * turned;
                     DAffine3::from_translation(at.at)
-                        * DAffine3::from_scale_rotation_translation(scale, turned, DVec3::ZERO)
+                        * DAffine3::from_scale_rotation_translation(scale, whole, DVec3::ZERO)
                         * DAffine3::from_translation(-foot)
                 };
                 let settled = self.settled(&group.solid, target, rule.drop, &group.members, about);
-                let Some((moved, normal)) = settled else { continue };
-                let lifted = lift(&group.solid.moved(&moved), rule.align, normal);
-                let is_free = rule
-                    .clearance_m
-                    .is_none_or(|free| self.is_free(&group.solid.moved(&moved).widened(free, lifted), &group.members));
-                if is_free {
-                    values.insert("moved_m".into(), json!((moved.transform_point3(foot) - foot).to_array()));
+                let Some((moved, point)) = settled else { continue };
+                let solid = group.solid.moved(&moved);
+                let members = &group.members;
+                if rule.clearance_m.is_none_or(|free| self.has_room(&solid, free, rule.align, &point, members)) {
+                    let position = moved.transform_point3(foot);
+                    values.insert("moved_m".into(), json!((position - foot).to_array()));
+                    values.insert("position_m".into(), json!(position.to_array()));
                     values.extend(turn.map(|turn| ("turn_deg".to_owned(), turn)));
+                    values.extend(orientation(&moved, turned));
                     values.extend(factor.map(|factor| ("scale".to_owned(), factor)));
                     found = Some(moved);
                     break;
@@ -377,18 +380,18 @@ impl<'s> Stand<'s> {
                 // Its own origin, but as low as its lowest corner.
                 let foot = DVec3::Z * model.solid.foot().z;
                 let about = |at: &Point| {
-                    let turned = aligned(rule.align, at.normal) * DQuat::from_rotation_z(at.heading) * turned;
+                    let whole = aligned(rule.align, at.normal) * DQuat::from_rotation_z(at.heading) * turned;
                     DAffine3::from_translation(at.at)
-                        * DAffine3::from_scale_rotation_translation(scale, turned, DVec3::ZERO)
+                        * DAffine3::from_scale_rotation_translation(scale, whole, DVec3::ZERO)
                         * DAffine3::from_translation(-foot)
                 };
                 let settled = self.settled(&model.solid, point, rule.drop, &[], about);
-                let Some((placed, normal)) = settled else { continue };
+                let Some((placed, point)) = settled else { continue };
                 let solid = model.solid.moved(&placed);
-                let lifted = lift(&solid, rule.align, normal);
-                if rule.overlap || self.is_free(&solid.widened(rule.clearance_m, lifted), &[]) {
+                if rule.overlap || self.has_room(&solid, rule.clearance_m, rule.align, &point, &[]) {
                     values.insert("position_m".into(), json!(placed.transform_point3(foot).to_array()));
                     values.extend(turn.map(|turn| ("turn_deg".to_owned(), turn)));
+                    values.extend(orientation(&placed, turned));
                     values.extend(factor.map(|factor| ("scale".to_owned(), factor)));
                     found = Some(placed);
                     break;
@@ -427,7 +430,7 @@ impl<'s> Stand<'s> {
             let position = point.at + DVec3::Z * height;
             let (turned, turn) = turn(spot.turn_deg.as_ref(), &address);
             let room = Solid { centre: position, axes: DMat3::IDENTITY, half: DVec3::splat(spot.clearance_m) };
-            if spot.clearance_m == 0.0 || self.is_free(&room, &[]) {
+            if spot.clearance_m == 0.0 || self.is_free(&room, None, &[]) {
                 let mut values = Map::new();
                 values.insert("position_m".into(), json!(position.to_array()));
                 values.extend(turn.map(|turn| ("turn_deg".to_owned(), turn)));
@@ -527,8 +530,8 @@ impl<'s> Stand<'s> {
         self.base.1.patches(self.base.0, target, *steepest_deg, key).map(Some)
     }
 
-    /// How something with the box `solid` is moved to `point` by `about`; if it drops, to what is below that; and the
-    /// normal of what it stands on. `None`: there is nothing below.
+    /// How something with the box `solid` is moved to `point` by `about`; if it drops, to what is below that; and where it
+    /// stands then. `None`: there is nothing below.
     fn settled(
         &self,
         solid: &Solid,
@@ -536,31 +539,44 @@ impl<'s> Stand<'s> {
         drop: bool,
         except: &[usize],
         about: impl Fn(&Point) -> DAffine3,
-    ) -> Option<(DAffine3, DVec3)> {
+    ) -> Option<(DAffine3, Point)> {
         if !drop {
-            return Some((about(&point), point.normal));
+            return Some((about(&point), point));
         }
         let from = point.at.with_z(solid.moved(&about(&point)).top());
-        let (z, normal) = self.below(from, except)?;
-        Some((about(&Point { at: point.at.with_z(z), normal, ..point }), normal))
+        let point = Point { heading: point.heading, ..self.below(from, except)? };
+        Some((about(&point), point))
     }
 
-    /// Height of the highest surface below `from`, and its normal, except of the things at `except`.
-    fn below(&self, from: DVec3, except: &[usize]) -> Option<(f64, DVec3)> {
+    /// The place on the highest surface below `from`, except of the things at `except`.
+    fn below(&self, from: DVec3, except: &[usize]) -> Option<Point> {
         let near = |thing: &Thing| {
             let reach = thing.solid.half.length();
             (thing.solid.centre - from).truncate().length() <= reach && thing.solid.centre.z - reach <= from.z
         };
         let others = self.things.iter().enumerate().filter(|(index, thing)| near(thing) && !except.contains(index));
-        let found = others.filter_map(|(_, thing)| self.assets.room.below(&thing.mesh, &thing.world_from_object, from));
-        found.max_by(|a, b| a.0.total_cmp(&b.0))
+        let found = others.filter_map(|(_, thing)| {
+            let (z, normal) = self.assets.room.below(&thing.mesh, &thing.world_from_object, from)?;
+            Some(Point { at: from.with_z(z), normal, heading: 0.0, instance: Some(thing.number) })
+        });
+        found.max_by(|a, b| a.at.z.total_cmp(&b.at.z))
     }
 
-    /// Whether nothing reaches into `solid`, except the things at `except`.
-    fn is_free(&self, solid: &Solid, except: &[usize]) -> bool {
-        let near =
-            self.things.iter().enumerate().filter(|(index, thing)| thing.solid.meets(solid) && !except.contains(index));
-        !near.into_iter().any(|(_, thing)| self.assets.room.meets(&thing.mesh, &thing.world_from_object, solid))
+    /// Whether there are `free` m around something with the box `solid` that stands at `point`. Only into what it stands on
+    /// may it reach as much as an upright box on a slope must.
+    fn has_room(&self, solid: &Solid, free: f64, align: Align, point: &Point, except: &[usize]) -> bool {
+        let [level, sloping] = [Align::Slope, align].map(|align| solid.widened(free, lift(solid, align, point.normal)));
+        self.is_free(&level, point.instance.map(|ground| (ground, &sloping)), except)
+    }
+
+    /// Whether nothing reaches into `solid`, except the things at `except`; for the instance of `ground` its own box counts.
+    fn is_free(&self, solid: &Solid, ground: Option<(u32, &Solid)>, except: &[usize]) -> bool {
+        !self.things.iter().enumerate().any(|(index, thing)| {
+            let solid = ground.filter(|(number, _)| *number == thing.number).map_or(solid, |(_, own)| own);
+            thing.solid.meets(solid)
+                && !except.contains(&index)
+                && self.assets.room.meets(&thing.mesh, &thing.world_from_object, solid)
+        })
     }
 
     fn no_room(&mut self, otherwise: Otherwise, key: &str, object: &str, tries: u32) -> Result<()> {
@@ -601,6 +617,12 @@ fn turn(random: Option<&Random>, address: &Address) -> (DQuat, Option<Value>) {
         None => DQuat::from_euler(EulerRot::ZYX, angle(2), angle(1), angle(0)),
     };
     (turned, Some(value))
+}
+
+/// How `placed` turns something, if it is not as `drawn`: by a slope or a line, too.
+fn orientation(placed: &DAffine3, drawn: DQuat) -> Option<(String, Value)> {
+    let (_, whole, _) = placed.to_scale_rotation_translation();
+    (whole.dot(drawn).abs() < 1.0 - 1e-12).then(|| ("orientation_xyzw".to_owned(), json!(whole.to_array())))
 }
 
 /// A drawn size: one factor, or one for each axis; and what was drawn.

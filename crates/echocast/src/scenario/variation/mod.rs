@@ -392,13 +392,10 @@ impl Rule {
                 "color" => check_range(key, random, 0.0, 1.0)?,
                 "turn_deg" | "scale" if random.is_vector() => {}
                 "texture" => {}
-                _ if !random.is_number() => {
-                    return Err(Error::invalid(key, "not a number", "a number, or a distribution of numbers"));
-                }
-                "chance" | "reflectance" | "wetness" | "dirt" => check_range(key, random, 0.0, 1.0)?,
-                "count" => check_range(key, random, 0.0, MOST_PLACED)?,
-                "scale" => check_range(key, random, SCALES[0], SCALES[1])?,
-                _ => check_range(key, random, -1e9, 1e9)?,
+                "chance" | "reflectance" | "wetness" | "dirt" => check_number(key, random, 0.0, 1.0)?,
+                "count" => check_number(key, random, 0.0, MOST_PLACED)?,
+                "scale" => check_number(key, random, SCALES[0], SCALES[1])?,
+                _ => check_number(key, random, -LARGEST, LARGEST)?,
             }
         }
         let (place, clearance, tries) = match &self.what {
@@ -409,13 +406,46 @@ impl Rule {
         if let Some((name, place)) = place {
             place.check(&format!("{key}.{name}"))?;
         }
-        if let Some(clearance) = clearance.filter(|clearance| !(0.0..=1e6).contains(clearance)) {
-            return Err(Error::invalid(format!("{key}.clearance_m"), clearance, "0 to 1e6"));
+        check_room(key, clearance.unwrap_or(0.0), tries)
+    }
+}
+
+/// Checks how room is searched.
+fn check_room(key: &str, clearance_m: f64, tries: u32) -> Result<()> {
+    if !(0.0..=1e6).contains(&clearance_m) {
+        return Err(Error::invalid(format!("{key}.clearance_m"), clearance_m, "0 to 1e6"));
+    }
+    if !(1..=1_000_000).contains(&tries) {
+        return Err(Error::invalid(format!("{key}.tries"), tries, "1 to 1000000"));
+    }
+    Ok(())
+}
+
+fn check_steepest(key: &str, steepest_deg: f64) -> Result<()> {
+    if !(0.0..90.0).contains(&steepest_deg) {
+        return Err(Error::invalid(format!("{key}.steepest_deg"), steepest_deg, "0 to 90"));
+    }
+    Ok(())
+}
+
+/// Checks that `random` is a number from `low` to `high`.
+fn check_number(key: String, random: &Random, low: f64, high: f64) -> Result<()> {
+    if !random.is_number() {
+        return Err(Error::invalid(key, "not a number", "a number, or a distribution of numbers"));
+    }
+    check_range(key, random, low, high)
+}
+
+impl Spot {
+    /// Checks what its type does not.
+    pub fn check(&self, key: &str) -> Result<()> {
+        check_steepest(key, self.steepest_deg)?;
+        let height = self.height_m.as_ref().map(|height| ("height_m", height));
+        let turn = self.turn_deg.as_ref().filter(|turn| !turn.is_vector()).map(|turn| ("turn_deg", turn));
+        for (name, random) in height.into_iter().chain(turn) {
+            check_number(format!("{key}.{name}"), random, -LARGEST, LARGEST)?;
         }
-        if !(1..=1_000_000).contains(&tries) {
-            return Err(Error::invalid(format!("{key}.tries"), tries, "1 to 1000000"));
-        }
-        Ok(())
+        check_room(key, self.clearance_m, self.tries)
     }
 }
 
@@ -425,6 +455,9 @@ const MOST_PLACED: f64 = 100_000.0;
 /// Least and greatest factor that objects are scaled by.
 pub(in crate::scenario) const SCALES: [f64; 2] = [1e-6, 1e6];
 
+/// Largest angle or height.
+const LARGEST: f64 = 1e9;
+
 impl Place {
     fn check(&self, key: &str) -> Result<()> {
         let given = [self.on.is_some(), self.within.is_some(), self.along.is_some()];
@@ -432,9 +465,7 @@ impl Place {
             let found = if given.contains(&true) { "several places" } else { "no place" };
             return Err(Error::invalid(key, found, "one of on, within, along"));
         }
-        if !(0.0..90.0).contains(&self.steepest_deg) {
-            return Err(Error::invalid(format!("{key}.steepest_deg"), self.steepest_deg, "0 to 90"));
-        }
+        check_steepest(key, self.steepest_deg)?;
         if let Some(Space { min_m, max_m }) = &self.within
             && let Some(axis) = (0..3).find(|&k| !(min_m[k] <= max_m[k] && (max_m[k] - min_m[k]).is_finite()))
         {
