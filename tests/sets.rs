@@ -68,7 +68,7 @@ fn shown(browser: &Path, html: &str) -> Value {
             "--headless",
             "--no-sandbox",
             "--disable-gpu",
-            "--no-first-run",
+            "--disable-dev-shm-usage",
             "--host-resolver-rules=MAP * ~NOTFOUND",
         ])
         .args(["--enable-logging=stderr", "--v=0", "--dump-dom"])
@@ -158,27 +158,45 @@ fn a_browser_shows_the_report() {
     }
 }
 
-/// What stands on a floor and on a hill is placed by nothing but `drawn` of the samples, and measured by trimesh and FCL.
+/// What stands on a floor and on a hill is placed by `drawn` of the samples alone, and measured by trimesh and FCL.
 #[test]
 fn what_is_placed_stands_and_overlaps_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     read("placed.py", &[OsStr::new("make"), folder.as_os_str()], &Value::Null);
-    let text = "scene: {files: room.glb}\nseed: 5\nsamples: 8\ntrajectory: {position_m: [8, 0, 25], rpy_deg: [0, 90, 0]}\n\
-        sensors: [{sensor: {name: eye, kind: lidar, pattern: {type: pinhole, resolution: [400, 200], fov_deg: [45, 80]}}}]\n\
-        fields: [default, instance_id]\nvariation:\n\
-        \x20 - {move: \"Chair_*\", to: {within: {min_m: [-8, -8, 0], max_m: [8, 8, 0]}}, turn_deg: {uniform: [0, 360]}, scale: {uniform: [0.8, 1.2]}, \
-             clearance_m: 0.3}\n\
-        \x20 - {move: \"Chair_*\", name: nudge, by_m: [{uniform: [-1, 1]}, 0, 0], turn_deg: {normal: [0, 20]}, \
-             clearance_m: 0.1}\n\
-        \x20 - {place: models, call: clear, count: 6, at: {on: Floor}, turn_deg: {uniform: [0, 360]}, \
-             scale: {uniform: [0.8, 1.2]}, clearance_m: 0.15}\n\
-        \x20 - {place: models, call: line, count: 3, at: {along: [[-9, -9, 0], [9, -6, 0]]}, turn_deg: 30}\n\
-        \x20 - {place: models, call: aligned, count: 6, at: {on: Hill}, align: slope, turn_deg: {uniform: [0, 360]}, \
-             clearance_m: 0.1}\n\
-        \x20 - {place: models, call: upright, count: 6, at: {on: Hill}, turn_deg: {uniform: [0, 360]}, clearance_m: 0.1}\n\
-        \x20 - {place: models, call: fallen, count: 8, at: {within: {min_m: [-9, -9, 5], max_m: [28, 9, 8]}}, drop: true}\n\
-        \x20 - {place: models, call: loose, count: 6, at: {within: {min_m: [-4, -4, 0], max_m: [4, 4, 0]}}, overlap: true}\n";
+    let text = r#"
+scene: {files: room.glb}
+sensors:
+  - sensor: {name: eye, kind: lidar, pattern: {type: pinhole, resolution: [400, 200], fov_deg: [45, 80]}}
+trajectory: {position_m: [8, 0, 25], rpy_deg: [0, 90, 0]}
+samples: 8
+seed: 5
+variation:
+  - move: "Chair_*"
+    to: {within: {min_m: [-8, -8, 0], max_m: [8, 8, 0]}}
+    turn_deg: {uniform: [0, 360]}
+    scale: {uniform: [0.8, 1.2]}
+    clearance_m: 0.3
+  - {move: "Chair_*", name: nudge, by_m: [{uniform: [-1, 1]}, 0, 0], turn_deg: {normal: [0, 20]}, clearance_m: 0.1}
+  - place: models
+    call: clear
+    count: 6
+    at: {on: Floor}
+    turn_deg: {uniform: [0, 360]}
+    scale: {uniform: [0.8, 1.2]}
+    clearance_m: 0.15
+  - {place: models, call: line, count: 3, at: {along: [[-9, -9, 0], [9, -6, 0]]}, turn_deg: 30}
+  - place: models
+    call: aligned
+    count: 6
+    at: {on: Hill}
+    align: slope
+    turn_deg: {uniform: [0, 360]}
+    clearance_m: 0.1
+  - {place: models, call: upright, count: 6, at: {on: Hill}, turn_deg: {uniform: [0, 360]}, clearance_m: 0.1}
+  - {place: models, call: fallen, count: 8, at: {within: {min_m: [-9, -9, 5], max_m: [28, 9, 8]}}, drop: true}
+  - {place: models, call: loose, count: 6, at: {within: {min_m: [-4, -4, 0], max_m: [4, 4, 0]}}, overlap: true}
+"#;
     let set = make(folder, text);
     let rows = read("placed.py", &[OsStr::new("measure"), folder.as_os_str(), set.as_os_str()], &Value::Null);
     let mut points: BTreeMap<&str, u64> = BTreeMap::new();
@@ -237,26 +255,35 @@ fn the_schema_accepts_what_is_read() {
     assert!(texts.len() >= 3);
     for rest in [
         "trajectory: {poses: [[0, 0, 0, 1, 0, 0, 0, 1], [1, 1, 0, 1, 0, 0, 0, 1]]}\nframes: {last: 9, fps: 10}\n",
-        "trajectory: {position_m: [0, 0, 1.8], orientation_xyzw: [0, 0, 0, 1]}\nfields: [default, velocity]\norder: time\n",
+        "trajectory: {position_m: [0, 0, 1.8], orientation_xyzw: [0, 0, 0, 1]}\nfields: [default, \
+         velocity]\norder: time\n",
         "trajectory: {on: \"Floor\", turn_deg: {uniform: [[-5, -5, 0], [5, 5, 360]]}, align: slope, tries: 5}\n",
-        "environment: {rain: {rate_mm_h: 5}}\nset: {folder: out}\noutputs: [{style: plain, format: las, preview: {view: top}}]\n",
-        "trajectory: {object: Car_1}\noutputs: [{style: files, files: [a.csv, b.las], single: true, boxes: boxes.json}]\n",
+        "environment: {rain: {rate_mm_h: 5}}\nset: {folder: out}\noutputs: [{style: plain, format: las, \
+         preview: {view: top}}]\n",
+        "trajectory: {object: Car_1}\noutputs: [{style: files, files: [a.csv, b.las], single: true, boxes: \
+         boxes.json}]\n",
         "variation: [{set: \"sensors[0].rate_hz\", to: {choice: [5, {value: 10, weight: 3}]}}]\n",
         "variation: [{set: frames, to: {grid: [{last: 1}, {last: 2}]}}]\n",
         "variation: [{remove: {object: \"Tree_*\", part: bark}, chance: {truncated_normal: [0.5, 0.1, 0, 1]}}]\n",
-        "variation: [{swap: Tree, with: {value: a.glb, weight: 2}, fit: true}, {swap: {category: car}, with: [a.glb]}]\n",
-        "variation: [{move: Car, by_m: {normal: [[0, 0, 0], [1, 1, 0]]}, turn_deg: {sobol: [0, 360]}, scale: [1, 1, 2]}]\n",
+        "variation: [{swap: Tree, with: {value: a.glb, weight: 2}, fit: true}, {swap: {category: car}, with: \
+         [a.glb]}]\n",
+        "variation: [{move: Car, by_m: {normal: [[0, 0, 0], [1, 1, 0]]}, turn_deg: {sobol: [0, 360]}, scale: \
+         [1, 1, 2]}]\n",
         "variation: [{move: Car, to: {along: [[0, 0, 0], [9, 0, 0]], height_m: 1}, otherwise: fail, tries: 7}]\n",
-        "variation: [{place: [a.glb], at: {within: {min_m: [0, 0, 0], max_m: [9, 9, 9]}}, count: {uniform: [2, 5]}, drop: true}]\n",
-        "variation: [{place: a.glb, at: {on: {part: grass}, steepest_deg: 20}, align: slope, overlap: true, call: tuft}]\n",
-        "variation: [{look: \"Wood*\", color: {choice: [[1, 0, 0], [0, 1, 0]]}, wetness: {log_uniform: [0.1, 1]}, dirt: 0.1}]\n",
+        "variation: [{place: [a.glb], at: {within: {min_m: [0, 0, 0], max_m: [9, 9, 9]}}, count: {uniform: \
+         [2, 5]}, drop: true}]\n",
+        "variation: [{place: a.glb, at: {on: {part: grass}, steepest_deg: 20}, align: slope, overlap: true, \
+         call: tuft}]\n",
+        "variation: [{look: \"Wood*\", color: {choice: [[1, 0, 0], [0, 1, 0]]}, wetness: {log_uniform: [0.1, \
+         1]}, dirt: 0.1}]\n",
         "variation: [{look: Wood, of: Chair, texture: {choice: [a.png, b.png]}, reflectance: {uniform: [0.1, 0.7]}}]\n",
     ] {
         texts.push((format!("{SCENE}{rest}"), PathBuf::new()));
     }
     texts.push((
-        "scene: {generate: {street: {cars: 6}, seed: 7}, hide: [\"Tree_*\"], materials: {\"Wall*\": {reflectance: 0.3}}, \
-         place: [{model: car.glb, at: {position_m: [3, 0, 0], rpy_deg: [0, 0, 90]}, scale: 1, name: parked, category: car}]}\n\
+        "scene: {generate: {street: {cars: 6}, seed: 7}, hide: [\"Tree_*\"], materials: {\"Wall*\": \
+         {reflectance: 0.3}}, place: [{model: car.glb, at: {position_m: [3, 0, 0], rpy_deg: [0, 0, 90]}, scale: 1, \
+         name: parked, category: car}]}\n\
          sensors: [{sensor: {name: a, kind: lidar, pattern: {type: pinhole, resolution: [1, 1], fov_deg: [1, 1]}}, \
          set: {noise.range_sigma_m: 0.01}, mount: {position_m: [0, 0, 1]}, rate_hz: 5, start_s: 0.1}]\n"
             .to_owned(),

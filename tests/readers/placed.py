@@ -3,9 +3,8 @@
 usage: placed.py make FOLDER         writes FOLDER/room.glb and FOLDER/models
        placed.py measure FOLDER SET  prints JSON
 
-Meshes are placed by nothing but `drawn` of the samples and measured by trimesh and FCL. One list element per object of a
-sample, in the order in which they got there: its rule and model, how high its foot is above the surface below
-(`foot_m`), its lowest vertex above its foot (`lowest_m`), how far vertices reach into the ground (`sunk_m`), the angle
+Meshes are placed by nothing but `drawn` of the samples and measured by trimesh and FCL. One list element per object of
+a sample, in the order in which they got there: its rule, how high its foot is above the surface below (`foot_m`), its lowest vertex above its foot (`lowest_m`), how far vertices reach into the ground (`sunk_m`), the angle
 between its own z axis and the normal of the surface (`tilt_deg`), the distance to what was there before, without the
 ground (`away_m`, below 0 where they overlap, null without any), and its scanned points, with the largest distance from
 its surface (`missed_m`).
@@ -149,7 +148,6 @@ def measure(folder, root, number):
         yield {
             "name": name,
             "rule": entry["rule"],
-            "model": entry.get("model"),
             "foot_m": foot[2] - heights[0],
             "lowest_m": mesh.bounds[0, 2] - foot[2],
             "sunk_m": -over_ground.min(),

@@ -530,8 +530,8 @@ impl<'s> Stand<'s> {
         self.base.1.patches(self.base.0, target, *steepest_deg, key).map(Some)
     }
 
-    /// How something with the box `solid` is moved to `point` by `about`; if it drops, to what is below that; and where it
-    /// stands then. `None`: there is nothing below.
+    /// How something with the box `solid` is moved to `point` by `about`; if it drops, to what is below that; and where
+    /// it stands then. `None`: there is nothing below.
     fn settled(
         &self,
         solid: &Solid,
@@ -562,14 +562,14 @@ impl<'s> Stand<'s> {
         found.max_by(|a, b| a.at.z.total_cmp(&b.at.z))
     }
 
-    /// Whether there are `free` m around something with the box `solid` that stands at `point`. Only into what it stands on
-    /// may it reach as much as an upright box on a slope must.
+    /// Whether there are `free` m around something with the box `solid` that stands at `point`, except of the things at
+    /// `except`. Only into what it stands on may it reach as much as an upright box on a slope must.
     fn has_room(&self, solid: &Solid, free: f64, align: Align, point: &Point, except: &[usize]) -> bool {
         let [level, sloping] = [Align::Slope, align].map(|align| solid.widened(free, lift(solid, align, point.normal)));
         self.is_free(&level, point.instance.map(|ground| (ground, &sloping)), except)
     }
 
-    /// Whether nothing reaches into `solid`, except the things at `except`; for the instance of `ground` its own box counts.
+    /// Whether nothing reaches into `solid`, except the things at `except`; for the instance `ground` another box counts.
     fn is_free(&self, solid: &Solid, ground: Option<(u32, &Solid)>, except: &[usize]) -> bool {
         !self.things.iter().enumerate().any(|(index, thing)| {
             let solid = ground.filter(|(number, _)| *number == thing.number).map_or(solid, |(_, own)| own);
