@@ -315,6 +315,8 @@ fn the_schema_refuses_what_cannot_be_read() {
         "trajectory: {on: Floor, clearance_m: -1}\n",
         "trajectory: {on: Floor, height_m: [1, 2, 3]}\n",
         "trajectory: {on: Floor, tries: 0}\n",
+        "trajectory: {on: Floor, steepest_deg: 90}\n",
+        "variation: [{place: a.glb, at: {on: Floor, steepest_deg: 90}}]\n",
         "outputs: {style: plain}\n",
         "outputs: [{style: semantic_kitti, format: las}]\n",
         "variation: [{move: Car, by_m: [1, 2]}]\n",
