@@ -198,6 +198,25 @@ fn things_on_a_slope_stand_clear_of_each_other() {
 }
 
 #[test]
+fn what_is_turned_over_stands_on_its_side() {
+    let (_folder, scenario) = rules(
+        "  - {place: models/crate.obj, call: side, at: {on: Floor}, turn_deg: [90, 0, 20]}\n\
+         \x20 - {place: models/pole.obj, call: lying, at: {on: Slope}, turn_deg: [0, 90, {uniform: [0, 360]}], align: slope}\n\
+         \x20 - {move: Chair_0, turn_deg: [0, 30, 0], drop: true}\n",
+    );
+    let sample = scenario.sample(3).unwrap();
+    assert!(sample.report().warnings.iter().all(|warning| !warning.contains("no room")), "{:?}", sample.report());
+    let at = |name: &str| places(sample.scene(), name)[0].clone();
+    let (_, _, low, high) = at("side_1");
+    assert!(low.abs() < 1e-6 && (high - 0.6).abs() < 1e-6, "{low} {high}");
+    let (_, pole, ..) = at("lying_1");
+    // Half of its width above the slope, across it.
+    assert!(((pole.z - 0.5 * (pole.x - 10.0)) / 1.25_f64.sqrt() - 0.05).abs() < 1e-3);
+    let (_, _, low, high) = at("Chair_0");
+    assert!(low.abs() < 1e-6 && (high - (0.9 * 30_f64.to_radians().cos() + 0.25)).abs() < 1e-6, "{low} {high}");
+}
+
+#[test]
 fn what_finds_no_room_is_told_or_fails() {
     let rule = |otherwise: &str| {
         format!(

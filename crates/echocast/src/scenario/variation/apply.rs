@@ -113,7 +113,13 @@ impl Units {
 
 /// A box around a mesh, upright and turned as it is.
 fn solid_of(mesh: &Mesh, world_from_object: &DAffine3) -> Option<Solid> {
-    let axes = DMat3::from_rotation_z(heading(&world_from_object.matrix3));
+    let place = &world_from_object.matrix3;
+    let axes = DMat3::from_rotation_z(heading(place));
+    // Of what stands upright the mesh's own box has the same sides.
+    let tilt = place.z_axis.truncate().length() + place.row(2).truncate().length();
+    if tilt <= 1e-9 * place.z_axis.length() {
+        return Solid::around(axes, crate::scene::corners(mesh.bounds()?, world_from_object).into_iter());
+    }
     Solid::around(axes, mesh.world_points(world_from_object))
 }
 
@@ -304,11 +310,15 @@ impl<'s> Stand<'s> {
                         target = Point { at: target.at, heading: target.heading, ..below };
                     }
                 }
+                let stands = rule.drop || rule.to.as_ref().is_some_and(|place| place.on.is_some());
                 let about = |at: &Point| {
-                    let whole = aligned(rule.align, at.normal) * heading * turned;
-                    DAffine3::from_translation(at.at)
-                        * DAffine3::from_scale_rotation_translation(scale, whole, DVec3::ZERO)
-                        * DAffine3::from_translation(-foot)
+                    let up = aligned(rule.align, at.normal);
+                    let moved = DAffine3::from_translation(at.at)
+                        * DAffine3::from_scale_rotation_translation(scale, up * heading * turned, DVec3::ZERO)
+                        * DAffine3::from_translation(-foot);
+                    let things = group.members.iter().map(|&index| &self.things[index]);
+                    let points = things.flat_map(|thing| thing.mesh.world_points(&thing.world_from_object));
+                    if stands && tips(turned) { raised(moved, up * DVec3::Z, at.at, points) } else { moved }
                 };
                 let settled = self.settled(&group.solid, target, rule.drop, &group.members, about);
                 let Some((moved, point)) = settled else { continue };
@@ -379,11 +389,16 @@ impl<'s> Stand<'s> {
                 }
                 // Its own origin, but as low as its lowest corner.
                 let foot = DVec3::Z * model.solid.foot().z;
+                let stands = rule.drop || rule.at.on.is_some();
                 let about = |at: &Point| {
-                    let whole = aligned(rule.align, at.normal) * DQuat::from_rotation_z(at.heading) * turned;
-                    DAffine3::from_translation(at.at)
+                    let up = aligned(rule.align, at.normal);
+                    let whole = up * DQuat::from_rotation_z(at.heading) * turned;
+                    let placed = DAffine3::from_translation(at.at)
                         * DAffine3::from_scale_rotation_translation(scale, whole, DVec3::ZERO)
-                        * DAffine3::from_translation(-foot)
+                        * DAffine3::from_translation(-foot);
+                    let objects = model.scene.objects.iter();
+                    let points = objects.flat_map(|object| object.mesh.world_points(&object.world_from_object));
+                    if stands && tips(turned) { raised(placed, up * DVec3::Z, at.at, points) } else { placed }
                 };
                 let settled = self.settled(&model.solid, point, rule.drop, &[], about);
                 let Some((placed, point)) = settled else { continue };
@@ -617,6 +632,17 @@ fn turn(random: Option<&Random>, address: &Address) -> (DQuat, Option<Value>) {
         None => DQuat::from_euler(EulerRot::ZYX, angle(2), angle(1), angle(0)),
     };
     (turned, Some(value))
+}
+
+/// Whether something turned so stands on another side.
+fn tips(turned: DQuat) -> bool {
+    (turned * DVec3::Z).z < 1.0 - 1e-12
+}
+
+/// `placed`, raised such that the lowest of `points` stands at `at`, where `up` is up.
+fn raised(placed: DAffine3, up: DVec3, at: DVec3, points: impl Iterator<Item = DVec3>) -> DAffine3 {
+    let lowest = points.map(|point| placed.transform_point3(point).dot(up)).fold(f64::INFINITY, f64::min);
+    DAffine3::from_translation(up * (at.dot(up) - lowest)) * placed
 }
 
 /// How `placed` turns something, if it is not as `drawn`: by a slope or a line, too.
