@@ -9,8 +9,8 @@ use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
 
-/// Samples of a run, and frames of the plain scans.
-const SAMPLES: u64 = 60;
+/// Samples of a run, and frames of the plain scans: few for a set, whose first twelve have pictures.
+const SAMPLES: u64 = 120;
 const ROUNDS: usize = 3;
 
 const STREET: &str = "scene: {files: street.glb}\nsensors: [{sensor: velodyne_vlp32c}]\ntrajectory: {camera: Corner}\n\
@@ -19,8 +19,13 @@ const STREET: &str = "scene: {files: street.glb}\nsensors: [{sensor: velodyne_vl
 pub fn run() -> Result<Value> {
     let folder = tempfile::tempdir()?;
     Street { cars: Some(5), ..Street::default() }.scene(7)?.write(folder.path().join("street.glb"))?;
-    let varied =
-        format!("{STREET}samples: {SAMPLES}\nvariation: [{{move: \"Car_*\", by_m: [{{uniform: [-3, 3]}}, 0, 0]}}]\n");
+    // Sample 17 at the time of frame 17, so that as much moves as in the plain scans.
+    let frames: Vec<String> = (0..SAMPLES).map(|frame| format!("{{first: {frame}, last: {frame}}}")).collect();
+    let varied = format!(
+        "{STREET}samples: {SAMPLES}\nvariation:\n  - {{move: \"Car_*\", by_m: [{{uniform: [-3, 3]}}, 0, 0]}}\n\
+         \x20 - {{set: frames, to: {{grid: [{}]}}}}\n",
+        frames.join(", ")
+    );
     // One sample whose frames are scanned and written one after the other.
     let plain = format!("{STREET}frames: {{last: {}}}\n", SAMPLES - 1);
     let mut number = 0;

@@ -217,7 +217,7 @@ fn scans(
     let Some(first) = sensors.first() else {
         return Err(Error::invalid("sensors", "none", "at least one"));
     };
-    let fps = spec.frames.and_then(|frames| frames.fps).unwrap_or_else(|| 1.0 / first.beams().period);
+    let fps = spec.fps(first);
     let file = match &spec.trajectory {
         Some(Carrier::File(file)) => Some(Trajectory::load(folder.join(file))?.shifted_to_zero()),
         _ => None,

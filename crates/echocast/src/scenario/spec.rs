@@ -11,6 +11,7 @@ use crate::medium::Environment;
 use crate::read::yaml::{Document, inner};
 use crate::scan::{Order, Profile};
 use crate::scene::{CacheFile, LabelRules, UpAxis};
+use crate::sensor::Sensor;
 use glam::{DQuat, DVec3};
 use serde::Deserialize;
 use serde::de::{Deserializer, Error as _};
@@ -390,6 +391,11 @@ impl Spec {
     /// A missing file, or what is wrong in it.
     pub fn read_files(&mut self, folder: &Path) -> Result<()> {
         self.environment.read_files(folder)
+    }
+
+    /// Frames a second; `first`: the first sensor.
+    pub fn fps(&self, first: &Sensor) -> f64 {
+        self.frames.and_then(|frames| frames.fps).unwrap_or_else(|| 1.0 / first.beams().period)
     }
 
     fn check(&self) -> Result<()> {

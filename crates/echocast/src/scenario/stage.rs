@@ -25,6 +25,9 @@ pub(super) struct Stage {
     pub labels: LabelRules,
     /// The files that each rule names.
     pub models: Vec<Vec<(PathBuf, f64)>>,
+    /// Start and length, s, of the first frame, unless a rule says otherwise: scenes are built for it, so that samples
+    /// share even what moves.
+    first_frame: Option<[f64; 2]>,
     /// The last scenes, by the section that describes them; the newest last.
     bases: Mutex<VecDeque<(String, Slot)>>,
     /// By the entry that describes them.
@@ -69,7 +72,14 @@ impl Stage {
         };
         let models = spec.variation.iter().enumerate().map(files).collect::<Result<_>>()?;
         let (bases, sensors) = (Mutex::default(), Mutex::default());
-        Ok(Stage { engine, assets: Assets::default(), labels, models, bases, sensors })
+        let mut stage = Stage { engine, assets: Assets::default(), labels, models, first_frame: None, bases, sensors };
+        // A sensor that cannot be read is told of by the samples that have it.
+        let sensor = spec.sensors.first().and_then(|entry| stage.sensor(entry, "sensors[0]", folder).ok());
+        stage.first_frame = sensor.map(|sensor| {
+            let first = f64::from(spec.frames.map_or(0, |frames| frames.first)) / spec.fps(&sensor);
+            [first + spec.sensors[0].rate_hz.map_or(0.0, |_| spec.sensors[0].start_s), sensor.scan_time()]
+        });
+        Ok(stage)
     }
 
     /// The scene that `spec` describes; `key` is the text of its section. A scene that another thread makes at the same
@@ -145,7 +155,10 @@ impl Stage {
             }
             ids.into_iter().try_for_each(|id| live.unfix(id))?;
         }
-        // What stays is built here, once for all samples.
+        if let Some([start, length]) = self.first_frame {
+            live.set_time(start, length)?;
+        }
+        // What no rule moves is built here, once for all samples.
         live.commit()?;
         Ok(Base { scene, live, units })
     }
