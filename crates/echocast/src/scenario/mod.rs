@@ -89,8 +89,8 @@ impl Scenario {
         let folder = folder.join(spec.folder.as_deref().unwrap_or(Path::new("")));
         spec.read_files(&folder).map_err(|error| document.locate(error))?;
         variation::number_grids(&mut spec.variation);
-        for (index, rule) in spec.variation.iter().enumerate() {
-            if let What::Set(rule) = &rule.what {
+        for (index, rule) in spec.variation.iter_mut().enumerate() {
+            if let What::Set(rule) = &mut rule.what {
                 // Its key must be one that the file could have.
                 let mut value = document.value().clone();
                 let found = yaml::lookup(&value, &rule.set).is_some();
@@ -99,6 +99,7 @@ impl Scenario {
                     let message = format!("set: there is no place for {:?} in this file", rule.set);
                     return Err(document.error(&format!("variation[{index}].set"), &message));
                 }
+                rule.whole = takes_whole_numbers(document, &rule.set);
             }
         }
         Ok(Scenario {
@@ -202,7 +203,9 @@ impl Scenario {
         let mut drawn = Vec::new();
         for rule in &self.spec.variation {
             let What::Set(set) = &rule.what else { continue };
-            let new = set.to.draw(&draws.of(&rule.name).of("to"));
+            let address = draws.of(&rule.name).of("to");
+            let whole = set.whole && set.to.is_number();
+            let new = if whole { set.to.whole(&address).into() } else { set.to.draw(&address) };
             drawn.push(serde_json::json!({"rule": rule.name, "key": set.set, "value": new}));
             yaml::put(&mut value, &set.set, new, &[])
                 .map_err(|fault| Error::invalid(&rule.name, fault, "a key of this file"))?;
@@ -222,6 +225,15 @@ impl Scenario {
         }
         Ok((Arc::new(spec), value, drawn))
     }
+}
+
+/// Whether the key at `path` of a scenario is one of whole numbers.
+fn takes_whole_numbers(document: &Document, path: &str) -> bool {
+    let takes = |number: Value| {
+        let mut value = document.value().clone();
+        yaml::put(&mut value, path, number, &[]).is_ok() && Document::from_value("", value).read::<Spec>().is_ok()
+    };
+    takes(1.into()) && !takes(0.5.into())
 }
 
 /// What `mutex` holds, even if another sample has ended in a panic while it was held: it is whole at all times.

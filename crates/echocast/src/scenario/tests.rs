@@ -390,6 +390,19 @@ fn grids_go_through_all_values() {
 }
 
 #[test]
+fn whole_numbers_are_drawn_where_a_key_takes_them() {
+    let folder = folder();
+    let rules = "frames: {last: 9}\nvariation:\n  - {set: frames.first, to: {uniform: [2, 4]}}\n\
+                 \x20 - {set: sensors.top.mount.position_m, to: [0, 0, {uniform: [1, 2]}]}\n\
+                 \x20 - {set: environment.fog.visibility_m, to: {uniform: [80, 500]}}\n";
+    let scenario = scenario(&folder, rules).unwrap();
+    let drawn: Vec<Vec<Value>> = (0..30).map(|index| scenario.sample(index).unwrap().drawn().to_vec()).collect();
+    let firsts: std::collections::BTreeSet<i64> = drawn.iter().map(|all| all[0]["value"].as_i64().unwrap()).collect();
+    assert_eq!(firsts.into_iter().collect::<Vec<_>>(), [2, 3, 4]);
+    assert!(drawn.iter().all(|all| all[2]["value"].as_f64().unwrap().fract() > 0.0));
+}
+
+#[test]
 fn keys_are_changed_by_path() {
     let folder = folder();
     let mut scenario = scenario(&folder, "frames: {last: 3}\n").unwrap();
@@ -426,7 +439,7 @@ fn bad_files_are_told_with_line_and_key() {
     };
     for (rest, wanted) in [
         (
-            "variation: [{place: models/pole.obj, at: {on: Floor}, count: {normal: [3, 1e30]}}]",
+            "variation: [{place: models/pole.obj, at: {on: Floor}, count: {normal: [1.0e+30, 1]}}]",
             "variation[0].count is 9223372036854775807; allowed: 0 to 100000",
         ),
         (

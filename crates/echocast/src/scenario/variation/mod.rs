@@ -50,6 +50,9 @@ pub(in crate::scenario) struct SetRule {
     /// Path of the key, such as `environment.rain.rate_mm_h`; entries of lists by number or, of sensors, by name.
     pub set: String,
     pub to: Random,
+    /// Whether it takes whole numbers.
+    #[serde(skip)]
+    pub whole: bool,
 }
 
 #[derive(Clone, Debug, Deserialize)]
