@@ -519,11 +519,12 @@ fn options(folder: Option<PathBuf>) -> set::RunOptions {
 #[test]
 fn sets_are_the_same_however_they_are_made() {
     let folder = folder();
-    let fourteen = |options: &set::RunOptions| {
-        let mut scenario = scenario(&folder, &format!("{VARIED}seed: 5\n")).unwrap();
+    let fourteen_of = |folder: &TempDir, options: &set::RunOptions| {
+        let mut scenario = scenario(folder, &format!("{VARIED}seed: 5\n")).unwrap();
         scenario.set("samples", "14").unwrap();
         set::run(scenario, options, &|_| {}).unwrap()
     };
+    let fourteen = |options: &set::RunOptions| fourteen_of(&folder, options);
     let summary = fourteen(&options(None));
     assert_eq!((summary.made, summary.found, summary.failed.len(), summary.complete), (14, 0, 0, true));
     let whole = contents(&folder.path().join("made"));
@@ -532,6 +533,11 @@ fn sets_are_the_same_however_they_are_made() {
         whole.contains_key("data/000013/top_0001.ply") && whole.contains_key("sequences/000000/labels/000001.label")
     );
     assert_eq!(set::check_folder(&folder.path().join("made")).unwrap(), Vec::<String>::new());
+
+    // Elsewhere.
+    let other = self::folder();
+    fourteen_of(&other, &options(None));
+    assert_eq!(contents(&other.path().join("made")), whole);
 
     // Seven shards, in another order, with two threads.
     let parts = folder.path().join("parts");

@@ -216,7 +216,7 @@ impl Maker<'_> {
     fn entry(&self, sample: u64, cloud: &mut PointCloud) -> Entry {
         let made = catch_unwind(AssertUnwindSafe(|| self.make(sample, cloud)));
         let made = made.unwrap_or_else(|_| Err(Error::Internal("a defect of the program stopped it".into())));
-        made.unwrap_or_else(|error| {
+        let mut entry = made.unwrap_or_else(|error| {
             folders(self.root, self.roots, sample).iter().for_each(|[unfinished, _]| {
                 // What is left is removed by the next run.
                 let _ = fs::remove_dir_all(unfinished);
@@ -230,7 +230,14 @@ impl Maker<'_> {
                 ranges: Vec::new(),
                 warnings: Vec::new(),
             }
-        })
+        });
+        // The same wherever the scenario lies.
+        let folder = format!("{}/", crate::ground::shown::path(self.scenario.folder()));
+        if folder != "/" {
+            let texts = entry.warnings.iter_mut().chain(&mut entry.error);
+            texts.for_each(|text| *text = text.replace(&folder, ""));
+        }
+        entry
     }
 
     fn make(&self, number: u64, cloud: &mut PointCloud) -> Result<Entry> {

@@ -262,7 +262,7 @@ impl<'s> Stand<'s> {
             let (foot, own) = (group.solid.foot(), model.solid.foot() * scale);
             let placed = DAffine3::from_scale_rotation_translation(DVec3::splat(scale), turned, foot - turned * own);
             let mut values = Map::new();
-            values.insert("model".into(), shown::path(&model.path).into());
+            values.insert("model".into(), self.named(&model).into());
             self.note(name, &group.name, values);
             places.extend(group.members.iter().copied());
             swapped.push((group, model, placed));
@@ -377,7 +377,7 @@ impl<'s> Stand<'s> {
             let stem = model.path.file_stem().unwrap_or_default().to_string_lossy();
             let called = format!("{}_{}", rule.call.as_deref().unwrap_or(&stem), number + 1);
             let mut values = Map::new();
-            values.insert("model".into(), shown::path(&model.path).into());
+            values.insert("model".into(), self.named(&model).into());
             let mut found = None;
             for attempt in 0..rule.tries {
                 let address = address.at(attempt as usize);
@@ -538,6 +538,11 @@ impl<'s> Stand<'s> {
     /// One of the models, by their weights.
     fn model(&self, models: &[(PathBuf, f64)], address: &Address) -> Result<Arc<Model>> {
         self.assets.model(choose::<PathBuf>(models, &address.of("model")), self.labels)
+    }
+
+    /// Name of a model in the scenario's folder, wherever that is.
+    fn named(&self, model: &Model) -> String {
+        shown::path(model.path.strip_prefix(self.folder).unwrap_or(&model.path))
     }
 
     fn surfaces(&self, place: Option<&Place>, key: &str) -> Result<Option<Arc<Patches>>> {
