@@ -354,6 +354,24 @@ fn carriers_stand_on_surfaces() {
     }
 }
 
+#[test]
+fn surfaces_are_taken_in_a_box() {
+    let part = "within: {min_m: [-3, -2, -1], max_m: [-1, 0, 1]}";
+    let (_folder, mut scenario) =
+        rules(&format!("  - {{place: models/pole.obj, at: {{on: Floor, {part}}}, overlap: true}}\n"));
+    scenario.set("trajectory", &format!("{{on: Floor, {part}}}")).unwrap();
+    let holds = |at: DVec3| (-3.0..=-1.0).contains(&at.x) && (-2.0..=0.0).contains(&at.y);
+    for index in 0..40 {
+        let sample = scenario.sample(index).unwrap();
+        assert!(holds(sample.scans()[0].trajectory().at(0.0).position) && holds(places(sample.scene(), "pole_1")[0].1));
+    }
+    scenario.set("trajectory.within.min_m[2]", "0.5").unwrap();
+    let error = scenario.sample(0).unwrap_err().to_string();
+    assert!(error.contains("no free place") && error.contains("a larger box"), "{error}");
+    let error = scenario.set("trajectory.within.min_m[0]", "7").unwrap_err().to_string();
+    assert!(error.contains("trajectory.within: is from 7 to -1; allowed: min_m not above max_m"), "{error}");
+}
+
 /// Work that a thread takes up while it waits for a part of a scene may want the same scene.
 #[test]
 fn samples_are_made_on_the_threads_of_any_pool() {

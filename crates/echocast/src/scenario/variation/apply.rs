@@ -292,8 +292,9 @@ impl<'s> Stand<'s> {
                 let (scale, factor) = scale(rule.scale.as_ref(), key, &address)?;
                 let point = match &rule.to {
                     Some(place) => place.draw(patches.as_deref(), &address.of("to")),
-                    None => Point { at: foot, normal: DVec3::Z, heading: 0.0, instance: None },
+                    None => Some(Point { at: foot, normal: DVec3::Z, heading: 0.0, instance: None }),
                 };
+                let Some(point) = point else { continue };
                 if point.instance.is_some_and(|number| self.gone.contains(&number)) {
                     continue;
                 }
@@ -383,7 +384,7 @@ impl<'s> Stand<'s> {
                 let address = address.at(attempt as usize);
                 let (turned, turn) = turn(rule.turn_deg.as_ref(), &address);
                 let (scale, factor) = scale(rule.scale.as_ref(), key, &address)?;
-                let point = rule.at.draw(patches.as_deref(), &address.of("at"));
+                let Some(point) = rule.at.draw(patches.as_deref(), &address.of("at")) else { continue };
                 if point.instance.is_some_and(|number| self.gone.contains(&number)) {
                     continue;
                 }
@@ -437,7 +438,7 @@ impl<'s> Stand<'s> {
         let patches = self.base.1.patches(self.base.0, &spot.on, spot.steepest_deg, "trajectory.on")?;
         for attempt in 0..spot.tries {
             let address = address.at(attempt as usize);
-            let point = patches.draw(&address.of("on"));
+            let Some(point) = patches.draw(spot.within.as_ref(), &address.of("on")) else { continue };
             if point.instance.is_some_and(|number| self.gone.contains(&number)) {
                 continue;
             }
@@ -454,7 +455,7 @@ impl<'s> Stand<'s> {
             }
         }
         let found = format!("no free place {:.3} m around in {} tries", spot.clearance_m, spot.tries);
-        Err(Error::invalid(KEY, found, "a smaller clearance_m, more tries, other surfaces"))
+        Err(Error::invalid(KEY, found, "a smaller clearance_m, more tries, other surfaces, a larger box"))
     }
 
     fn look(&mut self, rule: &super::LookRule, name: &str, address: &Address) -> Result<()> {

@@ -13,6 +13,7 @@ use super::random::{Random, check_range};
 use crate::ground::error::{Error, Result};
 use crate::read::yaml::inner;
 use crate::scene::matches;
+use glam::DVec3;
 use serde::Deserialize;
 use serde::de::{Deserializer, Error as _};
 use serde_json::Value;
@@ -140,7 +141,7 @@ pub(in crate::scenario) struct PlaceRule {
     pub otherwise: Otherwise,
 }
 
-/// Where something stands: one of these.
+/// Where something stands: on surfaces, in a box, on surfaces in a box, or along a line.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(in crate::scenario) struct Place {
@@ -166,6 +167,9 @@ pub(in crate::scenario) struct Place {
 #[serde(deny_unknown_fields)]
 pub(in crate::scenario) struct Spot {
     pub on: Target,
+    /// A box in the world.
+    #[serde(default)]
+    pub within: Option<Space>,
     #[serde(default = "steepest")]
     pub steepest_deg: f64,
     #[serde(default)]
@@ -443,6 +447,7 @@ impl Spot {
     /// Checks what its type does not.
     pub fn check(&self, key: &str) -> Result<()> {
         check_steepest(key, self.steepest_deg)?;
+        self.within.map_or(Ok(()), |space| space.check(key))?;
         let height = self.height_m.as_ref().map(|height| ("height_m", height));
         let turn = self.turn_deg.as_ref().filter(|turn| !turn.is_vector()).map(|turn| ("turn_deg", turn));
         for (name, random) in height.into_iter().chain(turn) {
@@ -461,20 +466,31 @@ pub(in crate::scenario) const SCALES: [f64; 2] = [1e-6, 1e6];
 /// Largest angle or height.
 const LARGEST: f64 = 1e9;
 
+impl Space {
+    /// `key`: what it is a part of.
+    fn check(&self, key: &str) -> Result<()> {
+        let Space { min_m, max_m } = self;
+        let wrong = (0..3).find(|&k| !(min_m[k] <= max_m[k] && (max_m[k] - min_m[k]).is_finite()));
+        wrong.map_or(Ok(()), |axis| {
+            let found = format!("from {} to {}", min_m[axis], max_m[axis]);
+            Err(Error::invalid(format!("{key}.within"), found, "min_m not above max_m, finite numbers"))
+        })
+    }
+
+    fn holds(&self, at: DVec3) -> bool {
+        (DVec3::from_array(self.min_m).cmple(at) & at.cmple(DVec3::from_array(self.max_m))).all()
+    }
+}
+
 impl Place {
     fn check(&self, key: &str) -> Result<()> {
-        let given = [self.on.is_some(), self.within.is_some(), self.along.is_some()];
-        if given.iter().filter(|given| **given).count() != 1 {
-            let found = if given.contains(&true) { "several places" } else { "no place" };
-            return Err(Error::invalid(key, found, "one of on, within, along"));
+        let places = [self.on.is_some() || self.within.is_some(), self.along.is_some()];
+        if places[0] == places[1] {
+            let found = if places[0] { "several places" } else { "no place" };
+            return Err(Error::invalid(key, found, "one of on, within, along, or on and within"));
         }
         check_steepest(key, self.steepest_deg)?;
-        if let Some(Space { min_m, max_m }) = &self.within
-            && let Some(axis) = (0..3).find(|&k| !(min_m[k] <= max_m[k] && (max_m[k] - min_m[k]).is_finite()))
-        {
-            let found = format!("from {} to {}", min_m[axis], max_m[axis]);
-            return Err(Error::invalid(format!("{key}.within"), found, "min_m not above max_m, finite numbers"));
-        }
+        self.within.map_or(Ok(()), |space| space.check(key))?;
         if let Some(points) = &self.along
             && (points.len() < 2 || !points.iter().flatten().all(|number| number.is_finite()))
         {

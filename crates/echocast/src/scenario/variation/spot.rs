@@ -1,6 +1,6 @@
 //! Places: on surfaces, in boxes, along lines.
 
-use super::{Place, Target};
+use super::{Place, Space, Target};
 use crate::ground::error::{Error, Result};
 use crate::scenario::draw::Address;
 use crate::scene::matches;
@@ -82,30 +82,36 @@ impl Patches {
         Ok(patches)
     }
 
-    /// A place on them, as likely everywhere.
-    pub fn draw(&self, address: &Address) -> Point {
+    /// A place on them, as likely everywhere; of those in `within`, if that is given. `None`: none was found there.
+    pub fn draw(&self, within: Option<&Space>, address: &Address) -> Option<Point> {
+        /// Most places that are drawn until one is in the box.
+        const MOST_DRAWS: u32 = 1000;
         let mut stream = address.stream();
         let mut unit = || -> f64 { StandardUniform.sample(&mut stream) };
-        let wanted = unit() * self.areas.last().copied().unwrap_or(0.0);
-        let index = self.areas.partition_point(|area| *area <= wanted).min(self.triangles.len() - 1);
-        let [a, b, c] = self.triangles[index];
-        // Uniform in a parallelogram, whose other half is folded over.
-        let (u, v) = (unit(), unit());
-        let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
-        let normal = (b - a).cross(c - a).normalize_or(DVec3::Z);
-        let normal = if normal.z < 0.0 { -normal } else { normal };
-        Point { at: a + (b - a) * u + (c - a) * v, normal, heading: 0.0, instance: Some(self.instances[index]) }
+        let mut draw = || {
+            let wanted = unit() * self.areas.last().copied().unwrap_or(0.0);
+            let index = self.areas.partition_point(|area| *area <= wanted).min(self.triangles.len() - 1);
+            let [a, b, c] = self.triangles[index];
+            // Uniform in a parallelogram, whose other half is folded over.
+            let (u, v) = (unit(), unit());
+            let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
+            let normal = (b - a).cross(c - a).normalize_or(DVec3::Z);
+            let normal = if normal.z < 0.0 { -normal } else { normal };
+            Point { at: a + (b - a) * u + (c - a) * v, normal, heading: 0.0, instance: Some(self.instances[index]) }
+        };
+        let Some(within) = within else { return Some(draw()) };
+        (0..MOST_DRAWS).map(|_| draw()).find(|point| within.holds(point.at))
     }
 }
 
 impl Place {
-    /// A place of this kind; `patches` are its surfaces, where it is on such.
-    pub fn draw(&self, patches: Option<&Patches>, address: &Address) -> Point {
+    /// A place of this kind; `patches` are its surfaces, where it is on such. `None`: none was found.
+    pub fn draw(&self, patches: Option<&Patches>, address: &Address) -> Option<Point> {
         let mut stream = address.stream();
         let mut unit = || -> f64 { StandardUniform.sample(&mut stream) };
         let free = |at: DVec3, heading: f64| Point { at, normal: DVec3::Z, heading, instance: None };
         let mut point = match (patches, &self.within, &self.along) {
-            (Some(patches), ..) => patches.draw(address),
+            (Some(patches), within, _) => patches.draw(within.as_ref(), address)?,
             (_, Some(space), _) => {
                 let [low, high] = [space.min_m, space.max_m].map(DVec3::from_array);
                 free(low + (high - low) * DVec3::new(unit(), unit(), unit()), 0.0)
@@ -128,6 +134,6 @@ impl Place {
         if let Some(height) = &self.height_m {
             point.at.z += height.number(&address.of("height_m"));
         }
-        point
+        Some(point)
     }
 }
