@@ -1228,7 +1228,7 @@ echocast_status echocast_scenario_from_text(const echocast_context *context,
                                             echocast_scenario **out);
 
 /**
- * Changes a key of a scenario: `key` is its path ("frames.last", "sensors.top.rate_hz", "sensors[0].mount"), `value`
+ * Changes a key of a scenario: `key` is its path (`frames.last`, `sensors.top.rate_hz`, `sensors[0].mount`), `value`
  * YAML. Samples that were made stay as they are; the next one reads its scene and models again.
  *
  * Errors: ECHOCAST_E_PARSE (key, what was found, what is allowed), ECHOCAST_E_IO, ECHOCAST_E_ARGUMENT,
