@@ -8,8 +8,8 @@ use std::io::Cursor;
 const ACROSS: usize = 4;
 
 /// The PNG pictures `files` as one, row by row; what is no picture is left out.
-pub(crate) fn sheet(files: &[Vec<u8>]) -> Picture {
-    let pictures: Vec<Picture> = files.iter().filter_map(|file| decoded(file)).collect();
+pub(crate) fn sheet<'f>(files: impl Iterator<Item = &'f Vec<u8>>) -> Picture {
+    let pictures: Vec<Picture> = files.filter_map(|file| decoded(file)).collect();
     let width = pictures.iter().map(|picture| picture.width).max().unwrap_or(1);
     let rows: Vec<&[Picture]> = pictures.chunks(ACROSS).collect();
     let height = |row: &[Picture]| row.iter().map(|picture| picture.height).max().unwrap_or(0);
@@ -45,13 +45,13 @@ mod tests {
     fn pictures_lie_in_rows() {
         let file = |width, height, color| Picture::new(width, height, color).packed().unwrap();
         let files: Vec<Vec<u8>> = (0..6).map(|k| file(10, 5 + u32::from(k), [k * 40; 3])).collect();
-        let all = sheet(&files);
+        let all = sheet(files.iter());
         assert_eq!((all.width, all.height), (40, 8 + 10));
         for k in 0..6_u32 {
             assert_eq!(all.pixel(10 * (k % 4) + 1, 8 * (k / 4) + 1), [k as u8 * 40; 3]);
         }
         assert_eq!(all.pixel(35, 17), PAGE);
-        let one = sheet(&[b"no picture".to_vec()]);
+        let one = sheet([b"no picture".to_vec()].iter());
         assert_eq!((one.width, one.height), (1, 1));
     }
 }

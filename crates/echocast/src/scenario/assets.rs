@@ -51,8 +51,8 @@ impl Assets {
         // Read without the lock: other samples need other models.
         let options = LoadOptions { labels: labels.clone(), ..LoadOptions::default() };
         let scene = Scene::load_with(path, &options)?;
-        let points = scene.objects.iter().flat_map(|object| object.mesh.world_points(&object.world_from_object));
-        let solid = Solid::around(DMat3::IDENTITY, points).ok_or_else(|| Error::parse(path, "", "holds no mesh"))?;
+        let solid = Solid::around(DMat3::IDENTITY, scene.world_points())
+            .ok_or_else(|| Error::parse(path, "", "holds no mesh"))?;
         let bytes = scene.meshes().iter().map(|mesh| mesh.bytes()).sum();
         let model = Arc::new(Model { path: path.to_owned(), scene, solid, bytes });
         let mut models = lock(&self.models);

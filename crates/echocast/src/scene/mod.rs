@@ -285,6 +285,11 @@ impl Scene {
         })
     }
 
+    /// The corners of all triangles in the world.
+    pub(crate) fn world_points(&self) -> impl Iterator<Item = DVec3> {
+        self.objects.iter().flat_map(|object| object.mesh.world_points(&object.world_from_object))
+    }
+
     /// Whether anything in it moves or changes by itself.
     pub fn is_moving(&self) -> bool {
         self.objects.iter().any(|object| object.motion.is_some())

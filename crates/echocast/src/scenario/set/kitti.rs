@@ -76,9 +76,9 @@ pub(super) struct Writer<'w> {
 }
 
 impl SemanticKitti {
-    pub fn fields() -> FieldSet {
+    pub fn fields(sample: &Sample) -> FieldSet {
         let own = [Field::X, Field::Y, Field::Z, Field::Intensity, Field::CategoryId, Field::InstanceId];
-        own.into_iter().chain(VELOCITY).collect()
+        own.into_iter().chain(VELOCITY.into_iter().filter(|_| sample.is_moving())).collect()
     }
 
     /// Number of the scan in `sample` that is written.
@@ -127,7 +127,7 @@ impl Writer<'_> {
         let full = cloud.intensity_full_scale.filter(|full| *full > 0.0).unwrap_or(1.0);
         // Instances are numbered anew in each scan, since they have 16 bits.
         let mut instances: HashMap<u32, u16> = HashMap::new();
-        let moving = moving(cloud);
+        let moving = if sample.is_moving() { moving(cloud) } else { HashSet::new() };
         let (mut points, mut labels, mut unknown) = (Vec::new(), Vec::new(), BTreeSet::new());
         let mut classes: HashMap<u32, u16> = HashMap::new();
         for row in 0..cloud.len {

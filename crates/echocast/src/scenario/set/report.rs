@@ -65,8 +65,9 @@ pub(super) fn write(root: &Path, origin: &Origin, entries: &BTreeMap<u64, Entry>
     let pictures = pictures(root)?;
     if !pictures.is_empty() {
         let path = root.join("contact_sheet.png");
-        let files: Vec<Vec<u8>> = pictures.iter().map(|(_, file)| file.clone()).collect();
-        let sheet = preview::sheet(&files).packed().map_err(|source| export::failed(&path, source))?;
+        let sheet = preview::sheet(pictures.iter().map(|(_, file)| file))
+            .packed()
+            .map_err(|source| export::failed(&path, source))?;
         folder::replace(&path, &sheet)?;
     }
     folder::replace(&root.join("report.html"), page(&report, &pictures).as_bytes())

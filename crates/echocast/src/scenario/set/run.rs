@@ -253,7 +253,7 @@ impl Maker<'_> {
             fs::create_dir(unfinished).map_err(|source| Error::Io { path: unfinished.clone(), source })?;
         }
         let shown = number < PICTURES;
-        let mut needed = self.styles.iter().fold(FieldSet::EMPTY, |all, style| all.union(style.fields()));
+        let mut needed = self.styles.iter().fold(FieldSet::EMPTY, |all, style| all.union(style.fields(sample)));
         needed = [Field::X, Field::Y, Field::Z, Field::CategoryId].into_iter().fold(needed, FieldSet::with);
         if shown {
             needed = needed.union(picture().fields());

@@ -87,11 +87,11 @@ impl Style {
         }
     }
 
-    /// Columns that it needs.
-    pub fn fields(&self) -> FieldSet {
+    /// Columns that it needs of `sample`.
+    pub fn fields(&self, sample: &Sample) -> FieldSet {
         match self {
             Style::Plain(style) => style.fields(),
-            Style::SemanticKitti(_) => SemanticKitti::fields(),
+            Style::SemanticKitti(_) => SemanticKitti::fields(sample),
         }
     }
 

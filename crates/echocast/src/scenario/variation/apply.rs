@@ -313,13 +313,9 @@ impl<'s> Stand<'s> {
                 }
                 let stands = rule.drop || rule.to.as_ref().is_some_and(|place| place.on.is_some());
                 let about = |at: &Point| {
-                    let up = aligned(rule.align, at.normal);
-                    let moved = DAffine3::from_translation(at.at)
-                        * DAffine3::from_scale_rotation_translation(scale, up * heading * turned, DVec3::ZERO)
-                        * DAffine3::from_translation(-foot);
                     let things = group.members.iter().map(|&index| &self.things[index]);
                     let points = things.flat_map(|thing| thing.mesh.world_points(&thing.world_from_object));
-                    if stands && tips(turned) { raised(moved, up * DVec3::Z, at.at, points) } else { moved }
+                    stood(at, rule.align, [heading, turned], scale, foot, stands.then_some(points))
                 };
                 let settled = self.settled(&group.solid, target, rule.drop, &group.members, about);
                 let Some((moved, point)) = settled else { continue };
@@ -328,10 +324,7 @@ impl<'s> Stand<'s> {
                 if rule.clearance_m.is_none_or(|free| self.has_room(&solid, free, rule.align, &point, members)) {
                     let position = moved.transform_point3(foot);
                     values.insert("moved_m".into(), json!((position - foot).to_array()));
-                    values.insert("position_m".into(), json!(position.to_array()));
-                    values.extend(turn.map(|turn| ("turn_deg".to_owned(), turn)));
-                    values.extend(orientation(&moved, turned));
-                    values.extend(factor.map(|factor| ("scale".to_owned(), factor)));
+                    tell(&mut values, position, &moved, (turned, turn), factor);
                     found = Some(moved);
                     break;
                 }
@@ -392,23 +385,14 @@ impl<'s> Stand<'s> {
                 let foot = DVec3::Z * model.solid.foot().z;
                 let stands = rule.drop || rule.at.on.is_some();
                 let about = |at: &Point| {
-                    let up = aligned(rule.align, at.normal);
-                    let whole = up * DQuat::from_rotation_z(at.heading) * turned;
-                    let placed = DAffine3::from_translation(at.at)
-                        * DAffine3::from_scale_rotation_translation(scale, whole, DVec3::ZERO)
-                        * DAffine3::from_translation(-foot);
-                    let objects = model.scene.objects.iter();
-                    let points = objects.flat_map(|object| object.mesh.world_points(&object.world_from_object));
-                    if stands && tips(turned) { raised(placed, up * DVec3::Z, at.at, points) } else { placed }
+                    let heading = DQuat::from_rotation_z(at.heading);
+                    stood(at, rule.align, [heading, turned], scale, foot, stands.then(|| model.scene.world_points()))
                 };
                 let settled = self.settled(&model.solid, point, rule.drop, &[], about);
                 let Some((placed, point)) = settled else { continue };
                 let solid = model.solid.moved(&placed);
                 if rule.overlap || self.has_room(&solid, rule.clearance_m, rule.align, &point, &[]) {
-                    values.insert("position_m".into(), json!(placed.transform_point3(foot).to_array()));
-                    values.extend(turn.map(|turn| ("turn_deg".to_owned(), turn)));
-                    values.extend(orientation(&placed, turned));
-                    values.extend(factor.map(|factor| ("scale".to_owned(), factor)));
+                    tell(&mut values, placed.transform_point3(foot), &placed, (turned, turn), factor);
                     found = Some(placed);
                     break;
                 }
@@ -640,21 +624,46 @@ fn turn(random: Option<&Random>, address: &Address) -> (DQuat, Option<Value>) {
     (turned, Some(value))
 }
 
-/// Whether something turned so stands on another side.
-fn tips(turned: DQuat) -> bool {
-    (turned * DVec3::Z).z < 1.0 - 1e-12
+/// How something is placed that stands on its `foot` at `point`, with its `heading` and as it is `turned`. If its
+/// `points` are given, what is turned over is raised until the lowest of them stands there.
+fn stood(
+    point: &Point,
+    align: Align,
+    [heading, turned]: [DQuat; 2],
+    scale: DVec3,
+    foot: DVec3,
+    points: Option<impl Iterator<Item = DVec3>>,
+) -> DAffine3 {
+    let up = aligned(align, point.normal);
+    let placed = DAffine3::from_translation(point.at)
+        * DAffine3::from_scale_rotation_translation(scale, up * heading * turned, DVec3::ZERO)
+        * DAffine3::from_translation(-foot);
+    let turned_over = (turned * DVec3::Z).z < 1.0 - 1e-12;
+    match points.filter(|_| turned_over) {
+        Some(points) => {
+            let up = up * DVec3::Z;
+            let lowest = points.map(|point| placed.transform_point3(point).dot(up)).fold(f64::INFINITY, f64::min);
+            DAffine3::from_translation(up * (point.at.dot(up) - lowest)) * placed
+        }
+        None => placed,
+    }
 }
 
-/// `placed`, raised such that the lowest of `points` stands at `at`, where `up` is up.
-fn raised(placed: DAffine3, up: DVec3, at: DVec3, points: impl Iterator<Item = DVec3>) -> DAffine3 {
-    let lowest = points.map(|point| placed.transform_point3(point).dot(up)).fold(f64::INFINITY, f64::min);
-    DAffine3::from_translation(up * (at.dot(up) - lowest)) * placed
-}
-
-/// How `placed` turns something, if it is not as `drawn`: by a slope or a line, too.
-fn orientation(placed: &DAffine3, drawn: DQuat) -> Option<(String, Value)> {
+/// Writes down where and how something is `placed`; the whole orientation where it is not as drawn: by a slope or a
+/// line, too.
+fn tell(
+    values: &mut Map<String, Value>,
+    position: DVec3,
+    placed: &DAffine3,
+    (turned, turn): (DQuat, Option<Value>),
+    factor: Option<Value>,
+) {
     let (_, whole, _) = placed.to_scale_rotation_translation();
-    (whole.dot(drawn).abs() < 1.0 - 1e-12).then(|| ("orientation_xyzw".to_owned(), json!(whole.to_array())))
+    let as_drawn = whole.dot(turned).abs() >= 1.0 - 1e-12;
+    values.insert("position_m".into(), json!(position.to_array()));
+    values.extend(turn.map(|turn| ("turn_deg".to_owned(), turn)));
+    values.extend((!as_drawn).then(|| ("orientation_xyzw".to_owned(), json!(whole.to_array()))));
+    values.extend(factor.map(|factor| ("scale".to_owned(), factor)));
 }
 
 /// A drawn size: one factor, or one for each axis; and what was drawn.
