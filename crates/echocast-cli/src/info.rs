@@ -1,10 +1,10 @@
 //! `echocast info`
 
-use crate::input::SceneArgs;
+use crate::input::{SceneArgs, positive};
 use crate::text::{self, thousands};
 use anyhow::Result;
-use echocast::material::Reflectance;
-use echocast::{Scene, shown};
+use echocast::material::{Returned, Why};
+use echocast::{ReflectanceSource, Scene, shown};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
@@ -14,23 +14,33 @@ use std::fmt::Write as _;
 pub struct Args {
     #[command(flatten)]
     scene: SceneArgs,
+    /// Wavelength at which reflectances are listed, nm
+    #[arg(long, value_name = "NM", default_value = "905", value_parser = positive)]
+    wavelength: f64,
 }
 
 pub fn run(args: &Args) -> Result<()> {
-    text::print(&describe(&args.scene.names(), &args.scene.load(&args.scene.labels()?)?)?)
+    text::print(&describe(&args.scene.names(), &args.scene.load(&args.scene.labels()?)?, args.wavelength)?)
 }
 
-fn reflectance(of: &Reflectance) -> String {
-    match of {
-        Reflectance::Constant(value) => format!(", reflectance {value:.3}"),
-        Reflectance::Samples(samples) => {
-            let samples = samples.iter().map(|sample| format!("{:.3} at {} nm", sample.value, sample.wavelength_nm));
-            format!(", reflectance {}", samples.collect::<Vec<_>>().join(", "))
-        }
+/// How much light the materials of `scene` return, and why, a line each.
+fn write_materials(text: &mut String, scene: &Scene, wavelength_nm: f64) -> Result<()> {
+    writeln!(text, "materials   {}, reflectance at {wavelength_nm} nm", scene.materials.len())?;
+    for material in &scene.materials {
+        let Returned { value, spread, by_image, why } = material.returned(wavelength_nm, ReflectanceSource::Library);
+        let spread = spread.map_or(String::new(), |spread| format!(" +- {spread:.2}"));
+        let value = if by_image { "by image" } else { &format!("{value:.3}") };
+        let source = match (why, &*material.source) {
+            (Why::Given, source) if !source.is_empty() => format!(": {}", shown::text(source)),
+            _ => String::new(),
+        };
+        let changes = if material.changes.is_some() { ", changes over time" } else { "" };
+        writeln!(text, "  {:<28} {value}{spread}, {why}{source}{changes}", shown::text(&material.name))?;
     }
+    Ok(())
 }
 
-fn describe(name: &str, scene: &Scene) -> Result<String> {
+fn describe(name: &str, scene: &Scene, wavelength_nm: f64) -> Result<String> {
     let mut text = format!("{name}\n");
     let placed = scene.objects.len();
     writeln!(text, "triangles   {}", thousands(scene.triangle_count()))?;
@@ -53,18 +63,7 @@ fn describe(name: &str, scene: &Scene) -> Result<String> {
     }
     writeln!(text, "textures    {}", scene.textures().len())?;
 
-    writeln!(text, "materials   {}", scene.materials.len())?;
-    for material in &scene.materials {
-        let [r, g, b, a] = material.base_color;
-        let texture = if material.base_color_texture.is_some() { ", texture" } else { "" };
-        let reflectance = material.reflectance.as_ref().map_or(String::new(), reflectance);
-        let changes = if material.changes.is_some() { ", changes over time" } else { "" };
-        writeln!(
-            text,
-            "  {:<28} linear rgba {r:.3} {g:.3} {b:.3} {a:.3}{texture}{reflectance}{changes}",
-            shown::text(&material.name)
-        )?;
-    }
+    write_materials(&mut text, scene, wavelength_nm)?;
 
     let mut objects_of: BTreeMap<u32, usize> = BTreeMap::new();
     for object in &scene.objects {

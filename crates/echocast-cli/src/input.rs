@@ -5,6 +5,7 @@ use anyhow::{Context as _, Result, anyhow, ensure};
 use clap::Args;
 use clap::builder::{OsStringValueParser, TypedValueParser as _};
 use echocast::scene::{CacheFile, UpAxis};
+use echocast::scene::{Material, MaterialRule, MaterialRules};
 use echocast::{Error, LabelRules, LoadOptions, ReturnMode, Scene, Sensor, SensorKind, Trajectory, shown};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -23,6 +24,14 @@ pub struct SceneArgs {
     /// Label file (YAML): names to numbers, object and material name patterns to names; `-` for standard input
     #[arg(long, value_name = "FILE", help_heading = "Scene")]
     labels: Option<PathBuf>,
+    /// What surfaces are made of (YAML): material name patterns, each with the name of a library material or with keys of a
+    /// material file; `-` for standard input
+    #[arg(long, value_name = "FILE", help_heading = "Scene")]
+    materials: Option<PathBuf>,
+    /// Let materials whose name matches PATTERN (with `*` and `?`) reflect as the library material NAME does
+    /// (`echocast info` lists what is used). Example: `--material "Sofa*=fabric"`; repeatable
+    #[arg(long, value_name = "PATTERN=NAME", value_parser = material, help_heading = "Scene")]
+    material: Vec<(String, String)>,
     /// Up axis of scene formats that do not define one (OBJ)
     #[arg(long, default_value = "z", value_parser = choice::of::<UpAxis>(), help_heading = "Scene")]
     up: UpAxis,
@@ -57,6 +66,19 @@ impl SceneArgs {
         }
     }
 
+    /// The rules of `--materials` and `--material`.
+    fn materials(&self) -> Result<MaterialRules> {
+        let mut rules = match &self.materials {
+            Some(file) => file_or_stdin("--materials", file, MaterialRules::load, MaterialRules::from_yaml)?,
+            None => MaterialRules::default(),
+        };
+        for (pattern, name) in &self.material {
+            Material::library(name).context("--material")?;
+            rules.set(pattern, MaterialRule::Library(name.clone()));
+        }
+        Ok(rules)
+    }
+
     /// Reads all files into one scene, labelled by `labels`.
     pub fn load(&self, labels: &LabelRules) -> Result<Scene> {
         let mut caches = BTreeMap::new();
@@ -73,6 +95,7 @@ impl SceneArgs {
             looped: self.looped,
             allow_outside_paths: self.allow_outside_paths,
             caches,
+            materials: self.materials()?,
         };
         let told = self.up != UpAxis::Z || self.scale != 1.0;
         let is_obj = |file: &PathBuf| file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("obj"));
@@ -113,6 +136,7 @@ impl SceneArgs {
             "loop": self.looped,
             "allow_outside_paths": self.allow_outside_paths,
             "caches": caches,
+            "materials": serde_json::to_value(self.materials()?).context("the material rules cannot be reported")?,
         }))
     }
 }
@@ -230,6 +254,14 @@ pub fn key_value(text: &str) -> Result<(String, String), String> {
     match text.split_once('=') {
         Some((key, value)) if !key.is_empty() => Ok((key.to_owned(), value.to_owned())),
         _ => Err("expected KEY=VALUE, such as noise.range_sigma_m=0".into()),
+    }
+}
+
+/// `PATTERN=NAME`; the pattern may hold `=` itself.
+fn material(text: &str) -> Result<(String, String), String> {
+    match text.rsplit_once('=') {
+        Some((pattern, name)) if !pattern.is_empty() && !name.is_empty() => Ok((pattern.to_owned(), name.to_owned())),
+        _ => Err("expected PATTERN=NAME, such as Sofa*=fabric".into()),
     }
 }
 

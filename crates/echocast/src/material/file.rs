@@ -26,7 +26,8 @@ impl Material {
     pub(crate) fn with_keys(&self, key: &str, keys: &Value) -> Result<Material> {
         let mut whole = keys.clone();
         if let Some(whole) = whole.as_object_mut() {
-            whole.entry("name").or_insert_with(|| self.name.clone().into());
+            // Materials of scenes may have none; here it is only there to be read.
+            whole.entry("name").or_insert_with(|| "unnamed".into());
         }
         let given = Material::read(&Document::from_value(key, whole))?;
         let mut material = self.clone();

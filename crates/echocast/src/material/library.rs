@@ -1,11 +1,41 @@
 //! The material library: reflectance by material name and wavelength, and what surfaces do with sound, one YAML per
 //! material in `presets/material`.
 
+use super::words::words;
 use super::{Alpha, Material, Reflectance, Sound};
 use crate::ground::error::{Error, Result};
 use crate::read::presets;
 use crate::read::yaml::Document;
+use serde::Deserialize;
+use std::collections::HashMap;
 use std::sync::OnceLock;
+
+/// A material of the library, and the names that scenes give it.
+#[derive(Debug)]
+pub(super) struct Entry {
+    pub material: Material,
+    pub names: Names,
+}
+
+/// How an entry's material is called.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Names {
+    /// Words and phrases for the material itself.
+    words: Vec<String>,
+    /// For things that are mostly made of it; they count where no word does.
+    things: Vec<String>,
+    /// Standard deviation of the reflectance near 905 nm between samples and kinds of it.
+    pub spread: Option<f32>,
+}
+
+/// Why a name is that of a material.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Match {
+    pub entry: &'static Entry,
+    /// The words of the name that say so.
+    pub phrase: &'static str,
+}
 
 impl Material {
     /// The library material called `name`; case and the suffix of a copy (`concrete.001`) are ignored.
@@ -13,61 +43,140 @@ impl Material {
     /// # Errors
     /// [`Error::Missing`] with similar names.
     pub fn library(name: &str) -> Result<Material> {
-        let known = || materials().iter().map(|material| &material.name);
-        find(name).cloned().ok_or_else(|| Error::missing("library material", name, known()))
+        let known = || library().entries.iter().map(|entry| &entry.material.name);
+        let found = called(name).map(|entry| entry.material.clone());
+        found.ok_or_else(|| Error::missing("library material", name, known()))
+    }
+
+    /// All library materials, by name.
+    pub fn all_in_library() -> impl Iterator<Item = &'static Material> {
+        library().entries.iter().map(|entry| &entry.material)
     }
 }
 
-/// What the library knows of a scene material called `name`.
-fn find(name: &str) -> Option<&'static Material> {
-    let stem = match name.rsplit_once('.') {
-        Some((stem, digits)) if digits.len() == 3 && digits.bytes().all(|b| b.is_ascii_digit()) => stem,
-        _ => name,
-    };
-    materials().iter().find(|material| material.name.eq_ignore_ascii_case(stem))
-}
-
-/// The reflectance of a material, from itself or from the library; none where its alpha gives it.
-pub(super) fn reflectance(material: &Material) -> Option<&Reflectance> {
-    let by_name = || find(&material.name).filter(|_| material.alpha != Alpha::Reflectance)?.reflectance.as_ref();
-    material.reflectance.as_ref().or_else(by_name)
+/// The reflectance that the library has for the name of `material`, with the standard deviation between its kinds, and
+/// why; none where its alpha gives it.
+pub(super) fn reflectance(material: &Material) -> Option<(&'static Reflectance, Match)> {
+    let found = find(&material.name).filter(|_| material.alpha != Alpha::Reflectance)?;
+    Some((found.entry.material.reflectance.as_ref()?, found))
 }
 
 /// What a material does with sound, from itself or from the library.
 pub(super) fn sound(material: &Material) -> Option<&Sound> {
-    material.sound.as_ref().or_else(|| find(&material.name)?.sound.as_ref())
+    material.sound.as_ref().or_else(|| find(&material.name)?.entry.material.sound.as_ref())
 }
 
-/// All of them; the files are embedded in this crate and a test reads every one.
-fn materials() -> &'static [Material] {
-    static MATERIALS: OnceLock<Vec<Material>> = OnceLock::new();
-    MATERIALS.get_or_init(|| {
-        presets::embedded("material/")
+/// The entry called `name`, apart from its case and the suffix of a copy.
+fn called(name: &str) -> Option<&'static Entry> {
+    let stem = match name.rsplit_once('.') {
+        Some((stem, digits)) if digits.len() == 3 && digits.bytes().all(|b| b.is_ascii_digit()) => stem,
+        _ => name,
+    };
+    library().entries.iter().find(|entry| entry.material.name.eq_ignore_ascii_case(stem))
+}
+
+/// What the library knows of a scene material called `name`: the material of that name; else the one of whose words most
+/// are in it, the last of them where several have as many; else the same with things.
+fn find(name: &str) -> Option<Match> {
+    if let Some(entry) = called(name) {
+        return Some(Match { entry, phrase: &entry.material.name });
+    }
+    let library = library();
+    let words = words(name);
+    let mut best: Option<([usize; 4], Match)> = None;
+    for word in &words {
+        for phrase in library.by_word.get(word.as_str()).into_iter().flatten() {
+            let last = phrase.words.iter().map(|word| words.iter().rposition(|it| it == word)).max().flatten();
+            let all = phrase.words.iter().all(|word| words.contains(word));
+            let letters = phrase.words.iter().map(String::len).sum();
+            let rank = [usize::from(phrase.names_material), phrase.words.len(), last.unwrap_or(0), letters];
+            if all && best.as_ref().is_none_or(|(known, _)| rank > *known) {
+                best = Some((rank, Match { entry: &library.entries[phrase.entry], phrase: &phrase.text }));
+            }
+        }
+    }
+    best.map(|(_, found)| found)
+}
+
+struct Library {
+    entries: Vec<Entry>,
+    /// Phrases by their first word.
+    by_word: HashMap<String, Vec<Phrase>>,
+}
+
+struct Phrase {
+    text: String,
+    words: Vec<String>,
+    /// Whether it is a word for the material, not for a thing.
+    names_material: bool,
+    /// Row of the entries.
+    entry: usize,
+}
+
+/// The files are embedded in this crate and a test reads every one.
+fn library() -> &'static Library {
+    static LIBRARY: OnceLock<Library> = OnceLock::new();
+    LIBRARY.get_or_init(|| {
+        let entries: Vec<Entry> = presets::embedded("material/")
             .map(|(path, text)| read(path, text).expect("presets that are compiled in can be read"))
-            .collect()
+            .collect();
+        let mut by_word: HashMap<String, Vec<Phrase>> = HashMap::new();
+        for (number, Entry { names, .. }) in entries.iter().enumerate() {
+            let phrases = names.words.iter().map(|text| (text, true));
+            for (text, names_material) in phrases.chain(names.things.iter().map(|text| (text, false))) {
+                let words = words(text);
+                let phrase = Phrase { text: text.clone(), words: words.clone(), names_material, entry: number };
+                let Some(first) = words.into_iter().next() else { continue };
+                by_word.entry(first).or_default().push(phrase);
+            }
+        }
+        Library { entries, by_word }
     })
 }
 
-fn read(path: &str, text: &str) -> Result<Material> {
-    Material::read(&Document::parse(path, text)?)
+/// An entry from the `text` of its file: the keys of a material, and those of [`Names`].
+fn read(path: &str, text: &str) -> Result<Entry> {
+    let document = Document::parse(path, text)?;
+    let mut keys = document.value().clone();
+    let mut names = serde_json::Map::new();
+    if let Some(keys) = keys.as_object_mut() {
+        for key in ["words", "things", "spread"] {
+            names.extend(keys.shift_remove_entry(key));
+        }
+    }
+    let names = Document::from_value(path, names.into()).read()?;
+    Ok(Entry { material: Material::read(&Document::from_value(path, keys))?, names })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::collections::HashSet;
+
+    /// The wavelengths of common LiDARs, nm.
+    const WAVELENGTHS: [f64; 5] = [532.0, 905.0, 940.0, 1064.0, 1550.0];
 
     #[test]
     fn every_file_of_the_library_is_sound() {
+        let mut phrases = HashSet::new();
         let mut count = 0;
         for (path, text) in presets::embedded("material/") {
-            let material = read(path, text).unwrap();
+            let Entry { material, names } = read(path, text).unwrap();
             assert_eq!(path, format!("material/{}.yaml", material.name));
-            assert!(material.reflectance.is_some() || material.sound.is_some(), "{path}");
             assert!(!material.source.is_empty(), "{path}");
+            let Some(Reflectance::Samples(samples)) = &material.reflectance else { panic!("{path}") };
+            let wavelengths: Vec<f64> = samples.iter().map(|sample| sample.wavelength_nm).collect();
+            assert_eq!(wavelengths, WAVELENGTHS, "{path}");
+            assert!(names.spread.is_some_and(|spread| spread > 0.0 && spread < 0.5), "{path}");
+            for phrase in names.words.iter().chain(&names.things) {
+                let mut words = words(phrase);
+                words.sort();
+                assert!(!words.is_empty() && phrases.insert(words), "{path}: {phrase:?} is there twice");
+            }
             count += 1;
         }
-        assert_eq!(count, materials().len());
-        assert!(count > 0);
+        assert_eq!(count, library().entries.len());
+        assert!(count >= 80, "{count}");
     }
 
     /// Typical reflectances at 905 nm, and of snow at 1550 nm.
@@ -88,9 +197,41 @@ mod tests {
         }
     }
 
-    /// The seabeds say nothing of light, so scenes whose materials have their names keep their reflectance.
+    /// Names of materials in scenes that people made, and in the generated ones.
     #[test]
-    fn seabeds_have_sound_alone() {
+    fn names_speak_of_materials() {
+        for (name, expected) in [
+            ("DarkRedFabric", "fabric"),
+            ("Asphalt.001", "asphalt_dry"),
+            ("asphalt_wet", "asphalt_wet"),
+            ("WetAsphalt", "asphalt_wet"),
+            ("DarkWoodMat", "wood_dark"),
+            ("light_wood", "wood_light"),
+            ("white_wall", "painted_plaster"),
+            ("Walls", "painted_plaster"),
+            ("Sofa", "fabric"),
+            ("Black_Plastic_Dull", "plastic_black"),
+            ("LigthGreenLeaves", "leaf"),
+            ("Door_Frame_Glass", "glass"),
+            ("Radiator", "painted_metal"),
+            ("Monitor_Screen", "screen"),
+            ("roof_tile", "roof_tile"),
+            ("TreeBark_02", "bark"),
+            ("RoadMarkingYellow", "road_marking_yellow"),
+        ] {
+            let found = find(name).map(|found| found.entry.material.name.as_str());
+            assert_eq!(found, Some(expected), "{name}");
+        }
+        // Words within words are none.
+        for name in ["", "Material.001", "PC", "Goldfish", "Woodrow", "brickly", "default", "Board"] {
+            assert!(find(name).is_none(), "{name}: {:?}", find(name));
+        }
+        let material = Material { name: "DarkRedFabric".into(), alpha: Alpha::Reflectance, ..Material::default() };
+        assert!(reflectance(&material).is_none(), "its alpha says it");
+    }
+
+    #[test]
+    fn seabeds_have_sound() {
         use super::super::Sediment;
         for (name, sediment) in [
             ("rock", Sediment::Rock),
@@ -100,7 +241,6 @@ mod tests {
         ] {
             let scene = Material { name: format!("{name}.001"), ..Material::default() };
             assert_eq!(scene.sound_law(), Some(&Sound::Sediment { name: sediment }));
-            assert_eq!(reflectance(&scene), None);
             let own = Material { sound: Some(Sound::Lambert { mu_db: -20.0 }), ..scene };
             assert_eq!(own.sound_law(), own.sound.as_ref());
         }
@@ -108,11 +248,11 @@ mod tests {
     }
 
     #[test]
-    fn names_match_without_case_and_copy_suffix() {
-        assert_eq!(find("Concrete.012").unwrap().name, "concrete");
-        assert!(find("concrete.wall").is_none());
-        assert_eq!(Material::library("Concrete").unwrap(), *find("concrete").unwrap());
+    fn library_names_match_without_case_and_copy_suffix() {
+        assert_eq!(called("Concrete.012").unwrap().material.name, "concrete");
+        assert!(called("concrete.wall").is_none());
+        assert_eq!(Material::library("Concrete").unwrap(), called("concrete").unwrap().material);
         let error = Material::library("concret").unwrap_err().to_string();
-        assert_eq!(error, "there is no library material named \"concret\"; near: concrete");
+        assert!(error.starts_with("there is no library material named \"concret\"; near: concrete"), "{error}");
     }
 }

@@ -4,17 +4,20 @@ mod change;
 mod decode;
 mod file;
 pub(crate) mod fresnel;
+mod infrared;
 mod library;
 mod optics;
 mod reflectance;
 mod scattering;
 mod sound;
 mod texture;
+mod words;
 
 pub use change::Changes;
+use infrared::Estimate;
 pub(crate) use optics::{Mirrors, Optics};
 pub(crate) use reflectance::Reflectances;
-pub use reflectance::{Reflectance, ReflectanceSample};
+pub use reflectance::{Reflectance, ReflectanceSample, Returned, Why};
 pub use scattering::{RetroSample, Scattering};
 pub use sound::{Sediment, Sound};
 pub use texture::{Filter, Texture, TextureRef, Wrap};
@@ -24,17 +27,19 @@ use crate::ground::named::named;
 use serde::Deserialize;
 use std::sync::Arc;
 
-/// Where the reflectance of a surface comes from when neither its material nor the material library gives it.
+/// Where the reflectance of a surface comes from when its material does not give it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ReflectanceSource {
-    /// Luminance of the linear base colour (Rec. 709 weights).
-    #[default]
+    /// Luminance of the linear base colour (Rec. 709 weights), whatever the wavelength.
     Luminance,
     /// Alpha of the base colour, as in the paper's system.
     Alpha,
+    /// The library material that its name speaks of; else what its base colour suggests for the wavelength.
+    #[default]
+    Library,
 }
 
-named! { ReflectanceSource: Luminance "luminance", Alpha "alpha" }
+named! { ReflectanceSource: Luminance "luminance", Alpha "alpha", Library "library" }
 
 /// What the alpha of a surface's base colour means.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
@@ -142,19 +147,61 @@ impl Material {
         library::sound(self)
     }
 
-    /// Where its reflectance comes from in a scan that uses `source`.
-    pub(crate) fn reflectance_source(&self, source: ReflectanceSource) -> ReflectanceSource {
-        if self.alpha == Alpha::Reflectance { ReflectanceSource::Alpha } else { source }
+    /// This material reflecting light and sound as `other` does; `source` is where that comes from.
+    pub(crate) fn made_of(&self, other: &Material, source: String) -> Material {
+        let alpha = if self.alpha == Alpha::Reflectance { Alpha::Ignore } else { self.alpha };
+        Material {
+            source,
+            alpha,
+            reflectance: other.reflectance.clone(),
+            scattering: other.scattering.clone(),
+            sound: other.sound.clone().or_else(|| self.sound.clone()),
+            changes: None,
+            ..self.clone()
+        }
+    }
+
+    /// What its colour says of its reflectance at `wavelength_nm` in a scan that uses `source`.
+    pub(crate) fn by_color(&self, source: ReflectanceSource, wavelength_nm: f64) -> ByColor {
+        match source {
+            _ if self.alpha == Alpha::Reflectance => ByColor::Alpha,
+            ReflectanceSource::Alpha => ByColor::Alpha,
+            ReflectanceSource::Luminance => ByColor::Luminance,
+            // The colour of a metal is its reflectance, and hardly changes beyond red.
+            ReflectanceSource::Library if self.metallic > 0.5 => ByColor::Luminance,
+            ReflectanceSource::Library => ByColor::Infrared(Estimate::at(wavelength_nm)),
+        }
     }
 }
 
 impl ReflectanceSource {
+    /// The one that stands for it where surfaces reflect sound: the names and the infrared say nothing of that.
+    pub(crate) fn of_sound(self) -> ReflectanceSource {
+        if self == ReflectanceSource::Library { ReflectanceSource::Luminance } else { self }
+    }
+}
+
+/// What a base colour says of reflectance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum ByColor {
+    Luminance,
+    Alpha,
+    Infrared(Estimate),
+}
+
+impl ByColor {
     /// Reflectance, 0..1, of a linear base colour and alpha.
-    pub fn of(self, rgba: [f32; 4]) -> f32 {
+    pub fn of(&self, rgba: [f32; 4]) -> f32 {
+        let [r, g, b, alpha] = rgba;
         match self {
-            // Rec. ITU-R BT.709 luma coefficients on linear light.
-            ReflectanceSource::Luminance => 0.2126 * rgba[0] + 0.7152 * rgba[1] + 0.0722 * rgba[2],
-            ReflectanceSource::Alpha => rgba[3],
+            ByColor::Luminance => luminance([r, g, b]),
+            ByColor::Alpha => alpha,
+            ByColor::Infrared(estimate) => estimate.of([r, g, b]),
         }
     }
+}
+
+/// Luminance of a linear colour: Rec. ITU-R BT.709 luma coefficients on linear light.
+fn luminance([r, g, b]: [f32; 3]) -> f32 {
+    0.2126 * r + 0.7152 * g + 0.0722 * b
 }

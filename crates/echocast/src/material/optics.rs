@@ -1,6 +1,6 @@
 //! What smooth surfaces do with light, by material.
 
-use super::{Material, ReflectanceSource, fresnel, library};
+use super::{Material, ReflectanceSource, fresnel, luminance};
 
 /// How a material divides light that meets it, at one wavelength.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,15 +73,9 @@ impl Optics {
         }
         let lossless = mirrors != Mirrors::Real;
         let metal = (material.extinction_index > 0.0).then_some([material.ior, material.extinction_index]);
-        let known = library::reflectance(material);
-        let by_color = || material.reflectance_source(source).of(material.base_color);
-        let mirror = known.map_or_else(by_color, |known| known.at(wavelength_nm));
+        let mirror = material.returned(wavelength_nm, source).value;
         // KHR_materials_volume: white light has the colour c after the distance d, so e^(-a d) = c.
-        let color = ReflectanceSource::Luminance.of({
-            let [r, g, b] = material.attenuation_color;
-            [r, g, b, 1.0]
-        });
-        let absorption = -color.clamp(1e-6, 1.0).ln() / material.attenuation_distance_m;
+        let absorption = -luminance(material.attenuation_color).clamp(1e-6, 1.0).ln() / material.attenuation_distance_m;
         let clean = 1.0 - material.dirt;
         Optics {
             diffuse: (1.0 - metallic - transmission).max(0.0) * clean,

@@ -1,6 +1,6 @@
 //! How much light surfaces return: one material at every wavelength, all materials of a scene at one.
 
-use super::{Material, Mirrors, Optics, ReflectanceSource, Scattering, library};
+use super::{ByColor, Material, Mirrors, Optics, ReflectanceSource, Scattering, library};
 use serde::Deserialize;
 use serde::de::{self, Deserializer, SeqAccess, Visitor};
 use std::fmt;
@@ -81,6 +81,81 @@ impl<'de> Deserialize<'de> for Reflectance {
     }
 }
 
+/// How much light of one wavelength a material returns, and why.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Returned {
+    /// Reflectance, 0..1; with an image, that of the colour which multiplies it.
+    pub value: f32,
+    /// Standard deviation of what it may truly be, where that is known.
+    pub spread: Option<f32>,
+    /// Whether it differs from place to place with the image of the base colour.
+    pub by_image: bool,
+    /// Why.
+    pub why: Why,
+}
+
+/// Why a material returns as much light as it does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Why {
+    /// It gives its reflectance.
+    Given,
+    /// Its name speaks of a library material.
+    Named {
+        /// The library material.
+        material: &'static str,
+        /// The words of its name that do.
+        words: &'static str,
+    },
+    /// Its colour suggests it.
+    Estimated,
+    /// The luminance of its base colour, as asked or as it is a metal.
+    Luminance,
+    /// The alpha of its base colour, as asked or as it says itself.
+    Alpha,
+}
+
+impl fmt::Display for Why {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match self {
+            Why::Given => f.write_str("given"),
+            Why::Named { material, words } if material == words => write!(f, "library material {material}"),
+            Why::Named { material, words } => write!(f, "library material {material}, for \"{words}\" in its name"),
+            Why::Estimated => f.write_str("estimated from the colour"),
+            Why::Luminance => f.write_str("luminance of the colour"),
+            Why::Alpha => f.write_str("alpha of the colour"),
+        }
+    }
+}
+
+impl Material {
+    /// How much light of `wavelength_nm` it returns, in this order: as it says itself; as `source` says.
+    pub fn returned(&self, wavelength_nm: f64, source: ReflectanceSource) -> Returned {
+        if let Some(own) = &self.reflectance {
+            return Returned { value: own.at(wavelength_nm), spread: None, by_image: false, why: Why::Given };
+        }
+        let by_color = self.by_color(source, wavelength_nm);
+        if source == ReflectanceSource::Library
+            && let Some((reflectance, found)) = library::reflectance(self)
+        {
+            let library::Entry { material, names } = found.entry;
+            let why = Why::Named { material: &material.name, words: found.phrase };
+            return Returned { value: reflectance.at(wavelength_nm), spread: names.spread, by_image: false, why };
+        }
+        let (why, spread) = match by_color {
+            ByColor::Infrared(estimate) => (Why::Estimated, Some(estimate.sigma)),
+            ByColor::Luminance => (Why::Luminance, None),
+            ByColor::Alpha => (Why::Alpha, None),
+        };
+        let by_image = self.base_color_texture.is_some();
+        Returned { value: by_color.of(self.base_color), spread, by_image, why }
+    }
+
+    /// Its own reflectance, or that of the library for its name.
+    pub(crate) fn known_reflectance(&self) -> Option<&Reflectance> {
+        self.reflectance.as_ref().or_else(|| Some(library::reflectance(self)?.0))
+    }
+}
+
 /// Reflectance of every material at one wavelength.
 pub(crate) struct Reflectances {
     /// In the order of the materials; NaN where only the surface's image gives it.
@@ -91,6 +166,8 @@ pub(crate) struct Reflectances {
     pub scatter: bool,
     /// What smooth surfaces do with light, likewise.
     pub optics: Vec<Optics>,
+    /// What colours say where an image decides, likewise.
+    pub by_color: Vec<ByColor>,
     /// Whether light goes on from any of them.
     pub go_on: bool,
     wavelength_nm: f64,
@@ -99,13 +176,11 @@ pub(crate) struct Reflectances {
 }
 
 impl Reflectances {
-    /// In this order: the material itself, the material library, the base colour as `source` says. `mirrors`: what
-    /// these absorb.
+    /// As [`Material::returned`] says. `mirrors`: what these absorb.
     pub fn new(materials: &[Arc<Material>], wavelength_nm: f64, source: ReflectanceSource, mirrors: Mirrors) -> Self {
-        let of = |material: &Arc<Material>| match library::reflectance(material) {
-            Some(reflectance) => reflectance.at(wavelength_nm),
-            None if material.base_color_texture.is_some() => f32::NAN,
-            None => material.reflectance_source(source).of(material.base_color),
+        let of = |material: &Arc<Material>| {
+            let returned = material.returned(wavelength_nm, source);
+            if returned.by_image { f32::NAN } else { returned.value }
         };
         let optics: Vec<Optics> =
             materials.iter().map(|material| Optics::new(material, wavelength_nm, source, mirrors)).collect();
@@ -123,6 +198,7 @@ impl Reflectances {
             greatest: own.zip(&optics).map(|(own, optics)| own * optics.diffuse + optics.dirt).fold(0.0, f32::max),
             by_material,
             scatter,
+            by_color: materials.iter().map(|material| material.by_color(source, wavelength_nm)).collect(),
             go_on: optics.iter().any(Optics::goes_on),
             optics,
             wavelength_nm,

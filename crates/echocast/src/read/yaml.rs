@@ -17,14 +17,6 @@ use std::path::Path;
 /// Deepest nesting accepted.
 const MAX_DEPTH: usize = 64;
 
-/// Reads the YAML file at `path`.
-///
-/// # Errors
-/// A missing file; a syntax error, unknown key, wrong type or missing key with its line.
-pub fn load<T: DeserializeOwned>(path: &Path) -> Result<T> {
-    Document::load(path)?.read()
-}
-
 /// Reads YAML `text` that came from `origin` (a file name, or a word for messages).
 ///
 /// # Errors

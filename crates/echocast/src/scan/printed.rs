@@ -107,7 +107,7 @@ impl<'a> Printed<'a> {
         let (column, _) = Column::new(&water, acoustics.frequency(), depth)?;
         let wavelength = column.speed_at(depth) / acoustics.frequency();
         let source = if program { ReflectanceSource::Alpha } else { ReflectanceSource::Luminance };
-        let source = options.reflectance_source.unwrap_or(source);
+        let source = options.reflectance_source.unwrap_or(source).of_sound();
         Ok(Printed {
             scene,
             acoustics,
@@ -172,8 +172,8 @@ impl<'a> Printed<'a> {
         let surface = &surfaces.rows[surface as usize];
         let known = self.reflectances.by_material[surface.material as usize];
         if known.is_nan() {
-            let source = surfaces.materials[surface.material as usize].reflectance_source(self.reflectances.source);
-            return source.of(surfaces.base_color(surface, triangle, corner)).into();
+            let by_color = &self.reflectances.by_color[surface.material as usize];
+            return by_color.of(surfaces.base_color(surface, triangle, corner)).into();
         }
         known.into()
     }

@@ -86,6 +86,7 @@ impl Scenario {
             return Scenario::read(&Document::from_value(format!("{origin}: run"), run.clone()), origin, folder);
         }
         let mut spec = Spec::read(document)?;
+        spec.scene.materials.check(document, "scene.materials")?;
         let folder = spec.folder.as_ref().map_or(folder.to_owned(), |own| folder.join(own));
         spec.read_files(&folder).map_err(|error| document.locate(error))?;
         variation::number_grids(&mut spec.variation);

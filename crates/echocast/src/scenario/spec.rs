@@ -10,7 +10,7 @@ use crate::material::ReflectanceSource;
 use crate::medium::Environment;
 use crate::read::yaml::{Document, inner};
 use crate::scan::{Order, Profile};
-use crate::scene::{CacheFile, LabelRules, UpAxis};
+use crate::scene::{CacheFile, LabelRules, MaterialRules, UpAxis};
 use crate::sensor::Sensor;
 use glam::{DQuat, DVec3};
 use serde::Deserialize;
@@ -107,8 +107,8 @@ pub(super) struct SceneSpec {
     pub hide: Vec<String>,
     /// Further models, each at a place of its own.
     pub place: Vec<Placement>,
-    /// Material name pattern to keys of a material file, which replace those of the scene.
-    pub materials: BTreeMap<String, Value>,
+    /// What surfaces are made of, by material name pattern.
+    pub materials: MaterialRules,
 }
 
 impl Default for SceneSpec {
@@ -127,7 +127,7 @@ impl Default for SceneSpec {
             caches: BTreeMap::new(),
             hide: Vec::new(),
             place: Vec::new(),
-            materials: BTreeMap::new(),
+            materials: MaterialRules::default(),
         }
     }
 }

@@ -6,9 +6,8 @@ use super::spec::{LabelSource, SceneSpec, SensorEntry, Spec};
 use super::variation::{SCALES, Units, What};
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
-use crate::material::Material;
 use crate::read::yaml::Document;
-use crate::scene::{LabelRules, LoadOptions, Mesh, Scene, matches};
+use crate::scene::{LabelRules, LoadOptions, Scene, matches};
 use crate::sensor::Sensor;
 use crate::trace::{Engine, LiveScene};
 use glam::{DAffine3, DVec3};
@@ -60,7 +59,7 @@ impl Stage {
             LabelSource::File(file) => LabelRules::load(folder.join(file))?,
             LabelSource::Rules(rules) => {
                 let mut rules = (**rules).clone();
-                rules.check(Path::new("scene.labels"))?;
+                rules.check(&Document::from_value("", Value::Null), "scene.labels")?;
                 rules.caches.values_mut().for_each(|cache| cache.file = folder.join(&cache.file));
                 rules
             }
@@ -119,7 +118,6 @@ impl Stage {
     fn make(&self, spec: &Spec, folder: &Path) -> Result<Base> {
         let mut scene = self.read(&spec.scene, folder)?;
         hide(&mut scene, &spec.scene.hide)?;
-        override_materials(&mut scene, &spec.scene)?;
         let mut live = LiveScene::new(&self.engine);
         live.set_motion_tolerance(spec.motion_tolerance_m)?;
         live.add_scene(&scene)?;
@@ -175,6 +173,7 @@ impl Stage {
             looped: spec.looped,
             allow_outside_paths: spec.allow_outside_paths,
             caches,
+            materials: spec.materials.clone(),
         };
         match &spec.generate {
             Some(made) if spec.files.is_empty() => made.scene(folder)?.load(&options),
@@ -232,37 +231,6 @@ fn hide(scene: &mut Scene, patterns: &[String]) -> Result<()> {
         }
         scene.objects.retain(|object| !matches(pattern, &object.name));
     }
-    Ok(())
-}
-
-/// Replaces what the section `materials` says about materials.
-fn override_materials(scene: &mut Scene, spec: &SceneSpec) -> Result<()> {
-    let mut replaced: HashMap<*const Material, Arc<Material>> = HashMap::new();
-    for (pattern, keys) in &spec.materials {
-        let key = format!("scene.materials.{pattern}");
-        let mut known = false;
-        for material in scene.materials.iter().filter(|material| matches(pattern, &material.name)) {
-            let now = replaced.get(&Arc::as_ptr(material)).unwrap_or(material);
-            let changed = Arc::new(now.with_keys(&key, keys)?);
-            replaced.insert(Arc::as_ptr(material), changed);
-            known = true;
-        }
-        if !known {
-            let names = scene.materials.iter().map(|material| &material.name);
-            let near = crate::ground::error::nearest(pattern, names).join(", ");
-            return Err(Error::invalid(key, "a pattern that no material's name matches", near));
-        }
-    }
-    if replaced.is_empty() {
-        return Ok(());
-    }
-    let mut meshes: HashMap<*const Mesh, Arc<Mesh>> = HashMap::new();
-    let of = |material: &Arc<Material>| replaced.get(&Arc::as_ptr(material)).cloned();
-    for object in &mut scene.objects {
-        let mesh = meshes.entry(Arc::as_ptr(&object.mesh));
-        object.mesh = mesh.or_insert_with(|| Arc::new(object.mesh.with_materials(of))).clone();
-    }
-    scene.materials.iter_mut().for_each(|material| *material = of(material).unwrap_or_else(|| material.clone()));
     Ok(())
 }
 

@@ -1,8 +1,8 @@
 //! Names to numbers: categories, parts, materials and instances.
 
-use super::{CacheFile, Part, Scene, some_of};
-use crate::ground::error::{Error, Result};
-use crate::read::yaml;
+use super::{CacheFile, MaterialRules, Part, Scene, some_of};
+use crate::ground::error::Result;
+use crate::read::yaml::{Document, join};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::Path;
@@ -148,6 +148,9 @@ pub struct LabelRules {
     /// Object name pattern (`*` and `?`) to the file that says how the object changes its shape; added to those of the load
     /// options.
     pub caches: BTreeMap<String, CacheFile>,
+    /// What surfaces are made of, by material name pattern.
+    #[serde(skip_serializing_if = "MaterialRules::is_empty")]
+    pub surfaces: MaterialRules,
 }
 
 impl LabelRules {
@@ -157,8 +160,7 @@ impl LabelRules {
     /// A missing file, an unknown key, a number that is 0 or invalid or used by two names.
     pub fn load(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
-        let mut rules: LabelRules = yaml::load(path)?;
-        rules.check(path)?;
+        let mut rules = LabelRules::read(&Document::load(path)?)?;
         let folder = path.parent().unwrap_or(Path::new(""));
         rules.caches.values_mut().for_each(|cache| cache.file = folder.join(&cache.file));
         Ok(rules)
@@ -169,26 +171,29 @@ impl LabelRules {
     /// # Errors
     /// As there, except for the file.
     pub fn from_yaml(text: &str) -> Result<Self> {
-        const ORIGIN: &str = "YAML text";
-        let rules: LabelRules = yaml::from_str(ORIGIN, text)?;
-        rules.check(Path::new(ORIGIN))?;
+        LabelRules::read(&Document::parse("YAML text", text)?)
+    }
+
+    fn read(document: &Document) -> Result<Self> {
+        let rules: LabelRules = document.read()?;
+        rules.check(document, "")?;
         Ok(rules)
     }
 
-    /// Checks that each number has one name; `path`: where the rules come from.
-    pub(crate) fn check(&self, path: &Path) -> Result<()> {
-        let rules = self;
-        if let Some((name, _)) = rules.numbers.iter().find(|(_, number)| **number == 0) {
-            return Err(Error::parse(path, format!("numbers.{name}"), "0 means unlabelled; allowed: 1 to 4294967295"));
+    /// Checks that each number has one name, and what surfaces are made of. The rules stand at `key` of `document`.
+    pub(crate) fn check(&self, document: &Document, key: &str) -> Result<()> {
+        let wrong = |name: &str, message: &str| document.error(&join(key, &format!("numbers.{name}")), message);
+        if let Some((name, _)) = self.numbers.iter().find(|(_, number)| **number == 0) {
+            return Err(wrong(name, "0 means unlabelled; allowed: 1 to 4294967295"));
         }
         let mut names = HashMap::new();
-        for (name, number) in &rules.numbers {
+        for (name, number) in &self.numbers {
             if let Some(other) = names.insert(number, name) {
                 let message = format!("{other:?} has the number {number} too; allowed: one name for each number");
-                return Err(Error::parse(path, format!("numbers.{name}"), message));
+                return Err(wrong(name, &message));
             }
         }
-        Ok(())
+        self.surfaces.check(document, &join(key, "surfaces"))
     }
 
     /// Sentences about names in these rules that `scene`, read with them, does not have: mostly typing errors.
@@ -310,7 +315,7 @@ mod tests {
         assert_eq!(
             error("numbers: {chair: 10, wall: 2, desk: 10}"),
             format!(
-                "{}: numbers.desk: \"chair\" has the number 10 too; allowed: one name for each number",
+                "{}: line 1: numbers.desk: \"chair\" has the number 10 too; allowed: one name for each number",
                 path.display()
             )
         );

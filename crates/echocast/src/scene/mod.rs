@@ -11,6 +11,7 @@ mod caches;
 mod camera;
 mod gltf;
 mod label;
+mod material_rules;
 mod merge;
 mod mesh;
 mod obj;
@@ -21,6 +22,7 @@ pub use caches::CacheFile;
 pub use camera::Camera;
 pub(crate) use label::matches;
 pub use label::{LabelRules, Labels, NameTable};
+pub use material_rules::{MaterialRule, MaterialRules};
 pub use mesh::{Mesh, Part};
 pub use sequence::Sequence;
 
@@ -32,7 +34,7 @@ use crate::ground::shown;
 use crate::material::TextureBudget;
 pub use crate::material::{Filter, Material, Texture, TextureRef, Wrap};
 use crate::motion::{Motion, Timeline};
-use crate::read::yaml;
+use crate::read::yaml::Document;
 use glam::{DAffine3, DVec3};
 pub(crate) use mesh::beyond_reach;
 use serde::Deserialize;
@@ -80,6 +82,8 @@ pub struct LoadOptions {
     /// Object name pattern (`*` and `?`) to the file that says how the object changes its shape; the longest matching
     /// pattern wins. In YAML relative to the working folder, in a label file to its own.
     pub caches: BTreeMap<String, CacheFile>,
+    /// What surfaces are made of; these rules come after those of the label file.
+    pub materials: MaterialRules,
 }
 
 impl Default for LoadOptions {
@@ -93,6 +97,7 @@ impl Default for LoadOptions {
             looped: false,
             allow_outside_paths: false,
             caches: BTreeMap::new(),
+            materials: MaterialRules::default(),
         }
     }
 }
@@ -105,8 +110,10 @@ impl LoadOptions {
     /// Line and key of what is wrong, with the most similar known key.
     pub fn from_yaml(text: &str) -> Result<LoadOptions> {
         const ORIGIN: &str = "load options";
-        let options: LoadOptions = yaml::from_str(ORIGIN, text)?;
-        options.labels.check(Path::new(ORIGIN))?;
+        let document = Document::parse(ORIGIN, text)?;
+        let options: LoadOptions = document.read()?;
+        options.labels.check(&document, "labels")?;
+        options.materials.check(&document, "materials")?;
         Ok(options)
     }
 }
@@ -273,6 +280,17 @@ impl Scene {
             return Err(Error::missing("animation", name, &self.animations));
         }
         options.labels.idle(&self).into_iter().for_each(|warning| self.report.warn(warning));
+        for (what, rules) in
+            [("label rules: surfaces", &options.labels.surfaces), ("material rules", &options.materials)]
+        {
+            for pattern in self.apply(rules, what)? {
+                let near = match self.materials_near(&pattern).join(", ") {
+                    near if near.is_empty() => near,
+                    near => format!("; near: {near}"),
+                };
+                self.report.warn(format!("{what}: no material's name matches {:?}{near}", shown::name(&pattern)));
+            }
+        }
         self.with_caches(options)
     }
 

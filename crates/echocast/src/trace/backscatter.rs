@@ -3,7 +3,7 @@
 use super::{Arrival, Surfaces};
 use crate::ground::lanes::MEDIUM;
 use crate::ground::math::log2;
-use crate::material::{Material, ReflectanceSource, Reflectances, Sound};
+use crate::material::{ByColor, Material, ReflectanceSource, Reflectances, Sound};
 use crate::medium::Sea;
 use std::sync::Arc;
 
@@ -20,7 +20,7 @@ pub(crate) struct Backscatter {
     losses: Vec<f32>,
     /// What else decides, by material.
     by: Vec<By>,
-    /// What images provide.
+    /// Where reflectances come from.
     source: ReflectanceSource,
     frequency: f64,
     sea: Sea,
@@ -33,7 +33,7 @@ enum By {
     /// Nothing.
     Law,
     /// The image of the surface: the law is for reflectance 1.
-    Image,
+    Image(ByColor),
     /// The area of the object: the law is for 1 m^2.
     Area,
 }
@@ -51,7 +51,9 @@ impl Backscatter {
         let mut laws = Vec::with_capacity((materials.len() + 1) * (STEPS + 1));
         let mut losses = Vec::with_capacity(laws.capacity());
         let mut by = Vec::with_capacity(materials.len());
-        for (material, &reflectance) in materials.iter().zip(&reflectances.by_material) {
+        for ((material, &reflectance), &by_color) in
+            materials.iter().zip(&reflectances.by_material).zip(&reflectances.by_color)
+        {
             let of_reflectance = || Sound::of_reflectance(if reflectance.is_nan() { 1.0 } else { reflectance.into() });
             let known = material.sound_law();
             let sound = known.cloned().unwrap_or_else(of_reflectance);
@@ -61,7 +63,7 @@ impl Backscatter {
                 // much of its target strength answers per area that is met.
                 tabulate(&mut laws, |_| strength / 10.0 * 10f64.log2() + 2.0);
             } else {
-                by.push(if known.is_none() && reflectance.is_nan() { By::Image } else { By::Law });
+                by.push(if known.is_none() && reflectance.is_nan() { By::Image(by_color) } else { By::Law });
                 tabulate(&mut laws, |sine| (sound.backscatter(sine, frequency) / sine).max(1e-30).log2());
             }
             tabulate(&mut losses, |sine| sound.reflection_loss_db(sine));
@@ -83,11 +85,10 @@ impl Backscatter {
         match self.by.get(material) {
             None | Some(By::Law) => value,
             Some(By::Area) => value - surfaces.rows[arrival.surface as usize].area.max(1e-9).log2(),
-            Some(By::Image) => {
+            Some(By::Image(by_color)) => {
                 let surface = &surfaces.rows[arrival.surface as usize];
                 let rgba = surfaces.base_color(surface, arrival.triangle, arrival.corner);
-                let source = surfaces.materials[material].reflectance_source(self.source);
-                value + source.of(rgba).max(1e-9).log2()
+                value + by_color.of(rgba).max(1e-9).log2()
             }
         }
     }

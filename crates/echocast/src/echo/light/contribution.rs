@@ -1,7 +1,7 @@
 //! What surfaces send back to the sensor.
 
 use crate::ground::lanes::{LANES, MISS, RayBatch};
-use crate::material::{ReflectanceSource, Reflectances, Scattering, srgb_byte};
+use crate::material::{ByColor, Reflectances, Scattering, srgb_byte};
 use crate::trace::{HitBatch, Surface, Surfaces, Tables};
 use echocast_kernels::light;
 use glam::Vec3;
@@ -127,7 +127,8 @@ impl Contribution {
                 self.green[run.clone()].fill(surface.rgb[1]);
                 self.blue[run.clone()].fill(surface.rgb[2]);
                 if (wanted.colors && surface.textured) || (wanted.reflectance && reflectance.is_nan()) {
-                    self.sample(surfaces, reflectances.source, surface, hits, run.clone());
+                    let by_color = &reflectances.by_color[surface.material as usize];
+                    self.sample(surfaces, by_color, surface, hits, run.clone());
                 }
                 if wanted.reflectance && reflectances.scatter {
                     self.scatter(&surfaces.materials[surface.material as usize].scattering, run);
@@ -172,17 +173,16 @@ impl Contribution {
     fn sample(
         &mut self,
         surfaces: &Surfaces,
-        source: ReflectanceSource,
+        by_color: &ByColor,
         surface: &Surface,
         hits: &HitBatch,
         lanes: std::ops::Range<usize>,
     ) {
-        let source = surfaces.materials[surface.material as usize].reflectance_source(source);
         for lane in lanes {
             let rgba = surfaces.base_color(surface, hits.triangle[lane], [hits.u[lane], hits.v[lane]]);
             [self.red[lane], self.green[lane], self.blue[lane]] = std::array::from_fn(|k| srgb_byte(rgba[k]));
             if self.reflectance[lane].is_nan() {
-                self.reflectance[lane] = source.of(rgba);
+                self.reflectance[lane] = by_color.of(rgba);
             }
         }
     }

@@ -127,7 +127,11 @@ impl Profile {
     fn rules(self) -> Rules {
         let [physical, blainder] = [Profile::Physical, Profile::Blainder].map(|profile| self == profile);
         Rules {
-            source: if blainder { ReflectanceSource::Alpha } else { ReflectanceSource::Luminance },
+            source: match self {
+                Profile::Physical => ReflectanceSource::Library,
+                Profile::Paper => ReflectanceSource::Luminance,
+                Profile::Blainder => ReflectanceSource::Alpha,
+            },
             mirrors: match self {
                 Profile::Physical => Mirrors::Real,
                 Profile::Paper => Mirrors::Lossless,

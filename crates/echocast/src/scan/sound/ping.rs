@@ -16,7 +16,7 @@ use crate::ground::parallel;
 use crate::ground::pose::Pose;
 use crate::ground::report::Report;
 use crate::ground::rng::Rng;
-use crate::material::{Mirrors, ReflectanceSource};
+use crate::material::Mirrors;
 use crate::medium::{Column, Spreading, Water};
 use crate::scan::printed::printed_water;
 use crate::scan::{Profile, ScanOptions};
@@ -217,7 +217,7 @@ impl<'a> Pinging<'a> {
         let ratio = acoustics.array_speed_m_s.map_or(1.0, |array| speed / array);
         let transducer = sensor.transducer(start_speed / frequency, ratio);
         let sea = water.sea();
-        let source = options.reflectance_source.unwrap_or(ReflectanceSource::Luminance);
+        let source = options.reflectance_source.unwrap_or_default().of_sound();
         let reflectances = scene.surfaces.reflectances(sensor.wavelength_nm, source, Mirrors::Real);
         let backscatter = scene.surfaces.backscatter(&reflectances, frequency, sea, speed);
 

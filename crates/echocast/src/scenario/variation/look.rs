@@ -93,8 +93,9 @@ impl LookRule {
 }
 
 impl Material {
-    /// Changes all reflectances, and the colours that stand for them.
+    /// Changes all reflectances, also that for its name, and the colours that stand for them.
     fn change(&mut self, changed: impl Fn(f32) -> f32) {
+        self.reflectance = self.known_reflectance().cloned();
         self.base_color[..3].iter_mut().for_each(|channel| *channel = changed(*channel));
         let sample =
             |sample: &ReflectanceSample| ReflectanceSample { value: changed(sample.value as f32).into(), ..*sample };

@@ -1,0 +1,187 @@
+//! What surfaces are made of, by patterns of the names of their materials.
+
+use super::{Mesh, Scene, matches};
+use crate::ground::error::{Error, Result, nearest};
+use crate::ground::shown;
+use crate::material::Material;
+use crate::read::yaml::{Document, join};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use std::collections::{BTreeMap, HashMap};
+use std::path::Path;
+use std::sync::Arc;
+
+/// Material name patterns (`*` and `?`), and what the materials that they match become. Where several match, those with
+/// more letters have the last word.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct MaterialRules(BTreeMap<String, MaterialRule>);
+
+/// What a rule makes of a material.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum MaterialRule {
+    /// It reflects light and sound as the library material of this name.
+    Library(String),
+    /// It takes these keys of a material file; the others stay.
+    Keys(Value),
+}
+
+impl MaterialRules {
+    /// Reads a file (YAML) of patterns, each with the name of a library material or with keys of a material file.
+    ///
+    /// # Errors
+    /// A missing file, an unknown key or library material, with its line.
+    pub fn load(path: impl AsRef<Path>) -> Result<MaterialRules> {
+        MaterialRules::read(&Document::load(path.as_ref())?)
+    }
+
+    /// [`MaterialRules::load`] from the text of a file.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn from_yaml(text: &str) -> Result<MaterialRules> {
+        MaterialRules::read(&Document::parse("YAML text", text)?)
+    }
+
+    fn read(document: &Document) -> Result<MaterialRules> {
+        // An empty file has no rules.
+        let rules: MaterialRules = if document.value().is_null() { Self::default() } else { document.read()? };
+        rules.check(document, "")?;
+        Ok(rules)
+    }
+
+    /// Checks what stands at `key` of `document`.
+    pub(crate) fn check(&self, document: &Document, key: &str) -> Result<()> {
+        self.0.iter().try_for_each(|(pattern, rule)| {
+            let key = join(key, pattern);
+            rule.of(&key, pattern, &Material::default()).map(drop).map_err(|error| match error {
+                // Of a section of its own, which has no lines.
+                Error::Parse { place, message, .. } => document.error(&join(&key, &place), &message),
+                Error::Missing { .. } => document.error(&key, &error.to_string()),
+                other => document.locate(other),
+            })
+        })
+    }
+
+    /// Adds a rule; it replaces one of the same pattern.
+    pub fn set(&mut self, pattern: impl Into<String>, rule: MaterialRule) {
+        self.0.insert(pattern.into(), rule);
+    }
+
+    /// The patterns, in order.
+    pub fn patterns(&self) -> impl Iterator<Item = &str> {
+        self.0.keys().map(String::as_str)
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// `material` as the rules have it; none where none matches. `key`: where the rules stand.
+    fn of(&self, key: &str, material: &Material) -> Result<Option<Material>> {
+        let mut matching: Vec<_> = self.0.iter().filter(|(pattern, _)| matches(pattern, &material.name)).collect();
+        matching.sort_by_key(|(pattern, _)| pattern.chars().filter(|letter| !"*?".contains(*letter)).count());
+        matching.into_iter().try_fold(None, |before: Option<Material>, (pattern, rule)| {
+            rule.of(&join(key, pattern), pattern, before.as_ref().unwrap_or(material)).map(Some)
+        })
+    }
+}
+
+impl MaterialRule {
+    /// `material` as the rule of `pattern`, which stands at `key`, has it.
+    fn of(&self, key: &str, pattern: &str, material: &Material) -> Result<Material> {
+        let by = |what: &str| format!("{what} by the rule {:?}", shown::name(pattern));
+        match self {
+            MaterialRule::Library(name) => Ok(material.made_of(&Material::library(name)?, by(name))),
+            MaterialRule::Keys(keys) => {
+                let mut changed = material.with_keys(key, keys)?;
+                if keys.get("reflectance").is_some() && keys.get("source").is_none() {
+                    changed.source = by("").trim_start().to_owned();
+                }
+                Ok(changed)
+            }
+        }
+    }
+}
+
+impl Scene {
+    /// Makes materials what `rules`, which stand at `key`, say. Returns the patterns that no material's name matches.
+    pub(crate) fn apply(&mut self, rules: &MaterialRules, key: &str) -> Result<Vec<String>> {
+        let mut replaced: HashMap<*const Material, Arc<Material>> = HashMap::new();
+        for material in self.materials.iter().filter(|_| !rules.is_empty()) {
+            if let Some(changed) = rules.of(key, material)? {
+                replaced.insert(Arc::as_ptr(material), Arc::new(changed));
+            }
+        }
+        let unmatched = |pattern: &&str| !self.materials.iter().any(|material| matches(pattern, &material.name));
+        let unmatched = rules.patterns().filter(unmatched).map(str::to_owned).collect();
+        if replaced.is_empty() {
+            return Ok(unmatched);
+        }
+        let mut meshes: HashMap<*const Mesh, Arc<Mesh>> = HashMap::new();
+        let of = |material: &Arc<Material>| replaced.get(&Arc::as_ptr(material)).cloned();
+        for object in &mut self.objects {
+            let mesh = meshes.entry(Arc::as_ptr(&object.mesh));
+            object.mesh = mesh.or_insert_with(|| Arc::new(object.mesh.with_materials(of))).clone();
+        }
+        self.materials.iter_mut().for_each(|material| *material = of(material).unwrap_or_else(|| material.clone()));
+        Ok(unmatched)
+    }
+
+    /// The names of materials that are most like those that `pattern` means.
+    pub(crate) fn materials_near(&self, pattern: &str) -> Vec<String> {
+        let plain: String = pattern.chars().filter(|letter| !"*?".contains(*letter)).collect();
+        nearest(&plain, self.materials.iter().map(|material| &material.name))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::material::{Reflectance, Scattering};
+
+    fn rules(text: &str) -> MaterialRules {
+        MaterialRules::from_yaml(text).unwrap()
+    }
+
+    fn named(name: &str) -> Material {
+        Material { name: name.into(), base_color: [0.1, 0.2, 0.3, 1.0], ..Material::default() }
+    }
+
+    #[test]
+    fn more_letters_have_the_last_word() {
+        let rules = rules("'*': {roughness: 0.3, reflectance: 0.1}\nSofa*: fabric\nSofa?: {reflectance: 0.7}");
+        let of = |name: &str| rules.of("", &named(name)).unwrap().unwrap();
+        let plain = of("thing");
+        assert_eq!((plain.reflectance, plain.roughness), (Some(Reflectance::Constant(0.1)), 0.3));
+        assert_eq!(plain.source, "by the rule \"*\"");
+        let sofa = of("Sofa_blue");
+        assert_eq!(sofa.reflectance, Material::library("fabric").unwrap().reflectance);
+        assert_eq!((sofa.name.as_str(), sofa.base_color, sofa.roughness), ("Sofa_blue", [0.1, 0.2, 0.3, 1.0], 0.3));
+        assert_eq!(sofa.source, "fabric by the rule \"Sofa*\"");
+        assert_eq!(of("Sofa2").reflectance, Some(Reflectance::Constant(0.7)));
+        let none = MaterialRules::from_yaml("{}").unwrap();
+        assert!(none.is_empty() && none.of("", &named("a")).unwrap().is_none());
+        let optics =
+            MaterialRules::from_yaml("a: {transmission: 0.9, scattering: {model: oren_nayar, slope_sigma_deg: 20}}");
+        let optics = optics.unwrap().of("", &named("a")).unwrap().unwrap();
+        assert_eq!((optics.transmission, optics.reflectance), (0.9, None));
+        assert!(matches!(optics.scattering, Scattering::OrenNayar { .. }));
+    }
+
+    #[test]
+    fn mistakes_are_told_with_their_line() {
+        for (text, expected) in [
+            ("a: wood\nb: wod", "line 2: b: there is no library material named \"wod\"; near: wood"),
+            ("a:\n  reflectance: 2", "line 2: a.reflectance: is 2; allowed: 0 to 1"),
+            ("a:\n  roughnes: 1", "line 2: a.roughnes: unknown key \"roughnes\"; near: roughness"),
+            ("a: {reflectance: []}", "line 1: a.reflectance: is an empty list; allowed: a number"),
+            ("- a", "line 1: invalid type: sequence, expected a section"),
+        ] {
+            let error = MaterialRules::from_yaml(text).unwrap_err().to_string();
+            assert!(error.starts_with(&format!("YAML text: {expected}")), "{text:?}\n  {error}");
+        }
+    }
+}
