@@ -1046,11 +1046,17 @@ ECHOCAST_API void echocast_result_release(echocast_result *result);
 /** As the profile defines. */
 #define ECHOCAST_REFLECTANCE_DEFAULT 0
 
-/** Surfaces without a given reflectance take the luminance of their linear base colour. */
+/** Surfaces without a given reflectance take the luminance of their linear base colour, whatever the wavelength. */
 #define ECHOCAST_REFLECTANCE_LUMINANCE 1
 
 /** Surfaces without a given reflectance take the alpha of their base colour. */
 #define ECHOCAST_REFLECTANCE_ALPHA 2
+
+/**
+ * Surfaces without a given reflectance take that of the library material that their name speaks of; else what their
+ * base colour suggests for the wavelength. The physical profile's default.
+ */
+#define ECHOCAST_REFLECTANCE_LIBRARY 3
 
 /**
  * Progress callback: gets the fraction of the work that is done, 0 to 1; returning anything but 0 ends the scan,

@@ -2,7 +2,10 @@
 
 use echocast::material::Reflectance;
 use echocast::scene::{Material, Scene};
-use echocast::{BuiltScene, Engine, FieldSet, Frame, LiveScene, PointCloud, Pose, ScanOptions, Sensor, Trajectory};
+use echocast::{
+    BuiltScene, Engine, FieldSet, Frame, LiveScene, PointCloud, Pose, ReflectanceSource, ScanOptions, Sensor,
+    Trajectory,
+};
 use echocast_tests::reference::{Hit, Moving, Random, SceneBuilder, Shape, Tracer, beams, raster, sensor};
 use glam::{DAffine3, DQuat, DVec3};
 
@@ -33,7 +36,9 @@ impl Tally {
 }
 
 fn options(coordinates: Frame) -> ScanOptions {
-    ScanOptions { fields: FieldSet::all(), organised: true, coordinates, ..ScanOptions::default() }
+    // The oracle knows nothing of names and of the infrared.
+    let reflectance_source = Some(ReflectanceSource::Luminance);
+    ScanOptions { fields: FieldSet::all(), organised: true, coordinates, reflectance_source, ..ScanOptions::default() }
 }
 
 /// Scans `scene` from `pose` along `directions` (sensor frame) and asks the oracle about each ray.

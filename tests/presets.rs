@@ -4,6 +4,7 @@
 use echocast::detect::{Detection, Statistical};
 use echocast::emitter::pattern::{Imaging, Multibeam, Pattern, Sidescan, SingleBeam, Spinning};
 use echocast::emitter::{BeamTable, FiringOrder, Lobe};
+use echocast::scene::Material;
 use echocast::{Environment, Ping, Pose, PresetInfo, ReturnsSpec, ScanOptions, Sensor, SensorKind, Trajectory};
 use echocast_tests::reference::{SceneBuilder, Shape};
 use glam::DVec3;
@@ -517,4 +518,24 @@ fn the_table_of_sonars_is_up_to_date() {
     let table: String = sonars().map(|(preset, sensor, text)| sonar_row(&preset.name, &sensor, &text)).collect();
     let file = std::fs::read_to_string(echocast_tests::root().join("docs/instruments.md")).unwrap();
     assert!(file.contains(&table), "docs/instruments.md is not as the presets are; its rows of sonars are:\n{table}");
+}
+
+/// A row of the table in docs/materials.md.
+fn material_row(material: &Material) -> String {
+    let name = &material.name;
+    let file = echocast_tests::root().join(format!("presets/material/{name}.yaml"));
+    let text = std::fs::read_to_string(file).unwrap();
+    let spread = text.lines().find_map(|line| line.strip_prefix("spread: ")).unwrap();
+    let spread: f64 = spread.split_whitespace().next().unwrap().parse().unwrap();
+    let reflectance = material.reflectance.as_ref().unwrap();
+    let values = [532.0, 905.0, 940.0, 1064.0, 1550.0].map(|nm| format!("{:.2}", reflectance.at(nm)));
+    let typical = if text.contains("# unverified") { "*" } else { "" };
+    format!("| `{name}` | {} | {spread:.2} | {typical} |\n", values.join(" | "))
+}
+
+#[test]
+fn the_table_of_materials_is_up_to_date() {
+    let table: String = Material::all_in_library().map(material_row).collect();
+    let file = std::fs::read_to_string(echocast_tests::root().join("docs/materials.md")).unwrap();
+    assert!(file.ends_with(&table), "docs/materials.md is not as the library is; its rows are:\n{table}");
 }

@@ -106,18 +106,31 @@ fn reflectance_comes_from_the_material_then_the_library_then_the_colour() {
     let plain = Material { name: "no such thing".into(), base_color, ..Material::default() };
     let with = |reflectance_source| ScanOptions { reflectance_source, ..ScanOptions::default() };
     let luminance = 0.2126 * 0.1 + 0.7152 * 0.6 + 0.0722 * 0.3;
-    assert_near("luminance", head_on(plain.clone(), with(None)), luminance, 1e-6);
+    let by_luminance = with(Some(ReflectanceSource::Luminance));
+    assert_near("luminance", head_on(plain.clone(), by_luminance.clone()), luminance, 1e-6);
     assert_near("alpha", head_on(plain.clone(), with(Some(ReflectanceSource::Alpha))), 0.45, 1e-6);
     assert_near("the program's alpha", head_on(plain.clone(), profile(Profile::Blainder)), 0.45, 1e-6);
     let both = ScanOptions { reflectance_source: Some(ReflectanceSource::Luminance), ..profile(Profile::Blainder) };
     assert_near("the program with luminance", head_on(plain.clone(), both), luminance, 1e-6);
 
-    let library = Material { name: "Concrete.001".into(), ..plain.clone() };
+    // The estimate at 905 nm: 0.094 + 0.131 Y + 0.646 max + 0.197 S + 0.591 G, S = 0.2 / 0.35, G = 0.1 / 0.35.
+    let dull = Material { base_color: [0.1, 0.3, 0.2, 1.0], ..plain.clone() };
+    let of_dull = 0.2126 * 0.1 + 0.7152 * 0.3 + 0.0722 * 0.2;
+    let estimate = 0.094 + 0.131 * of_dull + 0.646 * 0.3 + 0.197 * 0.2 / 0.35 + 0.591 * 0.1 / 0.35;
+    assert_near("the estimate", head_on(dull.clone(), with(None)), estimate, 1e-6);
+    // The colour of metals is their reflectance.
+    let metal = Material { metallic: 1.0, ..dull };
+    assert_near("metal", head_on(metal, with(None)), of_dull, 1e-6);
+
     let known = f64::from(Material::library("concrete").unwrap().reflectance.unwrap().at(905.0));
     assert!((known - luminance).abs() > 0.01);
-    assert_near("library", head_on(library.clone(), with(None)), known, 1e-6);
-    let own = Material { reflectance: Some(Reflectance::Constant(0.123)), ..library };
-    assert_near("the material's own", head_on(own, with(None)), 0.123, 1e-6);
+    for name in ["Concrete.001", "OldConcreteWall"] {
+        let library = Material { name: name.into(), ..plain.clone() };
+        assert_near("library", head_on(library.clone(), with(None)), known, 1e-6);
+        assert_near("not asked", head_on(library.clone(), by_luminance.clone()), luminance, 1e-6);
+        let own = Material { reflectance: Some(Reflectance::Constant(0.123)), ..library };
+        assert_near("the material's own", head_on(own, with(None)), 0.123, 1e-6);
+    }
 }
 
 /// A sheet with a picture of `width` x 1 pixels from y = 0 (left, u = 0) to y = -`width`, 4 m in front of the sensor.
@@ -152,7 +165,10 @@ fn pictures_colour_surfaces_and_say_their_reflectance() {
     let aims: Vec<DVec3> = (0..pixels.len()).map(|i| DVec3::new(4.0, -0.5 - i as f64, 0.97)).collect();
     for copies in [1, 2] {
         let built = picture(&pixels, Filter::Nearest, copies).build().unwrap();
-        let bright = scan(&built, &sensor(&aims), ScanOptions::default());
+        let by_luminance =
+            ScanOptions { reflectance_source: Some(ReflectanceSource::Luminance), ..ScanOptions::default() };
+        let bright = scan(&built, &sensor(&aims), by_luminance);
+        let infrared = scan(&built, &sensor(&aims), ScanOptions::default());
         let opaque = scan(&built, &sensor(&aims), profile(Profile::Blainder));
         assert_eq!((bright.len, opaque.len), (4, 4));
         for (row, pixel) in pixels.into_iter().enumerate() {
@@ -160,6 +176,12 @@ fn pictures_colour_surfaces_and_say_their_reflectance() {
             let cos = 4.0 / aims[row].length();
             let luminance = 0.2126 * 0.5 * red + 0.7152 * green + 0.0722 * blue;
             assert_near("luminance", bright.columns.intensity[row].into(), luminance * cos, 1e-5);
+            let (most, least) = ((0.5 * red).max(green).max(blue), (0.5 * red).min(green).min(blue));
+            let greenness = (green - blue.max(0.5 * red)).max(0.0) / (most + 0.05);
+            let color = (most - least) / (most + 0.05);
+            let estimate = 0.094 + 0.131 * luminance + 0.646 * most + 0.197 * color + 0.591 * greenness;
+            let estimate = estimate.clamp(0.02, 0.95) * cos;
+            assert_near("infrared", infrared.columns.intensity[row].into(), estimate, 1e-5);
             let alpha = 0.8 * f64::from(pixel[3]) / 255.0;
             assert_near("alpha", opaque.columns.intensity[row].into(), alpha * cos, 1e-5);
             assert_eq!((bright.columns.green[row], bright.columns.blue[row]), (pixel[1], pixel[2]));

@@ -31,10 +31,13 @@ pub const ECHOCAST_PROFILE_BLAINDER: i32 = 2;
 
 /// As the profile defines.
 pub const ECHOCAST_REFLECTANCE_DEFAULT: i32 = 0;
-/// Surfaces without a given reflectance take the luminance of their linear base colour.
+/// Surfaces without a given reflectance take the luminance of their linear base colour, whatever the wavelength.
 pub const ECHOCAST_REFLECTANCE_LUMINANCE: i32 = 1;
 /// Surfaces without a given reflectance take the alpha of their base colour.
 pub const ECHOCAST_REFLECTANCE_ALPHA: i32 = 2;
+/// Surfaces without a given reflectance take that of the library material that their name speaks of; else what their
+/// base colour suggests for the wavelength. The physical profile's default.
+pub const ECHOCAST_REFLECTANCE_LIBRARY: i32 = 3;
 
 /// Progress callback: gets the fraction of the work that is done, 0 to 1; returning anything but 0 ends the scan,
 /// unless it is complete. Called on the scanning thread, every 2048 beams of each thread; not for sonars. It must not

@@ -22,7 +22,7 @@ fn every_command_explains_itself_with_an_example() {
     for option in "--sensor --set --at --rpy --camera --trajectory --frames --fps --profile --frame --fields --labels \
                    --seed --threads --single --merged --order --organised --output --format --preview --color --view \
                    --up --scale --json --quiet --verbose --reflectance-source --returns --env --rain --snow --fog --dust \
-                   --cache"
+                   --cache --material --materials"
         .split_whitespace()
     {
         assert!(scan.contains(option), "{option}");

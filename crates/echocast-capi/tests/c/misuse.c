@@ -441,7 +441,7 @@ int main(int argc, char **argv)
         case 6: wrong.organised = 2; break;
         case 7: wrong.coordinates = -1; break;
         case 8: wrong.profile = 99; break;
-        case 9: wrong.reflectance = 3; break;
+        case 9: wrong.reflectance = 4; break;
         case 10: wrong.environment = "\xff"; break;
         case 11: wrong.environment = "{rain: {rate_mm_h: -1}}"; break;
         case 12: wrong.environment = "{rain: ["; break;

@@ -37,8 +37,10 @@ pub(crate) struct Estimate {
 }
 
 impl Estimate {
-    /// At `wavelength_nm`: linear between the rows, constant outside them.
+    /// At `wavelength_nm`: linear between the rows, constant outside them. In steps of 5 nm, so that diodes called 903 and
+    /// 905 nm, which drift by more than that with their temperature, are one.
     pub fn at(wavelength_nm: f64) -> Estimate {
+        let wavelength_nm = (wavelength_nm / 5.0).round() * 5.0;
         let of = |row: &Row| Estimate { coefficients: row.coefficients, sigma: row.sigma };
         let above = ROWS.partition_point(|row| row.wavelength_nm < wavelength_nm);
         if above == 0 || above == ROWS.len() {
@@ -107,9 +109,9 @@ mod tests {
         assert!(estimate(905.0, leaf) > 2.5 * estimate(532.0, leaf));
         assert_eq!(estimate(400.0, leaf), estimate(532.0, leaf));
         assert_eq!(estimate(2000.0, leaf), estimate(1550.0, leaf));
-        let between = estimate(877.5, leaf);
-        let [low, high] = [850.0, 905.0].map(|nm| estimate(nm, leaf));
-        assert!((between - (low + high) / 2.0).abs() < 1e-6);
+        assert_eq!(estimate(903.0, leaf), estimate(905.0, leaf));
+        let [low, between, high] = [850.0, 875.0, 905.0].map(|nm| estimate(nm, leaf));
+        assert!((between - (low + (high - low) * 25.0 / 55.0)).abs() < 1e-6);
         // Brighter colours are brighter.
         for k in 0..100 {
             let [dark, bright] = [0.0, 0.01].map(|more| estimate(905.0, [0.01 * k as f32 + more; 3]));

@@ -80,7 +80,7 @@ pub struct ScanOptions {
     /// Model set.
     pub profile: Profile,
     /// Source of the reflectance if the material does not give it; `None`: as the profile defines
-    /// (`blainder`: alpha, the others: luminance).
+    /// (`physical`: library, `paper`: luminance, `blainder`: alpha).
     pub reflectance_source: Option<ReflectanceSource>,
     /// Objects whose mask shares a bit with this are seen.
     pub mask: u32,
