@@ -105,6 +105,53 @@ fn metals_reflect_by_their_index() {
     assert_near("range", cloud.columns.range[0].into(), 13.0, 2e-4);
 }
 
+/// Metals at every angle, gold and copper among them, whose index is below 1: the target behind the sensor, or beside the
+/// mirror, is seen in it.
+#[test]
+fn metals_follow_their_table() {
+    let table = Table::parse(include_str!("../data/fresnel_conductor.csv"), ',');
+    assert_eq!(table.len(), 30);
+    let mut below_one = 0;
+    for row in 0..table.len() {
+        let number = |column| table.number(row, column);
+        let (n, k, degrees) = (number("n"), number("k"), number("theta_i_deg"));
+        // At grazing incidence no beam meets it.
+        if degrees > 89.0 {
+            continue;
+        }
+        below_one += usize::from(n < 1.0);
+        let text = format!("name: metal\nmetallic: 1\nroughness: 0\nreflectance: 1\nior: {n}\nextinction_index: {k}");
+        let metal = Material::from_yaml(&text).unwrap();
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        let normal = DVec3::new(-cos, sin, 0.0);
+        // From the mirror, 5 m away, light goes on to a wall 8 m farther.
+        let mirrored = DVec3::X + 2.0 * cos * normal;
+        let wall = Shape::plate(5.0 * DVec3::X + 8.0 * mirrored, -mirrored, 0.5);
+        let cloud = look(&scene(Some((wall, 0.5)), vec![(Shape::plate(5.0 * DVec3::X, normal, 20.0), metal)]), "");
+        let expected = 0.5 * number("R_unpolarised").powi(2);
+        assert_near(&format!("row {row}"), cloud.columns.intensity[0].into(), expected, 2e-6);
+    }
+    assert!(below_one > 5);
+}
+
+/// In the paper's program each face of a transmitting mesh is one boundary, with or without a volume: light that enters
+/// a single sheet at 45 degrees stays bent, by 45 - asin(sin 45 / 1.5) = 16.874 degrees.
+#[test]
+fn the_program_knows_no_panes() {
+    let (sin, cos) = 45f64.to_radians().sin_cos();
+    let bent = 45.0 - (sin / 1.5).asin().to_degrees();
+    let wall = || Some((plate([10.0, 0.0, 0.0], [-1.0, 0.0, 0.0], 5.0), 0.5));
+    for material in
+        [glass(1.5), Material { thickness_m: 0.01, ..glass(1.5) }, Material { pane_m: Some(0.004), ..glass(1.5) }]
+    {
+        let sheet = (plate([4.0, 0.0, 0.0], [-cos, sin, 0.0], 3.0), material);
+        let options = ScanOptions { profile: Profile::Blainder, ..ScanOptions::default() };
+        let c = scan(&scene(wall(), vec![sheet]), &one_beam(""), options).columns;
+        assert_near("range", c.range[0].into(), 4.0 + 6.0 / bent.to_radians().cos(), 1e-4);
+        assert_eq!(c.cause[0], Cause::Glass as u8);
+    }
+}
+
 /// Single sheets: what is left behind a pane, with all echoes between its faces, and how much later it arrives.
 #[test]
 fn panes_follow_their_table() {

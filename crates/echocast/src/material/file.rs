@@ -87,7 +87,9 @@ impl Material {
             fraction(key, value)?;
         }
         let (ior, thickness, distance) = (self.ior, self.thickness_m, self.attenuation_distance_m);
-        allow("ior", ior, ior >= 1.0 && ior.is_finite(), "1 or more")?;
+        let refracts = self.extinction_index == 0.0 || self.transmission > 0.0;
+        let least = if refracts { "1 or more" } else { "above 0, at most 100" };
+        allow("ior", ior, if refracts { ior >= 1.0 && ior.is_finite() } else { ior > 0.0 && ior <= 100.0 }, least)?;
         allow("thickness_m", thickness, thickness >= 0.0 && thickness.is_finite(), "0 or more")?;
         allow("attenuation_distance_m", distance, distance > 0.0, "above 0")?;
         let (pane, group) = (self.pane_m.unwrap_or(0.0), self.group_index.unwrap_or(1.0));
@@ -394,6 +396,8 @@ unlit: true
             ("transmission: 1e300", "line 2: transmission: is inf; allowed: 0 to 1"),
             ("ior: 0", "line 2: ior: is 0; allowed: 1 or more"),
             ("ior: 0.99", "line 2: ior: is 0.99; allowed: 1 or more"),
+            ("ior: 0\nextinction_index: 3", "line 2: ior: is 0; allowed: above 0, at most 100"),
+            ("ior: 0.5\nextinction_index: 3\ntransmission: 0.1", "line 2: ior: is 0.5; allowed: 1 or more"),
             ("thickness_m: -1", "line 2: thickness_m: is -1; allowed: 0 or more"),
             ("attenuation_distance_m: 0", "line 2: attenuation_distance_m: is 0; allowed: above 0"),
             ("attenuation_color: [0, 0, 2]", "line 2: attenuation_color[2]: is 2; allowed: 0 to 1"),

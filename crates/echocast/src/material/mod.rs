@@ -80,7 +80,8 @@ pub struct Material {
     pub metallic: f32,
     /// glTF roughness factor, 0..1.
     pub roughness: f32,
-    /// Index of refraction (`KHR_materials_ior`, `blainder_ior`), 1 at least.
+    /// Index of refraction (`KHR_materials_ior`, `blainder_ior`), 1 at least; of a metal, whose `extinction_index` is not 0,
+    /// above 0.
     pub ior: f32,
     /// Fraction of light that passes the surface (`KHR_materials_transmission`), 0..1.
     pub transmission: f32,

@@ -86,8 +86,12 @@ impl Optics {
             index: material.ior,
             group_index: material.group_index.unwrap_or(material.ior),
             absorption,
-            // KHR_materials_volume: without a thickness the surface is thin-walled, an infinitely thin pane.
-            sheet: material.pane_m.or((material.thickness_m == 0.0).then_some(0.0)),
+            // KHR_materials_volume: without a thickness the surface is thin-walled, an infinitely thin pane. The paper's
+            // program knows no panes: each face is one boundary.
+            sheet: match mirrors {
+                Mirrors::OfTheProgram => None,
+                _ => material.pane_m.or((material.thickness_m == 0.0).then_some(0.0)),
+            },
         }
     }
 

@@ -170,7 +170,7 @@ pub(crate) struct Reflectances {
     pub by_color: Vec<ByColor>,
     /// Whether light goes on from any of them.
     pub go_on: bool,
-    wavelength_nm: f64,
+    pub wavelength_nm: f64,
     pub source: ReflectanceSource,
     mirrors: Mirrors,
 }

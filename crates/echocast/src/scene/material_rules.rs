@@ -141,6 +141,7 @@ impl Scene {
 mod tests {
     use super::*;
     use crate::material::{Reflectance, Scattering};
+    use crate::scene::LoadOptions;
 
     fn rules(text: &str) -> MaterialRules {
         MaterialRules::from_yaml(text).unwrap()
@@ -183,5 +184,33 @@ mod tests {
             let error = MaterialRules::from_yaml(text).unwrap_err().to_string();
             assert!(error.starts_with(&format!("YAML text: {expected}")), "{text:?}\n  {error}");
         }
+    }
+
+    /// Rules and warnings reach the parts of a scene: a box of glass has no volume until a rule gives it one, and what
+    /// matches nothing is told with names that are near.
+    #[test]
+    fn scenes_follow_rules() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let corners: String = (0..8).map(|k| format!("v {} {} {}\n", k & 1, k >> 1 & 1, k >> 2)).collect();
+        let faces = "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
+        let objects = format!("mtllib a.mtl\n{corners}o box\nusemtl vase\n{faces}o sheet\nusemtl pane\nf 1 3 4 2\n");
+        std::fs::write(path("a.obj"), objects).unwrap();
+        std::fs::write(path("a.mtl"), "newmtl vase\nd 0.1\nnewmtl pane\nd 0.1\n").unwrap();
+        let load = |rules: &str| {
+            let options = LoadOptions { materials: self::rules(rules), ..LoadOptions::default() };
+            let scene = Scene::load_with(path("a.obj"), &options).unwrap();
+            let of = |object: usize| scene.objects[object].mesh.parts[0].material.clone().unwrap();
+            ([of(0), of(1)], scene.report.warnings)
+        };
+        let ([vase, pane], warnings) = load("'*': {transmission: 0.9, roughness: 0}\nvaze: glass");
+        assert_eq!((vase.transmission, pane.transmission), (0.9, 0.9));
+        let told = warnings.iter().filter(|warning| warning.contains("endlessly thin")).collect::<Vec<_>>();
+        assert!(told.len() == 1 && told[0].starts_with("material \"vase\": 1 part closed all around"), "{warnings:?}");
+        let unmatched = "material rules: no material's name matches \"vaze\"; near: vase";
+        assert!(warnings.iter().any(|warning| warning == unmatched), "{warnings:?}");
+        let ([vase, pane], warnings) = load("'*': {transmission: 0.9}\nvase: {thickness_m: 0.01}\npane: fabric");
+        assert_eq!((vase.thickness_m, pane.reflectance.is_some()), (0.01, true));
+        assert!(warnings.is_empty(), "{warnings:?}");
     }
 }

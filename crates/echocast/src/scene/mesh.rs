@@ -6,6 +6,7 @@ use crate::material::Material;
 use crate::scene::LARGEST;
 use embree4::CommittedScene;
 use glam::{DAffine3, DVec3, Vec3};
+use std::collections::HashMap;
 use std::fmt;
 use std::sync::{Arc, Mutex};
 
@@ -30,6 +31,19 @@ impl Part {
         let corner = |index: u32| Vec3::from(self.positions[index as usize]);
         let [a, b, c] = self.triangles[triangle as usize].map(corner);
         a * (1.0 - u - v) + b * u + c * v
+    }
+
+    /// Whether its triangles close it all around: each side of each, by the places of its ends, is a side of one other.
+    pub(super) fn is_closed(&self) -> bool {
+        let place = |index: u32| self.positions[index as usize].map(|value| (value + 0.0).to_bits());
+        let mut sides: HashMap<[[u32; 3]; 2], u32> = HashMap::new();
+        for corners in self.triangles.iter() {
+            let [a, b, c] = corners.map(place);
+            for (from, to) in [(a, b), (b, c), (c, a)] {
+                *sides.entry([from.min(to), from.max(to)]).or_default() += 1;
+            }
+        }
+        !sides.is_empty() && sides.values().all(|number| *number == 2)
     }
 
     /// Area in the world, m^2, as placed by `world_from_object`.

@@ -291,7 +291,33 @@ impl Scene {
                 self.report.warn(format!("{what}: no material's name matches {:?}{near}", shown::name(&pattern)));
             }
         }
+        self.hollow().into_iter().for_each(|warning| self.report.warn(warning));
         self.with_caches(options)
+    }
+
+    /// Sentences about materials that let light through closed bodies, but give them no volume.
+    fn hollow(&self) -> Vec<String> {
+        let mut bodies: BTreeMap<&str, usize> = BTreeMap::new();
+        let parts = self.meshes().into_iter().flat_map(|mesh| &mesh.parts);
+        for part in parts {
+            let Some(material) = &part.material else { continue };
+            let thin = material.pane_m.is_none() && material.thickness_m == 0.0;
+            if material.transmission > 0.0 && thin && part.is_closed() {
+                *bodies.entry(&material.name).or_default() += 1;
+            }
+        }
+        let told = |(name, number)| {
+            format!(
+                "material {:?}: {} closed all around {} light through, but {} no volume (KHR_materials_volume, \
+                 thickness_m): each face is taken for an endlessly thin pane, which does not bend light; in the profile \
+                 blainder for a boundary",
+                shown::name(name),
+                count(number, "part"),
+                if number == 1 { "lets" } else { "let" },
+                if number == 1 { "has" } else { "have" },
+            )
+        };
+        bodies.into_iter().map(told).collect()
     }
 
     /// Every object with a non-empty mesh, and the corners of its box in the world.

@@ -75,7 +75,7 @@ impl Scan<'_> {
         self.tell_paths(text, gatherer)?;
         self.tell_air(text, gatherer)?;
         self.tell_halos(text, gatherer)?;
-        self.tell_echoes(text, signals, gatherer, beam)?;
+        self.tell_echoes(text, signals, gatherer, beam, &columns.true_range[..rows])?;
         self.tell_returns(text, columns, rows)
     }
 
@@ -111,6 +111,15 @@ impl Scan<'_> {
                 "  {count} {meet} {} at {ranges} m, incidence {:.2} deg",
                 self.name(surface),
                 cos.acos().to_degrees()
+            )?;
+            let material = &self.world.scene.surfaces.rows[surface as usize].material;
+            let material = &self.world.scene.surfaces.materials[*material as usize];
+            let returned = material.returned(self.world.reflectances.wavelength_nm, self.world.reflectances.source);
+            let value = if returned.by_image { "by image".into() } else { format!("{:.3}", returned.value) };
+            writeln!(
+                text,
+                "    reflectance {value} at {} nm, {}",
+                self.world.reflectances.wavelength_nm, returned.why
             )?;
             let depth = self.world.air.as_ref().map_or(0.0, |air| {
                 air.depth(gatherer.beams.origin(0), gatherer.beams.direction(0), 0.0, ray.hits.range[0])
@@ -196,8 +205,15 @@ impl Scan<'_> {
         Ok(())
     }
 
-    /// The maxima of the signal, and which of them are reported.
-    fn tell_echoes(&self, text: &mut String, signals: &Signals, gatherer: &mut Gatherer, beam: usize) -> fmt::Result {
+    /// The maxima of the signal, and which of them are reported: those at the ranges `returns`.
+    fn tell_echoes(
+        &self,
+        text: &mut String,
+        signals: &Signals,
+        gatherer: &mut Gatherer,
+        beam: usize,
+        returns: &[f32],
+    ) -> fmt::Result {
         let [low, high] = self.limits_of(beam);
         match self.detect.threshold.least_power() {
             Some(k) => writeln!(text, "echoes, of which those of {k:.4e} /m^2 and more are seen:")?,
@@ -225,7 +241,11 @@ impl Scan<'_> {
                 }
             };
             let mixed = if found.mixed { ", mixed with others" } else { "" };
-            let reported = if chosen.contains(&place) { "reported" } else { "seen, not asked for" };
+            let reported = match chosen.contains(&place) {
+                false => "seen, not asked for",
+                true if returns.contains(&found.peak.range) => "reported",
+                true => "lost: by chance, or measured out of range",
+            };
             writeln!(
                 text,
                 "  {:.4} m, {:.4e} /m^2, rho_eff {:.4}, of {source}{mixed}: {reported}",

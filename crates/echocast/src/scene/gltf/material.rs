@@ -164,6 +164,23 @@ fn surface(source: &json::Material, name: String, factors: &mut Factors<'_>) -> 
     if let Some(value) = property("dirt") {
         material.dirt = number("extras.dirt", &value, "a number from 0 to 1", zero_to_one)?;
     }
+    if let Some(value) = property("pane_m") {
+        material.pane_m = Some(number("extras.pane_m", &value, "0 to 10", |v| (0.0..=10.0).contains(&v))?);
+    }
+    if let Some(value) = property("group_index") {
+        material.group_index = Some(number("extras.group_index", &value, "1 to 10", |v| (1.0..=10.0).contains(&v))?);
+    }
+    if let Some(value) = property("extinction_index") {
+        material.extinction_index =
+            number("extras.extinction_index", &value, "0 to 100", |v| (0.0..=100.0).contains(&v))?;
+    }
+    if let Some(value) = property("ior") {
+        // Of silver, gold and copper it is below 1, which glTF's own key does not allow.
+        let metal = material.extinction_index > 0.0 && material.transmission == 0.0;
+        let (least, allowed) =
+            if metal { (1e-3, "0.001 to 100") } else { (1.0, "1 to 100, less beside an extinction_index") };
+        material.ior = number("extras.ior", &value, allowed, |v| (least..=100.0).contains(&v))?;
+    }
     if let Some(value) = property("blainder_metallic") {
         material.metallic = number("extras.blainder_metallic", &value, "a number from 0 to 1", zero_to_one)?;
     }

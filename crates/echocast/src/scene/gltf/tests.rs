@@ -620,7 +620,7 @@ fn materials_are_read_with_their_extensions() {
         },
         "extras": {"reflectance": 0.6, "blainder_rgba": [0, 0, 0, 0.9],
             "scattering": {"model": "oren_nayar", "slope_sigma_deg": 17}, "dirt": 0.02,
-            "sound": {"law": "target", "strength_db": -30}},
+            "sound": {"law": "target", "strength_db": -30}, "pane_m": 0.004, "group_index": 1.4},
     }));
     let samples = json!([{"wavelength_nm": 905, "value": 0.75}, {"wavelength_nm": 1550, "value": 0.25}]);
     let mut sampled = File::triangle();
@@ -634,7 +634,13 @@ fn materials_are_read_with_their_extensions() {
     assert_eq!(m.reflectance, Some(Reflectance::Constant(0.6)));
     assert_eq!((&m.scattering, m.dirt), (&Scattering::OrenNayar { slope_sigma_deg: 17.0 }, 0.02));
     assert_eq!(m.sound, Some(Sound::Target { strength_db: -30.0 }));
+    assert_eq!((m.pane_m, m.group_index, m.extinction_index), (Some(0.004), Some(1.4), 0.0));
     assert_eq!((m.thickness_m, m.attenuation_distance_m, m.attenuation_color), (0.01, 2.0, [1.0, 0.5, 0.0]));
+
+    file.material(json!({"extras": {"ior": 0.2, "extinction_index": 6}}));
+    let scene = file.load().unwrap();
+    let gold = scene.meshes()[0].parts[0].material.as_ref().unwrap();
+    assert_eq!((gold.ior, gold.extinction_index), (0.2, 6.0));
 
     file.material(json!({}));
     let scene = file.load().unwrap();
@@ -705,6 +711,10 @@ fn material_values_out_of_range_are_errors() {
             "extras.reflectance: [0]: the key `value` is missing",
         ),
         (json!({"extras": {"blainder_rgba": [1, 1, 1]}}), "extras.blainder_rgba[3] is not a number"),
+        (json!({"extras": {"ior": 0.2}}), "extras.ior is 0.2; allowed: 1 to 100, less beside an extinction_index"),
+        (json!({"extras": {"pane_m": -1}}), "extras.pane_m is -1; allowed: 0 to 10"),
+        (json!({"extras": {"group_index": "x"}}), "extras.group_index is not a number; allowed: 1 to 10"),
+        (json!({"extras": {"extinction_index": 101}}), "extras.extinction_index is 101; allowed: 0 to 100"),
         (json!({"extras": {"blainder_rgba": [1, 1, 1, -1]}}), "extras.blainder_rgba[3] is -1"),
         (
             json!({"extras": {"scattering": {"model": "ggx", "f0": 2, "alpha": 0.3}}}),
