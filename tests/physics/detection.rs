@@ -383,11 +383,18 @@ fn weak_channels_see_less_far() {
         }
         sums
     };
-    let plain = per_channel("");
-    let part = per_channel("detection: {model: none, channel_efficiency: [1, 0.5, 0]}");
-    for ((plain, part), expected) in plain.iter().zip(part).zip([1.0, 0.5, 0.0]) {
-        assert_eq!(plain.0, part.0);
-        assert_near("intensity", part.1, expected * plain.1, 1e-6 * plain.1);
+    // Power shows what a channel makes use of; a calibrated reflectivity does not, with one ray and with several.
+    for sections in ["", "\nbeam: {divergence_mrad: 1, pulse_ns: 5, sub_rays: 5}"] {
+        for (encoding, expected) in [("power", [1.0, 0.5, 0.25]), ("reflectivity", [1.0; 3])] {
+            let sections = format!("intensity: {{encoding: {encoding}}}{sections}");
+            let plain = per_channel(&sections);
+            let part =
+                per_channel(&format!("{sections}\ndetection: {{model: none, channel_efficiency: [1, 0.5, 0.25]}}"));
+            for ((plain, part), expected) in plain.iter().zip(part).zip(expected) {
+                assert_eq!(plain.0, part.0);
+                assert_near("intensity", part.1, expected * plain.1, 1e-5 * plain.1);
+            }
+        }
     }
     // A quarter of the light: as far as a radar equation of half the range.
     let line = |at_m: f64| format!("detection: {{model: radar_equation, reflectance: 0.5, at_m: {at_m}");

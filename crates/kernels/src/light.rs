@@ -8,12 +8,12 @@ use std::f32::consts::PI;
 /// Natural logarithm of the effective reflectance that gives 255 in [`eight_bits`].
 const LN_1000: f32 = 6.907_755;
 
-/// Reflectance in percent up to 100, and above it in equal steps of the logarithm, 255 for 1000 and more.
+/// Reflectance in equal steps up to `white` for 1, and above it in equal steps of the logarithm, 255 for 1000 and more.
 #[inline(always)]
-pub fn eight_bits(rho: f32, cos: f32) -> f32 {
-    let percent = 100.0 * rho * cos;
-    let retro = 101.0 + (154.0 / LN_1000 * ln((rho * cos).max(1.0))).round_ties_even();
-    if percent > 100.0 { retro.min(255.0) } else { percent.round_ties_even() }
+pub fn eight_bits(rho: f32, cos: f32, white: f32) -> f32 {
+    let diffuse = white * rho * cos;
+    let retro = white + 1.0 + ((254.0 - white) / LN_1000 * ln((rho * cos).max(1.0))).round_ties_even();
+    if diffuse > white { retro.min(255.0) } else { diffuse.round_ties_even() }
 }
 
 /// Reflectance in percent, 255 at most.
@@ -69,9 +69,9 @@ kernels! {
     }
 
     /// [`eight_bits`] of each lane.
-    pub fn to_eight_bits(rho: &Lanes, cos: &Lanes, to: &mut Lanes) {
+    pub fn to_eight_bits(rho: &Lanes, cos: &Lanes, white: f32, to: &mut Lanes) {
         for lane in 0..LANES {
-            to[lane] = eight_bits(rho[lane], cos[lane]);
+            to[lane] = eight_bits(rho[lane], cos[lane], white);
         }
     }
 

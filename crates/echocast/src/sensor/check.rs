@@ -75,6 +75,7 @@ impl SensorSpec {
         if range.resolution_m > 0.0 && range.resolution_m < FINEST_M {
             return Err(Error::invalid("range.resolution_m", range.resolution_m, steps));
         }
+        bounds.within("intensity.white_count", f64::from(self.intensity.white_count), 1.0, 250.0)?;
         bounds.within("returns.max", f64::from(returns.max), 1.0, u8::MAX.into())?;
         bounds.within("returns.separation_m", returns.separation_m, 0.0, FARTHEST_M)?;
         self.detection.model.check(bounds)?;

@@ -19,7 +19,7 @@ pub use tof::{Illumination, ShotNoiseSpec, Target, TofSpec, Vignetting};
 
 use crate::cloud::{Field, FieldSet};
 use crate::detect::{DetectionSpec, Doppler, Noise, RangeError, ReturnMode, ReturnRule, Threshold, Timing};
-use crate::echo::{Cone, Glint, IntensityEncoding, Pulse, Receiver, texture};
+use crate::echo::{Cone, Glint, Pulse, Receiver, texture};
 use crate::emitter::pattern::Pattern;
 use crate::emitter::{BeamTable, Footprint, Transducer};
 use crate::ground::error::{Error, Result};
@@ -45,7 +45,7 @@ pub struct Sensor {
     pub(crate) range_resolution_m: f64,
     pub(crate) detection: DetectionSpec,
     pub(crate) noise: Noise,
-    pub(crate) intensity: IntensityEncoding,
+    pub(crate) intensity: IntensitySpec,
     pub(crate) doppler: Option<Doppler>,
     pub(crate) camera: Option<DepthCamera>,
     /// Quantiles of the texture of a sonar's echoes; empty: none.
@@ -102,7 +102,7 @@ impl Sensor {
             range_resolution_m: spec.range.resolution_m,
             detection: spec.detection.clone(),
             noise: spec.noise.clone(),
-            intensity: spec.intensity.encoding,
+            intensity: spec.intensity,
             doppler: spec.doppler,
             camera: spec.tof.as_ref().map(|tof| DepthCamera::new(tof, &spec.pattern)),
             texture: spec.acoustics.as_ref().and_then(|it| it.texture_shape).map_or_else(|| Arc::from([]), texture),

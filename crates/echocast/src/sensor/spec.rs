@@ -211,11 +211,19 @@ impl Default for ReturnsSpec {
 }
 
 /// `intensity`: what is reported as intensity.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct IntensitySpec {
     /// How received energy becomes a number.
     pub encoding: IntensityEncoding,
+    /// What `reflectivity8` counts for a white surface, 1 to 250.
+    pub white_count: u8,
+}
+
+impl Default for IntensitySpec {
+    fn default() -> Self {
+        IntensitySpec { encoding: IntensityEncoding::default(), white_count: 100 }
+    }
 }
 
 /// `expect`: figures that a test compares the pattern with. They do not change a scan.

@@ -25,7 +25,7 @@ fn what_is_left_out_is_ideal() {
         (sensor.wavelength_nm, &sensor.detection, &sensor.noise),
         (905.0, &DetectionSpec::default(), &Noise::default())
     );
-    assert_eq!(sensor.intensity, IntensityEncoding::Reflectivity);
+    assert_eq!(sensor.intensity, IntensitySpec::default());
 }
 
 #[test]

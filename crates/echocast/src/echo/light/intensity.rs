@@ -12,8 +12,9 @@ pub enum IntensityEncoding {
     /// retro-reflectors and gloss.
     #[default]
     Reflectivity,
-    /// The same in 8 bits as Velodyne and RoboSense define it: 0..100 are percent, 101..255 what returns more than a
-    /// white surface, in equal steps of the logarithm up to 1000 times as much.
+    /// The same in 8 bits as Velodyne, RoboSense and Livox define it: a white surface is a count of their own (100, 110,
+    /// 150), less is in proportion, what returns more has the counts up to 255, in equal steps of the logarithm up to
+    /// 1000 times as much.
     Reflectivity8,
     /// The same in 8 bits as Hesai defines it: percent, 0..255.
     Reflectivity255,
@@ -35,8 +36,8 @@ impl IntensityEncoding {
 /// How a scan computes intensity: the instrument's encoding, or what a profile uses instead.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum IntensityModel {
-    /// As the instrument encodes it.
-    Encoded(IntensityEncoding),
+    /// As the instrument encodes it; the count of a white surface in 8 bits.
+    Encoded(IntensityEncoding, f32),
     /// `P_n = rho / (pi R^2)`: the paper's eq. 5 in clear air, which has no cosine.
     PaperEq5,
     /// `rho cos(theta)`, and 0 where it is not detected: the paper's program.
@@ -47,19 +48,24 @@ impl IntensityModel {
     /// As [`IntensityEncoding::full_scale`].
     pub(crate) fn full_scale(self) -> Option<f32> {
         match self {
-            IntensityModel::Encoded(encoding) => encoding.full_scale(),
+            IntensityModel::Encoded(encoding, _) => encoding.full_scale(),
             IntensityModel::PaperEq5 => None,
             IntensityModel::Blainder => Some(1.0),
         }
     }
 
+    /// Whether it is corrected for what a channel makes use of, as a calibrated reflectivity is.
+    pub(crate) fn is_calibrated(self) -> bool {
+        matches!(self, IntensityModel::Encoded(encoding, _) if encoding != IntensityEncoding::Power)
+    }
+
     /// Intensity of a hard target: Lambert reflectance `rho` (0 or more), `cos` of the incidence angle, `range` in m.
     pub(crate) fn of(self, rho: f32, cos: f32, range: f32) -> f32 {
         match self {
-            IntensityModel::Encoded(IntensityEncoding::Reflectivity) | IntensityModel::Blainder => rho * cos,
-            IntensityModel::Encoded(IntensityEncoding::Reflectivity8) => light::eight_bits(rho, cos),
-            IntensityModel::Encoded(IntensityEncoding::Reflectivity255) => light::percent(rho, cos),
-            IntensityModel::Encoded(IntensityEncoding::Power) => light::power(rho * cos, range),
+            IntensityModel::Encoded(IntensityEncoding::Reflectivity, _) | IntensityModel::Blainder => rho * cos,
+            IntensityModel::Encoded(IntensityEncoding::Reflectivity8, white) => light::eight_bits(rho, cos, white),
+            IntensityModel::Encoded(IntensityEncoding::Reflectivity255, _) => light::percent(rho, cos),
+            IntensityModel::Encoded(IntensityEncoding::Power, _) => light::power(rho * cos, range),
             IntensityModel::PaperEq5 => light::power(rho, range),
         }
     }
@@ -67,12 +73,14 @@ impl IntensityModel {
     /// [`IntensityModel::of`] each lane.
     pub(crate) fn of_all(self, rho: &[f32; LANES], cos: &[f32; LANES], range: &[f32; LANES], to: &mut [f32; LANES]) {
         match self {
-            IntensityModel::Encoded(IntensityEncoding::Reflectivity) | IntensityModel::Blainder => {
+            IntensityModel::Encoded(IntensityEncoding::Reflectivity, _) | IntensityModel::Blainder => {
                 light::product(rho, cos, to);
             }
-            IntensityModel::Encoded(IntensityEncoding::Reflectivity8) => light::to_eight_bits(rho, cos, to),
-            IntensityModel::Encoded(IntensityEncoding::Reflectivity255) => light::to_percent(rho, cos, to),
-            IntensityModel::Encoded(IntensityEncoding::Power) => light::to_power(rho, cos, range, to),
+            IntensityModel::Encoded(IntensityEncoding::Reflectivity8, white) => {
+                light::to_eight_bits(rho, cos, white, to)
+            }
+            IntensityModel::Encoded(IntensityEncoding::Reflectivity255, _) => light::to_percent(rho, cos, to),
+            IntensityModel::Encoded(IntensityEncoding::Power, _) => light::to_power(rho, cos, range, to),
             IntensityModel::PaperEq5 => light::to_power_without_cosine(rho, range, to),
         }
     }
@@ -91,7 +99,7 @@ mod tests {
             (0.5, 10.0, 60.0, 1.591_549_4e-3, 7.957_747e-4),
         ] {
             let cos = theta.to_radians().cos();
-            let power = IntensityModel::Encoded(IntensityEncoding::Power).of(gamma, cos, range);
+            let power = IntensityModel::Encoded(IntensityEncoding::Power, 100.0).of(gamma, cos, range);
             let paper = IntensityModel::PaperEq5.of(gamma, cos, range);
             assert!((power / with - 1.0).abs() < 3e-5, "{power} {with}");
             assert!((paper / without - 1.0).abs() < 3e-5, "{paper} {without}");
@@ -100,7 +108,7 @@ mod tests {
 
     #[test]
     fn energy_falls_with_the_square_of_range() {
-        let model = IntensityModel::Encoded(IntensityEncoding::Power);
+        let model = IntensityModel::Encoded(IntensityEncoding::Power, 100.0);
         let ratio = model.of(0.3, 0.7, 20.0) / model.of(0.3, 0.7, 40.0);
         assert!((ratio - 4.0).abs() < 1e-5);
         assert_eq!((model.full_scale(), IntensityModel::PaperEq5.full_scale()), (None, None));
@@ -108,7 +116,7 @@ mod tests {
 
     #[test]
     fn eight_bit_reflectivity_counts_diffuse_percent() {
-        let model = IntensityModel::Encoded(IntensityEncoding::Reflectivity8);
+        let model = IntensityModel::Encoded(IntensityEncoding::Reflectivity8, 100.0);
         assert_eq!(model.of(0.8, 0.5, 33.0), 40.0);
         assert_eq!(model.of(1.0, 1.0, 33.0), 100.0);
         assert_eq!(model.full_scale(), Some(255.0));
@@ -117,7 +125,7 @@ mod tests {
     /// Computed from the two lines of the scale; 785.398 and 219.911 are what 250 and 70 cd/(lx m^2) send back.
     #[test]
     fn eight_bits_hold_retro_reflectors() {
-        let model = IntensityModel::Encoded(IntensityEncoding::Reflectivity8);
+        let model = IntensityModel::Encoded(IntensityEncoding::Reflectivity8, 100.0);
         for (rho_eff, expected) in [
             (0.0, 0.0),
             (0.994, 99.0),
@@ -138,7 +146,14 @@ mod tests {
             assert!(model.of(none, 1.0, 7.0).is_nan());
         }
         assert_eq!(model.of(-0.0, 1.0, 7.0), 0.0);
-        let linear = IntensityModel::Encoded(IntensityEncoding::Reflectivity255);
+        // Other counts of a white surface.
+        for (white, rho_eff, expected) in
+            [(110.0, 0.5, 55.0), (110.0, 1.0, 110.0), (110.0, 1.000_1, 111.0), (150.0, 0.4, 60.0), (150.0, 1e9, 255.0)]
+        {
+            let model = IntensityModel::Encoded(IntensityEncoding::Reflectivity8, white);
+            assert_eq!(model.of(rho_eff, 1.0, 7.0), expected, "{white} {rho_eff}");
+        }
+        let linear = IntensityModel::Encoded(IntensityEncoding::Reflectivity255, 100.0);
         for (rho_eff, expected) in
             [(0.0, 0.0), (0.8, 80.0), (1.234, 123.0), (2.55, 255.0), (2.6, 255.0), (785.0, 255.0)]
         {

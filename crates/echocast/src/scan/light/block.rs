@@ -318,9 +318,16 @@ impl Block {
         if let Some(camera) = scan.camera.filter(|camera| camera.dims()) {
             self.dim(scan, camera, count);
         }
-        let Block { hits, surfaces, rho_eff, intensity, .. } = self;
+        let Block { lanes, hits, surfaces, rho_eff, intensity, scratch, .. } = self;
         light::product(&surfaces.reflectance, &surfaces.cos_incidence, rho_eff);
-        scan.measure.intensity.of_all(&surfaces.reflectance, &surfaces.cos_incidence, &hits.range, intensity);
+        let mut shown = &surfaces.reflectance;
+        if !scan.detect.efficiency.is_empty() {
+            for lane in 0..count {
+                scratch[lane] = shown[lane] / scan.shown_of(lanes.beam[lane]);
+            }
+            shown = scratch;
+        }
+        scan.measure.intensity.of_all(shown, &surfaces.cos_incidence, &hits.range, intensity);
         if let Some(air) = scan.world.air.as_ref().filter(|_| scan.detect.keeps_undetected) {
             self.weather_of_the_program(scan, air, count);
         } else if scan.detect.threshold != Threshold::Open {
@@ -363,7 +370,8 @@ impl Block {
             for lane in 0..LANES {
                 let most = most * hits.range[lane] * hits.range[lane];
                 if rho_eff[lane] > most {
-                    intensity[lane] = model.of(most, 1.0, hits.range[lane]);
+                    let shown = most / scan.shown_of(lanes.beam[lane]);
+                    intensity[lane] = model.of(shown, 1.0, hits.range[lane]);
                 }
             }
         }
@@ -440,7 +448,8 @@ impl Block {
                 surfaces.clear(lane);
                 (answer.first_category[lane], answer.first_instance[lane], answer.bounces[lane]) = (0, 0, 0);
                 (hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]) = (f32::NAN, f32::NAN, f32::NAN);
-                intensity[lane] = scan.measure.intensity.of(rho_eff[lane], 1.0, hits.range[lane]);
+                let shown = rho_eff[lane] / scan.shown_of(lanes.beam[lane]);
+                intensity[lane] = scan.measure.intensity.of(shown, 1.0, hits.range[lane]);
             }
         }
     }

@@ -392,7 +392,7 @@ impl Block {
 
     /// Step 11 of the first `count` lanes, and the errors before it.
     fn flush(&mut self, scan: &Scan, count: usize, rows: Slices) -> usize {
-        let Block { hits, surfaces, rho_eff, intensity, scratch, .. } = self;
+        let Block { lanes, hits, surfaces, rho_eff, intensity, scratch, .. } = self;
         // The air has no labels to look up.
         let mut air = [false; LANES];
         for lane in 0..count {
@@ -406,6 +406,9 @@ impl Block {
         for lane in 0..LANES {
             // What the surface would have to be to send back as much.
             scratch[lane] = rho_eff[lane] / cos_incidence[lane];
+            if lane < count && !scan.detect.efficiency.is_empty() {
+                scratch[lane] /= scan.shown_of(lanes.beam[lane]);
+            }
             intensity[lane] = scan.measure.intensity.of(scratch[lane], cos_incidence[lane], hits.range[lane]);
         }
         for lane in 0..count {

@@ -4,7 +4,7 @@ use super::block::{Lanes, Task, with_block};
 use super::halo::Halos;
 use crate::cloud::{Columns, FLOW, Field, Frame, MOVING, PointCloud, Slices};
 use crate::detect::{Errors, FalseAlarms, ReturnMode, Threshold};
-use crate::echo::{Air, IntensityEncoding, IntensityModel, PathLimits, Surroundings, Wanted};
+use crate::echo::{Air, IntensityModel, PathLimits, Surroundings, Wanted};
 use crate::emitter::{Aim, BeamTable, Trajectory};
 use crate::ground::error::{Error, Result};
 use crate::ground::lanes::{CHUNK, LANES, MISS, RayBatch};
@@ -13,7 +13,7 @@ use crate::ground::rng::Rng;
 use crate::material::{Mirrors, Optics, ReflectanceSource, Reflectances};
 use crate::medium::Weather;
 use crate::scan::{Order, Profile, Progress, ScanOptions};
-use crate::sensor::{DepthCamera, Sensor, Signals};
+use crate::sensor::{DepthCamera, IntensitySpec, Sensor, Signals};
 use crate::trace::{Clock, Later, Tables};
 use echocast_kernels::measure;
 use std::ops::Range;
@@ -142,10 +142,10 @@ impl Profile {
         }
     }
 
-    /// How a scan computes intensity where the instrument's encoding is `own`.
-    fn intensity(self, own: IntensityEncoding) -> IntensityModel {
+    /// How a scan computes intensity where the instrument's own is `own`.
+    fn intensity(self, own: IntensitySpec) -> IntensityModel {
         match self {
-            Profile::Physical => IntensityModel::Encoded(own),
+            Profile::Physical => IntensityModel::Encoded(own.encoding, own.white_count.into()),
             Profile::Paper => IntensityModel::PaperEq5,
             Profile::Blainder => IntensityModel::Blainder,
         }
@@ -354,6 +354,11 @@ impl Scan<'_> {
     pub fn efficiency_of(&self, beam: u32) -> f32 {
         let channel = usize::from(self.aim.beams.channel[beam as usize]);
         self.detect.efficiency.get(channel).copied().unwrap_or(1.0)
+    }
+
+    /// Part of an echo's light in `beam` that its intensity lacks: a calibrated one lacks none.
+    pub fn shown_of(&self, beam: u32) -> f32 {
+        if self.measure.intensity.is_calibrated() { self.efficiency_of(beam).max(1e-6) } else { 1.0 }
     }
 
     /// Whether light goes on from `surface`, a row or [`MISS`]: mirrors and glass.
