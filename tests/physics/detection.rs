@@ -151,7 +151,7 @@ fn program_weather(table: &Table, row: usize) -> Environment {
         environment.rain = vec![Rain { range_noise: Some(false), ..Rain::new(number("rain_mm_h")) }.into()];
     }
     if there("dust_n") {
-        let what = Dust { radius_um: number("dust_r_um"), per_m3: number("dust_n"), q_ext: 1.0 };
+        let what = Dust { radius_um: number("dust_r_um"), per_m3: number("dust_n"), q_ext: 1.0, lidar_ratio_sr: None };
         let region = Region::Shell { start_m: number("dust_start_m"), length_m: number("dust_L_m") };
         environment.dust = vec![Placed { what, region }];
     }

@@ -146,7 +146,7 @@ fn dust_dims_and_answers_as_its_table_says() {
     let far = one_beam("beam: {pulse_ns: 5, pulse_shape: rectangular}\nreturns: {mode: first}");
     for row in 0..table.len() {
         let number = |column| table.number(row, column);
-        let dust = Dust { radius_um: number("r_um"), per_m3: number("n_per_m3"), q_ext: 1.0 };
+        let dust = Dust { radius_um: number("r_um"), per_m3: number("n_per_m3"), q_ext: 1.0, lidar_ratio_sr: None };
         assert_near("extinction", dust.extinction() / number("alpha_Qext1_1/m"), 1.0, 1e-8);
         assert_near("backscatter", dust.backscatter() / number("beta_eq17_1/(m sr)"), 1.0, 1e-8);
         let lidar_ratio = dust.extinction() / dust.backscatter();
@@ -230,8 +230,9 @@ fn dust_is_as_bright_as_its_backscatter_says() {
     let sensor = one_beam("beam: {pulse_ns: 5, pulse_shape: sin2, overlap_m: [0, 0.1]}\nintensity: {encoding: power}");
     let dust = "{dust: {radius_um: 50, per_m3: 1e7, start_m: 5, length_m: 12.5}}";
     let cloud = in_weather(&target(0.5, 30.0, 0.0), &sensor, dust).columns.intensity[0];
-    let wall =
-        0.5 * (-2.0 * Dust { radius_um: 50.0, per_m3: 1e7, q_ext: 1.0 }.extinction() * 12.5).exp() / (PI * 900.0);
+    let wall = 0.5
+        * (-2.0 * Dust { radius_um: 50.0, per_m3: 1e7, q_ext: 1.0, lidar_ratio_sr: None }.extinction() * 12.5).exp()
+        / (PI * 900.0);
     assert_near("ratio", f64::from(cloud) / wall, 5.61957, 1e-4);
 }
 

@@ -135,9 +135,10 @@ fn name_flag(error: Error) -> Error {
 fn dust(text: &str) -> Result<Placed<Dust>, String> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
     match numbers.as_deref() {
-        Some(&[radius_um, per_m3, start_m, length_m]) => {
-            Ok(Placed { what: Dust { radius_um, per_m3, q_ext: 1.0 }, region: Region::Shell { start_m, length_m } })
-        }
+        Some(&[radius_um, per_m3, start_m, length_m]) => Ok(Placed {
+            what: Dust { radius_um, per_m3, q_ext: 1.0, lidar_ratio_sr: None },
+            region: Region::Shell { start_m, length_m },
+        }),
         _ => Err("expected four numbers: RADIUS_UM,PER_M3,START_M,LENGTH_M".into()),
     }
 }

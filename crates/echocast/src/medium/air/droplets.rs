@@ -1,10 +1,12 @@
 //! Droplets of water too many to count: fog and spray.
 
+use super::mie;
 use super::visibility::{self, VisibilityModel};
 use crate::ground::error::{Error, Result};
 use crate::read::bounds::{ABOVE_ZERO, Bounds};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
+use std::sync::{Mutex, PoisonError};
 
 /// A modified gamma distribution of droplet radii, `N(r) ~ r^a exp(-b r^g)` with its maximum at the mode radius.
 ///
@@ -58,39 +60,65 @@ impl Spectrum {
         [per_cm3 * 1e6, a, g, mode_radius_um * 1e-6]
     }
 
-    /// Extinction, 1/m: `int pi r^2 Q_ext(r) N(r) dr`, the distribution normalised to its number of droplets.
-    pub fn extinction(self, wavelength_nm: f64) -> f64 {
+    /// Extinction, 1/m, `int pi r^2 Q_ext(r) N(r) dr`, and backscatter, 1/(m sr), `int pi r^2 Q_back(r) / (4 pi) N(r) dr`,
+    /// with Mie's efficiencies of spheres of water, the distribution normalised to its number of droplets.
+    pub fn coefficients(self, wavelength_nm: f64) -> [f64; 2] {
+        /// What was asked for last, so that the frames of a sequence need not sum again.
+        static LAST: Mutex<Vec<([f64; 5], [f64; 2])>> = Mutex::new(Vec::new());
+        const KEPT: usize = 16;
         let [number, a, g, mode] = self.numbers();
-        // In units of the mode radius N ~ x^a exp(-(a/g) x^g); x = e^s resolves all scales equally.
-        let (mut droplets, mut area) = (0.0, 0.0);
-        let steps = 4000;
-        // Around the droplets that intercept most light; small exponents spread far.
-        let middle = ((a + 3.0) / a).ln() / g;
-        let reach = 7.0 / g.min(1.0);
-        let (from, to) = (middle - reach, middle + reach);
-        for step in 0..steps {
-            let x = f64::exp(from + (to - from) * (f64::from(step) + 0.5) / f64::from(steps));
-            // In logarithms: either factor alone may overflow f64.
-            let weight = ((a + 1.0) * x.ln() - (a / g) * x.powf(g)).exp();
-            droplets += weight;
-            area += weight * PI * (x * mode).powi(2) * extinction_efficiency(x * mode, wavelength_nm);
+        let key = [number, a, g, mode, wavelength_nm];
+        let lock = || LAST.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, known)) = lock().iter().find(|(known, _)| *known == key) {
+            return *known;
         }
-        number * area / droplets
+        let found = summed(key);
+        let mut last = lock();
+        if last.len() == KEPT {
+            last.remove(0);
+        }
+        last.push((key, found));
+        found
     }
 }
 
-/// Refractive index of water near 905 nm (1.318 at 1550 nm changes extinction by less than the approximation does).
-const WATER: f64 = 1.328;
-
-/// Extinction efficiency of a water droplet: anomalous diffraction (van de Hulst 1957, 11.22) and the edge term
-/// `1.992386 x^(-2/3)` (Nussenzveig and Wiscombe 1980); compared with Mie series of the five named spectra it is 0.05
-/// to 0.5 % too large.
-fn extinction_efficiency(radius: f64, wavelength_nm: f64) -> f64 {
-    let x = 2.0 * PI * radius / (wavelength_nm * 1e-9);
-    let p = 2.0 * x * (WATER - 1.0);
-    // Near 0 the difference of large terms is p^2 / 2.
-    let diffraction = if p < 1e-3 { p * p / 2.0 } else { 2.0 - 4.0 / p * p.sin() + 4.0 / (p * p) * (1.0 - p.cos()) };
-    diffraction + if x > 1.0 { 1.992_386 * x.powf(-2.0 / 3.0) } else { 0.0 }
+/// [`Spectrum::coefficients`] of its numbers and a wavelength, nm.
+fn summed([number, a, g, mode, wavelength_nm]: [f64; 5]) -> [f64; 2] {
+    // In units of the mode radius N ~ x^a exp(-(a/g) x^g); x = e^s resolves all scales equally. In logarithms: either
+    // factor alone may overflow f64.
+    let weight = |s: f64| (a + 1.0) * s - (a / g) * (g * s).exp();
+    // Around the droplets that intercept most light, as far as they take more than 1e-9 of that; small exponents spread
+    // far.
+    let middle = ((a + 3.0) / a).ln() / g;
+    let light = |s: f64| weight(s) + 2.0 * s - weight(middle) - 2.0 * middle;
+    let edge = |step: f64| {
+        let mut s = middle;
+        while light(s) > -20.7 && (s - middle).abs() < 20.0 {
+            s += step;
+        }
+        s
+    };
+    let (from, to) = (edge(-0.05), edge(0.05));
+    // Backscatter ripples with every size, so that many are averaged: enough for 1 %, and no more terms of Mie's series
+    // than a second has time for.
+    let largest = mie::size(mode * to.exp(), wavelength_nm);
+    let steps = (2e7 / largest).clamp(400.0, 6000.0) as u32;
+    let water = mie::water(wavelength_nm);
+    let (mut extinction, mut backscatter, mut logs) = (0.0, 0.0, Vec::new());
+    for step in 0..steps {
+        let s = from + (to - from) * (f64::from(step) + 0.5) / f64::from(steps);
+        let radius = mode * s.exp();
+        let light = weight(s).exp() * radius * radius;
+        // Droplets beyond the size of rain are not spheres any more.
+        let of = mie::sphere(mie::size(radius.min(0.5e-3), wavelength_nm), water, &mut logs);
+        extinction += light * PI * of.extinction;
+        backscatter += light * of.backscatter / 4.0;
+    }
+    // All droplets, those that take no light too: int x^a exp(-(a/g) x^g) dx.
+    let all = (0..4000).map(|step| weight(-40.0 + 60.0 * (f64::from(step) + 0.5) / 4000.0).exp());
+    let droplets = all.sum::<f64>() * 60.0 / 4000.0;
+    let scale = number / droplets * (to - from) / f64::from(steps);
+    [extinction * scale, backscatter * scale]
 }
 
 /// Fog, given by visibility or by its droplets.
@@ -109,13 +137,17 @@ pub struct Fog {
     /// How extinction by visibility depends on the wavelength; default Kim.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub model: Option<VisibilityModel>,
-    /// Extinction over backscatter, sr; default 18.8.
+    /// Extinction over backscatter, sr, 1 to 1000; by default that of the droplets, or 18.8 up to 905 nm, rising to 21.3 at
+    /// 1550 nm.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lidar_ratio_sr: Option<f64>,
 }
 
-/// Lidar ratio of water droplets at 905 nm, sr (O'Connor, Illingworth, Hogan 2004: 18.8 +- 0.8).
-const LIDAR_RATIO_SR: f64 = 18.8;
+/// Lidar ratio of fog whose droplets are not given, sr: 18.8 at 905 nm and below (O'Connor, Illingworth, Hogan 2004: 18.8
+/// +- 0.8 in clouds of water), 21.3 at 1550 nm, where water absorbs (Mie's theory of advection fogs), linear between.
+fn lidar_ratio_sr(wavelength_nm: f64) -> f64 {
+    18.8 + (21.3 - 18.8) * ((wavelength_nm - 905.0) / (1550.0 - 905.0)).clamp(0.0, 1.0)
+}
 
 impl Fog {
     pub(in crate::medium) fn check(&self, key: &str, bounds: &mut Bounds) -> Result<()> {
@@ -135,7 +167,7 @@ impl Fog {
     pub fn extinction(&self, wavelength_nm: f64) -> f64 {
         let model = self.model.unwrap_or(VisibilityModel::Kim);
         match (self.spectrum, visibility::sight(self.visibility_m, self.mor_m)) {
-            (Some(spectrum), _) => spectrum.extinction(wavelength_nm),
+            (Some(spectrum), _) => spectrum.coefficients(wavelength_nm)[0],
             (None, Some(sight)) => visibility::extinction(sight, wavelength_nm, model),
             (None, None) => 0.0,
         }
@@ -143,8 +175,13 @@ impl Fog {
 
     /// Extinction, 1/m, and backscatter, 1/(m sr).
     pub fn coefficients(&self, wavelength_nm: f64) -> [f64; 2] {
-        let extinction = self.extinction(wavelength_nm);
-        [extinction, extinction / self.lidar_ratio_sr.unwrap_or(LIDAR_RATIO_SR)]
+        match (self.spectrum, self.lidar_ratio_sr) {
+            (Some(spectrum), None) => spectrum.coefficients(wavelength_nm),
+            (_, ratio) => {
+                let extinction = self.extinction(wavelength_nm);
+                [extinction, extinction / ratio.unwrap_or_else(|| lidar_ratio_sr(wavelength_nm))]
+            }
+        }
     }
 }
 
@@ -154,17 +191,21 @@ impl Fog {
 pub struct Spray {
     /// Its droplets.
     pub spectrum: Spectrum,
+    /// Extinction over backscatter, sr, 1 to 1000; by default that of the droplets.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lidar_ratio_sr: Option<f64>,
 }
 
 impl Spray {
     pub(in crate::medium) fn check(&self, key: &str, bounds: &mut Bounds) -> Result<()> {
+        bounds.within(format_args!("{key}.lidar_ratio_sr"), self.lidar_ratio_sr, 1.0, 1000.0)?;
         self.spectrum.check(&format!("{key}.spectrum"), bounds)
     }
 
     /// Extinction, 1/m, and backscatter, 1/(m sr).
     pub fn coefficients(&self, wavelength_nm: f64) -> [f64; 2] {
-        let extinction = self.spectrum.extinction(wavelength_nm);
-        [extinction, extinction / LIDAR_RATIO_SR]
+        let [extinction, backscatter] = self.spectrum.coefficients(wavelength_nm);
+        [extinction, self.lidar_ratio_sr.map_or(backscatter, |ratio| extinction / ratio)]
     }
 }
 
@@ -172,23 +213,40 @@ impl Spray {
 mod tests {
     use super::*;
 
-    /// Against Mie series summed with miepython 3.3 over the same spectra at 905 nm.
+    /// Against Mie series summed with miepython 3.3 over the same spectra, haze of small droplets among them.
     #[test]
-    fn spectra_dim_as_mie_theory_says() {
-        for (spectrum, expected, mor) in [
-            (Spectrum::StrongAdvectionFog, 2.906_61e-2, 103.07),
-            (Spectrum::ModerateAdvectionFog, 1.872_25e-2, 160.01),
-            (Spectrum::ChuHogg, 1.635_04e-3, 1832.2),
-            (Spectrum::StrongSpray, 1.705_71e-2, 175.63),
-            (Spectrum::ModerateSpray, 4.489_49e-3, 667.28),
+    fn spectra_are_as_mie_theory_says() {
+        let haze = Spectrum::Gamma { per_cm3: 100.0, a: 2.0, g: 0.5, mode_radius_um: 0.07 };
+        for (spectrum, wavelength_nm, extinction, backscatter) in [
+            (Spectrum::StrongAdvectionFog, 905.0, 2.906_61e-2, 1.619_12e-3),
+            (Spectrum::StrongAdvectionFog, 1550.0, 2.958_18e-2, 1.386_02e-3),
+            (Spectrum::ModerateAdvectionFog, 905.0, 1.872_25e-2, 1.023_13e-3),
+            (Spectrum::ModerateAdvectionFog, 1550.0, 1.910_90e-2, 9.041_02e-4),
+            (Spectrum::ChuHogg, 905.0, 1.635_04e-3, 8.467_02e-5),
+            (Spectrum::ChuHogg, 1550.0, 1.720_23e-3, 7.982_68e-5),
+            (Spectrum::StrongSpray, 905.0, 1.705_71e-2, 8.646_38e-4),
+            (Spectrum::StrongSpray, 1550.0, 1.773_02e-2, 9.671_22e-4),
+            (Spectrum::ModerateSpray, 905.0, 4.489_49e-3, 2.628_35e-4),
+            (Spectrum::ModerateSpray, 1550.0, 4.898_72e-3, 1.735_31e-4),
+            (haze, 905.0, 3.162_03e-5, 2.990_76e-7),
+            (haze, 1550.0, 1.432_98e-5, 1.617_86e-7),
         ] {
-            let found = spectrum.extinction(905.0);
-            assert!((found / expected - 1.0).abs() < 0.006, "{spectrum:?}: {found} {expected}");
-            // Range at which 5 % of contrast remains.
-            assert!((20f64.ln() / found / mor - 1.0).abs() < 0.006, "{spectrum:?}: {found} {mor}");
+            let [found, back] = spectrum.coefficients(wavelength_nm);
+            assert!((found / extinction - 1.0).abs() < 0.005, "{spectrum:?}: {found} {extinction}");
+            assert!((back / backscatter - 1.0).abs() < 0.03, "{spectrum:?}: {back} {backscatter}");
         }
         let own = Spectrum::Gamma { per_cm3: 20.0, a: 3.0, g: 1.0, mode_radius_um: 10.0 };
-        assert_eq!(own.extinction(905.0), Spectrum::StrongAdvectionFog.extinction(905.0));
+        assert_eq!(own.coefficients(905.0), Spectrum::StrongAdvectionFog.coefficients(905.0));
+        // The extremes of what is allowed are summed in reasonable time, to finite numbers.
+        for a in [0.1, 20.0] {
+            for (g, mode_radius_um) in [(0.1, 0.01), (0.1, 1000.0), (10.0, 0.01), (10.0, 1000.0)] {
+                let spectrum = Spectrum::Gamma { per_cm3: 1.0, a, g, mode_radius_um };
+                let start = std::time::Instant::now();
+                let found = spectrum.coefficients(200.0);
+                assert!(found.iter().all(|value| value.is_finite() && *value >= 0.0), "{spectrum:?}: {found:?}");
+                assert!(start.elapsed().as_secs() < 20, "{spectrum:?}: {:?}", start.elapsed());
+            }
+        }
     }
 
     /// Lidar ratios: 18.8 sr of droplets give a backscatter of 0.15935 over the optical range, 65.1 sr the 0.046 used
@@ -201,13 +259,11 @@ mod tests {
             assert!((extinction * 50.0 - 2.995_73).abs() < 5e-6);
             assert!((backscatter * 50.0 - expected).abs() < within, "{backscatter}");
         }
-        let [extinction, backscatter] = Spray { spectrum: Spectrum::StrongSpray }.coefficients(905.0);
-        assert_eq!(extinction / backscatter, 18.8);
-    }
-
-    #[test]
-    fn large_droplets_take_twice_their_area() {
-        assert!((extinction_efficiency(1e-2, 905.0) - 2.0).abs() < 2e-3);
-        assert!(extinction_efficiency(1e-12, 905.0) < 1e-9);
+        assert_eq!([532.0, 905.0, 1550.0, 2000.0].map(lidar_ratio_sr), [18.8, 18.8, 21.3, 21.3]);
+        let spectrum = Spectrum::StrongSpray;
+        let [extinction, backscatter] = Spray { spectrum, lidar_ratio_sr: None }.coefficients(905.0);
+        assert!((extinction / backscatter / 19.727 - 1.0).abs() < 0.03);
+        let [extinction, backscatter] = Spray { spectrum, lidar_ratio_sr: Some(50.0) }.coefficients(905.0);
+        assert_eq!(extinction / backscatter, 50.0);
     }
 }

@@ -2,6 +2,7 @@
 
 mod droplets;
 mod dust;
+mod mie;
 mod particles;
 mod rain;
 mod region;
