@@ -133,7 +133,22 @@ impl Scene {
     /// The names of materials that are most like those that `pattern` means.
     pub(crate) fn materials_near(&self, pattern: &str) -> Vec<String> {
         let plain: String = pattern.chars().filter(|letter| !"*?".contains(*letter)).collect();
-        nearest(&plain, self.materials.iter().map(|material| &material.name))
+        let length = plain.chars().count();
+        // Of what a `*` stands for nothing is compared.
+        let told = |name: &String| -> String {
+            match (pattern.starts_with('*'), pattern.ends_with('*')) {
+                (false, true) => name.chars().take(length).collect(),
+                (true, false) => name.chars().skip(name.chars().count().saturating_sub(length)).collect(),
+                _ => name.clone(),
+            }
+        };
+        let names = || self.materials.iter().map(|material| &material.name);
+        let near = nearest(&plain, names().map(told));
+        let mut found: Vec<String> = names().filter(|name| near.contains(&told(name))).cloned().collect();
+        found.sort();
+        found.dedup();
+        found.truncate(3);
+        found
     }
 }
 
@@ -209,6 +224,12 @@ mod tests {
         assert!(told.len() == 1 && told[0].starts_with("material \"vase\": 1 part closed all around"), "{warnings:?}");
         let unmatched = "material rules: no material's name matches \"vaze\"; near: vase";
         assert!(warnings.iter().any(|warning| warning == unmatched), "{warnings:?}");
+        for (pattern, near) in [("vaze*", "vase"), ("'*wase'", "vase"), ("'*an*'", "pane")] {
+            let (_, warnings) = load(&format!("{pattern}: glass"));
+            let matched = warnings.is_empty();
+            assert!(matched || warnings[0].ends_with(&format!("; near: {near}")), "{pattern}: {warnings:?}");
+            assert_eq!(matched, pattern == "'*an*'", "{pattern}");
+        }
         let ([vase, pane], warnings) = load("'*': {transmission: 0.9}\nvase: {thickness_m: 0.01}\npane: fabric");
         assert_eq!((vase.thickness_m, pane.reflectance.is_some()), (0.01, true));
         assert!(warnings.is_empty(), "{warnings:?}");
