@@ -43,7 +43,7 @@ pub fn run(args: &Args) -> Result<()> {
     let threads = input::set_threads(args.threads)?;
     let sensor = args.sensor.load()?;
     let environment = args.weather.load(sensor.kind())?;
-    let scene = args.scene.load(&args.scene.labels()?)?;
+    let scene = args.scene.load(&args.scene.labels()?, &args.scene.materials()?)?;
     let pose = args.place.path(&scene, 0.0, 0.0)?.at(0.0);
     let trajectory = Trajectory::fixed(pose);
     if sensor.kind() == SensorKind::Sonar {

@@ -20,7 +20,8 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<()> {
-    text::print(&describe(&args.scene.names(), &args.scene.load(&args.scene.labels()?)?, args.wavelength)?)
+    let scene = args.scene.load(&args.scene.labels()?, &args.scene.materials()?)?;
+    text::print(&describe(&args.scene.names(), &scene, args.wavelength)?)
 }
 
 /// How much light the materials of `scene` return, and why, a line each.

@@ -4,8 +4,7 @@ use crate::{choice, text};
 use anyhow::{Context as _, Result, anyhow, ensure};
 use clap::Args;
 use clap::builder::{OsStringValueParser, TypedValueParser as _};
-use echocast::scene::{CacheFile, UpAxis};
-use echocast::scene::{Material, MaterialRule, MaterialRules};
+use echocast::scene::{CacheFile, Material, MaterialRule, MaterialRules, UpAxis};
 use echocast::{Error, LabelRules, LoadOptions, ReturnMode, Scene, Sensor, SensorKind, Trajectory, shown};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -67,7 +66,7 @@ impl SceneArgs {
     }
 
     /// The rules of `--materials` and `--material`.
-    fn materials(&self) -> Result<MaterialRules> {
+    pub fn materials(&self) -> Result<MaterialRules> {
         let mut rules = match &self.materials {
             Some(file) => file_or_stdin("--materials", file, MaterialRules::load, MaterialRules::from_yaml)?,
             None => MaterialRules::default(),
@@ -79,8 +78,8 @@ impl SceneArgs {
         Ok(rules)
     }
 
-    /// Reads all files into one scene, labelled by `labels`.
-    pub fn load(&self, labels: &LabelRules) -> Result<Scene> {
+    /// Reads all files into one scene, labelled by `labels` and made of `materials`.
+    pub fn load(&self, labels: &LabelRules, materials: &MaterialRules) -> Result<Scene> {
         let mut caches = BTreeMap::new();
         for (name, file) in &self.cache {
             let before = caches.insert(name.clone(), file.clone());
@@ -95,7 +94,7 @@ impl SceneArgs {
             looped: self.looped,
             allow_outside_paths: self.allow_outside_paths,
             caches,
-            materials: self.materials()?,
+            materials: materials.clone(),
         };
         let told = self.up != UpAxis::Z || self.scale != 1.0;
         let is_obj = |file: &PathBuf| file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("obj"));
@@ -112,8 +111,9 @@ impl SceneArgs {
         text::paths(&self.files).join(" + ")
     }
 
-    /// As the section `scene` of a scenario; `labels` are the rules of the label file.
-    pub fn to_json(&self, labels: &LabelRules) -> Result<Value> {
+    /// As the section `scene` of a scenario; `labels` are the rules of the label file, `materials` those of
+    /// materials.
+    pub fn to_json(&self, labels: &LabelRules, materials: &MaterialRules) -> Result<Value> {
         // What came from standard input is not there again.
         let labels = match &self.labels {
             Some(file) if file.as_os_str() == "-" => {
@@ -136,7 +136,7 @@ impl SceneArgs {
             "loop": self.looped,
             "allow_outside_paths": self.allow_outside_paths,
             "caches": caches,
-            "materials": serde_json::to_value(self.materials()?).context("the material rules cannot be reported")?,
+            "materials": serde_json::to_value(materials).context("the material rules cannot be reported")?,
         }))
     }
 }

@@ -13,6 +13,7 @@ use crate::{choice, formats, interrupt, place, text};
 use anyhow::{Context as _, Result, ensure};
 use echocast::detect::Detection;
 use echocast::scenario::FrameTime;
+use echocast::scene::MaterialRules;
 use echocast::{
     Engine, Environment, FieldSet, Frame, LabelRules, LiveScene, Order, Pose, Profile, ReflectanceSource, Report,
     ScanOptions, Scene, Sensor, SensorKind, Trajectory, read, shown,
@@ -121,7 +122,7 @@ pub fn run(args: &Args) -> Result<()> {
 
     progress.phase(format!("loading {}", args.scene.names()));
     let (loaded, read) = read::noting(|| timed(&mut seconds.load, || load(args)));
-    let Loaded { sensor, environment, labels, scene, path } = loaded?;
+    let Loaded { sensor, environment, labels, materials, scene, path } = loaded?;
     read.iter().try_for_each(|input| args.output.check_input(input))?;
     let sonar = sensor.kind() == SensorKind::Sonar;
     let fields = args.fields.unwrap_or_default().of(&sensor);
@@ -218,7 +219,7 @@ pub fn run(args: &Args) -> Result<()> {
         seconds,
         warnings: warnings.warnings,
         outputs: recorded.files,
-        run: repeatable(args, &labels, &take, frames, fps)?,
+        run: repeatable(args, (&labels, &materials), &take, frames, fps)?,
     };
     if args.verbose {
         tell_more(&scene, &sensor, &trajectory);
@@ -238,6 +239,7 @@ struct Loaded {
     sensor: Sensor,
     environment: Environment,
     labels: LabelRules,
+    materials: MaterialRules,
     scene: Scene,
     /// Poses over time from a file.
     path: Option<Trajectory>,
@@ -255,9 +257,10 @@ fn load(args: &Args) -> Result<Loaded> {
     let environment = args.weather.load(sensor.kind())?;
     let trajectory = args.trajectory.as_deref().map(input::load_trajectory).transpose()?;
     let labels = args.scene.labels()?;
-    let scene = args.scene.load(&labels)?;
+    let materials = args.scene.materials()?;
+    let scene = args.scene.load(&labels, &materials)?;
     let path = trajectory.map(Trajectory::shifted_to_zero);
-    Ok(Loaded { sensor, environment, labels, scene, path })
+    Ok(Loaded { sensor, environment, labels, materials, scene, path })
 }
 
 /// `BEAM` or `FRAME,BEAM`.
@@ -411,7 +414,13 @@ fn warn_of_noise(points: usize, sensor: &Sensor, warnings: &mut Report) {
 }
 
 /// The scenario that repeats this run.
-fn repeatable(args: &Args, labels: &LabelRules, take: &Take, frames: Frames, fps: f64) -> Result<Value> {
+fn repeatable(
+    args: &Args,
+    (labels, materials): (&LabelRules, &MaterialRules),
+    take: &Take,
+    frames: Frames,
+    fps: f64,
+) -> Result<Value> {
     let place = match (&args.trajectory, args.place.to_json(take.trajectory)) {
         (Some(file), _) if file.as_os_str() != "-" => json!({ "file": shown::path(file) }),
         (Some(_), _) => {
@@ -428,7 +437,7 @@ fn repeatable(args: &Args, labels: &LabelRules, take: &Take, frames: Frames, fps
     outputs.insert("style".into(), "files".into());
     Ok(json!({
         "folder": std::env::current_dir().ok().as_deref().map(shown::path),
-        "scene": args.scene.to_json(labels)?,
+        "scene": args.scene.to_json(labels, materials)?,
         "sensors": [{ "sensor": spec }],
         "environment": serde_json::to_value(&take.options.environment).context("the weather cannot be reported")?,
         "trajectory": place,

@@ -5,6 +5,7 @@ pub(crate) mod angle;
 pub(crate) mod array;
 pub(crate) mod cause;
 pub mod error;
+pub(crate) mod kept;
 pub(crate) mod lanes;
 pub(crate) mod math;
 pub(crate) mod named;

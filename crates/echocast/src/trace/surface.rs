@@ -2,13 +2,14 @@
 
 use super::instances::Instances;
 use super::{Backscatter, Tables};
+use crate::ground::kept::kept;
 use crate::material::{Alpha, Material, Mirrors, Optics, ReflectanceSource, Reflectances, Sound, srgb_byte};
 use crate::medium::Sea;
 use crate::scene::{Labels, Mesh, Object, Part};
 use embree4::{Candidate, INVALID};
 use glam::Vec3;
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock};
 
 /// A part of an object: what a hit on it means.
 #[derive(Clone, Copy, Debug)]
@@ -36,9 +37,6 @@ pub(crate) struct Surface {
     /// Area, m^2, of what answers sound as a whole; 0 of all others, where it is not used.
     pub area: f32,
 }
-
-/// A scene is scanned with a few sensors; one whose wavelength keeps changing must not fill the memory.
-const MOST_WAVELENGTHS: usize = 16;
 
 /// All parts of all objects, in the order of Embree's ids: first those in the top level or in its group of fixed
 /// objects, by geometry, then the instances, by part.
@@ -234,18 +232,4 @@ impl Tables {
         let smooth = self.turned(row.object, a * (1.0 - u - v) + b * u + c * v, time);
         (smooth.length_squared() > f32::MIN_POSITIVE).then_some(smooth)
     }
-}
-
-/// The one of `all` that fits, or a new one that is kept.
-fn kept<T>(all: &Mutex<Vec<Arc<T>>>, fits: impl Fn(&T) -> bool, make: impl FnOnce() -> T) -> Arc<T> {
-    let mut known = all.lock().unwrap_or_else(PoisonError::into_inner);
-    if let Some(found) = known.iter().find(|it| fits(it)) {
-        return found.clone();
-    }
-    let made = Arc::new(make());
-    if known.len() == MOST_WAVELENGTHS {
-        known.remove(0);
-    }
-    known.push(made.clone());
-    made
 }

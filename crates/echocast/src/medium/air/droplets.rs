@@ -3,10 +3,11 @@
 use super::mie;
 use super::visibility::{self, VisibilityModel};
 use crate::ground::error::{Error, Result};
+use crate::ground::kept::kept;
 use crate::read::bounds::{ABOVE_ZERO, Bounds};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 /// A modified gamma distribution of droplet radii, `N(r) ~ r^a exp(-b r^g)` with its maximum at the mode radius.
 ///
@@ -63,22 +64,12 @@ impl Spectrum {
     /// Extinction, 1/m, `int pi r^2 Q_ext(r) N(r) dr`, and backscatter, 1/(m sr), `int pi r^2 Q_back(r) / (4 pi) N(r) dr`,
     /// with Mie's efficiencies of spheres of water, the distribution normalised to its number of droplets.
     pub fn coefficients(self, wavelength_nm: f64) -> [f64; 2] {
-        /// What was asked for last, so that the frames of a sequence need not sum again.
-        static LAST: Mutex<Vec<([f64; 5], [f64; 2])>> = Mutex::new(Vec::new());
-        const KEPT: usize = 16;
+        type Sum = ([f64; 5], [f64; 2]);
+        /// The frames of a sequence need not sum again.
+        static KNOWN: Mutex<Vec<Arc<Sum>>> = Mutex::new(Vec::new());
         let [number, a, g, mode] = self.numbers();
         let key = [number, a, g, mode, wavelength_nm];
-        let lock = || LAST.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, known)) = lock().iter().find(|(known, _)| *known == key) {
-            return *known;
-        }
-        let found = summed(key);
-        let mut last = lock();
-        if last.len() == KEPT {
-            last.remove(0);
-        }
-        last.push((key, found));
-        found
+        kept(&KNOWN, |(known, _)| *known == key, || (key, summed(key))).1
     }
 }
 
