@@ -98,6 +98,14 @@ fn many() -> Sensor {
     sensor
 }
 
+/// The same, with several rays for beams that meet more than one place alone, and so with one return or several.
+fn adaptive(returns: &str) -> Sensor {
+    let mut sensor = many();
+    sensor.set("beam.sub_rays", "adaptive").unwrap();
+    sensor.set("returns", returns).unwrap();
+    sensor
+}
+
 /// The same with everything specific to a depth camera.
 fn depth_camera() -> Sensor {
     let mut sensor = camera();

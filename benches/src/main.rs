@@ -12,6 +12,7 @@ mod light;
 mod memory;
 mod motion;
 mod paper;
+mod presets;
 mod rays;
 mod scenario;
 mod scenes;
@@ -27,6 +28,7 @@ type Section = (&'static str, fn() -> Result<Value>);
 const SECTIONS: &[Section] = &[
     ("rays", rays::run),
     ("light", light::run),
+    ("presets", presets::run),
     ("motion", motion::run),
     ("sound", sound::run),
     ("scenario", scenario::run),

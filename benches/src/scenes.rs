@@ -200,7 +200,16 @@ pub fn forest() -> Scene {
 
 /// A flat of 11,000 triangles that ships with the repository.
 pub fn flat() -> echocast::Result<Scene> {
-    Scene::load(Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/scenes/apartment.glb"))
+    shipped("apartment.glb")
+}
+
+/// A hall that ships with it too.
+pub fn hall() -> echocast::Result<Scene> {
+    shipped("indoor-1.glb")
+}
+
+fn shipped(name: &str) -> echocast::Result<Scene> {
+    Scene::load(Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/scenes").join(name))
 }
 
 /// The paper's 5.2.2: a square that fills a view of 90 degrees, cut into `4^level` objects.

@@ -75,6 +75,66 @@ fn echoes_join_within_the_pulse() {
     assert_near("far", far.columns.range[1].into(), 13.0, 1e-4);
 }
 
+/// A fan over posts before a wall, and a floor: adaptive beams have nearly all the second returns and mixed points that 64
+/// rays for every beam have, and the power of oblique surfaces, for which they send one ray.
+#[test]
+fn adaptive_beams_find_what_many_rays_do() {
+    let mut scene = SceneBuilder::new();
+    let paint = scene.reflector(0.4);
+    scene.stand(Shape::plate(DVec3::new(0.0, 0.0, -1.5), DVec3::Z, 60.0), Some(paint));
+    scene.stand(Shape::plate(DVec3::X * 25.0, -DVec3::X, 60.0), Some(paint));
+    for post in -12..=12 {
+        let y = 0.9 * f64::from(post);
+        let (low, high) = (DVec3::new(12.0, y, -1.5), DVec3::new(12.05, y + 0.06 + 0.005 * y.abs(), 1.0));
+        scene.stand(Shape::cuboid(low, high), Some(paint));
+    }
+    let built = scene.finish().build().unwrap();
+    let sensor = |sub_rays: &str| {
+        let text = format!(
+            "{{name: fan, kind: lidar, pattern: {{type: raster, azimuth: {{fov_deg: 80, step_deg: 0.2}}, elevation: \
+             {{fov_deg: 20, step_deg: 1.3}}}}, range: {{min_m: 0.5, max_m: 100}}, beam: {{divergence_mrad: [3.0, 1.5], \
+             pulse_ns: 5, sub_rays: {sub_rays}}}, returns: {{mode: all}}, intensity: {{encoding: reflectivity}}, \
+             detection: {{model: radar_equation, reflectance: 0.1, at_m: 80}}}}"
+        );
+        echocast::Sensor::from_yaml(&text, "").unwrap()
+    };
+    let [one, all, ours] =
+        ["1", "64", "adaptive"].map(|sub_rays| scan(&built, &sensor(sub_rays), ScanOptions::default()));
+    let beams = |cloud: &PointCloud, is: &dyn Fn(usize) -> bool| -> std::collections::BTreeSet<u32> {
+        (0..cloud.len).filter(|&row| is(row)).map(|row| cloud.columns.beam[row]).collect()
+    };
+    for what in ["second returns", "mixed points"] {
+        let [one, all, ours] = [&one, &all, &ours].map(|cloud| {
+            let c = &cloud.columns;
+            beams(cloud, &|row| match what {
+                "second returns" => c.return_count[row] > 1,
+                _ => c.cause[row] == Cause::Mixed as u8,
+            })
+        });
+        let found = all.intersection(&ours).count() as f64 / all.len() as f64;
+        assert!(all.len() > 20 && one.is_empty() && found >= 0.95, "{what}: {found} of {}", all.len());
+        assert!(ours.difference(&all).count() as f64 <= 0.05 * all.len() as f64, "{what} of their own");
+    }
+    // Where both see the floor alone: it is oblique, and its echo lower than that of one ray.
+    let floor = |cloud: &PointCloud| -> std::collections::BTreeMap<u32, f64> {
+        let c = &cloud.columns;
+        (0..cloud.len)
+            .filter(|&row| c.return_count[row] == 1 && c.cause[row] == Cause::Surface as u8 && c.normal_z[row] > 0.9)
+            .map(|row| (c.beam[row], f64::from(c.intensity[row])))
+            .collect()
+    };
+    let [one, all, ours] = [&one, &all, &ours].map(floor);
+    let (mut lowest, mut compared) = (1.0f64, 0);
+    for (beam, all) in &all {
+        if let (Some(one), Some(ours)) = (one.get(beam), ours.get(beam)) {
+            assert!((ours / all - 1.0).abs() < 0.02, "beam {beam}: {ours}, {all}");
+            lowest = lowest.min(ours / one);
+            compared += 1;
+        }
+    }
+    assert!(compared > 1000 && lowest < 0.97, "{compared} beams, lowest {lowest}");
+}
+
 /// On a plain wall many rays see the same as one.
 #[test]
 fn a_wall_across_the_beam_is_one_echo() {

@@ -182,6 +182,6 @@ pub use scenario::Scenario;
 pub use scene::{LabelRules, LoadOptions, Scene};
 pub use sensor::{
     AcousticsSpec, BeamSpec, Expectations, Illumination, IntensitySpec, PresetInfo, RangeSpec, ReturnsSpec, Sensor,
-    SensorKind, SensorSpec, ShotNoiseSpec, Speckle, Target, TofSpec, Tvg, Vignetting,
+    SensorKind, SensorSpec, ShotNoiseSpec, Speckle, SubRays, Target, TofSpec, Tvg, Vignetting,
 };
 pub use trace::{BareLoop, BuiltScene, Engine, LiveScene, ObjectId};

@@ -13,6 +13,7 @@ pub mod light;
 pub mod math;
 pub mod measure;
 pub mod random;
+pub mod rim;
 pub mod rows;
 pub mod signal;
 pub mod skin;

@@ -35,7 +35,7 @@ pub enum ReturnMode {
 named! { ReturnMode: Strongest "strongest", First "first", Last "last", Second "second", Dual "dual", All "all" }
 
 /// Which echoes of a beam an instrument reports.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct ReturnRule {
     pub mode: ReturnMode,
     /// Greatest number in mode `all`.

@@ -53,6 +53,31 @@ impl RayBatch {
         self.time[lane] = from.time[other];
     }
 
+    /// Copies lane `other` of `from`, with all it has, to `lanes`.
+    pub(crate) fn fill(&mut self, lanes: std::ops::Range<usize>, from: &RayBatch, other: usize) {
+        let columns = [
+            (&mut self.org_x, from.org_x[other]),
+            (&mut self.org_y, from.org_y[other]),
+            (&mut self.org_z, from.org_z[other]),
+            (&mut self.dir_x, from.dir_x[other]),
+            (&mut self.dir_y, from.dir_y[other]),
+            (&mut self.dir_z, from.dir_z[other]),
+            (&mut self.range_max, from.range_max[other]),
+            (&mut self.time, from.time[other]),
+        ];
+        for (column, value) in columns {
+            column[lanes.clone()].fill(value);
+        }
+    }
+
+    /// Copies lane `from`, with all it has, to `lane`.
+    pub(crate) fn move_lane(&mut self, lane: usize, from: usize) {
+        let RayBatch { org_x, org_y, org_z, dir_x, dir_y, dir_z, range_max, time } = self;
+        for column in [org_x, org_y, org_z, dir_x, dir_y, dir_z, range_max, time] {
+            column[lane] = column[from];
+        }
+    }
+
     /// Where rays start, axis by axis.
     pub(crate) fn origins(&self) -> [&[f32; LANES]; 3] {
         [&self.org_x, &self.org_y, &self.org_z]

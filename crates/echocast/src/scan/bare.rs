@@ -8,18 +8,19 @@ use crate::trace::{BareLoop, BuiltScene};
 
 impl<'a> BareLoop<'a> {
     /// Prepares the rays that [`BuiltScene::scan`] would trace with `sensor` at `pose`, including all rays that stand
-    /// for one beam; for a sonar, those of a ping through water of 1500 m/s.
+    /// for every beam; for a sonar, those of a ping through water of 1500 m/s.
     pub fn new(scene: &'a BuiltScene, sensor: &Sensor, pose: Pose) -> Self {
         let beams = &*sensor.rays();
         let trajectory = Trajectory::fixed(pose);
         let aim = Aim::new(&trajectory, 0.0, scene.origin());
-        let footprint = sensor.signals().footprint;
+        // Where beams are one ray or several, one.
+        let footprint = sensor.signals.footprint.as_ref().filter(|_| sensor.signals.adaptive.is_none());
         let (mut rays, mut counts) = (Vec::new(), Vec::new());
         for first in (0..beams.len()).step_by(LANES) {
             let count = LANES.min(beams.len() - first);
             let mut axes = RayBatch::default();
             aim.rays(beams, first, beams.directions(first, count), sensor.range_max_m as f32, &mut axes);
-            match &footprint {
+            match footprint {
                 None => rays.push(axes),
                 Some(footprint) => {
                     let mut across = Across::new();

@@ -1,6 +1,6 @@
 //! Which sensor files are valid: bounds of numbers, and keys that depend on each other.
 
-use super::spec::{BeamSpec, IntensitySpec, ReturnsSpec, SensorKind, SensorSpec};
+use super::spec::{BeamSpec, IntensitySpec, ReturnsSpec, SensorKind, SensorSpec, SubRays};
 use crate::detect::{Detection, DetectionSpec, Noise, Statistical, Timing};
 use crate::emitter::Transducer;
 use crate::emitter::pattern::Pattern;
@@ -54,18 +54,24 @@ impl SensorSpec {
         bounds.within("beam.overlap_m[0]", near, 0.0, 1000.0)?;
         bounds.number("beam.overlap_m[1]", far, [ABOVE_ZERO, 1000.0], "above 0, at most 1000")?;
         bounds.rising(("beam.overlap_m[0]", near), ("beam.overlap_m[1]", far))?;
-        bounds.within("beam.sub_rays", f64::from(beam.sub_rays), 1.0, 1024.0)?;
+        let (sub_rays, one_ray) = match beam.sub_rays {
+            SubRays::Count(count) => {
+                bounds.within("beam.sub_rays", f64::from(count), 1.0, 1024.0)?;
+                (count.to_string(), count == 1)
+            }
+            SubRays::Adaptive => ("adaptive".into(), false),
+        };
         let tof = self.tof.as_ref();
-        for (key, one_ray) in [
+        for (key, needs_one_ray) in [
             ("tof.second_eye_m", tof.is_some_and(|tof| tof.second_eye_m.is_some())),
             ("tof.multipath_rays", tof.is_some_and(|tof| tof.multipath_rays > 0)),
         ] {
-            if one_ray && beam.sub_rays > 1 {
-                return Err(Error::invalid("beam.sub_rays", beam.sub_rays, format!("1 with {key}")));
+            if needs_one_ray && !one_ray {
+                return Err(Error::invalid("beam.sub_rays", sub_rays, format!("1 with {key}")));
             }
         }
-        if beam.pulse_ns == 0.0 && tof.is_none() && (beam.sub_rays > 1 || beam.divergence_mrad != [0.0; 2]) {
-            let because = if beam.sub_rays > 1 { "beam.sub_rays above 1" } else { "a beam.divergence_mrad" };
+        if beam.pulse_ns == 0.0 && tof.is_none() && (!one_ray || beam.divergence_mrad != [0.0; 2]) {
+            let because = if !one_ray { "beam.sub_rays above 1" } else { "a beam.divergence_mrad" };
             let allowed = format!("above 0 with {because}: without a pulse echoes of one beam do not join");
             return Err(Error::invalid("beam.pulse_ns", beam.pulse_ns, allowed));
         }

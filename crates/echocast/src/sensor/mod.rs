@@ -11,17 +11,17 @@ mod tests;
 mod tof;
 
 pub use presets::PresetInfo;
-pub(crate) use signals::Signals;
+pub(crate) use signals::{Adaptive, Signals};
 pub use sonar::{AcousticsSpec, Speckle, Tvg};
-pub use spec::{BeamSpec, Expectations, IntensitySpec, RangeSpec, ReturnsSpec, SensorKind, SensorSpec};
+pub use spec::{BeamSpec, Expectations, IntensitySpec, RangeSpec, ReturnsSpec, SensorKind, SensorSpec, SubRays};
 pub(crate) use tof::DepthCamera;
 pub use tof::{Illumination, ShotNoiseSpec, Target, TofSpec, Vignetting};
 
 use crate::cloud::{Field, FieldSet};
-use crate::detect::{DetectionSpec, Doppler, Noise, RangeError, ReturnMode, ReturnRule, Threshold, Timing};
+use crate::detect::{DetectionSpec, Doppler, Noise, RangeError, ReturnMode, Threshold, Timing};
 use crate::echo::{Cone, Glint, Pulse, Receiver, texture};
 use crate::emitter::pattern::Pattern;
-use crate::emitter::{BeamTable, Footprint, Transducer};
+use crate::emitter::{BeamTable, Transducer};
 use crate::ground::error::{Error, Result};
 use crate::read::yaml::{self, Document};
 use std::path::{Path, PathBuf};
@@ -48,6 +48,8 @@ pub struct Sensor {
     pub(crate) intensity: IntensitySpec,
     pub(crate) doppler: Option<Doppler>,
     pub(crate) camera: Option<DepthCamera>,
+    /// How the echoes of its beams become returns.
+    pub(crate) signals: Arc<Signals>,
     /// Quantiles of the texture of a sonar's echoes; empty: none.
     pub(crate) texture: Arc<[f32]>,
     /// What a sonar sends and receives, for the wavelengths that it has been used at; shared with copies.
@@ -105,6 +107,7 @@ impl Sensor {
             intensity: spec.intensity,
             doppler: spec.doppler,
             camera: spec.tof.as_ref().map(|tof| DepthCamera::new(tof, &spec.pattern)),
+            signals: Arc::new(Signals::new(&spec)),
             texture: spec.acoustics.as_ref().and_then(|it| it.texture_shape).map_or_else(|| Arc::from([]), texture),
             transducers: Arc::default(),
             spec,
@@ -149,24 +152,6 @@ impl Sensor {
         }
     }
 
-    /// How the echoes of its beams become returns.
-    pub(crate) fn signals(&self) -> Signals {
-        let SensorSpec { beam, returns, .. } = &self.spec;
-        // A pixel has one range.
-        let mode = if self.spec.tof.is_some() { ReturnMode::Strongest } else { returns.mode };
-        let rule = ReturnRule { mode, max: returns.max.into(), separation: returns.separation_m as f32 };
-        let footprint = (beam.sub_rays > 1).then(|| match &self.spec.pattern {
-            Pattern::Pinhole(camera) if self.spec.kind == SensorKind::Tof => {
-                Footprint::of_pixel(beam.sub_rays as usize, camera.pixel())
-            }
-            _ => {
-                let divergence = beam.divergence_mrad.map(|mrad| mrad * 1e-3);
-                Footprint::new(beam.sub_rays as usize, beam.exit_diameter_mm * 1e-3, divergence)
-            }
-        });
-        Signals { footprint, sigma: Pulse::new(beam.pulse_shape, beam.pulse_ns).sigma(), rule }
-    }
-
     /// The errors of its ranges.
     pub(crate) fn range_error(&self, threshold: Threshold) -> RangeError {
         let BeamSpec { pulse_shape, pulse_ns, .. } = self.spec.beam;
@@ -182,7 +167,7 @@ impl Sensor {
     pub(crate) fn glint(&self) -> Option<Glint> {
         let beam = &self.spec.beam;
         let [horizontal, vertical] = beam.divergence_mrad;
-        let width = if beam.sub_rays > 1 { 0.0 } else { 1.0 };
+        let width = if matches!(beam.sub_rays, SubRays::Count(2..)) { 0.0 } else { 1.0 };
         beam.aperture_mm.map(|diameter| Glint {
             start: (0.5e-3 * beam.exit_diameter_mm * width) as f32,
             divergence: (0.5e-3 * (horizontal * vertical).sqrt() * width) as f32,

@@ -1,29 +1,81 @@
 //! How the echoes of a beam become returns.
 
+use super::{SensorKind, SensorSpec, SubRays};
 use crate::detect::{ReturnMode, ReturnRule};
+use crate::echo::Pulse;
 use crate::emitter::Footprint;
+use crate::emitter::pattern::Pattern;
+use std::sync::Arc;
+
+/// Rays of a beam that meets more than one place.
+const RAYS_OF_A_BEAM: usize = 64;
+
+/// Rays of a pixel that meets more than one place.
+const RAYS_OF_A_PIXEL: usize = 25;
 
 /// How beams of several rays or returns are made; the same for the whole scan.
+#[derive(Debug, Default)]
 pub(crate) struct Signals {
     /// None: one ray along the beam.
     pub footprint: Option<Footprint>,
+    /// How those beams are found that meet more than one place, and so are that many rays; all others are one. None: all
+    /// beams are.
+    pub adaptive: Option<Adaptive>,
+    /// Whether some beams of a block alone are that many rays.
+    pub packed: bool,
     /// Standard deviation of the pulse, m of range.
     pub sigma: f64,
     pub rule: ReturnRule,
 }
 
+/// Where beams are looked at to find those that meet more than one place.
+#[derive(Debug)]
+pub(crate) struct Adaptive {
+    /// One ray of every beam.
+    pub rim: Footprint,
+    /// How all others are made.
+    pub one_ray: Arc<Signals>,
+}
+
 impl Signals {
-    /// Whether each beam is one ray and has one return: then there is a shortcut.
+    /// Those of a sensor.
+    pub fn new(spec: &SensorSpec) -> Signals {
+        let SensorSpec { beam, returns, .. } = spec;
+        // A pixel has one range.
+        let mode = if spec.tof.is_some() { ReturnMode::Strongest } else { returns.mode };
+        let rule = ReturnRule { mode, max: returns.max.into(), separation: returns.separation_m as f32 };
+        let (diameter, divergence) = (beam.exit_diameter_mm * 1e-3, beam.divergence_mrad.map(|mrad| mrad * 1e-3));
+        let footprint = match (beam.sub_rays, &spec.pattern) {
+            (SubRays::Count(1), _) => None,
+            (count, Pattern::Pinhole(camera)) if spec.kind == SensorKind::Tof => {
+                let count = if let SubRays::Count(count) = count { count as usize } else { RAYS_OF_A_PIXEL };
+                Some(Footprint::of_pixel(count, camera.pixel()))
+            }
+            (SubRays::Count(count), _) => Some(Footprint::new(count as usize, diameter, divergence)),
+            (SubRays::Adaptive, _) => Some(Footprint::new(RAYS_OF_A_BEAM, diameter, divergence)),
+        };
+        let sigma = Pulse::new(beam.pulse_shape, beam.pulse_ns).sigma();
+        let of = |footprint, packed| Signals { footprint, adaptive: None, packed, sigma, rule };
+        match footprint {
+            Some(footprint) if beam.sub_rays == SubRays::Adaptive => {
+                let adaptive = Adaptive { rim: footprint.rim(), one_ray: Arc::new(of(None, false)) };
+                Signals { adaptive: Some(adaptive), ..of(Some(footprint), true) }
+            }
+            _ => of(footprint, false),
+        }
+    }
+
+    /// Whether beams of one ray have one return: then there is a shortcut for them.
     pub fn are_simple(&self) -> bool {
         let single = match self.rule.mode {
             ReturnMode::Strongest => true,
             ReturnMode::First | ReturnMode::Last => self.rule.separation == 0.0,
             _ => false,
         };
-        self.footprint.is_none() && single
+        (self.footprint.is_none() || self.adaptive.is_some()) && single
     }
 
-    /// Rays per beam.
+    /// Rays of a beam that is more than one.
     pub fn rays(&self) -> usize {
         self.footprint.as_ref().map_or(1, Footprint::len)
     }

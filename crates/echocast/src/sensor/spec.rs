@@ -5,7 +5,7 @@ use super::tof::TofSpec;
 use crate::detect::{DetectionSpec, Doppler, Noise, ReturnMode};
 use crate::echo::{IntensityEncoding, PulseShape};
 use crate::emitter::pattern::Pattern;
-use serde::de::{self, Deserializer, SeqAccess, Visitor};
+use serde::de::{self, Deserializer, SeqAccess, Unexpected, Visitor};
 use serde::ser::{SerializeStruct, Serializer};
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -159,9 +159,8 @@ pub struct BeamSpec {
     /// Range below which the receiver sees nothing of its own beam and range from which it sees all of it, m; linear in
     /// between. This decides how nearby fog appears.
     pub overlap_m: [f64; 2],
-    /// Rays that stand for a beam, 1 to 1024: one along its axis, or as many over its footprint (of a depth camera:
-    /// over the pixel), which then meet edges and slopes as the beam does.
-    pub sub_rays: u32,
+    /// Rays that stand for a beam.
+    pub sub_rays: SubRays,
 }
 
 impl Default for BeamSpec {
@@ -174,9 +173,24 @@ impl Default for BeamSpec {
             exit_diameter_mm: 12.0,
             aperture_mm: None,
             overlap_m: [0.5, 2.0],
-            sub_rays: 1,
+            sub_rays: SubRays::Count(1),
         }
     }
+}
+
+/// How many rays stand for a beam: one along its axis, or several over its footprint (of a depth camera: over the pixel),
+/// which meet edges and slopes as the beam does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SubRays {
+    /// So many for every beam, 1 to 1024.
+    Count(u32),
+    /// Several for beams whose footprint meets more than one place, one for all others, which knows of its footprint:
+    /// its echo is as wide and as weak as its surface is oblique.
+    Adaptive,
+}
+
+impl SubRays {
+    const ADAPTIVE: &str = "adaptive";
 }
 
 /// `range`: ranges that are reported.
@@ -257,6 +271,44 @@ pub struct Expectations {
     /// Where the figures come from: `data sheet`, or `computed` from the pattern's own numbers.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub source: String,
+}
+
+impl Serialize for SubRays {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match *self {
+            SubRays::Count(count) => serializer.serialize_u32(count),
+            SubRays::Adaptive => serializer.serialize_str(SubRays::ADAPTIVE),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for SubRays {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct CountOrWord;
+
+        impl Visitor<'_> for CountOrWord {
+            type Value = SubRays;
+
+            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+                f.write_str("a whole number from 1 to 1024 or `adaptive`")
+            }
+            fn visit_u64<E: de::Error>(self, value: u64) -> Result<SubRays, E> {
+                u32::try_from(value)
+                    .map(SubRays::Count)
+                    .map_err(|_| E::invalid_value(Unexpected::Unsigned(value), &self))
+            }
+            fn visit_i64<E: de::Error>(self, value: i64) -> Result<SubRays, E> {
+                u32::try_from(value).map(SubRays::Count).map_err(|_| E::invalid_value(Unexpected::Signed(value), &self))
+            }
+            fn visit_str<E: de::Error>(self, value: &str) -> Result<SubRays, E> {
+                if value == SubRays::ADAPTIVE {
+                    return Ok(SubRays::Adaptive);
+                }
+                Err(E::invalid_value(Unexpected::Str(value), &self))
+            }
+        }
+        deserializer.deserialize_any(CountOrWord)
+    }
 }
 
 /// Reads `x` as `[x, x]`, or a pair.

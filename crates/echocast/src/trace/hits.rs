@@ -144,6 +144,15 @@ impl HitBatch {
         self.surface[lane] = from.surface[other];
     }
 
+    /// Copies lane `from` to `lane`.
+    pub(crate) fn move_lane(&mut self, lane: usize, from: usize) {
+        let HitBatch { range, normal_x, normal_y, normal_z, u, v, triangle, surface } = self;
+        for column in [range, normal_x, normal_y, normal_z, u, v] {
+            column[lane] = column[from];
+        }
+        (triangle[lane], surface[lane]) = (triangle[from], surface[from]);
+    }
+
     /// Brings the normals of hits in instances to the world's frame.
     pub(crate) fn orient_normals(&mut self, scene: &Tables, rays: &RayBatch, count: usize) {
         for lane in 0..count {

@@ -5,6 +5,7 @@ use crate::material::{ByColor, Reflectances, Scattering, srgb_byte};
 use crate::trace::{HitBatch, Surface, Surfaces, Tables};
 use echocast_kernels::light;
 use glam::Vec3;
+use std::ops::Range;
 
 /// What images are read for.
 #[derive(Clone, Copy, Debug)]
@@ -100,20 +101,20 @@ impl Contribution {
         }
     }
 
-    /// Labels, colours and reflectance of the surfaces hit by the first `count` rays, whose incidence is known
+    /// Labels, colours and reflectance of the surfaces hit by the rays of `lanes`, whose incidence is known
     /// ([`Contribution::face`]). Neighbours mostly meet the same surface, so whole runs of lanes are filled at once.
     pub(crate) fn look_up(
         &mut self,
         surfaces: &Surfaces,
         reflectances: &Reflectances,
         hits: &HitBatch,
-        count: usize,
+        lanes: Range<usize>,
         wanted: Wanted,
     ) {
-        let mut start = 0;
-        while start < count {
+        let mut start = lanes.start;
+        while start < lanes.end {
             let index = hits.surface[start];
-            let run = start..start + run_of(&hits.surface[start..count]);
+            let run = start..start + run_of(&hits.surface[start..lanes.end]);
             start = run.end;
             if index != MISS {
                 let surface = &surfaces.rows[index as usize];
@@ -160,7 +161,7 @@ impl Contribution {
 
     /// Turns lanes that scatter as `model` says into Lambert surfaces equally bright at their angle.
     #[inline(never)]
-    fn scatter(&mut self, model: &Scattering, lanes: std::ops::Range<usize>) {
+    fn scatter(&mut self, model: &Scattering, lanes: Range<usize>) {
         if *model != Scattering::Lambert {
             for lane in lanes {
                 self.reflectance[lane] = model.as_lambert(self.reflectance[lane], self.cos_incidence[lane]);
@@ -176,7 +177,7 @@ impl Contribution {
         by_color: &ByColor,
         surface: &Surface,
         hits: &HitBatch,
-        lanes: std::ops::Range<usize>,
+        lanes: Range<usize>,
     ) {
         for lane in lanes {
             let rgba = surfaces.base_color(surface, hits.triangle[lane], [hits.u[lane], hits.v[lane]]);

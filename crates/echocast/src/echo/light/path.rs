@@ -334,7 +334,7 @@ impl Follower {
         self.hits.trace(around.scene, &self.rays, paths.len(), true, around.mask);
         self.surfaces.face(around.scene, &self.rays, &mut self.hits, paths.len(), around.smooth);
         let (surfaces, reflectances) = (&around.scene.surfaces, around.reflectances);
-        self.surfaces.look_up(surfaces, reflectances, &self.hits, paths.len(), around.wanted);
+        self.surfaces.look_up(surfaces, reflectances, &self.hits, 0..paths.len(), around.wanted);
         self.arrive(around, paths, echoes);
     }
 

@@ -3,16 +3,18 @@
 use super::camera::Looks;
 use super::returns::Gatherer;
 use super::run::{Measuring, Scan};
+use super::split::{Axes, Splitter};
 use crate::cloud::{Kept, Slices};
 use crate::detect::{ReturnMode, Returns, Threshold};
 use crate::echo::{Air, AirEcho, Answer, Contribution, Follower, Foremost, Image, PathEcho, PathLimits, Preferred};
 use crate::emitter;
 use crate::ground::cause::Cause;
 use crate::ground::lanes::{LANES, MEDIUM, MISS, RayBatch};
-use crate::sensor::DepthCamera;
+use crate::sensor::{DepthCamera, Signals};
 use crate::trace::HitBatch;
 use echocast_kernels::light;
 use std::cell::Cell;
+use std::sync::Arc;
 
 /// Beams `first .. first + count` and the rows they may fill.
 pub(super) struct Task<'a> {
@@ -29,9 +31,9 @@ impl Task<'_> {
         for start in (0..self.count).step_by(LANES) {
             let beam = self.first + start;
             let (count, rows) = (LANES.min(self.count - start), self.rows.rows_after(filled));
-            filled += match &self.scan.signals {
-                None => block.scan(self.scan, beam, count, rows),
-                Some(signals) => block.scan_signals(self.scan, signals, beam, count, rows),
+            filled += match self.scan.signals {
+                Some(signals) if self.scan.has_signals => block.scan_signals(self.scan, signals, beam, count, rows),
+                splits => block.scan(self.scan, splits, beam, count, rows),
             };
         }
         filled
@@ -132,6 +134,9 @@ pub(super) struct Block {
     pub paths: Option<Box<Follower>>,
     /// Memory for beams of several rays or returns.
     pub gatherer: Option<Box<Gatherer>>,
+    /// Memory for beams that are several rays where others are one.
+    pub parts: Option<Box<Gatherer>>,
+    pub splitter: Option<Box<Splitter>>,
     /// Memory of a depth camera to look from elsewhere in.
     pub looks: Option<Box<Looks>>,
 }
@@ -155,6 +160,8 @@ impl Default for Block {
             images: None,
             paths: None,
             gatherer: None,
+            parts: None,
+            splitter: None,
             looks: None,
         }
     }
@@ -170,15 +177,22 @@ impl Block {
         self.answer = Answer::new();
     }
 
-    /// Scans beams `first .. first + count` (at most [`LANES`]) and fills the first of `rows`; returns how many.
-    fn scan(&mut self, scan: &Scan, first: usize, count: usize, rows: Slices) -> usize {
+    /// Scans beams `first .. first + count` (at most [`LANES`]) and fills the first of `rows`; returns how many. `splits`:
+    /// how those beams are made that meet more than one place, if these are several rays.
+    fn scan(&mut self, scan: &Scan, splits: Option<&Arc<Signals>>, first: usize, count: usize, rows: Slices) -> usize {
         self.lanes.start_at(first);
         self.aim(scan, first, count);
         self.trace(scan, count);
+        let mut splitter = splits.map(|signals| {
+            let mut splitter = self.splitter.take().unwrap_or_else(boxed);
+            self.split(scan, signals, &mut splitter, first, count);
+            splitter
+        });
         if scan.world.paths.is_some()
             || scan.world.air.is_some()
             || scan.detect.alarms.is_some()
             || scan.camera.is_some()
+            || splits.is_some()
         {
             self.answer.reset();
             self.answer.end = self.hits.range;
@@ -195,13 +209,36 @@ impl Block {
             self.shadow(scan, eye, count);
         }
         let answers = scan.world.air.as_ref().is_some_and(Air::answers) || scan.detect.alarms.is_some();
-        let needs_surfaces = !scan.options.organised && !answers;
+        let is_split = splitter.as_ref().is_some_and(|splitter| !splitter.found.is_empty());
+        let needs_surfaces = !scan.options.organised && !answers && !is_split;
         if needs_surfaces && self.hits.surface[..count].iter().all(|&surface| surface == MISS) {
+            self.splitter = splitter;
             return 0;
         }
         self.detect(scan, count);
+        if let (Some(signals), Some(splitter)) = (splits, &mut splitter) {
+            self.replace(scan, signals, splitter, first);
+        }
+        self.splitter = splitter;
         self.measure(scan, count);
         self.collect(scan, count, rows)
+    }
+
+    /// Finds the beams that are several rays, and dims the light of oblique surfaces for all others.
+    fn split(&mut self, scan: &Scan, signals: &Signals, splitter: &mut Splitter, first: usize, count: usize) {
+        let Block { rays, hits, surfaces, scratch: power, .. } = self;
+        power.fill(1.0);
+        light::contribute(
+            &hits.surface,
+            &hits.range,
+            &surfaces.reflectance,
+            &surfaces.cos_incidence,
+            &[1.0; LANES],
+            power,
+        );
+        let cos_incidence = &surfaces.cos_incidence;
+        splitter.find(scan, signals, Axes { first, count, rays, hits, cos_incidence, power });
+        light::dim(&mut surfaces.reflectance, &splitter.oblique);
     }
 
     /// Steps 4 and 5: every beam at the pose of its own time.
@@ -233,7 +270,7 @@ impl Block {
             surfaces.face(scan.world.scene, rays, hits, count, scan.world.smooth);
         }
         if scan.world.wants_surfaces {
-            surfaces.look_up(&scan.world.scene.surfaces, &scan.world.reflectances, hits, count, scan.world.wanted);
+            surfaces.look_up(&scan.world.scene.surfaces, &scan.world.reflectances, hits, 0..count, scan.world.wanted);
         }
     }
 

@@ -174,7 +174,7 @@ impl Block {
             met.trace(scan.world.scene, way, count, false, scan.options.mask);
             surfaces.face(scan.world.scene, way, met, count, scan.world.smooth);
             let wanted = Wanted { colors: false, reflectance: true };
-            surfaces.look_up(&scan.world.scene.surfaces, &scan.world.reflectances, met, count, wanted);
+            surfaces.look_up(&scan.world.scene.surfaces, &scan.world.reflectances, met, 0..count, wanted);
             // Whether the projector sees it.
             for lane in 0..count {
                 let (rotation, origin) = self.pose(scan, lane);

@@ -3,34 +3,60 @@
 use super::block::{Block, boxed};
 use super::returns::{ALARM, Gatherer, Other};
 use super::run::Scan;
+use super::split::Splitter;
 use crate::cloud::{Columns, FieldSet};
 use crate::ground::angle::azimuth_elevation;
 use crate::ground::cause::Cause;
 use crate::ground::error::Result;
-use crate::ground::lanes::{MEDIUM, MISS};
+use crate::ground::lanes::{LANES, MEDIUM, MISS};
 use crate::ground::shown;
-use crate::sensor::Signals;
+use crate::sensor::{Adaptive, Signals};
 use glam::{DVec3, Vec3};
 use std::fmt::{self, Write};
+use std::ops::Range;
+use std::sync::Arc;
 
 /// Most surfaces and echoes of one kind that are listed.
 const MOST: usize = 12;
 
 impl Scan<'_> {
     /// Explains beam `beam` step by step. `signals`: how echoes become returns.
-    pub fn explain(&self, signals: &Signals, beam: usize) -> Result<String> {
+    pub fn explain(&self, signals: &Arc<Signals>, beam: usize) -> Result<String> {
+        // With the beams that it is scanned with: these have a part in whether it is several rays.
+        let first = beam - beam % LANES;
+        let count = LANES.min(self.aim.beams.len() - first);
         let mut block: Box<Block> = boxed();
-        block.lanes.start_at(beam);
-        block.aim(self, beam, 1);
+        block.lanes.start_at(first);
+        block.aim(self, first, count);
         let mut gatherer: Box<Gatherer> = boxed();
+        gatherer.beams = block.rays.clone();
+        let (mut signals, mut factors) = (signals, [1.0; LANES]);
+        if let Some(Adaptive { one_ray, .. }) = &signals.adaptive {
+            let mut splitter: Box<Splitter> = boxed();
+            if self.signals.is_some() {
+                gatherer.fit(one_ray);
+                gatherer.gather(self, &mut block.rays, &block.lanes.beam[..count]);
+                splitter.find(self, signals, gatherer.axes(first, count));
+            }
+            if !splitter.found.contains(&((beam - first) as u8)) {
+                (signals, factors) = (one_ray, [splitter.oblique[beam - first]; LANES]);
+            }
+        }
         gatherer.fit(signals);
         gatherer.log = Some(Vec::new());
+        block.aim(self, beam, 1);
         gatherer.beams = block.rays.clone();
-        gatherer.gather(self, signals, &mut block.rays, &[beam as u32]);
-        gatherer.form(self, signals, 0, beam);
+        gatherer.gather(self, &mut block.rays, &[beam as u32]);
+        if signals.footprint.is_none() {
+            gatherer.lower(&factors);
+        }
+        gatherer.form(self, 0, beam);
         let mut columns = Columns::default();
-        columns.resize(FieldSet::all(), self.most_returns())?;
-        let rows = self.window(beam..beam + 1, 0, &mut columns);
+        columns.resize(FieldSet::all(), count * self.most_returns())?;
+        let all = self.window(first..first + count, 0, &mut columns);
+        let of_beam = |other: &u32| *other as usize == beam;
+        let from = columns.beam[..all].iter().position(of_beam).unwrap_or(all);
+        let rows = from..from + columns.beam[from..all].iter().take_while(|other| of_beam(other)).count();
         let mut text = String::new();
         // Writing to a string cannot fail.
         let _ = self.tell(&mut text, signals, &mut gatherer, beam, &columns, rows);
@@ -44,7 +70,7 @@ impl Scan<'_> {
         gatherer: &mut Gatherer,
         beam: usize,
         columns: &Columns,
-        rows: usize,
+        rows: Range<usize>,
     ) -> fmt::Result {
         let table = self.aim.beams;
         let width = table.columns as usize;
@@ -75,7 +101,7 @@ impl Scan<'_> {
         self.tell_paths(text, gatherer)?;
         self.tell_air(text, gatherer)?;
         self.tell_halos(text, gatherer)?;
-        self.tell_echoes(text, signals, gatherer, beam, &columns.true_range[..rows])?;
+        self.tell_echoes(text, signals, gatherer, beam, &columns.true_range[rows.clone()])?;
         self.tell_returns(text, columns, rows)
     }
 
@@ -86,9 +112,9 @@ impl Scan<'_> {
             Some(footprint) => writeln!(text, "rays: {} over the footprint", footprint.len())?,
         }
         // Surface, number of rays, their ranges, their power; of the first the rest.
-        let mut met: Vec<(u32, usize, [f32; 2], f32, usize)> = Vec::new();
-        for (index, ray) in gatherer.rays.iter().enumerate() {
-            let (surface, range, power) = (ray.hits.surface[0], ray.hits.range[0], ray.power[0]);
+        let mut met: Vec<(u32, usize, [f32; 2], f32, u32)> = Vec::new();
+        for (index, ray) in (0..).zip(gatherer.rays.of_beam(0)) {
+            let (surface, range, power) = (ray.surface(), ray.range(), ray.power());
             match met.iter_mut().find(|(known, ..)| *known == surface) {
                 Some((_, count, [low, high], sum, _)) => {
                     (*low, *high) = (low.min(range), high.max(range));
@@ -103,8 +129,8 @@ impl Scan<'_> {
                 writeln!(text, "  {count} {meet} nothing")?;
                 continue;
             }
-            let ray = &gatherer.rays[first];
-            let cos = ray.cos_incidence[0];
+            let Some(ray) = gatherer.rays.get(first, 0) else { continue };
+            let cos = ray.cos_incidence();
             let ranges = if high > low { format!("{low:.4} to {high:.4}") } else { format!("{low:.4}") };
             writeln!(
                 text,
@@ -121,9 +147,10 @@ impl Scan<'_> {
                 "    reflectance {value} at {} nm, {}",
                 self.world.reflectances.wavelength_nm, returned.why
             )?;
-            let depth = self.world.air.as_ref().map_or(0.0, |air| {
-                air.depth(gatherer.beams.origin(0), gatherer.beams.direction(0), 0.0, ray.hits.range[0])
-            });
+            let depth =
+                self.world.air.as_ref().map_or(0.0, |air| {
+                    air.depth(gatherer.beams.origin(0), gatherer.beams.direction(0), 0.0, ray.range())
+                });
             if depth > 0.0 {
                 let two_way = (-2.0 * depth).exp();
                 let depth = number(depth);
@@ -231,12 +258,12 @@ impl Scan<'_> {
                 writeln!(text, "  {:.4} m, {:.4e} /m^2: {because}", peak.range, peak.power)?;
                 continue;
             };
-            let found = gatherer.found(self, signals, 0, beam, peak);
-            let source = match gatherer.rays.get(found.source as usize) {
+            let found = gatherer.found(self, 0, beam, peak);
+            let source = match gatherer.rays.get(found.source, 0) {
                 _ if found.source == ALARM => Cause::FalseAlarm.name().into(),
-                Some(ray) => self.name(ray.hits.surface[0]),
+                Some(ray) => self.name(ray.surface()),
                 None => {
-                    let other = &gatherer.others.list[found.source as usize - gatherer.rays.len()];
+                    let other = &gatherer.others.list[found.source as usize - gatherer.rays.each];
                     if other.surface == MEDIUM { other.cause.name().into() } else { self.name(other.surface) }
                 }
             };
@@ -280,14 +307,14 @@ impl Scan<'_> {
     }
 
     /// What the instrument reports.
-    fn tell_returns(&self, text: &mut String, columns: &Columns, rows: usize) -> fmt::Result {
+    fn tell_returns(&self, text: &mut String, columns: &Columns, rows: Range<usize>) -> fmt::Result {
         writeln!(text, "returns:")?;
-        if rows == 0 || columns.range[..rows].iter().all(|range| range.is_nan()) {
+        if columns.range[rows.clone()].iter().all(|range| range.is_nan()) {
             return writeln!(text, "  none");
         }
         // 8-bit encodings count in whole numbers.
         let decimals = if self.measure.intensity.full_scale() == Some(255.0) { 0 } else { 4 };
-        for row in 0..rows {
+        for row in rows {
             let error = (columns.range[row] - columns.true_range[row]) * 1e3;
             writeln!(
                 text,

@@ -5,8 +5,10 @@ mod camera;
 mod collect;
 mod explain;
 mod halo;
+mod rays;
 mod returns;
 mod run;
+mod split;
 mod truth;
 
 use super::{Progress, ScanOptions};
@@ -62,6 +64,6 @@ impl BuiltScene {
         self.0.check_time(options.start_time, beams.last_time())?;
         let mut scan = Scan::new(&self.0, sensor, &beams, trajectory, options)?;
         scan.find_halos(sensor);
-        scan.explain(&sensor.signals(), beam as usize)
+        scan.explain(&sensor.signals, beam as usize)
     }
 }

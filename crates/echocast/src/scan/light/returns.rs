@@ -2,7 +2,9 @@
 //! and the echoes in it make returns.
 
 use super::block::{Block, boxed, no_images};
-use super::run::Scan;
+use super::rays::{Batch, Rays};
+use super::run::{Scan, World};
+use super::split::{Axes, OFF_SURFACE, OFF_SURFACE_M, Splitter};
 use crate::cloud::Slices;
 use crate::detect::Peak;
 use crate::echo::{
@@ -12,31 +14,23 @@ use crate::emitter::{Across, Footprint};
 use crate::ground::cause::Cause;
 use crate::ground::lanes::{LANES, MEDIUM, MISS, RayBatch};
 use crate::ground::rng::Draw;
-use crate::sensor::Signals;
+use crate::sensor::{Adaptive, Signals};
 use crate::trace::HitBatch;
 use echocast_kernels::signal::Plain;
 use echocast_kernels::{light, signal};
 use glam::Vec3;
+use std::ops::Range;
+use std::sync::Arc;
 
-/// Off the surface that sends most of an echo, in sigmas of the pulse: farther away is another surface.
-const OFF_SURFACE: f32 = 0.1;
-
-/// The same for depth cameras, m.
-const OFF_SURFACE_M: f32 = 0.01;
+/// Rays that meet one surface closer together than this, in sigmas of the pulse, are one part of the signal: it changes by
+/// less than `0.1^2 / 2`, 0.5 percent.
+const BUNDLE: f32 = 0.1;
 
 /// Part of an echo's light that must come from another surface for the echo to be mixed.
 const MIXED: f32 = 0.1;
 
 /// The same of a pixel, where all light counts, however far apart it comes from.
 const MIXED_PIXEL: f32 = 0.02;
-
-/// What one ray of a block's beams meets.
-pub(super) struct Ray {
-    pub hits: HitBatch,
-    pub cos_incidence: [f32; LANES],
-    /// What it adds to the signal, `rho_eff / R^2` in 1/m^2, its share of the beam taken into account; 0 is nothing.
-    pub power: [f32; LANES],
-}
 
 /// An echo that no ray's own surface sends: of what is seen in mirrors and through glass, or of the air.
 #[derive(Clone, Copy)]
@@ -82,12 +76,41 @@ fn plain_peak(plain: &Plain, lane: usize) -> Peak {
     Peak { range: plain.range[lane], power: plain.power[lane] }
 }
 
+/// Makes `parts` of the rays of the beam at `lane`, one of all that meet a surface within `width` m of range.
+fn bundle(rays: &Rays, lane: usize, width: f32, parts: &mut Vec<Pulselet>, bundles: &mut Vec<(u32, [f32; 3])>) {
+    bundles.clear();
+    for (source, met) in (0..).zip(rays.of_beam(lane)) {
+        let (surface, range, power) = (met.surface(), met.range(), met.power());
+        if power <= 0.0 {
+            continue;
+        }
+        let near = |(of, [first, ..]): &(u32, [f32; 3])| *of == surface && (range - first).abs() <= width;
+        match bundles.iter().position(near) {
+            Some(index) => {
+                let (part, (_, [_, moment, most])) = (&mut parts[index], &mut bundles[index]);
+                part.power += power;
+                *moment += power * range;
+                if power > *most {
+                    (*most, part.source) = (power, source);
+                }
+            }
+            None => {
+                parts.push(Pulselet { range, power, source });
+                bundles.push((surface, [range, power * range, power]));
+            }
+        }
+    }
+    for (part, (_, [_, moment, _])) in parts.iter_mut().zip(bundles) {
+        part.range = *moment / part.power;
+    }
+}
+
 /// Finds the echoes of such beams, whose `rays` have all been met.
 ///
 /// Rays that span more than the pulse stand for a surface that is met all over its span: a few of them, pulse by pulse,
 /// would look like a row of echoes. With a spread `sigma_R` of the ranges the echo has the width
 /// `hypot(sigma, sigma_R)`, and its peak falls as much as it widens.
-fn finish(plain: &mut Plain, rays: &[Ray], waveform: &Waveform) {
+fn finish(plain: &mut Plain, rays: &[Batch], waveform: &Waveform) {
     let sigma = waveform.sigma();
     let mut wide = [false; LANES];
     let narrow = signal::middle(plain, Waveform::NARROW * sigma, 1e-2 * sigma, &mut wide);
@@ -108,6 +131,8 @@ fn finish(plain: &mut Plain, rays: &[Ray], waveform: &Waveform) {
 
 /// Memory to make signals and returns of a block of beams in.
 pub(super) struct Gatherer {
+    /// How beams become signals, and these returns.
+    signals: Arc<Signals>,
     plain: Plain,
     across: Across,
     /// The beams themselves.
@@ -116,7 +141,9 @@ pub(super) struct Gatherer {
     reported: Option<Box<RayBatch>>,
     /// Part of the light that the channel of each beam makes use of.
     efficiency: [f32; LANES],
-    pub rays: Vec<Ray>,
+    pub rays: Rays,
+    /// Memory for the axes of rays where beam follows beam.
+    axes_of_rays: Option<Box<PackedAxes>>,
     pub others: Others,
     surfaces: Contribution,
     /// Memory to follow light in, where a scene has mirrors or glass.
@@ -128,19 +155,48 @@ pub(super) struct Gatherer {
     pub log: Option<Vec<Meeting>>,
 }
 
+/// The beams of the rays of a batch where beam follows beam, ray by ray.
+struct PackedAxes {
+    rays: RayBatch,
+    across: Across,
+    /// What each ray stands for of the light of its beam.
+    parts: [f32; LANES],
+    /// The lane of its beam.
+    lanes: [u8; LANES],
+}
+
+impl Default for PackedAxes {
+    fn default() -> Self {
+        PackedAxes { rays: RayBatch::default(), across: Across::new(), parts: [0.0; LANES], lanes: [0; LANES] }
+    }
+}
+
 /// Memory to form the signal of one beam.
 pub(super) struct Forming {
     waveform: Waveform,
     parts: Vec<Pulselet>,
+    /// Of parts that stand for several rays: surface, range of the first ray, sum of range times power, power of the
+    /// strongest ray.
+    bundles: Vec<(u32, [f32; 3])>,
     pub peaks: Vec<Peak>,
     order: Vec<usize>,
     /// Of the parts, as a depth camera takes them.
     ranges: Vec<f32>,
     powers: Vec<f32>,
     pub chosen: Vec<usize>,
-    /// Light of each surface in an echo, and its strongest part: kind of surface, light, light of that part, its
-    /// source.
-    shares: Vec<([u32; 2], f32, f32, u32)>,
+    shares: Vec<Share>,
+}
+
+/// What a plane of a surface sends of an echo.
+struct Share {
+    /// Row of the surface, and the cause.
+    kind: [u32; 2],
+    /// A place on it and its normal; none of what no ray meets straight away.
+    plane: Option<(Vec3, Vec3)>,
+    light: f32,
+    /// Light of its strongest part, and the source of that.
+    most: f32,
+    source: u32,
 }
 
 /// An echo and where it comes from.
@@ -157,8 +213,10 @@ pub(super) struct Found {
 /// Echoes of what one ray sees in mirrors and through glass.
 struct OfPaths<'a> {
     others: &'a mut Others,
-    weight: f32,
-    efficiency: &'a [f32; LANES],
+    /// Of the light that a ray of nominal strength sends, what each ray's does, with all that its channel makes of it.
+    parts: &'a [f32; LANES],
+    /// The lanes of the rays' beams.
+    beams: &'a [u8; LANES],
     least_power: f32,
     first: &'a [u32; LANES],
     log: Option<&'a mut Vec<Meeting>>,
@@ -173,8 +231,7 @@ impl PathEchoes for OfPaths<'_> {
         let hit = echo.hit;
         let other = Other {
             range: echo.range,
-            power: echo.reflectance * echo.cos_incidence * self.weight * self.efficiency[echo.lane]
-                / (echo.range * echo.range),
+            power: echo.reflectance * echo.cos_incidence * self.parts[echo.lane] / (echo.range * echo.range),
             before: NONE,
             cause: echo.cause,
             bounces: echo.bounces,
@@ -187,7 +244,7 @@ impl PathEchoes for OfPaths<'_> {
             image: echo.image,
         };
         if other.power > 0.0 {
-            self.others.add(echo.lane, other);
+            self.others.add(usize::from(self.beams[echo.lane]), other);
         }
     }
 
@@ -201,13 +258,13 @@ impl PathEchoes for OfPaths<'_> {
 /// Echoes of the air in front of what the rays of a beam meet.
 struct OfAir<'a> {
     others: &'a mut Others,
-    rays: &'a [Ray],
+    rays: &'a Rays,
     efficiency: &'a [f32; LANES],
 }
 
 impl AirEchoes for OfAir<'_> {
     fn end(&self, lane: usize) -> f32 {
-        self.rays.iter().map(|ray| ray.end(lane)).fold(0.0, f32::max)
+        self.rays.of_beam(lane).map(|met| met.end()).fold(0.0, f32::max)
     }
 
     fn least(&self, _: usize) -> f32 {
@@ -216,8 +273,8 @@ impl AirEchoes for OfAir<'_> {
 
     fn take(&mut self, lane: usize, echo: AirEcho, cause: Cause) -> bool {
         // What surfaces stop before does not get there.
-        let on = self.rays.iter().filter(|ray| ray.end(lane) > echo.range).count();
-        let share = on as f32 / self.rays.len() as f32;
+        let on = self.rays.of_beam(lane).filter(|met| met.end() > echo.range).count();
+        let share = on as f32 / self.rays.each as f32;
         let other = Other {
             range: echo.range,
             power: echo.rho_eff * share * self.efficiency[lane] / (echo.range * echo.range),
@@ -239,21 +296,12 @@ impl AirEchoes for OfAir<'_> {
     }
 }
 
-impl Ray {
-    fn new() -> Self {
-        Ray { hits: HitBatch::new(), cos_incidence: [0.0; LANES], power: [0.0; LANES] }
-    }
-
-    /// Where the first surface is, m.
-    fn end(&self, lane: usize) -> f32 {
-        if self.hits.surface[lane] == MISS { f32::INFINITY } else { self.hits.range[lane] }
-    }
-}
-
 impl Gatherer {
     /// Makes it one for `signals`, whatever it was for.
-    pub fn fit(&mut self, signals: &Signals) {
-        self.rays.resize_with(signals.rays(), Ray::new);
+    pub fn fit(&mut self, signals: &Arc<Signals>) {
+        if !Arc::ptr_eq(&self.signals, signals) {
+            self.signals = signals.clone();
+        }
         self.forming.waveform.set_sigma(signals.sigma);
         self.efficiency = [1.0; LANES];
     }
@@ -262,18 +310,21 @@ impl Gatherer {
 impl Default for Gatherer {
     fn default() -> Self {
         Gatherer {
+            signals: Arc::default(),
             plain: Plain::default(),
             across: Across::new(),
             beams: RayBatch::default(),
             reported: None,
             efficiency: [1.0; LANES],
-            rays: Vec::new(),
+            rays: Rays::default(),
+            axes_of_rays: None,
             others: Others { list: Vec::new(), last: [NONE; LANES] },
             surfaces: Contribution::new(),
             follower: None,
             forming: Forming {
                 waveform: Waveform::new(0.0),
                 parts: Vec::new(),
+                bundles: Vec::new(),
                 peaks: Vec::new(),
                 order: Vec::new(),
                 ranges: Vec::new(),
@@ -292,41 +343,82 @@ impl Block {
     pub fn scan_signals(
         &mut self,
         scan: &Scan,
-        signals: &Signals,
+        signals: &Arc<Signals>,
         first: usize,
         count: usize,
         mut rows: Slices,
     ) -> usize {
         let mut gatherer = self.gatherer.take().unwrap_or_else(boxed);
-        gatherer.fit(signals);
         self.lanes.start_at(first);
         self.aim(scan, first, count);
         gatherer.beams = self.rays.clone();
         if scan.points_elsewhere() {
             gatherer.reported.clone_from(&self.reported);
         }
-        gatherer.gather(scan, signals, &mut self.rays, &self.lanes.beam[..count]);
-        let filled = self.report(scan, signals, &mut gatherer, first, count, &mut rows);
+        let beams = &self.lanes.beam[..count];
+        let filled = if let Some(Adaptive { one_ray, .. }) = &signals.adaptive {
+            gatherer.fit(one_ray);
+            gatherer.gather(scan, &mut self.rays, beams);
+            let mut splitter = self.splitter.take().unwrap_or_else(boxed);
+            splitter.find(scan, signals, gatherer.axes(first, count));
+            gatherer.lower(&splitter.oblique);
+            let mut parts = self.parts.take().unwrap_or_else(boxed);
+            parts.split_up(scan, signals, &mut splitter, first, [&gatherer.beams, gatherer.reported_beams()]);
+            let filled = self.report(scan, &mut gatherer, Some((&mut parts, &splitter.found)), first, count, &mut rows);
+            (self.parts, self.splitter) = (Some(parts), Some(splitter));
+            filled
+        } else {
+            gatherer.fit(signals);
+            gatherer.gather(scan, &mut self.rays, beams);
+            self.report(scan, &mut gatherer, None, first, count, &mut rows)
+        };
         self.gatherer = Some(gatherer);
         filled
     }
 
-    /// Steps 9 and 10: signal, echoes and returns of beam after beam.
+    /// Replaces what the beams that `splitter` found would report as one ray by what they report as several.
+    pub fn replace(&mut self, scan: &Scan, signals: &Arc<Signals>, splitter: &mut Splitter, first: usize) {
+        let mut parts = self.parts.take().unwrap_or_else(boxed);
+        let reported = self.reported.as_deref().unwrap_or(&self.rays);
+        parts.split_up(scan, signals, splitter, first, [&self.rays, reported]);
+        for (from, lane) in splitter.found.iter().map(|&lane| usize::from(lane)).enumerate() {
+            let beam = first + lane;
+            parts.form(scan, from, beam);
+            self.answer.dimmed[lane] = false;
+            let Some(&chosen) = parts.forming.chosen.first() else {
+                self.hits.surface[lane] = MISS;
+                continue;
+            };
+            let echo = parts.found(scan, from, beam, parts.forming.peaks[chosen]);
+            self.put(scan, &parts, from, lane, echo);
+            self.name(scan, lane..lane + 1);
+        }
+        self.parts = Some(parts);
+    }
+
+    /// Steps 9 and 10: signal, echoes and returns of beam after beam. Of the lanes of `split`, what its gatherer has.
     fn report(
         &mut self,
         scan: &Scan,
-        signals: &Signals,
         gatherer: &mut Gatherer,
+        mut split: Option<(&mut Gatherer, &[u8])>,
         first: usize,
         count: usize,
         rows: &mut Slices,
     ) -> usize {
-        let (mut filled, mut lanes) = (0, 0);
+        let (mut filled, mut lanes, mut next) = (0, 0, 0);
         self.lanes.first = None;
         self.answer.reset();
         for lane in 0..count {
             let beam = first + lane;
-            gatherer.form(scan, signals, lane, beam);
+            let (gatherer, lane) = match &mut split {
+                Some((parts, found)) if found.get(next) == Some(&(lane as u8)) => {
+                    next += 1;
+                    (&mut **parts, next - 1)
+                }
+                _ => (&mut *gatherer, lane),
+            };
+            gatherer.form(scan, lane, beam);
             // A beam is in one piece, so that its returns can be counted.
             if lanes + gatherer.forming.chosen.len().max(1) > LANES {
                 filled += self.flush(scan, lanes, rows.rows_after(filled));
@@ -336,7 +428,7 @@ impl Block {
                 let chosen = &gatherer.forming.chosen;
                 // An echo that is reported twice has the same errors twice.
                 let draws = if number > 0 && chosen[number] == chosen[number - 1] { number - 1 } else { number };
-                let echo = gatherer.found(scan, signals, lane, beam, gatherer.forming.peaks[chosen[number]]);
+                let echo = gatherer.found(scan, lane, beam, gatherer.forming.peaks[chosen[number]]);
                 self.put(scan, gatherer, lane, lanes, echo);
                 (self.lanes.beam[lanes], self.lanes.number[lanes]) = (beam as u32, draws as u32);
                 lanes += 1;
@@ -367,12 +459,12 @@ impl Block {
             (hits.surface[to], surfaces.cos_incidence[to]) = (MEDIUM, 1.0);
             (hits.normal_x[to], hits.normal_y[to], hits.normal_z[to]) = (f32::NAN, f32::NAN, f32::NAN);
             (first, cause, answer.bounces[to]) = (MEDIUM, Cause::FalseAlarm, 0);
-        } else if let Some(ray) = gatherer.rays.get(source as usize) {
-            hits.take(to, &ray.hits, lane);
-            surfaces.cos_incidence[to] = ray.cos_incidence[lane];
-            (first, answer.bounces[to]) = (ray.hits.surface[lane], 0);
+        } else if let Some(met) = gatherer.rays.get(source, lane) {
+            hits.take(to, &met.batch.hits, met.lane);
+            surfaces.cos_incidence[to] = met.cos_incidence();
+            (first, answer.bounces[to]) = (met.surface(), 0);
         } else {
-            let other = &gatherer.others.list[source as usize - gatherer.rays.len()];
+            let other = &gatherer.others.list[source as usize - gatherer.rays.each];
             (hits.normal_x[to], hits.normal_y[to], hits.normal_z[to]) = other.normal.into();
             [hits.u[to], hits.v[to]] = other.uv;
             (hits.triangle[to], hits.surface[to]) = (other.triangle, other.surface);
@@ -392,34 +484,35 @@ impl Block {
 
     /// Step 11 of the first `count` lanes, and the errors before it.
     fn flush(&mut self, scan: &Scan, count: usize, rows: Slices) -> usize {
-        let Block { lanes, hits, surfaces, rho_eff, intensity, scratch, .. } = self;
+        self.name(scan, 0..count);
+        self.measure(scan, count);
+        self.number_returns(count);
+        self.collect(scan, count, rows)
+    }
+
+    /// Labels and intensity of what has been put in `lanes`.
+    fn name(&mut self, scan: &Scan, lanes: Range<usize>) {
+        let Block { lanes: numbers, hits, surfaces, rho_eff, intensity, .. } = self;
         // The air has no labels to look up.
         let mut air = [false; LANES];
-        for lane in 0..count {
+        for lane in lanes.clone() {
             air[lane] = hits.surface[lane] == MEDIUM;
             if air[lane] {
                 hits.surface[lane] = MISS;
             }
         }
-        let cos_incidence = surfaces.cos_incidence;
-        surfaces.look_up(&scan.world.scene.surfaces, &scan.world.reflectances, hits, count, scan.world.wanted);
-        for lane in 0..LANES {
+        let World { scene, reflectances, wanted, .. } = &scan.world;
+        surfaces.look_up(&scene.surfaces, reflectances, hits, lanes.clone(), *wanted);
+        for lane in lanes {
             // What the surface would have to be to send back as much.
-            scratch[lane] = rho_eff[lane] / cos_incidence[lane];
-            if lane < count && !scan.detect.efficiency.is_empty() {
-                scratch[lane] /= scan.shown_of(lanes.beam[lane]);
-            }
-            intensity[lane] = scan.measure.intensity.of(scratch[lane], cos_incidence[lane], hits.range[lane]);
-        }
-        for lane in 0..count {
+            let cos = surfaces.cos_incidence[lane];
+            let shown = rho_eff[lane] / cos / scan.shown_of(numbers.beam[lane]);
+            intensity[lane] = scan.measure.intensity.of(shown, cos, hits.range[lane]);
             if air[lane] {
                 surfaces.clear(lane);
                 hits.surface[lane] = MEDIUM;
             }
         }
-        self.measure(scan, count);
-        self.number_returns(count);
-        self.collect(scan, count, rows)
     }
 
     /// Counts the returns of each beam that are left.
@@ -441,8 +534,51 @@ impl Block {
 }
 
 impl Gatherer {
+    /// Gathers what comes back of the beams that `splitter` found among those that go, and are reported to go, along
+    /// `beams`; the first has the number `first`.
+    fn split_up(
+        &mut self,
+        scan: &Scan,
+        signals: &Arc<Signals>,
+        splitter: &mut Splitter,
+        first: usize,
+        [beams, reported]: [&RayBatch; 2],
+    ) {
+        self.fit(signals);
+        let mut numbers = [0; LANES];
+        for (to, lane) in splitter.found.iter().map(|&lane| usize::from(lane)).enumerate() {
+            self.beams.take(to, beams, lane);
+            self.beams.range_max[to] = beams.range_max[lane];
+            if scan.points_elsewhere() {
+                self.reported.get_or_insert_with(boxed).take(to, reported, lane);
+            }
+            numbers[to] = (first + lane) as u32;
+        }
+        if !splitter.found.is_empty() {
+            self.gather(scan, &mut splitter.rays, &numbers[..splitter.found.len()]);
+        }
+    }
+
+    /// Where beams are reported to go.
+    fn reported_beams(&self) -> &RayBatch {
+        self.reported.as_deref().unwrap_or(&self.beams)
+    }
+
+    /// What the axes of `count` beams from `first` on meet, where beams are one ray.
+    pub fn axes(&self, first: usize, count: usize) -> Axes<'_> {
+        let Batch { hits, cos_incidence, power, .. } = &self.rays.batches[0];
+        Axes { first, count, rays: &self.beams, hits, cos_incidence, power }
+    }
+
+    /// Lowers what comes straight back by `factors`, where beams are one ray.
+    pub fn lower(&mut self, factors: &[f32; LANES]) {
+        light::dim(&mut self.plain.power, factors);
+        light::dim(&mut self.rays.batches[0].power, factors);
+    }
+
     /// Steps 5 to 8: what every ray of `beams` sends back. `rays` is memory for them.
-    pub fn gather(&mut self, scan: &Scan, signals: &Signals, rays: &mut RayBatch, beams: &[u32]) {
+    pub fn gather(&mut self, scan: &Scan, rays: &mut RayBatch, beams: &[u32]) {
+        let signals = &*self.signals.clone();
         let count = beams.len();
         if let Some(follower) = &mut self.follower {
             follower.forget_images();
@@ -458,65 +594,12 @@ impl Gatherer {
             let lens = scan.camera.map_or(1.0, |camera| camera.gain(scan.aim.beams.direction(beam as usize).x));
             self.efficiency[lane] = scan.efficiency_of(beam) * lens;
         }
-        let weight = 1.0 / signals.rays() as f32;
-        let wanted = Wanted { colors: false, reflectance: true };
-        for index in 0..self.rays.len() {
-            let Gatherer {
-                plain, across, beams, efficiency, rays: met, others, surfaces, follower, forming, log, ..
-            } = self;
-            let (before, ray) = met.split_at_mut(index);
-            let ray = &mut ray[0];
-            if let Some(footprint) = &signals.footprint {
-                footprint.rays(index, across, beams, rays);
-            }
-            ray.hits.trace(scan.world.scene, rays, count, scan.aim.coherent, scan.options.mask);
-            surfaces.face(scan.world.scene, rays, &mut ray.hits, count, scan.world.smooth);
-            surfaces.look_up(&scan.world.scene.surfaces, &scan.world.reflectances, &ray.hits, count, wanted);
-            ray.cos_incidence = surfaces.cos_incidence;
-            ray.power = [weight; LANES];
-            if let Some(air) = &scan.world.air {
-                air.dim(rays, &ray.hits.range, count, &mut ray.power);
-                ray.power.iter_mut().for_each(|part| *part *= weight);
-            }
-            let Contribution { reflectance, cos_incidence, .. } = surfaces;
-            light::contribute(
-                &ray.hits.surface,
-                &ray.hits.range,
-                reflectance,
-                cos_incidence,
-                efficiency,
-                &mut ray.power,
-            );
-            let mut lanes = [0; LANES];
-            let going_on = scan.world.paths.map(|limits| (limits, scan.going_on(&ray.hits.surface, count, &mut lanes)));
-            if let Some((limits, found @ 1..)) = going_on {
-                let lanes = &lanes[..found];
-                let around = scan.surroundings(scan.world.air.as_ref(), limits, wanted, rays);
-                // A hundredth of what is seen adds nothing to what is seen.
-                let least_power = 0.01 * scan.detect.threshold.least_power().unwrap_or(0.0) as f32;
-                let mut echoes =
-                    OfPaths { others, weight, efficiency, least_power, first: &ray.hits.surface, log: log.as_mut() };
-                let follower = follower.get_or_insert_with(boxed);
-                follower.begin(rays, &ray.hits, surfaces, lanes);
-                follower.follow(&around, &mut echoes);
-                lanes.iter().for_each(|&lane| ray.power[usize::from(lane)] = 0.0);
-            }
-            let hits = &ray.hits;
-            let (origin, direction) =
-                ([&rays.org_x, &rays.org_y, &rays.org_z], [&rays.dir_x, &rays.dir_y, &rays.dir_z]);
-            match before {
-                [] => {
-                    let normal = [&hits.normal_x, &hits.normal_y, &hits.normal_z];
-                    signal::start(plain, normal, origin, direction, &hits.range, &ray.power);
-                }
-                [first, ..] => {
-                    let off = OFF_SURFACE * forming.waveform.sigma();
-                    let first = &first.hits.surface;
-                    signal::meet(plain, origin, direction, &hits.range, &ray.power, &hits.surface, first, off);
-                }
-            }
+        self.rays.fit(signals.rays(), signals.packed, count);
+        if self.rays.packed {
+            self.meet_beam_after_beam(scan, rays, count);
+        } else {
+            self.meet_ray_after_ray(scan, rays, count);
         }
-        finish(&mut self.plain, &self.rays, &self.forming.waveform);
         if let Some(air) = scan.world.air.as_ref().filter(|air| air.answers()) {
             let mut echoes = OfAir { others: &mut self.others, rays: &self.rays, efficiency: &self.efficiency };
             air.answer(&self.beams, &scan.rng, beams, &mut echoes);
@@ -542,6 +625,132 @@ impl Gatherer {
         }
     }
 
+    /// Meets ray `i` of all beams, for one `i` after the other.
+    fn meet_ray_after_ray(&mut self, scan: &Scan, rays: &mut RayBatch, count: usize) {
+        let signals = &*self.signals.clone();
+        let own = std::array::from_fn(|lane| lane as u8);
+        let weight = 1.0 / self.rays.each as f32;
+        let parts = self.efficiency.map(|efficiency| weight * efficiency);
+        for index in 0..self.rays.each {
+            if let Some(footprint) = &signals.footprint {
+                footprint.rays(index, &self.across, &self.beams, rays);
+            }
+            self.meet(scan, rays, index, count, &parts, &own);
+            let (plain, off) = (&mut self.plain, OFF_SURFACE * self.forming.waveform.sigma());
+            let (before, batch) = self.rays.batches.split_at(index);
+            let Batch { hits, power, .. } = &batch[0];
+            let (origin, direction) = (rays.origins(), rays.directions());
+            match before {
+                [] => {
+                    let normal = [&hits.normal_x, &hits.normal_y, &hits.normal_z];
+                    signal::start(plain, normal, origin, direction, &hits.range, power);
+                }
+                [first, ..] => {
+                    let first = &first.hits.surface;
+                    signal::meet(plain, origin, direction, &hits.range, power, &hits.surface, first, off);
+                }
+            }
+        }
+        finish(&mut self.plain, &self.rays.batches[..self.rays.each], &self.forming.waveform);
+    }
+
+    /// Meets all rays of some beams, for one beam after the other: as many as fit into a batch at a time.
+    fn meet_beam_after_beam(&mut self, scan: &Scan, rays: &mut RayBatch, count: usize) {
+        let signals = &*self.signals.clone();
+        let Some(footprint) = &signals.footprint else { return };
+        self.plain.is = [false; LANES];
+        let each = self.rays.each;
+        let mut axes = self.axes_of_rays.take().unwrap_or_else(boxed);
+        let PackedAxes { rays: beams, across, parts, lanes } = &mut *axes;
+        let in_batch = self.rays.beams_of_batch();
+        for (index, first) in (0..count).step_by(in_batch).enumerate() {
+            let end = count.min(first + in_batch);
+            for lane in first..end {
+                let of_beam = (lane - first) * each..(lane - first + 1) * each;
+                beams.fill(of_beam.clone(), &self.beams, lane);
+                footprint.lay_out(across, of_beam.start, &self.across, lane);
+                lanes[of_beam.clone()].fill(lane as u8);
+                parts[of_beam].fill(self.efficiency[lane] / each as f32);
+            }
+            footprint.laid_out_rays(across, beams, rays);
+            self.meet(scan, rays, index, (end - first) * each, parts, lanes);
+            let Batch { hits, offset, .. } = &mut self.rays.batches[index];
+            let normals = [&hits.normal_x, &hits.normal_y, &hits.normal_z];
+            signal::offsets(normals, rays.origins(), rays.directions(), &hits.range, offset);
+        }
+        for lane in 0..count {
+            self.join(lane);
+        }
+        self.axes_of_rays = Some(axes);
+    }
+
+    /// Makes the beam at `lane`, whose rays follow each other, one echo if they all meet one place of one surface.
+    fn join(&mut self, lane: usize) {
+        let sigma = self.forming.waveform.sigma();
+        let mut rays = self.rays.of_beam(lane);
+        let Some(first) = rays.next().filter(|first| first.power() > 0.0) else { return };
+        let (mut power, mut moments, mut span) = (first.power(), [0.0; 2], [0.0f32; 2]);
+        for met in rays {
+            if met.power() <= 0.0 || !met.is_beside(&first, OFF_SURFACE * sigma) {
+                return;
+            }
+            let beyond = met.range() - first.range();
+            power += met.power();
+            moments[0] += met.power() * beyond;
+            moments[1] += met.power() * beyond * beyond;
+            span = [span[0].min(beyond), span[1].max(beyond)];
+        }
+        let mean = moments[0] / power;
+        let variance = (moments[1] / power - mean * mean).max(0.0);
+        // As in `finish`; between the two the signal is searched.
+        let span = span[1] - span[0];
+        let wide = span > Waveform::NARROW * sigma;
+        if wide || span <= 1e-2 * sigma {
+            self.plain.is[lane] = true;
+            self.plain.range[lane] = first.range() + mean;
+            self.plain.power[lane] = if wide { power * sigma / (sigma * sigma + variance).sqrt() } else { power };
+        }
+    }
+
+    /// Fills batch `index` with what the first `count` of `rays` send back. `parts`: what each stands for of the light of
+    /// its beam, which is at the lane that `beams` says.
+    fn meet(
+        &mut self,
+        scan: &Scan,
+        rays: &RayBatch,
+        index: usize,
+        count: usize,
+        parts: &[f32; LANES],
+        beams: &[u8; LANES],
+    ) {
+        let wanted = Wanted { colors: false, reflectance: true };
+        let Gatherer { rays: met, others, surfaces, follower, log, .. } = self;
+        let Batch { hits, cos_incidence, power, .. } = &mut met.batches[index];
+        hits.trace(scan.world.scene, rays, count, scan.aim.coherent, scan.options.mask);
+        surfaces.face(scan.world.scene, rays, hits, count, scan.world.smooth);
+        surfaces.look_up(&scan.world.scene.surfaces, &scan.world.reflectances, hits, 0..count, wanted);
+        *cos_incidence = surfaces.cos_incidence;
+        match &scan.world.air {
+            Some(air) => air.dim(rays, &hits.range, count, power),
+            None => power.fill(1.0),
+        }
+        light::contribute(&hits.surface, &hits.range, &surfaces.reflectance, cos_incidence, parts, power);
+        let mut lanes = [0; LANES];
+        let going_on = scan.world.paths.map(|limits| (limits, scan.going_on(&hits.surface, count, &mut lanes)));
+        if let Some((limits, found @ 1..)) = going_on {
+            let lanes = &lanes[..found];
+            let around = scan.surroundings(scan.world.air.as_ref(), limits, wanted, rays);
+            // A hundredth of what is seen adds nothing to what is seen.
+            let least_power = 0.01 * scan.detect.threshold.least_power().unwrap_or(0.0) as f32;
+            let first = &hits.surface;
+            let mut echoes = OfPaths { others, parts, beams, least_power, first, log: log.as_mut() };
+            let follower = follower.get_or_insert_with(boxed);
+            follower.begin(rays, hits, surfaces, lanes);
+            follower.follow(&around, &mut echoes);
+            lanes.iter().for_each(|&lane| power[usize::from(lane)] = 0.0);
+        }
+    }
+
     /// Draws the noise that looks like echoes.
     fn alarm(&mut self, scan: &Scan, beams: &[u32]) {
         self.alarms.clear();
@@ -560,22 +769,17 @@ impl Gatherer {
             scan.rng.uniforms(beams, &[0; LANES][..beams.len()], Draw::Footprint, &mut turns[..beams.len()]);
         }
         for (lane, &beam) in beams.iter().enumerate() {
-            let (rotation, _) = scan.aim.pose.pose(scan.aim.beams, beam as usize);
-            if footprint.turns {
-                self.across.set(lane, self.beams.direction(lane), rotation.z_axis, turns[lane]);
-            } else {
-                // The image plane at the distance 1 along the ray.
-                let off_axis = scan.aim.beams.direction(beam as usize).x;
-                self.across.set_axes(lane, [rotation.y_axis * off_axis, rotation.z_axis * off_axis], 0.0);
-            }
+            let direction = self.beams.direction(lane);
+            scan.set_across(&mut self.across, footprint, lane, beam as usize, direction, turns[lane]);
         }
     }
 
     /// Forms the signal of the beam at `lane`: `forming.peaks` has its detected echoes, `forming.chosen` says which are
     /// reported.
-    pub fn form(&mut self, scan: &Scan, signals: &Signals, lane: usize, beam: usize) {
-        let Gatherer { plain, rays, others, forming, alarms, .. } = self;
-        let Forming { waveform, parts, peaks, order, chosen, ranges, powers, .. } = forming;
+    pub fn form(&mut self, scan: &Scan, lane: usize, beam: usize) {
+        let Gatherer { signals, plain, rays, others, forming, alarms, .. } = self;
+        let rule = &signals.rule;
+        let Forming { waveform, parts, bundles, peaks, order, chosen, ranges, powers, .. } = forming;
         parts.clear();
         let [low, high] = scan.limits_of(beam);
         let is_reported = |peak: &Peak, echo: u32| {
@@ -593,19 +797,23 @@ impl Gatherer {
             chosen.clear();
             if is_reported(&peak, 0) {
                 peaks.push(peak);
-                chosen.extend((0..signals.rule.copies()).map(|_| 0));
+                chosen.extend((0..rule.copies()).map(|_| 0));
             }
             return;
         }
-        for (source, ray) in rays.iter().enumerate() {
-            if ray.power[lane] > 0.0 {
-                parts.push(Pulselet { range: ray.hits.range[lane], power: ray.power[lane], source: source as u32 });
+        if scan.camera.is_none() {
+            bundle(rays, lane, BUNDLE * waveform.sigma(), parts, bundles);
+        } else {
+            for (source, met) in rays.of_beam(lane).enumerate() {
+                if met.power() > 0.0 {
+                    parts.push(Pulselet { range: met.range(), power: met.power(), source: source as u32 });
+                }
             }
         }
         let mut other = others.last[lane];
         while other != NONE {
             let Other { range, power, before, .. } = others.list[other as usize];
-            parts.push(Pulselet { range, power, source: rays.len() as u32 + other });
+            parts.push(Pulselet { range, power, source: rays.each as u32 + other });
             other = before;
         }
         if let Some(camera) = scan.camera {
@@ -633,16 +841,13 @@ impl Gatherer {
         waveform.peaks(parts, peaks);
         // The nearest that rays meet straight away is echo 0, others are told apart by their range: so echoes of the
         // air do not move the chances of surfaces.
-        let straight = rays
-            .iter()
-            .filter(|ray| ray.power[lane] > 0.0)
-            .map(|ray| ray.hits.range[lane])
-            .fold(f32::INFINITY, f32::min);
+        let straight =
+            rays.of_beam(lane).filter(|met| met.power() > 0.0).map(|met| met.range()).fold(f32::INFINITY, f32::min);
         let surface = peaks.iter().map(|peak| peak.range).find(|&range| range >= straight - waveform.sigma());
         peaks.retain(|peak| is_reported(peak, if Some(peak.range) == surface { 0 } else { peak.range.to_bits() }));
         peaks.extend(alarms[of_beam].iter().map(|&(_, peak)| peak));
         peaks.sort_by(|a, b| a.range.total_cmp(&b.range));
-        signals.rule.choose(peaks, order, chosen);
+        rule.choose(peaks, order, chosen);
     }
 
     /// All echoes of the beam at `lane`, after it was formed, seen or not.
@@ -659,7 +864,7 @@ impl Gatherer {
     }
 
     /// Which surface sends most of the echo at `peak` of the beam at `lane`, and whether others send much.
-    pub fn found(&mut self, scan: &Scan, signals: &Signals, lane: usize, beam: usize, peak: Peak) -> Found {
+    pub fn found(&mut self, scan: &Scan, lane: usize, beam: usize, peak: Peak) -> Found {
         if self.alarms.iter().any(|&(other, alarm)| other == lane && alarm == peak) {
             return Found { peak, formed: peak.range, source: ALARM, mixed: false };
         }
@@ -667,14 +872,14 @@ impl Gatherer {
             // A plain beam.
             return Found { peak, formed: peak.range, source: 0, mixed: false };
         }
-        let Gatherer { rays, others, forming, across, beams, .. } = self;
+        let Gatherer { signals, rays, others, forming, across, beams, .. } = self;
         let Forming { waveform, parts, shares, .. } = forming;
         // All light of a pixel is one, however far apart.
         let sigma = if scan.camera.is_some() { 0.0 } else { waveform.sigma() };
-        let rays_count = rays.len();
+        let rays_count = rays.each;
         let other_of = |source: u32| &others.list[source as usize - rays_count];
-        let kind = |source: u32| match rays.get(source as usize) {
-            Some(ray) => [ray.hits.surface[lane], Cause::Surface as u32],
+        let kind = |source: u32| match rays.get(source, lane) {
+            Some(met) => [met.surface(), Cause::Surface as u32],
             None => [other_of(source).surface, other_of(source).cause as u32],
         };
         shares.clear();
@@ -686,50 +891,51 @@ impl Gatherer {
             part.power * (-0.5 * x * x).exp()
         };
         let near = || parts.iter().filter(|part| (part.range - peak.range).abs() <= reach);
+        // Where a ray meets its surface, and the normal there; of one ray along the beam it does not matter.
+        let plane = |part: &Pulselet| match (rays.get(part.source, lane), &signals.footprint) {
+            (Some(met), Some(footprint)) => {
+                let place = footprint.crossing(part.source as usize, across, beams, lane, part.range);
+                Some((place, met.batch.hits.normal(met.lane)))
+            }
+            _ => None,
+        };
+        let off = |of: &Share, plane: Option<(Vec3, Vec3)>| match (of.plane, plane) {
+            (Some((here, normal)), Some((place, _))) => (place - here).dot(normal).abs() > apart,
+            (here, plane) => here.is_some() != plane.is_some(),
+        };
         let mut all = 0.0;
         for part in near() {
-            let light = light(part);
+            let (light, plane, kind) = (light(part), plane(part), kind(part.source));
             all += light;
-            let kind = kind(part.source);
-            match shares.iter_mut().find(|(known, ..)| *known == kind) {
-                Some((_, sum, most, source)) => {
-                    *sum += light;
-                    if light > *most {
-                        (*most, *source) = (light, part.source);
+            match shares.iter_mut().find(|share| share.kind == kind && !off(share, plane)) {
+                Some(share) => {
+                    share.light += light;
+                    if light > share.most {
+                        (share.most, share.source) = (light, part.source);
                     }
                 }
-                None => shares.push((kind, light, light, part.source)),
+                None => shares.push(Share { kind, plane, light, most: light, source: part.source }),
             }
         }
         // The first of those that send as much.
-        let mut greatest = (f32::NEG_INFINITY, 0);
-        for &(_, sum, _, source) in shares.iter() {
-            if sum > greatest.0 {
-                greatest = (sum, source);
+        let mut greatest: Option<&Share> = None;
+        for share in shares.iter() {
+            if greatest.is_none_or(|greatest| share.light > greatest.light) {
+                greatest = Some(share);
             }
         }
-        let source = greatest.1;
+        let source = greatest.map_or(0, |share| share.source);
         let mut mixed = false;
-        if let (Some(ray), Some(footprint)) = (rays.get(source as usize), &signals.footprint) {
-            let normal = ray.hits.normal(lane);
-            let place = |source: u32, range: f32| footprint.crossing(source as usize, across, beams, lane, range);
-            let here = place(source, ray.hits.range[lane]);
-            let mut off = 0.0;
-            for part in near() {
-                let is_off = part.source as usize >= rays_count
-                    || (place(part.source, part.range) - here).dot(normal).abs() > apart;
-                if is_off {
-                    off += light(part);
-                }
-            }
-            mixed = off > if scan.camera.is_some() { MIXED_PIXEL } else { MIXED } * all;
+        if let Some(share) = greatest.filter(|share| share.plane.is_some()) {
+            let elsewhere: f32 = near().filter(|part| off(share, plane(part))).map(light).sum();
+            mixed = elsewhere > if scan.camera.is_some() { MIXED_PIXEL } else { MIXED } * all;
         }
         let Some(camera) = scan.camera else { return Found { peak, formed: peak.range, source, mixed } };
         // What is true is the surface that most light is from.
         let truth = parts.iter().find(|part| part.source == source).map_or(peak.range, |part| part.range);
         let axis = scan.aim.beams.direction(beam).x;
-        let cos = match rays.get(source as usize) {
-            Some(ray) => ray.cos_incidence[lane],
+        let cos = match rays.get(source, lane) {
+            Some(met) => met.cos_incidence(),
             None => other_of(source).cos_incidence,
         };
         let mut range = peak.range;

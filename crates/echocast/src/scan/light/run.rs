@@ -5,7 +5,7 @@ use super::halo::Halos;
 use crate::cloud::{Columns, FLOW, Field, Frame, MOVING, PointCloud, Slices};
 use crate::detect::{Errors, FalseAlarms, ReturnMode, Threshold};
 use crate::echo::{Air, IntensityModel, PathLimits, Surroundings, Wanted};
-use crate::emitter::{Aim, BeamTable, Trajectory};
+use crate::emitter::{Across, Aim, BeamTable, Footprint, Trajectory};
 use crate::ground::error::{Error, Result};
 use crate::ground::lanes::{CHUNK, LANES, MISS, RayBatch};
 use crate::ground::parallel;
@@ -16,6 +16,7 @@ use crate::scan::{Order, Profile, Progress, ScanOptions};
 use crate::sensor::{DepthCamera, IntensitySpec, Sensor, Signals};
 use crate::trace::{Clock, Later, Tables};
 use echocast_kernels::measure;
+use glam::Vec3;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -50,7 +51,9 @@ pub(super) struct Scan<'a> {
     /// Time from one frame to the next, s.
     pub frame_period: f64,
     /// How beams of several rays or returns are made; `None` where beams are a ray and a return each.
-    pub signals: Option<Signals>,
+    pub signals: Option<&'a Arc<Signals>>,
+    /// Whether all beams are, or just those that meet more than one place, of which each has a return too.
+    pub has_signals: bool,
 }
 
 /// Where beams go.
@@ -169,10 +172,10 @@ impl<'a> Scan<'a> {
         // Without what makes it a camera, a pixel of several rays is none.
         let one_ray = as_computed || as_printed && sensor.camera.is_some();
         let blooms = sensor.detection.blooming.is_some();
-        let signals = Some(sensor.signals());
-        let signals = signals.filter(|signals| !one_ray && (blooms || !signals.are_simple()));
+        let has_signals = !one_ray && (blooms || !sensor.signals.are_simple());
+        let signals = Some(&sensor.signals).filter(|signals| has_signals || !one_ray && signals.adaptive.is_some());
         // Signals are made of all echoes.
-        let mode = if signals.is_some() { ReturnMode::All } else { sensor.return_mode() };
+        let mode = if has_signals { ReturnMode::All } else { sensor.return_mode() };
         let camera = sensor.camera.as_ref().filter(|_| !as_printed);
         let errors = Errors::new(&sensor.noise, sensor.range_error(threshold.clone()), sensor.doppler);
 
@@ -239,6 +242,7 @@ impl<'a> Scan<'a> {
             camera,
             frame_period,
             signals,
+            has_signals,
         })
     }
 
@@ -252,7 +256,7 @@ impl<'a> Scan<'a> {
 
     /// Greatest number of returns of a beam.
     pub fn most_returns(&self) -> usize {
-        self.signals.as_ref().map_or(1, |signals| signals.rule.most())
+        self.signals.map_or(1, |signals| signals.rule.most())
     }
 
     /// Fills `cloud`: windows of chunks in parallel, each chunk into its own rows, then the gaps of
@@ -354,6 +358,27 @@ impl Scan<'_> {
     pub fn efficiency_of(&self, beam: u32) -> f32 {
         let channel = usize::from(self.aim.beams.channel[beam as usize]);
         self.detect.efficiency.get(channel).copied().unwrap_or(1.0)
+    }
+
+    /// Sets the vectors across the beam with the number `beam`, which goes in `direction`, and the rotation of its
+    /// `footprint`, as a part of a circle.
+    pub fn set_across(
+        &self,
+        across: &mut Across,
+        footprint: &Footprint,
+        lane: usize,
+        beam: usize,
+        direction: Vec3,
+        turn: f32,
+    ) {
+        let (rotation, _) = self.aim.pose.pose(self.aim.beams, beam);
+        if footprint.turns {
+            across.set(lane, direction, rotation.z_axis, turn);
+        } else {
+            // The image plane at the distance 1 along the ray.
+            let off_axis = self.aim.beams.direction(beam).x;
+            across.set_axes(lane, [rotation.y_axis * off_axis, rotation.z_axis * off_axis], 0.0);
+        }
     }
 
     /// Part of an echo's light in `beam` that its intensity lacks: a calibrated one lacks none.
