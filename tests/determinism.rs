@@ -146,8 +146,16 @@ fn what_a_thread_did_before_does_not_change_a_bit() {
     let built = scene_with(&Engine::with_threads(1).unwrap());
     let few: FieldSet =
         [Field::X, Field::Range, Field::ReturnNumber, Field::Cause, Field::Azimuth].into_iter().collect();
-    let mut sensors =
-        vec![lidar(), Sensor::preset("velodyne_vlp16").unwrap(), camera(), noisy(), many(), depth_camera()];
+    let mut sensors = vec![
+        lidar(),
+        Sensor::preset("velodyne_vlp16").unwrap(),
+        camera(),
+        noisy(),
+        many(),
+        adaptive("{mode: strongest}"),
+        adaptive("{mode: all, max: 3}"),
+        depth_camera(),
+    ];
     for sensor in &mut sensors[2..] {
         sensor.set("pattern.resolution", "[64, 48]").unwrap();
     }
@@ -173,7 +181,7 @@ fn what_a_thread_did_before_does_not_change_a_bit() {
 fn threads_do_not_change_a_bit() {
     let [one, two, seven] = [1, 2, 7].map(|threads| scene_with(&Engine::with_threads(threads).unwrap()));
     let mut causes = BTreeSet::new();
-    for sensor in [lidar(), camera(), noisy(), many(), depth_camera()] {
+    for sensor in [lidar(), camera(), noisy(), many(), adaptive("{mode: strongest}"), depth_camera()] {
         for path in [Trajectory::fixed(Pose::IDENTITY), drive()] {
             let single = sensor.spec().returns.mode != ReturnMode::All;
             for options in [all(), ScanOptions { organised: single, ..all() }, wet()] {
@@ -257,7 +265,7 @@ fn vector_levels_do_not_change_a_bit() {
     let of_all = || {
         // Built at each level, too.
         let mut clouds = moving_clouds(&moving, &Engine::new().unwrap());
-        for sensor in [lidar(), camera(), noisy(), many(), depth_camera()] {
+        for sensor in [lidar(), camera(), noisy(), many(), adaptive("{mode: strongest}"), depth_camera()] {
             for (path, options) in [(Trajectory::fixed(Pose::IDENTITY), wet()), (drive(), all())] {
                 clouds.push(built.scan(&sensor, &path, &options).unwrap());
             }

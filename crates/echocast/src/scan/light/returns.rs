@@ -87,21 +87,21 @@ fn bundle(rays: &Rays, lane: usize, width: f32, parts: &mut Vec<Pulselet>, bundl
         let near = |(of, [first, ..]): &(u32, [f32; 3])| *of == surface && (range - first).abs() <= width;
         match bundles.iter().position(near) {
             Some(index) => {
-                let (part, (_, [_, moment, most])) = (&mut parts[index], &mut bundles[index]);
+                let (part, (_, [first, moment, most])) = (&mut parts[index], &mut bundles[index]);
                 part.power += power;
-                *moment += power * range;
+                *moment += power * (range - *first);
                 if power > *most {
                     (*most, part.source) = (power, source);
                 }
             }
             None => {
                 parts.push(Pulselet { range, power, source });
-                bundles.push((surface, [range, power * range, power]));
+                bundles.push((surface, [range, 0.0, power]));
             }
         }
     }
-    for (part, (_, [_, moment, _])) in parts.iter_mut().zip(bundles) {
-        part.range = *moment / part.power;
+    for (part, (_, [first, moment, _])) in parts.iter_mut().zip(bundles) {
+        part.range = *first + *moment / part.power;
     }
 }
 
@@ -175,7 +175,7 @@ impl Default for PackedAxes {
 pub(super) struct Forming {
     waveform: Waveform,
     parts: Vec<Pulselet>,
-    /// Of parts that stand for several rays: surface, range of the first ray, sum of range times power, power of the
+    /// Of parts that stand for several rays: surface, range of the first ray, sum of power times range beyond that, power of the
     /// strongest ray.
     bundles: Vec<(u32, [f32; 3])>,
     pub peaks: Vec<Peak>,
