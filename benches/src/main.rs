@@ -1,6 +1,6 @@
-//! `make bench`: rays per second compared with the bare Embree loop, what weather adds, what moves, sonar, samples of
-//! sets, the paper's two experiments, how fast files are read and written, and the C library compared with the Rust
-//! crate. Prints tables and writes `target/bench.json`.
+//! `make bench`: rays per second compared with the bare Embree loop, what weather adds, what adaptive beams cost and
+//! find, what moves, sonar, samples of sets, the paper's two experiments, how fast files are read and written, and the C
+//! library compared with the Rust crate. Prints tables and writes `target/bench.json`.
 //!
 //! All ratios come from interleaved rounds in one process; times are processor time, medians.
 #![forbid(unsafe_code)]

@@ -27,14 +27,13 @@ pub fn run() -> Result<Value> {
         "sensor", "scene", "one ns", "adaptive", "ratio", "all", "second", "found", "mixed", "found"
     );
     let one = ThreadPoolBuilder::new().num_threads(1).build()?;
-    let hall = scenes::hall()?.build()?;
     let mut rows = Vec::new();
     for (scene, built, height) in [
         ("city", scenes::city().build()?, 2.0),
         ("terrain", scenes::terrain().build()?, 2.0),
         ("forest", scenes::forest().build()?, 2.0),
         ("flat", scenes::flat()?.build()?, 1.2),
-        ("hall", hall, 1.2),
+        ("hall", scenes::hall()?.build()?, 1.2),
     ] {
         for name in PRESETS {
             rows.push(row(&one, &built, height, scene, &Sensor::preset(name)?)?);

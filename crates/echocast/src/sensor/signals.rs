@@ -21,8 +21,6 @@ pub(crate) struct Signals {
     /// How those beams are found that meet more than one place, and so are that many rays; all others are one. None: all
     /// beams are.
     pub adaptive: Option<Adaptive>,
-    /// Whether some beams of a block alone are that many rays.
-    pub packed: bool,
     /// Standard deviation of the pulse, m of range.
     pub sigma: f64,
     pub rule: ReturnRule,
@@ -55,14 +53,11 @@ impl Signals {
             (SubRays::Adaptive, _) => Some(Footprint::new(RAYS_OF_A_BEAM, diameter, divergence)),
         };
         let sigma = Pulse::new(beam.pulse_shape, beam.pulse_ns).sigma();
-        let of = |footprint, packed| Signals { footprint, adaptive: None, packed, sigma, rule };
-        match footprint {
-            Some(footprint) if beam.sub_rays == SubRays::Adaptive => {
-                let adaptive = Adaptive { rim: footprint.rim(), one_ray: Arc::new(of(None, false)) };
-                Signals { adaptive: Some(adaptive), ..of(Some(footprint), true) }
-            }
-            _ => of(footprint, false),
-        }
+        let adaptive = footprint.as_ref().filter(|_| beam.sub_rays == SubRays::Adaptive).map(|footprint| Adaptive {
+            rim: footprint.rim(),
+            one_ray: Arc::new(Signals { footprint: None, adaptive: None, sigma, rule }),
+        });
+        Signals { footprint, adaptive, sigma, rule }
     }
 
     /// Whether beams of one ray have one return: then there is a shortcut for them.

@@ -105,6 +105,14 @@ fn bundle(rays: &Rays, lane: usize, width: f32, parts: &mut Vec<Pulselet>, bundl
     }
 }
 
+/// Ranges that span less than this, in sigmas of the pulse, are one.
+const FINE: f32 = 1e-2;
+
+/// Peak of an echo of the power `power` whose ranges have a `variance`, m^2, beside the pulse's `sigma`, m.
+fn widened(power: f32, sigma: f32, variance: f32) -> f32 {
+    power * sigma / (sigma * sigma + variance).sqrt()
+}
+
 /// Finds the echoes of such beams, whose `rays` have all been met.
 ///
 /// Rays that span more than the pulse stand for a surface that is met all over its span: a few of them, pulse by pulse,
@@ -113,7 +121,7 @@ fn bundle(rays: &Rays, lane: usize, width: f32, parts: &mut Vec<Pulselet>, bundl
 fn finish(plain: &mut Plain, rays: &[Batch], waveform: &Waveform) {
     let sigma = waveform.sigma();
     let mut wide = [false; LANES];
-    let narrow = signal::middle(plain, Waveform::NARROW * sigma, 1e-2 * sigma, &mut wide);
+    let narrow = signal::middle(plain, Waveform::NARROW * sigma, FINE * sigma, &mut wide);
     let (middle, whole) = (plain.range, plain.power);
     if narrow {
         let signals = rays.iter().map(|ray| [&ray.hits.range, &ray.power]);
@@ -124,7 +132,7 @@ fn finish(plain: &mut Plain, rays: &[Batch], waveform: &Waveform) {
             let mean = plain.moments[0][lane] / whole[lane];
             let variance = (plain.moments[1][lane] / whole[lane] - mean * mean).max(0.0);
             plain.range[lane] = middle[lane];
-            plain.power[lane] = whole[lane] * sigma / (sigma * sigma + variance).sqrt();
+            plain.power[lane] = widened(whole[lane], sigma, variance);
         }
     }
 }
@@ -547,8 +555,7 @@ impl Gatherer {
         self.fit(signals);
         let mut numbers = [0; LANES];
         for (to, lane) in splitter.found.iter().map(|&lane| usize::from(lane)).enumerate() {
-            self.beams.take(to, beams, lane);
-            self.beams.range_max[to] = beams.range_max[lane];
+            self.beams.fill(to..to + 1, beams, lane);
             if scan.points_elsewhere() {
                 self.reported.get_or_insert_with(boxed).take(to, reported, lane);
             }
@@ -594,11 +601,11 @@ impl Gatherer {
             let lens = scan.camera.map_or(1.0, |camera| camera.gain(scan.aim.beams.direction(beam as usize).x));
             self.efficiency[lane] = scan.efficiency_of(beam) * lens;
         }
-        self.rays.fit(signals.rays(), signals.packed, count);
+        self.rays.fit(signals.rays(), signals.adaptive.is_some(), count);
         if self.rays.packed {
-            self.meet_beam_after_beam(scan, rays, count);
+            self.meet_beam_after_beam(scan, signals, rays, count);
         } else {
-            self.meet_ray_after_ray(scan, rays, count);
+            self.meet_ray_after_ray(scan, signals, rays, count);
         }
         if let Some(air) = scan.world.air.as_ref().filter(|air| air.answers()) {
             let mut echoes = OfAir { others: &mut self.others, rays: &self.rays, efficiency: &self.efficiency };
@@ -626,8 +633,7 @@ impl Gatherer {
     }
 
     /// Meets ray `i` of all beams, for one `i` after the other.
-    fn meet_ray_after_ray(&mut self, scan: &Scan, rays: &mut RayBatch, count: usize) {
-        let signals = &*self.signals.clone();
+    fn meet_ray_after_ray(&mut self, scan: &Scan, signals: &Signals, rays: &mut RayBatch, count: usize) {
         let own = std::array::from_fn(|lane| lane as u8);
         let weight = 1.0 / self.rays.each as f32;
         let parts = self.efficiency.map(|efficiency| weight * efficiency);
@@ -655,8 +661,7 @@ impl Gatherer {
     }
 
     /// Meets all rays of some beams, for one beam after the other: as many as fit into a batch at a time.
-    fn meet_beam_after_beam(&mut self, scan: &Scan, rays: &mut RayBatch, count: usize) {
-        let signals = &*self.signals.clone();
+    fn meet_beam_after_beam(&mut self, scan: &Scan, signals: &Signals, rays: &mut RayBatch, count: usize) {
         let Some(footprint) = &signals.footprint else { return };
         self.plain.is = [false; LANES];
         let each = self.rays.each;
@@ -705,10 +710,10 @@ impl Gatherer {
         // As in `finish`; between the two the signal is searched.
         let span = span[1] - span[0];
         let wide = span > Waveform::NARROW * sigma;
-        if wide || span <= 1e-2 * sigma {
+        if wide || span <= FINE * sigma {
             self.plain.is[lane] = true;
             self.plain.range[lane] = first.range() + mean;
-            self.plain.power[lane] = if wide { power * sigma / (sigma * sigma + variance).sqrt() } else { power };
+            self.plain.power[lane] = if wide { widened(power, sigma, variance) } else { power };
         }
     }
 

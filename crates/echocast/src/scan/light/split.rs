@@ -95,6 +95,15 @@ pub(super) struct Axes<'a> {
     pub power: &'a [f32; LANES],
 }
 
+/// What an axis is compared with.
+#[derive(Clone, Copy)]
+struct Around<'a> {
+    hits: &'a HitBatch,
+    /// What it sends back, `rho_eff / R^2` in 1/m^2.
+    power: f32,
+    places: &'a [[f32; LANES]; 3],
+}
+
 impl Splitter {
     /// Finds the beams to split among those whose `axes` have been met, and how much oblique surfaces lower the echoes of
     /// all others.
@@ -268,11 +277,9 @@ impl Splitter {
                 BEFORE | RIM_BEFORE => lane - 1,
                 _ => lane + 1,
             };
-            let (surface, range, light) = if bit == BEFORE || bit == BEHIND {
-                (hits.surface[other], hits.range[other], power[other])
-            } else {
-                (self.rim.surface[other], self.rim.range[other], self.rim_power[other])
-            };
+            let around = self.around(axes, bit, other);
+            let Around { hits: met, power: light, .. } = around;
+            let (surface, range) = (met.surface[other], met.range[other]);
             if surface == MISS {
                 return false;
             }
@@ -281,7 +288,7 @@ impl Splitter {
                 return true;
             }
             if !hit || MOST * light < least || light <= 0.0 {
-                return hit && light > SHARE * power[lane] && self.share(axes, [lane, other], bit, sigma);
+                return hit && light > SHARE * power[lane] && self.share(axes, around, [lane, other], sigma);
             }
             if scan.camera.is_some() || power[lane] < least {
                 return true;
@@ -294,23 +301,25 @@ impl Splitter {
                     ReturnMode::Last => beyond > 0.0,
                     _ => true,
                 };
-            is_second || light > SHARE * power[lane] && self.share(axes, [lane, other], bit, sigma)
+            is_second || light > SHARE * power[lane] && self.share(axes, around, [lane, other], sigma)
         })
     }
-}
 
-impl Splitter {
-    /// Whether what the axis at `lane` meets and what `bit` says of the beam at `other` are two planes within one pulse.
-    fn share(&self, axes: Axes, [lane, other]: [usize; 2], bit: usize, sigma: f32) -> bool {
-        let Axes { hits, .. } = axes;
-        let (range, normal, places) = if bit == BEFORE || bit == BEHIND {
-            (hits.range[other], hits.normal(other), &self.centres)
+    /// What `bit` compares the axes with.
+    fn around<'a>(&'a self, axes: Axes<'a>, bit: usize, other: usize) -> Around<'a> {
+        if bit == BEFORE || bit == BEHIND {
+            Around { hits: axes.hits, power: axes.power[other], places: &self.centres }
         } else {
-            (self.rim.range[other], self.rim.normal(other), &self.rims)
-        };
+            Around { hits: &self.rim, power: self.rim_power[other], places: &self.rims }
+        }
+    }
+
+    /// Whether what the axis at `lane` meets and what is `around` it, at the lane `other`, are two planes within one pulse.
+    fn share(&self, axes: Axes, around: Around, [lane, other]: [usize; 2], sigma: f32) -> bool {
+        let Around { hits, places, .. } = around;
         let way = Vec3::from_array(array::from_fn(|axis| places[axis][other] - self.centres[axis][lane]));
-        let off = way.dot(hits.normal(lane)).abs().max(way.dot(normal).abs());
-        (range - hits.range[lane]).abs() < SHARING * sigma && off > OFF_SURFACE * sigma
+        let off = way.dot(axes.hits.normal(lane)).abs().max(way.dot(hits.normal(other)).abs());
+        (hits.range[other] - axes.hits.range[lane]).abs() < SHARING * sigma && off > OFF_SURFACE * sigma
     }
 }
 
