@@ -7,6 +7,7 @@ mod cameras;
 mod detection;
 mod doppler;
 mod flow;
+mod fog;
 mod geometry;
 mod intensity;
 mod motion;

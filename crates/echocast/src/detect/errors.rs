@@ -1,6 +1,6 @@
 //! All errors of what an instrument measures: each step of a scan asks here for those of its quantity.
 
-use super::{AzimuthError, Doppler, Noise, RangeError, WeakDropout};
+use super::{AzimuthError, Doppler, IntensityError, Noise, RangeError, Threshold, WeakDropout};
 use crate::ground::lanes::{LANES, MISS};
 use crate::ground::rng::{Draw, Rng};
 use crate::ground::units::seconds_from_us;
@@ -20,6 +20,7 @@ pub(crate) struct Returns<'a> {
 /// The errors of one scan.
 pub(crate) struct Errors {
     range: RangeError,
+    intensity: Option<IntensityError>,
     azimuth: Option<AzimuthError>,
     /// Standard deviation of the beams' true directions about the reported ones, rad.
     pub pointing_sigma: f32,
@@ -35,9 +36,10 @@ pub(crate) struct Errors {
 impl Errors {
     /// For an instrument with this `noise` and its errors of `range`, which measures velocities as `doppler` says, or
     /// not at all.
-    pub(crate) fn new(noise: &Noise, range: RangeError, doppler: Option<Doppler>) -> Errors {
+    pub(crate) fn new(noise: &Noise, range: RangeError, threshold: &Threshold, doppler: Option<Doppler>) -> Errors {
         Errors {
             range,
+            intensity: IntensityError::new(noise, threshold),
             azimuth: AzimuthError::new(noise),
             pointing_sigma: noise.pointing_sigma_deg.to_radians() as f32,
             time_sigma: seconds_from_us(noise.time_sigma_us),
@@ -80,6 +82,15 @@ impl Errors {
             measure::add_in_proportion(measured, returns.range, &noise, in_proportion);
         }
         self.range.round(measured);
+    }
+
+    /// What multiplies the light of each return in the reported intensity; none where that is exact.
+    pub(crate) fn flicker(&self, rng: &Rng, returns: &Returns) -> Option<[f32; LANES]> {
+        let error = self.intensity?;
+        let (count, mut factors) = (returns.beams.len(), [1.0; LANES]);
+        rng.normals(returns.beams, returns.numbers, Draw::IntensityNoise, &mut factors[..count]);
+        error.factors(&returns.rho_eff[..count], &returns.range[..count], &mut factors[..count]);
+        Some(factors)
     }
 
     /// Whether the instrument measures radial velocities.

@@ -21,7 +21,7 @@ pub use depth::DepthNoise;
 pub use doppler::Doppler;
 pub(crate) use errors::{Errors, Returns};
 use noise::AzimuthError;
-pub(crate) use noise::RangeError;
+pub(crate) use noise::{IntensityError, RangeError};
 pub use noise::{Noise, RangePoint, WeakDropout};
 pub use returns::ReturnMode;
 pub(crate) use returns::{Peak, ReturnRule};

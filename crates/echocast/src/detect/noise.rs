@@ -32,6 +32,12 @@ pub struct Noise {
     /// Mean and standard deviation by range, rising, linear between points and constant outside; at most 1000 points.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub range_table: Vec<RangePoint>,
+    /// Standard deviation of the intensity in percent of it, before it is encoded, 0 to 1000.
+    pub intensity_percent: f64,
+    /// The same at the detection threshold, percent, 0 to 1000; it falls as 1/SNR and adds in squares to
+    /// `intensity_percent`: an amplitude that stands SNR times above the noise is known to a part of 1/SNR. Without
+    /// `detection.model: radar_equation` or `statistical` there is no such ratio, and none of this.
+    pub intensity_snr_percent: f64,
     /// Standard deviation, over the channels, of a constant error of each, m, at least 0.
     pub channel_bias_sigma_m: f64,
     /// Likewise for an error proportional to range, 0 to 1.
@@ -106,6 +112,32 @@ pub(crate) struct RangeError {
     /// Standard deviation, m of range, of pulses timed at their leading edge; 0 if timed at their peak.
     edge_sigma: f32,
     threshold: Threshold,
+}
+
+/// The errors of intensity.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct IntensityError {
+    /// Standard deviation, as a part.
+    sigma: f32,
+    /// The same where the signal-to-noise ratio is the threshold's, at `unit`, 1/m^2.
+    snr_sigma: f32,
+    unit: f32,
+}
+
+impl IntensityError {
+    /// None where intensities are exact.
+    pub(crate) fn new(noise: &Noise, threshold: &Threshold) -> Option<IntensityError> {
+        let [sigma, snr_sigma] = [noise.intensity_percent, noise.intensity_snr_percent].map(|it| (it / 100.0) as f32);
+        let unit = threshold.unit();
+        let snr_sigma = unit.map_or(0.0, |_| snr_sigma);
+        (sigma > 0.0 || snr_sigma > 0.0).then_some(IntensityError { sigma, snr_sigma, unit: unit.unwrap_or(1.0) })
+    }
+
+    /// Turns standard normal numbers into what multiplies the light of returns, at least 0.
+    pub(crate) fn factors(self, rho_eff: &[f32], range: &[f32], factors: &mut [f32]) {
+        measure::spread(factors, rho_eff, range, self.sigma, 0.0, self.snr_sigma, self.unit);
+        factors.iter_mut().for_each(|factor| *factor = (1.0 + *factor).max(0.0));
+    }
 }
 
 impl RangeError {
@@ -233,6 +265,8 @@ impl Noise {
             ("range_sigma_m", self.range_sigma_m, 0.0, FARTHEST_M),
             ("range_sigma_per_m", self.range_sigma_per_m, 0.0, 1.0),
             ("range_snr_sigma_m", self.range_snr_sigma_m, 0.0, FARTHEST_M),
+            ("intensity_percent", self.intensity_percent, 0.0, 1000.0),
+            ("intensity_snr_percent", self.intensity_snr_percent, 0.0, 1000.0),
             ("channel_bias_sigma_m", self.channel_bias_sigma_m, 0.0, FARTHEST_M),
             ("channel_gain_sigma", self.channel_gain_sigma, 0.0, 1.0),
             ("instrument", self.instrument.into(), 0.0, u32::MAX.into()),

@@ -323,6 +323,15 @@ impl Threshold {
         }
     }
 
+    /// `rho_eff / R^2` of an echo as strong as the noise, 1/m^2, where the model defines or suggests one.
+    pub(crate) fn noise_power(&self) -> Option<f64> {
+        match *self {
+            Threshold::Calibrated { k } => Some(f64::from(k) / USUAL_TNR),
+            Threshold::Statistical { unit, sigma, .. } => Some((unit * sigma).into()),
+            _ => None,
+        }
+    }
+
     /// `rho_eff / R^2` of an echo whose signal-to-noise ratio is the threshold's, 1/m^2, where the model defines it.
     pub(crate) fn unit(&self) -> Option<f32> {
         match *self {
@@ -332,6 +341,9 @@ impl Threshold {
         }
     }
 }
+
+/// Ratio of threshold to noise of instruments whose sheet gives a limit alone: as usual against false alarms.
+const USUAL_TNR: f64 = 5.0;
 
 /// Signal over the noise in darkness below which no echo is searched: four sigma under the threshold, where one in
 /// 30,000 would be detected, and at least half as strong as the noise.

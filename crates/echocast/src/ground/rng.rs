@@ -23,6 +23,10 @@ pub(crate) enum Draw {
     RainRange = 6,
     /// Rotation of a beam's sub-rays about it.
     Footprint = 7,
+    /// How strong the echo of fog or dust is, and from where.
+    SoftEcho = 8,
+    /// Gaussian error of the intensity.
+    IntensityNoise = 9,
     /// Noise in which an echo is detected: sub-ray 0 for the surface that a beam meets, the bits of the range for
     /// others.
     Detection = 20,

@@ -54,6 +54,7 @@ impl SensorSpec {
         bounds.within("beam.overlap_m[0]", near, 0.0, 1000.0)?;
         bounds.number("beam.overlap_m[1]", far, [ABOVE_ZERO, 1000.0], "above 0, at most 1000")?;
         bounds.rising(("beam.overlap_m[0]", near), ("beam.overlap_m[1]", far))?;
+        bounds.within("beam.near_range_m", beam.near_range_m, 0.0, 1000.0)?;
         let (sub_rays, one_ray) = match beam.sub_rays {
             SubRays::Count(count) => {
                 bounds.within("beam.sub_rays", f64::from(count), 1.0, 1024.0)?;

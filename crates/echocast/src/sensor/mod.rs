@@ -139,6 +139,8 @@ impl Sensor {
         Receiver {
             pulse: Pulse::new(beam.pulse_shape, beam.pulse_ns),
             overlap: beam.overlap_m,
+            near_range: beam.near_range_m,
+            coherent: self.doppler.is_some(),
             cone: Cone {
                 start: beam.exit_diameter_mm * 1e-3,
                 divergence: beam.divergence_mrad.map(|mrad| mrad * 1e-3),

@@ -159,6 +159,10 @@ pub struct BeamSpec {
     /// Range below which the receiver sees nothing of its own beam and range from which it sees all of it, m; linear in
     /// between. This decides how nearby fog appears.
     pub overlap_m: [f64; 2],
+    /// Range at which half of the light that reaches the receiver's aperture falls onto its detector, m, 0 to 1000: about
+    /// the aperture over the field of view of one beam. Light from nearer is out of focus, so that nearby fog, rain and
+    /// dust appear weaker. 0: all light is used.
+    pub near_range_m: f64,
     /// Rays that stand for a beam.
     pub sub_rays: SubRays,
 }
@@ -173,6 +177,7 @@ impl Default for BeamSpec {
             exit_diameter_mm: 12.0,
             aperture_mm: None,
             overlap_m: [0.5, 2.0],
+            near_range_m: 0.0,
             sub_rays: SubRays::Count(1),
         }
     }

@@ -64,9 +64,8 @@ impl Pulse {
     }
 
     /// The echo of a medium from `from` to `to` m whose power at a range is `density(range)`, 1/m^2 per unit of
-    /// backscatter: range of its peak, m, and its height `J`, 1/m, `J(R) = int p(2 (R - r) / c) density(r) dr`. The
-    /// density falls beyond `falls_from`.
-    pub(crate) fn peak(self, [from, to]: [f64; 2], falls_from: f64, density: impl Fn(f64) -> f64) -> (f64, f64) {
+    /// backscatter: the peak of `J(R) = int p(2 (R - r) / c) density(r) dr`. The density falls beyond `falls_from`.
+    pub(crate) fn peak(self, [from, to]: [f64; 2], falls_from: f64, density: impl Fn(f64) -> f64) -> SoftPeak {
         let from = from.max(1e-2);
         // Simpson's rule in the logarithm of range, with an odd number of `points`: near the sensor density falls
         // steeply.
@@ -123,7 +122,31 @@ impl Pulse {
             }
         }
         let range = (low + high) / 2.0;
-        (range, received(range, FINE))
+        let height = received(range, FINE);
+        // From what it is a sigma to either side, as of a parabola.
+        let beside = (received(range - self.sigma(), FINE) + received(range + self.sigma(), FINE)) / 2.0;
+        let width = self.sigma() / (2.0 * (1.0 - beside / height).max(1e-3)).sqrt();
+        SoftPeak { range, height, width }
+    }
+}
+
+/// The peak of the echo of a medium.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SoftPeak {
+    /// m.
+    pub range: f64,
+    /// `J`, 1/m.
+    pub height: f64,
+    /// `L` of `J (1 - (R - range)^2 / (2 L^2))` around it, m.
+    pub width: f64,
+}
+
+impl SoftPeak {
+    /// Standard deviation of its range, m, if each part of the echo that is as long as the pulse, `sigma` m, fluctuates by
+    /// the part `fluctuation` of the peak: the slope of that, `fluctuation J / sigma`, over the curvature `J / L^2`; no
+    /// more than the echo is wide.
+    pub(crate) fn wandering(&self, fluctuation: f64, sigma: f64) -> f64 {
+        (fluctuation * self.width * self.width / sigma).min(self.width)
     }
 }
 

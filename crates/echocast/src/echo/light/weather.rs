@@ -15,12 +15,21 @@ use std::f64::consts::PI;
 /// Most particles drawn for one beam and medium.
 const MOST_PARTICLES: u32 = 64;
 
+/// `<r^4> / <r^2>` of the radii of droplets, m^2: the fluctuation of an echo of many particles of random places is
+/// `sqrt(<r^4> / <r^2>^2 / N)`, N = their mean number in the pulse. That of strong and moderate advection fog (17 and 22 um
+/// squared; a gamma distribution has `(a + 4) (a + 3) r_mode^2 / a^2`), taken for all droplets and dust.
+const GRAIN_M2: f64 = 20e-6 * 20e-6;
+
 /// What determines how weather shows in an instrument.
 #[derive(Clone, Debug)]
 pub(crate) struct Receiver {
     pub pulse: Pulse,
     /// Range below which the receiver does not see its own beam, and range from which it sees all of it, m.
     pub overlap: [f64; 2],
+    /// Range at which half of what reaches the aperture falls onto the detector, m; 0: all of it everywhere.
+    pub near_range: f64,
+    /// Whether it mixes the echo with its own light, so that the echoes of many particles interfere.
+    pub coherent: bool,
     pub cone: Cone,
     pub threshold: Threshold,
     pub range_min: f64,
@@ -28,11 +37,50 @@ pub(crate) struct Receiver {
 }
 
 impl Receiver {
-    /// Part of the beam at `range` m that the receiver sees, 0..1.
-    fn overlap(&self, range: f64) -> f64 {
+    /// Part of the light from `range` m that the receiver makes use of, 0..1: what it sees of the beam, and what falls onto
+    /// the detector. An optical system of the aperture D that is focused far away makes of a near point a disc; seen from
+    /// the aperture it is `D / R` wide, of which the detector covers its field of view `theta`: `(theta R / D)^2` near,
+    /// all far, `1 / (1 + (R0 / R)^2)` with `R0 = D / theta` between (near-range effect: Hoefle and Pfeifer 2007;
+    /// telescope effect: Fang et al. 2014).
+    ///
+    /// It dims the air alone: surfaces that near are far above every threshold, and calibrated intensities undo it.
+    fn sees(&self, range: f64) -> f64 {
         let [from, to] = self.overlap;
-        if range >= to { 1.0 } else { ((range - from) / (to - from)).max(0.0) }
+        let overlap = if range >= to { 1.0 } else { ((range - from) / (to - from)).max(0.0) };
+        overlap * range * range / self.spread(range)
     }
+
+    /// Light falls with range as one over this, m^2, where the receiver sees all of its beam.
+    fn spread(&self, range: f64) -> f64 {
+        (range * range + self.near_range * self.near_range).max(1e-12)
+    }
+
+    /// Standard deviation of the strength of an echo from `range` m of droplets with an `extinction`, 1/m, over that
+    /// strength: of their number and sizes, `GRAIN_M2`, where each casts a shadow of 2 pi r^2. A coherent receiver has
+    /// speckle besides; that of a laser diode, whose light is coherent over less than a millimetre, averages over
+    /// thousands of them in a pulse.
+    fn fluctuation(&self, extinction: f64, range: f64) -> f64 {
+        let volume = PI / 4.0 * self.cone.square(range) * self.pulse.width;
+        let droplets = (2.0 * PI * GRAIN_M2 / (extinction * volume).max(1e-30)).min(1.0);
+        let speckle = if self.coherent { 1.0 } else { 0.0 };
+        (droplets + speckle).sqrt()
+    }
+}
+
+/// A soft echo that all beams have that reach beyond it, each a little different.
+#[derive(Clone, Copy, Debug)]
+struct SoftEcho {
+    /// Mean range, m.
+    range: f32,
+    /// Mean light, as `rho_eff / R^2` in 1/m^2.
+    power: f32,
+    cause: Cause,
+    /// Range at which its medium begins, m.
+    from: f32,
+    /// Standard deviation of its strength, over that.
+    fluctuation: f32,
+    /// Standard deviation of its range, m.
+    wandering: f32,
 }
 
 /// An echo of the air.
@@ -84,12 +132,13 @@ struct Flying {
 /// Weather prepared for one scan.
 pub(crate) struct Air {
     weather: Weather,
-    /// Echoes that are the same for every beam that reaches beyond them.
-    around: Vec<(AirEcho, Cause)>,
+    around: Vec<SoftEcho>,
     placed: Vec<MediumInPlace>,
     flying: Vec<Flying>,
     receiver: Receiver,
     mode: ReturnMode,
+    /// Least light of an echo that is ever detected, as `rho_eff / R^2` in 1/m^2.
+    least_power: f32,
     /// Least and greatest range of faces too near for the receiver to treat as distant, m.
     near: [f64; 2],
 }
@@ -167,7 +216,8 @@ impl Air {
         let [from, to] = receiver.overlap;
         let near = [from.max(1e-2), to + 4.0 * receiver.pulse.width];
         let (around, placed, flying) = Default::default();
-        let mut air = Air { weather, around, placed, flying, receiver, mode, near };
+        let least_power = receiver.threshold.least_power().unwrap_or(0.0) as f32;
+        let mut air = Air { weather, around, placed, flying, receiver, mode, least_power, near };
         if answers {
             air.find_echoes();
         }
@@ -182,22 +232,37 @@ impl Air {
         // What is everywhere answers as one; its strongest part is the cause.
         let everywhere = || self.weather.media.iter().filter(|medium| matches!(medium.extent, Extent::Everywhere));
         let strongest = everywhere().max_by(|a, b| a.backscatter.total_cmp(&b.backscatter)).map(|medium| medium.cause);
-        let together: f64 = everywhere().map(|medium| medium.backscatter).sum();
+        let together = everywhere().filter(|medium| medium.backscatter > 0.0).fold([0.0; 2], |sum, medium| {
+            [sum[0] + medium.extinction, sum[1] + medium.backscatter]
+        });
         let around = (strongest.map(|cause| ([receiver.overlap[0], farthest], together, cause)).into_iter()).chain(
             self.weather.media.iter().filter_map(|medium| match medium.extent {
                 Extent::Shell { start, end } => {
-                    Some(([start.into(), f64::from(end).min(farthest)], medium.backscatter, medium.cause))
+                    let both = [medium.extinction, medium.backscatter];
+                    Some(([start.into(), f64::from(end).min(farthest)], both, medium.cause))
                 }
                 _ => None,
             }),
         );
-        for ([from, to], backscatter, cause) in around {
+        for ([from, to], [extinction, backscatter], cause) in around {
             if backscatter > 0.0 && pulse.width > 0.0 && from < to {
-                let density = |r: f64| receiver.overlap(r) * transmittance(r) / (r * r).max(1e-12);
+                let density = |r: f64| receiver.sees(r) * transmittance(r) / (r * r).max(1e-12);
                 let falls_from = from.max(receiver.overlap[1]);
-                let (range, height) = pulse.peak([from, to], falls_from, density);
-                let rho_eff = PI * backscatter * height * range * range;
-                self.around.push((AirEcho { range: range as f32, rho_eff: rho_eff as f32 }, cause));
+                let peak = pulse.peak([from, to], falls_from, density);
+                let power = PI * backscatter * peak.height;
+                let droplets = receiver.fluctuation(extinction, peak.range);
+                let noise = receiver.threshold.noise_power().map_or(0.0, |noise| noise / power);
+                // Detection by chance has the noise already.
+                let seen_in_noise = matches!(receiver.threshold, Threshold::Statistical { .. });
+                let fluctuation = if seen_in_noise { droplets } else { droplets.hypot(noise) };
+                self.around.push(SoftEcho {
+                    range: peak.range as f32,
+                    power: power as f32,
+                    cause,
+                    from: from as f32,
+                    fluctuation: fluctuation as f32,
+                    wandering: peak.wandering(droplets.hypot(noise), pulse.sigma()) as f32,
+                });
             }
         }
         for medium in &self.weather.media {
@@ -205,10 +270,9 @@ impl Air {
                 let [first, last] = self.near;
                 let near = std::array::from_fn(|row| {
                     let from = first + (last - first) * row as f64 / (NEAR - 1) as f64;
-                    let density =
-                        |r: f64| receiver.overlap(r) * (-2.0 * medium.extinction * (r - from)).exp() / (r * r);
-                    let (range, height) = pulse.peak([from, from + 1e3], from.max(receiver.overlap[1]), density);
-                    [(range - from) as f32, height as f32]
+                    let density = |r: f64| receiver.sees(r) * (-2.0 * medium.extinction * (r - from)).exp() / (r * r);
+                    let peak = pulse.peak([from, from + 1e3], from.max(receiver.overlap[1]), density);
+                    [(peak.range - from) as f32, peak.height as f32]
                 });
                 self.placed.push(MediumInPlace {
                     extent: medium.extent,
@@ -226,7 +290,7 @@ impl Air {
             };
             let from = from.max(receiver.overlap[0]).max(receiver.range_min);
             if from < to {
-                let gain = |range: f64| receiver.overlap(range) * transmittance(range);
+                let gain = |range: f64| receiver.sees(range) * transmittance(range);
                 let seen = Detectable::new(particles, cone, [from, to], gain, k);
                 let draw = if medium.cause == Cause::Snow { Draw::Flakes } else { Draw::Drops };
                 // Counted within the kind, so that other weather does not shift it.
@@ -284,11 +348,20 @@ impl Air {
     /// Gives `echoes` what the air sends back along `rays`, one for each of `beams`.
     pub(crate) fn answer(&self, rays: &RayBatch, rng: &Rng, beams: &[u32], echoes: &mut impl AirEchoes) {
         let count = beams.len();
-        for &(echo, cause) in &self.around {
+        let merging = self.receiver.pulse.merging_distance() as f32;
+        for (index, soft) in self.around.iter().enumerate() {
+            // As strong as this it is once in a million beams.
+            if soft.power * (1.0 + 5.0 * soft.fluctuation) < self.least_power {
+                continue;
+            }
+            let (mut stronger, mut farther) = ([0.0; LANES], [0.0; LANES]);
+            rng.normal_pairs(beams, index as u32, Draw::SoftEcho, &mut stronger[..count], &mut farther[..count]);
             for lane in 0..count {
+                let range = soft.range + soft.wandering * farther[lane];
+                let rho_eff = soft.power * (1.0 + soft.fluctuation * stronger[lane]) * range * range;
                 // A surface within the pulse hides it, and nothing is seen behind a surface.
-                if echo.range + self.receiver.pulse.merging_distance() as f32 <= echoes.end(lane) {
-                    echoes.take(lane, echo, cause);
+                if range > soft.from && rho_eff > 0.0 && range + merging <= echoes.end(lane) {
+                    echoes.take(lane, AirEcho { range, rho_eff }, soft.cause);
                 }
             }
         }
@@ -337,6 +410,7 @@ impl Air {
         let sigma = self.receiver.pulse.sigma() as f32;
         let merging = self.receiver.pulse.merging_distance() as f32;
         let [first, last] = self.near.map(|range| range as f32);
+        let near_range_2 = (self.receiver.near_range * self.receiver.near_range) as f32;
         let mut end = [0.0; LANES];
         for lane in 0..count {
             end[lane] = echoes.end(lane);
@@ -366,8 +440,9 @@ impl Air {
                         medium.near[row][k] + (medium.near[row + 1][k] - medium.near[row][k]) * part
                     })
                 } else {
-                    let [behind, height] = face.peak((2.0 * medium.extinction + 2.0 / from) * sigma);
-                    [behind * sigma, height * sigma / (from * from)]
+                    let spread = from * from + near_range_2;
+                    let [behind, height] = face.peak((2.0 * medium.extinction + 2.0 * from / spread) * sigma);
+                    [behind * sigma, height * sigma / spread]
                 };
             }
             let (mut range, mut rho_eff, mut depth) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);

@@ -401,8 +401,8 @@ impl Block {
 
     /// Step 10: errors of what is measured.
     pub fn measure(&mut self, scan: &Scan, count: usize) {
-        let Block { lanes, hits, rho_eff, formed, measured, intensity, turn, .. } = self;
-        let Measuring { errors, saturation, limited, intensity: model } = &scan.measure;
+        let Block { lanes, hits, rho_eff, formed, measured, intensity, turn, scratch, .. } = self;
+        let Measuring { errors, saturation, limited, flickers, intensity: model } = &scan.measure;
         if let Some(most) = saturation {
             for lane in 0..LANES {
                 let most = most * hits.range[lane] * hits.range[lane];
@@ -420,6 +420,13 @@ impl Block {
             rho_eff,
             range: &hits.range,
         };
+        if *flickers && let Some(factors) = errors.flicker(&scan.rng, &returns) {
+            for lane in 0..count {
+                let most = saturation.map_or(f32::INFINITY, |most| most * hits.range[lane] * hits.range[lane]);
+                scratch[lane] = rho_eff[lane].min(most) * factors[lane] / scan.shown_of(lanes.beam[lane]);
+            }
+            model.of_all(scratch, &[1.0; LANES], &hits.range, intensity);
+        }
         let formed = if scan.camera.is_some() { &*formed } else { &hits.range };
         let rain = scan.world.air.as_ref().map_or(0.0, Air::range_noise);
         errors.measure(&scan.rng, &returns, formed, rain, measured);

@@ -113,6 +113,8 @@ pub(super) struct Measuring {
     pub saturation: Option<f32>,
     /// Whether the range limits hold for what is measured too; the paper's program adds its errors afterwards.
     pub limited: bool,
+    /// Whether intensities err: where somebody wants them, and none of them means that an echo is not detected.
+    pub flickers: bool,
 }
 
 /// What the profiles differ in.
@@ -177,7 +179,7 @@ impl<'a> Scan<'a> {
         // Signals are made of all echoes.
         let mode = if has_signals { ReturnMode::All } else { sensor.return_mode() };
         let camera = sensor.camera.as_ref().filter(|_| !as_printed);
-        let errors = Errors::new(&sensor.noise, sensor.range_error(threshold.clone()), sensor.doppler);
+        let errors = Errors::new(&sensor.noise, sensor.range_error(threshold.clone()), &threshold, sensor.doppler);
 
         let weather = Weather::new(&options.environment, sensor.wavelength_nm, as_printed, scene.origin);
         let air = Air::new(weather, sensor.receiver(threshold.clone()), mode, !as_computed);
@@ -229,6 +231,7 @@ impl<'a> Scan<'a> {
                 intensity: options.profile.intensity(sensor.intensity),
                 saturation: threshold.power().zip(sensor.detection.saturation).map(|(power, most)| power * most as f32),
                 limited: !as_printed && errs,
+                flickers: !as_computed && fields.contains(Field::Intensity),
             },
             detect: Detecting {
                 alarms: FalseAlarms::new(&sensor.detection.model, &threshold),
