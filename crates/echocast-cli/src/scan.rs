@@ -44,8 +44,8 @@ A survey with a side-scan sonar, from nothing:
 pub struct Args {
     #[command(flatten)]
     scene: SceneArgs,
-    /// Source of the reflectance where the material does not give one [default: alpha for the profile blainder,
-    /// luminance for the others]
+    /// Source of the reflectance where the material does not give one [default: library for the profile
+    /// physical, luminance for paper, alpha for blainder]
     #[arg(long, value_parser = choice::of::<ReflectanceSource>(), help_heading = "Scene")]
     reflectance_source: Option<ReflectanceSource>,
     #[command(flatten)]

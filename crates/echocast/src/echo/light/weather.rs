@@ -232,9 +232,9 @@ impl Air {
         // What is everywhere answers as one; its strongest part is the cause.
         let everywhere = || self.weather.media.iter().filter(|medium| matches!(medium.extent, Extent::Everywhere));
         let strongest = everywhere().max_by(|a, b| a.backscatter.total_cmp(&b.backscatter)).map(|medium| medium.cause);
-        let together = everywhere().filter(|medium| medium.backscatter > 0.0).fold([0.0; 2], |sum, medium| {
-            [sum[0] + medium.extinction, sum[1] + medium.backscatter]
-        });
+        let together = everywhere()
+            .filter(|medium| medium.backscatter > 0.0)
+            .fold([0.0; 2], |sum, medium| [sum[0] + medium.extinction, sum[1] + medium.backscatter]);
         let around = (strongest.map(|cause| ([receiver.overlap[0], farthest], together, cause)).into_iter()).chain(
             self.weather.media.iter().filter_map(|medium| match medium.extent {
                 Extent::Shell { start, end } => {
@@ -357,10 +357,11 @@ impl Air {
             let (mut stronger, mut farther) = ([0.0; LANES], [0.0; LANES]);
             rng.normal_pairs(beams, index as u32, Draw::SoftEcho, &mut stronger[..count], &mut farther[..count]);
             for lane in 0..count {
-                let range = soft.range + soft.wandering * farther[lane];
+                // Never from in front of the medium.
+                let range = soft.from + (soft.range + soft.wandering * farther[lane] - soft.from).abs();
                 let rho_eff = soft.power * (1.0 + soft.fluctuation * stronger[lane]) * range * range;
                 // A surface within the pulse hides it, and nothing is seen behind a surface.
-                if range > soft.from && rho_eff > 0.0 && range + merging <= echoes.end(lane) {
+                if rho_eff > 0.0 && range + merging <= echoes.end(lane) {
                     echoes.take(lane, AirEcho { range, rho_eff }, soft.cause);
                 }
             }
