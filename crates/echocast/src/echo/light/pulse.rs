@@ -229,7 +229,8 @@ mod tests {
             (5.0, [1.0, 8.0], 0.06, 1.941_11, 2.064_39e-2, &[0.068_721, 0.912_64, 6.8177]),
         ] {
             let density = |r: f64| overlap(seen, r) * (-2.0 * extinction * r).exp() / (r * r);
-            let SoftPeak { range: found, height: j, .. } = Pulse::new(PulseShape::Sin2, ns).peak([seen[0], 200.0], seen[1], density);
+            let SoftPeak { range: found, height: j, .. } =
+                Pulse::new(PulseShape::Sin2, ns).peak([seen[0], 200.0], seen[1], density);
             // The peak is found to 1e-4 of the pulse.
             assert!((found - range).abs() < 1e-4, "{found} {range}");
             assert!((j / height - 1.0).abs() < 5e-6, "{j} {height}");
@@ -252,7 +253,8 @@ mod tests {
             let extinction = PI * 50e-6f64.powi(2) * per_m3;
             let backscatter = extinction / (4.0 * PI);
             let density = |r: f64| (-2.0 * extinction * (r - 5.0)).exp() / (r * r);
-            let SoftPeak { range: found, height: j, .. } = Pulse::new(PulseShape::Sin2, 5.0).peak([5.0, 17.5], 5.0, density);
+            let SoftPeak { range: found, height: j, .. } =
+                Pulse::new(PulseShape::Sin2, 5.0).peak([5.0, 17.5], 5.0, density);
             assert!((found - range).abs() < 1e-5, "{found} {range}");
             assert_eq!(PI * backscatter * j > 0.8 / 200f64.powi(2), per_m3 > 1e5);
             for (reflectance, ratio) in [(0.5, ratio), (0.05, of_dark)] {
@@ -277,7 +279,8 @@ mod tests {
         let pulse = Pulse::new(PulseShape::Gaussian, 5.0);
         let sigma = pulse.sigma();
         for kappa in [0.01, 0.1, 0.5, 2.0, 8.0] {
-            let SoftPeak { range, height: j, .. } = pulse.peak([1000.0, 4000.0], 1000.0, |r| (-kappa * (r - 1000.0)).exp());
+            let SoftPeak { range, height: j, .. } =
+                pulse.peak([1000.0, 4000.0], 1000.0, |r| (-kappa * (r - 1000.0)).exp());
             let [place, height] = FaceEcho::get().peak((kappa * sigma) as f32);
             assert!((f64::from(height) * sigma / j - 1.0).abs() < 0.01, "{kappa}: {height} {}", j / sigma);
             assert!((f64::from(place) - (range - 1000.0) / sigma).abs() < 0.05, "{kappa}: {place}");
