@@ -9,6 +9,7 @@ mod doppler;
 mod flow;
 mod fog;
 mod geometry;
+mod instruments;
 mod intensity;
 mod motion;
 mod moving;

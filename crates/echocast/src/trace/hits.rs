@@ -14,6 +14,9 @@ pub(crate) struct HitBatch {
     pub normal_x: [f32; LANES],
     pub normal_y: [f32; LANES],
     pub normal_z: [f32; LANES],
+    /// Unit normal of the triangle itself on the sensor's side, where that of a smooth surface is another one; known once
+    /// incidence is.
+    pub facet: [[f32; LANES]; 3],
     /// Barycentric weights of the second and third corner.
     pub u: [f32; LANES],
     pub v: [f32; LANES],
@@ -30,6 +33,7 @@ impl HitBatch {
             normal_x: [0.0; LANES],
             normal_y: [0.0; LANES],
             normal_z: [0.0; LANES],
+            facet: [[0.0; LANES]; 3],
             u: [0.0; LANES],
             v: [0.0; LANES],
             triangle: [0; LANES],
@@ -133,12 +137,20 @@ impl HitBatch {
         Vec3::new(self.normal_x[lane], self.normal_y[lane], self.normal_z[lane])
     }
 
+    /// Unit normal of the triangle that a lane hits.
+    pub(crate) fn facet(&self, lane: usize) -> Vec3 {
+        Vec3::from_array(self.facet.each_ref().map(|axis| axis[lane]))
+    }
+
     /// Copies lane `other` of `from` to `lane`.
     pub(crate) fn take(&mut self, lane: usize, from: &HitBatch, other: usize) {
         self.range[lane] = from.range[other];
         self.normal_x[lane] = from.normal_x[other];
         self.normal_y[lane] = from.normal_y[other];
         self.normal_z[lane] = from.normal_z[other];
+        for (axis, from) in self.facet.iter_mut().zip(&from.facet) {
+            axis[lane] = from[other];
+        }
         (self.u[lane], self.v[lane]) = (from.u[other], from.v[other]);
         self.triangle[lane] = from.triangle[other];
         self.surface[lane] = from.surface[other];
@@ -146,8 +158,8 @@ impl HitBatch {
 
     /// Copies lane `from` to `lane`.
     pub(crate) fn move_lane(&mut self, lane: usize, from: usize) {
-        let HitBatch { range, normal_x, normal_y, normal_z, u, v, triangle, surface } = self;
-        for column in [range, normal_x, normal_y, normal_z, u, v] {
+        let HitBatch { range, normal_x, normal_y, normal_z, facet: [x, y, z], u, v, triangle, surface } = self;
+        for column in [range, normal_x, normal_y, normal_z, x, y, z, u, v] {
             column[lane] = column[from];
         }
         (triangle[lane], surface[lane]) = (triangle[from], surface[from]);

@@ -53,6 +53,7 @@ impl Contribution {
             hits.orient_normals(scene, rays, count);
         }
         self.meet(rays, hits);
+        hits.facet = [hits.normal_x, hits.normal_y, hits.normal_z];
         if smooth {
             self.shade(scene, rays, hits, count);
         }

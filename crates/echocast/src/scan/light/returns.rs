@@ -896,11 +896,11 @@ impl Gatherer {
             part.power * (-0.5 * x * x).exp()
         };
         let near = || parts.iter().filter(|part| (part.range - peak.range).abs() <= reach);
-        // Where a ray meets its surface, and the normal there; of one ray along the beam it does not matter.
+        // Where a ray meets its surface, and the normal of the triangle there; of one ray along the beam it does not matter.
         let plane = |part: &Pulselet| match (rays.get(part.source, lane), &signals.footprint) {
             (Some(met), Some(footprint)) => {
                 let place = footprint.crossing(part.source as usize, across, beams, lane, part.range);
-                Some((place, met.batch.hits.normal(met.lane)))
+                Some((place, met.batch.hits.facet(met.lane)))
             }
             _ => None,
         };

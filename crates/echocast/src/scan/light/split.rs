@@ -169,9 +169,7 @@ impl Splitter {
         }
         self.rim.range = hits.range;
         self.rim.surface = hits.surface;
-        self.rim.normal_x = hits.normal_x;
-        self.rim.normal_y = hits.normal_y;
-        self.rim.normal_z = hits.normal_z;
+        self.rim.facet = hits.facet;
         measure_places(beams, &hits.range, &mut self.centres);
         self.rims = self.centres;
         let Splitter { across, rays, met, lanes, rim, rims, .. } = self;
@@ -197,7 +195,6 @@ impl Splitter {
     fn compare(&mut self, scan: &Scan, axes: Axes, off: f32) {
         let Axes { first, count, hits, .. } = axes;
         self.marks = [0; LANES];
-        let normal = [&hits.normal_x, &hits.normal_y, &hits.normal_z];
         let Splitter { rim, centres, rims, marks, .. } = self;
         let mut compare = |bit: usize, shift: isize| {
             let (own, other) = match shift {
@@ -208,7 +205,7 @@ impl Splitter {
             let (places, surface) =
                 if bit == BEFORE || bit == BEHIND { (&*centres, &hits.surface) } else { (&*rims, &rim.surface) };
             rim::compare(
-                normal.map(|axis| &axis[own.clone()]),
+                hits.facet.each_ref().map(|axis| &axis[own.clone()]),
                 array::from_fn(|axis| &centres[axis][own.clone()]),
                 &hits.surface[own.clone()],
                 array::from_fn(|axis| &places[axis][other.clone()]),
@@ -261,7 +258,9 @@ impl Splitter {
         for (from, lane) in lanes.iter().map(|&lane| usize::from(lane)).enumerate() {
             let range = met.range[from];
             rim_power[lane] = surfaces.reflectance[from] * surfaces.cos_incidence[from] / (range * range);
-            (rim.normal_x[lane], rim.normal_y[lane], rim.normal_z[lane]) = met.normal(from).into();
+            for (axis, from_axis) in rim.facet.iter_mut().zip(&met.facet) {
+                axis[lane] = from_axis[from];
+            }
         }
     }
 
@@ -318,7 +317,7 @@ impl Splitter {
     fn share(&self, axes: Axes, around: Around, [lane, other]: [usize; 2], sigma: f32) -> bool {
         let Around { hits, places, .. } = around;
         let way = Vec3::from_array(array::from_fn(|axis| places[axis][other] - self.centres[axis][lane]));
-        let off = way.dot(axes.hits.normal(lane)).abs().max(way.dot(hits.normal(other)).abs());
+        let off = way.dot(axes.hits.facet(lane)).abs().max(way.dot(hits.facet(other)).abs());
         (hits.range[other] - axes.hits.range[lane]).abs() < SHARING * sigma && off > OFF_SURFACE * sigma
     }
 }

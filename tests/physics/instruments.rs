@@ -1,0 +1,121 @@
+//! What every preset of light measures, beside what its sheet says.
+
+use super::scan;
+use echocast::detect::{Detection, Statistical};
+use echocast::generate::Landscape;
+use echocast::{
+    BuiltScene, Cause, Engine, FieldSet, PointCloud, Pose, PresetInfo, ScanOptions, Sensor, SensorKind, Trajectory,
+};
+use echocast_tests::reference::{SceneBuilder, Shape, one_beam};
+use glam::DVec3;
+
+fn all_around(rho: f64, range: f64, rows: u32) -> BuiltScene {
+    let mut scene = SceneBuilder::new();
+    let paint = scene.reflector(rho as f32);
+    scene.stand(Shape::sphere(range, rows), Some(paint));
+    scene.finish().build().unwrap()
+}
+
+/// Nothing but the sensor.
+fn nothing() -> BuiltScene {
+    let mut scene = SceneBuilder::new();
+    scene.stand(Shape::plate(DVec3::new(-50_000.0, 0.0, 0.0), DVec3::X, 1.0), None);
+    scene.finish().build().unwrap()
+}
+
+/// Points of surfaces in directions within 5 degrees of a camera's axis, or in all of a LiDAR's, and the beams there.
+fn seen(cloud: &PointCloud, sensor: &Sensor) -> (Vec<f64>, usize) {
+    let beams = sensor.beams();
+    let counts = |beam: usize| sensor.kind() == SensorKind::Lidar || beams.dir_x[beam] > 5f32.to_radians().cos();
+    let c = &cloud.columns;
+    let rows = (0..cloud.len).filter(|&row| c.cause[row] == Cause::Surface as u8 && counts(c.beam[row] as usize));
+    (rows.map(|row| c.range[row].into()).collect(), (0..beams.len()).filter(|&beam| counts(beam)).count())
+}
+
+fn with_beams() -> ScanOptions {
+    ScanOptions { fields: FieldSet::all(), ..ScanOptions::default() }
+}
+
+/// Reflectance and range of the line of the sheet; of a table, its last.
+fn rated(sensor: &Sensor) -> [f64; 2] {
+    match sensor.spec().detection.model {
+        Detection::RadarEquation { reflectance, at_m }
+        | Detection::Statistical(Statistical { reflectance, at_m, .. }) => [reflectance, at_m],
+        Detection::Table { ref points } => points.last().map(|point| [point.reflectance, point.at_m]).unwrap(),
+        Detection::ReflectivityLimit { upper, .. } => [upper.reflectance, upper.at_m],
+        Detection::None => panic!("{} has no detection model", sensor.name()),
+    }
+}
+
+/// Farthest wall, m, of the rated reflectance that nine tenths of the beams report; the end of the range is no limit.
+fn reached(sensor: &Sensor, [reflectance, at_m]: [f64; 2]) -> f64 {
+    let mut sensor = sensor.clone();
+    sensor.set("range.max_m", "2000").unwrap();
+    let (mut near, mut far) = (0.2 * at_m, 1.5 * at_m);
+    while far - near > 0.002 * at_m {
+        let range = (near + far) / 2.0;
+        let (found, beams) = seen(&scan(&all_around(reflectance, range, 60), &sensor, with_beams()), &sensor);
+        if found.len() as f64 >= 0.9 * beams as f64 { near = range } else { far = range }
+    }
+    near
+}
+
+/// Standard deviation of ranges to a wall of half the light at `range` m, mm.
+fn sigma(sensor: &Sensor, range: f64) -> f64 {
+    let (found, _) = seen(&scan(&all_around(0.5, range, 300), sensor, with_beams()), sensor);
+    let mean = found.iter().sum::<f64>() / found.len() as f64;
+    1e3 * (found.iter().map(|found| (found - mean).powi(2)).sum::<f64>() / found.len() as f64).sqrt()
+}
+
+/// A landscape with trees, and a place 2 m above its middle.
+fn landscape() -> (BuiltScene, Trajectory) {
+    let trees = Landscape { trees_per_ha: 800.0, ..Landscape::default() };
+    let scene = trees.scene(7).unwrap().load(&Default::default()).unwrap().build_with(&Engine::new().unwrap()).unwrap();
+    let down = one_beam("");
+    let above = Trajectory::fixed(Pose::at(0.0, 0.0, 500.0).with_rpy_deg(0.0, 90.0, 0.0));
+    let ground = 500.0 - f64::from(scene.scan(&down, &above, &ScanOptions::default()).unwrap().columns.range[0]);
+    (scene, Trajectory::fixed(Pose::at(0.0, 0.0, ground + 2.0)))
+}
+
+/// Part of the beams that report something which report more than one thing, if all echoes are wanted.
+fn several(sensor: &Sensor, (scene, place): &(BuiltScene, Trajectory)) -> f64 {
+    let mut sensor = sensor.clone();
+    sensor.set("returns", "{mode: all, max: 3}").unwrap();
+    let cloud = scene.scan(&sensor, place, &with_beams()).unwrap();
+    let first = cloud.columns.return_number.iter().filter(|&&number| number == 1).count();
+    let second = cloud.columns.return_number.iter().filter(|&&number| number == 2).count();
+    second as f64 / first.max(1) as f64
+}
+
+fn row(info: &PresetInfo, forest: &(BuiltScene, Trajectory)) -> String {
+    let sensor = Sensor::preset(&info.name).unwrap();
+    let line = rated(&sensor);
+    let reached = reached(&sensor, line);
+    let [reflectance, at_m] = line;
+    // Where the sheet's line is a matter of chance, where channels differ and where a beam's light is a camera's, some
+    // beams see less far than others.
+    assert!((0.6..1.03).contains(&(reached / at_m)), "{} sees {reflectance} at {reached} m, not {at_m} m", info.name);
+    let lidar = info.kind == SensorKind::Lidar;
+    let at = if lidar { 10.0 } else { 2.0 };
+    let several = if lidar { format!("{:.1} %", 100.0 * several(&sensor, forest)) } else { "-".into() };
+    let cloud = scan(&nothing(), &sensor, with_beams());
+    assert!(cloud.columns.cause.iter().all(|&cause| cause == Cause::FalseAlarm as u8));
+    format!(
+        "| `{}` | {} % at {at_m} m | {reached:.1} m | {:.1} mm | {several} | {} |\n",
+        info.name,
+        (1e3 * reflectance).round() / 10.0,
+        sigma(&sensor, at),
+        cloud.len
+    )
+}
+
+/// One table for all of them: the line of the sheet is reached, noise is there, second returns are.
+#[test]
+fn presets_measure_what_their_sheets_say() {
+    let forest = landscape();
+    let presets = Sensor::presets();
+    let real = presets.iter().filter(|info| ["lidar", "tof"].contains(&&*info.folder));
+    let table: String = real.map(|info| row(info, &forest)).collect();
+    let file = std::fs::read_to_string(echocast_tests::root().join("docs/instruments.md")).unwrap();
+    assert!(file.contains(&table), "docs/instruments.md does not say what presets measure; its rows are:\n{table}");
+}
