@@ -19,7 +19,7 @@ pub fn run() -> Result<Value> {
     let built = scenes::terrain().build()?;
     let mut rows = Vec::new();
     for name in ["velodyne_vlp32c", "velodyne_vls128"] {
-        let sensor = Sensor::preset(name)?;
+        let sensor = scenes::of_one_ray(name)?;
         let beams = sensor.beams().len() as f64;
         let cases = [
             ("nothing", "{}"),
@@ -122,7 +122,7 @@ fn paths() -> Result<Value> {
     ];
     let mut rows = Vec::new();
     for name in ["velodyne_vlp32c", "velodyne_vls128"] {
-        let sensor = Sensor::preset(name)?;
+        let sensor = scenes::of_one_ray(name)?;
         let beams = sensor.beams().len() as f64;
         let mut built = vec![scenes::city().build()?];
         for (what, material) in &cases {

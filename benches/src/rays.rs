@@ -34,9 +34,9 @@ fn ideal(sensor: &Sensor) -> Result<Sensor> {
 }
 
 pub fn run() -> Result<Value> {
-    let lidars = [Sensor::preset("velodyne_vlp32c")?, Sensor::preset("velodyne_vls128")?];
+    let lidars = [scenes::of_one_ray("velodyne_vlp32c")?, scenes::of_one_ray("velodyne_vls128")?];
     let camera = [Sensor::from_yaml(CAMERA, ".")?];
-    let depth_cameras = [Sensor::preset("kinect_v2")?, Sensor::preset("realsense_d435")?];
+    let depth_cameras = [scenes::of_one_ray("kinect_v2")?, scenes::of_one_ray("realsense_d435")?];
     let one = ThreadPoolBuilder::new().num_threads(1).build()?;
     let all = ThreadPoolBuilder::new().build()?;
     let threads = all.current_num_threads();

@@ -5,13 +5,13 @@ use crate::place::{self, PlaceArgs};
 use crate::text::{self, counted, duration};
 use crate::weather::WeatherArgs;
 use anyhow::Result;
-use echocast::{BareLoop, PointCloud, ScanOptions, SensorKind, Trajectory};
+use echocast::{BareLoop, PointCloud, ScanOptions, Sensor, SensorKind, SubRays, Trajectory};
 use rustix::time::{ClockId, clock_gettime};
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 
 /// Measure how fast a scene is scanned on this machine: a few seconds of warm scans, compared with the bare Embree loop
-/// on the same rays
+/// on the same rays, and, where beams are several rays that meet more than one place, with one ray a beam
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -54,23 +54,36 @@ pub fn run(args: &Args) -> Result<()> {
     let mut bare = BareLoop::new(&built, &sensor, pose);
     let options = ScanOptions { environment, ..ScanOptions::default() };
     let mut cloud = PointCloud::default();
-    let mut scan = || built.scan_into(&sensor, &trajectory, &options, &mut cloud);
-    scan()?;
+    let mut scan = |sensor: &Sensor| built.scan_into(sensor, &trajectory, &options, &mut cloud);
+    // The bare loop has as many rays as a scan with one for each beam.
+    let one_ray = if sensor.spec().beam.sub_rays == SubRays::Adaptive {
+        let mut one_ray = sensor.clone();
+        one_ray.set("beam.sub_rays", "1")?;
+        Some(one_ray)
+    } else {
+        None
+    };
+    scan(&sensor)?;
     bare.run();
 
-    let (mut scans, mut bares) = (Vec::with_capacity(ROUNDS), Vec::with_capacity(ROUNDS));
+    let [mut scans, mut bares, mut plains] = [const { Vec::new() }; 3];
     for _ in 0..ROUNDS {
         bares.push(round(|| {
             bare.run();
             Ok(())
         })?);
-        scans.push(round(|| Ok(scan()?))?);
+        scans.push(round(|| Ok(scan(&sensor)?))?);
+        if let Some(one_ray) = &one_ray {
+            plains.push(round(|| Ok(scan(one_ray)?))?);
+        }
     }
     let rays = bare.len();
     let wall = Figures::of(scans.iter().map(|time| time.wall));
     let cpu = Figures::of(scans.iter().map(|time| time.cpu));
     let bare_cpu = Figures::of(bares.iter().map(|time| time.cpu));
-    let ratio = Figures::of(bares.iter().zip(&scans).map(|(bare, scan)| bare.cpu / scan.cpu)).median;
+    let over = |scans: &[Time]| Figures::of(bares.iter().zip(scans).map(|(bare, scan)| bare.cpu / scan.cpu)).median;
+    let ratio = over(&scans);
+    let plain = one_ray.map(|_| (Figures::of(plains.iter().map(|time| time.cpu)), over(&plains)));
     if args.json {
         let figures = json!({
             "rays": rays,
@@ -79,15 +92,22 @@ pub fn run(args: &Args) -> Result<()> {
             "cpu_seconds_per_scan": cpu.to_json(),
             "bare_cpu_seconds_per_scan": bare_cpu.to_json(),
             "ratio": ratio,
+            "one_ray_cpu_seconds_per_scan": plain.as_ref().map(|(cpu, _)| cpu.to_json()),
+            "one_ray_ratio": plain.as_ref().map(|&(_, ratio)| ratio),
         });
         return text::print(&format!("{figures:#}\n"));
     }
+    let plain = plain.map_or_else(String::new, |(cpu, ratio)| {
+        let (best, median) = (duration(cpu.best), duration(cpu.median));
+        format!("one ray, CPU best {best}, median {median}, ratio {ratio:.2} (beam.sub_rays=1)\n")
+    });
     text::print(&format!(
         "{} in {}: {}, {}, default columns\n\
-         scan, wall  best {}, median {}: {:.1} M rays/s\n\
+         scan, wall  best {}, median {}: {:.1} M beams/s\n\
          scan, CPU   best {}, median {}\n\
-         bare, CPU   best {}, median {} (only Embree, on the same rays)\n\
-         ratio       {ratio:.2} (bare / scan, CPU time, median of {ROUNDS} interleaved rounds)\n",
+         bare, CPU   best {}, median {} (only Embree, one ray a beam)\n\
+         ratio       {ratio:.2} (bare / scan, CPU time, median of {ROUNDS} interleaved rounds)\n\
+         {plain}",
         sensor.name(),
         args.scene.names(),
         counted(rays, "ray"),

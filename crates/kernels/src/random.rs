@@ -81,19 +81,20 @@ kernels! {
         }
     }
 
-    /// Two standard normal numbers with the counters `first[i], second, third, fourth` for each element of `a` and `b`;
+    /// Two standard normal numbers with the counters `first[i], second, third[i], fourth` for each element of `a` and `b`;
     /// those of `a` are those of [`normals`].
     pub fn normal_pairs(
         key: [u32; 2],
         first: &[u32],
         second: u32,
-        third: u32,
+        third: &[u32],
         fourth: u32,
         a: &mut [f32],
         b: &mut [f32],
     ) {
-        for ((a, b), first) in a.chunks_mut(N).zip(b.chunks_mut(N)).zip(first.chunks(N)) {
-            let words = words::<N>(key, [first, &[third; N][..first.len()]], [second, fourth]);
+        let counters = first.chunks(N).zip(third.chunks(N));
+        for ((a, b), (first, third)) in a.chunks_mut(N).zip(b.chunks_mut(N)).zip(counters) {
+            let words = words::<N>(key, [first, third], [second, fourth]);
             let (mut values, mut others) = ([0.0; N], [0.0; N]);
             for lane in 0..N {
                 values[lane] = normal(words[0][lane], words[1][lane]);

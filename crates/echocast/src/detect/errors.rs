@@ -61,7 +61,8 @@ impl Errors {
     }
 
     /// Measured ranges, m, of returns whose ranges without errors would be `formed`; `in_proportion` is the standard
-    /// deviation over range that rain adds.
+    /// deviation over range that rain adds. Sets what multiplies the light of each return in the reported intensity, `flicker`,
+    /// if asked for.
     pub(crate) fn measure(
         &self,
         rng: &Rng,
@@ -69,10 +70,15 @@ impl Errors {
         formed: &[f32; LANES],
         in_proportion: f32,
         measured: &mut [f32; LANES],
+        flicker: Option<&mut [f32; LANES]>,
     ) {
         let count = returns.beams.len();
         let measured = &mut measured[..count];
-        if self.range.draws() {
+        if let (Some(error), Some(factors)) = (self.intensity, flicker) {
+            let factors = &mut factors[..count];
+            rng.normal_pairs(returns.beams, returns.numbers, Draw::RangeJitter, measured, factors);
+            error.factors(&returns.rho_eff[..count], &returns.range[..count], factors);
+        } else if self.range.draws() {
             rng.normals(returns.beams, returns.numbers, Draw::RangeJitter, measured);
         }
         self.range.measure(returns.channels, &returns.rho_eff[..count], &formed[..count], measured);
@@ -84,13 +90,9 @@ impl Errors {
         self.range.round(measured);
     }
 
-    /// What multiplies the light of each return in the reported intensity; none where that is exact.
-    pub(crate) fn flicker(&self, rng: &Rng, returns: &Returns) -> Option<[f32; LANES]> {
-        let error = self.intensity?;
-        let (count, mut factors) = (returns.beams.len(), [1.0; LANES]);
-        rng.normals(returns.beams, returns.numbers, Draw::IntensityNoise, &mut factors[..count]);
-        error.factors(&returns.rho_eff[..count], &returns.range[..count], &mut factors[..count]);
-        Some(factors)
+    /// Whether intensities err.
+    pub(crate) fn flicker(&self) -> bool {
+        self.intensity.is_some()
     }
 
     /// Whether the instrument measures radial velocities.

@@ -9,7 +9,7 @@ use echocast_kernels::random;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub(crate) enum Draw {
-    /// Gaussian error of the measured range.
+    /// Gaussian errors of the measured range, and of the intensity.
     RangeJitter = 1,
     /// Gaussian error of the reported azimuth.
     AzimuthJitter = 2,
@@ -25,8 +25,6 @@ pub(crate) enum Draw {
     Footprint = 7,
     /// How strong the echo of fog or dust is, and from where.
     SoftEcho = 8,
-    /// Gaussian error of the intensity.
-    IntensityNoise = 9,
     /// Noise in which an echo is detected: sub-ray 0 for the surface that a beam meets, the bits of the range for
     /// others.
     Detection = 20,
@@ -139,9 +137,9 @@ impl Rng {
         random::normals(self.key, beams, self.frame, sub_rays, draw as u32, out);
     }
 
-    /// [`Rng::normal_pair`] of each of `beams` at `sub_ray`.
-    pub(crate) fn normal_pairs(&self, beams: &[u32], sub_ray: u32, draw: Draw, a: &mut [f32], b: &mut [f32]) {
-        random::normal_pairs(self.key, beams, self.frame, sub_ray, draw as u32, a, b);
+    /// [`Rng::normal_pair`] of each of `beams` at their `sub_rays`.
+    pub(crate) fn normal_pairs(&self, beams: &[u32], sub_rays: &[u32], draw: Draw, a: &mut [f32], b: &mut [f32]) {
+        random::normal_pairs(self.key, beams, self.frame, sub_rays, draw as u32, a, b);
     }
 
     /// Numbers in [0, 1) of `beams` at their `sub_rays`, one for each element of `out`.

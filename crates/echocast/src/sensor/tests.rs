@@ -204,6 +204,9 @@ fn errors_name_line_and_key() {
             "detection: {model: radar_equation, reflectance: 0.1, at_m: 9, saturation: 0.5}",
             "line 8: detection.saturation: is 0.5; allowed: 1 to 1000000000000",
         ),
+        ("beam: {overlap_m: [2, 1]}", "line 8: beam.overlap_m[1]: is 1; allowed: above beam.overlap_m[0] (2)"),
+        ("beam: {near_range_m: -1}", "line 8: beam.near_range_m: is -1; allowed: 0 to 1000"),
+        ("noise: {intensity_percent: -1}", "line 8: noise.intensity_percent: is -1; allowed: 0 to 1000"),
         ("beam: {aperture_mm: 0}", "line 8: beam.aperture_mm: is 0; allowed: above 0, at most 1000"),
         ("beam: {divergence_mrad: [1, 2, 3]}", "line 8: beam.divergence_mrad"),
         (

@@ -402,7 +402,7 @@ impl DepthCamera {
         let [across, down] = self.aside.unwrap_or_default();
         let (mut y, mut z) = ([0.0; LANES], [0.0; LANES]);
         let count = beams.len();
-        rng.normal_pairs(beams, 0, Draw::LookAside, &mut y[..count], &mut z[..count]);
+        rng.normal_pairs(beams, &[0; LANES][..count], Draw::LookAside, &mut y[..count], &mut z[..count]);
         kernels::look_aside(from, across, down, [&y, &z], to);
     }
 

@@ -350,12 +350,18 @@ impl Air {
         let count = beams.len();
         let merging = self.receiver.pulse.merging_distance() as f32;
         for (index, soft) in self.around.iter().enumerate() {
-            // As strong as this it is once in a million beams.
-            if soft.power * (1.0 + 5.0 * soft.fluctuation) < self.least_power {
+            // As strong as this it is in one beam of 30,000.
+            if soft.power * (1.0 + 4.0 * soft.fluctuation) < self.least_power {
                 continue;
             }
             let (mut stronger, mut farther) = ([0.0; LANES], [0.0; LANES]);
-            rng.normal_pairs(beams, index as u32, Draw::SoftEcho, &mut stronger[..count], &mut farther[..count]);
+            rng.normal_pairs(
+                beams,
+                &[index as u32; LANES][..count],
+                Draw::SoftEcho,
+                &mut stronger[..count],
+                &mut farther[..count],
+            );
             for lane in 0..count {
                 // Never from in front of the medium.
                 let range = soft.from + (soft.range + soft.wandering * farther[lane] - soft.from).abs();

@@ -420,16 +420,21 @@ impl Block {
             rho_eff,
             range: &hits.range,
         };
-        if *flickers && let Some(factors) = errors.flicker(&scan.rng, &returns) {
-            for lane in 0..count {
+        let formed = if scan.camera.is_some() { &*formed } else { &hits.range };
+        let rain = scan.world.air.as_ref().map_or(0.0, Air::range_noise);
+        errors.measure(&scan.rng, &returns, formed, rain, measured, flickers.then_some(&mut *scratch));
+        if *flickers {
+            for lane in 0..LANES {
                 let most = saturation.map_or(f32::INFINITY, |most| most * hits.range[lane] * hits.range[lane]);
-                scratch[lane] = rho_eff[lane].min(most) * factors[lane] / scan.shown_of(lanes.beam[lane]);
+                scratch[lane] *= rho_eff[lane].min(most);
+            }
+            if !scan.detect.efficiency.is_empty() {
+                for lane in 0..count {
+                    scratch[lane] /= scan.shown_of(lanes.beam[lane]);
+                }
             }
             model.of_all(scratch, &[1.0; LANES], &hits.range, intensity);
         }
-        let formed = if scan.camera.is_some() { &*formed } else { &hits.range };
-        let rain = scan.world.air.as_ref().map_or(0.0, Air::range_noise);
-        errors.measure(&scan.rng, &returns, formed, rain, measured);
         if *limited {
             scan.limit(&mut hits.surface, measured, lanes, count);
         }

@@ -113,7 +113,7 @@ pub(super) struct Measuring {
     pub saturation: Option<f32>,
     /// Whether the range limits hold for what is measured too; the paper's program adds its errors afterwards.
     pub limited: bool,
-    /// Whether intensities err: where somebody wants them, and none of them means that an echo is not detected.
+    /// Whether intensities err, somebody wants them, and none of them means that an echo is not detected.
     pub flickers: bool,
 }
 
@@ -227,11 +227,11 @@ impl<'a> Scan<'a> {
                 motion: scene.span.is_some() && fields.contains_any(&MOVING),
             },
             measure: Measuring {
+                flickers: !as_computed && errors.flicker() && fields.contains(Field::Intensity),
                 errors,
                 intensity: options.profile.intensity(sensor.intensity),
                 saturation: threshold.power().zip(sensor.detection.saturation).map(|(power, most)| power * most as f32),
                 limited: !as_printed && errs,
-                flickers: !as_computed && fields.contains(Field::Intensity),
             },
             detect: Detecting {
                 alarms: FalseAlarms::new(&sensor.detection.model, &threshold),
