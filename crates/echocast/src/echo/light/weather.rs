@@ -15,6 +15,9 @@ use std::f64::consts::PI;
 /// Most particles drawn for one beam and medium.
 const MOST_PARTICLES: u32 = 64;
 
+/// Beyond so many standard deviations is one number of 30,000.
+const MOST_SIGMAS: f32 = 4.0;
+
 /// `<r^4> / <r^2>` of the radii of droplets, m^2: the fluctuation of an echo of many particles of random places is
 /// `sqrt(<r^4> / <r^2>^2 / N)`, N = their mean number in the pulse. That of strong and moderate advection fog (17 and 22 um
 /// squared; a gamma distribution has `(a + 4) (a + 3) r_mode^2 / a^2`), taken for all droplets and dust.
@@ -55,16 +58,30 @@ impl Receiver {
         (range * range + self.near_range * self.near_range).max(1e-12)
     }
 
-    /// Standard deviation of the strength of an echo from `range` m of droplets with an `extinction`, 1/m, over that
-    /// strength: of their number and sizes, `GRAIN_M2`, where each casts a shadow of 2 pi r^2. A coherent receiver has
-    /// speckle besides; that of a laser diode, whose light is coherent over less than a millimetre, averages over
-    /// thousands of them in a pulse.
-    fn fluctuation(&self, extinction: f64, range: f64) -> f64 {
+    /// How an echo from `range` m with the mean `power`, 1/m^2, of droplets with an `extinction`, 1/m, differs from beam to
+    /// beam: with their number and sizes, `GRAIN_M2`, where each casts a shadow of 2 pi r^2, and with the receiver's noise.
+    /// A coherent receiver has speckle besides; that of a laser diode, whose light is coherent over less than a
+    /// millimetre, averages over thousands of them in a pulse.
+    fn fluctuation(&self, extinction: f64, range: f64, power: f64) -> Fluctuation {
         let volume = PI / 4.0 * self.cone.square(range) * self.pulse.width;
-        let droplets = (2.0 * PI * GRAIN_M2 / (extinction * volume).max(1e-30)).min(1.0);
+        let droplets = (2.0 * PI * GRAIN_M2 / (extinction * volume).max(1e-30)).min(1.0).sqrt();
+        let noise = self.threshold.noise_power().map_or(0.0, |noise| noise / power.max(1e-30));
         let speckle = if self.coherent { 1.0 } else { 0.0 };
-        (droplets + speckle).sqrt()
+        // Detection by chance has the noise already.
+        let seen_in_noise = matches!(self.threshold, Threshold::Statistical { .. });
+        Fluctuation {
+            strength: if seen_in_noise { droplets } else { (droplets * droplets + noise * noise).sqrt() } as f32,
+            all: (droplets * droplets + noise * noise + speckle).sqrt(),
+        }
     }
+}
+
+/// How a soft echo differs from beam to beam: standard deviations over its mean strength.
+struct Fluctuation {
+    /// Of its strength, beside speckle and beside noise that detection has already.
+    strength: f32,
+    /// Of everything.
+    all: f64,
 }
 
 /// A soft echo that all beams have that reach beyond it, each a little different.
@@ -250,18 +267,14 @@ impl Air {
                 let falls_from = from.max(receiver.overlap[1]);
                 let peak = pulse.peak([from, to], falls_from, density);
                 let power = PI * backscatter * peak.height;
-                let droplets = receiver.fluctuation(extinction, peak.range);
-                let noise = receiver.threshold.noise_power().map_or(0.0, |noise| noise / power);
-                // Detection by chance has the noise already.
-                let seen_in_noise = matches!(receiver.threshold, Threshold::Statistical { .. });
-                let fluctuation = if seen_in_noise { droplets } else { droplets.hypot(noise) };
+                let Fluctuation { strength, all } = receiver.fluctuation(extinction, peak.range, power);
                 self.around.push(SoftEcho {
                     range: peak.range as f32,
                     power: power as f32,
                     cause,
                     from: from as f32,
-                    fluctuation: fluctuation as f32,
-                    wandering: peak.wandering(droplets.hypot(noise), pulse.sigma()) as f32,
+                    fluctuation: strength,
+                    wandering: peak.wandering(all, pulse.sigma()) as f32,
                 });
             }
         }
@@ -350,22 +363,15 @@ impl Air {
         let count = beams.len();
         let merging = self.receiver.pulse.merging_distance() as f32;
         for (index, soft) in self.around.iter().enumerate() {
-            // As strong as this it is in one beam of 30,000.
-            if soft.power * (1.0 + 4.0 * soft.fluctuation) < self.least_power {
+            if soft.power * (1.0 + MOST_SIGMAS * soft.fluctuation) * self.most_speckle() < self.least_power {
                 continue;
             }
-            let (mut stronger, mut farther) = ([0.0; LANES], [0.0; LANES]);
-            rng.normal_pairs(
-                beams,
-                &[index as u32; LANES][..count],
-                Draw::SoftEcho,
-                &mut stronger[..count],
-                &mut farther[..count],
-            );
+            let [stronger, farther, speckle] = self.differ(rng, beams, index);
             for lane in 0..count {
                 // Never from in front of the medium.
                 let range = soft.from + (soft.range + soft.wandering * farther[lane] - soft.from).abs();
-                let rho_eff = soft.power * (1.0 + soft.fluctuation * stronger[lane]) * range * range;
+                let strength = speckle[lane] * (1.0 + soft.fluctuation * stronger[lane]);
+                let rho_eff = soft.power * strength * range * range;
                 // A surface within the pulse hides it, and nothing is seen behind a surface.
                 if rho_eff > 0.0 && range + merging <= echoes.end(lane) {
                     echoes.take(lane, AirEcho { range, rho_eff }, soft.cause);
@@ -373,7 +379,7 @@ impl Air {
             }
         }
         if !self.placed.is_empty() {
-            self.answer_from_places(rays, count, echoes);
+            self.answer_from_places(rays, rng, beams, echoes);
         }
         for flying in &self.flying {
             let mut chance = [0.0; LANES];
@@ -411,8 +417,29 @@ impl Air {
         (left * exp_negative(dry), None)
     }
 
+    /// How soft echo `index` of each of `beams` differs from its mean: two standard normal numbers, for its strength and
+    /// its range, and its speckle, of mean 1.
+    fn differ(&self, rng: &Rng, beams: &[u32], index: usize) -> [[f32; LANES]; 3] {
+        let count = beams.len();
+        let [mut stronger, mut farther, mut speckle] = [[0.0; LANES], [0.0; LANES], [1.0; LANES]];
+        let address = |number: u32| [2 * index as u32 + number; LANES];
+        rng.normal_pairs(beams, &address(0)[..count], Draw::SoftEcho, &mut stronger[..count], &mut farther[..count]);
+        if self.receiver.coherent {
+            // The sum of many echoes of random phases.
+            rng.uniforms(beams, &address(1)[..count], Draw::SoftEcho, &mut speckle[..count]);
+            speckle[..count].iter_mut().for_each(|chance| *chance = exponential(*chance));
+        }
+        [stronger, farther, speckle]
+    }
+
+    /// As much brighter than its mean is one speckle of 30,000.
+    fn most_speckle(&self) -> f32 {
+        if self.receiver.coherent { 10.3 } else { 1.0 }
+    }
+
     /// The faces of media with a place in the world.
-    fn answer_from_places(&self, rays: &RayBatch, count: usize, echoes: &mut impl AirEchoes) {
+    fn answer_from_places(&self, rays: &RayBatch, rng: &Rng, beams: &[u32], echoes: &mut impl AirEchoes) {
+        let count = beams.len();
         let face = FaceEcho::get();
         let sigma = self.receiver.pulse.sigma() as f32;
         let merging = self.receiver.pulse.merging_distance() as f32;
@@ -422,7 +449,7 @@ impl Air {
         for lane in 0..count {
             end[lane] = echoes.end(lane);
         }
-        for medium in &self.placed {
+        for (index, medium) in self.placed.iter().enumerate() {
             let [mut from, to] = intervals(&medium.extent, rays, &end, count);
             let mut enter = false;
             for lane in 0..LANES {
@@ -462,10 +489,22 @@ impl Air {
                 let seen = full * (1.0 - exp_negative((length / full).max(0.0)));
                 rho_eff[lane] = PI as f32 * medium.backscatter * seen * exp_negative(2.0 * depth[lane]);
             }
+            // The face is sharp, so that an echo wanders as far as it fluctuates, in sigmas of the pulse.
+            let [stronger, farther, speckle] = self.differ(rng, beams, self.around.len() + index);
             for lane in 0..count {
-                if height[lane] > 0.0 && range[lane] + merging <= end[lane] {
-                    let echo = AirEcho { range: range[lane], rho_eff: rho_eff[lane] };
-                    echoes.take(lane, echo, medium.cause);
+                if height[lane] <= 0.0 || range[lane] + merging > end[lane] {
+                    continue;
+                }
+                let power = f64::from(rho_eff[lane] / (range[lane] * range[lane]));
+                let Fluctuation { strength, all } =
+                    self.receiver.fluctuation(medium.extinction.into(), range[lane].into(), power);
+                // Not far in front of the face.
+                let most = behind[lane].abs();
+                let wandering = ((all as f32).min(1.0) * sigma * farther[lane]).max(-most).min(most);
+                let rho_eff = rho_eff[lane] * speckle[lane] * (1.0 + strength * stronger[lane]);
+                let range = range[lane] + wandering;
+                if rho_eff > 0.0 && range + merging <= end[lane] {
+                    echoes.take(lane, AirEcho { range, rho_eff }, medium.cause);
                 }
             }
         }
