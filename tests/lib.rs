@@ -11,6 +11,13 @@ pub fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("this package is a folder of the repository")
 }
 
+/// The document at `path` in the repository has these `rows` of a table.
+#[track_caller]
+pub fn assert_in_document(path: &str, rows: &str) {
+    let file = std::fs::read_to_string(root().join(path)).unwrap();
+    assert!(file.contains(rows), "{path} is not up to date; its rows are:\n{rows}");
+}
+
 /// The Python of `.venv`, where `scripts/setup --test` installs third-party readers, or `ECHOCAST_PYTHON`.
 pub fn python() -> Command {
     let python = match std::env::var_os("ECHOCAST_PYTHON") {

@@ -6,6 +6,7 @@ use echocast::emitter::pattern::{Imaging, Multibeam, Pattern, Sidescan, SingleBe
 use echocast::emitter::{BeamTable, FiringOrder, Lobe};
 use echocast::scene::Material;
 use echocast::{Environment, Ping, Pose, PresetInfo, ReturnsSpec, ScanOptions, Sensor, SensorKind, Trajectory};
+use echocast_tests::assert_in_document;
 use echocast_tests::reference::{SceneBuilder, Shape};
 use glam::DVec3;
 use std::collections::BTreeSet;
@@ -372,8 +373,7 @@ fn row(name: &str, sensor: &Sensor, text: &str) -> String {
 #[test]
 fn the_table_of_instruments_is_up_to_date() {
     let table: String = instruments().map(|(preset, sensor, text)| row(&preset.name, &sensor, &text)).collect();
-    let file = std::fs::read_to_string(echocast_tests::root().join("docs/instruments.md")).unwrap();
-    assert!(file.contains(&table), "docs/instruments.md is not as the presets are; its rows are:\n{table}");
+    assert_in_document("docs/instruments.md", &table);
 }
 
 /// Speed of sound for which widths and resolutions are stated, m/s.
@@ -516,8 +516,7 @@ fn sonar_row(name: &str, sensor: &Sensor, text: &str) -> String {
 #[test]
 fn the_table_of_sonars_is_up_to_date() {
     let table: String = sonars().map(|(preset, sensor, text)| sonar_row(&preset.name, &sensor, &text)).collect();
-    let file = std::fs::read_to_string(echocast_tests::root().join("docs/instruments.md")).unwrap();
-    assert!(file.contains(&table), "docs/instruments.md is not as the presets are; its rows of sonars are:\n{table}");
+    assert_in_document("docs/instruments.md", &table);
 }
 
 /// A row of the table in docs/materials.md.

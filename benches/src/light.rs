@@ -2,6 +2,7 @@
 
 use crate::Result;
 use crate::clock::{cpu_per_call, median};
+use crate::presets;
 use crate::scenes::{self, Builder};
 use echocast::scene::{Material, Object};
 use echocast::{BareLoop, BuiltScene, Environment, PointCloud, Pose, ScanOptions, Sensor, Trajectory};
@@ -19,7 +20,7 @@ pub fn run() -> Result<Value> {
     let built = scenes::terrain().build()?;
     let mut rows = Vec::new();
     for name in ["velodyne_vlp32c", "velodyne_vls128"] {
-        let sensor = scenes::of_one_ray(name)?;
+        let sensor = presets::of_one_ray(name)?;
         let beams = sensor.beams().len() as f64;
         let cases = [
             ("nothing", "{}"),
@@ -122,7 +123,7 @@ fn paths() -> Result<Value> {
     ];
     let mut rows = Vec::new();
     for name in ["velodyne_vlp32c", "velodyne_vls128"] {
-        let sensor = scenes::of_one_ray(name)?;
+        let sensor = presets::of_one_ray(name)?;
         let beams = sensor.beams().len() as f64;
         let mut built = vec![scenes::city().build()?];
         for (what, material) in &cases {

@@ -2,6 +2,7 @@
 
 use crate::Result;
 use crate::clock::{cpu_per_call, cpu_seconds, median};
+use crate::presets;
 use crate::scenes::{self, Builder, Shapes};
 use echocast::scene::{CacheFile, Mesh, Object, Scene};
 use echocast::{BareLoop, Engine, FieldSet, LiveScene, LoadOptions, PointCloud, Pose, ScanOptions, Trajectory};
@@ -50,7 +51,7 @@ fn body(size: [f32; 3], rows: u32, columns: u32) -> Mesh {
 /// A city of 180,000 triangles that stay, and 200 cars of 5,000 that all drive.
 fn cars() -> Result<Value> {
     let engine = Engine::with_threads(1)?;
-    let sensor = scenes::of_one_ray("velodyne_vlp32c")?;
+    let sensor = presets::of_one_ray("velodyne_vlp32c")?;
     let car = Arc::new(body([2.2, 0.9, 0.75], 50, 50));
     let mut shapes = Shapes::new(5);
     let streets: Vec<(DVec3, DVec3)> = (0..CARS)

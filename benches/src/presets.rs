@@ -40,6 +40,13 @@ pub fn run() -> Result<Value> {
     Ok(json!(rows))
 }
 
+/// A preset whose beams are one ray each, for what is compared with the bare loop over as many rays.
+pub fn of_one_ray(preset: &str) -> Result<Sensor> {
+    let mut sensor = Sensor::preset(preset)?;
+    sensor.set("beam.sub_rays", "1")?;
+    Ok(sensor)
+}
+
 fn row(one: &ThreadPool, built: &BuiltScene, height: f64, scene: &str, sensor: &Sensor) -> Result<Value> {
     let trajectory = Trajectory::fixed(Pose::at(0.0, 0.0, height));
     let with = |sub_rays: &str, all: bool| -> Result<Sensor> {

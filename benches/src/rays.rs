@@ -2,7 +2,7 @@
 //! rays.
 
 use crate::clock::{cpu_per_call, median};
-use crate::{Result, scenes};
+use crate::{Result, presets, scenes};
 use echocast::{BareLoop, FieldSet, PointCloud, Pose, ScanOptions, Sensor, Trajectory};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde_json::{Value, json};
@@ -34,9 +34,9 @@ fn ideal(sensor: &Sensor) -> Result<Sensor> {
 }
 
 pub fn run() -> Result<Value> {
-    let lidars = [scenes::of_one_ray("velodyne_vlp32c")?, scenes::of_one_ray("velodyne_vls128")?];
+    let lidars = [presets::of_one_ray("velodyne_vlp32c")?, presets::of_one_ray("velodyne_vls128")?];
     let camera = [Sensor::from_yaml(CAMERA, ".")?];
-    let depth_cameras = [scenes::of_one_ray("kinect_v2")?, scenes::of_one_ray("realsense_d435")?];
+    let depth_cameras = [presets::of_one_ray("kinect_v2")?, presets::of_one_ray("realsense_d435")?];
     let one = ThreadPoolBuilder::new().num_threads(1).build()?;
     let all = ThreadPoolBuilder::new().build()?;
     let threads = all.current_num_threads();

@@ -1,26 +1,13 @@
 //! Fog and snow as instruments reported them: in fog chambers, and outdoors.
 
-use super::{assert_near, scan};
-use echocast::{BuiltScene, Cause, Environment, PointCloud, ScanOptions, Sensor, SensorKind};
-use echocast_tests::reference::{SceneBuilder, Shape, Table, one_beam};
-use echocast_tests::root;
+use super::{assert_near, farthest, in_weather, mean_and_sigma, scan, wall_all_around};
+use echocast::{Cause, Environment, PointCloud, ScanOptions, Sensor, SensorKind};
+use echocast_tests::reference::{Table, one_beam};
+use echocast_tests::{assert_in_document, root};
 use std::fmt::Write as _;
-
-/// A wall of the reflectance `rho` all around at `range` m, met head-on.
-fn wall(rho: f64, range: f64) -> BuiltScene {
-    let mut scene = SceneBuilder::new();
-    let paint = scene.reflector(rho as f32);
-    scene.stand(Shape::sphere(range, 60), Some(paint));
-    scene.finish().build().unwrap()
-}
 
 fn preset(name: &str) -> Sensor {
     Sensor::preset(name).unwrap()
-}
-
-fn within(scene: &BuiltScene, sensor: &Sensor, environment: &str) -> PointCloud {
-    let environment = Environment::from_yaml(environment).unwrap();
-    scan(scene, sensor, ScanOptions { environment, ..ScanOptions::default() })
 }
 
 /// Ranges of the points of `cause`, m.
@@ -34,21 +21,11 @@ fn part(cloud: &PointCloud, sensor: &Sensor, cause: Cause) -> f64 {
     ranges(cloud, cause).len() as f64 / sensor.beams().len() as f64
 }
 
-fn mean_and_sigma(sample: &[f64]) -> (f64, f64) {
-    let n = sample.len() as f64;
-    let mean = sample.iter().sum::<f64>() / n;
-    (mean, (sample.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / n).sqrt())
-}
-
 /// Greatest range, m, at which half of the beams still report a wall of the reflectance `rho`.
 fn viewing_distance(sensor: &Sensor, rho: f64, fog: &str) -> f64 {
-    let (mut near, mut far) = (1.0, 150.0);
-    while far - near > 0.1 {
-        let range = (near + far) / 2.0;
-        let seen = part(&within(&wall(rho, range), sensor, fog), sensor, Cause::Surface) > 0.5;
-        if seen { near = range } else { far = range }
-    }
-    near
+    farthest([1.0, 150.0], 0.1, |range| {
+        part(&in_weather(&wall_all_around(rho, range, 60), sensor, fog), sensor, Cause::Surface) > 0.5
+    })
 }
 
 /// Those that drive on roads; the others are for halls.
@@ -66,7 +43,11 @@ fn every_car_sees_a_wall_at_20_m_in_fog_of_300_m() {
     assert!(cases.len() > 20);
     for (name, range, visibility_m) in cases {
         let sensor = preset(name);
-        let cloud = within(&wall(0.3, range), &sensor, &format!("{{fog: {{visibility_m: {visibility_m}}}}}"));
+        let cloud = in_weather(
+            &wall_all_around(0.3, range, 60),
+            &sensor,
+            &format!("{{fog: {{visibility_m: {visibility_m}}}}}"),
+        );
         let seen = part(&cloud, &sensor, Cause::Surface);
         assert!(seen > 0.9, "{name} reports {seen} of the wall, {} fog", part(&cloud, &sensor, Cause::Fog));
     }
@@ -99,7 +80,7 @@ fn viewing_distances_in_fog_are_as_measured() {
         assert!((0.45..1.55).contains(&ratio), "{rho} in {sight} m: {found} m, measured {measured} m");
     }
     assert_eq!(close, 8);
-    is_in_docs(&rows);
+    assert_in_document("docs/weather.md", &rows);
     let (path, drawn) = (root().join("docs/pictures/fog_viewing_distance.svg"), drawing(&curves));
     if std::env::var_os("BLESS").is_some() {
         std::fs::write(&path, &drawn).unwrap();
@@ -144,12 +125,6 @@ fn drawing(curves: &[(f64, Vec<[f64; 3]>)]) -> String {
     svg + "</svg>\n"
 }
 
-/// The rows of a table are those of the documents.
-#[track_caller]
-fn is_in_docs(rows: &str) {
-    assert!(include_str!("../../docs/weather.md").contains(rows), "docs/weather.md should have\n{rows}");
-}
-
 /// The picture of Gruber et al. 2019: the HDL-64 reports the fog itself from 4.1 to 4.6 m, in some beams.
 #[test]
 fn fog_shows_where_it_was_seen() {
@@ -159,7 +134,7 @@ fn fog_shows_where_it_was_seen() {
     for row in 0..table.len() {
         let (sight, share) = (table.number(row, "visibility_m"), table.number(row, "share"));
         // What was there: roads, walls and cars at all distances; a dark wall stands for them.
-        let cloud = within(&wall(0.1, 20.0), &sensor, &format!("{{fog: {{mor_m: {sight}}}}}"));
+        let cloud = in_weather(&wall_all_around(0.1, 20.0, 60), &sensor, &format!("{{fog: {{mor_m: {sight}}}}}"));
         let fog = ranges(&cloud, Cause::Fog);
         let (mean, found) = (mean_and_sigma(&fog).0, part(&cloud, &sensor, Cause::Fog));
         let [depth, mean_m] = [table.text(row, "depth_m"), &format!("{mean:.1}")].map(|metres| match metres {
@@ -173,7 +148,7 @@ fn fog_shows_where_it_was_seen() {
         }
         assert!(found < 0.35, "{sight} m: {found}");
     }
-    is_in_docs(&rows);
+    assert_in_document("docs/weather.md", &rows);
 }
 
 /// The recordings of Ravensburg-Weingarten: in fog that hides what is beyond 13 m, a VLP-16 reports no fog nearer than 5 m,
@@ -188,11 +163,11 @@ fn a_vlp16_shows_no_ghosts() {
         if seen > 12.0 { thin = sight } else { dense = sight }
     }
     let fog = format!("{{fog: {{mor_m: {thin}}}}}");
-    let cloud = within(&wall(0.3, 100.0), &sensor, &fog);
+    let cloud = in_weather(&wall_all_around(0.3, 100.0, 60), &sensor, &fog);
     let ghosts = ranges(&cloud, Cause::Fog).iter().filter(|&&range| range < 5.0).count() as f64;
     let ghosts = ghosts / sensor.beams().len() as f64;
     assert!(ghosts < 0.02, "{ghosts} in fog of {thin} m");
-    assert!(part(&within(&wall(0.1, 5.0), &sensor, &fog), &sensor, Cause::Surface) > 0.8);
+    assert!(part(&in_weather(&wall_all_around(0.1, 5.0, 60), &sensor, &fog), &sensor, Cause::Surface) > 0.8);
 }
 
 /// Linnhoff et al. 2022: how often, and from where, a VLP-16 reports flakes.
@@ -202,10 +177,10 @@ fn flakes_show_as_often_as_measured() {
     let snow = (0..table.len()).find(|&row| table.text(row, "kind") == "snow").unwrap();
     let [chance, middle] = ["chance_per_mm_h", "ln_m_mean"].map(|column| table.number(snow, column));
     let sensor = preset("velodyne_vlp16");
-    let scene = wall(0.3, 60.0);
+    let scene = wall_all_around(0.3, 60.0, 60);
     let mut rows = String::new();
     for rate in [1.0, 3.0, 10.0] {
-        let cloud = within(&scene, &sensor, &format!("{{snow: {{rate_mm_h: {rate}}}}}"));
+        let cloud = in_weather(&scene, &sensor, &format!("{{snow: {{rate_mm_h: {rate}}}}}"));
         let flakes = ranges(&cloud, Cause::Snow);
         let (mean, _) = mean_and_sigma(&flakes.iter().map(|range| range.ln()).collect::<Vec<_>>());
         let found = flakes.len() as f64 / sensor.beams().len() as f64;
@@ -223,13 +198,13 @@ fn flakes_show_as_often_as_measured() {
         assert!((1.0 / 3.5..3.5).contains(&(found / expected)), "{rate}: {found}, measured {expected}");
         assert!((0.5..2.0).contains(&(mean - middle).exp()), "{rate}: {} m", mean.exp());
     }
-    is_in_docs(&rows);
+    assert_in_document("docs/weather.md", &rows);
 }
 
 /// `1 / (1 + (R0 / R)^2)`, in a shell of fog much thinner than the pulse is long.
 #[test]
 fn light_from_nearby_is_out_of_focus() {
-    let scene = wall(0.3, 300.0);
+    let scene = wall_all_around(0.3, 300.0, 60);
     for range in [2.0f64, 5.0, 20.0, 80.0] {
         let power = |near: f64| {
             let beam = format!("beam: {{pulse_ns: 4, overlap_m: [0, 0.1], near_range_m: {near}}}");
@@ -258,7 +233,7 @@ fn light_from_nearby_is_out_of_focus() {
 /// it: a standard deviation.
 #[test]
 fn soft_echoes_fluctuate() {
-    let scene = wall(0.0, 200.0);
+    let scene = wall_all_around(0.0, 200.0, 60);
     let sensor = |detection: &str| {
         let yaml = format!(
             "name: many\nkind: lidar\npattern: {{type: raster, azimuth: {{fov_deg: 40, step_deg: 0.1}}, elevation: {{fov_deg: \
@@ -269,14 +244,14 @@ fn soft_echoes_fluctuate() {
     };
     let fog = "{fog: {mor_m: 50}}";
     let open = sensor("detection: {model: none}");
-    let cloud = within(&scene, &open, fog);
+    let cloud = in_weather(&scene, &open, fog);
     let power: Vec<f64> = cloud.columns.intensity.iter().map(|&power| power.into()).collect();
     let (power, droplets) = mean_and_sigma(&power);
     assert!((0.005..0.05).contains(&(droplets / power)), "{}", droplets / power);
     // rho / R^2 at the threshold; the intensity is over pi.
     let k = 1.25 * power * std::f64::consts::PI;
     let seen = sensor(&format!("detection: {{model: radar_equation, reflectance: {}, at_m: 100}}", k * 1e4));
-    let cloud = within(&scene, &seen, fog);
+    let cloud = in_weather(&scene, &seen, fog);
     assert_near("seen", part(&cloud, &seen, Cause::Fog), 0.1587, 0.01);
     // No shell: deeper than the instrument's pulse is long, but within the fog's own echo.
     let (mean, sigma) = mean_and_sigma(&ranges(&cloud, Cause::Fog));

@@ -1,27 +1,11 @@
 //! What every preset of light measures, beside what its sheet says.
 
-use super::scan;
+use super::{farthest, mean_and_sigma, nothing, scan, scan_at, wall_all_around};
 use echocast::detect::{Detection, Statistical};
 use echocast::generate::Landscape;
-use echocast::{
-    BuiltScene, Cause, Engine, FieldSet, PointCloud, Pose, PresetInfo, ScanOptions, Sensor, SensorKind, Trajectory,
-};
-use echocast_tests::reference::{SceneBuilder, Shape, one_beam};
-use glam::DVec3;
-
-fn all_around(rho: f64, range: f64, rows: u32) -> BuiltScene {
-    let mut scene = SceneBuilder::new();
-    let paint = scene.reflector(rho as f32);
-    scene.stand(Shape::sphere(range, rows), Some(paint));
-    scene.finish().build().unwrap()
-}
-
-/// Nothing but the sensor.
-fn nothing() -> BuiltScene {
-    let mut scene = SceneBuilder::new();
-    scene.stand(Shape::plate(DVec3::new(-50_000.0, 0.0, 0.0), DVec3::X, 1.0), None);
-    scene.finish().build().unwrap()
-}
+use echocast::{BuiltScene, Cause, Engine, PointCloud, Pose, PresetInfo, ScanOptions, Sensor, SensorKind};
+use echocast_tests::assert_in_document;
+use echocast_tests::reference::one_beam;
 
 /// Points of surfaces in directions within 5 degrees of a camera's axis, or in all of a LiDAR's, and the beams there.
 fn seen(cloud: &PointCloud, sensor: &Sensor) -> (Vec<f64>, usize) {
@@ -30,10 +14,6 @@ fn seen(cloud: &PointCloud, sensor: &Sensor) -> (Vec<f64>, usize) {
     let c = &cloud.columns;
     let rows = (0..cloud.len).filter(|&row| c.cause[row] == Cause::Surface as u8 && counts(c.beam[row] as usize));
     (rows.map(|row| c.range[row].into()).collect(), (0..beams.len()).filter(|&beam| counts(beam)).count())
-}
-
-fn with_beams() -> ScanOptions {
-    ScanOptions { fields: FieldSet::all(), ..ScanOptions::default() }
 }
 
 /// Reflectance and range of the line of the sheet; of a table, its last.
@@ -51,37 +31,34 @@ fn rated(sensor: &Sensor) -> [f64; 2] {
 fn reached(sensor: &Sensor, [reflectance, at_m]: [f64; 2]) -> f64 {
     let mut sensor = sensor.clone();
     sensor.set("range.max_m", "2000").unwrap();
-    let (mut near, mut far) = (0.2 * at_m, 1.5 * at_m);
-    while far - near > 0.002 * at_m {
-        let range = (near + far) / 2.0;
-        let (found, beams) = seen(&scan(&all_around(reflectance, range, 60), &sensor, with_beams()), &sensor);
-        if found.len() as f64 >= 0.9 * beams as f64 { near = range } else { far = range }
-    }
-    near
+    farthest([0.2 * at_m, 1.5 * at_m], 0.002 * at_m, |range| {
+        let wall = wall_all_around(reflectance, range, 60);
+        let (found, beams) = seen(&scan(&wall, &sensor, ScanOptions::default()), &sensor);
+        found.len() as f64 >= 0.9 * beams as f64
+    })
 }
 
 /// Standard deviation of ranges to a wall of half the light at `range` m, mm.
 fn sigma(sensor: &Sensor, range: f64) -> f64 {
-    let (found, _) = seen(&scan(&all_around(0.5, range, 300), sensor, with_beams()), sensor);
-    let mean = found.iter().sum::<f64>() / found.len() as f64;
-    1e3 * (found.iter().map(|found| (found - mean).powi(2)).sum::<f64>() / found.len() as f64).sqrt()
+    let (found, _) = seen(&scan(&wall_all_around(0.5, range, 300), sensor, ScanOptions::default()), sensor);
+    1e3 * mean_and_sigma(&found).1
 }
 
 /// A landscape with trees, and a place 2 m above its middle.
-fn landscape() -> (BuiltScene, Trajectory) {
+fn landscape() -> (BuiltScene, Pose) {
     let trees = Landscape { trees_per_ha: 800.0, ..Landscape::default() };
     let scene = trees.scene(7).unwrap().load(&Default::default()).unwrap().build_with(&Engine::new().unwrap()).unwrap();
-    let down = one_beam("");
-    let above = Trajectory::fixed(Pose::at(0.0, 0.0, 500.0).with_rpy_deg(0.0, 90.0, 0.0));
-    let ground = 500.0 - f64::from(scene.scan(&down, &above, &ScanOptions::default()).unwrap().columns.range[0]);
-    (scene, Trajectory::fixed(Pose::at(0.0, 0.0, ground + 2.0)))
+    let above = Pose::at(0.0, 0.0, 500.0).with_rpy_deg(0.0, 90.0, 0.0);
+    let ground = scan_at(&scene, &one_beam(""), above, ScanOptions::default());
+    let place = Pose::at(0.0, 0.0, 502.0 - f64::from(ground.columns.range[0]));
+    (scene, place)
 }
 
 /// Part of the beams that report something which report more than one thing, if all echoes are wanted.
-fn several(sensor: &Sensor, (scene, place): &(BuiltScene, Trajectory)) -> f64 {
+fn several(sensor: &Sensor, (scene, place): &(BuiltScene, Pose)) -> f64 {
     let mut sensor = sensor.clone();
     sensor.set("returns", "{mode: all, max: 3}").unwrap();
-    let cloud = scene.scan(&sensor, place, &with_beams()).unwrap();
+    let cloud = scan_at(scene, &sensor, *place, ScanOptions::default());
     let first = cloud.columns.return_number.iter().filter(|&&number| number == 1).count();
     let second = cloud.columns.return_number.iter().filter(|&&number| number == 2).count();
     second as f64 / first.max(1) as f64
@@ -92,7 +69,7 @@ fn false_alarms(sensor: &Sensor) -> f64 {
     const FRAMES: u32 = 20;
     let scene = nothing();
     let points = (0..FRAMES).map(|frame| {
-        let cloud = scan(&scene, sensor, ScanOptions { frame, ..with_beams() });
+        let cloud = scan(&scene, sensor, ScanOptions { frame, ..ScanOptions::default() });
         assert!(cloud.columns.cause.iter().all(|&cause| cause == Cause::FalseAlarm as u8));
         cloud.len
     });
@@ -100,7 +77,7 @@ fn false_alarms(sensor: &Sensor) -> f64 {
     (1e5 * each).round() / 10.0
 }
 
-fn row(info: &PresetInfo, forest: &(BuiltScene, Trajectory)) -> String {
+fn row(info: &PresetInfo, forest: &(BuiltScene, Pose)) -> String {
     let sensor = Sensor::preset(&info.name).unwrap();
     let line = rated(&sensor);
     let reached = reached(&sensor, line);
@@ -127,6 +104,5 @@ fn presets_measure_what_their_sheets_say() {
     let presets = Sensor::presets();
     let real = presets.iter().filter(|info| ["lidar", "tof"].contains(&&*info.folder));
     let table: String = real.map(|info| row(info, &forest)).collect();
-    let file = std::fs::read_to_string(echocast_tests::root().join("docs/instruments.md")).unwrap();
-    assert!(file.contains(&table), "docs/instruments.md does not say what presets measure; its rows are:\n{table}");
+    assert_in_document("docs/instruments.md", &table);
 }

@@ -25,7 +25,7 @@ mod surfaces;
 mod water;
 mod weather;
 
-use echocast::{BuiltScene, FieldSet, PointCloud, Pose, ScanOptions, Sensor, Trajectory};
+use echocast::{BuiltScene, Environment, FieldSet, PointCloud, Pose, ScanOptions, Sensor, Trajectory};
 use echocast_tests::reference::{SceneBuilder, Shape};
 use glam::DVec3;
 
@@ -49,6 +49,42 @@ fn target(reflectance: f64, range: f64, angle_deg: f64) -> BuiltScene {
     let size = 0.1 * range;
     scene.stand(Shape::triangle(corners.map(|corner| DVec3::X * range + size * corner)), Some(paint));
     scene.finish().build().unwrap()
+}
+
+/// Scans with `sensor` in the environment of the text `yaml`.
+fn in_weather(scene: &BuiltScene, sensor: &Sensor, yaml: &str) -> PointCloud {
+    let environment = Environment::from_yaml(yaml).unwrap();
+    scan(scene, sensor, ScanOptions { environment, ..ScanOptions::default() })
+}
+
+/// Something far behind the sensor: a scene must not be empty.
+fn nothing() -> BuiltScene {
+    let mut scene = SceneBuilder::new();
+    scene.stand(Shape::plate(DVec3::new(-5000.0, 0.0, 0.0), DVec3::X, 1.0), None);
+    scene.finish().build().unwrap()
+}
+
+/// A wall of a reflectance all around at `range` m, met head-on: a sphere of so many `rows`.
+fn wall_all_around(reflectance: f64, range: f64, rows: u32) -> BuiltScene {
+    let mut scene = SceneBuilder::new();
+    let paint = scene.reflector(reflectance as f32);
+    scene.stand(Shape::sphere(range, rows), Some(paint));
+    scene.finish().build().unwrap()
+}
+
+/// Greatest number between two, to `step`, up to which `holds`, by bisection.
+fn farthest([mut near, mut far]: [f64; 2], step: f64, holds: impl Fn(f64) -> bool) -> f64 {
+    while far - near > step {
+        let middle = (near + far) / 2.0;
+        if holds(middle) { near = middle } else { far = middle }
+    }
+    near
+}
+
+fn mean_and_sigma(sample: &[f64]) -> (f64, f64) {
+    let n = sample.len() as f64;
+    let mean = sample.iter().sum::<f64>() / n;
+    (mean, (sample.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / n).sqrt())
 }
 
 #[track_caller]

@@ -1,7 +1,7 @@
-use super::{assert_near, scan, target};
+use super::{assert_near, in_weather, nothing, scan, target};
 use echocast::medium::{ClearAir, Dust, Fog, Placed, Rain, RainModel, Region, Snow, VisibilityModel};
 use echocast::scene::Material;
-use echocast::{BuiltScene, Cause, Environment, Field, PointCloud, Profile, ScanOptions, Sensor};
+use echocast::{Cause, Environment, Field, PointCloud, Profile, ScanOptions, Sensor};
 use echocast_tests::reference::{SceneBuilder, Shape, Table, one_beam};
 use glam::DVec3;
 use std::f64::consts::PI;
@@ -10,17 +10,6 @@ const RADAR: &str = "detection: {model: radar_equation, reflectance: 0.8, at_m: 
 
 fn env(yaml: &str) -> Environment {
     Environment::from_yaml(yaml).unwrap()
-}
-
-fn in_weather(scene: &BuiltScene, sensor: &Sensor, yaml: &str) -> PointCloud {
-    scan(scene, sensor, ScanOptions { environment: env(yaml), ..ScanOptions::default() })
-}
-
-/// Something far behind the sensor: a scene must not be empty.
-fn nothing() -> BuiltScene {
-    let mut scene = SceneBuilder::new();
-    scene.stand(Shape::plate(DVec3::new(-5000.0, 0.0, 0.0), DVec3::X, 1.0), None);
-    scene.finish().build().unwrap()
 }
 
 /// Many beams of 3 x 1.5 mrad, ahead.

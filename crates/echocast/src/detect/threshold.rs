@@ -314,6 +314,11 @@ impl Threshold {
         }
     }
 
+    /// [`Threshold::least_power`]; 0 where the model defines none.
+    pub(crate) fn faintest(&self) -> f32 {
+        self.least_power().unwrap_or(0.0) as f32
+    }
+
     /// `rho_eff / R^2` at the threshold, in darkness, 1/m^2, where the model defines one.
     pub(crate) fn power(&self) -> Option<f32> {
         match *self {

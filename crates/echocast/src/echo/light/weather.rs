@@ -154,8 +154,6 @@ pub(crate) struct Air {
     flying: Vec<Flying>,
     receiver: Receiver,
     mode: ReturnMode,
-    /// Least light of an echo that is ever detected, as `rho_eff / R^2` in 1/m^2.
-    least_power: f32,
     /// Least and greatest range of faces too near for the receiver to treat as distant, m.
     near: [f64; 2],
 }
@@ -233,8 +231,7 @@ impl Air {
         let [from, to] = receiver.overlap;
         let near = [from.max(1e-2), to + 4.0 * receiver.pulse.width];
         let (around, placed, flying) = Default::default();
-        let least_power = receiver.threshold.least_power().unwrap_or(0.0) as f32;
-        let mut air = Air { weather, around, placed, flying, receiver, mode, least_power, near };
+        let mut air = Air { weather, around, placed, flying, receiver, mode, near };
         if answers {
             air.find_echoes();
         }
@@ -362,8 +359,9 @@ impl Air {
     pub(crate) fn answer(&self, rays: &RayBatch, rng: &Rng, beams: &[u32], echoes: &mut impl AirEchoes) {
         let count = beams.len();
         let merging = self.receiver.pulse.merging_distance() as f32;
+        let least_power = self.receiver.threshold.faintest();
         for (index, soft) in self.around.iter().enumerate() {
-            if soft.power * (1.0 + MOST_SIGMAS * soft.fluctuation) * self.most_speckle() < self.least_power {
+            if soft.power * (1.0 + MOST_SIGMAS * soft.fluctuation) * self.most_speckle() < least_power {
                 continue;
             }
             let [stronger, farther, speckle] = self.differ(rng, beams, index);

@@ -319,8 +319,7 @@ impl Block {
             bounces,
             image: &mut image,
             prefer,
-            least_power: scan.detect.threshold.least_power().filter(|_| !scan.detect.keeps_undetected).unwrap_or(0.0)
-                as f32,
+            least_power: if scan.detect.keeps_undetected { 0.0 } else { scan.detect.threshold.faintest() },
             strongest: !scan.detect.keeps_undetected
                 && !matches!(scan.detect.mode, ReturnMode::First | ReturnMode::Last),
         };
@@ -403,15 +402,6 @@ impl Block {
     pub fn measure(&mut self, scan: &Scan, count: usize) {
         let Block { lanes, hits, rho_eff, formed, measured, intensity, turn, scratch, .. } = self;
         let Measuring { errors, saturation, limited, flickers, intensity: model } = &scan.measure;
-        if let Some(most) = saturation {
-            for lane in 0..LANES {
-                let most = most * hits.range[lane] * hits.range[lane];
-                if rho_eff[lane] > most {
-                    let shown = most / scan.shown_of(lanes.beam[lane]);
-                    intensity[lane] = model.of(shown, 1.0, hits.range[lane]);
-                }
-            }
-        }
         let channels = lanes.take(&scan.aim.beams.channel, count);
         let returns = Returns {
             beams: &lanes.beam[..count],
@@ -434,6 +424,14 @@ impl Block {
                 }
             }
             model.of_all(scratch, &[1.0; LANES], &hits.range, intensity);
+        } else if let Some(most) = saturation {
+            for lane in 0..LANES {
+                let most = most * hits.range[lane] * hits.range[lane];
+                if rho_eff[lane] > most {
+                    let shown = most / scan.shown_of(lanes.beam[lane]);
+                    intensity[lane] = model.of(shown, 1.0, hits.range[lane]);
+                }
+            }
         }
         if *limited {
             scan.limit(&mut hits.surface, measured, lanes, count);

@@ -65,7 +65,7 @@ impl Halos {
     /// Looks along the middle of all beams of `scan`, whose pulse has the standard deviation `sigma` m of range. What
     /// is bright in a mirror or through glass alone does not bloom.
     pub fn new(scan: &Scan, blooming: Blooming, sigma: f64) -> Halos {
-        let least = FAINT * scan.detect.threshold.least_power().unwrap_or(0.0) as f32;
+        let least = FAINT * scan.detect.threshold.faintest();
         let mut bright = scan.world.scene.engine.install(|| {
             let together = |mut some: Vec<Bright>, more: Vec<Bright>| {
                 some.extend(more);

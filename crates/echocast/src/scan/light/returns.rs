@@ -746,7 +746,7 @@ impl Gatherer {
             let lanes = &lanes[..found];
             let around = scan.surroundings(scan.world.air.as_ref(), limits, wanted, rays);
             // A hundredth of what is seen adds nothing to what is seen.
-            let least_power = 0.01 * scan.detect.threshold.least_power().unwrap_or(0.0) as f32;
+            let least_power = 0.01 * scan.detect.threshold.faintest();
             let first = &hits.surface;
             let mut echoes = OfPaths { others, parts, beams, least_power, first, log: log.as_mut() };
             let follower = follower.get_or_insert_with(boxed);

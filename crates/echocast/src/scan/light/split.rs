@@ -151,7 +151,7 @@ impl Splitter {
     /// Sends the rays at the rims, but where neither the beam nor its neighbours see anything.
     fn send(&mut self, scan: &Scan, around: &Footprint, axes: Axes) {
         let Axes { count, rays: beams, hits, power, .. } = axes;
-        let least = scan.detect.threshold.least_power().unwrap_or(0.0) as f32;
+        let least = scan.detect.threshold.faintest();
         let mut quiet = [true; LANES];
         for lane in 0..count {
             quiet[lane] = power[lane] <= 0.0 || power[lane] < least;
@@ -258,9 +258,7 @@ impl Splitter {
         for (from, lane) in lanes.iter().map(|&lane| usize::from(lane)).enumerate() {
             let range = met.range[from];
             rim_power[lane] = surfaces.reflectance[from] * surfaces.cos_incidence[from] / (range * range);
-            for (axis, from_axis) in rim.facet.iter_mut().zip(&met.facet) {
-                axis[lane] = from_axis[from];
-            }
+            rim.take(lane, met, from);
         }
     }
 
@@ -268,7 +266,7 @@ impl Splitter {
     fn matters(&self, scan: &Scan, axes: Axes, (mode, sigma): (ReturnMode, f32), lane: usize) -> bool {
         let Axes { first, hits, power, .. } = axes;
         let efficiency = scan.efficiency_of((first + lane) as u32);
-        let least = scan.detect.threshold.least_power().unwrap_or(0.0) as f32 / efficiency;
+        let least = scan.detect.threshold.faintest() / efficiency;
         let hit = hits.surface[lane] != MISS;
         (OWN_RIM..=RIM_BEHIND).filter(|bit| self.marks[lane] & 1 << bit != 0).any(|bit| {
             let other = match bit {
