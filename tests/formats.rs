@@ -84,6 +84,7 @@ fn cloud(len: usize, fields: FieldSet) -> PointCloud {
         part: table(&[(7, "a\nb\\c")]),
         material: table(&[]),
         instance: table(&[(1, "Desk"), (2, "Desk"), (100_000_000, "")]),
+        ..Labels::default()
     };
     PointCloud {
         origin: [500_000.0, 5_600_000.0, 100.25].into(),

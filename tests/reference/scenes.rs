@@ -187,6 +187,7 @@ impl SceneBuilder {
                 names: self.scene.materials.iter().map(|material| material.name.clone()).collect(),
             },
             instance: table("object", self.scene.objects.len()),
+            ..Labels::default()
         };
         self.scene
     }

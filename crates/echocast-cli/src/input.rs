@@ -20,9 +20,14 @@ pub struct SceneArgs {
     /// Scene files; several are combined as they are (`echocast formats` lists the formats)
     #[arg(required = true, value_name = "SCENE")]
     pub files: Vec<PathBuf>,
-    /// Label file (YAML): names to numbers, object and material name patterns to names; `-` for standard input
-    #[arg(long, value_name = "FILE", help_heading = "Scene")]
+    /// Label file (YAML): names to numbers, object and material name patterns to names; `-` for standard input; or rules
+    /// that ship with echocast: forest, semantic_kitti, street
+    #[arg(long, value_name = "FILE|NAME", help_heading = "Scene")]
     labels: Option<PathBuf>,
+    /// Leave out the objects whose names, or those of the nodes that they hang on, match PATTERN (with `*` and `?`): sky
+    /// boxes, helpers. Example: `--hide "Sky*"`; repeatable
+    #[arg(long, value_name = "PATTERN", help_heading = "Scene")]
+    hide: Vec<String>,
     /// What surfaces are made of (YAML): material name patterns, each with the name of a library material or with keys of a
     /// material file; `-` for standard input
     #[arg(long, value_name = "FILE", help_heading = "Scene")]
@@ -60,7 +65,7 @@ impl SceneArgs {
     /// The rules of the label file.
     pub fn labels(&self) -> Result<LabelRules> {
         match &self.labels {
-            Some(file) => Ok(file_or_stdin("--labels", file, LabelRules::load, LabelRules::from_yaml)?),
+            Some(file) => Ok(file_or_stdin("--labels", file, LabelRules::open, LabelRules::from_yaml)?),
             None => Ok(LabelRules::default()),
         }
     }
@@ -95,6 +100,7 @@ impl SceneArgs {
             allow_outside_paths: self.allow_outside_paths,
             caches,
             materials: materials.clone(),
+            hide: self.hide.clone(),
         };
         let told = self.up != UpAxis::Z || self.scale != 1.0;
         let is_obj = |file: &PathBuf| file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("obj"));
@@ -136,6 +142,7 @@ impl SceneArgs {
             "loop": self.looped,
             "allow_outside_paths": self.allow_outside_paths,
             "caches": caches,
+            "hide": self.hide,
             "materials": serde_json::to_value(materials).context("the material rules cannot be reported")?,
         }))
     }

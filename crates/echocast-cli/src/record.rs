@@ -20,11 +20,15 @@ pub struct Take<'t> {
     /// Of all frames; `fields` are the columns that files hold.
     pub options: ScanOptions,
     pub output: &'t OutputArgs,
+    /// Instances that seem to be a sky.
+    pub skies: Vec<u32>,
 }
 
 /// What has been recorded.
 pub struct Recorded {
     pub points: usize,
+    /// How many of them are on what seems to be a sky.
+    pub sky_points: usize,
     /// Causes of a sonar's points, and how many points each has.
     pub causes: Vec<(&'static str, usize)>,
     pub report: Report,
@@ -56,11 +60,20 @@ impl Take<'_> {
         ScanOptions { fields, frame: frame.number, start_time: frame.start, ..self.options.clone() }
     }
 
-    /// Columns for the report, which counts a sonar's points by cause, and for boxes, which count them by instance,
-    /// whatever the files hold.
+    /// Columns for the report, which counts a sonar's points by cause, and those on a sky and in boxes by instance, whatever
+    /// the files hold.
     fn told(&self) -> FieldSet {
         let cause = if self.is_sonar() { FieldSet::EMPTY.with(Field::Cause) } else { FieldSet::EMPTY };
-        if self.output.boxes().is_some() { cause.with(Field::InstanceId) } else { cause }
+        if self.output.boxes().is_some() || !self.skies.is_empty() { cause.with(Field::InstanceId) } else { cause }
+    }
+
+    /// How many points are on what seems to be a sky.
+    fn on_sky(&self, cloud: &PointCloud) -> usize {
+        let instances = &cloud.columns.instance_id;
+        if self.skies.is_empty() || instances.is_empty() {
+            return 0;
+        }
+        return_rows(cloud).filter(|&row| self.skies.contains(&instances[row])).count()
     }
 
     fn is_sonar(&self) -> bool {
@@ -86,7 +99,7 @@ impl Take<'_> {
         let mut writer = Writer::new(output);
         let mut all = PointCloud::default();
         let mut cloud = PointCloud::default();
-        let (mut points, mut causes) = (0, Causes::default());
+        let (mut points, mut sky_points, mut causes) = (0, 0, Causes::default());
         // Whether anything but noise is received.
         let mut heard = false;
         let mut boxes = Vec::new();
@@ -122,6 +135,7 @@ impl Take<'_> {
             cloud.fields = self.options.fields;
             points += return_rows(&cloud).count();
             causes.count(&cloud);
+            sky_points += self.on_sky(&cloud);
             boxes.extend(cloud.boxes.iter().flatten().copied());
             if output.single() {
                 progress.phase("writing".into());
@@ -150,7 +164,7 @@ impl Take<'_> {
         };
         let told = self.is_sonar() && self.options.profile == Profile::Physical;
         let causes = if told { causes.told() } else { Vec::new() };
-        Ok(Recorded { points, causes, report, files: writer.files, nothing })
+        Ok(Recorded { points, sky_points, causes, report, files: writer.files, nothing })
     }
 }
 

@@ -169,8 +169,15 @@ fn record(args: &Args, scenario: Scenario, output: &OutputArgs) -> Result<()> {
     output.check(scan.options(0).fields, scan.sensor(), scan.options(0).profile)?;
     let first = timed(&mut seconds.build, || sample.built(0, 0))?;
     let options = echocast::ScanOptions { boxes: output.boxes(), ..scan.options(0) };
-    let take =
-        Take { sensor: scan.sensor(), trajectory: scan.trajectory(), frames: scan.frames().to_vec(), options, output };
+    let take = Take {
+        sensor: scan.sensor(),
+        trajectory: scan.trajectory(),
+        frames: scan.frames().to_vec(),
+        options,
+        output,
+        // What a scenario leaves out, it says.
+        skies: Vec::new(),
+    };
     let moving = sample.is_moving();
     let scan_time = scan.sensor().scan_time();
     let drawn = sample.drawn().to_vec();

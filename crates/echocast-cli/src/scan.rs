@@ -190,7 +190,14 @@ pub fn run(args: &Args) -> Result<()> {
         ..ScanOptions::default()
     };
     let times = frames.iter().map(|number| FrameTime { number, start: f64::from(number) / fps }).collect();
-    let take = Take { sensor: &sensor, trajectory: &trajectory, frames: times, options, output: &args.output };
+    let take = Take {
+        sensor: &sensor,
+        trajectory: &trajectory,
+        frames: times,
+        options,
+        output: &args.output,
+        skies: scene.skies(),
+    };
     if let Some((frame, beam)) = args.explain {
         drop(progress);
         let number = frame.unwrap_or(frames.first);
@@ -205,7 +212,7 @@ pub fn run(args: &Args) -> Result<()> {
     match recorded.nothing {
         Some(Nothing::Seen) => warn_of_nothing(&scene, &sensor, &trajectory, &environment, &mut warnings),
         Some(Nothing::ButNoise) => warn_of_noise(recorded.points, &sensor, &mut warnings),
-        None => {}
+        None => warn_of_sky(&scene, &take.skies, [recorded.sky_points, recorded.points], &mut warnings),
     }
 
     let report = RunReport {
@@ -348,6 +355,23 @@ fn warn_of_other_animation(scene: &Scene, asked: Option<Frames>, fps: f64, warni
             1.0 / fps
         ));
     }
+}
+
+/// Warns when what seems to be a sky has many of the points: it reflects as a wall would.
+fn warn_of_sky(scene: &Scene, skies: &[u32], [on_sky, points]: [usize; 2], warnings: &mut Report) {
+    /// Part of all points.
+    const MANY: f64 = 0.1;
+    if on_sky as f64 <= MANY * points as f64 {
+        return;
+    }
+    let names = skies.iter().filter_map(|&sky| scene.labels.instance.name(sky));
+    let names: Vec<String> = names.take(3).map(|name| shown::text(name).into_owned()).collect();
+    warnings.warn(format!(
+        "{:.0} % of the points are on {}, which seems to be a sky: --hide {:?} leaves it out",
+        100.0 * on_sky as f64 / points as f64,
+        names.join(", "),
+        names.first().map_or("", String::as_str)
+    ));
 }
 
 /// Warns of possible reasons for an empty cloud.

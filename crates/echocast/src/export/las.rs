@@ -19,6 +19,8 @@ pub(super) static LAS: Las = Las {
     description: "LAS 1.4, point format 7; 0.1 mm, 16 bit intensity, labels and other columns in extra bytes",
     version: (1, 4),
     point_format: 7,
+    classification: 16,
+    most_class: 255,
     size: 36,
     return_bits: 4,
     source_id: 20,
@@ -34,6 +36,8 @@ pub(super) static LAS2: Las = Las {
     description: "LAS 1.2, point format 2, category_id in point source id: the simplest LAS with colour",
     version: (1, 2),
     point_format: 2,
+    classification: 15,
+    most_class: 31,
     size: 26,
     return_bits: 3,
     source_id: 18,
@@ -52,6 +56,9 @@ pub(super) struct Las {
     size: usize,
     /// Bits of the return number and, above them, of the number of returns.
     return_bits: u32,
+    classification: usize,
+    /// Highest class that it holds.
+    most_class: u8,
     source_id: usize,
     time: Option<usize>,
     colour: usize,
@@ -61,6 +68,9 @@ pub(super) struct Las {
 
 const INTENSITY: usize = 12;
 const RETURNS: usize = 14;
+
+/// Class of points that are none of the others.
+const UNCLASSIFIED: u8 = 1;
 
 /// Finest step of the coordinates, metres, as a power of ten.
 const FINEST_STEP: i32 = -4;
@@ -181,10 +191,10 @@ impl Las {
     fn write_records(&self, cloud: &PointCloud, extra: &[Extra], survey: &Survey, file: &mut Sink) -> io::Result<()> {
         let size = self.size + Extra::size(extra);
         let block = BLOCK_BYTES / size;
-        // Members that nothing is put into (flags, classification, user data, scan angle) stay 0.
+        // Members that nothing is put into (flags, user data, scan angle) stay 0.
         let mut buffer = vec![0; block * size];
         let mut rows = Vec::with_capacity(block);
-        let c = &cloud.columns;
+        let (c, classes) = (&cloud.columns, &cloud.labels.las_class);
         let per_metre = 10f64.powi(-survey.exponent);
         let per_full_scale = 65535.0 / f64::from(survey.full_intensity);
         for start in (0..cloud.len).step_by(block) {
@@ -202,6 +212,13 @@ impl Las {
             }
             let returns = |row| [self.return_number(cloud, row) | self.return_count(cloud, row) << self.return_bits];
             record::put(records, size, RETURNS, rows.iter().copied(), returns);
+            if !classes.is_empty() && !c.category_id.is_empty() {
+                let class = |row: usize| {
+                    let class = classes.get(&c.category_id[row]).copied().unwrap_or(0);
+                    [if class <= self.most_class { class } else { UNCLASSIFIED }]
+                };
+                record::put(records, size, self.classification, rows.iter().copied(), class);
+            }
             if let (Some(time), false) = (self.time, c.time.is_empty()) {
                 record::put(records, size, time, rows.iter().copied(), |row| c.time[row].to_le_bytes());
             }

@@ -68,7 +68,7 @@ impl Document {
     }
 
     /// Line of the value at `path`, or of the innermost existing section around it.
-    fn line(&self, path: &str) -> Option<u64> {
+    pub fn line(&self, path: &str) -> Option<u64> {
         let mut node = self.tree.as_ref()?;
         let mut line = node.referenced.line();
         for step in steps(path) {
@@ -348,6 +348,17 @@ pub fn split_keys<'de, D: Deserializer<'de>>(
 ) -> Result<(Section, Section), D::Error> {
     let (taken, left) = Map::deserialize(deserializer)?.into_iter().partition(|(key, _)| first.contains(&key.as_str()));
     Ok((Section { tag: "", keys: taken }, Section { tag: "", keys: left }))
+}
+
+/// Reads a list of words, or a word as a list of one.
+///
+/// # Errors
+/// Neither.
+pub fn one_or_more_words<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<String>, D::Error> {
+    match Value::deserialize(deserializer)? {
+        Value::String(word) => Ok(vec![word]),
+        value => inner(&value),
+    }
 }
 
 /// Reads a list, a section as a list of one, or nothing as an empty list.

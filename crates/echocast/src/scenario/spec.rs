@@ -8,7 +8,7 @@ use crate::ground::named::{Named, by_name};
 use crate::ground::pose::Pose;
 use crate::material::ReflectanceSource;
 use crate::medium::Environment;
-use crate::read::yaml::{Document, inner};
+use crate::read::yaml::{Document, inner, one_or_more_words};
 use crate::scan::{Order, Profile};
 use crate::scene::{CacheFile, LabelRules, MaterialRules, UpAxis};
 use crate::sensor::Sensor;
@@ -367,14 +367,6 @@ fn word_or_nothing<'de, D: Deserializer<'de>, T: Named>(deserializer: D) -> Resu
 /// A list or section; nothing, where all that is in it is a comment, is an empty one.
 fn nothing_as_empty<'de, D: Deserializer<'de>, T: Deserialize<'de> + Default>(deserializer: D) -> Result<T, D::Error> {
     Option::deserialize(deserializer).map(Option::unwrap_or_default)
-}
-
-/// A word, several of them separated by commas, or a list.
-fn one_or_more_words<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<String>, D::Error> {
-    match Value::deserialize(deserializer)? {
-        Value::String(word) => Ok(vec![word]),
-        value => inner(&value),
-    }
 }
 
 impl Spec {

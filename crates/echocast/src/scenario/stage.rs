@@ -56,7 +56,11 @@ impl Stage {
     pub fn new(spec: &Spec, folder: &Path, engine: Engine) -> Result<Stage> {
         let labels = match &spec.scene.labels {
             LabelSource::None => LabelRules::default(),
-            LabelSource::File(file) => LabelRules::load(folder.join(file))?,
+            // A file beside the scenario is preferred to a preset.
+            LabelSource::File(file) => match folder.join(file) {
+                path if path.exists() => LabelRules::load(path)?,
+                _ => LabelRules::open(file)?,
+            },
             LabelSource::Rules(rules) => {
                 let mut rules = (**rules).clone();
                 rules.check(&Document::from_value("", Value::Null), "scene.labels")?;
@@ -116,8 +120,8 @@ impl Stage {
     }
 
     fn make(&self, spec: &Spec, folder: &Path) -> Result<Base> {
-        let mut scene = self.read(&spec.scene, folder)?;
-        hide(&mut scene, &spec.scene.hide)?;
+        let scene = self.read(&spec.scene, folder)?;
+        check_hidden(&scene, &spec.scene.hide)?;
         let mut live = LiveScene::new(&self.engine);
         live.set_motion_tolerance(spec.motion_tolerance_m)?;
         live.add_scene(&scene)?;
@@ -174,6 +178,7 @@ impl Stage {
             allow_outside_paths: spec.allow_outside_paths,
             caches,
             materials: spec.materials.clone(),
+            hide: spec.hide.clone(),
         };
         match &spec.generate {
             Some(made) if spec.files.is_empty() => made.scene(folder)?.load(&options),
@@ -220,16 +225,15 @@ impl Stage {
     }
 }
 
-/// Takes the objects away whose names match a pattern.
-fn hide(scene: &mut Scene, patterns: &[String]) -> Result<()> {
+/// Checks that each of `patterns` has left something out of `scene`.
+fn check_hidden(scene: &Scene, patterns: &[String]) -> Result<()> {
     for (index, pattern) in patterns.iter().enumerate() {
-        if !scene.objects.iter().any(|object| matches(pattern, &object.name)) {
+        if !scene.hidden.iter().any(|name| matches(pattern, name)) {
             let names = scene.objects.iter().map(|object| &object.name);
             let near = crate::ground::error::nearest(pattern, names).join(", ");
             let found = format!("{:?}, which no object is called", shown::name(pattern));
             return Err(Error::invalid(format!("scene.hide[{index}]"), found, near));
         }
-        scene.objects.retain(|object| !matches(pattern, &object.name));
     }
     Ok(())
 }

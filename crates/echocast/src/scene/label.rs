@@ -1,8 +1,10 @@
 //! Names to numbers: categories, parts, materials and instances.
 
 use super::{CacheFile, MaterialRules, Part, Scene, some_of};
-use crate::ground::error::Result;
-use crate::read::yaml::{Document, join};
+use crate::ground::error::{Result, nearest};
+use crate::ground::shown;
+use crate::read::presets;
+use crate::read::yaml::{Document, join, one_or_more_words};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::Path;
@@ -126,6 +128,9 @@ pub struct Labels {
     pub material: NameTable,
     /// Names of `instance_id`: the objects. Names may repeat here, numbers do not.
     pub instance: NameTable,
+    /// Class of the ASPRS, as LAS has it, of a `category_id`; that of others is 0, never classified.
+    #[serde(skip)]
+    pub las_class: BTreeMap<u32, u8>,
 }
 
 impl Labels {
@@ -141,8 +146,18 @@ impl Labels {
 pub struct LabelRules {
     /// Category or part name to number, from 1, no number twice.
     pub numbers: BTreeMap<String, u32>,
-    /// Object name pattern (`*` and `?`) to category; the longest matching pattern wins.
+    /// Pattern (`*` and `?`) of the names of objects, or of nodes that they hang on, to category. The nearest name that a
+    /// pattern matches counts, and of several patterns the one with the most letters; one without letters only where
+    /// nothing else gives a category.
     pub objects: BTreeMap<String, String>,
+    /// Patterns of the names of objects, or of nodes that they hang on, which are left out: sky boxes.
+    #[serde(deserialize_with = "one_or_more_words")]
+    pub hide: Vec<String>,
+    /// Which objects are one instance; `None`: all that hangs on the node that gives them their category, else on the
+    /// outermost node that is no mere group.
+    pub instances: Option<InstanceRule>,
+    /// Category to class of the ASPRS (LAS 1.4, table 17), for LAS files.
+    pub las_class: BTreeMap<String, u8>,
     /// Material name pattern (`*` and `?`) to part; the longest matching pattern wins.
     pub materials: BTreeMap<String, String>,
     /// Object name pattern (`*` and `?`) to the file that says how the object changes its shape; added to those of the load
@@ -151,6 +166,51 @@ pub struct LabelRules {
     /// What surfaces are made of, by material name pattern.
     #[serde(skip_serializing_if = "MaterialRules::is_empty")]
     pub surfaces: MaterialRules,
+    /// Whether they are for scenes of a kind: it is no mistake that a scene has nothing that some of them name.
+    #[serde(skip)]
+    pub general: bool,
+}
+
+/// Which objects are one instance.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(from = "Words", into = "Words")]
+pub enum InstanceRule {
+    /// Each placed mesh.
+    Node,
+    /// All that hangs on an outermost node of the file.
+    Root,
+    /// All that hangs on the outermost node with a name that one of these patterns (`*` and `?`) matches; what hangs on none
+    /// as if there were no rule.
+    Named(Vec<String>),
+}
+
+/// An [`InstanceRule`] as it is written: `node`, `root`, a pattern, or several.
+#[derive(Serialize, Deserialize)]
+#[serde(untagged)]
+enum Words {
+    One(String),
+    Several(Vec<String>),
+}
+
+impl From<Words> for InstanceRule {
+    fn from(words: Words) -> Self {
+        match words {
+            Words::One(word) if word == "node" => InstanceRule::Node,
+            Words::One(word) if word == "root" => InstanceRule::Root,
+            Words::One(pattern) => InstanceRule::Named(vec![pattern]),
+            Words::Several(patterns) => InstanceRule::Named(patterns),
+        }
+    }
+}
+
+impl From<InstanceRule> for Words {
+    fn from(rule: InstanceRule) -> Self {
+        match rule {
+            InstanceRule::Node => Words::One("node".into()),
+            InstanceRule::Root => Words::One("root".into()),
+            InstanceRule::Named(patterns) => Words::Several(patterns),
+        }
+    }
 }
 
 impl LabelRules {
@@ -164,6 +224,26 @@ impl LabelRules {
         let folder = path.parent().unwrap_or(Path::new(""));
         rules.caches.values_mut().for_each(|cache| cache.file = folder.join(&cache.file));
         Ok(rules)
+    }
+
+    /// The rules for scenes of a kind that ship with the library under `name` ([`LabelRules::presets`]), or the label file of
+    /// that name.
+    ///
+    /// # Errors
+    /// As [`LabelRules::load`].
+    pub fn open(name: impl AsRef<Path>) -> Result<Self> {
+        let path = name.as_ref();
+        let preset = LabelRules::presets().find(|(name, _)| path == Path::new(name) && !path.exists());
+        let Some((_, text)) = preset else { return LabelRules::load(path) };
+        let rules = LabelRules::read(&Document::parse(&shown::path(path), text)?)?;
+        Ok(LabelRules { general: true, ..rules })
+    }
+
+    /// Names and texts of the rules that ship with the library.
+    pub fn presets() -> impl Iterator<Item = (&'static str, &'static str)> {
+        let named =
+            |(path, text): (&'static str, _)| Some((path.strip_prefix("labels/")?.strip_suffix(".yaml")?, text));
+        presets::embedded("labels/").filter_map(named)
     }
 
     /// [`LabelRules::load`] from the text of a file.
@@ -189,7 +269,10 @@ impl LabelRules {
         let mut names = HashMap::new();
         for (name, number) in &self.numbers {
             if let Some(other) = names.insert(number, name) {
-                let message = format!("{other:?} has the number {number} too; allowed: one name for each number");
+                let line = document.line(&join(key, &join("numbers", other)));
+                let place = line.map_or(String::new(), |line| format!(" (line {line})"));
+                let message =
+                    format!("{other:?}{place} has the number {number} too; allowed: one name for each number");
                 return Err(wrong(name, &message));
             }
         }
@@ -198,20 +281,36 @@ impl LabelRules {
 
     /// Sentences about names in these rules that `scene`, read with them, does not have: mostly typing errors.
     pub(super) fn idle(&self, scene: &Scene) -> Vec<String> {
-        let objects: BTreeSet<&str> = scene.objects.iter().map(|object| object.name.as_str()).collect();
+        if self.general {
+            return Vec::new();
+        }
+        let own = scene.objects.iter().map(|object| object.name.as_str());
+        let above = scene.objects.iter().flat_map(|object| object.ancestors.iter()).map(|node| &*node.name);
+        let objects: BTreeSet<&str> = own.chain(above).collect();
+        let hidden: BTreeSet<&str> = scene.hidden.iter().map(String::as_str).collect();
         let parts = scene.objects.iter().flat_map(|object| &object.mesh.parts);
         let materials: BTreeSet<&str> = parts.map(Part::material_name).collect();
-        let unmatched = |patterns: &BTreeMap<String, String>, names: &BTreeSet<&str>| -> Vec<String> {
-            patterns.keys().filter(|pattern| !names.iter().any(|name| matches(pattern, name))).cloned().collect()
+        fn unmatched<'p>(patterns: impl Iterator<Item = &'p String>, names: &BTreeSet<&str>) -> Vec<String> {
+            patterns.filter(|pattern| !names.iter().any(|name| matches(pattern, name))).cloned().collect()
+        }
+        let instances = match &self.instances {
+            Some(InstanceRule::Named(patterns)) => patterns.as_slice(),
+            _ => &[],
         };
         let Labels { category, part, .. } = &scene.labels;
         let known: BTreeSet<&String> = category.names.iter().chain(&part.names).collect();
         [
-            ("patterns that no object's name matches (objects)", unmatched(&self.objects, &objects)),
-            ("patterns that no used material's name matches (materials)", unmatched(&self.materials, &materials)),
+            ("patterns that no object's name matches (objects)", unmatched(self.objects.keys(), &objects)),
+            ("patterns that no object's name matches (hide)", unmatched(self.hide.iter(), &hidden)),
+            ("patterns that no object's name matches (instances)", unmatched(instances.iter(), &objects)),
+            ("patterns that no used material's name matches (materials)", unmatched(self.materials.keys(), &materials)),
             (
                 "names that no object and no part has (numbers)",
                 self.numbers.keys().filter(|name| !known.contains(name)).cloned().collect(),
+            ),
+            (
+                "categories that no object has (las_class)",
+                self.las_class.keys().filter(|name| !category.names.contains(name)).cloned().collect(),
             ),
         ]
         .into_iter()
@@ -220,15 +319,20 @@ impl LabelRules {
         .collect()
     }
 
-    /// Category that the patterns assign to an object; they override the scene file.
-    pub fn category(&self, object: &str) -> Option<&str> {
-        best_match(&self.objects, object)
+    /// Patterns of names of objects and the categories that they give.
+    pub(super) fn patterns(&self) -> impl Iterator<Item = (&str, &str)> {
+        self.objects.iter().map(|(pattern, category)| (pattern.as_str(), category.as_str()))
     }
 
     /// Part that the patterns assign to the faces of a material; they override the scene file.
     pub fn part(&self, material: &str) -> Option<&str> {
         best_match(&self.materials, material)
     }
+}
+
+/// Whether `pattern` says anything of a name.
+pub(super) fn is_lettered(pattern: &str) -> bool {
+    pattern.chars().any(|c| !"*?".contains(c))
 }
 
 fn best_match<'a>(patterns: &'a BTreeMap<String, String>, name: &str) -> Option<&'a str> {
@@ -240,12 +344,38 @@ fn best_match<'a>(patterns: &'a BTreeMap<String, String>, name: &str) -> Option<
 pub(super) fn best_of<'a, T>(patterns: impl Iterator<Item = (&'a str, T)>, name: &str) -> Option<(&'a str, T)> {
     patterns
         .filter(|(pattern, _)| matches(pattern, name))
-        .max_by_key(|(pattern, _)| pattern.chars().filter(|c| !"*?".contains(*c)).count())
+        .max_by_key(|(pattern, _)| (pattern.chars().filter(|c| !"*?".contains(*c)).count(), has_capitals(pattern)))
 }
 
-/// Shell-style match: `*` any run of characters, `?` any one.
+fn has_capitals(pattern: &str) -> bool {
+    pattern.chars().any(char::is_uppercase)
+}
+
+/// Of `names` those that are most like what `pattern` means.
+pub(crate) fn near(pattern: &str, names: &[&str]) -> Vec<String> {
+    let plain: String = pattern.chars().filter(|letter| !"*?".contains(*letter)).collect();
+    let length = plain.chars().count();
+    // Of what a `*` stands for nothing is compared.
+    let told = |name: &&str| -> String {
+        match (pattern.starts_with('*'), pattern.ends_with('*')) {
+            (false, true) => name.chars().take(length).collect(),
+            (true, false) => name.chars().skip(name.chars().count().saturating_sub(length)).collect(),
+            _ => (*name).to_owned(),
+        }
+    };
+    let like = nearest(&plain, names.iter().map(told));
+    let found: BTreeSet<&str> = names.iter().copied().filter(|name| like.contains(&told(name))).collect();
+    found.into_iter().take(3).map(str::to_owned).collect()
+}
+
+/// Shell-style match: `*` any run of characters, `?` any one; a pattern without capitals fits capitals too.
 pub(crate) fn matches(pattern: &str, name: &str) -> bool {
-    let (pattern, name): (Vec<char>, Vec<char>) = (pattern.chars().collect(), name.chars().collect());
+    let any_case = !has_capitals(pattern);
+    let letters = name.chars().flat_map(|c| {
+        let same = [c].into_iter().filter(move |_| !any_case);
+        same.chain(c.to_lowercase().filter(move |_| any_case))
+    });
+    let (pattern, name): (Vec<char>, Vec<char>) = (pattern.chars().collect(), letters.collect());
     let (mut p, mut n) = (0, 0);
     // Where to continue when the text after the last `*` does not fit: (pattern after it, next start).
     let mut retry: Option<(usize, usize)> = None;
@@ -297,10 +427,14 @@ mod tests {
             ]),
             ..LabelRules::default()
         };
-        assert_eq!(rules.category("Desk_7"), Some("desk"));
-        assert_eq!(rules.category("Desk_12"), Some("big"));
-        assert_eq!(rules.category("Lamp"), Some("thing"));
+        let category = |name| best_of(rules.patterns(), name).map(|(_, category)| category);
+        assert_eq!(category("Desk_7"), Some("desk"));
+        assert_eq!(category("Desk_12"), Some("big"));
+        assert_eq!(category("Lamp"), Some("thing"));
         assert_eq!(rules.part("leg_metal"), None);
+        assert!(matches("car_*", "Car_1") && !matches("Car_*", "car_1") && matches("straße", "STRAßE"));
+        let shade = [("Car*", 1), ("car*", 2)].into_iter();
+        assert_eq!(best_of(shade, "Car").map(|(_, found)| found), Some(1));
         assert!(matches("a*b*c", "axxbyybc") && !matches("a*b*c", "axxbyyb") && matches("*", "") && !matches("?", ""));
     }
 
@@ -315,10 +449,12 @@ mod tests {
         assert_eq!(
             error("numbers: {chair: 10, wall: 2, desk: 10}"),
             format!(
-                "{}: line 1: numbers.desk: \"chair\" has the number 10 too; allowed: one name for each number",
+                "{}: line 1: numbers.desk: \"chair\" (line 1) has the number 10 too; allowed: one name for each number",
                 path.display()
             )
         );
+        let lines = error("numbers:\n  chair: 10\n  desk: 10\n");
+        assert!(lines.contains("line 3: numbers.desk: \"chair\" (line 2) has the number 10 too"), "{lines}");
         assert!(error("numbers: {chair: 0}").ends_with("numbers.chair: 0 means unlabelled; allowed: 1 to 4294967295"));
     }
 }

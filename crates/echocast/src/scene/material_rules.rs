@@ -1,7 +1,7 @@
 //! What surfaces are made of, by patterns of the names of their materials.
 
 use super::{Mesh, Scene, matches};
-use crate::ground::error::{Error, Result, nearest};
+use crate::ground::error::{Error, Result};
 use crate::ground::shown;
 use crate::material::Material;
 use crate::read::yaml::{Document, join};
@@ -132,23 +132,8 @@ impl Scene {
 
     /// The names of materials that are most like those that `pattern` means.
     pub(crate) fn materials_near(&self, pattern: &str) -> Vec<String> {
-        let plain: String = pattern.chars().filter(|letter| !"*?".contains(*letter)).collect();
-        let length = plain.chars().count();
-        // Of what a `*` stands for nothing is compared.
-        let told = |name: &String| -> String {
-            match (pattern.starts_with('*'), pattern.ends_with('*')) {
-                (false, true) => name.chars().take(length).collect(),
-                (true, false) => name.chars().skip(name.chars().count().saturating_sub(length)).collect(),
-                _ => name.clone(),
-            }
-        };
-        let names = || self.materials.iter().map(|material| &material.name);
-        let near = nearest(&plain, names().map(told));
-        let mut found: Vec<String> = names().filter(|name| near.contains(&told(name))).cloned().collect();
-        found.sort();
-        found.dedup();
-        found.truncate(3);
-        found
+        let names: Vec<&str> = self.materials.iter().map(|material| material.name.as_str()).collect();
+        super::label::near(pattern, &names)
     }
 }
 

@@ -1,6 +1,6 @@
 //! Several scene files as one scene.
 
-use super::{Camera, LabelRules, NamedObject, Scene};
+use super::{Camera, InstanceKey, LabelRules, NamedObject, Scene};
 use crate::motion::Timeline;
 use std::sync::Arc;
 
@@ -13,12 +13,14 @@ impl Scene {
         }
         let mut all = Scene::default();
         let (mut objects, mut timeline) = (Vec::new(), Timeline::default());
-        for scene in scenes {
+        for (number, scene) in scenes.into_iter().enumerate() {
             let Scene { labels, .. } = scene;
             let shift = timeline.append(Arc::unwrap_or_clone(scene.timeline));
             objects.extend(scene.objects.into_iter().map(|object| NamedObject {
                 category: labels.category.name(object.category_id).unwrap_or_default().to_owned(),
                 parts: object.part_ids.iter().map(|&id| labels.part.name(id).unwrap_or_default().to_owned()).collect(),
+                instance: InstanceKey::Shared(number, object.instance_id),
+                instance_name: labels.instance.name(object.instance_id).unwrap_or_default().to_owned(),
                 name: object.name,
                 mesh: object.mesh,
                 world_from_object: object.world_from_object,
@@ -33,10 +35,11 @@ impl Scene {
             all.animations.extend(scene.animations);
             all.animation_lengths.extend(scene.animation_lengths);
             all.degenerate_triangles += scene.degenerate_triangles;
+            all.hidden.extend(scene.hidden);
             all.report.absorb(scene.report);
         }
         all.timeline = Arc::new(timeline);
-        all.number(objects, &rules.numbers)
+        all.number(objects, rules)
     }
 }
 
@@ -66,8 +69,10 @@ mod tests {
             part: None,
             motion: None,
             ancestors: Arc::default(),
+            has_node: false,
         };
-        empty.assemble(vec![object], rules)
+        let options = super::super::LoadOptions { labels: rules.clone(), ..Default::default() };
+        empty.assemble(vec![object], &options)
     }
 
     #[test]

@@ -10,6 +10,7 @@
 mod caches;
 mod camera;
 mod gltf;
+mod identity;
 mod label;
 mod material_rules;
 mod merge;
@@ -20,8 +21,9 @@ mod sequence;
 pub use crate::ground::array::Array;
 pub use caches::CacheFile;
 pub use camera::Camera;
+use identity::{Identifier, Identity, InstanceKey};
 pub(crate) use label::matches;
-pub use label::{LabelRules, Labels, NameTable};
+pub use label::{InstanceRule, LabelRules, Labels, NameTable};
 pub use material_rules::{MaterialRule, MaterialRules};
 pub use mesh::{Mesh, Part};
 pub use sequence::Sequence;
@@ -34,7 +36,7 @@ use crate::ground::shown;
 use crate::material::TextureBudget;
 pub use crate::material::{Filter, Material, Texture, TextureRef, Wrap};
 use crate::motion::{Motion, Timeline};
-use crate::read::yaml::Document;
+use crate::read::yaml::{Document, one_or_more_words};
 use glam::{DAffine3, DVec3};
 pub(crate) use mesh::beyond_reach;
 use serde::Deserialize;
@@ -84,6 +86,10 @@ pub struct LoadOptions {
     pub caches: BTreeMap<String, CacheFile>,
     /// What surfaces are made of; these rules come after those of the label file.
     pub materials: MaterialRules,
+    /// Patterns (`*` and `?`) of the names of objects, or of nodes that they hang on, which are left out, beside those of
+    /// the label file.
+    #[serde(deserialize_with = "one_or_more_words")]
+    pub hide: Vec<String>,
 }
 
 impl Default for LoadOptions {
@@ -98,6 +104,7 @@ impl Default for LoadOptions {
             allow_outside_paths: false,
             caches: BTreeMap::new(),
             materials: MaterialRules::default(),
+            hide: Vec::new(),
         }
     }
 }
@@ -133,7 +140,7 @@ pub struct Object {
     pub category_id: u32,
     /// Part number of each part of the mesh, in their order.
     pub part_ids: Vec<u32>,
-    /// Number of this object, from 1.
+    /// Number of the instance, from 1; objects that are one share it.
     pub instance_id: u32,
     /// Scans whose mask shares a bit with this see it.
     pub mask: u32,
@@ -157,6 +164,9 @@ pub struct Ancestor {
     pub name: Arc<str>,
     /// The category that it gives to what hangs on it, if it does.
     pub category: Option<Arc<str>>,
+    /// Whether it only holds other things together: it has no mesh and no category, and either lies at the origin of what
+    /// it hangs on, or holds very many things, instances of a mesh, or another group.
+    pub is_group: bool,
 }
 
 /// Most ancestors that an object knows.
@@ -207,6 +217,8 @@ pub struct Scene {
     pub animation_lengths: Vec<f64>,
     /// Triangles without area that were left out.
     pub degenerate_triangles: usize,
+    /// Of each object that rules have left out, the name that they know.
+    pub hidden: Vec<String>,
     /// What the reader noticed.
     pub report: Report,
 }
@@ -255,7 +267,7 @@ impl Scene {
 
     /// The scene as read from `origin` if it has anything to scan.
     fn checked(self, origin: &Path) -> Result<Scene> {
-        if self.triangle_count() == 0 {
+        if self.triangle_count() == 0 && self.hidden.is_empty() {
             return Err(Error::parse(origin, "", "no triangle to scan: the file holds no mesh with area"));
         }
         self.check_reach(origin)?;
@@ -279,7 +291,21 @@ impl Scene {
         if let Some(name) = options.animation.as_ref().filter(|name| !self.animations.contains(name)) {
             return Err(Error::missing("animation", name, &self.animations));
         }
+        if self.triangle_count() == 0 {
+            let patterns = [options.hide.as_slice(), &options.labels.hide].concat().join(", ");
+            return Err(Error::invalid("hide", patterns, "patterns that leave something to scan"));
+        }
         options.labels.idle(&self).into_iter().for_each(|warning| self.report.warn(warning));
+        for pattern in &options.hide {
+            if !self.hidden.iter().any(|name| matches(pattern, name)) {
+                let names: Vec<&str> = self.objects.iter().map(|object| object.name.as_str()).collect();
+                let near = match label::near(pattern, &names).join(", ") {
+                    near if near.is_empty() => near,
+                    near => format!("; near: {near}"),
+                };
+                self.report.warn(format!("hide: no object's name matches {:?}{near}", shown::name(pattern)));
+            }
+        }
         for (what, rules) in
             [("label rules: surfaces", &options.labels.surfaces), ("material rules", &options.materials)]
         {
@@ -359,6 +385,36 @@ impl Scene {
     /// World-space box around all objects, metres; `None` for an empty scene.
     pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
         surrounding(self.object_boxes().flat_map(|(_, corners)| corners))
+    }
+
+    /// Instances that seem to be a sky: called so, or around all the rest and several times as large. They send back light
+    /// that no sky would: [`LoadOptions::hide`] leaves them out.
+    pub fn skies(&self) -> Vec<u32> {
+        /// How much larger than the rest, along each axis.
+        const LARGER: f64 = 4.0;
+        let is_called_so = |object: &Object| {
+            let category = self.labels.category.name(object.category_id).unwrap_or_default();
+            let instance = self.labels.instance.name(object.instance_id).unwrap_or_default();
+            [category, instance, &object.name].into_iter().any(|name| matches("sky*", name) || matches("*_sky*", name))
+        };
+        let boxes =
+            self.object_boxes().filter_map(|(object, corners)| Some((object, surrounding(corners.into_iter())?)));
+        let (mut skies, rest): (Vec<_>, Vec<_>) = boxes.partition(|(object, _)| is_called_so(object));
+        let volume = |(low, high): &(DVec3, DVec3)| (*high - *low).element_product();
+        let largest = rest.iter().max_by(|(_, a), (_, b)| volume(a).total_cmp(&volume(b)));
+        if let Some((object, (low, high))) = largest {
+            let others = rest.iter().filter(|(other, _)| other.instance_id != object.instance_id);
+            if let Some((inner_low, inner_high)) = surrounding(others.flat_map(|(_, (low, high))| [*low, *high])) {
+                let around = inner_low.cmpge(*low).all() && inner_high.cmple(*high).all();
+                if around && (*high - *low).cmpge(LARGER * (inner_high - inner_low)).all() {
+                    skies.push((*object, (*low, *high)));
+                }
+            }
+        }
+        let mut ids: Vec<u32> = skies.into_iter().map(|(object, _)| object.instance_id).collect();
+        ids.sort_unstable();
+        ids.dedup();
+        ids
     }
 
     /// The camera node called `name`.
@@ -478,6 +534,8 @@ pub(crate) struct RawObject {
     pub motion: Option<Motion>,
     /// As in [`Object::ancestors`].
     pub ancestors: Arc<[Ancestor]>,
+    /// Whether the last of them is its own node.
+    pub has_node: bool,
 }
 
 /// An object whose labels are words, about to be numbered.
@@ -489,72 +547,86 @@ struct NamedObject {
     category: String,
     /// One for each part of the mesh; empty = unlabelled.
     parts: Vec<String>,
+    instance: InstanceKey,
+    /// What the instance is called.
+    instance_name: String,
     motion: Option<Motion>,
     ancestors: Arc<[Ancestor]>,
 }
 
 impl Scene {
-    /// Gives every object and part its label numbers; the last step of every reader.
-    pub(crate) fn assemble(self, objects: Vec<RawObject>, rules: &LabelRules) -> Scene {
+    /// Leaves out what is to be hidden, and gives every object and part its label numbers; the last step of every reader.
+    pub(crate) fn assemble(mut self, mut objects: Vec<RawObject>, options: &LoadOptions) -> Scene {
+        let rules = &options.labels;
+        let hidden = |name: &str| options.hide.iter().chain(&rules.hide).any(|pattern| matches(pattern, name));
+        objects.retain(|object| {
+            let above = object.ancestors.iter().map(|node| &*node.name);
+            let known = std::iter::once(object.name.as_str()).chain(above).find(|name| hidden(name));
+            self.hidden.extend(known.map(str::to_owned));
+            known.is_none()
+        });
+        let mut identifier = Identifier::new(rules);
         let named = objects
             .into_iter()
-            .map(|object| NamedObject {
-                category: rules
-                    .category(&object.name)
-                    .or(object.category.as_deref())
-                    .unwrap_or(&object.name)
-                    .to_owned(),
-                parts: object
-                    .mesh
-                    .parts
-                    .iter()
-                    .map(|part| {
-                        let material = part.material_name();
-                        rules.part(material).or(object.part.as_deref()).unwrap_or(material).to_owned()
-                    })
-                    .collect(),
-                name: object.name,
-                mesh: object.mesh,
-                world_from_object: object.world_from_object,
-                up: object.up,
-                motion: object.motion,
-                ancestors: object.ancestors,
+            .enumerate()
+            .map(|(place, object)| {
+                let Identity { category, instance, name: instance_name } = identifier.identify(&object, place);
+                NamedObject {
+                    category,
+                    parts: object
+                        .mesh
+                        .parts
+                        .iter()
+                        .map(|part| {
+                            let material = part.material_name();
+                            rules.part(material).or(object.part.as_deref()).unwrap_or(material).to_owned()
+                        })
+                        .collect(),
+                    instance,
+                    instance_name,
+                    name: object.name,
+                    mesh: object.mesh,
+                    world_from_object: object.world_from_object,
+                    up: object.up,
+                    motion: object.motion,
+                    ancestors: object.ancestors,
+                }
             })
             .collect();
-        self.number(named, &rules.numbers)
+        identifier.contradictions().into_iter().for_each(|warning| self.report.warn(warning));
+        self.number(named, rules)
     }
 
     /// Numbers the labels of `objects`, which become this scene's.
-    fn number(mut self, objects: Vec<NamedObject>, numbers: &BTreeMap<String, u32>) -> Scene {
-        let category = NameTable::number(objects.iter().map(|object| object.category.clone()), numbers);
-        let part = NameTable::number(objects.iter().flat_map(|object| object.parts.iter().cloned()), numbers);
+    fn number(mut self, objects: Vec<NamedObject>, rules: &LabelRules) -> Scene {
+        let category = NameTable::number(objects.iter().map(|object| object.category.clone()), &rules.numbers);
+        let part = NameTable::number(objects.iter().flat_map(|object| object.parts.iter().cloned()), &rules.numbers);
         let material = NameTable::number(self.materials.iter().map(|m| m.name.clone()), &BTreeMap::new());
+        let class = |(id, name)| Some((id, *rules.las_class.get(name)?));
+        let las_class = category.iter().filter_map(class).collect();
 
         // Instances are numbered in sorted order of their names; equal names keep the file's order.
-        let mut order: Vec<usize> = (0..objects.len()).collect();
-        order.sort_by(|&a, &b| objects[a].name.cmp(&objects[b].name));
-        let mut instance_ids = vec![0; objects.len()];
-        for (position, &index) in order.iter().enumerate() {
-            instance_ids[index] = position as u32 + 1;
-        }
+        let mut known = HashSet::new();
+        let mut order: Vec<&NamedObject> = objects.iter().filter(|object| known.insert(object.instance)).collect();
+        order.sort_by_key(|object| &object.instance_name);
+        let instance_ids: HashMap<InstanceKey, u32> = order.iter().map(|object| object.instance).zip(1..).collect();
         let instance = NameTable {
-            ids: (1..=objects.len() as u32).collect(),
-            names: order.iter().map(|&index| objects[index].name.clone()).collect(),
+            ids: (1..=order.len() as u32).collect(),
+            names: order.iter().map(|object| object.instance_name.clone()).collect(),
         };
 
         let (category_ids, part_ids) = (category.to_map(), part.to_map());
         let number = |ids: &HashMap<&str, u32>, name: &str| ids.get(name).copied().unwrap_or(0);
         self.objects = objects
             .into_iter()
-            .zip(instance_ids)
-            .map(|(object, instance_id)| Object {
+            .map(|object| Object {
                 category_id: number(&category_ids, &object.category),
                 part_ids: object.parts.iter().map(|name| number(&part_ids, name)).collect(),
                 name: object.name,
                 mesh: object.mesh,
                 world_from_object: object.world_from_object,
                 up: object.up,
-                instance_id,
+                instance_id: instance_ids[&object.instance],
                 mask: u32::MAX,
                 material: None,
                 motion: object.motion,
@@ -562,7 +634,7 @@ impl Scene {
                 sequence: None,
             })
             .collect();
-        self.labels = Labels { category, part, material, instance };
+        self.labels = Labels { category, part, material, instance, las_class };
         self
     }
 }

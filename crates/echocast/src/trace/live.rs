@@ -977,11 +977,17 @@ impl Renumbered {
     fn absorbing(labels: &mut Labels, other: &Labels) -> Renumbered {
         labels.material.absorb(&other.material);
         let (categories, parts) = (labels.category.absorb(&other.category), labels.part.absorb(&other.part));
-        Renumbered { categories, parts }
+        let numbers = Renumbered { categories, parts };
+        labels.las_class.extend(other.las_class.iter().map(|(&id, &class)| (numbers.category_of(id), class)));
+        numbers
     }
 
     fn category(&self, object: &Object) -> u32 {
-        self.categories.get(&object.category_id).copied().unwrap_or(object.category_id)
+        self.category_of(object.category_id)
+    }
+
+    fn category_of(&self, id: u32) -> u32 {
+        self.categories.get(&id).copied().unwrap_or(id)
     }
 
     fn parts(&self, object: &Object) -> Vec<u32> {

@@ -145,8 +145,9 @@ impl Thing {
             let name = if node.name.is_empty() { &self.name } else { &node.name };
             return Some((Bond::Node(node.node), name.clone()));
         }
-        let placed = self.ancestors.is_empty() && self.number != 0;
-        let bond = if placed { Bond::Instance(self.number) } else { Bond::Object(self.id) };
+        // What is named piece by piece is changed piece by piece.
+        let whole = self.ancestors.is_empty() || target.object.is_none();
+        let bond = if whole && self.number != 0 { Bond::Instance(self.number) } else { Bond::Object(self.id) };
         fits(&target.object, &self.name).then(|| (bond, self.name.clone()))
     }
 }

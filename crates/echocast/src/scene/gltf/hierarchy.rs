@@ -3,6 +3,7 @@
 use super::Document;
 use super::animation::{Property, Tracks};
 use super::extras::text;
+use super::instancing;
 use crate::ground::error::Result;
 use crate::motion::{Node, Rest};
 use crate::scene::{Ancestor, MOST_ANCESTORS};
@@ -69,6 +70,8 @@ pub(super) struct Placed<'a> {
     pub blinks: bool,
     /// Whether it can never be seen.
     pub hidden: bool,
+    /// Whether it stays at the origin of what it hangs on.
+    at_origin: bool,
     /// `categoryID` of the node or its nearest ancestor.
     pub category: Option<&'a str>,
     /// `partID` of the node or its nearest ancestor.
@@ -131,6 +134,7 @@ impl<'a> Tree<'a> {
             scales: false,
             blinks: false,
             hidden: false,
+            at_origin: true,
             category: None,
             part: None,
         };
@@ -140,7 +144,9 @@ impl<'a> Tree<'a> {
             let node = placed.node;
             let fault = |message| document.error(document.node_place(node), message);
             let Local { node: local, hidden } = Local::read(document, tracks, node).map_err(fault)?;
-            placed.world_from_node *= local.parent_from_node(0.0);
+            let parent_from_node = local.parent_from_node(0.0);
+            placed.at_origin = local.translation.is_none() && parent_from_node.translation == DVec3::ZERO;
+            placed.world_from_node *= parent_from_node;
             if !placed.world_from_node.is_finite() {
                 return Err(fault("its place in the world is not finite".into()));
             }
@@ -166,12 +172,15 @@ pub(super) struct Ancestry<'a> {
     document: &'a Document<'a>,
     labels: &'a [[Option<String>; 2]],
     parents: &'a [Option<usize>],
+    /// For every node of the file whether it only holds other things together.
+    groups: Vec<bool>,
     known: HashMap<usize, Ancestor>,
 }
 
 impl<'a> Ancestry<'a> {
     pub fn new(document: &'a Document<'a>, labels: &'a [[Option<String>; 2]], tree: &'a Tree<'a>) -> Self {
-        Ancestry { document, labels, parents: &tree.parents, known: HashMap::new() }
+        let groups = groups(document, labels, tree);
+        Ancestry { document, labels, parents: &tree.parents, groups, known: HashMap::new() }
     }
 
     /// The nodes that what is at `node` hangs on, see [`crate::scene::Object::ancestors`].
@@ -184,6 +193,7 @@ impl<'a> Ancestry<'a> {
                     node: node as u32,
                     name: self.document.json.nodes[node].name.as_deref().unwrap_or_default().into(),
                     category: self.labels[node][0].as_deref().map(Arc::from),
+                    is_group: self.groups[node],
                 };
                 self.known.entry(node).or_insert_with(made).clone()
             })
@@ -191,6 +201,32 @@ impl<'a> Ancestry<'a> {
         line.reverse();
         line.into()
     }
+}
+
+/// For every node of the file whether it only holds other things together, see [`Ancestor::is_group`].
+fn groups(document: &Document<'_>, labels: &[[Option<String>; 2]], tree: &Tree<'_>) -> Vec<bool> {
+    /// A thing of more pieces is taken for many things.
+    const MOST_PIECES: usize = 64;
+    let nodes = &document.json.nodes;
+    let mut groups = vec![false; nodes.len()];
+    let mut has_mesh = vec![false; nodes.len()];
+    // Children before their parents.
+    for placed in tree.placed.iter().rev() {
+        let node = &nodes[placed.node];
+        let children = node.children.iter().flatten().map(|child| child.value());
+        let pieces: Vec<usize> = children.filter(|&child| has_mesh[child]).collect();
+        has_mesh[placed.node] = node.mesh.is_some() || !pieces.is_empty();
+        let instanced = |&child: &usize| {
+            nodes[child].extensions.as_ref().is_some_and(|all| all.others.contains_key(instancing::EXTENSION))
+        };
+        groups[placed.node] = node.mesh.is_none()
+            && labels[placed.node][0].is_none()
+            && (placed.at_origin
+                || pieces.len() > MOST_PIECES
+                || pieces.iter().any(instanced)
+                || matches!(pieces[..], [only] if groups[only]));
+    }
+    groups
 }
 
 /// A node by itself, as it is animated.

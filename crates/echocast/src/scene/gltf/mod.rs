@@ -121,7 +121,7 @@ pub(super) fn read_bytes(
         report,
         ..Scene::default()
     };
-    Ok(scene.assemble(objects, &options.labels))
+    Ok(scene.assemble(objects, options))
 }
 
 /// The camera at a node, if there is one.

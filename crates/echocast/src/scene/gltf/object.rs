@@ -62,7 +62,8 @@ impl<'a> Objects<'a> {
         if world_from_object.is_some() && instances.take().is_some() {
             self.meshes.notes.add("instances of meshes with a skin are left out but for one", here);
         }
-        let ancestors = self.ancestry.of(placed.node, instances.is_none());
+        let has_node = instances.is_none();
+        let ancestors = self.ancestry.of(placed.node, has_node);
         self.meshes.accessors.charge(ancestors.len() * size_of::<Ancestor>()).map_err(fault)?;
         for node_from_object in instances.unwrap_or_else(|| vec![DAffine3::IDENTITY]) {
             let world_from_object = world_from_object.unwrap_or(placed.world_from_node * node_from_object);
@@ -81,6 +82,7 @@ impl<'a> Objects<'a> {
                 part: placed.part.map(str::to_owned),
                 motion,
                 ancestors: ancestors.clone(),
+                has_node,
             };
             let text = object.name.len() + placed.category.map_or(0, str::len) + placed.part.map_or(0, str::len);
             self.meshes.accessors.charge(size_of::<RawObject>() + text).map_err(fault)?;

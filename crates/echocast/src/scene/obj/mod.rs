@@ -107,6 +107,7 @@ fn scene_of(path: &Path, mut file: Statements, options: &LoadOptions, images: &m
             part: None,
             motion: None,
             ancestors: Arc::default(),
+            has_node: false,
         });
     }
 
@@ -120,7 +121,7 @@ fn scene_of(path: &Path, mut file: Statements, options: &LoadOptions, images: &m
             scene.report.warn(format!("{}: {} {fate}", shown::path(path), count(number, what)));
         }
     }
-    Ok(scene.assemble(objects, &options.labels))
+    Ok(scene.assemble(objects, options))
 }
 
 /// The materials of the MTL files, and which of them the scene uses.
