@@ -94,7 +94,7 @@ fn scans() {
             built.scan_into(&sensor, &trajectory, &options, &mut cloud).unwrap();
             let count = COUNT.load(Ordering::Relaxed) - before;
             assert!(cloud.len > 100);
-            // The first scan makes the columns. rayon's queue of tasks takes a block now and then.
+            // The first scan makes the columns.
             if frame > 0 {
                 most = most.max(count);
             }

@@ -25,3 +25,8 @@ pub fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values[values.len() / 2]
 }
+
+/// What a `part` of `values`, which rise, is at most.
+pub fn quantile(values: &[f64], part: f64) -> f64 {
+    values[((values.len() - 1) as f64 * part).round() as usize]
+}

@@ -1,12 +1,13 @@
 //! `make bench`: rays per second compared with the bare Embree loop, what weather adds, what adaptive beams cost and
-//! find, what moves, sonar, samples of sets, the paper's two experiments, how fast files are read and written, and the C
-//! library compared with the Rust crate. Prints tables and writes `target/bench.json`.
+//! find, what moves, sonar, samples of sets, the paper's two experiments, how fast files are read and written, the C
+//! library compared with the Rust crate, and scans side by side. Prints tables and writes `target/bench.json`.
 //!
 //! All ratios come from interleaved rounds in one process; times are processor time, medians.
 #![forbid(unsafe_code)]
 
 mod clock;
 mod embedding;
+mod fair;
 mod files;
 mod light;
 mod memory;
@@ -36,6 +37,7 @@ const SECTIONS: &[Section] = &[
     ("files", files::run),
     ("memory", memory::run),
     ("embedding", embedding::run),
+    ("fair", fair::run),
 ];
 
 fn main() -> Result<()> {

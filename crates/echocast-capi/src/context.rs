@@ -33,9 +33,10 @@ pub type echocast_log_fn = Option<unsafe extern "C" fn(user: *mut c_void, level:
 pub struct echocast_context_desc {
     /// sizeof(echocast_context_desc).
     pub struct_size: usize,
-    /// Threads of the context's own that scan, up to 1024: 0 for as many as the machine has cores, 1 for none at all
-    /// (the calling thread does everything, on 256 KiB of its stack). One less, up to one per core, help to build large
-    /// meshes. All are started with the context; nothing asks the system for threads later, nor does Embree's TBB.
+    /// Threads that scan, up to 1024: the calling one, which needs 256 KiB of stack, and others of the context's own, who
+    /// help all callers at once, those with the fewest rays first. 0 for as many as the machine has cores, 1 for the
+    /// calling thread alone. One less, up to one per core, help to build large meshes. All are started with the context;
+    /// nothing asks the system for threads later, nor does Embree's TBB.
     pub threads: i32,
     /// Least important messages for `log`: an ECHOCAST_LOG_ number.
     pub log_level: i32,

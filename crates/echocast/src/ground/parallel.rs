@@ -1,16 +1,38 @@
 //! Work shared among threads, or done by the calling thread alone if [`crate::Engine`] says so.
 //!
-//! Threads take parts from one list until it is empty. They do not halve the work recursively: a thread waiting for the
-//! other half would take up whatever else its pool has to do, on the same stack, and wait again in that. Here it only
-//! finds an empty list, and does what others give the pool without the help of more threads.
+//! Threads take parts from one list until it is empty. An engine's threads help the calling one, see [`Crew`]. In a rayon
+//! pool of the host's, its threads do not halve the work recursively: a thread waiting for the other half would take up
+//! whatever else its pool has to do, on the same stack, and wait again in that. Here it only finds an empty list, and does
+//! what others give the pool without the help of more threads.
 
-use std::cell::Cell;
+use echocast_crew::Crew;
+use std::cell::{Cell, RefCell};
 use std::ops::Range;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 thread_local! {
     /// Whether this thread must do all work itself: it is an engine's only one, or others already share its work.
     static ALONE: Cell<bool> = const { Cell::new(false) };
+    /// Who helps this thread, and the size of its work.
+    static CREW: RefCell<Option<(Arc<Crew>, u64)>> = const { RefCell::new(None) };
+}
+
+/// Runs `work`, which is of a `size`, with the help of `crew`.
+pub(crate) fn with_crew<R>(crew: &Arc<Crew>, size: u64, work: impl FnOnce() -> R) -> R {
+    /// Restores the previous state, also when `work` panics.
+    struct Before(Option<(Arc<Crew>, u64)>);
+    impl Drop for Before {
+        fn drop(&mut self) {
+            CREW.replace(self.0.take());
+        }
+    }
+    let _before = Before(CREW.replace(Some((crew.clone(), size))));
+    work()
+}
+
+/// Who helps this thread.
+fn crew() -> Option<(Arc<Crew>, u64)> {
+    CREW.with_borrow(Clone::clone)
 }
 
 /// Runs `work` without the help of other threads.
@@ -28,7 +50,11 @@ pub(crate) fn alone<R>(work: impl FnOnce() -> R) -> R {
 
 /// Threads that work here.
 pub(crate) fn threads() -> usize {
-    if ALONE.get() { 1 } else { rayon::current_num_threads() }
+    match crew() {
+        _ if ALONE.get() => 1,
+        Some((crew, _)) => crew.len() + 1,
+        None => rayon::current_num_threads(),
+    }
 }
 
 /// Does both, possibly at the same time, on a thread that need not be alone. What it takes up while waiting, for others
@@ -49,11 +75,18 @@ pub(crate) fn for_each_of<T: Send>(items: impl Iterator<Item = T> + Send, work: 
     }
     let items = Mutex::new(items);
     let next = || items.lock().unwrap_or_else(PoisonError::into_inner).next();
-    team(threads(), &|| {
-        while let Some(item) = next() {
-            work(item);
+    // A part is done by one thread.
+    let step = || match next() {
+        Some(item) => {
+            alone(|| work(item));
+            true
         }
-    });
+        None => false,
+    };
+    match crew().filter(|_| !ALONE.get()) {
+        Some((crew, size)) => crew.share(size, &step),
+        None => team(threads(), &|| while step() {}),
+    }
 }
 
 /// Does `work` on every item and its index.

@@ -169,7 +169,7 @@ impl BuiltScene {
     /// [`BuiltScene::scan`] into the memory of `cloud`. After the first of its kind, a scan in beam order allocates
     /// nothing, except for a few small blocks with weather, several rays per beam, blooming or another profile than the
     /// physical one, the beams of a pattern that does not repeat (`risley`), and sonars ([`BuiltScene::ping_into`]
-    /// reuses memory). Threads keep their working memory until they end.
+    /// reuses memory). Threads, the calling one among them, keep their working memory until they end.
     ///
     /// # Errors
     /// As [`BuiltScene::scan`]. `cloud` is unchanged if the pose or the options are wrong; if there is no memory, it is

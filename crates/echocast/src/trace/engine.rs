@@ -2,11 +2,11 @@
 
 use crate::ground::error::{Error, Result};
 use crate::ground::parallel;
+use echocast_crew::Crew;
 use embree4::{CommittedScene, Device, Joint, Pace};
-use rayon::ThreadPool;
 use std::error::Error as _;
 use std::sync::mpsc::{self, Sender};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::{fmt, io, mem};
 
@@ -24,23 +24,12 @@ struct Parts {
 enum Workers {
     /// The calling thread alone.
     Caller,
-    /// The rayon pool that the caller is in, usually the global one.
-    Rayon,
-    /// Threads of this engine's own.
-    Own(Pool),
+    /// The calling thread with the help of others; on a thread of a rayon pool, that pool instead.
+    Crew(Arc<Crew>),
 }
 
-/// A pool whose threads have ended once it is dropped.
-struct Pool {
-    pool: Option<ThreadPool>,
-    threads: Vec<JoinHandle<()>>,
-    /// Held by the thread whose work is being done: otherwise a worker that waits for a part of it would take up the
-    /// next thread's work, on the same stack, and so on.
-    turn: Mutex<()>,
-}
-
-/// As [`Pool::turn`], for rayon's global pool.
-static RAYONS_TURN: Mutex<()> = Mutex::new(());
+/// The crew of engines that work on all cores, started with the first and kept.
+static EVERYBODYS_CREW: Mutex<Option<Arc<Crew>>> = Mutex::new(None);
 
 /// Threads that help build scenes, apart from those that scan: a mesh may be built in the background. They sleep until
 /// called.
@@ -49,8 +38,8 @@ struct Builders {
     threads: Vec<JoinHandle<()>>,
 }
 
-/// Those of engines that work with rayon's threads, started with the first and kept as rayon's are.
-static RAYONS_BUILDERS: Mutex<Option<Arc<Builders>>> = Mutex::new(None);
+/// Those of engines that work on all cores, likewise.
+static EVERYBODYS_BUILDERS: Mutex<Option<Arc<Builders>>> = Mutex::new(None);
 
 /// Scenes of fewer triangles and instances are built by the calling thread before another wakes up.
 const WORTH_HELP: usize = 4096;
@@ -59,7 +48,8 @@ const WORTH_HELP: usize = 4096;
 const STACK: usize = 2 << 20;
 
 impl Engine {
-    /// Works on all cores, with rayon's current pool; starts the global one if there is none yet.
+    /// Works on as many threads as rayon's current pool has, which is started if there is none: one per core. The calling
+    /// thread is one of them, the others help all engines made so.
     ///
     /// # Errors
     /// Embree's: out of memory, a library that is too old or too new; [`Error::Threads`].
@@ -72,16 +62,16 @@ impl Engine {
             }
         }
         let device = Device::new()?;
-        let mut builders = RAYONS_BUILDERS.lock().unwrap_or_else(PoisonError::into_inner);
-        if builders.is_none() {
-            *builders = Builders::for_workers(&device, rayon::current_num_threads())?;
-        }
-        Ok(Engine(Arc::new(Parts { device, workers: Workers::Rayon, builders: builders.clone() })))
+        let count = rayon::current_num_threads();
+        let crew = kept(&EVERYBODYS_CREW, || hire(count))?;
+        let builders = kept(&EVERYBODYS_BUILDERS, || Builders::for_workers(&device, count))?;
+        let workers = crew.map_or(Workers::Caller, Workers::Crew);
+        Ok(Engine(Arc::new(Parts { device, workers, builders })))
     }
 
-    /// Works with `threads` threads of its own, and one fewer that help build large scenes, up to one per core; all end
-    /// with it. With 1, no thread is started and the calling thread does everything; with 0, there are as many as the
-    /// machine has cores. No threads are requested from the system later.
+    /// Works with `threads` threads: the calling one, and others of its own. One fewer help build large scenes, up to one
+    /// per core. All end with it. With 1, no thread is started and the calling thread does everything; with 0, there are
+    /// as many as the machine has cores. No threads are requested from the system later.
     ///
     /// # Errors
     /// Embree's: out of memory, a library that is too old or too new; [`Error::Threads`]; more than 1024.
@@ -94,7 +84,7 @@ impl Engine {
             _ => return Err(Error::invalid("threads", threads, format!("0 to {MOST}"))),
         };
         let device = Device::new()?;
-        let workers = if count == 1 { Workers::Caller } else { Workers::Own(Pool::new(count)?) };
+        let workers = hire(count)?.map_or(Workers::Caller, Workers::Crew);
         let builders = Builders::for_workers(&device, count)?;
         Ok(Engine(Arc::new(Parts { device, workers, builders })))
     }
@@ -103,8 +93,8 @@ impl Engine {
     pub fn threads(&self) -> usize {
         match &self.0.workers {
             Workers::Caller => 1,
-            Workers::Rayon => rayon::current_num_threads(),
-            Workers::Own(pool) => pool.threads.len(),
+            Workers::Crew(_) if rayon::current_thread_index().is_some() => rayon::current_num_threads(),
+            Workers::Crew(crew) => crew.len() + 1,
         }
     }
 
@@ -113,24 +103,19 @@ impl Engine {
         self.0.device.version()
     }
 
-    /// Runs `work` with its parallel parts done by this engine's threads; work of several threads runs in turn. On a
-    /// thread of a rayon pool, that pool does the work instead, whatever the engine, except for an engine of one
-    /// thread, which never asks for another. `work` must not wait for other work of the engine.
+    /// Runs `work` on this thread, its parallel parts with the help of this engine's other threads, which help several at
+    /// once. On a thread of a rayon pool, that pool helps instead, whatever the engine, except for an engine of one
+    /// thread, which never asks for another.
     pub fn install<R: Send>(&self, work: impl FnOnce() -> R + Send) -> R {
+        self.install_sized(u64::MAX, work)
+    }
+
+    /// [`Engine::install`] for work of a `size`, rays: whoever has less is helped first.
+    pub(crate) fn install_sized<R: Send>(&self, size: u64, work: impl FnOnce() -> R + Send) -> R {
         match &self.0.workers {
             Workers::Caller => parallel::alone(work),
-            // A pool thread takes up other tasks of its pool while it waits, and these may end up here again: it must
-            // neither hold a turn nor wait for one.
-            _ if rayon::current_thread_index().is_some() => work(),
-            Workers::Rayon => {
-                let _turn = wait_for(&RAYONS_TURN);
-                // On one of the pool's threads, so that work within this work is recognised as such.
-                rayon::scope(|_| work())
-            }
-            Workers::Own(workers) => {
-                let _turn = wait_for(&workers.turn);
-                workers.pool.as_ref().expect("only dropping takes it away").install(work)
-            }
+            Workers::Crew(_) if rayon::current_thread_index().is_some() => work(),
+            Workers::Crew(crew) => parallel::with_crew(crew, size, work),
         }
     }
 
@@ -145,31 +130,27 @@ impl Engine {
     }
 }
 
-/// Waits for the turn, which ends when the returned guard is dropped.
-fn wait_for(turn: &Mutex<()>) -> MutexGuard<'_, ()> {
-    turn.lock().unwrap_or_else(PoisonError::into_inner)
+/// As many threads as help a calling one where `count` work; `None`: nobody.
+fn hire(count: usize) -> Result<Option<Arc<Crew>>> {
+    if count <= 1 {
+        return Ok(None);
+    }
+    let crew = Crew::new(count - 1, |number, work| start(format!("echocast {number}"), work));
+    Ok(Some(Arc::new(crew.map_err(|error| no_threads(count, error))?)))
+}
+
+/// What is in `place`, made if there is nothing yet.
+fn kept<T>(place: &Mutex<Option<Arc<T>>>, make: impl FnOnce() -> Result<Option<Arc<T>>>) -> Result<Option<Arc<T>>> {
+    let mut place = place.lock().unwrap_or_else(PoisonError::into_inner);
+    if place.is_none() {
+        *place = make()?;
+    }
+    Ok(place.clone())
 }
 
 impl fmt::Debug for Engine {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         f.debug_struct("Engine").field("device", &self.0.device).field("threads", &self.threads()).finish()
-    }
-}
-
-impl Pool {
-    fn new(count: usize) -> Result<Pool> {
-        let threads = Mutex::new(Vec::with_capacity(count));
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(count)
-            .spawn_handler(|worker| {
-                let handle = start(format!("echocast {}", worker.index()), || worker.run())?;
-                threads.lock().unwrap_or_else(PoisonError::into_inner).push(handle);
-                Ok(())
-            })
-            .build()
-            .map_err(|error| no_threads(count, error))?;
-        let threads = threads.into_inner().unwrap_or_else(PoisonError::into_inner);
-        Ok(Pool { pool: Some(pool), threads, turn: Mutex::new(()) })
     }
 }
 
@@ -226,14 +207,6 @@ impl Drop for Builders {
     fn drop(&mut self) {
         // Tells the threads to end.
         self.calls = None;
-        end(&mut self.threads);
-    }
-}
-
-impl Drop for Pool {
-    fn drop(&mut self) {
-        // Tells the threads to end.
-        self.pool = None;
         end(&mut self.threads);
     }
 }

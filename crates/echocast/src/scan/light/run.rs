@@ -274,6 +274,7 @@ impl<'a> Scan<'a> {
         let engine = &self.world.scene.engine;
         // A caller who wants to know how far the scan is, is told often.
         let chunks_per_thread = if progress.is_some() { 1 } else { CHUNKS_PER_THREAD };
+        let size = (beams * self.most_returns()) as u64;
         let window = CHUNK * (chunks_per_thread * engine.threads()).min(MOST_CHUNKS);
         let windows = (0..beams).step_by(window).map(|first| first..(first + window).min(beams));
         let mut next = |beams: Range<usize>, rows: usize| {
@@ -283,12 +284,12 @@ impl<'a> Scan<'a> {
             self.window(beams, rows, columns)
         };
         let rows = match progress {
-            None => engine.install(|| windows.fold(0, |rows, beams| next(beams, rows))),
+            None => engine.install_sized(size, || windows.fold(0, |rows, beams| next(beams, rows))),
             Some(progress) => {
                 let mut rows = 0;
                 for window in windows {
                     let done = window.end;
-                    rows = engine.install(|| next(window, rows));
+                    rows = engine.install_sized(size, || next(window, rows));
                     // What is finished is not thrown away.
                     if progress(done as f64 / beams as f64).is_break() && done < beams {
                         return Err(Error::Cancelled);

@@ -158,7 +158,8 @@ impl BuiltScene {
         options.profile.check_physical("physical; the paper and its program know points only, which a scan returns")?;
         let mut memory = ping.memory.take::<PingMemory>();
         let pinging = Pinging::new(&self.0, sensor, trajectory, options, &mut memory)?;
-        let done = self.0.engine.install(|| pinging.run(options, &mut memory, ping));
+        let size = pinging.transducer.rays() as u64;
+        let done = self.0.engine.install_sized(size, || pinging.run(options, &mut memory, ping));
         ping.memory.keep(memory);
         done
     }

@@ -1,0 +1,339 @@
+//! Threads that help with the work of others.
+//!
+//! Whoever has work does it, and calls the crew for help. Work comes in steps, which any thread may take one after the
+//! other until there are none. After every step a helper looks whether smaller work has come up, and goes there: a small
+//! scan never waits for a large one, and a large one goes on with the thread that asked for it, at least. Nothing is
+//! allocated but when more work is shared at once than ever before.
+//!
+//! Rayon, which works in the pools of hosts, is no help here: it takes up whatever comes first, on the stack of what
+//! waits, and a scan would end when everything above it has ended.
+
+use std::any::Any;
+use std::io;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::{self, JoinHandle};
+
+/// Threads that help, until this is dropped.
+pub struct Crew {
+    shared: Arc<Shared>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+/// Does one step of some work; `false`: there was none left.
+type Step<'s> = &'s (dyn Fn() -> bool + Sync + 's);
+
+struct Shared {
+    jobs: Mutex<Jobs>,
+    /// There is work, or the end has come.
+    called: Condvar,
+    /// A helper has left the last of its work.
+    left: Condvar,
+    /// How often work has come up.
+    calls: AtomicUsize,
+}
+
+#[derive(Default)]
+struct Jobs {
+    open: Vec<Job>,
+    /// Number of the next one.
+    next: u64,
+    ending: bool,
+}
+
+struct Job {
+    number: u64,
+    size: u64,
+    step: StepPointer,
+    helpers: usize,
+    /// Whether all steps are taken, if not done.
+    taken: bool,
+    /// Why a helper's step panicked.
+    panic: Option<Box<dyn Any + Send>>,
+}
+
+/// A [`Step`] whose lifetime is kept by [`Open`]: it outlives all helpers of its job.
+#[derive(Clone, Copy)]
+struct StepPointer(*const (dyn Fn() -> bool + Sync));
+
+// SAFETY: what is pointed at may be called by any thread (`Sync`).
+#[allow(unsafe_code)]
+unsafe impl Send for StepPointer {}
+
+impl Crew {
+    /// Starts `count` threads with `start`, which gets the number of each and what it must run.
+    ///
+    /// # Errors
+    /// Those of `start`; then threads already started end.
+    pub fn new(
+        count: usize,
+        start: impl Fn(usize, Box<dyn FnOnce() + Send>) -> io::Result<JoinHandle<()>>,
+    ) -> io::Result<Crew> {
+        let shared = Arc::new(Shared {
+            jobs: Mutex::default(),
+            called: Condvar::new(),
+            left: Condvar::new(),
+            calls: AtomicUsize::new(0),
+        });
+        // If dropped on an error, those already started end.
+        let mut crew = Crew { shared, threads: Vec::with_capacity(count) };
+        for number in 0..count {
+            let shared = crew.shared.clone();
+            crew.threads.push(start(number, Box::new(move || shared.help()))?);
+        }
+        Ok(crew)
+    }
+
+    /// Threads that help.
+    pub fn len(&self) -> usize {
+        self.threads.len()
+    }
+
+    /// Whether nobody helps.
+    pub fn is_empty(&self) -> bool {
+        self.threads.is_empty()
+    }
+
+    /// Calls `step` until it says that there is nothing left, on this thread and on helpers, who prefer work of smaller
+    /// `size`. Returns when all steps are done.
+    ///
+    /// # Panics
+    /// When a step does.
+    pub fn share(&self, size: u64, step: Step<'_>) {
+        if self.threads.is_empty() {
+            while step() {}
+            return;
+        }
+        let open = Open::new(&self.shared, size, step);
+        while step() {}
+        if let Some(panic) = open.close() {
+            resume_unwind(panic);
+        }
+    }
+}
+
+impl Drop for Crew {
+    fn drop(&mut self) {
+        self.shared.jobs().ending = true;
+        self.shared.called.notify_all();
+        for thread in self.threads.drain(..) {
+            // A thread cannot wait for itself.
+            if thread.thread().id() != thread::current().id() {
+                let _ = thread.join();
+            }
+        }
+    }
+}
+
+/// A job that is shared. Dropping it waits until nobody works on it any more.
+struct Open<'s> {
+    shared: &'s Shared,
+    number: u64,
+}
+
+impl<'s> Open<'s> {
+    fn new(shared: &'s Shared, size: u64, step: Step<'s>) -> Open<'s> {
+        let step: *const (dyn Fn() -> bool + Sync + 's) = step;
+        // SAFETY: the lifetime alone changes. `Open::drop`, which runs before `'s` ends, takes the job away when no helper
+        // has it any more, and helpers call it only while they are counted.
+        #[allow(unsafe_code)]
+        let step = StepPointer(unsafe {
+            std::mem::transmute::<*const (dyn Fn() -> bool + Sync + 's), *const (dyn Fn() -> bool + Sync)>(step)
+        });
+        let mut jobs = shared.jobs();
+        let number = jobs.next;
+        jobs.next += 1;
+        jobs.open.push(Job { number, size, step, helpers: 0, taken: false, panic: None });
+        shared.calls.fetch_add(1, Ordering::Relaxed);
+        drop(jobs);
+        shared.called.notify_all();
+        Open { shared, number }
+    }
+
+    /// Ends it; why a helper's step panicked, if one did.
+    fn close(self) -> Option<Box<dyn Any + Send>> {
+        let panic = self.end();
+        std::mem::forget(self);
+        panic
+    }
+
+    fn end(&self) -> Option<Box<dyn Any + Send>> {
+        let mut jobs = self.shared.jobs();
+        loop {
+            let place = jobs.place(self.number);
+            if jobs.open[place].helpers == 0 {
+                return jobs.open.swap_remove(place).panic;
+            }
+            jobs.open[place].taken = true;
+            jobs = self.shared.left.wait(jobs).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+}
+
+impl Drop for Open<'_> {
+    fn drop(&mut self) {
+        // Here when a step of this thread has panicked.
+        drop(self.end());
+    }
+}
+
+impl Jobs {
+    /// Where the job is in the list; it is there as long as somebody works on it.
+    fn place(&self, number: u64) -> usize {
+        let found = self.open.iter().position(|job| job.number == number);
+        found.unwrap_or_else(|| unreachable!("job {number} is not open"))
+    }
+
+    /// The smallest job that has steps left; of equal ones that with the fewest helpers.
+    fn next(&mut self) -> Option<&mut Job> {
+        self.open.iter_mut().filter(|job| !job.taken).min_by_key(|job| (job.size, job.helpers))
+    }
+}
+
+impl Shared {
+    fn jobs(&self) -> MutexGuard<'_, Jobs> {
+        self.jobs.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Helps until the end.
+    fn help(&self) {
+        let mut jobs = self.jobs();
+        while !jobs.ending {
+            let Some(job) = jobs.next() else {
+                jobs = self.called.wait(jobs).unwrap_or_else(PoisonError::into_inner);
+                continue;
+            };
+            job.helpers += 1;
+            let (number, step) = (job.number, job.step);
+            let known = self.calls.load(Ordering::Relaxed);
+            drop(jobs);
+            let taken = catch_unwind(AssertUnwindSafe(|| {
+                // SAFETY: this thread is counted as a helper, so that `Open` keeps it.
+                #[allow(unsafe_code)]
+                let step = unsafe { &*step.0 };
+                loop {
+                    if !step() {
+                        return true;
+                    }
+                    // Perhaps there is smaller work.
+                    if self.calls.load(Ordering::Relaxed) != known {
+                        return false;
+                    }
+                }
+            }));
+            jobs = self.jobs();
+            let place = jobs.place(number);
+            let job = &mut jobs.open[place];
+            job.helpers -= 1;
+            match taken {
+                Ok(taken) => job.taken |= taken,
+                Err(panic) => (job.taken, job.panic) = (true, Some(panic)),
+            }
+            if job.helpers == 0 {
+                self.left.notify_all();
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::AtomicBool;
+    use std::time::Duration;
+
+    /// Takes one of what is `left`; whether there was one.
+    fn take(left: &AtomicUsize) -> bool {
+        left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(1)).is_ok()
+    }
+
+    fn crew(count: usize) -> Crew {
+        Crew::new(count, |_, work| thread::Builder::new().spawn(work)).unwrap()
+    }
+
+    #[test]
+    fn every_step_is_taken_once() {
+        for count in [0, 1, 3] {
+            let crew = crew(count);
+            assert_eq!((crew.len(), crew.is_empty()), (count, count == 0));
+            for steps in [0, 1, 1000] {
+                let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
+                crew.share(1, &|| {
+                    let mine = next.fetch_add(1, Ordering::Relaxed);
+                    done.fetch_add(usize::from(mine < steps), Ordering::Relaxed);
+                    mine < steps
+                });
+                assert_eq!(done.into_inner(), steps);
+            }
+        }
+    }
+
+    #[test]
+    fn many_share_at_once() {
+        let crew = crew(2);
+        thread::scope(|scope| {
+            for size in 0..8 {
+                let crew = &crew;
+                scope.spawn(move || {
+                    for _ in 0..200 {
+                        let left = AtomicUsize::new(50);
+                        let done = AtomicUsize::new(0);
+                        crew.share(size, &|| {
+                            let more = take(&left);
+                            done.fetch_add(usize::from(more), Ordering::Relaxed);
+                            more
+                        });
+                        assert_eq!(done.into_inner(), 50);
+                    }
+                });
+            }
+        });
+    }
+
+    #[test]
+    fn helpers_go_to_smaller_work() {
+        let crew = crew(1);
+        let (stop, helped) = (AtomicBool::new(false), AtomicBool::new(false));
+        thread::scope(|scope| {
+            scope.spawn(|| {
+                crew.share(1000, &|| {
+                    thread::sleep(Duration::from_millis(1));
+                    !stop.load(Ordering::Relaxed)
+                });
+            });
+            thread::sleep(Duration::from_millis(20));
+            // The helper is busy with endless work, and comes.
+            let here = thread::current().id();
+            let tries = AtomicUsize::new(0);
+            crew.share(1, &|| {
+                helped.fetch_or(thread::current().id() != here, Ordering::Relaxed);
+                thread::sleep(Duration::from_millis(1));
+                !helped.load(Ordering::Relaxed) && tries.fetch_add(1, Ordering::Relaxed) < 5000
+            });
+            stop.store(true, Ordering::Relaxed);
+        });
+        assert!(helped.into_inner());
+    }
+
+    #[test]
+    fn panics_reach_whoever_asked_for_help() {
+        let crew = crew(2);
+        for only_helpers in [false, true] {
+            let here = thread::current().id();
+            let left = AtomicUsize::new(1000);
+            let shared = catch_unwind(AssertUnwindSafe(|| {
+                crew.share(1, &|| {
+                    assert!(only_helpers && thread::current().id() == here, "as a test");
+                    thread::sleep(Duration::from_millis(1));
+                    take(&left)
+                });
+            }));
+            assert!(shared.is_err());
+        }
+        // The crew goes on.
+        let left = AtomicUsize::new(10);
+        crew.share(1, &|| take(&left));
+        assert_eq!(left.into_inner(), 0);
+    }
+}
