@@ -1,4 +1,5 @@
-//! The examples in the header, in `docs/embedding.md` and in `docs/motion.md` compile, and show every function.
+//! The examples in the header, in `docs/embedding.md`, in `docs/motion.md` and in the README compile, and show every
+//! function.
 
 mod common;
 
@@ -36,14 +37,21 @@ void on_message(void *user, int32_t level, const char *text);
 void on_released(void *user);
 "#;
 
-/// Blocks of C in a text; lines of a comment lose their star.
-fn blocks(text: &str) -> Vec<String> {
+/// What the examples in C++ take as given.
+const GIVEN_CPP: &str = "
+#include <echocast.hpp>
+void use(float value);
+";
+
+/// Blocks of a `language` in a text; lines of a comment lose their star.
+fn blocks(text: &str, language: &str) -> Vec<String> {
+    let fence = format!("```{language}");
     let mut blocks = Vec::new();
     let mut open: Option<String> = None;
     for line in text.lines() {
         let line = line.strip_prefix(" *").map_or(line, |rest| rest.strip_prefix(' ').unwrap_or(rest));
         match (&mut open, line.trim_end()) {
-            (None, "```c") => open = Some(String::new()),
+            (None, line) if line == fence => open = Some(String::new()),
             (Some(_), "```") => blocks.extend(open.take()),
             (Some(block), line) => {
                 block.push_str(line);
@@ -59,8 +67,9 @@ fn blocks(text: &str) -> Vec<String> {
 fn examples_compile_and_show_every_function() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let header = fs::read_to_string(include().join("echocast.h")).unwrap();
-    let pages = ["embedding", "motion"].map(|name| fs::read_to_string(root.join(format!("docs/{name}.md"))).unwrap());
-    let examples: Vec<String> = [&header].into_iter().chain(&pages).flat_map(|text| blocks(text)).collect();
+    let pages = ["README.md", "docs/embedding.md", "docs/motion.md"];
+    let pages = pages.map(|page| fs::read_to_string(root.join(page)).unwrap());
+    let examples: Vec<String> = [&header].into_iter().chain(&pages).flat_map(|text| blocks(text, "c")).collect();
     assert!(examples.len() > 12, "{} examples", examples.len());
     let mut program = GIVEN.to_owned();
     for (number, example) in examples.iter().enumerate() {
@@ -72,6 +81,20 @@ fn examples_compile_and_show_every_function() {
         run(Command::new(c)
             .args(["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-Wno-unused-variable"])
             .args(["-Wno-unused-but-set-variable", "-fsyntax-only", "-I"])
+            .arg(include())
+            .arg(&path));
+    }
+    let examples_cpp: Vec<String> = pages.iter().flat_map(|text| blocks(text, "cpp")).collect();
+    assert!(!examples_cpp.is_empty());
+    let mut program = GIVEN_CPP.to_owned();
+    for (number, example) in examples_cpp.iter().enumerate() {
+        program.push_str(&format!("void example_{number}();\nvoid example_{number}()\n{{\n{example}}}\n"));
+    }
+    let path = folder("docs").join("examples.cpp");
+    fs::write(&path, program).unwrap();
+    for [_, cpp] in compilers() {
+        run(Command::new(cpp)
+            .args(["-std=c++17", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fsyntax-only", "-I"])
             .arg(include())
             .arg(&path));
     }
