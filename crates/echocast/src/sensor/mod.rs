@@ -21,7 +21,7 @@ use crate::cloud::{Field, FieldSet};
 use crate::detect::{DetectionSpec, Doppler, Noise, RangeError, ReturnMode, Threshold, Timing};
 use crate::echo::{Cone, Glint, Pulse, Receiver, texture};
 use crate::emitter::pattern::Pattern;
-use crate::emitter::{BeamTable, Transducer};
+use crate::emitter::{BeamTable, RayColumns, Transducer};
 use crate::ground::error::{Error, Result};
 use crate::read::yaml::{self, Document};
 use std::path::{Path, PathBuf};
@@ -208,6 +208,28 @@ impl Sensor {
         };
         spec.check()?;
         Sensor::new(spec, PathBuf::new(), Arc::new(beams))
+    }
+
+    /// An ideal lidar of your own rays, each from its own origin at its own time: [`Sensor::from_beams`] with one row.
+    ///
+    /// ```
+    /// use echocast::{Sensor, emitter::RayColumns};
+    ///
+    /// // Two diodes, 4 cm apart, that look ahead; the second fires 10 us after the first.
+    /// let mut sensor = Sensor::from_rays("pair", &RayColumns {
+    ///     origin: &[[0.0, 0.02, 0.0], [0.0, -0.02, 0.0]],
+    ///     direction: &[[1.0, 0.0, 0.0]; 2],
+    ///     time: &[0.0, 10e-6],
+    ///     ..RayColumns::default()
+    /// })?;
+    /// sensor.set("noise.range_sigma_m", "0.02")?;
+    /// # Ok::<(), echocast::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`BeamTable::from_rays`].
+    pub fn from_rays(name: impl Into<String>, rays: &RayColumns) -> Result<Sensor> {
+        Sensor::from_beams(name, BeamTable::from_rays(rays)?)
     }
 
     /// Its description, with every key that has a value.
