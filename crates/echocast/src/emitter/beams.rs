@@ -123,6 +123,14 @@ impl BeamTable {
         })
     }
 
+    /// Forgets the beams, but not what they have in common.
+    pub(crate) fn clear(&mut self) {
+        let BeamTable { dir_x, dir_y, dir_z, time, channel, range_min, range_max, origin, .. } = self;
+        [dir_x, dir_y, dir_z, range_min, range_max].into_iter().chain(origin).for_each(Vec::clear);
+        time.clear();
+        channel.clear();
+    }
+
     /// Adds a beam: unit direction, time in s, channel.
     pub(crate) fn push(&mut self, [x, y, z]: [f64; 3], time: f64, channel: u16) {
         self.dir_x.push(x as f32);

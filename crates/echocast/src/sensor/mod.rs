@@ -3,6 +3,7 @@
 mod check;
 mod keys;
 mod presets;
+mod reception;
 mod signals;
 mod sonar;
 mod spec;
@@ -11,6 +12,7 @@ mod tests;
 mod tof;
 
 pub use presets::PresetInfo;
+pub(crate) use reception::Reception;
 pub(crate) use signals::{Adaptive, Signals};
 pub use sonar::{AcousticsSpec, Speckle, Tvg};
 pub use spec::{BeamSpec, Expectations, IntensitySpec, RangeSpec, ReturnsSpec, SensorKind, SensorSpec, SubRays};
@@ -25,7 +27,7 @@ use crate::emitter::{BeamTable, RayColumns, Transducer};
 use crate::ground::error::{Error, Result};
 use crate::read::yaml::{self, Document};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Transducers, each with the wavelength, m, and the ratio of sound speeds that it was made for.
 type Transducers = Vec<(f64, f64, Arc<Transducer>)>;
@@ -54,6 +56,10 @@ pub struct Sensor {
     pub(crate) texture: Arc<[f32]>,
     /// What a sonar sends and receives, for the wavelengths that it has been used at; shared with copies.
     transducers: Arc<Mutex<Transducers>>,
+    /// What was made ready for scans; shared with copies.
+    receptions: Arc<Mutex<Vec<Arc<Reception>>>>,
+    /// Beams of earlier scans, if the pattern does not repeat: memory for those of the next ones; shared with copies.
+    drawn: Arc<Mutex<Vec<Arc<BeamTable>>>>,
 }
 
 impl Sensor {
@@ -110,6 +116,8 @@ impl Sensor {
             signals: Arc::new(Signals::new(&spec)),
             texture: spec.acoustics.as_ref().and_then(|it| it.texture_shape).map_or_else(|| Arc::from([]), texture),
             transducers: Arc::default(),
+            receptions: Arc::default(),
+            drawn: Arc::default(),
             spec,
             folder,
             beams,
@@ -294,6 +302,19 @@ impl Sensor {
         if start_time == 0.0 || self.spec.pattern.repeats() {
             return Ok(self.beams.clone());
         }
-        self.spec.pattern.beams(start_time).map(Arc::new)
+        /// Beams of earlier scans that are kept; more are in use only where as many threads scan at once.
+        const MOST: usize = 16;
+        let drawn = || self.drawn.lock().unwrap_or_else(PoisonError::into_inner);
+        let free = {
+            let mut drawn = drawn();
+            drawn.iter_mut().position(|beams| Arc::get_mut(beams).is_some()).map(|index| drawn.swap_remove(index))
+        };
+        let mut beams = free.unwrap_or_else(|| self.beams.clone());
+        self.spec.pattern.redraw(start_time, Arc::make_mut(&mut beams))?;
+        let mut drawn = drawn();
+        if drawn.len() < MOST {
+            drawn.push(beams.clone());
+        }
+        Ok(beams)
     }
 }
