@@ -17,6 +17,7 @@ pub fn beams(directions: &[DVec3]) -> BeamTable {
         channel: vec![0; directions.len()],
         range_min: Vec::new(),
         range_max: Vec::new(),
+        origin: Default::default(),
         firing_order: FiringOrder::Beams,
         period: 1.0,
     }

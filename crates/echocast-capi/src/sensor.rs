@@ -18,7 +18,7 @@ handles! {
     echocast_sensor: (Arc<Context>, RwLock<Sensor>), "sensor", 6;
 }
 
-/// A beam of a sensor.
+/// A beam of a sensor: a ray with its own origin, direction and time.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct echocast_beam {
@@ -32,8 +32,10 @@ pub struct echocast_beam {
     pub range_max_m: f32,
     /// Emitter index, 0 to 65535.
     pub channel: u32,
+    /// Where it starts in the sensor frame, metres, from where its ranges count; 0 for the origin of the frame.
+    pub origin: [f32; 3],
     /// 0.
-    pub reserved: [u32; 4],
+    pub reserved: u32,
 }
 
 /// Every beam is its own firing.
@@ -141,8 +143,8 @@ impl Default for echocast_beams_desc {
 
 text::versioned!(echocast_beams_desc { struct_size, name, beams, rows, columns, period_ns, firing, reserved });
 
-/// Creates an ideal lidar from beams: no noise, no threshold, no range limit but theirs; echocast_sensor_set adds what
-/// you want.
+/// Creates an ideal lidar from beams, each a ray with its own origin and time: no noise, no threshold, no range limit
+/// but theirs; echocast_sensor_set adds what you want. Rays without rows and columns are 1 row of many columns.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (the beam that is wrong), ECHOCAST_E_MEMORY. Any thread may call this.
 #[unsafe(no_mangle)]
@@ -192,11 +194,17 @@ fn table(desc: &echocast_beams_desc, beams: &[echocast_beam]) -> Outcome<BeamTab
         let name = format!("desc->beams[{number}].channel");
         return Err(Failure::argument(&name, beams[number].channel, "0 to 65535"));
     }
-    if let Some(number) = beams.iter().position(|beam| beam.reserved != [0; 4]) {
+    if let Some(number) = beams.iter().position(|beam| beam.reserved != 0) {
         return Err(Failure::argument(&format!("desc->beams[{number}].reserved"), "not 0", "0"));
     }
     let limited = |limit: fn(&echocast_beam) -> f32| beams.iter().any(|beam| limit(beam) != 0.0);
     let far = |beam: &echocast_beam| if beam.range_max_m == 0.0 { f32::INFINITY } else { beam.range_max_m };
+    let mut origin = [Vec::new(), Vec::new(), Vec::new()];
+    if beams.iter().any(|beam| beam.origin != [0.0; 3]) {
+        for (axis, values) in origin.iter_mut().enumerate() {
+            *values = column(beams, |beam| beam.origin[axis])?;
+        }
+    }
     Ok(BeamTable {
         rows: desc.rows,
         columns: desc.columns,
@@ -207,6 +215,7 @@ fn table(desc: &echocast_beams_desc, beams: &[echocast_beam]) -> Outcome<BeamTab
         channel: column(beams, |beam| beam.channel as u16)?,
         range_min: if limited(|beam| beam.range_min_m) { column(beams, |beam| beam.range_min_m)? } else { Vec::new() },
         range_max: if limited(|beam| beam.range_max_m) { column(beams, far)? } else { Vec::new() },
+        origin,
         firing_order,
         period: seconds(desc.period_ns),
     })
@@ -347,7 +356,8 @@ pub unsafe extern "C" fn echocast_sensor_get_beams(
                     range_min_m: table.range_min.get(beam).copied().unwrap_or(0.0),
                     range_max_m: table.range_max.get(beam).copied().filter(|far| far.is_finite()).unwrap_or(0.0),
                     channel: table.channel[beam].into(),
-                    reserved: [0; 4],
+                    origin: table.origin.each_ref().map(|axis| axis.get(beam).copied().unwrap_or(0.0)),
+                    reserved: 0,
                 };
                 // SAFETY: as the header asks; the pointer was checked.
                 unsafe { beams.add(to).write(described) };

@@ -18,6 +18,7 @@ pub(crate) struct Returns<'a> {
 }
 
 /// The errors of one scan.
+#[derive(Debug)]
 pub(crate) struct Errors {
     range: RangeError,
     intensity: Option<IntensityError>,

@@ -66,7 +66,7 @@ impl ReturnRule {
         order.clear();
         order.extend(0..echoes.len());
         // The nearer of two equally strong ones comes first.
-        order.sort_by(|&a, &b| echoes[b].power.total_cmp(&echoes[a].power));
+        order.sort_unstable_by(|&a, &b| echoes[b].power.total_cmp(&echoes[a].power).then(a.cmp(&b)));
         if self.separation > 0.0 {
             let mut kept = 0;
             for place in 0..order.len() {

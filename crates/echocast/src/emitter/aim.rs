@@ -41,11 +41,19 @@ impl<'a> Aim<'a> {
         matches!(self, Aim::Moving { .. })
     }
 
-    /// How fast the sensor moves when beam `beam` fires, m/s.
+    /// How fast the place moves where beam `beam` starts when it fires, m/s.
     pub(crate) fn velocity(&self, beams: &BeamTable, beam: usize) -> Vec3 {
         match *self {
             Aim::Fixed { .. } => Vec3::ZERO,
-            Aim::Moving { trajectory, start_time, .. } => trajectory.velocity(start_time + beams.time[beam]).as_vec3(),
+            Aim::Moving { trajectory, start_time, .. } => {
+                let time = start_time + beams.time[beam];
+                let mut velocity = trajectory.velocity(time);
+                if beams.has_origins() {
+                    let arm = trajectory.at(time).orientation * beams.origin(beam).as_dvec3();
+                    velocity += trajectory.turning(time).cross(arm);
+                }
+                velocity.as_vec3()
+            }
         }
     }
 
@@ -55,15 +63,31 @@ impl<'a> Aim<'a> {
         &self,
         beams: &BeamTable,
         first: usize,
-        [x, y, z]: [&[f32]; 3],
+        directions: [&[f32]; 3],
         range_max: f32,
         rays: &mut RayBatch,
     ) {
-        let count = x.len();
+        let count = directions[0].len();
         match beams.range_max.get(first..first + count) {
             Some(limits) => rays.range_max[..count].copy_from_slice(limits),
             None => rays.range_max = [range_max; LANES],
         }
+        self.turn(beams, first, directions, rays);
+        if beams.has_origins() {
+            // Where beams start is turned as their directions are.
+            let mut arms = RayBatch::default();
+            self.turn(beams, first, beams.origin.each_ref().map(|axis| &axis[first..first + count]), &mut arms);
+            let starts = [&mut rays.org_x, &mut rays.org_y, &mut rays.org_z];
+            for (start, arm) in starts.into_iter().zip(arms.directions()) {
+                start[..count].iter_mut().zip(arm).for_each(|(start, arm)| *start += arm);
+            }
+        }
+    }
+
+    /// Origins of the sensor, and vectors `x`, `y`, `z` of its frame turned into the world as directions, when beams
+    /// `first ..` fire.
+    fn turn(&self, beams: &BeamTable, first: usize, [x, y, z]: [&[f32]; 3], rays: &mut RayBatch) {
+        let count = x.len();
         match self {
             Aim::Fixed { rotation, origin } => {
                 rays.org_x = [origin.x; LANES];

@@ -12,7 +12,7 @@ mod transducer;
 
 pub use crate::ground::pose::Pose;
 pub(crate) use aim::{Aim, scatter};
-pub use beams::{BeamTable, FiringOrder};
+pub use beams::{BeamTable, FiringOrder, RayColumns};
 pub(crate) use footprint::{Across, Footprint};
 pub use lobe::Lobe;
 use motion::Motion;

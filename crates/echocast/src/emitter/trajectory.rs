@@ -115,6 +115,19 @@ impl Trajectory {
         })
     }
 
+    /// How fast it turns at `time`, s: the axis in the world, as long as the speed in rad/s.
+    pub(crate) fn turning(&self, time: f64) -> DVec3 {
+        let after = self.keys.partition_point(|(key, _)| *key <= time);
+        let ends = after.checked_sub(1).zip(self.keys.get(after));
+        ends.map_or(DVec3::ZERO, |(before, (t1, b))| {
+            let (t0, a) = self.keys[before];
+            let turn = a.orientation.conjugate() * b.orientation;
+            // The shorter way.
+            let turn = if turn.w < 0.0 { -turn } else { turn };
+            a.orientation * turn.to_scaled_axis() / (t1 - t0)
+        })
+    }
+
     /// Pose at `time`, s.
     pub fn at(&self, time: f64) -> Pose {
         let after = self.keys.partition_point(|(key, _)| *key <= time);

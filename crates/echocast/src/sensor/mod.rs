@@ -3,6 +3,7 @@
 mod check;
 mod keys;
 mod presets;
+mod reception;
 mod signals;
 mod sonar;
 mod spec;
@@ -11,6 +12,7 @@ mod tests;
 mod tof;
 
 pub use presets::PresetInfo;
+pub(crate) use reception::Reception;
 pub(crate) use signals::{Adaptive, Signals};
 pub use sonar::{AcousticsSpec, Speckle, Tvg};
 pub use spec::{BeamSpec, Expectations, IntensitySpec, RangeSpec, ReturnsSpec, SensorKind, SensorSpec, SubRays};
@@ -21,11 +23,11 @@ use crate::cloud::{Field, FieldSet};
 use crate::detect::{DetectionSpec, Doppler, Noise, RangeError, ReturnMode, Threshold, Timing};
 use crate::echo::{Cone, Glint, Pulse, Receiver, texture};
 use crate::emitter::pattern::Pattern;
-use crate::emitter::{BeamTable, Transducer};
+use crate::emitter::{BeamTable, RayColumns, Transducer};
 use crate::ground::error::{Error, Result};
 use crate::read::yaml::{self, Document};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Transducers, each with the wavelength, m, and the ratio of sound speeds that it was made for.
 type Transducers = Vec<(f64, f64, Arc<Transducer>)>;
@@ -54,6 +56,10 @@ pub struct Sensor {
     pub(crate) texture: Arc<[f32]>,
     /// What a sonar sends and receives, for the wavelengths that it has been used at; shared with copies.
     transducers: Arc<Mutex<Transducers>>,
+    /// What was made ready for scans; shared with copies.
+    receptions: Arc<Mutex<Vec<Arc<Reception>>>>,
+    /// Beams of earlier scans, if the pattern does not repeat: memory for those of the next ones; shared with copies.
+    drawn: Arc<Mutex<Vec<Arc<BeamTable>>>>,
 }
 
 impl Sensor {
@@ -110,6 +116,8 @@ impl Sensor {
             signals: Arc::new(Signals::new(&spec)),
             texture: spec.acoustics.as_ref().and_then(|it| it.texture_shape).map_or_else(|| Arc::from([]), texture),
             transducers: Arc::default(),
+            receptions: Arc::default(),
+            drawn: Arc::default(),
             spec,
             folder,
             beams,
@@ -210,6 +218,28 @@ impl Sensor {
         Sensor::new(spec, PathBuf::new(), Arc::new(beams))
     }
 
+    /// An ideal lidar of your own rays, each from its own origin at its own time: [`Sensor::from_beams`] with one row.
+    ///
+    /// ```
+    /// use echocast::{Sensor, emitter::RayColumns};
+    ///
+    /// // Two diodes, 4 cm apart, that look ahead; the second fires 10 us after the first.
+    /// let mut sensor = Sensor::from_rays("pair", &RayColumns {
+    ///     origin: &[[0.0, 0.02, 0.0], [0.0, -0.02, 0.0]],
+    ///     direction: &[[1.0, 0.0, 0.0]; 2],
+    ///     time: &[0.0, 10e-6],
+    ///     ..RayColumns::default()
+    /// })?;
+    /// sensor.set("noise.range_sigma_m", "0.02")?;
+    /// # Ok::<(), echocast::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`BeamTable::from_rays`].
+    pub fn from_rays(name: impl Into<String>, rays: &RayColumns) -> Result<Sensor> {
+        Sensor::from_beams(name, BeamTable::from_rays(rays)?)
+    }
+
     /// Its description, with every key that has a value.
     pub fn to_yaml(&self) -> Result<String> {
         yaml::to_string(&self.spec)
@@ -272,6 +302,19 @@ impl Sensor {
         if start_time == 0.0 || self.spec.pattern.repeats() {
             return Ok(self.beams.clone());
         }
-        self.spec.pattern.beams(start_time).map(Arc::new)
+        /// Beams of earlier scans that are kept; more are in use only where as many threads scan at once.
+        const MOST: usize = 16;
+        let drawn = || self.drawn.lock().unwrap_or_else(PoisonError::into_inner);
+        let free = {
+            let mut drawn = drawn();
+            drawn.iter_mut().position(|beams| Arc::get_mut(beams).is_some()).map(|index| drawn.swap_remove(index))
+        };
+        let mut beams = free.unwrap_or_else(|| self.beams.clone());
+        self.spec.pattern.redraw(start_time, Arc::make_mut(&mut beams))?;
+        let mut drawn = drawn();
+        if drawn.len() < MOST {
+            drawn.push(beams.clone());
+        }
+        Ok(beams)
     }
 }

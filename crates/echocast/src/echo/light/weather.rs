@@ -122,6 +122,7 @@ pub(crate) trait AirEchoes {
 }
 
 /// A medium with an extent in the world.
+#[derive(Debug)]
 struct MediumInPlace {
     extent: Extent,
     extinction: f32,
@@ -135,6 +136,7 @@ struct MediumInPlace {
 const NEAR: usize = 9;
 
 /// Drops or flakes.
+#[derive(Debug)]
 struct Flying {
     extent: Extent,
     cause: Cause,
@@ -146,7 +148,8 @@ struct Flying {
     some: f32,
 }
 
-/// Weather prepared for one scan.
+/// Weather prepared for scans.
+#[derive(Debug)]
 pub(crate) struct Air {
     weather: Weather,
     around: Vec<SoftEcho>,

@@ -145,6 +145,22 @@ impl Pattern {
     }
 }
 
+impl Pattern {
+    /// [`Pattern::beams`] of a pattern that does not repeat, into `table`, which has those of another scan.
+    ///
+    /// # Errors
+    /// As [`Pattern::beams`].
+    pub(crate) fn redraw(&self, start_time: f64, table: &mut BeamTable) -> Result<()> {
+        match self {
+            Pattern::Risley(risley) => {
+                table.clear();
+                risley.draw(start_time, table)
+            }
+            other => other.beams(start_time).map(|beams| *table = beams),
+        }
+    }
+}
+
 /// Scans per second of patterns that give none.
 fn ten() -> f64 {
     10.0

@@ -58,6 +58,9 @@ fn one_line() -> Vec<f64> {
     vec![0.0]
 }
 
+/// Most prisms that light passes.
+const MOST_PRISMS: usize = 8;
+
 impl Risley {
     /// Pulses of a scan.
     fn pulses(&self) -> u64 {
@@ -70,7 +73,7 @@ impl Risley {
         check_above_zero(bounds, "pattern.rate_hz", self.rate_hz)?;
         let lengths = [
             ("line_elevation_deg", self.line_elevation_deg.len(), usize::from(u16::MAX) + 1),
-            ("prisms", self.prisms.len(), 8),
+            ("prisms", self.prisms.len(), MOST_PRISMS),
         ];
         for (name, count, most) in lengths {
             if count == 0 || count > most {
@@ -100,26 +103,38 @@ impl Risley {
     /// # Errors
     /// A start that is not finite; a beam that a prism reflects totally.
     pub(super) fn beams(&self, start_time: f64) -> Result<BeamTable> {
+        let (lines, pulses) = (self.line_elevation_deg.len(), self.pulses() as usize);
+        let mut table = BeamTable::with_size(lines, pulses, FiringOrder::Columns, 1.0 / self.rate_hz)?;
+        self.draw(start_time, &mut table)?;
+        Ok(table)
+    }
+
+    /// Adds the beams of the scan that starts at `start_time`, s, to `table`, an empty one of its size.
+    ///
+    /// # Errors
+    /// As [`Risley::beams`].
+    pub(super) fn draw(&self, start_time: f64, table: &mut BeamTable) -> Result<()> {
         if !start_time.is_finite() {
             return Err(Error::invalid("start_time", start_time, "finite numbers"));
         }
-        let (lines, pulses) = (self.line_elevation_deg.len(), self.pulses() as usize);
-        let mut table = BeamTable::with_size(lines, pulses, FiringOrder::Columns, 1.0 / self.rate_hz)?;
-        let prisms: Vec<Spin> = self.prisms.iter().map(|prism| prism.spin(start_time, self.pulse_rate_hz)).collect();
+        let mut prisms = [None; MOST_PRISMS];
+        for (to, prism) in prisms.iter_mut().zip(&self.prisms) {
+            *to = Some(prism.spin(start_time, self.pulse_rate_hz));
+        }
         for (line, elevation) in self.line_elevation_deg.iter().enumerate() {
             let (z, x) = elevation.to_radians().sin_cos();
-            let mut turning = prisms.clone();
-            for pulse in 0..pulses {
-                let beam = turning.iter().try_fold(DVec3::new(x, 0.0, z), |beam, prism| prism.bend(beam));
+            let mut turning = prisms;
+            for pulse in 0..self.pulses() {
+                let beam = turning.iter().flatten().try_fold(DVec3::new(x, 0.0, z), |beam, prism| prism.bend(beam));
                 let beam = beam.ok_or_else(|| {
                     let found = "prisms that reflect beams totally";
                     Error::invalid("pattern.prisms", found, "wedges and indices that let them pass at every phase")
                 })?;
                 table.push(beam.into(), pulse as f64 / self.pulse_rate_hz, line as u16);
-                turning.iter_mut().for_each(Spin::turn);
+                turning.iter_mut().flatten().for_each(Spin::turn);
             }
         }
-        Ok(table)
+        Ok(())
     }
 }
 

@@ -1,7 +1,7 @@
 //! Beams listed in a CSV file.
 
 use super::fan::check_above_zero;
-use crate::emitter::beams::{MAX_BEAMS, direction};
+use crate::emitter::beams::{FARTHEST_ORIGIN_M, MAX_BEAMS, direction};
 use crate::emitter::{BeamTable, FiringOrder};
 use crate::ground::error::Result;
 use crate::ground::shown;
@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize, Serializer};
 use std::path::{Path, PathBuf};
 
 /// Beams listed in a CSV file with the header `azimuth_deg,elevation_deg` and optionally
-/// `time_us,channel,range_min_m,range_max_m`, in any order; one row per beam.
+/// `time_us,channel,range_min_m,range_max_m,origin_x_m,origin_y_m,origin_z_m`, in any order; one row per beam.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Table {
@@ -46,16 +46,20 @@ impl Table {
 
     pub(super) fn beams(&self) -> Result<BeamTable> {
         const REQUIRED: [&str; 2] = ["azimuth_deg", "elevation_deg"];
+        const ORIGIN: [&str; 3] = ["origin_x_m", "origin_y_m", "origin_z_m"];
         const OPTIONAL: [&str; 4] = ["time_us", "channel", "range_min_m", "range_max_m"];
         let mut csv = Csv::open(&self.file)?;
         let [azimuth, elevation] = csv.required(REQUIRED)?;
         let [time, channel, range_min, range_max] = csv.optional(OPTIONAL);
-        csv.only(&[&REQUIRED[..], &OPTIONAL[..]].concat())?;
+        let origin = csv.optional(ORIGIN);
+        csv.only(&[&REQUIRED[..], &OPTIONAL, &ORIGIN].concat())?;
         let mut table = BeamTable::with_size(1, 0, FiringOrder::Beams, 1.0 / self.rate_hz)?;
         while let Some(row) = csv.next_row()? {
             let number = |column: Option<usize>, absent: f64| column.map_or(absent, |column| row[column]);
             let (az, el) = (row[azimuth], row[elevation]);
             let (us, emitter) = (number(time, 0.0), number(channel, 0.0));
+            let start = origin.map(|column| number(column, 0.0));
+            let far_off = start.iter().position(|place| place.abs() > FARTHEST_ORIGIN_M);
             let (near, far) = (number(range_min, 0.0), number(range_max, f64::INFINITY));
             if table.len() as u64 == MAX_BEAMS {
                 return Err(csv.error(format!("row {} is one too many; allowed: {MAX_BEAMS} beams", MAX_BEAMS + 1)));
@@ -73,12 +77,15 @@ impl Table {
             } else if far <= near {
                 Some(("range_max_m", far, "above range_min_m"))
             } else {
-                None
+                far_off.map(|axis| (ORIGIN[axis], start[axis], "-1e6 to 1e6"))
             };
             if let Some((name, value, allowed)) = fault {
                 return Err(csv.error(format!("{name} is {value}; allowed: {allowed}")));
             }
             table.push(direction(az, el.to_radians().sin_cos()), seconds_from_us(us), emitter as u16);
+            if origin.iter().any(Option::is_some) {
+                table.origin.iter_mut().zip(start).for_each(|(axis, place)| axis.push(place as f32));
+            }
             if range_min.is_some() {
                 table.range_min.push(near as f32);
             }

@@ -208,7 +208,7 @@ impl Block {
         if let Some(eye) = scan.camera.and_then(|camera| camera.second_eye) {
             self.shadow(scan, eye, count);
         }
-        let answers = scan.world.air.as_ref().is_some_and(Air::answers) || scan.detect.alarms.is_some();
+        let answers = scan.world.air.is_some_and(Air::answers) || scan.detect.alarms.is_some();
         let is_split = splitter.as_ref().is_some_and(|splitter| !splitter.found.is_empty());
         let needs_surfaces = !scan.options.organised && !answers && !is_split;
         if needs_surfaces && self.hits.surface[..count].iter().all(|&surface| surface == MISS) {
@@ -290,7 +290,7 @@ impl Block {
         follower.forget_images();
         follower.begin(rays, hits, surfaces, lanes);
         // The paper's program knows weather on the whole of the way alone.
-        let air = scan.world.air.as_ref().filter(|_| !scan.detect.keeps_undetected);
+        let air = scan.world.air.filter(|_| !scan.detect.keeps_undetected);
         let around = scan.surroundings(air, limits, scan.world.wanted, rays);
         let Answer { efficiency, cause, bounces, dimmed, .. } = answer;
         let (mut strength, mut image) = ([f32::NEG_INFINITY; LANES], [0; LANES]);
@@ -339,7 +339,7 @@ impl Block {
 
     /// Steps 9 and 10: which echo the instrument reports.
     fn detect(&mut self, scan: &Scan, count: usize) {
-        if let Some(air) = scan.world.air.as_ref().filter(|_| !scan.detect.keeps_undetected) {
+        if let Some(air) = scan.world.air.filter(|_| !scan.detect.keeps_undetected) {
             air.dim(&self.rays, &self.hits.range, count, &mut self.scratch);
             for lane in 0..LANES {
                 if self.answer.dimmed[lane] {
@@ -364,9 +364,9 @@ impl Block {
             shown = scratch;
         }
         scan.measure.intensity.of_all(shown, &surfaces.cos_incidence, &hits.range, intensity);
-        if let Some(air) = scan.world.air.as_ref().filter(|_| scan.detect.keeps_undetected) {
+        if let Some(air) = scan.world.air.filter(|_| scan.detect.keeps_undetected) {
             self.weather_of_the_program(scan, air, count);
-        } else if scan.detect.threshold != Threshold::Open {
+        } else if *scan.detect.threshold != Threshold::Open {
             let mut noise = [0.0; LANES];
             scan.detect.threshold.noises(&scan.rng, &self.lanes.beam[..count], &mut noise[..count]);
             if scan.world.paths.is_some() {
@@ -390,7 +390,7 @@ impl Block {
         if !scan.camera.is_some_and(DepthCamera::wraps) {
             scan.limit(&mut self.hits.surface, &self.hits.range, &self.lanes, count);
         }
-        if scan.detect.alarms.is_some() || scan.world.air.as_ref().is_some_and(Air::answers) {
+        if scan.detect.alarms.is_some() || scan.world.air.is_some_and(Air::answers) {
             self.answer(scan, count);
         }
         if let Some(camera) = scan.camera {
@@ -411,7 +411,7 @@ impl Block {
             range: &hits.range,
         };
         let formed = if scan.camera.is_some() { &*formed } else { &hits.range };
-        let rain = scan.world.air.as_ref().map_or(0.0, Air::range_noise);
+        let rain = scan.world.air.map_or(0.0, Air::range_noise);
         errors.measure(&scan.rng, &returns, formed, rain, measured, flickers.then_some(&mut *scratch));
         if *flickers {
             for lane in 0..LANES {
@@ -454,7 +454,7 @@ impl Block {
                 (hits.range[lane], intensity[lane]) = (range, backscatter);
                 answer.cause[lane] = Cause::Dust as u8;
             }
-            if scan.detect.threshold != Threshold::Open && tested <= limit {
+            if *scan.detect.threshold != Threshold::Open && tested <= limit {
                 intensity[lane] = 0.0;
             }
         }
@@ -465,12 +465,12 @@ impl Block {
         let Block { lanes, rays, hits, surfaces, rho_eff, intensity, answer, .. } = self;
         (answer.range, answer.rho_eff) = (hits.range, *rho_eff);
         let beams = &lanes.beam[..count];
-        if let Some(air) = scan.world.air.as_ref().filter(|air| air.answers()) {
+        if let Some(air) = scan.world.air.filter(|air| air.answers()) {
             let mut foremost = Foremost {
                 answer,
                 surface: &mut hits.surface,
                 mode: scan.detect.mode,
-                threshold: &scan.detect.threshold,
+                threshold: scan.detect.threshold,
                 limits: &|lane| scan.limits_of(beams[lane] as usize),
                 rng: &scan.rng,
                 beams,

@@ -5,7 +5,7 @@ use super::run::Scan;
 use crate::cloud::{Field, Frame, Kept, MOVING, Slices};
 use crate::ground::angle::azimuth_elevation;
 use crate::ground::lanes::LANES;
-use echocast_kernels::{aim, light, measure};
+use echocast_kernels::{aim, measure};
 use glam::Vec3;
 use std::f32::consts::PI;
 
@@ -17,10 +17,12 @@ impl Block {
         let surface = &hits.surface;
         let filled = kept.choose(surface, count, scan.options.organised);
 
-        // Positions along the beam: in the world from where the beam starts, in the sensor frame from 0.
+        // Positions along the beam, from where it starts.
         let world = scan.options.coordinates == Frame::World;
         let beams = scan.aim.beams;
         let nominal = |lanes: &Lanes| [&beams.dir_x, &beams.dir_y, &beams.dir_z].map(|axis| lanes.take(axis, count));
+        let starts = beams.has_origins().then(|| beams.origin.each_ref().map(|axis| lanes.take(axis, count)));
+        let starts = starts.as_ref().map_or([&ZERO; 3], |starts| starts.each_ref());
         let reported = reported.as_deref().filter(|_| scan.points_elsewhere());
         if [&rows.true_x, &rows.true_y, &rows.true_z].iter().any(|column| !column.is_empty()) {
             let to = [&mut *rows.true_x, &mut *rows.true_y, &mut *rows.true_z];
@@ -34,7 +36,7 @@ impl Block {
                     let direction = rotation.transpose() * rays.direction(lane);
                     directions.iter_mut().zip(direction.to_array()).for_each(|(axis, value)| axis[lane] = value);
                 }
-                put_positions(kept, surface, [&ZERO; 3], directions.each_ref(), &hits.range, scratch, to);
+                put_positions(kept, surface, starts, directions.each_ref(), &hits.range, scratch, to);
             }
         }
         // What is reported knows nothing of it.
@@ -44,7 +46,7 @@ impl Block {
             (reported.origins(), reported.directions())
         } else {
             directions = nominal(lanes);
-            ([&ZERO; 3], directions.each_ref())
+            (starts, directions.each_ref())
         };
         if scan.measure.errors.turn_beams() {
             let mut up = Vec3::Z.to_array().map(|axis| [axis; LANES]);
@@ -64,7 +66,7 @@ impl Block {
         kept.put(surface, &surfaces.cos_incidence, rows.cos_incidence);
         if !rows.depth.is_empty() {
             let dir_x = lanes.take(&beams.dir_x, count);
-            light::product(&dir_x, measured, scratch);
+            measure::place(starts[0], &dir_x, measured, scratch);
             kept.put(surface, scratch, rows.depth);
         }
         if !world && scan.options.fields.contains_any(&[Field::NormalX, Field::NormalY, Field::NormalZ]) {
@@ -147,7 +149,7 @@ impl Block {
     }
 }
 
-/// Origin of rays in the sensor frame.
+/// Origin of rays in the sensor frame, where the table gives none.
 static ZERO: [f32; LANES] = [0.0; LANES];
 
 /// Writes the places at `ranges` along rays from `from` in the directions `along`.

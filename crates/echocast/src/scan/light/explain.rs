@@ -148,7 +148,7 @@ impl Scan<'_> {
                 self.world.reflectances.wavelength_nm, returned.why
             )?;
             let depth =
-                self.world.air.as_ref().map_or(0.0, |air| {
+                self.world.air.map_or(0.0, |air| {
                     air.depth(gatherer.beams.origin(0), gatherer.beams.direction(0), 0.0, ray.range())
                 });
             if depth > 0.0 {

@@ -7,6 +7,9 @@ use crate::emitter::BeamTable;
 use crate::ground::lanes::{CHUNK, LANES, MISS};
 use crate::ground::parallel;
 use glam::Vec3;
+use std::cell::Cell;
+use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
 
 /// Reflectance of what is called bright: whiter than white.
 const BRIGHT: f32 = 1.0;
@@ -26,6 +29,18 @@ pub(super) struct Halos {
     together: f32,
     /// By range.
     bright: Vec<Bright>,
+}
+
+thread_local! {
+    /// Memory for the bright surfaces of scans that this thread asks for.
+    static FOUND: Cell<Vec<Bright>> = const { Cell::new(Vec::new()) };
+}
+
+impl Drop for Halos {
+    fn drop(&mut self) {
+        // A thread at its end has none any more.
+        let _ = FOUND.try_with(|memory| memory.set(std::mem::take(&mut self.bright)));
+    }
 }
 
 /// A bright surface where the middle of a beam meets it.
@@ -66,19 +81,16 @@ impl Halos {
     /// is bright in a mirror or through glass alone does not bloom.
     pub fn new(scan: &Scan, blooming: Blooming, sigma: f64) -> Halos {
         let least = FAINT * scan.detect.threshold.faintest();
-        let mut bright = scan.world.scene.engine.install(|| {
-            let together = |mut some: Vec<Bright>, more: Vec<Bright>| {
-                some.extend(more);
-                some
-            };
-            parallel::map_reduce(
-                scan.aim.beams.len(),
-                CHUNK,
-                |beams| with_block(|block| find(scan, block, beams)),
-                together,
-            )
+        let mut bright = FOUND.try_with(Cell::take).unwrap_or_default();
+        bright.clear();
+        let all = Mutex::new(bright);
+        scan.world.scene.engine.install(|| {
+            parallel::for_each_range(scan.aim.beams.len(), CHUNK, |beams| {
+                with_block(|block| find(scan, block, beams, &all));
+            });
         });
-        bright.sort_by(|a, b| a.range.total_cmp(&b.range));
+        let mut bright = all.into_inner().unwrap_or_else(PoisonError::into_inner);
+        bright.sort_unstable_by(|a, b| a.range.total_cmp(&b.range).then(a.beam.cmp(&b.beam)));
         Halos { blooming, least, together: TOGETHER * sigma as f32, bright }
     }
 
@@ -127,9 +139,8 @@ fn angle(a: Vec3, b: Vec3) -> f32 {
     square.sqrt() * (1.0 + square * (1.0 / 24.0 + square * (3.0 / 640.0 + square * (5.0 / 7168.0))))
 }
 
-/// The bright surfaces that `beams` meet.
-fn find(scan: &Scan, block: &mut Block, beams: std::ops::Range<usize>) -> Vec<Bright> {
-    let mut found = Vec::new();
+/// Adds the bright surfaces that `beams` meet to `all`.
+fn find(scan: &Scan, block: &mut Block, beams: Range<usize>, all: &Mutex<Vec<Bright>>) {
     for first in beams.clone().step_by(LANES) {
         let count = LANES.min(beams.end - first);
         block.lanes.start_at(first);
@@ -140,12 +151,15 @@ fn find(scan: &Scan, block: &mut Block, beams: std::ops::Range<usize>) -> Vec<Br
         if let Some(air) = &scan.world.air {
             air.dim(rays, &hits.range, count, scratch);
         }
+        let mut found = None;
         for lane in 0..count {
             let (surface, range) = (hits.surface[lane], hits.range[lane]);
             let rho_eff = surfaces.reflectance[lane] * surfaces.cos_incidence[lane];
             let power = rho_eff * scratch[lane] / (range * range);
             if surface != MISS && rho_eff > BRIGHT && power.is_finite() && !scan.goes_on(surface) {
-                found.push(Bright {
+                // One thread at a time, for the rest of the block.
+                let all = found.get_or_insert_with(|| all.lock().unwrap_or_else(PoisonError::into_inner));
+                all.push(Bright {
                     beam: (first + lane) as u32,
                     direction: scan.aim.beams.direction(first + lane),
                     range,
@@ -159,5 +173,4 @@ fn find(scan: &Scan, block: &mut Block, beams: std::ops::Range<usize>) -> Vec<Br
             }
         }
     }
-    found
 }

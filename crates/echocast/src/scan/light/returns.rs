@@ -607,7 +607,7 @@ impl Gatherer {
         } else {
             self.meet_ray_after_ray(scan, signals, rays, count);
         }
-        if let Some(air) = scan.world.air.as_ref().filter(|air| air.answers()) {
+        if let Some(air) = scan.world.air.filter(|air| air.answers()) {
             let mut echoes = OfAir { others: &mut self.others, rays: &self.rays, efficiency: &self.efficiency };
             air.answer(&self.beams, &scan.rng, beams, &mut echoes);
         }
@@ -744,7 +744,7 @@ impl Gatherer {
         let going_on = scan.world.paths.map(|limits| (limits, scan.going_on(&hits.surface, count, &mut lanes)));
         if let Some((limits, found @ 1..)) = going_on {
             let lanes = &lanes[..found];
-            let around = scan.surroundings(scan.world.air.as_ref(), limits, wanted, rays);
+            let around = scan.surroundings(scan.world.air, limits, wanted, rays);
             // A hundredth of what is seen adds nothing to what is seen.
             let least_power = 0.01 * scan.detect.threshold.faintest();
             let first = &hits.surface;
@@ -851,7 +851,7 @@ impl Gatherer {
         let surface = peaks.iter().map(|peak| peak.range).find(|&range| range >= straight - waveform.sigma());
         peaks.retain(|peak| is_reported(peak, if Some(peak.range) == surface { 0 } else { peak.range.to_bits() }));
         peaks.extend(alarms[of_beam].iter().map(|&(_, peak)| peak));
-        peaks.sort_by(|a, b| a.range.total_cmp(&b.range));
+        peaks.sort_unstable_by(|a, b| a.range.total_cmp(&b.range).then(a.power.total_cmp(&b.power)));
         rule.choose(peaks, order, chosen);
     }
 

@@ -11,9 +11,8 @@ use crate::ground::lanes::{CHUNK, LANES, MISS, RayBatch};
 use crate::ground::parallel;
 use crate::ground::rng::Rng;
 use crate::material::{Mirrors, Optics, ReflectanceSource, Reflectances};
-use crate::medium::Weather;
 use crate::scan::{Order, Profile, Progress, ScanOptions};
-use crate::sensor::{DepthCamera, IntensitySpec, Sensor, Signals};
+use crate::sensor::{DepthCamera, IntensitySpec, Reception, Sensor, Signals};
 use crate::trace::{Clock, Later, Tables};
 use echocast_kernels::measure;
 use glam::Vec3;
@@ -44,8 +43,8 @@ pub(super) struct Scan<'a> {
     pub rng: Rng,
     pub aim: Aiming<'a>,
     pub world: World<'a>,
-    pub detect: Detecting,
-    pub measure: Measuring,
+    pub detect: Detecting<'a>,
+    pub measure: Measuring<'a>,
     /// What a depth camera makes of light, if the sensor is one.
     pub camera: Option<&'a DepthCamera>,
     /// Time from one frame to the next, s.
@@ -73,7 +72,7 @@ pub(super) struct World<'a> {
     pub scene: &'a Tables,
     pub reflectances: Arc<Reflectances>,
     /// What is in the air, if anything.
-    pub air: Option<Air>,
+    pub air: Option<&'a Air>,
     /// How far light is followed over mirrors and through glass; `None` where nothing depends on it.
     pub paths: Option<PathLimits>,
     /// Whether incidence follows the interpolated shading normal rather than the triangle's.
@@ -90,12 +89,12 @@ pub(super) struct World<'a> {
 }
 
 /// Which echoes are seen.
-pub(super) struct Detecting {
-    pub threshold: Threshold,
+pub(super) struct Detecting<'a> {
+    pub threshold: &'a Threshold,
     /// Noise that looks like echoes, if there is any.
     pub alarms: Option<FalseAlarms>,
     /// Fraction of the light that each channel uses; empty if all are alike.
-    pub efficiency: Vec<f32>,
+    pub efficiency: &'a [f32],
     pub mode: ReturnMode,
     /// Nearest and farthest range that is reported, m.
     pub range: [f32; 2],
@@ -106,8 +105,8 @@ pub(super) struct Detecting {
 }
 
 /// What is measured of them.
-pub(super) struct Measuring {
-    pub errors: Errors,
+pub(super) struct Measuring<'a> {
+    pub errors: &'a Errors,
     pub intensity: IntensityModel,
     /// `rho_eff / R^2` beyond which intensity does not rise, 1/m^2.
     pub saturation: Option<f32>,
@@ -157,8 +156,32 @@ impl Profile {
     }
 }
 
+/// Whether beams are one ray and one return each, whatever the sensor says.
+fn one_ray(sensor: &Sensor, profile: Profile) -> bool {
+    let Rules { as_printed, as_computed, .. } = profile.rules();
+    // Without what makes it a camera, a pixel of several rays is none.
+    as_computed || as_printed && sensor.camera.is_some()
+}
+
+/// Whether all beams are signals.
+fn has_signals(sensor: &Sensor, profile: Profile) -> bool {
+    !one_ray(sensor, profile) && (sensor.detection.blooming.is_some() || !sensor.signals.are_simple())
+}
+
+/// Which echoes are sought.
+fn mode(sensor: &Sensor, profile: Profile) -> ReturnMode {
+    // Signals are made of all echoes.
+    if has_signals(sensor, profile) { ReturnMode::All } else { sensor.return_mode() }
+}
+
+/// How `sensor` receives light in a scan of `scene`.
+pub(super) fn reception(scene: &Tables, sensor: &Sensor, options: &ScanOptions) -> Arc<Reception> {
+    let Rules { as_printed, as_computed, .. } = options.profile.rules();
+    sensor.reception(&options.environment, scene.origin, [as_printed, as_computed], mode(sensor, options.profile))
+}
+
 impl<'a> Scan<'a> {
-    /// With the `beams` that `sensor` has when the scan starts.
+    /// With the `beams` that `sensor` has when the scan starts, and its [`reception`] there.
     ///
     /// # Errors
     /// A vertex cache that can no longer be read.
@@ -166,23 +189,16 @@ impl<'a> Scan<'a> {
         scene: &'a Tables,
         sensor: &'a Sensor,
         beams: &'a BeamTable,
+        reception: &'a Reception,
         trajectory: &'a Trajectory,
         options: &'a ScanOptions,
     ) -> Result<Self> {
         let Rules { source, mirrors, as_printed, as_computed } = options.profile.rules();
-        let threshold = sensor.threshold(as_computed);
-        // Without what makes it a camera, a pixel of several rays is none.
-        let one_ray = as_computed || as_printed && sensor.camera.is_some();
-        let blooms = sensor.detection.blooming.is_some();
-        let has_signals = !one_ray && (blooms || !sensor.signals.are_simple());
+        let Reception { threshold, errors, alarms, air, efficiency, .. } = reception;
+        let has_signals = has_signals(sensor, options.profile);
+        let one_ray = one_ray(sensor, options.profile);
         let signals = Some(&sensor.signals).filter(|signals| has_signals || !one_ray && signals.adaptive.is_some());
-        // Signals are made of all echoes.
-        let mode = if has_signals { ReturnMode::All } else { sensor.return_mode() };
         let camera = sensor.camera.as_ref().filter(|_| !as_printed);
-        let errors = Errors::new(&sensor.noise, sensor.range_error(threshold.clone()), &threshold, sensor.doppler);
-
-        let weather = Weather::new(&options.environment, sensor.wavelength_nm, as_printed, scene.origin);
-        let air = Air::new(weather, sensor.receiver(threshold.clone()), mode, !as_computed);
         let source = options.reflectance_source.unwrap_or(source);
         let reflectances = scene.surfaces.reflectances(sensor.wavelength_nm, source, mirrors);
         let paths = reflectances.go_on.then_some(PathLimits {
@@ -196,7 +212,7 @@ impl<'a> Scan<'a> {
 
         let fields = options.fields;
         let frame_period = options.frame_period.unwrap_or(beams.period);
-        let depends = threshold != Threshold::Open || errors.depend_on_light() || camera.is_some();
+        let depends = *threshold != Threshold::Open || errors.depend_on_light() || camera.is_some();
         let wants_echo =
             signals.is_some() || air.is_some() || paths.is_some() || depends || fields.contains(Field::Intensity);
         let normals = [Field::NormalX, Field::NormalY, Field::NormalZ, Field::CosIncidence];
@@ -217,7 +233,7 @@ impl<'a> Scan<'a> {
             world: World {
                 scene,
                 reflectances,
-                air,
+                air: air.as_ref(),
                 paths,
                 smooth: !as_computed && scene.surfaces.has_shading_normals,
                 wants_normals: wants_echo || fields.contains_any(&normals),
@@ -234,10 +250,10 @@ impl<'a> Scan<'a> {
                 limited: !as_printed && errs,
             },
             detect: Detecting {
-                alarms: FalseAlarms::new(&sensor.detection.model, &threshold),
+                alarms: *alarms,
                 threshold,
-                efficiency: sensor.detection.channel_efficiency.iter().map(|&part| part as f32).collect(),
-                mode,
+                efficiency,
+                mode: mode(sensor, options.profile),
                 range: [sensor.range_min_m as f32, range_max],
                 keeps_undetected: as_computed,
                 halos: None,
