@@ -3,7 +3,7 @@
 use super::{Sensor, SensorKind};
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
-use crate::read::presets;
+use crate::read::presets::{self, SensorFile};
 use crate::read::yaml::{self, Document};
 use serde::Deserialize;
 use std::fs;
@@ -23,18 +23,19 @@ pub struct PresetInfo {
 }
 
 impl Sensor {
-    /// The preset called `name`.
+    /// The preset called `name` (or `FOLDER/NAME`). If there is none, the only one that is meant: case, `-`, `_` and blanks
+    /// do not count, the maker's name may be missing, or a part of the name is enough that no other preset has. So
+    /// `VLP-16` and `Velodyne VLP16` are `velodyne_vlp16`.
     ///
     /// # Errors
-    /// [`crate::Error::Missing`] with similar names.
+    /// [`crate::Error::Missing`] with similar names; [`crate::Error::InvalidParameter`] with those that `name` fits, if
+    /// there are several.
     pub fn preset(name: &str) -> Result<Sensor> {
-        match presets::sensors().find(|preset| preset.name == name) {
-            Some(preset) => Sensor::from_section(&Document::parse(preset.path, preset.text)?, Path::new("")),
-            None => Err(Error::missing("sensor preset", name, presets::sensors().map(|preset| preset.name))),
-        }
+        let preset = find(name)?;
+        Sensor::from_section(&Document::parse(preset.path, preset.text)?, Path::new(""))
     }
 
-    /// The preset called `name` (or `FOLDER/NAME`), or the sensor file of that name.
+    /// The preset that [`Sensor::preset`] finds for `name`, or the sensor file of that name.
     ///
     /// # Errors
     /// As [`Sensor::preset`] and [`Sensor::load`].
@@ -46,12 +47,7 @@ impl Sensor {
         if is_yaml || is_file {
             return Sensor::load(path);
         }
-        let name = shown::path(path);
-        let mut presets = presets::sensors();
-        match name.split_once('/') {
-            Some((folder, preset)) if presets.any(|p| p.folder == folder && p.name == preset) => Sensor::preset(preset),
-            _ => Sensor::preset(&name),
-        }
+        Sensor::preset(&shown::path(path))
     }
 
     /// All presets, by folder and name.
@@ -70,4 +66,39 @@ impl Sensor {
             })
             .collect()
     }
+}
+
+/// The preset that `name` stands for.
+fn find(name: &str) -> Result<SensorFile> {
+    /// Fewer letters fit a single preset by chance.
+    const FEWEST: usize = 3;
+    let (folder, given) = name.split_once('/').map_or((None, name), |(folder, given)| (Some(folder), given));
+    let wanted = plain(given);
+    let model = |preset: &SensorFile| preset.name.split_once('_').is_some_and(|(_, model)| plain(model) == wanted);
+    // What is nearer to the name as it is written wins.
+    let rules: [&dyn Fn(&SensorFile) -> bool; 4] = [
+        &|preset| preset.name == given,
+        &|preset| plain(preset.name) == wanted,
+        &|preset| wanted.len() >= FEWEST && model(preset),
+        &|preset| wanted.len() >= FEWEST && plain(preset.name).contains(&wanted),
+    ];
+    for rule in rules {
+        let of_folder = presets::sensors().filter(|preset| folder.is_none_or(|folder| folder == preset.folder));
+        let mut fitting: Vec<SensorFile> = of_folder.filter(rule).collect();
+        match fitting.len() {
+            0 => {}
+            1 => return Ok(fitting.remove(0)),
+            _ => {
+                let names: Vec<_> = fitting.iter().map(|preset| preset.name).collect();
+                let value = format!("{:?}, which fits several", shown::name(name));
+                return Err(Error::invalid("the sensor preset", value, names.join(", ")));
+            }
+        }
+    }
+    Err(Error::missing("sensor preset", name, presets::sensors().map(|preset| preset.name)))
+}
+
+/// `name` without what people write differently.
+fn plain(name: &str) -> String {
+    name.chars().filter(|c| !matches!(c, '-' | '_') && !c.is_whitespace()).flat_map(char::to_lowercase).collect()
 }

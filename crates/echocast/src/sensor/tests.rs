@@ -34,9 +34,45 @@ fn presets_are_found_by_name() {
     assert_eq!((sensor.name(), sensor.beams().rows), ("velodyne_vlp32c", 32));
     assert_eq!(sensor.range_max_m, 200.0);
     assert_eq!(sensor.detection.model, Detection::RadarEquation { reflectance: 0.8, at_m: 200.0 });
-    let error = Sensor::preset("velodyne_vlp32").unwrap_err().to_string();
-    assert!(error.starts_with("there is no sensor preset named \"velodyne_vlp32\"; near: velodyne_vlp32c"), "{error}");
+    let error = Sensor::preset("velodyne_vlp42c").unwrap_err().to_string();
+    assert!(error.starts_with("there is no sensor preset named \"velodyne_vlp42c\"; near: velodyne_vlp32c"), "{error}");
     assert_eq!(Sensor::presets().len(), presets::sensors().count());
+}
+
+#[test]
+fn names_of_presets_forgive() {
+    for (name, found) in [
+        ("VLP-16", "velodyne_vlp16"),
+        ("vlp16", "velodyne_vlp16"),
+        ("Velodyne VLP16", "velodyne_vlp16"),
+        ("velodyne-vlp-16", "velodyne_vlp16"),
+        ("lidar/VLP 16", "velodyne_vlp16"),
+        ("VLP-16 hires", "velodyne_vlp16_hires"),
+        ("velodyne vlp32", "velodyne_vlp32c"),
+        ("RealSense D435", "realsense_d435"),
+        ("avia", "livox_avia"),
+        ("kinect_v1", "kinect_v1"),
+        ("tof/kinect_v1", "kinect_v1"),
+    ] {
+        assert_eq!(Sensor::open(name).unwrap().name(), found, "{name}");
+    }
+    for (name, says) in [
+        ("OS1", "the sensor preset is \"OS1\", which fits several; allowed: ouster_os1_128, ouster_os1_64"),
+        ("kinect", "kinect_v1, "),
+        ("velodyne", "velodyne_vlp16, velodyne_vlp16_hires"),
+        ("16", "there is no sensor preset named"),
+        ("", "there is no sensor preset named"),
+        ("a/vlp16", "there is no sensor preset named"),
+    ] {
+        let error = Sensor::preset(name).unwrap_err().to_string();
+        assert!(error.contains(says) && error.len() < 500, "{name}: {error}");
+    }
+    // Every preset is found under its own name, whatever others contain it.
+    for preset in presets::sensors() {
+        for name in [preset.name.to_owned(), preset.name.to_uppercase().replace('_', "-")] {
+            assert_eq!(Sensor::preset(&name).unwrap().name(), preset.name);
+        }
+    }
 }
 
 #[test]
