@@ -1,6 +1,6 @@
 //! The Rust of the README compiles, and its first example does what it says.
 
-#![allow(unused_variables, unused_mut, unused_imports, unreachable_code, clippy::all)] // snippets, one by one
+#![allow(dead_code, unused_variables, unused_mut, unused_imports, unreachable_code, clippy::all)] // snippets, one by one
 
 /// What snippets take as given.
 mod snippets {
