@@ -265,7 +265,8 @@ pub fn run(data: &[u8]) {
                         range_min_m: input.of(&[0.0, 0.0, 1.0, f32::NAN]),
                         range_max_m: input.of(&[0.0, 0.0, 9.0, f32::INFINITY]),
                         channel: input.of(&[0, 1, 70_000]),
-                        reserved: [0; 4],
+                        origin: [0.0, 0.0, input.of(&[0.0, 0.0, 1.0, f32::NAN])],
+                        reserved: 0,
                     });
                     let made = if input.byte() < 160 {
                         echocast_sensor_from_text(contexts.any(input), input.text(), ptr::null(), &mut out)

@@ -266,6 +266,26 @@ int main(int argc, char **argv)
     BAD_HANDLES(echocast_scene, wrong, echocast_scene_camera(wrong, "box", &pose));
     BAD_TEXTS(name, echocast_scene_camera(scene, name, &pose));
     REFUSED(echocast_scene_camera(scene, "box", NULL));
+    char camera_name[8];
+    BAD_HANDLES(echocast_scene, wrong, echocast_scene_get_camera(wrong, 0, camera_name, 8, NULL, &pose));
+    REFUSED(echocast_scene_get_camera(scene, 0, camera_name, 8, NULL, &pose));
+    REFUSED(echocast_scene_get_camera(scene, SIZE_MAX, NULL, 0, NULL, NULL));
+    uint32_t label;
+    BAD_HANDLES(echocast_scene, wrong, echocast_scene_label_number(wrong, "category", "box", &label));
+    BAD_TEXTS(name, echocast_scene_label_number(scene, name, "box", &label));
+    BAD_TEXTS(name, echocast_scene_label_number(scene, "category", name, &label));
+    REFUSED(echocast_scene_label_number(scene, "category", "box", NULL));
+    const double origin[3] = {0, 0, 0}, upright[4] = {0, 0, 0, 1};
+    REFUSED(echocast_pose_from_quaternion(NULL, upright, &pose));
+    REFUSED(echocast_pose_from_quaternion(origin, NULL, &pose));
+    REFUSED(echocast_pose_from_quaternion(origin, upright, NULL));
+    for (size_t i = 0; i < sizeof odd / sizeof *odd; ++i) {
+        const double far_off[3] = {0, odd[i], 0}, turned[4] = {0, odd[i], 0, 1}, none[4] = {0, 0, 0, 0};
+        if (!(fabs(odd[i]) < INFINITY))
+            REFUSED(echocast_pose_from_quaternion(far_off, upright, &pose));
+        REFUSED(echocast_pose_from_quaternion(origin, turned, &pose));
+        REFUSED(echocast_pose_from_quaternion(origin, none, &pose));
+    }
     echocast_scene_info scene_info = ECHOCAST_SCENE_INFO_INIT;
     BAD_HANDLES(echocast_scene, wrong, echocast_scene_get_info(wrong, &scene_info));
     REFUSED(echocast_scene_get_info(scene, NULL));
@@ -471,6 +491,9 @@ int main(int argc, char **argv)
     REFUSED(echocast_result_get_info(result, NULL));
     CHECK(echocast_result_count(NULL) == 0 && echocast_result_count((echocast_result *)somewhere) == 0);
     BAD_HANDLES(echocast_result, wrong, echocast_result_view(wrong, "x", &column));
+    BAD_HANDLES(echocast_result, wrong, echocast_result_label_number(wrong, "category", "box", &label));
+    BAD_TEXTS(name, echocast_result_label_number(result, "category", name, &label));
+    REFUSED(echocast_result_label_number(result, "category", "box", NULL));
     BAD_TEXTS(name, echocast_result_view(result, name, &column));
     REFUSED(echocast_result_view(result, "x", NULL));
     REFUSED(echocast_result_view(result, "x", (echocast_view *)((char *)somewhere + 1)));

@@ -147,10 +147,10 @@ impl Scan<'_> {
                 "    reflectance {value} at {} nm, {}",
                 self.world.reflectances.wavelength_nm, returned.why
             )?;
-            let depth =
-                self.world.air.map_or(0.0, |air| {
-                    air.depth(gatherer.beams.origin(0), gatherer.beams.direction(0), 0.0, ray.range())
-                });
+            let depth = self
+                .world
+                .air
+                .map_or(0.0, |air| air.depth(gatherer.beams.origin(0), gatherer.beams.direction(0), 0.0, ray.range()));
             if depth > 0.0 {
                 let two_way = (-2.0 * depth).exp();
                 let depth = number(depth);
