@@ -222,14 +222,14 @@ static void scenes(echocast_context *context)
     CHECK(found == 0);
     echocast_pose pose;
     FAILS(ECHOCAST_E_ARGUMENT, "there is no camera node named \"eye\"", echocast_scene_camera(scene, "eye", &pose));
-    uint32_t known = 7;
-    OK(echocast_scene_label_number(scene, "category", "car", &known));
-    CHECK(known == 9);
+    uint32_t label = 7;
+    OK(echocast_scene_label_number(scene, "category", "car", &label));
+    CHECK(label == 9);
     FAILS(ECHOCAST_E_ARGUMENT, "there is no label named \"cat\"; near: car",
-          echocast_scene_label_number(scene, "category", "cat", &known));
-    CHECK(known == 0);
+          echocast_scene_label_number(scene, "category", "cat", &label));
+    CHECK(label == 0);
     FAILS(ECHOCAST_E_ARGUMENT, "table is \"planet\"; allowed: category, part, material, instance",
-          echocast_scene_label_number(scene, "planet", "car", &known));
+          echocast_scene_label_number(scene, "planet", "car", &label));
     float positions[24];
     for (int i = 0; i < 24; ++i)
         positions[i] = 2 * BOX_POSITIONS[i];
@@ -241,10 +241,10 @@ static void scenes(echocast_context *context)
     CHECK(close_to(least(result, "x"), 3));
     CHECK(*(const uint32_t *)view(result, "category_id").data == 9 && *(const uint32_t *)view(result, "part_id").data == 5);
     CHECK(strcmp(echocast_result_label_name(result, "category", 9), "car") == 0);
-    OK(echocast_result_label_number(result, "category", "car", &known));
-    CHECK(known == 9);
+    OK(echocast_result_label_number(result, "category", "car", &label));
+    CHECK(label == 9);
     FAILS(ECHOCAST_E_ARGUMENT, "there is no label named \"tree\"",
-          echocast_result_label_number(result, "category", "tree", &known));
+          echocast_result_label_number(result, "category", "tree", &label));
     echocast_snapshot_release(snapshot);
 
     /* Vertices on their way, half of which has passed; the time of a scan counts once time does not stand still. */
