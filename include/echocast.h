@@ -55,7 +55,7 @@
 #define ECHOCAST_MESH_DESC_INIT { sizeof(echocast_mesh_desc), 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0 }
 #define ECHOCAST_INSTANCE_DESC_INIT                                                                                    \
     { sizeof(echocast_instance_desc), 0, ECHOCAST_POSE_IDENTITY, 0, 0, 0xffffffffu, 0, 0, 0 }
-#define ECHOCAST_SCENE_INFO_INIT { sizeof(echocast_scene_info), 0, 0, { 0, 0, 0 }, { 0, 0, 0 } }
+#define ECHOCAST_SCENE_INFO_INIT { sizeof(echocast_scene_info), 0, 0, { 0, 0, 0 }, { 0, 0, 0 }, 0 }
 #define ECHOCAST_SENSOR_INFO_INIT { sizeof(echocast_sensor_info), 0, 0, 0 }
 #define ECHOCAST_SCAN_DESC_INIT                                                                                        \
     { sizeof(echocast_scan_desc), 0, 0, 0, 0, 0, 0, 0xffffffffu, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0 }
@@ -447,6 +447,8 @@ typedef struct echocast_scene_info {
     double low[3];
     /** Highest corner of that box. */
     double high[3];
+    /** Camera nodes of the loaded files. */
+    size_t cameras;
 } echocast_scene_info;
 
 /** A pose at a time. */
@@ -564,6 +566,46 @@ ECHOCAST_API
 echocast_status echocast_scene_camera(const echocast_scene *scene,
                                       const char *name,
                                       echocast_pose *out);
+
+/**
+ * Gets the name and, as a sensor's pose, the place at time 0 of camera node `number` of the loaded files, counted from 0;
+ * echocast_scene_get_info says how many there are. `name` has room for `capacity` bytes, a longer name is cut off;
+ * `*needed`: bytes of the whole name, including the 0 at its end. One of `name` and `needed` may be NULL, and so may
+ * `pose`.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API
+echocast_status echocast_scene_get_camera(const echocast_scene *scene,
+                                          size_t number,
+                                          char *name,
+                                          size_t capacity,
+                                          size_t *needed,
+                                          echocast_pose *pose);
+
+/**
+ * Gets the number that has a name in a label column. `table`: "category", "part", "material" or "instance", where the
+ * first instance of the name counts.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (no such name; similar ones are listed), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API
+echocast_status echocast_scene_label_number(const echocast_scene *scene,
+                                            const char *table,
+                                            const char *name,
+                                            uint32_t *number);
+
+/**
+ * Makes a pose of a position, metres, and a unit quaternion x, y, z, w: the real part last, the order of ROS. It is
+ * normalised.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (numbers that are not finite, a quaternion whose length is not near 1). Any thread may
+ * call this.
+ */
+ECHOCAST_API
+echocast_status echocast_pose_from_quaternion(const double *position,
+                                              const double *xyzw,
+                                              echocast_pose *pose);
 
 /**
  * Gets the contents of a scene. The caller sets struct_size of `*info`.
@@ -712,7 +754,7 @@ ECHOCAST_API void echocast_snapshot_release(echocast_snapshot *snapshot);
  */
 typedef struct echocast_sensor echocast_sensor;
 
-/** A beam of a sensor. */
+/** A beam of a sensor: a ray with its own origin, direction and time. */
 typedef struct echocast_beam {
     /** Time of its firing since the start of the scan, ns. */
     int64_t t_ns;
@@ -724,8 +766,10 @@ typedef struct echocast_beam {
     float range_max_m;
     /** Emitter index, 0 to 65535. */
     uint32_t channel;
+    /** Where it starts in the sensor frame, metres, from where its ranges count; 0 for the origin of the frame. */
+    float origin[3];
     /** 0. */
-    uint32_t reserved[4];
+    uint32_t reserved;
 } echocast_beam;
 
 /** A sensor made of beams; ECHOCAST_BEAMS_DESC_INIT is empty. */
@@ -788,8 +832,8 @@ echocast_status echocast_sensor_from_text(const echocast_context *context,
                                           echocast_sensor **out);
 
 /**
- * Creates an ideal lidar from beams: no noise, no threshold, no range limit but theirs; echocast_sensor_set adds what
- * you want.
+ * Creates an ideal lidar from beams, each a ray with its own origin and time: no noise, no threshold, no range limit
+ * but theirs; echocast_sensor_set adds what you want. Rays without rows and columns are 1 row of many columns.
  *
  * Errors: ECHOCAST_E_ARGUMENT (the beam that is wrong), ECHOCAST_E_MEMORY. Any thread may call this.
  */
@@ -1008,6 +1052,18 @@ const char *echocast_result_label_name(const echocast_result *result,
                                        uint32_t number);
 
 /**
+ * Gets the number that has a name in a label column. `table`: "category", "part", "material" or "instance", where the
+ * first instance of the name counts.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (no such name; similar ones are listed), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API
+echocast_status echocast_result_label_number(const echocast_result *result,
+                                             const char *table,
+                                             const char *name,
+                                             uint32_t *number);
+
+/**
  * Appends the points of another scan of the same scene with the same columns, to be written to one file.
  *
  * Errors: ECHOCAST_E_ARGUMENT (a scan that does not fit), ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY;
@@ -1130,9 +1186,9 @@ typedef struct echocast_scan_desc {
 
 /**
  * Scans once; a sonar sends one ping, whose echoes are the points. `*io`: NULL, and it becomes a new result, to be
- * released with echocast_result_release; or a result, whose memory is reused: a loop of scans in beam order allocates
- * nothing after the first of its kind, except for a few small blocks with weather, several rays per beam, blooming or
- * another profile, the beams of a pattern that does not repeat (risley), and sonars.
+ * released with echocast_result_release; or a result, whose memory is reused: after the first few of their kind, scans
+ * in beam order of lidars and depth cameras allocate nothing, whatever the sensor, in any weather and in front of
+ * mirrors and glass; with another profile than the physical one they take some small blocks, a ping of a sonar up to 20.
  *
  * Points of a sonar: for multibeam and single-beam sonars the depth of each beam; for side-scan and imaging sonars the
  * range bins with an echo. Their `intensity` is a level in dB re 1 uPa. Sonars must be in the water.

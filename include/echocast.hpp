@@ -145,6 +145,21 @@ inline echocast_pose pose_at(double x, double y, double z) {
     return pose;
 }
 
+/** A pose at x, y, z metres, turned by the unit quaternion {x, y, z, w}: the real part last, the order of ROS. */
+inline echocast_pose pose_at(double x, double y, double z, const std::array<double, 4> &xyzw) {
+    const double position[] = {x, y, z};
+    echocast_pose pose;
+    check(echocast_pose_from_quaternion(position, xyzw.data(), &pose));
+    return pose;
+}
+
+/** A camera node of a loaded file. */
+struct camera {
+    std::string name;
+    /** At time 0, as a sensor's. */
+    echocast_pose pose;
+};
+
 /** Number of an instance in its scene. */
 using instance = echocast_instance;
 
@@ -283,6 +298,24 @@ public:
         return pose;
     }
 
+    /** All camera nodes of the loaded files. */
+    std::vector<echocast::camera> cameras() const {
+        std::vector<echocast::camera> all(info().cameras);
+        for (std::size_t number = 0; number < all.size(); ++number) {
+            all[number].name = detail::text([&](char *to, std::size_t capacity, std::size_t *needed) {
+                return echocast_scene_get_camera(get(), number, to, capacity, needed, &all[number].pose);
+            });
+        }
+        return all;
+    }
+
+    /** Number that has this name: of category "car", for instance. */
+    uint32_t label_number(const std::string &table, const std::string &name) const {
+        uint32_t number = 0;
+        check(echocast_scene_label_number(get(), table.c_str(), name.c_str(), &number));
+        return number;
+    }
+
     echocast_scene_info info() const {
         echocast_scene_info info = ECHOCAST_SCENE_INFO_INIT;
         check(echocast_scene_get_info(get(), &info));
@@ -398,6 +431,12 @@ public:
             made([&](echocast_sensor **out) { return echocast_sensor_from_beams(context.get(), &desc, out); }));
     }
 
+    /** Of rays in the order in which they fire: beams with their own origins and times. */
+    static sensor from_rays(const context &context, const std::string &name, const std::vector<echocast_beam> &rays,
+                            int64_t period_ns) {
+        return from_beams(context, name, 1, static_cast<uint32_t>(rays.size()), rays, period_ns);
+    }
+
     void set(const std::string &key, const std::string &value) {
         check(echocast_sensor_set(get(), key.c_str(), value.c_str()));
     }
@@ -465,6 +504,24 @@ public:
         std::vector<uint8_t> bytes(size() * stride);
         check(echocast_result_pack(get(), items.data(), items.size(), stride, bytes.data(), bytes.size(), nullptr));
         return bytes;
+    }
+
+    /** The same into memory of the caller's, of at least size() * stride bytes, without any of its own: the data of a
+     *  message, for instance. */
+    void pack(const echocast_pack_item *items, std::size_t item_count, std::size_t stride, void *to,
+              std::size_t capacity) const {
+        check(echocast_result_pack(get(), items, item_count, stride, to, capacity, nullptr));
+    }
+
+    void pack(const std::vector<echocast_pack_item> &items, std::size_t stride, span<uint8_t> to) const {
+        pack(items.data(), items.size(), stride, to.data(), to.size());
+    }
+
+    /** Number that has this name: of category "car", for instance. */
+    uint32_t label_number(const std::string &table, const std::string &name) const {
+        uint32_t number = 0;
+        check(echocast_result_label_number(get(), table.c_str(), name.c_str(), &number));
+        return number;
     }
 
     /** Name of a label number, "" if it has none. */

@@ -265,7 +265,7 @@ pub fn run(data: &[u8]) {
                         range_min_m: input.of(&[0.0, 0.0, 1.0, f32::NAN]),
                         range_max_m: input.of(&[0.0, 0.0, 9.0, f32::INFINITY]),
                         channel: input.of(&[0, 1, 70_000]),
-                        origin: [input.number() as f32, 0.0, 0.0],
+                        origin: [0.0, 0.0, input.of(&[0.0, 0.0, 1.0, f32::NAN])],
                         reserved: 0,
                     });
                     let made = if input.byte() < 160 {

@@ -15,6 +15,7 @@ mod motion;
 mod moving;
 mod multipath;
 mod noise;
+mod origins;
 mod paths;
 mod patterns;
 mod printed;

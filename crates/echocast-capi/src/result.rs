@@ -3,7 +3,7 @@
 use crate::context::Context;
 use crate::guard::{Failure, Outcome, echocast_status, guard, guard_or};
 use crate::handle::{self, handles};
-use crate::scene::echocast_pose;
+use crate::scene::{echocast_pose, label_number, label_table};
 use crate::text;
 use crate::weather::Weather;
 use echocast::cloud::{ColumnType, PackItem, PackType};
@@ -356,10 +356,7 @@ pub unsafe extern "C" fn echocast_result_label_name(
         let table = unsafe { text::required(table, "table") }?;
         look(result, |points| {
             let labels = &points.cloud.labels;
-            let tables = labels.tables();
-            let Some((stem, names)) = tables.iter().find(|(stem, _)| *stem == table) else {
-                return Err(Failure::argument("table", format!("{table:?}"), "category, part, material, instance"));
-            };
+            let (stem, names) = label_table(labels, table)?;
             let Some(name) = names.name(number) else { return Ok(ptr::null()) };
             let mut kept = points.names.lock().unwrap_or_else(PoisonError::into_inner);
             if !Arc::ptr_eq(&kept.labels, labels) {
@@ -369,6 +366,29 @@ pub unsafe extern "C" fn echocast_result_label_name(
             let made = || CString::new(name.replace('\0', "?")).unwrap_or_default();
             let text = kept.texts.entry((stem, number)).or_insert_with(made);
             Ok(text.as_ptr())
+        })
+    })
+}
+
+/// Gets the number that has a name in a label column. `table`: "category", "part", "material" or "instance", where the
+/// first instance of the name counts.
+///
+/// Errors: ECHOCAST_E_ARGUMENT (no such name; similar ones are listed), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_result_label_number(
+    result: *const echocast_result,
+    table: *const c_char,
+    name: *const c_char,
+    number: *mut u32,
+) -> echocast_status {
+    guard(|| {
+        // SAFETY: as the header asks.
+        let number = unsafe { text::output(number, "number") }?.write(0);
+        // SAFETY: as the header asks.
+        let (table, name) = unsafe { (text::required(table, "table")?, text::required(name, "name")?) };
+        look(result, |points| {
+            *number = label_number(&points.cloud.labels, table, name)?;
+            Ok(())
         })
     })
 }

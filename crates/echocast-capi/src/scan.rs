@@ -152,9 +152,9 @@ text::versioned!(echocast_scan_desc {
 });
 
 /// Scans once; a sonar sends one ping, whose echoes are the points. `*io`: NULL, and it becomes a new result, to be
-/// released with echocast_result_release; or a result, whose memory is reused: a loop of scans in beam order allocates
-/// nothing after the first of its kind, except for a few small blocks with weather, several rays per beam, blooming or
-/// another profile, the beams of a pattern that does not repeat (risley), and sonars.
+/// released with echocast_result_release; or a result, whose memory is reused: after the first few of their kind, scans
+/// in beam order of lidars and depth cameras allocate nothing, whatever the sensor, in any weather and in front of
+/// mirrors and glass; with another profile than the physical one they take some small blocks, a ping of a sonar up to 20.
 ///
 /// Points of a sonar: for multibeam and single-beam sonars the depth of each beam; for side-scan and imaging sonars the
 /// range bins with an echo. Their `intensity` is a level in dB re 1 uPa. Sonars must be in the water.

@@ -7,7 +7,7 @@ use crate::material::echocast_material;
 use crate::mesh::echocast_mesh;
 use crate::sensor::seconds;
 use crate::text;
-use echocast::scene::{Array, Object};
+use echocast::scene::{Array, Labels, NameTable, Object};
 use echocast::{BuiltScene, LiveScene, LoadOptions, ObjectId, Pose, Scene};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use std::ffi::{c_char, c_void};
@@ -179,6 +179,8 @@ pub struct echocast_scene_info {
     pub low: [f64; 3],
     /// Highest corner of that box.
     pub high: [f64; 3],
+    /// Camera nodes of the loaded files.
+    pub cameras: usize,
 }
 
 impl Default for echocast_scene_info {
@@ -189,11 +191,12 @@ impl Default for echocast_scene_info {
             triangles: 0,
             low: [0.0; 3],
             high: [0.0; 3],
+            cameras: 0,
         }
     }
 }
 
-text::versioned!(echocast_scene_info { struct_size, instances, triangles, low, high });
+text::versioned!(echocast_scene_info { struct_size, instances, triangles, low, high, cameras });
 
 /// Creates a scene without instances. `desc`: NULL for the defaults.
 ///
@@ -552,6 +555,104 @@ pub unsafe extern "C" fn echocast_scene_camera(
     })
 }
 
+/// Gets the name and, as a sensor's pose, the place at time 0 of camera node `number` of the loaded files, counted from 0;
+/// echocast_scene_get_info says how many there are. `name` has room for `capacity` bytes, a longer name is cut off;
+/// `*needed`: bytes of the whole name, including the 0 at its end. One of `name` and `needed` may be NULL, and so may
+/// `pose`.
+///
+/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_scene_get_camera(
+    scene: *const echocast_scene,
+    number: usize,
+    name: *mut c_char,
+    capacity: usize,
+    needed: *mut usize,
+    pose: *mut echocast_pose,
+) -> echocast_status {
+    guard(|| {
+        look(scene, |live| {
+            let cameras = live.cameras();
+            let Some(camera) = cameras.get(number) else {
+                let allowed = format!("less than the {} cameras there are", cameras.len());
+                return Err(Failure::argument("number", number, &allowed));
+            };
+            if !pose.is_null() {
+                // SAFETY: as the header asks.
+                unsafe { text::output(pose, "pose") }?.write(echocast_pose::of(&camera.pose));
+            }
+            // SAFETY: as the header asks.
+            unsafe { text::put(&camera.name, name, capacity, needed) }
+        })
+    })
+}
+
+/// Gets the number that has a name in a label column. `table`: "category", "part", "material" or "instance", where the
+/// first instance of the name counts.
+///
+/// Errors: ECHOCAST_E_ARGUMENT (no such name; similar ones are listed), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_scene_label_number(
+    scene: *const echocast_scene,
+    table: *const c_char,
+    name: *const c_char,
+    number: *mut u32,
+) -> echocast_status {
+    guard(|| {
+        // SAFETY: as the header asks.
+        let number = unsafe { text::output(number, "number") }?.write(0);
+        // SAFETY: as the header asks.
+        let (table, name) = unsafe { (text::required(table, "table")?, text::required(name, "name")?) };
+        look(scene, |live| {
+            *number = label_number(live.labels(), table, name)?;
+            Ok(())
+        })
+    })
+}
+
+/// The number of `name` in one of the tables of `labels`.
+pub(crate) fn label_number(labels: &Labels, table: &str, name: &str) -> Outcome<u32> {
+    let (_, names) = label_table(labels, table)?;
+    let found = names.ids.iter().zip(&names.names).find(|(_, known)| *known == name);
+    Ok(*found.ok_or_else(|| echocast::Error::missing("label", name, &names.names))?.0)
+}
+
+/// The stem and the names of one of the tables of `labels`.
+pub(crate) fn label_table<'a>(labels: &'a Labels, table: &str) -> Outcome<(&'static str, &'a NameTable)> {
+    let tables = labels.tables();
+    let found = tables.into_iter().find(|(stem, _)| *stem == table);
+    found.ok_or_else(|| Failure::argument("table", format!("{table:?}"), "category, part, material, instance"))
+}
+
+/// Makes a pose of a position, metres, and a unit quaternion x, y, z, w: the real part last, the order of ROS. It is
+/// normalised.
+///
+/// Errors: ECHOCAST_E_ARGUMENT (numbers that are not finite, a quaternion whose length is not near 1). Any thread may
+/// call this.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_pose_from_quaternion(
+    position: *const f64,
+    xyzw: *const f64,
+    pose: *mut echocast_pose,
+) -> echocast_status {
+    guard(|| {
+        // SAFETY: as the header asks.
+        let pose = unsafe { text::output(pose, "pose") }?;
+        // SAFETY: as the header asks.
+        let (p, q) = unsafe { (text::array(position, 3, "position")?, text::array(xyzw, 4, "xyzw")?) };
+        if !p.iter().all(|x| x.is_finite()) {
+            return Err(Failure::argument("position", format!("{p:?}"), "finite numbers"));
+        }
+        let length = q.iter().map(|x| x * x).sum::<f64>().sqrt();
+        // A message that was rounded to single precision, or added up by hand, passes; one that was never filled does not.
+        if !(0.9..=1.1).contains(&length) {
+            return Err(Failure::argument("xyzw", format!("{q:?}"), "x, y, z, w of a unit quaternion"));
+        }
+        pose.write(echocast_pose::of(&Pose::at(p[0], p[1], p[2]).with_quaternion(q[0], q[1], q[2], q[3])));
+        Ok(())
+    })
+}
+
 /// Gets the contents of a scene. The caller sets struct_size of `*info`.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
@@ -569,6 +670,7 @@ pub unsafe extern "C" fn echocast_scene_get_info(
                 triangles: live.triangle_count(),
                 low: low.to_array(),
                 high: high.to_array(),
+                cameras: live.cameras().len(),
             };
             // SAFETY: as the header asks.
             unsafe { text::put_structure(found, info, "info") }

@@ -45,6 +45,16 @@ fn under_valgrind(name: &str) {
     check(name, "valgrind", C99, VALGRIND);
 }
 
+/// The wrapper for C++ adds nothing to C but comfort.
+#[test]
+fn the_wrapper_does_what_it_says() {
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples/scenes/glass.gltf");
+    for [_, cpp] in compilers() {
+        let program = program(&folder("wrapper"), cpp, &["-std=c++11"], &[source("wrapper.cpp")]);
+        run(Command::new(program).arg(scene));
+    }
+}
+
 #[test]
 fn functions_do_what_they_say() {
     check("api", "plain", C99, &[]);

@@ -167,6 +167,7 @@ pub use cloud::{
 pub use detect::ReturnMode;
 pub use echo::Taper;
 pub use emitter::Trajectory;
+pub use glam;
 pub use ground::cause::Cause;
 pub use ground::error::{Error, Result};
 pub use ground::named::Named;

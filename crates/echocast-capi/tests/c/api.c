@@ -222,6 +222,14 @@ static void scenes(echocast_context *context)
     CHECK(found == 0);
     echocast_pose pose;
     FAILS(ECHOCAST_E_ARGUMENT, "there is no camera node named \"eye\"", echocast_scene_camera(scene, "eye", &pose));
+    uint32_t label = 7;
+    OK(echocast_scene_label_number(scene, "category", "car", &label));
+    CHECK(label == 9);
+    FAILS(ECHOCAST_E_ARGUMENT, "there is no label named \"cat\"; near: car",
+          echocast_scene_label_number(scene, "category", "cat", &label));
+    CHECK(label == 0);
+    FAILS(ECHOCAST_E_ARGUMENT, "table is \"planet\"; allowed: category, part, material, instance",
+          echocast_scene_label_number(scene, "planet", "car", &label));
     float positions[24];
     for (int i = 0; i < 24; ++i)
         positions[i] = 2 * BOX_POSITIONS[i];
@@ -233,6 +241,10 @@ static void scenes(echocast_context *context)
     CHECK(close_to(least(result, "x"), 3));
     CHECK(*(const uint32_t *)view(result, "category_id").data == 9 && *(const uint32_t *)view(result, "part_id").data == 5);
     CHECK(strcmp(echocast_result_label_name(result, "category", 9), "car") == 0);
+    OK(echocast_result_label_number(result, "category", "car", &label));
+    CHECK(label == 9);
+    FAILS(ECHOCAST_E_ARGUMENT, "there is no label named \"tree\"",
+          echocast_result_label_number(result, "category", "tree", &label));
     echocast_snapshot_release(snapshot);
 
     /* Vertices on their way, half of which has passed; the time of a scan counts once time does not stand still. */
@@ -315,6 +327,7 @@ static void scenes(echocast_context *context)
     echocast_scene_info what = ECHOCAST_SCENE_INFO_INIT;
     OK(echocast_scene_get_info(scene, &what));
     CHECK(what.instances == 1 && what.triangles == 12 && what.low[0] == 500003 && what.high[0] == 500007);
+    CHECK(what.cameras == 0);
     OK(echocast_scene_remove(scene, car));
     FAILS(ECHOCAST_E_HANDLE, "id is 0x", echocast_scene_remove(scene, car));
     echocast_instance_desc place_desc = ECHOCAST_INSTANCE_DESC_INIT;
@@ -488,6 +501,18 @@ static void sensors(echocast_context *context)
     desc.period_ns = info.period_ns;
     desc.firing = ECHOCAST_FIRING_COLUMNS;
     OK(echocast_sensor_from_beams(context, &desc, &copy));
+    /* Higher by a decimetre, the beams start there. */
+    beams[3].origin[2] = 0.1f;
+    echocast_sensor *raised;
+    OK(echocast_sensor_from_beams(context, &desc, &raised));
+    echocast_beam back[2];
+    OK(echocast_sensor_get_beams(raised, 2, 2, back));
+    CHECK(back[0].origin[2] == 0 && back[1].origin[2] == 0.1f && back[1].reserved == 0);
+    echocast_sensor_release(raised);
+    beams[3].origin[2] = INFINITY;
+    echocast_sensor *nowhere;
+    FAILS(ECHOCAST_E_ARGUMENT, "origin of beam 3 is (0, 0, inf) m", echocast_sensor_from_beams(context, &desc, &nowhere));
+    beams[3].origin[2] = 0;
     beams[3].direction[0] = 7;
     echocast_sensor *none;
     FAILS(ECHOCAST_E_ARGUMENT, "direction of beam 3 is (7", echocast_sensor_from_beams(context, &desc, &none));

@@ -266,6 +266,26 @@ int main(int argc, char **argv)
     BAD_HANDLES(echocast_scene, wrong, echocast_scene_camera(wrong, "box", &pose));
     BAD_TEXTS(name, echocast_scene_camera(scene, name, &pose));
     REFUSED(echocast_scene_camera(scene, "box", NULL));
+    char camera_name[8];
+    BAD_HANDLES(echocast_scene, wrong, echocast_scene_get_camera(wrong, 0, camera_name, 8, NULL, &pose));
+    REFUSED(echocast_scene_get_camera(scene, 0, camera_name, 8, NULL, &pose));
+    REFUSED(echocast_scene_get_camera(scene, SIZE_MAX, NULL, 0, NULL, NULL));
+    uint32_t label;
+    BAD_HANDLES(echocast_scene, wrong, echocast_scene_label_number(wrong, "category", "box", &label));
+    BAD_TEXTS(name, echocast_scene_label_number(scene, name, "box", &label));
+    BAD_TEXTS(name, echocast_scene_label_number(scene, "category", name, &label));
+    REFUSED(echocast_scene_label_number(scene, "category", "box", NULL));
+    const double spot[3] = {0, 0, 0}, upright[4] = {0, 0, 0, 1};
+    REFUSED(echocast_pose_from_quaternion(NULL, upright, &pose));
+    REFUSED(echocast_pose_from_quaternion(spot, NULL, &pose));
+    REFUSED(echocast_pose_from_quaternion(spot, upright, NULL));
+    for (size_t i = 0; i < sizeof odd / sizeof *odd; ++i) {
+        const double far_off[3] = {0, odd[i], 0}, turned[4] = {0, odd[i], 0, 1}, none[4] = {0, 0, 0, 0};
+        if (!(fabs(odd[i]) < INFINITY))
+            REFUSED(echocast_pose_from_quaternion(far_off, upright, &pose));
+        REFUSED(echocast_pose_from_quaternion(spot, turned, &pose));
+        REFUSED(echocast_pose_from_quaternion(spot, none, &pose));
+    }
     echocast_scene_info scene_info = ECHOCAST_SCENE_INFO_INIT;
     BAD_HANDLES(echocast_scene, wrong, echocast_scene_get_info(wrong, &scene_info));
     REFUSED(echocast_scene_get_info(scene, NULL));
@@ -337,7 +357,7 @@ int main(int argc, char **argv)
     BAD_HANDLES(echocast_context, wrong, echocast_sensor_from_text(wrong == bad[6] ? NULL : wrong, SENSOR_YAML, NULL, (echocast_sensor **)&out));
     BAD_TEXTS(yaml, echocast_sensor_from_text(context, yaml, NULL, (echocast_sensor **)&out));
     REFUSED(echocast_sensor_from_text(context, SENSOR_YAML, NULL, NULL));
-    echocast_beam beam = {0, {1, 0, 0}, 0, 0, 0, {0, 0, 0, 0}};
+    echocast_beam beam = {0, {1, 0, 0}, 0, 0, 0, {0, 0, 0}, 0};
     echocast_beams_desc beams = ECHOCAST_BEAMS_DESC_INIT;
     beams.name = "a";
     beams.beams = &beam;
@@ -376,7 +396,7 @@ int main(int argc, char **argv)
     echocast_beam strange_beams[3] = {beam, beam, beam};
     strange_beams[0].range_max_m = NAN;
     strange_beams[1].channel = 65536;
-    strange_beams[2].reserved[3] = 1;
+    strange_beams[2].reserved = 1;
     for (int i = 0; i < 3; ++i) {
         beams.beams = &strange_beams[i];
         REFUSED(echocast_sensor_from_beams(context, &beams, (echocast_sensor **)&out));
@@ -471,6 +491,9 @@ int main(int argc, char **argv)
     REFUSED(echocast_result_get_info(result, NULL));
     CHECK(echocast_result_count(NULL) == 0 && echocast_result_count((echocast_result *)somewhere) == 0);
     BAD_HANDLES(echocast_result, wrong, echocast_result_view(wrong, "x", &column));
+    BAD_HANDLES(echocast_result, wrong, echocast_result_label_number(wrong, "category", "box", &label));
+    BAD_TEXTS(name, echocast_result_label_number(result, "category", name, &label));
+    REFUSED(echocast_result_label_number(result, "category", "box", NULL));
     BAD_TEXTS(name, echocast_result_view(result, name, &column));
     REFUSED(echocast_result_view(result, "x", NULL));
     REFUSED(echocast_result_view(result, "x", (echocast_view *)((char *)somewhere + 1)));

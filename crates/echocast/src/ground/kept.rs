@@ -1,5 +1,6 @@
 //! Results that are kept for whoever asks for the same again.
 
+use std::convert::Infallible;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Most results kept at once, of which the oldest go first: a scan whose wavelength or weather keeps changing must not fill
@@ -8,14 +9,26 @@ const MOST: usize = 16;
 
 /// The one of `all` that fits, or a new one that is kept.
 pub(crate) fn kept<T>(all: &Mutex<Vec<Arc<T>>>, fits: impl Fn(&T) -> bool, make: impl FnOnce() -> T) -> Arc<T> {
+    match try_kept(all, fits, || Ok::<T, Infallible>(make())) {
+        Ok(found) => found,
+        Err(never) => match never {},
+    }
+}
+
+/// [`kept`] where making one may fail.
+pub(crate) fn try_kept<T, E>(
+    all: &Mutex<Vec<Arc<T>>>,
+    fits: impl Fn(&T) -> bool,
+    make: impl FnOnce() -> Result<T, E>,
+) -> Result<Arc<T>, E> {
     let mut known = all.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(found) = known.iter().find(|it| fits(it)) {
-        return found.clone();
+        return Ok(found.clone());
     }
-    let made = Arc::new(make());
+    let made = Arc::new(make()?);
     if known.len() == MOST {
         known.remove(0);
     }
     known.push(made.clone());
-    made
+    Ok(made)
 }

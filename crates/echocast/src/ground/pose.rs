@@ -26,6 +26,13 @@ impl Pose {
         Pose { position: DVec3::new(x, y, z), orientation: DQuat::IDENTITY }
     }
 
+    /// Same position, with the orientation of the quaternion `x`, `y`, `z`, `w`: the real part last, the order of ROS and
+    /// of TUM files. It is normalised; one of length 0 is refused by whatever takes the pose.
+    #[must_use]
+    pub fn with_quaternion(self, x: f64, y: f64, z: f64, w: f64) -> Pose {
+        Pose { orientation: DQuat::from_xyzw(x, y, z, w).normalize(), ..self }
+    }
+
     /// Same position, rotated by roll (about x), then pitch (about y), then yaw (about z), degrees, each about the
     /// world's fixed axes (ROS: `Rz(yaw) Ry(pitch) Rx(roll)`).
     #[must_use]
@@ -71,6 +78,16 @@ mod tests {
         close(pose.orientation * DVec3::X, DVec3::new(30f64.to_radians().cos(), 0.0, -0.5));
         let pose = Pose::IDENTITY.with_rpy_deg(90.0, 0.0, 90.0);
         close(pose.orientation * DVec3::Z, DVec3::X);
+    }
+
+    #[test]
+    fn quaternions_have_their_real_part_last() {
+        let half = 2.0 * 0.5f64.sqrt();
+        let pose = Pose::at(1.0, 2.0, 3.0).with_quaternion(0.0, 0.0, half, half);
+        close(pose.orientation * DVec3::X, DVec3::Y);
+        close(pose.position, DVec3::new(1.0, 2.0, 3.0));
+        assert!(pose.orientation.is_normalized());
+        assert!(!Pose::IDENTITY.with_quaternion(0.0, 0.0, 0.0, 0.0).orientation.is_finite());
     }
 
     #[test]

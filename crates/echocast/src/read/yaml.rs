@@ -145,6 +145,14 @@ impl Document {
         Error::Parse { origin: self.origin.clone(), place, message: message.to_owned() }
     }
 
+    /// Adds to an [`Error::Io`] of a file that `key` names where that is asked for.
+    pub fn asks(&self, key: &str, error: Error) -> Error {
+        let Error::Io { path, source } = error else { return error };
+        let place = self.line(key).map_or_else(String::new, |line| format!("line {line}: "));
+        let message = format!("{source}, asked for by {}: {place}{key}", shown::origin(&self.origin));
+        Error::io(path, std::io::Error::new(source.kind(), message))
+    }
+
     /// Adds file and line to an [`Error::InvalidParameter`] whose name is a key of this document.
     pub fn locate(&self, error: Error) -> Error {
         match error {

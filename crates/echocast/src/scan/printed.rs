@@ -77,6 +77,7 @@ impl BuiltScene {
         cloud: &mut PointCloud,
     ) -> Result<()> {
         options.check(trajectory)?;
+        options.environment.check()?;
         let printed = Printed::new(&self.0, sensor, trajectory, options)?;
         let points = self.0.engine.install(|| printed.points());
         let collected = printed.collect(points, cloud);

@@ -24,7 +24,8 @@ impl Sensor {
         let beams = if spec.pattern == self.spec.pattern {
             self.beams.clone()
         } else {
-            Arc::new(spec.pattern.beams(0.0).map_err(|error| document.locate(error))?)
+            let beams = spec.pattern.beams(0.0);
+            Arc::new(beams.map_err(|error| document.locate(document.asks("pattern.file", error)))?)
         };
         *self = Sensor::new(spec, self.folder.clone(), beams).map_err(|error| document.locate(error))?;
         Ok(())

@@ -80,6 +80,29 @@ impl Sensor {
         Sensor::from_section(&Document::parse("YAML text", text)?, folder.as_ref())
     }
 
+    /// A sensor described in code; relative paths in it start at the working folder.
+    ///
+    /// ```
+    /// use echocast::emitter::pattern::{Pattern, Pinhole, Rays};
+    /// use echocast::{Sensor, SensorKind, SensorSpec};
+    ///
+    /// let pixels = Pinhole { resolution: [64, 48], fov_deg: [70.0, 55.0], rate_hz: 30.0, rays: Rays::Centres };
+    /// let mut spec = SensorSpec::new("mine", SensorKind::Tof, Pattern::Pinhole(pixels));
+    /// spec.noise.range_sigma_m = 0.01;
+    /// let sensor = Sensor::from_spec(spec)?;
+    /// assert_eq!(sensor.beams().len(), 64 * 48);
+    /// # Ok::<(), echocast::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// The key of what is wrong, and what is allowed.
+    pub fn from_spec(mut spec: SensorSpec) -> Result<Sensor> {
+        spec.check()?;
+        spec.pattern.resolve(Path::new(""), None);
+        let beams = spec.pattern.beams(0.0)?;
+        Sensor::new(spec, PathBuf::new(), Arc::new(beams))
+    }
+
     /// Reads a section of a file; relative paths in it start at `folder`.
     ///
     /// # Errors
@@ -87,7 +110,7 @@ impl Sensor {
     pub(crate) fn from_section(document: &Document, folder: &Path) -> Result<Sensor> {
         let mut spec = SensorSpec::read(document)?;
         spec.pattern.resolve(folder, None);
-        let beams = spec.pattern.beams(0.0).map_err(|error| document.locate(error))?;
+        let beams = spec.pattern.beams(0.0).map_err(|error| document.locate(document.asks("pattern.file", error)))?;
         Sensor::new(spec, folder.to_owned(), Arc::new(beams)).map_err(|error| document.locate(error))
     }
 
@@ -197,23 +220,7 @@ impl Sensor {
     pub fn from_beams(name: impl Into<String>, mut beams: BeamTable) -> Result<Sensor> {
         beams.check()?;
         beams.normalize();
-        let spec = SensorSpec {
-            name: name.into(),
-            title: String::new(),
-            kind: SensorKind::Lidar,
-            source: String::new(),
-            pattern: Pattern::Custom,
-            beam: BeamSpec::default(),
-            range: RangeSpec::default(),
-            detection: DetectionSpec::default(),
-            returns: ReturnsSpec::default(),
-            noise: Noise::default(),
-            intensity: IntensitySpec::default(),
-            doppler: None,
-            tof: None,
-            acoustics: None,
-            expect: None,
-        };
+        let spec = SensorSpec::new(name, SensorKind::Lidar, Pattern::Custom);
         spec.check()?;
         Sensor::new(spec, PathBuf::new(), Arc::new(beams))
     }

@@ -3,7 +3,8 @@
 use super::Sensor;
 use crate::detect::{Errors, FalseAlarms, ReturnMode, Threshold};
 use crate::echo::Air;
-use crate::ground::kept::kept;
+use crate::ground::error::Result;
+use crate::ground::kept::try_kept;
 use crate::medium::{Environment, Weather};
 use glam::DVec3;
 use std::sync::Arc;
@@ -28,24 +29,28 @@ pub(crate) struct Reception {
 }
 
 impl Sensor {
-    /// How it sees light in `environment`; for an equal one what it was made ready as before.
+    /// How it sees light in `environment`: what was made ready before, if that was for an equal one.
+    ///
+    /// # Errors
+    /// An environment that is not valid.
     pub(crate) fn reception(
         &self,
         environment: &Environment,
         origin: DVec3,
         of_the_paper: [bool; 2],
         mode: ReturnMode,
-    ) -> Arc<Reception> {
+    ) -> Result<Arc<Reception>> {
         let fits = |known: &Reception| {
             (known.origin, known.of_the_paper, known.mode) == (origin, of_the_paper, mode)
                 && known.environment == *environment
         };
-        kept(&self.receptions, fits, || {
+        try_kept(&self.receptions, fits, || {
+            environment.check()?;
             let [as_printed, as_computed] = of_the_paper;
             let threshold = self.threshold(as_computed);
             let weather = Weather::new(environment, self.wavelength_nm, as_printed, origin);
             let range = self.range_error(threshold.clone());
-            Reception {
+            Ok(Reception {
                 environment: environment.clone(),
                 origin,
                 of_the_paper,
@@ -55,7 +60,7 @@ impl Sensor {
                 air: Air::new(weather, self.receiver(threshold.clone()), mode, !as_computed),
                 efficiency: self.detection.channel_efficiency.iter().map(|&part| part as f32).collect(),
                 threshold,
-            }
+            })
         })
     }
 }

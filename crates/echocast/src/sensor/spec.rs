@@ -59,6 +59,29 @@ pub struct SensorSpec {
     pub expect: Option<Expectations>,
 }
 
+impl SensorSpec {
+    /// An ideal sensor: whatever else a file can say is left out.
+    pub fn new(name: impl Into<String>, kind: SensorKind, pattern: Pattern) -> SensorSpec {
+        SensorSpec {
+            name: name.into(),
+            title: String::new(),
+            kind,
+            source: String::new(),
+            pattern,
+            beam: BeamSpec::default(),
+            range: RangeSpec::default(),
+            detection: DetectionSpec::default(),
+            returns: ReturnsSpec::default(),
+            noise: Noise::default(),
+            intensity: IntensitySpec::default(),
+            doppler: None,
+            tof: None,
+            acoustics: None,
+            expect: None,
+        }
+    }
+}
+
 impl Serialize for SensorSpec {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let SensorSpec {

@@ -814,5 +814,11 @@ fn tables_are_found_beside_the_sensor_file() {
         assert!(error.contains(&format!("rays.csv: {expected}")), "{csv}  gives {error}");
     }
     std::fs::remove_file(folder.path().join("rays.csv")).unwrap();
-    assert!(Sensor::load(&file).unwrap_err().to_string().contains("rays.csv: No such file"));
+    let error = Sensor::load(&file).unwrap_err();
+    assert!(matches!(error, Error::Io { .. }));
+    let error = error.to_string();
+    assert!(error.contains("rays.csv: No such file"), "{error}");
+    assert!(error.ends_with("mine.yaml: line 3: pattern.file"), "{error}");
+    let error = sensor.set("pattern.file", "other.csv").unwrap_err().to_string();
+    assert!(error.contains("other.csv: No such file") && error.ends_with(": pattern.file"), "{error}");
 }

@@ -669,7 +669,7 @@ impl LiveScene {
     }
 
     /// Names of the label numbers.
-    pub(crate) fn labels(&self) -> &Labels {
+    pub fn labels(&self) -> &Labels {
         &self.labels
     }
 
@@ -713,6 +713,11 @@ impl LiveScene {
     pub fn find(&self, name: &str) -> Result<ObjectId> {
         let found = self.objects().find(|(_, object)| object.name == name).map(|(id, _)| id);
         found.ok_or_else(|| Error::missing("object", name, self.objects().map(|(_, object)| &object.name)))
+    }
+
+    /// The camera nodes of the added scenes.
+    pub fn cameras(&self) -> &[Camera] {
+        &self.cameras
     }
 
     /// Where the camera node called `name` of an added scene stands.

@@ -32,7 +32,7 @@ impl BuiltScene {
         options.check(trajectory)?;
         let beams = sensor.beams_at(options.start_time)?;
         self.0.check_time(options.start_time, beams.last_time())?;
-        let reception = run::reception(&self.0, sensor, options);
+        let reception = run::reception(&self.0, sensor, options)?;
         let mut scan = Scan::new(&self.0, sensor, &beams, &reception, trajectory, options)?;
         if options.organised && scan.most_returns() > 1 {
             let found = format!("{} returns a beam", scan.most_returns());
@@ -63,7 +63,7 @@ impl BuiltScene {
             return Err(Error::invalid("beam", beam, format!("0 to {}", beams.len() - 1)));
         }
         self.0.check_time(options.start_time, beams.last_time())?;
-        let reception = run::reception(&self.0, sensor, options);
+        let reception = run::reception(&self.0, sensor, options)?;
         let mut scan = Scan::new(&self.0, sensor, &beams, &reception, trajectory, options)?;
         scan.find_halos(sensor);
         scan.explain(&sensor.signals, beam as usize)

@@ -175,7 +175,10 @@ fn mode(sensor: &Sensor, profile: Profile) -> ReturnMode {
 }
 
 /// How `sensor` receives light in a scan of `scene`.
-pub(super) fn reception(scene: &Tables, sensor: &Sensor, options: &ScanOptions) -> Arc<Reception> {
+///
+/// # Errors
+/// An environment that is not valid.
+pub(super) fn reception(scene: &Tables, sensor: &Sensor, options: &ScanOptions) -> Result<Arc<Reception>> {
     let Rules { as_printed, as_computed, .. } = options.profile.rules();
     sensor.reception(&options.environment, scene.origin, [as_printed, as_computed], mode(sensor, options.profile))
 }

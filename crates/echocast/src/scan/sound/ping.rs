@@ -155,6 +155,7 @@ impl BuiltScene {
         ping: &mut Ping,
     ) -> Result<()> {
         options.check(trajectory)?;
+        options.environment.check()?;
         options.profile.check_physical("physical; the paper and its program know points only, which a scan returns")?;
         let mut memory = ping.memory.take::<PingMemory>();
         let pinging = Pinging::new(&self.0, sensor, trajectory, options, &mut memory)?;

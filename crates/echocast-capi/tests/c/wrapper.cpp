@@ -1,0 +1,81 @@
+// What the C++ wrapper adds to C. argv: a scene with a camera.
+#include <echocast.hpp>
+
+#include <cmath>
+#include <cstdlib>
+#include <iostream>
+
+static void require(bool condition, const char *what) {
+    if (condition) return;
+    std::cerr << what << '\n';
+    std::exit(1);
+}
+
+static bool close_to(double a, double b) { return std::fabs(a - b) < 1e-5; }
+
+int main(int argc, char **argv) try {
+    require(argc == 2, "one argument");
+    const echocast::context context(1);
+
+    // A quarter turn to the left: x of the sensor is y of the world.
+    const double half = std::sqrt(0.5);
+    const echocast_pose turned = echocast::pose_at(1, 2, 3, {{0, 0, half, half}});
+    require(close_to(turned.m[0], 0) && close_to(turned.m[4], 1) && close_to(turned.m[1], -1), "turned");
+    require(turned.m[3] == 1 && turned.m[7] == 2 && turned.m[11] == 3 && close_to(turned.m[10], 1), "placed");
+    try {
+        echocast::pose_at(0, 0, 0, {{0, 0, 0, 0}});
+        require(false, "a quaternion of length 0");
+    } catch (const echocast::error &error) {
+        require(error.status() == ECHOCAST_E_ARGUMENT, error.what());
+    }
+
+    echocast::scene loaded(context);
+    loaded.load(argv[1]);
+    const std::vector<echocast::camera> cameras = loaded.cameras();
+    require(!cameras.empty(), "no cameras");
+    for (const echocast::camera &camera : cameras) {
+        const echocast_pose pose = loaded.camera(camera.name);
+        for (int i = 0; i < 12; ++i) require(pose.m[i] == camera.pose.m[i], camera.name.c_str());
+    }
+
+    // A wall at x = 10 that two rays meet, the second from 4 m nearer and 2 m to the left.
+    echocast::scene scene(context);
+    scene.name_label("category", 10, "wall");
+    const echocast::mesh wall(context, {{{10, -99, -99}}, {{10, 99, -99}}, {{10, 0, 99}}}, {{{0, 1, 2}}});
+    scene.add(wall, echocast::pose_at(0, 0, 0), 10, 1);
+    require(scene.label_number("category", "wall") == 10, "number in the scene");
+    std::vector<echocast_beam> rays(2, echocast_beam());
+    for (echocast_beam &ray : rays) ray.direction[0] = 1;
+    rays[1].t_ns = 1000;
+    rays[1].origin[0] = 4;
+    rays[1].origin[1] = 2;
+    const echocast::sensor sensor = echocast::sensor::from_rays(context, "pair", rays, 100000000);
+    const echocast::result points = echocast::scan(scene.commit(), sensor, echocast::pose_at(0, 0, 0));
+    require(points.size() == 2 && points.label_number("category", "wall") == 10, "number in the result");
+    const auto range = points.column<float>("range"), y = points.column<float>("y");
+    require(close_to(range[0], 10) && close_to(range[1], 6) && close_to(y[0], 0) && close_to(y[1], 2), "ranges");
+
+    // Into memory of our own, with room to spare.
+    struct point {
+        float x, range;
+    };
+    std::array<point, 3> mine = {};
+    const std::vector<echocast_pack_item> items = {{"x", ECHOCAST_TYPE_F32, 0, 0, 1},
+                                                   {"range", ECHOCAST_TYPE_F32, 4, 0, 1}};
+    points.pack(items.data(), items.size(), sizeof(point), mine.data(), sizeof mine);
+    require(close_to(mine[1].x, 10) && close_to(mine[1].range, 6) && mine[2].x == 0, "packed");
+    const std::vector<uint8_t> bytes = points.pack(items, sizeof(point));
+    std::vector<uint8_t> same(bytes.size());
+    points.pack(items, sizeof(point), echocast::span<uint8_t>(same.data(), same.size()));
+    require(bytes == same, "packed alike");
+    try {
+        points.pack(items, sizeof(point), echocast::span<uint8_t>(same.data(), same.size() - 1));
+        require(false, "too little room");
+    } catch (const echocast::error &error) {
+        require(error.status() == ECHOCAST_E_ARGUMENT, error.what());
+    }
+    return 0;
+} catch (const std::exception &error) {
+    std::cerr << error.what() << '\n';
+    return 1;
+}
