@@ -3,6 +3,7 @@
 use crate::input::{self, SceneArgs, SensorArgs};
 use crate::place::{self, PlaceArgs};
 use crate::text::{self, counted, duration};
+use crate::usage;
 use crate::weather::WeatherArgs;
 use anyhow::Result;
 use echocast::{BareLoop, PointCloud, ScanOptions, Sensor, SensorKind, SubRays, Trajectory};
@@ -44,7 +45,7 @@ pub fn run(args: &Args) -> Result<()> {
     let sensor = args.sensor.load()?;
     let environment = args.weather.load(sensor.kind())?;
     let scene = args.scene.load(&args.scene.labels()?, &args.scene.materials()?)?;
-    let pose = args.place.path(&scene, 0.0, 0.0)?.at(0.0);
+    let pose = args.place.path(&scene, 0.0, 0.0).map_err(usage::wrong)?.at(0.0);
     let trajectory = Trajectory::fixed(pose);
     if sensor.kind() == SensorKind::Sonar {
         place::check_submerged(&trajectory, &environment, [0.0].into_iter())?;

@@ -4,23 +4,43 @@ use crate::text;
 use anyhow::Result;
 use clap::builder::StyledStr;
 use echocast::cloud::FIELDS;
+use echocast::export::Format;
 use echocast::{export, scene};
+use serde_json::json;
 use std::fmt::Write as _;
 
 /// List the input and output formats and what each can hold
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  echocast formats")]
-pub struct Args {}
+#[command(after_help = "Examples:\n  echocast formats\n  echocast formats --json")]
+pub struct Args {
+    /// Print one JSON object: lists of scenes, clouds, pictures and pings
+    #[arg(long)]
+    json: bool,
+}
 
-pub fn run() -> Result<()> {
+/// A format that only its endings tell from others.
+type Row = (&'static str, &'static [&'static str], &'static str);
+
+const PICTURES: [Row; 1] = [("png", &["png"], "RGB picture with legend")];
+const PINGS: [Row; 3] = [
+    ("npz", &["npz"], "arrays, including labels"),
+    ("hdf5", &["h5", "hdf5"], "one dataset per array, with unit and meaning"),
+    ("png", &["png"], "images only: greyscale, labels in files beside it"),
+];
+
+pub fn run(args: &Args) -> Result<()> {
+    text::print(&if args.json { to_json() } else { list()? })
+}
+
+fn list() -> Result<String> {
     let mut list = String::from("Scenes are read from\n");
     for format in scene::FORMATS {
-        row(&mut list, format.name, format.extensions, format.description);
+        row(&mut list, (format.name, format.extensions, format.description))?;
     }
     list.push_str("\nClouds are written as\n");
     for format in export::FORMATS {
-        row(&mut list, format.name(), format.extensions(), format.description());
-        let lost: Vec<&str> = FIELDS.iter().filter(|info| !format.holds(info)).map(|info| info.name).collect();
+        row(&mut list, (format.name(), format.extensions(), format.description()))?;
+        let lost = lost(*format);
         if !lost.is_empty() {
             writeln!(list, "{:23}cannot hold {}", "", lost.join(", "))?;
         }
@@ -29,17 +49,38 @@ pub fn run() -> Result<()> {
         }
     }
     list.push_str("\nPictures (--preview) are written as\n");
-    row(&mut list, "png", &["png"], "RGB picture with legend");
+    PICTURES.iter().try_for_each(|&format| row(&mut list, format))?;
     list.push_str("\nSonar pings (--pings) and their images (--image) are written as\n");
-    row(&mut list, "npz", &["npz"], "arrays, including labels");
-    row(&mut list, "hdf5", &["h5", "hdf5"], "one dataset per array, with unit and meaning");
-    row(&mut list, "png", &["png"], "images only: greyscale, labels in files beside it");
-    text::print(&list)
+    PINGS.iter().try_for_each(|&format| row(&mut list, format))?;
+    Ok(list)
 }
 
-fn row(list: &mut String, name: &str, extensions: &[&str], description: &str) {
+fn row(list: &mut String, (name, extensions, description): Row) -> Result<()> {
     let endings: Vec<String> = extensions.iter().map(|ending| format!(".{ending}")).collect();
-    list.push_str(&format!("  {name:<7} {:<12} {description}\n", endings.join(" ")));
+    Ok(writeln!(list, "  {name:<7} {:<12} {description}", endings.join(" "))?)
+}
+
+/// Columns that `format` cannot hold.
+fn lost(format: &dyn Format) -> Vec<&'static str> {
+    FIELDS.iter().filter(|info| !format.holds(info)).map(|info| info.name).collect()
+}
+
+fn to_json() -> String {
+    let plain = |(name, extensions, description): Row| json!({ "name": name, "extensions": extensions, "description": description });
+    let scenes = scene::FORMATS.iter().map(|format| plain((format.name, format.extensions, format.description)));
+    let clouds = export::FORMATS.iter().map(|format| {
+        let mut cloud = plain((format.name(), format.extensions(), format.description()));
+        cloud["cannot_hold"] = json!(lost(*format));
+        cloud["label_names"] = json!(format.holds_label_names());
+        cloud
+    });
+    let formats = json!({
+        "scenes": scenes.collect::<Vec<_>>(),
+        "clouds": clouds.collect::<Vec<_>>(),
+        "pictures": PICTURES.map(plain),
+        "pings": PINGS.map(plain),
+    });
+    format!("{formats:#}\n")
 }
 
 /// The columns, one per line, for the help of `--fields`.

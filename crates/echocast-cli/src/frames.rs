@@ -15,6 +15,16 @@ impl Frames {
     /// The frame at time 0.
     pub const ONE: Frames = Frames { first: 0, last: 0, step: 1 };
 
+    /// All frames that start before `end`, s, at `fps` frames per second, or also `at_end`; at least the first.
+    pub fn until(end: f64, fps: f64, at_end: bool) -> Frames {
+        /// More than a file could number.
+        const MOST: f64 = 1e9;
+        // Times in files are rounded.
+        const SLACK: f64 = 1e-6;
+        let last = if at_end { (end * fps + SLACK).floor() } else { (end * fps - SLACK).ceil() - 1.0 };
+        Frames { last: last.clamp(0.0, MOST) as u32, ..Frames::ONE }
+    }
+
     /// Number of frames.
     pub fn len(self) -> usize {
         ((self.last - self.first) / self.step) as usize + 1
@@ -32,9 +42,10 @@ impl FromStr for Frames {
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let numbers: Result<Vec<u32>, _> = text.split(':').map(str::parse).collect();
         let frames = match numbers.as_deref() {
+            Ok(&[only]) => Frames { first: only, last: only, step: 1 },
             Ok(&[first, last]) => Frames { first, last, step: 1 },
             Ok(&[first, last, step]) => Frames { first, last, step },
-            _ => return Err("expected FIRST:LAST or FIRST:LAST:STEP, such as 0:9"),
+            _ => return Err("expected FRAME, FIRST:LAST or FIRST:LAST:STEP, such as 0:9"),
         };
         if frames.step == 0 || frames.last < frames.first {
             return Err("the last frame must not come before the first, and the step must be at least 1");
@@ -60,9 +71,20 @@ mod tests {
         assert_eq!(frames.len(), 3);
         assert_eq!("4:4".parse::<Frames>().unwrap().len(), 1);
         assert_eq!("7:9".parse::<Frames>().unwrap().to_string(), "7:9:1");
+        assert_eq!("5".parse::<Frames>().unwrap(), "5:5".parse().unwrap());
         assert_eq!("0:4294967295".parse::<Frames>().unwrap().len(), 1 << 32);
-        for wrong in ["", "5", "3:2", "0:9:0", "0:9:1:1", "-1:3", "a:b"] {
+        for wrong in ["", "3:2", "0:9:0", "0:9:1:1", "-1:3", "a:b"] {
             assert!(wrong.parse::<Frames>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_span_holds_the_frames_that_start_in_it() {
+        let most = 1_000_000_000;
+        for (end, before, at) in
+            [(0.0, 0, 0), (0.05, 0, 0), (0.1, 0, 1), (0.11, 1, 1), (1.000_000_001, 9, 10), (1e300, most, most)]
+        {
+            assert_eq!([false, true].map(|at_end| Frames::until(end, 10.0, at_end).last), [before, at], "{end}");
         }
     }
 }

@@ -3,7 +3,8 @@
 use crate::interrupt;
 use crate::report::timed;
 use crate::text::{self, counted, duration};
-use anyhow::{Context as _, Result, bail, ensure};
+use crate::usage;
+use anyhow::{Context as _, Result, anyhow};
 use clap::Subcommand;
 use echocast::generate::{GeneratedScene, HeightMap, Indoor, Landscape, Ripples, Seabed, Street};
 use echocast::{Error, shown};
@@ -301,13 +302,15 @@ fn landscape(args: &LandscapeArgs) -> Result<()> {
 fn make(scene: impl FnOnce(u64) -> echocast::Result<GeneratedScene>, made: &MadeArgs) -> Result<()> {
     let MadeArgs { seed, output: file, quiet } = made;
     let is_glb = file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("glb"));
-    ensure!(is_glb, "-o {}: scenes are written as .glb", shown::path(file));
+    if !is_glb {
+        return Err(usage::wrong(anyhow!("-o {}: scenes are written as .glb", shown::path(file))));
+    }
     interrupt::listen().context("cannot listen for signals")?;
     let (mut making, mut writing) = (0.0, 0.0);
     let scene = match timed(&mut making, || scene(*seed)) {
         Ok(scene) => scene,
         Err(Error::InvalidParameter { name, value, allowed }) => {
-            bail!("{} is {value}; allowed: {allowed}", option(&name))
+            return Err(usage::wrong(anyhow!("{} is {value}; allowed: {allowed}", option(&name))));
         }
         Err(other) => return Err(other.into()),
     };

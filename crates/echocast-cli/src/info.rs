@@ -2,26 +2,56 @@
 
 use crate::input::{SceneArgs, positive};
 use crate::text::{self, thousands};
-use anyhow::Result;
+use crate::{output, usage};
+use anyhow::{Context as _, Result};
 use echocast::material::{Returned, Why};
-use echocast::{ReflectanceSource, Scene, shown};
+use echocast::preview::{self, PreviewOptions};
+use echocast::{ReflectanceSource, Scene, read, shown};
+use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
+use std::path::PathBuf;
 
 /// Show what is in a scene: triangles, instances, materials, labels, cameras, animations, bounds
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  echocast info street.glb --labels street.labels.yaml")]
+#[command(after_help = "\
+Examples:
+  echocast info street.glb --labels street.labels.yaml
+  echocast info street.glb --json
+  echocast info street.glb --preview map.png")]
 pub struct Args {
     #[command(flatten)]
     scene: SceneArgs,
     /// Wavelength at which reflectances are listed, nm
     #[arg(long, value_name = "NM", default_value = "905", value_parser = positive)]
     wavelength: f64,
+    /// Draw a plan of the scene: what is seen from above, in the colours of categories, with a grid of coordinates, the
+    /// heights where its lines cross, and the cameras, to choose `--at` of a scan from. What has a ceiling is cut open
+    #[arg(long, value_name = "FILE.png")]
+    preview: Option<PathBuf>,
+    /// Print one JSON object, with lengths in metres
+    #[arg(long)]
+    json: bool,
 }
 
 pub fn run(args: &Args) -> Result<()> {
-    let scene = args.scene.load(&args.scene.labels()?, &args.scene.materials()?)?;
-    text::print(&describe(&args.scene.names(), &scene, args.wavelength)?)
+    let options = PreviewOptions::default();
+    if let Some(file) = &args.preview {
+        output::check_picture(file, &options).map_err(usage::wrong)?;
+    }
+    let (scene, read) = read::noting(|| args.scene.load(&args.scene.labels()?, &args.scene.materials()?));
+    let scene = scene?;
+    if let Some(file) = &args.preview {
+        read.iter().try_for_each(|input| output::check_kept(file, input)).map_err(usage::wrong)?;
+        let built = scene.build()?;
+        preview::write_plan(&scene, &built, file, options.width).context("--preview")?;
+    }
+    let told = if args.json {
+        format!("{:#}\n", to_json(&args.scene.files, &scene, args.wavelength))
+    } else {
+        describe(&args.scene.names(), &scene, args.wavelength)?
+    };
+    text::print(&told)
 }
 
 /// How much light the materials of `scene` return, and why, a line each.
@@ -66,10 +96,7 @@ fn describe(name: &str, scene: &Scene, wavelength_nm: f64) -> Result<String> {
 
     write_materials(&mut text, scene, wavelength_nm)?;
 
-    let mut objects_of: BTreeMap<u32, usize> = BTreeMap::new();
-    for object in &scene.objects {
-        *objects_of.entry(object.category_id).or_default() += 1;
-    }
+    let objects_of = objects_of(scene);
     writeln!(text, "categories  {}", scene.labels.category.ids.len())?;
     for (id, name) in scene.labels.category.iter() {
         let objects = text::counted(objects_of.get(&id).copied().unwrap_or(0), "object");
@@ -103,4 +130,55 @@ fn describe(name: &str, scene: &Scene, wavelength_nm: f64) -> Result<String> {
         writeln!(text, "warning: {warning}")?;
     }
     Ok(text)
+}
+
+/// How many objects there are of each category.
+fn objects_of(scene: &Scene) -> BTreeMap<u32, usize> {
+    let mut objects_of = BTreeMap::new();
+    for object in &scene.objects {
+        *objects_of.entry(object.category_id).or_default() += 1;
+    }
+    objects_of
+}
+
+/// What [`describe`] tells, for programs.
+fn to_json(files: &[PathBuf], scene: &Scene, wavelength_nm: f64) -> Value {
+    let objects_of = objects_of(scene);
+    let materials = scene.materials.iter().map(|material| {
+        let Returned { value, spread, by_image, why } = material.returned(wavelength_nm, ReflectanceSource::Library);
+        json!({
+            "name": material.name,
+            "reflectance": value,
+            "spread": spread,
+            "by_image": by_image,
+            "why": why.to_string(),
+            "source": material.source,
+            "changes": material.changes.is_some(),
+        })
+    });
+    let categories = scene
+        .labels
+        .category
+        .iter()
+        .map(|(id, name)| json!({ "id": id, "name": name, "objects": objects_of.get(&id).copied().unwrap_or(0) }));
+    let cameras = scene.cameras.iter().map(|camera| {
+        let (at, along) = (camera.pose.position, camera.pose.rotation().x_axis);
+        json!({ "name": camera.name, "position": at.to_array(), "direction": along.to_array() })
+    });
+    let animations = scene.animations.iter().zip(&scene.animation_lengths);
+    json!({
+        "files": text::paths(files),
+        "triangles": scene.triangle_count(),
+        "degenerate_triangles": scene.degenerate_triangles,
+        "meshes": scene.meshes().len(),
+        "instances": scene.objects.len(),
+        "bounds": scene.bounds().map(|(low, high)| json!({ "low": low.to_array(), "high": high.to_array() })),
+        "textures": scene.textures().len(),
+        "materials": materials.collect::<Vec<_>>(),
+        "categories": categories.collect::<Vec<_>>(),
+        "parts": scene.labels.part.iter().map(|(id, name)| json!({ "id": id, "name": name })).collect::<Vec<_>>(),
+        "cameras": cameras.collect::<Vec<_>>(),
+        "animations": animations.map(|(name, length)| json!({ "name": name, "length_s": length })).collect::<Vec<_>>(),
+        "warnings": scene.report.warnings,
+    })
 }

@@ -1,10 +1,10 @@
 //! What a scan needs: scene and sensor.
 
-use crate::{choice, text};
+use crate::{choice, text, usage};
 use anyhow::{Context as _, Result, anyhow, ensure};
 use clap::Args;
 use clap::builder::{OsStringValueParser, TypedValueParser as _};
-use echocast::scene::{CacheFile, Material, MaterialRule, MaterialRules, UpAxis};
+use echocast::scene::{CacheFile, FORMATS, Material, MaterialRule, MaterialRules, UpAxis};
 use echocast::{Error, LabelRules, LoadOptions, ReturnMode, Scene, Sensor, SensorKind, Trajectory, shown};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -77,19 +77,36 @@ impl SceneArgs {
             None => MaterialRules::default(),
         };
         for (pattern, name) in &self.material {
-            Material::library(name).context("--material")?;
+            Material::library(name).context("--material").map_err(usage::wrong)?;
             rules.set(pattern, MaterialRule::Library(name.clone()));
         }
         Ok(rules)
     }
 
-    /// Reads all files into one scene, labelled by `labels` and made of `materials`.
-    pub fn load(&self, labels: &LabelRules, materials: &MaterialRules) -> Result<Scene> {
+    /// The vertex caches, by pattern.
+    fn caches(&self) -> Result<BTreeMap<String, CacheFile>> {
         let mut caches = BTreeMap::new();
         for (name, file) in &self.cache {
             let before = caches.insert(name.clone(), file.clone());
             ensure!(before.is_none(), "--cache: {:?} is there twice; allowed: once for each name", shown::text(name));
         }
+        Ok(caches)
+    }
+
+    /// Checks that `--up` and `--scale` have a scene that needs them.
+    fn check_units(&self) -> Result<()> {
+        let told = self.up != UpAxis::Z || self.scale != 1.0;
+        ensure!(
+            !told || self.files.iter().any(|file| has_ending(file, &["obj"])),
+            "--up, --scale: {} already says which axis is up and what its unit is",
+            self.names()
+        );
+        Ok(())
+    }
+
+    /// Reads all files into one scene, labelled by `labels` and made of `materials`.
+    pub fn load(&self, labels: &LabelRules, materials: &MaterialRules) -> Result<Scene> {
+        self.check_units().map_err(usage::wrong)?;
         let options = LoadOptions {
             up: self.up,
             scale: self.scale,
@@ -98,18 +115,16 @@ impl SceneArgs {
             animation: self.animation.clone(),
             looped: self.looped,
             allow_outside_paths: self.allow_outside_paths,
-            caches,
+            caches: self.caches().map_err(usage::wrong)?,
             materials: materials.clone(),
             hide: self.hide.clone(),
         };
-        let told = self.up != UpAxis::Z || self.scale != 1.0;
-        let is_obj = |file: &PathBuf| file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("obj"));
-        ensure!(
-            !told || self.files.iter().any(is_obj),
-            "--up, --scale: {} already says which axis is up and what its unit is",
-            self.names()
-        );
-        Ok(Scene::load_all(&self.files, &options)?)
+        let readable = |file: &PathBuf| FORMATS.iter().any(|format| has_ending(file, format.extensions));
+        Scene::load_all(&self.files, &options).map_err(|error| match error {
+            // Something in a file, not its ending.
+            Error::Unsupported { .. } if self.files.iter().all(readable) => error.into(),
+            error => usage::wrong(error),
+        })
     }
 
     /// File names, for people.
@@ -148,6 +163,11 @@ impl SceneArgs {
     }
 }
 
+/// Whether the name of `file` ends in one of `endings`.
+fn has_ending(file: &Path, endings: &[&str]) -> bool {
+    file.extension().is_some_and(|found| endings.iter().any(|ending| found.eq_ignore_ascii_case(ending)))
+}
+
 /// A sensor and changes to it.
 #[derive(Args)]
 pub struct SensorArgs {
@@ -167,21 +187,35 @@ impl SensorArgs {
     pub fn load(&self) -> Result<Sensor> {
         let mut sensor = load_sensor(&self.sensor).context("--sensor")?;
         for (key, value) in &self.set {
-            sensor.set(key, value).context("--set")?;
+            sensor.set(key, value).map_err(wrong_key).context("--set")?;
         }
         if let Some(mode) = self.returns {
-            ensure!(
-                sensor.kind() != SensorKind::Sonar,
-                "--returns: the sensor is a sonar, which reports the depth of each beam, or all range bins above its threshold; \
-                 allowed: with other sensors"
-            );
-            sensor.set("returns.mode", mode.name()).context("--returns")?;
+            set_returns(&mut sensor, mode).map_err(usage::wrong)?;
         }
         Ok(sensor)
     }
 }
 
-/// A preset (`NAME` or `FOLDER/NAME`), or a file if `name` is the name of one.
+/// Lets `sensor` report its echoes as `mode` says.
+fn set_returns(sensor: &mut Sensor, mode: ReturnMode) -> Result<()> {
+    ensure!(
+        sensor.kind() != SensorKind::Sonar,
+        "--returns: the sensor is a sonar, which reports the depth of each beam, or all range bins above its threshold; \
+         allowed: with other sensors"
+    );
+    Ok(sensor.set("returns.mode", mode.name()).context("--returns")?)
+}
+
+/// What a KEY=VALUE that cannot be set says of the command.
+pub fn wrong_key(error: Error) -> anyhow::Error {
+    match error {
+        // KEY=VALUE is what was parsed.
+        Error::Parse { .. } => usage::wrong(anyhow!("{error}")),
+        error => usage::wrong(error),
+    }
+}
+
+/// A preset, as [`Sensor::preset`] finds it, or a file if `name` is the name of one.
 pub fn load_sensor(name: &Path) -> Result<Sensor> {
     file_or_stdin("--sensor", name, open_sensor, |text| Sensor::from_yaml(text, ""))
 }
@@ -189,9 +223,10 @@ pub fn load_sensor(name: &Path) -> Result<Sensor> {
 fn open_sensor(name: &Path) -> Result<Sensor> {
     Sensor::open(name).map_err(|error| match error {
         missing @ Error::Missing { .. } => {
-            anyhow::Error::new(missing).context(format!("{} is neither a preset nor a file", shown::path(name)))
+            let missing = anyhow::Error::new(missing);
+            usage::wrong(missing.context(format!("{} is neither a preset nor a file", shown::path(name))))
         }
-        other => other.into(),
+        other => usage::wrong(other),
     })
 }
 
@@ -220,7 +255,10 @@ pub fn file_or_stdin<'f, T, E: Into<anyhow::Error>>(
         });
     }
     let by = *READ_BY.get_or_init(|| option);
-    ensure!(by == option, "{option} -: standard input is already read by {by}; allowed: one option");
+    if by != option {
+        let twice = anyhow!("{option} -: standard input is already read by {by}; allowed: one option");
+        return Err(usage::wrong(twice));
+    }
     let mut input = String::new();
     let read = stdin().lock().take((MOST_MIB << 20) + 1).read_to_string(&mut input);
     read.with_context(|| format!("{option} -: standard input"))?;

@@ -3,6 +3,7 @@
 
 mod bench;
 mod choice;
+mod completions;
 mod formats;
 mod frames;
 mod generate;
@@ -18,10 +19,10 @@ mod run;
 mod scan;
 mod sensors;
 mod text;
+mod usage;
 mod weather;
 
 use clap::{Parser, Subcommand};
-use echocast::Error;
 use std::io::Write as _;
 use std::process::ExitCode;
 
@@ -33,7 +34,13 @@ use std::process::ExitCode;
     version,
     arg_required_else_help = true,
     after_help = "Example:\n  echocast scan street.glb --sensor velodyne_vlp32c --camera Corner -o scan.las --preview scan.png\n\n\
-                  Exit codes: 0 success; 1 failure; 2 wrong usage; 130 interrupted."
+                  Exit codes:\n  \
+                  0    success\n  \
+                  1    the work has failed: a file cannot be read or written, or its content is wrong; the system\n       \
+                  gives no memory or threads; the simulation refuses\n  \
+                  2    wrong usage: an option, name, value or ending of the command is unknown, not allowed, or does\n       \
+                  not go with the others, the sensor or the scene; nothing is written\n  \
+                  130  interrupted"
 )]
 struct Cli {
     #[command(subcommand)]
@@ -49,6 +56,7 @@ enum Command {
     Generate(generate::Args),
     Formats(formats::Args),
     Bench(Box<bench::Args>),
+    Completions(completions::Args),
 }
 
 fn main() -> ExitCode {
@@ -60,19 +68,21 @@ fn main() -> ExitCode {
         Command::Sensors(args) => sensors::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Generate(args) => generate::run(&args),
-        Command::Formats(formats::Args {}) => formats::run(),
+        Command::Formats(args) => formats::run(&args),
         Command::Bench(args) => bench::run(&args),
+        Command::Completions(args) => completions::run::<Cli>(&args),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
-        Err(error) if error.chain().any(|cause| matches!(cause.downcast_ref(), Some(Error::Cancelled))) => {
-            interrupt::say();
-            ExitCode::from(interrupt::INTERRUPTED)
-        }
         Err(error) => {
-            // If stderr is closed, there is nobody to tell.
-            let _ = writeln!(std::io::stderr(), "error: {}", text::one_line(&error));
-            ExitCode::FAILURE
+            let code = usage::exit_code(&error);
+            if code == interrupt::INTERRUPTED {
+                interrupt::say();
+            } else {
+                // If stderr is closed, there is nobody to tell.
+                let _ = writeln!(std::io::stderr(), "error: {}", text::one_line(&error));
+            }
+            ExitCode::from(code)
         }
     }
 }

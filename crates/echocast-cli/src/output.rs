@@ -1,7 +1,7 @@
 //! Where clouds and pictures go.
 
 use crate::{choice, text};
-use anyhow::{Context as _, Result, bail, ensure};
+use anyhow::{Context as _, Result, ensure};
 use clap::{ArgGroup, Args};
 use echocast::emitter::Pattern;
 use echocast::export::{self, FramesFile};
@@ -242,9 +242,7 @@ impl OutputArgs {
             export::check(file, self.format.as_deref(), fields)?;
         }
         if let Some(file) = &self.preview {
-            let is_png = file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png"));
-            ensure!(is_png, "--preview {}: pictures are written as .png", shown::path(file));
-            preview::check(file, &self.picture()).context("--preview")?;
+            check_picture(file, &self.picture())?;
         }
         self.check_names(fields)
     }
@@ -262,14 +260,7 @@ impl OutputArgs {
             .filter_map(|file| if self.view.shows_pings() { Some(file.clone()) } else { framed(file) });
         let images = self.image.iter().flat_map(|file| export::image_label_paths(file, FieldSet::all()));
         let others = images.chain(self.image.clone()).chain(self.pings.clone()).chain(self.boxes.clone());
-        if let Some(file) = clouds.chain(pictures).chain(others).find(|file| is_same(file, input)) {
-            bail!(
-                "{}: would overwrite {}, which this run reads; allowed: another name",
-                shown::path(&file),
-                shown::path(input)
-            );
-        }
-        Ok(())
+        clouds.chain(pictures).chain(others).try_for_each(|file| check_kept(&file, input))
     }
 
     /// Checks that pings of such a sonar can be shown in this view.
@@ -396,6 +387,24 @@ impl OutputArgs {
         });
         json.as_object().cloned().unwrap_or_default()
     }
+}
+
+/// Checks before the work that a picture could be written to `file`.
+pub fn check_picture(file: &Path, options: &PreviewOptions) -> Result<()> {
+    let is_png = file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png"));
+    ensure!(is_png, "--preview {}: pictures are written as .png", shown::path(file));
+    Ok(preview::check(file, options).context("--preview")?)
+}
+
+/// Checks that `file`, which is to be written, is not `input`, which is read.
+pub fn check_kept(file: &Path, input: &Path) -> Result<()> {
+    ensure!(
+        !is_same(file, input),
+        "{}: would overwrite {}, which this run reads; allowed: another name",
+        shown::path(file),
+        shown::path(input)
+    );
+    Ok(())
 }
 
 /// The folder that `file` goes to.

@@ -7,8 +7,8 @@ use crate::report::{Seconds, timed};
 use anyhow::Result;
 use echocast::scenario::FrameTime;
 use echocast::{
-    BuiltScene, Cause, Field, FieldSet, Ping, Pings, PointCloud, Profile, Report, ScanOptions, Sensor, SensorKind,
-    Trajectory,
+    BuiltScene, Cause, Enclosure, Field, FieldSet, Ping, Pings, PointCloud, Profile, Report, ScanOptions, Sensor,
+    SensorKind, Trajectory, shown,
 };
 use std::path::PathBuf;
 
@@ -76,6 +76,25 @@ impl Take<'_> {
         return_rows(cloud).filter(|&row| self.skies.contains(&instances[row])).count()
     }
 
+    /// Warns when the sensor, as it starts, is inside of a body, a building or the ground.
+    fn warn_of_enclosure(&self, built: &BuiltScene, report: &mut Report) {
+        /// Nothing that encloses a sensor by mistake is larger, m; a sky may be.
+        const REACH: f64 = 100.0;
+        let Some(first) = self.frames.first().filter(|_| !self.is_sonar()) else { return };
+        let place = self.trajectory.at(first.start).position;
+        let Some(Enclosure { name, part, within_m }) = built.enclosure(place, REACH) else { return };
+        let what = if name.is_empty() { "something".to_owned() } else { format!("{:?}", shown::text(&name)) };
+        report.warn(format!(
+            "the sensor at {:.2},{:.2},{:.2} seems to be inside of {what}: {:.0} % of the directions from the horizon up \
+             meet the back of a surface within {within_m:.1} m; choose another place with --at, see echocast info SCENE \
+             --preview map.png",
+            place.x,
+            place.y,
+            place.z,
+            100.0 * part
+        ));
+    }
+
     fn is_sonar(&self) -> bool {
         self.sensor.kind() == SensorKind::Sonar
     }
@@ -94,6 +113,7 @@ impl Take<'_> {
         if let Some(&first) = self.frames.first().filter(|_| self.is_sonar()) {
             report.absorb(built.check_water(sensor, trajectory, &self.options_of(first))?);
         }
+        self.warn_of_enclosure(&built, &mut report);
         let several = self.frames.len() > 1;
         progress.count_frames(self.frames.len(), frame_word(sensor));
         let mut writer = Writer::new(output);

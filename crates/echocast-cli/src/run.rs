@@ -5,11 +5,11 @@ use crate::progress::Progress;
 use crate::record::{Nothing, Take, frame_word};
 use crate::report::{RunReport, Seconds, timed};
 use crate::text::{self, counted, duration, thousands};
-use crate::{input, interrupt};
-use anyhow::{Context as _, Result, bail, ensure};
+use crate::{input, interrupt, usage};
+use anyhow::{Context as _, Result, anyhow, bail, ensure};
 use echocast::scenario::Sample;
 use echocast::scenario::set::{self, Event, RunOptions, RunSummary};
-use echocast::{Report, Scenario, shown};
+use echocast::{Error, Report, Scenario, shown};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -118,7 +118,7 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let mut scenario = load(args)?;
     for (key, value) in &args.set {
-        scenario.set(key, value).context("--set")?;
+        scenario.set(key, value).map_err(input::wrong_key).context("--set")?;
     }
     let of_files = scenario.outputs_of("files").next().cloned();
     if args.check {
@@ -133,11 +133,12 @@ pub fn run(args: &Args) -> Result<()> {
         return record(args, scenario, &OutputArgs::picture_only(&args.picture));
     }
     if let Some(entry) = of_files {
-        ensure!(
-            args.samples.is_none() && args.shard.is_none() && !args.resume && args.output.is_none(),
-            "the scenario writes the files of one sample (style: files); allowed without --samples, --shard, --resume \
-             and --output"
-        );
+        if args.samples.is_some() || args.shard.is_some() || args.resume || args.output.is_some() {
+            return Err(usage::wrong(anyhow!(
+                "the scenario writes the files of one sample (style: files); allowed without --samples, --shard, --resume \
+                 and --output"
+            )));
+        }
         let output = OutputArgs::from_json(&entry, scenario.folder()).context("outputs")?;
         return record(args, scenario, &output);
     }
@@ -166,7 +167,10 @@ fn record(args: &Args, scenario: Scenario, output: &OutputArgs) -> Result<()> {
         sample.scans().len()
     );
     let scan = sample.scans()[0].clone();
-    output.check(scan.options(0).fields, scan.sensor(), scan.options(0).profile)?;
+    output.check(scan.options(0).fields, scan.sensor(), scan.options(0).profile).map_err(|error| {
+        // Without options for a picture, it is the scenario that says what is written.
+        if args.picture.preview.is_some() { usage::wrong(error) } else { error }
+    })?;
     let first = timed(&mut seconds.build, || sample.built(0, 0))?;
     let options = echocast::ScanOptions { boxes: output.boxes(), ..scan.options(0) };
     let take = Take {
@@ -255,7 +259,11 @@ fn make_set(args: &Args, scenario: Scenario) -> Result<()> {
         }
         Event::Found(_) => progress.frame_done(),
     };
-    let summary = set::run(scenario, &options, &watch)?;
+    let summary = set::run(scenario, &options, &watch).map_err(|error| match &error {
+        // Options of this command; the other names are keys of the scenario.
+        Error::InvalidParameter { name, .. } if ["samples", "shard"].contains(&name.as_str()) => usage::wrong(error),
+        _ => error.into(),
+    })?;
     drop(progress);
     if args.json {
         text::print(&format!("{}\n", summary_json(&summary)))?;

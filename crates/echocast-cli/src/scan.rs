@@ -9,8 +9,9 @@ use crate::record::{Nothing, Take, frame_word};
 use crate::report::{RunReport, Seconds, timed};
 use crate::text::duration;
 use crate::weather::WeatherArgs;
-use crate::{choice, formats, interrupt, place, text};
+use crate::{choice, formats, interrupt, place, text, usage};
 use anyhow::{Context as _, Result, ensure};
+use clap::ArgGroup;
 use echocast::detect::Detection;
 use echocast::scenario::FrameTime;
 use echocast::scene::MaterialRules;
@@ -23,6 +24,7 @@ use std::path::PathBuf;
 
 /// Scan a scene with one sensor: one or more frames or pings, labelled clouds and pictures
 #[derive(clap::Args)]
+#[command(group = ArgGroup::new("several").args(["trajectory", "frames"]).multiple(true))]
 #[command(after_help = "\
 Examples:
   echocast scan street.glb --sensor velodyne_vlp32c --camera Corner -o scan.las --preview scan.png
@@ -33,7 +35,7 @@ Examples:
     --view perspective --show boxes
   echocast scan street.glb --sensor velodyne_vlp32c --camera Lidar --frames 0:99 --fields default,velocity,flow -o drive.las
   echocast scan street.glb --sensor ouster_os1_128 --camera Corner --frames 4:36:8 --preview trail.png --color velocity
-  echocast scan city.obj --up y --sensor velodyne_hdl64e --trajectory drive.txt --frames 0:99 --single -o drive.las
+  echocast scan city.obj --up y --sensor velodyne_hdl64e --trajectory drive.txt --single -o drive.las
   echocast scan yard.glb --cache Flag=flag.pc2@25 --sensor velodyne_vlp16 --at 0,0,1.8 --frames 0:99 -o yard.las
 A survey with a side-scan sonar, from nothing:
   echocast generate seabed -o lake.glb
@@ -61,15 +63,15 @@ pub struct Args {
     #[command(flatten)]
     place: PlaceArgs,
     /// Poses over time: TUM text (`t x y z qx qy qz qw`) or CSV with a header, `-` for standard input; time 0 of the
-    /// run is the first pose
+    /// run is the first pose. Without `--frames`, frames are scanned all along them
     #[arg(long, value_name = "FILE", conflicts_with_all = ["at", "rpy", "camera"], help_heading = "Place")]
     trajectory: Option<PathBuf>,
-    /// Frames A to B, both included, every STEPth; frame k starts at k / fps seconds. The frames of a sonar are its
-    /// pings [default: frame 0 only; for sonars, the whole trajectory]
-    #[arg(long, value_name = "A:B[:STEP]", help_heading = "Place")]
+    /// Frames A to B, both included, every STEPth, or frame A alone; frame k starts at k / fps seconds. The frames of a
+    /// sonar are its pings [default: the whole --trajectory; without one, frame 0 alone]
+    #[arg(long, value_name = "A[:B[:STEP]]", help_heading = "Place")]
     frames: Option<Frames>,
     /// Frames per second [default: the sensor's rate]
-    #[arg(long, value_name = "N", value_parser = input::positive, requires = "frames", help_heading = "Place")]
+    #[arg(long, value_name = "N", value_parser = input::positive, requires = "several", help_heading = "Place")]
     fps: Option<f64>,
     /// Let the scene hold still during each frame, as it is when the frame starts
     #[arg(long, help_heading = "Place")]
@@ -111,10 +113,6 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<()> {
     let threads = input::set_threads(args.threads)?;
-    ensure!(
-        !(args.organised && args.order == Order::Time),
-        "--organised: its rows and columns are beams; allowed: --order beam"
-    );
     interrupt::listen().context("cannot listen for signals")?;
     let progress = Progress::new(args.quiet);
     let mut seconds = Seconds::default();
@@ -123,25 +121,26 @@ pub fn run(args: &Args) -> Result<()> {
     progress.phase(format!("loading {}", args.scene.names()));
     let (loaded, read) = read::noting(|| timed(&mut seconds.load, || load(args)));
     let Loaded { sensor, environment, labels, materials, scene, path } = loaded?;
-    read.iter().try_for_each(|input| args.output.check_input(input))?;
+    read.iter().try_for_each(|input| args.output.check_input(input)).map_err(usage::wrong)?;
     let sonar = sensor.kind() == SensorKind::Sonar;
     let fields = args.fields.unwrap_or_default().of(&sensor);
     interrupt::check()?;
     warnings.absorb(scene.report.clone());
-    let fps = frame_rate(args.fps, &sensor)?;
-    // A sonar pings along its whole trajectory.
-    let all_along = |end: f64| Frames { last: (end * fps + 1e-6).min(1e9) as u32, ..Frames::ONE };
-    let asked = args.frames.or_else(|| path.as_ref().filter(|_| sonar).map(|path| all_along(path.span().1)));
-    let frames = asked.unwrap_or(Frames::ONE);
+    let fps = frame_rate(args.fps, &sensor).map_err(usage::wrong)?;
+    let frames = match (args.frames, &path) {
+        (Some(frames), _) => frames,
+        // A sonar pings from the last pose, too; a sweep that begins there would not move.
+        (None, Some(path)) => Frames::until(path.span().1, fps, sonar),
+        (None, None) => Frames::ONE,
+    };
     match &path {
-        Some(_) if sonar && args.frames.is_none() => {}
-        Some(path) => warn_of_other_span(path, args.frames, fps, &mut warnings),
+        Some(path) => warn_of_end(path, frames, fps, &mut warnings),
         None => warn_of_other_animation(&scene, args.frames, fps, &mut warnings),
     }
     let [from, to] = [frames.first, frames.last].map(|frame| f64::from(frame) / fps);
     let trajectory = match path {
         Some(path) => path,
-        None => args.place.path(&scene, from, to + sensor.scan_time())?,
+        None => args.place.path(&scene, from, to + sensor.scan_time()).map_err(usage::wrong)?,
     };
     if sonar {
         let moves = args.trajectory.is_some();
@@ -151,17 +150,11 @@ pub fn run(args: &Args) -> Result<()> {
     if args.output.piles_frames() && args.coordinates == Frame::Sensor && frames.len() > 1 {
         warn_of_piled_frames(&trajectory, [from, to], &mut warnings);
     }
-    let rows = sensor.beams().len() as u64 * frames.len() as u64;
-    ensure!(
-        args.output.single() || frames.len() == 1 || rows <= MOST_MERGED,
-        "--frames: {} frames of {} beams are too many for one cloud; allowed: {MOST_MERGED} beams, or --single",
-        frames.len(),
-        sensor.beams().len()
-    );
+    check_merged(args, &sensor, frames).map_err(usage::wrong)?;
 
     progress.phase("building".into());
     let mut live = LiveScene::new(&Engine::new()?);
-    live.set_motion_tolerance(args.motion_tolerance).context("--motion-tolerance")?;
+    live.set_motion_tolerance(args.motion_tolerance).context("--motion-tolerance").map_err(usage::wrong)?;
     timed(&mut seconds.build, || live.add_scene(&scene).map(drop))?;
     let moving = scene.is_moving();
     // The scene as the frame that starts at `time`, s, sees it.
@@ -203,7 +196,9 @@ pub fn run(args: &Args) -> Result<()> {
         let number = frame.unwrap_or(frames.first);
         let options = take.options_of(FrameTime { number, start: f64::from(number) / fps });
         let built = build(options.start_time)?;
-        return text::print(&text::lines(&built.explain(&sensor, &trajectory, &options, beam).context("--explain")?));
+        let explained =
+            built.explain(&sensor, &trajectory, &options, beam).context("--explain").map_err(usage::wrong)?;
+        return text::print(&text::lines(&explained));
     }
 
     let recorded = take.record(built, moving.then_some(&mut build), &progress, &mut seconds)?;
@@ -255,12 +250,7 @@ struct Loaded {
 /// Reads everything a run needs, the scene last: it may take a long time.
 fn load(args: &Args) -> Result<Loaded> {
     let sensor = args.sensor.load()?;
-    args.output.check(args.fields.unwrap_or_default().of(&sensor), &sensor, args.profile)?;
-    ensure!(
-        args.explain.is_none() || sensor.kind() != SensorKind::Sonar || args.profile == Profile::Physical,
-        "--explain: does not cover sonars with --profile {}; allowed: --profile physical",
-        args.profile.name()
-    );
+    check_options(args, &sensor).map_err(usage::wrong)?;
     let environment = args.weather.load(sensor.kind())?;
     let trajectory = args.trajectory.as_deref().map(input::load_trajectory).transpose()?;
     let labels = args.scene.labels()?;
@@ -268,6 +258,31 @@ fn load(args: &Args) -> Result<Loaded> {
     let scene = args.scene.load(&labels, &materials)?;
     let path = trajectory.map(Trajectory::shifted_to_zero);
     Ok(Loaded { sensor, environment, labels, materials, scene, path })
+}
+
+/// Checks that the options go with each other and with `sensor`.
+fn check_options(args: &Args, sensor: &Sensor) -> Result<()> {
+    ensure!(
+        !(args.organised && args.order == Order::Time),
+        "--organised: its rows and columns are beams; allowed: --order beam"
+    );
+    ensure!(
+        args.explain.is_none() || sensor.kind() != SensorKind::Sonar || args.profile == Profile::Physical,
+        "--explain: does not cover sonars with --profile {}; allowed: --profile physical",
+        args.profile.name()
+    );
+    args.output.check(args.fields.unwrap_or_default().of(sensor), sensor, args.profile)
+}
+
+/// Checks that one cloud can hold `frames`, if they are to be in one.
+fn check_merged(args: &Args, sensor: &Sensor, frames: Frames) -> Result<()> {
+    let beams = sensor.beams().len();
+    ensure!(
+        args.output.single() || frames.len() == 1 || beams as u64 * frames.len() as u64 <= MOST_MERGED,
+        "--frames: {} frames of {beams} beams are too many for one cloud; allowed: {MOST_MERGED} beams, or --single",
+        frames.len()
+    );
+    Ok(())
 }
 
 /// `BEAM` or `FRAME,BEAM`.
@@ -316,20 +331,13 @@ fn frame_rate(asked: Option<f64>, sensor: &Sensor) -> Result<f64> {
     Ok(fps)
 }
 
-/// Warns when frames start after the last pose, or when no frames were asked for though the path goes on.
-fn warn_of_other_span(trajectory: &Trajectory, asked: Option<Frames>, fps: f64, warnings: &mut Report) {
+/// Warns when frames start after the last pose.
+fn warn_of_end(trajectory: &Trajectory, frames: Frames, fps: f64, warnings: &mut Report) {
     let (_, end) = trajectory.span();
-    let last_start = f64::from(asked.unwrap_or(Frames::ONE).last) / fps;
+    let last_start = f64::from(frames.last) / fps;
     if last_start > end {
         warnings.warn(format!(
             "the last frame starts at {last_start:.3} s, but the trajectory ends at {end:.3} s: the sensor stays there"
-        ));
-    }
-    let whole = (end * fps).ceil() - 1.0;
-    if asked.is_none() && whole >= 1.0 {
-        warnings.warn(format!(
-            "the trajectory lasts {end:.3} s, one frame of {:.3} s is scanned: --frames 0:{whole} scans all of it",
-            1.0 / fps
         ));
     }
 }

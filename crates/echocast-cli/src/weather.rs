@@ -1,6 +1,6 @@
 //! Weather and water from flags or a file.
 
-use crate::input;
+use crate::{input, usage};
 use anyhow::{Result, ensure};
 use clap::Args;
 use echocast::medium::{Dust, Fog, Placed, Rain, Region, Snow};
@@ -43,7 +43,7 @@ impl WeatherArgs {
             None => Environment::default(),
         };
         if kind == SensorKind::Sonar {
-            self.check_for_sonar(&environment)?;
+            self.check_for_sonar(&environment).map_err(usage::wrong)?;
         }
         let fog = |visibility| Fog { visibility_m: Some(visibility), ..Fog::default() };
         let flags = Environment {
@@ -53,12 +53,12 @@ impl WeatherArgs {
             dust: self.dust.clone(),
             ..Environment::default()
         };
-        flags.check().map_err(name_flag)?;
+        flags.check().map_err(|error| usage::wrong(name_flag(error)))?;
         replace(&mut environment.rain, flags.rain);
         replace(&mut environment.snow, flags.snow);
         replace(&mut environment.fog, flags.fog);
         replace(&mut environment.dust, flags.dust);
-        environment.check()?;
+        environment.check().map_err(usage::wrong)?;
         Ok(environment)
     }
 

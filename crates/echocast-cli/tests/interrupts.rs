@@ -310,3 +310,29 @@ fn a_full_disk_is_one_sentence() {
         assert!(!left.contains(".echocast"), "{run}: {left}");
     }
 }
+
+/// As a full disk, on every system: files may not grow beyond a limit.
+#[test]
+fn a_file_that_may_not_grow_is_one_sentence() {
+    let folder = tempfile::tempdir().unwrap();
+    prepare(folder.path());
+    let few = "scan HALL --sensor velodyne_vlp16 --at -6,6,1.2 -q";
+    let more = [
+        format!("{few} --boxes DIR/out/a.json"),
+        format!("{few} --boxes DIR/out/a.csv"),
+        "info HALL --preview DIR/out/a.png".to_owned(),
+    ];
+    for args in RUNS.iter().map(|run| arguments(run)).chain(more) {
+        // Nothing at all, and a part of most files.
+        for blocks in [0, 1] {
+            let program = command(folder.path(), &args);
+            let mut limited = Command::new("sh");
+            limited.args(["-c", "ulimit -c 0; ulimit -f \"$0\"; exec \"$@\"", &blocks.to_string()]);
+            let output = limited.arg(program.get_program()).args(program.get_args()).output().unwrap();
+            let said = stderr(&output);
+            let sentence = said.starts_with("error: ") && said.ends_with(": File too large (os error 27)\n");
+            assert!(output.status.code() == Some(1) && sentence && said.lines().count() == 1, "{args}: {said}");
+            assert_eq!(files(&folder.path().join("out")), Vec::<String>::new(), "{args}");
+        }
+    }
+}

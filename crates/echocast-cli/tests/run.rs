@@ -194,8 +194,8 @@ fn what_is_wrong_is_one_sentence() {
     for (args, code, words) in [
         ("run", 2, "SCENARIO"),
         ("run DIR/none.yaml", 1, "none.yaml: No such file"),
-        ("run DIR/street.yaml --samples 0:12", 1, "samples is 0 to 12, every 1; allowed: 0 to 11"),
-        ("run DIR/street.yaml --shard 4/4", 1, "shard is 4/4; allowed: 0/4 to 3/4"),
+        ("run DIR/street.yaml --samples 0:12", 2, "samples is 0 to 12, every 1; allowed: 0 to 11"),
+        ("run DIR/street.yaml --shard 4/4", 2, "shard is 4/4; allowed: 0/4 to 3/4"),
         ("run DIR/street.yaml --shard four", 2, "expected K/N"),
         (
             "run DIR/street.yaml",
@@ -203,7 +203,7 @@ fn what_is_wrong_is_one_sentence() {
             "in which 1 of these samples are; allowed: another folder, or to go on with it (--resume)",
         ),
         ("run DIR/street.yaml --set seed=4 --resume", 1, "which holds a set of another scenario"),
-        ("run DIR/street.yaml --set sensor=3", 1, "sensor=3: sensor: unknown key \"sensor\"; near: sensors"),
+        ("run DIR/street.yaml --set sensor=3", 2, "sensor=3: sensor: unknown key \"sensor\"; near: sensors"),
         (
             "run DIR/street.yaml -o DIR/x --set outputs[0].style=plane",
             1,

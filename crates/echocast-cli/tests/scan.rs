@@ -7,6 +7,7 @@ use echocast::preview::{self, ColorBy, PreviewOptions, View};
 use echocast::{Engine, FieldSet, LiveScene, PointCloud, ScanOptions, Scene, Sensor};
 use serde_json::Value;
 use std::fs;
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
@@ -154,7 +155,7 @@ fn what_is_read_is_not_written_over() {
     ] {
         let output = run(folder.path(), &format!("{scan} {args}"));
         let said = stderr(&output);
-        assert!(output.status.code() == Some(1) && said.contains("which this run reads"), "{args}: {said}");
+        assert!(output.status.code() == Some(2) && said.contains("which this run reads"), "{args}: {said}");
         assert!(said.starts_with(&format!("error: {}: would overwrite", at(named).display())), "{args}: {said}");
         assert_eq!(files(folder.path()), before, "{args}");
     }
@@ -234,7 +235,15 @@ fn frames_follow_the_trajectory() {
     assert_eq!(written, ["b.h5", "b_0001.csv", "b_0001.labels.json", "b_0002.csv", "b_0002.labels.json"]);
 
     let whole = report(folder.path(), &format!("{scan} -o DIR/d.csv"));
-    assert!(whole["warnings"][0].as_str().unwrap().contains("--frames 0:9 scans all of it"), "{whole}");
+    assert_eq!((&whole["frames"], &whole["warnings"]), (&10.into(), &serde_json::json!([])));
+    close(column("d.csv", "frame"), &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]);
+    let slower = report(folder.path(), &format!("{scan} --fps 4 -o DIR/d.csv"));
+    assert_eq!(slower["frames"], 4);
+    for (frames, number, range) in [("0:0", 0.0, 1.0), ("5", 5.0, 1.5)] {
+        stdout(folder.path(), &format!("{scan} --frames {frames} -o DIR/d.csv"));
+        close(column("d.csv", "frame"), &[number]);
+        close(column("d.csv", "range"), &[range]);
+    }
 
     let late = report(folder.path(), &format!("{scan} --frames 0:20:20 -o DIR/c.csv"));
     close(column("c.csv", "range"), &[1.0, 2.0]);
@@ -251,7 +260,7 @@ fn colours_that_a_sensor_has_no_values_for_are_refused() {
         (lake, "doppler", "--color doppler: the sensor does not measure velocities; allowed: --color radial_velocity"),
     ] {
         let output = run(folder.path(), &format!("{scan} --preview DIR/a.png --color {color}"));
-        assert_eq!(output.status.code(), Some(1), "{color}");
+        assert_eq!(output.status.code(), Some(2), "{color}");
         assert!(stderr(&output).contains(says), "{}", stderr(&output));
     }
     assert_eq!(files(folder.path()), ["lake.glb"]);
@@ -453,4 +462,53 @@ fn bench_compares_with_the_bare_loop() {
         assert!(0.0 < best && best <= median, "{key}: {best} {median}");
     }
     assert!(figures["ratio"].as_f64().is_some_and(|ratio| ratio > 0.0));
+}
+
+/// A building of 8 x 6 x 4 m on the ground of the room, whose sides face outwards, or inwards.
+fn write_house(folder: &Path, inwards: bool) {
+    let mut text = String::from("o Ground\nv -50 -50 0\nv 50 -50 0\nv 50 50 0\nv -50 50 0\nf 1 2 3 4\no House_3\n");
+    for corner in 0..8 {
+        let at = |axis: u32, low: i32, high: i32| if corner >> axis & 1 == 1 { high } else { low };
+        text.push_str(&format!("v {} {} {}\n", at(0, -4, 4), at(1, -3, 3), at(2, 0, 4)));
+    }
+    // Walls and roof, no floor.
+    for mut side in [[4, 8, 6, 2], [1, 5, 7, 3], [1, 2, 6, 5], [3, 7, 8, 4], [5, 6, 8, 7]] {
+        // The list is for x = low, high and so on; what faces in is the other way round.
+        if matches!(side, [4, ..]) {
+            side = [2, 4, 8, 6];
+        }
+        if inwards {
+            side.reverse();
+        }
+        text.push_str(&format!("f {}\n", side.map(|corner| (corner + 4).to_string()).join(" ")));
+    }
+    fs::write(folder.join("house.obj"), text).unwrap();
+}
+
+#[test]
+fn a_sensor_in_a_wall_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let warned = |args: &str| {
+        let report = report(folder, &format!("scan DIR/house.obj {args} -o DIR/a.npz"));
+        report["warnings"].as_array().unwrap().iter().map(|warning| warning.as_str().unwrap().to_owned()).collect()
+    };
+    let inside = |warnings: Vec<String>| warnings.into_iter().find(|warning| warning.contains("inside of"));
+    write_house(folder, false);
+    fs::write(folder.join("way.txt"), "0 1 1 1.5 0 0 0 1\n0.1 9 1 1.5 0 0 0 1\n").unwrap();
+    fs::write(folder.join("back.txt"), "0 9 1 1.5 0 0 0 1\n0.1 1 1 1.5 0 0 0 1\n").unwrap();
+    for args in
+        ["--sensor vlp16 --at 1,1,1.5", "--sensor kinect_v2 --at 1,1,1.5", "--sensor vlp16 --trajectory DIR/way.txt"]
+    {
+        let warning = inside(warned(args)).expect(args);
+        let starts = "the sensor at 1.00,1.00,1.50 seems to be inside of \"House_3\": 100 % of the directions";
+        assert!(warning.starts_with(starts) && warning.contains("--preview"), "{warning}");
+    }
+    // Beside it, in the ground, far away, and where the walls face in.
+    assert_eq!(inside(warned("--sensor vlp16 --at 9,1,1.5")), None);
+    assert_eq!(inside(warned("--sensor vlp16 --trajectory DIR/back.txt")), None);
+    assert_eq!(inside(warned("--sensor vlp16 --at 0,0,500")), None);
+    assert!(inside(warned("--sensor vlp16 --at 20,1,-1")).unwrap().contains("\"Ground\""));
+    write_house(folder, true);
+    assert_eq!(inside(warned("--sensor vlp16 --at 1,1,1.5")), None);
 }

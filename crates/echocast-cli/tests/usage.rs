@@ -2,12 +2,13 @@
 
 mod common;
 
-use common::{run, stderr, stdout, write_room};
+use common::{report, run, stderr, stdout, write_room};
+use serde_json::{Value, json};
 use std::fs;
 use std::io::pipe;
 use std::path::Path;
 
-const COMMANDS: [&str; 6] = ["scan", "sensors", "info", "generate", "formats", "bench"];
+const COMMANDS: [&str; 8] = ["scan", "run", "sensors", "info", "generate", "formats", "bench", "completions"];
 
 #[test]
 fn every_command_explains_itself_with_an_example() {
@@ -66,87 +67,148 @@ fn wrong_usage_is_2() {
     assert!(common::files(folder.path()).is_empty());
 }
 
-#[test]
-fn failed_work_is_1_and_one_line_that_names_the_cause() {
-    let folder = tempfile::tempdir().unwrap();
-    let scene = "scan HALL --sensor kinect_v2 --at 0,0,1";
-    let name = folder.path().file_name().unwrap().to_str().unwrap();
-    for (args, says) in [
-        ("scan DIR/no.glb --sensor kinect_v2 --at 0,0,0 -o DIR/x.las", &["no.glb: No such file"][..]),
-        ("scan DIR/scene.blend --sensor kinect_v2 --at 0,0,0 -o DIR/x.las", &["scene.blend", ".glb", ".obj"]),
-        (
-            "scan HALL --sensor kinect_v3 --at 0,0,0 -o DIR/x.las",
-            &["--sensor", "kinect_v3", "near: kinect_v1, kinect_v2"],
-        ),
-        ("scan HALL --sensor DIR/no.yaml --at 0,0,0 -o DIR/x.las", &["--sensor", "no.yaml: No such file"]),
-        (
-            &format!("{scene} --set noise.range_sgma_m=0 -o DIR/x.las"),
-            &["--set", "range_sgma_m", "near: range_sigma_m"],
-        ),
-        (&format!("{scene} --set noise.range_sigma_m=-1 -o DIR/x.las"), &["--set", "noise.range_sigma_m", "-1"]),
-        (&format!("{scene} --rain=-1 -o DIR/x.las"), &["--rain is -1; allowed: 0 to 500"]),
-        (&format!("{scene} --rain -3 -o DIR/x.las"), &["--rain is -3; allowed: 0 to 500"]),
-        (&format!("{scene} --snow -0.5 -o DIR/x.las"), &["--snow is -0.5; allowed: 0 to 100"]),
-        (&format!("{scene} --fog -3 -o DIR/x.las"), &["--fog is -3; allowed: 0.1 or more"]),
-        (&format!("{scene} --fog 0 -o DIR/x.las"), &["--fog is 0; allowed: 0.1 or more"]),
-        (&format!("{scene} --dust 50,1e5,5,-1 -o DIR/x.las"), &["--dust: length_m is -1; allowed: above 0"]),
-        (&format!("{scene} --dust -50,1e5,5,1 -o DIR/x.las"), &["--dust: radius_um is -50; allowed: "]),
-        (&format!("{scene} --dust 50,1e5,5,1 --dust 50,-1,5,1 -o DIR/x.las"), &["--dust[1]: per_m3 is -1; allowed: "]),
-        (&format!("{scene} --env DIR/no.yaml -o DIR/x.las"), &["no.yaml: No such file"]),
-        (&format!("{scene} -o DIR/x.lsa"), &["x.lsa", ".las", ".npz"]),
-        (&format!("{scene} -o DIR/x --format laz2"), &["laz2", "las2"]),
-        (&format!("{scene} -o DIR/no/x.las"), &["no/x.las: No such file"]),
-        (&format!("{scene} -o DIR --format las"), &["allowed", "name of a file"]),
-        (&format!("{scene} -o DIR/x.csv -o DIR/x.csv"), &["x.csv", "twice"]),
-        (&format!("{scene} -o DIR/x.csv -o DIR/../{name}/x.csv"), &["x.csv", "twice"]),
-        (&format!("{scene} -o DIR/x.png --format las --preview DIR/x.png"), &["x.png", "twice"]),
-        (&format!("{scene} -o DIR/x.labels.json --format csv -o DIR/x.csv"), &["x.labels.json", "twice"]),
-        (&format!("{scene} -o - --format las"), &["-o -", "a file name"]),
-        (&format!("{scene} --set noise.range_sigma_m= -o DIR/x.las"), &["has no value"]),
-        (&format!("{scene} --organised --order time -o DIR/x.las"), &["--organised", "--order beam"]),
-        (&format!("{scene} --up y -o DIR/x.las"), &["--up", "indoor-1.glb"]),
-        (&format!("{scene} --frames 0:4294967295 -o DIR/x.las"), &["--frames", "--single"]),
-        (&format!("{scene} --explain 217088"), &["--explain", "beam is 217088; allowed: 0 to 217087"]),
-        (&format!("{scene} --preview DIR/x.jpg"), &["--preview", "x.jpg", ".png"]),
-        (&format!("{scene} --preview DIR/no/x.png"), &["--preview", "DIR/no"]),
-        (&format!("{scene} --fields range -o DIR/x.las"), &["x, y and z"]),
-        ("scan HALL --sensor kinect_v2 --camera Eye -o DIR/x.las", &["--camera", "Eye", "no camera node"]),
-        ("scan HALL --sensor kinect_v2 -o DIR/x.las", &["--at X,Y,Z"]),
-        ("scan HALL --sensor kinect_v2 --trajectory DIR/no.txt -o DIR/x.las", &["no.txt: No such file"]),
-        ("scan HALL FLAT DIR/no.obj --sensor kinect_v2 --at 0,0,0 -o DIR/x.las", &["no.obj: No such file"]),
-        ("sensors kinect", &["kinect", "kinect_v2"]),
-        ("info DIR/no.glb", &["no.glb: No such file"]),
-        ("info HALL --cache Chiar=DIR/a.pc2", &["there is no object named \"Chiar\""]),
-        ("info HALL --cache *=DIR/no.pc2", &["no.pc2: No such file"]),
-        ("info HALL --cache *=DIR/no.ply", &["no.ply", ".mdd and .pc2"]),
-        ("info HALL --cache *=DIR/a.pc2@-1", &["caches.*.fps is -1; allowed: numbers above 0"]),
-        ("info HALL --cache a=b.pc2 --cache a=c.pc2", &["--cache", "\"a\"", "twice"]),
-        ("bench HALL --sensor kinect_v2", &["--at X,Y,Z"]),
-    ] {
-        let output = run(folder.path(), args);
+/// Runs the program in `folder` for each row of `table`: arguments, and what the one line says that it ends with.
+#[track_caller]
+fn all_end_with(code: i32, folder: &Path, table: &[(&str, &[&str])]) {
+    for (args, says) in table {
+        let output = run(folder, args);
         let line = stderr(&output);
-        assert_eq!(output.status.code(), Some(1), "{args}\n{line}");
+        assert_eq!(output.status.code(), Some(code), "{args}\n{line}");
         assert!(line.starts_with("error: ") && line.trim_end().lines().count() == 1, "{args}\n{line}");
-        for word in says {
-            let word = word.replace("DIR", &folder.path().display().to_string());
+        for word in *says {
+            let word = word.replace("DIR", &folder.display().to_string());
             assert!(line.contains(&word), "{args}\n{line} lacks {word}");
         }
         assert!(!line.contains(".echocast-"), "{args}\n{line}");
         assert!(output.stdout.is_empty(), "{args}");
     }
-    assert!(common::files(folder.path()).is_empty());
+}
+
+/// What the parser of arguments lets through, and only the sensor, the scene or the library can tell.
+#[test]
+fn wrong_usage_that_is_found_late_is_2_and_one_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = "scan HALL --sensor kinect_v2 --at 0,0,1";
+    let name = folder.path().file_name().unwrap().to_str().unwrap();
+    write_room(folder.path(), &["Front", "Rear"]);
+    let written = "scene: {files: [room.gltf]}\nsensors: [{sensor: kinect_v2}]\n\
+                   trajectory: {position_m: [0, 0, 1]}\nsamples: 3\noutputs: [{style: plain, format: npz}]\n";
+    fs::write(folder.path().join("set.yaml"), written).unwrap();
+    let before = common::files(folder.path());
+    all_end_with(
+        2,
+        folder.path(),
+        &[
+            ("scan DIR/scene.blend --sensor kinect_v2 --at 0,0,0 -o DIR/x.las", &["scene.blend", ".glb", ".obj"]),
+            (
+                "scan HALL --sensor kinect_v3 --at 0,0,0 -o DIR/x.las",
+                &["--sensor", "kinect_v3", "near: kinect_v1, kinect_v2"],
+            ),
+            (
+                &format!("{scene} --set noise.range_sgma_m=0 -o DIR/x.las"),
+                &["--set", "range_sgma_m", "near: range_sigma_m"],
+            ),
+            (&format!("{scene} --set noise.range_sigma_m=-1 -o DIR/x.las"), &["--set", "noise.range_sigma_m", "-1"]),
+            (&format!("{scene} --rain=-1 -o DIR/x.las"), &["--rain is -1; allowed: 0 to 500"]),
+            (&format!("{scene} --rain -3 -o DIR/x.las"), &["--rain is -3; allowed: 0 to 500"]),
+            (&format!("{scene} --snow -0.5 -o DIR/x.las"), &["--snow is -0.5; allowed: 0 to 100"]),
+            (&format!("{scene} --fog -3 -o DIR/x.las"), &["--fog is -3; allowed: 0.1 or more"]),
+            (&format!("{scene} --fog 0 -o DIR/x.las"), &["--fog is 0; allowed: 0.1 or more"]),
+            (&format!("{scene} --dust 50,1e5,5,-1 -o DIR/x.las"), &["--dust: length_m is -1; allowed: above 0"]),
+            (&format!("{scene} --dust -50,1e5,5,1 -o DIR/x.las"), &["--dust: radius_um is -50; allowed: "]),
+            (
+                &format!("{scene} --dust 50,1e5,5,1 --dust 50,-1,5,1 -o DIR/x.las"),
+                &["--dust[1]: per_m3 is -1; allowed: "],
+            ),
+            (&format!("{scene} -o DIR/x.lsa"), &["x.lsa", ".las", ".npz"]),
+            (&format!("{scene} -o DIR/x --format laz2"), &["laz2", "las2"]),
+            (&format!("{scene} -o DIR --format las"), &["allowed", "name of a file"]),
+            (&format!("{scene} -o DIR/x.csv -o DIR/x.csv"), &["x.csv", "twice"]),
+            (&format!("{scene} -o DIR/x.csv -o DIR/../{name}/x.csv"), &["x.csv", "twice"]),
+            (&format!("{scene} -o DIR/x.png --format las --preview DIR/x.png"), &["x.png", "twice"]),
+            (&format!("{scene} -o DIR/x.labels.json --format csv -o DIR/x.csv"), &["x.labels.json", "twice"]),
+            (&format!("{scene} -o - --format las"), &["-o -", "a file name"]),
+            (&format!("{scene} --set noise.range_sigma_m= -o DIR/x.las"), &["has no value"]),
+            (&format!("{scene} --organised --order time -o DIR/x.las"), &["--organised", "--order beam"]),
+            (&format!("{scene} --up y -o DIR/x.las"), &["--up", "indoor-1.glb"]),
+            (&format!("{scene} --frames 0:4294967295 -o DIR/x.las"), &["--frames", "--single"]),
+            (&format!("{scene} --explain 217088"), &["--explain", "beam is 217088; allowed: 0 to 217087"]),
+            (&format!("{scene} --preview DIR/x.jpg"), &["--preview", "x.jpg", ".png"]),
+            (&format!("{scene} --fields range -o DIR/x.las"), &["x, y and z"]),
+            ("scan HALL --sensor kinect_v2 --camera Eye -o DIR/x.las", &["--camera", "Eye", "no camera node"]),
+            ("scan HALL --sensor kinect_v2 -o DIR/x.las", &["--at X,Y,Z"]),
+            ("info HALL --cache Chiar=DIR/a.pc2", &["there is no object named \"Chiar\""]),
+            ("info HALL --cache *=DIR/no.ply", &["no.ply", ".mdd and .pc2"]),
+            ("info HALL --cache *=DIR/a.pc2@-1", &["caches.*.fps is -1; allowed: numbers above 0"]),
+            ("info HALL --cache a=b.pc2 --cache a=c.pc2", &["--cache", "\"a\"", "twice"]),
+            ("bench HALL --sensor kinect_v2", &["--at X,Y,Z"]),
+            ("info DIR/scene.blend", &["scene.blend", ".glb", ".obj"]),
+            ("scan DIR/room.gltf --sensor kinect_v2 -o DIR/x.las", &["--camera NODE", "Front, Rear"]),
+            ("scan DIR/room.gltf --sensor kinect_v2 --camera Side -o DIR/x.las", &["--camera Side", "Front, Rear"]),
+            ("scan HALL --sensor velodyne --at 0,0,1 -o DIR/x.las", &["--sensor", "fits several", "velodyne_vlp16"]),
+            (&format!("{scene} --view fan --preview DIR/x.png"), &["--view fan: the sensor is a tof"]),
+            (&format!("{scene} --pings DIR/x.npz"), &["--pings: the sensor is a tof"]),
+            (&format!("{scene} --color doppler --preview DIR/x.png"), &["--color doppler"]),
+            (&format!("{scene} --boxes DIR/x.txt"), &["--boxes", ".json, .csv"]),
+            (&format!("{scene} --ground --preview DIR/x.png"), &["--ground"]),
+            (&format!("{scene} --animation Walk -o DIR/x.las"), &["there is no animation named \"Walk\""]),
+            (&format!("{scene} --material Sofa=fbric -o DIR/x.las"), &["--material", "near: fabric"]),
+            (&format!("{scene} --motion-tolerance 1e9 -o DIR/x.las"), &["--motion-tolerance"]),
+            (&format!("{scene} --materials - --env - -o DIR/x.las"), &["standard input is already read"]),
+            ("scan HALL --sensor sss_450 --at 0,0,-1 --rain 3 -o DIR/x.las", &["--rain: the sensor is a sonar"]),
+            (
+                "scan HALL --sensor sss_450 --at 0,0,-1 --returns first -o DIR/x.las",
+                &["--returns: the sensor is a sonar"],
+            ),
+            ("generate seabed --depth -3 -o DIR/x.glb", &["--depth is -3; allowed: "]),
+            ("generate seabed -o DIR/x.obj", &["-o DIR/x.obj: scenes are written as .glb"]),
+            ("run DIR/set.yaml --set sampels=4", &["--set", "near: samples"]),
+            ("run DIR/set.yaml --samples 0:9", &["samples is 0 to 9, every 1; allowed: 0 to 2"]),
+            ("run DIR/set.yaml --shard 3/3", &["shard is 3/3; allowed: 0/3 to 2/3"]),
+            ("run DIR/set.yaml --sample 0 --preview DIR/x.jpg", &["--preview", "x.jpg", ".png"]),
+            ("sensors vleodyne", &["vleodyne"]),
+        ],
+    );
+    assert_eq!(common::files(folder.path()), before);
 }
 
 #[test]
-fn cameras_are_listed_where_one_must_be_chosen() {
+fn failed_work_is_1_and_one_line_that_names_the_cause() {
     let folder = tempfile::tempdir().unwrap();
-    write_room(folder.path(), &["Front", "Rear"]);
-    for args in ["", "--camera Side"] {
-        let output = run(folder.path(), &format!("scan DIR/room.gltf --sensor kinect_v2 {args} -o DIR/x.las"));
-        assert_eq!(output.status.code(), Some(1));
-        let line = stderr(&output);
-        assert!(line.contains("Front, Rear") && line.contains("--camera"), "{line}");
+    let scene = "scan HALL --sensor kinect_v2 --at 0,0,1";
+    for (name, text) in [
+        ("wrong.yaml", "rian: {rate_mm_h: 5}\n"),
+        ("broken.glb", "glTF"),
+        ("draco.gltf", r#"{"asset": {"version": "2.0"}, "extensionsRequired": ["KHR_draco_mesh_compression"]}"#),
+    ] {
+        fs::write(folder.path().join(name), text).unwrap();
     }
+    let before = common::files(folder.path());
+    all_end_with(
+        1,
+        folder.path(),
+        &[
+            ("scan DIR/no.glb --sensor kinect_v2 --at 0,0,0 -o DIR/x.las", &["no.glb: No such file"]),
+            ("scan HALL --sensor DIR/no.yaml --at 0,0,0 -o DIR/x.las", &["--sensor", "no.yaml: No such file"]),
+            (&format!("{scene} --env DIR/no.yaml -o DIR/x.las"), &["no.yaml: No such file"]),
+            (&format!("{scene} -o DIR/no/x.las"), &["no/x.las: No such file"]),
+            (&format!("{scene} --preview DIR/no/x.png"), &["--preview", "DIR/no"]),
+            ("scan HALL --sensor kinect_v2 --trajectory DIR/no.txt -o DIR/x.las", &["no.txt: No such file"]),
+            ("scan HALL FLAT DIR/no.obj --sensor kinect_v2 --at 0,0,0 -o DIR/x.las", &["no.obj: No such file"]),
+            ("info DIR/no.glb", &["no.glb: No such file"]),
+            ("info HALL --cache *=DIR/no.pc2", &["no.pc2: No such file"]),
+            (&format!("{scene} --env DIR/wrong.yaml -o DIR/x.las"), &["wrong.yaml: line 1: ", "near: rain"]),
+            ("scan HALL --sensor DIR/wrong.yaml --at 0,0,1 -o DIR/x.las", &["--sensor", "wrong.yaml", "name"]),
+            ("info DIR/broken.glb", &["broken.glb"]),
+            ("info DIR/draco.gltf", &["KHR_draco_mesh_compression", "not supported"]),
+            ("scan HALL --sensor sss_450 --at 0,0,1 -o DIR/x.las", &["the sonar is 1.000 m above the water"]),
+            ("generate landscape --height-map DIR/no.png -o DIR/x.glb", &["no.png: No such file"]),
+            ("run DIR/wrong.yaml", &["wrong.yaml"]),
+            ("run DIR/no.yaml", &["no.yaml: No such file"]),
+            ("run --check-output DIR/no", &["--check-output"]),
+        ],
+    );
+    assert_eq!(common::files(folder.path()), before);
 }
 
 #[test]
@@ -184,6 +246,110 @@ fn sensors_are_listed_and_shown_as_files_that_can_be_read() {
     assert!(text.starts_with("name: velodyne_vlp16\n"));
     std::fs::write(folder.path().join("mine.yaml"), &text).unwrap();
     assert_eq!(stdout(folder.path(), "sensors DIR/mine.yaml"), text);
+}
+
+#[test]
+fn words_choose_sensors() {
+    let folder = Path::new(".");
+    let list = stdout(folder, "sensors velodyne");
+    let presets = echocast::Sensor::presets();
+    for preset in &presets {
+        let fits = preset.name.contains("velodyne") || preset.title.contains("Velodyne");
+        assert_eq!(list.contains(&format!("  {} ", preset.name)), fits, "{}", preset.name);
+    }
+    // All words, each in name, title or folder; a folder is not a name.
+    let list = stdout(folder, "sensors OUSTER 128 os1");
+    assert!(list.lines().count() == 2 && list.contains("  ouster_os1_128 "), "{list}");
+    assert_eq!(stdout(folder, "sensors ouster os1").lines().count(), 3);
+    for name in ["lidar", "tof", "sonar", "paper"] {
+        let folders = presets.iter().filter(|preset| preset.folder == name).count();
+        assert!(stdout(folder, &format!("sensors {name}")).lines().count() > folders, "{name}");
+    }
+    for name in ["VLP-16", "vlp16", "velodyne vlp16", "velodyne_vlp16"] {
+        assert!(stdout(folder, &format!("sensors {name}")).starts_with("name: velodyne_vlp16\n"), "{name}");
+    }
+}
+
+/// Programs rely on these keys, which docs/files.md lists.
+#[test]
+fn lists_are_json_for_programs() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let keys = |value: &Value| {
+        let mut names: Vec<String> = value.as_object().expect("an object").keys().cloned().collect();
+        names.sort();
+        names.join(" ")
+    };
+    let sensors = report(folder, "sensors");
+    assert_eq!(sensors.as_array().unwrap().len(), echocast::Sensor::presets().len());
+    assert!(sensors.as_array().unwrap().iter().all(|sensor| keys(sensor) == "folder kind name title"));
+    let kinds: Vec<_> = report(folder, "sensors velodyne").as_array().unwrap().clone();
+    assert!(kinds.len() > 4 && kinds.iter().all(|sensor| sensor["kind"] == "lidar"));
+    let sensor = report(folder, "sensors vlp16");
+    assert_eq!((&sensor["name"], &sensor["pattern"]["type"]), (&"velodyne_vlp16".into(), &"spinning".into()));
+
+    let formats = report(folder, "formats");
+    assert_eq!(keys(&formats), "clouds pictures pings scenes");
+    let clouds = formats["clouds"].as_array().unwrap();
+    assert!(clouds.iter().all(|cloud| keys(cloud) == "cannot_hold description extensions label_names name"));
+    let [las, oldest] = ["las", "las2"].map(|name| clouds.iter().find(|cloud| cloud["name"] == name).unwrap());
+    assert_eq!((&las["extensions"], &las["cannot_hold"]), (&json!(["las"]), &json!([])));
+    assert!(oldest["cannot_hold"].as_array().unwrap().contains(&"range".into()));
+    for kind in ["scenes", "pictures", "pings"] {
+        let formats = formats[kind].as_array().unwrap();
+        assert!(!formats.is_empty() && formats.iter().all(|it| keys(it) == "description extensions name"), "{kind}");
+    }
+
+    write_room(folder, &["Front"]);
+    let room = report(folder, "info DIR/room.gltf");
+    assert_eq!(
+        keys(&room),
+        "animations bounds cameras categories degenerate_triangles files instances materials meshes parts textures \
+         triangles warnings"
+    );
+    assert_eq!((&room["triangles"], &room["instances"], &room["meshes"]), (&2.into(), &1.into(), &1.into()));
+    assert_eq!(room["bounds"], json!({"low": [-10.0, -10.0, 0.0], "high": [10.0, 10.0, 0.0]}));
+    assert_eq!(keys(&room["cameras"][0]), "direction name position");
+    assert_eq!(
+        (&room["cameras"][0]["name"], &room["cameras"][0]["position"]),
+        (&"Front".into(), &json!([0.0, 0.0, 2.0]))
+    );
+    assert!((room["cameras"][0]["direction"][2].as_f64().unwrap() + 1.0).abs() < 1e-9);
+    let hall = report(folder, "info HALL");
+    assert_eq!(keys(&hall["materials"][0]), "by_image changes name reflectance source spread why");
+    assert_eq!(keys(&hall["categories"][0]), "id name objects");
+    assert_eq!(keys(&hall["parts"][0]), "id name");
+    stdout(folder, "generate street --seconds 8 -q -o DIR/street.glb");
+    assert_eq!(keys(&report(folder, "info DIR/street.glb")["animations"][0]), "length_s name");
+}
+
+#[test]
+fn a_plan_is_drawn_of_any_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    write_room(path, &["Front", "A camera with a long name"]);
+    assert!(stdout(path, "info DIR/room.gltf --preview DIR/room.png").contains("triangles   2\n"));
+    report(path, "info HALL --preview DIR/hall.png");
+    for name in ["room.png", "hall.png"] {
+        let decoder = png::Decoder::new(std::io::BufReader::new(fs::File::open(path.join(name)).unwrap()));
+        let info = decoder.read_info().unwrap();
+        assert!(info.info().width == 1600 && info.info().height > 300, "{name}");
+    }
+    let before = common::files(path);
+    all_end_with(2, path, &[("info HALL --preview DIR/x.jpg", &["--preview", "x.jpg", ".png"])]);
+    all_end_with(1, path, &[("info HALL --preview DIR/no/x.png", &["--preview", "no"])]);
+    assert_eq!(common::files(path), before);
+}
+
+#[test]
+fn shells_complete_commands_and_options() {
+    for shell in ["bash", "zsh", "fish"] {
+        let script = stdout(Path::new("."), &format!("completions {shell}"));
+        for word in ["scan", "sensors", "--trajectory", "frames", "preview"] {
+            assert!(script.contains(word.trim_start_matches('-')), "{shell}: {word}");
+        }
+    }
+    assert_eq!(run(Path::new("."), "completions cmd").status.code(), Some(2));
 }
 
 #[test]

@@ -185,4 +185,4 @@ pub use sensor::{
     AcousticsSpec, BeamSpec, Expectations, Illumination, IntensitySpec, PresetInfo, RangeSpec, ReturnsSpec, Sensor,
     SensorKind, SensorSpec, ShotNoiseSpec, Speckle, SubRays, Target, TofSpec, Tvg, Vignetting,
 };
-pub use trace::{BareLoop, BuiltScene, Engine, LiveScene, ObjectId};
+pub use trace::{BareLoop, BuiltScene, Enclosure, Engine, LiveScene, ObjectId};

@@ -236,6 +236,7 @@ unlit: true
             dirt: 0.02,
             sound: Some(Sound::Lambert { mu_db: -17.0 }),
             unlit: true,
+            double_sided: false,
             changes: None,
         };
         assert_eq!(Material::from_yaml(text).unwrap(), expected);

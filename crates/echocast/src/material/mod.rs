@@ -105,6 +105,10 @@ pub struct Material {
     pub sound: Option<Sound>,
     /// Whether the file wants the surface drawn without lighting (`KHR_materials_unlit`).
     pub unlit: bool,
+    /// Whether both sides of the surface are seen (in glTF `doubleSided`). Beams see both in any case; this only tells
+    /// rooms from bodies, see [`BuiltScene::enclosure`](crate::BuiltScene::enclosure).
+    #[serde(skip)]
+    pub double_sided: bool,
     /// How it changes over time; none: it stays as it is. The other fields are what it is at time 0.
     #[serde(skip)]
     pub changes: Option<Arc<Changes>>,
@@ -136,6 +140,7 @@ impl Default for Material {
             dirt: 0.0,
             sound: None,
             unlit: false,
+            double_sided: false,
             changes: None,
         }
     }

@@ -9,6 +9,7 @@ mod legend;
 mod paint;
 mod palette;
 mod perspective;
+mod plan;
 mod points;
 mod range_image;
 mod sheet;
@@ -27,6 +28,8 @@ use crate::ground::named::{by_name, named};
 use crate::ground::report::Report;
 use crate::image::Image;
 use crate::read::yaml;
+use crate::scene::Scene;
+use crate::trace::BuiltScene;
 use canvas::{DIM, PAGE, TEXT};
 use glam::Vec2;
 use paint::Paint;
@@ -228,6 +231,17 @@ pub fn write_pings(pings: &Pings, path: &Path, options: &PreviewOptions) -> Resu
     let picture = render_pings(pings, options, &mut report)?;
     write_picture(&picture, path)?;
     Ok(report)
+}
+
+/// Writes a plan of `scene`, which `built` is made of, to the PNG file `path`, `width` pixels wide: what is seen from
+/// above, in the colours of categories, or of heights if there are no categories, with a grid of coordinates, the
+/// heights where its lines cross, and the cameras. A scene whose top is a ceiling is cut open above the tables.
+///
+/// # Errors
+/// A width out of bounds, a folder that is missing or not writable, and a full disk.
+pub fn write_plan(scene: &Scene, built: &BuiltScene, path: &Path, width: u32) -> Result<()> {
+    check_width(width)?;
+    write_picture(&plan::draw(scene, built, &Page::new(width)), path)
 }
 
 fn write_picture(picture: &Picture, path: &Path) -> Result<()> {

@@ -30,6 +30,7 @@ pub(super) struct Paint<'a> {
 }
 
 /// What the colours mean.
+#[derive(Clone)]
 pub(super) enum Legend {
     /// Names, labels before causes, the most frequent first.
     Names(Vec<Entry>),

@@ -30,15 +30,19 @@ pub(super) fn draw(
     let (mut picture, splats);
     // Where a direction (sensor frame) is in the picture.
     let place: Box<dyn Fn(Vec3, Vec2) -> Option<Vec2>>;
-    match cloud.organised {
-        Some([rows, columns]) if cloud.len as u64 == u64::from(rows) * u64::from(columns) => {
-            let grid = Grid::new(points, [rows, columns], channel);
-            picture = frame(page, columns as f32 / rows as f32);
+    let organised = cloud
+        .organised
+        .filter(|[rows, columns]| cloud.len as u64 == u64::from(*rows) * u64::from(*columns))
+        .map(|size| Grid::new(points, size, channel))
+        .filter(|grid| grid.is_straight(points));
+    match organised {
+        Some(grid) => {
+            picture = frame(page, grid.columns as f32 / grid.rows.len() as f32);
             splats = grid.splats(points, &picture);
             let lines = if outlines.is_empty() { Lines::default() } else { Lines::new(&grid, points) };
             place = Box::new(move |direction, size| lines.place(direction, size));
         }
-        _ => {
+        None => {
             let panorama = Panorama::new(cloud, points);
             picture = frame(page, panorama.aspect());
             splats = panorama.splats(points, &picture);
@@ -75,6 +79,8 @@ struct Grid {
     columns: u32,
     /// Whether the sensor's columns run from right to left.
     mirrored: bool,
+    /// Mean angle from column to column, rad.
+    step: f32,
 }
 
 impl Grid {
@@ -84,6 +90,7 @@ impl Grid {
         // A few hundred positions per row are enough to tell its direction.
         let step = columns.div_ceil(512) as usize;
         let (mut leftward, mut rightward) = (0, 0);
+        let mut turned = 0.0;
         let elevations: Vec<Option<f32>> = (0..rows)
             .map(|row| {
                 let (mut sum, mut hits) = (0.0, 0);
@@ -96,6 +103,7 @@ impl Grid {
                         let turn = (next.x - here.x + PI).rem_euclid(TAU) - PI;
                         leftward += i32::from(turn > 0.0);
                         rightward += i32::from(turn < 0.0);
+                        turned += turn.abs();
                     }
                 }
                 (hits > 0).then(|| sum / hits as f32)
@@ -113,7 +121,30 @@ impl Grid {
         } else if rises(&elevations) {
             order.reverse();
         }
-        Grid { rows: order, columns, mirrored: leftward > rightward }
+        let step = turned / (leftward + rightward).max(1) as f32;
+        Grid { rows: order, columns, mirrored: leftward > rightward, step }
+    }
+
+    /// Whether its rows are rows, and its columns columns, of what is seen. They are not where the channels of a spinning
+    /// sensor look to other sides at a time, nor where beams follow a curve.
+    fn is_straight(&self, points: &Points<'_>) -> bool {
+        /// Columns that a row may be off.
+        const MOST: f32 = 2.0;
+        let cells: Vec<(u32, Vec2)> =
+            points.sample.iter().map(|&(cell, place)| (cell, angles(points.in_sensor_frame(place)))).collect();
+        if !are_rows(cells.iter().map(|&(cell, angles)| (cell / self.columns, angles.y))) {
+            return false;
+        }
+        let mut columns = vec![Vec2::ZERO; self.columns as usize];
+        for (cell, angles) in &cells {
+            columns[(cell % self.columns) as usize] += Vec2::from_angle(angles.x);
+        }
+        let mut rows = vec![Vec2::ZERO; self.rows.len()];
+        for (cell, angles) in &cells {
+            let column = columns[(cell % self.columns) as usize];
+            rows[(cell / self.columns) as usize] += Vec2::from_angle(column.angle_to(Vec2::from_angle(angles.x)));
+        }
+        rows.iter().all(|row| row.to_angle().abs() <= MOST * self.step)
     }
 
     fn splats(&self, points: &Points<'_>, picture: &Picture) -> Splats {
@@ -215,6 +246,24 @@ impl Lines {
     }
 }
 
+/// Whether elevations, each with the number of its row, are mostly those of the rows.
+fn are_rows(elevations: impl Iterator<Item = (u32, f32)> + Clone) -> bool {
+    /// Part of the variance that rows may leave: a camera's are bent.
+    const LEFT: f64 = 0.25;
+    /// Variance of what is one row anyway, rad^2: a degree.
+    const LEVEL: f64 = 3e-4;
+    let mut rows: BTreeMap<u32, [f64; 3]> = BTreeMap::new();
+    for (row, elevation) in elevations.filter(|(_, elevation)| elevation.is_finite()) {
+        let value = f64::from(elevation);
+        let sums = rows.entry(row).or_default();
+        *sums = [sums[0] + 1.0, sums[1] + value, sums[2] + value * value];
+    }
+    let variance = |[count, sum, squares]: [f64; 3]| (squares - sum * sum / count.max(1.0)).max(0.0);
+    let all = rows.values().fold([0.0; 3], |all, sums| std::array::from_fn(|k| all[k] + sums[k]));
+    let within: f64 = rows.values().copied().map(variance).sum();
+    within <= (LEFT * variance(all)).max(LEVEL * all[0])
+}
+
 /// Whether `values` mostly rise with their index: the sign of their covariance.
 fn rises(values: &[Option<f32>]) -> bool {
     let known = || values.iter().enumerate().filter_map(|(index, value)| Some((index as f64, f64::from((*value)?))));
@@ -260,7 +309,8 @@ impl<'a> Panorama<'a> {
                 let (sum, count) = rows.entry(columns.channel[*row as usize]).or_default();
                 (*sum, *count) = (*sum + f64::from(angles.y), *count + 1.0);
             }
-            if (2..=CHANNELS).contains(&rows.len()) {
+            let by_channel = sample.iter().map(|(row, angles)| (u32::from(columns.channel[*row as usize]), angles.y));
+            if (2..=CHANNELS).contains(&rows.len()) && are_rows(by_channel) {
                 let mut order: Vec<(u16, f64)> =
                     rows.into_iter().map(|(channel, (sum, count))| (channel, sum / count)).collect();
                 order.sort_by(|a, b| b.1.total_cmp(&a.1));
@@ -398,6 +448,56 @@ mod tests {
             assert_eq!(at(&picture, 0.5, 0.5), palette::category(9));
             assert_eq!(at(&picture, 0.25, 0.83), palette::category(7));
             assert_eq!(at(&picture, 0.75, 0.83), palette::category(1));
+        }
+    }
+
+    #[test]
+    fn every_point_is_at_its_own_azimuth() {
+        let mut cloud = spinning(900, &[-10.0, 10.0, 0.0]);
+        cloud.organised = Some([3, 900]);
+        // The second channel looks 17 degrees further to the left at a time.
+        for row in 900..1800 {
+            let out = Vec2::from_angle(0.3).rotate(Vec2::new(cloud.columns.x[row] - 1.0, cloud.columns.y[row] - 2.0));
+            [cloud.columns.x[row], cloud.columns.y[row]] = [out.x + 1.0, out.y + 2.0];
+        }
+        // A post to the left.
+        for row in 0..cloud.len {
+            let azimuth = (cloud.columns.y[row] - 2.0).atan2(cloud.columns.x[row] - 1.0);
+            cloud.columns.category_id[row] = if (azimuth - 0.25 * TAU).abs() < 0.1 { 7 } else { 3 };
+        }
+        let picture = picture(&cloud);
+        for (y, x) in [0.16, 0.5, 0.83].into_iter().flat_map(|y| [(y, 0.2), (y, 0.25), (y, 0.3)]) {
+            let expected = if x == 0.25 { 7 } else { 3 };
+            assert_eq!(at(&picture, x, y), palette::category(expected), "{x} {y}");
+        }
+    }
+
+    #[test]
+    fn beams_without_rows_are_points() {
+        // Along a curve that fills a square, as behind two prisms: one row, or a few lines of them.
+        for rows in [1, 3] {
+            let mut cloud = PointCloud { organised: Some([rows, 2000]), ..PointCloud::default() };
+            for index in 0..rows * 2000 {
+                let phase = index as f32 * 0.11;
+                let direction = 0.3 * Vec2::new((1.618 * phase).sin(), phase.cos());
+                cloud.columns.x.push(5.0);
+                cloud.columns.y.push(5.0 * direction.x);
+                cloud.columns.z.push(5.0 * direction.y);
+                cloud.columns.channel.push((index / 2000) as u16);
+                cloud.columns.category_id.push(if direction.y > 0.0 { 1 } else { 2 });
+            }
+            cloud.len = cloud.columns.x.len();
+            let picture = picture(&cloud);
+            let page = Page::new(800);
+            let height = picture.height - page.panel_top();
+            let count = |rows: std::ops::Range<u32>, id| {
+                let pixels = rows.flat_map(|y| (0..picture.width).map(move |x| (x, y)));
+                pixels.filter(|&(x, y)| picture.pixel(x, y) == palette::category(id)).count()
+            };
+            // What is above is above.
+            let (upper, lower) = (page.panel_top()..page.panel_top() + height / 3, 2 * height / 3..height);
+            assert!(count(upper.clone(), 1) > 500 && count(upper, 2) == 0, "{rows}");
+            assert!(count(lower.clone(), 2) > 100 && count(lower, 1) == 0, "{rows}");
         }
     }
 

@@ -8,16 +8,17 @@ use super::paint::Paint;
 use super::points::{Points, robust_span};
 use super::splat::{self, Splats, Stamp};
 use super::{Page, font};
+use crate::trace::Raster;
 use glam::{Vec2, Vec3};
 
 /// Where the map lies in the world.
-struct Map {
+pub(super) struct Map {
     /// World position of the top left corner, metres.
-    corner: Vec2,
+    pub corner: Vec2,
     /// Pixels per metre.
-    zoom: f32,
-    width: u32,
-    height: u32,
+    pub zoom: f32,
+    pub width: u32,
+    pub height: u32,
 }
 
 impl Map {
@@ -30,8 +31,14 @@ impl Map {
             if last - first < 1.7 * (high - low) { [first, last] } else { [low, high] }
         };
         let [x, y] = [along(0), along(1)];
-        let centre = Vec2::new(x[0].midpoint(x[1]), y[0].midpoint(y[1]));
-        let size = 1.06 * Vec2::new(x[1] - x[0], y[1] - y[0]);
+        Map::around(Vec2::new(x[0], y[0]), Vec2::new(x[1], y[1]), page)
+    }
+
+    /// A map of what lies between `low` and `high`, with a margin.
+    pub(super) fn around(low: Vec2, high: Vec2, page: &Page) -> Map {
+        let centre = low.midpoint(high);
+        // A line has an extent too.
+        let size = 1.06 * (high - low).max(Vec2::splat(1e-3));
         let width = page.inner();
         let height = (width as f32 * (size.y / size.x).clamp(0.42, 0.68)) as u32;
         let pixels = Vec2::new(width as f32, height as f32);
@@ -39,12 +46,20 @@ impl Map {
         Map { corner: centre + Vec2::new(-0.5, 0.5) * pixels / zoom, zoom, width, height }
     }
 
+    /// Its places, `samples` for each side of a pixel.
+    pub(super) fn raster(&self, samples: u32) -> Raster {
+        let step = 1.0 / (self.zoom * samples as f32);
+        let corner = self.corner + 0.5 * Vec2::new(step, -step);
+        let [width, height] = [self.width, self.height].map(|pixels| (pixels * samples) as usize);
+        Raster { corner: corner.into(), step, width, height }
+    }
+
     /// Pixels from the top left corner, y down.
-    fn project(&self, position: Vec3) -> Vec2 {
+    pub(super) fn project(&self, position: Vec3) -> Vec2 {
         (position.truncate() - self.corner) * Vec2::new(self.zoom, -self.zoom)
     }
 
-    fn shows(&self, at: Vec2) -> bool {
+    pub(super) fn shows(&self, at: Vec2) -> bool {
         at.x >= 0.0 && at.y >= 0.0 && at.x < self.width as f32 && at.y < self.height as f32
     }
 }

@@ -170,13 +170,8 @@ fn bind(pattern: &str, cache: &CacheFile, name: &str, mesh: &Arc<Mesh>, options:
         return Ok(Bound { _from: from, mesh: Arc::new(mesh), changes: Changes::Shape(Arc::new(shape)) });
     }
     if !FORMATS.iter().any(|format| format.reads(file)) {
-        return Err(Error::Unsupported {
-            what: format!("{}: cache format", shown::path(file)),
-            instead: format!(
-                "caches are read from .mdd and .pc2, and from numbered scene files, {}",
-                super::extensions()
-            ),
-        });
+        let allowed = format!("caches in .mdd and .pc2, and in numbered scene files, {}", super::extensions());
+        return Err(Error::invalid(format!("caches.{pattern}"), shown::path(file), allowed));
     }
     let sequence = Sequence::open(file, *fps, mesh, options)?;
     let mesh = sequence.load(0)?;

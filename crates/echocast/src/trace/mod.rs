@@ -2,7 +2,9 @@
 
 mod backscatter;
 mod bare;
+mod below;
 mod bending;
+mod enclosure;
 mod engine;
 mod hits;
 mod instances;
@@ -13,6 +15,8 @@ mod surface;
 
 pub(crate) use backscatter::Backscatter;
 pub use bare::BareLoop;
+pub(crate) use below::{Below, Raster};
+pub use enclosure::Enclosure;
 pub use engine::Engine;
 pub(crate) use hits::HitBatch;
 pub(crate) use instances::{Crossings, Instance, Sight};

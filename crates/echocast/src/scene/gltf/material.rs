@@ -125,6 +125,7 @@ fn surface(source: &json::Material, name: String, factors: &mut Factors<'_>) -> 
         material.attenuation_color = factors.units("attenuationColor", volume.attenuation_color.0);
     }
 
+    material.double_sided = source.double_sided;
     if source.alpha_mode == Checked::Valid(AlphaMode::Mask) {
         material.alpha = Alpha::Cutout;
     }
