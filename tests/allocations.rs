@@ -104,13 +104,16 @@ fn scans() {
     }
 }
 
+/// Preset, settings and weather.
+type Case = (String, Vec<(&'static str, &'static str)>, String);
+
 /// Sensors that work in their own memory, in front of a mirror and glass: all presets of light, what they can be set to,
 /// and all that is in the air.
 fn sensors() {
     let scene = Scene::load(echocast_tests::root().join("examples/scenes/glass.gltf")).unwrap();
     let place = Trajectory::fixed(Pose::at(0.0, 0.0, 1.0));
     let box_m = "box: {min_m: [0, -3, 0], max_m: [6, 3, 4]}";
-    let mut cases: Vec<(String, Vec<(&str, &str)>, String)> = Vec::new();
+    let mut cases: Vec<Case> = Vec::new();
     let presets = Sensor::presets().into_iter().filter(|preset| preset.kind != SensorKind::Sonar);
     cases.extend(presets.map(|preset| (preset.name, Vec::new(), "{}".to_owned())));
     for weather in [

@@ -76,7 +76,7 @@ impl Tables {
         for first in (0..LANES).step_by(WIDTH) {
             let mut packet = Packet { id: std::array::from_fn(|lane| lane as u32), ..Packet::<WIDTH>::new() };
             load(&mut packet, rays, first);
-            let mut near = packet.clone();
+            let mut near = packet;
             let stops = |hit: &Candidate| self.surfaces.stops(hit);
             self.committed.intersect_where(&[-1; WIDTH], &mut near, Coherence::Incoherent, &stops);
             // A second triangle in the same place is another side.
