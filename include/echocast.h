@@ -181,9 +181,10 @@ typedef struct echocast_context_desc {
     /** sizeof(echocast_context_desc). */
     size_t struct_size;
     /**
-     * Threads of the context's own that scan, up to 1024: 0 for as many as the machine has cores, 1 for none at all
-     * (the calling thread does everything, on 256 KiB of its stack). One less, up to one per core, help to build large
-     * meshes. All are started with the context; nothing asks the system for threads later, nor does Embree's TBB.
+     * Threads that scan, up to 1024: the calling one, which needs 256 KiB of stack, and others of the context's own, who
+     * help all callers at once, those with the fewest rays first. 0 for as many as the machine has cores, 1 for the
+     * calling thread alone. One less, up to one per core, help to build large meshes. All are started with the context;
+     * nothing asks the system for threads later, nor does Embree's TBB.
      */
     int32_t threads;
     /** Least important messages for `log`: an ECHOCAST_LOG_ number. */
