@@ -196,7 +196,7 @@ fn set_returns(sensor: &mut Sensor, mode: ReturnMode) -> Result<()> {
         "--returns: the sensor is a sonar, which reports the depth of each beam, or all range bins above its threshold; \
          allowed: with other sensors"
     );
-    Ok(sensor.set("returns.mode", mode.name()).context("--returns")?)
+    sensor.set("returns.mode", mode.name()).context("--returns")
 }
 
 /// What a KEY=VALUE that cannot be set says of the command.

@@ -393,7 +393,7 @@ impl OutputArgs {
 pub fn check_picture(file: &Path, options: &PreviewOptions) -> Result<()> {
     let is_png = file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png"));
     ensure!(is_png, "--preview {}: pictures are written as .png", shown::path(file));
-    Ok(preview::check(file, options).context("--preview")?)
+    preview::check(file, options).context("--preview")
 }
 
 /// Checks that `file`, which is to be written, is not `input`, which is read.
