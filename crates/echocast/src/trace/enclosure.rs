@@ -19,8 +19,8 @@ pub struct Enclosure {
     pub within_m: f64,
 }
 
-/// Where a place is inside, at least this part of all directions meets something within reach: the ground does not go on
-/// for ever.
+/// Where a place is inside, at least this part of all directions meets something within reach: the ground does not go
+/// on for ever.
 const MET: f64 = 0.75;
 
 /// At least this part of what is met there are backs: there may be furniture, and open doors to look through.
@@ -31,11 +31,11 @@ const SHEET: f32 = 1e-4;
 
 impl BuiltScene {
     /// What the world position `place` is inside of, if it is: where most directions from the horizon up meet a surface
-    /// within `reach_m`, and nearly all of these its back. A surface shows its back where its corners run clockwise, as in
-    /// glTF and OBJ. So a body, a building whose walls face outwards and the ground enclose what is in or below them; a
-    /// room whose walls face inwards encloses nothing, nor do surfaces with two sides, whether by their material
-    /// ([`Material::double_sided`](crate::material::Material::double_sided)) or because there is a second surface in the
-    /// same place. Below the horizon, the ground may lie within the walls.
+    /// within `reach_m`, and nearly all of these its back. A surface shows its back where its corners run clockwise, as
+    /// in glTF and OBJ. So a body, a building whose walls face outwards and the ground enclose what is in or below
+    /// them; a room whose walls face inwards encloses nothing, nor do surfaces with two sides, whether by their
+    /// material ([`Material::double_sided`](crate::material::Material::double_sided)) or because there is a second
+    /// surface in the same place. Below the horizon, the ground may lie within the walls.
     ///
     /// The scene is looked at as it is when the scans begin that it is built for.
     pub fn enclosure(&self, place: DVec3, reach_m: f64) -> Option<Enclosure> {
@@ -118,8 +118,8 @@ impl Tables {
         (back && !two_sided).then_some(surface)
     }
 
-    /// Whether `surface`, a row, shows its back to a ray along `direction` that meets it at `time` where Embree gives it
-    /// this `normal`.
+    /// Whether `surface`, a row, shows its back to a ray along `direction` that meets it at `time` where Embree gives
+    /// it this `normal`.
     pub(super) fn shows_back(&self, surface: u32, normal: Vec3, direction: Vec3, time: f32) -> bool {
         let start = self.span.map_or(0.0, |span| span.start);
         let place = self.stance(self.surfaces.rows[surface as usize].object, start, u32::MAX);
