@@ -66,7 +66,13 @@ fn lost(format: &dyn Format) -> Vec<&'static str> {
 }
 
 fn to_json() -> String {
-    let plain = |(name, extensions, description): Row| json!({ "name": name, "extensions": extensions, "description": description });
+    let plain = |(name, extensions, description): Row| {
+        json!({
+            "name": name,
+            "extensions": extensions,
+            "description": description,
+        })
+    };
     let scenes = scene::FORMATS.iter().map(|format| plain((format.name, format.extensions, format.description)));
     let clouds = export::FORMATS.iter().map(|format| {
         let mut cloud = plain((format.name(), format.extensions(), format.description()));

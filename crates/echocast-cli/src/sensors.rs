@@ -10,8 +10,8 @@ use std::path::Path;
 
 /// List the sensor presets, or those that words choose, or show one sensor, fully resolved, as YAML
 ///
-/// Words are looked for in name, title and folder, whatever their case; all of them must be there. If they are the name of
-/// a preset, or a part of one that no other has, or the name of a file, that sensor is shown instead.
+/// Words are looked for in name, title and folder, whatever their case; all of them must be there. If they are the name
+/// of a preset, or a part of one that no other has, or the name of a file, that sensor is shown instead.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -21,7 +21,8 @@ Examples:
   echocast sensors vlp16
   echocast sensors velodyne_vlp16 > mine.yaml")]
 pub struct Args {
-    /// Words that the listed presets have; or the preset or sensor file (.yaml) to show, `-` for one from standard input
+    /// Words that the listed presets have; or the preset or sensor file (.yaml) to show, `-` for one from standard
+    /// input
     #[arg(value_name = "WORD|NAME|FILE")]
     words: Vec<OsString>,
     /// Print JSON: a list of objects with name, title, kind and folder, or the sensor with the keys of its YAML

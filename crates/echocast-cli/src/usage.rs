@@ -1,8 +1,8 @@
 //! What the program ends with, and how.
 //!
 //! A command that must be written differently ends with 2, before any work: an option, name, value or ending of it is
-//! unknown, not allowed, or does not go with the others, with the sensor or with the scene. What the command says can be
-//! right and the work still fail, which is 1: a file cannot be read or written, or its content is wrong; the system
+//! unknown, not allowed, or does not go with the others, with the sensor or with the scene. What the command says can
+//! be right and the work still fail, which is 1: a file cannot be read or written, or its content is wrong; the system
 //! gives no memory or threads; the simulation refuses, as it does a sonar above the water.
 
 use crate::interrupt;

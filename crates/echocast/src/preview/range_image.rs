@@ -125,8 +125,8 @@ impl Grid {
         Grid { rows: order, columns, mirrored: leftward > rightward, step }
     }
 
-    /// Whether its rows are rows, and its columns columns, of what is seen. They are not where the channels of a spinning
-    /// sensor look to other sides at a time, nor where beams follow a curve.
+    /// Whether its rows are rows, and its columns columns, of what is seen. They are not where the channels of a
+    /// spinning sensor look to other sides at a time, nor where beams follow a curve.
     fn is_straight(&self, points: &Points<'_>) -> bool {
         /// Columns that a row may be off.
         const MOST: f32 = 2.0;
@@ -164,8 +164,8 @@ impl Grid {
 /// Directions of the rows and columns of a [`Grid`], from the points in them.
 #[derive(Default)]
 struct Lines {
-    /// Whether rows and columns are straight lines on a plane ahead, as a camera's, rather than of one elevation and one
-    /// azimuth.
+    /// Whether rows and columns are straight lines on a plane ahead, as a camera's, rather than of one elevation and
+    /// one azimuth.
     flat: bool,
     /// Of each row from the top down, and of each column from the left.
     rows: Vec<Option<f32>>,

@@ -23,9 +23,9 @@ pub struct PresetInfo {
 }
 
 impl Sensor {
-    /// The preset called `name` (or `FOLDER/NAME`). If there is none, the only one that is meant: case, `-`, `_` and blanks
-    /// do not count, the maker's name may be missing, or a part of the name is enough that no other preset has. So
-    /// `VLP-16` and `Velodyne VLP16` are `velodyne_vlp16`.
+    /// The preset called `name` (or `FOLDER/NAME`). If there is none, the only one that is meant: case, `-`, `_` and
+    /// blanks do not count, the maker's name may be missing, or a part of the name is enough that no other preset has.
+    /// So `VLP-16` and `Velodyne VLP16` are `velodyne_vlp16`.
     ///
     /// # Errors
     /// [`crate::Error::Missing`] with similar names; [`crate::Error::InvalidParameter`] with those that `name` fits, if

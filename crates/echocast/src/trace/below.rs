@@ -62,8 +62,8 @@ impl BuiltScene {
         found
     }
 
-    /// Whether each place of `raster` at the height `at` is within a wall, or a sheet stands between it and the next: seen
-    /// along x or y, what is on both sides shows its back.
+    /// Whether each place of `raster` at the height `at` is within a wall, or a sheet stands between it and the next:
+    /// seen along x or y, what is on both sides shows its back.
     pub(crate) fn walls(&self, raster: &Raster, at: f32) -> Vec<bool> {
         /// Half of the thickness of the thickest wall, m.
         const HALF: f32 = 0.6;

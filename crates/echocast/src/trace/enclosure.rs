@@ -19,25 +19,29 @@ pub struct Enclosure {
     pub within_m: f64,
 }
 
-/// Least part of the directions that meets backs where a place is inside: a building may have open doors and windows.
-const LEAST: f64 = 0.9;
+/// Where a place is inside, at least this part of all directions meets something within reach: the ground does not go
+/// on for ever.
+const MET: f64 = 0.75;
+
+/// At least this part of what is met there are backs: there may be furniture, and open doors to look through.
+const BACKS: f64 = 0.9;
 
 /// How much nearer or farther than each other the two sides of a sheet may be, in parts of the range.
 const SHEET: f32 = 1e-4;
 
 impl BuiltScene {
-    /// What the world position `place` is inside of, if it is: where nearly all directions from the horizon up meet the
-    /// back of a surface within `reach_m`, or of several. A surface shows its back where its corners run clockwise, as in
-    /// glTF and OBJ. So a body, a building whose walls face outwards and the ground enclose what is in or below them; a
-    /// room whose walls face inwards encloses nothing, nor do surfaces with two sides, whether by their material
-    /// ([`Material::double_sided`](crate::material::Material::double_sided)) or because there is a second surface in the
-    /// same place. Below the horizon, the ground may lie within the walls.
+    /// What the world position `place` is inside of, if it is: where most directions from the horizon up meet a surface
+    /// within `reach_m`, and nearly all of these its back. A surface shows its back where its corners run clockwise, as
+    /// in glTF and OBJ. So a body, a building whose walls face outwards and the ground enclose what is in or below
+    /// them; a room whose walls face inwards encloses nothing, nor do surfaces with two sides, whether by their
+    /// material ([`Material::double_sided`](crate::material::Material::double_sided)) or because there is a second
+    /// surface in the same place. Below the horizon, the ground may lie within the walls.
     ///
     /// The scene is looked at as it is when the scans begin that it is built for.
     pub fn enclosure(&self, place: DVec3, reach_m: f64) -> Option<Enclosure> {
-        let backs = self.0.backs(&self.0.looks_up(place, reach_m));
-        let part = backs.len() as f64 / LANES as f64;
-        if part < LEAST {
+        let met = self.0.met(&self.0.looks_up(place, reach_m));
+        let backs: Vec<(u32, f32)> = met.iter().copied().flatten().collect();
+        if (met.len() as f64) < MET * LANES as f64 || (backs.len() as f64) < BACKS * met.len() as f64 {
             return None;
         }
         let mut counts = BTreeMap::new();
@@ -47,6 +51,7 @@ impl BuiltScene {
         let (most, _) = counts.into_iter().max_by_key(|&(_, count)| count)?;
         let name = self.labels().instance.iter().find(|&(id, _)| id == most).map_or("", |(_, name)| name);
         let within_m = backs.iter().map(|(_, range)| f64::from(*range)).fold(0.0, f64::max);
+        let part = backs.len() as f64 / LANES as f64;
         Some(Enclosure { name: name.to_owned(), part, within_m })
     }
 }
@@ -69,10 +74,11 @@ impl Tables {
         rays
     }
 
-    /// What shows its back alone to `rays`: the number of its instance, and how far away it is, m.
-    fn backs(&self, rays: &RayBatch) -> Vec<(u32, f32)> {
+    /// For each of `rays` that meets something, the number of its instance and how far away it is, m, if that shows its
+    /// back alone.
+    fn met(&self, rays: &RayBatch) -> Vec<Option<(u32, f32)>> {
         const WIDTH: usize = 4;
-        let mut backs = Vec::new();
+        let mut met = Vec::new();
         for first in (0..LANES).step_by(WIDTH) {
             let mut packet = Packet { id: std::array::from_fn(|lane| lane as u32), ..Packet::<WIDTH>::new() };
             load(&mut packet, rays, first);
@@ -89,13 +95,13 @@ impl Tables {
                 [hit.geom_id, hit.inst_id, hit.prim_id] != same && stops(hit)
             };
             self.committed.intersect_where(&valid, &mut packet, Coherence::Incoherent, &others);
-            backs.extend((0..WIDTH).filter_map(|lane| {
+            met.extend((0..WIDTH).filter(|&lane| valid[lane] != 0).map(|lane| {
                 let back = self.back(&near, lane)?;
-                let front = self.back(&packet, lane).is_none() && packet.geom_id[lane] != INVALID;
+                let front = packet.geom_id[lane] != INVALID && self.back(&packet, lane).is_none();
                 (!front).then_some((back.instance_id, near.tfar[lane]))
             }));
         }
-        backs
+        met
     }
 
     /// The surface that the ray of a lane has met, if it shows its back and has no front there.
@@ -112,8 +118,8 @@ impl Tables {
         (back && !two_sided).then_some(surface)
     }
 
-    /// Whether `surface`, a row, shows its back to a ray along `direction` that meets it at `time` where Embree gives it
-    /// this `normal`.
+    /// Whether `surface`, a row, shows its back to a ray along `direction` that meets it at `time` where Embree gives
+    /// it this `normal`.
     pub(super) fn shows_back(&self, surface: u32, normal: Vec3, direction: Vec3, time: f32) -> bool {
         let start = self.span.map_or(0.0, |span| span.start);
         let place = self.stance(self.surfaces.rows[surface as usize].object, start, u32::MAX);
