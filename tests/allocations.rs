@@ -160,10 +160,10 @@ fn sensors() {
                 built.scan_into(&sensor, &place, &options, &mut cloud).unwrap();
                 counts.push(COUNT.load(Ordering::Relaxed) - before);
             }
-            // Until every thread has worked, and lists have reached full length.
-            let most = counts[12..].iter().max().unwrap();
+            // Until lists have reached full length; a thread that helps for the first time makes its memory.
+            let above = counts[12..].iter().filter(|count| **count > allowed).count();
             assert!(
-                *most <= allowed,
+                above < threads,
                 "{counts:?} allocations in scans of {preset} with {settings:?} and {weather}, {threads} threads"
             );
         }
