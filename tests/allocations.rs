@@ -147,8 +147,7 @@ fn sensors() {
         }
         settings.iter().for_each(|(key, value)| sensor.set(key, value).unwrap());
         let environment = Environment::from_yaml(&weather).unwrap();
-        // rayon's queue of tasks takes a block now and then.
-        for (threads, allowed) in [(1, 0), (2, 4)] {
+        for threads in [1, 2] {
             let built = scene.build_with(&Engine::with_threads(threads).unwrap()).unwrap();
             let mut cloud = PointCloud::default();
             let mut counts = Vec::new();
@@ -161,7 +160,7 @@ fn sensors() {
                 counts.push(COUNT.load(Ordering::Relaxed) - before);
             }
             // Until lists have reached full length; a thread that helps for the first time makes its memory.
-            let above = counts[12..].iter().filter(|count| **count > allowed).count();
+            let above = counts[12..].iter().filter(|count| **count > 0).count();
             assert!(
                 above < threads,
                 "{counts:?} allocations in scans of {preset} with {settings:?} and {weather}, {threads} threads"
