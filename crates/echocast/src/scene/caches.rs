@@ -555,8 +555,7 @@ mod tests {
         assert!(folder.error("yard.obj", &[("Flag", "five.mdd")]).starts_with("five.mdd: is 0 bytes long"));
         assert_eq!(
             folder.error("yard.obj", &[("Flag", "water_1.ply")]),
-            "water_1.ply: cache format is not supported: caches are read from .mdd and .pc2, and from numbered scene \
-             files, .glb, .gltf, .obj"
+            "caches.Flag is water_1.ply; allowed: caches in .mdd and .pc2, and in numbered scene files, .glb, .gltf, .obj"
         );
         for fps in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             let mut options = folder.options(&[("Flag", "six.pc2")]);
