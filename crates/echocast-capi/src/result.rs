@@ -3,7 +3,7 @@
 use crate::context::Context;
 use crate::guard::{Failure, Outcome, echocast_status, guard, guard_or};
 use crate::handle::{self, handles};
-use crate::scene::{echocast_pose, label_number, label_table};
+use crate::scene::{echocast_pose, label_table, put_label_number};
 use crate::text;
 use crate::weather::Weather;
 use echocast::cloud::{ColumnType, PackItem, PackType};
@@ -381,16 +381,8 @@ pub unsafe extern "C" fn echocast_result_label_number(
     name: *const c_char,
     number: *mut u32,
 ) -> echocast_status {
-    guard(|| {
-        // SAFETY: as the header asks.
-        let number = unsafe { text::output(number, "number") }?.write(0);
-        // SAFETY: as the header asks.
-        let (table, name) = unsafe { (text::required(table, "table")?, text::required(name, "name")?) };
-        look(result, |points| {
-            *number = label_number(&points.cloud.labels, table, name)?;
-            Ok(())
-        })
-    })
+    // SAFETY: as the header asks.
+    unsafe { put_label_number(table, name, number, |put| look(result, |points| put(&points.cloud.labels))) }
 }
 
 /// Appends the points of another scan of the same scene with the same columns, to be written to one file.

@@ -598,23 +598,34 @@ pub unsafe extern "C" fn echocast_scene_label_number(
     name: *const c_char,
     number: *mut u32,
 ) -> echocast_status {
+    // SAFETY: as the header asks.
+    unsafe { put_label_number(table, name, number, |put| look(scene, |live| put(live.labels()))) }
+}
+
+/// Writes the number of `name` in a table of the labels that `with_labels` passes on.
+///
+/// # Safety
+/// `table` and `name` are NULL or strings, `number` is NULL or may be written.
+pub(crate) unsafe fn put_label_number(
+    table: *const c_char,
+    name: *const c_char,
+    number: *mut u32,
+    with_labels: impl FnOnce(&mut dyn FnMut(&Labels) -> Outcome<()>) -> Outcome<()>,
+) -> echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
+        // SAFETY: as the caller promises.
         let number = unsafe { text::output(number, "number") }?.write(0);
-        // SAFETY: as the header asks.
+        // SAFETY: as the caller promises.
         let (table, name) = unsafe { (text::required(table, "table")?, text::required(name, "name")?) };
-        look(scene, |live| {
-            *number = label_number(live.labels(), table, name)?;
+        with_labels(&mut |labels| {
+            let (_, names) = label_table(labels, table)?;
+            *number = match names.id(name) {
+                0 => return Err(echocast::Error::missing("label", name, &names.names).into()),
+                known => known,
+            };
             Ok(())
         })
     })
-}
-
-/// The number of `name` in one of the tables of `labels`.
-pub(crate) fn label_number(labels: &Labels, table: &str, name: &str) -> Outcome<u32> {
-    let (_, names) = label_table(labels, table)?;
-    let found = names.ids.iter().zip(&names.names).find(|(_, known)| *known == name);
-    Ok(*found.ok_or_else(|| echocast::Error::missing("label", name, &names.names))?.0)
 }
 
 /// The stem and the names of one of the tables of `labels`.

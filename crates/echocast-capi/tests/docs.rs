@@ -63,6 +63,28 @@ fn blocks(text: &str, language: &str) -> Vec<String> {
     blocks
 }
 
+/// Checks that `examples` compile after what is `given`, each as a function, with the flags that `add` gives.
+fn compile<'c>(
+    file: &str,
+    given: &str,
+    examples: &[String],
+    compilers: impl Iterator<Item = &'c &'static str>,
+    add: impl Fn(&mut Command),
+) {
+    let mut program = given.to_owned();
+    for (number, example) in examples.iter().enumerate() {
+        program.push_str(&format!("void example_{number}(void);\nvoid example_{number}(void)\n{{\n{example}}}\n"));
+    }
+    let path = folder("docs").join(file);
+    fs::write(&path, program).unwrap();
+    for compiler in compilers {
+        let mut command = Command::new(compiler);
+        command.args(["-Wall", "-Wextra", "-Wpedantic", "-Werror"]);
+        add(&mut command);
+        run(command.args(["-fsyntax-only", "-I"]).arg(include()).arg(&path));
+    }
+}
+
 #[test]
 fn examples_compile_and_show_every_function() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
@@ -71,33 +93,14 @@ fn examples_compile_and_show_every_function() {
     let pages = pages.map(|page| fs::read_to_string(root.join(page)).unwrap());
     let examples: Vec<String> = [&header].into_iter().chain(&pages).flat_map(|text| blocks(text, "c")).collect();
     assert!(examples.len() > 12, "{} examples", examples.len());
-    let mut program = GIVEN.to_owned();
-    for (number, example) in examples.iter().enumerate() {
-        program.push_str(&format!("void example_{number}(void);\nvoid example_{number}(void)\n{{\n{example}}}\n"));
-    }
-    let path = folder("docs").join("examples.c");
-    fs::write(&path, program).unwrap();
-    for [c, _] in compilers() {
-        run(Command::new(c)
-            .args(["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-Wno-unused-variable"])
-            .args(["-Wno-unused-but-set-variable", "-fsyntax-only", "-I"])
-            .arg(include())
-            .arg(&path));
-    }
+    compile("examples.c", GIVEN, &examples, compilers().iter().map(|[c, _]| c), |command| {
+        command.args(["-std=c99", "-Wno-unused-variable", "-Wno-unused-but-set-variable"]);
+    });
     let examples_cpp: Vec<String> = pages.iter().flat_map(|text| blocks(text, "cpp")).collect();
     assert!(!examples_cpp.is_empty());
-    let mut program = GIVEN_CPP.to_owned();
-    for (number, example) in examples_cpp.iter().enumerate() {
-        program.push_str(&format!("void example_{number}();\nvoid example_{number}()\n{{\n{example}}}\n"));
-    }
-    let path = folder("docs").join("examples.cpp");
-    fs::write(&path, program).unwrap();
-    for [_, cpp] in compilers() {
-        run(Command::new(cpp)
-            .args(["-std=c++17", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fsyntax-only", "-I"])
-            .arg(include())
-            .arg(&path));
-    }
+    compile("examples.cpp", GIVEN_CPP, &examples_cpp, compilers().iter().map(|[_, cpp]| cpp), |command| {
+        command.arg("-std=c++17");
+    });
     let declared = header
         .split("ECHOCAST_API")
         .skip(1)

@@ -6,7 +6,7 @@ use clap::builder::StyledStr;
 use echocast::cloud::FIELDS;
 use echocast::export::Format;
 use echocast::{export, scene};
-use serde_json::json;
+use serde_json::{Value, json};
 use std::fmt::Write as _;
 
 /// List the input and output formats and what each can hold
@@ -29,7 +29,7 @@ const PINGS: [Row; 3] = [
 ];
 
 pub fn run(args: &Args) -> Result<()> {
-    text::print(&if args.json { to_json() } else { list()? })
+    if args.json { text::print_json(&to_json()) } else { text::print(&list()?) }
 }
 
 fn list() -> Result<String> {
@@ -65,7 +65,7 @@ fn lost(format: &dyn Format) -> Vec<&'static str> {
     FIELDS.iter().filter(|info| !format.holds(info)).map(|info| info.name).collect()
 }
 
-fn to_json() -> String {
+fn to_json() -> Value {
     let plain = |(name, extensions, description): Row| {
         json!({
             "name": name,
@@ -80,13 +80,12 @@ fn to_json() -> String {
         cloud["label_names"] = json!(format.holds_label_names());
         cloud
     });
-    let formats = json!({
+    json!({
         "scenes": scenes.collect::<Vec<_>>(),
         "clouds": clouds.collect::<Vec<_>>(),
         "pictures": PICTURES.map(plain),
         "pings": PINGS.map(plain),
-    });
-    format!("{formats:#}\n")
+    })
 }
 
 /// The columns, one per line, for the help of `--fields`.

@@ -1,5 +1,6 @@
 //! `echocast generate`
 
+use crate::input::has_ending;
 use crate::interrupt;
 use crate::report::timed;
 use crate::text::{self, counted, duration};
@@ -301,8 +302,7 @@ fn landscape(args: &LandscapeArgs) -> Result<()> {
 /// Makes a scene, writes it to `file` and prints a summary.
 fn make(scene: impl FnOnce(u64) -> echocast::Result<GeneratedScene>, made: &MadeArgs) -> Result<()> {
     let MadeArgs { seed, output: file, quiet } = made;
-    let is_glb = file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("glb"));
-    if !is_glb {
+    if !has_ending(file, &["glb"]) {
         return Err(usage::wrong(anyhow!("-o {}: scenes are written as .glb", shown::path(file))));
     }
     interrupt::listen().context("cannot listen for signals")?;

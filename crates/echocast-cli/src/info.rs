@@ -46,12 +46,10 @@ pub fn run(args: &Args) -> Result<()> {
         let built = scene.build()?;
         preview::write_plan(&scene, &built, file, options.width).context("--preview")?;
     }
-    let told = if args.json {
-        format!("{:#}\n", to_json(&args.scene.files, &scene, args.wavelength))
-    } else {
-        describe(&args.scene.names(), &scene, args.wavelength)?
-    };
-    text::print(&told)
+    if args.json {
+        return text::print_json(&to_json(&args.scene.files, &scene, args.wavelength));
+    }
+    text::print(&describe(&args.scene.names(), &scene, args.wavelength)?)
 }
 
 /// How much light the materials of `scene` return, and why, a line each.

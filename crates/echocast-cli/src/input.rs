@@ -164,7 +164,7 @@ impl SceneArgs {
 }
 
 /// Whether the name of `file` ends in one of `endings`.
-fn has_ending(file: &Path, endings: &[&str]) -> bool {
+pub fn has_ending(file: &Path, endings: &[&str]) -> bool {
     file.extension().is_some_and(|found| endings.iter().any(|ending| found.eq_ignore_ascii_case(ending)))
 }
 

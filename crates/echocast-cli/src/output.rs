@@ -1,5 +1,6 @@
 //! Where clouds and pictures go.
 
+use crate::input::has_ending;
 use crate::{choice, text};
 use anyhow::{Context as _, Result, ensure};
 use clap::{ArgGroup, Args};
@@ -391,8 +392,7 @@ impl OutputArgs {
 
 /// Checks before the work that a picture could be written to `file`.
 pub fn check_picture(file: &Path, options: &PreviewOptions) -> Result<()> {
-    let is_png = file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png"));
-    ensure!(is_png, "--preview {}: pictures are written as .png", shown::path(file));
+    ensure!(has_ending(file, &["png"]), "--preview {}: pictures are written as .png", shown::path(file));
     preview::check(file, options).context("--preview")
 }
 

@@ -227,7 +227,7 @@ pub fn run(args: &Args) -> Result<()> {
         tell_more(&scene, &sensor, &trajectory);
     }
     if args.json {
-        return text::print(&format!("{:#}\n", report.to_json()));
+        return text::print_json(&report.to_json());
     }
     if !args.quiet {
         report.warnings.iter().for_each(|warning| text::note(&format!("warning: {warning}")));

@@ -3,7 +3,7 @@
 use crate::{input, text};
 use anyhow::Result;
 use echocast::{PresetInfo, Sensor};
-use serde_json::json;
+use serde_json::{Value, json};
 use std::ffi::{OsStr, OsString};
 use std::fmt::Write as _;
 use std::path::Path;
@@ -38,14 +38,14 @@ pub fn run(args: &Args) -> Result<()> {
     if !lists {
         match input::load_sensor(Path::new(&name)) {
             Ok(sensor) if args.json => {
-                return text::print(&format!("{:#}\n", serde_json::to_value(sensor.spec())?));
+                return text::print_json(&serde_json::to_value(sensor.spec())?);
             }
             Ok(sensor) => return text::print(&sensor.to_yaml()?),
             Err(error) if chosen.is_empty() || name == "-" => return Err(error),
             Err(_) => {}
         }
     }
-    text::print(&if args.json { to_json(&chosen) } else { list(&chosen)? })
+    if args.json { text::print_json(&to_json(&chosen)) } else { text::print(&list(&chosen)?) }
 }
 
 /// Whether each of `words` is in `preset`.
@@ -67,7 +67,7 @@ fn list(presets: &[&PresetInfo]) -> Result<String> {
     Ok(list)
 }
 
-fn to_json(presets: &[&PresetInfo]) -> String {
+fn to_json(presets: &[&PresetInfo]) -> Value {
     let list: Vec<_> = presets
         .iter()
         .map(|preset| {
@@ -75,5 +75,5 @@ fn to_json(presets: &[&PresetInfo]) -> String {
             json!({ "name": preset.name, "title": preset.title, "kind": kind, "folder": preset.folder })
         })
         .collect();
-    format!("{:#}\n", json!(list))
+    json!(list)
 }

@@ -13,6 +13,11 @@ pub fn print(text: &str) -> anyhow::Result<()> {
     }
 }
 
+/// Writes `value` to stdout, one key a line, as [`print`] does.
+pub fn print_json(value: &serde_json::Value) -> anyhow::Result<()> {
+    print(&format!("{value:#}\n"))
+}
+
 /// A line on stderr; if that is closed, there is nobody to tell.
 pub fn note(line: &str) {
     let _ = writeln!(io::stderr(), "{}", shown::text(line));

@@ -275,7 +275,7 @@ mod tests {
         let picture = draw(&scene, &built, &page);
         let [low, high] = ends(&scene, &built);
         let map = Map::around(low.truncate(), high.truncate(), &page);
-        let id = |name| scene.labels.category.iter().find(|(_, known)| *known == name).unwrap().0;
+        let id = |name| scene.labels.category.id(name);
         let near =
             |color: canvas::Color, wanted: canvas::Color| color.iter().zip(wanted).all(|(a, b)| a.abs_diff(b) < 20);
         let count = |wanted| {

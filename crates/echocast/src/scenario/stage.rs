@@ -56,11 +56,7 @@ impl Stage {
     pub fn new(spec: &Spec, folder: &Path, engine: Engine) -> Result<Stage> {
         let labels = match &spec.scene.labels {
             LabelSource::None => LabelRules::default(),
-            // A file beside the scenario is preferred to a preset.
-            LabelSource::File(file) => match folder.join(file) {
-                path if path.exists() => LabelRules::load(path)?,
-                _ => LabelRules::open(file)?,
-            },
+            LabelSource::File(file) => LabelRules::open_in(folder, file)?,
             LabelSource::Rules(rules) => {
                 let mut rules = (**rules).clone();
                 rules.check(&Document::from_value("", Value::Null), "scene.labels")?;

@@ -6,7 +6,7 @@
 
 use super::label::{best_of, is_lettered, matches};
 use super::{Ancestor, InstanceRule, LabelRules, RawObject, some_of};
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 
 /// What the rules, the file and the names make of an object.
 pub(super) struct Identity {
@@ -41,6 +41,8 @@ struct Level<'a> {
 /// Tells what objects are, and remembers rules that contradict each other.
 pub(super) struct Identifier<'r> {
     rules: &'r LabelRules,
+    /// The pattern and its category for each name so far: nodes have many objects below them.
+    matched: HashMap<String, Option<(&'r str, &'r str)>>,
     /// Pairs of patterns of which each has been told of.
     known: BTreeSet<(&'r str, &'r str)>,
     contradictions: Vec<String>,
@@ -48,7 +50,7 @@ pub(super) struct Identifier<'r> {
 
 impl<'r> Identifier<'r> {
     pub fn new(rules: &'r LabelRules) -> Self {
-        Identifier { rules, known: BTreeSet::new(), contradictions: Vec::new() }
+        Identifier { rules, matched: HashMap::new(), known: BTreeSet::new(), contradictions: Vec::new() }
     }
 
     /// What `object` is, the one at `place` of the list.
@@ -90,16 +92,19 @@ impl<'r> Identifier<'r> {
     where
         'r: 'a,
     {
-        let rules = self.rules;
+        let Identifier { rules, matched, known, contradictions } = self;
         let mut found = levels.iter().filter_map(|&level| {
-            let lettered = rules.patterns().filter(|(pattern, _)| is_lettered(pattern));
-            best_of(lettered, level.name).map(|(pattern, category)| (pattern, category, level))
+            let best = *matched.entry(level.name.to_owned()).or_insert_with(|| {
+                let lettered = rules.patterns().filter(|(pattern, _)| is_lettered(pattern));
+                best_of(lettered, level.name)
+            });
+            best.map(|(pattern, category)| (pattern, category, level))
         });
         let (pattern, category, level) = found.next()?;
         if let Some((other, another, above)) = found.find(|(_, another, _)| *another != category)
-            && self.known.insert((pattern, other))
+            && known.insert((pattern, other))
         {
-            self.contradictions.push(format!(
+            contradictions.push(format!(
                 "{:?} is {category:?} by {pattern:?}, and {another:?} by {other:?}, which matches {:?} above it",
                 level.name, above.name
             ));

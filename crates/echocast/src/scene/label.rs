@@ -226,16 +226,24 @@ impl LabelRules {
         Ok(rules)
     }
 
-    /// The rules for scenes of a kind that ship with the library under `name` ([`LabelRules::presets`]), or the label file of
-    /// that name.
+    /// The label file called `name`, or if there is none the rules for scenes of a kind that ship with the library under
+    /// that name ([`LabelRules::presets`]).
     ///
     /// # Errors
     /// As [`LabelRules::load`].
     pub fn open(name: impl AsRef<Path>) -> Result<Self> {
-        let path = name.as_ref();
-        let preset = LabelRules::presets().find(|(name, _)| path == Path::new(name) && !path.exists());
+        LabelRules::open_in(Path::new(""), name.as_ref())
+    }
+
+    /// [`LabelRules::open`] where relative names start at `folder`.
+    ///
+    /// # Errors
+    /// As there.
+    pub(crate) fn open_in(folder: &Path, name: &Path) -> Result<Self> {
+        let path = folder.join(name);
+        let preset = LabelRules::presets().find(|(preset, _)| name == Path::new(preset) && !path.exists());
         let Some((_, text)) = preset else { return LabelRules::load(path) };
-        let rules = LabelRules::read(&Document::parse(&shown::path(path), text)?)?;
+        let rules = LabelRules::read(&Document::parse(&shown::path(name), text)?)?;
         Ok(LabelRules { general: true, ..rules })
     }
 
@@ -351,8 +359,8 @@ fn has_capitals(pattern: &str) -> bool {
     pattern.chars().any(char::is_uppercase)
 }
 
-/// Of `names` those that are most like what `pattern` means.
-pub(crate) fn near(pattern: &str, names: &[&str]) -> Vec<String> {
+/// Of `names` those that are most like what `pattern` means, as the end of a message; empty if none is.
+pub(super) fn near(pattern: &str, names: &[&str]) -> String {
     let plain: String = pattern.chars().filter(|letter| !"*?".contains(*letter)).collect();
     let length = plain.chars().count();
     // Of what a `*` stands for nothing is compared.
@@ -365,7 +373,10 @@ pub(crate) fn near(pattern: &str, names: &[&str]) -> Vec<String> {
     };
     let like = nearest(&plain, names.iter().map(told));
     let found: BTreeSet<&str> = names.iter().copied().filter(|name| like.contains(&told(name))).collect();
-    found.into_iter().take(3).map(str::to_owned).collect()
+    match found.into_iter().take(3).collect::<Vec<_>>().join(", ") {
+        none if none.is_empty() => none,
+        near => format!("; near: {near}"),
+    }
 }
 
 /// Shell-style match: `*` any run of characters, `?` any one; a pattern without capitals fits capitals too.

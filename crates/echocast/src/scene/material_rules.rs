@@ -129,12 +129,6 @@ impl Scene {
         self.materials.iter_mut().for_each(|material| *material = of(material).unwrap_or_else(|| material.clone()));
         Ok(unmatched)
     }
-
-    /// The names of materials that are most like those that `pattern` means.
-    pub(crate) fn materials_near(&self, pattern: &str) -> Vec<String> {
-        let names: Vec<&str> = self.materials.iter().map(|material| material.name.as_str()).collect();
-        super::label::near(pattern, &names)
-    }
 }
 
 #[cfg(test)]

@@ -299,10 +299,7 @@ impl Scene {
         for pattern in &options.hide {
             if !self.hidden.iter().any(|name| matches(pattern, name)) {
                 let names: Vec<&str> = self.objects.iter().map(|object| object.name.as_str()).collect();
-                let near = match label::near(pattern, &names).join(", ") {
-                    near if near.is_empty() => near,
-                    near => format!("; near: {near}"),
-                };
+                let near = label::near(pattern, &names);
                 self.report.warn(format!("hide: no object's name matches {:?}{near}", shown::name(pattern)));
             }
         }
@@ -310,10 +307,8 @@ impl Scene {
             [("label rules: surfaces", &options.labels.surfaces), ("material rules", &options.materials)]
         {
             for pattern in self.apply(rules, what)? {
-                let near = match self.materials_near(&pattern).join(", ") {
-                    near if near.is_empty() => near,
-                    near => format!("; near: {near}"),
-                };
+                let names: Vec<&str> = self.materials.iter().map(|material| material.name.as_str()).collect();
+                let near = label::near(&pattern, &names);
                 self.report.warn(format!("{what}: no material's name matches {:?}{near}", shown::name(&pattern)));
             }
         }

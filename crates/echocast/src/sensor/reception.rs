@@ -17,7 +17,8 @@ pub(crate) struct Reception {
     origin: DVec3,
     /// Whether the paper's equations are in place of ours, and whether its program's are.
     of_the_paper: [bool; 2],
-    mode: ReturnMode,
+    /// Which echoes are sought.
+    pub mode: ReturnMode,
     pub threshold: Threshold,
     pub errors: Errors,
     /// Noise that looks like echoes, if there is any.

@@ -49,7 +49,7 @@ impl BuiltScene {
             *counts.entry(*instance).or_insert(0) += 1;
         }
         let (most, _) = counts.into_iter().max_by_key(|&(_, count)| count)?;
-        let name = self.labels().instance.iter().find(|&(id, _)| id == most).map_or("", |(_, name)| name);
+        let name = self.labels().instance.name(most).unwrap_or_default();
         let within_m = backs.iter().map(|(_, range)| f64::from(*range)).fold(0.0, f64::max);
         let part = backs.len() as f64 / LANES as f64;
         Some(Enclosure { name: name.to_owned(), part, within_m })

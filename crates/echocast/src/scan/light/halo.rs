@@ -148,7 +148,7 @@ fn find(scan: &Scan, block: &mut Block, beams: Range<usize>, all: &Mutex<Vec<Bri
         block.trace(scan, count);
         let Block { rays, hits, surfaces, scratch, .. } = &mut *block;
         scratch.fill(1.0);
-        if let Some(air) = &scan.world.air {
+        if let Some(air) = scan.world.air {
             air.dim(rays, &hits.range, count, scratch);
         }
         let mut found = None;

@@ -256,7 +256,7 @@ impl<'a> Scan<'a> {
                 alarms: *alarms,
                 threshold,
                 efficiency,
-                mode: mode(sensor, options.profile),
+                mode: reception.mode,
                 range: [sensor.range_min_m as f32, range_max],
                 keeps_undetected: as_computed,
                 halos: None,
