@@ -16,7 +16,9 @@ use std::time::{Duration, Instant};
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
+  echocast generate street -o street.glb
   echocast bench street.glb --sensor velodyne_vls128 --camera Corner --threads 1
+  echocast generate seabed -o lake.glb
   echocast bench lake.glb --sensor sss_450 --camera Sonar")]
 pub struct Args {
     #[command(flatten)]

@@ -147,8 +147,8 @@ pub struct StreetArgs {
 Examples:
   echocast generate landscape --size 200,200 --seed 7 -o forest.glb
   echocast generate landscape --trees-per-ha 1250 --grass-per-m2 0 --no-path -o wood.glb
-  echocast generate landscape --height-map hills.tif -o hills.glb
-  echocast generate landscape --height-map hills.png --height-range 120,340 --size 500,500 -o hills.glb
+  printf 'ncols 3\\nnrows 3\\nxllcorner 0\\nyllcorner 0\\ncellsize 40\\n0 5 9\\n2 12 8\\n1 4 6\\n' > hills.asc
+  echocast generate landscape --height-map hills.asc -o hills.glb
   echocast scan forest.glb --sensor velodyne_vlp32c --camera Lidar --preview forest.png --view perspective")]
 pub struct LandscapeArgs {
     /// Start from other values than the defaults: paper, the landscape of the paper (hills with trees, rocks and grass)

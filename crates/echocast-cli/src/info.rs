@@ -16,7 +16,9 @@ use std::path::PathBuf;
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
-  echocast info street.glb --labels street.labels.yaml
+  echocast generate street -o street.glb
+  echocast info street.glb
+  echocast info street.glb --labels semantic_kitti
   echocast info street.glb --json
   echocast info street.glb --preview map.png")]
 pub struct Args {

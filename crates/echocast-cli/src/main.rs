@@ -33,7 +33,7 @@ use std::process::ExitCode;
     name = "echocast",
     version,
     arg_required_else_help = true,
-    after_help = "Example:\n  echocast scan street.glb --sensor velodyne_vlp32c --camera Corner -o scan.las --preview scan.png\n\n\
+    after_help = "Example:\n  echocast generate street -o street.glb\n  echocast scan street.glb --sensor velodyne_vlp32c --camera Corner -o scan.las --preview scan.png\n\n\
                   Exit codes:\n  \
                   0    success\n  \
                   1    the work has failed: a file cannot be read or written, or its content is wrong; the system\n       \

@@ -23,12 +23,15 @@ use std::sync::Mutex;
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
-  echocast run drive.yaml
-  echocast run drive.yaml --samples 0:9999 --resume
-  echocast run drive.yaml --shard 3/16
-  echocast run drive.yaml --sample 17 --preview sample.png --view perspective
-  echocast run drive.yaml --set samples=100 --set environment.fog.visibility_m=80 -o foggy
-  echocast run --check-output drive
+  echocast run examples/scenarios/street.yaml -o street
+  echocast run examples/scenarios/street.yaml --set samples=20 --resume -o street
+  echocast run --check-output street
+  echocast run examples/scenarios/street.yaml --sample 7 --preview sample.png --view perspective
+  echocast run examples/scenarios/street.yaml --samples 0:2 --set environment.fog.visibility_m=80 -o foggy
+A set made on two machines:
+  echocast run examples/scenarios/street.yaml --shard 0/2 -o shards
+  echocast run examples/scenarios/street.yaml --shard 1/2 -o shards
+  echocast run --finish shards
 A scan repeated:
   echocast generate street -o street.glb
   echocast scan street.glb --sensor velodyne_vlp16 --camera Corner -o scan.las --json > report.json

@@ -27,17 +27,25 @@ use std::path::PathBuf;
 #[command(group = ArgGroup::new("several").args(["trajectory", "frames"]).multiple(true))]
 #[command(after_help = "\
 Examples:
+  echocast generate street -o street.glb
   echocast scan street.glb --sensor velodyne_vlp32c --camera Corner -o scan.las --preview scan.png
   echocast scan street.glb --sensor velodyne_vlp32c --at 0,0,1.8 --rain 20 --fog 150 -o wet.las
-  echocast scan hall.glb --sensor kinect_v2 --at 1,2,1.5 --rpy 0,15,90 --organised --fields default,depth -o hall.npz
   echocast scan street.glb --sensor velodyne_vlp32c --at 0,0,1.8 --fog 150 --explain 12345
-  echocast scan street.glb --sensor velodyne_vlp32c --at 0,0,1.8 -o scan.npz --boxes boxes.json --preview scan.png \\
+  echocast scan street.glb --sensor vlp16 --at 0,0,1.8 -o scan.npz --boxes boxes.json --preview boxes.png \\
     --view perspective --show boxes
-  echocast scan street.glb --sensor velodyne_vlp32c --camera Lidar --frames 0:99 --fields default,velocity,flow -o drive.las
+While things move, and with the sensor on a trajectory:
+  echocast scan street.glb --sensor vlp16 --camera Lidar --frames 0:19 --fields default,velocity,flow -o drive.las
   echocast scan street.glb --sensor ouster_os1_128 --camera Corner --frames 4:36:8 --preview trail.png --color velocity
-  echocast scan city.obj --up y --sensor velodyne_hdl64e --trajectory drive.txt --single -o drive.las
-  echocast scan yard.glb --cache Flag=flag.pc2@25 --sensor velodyne_vlp16 --at 0,0,1.8 --frames 0:99 -o yard.las
-A survey with a side-scan sonar, from nothing:
+  printf '0 -10 0 1.8 0 0 0 1\\n2 10 0 1.8 0 0 0 1\\n' > drive.txt
+  echocast scan street.glb --sensor velodyne_hdl64e --trajectory drive.txt --single -o along.las
+A depth camera in a flat, with a row for every pixel:
+  echocast generate indoor -o flat.glb
+  echocast scan flat.glb --sensor kinect_v2 --camera Camera_1 --organised --fields default,depth -o flat.npz
+An OBJ file whose y axis points up, and what moves it, a file for each tenth of a second:
+  printf 'o Flag\\nv 5 0 1\\nv 5 0 -1\\nv 5 3 0\\nf 1 2 3\\n' > flag_0001.obj
+  sed 's/v 5/v 6/' flag_0001.obj > flag_0002.obj
+  echocast scan flag_0001.obj --up y --cache Flag=flag_0001.obj@10 --sensor vlp16 --at 0,0,1 --frames 2 -o flag.las
+A survey with a side-scan sonar:
   echocast generate seabed -o lake.glb
   printf '0 -25 0 -3 0 0 0 1\\n30 25 0 -3 0 0 0 1\\n' > survey.txt
   echocast scan lake.glb --sensor sss_450 --set range.max_m=25 --trajectory survey.txt -o lake.las \\

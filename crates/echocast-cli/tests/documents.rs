@@ -30,18 +30,26 @@ fn blocks(page: &str) -> Vec<String> {
     blocks
 }
 
+fn program() -> &'static Path {
+    Path::new(env!("CARGO_BIN_EXE_echocast"))
+}
+
 /// Runs `commands` one after the other in a folder of their own, in which the examples are.
 fn run(what: &str, commands: &str) {
     let folder = tempfile::tempdir().unwrap();
     symlink(root().canonicalize().unwrap().join("examples"), folder.path().join("examples")).unwrap();
-    let program = Path::new(env!("CARGO_BIN_EXE_echocast"));
+    // Where shells keep completions.
+    fs::create_dir_all(folder.path().join(".config/fish/completions")).unwrap();
     let path = std::env::var("PATH").unwrap_or_default();
     // What Blender would write: tests have no Blender.
-    let script = format!("set -euo pipefail\nblender() {{ cp examples/scenes/apartment.glb mine.glb; }}\n{commands}");
+    let script = format!(
+        "set -euo pipefail\nblender() {{ cp examples/scenes/apartment.glb mine.glb; }}\nfpath=(. .)\n{commands}"
+    );
     let output = Command::new("bash")
         .args(["-c", &script])
         .current_dir(folder.path())
-        .env("PATH", format!("{}:{path}", program.parent().unwrap().display()))
+        .env("HOME", folder.path())
+        .env("PATH", format!("{}:{path}", program().parent().unwrap().display()))
         .output()
         .unwrap();
     let said = String::from_utf8_lossy(&output.stderr);
@@ -72,4 +80,37 @@ fn commands_of_the_page_on_scenarios_run() {
     let commands = blocks("docs/scenario.md").concat().replace("--sample 17", "--sample 3").replace("=200", "=6");
     assert!(commands.contains("--sample 3") && commands.contains("samples=6"), "{commands}");
     run("docs/scenario.md", &format!("{write}{commands}"));
+}
+
+/// Help of a command.
+fn help(command: &[String]) -> String {
+    let output = Command::new(program()).args(command).arg("--help").output().unwrap();
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// Lines of `help` below `heading`, as far as the next empty line.
+fn below<'a>(help: &'a str, heading: &str) -> impl Iterator<Item = &'a str> {
+    help.lines().skip_while(move |line| !line.starts_with(heading)).skip(1).take_while(|line| !line.is_empty())
+}
+
+/// Commands within `command`, and within those.
+fn commands_of(command: &[String]) -> Vec<Vec<String>> {
+    let help = help(command);
+    let names = below(&help, "Commands:").filter_map(|line| line.split_whitespace().next());
+    let within = names.filter(|name| *name != "help").map(|name| [command, &[name.to_owned()]].concat());
+    within.flat_map(|inner| [vec![inner.clone()], commands_of(&inner)].concat()).collect()
+}
+
+#[test]
+fn examples_in_the_help_run() {
+    let mut commands = commands_of(&[]);
+    assert!(commands.iter().any(|command| *command == ["generate", "seabed"]), "{commands:?}");
+    commands.push(Vec::new());
+    for command in commands {
+        let help = help(&command);
+        // What is not indented says what follows.
+        let examples: Vec<_> = below(&help, "Example").filter(|line| line.starts_with(' ')).collect();
+        assert!(examples.iter().any(|line| line.contains("echocast ")), "{command:?} has no example:\n{help}");
+        run(&format!("echocast {} --help", command.join(" ")), &(examples.join("\n") + "\n"));
+    }
 }
