@@ -1433,9 +1433,9 @@ ECHOCAST_API echocast_status echocast_result_write(const echocast_result *result
 
 /**
  * Writes a picture of the points as PNG. `options`: NULL, or YAML with `view` (top, perspective, range), `color`
- * (label, cause, intensity, range, height, velocity, radial_velocity, doppler) and `width` in pixels. The result needs
- * the columns that colours are made of; without them other colours are taken, with a warning to the log. With the
- * column `cause`, points of rain, fog and the like have their own colours.
+ * (label, cause, intensity, range, height, velocity, radial_velocity, doppler, density) and `width` in pixels. The
+ * result needs the columns that colours are made of; without them other colours are taken, with a warning to the log.
+ * With the column `cause`, points of rain, fog and the like have their own colours.
  *
  * Errors: ECHOCAST_E_ARGUMENT (a view that points do not have, a width out of bounds), ECHOCAST_E_PARSE,
  * ECHOCAST_E_IO, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.

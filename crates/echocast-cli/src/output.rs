@@ -55,7 +55,8 @@ pub struct OutputArgs {
     /// What the colours of the picture show: `label`, the category or part that was hit; `cause`, why a point is there:
     /// a surface, seen in a mirror or through glass, rain, fog and so on; `velocity`, the speed of what moves, while
     /// what stands is grey; `radial_velocity` and `doppler`, its part along the beam, true and measured, blue towards
-    /// the sensor and orange away from it; the others are scales of values
+    /// the sensor and orange away from it; `density`, how many points the sensor has in a square degree of what it
+    /// sees; the others are scales of values
     #[arg(long, requires = "preview", default_value = "label", value_parser = choice::of::<ColorBy>(), help_heading = "Output")]
     color: ColorBy,
     /// How the picture shows the cloud; `range` shows the last of several frames. For sonars, also `waterfall`, one row

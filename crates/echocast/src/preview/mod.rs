@@ -4,6 +4,7 @@
 mod boxes;
 mod canvas;
 mod cutaway;
+mod density;
 mod font;
 mod legend;
 mod paint;
@@ -100,10 +101,12 @@ pub enum ColorBy {
     RadialVelocity,
     /// The same as an FMCW LiDAR measures it.
     Doppler,
+    /// Points per square degree, as the sensor sees them: how it has covered the scene.
+    Density,
 }
 
 named! { ColorBy: Label "label", Cause "cause", Intensity "intensity", Range "range", Height "height",
-Velocity "velocity", RadialVelocity "radial_velocity", Doppler "doppler" }
+Velocity "velocity", RadialVelocity "radial_velocity", Doppler "doppler", Density "density" }
 
 impl FromStr for ColorBy {
     type Err = Error;
@@ -156,7 +159,7 @@ impl PreviewOptions {
             ColorBy::Velocity => &VELOCITY,
             ColorBy::RadialVelocity => &[Field::RadialVelocity],
             ColorBy::Doppler => &[Field::Doppler],
-            ColorBy::Cause | ColorBy::Height => &[],
+            ColorBy::Cause | ColorBy::Height | ColorBy::Density => &[],
         };
         let rows: &[Field] = if self.view == View::Range { &[Field::Channel] } else { &[] };
         let always = [Field::X, Field::Y, Field::Z, Field::Cause];
@@ -403,7 +406,7 @@ mod tests {
     use std::fs::File;
 
     const VIEWS: [View; 3] = [View::Top, View::Perspective, View::Range];
-    const COLORS: [ColorBy; 8] = [
+    const COLORS: [ColorBy; 9] = [
         ColorBy::Label,
         ColorBy::Cause,
         ColorBy::Intensity,
@@ -412,6 +415,7 @@ mod tests {
         ColorBy::Velocity,
         ColorBy::RadialVelocity,
         ColorBy::Doppler,
+        ColorBy::Density,
     ];
 
     fn cloud(positions: &[[f32; 3]]) -> PointCloud {
@@ -447,7 +451,7 @@ mod tests {
         assert_eq!(
             error,
             "there is no preview colour named \"hieght\"; near: height, label, cause, intensity, range, velocity, \
-             radial_velocity, doppler"
+             radial_velocity, doppler, density"
         );
     }
 

@@ -1,9 +1,9 @@
 //! The colour of each point, and what the legend says about it.
 
-use super::ColorBy;
 use super::canvas::Color;
 use super::palette::{self, HEIGHT, INTENSITY, RANGE, Ramp, SPEED, STANDING};
 use super::points::{CHUNK, Points, SAMPLE, quantile, wide};
+use super::{ColorBy, density};
 use crate::cloud::PointCloud;
 use crate::ground::cause::Cause;
 use crate::ground::parallel;
@@ -79,6 +79,7 @@ struct Groups<'a> {
 
 enum Values<'a> {
     Column(&'a [f32]),
+    Made(Vec<f32>),
     Distance,
     Height,
 }
@@ -149,6 +150,11 @@ impl<'a> Paint<'a> {
                 Paint::values("range", "range in m".to_owned(), RANGE, values, points, 0.0)
             }
             ColorBy::Height => Paint::height(points),
+            ColorBy::Density => {
+                let caption = "points per square degree, as the sensor sees them".to_owned();
+                let values = Values::Made(density::of(points));
+                Paint::values("density", caption, INTENSITY, values, points, 0.0)
+            }
             ColorBy::Velocity => {
                 let velocity = [&columns.velocity_x, &columns.velocity_y, &columns.velocity_z].map(Vec::as_slice);
                 Paint::motion("speed", "speed in m/s", Motion::Speed(velocity), rows, points).unwrap_or_else(|| {
@@ -340,6 +346,7 @@ impl Values<'_> {
     fn get(&self, row: u32, points: &Points<'_>) -> f32 {
         match self {
             Values::Column(values) => values[row as usize],
+            Values::Made(values) => values[row as usize],
             Values::Distance => points.get(row).map_or(f32::NAN, |position| points.distance(position)),
             Values::Height => points.get(row).map_or(f32::NAN, |position| position.z),
         }

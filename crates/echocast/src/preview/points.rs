@@ -5,7 +5,7 @@ use crate::ground::cause::Cause;
 use crate::ground::parallel;
 use crate::ground::pose::Pose;
 use crate::ground::report::Report;
-use glam::{Quat, Vec3};
+use glam::{Quat, Vec2, Vec3};
 use std::ops::Range;
 
 /// Positions farther out than this are treated as misses, so that squares stay finite, metres.
@@ -24,6 +24,8 @@ pub(super) struct Points<'a> {
     x: &'a [f32],
     y: &'a [f32],
     z: &'a [f32],
+    /// Azimuth and elevation of the beams as reported, rad; `None` if unknown.
+    reported: Option<[&'a [f32]; 2]>,
     /// Numbers of causes; empty if unknown.
     causes: &'a [u8],
     /// Number of rows that have a position.
@@ -62,6 +64,8 @@ impl<'a> Points<'a> {
             x,
             y,
             z,
+            reported: (columns.azimuth.len() >= rows && columns.elevation.len() >= rows)
+                .then_some([&columns.azimuth, &columns.elevation]),
             causes: if columns.cause.len() >= rows { &columns.cause[..rows] } else { &[] },
             count: 0,
             sample: Vec::new(),
@@ -120,6 +124,19 @@ impl<'a> Points<'a> {
     pub(super) fn in_sensor_frame(&self, position: Vec3) -> Vec3 {
         self.orientation.inverse() * (position - self.sensor)
     }
+
+    /// Azimuth and elevation of the beam of row `row`, as reported, else those of its `position`, rad.
+    pub(super) fn angles(&self, row: u32, position: Vec3) -> Vec2 {
+        match self.reported {
+            Some([azimuth, elevation]) => Vec2::new(azimuth[row as usize], elevation[row as usize]),
+            None => angles(self.in_sensor_frame(position)),
+        }
+    }
+}
+
+/// Angles of a direction in the sensor frame: azimuth, elevation, rad.
+pub(super) fn angles(direction: Vec3) -> Vec2 {
+    Vec2::new(direction.y.atan2(direction.x), direction.z.atan2(direction.truncate().length()))
 }
 
 /// The value below which the fraction `q` of `values` lies; 0 if there are none.

@@ -4,7 +4,7 @@ use super::Page;
 use super::boxes::{self, Outline};
 use super::canvas::{GROUND, Picture};
 use super::paint::Paint;
-use super::points::{CHUNK, Points, robust_span};
+use super::points::{CHUNK, Points, angles, robust_span};
 use super::splat::{self, Splats, Stamp};
 use crate::cloud::PointCloud;
 use crate::ground::parallel;
@@ -65,11 +65,6 @@ fn frame(page: &Page, aspect: f32) -> Picture {
     // What is taller than the page allows becomes narrower, but not a thin line.
     let width = (height * aspect).clamp(FLATTEST * full, full);
     Picture::new(width as u32, height as u32, GROUND)
-}
-
-/// Angles of a direction in the sensor frame: azimuth, elevation, rad.
-fn angles(direction: Vec3) -> Vec2 {
-    Vec2::new(direction.y.atan2(direction.x), direction.z.atan2(direction.truncate().length()))
 }
 
 /// Rows and columns of the sensor in the order in which people see them.
@@ -275,7 +270,6 @@ fn rises(values: &[Option<f32>]) -> bool {
 
 /// Azimuth to the left and elevation, or channel, up.
 struct Panorama<'a> {
-    reported: Option<(&'a [f32], &'a [f32])>,
     azimuth: [f32; 2],
     elevation: [f32; 2],
     /// Channel of each point and row of each channel, if channels form rows.
@@ -287,12 +281,8 @@ struct Panorama<'a> {
 impl<'a> Panorama<'a> {
     fn new(cloud: &'a PointCloud, points: &Points<'_>) -> Self {
         let columns = &cloud.columns;
-        let reported = (columns.azimuth.len() >= cloud.len && columns.elevation.len() >= cloud.len)
-            .then_some((columns.azimuth.as_slice(), columns.elevation.as_slice()));
-        let mut panorama =
-            Panorama { reported, azimuth: [0.0; 2], elevation: [0.0; 2], channels: None, elevations: Vec::new() };
         let sample: Vec<(u32, Vec2)> =
-            points.sample.iter().map(|&(row, position)| (row, panorama.direction(points, row, position))).collect();
+            points.sample.iter().map(|&(row, position)| (row, points.angles(row, position))).collect();
         let [azimuth, elevation] = [0, 1].map(|axis| {
             let mut values: Vec<f32> =
                 sample.iter().map(|(_, angles)| angles[axis]).filter(|a| a.is_finite()).collect();
@@ -301,7 +291,7 @@ impl<'a> Panorama<'a> {
             let middle = low.midpoint(high);
             [low.min(middle - 0.003), high.max(middle + 0.003)]
         });
-        (panorama.azimuth, panorama.elevation) = (azimuth, elevation);
+        let mut panorama = Panorama { azimuth, elevation, channels: None, elevations: Vec::new() };
 
         if columns.channel.len() >= cloud.len {
             let mut rows: BTreeMap<u16, (f64, f64)> = BTreeMap::new();
@@ -320,13 +310,6 @@ impl<'a> Panorama<'a> {
             }
         }
         panorama
-    }
-
-    fn direction(&self, points: &Points<'_>, row: u32, position: Vec3) -> Vec2 {
-        match self.reported {
-            Some((azimuth, elevation)) => Vec2::new(azimuth[row as usize], elevation[row as usize]),
-            None => angles(points.in_sensor_frame(position)),
-        }
     }
 
     /// Where a direction (sensor frame) is in a picture of this size; `None`: above or below all channels.
@@ -369,7 +352,7 @@ impl<'a> Panorama<'a> {
         parallel::for_each_range(points.len(), CHUNK, |rows| {
             for row in rows {
                 let Some(position) = points.get(row as u32) else { continue };
-                let direction = self.direction(points, row as u32, position);
+                let direction = points.angles(row as u32, position);
                 let x = part(direction.x, self.azimuth) * size.x;
                 let y = match (&self.channels, row_height) {
                     (Some((channel, rows)), Some(height)) => match rows.get(&channel[row]) {
