@@ -5,7 +5,7 @@ use crate::{choice, text};
 use anyhow::{Context as _, Result, ensure};
 use clap::{ArgGroup, Args};
 use echocast::emitter::Pattern;
-use echocast::export::{self, FramesFile};
+use echocast::export::{self, FramesFile, GrowingFile};
 use echocast::preview::{self, ColorBy, PreviewOptions, View};
 use echocast::scene::Labels;
 use echocast::{
@@ -418,6 +418,8 @@ pub struct Writer<'a> {
     args: &'a OutputArgs,
     /// HDF5 files that take frame after frame, in the order of `args.output`.
     growing: Vec<(&'a Path, FramesFile)>,
+    /// Files of all frames together, in the order of `args.output`; `None`: the format needs all points at once.
+    merged: Vec<Option<GrowingFile>>,
     /// Every file written.
     pub files: Vec<PathBuf>,
     /// What formats could not hold.
@@ -426,13 +428,32 @@ pub struct Writer<'a> {
 
 impl<'a> Writer<'a> {
     pub fn new(args: &'a OutputArgs) -> Self {
-        Writer { args, growing: Vec::new(), files: Vec::new(), report: Report::default() }
+        Writer { args, growing: Vec::new(), merged: Vec::new(), files: Vec::new(), report: Report::default() }
+    }
+
+    /// Adds the cloud of one of many frames to the files of all of them. Whether [`Writer::write`] needs it again.
+    pub fn add(&mut self, cloud: &PointCloud) -> Result<bool> {
+        if self.merged.is_empty() {
+            let format = self.args.format.as_deref();
+            let begun = self.args.output.iter().map(|file| GrowingFile::begin(file, format, cloud));
+            self.merged = begun.collect::<Result<_, _>>()?;
+        }
+        self.merged.iter_mut().flatten().try_for_each(|file| file.add(cloud))?;
+        Ok(self.args.piles_frames() || self.merged.iter().any(Option::is_none))
     }
 
     /// Writes the only cloud of the run, whose last frame is `last`: a range image shows what is seen from one place.
+    /// Where frames were added, `cloud` is all of them, if they were needed again.
     pub fn write(&mut self, cloud: &PointCloud, last: &PointCloud) -> Result<()> {
+        let mut merged = std::mem::take(&mut self.merged).into_iter();
         for file in &self.args.output {
-            self.write_cloud(cloud, file)?;
+            match merged.next().flatten() {
+                Some(grown) => {
+                    self.report.absorb(grown.finish()?);
+                    self.wrote_cloud(file);
+                }
+                None => self.write_cloud(cloud, file)?,
+            }
         }
         let pictured = if self.args.view == View::Range { last } else { cloud };
         self.write_preview(pictured, self.args.preview.clone())
@@ -491,10 +512,15 @@ impl<'a> Writer<'a> {
     fn write_cloud(&mut self, cloud: &PointCloud, file: &Path) -> Result<()> {
         let format = self.args.format.as_deref();
         self.report.absorb(export::write(cloud, file, format)?);
+        self.wrote_cloud(file);
+        Ok(())
+    }
+
+    /// Notes the cloud file `file`, and that of label names beside it.
+    fn wrote_cloud(&mut self, file: &Path) {
         self.files.push(file.to_owned());
         let labels = self.args.labels_of(file).filter(|labels| !self.files.contains(labels));
         self.files.extend(labels);
-        Ok(())
     }
 
     fn add_frame(&mut self, cloud: &PointCloud, file: &'a Path) -> Result<()> {

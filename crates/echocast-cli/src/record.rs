@@ -161,7 +161,10 @@ impl Take<'_> {
                 progress.phase("writing".into());
                 timed(&mut seconds.write, || writer.write_frame(frame.number, &cloud))?;
             } else if several {
-                timed(&mut seconds.scan, || all.append(&cloud))?;
+                let needed = timed(&mut seconds.write, || writer.add(&cloud))?;
+                if needed {
+                    timed(&mut seconds.scan, || all.append(&cloud))?;
+                }
             }
             progress.frame_done();
         }

@@ -147,6 +147,32 @@ impl PointCloud {
             *self = other.clone();
             return Ok(());
         }
+        self.lengthen(other)?;
+        self.columns.reserve(&other.columns)?;
+        self.columns.append(&other.columns);
+        if let (Some(boxes), Some(more)) = (&mut self.boxes, &other.boxes) {
+            boxes.extend_from_slice(more);
+        }
+        Ok(())
+    }
+
+    /// What the cloud is besides its rows and boxes, as if it had none.
+    pub(crate) fn head(&self) -> PointCloud {
+        PointCloud {
+            columns: Columns::default(),
+            len: 0,
+            organised: self.organised.map(|[_, columns]| [0, columns]),
+            boxes: self.boxes.as_ref().map(|_| Vec::new()),
+            labels: Arc::clone(&self.labels),
+            ..*self
+        }
+    }
+
+    /// Counts the rows of `other`, which follow those of `self`.
+    ///
+    /// # Errors
+    /// As [`PointCloud::append`], but for memory.
+    pub(crate) fn lengthen(&mut self, other: &PointCloud) -> Result<()> {
         let same = self.origin == other.origin
             && self.frame == other.frame
             && self.fields == other.fields
@@ -170,11 +196,6 @@ impl PointCloud {
             }
             _ => None,
         };
-        self.columns.reserve(&other.columns)?;
-        self.columns.append(&other.columns);
-        if let (Some(boxes), Some(more)) = (&mut self.boxes, &other.boxes) {
-            boxes.extend_from_slice(more);
-        }
         self.len += other.len;
         Ok(())
     }

@@ -1,6 +1,6 @@
 //! CSV: a header of column names, one row per point.
 
-use super::{Format, Sink};
+use super::{Format, Growing, Sink};
 use crate::cloud::{Column, FieldInfo, PointCloud};
 use crate::ground::parallel;
 use crate::ground::report::Report;
@@ -38,12 +38,31 @@ impl Format for Csv {
         false
     }
 
-    fn write(&self, cloud: &PointCloud, path: &Path, _: &mut Report) -> io::Result<()> {
-        let columns: Vec<(Column, Option<f64>)> =
-            cloud.fields.iter().map(|info| (cloud.column(info.field), cloud.offset(info.field))).collect();
-        let names: Vec<&str> = cloud.fields.iter().map(|info| info.name).collect();
+    fn write(&self, cloud: &PointCloud, path: &Path, report: &mut Report) -> io::Result<()> {
+        super::write_alone(CsvFile::create(cloud, path)?, cloud, report)
+    }
+
+    fn begin(&self, first: &PointCloud, path: &Path) -> Option<io::Result<Box<dyn Growing>>> {
+        Some(CsvFile::create(first, path).map(|file| Box::new(file) as Box<dyn Growing>))
+    }
+}
+
+/// A file that is being written.
+struct CsvFile(Sink);
+
+impl CsvFile {
+    fn create(first: &PointCloud, path: &Path) -> io::Result<CsvFile> {
+        let names: Vec<&str> = first.fields.iter().map(|info| info.name).collect();
         let mut file = Sink::create(path)?;
         file.write_all(format!("{}\n", names.join(",")).as_bytes())?;
+        Ok(CsvFile(file))
+    }
+}
+
+impl Growing for CsvFile {
+    fn add(&mut self, cloud: &PointCloud) -> io::Result<()> {
+        let columns: Vec<(Column, Option<f64>)> =
+            cloud.fields.iter().map(|info| (cloud.column(info.field), cloud.offset(info.field))).collect();
         let mut texts = vec![Vec::new(); parallel::threads()];
         for start in (0..cloud.len).step_by(ROWS * texts.len()) {
             parallel::for_each(&mut texts, |i, text| {
@@ -54,10 +73,14 @@ impl Format for Csv {
                 }
             });
             for text in &texts {
-                file.write_all(text)?;
+                self.0.write_all(text)?;
             }
         }
-        file.finish()
+        Ok(())
+    }
+
+    fn finish(&mut self, _: &PointCloud, _: &mut Report) -> io::Result<()> {
+        self.0.take_error()
     }
 }
 

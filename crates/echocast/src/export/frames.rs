@@ -1,15 +1,14 @@
 //! Frames of a sequence in one HDF5 file, written one by one.
 
 use super::atomic::Pending;
-use super::boxes::{self, BoxColumn, Numbers};
-use super::hdf5::{add_tables, describe, io_error};
+use super::hdf5::{BoxRows, ROWS, add_tables, describe, io_error};
 use super::{failed, sensor_pose, unfinished};
 use crate::cloud::{Column, FieldInfo, FieldSet, Frame, PointCloud};
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
 use crate::scene::Labels;
 use ::hdf5::types::VarLenArray;
-use ::hdf5::{Dataset, Extent, File, Group, H5Type};
+use ::hdf5::{Dataset, Extent, File, H5Type};
 use glam::DVec3;
 use std::path::Path;
 use std::sync::Arc;
@@ -25,10 +24,8 @@ pub struct FramesFile {
     // The datasets go before the file, the file before its name.
     columns: Vec<(&'static FieldInfo, Dataset)>,
     poses: Vec<Dataset>,
-    /// The boxes of all frames, in the order of [`boxes::COLUMNS`]; none if there are no boxes.
-    boxes: Vec<Dataset>,
-    /// How many boxes there are.
-    boxed: usize,
+    /// The boxes of all frames, if there are any.
+    boxes: Option<BoxRows>,
     file: File,
     pending: Pending,
     frames: usize,
@@ -49,9 +46,6 @@ struct Common {
     labels: Arc<Labels>,
 }
 
-/// Rows that are allocated together; a row is 16 bytes, its data stand elsewhere.
-const ROWS: usize = 256;
-
 impl FramesFile {
     /// Starts the file that will be called `path`.
     ///
@@ -63,8 +57,7 @@ impl FramesFile {
         Ok(FramesFile {
             columns: Vec::new(),
             poses: Vec::new(),
-            boxes: Vec::new(),
-            boxed: 0,
+            boxes: None,
             file,
             pending,
             frames: 0,
@@ -121,7 +114,7 @@ impl FramesFile {
                 self.poses.push(rows.shape(shape).create(name)?);
             }
             if common.boxes {
-                self.boxes = create_boxes(&self.file)?;
+                self.boxes = Some(BoxRows::create(&self.file)?);
             }
             self.common = Some(common);
         }
@@ -139,15 +132,8 @@ impl FramesFile {
             dataset.resize((self.frames + 1, values.len()))?;
             dataset.write_slice(values, (self.frames, ..))?;
         }
-        if let Some(boxes) = &cloud.boxes {
-            for (column, dataset) in boxes::COLUMNS.iter().zip(&self.boxes) {
-                dataset.resize(column.shape(self.boxed + boxes.len()))?;
-                match column.numbers(boxes) {
-                    Numbers::U32(numbers) => put_boxes(dataset, self.boxed, column, &numbers),
-                    Numbers::F64(numbers) => put_boxes(dataset, self.boxed, column, &numbers),
-                }?;
-            }
-            self.boxed += boxes.len();
+        if let (Some(rows), Some(boxes)) = (&mut self.boxes, &cloud.boxes) {
+            rows.add(boxes)?;
         }
         self.frames += 1;
         Ok(())
@@ -186,37 +172,6 @@ fn create<T: H5Type + Copy>(file: &File, info: &FieldInfo) -> ::hdf5::Result<Dat
 
 fn put<T: H5Type + Copy>(dataset: &Dataset, frame: usize, column: &[T]) -> ::hdf5::Result<()> {
     dataset.write_slice(&[VarLenArray::from_slice(column)], frame..frame + 1)
-}
-
-/// The group of boxes, empty.
-fn create_boxes(file: &File) -> ::hdf5::Result<Vec<Dataset>> {
-    fn create<T: H5Type>(group: &Group, column: &BoxColumn) -> ::hdf5::Result<Dataset> {
-        let (extents, chunk): (Vec<Extent>, Vec<usize>) = [(Extent::resizable(0), ROWS)]
-            .into_iter()
-            .chain(column.width().map(|width| (Extent::fixed(width), width)))
-            .unzip();
-        let dataset =
-            group.new_dataset::<T>().obj_track_times(false).chunk(chunk).shape(extents).create(column.name)?;
-        describe(&dataset, column.unit, column.meaning)?;
-        Ok(dataset)
-    }
-    let group = file.create_group("boxes")?;
-    let all = boxes::COLUMNS.iter().map(|column| match column.numbers(&[]) {
-        Numbers::U32(_) => create::<u32>(&group, column),
-        Numbers::F64(_) => create::<f64>(&group, column),
-    });
-    all.collect()
-}
-
-/// Writes the `numbers` of boxes from the row `first` on.
-fn put_boxes<T: H5Type>(dataset: &Dataset, first: usize, column: &BoxColumn, numbers: &[T]) -> ::hdf5::Result<()> {
-    match column.width() {
-        None => dataset.write_slice(numbers, first..first + numbers.len()),
-        Some(width) => {
-            let rows = (first..).zip(numbers.chunks_exact(width));
-            rows.into_iter().try_for_each(|(row, numbers)| dataset.write_slice(numbers, (row, ..)))
-        }
-    }
 }
 
 #[cfg(test)]

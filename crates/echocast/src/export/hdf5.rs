@@ -1,11 +1,12 @@
 //! HDF5: one dataset per column at the root.
 
-use super::{Format, boxes, sensor_pose, unfinished};
-use crate::cloud::{Column, FieldInfo, PointCloud};
+use super::boxes::{self, BoxColumn, Numbers};
+use super::{Format, Growing, sensor_pose, unfinished};
+use crate::cloud::{Column, ColumnType, FieldInfo, InstanceBox, PointCloud};
 use crate::ground::report::Report;
 use crate::scene::Labels;
 use ::hdf5::types::VarLenUnicode;
-use ::hdf5::{Attribute, Dataset, ErrorFrame, File, Group, H5Type, Location};
+use ::hdf5::{Attribute, Dataset, ErrorFrame, Extent, File, Group, H5Type, Location};
 use std::io;
 use std::path::Path;
 
@@ -41,6 +42,10 @@ impl Format for Hdf5 {
     fn write(&self, cloud: &PointCloud, path: &Path, _: &mut Report) -> io::Result<()> {
         self.write_file(cloud, path).map_err(io_error)
     }
+
+    fn begin(&self, first: &PointCloud, path: &Path) -> Option<io::Result<Box<dyn Growing>>> {
+        Some(Hdf5File::create(first, path).map(|file| Box::new(file) as Box<dyn Growing>).map_err(io_error))
+    }
 }
 
 impl Hdf5 {
@@ -64,6 +69,138 @@ impl Hdf5 {
             }
         }
         file.close()
+    }
+}
+
+/// Rows of frames and boxes that are allocated together.
+pub(super) const ROWS: usize = 256;
+/// Rows of points that are allocated together.
+const CHUNK: usize = 1 << 16;
+
+/// A file to which clouds are added: the same datasets, in chunks.
+struct Hdf5File {
+    // The datasets go before the file.
+    columns: Vec<(&'static FieldInfo, Dataset)>,
+    boxes: Option<BoxRows>,
+    file: Option<File>,
+    /// Rows so far.
+    len: usize,
+}
+
+impl Hdf5File {
+    fn create(first: &PointCloud, path: &Path) -> ::hdf5::Result<Hdf5File> {
+        fn create<T: H5Type>(file: &File, info: &FieldInfo) -> ::hdf5::Result<Dataset> {
+            let rows = file.new_dataset::<T>().obj_track_times(false).chunk(CHUNK).shape(Extent::resizable(0));
+            let dataset = rows.create(info.name)?;
+            describe(&dataset, info.unit, info.meaning)?;
+            Ok(dataset)
+        }
+        let file = File::create(path)?;
+        let mut columns = Vec::new();
+        for info in first.fields.iter() {
+            let dataset = match info.kind {
+                ColumnType::F32 => create::<f32>(&file, info),
+                ColumnType::F64 => create::<f64>(&file, info),
+                ColumnType::U8 => create::<u8>(&file, info),
+                ColumnType::U16 => create::<u16>(&file, info),
+                ColumnType::U32 => create::<u32>(&file, info),
+            }?;
+            columns.push((info, dataset));
+        }
+        let boxes = first.boxes.is_some().then(|| BoxRows::create(&file)).transpose()?;
+        Ok(Hdf5File { columns, boxes, file: Some(file), len: 0 })
+    }
+
+    fn add_rows(&mut self, cloud: &PointCloud) -> ::hdf5::Result<()> {
+        let rows = self.len..self.len + cloud.len;
+        for (info, dataset) in self.columns.iter().filter(|_| !rows.is_empty()) {
+            unfinished::check().map_err(|error| error.to_string())?;
+            dataset.resize(rows.end)?;
+            match cloud.column(info.field) {
+                Column::F32(c) => dataset.write_slice(c, rows.clone()),
+                Column::F64(c) => dataset.write_slice(c, rows.clone()),
+                Column::U8(c) => dataset.write_slice(c, rows.clone()),
+                Column::U16(c) => dataset.write_slice(c, rows.clone()),
+                Column::U32(c) => dataset.write_slice(c, rows.clone()),
+            }?;
+        }
+        if let (Some(rows), Some(boxes)) = (&mut self.boxes, &cloud.boxes) {
+            rows.add(boxes)?;
+        }
+        self.len = rows.end;
+        Ok(())
+    }
+
+    fn complete(&mut self, head: &PointCloud) -> ::hdf5::Result<()> {
+        self.columns.clear();
+        self.boxes = None;
+        let Some(file) = self.file.take() else { return Ok(()) };
+        for (name, values) in sensor_pose(head) {
+            add(&file, name, &[values.len()], &values)?;
+        }
+        add_tables(&file, head)?;
+        file.close()
+    }
+}
+
+impl Growing for Hdf5File {
+    fn add(&mut self, cloud: &PointCloud) -> io::Result<()> {
+        self.add_rows(cloud).map_err(io_error)
+    }
+
+    fn finish(&mut self, head: &PointCloud, _: &mut Report) -> io::Result<()> {
+        self.complete(head).map_err(io_error)
+    }
+}
+
+/// The boxes of a file to which they are added: a group with a dataset for each of [`boxes::COLUMNS`].
+#[derive(Debug)]
+pub(super) struct BoxRows {
+    datasets: Vec<Dataset>,
+    /// Boxes so far.
+    len: usize,
+}
+
+impl BoxRows {
+    pub(super) fn create(file: &File) -> ::hdf5::Result<BoxRows> {
+        fn create<T: H5Type>(group: &Group, column: &BoxColumn) -> ::hdf5::Result<Dataset> {
+            let (extents, chunk): (Vec<Extent>, Vec<usize>) = [(Extent::resizable(0), ROWS)]
+                .into_iter()
+                .chain(column.width().map(|width| (Extent::fixed(width), width)))
+                .unzip();
+            let dataset =
+                group.new_dataset::<T>().obj_track_times(false).chunk(chunk).shape(extents).create(column.name)?;
+            describe(&dataset, column.unit, column.meaning)?;
+            Ok(dataset)
+        }
+        let group = file.create_group("boxes")?;
+        let all = boxes::COLUMNS.iter().map(|column| match column.numbers(&[]) {
+            Numbers::U32(_) => create::<u32>(&group, column),
+            Numbers::F64(_) => create::<f64>(&group, column),
+        });
+        Ok(BoxRows { datasets: all.collect::<::hdf5::Result<_>>()?, len: 0 })
+    }
+
+    pub(super) fn add(&mut self, boxes: &[InstanceBox]) -> ::hdf5::Result<()> {
+        /// Writes `numbers` from the row `first` on.
+        fn put<T: H5Type>(dataset: &Dataset, first: usize, column: &BoxColumn, numbers: &[T]) -> ::hdf5::Result<()> {
+            match column.width() {
+                None => dataset.write_slice(numbers, first..first + numbers.len()),
+                Some(width) => {
+                    let rows = (first..).zip(numbers.chunks_exact(width));
+                    rows.into_iter().try_for_each(|(row, numbers)| dataset.write_slice(numbers, (row, ..)))
+                }
+            }
+        }
+        for (column, dataset) in boxes::COLUMNS.iter().zip(&self.datasets) {
+            dataset.resize(column.shape(self.len + boxes.len()))?;
+            match column.numbers(boxes) {
+                Numbers::U32(numbers) => put(dataset, self.len, column, &numbers),
+                Numbers::F64(numbers) => put(dataset, self.len, column, &numbers),
+            }?;
+        }
+        self.len += boxes.len();
+        Ok(())
     }
 }
 

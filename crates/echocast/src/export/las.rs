@@ -3,17 +3,18 @@
 //! Layouts: ASPRS LAS Specification 1.4 R15. Header and variable length records are written by the crate `las`, point
 //! records by our own code, which is several times faster.
 
-use super::{Format, Sink, labels_json};
+use super::laz::{self, Laz};
+use super::{Format, Growing, Sink, labels_json};
 use crate::cloud::record::{self, BLOCK_BYTES};
-use crate::cloud::{Column, Field, FieldInfo, PointCloud};
+use crate::cloud::{Column, ColumnType, Field, FieldInfo, PointCloud};
 use crate::ground::report::Report;
 use ::las::raw::header::{Evlr, LargeFile};
-use ::las::{Builder, Transform, Vector, Vlr};
-use std::io::{self, BufWriter, Write};
+use ::las::{Builder, Header, Transform, Vector, Vlr};
+use std::io::{self, BufWriter, Seek, Write};
 use std::path::Path;
 
 /// LAS 1.4, point format 7.
-pub(super) static LAS: Las = Las {
+pub(super) const LAS: Las = Las {
     name: "las",
     extensions: &["las"],
     description: "LAS 1.4, point format 7; 0.1 mm, 16 bit intensity, labels and other columns in extra bytes",
@@ -27,10 +28,20 @@ pub(super) static LAS: Las = Las {
     time: Some(22),
     colour: 30,
     extra_bytes: true,
+    compressed: false,
+};
+
+/// The same with its points compressed, as LASzip 3 does: a third to a sixth of the size.
+pub(super) const LAZ: Las = Las {
+    name: "laz",
+    extensions: &["laz"],
+    description: "LAS 1.4 as las, compressed by LASzip: smaller, slower to write",
+    compressed: true,
+    ..LAS
 };
 
 /// LAS 1.2, point format 2: position, label, intensity and colour, which most programs read.
-pub(super) static LAS2: Las = Las {
+pub(super) const LAS2: Las = Las {
     name: "las2",
     extensions: &[],
     description: "LAS 1.2, point format 2, category_id in point source id: the simplest LAS with colour",
@@ -44,9 +55,11 @@ pub(super) static LAS2: Las = Las {
     time: None,
     colour: 20,
     extra_bytes: false,
+    compressed: false,
 };
 
 /// One kind of point record: sizes and places of its members in bytes, where the kinds differ.
+#[derive(Clone, Copy)]
 pub(super) struct Las {
     name: &'static str,
     extensions: &'static [&'static str],
@@ -64,6 +77,7 @@ pub(super) struct Las {
     colour: usize,
     /// Whether the columns that LAS lacks follow as extra bytes; otherwise the category is the point source id.
     extra_bytes: bool,
+    compressed: bool,
 }
 
 const INTENSITY: usize = 12;
@@ -105,64 +119,115 @@ impl Format for Las {
     }
 
     fn write(&self, cloud: &PointCloud, path: &Path, report: &mut Report) -> io::Result<()> {
-        let extra: Vec<Extra> = if self.extra_bytes { Extra::of(cloud) } else { Vec::new() };
-        let survey = Survey::of(cloud, self);
-        survey.tell(cloud, self, report);
-        // Not buffered: header and records each go in few large pieces.
-        let mut file = Sink::create(path)?;
-        let evlr = self.write_header(cloud, &extra, &survey, &mut file)?;
-        self.write_records(cloud, &extra, &survey, &mut file)?;
-        if let Some(labels) = evlr {
-            let mut buffered = BufWriter::new(&mut file);
-            labels.into_raw(true).and_then(|raw| raw.write_to(&mut buffered)).map_err(io_error)?;
-            buffered.flush()?;
-            drop(buffered);
-        }
-        file.finish()
+        super::write_alone(LasFile::create(self, cloud, path)?, cloud, report)
+    }
+
+    fn begin(&self, first: &PointCloud, path: &Path) -> Option<io::Result<Box<dyn Growing>>> {
+        // Without a full scale, that of the intensities depends on the strongest of all points.
+        let scaled = first.intensity_full_scale.is_some() || first.columns.intensity.is_empty();
+        scaled.then(|| Ok(Box::new(LasFile::create(self, first, path)?) as Box<dyn Growing>))
     }
 }
 
-impl Las {
-    /// Writes the header and the records before the points; returns the record that must follow them.
-    fn write_header(
-        &self,
-        cloud: &PointCloud,
-        extra: &[Extra],
-        survey: &Survey,
-        file: &mut Sink,
-    ) -> io::Result<Option<Vlr>> {
-        let mut builder = Builder::from(self.version);
-        builder.point_format = ::las::point::Format::new(self.point_format).map_err(io_error)?;
-        builder.point_format.extra_bytes = Extra::size(extra) as u16; // at most 32 columns of 8 bytes
+/// A file that is being written.
+struct LasFile {
+    las: Las,
+    file: Sink,
+    extra: Vec<Extra>,
+    survey: Survey,
+    laz: Option<Laz>,
+}
+
+impl Growing for LasFile {
+    fn add(&mut self, cloud: &PointCloud) -> io::Result<()> {
+        self.survey.add(cloud, &self.las);
+        self.write_records(cloud)
+    }
+
+    fn finish(&mut self, head: &PointCloud, report: &mut Report) -> io::Result<()> {
+        self.survey.tell(head, &self.las, report);
+        if let Some(laz) = &mut self.laz {
+            laz.finish(&mut self.file)?;
+        }
+        let end = self.file.stream_position()?;
+        let header = self.header(head)?;
+        if let Some(labels) = header.evlrs().first() {
+            let raw = labels.clone().into_raw(true).map_err(io_error)?;
+            write_buffered(&mut self.file, |file| raw.write_to(file))?;
+        }
+        // Now that all points are counted.
+        self.file.rewind()?;
+        self.write_header(&header, head, end)?;
+        self.file.take_error()
+    }
+}
+
+impl LasFile {
+    /// Starts the file for clouds like `first`, none of whose points are farther out than it is far.
+    fn create(las: &Las, first: &PointCloud, path: &Path) -> io::Result<LasFile> {
+        // Not buffered: header and records each go in few large pieces.
+        let file = Sink::create(path)?;
+        let extra = if las.extra_bytes { Extra::of(first) } else { Vec::new() };
+        let survey = Survey::new(first);
+        let laz = las.compressed.then(|| Laz::new(las.point_format, Extra::size(&extra) as u16)).transpose()?;
+        let mut file = LasFile { las: *las, file, extra, survey, laz };
+        let header = file.header(first)?;
+        file.write_header(&header, first, 0)?;
+        if let Some(laz) = &mut file.laz {
+            laz.begin(&mut file.file)?;
+        }
+        Ok(file)
+    }
+
+    /// Header and records beside the points, of which those that come after them are last. `head` is the cloud
+    /// without its rows.
+    fn header(&self, head: &PointCloud) -> io::Result<Header> {
+        let las = &self.las;
+        let mut builder = Builder::from(las.version);
+        builder.point_format = ::las::point::Format::new(las.point_format).map_err(io_error)?;
+        builder.point_format.extra_bytes = Extra::size(&self.extra) as u16; // at most 32 columns of 8 bytes
         builder.generating_software = concat!("echocast ", env!("CARGO_PKG_VERSION")).into();
         builder.system_identifier = "SIMULATION".into();
-        let transform = |offset| Transform { scale: survey.step(), offset };
-        builder.transforms =
-            Vector { x: transform(cloud.origin.x), y: transform(cloud.origin.y), z: transform(cloud.origin.z) };
-        if self.extra_bytes {
+        let transform = |offset| Transform { scale: self.survey.step(), offset };
+        let origin = head.origin;
+        builder.transforms = Vector { x: transform(origin.x), y: transform(origin.y), z: transform(origin.z) };
+        if las.extra_bytes {
             let columns = Vlr {
                 user_id: "LASF_Spec".into(),
                 record_id: 4,
                 description: "extra bytes".into(),
-                data: extra.iter().flat_map(Extra::descriptor).collect(),
+                data: self.extra.iter().flat_map(Extra::descriptor).collect(),
             };
+            // Beams without a return are left out, and with them the shape.
+            let labels = labels_json(&PointCloud { organised: None, ..head.head() });
             let labels = Vlr {
                 user_id: "echocast".into(),
                 record_id: 1,
                 description: "pose and label names, JSON".into(),
-                data: labels_json(cloud).into_bytes(),
+                data: labels.into_bytes(),
             };
             builder.vlrs.extend([columns, labels]);
             builder.vlrs.retain(|vlr| !vlr.data.is_empty());
         }
-        let header = builder.into_header().map_err(io_error)?;
+        if let Some(laz) = &self.laz {
+            builder.vlrs.push(laz.record()?);
+        }
+        builder.into_header().map_err(io_error)
+    }
+
+    /// Writes the header and the records before the points, which end at `end`.
+    fn write_header(&mut self, header: &Header, head: &PointCloud, end: u64) -> io::Result<()> {
         let mut raw = header.clone().into_raw().map_err(io_error)?;
+        if self.laz.is_some() {
+            raw.point_data_record_format |= laz::COMPRESSED;
+        }
         // The day of writing is left out, so that the same run gives the same bytes.
-        let [low, high] = [survey.low, survey.high].map(|corner| survey.corner(corner, cloud));
+        let survey = &self.survey;
+        let [low, high] = survey.bounds().map(|corner| survey.corner(corner, head));
         [raw.min_x, raw.min_y, raw.min_z] = low;
         [raw.max_x, raw.max_y, raw.max_z] = high;
         let points: u64 = survey.by_return.iter().sum();
-        if self.version < (1, 4) {
+        if self.las.version < (1, 4) {
             // Counts of more than five returns have no place here.
             let small =
                 |n: u64| u32::try_from(n).map_err(|_| io::Error::other("LAS 1.2 holds 4294967295 points at most"));
@@ -174,22 +239,18 @@ impl Las {
             raw.large_file =
                 Some(LargeFile { number_of_point_records: points, number_of_points_by_return: survey.by_return });
         }
-        let evlr = header.evlrs().first().cloned();
-        if evlr.is_some() {
-            let end = u64::from(raw.offset_to_point_data) + points * u64::from(raw.point_data_record_length);
+        if !header.evlrs().is_empty() {
             raw.evlr = Some(Evlr { start_of_first_evlr: end, number_of_evlrs: 1 });
         }
-        let mut buffered = BufWriter::new(file);
-        raw.write_to(&mut buffered).map_err(io_error)?;
-        for vlr in header.vlrs() {
-            vlr.clone().into_raw(false).and_then(|raw| raw.write_to(&mut buffered)).map_err(io_error)?;
-        }
-        buffered.flush()?;
-        Ok(evlr)
+        write_buffered(&mut self.file, |file| {
+            raw.write_to(&mut *file)?;
+            header.vlrs().iter().try_for_each(|vlr| vlr.clone().into_raw(false)?.write_to(&mut *file))
+        })
     }
 
-    fn write_records(&self, cloud: &PointCloud, extra: &[Extra], survey: &Survey, file: &mut Sink) -> io::Result<()> {
-        let size = self.size + Extra::size(extra);
+    fn write_records(&mut self, cloud: &PointCloud) -> io::Result<()> {
+        let LasFile { las, file, extra, survey, laz, .. } = self;
+        let size = las.size + Extra::size(extra);
         let block = BLOCK_BYTES / size;
         // Members that nothing is put into (flags, user data, scan angle) stay 0.
         let mut buffer = vec![0; block * size];
@@ -199,7 +260,7 @@ impl Las {
         let per_full_scale = 65535.0 / f64::from(survey.full_intensity);
         for start in (0..cloud.len).step_by(block) {
             rows.clear();
-            rows.extend((start..cloud.len.min(start + block)).filter(|&row| is_point(cloud, row)));
+            rows.extend((start..cloud.len.min(start + block)).filter(|&row| survey.holds(cloud, row)));
             let records = &mut buffer[..rows.len() * size];
             for (axis, column) in [&c.x, &c.y, &c.z].into_iter().enumerate() {
                 let steps = |row: usize| ((f64::from(column[row]) * per_metre).round() as i32).to_le_bytes();
@@ -210,37 +271,42 @@ impl Las {
                 let part = |row: usize| ((f64::from(c.intensity[row]) * per_full_scale).round() as u16).to_le_bytes();
                 record::put(records, size, INTENSITY, rows.iter().copied(), part);
             }
-            let returns = |row| [self.return_number(cloud, row) | self.return_count(cloud, row) << self.return_bits];
+            let returns = |row| [las.return_number(cloud, row) | las.return_count(cloud, row) << las.return_bits];
             record::put(records, size, RETURNS, rows.iter().copied(), returns);
             if !classes.is_empty() && !c.category_id.is_empty() {
                 let class = |row: usize| {
                     let class = classes.get(&c.category_id[row]).copied().unwrap_or(0);
-                    [if class <= self.most_class { class } else { UNCLASSIFIED }]
+                    [if class <= las.most_class { class } else { UNCLASSIFIED }]
                 };
-                record::put(records, size, self.classification, rows.iter().copied(), class);
+                record::put(records, size, las.classification, rows.iter().copied(), class);
             }
-            if let (Some(time), false) = (self.time, c.time.is_empty()) {
+            if let (Some(time), false) = (las.time, c.time.is_empty()) {
                 record::put(records, size, time, rows.iter().copied(), |row| c.time[row].to_le_bytes());
             }
             for (channel, column) in [&c.red, &c.green, &c.blue].into_iter().enumerate() {
                 if !column.is_empty() {
                     // Colours have 16 bits in LAS and white is 65535 there: 257 = 65535 / 255 repeats the byte.
                     let wide = |row: usize| (u16::from(column[row]) * 257).to_le_bytes();
-                    record::put(records, size, self.colour + channel * 2, rows.iter().copied(), wide);
+                    record::put(records, size, las.colour + channel * 2, rows.iter().copied(), wide);
                 }
             }
-            if !self.extra_bytes && !c.category_id.is_empty() {
+            if !las.extra_bytes && !c.category_id.is_empty() {
                 let id = |row: usize| u16::try_from(c.category_id[row]).unwrap_or(u16::MAX).to_le_bytes();
-                record::put(records, size, self.source_id, rows.iter().copied(), id);
+                record::put(records, size, las.source_id, rows.iter().copied(), id);
             }
-            for column in extra {
-                column.put(records, size, self.size, &rows);
+            for column in &*extra {
+                column.put(cloud, records, size, las.size, &rows);
             }
-            file.write_all(records)?;
+            match laz {
+                Some(laz) => laz.add(records, file)?,
+                None => file.write_all(records)?,
+            }
         }
         Ok(())
     }
+}
 
+impl Las {
     fn return_number(&self, cloud: &PointCloud, row: usize) -> u8 {
         cloud.columns.return_number.get(row).map_or(1, |&number| number.clamp(1, self.most_returns()))
     }
@@ -254,10 +320,20 @@ impl Las {
     }
 }
 
-/// Whether row `row` has a position; beams without a return have none.
-fn is_point(cloud: &PointCloud, row: usize) -> bool {
+/// Writes in few pieces what `write` writes in many.
+fn write_buffered(
+    file: &mut Sink,
+    write: impl FnOnce(&mut BufWriter<&mut Sink>) -> ::las::Result<()>,
+) -> io::Result<()> {
+    let mut buffered = BufWriter::new(file);
+    write(&mut buffered).map_err(io_error)?;
+    buffered.flush()
+}
+
+/// Coordinates of row `row` relative to the origin, metres; NaN without a return.
+fn place(cloud: &PointCloud, row: usize) -> [f32; 3] {
     let c = &cloud.columns;
-    c.x[row].is_finite() && c.y[row].is_finite() && c.z[row].is_finite()
+    [c.x[row], c.y[row], c.z[row]]
 }
 
 fn io_error(error: ::las::Error) -> io::Error {
@@ -269,7 +345,8 @@ fn io_error(error: ::las::Error) -> io::Error {
 
 /// Greatest intensity of the points, never 0, which nothing can be divided by.
 fn strongest(cloud: &PointCloud) -> f32 {
-    let finite = |&(row, intensity): &(usize, &f32)| intensity.is_finite() && is_point(cloud, row);
+    let finite =
+        |&(row, intensity): &(usize, &f32)| intensity.is_finite() && place(cloud, row).iter().all(|x| x.is_finite());
     cloud.columns.intensity.iter().enumerate().filter(finite).fold(f32::MIN_POSITIVE, |most, (_, &i)| most.max(i))
 }
 
@@ -285,53 +362,73 @@ struct Survey {
     full_intensity: f32,
     misses: usize,
     /// Points too far away for the numbers to hold.
-    infinite: usize,
+    far: usize,
     clamped_intensities: bool,
     clamped_returns: bool,
     clamped_categories: bool,
 }
 
 impl Survey {
-    fn of(cloud: &PointCloud, las: &Las) -> Self {
-        let c = &cloud.columns;
+    /// Of no points yet, in steps in which those of `first` can be said.
+    fn new(first: &PointCloud) -> Self {
+        let axes = [&first.columns.x, &first.columns.y, &first.columns.z].into_iter();
+        let farthest = axes.flatten().filter(|x| x.is_finite()).fold(0.0_f32, |most, x| most.max(x.abs()));
         let mut survey = Survey {
             low: [f32::INFINITY; 3],
             high: [f32::NEG_INFINITY; 3],
             by_return: [0; 15],
             exponent: FINEST_STEP,
-            full_intensity: cloud.intensity_full_scale.unwrap_or_else(|| strongest(cloud)),
+            full_intensity: first.intensity_full_scale.unwrap_or_else(|| strongest(first)),
             misses: 0,
-            infinite: 0,
+            far: 0,
             clamped_intensities: false,
             clamped_returns: false,
             clamped_categories: false,
         };
-        let intensities = 0.0..=survey.full_intensity;
-        let returns = 1..=las.most_returns();
-        for row in 0..cloud.len {
-            if !is_point(cloud, row) {
-                let infinite = [c.x[row], c.y[row], c.z[row]].iter().any(|x| x.is_infinite());
-                *if infinite { &mut survey.infinite } else { &mut survey.misses } += 1;
-                continue;
-            }
-            for (axis, value) in [c.x[row], c.y[row], c.z[row]].into_iter().enumerate() {
-                survey.low[axis] = survey.low[axis].min(value);
-                survey.high[axis] = survey.high[axis].max(value);
-            }
-            survey.by_return[usize::from(las.return_number(cloud, row)) - 1] += 1;
-            let inside = |column: &[u8]| column.get(row).is_none_or(|number| returns.contains(number));
-            survey.clamped_returns |= !inside(&c.return_number) || !inside(&c.return_count);
-            survey.clamped_intensities |= c.intensity.get(row).is_some_and(|i| !intensities.contains(i));
-            survey.clamped_categories |= c.category_id.get(row).is_some_and(|&id| id > u32::from(u16::MAX));
-        }
-        if survey.misses + survey.infinite == cloud.len {
-            (survey.low, survey.high) = ([0.0; 3], [0.0; 3]);
-        }
-        let farthest = f64::from(survey.low.iter().chain(&survey.high).fold(0.0f32, |m, v| m.max(v.abs())));
-        while farthest / survey.step() >= f64::from(i32::MAX) {
+        while f64::from(farthest) >= survey.reach() {
             survey.exponent += 1;
         }
         survey
+    }
+
+    /// Coordinates below this can be said, metres.
+    fn reach(&self) -> f64 {
+        f64::from(i32::MAX) * self.step()
+    }
+
+    /// Whether row `row` is a point that can be said.
+    fn holds(&self, cloud: &PointCloud, row: usize) -> bool {
+        let reach = self.reach();
+        place(cloud, row).iter().all(|&x| f64::from(x).abs() < reach)
+    }
+
+    /// Counts the points of `cloud`.
+    fn add(&mut self, cloud: &PointCloud, las: &Las) {
+        let c = &cloud.columns;
+        let intensities = 0.0..=self.full_intensity;
+        let returns = 1..=las.most_returns();
+        for row in 0..cloud.len {
+            let place = place(cloud, row);
+            if !self.holds(cloud, row) {
+                let miss = place.iter().any(|x| x.is_nan());
+                *if miss { &mut self.misses } else { &mut self.far } += 1;
+                continue;
+            }
+            for (axis, value) in place.into_iter().enumerate() {
+                self.low[axis] = self.low[axis].min(value);
+                self.high[axis] = self.high[axis].max(value);
+            }
+            self.by_return[usize::from(las.return_number(cloud, row)) - 1] += 1;
+            let inside = |column: &[u8]| column.get(row).is_none_or(|number| returns.contains(number));
+            self.clamped_returns |= !inside(&c.return_number) || !inside(&c.return_count);
+            self.clamped_intensities |= c.intensity.get(row).is_some_and(|i| !intensities.contains(i));
+            self.clamped_categories |= c.category_id.get(row).is_some_and(|&id| id > u32::from(u16::MAX));
+        }
+    }
+
+    /// Least and greatest coordinates, metres; 0 without points.
+    fn bounds(&self) -> [[f32; 3]; 2] {
+        if self.by_return == [0; 15] { [[0.0; 3]; 2] } else { [self.low, self.high] }
     }
 
     /// Step of the coordinates, metres.
@@ -347,17 +444,18 @@ impl Survey {
         })
     }
 
-    /// Without counts of what is usual, so that the files of a sequence say the same.
-    fn tell(&self, cloud: &PointCloud, las: &Las, report: &mut Report) {
+    /// Without counts of what is usual, so that the files of a sequence say the same. `head` is the cloud without its
+    /// rows.
+    fn tell(&self, head: &PointCloud, las: &Las, report: &mut Report) {
         let name = las.name;
         if self.misses > 0 {
             report.warn(format!("{name}: rows without a position left out"));
         }
-        if self.infinite > 0 {
-            let points = cloud.len - self.misses;
+        if self.far > 0 {
+            let points = head.len - self.misses;
             report.warn(format!(
-                "{name}: {} of {points} points left out: their coordinates are infinite, farther than LAS can say",
-                self.infinite
+                "{name}: {} of {points} points left out: their coordinates are farther out than LAS can say",
+                self.far
             ));
         }
         if self.exponent != FINEST_STEP {
@@ -369,7 +467,7 @@ impl Survey {
         if self.clamped_intensities {
             report.warn(format!("{name}: intensities below 0, above full scale or without a value clamped"));
         }
-        if cloud.intensity_full_scale.is_none() && !cloud.columns.intensity.is_empty() {
+        if head.intensity_full_scale.is_none() && head.fields.contains(Field::Intensity) {
             let kept = if las.extra_bytes { format!("; {RAW_INTENSITY} holds it as it is") } else { String::new() };
             report.warn(format!(
                 "{name}: the intensity of this sensor has no full scale; 65535 is the strongest point of the file{kept}"
@@ -390,20 +488,19 @@ impl Survey {
 const RAW_INTENSITY: &str = "raw_intensity";
 
 /// A column for which LAS has no dimension, or only part of one, behind the members of each record.
-struct Extra<'a> {
+struct Extra {
     info: &'static FieldInfo,
     name: &'static str,
     /// At most 31 bytes.
     meaning: String,
-    column: Column<'a>,
-    /// What makes positions f64 world coordinates.
-    offset: Option<f64>,
+    /// Whether it is a position, which has 64 bits with the origin.
+    positions: bool,
     /// First byte behind the members.
     at: usize,
 }
 
-impl<'a> Extra<'a> {
-    fn of(cloud: &'a PointCloud) -> Vec<Self> {
+impl Extra {
+    fn of(cloud: &PointCloud) -> Vec<Self> {
         let mut all: Vec<Self> = Vec::new();
         let unscaled = cloud.intensity_full_scale.is_none();
         for info in cloud.fields.iter() {
@@ -412,21 +509,21 @@ impl<'a> Extra<'a> {
                 _ if info.las.is_none() => (info.name, description(info)),
                 _ => continue,
             };
-            let (column, offset) = (cloud.column(info.field), cloud.offset(info.field));
-            all.push(Extra { info, name, meaning, column, offset, at: Extra::size(&all) });
+            let positions = cloud.offset(info.field).is_some();
+            all.push(Extra { info, name, meaning, positions, at: Extra::size(&all) });
         }
         all
     }
 
     /// Bytes that all of `extra` take in a record.
     fn size(extra: &[Self]) -> usize {
-        extra.iter().map(|e| if e.offset.is_some() { 8 } else { e.info.kind.size() }).sum()
+        extra.iter().map(|e| if e.positions { 8 } else { e.info.kind.size() }).sum()
     }
 
-    fn put(&self, records: &mut [u8], size: usize, behind: usize, rows: &[usize]) {
+    fn put(&self, cloud: &PointCloud, records: &mut [u8], size: usize, behind: usize, rows: &[usize]) {
         let at = behind + self.at;
         let rows = rows.iter().copied();
-        match (self.column, self.offset) {
+        match (cloud.column(self.info.field), cloud.offset(self.info.field)) {
             (Column::F32(c), Some(offset)) => {
                 record::put(records, size, at, rows, |row| (f64::from(c[row]) + offset).to_le_bytes());
             }
@@ -441,12 +538,13 @@ impl<'a> Extra<'a> {
     /// Its entry of the record `LASF_Spec` 4 (specification, tables 24 and 25).
     fn descriptor(&self) -> [u8; 192] {
         let mut bytes = [0; 192];
-        bytes[2] = match (self.column, self.offset) {
-            (Column::U8(_), _) => 1,
-            (Column::U16(_), _) => 3,
-            (Column::U32(_), _) => 5,
-            (Column::F32(_), None) => 9,
-            (Column::F32(_), Some(_)) | (Column::F64(_), _) => 10,
+        bytes[2] = match self.info.kind {
+            _ if self.positions => 10,
+            ColumnType::U8 => 1,
+            ColumnType::U16 => 3,
+            ColumnType::U32 => 5,
+            ColumnType::F32 => 9,
+            ColumnType::F64 => 10,
         };
         bytes[4..4 + self.name.len()].copy_from_slice(self.name.as_bytes());
         bytes[160..160 + self.meaning.len()].copy_from_slice(self.meaning.as_bytes());
@@ -474,7 +572,7 @@ mod tests {
         cloud.columns.resize(cloud.fields, 4).unwrap();
         cloud.columns.x = vec![1e17, f32::INFINITY, f32::NAN, 0.0];
         let report = crate::export::write(&cloud, &folder.path().join("a.las"), None).unwrap();
-        let told = "las: 1 of 3 points left out: their coordinates are infinite, farther than LAS can say";
+        let told = "las: 1 of 3 points left out: their coordinates are farther out than LAS can say";
         assert!(report.warnings.iter().any(|warning| warning == told), "{report:?}");
         assert!(report.warnings.iter().any(|warning| warning.contains("rounded to 100000000 m")), "{report:?}");
     }

@@ -5,9 +5,11 @@ mod boxes;
 mod csv;
 #[cfg(feature = "hdf5")]
 mod frames;
+mod growing;
 #[cfg(feature = "hdf5")]
 mod hdf5;
 mod las;
+mod laz;
 mod npz;
 mod pings;
 mod ply;
@@ -17,6 +19,7 @@ mod unfinished;
 pub use boxes::{check_boxes, write_boxes};
 #[cfg(feature = "hdf5")]
 pub use frames::FramesFile;
+pub use growing::GrowingFile;
 pub use pings::{check_image, check_pings, image_label_paths};
 pub use unfinished::{cancel_flag, remove_unfinished};
 
@@ -64,11 +67,37 @@ pub trait Format: Sync {
     /// # Errors
     /// The system's errors: a full disk.
     fn write(&self, cloud: &PointCloud, path: &Path, report: &mut Report) -> io::Result<()>;
+    /// Starts the file `path`, which nobody else sees yet, for clouds like `first` that are added to it one after the
+    /// other; `None`: the format needs all points at once.
+    fn begin(&self, _first: &PointCloud, _path: &Path) -> Option<io::Result<Box<dyn Growing>>> {
+        None
+    }
+}
+
+/// A file to which clouds are added one after the other, without keeping them.
+pub trait Growing {
+    /// Adds the rows of `cloud`, which fits the first.
+    ///
+    /// # Errors
+    /// The system's.
+    fn add(&mut self, cloud: &PointCloud) -> io::Result<()>;
+    /// Completes the file. `head` is all clouds together, without their rows and boxes. What is lost goes to `report`.
+    ///
+    /// # Errors
+    /// The system's.
+    fn finish(&mut self, head: &PointCloud, report: &mut Report) -> io::Result<()>;
+}
+
+/// Writes `cloud` alone to `file`.
+fn write_alone(mut file: impl Growing, cloud: &PointCloud, report: &mut Report) -> io::Result<()> {
+    file.add(cloud)?;
+    file.finish(cloud, report)
 }
 
 /// Every output format.
 pub const FORMATS: &[&dyn Format] = &[
     &las::LAS,
+    &las::LAZ,
     &las::LAS2,
     #[cfg(feature = "hdf5")]
     &hdf5::Hdf5,
@@ -151,20 +180,21 @@ pub fn write(cloud: &PointCloud, path: &Path, format: Option<&str>) -> Result<Re
     let format = format_for(path, format)?;
     check_fields(format, cloud.fields)?;
     cloud.check()?;
+    let mut report = lost(format, cloud.fields);
+    let output = Output::create(path, format)?;
+    format.write(cloud, output.file.path(), &mut report).map_err(|source| failed(path, source))?;
+    output.commit(path, cloud)?;
+    Ok(report)
+}
+
+/// What a cloud with the columns `fields` loses in `format`.
+fn lost(format: &dyn Format, fields: FieldSet) -> Report {
     let mut report = Report::default();
-    let lost: Vec<&str> = cloud.fields.iter().filter(|info| !format.holds(info)).map(|info| info.name).collect();
+    let lost: Vec<&str> = fields.iter().filter(|info| !format.holds(info)).map(|info| info.name).collect();
     if !lost.is_empty() {
         report.warn(format!("{}: cannot hold the columns {}", format.name(), lost.join(", ")));
     }
-    let Output { file, labels } = Output::create(path, format)?;
-    format.write(cloud, file.path(), &mut report).map_err(|source| failed(path, source))?;
-    if let Some(labels) = &labels {
-        write_bytes(labels.path(), labels_json(cloud).as_bytes())
-            .map_err(|source| failed(&labels_path(path), source))?;
-    }
-    // Whoever is woken by the cloud finds the names.
-    atomic::commit_all(labels.into_iter().chain([file]).collect())?;
-    Ok(report)
+    report
 }
 
 /// Writes `cloud` to the new file `path`, and its label names beside it if `format` cannot hold them, in a folder that
@@ -209,6 +239,18 @@ impl Output {
         let file = Pending::create(path)?;
         let labels = (!format.holds_label_names()).then(|| Pending::create(&labels_path(path))).transpose()?;
         Ok(Output { file, labels })
+    }
+
+    /// Gives their names to the complete cloud file and, beside it, to the label names of `cloud`, of which rows are not
+    /// needed.
+    fn commit(self, path: &Path, cloud: &PointCloud) -> Result<()> {
+        let Output { file, labels } = self;
+        if let Some(labels) = &labels {
+            write_bytes(labels.path(), labels_json(cloud).as_bytes())
+                .map_err(|source| failed(&labels_path(path), source))?;
+        }
+        // Whoever is woken by the cloud finds the names.
+        atomic::commit_all(labels.into_iter().chain([file]).collect())
     }
 }
 

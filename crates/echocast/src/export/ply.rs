@@ -1,11 +1,11 @@
 //! Binary PLY, for viewers.
 
-use super::{Format, Sink};
+use super::{Format, Growing, Sink};
 use crate::cloud::record::{self, BLOCK_BYTES};
-use crate::cloud::{Column, FieldInfo, PointCloud};
+use crate::cloud::{Column, FieldInfo, FieldSet, PointCloud};
 use crate::ground::report::Report;
 use std::fmt::Write as _;
-use std::io::{self, Write as _};
+use std::io::{self, Seek as _, Write as _};
 use std::path::Path;
 
 /// Vertices without faces. Property names and types are those that CloudCompare and Open3D both keep: scalars are
@@ -38,29 +38,43 @@ impl Format for Ply {
     }
 
     fn write(&self, cloud: &PointCloud, path: &Path, report: &mut Report) -> io::Result<()> {
-        let mut header = String::from("ply\nformat binary_little_endian 1.0\n");
-        let _ = writeln!(header, "comment echocast {}", env!("CARGO_PKG_VERSION"));
-        if let Some([rows, columns]) = cloud.organised {
-            let _ = writeln!(header, "obj_info num_cols {columns}\nobj_info num_rows {rows}");
-        }
-        let _ = writeln!(header, "element vertex {}", cloud.len);
+        super::write_alone(PlyFile::create(cloud, path)?, cloud, report)
+    }
+
+    fn begin(&self, first: &PointCloud, path: &Path) -> Option<io::Result<Box<dyn Growing>>> {
+        Some(PlyFile::create(first, path).map(|file| Box::new(file) as Box<dyn Growing>))
+    }
+}
+
+/// A file that is being written.
+struct PlyFile {
+    file: Sink,
+    /// Columns with numbers that are too large.
+    clamped: FieldSet,
+}
+
+impl PlyFile {
+    fn create(first: &PointCloud, path: &Path) -> io::Result<PlyFile> {
+        let mut file = Sink::create(path)?;
+        file.write_all(header(&first.head()).as_bytes())?;
+        Ok(PlyFile { file, clamped: FieldSet::EMPTY })
+    }
+}
+
+impl Growing for PlyFile {
+    fn add(&mut self, cloud: &PointCloud) -> io::Result<()> {
         let mut properties = Vec::new();
         let mut size = 0;
         for info in cloud.fields.iter() {
             let property = Property { column: cloud.column(info.field), offset: cloud.offset(info.field), at: size };
-            let (kind, bytes) = property.kind();
-            let _ = writeln!(header, "property {kind} {}", property_name(info));
-            size += bytes;
+            size += property.kind().1;
             properties.push(property);
             if let Column::U32(ids) = cloud.column(info.field)
                 && ids.iter().any(|&id| i32::try_from(id).is_err())
             {
-                report.warn(format!("ply: numbers above {} in {} written as that", i32::MAX, info.name));
+                self.clamped = self.clamped.with(info.field);
             }
         }
-        header.push_str("end_header\n");
-        let mut file = Sink::create(path)?;
-        file.write_all(header.as_bytes())?;
         let block = BLOCK_BYTES / size;
         let mut buffer = vec![0; block * size];
         for start in (0..cloud.len).step_by(block) {
@@ -69,10 +83,39 @@ impl Format for Ply {
             for property in &properties {
                 property.put(records, size, rows.clone());
             }
-            file.write_all(records)?;
+            self.file.write_all(records)?;
         }
-        file.finish()
+        Ok(())
     }
+
+    fn finish(&mut self, head: &PointCloud, report: &mut Report) -> io::Result<()> {
+        for info in self.clamped.iter() {
+            report.warn(format!("ply: numbers above {} in {} written as that", i32::MAX, info.name));
+        }
+        // Now that all points are counted.
+        self.file.rewind()?;
+        self.file.write_all(header(head).as_bytes())?;
+        self.file.take_error()
+    }
+}
+
+/// The header of a cloud with the rows of `head`; as long for any number of them.
+fn header(head: &PointCloud) -> String {
+    let mut text = String::from("ply\nformat binary_little_endian 1.0\n");
+    let _ = writeln!(text, "comment echocast {}", env!("CARGO_PKG_VERSION"));
+    let mut counts = format!("element vertex {}\n", head.len);
+    let mut longest = format!("element vertex {}\n", usize::MAX).len();
+    if let Some([rows, columns]) = head.organised {
+        counts.insert_str(0, &format!("obj_info num_cols {columns}\nobj_info num_rows {rows}\n"));
+        longest += format!("obj_info num_cols {0}\nobj_info num_rows {0}\n", u32::MAX).len();
+    }
+    let _ = writeln!(text, "comment{}", " ".repeat(longest - counts.len()));
+    text += &counts;
+    for info in head.fields.iter() {
+        let property = Property { column: head.column(info.field), offset: head.offset(info.field), at: 0 };
+        let _ = writeln!(text, "property {} {}", property.kind().0, property_name(info));
+    }
+    text + "end_header\n"
 }
 
 /// Names with a meaning of their own in PLY; all else are scalars.

@@ -25,8 +25,13 @@ impl Sink {
     }
 
     /// Checks that everything was written.
-    pub(crate) fn finish(self) -> io::Result<()> {
-        self.error.map_or(Ok(()), Err)
+    pub(crate) fn finish(mut self) -> io::Result<()> {
+        self.take_error()
+    }
+
+    /// The first error since the last time, if there was one.
+    pub(crate) fn take_error(&mut self) -> io::Result<()> {
+        self.error.take().map_or(Ok(()), Err)
     }
 
     /// Remembers the error of `done` if it is the first one that matters.

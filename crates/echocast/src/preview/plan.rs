@@ -86,7 +86,11 @@ pub(super) fn draw(scene: &Scene, built: &BuiltScene, page: &Page) -> Picture {
         Legend::Names(_) => legend::draw(&objects_of(scene, paint.legend()), page),
         scale => legend::draw(scale, page),
     };
-    let title = format!("Plan by {}, {}", paint.name(), counted(scene.cameras.len(), "camera"));
+    let cameras = match scene.cameras.len() {
+        0 => "no cameras".to_owned(),
+        count => counted(count, "camera"),
+    };
+    let title = format!("Plan by {}, {cameras}", paint.name());
     page.compose(&title, &notes.join("; "), &picture, &legend)
 }
 
