@@ -14,6 +14,7 @@ import h5py
 import laspy
 import numpy
 import plyfile
+from laspy import LazBackend
 
 TABLES = ("category", "part", "material", "instance")
 POSE = ("sensor_position", "sensor_orientation_xyzw")
@@ -70,7 +71,24 @@ def las_columns(las, others):
 
 
 def read_las(path):
-    las = laspy.read(path)
+    return las_of(laspy.read(path))
+
+
+def read_laz(path):
+    """As the C++ of LASzip reads it, and the same as by another reader."""
+    las, other = (laspy.read(path, laz_backend=backend) for backend in (LazBackend.Laszip, LazBackend.Lazrs))
+    assert las.header.are_points_compressed and las.points.array.tobytes() == other.points.array.tobytes()
+    return las_of(las)
+
+
+def read_chunks(path):
+    """A LAZ file of several chunks has the points of the LAS file beside it."""
+    las, laz = laspy.read(path.replace(".laz", ".las")), laspy.read(path, laz_backend=LazBackend.Laszip)
+    assert las.points.array.tobytes() == laz.points.array.tobytes()
+    return {"columns": {}, "points": len(laz.points)}
+
+
+def las_of(las):
     assert (str(las.header.version), las.header.point_format.id) == ("1.4", 7)
     las_header(las)
     records = [v for v in list(las.header.vlrs) + list(las.evlrs or []) if v.user_id == "echocast"]
