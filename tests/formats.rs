@@ -201,7 +201,7 @@ fn compare(cloud: &PointCloud, format: &str, found: &Value, rows: &[usize], held
                 }
                 (Field::Intensity, "las" | "laz" | "las2") => value = (value * 65535.0).round(),
                 (Field::CategoryId, "las2") => value = value.min(65535.0),
-                (_, "csv") if offset != 0.0 => tolerance = 0.5e-6 + 2e-9,
+                (_, "csv" | "pcd_ascii") if offset != 0.0 => tolerance = 0.5e-6 + 2e-9,
                 // The shortest text of an f32 is the same number again only as f32.
                 (_, "csv") if info.kind == ColumnType::F32 => read = f64::from(read as f32),
                 _ => {}

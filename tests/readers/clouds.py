@@ -14,6 +14,7 @@ import h5py
 import laspy
 import numpy
 import plyfile
+import pypcd4
 from laspy import LazBackend
 
 TABLES = ("category", "part", "material", "instance")
@@ -127,6 +128,27 @@ def read_ply(path):
     grid = dict(line.split() for line in ply.obj_info)
     shape = [int(grid["num_rows"]), int(grid["num_cols"])] if grid else None
     return {"columns": columns, "shape": shape} | meaning(beside(path))
+
+
+def read_pcd(path, data="binary"):
+    cloud = pypcd4.PointCloud.from_path(path)
+    about, rows = cloud.metadata, numpy.atleast_1d(cloud.pc_data)
+    assert (about.version, about.data.value) == ("0.7", data), about
+    assert about.width * about.height == about.points == len(rows)
+    columns = {name: rows[name] for name in about.fields}
+    if "rgb" in columns:
+        rgb = columns.pop("rgb").astype(numpy.uint32)
+        columns |= {name: rgb >> shift & 255 for name, shift in (("red", 16), ("green", 8), ("blue", 0))}
+    shape = None if about.height == 1 else [about.height, about.width]
+    return {"columns": columns, "shape": shape} | meaning(beside(path))
+
+
+def read_pcd_ascii(path):
+    return read_pcd(path, "ascii")
+
+
+def read_pcd_compressed(path):
+    return read_pcd(path, "binary_compressed")
 
 
 def from_arrays(arrays):

@@ -47,6 +47,17 @@ pub enum Column<'a> {
 }
 
 impl<'a> Column<'a> {
+    /// Type of the elements.
+    pub fn kind(self) -> ColumnType {
+        match self {
+            Column::F32(_) => ColumnType::F32,
+            Column::F64(_) => ColumnType::F64,
+            Column::U8(_) => ColumnType::U8,
+            Column::U16(_) => ColumnType::U16,
+            Column::U32(_) => ColumnType::U32,
+        }
+    }
+
     /// Elements as bytes in the machine's order.
     pub fn bytes(self) -> &'a [u8] {
         match self {

@@ -63,25 +63,26 @@ impl Growing for CsvFile {
     fn add(&mut self, cloud: &PointCloud) -> io::Result<()> {
         let columns: Vec<(Column, Option<f64>)> =
             cloud.fields.iter().map(|info| (cloud.column(info.field), cloud.offset(info.field))).collect();
-        let mut texts = vec![Vec::new(); parallel::threads()];
-        for start in (0..cloud.len).step_by(ROWS * texts.len()) {
-            parallel::for_each(&mut texts, |i, text| {
-                text.clear();
-                let start = start + i * ROWS;
-                for row in start..cloud.len.min(start + ROWS) {
-                    push_row(text, &columns, row);
-                }
-            });
-            for text in &texts {
-                self.0.write_all(text)?;
-            }
-        }
-        Ok(())
+        write_rows(&mut self.0, cloud.len, |text, row| push_row(text, &columns, row))
     }
 
     fn finish(&mut self, _: &PointCloud, _: &mut Report) -> io::Result<()> {
         self.0.take_error()
     }
+}
+
+/// Writes `count` rows of text, each as `push` appends it.
+pub(super) fn write_rows(file: &mut Sink, count: usize, push: impl Fn(&mut Vec<u8>, usize) + Sync) -> io::Result<()> {
+    let mut texts = vec![Vec::new(); parallel::threads()];
+    for start in (0..count).step_by(ROWS * texts.len()) {
+        parallel::for_each(&mut texts, |i, text| {
+            text.clear();
+            let start = start + i * ROWS;
+            (start..count.min(start + ROWS)).for_each(|row| push(text, row));
+        });
+        texts.iter().try_for_each(|text| file.write_all(text))?;
+    }
+    Ok(())
 }
 
 fn push_row(text: &mut Vec<u8>, columns: &[(Column, Option<f64>)], row: usize) {
@@ -101,12 +102,12 @@ fn push_row(text: &mut Vec<u8>, columns: &[(Column, Option<f64>)], row: usize) {
     }
 }
 
-fn push_integer(text: &mut Vec<u8>, value: impl itoa::Integer) {
+pub(super) fn push_integer(text: &mut Vec<u8>, value: impl itoa::Integer) {
     text.extend_from_slice(itoa::Buffer::new().format(value).as_bytes());
 }
 
 /// The shortest text that reads back as the same number.
-fn push_float<F: zmij::Float + Into<f64>>(text: &mut Vec<u8>, value: F) {
+pub(super) fn push_float<F: zmij::Float + Into<f64>>(text: &mut Vec<u8>, value: F) {
     if value.into().is_nan() {
         text.extend_from_slice(b"nan");
     } else {
@@ -115,7 +116,7 @@ fn push_float<F: zmij::Float + Into<f64>>(text: &mut Vec<u8>, value: F) {
 }
 
 /// Metres with six decimals: coordinates such as 5600000 carry no more than f32 micrometres beside them.
-fn push_position(text: &mut Vec<u8>, metres: f64) {
+pub(super) fn push_position(text: &mut Vec<u8>, metres: f64) {
     let micrometres = (metres * 1e6).round();
     // Beyond 2^53 micrometres, 9 million kilometres, they are no longer counted exactly.
     if micrometres.is_nan() || micrometres.abs() > 9_007_199_254_740_992.0 {

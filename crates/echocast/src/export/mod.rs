@@ -11,6 +11,7 @@ mod hdf5;
 mod las;
 mod laz;
 mod npz;
+mod pcd;
 mod pings;
 mod ply;
 mod sink;
@@ -103,6 +104,9 @@ pub const FORMATS: &[&dyn Format] = &[
     &hdf5::Hdf5,
     &csv::Csv,
     &ply::Ply,
+    &pcd::PCD,
+    &pcd::PCD_ASCII,
+    &pcd::PCD_COMPRESSED,
     &npz::Npz,
 ];
 
