@@ -174,7 +174,8 @@ fn compare(cloud: &PointCloud, format: &str, found: &Value, rows: &[usize], held
     let columns = found["columns"].as_object().unwrap();
     for info in FIELDS {
         let Some(column) = columns.get(info.name) else {
-            assert!(!held.contains(info.field), "{format} lost {}", info.name);
+            // Without points, E57 files have no scan.
+            assert!(!held.contains(info.field) || format == "e57" && rows.is_empty(), "{format} lost {}", info.name);
             continue;
         };
         if !held.contains(info.field) {
@@ -201,6 +202,8 @@ fn compare(cloud: &PointCloud, format: &str, found: &Value, rows: &[usize], held
                 }
                 (Field::Intensity, "las" | "laz" | "las2") => value = (value * 65535.0).round(),
                 (Field::CategoryId, "las2") => value = value.min(65535.0),
+                // Half a step of f32 at 4 km from the sensor, on each axis.
+                (Field::X | Field::Y | Field::Z, "e57") => tolerance = 5e-4,
                 (_, "csv" | "pcd_ascii") if offset != 0.0 => tolerance = 0.5e-6 + 2e-9,
                 // The shortest text of an f32 is the same number again only as f32.
                 (_, "csv") if info.kind == ColumnType::F32 => read = f64::from(read as f32),

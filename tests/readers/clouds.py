@@ -14,6 +14,7 @@ import h5py
 import laspy
 import numpy
 import plyfile
+import pye57
 import pypcd4
 from laspy import LazBackend
 
@@ -149,6 +150,37 @@ def read_pcd_ascii(path):
 
 def read_pcd_compressed(path):
     return read_pcd(path, "binary_compressed")
+
+
+def read_e57(path):
+    """All scans together, in the world."""
+    file, said = pye57.E57(path), beside(path)
+    scans = [e57_scan(file, index, said["coordinates"] == "world") for index in range(file.scan_count)]
+    columns = {name: numpy.concatenate([scan[name] for scan in scans]) for scan in scans[:1] for name in scan}
+    grid = [columns.pop(name) for name in ("rowIndex", "columnIndex") if name in columns]
+    return {"columns": columns, "shape": [int(i.max()) + 1 for i in grid] or None, "scans": len(scans)} | meaning(said)
+
+
+def e57_scan(file, index, world):
+    header = file.get_header(index)
+    assert header.has_pose()
+    # It reads returns, times and attributes of extensions as well, if they are called supported.
+    for name in header.point_fields:
+        pye57.e57.SUPPORTED_POINT_FIELDS.setdefault(name, "d")
+    scan = file.read_scan_raw(index)
+    scan = {name.removeprefix("echocast:"): numpy.asarray(column) for name, column in scan.items()}
+    place = numpy.stack([scan.pop(f"cartesian{axis}") for axis in "XYZ"]).astype(float)
+    miss = scan.pop("cartesianInvalidState", numpy.zeros(place.shape[1])) != 0
+    if world:
+        place = header.rotation_matrix @ place + header.translation[:, None]
+    place[:, miss] = numpy.nan
+    scan |= dict(zip("xyz", place))
+    renamed = {"timeStamp": "time", "colorRed": "red", "colorGreen": "green", "colorBlue": "blue"}
+    renamed |= {"returnIndex": "return_number", "returnCount": "return_count"}
+    scan = {renamed.get(name, name): column for name, column in scan.items()}
+    if "return_number" in scan:
+        scan["return_number"] = numpy.where(miss, 0, scan["return_number"].astype(int) + 1)
+    return scan
 
 
 def from_arrays(arrays):

@@ -3,6 +3,7 @@
 mod atomic;
 mod boxes;
 mod csv;
+mod e57;
 #[cfg(feature = "hdf5")]
 mod frames;
 mod growing;
@@ -107,6 +108,7 @@ pub const FORMATS: &[&dyn Format] = &[
     &pcd::PCD,
     &pcd::PCD_ASCII,
     &pcd::PCD_COMPRESSED,
+    &e57::E57,
     &npz::Npz,
 ];
 

@@ -2,7 +2,7 @@
 
 use super::unfinished;
 use std::fs::File;
-use std::io::{self, ErrorKind, Seek, SeekFrom, Write};
+use std::io::{self, ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
 /// Bytes that are written at a time, between two checks whether to go on.
@@ -21,7 +21,9 @@ pub(crate) struct Sink {
 impl Sink {
     /// Writes the file at `path` from its beginning.
     pub(crate) fn create(path: &Path) -> io::Result<Sink> {
-        Ok(Sink { file: File::create(path)?, error: None, at: 0 })
+        // Readable, for writers that go back to a page.
+        let file = File::options().read(true).write(true).create(true).truncate(true).open(path)?;
+        Ok(Sink { file, error: None, at: 0 })
     }
 
     /// Checks that everything was written.
@@ -69,6 +71,12 @@ impl Write for Sink {
 
     fn flush(&mut self) -> io::Result<()> {
         Ok(())
+    }
+}
+
+impl Read for Sink {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        if self.error.is_some() { Ok(0) } else { self.file.read(bytes) }
     }
 }
 

@@ -1,0 +1,256 @@
+//! E57, the exchange format of terrestrial laser scanning (ASTM E2807): one scan for each frame.
+//!
+//! Written by the crate `e57`. Cartesian coordinates are in the frame of the sensor and the scan has its pose, as surveyors
+//! expect; what E57 does not know are attributes of an extension, called as the columns are.
+
+use super::{Format, Growing, Sink};
+use crate::cloud::{Column, ColumnType, Field, FieldInfo, Frame, PointCloud};
+use crate::ground::report::Report;
+use ::e57::{
+    E57Writer, Error, Extension, IntensityLimits, Quaternion, Record, RecordDataType, RecordName, RecordValue,
+    Transform, Translation,
+};
+use glam::DVec3;
+use sha2::{Digest as _, Sha256};
+use std::error::Error as _;
+use std::io;
+use std::path::Path;
+
+/// Scans with poses, and rows and columns if they are organised.
+pub(super) struct E57;
+
+/// Namespace of our attributes.
+const NAMESPACE: &str = "echocast";
+
+/// States of coordinates: there are some, there are none.
+const VALID: RecordValue = RecordValue::Integer(0);
+const INVALID: RecordValue = RecordValue::Integer(2);
+
+impl Format for E57 {
+    fn name(&self) -> &'static str {
+        "e57"
+    }
+
+    fn extensions(&self) -> &'static [&'static str] {
+        &["e57"]
+    }
+
+    fn description(&self) -> &'static str {
+        "E57, a scan with its pose for each frame; f32 positions in the sensor frame, labels as an extension"
+    }
+
+    fn holds(&self, _: &FieldInfo) -> bool {
+        true
+    }
+
+    fn needs_positions(&self) -> bool {
+        true
+    }
+
+    fn holds_label_names(&self) -> bool {
+        false
+    }
+
+    fn write(&self, cloud: &PointCloud, path: &Path, report: &mut Report) -> io::Result<()> {
+        super::write_alone(E57File::create(cloud, path)?, cloud, report)
+    }
+
+    fn begin(&self, first: &PointCloud, path: &Path) -> Option<io::Result<Box<dyn Growing>>> {
+        Some(E57File::create(first, path).map(|file| Box::new(file) as Box<dyn Growing>))
+    }
+}
+
+/// A file that is being written.
+struct E57File {
+    writer: E57Writer<Sink>,
+    /// Scans so far.
+    scans: u32,
+}
+
+impl E57File {
+    fn create(first: &PointCloud, path: &Path) -> io::Result<E57File> {
+        let mut writer = E57Writer::new(Sink::create(path)?, &guid(first, None)).map_err(io_error)?;
+        let extension = Extension { namespace: NAMESPACE.into(), url: format!("urn:{NAMESPACE}:1") };
+        writer.register_extension(extension).map_err(io_error)?;
+        Ok(E57File { writer, scans: 0 })
+    }
+}
+
+impl Growing for E57File {
+    fn add(&mut self, cloud: &PointCloud) -> io::Result<()> {
+        // Readers stumble over scans without points.
+        if cloud.len == 0 {
+            return Ok(());
+        }
+        let attributes = Attribute::of(cloud);
+        let prototype = attributes.iter().map(Attribute::record).collect();
+        let mut scan = self.writer.add_pointcloud(&guid(cloud, Some(self.scans)), prototype).map_err(io_error)?;
+        self.scans += 1;
+        scan.set_name(Some(format!("frame {}", self.scans)));
+        let pose = &cloud.sensor_pose;
+        // The scalar part is not negative there.
+        let q = if pose.orientation.w < 0.0 { -pose.orientation } else { pose.orientation };
+        scan.set_transform(Some(Transform {
+            rotation: Quaternion { w: q.w, x: q.x, y: q.y, z: q.z },
+            translation: Translation { x: pose.position.x, y: pose.position.y, z: pose.position.z },
+        }));
+        if let (Some(full), false) = (cloud.intensity_full_scale, cloud.columns.intensity.is_empty()) {
+            let limit = |value| Some(RecordValue::Single(value));
+            scan.set_intensity_limits(Some(IntensityLimits { intensity_min: limit(0.0), intensity_max: limit(full) }));
+        }
+        let inverse = pose.orientation.inverse();
+        for row in 0..cloud.len {
+            let c = &cloud.columns;
+            let place = DVec3::new(f64::from(c.x[row]), f64::from(c.y[row]), f64::from(c.z[row]));
+            let place = match cloud.frame {
+                Frame::World => inverse * (place + cloud.origin - pose.position),
+                Frame::Sensor => place + cloud.origin,
+            };
+            let values = attributes.iter().map(|attribute| attribute.value(place, row)).collect();
+            scan.add_point(values).map_err(io_error)?;
+        }
+        scan.finalize().map_err(io_error)
+    }
+
+    fn finish(&mut self, _: &PointCloud, _: &mut Report) -> io::Result<()> {
+        self.writer.finalize().map_err(io_error)
+    }
+}
+
+/// A name for `cloud`, the same for the same cloud: that of the scan `number`, or of the file it begins.
+fn guid(cloud: &PointCloud, number: Option<u32>) -> String {
+    let mut digest = Sha256::new();
+    digest.update(number.map_or([0; 4], |number| (number + 1).to_le_bytes()));
+    let c = &cloud.columns;
+    [&c.x, &c.y, &c.z].iter().for_each(|axis| digest.update(bytemuck::cast_slice::<f32, u8>(axis)));
+    let pose = &cloud.sensor_pose;
+    digest.update(bytemuck::bytes_of(&[pose.position.to_array(), cloud.origin.to_array()]));
+    let hex: Vec<String> = digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
+    format!(
+        "{{{}-{}-{}-{}-{}}}",
+        hex[..4].concat(),
+        hex[4..6].concat(),
+        hex[6..8].concat(),
+        hex[8..10].concat(),
+        hex[10..16].concat()
+    )
+}
+
+fn io_error(error: Error) -> io::Error {
+    // The system's own words, where it is to blame.
+    match error.source().and_then(|source| source.downcast_ref::<io::Error>()).and_then(io::Error::raw_os_error) {
+        Some(code) => io::Error::from_raw_os_error(code),
+        None => io::Error::other(error),
+    }
+}
+
+/// What a point of a scan has.
+struct Attribute<'a> {
+    name: RecordName,
+    values: Values<'a>,
+}
+
+enum Values<'a> {
+    /// Coordinate of this axis in the sensor frame.
+    Place(usize),
+    /// Whether there are coordinates.
+    State,
+    /// Of an organised cloud with so many columns.
+    Row(u32),
+    Column(u32),
+    Numbers(Column<'a>),
+    /// Counted from 1 where E57 counts from 0; a beam without a return has 0 in both.
+    ReturnIndex(&'a [u8]),
+    /// A true position, with its coordinate of the origin.
+    Position(&'a [f32], f64),
+}
+
+impl<'a> Attribute<'a> {
+    fn of(cloud: &'a PointCloud) -> Vec<Attribute<'a>> {
+        let c = &cloud.columns;
+        let mut all = Vec::new();
+        let mut add = |name, values| all.push(Attribute { name, values });
+        let axes = [RecordName::CartesianX, RecordName::CartesianY, RecordName::CartesianZ];
+        axes.into_iter().enumerate().for_each(|(axis, name)| add(name, Values::Place(axis)));
+        let misses = [&c.x, &c.y, &c.z].into_iter().flatten().any(|x| !x.is_finite());
+        if misses {
+            add(RecordName::CartesianInvalidState, Values::State);
+        }
+        if let Some([_, columns]) = cloud.organised {
+            add(RecordName::RowIndex, Values::Row(columns));
+            add(RecordName::ColumnIndex, Values::Column(columns));
+        }
+        // E57 has all three of a colour, and both of a return, or none.
+        let all_of = |fields: &[Field]| fields.iter().all(|&field| cloud.fields.contains(field));
+        let coloured = all_of(&[Field::Red, Field::Green, Field::Blue]);
+        let returns = all_of(&[Field::ReturnNumber, Field::ReturnCount]);
+        for info in cloud.fields.iter() {
+            let column = Values::Numbers(cloud.column(info.field));
+            match info.field {
+                Field::X | Field::Y | Field::Z => {}
+                Field::Intensity => add(RecordName::Intensity, column),
+                Field::Time => add(RecordName::TimeStamp, column),
+                Field::Red if coloured => add(RecordName::ColorRed, column),
+                Field::Green if coloured => add(RecordName::ColorGreen, column),
+                Field::Blue if coloured => add(RecordName::ColorBlue, column),
+                Field::ReturnNumber if returns => add(RecordName::ReturnIndex, Values::ReturnIndex(&c.return_number)),
+                Field::ReturnCount if returns => add(RecordName::ReturnCount, column),
+                _ => {
+                    let name = RecordName::Unknown { namespace: NAMESPACE.into(), name: info.name.into() };
+                    match (cloud.column(info.field), cloud.offset(info.field)) {
+                        (Column::F32(positions), Some(offset)) => add(name, Values::Position(positions, offset)),
+                        _ => add(name, column),
+                    }
+                }
+            }
+        }
+        all
+    }
+
+    fn record(&self) -> Record {
+        const SINGLE: RecordDataType = RecordDataType::Single { min: None, max: None };
+        const DOUBLE: RecordDataType = RecordDataType::Double { min: None, max: None };
+        let up_to = |max| RecordDataType::Integer { min: 0, max };
+        let data_type = match &self.values {
+            Values::Place(_) => SINGLE,
+            Values::State => up_to(2),
+            Values::Row(_) | Values::Column(_) => up_to(u32::MAX.into()),
+            Values::ReturnIndex(_) => up_to(u8::MAX.into()),
+            Values::Position(..) => DOUBLE,
+            Values::Numbers(column) => match column.kind() {
+                ColumnType::F32 => SINGLE,
+                ColumnType::F64 => DOUBLE,
+                ColumnType::U8 => up_to(u8::MAX.into()),
+                ColumnType::U16 => up_to(u16::MAX.into()),
+                ColumnType::U32 => up_to(u32::MAX.into()),
+            },
+        };
+        Record { name: self.name.clone(), data_type }
+    }
+
+    /// Of row `row`, at `place` in the sensor frame.
+    fn value(&self, place: DVec3, row: usize) -> RecordValue {
+        let here = place.is_finite();
+        match &self.values {
+            Values::Place(axis) => RecordValue::Single(if here { place[*axis] as f32 } else { 0.0 }),
+            Values::State => {
+                if here {
+                    VALID
+                } else {
+                    INVALID
+                }
+            }
+            Values::Row(columns) => RecordValue::Integer((row / *columns as usize) as i64),
+            Values::Column(columns) => RecordValue::Integer((row % *columns as usize) as i64),
+            Values::ReturnIndex(numbers) => RecordValue::Integer(i64::from(numbers[row]).saturating_sub(1).max(0)),
+            Values::Position(positions, offset) => RecordValue::Double(f64::from(positions[row]) + offset),
+            Values::Numbers(column) => match *column {
+                Column::F32(c) => RecordValue::Single(c[row]),
+                Column::F64(c) => RecordValue::Double(c[row]),
+                Column::U8(c) => RecordValue::Integer(c[row].into()),
+                Column::U16(c) => RecordValue::Integer(c[row].into()),
+                Column::U32(c) => RecordValue::Integer(c[row].into()),
+            },
+        }
+    }
+}
