@@ -3,6 +3,7 @@
 //! Written by the crate `e57`. Cartesian coordinates are in the frame of the sensor and the scan has its pose, as surveyors
 //! expect; what E57 does not know are attributes of an extension, called as the columns are.
 
+use super::tail::Tail;
 use super::{Format, Growing, Sink};
 use crate::cloud::{Column, ColumnType, Field, FieldInfo, Frame, PointCloud};
 use crate::ground::report::Report;
@@ -62,14 +63,14 @@ impl Format for E57 {
 
 /// A file that is being written.
 struct E57File {
-    writer: E57Writer<Sink>,
+    writer: E57Writer<Tail>,
     /// Scans so far.
     scans: u32,
 }
 
 impl E57File {
     fn create(first: &PointCloud, path: &Path) -> io::Result<E57File> {
-        let mut writer = E57Writer::new(Sink::create(path)?, &guid(first, None)).map_err(io_error)?;
+        let mut writer = E57Writer::new(Tail::of(Sink::create(path)?), &guid(first, None)).map_err(io_error)?;
         let extension = Extension { namespace: NAMESPACE.into(), url: format!("urn:{NAMESPACE}:1") };
         writer.register_extension(extension).map_err(io_error)?;
         Ok(E57File { writer, scans: 0 })

@@ -16,6 +16,7 @@ mod pcd;
 mod pings;
 mod ply;
 mod sink;
+mod tail;
 mod unfinished;
 
 pub use boxes::{check_boxes, write_boxes};
