@@ -4,7 +4,7 @@ use super::draw::Draws;
 use super::spec::{Carrier, SensorEntry, Spec};
 use super::stage::{Base, Stage};
 use super::variation::Stand;
-use crate::cloud::{FieldSet, Ping, PointCloud};
+use crate::cloud::{BoxAxes, FieldSet, Ping, PointCloud};
 use crate::emitter::Trajectory;
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::Pose;
@@ -174,18 +174,19 @@ impl Sample {
         built.scan_into(&scan.sensor, &scan.trajectory, &scan.options(frame), cloud)
     }
 
-    /// [`Sample::cloud_into`] with further columns, `more`.
+    /// [`Sample::cloud_into`] with further columns, `more`, and boxes.
     pub(super) fn cloud_with(
         &mut self,
         scan: usize,
         frame: usize,
         more: FieldSet,
+        boxes: Option<BoxAxes>,
         cloud: &mut PointCloud,
     ) -> Result<()> {
         let built = self.built(scan, frame)?;
         let scan = &self.scans[scan];
         let options = scan.options(frame);
-        let options = ScanOptions { fields: options.fields.union(more), ..options };
+        let options = ScanOptions { fields: options.fields.union(more), boxes, ..options };
         built.scan_into(&scan.sensor, &scan.trajectory, &options, cloud)
     }
 

@@ -1,12 +1,15 @@
 //! The folder of a set, and which scenario it belongs to.
 
 use super::manifest::{self, Entry};
-use super::style::{numbered, sample_folder};
+use super::style::{Style, numbered, sample_folder};
+use super::whole;
 use crate::export;
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
+use crate::read::yaml::Document;
 use crate::read::{self, Limit};
 use crate::scenario::Scenario;
+use crate::scenario::spec::Spec;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
@@ -14,7 +17,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// `scenario.json`: what made a set.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Origin {
     /// Version of the program.
     pub echocast: String,
@@ -97,8 +100,8 @@ impl Origin {
                 let found = format!("{}, for which {name} had other contents", shown::path(root));
                 return Err(Error::invalid("set.folder", found, "another folder, or the files as they were"));
             }
-            Some(known) if known.samples >= self.samples && known.roots == self.roots => {}
-            Some(_) => self.write(root)?,
+            Some(known) if known.samples >= self.samples && known.set() == self.set() => {}
+            Some(known) => Origin { samples: self.samples.max(known.samples), ..self.clone() }.write(root)?,
             None => {
                 // Another shard may have begun at this moment.
                 let others = fs::read_dir(root).map_err(failed)?.filter_map(Result::ok).any(|entry| {
@@ -117,6 +120,20 @@ impl Origin {
             fs::create_dir_all(&folder).map_err(|source| Error::Io { path: folder, source })?;
         }
         Ok(())
+    }
+
+    /// What it says of the set, apart from its samples.
+    fn set(&self) -> Option<&Value> {
+        self.scenario.get("set")
+    }
+
+    /// The sections of the scenario.
+    ///
+    /// # Errors
+    /// Those of a file that somebody has changed.
+    pub fn spec(&self) -> Result<(Spec, Document)> {
+        let document = Document::from_value(ORIGIN, self.scenario.clone());
+        Ok((Spec::read(&document)?, document))
     }
 
     fn write(&self, root: &Path) -> Result<()> {
@@ -145,10 +162,37 @@ pub(super) fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     pending.commit()
 }
 
-/// Where the files of `sample` are while it is made, and where then, for each of `roots`.
-pub(super) fn folders(root: &Path, roots: &[&str], sample: u64) -> Vec<[PathBuf; 2]> {
-    let unfinished = format!(".{}.unfinished", numbered(sample));
-    roots.iter().map(|name| [root.join(name).join(&unfinished), root.join(sample_folder(name, sample))]).collect()
+/// Where the files of `sample` in the folder `name` of a style are while it is made.
+pub(super) fn unfinished(root: &Path, name: &str, sample: u64) -> PathBuf {
+    root.join(name).join(format!(".{}.unfinished", numbered(sample)))
+}
+
+/// Puts what has been made of `sample` in its place in the folder of `style`; gives its files, relative to `root`.
+///
+/// # Errors
+/// The system's.
+pub(super) fn settle(root: &Path, style: &dyn Style, sample: u64) -> Result<Vec<PathBuf>> {
+    let name = style.root();
+    let unfinished = unfinished(root, name, sample);
+    let rename =
+        |from: &Path, to: &Path| fs::rename(from, to).map_err(|source| Error::Io { path: to.to_owned(), source });
+    if !style.shares_folders() {
+        let place = root.join(sample_folder(name, sample));
+        let _ = fs::remove_dir_all(&place);
+        rename(&unfinished, &place)?;
+        return files_below(root, &place);
+    }
+    let mut files = files_below(&unfinished, &unfinished)?;
+    for file in &mut files {
+        let place = root.join(name).join(&*file);
+        if let Some(folder) = place.parent() {
+            fs::create_dir_all(folder).map_err(|source| Error::Io { path: folder.to_owned(), source })?;
+        }
+        rename(&unfinished.join(&*file), &place)?;
+        *file = Path::new(name).join(&*file);
+    }
+    fs::remove_dir_all(&unfinished).map_err(|source| Error::Io { path: unfinished, source })?;
+    Ok(files)
 }
 
 /// Removes what runs that were killed have left half written in a set whose samples are all there, so that no other run
@@ -209,6 +253,7 @@ pub fn check_folder(root: &Path) -> Result<Vec<String>> {
         }
         faults.extend(entry.files.iter().filter_map(|file| file.fault(root)));
     }
+    faults.extend(whole::read(root)?.iter().filter_map(|file| file.fault(root)));
     Ok(faults)
 }
 

@@ -1,6 +1,6 @@
 //! SemanticKITTI: each sample a sequence.
 
-use super::style::numbered;
+use super::style::{Scanned, Style, Writer as Write, numbered};
 use crate::cloud::{Field, FieldSet, Frame, PointCloud, VELOCITY};
 use crate::export;
 use crate::ground::error::{Error, Result};
@@ -64,7 +64,7 @@ const MOVING: [(u16, u16); 8] =
 /// What is slower stands, m/s.
 const STANDING_M_S: f32 = 0.1;
 
-pub(super) struct Writer<'w> {
+struct Writer<'w> {
     folder: &'w Path,
     /// Number of the scan that is written.
     scan: usize,
@@ -75,14 +75,33 @@ pub(super) struct Writer<'w> {
     first: Option<Pose>,
 }
 
-impl SemanticKitti {
-    pub fn fields(sample: &Sample) -> FieldSet {
+impl Style for SemanticKitti {
+    fn root(&self) -> &'static str {
+        "sequences"
+    }
+
+    fn fields(&self, sample: &Sample) -> FieldSet {
         let own = [Field::X, Field::Y, Field::Z, Field::Intensity, Field::CategoryId, Field::InstanceId];
         own.into_iter().chain(VELOCITY.into_iter().filter(|_| sample.is_moving())).collect()
     }
 
+    fn fits(&self, sample: &Sample) -> Result<()> {
+        self.scan(sample).map(drop)
+    }
+
+    fn writer<'w>(&'w self, _number: u64, sample: &Sample, folder: &'w Path) -> Result<Box<dyn Write + 'w>> {
+        for name in ["velodyne", "labels"] {
+            let folder = folder.join(name);
+            std::fs::create_dir(&folder).map_err(|source| Error::Io { path: folder, source })?;
+        }
+        let scan = self.scan(sample)?;
+        Ok(Box::new(Writer { folder, scan, poses: String::new(), times: String::new(), frames: 0, first: None }))
+    }
+}
+
+impl SemanticKitti {
     /// Number of the scan in `sample` that is written.
-    pub fn scan(&self, sample: &Sample) -> Result<usize> {
+    fn scan(&self, sample: &Sample) -> Result<usize> {
         let names = || sample.scans().iter().map(Scan::name).collect::<Vec<_>>().join(", ");
         match (&self.sensor, sample.scans()) {
             (None, [_]) => Ok(0),
@@ -96,19 +115,10 @@ impl SemanticKitti {
             }
         }
     }
-
-    pub fn writer<'w>(&self, sample: &Sample, folder: &'w Path) -> Result<Writer<'w>> {
-        for name in ["velodyne", "labels"] {
-            let folder = folder.join(name);
-            std::fs::create_dir(&folder).map_err(|source| Error::Io { path: folder, source })?;
-        }
-        let scan = self.scan(sample)?;
-        Ok(Writer { folder, scan, poses: String::new(), times: String::new(), frames: 0, first: None })
-    }
 }
 
-impl Writer<'_> {
-    pub fn add(&mut self, sample: &Sample, scan: usize, frame: usize, cloud: &PointCloud) -> Result<Report> {
+impl Write for Writer<'_> {
+    fn add(&mut self, &Scanned { sample, scan, frame, cloud, .. }: &Scanned) -> Result<Report> {
         let mut report = Report::default();
         if scan != self.scan {
             return Ok(report);
@@ -185,7 +195,7 @@ impl Writer<'_> {
         Ok(report)
     }
 
-    pub fn finish(self) -> Result<()> {
+    fn finish(self: Box<Self>) -> Result<Report> {
         const CALIBRATION: &str = "P0: 1 0 0 0 0 1 0 0 0 0 1 0\nP1: 1 0 0 0 0 1 0 0 0 0 1 0\n\
                                    P2: 1 0 0 0 0 1 0 0 0 0 1 0\nP3: 1 0 0 0 0 1 0 0 0 0 1 0\n\
                                    Tr: 1 0 0 0 0 1 0 0 0 0 1 0\n";
@@ -193,7 +203,7 @@ impl Writer<'_> {
         {
             export::write_whole(&self.folder.join(name), text.as_bytes())?;
         }
-        Ok(())
+        Ok(Report::default())
     }
 }
 
