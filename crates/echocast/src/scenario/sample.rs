@@ -33,6 +33,7 @@ pub struct Sample {
 pub struct Scan {
     name: String,
     sensor: Arc<Sensor>,
+    mount: Pose,
     trajectory: Trajectory,
     frames: Vec<FrameTime>,
     options: ScanOptions,
@@ -59,6 +60,11 @@ impl Scan {
     /// The sensor.
     pub fn sensor(&self) -> &Sensor {
         &self.sensor
+    }
+
+    /// Where the sensor is on its carrier.
+    pub fn mount(&self) -> &Pose {
+        &self.mount
     }
 
     /// Where the sensor is, at all times.
@@ -269,6 +275,7 @@ fn scans(
         let fields = FieldSet::parse_with(&spec.fields.join(","), sensor.default_fields())?;
         scans.push(Scan {
             trajectory: mounted(&carrier, &mount)?,
+            mount,
             frames: times,
             options: ScanOptions {
                 fields,

@@ -356,6 +356,8 @@ pub(super) struct SetSpec {
     pub folder: Option<PathBuf>,
     /// The parts that it is divided into.
     pub splits: Splits,
+    /// What others may do with it: a name such as `CC-BY-4.0`, or a sentence.
+    pub licence: Option<String>,
 }
 
 fn word<'de, D: Deserializer<'de>, T: Named>(deserializer: D) -> Result<T, D::Error> {

@@ -3,6 +3,7 @@
 use super::manifest::{self, Entry};
 use super::style::{Style, numbered, sample_folder};
 use super::whole;
+use crate::cloud::FieldSet;
 use crate::export;
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
@@ -14,6 +15,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// `scenario.json`: what made a set.
@@ -25,6 +27,9 @@ pub(super) struct Origin {
     pub samples: u64,
     /// Names of the folders of its styles.
     pub roots: Vec<String>,
+    /// Its sensors.
+    #[serde(default)]
+    pub sensors: Vec<SensorNote>,
     /// SHA-256 of the scenario, whatever its number of samples.
     pub digest: String,
     /// SHA-256 of each file that the scenario names and of each model of a folder, by name; what such files name in their
@@ -32,6 +37,17 @@ pub(super) struct Origin {
     pub inputs: BTreeMap<String, String>,
     /// The scenario, as it was written.
     pub scenario: Value,
+}
+
+/// What `README.md` says of a sensor.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct SensorNote {
+    /// Its name in the rig.
+    pub name: String,
+    /// What it is.
+    pub title: String,
+    /// Columns of its clouds.
+    pub columns: Vec<String>,
 }
 
 const ORIGIN: &str = "scenario.json";
@@ -53,10 +69,21 @@ impl Origin {
         named_files(&same, folder, &mut files);
         let digest = |file: &PathBuf| Ok((shown::path(file), manifest::digest(&folder.join(file))?.1));
         let inputs = files.iter().map(digest).collect::<Result<_>>()?;
+        let sensors = scenario.spec.sensors.iter().enumerate().map(|(index, entry)| {
+            let sensor = stage.sensor(entry, &format!("sensors[{index}]"), folder)?;
+            let fields = FieldSet::parse_with(&scenario.spec.fields.join(","), sensor.default_fields())?;
+            Ok(SensorNote {
+                name: entry.name.clone().unwrap_or_else(|| sensor.name().to_owned()),
+                title: sensor.title().to_owned(),
+                columns: fields.iter().map(|info| info.name.to_owned()).collect(),
+            })
+        });
+        let sensors = sensors.collect::<Result<_>>()?;
         Ok(Origin {
             echocast: env!("CARGO_PKG_VERSION").into(),
             samples: scenario.samples(),
             roots,
+            sensors,
             digest: manifest::digest_of(same.to_string().as_bytes()),
             inputs,
             scenario: scenario.value().clone(),
@@ -201,15 +228,24 @@ pub(super) fn settle(root: &Path, style: &dyn Style, sample: u64) -> Result<Vec<
 /// # Errors
 /// The system's.
 pub(super) fn sweep(root: &Path, origin: &Origin) -> Result<()> {
-    for folder in origin.roots.iter().map(|name| root.join(name)).chain([root.to_owned()]) {
+    let mut open: Vec<PathBuf> = origin.roots.iter().map(|name| root.join(name)).collect();
+    open.extend([root.to_owned(), root.join("splits")]);
+    while let Some(folder) = open.pop() {
         let failed = |source| Error::Io { path: folder.clone(), source };
-        for entry in fs::read_dir(&folder).map_err(failed)? {
+        let entries = match fs::read_dir(&folder) {
+            Err(error) if error.kind() == ErrorKind::NotFound => continue,
+            entries => entries.map_err(failed)?,
+        };
+        for entry in entries {
             let path = entry.map_err(failed)?.path();
             let name = path.file_name().unwrap_or_default().to_string_lossy();
             if name.starts_with(export::UNFINISHED) {
                 fs::remove_file(&path).map_err(failed)?;
             } else if name.starts_with('.') && name.ends_with(".unfinished") {
                 fs::remove_dir_all(&path).map_err(failed)?;
+            } else if folder != root && !name.bytes().all(|byte| byte.is_ascii_digit()) && path.is_dir() {
+                // Folders of samples appear as a whole.
+                open.push(path);
             }
         }
     }

@@ -44,6 +44,24 @@ impl Style for Plain {
         "data"
     }
 
+    fn readme(&self) -> String {
+        let mut text = format!(
+            "`data` holds a folder for each sample, with a file for each sensor in the format `{}`, of several frames one \
+             for each.\n",
+            self.format
+        );
+        if self.format == "npz" {
+            text += "\n```python\n\
+                     import glob\n\
+                     import numpy as np\n\
+                     for name in sorted(glob.glob('data/*/*.npz')):\n    \
+                         cloud = np.load(name)\n    \
+                         points = np.stack([cloud['x'], cloud['y'], cloud['z']], axis=1)\n\
+                     ```\n";
+        }
+        text
+    }
+
     fn fields(&self, _sample: &Sample) -> FieldSet {
         self.preview.as_ref().map_or(FieldSet::EMPTY, PreviewOptions::fields)
     }

@@ -2,9 +2,9 @@
 
 use super::folder::{self, Origin, settle, unfinished};
 use super::manifest::{self, Entry, FARTHEST_M, FileEntry, Log, RANGE_STEP_M, drawn_file};
-use super::report;
 use super::style::{self, Scanned, Style, numbered};
 use super::whole::Whole;
+use super::{readme, report};
 use crate::cloud::{Field, FieldSet, PointCloud};
 use crate::export::{self, cancel_flag};
 use crate::ground::error::{Error, Result};
@@ -169,16 +169,19 @@ pub fn finish(root: &Path) -> Result<()> {
     let logs = manifest::logs(root)?;
     let (spec, document) = origin.spec()?;
     let styles = style::all(&spec.outputs, &document)?;
+    let licence = spec.set.licence;
     let mut whole = Whole::new(root, &origin, entries, spec.set.splits, spec.seed);
     whole.write_splits()?;
     styles.iter().try_for_each(|style| style.join(&mut whole))?;
+    let readme = readme::text(&origin, &whole, &styles, licence.as_deref());
+    whole.write("README.md", &mut |out| out.write_all(readme.as_bytes()))?;
     whole.finish()?;
     manifest::write(root, &whole.entries)?;
     report::write(root, &origin, &whole.entries)?;
     for path in logs {
         fs::remove_file(&path).map_err(|source| Error::Io { path, source })?;
     }
-    Ok(())
+    whole.clear()
 }
 
 /// The samples of a run, in order.

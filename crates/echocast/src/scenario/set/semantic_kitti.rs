@@ -1,7 +1,8 @@
 //! SemanticKITTI: each sample a sequence.
 
+use super::points::{local, remission};
 use super::style::{Scanned, Style, Writer as Write, numbered};
-use crate::cloud::{Field, FieldSet, Frame, PointCloud, VELOCITY};
+use crate::cloud::{Field, FieldSet, PointCloud, VELOCITY};
 use crate::export;
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::Pose;
@@ -85,6 +86,19 @@ impl Style for SemanticKitti {
         own.into_iter().chain(VELOCITY.into_iter().filter(|_| sample.is_moving())).collect()
     }
 
+    fn readme(&self) -> String {
+        "`sequences` is laid out as SemanticKITTI, a sequence for each sample. Points are in the sensor's frame (x ahead, y \
+         left, z up), and so are poses, relative to the first: `Tr` of `calib.txt` is the identity. Labels have \
+         SemanticKITTI's numbers, instances are numbered anew in each scan.\n\n\
+         ```python\n\
+         import numpy as np\n\
+         points = np.fromfile('sequences/000000/velodyne/000000.bin', np.float32).reshape(-1, 4)  # x, y, z, remission\n\
+         labels = np.fromfile('sequences/000000/labels/000000.label', np.uint32)\n\
+         classes, instances = labels & 0xFFFF, labels >> 16\n\
+         ```\n"
+            .to_owned()
+    }
+
     fn fits(&self, sample: &Sample) -> Result<()> {
         self.scan(sample).map(drop)
     }
@@ -126,29 +140,13 @@ impl Write for Writer<'_> {
         let columns = &cloud.columns;
         // Points in the sensor's frame at the start of the scan.
         let pose = cloud.sensor_pose;
-        let back = pose.orientation.inverse();
-        let local = |row: usize| {
-            let point = Vec3::new(columns.x[row], columns.y[row], columns.z[row]);
-            match cloud.frame {
-                Frame::Sensor => point,
-                Frame::World => (back * (point.as_dvec3() + (cloud.origin - pose.position))).as_vec3(),
-            }
-        };
-        let full = cloud.intensity_full_scale.filter(|full| *full > 0.0).unwrap_or(1.0);
         // Instances are numbered anew in each scan, since they have 16 bits.
         let mut instances: HashMap<u32, u16> = HashMap::new();
         let moving = if sample.is_moving() { moving(cloud) } else { HashSet::new() };
         let (mut points, mut labels, mut unknown) = (Vec::new(), Vec::new(), BTreeSet::new());
         let mut classes: HashMap<u32, u16> = HashMap::new();
-        for row in 0..cloud.len {
-            let Vec3 { x, y, z } = local(row);
-            if !(x.is_finite() && y.is_finite() && z.is_finite()) {
-                continue;
-            }
-            let remission = (columns.intensity[row] / full).clamp(0.0, 1.0);
-            points.extend(
-                [x, y, z, if remission.is_finite() { remission } else { 0.0 }].map(f32::to_le_bytes).as_flattened(),
-            );
+        for (row, Vec3 { x, y, z }) in local(cloud) {
+            points.extend([x, y, z, remission(cloud, row)].map(f32::to_le_bytes).as_flattened());
             let category = columns.category_id[row];
             let class = *classes.entry(category).or_insert_with(|| {
                 let name = cloud.labels.category.name(category).unwrap_or("unlabeled");

@@ -1,7 +1,10 @@
 //! How samples are written: one file for each style, one table of styles.
 
+use super::kitti::Kitti;
+use super::nuscenes::NuScenes;
 use super::plain::Plain;
 use super::semantic_kitti::SemanticKitti;
+use super::webdataset::WebDataset;
 use super::whole::Whole;
 use crate::cloud::{BoxAxes, FieldSet, InstanceBox, PointCloud};
 use crate::ground::error::{Error, Result, nearest};
@@ -52,6 +55,9 @@ pub(super) trait Style: fmt::Debug + Send + Sync {
     /// The system's.
     fn writer<'w>(&'w self, number: u64, sample: &Sample, folder: &'w Path) -> Result<Box<dyn Writer + 'w>>;
 
+    /// What the set's `README.md` says of it: what is where, and how it is read. Markdown.
+    fn readme(&self) -> String;
+
     /// Makes what all samples have together, of what was written of each: the same for the same samples, whatever is
     /// there already.
     ///
@@ -95,7 +101,13 @@ pub(super) struct Scanned<'s> {
 type ReadKeys = fn(&Document, &str, &Value) -> Result<Box<dyn Style>>;
 
 /// Every style.
-const STYLES: &[(&str, ReadKeys)] = &[("plain", keys::<Plain>), ("semantic_kitti", keys::<SemanticKitti>)];
+const STYLES: &[(&str, ReadKeys)] = &[
+    ("plain", keys::<Plain>),
+    ("semantic_kitti", keys::<SemanticKitti>),
+    ("kitti", keys::<Kitti>),
+    ("nuscenes", keys::<NuScenes>),
+    ("webdataset", keys::<WebDataset>),
+];
 
 /// That which `echocast scan` reports.
 const FILES: &str = "files";
