@@ -234,6 +234,64 @@ variation:
     assert!(overlaps > 5, "{overlaps}");
 }
 
+/// Sets of a street, read as their users do.
+#[test]
+fn sets_are_read_by_their_users() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let text = r#"
+scene: {generate: {street: {cars: 6, people: 4}, seed: 7}}
+sensors:
+  - {name: top, sensor: velodyne_vlp16}
+  - name: front
+    sensor: {name: front, kind: lidar, pattern: {type: pinhole, resolution: [160, 90], fov_deg: [90, 58.7]}}
+    mount: {position_m: [0.3, 0, -0.1]}
+trajectory: {camera: Lidar}
+frames: {last: 5, fps: 10}
+samples: 5
+seed: 2
+set: {splits: {train: 60, held-back: 40}}
+outputs: [{style: kitti, frames: 6}, {style: nuscenes}, {style: webdataset, samples: 2}]
+variation:
+  - {move: "Tree_*", by_m: [{uniform: [-1, 1]}, 0, 0], chance: 0.5}
+"#;
+    let set = make(folder, text);
+    let looked = |style: &str| read("sets.py", &[OsStr::new(style), set.join(style).as_os_str()], &Value::Null);
+
+    let kitti = looked("kitti");
+    assert_eq!(kitti["frames"], 30);
+    let objects = |of: &str| kitti["objects"][of].as_u64().unwrap();
+    assert!(objects("Car") >= 100 && objects("Truck") >= 30 && objects("Pedestrian") >= 5, "{kitti}");
+    assert!(kitti["leaning"].as_u64().unwrap() * 10 < objects("Car"), "{kitti}");
+    assert!(kitti["points_in_boxes"].as_u64().unwrap() > 2000 && kitti["truncated"].as_u64().unwrap() > 0, "{kitti}");
+
+    let nuscenes = looked("nuscenes");
+    let counts = &nuscenes["counts"];
+    assert_eq!((&counts["scene"], &counts["sample"], &counts["sample_data"]), (&5.into(), &10.into(), &60.into()));
+    assert_eq!((&counts["lidarseg"], &counts["category"]), (&10.into(), &32.into()));
+    assert_eq!(nuscenes["channels"], serde_json::json!(["CAM_FRONT", "LIDAR_TOP"]));
+    for class in ["vehicle.car", "vehicle.truck", "human.pedestrian.adult", "flat.driveable_surface", "static.manmade"]
+    {
+        assert!(nuscenes["classes"][class].as_u64().unwrap() > 10, "{nuscenes}");
+    }
+    let speed = |attribute: &str, end: usize| nuscenes["speeds"][attribute][end].as_f64().unwrap();
+    assert!(speed("vehicle.parked", 1) < 0.1 && speed("vehicle.moving", 1) > 3.0, "{nuscenes}");
+    assert!((0.3..3.0).contains(&speed("pedestrian.moving", 1)), "{nuscenes}");
+
+    // Samples are in the archives of their parts.
+    let parts = ["train", "held-back"].map(|part| {
+        let listed = fs::read_to_string(set.join(format!("splits/{part}.txt"))).unwrap();
+        listed.lines().map(|line| line.parse::<u64>().unwrap()).collect::<Vec<_>>()
+    });
+    let archives = looked("webdataset");
+    for (part, samples) in ["train", "held-back"].into_iter().zip(&parts) {
+        let found = (0..).map_while(|index| archives[format!("{part}-{index:06}.tar")].as_array());
+        let found: Vec<u64> = found.flatten().map(|sample| sample.as_u64().unwrap()).collect();
+        assert_eq!(found, *samples);
+    }
+    assert_eq!(parts.concat().len(), 5);
+}
+
 /// What the schema says against each of `texts`.
 fn against(texts: &[String]) -> Vec<Vec<String>> {
     let schema = root().join("presets/scenario.schema.json");
@@ -263,6 +321,10 @@ fn the_schema_accepts_what_is_read() {
         "trajectory: {on: \"Floor\", turn_deg: {uniform: [[-5, -5, 0], [5, 5, 360]]}, align: slope, tries: 5}\n",
         "environment: {rain: {rate_mm_h: 5}}\nset: {folder: out}\noutputs: [{style: plain, format: las, \
          preview: {view: top}}]\n",
+        "set: {splits: 80/10/10, licence: CC-BY-4.0}\noutputs: [{style: kitti, velodyne: top, camera: eye, frames: 4, \
+         types: {bench: Misc}}]\n",
+        "set: {splits: {train: 80, test: 20.5}}\noutputs: [{style: nuscenes, version: v1.0-mini, top: top, categories: \
+         {bench: static.bench}}, {style: webdataset, format: las, samples: 100}]\n",
         "trajectory: {object: Car_1}\noutputs: [{style: files, files: [a.csv, b.las], single: true, boxes: \
          boxes.json}]\n",
         "variation: [{set: \"sensors[0].rate_hz\", to: {choice: [5, {value: 10, weight: 3}]}}]\n",
@@ -322,6 +384,13 @@ fn the_schema_refuses_what_cannot_be_read() {
         "variation: [{place: a.glb, at: {on: Floor, steepest_deg: 90}}]\n",
         "outputs: {style: plain}\n",
         "outputs: [{style: semantic_kitti, format: las}]\n",
+        "outputs: [{style: kitti, frames: 0}]\n",
+        "outputs: [{style: nuscenes, version: a/b}]\n",
+        "outputs: [{style: webdataset, samples: 0}]\n",
+        "set: {splits: 80}\n",
+        "set: {splits: 80/-10}\n",
+        "set: {splits: {a: -1}}\n",
+        "set: {license: MIT}\n",
         "variation: [{move: Car, by_m: [1, 2]}]\n",
         "variation: [{move: Car, by_m: [{uniform: [a, 1]}, 0, 0]}]\n",
         "variation: [{move: Car, turn_deg: {uniform: [0, 90, 180]}}]\n",

@@ -27,6 +27,7 @@ Examples:
   echocast run examples/scenarios/street.yaml --set samples=20 --resume -o street
   echocast run --check-output street
   echocast run examples/scenarios/street.yaml --sample 7 --preview sample.png --view perspective
+  echocast run examples/scenarios/learn.yaml --set samples=2 -o learn
   echocast run examples/scenarios/street.yaml --samples 0:2 --set environment.fog.visibility_m=80 -o foggy
 A set made on two machines:
   echocast run examples/scenarios/street.yaml --shard 0/2 -o shards
@@ -64,7 +65,7 @@ pub struct Args {
     /// Check a finished set instead: that no sample is missing, and all files are as they were written
     #[arg(long, value_name = "FOLDER", conflicts_with = "scenario")]
     check_output: Option<PathBuf>,
-    /// Complete a set whose shards are all there instead: with its manifest and its report
+    /// Complete a set whose shards are all there instead: with its tables and archives, manifest and report
     #[arg(long, value_name = "FOLDER", conflicts_with = "scenario")]
     finish: Option<PathBuf>,
     #[command(flatten)]

@@ -4,7 +4,7 @@ use super::draw::Draws;
 use super::spec::{Carrier, SensorEntry, Spec};
 use super::stage::{Base, Stage};
 use super::variation::Stand;
-use crate::cloud::{FieldSet, Ping, PointCloud};
+use crate::cloud::{BoxAxes, FieldSet, Ping, PointCloud};
 use crate::emitter::Trajectory;
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::Pose;
@@ -33,6 +33,7 @@ pub struct Sample {
 pub struct Scan {
     name: String,
     sensor: Arc<Sensor>,
+    mount: Pose,
     trajectory: Trajectory,
     frames: Vec<FrameTime>,
     options: ScanOptions,
@@ -59,6 +60,11 @@ impl Scan {
     /// The sensor.
     pub fn sensor(&self) -> &Sensor {
         &self.sensor
+    }
+
+    /// Where the sensor is on its carrier.
+    pub fn mount(&self) -> &Pose {
+        &self.mount
     }
 
     /// Where the sensor is, at all times.
@@ -174,18 +180,19 @@ impl Sample {
         built.scan_into(&scan.sensor, &scan.trajectory, &scan.options(frame), cloud)
     }
 
-    /// [`Sample::cloud_into`] with further columns, `more`.
+    /// [`Sample::cloud_into`] with further columns, `more`, and boxes.
     pub(super) fn cloud_with(
         &mut self,
         scan: usize,
         frame: usize,
         more: FieldSet,
+        boxes: Option<BoxAxes>,
         cloud: &mut PointCloud,
     ) -> Result<()> {
         let built = self.built(scan, frame)?;
         let scan = &self.scans[scan];
         let options = scan.options(frame);
-        let options = ScanOptions { fields: options.fields.union(more), ..options };
+        let options = ScanOptions { fields: options.fields.union(more), boxes, ..options };
         built.scan_into(&scan.sensor, &scan.trajectory, &options, cloud)
     }
 
@@ -268,6 +275,7 @@ fn scans(
         let fields = FieldSet::parse_with(&spec.fields.join(","), sensor.default_fields())?;
         scans.push(Scan {
             trajectory: mounted(&carrier, &mount)?,
+            mount,
             frames: times,
             options: ScanOptions {
                 fields,

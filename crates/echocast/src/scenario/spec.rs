@@ -1,5 +1,6 @@
 //! What a scenario file says, section by section.
 
+use super::set::Splits;
 use super::variation::Rule;
 use crate::cloud::Frame;
 use crate::generate::{GeneratedScene, Indoor, Landscape, Seabed, Street};
@@ -353,6 +354,10 @@ fn unchanged() -> f64 {
 pub(super) struct SetSpec {
     /// Where it is written; without it, a folder called as the scenario file without its ending.
     pub folder: Option<PathBuf>,
+    /// The parts that it is divided into.
+    pub splits: Splits,
+    /// What others may do with it: a name such as `CC-BY-4.0`, or a sentence.
+    pub licence: Option<String>,
 }
 
 fn word<'de, D: Deserializer<'de>, T: Named>(deserializer: D) -> Result<T, D::Error> {

@@ -587,6 +587,243 @@ fn sets_are_the_same_however_they_are_made() {
     assert_eq!(contents(&again), whole);
 }
 
+/// A LiDAR that drives and a camera, in every style.
+const STYLED: &str = "scene: {files: room.obj, labels: {objects: {Floor: road, Wall: building, \"Chair_*\": car}}}\n\
+    sensors:\n\
+    \x20 - {name: top, sensor: velodyne_vlp16, mount: {position_m: [0, 0, 0.5]}}\n\
+    \x20 - {name: eye, sensor: {name: eye, kind: lidar, pattern: {type: pinhole, resolution: [40, 30], fov_deg: [90, 70]}}, \
+           mount: {position_m: [0.5, 0.1, 0], rpy_deg: [0, 10, 0]}}\n\
+    trajectory: {poses: [[0, -2, -5, 1, 0, 0, 0.7071067811865476, 0.7071067811865476], \
+                         [1, -2, -3, 1, 0, 0, 0.7071067811865476, 0.7071067811865476]]}\n\
+    frames: {last: 6, fps: 10}\nsamples: 9\nseed: 3\nset: {splits: 60/40, licence: CC0-1.0}\n\
+    outputs: [{style: plain}, {style: semantic_kitti, sensor: top}, {style: kitti, frames: 10}, {style: nuscenes}, \
+              {style: webdataset, samples: 2, format: ply}]\n\
+    variation:\n  - {move: \"Chair_*\", by_m: [{uniform: [-0.2, 0.2]}, 0, 0]}\n  - {remove: Chair_3, chance: 0.5}\n";
+
+fn styled(folder: &TempDir, samples: u64, options: &set::RunOptions) -> Result<set::RunSummary> {
+    let mut scenario = Scenario::from_yaml(STYLED, folder.path())?;
+    scenario.set("samples", &samples.to_string())?;
+    set::run(scenario, options, &|_| {})
+}
+
+#[test]
+fn sets_of_every_style_grow_and_are_the_same_however_they_are_made() {
+    let folder = folder();
+    let in_folder = |name: &str| set::RunOptions { samples: None, ..options(Some(folder.path().join(name))) };
+    let summary = styled(&folder, 9, &in_folder("whole")).unwrap();
+    assert!(summary.complete && summary.failed.is_empty(), "{summary:?}");
+    let whole = contents(&folder.path().join("whole"));
+    for name in [
+        "README.md",
+        "files.json",
+        "splits/train.txt",
+        "kitti/training/label_2/000086.txt",
+        "kitti/ImageSets/val.txt",
+        "nuscenes/v1.0-echocast/sample_annotation.json",
+        "webdataset/train-000000.tar",
+        "webdataset/val-000000.tar",
+    ] {
+        assert!(whole.contains_key(name), "{name}");
+    }
+    assert!(!whole.keys().any(|name| name.starts_with("webdataset/.")), "archives have all of the samples");
+    let faults = |name: &str| set::check_folder(&folder.path().join(name)).unwrap();
+    assert_eq!(faults("whole"), [""; 0]);
+
+    // Shards, the last first.
+    for part in [2, 0, 1] {
+        let shard = set::RunOptions { shard: Some([part, 3]), threads: 2, ..in_folder("parts") };
+        assert_eq!(styled(&folder, 9, &shard).unwrap().made, 3);
+    }
+    set::finish(&folder.path().join("parts")).unwrap();
+    assert!(contents(&folder.path().join("parts")) == whole);
+    // Once more changes nothing.
+    set::finish(&folder.path().join("parts")).unwrap();
+    assert!(contents(&folder.path().join("parts")) == whole);
+
+    // Grown in two steps.
+    styled(&folder, 4, &in_folder("grown")).unwrap();
+    let few = contents(&folder.path().join("grown"));
+    let resumed = || set::RunOptions { resume: true, ..in_folder("grown") };
+    assert_eq!(styled(&folder, 7, &resumed()).unwrap().found, 4);
+    // A run that was killed when it was complete, but for what it no longer needed.
+    fs::write(folder.path().join("grown/webdataset/.pieces/000002.tar"), "old").unwrap();
+    fs::write(folder.path().join("grown/nuscenes/v1.0-echocast/.echocast-abc"), "half").unwrap();
+    assert_eq!(styled(&folder, 9, &resumed()).unwrap().found, 7);
+    let grown = contents(&folder.path().join("grown"));
+    let different: Vec<_> = whole.keys().filter(|name| grown.get(*name) != whole.get(*name)).collect();
+    assert!(different.is_empty() && grown.len() == whole.len(), "{different:?}");
+    // What is in a part stays there.
+    for part in ["train", "val"] {
+        let lines = |all: &std::collections::BTreeMap<String, Vec<u8>>| {
+            String::from_utf8(all[&format!("splits/{part}.txt")].clone()).unwrap()
+        };
+        assert!(lines(&whole).starts_with(&lines(&few)), "{part}");
+    }
+
+    // What is damaged is found, and made again.
+    let root = folder.path().join("grown");
+    for (name, words) in [
+        ("webdataset/train-000000.tar", "webdataset/train-000000.tar has other contents"),
+        ("nuscenes/.pieces/000001.txt", "nuscenes/.pieces/000001.txt has"),
+        ("nuscenes/v1.0-echocast/scene.json", "nuscenes/v1.0-echocast/scene.json has other contents"),
+        ("kitti/training/label_2/000013.txt", "label_2/000013.txt is missing"),
+        ("README.md", "README.md has other contents"),
+    ] {
+        let path = root.join(name);
+        match words.ends_with("missing") {
+            true => fs::remove_file(&path).unwrap(),
+            false => {
+                let mut bytes = fs::read(&path).unwrap();
+                let middle = bytes.len() / 3;
+                bytes[middle] ^= 1;
+                fs::write(&path, bytes).unwrap();
+            }
+        }
+        let said = faults("grown").join("\n");
+        assert!(said.contains(words), "{name}: {said}");
+        styled(&folder, 9, &resumed()).unwrap();
+        assert!(contents(&root) == whole, "{name}");
+    }
+}
+
+#[test]
+fn labels_of_kitti_are_what_its_camera_sees() {
+    let folder = folder();
+    let made = folder.path().join("made");
+    styled(&folder, 1, &set::RunOptions { samples: None, ..options(Some(made.clone())) }).unwrap();
+    let read = |name: &str| fs::read_to_string(made.join("kitti/training").join(name)).unwrap();
+    let numbers = |line: &str| -> Vec<f64> { line.split(' ').skip(1).map(|word| word.parse().unwrap()).collect() };
+    let text = read("calib/000003.txt");
+    let matrix = |name: &str| numbers(text.lines().find(|line| line.starts_with(name)).unwrap());
+    let (camera, to_camera) = (matrix("P2:"), matrix("Tr_velo_to_cam:"));
+    // The camera is 0.5 m ahead of the LiDAR, 0.1 m to its left and 0.5 m below it, and looks down by 10 degrees.
+    let (sin, cos) = 10_f64.to_radians().sin_cos();
+    let expected =
+        [[0.0, -1.0, 0.0, 0.1], [-sin, 0.0, -cos, 0.5 * sin - 0.5 * cos], [cos, 0.0, -sin, -0.5 * cos - 0.5 * sin]];
+    for (found, expected) in to_camera.iter().zip(expected.as_flattened()) {
+        assert!((found - expected).abs() < 1e-9, "{to_camera:?}");
+    }
+    assert!((camera[0] - 20.0).abs() < 1e-9 && camera[2] == 19.5 && camera[6] == 14.5);
+
+    let labels = read("label_2/000003.txt");
+    assert!(labels.lines().count() >= 2, "{labels}");
+    let scenario = Scenario::from_yaml(STYLED, folder.path()).unwrap();
+    let mut sample = scenario.sample(0).unwrap();
+    let mut cloud = crate::cloud::PointCloud::default();
+    sample.cloud_with(1, 3, crate::cloud::FieldSet::all(), None, &mut cloud).unwrap();
+    // Pixels of each chair lie in its box, and one of them touches each side that is not hidden.
+    let mut matched = 0;
+    for line in labels.lines() {
+        assert!(line.starts_with("Car "));
+        let label = numbers(line);
+        let (rect, size, turned) = (&label[3..7], &label[7..10], label[13]);
+        assert!((size[0] - 0.9).abs() < 1e-3 && (size[1] - 0.5).abs() < 1e-3 && (size[2] - 0.5).abs() < 1e-3);
+        // The chairs' x axis is to the right of who looks along y.
+        assert!(turned.abs() < 1e-3, "{line}");
+        assert!((label[2] - (turned - label[10].atan2(label[12]))).abs() < 2e-4, "{line}");
+        let inside = (0..cloud.len).filter(|&row| {
+            let [column, line] = [cloud.columns.beam[row] % 40, cloud.columns.beam[row] / 40].map(f64::from);
+            let chair = cloud.labels.category.name(cloud.columns.category_id[row]) == Some("car");
+            let across = rect[0] - 0.5 <= column && column <= rect[2] + 0.5;
+            chair && across && rect[1] - 0.5 <= line && line <= rect[3] + 0.5
+        });
+        matched += usize::from(inside.count() >= 4);
+    }
+    assert_eq!(matched, labels.lines().count(), "{labels}");
+}
+
+#[test]
+fn what_a_style_cannot_be_made_of_is_refused_before_anything_is_written() {
+    let folder = folder();
+    let fault = |sensors: &str, output: &str| {
+        let text = format!(
+            "scene: {{files: room.obj}}\nsensors: [{sensors}]\ntrajectory: {{position_m: [0, -5, 1.5]}}\n\
+             set: {{folder: made}}\noutputs: [{{{output}}}]\n"
+        );
+        let scenario = Scenario::from_yaml(&text, folder.path()).unwrap();
+        let error = set::run(scenario, &set::RunOptions { samples: None, ..options(None) }, &|_| {}).unwrap_err();
+        assert!(!folder.path().join("made").exists());
+        error.to_string()
+    };
+    let (lidar, sonar) = ("{sensor: velodyne_vlp16}", "{sensor: mbes_400}");
+    let other = "{name: b, sensor: velodyne_vlp16}";
+    let eye = "{sensor: {name: eye, kind: lidar, pattern: {type: pinhole, resolution: [4, 3], fov_deg: [90, 70]}}}";
+    for (sensors, output, words) in [
+        (sonar.to_owned(), "style: kitti", "kitti: velodyne is missing among the sensors mbes_400; allowed: a LiDAR"),
+        (sonar.to_owned(), "style: nuscenes", "nuscenes: top is missing among the sensors mbes_400; allowed: a LiDAR"),
+        (
+            lidar.to_owned(),
+            "style: kitti",
+            "kitti: camera is missing among the sensors velodyne_vlp16; allowed: a camera",
+        ),
+        (eye.to_owned(), "style: kitti", "velodyne is missing among the sensors eye; allowed: a LiDAR in `sensors`"),
+        (
+            format!("{lidar}, {other}, {eye}"),
+            "style: kitti",
+            "there are 2 such sensors; allowed: one of velodyne_vlp16, b",
+        ),
+        (
+            format!("{lidar}, {eye}"),
+            "style: kitti, velodyne: eye",
+            "kitti: velodyne is \"eye\"; allowed: velodyne_vlp16",
+        ),
+        (format!("{lidar}, {eye}"), "style: kitti, frames: 0", "outputs[0].frames: is 0; allowed: 1 to 100000"),
+        (
+            format!("{lidar}, {}", eye.replace("{sensor: {", "{rate_hz: 10, start_s: 0.02, sensor: {")),
+            "style: kitti",
+            "kitti is of sensors that scan at other times, velodyne_vlp16 and eye; allowed: both without rate_hz",
+        ),
+        (lidar.to_owned(), "style: nuscenes, top: x", "nuscenes: top is \"x\"; allowed: velodyne_vlp16"),
+        (lidar.to_owned(), "style: nuscenes, version: ../x", "outputs[0].version: is \"../x\"; allowed: a name of a"),
+        (lidar.to_owned(), "style: webdataset, format: zip", "outputs[0]"),
+        (lidar.to_owned(), "style: webdataset, samples: 0", "outputs[0].samples: is 0; allowed: 1 or more"),
+    ] {
+        let error = fault(&sensors, output);
+        assert!(error.contains(words) && error.len() < 500, "{output}: {error}");
+    }
+    let text = format!("scene: {{files: room.obj}}\nsensors: [{lidar}]\nset: {{splits: 80}}\n");
+    let error = Scenario::from_yaml(&text, folder.path()).unwrap_err().to_string();
+    assert!(error.contains("line 3") && error.contains("allowed: shares such as 80/10/10"), "{error}");
+}
+
+#[test]
+fn the_readme_says_what_a_set_is() {
+    let folder = folder();
+    let made = folder.path().join("made");
+    styled(&folder, 2, &set::RunOptions { samples: None, ..options(Some(made.clone())) }).unwrap();
+    let text = fs::read_to_string(made.join("README.md")).unwrap();
+    for words in [
+        "# Set of 2 samples",
+        "CC0-1.0",
+        "| top | Velodyne VLP-16",
+        "| `intensity` | 1 |",
+        "| car | ",
+        "| train | ",
+        "NuScenes(version='v1.0-echocast'",
+        "webdataset.WebDataset('webdataset/train-000000.tar'",
+        env!("CARGO_PKG_VERSION"),
+        "\"seed\": 3",
+    ] {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+    // Licence and parts may change later.
+    let mut scenario = Scenario::from_yaml(STYLED, folder.path()).unwrap();
+    scenario.set("samples", "2").unwrap();
+    scenario.set("set", "{splits: {a: 1, b: 1}}").unwrap();
+    let options = set::RunOptions { samples: None, resume: true, ..options(Some(made.clone())) };
+    assert_eq!(set::run(scenario, &options, &|_| {}).unwrap().found, 2);
+    let all = contents(&made);
+    assert!(String::from_utf8_lossy(&all["README.md"]).contains("None is said."));
+    assert!(all.contains_key("splits/a.txt") && !all.contains_key("splits/train.txt"));
+    assert!(!all.contains_key("webdataset/train-000000.tar"));
+    assert_eq!(set::check_folder(&made).unwrap(), [""; 0]);
+    // A list that names files of others is not followed.
+    let entry = json!([{"path": "../room.obj", "bytes": 1, "sha256": ""}]);
+    fs::write(made.join("files.json"), entry.to_string()).unwrap();
+    let error = set::finish(&made).unwrap_err().to_string();
+    assert!(error.contains("names ../room.obj, which is not in the set") && folder.path().join("room.obj").exists());
+}
+
 #[test]
 fn folders_of_others_are_left_alone() {
     let folder = folder();
@@ -735,6 +972,9 @@ fn the_schema_has_the_keys_of_the_file() {
         ("variation: [{remove: {zzz: 1}}]", "/$defs/target/oneOf/1/properties".into()),
         ("outputs: [{style: plain, zzz: 1}]", output(0)),
         ("outputs: [{style: semantic_kitti, zzz: 1}]", output(1)),
+        ("outputs: [{style: kitti, zzz: 1}]", output(3)),
+        ("outputs: [{style: nuscenes, zzz: 1}]", output(4)),
+        ("outputs: [{style: webdataset, zzz: 1}]", output(5)),
     ] {
         let error = fault(text);
         let allowed = error.split_once("; allowed: ").unwrap_or_else(|| panic!("{text}: {error}")).1;

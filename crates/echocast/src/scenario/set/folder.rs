@@ -1,20 +1,25 @@
 //! The folder of a set, and which scenario it belongs to.
 
 use super::manifest::{self, Entry};
-use super::style::{numbered, sample_folder};
+use super::style::{Style, numbered, sample_folder};
+use super::whole;
+use crate::cloud::FieldSet;
 use crate::export;
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
+use crate::read::yaml::Document;
 use crate::read::{self, Limit};
 use crate::scenario::Scenario;
+use crate::scenario::spec::Spec;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// `scenario.json`: what made a set.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Origin {
     /// Version of the program.
     pub echocast: String,
@@ -22,6 +27,9 @@ pub(super) struct Origin {
     pub samples: u64,
     /// Names of the folders of its styles.
     pub roots: Vec<String>,
+    /// Its sensors.
+    #[serde(default)]
+    pub sensors: Vec<SensorNote>,
     /// SHA-256 of the scenario, whatever its number of samples.
     pub digest: String,
     /// SHA-256 of each file that the scenario names and of each model of a folder, by name; what such files name in their
@@ -29,6 +37,17 @@ pub(super) struct Origin {
     pub inputs: BTreeMap<String, String>,
     /// The scenario, as it was written.
     pub scenario: Value,
+}
+
+/// What `README.md` says of a sensor.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct SensorNote {
+    /// Its name in the rig.
+    pub name: String,
+    /// What it is.
+    pub title: String,
+    /// Columns of its clouds.
+    pub columns: Vec<String>,
 }
 
 const ORIGIN: &str = "scenario.json";
@@ -50,10 +69,21 @@ impl Origin {
         named_files(&same, folder, &mut files);
         let digest = |file: &PathBuf| Ok((shown::path(file), manifest::digest(&folder.join(file))?.1));
         let inputs = files.iter().map(digest).collect::<Result<_>>()?;
+        let sensors = scenario.spec.sensors.iter().enumerate().map(|(index, entry)| {
+            let sensor = stage.sensor(entry, &format!("sensors[{index}]"), folder)?;
+            let fields = FieldSet::parse_with(&scenario.spec.fields.join(","), sensor.default_fields())?;
+            Ok(SensorNote {
+                name: entry.name.clone().unwrap_or_else(|| sensor.name().to_owned()),
+                title: sensor.title().to_owned(),
+                columns: fields.iter().map(|info| info.name.to_owned()).collect(),
+            })
+        });
+        let sensors = sensors.collect::<Result<_>>()?;
         Ok(Origin {
             echocast: env!("CARGO_PKG_VERSION").into(),
             samples: scenario.samples(),
             roots,
+            sensors,
             digest: manifest::digest_of(same.to_string().as_bytes()),
             inputs,
             scenario: scenario.value().clone(),
@@ -97,8 +127,8 @@ impl Origin {
                 let found = format!("{}, for which {name} had other contents", shown::path(root));
                 return Err(Error::invalid("set.folder", found, "another folder, or the files as they were"));
             }
-            Some(known) if known.samples >= self.samples && known.roots == self.roots => {}
-            Some(_) => self.write(root)?,
+            Some(known) if known.samples >= self.samples && known.set() == self.set() => {}
+            Some(known) => Origin { samples: self.samples.max(known.samples), ..self.clone() }.write(root)?,
             None => {
                 // Another shard may have begun at this moment.
                 let others = fs::read_dir(root).map_err(failed)?.filter_map(Result::ok).any(|entry| {
@@ -117,6 +147,20 @@ impl Origin {
             fs::create_dir_all(&folder).map_err(|source| Error::Io { path: folder, source })?;
         }
         Ok(())
+    }
+
+    /// What it says of the set, apart from its samples.
+    fn set(&self) -> Option<&Value> {
+        self.scenario.get("set")
+    }
+
+    /// The sections of the scenario.
+    ///
+    /// # Errors
+    /// Those of a file that somebody has changed.
+    pub fn spec(&self) -> Result<(Spec, Document)> {
+        let document = Document::from_value(ORIGIN, self.scenario.clone());
+        Ok((Spec::read(&document)?, document))
     }
 
     fn write(&self, root: &Path) -> Result<()> {
@@ -145,10 +189,37 @@ pub(super) fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     pending.commit()
 }
 
-/// Where the files of `sample` are while it is made, and where then, for each of `roots`.
-pub(super) fn folders(root: &Path, roots: &[&str], sample: u64) -> Vec<[PathBuf; 2]> {
-    let unfinished = format!(".{}.unfinished", numbered(sample));
-    roots.iter().map(|name| [root.join(name).join(&unfinished), root.join(sample_folder(name, sample))]).collect()
+/// Where the files of `sample` in the folder `name` of a style are while it is made.
+pub(super) fn unfinished(root: &Path, name: &str, sample: u64) -> PathBuf {
+    root.join(name).join(format!(".{}.unfinished", numbered(sample)))
+}
+
+/// Puts what has been made of `sample` in its place in the folder of `style`; gives its files, relative to `root`.
+///
+/// # Errors
+/// The system's.
+pub(super) fn settle(root: &Path, style: &dyn Style, sample: u64) -> Result<Vec<PathBuf>> {
+    let name = style.root();
+    let unfinished = unfinished(root, name, sample);
+    let rename =
+        |from: &Path, to: &Path| fs::rename(from, to).map_err(|source| Error::Io { path: to.to_owned(), source });
+    if !style.shares_folders() {
+        let place = root.join(sample_folder(name, sample));
+        let _ = fs::remove_dir_all(&place);
+        rename(&unfinished, &place)?;
+        return files_below(root, &place);
+    }
+    let mut files = files_below(&unfinished, &unfinished)?;
+    for file in &mut files {
+        let place = root.join(name).join(&*file);
+        if let Some(folder) = place.parent() {
+            fs::create_dir_all(folder).map_err(|source| Error::Io { path: folder.to_owned(), source })?;
+        }
+        rename(&unfinished.join(&*file), &place)?;
+        *file = Path::new(name).join(&*file);
+    }
+    fs::remove_dir_all(&unfinished).map_err(|source| Error::Io { path: unfinished, source })?;
+    Ok(files)
 }
 
 /// Removes what runs that were killed have left half written in a set whose samples are all there, so that no other run
@@ -157,15 +228,24 @@ pub(super) fn folders(root: &Path, roots: &[&str], sample: u64) -> Vec<[PathBuf;
 /// # Errors
 /// The system's.
 pub(super) fn sweep(root: &Path, origin: &Origin) -> Result<()> {
-    for folder in origin.roots.iter().map(|name| root.join(name)).chain([root.to_owned()]) {
+    let mut open: Vec<PathBuf> = origin.roots.iter().map(|name| root.join(name)).collect();
+    open.extend([root.to_owned(), root.join("splits")]);
+    while let Some(folder) = open.pop() {
         let failed = |source| Error::Io { path: folder.clone(), source };
-        for entry in fs::read_dir(&folder).map_err(failed)? {
+        let entries = match fs::read_dir(&folder) {
+            Err(error) if error.kind() == ErrorKind::NotFound => continue,
+            entries => entries.map_err(failed)?,
+        };
+        for entry in entries {
             let path = entry.map_err(failed)?.path();
             let name = path.file_name().unwrap_or_default().to_string_lossy();
             if name.starts_with(export::UNFINISHED) {
                 fs::remove_file(&path).map_err(failed)?;
             } else if name.starts_with('.') && name.ends_with(".unfinished") {
                 fs::remove_dir_all(&path).map_err(failed)?;
+            } else if folder != root && !name.bytes().all(|byte| byte.is_ascii_digit()) && path.is_dir() {
+                // Folders of samples appear as a whole.
+                open.push(path);
             }
         }
     }
@@ -209,6 +289,7 @@ pub fn check_folder(root: &Path) -> Result<Vec<String>> {
         }
         faults.extend(entry.files.iter().filter_map(|file| file.fault(root)));
     }
+    faults.extend(whole::read(root)?.iter().filter_map(|file| file.fault(root)));
     Ok(faults)
 }
 

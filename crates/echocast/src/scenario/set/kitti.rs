@@ -1,213 +1,317 @@
-//! SemanticKITTI: each sample a sequence.
+//! The object set of KITTI: a LiDAR and a camera, boxes in the camera's frame.
 
-use super::style::numbered;
-use crate::cloud::{Field, FieldSet, Frame, PointCloud, VELOCITY};
+use super::points::{in_sensor, inverse, local, on, remission};
+use super::rig::{Camera, Kind, find};
+use super::style::{Scanned, Style, Writer as Write, numbered};
+use super::whole::Whole;
+use crate::cloud::{BoxAxes, Field, FieldSet, InstanceBox};
 use crate::export;
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::Pose;
 use crate::ground::report::Report;
-use crate::scenario::{Sample, Scan};
-use glam::{DAffine3, Vec3};
+use crate::scenario::Sample;
+use glam::{DMat3, DQuat, DVec3};
 use serde::Deserialize;
-use std::collections::{BTreeSet, HashMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// `sequences/000017/velodyne/000003.bin`, `labels/000003.label`, `poses.txt`, `calib.txt`, `times.txt`.
-#[derive(Clone, Debug, Default, Deserialize)]
+/// `kitti/training/velodyne/000017.bin`, `label_2`, `calib`, `image_2`, and `ImageSets` (Geiger et al. 2012, Are we ready
+/// for autonomous driving?; formats as in its object development kit).
+#[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub(super) struct SemanticKitti {
-    /// Name of the sensor, where there are several.
-    pub sensor: Option<String>,
+pub(super) struct Kitti {
+    /// Name of the LiDAR, where there are several.
+    pub velodyne: Option<String>,
+    /// Name of the camera, where there are several.
+    pub camera: Option<String>,
+    /// Most frames of a sample: frame k of sample i is number i * frames + k.
+    pub frames: u64,
+    /// Types of categories that are not known by their names.
+    pub types: BTreeMap<String, String>,
 }
 
-/// Numbers of SemanticKITTI's classes (Behley et al. 2019, SemanticKITTI; configuration of its development kit), by the
-/// names that scenes use.
-const CLASSES: [(&str, u16); 30] = [
-    ("unlabeled", 0),
-    ("outlier", 1),
-    ("car", 10),
-    ("bicycle", 11),
-    ("bus", 13),
-    ("motorcycle", 15),
-    ("on-rails", 16),
-    ("truck", 18),
-    ("other-vehicle", 20),
-    ("person", 30),
-    ("bicyclist", 31),
-    ("motorcyclist", 32),
-    ("road", 40),
-    ("parking", 44),
-    ("sidewalk", 48),
-    ("other-ground", 49),
-    ("building", 50),
-    ("fence", 51),
-    ("other-structure", 52),
-    ("lane-marking", 60),
-    ("vegetation", 70),
-    ("trunk", 71),
-    ("terrain", 72),
-    ("pole", 80),
-    ("traffic-sign", 81),
-    ("other-object", 99),
-    // What generated landscapes have.
-    ("path", 49),
-    ("tree", 70),
-    ("bush", 70),
-    ("grass", 72),
+impl Default for Kitti {
+    fn default() -> Self {
+        Kitti { velodyne: None, camera: None, frames: 1, types: BTreeMap::new() }
+    }
+}
+
+/// Types of KITTI by the names of categories that scenes use.
+const TYPES: [(&str, &str); 14] = [
+    ("car", "Car"),
+    ("van", "Van"),
+    ("truck", "Truck"),
+    ("person", "Pedestrian"),
+    ("pedestrian", "Pedestrian"),
+    ("bicyclist", "Cyclist"),
+    ("cyclist", "Cyclist"),
+    ("tram", "Tram"),
+    ("on-rails", "Tram"),
+    ("bus", "Misc"),
+    ("trailer", "Misc"),
+    ("motorcyclist", "Misc"),
+    ("other-vehicle", "Misc"),
+    ("misc", "Misc"),
 ];
 
-/// Numbers of the classes for what moves, by those for what stands (as above).
-const MOVING: [(u16, u16); 8] =
-    [(10, 252), (31, 253), (30, 254), (32, 255), (16, 256), (13, 257), (18, 258), (20, 259)];
+/// What of an object is seen at least where it counts as fully visible, and where as partly.
+const VISIBLE: f64 = 0.9;
+const PARTLY: f64 = 0.5;
 
-/// What is slower stands, m/s.
-const STANDING_M_S: f32 = 0.1;
+/// What is nearer to the camera's plane is not projected, m.
+const NEAR_M: f64 = 0.1;
 
-pub(super) struct Writer<'w> {
+/// Boxes that lean more than this lose something, degrees.
+const UPRIGHT_DEG: f64 = 5.0;
+
+struct Writer<'w> {
+    style: &'w Kitti,
+    number: u64,
     folder: &'w Path,
-    /// Number of the scan that is written.
-    scan: usize,
-    poses: String,
-    times: String,
-    frames: usize,
-    /// Where the first frame was scanned from.
-    first: Option<Pose>,
+    /// Numbers of the two scans.
+    lidar: usize,
+    camera: usize,
+    lens: Camera,
+    calibration: String,
+    /// Categories of objects that have no type.
+    others: BTreeSet<String>,
 }
 
-impl SemanticKitti {
-    pub fn fields(sample: &Sample) -> FieldSet {
-        let own = [Field::X, Field::Y, Field::Z, Field::Intensity, Field::CategoryId, Field::InstanceId];
-        own.into_iter().chain(VELOCITY.into_iter().filter(|_| sample.is_moving())).collect()
+impl Kitti {
+    /// Numbers of the scans that are written: of the LiDAR and of the camera.
+    fn scans(&self, sample: &Sample) -> Result<[usize; 2]> {
+        Ok([
+            find(sample, "kitti: velodyne", self.velodyne.as_deref(), Kind::Lidar)?,
+            find(sample, "kitti: camera", self.camera.as_deref(), Kind::Camera)?,
+        ])
     }
 
-    /// Number of the scan in `sample` that is written.
-    pub fn scan(&self, sample: &Sample) -> Result<usize> {
-        let names = || sample.scans().iter().map(Scan::name).collect::<Vec<_>>().join(", ");
-        match (&self.sensor, sample.scans()) {
-            (None, [_]) => Ok(0),
-            (None, scans) => {
-                let found = format!("missing, and there are {} sensors", scans.len());
-                Err(Error::invalid("semantic_kitti: sensor", found, format!("one of {}", names())))
-            }
-            (Some(name), scans) => {
-                let found = scans.iter().position(|scan| scan.name() == name);
-                found.ok_or_else(|| Error::invalid("semantic_kitti: sensor", format!("{name:?}"), names()))
-            }
-        }
-    }
-
-    pub fn writer<'w>(&self, sample: &Sample, folder: &'w Path) -> Result<Writer<'w>> {
-        for name in ["velodyne", "labels"] {
-            let folder = folder.join(name);
-            std::fs::create_dir(&folder).map_err(|source| Error::Io { path: folder, source })?;
-        }
-        let scan = self.scan(sample)?;
-        Ok(Writer { folder, scan, poses: String::new(), times: String::new(), frames: 0, first: None })
+    /// Type of what is of a category.
+    fn of(&self, category: &str) -> Option<&str> {
+        let known = || TYPES.iter().find(|(name, _)| *name == category).map(|(_, of)| *of);
+        self.types.get(category).map(String::as_str).or_else(known)
     }
 }
 
-impl Writer<'_> {
-    pub fn add(&mut self, sample: &Sample, scan: usize, frame: usize, cloud: &PointCloud) -> Result<Report> {
-        let mut report = Report::default();
-        if scan != self.scan {
-            return Ok(report);
+impl Style for Kitti {
+    fn check(&self) -> Result<()> {
+        if !(1..=100_000).contains(&self.frames) {
+            return Err(Error::invalid("frames", self.frames, "1 to 100000"));
         }
-        let columns = &cloud.columns;
-        // Points in the sensor's frame at the start of the scan.
-        let pose = cloud.sensor_pose;
-        let back = pose.orientation.inverse();
-        let local = |row: usize| {
-            let point = Vec3::new(columns.x[row], columns.y[row], columns.z[row]);
-            match cloud.frame {
-                Frame::Sensor => point,
-                Frame::World => (back * (point.as_dvec3() + (cloud.origin - pose.position))).as_vec3(),
+        let word = |word: &String| !word.is_empty() && !word.contains(char::is_whitespace);
+        match self.types.iter().find(|(_, name)| !word(name)) {
+            Some((category, name)) => {
+                Err(Error::invalid(format!("types.{category}"), format!("{name:?}"), "a word, such as Car"))
             }
-        };
-        let full = cloud.intensity_full_scale.filter(|full| *full > 0.0).unwrap_or(1.0);
-        // Instances are numbered anew in each scan, since they have 16 bits.
-        let mut instances: HashMap<u32, u16> = HashMap::new();
-        let moving = if sample.is_moving() { moving(cloud) } else { HashSet::new() };
-        let (mut points, mut labels, mut unknown) = (Vec::new(), Vec::new(), BTreeSet::new());
-        let mut classes: HashMap<u32, u16> = HashMap::new();
-        for row in 0..cloud.len {
-            let Vec3 { x, y, z } = local(row);
-            if !(x.is_finite() && y.is_finite() && z.is_finite()) {
-                continue;
-            }
-            let remission = (columns.intensity[row] / full).clamp(0.0, 1.0);
-            points.extend(
-                [x, y, z, if remission.is_finite() { remission } else { 0.0 }].map(f32::to_le_bytes).as_flattened(),
-            );
-            let category = columns.category_id[row];
-            let class = *classes.entry(category).or_insert_with(|| {
-                let name = cloud.labels.category.name(category).unwrap_or("unlabeled");
-                let known = CLASSES.iter().find(|(class, _)| *class == name);
-                known.map_or_else(
-                    || {
-                        unknown.insert(name.to_owned());
-                        0
-                    },
-                    |(_, number)| *number,
-                )
-            });
-            let class = match MOVING.iter().find(|(standing, _)| *standing == class) {
-                Some((_, moving_class)) if moving.contains(&columns.instance_id[row]) => *moving_class,
-                _ => class,
-            };
-            let next = u16::try_from(instances.len() + 1).unwrap_or(0);
-            let instance = match columns.instance_id[row] {
-                0 => 0,
-                number => *instances.entry(number).or_insert(next),
-            };
-            labels.extend((u32::from(class) | u32::from(instance) << 16).to_le_bytes());
+            None => Ok(()),
         }
-        if !unknown.is_empty() {
-            let names = unknown.into_iter().collect::<Vec<_>>().join(", ");
-            report.warn(format!("semantic_kitti: categories that it does not have are unlabeled: {names}"));
-        }
-        let number = numbered(self.frames as u64);
-        export::write_whole(&self.folder.join(format!("velodyne/{number}.bin")), &points)?;
-        export::write_whole(&self.folder.join(format!("labels/{number}.label")), &labels)?;
-        // Relative to the first, as in KITTI's odometry; the calibration is the identity.
-        let first = *self.first.get_or_insert(pose);
-        let place = |pose: &Pose| DAffine3::from_rotation_translation(pose.orientation, pose.position);
-        let from_first = place(&first).inverse() * place(&pose);
-        let rows = from_first.matrix3.transpose().to_cols_array();
-        let translation = from_first.translation.to_array();
-        let numbers = (0..12).map(|k| if k % 4 < 3 { rows[k / 4 * 3 + k % 4] } else { translation[k / 4] });
-        let line: Vec<String> = numbers.map(|number| format!("{:e}", number + 0.0)).collect();
-        let start = sample.scans()[scan].frames()[frame].start;
-        // Writing to a text does not fail.
-        let _ = writeln!(self.poses, "{}", line.join(" "));
-        let _ = writeln!(self.times, "{start:e}");
-        self.frames += 1;
-        Ok(report)
     }
 
-    pub fn finish(self) -> Result<()> {
-        const CALIBRATION: &str = "P0: 1 0 0 0 0 1 0 0 0 0 1 0\nP1: 1 0 0 0 0 1 0 0 0 0 1 0\n\
-                                   P2: 1 0 0 0 0 1 0 0 0 0 1 0\nP3: 1 0 0 0 0 1 0 0 0 0 1 0\n\
-                                   Tr: 1 0 0 0 0 1 0 0 0 0 1 0\n";
-        for (name, text) in [("poses.txt", self.poses.as_str()), ("times.txt", &self.times), ("calib.txt", CALIBRATION)]
-        {
-            export::write_whole(&self.folder.join(name), text.as_bytes())?;
+    fn root(&self) -> &'static str {
+        "kitti"
+    }
+
+    fn shares_folders(&self) -> bool {
+        true
+    }
+
+    fn fields(&self, _sample: &Sample) -> FieldSet {
+        use Field::{Beam, Blue, CategoryId, Green, InstanceId, Intensity, Red, X, Y, Z};
+        [X, Y, Z, Intensity, CategoryId, InstanceId, Beam, Red, Green, Blue].into_iter().collect()
+    }
+
+    fn boxes(&self) -> Option<BoxAxes> {
+        Some(BoxAxes::Object)
+    }
+
+    fn fits(&self, sample: &Sample) -> Result<()> {
+        let [lidar, camera] = self.scans(sample)?.map(|scan| &sample.scans()[scan]);
+        let count = lidar.frames().len() as u64;
+        if count > self.frames {
+            let found = format!("{}, and a sample has {count}", self.frames);
+            return Err(Error::invalid("kitti: frames", found, format!("{count} or more, the most that a sample has")));
+        }
+        let same = lidar.frames().len() == camera.frames().len()
+            && lidar.frames().iter().zip(camera.frames()).all(|(a, b)| (a.start - b.start).abs() < 1e-6);
+        if !same {
+            let found = format!("of sensors that scan at other times, {} and {}", lidar.name(), camera.name());
+            return Err(Error::invalid("kitti", found, "both without rate_hz and start_s: a frame of each at once"));
         }
         Ok(())
     }
+
+    fn writer<'w>(&'w self, number: u64, sample: &Sample, folder: &'w Path) -> Result<Box<dyn Write + 'w>> {
+        for name in ["velodyne", "label_2", "calib", "image_2"] {
+            let folder = folder.join("training").join(name);
+            std::fs::create_dir_all(&folder).map_err(|source| Error::Io { path: folder, source })?;
+        }
+        let [lidar, camera] = self.scans(sample)?;
+        let scans = sample.scans();
+        let lens = Camera::of(scans[camera].sensor())
+            .ok_or_else(|| Error::Internal("a camera that is no pinhole sensor".into()))?;
+        let calibration = calibration(&lens, scans[lidar].mount(), scans[camera].mount());
+        Ok(Box::new(Writer { style: self, number, folder, lidar, camera, lens, calibration, others: BTreeSet::new() }))
+    }
+
+    fn join(&self, whole: &mut Whole) -> Result<()> {
+        for (part, samples) in whole.parts() {
+            let mut lines = String::new();
+            for sample in samples {
+                let clouds = whole.entries[&sample].files.iter().filter_map(|file| {
+                    let name = file.path.strip_prefix("kitti/training/velodyne/")?;
+                    name.strip_suffix(".bin")
+                });
+                clouds.for_each(|name| lines += &format!("{name}\n"));
+            }
+            whole.write(format!("kitti/ImageSets/{part}.txt"), &mut |out| out.write_all(lines.as_bytes()))?;
+        }
+        Ok(())
+    }
+
+    fn readme(&self) -> String {
+        "`kitti` is laid out as KITTI's object set. Points are in the LiDAR's frame (x ahead, y left, z up), boxes in the \
+         camera's (x right, y down, z ahead), which is rectified: `R0_rect` is the identity, and `P0` to `P3` are the \
+         same. Boxes in the image are around the whole object, cut at the image's edges. `occluded` is 0 where 90 % of \
+         what a camera alone with the object would see of it are seen, 1 from 50 % on, else 2. `image_2` shows the \
+         surfaces' own colours, without light and shadow. All frames are in `training`; `ImageSets` divides them.\n\n\
+         ```python\n\
+         import numpy as np\n\
+         points = np.fromfile('kitti/training/velodyne/000000.bin', np.float32).reshape(-1, 4)  # x, y, z, remission\n\
+         objects = [line.split() for line in open('kitti/training/label_2/000000.txt')]\n\
+         calibration = {}\n\
+         for line in open('kitti/training/calib/000000.txt'):\n    \
+             name, _, numbers = line.partition(':')\n    \
+             calibration[name] = np.array(numbers.split(), float)\n\
+         to_camera = calibration['Tr_velo_to_cam'].reshape(3, 4)\n\
+         ```\n"
+            .to_owned()
+    }
 }
 
-/// The instances that move. Legs that stand go with those that swing, so each is asked for the mean speed of its points.
-fn moving(cloud: &PointCloud) -> HashSet<u32> {
-    let columns = &cloud.columns;
-    let mut speeds: HashMap<u32, (f32, u32)> = HashMap::new();
-    for row in 0..cloud.len {
-        let velocity = Vec3::new(columns.velocity_x[row], columns.velocity_y[row], columns.velocity_z[row]);
-        if columns.instance_id[row] != 0 && velocity.is_finite() {
-            let (sum, count) = speeds.entry(columns.instance_id[row]).or_default();
-            *sum += velocity.length();
-            *count += 1;
+impl Write for Writer<'_> {
+    fn add(&mut self, &Scanned { sample, scan, frame, cloud, boxes }: &Scanned) -> Result<Report> {
+        let mut report = Report::default();
+        if ![self.lidar, self.camera].contains(&scan) {
+            report.warn(format!("kitti: holds a LiDAR and a camera, left out: {}", sample.scans()[scan].name()));
+        }
+        let name = numbered(self.number * self.style.frames + frame as u64);
+        let path = |folder: &str, ending: &str| self.folder.join(format!("training/{folder}/{name}.{ending}"));
+        if scan == self.lidar {
+            let points = local(cloud).map(|(row, point)| [point.x, point.y, point.z, remission(cloud, row)]);
+            let bytes: Vec<u8> = points.flatten().flat_map(f32::to_le_bytes).collect();
+            export::write_whole(&path("velodyne", "bin"), &bytes)?;
+            export::write_whole(&path("calib", "txt"), self.calibration.as_bytes())?;
+        }
+        if scan == self.camera {
+            let image = path("image_2", "png");
+            let bytes = self.lens.png(cloud).map_err(|source| export::failed(&image, source))?;
+            export::write_whole(&image, &bytes)?;
+            let mut lines = String::new();
+            for found in boxes.iter().filter(|found| found.visible > 0.0) {
+                let category = cloud.labels.category.name(found.category_id).unwrap_or("unlabelled");
+                let Some(of) = self.style.of(category) else {
+                    self.others.insert(category.to_owned());
+                    continue;
+                };
+                let pose = in_sensor(cloud, found);
+                if let Some(line) = label(&self.lens, of, &pose, found) {
+                    lines += &line;
+                }
+                if (pose.orientation * DVec3::Z).z < UPRIGHT_DEG.to_radians().cos() {
+                    report.warn("kitti: boxes that lean in the camera's frame stand upright");
+                }
+            }
+            export::write_whole(&path("label_2", "txt"), lines.as_bytes())?;
+        }
+        Ok(report)
+    }
+
+    fn finish(self: Box<Self>) -> Result<Report> {
+        let mut report = Report::default();
+        if !self.others.is_empty() {
+            let names = self.others.into_iter().collect::<Vec<_>>().join(", ");
+            report.warn(format!("kitti: objects that it has no type for have no box: {names}"));
+        }
+        Ok(report)
+    }
+}
+
+/// The line of an object whose box is at `pose` in the camera's frame as a sensor; `None`: it is not in the image.
+fn label(lens: &Camera, of: &str, pose: &Pose, found: &InstanceBox) -> Option<String> {
+    let axes = Camera::axes();
+    let shown = InstanceBox { pose: *pose, ..*found };
+    let corners = shown.corners().map(|corner| axes * corner);
+    let whole = around(lens, &corners)?;
+    let last = lens.size.map(|count| f64::from(count) - 1.0);
+    let cut: [[f64; 2]; 2] = whole.map(|corner| [0, 1].map(|axis| corner[axis].clamp(0.0, last[axis])));
+    let area = |[low, high]: [[f64; 2]; 2]| (high[0] - low[0]) * (high[1] - low[1]);
+    if area(cut) <= 0.0 {
+        return None;
+    }
+    let truncated = 1.0 - area(cut) / area(whole);
+    let occluded = match found.visible {
+        visible if visible >= VISIBLE => 0,
+        visible if visible >= PARTLY => 1,
+        _ => 2,
+    };
+    let (ahead, up) = (axes * (pose.orientation * DVec3::X), pose.orientation * DVec3::Z);
+    // The place is the middle of the lower face.
+    let place = axes * (pose.position - up * (0.5 * found.size.z));
+    let turned = (-ahead.z).atan2(ahead.x);
+    let angle = |angle: f64| {
+        let whole = std::f64::consts::TAU;
+        angle - (angle / whole).round() * whole
+    };
+    let alpha = angle(turned - place.x.atan2(place.z));
+    let numbers = [cut[0][0], cut[0][1], cut[1][0], cut[1][1], found.size.z, found.size.y, found.size.x];
+    let numbers = numbers.into_iter().chain(place.to_array()).chain([turned]);
+    let numbers: Vec<String> = numbers.map(|number| format!("{:.4}", number + 0.0)).collect();
+    Some(format!("{of} {:.4} {occluded} {:.4} {}\n", truncated + 0.0, alpha + 0.0, numbers.join(" ")))
+}
+
+/// Least and greatest coordinates in the image of a box with such corners in the camera's axes; `None`: it is behind it.
+fn around(lens: &Camera, corners: &[DVec3; 8]) -> Option<[[f64; 2]; 2]> {
+    let [mut low, mut high] = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
+    let mut see = |point: DVec3| {
+        let place = lens.project(point);
+        low = [0, 1].map(|axis| low[axis].min(place[axis]));
+        high = [0, 1].map(|axis| high[axis].max(place[axis]));
+    };
+    for [a, b] in InstanceBox::EDGES.map(|edge| edge.map(|corner| corners[corner])) {
+        let near = |from: DVec3, to: DVec3| from + (to - from) * ((NEAR_M - from.z) / (to.z - from.z));
+        for (from, to) in [(a, b), (b, a)] {
+            match (from.z >= NEAR_M, to.z >= NEAR_M) {
+                (true, _) => see(from),
+                (false, true) => see(near(from, to)),
+                (false, false) => {}
+            }
         }
     }
-    speeds.into_iter().filter(|(_, (sum, count))| *sum > STANDING_M_S * *count as f32).map(|(id, _)| id).collect()
+    low[0].is_finite().then_some([low, high])
+}
+
+/// `calib/000017.txt` of sensors that are mounted so.
+fn calibration(lens: &Camera, lidar: &Pose, camera: &Pose) -> String {
+    let [[fx, fy], [cx, cy]] = [lens.focal, lens.centre];
+    let projection = [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0];
+    let mut text = String::new();
+    let mut line = |name: &str, numbers: &[f64]| {
+        let numbers: Vec<String> = numbers.iter().map(|number| format!("{:.12e}", number + 0.0)).collect();
+        // Writing to a text does not fail.
+        let _ = writeln!(text, "{name}: {}", numbers.join(" "));
+    };
+    ["P0", "P1", "P2", "P3"].into_iter().for_each(|name| line(name, &projection));
+    line("R0_rect", &DMat3::IDENTITY.to_cols_array());
+    let turned = Pose { position: DVec3::ZERO, orientation: DQuat::from_mat3(&Camera::axes()) };
+    line("Tr_velo_to_cam", &rows(&on(&turned, &on(&inverse(camera), lidar))));
+    line("Tr_imu_to_velo", &rows(&inverse(lidar)));
+    text
+}
+
+/// The first three rows of the matrix of `pose`.
+fn rows(pose: &Pose) -> [f64; 12] {
+    let turned = pose.rotation().transpose().to_cols_array();
+    let moved = pose.position.to_array();
+    std::array::from_fn(|k| if k % 4 < 3 { turned[k / 4 * 3 + k % 4] } else { moved[k / 4] })
 }

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
-use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use std::io::{self, BufRead as _, BufReader, Read as _, Seek as _, SeekFrom, Write as _};
 use std::path::Path;
 
 /// A sample of a set.
@@ -36,6 +36,9 @@ pub struct Entry {
 pub struct FileEntry {
     /// Its name in the set's folder.
     pub path: String,
+    /// Where it begins, if it is a part of that file.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub offset: Option<u64>,
     /// Its length.
     pub bytes: u64,
     /// SHA-256 of its contents, in hexadecimal digits.
@@ -54,43 +57,56 @@ impl FileEntry {
     /// # Errors
     /// The system's.
     pub(super) fn of(root: &Path, path: &Path) -> Result<FileEntry> {
-        let whole = root.join(path);
-        let (bytes, sha256) = digest(&whole)?;
-        Ok(FileEntry { path: shown::path(path), bytes, sha256 })
+        let (bytes, sha256) = digest(&root.join(path))?;
+        Ok(FileEntry { path: shown::path(path), offset: None, bytes, sha256 })
+    }
+
+    /// Its contents, from the folder `root`.
+    ///
+    /// # Errors
+    /// The system's.
+    pub(super) fn open(&self, root: &Path) -> io::Result<impl io::Read> {
+        let mut file = File::open(root.join(&self.path))?;
+        file.seek(SeekFrom::Start(self.offset.unwrap_or(0)))?;
+        Ok(file.take(self.bytes))
     }
 
     /// What is wrong with the file in the folder `root`, if anything is.
     pub(super) fn fault(&self, root: &Path) -> Option<String> {
         let path = root.join(&self.path);
-        match fs::metadata(&path) {
-            Err(_) => return Some(format!("{} is missing", self.path)),
-            Ok(found) if found.len() != self.bytes => {
+        match (fs::metadata(&path), self.offset) {
+            (Err(_), _) => return Some(format!("{} is missing", self.path)),
+            (Ok(found), None) if found.len() != self.bytes => {
                 return Some(format!("{} has {} bytes instead of {}", self.path, found.len(), self.bytes));
             }
-            Ok(_) => {}
+            _ => {}
         }
-        match digest(&path) {
-            Ok((_, sha256)) if sha256 == self.sha256 => None,
+        let found = self.open(root).and_then(|part| digest_all(part));
+        match found {
+            Ok((bytes, sha256)) if bytes == self.bytes && sha256 == self.sha256 => None,
             Ok(_) => Some(format!("{} has other contents", self.path)),
-            Err(error) => Some(error.to_string()),
+            Err(source) => Some(Error::Io { path, source }.to_string()),
         }
     }
 }
 
 /// Length and SHA-256 of a file.
 pub(super) fn digest(path: &Path) -> Result<(u64, String)> {
-    let failed = |source| Error::Io { path: path.to_owned(), source };
-    let mut file = File::open(path).map_err(failed)?;
+    let found = File::open(path).and_then(digest_all);
+    found.map_err(|source| Error::Io { path: path.to_owned(), source })
+}
+
+/// Length and SHA-256 of what is left in `file`.
+fn digest_all(mut file: impl io::Read) -> io::Result<(u64, String)> {
     let (mut hash, mut bytes, mut block) = (Sha256::new(), 0, vec![0; 1 << 16]);
     loop {
-        let count = file.read(&mut block).map_err(failed)?;
+        let count = file.read(&mut block)?;
         if count == 0 {
-            break;
+            return Ok((bytes, hex(&hash.finalize())));
         }
         hash.update(&block[..count]);
         bytes += count as u64;
     }
-    Ok((bytes, hex(&hash.finalize())))
 }
 
 /// SHA-256 of `bytes`, in hexadecimal digits.

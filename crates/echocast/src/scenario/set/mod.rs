@@ -3,28 +3,47 @@
 //! | in the folder | what |
 //! |---|---|
 //! | `scenario.json` | the scenario that made it |
-//! | what the styles write | a folder for each sample, which appears when it is complete |
+//! | what the styles write | files of each sample, which appear when it is complete |
 //! | `samples/000017.json` | what was drawn for the sample |
 //! | `pictures/000000.png` | some samples, for people |
 //! | `manifest*.jsonl` | a line for each sample: its files with sizes and digests, its counts; one file for each shard |
+//! | `README.md` | what it is, for people |
+//! | `splits/train.txt` | the samples of each part |
+//! | `files.json` | what was made of all samples together: its files with sizes and digests |
 //! | `manifest.json`, `report.json`, `report.html`, `contact_sheet.png` | the whole set, once all samples are there |
 
 mod folder;
 mod kitti;
 mod manifest;
+mod nuscenes;
 mod plain;
+mod points;
+mod readme;
 mod report;
+mod rig;
 mod run;
+mod semantic_kitti;
+mod splits;
 mod style;
+mod webdataset;
+mod whole;
 
 pub use folder::check_folder;
 pub use manifest::{Entry, FileEntry};
 pub use run::{Event, RunOptions, RunSummary, finish, run};
+pub(super) use splits::Splits;
 
 use super::{Sample, Scenario};
 use crate::ground::error::Result;
+use crate::read::yaml::Document;
+use style::Style;
+
+/// The styles of `scenario`.
+fn styles(scenario: &Scenario) -> Result<Vec<Box<dyn Style>>> {
+    style::all(&scenario.spec.outputs, &Document::from_value(&scenario.origin, scenario.value.clone()))
+}
 
 /// Checks that the styles of `scenario` can hold the scans of `sample`.
 pub(super) fn check_outputs(scenario: &Scenario, sample: &Sample) -> Result<()> {
-    style::Style::all(scenario)?.iter().try_for_each(|style| style.fits(sample))
+    styles(scenario)?.iter().try_for_each(|style| style.fits(sample))
 }

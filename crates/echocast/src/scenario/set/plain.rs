@@ -1,6 +1,7 @@
 //! One folder a sample, in any format of clouds.
 
-use crate::cloud::{FieldSet, PointCloud};
+use super::style::{Scanned, Style, Writer as Write};
+use crate::cloud::FieldSet;
 use crate::export;
 use crate::ground::error::Result;
 use crate::ground::report::Report;
@@ -25,13 +26,13 @@ impl Default for Plain {
     }
 }
 
-pub(super) struct Writer<'w> {
+struct Writer<'w> {
     style: &'w Plain,
     folder: &'w Path,
 }
 
-impl Plain {
-    pub fn check(&self) -> Result<()> {
+impl Style for Plain {
+    fn check(&self) -> Result<()> {
         export::format_for(Path::new(""), Some(&self.format)).map(drop)?;
         match &self.preview {
             Some(options) => preview::check_options(options),
@@ -39,17 +40,43 @@ impl Plain {
         }
     }
 
-    pub fn fields(&self) -> FieldSet {
+    fn root(&self) -> &'static str {
+        "data"
+    }
+
+    fn readme(&self) -> String {
+        let mut text = format!(
+            "`data` holds a folder for each sample, with a file for each sensor in the format `{}`, of several frames one \
+             for each.\n",
+            self.format
+        );
+        if self.format == "npz" {
+            text += "\n```python\n\
+                     import glob\n\
+                     import numpy as np\n\
+                     for name in sorted(glob.glob('data/*/*.npz')):\n    \
+                         cloud = np.load(name)\n    \
+                         points = np.stack([cloud['x'], cloud['y'], cloud['z']], axis=1)\n\
+                     ```\n";
+        }
+        text
+    }
+
+    fn fields(&self, _sample: &Sample) -> FieldSet {
         self.preview.as_ref().map_or(FieldSet::EMPTY, PreviewOptions::fields)
     }
 
-    pub fn writer<'w>(&'w self, folder: &'w Path) -> Writer<'w> {
-        Writer { style: self, folder }
+    fn fits(&self, _sample: &Sample) -> Result<()> {
+        Ok(())
+    }
+
+    fn writer<'w>(&'w self, _number: u64, _sample: &Sample, folder: &'w Path) -> Result<Box<dyn Write + 'w>> {
+        Ok(Box::new(Writer { style: self, folder }))
     }
 }
 
-impl Writer<'_> {
-    pub fn add(&mut self, sample: &Sample, scan: usize, frame: usize, cloud: &PointCloud) -> Result<Report> {
+impl Write for Writer<'_> {
+    fn add(&mut self, &Scanned { sample, scan, frame, cloud, .. }: &Scanned) -> Result<Report> {
         let scan = &sample.scans()[scan];
         let format = export::format_for(Path::new(""), Some(&self.style.format))?;
         let mut stem = file_name(scan.name());

@@ -1,9 +1,10 @@
 //! Making samples, side by side, and completing a set.
 
-use super::folder::{self, Origin, files_below, folders};
+use super::folder::{self, Origin, settle, unfinished};
 use super::manifest::{self, Entry, FARTHEST_M, FileEntry, Log, RANGE_STEP_M, drawn_file};
-use super::report;
-use super::style::{Style, numbered};
+use super::style::{self, Scanned, Style, numbered};
+use super::whole::Whole;
+use super::{readme, report};
 use crate::cloud::{Field, FieldSet, PointCloud};
 use crate::export::{self, cancel_flag};
 use crate::ground::error::{Error, Result};
@@ -80,7 +81,7 @@ const PICTURES: u64 = 12;
 /// the samples under way are complete, if [`cancel_flag`] is set.
 pub fn run(scenario: Scenario, options: &RunOptions, watch: &(dyn Fn(Event) + Sync)) -> Result<RunSummary> {
     let start = Instant::now();
-    let styles = Style::all(&scenario)?;
+    let styles = super::styles(&scenario)?;
     let root = scenario.set_folder(options.folder.as_deref())?;
     let wanted = wanted(&scenario, options)?;
     let cores = Engine::with_threads(options.threads)?.threads();
@@ -89,8 +90,7 @@ pub fn run(scenario: Scenario, options: &RunOptions, watch: &(dyn Fn(Event) + Sy
     let (workers, threads) = if side_by_side { (cores, 1) } else { (1, cores) };
     let scenario = scenario.with_engine(&Engine::with_threads(threads)?);
 
-    let roots: Vec<&str> = styles.iter().map(Style::root).collect();
-    let origin = Origin::of(&scenario, roots.iter().map(|root| (*root).to_owned()).collect())?;
+    let origin = Origin::of(&scenario, styles.iter().map(|style| style.root().to_owned()).collect())?;
     // What cannot be written is told before anything is.
     if let Some(&first) = wanted.first() {
         let sample = scenario.sample(first)?;
@@ -108,7 +108,7 @@ pub fn run(scenario: Scenario, options: &RunOptions, watch: &(dyn Fn(Event) + Sy
     let log = Mutex::new(Log::open(&log_path)?);
     watch(Event::Begins(wanted.len() as u64));
 
-    let maker = Maker { scenario: &scenario, styles: &styles, root: &root, roots: &roots };
+    let maker = Maker { scenario: &scenario, styles: &styles, root: &root };
     let queue = Mutex::new(wanted.iter().copied());
     let summary = Mutex::new(RunSummary { folder: root.clone(), threads: workers * threads, ..RunSummary::default() });
     let lost = Mutex::new(None);
@@ -154,7 +154,7 @@ pub fn run(scenario: Scenario, options: &RunOptions, watch: &(dyn Fn(Event) + Sy
     Ok(summary)
 }
 
-/// Completes the set in `root`, whose samples are all there: writes its manifest and its report.
+/// Completes the set in `root`, whose samples are all there: writes what they have together, its manifest and its report.
 ///
 /// # Errors
 /// There is no set; samples are missing; the system's.
@@ -167,12 +167,21 @@ pub fn finish(root: &Path) -> Result<()> {
     }
     folder::sweep(root, &origin)?;
     let logs = manifest::logs(root)?;
-    manifest::write(root, &entries)?;
-    report::write(root, &origin, &entries)?;
+    let (spec, document) = origin.spec()?;
+    let styles = style::all(&spec.outputs, &document)?;
+    let licence = spec.set.licence;
+    let mut whole = Whole::new(root, &origin, entries, spec.set.splits, spec.seed);
+    whole.write_splits()?;
+    styles.iter().try_for_each(|style| style.join(&mut whole))?;
+    let readme = readme::text(&origin, &whole, &styles, licence.as_deref());
+    whole.write("README.md", &mut |out| out.write_all(readme.as_bytes()))?;
+    whole.finish()?;
+    manifest::write(root, &whole.entries)?;
+    report::write(root, &origin, &whole.entries)?;
     for path in logs {
         fs::remove_file(&path).map_err(|source| Error::Io { path, source })?;
     }
-    Ok(())
+    whole.clear()
 }
 
 /// The samples of a run, in order.
@@ -206,9 +215,8 @@ impl RunSummary {
 
 struct Maker<'m> {
     scenario: &'m Scenario,
-    styles: &'m [Style],
+    styles: &'m [Box<dyn Style>],
     root: &'m Path,
-    roots: &'m [&'m str],
 }
 
 impl Maker<'_> {
@@ -217,9 +225,9 @@ impl Maker<'_> {
         let made = catch_unwind(AssertUnwindSafe(|| self.make(sample, cloud)));
         let made = made.unwrap_or_else(|_| Err(Error::Internal("a defect of the program stopped it".into())));
         let mut entry = made.unwrap_or_else(|error| {
-            folders(self.root, self.roots, sample).iter().for_each(|[unfinished, _]| {
+            self.unfinished(sample).iter().for_each(|folder| {
                 // What is left is removed by the next run.
-                let _ = fs::remove_dir_all(unfinished);
+                let _ = fs::remove_dir_all(folder);
             });
             Entry {
                 sample,
@@ -240,6 +248,11 @@ impl Maker<'_> {
         entry
     }
 
+    /// Where the styles write `sample` to.
+    fn unfinished(&self, sample: u64) -> Vec<PathBuf> {
+        self.styles.iter().map(|style| unfinished(self.root, style.root(), sample)).collect()
+    }
+
     fn make(&self, number: u64, cloud: &mut PointCloud) -> Result<Entry> {
         let mut sample = self.scenario.sample(number)?;
         let engine = sample.scene().engine().clone();
@@ -247,10 +260,11 @@ impl Maker<'_> {
     }
 
     fn write(&self, number: u64, sample: &mut Sample, cloud: &mut PointCloud) -> Result<Entry> {
-        let folders = folders(self.root, self.roots, number);
-        for [unfinished, _] in &folders {
-            let _ = fs::remove_dir_all(unfinished);
-            fs::create_dir(unfinished).map_err(|source| Error::Io { path: unfinished.clone(), source })?;
+        self.styles.iter().try_for_each(|style| style.fits(sample))?;
+        let folders = self.unfinished(number);
+        for folder in &folders {
+            let _ = fs::remove_dir_all(folder);
+            fs::create_dir(folder).map_err(|source| Error::Io { path: folder.clone(), source })?;
         }
         let shown = number < PICTURES;
         let mut needed = self.styles.iter().fold(FieldSet::EMPTY, |all, style| all.union(style.fields(sample)));
@@ -262,15 +276,16 @@ impl Maker<'_> {
             .styles
             .iter()
             .zip(&folders)
-            .map(|(style, [unfinished, _])| style.writer(sample, unfinished))
+            .map(|(style, folder)| style.writer(number, sample, folder))
             .collect::<Result<Vec<_>>>()?;
+        let boxes = self.styles.iter().find_map(|style| style.boxes());
         let mut report = sample.report().clone();
         let mut counts = Counts::default();
         let mut pictures = Vec::new();
         for scan in 0..sample.scans().len() {
             for frame in 0..sample.scans()[scan].frames().len() {
                 let asked = sample.scans()[scan].options(frame).fields;
-                sample.cloud_with(scan, frame, needed, cloud)?;
+                sample.cloud_with(scan, frame, needed, boxes, cloud)?;
                 counts.add(cloud);
                 if shown && (scan, frame) == (0, 0) {
                     let path = Path::new("pictures").join(format!("{}.png", numbered(number)));
@@ -279,12 +294,16 @@ impl Maker<'_> {
                 }
                 // Files hold what was asked for.
                 cloud.fields = asked;
+                let boxes = cloud.boxes.take().unwrap_or_default();
+                let scanned = Scanned { sample, scan, frame, cloud, boxes: &boxes };
                 for writer in &mut writers {
-                    report.absorb(writer.add(sample, scan, frame, cloud)?);
+                    report.absorb(writer.add(&scanned)?);
                 }
             }
         }
-        writers.into_iter().try_for_each(super::style::Writer::finish)?;
+        for writer in writers {
+            report.absorb(writer.finish()?);
+        }
 
         let drawn = Path::new(&drawn_file(number)).to_owned();
         let text = serde_json::json!({ "sample": number, "drawn": sample.drawn() });
@@ -292,10 +311,8 @@ impl Maker<'_> {
         export::write_whole(&self.root.join(&drawn), text.as_bytes())?;
         let mut files = vec![FileEntry::of(self.root, &drawn)?];
         files.extend(pictures.iter().map(|path| FileEntry::of(self.root, path)).collect::<Result<Vec<_>>>()?);
-        for [unfinished, place] in &folders {
-            let _ = fs::remove_dir_all(place);
-            fs::rename(unfinished, place).map_err(|source| Error::Io { path: place.clone(), source })?;
-            for path in files_below(self.root, place)? {
+        for style in self.styles {
+            for path in settle(self.root, &**style, number)? {
                 files.push(FileEntry::of(self.root, &path)?);
             }
         }

@@ -1,145 +1,163 @@
-//! How a sample is written.
+//! How samples are written: one file for each style, one table of styles.
 
-use super::kitti::SemanticKitti;
+use super::kitti::Kitti;
+use super::nuscenes::NuScenes;
 use super::plain::Plain;
-use crate::cloud::FieldSet;
-use crate::cloud::PointCloud;
+use super::semantic_kitti::SemanticKitti;
+use super::webdataset::WebDataset;
+use super::whole::Whole;
+use crate::cloud::{BoxAxes, FieldSet, InstanceBox, PointCloud};
 use crate::ground::error::{Error, Result, nearest};
 use crate::ground::report::Report;
 use crate::read::yaml::Document;
-use crate::scenario::{Sample, Scenario};
+use crate::scenario::Sample;
+use serde::de::DeserializeOwned;
 use serde_json::Value;
+use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// A style of sets, with its keys.
-#[derive(Clone, Debug)]
-pub(super) enum Style {
-    Plain(Plain),
-    SemanticKitti(SemanticKitti),
-}
-
-/// Names of the styles, and of that which `echocast scan` reports.
-const NAMES: [&str; 3] = ["plain", "semantic_kitti", "files"];
-
-/// What one style writes of one sample.
-pub(super) enum Writer<'w> {
-    Plain(super::plain::Writer<'w>),
-    SemanticKitti(super::kitti::Writer<'w>),
-}
-
-impl Style {
-    /// The styles of the section `outputs`; plain, if it names none.
+pub(super) trait Style: fmt::Debug + Send + Sync {
+    /// Checks its keys.
     ///
     /// # Errors
-    /// An unknown style or key.
-    pub fn all(scenario: &Scenario) -> Result<Vec<Style>> {
-        let outputs = &scenario.spec.outputs;
-        let document = Document::from_value(&scenario.origin, scenario.value.clone());
-        if outputs.is_empty() {
-            return Ok(vec![Style::Plain(Plain::default())]);
-        }
-        let mut all: Vec<Style> = Vec::new();
-        for (index, output) in outputs.iter().enumerate() {
-            let key = format!("outputs[{index}]");
-            let mut keys = output.clone();
-            let name = keys.as_object_mut().and_then(|keys| keys.shift_remove("style"));
-            let style = match name.as_ref().and_then(Value::as_str) {
-                Some("plain") => Style::Plain(document.read_at(&key, &keys)?),
-                Some("semantic_kitti") => Style::SemanticKitti(document.read_at(&key, &keys)?),
-                Some("files") => {
-                    let message = "writes the files of one sample; allowed in a set: plain, semantic_kitti";
-                    return Err(document.error(&format!("{key}.style"), message));
-                }
-                Some(other) => {
-                    let near = nearest(other, NAMES);
-                    let near = if near.is_empty() { String::new() } else { format!("; near: {}", near.join(", ")) };
-                    let message = format!("unknown value {other:?}{near}; allowed: {}", NAMES.join(", "));
-                    return Err(document.error(&format!("{key}.style"), &message));
-                }
-                None => return Err(document.error(&key, "the key `style` is missing")),
-            };
-            style.check().map_err(|error| match error {
-                Error::InvalidParameter { name, value, allowed } => {
-                    document.error(&format!("{key}.{name}"), &format!("is {value}; allowed: {allowed}"))
-                }
-                other => other,
-            })?;
-            if all.iter().any(|other| other.root() == style.root()) {
-                return Err(document.error(&key, "is of the same style as one before it; allowed: each style once"));
-            }
-            all.push(style);
-        }
-        Ok(all)
-    }
-
+    /// A value that is not allowed, with the name of its key.
     fn check(&self) -> Result<()> {
-        match self {
-            Style::Plain(style) => style.check(),
-            Style::SemanticKitti(_) => Ok(()),
-        }
+        Ok(())
     }
 
     /// The folder in the set that it writes to.
-    pub fn root(&self) -> &'static str {
-        match self {
-            Style::Plain(_) => "data",
-            Style::SemanticKitti(_) => "sequences",
-        }
+    fn root(&self) -> &'static str;
+
+    /// Whether samples share the folders in it, so that each file must be called after its sample; else each sample has a
+    /// folder there.
+    fn shares_folders(&self) -> bool {
+        false
     }
 
     /// Columns that it needs of `sample`.
-    pub fn fields(&self, sample: &Sample) -> FieldSet {
-        match self {
-            Style::Plain(style) => style.fields(),
-            Style::SemanticKitti(_) => SemanticKitti::fields(sample),
-        }
+    fn fields(&self, sample: &Sample) -> FieldSet;
+
+    /// The boxes that it needs around instances, if any.
+    fn boxes(&self) -> Option<BoxAxes> {
+        None
     }
 
     /// Checks that it can hold the scans of `sample`.
     ///
     /// # Errors
-    /// A sensor that is not there; several sensors where one is written.
-    pub fn fits(&self, sample: &Sample) -> Result<()> {
-        match self {
-            Style::Plain(_) => Ok(()),
-            Style::SemanticKitti(style) => style.scan(sample).map(drop),
-        }
-    }
+    /// A sensor that is not there, or not such as it needs; several where one is written.
+    fn fits(&self, sample: &Sample) -> Result<()>;
 
-    /// Begins to write `sample` to `folder`, which is empty.
+    /// Begins to write `sample`, which has this `number`, to `folder`, which is empty.
     ///
     /// # Errors
     /// The system's.
-    pub fn writer<'w>(&'w self, sample: &Sample, folder: &'w Path) -> Result<Writer<'w>> {
-        Ok(match self {
-            Style::Plain(style) => Writer::Plain(style.writer(folder)),
-            Style::SemanticKitti(style) => Writer::SemanticKitti(style.writer(sample, folder)?),
-        })
+    fn writer<'w>(&'w self, number: u64, sample: &Sample, folder: &'w Path) -> Result<Box<dyn Writer + 'w>>;
+
+    /// What the set's `README.md` says of it: what is where, and how it is read. Markdown.
+    fn readme(&self) -> String;
+
+    /// Makes what all samples have together, of what was written of each: the same for the same samples, whatever is
+    /// there already.
+    ///
+    /// # Errors
+    /// The system's; a file that is not as it was written.
+    fn join(&self, _whole: &mut Whole) -> Result<()> {
+        Ok(())
     }
 }
 
-impl Writer<'_> {
-    /// Writes the cloud of a frame of a scan, both counted from 0.
+/// What a style writes of one sample.
+pub(super) trait Writer {
+    /// Writes a frame of a scan. Scans come one after the other, frames as they follow each other.
     ///
     /// # Errors
     /// The system's.
-    pub fn add(&mut self, sample: &Sample, scan: usize, frame: usize, cloud: &PointCloud) -> Result<Report> {
-        match self {
-            Writer::Plain(writer) => writer.add(sample, scan, frame, cloud),
-            Writer::SemanticKitti(writer) => writer.add(sample, scan, frame, cloud),
-        }
-    }
+    fn add(&mut self, scanned: &Scanned) -> Result<Report>;
 
     /// Writes what is known once all frames are there.
     ///
     /// # Errors
     /// The system's.
-    pub fn finish(self) -> Result<()> {
-        match self {
-            Writer::Plain(_) => Ok(()),
-            Writer::SemanticKitti(writer) => writer.finish(),
-        }
+    fn finish(self: Box<Self>) -> Result<Report> {
+        Ok(Report::default())
     }
+}
+
+/// A frame of a scan of a sample.
+pub(super) struct Scanned<'s> {
+    pub sample: &'s Sample,
+    /// Number of the scan, from 0.
+    pub scan: usize,
+    /// Number of the frame among those of the scan, from 0.
+    pub frame: usize,
+    /// With the columns that all styles need; `fields` are those that were asked for.
+    pub cloud: &'s PointCloud,
+    /// Around its instances, if a style needs boxes.
+    pub boxes: &'s [InstanceBox],
+}
+
+type ReadKeys = fn(&Document, &str, &Value) -> Result<Box<dyn Style>>;
+
+/// Every style.
+const STYLES: &[(&str, ReadKeys)] = &[
+    ("plain", keys::<Plain>),
+    ("semantic_kitti", keys::<SemanticKitti>),
+    ("kitti", keys::<Kitti>),
+    ("nuscenes", keys::<NuScenes>),
+    ("webdataset", keys::<WebDataset>),
+];
+
+/// That which `echocast scan` reports.
+const FILES: &str = "files";
+
+fn keys<S: Style + DeserializeOwned + 'static>(document: &Document, key: &str, keys: &Value) -> Result<Box<dyn Style>> {
+    Ok(Box::new(document.read_at::<S>(key, keys)?))
+}
+
+/// The styles of the section `outputs` of `document`; plain, if it names none.
+///
+/// # Errors
+/// An unknown style or key.
+pub(super) fn all(outputs: &[Value], document: &Document) -> Result<Vec<Box<dyn Style>>> {
+    if outputs.is_empty() {
+        return Ok(vec![Box::new(Plain::default())]);
+    }
+    let names = || STYLES.iter().map(|(name, _)| *name);
+    let mut all: Vec<Box<dyn Style>> = Vec::new();
+    for (index, output) in outputs.iter().enumerate() {
+        let key = format!("outputs[{index}]");
+        let mut keys = output.clone();
+        let name = keys.as_object_mut().and_then(|keys| keys.shift_remove("style"));
+        let Some(name) = name.as_ref().and_then(Value::as_str) else {
+            return Err(document.error(&key, "the key `style` is missing"));
+        };
+        let Some((_, read)) = STYLES.iter().find(|(known, _)| *known == name) else {
+            let message = if name == FILES {
+                let allowed = names().collect::<Vec<_>>().join(", ");
+                format!("writes the files of one sample; allowed in a set: {allowed}")
+            } else {
+                let near = nearest(name, names().chain([FILES]));
+                let near = if near.is_empty() { String::new() } else { format!("; near: {}", near.join(", ")) };
+                let allowed = names().chain([FILES]).collect::<Vec<_>>().join(", ");
+                format!("unknown value {name:?}{near}; allowed: {allowed}")
+            };
+            return Err(document.error(&format!("{key}.style"), &message));
+        };
+        let style = read(document, &key, &keys)?;
+        style.check().map_err(|error| match error {
+            Error::InvalidParameter { name, value, allowed } => {
+                document.error(&format!("{key}.{name}"), &format!("is {value}; allowed: {allowed}"))
+            }
+            other => other,
+        })?;
+        if all.iter().any(|other| other.root() == style.root()) {
+            return Err(document.error(&key, "is of the same style as one before it; allowed: each style once"));
+        }
+        all.push(style);
+    }
+    Ok(all)
 }
 
 /// `000017`: numbers of samples sort as text does.

@@ -1,0 +1,57 @@
+//! Points of a cloud as the files of data sets have them.
+
+use crate::cloud::{Frame, InstanceBox, PointCloud};
+use crate::ground::pose::Pose;
+use glam::Vec3;
+
+/// The rows of `cloud` that are somewhere, and where, in the sensor's frame at the start of the scan.
+pub(super) fn local(cloud: &PointCloud) -> impl Iterator<Item = (usize, Vec3)> {
+    let columns = &cloud.columns;
+    let pose = cloud.sensor_pose;
+    let back = pose.orientation.inverse();
+    let place = move |row: usize| {
+        let point = Vec3::new(columns.x[row], columns.y[row], columns.z[row]);
+        match cloud.frame {
+            Frame::Sensor => point,
+            Frame::World => (back * (point.as_dvec3() + (cloud.origin - pose.position))).as_vec3(),
+        }
+    };
+    (0..cloud.len).map(move |row| (row, place(row))).filter(|(_, point)| point.is_finite())
+}
+
+/// Intensity of a row, 0 to 1.
+pub(super) fn remission(cloud: &PointCloud, row: usize) -> f32 {
+    let full = cloud.intensity_full_scale.filter(|full| *full > 0.0).unwrap_or(1.0);
+    let remission = (cloud.columns.intensity[row] / full).clamp(0.0, 1.0);
+    if remission.is_finite() { remission } else { 0.0 }
+}
+
+/// Where a box around an instance of `cloud` is in the world.
+pub(super) fn in_world(cloud: &PointCloud, found: &InstanceBox) -> Pose {
+    match cloud.frame {
+        Frame::World => found.pose,
+        Frame::Sensor => on(&cloud.sensor_pose, &found.pose),
+    }
+}
+
+/// Where a box around an instance of `cloud` is in the sensor's frame at the start of the scan.
+pub(super) fn in_sensor(cloud: &PointCloud, found: &InstanceBox) -> Pose {
+    match cloud.frame {
+        Frame::World => on(&inverse(&cloud.sensor_pose), &found.pose),
+        Frame::Sensor => found.pose,
+    }
+}
+
+/// Where what is at `mount` on a carrier is, if the carrier is at `carrier`.
+pub(super) fn on(carrier: &Pose, mount: &Pose) -> Pose {
+    Pose {
+        position: carrier.position + carrier.orientation * mount.position,
+        orientation: (carrier.orientation * mount.orientation).normalize(),
+    }
+}
+
+/// The pose that undoes `pose`.
+pub(super) fn inverse(pose: &Pose) -> Pose {
+    let back = pose.orientation.inverse();
+    Pose { position: -(back * pose.position), orientation: back }
+}

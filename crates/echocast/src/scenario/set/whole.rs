@@ -1,0 +1,174 @@
+//! What is made of all samples of a set together.
+
+use super::folder::Origin;
+use super::manifest::{Entry, FileEntry};
+use super::splits::Splits;
+use super::style::numbered;
+use crate::export::{self, Pending, Sink};
+use crate::ground::error::{Error, Result};
+use crate::ground::shown;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+/// A set whose samples are all there.
+pub(super) struct Whole<'w> {
+    /// Its folder.
+    pub root: &'w Path,
+    /// Its samples by number, those that have failed among them.
+    pub entries: BTreeMap<u64, Entry>,
+    /// The parts that it is in.
+    pub splits: Splits,
+    seed: u64,
+    /// Files of the whole set, relative to `root`.
+    files: BTreeSet<PathBuf>,
+    /// Files that nothing needs once the set is complete.
+    unneeded: Vec<PathBuf>,
+}
+
+impl<'w> Whole<'w> {
+    pub fn new(
+        root: &'w Path,
+        origin: &'w Origin,
+        mut entries: BTreeMap<u64, Entry>,
+        splits: Splits,
+        seed: u64,
+    ) -> Self {
+        entries.split_off(&origin.samples);
+        Whole { root, entries, splits, seed, files: BTreeSet::new(), unneeded: Vec::new() }
+    }
+
+    /// The samples that were made, rising.
+    pub fn samples(&self) -> Vec<u64> {
+        self.entries.values().filter(|entry| entry.error.is_none()).map(|entry| entry.sample).collect()
+    }
+
+    /// The parts of the set by name, each with the samples in it that were made, rising. A set that is not divided is all
+    /// `train`.
+    pub fn parts(&self) -> Vec<(String, Vec<u64>)> {
+        self.splits.names().map(|name| (name.to_owned(), self.of_part(name, self.samples()))).collect()
+    }
+
+    /// All samples of a part, rising: those that have failed among them.
+    pub fn numbers_in(&self, part: &str) -> Vec<u64> {
+        self.of_part(part, self.entries.keys().copied().collect())
+    }
+
+    fn of_part(&self, part: &str, mut samples: Vec<u64>) -> Vec<u64> {
+        samples.retain(|sample| self.splits.of(self.seed, *sample) == part);
+        samples
+    }
+
+    /// Writes which samples are in which part, a file for each: `splits/train.txt`.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn write_splits(&mut self) -> Result<()> {
+        if self.splits.is_empty() {
+            return Ok(());
+        }
+        for (name, samples) in self.parts() {
+            let lines: String = samples.into_iter().map(|sample| numbered(sample) + "\n").collect();
+            self.write(format!("splits/{name}.txt"), &mut |out| out.write_all(lines.as_bytes()))?;
+        }
+        Ok(())
+    }
+
+    /// Writes a file of the whole set: `path`, relative to the set's folder, appears when it is complete.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn write(&mut self, path: impl AsRef<Path>, write: WriteAll) -> Result<()> {
+        self.prepare(path.as_ref(), write)?.commit()
+    }
+
+    /// [`Whole::write`] of a file that does not appear yet.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn prepare(&mut self, path: &Path, write: WriteAll) -> Result<Pending> {
+        let whole = self.root.join(path);
+        if let Some(folder) = whole.parent() {
+            fs::create_dir_all(folder).map_err(|source| Error::Io { path: folder.to_owned(), source })?;
+        }
+        let failed = |source| export::failed(&whole, source);
+        let pending = Pending::create(&whole)?;
+        let mut out = BufWriter::with_capacity(1 << 16, Sink::create(pending.path()).map_err(failed)?);
+        write(&mut out).map_err(failed)?;
+        out.into_inner().map_err(|error| failed(error.into_error()))?.finish().map_err(failed)?;
+        self.keep(path);
+        Ok(pending)
+    }
+
+    /// A file of the whole set is as it should be.
+    pub fn keep(&mut self, path: &Path) {
+        self.files.insert(path.to_owned());
+    }
+
+    /// The files in `folder`, relative to the set's, that no sample has are removed in the end.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn drop_unlisted(&mut self, folder: &Path) -> Result<()> {
+        let listed: BTreeSet<&str> =
+            self.entries.values().flat_map(|entry| &entry.files).map(|file| file.path.as_str()).collect();
+        let there = super::folder::files_below(self.root, &self.root.join(folder))?;
+        self.unneeded.extend(there.into_iter().filter(|file| !listed.contains(shown::path(file).as_str())));
+        Ok(())
+    }
+
+    /// Removes what nothing needs, now that all else is written.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn clear(&self) -> Result<()> {
+        self.unneeded.iter().try_for_each(|file| remove(&self.root.join(file)))
+    }
+
+    /// Lists the files that were written, with their digests; those of an older whole that are no more are removed.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn finish(&self) -> Result<()> {
+        let files = self.files.iter().map(|path| FileEntry::of(self.root, path)).collect::<Result<Vec<_>>>()?;
+        for old in read(self.root)?.iter().filter(|old| !self.files.contains(Path::new(&old.path))) {
+            remove(&self.root.join(&old.path))?;
+        }
+        let text = serde_json::to_string_pretty(&files).map_err(|error| Error::Internal(error.to_string()))? + "\n";
+        super::folder::replace(&self.root.join(FILES), text.as_bytes())
+    }
+}
+
+/// Writes the contents of a file.
+type WriteAll<'f> = &'f mut dyn FnMut(&mut dyn Write) -> io::Result<()>;
+
+/// Removes a file, if it is there.
+fn remove(path: &Path) -> Result<()> {
+    match fs::remove_file(path) {
+        Err(source) if source.kind() != io::ErrorKind::NotFound => Err(Error::Io { path: path.to_owned(), source }),
+        _ => Ok(()),
+    }
+}
+
+/// The files of the whole set, with sizes and digests.
+const FILES: &str = "files.json";
+
+/// Those files of the set in `root`; none before it was complete.
+///
+/// # Errors
+/// A file that is not ours, or names one elsewhere.
+pub(super) fn read(root: &Path) -> Result<Vec<FileEntry>> {
+    let path = root.join(FILES);
+    if !path.exists() {
+        return Ok(Vec::new());
+    }
+    let bytes = crate::read::bytes(&path, crate::read::Limit::SCENE)?;
+    let wrong = |message: String| Error::parse(&path, "", message);
+    let files: Vec<FileEntry> = serde_json::from_slice(&bytes).map_err(|error| wrong(error.to_string()))?;
+    let inside = |path: &Path| path.components().all(|part| matches!(part, std::path::Component::Normal(_)));
+    match files.iter().find(|file| !inside(Path::new(&file.path))) {
+        Some(file) => Err(wrong(format!("names {}, which is not in the set", shown::text(&file.path)))),
+        None => Ok(files),
+    }
+}
