@@ -607,3 +607,113 @@ fn write_arrays(image: &RangeImage, path: &Path, report: &mut Report) -> io::Res
     file.names(&image.labels, report)?;
     file.finish()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::sink;
+    use super::*;
+    use crate::image::range_image::tests::{camera, wall};
+
+    /// Everything but parts, which the wall does not have.
+    fn options() -> ImageOptions {
+        use ImageLayer::{Arrays, Category, Color, Depth, Depth32, Instance, Intensity, Normal};
+        ImageOptions {
+            layers: vec![Depth, Depth32, Category, Instance, Color, Intensity, Normal, Arrays],
+            depth_range_m: None,
+            annotations: vec![AnnotationStyle::Coco, AnnotationStyle::Panoptic, AnnotationStyle::Voc],
+        }
+    }
+
+    #[test]
+    fn names_of_files_are_known_before() {
+        let folder = tempfile::tempdir().unwrap();
+        let (camera, options) = (camera(), options());
+        check_images(&folder.path().join("a"), &camera, &options).unwrap();
+        assert!(!folder.path().join("a").exists());
+        let mut images = ImageFolder::create(folder.path().join("a"), &camera, &options).unwrap();
+        images.add(&wall(camera.beams()), 12345, 0.5).unwrap();
+        let mut written = images.finish().unwrap();
+        let names = options.file_names(12345).into_iter().chain(options.table_names());
+        let mut names: Vec<PathBuf> = names.map(|name| folder.path().join("a").join(name)).collect();
+        written.sort();
+        names.sort();
+        assert_eq!(written, names);
+        assert!(names.iter().all(|name| name.exists()));
+    }
+
+    #[test]
+    fn a_full_disk_leaves_no_part_of_an_image() {
+        let folder = tempfile::tempdir().unwrap();
+        let (camera, options) = (camera(), options());
+        let cloud = wall(camera.beams());
+        let mut images = ImageFolder::create(folder.path(), &camera, &options).unwrap();
+        let mut added = |writes| {
+            sink::tests::WRITES.set(writes);
+            let added = images.add(&cloud, 0, 0.0);
+            sink::tests::WRITES.set(usize::MAX);
+            added
+        };
+        let there = || fs::read_dir(folder.path()).unwrap().count();
+        let failed = (0..100).take_while(|&writes| added(writes).is_err() && there() == 0).count();
+        assert!((5..100).contains(&failed) && there() == options.file_names(0).len(), "{failed} {}", there());
+    }
+
+    #[test]
+    fn what_is_too_far_or_too_near_is_told() {
+        let values = |distance: &[f32], range| {
+            let mut report = Report::default();
+            let bytes = depths(distance, range, &mut report);
+            let values: Vec<u16> = bytes.chunks(2).map(|pair| u16::from_be_bytes([pair[0], pair[1]])).collect();
+            (values, report.warnings.len())
+        };
+        assert_eq!(values(&[f32::NAN, 0.001, 1.2345, 65.535], None), (vec![0, 1, 1235, 65535], 0));
+        assert_eq!(values(&[65.6, 0.0002, f32::INFINITY], None), (vec![65535, 1, 65535], 2));
+        assert_eq!(values(&[1.0, 3.0, 2.0], Some([1.0, 3.0])), (vec![1, 65535, 32768], 0));
+        assert_eq!(values(&[0.9, 3.1], Some([1.0, 3.0])), (vec![1, 65535], 2));
+        let mut report = Report::default();
+        assert_eq!(
+            intensities(&[f32::NAN, 0.0, 0.5, 1.0, 2.0], 1.0, &mut report),
+            [0, 0, 0, 0, 128, 0, 255, 255, 255, 255]
+        );
+        assert_eq!(report.warnings.len(), 1);
+    }
+
+    #[test]
+    fn layers_of_missing_columns_and_wrong_options_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let camera = camera();
+        let with =
+            |layers: &[ImageLayer], depth_range_m| ImageOptions { layers: layers.to_vec(), depth_range_m, ..options() };
+        let options = with(&[ImageLayer::Part], None);
+        let mut images = ImageFolder::create(folder.path(), &camera, &options).unwrap();
+        let error = images.add(&wall(camera.beams()), 0, 0.0).unwrap_err().to_string();
+        assert!(error.contains("without part_id"), "{error}");
+        for (layers, range) in [
+            (&[][..], None),
+            (&[ImageLayer::Depth, ImageLayer::Color, ImageLayer::Depth], None),
+            (&[ImageLayer::Depth], Some([2.0, 2.0])),
+            (&[ImageLayer::Depth], Some([-1.0, 2.0])),
+            (&[ImageLayer::Depth], Some([1.0, f64::NAN])),
+            (&[ImageLayer::Depth], Some([1.0, f64::INFINITY])),
+        ] {
+            assert!(check_images(folder.path(), &camera, &with(layers, range)).is_err(), "{layers:?} {range:?}");
+        }
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn too_many_labels_for_16_bits_are_numbered_by_image() {
+        let mut report = Report::default();
+        let ids: Vec<u32> = (1..=70_000).collect();
+        let names = vec![String::new(); ids.len()];
+        let table = NameTable { ids, names };
+        let seen: BTreeSet<u32> = [5, 69_999, 70_000].into();
+        assert_eq!(renumbered(&seen, &table, "part", &mut report).unwrap(), [(5, 1), (69_999, 2), (70_000, 3)]);
+        // Few labels with large numbers have the same place in all images.
+        let few = NameTable { ids: vec![5, 9, 70_000], names: vec![String::new(); 3] };
+        assert_eq!(renumbered(&[5, 70_000].into(), &few, "part", &mut report).unwrap(), [(5, 1), (70_000, 3)]);
+        let all: BTreeSet<u32> = (1..=70_000).collect();
+        let error = renumbered(&all, &table, "part", &mut report).unwrap_err().to_string();
+        assert!(error.contains("70000 labels"), "{error}");
+    }
+}

@@ -9,7 +9,7 @@ mod annotation;
 mod fan;
 mod grid;
 mod mosaic;
-mod range_image;
+pub(crate) mod range_image;
 mod soundings;
 #[cfg(test)]
 pub(crate) mod synthetic;
