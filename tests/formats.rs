@@ -120,6 +120,7 @@ fn boxes(count: usize) -> Vec<InstanceBox> {
                 velocity: DVec3::new(some(-3.0), 0.0, -0.0),
                 points: k * 1000,
                 visible: some(1.0),
+                image: None,
             }
         })
         .collect()

@@ -5,7 +5,7 @@ use crate::{choice, text};
 use anyhow::{Context as _, Result, ensure};
 use clap::{ArgGroup, Args};
 use echocast::emitter::Pattern;
-use echocast::export::{self, FramesFile, GrowingFile};
+use echocast::export::{self, AnnotationStyle, FramesFile, GrowingFile, ImageFolder, ImageLayer, ImageOptions};
 use echocast::preview::{self, ColorBy, PreviewOptions, View};
 use echocast::scene::Labels;
 use echocast::{
@@ -37,7 +37,7 @@ pub struct PictureArgs {
 #[command(group = ArgGroup::new("boxed").args(["boxes", "show"]).multiple(true))]
 pub struct OutputArgs {
     /// Cloud file, repeatable; its ending chooses the format (`echocast formats` lists them)
-    #[arg(short, long, value_name = "FILE", required_unless_present_any = ["preview", "explain", "pings", "image", "boxes"], help_heading = "Output")]
+    #[arg(short, long, value_name = "FILE", required_unless_present_any = ["preview", "explain", "pings", "image", "images", "boxes"], help_heading = "Output")]
     output: Vec<PathBuf>,
     /// Format of the cloud files, whatever their endings
     #[arg(long, value_name = "NAME", requires = "output", help_heading = "Output")]
@@ -76,6 +76,23 @@ pub struct OutputArgs {
     /// What `--view waterfall`, `track` or `fan` shows, as numbers and labels: .npz, .h5, or greyscale .png
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     image: Option<PathBuf>,
+    /// Folder for images of each frame of a depth camera or a spinning sensor, whose beams form rows and columns:
+    /// `depth_0007.png` and so on, and `images.json` with the camera, poses and names of labels
+    #[arg(long, value_name = "FOLDER", help_heading = "Output")]
+    images: Option<PathBuf>,
+    /// What is written of each image: `depth`, a PNG of 16 bits in millimetres, 0 where nothing is; `depth32`, a TIFF of
+    /// floats in metres; `category`, `part` and `instance`, a PNG with a palette if all numbers are below 256, else of 16
+    /// bits, as `category16`, `part16` and `instance16` always are; `color`, of the materials; `intensity`; `normal`;
+    /// `arrays`, all of these as .npz [default: depth,category,instance,color]
+    #[arg(long, value_name = "LIST", requires = "images", value_delimiter = ',', value_parser = choice::of::<ImageLayer>(), hide_possible_values = true, help_heading = "Output")]
+    image_layers: Vec<ImageLayer>,
+    /// Distances, m, between which `depth` goes from 1 to 65535, instead of millimetres up to 65.535 m
+    #[arg(long, value_name = "A,B", requires = "images", value_parser = depth_range, help_heading = "Output")]
+    depth_range: Option<DepthRange>,
+    /// What the images show of each instance: `coco`, boxes and masks in `coco.json`; `panoptic`, COCO's segments in
+    /// `panoptic.json` and images; `voc`, boxes in an XML file for each image
+    #[arg(long, value_name = "LIST", requires = "images", value_delimiter = ',', value_parser = choice::of::<AnnotationStyle>(), help_heading = "Output")]
+    annotations: Vec<AnnotationStyle>,
     /// Boxes around the labelled instances of all frames, with velocity, number of points and visible share: .json, .csv;
     /// clouds in .npz and .h5 carry them too
     #[arg(long, value_name = "FILE", help_heading = "Output")]
@@ -100,8 +117,19 @@ impl OutputArgs {
             preview: Option<Preview>,
             pings: Option<PathBuf>,
             image: Option<PathBuf>,
+            images: Option<Images>,
             boxes: Option<PathBuf>,
             box_axes: Option<String>,
+        }
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Images {
+            folder: PathBuf,
+            #[serde(default)]
+            layers: Vec<ImageLayer>,
+            depth_range_m: Option<DepthRange>,
+            #[serde(default)]
+            annotations: Vec<AnnotationStyle>,
         }
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
@@ -121,6 +149,7 @@ impl OutputArgs {
         let axes = keys.box_axes.as_deref().unwrap_or("object");
         let axes = BoxAxes::NAMES.iter().find(|(name, _)| *name == axes).map(|(_, axes)| *axes);
         let preview = keys.preview.as_ref();
+        let images = keys.images.as_ref();
         Ok(OutputArgs {
             output: keys.files.into_iter().map(at).collect(),
             format: keys.format,
@@ -133,6 +162,10 @@ impl OutputArgs {
             preview: preview.map(|preview| at(preview.file.clone())),
             pings: keys.pings.map(at),
             image: keys.image.map(at),
+            image_layers: images.map(|images| images.layers.clone()).unwrap_or_default(),
+            depth_range: images.and_then(|images| images.depth_range_m),
+            annotations: images.map(|images| images.annotations.clone()).unwrap_or_default(),
+            images: images.map(|images| at(images.folder.clone())),
             boxes: keys.boxes.map(at),
             box_axes: axes.context("box_axes: allowed: object, frame")?,
         })
@@ -156,7 +189,26 @@ impl OutputArgs {
 
     /// Number of files of clouds, pings and images.
     pub fn clouds(&self) -> usize {
-        self.files().count() - usize::from(self.preview.is_some())
+        self.files().count() + usize::from(self.images.is_some()) - usize::from(self.preview.is_some())
+    }
+
+    /// What the folder of images holds, if there is one.
+    fn imaged(&self) -> Option<ImageOptions> {
+        self.images.as_ref()?;
+        let layers =
+            if self.image_layers.is_empty() { ImageOptions::default().layers } else { self.image_layers.clone() };
+        Some(ImageOptions { layers, depth_range_m: self.depth_range, annotations: self.annotations.clone() })
+    }
+
+    /// Whether images are annotated, for which boxes are needed.
+    pub fn annotates(&self) -> bool {
+        self.images.is_some() && !self.annotations.is_empty()
+    }
+
+    /// The folder of images, begun, if there is one.
+    pub fn begin_images(&self, sensor: &Sensor) -> Result<Option<ImageFolder>> {
+        let Some((folder, options)) = self.images.as_ref().zip(self.imaged()) else { return Ok(None) };
+        Ok(Some(ImageFolder::create(folder, sensor, &options).context("--images")?))
     }
 
     /// Whether one picture shows the points of all frames.
@@ -171,7 +223,8 @@ impl OutputArgs {
 
     /// Whether clouds or boxes were asked for, as files or pictures.
     pub fn wants_clouds(&self) -> bool {
-        !self.output.is_empty() || self.boxes.is_some() || self.preview.is_some() && !self.view.shows_pings()
+        let files = !self.output.is_empty() || self.boxes.is_some() || self.images.is_some();
+        files || self.preview.is_some() && !self.view.shows_pings()
     }
 
     /// The columns of pings that were asked for, in addition to `fields` in files of pings; `None`: no pings were.
@@ -235,6 +288,13 @@ impl OutputArgs {
             "--show boxes: is not shown by --view {}; allowed: top, perspective, range",
             self.view.name()
         );
+        if let Some((folder, options)) = self.images.as_ref().zip(self.imaged()) {
+            ensure!(
+                kind != SensorKind::Sonar,
+                "--images: the sensor is a sonar; allowed: with sensors of light; --image and --pings are for sonars"
+            );
+            export::check_images(folder, sensor, &options).context("--images")?;
+        }
         if let Some(file) = &self.boxes {
             ensure!(file != Path::new("-"), "--boxes -: boxes go to files; allowed: a file name");
             export::check_boxes(file).context("--boxes")?;
@@ -262,7 +322,20 @@ impl OutputArgs {
             .filter_map(|file| if self.view.shows_pings() { Some(file.clone()) } else { framed(file) });
         let images = self.image.iter().flat_map(|file| export::image_label_paths(file, FieldSet::all()));
         let others = images.chain(self.image.clone()).chain(self.pings.clone()).chain(self.boxes.clone());
-        clouds.chain(pictures).chain(others).try_for_each(|file| check_kept(&file, input))
+        clouds.chain(pictures).chain(others).try_for_each(|file| check_kept(&file, input))?;
+        match self.image_at(input) {
+            Some(image) => check_kept(&image, input),
+            None => Ok(()),
+        }
+    }
+
+    /// The file in the folder of images, of any frame, that is called as `file` is.
+    fn image_at(&self, file: &Path) -> Option<PathBuf> {
+        let (images, options) = self.images.as_ref().zip(self.imaged())?;
+        let name = file.file_name()?.to_str()?;
+        let digits = name.rsplit_once('_').and_then(|(_, rest)| rest.split('.').next()?.parse().ok());
+        let names = digits.map(|frame| options.file_names(frame)).into_iter().flatten().chain(options.table_names());
+        { names }.find(|known| known == name).map(|known| images.join(known))
     }
 
     /// Checks that pings of such a sonar can be shown in this view.
@@ -319,6 +392,15 @@ impl OutputArgs {
                 shown::path(name)
             );
         }
+        // So have those of images.
+        for name in self.files().chain(&labels) {
+            let image = self.image_at(name).filter(|image| same_folder(image, name));
+            ensure!(
+                image.is_none(),
+                "{}: is a name that --images gives to a file; allowed: another name",
+                shown::path(name)
+            );
+        }
         // Files of single frames have names that were not asked for.
         let of_frames = self.output.iter().chain(self.preview.iter().filter(|_| !self.view.shows_pings()));
         let whole = self.pings.iter().chain(&self.image).chain(&self.boxes).chain(&beside);
@@ -360,10 +442,11 @@ impl OutputArgs {
         }
     }
 
-    /// The columns that the picture shows, whatever the files hold.
+    /// The columns that picture and images show, whatever the files hold.
     pub fn pictured(&self) -> FieldSet {
         let clouds = self.preview.is_some() && !self.view.shows_pings();
-        if clouds { self.picture().fields() } else { FieldSet::EMPTY }
+        let pictured = if clouds { self.picture().fields() } else { FieldSet::EMPTY };
+        self.imaged().map_or(pictured, |options| pictured.union(options.fields()))
     }
 
     /// As an entry of the section `outputs` of a scenario, without its style.
@@ -377,6 +460,14 @@ impl OutputArgs {
                 "boxes": self.show.is_some(),
             })
         });
+        let images = self.images.as_ref().zip(self.imaged()).map(|(folder, options)| {
+            json!({
+                "folder": shown::path(folder),
+                "layers": options.layers.iter().map(|layer| layer.name()).collect::<Vec<_>>(),
+                "depth_range_m": options.depth_range_m,
+                "annotations": options.annotations.iter().map(|style| style.name()).collect::<Vec<_>>(),
+            })
+        });
         let json = json!({
             "files": text::paths(&self.output),
             "format": self.format,
@@ -384,6 +475,7 @@ impl OutputArgs {
             "preview": preview,
             "pings": self.pings.as_deref().map(shown::path),
             "image": self.image.as_deref().map(shown::path),
+            "images": images,
             "boxes": self.boxes.as_deref().map(shown::path),
             "box_axes": self.boxes().map(BoxAxes::name),
         });
@@ -555,8 +647,23 @@ fn numbered(file: &Path, frame: u32) -> PathBuf {
 
 /// Whether `name` could be the name of a frame of `file`.
 fn is_numbered(name: &Path, file: &Path) -> bool {
+    numbered_as(name, file).is_some_and(|frame| frame.file_name() == name.file_name()) && same_folder(name, file)
+}
+
+/// Whether both files are in one folder.
+fn same_folder(a: &Path, b: &Path) -> bool {
     let place = |path: &Path| folder(path).canonicalize().unwrap_or_default();
-    numbered_as(name, file).is_some_and(|frame| frame.file_name() == name.file_name()) && place(name) == place(file)
+    place(a) == place(b)
+}
+
+/// Two distances, m.
+type DepthRange = [f64; 2];
+
+/// `A,B`.
+fn depth_range(text: &str) -> Result<DepthRange, String> {
+    let number = |text: &str| text.trim().parse::<f64>().ok();
+    let both = text.split_once(',').and_then(|(low, high)| Some([number(low)?, number(high)?]));
+    both.ok_or_else(|| "expected two distances in metres, such as 0.5,20".to_owned())
 }
 
 /// The frame of `file` that has the number of `name`, whatever its ending.

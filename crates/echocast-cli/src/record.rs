@@ -7,8 +7,8 @@ use crate::report::{Seconds, timed};
 use anyhow::Result;
 use echocast::scenario::FrameTime;
 use echocast::{
-    BuiltScene, Cause, Enclosure, Field, FieldSet, Ping, Pings, PointCloud, Profile, Report, ScanOptions, Sensor,
-    SensorKind, Trajectory, shown,
+    BoxAxes, BuiltScene, Cause, Enclosure, Field, FieldSet, Ping, Pings, PointCloud, Profile, Report, ScanOptions,
+    Sensor, SensorKind, Trajectory, shown,
 };
 use std::path::PathBuf;
 
@@ -57,7 +57,16 @@ impl Take<'_> {
     /// How a frame is scanned.
     pub fn options_of(&self, frame: FrameTime) -> ScanOptions {
         let fields = self.options.fields.union(self.output.pictured()).union(self.told());
-        ScanOptions { fields, frame: frame.number, start_time: frame.start, ..self.options.clone() }
+        let annotates = self.output.annotates();
+        let boxes = self.options.boxes.or_else(|| annotates.then(BoxAxes::default));
+        ScanOptions {
+            fields,
+            frame: frame.number,
+            start_time: frame.start,
+            boxes,
+            image_boxes: annotates,
+            ..self.options.clone()
+        }
     }
 
     /// Columns for the report, which counts a sonar's points by cause, and those on a sky and in boxes by instance, whatever
@@ -117,6 +126,7 @@ impl Take<'_> {
         let several = self.frames.len() > 1;
         progress.count_frames(self.frames.len(), frame_word(sensor));
         let mut writer = Writer::new(output);
+        let mut images = output.begin_images(sensor)?;
         let mut all = PointCloud::default();
         let mut cloud = PointCloud::default();
         let (mut points, mut sky_points, mut causes) = (0, 0, Causes::default());
@@ -151,6 +161,13 @@ impl Take<'_> {
                 pings.push(ping.with(kept))?;
                 Ok(())
             })?;
+            if let Some(images) = &mut images {
+                progress.phase("writing".into());
+                report.absorb(timed(&mut seconds.write, || images.add(&cloud, frame.number, frame.start))?);
+            }
+            if self.options.boxes.is_none() {
+                cloud.boxes = None;
+            }
             // Files hold what was asked for; the other columns that the picture shows are computed all the same.
             cloud.fields = self.options.fields;
             points += return_rows(&cloud).count();
@@ -172,6 +189,9 @@ impl Take<'_> {
         timed(&mut seconds.write, || -> Result<()> {
             writer.write_pings(&pings)?;
             writer.write_boxes(&boxes, built.labels())?;
+            if let Some(images) = images.take() {
+                writer.files.extend(images.finish()?);
+            }
             match output.single() {
                 true => writer.finish(),
                 false => writer.write(if several { &all } else { &cloud }, &cloud),

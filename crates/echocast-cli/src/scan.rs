@@ -41,6 +41,8 @@ While things move, and with the sensor on a trajectory:
 A depth camera in a flat, with a row for every pixel:
   echocast generate indoor -o flat.glb
   echocast scan flat.glb --sensor kinect_v2 --camera Camera_1 --organised --fields default,depth -o flat.npz
+What it sees as images of depth, labels and colours, with boxes and masks for learners:
+  echocast scan flat.glb --sensor kinect_v2 --camera Camera_1 --images flat --annotations coco,voc
 An OBJ file whose y axis points up, and what moves it, a file for each tenth of a second:
   printf 'o Flag\\nv 5 0 1\\nv 5 0 -1\\nv 5 3 0\\nf 1 2 3\\n' > flag_0001.obj
   sed 's/v 5/v 6/' flag_0001.obj > flag_0002.obj
@@ -101,7 +103,7 @@ pub struct Args {
     organised: bool,
     /// Show what happens to one beam of the first frame, or of FRAME, step by step with numbers, and write nothing;
     /// rows and columns count from 0, a beam is row * columns + column; for a sonar, a frame is a ping
-    #[arg(long, value_name = "[FRAME,]BEAM", value_parser = frame_and_beam, conflicts_with_all = ["output", "preview", "boxes", "json"], help_heading = "Output")]
+    #[arg(long, value_name = "[FRAME,]BEAM", value_parser = frame_and_beam, conflicts_with_all = ["output", "preview", "images", "boxes", "json"], help_heading = "Output")]
     explain: Option<(Option<u32>, u32)>,
     #[command(flatten)]
     output: OutputArgs,

@@ -65,6 +65,11 @@ fn commands_of_the_readme_run() {
 }
 
 #[test]
+fn commands_of_the_page_on_files_run() {
+    run("docs/files.md", &blocks("docs/files.md").concat());
+}
+
+#[test]
 fn commands_of_the_page_on_motion_run() {
     let blocks = blocks("docs/motion.md");
     assert!(blocks.len() >= 3, "{blocks:?}");

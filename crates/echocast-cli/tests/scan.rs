@@ -512,3 +512,76 @@ fn a_sensor_in_a_wall_is_told() {
     write_house(folder, true);
     assert_eq!(inside(warned("--sensor vlp16 --at 1,1,1.5")), None);
 }
+
+const EYE: &str = "name: eye
+kind: tof
+pattern: {type: pinhole, resolution: [64, 48], fov_deg: [70, 55]}
+range: {max_m: 6}
+";
+
+#[test]
+fn images_are_files_of_each_frame_whatever_the_points() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = folder.path();
+    fs::write(dir.join("eye.yaml"), EYE).unwrap();
+    let scan = "scan FLAT --sensor DIR/eye.yaml --at 0,0,1.2 --frames 3:5:2";
+    let images = "--images DIR/images --annotations coco,voc,panoptic";
+    let layers = ["category", "color", "depth", "instance", "panoptic"];
+    let report = report(dir, &format!("{scan} {images} -o DIR/a.npz"));
+    let mut expected: Vec<String> =
+        layers.iter().flat_map(|layer| ["0003", "0005"].map(|frame| format!("{layer}_{frame}.png"))).collect();
+    expected
+        .extend(["coco.json", "color_0003.xml", "color_0005.xml", "images.json", "panoptic.json"].map(str::to_owned));
+    expected.sort();
+    assert_eq!(files(&dir.join("images")), expected);
+    assert_eq!(report["outputs"].as_array().unwrap().len(), expected.len() + 1);
+    let bytes = |name: &str| -> Vec<Vec<u8>> {
+        files(&dir.join(name)).iter().map(|file| fs::read(dir.join(name).join(file)).unwrap()).collect()
+    };
+    let first = bytes("images");
+    // Neither the cloud nor the images depend on each other.
+    stdout(dir, &format!("{scan} -o DIR/b.npz"));
+    assert!(fs::read(dir.join("a.npz")).unwrap() == fs::read(dir.join("b.npz")).unwrap());
+    for other in ["--organised", "--order time --frame sensor", "--fields x,y,z"] {
+        fs::remove_dir_all(dir.join("images")).unwrap();
+        stdout(dir, &format!("{scan} {images} {other} -o DIR/a.npz"));
+        assert!(bytes("images") == first, "{other}");
+    }
+    // The report repeats it, over what is there.
+    fs::write(dir.join("run.json"), report["run"].to_string()).unwrap();
+    stdout(dir, "run DIR/run.json");
+    assert!(bytes("images") == first);
+}
+
+#[test]
+fn images_that_cannot_be_are_refused_before_anything_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = folder.path();
+    fs::write(dir.join("eye.yaml"), EYE).unwrap();
+    for (args, words) in [
+        ("--sensor livox_avia --images DIR/i", "no rows and columns"),
+        ("--sensor sss_450 --images DIR/i", "the sensor is a sonar"),
+        ("--sensor DIR/eye.yaml --images DIR/none/i", "none/i: No such file"),
+        ("--sensor DIR/eye.yaml --images DIR/eye.yaml", "eye.yaml"),
+        ("--sensor DIR/eye.yaml --images DIR/i --depth-range 2,1", "depth range is 2,1"),
+        ("--sensor DIR/eye.yaml --images DIR/i --depth-range 2", "two distances"),
+        ("--sensor DIR/eye.yaml --images DIR/i --image-layers depth,dept", "dept"),
+        ("--sensor DIR/eye.yaml --images DIR/i --image-layers depth,depth", "each once"),
+        ("--sensor DIR/eye.yaml --images DIR --boxes DIR/images.json", "is a name that --images gives"),
+        ("--sensor DIR/eye.yaml -o DIR/a.npz --annotations coco", "--images"),
+    ] {
+        let output = run(dir, &format!("scan missing.glb --at 0,0,1 {args}"));
+        assert!(!output.status.success() && stderr(&output).contains(words), "{args}: {}", stderr(&output));
+        assert_eq!(files(dir), ["eye.yaml"], "{args}");
+    }
+    // What the scan reads is not written over.
+    for name in ["images.json", "depth_0000.png", "depth_12345.png"] {
+        let labels = dir.join(name);
+        fs::write(&labels, "{}").unwrap();
+        let output = run(dir, &format!("scan FLAT --sensor DIR/eye.yaml --at 0,0,1 --images DIR --labels DIR/{name}"));
+        let words = "would overwrite";
+        assert!(!output.status.success() && stderr(&output).contains(words), "{name}: {}", stderr(&output));
+        assert_eq!(fs::read_to_string(&labels).unwrap(), "{}");
+        fs::remove_file(labels).unwrap();
+    }
+}

@@ -31,6 +31,10 @@ pub struct InstanceBox {
     /// many meet it before anything else, seen in straight lines along their axes; light passes through glass, and
     /// weather, noise and detection play no part. 0 where no beam would meet it.
     pub visible: f64,
+    /// Left, top, right and bottom, pixels, of all of it in the [image](crate::emitter::ImageGrid) of the sensor as it starts,
+    /// whatever hides it and where the image ends; `None`: it was not asked for
+    /// ([`crate::ScanOptions::image_boxes`]), or nothing of it is in front of the camera.
+    pub image: Option<[f64; 4]>,
 }
 
 /// Along which axes boxes lie.

@@ -1,5 +1,6 @@
 //! Clouds to files: one file per format, one table of formats.
 
+pub(crate) mod annotations;
 mod atomic;
 mod boxes;
 mod csv;
@@ -9,11 +10,13 @@ mod frames;
 mod growing;
 #[cfg(feature = "hdf5")]
 mod hdf5;
+pub(crate) mod images;
 mod las;
 mod laz;
 mod npz;
 mod pcd;
 mod pings;
+mod pixels;
 mod ply;
 mod sink;
 mod tail;
@@ -23,6 +26,7 @@ pub use boxes::{check_boxes, write_boxes};
 #[cfg(feature = "hdf5")]
 pub use frames::FramesFile;
 pub use growing::GrowingFile;
+pub use images::{AnnotationStyle, ImageFolder, ImageLayer, ImageOptions, check_images};
 pub use pings::{check_image, check_pings, image_label_paths};
 pub use unfinished::{cancel_flag, remove_unfinished};
 

@@ -2,7 +2,8 @@
 
 use super::atomic::{self, Pending};
 use super::npz::Archive;
-use super::{Sink, ending, failed};
+use super::pixels::Png;
+use super::{ending, failed};
 use crate::cloud::{Column, Field, FieldSet, Ping, Pings, Sounding};
 use crate::ground::error::{Error, Result};
 use crate::ground::report::Report;
@@ -10,7 +11,7 @@ use crate::ground::shown;
 use crate::ground::units::amplitude_from_db;
 use crate::image::{Image, ImageKind, LAYERS};
 use crate::scene::{Labels, NameTable};
-use std::io::{self, BufWriter};
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// Endings of files of arrays.
@@ -318,37 +319,13 @@ fn write_pngs(image: &Image, path: &Path) -> Result<Report> {
             layer.ids.iter().flat_map(|&id| (id.min(u32::from(u16::MAX)) as u16).to_be_bytes()).collect()
         };
         let depth = if index == 0 { png::BitDepth::Eight } else { png::BitDepth::Sixteen };
-        write_png(file.path(), [image.width, image.height], depth, texts, &bytes)
-            .map_err(|source| failed(named, source))?;
+        let size = [image.width, image.height];
+        let png = Png { size, color: png::ColorType::Grayscale, depth, palette: None, texts, fast: false };
+        png.write(file.path(), &bytes).map_err(|source| failed(named, source))?;
     }
     // The picture comes last, behind its labels.
     atomic::commit_all(pending.into_iter().map(|(file, _)| file).rev().collect())?;
     Ok(report)
-}
-
-fn write_png(
-    path: &Path,
-    size: [usize; 2],
-    depth: png::BitDepth,
-    texts: Vec<(String, String)>,
-    bytes: &[u8],
-) -> io::Result<()> {
-    let mut to = BufWriter::new(Sink::create(path)?);
-    let mut encoder = png::Encoder::new(&mut to, size[0] as u32, size[1] as u32);
-    encoder.set_color(png::ColorType::Grayscale);
-    encoder.set_depth(depth);
-    for (keyword, text) in texts {
-        // Plain text chunks are Latin-1, names of labels may be anything.
-        if text.is_ascii() {
-            encoder.add_text_chunk(keyword, text)?;
-        } else {
-            encoder.add_itxt_chunk(keyword, text)?;
-        }
-    }
-    let mut writer = encoder.write_header()?;
-    writer.write_image_data(bytes)?;
-    writer.finish()?;
-    to.into_inner().map_err(io::IntoInnerError::into_error)?.finish()
 }
 
 /// Where the label image of `field` is, beside the image at `path`: `fan.category_id.png` beside `fan.png`.

@@ -1,21 +1,26 @@
-//! Images of sonar pings: waterfall, mosaic, fan and depth map, each with its labels.
+//! Images of what sensors report: of sonar pings waterfall, mosaic, fan and depth map, each with its labels; of cameras and
+//! other sensors of light whose beams form rows, the [`RangeImage`], and what it shows of each instance.
 //!
-//! Images are made from what a sonar reports, as its own software would make them: nothing here uses the scene. Levels
+//! Images of pings are made from what a sonar reports, as its own software would make them: nothing uses the scene. Levels
 //! are drawn with the sonar's time-varied gain. The pings are not changed.
 
 mod altitude;
+mod annotation;
 mod fan;
 mod grid;
 mod mosaic;
+pub(crate) mod range_image;
 mod soundings;
 #[cfg(test)]
 pub(crate) mod synthetic;
 mod waterfall;
 
 pub use altitude::altitudes;
+pub use annotation::{Annotation, Runs, annotations, masks, runs_text};
 pub use fan::{fan, turning_fan};
 pub use mosaic::{Overlap, mosaic};
 pub(crate) use mosaic::{fitting as fitting_mosaic, heading};
+pub use range_image::RangeImage;
 pub use soundings::depth_map;
 pub(crate) use soundings::fitting_cell as fitting_depth_cell;
 pub(crate) use waterfall::middle_beam as waterfall_beam;

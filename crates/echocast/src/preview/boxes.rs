@@ -70,6 +70,7 @@ pub(super) mod tests {
             velocity: DVec3::ZERO,
             points: 1,
             visible: 1.0,
+            image: None,
         }
     }
 

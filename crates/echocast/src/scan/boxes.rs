@@ -2,7 +2,7 @@
 
 use super::ScanOptions;
 use crate::cloud::{BoxAxes, Field, Frame, InstanceBox, PointCloud};
-use crate::emitter::{Aim, BeamTable, Trajectory};
+use crate::emitter::{Aim, BeamTable, ImageGrid, Outline, Trajectory};
 use crate::ground::error::{Error, Result};
 use crate::ground::lanes::{CHUNK, LANES, RayBatch};
 use crate::ground::parallel;
@@ -20,7 +20,8 @@ impl BuiltScene {
     /// [`BoxAxes::Object`] unless the options say otherwise.
     ///
     /// # Errors
-    /// As [`BuiltScene::scan`]; a cloud without the column `instance_id`.
+    /// As [`BuiltScene::scan`]; a cloud without the column `instance_id`; boxes in images of a sensor that has
+    /// [none](Sensor::image_grid).
     pub fn boxes(
         &self,
         sensor: &Sensor,
@@ -49,7 +50,8 @@ impl BuiltScene {
             Frame::World => Pose::IDENTITY,
             Frame::Sensor => cloud.sensor_pose,
         };
-        let make = Boxes { scene: &self.0, options, frame, sensor: start.position, reach };
+        let grid = options.image_boxes.then(|| sensor.image_grid()).transpose()?;
+        let make = Boxes { scene: &self.0, options, frame, sensor: start, reach, grid };
         Ok(self.0.engine.install(|| {
             let crossings = make.cross(&beams, &aim, sonar);
             let mut boxes = vec![None; instances.len()];
@@ -85,9 +87,11 @@ struct Boxes<'a> {
     /// World from the frame of the boxes.
     frame: Pose,
     /// Where the sensor starts, in the world.
-    sensor: DVec3,
+    sensor: Pose,
     /// Greatest range, m.
     reach: f64,
+    /// Its image, if boxes in it are wanted.
+    grid: Option<ImageGrid>,
 }
 
 impl Boxes<'_> {
@@ -137,7 +141,7 @@ impl Boxes<'_> {
         let [low, high] = extents.reduce(|[a, b], [low, high]| [a.min(low), b.max(high)])?;
         let (middle, size) = (0.5 * (low + high), high - low);
         let place = near + axes * middle;
-        let beyond = (axes.inverse() * (self.sensor - place)).abs() - 0.5 * size;
+        let beyond = (axes.inverse() * (self.sensor.position - place)).abs() - 0.5 * size;
         if !seen && beyond.max(DVec3::ZERO).length() > self.reach {
             return None;
         }
@@ -157,7 +161,37 @@ impl Boxes<'_> {
             velocity: into_frame * velocity.as_dvec3(),
             points: 0,
             visible: 0.0,
+            image: self.grid.as_ref().and_then(|grid| self.outline(grid, &stances, place, moment)),
         })
+    }
+
+    /// Left, top, right and bottom in an image of objects about `middle` (world).
+    fn outline(
+        &self,
+        grid: &ImageGrid,
+        stances: &[(u32, DAffine3, DMat3)],
+        middle: DVec3,
+        moment: f32,
+    ) -> Option<[f64; 4]> {
+        let Pose { position, orientation } = self.sensor;
+        let back = DAffine3::from_quat(orientation.inverse());
+        let mut outline = Outline::new(grid, back.transform_point3(middle - position));
+        for (object, place, _) in stances {
+            // The difference of places first, so that it keeps its digits.
+            let near = DAffine3 { translation: place.translation - position, ..*place };
+            let into = back * near;
+            let mut corners = [DVec3::ZERO; 3];
+            let mut count = 0;
+            self.scene.each_corner(*object, moment, &mut |corner| {
+                corners[count] = into.transform_point3(corner);
+                count += 1;
+                if count == 3 {
+                    outline.add(corners);
+                    count = 0;
+                }
+            });
+        }
+        outline.done()
     }
 }
 

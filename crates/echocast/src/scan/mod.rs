@@ -77,6 +77,9 @@ pub struct ScanOptions {
     pub order: Order,
     /// Along which axes the boxes around labelled instances lie; `None`: no boxes, for which all beams are traced once more.
     pub boxes: Option<BoxAxes>,
+    /// Whether boxes also say where they are in the sensor's image ([`InstanceBox::image`](crate::InstanceBox::image)), for
+    /// which every triangle is looked at.
+    pub image_boxes: bool,
     /// Model set.
     pub profile: Profile,
     /// Source of the reflectance if the material does not give it; `None`: as the profile defines
@@ -104,6 +107,7 @@ impl Default for ScanOptions {
             coordinates: Frame::World,
             order: Order::Beam,
             boxes: None,
+            image_boxes: false,
             profile: Profile::Physical,
             reflectance_source: None,
             mask: u32::MAX,

@@ -180,19 +180,20 @@ impl Sample {
         built.scan_into(&scan.sensor, &scan.trajectory, &scan.options(frame), cloud)
     }
 
-    /// [`Sample::cloud_into`] with further columns, `more`, and boxes.
+    /// [`Sample::cloud_into`] with further columns, `more`, and boxes, which may say where they are in the sensor's image.
     pub(super) fn cloud_with(
         &mut self,
         scan: usize,
         frame: usize,
         more: FieldSet,
-        boxes: Option<BoxAxes>,
+        (boxes, in_images): (Option<BoxAxes>, bool),
         cloud: &mut PointCloud,
     ) -> Result<()> {
         let built = self.built(scan, frame)?;
         let scan = &self.scans[scan];
         let options = scan.options(frame);
-        let options = ScanOptions { fields: options.fields.union(more), boxes, ..options };
+        let image_boxes = in_images && scan.sensor.image_grid().is_ok();
+        let options = ScanOptions { fields: options.fields.union(more), boxes, image_boxes, ..options };
         built.scan_into(&scan.sensor, &scan.trajectory, &options, cloud)
     }
 

@@ -23,8 +23,9 @@ use crate::cloud::{Field, FieldSet};
 use crate::detect::{DetectionSpec, Doppler, Noise, RangeError, ReturnMode, Threshold, Timing};
 use crate::echo::{Cone, Glint, Pulse, Receiver, texture};
 use crate::emitter::pattern::Pattern;
-use crate::emitter::{BeamTable, RayColumns, Transducer};
+use crate::emitter::{BeamTable, ImageGrid, RayColumns, Transducer};
 use crate::ground::error::{Error, Result};
+use crate::ground::shown;
 use crate::read::yaml::{self, Document};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -298,6 +299,27 @@ impl Sensor {
     /// The beams of one scan; for a pattern that does not repeat, those of the scan that starts at time 0.
     pub fn beams(&self) -> &BeamTable {
         &self.beams
+    }
+
+    /// Its image: which pixel each of its beams is.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for beams without rows and columns, those of prisms, of a table or of sound.
+    pub fn image_grid(&self) -> Result<ImageGrid> {
+        match &self.spec.pattern {
+            Pattern::Pinhole(camera) => Ok(ImageGrid::flat(camera, &self.beams)),
+            Pattern::Spinning(_) | Pattern::Raster(_) => Ok(ImageGrid::round(&self.beams)),
+            Pattern::Custom if self.beams.rows > 1 => Ok(ImageGrid::plain(&self.beams)),
+            pattern => {
+                let instead = if pattern.is_of_sound() {
+                    "images of sonars are made of their pings"
+                } else {
+                    "sensors that have one are cameras (pinhole), spinning and raster ones"
+                };
+                let what = format!("an image of {}, whose beams form no rows and columns,", shown::text(self.name()));
+                Err(Error::Unsupported { what, instead: instead.into() })
+            }
+        }
     }
 
     /// The beams of the scan that starts at `start_time`, s: as many in every scan, drawn anew if the pattern does not

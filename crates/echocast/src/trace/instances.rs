@@ -1,6 +1,7 @@
 //! The labelled instances of a scene: where each is, how far it reaches, and which rays would meet it.
 
 use super::hits::load;
+use super::mover::Mover;
 use super::{Surfaces, Tables};
 use crate::ground::lanes::RayBatch;
 use crate::scene::{Object, UpAxis};
@@ -119,6 +120,21 @@ impl Tables {
         Some((place, upright))
     }
 
+    /// Passes the corners of all triangles of an object at `time`, 0 to 1, in its own frame, triangle by triangle, to
+    /// `visit`.
+    pub(crate) fn each_corner(&self, object: u32, time: f32, visit: &mut dyn FnMut(DVec3)) {
+        if let Some(mover) = self.mover(object).filter(|mover| !mover.is_stiff()) {
+            return mover.each_corner(time, &mut |place, _| visit(place.as_dvec3()));
+        }
+        let first = self.surfaces.rows.partition_point(|row| row.object < object);
+        for row in self.surfaces.rows[first..].iter().take_while(|row| row.object == object) {
+            let part = &self.surfaces.parts[row.part as usize];
+            for &corner in part.triangles.iter().flatten() {
+                visit(DVec3::from_array(part.positions[corner as usize].map(f64::from)));
+            }
+        }
+    }
+
     /// Least and greatest coordinates of an object at `time`, 0 to 1, in the frame of `frame_from_object`.
     pub(crate) fn extent(&self, object: u32, frame_from_object: &DAffine3, time: f32) -> Option<[DVec3; 2]> {
         let mut ends: Option<[DVec3; 2]> = None;
@@ -127,20 +143,13 @@ impl Tables {
             let [low, high] = ends.get_or_insert([place; 2]);
             (*low, *high) = (low.min(place), high.max(place));
         };
-        if let Some(mover) = self.mover(object).filter(|mover| !mover.is_stiff()) {
-            mover.each_corner(time, &mut |place, _| add(place.as_dvec3()));
-        } else if keeps_axes(&frame_from_object.matrix3) {
+        let stiff = self.mover(object).is_none_or(Mover::is_stiff);
+        if stiff && keeps_axes(&frame_from_object.matrix3) {
             // Along the axes of its mesh the box is known.
             let ends = self.extents[object as usize].bounds?;
             ends.into_iter().for_each(|end| add(DVec3::from_array(end.map(f64::from))));
         } else {
-            let first = self.surfaces.rows.partition_point(|row| row.object < object);
-            for row in self.surfaces.rows[first..].iter().take_while(|row| row.object == object) {
-                let part = &self.surfaces.parts[row.part as usize];
-                for &corner in part.triangles.iter().flatten() {
-                    add(DVec3::from_array(part.positions[corner as usize].map(f64::from)));
-                }
-            }
+            self.each_corner(object, time, &mut add);
         }
         ends
     }

@@ -12,7 +12,9 @@
 //! | `files.json` | what was made of all samples together: its files with sizes and digests |
 //! | `manifest.json`, `report.json`, `report.html`, `contact_sheet.png` | the whole set, once all samples are there |
 
+mod coco;
 mod folder;
+mod imaging;
 mod kitti;
 mod manifest;
 mod nuscenes;
@@ -25,6 +27,7 @@ mod run;
 mod semantic_kitti;
 mod splits;
 mod style;
+mod voc;
 mod webdataset;
 mod whole;
 

@@ -171,6 +171,7 @@ pub fn finish(root: &Path) -> Result<()> {
     let styles = style::all(&spec.outputs, &document)?;
     let licence = spec.set.licence;
     let mut whole = Whole::new(root, &origin, entries, spec.set.splits, spec.seed);
+    whole.licence.clone_from(&licence);
     whole.write_splits()?;
     styles.iter().try_for_each(|style| style.join(&mut whole))?;
     let readme = readme::text(&origin, &whole, &styles, licence.as_deref());
@@ -279,13 +280,14 @@ impl Maker<'_> {
             .map(|(style, folder)| style.writer(number, sample, folder))
             .collect::<Result<Vec<_>>>()?;
         let boxes = self.styles.iter().find_map(|style| style.boxes());
+        let in_images = self.styles.iter().any(|style| style.image_boxes());
         let mut report = sample.report().clone();
         let mut counts = Counts::default();
         let mut pictures = Vec::new();
         for scan in 0..sample.scans().len() {
             for frame in 0..sample.scans()[scan].frames().len() {
                 let asked = sample.scans()[scan].options(frame).fields;
-                sample.cloud_with(scan, frame, needed, boxes, cloud)?;
+                sample.cloud_with(scan, frame, needed, (boxes, in_images), cloud)?;
                 counts.add(cloud);
                 if shown && (scan, frame) == (0, 0) {
                     let path = Path::new("pictures").join(format!("{}.png", numbered(number)));

@@ -1,9 +1,11 @@
 //! How samples are written: one file for each style, one table of styles.
 
+use super::coco::Coco;
 use super::kitti::Kitti;
 use super::nuscenes::NuScenes;
 use super::plain::Plain;
 use super::semantic_kitti::SemanticKitti;
+use super::voc::Voc;
 use super::webdataset::WebDataset;
 use super::whole::Whole;
 use crate::cloud::{BoxAxes, FieldSet, InstanceBox, PointCloud};
@@ -41,6 +43,11 @@ pub(super) trait Style: fmt::Debug + Send + Sync {
     /// The boxes that it needs around instances, if any.
     fn boxes(&self) -> Option<BoxAxes> {
         None
+    }
+
+    /// Whether the boxes must also say where they are in the sensor's image, if it has one.
+    fn image_boxes(&self) -> bool {
+        false
     }
 
     /// Checks that it can hold the scans of `sample`.
@@ -107,6 +114,8 @@ const STYLES: &[(&str, ReadKeys)] = &[
     ("kitti", keys::<Kitti>),
     ("nuscenes", keys::<NuScenes>),
     ("webdataset", keys::<WebDataset>),
+    ("coco", keys::<Coco>),
+    ("voc", keys::<Voc>),
 ];
 
 /// That which `echocast scan` reports.

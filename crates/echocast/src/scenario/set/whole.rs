@@ -20,6 +20,8 @@ pub(super) struct Whole<'w> {
     pub entries: BTreeMap<u64, Entry>,
     /// The parts that it is in.
     pub splits: Splits,
+    /// What the scenario says of it.
+    pub licence: Option<String>,
     seed: u64,
     /// Files of the whole set, relative to `root`.
     files: BTreeSet<PathBuf>,
@@ -36,7 +38,7 @@ impl<'w> Whole<'w> {
         seed: u64,
     ) -> Self {
         entries.split_off(&origin.samples);
-        Whole { root, entries, splits, seed, files: BTreeSet::new(), unneeded: Vec::new() }
+        Whole { root, entries, splits, licence: None, seed, files: BTreeSet::new(), unneeded: Vec::new() }
     }
 
     /// The samples that were made, rising.

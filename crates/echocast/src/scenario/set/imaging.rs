@@ -1,0 +1,108 @@
+//! Images of the sensors of a sample: what the styles of sets of images have in common.
+
+use crate::cloud::{InstanceBox, PointCloud};
+use crate::emitter::ImageGrid;
+use crate::export::images::write_layer;
+use crate::export::{ImageLayer, ImageOptions};
+use crate::ground::error::{Error, Result};
+use crate::ground::report::Report;
+use crate::image::{Annotation, RangeImage, annotations};
+use crate::scenario::Sample;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// The sensors of a sample that have images, and what their files are called.
+pub(super) struct Imaging<'w> {
+    folder: &'w Path,
+    /// Number of the sample.
+    number: u64,
+    /// Scans with images, and how these are made.
+    grids: Vec<(usize, ImageGrid)>,
+}
+
+/// An image, what it shows, and what its files are called.
+pub(super) struct Taken {
+    pub image: RangeImage,
+    pub found: Vec<Annotation>,
+    pub stem: String,
+}
+
+/// Numbers of the scans of `sample` that have images, or of that of the sensor called `asked`.
+///
+/// # Errors
+/// There is none, or no such sensor; `key` says where it was asked for.
+pub(super) fn scans(sample: &Sample, key: &str, asked: Option<&str>) -> Result<Vec<(usize, ImageGrid)>> {
+    let scans = sample.scans();
+    if let Some(name) = asked {
+        let Some(scan) = scans.iter().position(|scan| scan.name() == name) else {
+            let names: Vec<&str> = scans.iter().map(|scan| scan.name()).collect();
+            return Err(Error::invalid(key, format!("{name:?}"), names.join(", ")));
+        };
+        return Ok(vec![(scan, scans[scan].sensor().image_grid()?)]);
+    }
+    let all: Vec<_> =
+        scans.iter().enumerate().filter_map(|(scan, of)| Some((scan, of.sensor().image_grid().ok()?))).collect();
+    match scans.first() {
+        Some(first) if all.is_empty() => first.sensor().image_grid().map(|grid| vec![(0, grid)]),
+        _ => Ok(all),
+    }
+}
+
+impl<'w> Imaging<'w> {
+    /// Of the sample with this `number`, to `folder`, in which the folders `names` are made.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn begin(folder: &'w Path, names: &[&str], number: u64, grids: Vec<(usize, ImageGrid)>) -> Result<Imaging<'w>> {
+        for name in names {
+            let folder = folder.join(name);
+            fs::create_dir_all(&folder).map_err(|source| Error::Io { path: folder, source })?;
+        }
+        Ok(Imaging { folder, number, grids })
+    }
+
+    /// The image of a scan; `None`: it has none, or another sensor's was asked for.
+    ///
+    /// # Errors
+    /// As [`RangeImage::new`].
+    pub fn take(
+        &self,
+        sample: &Sample,
+        [scan, frame]: [usize; 2],
+        cloud: &PointCloud,
+        boxes: &[InstanceBox],
+    ) -> Result<Option<Taken>> {
+        let Some((_, grid)) = self.grids.iter().find(|(known, _)| *known == scan) else { return Ok(None) };
+        let scan = &sample.scans()[scan];
+        let mut stem = super::style::numbered(self.number);
+        if self.grids.len() > 1 {
+            stem += &format!("_{}", super::plain::file_name(scan.name()));
+        }
+        if scan.frames().len() > 1 {
+            stem += &format!("_{:04}", scan.frames()[frame].number);
+        }
+        let image = RangeImage::new(cloud, grid)?;
+        let found = annotations(&image, boxes);
+        Ok(Some(Taken { image, found, stem }))
+    }
+
+    /// Where the file of `taken` in the folder `name` is.
+    pub fn path(&self, name: &str, taken: &Taken, ending: &str) -> PathBuf {
+        self.folder.join(name).join(format!("{}.{ending}", taken.stem))
+    }
+
+    /// Writes a layer to the folder `name`.
+    ///
+    /// # Errors
+    /// As [`write_layer`].
+    pub fn write(
+        &self,
+        name: &str,
+        taken: &Taken,
+        layer: ImageLayer,
+        options: &ImageOptions,
+        report: &mut Report,
+    ) -> Result<()> {
+        write_layer(&taken.image, layer, options.depth_range_m, &self.path(name, taken, layer.ending()), report)
+    }
+}
