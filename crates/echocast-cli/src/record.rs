@@ -116,7 +116,7 @@ impl Take<'_> {
         self.warn_of_enclosure(&built, &mut report);
         let several = self.frames.len() > 1;
         progress.count_frames(self.frames.len(), frame_word(sensor));
-        let mut writer = Writer::new(output);
+        let mut writer = Writer::new(output)?;
         let mut all = PointCloud::default();
         let mut cloud = PointCloud::default();
         let (mut points, mut sky_points, mut causes) = (0, 0, Causes::default());
