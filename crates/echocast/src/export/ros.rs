@@ -196,7 +196,7 @@ mod tests {
         message.u32(2);
         message.text("ab").unwrap();
         message.f64s(&[1.0]);
-        let numbers = [0, 1, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 3, 0, 0, 0, b'a', b'b', 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
+        let numbers = [0, 1, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 3, 0, 0, 0, b'a', b'b', 0, 0];
         assert_eq!(message.0, [&numbers[..], &1f64.to_le_bytes()].concat());
         assert!(message.count(1 << 32).unwrap_err().to_string().contains("too many for a message"));
     }
