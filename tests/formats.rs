@@ -1,9 +1,9 @@
 //! Every format, read back by third-party readers.
 
 use echocast::cloud::{ColumnType, Columns, FIELDS, Field, FieldSet, Frame};
-use echocast::export::{self, FORMATS, FramesFile};
+use echocast::export::{self, FORMATS, FramesFile, GrowingFile};
 use echocast::scene::{Labels, NameTable};
-use echocast::{Error, InstanceBox, PointCloud, Pose, Report};
+use echocast::{Error, InstanceBox, PointCloud, Pose, Report, ScanOptions, Scene, Sensor, Trajectory};
 use echocast_tests::python;
 use glam::{DQuat, DVec3};
 use serde_json::{Value, json};
@@ -147,6 +147,22 @@ fn all_told(boxes: &[InstanceBox]) -> Value {
     boxes.iter().map(told).collect()
 }
 
+/// What a bag says of the boxes of `cloud`.
+fn detections(cloud: &PointCloud) -> Value {
+    let told = cloud.boxes.iter().flatten().map(|found| {
+        let category = ["0", "chair", "Tür, \"groß\""][found.category_id as usize];
+        json!({
+            "time": (found.time * 1e9).round() / 1e9,
+            "track_id": found.track_id,
+            "category": category,
+            "position": found.pose.position.to_array(),
+            "size": found.size.to_array(),
+            "orientation_xyzw": found.pose.orientation.to_array(),
+        })
+    });
+    told.collect()
+}
+
 /// A grid of 4 by 5 beams, some without a return.
 fn organised() -> PointCloud {
     let mut cloud = cloud(20, FieldSet::all());
@@ -204,7 +220,11 @@ fn compare(cloud: &PointCloud, format: &str, found: &Value, rows: &[usize], held
                 (Field::Intensity, "las" | "laz" | "las2") => value = (value * 65535.0).round(),
                 (Field::CategoryId, "las2") => value = value.min(65535.0),
                 // Half a step of f32 at 4 km from the sensor, on each axis.
-                (Field::X | Field::Y | Field::Z, "e57") => tolerance = 5e-4,
+                (Field::X | Field::Y | Field::Z, "e57" | "mcap" | "mcap_ouster" | "mcap_livox") => tolerance = 5e-4,
+                // What f64 resolves in a time since 1970, in s or ns.
+                (Field::Time, "mcap" | "mcap_ouster" | "mcap_livox") => tolerance = 5e-7,
+                (Field::Range, "mcap_ouster") => tolerance = 0.5e-3,
+                (Field::Channel, "mcap_livox") => value = value.min(255.0),
                 (_, "csv" | "pcd_ascii") if offset != 0.0 => tolerance = 0.5e-6 + 2e-9,
                 // The shortest text of an f32 is the same number again only as f32.
                 (_, "csv") if info.kind == ColumnType::F32 => read = f64::from(read as f32),
@@ -220,6 +240,9 @@ fn compare(cloud: &PointCloud, format: &str, found: &Value, rows: &[usize], held
     }
     if matches!(format, "npz" | "hdf5") {
         assert_eq!(found["boxes"], all_told(cloud.boxes.as_deref().unwrap()), "{format}");
+    }
+    if format.starts_with("mcap") {
+        assert_eq!(found["boxes"], detections(cloud), "{format}");
     }
     let about = json!({
         "coordinates": cloud.frame.name(),
@@ -247,6 +270,7 @@ fn every_format_is_read_back() {
     let positions = FieldSet::parse("x,y,z").unwrap();
     let mut sensor_frame = cloud(10, positions);
     sensor_frame.frame = Frame::Sensor;
+    sensor_frame.origin = DVec3::new(0.5, -0.25, 0.125);
     sensor_frame.intensity_full_scale = None;
     let clouds = [
         cloud(5000, FieldSet::all()),
@@ -468,6 +492,67 @@ fn frames_are_rows_of_one_hdf5_file() {
     }
     drop(FramesFile::create(folder.path().join("dropped.h5")).unwrap());
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+}
+
+#[test]
+fn frames_are_messages_of_one_bag() {
+    let folder = tempfile::tempdir().unwrap();
+    for format in ["mcap", "mcap_ouster", "mcap_livox"] {
+        let mut clouds = [700, 0, 1].map(|len| cloud(len, FieldSet::default()));
+        for (frame, cloud) in clouds.iter_mut().enumerate() {
+            cloud.sensor_pose.position.x += 0.5 * frame as f64;
+            cloud.start_time = Some(1_700_000_000.0 + 0.1 * frame as f64);
+            cloud.columns.time.iter_mut().for_each(|time| *time += 0.1 * frame as f64);
+        }
+        let path = folder.path().join(format);
+        let mut file = GrowingFile::begin(&path, Some(format), &clouds[0]).unwrap().unwrap();
+        clouds.iter().for_each(|cloud| file.add(cloud).unwrap());
+        assert!(file.finish().unwrap().warnings.is_empty());
+        let found = &read(format, &[path])[0];
+        assert_eq!(found["messages"], json!({"/tf": 3, "/points": 3, "/detections": 3}));
+        let stamps = [1_700_000_000_000_000_000u64, 1_700_000_000_099_999_905, 1_700_000_000_200_000_048];
+        let read: Vec<u64> = serde_json::from_value(found["stamps"].clone()).unwrap();
+        assert!(read.iter().zip(stamps).all(|(read, stamp)| read.abs_diff(stamp) < 300), "{read:?}");
+        let mut all = clouds[0].clone();
+        clouds[1..].iter().for_each(|cloud| all.append(cloud).unwrap());
+        compare(&all, format, found, &points(&all), all.fields);
+    }
+}
+
+#[test]
+fn bags_hold_the_images_of_a_camera() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/scenes/indoor-1.glb");
+    let built = Scene::load(scene).unwrap().build().unwrap();
+    let yaml = "{name: a, kind: tof, pattern: {type: pinhole, resolution: [40, 30], fov_deg: [70, 50]}}";
+    let sensor = Sensor::from_yaml(yaml, ".").unwrap();
+    let trajectory = Trajectory::fixed(Pose::at(-6.0, 6.0, 1.2).with_rpy_deg(3.0, 10.0, -40.0));
+    for fields in ["default,azimuth,elevation", "default,azimuth,elevation,depth", "x,y,z,azimuth,elevation"] {
+        let fields = FieldSet::parse(fields).unwrap();
+        let options = ScanOptions { fields, organised: true, ..ScanOptions::default() };
+        let cloud = built.scan(&sensor, &trajectory, &options).unwrap();
+        let inside = ScanOptions { coordinates: Frame::Sensor, ..options };
+        let inside = built.scan(&sensor, &trajectory, &inside).unwrap();
+        let path = folder.path().join("a.mcap");
+        cloud.write(&path).unwrap();
+        let found = &read("mcap", &[path])[0];
+        let axis = |value: &Value| -> Vec<f64> {
+            value.as_array().unwrap().iter().map(|text| text.as_str().unwrap().parse().unwrap()).collect()
+        };
+        let seen = [&inside.columns.x, &inside.columns.y, &inside.columns.z];
+        for (index, column) in seen.into_iter().enumerate() {
+            let read = axis(&found["unprojected"][index]);
+            assert_eq!(read.len(), 1200);
+            for (read, &x) in read.iter().zip(column) {
+                assert!(
+                    (read - f64::from(x)).abs() < 1e-4 || read.is_nan() && x.is_nan(),
+                    "{index}: {read} is not {x}"
+                );
+            }
+        }
+        let labels: Vec<u32> = serde_json::from_value(found["labels"].clone()).unwrap_or_default();
+        assert_eq!(labels, cloud.columns.category_id);
+    }
 }
 
 #[test]

@@ -7,7 +7,9 @@ One list element per file: columns (world positions), names of the labels, and w
 
 import csv
 import json
+import os
 import sys
+import tempfile
 from pathlib import Path
 
 import h5py
@@ -17,6 +19,10 @@ import plyfile
 import pye57
 import pypcd4
 from laspy import LazBackend
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+from scipy.spatial.transform import Rotation
 
 TABLES = ("category", "part", "material", "instance")
 POSE = ("sensor_position", "sensor_orientation_xyzw")
@@ -181,6 +187,184 @@ def e57_scan(file, index, world):
     if "return_number" in scan:
         scan["return_number"] = numpy.where(miss, 0, scan["return_number"].astype(int) + 1)
     return scan
+
+
+# Where the drivers of the makers put what they publish: offset and PointField type.
+DRIVERS = {
+    "velodyne": {"x": (0, 7), "y": (4, 7), "z": (8, 7), "intensity": (12, 7), "ring": (16, 4), "time": (18, 7)},
+    "ouster": {
+        "x": (0, 7), "y": (4, 7), "z": (8, 7), "intensity": (16, 7), "t": (20, 6), "reflectivity": (24, 4),
+        "ring": (26, 4), "ambient": (28, 4), "range": (32, 6),
+    },
+    "livox": {
+        "x": (0, 7), "y": (4, 7), "z": (8, 7), "intensity": (12, 7), "tag": (16, 2), "line": (17, 2),
+        "timestamp": (18, 8),
+    },
+}
+POINT_TYPES = {2: "u1", 4: "<u2", 6: "<u4", 7: "<f4", 8: "<f8"}
+
+
+def read_mcap(path, driver="velodyne"):
+    """All messages together, in the world."""
+    topics, later = {}, "durability: 1"
+    with open(path, "rb") as file:
+        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        assert reader.get_header().profile == "ros2"
+        summary = reader.get_summary()
+        assert summary.chunk_indexes and all(chunk.compression == "zstd" for chunk in summary.chunk_indexes)
+        for schema, channel, message, decoded in reader.iter_decoded_messages():
+            assert (later in channel.metadata["offered_qos_profiles"]) == (channel.topic == "/legend")
+            stamp = getattr(decoded, "header", None) and nanoseconds(decoded.header)
+            assert stamp in (None, message.log_time) and message.publish_time == message.log_time
+            topics.setdefault(channel.topic, []).append((schema.name, message.log_time, decoded))
+        assert summary.statistics.message_count == sum(len(messages) for messages in topics.values())
+    read_alike_by_rosbags(path, topics)
+    ((kind, _, legend),) = topics.pop("/legend")
+    assert kind == "std_msgs/msg/String"
+    said = json.loads(legend.data)
+    poses = {time: transform_of(message) for _, time, message in topics["/tf"]}
+    images = images_of(topics) if "/depth/image_rect" in topics else {}
+    clouds = []
+    for kind, time, message in topics["/points"]:
+        assert (kind, message.header.frame_id) == ("sensor_msgs/msg/PointCloud2", "sensor")
+        columns = columns_of(message, driver, time / 1e9)
+        place = numpy.stack([columns[axis] for axis in "xyz"]).astype(float)
+        assert message.is_dense == bool(numpy.isfinite(place).all())
+        if said["coordinates"] == "world":
+            turn, shift = poses[time]
+            place = turn @ place + shift[:, None]
+        clouds.append(columns | dict(zip("xyz", place)))
+    columns = {name: numpy.concatenate([cloud[name] for cloud in clouds]) for name in clouds[0]}
+    last = topics["/points"][-1][2]
+    shape = None if last.height == 1 else [sum(m.height for _, _, m in topics["/points"]), last.width]
+    found = {"columns": columns, "shape": shape, "messages": {topic: len(all) for topic, all in topics.items()}}
+    found["stamps"] = [time for _, time, _ in topics["/points"]]
+    if "/detections" in topics:
+        frame = "map" if said["coordinates"] == "world" else "sensor"
+        found["boxes"] = [box_of(it, frame) for _, _, message in topics["/detections"] for it in message.detections]
+    return found | images | meaning(said)
+
+
+def read_mcap_ouster(path):
+    return read_mcap(path, "ouster")
+
+
+def read_mcap_livox(path):
+    return read_mcap(path, "livox")
+
+
+def nanoseconds(header):
+    return header.stamp.sec * 10**9 + header.stamp.nanosec
+
+
+def read_alike_by_rosbags(path, topics):
+    """It wants another file name."""
+    with tempfile.TemporaryDirectory() as folder:
+        link = Path(folder) / "bag.mcap"
+        os.symlink(Path(path).resolve(), link)
+        found = {}
+        with AnyReader([link]) as reader:
+            (legend,) = (it for it in reader.connections if it.topic == "/legend")
+            assert [service.durability.name for service in legend.ext.offered_qos_profiles] == ["TRANSIENT_LOCAL"]
+            for connection, time, data in reader.messages():
+                message = reader.deserialize(data, connection.msgtype)
+                found.setdefault(connection.topic, []).append((connection.msgtype, time, message))
+        assert found.keys() == topics.keys()
+        for topic, messages in topics.items():
+            assert len(messages) == len(found[topic])
+            for (kind, time, a), (other_kind, other_time, b) in zip(messages, found[topic]):
+                assert (kind, time) == (other_kind, other_time) and alike(a, b), topic
+
+
+def alike(a, b):
+    """Whether two libraries' messages say the same."""
+    if hasattr(a, "__slots__"):
+        return all(alike(getattr(a, name), getattr(b, name)) for name in a.__slots__)
+    if isinstance(a, (bytes, bytearray, list, numpy.ndarray)) and not (len(a) and hasattr(a[0], "__slots__")):
+        flat = numpy.frombuffer(a, numpy.uint8) if isinstance(a, (bytes, bytearray)) else numpy.asarray(a)
+        return numpy.array_equal(flat, numpy.asarray(b))
+    if isinstance(a, list):
+        return len(a) == len(b) and all(map(alike, a, b))
+    return a == b
+
+
+def transform_of(message):
+    """Rotation matrix and translation."""
+    stamped, *optical = message.transforms
+    assert (stamped.header.frame_id, stamped.child_frame_id) == ("map", "sensor")
+    for other in optical:
+        assert (other.header.frame_id, other.child_frame_id) == ("sensor", "sensor_optical")
+        q = other.transform.rotation
+        axes = Rotation.from_quat([q.x, q.y, q.z, q.w]).as_matrix()
+        assert numpy.allclose(axes, [[0, 0, 1], [-1, 0, 0], [0, -1, 0]])
+    q, t = stamped.transform.rotation, stamped.transform.translation
+    return Rotation.from_quat([q.x, q.y, q.z, q.w]).as_matrix(), numpy.array([t.x, t.y, t.z])
+
+
+def images_of(topics):
+    """The last images of a camera, as lists of pixels, and where pixels with a depth are in the sensor frame."""
+    info, depth, points = (topics[name][-1][2] for name in ("/depth/camera_info", "/depth/image_rect", "/points"))
+    labels = topics["/labels/image_rect"][-1][2] if "/labels/image_rect" in topics else None
+    assert (depth.encoding, depth.step, depth.header.frame_id) == ("32FC1", 4 * depth.width, "sensor_optical")
+    assert (info.height, info.width) == (depth.height, depth.width) == (points.height, points.width)
+    assert info.distortion_model == "plumb_bob" and list(info.d) == [0] * 5 and list(info.p)[:3] == list(info.k)[:3]
+    z = numpy.frombuffer(bytes(depth.data), "<f4").astype(float)
+    found = {"depth": [repr(value) for value in z.tolist()]}
+    fx, _, cx, _, fy, cy, *_ = info.k
+    row, column = numpy.divmod(numpy.arange(len(z)), info.width)
+    places = [z, -(column - cx) / fx * z, -(row - cy) / fy * z]
+    found["unprojected"] = [[repr(value) for value in axis.tolist()] for axis in places]
+    if labels:
+        assert (labels.encoding, labels.step) == ("16UC1", 2 * labels.width)
+        found["labels"] = numpy.frombuffer(bytes(labels.data), "<u2").tolist()
+    return found
+
+
+def columns_of(message, driver, start):
+    """The columns of a PointCloud2, called as echocast calls them, times in s of the run."""
+    known = DRIVERS[driver]
+    for field in message.fields:
+        assert field.count == 1 and known.get(field.name, (field.offset, field.datatype)) == (field.offset, field.datatype)
+    assert not message.is_bigendian and message.row_step == message.width * message.point_step
+    fields = [(field.name, POINT_TYPES[field.datatype], field.offset) for field in message.fields]
+    names, formats, offsets = zip(*fields)
+    kind = {"names": names, "formats": formats, "offsets": offsets, "itemsize": message.point_step}
+    rows = numpy.frombuffer(bytes(message.data), numpy.dtype(kind))
+    assert len(rows) == message.width * message.height
+    columns = {name: rows[name] for name in names}
+    if "rgb" in columns:
+        rgb = columns.pop("rgb").view(numpy.uint32)
+        columns |= {name: rgb >> shift & 255 for name, shift in (("red", 16), ("green", 8), ("blue", 0))}
+    renamed = {"ring": "channel", "line": "channel", "t": "time", "timestamp": "time"}
+    columns = {renamed.get(name, name): column for name, column in columns.items()}
+    if "time" in columns:
+        time = columns["time"].astype(float)
+        columns["time"] = {"velodyne": start + time, "ouster": start + time / 1e9, "livox": time / 1e9}[driver]
+    if driver == "ouster":
+        assert not columns.pop("ambient").any()
+        if "range" in columns:
+            columns["range"] = numpy.where(columns["range"] == 0, numpy.nan, columns["range"] / 1000)
+        if "reflectivity" in columns:
+            reflectivity, intensity = columns.pop("reflectivity"), numpy.nan_to_num(columns["intensity"])
+            assert (abs(reflectivity - intensity.astype(float) * 255) <= 0.5).all()
+    if "tag" in columns:
+        assert (columns.pop("tag") == numpy.minimum(columns["return_number"], 3) << 4).all()
+    return columns
+
+
+def box_of(detection, frame):
+    (result,) = detection.results
+    center, size = detection.bbox.center, detection.bbox.size
+    assert detection.header.frame_id == frame and result.hypothesis.score == 1.0
+    assert result.pose.pose.position.x == center.position.x and not any(result.pose.covariance)
+    return {
+        "time": nanoseconds(detection.header) / 1e9,
+        "track_id": int(detection.id),
+        "category": result.hypothesis.class_id,
+        "position": [getattr(center.position, axis) for axis in "xyz"],
+        "size": [getattr(size, axis) for axis in "xyz"],
+        "orientation_xyzw": [getattr(center.orientation, axis) for axis in "xyzw"],
+    }
 
 
 def from_arrays(arrays):

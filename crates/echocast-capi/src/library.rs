@@ -34,10 +34,11 @@ pub extern "C" fn echocast_version() -> u32 {
 /// Static, never NULL.
 #[unsafe(no_mangle)]
 pub extern "C" fn echocast_version_string() -> *const c_char {
-    const TEXT: &str = if cfg!(feature = "hdf5") {
-        concat!("echocast ", env!("CARGO_PKG_VERSION"), " (hdf5)\0")
-    } else {
-        concat!("echocast ", env!("CARGO_PKG_VERSION"), "\0")
+    const TEXT: &str = match (cfg!(feature = "hdf5"), cfg!(feature = "mcap")) {
+        (true, true) => concat!("echocast ", env!("CARGO_PKG_VERSION"), " (hdf5, mcap)\0"),
+        (true, false) => concat!("echocast ", env!("CARGO_PKG_VERSION"), " (hdf5)\0"),
+        (false, true) => concat!("echocast ", env!("CARGO_PKG_VERSION"), " (mcap)\0"),
+        (false, false) => concat!("echocast ", env!("CARGO_PKG_VERSION"), "\0"),
     };
     TEXT.as_ptr().cast()
 }

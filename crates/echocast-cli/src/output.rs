@@ -1,7 +1,7 @@
 //! Where clouds and pictures go.
 
 use crate::input::has_ending;
-use crate::{choice, text};
+use crate::{choice, interrupt, text};
 use anyhow::{Context as _, Result, ensure};
 use clap::{ArgGroup, Args};
 use echocast::emitter::Pattern;
@@ -14,8 +14,11 @@ use echocast::{
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeSet, HashSet};
+use std::fs::File;
+use std::io::{self, ErrorKind, Read as _, Write as _};
 use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
+use tempfile::TempDir;
 
 /// A picture of one sample.
 #[derive(Args)]
@@ -36,7 +39,8 @@ pub struct PictureArgs {
 #[command(group = ArgGroup::new("shown").args(["preview", "image"]).multiple(true))]
 #[command(group = ArgGroup::new("boxed").args(["boxes", "show"]).multiple(true))]
 pub struct OutputArgs {
-    /// Cloud file, repeatable; its ending chooses the format (`echocast formats` lists them)
+    /// Cloud file, repeatable; its ending chooses the format (`echocast formats` lists them); `-` with `--format` is
+    /// standard output, and what the program says then goes to stderr
     #[arg(short, long, value_name = "FILE", required_unless_present_any = ["preview", "explain", "pings", "image", "images", "boxes"], help_heading = "Output")]
     output: Vec<PathBuf>,
     /// Format of the cloud files, whatever their endings
@@ -94,7 +98,7 @@ pub struct OutputArgs {
     #[arg(long, value_name = "LIST", requires = "images", value_delimiter = ',', value_parser = choice::of::<AnnotationStyle>(), help_heading = "Output")]
     annotations: Vec<AnnotationStyle>,
     /// Boxes around the labelled instances of all frames, with velocity, number of points and visible share: .json, .csv;
-    /// clouds in .npz and .h5 carry them too
+    /// clouds in .npz, .h5 and .mcap carry them too
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     boxes: Option<PathBuf>,
     /// Along which axes boxes lie: those of each object, or those of the frame of the points (`--frame`)
@@ -145,7 +149,7 @@ impl OutputArgs {
             boxes: bool,
         }
         let keys = Keys::deserialize(entry)?;
-        let at = |file: PathBuf| folder.join(file);
+        let at = |file: PathBuf| if is_stdout(&file) { file } else { folder.join(file) };
         let axes = keys.box_axes.as_deref().unwrap_or("object");
         let axes = BoxAxes::NAMES.iter().find(|(name, _)| *name == axes).map(|(_, axes)| *axes);
         let preview = keys.preview.as_ref();
@@ -300,13 +304,35 @@ impl OutputArgs {
             export::check_boxes(file).context("--boxes")?;
         }
         for file in &self.output {
-            ensure!(file != Path::new("-"), "-o -: clouds go to files; allowed: a file name");
-            export::check(file, self.format.as_deref(), fields)?;
+            if is_stdout(file) {
+                self.check_stdout(fields)?;
+            } else {
+                export::check(file, self.format.as_deref(), fields)?;
+            }
         }
         if let Some(file) = &self.preview {
             check_picture(file, &self.picture())?;
         }
         self.check_names(fields)
+    }
+
+    /// Checks that a cloud can go to standard output.
+    fn check_stdout(&self, fields: FieldSet) -> Result<()> {
+        ensure!(
+            self.format.is_some(),
+            "-o -: standard output has no ending that chooses a format; allowed: with --format NAME, such as csv"
+        );
+        ensure!(!self.single, "-o -: standard output takes one cloud, and --single makes many; allowed: a file name");
+        export::check(&std::env::temp_dir().join("cloud"), self.format.as_deref(), fields).context("-o -")
+    }
+
+    /// Prints `text`, which the run says: to stdout, or where a cloud goes there to stderr.
+    pub fn print(&self, text: &str) -> Result<()> {
+        if self.output.iter().any(|file| is_stdout(file)) {
+            text::tell(text);
+            return Ok(());
+        }
+        text::print(text)
     }
 
     /// Checks that `input`, which the run reads, is none of the files that it writes.
@@ -322,11 +348,8 @@ impl OutputArgs {
             .filter_map(|file| if self.view.shows_pings() { Some(file.clone()) } else { framed(file) });
         let images = self.image.iter().flat_map(|file| export::image_label_paths(file, FieldSet::all()));
         let others = images.chain(self.image.clone()).chain(self.pings.clone()).chain(self.boxes.clone());
-        clouds.chain(pictures).chain(others).try_for_each(|file| check_kept(&file, input))?;
-        match self.image_at(input) {
-            Some(image) => check_kept(&image, input),
-            None => Ok(()),
-        }
+        let files = clouds.chain(pictures).chain(others).chain(self.image_at(input));
+        files.filter(|file| !is_stdout(file)).try_for_each(|file| check_kept(&file, input))
     }
 
     /// The file in the folder of images, of any frame, that is called as `file` is.
@@ -418,7 +441,7 @@ impl OutputArgs {
     /// The file of label names beside the cloud `file`, if there is one.
     fn labels_of(&self, file: &Path) -> Option<PathBuf> {
         let format = export::format_for(file, self.format.as_deref()).ok()?;
-        (!format.holds_label_names()).then(|| export::labels_path(file))
+        (!format.holds_label_names() && !is_stdout(file)).then(|| export::labels_path(file))
     }
 
     /// Whether all single frames go to `file` itself.
@@ -500,6 +523,11 @@ pub fn check_kept(file: &Path, input: &Path) -> Result<()> {
     Ok(())
 }
 
+/// Whether `file` stands for standard output.
+fn is_stdout(file: &Path) -> bool {
+    file == Path::new("-")
+}
+
 /// The folder that `file` goes to.
 fn folder(file: &Path) -> &Path {
     file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
@@ -512,6 +540,8 @@ pub struct Writer<'a> {
     growing: Vec<(&'a Path, FramesFile)>,
     /// Files of all frames together, in the order of `args.output`; `None`: the format needs all points at once.
     merged: Vec<Option<GrowingFile>>,
+    /// Where the cloud for standard output is until it is complete, in any format.
+    stdout: Option<TempDir>,
     /// Every file written.
     pub files: Vec<PathBuf>,
     /// What formats could not hold.
@@ -519,15 +549,24 @@ pub struct Writer<'a> {
 }
 
 impl<'a> Writer<'a> {
-    pub fn new(args: &'a OutputArgs) -> Self {
-        Writer { args, growing: Vec::new(), merged: Vec::new(), files: Vec::new(), report: Report::default() }
+    pub fn new(args: &'a OutputArgs) -> Result<Self> {
+        let stdout = args.output.iter().any(|file| is_stdout(file)).then(tempfile::tempdir).transpose();
+        let stdout = stdout.context("-o -")?;
+        Ok(Writer {
+            args,
+            growing: Vec::new(),
+            merged: Vec::new(),
+            stdout,
+            files: Vec::new(),
+            report: Report::default(),
+        })
     }
 
     /// Adds the cloud of one of many frames to the files of all of them. Whether [`Writer::write`] needs it again.
     pub fn add(&mut self, cloud: &PointCloud) -> Result<bool> {
         if self.merged.is_empty() {
             let format = self.args.format.as_deref();
-            let begun = self.args.output.iter().map(|file| GrowingFile::begin(file, format, cloud));
+            let begun = self.args.output.iter().map(|file| GrowingFile::begin(&self.place(file), format, cloud));
             self.merged = begun.collect::<Result<_, _>>()?;
         }
         self.merged.iter_mut().flatten().try_for_each(|file| file.add(cloud))?;
@@ -542,7 +581,7 @@ impl<'a> Writer<'a> {
             match merged.next().flatten() {
                 Some(grown) => {
                     self.report.absorb(grown.finish()?);
-                    self.wrote_cloud(file);
+                    self.wrote_cloud(file)?;
                 }
                 None => self.write_cloud(cloud, file)?,
             }
@@ -603,16 +642,57 @@ impl<'a> Writer<'a> {
 
     fn write_cloud(&mut self, cloud: &PointCloud, file: &Path) -> Result<()> {
         let format = self.args.format.as_deref();
-        self.report.absorb(export::write(cloud, file, format)?);
-        self.wrote_cloud(file);
-        Ok(())
+        self.report.absorb(export::write(cloud, &self.place(file), format)?);
+        self.wrote_cloud(file)
+    }
+
+    /// Where the cloud `file` is written.
+    fn place(&self, file: &Path) -> PathBuf {
+        self.stdout
+            .as_ref()
+            .filter(|_| is_stdout(file))
+            .map_or_else(|| file.to_owned(), |folder| folder.path().join("cloud"))
+    }
+
+    /// Copies the complete cloud to standard output. A reader that has seen enough is not an error.
+    fn pour(&mut self) -> Result<()> {
+        const PIECE: usize = 1 << 20;
+        let place = self.place(Path::new("-"));
+        let mut cloud = File::open(&place).context("-o -")?;
+        if export::labels_path(&place).exists() {
+            let holding =
+                export::FORMATS.iter().filter(|format| format.holds_label_names()).map(|format| format.name());
+            self.report.warn(format!(
+                "-o -: {} has no room for the names of labels, which are lost; formats that have: {}",
+                self.args.format.as_deref().unwrap_or_default(),
+                holding.collect::<Vec<_>>().join(", ")
+            ));
+        }
+        // Its names are gone before a reader lets this wait.
+        self.stdout = None;
+        let mut stdout = io::stdout().lock();
+        let mut piece = vec![0; PIECE];
+        loop {
+            interrupt::check()?;
+            let count = cloud.read(&mut piece).context("-o -")?;
+            let written = stdout.write_all(&piece[..count]).and_then(|()| stdout.flush());
+            match written {
+                Err(error) if error.kind() != ErrorKind::BrokenPipe => return Err(error).context("stdout"),
+                Ok(()) if count > 0 => {}
+                _ => return Ok(()),
+            }
+        }
     }
 
     /// Notes the cloud file `file`, and that of label names beside it.
-    fn wrote_cloud(&mut self, file: &Path) {
+    fn wrote_cloud(&mut self, file: &Path) -> Result<()> {
+        if is_stdout(file) {
+            self.pour()?;
+        }
         self.files.push(file.to_owned());
         let labels = self.args.labels_of(file).filter(|labels| !self.files.contains(labels));
         self.files.extend(labels);
+        Ok(())
     }
 
     fn add_frame(&mut self, cloud: &PointCloud, file: &'a Path) -> Result<()> {

@@ -125,7 +125,7 @@ impl Take<'_> {
         self.warn_of_enclosure(&built, &mut report);
         let several = self.frames.len() > 1;
         progress.count_frames(self.frames.len(), frame_word(sensor));
-        let mut writer = Writer::new(output);
+        let mut writer = Writer::new(output)?;
         let mut images = output.begin_images(sensor)?;
         let mut all = PointCloud::default();
         let mut cloud = PointCloud::default();

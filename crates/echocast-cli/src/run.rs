@@ -214,7 +214,7 @@ fn record(args: &Args, scenario: Scenario, output: &OutputArgs) -> Result<()> {
     if args.json {
         let mut json = report.to_json();
         json["drawn"] = drawn.into();
-        return text::print(&format!("{json:#}\n"));
+        return output.print(&text::json(&json));
     }
     if !args.quiet {
         report.warnings.iter().for_each(|warning| text::note(&format!("warning: {warning}")));
@@ -222,7 +222,7 @@ fn record(args: &Args, scenario: Scenario, output: &OutputArgs) -> Result<()> {
         for entry in &drawn {
             writeln!(summary, "  {}", shown::text(&drawn_line(entry)))?;
         }
-        text::print(&summary)?;
+        output.print(&summary)?;
     }
     Ok(())
 }

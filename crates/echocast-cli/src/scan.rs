@@ -38,6 +38,9 @@ While things move, and with the sensor on a trajectory:
   echocast scan street.glb --sensor ouster_os1_128 --camera Corner --frames 4:36:8 --preview trail.png --color velocity
   printf '0 -10 0 1.8 0 0 0 1\\n2 10 0 1.8 0 0 0 1\\n' > drive.txt
   echocast scan street.glb --sensor velodyne_hdl64e --trajectory drive.txt --single -o along.las
+A bag for ROS 2, with points as of the maker's driver, and a cloud for another program:
+  echocast scan street.glb --sensor ouster_os1_128 --trajectory drive.txt --format mcap_ouster -o drive.mcap
+  echocast scan street.glb --sensor vlp16 --at 0,0,1.8 --format csv -o - | head -n 3
 A depth camera in a flat, with a row for every pixel:
   echocast generate indoor -o flat.glb
   echocast scan flat.glb --sensor kinect_v2 --camera Camera_1 --organised --fields default,depth -o flat.npz
@@ -110,7 +113,7 @@ pub struct Args {
     /// Worker threads [default: all cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
-    /// Print the run's report as one JSON object on stdout
+    /// Print the run's report as one JSON object on stdout, with `-o -` on stderr
     #[arg(long)]
     json: bool,
     /// Print only errors
@@ -237,11 +240,11 @@ pub fn run(args: &Args) -> Result<()> {
         tell_more(&scene, &sensor, &trajectory);
     }
     if args.json {
-        return text::print_json(&report.to_json());
+        return args.output.print(&text::json(&report.to_json()));
     }
     if !args.quiet {
         report.warnings.iter().for_each(|warning| text::note(&format!("warning: {warning}")));
-        text::print(&report.summary(&format!("{} in {}", shown::text(sensor.name()), args.scene.names())))?;
+        args.output.print(&report.summary(&format!("{} in {}", shown::text(sensor.name()), args.scene.names())))?;
     }
     Ok(())
 }

@@ -15,7 +15,17 @@ pub fn print(text: &str) -> anyhow::Result<()> {
 
 /// Writes `value` to stdout, one key a line, as [`print`] does.
 pub fn print_json(value: &serde_json::Value) -> anyhow::Result<()> {
-    print(&format!("{value:#}\n"))
+    print(&json(value))
+}
+
+/// `value`, one key a line.
+pub fn json(value: &serde_json::Value) -> String {
+    format!("{value:#}\n")
+}
+
+/// Writes `text` to stderr; if that is closed, there is nobody to tell.
+pub fn tell(text: &str) {
+    let _ = io::stderr().write_all(text.as_bytes());
 }
 
 /// A line on stderr; if that is closed, there is nobody to tell.

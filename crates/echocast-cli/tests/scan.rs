@@ -35,6 +35,44 @@ fn files_appear_and_nothing_else() {
 }
 
 #[test]
+fn clouds_go_to_standard_output() {
+    let folder = tempfile::tempdir().unwrap();
+    let temporary = folder.path().join("temporary");
+    fs::create_dir(&temporary).unwrap();
+    let scan = |args: &str| {
+        let mut command = common::command(folder.path(), &format!("{SCAN} {args}"));
+        command.env("TMPDIR", &temporary);
+        command
+    };
+    for (format, frames) in [("csv", "0"), ("las", "0"), ("npz", "0:2"), ("mcap", "0:2")] {
+        let args = format!("--frames {frames} --format {format}");
+        let output = scan(&format!("{args} -o - -o DIR/file")).output().unwrap();
+        let said = stderr(&output);
+        assert!(output.status.success(), "{said}");
+        assert!(output.stdout == fs::read(folder.path().join("file")).unwrap(), "{format}");
+        assert!(said.contains(" rays, ") && said.contains("  -\n"), "{said}");
+        let lost = "warning: -o -: csv has no room for the names of labels, which are lost; formats that have: las";
+        assert_eq!(said.contains(lost), format == "csv", "{said}");
+    }
+    let output = scan("-o - --format csv --json").output().unwrap();
+    let report: Value = serde_json::from_str(stderr(&output)).unwrap();
+    assert_eq!(report["outputs"], serde_json::json!(["-"]));
+    // A reader that has seen enough.
+    let mut child = scan("-o - --format csv -q").stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success() && stderr(&output).is_empty(), "{}", stderr(&output));
+    assert_eq!(files(&temporary), [""; 0]);
+    let full = fs::File::create("/dev/full").unwrap();
+    let output = scan("-o - --format csv -q").stdout(full).output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert_eq!(stderr(&output), "error: stdout: No space left on device (os error 28)\n");
+    let output = scan("-o - --format csv").env("TMPDIR", "/nowhere").output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(stderr(&output).contains("/nowhere"), "{}", stderr(&output));
+}
+
+#[test]
 fn the_report_says_what_was_done_and_how_to_repeat_it() {
     let folder = tempfile::tempdir().unwrap();
     let report = report(

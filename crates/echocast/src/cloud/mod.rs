@@ -50,6 +50,8 @@ pub struct PointCloud {
     pub frame: Frame,
     /// World pose of the sensor at the start of the (first) scan.
     pub sensor_pose: Pose,
+    /// When the (first) scan starts, s since the start of the run; `None`: not known, as of clouds that no scan made.
+    pub start_time: Option<f64>,
     /// Full scale of `intensity`: 1, or 255 for 8-bit encodings; relative energy and the levels of sonars, dB, have
     /// none.
     pub intensity_full_scale: Option<f32>,
@@ -71,6 +73,7 @@ impl Default for PointCloud {
             organised: None,
             frame: Frame::World,
             sensor_pose: Pose::IDENTITY,
+            start_time: None,
             intensity_full_scale: Some(1.0),
             boxes: None,
             labels: Arc::default(),

@@ -3,6 +3,8 @@
 pub(crate) mod annotations;
 mod atomic;
 mod boxes;
+#[cfg(feature = "mcap")]
+mod camera;
 mod csv;
 mod e57;
 #[cfg(feature = "hdf5")]
@@ -13,11 +15,15 @@ mod hdf5;
 pub(crate) mod images;
 mod las;
 mod laz;
+#[cfg(feature = "mcap")]
+mod mcap;
 mod npz;
 mod pcd;
 mod pings;
 mod pixels;
 mod ply;
+#[cfg(feature = "mcap")]
+mod ros;
 mod sink;
 mod tail;
 mod unfinished;
@@ -42,7 +48,7 @@ use std::path::{Path, PathBuf};
 pub(crate) use unfinished::{PREFIX as UNFINISHED, failed};
 
 impl PointCloud {
-    /// Writes the cloud to `path`; the format is chosen by the extension. Boxes go to NPZ and HDF5 only; see
+    /// Writes the cloud to `path`; the format is chosen by the extension. Boxes go to NPZ, HDF5 and MCAP only; see
     /// [`write_boxes`].
     ///
     /// The file appears under its name only when it is complete.
@@ -114,6 +120,12 @@ pub const FORMATS: &[&dyn Format] = &[
     &pcd::PCD_ASCII,
     &pcd::PCD_COMPRESSED,
     &e57::E57,
+    #[cfg(feature = "mcap")]
+    &mcap::MCAP,
+    #[cfg(feature = "mcap")]
+    &mcap::MCAP_OUSTER,
+    #[cfg(feature = "mcap")]
+    &mcap::MCAP_LIVOX,
     &npz::Npz,
 ];
 
@@ -127,6 +139,11 @@ pub fn format_for(path: &Path, name: Option<&str>) -> Result<&'static dyn Format
     if matches!(name.unwrap_or(&ending), "hdf5" | "h5") {
         let instead = "build echocast with the feature hdf5".into();
         return Err(Error::Unsupported { what: "HDF5 in this build".into(), instead });
+    }
+    #[cfg(not(feature = "mcap"))]
+    if matches!(name.unwrap_or(&ending), "mcap" | "mcap_ouster" | "mcap_livox") {
+        let instead = "build echocast with the feature mcap".into();
+        return Err(Error::Unsupported { what: "MCAP in this build".into(), instead });
     }
     if let Some(name) = name {
         return FORMATS

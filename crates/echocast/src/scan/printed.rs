@@ -316,6 +316,7 @@ impl<'a> Printed<'a> {
         cloud.origin = if options.coordinates == Frame::World { self.scene.origin } else { DVec3::ZERO };
         cloud.organised = options.organised.then_some([self.fan.rows, self.fan.columns]);
         cloud.sensor_pose = self.pose;
+        cloud.start_time = Some(options.start_time);
         // A level has no greatest value; the program's ratio has 1.
         cloud.intensity_full_scale = (options.profile == Profile::Blainder).then_some(1.0);
         cloud.labels = self.scene.surfaces.labels.clone();

@@ -331,6 +331,7 @@ impl<'a> Scan<'a> {
         };
         cloud.organised = options.organised.then_some([self.aim.beams.rows, self.aim.beams.columns]);
         cloud.sensor_pose = self.aim.trajectory.at(options.trajectory_time());
+        cloud.start_time = Some(options.start_time);
         cloud.intensity_full_scale = self.measure.intensity.full_scale();
         cloud.labels = self.world.scene.surfaces.labels.clone();
         Ok(())

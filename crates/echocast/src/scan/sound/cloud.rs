@@ -58,6 +58,7 @@ impl Ping {
             origin: if options.coordinates == Frame::World { self.origin } else { DVec3::ZERO },
             organised: options.organised.then(|| self.shape()),
             sensor_pose: self.pose,
+            start_time: Some(self.time),
             intensity_full_scale: None,
             labels: self.labels.clone(),
             ..PointCloud::default()
