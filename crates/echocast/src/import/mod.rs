@@ -129,16 +129,19 @@ pub fn read(path: &Path, report: &mut Report) -> Result<PointCloud> {
 /// Whether the file at `path` is, or by its name should be, a cloud rather than a scene: a PLY file with faces is none.
 ///
 /// # Errors
-/// A missing file.
+/// A missing file that should be one; a PLY file with a header that is none.
 pub fn is_cloud(path: &Path) -> Result<bool> {
-    let (source, reader) = open(path)?;
     let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
-    Ok(match reader {
-        Some(reader) if reader.name == "ply" => !ply::has_faces(&source)?,
+    let named = ending != "ply" && READERS.iter().any(|reader| reader.extensions.contains(&&*ending));
+    match open(path) {
+        Ok((source, Some(reader))) if reader.name == "ply" => ply::has_faces(&source).map(|faces| !faces),
         // Comments of scenes may look like a header.
-        Some(reader) => reader.name != "csv" || !is_scene(path),
-        None => ending != "ply" && READERS.iter().any(|reader| reader.extensions.contains(&&*ending)),
-    })
+        Ok((_, Some(reader))) if reader.name == "csv" => Ok(!is_scene(path)),
+        Ok((_, reader)) => Ok(named || reader.is_some()),
+        Err(error) if named => Err(error),
+        // Who reads scenes says it.
+        Err(_) => Ok(false),
+    }
 }
 
 /// Opens the file at `path` and finds its reader.
