@@ -74,6 +74,11 @@ fn cache() {
 }
 
 #[test]
+fn cloud() {
+    fuzz("cloud", 3000, &[], targets::cloud::run);
+}
+
+#[test]
 fn scenario() {
     fuzz("scenario", 1500, &[], |bytes| {
         if let Ok(text) = std::str::from_utf8(bytes) {

@@ -147,9 +147,7 @@ fn describe(file: &Path, cloud: &PointCloud, report: &Report) -> Result<String> 
     }
     let c = &cloud.columns;
     let labels = &cloud.labels;
-    for (title, ids, names) in
-        [("categories", &c.category_id, &labels.category), ("parts", &c.part_id, &labels.part)]
-    {
+    for (title, ids, names) in [("categories", &c.category_id, &labels.category), ("parts", &c.part_id, &labels.part)] {
         write_labels(&mut text, title, &counts(ids), names)?;
     }
     if !c.instance_id.is_empty() {
@@ -221,9 +219,9 @@ fn to_json(file: &Path, cloud: &PointCloud, report: &Report) -> Value {
         let of = |value: fn(&Span) -> f64| span.as_ref().map(|span| value(span) + offset);
         json!({ "name": info.name, "unit": info.unit, "low": of(|s| s.low), "high": of(|s| s.high), "empty": empty })
     });
-    let histogram = Histogram::of(cloud).map(|histogram| {
-        json!({ "column": histogram.info.name, "edges": histogram.edges(), "points": histogram.bars })
-    });
+    let histogram = Histogram::of(cloud).map(
+        |histogram| json!({ "column": histogram.info.name, "edges": histogram.edges(), "points": histogram.bars }),
+    );
     json!({
         "file": shown::path(file),
         "points": cloud.len,

@@ -36,12 +36,8 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<()> {
-    let options = PreviewOptions {
-        view: args.view,
-        width: args.width,
-        boxes: args.show.is_some(),
-        ..PreviewOptions::default()
-    };
+    let options =
+        PreviewOptions { view: args.view, width: args.width, boxes: args.show.is_some(), ..PreviewOptions::default() };
     let file = &args.output;
     output::check_picture("-o", file, &options).map_err(usage::wrong)?;
     output::check_kept(file, &args.input).map_err(usage::wrong)?;

@@ -223,7 +223,10 @@ mod tests {
     #[test]
     fn what_cannot_be_is_an_error() {
         let of = |json: &str| About::parse(Path::new("a.labels.json"), json.as_bytes()).map(|_| ());
-        assert!(of("{}").is_ok() && of(r#"{"more": 1, "shape": [2, 3], "category_ids": [1, 5], "category_names": ["a", "b"]}"#).is_ok());
+        assert!(
+            of("{}").is_ok()
+                && of(r#"{"more": 1, "shape": [2, 3], "category_ids": [1, 5], "category_names": ["a", "b"]}"#).is_ok()
+        );
         for (json, told) in [
             ("{", "names of labels"),
             (r#"{"coordinates": "lidar"}"#, "allowed: world, sensor"),

@@ -9,15 +9,14 @@ use super::{Source, names};
 use crate::cloud::PointCloud;
 use crate::ground::error::Result;
 use crate::ground::report::Report;
+use crate::ground::shown;
 
 /// Whether a file that begins with `bytes` is one: its first line names columns of ours.
 pub(super) fn begins(bytes: &[u8]) -> bool {
     let text = match str::from_utf8(bytes) {
         Ok(text) => text,
         // What follows may be half a letter.
-        Err(error) if error.error_len().is_none() => {
-            str::from_utf8(&bytes[..error.valid_up_to()]).unwrap_or_default()
-        }
+        Err(error) if error.error_len().is_none() => str::from_utf8(&bytes[..error.valid_up_to()]).unwrap_or_default(),
         Err(_) => return false,
     };
     let header = text.trim_start_matches('\u{feff}').lines().find(|line| !line.trim().is_empty());
@@ -54,6 +53,11 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
     let about = About::beside(source.path)?;
     // Integers have their own unit of time in other formats; here all are seconds.
     let goals = rows::goals(&columns, "csv", report);
+    let told = about.as_ref().and_then(|about| about.columns.as_deref()).unwrap_or_default();
+    if let Some(missing) = told.iter().find(|name| !columns.iter().any(|column| column.name == **name)) {
+        let missing = shown::name(missing);
+        return Err(source.error(format!("has no column {missing}, of which its label names tell: it is cut off")));
+    }
     let mut rows = Rows::new(rows::fields(&goals), 0, about.as_ref())?;
     let places: Vec<Option<Place>> = goals.into_iter().map(|goal| goal.map(Place::Goal)).collect();
     text::read(lines, separator, &places, None, &mut rows)?;

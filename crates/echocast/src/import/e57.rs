@@ -35,9 +35,10 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
         attributes.push(Attributes::of(scan, source, report)?);
     }
     // What all scans have.
-    let all = attributes.iter().map(|attributes| attributes.fields()).reduce(|all, more| {
-        all.iter().map(|info| info.field).filter(|&field| more.contains(field)).collect()
-    });
+    let all = attributes
+        .iter()
+        .map(|attributes| attributes.fields())
+        .reduce(|all, more| all.iter().map(|info| info.field).filter(|&field| more.contains(field)).collect());
     let fields = all.unwrap_or_else(|| [Field::X, Field::Y, Field::Z].into_iter().collect());
     let mut rows = Rows::new(fields, 0, Some(&about))?;
     let mut first = None;
@@ -47,7 +48,10 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
         first = first.or(placed);
         let transform = if world { placed.unwrap_or(Pose::IDENTITY) } else { Pose::IDENTITY };
         let taken = attributes.read(&mut reader, scan, transform, fields, source, &mut rows)?;
-        grid = grid.zip(taken).filter(|&([_, columns], [_, more])| columns == 0 || columns == more).map(|(a, b)| [a[0] + b[0], b[1]]);
+        grid = grid
+            .zip(taken)
+            .filter(|&([_, columns], [_, more])| columns == 0 || columns == more)
+            .map(|(a, b)| [a[0] + b[0], b[1]]);
         if about.intensity_full_scale.is_none() {
             about.intensity_full_scale = full_scale(scan).map(Some);
         }

@@ -7,7 +7,7 @@ use super::rows::{self, Goal, Rows};
 use super::{Source, laz};
 use crate::cloud::{Field, FieldSet, PointCloud};
 use crate::export::RAW_INTENSITY;
-use crate::ground::error::Result;
+use crate::ground::error::{Error, Result};
 use crate::ground::report::Report;
 use ::las::raw::{Header, Vlr};
 use std::collections::BTreeSet;
@@ -75,7 +75,9 @@ fn layout(number: u8) -> Option<Layout> {
     };
     let wide = number >= 6;
     let mut others = vec![("user_data", 17, 1)];
-    others.extend(if wide { [("scan_angle", 18, 2), ("point_source_id", 20, 2)] } else {
+    others.extend(if wide {
+        [("scan_angle", 18, 2), ("point_source_id", 20, 2)]
+    } else {
         [("scan_angle_rank", 16, 1), ("point_source_id", 18, 2)]
     });
     others.extend(infrared.map(|at| ("nir", at, 2)));
@@ -106,102 +108,119 @@ struct Records {
     laz: Option<Vec<u8>>,
 }
 
-pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
-    let (header, mut records) = header(source)?;
-    let number = header.point_data_record_format & 0x3f;
-    let layout = layout(number)
-        .ok_or_else(|| source.error(format!("its points are of format {number}; allowed: 0 to 10")))?;
-    let size = usize::from(header.point_data_record_length);
-    if size < layout.size {
-        let message = format!("says that a point has {size} bytes; those of format {number} have {}", layout.size);
-        return Err(source.error(message));
-    }
-    let old = u64::from(header.number_of_point_records);
-    let count = header.large_file.map_or(old, |large| large.number_of_point_records.max(old));
-    let scale = [header.x_scale_factor, header.y_scale_factor, header.z_scale_factor];
-    let offset = [header.x_offset, header.y_offset, header.z_offset];
-    let sane = |x: &f64| x.is_finite() && x.abs() <= rows::FARTHEST;
-    if !scale.iter().chain(&offset).all(sane) || scale.contains(&0.0) {
-        let found = format!("scales coordinates by {scale:?} from {offset:?}");
-        return Err(source.error(format!("{found}; allowed: finite numbers, scales that are not 0")));
+/// How points are stored.
+struct Points {
+    layout: Layout,
+    format: u8,
+    compressed: bool,
+    /// Bytes of a point.
+    size: usize,
+    count: u64,
+    scale: [f64; 3],
+    offset: [f64; 3],
+}
+
+impl Points {
+    fn of(header: &Header, source: &Source) -> Result<Points> {
+        let format = header.point_data_record_format & 0x3f;
+        let wrong = || source.error(format!("its points are of format {format}; allowed: 0 to 10"));
+        let layout = layout(format).ok_or_else(wrong)?;
+        let size = usize::from(header.point_data_record_length);
+        if size < layout.size {
+            let message = format!("says that a point has {size} bytes; those of format {format} have {}", layout.size);
+            return Err(source.error(message));
+        }
+        let old = u64::from(header.number_of_point_records);
+        let count = header.large_file.map_or(old, |large| large.number_of_point_records.max(old));
+        let scale = [header.x_scale_factor, header.y_scale_factor, header.z_scale_factor];
+        let offset = [header.x_offset, header.y_offset, header.z_offset];
+        let sane = |x: &f64| x.is_finite() && x.abs() <= rows::FARTHEST;
+        if !scale.iter().chain(&offset).all(sane) || scale.contains(&0.0) {
+            let found = format!("scales coordinates by {scale:?} from {offset:?}");
+            return Err(source.error(format!("{found}; allowed: finite numbers, scales that are not 0")));
+        }
+        let compressed = header.point_data_record_format >= 0x40;
+        Ok(Points { layout, format, compressed, size, count, scale, offset })
     }
 
-    // Ours have all columns in place; of the simple kind, the category is where others have the flight line.
-    let ours = header.generating_software.starts_with(b"echocast ");
-    let simple = ours && number == 2 && records.about.is_none();
-    if simple {
-        records.about = About::beside(source.path)?;
+    /// Colours and where they are.
+    fn colour(&self) -> Option<[(Field, usize); 3]> {
+        self.layout.colour.map(|at| [(Field::Red, at), (Field::Green, at + 2), (Field::Blue, at + 4)])
     }
-    let own = records.about.is_some();
+
+    /// Numbers that columns are made of: of every file, and of `ours`.
+    fn members(&self, full_scale: Option<f32>, ours: Option<Ours>) -> Vec<Member> {
+        let mut members = Vec::new();
+        let mut take = |field, number, at, factor| {
+            members.push(Member { goal: Goal::scaled(field, factor), number, at });
+        };
+        if let Some(full) = full_scale {
+            take(Field::Intensity, Number::U16, 12, f64::from(full) / 65535.0);
+        }
+        if let Some(at) = self.layout.time {
+            take(Field::Time, Number::F64, at, 1.0);
+        }
+        if ours == Some(Ours::Simple) {
+            take(Field::CategoryId, Number::U16, 18, 1.0);
+        }
+        if ours.is_some() {
+            self.colour().into_iter().flatten().for_each(|(field, at)| take(field, Number::U16, at, 1.0 / WIDE));
+        }
+        for (axis, field) in [Field::X, Field::Y, Field::Z].into_iter().enumerate() {
+            let goal = Goal { field, factor: self.scale[axis], shift: self.offset[axis] };
+            members.push(Member { goal, number: Number::I32, at: axis * 4 });
+        }
+        members
+    }
+}
+
+/// A file of ours.
+#[derive(Clone, Copy, PartialEq)]
+enum Ours {
+    /// With all columns.
+    Whole,
+    /// Where the category is where others have the flight line.
+    Simple,
+}
+
+pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
+    let (header, mut records) = header(source)?;
+    let points = Points::of(&header, source)?;
+    let mut ours = records.about.as_ref().map(|_| Ours::Whole);
+    if header.generating_software.starts_with(b"echocast ") && points.format == 2 && ours.is_none() {
+        records.about = About::beside(source.path)?;
+        ours = records.about.as_ref().map(|_| Ours::Simple);
+    }
     let mut about = records.about.unwrap_or_default();
     let full_scale = about.intensity_full_scale.unwrap_or(Some(1.0));
     about.intensity_full_scale = Some(full_scale);
-    if own {
-        // Coordinates count from there, whatever is said of other files.
-        about.f32_origin = Some(offset);
-    }
+    // Coordinates count from there.
+    about.f32_origin = ours.map(|_| points.offset);
 
-    let mut members = Vec::new();
-    let mut take = |field, number, at, factor| {
-        members.push(Member { goal: Goal { field, factor, shift: -0.0 }, number, at });
-    };
-    if let Some(full) = full_scale {
-        take(Field::Intensity, Number::U16, 12, f64::from(full) / 65535.0);
-    }
-    if let Some(at) = layout.time {
-        take(Field::Time, Number::F64, at, 1.0);
-    }
-    if simple {
-        take(Field::CategoryId, Number::U16, 18, 1.0);
-    }
-    let colour = layout.colour.map(|at| [(Field::Red, at), (Field::Green, at + 2), (Field::Blue, at + 4)]);
-    if own {
-        colour.into_iter().flatten().for_each(|(field, at)| take(field, Number::U16, at, 1.0 / WIDE));
-    }
-    for (axis, field) in [Field::X, Field::Y, Field::Z].into_iter().enumerate() {
-        let goal = Goal { field, factor: scale[axis], shift: offset[axis] };
-        members.push(Member { goal, number: Number::I32, at: axis * 4 });
-    }
-    let mut columns: FieldSet = members.iter().map(|member| member.goal.field).collect();
-    columns = columns.with(Field::ReturnNumber).with(Field::ReturnCount);
-    let colours: FieldSet = colour.into_iter().flatten().map(|(field, _)| field).collect();
-    let mut extra = extra(&records.extra, layout.size, size, report);
-    extra.retain(|member| !columns.union(colours).contains(member.goal.field));
-    columns = columns.union(extra.iter().map(|member| member.goal.field).collect());
+    let mut members = points.members(full_scale, ours);
+    let of = |members: &[Member]| -> FieldSet { members.iter().map(|member| member.goal.field).collect() };
+    let usual = of(&members).with(Field::ReturnNumber).with(Field::ReturnCount);
+    let colours: FieldSet = points.colour().into_iter().flatten().map(|(field, _)| field).collect();
+    let mut extra = extra(&records.extra, points.layout.size, points.size, report);
+    extra.retain(|member| !usual.union(colours).contains(member.goal.field));
     members.extend(extra);
+    let mut columns = usual.union(of(&members));
     let classes = !columns.contains(Field::CategoryId);
-    if classes {
-        columns = columns.with(Field::CategoryId);
-    }
+    columns = columns.with(Field::CategoryId);
     if let Some(names) = &about.columns {
-        let had: FieldSet = names.iter().filter_map(|name| Field::from_name(name).ok()).collect();
+        let had = names.iter().filter_map(|name| Field::from_name(name).ok());
         // Positions are there in any case.
-        let had = had.with(Field::X).with(Field::Y).with(Field::Z);
+        let had: FieldSet = had.chain([Field::X, Field::Y, Field::Z]).collect();
         columns = columns.iter().map(|info| info.field).filter(|&field| had.contains(field)).collect();
     }
     members.retain(|member| columns.contains(member.goal.field));
 
-    let others = layout.others.iter().copied();
-    let lost = others.filter(|(name, ..)| !(simple && *name == "point_source_id")).collect();
-
     let start = u64::from(header.offset_to_point_data);
-    let compressed = header.point_data_record_format >= 0x40;
     // Memory is taken for points that the file holds, not for what it claims of compressed ones.
-    let room = if compressed { 0 } else { source.check_count(count, size, start)? };
-    let mut pass = Pass {
-        rows: Rows::new(columns, room, Some(&about))?.near(offset),
-        members,
-        layout,
-        columns,
-        classes,
-        own,
-        size,
-        colour,
-        colours: Default::default(),
-        seen: BTreeSet::new(),
-        lost,
-        used: BTreeSet::new(),
-    };
+    let room = if points.compressed { 0 } else { source.check_count(points.count, points.size, start)? };
+    let rows = Rows::new(columns, room, Some(&about))?.near(points.offset);
+    let (size, count, compressed) = (points.size, points.count, points.compressed);
+    let mut pass = Pass::new(points, rows, members, columns, classes, ours);
     match &records.laz {
         Some(record) if compressed => laz::read(source, record, start, count, size, |records| pass.take(records))?,
         None if compressed => {
@@ -214,115 +233,139 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
 
 /// One way through the points.
 struct Pass {
+    points: Points,
     rows: Rows,
     members: Vec<Member>,
-    layout: Layout,
     columns: FieldSet,
     /// Whether categories are the classes.
     classes: bool,
-    /// Whether the file is ours.
-    own: bool,
-    size: usize,
-    colour: Option<[(Field, usize); 3]>,
+    ours: Option<Ours>,
     /// Colours of other programs, of which only all together say whether they are of 8 bits.
     colours: [Vec<u16>; 3],
     /// Pairs of a category and a class.
     seen: BTreeSet<(u32, u8)>,
-    /// Members that a cloud has no place for.
-    lost: Vec<(&'static str, usize, usize)>,
-    /// Those of them that are not 0.
-    used: BTreeSet<&'static str>,
+    /// Members that are not 0 and that a cloud has no place for.
+    lost: BTreeSet<&'static str>,
 }
 
 impl Pass {
+    fn new(
+        points: Points,
+        rows: Rows,
+        members: Vec<Member>,
+        columns: FieldSet,
+        classes: bool,
+        ours: Option<Ours>,
+    ) -> Pass {
+        let (colours, seen, lost) = Default::default();
+        Pass { points, rows, members, columns, classes, ours, colours, seen, lost }
+    }
+
     fn take(&mut self, records: &[u8]) -> Result<()> {
-        let Pass { rows, layout, size, .. } = self;
+        let Pass { points: Points { layout, size, .. }, rows, columns, .. } = self;
         let size = *size;
         let before = rows.columns().x.len();
-        for member in &self.members {
-            member.take(records, size, false, rows)?;
-        }
+        self.members.iter().try_for_each(|member| member.take(records, size, false, rows))?;
         let all = |at: usize| records.chunks_exact(size).map(move |record| record[at]);
         let (bits, mask) = (layout.return_bits(), (1 << layout.return_bits()) - 1);
-        if self.columns.contains(Field::ReturnNumber) {
+        if columns.contains(Field::ReturnNumber) {
             rows.add(Field::ReturnNumber.into(), all(14).map(|byte| f64::from(byte & mask)))?;
         }
-        if self.columns.contains(Field::ReturnCount) {
+        if columns.contains(Field::ReturnCount) {
             rows.add(Field::ReturnCount.into(), all(14).map(|byte| f64::from(byte >> bits & mask)))?;
         }
         let class_mask = layout.class_mask();
         let classes = all(layout.classification()).map(|byte| byte & class_mask);
-        if self.classes && self.columns.contains(Field::CategoryId) {
+        if self.classes && columns.contains(Field::CategoryId) {
             rows.add(Field::CategoryId.into(), classes.clone().map(f64::from))?;
         }
-        if let Some(categories) = rows.columns().category_id.get(before..) {
-            let mut last = (0, 0);
-            for pair in categories.iter().copied().zip(classes) {
-                if pair != last && pair.1 != 0 {
-                    last = pair;
-                    // There are few, but in a damaged file.
-                    if self.seen.len() < 1 << 16 {
-                        self.seen.insert(pair);
-                    }
-                }
+        let categories = rows.columns().category_id.get(before..).unwrap_or_default();
+        let mut last = (0, 0);
+        for pair in categories.iter().copied().zip(classes) {
+            // There are few, but in a damaged file.
+            if pair != last && pair.1 != 0 && self.seen.len() < 1 << 16 {
+                self.seen.insert(pair);
+                last = pair;
             }
         }
-        if let (Some(colour), false) = (&self.colour, self.own) {
+        self.take_others(records)
+    }
+
+    /// Takes colours of other programs, and looks for what a cloud has no place for.
+    fn take_others(&mut self, records: &[u8]) -> Result<()> {
+        let Pass { points, ours, .. } = self;
+        let size = points.size;
+        if let (Some(colour), None) = (points.colour(), *ours) {
             for ((_, at), colours) in colour.iter().zip(&mut self.colours) {
-                colours.extend(records.chunks_exact(size).map(|record| {
-                    u16::from_le_bytes(record[*at..].first_chunk().copied().unwrap_or_default())
-                }));
+                let values = records.chunks_exact(size).map(|record| record[*at..].first_chunk().copied());
+                colours.try_reserve(records.len() / size).map_err(|_| Error::Memory("colours of points".into()))?;
+                colours.extend(values.map(|bytes| bytes.map_or(0, u16::from_le_bytes)));
             }
         }
-        for &(name, at, bytes) in &self.lost {
-            let is_used = || records.chunks_exact(size).any(|record| record[at..at + bytes].iter().any(|&b| b != 0));
-            if !self.used.contains(name) && is_used() {
-                self.used.insert(name);
+        for &(name, at, bytes) in &points.layout.others {
+            let known = self.lost.contains(name) || *ours == Some(Ours::Simple) && name == "point_source_id";
+            if !known && records.chunks_exact(size).any(|record| record[at..at + bytes].iter().any(|&b| b != 0)) {
+                self.lost.insert(name);
             }
         }
         Ok(())
     }
 
     fn finish(self, source: &Source, mut about: About, report: &mut Report) -> Result<PointCloud> {
-        let Pass { mut rows, colours, seen, used, own, classes, .. } = self;
-        if let (Some(colour), false) = (self.colour, own)
-            && colours.iter().flatten().any(|&value| value > 0)
-        {
-            let narrow = colours.iter().flatten().all(|&value| value < 256);
-            // The set of columns grows by these, as the file has colours.
-            rows.also(colour.map(|(field, _)| field));
-            for ((field, _), values) in colour.into_iter().zip(&colours) {
-                let goal = Goal::scaled(field, if narrow { 1.0 } else { 1.0 / WIDE });
-                rows.add(goal, values.iter().map(|&value| f64::from(value)))?;
-            }
-        }
-        if own {
+        let Pass { points, mut rows, colours, seen, lost, ours, classes, .. } = self;
+        if ours.is_some() {
             about.las_class = seen.into_iter().collect();
         } else {
-            // What is 0 everywhere was not measured.
-            let c = rows.columns();
-            let empty = [
-                (Field::Intensity, c.intensity.iter().all(|&value| value == 0.0)),
-                (Field::Time, c.time.iter().all(|&value| value == 0.0)),
-                (Field::CategoryId, classes && c.category_id.iter().all(|&id| id == 0)),
-                (Field::ReturnNumber, c.return_number.iter().all(|&number| number == 0)),
-                (Field::ReturnCount, c.return_count.iter().all(|&count| count == 0)),
-            ];
-            let empty = empty.into_iter().filter(|&(_, empty)| empty && !c.x.is_empty()).map(|(field, _)| field);
-            empty.collect::<Vec<_>>().into_iter().for_each(|field| rows.forget(field));
+            if let Some(colour) = points.colour() {
+                add_colours(&mut rows, colour.map(|(field, _)| field), &colours)?;
+            }
+            forget_empty(&mut rows, classes);
             if classes {
-                for class in seen.into_iter().map(|(_, class)| class) {
-                    let known = CLASSES.iter().find(|(number, _)| *number == class);
-                    let name = known.map_or_else(|| format!("class {class}"), |(_, name)| (*name).to_owned());
-                    about.labels.category.ids.push(class.into());
-                    about.labels.category.names.push(name);
-                    about.las_class.insert(class.into(), class);
-                }
+                seen.into_iter().for_each(|(_, class)| name_class(&mut about, class));
             }
         }
-        rows::lost(used.into_iter(), "las", report);
+        rows::lost(lost.into_iter(), "las", report);
         rows.finish(source.path, "las", about, report)
     }
+}
+
+/// Adds the colours of another program, if there are any; white is 65535 there, or 255.
+fn add_colours(rows: &mut Rows, fields: [Field; 3], colours: &[Vec<u16>; 3]) -> Result<()> {
+    let brightest = colours.iter().flatten().max().copied().unwrap_or(0);
+    if brightest == 0 {
+        return Ok(());
+    }
+    rows.also(fields);
+    for (field, values) in fields.into_iter().zip(colours) {
+        let goal = Goal::scaled(field, if brightest < 256 { 1.0 } else { 1.0 / WIDE });
+        rows.add(goal, values.iter().map(|&value| f64::from(value)))?;
+    }
+    Ok(())
+}
+
+/// What is 0 everywhere was not measured.
+fn forget_empty(rows: &mut Rows, classes: bool) {
+    let c = rows.columns();
+    if c.x.is_empty() {
+        return;
+    }
+    let empty = [
+        (Field::Intensity, c.intensity.iter().all(|&value| value == 0.0)),
+        (Field::Time, c.time.iter().all(|&value| value == 0.0)),
+        (Field::CategoryId, classes && c.category_id.iter().all(|&id| id == 0)),
+        (Field::ReturnNumber, c.return_number.iter().all(|&number| number == 0)),
+        (Field::ReturnCount, c.return_count.iter().all(|&count| count == 0)),
+    ];
+    empty.into_iter().filter(|(_, empty)| *empty).for_each(|(field, _)| rows.forget(field));
+}
+
+/// Makes a category of `class`, which comes after lower ones.
+fn name_class(about: &mut About, class: u8) {
+    let known = CLASSES.iter().find(|(number, _)| *number == class);
+    let category = &mut about.labels.category;
+    category.ids.push(class.into());
+    category.names.push(known.map_or_else(|| format!("class {class}"), |(_, name)| (*name).to_owned()));
+    about.las_class.insert(class.into(), class);
 }
 
 /// The header, and the records that say something of the cloud.

@@ -110,7 +110,8 @@ fn check_layers(items: &[LazItem], bytes: &[u8], size: usize) -> io::Result<()> 
     }
     // Behind the first point and the number of points.
     let sizes = bytes.get(size + 4..size + 4 + 4 * count).ok_or(ErrorKind::UnexpectedEof)?;
-    let sizes = sizes.chunks_exact(4).map(|bytes| u64::from(bytes.first_chunk().copied().map_or(0, u32::from_le_bytes)));
+    let sizes =
+        sizes.chunks_exact(4).map(|bytes| u64::from(bytes.first_chunk().copied().map_or(0, u32::from_le_bytes)));
     if sizes.sum::<u64>() > bytes.len() as u64 {
         return Err(ErrorKind::UnexpectedEof.into());
     }

@@ -87,7 +87,9 @@ fn header<'a>(source: &'a Source<'a>) -> Result<(Header, String, Lines<'a, io::B
             _ => Some(()),
         };
         if done.is_none() {
-            return Err(lines.error(format!("{key} is not followed by what it needs for {} fields", header.fields.len())));
+            return Err(
+                lines.error(format!("{key} is not followed by what it needs for {} fields", header.fields.len()))
+            );
         }
     }
     Err(source.error("has no line DATA: it is cut off, or no PCD"))
@@ -131,10 +133,14 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
     }
 
     let places = places(fields, source, report)?;
-    let goals: Vec<Goal> = places.iter().flatten().flat_map(|place| match place {
-        Place::Goal(goal) => vec![*goal],
-        Place::Packed { goals, .. } => goals.to_vec(),
-    }).collect();
+    let goals: Vec<Goal> = places
+        .iter()
+        .flatten()
+        .flat_map(|place| match place {
+            Place::Goal(goal) => vec![*goal],
+            Place::Packed { goals, .. } => goals.to_vec(),
+        })
+        .collect();
     let columns = goals.iter().map(|goal| goal.field).collect();
     let rows = |room| Rows::new(columns, room, Some(&about));
     let rows = match &*data {
@@ -184,7 +190,9 @@ fn places(fields: &[Entry], source: &Source, report: &mut Report) -> Result<Vec<
     for entry in fields {
         let number = Number::of(entry.kind.to_ascii_lowercase(), entry.size).ok_or_else(|| {
             let Entry { name, size, kind, .. } = entry;
-            source.error(format!("{name:?} is of type {kind} with {size} bytes; allowed: I and U with 1, 2, 4 and 8, F with 4 and 8"))
+            source.error(format!(
+                "{name:?} is of type {kind} with {size} bytes; allowed: I and U with 1, 2, 4 and 8, F with 4 and 8"
+            ))
         })?;
         // What has several numbers is no column.
         let name = if entry.count == 1 { entry.name.clone() } else { format!("{}[{}]", entry.name, entry.count) };
@@ -259,7 +267,8 @@ fn decompressed(source: &Source, at: u64, count: u64, size: usize) -> Result<Vec
     }
     let mut bytes = Vec::new();
     file.take(packed.into()).read_to_end(&mut bytes).map_err(|error| Error::io(source.path, error))?;
-    let done = contained(|| lzf::decompress(&bytes, whole as usize).map_err(|error| io::Error::other(error.to_string())));
+    let done =
+        contained(|| lzf::decompress(&bytes, whole as usize).map_err(|error| io::Error::other(error.to_string())));
     match done {
         Ok(bytes) if bytes.len() == whole as usize => Ok(bytes),
         _ => Err(source.error("its compressed points are damaged")),

@@ -115,11 +115,7 @@ pub(super) fn read(
 }
 
 /// Puts the numbers of a line into `numbers`, or says what is wrong with them.
-fn parse<'a>(
-    words: impl Iterator<Item = &'a str>,
-    places: &[Option<Place>],
-    numbers: &mut Vec<f64>,
-) -> Option<String> {
+fn parse<'a>(words: impl Iterator<Item = &'a str>, places: &[Option<Place>], numbers: &mut Vec<f64>) -> Option<String> {
     numbers.clear();
     for word in words {
         let number = match places.get(numbers.len()) {
