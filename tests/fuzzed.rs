@@ -75,7 +75,8 @@ fn cache() {
 
 #[test]
 fn cloud() {
-    fuzz("cloud", 3000, &[], targets::cloud::run);
+    let rounds = std::env::var("ROUNDS").ok().and_then(|r| r.parse().ok()).unwrap_or(3000);
+    fuzz("cloud", rounds, &[], targets::cloud::run);
 }
 
 #[test]

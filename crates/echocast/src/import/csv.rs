@@ -11,6 +11,9 @@ use crate::ground::error::Result;
 use crate::ground::report::Report;
 use crate::ground::shown;
 
+/// Most columns.
+const COLUMNS: usize = 4096;
+
 /// Whether a file that begins with `bytes` is one: its first line names columns of ours.
 pub(super) fn begins(bytes: &[u8]) -> bool {
     let text = match str::from_utf8(bytes) {
@@ -42,7 +45,7 @@ fn header_of(line: &str) -> (Separator, Vec<Named>) {
 }
 
 pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
-    let mut lines = Lines::new(source, source.from(0)?);
+    let mut lines = Lines::of(source)?;
     let (separator, columns) = loop {
         match lines.next()? {
             Some("") => {}
@@ -50,6 +53,9 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
             None => return Err(source.error("is empty; expected a header")),
         }
     };
+    if columns.len() > COLUMNS {
+        return Err(source.error(format!("has {} columns; allowed: {COLUMNS}", columns.len())));
+    }
     let about = About::beside(source.path)?;
     // Integers have their own unit of time in other formats; here all are seconds.
     let goals = rows::goals(&columns, "csv", report);

@@ -48,10 +48,10 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
         first = first.or(placed);
         let transform = if world { placed.unwrap_or(Pose::IDENTITY) } else { Pose::IDENTITY };
         let taken = attributes.read(&mut reader, scan, transform, fields, source, &mut rows)?;
-        grid = grid
-            .zip(taken)
-            .filter(|&([_, columns], [_, more])| columns == 0 || columns == more)
-            .map(|(a, b)| [a[0] + b[0], b[1]]);
+        grid = grid.zip(taken).and_then(|([rows, columns], [more, same])| {
+            let fits = columns == 0 || columns == same;
+            rows.checked_add(more).filter(|_| fits).map(|rows| [rows, same])
+        });
         if about.intensity_full_scale.is_none() {
             about.intensity_full_scale = full_scale(scan).map(Some);
         }
@@ -306,8 +306,8 @@ impl Grid {
             if row == 0.0 {
                 self.columns += 1;
             }
-            let place = row as u64 * self.columns + column as u64;
-            self.whole &= place == self.count && (column as u64) < self.columns;
+            let columns = self.columns as f64;
+            self.whole &= row * columns + column == self.count as f64 && column < columns;
             self.count += 1;
         }
     }

@@ -12,6 +12,9 @@ use std::io::{self, Cursor, ErrorKind, Read as _};
 /// Most bytes of points that are believed to be in a byte of the file: those of real clouds are ten to a hundred.
 const MOST: u64 = 1000;
 
+/// Bytes of points that are believed in any case: a few bytes are many points that are all the same.
+const BELIEVED: u64 = 256 << 20;
+
 /// How a record begins that says that all points are one chunk.
 const POINTWISE: [u8; 2] = [1, 0];
 
@@ -49,16 +52,19 @@ pub(super) fn read(
     if count == 0 {
         return Ok(());
     }
+    if count > (source.length * MOST + BELIEVED) / size as u64 {
+        let length = source.length;
+        return Err(source.error(format!("says it has {count} points, in {length} bytes: it is damaged")));
+    }
     let pointwise = record.starts_with(&POINTWISE);
     let chunks = if pointwise { one_chunk(source, start, count) } else { chunks(source, &vlr, start, count, size)? };
-    check_sizes(source, &chunks, size)?;
     for group in chunks.chunks(parallel::threads().max(1)) {
         let mut work = Vec::new();
         for chunk in group {
             let mut bytes = Vec::new();
             let read = source.from(chunk.at)?.take(chunk.bytes).read_to_end(&mut bytes);
             read.map_err(|error| Error::io(source.path, error))?;
-            let length = chunk.points as usize * size; // not more than so many times the bytes of the file
+            let length = chunk.points as usize * size;
             let mut points = Vec::new();
             points.try_reserve_exact(length).map_err(|_| Error::Memory(format!("{length} bytes of points")))?;
             points.resize(length, 0);
@@ -145,16 +151,6 @@ fn chunks(source: &Source, vlr: &LazVlr, start: u64, count: u64, size: usize) ->
         return Err(source.error(message));
     }
     Ok(chunks)
-}
-
-/// Checks that the bytes of chunks can be so many points.
-fn check_sizes(source: &Source, chunks: &[Chunk], size: usize) -> Result<()> {
-    match chunks.iter().find(|chunk| chunk.points > chunk.bytes.saturating_mul(MOST) / size as u64) {
-        None => Ok(()),
-        Some(Chunk { bytes, points, .. }) => {
-            Err(source.error(format!("says that {bytes} bytes are {points} compressed points: it is damaged")))
-        }
-    }
 }
 
 /// The table of chunks, and where it begins.

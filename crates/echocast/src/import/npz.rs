@@ -84,7 +84,7 @@ impl Archive<'_> {
         file.read_exact(&mut text).map_err(fault)?;
         let array = parse(&String::from_utf8_lossy(&text)).map_err(&wrong)?;
         let rest = file.size().saturating_sub((8 + digits + length) as u64);
-        let count = array.count().filter(|&count| count as u64 * array.size() as u64 == rest);
+        let count = array.count().filter(|count| count.checked_mul(array.size()) == usize::try_from(rest).ok());
         let Some(count) = count else {
             return Err(wrong(format!("its {rest} bytes are not an array of shape {:?}", array.shape)));
         };
@@ -118,7 +118,7 @@ impl Arrays for Archive<'_> {
             };
             let mut texts = Vec::new();
             blocks(source, file, characters * 4, count, |bytes| {
-                texts.extend(bytes.chunks_exact((characters * 4).max(4)).map(|text| {
+                texts.extend(bytes.chunks_exact(characters * 4).map(|text| {
                     let letters = text.chunks_exact(4).map(|letter| letter.first_chunk().copied().unwrap_or_default());
                     let numbers =
                         letters.map(|b| if array.big { u32::from_be_bytes(b) } else { u32::from_le_bytes(b) });
@@ -145,7 +145,7 @@ fn parse(text: &str) -> Result<Array, String> {
     let (letter, size) = kind.split_at_checked(1).ok_or_else(unknown)?;
     let size: usize = size.parse().map_err(|_| unknown())?;
     let element = match letter {
-        "U" if size <= 1 << 20 => Element::Text(size),
+        "U" if (1..=1 << 20).contains(&size) => Element::Text(size),
         "b" if size == 1 => Element::Number(Number::U8),
         letter => Element::Number(letter.chars().next().and_then(|l| Number::of(l, size)).ok_or_else(unknown)?),
     };

@@ -53,9 +53,9 @@ impl Entry {
     }
 }
 
-/// Lines of keys and words, up to that which says how the points are kept: that, and the reader behind it.
-fn header<'a>(source: &'a Source<'a>) -> Result<(Header, String, Lines<'a, io::BufReader<&'a std::fs::File>>)> {
-    let mut lines = Lines::new(source, source.from(0)?);
+/// Lines of keys and words, up to that which says how the points are kept: that, and the lines behind it.
+fn header<'a>(source: &'a Source<'a>) -> Result<(Header, String, Lines<'a>)> {
+    let mut lines = Lines::of(source)?;
     let mut header = Header::default();
     for _ in 0..HEADER {
         let Some(line) = lines.next()? else { break };
@@ -153,7 +153,7 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
             rows
         }
         "binary" => {
-            let at = position(source, lines.into_reader())?;
+            let at = lines.at();
             let count = source.check_count(count, size, at)?;
             let mut rows = rows(count)?;
             let members = members(fields, &places);
@@ -162,8 +162,7 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
             rows
         }
         "binary_compressed" => {
-            let at = position(source, lines.into_reader())?;
-            let bytes = decompressed(source, at, count, size)?;
+            let bytes = decompressed(source, lines.at(), count, size)?;
             let count = bytes.len() / size;
             let mut rows = rows(count)?;
             for (member, entry) in members(fields, &places) {
@@ -236,11 +235,6 @@ fn members(fields: &[Entry], places: &[Option<Place>]) -> Vec<(Member, usize)> {
         at += entry.bytes();
     }
     members
-}
-
-/// Where `reader` is in the file.
-fn position(source: &Source, mut reader: io::BufReader<&std::fs::File>) -> Result<u64> {
-    io::Seek::stream_position(&mut reader).map_err(|error| Error::io(source.path, error))
 }
 
 /// The columns of `count` points of `size` bytes, which are compressed from byte `at` on.

@@ -7,11 +7,9 @@ use super::number::{Member, Number, blocks};
 use super::rows::{self, Rows};
 use super::text::{self, Lines, Place, Separator};
 use crate::cloud::PointCloud;
-use crate::ground::error::{Error, Result};
+use crate::ground::error::Result;
 use crate::ground::report::Report;
 use crate::ground::shown;
-use std::fs::File;
-use std::io::{BufReader, Seek as _};
 
 /// Most lines before the points.
 const HEADER: usize = 10_000;
@@ -32,9 +30,9 @@ struct Element {
     properties: Vec<(String, Option<Number>)>,
 }
 
-/// The header of `source`, and the reader behind it.
-fn header<'a>(source: &'a Source<'a>) -> Result<(Header, Lines<'a, BufReader<&'a File>>)> {
-    let mut lines = Lines::new(source, source.from(0)?);
+/// The header of `source`, and the lines behind it.
+fn header<'a>(source: &'a Source<'a>) -> Result<(Header, Lines<'a>)> {
+    let mut lines = Lines::of(source)?;
     let mut header = Header::default();
     for _ in 0..HEADER {
         let Some(line) = lines.next()? else { break };
@@ -161,7 +159,7 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
         members.extend(goal.map(|goal| Member { goal, number: column.number, at: size }));
         size += column.number.size();
     }
-    let start = lines.into_reader().stream_position().map_err(|error| Error::io(source.path, error))?;
+    let start = lines.at();
     let count = source.check_count(vertex.count, size, start)?;
     let mut rows = Rows::new(members.iter().map(|member| member.goal.field).collect(), count, Some(&about))?;
     let take = |records: &[u8]| members.iter().try_for_each(|member| member.take(records, size, big, &mut rows));

@@ -4,7 +4,8 @@ use super::Source;
 use super::rows::{Goal, Rows};
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
-use std::io::{BufRead, Read as _};
+use std::fs::File;
+use std::io::{BufRead as _, BufReader, Read as _, Take};
 
 /// Longest line that is read, bytes.
 const MAX_LINE: u64 = 1 << 20;
@@ -13,17 +14,20 @@ const MAX_LINE: u64 = 1 << 20;
 const ROWS: usize = 4096;
 
 /// The lines of a file, counted.
-pub(super) struct Lines<'a, R> {
+pub(super) struct Lines<'a> {
     source: &'a Source<'a>,
-    reader: R,
+    reader: Take<BufReader<&'a File>>,
     buffer: Vec<u8>,
     number: u64,
+    /// Bytes so far.
+    at: u64,
 }
 
-impl<'a, R: BufRead> Lines<'a, R> {
-    /// Those of `reader`, which is at the beginning of `source`.
-    pub(super) fn new(source: &'a Source<'a>, reader: R) -> Self {
-        Lines { source, reader, buffer: Vec::new(), number: 0 }
+impl<'a> Lines<'a> {
+    /// Those of `source`, as long as it was when it was opened.
+    pub(super) fn of(source: &'a Source<'a>) -> Result<Self> {
+        let reader = source.from(0)?.take(source.length);
+        Ok(Lines { source, reader, buffer: Vec::new(), number: 0, at: 0 })
     }
 
     /// The next line, without blanks around it; `None` at the end.
@@ -34,7 +38,9 @@ impl<'a, R: BufRead> Lines<'a, R> {
         self.buffer.clear();
         self.number += 1;
         let read = (&mut self.reader).take(MAX_LINE + 1).read_until(b'\n', &mut self.buffer);
-        if read.map_err(|error| Error::io(self.source.path, error))? == 0 {
+        let read = read.map_err(|error| Error::io(self.source.path, error))?;
+        self.at += read as u64;
+        if read == 0 {
             return Ok(None);
         }
         if self.buffer.len() as u64 > MAX_LINE {
@@ -50,9 +56,9 @@ impl<'a, R: BufRead> Lines<'a, R> {
         Error::parse(self.source.path, format!("line {}", self.number), message)
     }
 
-    /// The reader, behind the current line.
-    pub(super) fn into_reader(self) -> R {
-        self.reader
+    /// Where the next line begins, bytes.
+    pub(super) fn at(&self) -> u64 {
+        self.at
     }
 }
 
@@ -80,7 +86,7 @@ pub(super) enum Place {
 /// # Errors
 /// A line with more or fewer numbers, or words; fewer rows than `count`.
 pub(super) fn read(
-    mut lines: Lines<impl BufRead>,
+    mut lines: Lines,
     separator: Separator,
     places: &[Option<Place>],
     count: Option<usize>,
