@@ -12,6 +12,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
 
+#[path = "formats/read.rs"]
+mod read;
+
 /// A cloud of `len` rows with what is hard to write: large ids, a far origin, all numbers of returns.
 fn cloud(len: usize, fields: FieldSet) -> PointCloud {
     let mut random = 1u64;

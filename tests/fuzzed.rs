@@ -74,6 +74,12 @@ fn cache() {
 }
 
 #[test]
+fn cloud() {
+    let rounds = std::env::var("ROUNDS").ok().and_then(|r| r.parse().ok()).unwrap_or(3000);
+    fuzz("cloud", rounds, &[], targets::cloud::run);
+}
+
+#[test]
 fn scenario() {
     fuzz("scenario", 1500, &[], |bytes| {
         if let Ok(text) = std::str::from_utf8(bytes) {

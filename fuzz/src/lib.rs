@@ -3,6 +3,7 @@
 
 pub mod cache;
 pub mod capi;
+pub mod cloud;
 mod common;
 pub mod gltf;
 pub mod obj;

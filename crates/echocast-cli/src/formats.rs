@@ -5,7 +5,7 @@ use anyhow::Result;
 use clap::builder::StyledStr;
 use echocast::cloud::FIELDS;
 use echocast::export::Format;
-use echocast::{export, scene};
+use echocast::{export, import, scene};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 
@@ -13,7 +13,7 @@ use std::fmt::Write as _;
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  echocast formats\n  echocast formats --json")]
 pub struct Args {
-    /// Print one JSON object: lists of scenes, clouds, pictures and pings
+    /// Print one JSON object: lists of scenes, clouds, clouds that are read, pictures and pings
     #[arg(long)]
     json: bool,
 }
@@ -48,6 +48,10 @@ fn list() -> Result<String> {
             writeln!(list, "{:23}label names are beside it, in NAME.labels.json", "")?;
         }
     }
+    list.push_str("\nClouds are read (convert, info, preview) from\n");
+    for reader in import::READERS {
+        row(&mut list, (reader.name, reader.extensions, reader.description))?;
+    }
     list.push_str("\nPictures (--preview) are written as\n");
     PICTURES.iter().try_for_each(|&format| row(&mut list, format))?;
     list.push_str("\nSonar pings (--pings) and their images (--image) are written as\n");
@@ -80,9 +84,11 @@ fn to_json() -> Value {
         cloud["label_names"] = json!(format.holds_label_names());
         cloud
     });
+    let readers = import::READERS.iter().map(|reader| plain((reader.name, reader.extensions, reader.description)));
     json!({
         "scenes": scenes.collect::<Vec<_>>(),
         "clouds": clouds.collect::<Vec<_>>(),
+        "clouds_read": readers.collect::<Vec<_>>(),
         "pictures": PICTURES.map(plain),
         "pings": PINGS.map(plain),
     })

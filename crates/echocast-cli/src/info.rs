@@ -2,17 +2,18 @@
 
 use crate::input::{SceneArgs, positive};
 use crate::text::{self, thousands};
-use crate::{output, usage};
-use anyhow::{Context as _, Result};
+use crate::{cloud_info, output, usage};
+use anyhow::{Context as _, Result, anyhow, ensure};
 use echocast::material::{Returned, Why};
 use echocast::preview::{self, PreviewOptions};
-use echocast::{ReflectanceSource, Scene, read, shown};
+use echocast::{ReflectanceSource, Scene, import, read, shown};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-/// Show what is in a scene: triangles, instances, materials, labels, cameras, animations, bounds
+/// Show what is in a scene: triangles, instances, materials, labels, cameras, animations, bounds; or in a cloud: points,
+/// bounds, columns, labels and how many points have them, and how ranges or intensities are distributed
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -20,7 +21,9 @@ Examples:
   echocast info street.glb
   echocast info street.glb --labels semantic_kitti
   echocast info street.glb --json
-  echocast info street.glb --preview map.png")]
+  echocast info street.glb --preview map.png
+  echocast scan street.glb --sensor velodyne_vlp16 --at 0,0,2 -o scan.las
+  echocast info scan.las")]
 pub struct Args {
     #[command(flatten)]
     scene: SceneArgs,
@@ -37,9 +40,16 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<()> {
+    if let [file] = &*args.scene.files
+        && import::is_cloud(file)?
+    {
+        let told = "--preview: is a plan of scenes; echocast preview draws clouds";
+        ensure!(args.preview.is_none(), usage::wrong(anyhow!(told)));
+        return cloud_info::run(file, args.json);
+    }
     let options = PreviewOptions::default();
     if let Some(file) = &args.preview {
-        output::check_picture(file, &options).map_err(usage::wrong)?;
+        output::check_picture("--preview", file, &options).map_err(usage::wrong)?;
     }
     let (scene, read) = read::noting(|| args.scene.load(&args.scene.labels()?, &args.scene.materials()?));
     let scene = scene?;

@@ -3,7 +3,9 @@
 
 mod bench;
 mod choice;
+mod cloud_info;
 mod completions;
+mod convert;
 mod formats;
 mod frames;
 mod generate;
@@ -12,6 +14,7 @@ mod input;
 mod interrupt;
 mod output;
 mod place;
+mod preview;
 mod progress;
 mod record;
 mod report;
@@ -53,6 +56,8 @@ enum Command {
     Run(Box<run::Args>),
     Sensors(sensors::Args),
     Info(info::Args),
+    Convert(convert::Args),
+    Preview(preview::Args),
     Generate(generate::Args),
     Formats(formats::Args),
     Bench(Box<bench::Args>),
@@ -67,6 +72,8 @@ fn main() -> ExitCode {
         Command::Run(args) => run::run(&args),
         Command::Sensors(args) => sensors::run(&args),
         Command::Info(args) => info::run(&args),
+        Command::Convert(args) => convert::run(&args),
+        Command::Preview(args) => preview::run(&args),
         Command::Generate(args) => generate::run(&args),
         Command::Formats(args) => formats::run(&args),
         Command::Bench(args) => bench::run(&args),

@@ -311,7 +311,7 @@ impl OutputArgs {
             }
         }
         if let Some(file) = &self.preview {
-            check_picture(file, &self.picture())?;
+            check_picture("--preview", file, &self.picture())?;
         }
         self.check_names(fields)
     }
@@ -506,10 +506,10 @@ impl OutputArgs {
     }
 }
 
-/// Checks before the work that a picture could be written to `file`.
-pub fn check_picture(file: &Path, options: &PreviewOptions) -> Result<()> {
-    ensure!(has_ending(file, &["png"]), "--preview {}: pictures are written as .png", shown::path(file));
-    preview::check(file, options).context("--preview")
+/// Checks before the work that a picture could be written to `file`, which `option` named.
+pub fn check_picture(option: &'static str, file: &Path, options: &PreviewOptions) -> Result<()> {
+    ensure!(has_ending(file, &["png"]), "{option} {}: pictures are written as .png", shown::path(file));
+    preview::check(file, options).context(option)
 }
 
 /// Checks that `file`, which is to be written, is not `input`, which is read.

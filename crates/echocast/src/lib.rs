@@ -65,6 +65,7 @@
 //! | collect | [`cloud`] | [`PointCloud`]: one column per quantity, truth beside measurement; [`Pings`] for a sonar |
 //! | draw | [`image`] | from [`Pings`]: waterfall, mosaic, fan, depth map |
 //! | write | [`export`], [`preview`] | a file and a [`Report`] of what it could not hold; a picture for people |
+//! | read back | [`import`] | the [`PointCloud`] of such a file, or of another program's |
 //!
 //! # The path of a ping
 //!
@@ -86,6 +87,7 @@
 //! | `scenario` | scenes, rigs and what varies, from one file; samples, sets |
 //! | `generate` | generated scenes: a lake bed, streets, rooms, a landscape |
 //! | `preview` | pictures of clouds and pings, for people |
+//! | `import` | clouds from files |
 //! | `export` | files of clouds, pings and images |
 //! | `image` | images of pings: waterfall, mosaic, fan, depth map |
 //! | `scan` | the driver: a scan of light, a ping, the profiles of the paper |
@@ -144,6 +146,7 @@ mod floors;
 pub mod generate;
 mod ground;
 pub mod image;
+pub mod import;
 pub mod material;
 pub mod medium;
 mod motion;

@@ -97,12 +97,22 @@ impl<'a> Column<'a> {
     }
 }
 
+/// A whole column, borrowed to be filled.
+pub(crate) enum ColumnMut<'a> {
+    F32(&'a mut Vec<f32>),
+    F64(&'a mut Vec<f64>),
+    U8(&'a mut Vec<u8>),
+    U16(&'a mut Vec<u16>),
+    U32(&'a mut Vec<u32>),
+}
+
 /// Element types that columns may have.
 pub(crate) trait Element: Copy + Default + bytemuck::Pod + Send + Sync {
     const TYPE: ColumnType;
     /// What a beam without a return holds in an organised cloud.
     const MISS: Self;
     fn column(slice: &[Self]) -> Column<'_>;
+    fn column_mut(column: &mut Vec<Self>) -> ColumnMut<'_>;
 }
 
 macro_rules! element {
@@ -111,6 +121,7 @@ macro_rules! element {
             const TYPE: ColumnType = ColumnType::$kind;
             const MISS: Self = $miss;
             fn column(slice: &[Self]) -> Column<'_> { Column::$kind(slice) }
+            fn column_mut(column: &mut Vec<Self>) -> ColumnMut<'_> { ColumnMut::$kind(column) }
         }
     )*};
 }
@@ -161,6 +172,11 @@ macro_rules! columns {
             /// Column `field`; empty when it was not computed.
             pub fn get(&self, field: Field) -> Column<'_> {
                 match field { $( Field::$variant => <$t as Element>::column(&self.$name) ),* }
+            }
+
+            /// Column `field`, to be filled.
+            pub(crate) fn get_mut(&mut self, field: Field) -> ColumnMut<'_> {
+                match field { $( Field::$variant => <$t as Element>::column_mut(&mut self.$name) ),* }
             }
 
             /// Makes every column of `fields` `len` long, and the others empty. Contents are kept only where a column

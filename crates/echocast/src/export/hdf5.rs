@@ -226,7 +226,7 @@ pub(super) fn add_names(file: &File, labels: &Labels) -> ::hdf5::Result<()> {
 }
 
 /// What the system said where HDF5's error comes from it. HDF5 itself tells where in its memory and its sources it was.
-pub(super) fn io_error(error: ::hdf5::Error) -> io::Error {
+pub(crate) fn io_error(error: ::hdf5::Error) -> io::Error {
     let stack = error.stack();
     let frames = || stack.iter().flat_map(|stack| stack.iter());
     let number = |frame: &ErrorFrame| {

@@ -485,7 +485,7 @@ impl Survey {
 
 /// The extra dimension of intensities without a full scale, which are another number in each file's own dimension:
 /// levels of sonars, and relative energy.
-const RAW_INTENSITY: &str = "raw_intensity";
+pub(crate) const RAW_INTENSITY: &str = "raw_intensity";
 
 /// A column for which LAS has no dimension, or only part of one, behind the members of each record.
 struct Extra {

@@ -33,6 +33,8 @@ pub use boxes::{check_boxes, write_boxes};
 pub use frames::FramesFile;
 pub use growing::GrowingFile;
 pub use images::{AnnotationStyle, ImageFolder, ImageLayer, ImageOptions, check_images};
+#[cfg(feature = "hdf5")]
+pub(crate) use hdf5::io_error as hdf5_error;
 pub use pings::{check_image, check_pings, image_label_paths};
 pub use unfinished::{cancel_flag, remove_unfinished};
 
@@ -42,6 +44,7 @@ use crate::ground::pose::Pose;
 use crate::ground::report::Report;
 use crate::ground::shown;
 pub(crate) use atomic::Pending;
+pub(crate) use las::RAW_INTENSITY;
 pub(crate) use sink::Sink;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
@@ -298,7 +301,8 @@ fn sensor_pose(cloud: &PointCloud) -> [(&'static str, Vec<f64>); 2] {
 }
 
 /// What the columns do not say, under the names that every format gives it. There is no origin: where this goes,
-/// positions are complete.
+/// positions are complete. For who makes the same cloud of them again, `f32_origin` is what has been added to its f32
+/// positions, and `columns` are those that it had.
 fn labels_json(cloud: &PointCloud) -> String {
     let mut map = serde_json::Map::new();
     // Not "frame", which is a column.
@@ -310,6 +314,9 @@ fn labels_json(cloud: &PointCloud) -> String {
     if let Some(shape) = cloud.organised {
         map.insert("shape".into(), shape.as_slice().into());
     }
+    let columns: Vec<&str> = cloud.fields.iter().map(|info| info.name).collect();
+    map.insert("columns".into(), columns.into());
+    map.insert("f32_origin".into(), cloud.origin.to_array().as_slice().into());
     for (stem, table) in cloud.labels.tables() {
         map.insert(format!("{stem}_ids"), table.ids.as_slice().into());
         map.insert(format!("{stem}_names"), table.names.as_slice().into());

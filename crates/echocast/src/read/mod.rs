@@ -32,6 +32,10 @@ pub(crate) struct Limit(u64);
 impl Limit {
     /// Scenes and their buffers.
     pub const SCENE: Limit = Limit(16 << 30);
+    /// Clouds.
+    pub const CLOUD: Limit = Limit(1 << 40);
+    /// Label names beside clouds.
+    pub const NAMES: Limit = Limit(256 << 20);
     /// Materials of scenes.
     pub const MATERIALS: Limit = Limit(256 << 20);
     /// Images, as they are stored.

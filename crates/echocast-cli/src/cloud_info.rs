@@ -1,0 +1,243 @@
+//! What `echocast info` tells of a cloud.
+
+use crate::text::{self, thousands};
+use anyhow::Result;
+use echocast::cloud::{Column, FieldInfo};
+use echocast::scene::NameTable;
+use echocast::{Field, Frame, PointCloud, Report, import, shown};
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::Path;
+
+/// Bars of a histogram.
+const BARS: usize = 12;
+/// Signs of the longest bar.
+const LONGEST: usize = 50;
+/// Label names that are listed.
+const LISTED: usize = 40;
+
+/// Prints what is in the cloud file `file`.
+pub fn run(file: &Path, as_json: bool) -> Result<()> {
+    let mut report = Report::default();
+    let cloud = import::read(file, &mut report)?;
+    if as_json {
+        return text::print_json(&to_json(file, &cloud, &report));
+    }
+    text::print(&describe(file, &cloud, &report)?)
+}
+
+/// The least and the greatest of the numbers of a column, and how many are none.
+struct Span {
+    low: f64,
+    high: f64,
+    empty: usize,
+}
+
+impl Span {
+    fn of(column: Column) -> Span {
+        let mut span = Span { low: f64::INFINITY, high: f64::NEG_INFINITY, empty: 0 };
+        for value in (0..column.len()).map(|row| column.get_f64(row)) {
+            span.empty += usize::from(value.is_nan());
+            (span.low, span.high) = (span.low.min(value), span.high.max(value));
+        }
+        span
+    }
+
+    /// With numbers at all.
+    fn some(self) -> Option<Span> {
+        (self.low <= self.high).then_some(self)
+    }
+}
+
+/// What is added to the numbers of a column: the origin, of positions.
+fn offset(cloud: &PointCloud, field: Field) -> f64 {
+    match field {
+        Field::X | Field::TrueX => cloud.origin.x,
+        Field::Y | Field::TrueY => cloud.origin.y,
+        Field::Z | Field::TrueZ => cloud.origin.z,
+        _ => 0.0,
+    }
+}
+
+/// Least and greatest coordinates, metres.
+fn bounds(cloud: &PointCloud) -> Option<[[f64; 3]; 2]> {
+    let axes = [Field::X, Field::Y, Field::Z];
+    let spans = axes.map(|field| Span::of(cloud.column(field)).some());
+    let [Some(x), Some(y), Some(z)] = spans else { return None };
+    let [a, b, c] = axes.map(|field| offset(cloud, field));
+    Some([[x.low + a, y.low + b, z.low + c], [x.high + a, y.high + b, z.high + c]])
+}
+
+/// How many points have each number of a label column.
+fn counts(ids: &[u32]) -> BTreeMap<u32, usize> {
+    let mut counts = BTreeMap::new();
+    for &id in ids {
+        *counts.entry(id).or_default() += 1;
+    }
+    counts
+}
+
+/// How many points have values in each of equal steps.
+struct Histogram {
+    info: &'static FieldInfo,
+    low: f64,
+    high: f64,
+    bars: [usize; BARS],
+}
+
+impl Histogram {
+    /// Of the ranges of `cloud`, or of its intensities, or of its heights.
+    fn of(cloud: &PointCloud) -> Option<Histogram> {
+        let fields = [Field::Range, Field::Intensity, Field::Z].into_iter();
+        let field = fields.into_iter().find(|&field| cloud.fields.contains(field))?;
+        let (column, offset) = (cloud.column(field), offset(cloud, field));
+        let Span { low, high, .. } = Span::of(column).some().filter(|span| (span.high - span.low).is_finite())?;
+        let mut bars = [0; BARS];
+        let values = (0..column.len()).map(|row| column.get_f64(row)).filter(|value| !value.is_nan());
+        for value in values {
+            let part = (value - low) / (high - low).max(f64::MIN_POSITIVE);
+            bars[((part * BARS as f64) as usize).min(BARS - 1)] += 1;
+        }
+        Some(Histogram { info: field.info(), low: low + offset, high: high + offset, bars })
+    }
+
+    /// Where the bars begin, and where the last ends.
+    fn edges(&self) -> [f64; BARS + 1] {
+        std::array::from_fn(|bar| self.low + (self.high - self.low) * bar as f64 / BARS as f64)
+    }
+}
+
+fn unit(info: &FieldInfo) -> &'static str {
+    if info.unit == "1" { "" } else { info.unit }
+}
+
+fn describe(file: &Path, cloud: &PointCloud, report: &Report) -> Result<String> {
+    let mut text = format!("{}\n", shown::path(file));
+    writeln!(text, "points      {}", thousands(cloud.len))?;
+    if let Some([rows, columns]) = cloud.organised {
+        let misses = cloud.columns.x.iter().filter(|x| x.is_nan()).count();
+        writeln!(text, "shape       {rows} rows of {columns}, {} without a return", thousands(misses))?;
+    }
+    if let Some([low, high]) = bounds(cloud) {
+        let show = |[x, y, z]: [f64; 3]| format!("[{x:.3}, {y:.3}, {z:.3}]");
+        writeln!(text, "bounds      {} to {} m", show(low), show(high))?;
+        let size: [f64; 3] = std::array::from_fn(|axis| high[axis] - low[axis]);
+        writeln!(text, "size        {:.3} x {:.3} x {:.3} m", size[0], size[1], size[2])?;
+    }
+    let at = cloud.sensor_pose.position;
+    let frame = match cloud.frame {
+        Frame::World => "world",
+        Frame::Sensor => "sensor: x forward, y left, z up",
+    };
+    writeln!(text, "coordinates {frame}; the sensor is at {:.3},{:.3},{:.3}", at.x, at.y, at.z)?;
+    writeln!(text, "columns     {}", cloud.fields.iter().count())?;
+    for info in cloud.fields.iter() {
+        let span = Span::of(cloud.column(info.field));
+        let empty = match span.empty {
+            0 => String::new(),
+            count => format!(", {} empty", thousands(count)),
+        };
+        let offset = offset(cloud, info.field);
+        let values = match span.some() {
+            Some(Span { low, high, .. }) => format!("{} to {}", number(low + offset), number(high + offset)),
+            None => "no numbers".to_owned(),
+        };
+        writeln!(text, "  {:<18} {values} {}{empty}", info.name, unit(info))?;
+    }
+    let c = &cloud.columns;
+    let labels = &cloud.labels;
+    for (title, ids, names) in [("categories", &c.category_id, &labels.category), ("parts", &c.part_id, &labels.part)] {
+        write_labels(&mut text, title, &counts(ids), names)?;
+    }
+    if !c.instance_id.is_empty() {
+        let count = counts(&c.instance_id).keys().filter(|&&id| id != 0).count();
+        writeln!(text, "instances   {}", thousands(count))?;
+    }
+    if let Some(boxes) = &cloud.boxes {
+        writeln!(text, "boxes       {}", thousands(boxes.len()))?;
+    }
+    if let Some(histogram) = Histogram::of(cloud) {
+        let edges = histogram.edges();
+        let most = histogram.bars.iter().copied().max().unwrap_or(0).max(1);
+        writeln!(text, "{:<11} {}", histogram.info.name, unit(histogram.info))?;
+        for (bar, count) in histogram.bars.iter().enumerate() {
+            let signs = "#".repeat((count * LONGEST).div_ceil(most));
+            let from = number(edges[bar]);
+            writeln!(text, "  {from:>12} {:>12}  {signs}", thousands(*count))?;
+        }
+    }
+    for warning in &report.warnings {
+        writeln!(text, "warning: {warning}")?;
+    }
+    // Units that are none leave a blank.
+    Ok(text.lines().map(str::trim_end).fold(String::new(), |text, line| text + line + "\n"))
+}
+
+/// `value` with as many digits as people read.
+fn number(value: f64) -> String {
+    let text = if value != 0.0 && (value.abs() < 1e-3 || value.abs() >= 1e12) {
+        format!("{value:.3e}")
+    } else {
+        format!("{value:.4}")
+    };
+    if text.contains(['e', 'i', 'N']) || !text.contains('.') {
+        return text;
+    }
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+fn write_labels(text: &mut String, title: &str, counts: &BTreeMap<u32, usize>, names: &NameTable) -> Result<()> {
+    if counts.keys().all(|&id| id == 0) {
+        return Ok(());
+    }
+    writeln!(text, "{title:<11} {}", counts.keys().filter(|&&id| id != 0).count())?;
+    let mut listed: Vec<(u32, usize)> = counts.iter().map(|(&id, &count)| (id, count)).collect();
+    listed.sort_by_key(|&(id, count)| (std::cmp::Reverse(count), id));
+    for &(id, count) in listed.iter().take(LISTED) {
+        let name = if id == 0 { "unlabelled" } else { names.name(id).unwrap_or("") };
+        writeln!(text, "  {id:>4} {:<23} {}", shown::text(name), text::counted(count, "point"))?;
+    }
+    if listed.len() > LISTED {
+        writeln!(text, "  and {} more", thousands(listed.len() - LISTED))?;
+    }
+    Ok(())
+}
+
+/// What [`describe`] tells, for programs.
+fn to_json(file: &Path, cloud: &PointCloud, report: &Report) -> Value {
+    let c = &cloud.columns;
+    let labels = |ids: &[u32], names: &NameTable| -> Value {
+        let label = |(&id, &points): (&u32, &usize)| json!({ "id": id, "name": names.name(id), "points": points });
+        counts(ids).iter().map(label).collect()
+    };
+    let columns = cloud.fields.iter().map(|info| {
+        let span = Span::of(cloud.column(info.field));
+        let offset = offset(cloud, info.field);
+        let empty = span.empty;
+        let span = span.some();
+        let of = |value: fn(&Span) -> f64| span.as_ref().map(|span| value(span) + offset);
+        json!({ "name": info.name, "unit": info.unit, "low": of(|s| s.low), "high": of(|s| s.high), "empty": empty })
+    });
+    let histogram = Histogram::of(cloud).map(
+        |histogram| json!({ "column": histogram.info.name, "edges": histogram.edges(), "points": histogram.bars }),
+    );
+    json!({
+        "file": shown::path(file),
+        "points": cloud.len,
+        "shape": cloud.organised,
+        "bounds": bounds(cloud).map(|[low, high]| json!({ "low": low, "high": high })),
+        "coordinates": cloud.frame.name(),
+        "origin": cloud.origin.to_array(),
+        "sensor_position": cloud.sensor_pose.position.to_array(),
+        "sensor_orientation_xyzw": cloud.sensor_pose.orientation.to_array(),
+        "intensity_full_scale": cloud.intensity_full_scale,
+        "columns": columns.collect::<Vec<_>>(),
+        "categories": labels(&c.category_id, &cloud.labels.category),
+        "parts": labels(&c.part_id, &cloud.labels.part),
+        "instances": counts(&c.instance_id).keys().filter(|&&id| id != 0).count(),
+        "boxes": cloud.boxes.as_ref().map(Vec::len),
+        "histogram": histogram,
+        "warnings": report.warnings,
+    })
+}

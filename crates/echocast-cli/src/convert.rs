@@ -1,0 +1,59 @@
+//! `echocast convert`
+
+use crate::{interrupt, output, text, usage};
+use anyhow::{Context as _, Result, ensure};
+use echocast::{Report, export, import, read, shown};
+use std::path::{Path, PathBuf};
+
+/// Write a cloud file in another format: with its labels and their names, and whatever else the format can hold
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  echocast generate street -o street.glb
+  echocast scan street.glb --sensor velodyne_vlp16 --at 0,0,2 -o scan.las
+  echocast convert scan.las -o scan.pcd
+  echocast convert scan.las -o scan.npz
+  echocast convert scan.npz -o small.las --format las2")]
+pub struct Args {
+    /// Cloud file of any format that echocast writes, or LAS, LAZ, PLY, PCD, E57 or CSV of another program; its content
+    /// tells the format
+    #[arg(value_name = "CLOUD")]
+    input: PathBuf,
+    /// Cloud file to write; its ending chooses the format (`echocast formats` lists them)
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// Format of the file to write, whatever its ending
+    #[arg(long, value_name = "NAME")]
+    format: Option<String>,
+}
+
+pub fn run(args: &Args) -> Result<()> {
+    interrupt::listen().context("cannot listen for signals")?;
+    let (file, name) = (&args.output, args.format.as_deref());
+    check(args).map_err(usage::wrong)?;
+    let format = export::format_for(file, name).map_err(usage::wrong)?;
+    let mut report = Report::default();
+    let (cloud, inputs) = read::noting(|| import::read(&args.input, &mut report));
+    let cloud = cloud?;
+    // Names of labels beside the input may be those beside the output: they are the same.
+    inputs.iter().try_for_each(|input| output::check_kept(file, input)).map_err(usage::wrong)?;
+    export::check(file, name, cloud.fields)?;
+    interrupt::check()?;
+    report.absorb(export::write(&cloud, file, name)?);
+    if cloud.boxes.is_some() && !matches!(format.name(), "npz" | "hdf5") {
+        report.warn(format!("{}: cannot hold the boxes around instances; npz and hdf5 do", format.name()));
+    }
+    if cloud.organised.is_some() && format.name().starts_with("la") {
+        report.warn(format!("{}: cannot hold the rows and columns of the sensor", format.name()));
+    }
+    report.warnings.iter().for_each(|warning| text::note(&format!("warning: {warning}")));
+    let points = text::counted(cloud.len, "point");
+    text::print(&format!("{}: {points} as {}\n  {}\n", shown::path(&args.input), format.name(), shown::path(file)))
+}
+
+/// Fails where the command says what cannot be.
+fn check(args: &Args) -> Result<()> {
+    ensure!(args.output != Path::new("-"), "-o -: clouds go to files; allowed: a file name");
+    output::check_kept(&args.output, &args.input)?;
+    output::check_kept(&export::labels_path(&args.output), &args.input)
+}

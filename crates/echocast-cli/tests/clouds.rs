@@ -1,0 +1,114 @@
+//! Clouds that are read: in other formats, in words, as pictures.
+
+mod common;
+
+use common::{files, report, run, stderr, stdout};
+use echocast::{FieldSet, PointCloud};
+use std::fs;
+
+const SCAN: &str = "scan HALL --sensor velodyne_vlp16 --at -6,6,1.2 --fields default,true_range,cause";
+
+#[test]
+fn clouds_go_from_format_to_format() {
+    let folder = tempfile::tempdir().unwrap();
+    stdout(folder.path(), &format!("{SCAN} -o DIR/a.laz -o DIR/z.npz"));
+    // Through formats that hold all columns; names of labels go along.
+    let mut from = "a.laz".to_owned();
+    for to in ["b.pcd", "c.ply", "d.e57", "e.h5", "f.csv", "g.npz", "h.las"] {
+        let said = run(folder.path(), &format!("convert DIR/{from} -o DIR/{to}"));
+        assert!(said.status.success() && stderr(&said).is_empty(), "{to}: {}", stderr(&said));
+        from = to.to_owned();
+    }
+    let read = |name: &str| PointCloud::read(folder.path().join(name)).unwrap();
+    let (first, last) = (read("z.npz"), read("h.las"));
+    assert_eq!((first.len, first.fields, &first.labels), (last.len, last.fields, &last.labels));
+    for (a, b) in [
+        (&first.columns.category_id, &last.columns.category_id),
+        (&first.columns.part_id, &last.columns.part_id),
+        (&first.columns.instance_id, &last.columns.instance_id),
+    ] {
+        assert!(a == b);
+    }
+    assert!(first.columns.true_range == last.columns.true_range && first.columns.cause == last.columns.cause);
+    assert!((0..first.len).all(|row| (first.position(row) - last.position(row)).abs().max_element() < 5e-4));
+
+    // What the simplest LAS cannot hold is told.
+    let said = run(folder.path(), "convert DIR/h.las -o DIR/i.las --format las2");
+    assert!(stderr(&said).contains("las2: cannot hold the columns range, part_id"), "{}", stderr(&said));
+    let plain = read("i.las");
+    let held = FieldSet::parse("x,y,z,intensity,category_id,return_number,return_count,red,green,blue").unwrap();
+    assert_eq!((plain.fields, &plain.columns.category_id), (held, &last.columns.category_id));
+    assert_eq!(plain.labels.category, last.labels.category);
+}
+
+#[test]
+fn conversions_that_cannot_be_leave_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("a.csv"), "x,y,z\n1,2,3\n").unwrap();
+    fs::write(folder.path().join("b.csv"), "range,time\n1,2\n").unwrap();
+    fs::write(folder.path().join("broken.las"), "LASF and nothing else").unwrap();
+    fs::write(folder.path().join("scene.obj"), "v 0 0 0\n").unwrap();
+    let before = files(folder.path());
+    for (args, code, told) in [
+        ("convert DIR/a.csv -o DIR/a.csv", 2, "would overwrite"),
+        ("convert DIR/a.csv -o -", 2, "clouds go to files"),
+        ("convert DIR/a.csv -o DIR/a.xyz", 2, "clouds are written as .las"),
+        ("convert DIR/a.csv -o DIR/c --format pcx", 2, "near: pcd"),
+        ("convert DIR/missing.las -o DIR/c.las", 1, "missing.las: No such file"),
+        ("convert DIR/broken.las -o DIR/c.las", 1, "broken.las: ends within its header: it is cut off"),
+        ("convert DIR/scene.obj -o DIR/c.las", 1, "scene.obj: does not begin as a cloud does"),
+        ("convert DIR/b.csv -o DIR/c.las", 1, "without x, y, z"),
+        ("preview DIR/a.csv -o DIR/a.jpg", 2, "pictures are written as .png"),
+        ("preview DIR/a.csv -o DIR/a.png --view fan", 2, "top, perspective or range"),
+        ("preview DIR/a.csv -o DIR/a.png --width 10", 2, "320 to 4096"),
+        ("info DIR/broken.las", 1, "broken.las: ends within"),
+        ("info DIR/missing.las", 1, "missing.las: No such file"),
+        ("info DIR/a.csv --preview DIR/c.png", 2, "echocast preview draws clouds"),
+    ] {
+        let output = run(folder.path(), args);
+        let said = stderr(&output);
+        assert!(output.status.code() == Some(code) && said.contains(told), "{args}: {code} {said}");
+        assert_eq!(said.lines().count(), 1, "{args}: {said}");
+    }
+    assert_eq!(files(folder.path()), before);
+}
+
+#[test]
+fn info_tells_what_a_cloud_holds() {
+    let folder = tempfile::tempdir().unwrap();
+    stdout(folder.path(), &format!("{SCAN} --organised -o DIR/a.npz"));
+    let told = stdout(folder.path(), "info DIR/a.npz");
+    for text in
+        ["points      28,928", "16 rows of 1808", "coordinates world", "chair", "intensity", "range       m", "####"]
+    {
+        assert!(told.contains(text), "{text} is missing in\n{told}");
+    }
+    let cloud = PointCloud::read(folder.path().join("a.npz")).unwrap();
+    let json = report(folder.path(), "info DIR/a.npz");
+    assert_eq!((&json["points"], &json["shape"]), (&28928.into(), &serde_json::json!([16, 1808])));
+    let chairs = cloud.labels.category.id("chair");
+    let wanted = cloud.columns.category_id.iter().filter(|&&id| id == chairs).count();
+    let found = json["categories"].as_array().unwrap().iter().find(|row| row["name"] == "chair").unwrap();
+    assert_eq!(found["points"], wanted);
+    let hits = cloud.columns.range.iter().filter(|range| !range.is_nan()).count();
+    let bars: u64 = json["histogram"]["points"].as_array().unwrap().iter().filter_map(|bar| bar.as_u64()).sum();
+    assert_eq!((json["histogram"]["column"].as_str(), bars), (Some("range"), hits as u64));
+    // A mesh is a scene, points are a cloud.
+    let points = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n1 2 3\n";
+    fs::write(folder.path().join("points.ply"), points).unwrap();
+    assert!(stdout(folder.path(), "info DIR/points.ply").contains("points      1"));
+}
+
+#[test]
+fn clouds_are_drawn() {
+    let folder = tempfile::tempdir().unwrap();
+    stdout(folder.path(), &format!("{SCAN} -o DIR/a.las --preview DIR/scan.png"));
+    // Of the same points the same picture, but for what LAS rounds.
+    stdout(folder.path(), "preview DIR/a.las -o DIR/a.png");
+    assert!(fs::read(folder.path().join("a.png")).unwrap().starts_with(b"\x89PNG"));
+    // Without labels, colours are those of heights; nobody asked for others.
+    fs::write(folder.path().join("b.csv"), "x,y,z\n1,2,3\n2,3,4\n").unwrap();
+    let said = run(folder.path(), "preview DIR/b.csv -o DIR/b.png --view perspective --width 640");
+    assert!(said.status.success() && stderr(&said).is_empty(), "{}", stderr(&said));
+    assert!(String::from_utf8_lossy(&said.stdout).contains("b.csv: 2 points"));
+}

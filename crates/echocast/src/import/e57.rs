@@ -1,0 +1,320 @@
+//! E57, by the crate `e57`: all scans of a file, in the world.
+
+use super::about::{About, pose};
+use super::names::Named;
+use super::number::Number;
+use super::rows::{self, Goal, Rows};
+use super::{Source, contained};
+use crate::cloud::{Field, FieldSet, Frame, PointCloud};
+use crate::ground::error::Result;
+use crate::ground::pose::Pose;
+use crate::ground::report::Report;
+use ::e57::{E57Reader, PointCloud as Scan, Record, RecordDataType, RecordName, RecordValue, Transform};
+use glam::DVec3;
+use std::f64::consts::FRAC_PI_2;
+use std::fs::File;
+use std::io::{self, BufReader};
+
+/// Most attributes of a point: the crate takes memory for each before it has read any.
+const MOST: usize = 80;
+
+/// Points that are read before they go to the columns.
+const BLOCK: usize = 4096;
+
+type Reader<'a> = E57Reader<BufReader<&'a File>>;
+
+pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
+    let file = source.from(0)?;
+    let made = contained(|| E57Reader::new(file).map_err(io::Error::other));
+    let mut reader = made.map_err(|error| source.failed(error, "its structure"))?;
+    let scans = reader.pointclouds();
+    let mut about = About::beside(source.path)?.unwrap_or_default();
+    let world = about.frame != Some(Frame::Sensor);
+    let mut attributes = Vec::new();
+    for scan in &scans {
+        attributes.push(Attributes::of(scan, source, report)?);
+    }
+    // What all scans have.
+    let all = attributes
+        .iter()
+        .map(|attributes| attributes.fields())
+        .reduce(|all, more| all.iter().map(|info| info.field).filter(|&field| more.contains(field)).collect());
+    let fields = all.unwrap_or_else(|| [Field::X, Field::Y, Field::Z].into_iter().collect());
+    let mut rows = Rows::new(fields, 0, Some(&about))?;
+    let mut first = None;
+    let mut grid = Some([0, 0]);
+    for (scan, attributes) in scans.iter().zip(attributes) {
+        let placed = scan.transform.as_ref().map(|transform| pose_of(transform, source)).transpose()?;
+        first = first.or(placed);
+        let transform = if world { placed.unwrap_or(Pose::IDENTITY) } else { Pose::IDENTITY };
+        let taken = attributes.read(&mut reader, scan, transform, fields, source, &mut rows)?;
+        grid = grid.zip(taken).and_then(|([rows, columns], [more, same])| {
+            let fits = columns == 0 || columns == same;
+            rows.checked_add(more).filter(|_| fits).map(|rows| [rows, same])
+        });
+        if about.intensity_full_scale.is_none() {
+            about.intensity_full_scale = full_scale(scan).map(Some);
+        }
+    }
+    about.sensor_pose = about.sensor_pose.or(first);
+    about.shape = about.shape.or(grid.filter(|grid| grid[1] > 0));
+    rows.finish(source.path, "e57", about, report)
+}
+
+fn pose_of(transform: &Transform, source: &Source) -> Result<Pose> {
+    let Transform { rotation: q, translation: t } = transform;
+    pose([t.x, t.y, t.z], [q.x, q.y, q.z, q.w]).map_err(|message| source.error(message))
+}
+
+/// The greatest intensity that the instrument can say.
+fn full_scale(scan: &Scan) -> Option<f32> {
+    let kind = &scan.prototype.iter().find(|record| record.name == RecordName::Intensity)?.data_type;
+    let most = scan.intensity_limits.as_ref()?.intensity_max.as_ref()?.to_f64(kind).ok()?;
+    Some(most as f32).filter(|most| *most > 0.0 && most.is_finite())
+}
+
+/// Where the numbers of a point go.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Place {
+    /// A coordinate of this axis; spherical: range, azimuth, elevation.
+    Cartesian(usize),
+    Spherical(usize),
+    /// Whether there are coordinates.
+    Invalid,
+    Row,
+    Column,
+    /// Counted from 0.
+    ReturnIndex,
+    Goal(Goal),
+    Nowhere,
+}
+
+/// What the points of a scan have.
+struct Attributes {
+    places: Vec<Place>,
+    kinds: Vec<RecordDataType>,
+}
+
+impl Attributes {
+    fn of(scan: &Scan, source: &Source, report: &mut Report) -> Result<Attributes> {
+        let prototype = &scan.prototype;
+        if prototype.is_empty() || prototype.len() > MOST {
+            let count = prototype.len();
+            return Err(source.error(format!("has points with {count} attributes; allowed: 1 to {MOST}")));
+        }
+        if prototype.iter().all(|record| is_constant(&record.data_type)) && scan.records > 0 {
+            return Err(source.error("has points that are all the same, of which it says nothing"));
+        }
+        // A point has at least a bit.
+        if scan.records > source.length.saturating_mul(8) {
+            let records = scan.records;
+            return Err(source.error(format!("says it has {records} points, and is too short for them")));
+        }
+        let cartesian = scan.has_cartesian();
+        if !cartesian && !scan.has_spherical() {
+            return Err(source.error("has a scan without coordinates"));
+        }
+        let mut names = Vec::new();
+        let mut places = Vec::new();
+        for record in prototype {
+            let place = place(record, cartesian);
+            let name = match (&record.name, place) {
+                (RecordName::Unknown { name, .. }, _) => name,
+                // Taken, or a flag of what is there.
+                _ => "_",
+            };
+            names.push(Named::new(name, Number::U8));
+            places.push(place);
+        }
+        // Attributes of extensions go by their names.
+        let goals = rows::goals(&names, "e57", report);
+        for (place, goal) in places.iter_mut().zip(goals) {
+            if let (Place::Nowhere, Some(goal)) = (*place, goal)
+                && !matches!(goal.field, Field::X | Field::Y | Field::Z)
+            {
+                *place = Place::Goal(goal);
+            }
+        }
+        Ok(Attributes { places, kinds: prototype.iter().map(|record| record.data_type.clone()).collect() })
+    }
+
+    fn fields(&self) -> FieldSet {
+        let field = |place: &Place| match place {
+            Place::Goal(goal) => Some(goal.field),
+            Place::ReturnIndex => Some(Field::ReturnNumber),
+            _ => None,
+        };
+        let axes = [Field::X, Field::Y, Field::Z];
+        self.places.iter().filter_map(field).chain(axes).collect()
+    }
+
+    /// Adds the points of `scan`, which `transform` puts where they are, to `rows`; of what they have, `fields`. Returns
+    /// the rows and columns of the scan, if it has all of them, one after the other.
+    fn read(
+        &self,
+        reader: &mut Reader,
+        scan: &Scan,
+        transform: Pose,
+        fields: FieldSet,
+        source: &Source,
+        rows: &mut Rows,
+    ) -> Result<Option<[u32; 2]>> {
+        let failed = |error: io::Error| source.failed(error, "its points");
+        let opened = contained(|| reader.pointcloud_raw(scan).map_err(io::Error::other));
+        let mut points = opened.map_err(failed)?;
+        let mut block: Vec<Vec<f64>> = vec![Vec::new(); self.places.len()];
+        let mut grid = Grid::default();
+        let mut left = scan.records;
+        while left > 0 {
+            let count = left.min(BLOCK as u64);
+            contained(|| {
+                for _ in 0..count {
+                    let Some(point) = points.next() else { return Err(io::ErrorKind::UnexpectedEof.into()) };
+                    let point = point.map_err(io::Error::other)?;
+                    for ((value, kind), column) in point.iter().zip(&self.kinds).zip(&mut block) {
+                        column.push(number(value, kind));
+                    }
+                }
+                Ok(())
+            })
+            .map_err(failed)?;
+            self.add(&block, transform, fields, rows)?;
+            grid.add(self.column(&block, Place::Row), self.column(&block, Place::Column));
+            block.iter_mut().for_each(Vec::clear);
+            left -= count;
+        }
+        Ok(grid.shape())
+    }
+
+    fn column<'a>(&self, block: &'a [Vec<f64>], place: Place) -> Option<&'a [f64]> {
+        self.places.iter().position(|&other| other == place).map(|index| &*block[index])
+    }
+
+    fn add(&self, block: &[Vec<f64>], transform: Pose, fields: FieldSet, rows: &mut Rows) -> Result<()> {
+        let rotation = transform.rotation();
+        let invalid = self.column(block, Place::Invalid);
+        let of = |place: fn(usize) -> Place| [0, 1, 2].map(|axis| self.column(block, place(axis)).unwrap_or_default());
+        let (cartesian, spherical) = (of(Place::Cartesian), of(Place::Spherical));
+        let count = block.first().map_or(0, Vec::len);
+        let is_there = |row: usize| invalid.is_none_or(|states| states[row] == 0.0);
+        let places: Vec<DVec3> = (0..count)
+            .map(|row| {
+                if !is_there(row) {
+                    return DVec3::NAN;
+                }
+                let [x, y, z] = cartesian;
+                let place = if x.is_empty() {
+                    let [range, azimuth, elevation] = spherical.map(|column| column[row]);
+                    let (sin, cos) = azimuth.sin_cos();
+                    let level = range * (FRAC_PI_2 - elevation).sin();
+                    DVec3::new(level * cos, level * sin, range * elevation.sin())
+                } else {
+                    DVec3::new(x[row], y[row], z[row])
+                };
+                transform.position + rotation * place
+            })
+            .collect();
+        for (axis, field) in [Field::X, Field::Y, Field::Z].into_iter().enumerate() {
+            rows.add(field.into(), places.iter().map(move |place| place[axis]))?;
+        }
+        for (place, column) in self.places.iter().zip(block) {
+            match place {
+                Place::Goal(goal) if fields.contains(goal.field) => rows.add(*goal, column.iter().copied())?,
+                Place::ReturnIndex if fields.contains(Field::ReturnNumber) => {
+                    let number = |(row, index): (usize, &f64)| if is_there(row) { index + 1.0 } else { 0.0 };
+                    rows.add(Field::ReturnNumber.into(), column.iter().enumerate().map(number))?;
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Where the attribute `record` goes.
+fn place(record: &Record, cartesian: bool) -> Place {
+    let colour = |field| {
+        let white = match record.data_type {
+            RecordDataType::Integer { max, .. } if max > 0 => max as f64,
+            RecordDataType::Integer { .. } | RecordDataType::ScaledInteger { .. } => 255.0,
+            RecordDataType::Single { .. } | RecordDataType::Double { .. } => 1.0,
+        };
+        Place::Goal(Goal::scaled(field, 255.0 / white))
+    };
+    match record.name {
+        RecordName::CartesianX if cartesian => Place::Cartesian(0),
+        RecordName::CartesianY if cartesian => Place::Cartesian(1),
+        RecordName::CartesianZ if cartesian => Place::Cartesian(2),
+        RecordName::CartesianInvalidState if cartesian => Place::Invalid,
+        RecordName::SphericalRange if !cartesian => Place::Spherical(0),
+        RecordName::SphericalAzimuth if !cartesian => Place::Spherical(1),
+        RecordName::SphericalElevation if !cartesian => Place::Spherical(2),
+        RecordName::SphericalInvalidState if !cartesian => Place::Invalid,
+        RecordName::RowIndex => Place::Row,
+        RecordName::ColumnIndex => Place::Column,
+        RecordName::ReturnIndex => Place::ReturnIndex,
+        RecordName::ReturnCount => Place::Goal(Field::ReturnCount.into()),
+        RecordName::Intensity => Place::Goal(Field::Intensity.into()),
+        RecordName::TimeStamp => Place::Goal(Field::Time.into()),
+        RecordName::ColorRed => colour(Field::Red),
+        RecordName::ColorGreen => colour(Field::Green),
+        RecordName::ColorBlue => colour(Field::Blue),
+        _ => Place::Nowhere,
+    }
+}
+
+/// Whether all numbers of this type are the same, for which a file has no bits.
+fn is_constant(kind: &RecordDataType) -> bool {
+    match kind {
+        RecordDataType::Integer { min, max } | RecordDataType::ScaledInteger { min, max, .. } => min == max,
+        _ => false,
+    }
+}
+
+fn number(value: &RecordValue, kind: &RecordDataType) -> f64 {
+    match (value, kind) {
+        (RecordValue::Single(value), _) => f64::from(*value),
+        (RecordValue::Double(value), _) => *value,
+        (RecordValue::ScaledInteger(value), RecordDataType::ScaledInteger { scale, offset, .. }) => {
+            *value as f64 * scale + offset
+        }
+        (RecordValue::ScaledInteger(value) | RecordValue::Integer(value), _) => *value as f64,
+    }
+}
+
+/// Rows and columns of points that should come one after the other.
+struct Grid {
+    /// Points so far.
+    count: u64,
+    columns: u64,
+    whole: bool,
+}
+
+impl Default for Grid {
+    fn default() -> Self {
+        Grid { count: 0, columns: 0, whole: true }
+    }
+}
+
+impl Grid {
+    fn add(&mut self, rows: Option<&[f64]>, columns: Option<&[f64]>) {
+        let (Some(rows), Some(columns)) = (rows, columns) else {
+            self.whole = false;
+            return;
+        };
+        for (&row, &column) in rows.iter().zip(columns) {
+            if row == 0.0 {
+                self.columns += 1;
+            }
+            let columns = self.columns as f64;
+            self.whole &= row * columns + column == self.count as f64 && column < columns;
+            self.count += 1;
+        }
+    }
+
+    fn shape(&self) -> Option<[u32; 2]> {
+        let rows = self.count.checked_div(self.columns).filter(|rows| rows * self.columns == self.count)?;
+        let shape = u32::try_from(rows).ok().zip(u32::try_from(self.columns).ok());
+        shape.filter(|_| self.whole).map(Into::into)
+    }
+}

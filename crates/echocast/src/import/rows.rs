@@ -1,0 +1,256 @@
+//! The rows of a cloud, as they come from a file.
+
+use super::about::About;
+use super::names;
+use crate::cloud::{ColumnMut, Columns, Field, FieldSet, Frame, PointCloud};
+use crate::ground::error::{Error, Result};
+use crate::ground::pose::Pose;
+use crate::ground::report::Report;
+use crate::ground::shown;
+use crate::scene::Labels;
+use glam::DVec3;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Farthest position, metres: as in scenes.
+pub(super) const FARTHEST: f64 = 1e18;
+
+/// Positions that begin farther from the origin get another one, metres: f32 says 0.06 mm there.
+const NEAR: f64 = 1000.0;
+
+/// Where a number of a file goes: `factor` times it and `shift` is a value of the column, or a coordinate of positions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Goal {
+    pub field: Field,
+    pub factor: f64,
+    pub shift: f64,
+}
+
+impl Goal {
+    pub(super) fn scaled(field: Field, factor: f64) -> Goal {
+        Goal { factor, ..field.into() }
+    }
+}
+
+impl From<Field> for Goal {
+    fn from(field: Field) -> Goal {
+        // Adding -0 changes no number, not even -0.
+        Goal { field, factor: 1.0, shift: -0.0 }
+    }
+}
+
+/// Columns that grow.
+pub(super) struct Rows {
+    columns: Columns,
+    fields: FieldSet,
+    /// Of positions; an axis has none before its first position.
+    origin: [Option<f64>; 3],
+    /// What it is where positions begin near it.
+    usual: [f64; 3],
+    /// Integer columns with numbers that are none, or too large.
+    unfit: FieldSet,
+    /// Whether positions were too far away.
+    far: bool,
+}
+
+impl Rows {
+    /// Of `fields`, `count` of them at least. If `about` says an origin, positions are relative to that.
+    pub(super) fn new(fields: FieldSet, count: usize, about: Option<&About>) -> Result<Rows> {
+        let mut columns = Columns::default();
+        columns.make_room(fields, count)?;
+        for info in fields.iter() {
+            match columns.get_mut(info.field) {
+                ColumnMut::F32(c) => c.clear(),
+                ColumnMut::F64(c) => c.clear(),
+                ColumnMut::U8(c) => c.clear(),
+                ColumnMut::U16(c) => c.clear(),
+                ColumnMut::U32(c) => c.clear(),
+            }
+        }
+        let origin = about.and_then(|about| about.f32_origin).map_or([None; 3], |origin| origin.map(Some));
+        Ok(Rows { columns, fields, origin, usual: [0.0; 3], unfit: FieldSet::EMPTY, far: false })
+    }
+
+    /// With the origin `usual`, if positions begin near it.
+    pub(super) fn near(mut self, usual: [f64; 3]) -> Rows {
+        self.usual = usual;
+        self
+    }
+
+    /// Appends `values` to the column of `goal`.
+    ///
+    /// # Errors
+    /// No memory.
+    pub(super) fn add(&mut self, goal: Goal, values: impl Iterator<Item = f64> + Clone) -> Result<()> {
+        let Goal { field, factor, mut shift } = goal;
+        let axis = axis(field);
+        if let Some(axis) = axis {
+            shift -= self.origin_of(axis, values.clone().map(|value| value * factor + goal.shift));
+        }
+        let more = values.size_hint().0;
+        let memory = |_| Error::Memory(format!("{more} more rows of points"));
+        let values = values.map(move |value| value * factor + shift);
+        let (far, mut fits) = (&mut self.far, true);
+        macro_rules! whole {
+            ($column:expr, $t:ty) => {{
+                $column.try_reserve(more).map_err(memory)?;
+                $column.extend(values.map(|value| {
+                    let whole = value.round().clamp(0.0, f64::from(<$t>::MAX));
+                    fits &= (value - whole).abs() < 0.501;
+                    whole as $t
+                }));
+            }};
+        }
+        match self.columns.get_mut(field) {
+            ColumnMut::F32(c) => {
+                c.try_reserve(more).map_err(memory)?;
+                if axis.is_some() {
+                    c.extend(values.map(|metres| {
+                        if metres.abs() <= FARTHEST {
+                            return metres as f32;
+                        }
+                        *far |= !metres.is_nan();
+                        f32::NAN
+                    }));
+                } else {
+                    c.extend(values.map(|value| value as f32));
+                }
+            }
+            ColumnMut::F64(c) => {
+                c.try_reserve(more).map_err(memory)?;
+                c.extend(values);
+            }
+            ColumnMut::U8(c) => whole!(c, u8),
+            ColumnMut::U16(c) => whole!(c, u16),
+            ColumnMut::U32(c) => whole!(c, u32),
+        }
+        if !fits {
+            self.unfit = self.unfit.with(field);
+        }
+        Ok(())
+    }
+
+    /// The origin along `axis`, which the first of `positions` may choose.
+    fn origin_of(&mut self, axis: usize, mut positions: impl Iterator<Item = f64>) -> f64 {
+        let usual = self.usual[axis];
+        if self.origin[axis].is_none()
+            && let Some(first) = positions.find(|metres| metres.abs() <= FARTHEST)
+        {
+            let far = (first - usual).abs() > NEAR;
+            self.origin[axis] = Some(if far { (first / NEAR).round() * NEAR } else { usual });
+        }
+        self.origin[axis].unwrap_or(usual)
+    }
+
+    /// Numbers of the columns so far.
+    pub(super) fn columns(&self) -> &Columns {
+        &self.columns
+    }
+
+    /// Lets `fields` be columns as well.
+    pub(super) fn also(&mut self, fields: impl IntoIterator<Item = Field>) {
+        self.fields = self.fields.union(fields.into_iter().collect());
+    }
+
+    /// Forgets the column `field`.
+    pub(super) fn forget(&mut self, field: Field) {
+        self.fields = self.fields.without(field);
+        match self.columns.get_mut(field) {
+            ColumnMut::F32(c) => *c = Vec::new(),
+            ColumnMut::F64(c) => *c = Vec::new(),
+            ColumnMut::U8(c) => *c = Vec::new(),
+            ColumnMut::U16(c) => *c = Vec::new(),
+            ColumnMut::U32(c) => *c = Vec::new(),
+        }
+    }
+
+    /// The cloud of the rows, with what `about` says of it. `name` is that of the format, for the report.
+    ///
+    /// # Errors
+    /// Columns of unequal length.
+    pub(super) fn finish(self, path: &Path, name: &str, about: About, report: &mut Report) -> Result<PointCloud> {
+        let Rows { columns, fields, origin, usual, unfit, far } = self;
+        let first = fields.iter().next().ok_or_else(|| Error::parse(path, "", "has none of the columns of a cloud"))?;
+        let len = columns.get(first.field).len();
+        if let Some(other) = fields.iter().find(|info| columns.get(info.field).len() != len) {
+            let found = columns.get(other.field).len();
+            let message = format!("the column {} is {len} rows long, and {} is {found}", first.name, other.name);
+            return Err(Error::parse(path, "", message));
+        }
+        if unfit != FieldSet::EMPTY {
+            let columns: Vec<&str> = unfit.iter().map(|info| info.name).collect();
+            let columns = columns.join(", ");
+            report.warn(format!("{name}: numbers of {columns} that these columns cannot hold were rounded or clamped"));
+        }
+        if far {
+            report.warn(format!("{name}: positions farther than {FARTHEST:e} m, or infinite, are left empty"));
+        }
+        let shape = about.shape.filter(|&[rows, columns]| u64::from(rows) * u64::from(columns) == len as u64);
+        if about.shape.is_some() && shape.is_none() {
+            report.warn(format!("{name}: its shape does not fit its {len} rows and is left out"));
+        }
+        if shape.is_none() && [&columns.x, &columns.y, &columns.z].into_iter().flatten().any(|x| x.is_nan()) {
+            report.warn(format!("{name}: there are rows without a position"));
+        }
+        let brightest = columns.intensity.iter().fold(0.0, |most: f32, &value| most.max(value));
+        // What no file says, the numbers do.
+        let guessed = [1.0, 255.0].into_iter().find(|&full| brightest <= full);
+        Ok(PointCloud {
+            origin: DVec3::from_array(std::array::from_fn(|axis| origin[axis].unwrap_or(usual[axis]))),
+            columns,
+            fields,
+            len,
+            organised: shape,
+            frame: about.frame.unwrap_or(Frame::World),
+            sensor_pose: about.sensor_pose.unwrap_or(Pose::IDENTITY),
+            intensity_full_scale: about.intensity_full_scale.unwrap_or(guessed),
+            boxes: about.boxes,
+            labels: Arc::new(Labels { las_class: about.las_class, ..about.labels }),
+        })
+    }
+}
+
+/// Along which axis `field` is a position, if it is one.
+pub(super) fn axis(field: Field) -> Option<usize> {
+    match field {
+        Field::X | Field::TrueX => Some(0),
+        Field::Y | Field::TrueY => Some(1),
+        Field::Z | Field::TrueZ => Some(2),
+        _ => None,
+    }
+}
+
+/// Columns of a file with their names, of which some have a place in a cloud: the goal of each. `report` gets the
+/// names of the others.
+pub(super) fn goals(columns: &[names::Named], name: &str, report: &mut Report) -> Vec<Option<Goal>> {
+    let mut goals: Vec<Option<Goal>> = vec![None; columns.len()];
+    let mut taken = FieldSet::EMPTY;
+    // Our own names before names that mean the same.
+    for find in [names::own as fn(&names::Named) -> Option<Goal>, names::foreign] {
+        for (goal, column) in goals.iter_mut().zip(columns) {
+            if goal.is_none()
+                && let Some(found) = find(column)
+                && !taken.contains(found.field)
+            {
+                taken = taken.with(found.field);
+                *goal = Some(found);
+            }
+        }
+    }
+    let left = columns.iter().zip(&goals).filter(|(column, goal)| goal.is_none() && column.name != "_");
+    lost(left.map(|(column, _)| column.name.as_str()), name, report);
+    goals
+}
+
+/// Reports the columns that a cloud does not hold.
+pub(super) fn lost<'a>(left: impl Iterator<Item = &'a str>, name: &str, report: &mut Report) {
+    let left: Vec<String> = left.map(|column| shown::text(column).into_owned()).collect();
+    if !left.is_empty() {
+        report.warn(format!("{name}: a cloud has no place for {}", left.join(", ")));
+    }
+}
+
+/// Columns that `goals` fill.
+pub(super) fn fields(goals: &[Option<Goal>]) -> FieldSet {
+    goals.iter().flatten().map(|goal| goal.field).collect()
+}

@@ -1,0 +1,222 @@
+"""Writes point clouds with writers that have nothing to do with echocast and prints what they hold as JSON.
+
+usage: foreign.py FOLDER
+
+For each file: columns (world positions), and what else a reader should find or say.
+"""
+
+import json
+import struct
+import sys
+from pathlib import Path
+
+import laspy
+import numpy
+import plyfile
+import pye57
+import pypcd4
+from laspy import LazBackend
+
+folder = Path(sys.argv[1])
+random = numpy.random.default_rng(1)
+COUNT = 1000
+found = {}
+
+
+def told(name, columns, tolerance=None, **others):
+    columns = {name: [repr(value) for value in numpy.asarray(column, dtype=float).tolist()] for name, column in columns.items()}
+    found[name_of(name)] = {"columns": columns, "tolerance": tolerance or {}} | others
+
+
+def name_of(path):
+    return Path(path).name
+
+
+def write_las(name, version, number, backend=None, far=(0, 0, 0), scale=0.001, extra=()):
+    header = laspy.LasHeader(version=version, point_format=number)
+    header.scales, header.offsets = [scale] * 3, list(far)
+    for parameters in extra:
+        header.add_extra_dim(parameters)
+    las = laspy.LasData(header)
+    for axis, start in zip("xyz", far):
+        las[axis] = start + random.uniform(-400, 400, COUNT)
+    wide = number >= 6
+    las.intensity = random.integers(0, 65536, COUNT)
+    las.return_number = random.integers(1, 6, COUNT)
+    las.number_of_returns = random.integers(5, 8, COUNT)
+    las.classification = random.integers(0, 23 if wide else 13, COUNT)
+    las.user_data = random.integers(0, 256, COUNT)
+    lost = ["user_data"]
+    columns = {axis: numpy.asarray(las[axis]) for axis in "xyz"}
+    columns["intensity"] = numpy.asarray(las.intensity) / 65535
+    columns |= {"return_number": las.return_number, "return_count": las.number_of_returns}
+    if not extra:
+        columns["category_id"] = las.classification
+    if "gps_time" in las.point_format.dimension_names:
+        las.gps_time = random.uniform(0, 1e9, COUNT)
+        columns["time"] = las.gps_time
+    if "red" in las.point_format.dimension_names:
+        for colour in ("red", "green", "blue"):
+            las[colour] = random.integers(0, 65536, COUNT)
+            columns[colour] = numpy.floor(numpy.asarray(las[colour]) / 257 + 0.5)
+    if "nir" in las.point_format.dimension_names:
+        las.nir = random.integers(0, 65536, COUNT)
+        lost.append("nir")
+    for parameters in extra:
+        if parameters.scales is None:
+            las[parameters.name] = random.integers(0, 200, COUNT)
+        else:
+            las[parameters.name] = random.uniform(0, 20, COUNT)
+    if extra:
+        columns |= {"category_id": las["label"], "range": las["Range"]}
+        lost.append("temperature")
+    las.write(folder / name, laz_backend=backend)
+    names = {} if extra else {"2": "ground", "6": "building"}
+    tolerance = dict.fromkeys("xyz", 1e-4) | {"intensity": 1e-7, "range": 1e-6}
+    told(name, columns, tolerance, lost=lost, categories=names)
+
+
+for number in range(11):
+    version = "1.4" if number >= 6 else "1.3" if number >= 4 else "1.2"
+    write_las(f"format {number}.las", version, number)
+    # What has waveforms is not compressed by either.
+    if number not in (4, 5, 9, 10):
+        write_las(f"format {number}.laz", version, number, LazBackend.Laszip)
+write_las("parallel.laz", "1.4", 7, LazBackend.LazrsParallel)
+write_las("old.las", "1.1", 1)
+write_las("far.las", "1.2", 3, far=(500000, 5600000, 0), scale=0.01)
+dimensions = [
+    laspy.ExtraBytesParams("label", "uint8"),
+    laspy.ExtraBytesParams("Range", "int32", scales=[0.001], offsets=[1.0]),
+    laspy.ExtraBytesParams("temperature", "float32"),
+]
+write_las("extra.las", "1.4", 6, extra=dimensions)
+write_las("extra.laz", "1.4", 6, LazBackend.Laszip, extra=dimensions)
+
+
+def plain_las():
+    """Colours of eight bits, no intensities and no times; an offset far from the points."""
+    las = laspy.LasData(laspy.LasHeader(version="1.2", point_format=3))
+    las.header.offsets, las.header.scales = [0, 0, 0], [0.01] * 3
+    las.x, las.y = 500000 + random.uniform(0, 90, COUNT), 5600000 + random.uniform(0, 90, COUNT)
+    las.z = random.uniform(0, 90, COUNT)
+    columns = {axis: numpy.asarray(las[axis]) for axis in "xyz"}
+    for colour in ("red", "green", "blue"):
+        las[colour] = random.integers(0, 256, COUNT)
+        columns[colour] = las[colour]
+    las.write(folder / "plain.las")
+    told("plain.las", columns, dict.fromkeys("xyz", 1e-4))
+
+
+plain_las()
+
+
+def write_ply(name, text=False, order="<"):
+    fields = [("x", "f8"), ("y", "f8"), ("z", "f8"), ("nx", "f4"), ("red", "u1"), ("green", "u1"), ("blue", "u1")]
+    fields += [("scalar_Intensity", "f4"), ("scalar_Classification", "f4"), ("ring", "u2"), ("confidence", "f4")]
+    vertices = numpy.empty(COUNT, fields)
+    for field, kind in fields:
+        vertices[field] = random.integers(0, 256, COUNT) if kind == "u1" else random.uniform(0, 99, COUNT)
+    vertices["scalar_Classification"] = random.integers(0, 20, COUNT)
+    element = plyfile.PlyElement.describe(vertices, "vertex")
+    plyfile.PlyData([element], text=text, byte_order=order).write(folder / name)
+    renamed = {"nx": "normal_x", "scalar_Intensity": "intensity", "scalar_Classification": "category_id"}
+    renamed["ring"] = "channel"
+    columns = {renamed.get(f, f): vertices[f] for f, _ in fields if f != "confidence"}
+    told(name, columns, dict.fromkeys("xyz", 1e-5), lost=["confidence"])
+
+
+write_ply("text.ply", text=True, order="=")
+write_ply("little.ply")
+write_ply("big.ply", order=">")
+
+
+def write_pcd(name, encoding):
+    fields = ("x", "y", "z", "intensity", "ring", "rgb", "curvature")
+    rgb = random.integers(0, 1 << 24, COUNT).astype(numpy.uint32)
+    # Whole numbers, or nothing would become smaller.
+    arrays = [random.integers(-50, 50, COUNT).astype(numpy.float32) for _ in range(3)]
+    arrays += [random.uniform(0, 255, COUNT).astype(numpy.float32), random.integers(0, 128, COUNT).astype(numpy.uint16)]
+    arrays += [rgb.view(numpy.float32), arrays[0]]
+    types = (numpy.float32,) * 4 + (numpy.uint16,) + (numpy.float32,) * 2
+    points = numpy.rec.fromarrays(arrays, dtype=list(zip(fields, types)))
+    cloud = pypcd4.PointCloud.from_points(arrays, fields, types)
+    cloud.pc_data = points
+    cloud.metadata.viewpoint = (1.0, 2.0, 3.0, 1.0, 0.0, 0.0, 0.0)
+    cloud.save(folder / name, encoding=encoding)
+    assert f"DATA {encoding.value}\n".encode() in (folder / name).read_bytes()
+    columns = dict(zip(("x", "y", "z", "intensity", "channel"), arrays))
+    columns |= {"red": rgb >> 16, "green": rgb >> 8 & 255, "blue": rgb & 255}
+    # Text has ten digits behind the point, which is not all of an rgb that is a tiny number.
+    if encoding == pypcd4.Encoding.ASCII:
+        told(name, columns, dict.fromkeys("xyz", 1e-5) | {"intensity": 1e-4, "red": 255, "green": 255, "blue": 255},
+             lost=["curvature"], sensor=[1, 2, 3])
+    else:
+        told(name, columns, lost=["curvature"], sensor=[1, 2, 3])
+
+
+write_pcd("text.pcd", pypcd4.Encoding.ASCII)
+write_pcd("binary.pcd", pypcd4.Encoding.BINARY)
+write_pcd("compressed.pcd", pypcd4.Encoding.BINARY_COMPRESSED)
+
+
+def padded_pcd():
+    """As the Point Cloud Library has it: filling, several numbers in a field, a grid of rows and columns, NaN."""
+    header = "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z _ rgba fpfh\nSIZE 4 4 4 1 4 4\nTYPE F F F U U F\nCOUNT 1 1 1 4 1 33\n"
+    header += "WIDTH 3\nHEIGHT 2\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS 6\nDATA binary\n"
+    places = numpy.arange(18, dtype=numpy.float32).reshape(6, 3)
+    places[2] = numpy.nan
+    body = b"".join(struct.pack("<3f4xI33f", *place, 0xFF102030, *range(33)) for place in places)
+    (folder / "padded.pcd").write_bytes(header.encode() + body)
+    columns = dict(zip("xyz", places.T)) | {"red": [16] * 6, "green": [32] * 6, "blue": [48] * 6}
+    told("padded.pcd", columns, lost=["fpfh"], shape=[2, 3])
+
+
+padded_pcd()
+
+
+def write_e57():
+    file = pye57.E57(str(folder / "two scans.e57"), mode="w")
+    all_places, intensities, colours = [], [], []
+    for turn in (0.0, 1.0):
+        places = random.uniform(-20, 20, (3, COUNT))
+        rotation = numpy.array([numpy.cos(turn / 2), 0, 0, numpy.sin(turn / 2)])
+        translation = numpy.array([500000 + 10 * turn, 5600000, 3.0])
+        intensity = random.uniform(0, 1, COUNT)
+        red = random.integers(0, 256, COUNT).astype(numpy.uint8)
+        scan = {f"cartesian{axis}": column for axis, column in zip("XYZ", places)} | {"intensity": intensity}
+        scan |= {f"color{colour}": red for colour in ("Red", "Green", "Blue")}
+        file.write_scan_raw(scan, rotation=rotation, translation=translation)
+        turned = numpy.array([[numpy.cos(turn), -numpy.sin(turn), 0], [numpy.sin(turn), numpy.cos(turn), 0], [0, 0, 1]])
+        all_places.append(turned @ places + translation[:, None])
+        intensities.append(intensity)
+        colours.append(red)
+    file.close()
+    columns = dict(zip("xyz", numpy.concatenate(all_places, axis=1))) | {"intensity": numpy.concatenate(intensities)}
+    columns |= dict.fromkeys(("red", "green", "blue"), numpy.concatenate(colours))
+    told("two scans.e57", columns, dict.fromkeys("xyz", 1e-5) | {"intensity": 1e-6}, sensor=[500000, 5600000, 3])
+
+
+write_e57()
+
+
+def write_npz():
+    places = random.uniform(-20, 20, (3, COUNT))
+    columns = dict(zip("xyz", places)) | {"category_id": random.integers(0, 9, COUNT)}
+    numpy.savez_compressed(folder / "packed.npz", **columns, weight=places[0])
+    told("packed.npz", columns, dict.fromkeys("xyz", 1e-5), lost=["weight"])
+
+
+write_npz()
+
+
+def write_text():
+    places = random.uniform(-20, 20, (COUNT, 3))
+    rows = [f"{x:.6f} {y:.6f} {z:.6f} {i % 7}" for i, (x, y, z) in enumerate(places)]
+    (folder / "cloudcompare.csv").write_text("//X Y Z Classification\n".replace("X Y Z", "x y z") + "\n".join(rows) + "\n")
+    columns = dict(zip("xyz", places.T)) | {"category_id": numpy.arange(COUNT) % 7}
+    told("cloudcompare.csv", columns, dict.fromkeys("xyz", 1e-5))
+
+
+write_text()
+json.dump(found, sys.stdout)
