@@ -6,6 +6,8 @@ pub mod capi;
 mod common;
 pub mod gltf;
 pub mod obj;
+pub mod ply;
 pub mod scenario;
+pub mod stl;
 pub mod table;
 pub mod yaml;

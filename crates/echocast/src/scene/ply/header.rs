@@ -100,7 +100,8 @@ impl Header {
         };
         // Old programs end lines with a carriage return alone.
         let end = if rest.first() == Some(&b'\r') && rest.get(1) != Some(&b'\n') { b'\r' } else { b'\n' };
-        let mut header = Header { encoding: Encoding::Text, elements: Vec::new(), textures: Vec::new(), length: 0, lines: 0 };
+        let mut header =
+            Header { encoding: Encoding::Text, elements: Vec::new(), textures: Vec::new(), length: 0, lines: 0 };
         let mut encoding = None;
         for (number, line) in bytes.split(|&byte| byte == end).enumerate() {
             header.length += line.len() + 1;
@@ -149,7 +150,10 @@ impl Header {
                 }
             }
         }
-        Err((bytes.split(|&byte| byte == end).count(), "the file is cut off: its header has no line \"end_header\"".into()))
+        Err((
+            bytes.split(|&byte| byte == end).count(),
+            "the file is cut off: its header has no line \"end_header\"".into(),
+        ))
     }
 
     fn property(&mut self, name: &str, kind: &str, length: Option<Kind>) -> Result<(), String> {
@@ -182,7 +186,8 @@ mod tests {
             assert_eq!((header.encoding, header.lines), (Encoding::Little, 11), "{end:?}");
             assert_eq!(&text[header.length..], "rows");
             assert_eq!(header.textures, ["my wall.png"]);
-            let counts: Vec<_> = header.elements.iter().map(|e| (e.name.as_str(), e.count, e.properties.len())).collect();
+            let counts: Vec<_> =
+                header.elements.iter().map(|e| (e.name.as_str(), e.count, e.properties.len())).collect();
             assert_eq!(counts, [("vertex", 3, 2), ("face", 1, 1)]);
             let faces = &header.elements[1].properties[0];
             assert_eq!((faces.kind, faces.length), (Kind::I32, Some(Kind::U8)));
@@ -194,7 +199,10 @@ mod tests {
     fn what_is_wrong_is_told_with_its_line() {
         let error = |from: &str, to: &str| Header::parse(HEADER.replace(from, to).as_bytes()).unwrap_err();
         assert_eq!(error("ply", "obj").0, 1);
-        assert_eq!(error("end_header", "comment"), (12, "the file is cut off: its header has no line \"end_header\"".into()));
+        assert_eq!(
+            error("end_header", "comment"),
+            (12, "the file is cut off: its header has no line \"end_header\"".into())
+        );
         assert!(error("format binary_little_endian 1.0", "").1.contains("no line \"format\""));
         for (from, to, line, part) in [
             ("binary_little_endian", "binary", 2, "\"binary\"; allowed: ascii"),

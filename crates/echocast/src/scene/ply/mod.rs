@@ -35,8 +35,8 @@ const MOST_OBJECTS: usize = 100_000;
 pub(super) fn read(path: &Path, options: &LoadOptions, images: &mut TextureBudget) -> Result<Scene> {
     options.check_units()?;
     let bytes = read::bytes(path, Limit::SCENE)?;
-    let header = Header::parse(&bytes)
-        .map_err(|(line, message)| Error::parse(path, format!("line {line}"), message))?;
+    let header =
+        Header::parse(&bytes).map_err(|(line, message)| Error::parse(path, format!("line {line}"), message))?;
     let body = &bytes[header.length..];
     let mut rows = match header.encoding {
         Encoding::Text => rows::read(path, &header, Text { bytes: body, at: 0, line: header.lines + 1 }),

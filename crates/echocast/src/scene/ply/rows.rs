@@ -209,7 +209,13 @@ impl Rows {
         Ok(())
     }
 
-    fn faces(&mut self, element: &Element, vertices: u64, values: &mut impl Values, row: &mut u64) -> Result<(), String> {
+    fn faces(
+        &mut self,
+        element: &Element,
+        vertices: u64,
+        values: &mut impl Values,
+        row: &mut u64,
+    ) -> Result<(), String> {
         let slots = slots(element);
         if !slots.contains(&Some(Slot::Corners)) {
             return Err("the faces have no corners; allowed: the list vertex_indices or vertex_index".into());
@@ -259,7 +265,13 @@ impl Rows {
     }
 
     /// Strips of triangles, each of which begins at a vertex of the one before and faces the other way; -1 ends a strip.
-    fn strips(&mut self, element: &Element, vertices: u64, values: &mut impl Values, row: &mut u64) -> Result<(), String> {
+    fn strips(
+        &mut self,
+        element: &Element,
+        vertices: u64,
+        values: &mut impl Values,
+        row: &mut u64,
+    ) -> Result<(), String> {
         let slots = slots(element);
         for number in 0..element.count {
             *row = number;

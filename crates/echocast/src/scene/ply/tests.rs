@@ -119,9 +119,8 @@ fn strips_turn_every_other_triangle() {
 
 #[test]
 fn labels_of_faces_make_objects() {
-    let elements = format!(
-        "element vertex 4\n{XYZ}element face 4\n{FACES}property float scalar_label\nproperty int object_id\n"
-    );
+    let elements =
+        format!("element vertex 4\n{XYZ}element face 4\n{FACES}property float scalar_label\nproperty int object_id\n");
     let rows = format!("{QUAD}3 0 1 2 7 2\n3 0 2 3 nan 2\n3 0 1 3 7 2\n3 1 2 3 7 1\n");
     let scene = read_text(&ascii(&elements, &rows)).unwrap();
     let found: Vec<_> = scene
@@ -167,8 +166,9 @@ fn colours_of_one_kind_colour_the_surface() {
 #[test]
 fn normals_are_kept_where_they_say_more_than_the_faces() {
     let with = |normal: &str| {
-        let elements =
-            format!("element vertex 3\n{XYZ}property float nx\nproperty float ny\nproperty float nz\nelement face 1\n{FACES}");
+        let elements = format!(
+            "element vertex 3\n{XYZ}property float nx\nproperty float ny\nproperty float nz\nelement face 1\n{FACES}"
+        );
         let rows = format!("0 0 0 {normal}\n1 0 0 0 0 2\n0 1 0 0 0 1\n3 0 1 2\n");
         read_text(&ascii(&elements, &rows)).unwrap().objects[0].mesh.parts[0].normals.clone()
     };
@@ -196,7 +196,9 @@ fn textures_lie_the_right_way_up() {
         "0 0 0 0 0.25\n1 0 0 0 0.25\n0 1 0 0 0.75\n3 0 1 2\n",
     );
     let of_faces = ascii(
-        &format!("{comment}element vertex 3\n{XYZ}element face 2\n{FACES}property list uchar float texcoord\nproperty int texnumber\n"),
+        &format!(
+            "{comment}element vertex 3\n{XYZ}element face 2\n{FACES}property list uchar float texcoord\nproperty int texnumber\n"
+        ),
         "0 0 0\n1 0 0\n0 1 0\n3 0 1 2 6 0 0.25 0 0.25 0 0.75 0\n3 2 1 0 2 0.5 0.5 0\n",
     );
     for (text, vertices) in [(&of_vertices, 3), (&of_faces, 6)] {
@@ -225,9 +227,18 @@ fn what_is_wrong_is_told() {
         (quad("3 0 1\n"), "line 12: the file is cut off"),
         (quad("90 0 1 2\n"), "line 12: the file is cut off: a list is 90 long, which takes more than the 8 bytes left"),
         (quad("2 0 1\n"), "the file holds no face with 3 or more corners"),
-        (quad("3 0 1 2\n").replace("float z", "float w"), "line 8: the vertices have no position; allowed: the properties x, y and z"),
-        (quad("3 0 1 2\n").replace("vertex_indices", "corners"), "line 11: the faces have no corners; allowed: the list vertex_indices or vertex_index"),
-        (quad("3 0 1 2\n").replace("vertex 4", "vertex 99999999999"), "the file is cut off: 99999999999 rows of vertex take 6 bytes or more each, 33 bytes are left"),
+        (
+            quad("3 0 1 2\n").replace("float z", "float w"),
+            "line 8: the vertices have no position; allowed: the properties x, y and z",
+        ),
+        (
+            quad("3 0 1 2\n").replace("vertex_indices", "corners"),
+            "line 11: the faces have no corners; allowed: the list vertex_indices or vertex_index",
+        ),
+        (
+            quad("3 0 1 2\n").replace("vertex 4", "vertex 99999999999"),
+            "the file is cut off: 99999999999 rows of vertex take 6 bytes or more each, 33 bytes are left",
+        ),
         (quad("3 0 0 0\n"), "no triangle to scan: the file holds no mesh with area"),
     ] {
         assert_eq!(error(text.as_bytes()), message);

@@ -44,7 +44,9 @@ pub(super) trait Values {
         let (_, left) = self.room(Kind::U8);
         if row > 0 && element.count > left / row {
             let Element { name, count, .. } = element;
-            return Err(format!("{CUT_OFF}: {count} rows of {name} take {row} bytes or more each, {left} bytes are left"));
+            return Err(format!(
+                "{CUT_OFF}: {count} rows of {name} take {row} bytes or more each, {left} bytes are left"
+            ));
         }
         Ok(())
     }

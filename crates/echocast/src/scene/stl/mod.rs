@@ -134,11 +134,7 @@ impl Maker<'_> {
         if welder.triangles.is_empty() {
             return Ok(());
         }
-        let part = Part {
-            positions: welder.positions.into(),
-            triangles: welder.triangles.into(),
-            ..Part::default()
-        };
+        let part = Part { positions: welder.positions.into(), triangles: welder.triangles.into(), ..Part::default() };
         let stem = || self.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let name = if name.is_empty() { stem() } else { name.to_owned() };
         self.objects.push(RawObject {

@@ -3,7 +3,8 @@ use crate::scene::{Scene, UpAxis};
 use std::fs;
 
 const ONE: &str = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 2 0 0\nvertex 0 1 0\nendloop\nendfacet\n";
-const OTHER: &str = "facet normal 0 0 nan\nOUTER LOOP\nvertex 2 -0 0\nvertex 2. 1e0 0\nvertex 0 1 0\nendloop endfacet\n";
+const OTHER: &str =
+    "facet normal 0 0 nan\nOUTER LOOP\nvertex 2 -0 0\nvertex 2. 1e0 0\nvertex 0 1 0\nendloop endfacet\n";
 
 fn read_bytes(bytes: &[u8], options: &LoadOptions) -> Result<Scene> {
     let folder = tempfile::tempdir().unwrap();
@@ -34,7 +35,8 @@ fn binary(head: &str, triangles: &[[[f32; 3]; 3]]) -> Vec<u8> {
     bytes
 }
 
-const QUAD: [[[f32; 3]; 3]; 2] = [[[0.0; 3], [2.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[2.0, -0.0, 0.0], [2.0, 1.0, 0.0], [0.0, 1.0, 0.0]]];
+const QUAD: [[[f32; 3]; 3]; 2] =
+    [[[0.0; 3], [2.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[2.0, -0.0, 0.0], [2.0, 1.0, 0.0], [0.0, 1.0, 0.0]]];
 
 #[test]
 fn text_and_binary_files_are_the_same_mesh() {
@@ -44,7 +46,11 @@ fn text_and_binary_files_are_the_same_mesh() {
         for scene in [&text, &binary] {
             let [object] = &scene.objects[..] else { panic!("one object") };
             let part = &object.mesh.parts[0];
-            assert_eq!((object.name.as_str(), part.positions.len(), part.triangles.len()), ("part", 4, 2), "corners are shared");
+            assert_eq!(
+                (object.name.as_str(), part.positions.len(), part.triangles.len()),
+                ("part", 4, 2),
+                "corners are shared"
+            );
             assert_eq!(part.triangles[..], [[0, 1, 2], [1, 3, 2]]);
             assert_eq!(scene.bounds().unwrap(), (DVec3::ZERO, DVec3::new(2.0, 1.0, 0.0)));
             assert_eq!(scene.report.warnings, [""; 0]);
@@ -54,7 +60,9 @@ fn text_and_binary_files_are_the_same_mesh() {
 
 #[test]
 fn solids_are_objects() {
-    let scene = read_text(&format!("solid left wing\r\n{ONE}endsolid left wing\nsolid empty\nendsolid\nSolid\n{OTHER}endsolid\n{ONE}"));
+    let scene = read_text(&format!(
+        "solid left wing\r\n{ONE}endsolid left wing\nsolid empty\nendsolid\nSolid\n{OTHER}endsolid\n{ONE}"
+    ));
     let scene = scene.unwrap();
     let names: Vec<_> = scene.objects.iter().map(|object| object.name.as_str()).collect();
     assert_eq!(names, ["left wing", "part", "part"]);
@@ -141,7 +149,10 @@ fn what_is_wrong_is_told() {
         (ONE.replace("2 0 0", "2 x 0"), "line 5: \"x\" is no finite number from -1e18 to 1e18"),
         (ONE.replace("2 0 0", "2 nan 0"), "line 5: \"nan\" is no finite number from -1e18 to 1e18"),
         (ONE.replace("vertex 2 0 0\n", ""), "line 6: a facet of 2 vertices; allowed: 3"),
-        (ONE.replace("endfacet", "facet"), "line 8: \"facet\" stands where it must not; allowed: normal, outer loop, vertex, endloop, endfacet"),
+        (
+            ONE.replace("endfacet", "facet"),
+            "line 8: \"facet\" stands where it must not; allowed: normal, outer loop, vertex, endloop, endfacet",
+        ),
         (format!("loop\n{ONE}"), "line 2: \"loop\" stands where it must not; allowed: facet, endsolid, solid"),
     ] {
         let text = if text.starts_with("solid") { text } else { format!("solid\n{text}") };

@@ -51,7 +51,8 @@ pub(super) fn read(path: &Path, bytes: &[u8], mut add: impl FnMut(&str, &[Triang
             b"" => return Err(fault("the file is cut off in a facet".into())),
             _ => {
                 let shown = String::from_utf8_lossy(&word[..word.len().min(40)]).into_owned();
-                let allowed = if in_facet { "normal, outer loop, vertex, endloop, endfacet" } else { "facet, endsolid, solid" };
+                let allowed =
+                    if in_facet { "normal, outer loop, vertex, endloop, endfacet" } else { "facet, endsolid, solid" };
                 return Err(fault(format!("{shown:?} stands where it must not; allowed: {allowed}")));
             }
         }
