@@ -1009,13 +1009,12 @@ fn extensions_without_effect_are_told_of() {
 
 #[test]
 fn compressed_files_are_read() {
-    for (file, warnings) in [
-        (&include_bytes!("../../../../../tests/data/scenes/compressed/draco_edgebreaker.glb")[..], 0),
-        (&include_bytes!("../../../../../tests/data/scenes/compressed/draco_sequential.glb")[..], 0),
-        (&include_bytes!("../../../../../tests/data/scenes/compressed/meshopt.glb")[..], 0),
+    for file in [
+        &include_bytes!("../../../../../tests/data/scenes/compressed/draco_edgebreaker.glb")[..],
+        &include_bytes!("../../../../../tests/data/scenes/compressed/draco_sequential.glb")[..],
+        &include_bytes!("../../../../../tests/data/scenes/compressed/meshopt.glb")[..],
     ] {
         let scene = load(file).unwrap();
-        assert_eq!(scene.report.warnings.len(), warnings, "{:?}", scene.report.warnings);
         assert_eq!(scene.triangle_count(), 2 * 14 * 14 + 5 * 2 * 12 * 7);
     }
 }

@@ -103,6 +103,20 @@ fn slots(element: &Element) -> Vec<Option<Slot>> {
     slots
 }
 
+/// Checks that `element` has what is needed of it.
+fn check_properties(element: &Element) -> Result<(), String> {
+    let has = |slot: Slot| slots(element).contains(&Some(slot));
+    match element.name.as_str() {
+        "vertex" if !(0..3).all(|axis| has(Slot::Position(axis))) => {
+            Err("the vertices have no position; allowed: the properties x, y and z".into())
+        }
+        "face" | "tristrips" if !has(Slot::Corners) => {
+            Err(format!("{}: no corners; allowed: the list vertex_indices or vertex_index", element.name))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Reads the rows that `values` give of a file with `header`.
 ///
 /// # Errors
@@ -119,7 +133,7 @@ pub(super) fn read(path: &Path, header: &Header, mut values: impl Values) -> Res
         return Err(Error::parse(path, "", message));
     }
     for element in &header.elements {
-        let checked = values.check_rows(element);
+        let checked = check_properties(element).and_then(|()| values.check_rows(element));
         checked.map_err(|message| Error::parse(path, "", message))?;
         if element.properties.is_empty() {
             continue;
@@ -166,9 +180,6 @@ impl Rows {
     fn vertices(&mut self, element: &Element, values: &mut impl Values, row: &mut u64) -> Result<(), String> {
         let slots = slots(element);
         let has = |slot: Slot| slots.contains(&Some(slot));
-        if !(0..3).all(|axis| has(Slot::Position(axis))) {
-            return Err("the vertices have no position; allowed: the properties x, y and z".into());
-        }
         let has_normals = (0..3).all(|axis| has(Slot::Normal(axis)));
         let has_uvs = (0..2).all(|axis| has(Slot::Uv(axis)));
         let has_colors = (0..3).all(|axis| has(Slot::Color(axis)));
@@ -217,9 +228,6 @@ impl Rows {
         row: &mut u64,
     ) -> Result<(), String> {
         let slots = slots(element);
-        if !slots.contains(&Some(Slot::Corners)) {
-            return Err("the faces have no corners; allowed: the list vertex_indices or vertex_index".into());
-        }
         let has_wedges = slots.contains(&Some(Slot::Texcoords));
         let has_keys = slots.iter().any(|slot| matches!(slot, Some(Slot::Label(_) | Slot::Texture)));
         self.faces.face_ends.reserve(element.count as usize);

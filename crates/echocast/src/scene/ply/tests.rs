@@ -219,21 +219,21 @@ fn textures_lie_the_right_way_up() {
 fn what_is_wrong_is_told() {
     for (text, message) in [
         ("solid".to_owned(), "line 1: not a PLY file: it does not begin with \"ply\""),
-        (quad("3 0 1 4\n"), "line 12: vertex index 4 of 4, which count from 0"),
-        (quad("3 0 1 -1\n"), "line 12: vertex index -1 of 4, which count from 0"),
-        (quad("3 0 1 1.5\n"), "line 12: vertex index 1.5 of 4, which count from 0"),
-        (quad("3 0 1 x\n"), "line 12: \"x\" is no number"),
-        (quad("-3 0 1 2\n"), "line 12: a list is -3 long; allowed: 0 and more"),
-        (quad("3 0 1\n"), "line 12: the file is cut off"),
-        (quad("90 0 1 2\n"), "line 12: the file is cut off: a list is 90 long, which takes more than the 8 bytes left"),
+        (quad("3 0 1 4\n"), "line 14: vertex index 4 of 4, which count from 0"),
+        (quad("3 0 1 -1\n"), "line 14: vertex index -1 of 4, which count from 0"),
+        (quad("3 0 1 1.5\n"), "line 14: vertex index 1.5 of 4, which count from 0"),
+        (quad("3 0 1 x\n"), "line 14: \"x\" is no number"),
+        (quad("-3 0 1 2\n"), "line 14: a list is -3 long; allowed: 0 and more"),
+        (quad("3 0 1\n"), "line 15: the file is cut off"),
+        (quad("90 0 1 2\n"), "line 14: the file is cut off: a list is 90 long, which takes more than the 8 bytes left"),
         (quad("2 0 1\n"), "the file holds no face with 3 or more corners"),
         (
             quad("3 0 1 2\n").replace("float z", "float w"),
-            "line 8: the vertices have no position; allowed: the properties x, y and z",
+            "the vertices have no position; allowed: the properties x, y and z",
         ),
         (
             quad("3 0 1 2\n").replace("vertex_indices", "corners"),
-            "line 11: the faces have no corners; allowed: the list vertex_indices or vertex_index",
+            "face: no corners; allowed: the list vertex_indices or vertex_index",
         ),
         (
             quad("3 0 1 2\n").replace("vertex 4", "vertex 99999999999"),

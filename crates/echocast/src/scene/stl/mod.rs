@@ -11,6 +11,7 @@ use crate::ground::error::{Error, Result};
 use crate::ground::shown;
 use crate::material::TextureBudget;
 use crate::read::{self, Limit};
+use crate::scene::mesh::Source;
 use glam::DVec3;
 use std::path::Path;
 use std::sync::Arc;
@@ -134,12 +135,16 @@ impl Maker<'_> {
         if welder.triangles.is_empty() {
             return Ok(());
         }
+        let vertices = welder.positions.len();
+        let source = self.options.caches().next().is_some().then(|| {
+            Arc::new(Source { vertices: vec![(0..vertices as u32).collect()], count: vertices, origin: middle })
+        });
         let part = Part { positions: welder.positions.into(), triangles: welder.triangles.into(), ..Part::default() };
         let stem = || self.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let name = if name.is_empty() { stem() } else { name.to_owned() };
         self.objects.push(RawObject {
             name: name.clone(),
-            mesh: Arc::new(Mesh::trusted(name, vec![part])),
+            mesh: Arc::new(Mesh { source, ..Mesh::trusted(name, vec![part]) }),
             world_from_object: self.options.world_from_mesh(middle),
             up: self.options.up,
             category: None,

@@ -140,12 +140,12 @@ fn what_is_wrong_is_told() {
     assert!(scene.report.warnings[0].ends_with("50 bytes after the last triangle are not read"));
     let mut nan = whole;
     nan[84 + 50 + 12..][..4].copy_from_slice(&f32::NAN.to_le_bytes());
-    assert_eq!(error(&nan), "triangle 2: a corner is [NaN, 0.0, 0.0]; allowed: -1e18 to 1e18");
+    assert_eq!(error(&nan), "triangle 2: a corner is [NaN, -0.0, 0.0]; allowed: -1e18 to 1e18");
 
     for (text, message) in [
         ("solid\nendsolid\n".to_owned(), "the file holds no facet"),
-        (format!("solid\n{}", &ONE[..60]), "line 5: the file is cut off in a facet"),
-        (format!("solid\n{}", &ONE[..70]), "line 6: the file is cut off in a facet"),
+        (format!("solid\n{}", &ONE[..60]), "line 6: the file is cut off in a facet"),
+        (format!("solid\n{}", &ONE[..70]), "line 7: the file is cut off in a facet"),
         (ONE.replace("2 0 0", "2 x 0"), "line 5: \"x\" is no finite number from -1e18 to 1e18"),
         (ONE.replace("2 0 0", "2 nan 0"), "line 5: \"nan\" is no finite number from -1e18 to 1e18"),
         (ONE.replace("vertex 2 0 0\n", ""), "line 6: a facet of 2 vertices; allowed: 3"),
@@ -163,14 +163,12 @@ fn what_is_wrong_is_told() {
 #[test]
 fn many_different_corners_are_welded_too() {
     let mut welder = Welder::new(0);
-    let at = |i: u32| [i as f32 * 0.1, (i % 7) as f32, -(i as f32)];
+    let at = |i: u32| [i as f32, (i * i % 7919) as f32 * 0.1, -(i as f32)];
     for round in 0..2 {
         for i in 0..5000 {
             welder.add([at(i), at(i + 1), at(i + 2)]);
         }
         assert_eq!((welder.positions.len(), welder.degenerate), (5002, 0), "round {round}");
     }
-    let mut used: Vec<u32> = welder.triangles.iter().flatten().copied().collect();
-    used.dedup();
     assert!(welder.triangles[..5000] == welder.triangles[5000..]);
 }

@@ -48,7 +48,9 @@ pub(super) fn read(path: &Path, bytes: &[u8], mut add: impl FnMut(&str, &[Triang
                 in_solid = solid == b"solid";
                 name = words.rest();
             }
-            b"" => return Err(fault("the file is cut off in a facet".into())),
+            _ if in_facet && words.at == words.bytes.len() => {
+                return Err(fault("the file is cut off in a facet".into()));
+            }
             _ => {
                 let shown = String::from_utf8_lossy(&word[..word.len().min(40)]).into_owned();
                 let allowed =
