@@ -55,6 +55,9 @@ impl<'a> PartMaker<'a> {
             return None;
         }
         let smooth = triangles.iter().any(|triangle| {
+            if triangle.iter().all(|corner| self.normal(corner).is_none()) {
+                return false;
+            }
             let points = triangle.map(|corner| self.local(&corner, middle));
             let normals = triangle.map(|corner| self.normal(&corner).unwrap_or_else(|| face_normal(points)));
             !normals_are_flat(&points, &normals, &[[0, 1, 2]])
