@@ -59,6 +59,10 @@ fn gltf() {
         include_bytes!("data/motion/morph_skin.glb"),
         include_bytes!("data/motion/trs_cubic.glb"),
         include_bytes!("data/motion/flag.glb"),
+        include_bytes!("data/scenes/compressed/draco_edgebreaker.glb"),
+        include_bytes!("data/scenes/compressed/draco_sequential.glb"),
+        include_bytes!("data/scenes/compressed/pack_instanced.glb"),
+        include_bytes!("data/scenes/compressed/pack_khr.glb"),
     ];
     fuzz("gltf", 3000, moving, targets::gltf::run);
 }
@@ -66,6 +70,16 @@ fn gltf() {
 #[test]
 fn obj() {
     fuzz("obj", 2000, &[], targets::obj::run);
+}
+
+#[test]
+fn ply() {
+    fuzz("ply", 2000, &[], targets::ply::run);
+}
+
+#[test]
+fn stl() {
+    fuzz("stl", 2000, &[], targets::stl::run);
 }
 
 #[test]

@@ -94,10 +94,12 @@ fn read(folder: &Path) -> Result<Value> {
     }
     std::fs::write(folder.join("million.obj"), obj)?;
     std::fs::write(folder.join("million.glb"), glb(&part.positions, &part.triangles))?;
+    std::fs::write(folder.join("million.ply"), ply(&part.positions, &part.triangles))?;
+    std::fs::write(folder.join("million.stl"), stl(&part.positions, &part.triangles))?;
     println!("\nReading 1 M triangles, one core, best of {ROUNDS}: processor seconds until ready to scan");
     println!("{:<14}{:>10}{:>10}{:>10}", "file", "load", "build", "both");
     let mut rows = Vec::new();
-    for name in ["million.glb", "million.obj"] {
+    for name in ["million.glb", "million.obj", "million.ply", "million.stl"] {
         let (mut load, mut build) = (f64::INFINITY, f64::INFINITY);
         for _ in 0..ROUNDS {
             let start = cpu_seconds();
@@ -111,6 +113,35 @@ fn read(folder: &Path) -> Result<Value> {
         rows.push(json!({"file": name, "load_cpu_s": load, "build_cpu_s": build}));
     }
     Ok(json!(rows))
+}
+
+/// A binary PLY.
+fn ply(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Vec<u8> {
+    let mut file = format!(
+        "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\n\
+         property float z\nelement face {}\nproperty list uchar int vertex_indices\nend_header\n",
+        positions.len(),
+        triangles.len()
+    )
+    .into_bytes();
+    file.extend(positions.iter().flatten().flat_map(|v| v.to_le_bytes()));
+    for triangle in triangles {
+        file.push(3);
+        file.extend(triangle.iter().flat_map(|v| v.to_le_bytes()));
+    }
+    file
+}
+
+/// A binary STL.
+fn stl(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Vec<u8> {
+    let mut file = vec![0; 80];
+    file.extend((triangles.len() as u32).to_le_bytes());
+    for triangle in triangles {
+        file.extend([0; 12]);
+        file.extend(triangle.iter().flat_map(|&v| positions[v as usize]).flat_map(f32::to_le_bytes));
+        file.extend([0; 2]);
+    }
+    file
 }
 
 /// The smallest GLB that holds one mesh.

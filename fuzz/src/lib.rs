@@ -7,6 +7,8 @@ pub mod cloud;
 mod common;
 pub mod gltf;
 pub mod obj;
+pub mod ply;
 pub mod scenario;
+pub mod stl;
 pub mod table;
 pub mod yaml;

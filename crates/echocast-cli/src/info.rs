@@ -61,7 +61,7 @@ pub fn run(args: &Args) -> Result<()> {
     if args.json {
         return text::print_json(&to_json(&args.scene.files, &scene, args.wavelength));
     }
-    text::print(&describe(&args.scene.names(), &scene, args.wavelength)?)
+    text::print(&describe(&args.scene, &scene, args.wavelength)?)
 }
 
 /// How much light the materials of `scene` return, and why, a line each.
@@ -81,8 +81,8 @@ fn write_materials(text: &mut String, scene: &Scene, wavelength_nm: f64) -> Resu
     Ok(())
 }
 
-fn describe(name: &str, scene: &Scene, wavelength_nm: f64) -> Result<String> {
-    let mut text = format!("{name}\n");
+fn describe(files: &SceneArgs, scene: &Scene, wavelength_nm: f64) -> Result<String> {
+    let mut text = format!("{}\n", files.names());
     let placed = scene.objects.len();
     writeln!(text, "triangles   {}", thousands(scene.triangle_count()))?;
     if scene.degenerate_triangles > 0 {
@@ -101,6 +101,9 @@ fn describe(name: &str, scene: &Scene, wavelength_nm: f64) -> Result<String> {
             low.x, low.y, low.z, high.x, high.y, high.z
         )?;
         writeln!(text, "size        {x:.3} x {y:.3} x {z:.3} m")?;
+    }
+    if let Some(units) = files.units() {
+        writeln!(text, "units       {units}")?;
     }
     writeln!(text, "textures    {}", scene.textures().len())?;
 

@@ -14,6 +14,9 @@ use std::os::unix::ffi::OsStrExt as _;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
+/// Endings of scene files without units and axes.
+const UNITLESS: &[&str] = &["obj", "ply", "stl"];
+
 /// Scene files and how to read them.
 #[derive(Args)]
 pub struct SceneArgs {
@@ -36,10 +39,10 @@ pub struct SceneArgs {
     /// (`echocast info` lists what is used). Example: `--material "Sofa*=fabric"`; repeatable
     #[arg(long, value_name = "PATTERN=NAME", value_parser = material, help_heading = "Scene")]
     material: Vec<(String, String)>,
-    /// Up axis of scene formats that do not define one (OBJ)
-    #[arg(long, default_value = "z", value_parser = choice::of::<UpAxis>(), help_heading = "Scene")]
+    /// Up axis of scene formats that do not define one (OBJ, PLY, STL)
+    #[arg(long, default_value = "z", value_parser = choice::of::<UpAxis>(), allow_hyphen_values = true, help_heading = "Scene")]
     up: UpAxis,
-    /// Metres per unit of scene formats that do not define the unit (OBJ)
+    /// Metres per unit of scene formats that do not define the unit (OBJ, PLY, STL), such as 0.001 for millimetres
     #[arg(long, value_name = "F", default_value = "1", value_parser = positive, help_heading = "Scene")]
     scale: f64,
     /// Most memory for the images of all materials, MiB
@@ -97,11 +100,19 @@ impl SceneArgs {
     fn check_units(&self) -> Result<()> {
         let told = self.up != UpAxis::Z || self.scale != 1.0;
         ensure!(
-            !told || self.files.iter().any(|file| has_ending(file, &["obj"])),
+            !told || self.files.iter().any(|file| has_ending(file, UNITLESS)),
             "--up, --scale: {} already says which axis is up and what its unit is",
             self.names()
         );
         Ok(())
+    }
+
+    /// What was taken for the units and axes of files that have none; `None`: all have.
+    pub fn units(&self) -> Option<String> {
+        self.files.iter().any(|file| has_ending(file, UNITLESS)).then(|| {
+            let endings = UNITLESS.join(", ").to_uppercase();
+            format!("of {endings}: one is {} m (--scale), {} is up (--up)", self.scale, self.up.name())
+        })
     }
 
     /// Reads all files into one scene, labelled by `labels` and made of `materials`.

@@ -142,7 +142,7 @@ fn wrong_usage_that_is_found_late_is_2_and_one_line() {
             ("scan HALL --sensor kinect_v2 --camera Eye -o DIR/x.las", &["--camera", "Eye", "no camera node"]),
             ("scan HALL --sensor kinect_v2 -o DIR/x.las", &["--at X,Y,Z"]),
             ("info HALL --cache Chiar=DIR/a.pc2", &["there is no object named \"Chiar\""]),
-            ("info HALL --cache *=DIR/no.ply", &["no.ply", ".mdd and .pc2"]),
+            ("info HALL --cache *=DIR/no.abc", &["no.abc", ".mdd and .pc2"]),
             ("info HALL --cache *=DIR/a.pc2@-1", &["caches.*.fps is -1; allowed: numbers above 0"]),
             ("info HALL --cache a=b.pc2 --cache a=c.pc2", &["--cache", "\"a\"", "twice"]),
             ("bench HALL --sensor kinect_v2", &["--at X,Y,Z"]),
@@ -183,7 +183,7 @@ fn failed_work_is_1_and_one_line_that_names_the_cause() {
     for (name, text) in [
         ("wrong.yaml", "rian: {rate_mm_h: 5}\n"),
         ("broken.glb", "glTF"),
-        ("draco.gltf", r#"{"asset": {"version": "2.0"}, "extensionsRequired": ["KHR_draco_mesh_compression"]}"#),
+        ("video.gltf", r#"{"asset": {"version": "2.0"}, "extensionsRequired": ["MPEG_media"]}"#),
     ] {
         fs::write(folder.path().join(name), text).unwrap();
     }
@@ -204,7 +204,7 @@ fn failed_work_is_1_and_one_line_that_names_the_cause() {
             (&format!("{scene} --env DIR/wrong.yaml -o DIR/x.las"), &["wrong.yaml: line 1: ", "near: rain"]),
             ("scan HALL --sensor DIR/wrong.yaml --at 0,0,1 -o DIR/x.las", &["--sensor", "wrong.yaml", "name"]),
             ("info DIR/broken.glb", &["broken.glb"]),
-            ("info DIR/draco.gltf", &["KHR_draco_mesh_compression", "not supported"]),
+            ("info DIR/video.gltf", &["MPEG_media", "not supported"]),
             ("scan HALL --sensor sss_450 --at 0,0,1 -o DIR/x.las", &["the sonar is 1.000 m above the water"]),
             ("generate landscape --height-map DIR/no.png -o DIR/x.glb", &["no.png: No such file"]),
             ("run DIR/wrong.yaml", &["wrong.yaml"]),

@@ -21,7 +21,7 @@ pub use reflectance::{Reflectance, ReflectanceSample, Returned, Why};
 pub use scattering::{RetroSample, Scattering};
 pub use sound::{Sediment, Sound};
 pub use texture::{Filter, Texture, TextureRef, Wrap};
-pub(crate) use texture::{TextureBudget, srgb_byte};
+pub(crate) use texture::{TextureBudget, linear_from_srgb, srgb_byte};
 
 use crate::ground::named::named;
 use serde::Deserialize;

@@ -1,7 +1,7 @@
 //! Files that change the shapes of objects: vertex caches and numbered scene files.
 //!
-//! Their coordinates are those that the scene file has for the mesh: in glTF the mesh's own, y up; in OBJ the file's, to
-//! which [`LoadOptions::up`] and [`LoadOptions::scale`] apply as they do to the OBJ file. So from Blender, for its glTF
+//! Their coordinates are those that the scene file has for the mesh: in glTF the mesh's own, y up; in OBJ, PLY and STL the file's, to
+//! which [`LoadOptions::up`] and [`LoadOptions::scale`] apply as they do to the scene file. So from Blender, for its glTF
 //! export PC2 with its own settings fits ("Convert to Y-up", object space). Its OBJ export is in world coordinates: for it,
 //! PC2 with "Export into Worldspace", "Convert to Y-up" if the OBJ file is y up; or MDD, which is always in world
 //! coordinates and z up.
@@ -554,8 +554,11 @@ mod tests {
         assert!(folder.error("yard.obj", &[("Flag", "gone.pc2")]).starts_with("gone.pc2: No such file"));
         assert!(folder.error("yard.obj", &[("Flag", "five.mdd")]).starts_with("five.mdd: is 0 bytes long"));
         assert_eq!(
-            folder.error("yard.obj", &[("Flag", "water_1.ply")]),
-            "caches.Flag is water_1.ply; allowed: caches in .mdd and .pc2, and in numbered scene files, .glb, .gltf, .obj"
+            folder.error("yard.obj", &[("Flag", "water_1.abc")]),
+            format!(
+                "caches.Flag is water_1.abc; allowed: caches in .mdd and .pc2, and in numbered scene files, {}",
+                crate::scene::extensions()
+            )
         );
         for fps in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             let mut options = folder.options(&[("Flag", "six.pc2")]);

@@ -1,6 +1,6 @@
 //! Camera nodes: places in the scene where a sensor can be put.
 
-use super::{Scene, UpAxis};
+use super::Scene;
 use crate::emitter::Trajectory;
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::Pose;
@@ -67,8 +67,7 @@ impl Scene {
         let object =
             object.ok_or_else(|| Error::missing("object", name, self.objects.iter().map(|object| &object.name)))?;
         let pose = |world_from_object: &DAffine3| {
-            let DMat3 { x_axis, y_axis, z_axis } = world_from_object.matrix3;
-            let up = if object.up == UpAxis::Y { y_axis } else { z_axis };
+            let DMat3 { x_axis, z_axis: up, .. } = object.up.upright(&world_from_object.matrix3);
             let x = x_axis.normalize_or(DVec3::X);
             let z = (up - x * up.dot(x)).try_normalize().unwrap_or_else(|| x.any_orthonormal_vector());
             let orientation = DQuat::from_mat3(&DMat3::from_cols(x, z.cross(x), z)).normalize();

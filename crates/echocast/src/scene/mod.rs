@@ -9,14 +9,18 @@
 
 mod caches;
 mod camera;
+mod faces;
 mod gltf;
 mod identity;
 mod label;
 mod material_rules;
 mod merge;
 mod mesh;
+mod number;
 mod obj;
+mod ply;
 mod sequence;
+mod stl;
 
 pub use crate::ground::array::Array;
 pub use caches::CacheFile;
@@ -37,7 +41,7 @@ use crate::material::TextureBudget;
 pub use crate::material::{Filter, Material, Texture, TextureRef, Wrap};
 use crate::motion::{Motion, Timeline};
 use crate::read::yaml::{Document, one_or_more_words};
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DMat3, DVec3};
 pub(crate) use mesh::beyond_reach;
 use serde::Deserialize;
 use std::collections::{BTreeMap, HashMap, HashSet};
@@ -57,17 +61,56 @@ pub enum UpAxis {
     /// The file is z up, as echocast is.
     #[default]
     Z,
+    /// The file is x up: (x, y, z) becomes (-z, y, x).
+    X,
+    /// The file's x points down: (x, y, z) becomes (z, y, -x).
+    #[serde(rename = "-x")]
+    MinusX,
+    /// The file's y points down: (x, y, z) becomes (x, z, -y).
+    #[serde(rename = "-y")]
+    MinusY,
+    /// The file's z points down: (x, y, z) becomes (x, -y, -z).
+    #[serde(rename = "-z")]
+    MinusZ,
 }
 
-named! { UpAxis: Y "y", Z "z" }
+named! { UpAxis: Y "y", Z "z", X "x", MinusX "-x", MinusY "-y", MinusZ "-z" }
+
+impl UpAxis {
+    /// Turns the file so that z is up.
+    fn world_from_file(self) -> DMat3 {
+        let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
+        match self {
+            UpAxis::Y => DMat3::from_cols(x, z, -y),
+            UpAxis::Z => DMat3::IDENTITY,
+            UpAxis::X => DMat3::from_cols(z, y, -x),
+            UpAxis::MinusX => DMat3::from_cols(-z, y, x),
+            UpAxis::MinusY => DMat3::from_cols(x, -z, y),
+            UpAxis::MinusZ => DMat3::from_cols(x, -y, -z),
+        }
+    }
+
+    /// How an object stands whose mesh has this axis up and was turned by `turned`: z is up in it.
+    pub(crate) fn upright(self, turned: &DMat3) -> DMat3 {
+        let DMat3 { x_axis: x, y_axis: y, z_axis: z } = *turned;
+        match self {
+            UpAxis::Y => DMat3::from_cols(x, -z, y),
+            UpAxis::Z => *turned,
+            UpAxis::X => DMat3::from_cols(-z, y, x),
+            UpAxis::MinusX => DMat3::from_cols(z, y, -x),
+            UpAxis::MinusY => DMat3::from_cols(x, z, -y),
+            UpAxis::MinusZ => DMat3::from_cols(x, -y, -z),
+        }
+    }
+}
 
 /// How to read a scene file.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LoadOptions {
-    /// Up axis of formats that do not specify it (OBJ). glTF is always y up.
+    /// Up axis of formats that do not specify it (OBJ, PLY, STL). glTF is always y up.
     pub up: UpAxis,
-    /// Metres per unit of formats that do not specify it (OBJ).
+    /// Metres per unit of formats that do not specify it (OBJ, PLY, STL).
     pub scale: f64,
     /// Names to numbers and patterns to names.
     pub labels: LabelRules,
@@ -110,7 +153,7 @@ impl Default for LoadOptions {
 }
 
 impl LoadOptions {
-    /// Reads options from YAML: the fields of this type, `up` as `y` or `z`, and `labels`, with the contents of a label
+    /// Reads options from YAML: the fields of this type, `up` as `y`, `z`, `x`, `-x`, `-y` or `-z`, and `labels`, with the contents of a label
     /// file.
     ///
     /// # Errors
@@ -122,6 +165,20 @@ impl LoadOptions {
         options.labels.check(&document, "labels")?;
         options.materials.check(&document, "materials")?;
         Ok(options)
+    }
+
+    /// Checks what formats without units take from here.
+    fn check_units(&self) -> Result<()> {
+        if self.scale.is_finite() && self.scale > 0.0 {
+            return Ok(());
+        }
+        Err(Error::invalid("scale", self.scale, "finite numbers above 0"))
+    }
+
+    /// Where a mesh is in the world that a format without units has around `origin`, in the file's units.
+    fn world_from_mesh(&self, origin: DVec3) -> DAffine3 {
+        let world_from_file = self.up.world_from_file() * self.scale;
+        DAffine3::from_mat3_translation(world_from_file, world_from_file * origin)
     }
 }
 
@@ -224,7 +281,7 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Reads a scene file; the format is chosen by the extension (`.glb`, `.gltf`, `.obj`).
+    /// Reads a scene file; the format is chosen by the extension (see [`FORMATS`]).
     ///
     /// # Errors
     /// A missing or damaged file, a feature that is not supported, nothing to scan; a cache that does not fit its object.
@@ -667,5 +724,17 @@ pub const FORMATS: &[SceneFormat] = &[
         extensions: &["obj"],
         description: "Wavefront OBJ with MTL: polygons, groups and objects, materials, textures",
         read: obj::read,
+    },
+    SceneFormat {
+        name: "ply",
+        extensions: &["ply"],
+        description: "PLY meshes, text or binary: polygons, normals, textures, labels of faces or vertices",
+        read: ply::read,
+    },
+    SceneFormat {
+        name: "stl",
+        extensions: &["stl"],
+        description: "STL, text or binary: triangles, an object for each solid",
+        read: stl::read,
     },
 ];

@@ -115,8 +115,8 @@ impl Sequence {
 
     fn read(&self, file: &Path) -> Result<Mesh> {
         let fault = |message: String| Error::parse(file, "", message);
-        let is_obj = file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("obj"));
-        let scene = if is_obj {
+        let is = |known: &str| file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(known));
+        let scene = if is("obj") {
             obj::read_shapes(file)?.checked(file)?
         } else {
             super::read(file, &self.options, &mut TextureBudget::new(self.options.texture_limit_mib))?
@@ -125,8 +125,9 @@ impl Sequence {
         if triangles > MOST_TRIANGLES {
             return Err(fault(format!("it has {triangles} triangles; allowed: {MOST_TRIANGLES}")));
         }
-        // glTF files are y up.
-        let file_from_world = |p: DVec3| if is_obj { p } else { DVec3::new(p.x, p.z, -p.y) };
+        // glTF files are y up; those without axes were read as they are.
+        let turned = is("glb") || is("gltf");
+        let file_from_world = |p: DVec3| if turned { DVec3::new(p.x, p.z, -p.y) } else { p };
         let part = merged(&scene, |p| file_from_world(p) - self.origin);
         if let Some(vertex) = beyond_reach(&part.positions) {
             return Err(fault(format!("vertex {vertex} is {:?}; allowed: -1e18 to 1e18", part.positions[vertex])));

@@ -112,12 +112,7 @@ impl Tables {
             // What holds still is as it is when it starts to.
             Some(mover) => mover.stance(self.span.map_or(mover.start, |_| time))?,
         };
-        let DMat3 { x_axis, y_axis, z_axis } = turned;
-        let upright = match up {
-            UpAxis::Y => DMat3::from_cols(x_axis, -z_axis, y_axis),
-            UpAxis::Z => turned,
-        };
-        Some((place, upright))
+        Some((place, up.upright(&turned)))
     }
 
     /// Passes the corners of all triangles of an object at `time`, 0 to 1, in its own frame, triangle by triangle, to

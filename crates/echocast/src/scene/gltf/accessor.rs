@@ -4,11 +4,16 @@ use gltf::json::accessor::{ComponentType, Type};
 use gltf::json::validation::{Checked, USize64};
 use gltf::json::{Accessor, Index, Root, buffer};
 use std::cell::Cell;
+use std::collections::HashMap;
 
 /// Decodes the accessors of one file.
 pub(super) struct Accessors<'a> {
     json: &'a Root,
     buffers: &'a [&'a [u8]],
+    /// Contents of compressed buffer views.
+    decoded: &'a HashMap<usize, Vec<u8>>,
+    /// Contents of accessors that are compressed themselves.
+    unpacked: HashMap<usize, Vec<u8>>,
     /// Bytes that may still be used, see [`Accessors::charge`].
     budget: Cell<usize>,
 }
@@ -16,6 +21,9 @@ pub(super) struct Accessors<'a> {
 /// Decoded bytes allowed per byte of the file. Honest files stay below 20 (a strip with 8-bit indices); files whose
 /// accessors overlap a thousandfold would fill the memory.
 const EXPANSION_LIMIT: usize = 64;
+
+/// A decompressed byte counts as one of so many.
+const DECODED_SHARE: usize = 4;
 
 /// Elements of an accessor or sparse array, where they lie in their buffer.
 struct Elements<'a> {
@@ -28,11 +36,24 @@ struct Elements<'a> {
 }
 
 impl<'a> Accessors<'a> {
-    /// `file_bytes` is the size of the file without its buffers.
-    pub fn new(json: &'a Root, buffers: &'a [&'a [u8]], file_bytes: usize) -> Self {
-        let bytes = buffers.iter().fold(file_bytes, |sum, buffer| sum.saturating_add(buffer.len()));
+    /// `file_bytes` is the size of the file with its buffers.
+    pub fn new(
+        json: &'a Root,
+        buffers: &'a [&'a [u8]],
+        decoded: &'a HashMap<usize, Vec<u8>>,
+        file_bytes: usize,
+    ) -> Self {
+        let bytes = decoded.values().fold(file_bytes, |sum, view| sum.saturating_add(view.len() / DECODED_SHARE));
         let budget = Cell::new(bytes.saturating_mul(EXPANSION_LIMIT).saturating_add(1 << 20));
-        Accessors { json, buffers, budget }
+        Accessors { json, buffers, decoded, unpacked: HashMap::new(), budget }
+    }
+
+    /// Gives accessors the contents that they do not have in a buffer view.
+    pub fn unpack(&mut self, unpacked: HashMap<usize, Vec<u8>>) {
+        let bytes: usize = unpacked.values().map(Vec::len).sum();
+        let more = (bytes / DECODED_SHARE).saturating_mul(EXPANSION_LIMIT);
+        self.budget.set(self.budget.get().saturating_add(more));
+        self.unpacked = unpacked;
     }
 
     /// Asks for `bytes` of memory; refused when the file has become far larger in memory than on disk.
@@ -117,16 +138,25 @@ impl<'a> Accessors<'a> {
         if accessor.type_ != Checked::Valid(wanted) {
             return Err(fault(format!("is not of type {}", format!("{wanted:?}").to_uppercase())));
         }
-        if accessor.buffer_view.is_none() && accessor.sparse.is_none() {
+        let unpacked = self.unpacked.get(&index.value());
+        if accessor.buffer_view.is_none() && accessor.sparse.is_none() && unpacked.is_none() {
             return Err(fault("has no data (a compressed file must be decompressed with another tool first)".into()));
         }
         let count = usize::try_from(accessor.count.0).unwrap_or(usize::MAX);
         let elements = |view, offset: Option<USize64>, count, kind| {
             self.elements(view, offset.map_or(0, |o| o.0), count, N, kind, accessor.normalized)
         };
-        let own = match accessor.buffer_view {
-            Some(view) => Some(elements(view, accessor.byte_offset, count, component.0).map_err(fault)?),
-            None => None,
+        let own = match (accessor.buffer_view, unpacked) {
+            (_, Some(bytes)) => {
+                let stride = component.0.size() * N;
+                if bytes.len() != count.saturating_mul(stride) {
+                    let found = bytes.len() / stride;
+                    return Err(fault(format!("has {count} elements, but its compressed data {found}")));
+                }
+                Some(Elements { bytes, stride, kind: component.0, normalized: accessor.normalized })
+            }
+            (Some(view), None) => Some(elements(view, accessor.byte_offset, count, component.0).map_err(fault)?),
+            (None, None) => None,
         };
         self.charge(count.saturating_mul(size_of::<[T; N]>())).map_err(fault)?;
         let mut values = match own {
@@ -198,6 +228,9 @@ impl<'a> Accessors<'a> {
         let view = known
             .get(index.value())
             .ok_or_else(|| format!("refers to buffer view {index}, the file has {}", known.len()))?;
+        if let Some(decoded) = self.decoded.get(&index.value()) {
+            return Ok(decoded);
+        }
         let buffer = self
             .buffers
             .get(view.buffer.value())

@@ -9,10 +9,12 @@ mod animation;
 mod animation_tests;
 mod container;
 mod deform;
+mod draco;
 mod extras;
 mod hierarchy;
 mod instancing;
 mod material;
+mod meshopt;
 mod morph;
 mod nodes;
 mod object;
@@ -23,7 +25,7 @@ mod skin;
 mod tests;
 mod uri;
 
-use super::{Camera, LoadOptions, Scene, count};
+use super::{Camera, LoadOptions, Scene, count, some_of};
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::Pose;
 use crate::ground::report::Report;
@@ -54,10 +56,41 @@ const EXTENSIONS: &[&str] = &[
     "KHR_mesh_quantization",
     "KHR_texture_transform",
     animation::POINTER,
+    draco::EXTENSION,
     hierarchy::VISIBILITY,
     instancing::EXTENSION,
+    meshopt::EXTENSIONS[0],
+    meshopt::EXTENSIONS[1],
 ];
 const MATERIAL_EXTENSIONS: &str = "KHR_materials_";
+
+/// Those of materials that have an effect.
+const MATERIAL_EXTENSIONS_READ: &[&str] = &[
+    "KHR_materials_ior",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_transmission",
+    "KHR_materials_unlit",
+    "KHR_materials_volume",
+];
+
+/// Others that a file may require, although what they add is not read: the shapes are the same without.
+const EXTENSIONS_WITHOUT_EFFECT: &[&str] = &[
+    "EXT_lights_ies",
+    "EXT_lights_image_based",
+    "EXT_mesh_features",
+    "EXT_mesh_manifold",
+    "EXT_structural_metadata",
+    "EXT_texture_avif",
+    "EXT_texture_webp",
+    "KHR_audio_emitter",
+    "KHR_interactivity",
+    "KHR_node_hoverability",
+    "KHR_node_selectability",
+    "KHR_texture_basisu",
+    "KHR_xmp",
+    "KHR_xmp_json_ld",
+    "MSFT_texture_dds",
+];
 
 /// Reads a `.glb` or `.gltf` file.
 pub(super) fn read(path: &Path, options: &LoadOptions, images: &mut TextureBudget) -> Result<Scene> {
@@ -79,7 +112,10 @@ pub(super) fn read_bytes(
     let document = Document::parse(container.json, origin, files)?;
     let external = external_buffers(&document)?;
     let buffers = buffers(&document, container.bin, &external)?;
-    let accessors = Accessors::new(&document.json, &buffers, container.json.len());
+    let file_bytes = buffers.iter().fold(container.json.len(), |sum, buffer| sum.saturating_add(buffer.len()));
+    let decoded = meshopt::decode(&document, &buffers, file_bytes)?;
+    let mut accessors = Accessors::new(&document.json, &buffers, &decoded, file_bytes);
+    accessors.unpack(draco::decode(&document, &accessors, file_bytes)?);
 
     let mut notes = Notes::default();
     let (tracks, lengths) = animation::read(&document, &accessors, options, &mut notes)?;
@@ -107,6 +143,10 @@ pub(super) fn read_bytes(
     let mut report = Report::default();
     notes.tell(origin, &mut report);
     tracks.tell(origin, &mut report);
+    if !document.without_effect.is_empty() {
+        let names = some_of(&document.without_effect);
+        report.warn(format!("{}: extensions that the file requires have no effect: {names}", shown::path(origin)));
+    }
     if degenerate_triangles > 0 {
         let triangles = count(degenerate_triangles, "triangle");
         report.warn(format!("{}: {triangles} without area left out", shown::path(origin)));
@@ -154,6 +194,8 @@ struct Document<'a> {
     animations: Vec<Animation>,
     /// For every mesh of `json`, see [`morph::target_counts`].
     targets: Vec<[usize; 2]>,
+    /// Extensions that the file requires, although what they add is not read.
+    without_effect: Vec<String>,
 }
 
 /// What must be known before the rest can be understood.
@@ -185,12 +227,18 @@ impl<'a> Document<'a> {
         if header.asset.version.split('.').next() != Some("2") {
             return Err(Error::parse(origin, "asset", format!("glTF version {}; allowed: 2.0", header.asset.version)));
         }
-        let supported = |name: &str| EXTENSIONS.contains(&name) || name.starts_with(MATERIAL_EXTENSIONS);
-        if let Some(name) = header.extensions_required.iter().find(|name| !supported(name)) {
+        let mut without_effect = Vec::new();
+        for name in &header.extensions_required {
+            if EXTENSIONS.contains(&name.as_str()) || MATERIAL_EXTENSIONS_READ.contains(&name.as_str()) {
+                continue;
+            }
+            if EXTENSIONS_WITHOUT_EFFECT.contains(&name.as_str()) || name.starts_with(MATERIAL_EXTENSIONS) {
+                without_effect.push(name.clone());
+                continue;
+            }
             return Err(Error::Unsupported {
                 what: format!("{}: the extension {}, which the file requires,", shown::path(origin), shown::name(name)),
-                instead: "convert the file with another tool first (gltf-transform can decompress Draco and meshopt)"
-                    .into(),
+                instead: "convert the file with another tool first, such as gltf-transform".into(),
             });
         }
         let transforms = match header.nodes {
@@ -208,7 +256,7 @@ impl<'a> Document<'a> {
         // Compiled where the type is: here it would be compiled again.
         let json = Root::from_slice(&without(json, header.animations)).map_err(broken)?;
         let targets = json.meshes.iter().map(morph::target_counts).collect();
-        Ok(Document { origin, files, json, transforms, animations, targets })
+        Ok(Document { origin, files, json, transforms, animations, targets, without_effect })
     }
 
     fn animation_names(&self) -> Vec<String> {
@@ -253,7 +301,8 @@ fn place(kind: &str, index: usize, name: Option<&str>) -> String {
 fn external_buffers<'a>(document: &'a Document<'_>) -> Result<HashMap<&'a str, Vec<u8>>> {
     let mut contents = HashMap::new();
     for (index, buffer) in document.json.buffers.iter().enumerate() {
-        let Some(uri) = buffer.uri.as_deref().filter(|uri| !contents.contains_key(uri)) else { continue };
+        let uri = buffer.uri.as_deref().filter(|_| !meshopt::is_fallback(buffer));
+        let Some(uri) = uri.filter(|uri| !contents.contains_key(uri)) else { continue };
         let loaded = document
             .files
             .load(uri, Limit::SCENE)
@@ -269,10 +318,15 @@ fn buffers<'a>(
     bin: Option<&'a [u8]>,
     external: &'a HashMap<&str, Vec<u8>>,
 ) -> Result<Vec<&'a [u8]>> {
+    let compressed = document.json.extensions_required.iter().any(|name| meshopt::EXTENSIONS.contains(&name.as_str()));
     let buffers = document.json.buffers.iter().enumerate();
     buffers
         .map(|(index, buffer)| {
             let fault = |message| document.error(place("buffer", index, buffer.name.as_deref()), message);
+            // What stands for compressed data may have no data of its own.
+            if meshopt::is_fallback(buffer) || compressed && index > 0 && buffer.uri.is_none() {
+                return Ok(&[][..]);
+            }
             let bytes = match &buffer.uri {
                 Some(uri) => external[uri.as_str()].as_slice(),
                 // Only the first buffer may be the GLB's binary chunk (glTF 2.0, 4.4.3.3).

@@ -5,26 +5,21 @@
 
 mod files;
 mod mtl;
-mod parts;
-mod polygon;
 mod statements;
 mod text;
 
-use super::{LoadOptions, Part, RawObject, Scene, Texture, TextureRef, UpAxis, Wrap, count, some_of};
+use super::faces::PartMaker;
+use super::{LoadOptions, Part, RawObject, Scene, Texture, TextureRef, Wrap, some_of};
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
 use crate::material::{Material, TextureBudget};
 use crate::read::{self, Limit};
 use crate::scene::Mesh;
-use crate::scene::mesh::Source;
-use files::Files;
-use glam::{DAffine3, DMat3, DVec3};
-use parts::PartMaker;
+pub(super) use files::Files;
 use statements::{Names, Run, Statements};
 use std::collections::hash_map::Entry;
 use std::collections::{HashMap, HashSet};
 use std::fs;
-use std::mem;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -37,9 +32,7 @@ use std::sync::Arc;
 /// A file that cannot be read; a line without a number where one is required or with a vertex that does not exist; no
 /// faces; an image that is missing or damaged. A missing MTL file or material is a warning.
 pub(super) fn read(path: &Path, options: &LoadOptions, images: &mut TextureBudget) -> Result<Scene> {
-    if !(options.scale.is_finite() && options.scale > 0.0) {
-        return Err(Error::invalid("scale", options.scale, "finite numbers above 0"));
-    }
+    options.check_units()?;
     let file = statements(path)?;
     scene_of(path, file, options, images)
 }
@@ -71,22 +64,17 @@ fn scene_of(path: &Path, mut file: Statements, options: &LoadOptions, images: &m
     let mut runs = file.runs.clone();
     runs.sort_by_key(|run| (object_of(run), run.material));
 
-    let axes = DMat3::from_cols(
-        DVec3::X,
-        if options.up == UpAxis::Y { DVec3::Z } else { DVec3::Y },
-        if options.up == UpAxis::Y { -DVec3::Y } else { DVec3::Z },
-    );
-    let world_from_file = axes * options.scale;
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    let mut maker = PartMaker::new(&file, options.caches().next().is_some());
+    let mut maker = PartMaker::new(&file.faces, options.caches().next().is_some());
+    let faces = |runs: &[Run]| runs.iter().map(Run::faces).collect::<Vec<_>>();
     let mut objects = Vec::new();
     for runs in runs.chunk_by(|a, b| object_of(a) == object_of(b)) {
-        let middle = maker.middle(runs);
+        let middle = maker.middle(&faces(runs));
         let mut parts = Vec::new();
         for runs in runs.chunk_by(|a, b| a.material == b.material) {
             let material = materials.choose(&file, runs[0].material, &mut scene)?;
             let textured = material.as_ref().is_some_and(|material| material.base_color_texture.is_some());
-            parts.extend(maker.part(runs, middle, textured).map(|part| Part { material, ..part }));
+            parts.extend(maker.part(&faces(runs), middle, textured).map(|part| Part { material, ..part }));
         }
         if parts.is_empty() {
             continue;
@@ -95,13 +83,10 @@ fn scene_of(path: &Path, mut file: Statements, options: &LoadOptions, images: &m
             0 => stem.to_string(),
             number => names.list[number].clone(),
         };
-        let source = maker.sources.as_mut().map(|sources| {
-            Arc::new(Source { vertices: mem::take(sources), count: file.positions.len(), origin: middle })
-        });
         objects.push(RawObject {
             name: name.clone(),
-            mesh: Arc::new(Mesh { source, ..Mesh::trusted(name, parts) }),
-            world_from_object: DAffine3::from_mat3_translation(world_from_file, world_from_file * middle),
+            mesh: Arc::new(Mesh { source: maker.source(middle), ..Mesh::trusted(name, parts) }),
+            world_from_object: options.world_from_mesh(middle),
             up: options.up,
             category: None,
             part: None,
@@ -112,15 +97,7 @@ fn scene_of(path: &Path, mut file: Statements, options: &LoadOptions, images: &m
     }
 
     materials.warn(path, &mut scene);
-    scene.degenerate_triangles = maker.degenerate_triangles;
-    for (number, what, fate) in [
-        (maker.degenerate_triangles, "triangle", "without area left out"),
-        (maker.tangled_polygons, "polygon", "crossing itself or folded: the triangles there are a guess"),
-    ] {
-        if number > 0 {
-            scene.report.warn(format!("{}: {} {fate}", shown::path(path), count(number, what)));
-        }
-    }
+    maker.tell(path, &mut scene);
     Ok(scene.assemble(objects, options))
 }
 
@@ -238,7 +215,8 @@ impl<'a> Materials<'a> {
 mod tests {
     use super::*;
     use crate::material::Reflectance;
-    use crate::scene::LabelRules;
+    use crate::scene::{LabelRules, UpAxis};
+    use glam::DVec3;
     use std::collections::BTreeMap;
 
     /// Writes files, the first of which is the scene, and reads it.

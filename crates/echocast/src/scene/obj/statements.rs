@@ -3,26 +3,17 @@
 use super::text::{Text, quoted};
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
+use crate::scene::faces::{Corner, Faces, NONE};
 use glam::DVec3;
 use std::collections::HashMap;
+use std::ops::Range;
 use std::path::Path;
-
-/// Used where a face corner has no texture coordinate or normal.
-pub(super) const NONE: u32 = u32::MAX;
 
 /// The contents of an OBJ file.
 #[derive(Default)]
 pub(super) struct Statements {
-    /// `v`, file units.
-    pub positions: Vec<[f64; 3]>,
-    /// `vt`, v upwards.
-    pub texcoords: Vec<[f32; 2]>,
-    /// `vn`, normalised; zero where it has no direction.
-    pub normals: Vec<[f32; 3]>,
-    /// Corners of all faces.
-    pub corners: Vec<Corner>,
-    /// Where each face ends in `corners`; it starts where the one before ends.
-    pub face_ends: Vec<usize>,
+    /// `v`, `vt`, `vn` and `f`.
+    pub faces: Faces,
     /// Faces with the same object, group and material, in the file's order.
     pub runs: Vec<Run>,
     /// Names of `o`: each statement starts an object, even with a repeated name.
@@ -37,17 +28,6 @@ pub(super) struct Statements {
     pub warnings: Vec<String>,
 }
 
-/// A face corner: indices from 0.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Corner {
-    /// Index into [`Statements::positions`], in range.
-    pub position: u32,
-    /// Index into [`Statements::texcoords`]; out of range where there is none.
-    pub texcoord: u32,
-    /// Index into [`Statements::normals`]; out of range where there is none.
-    pub normal: u32,
-}
-
 /// Consecutive faces of one kind; the names are numbers in their [`Names`].
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Run {
@@ -58,6 +38,12 @@ pub(super) struct Run {
     pub start: usize,
     /// One past the last face.
     pub end: usize,
+}
+
+impl Run {
+    pub fn faces(&self) -> Range<usize> {
+        self.start..self.end
+    }
 }
 
 /// Names in the order in which they first occur. Number 0 is no name.
@@ -157,6 +143,7 @@ impl Statements {
     pub fn parse(path: &Path, bytes: &[u8]) -> Result<Self> {
         let mut text = Text::new(path, bytes)?;
         let mut file = Statements::default();
+        let mut faces = Faces::default();
         let mut run = Run::default();
         let (mut vertex, mut texcoord, mut normal) = (Reach::default(), Reach::default(), Reach::default());
         let (mut small, mut curved, mut unknown) = (Skipped::default(), Skipped::default(), Skipped::default());
@@ -164,49 +151,49 @@ impl Statements {
             let line = text.line();
             match text.word() {
                 // What follows (weight, colour) says nothing about the shape of a polygon.
-                b"v" => file.positions.push([text.number()?, text.number()?, text.number()?]),
+                b"v" => faces.positions.push([text.number()?, text.number()?, text.number()?]),
                 b"vn" => {
                     let normal = DVec3::new(text.number()?, text.number()?, text.number()?);
-                    file.normals.push(normal.normalize_or_zero().as_vec3().to_array());
+                    faces.normals.push(normal.normalize_or_zero().as_vec3().to_array());
                 }
                 b"vt" => {
                     let u = text.number()? as f32;
                     let v = if text.statement_is_over() { 0.0 } else { text.number()? as f32 };
-                    file.texcoords.push([u, v]);
+                    faces.texcoords.push([u, v]);
                 }
                 word @ (b"f" | b"fo") => {
-                    let start = file.corners.len();
+                    let start = faces.corners.len();
                     while !text.statement_is_over() {
                         let [v, vt, vn] = text.corner()?;
                         let corner = Corner {
-                            position: vertex.resolve(v, file.positions.len(), text.line()),
+                            position: vertex.resolve(v, faces.positions.len(), text.line()),
                             texcoord: if vt == 0 {
                                 NONE
                             } else {
-                                texcoord.resolve(vt, file.texcoords.len(), text.line())
+                                texcoord.resolve(vt, faces.texcoords.len(), text.line())
                             },
-                            normal: if vn == 0 { NONE } else { normal.resolve(vn, file.normals.len(), text.line()) },
+                            normal: if vn == 0 { NONE } else { normal.resolve(vn, faces.normals.len(), text.line()) },
                         };
-                        file.corners.push(corner);
+                        faces.corners.push(corner);
                     }
-                    if file.corners.len() - start < 3 {
+                    if faces.corners.len() - start < 3 {
                         small.add(line, word);
-                        file.corners.truncate(start);
+                        faces.corners.truncate(start);
                     } else {
-                        file.face_ends.push(file.corners.len());
+                        faces.face_ends.push(faces.corners.len());
                     }
                 }
                 b"o" => {
                     let object = file.objects.add(text.rest());
-                    file.start_run(&mut run, |run| run.object = object);
+                    file.start_run(&mut run, faces.face_ends.len(), |run| run.object = object);
                 }
                 b"g" => {
                     let group = file.groups.number(text.rest());
-                    file.start_run(&mut run, |run| run.group = group);
+                    file.start_run(&mut run, faces.face_ends.len(), |run| run.group = group);
                 }
                 b"usemtl" => {
                     let material = file.materials.number(text.rest());
-                    file.start_run(&mut run, |run| run.material = material);
+                    file.start_run(&mut run, faces.face_ends.len(), |run| run.material = material);
                 }
                 b"mtllib" => {
                     file.libraries.number(text.rest());
@@ -222,17 +209,11 @@ impl Statements {
             }
             text.skip_statement();
         }
-        file.start_run(&mut run, |_| {});
+        file.start_run(&mut run, faces.face_ends.len(), |_| {});
 
-        // Mesh vertices are counted in 32 bits, and a corner can become three: it may start three triangles.
-        for (count, what) in [(file.positions.len(), "vertices"), (file.corners.len(), "face corners")] {
-            let most = NONE as usize / 3;
-            if count > most {
-                return Err(Error::parse(path, "", format!("the file holds {count} {what}; allowed: {most}")));
-            }
-        }
-        if let Some((index, line)) = vertex.stray(file.positions.len()) {
-            let message = format!("vertex index {index} of {}", file.positions.len());
+        faces.check_size().map_err(|message| Error::parse(path, "", message))?;
+        if let Some((index, line)) = vertex.stray(faces.positions.len()) {
+            let message = format!("vertex index {index} of {}", faces.positions.len());
             return Err(Error::parse(path, format!("line {line}"), message));
         }
         let stray = |reach: &Reach, count: usize, what: &str| {
@@ -243,8 +224,8 @@ impl Statements {
             ))
         };
         file.warnings = [
-            stray(&texcoord, file.texcoords.len(), "texture coordinate"),
-            stray(&normal, file.normals.len(), "normal"),
+            stray(&texcoord, faces.texcoords.len(), "texture coordinate"),
+            stray(&normal, faces.normals.len(), "normal"),
             small.warning(path, "faces with fewer than 3 corners are"),
             curved.warning(path, "curve and surface statements are"),
             unknown.warning(path, "unknown statements are"),
@@ -252,29 +233,22 @@ impl Statements {
         .into_iter()
         .flatten()
         .collect();
-        if file.face_ends.is_empty() {
+        if faces.face_ends.is_empty() {
             let skipped = file.warnings.first().map(|warning| format!("; {warning}")).unwrap_or_default();
             return Err(Error::parse(path, "", format!("the file holds no face (f) with 3 or more corners{skipped}")));
         }
+        file.faces = faces;
         Ok(file)
     }
 
-    /// Ends the current run of faces and lets `change` set up the next.
-    fn start_run(&mut self, run: &mut Run, change: impl FnOnce(&mut Run)) {
-        run.end = self.face_ends.len();
+    /// Ends the current run of faces, of which there are `faces` so far, and lets `change` set up the next.
+    fn start_run(&mut self, run: &mut Run, faces: usize, change: impl FnOnce(&mut Run)) {
+        run.end = faces;
         if run.end > run.start {
             self.runs.push(*run);
         }
         run.start = run.end;
         change(run);
-    }
-
-    /// Corners of each face of `run`.
-    pub fn faces(&self, run: &Run) -> impl Iterator<Item = &[Corner]> {
-        let mut start = if run.start == 0 { 0 } else { self.face_ends[run.start - 1] };
-        self.face_ends[run.start..run.end]
-            .iter()
-            .map(move |&end| &self.corners[std::mem::replace(&mut start, end)..end])
     }
 }
 
@@ -296,8 +270,8 @@ mod tests {
     fn indices_count_from_either_end() {
         let file = parse(&format!("{TRIANGLE}vt 0 0\nvn 0 0 1\nf -3/-1/-1 2//1 3/1\nv 2 2 2\nf -1 -2 1")).unwrap();
         let corner = |position, texcoord, normal| Corner { position, texcoord, normal };
-        assert_eq!(file.corners[..3], [corner(0, 0, 0), corner(1, NONE, 0), corner(2, 0, NONE)]);
-        assert_eq!(file.corners[3..], [corner(3, NONE, NONE), corner(2, NONE, NONE), corner(0, NONE, NONE)]);
+        assert_eq!(file.faces.corners[..3], [corner(0, 0, 0), corner(1, NONE, 0), corner(2, 0, NONE)]);
+        assert_eq!(file.faces.corners[3..], [corner(3, NONE, NONE), corner(2, NONE, NONE), corner(0, NONE, NONE)]);
         assert!(file.warnings.is_empty());
         assert!(parse(&format!("f 1 2 3\n{TRIANGLE}")).is_ok(), "faces may come first");
     }
@@ -362,6 +336,6 @@ mod tests {
         assert_eq!(runs, [(0, 0, 0, 0..1), (1, 1, 0, 1..3), (1, 1, 1, 3..4), (2, 0, 0, 4..5), (3, 0, 0, 5..6)]);
         assert_eq!(file.objects.iter().collect::<Vec<_>>(), ["a", "b c", "a"]);
         assert_eq!(file.materials.iter().collect::<Vec<_>>(), ["m n"]);
-        assert_eq!(file.faces(&file.runs[1]).map(<[_]>::len).collect::<Vec<_>>(), [3, 3]);
+        assert_eq!(file.faces.of(&file.runs[1].faces()).map(<[_]>::len).collect::<Vec<_>>(), [3, 3]);
     }
 }

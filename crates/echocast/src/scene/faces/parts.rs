@@ -1,25 +1,28 @@
 //! Faces to parts: polygons become triangles, corners become shared vertices.
 
 use super::polygon::{looks, triangulate};
-use super::statements::{Corner, NONE, Run, Statements};
+use super::{Corner, Faces, NONE};
 use crate::scene::Part;
-use crate::scene::mesh::{is_degenerate, normals_are_flat};
+use crate::scene::mesh::{Source, is_degenerate, normals_are_flat};
 use glam::{DVec3, Vec3};
+use std::mem;
+use std::ops::Range;
+use std::sync::Arc;
 
 /// How many vertices at one position are compared before a corner gets a vertex of its own: sharing gains little there,
 /// and a million corners at one point must not be compared with each other.
 const LONGEST_SEARCH: usize = 16;
 
 /// Makes parts from the faces of a file.
-pub(super) struct PartMaker<'a> {
-    file: &'a Statements,
+pub(in crate::scene) struct PartMaker<'a> {
+    file: &'a Faces,
     /// For every position the part that used it last (counted from 1) and its newest vertex there.
     newest: Vec<[u32; 2]>,
     parts: u32,
     /// What is left for [`triangulate`].
     looks_left: usize,
     /// For each part so far, of each vertex which of the file's positions it is; `None`: nobody asks.
-    pub sources: Option<Vec<Vec<u32>>>,
+    sources: Option<Vec<Vec<u32>>>,
     /// Triangles without area that were left out.
     pub degenerate_triangles: usize,
     /// Polygons that cross themselves.
@@ -28,17 +31,17 @@ pub(super) struct PartMaker<'a> {
 
 impl<'a> PartMaker<'a> {
     /// Of the faces of `file`; `traced`: somebody asks for the sources of vertices.
-    pub fn new(file: &'a Statements, traced: bool) -> Self {
+    pub fn new(file: &'a Faces, traced: bool) -> Self {
         let newest = vec![[0; 2]; file.positions.len()];
         let looks_left = looks(file.corners.len());
         let sources = traced.then(Vec::new);
         PartMaker { file, newest, parts: 0, looks_left, sources, degenerate_triangles: 0, tangled_polygons: 0 }
     }
 
-    /// The middle of the vertices of `runs`, in whole units: relative to it `f32` preserves `f64` coordinates.
-    pub fn middle(&self, runs: &[Run]) -> DVec3 {
+    /// The middle of the vertices of the faces of `runs`, in whole units: relative to it `f32` preserves `f64` coordinates.
+    pub fn middle(&self, runs: &[Range<usize>]) -> DVec3 {
         let (mut low, mut high) = (DVec3::MAX, DVec3::MIN);
-        for corner in runs.iter().flat_map(|run| self.file.faces(run)).flatten() {
+        for corner in runs.iter().flat_map(|run| self.file.of(run)).flatten() {
             let p = self.position(corner);
             (low, high) = (low.min(p), high.max(p));
         }
@@ -46,12 +49,15 @@ impl<'a> PartMaker<'a> {
     }
 
     /// The faces of `runs`, which have one material, around `middle`; `None` when no triangle has area.
-    pub fn part(&mut self, runs: &[Run], middle: DVec3, textured: bool) -> Option<Part> {
+    pub fn part(&mut self, runs: &[Range<usize>], middle: DVec3, textured: bool) -> Option<Part> {
         let triangles = self.triangles(runs, middle);
         if triangles.is_empty() {
             return None;
         }
         let smooth = triangles.iter().any(|triangle| {
+            if triangle.iter().all(|corner| self.normal(corner).is_none()) {
+                return false;
+            }
             let points = triangle.map(|corner| self.local(&corner, middle));
             let normals = triangle.map(|corner| self.normal(&corner).unwrap_or_else(|| face_normal(points)));
             !normals_are_flat(&points, &normals, &[[0, 1, 2]])
@@ -60,8 +66,14 @@ impl<'a> PartMaker<'a> {
         Some(self.weld(&triangles, middle, smooth, textured))
     }
 
+    /// Where the vertices of the parts since the last call come from, around `origin`; `None`: nobody asks.
+    pub fn source(&mut self, origin: DVec3) -> Option<Arc<Source>> {
+        let vertices = mem::take(self.sources.as_mut()?);
+        Some(Arc::new(Source { vertices, count: self.file.positions.len(), origin }))
+    }
+
     /// Corners of the triangles of `runs` that have area.
-    fn triangles(&mut self, runs: &[Run], middle: DVec3) -> Vec<[Corner; 3]> {
+    fn triangles(&mut self, runs: &[Range<usize>], middle: DVec3) -> Vec<[Corner; 3]> {
         let mut triangles = Vec::with_capacity(runs.iter().map(|run| run.end - run.start).sum());
         let mut points = Vec::new();
         let (mut degenerate, mut tangled, mut looks_left) = (0, 0, self.looks_left);
@@ -73,7 +85,7 @@ impl<'a> PartMaker<'a> {
             }
             has_area
         };
-        for face in runs.iter().flat_map(|run| self.file.faces(run)) {
+        for face in runs.iter().flat_map(|run| self.file.of(run)) {
             if let [a, b, c] = *face {
                 degenerate += usize::from(!add([a, b, c]));
                 continue;

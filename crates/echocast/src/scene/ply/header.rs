@@ -1,0 +1,220 @@
+//! The header of a PLY file: which numbers follow, in which order.
+
+/// What the header says.
+#[derive(Debug)]
+pub(super) struct Header {
+    pub encoding: Encoding,
+    /// Groups of rows, in the order of the file.
+    pub elements: Vec<Element>,
+    /// Images that comments name (`TextureFile`, as MeshLab and Metashape write it).
+    pub textures: Vec<String>,
+    /// Where the rows begin, bytes.
+    pub length: usize,
+    /// Lines before them.
+    pub lines: usize,
+}
+
+/// How numbers are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Encoding {
+    Text,
+    Little,
+    Big,
+}
+
+/// Rows with the same properties.
+#[derive(Debug)]
+pub(super) struct Element {
+    pub name: String,
+    pub count: u64,
+    pub properties: Vec<Property>,
+}
+
+/// A number of each row, or a list of them.
+#[derive(Debug)]
+pub(super) struct Property {
+    pub name: String,
+    pub kind: Kind,
+    /// Of a list: how its length is written.
+    pub length: Option<Kind>,
+}
+
+/// A type of numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    I64,
+    U64,
+    F32,
+    F64,
+}
+
+impl Kind {
+    /// Names of the format, and those that other programs added.
+    fn named(name: &str) -> Option<Kind> {
+        Some(match name {
+            "char" | "int8" => Kind::I8,
+            "uchar" | "uint8" => Kind::U8,
+            "short" | "int16" => Kind::I16,
+            "ushort" | "uint16" => Kind::U16,
+            "int" | "int32" => Kind::I32,
+            "uint" | "uint32" => Kind::U32,
+            "long" | "int64" => Kind::I64,
+            "ulong" | "uint64" => Kind::U64,
+            "float" | "float32" => Kind::F32,
+            "double" | "float64" => Kind::F64,
+            _ => return None,
+        })
+    }
+
+    /// Bytes of one number.
+    pub fn size(self) -> usize {
+        match self {
+            Kind::I8 | Kind::U8 => 1,
+            Kind::I16 | Kind::U16 => 2,
+            Kind::I32 | Kind::U32 | Kind::F32 => 4,
+            Kind::I64 | Kind::U64 | Kind::F64 => 8,
+        }
+    }
+
+    /// What stands for a full colour channel.
+    pub fn full(self) -> f64 {
+        match self {
+            Kind::I8 | Kind::U8 => 255.0,
+            Kind::I16 | Kind::U16 => 65535.0,
+            _ => 1.0,
+        }
+    }
+}
+
+impl Header {
+    /// Reads the header at the start of `bytes`; or the line of what is wrong with it, and what.
+    pub fn parse(bytes: &[u8]) -> Result<Header, (usize, String)> {
+        let Some(rest) = bytes.strip_prefix(b"ply") else {
+            return Err((1, "not a PLY file: it does not begin with \"ply\"".into()));
+        };
+        // Old programs end lines with a carriage return alone.
+        let end = if rest.first() == Some(&b'\r') && rest.get(1) != Some(&b'\n') { b'\r' } else { b'\n' };
+        let mut header =
+            Header { encoding: Encoding::Text, elements: Vec::new(), textures: Vec::new(), length: 0, lines: 0 };
+        let mut encoding = None;
+        for (number, line) in bytes.split(|&byte| byte == end).enumerate() {
+            header.length += line.len() + 1;
+            let text = String::from_utf8_lossy(line);
+            let words: Vec<&str> = text.split_ascii_whitespace().collect();
+            let fault = |message: String| (number + 1, message);
+            match words[..] {
+                [] | ["obj_info", ..] => {}
+                ["ply"] if number == 0 => {}
+                ["comment", "TextureFile", ..] => {
+                    let name = text.trim_start().trim_start_matches("comment").trim_start();
+                    header.textures.push(name.trim_start_matches("TextureFile").trim().to_owned());
+                }
+                ["comment", ..] => {}
+                ["format", name, ..] => {
+                    encoding = Some(match name {
+                        "ascii" => Encoding::Text,
+                        "binary_little_endian" => Encoding::Little,
+                        "binary_big_endian" => Encoding::Big,
+                        other => {
+                            let allowed = "ascii, binary_little_endian, binary_big_endian";
+                            return Err(fault(format!("format {other:?}; allowed: {allowed}")));
+                        }
+                    });
+                }
+                ["element", name, count] => {
+                    let count = count.parse().map_err(|_| fault(format!("{count:?} is no number of elements")))?;
+                    header.elements.push(Element { name: name.to_owned(), count, properties: Vec::new() });
+                }
+                ["property", "list", length, kind, name] => {
+                    let length = known(length).map_err(fault)?;
+                    header.property(name, kind, Some(length)).map_err(fault)?;
+                }
+                ["property", kind, name] => header.property(name, kind, None).map_err(fault)?,
+                ["end_header"] => {
+                    header.encoding = encoding.ok_or_else(|| fault("the header has no line \"format\"".into()))?;
+                    header.lines = number + 1;
+                    header.length = header.length.min(bytes.len());
+                    return Ok(header);
+                }
+                _ => {
+                    let allowed = "format, comment, obj_info, element NAME COUNT, property TYPE NAME, \
+                                   property list TYPE TYPE NAME, end_header";
+                    let text: String = text.chars().take(40).collect();
+                    return Err(fault(format!("{text:?} is no line of a PLY header; allowed: {allowed}")));
+                }
+            }
+        }
+        Err((
+            bytes.split(|&byte| byte == end).count(),
+            "the file is cut off: its header has no line \"end_header\"".into(),
+        ))
+    }
+
+    fn property(&mut self, name: &str, kind: &str, length: Option<Kind>) -> Result<(), String> {
+        let kind = known(kind)?;
+        let element = self.elements.last_mut().ok_or("a property stands before the first element")?;
+        element.properties.push(Property { name: name.to_owned(), kind, length });
+        Ok(())
+    }
+}
+
+fn known(kind: &str) -> Result<Kind, String> {
+    const ALLOWED: &str = "char, uchar, short, ushort, int, uint, float, double, int8 to int64, uint8 to uint64, \
+                           float32, float64";
+    Kind::named(kind).ok_or_else(|| format!("{kind:?} is no type of numbers; allowed: {ALLOWED}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HEADER: &str = "ply\nformat binary_little_endian 1.0\ncomment made by hand\ncomment TextureFile my wall.png\n\
+        element vertex 3\nproperty float x\nproperty double y\nobj_info x\nelement face 1\n\
+        property list uchar int vertex_indices\nend_header\n";
+
+    #[test]
+    fn headers_are_read_with_all_line_ends() {
+        for end in ["\n", "\r\n", "\r"] {
+            let text = HEADER.replace('\n', end) + "rows";
+            let header = Header::parse(text.as_bytes()).unwrap();
+            assert_eq!((header.encoding, header.lines), (Encoding::Little, 11), "{end:?}");
+            assert_eq!(&text[header.length..], "rows");
+            assert_eq!(header.textures, ["my wall.png"]);
+            let counts: Vec<_> =
+                header.elements.iter().map(|e| (e.name.as_str(), e.count, e.properties.len())).collect();
+            assert_eq!(counts, [("vertex", 3, 2), ("face", 1, 1)]);
+            let faces = &header.elements[1].properties[0];
+            assert_eq!((faces.kind, faces.length), (Kind::I32, Some(Kind::U8)));
+        }
+        assert_eq!(Header::parse(HEADER.trim_end().as_bytes()).unwrap().length, HEADER.len() - 1);
+    }
+
+    #[test]
+    fn what_is_wrong_is_told_with_its_line() {
+        let error = |from: &str, to: &str| Header::parse(HEADER.replace(from, to).as_bytes()).unwrap_err();
+        assert_eq!(error("ply", "obj").0, 1);
+        assert_eq!(
+            error("end_header", "comment"),
+            (12, "the file is cut off: its header has no line \"end_header\"".into())
+        );
+        assert!(error("format binary_little_endian 1.0", "").1.contains("no line \"format\""));
+        for (from, to, line, part) in [
+            ("binary_little_endian", "binary", 2, "\"binary\"; allowed: ascii"),
+            ("vertex 3", "vertex -3", 5, "\"-3\" is no number"),
+            ("vertex 3", "vertex 99999999999999999999999", 5, "is no number"),
+            ("float", "half", 6, "\"half\" is no type"),
+            ("uchar int", "uchar bit", 10, "\"bit\" is no type"),
+            ("element vertex 3", "", 6, "before the first element"),
+            ("obj_info", "info", 8, "\"info x\" is no line"),
+        ] {
+            let (found, message) = error(from, to);
+            assert!(found == line && message.contains(part), "{found}: {message}");
+        }
+    }
+}
