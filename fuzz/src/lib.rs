@@ -4,6 +4,7 @@
 pub mod cache;
 pub mod capi;
 mod common;
+pub mod fbx;
 pub mod gltf;
 pub mod obj;
 pub mod scenario;

@@ -29,21 +29,22 @@ pub extern "C" fn echocast_version() -> u32 {
     MAJOR << 24 | MINOR << 12 | PATCH
 }
 
-/// The version and what is built in, for people: "echocast 0.1.0 (hdf5)".
+/// The version and what is built in, for people: "echocast 0.1.0 (fbx, hdf5)".
 ///
 /// Static, never NULL.
 #[unsafe(no_mangle)]
 pub extern "C" fn echocast_version_string() -> *const c_char {
-    const TEXT: &str = if cfg!(feature = "hdf5") {
-        concat!("echocast ", env!("CARGO_PKG_VERSION"), " (hdf5)\0")
-    } else {
-        concat!("echocast ", env!("CARGO_PKG_VERSION"), "\0")
+    const TEXT: &str = match (cfg!(feature = "fbx"), cfg!(feature = "hdf5")) {
+        (true, true) => concat!("echocast ", env!("CARGO_PKG_VERSION"), " (fbx, hdf5)\0"),
+        (true, false) => concat!("echocast ", env!("CARGO_PKG_VERSION"), " (fbx)\0"),
+        (false, true) => concat!("echocast ", env!("CARGO_PKG_VERSION"), " (hdf5)\0"),
+        (false, false) => concat!("echocast ", env!("CARGO_PKG_VERSION"), "\0"),
     };
     TEXT.as_ptr().cast()
 }
 
 /// Whether the library has a feature: a format that clouds are written in ("las", "hdf5") or scenes are read from
-/// ("gltf", "obj"), a column ("true_range"). 1 or 0; 0 for unknown names and for NULL.
+/// ("gltf", "obj", "fbx"), a column ("true_range"). 1 or 0; 0 for unknown names and for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_has_feature(name: *const c_char) -> i32 {
     guard_or(0, || {

@@ -9,13 +9,18 @@
 
 mod caches;
 mod camera;
+#[cfg(feature = "fbx")]
+mod fbx;
 mod gltf;
 mod identity;
 mod label;
 mod material_rules;
 mod merge;
 mod mesh;
+mod notes;
 mod obj;
+mod pose;
+mod properties;
 mod sequence;
 
 pub use crate::ground::array::Array;
@@ -65,7 +70,7 @@ named! { UpAxis: Y "y", Z "z" }
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LoadOptions {
-    /// Up axis of formats that do not specify it (OBJ). glTF is always y up.
+    /// Up axis of formats that do not specify it (OBJ). glTF is always y up, and FBX files say it.
     pub up: UpAxis,
     /// Metres per unit of formats that do not specify it (OBJ).
     pub scale: f64,
@@ -224,7 +229,8 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Reads a scene file; the format is chosen by the extension (`.glb`, `.gltf`, `.obj`).
+    /// Reads a scene file; the format is chosen by the extension (`.glb`, `.gltf`, `.obj`,
+    /// and with the feature `fbx`, `.fbx`).
     ///
     /// # Errors
     /// A missing or damaged file, a feature that is not supported, nothing to scan; a cache that does not fit its object.
@@ -667,5 +673,13 @@ pub const FORMATS: &[SceneFormat] = &[
         extensions: &["obj"],
         description: "Wavefront OBJ with MTL: polygons, groups and objects, materials, textures",
         read: obj::read,
+    },
+    #[cfg(feature = "fbx")]
+    SceneFormat {
+        name: "fbx",
+        extensions: &["fbx"],
+        description: "Autodesk FBX, binary or text: hierarchy, instances, materials, textures, cameras, animations, \
+                      skins, blend shapes, labels in user properties",
+        read: fbx::read,
     },
 ];

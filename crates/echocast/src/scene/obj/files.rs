@@ -8,7 +8,7 @@ type Found = Result<Option<PathBuf>, String>;
 
 /// Where material files and images of a scene may be.
 #[derive(Clone, Copy)]
-pub(super) struct Files<'a> {
+pub(in crate::scene) struct Files<'a> {
     /// The folder of the scene.
     pub folder: &'a Path,
     /// Whether they may be anywhere.

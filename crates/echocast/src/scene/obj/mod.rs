@@ -3,10 +3,10 @@
 //! The format is that of the appendix "Object Files (.obj)" of Alias|Wavefront's Advanced Visualizer manual, read as
 //! exporters write it.
 
-mod files;
+pub(in crate::scene) mod files;
 mod mtl;
 mod parts;
-mod polygon;
+pub(in crate::scene) mod polygon;
 mod statements;
 mod text;
 
