@@ -17,7 +17,7 @@ const CHECKED: [f64; 5] = [0.11, 0.29, 0.5, 0.73, 0.9];
 /// Stretches shorter than this, s, are not cut further.
 const SHORTEST_S: f64 = 1e-4;
 
-/// How far from a key one looks at what is before and after it, s: values may jump there.
+/// How far from a key one looks at what is before and after it, s, at most: values may jump there.
 const EDGE_S: f64 = 1e-9;
 
 /// What a property does over time.
@@ -71,7 +71,9 @@ struct Stretch {
 impl Baker<'_> {
     /// What the quantity does; `times`, rising, are those of all keys behind it, s.
     pub fn bake(&self, times: &[f64]) -> Result<Course, String> {
-        let [first, _, ..] = times else { return Ok(Course::Still(self.at(times[0])?)) };
+        let [first, .., last] = times else { return Ok(Course::Still(self.at(times[0])?)) };
+        // Values may jump at these keys too.
+        let ends = [self.at(first - EDGE_S)?, self.at(last + EDGE_S)?];
         let mut lines = Vec::new();
         for pair in times.windows(2) {
             let line = self.line(pair[0], pair[1])?;
@@ -83,10 +85,10 @@ impl Baker<'_> {
         }
         if !lines.is_empty() {
             let still = |value: &[f64]| self.near(value, &lines[0].from, self.tolerance * 1e-3);
-            if lines.iter().all(|line| still(&line.from) && still(&line.to)) {
+            if lines.iter().flat_map(|line| [&line.from, &line.to]).chain(&ends).all(|value| still(value)) {
                 return Ok(Course::Still(self.at(*first)?));
             }
-            return self.join(lines, Interpolation::Linear);
+            return self.join(lines, ends, Interpolation::Linear);
         }
         let mut splines = Vec::new();
         for pair in times.windows(2) {
@@ -101,7 +103,7 @@ impl Baker<'_> {
                 }
             }
         }
-        self.join(splines, Interpolation::Cubic)
+        self.join(splines, ends, Interpolation::Cubic)
     }
 
     /// What changes at the times of keys alone: true or false.
@@ -130,7 +132,7 @@ impl Baker<'_> {
 
     /// A straight line.
     fn line(&self, start: f64, end: f64) -> Result<Stretch, String> {
-        let edge = EDGE_S.min(1e-3 * (end - start));
+        let edge = edge(start, end);
         let (from, mut to) = (self.at(start + edge)?, self.at(end - edge)?);
         self.align(&mut to, &from);
         Ok(Stretch { start, end, from, to, leaving: Vec::new(), arriving: Vec::new() })
@@ -138,22 +140,20 @@ impl Baker<'_> {
 
     /// A spline with the slopes that the quantity has at both ends.
     fn spline(&self, start: f64, end: f64) -> Result<Stretch, String> {
-        let step = 1e-3 * (end - start);
+        let (edge, step) = (edge(start, end), 1e-3 * (end - start));
         let line = self.line(start, end)?;
-        // Of the parabola through the end and two values near it.
-        let slope = |at: &[f64], near: Vec<f64>, far: Vec<f64>, step: f64| -> Vec<f64> {
-            let triples = at.iter().zip(near).zip(far);
-            triples.map(|((at, near), far)| (4.0 * near - 3.0 * at - far) / (2.0 * step)).collect()
-        };
-        let aligned = |time: f64, with: &[f64]| {
-            let mut value = self.at(time)?;
-            self.align(&mut value, with);
-            Ok::<_, String>(value)
-        };
-        let leaving =
-            slope(&line.from, aligned(start + step, &line.from)?, aligned(start + 2.0 * step, &line.from)?, step);
-        let arriving = slope(&line.to, aligned(end - step, &line.to)?, aligned(end - 2.0 * step, &line.to)?, -step);
+        let leaving = self.slope(start + edge, &line.from, step)?;
+        let arriving = self.slope(end - edge, &line.to, -step)?;
         Ok(Stretch { leaving, arriving, ..line })
+    }
+
+    /// The slope at `time`, where the value is `here`: that of the parabola through it and two values `step` s apart.
+    fn slope(&self, time: f64, here: &[f64], step: f64) -> Result<Vec<f64>, String> {
+        let (mut near, mut far) = (self.at(time + step)?, self.at(time + 2.0 * step)?);
+        self.align(&mut near, here);
+        self.align(&mut far, here);
+        let values = here.iter().zip(near).zip(far);
+        Ok(values.map(|((here, near), far)| (4.0 * near - 3.0 * here - far) / (2.0 * step)).collect())
     }
 
     /// Makes `value` the one of two quaternions of the same rotation that is nearer to `other`.
@@ -191,9 +191,16 @@ impl Baker<'_> {
         a.iter().zip(b).all(|(a, b)| (a - b).abs() <= tolerance.max(1e-9 * b.abs()))
     }
 
-    /// Stretches that follow each other, as one curve.
-    fn join(&self, stretches: Vec<Stretch>, interpolation: Interpolation) -> Result<Course, String> {
+    /// Stretches that follow each other, with the values before and after them, as one curve.
+    fn join(
+        &self,
+        stretches: Vec<Stretch>,
+        [before, mut after]: [Vec<f64>; 2],
+        interpolation: Interpolation,
+    ) -> Result<Course, String> {
+        let (cubic, none) = (interpolation == Interpolation::Cubic, vec![0.0; before.len()]);
         let mut keys = Keys::default();
+        keys.push(stretches[0].start, &none, &before, &none, cubic);
         for mut stretch in stretches {
             self.budget.charge(stretch.from.len() * 6 * size_of::<f64>())?;
             if self.turns && keys.last.iter().zip(&stretch.from).map(|(a, b)| a * b).sum::<f64>() < 0.0 {
@@ -201,6 +208,11 @@ impl Baker<'_> {
                 all.into_iter().flatten().for_each(|number| *number = -*number);
             }
             keys.add(&stretch, self, interpolation);
+        }
+        self.align(&mut after, &keys.last);
+        if !self.near(&keys.last, &after, self.tolerance) {
+            let end = keys.times.last().copied().unwrap_or_default();
+            keys.push(end, &none, &after, &none, cubic);
         }
         let curve = keys.curve(self, interpolation);
         Ok(self.track(curve.times, curve.values, curve.width, interpolation))
@@ -210,6 +222,11 @@ impl Baker<'_> {
         let curve = Arc::new(Curve { times, values, width, interpolation, turns: self.turns });
         Course::Moving(Track { curve, period: self.period })
     }
+}
+
+/// How far from the ends of a stretch one looks at what is in it, s.
+fn edge(start: f64, end: f64) -> f64 {
+    EDGE_S.min(1e-3 * (end - start))
 }
 
 /// A curve in the making.
@@ -235,11 +252,11 @@ impl Keys {
             self.push(stretch.start, &none, &stretch.from, &stretch.leaving, cubic);
         }
         self.push(stretch.end, &stretch.arriving, &stretch.to, &none, cubic);
-        self.last.clone_from(&stretch.to);
     }
 
     fn push(&mut self, time: f64, before: &[f64], value: &[f64], after: &[f64], cubic: bool) {
         self.times.push(time);
+        self.last = value.to_vec();
         if cubic {
             self.values.extend([before, value, after].into_iter().flatten());
         } else {

@@ -18,7 +18,7 @@ pub(super) struct Materials<'a> {
     pub list: Vec<Arc<Material>>,
     pub options: &'a LoadOptions,
     document: &'a Document<'a>,
-    /// Place in the list, and the name of the texture coordinates that its texture uses, by number in the file.
+    /// By number in the file, with the name of the texture coordinates that a texture uses.
     known: HashMap<u32, (Arc<Material>, Option<String>)>,
     /// Decoded, by number of the file's images; `None`: it cannot be had.
     images: HashMap<u32, Option<Arc<Texture>>>,

@@ -1,7 +1,7 @@
 //! Meshes: polygons to parts of one material each.
 
 use super::Document;
-use super::deform::Form;
+use super::deform::{Form, deforming};
 use super::material::Materials;
 use crate::ground::error::Result;
 use crate::ground::shown;
@@ -12,7 +12,6 @@ use crate::scene::obj::polygon::{looks, triangulate};
 use crate::scene::{Mesh, Part, within_reach};
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
-use std::mem;
 use std::sync::Arc;
 
 /// How many vertices at one position are compared before a corner gets a vertex of its own: sharing gains little there,
@@ -92,7 +91,7 @@ impl<'a> Meshes<'a> {
         self.document.budget.charge(bytes).map_err(fault)?;
         let mut maker = Maker::new(mesh, self.looks_left).map_err(fault)?;
         let (mut parts, mut vertices, mut sources) = (Vec::new(), Vertices::default(), Vec::new());
-        for (slot, of_slot) in mesh.material_parts.iter().enumerate() {
+        for (slot, of_slot) in mesh.material_parts.iter().enumerate().filter(|(_, part)| part.num_faces > 0) {
             let material = match material(slot) {
                 Some(material) => Some(self.materials.get(material, &mut self.notes)?),
                 None => None,
@@ -105,13 +104,13 @@ impl<'a> Meshes<'a> {
             let Some(mut made) = maker.part(&of_slot.face_indices, uvs, form.deforms()) else { continue };
             made.part.material = material.map(|(material, _)| material);
             if form.deforms() {
-                let mut deforming = PartVertices {
+                let mut vertices_of_part = PartVertices {
                     positions: made.part.positions.clone(),
                     normals: made.part.normals.clone(),
                     ..PartVertices::default()
                 };
-                super::deform::deforming(mesh, form, &made, self.document.budget, &mut deforming).map_err(fault)?;
-                vertices.parts.push(deforming);
+                deforming(mesh, form, &made, self.document.budget, &mut vertices_of_part).map_err(fault)?;
+                vertices.parts.push(vertices_of_part);
             }
             parts.push(made.part);
             sources.push(made.sources);
@@ -278,8 +277,8 @@ impl<'a> Maker<'a> {
         }
         let part = Part {
             positions: positions.into(),
-            normals: smooth.then(|| mem::take(&mut normals).into()),
-            uvs: uvs.map(|_| mem::take(&mut own_uvs).into()),
+            normals: smooth.then(|| normals.into()),
+            uvs: uvs.map(|_| own_uvs.into()),
             triangles: indices.into(),
             material: None,
         };

@@ -34,7 +34,7 @@ use nodes::Nodes;
 use object::Objects;
 use std::path::Path;
 use std::sync::Arc;
-use ufbx::{AllocatorOpts, CoordinateAxes, CoordinateAxis, ErrorType, FileFormat, LoadOpts, WarningType};
+use ufbx::{AllocatorOpts, CoordinateAxes, ErrorType, FileFormat, LoadOpts, WarningType};
 
 /// Reads an `.fbx` file.
 ///
@@ -152,17 +152,8 @@ impl Document<'_> {
 /// The camera at a node, if there is one.
 fn camera_of(placed: &Placed<'_>, document: &Document<'_>, nodes: &mut Nodes<'_>) -> Result<Option<Camera>> {
     let Some(camera) = &placed.node.camera else { return Ok(None) };
-    let axis = |axis: CoordinateAxis| match axis {
-        CoordinateAxis::PositiveX => DVec3::X,
-        CoordinateAxis::NegativeX => DVec3::NEG_X,
-        CoordinateAxis::PositiveY => DVec3::Y,
-        CoordinateAxis::NegativeY => DVec3::NEG_Y,
-        CoordinateAxis::PositiveZ | CoordinateAxis::Unknown => DVec3::Z,
-        CoordinateAxis::NegativeZ => DVec3::NEG_Z,
-    };
-    // As the camera of a glTF node, which looks along -z, y up.
-    let axes = camera.projection_axes;
-    let turned = DAffine3::from_mat3(DMat3::from_cols(axis(axes.right), axis(axes.up), axis(axes.front)));
+    // Cameras look along x, y up, in FBX; along -z, y up, at a glTF node.
+    let turned = DAffine3::from_mat3(DMat3::from_cols(DVec3::Z, DVec3::Y, DVec3::NEG_X));
     let node_from_camera = affine(&placed.node.geometry_to_node) * turned;
     let name = [&hierarchy::named(placed.node).element.name, &camera.element.name];
     let name = name.into_iter().find(|name| !name.is_empty()).map(|name| name.to_string());
