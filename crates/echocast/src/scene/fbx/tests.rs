@@ -116,15 +116,25 @@ const NO_SLOPES: &str = "0,0,0,0";
 fn animation(name: &str, first: u32, curves: &[(u32, &str, &str, String)]) -> (String, String) {
     let (stack, layer) = (first, first + 1);
     let mut objects = format!(
-        "AnimationStack: {stack}, \"AnimStack::{name}\", \"\" {{\n}}\nAnimationLayer: {layer}, \"AnimLayer::l\", \"\" {{\n}}\n"
+        "AnimationStack: {stack}, \"AnimStack::{name}\", \"\" {{\n}}\nAnimationLayer: {layer}, \"AnimLayer::l\", \"\" \
+         {{\n}}\n"
     );
     let mut connections = links(&[&format!("{layer},{stack}")]);
-    for (number, (node, property, axis, curve)) in curves.iter().enumerate() {
+    for (number, of_property) in curves.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)).enumerate() {
+        let (node, property, ..) = of_property[0];
         let id = first + 10 + number as u32;
-        objects += &format!("AnimationCurveNode: {id}, \"AnimCurveNode::{property}\", \"\" {{\n}}\n{curve}");
-        let own = curve.split([' ', ',']).nth(1).unwrap();
+        // What the axes without a curve are.
+        let rest = u32::from(property == "Lcl Scaling");
+        let axes = ["X", "Y", "Z"].map(|axis| format!("\"d|{axis}\", \"Number\", \"\", \"A\",{rest}"));
+        let axes = properties(&axes.each_ref().map(String::as_str));
+        objects += &format!("AnimationCurveNode: {id}, \"AnimCurveNode::{property}\", \"\" {{\n{axes}}}\n");
         connections += &links(&[&format!("{id},{layer}")]);
-        connections += &format!("C: \"OP\",{id},{node}, \"{property}\"\nC: \"OP\",{own},{id}, \"{axis}\"\n");
+        connections += &format!("C: \"OP\",{id},{node}, \"{property}\"\n");
+        for (_, _, axis, curve) in of_property {
+            objects += curve;
+            let own = curve.split([' ', ',']).nth(1).unwrap();
+            connections += &format!("C: \"OP\",{own},{id}, \"{axis}\"\n");
+        }
     }
     (objects, connections)
 }
