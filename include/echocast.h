@@ -130,7 +130,7 @@ ECHOCAST_API const char *echocast_status_string(echocast_status status);
 ECHOCAST_API uint32_t echocast_version(void);
 
 /**
- * The version and what is built in, for people: "echocast 0.1.0 (hdf5)".
+ * The version and what is built in, for people: "echocast 0.1.0 (fbx, hdf5)".
  *
  * Static, never NULL.
  */
@@ -138,7 +138,7 @@ ECHOCAST_API const char *echocast_version_string(void);
 
 /**
  * Whether the library has a feature: a format that clouds are written in ("las", "hdf5") or scenes are read from
- * ("gltf", "obj"), a column ("true_range"). 1 or 0; 0 for unknown names and for NULL.
+ * ("gltf", "obj", "fbx"), a column ("true_range"). 1 or 0; 0 for unknown names and for NULL.
  */
 ECHOCAST_API int32_t echocast_has_feature(const char *name);
 
@@ -474,7 +474,7 @@ echocast_status echocast_scene_create(const echocast_context *context,
 ECHOCAST_API void echocast_scene_release(echocast_scene *scene);
 
 /**
- * Adds the contents of a scene file (glTF, GLB, OBJ): its objects as fixed instances with their labels, and its
+ * Adds the contents of a scene file (glTF, GLB, OBJ, FBX): its objects as fixed instances with their labels, and its
  * cameras. `options`: NULL, or YAML with `up` (y or z) and `scale` (metres per unit) for formats that do not define
  * them; `labels`, with the contents of a label file; `texture_limit_mib` (1024), most memory for all images;
  * `animation`, the name of the one to play instead of all; `looped` (false), whether animations start again at their

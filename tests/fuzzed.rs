@@ -68,6 +68,11 @@ fn gltf() {
 }
 
 #[test]
+fn fbx() {
+    fuzz("fbx", 1000, &[include_bytes!("data/scenes/blender/scene.fbx")], targets::fbx::run);
+}
+
+#[test]
 fn obj() {
     fuzz("obj", 2000, &[], targets::obj::run);
 }

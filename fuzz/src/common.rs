@@ -2,6 +2,8 @@
 
 use echocast::scene::Part;
 use echocast::{Engine, FieldSet, LiveScene, Pose, ScanOptions, Scene, Sensor, Trajectory};
+use std::collections::HashSet;
+use std::sync::Arc;
 
 /// Scenes up to here are built too: Embree is the slow part.
 const MOST_TO_BUILD: usize = 1000;
@@ -12,11 +14,12 @@ const UVS: [[f32; 2]; 5] = [[0.0, 0.0], [0.999, -7.3], [3e38, 0.5], [0.5, f32::N
 /// Asserts what the module `scene` promises of every scene that has been read.
 pub fn check(scene: &Scene) {
     assert!(scene.triangle_count() > 0);
-    for part in scene.meshes().iter().flat_map(|mesh| {
+    // What changes its shape may have triangles that open up.
+    let still: HashSet<_> =
+        scene.objects.iter().filter(|object| object.motion.is_none()).map(|object| Arc::as_ptr(&object.mesh)).collect();
+    for mesh in scene.meshes() {
         assert!(!mesh.parts.is_empty());
-        &mesh.parts
-    }) {
-        check_part(part);
+        mesh.parts.iter().for_each(|part| check_part(part, still.contains(&Arc::as_ptr(mesh))));
     }
     for material in &scene.materials {
         let fractions = material.base_color.into_iter().chain([material.metallic, material.roughness]);
@@ -62,7 +65,7 @@ fn play(scene: &Scene) {
     }
 }
 
-fn check_part(part: &Part) {
+fn check_part(part: &Part, is_still: bool) {
     let vertices = part.positions.len();
     assert!(!part.triangles.is_empty());
     assert!(part.positions.iter().flatten().all(|x| x.abs() <= 1e18));
@@ -70,7 +73,7 @@ fn check_part(part: &Part) {
         let corners = triangle.map(|index| part.positions[index as usize].map(f64::from));
         let [ab, ac] = [1, 2].map(|i| [0, 1, 2].map(|axis| corners[i][axis] - corners[0][axis]));
         let area = [(1, 2), (2, 0), (0, 1)].map(|(u, v)| ab[u] * ac[v] - ab[v] * ac[u]);
-        assert!(area != [0.0; 3], "a degenerate triangle");
+        assert!(area != [0.0; 3] || !is_still, "a degenerate triangle");
     }
     if let Some(normals) = &part.normals {
         assert_eq!(normals.len(), vertices);

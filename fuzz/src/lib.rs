@@ -5,6 +5,7 @@ pub mod cache;
 pub mod capi;
 pub mod cloud;
 mod common;
+pub mod fbx;
 pub mod gltf;
 pub mod obj;
 pub mod ply;

@@ -29,22 +29,28 @@ pub extern "C" fn echocast_version() -> u32 {
     MAJOR << 24 | MINOR << 12 | PATCH
 }
 
-/// The version and what is built in, for people: "echocast 0.1.0 (hdf5)".
+/// The version and what is built in, for people: "echocast 0.1.0 (fbx, hdf5, mcap)".
 ///
 /// Static, never NULL.
 #[unsafe(no_mangle)]
 pub extern "C" fn echocast_version_string() -> *const c_char {
-    const TEXT: &str = match (cfg!(feature = "hdf5"), cfg!(feature = "mcap")) {
-        (true, true) => concat!("echocast ", env!("CARGO_PKG_VERSION"), " (hdf5, mcap)\0"),
-        (true, false) => concat!("echocast ", env!("CARGO_PKG_VERSION"), " (hdf5)\0"),
-        (false, true) => concat!("echocast ", env!("CARGO_PKG_VERSION"), " (mcap)\0"),
-        (false, false) => concat!("echocast ", env!("CARGO_PKG_VERSION"), "\0"),
+    static TEXT: OnceLock<CString> = OnceLock::new();
+    let text = || {
+        let all = [("fbx", cfg!(feature = "fbx")), ("hdf5", cfg!(feature = "hdf5")), ("mcap", cfg!(feature = "mcap"))];
+        let built: Vec<&str> = all.iter().filter(|(_, built)| *built).map(|(name, _)| *name).collect();
+        let version = env!("CARGO_PKG_VERSION");
+        let text = if built.is_empty() {
+            format!("echocast {version}")
+        } else {
+            format!("echocast {version} ({})", built.join(", "))
+        };
+        CString::new(text).unwrap_or_default()
     };
-    TEXT.as_ptr().cast()
+    TEXT.get_or_init(text).as_ptr()
 }
 
 /// Whether the library has a feature: a format that clouds are written in ("las", "hdf5") or scenes are read from
-/// ("gltf", "obj"), a column ("true_range"). 1 or 0; 0 for unknown names and for NULL.
+/// ("gltf", "obj", "fbx"), a column ("true_range"). 1 or 0; 0 for unknown names and for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_has_feature(name: *const c_char) -> i32 {
     guard_or(0, || {

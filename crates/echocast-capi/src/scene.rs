@@ -266,7 +266,7 @@ fn add_scene(context: &Context, live: &mut LiveScene, file: &Scene) -> Outcome {
     Ok(())
 }
 
-/// Adds the contents of a scene file (glTF, GLB, OBJ): its objects as fixed instances with their labels, and its
+/// Adds the contents of a scene file (glTF, GLB, OBJ, FBX): its objects as fixed instances with their labels, and its
 /// cameras. `options`: NULL, or YAML with `up` (y or z) and `scale` (metres per unit) for formats that do not define
 /// them; `labels`, with the contents of a label file; `texture_limit_mib` (1024), most memory for all images;
 /// `animation`, the name of the one to play instead of all; `looped` (false), whether animations start again at their

@@ -32,9 +32,9 @@ pub use boxes::{check_boxes, write_boxes};
 #[cfg(feature = "hdf5")]
 pub use frames::FramesFile;
 pub use growing::GrowingFile;
-pub use images::{AnnotationStyle, ImageFolder, ImageLayer, ImageOptions, check_images};
 #[cfg(feature = "hdf5")]
 pub(crate) use hdf5::io_error as hdf5_error;
+pub use images::{AnnotationStyle, ImageFolder, ImageLayer, ImageOptions, check_images};
 pub use pings::{check_image, check_pings, image_label_paths};
 pub use unfinished::{cancel_flag, remove_unfinished};
 

@@ -261,3 +261,9 @@ pub(crate) fn normals_are_flat(positions: &[[f32; 3]], normals: &[[f32; 3]], tri
         [a, b, c].iter().all(|&i| glam::Vec3::from(normals[i as usize]).dot(face).abs() >= COS_TOLERANCE)
     })
 }
+
+/// Whether any two triangles share one of `vertices` vertices.
+pub(super) fn share_vertices(triangles: &[[u32; 3]], vertices: usize) -> bool {
+    let mut seen = vec![false; vertices];
+    triangles.iter().flatten().any(|&vertex| std::mem::replace(&mut seen[vertex as usize], true))
+}

@@ -10,15 +10,20 @@
 mod caches;
 mod camera;
 mod faces;
+#[cfg(feature = "fbx")]
+mod fbx;
 mod gltf;
 mod identity;
 mod label;
 mod material_rules;
 mod merge;
 mod mesh;
+mod notes;
 mod number;
 mod obj;
 mod ply;
+mod pose;
+mod properties;
 mod sequence;
 mod stl;
 
@@ -108,7 +113,7 @@ impl UpAxis {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LoadOptions {
-    /// Up axis of formats that do not specify it (OBJ, PLY, STL). glTF is always y up.
+    /// Up axis of formats that do not specify it (OBJ, PLY, STL). glTF is always y up, and FBX files say it.
     pub up: UpAxis,
     /// Metres per unit of formats that do not specify it (OBJ, PLY, STL).
     pub scale: f64,
@@ -736,5 +741,13 @@ pub const FORMATS: &[SceneFormat] = &[
         extensions: &["stl"],
         description: "STL, text or binary: triangles, an object for each solid",
         read: stl::read,
+    },
+    #[cfg(feature = "fbx")]
+    SceneFormat {
+        name: "fbx",
+        extensions: &["fbx"],
+        description: "Autodesk FBX, binary or text: hierarchy, instances, materials, textures, cameras, animations, \
+                      skins, blend shapes, labels in user properties",
+        read: fbx::read,
     },
 ];

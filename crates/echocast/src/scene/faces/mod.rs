@@ -1,7 +1,7 @@
 //! Polygons as files have them, and the parts that they become.
 
 mod parts;
-mod polygon;
+pub(super) mod polygon;
 
 use super::{Scene, count};
 use crate::ground::shown;

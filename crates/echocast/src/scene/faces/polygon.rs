@@ -14,7 +14,7 @@ const LOOKS: usize = 20_000_000;
 const MORE_LOOKS_PER_CORNER: usize = 16;
 
 /// [`triangulate`]'s budget for a file whose faces have `corners` corners.
-pub(super) fn looks(corners: usize) -> usize {
+pub(in crate::scene) fn looks(corners: usize) -> usize {
     LOOKS + MORE_LOOKS_PER_CORNER * corners
 }
 
@@ -24,7 +24,7 @@ pub(super) fn looks(corners: usize) -> usize {
 ///
 /// Returns false for a polygon that crosses itself or is folded so that it appears to: the triangles may then cover
 /// more or less than intended. So may they when `looks_left`, the file's budget, is used up.
-pub(super) fn triangulate(points: &[DVec3], looks_left: &mut usize, mut add: impl FnMut([usize; 3])) -> bool {
+pub(in crate::scene) fn triangulate(points: &[DVec3], looks_left: &mut usize, mut add: impl FnMut([usize; 3])) -> bool {
     match *points {
         [_, _, _] => {
             add([0, 1, 2]);

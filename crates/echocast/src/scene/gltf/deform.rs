@@ -89,9 +89,3 @@ impl Meshes<'_> {
         Ok(deltas)
     }
 }
-
-/// Whether any two triangles share one of `vertices` vertices.
-pub(super) fn share_vertices(triangles: &[[u32; 3]], vertices: usize) -> bool {
-    let mut seen = vec![false; vertices];
-    triangles.iter().flatten().any(|&vertex| std::mem::replace(&mut seen[vertex as usize], true))
-}

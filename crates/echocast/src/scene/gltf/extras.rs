@@ -1,5 +1,6 @@
 //! Custom properties (`extras`) of nodes and materials.
 
+use crate::scene::properties;
 use gltf::json::extras::Extras;
 use serde_json::Value;
 
@@ -16,14 +17,7 @@ pub(super) fn get(extras: &Extras, key: &str) -> Option<Value> {
     }
 }
 
-/// A text or a number as text: exporters turn "7" into 7 or 7.0.
+/// A text or a number as text.
 pub(super) fn text(extras: &Extras, key: &str) -> Option<String> {
-    match get(extras, key)? {
-        Value::String(text) => Some(text),
-        Value::Number(number) => Some(match number.as_f64() {
-            Some(whole) if number.is_f64() && whole.fract() == 0.0 => format!("{whole}"),
-            _ => number.to_string(),
-        }),
-        _ => None,
-    }
+    properties::text(get(extras, key)?)
 }

@@ -5,13 +5,13 @@ use super::animation::{Property, Tracks};
 use super::{Document, Notes, extras, place};
 use crate::ground::error::Result;
 use crate::ground::shown;
-use crate::material::{Alpha, Changes, Filter, Material, Reflectance, Sound, Texture, TextureBudget, TextureRef, Wrap};
-use crate::read::{Limit, yaml};
+use crate::material::{Alpha, Changes, Filter, Material, Reflectance, Texture, TextureBudget, TextureRef, Wrap};
+use crate::read::Limit;
+use crate::scene::properties::{self, checked, refraction};
 use gltf::json;
 use gltf::json::material::AlphaMode;
 use gltf::json::texture::{Info, MagFilter, WrappingMode};
 use gltf::json::validation::Checked;
-use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -133,61 +133,7 @@ fn surface(source: &json::Material, name: String, factors: &mut Factors<'_>) -> 
         material.alpha_cutoff = factors.unit("alphaCutoff", cutoff.0);
     }
 
-    let property = |key: &str| extras::get(&source.extras, key);
-    let zero_to_one = |v: f64| (0.0..=1.0).contains(&v);
-    if let Some(value) = property("reflectance") {
-        let reflectance: Reflectance = section("extras.reflectance", value)?;
-        reflectance.check("extras.reflectance").map_err(|error| error.to_string())?;
-        material.reflectance = Some(reflectance);
-    } else if let Some(value) = property("blainder_rgba") {
-        let fourth = value.get(3).unwrap_or(&Value::Null);
-        let value = number("extras.blainder_rgba[3]", fourth, "a number from 0 to 1", zero_to_one)?;
-        material.reflectance = Some(Reflectance::Constant(value));
-    }
-    if let Some(value) = property("scattering") {
-        material.scattering = section("extras.scattering", value)?;
-        let check = material.scattering.check(material.reflectance.as_ref());
-        check.map_err(|error| format!("extras.{error}"))?;
-    }
-    // Anything else of that name has another purpose, perhaps the name of a noise it makes.
-    if let Some(value) = property("sound").filter(Value::is_object) {
-        let sound: Sound = section("extras.sound", value)?;
-        sound.check().map_err(|error| format!("extras.{error}"))?;
-        material.sound = Some(sound);
-    }
-    // A number of that name has another purpose.
-    if let Some(value) = property("alpha").filter(Value::is_string) {
-        material.alpha = section("extras.alpha", value)?;
-    }
-    if let Some(value) = property("alpha_cutoff") {
-        material.alpha_cutoff = number("extras.alpha_cutoff", &value, "a number from 0 to 1", zero_to_one)?;
-    }
-    if let Some(value) = property("dirt") {
-        material.dirt = number("extras.dirt", &value, "a number from 0 to 1", zero_to_one)?;
-    }
-    if let Some(value) = property("pane_m") {
-        material.pane_m = Some(number("extras.pane_m", &value, "0 to 10", |v| (0.0..=10.0).contains(&v))?);
-    }
-    if let Some(value) = property("group_index") {
-        material.group_index = Some(number("extras.group_index", &value, "1 to 10", |v| (1.0..=10.0).contains(&v))?);
-    }
-    if let Some(value) = property("extinction_index") {
-        material.extinction_index =
-            number("extras.extinction_index", &value, "0 to 100", |v| (0.0..=100.0).contains(&v))?;
-    }
-    if let Some(value) = property("ior") {
-        // Of silver, gold and copper it is below 1, which glTF's own key does not allow.
-        let metal = material.extinction_index > 0.0 && material.transmission == 0.0;
-        let (least, allowed) =
-            if metal { (1e-3, "0.001 to 100") } else { (1.0, "1 to 100, less beside an extinction_index") };
-        material.ior = number("extras.ior", &value, allowed, |v| (least..=100.0).contains(&v))?;
-    }
-    if let Some(value) = property("blainder_metallic") {
-        material.metallic = number("extras.blainder_metallic", &value, "a number from 0 to 1", zero_to_one)?;
-    }
-    if let Some(value) = property("blainder_ior") {
-        material.ior = refraction("extras.blainder_ior", &value)?.unwrap_or(material.ior);
-    }
+    properties::apply(&mut material, "extras.", |key| extras::get(&source.extras, key))?;
     Ok(material)
 }
 
@@ -221,28 +167,6 @@ fn animated(mut material: Material, index: usize, tracks: &Tracks) -> Result<Mat
 
 fn unit(value: f64) -> f32 {
     value.clamp(0.0, 1.0) as f32
-}
-
-/// An index of refraction; both glTF's extension and the paper's system write 0 for "does not refract".
-fn refraction(name: &str, value: &Value) -> Result<Option<f32>, String> {
-    let ior = number(name, value, "0 for none, or 1 and more", |ior| ior == 0.0 || ior >= 1.0)?;
-    Ok((ior != 0.0).then_some(ior))
-}
-
-/// Parses `value` with the keys of a material file.
-fn section<T: DeserializeOwned>(name: &str, value: Value) -> Result<T, String> {
-    yaml::Document::from_value(name, value).read().map_err(|error| error.to_string())
-}
-
-/// `value` if `allows` permits it.
-fn checked(name: &str, value: f64, allowed: &str, allows: impl Fn(f64) -> bool) -> Result<f32, String> {
-    if allows(value) { Ok(value as f32) } else { Err(format!("{name} is {value}; allowed: {allowed}")) }
-}
-
-/// The number in `value` if `allows` permits it.
-fn number(name: &str, value: &Value, allowed: &str, allows: impl Fn(f64) -> bool) -> Result<f32, String> {
-    let number = value.as_f64().ok_or_else(|| format!("{name} is not a number; allowed: {allowed}"))?;
-    checked(name, number, allowed, allows)
 }
 
 /// Every viewer clamps glTF's own factors, so a stray 1.001 is only noted.

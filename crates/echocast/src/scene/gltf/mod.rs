@@ -25,6 +25,7 @@ mod skin;
 mod tests;
 mod uri;
 
+use super::notes::Notes;
 use super::{Camera, LoadOptions, Scene, count, some_of};
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::Pose;
@@ -339,31 +340,4 @@ fn buffers<'a>(
                 .ok_or_else(|| fault(format!("it is cut off: {} bytes, its byteLength is {declared}", bytes.len())))
         })
         .collect()
-}
-
-/// Notes worth a warning, reported once per kind however often they occur.
-#[derive(Default)]
-struct Notes(Vec<Note>);
-
-struct Note {
-    what: &'static str,
-    count: usize,
-    /// Where it occurred first.
-    first: String,
-}
-
-impl Notes {
-    fn add(&mut self, what: &'static str, place: impl FnOnce() -> String) {
-        match self.0.iter_mut().find(|note| note.what == what) {
-            Some(note) => note.count += 1,
-            None => self.0.push(Note { what, count: 1, first: place() }),
-        }
-    }
-
-    fn tell(self, origin: &Path, report: &mut Report) {
-        for Note { what, count, first } in self.0 {
-            let more = if count > 1 { format!(" and {} more", count - 1) } else { String::new() };
-            report.warn(format!("{}: {what}: {first}{more}", shown::path(origin)));
-        }
-    }
 }

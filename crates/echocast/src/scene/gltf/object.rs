@@ -10,8 +10,8 @@ use super::primitive::Meshes;
 use super::skin::{Skeleton, Skins, check_joints};
 use crate::ground::error::Result;
 use crate::motion::{Motion, Shape};
-use crate::scene::mesh::{beyond_reach, is_degenerate};
-use crate::scene::{Ancestor, Mesh, Part, RawObject, UpAxis, cofactors};
+use crate::scene::pose::pose;
+use crate::scene::{Ancestor, Mesh, RawObject, UpAxis, cofactors};
 use glam::{DAffine3, DMat3};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -152,47 +152,17 @@ impl<'a> Objects<'a> {
             let joints = skeleton.world_from_joints.iter().copied();
             palette.extend(skeleton.skin.palette_of(joints, world_from_object));
         }
-        let mesh = self.pose(&modelled.mesh, &shape, &palette, stays).map_err(fault)?.map(Arc::new);
+        for vertices in shape.vertices.parts.iter().filter(|_| shape.skin.is_some()) {
+            check_joints(vertices, palette.len()).map_err(fault)?;
+        }
+        let charge = |bytes| self.meshes.accessors.charge(bytes);
+        let (mesh, degenerate) = pose(&modelled.mesh, &shape, &palette, stays, charge).map_err(fault)?;
+        self.meshes.degenerate_triangles += degenerate;
+        let mesh = mesh.map(Arc::new);
         if shared {
             self.morphed.insert(key, mesh.clone());
         }
         let shape = (!stays).then(|| Arc::new(shape));
         Ok(mesh.map(|mesh| Posed { mesh, shape, world_from_object }))
-    }
-
-    /// `mesh` as `shape` has it at time 0. Of one that `stays` so, triangles without area are left out; `None`: all are.
-    fn pose(&mut self, mesh: &Mesh, shape: &Shape, palette: &[DAffine3], stays: bool) -> Result<Option<Mesh>, String> {
-        let mut parts = Vec::new();
-        for (part, vertices) in mesh.parts.iter().zip(&shape.vertices.parts) {
-            let normals = vertices.normals.as_ref().map_or(0, |normals| normals.len());
-            self.meshes.accessors.charge((vertices.positions.len() + normals) * size_of::<[f32; 3]>())?;
-            // They take time, not memory; but targets that share an accessor could take for ever.
-            let working = shape.weights.iter().filter(|&&weight| weight != 0.0).count();
-            self.meshes.accessors.charge(working.saturating_mul(vertices.positions.len()))?;
-            if shape.skin.is_some() {
-                check_joints(vertices, palette.len())?;
-            }
-            let (mut positions, mut normals) = (Vec::new(), Vec::new());
-            vertices.pose(&shape.weights, palette, &mut positions);
-            vertices.turn(&shape.weights, palette, &mut normals);
-            if let Some(vertex) = beyond_reach(&positions) {
-                let found = positions[vertex];
-                return Err(format!("its vertex {vertex} comes to {found:?}; allowed: -1e18 to 1e18"));
-            }
-            let mut triangles = part.triangles.clone();
-            let has_area = |&&[a, b, c]: &&[u32; 3]| {
-                !is_degenerate(positions[a as usize], positions[b as usize], positions[c as usize])
-            };
-            if stays && !triangles.iter().all(|triangle| has_area(&triangle)) {
-                let kept: Vec<[u32; 3]> = triangles.iter().filter(has_area).copied().collect();
-                self.meshes.degenerate_triangles += triangles.len() - kept.len();
-                triangles = kept.into();
-            }
-            if !triangles.is_empty() {
-                let normals = vertices.normals.is_some().then(|| normals.into());
-                parts.push(Part { positions: positions.into(), normals, triangles, ..part.clone() });
-            }
-        }
-        Ok((!parts.is_empty()).then(|| Mesh::trusted(mesh.name.clone(), parts)))
     }
 }

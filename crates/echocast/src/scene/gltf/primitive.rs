@@ -1,13 +1,13 @@
 //! Meshes: primitives to parts.
 
 use super::accessor::Accessors;
-use super::deform::{Form, Modelled, share_vertices};
+use super::deform::{Form, Modelled};
 use super::material::Materials;
 use super::skin::{InfluenceKey, Influences};
 use super::{Document, Notes, place};
 use crate::ground::error::Result;
 use crate::motion::{PartVertices, Vertices};
-use crate::scene::mesh::{beyond_reach, is_degenerate, normals_are_flat};
+use crate::scene::mesh::{beyond_reach, is_degenerate, normals_are_flat, share_vertices};
 use crate::scene::{Array, Mesh, Part};
 use gltf::json::accessor::Type;
 use gltf::json::mesh::{Mode, Primitive, Semantic};

@@ -1,0 +1,215 @@
+//! Materials and their textures.
+
+use super::{Document, user};
+use crate::ground::error::Result;
+use crate::ground::shown;
+use crate::material::{Material, Texture, TextureBudget, TextureRef, Wrap};
+use crate::read::{self, Limit};
+use crate::scene::notes::Notes;
+use crate::scene::obj::Files;
+use crate::scene::{LoadOptions, properties};
+use std::collections::HashMap;
+use std::path::Path;
+use std::sync::Arc;
+use ufbx::{MaterialMap, WrapMode};
+
+/// The materials that parts use, each read when the first asks for it.
+pub(super) struct Materials<'a> {
+    pub list: Vec<Arc<Material>>,
+    pub options: &'a LoadOptions,
+    document: &'a Document<'a>,
+    /// By number in the file, with the name of the texture coordinates that a texture uses.
+    known: HashMap<u32, (Arc<Material>, Option<String>)>,
+    /// Decoded, by number of the file's images; `None`: it cannot be had.
+    images: HashMap<u32, Option<Arc<Texture>>>,
+    budget: &'a mut TextureBudget,
+}
+
+impl<'a> Materials<'a> {
+    pub fn new(document: &'a Document<'a>, options: &'a LoadOptions, budget: &'a mut TextureBudget) -> Self {
+        let (known, images) = (HashMap::new(), HashMap::new());
+        Materials { list: Vec::new(), options, document, known, images, budget }
+    }
+
+    /// A material, and the name of the texture coordinates that its texture uses, if it has one.
+    pub fn get(&mut self, source: &ufbx::Material, notes: &mut Notes) -> Result<(Arc<Material>, Option<String>)> {
+        let number = source.element.typed_id;
+        if let Some(known) = self.known.get(&number) {
+            return Ok(known.clone());
+        }
+        let here = || format!("material {:?}", shown::name(&source.element.name));
+        let mut material = surface(source, &mut Factors { place: &here, notes });
+        let texture = match texture(source) {
+            Some(texture) => self.texture_ref(texture, &here(), notes)?,
+            None => None,
+        };
+        let set = texture.as_ref().map(|(_, set)| set.clone());
+        if let Some((texture, _)) = texture {
+            // What is connected to a property takes the place of its value.
+            let factor = source.pbr.base_factor.has_value.then_some(source.pbr.base_factor.value_vec4.x);
+            let grey = factor.map_or(1.0, |factor| factor.clamp(0.0, 1.0) as f32);
+            let [.., alpha] = material.base_color;
+            material.base_color = [grey, grey, grey, alpha];
+            material.base_color_texture = Some(texture);
+        }
+        properties::apply(&mut material, "property ", |key| user::get(&source.element.props, key))
+            .map_err(|message| self.document.error(here(), message))?;
+        let material = Arc::new(material);
+        self.list.push(material.clone());
+        self.known.insert(number, (material.clone(), set.clone()));
+        Ok((material, set))
+    }
+
+    /// The use of a texture, and its texture coordinates; `None`, with a note, where there is no image that can be read.
+    fn texture_ref(
+        &mut self,
+        texture: &ufbx::Texture,
+        user: &str,
+        notes: &mut Notes,
+    ) -> Result<Option<(TextureRef, String)>> {
+        let files = texture.file_textures.as_ref();
+        if files.len() > 1 {
+            notes.add("of textures in layers the first is used", || user.to_owned());
+        }
+        let Some(file) = files.first().filter(|file| file.has_file) else {
+            notes.add("textures without an image are left out", || user.to_owned());
+            return Ok(None);
+        };
+        let Some(image) = self.image(file, user, notes)? else { return Ok(None) };
+        let wrap = |mode| if mode == WrapMode::Clamp { Wrap::ClampToEdge } else { Wrap::Repeat };
+        let mut use_ = TextureRef::plain(image);
+        (use_.wrap_u, use_.wrap_v) = (wrap(file.wrap_u), wrap(file.wrap_v));
+        // v is 0 at the bottom of the image here, at the top in ours.
+        let to = &file.uv_to_texture;
+        let rows = if file.has_uv_transform {
+            [[to.m00, to.m01, to.m03], [-to.m10, -to.m11, 1.0 - to.m13]]
+        } else {
+            [[1.0, 0.0, 0.0], [0.0, -1.0, 1.0]]
+        };
+        use_.transform = rows.map(|row| row.map(|number| number as f32));
+        if use_.transform.iter().flatten().any(|number| !number.is_finite()) {
+            return Err(self.document.error(user, "its texture is placed by numbers that are not finite"));
+        }
+        Ok(Some((use_, file.uv_set.to_string())))
+    }
+
+    /// The image of a texture: in the file itself, or a file.
+    fn image(&mut self, file: &ufbx::Texture, user: &str, notes: &mut Notes) -> Result<Option<Arc<Texture>>> {
+        if let Some(known) = self.images.get(&file.file_index) {
+            return Ok(known.clone());
+        }
+        let loaded;
+        let bytes: &[u8] = if file.content.is_empty() {
+            match self.find(file) {
+                Ok(bytes) => {
+                    loaded = bytes;
+                    &loaded
+                }
+                Err(message) => {
+                    notes.add("textures that cannot be read are left out", || format!("{user}: {message}"));
+                    self.images.insert(file.file_index, None);
+                    return Ok(None);
+                }
+            }
+        } else {
+            &file.content
+        };
+        let is_known = [&b"\x89PNG"[..], &b"\xff\xd8"[..]].into_iter().any(|start| bytes.starts_with(start));
+        let image = if is_known {
+            let origin = format!("{}: {user}: image {:?}", shown::path(self.document.origin), shown::name(&name(file)));
+            Some(Arc::new(Texture::decode(bytes, &origin, self.budget)?))
+        } else {
+            notes.add("textures that are neither PNG nor JPEG are left out", || {
+                format!("{user}: {:?}", shown::name(&name(file)))
+            });
+            None
+        };
+        self.images.insert(file.file_index, image.clone());
+        Ok(image)
+    }
+
+    /// The bytes of the image that a texture names: where it says relative to the scene, beside the scene, and at last
+    /// where it was on the machine that wrote the file.
+    fn find(&self, file: &ufbx::Texture) -> Result<Vec<u8>, String> {
+        let origin = self.document.origin;
+        let folder = origin.parent().unwrap_or(Path::new(""));
+        let files = Files { folder, allow_outside: self.options.allow_outside_paths };
+        let names = [&file.relative_filename, &file.filename, &file.absolute_filename];
+        let mut refused = None;
+        for name in names.into_iter().filter(|name| !name.is_empty()) {
+            // Of names of other machines only the last part is looked for.
+            let beside = name.rsplit(['/', '\\']).next().unwrap_or(name);
+            for name in [name.as_ref(), beside] {
+                match files.find(origin, name) {
+                    Ok(Some(path)) => return read::bytes(&path, Limit::IMAGE).map_err(|error| error.to_string()),
+                    Ok(None) => {}
+                    Err(message) => refused = refused.or(Some(message)),
+                }
+            }
+        }
+        Err(refused.unwrap_or_else(|| format!("there is no image {:?}", shown::name(&name(file)))))
+    }
+}
+
+/// What the file of a texture is called.
+fn name(file: &ufbx::Texture) -> String {
+    let names = [&file.relative_filename, &file.filename];
+    names.into_iter().find(|name| !name.is_empty()).map(|name| name.to_string()).unwrap_or_default()
+}
+
+/// The texture in the place of the base colour.
+fn texture(source: &ufbx::Material) -> Option<&ufbx::Texture> {
+    let maps = [&source.pbr.base_color, &source.fbx.diffuse_color];
+    maps.into_iter().find_map(|map| map.texture.as_deref().filter(|_| map.texture_enabled))
+}
+
+/// Everything but the texture and the user's properties.
+fn surface(source: &ufbx::Material, factors: &mut Factors<'_>) -> Material {
+    let (pbr, features) = (&source.pbr, &source.features);
+    let name = source.element.name.to_string();
+    let name = if name.is_empty() { format!("material_{}", source.element.typed_id) } else { name };
+    let mut material = Material { name, unlit: features.unlit.enabled, ..Material::default() };
+    let number = |map: &MaterialMap| map.has_value.then_some(map.value_vec4.x);
+    if pbr.base_color.has_value {
+        let (color, factor) = (pbr.base_color.value_vec4, number(&pbr.base_factor).unwrap_or(1.0));
+        let [r, g, b] = [color.x, color.y, color.z].map(|channel| factors.unit("base colour", channel * factor));
+        material.base_color = [r, g, b, 1.0];
+    }
+    if let Some(opacity) = number(&pbr.opacity) {
+        material.base_color[3] = factors.unit("opacity", opacity);
+    }
+    match number(&pbr.roughness) {
+        Some(roughness) => material.roughness = factors.unit("roughness", roughness),
+        None => {
+            let glossiness = number(&pbr.glossiness).map(|glossiness| factors.unit("glossiness", glossiness));
+            material.roughness = glossiness.map_or(material.roughness, |glossiness| 1.0 - glossiness);
+        }
+    }
+    if let Some(metalness) = number(&pbr.metalness) {
+        material.metallic = factors.unit("metalness", metalness);
+    }
+    if let Some(transmission) = number(&pbr.transmission_factor).filter(|_| features.transmission.enabled) {
+        material.transmission = factors.unit("transmission", transmission);
+    }
+    if let Some(ior) = number(&pbr.specular_ior).filter(|ior| ior.is_finite()) {
+        material.ior = ior.clamp(1.0, 100.0) as f32;
+    }
+    material.double_sided = features.double_sided.enabled;
+    material
+}
+
+/// Every program clamps them, so a stray 1.001 is only noted.
+struct Factors<'a> {
+    place: &'a dyn Fn() -> String,
+    notes: &'a mut Notes,
+}
+
+impl Factors<'_> {
+    fn unit(&mut self, name: &str, value: f64) -> f32 {
+        if !(0.0..=1.0).contains(&value) {
+            self.notes.add("factors outside 0..1 are clamped", || format!("{} {name} {value}", (self.place)()));
+        }
+        // What is no number counts as none.
+        if value.is_nan() { 0.0 } else { value.clamp(0.0, 1.0) as f32 }
+    }
+}
