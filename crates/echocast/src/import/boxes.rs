@@ -34,6 +34,7 @@ pub(super) fn read(arrays: &mut dyn Arrays, source: &Source) -> Result<Option<Ve
         velocity: vector(&velocity, row),
         points: points[row] as u32,
         visible: visible[row],
+        image: None,
     });
     Ok(Some(boxes.collect()))
 }

@@ -710,7 +710,7 @@ fn labels_of_kitti_are_what_its_camera_sees() {
     let scenario = Scenario::from_yaml(STYLED, folder.path()).unwrap();
     let mut sample = scenario.sample(0).unwrap();
     let mut cloud = crate::cloud::PointCloud::default();
-    sample.cloud_with(1, 3, crate::cloud::FieldSet::all(), None, &mut cloud).unwrap();
+    sample.cloud_with(1, 3, crate::cloud::FieldSet::all(), (None, false), &mut cloud).unwrap();
     // Pixels of each chair lie in its box, and one of them touches each side that is not hidden.
     let mut matched = 0;
     for line in labels.lines() {
