@@ -4,7 +4,7 @@ use crate::text::{self, thousands};
 use anyhow::Result;
 use echocast::cloud::{Column, FieldInfo};
 use echocast::scene::NameTable;
-use echocast::{Field, Frame, PointCloud, Report, import, shown};
+use echocast::{Field, Frame, PointCloud, Pose, Report, import, shown};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -126,11 +126,17 @@ fn describe(file: &Path, cloud: &PointCloud, report: &Report) -> Result<String> 
         writeln!(text, "size        {:.3} x {:.3} x {:.3} m", size[0], size[1], size[2])?;
     }
     let at = cloud.sensor_pose.position;
+    // Clouds that say nothing of it are as if it were at the origin.
+    let sensor = if cloud.sensor_pose == Pose::IDENTITY {
+        String::new()
+    } else {
+        format!("; the sensor is at {:.3},{:.3},{:.3}", at.x, at.y, at.z)
+    };
     let frame = match cloud.frame {
         Frame::World => "world",
         Frame::Sensor => "sensor: x forward, y left, z up",
     };
-    writeln!(text, "coordinates {frame}; the sensor is at {:.3},{:.3},{:.3}", at.x, at.y, at.z)?;
+    writeln!(text, "coordinates {frame}{sensor}")?;
     writeln!(text, "columns     {}", cloud.fields.iter().count())?;
     for info in cloud.fields.iter() {
         let span = Span::of(cloud.column(info.field));

@@ -84,10 +84,10 @@ pub struct OutputArgs {
     /// `depth_0007.png` and so on, and `images.json` with the camera, poses and names of labels
     #[arg(long, value_name = "FOLDER", help_heading = "Output")]
     images: Option<PathBuf>,
-    /// What is written of each image: `depth`, a PNG of 16 bits in millimetres, 0 where nothing is; `depth32`, a TIFF of
-    /// floats in metres; `category`, `part` and `instance`, a PNG with a palette if all numbers are below 256, else of 16
-    /// bits, as `category16`, `part16` and `instance16` always are; `color`, of the materials; `intensity`; `normal`;
-    /// `arrays`, all of these as .npz [default: depth,category,instance,color]
+    /// What is written of each image: `depth`, a PNG of 16 bits in millimetres, 0 where nothing is; `depth32`, a TIFF
+    /// of floats in metres; `category`, `part` and `instance`, a PNG with a palette if all numbers are below 256, else
+    /// of 16 bits, as `category16`, `part16` and `instance16` always are; `color`, of the materials; `intensity`;
+    /// `normal`; `arrays`, all of these as .npz [default: depth,category,instance,color]
     #[arg(long, value_name = "LIST", requires = "images", value_delimiter = ',', value_parser = choice::of::<ImageLayer>(), hide_possible_values = true, help_heading = "Output")]
     image_layers: Vec<ImageLayer>,
     /// Distances, m, between which `depth` goes from 1 to 65535, instead of millimetres up to 65.535 m
@@ -97,8 +97,8 @@ pub struct OutputArgs {
     /// `panoptic.json` and images; `voc`, boxes in an XML file for each image
     #[arg(long, value_name = "LIST", requires = "images", value_delimiter = ',', value_parser = choice::of::<AnnotationStyle>(), help_heading = "Output")]
     annotations: Vec<AnnotationStyle>,
-    /// Boxes around the labelled instances of all frames, with velocity, number of points and visible share: .json, .csv;
-    /// clouds in .npz, .h5 and .mcap carry them too
+    /// Boxes around the labelled instances of all frames, with velocity, number of points and visible share: .json,
+    /// .csv; clouds in .npz, .h5 and .mcap carry them too
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     boxes: Option<PathBuf>,
     /// Along which axes boxes lie: those of each object, or those of the frame of the points (`--frame`)

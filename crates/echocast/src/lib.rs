@@ -63,7 +63,7 @@
 //! | interact | [`echo`], with [`material`] and [`medium`] | reflectance, incidence, intensity; for sonars a [`Ping`]: levels in range bins |
 //! | detect | [`detect`] | which echoes are seen, and at which measured range |
 //! | collect | [`cloud`] | [`PointCloud`]: one column per quantity, truth beside measurement; [`Pings`] for a sonar |
-//! | draw | [`image`] | from [`Pings`]: waterfall, mosaic, fan, depth map |
+//! | draw | [`image`] | from [`Pings`]: waterfall, mosaic, fan, depth map; from a [`PointCloud`]: what a camera saw, pixel by pixel |
 //! | write | [`export`], [`preview`] | a file and a [`Report`] of what it could not hold; a picture for people |
 //! | read back | [`import`] | the [`PointCloud`] of such a file, or of another program's |
 //!
@@ -89,7 +89,7 @@
 //! | `preview` | pictures of clouds and pings, for people |
 //! | `import` | clouds from files |
 //! | `export` | files of clouds, pings and images |
-//! | `image` | images of pings: waterfall, mosaic, fan, depth map |
+//! | `image` | images of pings: waterfall, mosaic, fan, depth map; of scans of light, and what they show of each instance |
 //! | `scan` | the driver: a scan of light, a ping, the profiles of the paper |
 //! | `sensor` | sensor files, presets, and what they set up in the modules below |
 //! | `echo` | what comes back: contributions, paths, weather, signals; sound levels |

@@ -31,8 +31,8 @@ pub struct InstanceBox {
     /// many meet it before anything else, seen in straight lines along their axes; light passes through glass, and
     /// weather, noise and detection play no part. 0 where no beam would meet it.
     pub visible: f64,
-    /// Left, top, right and bottom, pixels, of all of it in the [image](crate::emitter::ImageGrid) of the sensor as it starts,
-    /// whatever hides it and where the image ends; `None`: it was not asked for
+    /// Left, top, right and bottom, pixels, of all of it in the [image](crate::emitter::ImageGrid) of the sensor as it
+    /// starts, whatever hides it and where the image ends; `None`: it was not asked for
     /// ([`crate::ScanOptions::image_boxes`]), or nothing of it is in front of the camera.
     pub image: Option<[f64; 4]>,
 }
@@ -40,8 +40,8 @@ pub struct InstanceBox {
 /// Along which axes boxes lie.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BoxAxes {
-    /// Those of each object, z up as it was modelled: its x axis, and the z axis as far as it is at right angles to that.
-    /// Of a mesh with a skeleton, they turn with the root of the skeleton.
+    /// Those of each object, z up as it was modelled: its x axis, and the z axis as far as it is at right angles to
+    /// that. Of a mesh with a skeleton, they turn with the root of the skeleton.
     #[default]
     Object,
     /// Those of the cloud's frame.

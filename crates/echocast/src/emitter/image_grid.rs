@@ -6,8 +6,8 @@ use crate::ground::angle::azimuth_elevation;
 use glam::{DVec3, Vec2};
 use std::f32::consts::{PI, TAU};
 
-/// The image of a sensor whose beams form rows and columns: left is left, up is up. Pixel `[column, row]` counts from the
-/// top left and covers `column..column + 1`, `row..row + 1` of the image, in which boxes are measured.
+/// The image of a sensor whose beams form rows and columns: left is left, up is up. Pixel `[column, row]` counts from
+/// the top left and covers `column..column + 1`, `row..row + 1` of the image, in which boxes are measured.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImageGrid {
     /// Columns.
@@ -26,8 +26,8 @@ pub struct ImageGrid {
     round: Option<Round>,
 }
 
-/// Where a camera sees a place of the sensor frame (x forward, y left, z up): at column `centre[0] - focal[0] y / x` and row
-/// `centre[1] - focal[1] z / x`, with whole numbers in the middle of pixels, as OpenCV counts.
+/// Where a camera sees a place of the sensor frame (x forward, y left, z up): at column `centre[0] - focal[0] y / x`
+/// and row `centre[1] - focal[1] z / x`, with whole numbers in the middle of pixels, as OpenCV counts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Intrinsics {
     /// Focal lengths along columns and rows, pixels.

@@ -68,7 +68,8 @@ impl Panoptic {
 /// A file of `images` and `annotations`, lists that are JSON already.
 fn table(images: &str, annotations: &str, categories: &[String]) -> String {
     format!(
-        "{{\n\"info\": {},\n\"licenses\": [],\n\"images\": {images},\n\"annotations\": {annotations},\n\"categories\": {}\n}}\n",
+        "{{\n\"info\": {},\n\"licenses\": [],\n\"images\": {images},\n\"annotations\": {annotations},\n\
+         \"categories\": {}\n}}\n",
         info(),
         list(categories)
     )
@@ -120,7 +121,8 @@ pub(crate) fn instances(
     })
 }
 
-/// The segments of an image in the file `name`, and its pixels: the number of each one's segment, `R + 256 G + 65536 B`.
+/// The segments of an image in the file `name`, and its pixels: the number of each one's segment, `R + 256 G + 65536
+/// B`.
 pub(crate) fn segments(shown: &Shown, name: &str) -> (Map<String, Value>, Vec<[u8; 3]>) {
     let RangeImage { instance_id, category_id, width, .. } = shown.image;
     let known: Vec<&Annotation> = shown.found.iter().filter(|found| found.category_id != 0).collect();
@@ -228,15 +230,17 @@ pub(crate) fn categories<'c>(all: impl Iterator<Item = (u32, &'c str)>, panoptic
 const TRUNCATED: f64 = 0.15;
 const OCCLUDED: f64 = 0.05;
 
-/// What an image in `folder` of so many `channels` shows, as Pascal VOC tells it. Pixels count from 1, the last of a box is in it.
+/// What an image in `folder` of so many `channels` shows, as Pascal VOC tells it. Pixels count from 1, the last of a
+/// box is in it.
 pub(crate) fn voc(shown: &Shown, folder: &str, channels: u32) -> String {
     let (image, labels) = (shown.image, &shown.image.labels);
     let mut text = String::new();
     // Writing to a text does not fail.
     let _ = writeln!(
         text,
-        "<annotation>\n  <folder>{}</folder>\n  <filename>{}</filename>\n  <source>\n    <database>{}</database>\n  </source>\n  \
-         <size>\n    <width>{}</width>\n    <height>{}</height>\n    <depth>{}</depth>\n  </size>\n  <segmented>1</segmented>",
+        "<annotation>\n  <folder>{}</folder>\n  <filename>{}</filename>\n  \
+         <source>\n    <database>{}</database>\n  </source>\n  <size>\n    <width>{}</width>\n    \
+         <height>{}</height>\n    <depth>{}</depth>\n  </size>\n  <segmented>1</segmented>",
         escaped(folder),
         escaped(shown.picture),
         escaped(&contributor()),
@@ -251,8 +255,8 @@ pub(crate) fn voc(shown: &Shown, folder: &str, channels: u32) -> String {
         let _ = writeln!(
             text,
             "  <object>\n    <name>{}</name>\n    <pose>Unspecified</pose>\n    <truncated>{}</truncated>\n    \
-             <occluded>{}</occluded>\n    <difficult>0</difficult>\n    <bndbox>\n      <xmin>{}</xmin>\n      <ymin>{}</ymin>\n      \
-             <xmax>{}</xmax>\n      <ymax>{}</ymax>\n    </bndbox>\n    <instance>{}</instance>",
+             <occluded>{}</occluded>\n    <difficult>0</difficult>\n    <bndbox>\n      <xmin>{}</xmin>\n      \
+             <ymin>{}</ymin>\n      <xmax>{}</xmax>\n      <ymax>{}</ymax>\n    </bndbox>\n    <instance>{}</instance>",
             escaped(name),
             flag(found.truncation, TRUNCATED),
             flag(found.occlusion, OCCLUDED),

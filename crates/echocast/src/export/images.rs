@@ -25,8 +25,8 @@ use std::sync::Arc;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ImageLayer {
-    /// Distance along the axis of a camera, of other sensors the slant range: PNG of 16 bits, 0 where there is no return, else
-    /// millimetres or as [`ImageOptions::depth_range_m`] says.
+    /// Distance along the axis of a camera, of other sensors the slant range: PNG of 16 bits, 0 where there is no
+    /// return, else millimetres or as [`ImageOptions::depth_range_m`] says.
     Depth,
     /// The same in metres, NaN where there is no return: TIFF of 32-bit floats.
     Depth32,
@@ -44,10 +44,11 @@ pub enum ImageLayer {
     Instance16,
     /// Base colours of the surfaces, without light and shadow: PNG.
     Color,
-    /// What the instrument reports, from 0 to its full scale, or without one to the greatest value of the image: PNG of 16
-    /// bits.
+    /// What the instrument reports, from 0 to its full scale, or without one to the greatest value of the image: PNG of
+    /// 16 bits.
     Intensity,
-    /// Normals to the right, up and back: PNG in which red, green and blue are `127.5 (n + 1)`, black where there is no return.
+    /// Normals to the right, up and back: PNG in which red, green and blue are `127.5 (n + 1)`, black where there is no
+    /// return.
     Normal,
     /// All of these as arrays of NumPy, with the numbers of the cloud: NPZ.
     Arrays,
@@ -154,7 +155,8 @@ impl ImageOptions {
     /// The layer that annotations are about: what people see as a picture.
     pub(crate) fn pictured(&self) -> ImageLayer {
         let seen = [ImageLayer::Color, ImageLayer::Intensity, ImageLayer::Depth];
-        seen.into_iter().find(|layer| self.layers.contains(layer)).unwrap_or(self.layers[0])
+        let seen = seen.into_iter().find(|layer| self.layers.contains(layer));
+        seen.or(self.layers.first().copied()).unwrap_or(ImageLayer::Depth)
     }
 
     /// Names of the files of an image.
@@ -191,7 +193,8 @@ fn voc_name(pictured: ImageLayer, frame: u32) -> String {
     format!("{}_{frame:04}.xml", pictured.name())
 }
 
-/// Checks, before a long scan, whether images of `sensor` can be written to the folder `folder`, which may be there or not.
+/// Checks, before a long scan, whether images of `sensor` can be written to the folder `folder`, which may be there or
+/// not.
 ///
 /// # Errors
 /// As [`ImageOptions::check`] and [`Sensor::image_grid`]; a folder that can neither be made nor written to.
@@ -273,6 +276,8 @@ impl ImageFolder {
             pending.push(file);
         }
         if !self.options.annotations.is_empty() {
+            need(&image, &image.category_id, "category_id")?;
+            need(&image, &image.instance_id, "instance_id")?;
             let boxes = cloud.boxes.as_deref().unwrap_or_default();
             let found = annotations(&image, boxes);
             let picture = file_name(self.options.pictured(), frame);

@@ -70,8 +70,8 @@ pub(super) fn write_tiff(
     to.into_inner().map_err(io::IntoInnerError::into_error)?.finish()
 }
 
-/// Colours of the numbers 0 to 255 in masks, as Pascal VOC has them: the bits of a number, three at a time from the lowest,
-/// are bits of red, green and blue from the highest (VOCdevkit, VOClabelcolormap.m).
+/// Colours of the numbers 0 to 255 in masks, as Pascal VOC has them: the bits of a number, three at a time from the
+/// lowest, are bits of red, green and blue from the highest (VOCdevkit, VOClabelcolormap.m).
 pub(super) fn palette() -> Vec<u8> {
     let color = |number: u8| {
         let mut color = [0; 3];

@@ -15,7 +15,8 @@ pub struct Annotation {
     pub bounds: [u32; 4],
     /// Number of its pixels.
     pub area: u32,
-    /// Left, top, right and bottom, pixels, of all of it, whatever hides it and where the image ends; `None`: not known.
+    /// Left, top, right and bottom, pixels, of all of it, whatever hides it and where the image ends; `None`: not
+    /// known.
     pub amodal: Option<[f64; 4]>,
     /// Part of the area of the amodal box that lies outside of the image, 0 to 1; `None`: not known.
     pub truncation: Option<f64>,
@@ -88,7 +89,8 @@ fn seen(image: &RangeImage) -> HashMap<u32, Seen> {
     all
 }
 
-/// Part of the area of a box that lies outside of an image of this size; of a box without an area, whether all of it does.
+/// Part of the area of a box that lies outside of an image of this size; of a box without an area, whether all of it
+/// does.
 fn truncation([left, top, right, bottom]: [f64; 4], size: [f64; 2]) -> f64 {
     let part = |low: f64, high: f64, size: f64| {
         let inside = high.min(size) - low.max(0.0);
@@ -97,13 +99,16 @@ fn truncation([left, top, right, bottom]: [f64; 4], size: [f64; 2]) -> f64 {
     1.0 - part(left, right, size[0]) * part(top, bottom, size[1])
 }
 
-/// The pixels of an instance as COCO counts them: column by column, how many are not of it, then how many are, and so on;
-/// the counts add up to all pixels.
+/// The pixels of an instance as COCO counts them: column by column, how many are not of it, then how many are, and so
+/// on; the counts add up to all pixels.
 pub type Runs = Vec<u32>;
 
-/// The pixels of every instance of `image`, by number.
+/// The pixels of every instance of `image`, by number; none if it does not know instances.
 pub fn masks(image: &RangeImage) -> HashMap<u32, Runs> {
     let (width, height) = (image.width, image.height);
+    if image.instance_id.len() != image.len() {
+        return HashMap::new();
+    }
     let columns = transposed(&image.instance_id, width, height);
     let mut all: HashMap<u32, (Runs, u32)> = HashMap::new();
     let mut at = 0;
@@ -142,8 +147,8 @@ fn transposed(pixels: &[u32], width: usize, height: usize) -> Vec<u32> {
     columns
 }
 
-/// Runs as the text that COCO's files hold (maskApi.c of the COCO API, rleToString): each count from the fourth on as its
-/// difference to the one two before, in digits of 5 bits, the least first, from the letter 0 on.
+/// Runs as the text that COCO's files hold (maskApi.c of the COCO API, rleToString): each count from the fourth on as
+/// its difference to the one two before, in digits of 5 bits, the least first, from the letter 0 on.
 pub fn runs_text(runs: &[u32]) -> String {
     let mut text = String::with_capacity(2 * runs.len());
     for (index, &run) in runs.iter().enumerate() {

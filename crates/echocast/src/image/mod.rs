@@ -1,8 +1,8 @@
-//! Images of what sensors report: of sonar pings waterfall, mosaic, fan and depth map, each with its labels; of cameras and
-//! other sensors of light whose beams form rows, the [`RangeImage`], and what it shows of each instance.
+//! Images of what sensors report: of sonar pings waterfall, mosaic, fan and depth map, each with its labels; of cameras
+//! and other sensors of light whose beams form rows, the [`RangeImage`], and what it shows of each instance.
 //!
-//! Images of pings are made from what a sonar reports, as its own software would make them: nothing uses the scene. Levels
-//! are drawn with the sonar's time-varied gain. The pings are not changed.
+//! Images of pings are made from what a sonar reports, as its own software would make them: nothing uses the scene.
+//! Levels are drawn with the sonar's time-varied gain. The pings are not changed.
 
 mod altitude;
 mod annotation;

@@ -9,8 +9,8 @@ use crate::scene::Labels;
 use glam::{Quat, Vec3};
 use std::sync::Arc;
 
-/// A scan as an image: row by row from the top left, each pixel with the return of its beam; of several, the nearest. What
-/// the cloud has no columns for is empty.
+/// A scan as an image: row by row from the top left, each pixel with the return of its beam; of several, the nearest.
+/// What the cloud has no columns for is empty.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RangeImage {
     /// Columns.
@@ -35,8 +35,8 @@ pub struct RangeImage {
     pub intensity: Vec<f32>,
     /// Full scale of `intensity`; relative energy has none.
     pub intensity_full_scale: Option<f32>,
-    /// Unit normals of the surfaces: right, up and back, towards who looks along the axis of the sensor (-y, z, -x of its
-    /// frame); NaN where there is no return.
+    /// Unit normals of the surfaces: right, up and back, towards who looks along the axis of the sensor (-y, z, -x of
+    /// its frame); NaN where there is no return.
     pub normal: Vec<[f32; 3]>,
     /// World pose of the sensor as it starts.
     pub sensor_pose: Pose,
@@ -56,8 +56,8 @@ impl RangeImage {
         own.into_iter().chain(looks).chain(normals).collect()
     }
 
-    /// The image of `cloud`, one scan of the sensor that makes images like `grid` ([`Sensor::image_grid`]), with misses or
-    /// without, in any order. It must have the columns `beam` and `range`.
+    /// The image of `cloud`, one scan of the sensor that makes images like `grid` ([`Sensor::image_grid`]), with misses
+    /// or without, in any order. It must have the columns `beam` and `range`.
     ///
     /// [`Sensor::image_grid`]: crate::Sensor::image_grid
     ///
@@ -185,8 +185,8 @@ pub(crate) mod tests {
         Sensor::from_yaml(yaml, "").unwrap()
     }
 
-    /// What a camera sees of a wall 2 m ahead, which has no return in beams 0 and 7: category 1 and instance 5 on the left,
-    /// 2 and 70000 on the right.
+    /// What a camera sees of a wall 2 m ahead, which has no return in beams 0 and 7: category 1 and instance 5 on the
+    /// left, 2 and 70000 on the right.
     pub(crate) fn wall(beams: &BeamTable) -> PointCloud {
         let mut cloud =
             PointCloud { sensor_pose: Pose::IDENTITY.with_rpy_deg(0.0, 0.0, 90.0), ..PointCloud::default() };

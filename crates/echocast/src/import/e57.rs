@@ -41,7 +41,7 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
         .reduce(|all, more| all.iter().map(|info| info.field).filter(|&field| more.contains(field)).collect());
     let fields = all.unwrap_or_else(|| [Field::X, Field::Y, Field::Z].into_iter().collect());
     let mut rows = Rows::new(fields, 0, Some(&about))?;
-    let mut first = None;
+    let (mut first, mut brightest) = (None, 0.0_f32);
     let mut grid = Some([0, 0]);
     for (scan, attributes) in scans.iter().zip(attributes) {
         let placed = scan.transform.as_ref().map(|transform| pose_of(transform, source)).transpose()?;
@@ -52,9 +52,12 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
             let fits = columns == 0 || columns == same;
             rows.checked_add(more).filter(|_| fits).map(|rows| [rows, same])
         });
-        if about.intensity_full_scale.is_none() {
-            about.intensity_full_scale = full_scale(scan).map(Some);
-        }
+        brightest = brightest.max(full_scale(scan));
+    }
+    if about.intensity_full_scale.is_none() && brightest > 0.0 {
+        // Some say what the scan has, others what the instrument can say.
+        let usual = [1.0, 255.0].into_iter().find(|&full| brightest <= full);
+        about.intensity_full_scale = Some(usual.or(Some(brightest)));
     }
     about.sensor_pose = about.sensor_pose.or(first);
     about.shape = about.shape.or(grid.filter(|grid| grid[1] > 0));
@@ -66,11 +69,13 @@ fn pose_of(transform: &Transform, source: &Source) -> Result<Pose> {
     pose([t.x, t.y, t.z], [q.x, q.y, q.z, q.w]).map_err(|message| source.error(message))
 }
 
-/// The greatest intensity that the instrument can say.
-fn full_scale(scan: &Scan) -> Option<f32> {
-    let kind = &scan.prototype.iter().find(|record| record.name == RecordName::Intensity)?.data_type;
-    let most = scan.intensity_limits.as_ref()?.intensity_max.as_ref()?.to_f64(kind).ok()?;
-    Some(most as f32).filter(|most| *most > 0.0 && most.is_finite())
+/// The greatest intensity that the scan tells of; 0: of none.
+fn full_scale(scan: &Scan) -> f32 {
+    let kind =
+        scan.prototype.iter().find(|record| record.name == RecordName::Intensity).map(|record| &record.data_type);
+    let most = scan.intensity_limits.as_ref().and_then(|limits| limits.intensity_max.as_ref());
+    let most = kind.zip(most).map_or(0.0, |(kind, most)| number(most, kind) as f32);
+    if most.is_finite() { most } else { 0.0 }
 }
 
 /// Where the numbers of a point go.

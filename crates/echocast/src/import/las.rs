@@ -33,6 +33,7 @@ const CLASSES: &[(u8, &str)] = &[
     (9, "water"),
     (10, "rail"),
     (11, "road surface"),
+    (12, "overlap"),
     (13, "wire guard"),
     (14, "wire conductor"),
     (15, "transmission tower"),

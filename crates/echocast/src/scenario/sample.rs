@@ -180,7 +180,8 @@ impl Sample {
         built.scan_into(&scan.sensor, &scan.trajectory, &scan.options(frame), cloud)
     }
 
-    /// [`Sample::cloud_into`] with further columns, `more`, and boxes, which may say where they are in the sensor's image.
+    /// [`Sample::cloud_into`] with further columns, `more`, and boxes, which may say where they are in the sensor's
+    /// image.
     pub(super) fn cloud_with(
         &mut self,
         scan: usize,

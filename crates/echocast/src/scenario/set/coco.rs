@@ -163,10 +163,10 @@ impl Style for Coco {
 
     fn readme(&self) -> String {
         "`coco` is laid out as COCO: images in `coco/images`, and what they show of each instance in \
-         `coco/annotations/instances_train.json` and so on: boxes around what is seen (`bbox`) and around the whole object \
-         (`amodal_bbox`, which may reach out of the image), masks, how much is outside of the image (`truncation`) and \
-         hidden by what is before it (`occlusion`), both 0 to 1. `color` shows the surfaces' own colours, without light and \
-         shadow; what has no return is black, and in no mask.\n\n\
+         `coco/annotations/instances_train.json` and so on: boxes around what is seen (`bbox`) and around the whole \
+         object (`amodal_bbox`, which may reach out of the image), masks, how much is outside of the image \
+         (`truncation`) and hidden by what is before it (`occlusion`), both 0 to 1. `color` shows the surfaces' own \
+         colours, without light and shadow; what has no return is black, and in no mask.\n\n\
          ```python\n\
          from pycocotools.coco import COCO\n\
          coco = COCO('coco/annotations/instances_train.json')\n\

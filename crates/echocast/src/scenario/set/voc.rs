@@ -14,8 +14,8 @@ use serde::Deserialize;
 use std::collections::HashMap;
 use std::path::Path;
 
-/// `voc/JPEGImages/000017.png`, `Annotations/000017.xml`, `SegmentationClass`, `SegmentationObject`, `ImageSets` (Everingham et
-/// al. 2010, The Pascal Visual Object Classes challenge; folders as in its development kit).
+/// `voc/JPEGImages/000017.png`, `Annotations/000017.xml`, `SegmentationClass`, `SegmentationObject`, `ImageSets`
+/// (Everingham et al. 2010, The Pascal Visual Object Classes challenge; folders as in its development kit).
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Voc {
@@ -92,11 +92,12 @@ impl Style for Voc {
     }
 
     fn readme(&self) -> String {
-        "`voc` is laid out as Pascal VOC. Pictures are PNG, in `JPEGImages` all the same, and show the surfaces' own colours, \
-         without light and shadow. In `Annotations`, pixels count from 1; `truncated` is 1 where more than 15 % of the box \
-         around the whole object (`amodal`) are outside of the picture, `occluded` where more than 5 % of the object are \
-         hidden. Numbers in `SegmentationClass` are those of the categories of the scene, named in the text `names` of each \
-         file; those in `SegmentationObject` count the objects of `Annotations` from 1. What has no return is 0.\n\n\
+        "`voc` is laid out as Pascal VOC. Pictures are PNG, in `JPEGImages` all the same, and show the surfaces' own \
+         colours, without light and shadow. In `Annotations`, pixels count from 1; `truncated` is 1 where more than \
+         15 % of the box around the whole object (`amodal`) are outside of the picture, `occluded` where more than 5 \
+         % of the object are hidden. Numbers in `SegmentationClass` are those of the categories of the scene, named \
+         in the text `names` of each file; those in `SegmentationObject` count the objects of `Annotations` from 1. \
+         What has no return is 0.\n\n\
          ```python\n\
          import numpy as np\n\
          from PIL import Image\n\

@@ -300,8 +300,7 @@ fn keys(document: &Document<'_>, stack: &AnimStack, curve: &AnimCurve, times: &m
     let goes_on = |mode| mode != ExtrapolationMode::Constant && stack.time_end.is_finite() && length > 0.0;
     if goes_on(curve.post_extrapolation.mode) && stack.time_end > last.time {
         let rounds = ((stack.time_end - last.time) / length).ceil();
-        // A comparison that NaN fails too.
-        if !(rounds * keys.len() as f64 <= 1e7) {
+        if rounds * keys.len() as f64 > 1e7 {
             return Err(format!("a curve repeats itself {rounds} times; allowed: fewer"));
         }
         for round in 1..=rounds as usize {
