@@ -135,8 +135,9 @@ impl Arrays for Archive<'_> {
 /// Reads the text of a header: `{'descr': '<f4', 'fortran_order': False, 'shape': (3,), }`.
 fn parse(text: &str) -> Result<Array, String> {
     let after = |key: &str| text.split_once(key).map(|(_, rest)| rest.trim_start_matches([':', ' ']));
-    let unknown =
-        || format!("has the header {:?}, which is none of an array of numbers", crate::shown::text(text.trim()));
+    let unknown = || {
+        format!("has the header {:?}, which is none of an array of numbers", crate::ground::shown::text(text.trim()))
+    };
     let kind = after("'descr'").and_then(|rest| rest.strip_prefix('\'')?.split('\'').next()).ok_or_else(unknown)?;
     let shape = after("'shape'").and_then(|rest| rest.strip_prefix('(')?.split(')').next()).ok_or_else(unknown)?;
     let lengths = shape.split(',').map(str::trim).filter(|length| !length.is_empty());
