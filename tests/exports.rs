@@ -1,6 +1,6 @@
 //! One scene in the formats that Blender exports: the same scan.
 
-use echocast::{Field, LoadOptions, PointCloud, Pose, ScanOptions, Scene, Sensor, Trajectory, scene::UpAxis};
+use echocast::{Field, LoadOptions, PointCloud, Pose, ScanOptions, Scene, Sensor, Trajectory};
 use echocast_tests::root;
 use std::collections::BTreeMap;
 
@@ -61,7 +61,7 @@ fn fbx_obj_and_glb_of_one_scene_give_one_scan() {
     // OBJ has no custom properties and no nodes: names are given as people do, by rules.
     let rules = "labels: {objects: {Floor: ground, 'Top*': furniture, 'Leg*': furniture, House: House, Wall*: House, \
                  Window*: House}}\nup: y";
-    let obj = load("scene.obj", &LoadOptions { up: UpAxis::Y, ..LoadOptions::from_yaml(rules).unwrap() });
+    let obj = load("scene.obj", &LoadOptions::from_yaml(rules).unwrap());
     let ranges = found(&obj, &scan(&obj, 0.0));
     check_same(&ranges, &of_glb, false);
     let categories = |of: &BTreeMap<u32, (f32, String, String)>| {
