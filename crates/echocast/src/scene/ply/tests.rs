@@ -44,7 +44,8 @@ fn quad(faces: &str) -> String {
 fn all_encodings_and_types_are_the_same_mesh() {
     let text = read_text(&quad("4 0 1 2 3\n")).unwrap();
     let corners = [[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0]];
-    let kinds: [(&str, fn(i8) -> Vec<u8>); 10] = [
+    type ToBytes = fn(i8) -> Vec<u8>;
+    let kinds: [(&str, ToBytes); 10] = [
         ("char", |v| v.to_le_bytes().to_vec()),
         ("uint8", |v| (v as u8).to_le_bytes().to_vec()),
         ("short", |v| i16::from(v).to_le_bytes().to_vec()),
