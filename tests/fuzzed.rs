@@ -94,8 +94,7 @@ fn cache() {
 
 #[test]
 fn cloud() {
-    let rounds = std::env::var("ROUNDS").ok().and_then(|r| r.parse().ok()).unwrap_or(3000);
-    fuzz("cloud", rounds, &[], targets::cloud::run);
+    fuzz("cloud", 3000, &[], targets::cloud::run);
 }
 
 #[test]

@@ -7,6 +7,7 @@ use super::{Source, boxes, rows};
 use crate::cloud::{FIELDS, Field, FieldSet, PointCloud};
 use crate::ground::error::{Error, Result};
 use crate::ground::report::Report;
+use crate::ground::shown;
 use std::fs::File;
 use std::io::{self, BufReader, Read};
 use zip::ZipArchive;
@@ -135,9 +136,7 @@ impl Arrays for Archive<'_> {
 /// Reads the text of a header: `{'descr': '<f4', 'fortran_order': False, 'shape': (3,), }`.
 fn parse(text: &str) -> Result<Array, String> {
     let after = |key: &str| text.split_once(key).map(|(_, rest)| rest.trim_start_matches([':', ' ']));
-    let unknown = || {
-        format!("has the header {:?}, which is none of an array of numbers", crate::ground::shown::text(text.trim()))
-    };
+    let unknown = || format!("has the header {:?}, which is none of an array of numbers", shown::text(text.trim()));
     let kind = after("'descr'").and_then(|rest| rest.strip_prefix('\'')?.split('\'').next()).ok_or_else(unknown)?;
     let shape = after("'shape'").and_then(|rest| rest.strip_prefix('(')?.split(')').next()).ok_or_else(unknown)?;
     let lengths = shape.split(',').map(str::trim).filter(|length| !length.is_empty());
