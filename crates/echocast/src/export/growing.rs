@@ -114,7 +114,8 @@ mod tests {
             let Some(report) = growing(&path("grown"), &frames).unwrap() else { continue };
             grew += 1;
             assert_eq!(report.warnings, write(&all, &path("whole"), None).unwrap().warnings);
-            // Bytes, but for HDF5, whose datasets lie in chunks, E57 and bags, which have a scan or a message for each frame.
+            // Bytes, but for HDF5, whose datasets lie in chunks, E57, which has a scan for each frame, and bags, which
+            // have a message.
             if !["hdf5", "e57", "mcap"].contains(&format.name()) {
                 let read = |stem| fs::read(path(stem)).unwrap();
                 assert!(read("grown") == read("whole"), "{}", format.name());

@@ -48,7 +48,7 @@ pub(super) struct Mcap {
     layout: &'static Layout,
 }
 
-/// What the world and the sensor are called, and the frame of images, which looks along z with x to the right (REP 103).
+/// What the frames are called: the world, the sensor, and its images, which look along z with x to the right (REP 103).
 const MAP: &str = "map";
 const SENSOR: &str = "sensor";
 const OPTICAL: &str = "sensor_optical";
@@ -62,8 +62,8 @@ const BIG_ENDIAN: bool = cfg!(target_endian = "big");
 /// Fast enough for as many points as drivers publish; higher levels save little of what is mostly noise.
 const COMPRESSION_LEVEL: u32 = 1;
 
-/// Quality of service of a topic whose last message is for those who come later: history keeps the last (1), reliability
-/// is reliable (1), durability transient local (1), liveliness automatic (1); times are infinite.
+/// Quality of service of a topic whose last message is for those who come later: history keeps the last (1), it is
+/// reliable (1), transient local (1) and alive by itself (1); times are infinite.
 const FOR_LATER: &str = "- history: 1
   depth: 1
   reliability: 1

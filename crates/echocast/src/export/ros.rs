@@ -1,7 +1,7 @@
 //! Messages of ROS 2: their definitions and their bytes.
 //!
-//! Definitions: common_interfaces and geometry2 of ROS 2 Jazzy, vision_msgs 4.1. Bytes: CDR of DDS (OMG, DDS-XTypes 1.3,
-//! 7.4.1), little endian: each number is at a multiple of its size, counted from behind the four bytes of the header.
+//! Definitions: common_interfaces and geometry2 of ROS 2 Jazzy, vision_msgs 4.1. Bytes: CDR (OMG, DDS-XTypes 1.3, 7.4.1),
+//! little endian: each number is at a multiple of its size, counted from behind the four bytes of the header.
 
 use crate::ground::pose::Pose;
 use glam::{DQuat, DVec3};
@@ -52,7 +52,8 @@ const TYPES: [(&str, &str); 21] = [
     ("vision_msgs/BoundingBox3D", "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size"),
     (
         "vision_msgs/Detection3D",
-        "std_msgs/Header header\nvision_msgs/ObjectHypothesisWithPose[] results\nvision_msgs/BoundingBox3D bbox\nstring id",
+        "std_msgs/Header header\nvision_msgs/ObjectHypothesisWithPose[] results\nvision_msgs/BoundingBox3D bbox\n\
+         string id",
     ),
     ("vision_msgs/Detection3DArray", "std_msgs/Header header\nvision_msgs/Detection3D[] detections"),
 ];
