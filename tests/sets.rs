@@ -276,7 +276,6 @@ variation:
     }
     let speed = |attribute: &str, end: usize| nuscenes["speeds"][attribute][end].as_f64().unwrap();
     assert!(speed("vehicle.parked", 1) < 0.1 && speed("vehicle.moving", 1) > 3.0, "{nuscenes}");
-    assert!((0.3..3.0).contains(&speed("pedestrian.moving", 1)), "{nuscenes}");
 
     // Samples are in the archives of their parts.
     let parts = ["train", "held-back"].map(|part| {

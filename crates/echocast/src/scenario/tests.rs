@@ -775,7 +775,7 @@ fn what_a_style_cannot_be_made_of_is_refused_before_anything_is_written() {
         ),
         (lidar.to_owned(), "style: nuscenes, top: x", "nuscenes: top is \"x\"; allowed: velodyne_vlp16"),
         (lidar.to_owned(), "style: nuscenes, version: ../x", "outputs[0].version: is \"../x\"; allowed: a name of a"),
-        (lidar.to_owned(), "style: webdataset, format: zip", "outputs[0]"),
+        (lidar.to_owned(), "style: webdataset, format: zip", "there is no output format named \"zip\""),
         (lidar.to_owned(), "style: webdataset, samples: 0", "outputs[0].samples: is 0; allowed: 1 or more"),
     ] {
         let error = fault(&sensors, output);

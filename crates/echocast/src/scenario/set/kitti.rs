@@ -125,6 +125,10 @@ impl Style for Kitti {
         Some(BoxAxes::Object)
     }
 
+    fn needs_boxes(&self, sample: &Sample, scan: usize, _frame: usize) -> bool {
+        self.scans(sample).is_ok_and(|[_, camera]| scan == camera)
+    }
+
     fn fits(&self, sample: &Sample) -> Result<()> {
         let [lidar, camera] = self.scans(sample)?.map(|scan| &sample.scans()[scan]);
         let count = lidar.frames().len() as u64;

@@ -81,7 +81,7 @@ impl FileEntry {
             }
             _ => {}
         }
-        let found = self.open(root).and_then(|part| digest_all(part));
+        let found = self.open(root).and_then(digest_all);
         match found {
             Ok((bytes, sha256)) if bytes == self.bytes && sha256 == self.sha256 => None,
             Ok(_) => Some(format!("{} has other contents", self.path)),

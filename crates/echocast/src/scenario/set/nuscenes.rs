@@ -194,6 +194,12 @@ impl Style for NuScenes {
         Some(BoxAxes::Object)
     }
 
+    fn needs_boxes(&self, sample: &Sample, scan: usize, frame: usize) -> bool {
+        let starts = || sample.scans()[scan].frames().iter().map(|frame| frame.start);
+        let key = || starts().nth(frame).is_some_and(|start| key_times(starts()).contains(&start));
+        self.top(sample).is_ok_and(|top| scan == top) && key()
+    }
+
     fn fits(&self, sample: &Sample) -> Result<()> {
         let top = self.top(sample)?;
         match sample.scans()[top].frames() {

@@ -91,7 +91,7 @@ mod tests {
             let count = |name: &str| (0..20_000).filter(|&sample| all.of(seed, sample) == name).count() as f64;
             for (name, share) in [("train", 0.8), ("val", 0.15), ("test", 0.05)] {
                 // Four deviations of a binomial distribution.
-                let allowed = 4.0 * (20_000.0 * share * (1.0 - share) as f64).sqrt();
+                let allowed = 4.0 * f64::sqrt(20_000.0 * share * (1.0 - share));
                 assert!((count(name) - 20_000.0 * share).abs() < allowed, "{seed} {name}: {}", count(name));
             }
         }

@@ -50,6 +50,11 @@ pub(super) trait Style: fmt::Debug + Send + Sync {
         false
     }
 
+    /// Whether it needs those of this frame of a scan of `sample`, both counted from 0.
+    fn needs_boxes(&self, _sample: &Sample, _scan: usize, _frame: usize) -> bool {
+        true
+    }
+
     /// Checks that it can hold the scans of `sample`.
     ///
     /// # Errors
