@@ -524,10 +524,10 @@ mod tests {
         for [mode, filter, stride, count, stream, _] in streams() {
             let (stride, count) = (stride.parse().unwrap(), count.parse().unwrap());
             let whole = bytes(stream);
-            for length in 0..whole.len() {
+            for length in (0..whole.len()).step_by(whole.len().div_ceil(100)) {
                 assert!(decoded(&whole[..length], mode, filter, stride, count).is_err(), "{mode} {filter} {length}");
             }
-            for at in (0..whole.len()).step_by(whole.len().div_ceil(200)) {
+            for at in (0..whole.len()).step_by(whole.len().div_ceil(50)) {
                 for bit in 0..8 {
                     let mut changed = whole.clone();
                     changed[at] ^= 1 << bit;
