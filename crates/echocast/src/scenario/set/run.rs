@@ -279,15 +279,15 @@ impl Maker<'_> {
             .zip(&folders)
             .map(|(style, folder)| style.writer(number, sample, folder))
             .collect::<Result<Vec<_>>>()?;
-        let in_images = self.styles.iter().any(|style| style.image_boxes());
         let mut report = sample.report().clone();
         let mut counts = Counts::default();
         let mut pictures = Vec::new();
         for scan in 0..sample.scans().len() {
             for frame in 0..sample.scans()[scan].frames().len() {
                 let asked = sample.scans()[scan].options(frame).fields;
-                let mut styles = self.styles.iter().filter(|style| style.needs_boxes(sample, scan, frame));
-                let boxes = styles.find_map(|style| style.boxes());
+                let styles = || self.styles.iter().filter(|style| style.needs_boxes(sample, scan, frame));
+                let boxes = styles().find_map(|style| style.boxes());
+                let in_images = styles().any(|style| style.image_boxes());
                 sample.cloud_with(scan, frame, needed, (boxes, in_images), cloud)?;
                 counts.add(cloud);
                 if shown && (scan, frame) == (0, 0) {

@@ -45,14 +45,14 @@ pub(super) trait Style: fmt::Debug + Send + Sync {
         None
     }
 
-    /// Whether the boxes must also say where they are in the sensor's image, if it has one.
-    fn image_boxes(&self) -> bool {
-        false
-    }
-
     /// Whether it needs those of this frame of a scan of `sample`, both counted from 0.
     fn needs_boxes(&self, _sample: &Sample, _scan: usize, _frame: usize) -> bool {
         true
+    }
+
+    /// Whether the boxes must also say where they are in the sensor's image, if it has one.
+    fn image_boxes(&self) -> bool {
+        false
     }
 
     /// Checks that it can hold the scans of `sample`.
