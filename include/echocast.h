@@ -130,7 +130,7 @@ ECHOCAST_API const char *echocast_status_string(echocast_status status);
 ECHOCAST_API uint32_t echocast_version(void);
 
 /**
- * The version and what is built in, for people: "echocast 0.1.0 (fbx, hdf5)".
+ * The version and what is built in, for people: "echocast 0.1.0 (fbx, hdf5, mcap)".
  *
  * Static, never NULL.
  */

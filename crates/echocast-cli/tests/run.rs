@@ -207,7 +207,8 @@ fn what_is_wrong_is_one_sentence() {
         (
             "run DIR/street.yaml -o DIR/x --set outputs[0].style=plane",
             1,
-            "outputs[0].style: unknown value \"plane\"; allowed: plain, semantic_kitti, kitti, nuscenes, webdataset, files",
+            "outputs[0].style: unknown value \"plane\"; allowed: plain, semantic_kitti, kitti, nuscenes, webdataset, coco, voc, \
+             files",
         ),
         ("run DIR/street.yaml --preview DIR/x.png", 2, "--sample"),
         ("run --check-output DIR", 1, "in which there is no scenario.json"),

@@ -293,7 +293,7 @@ fn lists_are_json_for_programs() {
     assert_eq!((&sensor["name"], &sensor["pattern"]["type"]), (&"velodyne_vlp16".into(), &"spinning".into()));
 
     let formats = report(folder, "formats");
-    assert_eq!(keys(&formats), "clouds pictures pings scenes");
+    assert_eq!(keys(&formats), "clouds clouds_read pictures pings scenes");
     let clouds = formats["clouds"].as_array().unwrap();
     assert!(clouds.iter().all(|cloud| keys(cloud) == "cannot_hold description extensions label_names name"));
     let [las, oldest] = ["las", "las2"].map(|name| clouds.iter().find(|cloud| cloud["name"] == name).unwrap());

@@ -813,8 +813,11 @@ fn bad_animations_are_errors_that_name_the_channel() {
         assert_eq!(file.error(), format!("{place}{message}"));
     }
     let mut again = File::slide();
-    again.json["nodes"][0]["scale"] = json!([1e300, 1, 1]);
-    push(&mut again.json["nodes"], json!({"children": [0], "scale": [1e300, 1, 1]}));
+    again.json["nodes"][0]["scale"] = json!([1e38, 1, 1]);
+    let mut below = 0;
+    for _ in 0..8 {
+        below = push(&mut again.json["nodes"], json!({"children": [below], "scale": [1e38, 1, 1]}));
+    }
     assert!(again.error().contains("its place in the world is not finite"), "{}", again.error());
 }
 
@@ -912,10 +915,7 @@ fn bad_skins_are_errors() {
 fn bad_morph_targets_are_errors() {
     let cases: [(Edit, &str); 7] = [
         (&|f| f.node()["weights"] = json!([1.0]), "node 0 \"Chair\": it has 1 weights for 2 morph targets"),
-        (
-            &|f| f.node()["weights"] = json!([1e39, 0.0]),
-            "node 0 \"Chair\": its weight 0 is inf; allowed: finite numbers",
-        ),
+        (&|f| f.node()["weights"] = json!([1e39, 0.0]), "number out of range"),
         (
             &|f| {
                 let mut other = f.primitive().clone();
