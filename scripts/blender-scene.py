@@ -203,7 +203,9 @@ def write():
     for made in meshes:
         made.select_set(True)
     bpy.ops.export_mesh.stl(filepath=path("scene.stl"), use_selection=True)
-    # Blender's PLY holds one object.
+    # Blender's PLY holds one object. What moves would move again once its place is applied.
+    for made in scene.objects:
+        made.animation_data_clear()
     for made in meshes:
         made.shape_key_clear()
         made.modifiers.clear()

@@ -52,26 +52,32 @@ fn check_same(a: &BTreeMap<u32, (f32, String, String)>, b: &BTreeMap<u32, (f32, 
 }
 
 #[test]
-fn fbx_obj_and_glb_of_one_scene_give_one_scan() {
+fn all_formats_of_one_scene_give_one_scan() {
     let plain = LoadOptions::default();
     let [fbx, glb] = ["scene.fbx", "scene.glb"].map(|name| load(name, &plain));
-    let of_glb = found(&glb, &scan(&glb, 0.0));
-    check_same(&found(&fbx, &scan(&fbx, 0.0)), &of_glb, true);
+    let seen_by_glb = found(&glb, &scan(&glb, 0.0));
+    check_same(&found(&fbx, &scan(&fbx, 0.0)), &seen_by_glb, true);
 
     // OBJ has no custom properties and no nodes: names are given as people do, by rules.
     let rules = "labels: {objects: {Floor: ground, 'Top*': furniture, 'Leg*': furniture, House: House, Wall*: House, \
                  Window*: House}}\nup: y";
     let obj = load("scene.obj", &LoadOptions::from_yaml(rules).unwrap());
     let ranges = found(&obj, &scan(&obj, 0.0));
-    check_same(&ranges, &of_glb, false);
+    check_same(&ranges, &seen_by_glb, false);
     let categories = |of: &BTreeMap<u32, (f32, String, String)>| {
         let mut counts: BTreeMap<String, usize> = BTreeMap::new();
         of.values().for_each(|(_, category, _)| *counts.entry(category.clone()).or_default() += 1);
         counts
     };
-    let [of_glb, of_obj] = [&of_glb, &ranges].map(categories);
+    let [of_glb, of_obj] = [&seen_by_glb, &ranges].map(categories);
     for name in ["ground", "furniture", "House"] {
         assert!(of_glb[name].abs_diff(of_obj[name]) <= 5, "{name}: {of_glb:?} {of_obj:?}");
+    }
+
+    // One mesh without names or materials.
+    for name in ["scene.ply", "scene.stl"] {
+        let scene = load(name, &plain);
+        check_same(&found(&scene, &scan(&scene, 0.0)), &seen_by_glb, false);
     }
 }
 
