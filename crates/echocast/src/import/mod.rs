@@ -31,11 +31,11 @@ const BEGINNING: u64 = 4096;
 
 impl PointCloud {
     /// Reads the cloud file at `path`: of any format of [`crate::export::FORMATS`], and LAS, LAZ, PLY, PCD, E57 and CSV
-    /// files of other programs. The content tells the format, whatever the name ends in. [`read`] also reports what a
+    /// files of other programs. The content tells the format, whatever the name ends in. [`read()`] also reports what a
     /// cloud could not take over.
     ///
     /// # Errors
-    /// As [`read`].
+    /// As [`read()`].
     pub fn read(path: impl AsRef<Path>) -> Result<PointCloud> {
         read(path.as_ref(), &mut Report::default())
     }
