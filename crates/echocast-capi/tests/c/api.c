@@ -399,7 +399,7 @@ static void files(echocast_context *context)
     CHECK(messages[ECHOCAST_LOG_WARN] == 2 && messages[ECHOCAST_LOG_INFO] == 1);
     FAILS(ECHOCAST_E_PARSE, "load options: ", echocast_scene_load(scene, path, "{scal: 0.5}"));
     FAILS(ECHOCAST_E_IO, in_folder("gone.obj"), echocast_scene_load(scene, in_folder("gone.obj"), NULL));
-    FAILS(ECHOCAST_E_UNSUPPORTED, in_folder("wall.fbx"), echocast_scene_load(scene, in_folder("wall.fbx"), ""));
+    FAILS(ECHOCAST_E_UNSUPPORTED, in_folder("wall.blend"), echocast_scene_load(scene, in_folder("wall.blend"), ""));
     FAILS(ECHOCAST_E_PARSE, "glTF data: ", echocast_scene_load_memory(scene, "glTF", 4, NULL));
 
     echocast_snapshot *snapshot;
