@@ -166,6 +166,15 @@ fn detections(cloud: &PointCloud) -> Value {
     told.collect()
 }
 
+/// A few points of a scene with thousands of instances.
+fn many_names() -> PointCloud {
+    let mut cloud = cloud(3, FieldSet::default());
+    let labels = Arc::make_mut(&mut cloud.labels);
+    labels.instance.ids = (1..=5000).collect();
+    labels.instance.names = (1..=5000).map(|id| format!("object number {id}")).collect();
+    cloud
+}
+
 /// A grid of 4 by 5 beams, some without a return.
 fn organised() -> PointCloud {
     let mut cloud = cloud(20, FieldSet::all());
@@ -266,10 +275,6 @@ fn said(report: &Report, words: &str) -> bool {
 
 #[test]
 fn every_format_is_read_back() {
-    let mut many_names = cloud(3, FieldSet::default());
-    let labels = Arc::make_mut(&mut many_names.labels);
-    labels.instance.ids = (1..=5000).collect();
-    labels.instance.names = (1..=5000).map(|id| format!("object number {id}")).collect();
     let positions = FieldSet::parse("x,y,z").unwrap();
     let mut sensor_frame = cloud(10, positions);
     sensor_frame.frame = Frame::Sensor;
@@ -282,7 +287,7 @@ fn every_format_is_read_back() {
         cloud(1, FieldSet::all()),
         cloud(0, FieldSet::all()),
         sensor_frame,
-        many_names,
+        many_names(),
     ];
     let folder = tempfile::tempdir().unwrap();
     for format in FORMATS {

@@ -1,6 +1,6 @@
 //! Clouds that are read: what every format keeps comes back, and files of other programs mean what these say.
 
-use super::{cloud, organised, said};
+use super::{cloud, many_names, organised, said};
 use echocast::cloud::{Column, FIELDS, Field, FieldSet, Frame};
 use echocast::export::{self, FORMATS, labels_path};
 use echocast::import;
@@ -57,11 +57,8 @@ fn compare(cloud: &PointCloud, format: &str, read: &PointCloud, rows: &[usize], 
 
 #[test]
 fn what_is_written_comes_back() {
-    let mut many_names = cloud(3, FieldSet::default());
-    let labels = Arc::make_mut(&mut many_names.labels);
-    labels.instance.ids = (1..=5000).collect();
-    labels.instance.names = (1..=5000).map(|id| format!("object number {id}")).collect();
-    labels.las_class = [(1, 6), (70_000, 5)].into();
+    let mut many_names = many_names();
+    Arc::make_mut(&mut many_names.labels).las_class = [(1, 6), (70_000, 5)].into();
     let mut sensor_frame = cloud(10, FieldSet::parse("x,y,z").unwrap());
     sensor_frame.frame = Frame::Sensor;
     sensor_frame.intensity_full_scale = None;

@@ -2,7 +2,6 @@
 
 use super::about::About;
 use super::names::Named;
-use super::number::Number;
 use super::rows::{self, Rows};
 use super::text::{self, Lines, Place, Separator};
 use super::{Source, names};
@@ -10,6 +9,7 @@ use crate::cloud::PointCloud;
 use crate::ground::error::Result;
 use crate::ground::report::Report;
 use crate::ground::shown;
+use crate::read::number::Number;
 
 /// Most columns.
 const COLUMNS: usize = 4096;

@@ -2,13 +2,13 @@
 
 use super::about::{About, pose};
 use super::names::Named;
-use super::number::Number;
 use super::rows::{self, Goal, Rows};
 use super::{Source, contained};
 use crate::cloud::{Field, FieldSet, Frame, PointCloud};
 use crate::ground::error::Result;
 use crate::ground::pose::Pose;
 use crate::ground::report::Report;
+use crate::read::number::Number;
 use ::e57::{E57Reader, PointCloud as Scan, Record, RecordDataType, RecordName, RecordValue, Transform};
 use glam::DVec3;
 use std::f64::consts::FRAC_PI_2;

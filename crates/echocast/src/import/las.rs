@@ -2,13 +2,14 @@
 
 use super::about::About;
 use super::names::Named;
-use super::number::{Member, Number, blocks};
+use super::number::{Member, blocks};
 use super::rows::{self, Goal, Rows};
 use super::{Source, laz};
 use crate::cloud::{Field, FieldSet, PointCloud};
 use crate::export::RAW_INTENSITY;
 use crate::ground::error::{Error, Result};
 use crate::ground::report::Report;
+use crate::read::number::Number;
 use ::las::raw::{Header, Vlr};
 use std::collections::BTreeSet;
 use std::io::{self, Read as _};

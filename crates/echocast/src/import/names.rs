@@ -1,8 +1,8 @@
 //! What other programs call the columns of a cloud.
 
-use super::number::Number;
 use super::rows::Goal;
 use crate::cloud::Field;
+use crate::read::number::Number;
 
 /// A column of a file.
 pub(super) struct Named {

@@ -1,13 +1,14 @@
 //! NPZ: a zip of NumPy arrays, one for each column.
 
 use super::about::{ABOUT, About, Arrays};
-use super::number::{Member, Number, blocks};
+use super::number::{Member, blocks};
 use super::rows::{Goal, Rows};
 use super::{Source, boxes, rows};
 use crate::cloud::{FIELDS, Field, FieldSet, PointCloud};
 use crate::ground::error::{Error, Result};
 use crate::ground::report::Report;
 use crate::ground::shown;
+use crate::read::number::Number;
 use std::fs::File;
 use std::io::{self, BufReader, Read};
 use zip::ZipArchive;

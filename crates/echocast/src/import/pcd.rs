@@ -2,7 +2,7 @@
 
 use super::about::{self, About};
 use super::names::Named;
-use super::number::{Member, Number, blocks};
+use super::number::{Member, blocks};
 use super::rows::{self, Goal, Rows};
 use super::text::{self, Lines, Place, Separator};
 use super::{Source, contained};
@@ -10,6 +10,7 @@ use crate::cloud::{Field, Frame, PointCloud};
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::Pose;
 use crate::ground::report::Report;
+use crate::read::number::Number;
 use std::io::{self, Read as _};
 
 /// Most lines before the points.

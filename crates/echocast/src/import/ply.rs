@@ -3,13 +3,14 @@
 use super::Source;
 use super::about::About;
 use super::names::Named;
-use super::number::{Member, Number, blocks};
+use super::number::{Member, blocks};
 use super::rows::{self, Rows};
 use super::text::{self, Lines, Place, Separator};
 use crate::cloud::PointCloud;
 use crate::ground::error::Result;
 use crate::ground::report::Report;
 use crate::ground::shown;
+use crate::read::number::Number;
 
 /// Most lines before the points.
 const HEADER: usize = 10_000;

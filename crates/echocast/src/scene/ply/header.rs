@@ -1,5 +1,7 @@
 //! The header of a PLY file: which numbers follow, in which order.
 
+use crate::read::number::Number;
+
 /// What the header says.
 #[derive(Debug)]
 pub(super) struct Header {
@@ -34,61 +36,34 @@ pub(super) struct Element {
 #[derive(Debug)]
 pub(super) struct Property {
     pub name: String,
-    pub kind: Kind,
+    pub kind: Number,
     /// Of a list: how its length is written.
-    pub length: Option<Kind>,
+    pub length: Option<Number>,
 }
 
-/// A type of numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    I64,
-    U64,
-    F32,
-    F64,
+/// The type of this name: of the format, or as other programs call more of them.
+fn named(name: &str) -> Option<Number> {
+    Some(match name {
+        "char" | "int8" => Number::I8,
+        "uchar" | "uint8" => Number::U8,
+        "short" | "int16" => Number::I16,
+        "ushort" | "uint16" => Number::U16,
+        "int" | "int32" => Number::I32,
+        "uint" | "uint32" => Number::U32,
+        "long" | "int64" => Number::I64,
+        "ulong" | "uint64" => Number::U64,
+        "float" | "float32" => Number::F32,
+        "double" | "float64" => Number::F64,
+        _ => return None,
+    })
 }
 
-impl Kind {
-    /// Names of the format, and those that other programs added.
-    fn named(name: &str) -> Option<Kind> {
-        Some(match name {
-            "char" | "int8" => Kind::I8,
-            "uchar" | "uint8" => Kind::U8,
-            "short" | "int16" => Kind::I16,
-            "ushort" | "uint16" => Kind::U16,
-            "int" | "int32" => Kind::I32,
-            "uint" | "uint32" => Kind::U32,
-            "long" | "int64" => Kind::I64,
-            "ulong" | "uint64" => Kind::U64,
-            "float" | "float32" => Kind::F32,
-            "double" | "float64" => Kind::F64,
-            _ => return None,
-        })
-    }
-
-    /// Bytes of one number.
-    pub fn size(self) -> usize {
-        match self {
-            Kind::I8 | Kind::U8 => 1,
-            Kind::I16 | Kind::U16 => 2,
-            Kind::I32 | Kind::U32 | Kind::F32 => 4,
-            Kind::I64 | Kind::U64 | Kind::F64 => 8,
-        }
-    }
-
-    /// What stands for a full colour channel.
-    pub fn full(self) -> f64 {
-        match self {
-            Kind::I8 | Kind::U8 => 255.0,
-            Kind::I16 | Kind::U16 => 65535.0,
-            _ => 1.0,
-        }
+/// What stands for a full colour channel.
+pub(super) fn full(kind: Number) -> f64 {
+    match kind {
+        Number::I8 | Number::U8 => 255.0,
+        Number::I16 | Number::U16 => 65535.0,
+        _ => 1.0,
     }
 }
 
@@ -156,7 +131,7 @@ impl Header {
         ))
     }
 
-    fn property(&mut self, name: &str, kind: &str, length: Option<Kind>) -> Result<(), String> {
+    fn property(&mut self, name: &str, kind: &str, length: Option<Number>) -> Result<(), String> {
         let kind = known(kind)?;
         let element = self.elements.last_mut().ok_or("a property stands before the first element")?;
         element.properties.push(Property { name: name.to_owned(), kind, length });
@@ -164,10 +139,10 @@ impl Header {
     }
 }
 
-fn known(kind: &str) -> Result<Kind, String> {
+fn known(kind: &str) -> Result<Number, String> {
     const ALLOWED: &str = "char, uchar, short, ushort, int, uint, float, double, int8 to int64, uint8 to uint64, \
                            float32, float64";
-    Kind::named(kind).ok_or_else(|| format!("{kind:?} is no type of numbers; allowed: {ALLOWED}"))
+    named(kind).ok_or_else(|| format!("{kind:?} is no type of numbers; allowed: {ALLOWED}"))
 }
 
 #[cfg(test)]
@@ -190,7 +165,7 @@ mod tests {
                 header.elements.iter().map(|e| (e.name.as_str(), e.count, e.properties.len())).collect();
             assert_eq!(counts, [("vertex", 3, 2), ("face", 1, 1)]);
             let faces = &header.elements[1].properties[0];
-            assert_eq!((faces.kind, faces.length), (Kind::I32, Some(Kind::U8)));
+            assert_eq!((faces.kind, faces.length), (Number::I32, Some(Number::U8)));
         }
         assert_eq!(Header::parse(HEADER.trim_end().as_bytes()).unwrap().length, HEADER.len() - 1);
     }

@@ -1,8 +1,9 @@
 //! The rows of a PLY file: vertices and faces as programs name their properties.
 
-use super::header::{Element, Header, Kind};
+use super::header::{Element, Header, full};
 use super::values::Values;
 use crate::ground::error::{Error, Result};
+use crate::read::number::Number;
 use crate::scene::faces::{Corner, Faces, NONE};
 use crate::scene::within_reach;
 use glam::DVec3;
@@ -166,7 +167,7 @@ fn skip(element: &Element, values: &mut impl Values, row: &mut u64) -> Result<()
 }
 
 #[inline]
-fn skip_one(values: &mut impl Values, kind: Kind, length: Option<Kind>) -> Result<(), String> {
+fn skip_one(values: &mut impl Values, kind: Number, length: Option<Number>) -> Result<(), String> {
     let count = length.map_or(Ok(1), |length| values.length(length, kind))?;
     values.skip(kind, count)
 }
@@ -196,7 +197,7 @@ impl Rows {
                     Some(Slot::Normal(axis)) => normal[axis] = values.number(property.kind)?,
                     Some(Slot::Uv(axis)) => uv[axis] = values.number(property.kind)? as f32,
                     Some(Slot::Color(channel)) => {
-                        let value = values.number(property.kind)? / property.kind.full();
+                        let value = values.number(property.kind)? / full(property.kind);
                         color[channel] = value.clamp(0.0, 1.0) as f32;
                     }
                     Some(Slot::Label(which)) => labels[which] = label(values.number(property.kind)?),

@@ -1,6 +1,7 @@
 //! The numbers of a PLY file, one after the other, as text or binary.
 
-use super::header::{Element, Kind};
+use super::header::Element;
+use crate::read::number::Number;
 use crate::scene::number::decimal;
 
 const CUT_OFF: &str = "the file is cut off";
@@ -11,19 +12,19 @@ pub(super) trait Values {
     ///
     /// # Errors
     /// The file is over; a word that is no number.
-    fn number(&mut self, kind: Kind) -> Result<f64, String>;
+    fn number(&mut self, kind: Number) -> Result<f64, String>;
 
     /// Skips `count` numbers.
-    fn skip(&mut self, kind: Kind, count: u64) -> Result<(), String>;
+    fn skip(&mut self, kind: Number, count: u64) -> Result<(), String>;
 
     /// Least bytes that a number takes, and how many bytes are left.
-    fn room(&self, kind: Kind) -> (u64, u64);
+    fn room(&self, kind: Number) -> (u64, u64);
 
     /// The line of this place, where there are lines.
     fn line(&self) -> Option<usize>;
 
     /// The length of a list whose numbers are still there.
-    fn length(&mut self, length: Kind, kind: Kind) -> Result<u64, String> {
+    fn length(&mut self, length: Number, kind: Number) -> Result<u64, String> {
         let count = self.number(length)?;
         let (each, left) = self.room(kind);
         if !(count >= 0.0 && count.fract() == 0.0) {
@@ -41,7 +42,7 @@ pub(super) trait Values {
         for property in &element.properties {
             row += self.room(property.length.unwrap_or(property.kind)).0;
         }
-        let (_, left) = self.room(Kind::U8);
+        let (_, left) = self.room(Number::U8);
         if row > 0 && element.count > left / row {
             let Element { name, count, .. } = element;
             return Err(format!(
@@ -72,28 +73,28 @@ impl<const BIG: bool> Binary<'_, BIG> {
 
 impl<const BIG: bool> Values for Binary<'_, BIG> {
     #[inline]
-    fn number(&mut self, kind: Kind) -> Result<f64, String> {
+    fn number(&mut self, kind: Number) -> Result<f64, String> {
         Ok(match kind {
-            Kind::I8 => f64::from(i8::from_le_bytes(self.take()?)),
-            Kind::U8 => f64::from(u8::from_le_bytes(self.take()?)),
-            Kind::I16 => f64::from(i16::from_le_bytes(self.take()?)),
-            Kind::U16 => f64::from(u16::from_le_bytes(self.take()?)),
-            Kind::I32 => f64::from(i32::from_le_bytes(self.take()?)),
-            Kind::U32 => f64::from(u32::from_le_bytes(self.take()?)),
-            Kind::I64 => i64::from_le_bytes(self.take()?) as f64,
-            Kind::U64 => u64::from_le_bytes(self.take()?) as f64,
-            Kind::F32 => f64::from(f32::from_le_bytes(self.take()?)),
-            Kind::F64 => f64::from_le_bytes(self.take()?),
+            Number::I8 => f64::from(i8::from_le_bytes(self.take()?)),
+            Number::U8 => f64::from(u8::from_le_bytes(self.take()?)),
+            Number::I16 => f64::from(i16::from_le_bytes(self.take()?)),
+            Number::U16 => f64::from(u16::from_le_bytes(self.take()?)),
+            Number::I32 => f64::from(i32::from_le_bytes(self.take()?)),
+            Number::U32 => f64::from(u32::from_le_bytes(self.take()?)),
+            Number::I64 => i64::from_le_bytes(self.take()?) as f64,
+            Number::U64 => u64::from_le_bytes(self.take()?) as f64,
+            Number::F32 => f64::from(f32::from_le_bytes(self.take()?)),
+            Number::F64 => f64::from_le_bytes(self.take()?),
         })
     }
 
-    fn skip(&mut self, kind: Kind, count: u64) -> Result<(), String> {
+    fn skip(&mut self, kind: Number, count: u64) -> Result<(), String> {
         let length = usize::try_from(count).ok().and_then(|count| count.checked_mul(kind.size()));
         self.bytes = length.and_then(|length| self.bytes.get(length..)).ok_or(CUT_OFF)?;
         Ok(())
     }
 
-    fn room(&self, kind: Kind) -> (u64, u64) {
+    fn room(&self, kind: Number) -> (u64, u64) {
         (kind.size() as u64, self.bytes.len() as u64)
     }
 
@@ -130,7 +131,7 @@ impl<'a> Text<'a> {
 
 impl Values for Text<'_> {
     #[inline]
-    fn number(&mut self, _: Kind) -> Result<f64, String> {
+    fn number(&mut self, _: Number) -> Result<f64, String> {
         let word = self.word()?;
         match decimal(word) {
             Some((value, length)) if length == word.len() => Ok(value),
@@ -142,14 +143,14 @@ impl Values for Text<'_> {
         }
     }
 
-    fn skip(&mut self, _: Kind, count: u64) -> Result<(), String> {
+    fn skip(&mut self, _: Number, count: u64) -> Result<(), String> {
         for _ in 0..count {
             self.word()?;
         }
         Ok(())
     }
 
-    fn room(&self, _: Kind) -> (u64, u64) {
+    fn room(&self, _: Number) -> (u64, u64) {
         // A digit and a blank, which may be missing after the last.
         (2, (self.bytes.len() - self.at) as u64 + 1)
     }

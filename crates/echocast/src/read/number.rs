@@ -1,0 +1,45 @@
+//! Types of numbers in binary files.
+
+/// Type of a number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Number {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    I64,
+    U64,
+    F32,
+    F64,
+}
+
+impl Number {
+    /// Bytes of one.
+    pub(crate) fn size(self) -> usize {
+        match self {
+            Number::I8 | Number::U8 => 1,
+            Number::I16 | Number::U16 => 2,
+            Number::I32 | Number::U32 | Number::F32 => 4,
+            Number::I64 | Number::U64 | Number::F64 => 8,
+        }
+    }
+
+    /// The type of `size` bytes: `f`loat, `i`nteger or `u`nsigned.
+    pub(crate) fn of(kind: char, size: usize) -> Option<Number> {
+        Some(match (kind, size) {
+            ('f', 4) => Number::F32,
+            ('f', 8) => Number::F64,
+            ('i', 1) => Number::I8,
+            ('i', 2) => Number::I16,
+            ('i', 4) => Number::I32,
+            ('i', 8) => Number::I64,
+            ('u', 1) => Number::U8,
+            ('u', 2) => Number::U16,
+            ('u', 4) => Number::U32,
+            ('u', 8) => Number::U64,
+            _ => return None,
+        })
+    }
+}
