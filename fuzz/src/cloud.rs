@@ -10,7 +10,8 @@ use std::fs;
 use std::sync::Once;
 
 /// How files of each format begin, shorter than any of them is.
-const BEGINNINGS: [&[u8]; 8] = [b"", b"LASF", b"ply\n", b"# .PCD", b"ASTM-E57", b"PK\x03\x04", b"x,y,z\n", b"FIELDS "];
+const BEGINNINGS: [&[u8]; 9] =
+    [b"", b"LASF", b"ply\n", b"# .PCD", b"ASTM-E57", b"PK\x03\x04", b"x,y,z\n", b"FIELDS ", b"\x89MCAP0\r\n"];
 
 thread_local! {
     static FOLDER: OnceCell<tempfile::TempDir> = const { OnceCell::new() };
@@ -24,7 +25,7 @@ pub fn run(data: &[u8]) {
         let before = std::panic::take_hook();
         std::panic::set_hook(Box::new(move |panic| {
             let file = panic.location().map_or("", |place| place.file());
-            if !["/laz-", "/e57-", "/lzf-"].iter().any(|name| file.contains(name)) {
+            if !["/laz-", "/e57-", "/lzf-", "/mcap-"].iter().any(|name| file.contains(name)) {
                 before(panic);
             }
         }));

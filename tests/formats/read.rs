@@ -29,7 +29,11 @@ fn tolerance(cloud: &PointCloud, format: &str, field: Field, row: usize) -> f64 
         "las" | "laz" | "las2" if position => 0.5e-4 + f32_step,
         "las" | "laz" | "las2" if field == Field::Intensity => 0.5 / 65535.0,
         // Turned into the frame of the sensor and back, kilometres away.
-        "e57" if position => 1e-3,
+        "e57" | "mcap" | "mcap_ouster" | "mcap_livox" if position => 1e-3,
+        // Drivers count from the stamp, in f32 or nanoseconds.
+        "mcap" if field == Field::Time => 1e-7,
+        "mcap_ouster" | "mcap_livox" if field == Field::Time => 2e-9,
+        "mcap_ouster" if field == Field::Range => 0.5e-3 + f32_step,
         "csv" | "pcd_ascii" if far => 0.5e-6 + 1e-9 + f32_step,
         "ply" | "pcd" | "pcd_compressed" | "las" | "laz" | "las2" | "e57" if far => 1e-9,
         _ => 0.0,
@@ -48,6 +52,10 @@ fn compare(cloud: &PointCloud, format: &str, read: &PointCloud, rows: &[usize], 
             let (mut value, found) = (before.get_f64(row), after.get_f64(to));
             if format == "las2" && info.field == Field::CategoryId {
                 value = value.min(65535.0);
+            }
+            if format == "mcap_ouster" && info.field == Field::Range && value.is_nan() {
+                // As the driver has it.
+                value = 0.0;
             }
             let same = (value - found).abs() <= tolerance(cloud, format, info.field, row);
             assert!(same || value.is_nan() && found.is_nan(), "{format} {} row {row}: {value} is {found}", info.name);
@@ -77,15 +85,17 @@ fn what_is_written_comes_back() {
         eight_bits,
     ];
     let folder = tempfile::tempdir().unwrap();
-    for format in FORMATS.iter().filter(|format| !format.name().starts_with("mcap")) {
+    for format in FORMATS {
         let name = format.name();
+        let (las, bag) = (name.starts_with("la"), name.starts_with("mcap"));
         for (i, cloud) in clouds.iter().enumerate() {
             // Whatever the file is called.
             let path = folder.path().join(format!("{name} {i}.file"));
             export::write(cloud, &path, Some(name)).unwrap();
             let (found, report) = read(&path);
-            let las = name.starts_with("la");
-            assert!(las || report.warnings.is_empty(), "{name}: {report:?}");
+            // What drivers say besides, and boxes.
+            let told = |warning: &String| warning.starts_with("mcap: a cloud has no place for ");
+            assert!(las || report.warnings.iter().all(|warning| bag && told(warning)), "{name}: {report:?}");
             let held = cloud.fields.iter().filter(|info| format.holds(info)).map(|info| info.field);
             let mut held: FieldSet = held.collect();
             if name == "e57" && cloud.len == 0 {
@@ -103,7 +113,7 @@ fn what_is_written_comes_back() {
             assert_eq!(found.boxes, cloud.boxes.clone().filter(|_| boxed), "{name}");
 
             // Written again it is the same file, but where coordinates were turned.
-            if name != "e57" {
+            if name != "e57" && !bag {
                 let again = folder.path().join(format!("{name} {i} again.file"));
                 export::write(&found, &again, Some(name)).unwrap();
                 assert!(fs::read(&again).unwrap() == fs::read(&path).unwrap(), "{name} {i}");
@@ -198,7 +208,7 @@ fn damaged_clouds_are_refused_with_a_sentence() {
     assert!(error(b"glTF....").contains(".las, .laz"));
     let mut whole = cloud(2000, FieldSet::default());
     whole.boxes = None;
-    for format in FORMATS.iter().filter(|format| !format.name().starts_with("mcap")) {
+    for format in FORMATS {
         export::write(&whole, &path, Some(format.name())).unwrap();
         let bytes = fs::read(&path).unwrap();
         for part in [10, 100, 500, 2000, bytes.len() / 2, bytes.len() - 1] {

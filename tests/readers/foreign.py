@@ -219,4 +219,83 @@ def write_text():
 
 
 write_text()
+
+
+def write_bag(name):
+    """Two clouds of a lidar on a vehicle that drives along x, looking to the left; its transforms come at other times."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    types = store.types
+    Time = types["builtin_interfaces/msg/Time"]
+    Header = types["std_msgs/msg/Header"]
+    Vector, Quaternion = types["geometry_msgs/msg/Vector3"], types["geometry_msgs/msg/Quaternion"]
+    Transform, Stamped = types["geometry_msgs/msg/Transform"], types["geometry_msgs/msg/TransformStamped"]
+    TFMessage, Field = types["tf2_msgs/msg/TFMessage"], types["sensor_msgs/msg/PointField"]
+    PointCloud2, String = types["sensor_msgs/msg/PointCloud2"], types["std_msgs/msg/String"]
+
+    def header(nanoseconds, frame):
+        return Header(Time(nanoseconds // 10**9, nanoseconds % 10**9), frame)
+
+    def transform(nanoseconds, parent, child, place, turn):
+        pose = Transform(Vector(*place), Quaternion(*turn))
+        return TFMessage([Stamped(header(nanoseconds, parent), child, pose)])
+
+    start = 1_700_000_000 * 10**9
+    record = numpy.dtype({
+        "names": ["x", "y", "z", "intensity", "ring", "time", "flags", "rgb"],
+        "formats": ["f4", "f4", "f4", "f4", "u2", "f4", "u1", "u4"],
+        "offsets": [0, 4, 8, 16, 20, 24, 28, 32],
+        "itemsize": 48,
+    })
+    kinds = {"f4": 7, "u2": 4, "u1": 2, "u4": 6}
+    formats = ["f4", "f4", "f4", "f4", "u2", "f4", "u1", "u4"]
+    fields = [Field(n, record.fields[n][1], kinds[f], 1) for n, f in zip(record.names, formats)]
+    columns = {name: [] for name in ("x", "y", "z", "intensity", "channel", "time", "red", "green", "blue")}
+    writer = Writer(folder / (name + ".bag"), version=9, storage_plugin=StoragePlugin.MCAP)
+    writer.open()
+    add = {}
+    for topic, kind in [("/lidar", PointCloud2), ("/tf", TFMessage), ("/tf_static", TFMessage), ("/chatter", String)]:
+        connection = writer.add_connection(topic, kind.__msgtype__, typestore=store)
+        add[topic] = lambda at, message, connection=connection: writer.write(
+            connection, at, store.serialize_cdr(message, message.__msgtype__)
+        )
+    half = numpy.sqrt(0.5)
+    add["/tf_static"](start, transform(start, "vehicle", "lidar", (1, 0, 2), (0, 0, half, half)))
+    add["/chatter"](start, String("nothing to see"))
+    for scan in range(2):
+        at = start + scan * 100_000_000
+        points = numpy.zeros(COUNT, record)
+        for axis in "xyz":
+            points[axis] = random.uniform(-20, 20, COUNT)
+        points["intensity"] = random.uniform(0, 255, COUNT)
+        points["ring"] = random.integers(0, 16, COUNT)
+        points["time"] = numpy.linspace(0, 0.1, COUNT)
+        points["rgb"] = random.integers(0, 1 << 24, COUNT)
+        data = numpy.frombuffer(points.tobytes(), numpy.uint8)
+        cloud = PointCloud2(header(at, "lidar"), 1, COUNT, fields, False, 48, 48 * COUNT, data, True)
+        add["/lidar"](at + 100_000_000, cloud)
+        # 5 m/s; the key before and the key after the cloud are 50 ms away, and the last one comes late.
+        for shift in (-50_000_000, 50_000_000):
+            then = at + shift
+            place = (100 + 5 * (then - start) / 1e9, 50, 0)
+            add["/tf"](at + 150_000_000, transform(then, "map", "vehicle", place, (0, 0, 0, 1)))
+        # The lidar looks to the left of the vehicle.
+        columns["x"].append(100 + 0.5 * scan + 1 - points["y"].astype(float))
+        columns["y"].append(50 + points["x"].astype(float))
+        columns["z"].append(2 + points["z"].astype(float))
+        columns["intensity"].append(points["intensity"])
+        columns["channel"].append(points["ring"])
+        columns["time"].append(at / 1e9 + points["time"].astype(float))
+        for colour, shift in (("red", 16), ("green", 8), ("blue", 0)):
+            columns[colour].append(points["rgb"] >> shift & 255)
+    writer.close()
+    (made,) = (folder / (name + ".bag")).glob("*.mcap")
+    made.rename(folder / name)
+    columns = {name: numpy.concatenate(values) for name, values in columns.items()}
+    told(name, columns, dict.fromkeys("xyz", 1e-5) | {"time": 1e-6}, lost=["flags", "topics /chatter"], sensor=[101, 50, 2])
+
+
+write_bag("drive.mcap")
 json.dump(found, sys.stdout)

@@ -1,10 +1,11 @@
 //! What `echocast info` tells of a cloud.
 
+use crate::pipe;
 use crate::text::{self, thousands};
 use anyhow::Result;
 use echocast::cloud::{Column, FieldInfo};
 use echocast::scene::NameTable;
-use echocast::{Field, Frame, PointCloud, Pose, Report, import, shown};
+use echocast::{Field, Frame, PointCloud, Pose, Report, shown};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -20,7 +21,7 @@ const LISTED: usize = 40;
 /// Prints what is in the cloud file `file`.
 pub fn run(file: &Path, as_json: bool) -> Result<()> {
     let mut report = Report::default();
-    let cloud = import::read(file, &mut report)?;
+    let (cloud, _) = pipe::read_cloud(file, &mut report)?;
     if as_json {
         return text::print_json(&to_json(file, &cloud, &report));
     }

@@ -1,9 +1,10 @@
 //! `echocast convert`
 
+use crate::pipe::{self, Outgoing};
 use crate::{interrupt, output, text, usage};
-use anyhow::{Context as _, Result, ensure};
-use echocast::{Report, export, import, read, shown};
-use std::path::{Path, PathBuf};
+use anyhow::{Context as _, Result};
+use echocast::{FieldSet, Report, export, shown};
+use std::path::PathBuf;
 
 /// Write a cloud file in another format: with its labels and their names, and whatever else the format can hold
 #[derive(clap::Args)]
@@ -13,13 +14,15 @@ Examples:
   echocast scan street.glb --sensor velodyne_vlp16 --at 0,0,2 -o scan.las
   echocast convert scan.las -o scan.pcd
   echocast convert scan.las -o scan.npz
-  echocast convert scan.npz -o small.las --format las2")]
+  echocast convert scan.npz -o small.las --format las2
+  echocast convert scan.las -o - --format laz | echocast info -")]
 pub struct Args {
-    /// Cloud file of any format that echocast writes, or LAS, LAZ, PLY, PCD, E57 or CSV of another program; its content
-    /// tells the format
+    /// Cloud file of any format that echocast writes, or LAS, LAZ, PLY, PCD, E57, MCAP or CSV of another program; its content
+    /// tells the format; `-` for standard input
     #[arg(value_name = "CLOUD")]
     input: PathBuf,
-    /// Cloud file to write; its ending chooses the format (`echocast formats` lists them)
+    /// Cloud file to write; its ending chooses the format (`echocast formats` lists them); `-` with `--format`
+    /// is standard output
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Format of the file to write, whatever its ending
@@ -29,31 +32,41 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<()> {
     interrupt::listen().context("cannot listen for signals")?;
-    let (file, name) = (&args.output, args.format.as_deref());
+    let name = args.format.as_deref();
     check(args).map_err(usage::wrong)?;
-    let format = export::format_for(file, name).map_err(usage::wrong)?;
+    let format = export::format_for(&args.output, name).map_err(usage::wrong)?;
     let mut report = Report::default();
-    let (cloud, inputs) = read::noting(|| import::read(&args.input, &mut report));
-    let cloud = cloud?;
+    let (cloud, inputs) = pipe::read_cloud(&args.input, &mut report)?;
+    let stdout = pipe::is_standard(&args.output).then(Outgoing::new).transpose()?;
+    let file = stdout.as_ref().map_or_else(|| args.output.clone(), Outgoing::place);
     // Names of labels beside the input may be those beside the output: they are the same.
-    inputs.iter().try_for_each(|input| output::check_kept(file, input)).map_err(usage::wrong)?;
-    export::check(file, name, cloud.fields)?;
+    inputs.iter().try_for_each(|input| output::check_kept(&file, input)).map_err(usage::wrong)?;
+    export::check(&file, name, cloud.fields)?;
     interrupt::check()?;
-    report.absorb(export::write(&cloud, file, name)?);
+    report.absorb(export::write(&cloud, &file, name)?);
     if cloud.boxes.is_some() && !matches!(format.name(), "npz" | "hdf5") {
         report.warn(format!("{}: cannot hold the boxes around instances; npz and hdf5 do", format.name()));
     }
     if cloud.organised.is_some() && format.name().starts_with("la") {
         report.warn(format!("{}: cannot hold the rows and columns of the sensor", format.name()));
     }
+    let poured = stdout.map(|cloud| cloud.pour(format.name(), &mut report)).transpose()?;
     report.warnings.iter().for_each(|warning| text::note(&format!("warning: {warning}")));
     let points = text::counted(cloud.len, "point");
-    text::print(&format!("{}: {points} as {}\n  {}\n", shown::path(&args.input), format.name(), shown::path(file)))
+    let told =
+        format!("{}: {points} as {}\n  {}\n", shown::path(&args.input), format.name(), shown::path(&args.output));
+    if poured.is_some() {
+        text::tell(&told);
+        return Ok(());
+    }
+    text::print(&told)
 }
 
 /// Fails where the command says what cannot be.
 fn check(args: &Args) -> Result<()> {
-    ensure!(args.output != Path::new("-"), "-o -: clouds go to files; allowed: a file name");
+    if pipe::is_standard(&args.output) {
+        return Outgoing::check(args.format.as_deref(), FieldSet::EMPTY);
+    }
     output::check_kept(&args.output, &args.input)?;
     output::check_kept(&export::labels_path(&args.output), &args.input)
 }

@@ -2,7 +2,7 @@
 
 use crate::input::{SceneArgs, positive};
 use crate::text::{self, thousands};
-use crate::{cloud_info, output, usage};
+use crate::{cloud_info, output, pipe, usage};
 use anyhow::{Context as _, Result, anyhow, ensure};
 use echocast::material::{Returned, Why};
 use echocast::preview::{self, PreviewOptions};
@@ -41,7 +41,7 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<()> {
     if let [file] = &*args.scene.files
-        && import::is_cloud(file)?
+        && (pipe::is_standard(file) || import::is_cloud(file)?)
     {
         let told = "--preview: is a plan of scenes; echocast preview draws clouds";
         ensure!(args.preview.is_none(), usage::wrong(anyhow!(told)));

@@ -13,6 +13,7 @@ mod info;
 mod input;
 mod interrupt;
 mod output;
+mod pipe;
 mod place;
 mod preview;
 mod progress;

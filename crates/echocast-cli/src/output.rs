@@ -1,7 +1,8 @@
 //! Where clouds and pictures go.
 
 use crate::input::has_ending;
-use crate::{choice, interrupt, text};
+use crate::pipe::{self, Outgoing};
+use crate::{choice, text};
 use anyhow::{Context as _, Result, ensure};
 use clap::{ArgGroup, Args};
 use echocast::emitter::Pattern;
@@ -14,11 +15,8 @@ use echocast::{
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeSet, HashSet};
-use std::fs::File;
-use std::io::{self, ErrorKind, Read as _, Write as _};
 use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
-use tempfile::TempDir;
 
 /// A picture of one sample.
 #[derive(Args)]
@@ -149,7 +147,7 @@ impl OutputArgs {
             boxes: bool,
         }
         let keys = Keys::deserialize(entry)?;
-        let at = |file: PathBuf| if is_stdout(&file) { file } else { folder.join(file) };
+        let at = |file: PathBuf| if pipe::is_standard(&file) { file } else { folder.join(file) };
         let axes = keys.box_axes.as_deref().unwrap_or("object");
         let axes = BoxAxes::NAMES.iter().find(|(name, _)| *name == axes).map(|(_, axes)| *axes);
         let preview = keys.preview.as_ref();
@@ -304,8 +302,12 @@ impl OutputArgs {
             export::check_boxes(file).context("--boxes")?;
         }
         for file in &self.output {
-            if is_stdout(file) {
-                self.check_stdout(fields)?;
+            if pipe::is_standard(file) {
+                ensure!(
+                    !self.single,
+                    "-o -: standard output takes one cloud, and --single makes many; allowed: a file name"
+                );
+                Outgoing::check(self.format.as_deref(), fields)?;
             } else {
                 export::check(file, self.format.as_deref(), fields)?;
             }
@@ -316,19 +318,30 @@ impl OutputArgs {
         self.check_names(fields)
     }
 
-    /// Checks that a cloud can go to standard output.
-    fn check_stdout(&self, fields: FieldSet) -> Result<()> {
+    /// Checks that the files can hold what `sensor` sees in `frames` frames, whose points have the columns `fields`.
+    pub fn check_room(&self, fields: FieldSet, sensor: &Sensor, frames: usize) -> Result<()> {
+        /// Most frames: at 10 a second, those of 11 days.
+        const MOST_FRAMES: usize = 10_000_000;
+        /// Most beams whose points are in memory at once: in some hundred gigabytes.
+        const MOST_PILED: u64 = 4_000_000_000;
+        let beams = sensor.beams().len() as u64 * if self.single { 1 } else { frames as u64 };
         ensure!(
-            self.format.is_some(),
-            "-o -: standard output has no ending that chooses a format; allowed: with --format NAME, such as csv"
+            frames <= MOST_FRAMES,
+            "--frames: {frames} frames are too many for a run; allowed: up to {MOST_FRAMES}"
         );
-        ensure!(!self.single, "-o -: standard output takes one cloud, and --single makes many; allowed: a file name");
-        export::check(&std::env::temp_dir().join("cloud"), self.format.as_deref(), fields).context("-o -")
+        ensure!(
+            !self.piles_frames() || beams <= MOST_PILED,
+            "--preview: {frames} frames of {} beams are too many for one picture; allowed: {MOST_PILED} beams, or --single",
+            sensor.beams().len()
+        );
+        let points = beams.saturating_mul(sensor.most_returns() as u64);
+        let room = |file: &PathBuf| export::check_room(file, self.format.as_deref(), fields, points);
+        Ok(self.output.iter().try_for_each(room)?)
     }
 
     /// Prints `text`, which the run says: to stdout, or where a cloud goes there to stderr.
     pub fn print(&self, text: &str) -> Result<()> {
-        if self.output.iter().any(|file| is_stdout(file)) {
+        if self.output.iter().any(|file| pipe::is_standard(file)) {
             text::tell(text);
             return Ok(());
         }
@@ -349,7 +362,7 @@ impl OutputArgs {
         let images = self.image.iter().flat_map(|file| export::image_label_paths(file, FieldSet::all()));
         let others = images.chain(self.image.clone()).chain(self.pings.clone()).chain(self.boxes.clone());
         let files = clouds.chain(pictures).chain(others).chain(self.image_at(input));
-        files.filter(|file| !is_stdout(file)).try_for_each(|file| check_kept(&file, input))
+        files.filter(|file| !pipe::is_standard(file)).try_for_each(|file| check_kept(&file, input))
     }
 
     /// The file in the folder of images, of any frame, that is called as `file` is.
@@ -441,7 +454,7 @@ impl OutputArgs {
     /// The file of label names beside the cloud `file`, if there is one.
     fn labels_of(&self, file: &Path) -> Option<PathBuf> {
         let format = export::format_for(file, self.format.as_deref()).ok()?;
-        (!format.holds_label_names() && !is_stdout(file)).then(|| export::labels_path(file))
+        (!format.holds_label_names() && !pipe::is_standard(file)).then(|| export::labels_path(file))
     }
 
     /// Whether all single frames go to `file` itself.
@@ -523,11 +536,6 @@ pub fn check_kept(file: &Path, input: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Whether `file` stands for standard output.
-fn is_stdout(file: &Path) -> bool {
-    file == Path::new("-")
-}
-
 /// The folder that `file` goes to.
 fn folder(file: &Path) -> &Path {
     file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
@@ -540,8 +548,8 @@ pub struct Writer<'a> {
     growing: Vec<(&'a Path, FramesFile)>,
     /// Files of all frames together, in the order of `args.output`; `None`: the format needs all points at once.
     merged: Vec<Option<GrowingFile>>,
-    /// Where the cloud for standard output is until it is complete, in any format.
-    stdout: Option<TempDir>,
+    /// The cloud for standard output, if there is one, until it is complete.
+    stdout: Option<Outgoing>,
     /// Every file written.
     pub files: Vec<PathBuf>,
     /// What formats could not hold.
@@ -550,8 +558,7 @@ pub struct Writer<'a> {
 
 impl<'a> Writer<'a> {
     pub fn new(args: &'a OutputArgs) -> Result<Self> {
-        let stdout = args.output.iter().any(|file| is_stdout(file)).then(tempfile::tempdir).transpose();
-        let stdout = stdout.context("-o -")?;
+        let stdout = args.output.iter().any(|file| pipe::is_standard(file)).then(Outgoing::new).transpose()?;
         Ok(Writer {
             args,
             growing: Vec::new(),
@@ -648,46 +655,13 @@ impl<'a> Writer<'a> {
 
     /// Where the cloud `file` is written.
     fn place(&self, file: &Path) -> PathBuf {
-        self.stdout
-            .as_ref()
-            .filter(|_| is_stdout(file))
-            .map_or_else(|| file.to_owned(), |folder| folder.path().join("cloud"))
-    }
-
-    /// Copies the complete cloud to standard output. A reader that has seen enough is not an error.
-    fn pour(&mut self) -> Result<()> {
-        const PIECE: usize = 1 << 20;
-        let place = self.place(Path::new("-"));
-        let mut cloud = File::open(&place).context("-o -")?;
-        if export::labels_path(&place).exists() {
-            let holding =
-                export::FORMATS.iter().filter(|format| format.holds_label_names()).map(|format| format.name());
-            self.report.warn(format!(
-                "-o -: {} has no room for the names of labels, which are lost; formats that have: {}",
-                self.args.format.as_deref().unwrap_or_default(),
-                holding.collect::<Vec<_>>().join(", ")
-            ));
-        }
-        // Its names are gone before a reader lets this wait.
-        self.stdout = None;
-        let mut stdout = io::stdout().lock();
-        let mut piece = vec![0; PIECE];
-        loop {
-            interrupt::check()?;
-            let count = cloud.read(&mut piece).context("-o -")?;
-            let written = stdout.write_all(&piece[..count]).and_then(|()| stdout.flush());
-            match written {
-                Err(error) if error.kind() != ErrorKind::BrokenPipe => return Err(error).context("stdout"),
-                Ok(()) if count > 0 => {}
-                _ => return Ok(()),
-            }
-        }
+        self.stdout.as_ref().filter(|_| pipe::is_standard(file)).map_or_else(|| file.to_owned(), Outgoing::place)
     }
 
     /// Notes the cloud file `file`, and that of label names beside it.
     fn wrote_cloud(&mut self, file: &Path) -> Result<()> {
-        if is_stdout(file) {
-            self.pour()?;
+        if let Some(cloud) = self.stdout.take_if(|_| pipe::is_standard(file)) {
+            cloud.pour(self.args.format.as_deref().unwrap_or_default(), &mut self.report)?;
         }
         self.files.push(file.to_owned());
         let labels = self.args.labels_of(file).filter(|labels| !self.files.contains(labels));

@@ -1,9 +1,9 @@
 //! `echocast preview`
 
-use crate::{choice, output, text, usage};
+use crate::{choice, output, pipe, text, usage};
 use anyhow::{Context as _, Result};
 use echocast::preview::{self, ColorBy, PreviewOptions, View};
-use echocast::{PointCloud, Report, import, read, shown};
+use echocast::{PointCloud, Report, shown};
 use std::path::PathBuf;
 
 /// Draw a picture of a cloud file, with a legend
@@ -15,7 +15,8 @@ Examples:
   echocast preview scan.las -o scan.png
   echocast preview scan.las -o ranges.png --color range --view perspective --width 1200")]
 pub struct Args {
-    /// Cloud file of any format that echocast writes, or LAS, LAZ, PLY, PCD, E57 or CSV of another program
+    /// Cloud file of any format that echocast writes, or LAS, LAZ, PLY, PCD, E57, MCAP or CSV of another program; `-` for
+    /// standard input
     #[arg(value_name = "CLOUD")]
     input: PathBuf,
     /// Picture to write
@@ -42,8 +43,7 @@ pub fn run(args: &Args) -> Result<()> {
     output::check_picture("-o", file, &options).map_err(usage::wrong)?;
     output::check_kept(file, &args.input).map_err(usage::wrong)?;
     let mut report = Report::default();
-    let (cloud, inputs) = read::noting(|| import::read(&args.input, &mut report));
-    let cloud = cloud?;
+    let (cloud, inputs) = pipe::read_cloud(&args.input, &mut report)?;
     inputs.iter().try_for_each(|input| output::check_kept(file, input)).map_err(usage::wrong)?;
     let options = PreviewOptions { color: args.color.unwrap_or_else(|| telling(&cloud)), ..options };
     report.absorb(preview::write(&cloud, file, &options).map_err(usage::wrong).context("-o")?);

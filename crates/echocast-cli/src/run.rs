@@ -171,7 +171,9 @@ fn record(args: &Args, scenario: Scenario, output: &OutputArgs) -> Result<()> {
         sample.scans().len()
     );
     let scan = sample.scans()[0].clone();
-    output.check(scan.options(0).fields, scan.sensor(), scan.options(0).profile).map_err(|error| {
+    let fields = scan.options(0).fields;
+    output.check_room(fields, scan.sensor(), scan.frames().len())?;
+    output.check(fields, scan.sensor(), scan.options(0).profile).map_err(|error| {
         // Without options for a picture, it is the scenario that says what is written.
         if args.picture.preview.is_some() { usage::wrong(error) } else { error }
     })?;

@@ -163,7 +163,7 @@ pub fn run(args: &Args) -> Result<()> {
     if args.output.piles_frames() && args.coordinates == Frame::Sensor && frames.len() > 1 {
         warn_of_piled_frames(&trajectory, [from, to], &mut warnings);
     }
-    check_merged(args, &sensor, frames).map_err(usage::wrong)?;
+    args.output.check_room(fields, &sensor, frames.len()).map_err(usage::wrong)?;
 
     progress.phase("building".into());
     let mut live = LiveScene::new(&Engine::new()?);
@@ -287,17 +287,6 @@ fn check_options(args: &Args, sensor: &Sensor) -> Result<()> {
     args.output.check(args.fields.unwrap_or_default().of(sensor), sensor, args.profile)
 }
 
-/// Checks that one cloud can hold `frames`, if they are to be in one.
-fn check_merged(args: &Args, sensor: &Sensor, frames: Frames) -> Result<()> {
-    let beams = sensor.beams().len();
-    ensure!(
-        args.output.single() || frames.len() == 1 || beams as u64 * frames.len() as u64 <= MOST_MERGED,
-        "--frames: {} frames of {beams} beams are too many for one cloud; allowed: {MOST_MERGED} beams, or --single",
-        frames.len()
-    );
-    Ok(())
-}
-
 /// `BEAM` or `FRAME,BEAM`.
 fn frame_and_beam(text: &str) -> Result<(Option<u32>, u32), String> {
     let number = |text: &str| text.trim().parse().map_err(|_| "expected BEAM or FRAME,BEAM, such as 12,345".to_owned());
@@ -332,9 +321,6 @@ impl Default for Asked {
         Asked { fields: FieldSet::default(), by_default: true }
     }
 }
-
-/// Most beams of a merged run: what a memory of some hundred gigabytes could hold.
-const MOST_MERGED: u64 = 4_000_000_000;
 
 /// Frames per second: as asked for, or else the sensor's rate.
 fn frame_rate(asked: Option<f64>, sensor: &Sensor) -> Result<f64> {

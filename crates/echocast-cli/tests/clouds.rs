@@ -5,6 +5,8 @@ mod common;
 use common::{files, report, run, stderr, stdout};
 use echocast::{FieldSet, PointCloud};
 use std::fs;
+use std::io::Write as _;
+use std::process::Stdio;
 
 const SCAN: &str = "scan HALL --sensor velodyne_vlp16 --at -6,6,1.2 --fields default,true_range,cause";
 
@@ -42,6 +44,41 @@ fn clouds_go_from_format_to_format() {
 }
 
 #[test]
+fn clouds_come_from_standard_input_and_go_to_standard_output() {
+    let folder = tempfile::tempdir().unwrap();
+    let temporary = folder.path().join("temporary");
+    fs::create_dir(&temporary).unwrap();
+    stdout(folder.path(), &format!("{SCAN} -o DIR/a.las -o DIR/a.h5 -o DIR/a.csv"));
+    let piped = |args: &str, input: &[u8]| {
+        let mut command = common::command(folder.path(), args);
+        command.env("TMPDIR", &temporary).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().unwrap();
+        child.stdin.take().unwrap().write_all(input).unwrap();
+        child.wait_with_output().unwrap()
+    };
+    for name in ["a.las", "a.h5"] {
+        let bytes = fs::read(folder.path().join(name)).unwrap();
+        let direct = run(folder.path(), &format!("convert DIR/{name} -o DIR/direct.npz"));
+        assert!(direct.status.success(), "{}", stderr(&direct));
+        let output = piped("convert - -o - --format npz", &bytes);
+        assert!(output.status.success(), "{}", stderr(&output));
+        assert!(stderr(&output).contains("-: ") && stderr(&output).ends_with(" points as npz\n  -\n"), "{name}");
+        assert!(output.stdout == fs::read(folder.path().join("direct.npz")).unwrap(), "{name}");
+    }
+    let las = fs::read(folder.path().join("a.las")).unwrap();
+    let told = String::from_utf8(piped("info -", &las).stdout).unwrap();
+    let of_file = stdout(folder.path(), "info DIR/a.las");
+    assert_eq!(told.split_once('\n').unwrap().1, of_file.split_once('\n').unwrap().1);
+    assert!(piped("preview - -o DIR/a.png", &las).status.success() && folder.path().join("a.png").exists());
+    let lost = piped("convert - -o - --format csv", &las);
+    assert!(stderr(&lost).contains("warning: -o -: csv has no room for the names of labels"), "{}", stderr(&lost));
+    let cut = piped("convert - -o - --format npz", &las[..1000]);
+    assert_eq!(cut.status.code(), Some(1));
+    assert!(cut.stdout.is_empty() && stderr(&cut).starts_with("error: standard input: "), "{}", stderr(&cut));
+    assert_eq!(files(&temporary), [""; 0]);
+}
+
+#[test]
 fn conversions_that_cannot_be_leave_nothing() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("a.csv"), "x,y,z\n1,2,3\n").unwrap();
@@ -51,7 +88,7 @@ fn conversions_that_cannot_be_leave_nothing() {
     let before = files(folder.path());
     for (args, code, told) in [
         ("convert DIR/a.csv -o DIR/a.csv", 2, "would overwrite"),
-        ("convert DIR/a.csv -o -", 2, "clouds go to files"),
+        ("convert DIR/a.csv -o -", 2, "-o -: standard output has no ending"),
         ("convert DIR/a.csv -o DIR/a.xyz", 2, "clouds are written as .las"),
         ("convert DIR/a.csv -o DIR/c --format pcx", 2, "near: pcd"),
         ("convert DIR/missing.las -o DIR/c.las", 1, "missing.las: No such file"),

@@ -6,7 +6,7 @@
 use super::laz::{self, Laz};
 use super::{Format, Growing, Sink, labels_json};
 use crate::cloud::record::{self, BLOCK_BYTES};
-use crate::cloud::{Column, ColumnType, Field, FieldInfo, PointCloud};
+use crate::cloud::{Column, ColumnType, Field, FieldInfo, FieldSet, PointCloud};
 use crate::ground::report::Report;
 use ::las::raw::header::{Evlr, LargeFile};
 use ::las::{Builder, Header, Transform, Vector, Vlr};
@@ -116,6 +116,11 @@ impl Format for Las {
 
     fn holds_label_names(&self) -> bool {
         self.extra_bytes
+    }
+
+    fn most_points(&self, _: FieldSet) -> Option<u64> {
+        // Counts have 32 bits before LAS 1.4.
+        (self.version < (1, 4)).then_some(u32::MAX.into())
     }
 
     fn write(&self, cloud: &PointCloud, path: &Path, report: &mut Report) -> io::Result<()> {

@@ -77,6 +77,10 @@ pub trait Format: Sync {
     fn needs_positions(&self) -> bool;
     /// Whether the label names are inside the file; otherwise they go to `NAME.labels.json`.
     fn holds_label_names(&self) -> bool;
+    /// How many points with the columns `fields` a file can hold, where that is fewer than runs may make.
+    fn most_points(&self, _fields: FieldSet) -> Option<u64> {
+        None
+    }
     /// Writes `cloud` to the file `path`, which nobody else sees yet. `cloud` is consistent and has positions if the
     /// format needs them. Columns that the format does not hold are left out; what else is lost goes to `report`.
     ///
@@ -183,6 +187,21 @@ pub fn check(path: &Path, format: Option<&str>, fields: FieldSet) -> Result<()> 
     let format = format_for(path, format)?;
     check_fields(format, fields)?;
     Output::create(path, format).map(drop)
+}
+
+/// Checks that a file at `path` can hold `points` points with the columns `fields`.
+///
+/// # Errors
+/// An unknown format, as [`format_for`]; more points than the format holds.
+pub fn check_room(path: &Path, format: Option<&str>, fields: FieldSet, points: u64) -> Result<()> {
+    let format = format_for(path, format)?;
+    match format.most_points(fields) {
+        Some(most) if points > most => {
+            let allowed = format!("{most} points of these columns in a {} file", format.name());
+            Err(Error::invalid(shown::path(path), format!("for up to {points} points"), allowed))
+        }
+        _ => Ok(()),
+    }
 }
 
 fn check_fields(format: &dyn Format, fields: FieldSet) -> Result<()> {

@@ -1,7 +1,7 @@
 //! NPZ: an uncompressed zip of NumPy arrays; `numpy.load` reads it without anything else.
 
 use super::{Format, Sink, boxes, sensor_pose};
-use crate::cloud::{Column, FieldInfo, PointCloud};
+use crate::cloud::{Column, FieldInfo, FieldSet, PointCloud};
 use crate::ground::report::Report;
 use crate::scene::Labels;
 use std::io::{self, BufWriter, Write};
@@ -15,6 +15,9 @@ const NAME_CHARS: usize = 1024;
 /// One array per column; positions f32 relative to the array `origin`. Organised clouds stay lists of rows, and the
 /// array `shape` holds their rows and columns: `x.reshape(shape)` is the image.
 pub(super) struct Npz;
+
+/// Most points, which are in memory all at once: in some hundred gigabytes.
+const MOST: u64 = 4_000_000_000;
 
 impl Format for Npz {
     fn name(&self) -> &'static str {
@@ -39,6 +42,10 @@ impl Format for Npz {
 
     fn holds_label_names(&self) -> bool {
         true
+    }
+
+    fn most_points(&self, _: FieldSet) -> Option<u64> {
+        Some(MOST)
     }
 
     fn write(&self, cloud: &PointCloud, path: &Path, report: &mut Report) -> io::Result<()> {

@@ -81,6 +81,14 @@ impl Format for Pcd {
         false
     }
 
+    fn most_points(&self, fields: FieldSet) -> Option<u64> {
+        // Positions far from the origin are f64.
+        let far = PointCloud { origin: glam::DVec3::ONE, ..PointCloud::default() };
+        let size = |info: &FieldInfo| if far.offset(info.field).is_some() { 8 } else { info.kind.size() };
+        let size: usize = fields.iter().map(size).sum();
+        (self.data == Data::Compressed).then(|| u64::from(u32::MAX) / size.max(1) as u64)
+    }
+
     fn write(&self, cloud: &PointCloud, path: &Path, report: &mut Report) -> io::Result<()> {
         match self.data {
             Data::Compressed => write_compressed(cloud, path),

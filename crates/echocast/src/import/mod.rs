@@ -8,11 +8,15 @@ mod e57;
 mod hdf5;
 mod las;
 mod laz;
+#[cfg(feature = "mcap")]
+mod mcap;
 mod names;
 mod npz;
 mod number;
 mod pcd;
 mod ply;
+#[cfg(feature = "mcap")]
+mod ros;
 mod rows;
 mod text;
 
@@ -30,8 +34,8 @@ use std::path::Path;
 const BEGINNING: u64 = 4096;
 
 impl PointCloud {
-    /// Reads the cloud file at `path`: of any format of [`crate::export::FORMATS`], and LAS, LAZ, PLY, PCD, E57 and CSV
-    /// files of other programs. The content tells the format, whatever the name ends in. [`read()`] also reports what a
+    /// Reads the cloud file at `path`: of any format of [`crate::export::FORMATS`], and LAS, LAZ, PLY, PCD, E57, CSV
+    /// and MCAP files of other programs. The content tells the format, whatever the name ends in. [`read()`] also reports what a
     /// cloud could not take over.
     ///
     /// # Errors
@@ -91,6 +95,14 @@ pub const READERS: &[CloudReader] = &[
         description: "E57: all its scans, in the world",
         begins: |bytes| bytes.starts_with(b"ASTM-E57"),
         read: e57::read,
+    },
+    #[cfg(feature = "mcap")]
+    CloudReader {
+        name: "mcap",
+        extensions: &["mcap"],
+        description: "bags of ROS 2: the PointCloud2 messages of one topic, put by the transforms into one frame",
+        begins: |bytes| bytes.starts_with(b"\x89MCAP0\r\n"),
+        read: mcap::read,
     },
     CloudReader {
         name: "npz",

@@ -16,33 +16,53 @@ pub(super) struct Member {
     pub at: usize,
 }
 
+/// What the macro `$make` makes of the type of `$number`.
+macro_rules! of_type {
+    ($number:expr, $make:ident) => {
+        match $number {
+            Number::I8 => $make!(i8),
+            Number::U8 => $make!(u8),
+            Number::I16 => $make!(i16),
+            Number::U16 => $make!(u16),
+            Number::I32 => $make!(i32),
+            Number::U32 => $make!(u32),
+            Number::I64 => $make!(i64),
+            Number::U64 => $make!(u64),
+            Number::F32 => $make!(f32),
+            Number::F64 => $make!(f64),
+        }
+    };
+}
+
+/// The number of the type `$t` at the front of the bytes `$from`.
+macro_rules! number {
+    ($t:ty, $from:expr, $big:expr) => {{
+        let bytes = $from.first_chunk().copied().unwrap_or_default();
+        (if $big { <$t>::from_be_bytes(bytes) } else { <$t>::from_le_bytes(bytes) }) as f64
+    }};
+}
+
 impl Member {
+    /// Its number in `record`, which is big-endian if `big`.
+    #[cfg(feature = "mcap")]
+    pub(super) fn value(&self, record: &[u8], big: bool) -> f64 {
+        macro_rules! one {
+            ($t:ty) => {
+                number!($t, record[self.at..], big)
+            };
+        }
+        of_type!(self.number, one)
+    }
+
     /// Adds its numbers in `records` of `size` bytes each, which are big-endian if `big`, to `rows`.
     pub(super) fn take(&self, records: &[u8], size: usize, big: bool, rows: &mut Rows) -> Result<()> {
         let at = self.at;
         macro_rules! all {
             ($t:ty) => {
-                rows.add(
-                    self.goal,
-                    records.chunks_exact(size).map(move |record| {
-                        let bytes = record[at..].first_chunk().copied().unwrap_or_default();
-                        (if big { <$t>::from_be_bytes(bytes) } else { <$t>::from_le_bytes(bytes) }) as f64
-                    }),
-                )
+                rows.add(self.goal, records.chunks_exact(size).map(move |record| number!($t, record[at..], big)))
             };
         }
-        match self.number {
-            Number::I8 => all!(i8),
-            Number::U8 => all!(u8),
-            Number::I16 => all!(i16),
-            Number::U16 => all!(u16),
-            Number::I32 => all!(i32),
-            Number::U32 => all!(u32),
-            Number::I64 => all!(i64),
-            Number::U64 => all!(u64),
-            Number::F32 => all!(f32),
-            Number::F64 => all!(f64),
-        }
+        of_type!(self.number, all)
     }
 }
 

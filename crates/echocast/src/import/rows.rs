@@ -147,6 +147,12 @@ impl Rows {
         &self.columns
     }
 
+    /// Which columns there are.
+    #[cfg(feature = "mcap")]
+    pub(super) fn fields(&self) -> FieldSet {
+        self.fields
+    }
+
     /// Lets `fields` be columns as well.
     pub(super) fn also(&mut self, fields: impl IntoIterator<Item = Field>) {
         self.fields = self.fields.union(fields.into_iter().collect());

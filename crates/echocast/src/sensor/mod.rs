@@ -296,6 +296,11 @@ impl Sensor {
         self.spec.expect.as_ref()
     }
 
+    /// The greatest number of returns that it reports of a beam; a range bin of a sonar is none.
+    pub fn most_returns(&self) -> usize {
+        self.signals.rule.most()
+    }
+
     /// The beams of one scan; for a pattern that does not repeat, those of the scan that starts at time 0.
     pub fn beams(&self) -> &BeamTable {
         &self.beams

@@ -1,0 +1,106 @@
+//! Clouds on standard input and output, which `-` stands for. Formats are read and written by seeking, so that a cloud
+//! is in the folder for temporary files (`TMPDIR`) meanwhile.
+
+use crate::interrupt;
+use anyhow::{Context as _, Result, ensure};
+use echocast::{Error, FieldSet, PointCloud, Report, export, import, read};
+use std::fs::File;
+use std::io::{self, ErrorKind, Read, Write};
+use std::path::{Path, PathBuf};
+use tempfile::{NamedTempFile, TempDir};
+
+/// Bytes that are copied at once.
+const PIECE: usize = 1 << 20;
+
+/// Whether `file` stands for standard input or output.
+pub fn is_standard(file: &Path) -> bool {
+    file == Path::new("-")
+}
+
+/// Reads the cloud file `file`, or the cloud on standard input, and tells which files were read.
+pub fn read_cloud(file: &Path, report: &mut Report) -> Result<(PointCloud, Vec<PathBuf>)> {
+    if !is_standard(file) {
+        let (cloud, files) = read::noting(|| import::read(file, report));
+        return Ok((cloud?, files));
+    }
+    const NAME: &str = "standard input";
+    let kept = NamedTempFile::new().context(NAME)?;
+    copy(io::stdin().lock(), kept.as_file()).map_err(|(side, error)| match side {
+        Side::From => error.context(NAME),
+        Side::To => error.context(format!("{NAME}, kept in the folder for temporary files")),
+    })?;
+    let cloud = import::read(kept.path(), report).map_err(|error| match error {
+        Error::Io { source, .. } => Error::Io { path: NAME.into(), source },
+        Error::Parse { place, message, .. } => Error::Parse { origin: NAME.into(), place, message },
+        other => other,
+    })?;
+    Ok((cloud, Vec::new()))
+}
+
+/// A cloud on its way to standard output, where it goes once it is complete.
+pub struct Outgoing(TempDir);
+
+impl Outgoing {
+    /// Checks that a cloud with the columns `fields` can go there in the format called `format`.
+    pub fn check(format: Option<&str>, fields: FieldSet) -> Result<()> {
+        ensure!(
+            format.is_some(),
+            "-o -: standard output has no ending that chooses a format; allowed: with --format NAME, such as csv"
+        );
+        export::check(&std::env::temp_dir().join("cloud"), format, fields).context("-o -")
+    }
+
+    pub fn new() -> Result<Outgoing> {
+        TempDir::new().map(Outgoing).context("-o -")
+    }
+
+    /// Where it is to be written.
+    pub fn place(&self) -> PathBuf {
+        self.0.path().join("cloud")
+    }
+
+    /// Copies it, in the format called `format`, to standard output. A reader that has seen enough is not an error.
+    pub fn pour(self, format: &str, report: &mut Report) -> Result<()> {
+        let cloud = File::open(self.place()).context("-o -")?;
+        if export::labels_path(&self.place()).exists() {
+            let holding =
+                export::FORMATS.iter().filter(|format| format.holds_label_names()).map(|format| format.name());
+            report.warn(format!(
+                "-o -: {format} has no room for the names of labels, which are lost; formats that have: {}",
+                holding.collect::<Vec<_>>().join(", ")
+            ));
+        }
+        // Its names are gone before a reader lets this wait.
+        drop(self);
+        copy(cloud, io::stdout().lock()).or_else(|(side, error)| match side {
+            Side::From => Err(error.context("-o -")),
+            Side::To if is_broken_pipe(&error) => Ok(()),
+            Side::To => Err(error.context("stdout")),
+        })
+    }
+}
+
+/// On which side of a copy something went wrong.
+enum Side {
+    From,
+    To,
+}
+
+fn copy(mut from: impl Read, mut to: impl Write) -> Result<(), (Side, anyhow::Error)> {
+    let mut piece = vec![0; PIECE];
+    loop {
+        interrupt::check().map_err(|error| (Side::From, error.into()))?;
+        let count = match from.read(&mut piece) {
+            Ok(0) => return Ok(()),
+            Ok(count) => count,
+            Err(error) if error.kind() == ErrorKind::Interrupted => continue,
+            Err(error) => return Err((Side::From, error.into())),
+        };
+        let written = to.write_all(&piece[..count]).and_then(|()| to.flush());
+        written.map_err(|error| (Side::To, error.into()))?;
+    }
+}
+
+fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    error.downcast_ref::<io::Error>().is_some_and(|error| error.kind() == ErrorKind::BrokenPipe)
+}
