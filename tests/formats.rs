@@ -305,7 +305,7 @@ fn every_format_is_read_back() {
                     "{words:?}"
                 );
             }
-            assert_eq!(format.holds_label_names(), !export::labels_path(&path).exists());
+            assert_eq!(format.info().holds_label_names, !export::labels_path(&path).exists());
             if name.starts_with("la") {
                 assert_eq!(said(&report, "rows without a position"), cloud.organised.is_some(), "{report:?}");
             }
@@ -343,7 +343,7 @@ fn formats_that_need_no_positions_hold_any_columns() {
     for format in FORMATS {
         let path = folder.path().join(format.name());
         let result = export::write(&cloud, &path, Some(format.name()));
-        if format.needs_positions() {
+        if format.info().needs_positions {
             assert!(result.unwrap_err().to_string().contains("without x, y, z"));
             assert!(!path.exists());
         } else {

@@ -39,12 +39,12 @@ fn list() -> Result<String> {
     }
     list.push_str("\nClouds are written as\n");
     for format in export::FORMATS {
-        row(&mut list, (format.name(), format.extensions(), format.description()))?;
+        row(&mut list, (format.name(), format.info().extensions, format.info().description))?;
         let lost = lost(*format);
         if !lost.is_empty() {
             writeln!(list, "{:23}cannot hold {}", "", lost.join(", "))?;
         }
-        if !format.holds_label_names() {
+        if !format.info().holds_label_names {
             writeln!(list, "{:23}label names are beside it, in NAME.labels.json", "")?;
         }
     }
@@ -79,9 +79,9 @@ fn to_json() -> Value {
     };
     let scenes = scene::FORMATS.iter().map(|format| plain((format.name, format.extensions, format.description)));
     let clouds = export::FORMATS.iter().map(|format| {
-        let mut cloud = plain((format.name(), format.extensions(), format.description()));
+        let mut cloud = plain((format.name(), format.info().extensions, format.info().description));
         cloud["cannot_hold"] = json!(lost(*format));
-        cloud["label_names"] = json!(format.holds_label_names());
+        cloud["label_names"] = json!(format.info().holds_label_names);
         cloud
     });
     let readers = import::READERS.iter().map(|reader| plain((reader.name, reader.extensions, reader.description)));

@@ -454,7 +454,7 @@ impl OutputArgs {
     /// The file of label names beside the cloud `file`, if there is one.
     fn labels_of(&self, file: &Path) -> Option<PathBuf> {
         let format = export::format_for(file, self.format.as_deref()).ok()?;
-        (!format.holds_label_names() && !pipe::is_standard(file)).then(|| export::labels_path(file))
+        (!format.info().holds_label_names && !pipe::is_standard(file)).then(|| export::labels_path(file))
     }
 
     /// Whether all single frames go to `file` itself.

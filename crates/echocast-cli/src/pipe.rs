@@ -64,7 +64,7 @@ impl Outgoing {
         let cloud = File::open(self.place()).context("-o -")?;
         if export::labels_path(&self.place()).exists() {
             let holding =
-                export::FORMATS.iter().filter(|format| format.holds_label_names()).map(|format| format.name());
+                export::FORMATS.iter().filter(|format| format.info().holds_label_names).map(|format| format.name());
             report.warn(format!(
                 "-o -: {format} has no room for the names of labels, which are lost; formats that have: {}",
                 holding.collect::<Vec<_>>().join(", ")

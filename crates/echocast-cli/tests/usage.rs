@@ -367,7 +367,7 @@ fn shells_complete_commands_and_options() {
 fn formats_are_listed_with_what_they_lack() {
     let list = stdout(Path::new("."), "formats");
     for format in echocast::export::FORMATS {
-        assert!(list.contains(&format!("  {} ", format.name())) && list.contains(format.description()));
+        assert!(list.contains(&format!("  {} ", format.name())) && list.contains(format.info().description));
     }
     for format in echocast::scene::FORMATS {
         assert!(list.contains(&format!("  {} ", format.name)) && list.contains(format.description));

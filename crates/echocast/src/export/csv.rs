@@ -1,7 +1,7 @@
 //! CSV: a header of column names, one row per point.
 
-use super::{Format, Growing, Sink};
-use crate::cloud::{Column, FieldInfo, PointCloud};
+use super::{Format, FormatInfo, Growing, Sink};
+use crate::cloud::{Column, PointCloud};
 use crate::ground::parallel;
 use crate::ground::report::Report;
 use std::io::{self, Write};
@@ -14,28 +14,14 @@ pub(super) struct Csv;
 const ROWS: usize = 8192;
 
 impl Format for Csv {
-    fn name(&self) -> &'static str {
-        "csv"
-    }
-
-    fn extensions(&self) -> &'static [&'static str] {
-        &["csv"]
-    }
-
-    fn description(&self) -> &'static str {
-        "comma separated text with a header; positions to the micrometre, misses are nan"
-    }
-
-    fn holds(&self, _: &FieldInfo) -> bool {
-        true
-    }
-
-    fn needs_positions(&self) -> bool {
-        false
-    }
-
-    fn holds_label_names(&self) -> bool {
-        false
+    fn info(&self) -> &FormatInfo {
+        &FormatInfo {
+            name: "csv",
+            extensions: &["csv"],
+            description: "comma separated text with a header; positions to the micrometre, misses are nan",
+            needs_positions: false,
+            holds_label_names: false,
+        }
     }
 
     fn write(&self, cloud: &PointCloud, path: &Path, report: &mut Report) -> io::Result<()> {

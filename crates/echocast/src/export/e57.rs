@@ -4,8 +4,8 @@
 //! expect; what E57 does not know are attributes of an extension, called as the columns are.
 
 use super::tail::Tail;
-use super::{Format, Growing, Sink};
-use crate::cloud::{Column, ColumnType, Field, FieldInfo, Frame, PointCloud};
+use super::{Format, FormatInfo, Growing, Sink};
+use crate::cloud::{Column, ColumnType, Field, Frame, PointCloud};
 use crate::ground::report::Report;
 use ::e57::{
     E57Writer, Error, Extension, IntensityLimits, Quaternion, Record, RecordDataType, RecordName, RecordValue,
@@ -28,28 +28,14 @@ const VALID: RecordValue = RecordValue::Integer(0);
 const INVALID: RecordValue = RecordValue::Integer(2);
 
 impl Format for E57 {
-    fn name(&self) -> &'static str {
-        "e57"
-    }
-
-    fn extensions(&self) -> &'static [&'static str] {
-        &["e57"]
-    }
-
-    fn description(&self) -> &'static str {
-        "E57, a scan with its pose for each frame; f32 positions in the sensor frame, labels as an extension"
-    }
-
-    fn holds(&self, _: &FieldInfo) -> bool {
-        true
-    }
-
-    fn needs_positions(&self) -> bool {
-        true
-    }
-
-    fn holds_label_names(&self) -> bool {
-        false
+    fn info(&self) -> &FormatInfo {
+        &FormatInfo {
+            name: "e57",
+            extensions: &["e57"],
+            description: "E57, a scan with its pose for each frame; f32 positions in the sensor frame, labels as an extension",
+            needs_positions: true,
+            holds_label_names: false,
+        }
     }
 
     fn write(&self, cloud: &PointCloud, path: &Path, report: &mut Report) -> io::Result<()> {

@@ -109,8 +109,8 @@ mod tests {
         let mut all = PointCloud::default();
         frames.iter().for_each(|frame| all.append(frame).unwrap());
         let mut grew = 0;
-        for format in FORMATS.iter().filter(|format| !format.extensions().is_empty()) {
-            let path = |stem: &str| folder.path().join(stem).with_extension(format.extensions()[0]);
+        for format in FORMATS.iter().filter(|format| !format.info().extensions.is_empty()) {
+            let path = |stem: &str| folder.path().join(stem).with_extension(format.info().extensions[0]);
             let Some(report) = growing(&path("grown"), &frames).unwrap() else { continue };
             grew += 1;
             assert_eq!(report.warnings, write(&all, &path("whole"), None).unwrap().warnings);

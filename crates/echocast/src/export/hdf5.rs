@@ -1,7 +1,7 @@
 //! HDF5: one dataset per column at the root.
 
 use super::boxes::{self, BoxColumn, Numbers};
-use super::{Format, Growing, sensor_pose, unfinished};
+use super::{Format, FormatInfo, Growing, sensor_pose, unfinished};
 use crate::cloud::{Column, ColumnType, FieldInfo, InstanceBox, PointCloud};
 use crate::ground::report::Report;
 use crate::scene::Labels;
@@ -15,28 +15,14 @@ use std::path::Path;
 pub(super) struct Hdf5;
 
 impl Format for Hdf5 {
-    fn name(&self) -> &'static str {
-        "hdf5"
-    }
-
-    fn extensions(&self) -> &'static [&'static str] {
-        &["h5", "hdf5"]
-    }
-
-    fn description(&self) -> &'static str {
-        "HDF5, one dataset per column; f32 positions relative to the dataset origin"
-    }
-
-    fn holds(&self, _: &FieldInfo) -> bool {
-        true
-    }
-
-    fn needs_positions(&self) -> bool {
-        false
-    }
-
-    fn holds_label_names(&self) -> bool {
-        true
+    fn info(&self) -> &FormatInfo {
+        &FormatInfo {
+            name: "hdf5",
+            extensions: &["h5", "hdf5"],
+            description: "HDF5, one dataset per column; f32 positions relative to the dataset origin",
+            needs_positions: false,
+            holds_label_names: true,
+        }
     }
 
     fn write(&self, cloud: &PointCloud, path: &Path, _: &mut Report) -> io::Result<()> {

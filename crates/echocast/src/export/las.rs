@@ -4,7 +4,7 @@
 //! records by our own code, which is several times faster.
 
 use super::laz::{self, Laz};
-use super::{Format, Growing, Sink, labels_json};
+use super::{Format, FormatInfo, Growing, Sink, labels_json};
 use crate::cloud::record::{self, BLOCK_BYTES};
 use crate::cloud::{Column, ColumnType, Field, FieldInfo, FieldSet, PointCloud};
 use crate::ground::report::Report;
@@ -15,9 +15,13 @@ use std::path::Path;
 
 /// LAS 1.4, point format 7.
 pub(super) const LAS: Las = Las {
-    name: "las",
-    extensions: &["las"],
-    description: "LAS 1.4, point format 7; 0.1 mm, 16 bit intensity, labels and other columns in extra bytes",
+    info: FormatInfo {
+        name: "las",
+        extensions: &["las"],
+        description: "LAS 1.4, point format 7; 0.1 mm, 16 bit intensity, labels and other columns in extra bytes",
+        needs_positions: true,
+        holds_label_names: true,
+    },
     version: (1, 4),
     point_format: 7,
     classification: 16,
@@ -33,18 +37,26 @@ pub(super) const LAS: Las = Las {
 
 /// The same with its points compressed, as LASzip 3 does: a third to a sixth of the size.
 pub(super) const LAZ: Las = Las {
-    name: "laz",
-    extensions: &["laz"],
-    description: "LAS 1.4 as las, compressed by LASzip: smaller, slower to write",
+    info: FormatInfo {
+        name: "laz",
+        extensions: &["laz"],
+        description: "LAS 1.4 as las, compressed by LASzip: smaller, slower to write",
+        needs_positions: true,
+        holds_label_names: true,
+    },
     compressed: true,
     ..LAS
 };
 
 /// LAS 1.2, point format 2: position, label, intensity and colour, which most programs read.
 pub(super) const LAS2: Las = Las {
-    name: "las2",
-    extensions: &[],
-    description: "LAS 1.2, point format 2, category_id in point source id: the simplest LAS with colour",
+    info: FormatInfo {
+        name: "las2",
+        extensions: &[],
+        description: "LAS 1.2, point format 2, category_id in point source id: the simplest LAS with colour",
+        needs_positions: true,
+        holds_label_names: false,
+    },
     version: (1, 2),
     point_format: 2,
     classification: 15,
@@ -61,9 +73,7 @@ pub(super) const LAS2: Las = Las {
 /// One kind of point record: sizes and places of its members in bytes, where the kinds differ.
 #[derive(Clone, Copy)]
 pub(super) struct Las {
-    name: &'static str,
-    extensions: &'static [&'static str],
-    description: &'static str,
+    info: FormatInfo,
     version: (u8, u8),
     point_format: u8,
     size: usize,
@@ -90,16 +100,8 @@ const UNCLASSIFIED: u8 = 1;
 const FINEST_STEP: i32 = -4;
 
 impl Format for Las {
-    fn name(&self) -> &'static str {
-        self.name
-    }
-
-    fn extensions(&self) -> &'static [&'static str] {
-        self.extensions
-    }
-
-    fn description(&self) -> &'static str {
-        self.description
+    fn info(&self) -> &FormatInfo {
+        &self.info
     }
 
     fn holds(&self, info: &FieldInfo) -> bool {
@@ -108,14 +110,6 @@ impl Format for Las {
             Some(_) => true,
             None => self.extra_bytes || info.name == "category_id",
         }
-    }
-
-    fn needs_positions(&self) -> bool {
-        true
-    }
-
-    fn holds_label_names(&self) -> bool {
-        self.extra_bytes
     }
 
     fn most_points(&self, _: FieldSet) -> Option<u64> {
@@ -452,7 +446,7 @@ impl Survey {
     /// Without counts of what is usual, so that the files of a sequence say the same. `head` is the cloud without its
     /// rows.
     fn tell(&self, head: &PointCloud, las: &Las, report: &mut Report) {
-        let name = las.name;
+        let name = las.info.name;
         if self.misses > 0 {
             report.warn(format!("{name}: rows without a position left out"));
         }

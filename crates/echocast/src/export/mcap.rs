@@ -5,9 +5,9 @@
 
 use super::camera::Camera;
 use super::ros::{Message, Stamp, definition};
-use super::{Format, Growing, Sink, labels_json};
+use super::{Format, FormatInfo, Growing, Sink, labels_json};
 use crate::cloud::record::{self, BLOCK_BYTES};
-use crate::cloud::{ColumnType, Field, FieldInfo, Frame, InstanceBox, PackItem, PackType, PointCloud};
+use crate::cloud::{ColumnType, Field, Frame, InstanceBox, PackItem, PackType, PointCloud};
 use crate::ground::parallel;
 use crate::ground::pose::Pose;
 use crate::ground::report::Report;
@@ -19,32 +19,42 @@ use std::io;
 use std::path::Path;
 
 pub(super) const MCAP: Mcap = Mcap {
-    name: "mcap",
-    extensions: &["mcap"],
-    description: "bag of ROS 2: for each frame a PointCloud2 as of Velodyne's driver, TFMessage, Detection3DArray",
+    info: FormatInfo {
+        name: "mcap",
+        extensions: &["mcap"],
+        description: "bag of ROS 2: for each frame a PointCloud2 as of Velodyne's driver, TFMessage, Detection3DArray",
+        needs_positions: true,
+        holds_label_names: true,
+    },
     layout: &VELODYNE,
 };
 
 pub(super) const MCAP_OUSTER: Mcap = Mcap {
-    name: "mcap_ouster",
-    extensions: &[],
-    description: "bag with points as of Ouster's driver; time in ns, range in mm",
+    info: FormatInfo {
+        name: "mcap_ouster",
+        extensions: &[],
+        description: "bag with points as of Ouster's driver; time in ns, range in mm",
+        needs_positions: true,
+        holds_label_names: true,
+    },
     layout: &OUSTER,
 };
 
 pub(super) const MCAP_LIVOX: Mcap = Mcap {
-    name: "mcap_livox",
-    extensions: &[],
-    description: "bag with points as of Livox's driver; time in ns",
+    info: FormatInfo {
+        name: "mcap_livox",
+        extensions: &[],
+        description: "bag with points as of Livox's driver; time in ns",
+        needs_positions: true,
+        holds_label_names: true,
+    },
     layout: &LIVOX,
 };
 
 /// A kind of bag.
 #[derive(Clone, Copy)]
 pub(super) struct Mcap {
-    name: &'static str,
-    extensions: &'static [&'static str],
-    description: &'static str,
+    info: FormatInfo,
     layout: &'static Layout,
 }
 
@@ -156,28 +166,8 @@ const LIVOX: Layout = Layout {
 };
 
 impl Format for Mcap {
-    fn name(&self) -> &'static str {
-        self.name
-    }
-
-    fn extensions(&self) -> &'static [&'static str] {
-        self.extensions
-    }
-
-    fn description(&self) -> &'static str {
-        self.description
-    }
-
-    fn holds(&self, _: &FieldInfo) -> bool {
-        true
-    }
-
-    fn needs_positions(&self) -> bool {
-        true
-    }
-
-    fn holds_label_names(&self) -> bool {
-        true
+    fn info(&self) -> &FormatInfo {
+        &self.info
     }
 
     fn write(&self, cloud: &PointCloud, path: &Path, report: &mut Report) -> io::Result<()> {

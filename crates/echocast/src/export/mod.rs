@@ -65,18 +65,16 @@ impl PointCloud {
 
 /// A point-cloud file format.
 pub trait Format: Sync {
+    /// What it is.
+    fn info(&self) -> &FormatInfo;
     /// Name for `--format`.
-    fn name(&self) -> &'static str;
-    /// File name endings, lower case, without the dot; the first format with an ending owns it.
-    fn extensions(&self) -> &'static [&'static str];
-    /// One line for people: what it is and how it differs from the others.
-    fn description(&self) -> &'static str;
+    fn name(&self) -> &'static str {
+        self.info().name
+    }
     /// Whether it can hold the column `info`.
-    fn holds(&self, info: &FieldInfo) -> bool;
-    /// Whether it can only hold clouds with the columns `x`, `y` and `z`.
-    fn needs_positions(&self) -> bool;
-    /// Whether the label names are inside the file; otherwise they go to `NAME.labels.json`.
-    fn holds_label_names(&self) -> bool;
+    fn holds(&self, _info: &FieldInfo) -> bool {
+        true
+    }
     /// How many points with the columns `fields` a file can hold, where that is fewer than runs may make.
     fn most_points(&self, _fields: FieldSet) -> Option<u64> {
         None
@@ -92,6 +90,21 @@ pub trait Format: Sync {
     fn begin(&self, _first: &PointCloud, _path: &Path) -> Option<io::Result<Box<dyn Growing>>> {
         None
     }
+}
+
+/// What a format is.
+#[derive(Clone, Copy)]
+pub struct FormatInfo {
+    /// Name for `--format`.
+    pub name: &'static str,
+    /// File name endings, lower case, without the dot; the first format with an ending owns it.
+    pub extensions: &'static [&'static str],
+    /// One line for people: what it is and how it differs from the others.
+    pub description: &'static str,
+    /// Whether it can only hold clouds with the columns `x`, `y` and `z`.
+    pub needs_positions: bool,
+    /// Whether the label names are inside the file; otherwise they go to `NAME.labels.json`.
+    pub holds_label_names: bool,
 }
 
 /// A file to which clouds are added one after the other, without keeping them.
@@ -163,7 +176,7 @@ pub fn format_for(path: &Path, name: Option<&str>) -> Result<&'static dyn Format
         what: format!("the ending of the output file {}", shown::path(path)),
         instead: format!(
             "clouds are written as {}",
-            FORMATS.iter().flat_map(|f| f.extensions()).map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ")
+            FORMATS.iter().flat_map(|f| f.info().extensions).map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ")
         ),
     })
 }
@@ -175,7 +188,7 @@ fn ending(path: &Path) -> String {
 
 /// The format that owns `ending`.
 fn format_with(ending: &str) -> Option<&'static dyn Format> {
-    FORMATS.iter().find(|format| format.extensions().contains(&ending)).copied()
+    FORMATS.iter().find(|format| format.info().extensions.contains(&ending)).copied()
 }
 
 /// Checks, before a long scan, whether a cloud with the columns `fields` can be written to `path`, and its label names
@@ -211,7 +224,7 @@ fn check_fields(format: &dyn Format, fields: FieldSet) -> Result<()> {
         .filter(|i| !fields.contains(i.field))
         .map(|i| i.name)
         .collect();
-    if format.needs_positions() && !missing.is_empty() {
+    if format.info().needs_positions && !missing.is_empty() {
         let allowed = format!("columns that include x, y and z, which a {} file must have", format.name());
         return Err(Error::invalid("fields", format!("a list without {}", missing.join(", ")), allowed));
     }
@@ -256,7 +269,7 @@ pub(crate) fn write_new(cloud: &PointCloud, path: &Path, format: &dyn Format) ->
     check_fields(format, cloud.fields)?;
     let mut report = Report::default();
     format.write(cloud, path, &mut report).map_err(|source| failed(path, source))?;
-    if !format.holds_label_names() {
+    if !format.info().holds_label_names {
         write_whole(&labels_path(path), labels_json(cloud).as_bytes())?;
     }
     Ok(report)
@@ -287,7 +300,7 @@ struct Output {
 impl Output {
     fn create(path: &Path, format: &dyn Format) -> Result<Output> {
         let file = Pending::create(path)?;
-        let labels = (!format.holds_label_names()).then(|| Pending::create(&labels_path(path))).transpose()?;
+        let labels = (!format.info().holds_label_names).then(|| Pending::create(&labels_path(path))).transpose()?;
         Ok(Output { file, labels })
     }
 
@@ -358,7 +371,7 @@ mod tests {
         assert!(of("street.las", Some("la2")).unwrap_err().to_string().contains("las2"));
         for (i, format) in FORMATS.iter().enumerate() {
             assert!(FORMATS[..i].iter().all(|other| other.name() != format.name()));
-            assert!(!format.needs_positions() || FIELDS[..3].iter().all(|info| format.holds(info)));
+            assert!(!format.info().needs_positions || FIELDS[..3].iter().all(|info| format.holds(info)));
         }
     }
 

@@ -1,7 +1,7 @@
 //! NPZ: an uncompressed zip of NumPy arrays; `numpy.load` reads it without anything else.
 
-use super::{Format, Sink, boxes, sensor_pose};
-use crate::cloud::{Column, FieldInfo, FieldSet, PointCloud};
+use super::{Format, FormatInfo, Sink, boxes, sensor_pose};
+use crate::cloud::{Column, FieldSet, PointCloud};
 use crate::ground::report::Report;
 use crate::scene::Labels;
 use std::io::{self, BufWriter, Write};
@@ -20,28 +20,14 @@ pub(super) struct Npz;
 const MOST: u64 = 4_000_000_000;
 
 impl Format for Npz {
-    fn name(&self) -> &'static str {
-        "npz"
-    }
-
-    fn extensions(&self) -> &'static [&'static str] {
-        &["npz"]
-    }
-
-    fn description(&self) -> &'static str {
-        "NumPy arrays, uncompressed; f32 positions relative to the array origin"
-    }
-
-    fn holds(&self, _: &FieldInfo) -> bool {
-        true
-    }
-
-    fn needs_positions(&self) -> bool {
-        false
-    }
-
-    fn holds_label_names(&self) -> bool {
-        true
+    fn info(&self) -> &FormatInfo {
+        &FormatInfo {
+            name: "npz",
+            extensions: &["npz"],
+            description: "NumPy arrays, uncompressed; f32 positions relative to the array origin",
+            needs_positions: false,
+            holds_label_names: true,
+        }
     }
 
     fn most_points(&self, _: FieldSet) -> Option<u64> {

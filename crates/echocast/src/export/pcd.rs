@@ -4,7 +4,7 @@
 //! by LZF, whose stream has no header: the streams of pieces, one after the other, are that of the whole.
 
 use super::csv::{push_float, push_integer, push_position};
-use super::{Format, Growing, Sink};
+use super::{Format, FormatInfo, Growing, Sink};
 use crate::cloud::record::{self, BLOCK_BYTES};
 use crate::cloud::{Column, ColumnType, Field, FieldInfo, FieldSet, Frame, PointCloud};
 use crate::ground::parallel;
@@ -16,28 +16,42 @@ use std::path::Path;
 
 /// Records of packed columns.
 pub(super) const PCD: Pcd = Pcd {
-    name: "pcd",
-    extensions: &["pcd"],
-    description: "PCD 0.7 of the Point Cloud Library, binary; f32 positions, f64 far from the origin",
+    info: FormatInfo {
+        name: "pcd",
+        extensions: &["pcd"],
+        description: "PCD 0.7 of the Point Cloud Library, binary; f32 positions, f64 far from the origin",
+        needs_positions: true,
+        holds_label_names: false,
+    },
     data: Data::Binary,
 };
 
-pub(super) const PCD_ASCII: Pcd =
-    Pcd { name: "pcd_ascii", extensions: &[], description: "PCD as text", data: Data::Text };
+pub(super) const PCD_ASCII: Pcd = Pcd {
+    info: FormatInfo {
+        name: "pcd_ascii",
+        extensions: &[],
+        description: "PCD as text",
+        needs_positions: true,
+        holds_label_names: false,
+    },
+    data: Data::Text,
+};
 
 pub(super) const PCD_COMPRESSED: Pcd = Pcd {
-    name: "pcd_compressed",
-    extensions: &[],
-    description: "PCD with columns that are compressed by LZF, up to 4 GiB of them",
+    info: FormatInfo {
+        name: "pcd_compressed",
+        extensions: &[],
+        description: "PCD with columns that are compressed by LZF, up to 4 GiB of them",
+        needs_positions: true,
+        holds_label_names: false,
+    },
     data: Data::Compressed,
 };
 
 /// A kind of PCD file.
 #[derive(Clone, Copy)]
 pub(super) struct Pcd {
-    name: &'static str,
-    extensions: &'static [&'static str],
-    description: &'static str,
+    info: FormatInfo,
     data: Data,
 }
 
@@ -57,28 +71,8 @@ const PIECE: usize = 1 << 20;
 const LITERALS: usize = 32;
 
 impl Format for Pcd {
-    fn name(&self) -> &'static str {
-        self.name
-    }
-
-    fn extensions(&self) -> &'static [&'static str] {
-        self.extensions
-    }
-
-    fn description(&self) -> &'static str {
-        self.description
-    }
-
-    fn holds(&self, _: &FieldInfo) -> bool {
-        true
-    }
-
-    fn needs_positions(&self) -> bool {
-        true
-    }
-
-    fn holds_label_names(&self) -> bool {
-        false
+    fn info(&self) -> &FormatInfo {
+        &self.info
     }
 
     fn most_points(&self, fields: FieldSet) -> Option<u64> {

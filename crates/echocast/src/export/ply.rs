@@ -1,6 +1,6 @@
 //! Binary PLY, for viewers.
 
-use super::{Format, Growing, Sink};
+use super::{Format, FormatInfo, Growing, Sink};
 use crate::cloud::record::{self, BLOCK_BYTES};
 use crate::cloud::{Column, FieldInfo, FieldSet, PointCloud};
 use crate::ground::report::Report;
@@ -13,28 +13,15 @@ use std::path::Path;
 pub(super) struct Ply;
 
 impl Format for Ply {
-    fn name(&self) -> &'static str {
-        "ply"
-    }
-
-    fn extensions(&self) -> &'static [&'static str] {
-        &["ply"]
-    }
-
-    fn description(&self) -> &'static str {
-        "binary little endian PLY; f64 positions, other columns as scalar_NAME, labels as int"
-    }
-
-    fn holds(&self, _: &FieldInfo) -> bool {
-        true
-    }
-
-    fn needs_positions(&self) -> bool {
-        true
-    }
-
-    fn holds_label_names(&self) -> bool {
-        false // header lines are ASCII
+    fn info(&self) -> &FormatInfo {
+        &FormatInfo {
+            name: "ply",
+            extensions: &["ply"],
+            description: "binary little endian PLY; f64 positions, other columns as scalar_NAME, labels as int",
+            needs_positions: true,
+            // Header lines are ASCII.
+            holds_label_names: false,
+        }
     }
 
     fn write(&self, cloud: &PointCloud, path: &Path, report: &mut Report) -> io::Result<()> {

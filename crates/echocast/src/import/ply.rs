@@ -7,96 +7,19 @@ use super::number::{Member, blocks};
 use super::rows::{self, Rows};
 use super::text::{self, Lines, Place, Separator};
 use crate::cloud::PointCloud;
-use crate::ground::error::Result;
+use crate::ground::error::{Error, Result};
 use crate::ground::report::Report;
 use crate::ground::shown;
-use crate::read::number::Number;
+use crate::read::ply::{Encoding, Header, Property};
+use std::io::Read as _;
 
-/// Most lines before the points.
-const HEADER: usize = 10_000;
+/// Most bytes before the points.
+const HEADER: u64 = 1 << 20;
 
-/// What stands before the points.
-#[derive(Default)]
-struct Header {
-    format: String,
-    elements: Vec<Element>,
-    /// Rows and columns of an organised cloud.
-    grid: [Option<u32>; 2],
-}
-
-struct Element {
-    name: String,
-    count: u64,
-    /// Without a number: a list.
-    properties: Vec<(String, Option<Number>)>,
-}
-
-/// The header of `source`, and the lines behind it.
-fn header<'a>(source: &'a Source<'a>) -> Result<(Header, Lines<'a>)> {
-    let mut lines = Lines::of(source)?;
-    let mut header = Header::default();
-    for _ in 0..HEADER {
-        let Some(line) = lines.next()? else { break };
-        let line = line.to_owned();
-        let words: Vec<&str> = line.split_whitespace().collect();
-        let fault = match *words {
-            ["end_header"] => return Ok((header, lines)),
-            ["format", format, _] => {
-                format.clone_into(&mut header.format);
-                None
-            }
-            ["element", name, count] => match count.parse() {
-                Ok(count) => {
-                    header.elements.push(Element { name: name.to_owned(), count, properties: Vec::new() });
-                    None
-                }
-                Err(_) => Some(format!("{:?} is not a number of elements", shown::name(count))),
-            },
-            ["property", ref rest @ ..] => match (header.elements.last_mut(), rest) {
-                (Some(element), ["list", _, _, name]) => {
-                    element.properties.push(((*name).to_owned(), None));
-                    None
-                }
-                (Some(element), [kind, name]) => match number(kind) {
-                    Some(number) => {
-                        element.properties.push(((*name).to_owned(), Some(number)));
-                        None
-                    }
-                    None => Some(format!("{:?} is no type of PLY", shown::name(kind))),
-                },
-                _ => Some("is not a property of an element".to_owned()),
-            },
-            ["obj_info", "num_rows", rows] => {
-                header.grid[0] = rows.parse().ok();
-                None
-            }
-            ["obj_info", "num_cols", columns] => {
-                header.grid[1] = columns.parse().ok();
-                None
-            }
-            ["ply" | "comment" | "obj_info", ..] | [] => None,
-            _ => Some(format!("{:?} is no line of a header", shown::name(&line))),
-        };
-        if let Some(fault) = fault {
-            return Err(lines.error(fault));
-        }
-    }
-    Err(source.error("has no line end_header: it is cut off, or no PLY"))
-}
-
-/// The type of this name.
-fn number(name: &str) -> Option<Number> {
-    Some(match name {
-        "char" | "int8" => Number::I8,
-        "uchar" | "uint8" => Number::U8,
-        "short" | "int16" => Number::I16,
-        "ushort" | "uint16" => Number::U16,
-        "int" | "int32" => Number::I32,
-        "uint" | "uint32" => Number::U32,
-        "float" | "float32" => Number::F32,
-        "double" | "float64" => Number::F64,
-        _ => return None,
-    })
+fn header(source: &Source) -> Result<Header> {
+    let mut bytes = Vec::new();
+    source.from(0)?.take(HEADER).read_to_end(&mut bytes).map_err(|error| Error::io(source.path, error))?;
+    Header::parse(&bytes).map_err(|(line, message)| Error::parse(source.path, format!("line {line}"), message))
 }
 
 /// Whether it is a mesh rather than a cloud.
@@ -104,8 +27,7 @@ fn number(name: &str) -> Option<Number> {
 /// # Errors
 /// A header that is none.
 pub(super) fn has_faces(source: &Source) -> Result<bool> {
-    let (header, _) = header(source)?;
-    Ok(faces(&header) > 0)
+    Ok(faces(&header(source)?) > 0)
 }
 
 fn faces(header: &Header) -> u64 {
@@ -114,7 +36,7 @@ fn faces(header: &Header) -> u64 {
 }
 
 pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
-    let (header, lines) = header(source)?;
+    let header = header(source)?;
     if faces(&header) > 0 {
         return Err(source.error(format!("has {} faces: it is a mesh; allowed: points without faces", faces(&header))));
     }
@@ -126,11 +48,11 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
     }
     let vertex = &header.elements[at];
     let mut columns = Vec::new();
-    for (name, number) in &vertex.properties {
-        let Some(number) = *number else {
+    for Property { name, kind, length } in &vertex.properties {
+        if length.is_some() {
             return Err(source.error(format!("{:?} of its vertices is a list; allowed: numbers", shown::name(name))));
-        };
-        columns.push(Named::new(name, number));
+        }
+        columns.push(Named::new(name, *kind));
     }
     let others = header.elements[at + 1..].iter().filter(|element| element.count > 0);
     rows::lost(others.map(|element| element.name.as_str()), "ply", report);
@@ -139,28 +61,22 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
     if let [Some(rows), Some(columns)] = header.grid {
         about.shape = Some([rows, columns]);
     }
-    let big = match &*header.format {
-        "ascii" => {
-            let count = usize::try_from(vertex.count).unwrap_or(usize::MAX);
-            let mut rows = Rows::new(rows::fields(&goals), 0, Some(&about))?;
-            let places: Vec<Option<Place>> = goals.into_iter().map(|goal| goal.map(Place::Goal)).collect();
-            text::read(lines, Separator::Blanks, &places, Some(count), &mut rows)?;
-            return rows.finish(source.path, "ply", about, report);
-        }
-        "binary_little_endian" => false,
-        "binary_big_endian" => true,
-        other => {
-            let allowed = "ascii, binary_little_endian, binary_big_endian";
-            return Err(source.error(format!("its format is {:?}; allowed: {allowed}", shown::name(other))));
-        }
-    };
+    if header.encoding == Encoding::Text {
+        let lines = Lines::behind(source, header.length as u64, header.lines as u64)?;
+        let count = usize::try_from(vertex.count).unwrap_or(usize::MAX);
+        let mut rows = Rows::new(rows::fields(&goals), 0, Some(&about))?;
+        let places: Vec<Option<Place>> = goals.into_iter().map(|goal| goal.map(Place::Goal)).collect();
+        text::read(lines, Separator::Blanks, &places, Some(count), &mut rows)?;
+        return rows.finish(source.path, "ply", about, report);
+    }
+    let big = header.encoding == Encoding::Big;
     let mut members = Vec::new();
     let mut size = 0;
     for (column, goal) in columns.iter().zip(goals) {
         members.extend(goal.map(|goal| Member { goal, number: column.number, at: size }));
         size += column.number.size();
     }
-    let start = lines.at();
+    let start = header.length as u64;
     let count = source.check_count(vertex.count, size, start)?;
     let mut rows = Rows::new(members.iter().map(|member| member.goal.field).collect(), count, Some(&about))?;
     let take = |records: &[u8]| members.iter().try_for_each(|member| member.take(records, size, big, &mut rows));

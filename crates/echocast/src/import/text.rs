@@ -26,8 +26,13 @@ pub(super) struct Lines<'a> {
 impl<'a> Lines<'a> {
     /// Those of `source`, as long as it was when it was opened.
     pub(super) fn of(source: &'a Source<'a>) -> Result<Self> {
-        let reader = source.from(0)?.take(source.length);
-        Ok(Lines { source, reader, buffer: Vec::new(), number: 0, at: 0 })
+        Lines::behind(source, 0, 0)
+    }
+
+    /// Those from byte `at` on, behind `number` others.
+    pub(super) fn behind(source: &'a Source<'a>, at: u64, number: u64) -> Result<Self> {
+        let reader = source.from(at)?.take(source.length.saturating_sub(at));
+        Ok(Lines { source, reader, buffer: Vec::new(), number, at })
     }
 
     /// The next line, without blanks around it; `None` at the end.

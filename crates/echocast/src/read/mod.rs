@@ -3,6 +3,7 @@
 pub(crate) mod bounds;
 pub(crate) mod csv;
 pub(crate) mod number;
+pub(crate) mod ply;
 pub(crate) mod presets;
 pub(crate) mod yaml;
 

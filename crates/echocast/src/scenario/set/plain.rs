@@ -84,7 +84,7 @@ impl Write for Writer<'_> {
             stem += &format!("_{:04}", scan.frames()[frame].number);
         }
         let path = |ending: &str| -> PathBuf { self.folder.join(format!("{stem}.{ending}")) };
-        let ending = format.extensions().first().copied().unwrap_or(format.name());
+        let ending = format.info().extensions.first().copied().unwrap_or(format.name());
         let mut report = export::write_new(cloud, &path(ending), format)?;
         if let Some(options) = &self.style.preview {
             report.absorb(preview::write_new(cloud, &path("png"), options)?);

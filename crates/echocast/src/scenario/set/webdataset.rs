@@ -181,13 +181,13 @@ impl Write for Writer<'_> {
             stem += &format!("_{:04}", scan.frames()[frame].number);
         }
         let format = export::format_for(Path::new(""), Some(&self.style.format))?;
-        let ending = format.extensions().first().copied().unwrap_or(format.name());
+        let ending = format.info().extensions.first().copied().unwrap_or(format.name());
         let path = self.folder.join(format!("cloud.{ending}"));
         let report = export::write_new(cloud, &path, format)?;
         let key = numbered(self.number);
         let written = self.put(&format!("{key}.{stem}.{ending}"), &path);
         written.map_err(|source| export::failed(&self.path, source))?;
-        if !format.holds_label_names() {
+        if !format.info().holds_label_names {
             let _ = std::fs::remove_file(export::labels_path(&path));
         }
         for (stem, table) in cloud.labels.tables() {

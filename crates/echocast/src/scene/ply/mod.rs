@@ -3,7 +3,6 @@
 //! The format is that of "The PLY Polygon File Format" (Turk, Stanford 1994), read as programs of scanners, editors and
 //! data sets write it.
 
-mod header;
 mod rows;
 mod values;
 
@@ -13,8 +12,8 @@ use super::{LoadOptions, Mesh, Part, RawObject, Scene, Texture, TextureRef, coun
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
 use crate::material::{Material, TextureBudget, linear_from_srgb};
+use crate::read::ply::{Encoding, Header};
 use crate::read::{self, Limit};
-use header::{Encoding, Header};
 use rows::{Key, Labels, Rows};
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;

@@ -1,9 +1,9 @@
 //! The rows of a PLY file: vertices and faces as programs name their properties.
 
-use super::header::{Element, Header, full};
 use super::values::Values;
 use crate::ground::error::{Error, Result};
 use crate::read::number::Number;
+use crate::read::ply::{Element, Header};
 use crate::scene::faces::{Corner, Faces, NONE};
 use crate::scene::within_reach;
 use glam::DVec3;
@@ -380,4 +380,13 @@ fn corner(value: f64, vertices: u64) -> Result<Corner, String> {
         return Err(format!("vertex index {value} of {vertices}, which count from 0"));
     }
     Ok(Corner { position, texcoord: NONE, normal: NONE })
+}
+
+/// What stands for a full colour channel.
+fn full(kind: Number) -> f64 {
+    match kind {
+        Number::I8 | Number::U8 => 255.0,
+        Number::I16 | Number::U16 => 65535.0,
+        _ => 1.0,
+    }
 }

@@ -1,7 +1,7 @@
 //! The numbers of a PLY file, one after the other, as text or binary.
 
-use super::header::Element;
 use crate::read::number::Number;
+use crate::read::ply::Element;
 use crate::scene::number::decimal;
 
 const CUT_OFF: &str = "the file is cut off";

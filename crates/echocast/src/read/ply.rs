@@ -1,15 +1,17 @@
-//! The header of a PLY file: which numbers follow, in which order.
+//! The header of a PLY file, of a mesh or of points: which numbers follow, in which order.
 
 use crate::read::number::Number;
 
 /// What the header says.
 #[derive(Debug)]
-pub(super) struct Header {
+pub(crate) struct Header {
     pub encoding: Encoding,
     /// Groups of rows, in the order of the file.
     pub elements: Vec<Element>,
     /// Images that comments name (`TextureFile`, as MeshLab and Metashape write it).
     pub textures: Vec<String>,
+    /// Rows and columns of an organised cloud.
+    pub grid: [Option<u32>; 2],
     /// Where the rows begin, bytes.
     pub length: usize,
     /// Lines before them.
@@ -18,7 +20,7 @@ pub(super) struct Header {
 
 /// How numbers are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Encoding {
+pub(crate) enum Encoding {
     Text,
     Little,
     Big,
@@ -26,7 +28,7 @@ pub(super) enum Encoding {
 
 /// Rows with the same properties.
 #[derive(Debug)]
-pub(super) struct Element {
+pub(crate) struct Element {
     pub name: String,
     pub count: u64,
     pub properties: Vec<Property>,
@@ -34,7 +36,7 @@ pub(super) struct Element {
 
 /// A number of each row, or a list of them.
 #[derive(Debug)]
-pub(super) struct Property {
+pub(crate) struct Property {
     pub name: String,
     pub kind: Number,
     /// Of a list: how its length is written.
@@ -58,15 +60,6 @@ fn named(name: &str) -> Option<Number> {
     })
 }
 
-/// What stands for a full colour channel.
-pub(super) fn full(kind: Number) -> f64 {
-    match kind {
-        Number::I8 | Number::U8 => 255.0,
-        Number::I16 | Number::U16 => 65535.0,
-        _ => 1.0,
-    }
-}
-
 impl Header {
     /// Reads the header at the start of `bytes`; or the line of what is wrong with it, and what.
     pub fn parse(bytes: &[u8]) -> Result<Header, (usize, String)> {
@@ -75,8 +68,14 @@ impl Header {
         };
         // Old programs end lines with a carriage return alone.
         let end = if rest.first() == Some(&b'\r') && rest.get(1) != Some(&b'\n') { b'\r' } else { b'\n' };
-        let mut header =
-            Header { encoding: Encoding::Text, elements: Vec::new(), textures: Vec::new(), length: 0, lines: 0 };
+        let mut header = Header {
+            encoding: Encoding::Text,
+            elements: Vec::new(),
+            textures: Vec::new(),
+            grid: [None; 2],
+            length: 0,
+            lines: 0,
+        };
         let mut encoding = None;
         for (number, line) in bytes.split(|&byte| byte == end).enumerate() {
             header.length += line.len() + 1;
@@ -84,6 +83,8 @@ impl Header {
             let words: Vec<&str> = text.split_ascii_whitespace().collect();
             let fault = |message: String| (number + 1, message);
             match words[..] {
+                ["obj_info", "num_rows", rows] => header.grid[0] = rows.parse().ok(),
+                ["obj_info", "num_cols", columns] => header.grid[1] = columns.parse().ok(),
                 [] | ["obj_info", ..] => {}
                 ["ply"] if number == 0 => {}
                 ["comment", "TextureFile", ..] => {
