@@ -209,8 +209,10 @@ impl Shape {
                 let (from, ref a) = steps[steps.len() - 1];
                 let middle = 0.5 * (from + to);
                 let error = self.error(a, &pull(middle), &b);
-                if error <= tolerance || to - from <= SHORTEST_S {
-                    jumps += usize::from(error > tolerance);
+                // Coordinates are single precision: what that cannot tell apart needs no steps.
+                let fits = error <= tolerance || error <= self.extent(a).max(self.extent(&b)) * f64::from(f32::EPSILON);
+                if fits || to - from <= SHORTEST_S {
+                    jumps += usize::from(!fits);
                     if steps.len() >= most || jumps > MOST_JUMPS + bends.len() {
                         return None;
                     }
@@ -267,6 +269,17 @@ impl Shape {
             (centre.abs() + spread).length()
         });
         targets.sum::<f64>() + joints.fold(0.0, f64::max)
+    }
+
+    /// How far from the origin vertices pulled by `pull` may be along an axis, m.
+    fn extent(&self, pull: &Pull) -> f64 {
+        let reach = self.vertices.reach();
+        let targets: f64 = reach.targets.iter().zip(&pull.weights).map(|(way, weight)| way * weight.abs()).sum();
+        let joints = reach.joints.iter().zip(&pull.palette).filter_map(|(extent, joint)| {
+            let [low, high] = (*extent)?;
+            Some(joint.transform_point3(low).abs().max(joint.transform_point3(high).abs()).max_element())
+        });
+        joints.fold(targets, f64::max)
     }
 
     /// The same on a timeline whose nodes have numbers `shift` higher.
