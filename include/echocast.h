@@ -56,13 +56,17 @@
 #define ECHOCAST_INSTANCE_DESC_INIT                                                                                    \
     { sizeof(echocast_instance_desc), 0, ECHOCAST_POSE_IDENTITY, 0, 0, 0xffffffffu, 0, 0, 0 }
 #define ECHOCAST_SCENE_INFO_INIT { sizeof(echocast_scene_info), 0, 0, { 0, 0, 0 }, { 0, 0, 0 }, 0 }
-#define ECHOCAST_SENSOR_INFO_INIT { sizeof(echocast_sensor_info), 0, 0, 0 }
+#define ECHOCAST_SENSOR_INFO_INIT { sizeof(echocast_sensor_info), 0, 0, 0, 0, 0, { 0, 0 }, { 0, 0 } }
 #define ECHOCAST_SCAN_DESC_INIT                                                                                        \
-    { sizeof(echocast_scan_desc), 0, 0, 0, 0, 0, 0, 0xffffffffu, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0 }
+    { sizeof(echocast_scan_desc), 0, 0, 0, 0, 0, 0, 0xffffffffu, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0 }
 #define ECHOCAST_RESULT_INFO_INIT                                                                                      \
     { sizeof(echocast_result_info), 0, 0, 0, 0, 0, { 0, 0, 0 }, ECHOCAST_POSE_IDENTITY }
 #define ECHOCAST_SCAN_INFO_INIT { sizeof(echocast_scan_info), 0, 0, 0 }
 #define ECHOCAST_FRAME_INFO_INIT { sizeof(echocast_frame_info), 0, 0, 0, 0 }
+
+/** Structure `index` of a view of structures of `type`: `ECHOCAST_AT(echocast_box, boxes, 2)->points`. */
+#define ECHOCAST_AT(type, view, index)                                                                                 \
+    ((const type *)(const void *)((const char *)(view).data + (size_t)(index) * (view).stride))
 
 #ifdef __cplusplus
 extern "C" {
@@ -806,6 +810,14 @@ typedef struct echocast_sensor_info {
     uint32_t columns;
     /** Time from the start of one scan to the start of the next, ns. */
     int64_t period_ns;
+    /** Width of the images that echocast_result_image makes of its scans, pixels; 0 if it makes none. */
+    uint32_t image_width;
+    /** Their height, pixels. */
+    uint32_t image_height;
+    /** Focal lengths of a camera along columns and rows, pixels; 0 for other sensors. */
+    double focal[2];
+    /** Principal point of a camera, column and row, where whole numbers are the middle of pixels, as OpenCV counts. */
+    double centre[2];
 } echocast_sensor_info;
 
 /**
@@ -1115,6 +1127,15 @@ ECHOCAST_API void echocast_result_release(echocast_result *result);
  */
 #define ECHOCAST_REFLECTANCE_LIBRARY 3
 
+/** No boxes. */
+#define ECHOCAST_BOXES_NONE 0
+
+/** Boxes along the axes of each object, z up as it was modelled. */
+#define ECHOCAST_BOXES_OBJECT 1
+
+/** Boxes along the axes of the frame of the points. */
+#define ECHOCAST_BOXES_FRAME 2
+
 /**
  * Progress callback: gets the fraction of the work that is done, 0 to 1; returning anything but 0 ends the scan,
  * unless it is complete. Called on the scanning thread, every 2048 beams of each thread; not for sonars. It must not
@@ -1183,13 +1204,24 @@ typedef struct echocast_scan_desc {
      * period.
      */
     int64_t frame_period_ns;
+    /**
+     * Boxes around the labelled instances, for echocast_result_boxes: an ECHOCAST_BOXES_ number. All beams are then
+     * traced once more.
+     */
+    int32_t boxes;
+    /**
+     * 1: the boxes also say where they are in the image of the sensor, whatever hides them, for which every triangle
+     * is looked at: the amodal boxes of echocast_result_image_boxes.
+     */
+    int32_t image_boxes;
 } echocast_scan_desc;
 
 /**
  * Scans once; a sonar sends one ping, whose echoes are the points. `*io`: NULL, and it becomes a new result, to be
  * released with echocast_result_release; or a result, whose memory is reused: after the first few of their kind, scans
  * in beam order of lidars and depth cameras allocate nothing, whatever the sensor, in any weather and in front of
- * mirrors and glass; with another profile than the physical one they take some small blocks, a ping of a sonar up to 20.
+ * mirrors and glass; with another profile than the physical one, or boxes, they take some small blocks, a ping of a sonar
+ * up to 20.
  *
  * Points of a sonar: for multibeam and single-beam sonars the depth of each beam; for side-scan and imaging sonars the
  * range bins with an echo. Their `intensity` is a level in dB re 1 uPa. Sonars must be in the water.
@@ -1215,6 +1247,194 @@ ECHOCAST_API
 echocast_status echocast_scan(const echocast_snapshot *snapshot,
                               const echocast_scan_desc *desc,
                               echocast_result **io);
+
+/* -- Boxes ----------------------------------------------------------------------------------------------------------- */
+
+/**
+ * The box around a labelled instance when a scan starts. Position, orientation and velocity are in the frame of the
+ * points; in sensor coordinates that is the sensor's frame when the scan starts.
+ */
+typedef struct echocast_box {
+    /** When the scan starts, ns: the box holds then. Times since 1970 are rounded to 0.2 microseconds. */
+    int64_t t_ns;
+    /** Number of the frame, as in the column `frame`. */
+    uint32_t frame;
+    /** The object over all frames, as in the column `track_id`. */
+    uint32_t track_id;
+    /** The object, as in the column `instance_id`; never 0. */
+    uint32_t instance_id;
+    /** What it is, as in the column `category_id`; 0 = unlabelled. */
+    uint32_t category_id;
+    /** Returns of the scan that lie on it. */
+    uint32_t points;
+    /** 0. */
+    uint32_t reserved;
+    /** The middle of the box, x, y, z, metres; complete, not relative to the result's origin. */
+    double position[3];
+    /** Lengths along its axes, metres. */
+    double size[3];
+    /** Rotation from its axes, a unit quaternion x, y, z, w. */
+    double orientation_xyzw[4];
+    /** How fast its middle moves over the ground, m/s. */
+    double velocity[3];
+    /** How much of it is not hidden, 0 to 1: of the beams that would meet it if it were alone, the part that does. */
+    double visible;
+    /**
+     * Left, top, right and bottom, pixels, of all of it in the image of the sensor, whatever hides it and where the
+     * image ends; not-a-number: not asked for (scan_desc.image_boxes), or nothing of it is in front of the camera.
+     */
+    double image[4];
+} echocast_box;
+
+/**
+ * The boxes of a result, in place. Those of a newer library may be longer than those of this header: ECHOCAST_AT steps
+ * from one to the next by the stride.
+ */
+typedef struct echocast_box_view {
+    /** The first; NULL if there are none. */
+    const echocast_box *data;
+    /** Number of them. */
+    size_t count;
+    /** Bytes from one to the next. */
+    size_t stride;
+} echocast_box_view;
+
+/**
+ * Gives access to the boxes around the labelled instances that a scan with `boxes` can see, in place: by rising
+ * instance_id, those of appended results one after the other. Objects with one instance_id share a box. echocast_result_label_name has the names of categories and instances. The view is valid until the result is
+ * scanned into, appended to or released.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (a scan without boxes), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ *
+ * ```c
+ * scan.boxes = ECHOCAST_BOXES_OBJECT;
+ * echocast_scan(snapshot, &scan, &result);
+ * echocast_box_view boxes;
+ * echocast_result_boxes(result, &boxes);
+ * for (size_t i = 0; i < boxes.count; ++i)
+ *     printf("%u points\n", (unsigned)ECHOCAST_AT(echocast_box, boxes, i)->points);
+ * ```
+ */
+ECHOCAST_API
+echocast_status echocast_result_boxes(const echocast_result *result,
+                                      echocast_box_view *out);
+
+/* -- Images ---------------------------------------------------------------------------------------------------------- */
+
+/** A layer of the image of a result, in place: rows from top to bottom, pixels from left to right. */
+typedef struct echocast_image_view {
+    /** The top left pixel; the channels of a pixel follow each other, and so do the pixels of a row. */
+    const void *data;
+    /** Bytes from row to row. */
+    size_t row_stride;
+    /** Pixels per row. */
+    uint32_t width;
+    /** Rows. */
+    uint32_t height;
+    /** Numbers per pixel: 1, or 3 for colours and normals. */
+    uint32_t channels;
+    /** Type of the numbers: ECHOCAST_TYPE_F32, ECHOCAST_TYPE_U8 or ECHOCAST_TYPE_U32. */
+    int32_t kind;
+} echocast_image_view;
+
+/** What an image shows of an instance. */
+typedef struct echocast_image_box {
+    /** The object; never 0. */
+    uint32_t instance_id;
+    /** Category of most of its pixels; 0 = unlabelled. */
+    uint32_t category_id;
+    /** First column of its pixels. */
+    uint32_t left;
+    /** First row of its pixels. */
+    uint32_t top;
+    /** Columns from the first to the last that have pixels of it. */
+    uint32_t width;
+    /** Rows from the first to the last. */
+    uint32_t height;
+    /** Number of its pixels. */
+    uint32_t area;
+    /** 0. */
+    uint32_t reserved;
+    /**
+     * Left, top, right and bottom, pixels, of all of it, whatever hides it and where the image ends; column c reaches
+     * from c to c + 1. Not-a-number: not known, as without scan_desc.image_boxes.
+     */
+    double amodal[4];
+    /** Part of the area of the amodal box that lies outside of the image, 0 to 1; not-a-number: not known. */
+    double truncation;
+    /** How much of it is hidden by what is before it, 0 to 1; not-a-number: not known, as without scan_desc.boxes. */
+    double occlusion;
+} echocast_image_box;
+
+/**
+ * The boxes in the image of a result, in place. Those of a newer library may be longer than those of this header: ECHOCAST_AT steps
+ * from one to the next by the stride.
+ */
+typedef struct echocast_image_box_view {
+    /** The first; NULL if there are none. */
+    const echocast_image_box *data;
+    /** Number of them. */
+    size_t count;
+    /** Bytes from one to the next. */
+    size_t stride;
+} echocast_image_box_view;
+
+/**
+ * Gives access to a layer of the image that a camera, a spinning or a sweeping sensor sees; of several returns of a
+ * beam, the nearest. Beams without a return are not-a-number, 0 or black. Layers and the columns that they show:
+ *
+ * - "depth": metres along the axis of a camera (`depth`), of other sensors the slant range (`range`); F32
+ * - "range": slant range, metres (`range`); F32
+ * - "category", "part", "instance": label numbers (`category_id`, `part_id`, `instance_id`); U32
+ * - "color": base colour, sRGB (`red`, `green`, `blue`); 3 of U8
+ * - "intensity": what the instrument reports (`intensity`); F32
+ * - "normal": unit normals to the right, up and towards the sensor (`normal_x`, `normal_y`, `normal_z`); 3 of F32
+ *
+ * If the result is organised, that is all it needs, and layers of one column are not copied where the columns of a
+ * camera are the image already; if not, it also needs the columns `beam` and `range`. Other layers are made when they
+ * are first asked for, in memory that the result keeps for those of the next scans. echocast_sensor_get_info has the
+ * size and the lens. The view is valid until the result is scanned into, appended to or released.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (no such layer; a column that was not computed; scans of several sensors),
+ * ECHOCAST_E_UNSUPPORTED (a sensor whose beams form no rows and columns; a sonar), ECHOCAST_E_MEMORY,
+ * ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ *
+ * ```c
+ * scan.columns = "depth";
+ * scan.organised = 1;
+ * echocast_scan(snapshot, &scan, &result);
+ * echocast_image_view depth;
+ * echocast_result_image(result, "depth", &depth);
+ * const float *metres = depth.data;
+ * ```
+ */
+ECHOCAST_API
+echocast_status echocast_result_image(const echocast_result *result,
+                                      const char *layer,
+                                      echocast_image_view *out);
+
+/**
+ * Gives access to what the image of a result shows of each instance, in place: by rising instance_id.
+ * It is made of the layers "category" and "instance", and of the boxes of the scan for what is
+ * hidden. The view is valid until the result is scanned into, appended to or released.
+ *
+ * Errors: as echocast_result_image.
+ *
+ * ```c
+ * scan.columns = "category_id,instance_id";
+ * scan.organised = 1;
+ * scan.boxes = ECHOCAST_BOXES_OBJECT;
+ * scan.image_boxes = 1;
+ * echocast_scan(snapshot, &scan, &result);
+ * echocast_image_box_view seen;
+ * echocast_result_image_boxes(result, &seen);
+ * for (size_t i = 0; i < seen.count; ++i)
+ *     printf("%.0f %% hidden\n", 100 * ECHOCAST_AT(echocast_image_box, seen, i)->occlusion);
+ * ```
+ */
+ECHOCAST_API
+echocast_status echocast_result_image_boxes(const echocast_result *result,
+                                            echocast_image_box_view *out);
 
 /* -- Scenarios ------------------------------------------------------------------------------------------------------- */
 
@@ -1382,6 +1602,24 @@ echocast_status echocast_sample_drawn(const echocast_sample *sample,
                                       char *json,
                                       size_t capacity,
                                       size_t *needed);
+
+/**
+ * Says which boxes the following scans of a sample have: `boxes` and `image_boxes` as in echocast_scan_desc; at first
+ * none.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ *
+ * ```c
+ * echocast_sample_set_boxes(sample, ECHOCAST_BOXES_OBJECT, 0);
+ * echocast_sample_scan(sample, 0, 0, NULL, &result);
+ * echocast_box_view boxes;
+ * echocast_result_boxes(result, &boxes);
+ * ```
+ */
+ECHOCAST_API
+echocast_status echocast_sample_set_boxes(echocast_sample *sample,
+                                          int32_t boxes,
+                                          int32_t image_boxes);
 
 /**
  * Scans a frame of a sample as the scenario says: scan and frame are counted from 0; a sonar sends the ping of that

@@ -14,6 +14,7 @@
 #include <cstdint>
 #include <exception>
 #include <functional>
+#include <iterator>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -134,6 +135,89 @@ public:
 private:
     T *data_ = nullptr;
     std::size_t size_ = 0;
+};
+
+/** Structures one after the other that somebody else owns; those of a newer library may be longer than T. */
+template <class T>
+class structs {
+public:
+    class iterator {
+    public:
+        using iterator_category = std::forward_iterator_tag;
+        using value_type = T;
+        using difference_type = std::ptrdiff_t;
+        using pointer = const T *;
+        using reference = const T &;
+
+        iterator() = default;
+        iterator(const char *at, std::size_t stride) : at_(at), stride_(stride) {}
+
+        const T &operator*() const noexcept { return *operator->(); }
+        const T *operator->() const noexcept { return static_cast<const T *>(static_cast<const void *>(at_)); }
+        iterator &operator++() noexcept {
+            at_ += stride_;
+            return *this;
+        }
+        iterator operator++(int) noexcept {
+            const iterator before = *this;
+            ++*this;
+            return before;
+        }
+        bool operator==(const iterator &other) const noexcept { return at_ == other.at_; }
+        bool operator!=(const iterator &other) const noexcept { return at_ != other.at_; }
+
+    private:
+        const char *at_ = nullptr;
+        std::size_t stride_ = 0;
+    };
+
+    structs() = default;
+    structs(const T *data, std::size_t size, std::size_t stride) : data_(data), size_(size), stride_(stride) {}
+
+    std::size_t size() const noexcept { return size_; }
+    bool empty() const noexcept { return size_ == 0; }
+    iterator begin() const noexcept { return iterator(at(0), stride_); }
+    iterator end() const noexcept { return iterator(at(size_), stride_); }
+    const T &operator[](std::size_t index) const noexcept { return *iterator(at(index), stride_); }
+
+private:
+    const char *at(std::size_t index) const noexcept {
+        return static_cast<const char *>(static_cast<const void *>(data_)) + index * stride_;
+    }
+
+    const T *data_ = nullptr;
+    std::size_t size_ = 0;
+    std::size_t stride_ = 0;
+};
+
+/** Pixels that somebody else owns, row by row from the top left. */
+template <class T>
+class image {
+public:
+    image() = default;
+    explicit image(const echocast_image_view &view) : view_(view) {}
+
+    uint32_t width() const noexcept { return view_.width; }
+    uint32_t height() const noexcept { return view_.height; }
+    /** Numbers per pixel. */
+    uint32_t channels() const noexcept { return view_.channels; }
+    T *data() const noexcept { return static_cast<T *>(view_.data); }
+    /** Bytes from row to row. */
+    std::size_t row_stride() const noexcept { return view_.row_stride; }
+
+    /** The numbers of a row, pixel by pixel. */
+    span<T> row(uint32_t y) const noexcept {
+        const char *start = static_cast<const char *>(view_.data) + y * view_.row_stride;
+        return span<T>(static_cast<T *>(static_cast<const void *>(start)), std::size_t(width()) * channels());
+    }
+
+    /** A number of the pixel in column `x`, row `y`. */
+    T &operator()(uint32_t x, uint32_t y, uint32_t channel = 0) const noexcept {
+        return row(y)[std::size_t(x) * channels() + channel];
+    }
+
+private:
+    echocast_image_view view_ = {nullptr, 0, 0, 0, 0, 0};
 };
 
 /** A pose that is not turned, at x, y, z metres. */
@@ -499,6 +583,33 @@ public:
         return span<const T>(static_cast<const T *>(view.data), view.count);
     }
 
+    /** The boxes around labelled instances, of scans with `boxes`, where they are; valid until the next scan into
+     *  this. */
+    structs<echocast_box> boxes() const {
+        echocast_box_view found;
+        check(echocast_result_boxes(get(), &found));
+        return structs<echocast_box>(found.data, found.count, found.stride);
+    }
+
+    /** A layer of the image of a camera, a spinning or a sweeping sensor, valid until the next scan into this; T is
+     *  float, or uint32_t of label numbers, or uint8_t of colours. */
+    template <class T>
+    echocast::image<const T> image(const std::string &layer) const {
+        echocast_image_view view;
+        check(echocast_result_image(get(), layer.c_str(), &view));
+        if (view.kind != detail::type_of<T>::value) {
+            throw std::invalid_argument("the layer " + layer + " has another type");
+        }
+        return echocast::image<const T>(view);
+    }
+
+    /** What the image shows of each instance, valid until the next scan into this. */
+    structs<echocast_image_box> image_boxes() const {
+        echocast_image_box_view found;
+        check(echocast_result_image_boxes(get(), &found));
+        return structs<echocast_image_box>(found.data, found.count, found.stride);
+    }
+
     /** Points as a host wants them, `stride` bytes each. */
     std::vector<uint8_t> pack(const std::vector<echocast_pack_item> &items, std::size_t stride) const {
         std::vector<uint8_t> bytes(size() * stride);
@@ -632,6 +743,12 @@ public:
         return detail::text([&](char *to, std::size_t capacity, std::size_t *needed) {
             return echocast_sample_drawn(get(), to, capacity, needed);
         });
+    }
+
+    /** Which boxes the following scans have: an ECHOCAST_BOXES_ number, and whether they say where they are in the
+     *  image. */
+    void set_boxes(int32_t boxes, bool image_boxes = false) {
+        check(echocast_sample_set_boxes(get(), boxes, image_boxes));
     }
 
     /** Scans a frame into the memory of `io`; `columns`: empty for those of the scenario. */

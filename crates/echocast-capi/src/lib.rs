@@ -10,10 +10,12 @@
 #![allow(non_camel_case_types)] // the names are C's
 #![allow(clippy::missing_safety_doc)] // the header says what each function needs of its pointers
 
+mod boxes;
 mod context;
 mod file;
 mod guard;
 mod handle;
+mod image;
 mod library;
 mod material;
 mod mesh;
@@ -25,9 +27,11 @@ mod sensor;
 mod text;
 mod weather;
 
+pub use boxes::*;
 pub use context::*;
 pub use file::*;
 pub use guard::*;
+pub use image::*;
 pub use library::*;
 pub use material::*;
 pub use mesh::*;

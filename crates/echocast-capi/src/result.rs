@@ -1,14 +1,16 @@
 //! Results: the points of scans, column by column.
 
+use crate::boxes::echocast_box;
 use crate::context::Context;
 use crate::guard::{Failure, Outcome, echocast_status, guard, guard_or};
 use crate::handle::{self, handles};
+use crate::image::Images;
 use crate::scene::{echocast_pose, label_table, put_label_number};
 use crate::text;
 use crate::weather::Weather;
 use echocast::cloud::{ColumnType, PackItem, PackType};
 use echocast::scene::Labels;
-use echocast::{Field, Frame, PointCloud, Pose};
+use echocast::{Field, FieldSet, Frame, PointCloud, Pose, Sensor};
 use std::collections::HashMap;
 use std::ffi::{CString, c_char, c_void};
 use std::ptr;
@@ -27,6 +29,11 @@ pub struct Points {
     pub(crate) cloud: PointCloud,
     pub(crate) keys: Vec<(f64, Pose)>,
     pub(crate) weather: Weather,
+    /// What all points are of; `None`: of several sensors.
+    pub(crate) sensor: Option<Arc<Sensor>>,
+    /// The boxes of `cloud` as C has them.
+    pub(crate) boxes: Vec<echocast_box>,
+    pub(crate) images: Mutex<Images>,
     names: Mutex<Names>,
 }
 
@@ -41,8 +48,22 @@ struct Names {
 
 impl Points {
     pub(crate) fn new(context: &Arc<Context>) -> Points {
-        let (cloud, keys, weather) = Default::default();
-        Points { context: context.clone(), cloud, keys, weather, names: Mutex::default() }
+        let (cloud, keys, weather, sensor, boxes, images, names) = Default::default();
+        Points { context: context.clone(), cloud, keys, weather, sensor, boxes, images, names }
+    }
+
+    /// Makes what comes with the points follow them: to be called whenever they may have changed. `sensor`: what they
+    /// are of now.
+    pub(crate) fn changed(&mut self, sensor: Option<Arc<Sensor>>) {
+        let images = self.images.get_mut().unwrap_or_else(PoisonError::into_inner);
+        images.clear();
+        let same = |old: &Arc<Sensor>| sensor.as_ref().is_some_and(|new| Arc::ptr_eq(old, new));
+        if !self.sensor.as_ref().is_some_and(same) {
+            images.forget_sensor();
+        }
+        self.sensor = sensor;
+        self.boxes.clear();
+        self.boxes.extend(self.cloud.boxes.iter().flatten().map(echocast_box::of));
     }
 }
 
@@ -227,7 +248,7 @@ pub unsafe extern "C" fn echocast_result_view(
     })
 }
 
-fn number_of(kind: ColumnType) -> i32 {
+pub(crate) fn number_of(kind: ColumnType) -> i32 {
     match kind {
         ColumnType::F32 => ECHOCAST_TYPE_F32,
         ColumnType::F64 => ECHOCAST_TYPE_F64,
@@ -401,7 +422,16 @@ pub unsafe extern "C" fn echocast_result_append(
         }
         let mut result = handle::write(&result, "result")?;
         let other = handle::read(&other, "other")?;
-        Ok(result.cloud.append(&other.cloud)?)
+        // What is appended to nothing is all there is.
+        let sensor = if result.cloud.fields == FieldSet::EMPTY {
+            other.sensor.clone()
+        } else {
+            let same = |sensor: &Arc<Sensor>| other.sensor.as_ref().is_some_and(|more| Arc::ptr_eq(sensor, more));
+            result.sensor.clone().filter(same)
+        };
+        result.cloud.append(&other.cloud)?;
+        result.changed(sensor);
+        Ok(())
     })
 }
 

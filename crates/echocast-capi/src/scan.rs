@@ -6,7 +6,7 @@ use crate::result::{Points, echocast_result};
 use crate::scene::{echocast_pose_key, echocast_snapshot};
 use crate::sensor::{echocast_sensor, seconds};
 use crate::{handle, text};
-use echocast::{BuiltScene, FieldSet, Named, ScanOptions, Sensor, Trajectory};
+use echocast::{BoxAxes, BuiltScene, FieldSet, Named, ScanOptions, Sensor, Trajectory};
 use std::ffi::{c_char, c_void};
 use std::ops::ControlFlow;
 use std::sync::{Arc, RwLock};
@@ -38,6 +38,13 @@ pub const ECHOCAST_REFLECTANCE_ALPHA: i32 = 2;
 /// Surfaces without a given reflectance take that of the library material that their name speaks of; else what their
 /// base colour suggests for the wavelength. The physical profile's default.
 pub const ECHOCAST_REFLECTANCE_LIBRARY: i32 = 3;
+
+/// No boxes.
+pub const ECHOCAST_BOXES_NONE: i32 = 0;
+/// Boxes along the axes of each object, z up as it was modelled.
+pub const ECHOCAST_BOXES_OBJECT: i32 = 1;
+/// Boxes along the axes of the frame of the points.
+pub const ECHOCAST_BOXES_FRAME: i32 = 2;
 
 /// Progress callback: gets the fraction of the work that is done, 0 to 1; returning anything but 0 ends the scan,
 /// unless it is complete. Called on the scanning thread, every 2048 beams of each thread; not for sonars. It must not
@@ -97,6 +104,12 @@ pub struct echocast_scan_desc {
     /// Time from one frame to the next, ns, over which the columns `flow_x` to `flow_z` are measured; 0: the sensor's
     /// period.
     pub frame_period_ns: i64,
+    /// Boxes around the labelled instances, for echocast_result_boxes: an ECHOCAST_BOXES_ number. All beams are then
+    /// traced once more.
+    pub boxes: i32,
+    /// 1: the boxes also say where they are in the image of the sensor, whatever hides them, for which every triangle
+    /// is looked at: the amodal boxes of echocast_result_image_boxes.
+    pub image_boxes: i32,
 }
 
 impl Default for echocast_scan_desc {
@@ -123,6 +136,8 @@ impl Default for echocast_scan_desc {
             freeze: 0,
             reserved_2: 0,
             frame_period_ns: 0,
+            boxes: ECHOCAST_BOXES_NONE,
+            image_boxes: 0,
         }
     }
 }
@@ -149,12 +164,15 @@ text::versioned!(echocast_scan_desc {
     freeze,
     reserved_2,
     frame_period_ns,
+    boxes,
+    image_boxes,
 });
 
 /// Scans once; a sonar sends one ping, whose echoes are the points. `*io`: NULL, and it becomes a new result, to be
 /// released with echocast_result_release; or a result, whose memory is reused: after the first few of their kind, scans
 /// in beam order of lidars and depth cameras allocate nothing, whatever the sensor, in any weather and in front of
-/// mirrors and glass; with another profile than the physical one they take some small blocks, a ping of a sonar up to 20.
+/// mirrors and glass; with another profile than the physical one, or boxes, they take some small blocks, a ping of a sonar
+/// up to 20.
 ///
 /// Points of a sonar: for multibeam and single-beam sonars the depth of each beam; for side-scan and imaging sonars the
 /// range bins with an echo. Their `intensity` is a level in dB re 1 uPa. Sonars must be in the water.
@@ -189,19 +207,27 @@ pub unsafe extern "C" fn echocast_scan(
         snapshot.0.check(&sensor.0, "desc->sensor")?;
         let sensor = handle::read(&sensor.1, "desc->sensor")?;
         // SAFETY: as the header asks.
-        unsafe { fill(io, &snapshot.0, |points| scan(&snapshot.1, &sensor, &desc, points)) }
+        unsafe { fill(io, &snapshot.0, &sensor, |points| scan(&snapshot.1, &sensor, &desc, points)) }
     })
 }
 
-/// Runs `scan` on the result at `io`, or on a new one if there is none, which then stands there.
+/// Runs `scan`, which is of `sensor`, on the result at `io`, or on a new one if there is none, which then stands there.
 ///
 /// # Safety
 /// `io` is NULL or points to a handle or NULL, which nobody else uses meanwhile.
 pub(crate) unsafe fn fill(
     io: *mut *mut echocast_result,
     context: &Arc<Context>,
+    sensor: &Arc<Sensor>,
     scan: impl FnOnce(&mut Points) -> Outcome,
 ) -> Outcome {
+    let scan = |points: &mut Points| {
+        let done = scan(points);
+        // On an error the points are what they were, or none.
+        let sensor = if done.is_ok() { Some(sensor.clone()) } else { points.sensor.take() };
+        points.changed(sensor);
+        done
+    };
     if io.is_null() || !io.is_aligned() {
         return Err(Failure::argument("io", format!("{io:p}"), "where a pointer to a result stands"));
     }
@@ -290,6 +316,7 @@ unsafe fn scan_options(desc: &echocast_scan_desc, sensor: &Sensor) -> Outcome<Sc
             return Err(Failure::argument(name, reserved, "0"));
         }
     }
+    let (boxes, image_boxes) = boxes((desc.boxes, "desc->boxes"), (desc.image_boxes, "desc->image_boxes"))?;
     Ok(ScanOptions {
         fields,
         seed: desc.seed,
@@ -307,10 +334,9 @@ unsafe fn scan_options(desc: &echocast_scan_desc, sensor: &Sensor) -> Outcome<Sc
         order: named(desc.order, "desc->order")?,
         profile: named(desc.profile, "desc->profile")?,
         // 0 leaves it to the profile.
-        reflectance_source: match desc.reflectance {
-            0 => None,
-            _ => Some(numbered(desc.reflectance, 1, "desc->reflectance")?),
-        },
+        reflectance_source: optional(desc.reflectance, "desc->reflectance")?,
+        boxes,
+        image_boxes,
         mask: desc.mask,
         ..ScanOptions::default()
     })
@@ -325,15 +351,29 @@ fn flag(number: i32, argument: &str) -> Outcome<bool> {
     }
 }
 
-/// The value whose number, counted from 0, is the argument.
-fn named<T: Named>(number: i32, argument: &str) -> Outcome<T> {
-    numbered(number, 0, argument)
+/// Along which axes boxes lie, if there are any, and whether they say where they are in the image: by numbers, which come
+/// with the names of the arguments.
+pub(crate) fn boxes(boxes: (i32, &str), image_boxes: (i32, &str)) -> Outcome<(Option<BoxAxes>, bool)> {
+    let (axes, in_image) = (optional(boxes.0, boxes.1)?, flag(image_boxes.0, image_boxes.1)?);
+    if in_image && axes.is_none() {
+        return Err(Failure::argument(image_boxes.1, 1, "0 without boxes"));
+    }
+    Ok((axes, in_image))
 }
 
-/// [`named`], counted from `first`.
-fn numbered<T: Named>(number: i32, first: i32, argument: &str) -> Outcome<T> {
-    let place = number.checked_sub(first).and_then(|place| usize::try_from(place).ok());
-    let found = place.and_then(|place| T::NAMES.get(place));
-    let last = first as usize + T::NAMES.len() - 1;
-    found.map(|&(_, value)| value).ok_or_else(|| Failure::argument(argument, number, &format!("0 to {last}")))
+/// The value whose number, counted from 0, is the argument.
+fn named<T: Named>(number: i32, argument: &str) -> Outcome<T> {
+    let found = usize::try_from(number).ok().and_then(|place| T::NAMES.get(place));
+    found
+        .map(|&(_, value)| value)
+        .ok_or_else(|| Failure::argument(argument, number, &format!("0 to {}", T::NAMES.len() - 1)))
+}
+
+/// [`named`], counted from 1; 0 is none.
+fn optional<T: Named>(number: i32, argument: &str) -> Outcome<Option<T>> {
+    match number.checked_sub(1) {
+        Some(-1) => Ok(None),
+        Some(place) if (place as usize) < T::NAMES.len() => Ok(Some(T::NAMES[place as usize].1)),
+        _ => Err(Failure::argument(argument, number, &format!("0 to {}", T::NAMES.len()))),
+    }
 }

@@ -4,11 +4,11 @@ use crate::context::{Context, echocast_context};
 use crate::guard::{Failure, Outcome, echocast_status, guard};
 use crate::handle::{self, handles};
 use crate::result::{Points, echocast_result};
-use crate::scan::fill;
+use crate::scan::{self, fill};
 use crate::sensor::{echocast_sensor, nanoseconds};
 use crate::text;
 use echocast::scenario::{FrameTime, Sample, Scan};
-use echocast::{FieldSet, Scenario};
+use echocast::{BoxAxes, FieldSet, Scenario};
 use std::ffi::c_char;
 use std::ptr;
 use std::sync::{Arc, RwLock};
@@ -23,7 +23,14 @@ pub struct echocast_sample(());
 
 handles! {
     echocast_scenario: (Arc<Context>, RwLock<Scenario>), "scenario", 9;
-    echocast_sample: (Arc<Context>, RwLock<Sample>), "sample", 10;
+    echocast_sample: (Arc<Context>, RwLock<Drawn>), "sample", 10;
+}
+
+/// A sample, and the boxes that its scans are to have.
+pub struct Drawn {
+    sample: Sample,
+    boxes: Option<BoxAxes>,
+    image_boxes: bool,
 }
 
 /// What one sensor of the rig does in a sample; ECHOCAST_SCAN_INFO_INIT is empty.
@@ -191,7 +198,8 @@ pub unsafe extern "C" fn echocast_scenario_sample(
         let (context, scenario) = (&scenario.0, handle::read(&scenario.1, "scenario")?);
         let made = scenario.sample(sample)?;
         context.warn(made.report());
-        *out = handle::create((Arc::clone(context), RwLock::new(made)))?;
+        let drawn = Drawn { sample: made, boxes: None, image_boxes: false };
+        *out = handle::create((Arc::clone(context), RwLock::new(drawn)))?;
         Ok(())
     })
 }
@@ -208,7 +216,7 @@ pub unsafe extern "C" fn echocast_scenario_release(scenario: *mut echocast_scena
 /// Runs `look` on the sample, while nobody scans it.
 fn look<T>(sample: *const echocast_sample, look: impl FnOnce(&Arc<Context>, &Sample) -> Outcome<T>) -> Outcome<T> {
     let sample = handle::get(sample, "sample")?;
-    look(&sample.0, &*handle::read(&sample.1, "sample")?)
+    look(&sample.0, &handle::read(&sample.1, "sample")?.sample)
 }
 
 /// The scan of this number.
@@ -306,7 +314,7 @@ pub unsafe extern "C" fn echocast_sample_sensor(
         // SAFETY: as the header asks.
         let out = unsafe { text::output(out, "out") }?.write(ptr::null_mut());
         look(sample, |context, sample| {
-            let sensor = scan_of(sample, scan)?.sensor().clone();
+            let sensor = Arc::clone(scan_of(sample, scan)?.sensor());
             *out = handle::create((Arc::clone(context), RwLock::new(sensor)))?;
             Ok(())
         })
@@ -330,6 +338,32 @@ pub unsafe extern "C" fn echocast_sample_drawn(
             look(sample, |_, sample| Ok(sample.drawn().iter().map(ToString::to_string).collect()))?;
         // SAFETY: as the header asks.
         unsafe { text::put(&format!("[{}]", entries.join(",")), json, capacity, needed) }
+    })
+}
+
+/// Says which boxes the following scans of a sample have: `boxes` and `image_boxes` as in echocast_scan_desc; at first
+/// none.
+///
+/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+///
+/// ```c
+/// echocast_sample_set_boxes(sample, ECHOCAST_BOXES_OBJECT, 0);
+/// echocast_sample_scan(sample, 0, 0, NULL, &result);
+/// echocast_box_view boxes;
+/// echocast_result_boxes(result, &boxes);
+/// ```
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_sample_set_boxes(
+    sample: *mut echocast_sample,
+    boxes: i32,
+    image_boxes: i32,
+) -> echocast_status {
+    guard(|| {
+        let sample = handle::get(sample, "sample")?;
+        let (axes, in_image) = scan::boxes((boxes, "boxes"), (image_boxes, "image_boxes"))?;
+        let mut drawn = handle::write(&sample.1, "sample")?;
+        (drawn.boxes, drawn.image_boxes) = (axes, in_image);
+        Ok(())
     })
 }
 
@@ -365,20 +399,23 @@ pub unsafe extern "C" fn echocast_sample_scan(
         // SAFETY: as the header asks.
         let columns = unsafe { text::optional(columns, "columns") }?;
         let sample = handle::get(sample, "sample")?;
-        let (context, mut sample) = (&sample.0, handle::write(&sample.1, "sample")?);
-        frame_of(scan_of(&sample, scan)?, frame)?;
+        let (context, mut drawn) = (&sample.0, handle::write(&sample.1, "sample")?);
+        let Drawn { sample, boxes, image_boxes } = &mut *drawn;
+        frame_of(scan_of(sample, scan)?, frame)?;
         let mut options = sample.scans()[scan].options(frame);
+        (options.boxes, options.image_boxes) = (*boxes, *image_boxes);
+        let sensor = Arc::clone(sample.scans()[scan].sensor());
         if let Some(names) = columns {
             options.fields = FieldSet::parse_with(names, options.fields)?;
         }
         let scan_into = |points: &mut Points| {
             let built = sample.built(scan, frame)?;
             context.warn(built.report());
-            let scan = &sample.scans()[scan];
-            Ok(built.scan_into(scan.sensor(), scan.trajectory(), &options, &mut points.cloud)?)
+            let trajectory = sample.scans()[scan].trajectory();
+            Ok(built.scan_into(&sensor, trajectory, &options, &mut points.cloud)?)
         };
         // SAFETY: as the header asks.
-        unsafe { fill(io, context, scan_into) }
+        unsafe { fill(io, context, &sensor, scan_into) }
     })
 }
 

@@ -15,7 +15,7 @@ use std::sync::{Arc, RwLock};
 pub struct echocast_sensor(());
 
 handles! {
-    echocast_sensor: (Arc<Context>, RwLock<Sensor>), "sensor", 6;
+    echocast_sensor: (Arc<Context>, RwLock<Arc<Sensor>>), "sensor", 6;
 }
 
 /// A beam of a sensor: a ray with its own origin, direction and time.
@@ -57,15 +57,41 @@ pub struct echocast_sensor_info {
     pub columns: u32,
     /// Time from the start of one scan to the start of the next, ns.
     pub period_ns: i64,
+    /// Width of the images that echocast_result_image makes of its scans, pixels; 0 if it makes none.
+    pub image_width: u32,
+    /// Their height, pixels.
+    pub image_height: u32,
+    /// Focal lengths of a camera along columns and rows, pixels; 0 for other sensors.
+    pub focal: [f64; 2],
+    /// Principal point of a camera, column and row, where whole numbers are the middle of pixels, as OpenCV counts.
+    pub centre: [f64; 2],
 }
 
 impl Default for echocast_sensor_info {
     fn default() -> Self {
-        echocast_sensor_info { struct_size: size_of::<Self>(), rows: 0, columns: 0, period_ns: 0 }
+        echocast_sensor_info {
+            struct_size: size_of::<Self>(),
+            rows: 0,
+            columns: 0,
+            period_ns: 0,
+            image_width: 0,
+            image_height: 0,
+            focal: [0.0; 2],
+            centre: [0.0; 2],
+        }
     }
 }
 
-text::versioned!(echocast_sensor_info { struct_size, rows, columns, period_ns });
+text::versioned!(echocast_sensor_info {
+    struct_size,
+    rows,
+    columns,
+    period_ns,
+    image_width,
+    image_height,
+    focal,
+    centre,
+});
 
 /// Creates a sensor. `sensor`: the name of a preset ("velodyne_vlp32c", see echocast_name) or the path of a sensor
 /// file.
@@ -178,7 +204,7 @@ fn create(
         // SAFETY: as the header asks.
         let out = unsafe { text::output(out, "out") }?.write(ptr::null_mut());
         let context = handle::get(context, "context")?;
-        *out = handle::create((context, RwLock::new(make()?)))?;
+        *out = handle::create((context, RwLock::new(Arc::new(make()?))))?;
         Ok(())
     })
 }
@@ -254,7 +280,9 @@ pub unsafe extern "C" fn echocast_sensor_set(
         // SAFETY: as the header asks.
         let (key, value) = unsafe { (text::required(key, "key")?, text::required(value, "value")?) };
         let sensor = handle::get(sensor, "sensor")?;
-        Ok(handle::write(&sensor.1, "sensor")?.set(key, value)?)
+        let mut sensor = handle::write(&sensor.1, "sensor")?;
+        // Results keep the one that they are of.
+        Ok(Arc::make_mut(&mut sensor).set(key, value)?)
     })
 }
 
@@ -313,12 +341,18 @@ pub unsafe extern "C" fn echocast_sensor_get_info(
     guard(|| {
         look(sensor, |sensor| {
             let beams = sensor.beams();
-            let found = echocast_sensor_info {
-                struct_size: size_of::<echocast_sensor_info>(),
+            let mut found = echocast_sensor_info {
                 rows: beams.rows,
                 columns: beams.columns,
                 period_ns: nanoseconds(beams.period),
+                ..echocast_sensor_info::default()
             };
+            if let Ok(grid) = sensor.image_grid() {
+                (found.image_width, found.image_height) = (grid.width as u32, grid.height as u32);
+                if let Some(lens) = grid.intrinsics {
+                    (found.focal, found.centre) = (lens.focal, lens.centre);
+                }
+            }
             // SAFETY: as the header asks.
             unsafe { text::put_structure(found, info, "info") }
         })

@@ -40,6 +40,7 @@ void on_released(void *user);
 /// What the examples in C++ take as given.
 const GIVEN_CPP: &str = "
 #include <echocast.hpp>
+extern echocast::result points;
 void use(float value);
 ";
 

@@ -9,7 +9,7 @@ use std::path::Path;
 use std::process::Command;
 
 /// The files of the crate in the order of the header, and what their sections are called there.
-const SECTIONS: [(&str, &str); 11] = [
+const SECTIONS: [(&str, &str); 13] = [
     ("guard", "Errors"),
     ("library", "The library"),
     ("context", "Contexts"),
@@ -19,6 +19,8 @@ const SECTIONS: [(&str, &str); 11] = [
     ("sensor", "Sensors"),
     ("result", "Results"),
     ("scan", "Scans"),
+    ("boxes", "Boxes"),
+    ("image", "Images"),
     ("scenario", "Scenarios"),
     ("file", "Files"),
 ];

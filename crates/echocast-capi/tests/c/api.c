@@ -769,6 +769,211 @@ static void images(echocast_context *context)
     echocast_material_release(material);
 }
 
+/* Two boxes before a camera of 64 x 48 pixels, the farther one half hidden, and a third one cut off on the right. */
+static void boxes_and_layers(echocast_context *context)
+{
+    echocast_scene *scene;
+    OK(echocast_scene_create(context, NULL, &scene));
+    echocast_mesh *mesh = box(context);
+    place(scene, mesh, at(6, 0, 0), 5);
+    place(scene, mesh, at(12, 2, 0), 70000);
+    place(scene, mesh, at(5, -5, 0), 2);
+    echocast_mesh_release(mesh);
+    OK(echocast_scene_name_label(scene, "category", 3, "crate"));
+    echocast_snapshot *snapshot;
+    OK(echocast_scene_commit(scene, &snapshot));
+    echocast_sensor *camera;
+    OK(echocast_sensor_from_text(context,
+                                 "{name: eye, kind: tof, pattern: {type: pinhole, resolution: [64, 48], "
+                                 "fov_deg: [90, 60]}}",
+                                 NULL, &camera));
+    echocast_sensor_info shape = ECHOCAST_SENSOR_INFO_INIT;
+    OK(echocast_sensor_get_info(camera, &shape));
+    CHECK(shape.image_width == 64 && shape.image_height == 48 && close_to(shape.focal[0], 32));
+    CHECK(shape.centre[0] == 31.5 && shape.centre[1] == 23.5);
+    echocast_pose_key here = {0, ECHOCAST_POSE_IDENTITY};
+    echocast_scan_desc desc = ECHOCAST_SCAN_DESC_INIT;
+    desc.sensor = camera;
+    desc.poses = &here;
+    desc.pose_count = 1;
+    desc.frame = 4;
+    desc.columns = "all";
+    desc.organised = 1;
+    desc.boxes = ECHOCAST_BOXES_OBJECT;
+    desc.image_boxes = 1;
+    echocast_result *result = NULL, *sparse = NULL;
+    OK(echocast_scan(snapshot, &desc, &result));
+
+    /* Boxes, by rising number. */
+    echocast_box_view boxes;
+    OK(echocast_result_boxes(result, &boxes));
+    CHECK(boxes.count == 3 && boxes.stride == sizeof(echocast_box));
+    const uint32_t numbers[] = {2, 5, 70000};
+    const double places[3][2] = {{5, -5}, {6, 0}, {12, 2}};
+    const uint32_t *ids = view(result, "instance_id").data;
+    for (size_t i = 0; i < boxes.count; ++i) {
+        const echocast_box *found = ECHOCAST_AT(echocast_box, boxes, i);
+        CHECK(found->instance_id == numbers[i] && found->track_id == numbers[i] && found->category_id == 3);
+        CHECK(found->frame == 4 && found->t_ns == 0 && found->reserved == 0);
+        CHECK(close_to(found->position[0], places[i][0]) && close_to(found->position[1], places[i][1]));
+        CHECK(close_to(found->size[0], 2) && close_to(found->size[1], 2) && close_to(found->size[2], 2));
+        CHECK(close_to(found->orientation_xyzw[3], 1) && close_to(found->velocity[0], 0));
+        uint32_t points = 0;
+        for (size_t k = 0; k < echocast_result_count(result); ++k)
+            points += ids[k] == numbers[i];
+        CHECK(points > 0 && found->points == points);
+        CHECK(i == 2 ? found->visible > 0.3 && found->visible < 0.9 : found->visible == 1);
+        CHECK(found->image[0] < found->image[2] && found->image[1] < found->image[3]);
+        CHECK(strcmp(echocast_result_label_name(result, "category", found->category_id), "crate") == 0);
+    }
+
+    /* Layers of one column are the column. */
+    static const char *const layers[][2] = {{"depth", "depth"},         {"range", "range"},
+                                            {"category", "category_id"}, {"part", "part_id"},
+                                            {"instance", "instance_id"}, {"intensity", "intensity"}};
+    for (size_t i = 0; i < sizeof layers / sizeof *layers; ++i) {
+        echocast_image_view image;
+        OK(echocast_result_image(result, layers[i][0], &image));
+        const echocast_view column = view(result, layers[i][1]);
+        CHECK(image.data == column.data && image.kind == column.kind);
+        CHECK(image.width == 64 && image.height == 48 && image.channels == 1 && image.row_stride == 64 * 4);
+    }
+    /* Others are made, once. */
+    echocast_image_view color, again, normal, depth;
+    OK(echocast_result_image(result, "color", &color));
+    CHECK(color.kind == ECHOCAST_TYPE_U8 && color.channels == 3 && color.row_stride == 64 * 3);
+    OK(echocast_result_image(result, "color", &again));
+    CHECK(again.data == color.data);
+    OK(echocast_result_image(result, "normal", &normal));
+    CHECK(normal.kind == ECHOCAST_TYPE_F32 && normal.channels == 3 && normal.row_stride == 64 * 12);
+    OK(echocast_result_image(result, "depth", &depth));
+    const float *metres = (const float *)depth.data + 24 * 64 + 32, *up = (const float *)normal.data + 3 * (24 * 64 + 32);
+    CHECK(close_to(*metres, 5) && close_to(up[0], 0) && close_to(up[1], 0) && close_to(up[2], 1));
+    CHECK(((const uint8_t *)color.data)[3 * (24 * 64 + 32)] == *((const uint8_t *)view(result, "red").data + 24 * 64 + 32));
+    CHECK(isnan(*(const float *)depth.data) && *(const uint8_t *)color.data == 0);
+
+    /* What the image shows of each. */
+    echocast_image_box_view shown;
+    OK(echocast_result_image_boxes(result, &shown));
+    CHECK(shown.count == 3 && shown.stride == sizeof(echocast_image_box));
+    for (size_t i = 0; i < shown.count; ++i) {
+        const echocast_image_box *found = ECHOCAST_AT(echocast_image_box, shown, i);
+        const echocast_box *whole = ECHOCAST_AT(echocast_box, boxes, i);
+        CHECK(found->instance_id == numbers[i] && found->category_id == 3 && found->area == whole->points);
+        CHECK(found->left + found->width <= 64 && found->top + found->height <= 48 && found->reserved == 0);
+        CHECK(memcmp(found->amodal, whole->image, sizeof found->amodal) == 0);
+        CHECK(close_to(found->occlusion, 1 - whole->visible));
+        CHECK(i == 0 ? found->truncation > 0.1 && found->truncation < 1 : found->truncation == 0);
+        CHECK(found->left + 1 > found->amodal[0] && found->left + found->width < found->amodal[2] + 1);
+    }
+
+    /* Without misses the image is the same, in memory of its own that the next scan reuses. */
+    desc.organised = 0;
+    OK(echocast_scan(snapshot, &desc, &sparse));
+    CHECK(echocast_result_count(sparse) < 64 * 48);
+    static const char *const all[] = {"depth", "range",     "category", "part",
+                                      "instance", "color", "intensity", "normal"};
+    const void *first[8];
+    for (int frame = 0; frame < 2; ++frame) {
+        for (size_t i = 0; i < 8; ++i) {
+            echocast_image_view one, two;
+            OK(echocast_result_image(result, all[i], &one));
+            OK(echocast_result_image(sparse, all[i], &two));
+            CHECK(one.kind == two.kind && one.row_stride == two.row_stride && one.height == two.height);
+            CHECK(frame == 0 || two.data == first[i]);
+            first[i] = two.data;
+            for (size_t k = 0; k < 64 * 48 * (size_t)one.channels; ++k) {
+                if (one.kind == ECHOCAST_TYPE_F32) {
+                    const float a = ((const float *)one.data)[k], b = ((const float *)two.data)[k];
+                    CHECK(a == b || (isnan(a) && isnan(b)));
+                }
+            }
+            if (one.kind != ECHOCAST_TYPE_F32)
+                CHECK(memcmp(one.data, two.data, one.row_stride * one.height) == 0);
+        }
+        OK(echocast_scan(snapshot, &desc, &sparse));
+    }
+
+    /* Scans of one sensor are one image, and their boxes are one list. */
+    echocast_result *more = NULL;
+    OK(echocast_scan(snapshot, &desc, &more));
+    OK(echocast_result_append(sparse, more));
+    OK(echocast_result_boxes(sparse, &boxes));
+    CHECK(boxes.count == 6 && ECHOCAST_AT(echocast_box, boxes, 3)->instance_id == 2);
+    OK(echocast_result_image(sparse, "depth", &again));
+    CHECK(close_to(((const float *)again.data)[24 * 64 + 32], 5));
+
+    /* Columns, layers and boxes that are not there. */
+    FAILS(ECHOCAST_E_ARGUMENT, "there is no image layer named \"dept\"; near: depth, ",
+          echocast_result_image(result, "dept", &again));
+    CHECK(again.data == NULL && strstr(echocast_last_error(), "normal") != NULL);
+    desc.boxes = ECHOCAST_BOXES_NONE;
+    FAILS(ECHOCAST_E_ARGUMENT, "desc->image_boxes is 1; allowed: 0 without boxes", echocast_scan(snapshot, &desc, &result));
+    desc.image_boxes = 0;
+    desc.columns = "depth,intensity";
+    desc.organised = 1;
+    OK(echocast_scan(snapshot, &desc, &result));
+    OK(echocast_result_image(result, "depth", &depth));
+    CHECK(close_to(((const float *)depth.data)[24 * 64 + 32], 5));
+    FAILS(ECHOCAST_E_ARGUMENT, "layer is part, for which the cloud lacks part_id; allowed: what the columns of the cloud "
+          "show, depth, intensity", echocast_result_image(result, "part", &again));
+    FAILS(ECHOCAST_E_ARGUMENT, "layer is instance, for which ", echocast_result_image_boxes(result, &shown));
+    CHECK(shown.data == NULL && shown.count == 0);
+    FAILS(ECHOCAST_E_ARGUMENT, "result is of a scan without boxes; allowed: ", echocast_result_boxes(result, &boxes));
+    CHECK(boxes.data == NULL && boxes.count == 0);
+    desc.organised = 0;
+    OK(echocast_scan(snapshot, &desc, &result));
+    FAILS(ECHOCAST_E_ARGUMENT, "layer is depth, for which the cloud lacks beam, range; allowed: what the columns of the "
+          "cloud show, none", echocast_result_image(result, "depth", &depth));
+    /* Without boxes, what is hidden is not known. */
+    desc.columns = "beam,range,category_id,instance_id";
+    OK(echocast_scan(snapshot, &desc, &result));
+    OK(echocast_result_image_boxes(result, &shown));
+    const echocast_image_box *cut = ECHOCAST_AT(echocast_image_box, shown, 0);
+    CHECK(shown.count == 3 && isnan(cut->amodal[0]) && isnan(cut->truncation) && isnan(cut->occlusion));
+
+    /* Images are of the sensor as it was when it scanned. */
+    OK(echocast_sensor_set(camera, "pattern.resolution", "[32, 24]"));
+    OK(echocast_result_image(result, "range", &again));
+    CHECK(again.width == 64);
+    OK(echocast_scan(snapshot, &desc, &sparse));
+    OK(echocast_result_image(sparse, "range", &again));
+    CHECK(again.width == 32 && again.height == 24);
+    OK(echocast_result_append(result, sparse));
+    FAILS(ECHOCAST_E_ARGUMENT, "result is of scans of several sensors", echocast_result_image(result, "range", &again));
+
+    /* A sensor that sweeps has an image too, with slant ranges; one without rows has none. */
+    echocast_sensor *sweep = around(context), *prisms;
+    desc.sensor = sweep;
+    OK(echocast_scan(snapshot, &desc, &result));
+    OK(echocast_result_image(result, "depth", &depth));
+    CHECK(depth.width >= 360 && depth.height == 11);
+    const float *middle = (const float *)depth.data + 5 * (depth.row_stride / sizeof(float)) + depth.width / 2;
+    CHECK(close_to(*middle, 5));
+    OK(echocast_sensor_create(context, "livox_avia", &prisms));
+    desc.sensor = prisms;
+    OK(echocast_scan(snapshot, &desc, &sparse));
+    FAILS(ECHOCAST_E_UNSUPPORTED, "an image of ", echocast_result_image(sparse, "range", &again));
+    const size_t before = echocast_result_count(result);
+    desc.boxes = ECHOCAST_BOXES_FRAME;
+    desc.image_boxes = 1;
+    FAILS(ECHOCAST_E_UNSUPPORTED, "an image of ", echocast_scan(snapshot, &desc, &result));
+    CHECK(echocast_result_count(result) == before);
+    OK(echocast_result_image(result, "depth", &depth));
+    CHECK(depth.height == 11);
+    shape.image_width = 9;
+    OK(echocast_sensor_get_info(prisms, &shape));
+    CHECK(shape.image_width == 0 && shape.focal[0] == 0);
+    echocast_sensor_release(prisms);
+    echocast_sensor_release(sweep);
+    echocast_sensor_release(camera);
+    echocast_result_release(more);
+    echocast_result_release(sparse);
+    echocast_result_release(result);
+    echocast_snapshot_release(snapshot);
+    echocast_scene_release(scene);
+}
+
 /* A side-scan sonar 6 m above a flat bed of sand, in water that is told. */
 static void sonars(echocast_context *context)
 {
@@ -1036,6 +1241,7 @@ int main(int argc, char **argv)
     sensors(context);
     scans(context);
     images(context);
+    boxes_and_layers(context);
     sonars(context);
     motion(context);
     contexts(context);

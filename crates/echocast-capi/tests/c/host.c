@@ -74,7 +74,7 @@ static int ascending(const void *left, const void *right)
     return (a > b) - (a < b);
 }
 
-/* A world of one context: scans `frames` times. Returns the most allocations in a scan and its views, without two scans
+/* A world of one context: scans `frames` times. Returns the most allocations in a scan, its views and images, without two scans
  * for each thread: its memory is made at its first chunk, and the rest at its first one with returns, in whichever scans
  * these come. */
 static unsigned long loop(int threads, int frames, const char *path)
@@ -98,8 +98,13 @@ static unsigned long loop(int threads, int frames, const char *path)
         echocast_snapshot *snapshot;
         OK(echocast_scene_commit(scene, &snapshot));
         unsigned long before = __atomic_load_n(&allocations, __ATOMIC_RELAXED);
-        scan_into(snapshot, sensor, "x,y,z,range,intensity,instance_id,normal_x,time", &result);
+        scan_into(snapshot, sensor,
+                  "x,y,z,range,intensity,instance_id,normal_x,normal_y,normal_z,time,beam,red,green,blue", &result);
         CHECK(close_to(least(result, "range"), 4 + 0.01 * frame));
+        echocast_image_view image;
+        OK(echocast_result_image(result, "depth", &image));
+        OK(echocast_result_image(result, "color", &image));
+        OK(echocast_result_image(result, "normal", &image));
         made[frame] = __atomic_load_n(&allocations, __ATOMIC_RELAXED) - before;
         echocast_snapshot_release(snapshot);
     }

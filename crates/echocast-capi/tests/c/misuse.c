@@ -497,6 +497,43 @@ int main(int argc, char **argv)
     BAD_TEXTS(name, echocast_result_view(result, name, &column));
     REFUSED(echocast_result_view(result, "x", NULL));
     REFUSED(echocast_result_view(result, "x", (echocast_view *)((char *)somewhere + 1)));
+    echocast_box_view boxes;
+    echocast_image_box_view seen;
+    echocast_image_view layer;
+    REFUSED(echocast_result_boxes(result, &boxes)); /* a scan without them */
+    scan.columns = "all";
+    static const int32_t no_axes[] = {INT32_MIN, -1, 3, INT32_MAX};
+    for (size_t i = 0; i < sizeof no_axes / sizeof *no_axes; ++i) {
+        scan.boxes = no_axes[i];
+        REFUSED(echocast_scan(snapshot, &scan, &result));
+    }
+    scan.boxes = ECHOCAST_BOXES_OBJECT;
+    scan.image_boxes = 2;
+    REFUSED(echocast_scan(snapshot, &scan, &result));
+    scan.image_boxes = 1;
+    OK(echocast_scan(snapshot, &scan, &result));
+    OK(echocast_result_boxes(result, &boxes));
+    CHECK(boxes.count == 1);
+    BAD_HANDLES(echocast_result, wrong, echocast_result_boxes(wrong, &boxes));
+    CHECK(boxes.count == 0 && boxes.data == NULL);
+    REFUSED(echocast_result_boxes(result, NULL));
+    REFUSED(echocast_result_boxes(result, (echocast_box_view *)((char *)somewhere + 1)));
+    BAD_HANDLES(echocast_result, wrong, echocast_result_image(wrong, "depth", &layer));
+    BAD_TEXTS(name, echocast_result_image(result, name, &layer));
+    REFUSED(echocast_result_image(result, "", &layer));
+    CHECK(layer.data == NULL && layer.width == 0);
+    REFUSED(echocast_result_image(result, "depth", NULL));
+    REFUSED(echocast_result_image(result, "depth", (echocast_image_view *)((char *)somewhere + 1)));
+    BAD_HANDLES(echocast_result, wrong, echocast_result_image_boxes(wrong, &seen));
+    REFUSED(echocast_result_image_boxes(result, NULL));
+    REFUSED(echocast_result_image_boxes(result, (echocast_image_box_view *)((char *)somewhere + 1)));
+    OK(echocast_result_image_boxes(result, &seen));
+    CHECK(seen.count == 1);
+    BAD_HANDLES(echocast_sample, wrong, echocast_sample_set_boxes(wrong, ECHOCAST_BOXES_OBJECT, 0));
+    REFUSED(echocast_sample_set_boxes(sample, 3, 0));
+    REFUSED(echocast_sample_set_boxes(sample, INT32_MIN, 0));
+    REFUSED(echocast_sample_set_boxes(sample, ECHOCAST_BOXES_OBJECT, -1));
+    REFUSED(echocast_sample_set_boxes(sample, ECHOCAST_BOXES_NONE, 1));
     static unsigned char bytes[1 << 16];
     echocast_pack_item item = {"x", ECHOCAST_TYPE_F32, 0, 0, 1};
     BAD_HANDLES(echocast_result, wrong, echocast_result_pack(wrong, &item, 1, 4, bytes, sizeof bytes, NULL));

@@ -119,6 +119,24 @@ static void reads(echocast_context *context)
     CHECK(echocast_result_count(result) == 49 && close_to(least(result, "x"), wall));
     CHECK(close_to(least(result, "range"), wall - 1));
 
+    /* Boxes, once they are asked for; an image of the scan's own sensor. */
+    echocast_box_view boxes;
+    echocast_image_view image;
+    CHECK(echocast_result_boxes(result, &boxes) == ECHOCAST_E_ARGUMENT);
+    OK(echocast_sample_set_boxes(sample, ECHOCAST_BOXES_OBJECT, 1));
+    OK(echocast_sample_scan(sample, 1, 0, "category_id,instance_id,range,beam", &result));
+    OK(echocast_result_boxes(result, &boxes));
+    const echocast_box *box = ECHOCAST_AT(echocast_box, boxes, 0);
+    CHECK(boxes.count == 1 && box->points == 49 && box->t_ns == 450000000 && close_to(box->position[0], wall));
+    OK(echocast_result_image(result, "range", &image));
+    CHECK(image.width == 7 && image.height == 7 && close_to(((const float *)image.data)[24], wall - 1));
+    OK(echocast_sample_scan(sample, 0, 0, "beam,range", &result));
+    OK(echocast_result_image(result, "range", &image));
+    CHECK(image.width == 11);
+    OK(echocast_sample_set_boxes(sample, ECHOCAST_BOXES_NONE, 0));
+    OK(echocast_sample_scan(sample, 1, 0, "x,range", &result));
+    CHECK(echocast_result_boxes(result, &boxes) == ECHOCAST_E_ARGUMENT && boxes.count == 0);
+
     /* A sensor is a copy: it stays when the sample goes, and changing it changes nothing there. */
     echocast_sensor *sensor;
     echocast_sensor_info shape = ECHOCAST_SENSOR_INFO_INIT;

@@ -74,6 +74,42 @@ int main(int argc, char **argv) try {
     } catch (const echocast::error &error) {
         require(error.status() == ECHOCAST_E_ARGUMENT, error.what());
     }
+    // Boxes and images, as a camera sees them.
+    const echocast::sensor camera = echocast::sensor::from_text(
+        context, "{name: eye, kind: tof, pattern: {type: pinhole, resolution: [8, 6], fov_deg: [90, 60]}}");
+    const echocast_pose_key here = {0, echocast::pose_at(0, 0, 0)};
+    echocast_scan_desc desc = ECHOCAST_SCAN_DESC_INIT;
+    desc.sensor = camera.get();
+    desc.poses = &here;
+    desc.pose_count = 1;
+    desc.columns = "all";
+    desc.boxes = ECHOCAST_BOXES_FRAME;
+    echocast::result seen;
+    echocast::scan(scene.commit(), desc, seen);
+    const echocast::structs<echocast_box> boxes = seen.boxes();
+    require(boxes.size() == 1 && !boxes.empty() && boxes[0].instance_id == 1, "a box");
+    std::size_t counted = 0;
+    for (const echocast_box &box : boxes) counted += box.points;
+    require(counted == seen.size() && close_to(boxes.begin()->position[0], 10), "its points");
+    require(seen.label_name("category", boxes[0].category_id) == "wall", "its name");
+    const echocast::image<const float> depth = seen.image<float>("depth"), normal = seen.image<float>("normal");
+    require(depth.width() == 8 && depth.height() == 6 && depth.channels() == 1, "the size of an image");
+    require(close_to(depth(4, 3), 10) && depth.row(3)[4] == depth(4, 3) && depth.data() == &depth(0, 0), "a pixel");
+    require(normal.channels() == 3 && close_to(normal(4, 3, 2), 1) && close_to(normal(4, 3, 0), 0), "a normal");
+    require(seen.image<uint32_t>("category")(4, 3) == 10 && seen.image<uint8_t>("color").channels() == 3, "layers");
+    require(seen.image_boxes().size() == 1 && seen.image_boxes()[0].area == seen.size(), "a box in the image");
+    require(std::isnan(seen.image_boxes()[0].truncation) && seen.image_boxes()[0].occlusion == 0, "what is hidden");
+    try {
+        seen.image<float>("category");
+        require(false, "numbers as metres");
+    } catch (const std::invalid_argument &) {
+    }
+    try {
+        points.boxes();
+        require(false, "no boxes");
+    } catch (const echocast::error &error) {
+        require(error.status() == ECHOCAST_E_ARGUMENT, error.what());
+    }
     return 0;
 } catch (const std::exception &error) {
     std::cerr << error.what() << '\n';

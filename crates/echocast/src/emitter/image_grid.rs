@@ -113,6 +113,17 @@ impl ImageGrid {
         self.len() == 0
     }
 
+    /// Rows and columns of its beams.
+    pub(crate) fn beams(&self) -> [u32; 2] {
+        [self.lines.len() as u32, self.columns as u32]
+    }
+
+    /// Whether beam k is pixel k, for all k.
+    pub(crate) fn is_in_order(&self) -> bool {
+        let lines = self.lines.iter().zip(0..).all(|(line, row)| *line == [row, 0]);
+        lines && !self.mirrored && self.columns == self.width
+    }
+
     /// Index of the pixel of a beam, row by row; `None`: there is no such beam.
     pub fn pixel(&self, beam: u32) -> Option<usize> {
         let (row, along) = (beam as usize / self.columns, beam as usize % self.columns);

@@ -37,9 +37,18 @@ struct Seen {
 /// What `image` shows of each instance, by rising number. `boxes` are those of the scan, with boxes in the image
 /// ([`InstanceBox::image`]), as far as they are known.
 pub fn annotations(image: &RangeImage, boxes: &[InstanceBox]) -> Vec<Annotation> {
+    of_pixels([image.width, image.height], &image.instance_id, &image.category_id, boxes)
+}
+
+/// [`annotations`] of an image of this width and height, from the layers that it takes.
+pub(super) fn of_pixels(
+    size: [usize; 2],
+    instance_id: &[u32],
+    category_id: &[u32],
+    boxes: &[InstanceBox],
+) -> Vec<Annotation> {
     let boxes: HashMap<u32, &InstanceBox> = boxes.iter().map(|found| (found.instance_id, found)).collect();
-    let size = [image.width as f64, image.height as f64];
-    let mut all: Vec<Annotation> = seen(image)
+    let mut all: Vec<Annotation> = seen(size[0], instance_id, category_id)
         .into_iter()
         .map(|(instance_id, seen)| {
             let category = seen.categories.iter().max_by_key(|(id, count)| (*count, std::cmp::Reverse(*id)));
@@ -51,7 +60,7 @@ pub fn annotations(image: &RangeImage, boxes: &[InstanceBox]) -> Vec<Annotation>
                 bounds: [seen.low[0], seen.low[1], seen.high[0] - seen.low[0] + 1, seen.high[1] - seen.low[1] + 1],
                 area: seen.area,
                 amodal,
-                truncation: amodal.map(|amodal| truncation(amodal, size)),
+                truncation: amodal.map(|amodal| truncation(amodal, size.map(|count| count as f64))),
                 occlusion: whole.map(|whole| 1.0 - whole.visible),
             }
         })
@@ -60,10 +69,10 @@ pub fn annotations(image: &RangeImage, boxes: &[InstanceBox]) -> Vec<Annotation>
     all
 }
 
-/// Where instances are in `image`.
-fn seen(image: &RangeImage) -> HashMap<u32, Seen> {
+/// Where instances are in an image of this width.
+fn seen(width: usize, instance_id: &[u32], category_id: &[u32]) -> HashMap<u32, Seen> {
     let mut all: HashMap<u32, Seen> = HashMap::new();
-    for (row, line) in image.instance_id.chunks(image.width.max(1)).enumerate() {
+    for (row, line) in instance_id.chunks(width.max(1)).enumerate() {
         let mut column = 0;
         for run in line.chunk_by(|a, b| a == b) {
             let first = [column as u32, row as u32];
@@ -77,8 +86,8 @@ fn seen(image: &RangeImage) -> HashMap<u32, Seen> {
             seen.low = [0, 1].map(|axis| seen.low[axis].min(first[axis]));
             seen.high = [0, 1].map(|axis| seen.high[axis].max(last[axis]));
             seen.area += run.len() as u32;
-            let from = row * image.width + first[0] as usize;
-            for run in image.category_id.get(from..from + run.len()).unwrap_or_default().chunk_by(|a, b| a == b) {
+            let from = row * width + first[0] as usize;
+            for run in category_id.get(from..from + run.len()).unwrap_or_default().chunk_by(|a, b| a == b) {
                 match seen.categories.iter_mut().find(|(id, _)| *id == run[0]) {
                     Some((_, count)) => *count += run.len() as u32,
                     None => seen.categories.push((run[0], run.len() as u32)),

@@ -8,6 +8,7 @@ mod altitude;
 mod annotation;
 mod fan;
 mod grid;
+mod layers;
 mod mosaic;
 pub(crate) mod range_image;
 mod soundings;
@@ -18,6 +19,7 @@ mod waterfall;
 pub use altitude::altitudes;
 pub use annotation::{Annotation, Runs, annotations, masks, runs_text};
 pub use fan::{fan, turning_fan};
+pub use layers::{Layer, Layers};
 pub use mosaic::{Overlap, mosaic};
 pub(crate) use mosaic::{fitting as fitting_mosaic, heading};
 pub use range_image::RangeImage;
@@ -165,12 +167,22 @@ impl Source {
 /// Out of memory.
 fn filled<T: Clone>(count: usize, value: T) -> Result<Vec<T>> {
     let mut values = Vec::new();
-    values.try_reserve_exact(count).map_err(|_| Error::Memory(format!("an image of {count} pixels")))?;
-    values.resize(count, value);
+    refill(&mut values, count, value)?;
     Ok(values)
 }
 
-/// The columns that are layers of images.
+/// `count` times `value` instead of what is in `values`, in its memory if that is enough.
+///
+/// # Errors
+/// Out of memory.
+fn refill<T: Clone>(values: &mut Vec<T>, count: usize, value: T) -> Result<()> {
+    values.clear();
+    values.try_reserve_exact(count).map_err(|_| Error::Memory(format!("an image of {count} pixels")))?;
+    values.resize(count, value);
+    Ok(())
+}
+
+/// The columns that are layers of images of pings.
 pub(crate) const LAYERS: [Field; 4] = [Field::CategoryId, Field::PartId, Field::InstanceId, Field::MaterialId];
 
 /// The label columns of `pings` at the cells `sources`.

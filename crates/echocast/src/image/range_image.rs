@@ -1,9 +1,10 @@
 //! What a depth camera, or a sensor that turns or sweeps, sees: a scan as an image.
 
-use super::filled;
+use super::{Layer, refill};
 use crate::cloud::{Field, FieldSet, Frame, PointCloud};
 use crate::emitter::{ImageGrid, Intrinsics};
 use crate::ground::error::{Error, Result};
+use crate::ground::named::Named as _;
 use crate::ground::pose::Pose;
 use crate::scene::Labels;
 use glam::{Quat, Vec3};
@@ -44,9 +45,6 @@ pub struct RangeImage {
     pub labels: Arc<Labels>,
 }
 
-/// A pixel without a row of the cloud.
-const NONE: u32 = u32::MAX;
-
 impl RangeImage {
     /// The columns that an image is made from.
     pub fn fields() -> FieldSet {
@@ -57,51 +55,59 @@ impl RangeImage {
     }
 
     /// The image of `cloud`, one scan of the sensor that makes images like `grid` ([`Sensor::image_grid`]), with misses
-    /// or without, in any order. It must have the columns `beam` and `range`.
+    /// or without, in any order. Unless it is organised, it must have the columns `beam` and `range`.
     ///
     /// [`Sensor::image_grid`]: crate::Sensor::image_grid
     ///
     /// # Errors
     /// A cloud without these columns, or of another sensor; no memory.
     pub fn new(cloud: &PointCloud, grid: &ImageGrid) -> Result<RangeImage> {
-        let columns = &cloud.columns;
-        let (beams, ranges) = (&columns.beam, &columns.range);
-        if [beams.len(), ranges.len()] != [cloud.len; 2] || cloud.len >= NONE as usize {
-            let allowed = "a scan with the columns beam and range, from which images are made";
-            return Err(Error::invalid("cloud", format!("{} points without them", cloud.len), allowed));
-        }
-        let mut rows = filled(grid.len(), NONE)?;
-        for (row, (&beam, &range)) in beams.iter().zip(ranges).enumerate() {
-            if range.is_nan() {
-                continue;
-            }
-            let Some(pixel) = grid.pixel(beam) else {
-                let found = format!("with beam {beam}, of another sensor");
-                return Err(Error::invalid("cloud", found, format!("beams of {} pixels", grid.len())));
-            };
-            let known = &mut rows[pixel];
-            if *known == NONE || range < ranges[*known as usize] {
-                *known = row as u32;
-            }
-        }
-        let take = Take { rows: &rows, len: cloud.len };
-        let depth = if grid.intrinsics.is_some() { take.of(&columns.depth, f32::NAN)? } else { Vec::new() };
-        Ok(RangeImage {
+        let mut rows = PixelRows::default();
+        rows.find(cloud, grid)?;
+        let mut image = RangeImage {
             width: grid.width,
             height: grid.height,
             intrinsics: grid.intrinsics,
-            range: take.of(ranges, f32::NAN)?,
-            depth,
-            category_id: take.of(&columns.category_id, 0)?,
-            part_id: take.of(&columns.part_id, 0)?,
-            instance_id: take.of(&columns.instance_id, 0)?,
-            color: take.three([&columns.red, &columns.green, &columns.blue], 0)?,
-            intensity: take.of(&columns.intensity, f32::NAN)?,
             intensity_full_scale: cloud.intensity_full_scale,
-            normal: normals(&take, cloud)?,
             sensor_pose: cloud.sensor_pose,
             labels: Arc::clone(&cloud.labels),
-        })
+            ..RangeImage::default()
+        };
+        for &(_, layer) in Layer::NAMES {
+            if layer != Layer::Depth || grid.intrinsics.is_some() {
+                image.take(layer, cloud, &rows)?;
+            }
+        }
+        Ok(image)
+    }
+
+    /// Takes the values of a layer from `cloud`, whose `rows` the pixels show; they are empty if it does not have them.
+    pub(super) fn take(&mut self, layer: Layer, cloud: &PointCloud, rows: &PixelRows) -> Result<()> {
+        let columns = &cloud.columns;
+        let len = cloud.len;
+        match layer {
+            Layer::Depth => rows.take(len, [&columns.depth], |[depth]| depth, f32::NAN, &mut self.depth),
+            Layer::Range => rows.take(len, [&columns.range], |[range]| range, f32::NAN, &mut self.range),
+            Layer::Category => rows.take(len, [&columns.category_id], |[id]| id, 0, &mut self.category_id),
+            Layer::Part => rows.take(len, [&columns.part_id], |[id]| id, 0, &mut self.part_id),
+            Layer::Instance => rows.take(len, [&columns.instance_id], |[id]| id, 0, &mut self.instance_id),
+            Layer::Color => {
+                rows.take(len, [&columns.red, &columns.green, &columns.blue], |rgb| rgb, [0; 3], &mut self.color)
+            }
+            Layer::Intensity => rows.take(len, [&columns.intensity], |[it]| it, f32::NAN, &mut self.intensity),
+            Layer::Normal => {
+                let turn = match cloud.frame {
+                    Frame::World => cloud.sensor_pose.orientation.inverse().as_quat(),
+                    Frame::Sensor => Quat::IDENTITY,
+                };
+                let seen = |normal| {
+                    let Vec3 { x, y, z } = turn * Vec3::from_array(normal);
+                    [-y, z, -x]
+                };
+                let parts = [&columns.normal_x, &columns.normal_y, &columns.normal_z].map(Vec::as_slice);
+                rows.take(len, parts, seen, [f32::NAN; 3], &mut self.normal)
+            }
+        }
     }
 
     /// Number of pixels.
@@ -120,57 +126,76 @@ impl RangeImage {
     }
 }
 
-/// Takes values of a cloud to the pixels that show them.
-struct Take<'t> {
-    /// Row of the cloud of each pixel.
-    rows: &'t [u32],
-    len: usize,
+/// Whether row k of `cloud` is that of beam k of a sensor that makes images like `grid`.
+pub(super) fn has_every_beam(cloud: &PointCloud, grid: &ImageGrid) -> bool {
+    cloud.organised == Some(grid.beams())
 }
 
-impl Take<'_> {
-    /// Of one column; empty if the cloud does not have it.
-    fn of<T: Copy>(&self, column: &[T], nothing: T) -> Result<Vec<T>> {
-        if column.len() != self.len {
-            return Ok(Vec::new());
+/// The row of a cloud that each pixel shows.
+#[derive(Clone, Debug, Default)]
+pub(super) struct PixelRows(Vec<u32>);
+
+/// Instead of a row, where a pixel shows none.
+const NONE: u32 = u32::MAX;
+
+impl PixelRows {
+    /// Finds them, of several returns the nearest, as [`RangeImage::new`] says.
+    pub fn find(&mut self, cloud: &PointCloud, grid: &ImageGrid) -> Result<()> {
+        let PixelRows(rows) = self;
+        refill(rows, grid.len(), NONE)?;
+        if has_every_beam(cloud, grid) {
+            for beam in 0..grid.beams().iter().product() {
+                if let Some(pixel) = grid.pixel(beam) {
+                    rows[pixel] = beam;
+                }
+            }
+            return Ok(());
         }
-        let mut pixels = filled(self.rows.len(), nothing)?;
-        for (pixel, &row) in pixels.iter_mut().zip(self.rows) {
-            if row != NONE {
-                *pixel = column[row as usize];
+        let (beams, ranges) = (&cloud.columns.beam, &cloud.columns.range);
+        if [beams.len(), ranges.len()] != [cloud.len; 2] || cloud.len >= NONE as usize {
+            let allowed = "a scan with the columns beam and range, from which images are made";
+            return Err(Error::invalid("cloud", format!("{} points without them", cloud.len), allowed));
+        }
+        for (row, (&beam, &range)) in beams.iter().zip(ranges).enumerate() {
+            if range.is_nan() {
+                continue;
+            }
+            let Some(pixel) = grid.pixel(beam) else {
+                let found = format!("with beam {beam}, of another sensor");
+                return Err(Error::invalid("cloud", found, format!("beams of {} pixels", grid.len())));
+            };
+            let known = &mut rows[pixel];
+            if *known == NONE || range < ranges[*known as usize] {
+                *known = row as u32;
             }
         }
-        Ok(pixels)
+        Ok(())
     }
 
-    /// Of three columns.
-    fn three<T: Copy>(&self, [a, b, c]: [&[T]; 3], nothing: T) -> Result<Vec<[T; 3]>> {
-        if [a.len(), b.len(), c.len()] != [self.len; 3] {
-            return Ok(Vec::new());
+    /// Takes to each pixel what `value` makes of the values of `columns` in its row, or `nothing`; `to` becomes empty
+    /// unless there are `len` of them.
+    fn take<T: Copy, U: Copy, const N: usize>(
+        &self,
+        len: usize,
+        columns: [&[T]; N],
+        value: impl Fn([T; N]) -> U,
+        nothing: U,
+        to: &mut Vec<U>,
+    ) -> Result<()> {
+        to.clear();
+        if columns.iter().any(|column| column.len() != len) {
+            return Ok(());
         }
-        let mut pixels = filled(self.rows.len(), [nothing; 3])?;
-        for (pixel, &row) in pixels.iter_mut().zip(self.rows) {
-            if row != NONE {
-                let row = row as usize;
-                *pixel = [a[row], b[row], c[row]];
+        refill(to, self.0.len(), nothing)?;
+        for (pixel, &row) in to.iter_mut().zip(&self.0) {
+            // No column has a row called NONE.
+            let row = row as usize;
+            if row < len {
+                *pixel = value(columns.map(|column| column[row]));
             }
         }
-        Ok(pixels)
+        Ok(())
     }
-}
-
-/// Normals to the right, up and back.
-fn normals(take: &Take, cloud: &PointCloud) -> Result<Vec<[f32; 3]>> {
-    let columns = &cloud.columns;
-    let mut normals = take.three([&columns.normal_x, &columns.normal_y, &columns.normal_z], f32::NAN)?;
-    let turn = match cloud.frame {
-        Frame::World => cloud.sensor_pose.orientation.inverse().as_quat(),
-        Frame::Sensor => Quat::IDENTITY,
-    };
-    for normal in &mut normals {
-        let Vec3 { x, y, z } = turn * Vec3::from(*normal);
-        *normal = [-y, z, -x];
-    }
-    Ok(normals)
 }
 
 #[cfg(test)]

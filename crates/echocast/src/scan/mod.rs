@@ -218,6 +218,10 @@ impl BuiltScene {
             cloud.boxes = None;
             return Ok(());
         }
+        // Before anything is scanned into the cloud, which stays as it is if there are none.
+        if options.image_boxes {
+            sensor.image_grid()?;
+        }
         // Boxes count the points of each instance.
         let counted = ScanOptions { fields: options.fields.with(Field::InstanceId), ..options.clone() };
         self.scan_points(sensor, trajectory, &counted, cloud, progress)?;

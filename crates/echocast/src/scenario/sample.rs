@@ -58,7 +58,7 @@ impl Scan {
     }
 
     /// The sensor.
-    pub fn sensor(&self) -> &Sensor {
+    pub fn sensor(&self) -> &Arc<Sensor> {
         &self.sensor
     }
 

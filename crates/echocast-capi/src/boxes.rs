@@ -1,0 +1,110 @@
+//! Boxes around the labelled instances of a scan.
+
+use crate::guard::{Failure, echocast_status, guard};
+use crate::result::{echocast_result, look};
+use crate::sensor::nanoseconds;
+use crate::text;
+use echocast::InstanceBox;
+use std::ptr;
+
+/// The box around a labelled instance when a scan starts. Position, orientation and velocity are in the frame of the
+/// points; in sensor coordinates that is the sensor's frame when the scan starts.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct echocast_box {
+    /// When the scan starts, ns: the box holds then. Times since 1970 are rounded to 0.2 microseconds.
+    pub t_ns: i64,
+    /// Number of the frame, as in the column `frame`.
+    pub frame: u32,
+    /// The object over all frames, as in the column `track_id`.
+    pub track_id: u32,
+    /// The object, as in the column `instance_id`; never 0.
+    pub instance_id: u32,
+    /// What it is, as in the column `category_id`; 0 = unlabelled.
+    pub category_id: u32,
+    /// Returns of the scan that lie on it.
+    pub points: u32,
+    /// 0.
+    pub reserved: u32,
+    /// The middle of the box, x, y, z, metres; complete, not relative to the result's origin.
+    pub position: [f64; 3],
+    /// Lengths along its axes, metres.
+    pub size: [f64; 3],
+    /// Rotation from its axes, a unit quaternion x, y, z, w.
+    pub orientation_xyzw: [f64; 4],
+    /// How fast its middle moves over the ground, m/s.
+    pub velocity: [f64; 3],
+    /// How much of it is not hidden, 0 to 1: of the beams that would meet it if it were alone, the part that does.
+    pub visible: f64,
+    /// Left, top, right and bottom, pixels, of all of it in the image of the sensor, whatever hides it and where the
+    /// image ends; not-a-number: not asked for (scan_desc.image_boxes), or nothing of it is in front of the camera.
+    pub image: [f64; 4],
+}
+
+impl echocast_box {
+    pub(crate) fn of(found: &InstanceBox) -> echocast_box {
+        echocast_box {
+            t_ns: nanoseconds(found.time),
+            frame: found.frame,
+            track_id: found.track_id,
+            instance_id: found.instance_id,
+            category_id: found.category_id,
+            points: found.points,
+            reserved: 0,
+            position: found.pose.position.to_array(),
+            size: found.size.to_array(),
+            orientation_xyzw: found.pose.orientation.to_array(),
+            velocity: found.velocity.to_array(),
+            visible: found.visible,
+            image: found.image.unwrap_or([f64::NAN; 4]),
+        }
+    }
+}
+
+/// The boxes of a result, in place. Those of a newer library may be longer than those of this header: ECHOCAST_AT steps
+/// from one to the next by the stride.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct echocast_box_view {
+    /// The first; NULL if there are none.
+    pub data: *const echocast_box,
+    /// Number of them.
+    pub count: usize,
+    /// Bytes from one to the next.
+    pub stride: usize,
+}
+
+/// Gives access to the boxes around the labelled instances that a scan with `boxes` can see, in place: by rising
+/// instance_id, those of appended results one after the other. Objects with one instance_id share a box. echocast_result_label_name has the names of categories and instances. The view is valid until the result is
+/// scanned into, appended to or released.
+///
+/// Errors: ECHOCAST_E_ARGUMENT (a scan without boxes), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+///
+/// ```c
+/// scan.boxes = ECHOCAST_BOXES_OBJECT;
+/// echocast_scan(snapshot, &scan, &result);
+/// echocast_box_view boxes;
+/// echocast_result_boxes(result, &boxes);
+/// for (size_t i = 0; i < boxes.count; ++i)
+///     printf("%u points\n", (unsigned)ECHOCAST_AT(echocast_box, boxes, i)->points);
+/// ```
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_result_boxes(
+    result: *const echocast_result,
+    out: *mut echocast_box_view,
+) -> echocast_status {
+    guard(|| {
+        let none = echocast_box_view { data: ptr::null(), count: 0, stride: size_of::<echocast_box>() };
+        // SAFETY: as the header asks.
+        let out = unsafe { text::output(out, "out") }?.write(none);
+        look(result, |points| {
+            if points.cloud.boxes.is_none() {
+                return Err(Failure::argument("result", "of a scan without boxes", "one of scans with them"));
+            }
+            if let Some(first) = points.boxes.first() {
+                *out = echocast_box_view { data: first, count: points.boxes.len(), ..none };
+            }
+            Ok(())
+        })
+    })
+}

@@ -1,0 +1,294 @@
+//! The layers of images of scans, one by one, for who looks at some of them in a loop.
+
+use super::annotation::of_pixels;
+use super::range_image::{PixelRows, has_every_beam};
+use super::{Annotation, RangeImage};
+use crate::cloud::{Column, Field, PointCloud};
+use crate::emitter::ImageGrid;
+use crate::ground::error::{Error, Result};
+use crate::ground::named::{Named as _, by_name, named};
+
+/// Something that an image says of each pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Layer {
+    /// Measured distance along the axis of a camera, of other sensors the slant range, m; NaN where there is no return.
+    Depth,
+    /// Measured slant range, m; NaN where there is no return.
+    Range,
+    /// Semantic class; 0 = unlabelled, or no return.
+    Category,
+    /// Part of the object; 0 = unlabelled, or no return.
+    Part,
+    /// Object; 0 = unlabelled, or no return.
+    Instance,
+    /// Base colour of the surface, sRGB: red, green, blue; black where there is no return.
+    Color,
+    /// What the instrument reports; NaN where there is no return.
+    Intensity,
+    /// Unit normal of the surface: right, up and back ([`RangeImage::normal`]); NaN where there is no return.
+    Normal,
+}
+
+named! {
+    Layer:
+        Depth "depth", Range "range", Category "category", Part "part", Instance "instance", Color "color",
+        Intensity "intensity", Normal "normal",
+}
+
+impl Layer {
+    /// The layer called `name`.
+    ///
+    /// # Errors
+    /// [`Error::Missing`], which lists all of them.
+    pub fn from_name(name: &str) -> Result<Layer> {
+        by_name("image layer", name)
+    }
+
+    /// The layer that it is in images like `grid`.
+    fn of(self, grid: &ImageGrid) -> Layer {
+        if self == Layer::Depth && grid.intrinsics.is_none() { Layer::Range } else { self }
+    }
+
+    /// The columns that it shows.
+    fn fields(self) -> &'static [Field] {
+        match self {
+            Layer::Depth => &[Field::Depth],
+            Layer::Range => &[Field::Range],
+            Layer::Category => &[Field::CategoryId],
+            Layer::Part => &[Field::PartId],
+            Layer::Instance => &[Field::InstanceId],
+            Layer::Color => &[Field::Red, Field::Green, Field::Blue],
+            Layer::Intensity => &[Field::Intensity],
+            Layer::Normal => &[Field::NormalX, Field::NormalY, Field::NormalZ],
+        }
+    }
+
+    /// The columns that it is made of and `cloud` does not have.
+    fn missing(self, cloud: &PointCloud, grid: &ImageGrid) -> Vec<&'static str> {
+        let places: &[Field] = if has_every_beam(cloud, grid) { &[] } else { &[Field::Beam, Field::Range] };
+        let has = |field: Field| cloud.fields.contains(field) && cloud.column(field).len() == cloud.len;
+        let more = self.of(grid).fields().iter().filter(|field| !places.contains(field));
+        places.iter().chain(more).filter(|field| !has(**field)).map(|field| field.info().name).collect()
+    }
+}
+
+/// Layers of the image of a cloud, each made when it is first asked for. Where the rows of the cloud are the pixels, as
+/// in organised clouds of cameras, a layer of one column is that column. For the next cloud, memory is reused.
+///
+/// ```
+/// use echocast::image::{Layer, Layers};
+/// use echocast::cloud::Column;
+/// use echocast::{PointCloud, Sensor};
+///
+/// # fn show(cloud: &PointCloud, sensor: &Sensor) -> echocast::Result<()> {
+/// let grid = sensor.image_grid()?;
+/// let mut layers = Layers::default();
+/// if let Column::F32(metres) = layers.get(cloud, &grid, Layer::Depth)? {
+///     println!("{} x {} pixels, the first is {} m away", grid.width, grid.height, metres[0]);
+/// }
+/// layers.clear(); // before those of the next cloud
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Debug, Default)]
+pub struct Layers {
+    /// Those that each pixel shows, if they are known.
+    rows: PixelRows,
+    found: bool,
+    /// Values of the layers that are made.
+    image: RangeImage,
+    made: [bool; Layer::NAMES.len()],
+}
+
+impl Layers {
+    /// Forgets what was made, but not its memory: to be called when the cloud has changed.
+    pub fn clear(&mut self) {
+        self.found = false;
+        self.made = [false; Layer::NAMES.len()];
+    }
+
+    /// A layer of the image of `cloud`, one scan of the sensor that makes images like `grid`: row by row from the top
+    /// left, with the three numbers of a pixel beside each other in [`Layer::Color`] and [`Layer::Normal`].
+    ///
+    /// # Errors
+    /// A cloud without the columns that the layer is made of: its own, and unless the cloud is organised, `beam` and
+    /// `range`; a cloud of another sensor; no memory.
+    pub fn get<'l>(&'l mut self, cloud: &'l PointCloud, grid: &ImageGrid, layer: Layer) -> Result<Column<'l>> {
+        self.make(cloud, grid, layer)?;
+        Ok(self.column(cloud, grid, layer))
+    }
+
+    /// What the image of `cloud` shows of each instance ([`super::annotations`]), with the boxes of the cloud.
+    ///
+    /// # Errors
+    /// As [`Layers::get`] for [`Layer::Instance`] and [`Layer::Category`].
+    pub fn annotations(&mut self, cloud: &PointCloud, grid: &ImageGrid) -> Result<Vec<Annotation>> {
+        self.make(cloud, grid, Layer::Instance)?;
+        self.make(cloud, grid, Layer::Category)?;
+        let [instances, categories] =
+            [Layer::Instance, Layer::Category].map(|layer| match self.column(cloud, grid, layer) {
+                Column::U32(ids) => ids,
+                _ => &[],
+            });
+        let boxes = cloud.boxes.as_deref().unwrap_or_default();
+        Ok(of_pixels([grid.width, grid.height], instances, categories, boxes))
+    }
+
+    /// Makes a layer, unless it is there.
+    fn make(&mut self, cloud: &PointCloud, grid: &ImageGrid, layer: Layer) -> Result<()> {
+        let missing = layer.missing(cloud, grid);
+        if !missing.is_empty() {
+            let others = Layer::NAMES.iter().filter(|(_, other)| other.missing(cloud, grid).is_empty());
+            let others: Vec<&str> = others.map(|(name, _)| *name).collect();
+            let others = if others.is_empty() { "none".to_owned() } else { others.join(", ") };
+            let found = format!("{}, for which the cloud lacks {}", layer.name(), missing.join(", "));
+            return Err(Error::invalid("layer", found, format!("what the columns of the cloud show, {others}")));
+        }
+        let layer = layer.of(grid);
+        if in_place(cloud, grid, layer).is_some() || self.made[layer as usize] {
+            return Ok(());
+        }
+        if !self.found {
+            self.rows.find(cloud, grid)?;
+            self.found = true;
+        }
+        self.image.take(layer, cloud, &self.rows)?;
+        self.made[layer as usize] = true;
+        Ok(())
+    }
+
+    /// A layer that has been made.
+    fn column<'l>(&'l self, cloud: &'l PointCloud, grid: &ImageGrid, layer: Layer) -> Column<'l> {
+        let layer = layer.of(grid);
+        if let Some(field) = in_place(cloud, grid, layer) {
+            return cloud.column(field);
+        }
+        let image = &self.image;
+        match layer {
+            Layer::Depth => Column::F32(&image.depth),
+            Layer::Range => Column::F32(&image.range),
+            Layer::Category => Column::U32(&image.category_id),
+            Layer::Part => Column::U32(&image.part_id),
+            Layer::Instance => Column::U32(&image.instance_id),
+            Layer::Color => Column::U8(image.color.as_flattened()),
+            Layer::Intensity => Column::F32(&image.intensity),
+            Layer::Normal => Column::F32(image.normal.as_flattened()),
+        }
+    }
+}
+
+/// The column of `cloud` whose rows are the pixels of `layer`, if there is one.
+fn in_place(cloud: &PointCloud, grid: &ImageGrid, layer: Layer) -> Option<Field> {
+    match layer.fields() {
+        [field] if has_every_beam(cloud, grid) && grid.is_in_order() => Some(*field),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::emitter::BeamTable;
+    use crate::image::annotations;
+    use crate::image::range_image::tests::{camera, wall};
+    use crate::sensor::Sensor;
+
+    /// The same values, NaN as NaN.
+    fn same(found: Column, expected: Column, layer: Layer) {
+        assert_eq!((found.kind(), found.len()), (expected.kind(), expected.len()), "{layer:?}");
+        for pixel in 0..found.len() {
+            let [found, expected] = [found, expected].map(|column| column.get_f64(pixel));
+            assert!(found == expected || found.is_nan() && expected.is_nan(), "{layer:?}: {found}, not {expected}");
+        }
+    }
+
+    /// Every layer of `image`.
+    fn all(image: &RangeImage) -> [(Layer, Column<'_>); 7] {
+        [
+            (Layer::Depth, Column::F32(image.distance().0)),
+            (Layer::Range, Column::F32(&image.range)),
+            (Layer::Category, Column::U32(&image.category_id)),
+            (Layer::Instance, Column::U32(&image.instance_id)),
+            (Layer::Color, Column::U8(image.color.as_flattened())),
+            (Layer::Intensity, Column::F32(&image.intensity)),
+            (Layer::Normal, Column::F32(image.normal.as_flattened())),
+        ]
+    }
+
+    /// The cloud with a row for every beam.
+    fn organised(cloud: &PointCloud, beams: &BeamTable) -> PointCloud {
+        let mut every = cloud.clone();
+        every.columns.resize(every.fields, 0).unwrap();
+        every.columns.resize(every.fields, beams.len()).unwrap();
+        every.len = beams.len();
+        every.organised = Some([beams.rows, beams.columns]);
+        let (to, from) = (&mut every.columns, &cloud.columns);
+        for column in
+            [&mut to.range, &mut to.depth, &mut to.intensity, &mut to.normal_x, &mut to.normal_y, &mut to.normal_z]
+        {
+            column.fill(f32::NAN);
+        }
+        for (row, &beam) in from.beam.iter().enumerate() {
+            let beam = beam as usize;
+            to.range[beam] = from.range[row];
+            to.depth[beam] = from.depth[row];
+            to.intensity[beam] = from.intensity[row];
+            to.normal_x[beam] = from.normal_x[row];
+            to.normal_y[beam] = from.normal_y[row];
+            to.normal_z[beam] = from.normal_z[row];
+            to.category_id[beam] = from.category_id[row];
+            to.instance_id[beam] = from.instance_id[row];
+            [to.red[beam], to.green[beam], to.blue[beam]] = [from.red[row], from.green[row], from.blue[row]];
+        }
+        every
+    }
+
+    #[test]
+    fn layers_are_those_of_the_whole_image() {
+        let camera = camera();
+        let spinning = "{name: a, kind: lidar, pattern: {type: raster, azimuth: {fov_deg: 90, step_deg: 30}, \
+                        elevation: {fov_deg: 60, step_deg: 30}}}";
+        let sweep = Sensor::from_yaml(spinning, "").unwrap();
+        let mut layers = Layers::default();
+        for (sensor, in_order) in [(&camera, true), (&sweep, false)] {
+            let grid = sensor.image_grid().unwrap();
+            assert_eq!(grid.is_in_order(), in_order);
+            let cloud = wall(sensor.beams());
+            let image = RangeImage::new(&cloud, &grid).unwrap();
+            for cloud in [&organised(&cloud, sensor.beams()), &cloud] {
+                layers.clear();
+                // The second time it is there.
+                for (layer, expected) in all(&image).into_iter().chain(all(&image)) {
+                    same(layers.get(cloud, &grid, layer).unwrap(), expected, layer);
+                }
+                let found = layers.get(cloud, &grid, Layer::Instance).unwrap().bytes().as_ptr();
+                let column = cloud.column(Field::InstanceId).bytes().as_ptr();
+                assert_eq!(found == column, in_order && cloud.organised.is_some());
+                assert_eq!(layers.annotations(cloud, &grid).unwrap(), annotations(&image, &[]));
+            }
+        }
+    }
+
+    #[test]
+    fn layers_without_columns_are_refused() {
+        let camera = camera();
+        let grid = camera.image_grid().unwrap();
+        let mut cloud = wall(camera.beams());
+        let mut layers = Layers::default();
+        let error = layers.get(&cloud, &grid, Layer::Part).unwrap_err().to_string();
+        assert_eq!(
+            error,
+            "layer is part, for which the cloud lacks part_id; allowed: what the columns of the cloud show, depth, range, \
+             category, instance, color, intensity, normal"
+        );
+        cloud.fields = cloud.fields.without(Field::Beam).without(Field::Green);
+        let error = layers.get(&cloud, &grid, Layer::Color).unwrap_err().to_string();
+        assert!(error.contains("color, for which the cloud lacks beam, green; ") && error.ends_with("none"), "{error}");
+        let error = Layer::from_name("dept").unwrap_err().to_string();
+        assert!(error.starts_with("there is no image layer named \"dept\"; near: depth, ") && error.contains("normal"));
+        // Without rows of its own beams, it is another sensor's.
+        cloud = wall(camera.beams());
+        cloud.columns.beam[0] = 12;
+        assert!(layers.get(&cloud, &grid, Layer::Range).is_err());
+    }
+}
