@@ -12,6 +12,7 @@ import sys
 from pathlib import Path
 
 import numpy
+from PIL import Image
 
 
 def turn(quaternion):
@@ -40,6 +41,7 @@ def kitti(root):
     names = sorted(path.stem for path in (training / "velodyne").iterdir())
     assert sorted(listed) == names and names
     found = {"frames": len(names), "objects": {}, "points_in_boxes": 0, "boxes_with_points": 0, "truncated": 0, "leaning": 0}
+    found["pixels"] = {}
     for name in names:
         points = numpy.fromfile(training / f"velodyne/{name}.bin", numpy.float32).reshape(-1, 4)
         assert numpy.isfinite(points).all() and points[:, 3].min() >= 0 and points[:, 3].max() <= 1
@@ -54,6 +56,7 @@ def kitti(root):
         assert abs(numpy.linalg.det(to_camera[:, :3]) - 1) < 1e-9
         seen = (rectified @ (to_camera[:, :3] @ points[:, :3].T + to_camera[:, 3:])).T
         width, height = png_size(training / f"image_2/{name}.png")
+        cars, masks = [], kitti_masks(training, name, (height, width), found["pixels"])
         for line in (training / f"label_2/{name}.txt").read_text().splitlines():
             of, *words = line.split(" ")
             truncated, occluded, alpha, left, top, right, bottom, h, w, l, x, y, z, turned = map(float, words)
@@ -64,6 +67,8 @@ def kitti(root):
             assert abs(around - round(around)) < 1e-4
             found["objects"][of] = found["objects"].get(of, 0) + 1
             found["truncated"] += truncated > 0
+            if of in ("Car", "Van"):
+                cars.append([left, top, right, bottom])
             # The box as the development kit has it: about the camera's y axis, its place in the middle of its lower face.
             cos, sin = numpy.cos(turned), numpy.sin(turned)
             axes = numpy.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]])
@@ -82,7 +87,25 @@ def kitti(root):
             within &= (own[:, 1] < -0.1) & (own[:, 1] > -h - 0.1)
             found["points_in_boxes"] += int(within.sum())
             found["boxes_with_points"] += bool(within.any())
+        # What is seen of each car lies in a box; some that are far away have none of the pixels.
+        assert len(masks) <= len(cars), name
+        for rows, columns in masks:
+            ends = numpy.array([columns.min(), rows.min(), -columns.max(), -rows.max()])
+            around = [box for box in cars if (ends >= numpy.multiply(box, [1, 1, -1, -1]) - 1).all()]
+            assert around, (name, ends, cars)
     return found
+
+
+def kitti_masks(training, name, shape, pixels):
+    """Counts the pixels of each class; where each car is, rows and columns."""
+    classes, both = (numpy.asarray(Image.open(training / f"{of}/{name}.png")) for of in ("semantic", "instance"))
+    assert (classes.dtype, both.dtype) == (numpy.uint8, numpy.uint16) and classes.shape == both.shape == shape
+    assert (both >> 8 == classes).all()
+    for number, count in zip(*numpy.unique(classes, return_counts=True)):
+        pixels[int(number)] = pixels.get(int(number), 0) + int(count)
+        numbers = numpy.unique(both[classes == number] & 255)
+        assert (numbers == numpy.arange(len(numbers)) + (numbers[0] > 0)).all(), "instances count from 1"
+    return [numpy.nonzero(both == number) for number in numpy.unique(both[(classes == 26) & (both & 255 > 0)])]
 
 
 def nuscenes(root):
