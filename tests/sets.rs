@@ -280,6 +280,8 @@ variation:
     }
     let speed = |attribute: &str, end: usize| nuscenes["speeds"][attribute][end].as_f64().unwrap();
     assert!(speed("vehicle.parked", 1) < 0.1 && speed("vehicle.moving", 1) > 3.0, "{nuscenes}");
+    assert!(nuscenes["pictured"].as_u64().unwrap() > 10, "{nuscenes}");
+    assert_eq!(nuscenes["own_splits"], serde_json::json!(["held-back"]));
 
     // Samples are in the archives of their parts.
     let parts = ["train", "held-back"].map(|part| {
