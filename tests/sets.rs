@@ -264,6 +264,10 @@ variation:
     assert!(objects("Car") >= 100 && objects("Truck") >= 30 && objects("Pedestrian") >= 5, "{kitti}");
     assert!(kitti["leaning"].as_u64().unwrap() * 10 < objects("Car"), "{kitti}");
     assert!(kitti["points_in_boxes"].as_u64().unwrap() > 2000 && kitti["truncated"].as_u64().unwrap() > 0, "{kitti}");
+    // Cityscapes' road, building, vegetation, person, car and truck.
+    for class in ["7", "11", "21", "24", "26", "27"] {
+        assert!(kitti["pixels"][class].as_u64().unwrap() > 10, "{class}: {kitti}");
+    }
 
     let nuscenes = looked("nuscenes");
     let counts = &nuscenes["counts"];
@@ -276,6 +280,8 @@ variation:
     }
     let speed = |attribute: &str, end: usize| nuscenes["speeds"][attribute][end].as_f64().unwrap();
     assert!(speed("vehicle.parked", 1) < 0.1 && speed("vehicle.moving", 1) > 3.0, "{nuscenes}");
+    assert!(nuscenes["pictured"].as_u64().unwrap() > 10, "{nuscenes}");
+    assert_eq!(nuscenes["own_splits"], serde_json::json!(["held-back"]));
 
     // Samples are in the archives of their parts.
     let parts = ["train", "held-back"].map(|part| {
@@ -321,7 +327,7 @@ fn the_schema_accepts_what_is_read() {
         "environment: {rain: {rate_mm_h: 5}}\nset: {folder: out}\noutputs: [{style: plain, format: las, \
          preview: {view: top}}]\n",
         "set: {splits: 80/10/10, licence: CC-BY-4.0}\noutputs: [{style: kitti, velodyne: top, camera: eye, frames: 4, \
-         types: {bench: Misc}}]\n",
+         types: {bench: Misc}, classes: {bench: static}}]\n",
         "set: {splits: {train: 80, test: 20.5}}\noutputs: [{style: nuscenes, version: v1.0-mini, top: top, categories: \
          {bench: static.bench}}, {style: webdataset, format: las, samples: 100}]\n",
         "trajectory: {object: Car_1}\noutputs: [{style: files, files: [a.csv, b.las], single: true, boxes: \
@@ -384,6 +390,7 @@ fn the_schema_refuses_what_cannot_be_read() {
         "outputs: {style: plain}\n",
         "outputs: [{style: semantic_kitti, format: las}]\n",
         "outputs: [{style: kitti, frames: 0}]\n",
+        "outputs: [{style: kitti, classes: {bench: Misc}}]\n",
         "outputs: [{style: nuscenes, version: a/b}]\n",
         "outputs: [{style: webdataset, samples: 0}]\n",
         "set: {splits: 80}\n",

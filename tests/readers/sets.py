@@ -2,8 +2,8 @@
 
 usage: sets.py kitti|nuscenes|webdataset FOLDER
 
-KITTI by the rules of its object development kit in numpy, nuScenes by those of its schema (and by nuscenes-devkit where it
-is installed: it needs an older numpy than the other readers), WebDataset by the package of that name.
+KITTI by the rules of its object and semantic development kits in numpy, nuScenes by those of its schema and by
+nuscenes-devkit, WebDataset by the package of that name.
 """
 
 import io
@@ -12,6 +12,7 @@ import sys
 from pathlib import Path
 
 import numpy
+from PIL import Image
 
 
 def turn(quaternion):
@@ -39,7 +40,8 @@ def kitti(root):
         listed += part.read_text().split()
     names = sorted(path.stem for path in (training / "velodyne").iterdir())
     assert sorted(listed) == names and names
-    found = {"frames": len(names), "objects": {}, "points_in_boxes": 0, "boxes_with_points": 0, "truncated": 0, "leaning": 0}
+    found = {"frames": len(names), "objects": {}, "pixels": {}}
+    found |= {"points_in_boxes": 0, "boxes_with_points": 0, "truncated": 0, "leaning": 0}
     for name in names:
         points = numpy.fromfile(training / f"velodyne/{name}.bin", numpy.float32).reshape(-1, 4)
         assert numpy.isfinite(points).all() and points[:, 3].min() >= 0 and points[:, 3].max() <= 1
@@ -54,6 +56,7 @@ def kitti(root):
         assert abs(numpy.linalg.det(to_camera[:, :3]) - 1) < 1e-9
         seen = (rectified @ (to_camera[:, :3] @ points[:, :3].T + to_camera[:, 3:])).T
         width, height = png_size(training / f"image_2/{name}.png")
+        cars, masks = [], kitti_masks(training, name, (height, width), found["pixels"])
         for line in (training / f"label_2/{name}.txt").read_text().splitlines():
             of, *words = line.split(" ")
             truncated, occluded, alpha, left, top, right, bottom, h, w, l, x, y, z, turned = map(float, words)
@@ -64,6 +67,8 @@ def kitti(root):
             assert abs(around - round(around)) < 1e-4
             found["objects"][of] = found["objects"].get(of, 0) + 1
             found["truncated"] += truncated > 0
+            if of in ("Car", "Van"):
+                cars.append([left, top, right, bottom])
             # The box as the development kit has it: about the camera's y axis, its place in the middle of its lower face.
             cos, sin = numpy.cos(turned), numpy.sin(turned)
             axes = numpy.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]])
@@ -82,7 +87,25 @@ def kitti(root):
             within &= (own[:, 1] < -0.1) & (own[:, 1] > -h - 0.1)
             found["points_in_boxes"] += int(within.sum())
             found["boxes_with_points"] += bool(within.any())
+        # What is seen of each car lies in a box; some that are far away have none of the pixels.
+        assert len(masks) <= len(cars), name
+        for rows, columns in masks:
+            ends = numpy.array([columns.min(), rows.min(), -columns.max(), -rows.max()])
+            around = [box for box in cars if (ends >= numpy.multiply(box, [1, 1, -1, -1]) - 1).all()]
+            assert around, (name, ends, cars)
     return found
+
+
+def kitti_masks(training, name, shape, pixels):
+    """Counts the pixels of each class; where each car is, rows and columns."""
+    classes, both = (numpy.asarray(Image.open(training / f"{of}/{name}.png")) for of in ("semantic", "instance"))
+    assert (classes.dtype, both.dtype) == (numpy.uint8, numpy.uint16) and classes.shape == both.shape == shape
+    assert (both >> 8 == classes).all()
+    for number, count in zip(*numpy.unique(classes, return_counts=True)):
+        pixels[int(number)] = pixels.get(int(number), 0) + int(count)
+        numbers = numpy.unique(both[classes == number] & 255)
+        assert (numbers == numpy.arange(len(numbers)) + (numbers[0] > 0)).all(), "instances count from 1"
+    return [numpy.nonzero(both == number) for number in numpy.unique(both[(classes == 26) & (both & 255 > 0)])]
 
 
 def nuscenes(root):
@@ -196,15 +219,6 @@ def nuscenes(root):
     # Measured points are a little beside their boxes, and what walks swings out of the box of a moment.
     assert inside >= 0.95 * counted > 0, (inside, counted)
 
-    # Speeds are those of places at key frames.
-    speeds = {}
-    for box in tables["sample_annotation"]:
-        ends = [rows["sample_annotation"][box[way]] if box[way] else box for way in ("prev", "next")]
-        seconds = (of(ends[1])["timestamp"] - of(ends[0])["timestamp"]) * 1e-6
-        if 0 < seconds < 1.5:
-            speed = numpy.linalg.norm(numpy.subtract(ends[1]["translation"], ends[0]["translation"])[:2]) / seconds
-            for token in box["attribute_tokens"]:
-                speeds.setdefault(rows["attribute"][token]["name"], []).append(float(speed))
     parts = json.loads((versions[0] / "splits.json").read_text())
     scenes = [scene for part in parts.values() for scene in part]
     assert sorted(scenes) == sorted(scene["name"] for scene in tables["scene"])
@@ -212,38 +226,58 @@ def nuscenes(root):
         "counts": {name: len(table) for name, table in tables.items()},
         "channels": sorted(row["channel"] for row in tables["sensor"]),
         "classes": {row["name"]: classes[row["index"]] for row in tables["category"] if row["index"] in classes},
-        "speeds": {name: [min(all_of), max(all_of)] for name, all_of in speeds.items()},
-        "devkit": devkit(root, versions[0].name, rows, len(classes)),
+        **devkit(root, versions[0].name, tables, classes),
     }
 
 
-def devkit(root, version, rows, classes):
-    """The set by nuscenes-devkit; None where that is not installed."""
-    try:
-        from nuscenes.nuscenes import NuScenes
-        from nuscenes.utils.data_classes import LidarPointCloud
-        from nuscenes.utils.splits import get_scenes_of_split
-    except ImportError:
-        return None
+def devkit(root, version, tables, classes):
+    """Reads the set by nuscenes-devkit, given its tables and how many points are of each class."""
+    from nuscenes.lidarseg.lidarseg_utils import get_stats
+    from nuscenes.nuscenes import NuScenes
+    from nuscenes.utils.data_classes import LidarPointCloud
+    from nuscenes.utils.data_io import load_bin_file
+    from nuscenes.utils.geometry_utils import points_in_box
+    from nuscenes.utils.splits import get_scenes_of_split
+
     nusc = NuScenes(version=version, dataroot=str(root), verbose=False)
-    points = 0
+    for name, table in tables.items():
+        assert [row["token"] for row in getattr(nusc, name)] == [row["token"] for row in table], name
+    counts = numpy.zeros(len(nusc.category), int)
+    counted, inside, pictured = 0, 0, 0
     for sample in nusc.sample:
-        assert set(sample["data"]) >= {"LIDAR_TOP"}
-        for token in sample["data"].values():
+        for channel, token in sample["data"].items():
             path, boxes, intrinsic = nusc.get_sample_data(token)
-            assert Path(path).is_file()
-            if intrinsic is None:
-                points += LidarPointCloud.from_file(path).points.shape[1]
-                assert len(boxes) == len(sample["anns"])
-        assert "vehicle.car" in nusc.lidarseg_name2idx_mapping and nusc.get_sample_lidarseg_stats(sample["token"]) is None
+            if channel != "LIDAR_TOP":
+                assert Path(path).is_file() and numpy.shape(intrinsic) == (3, 3)
+                pictured += len(boxes)
+                continue
+            assert sorted(box.token for box in boxes) == sorted(sample["anns"])
+            points = LidarPointCloud.from_file(path).points[:3]
+            labels = load_bin_file(str(root / nusc.get("lidarseg", token)["filename"]), "lidarseg")
+            assert len(labels) == points.shape[1]
+            counts += get_stats(labels, len(counts))
+            for box in boxes:
+                hit = points_in_box(box, points, wlh_factor=1.1) & (labels == nusc.lidarseg_name2idx_mapping[box.name])
+                told = nusc.get("sample_annotation", box.token)["num_lidar_pts"]
+                counted, inside = counted + told, inside + min(told, int(hit.sum()))
         cloud, times = LidarPointCloud.from_file_multisweep(nusc, sample, "LIDAR_TOP", "LIDAR_TOP", nsweeps=3)
         assert cloud.points.shape[1] == times.shape[1]
-    speeds = [nusc.box_velocity(row["token"]) for row in nusc.sample_annotation]
-    split = json.loads((root / version / "splits.json").read_text())
+    assert {number: count for number, count in enumerate(counts) if count} == classes
+    assert inside >= 0.9 * counted > 0, (inside, counted)
+    speeds = {}
+    for box in nusc.sample_annotation:
+        speed = float(numpy.linalg.norm(nusc.box_velocity(box["token"])[:2]))
+        for token in box["attribute_tokens"] if numpy.isfinite(speed) else []:
+            speeds.setdefault(nusc.get("attribute", token)["name"], []).append(speed)
     # Names of its own splits are taken.
-    own = {part: get_scenes_of_split(part, nusc) for part in split if part not in ("train", "val", "test")}
-    assert all(own[part] == split[part] for part in own)
-    return {"points": points, "moving": int(sum(numpy.linalg.norm(speed) > 0.5 for speed in speeds)), "splits": list(own)}
+    split = json.loads((root / version / "splits.json").read_text())
+    own = [part for part in split if part not in ("train", "val", "test")]
+    assert all(get_scenes_of_split(part, nusc) == split[part] for part in own)
+    return {
+        "speeds": {name: [min(all_of), max(all_of)] for name, all_of in speeds.items()},
+        "pictured": pictured,
+        "own_splits": own,
+    }
 
 
 def webdataset(root):

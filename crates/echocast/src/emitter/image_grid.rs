@@ -3,7 +3,7 @@
 use super::BeamTable;
 use super::pattern::{Pinhole, Rays};
 use crate::ground::angle::azimuth_elevation;
-use glam::{DVec3, Vec2};
+use glam::{DQuat, DVec3, Vec2};
 use std::f32::consts::{PI, TAU};
 
 /// The image of a sensor whose beams form rows and columns: left is left, up is up. Pixel `[column, row]` counts from
@@ -34,6 +34,18 @@ pub struct Intrinsics {
     pub focal: [f64; 2],
     /// Principal point, pixels from the middle of the top left pixel.
     pub centre: [f64; 2],
+}
+
+impl Intrinsics {
+    /// From the frame in which others tell of cameras (x right, y down, z ahead) to that of the sensor.
+    pub(crate) const FROM_OPTICAL: DQuat = DQuat::from_xyzw(-0.5, 0.5, -0.5, 0.5);
+
+    /// The camera matrix, row by row: from places in the frame with x to the right, y down and z ahead to pixels times
+    /// their distance ahead.
+    pub fn matrix(&self) -> [[f64; 3]; 3] {
+        let Intrinsics { focal: [fx, fy], centre: [cx, cy] } = *self;
+        [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]
+    }
 }
 
 /// Directions of the rows and columns of a sensor that turns or sweeps.

@@ -1,38 +1,30 @@
 //! The pinhole camera that took a cloud, found from the directions of its pixels.
 
 use crate::cloud::{Field, PointCloud};
+use crate::emitter::Intrinsics;
 use std::f32::consts::FRAC_PI_2;
-
-/// Focal lengths and the place of the axis, in pixels, across and down; the centre of the first pixel is at 0, 0.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Camera {
-    pub focal: [f64; 2],
-    pub centre: [f64; 2],
-}
 
 /// How far off pixels may be, as a root mean square: noise of directions, and what f32 leaves.
 const SLACK_PX: f64 = 0.5;
 
-impl Camera {
-    /// The camera of `cloud` if it is an image with directions, all of which lie ahead in rows and columns.
-    pub fn of(cloud: &PointCloud) -> Option<Camera> {
-        let [_, columns] = cloud.organised.filter(|shape| shape.iter().all(|&count| count > 1))?;
-        let c = &cloud.columns;
-        let all = [Field::Azimuth, Field::Elevation].iter().all(|&field| cloud.fields.contains(field));
-        let directions = || c.azimuth.iter().zip(&c.elevation).enumerate().filter(|(_, (a, e))| (*a + *e).is_finite());
-        if !all || directions().any(|(_, (azimuth, _))| azimuth.abs() >= FRAC_PI_2) {
-            return None;
-        }
-        let across = Axis::of(|| {
-            directions().map(|(row, (azimuth, _))| ((row as u32 % columns).into(), f64::from(*azimuth).tan()))
-        })?;
-        let down = Axis::of(|| {
-            directions().map(|(row, (azimuth, elevation))| {
-                ((row as u32 / columns).into(), f64::from(*elevation).tan() / f64::from(*azimuth).cos())
-            })
-        })?;
-        Some(Camera { focal: [across.focal, down.focal], centre: [across.centre, down.centre] })
+/// The camera of `cloud` if it is an image with directions, all of which lie ahead in rows and columns.
+pub(super) fn of(cloud: &PointCloud) -> Option<Intrinsics> {
+    let [_, columns] = cloud.organised.filter(|shape| shape.iter().all(|&count| count > 1))?;
+    let c = &cloud.columns;
+    let all = [Field::Azimuth, Field::Elevation].iter().all(|&field| cloud.fields.contains(field));
+    let directions = || c.azimuth.iter().zip(&c.elevation).enumerate().filter(|(_, (a, e))| (*a + *e).is_finite());
+    if !all || directions().any(|(_, (azimuth, _))| azimuth.abs() >= FRAC_PI_2) {
+        return None;
     }
+    let across = Axis::of(|| {
+        directions().map(|(row, (azimuth, _))| ((row as u32 % columns).into(), f64::from(*azimuth).tan()))
+    })?;
+    let down = Axis::of(|| {
+        directions().map(|(row, (azimuth, elevation))| {
+            ((row as u32 / columns).into(), f64::from(*elevation).tan() / f64::from(*azimuth).cos())
+        })
+    })?;
+    Some(Intrinsics { focal: [across.focal, down.focal], centre: [across.centre, down.centre] })
 }
 
 /// One direction of an image.
@@ -77,7 +69,7 @@ mod tests {
     #[test]
     fn the_field_of_view_of_a_camera_is_found() {
         let pattern = "pattern: {type: pinhole, resolution: [80, 60], fov_deg: [90, 60]}";
-        let camera = Camera::of(&scan(&format!("{{name: a, kind: tof, {pattern}}}"), 80)).unwrap();
+        let camera = of(&scan(&format!("{{name: a, kind: tof, {pattern}}}"), 80)).unwrap();
         let wanted = [40.0, 30.0 / 30f64.to_radians().tan(), 39.5, 29.5];
         let found = [camera.focal[0], camera.focal[1], camera.centre[0], camera.centre[1]];
         assert!(found.iter().zip(wanted).all(|(found, wanted)| (found - wanted).abs() < 1e-4), "{camera:?}");
@@ -87,9 +79,9 @@ mod tests {
     fn what_spins_is_no_camera() {
         let pattern = "{type: spinning, azimuth: {fov_deg: 120, step_deg: 1}, elevation: {fov_deg: 30, step_deg: 2}}";
         let mut cloud = scan(&format!("{{name: a, kind: lidar, pattern: {pattern}}}"), 121);
-        assert_eq!(Camera::of(&cloud), None);
+        assert_eq!(of(&cloud), None);
         cloud.organised = None;
-        assert_eq!(Camera::of(&cloud), None);
-        assert_eq!(Camera::of(&PointCloud { organised: Some([2, 0]), ..PointCloud::default() }), None);
+        assert_eq!(of(&cloud), None);
+        assert_eq!(of(&PointCloud { organised: Some([2, 0]), ..PointCloud::default() }), None);
     }
 }

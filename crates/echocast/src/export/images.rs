@@ -540,28 +540,42 @@ fn write_mask(
     texts.push(("names".to_owned(), Value::Object(names.collect()).to_string()));
     let of: Option<HashMap<u32, u32>> = (greatest > u32::from(u16::MAX)).then(|| values.into_iter().collect());
     let wide = greatest > u32::from(u8::MAX) || layer.name() != stem;
+    let samples = if wide { Samples::Grey16 } else { Samples::Indexed };
     let number = |id: &u32| of.as_ref().map_or(*id, |of| of.get(id).copied().unwrap_or(0));
-    write_numbers(image, ids.iter().map(number), wide, texts, path)
+    write_numbers(image, ids.iter().map(number), samples, texts, path)
 }
 
-/// Writes a number for each pixel, up to 255 with a palette, or of 16 bits.
+/// How an image has numbers.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Samples {
+    /// 8 bits, with the colours of Pascal VOC.
+    Indexed,
+    /// 8 bits, without colours.
+    Grey8,
+    /// 16 bits.
+    Grey16,
+}
+
+/// Writes a number for each pixel.
 pub(crate) fn write_numbers(
     image: &RangeImage,
     numbers: impl Iterator<Item = u32>,
-    wide: bool,
+    samples: Samples,
     texts: Vec<(String, String)>,
     path: &Path,
 ) -> Result<()> {
-    let size = [image.width, image.height];
-    let written = if wide {
-        let bytes: Vec<[u8; 2]> = numbers.map(|number| (number as u16).to_be_bytes()).collect();
-        grey16(size, texts).write(path, bytes.as_flattened())
-    } else {
-        let bytes: Vec<u8> = numbers.map(|number| number as u8).collect();
-        let (color, depth) = (png::ColorType::Indexed, png::BitDepth::Eight);
-        Png { size, color, depth, palette: Some(&palette()), texts, fast: true }.write(path, &bytes)
+    let bytes: Vec<u8> = match samples {
+        Samples::Grey16 => numbers.flat_map(|number| (number as u16).to_be_bytes()).collect(),
+        Samples::Indexed | Samples::Grey8 => numbers.map(|number| number as u8).collect(),
     };
-    written.map_err(|source| failed(path, source))
+    let grey = grey16([image.width, image.height], texts);
+    let (palette, depth) = (palette(), png::BitDepth::Eight);
+    let png = match samples {
+        Samples::Indexed => Png { color: png::ColorType::Indexed, depth, palette: Some(&palette), ..grey },
+        Samples::Grey8 => Png { depth, ..grey },
+        Samples::Grey16 => grey,
+    };
+    png.write(path, &bytes).map_err(|source| failed(path, source))
 }
 
 /// Values of 16 bits for numbers that do not fit: the places of all in the table, or where they are too many, of those
@@ -602,9 +616,8 @@ fn write_arrays(image: &RangeImage, path: &Path, report: &mut Report) -> io::Res
             file.column(name, shape, column)?;
         }
     }
-    if let Some(Intrinsics { focal, centre }) = image.intrinsics {
-        let matrix = [focal[0], 0.0, centre[0], 0.0, focal[1], centre[1], 0.0, 0.0, 1.0];
-        file.column("camera_matrix", &[3, 3], Column::F64(&matrix))?;
+    if let Some(camera) = image.intrinsics {
+        file.column("camera_matrix", &[3, 3], Column::F64(camera.matrix().as_flattened()))?;
     }
     let pose = image.sensor_pose;
     file.column("sensor_position", &[3], Column::F64(&pose.position.to_array()))?;

@@ -3,17 +3,17 @@
 //! Written by the crate `mcap`, in chunks that are compressed by zstd, with an index. Points are in the frame of the
 //! sensor and begin with what a driver publishes of them; the other columns follow, as they are in the cloud.
 
-use super::camera::Camera;
 use super::ros::{Message, Stamp, definition};
-use super::{Format, FormatInfo, Growing, Sink, labels_json};
+use super::{Format, FormatInfo, Growing, Sink, camera, labels_json};
 use crate::cloud::record::{self, BLOCK_BYTES};
 use crate::cloud::{ColumnType, Field, Frame, InstanceBox, PackItem, PackType, PointCloud};
+use crate::emitter::Intrinsics;
 use crate::ground::parallel;
 use crate::ground::pose::Pose;
 use crate::ground::report::Report;
 use ::mcap::records::MessageHeader;
 use ::mcap::{Compression, McapError, WriteOptions, Writer};
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DMat3, DVec3};
 use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
@@ -62,9 +62,6 @@ pub(super) struct Mcap {
 const MAP: &str = "map";
 const SENSOR: &str = "sensor";
 const OPTICAL: &str = "sensor_optical";
-
-/// From the optical frame to that of the sensor.
-const FROM_OPTICAL: DQuat = DQuat::from_xyzw(-0.5, 0.5, -0.5, 0.5);
 
 /// Order of the bytes of points and pixels; numbers around them are little endian everywhere.
 const BIG_ENDIAN: bool = cfg!(target_endian = "big");
@@ -232,7 +229,7 @@ impl Bag {
             let depth = channel("/depth/image_rect", "sensor_msgs/Image", "")?;
             Ok(Images { camera, depth, labels: channel("/labels/image_rect", "sensor_msgs/Image", "")? })
         };
-        let images = Camera::of(first).map(&mut images).transpose().map_err(io_error)?;
+        let images = camera::of(first).map(&mut images).transpose().map_err(io_error)?;
         let (large, bytes) = (false, Vec::new());
         let mut bag = Bag { layout, writer, transforms, points, detections, images, large, bytes };
         let mut message = bag.message();
@@ -259,8 +256,8 @@ impl Growing for Bag {
             let message = detections(self.message(), cloud, boxes, stamp)?;
             self.bytes = send(&mut self.writer, &mut self.detections, stamp, message)?;
         }
-        if let (Some(images), Some(camera)) = (&mut self.images, Camera::of(cloud)) {
-            let message = camera_info(Message::new(std::mem::take(&mut self.bytes)), cloud, &camera, stamp)?;
+        if let (Some(images), Some(camera)) = (&mut self.images, camera::of(cloud)) {
+            let message = camera_info(Message::new(std::mem::take(&mut self.bytes)), cloud, camera, stamp)?;
             let bytes = send(&mut self.writer, &mut images.camera, stamp, message)?;
             let message = depth_image(Message::new(bytes), cloud, stamp)?;
             self.bytes = send(&mut self.writer, &mut images.depth, stamp, message)?;
@@ -307,7 +304,7 @@ fn stamp(cloud: &PointCloud) -> Stamp {
 
 /// Where the sensor is, and how its images lie.
 fn transforms(mut message: Message, cloud: &PointCloud, images: bool, stamp: Stamp) -> io::Result<Message> {
-    let optical = Pose { orientation: FROM_OPTICAL, ..Pose::IDENTITY };
+    let optical = Pose { orientation: Intrinsics::FROM_OPTICAL, ..Pose::IDENTITY };
     let all = [(MAP, SENSOR, cloud.sensor_pose), (SENSOR, OPTICAL, optical)];
     let told = &all[..if images { 2 } else { 1 }];
     message.count(told.len())?;
@@ -319,15 +316,15 @@ fn transforms(mut message: Message, cloud: &PointCloud, images: bool, stamp: Sta
     Ok(message)
 }
 
-fn camera_info(mut message: Message, cloud: &PointCloud, camera: &Camera, stamp: Stamp) -> io::Result<Message> {
-    let ([fx, fy], [cx, cy]) = (camera.focal, camera.centre);
+fn camera_info(mut message: Message, cloud: &PointCloud, camera: Intrinsics, stamp: Stamp) -> io::Result<Message> {
+    let matrix = camera.matrix();
     image_header(&mut message, cloud, stamp)?;
     message.text("plumb_bob")?;
     message.count(5)?;
     message.f64s(&[0.0; 5]);
-    message.f64s(&[fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]);
+    message.f64s(matrix.as_flattened());
     message.f64s(&[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
-    message.f64s(&[fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0]);
+    message.f64s(matrix.map(|[x, y, z]| [x, y, z, 0.0]).as_flattened());
     // No binning, and no region of interest.
     (0..6).for_each(|_| message.u32(0));
     message.u8(0);
@@ -349,7 +346,7 @@ fn label_image(mut message: Message, cloud: &PointCloud, stamp: Stamp) -> io::Re
     Ok(message)
 }
 
-/// What images and their camera begin with; [`Camera::of`] has made sure that the cloud has rows and columns.
+/// What images and their camera begin with; [`camera::of`] has made sure that the cloud has rows and columns.
 fn image_header(message: &mut Message, cloud: &PointCloud, stamp: Stamp) -> io::Result<()> {
     message.header(stamp, OPTICAL)?;
     cloud.organised.iter().flatten().for_each(|&count| message.u32(count));

@@ -84,6 +84,15 @@ impl Scan {
     }
 }
 
+/// The boxes around instances that a cloud gets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Boxes {
+    None,
+    InSpace,
+    /// Which also say where they are in the sensor's image, if it has one.
+    InImage,
+}
+
 impl Sample {
     /// With the sections of `spec`, which as they are written are `value`; `drawn`: what has been drawn for them.
     pub(super) fn new(
@@ -180,20 +189,20 @@ impl Sample {
         built.scan_into(&scan.sensor, &scan.trajectory, &scan.options(frame), cloud)
     }
 
-    /// [`Sample::cloud_into`] with further columns, `more`, and boxes, which may say where they are in the sensor's
-    /// image.
+    /// [`Sample::cloud_into`] with further columns, `more`, and boxes.
     pub(super) fn cloud_with(
         &mut self,
         scan: usize,
         frame: usize,
         more: FieldSet,
-        (boxes, in_images): (Option<BoxAxes>, bool),
+        boxes: Boxes,
         cloud: &mut PointCloud,
     ) -> Result<()> {
         let built = self.built(scan, frame)?;
         let scan = &self.scans[scan];
         let options = scan.options(frame);
-        let image_boxes = in_images && scan.sensor.image_grid().is_ok();
+        let image_boxes = boxes == Boxes::InImage && scan.sensor.image_grid().is_ok();
+        let boxes = (boxes != Boxes::None).then_some(BoxAxes::Object);
         let options = ScanOptions { fields: options.fields.union(more), boxes, image_boxes, ..options };
         built.scan_into(&scan.sensor, &scan.trajectory, &options, cloud)
     }

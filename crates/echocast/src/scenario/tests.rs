@@ -618,6 +618,8 @@ fn sets_of_every_style_grow_and_are_the_same_however_they_are_made() {
         "files.json",
         "splits/train.txt",
         "kitti/training/label_2/000086.txt",
+        "kitti/training/semantic/000086.png",
+        "kitti/training/instance/000086.png",
         "kitti/ImageSets/val.txt",
         "nuscenes/v1.0-echocast/sample_annotation.json",
         "webdataset/train-000000.tar",
@@ -710,7 +712,7 @@ fn labels_of_kitti_are_what_its_camera_sees() {
     let scenario = Scenario::from_yaml(STYLED, folder.path()).unwrap();
     let mut sample = scenario.sample(0).unwrap();
     let mut cloud = crate::cloud::PointCloud::default();
-    sample.cloud_with(1, 3, crate::cloud::FieldSet::all(), (None, false), &mut cloud).unwrap();
+    sample.cloud_with(1, 3, crate::cloud::FieldSet::all(), sample::Boxes::None, &mut cloud).unwrap();
     // Pixels of each chair lie in its box, and one of them touches each side that is not hidden.
     let mut matched = 0;
     for line in labels.lines() {
@@ -769,6 +771,11 @@ fn what_a_style_cannot_be_made_of_is_refused_before_anything_is_written() {
         ),
         (format!("{lidar}, {eye}"), "style: kitti, frames: 0", "outputs[0].frames: is 0; allowed: 1 to 100000"),
         (
+            format!("{lidar}, {eye}"),
+            "style: kitti, classes: {bench: Misc}",
+            "outputs[0].classes.bench: is \"Misc\"; allowed: unlabeled, static,",
+        ),
+        (
             format!("{lidar}, {}", eye.replace("{sensor: {", "{rate_hz: 10, start_s: 0.02, sensor: {")),
             "style: kitti",
             "kitti is of sensors that scan at other times, velodyne_vlp16 and eye; allowed: both without rate_hz",
@@ -796,6 +803,7 @@ fn the_readme_says_what_a_set_is() {
         "# Set of 2 samples",
         "CC0-1.0",
         "| top | Velodyne VLP-16",
+        "| eye | eye |",
         "| `intensity` | 1 |",
         "| car | ",
         "| train | ",

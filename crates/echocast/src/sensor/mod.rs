@@ -263,9 +263,9 @@ impl Sensor {
         &self.spec.name
     }
 
-    /// Its name for people; may be empty.
+    /// Its title, for people; without one, its name.
     pub fn title(&self) -> &str {
-        &self.spec.title
+        if self.spec.title.is_empty() { self.name() } else { &self.spec.title }
     }
 
     /// What it measures with.

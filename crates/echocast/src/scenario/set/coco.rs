@@ -3,7 +3,7 @@
 use super::imaging::{Imaging, scans};
 use super::style::{Scanned, Style, Writer as Write, numbered};
 use super::whole::Whole;
-use crate::cloud::{BoxAxes, FieldSet};
+use crate::cloud::FieldSet;
 use crate::export::annotations::{Shown, categories, image_keys, info, instances, line, segments};
 use crate::export::images::write_segments;
 use crate::export::{self, AnnotationStyle, ImageLayer, ImageOptions};
@@ -11,6 +11,7 @@ use crate::ground::error::{Error, Result};
 use crate::ground::report::Report;
 use crate::image::masks;
 use crate::scenario::Sample;
+use crate::scenario::sample::Boxes;
 use crate::scene::Labels;
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
@@ -86,20 +87,12 @@ impl Style for Coco {
         ROOT
     }
 
-    fn shares_folders(&self) -> bool {
-        true
-    }
-
     fn fields(&self, _sample: &Sample) -> FieldSet {
         self.options().fields()
     }
 
-    fn boxes(&self) -> Option<BoxAxes> {
-        Some(BoxAxes::Object)
-    }
-
-    fn image_boxes(&self) -> bool {
-        true
+    fn boxes(&self, _sample: &Sample, _scan: usize, _frame: usize) -> Boxes {
+        Boxes::InImage
     }
 
     fn fits(&self, sample: &Sample) -> Result<()> {

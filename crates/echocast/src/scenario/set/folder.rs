@@ -203,7 +203,7 @@ pub(super) fn settle(root: &Path, style: &dyn Style, sample: u64) -> Result<Vec<
     let unfinished = unfinished(root, name, sample);
     let rename =
         |from: &Path, to: &Path| fs::rename(from, to).map_err(|source| Error::Io { path: to.to_owned(), source });
-    if !style.shares_folders() {
+    if style.folder_per_sample() {
         let place = root.join(sample_folder(name, sample));
         let _ = fs::remove_dir_all(&place);
         rename(&unfinished, &place)?;

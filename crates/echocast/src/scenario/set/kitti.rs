@@ -1,23 +1,30 @@
-//! The object set of KITTI: a LiDAR and a camera, boxes in the camera's frame.
+//! The object set of KITTI: a LiDAR and a camera, boxes in the camera's frame, masks.
+
+mod masks;
 
 use super::points::{in_sensor, inverse, local, on, remission};
-use super::rig::{Camera, Kind, find};
+use super::rig::{self, Kind, find};
 use super::style::{Scanned, Style, Writer as Write, numbered};
 use super::whole::Whole;
-use crate::cloud::{BoxAxes, Field, FieldSet, InstanceBox};
-use crate::export;
+use crate::cloud::{Field, FieldSet, InstanceBox};
+use crate::emitter::{ImageGrid, Intrinsics, Outline};
+use crate::export::images::write_layer;
+use crate::export::{self, ImageLayer};
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::Pose;
 use crate::ground::report::Report;
+use crate::image::RangeImage;
 use crate::scenario::Sample;
-use glam::{DMat3, DQuat, DVec3};
+use crate::scenario::sample::Boxes;
+use glam::{DMat3, DVec3};
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::path::Path;
 
 /// `kitti/training/velodyne/000017.bin`, `label_2`, `calib`, `image_2`, and `ImageSets` (Geiger et al. 2012, Are we ready
-/// for autonomous driving?; formats as in its object development kit).
+/// for autonomous driving?; formats as in its object development kit), with the masks `semantic` and `instance` of its
+/// semantic benchmark.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Kitti {
@@ -29,11 +36,13 @@ pub(super) struct Kitti {
     pub frames: u64,
     /// Types of categories that are not known by their names.
     pub types: BTreeMap<String, String>,
+    /// Classes in masks of categories that are not known by their names.
+    pub classes: BTreeMap<String, String>,
 }
 
 impl Default for Kitti {
     fn default() -> Self {
-        Kitti { velodyne: None, camera: None, frames: 1, types: BTreeMap::new() }
+        Kitti { velodyne: None, camera: None, frames: 1, types: BTreeMap::new(), classes: BTreeMap::new() }
     }
 }
 
@@ -59,9 +68,6 @@ const TYPES: [(&str, &str); 14] = [
 const VISIBLE: f64 = 0.9;
 const PARTLY: f64 = 0.5;
 
-/// What is nearer to the camera's plane is not projected, m.
-const NEAR_M: f64 = 0.1;
-
 /// Boxes that lean more than this lose something, degrees.
 const UPRIGHT_DEG: f64 = 5.0;
 
@@ -72,10 +78,12 @@ struct Writer<'w> {
     /// Numbers of the two scans.
     lidar: usize,
     camera: usize,
-    lens: Camera,
+    grid: ImageGrid,
     calibration: String,
     /// Categories of objects that have no type.
-    others: BTreeSet<String>,
+    untyped: BTreeSet<String>,
+    /// Categories that have no class.
+    unclassed: BTreeSet<String>,
 }
 
 impl Kitti {
@@ -92,6 +100,11 @@ impl Kitti {
         let known = || TYPES.iter().find(|(name, _)| *name == category).map(|(_, of)| *of);
         self.types.get(category).map(String::as_str).or_else(known)
     }
+
+    /// Class of what is of a category.
+    fn class(&self, category: &str) -> Option<u32> {
+        self.classes.get(category).map_or_else(|| masks::number_of(category), |class| masks::number(class))
+    }
 }
 
 impl Style for Kitti {
@@ -100,9 +113,12 @@ impl Style for Kitti {
             return Err(Error::invalid("frames", self.frames, "1 to 100000"));
         }
         let word = |word: &String| !word.is_empty() && !word.contains(char::is_whitespace);
-        match self.types.iter().find(|(_, name)| !word(name)) {
+        if let Some((category, name)) = self.types.iter().find(|(_, name)| !word(name)) {
+            return Err(Error::invalid(format!("types.{category}"), format!("{name:?}"), "a word, such as Car"));
+        }
+        match self.classes.iter().find(|(_, name)| masks::number(name).is_none()) {
             Some((category, name)) => {
-                Err(Error::invalid(format!("types.{category}"), format!("{name:?}"), "a word, such as Car"))
+                Err(Error::invalid(format!("classes.{category}"), format!("{name:?}"), masks::classes()))
             }
             None => Ok(()),
         }
@@ -112,21 +128,13 @@ impl Style for Kitti {
         "kitti"
     }
 
-    fn shares_folders(&self) -> bool {
-        true
-    }
-
     fn fields(&self, _sample: &Sample) -> FieldSet {
-        use Field::{Beam, Blue, CategoryId, Green, InstanceId, Intensity, Red, X, Y, Z};
-        [X, Y, Z, Intensity, CategoryId, InstanceId, Beam, Red, Green, Blue].into_iter().collect()
+        use Field::{Beam, Blue, CategoryId, Green, InstanceId, Intensity, Range, Red, X, Y, Z};
+        [X, Y, Z, Intensity, CategoryId, InstanceId, Beam, Range, Red, Green, Blue].into_iter().collect()
     }
 
-    fn boxes(&self) -> Option<BoxAxes> {
-        Some(BoxAxes::Object)
-    }
-
-    fn needs_boxes(&self, sample: &Sample, scan: usize, _frame: usize) -> bool {
-        self.scans(sample).is_ok_and(|[_, camera]| scan == camera)
+    fn boxes(&self, sample: &Sample, scan: usize, _frame: usize) -> Boxes {
+        if self.scans(sample).is_ok_and(|[_, camera]| scan == camera) { Boxes::InSpace } else { Boxes::None }
     }
 
     fn fits(&self, sample: &Sample) -> Result<()> {
@@ -146,16 +154,17 @@ impl Style for Kitti {
     }
 
     fn writer<'w>(&'w self, number: u64, sample: &Sample, folder: &'w Path) -> Result<Box<dyn Write + 'w>> {
-        for name in ["velodyne", "label_2", "calib", "image_2"] {
+        for name in ["velodyne", "label_2", "calib", "image_2", "semantic", "instance"] {
             let folder = folder.join("training").join(name);
             std::fs::create_dir_all(&folder).map_err(|source| Error::Io { path: folder, source })?;
         }
         let [lidar, camera] = self.scans(sample)?;
         let scans = sample.scans();
-        let lens = Camera::of(scans[camera].sensor())
-            .ok_or_else(|| Error::Internal("a camera that is no pinhole sensor".into()))?;
-        let calibration = calibration(&lens, scans[lidar].mount(), scans[camera].mount());
-        Ok(Box::new(Writer { style: self, number, folder, lidar, camera, lens, calibration, others: BTreeSet::new() }))
+        let (grid, intrinsics) =
+            rig::camera(&scans[camera]).ok_or_else(|| Error::Internal("a camera that is no pinhole sensor".into()))?;
+        let calibration = calibration(&intrinsics, scans[lidar].mount(), scans[camera].mount());
+        let [untyped, unclassed] = [const { BTreeSet::new() }; 2];
+        Ok(Box::new(Writer { style: self, number, folder, lidar, camera, grid, calibration, untyped, unclassed }))
     }
 
     fn join(&self, whole: &mut Whole) -> Result<()> {
@@ -178,9 +187,13 @@ impl Style for Kitti {
          camera's (x right, y down, z ahead), which is rectified: `R0_rect` is the identity, and `P0` to `P3` are the \
          same. Boxes in the image are around the whole object, cut at the image's edges. `occluded` is 0 where 90 % of \
          what a camera alone with the object would see of it are seen, 1 from 50 % on, else 2. `image_2` shows the \
-         surfaces' own colours, without light and shadow. All frames are in `training`; `ImageSets` divides them.\n\n\
+         surfaces' own colours, without light and shadow. `semantic` and `instance` are masks as of KITTI's semantic \
+         benchmark: the class of each pixel with the numbers of Cityscapes (road 7, building 11, person 24, car 26), and \
+         256 times that plus the number of its instance, which counts those of a class in an image from 1; what has no \
+         return, as the sky, is 0. All frames are in `training`; `ImageSets` divides them.\n\n\
          ```python\n\
          import numpy as np\n\
+         from PIL import Image\n\
          points = np.fromfile('kitti/training/velodyne/000000.bin', np.float32).reshape(-1, 4)  # x, y, z, remission\n\
          objects = [line.split() for line in open('kitti/training/label_2/000000.txt')]\n\
          calibration = {}\n\
@@ -188,6 +201,8 @@ impl Style for Kitti {
              name, _, numbers = line.partition(':')\n    \
              calibration[name] = np.array(numbers.split(), float)\n\
          to_camera = calibration['Tr_velo_to_cam'].reshape(3, 4)\n\
+         mask = np.asarray(Image.open('kitti/training/instance/000000.png'))\n\
+         classes, instances = mask >> 8, mask & 255\n\
          ```\n"
             .to_owned()
     }
@@ -208,18 +223,25 @@ impl Write for Writer<'_> {
             export::write_whole(&path("calib", "txt"), self.calibration.as_bytes())?;
         }
         if scan == self.camera {
-            let image = path("image_2", "png");
-            let bytes = self.lens.png(cloud).map_err(|source| export::failed(&image, source))?;
-            export::write_whole(&image, &bytes)?;
+            let image = RangeImage::new(cloud, &self.grid)?;
+            write_layer(&image, ImageLayer::Color, None, &path("image_2", "png"), &mut report)?;
+            let [semantic, instance] = ["semantic", "instance"].map(|name| path(name, "png"));
+            let class = |category: &str| {
+                self.style.class(category).unwrap_or_else(|| {
+                    self.unclassed.insert(category.to_owned());
+                    0
+                })
+            };
+            masks::write(&image, class, [&semantic, &instance], &mut report)?;
             let mut lines = String::new();
             for found in boxes.iter().filter(|found| found.visible > 0.0) {
                 let category = cloud.labels.category.name(found.category_id).unwrap_or("unlabelled");
                 let Some(of) = self.style.of(category) else {
-                    self.others.insert(category.to_owned());
+                    self.untyped.insert(category.to_owned());
                     continue;
                 };
                 let pose = in_sensor(cloud, found);
-                if let Some(line) = label(&self.lens, of, &pose, found) {
+                if let Some(line) = label(&self.grid, of, &pose, found) {
                     lines += &line;
                 }
                 if (pose.orientation * DVec3::Z).z < UPRIGHT_DEG.to_radians().cos() {
@@ -233,21 +255,23 @@ impl Write for Writer<'_> {
 
     fn finish(self: Box<Self>) -> Result<Report> {
         let mut report = Report::default();
-        if !self.others.is_empty() {
-            let names = self.others.into_iter().collect::<Vec<_>>().join(", ");
-            report.warn(format!("kitti: objects that it has no type for have no box: {names}"));
+        for (names, what) in [
+            (self.untyped, "objects that it has no type for have no box"),
+            (self.unclassed, "categories that its masks do not have are unlabeled there"),
+        ] {
+            if !names.is_empty() {
+                report.warn(format!("kitti: {what}: {}", names.into_iter().collect::<Vec<_>>().join(", ")));
+            }
         }
         Ok(report)
     }
 }
 
 /// The line of an object whose box is at `pose` in the camera's frame as a sensor; `None`: it is not in the image.
-fn label(lens: &Camera, of: &str, pose: &Pose, found: &InstanceBox) -> Option<String> {
-    let axes = Camera::axes();
-    let shown = InstanceBox { pose: *pose, ..*found };
-    let corners = shown.corners().map(|corner| axes * corner);
-    let whole = around(lens, &corners)?;
-    let last = lens.size.map(|count| f64::from(count) - 1.0);
+fn label(grid: &ImageGrid, of: &str, pose: &Pose, found: &InstanceBox) -> Option<String> {
+    let to_optical = Intrinsics::FROM_OPTICAL.inverse();
+    let whole = around(grid, &InstanceBox { pose: *pose, ..*found })?;
+    let last = [grid.width, grid.height].map(|count| count as f64 - 1.0);
     let cut: [[f64; 2]; 2] = whole.map(|corner| [0, 1].map(|axis| corner[axis].clamp(0.0, last[axis])));
     let area = |[low, high]: [[f64; 2]; 2]| (high[0] - low[0]) * (high[1] - low[1]);
     if area(cut) <= 0.0 {
@@ -259,9 +283,9 @@ fn label(lens: &Camera, of: &str, pose: &Pose, found: &InstanceBox) -> Option<St
         visible if visible >= PARTLY => 1,
         _ => 2,
     };
-    let (ahead, up) = (axes * (pose.orientation * DVec3::X), pose.orientation * DVec3::Z);
+    let (ahead, up) = (to_optical * (pose.orientation * DVec3::X), pose.orientation * DVec3::Z);
     // The place is the middle of the lower face.
-    let place = axes * (pose.position - up * (0.5 * found.size.z));
+    let place = to_optical * (pose.position - up * (0.5 * found.size.z));
     let turned = (-ahead.z).atan2(ahead.x);
     let angle = |angle: f64| {
         let whole = std::f64::consts::TAU;
@@ -274,40 +298,28 @@ fn label(lens: &Camera, of: &str, pose: &Pose, found: &InstanceBox) -> Option<St
     Some(format!("{of} {:.4} {occluded} {:.4} {}\n", truncated + 0.0, alpha + 0.0, numbers.join(" ")))
 }
 
-/// Least and greatest coordinates in the image of a box with such corners in the camera's axes; `None`: it is behind it.
-fn around(lens: &Camera, corners: &[DVec3; 8]) -> Option<[[f64; 2]; 2]> {
-    let [mut low, mut high] = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
-    let mut see = |point: DVec3| {
-        let place = lens.project(point);
-        low = [0, 1].map(|axis| low[axis].min(place[axis]));
-        high = [0, 1].map(|axis| high[axis].max(place[axis]));
-    };
-    for [a, b] in InstanceBox::EDGES.map(|edge| edge.map(|corner| corners[corner])) {
-        let near = |from: DVec3, to: DVec3| from + (to - from) * ((NEAR_M - from.z) / (to.z - from.z));
-        for (from, to) in [(a, b), (b, a)] {
-            match (from.z >= NEAR_M, to.z >= NEAR_M) {
-                (true, _) => see(from),
-                (false, true) => see(near(from, to)),
-                (false, false) => {}
-            }
-        }
-    }
-    low[0].is_finite().then_some([low, high])
+/// Least and greatest coordinates in the image of a box in the camera's frame as a sensor, from the middle of the first
+/// pixel; `None`: it is behind it.
+fn around(grid: &ImageGrid, shown: &InstanceBox) -> Option<[[f64; 2]; 2]> {
+    let mut outline = Outline::new(grid, shown.pose.position);
+    let corners = shown.corners();
+    InstanceBox::EDGES.iter().for_each(|&[a, b]| outline.add([corners[a], corners[b], corners[b]]));
+    let [left, top, right, bottom] = outline.done()?.map(|end| end - 0.5);
+    Some([[left, top], [right, bottom]])
 }
 
 /// `calib/000017.txt` of sensors that are mounted so.
-fn calibration(lens: &Camera, lidar: &Pose, camera: &Pose) -> String {
-    let [[fx, fy], [cx, cy]] = [lens.focal, lens.centre];
-    let projection = [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0];
+fn calibration(intrinsics: &Intrinsics, lidar: &Pose, camera: &Pose) -> String {
+    let projection = intrinsics.matrix().map(|[x, y, z]| [x, y, z, 0.0]);
     let mut text = String::new();
     let mut line = |name: &str, numbers: &[f64]| {
         let numbers: Vec<String> = numbers.iter().map(|number| format!("{:.12e}", number + 0.0)).collect();
         // Writing to a text does not fail.
         let _ = writeln!(text, "{name}: {}", numbers.join(" "));
     };
-    ["P0", "P1", "P2", "P3"].into_iter().for_each(|name| line(name, &projection));
+    ["P0", "P1", "P2", "P3"].into_iter().for_each(|name| line(name, projection.as_flattened()));
     line("R0_rect", &DMat3::IDENTITY.to_cols_array());
-    let turned = Pose { position: DVec3::ZERO, orientation: DQuat::from_mat3(&Camera::axes()) };
+    let turned = Pose { position: DVec3::ZERO, orientation: Intrinsics::FROM_OPTICAL.inverse() };
     line("Tr_velo_to_cam", &rows(&on(&turned, &on(&inverse(camera), lidar))));
     line("Tr_imu_to_velo", &rows(&inverse(lidar)));
     text

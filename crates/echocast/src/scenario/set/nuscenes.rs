@@ -3,16 +3,20 @@
 mod categories;
 
 use super::points::{in_world, inverse, local, on, remission};
-use super::rig::{Camera, Kind, find, kind};
+use super::rig::{Kind, camera, find, kind};
 use super::style::{Scanned, Style, Writer as Write, numbered};
 use super::whole::Whole;
-use crate::cloud::{BoxAxes, Field, FieldSet};
-use crate::export;
+use crate::cloud::{Field, FieldSet};
+use crate::emitter::{ImageGrid, Intrinsics};
+use crate::export::images::write_layer;
+use crate::export::{self, ImageLayer};
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::Pose;
 use crate::ground::report::Report;
 use crate::ground::shown;
+use crate::image::RangeImage;
 use crate::scenario::Sample;
+use crate::scenario::sample::Boxes;
 use categories::Categories;
 use glam::{DQuat, DVec3};
 use serde::Deserialize;
@@ -93,7 +97,7 @@ struct Channel {
     /// Number of its scan.
     scan: usize,
     name: String,
-    lens: Option<Camera>,
+    camera: Option<(ImageGrid, Intrinsics)>,
     /// Of its calibration.
     token: String,
     shots: Vec<Shot>,
@@ -181,23 +185,15 @@ impl Style for NuScenes {
         ROOT
     }
 
-    fn shares_folders(&self) -> bool {
-        true
-    }
-
     fn fields(&self, _sample: &Sample) -> FieldSet {
-        use Field::{Beam, Blue, CategoryId, Channel, Green, InstanceId, Intensity, Red, X, Y, Z};
-        [X, Y, Z, Intensity, CategoryId, InstanceId, Channel, Beam, Red, Green, Blue].into_iter().collect()
+        use Field::{Beam, Blue, CategoryId, Channel, Green, InstanceId, Intensity, Range, Red, X, Y, Z};
+        [X, Y, Z, Intensity, CategoryId, InstanceId, Channel, Beam, Range, Red, Green, Blue].into_iter().collect()
     }
 
-    fn boxes(&self) -> Option<BoxAxes> {
-        Some(BoxAxes::Object)
-    }
-
-    fn needs_boxes(&self, sample: &Sample, scan: usize, frame: usize) -> bool {
+    fn boxes(&self, sample: &Sample, scan: usize, frame: usize) -> Boxes {
         let starts = || sample.scans()[scan].frames().iter().map(|frame| frame.start);
         let key = || starts().nth(frame).is_some_and(|start| key_times(starts()).contains(&start));
-        self.top(sample).is_ok_and(|top| scan == top) && key()
+        if self.top(sample).is_ok_and(|top| scan == top) && key() { Boxes::InSpace } else { Boxes::None }
     }
 
     fn fits(&self, sample: &Sample) -> Result<()> {
@@ -217,10 +213,10 @@ impl Style for NuScenes {
         let scans = sample.scans();
         let others = (0..scans.len()).filter(|&scan| scan != top && kind(&scans[scan]) != Kind::Sonar);
         for scan in [top].into_iter().chain(others) {
-            let lens = Camera::of(scans[scan].sensor());
+            let camera = camera(&scans[scan]);
             let own: String = scans[scan].name().to_uppercase();
             let own: String = own.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
-            let channel = match &lens {
+            let channel = match &camera {
                 _ if scan == top => "LIDAR_TOP".to_owned(),
                 Some(_) => format!("CAM_{}", own.trim_start_matches("CAM_")),
                 None => format!("LIDAR_{}", own.trim_start_matches("LIDAR_")),
@@ -234,9 +230,9 @@ impl Style for NuScenes {
                 ));
             }
             let times: Vec<f64> = scans[scan].frames().iter().map(|frame| frame.start).collect();
-            let shots = shots(&name, number, &channel, lens.is_some(), &times, &keys);
+            let shots = shots(&name, number, &channel, camera.is_some(), &times, &keys);
             let token = token(&["calibrated_sensor", &name, &channel]);
-            channels.push(Channel { scan, name: channel, lens, token, shots });
+            channels.push(Channel { scan, name: channel, camera, token, shots });
         }
         for channel in &channels {
             for kind in ["samples", "sweeps"] {
@@ -464,16 +460,14 @@ impl Writer<'_> {
             self.row("sample", &row);
         }
         for index in 0..self.channels.len() {
-            let Channel { scan, name, lens, token: calibrated, .. } = &self.channels[index];
-            let modality = if lens.is_some() { "camera" } else { "lidar" };
+            let Channel { scan, name, camera, token: calibrated, .. } = &self.channels[index];
+            let modality = if camera.is_some() { "camera" } else { "lidar" };
             let sensor = token(&["sensor", name]);
             let mount = sample.scans()[*scan].mount();
-            let (orientation, intrinsic) = match lens {
+            let (orientation, intrinsic) = match camera {
                 None => (mount.orientation, json!([])),
-                Some(lens) => {
-                    let ([fx, fy], [cx, cy]) = (lens.focal, lens.centre);
-                    let axes = DQuat::from_mat3(&Camera::axes().transpose());
-                    ((mount.orientation * axes).normalize(), json!([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]))
+                Some((_, camera)) => {
+                    ((mount.orientation * Intrinsics::FROM_OPTICAL).normalize(), json!(camera.matrix()))
                 }
             };
             let row = json!({
@@ -548,10 +542,9 @@ impl Write for Writer<'_> {
         let path = self.folder.join(&shot.file);
         let [mut width, mut height] = [0; 2];
         let mut labels = None;
-        if let Some(lens) = &channel.lens {
-            [width, height] = lens.size;
-            let bytes = lens.png(cloud).map_err(|source| export::failed(&path, source))?;
-            export::write_whole(&path, &bytes)?;
+        if let Some((grid, _)) = &channel.camera {
+            [width, height] = [grid.width, grid.height];
+            write_layer(&RangeImage::new(cloud, grid)?, ImageLayer::Color, None, &path, &mut report)?;
         } else {
             let columns = &cloud.columns;
             let (mut points, mut classes) = (Vec::new(), Vec::new());
@@ -587,7 +580,7 @@ impl Write for Writer<'_> {
         let data = json!({
             "token": shot.token, "sample_token": self.sample_token(Some(shot.key)), "ego_pose_token": shot.token,
             "calibrated_sensor_token": channel.token, "timestamp": shot.timestamp,
-            "fileformat": if channel.lens.is_some() { "png" } else { "pcd" }, "is_key_frame": shot.is_key,
+            "fileformat": if channel.camera.is_some() { "png" } else { "pcd" }, "is_key_frame": shot.is_key,
             "height": height, "width": width, "filename": shot.file, "prev": beside(frame.checked_sub(1)),
             "next": beside(Some(frame + 1)),
         });

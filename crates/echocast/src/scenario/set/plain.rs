@@ -44,6 +44,10 @@ impl Style for Plain {
         "data"
     }
 
+    fn folder_per_sample(&self) -> bool {
+        true
+    }
+
     fn readme(&self) -> String {
         let mut text = format!(
             "`data` holds a folder for each sample, with a file for each sensor in the format `{}`, of several frames one \

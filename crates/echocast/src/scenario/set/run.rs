@@ -9,6 +9,7 @@ use crate::cloud::{Field, FieldSet, PointCloud};
 use crate::export::{self, cancel_flag};
 use crate::ground::error::{Error, Result};
 use crate::preview::{self, PreviewOptions, View};
+use crate::scenario::sample::Boxes;
 use crate::scenario::{Sample, Scenario, lock};
 use crate::trace::Engine;
 use glam::Vec3;
@@ -285,10 +286,8 @@ impl Maker<'_> {
         for scan in 0..sample.scans().len() {
             for frame in 0..sample.scans()[scan].frames().len() {
                 let asked = sample.scans()[scan].options(frame).fields;
-                let styles = || self.styles.iter().filter(|style| style.needs_boxes(sample, scan, frame));
-                let boxes = styles().find_map(|style| style.boxes());
-                let in_images = styles().any(|style| style.image_boxes());
-                sample.cloud_with(scan, frame, needed, (boxes, in_images), cloud)?;
+                let boxes = self.styles.iter().map(|style| style.boxes(sample, scan, frame)).max();
+                sample.cloud_with(scan, frame, needed, boxes.unwrap_or(Boxes::None), cloud)?;
                 counts.add(cloud);
                 if shown && (scan, frame) == (0, 0) {
                     let path = Path::new("pictures").join(format!("{}.png", numbered(number)));

@@ -81,6 +81,10 @@ impl Style for SemanticKitti {
         "sequences"
     }
 
+    fn folder_per_sample(&self) -> bool {
+        true
+    }
+
     fn fields(&self, sample: &Sample) -> FieldSet {
         let own = [Field::X, Field::Y, Field::Z, Field::Intensity, Field::CategoryId, Field::InstanceId];
         own.into_iter().chain(VELOCITY.into_iter().filter(|_| sample.is_moving())).collect()

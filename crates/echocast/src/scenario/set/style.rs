@@ -8,11 +8,12 @@ use super::semantic_kitti::SemanticKitti;
 use super::voc::Voc;
 use super::webdataset::WebDataset;
 use super::whole::Whole;
-use crate::cloud::{BoxAxes, FieldSet, InstanceBox, PointCloud};
+use crate::cloud::{FieldSet, InstanceBox, PointCloud};
 use crate::ground::error::{Error, Result, nearest};
 use crate::ground::report::Report;
 use crate::read::yaml::Document;
 use crate::scenario::Sample;
+use crate::scenario::sample::Boxes;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::fmt;
@@ -31,28 +32,18 @@ pub(super) trait Style: fmt::Debug + Send + Sync {
     /// The folder in the set that it writes to.
     fn root(&self) -> &'static str;
 
-    /// Whether samples share the folders in it, so that each file must be called after its sample; else each sample has a
-    /// folder there.
-    fn shares_folders(&self) -> bool {
+    /// Whether each sample has a folder there; else samples share the folders in it, and each file must be called after
+    /// its sample.
+    fn folder_per_sample(&self) -> bool {
         false
     }
 
     /// Columns that it needs of `sample`.
     fn fields(&self, sample: &Sample) -> FieldSet;
 
-    /// The boxes that it needs around instances, if any.
-    fn boxes(&self) -> Option<BoxAxes> {
-        None
-    }
-
-    /// Whether it needs those of this frame of a scan of `sample`, both counted from 0.
-    fn needs_boxes(&self, _sample: &Sample, _scan: usize, _frame: usize) -> bool {
-        true
-    }
-
-    /// Whether the boxes must also say where they are in the sensor's image, if it has one.
-    fn image_boxes(&self) -> bool {
-        false
+    /// The boxes that it needs around instances of this frame of a scan of `sample`, both counted from 0.
+    fn boxes(&self, _sample: &Sample, _scan: usize, _frame: usize) -> Boxes {
+        Boxes::None
     }
 
     /// Checks that it can hold the scans of `sample`.

@@ -3,13 +3,14 @@
 use super::imaging::{Imaging, scans};
 use super::style::{Scanned, Style, Writer as Write};
 use super::whole::Whole;
-use crate::cloud::{BoxAxes, FieldSet};
+use crate::cloud::FieldSet;
 use crate::export::annotations::{Shown, voc};
-use crate::export::images::write_numbers;
+use crate::export::images::{Samples, write_numbers};
 use crate::export::{self, AnnotationStyle, ImageLayer, ImageOptions};
 use crate::ground::error::Result;
 use crate::ground::report::Report;
 use crate::scenario::Sample;
+use crate::scenario::sample::Boxes;
 use serde::Deserialize;
 use std::collections::HashMap;
 use std::path::Path;
@@ -48,20 +49,12 @@ impl Style for Voc {
         ROOT
     }
 
-    fn shares_folders(&self) -> bool {
-        true
-    }
-
     fn fields(&self, _sample: &Sample) -> FieldSet {
         Voc::options().fields()
     }
 
-    fn boxes(&self) -> Option<BoxAxes> {
-        Some(BoxAxes::Object)
-    }
-
-    fn image_boxes(&self) -> bool {
-        true
+    fn boxes(&self, _sample: &Sample, _scan: usize, _frame: usize) -> Boxes {
+        Boxes::InImage
     }
 
     fn fits(&self, sample: &Sample) -> Result<()> {
@@ -122,12 +115,13 @@ impl Write for Writer<'_> {
         let known: Vec<_> = taken.found.iter().copied().filter(|found| found.category_id != 0).collect();
         let of: HashMap<u32, u32> = known.iter().map(|found| found.instance_id).zip(1..).collect();
         let numbers = taken.image.instance_id.iter().map(|id| of.get(id).copied().unwrap_or(0));
-        let wide = known.len() > usize::from(u8::MAX);
-        if wide {
+        let mut samples = Samples::Indexed;
+        if known.len() > usize::from(u8::MAX) {
+            samples = Samples::Grey16;
             report.warn("voc: pictures of more than 255 objects have SegmentationObject in 16 bits");
         }
         let texts = vec![("quantity".to_owned(), "object, by its place in the annotation".to_owned())];
-        write_numbers(&taken.image, numbers, wide, texts, &self.imaging.path("SegmentationObject", &taken, "png"))?;
+        write_numbers(&taken.image, numbers, samples, texts, &self.imaging.path("SegmentationObject", &taken, "png"))?;
         let at = sample.scans()[scan].frames()[frame];
         let picture = format!("{}.png", taken.stem);
         let shown = Shown { image: &taken.image, found: &known, picture: &picture, frame: at.number, time: at.start };

@@ -65,10 +65,6 @@ impl Style for WebDataset {
         ROOT
     }
 
-    fn shares_folders(&self) -> bool {
-        true
-    }
-
     fn fields(&self, _sample: &Sample) -> FieldSet {
         FieldSet::EMPTY
     }
