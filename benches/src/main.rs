@@ -1,6 +1,7 @@
 //! `make bench`: rays per second compared with the bare Embree loop, what weather adds, what adaptive beams cost and
-//! find, what moves, sonar, samples of sets, the paper's two experiments, how fast files are read and written, the C
-//! library compared with the Rust crate, and scans side by side. Prints tables and writes `target/bench.json`.
+//! find, what moves, sonar, samples of sets and what their styles cost, the paper's two experiments, how fast files are
+//! read and written, the C library compared with the Rust crate, and scans side by side. Prints tables and writes
+//! `target/bench.json`.
 //!
 //! All ratios come from interleaved rounds in one process; times are processor time, medians.
 #![forbid(unsafe_code)]
@@ -33,6 +34,7 @@ const SECTIONS: &[Section] = &[
     ("motion", motion::run),
     ("sound", sound::run),
     ("scenario", scenario::run),
+    ("styles", scenario::styles),
     ("paper", paper::run),
     ("files", files::run),
     ("memory", memory::run),

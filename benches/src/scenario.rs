@@ -1,13 +1,15 @@
-//! How fast samples of a set are made: a street in which five cars move, seen by a VLP-32C, as SemanticKITTI.
+//! How fast samples of a set are made: a street in which five cars move, seen by a VLP-32C, as SemanticKITTI. What each
+//! style of sets costs beside the scans.
 
 use crate::Result;
 use crate::clock::{cpu_seconds, median};
-use echocast::Scenario;
 use echocast::generate::Street;
 use echocast::scenario::set::{self, RunOptions};
+use echocast::{Engine, PointCloud, Scenario};
 use serde_json::{Value, json};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
+use tempfile::TempDir;
 
 /// Samples of a run, and frames of the plain scans: few for a set, whose first twelve have pictures.
 const SAMPLES: u64 = 120;
@@ -16,9 +18,15 @@ const ROUNDS: usize = 3;
 const STREET: &str = "scene: {files: street.glb}\nsensors: [{sensor: velodyne_vlp32c}]\ntrajectory: {camera: Corner}\n\
                       outputs: [{style: semantic_kitti}]\n";
 
-pub fn run() -> Result<Value> {
+/// A folder with the scene.
+fn street() -> Result<TempDir> {
     let folder = tempfile::tempdir()?;
     Street { cars: Some(5), ..Street::default() }.scene(7)?.write(folder.path().join("street.glb"))?;
+    Ok(folder)
+}
+
+pub fn run() -> Result<Value> {
+    let folder = street()?;
     // Sample 17 at the time of frame 17, so that as much moves as in the plain scans.
     let frames: Vec<String> = (0..SAMPLES).map(|frame| format!("{{first: {frame}, last: {frame}}}")).collect();
     let varied = format!(
@@ -29,23 +37,24 @@ pub fn run() -> Result<Value> {
     // One sample whose frames are scanned and written one after the other.
     let plain = format!("{STREET}frames: {{last: {}}}\n", SAMPLES - 1);
     let mut number = 0;
-    let mut make = |text: &str, threads: usize, shard: Option<[u64; 2]>| -> Result<[f64; 2]> {
+    let mut make = |text: &str, threads: usize| -> Result<[f64; 3]> {
         number += 1;
-        made(folder.path(), text, &folder.path().join(number.to_string()), threads, shard)
+        made(folder.path(), text, options(folder.path().join(number.to_string()), threads))
     };
     // Files are read once before.
-    make(&plain, 1, None)?;
+    make(&plain, 1)?;
     let (mut ratios, mut rates, mut shards) = (Vec::new(), Vec::new(), Vec::new());
     for round in 0..ROUNDS {
-        let [_, plain] = make(&plain, 1, None)?;
-        let [alone, one] = make(&varied, 1, None)?;
+        let [_, plain, _] = make(&plain, 1)?;
+        let [alone, one, _] = make(&varied, 1)?;
         ratios.push(one / plain);
-        let [wall, _] = make(&varied, 2, None)?;
+        let [wall, ..] = make(&varied, 2)?;
         rates.push(SAMPLES as f64 / wall);
         // Two shards at once, each on one core, beside all samples by one.
         let start = Instant::now();
         let parts = folder.path().join(format!("shards_{round}"));
-        let work = |part: u64| made(folder.path(), &varied, &parts, 1, Some([part, 2]));
+        let shard = |part: u64| RunOptions { shard: Some([part, 2]), ..options(parts.clone(), 1) };
+        let work = |part: u64| made(folder.path(), &varied, shard(part));
         std::thread::scope(|scope| -> Result<()> {
             let other = scope.spawn(|| work(1));
             work(0)?;
@@ -63,14 +72,87 @@ pub fn run() -> Result<Value> {
     Ok(json!({"samples_per_s": rate, "over_plain": ratio, "two_shards": shards}))
 }
 
-/// Makes a set; wall and processor seconds.
-fn made(folder: &Path, text: &str, to: &Path, threads: usize, shard: Option<[u64; 2]>) -> Result<[f64; 2]> {
+// Of one ray a beam, so that a scan is not much slower than what is measured beside it.
+const TOP: &str = "{name: top, sensor: velodyne_vls128, set: {beam.sub_rays: 1}}";
+const EYE: &str = "{name: eye, sensor: {name: eye, kind: lidar, pattern: {type: pinhole, resolution: [1242, 375], \
+                   fov_deg: [81, 29]}}}";
+
+/// Styles, and sensors that fill them.
+const STYLES: [(&str, &[&str]); 7] = [
+    ("plain", &[TOP]),
+    ("semantic_kitti", &[TOP]),
+    ("kitti", &[TOP, EYE]),
+    ("nuscenes", &[TOP]),
+    ("webdataset", &[TOP]),
+    ("coco", &[EYE]),
+    ("voc", &[EYE]),
+];
+
+/// First and last of the samples that are measured: those before have pictures.
+const MEASURED: [u64; 2] = [12, 21];
+
+/// Processor time of styles: of making samples, but for their scans. That is further columns and boxes, files and their
+/// digests.
+pub fn styles() -> Result<Value> {
+    let folder = street()?;
+    let folder = folder.path();
+    let [first, last] = MEASURED;
+    let count = (last - first + 1) as f64;
+    println!("\nStyles of sets: a VLS-128, a camera of 1242 x 375 or both, one core, median of {ROUNDS}");
+    println!("{:<16}{:>10}{:>12}{:>14}{:>18}", "style", "points", "scan, ms", "style, ms", "M points/CPU s");
+    let mut rows = Vec::new();
+    for (style, sensors) in STYLES {
+        let text = format!(
+            "scene: {{files: street.glb}}\nsensors: [{}]\ntrajectory: {{camera: Corner}}\nsamples: {}\n\
+             outputs: [{{style: {style}}}]\n",
+            sensors.join(", "),
+            last + 1
+        );
+        let (mut scans, mut others, mut points) = (Vec::new(), Vec::new(), 0.0);
+        for round in 0..ROUNDS {
+            let scan = scanned(folder, &text)? / count;
+            let options = options(folder.join(format!("{style}_{round}")), 1);
+            let [_, cpu, all] = made(folder, &text, RunOptions { samples: Some([first, last, 1]), ..options })?;
+            scans.push(scan);
+            others.push(cpu / count - scan);
+            points = all / count;
+        }
+        let [scan, other] = [scans, others].map(median);
+        let rate = points / other;
+        println!("{style:<16}{points:>10.0}{:>12.1}{:>14.1}{:>18.2}", scan * 1e3, other * 1e3, rate / 1e6);
+        rows.push(json!({
+            "style": style, "points": points, "scan_cpu_s": scan, "style_cpu_s": other, "points_per_cpu_s": rate,
+        }));
+    }
+    Ok(json!(rows))
+}
+
+/// Makes scans without writing them; processor seconds.
+fn scanned(folder: &Path, text: &str) -> Result<f64> {
+    let scenario = Scenario::from_yaml(text, folder)?.with_engine(&Engine::with_threads(1)?);
+    let mut cloud = PointCloud::default();
+    let start = cpu_seconds();
+    for number in MEASURED[0]..=MEASURED[1] {
+        let mut sample = scenario.sample(number)?;
+        for scan in 0..sample.scans().len() {
+            sample.cloud_into(scan, 0, &mut cloud)?;
+        }
+    }
+    Ok(cpu_seconds() - start)
+}
+
+/// All samples, to the folder `to`.
+fn options(to: PathBuf, threads: usize) -> RunOptions {
+    RunOptions { folder: Some(to), samples: None, shard: None, resume: false, threads }
+}
+
+/// Makes a set; wall and processor seconds, and points.
+fn made(folder: &Path, text: &str, options: RunOptions) -> Result<[f64; 3]> {
     let scenario = Scenario::from_yaml(text, folder)?;
-    let options = RunOptions { folder: Some(to.to_owned()), samples: None, shard, resume: false, threads };
     let (wall, cpu) = (Instant::now(), cpu_seconds());
     let summary = set::run(scenario, &options, &|_| {})?;
     if let Some((sample, error)) = summary.failed.first() {
         return Err(format!("sample {sample}: {error}").into());
     }
-    Ok([wall.elapsed().as_secs_f64(), cpu_seconds() - cpu])
+    Ok([wall.elapsed().as_secs_f64(), cpu_seconds() - cpu, summary.points as f64])
 }

@@ -2,7 +2,7 @@
 
 mod categories;
 
-use super::points::{in_world, inverse, local, on, remission};
+use super::points::{Known, in_world, inverse, local, on, remission};
 use super::rig::{Kind, camera, find, kind};
 use super::style::{Scanned, Style, Writer as Write, numbered};
 use super::whole::Whole;
@@ -547,14 +547,14 @@ impl Write for Writer<'_> {
             write_layer(&RangeImage::new(cloud, grid)?, ImageLayer::Color, None, &path, &mut report)?;
         } else {
             let columns = &cloud.columns;
-            let (mut points, mut classes) = (Vec::new(), Vec::new());
-            let mut known: BTreeMap<u32, u8> = BTreeMap::new();
+            let [mut points, mut classes] = [20, 1].map(|bytes| Vec::with_capacity(bytes * cloud.len));
+            let mut known = Known::new();
             for (row, point) in local(cloud) {
                 let ring = f32::from(columns.channel[row]);
                 let numbers = [point.x, point.y, point.z, 255.0 * remission(cloud, row), ring];
                 points.extend(numbers.map(f32::to_le_bytes).as_flattened());
                 let category = columns.category_id[row];
-                classes.push(*known.entry(category).or_insert_with(|| match cloud.labels.category.name(category) {
+                classes.push(known.of(category, || match cloud.labels.category.name(category) {
                     None => categories::NOISE,
                     Some(name) => self.categories.index(name).unwrap_or_else(|| {
                         self.unknown.insert(name.to_owned());

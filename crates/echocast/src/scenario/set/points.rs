@@ -3,6 +3,9 @@
 use crate::cloud::{Frame, InstanceBox, PointCloud};
 use crate::ground::pose::Pose;
 use glam::Vec3;
+use std::collections::HashMap;
+use std::hash::Hash;
+use std::ops::Range;
 
 /// The rows of `cloud` that are somewhere, and where, in the sensor's frame at the start of the scan.
 pub(super) fn local(cloud: &PointCloud) -> impl Iterator<Item = (usize, Vec3)> {
@@ -17,6 +20,36 @@ pub(super) fn local(cloud: &PointCloud) -> impl Iterator<Item = (usize, Vec3)> {
         }
     };
     (0..cloud.len).map(move |row| (row, place(row))).filter(|(_, point)| point.is_finite())
+}
+
+/// Stretches of rows that have the same number, which is that of what neighbours in a scan have hit.
+pub(super) fn runs(numbers: &[u32]) -> impl Iterator<Item = (u32, Range<usize>)> {
+    let mut end = 0;
+    numbers.chunk_by(|a, b| a == b).map(move |run| {
+        let start = end;
+        end += run.len();
+        (run[0], start..end)
+    })
+}
+
+/// What belongs to the labels of rows, each made once; the last is at hand, since neighbours have the same.
+pub(super) struct Known<K, V> {
+    all: HashMap<K, V>,
+    last: Option<(K, V)>,
+}
+
+impl<K: Copy + Eq + Hash, V: Copy> Known<K, V> {
+    pub fn new() -> Known<K, V> {
+        Known { all: HashMap::new(), last: None }
+    }
+
+    /// What belongs to `key`, which is made if it is not known.
+    pub fn of(&mut self, key: K, make: impl FnOnce() -> V) -> V {
+        match self.last {
+            Some((last, value)) if last == key => value,
+            _ => self.last.insert((key, *self.all.entry(key).or_insert_with(make))).1,
+        }
+    }
 }
 
 /// Intensity of a row, 0 to 1.

@@ -2,6 +2,7 @@
 
 use super::folder::{self, Origin, settle, unfinished};
 use super::manifest::{self, Entry, FARTHEST_M, FileEntry, Log, RANGE_STEP_M, drawn_file};
+use super::points::runs;
 use super::style::{self, Scanned, Style, numbered};
 use super::whole::Whole;
 use super::{readme, report};
@@ -349,21 +350,24 @@ impl Counts {
         let mut numbers: BTreeMap<u32, u64> = BTreeMap::new();
         let from = (cloud.sensor_pose.position - cloud.origin).as_vec3();
         let from = if cloud.frame == crate::cloud::Frame::World { from } else { Vec3::ZERO };
-        for row in 0..cloud.len {
-            let range = Vec3::new(columns.x[row], columns.y[row], columns.z[row]).distance(from);
-            // Misses of organised clouds.
-            if !range.is_finite() {
-                continue;
+        for (category, rows) in runs(&columns.category_id) {
+            let before = self.points;
+            for row in rows {
+                let range = Vec3::new(columns.x[row], columns.y[row], columns.z[row]).distance(from);
+                // Misses of organised clouds.
+                if !range.is_finite() {
+                    continue;
+                }
+                self.points += 1;
+                let step = (f64::from(range).min(FARTHEST_M) / RANGE_STEP_M) as usize;
+                if self.ranges.len() <= step {
+                    self.ranges.resize(step + 1, 0);
+                }
+                self.ranges[step] += 1;
             }
-            self.points += 1;
-            *numbers.entry(columns.category_id[row]).or_default() += 1;
-            let step = (f64::from(range).min(FARTHEST_M) / RANGE_STEP_M) as usize;
-            if self.ranges.len() <= step {
-                self.ranges.resize(step + 1, 0);
-            }
-            self.ranges[step] += 1;
+            *numbers.entry(category).or_default() += self.points - before;
         }
-        for (number, count) in numbers {
+        for (number, count) in numbers.into_iter().filter(|(_, count)| *count > 0) {
             let name = cloud.labels.category.name(number).unwrap_or("unlabelled");
             *self.categories.entry(name.to_owned()).or_default() += count;
         }

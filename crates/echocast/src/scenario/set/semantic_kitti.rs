@@ -1,6 +1,6 @@
 //! SemanticKITTI: each sample a sequence.
 
-use super::points::{local, remission};
+use super::points::{Known, local, remission, runs};
 use super::style::{Scanned, Style, Writer as Write, numbered};
 use crate::cloud::{Field, FieldSet, PointCloud, VELOCITY};
 use crate::export;
@@ -147,32 +147,30 @@ impl Write for Writer<'_> {
         // Instances are numbered anew in each scan, since they have 16 bits.
         let mut instances: HashMap<u32, u16> = HashMap::new();
         let moving = if sample.is_moving() { moving(cloud) } else { HashSet::new() };
-        let (mut points, mut labels, mut unknown) = (Vec::new(), Vec::new(), BTreeSet::new());
-        let mut classes: HashMap<u32, u16> = HashMap::new();
-        for (row, Vec3 { x, y, z }) in local(cloud) {
-            points.extend([x, y, z, remission(cloud, row)].map(f32::to_le_bytes).as_flattened());
-            let category = columns.category_id[row];
-            let class = *classes.entry(category).or_insert_with(|| {
-                let name = cloud.labels.category.name(category).unwrap_or("unlabeled");
-                let known = CLASSES.iter().find(|(class, _)| *class == name);
-                known.map_or_else(
-                    || {
-                        unknown.insert(name.to_owned());
-                        0
-                    },
-                    |(_, number)| *number,
-                )
-            });
+        let mut unknown = BTreeSet::new();
+        let mut label = |category: u32, instance: u32| {
+            let name = cloud.labels.category.name(category).unwrap_or("unlabeled");
+            let class = CLASSES.iter().find(|(class, _)| *class == name).map_or_else(
+                || {
+                    unknown.insert(name.to_owned());
+                    0
+                },
+                |(_, number)| *number,
+            );
             let class = match MOVING.iter().find(|(standing, _)| *standing == class) {
-                Some((_, moving_class)) if moving.contains(&columns.instance_id[row]) => *moving_class,
+                Some((_, moving_class)) if moving.contains(&instance) => *moving_class,
                 _ => class,
             };
             let next = u16::try_from(instances.len() + 1).unwrap_or(0);
-            let instance = match columns.instance_id[row] {
-                0 => 0,
-                number => *instances.entry(number).or_insert(next),
-            };
-            labels.extend((u32::from(class) | u32::from(instance) << 16).to_le_bytes());
+            let instance = if instance == 0 { 0 } else { *instances.entry(instance).or_insert(next) };
+            u32::from(class) | u32::from(instance) << 16
+        };
+        let mut known = Known::new();
+        let [mut points, mut labels] = [16, 4].map(|bytes| Vec::with_capacity(bytes * cloud.len));
+        for (row, Vec3 { x, y, z }) in local(cloud) {
+            points.extend([x, y, z, remission(cloud, row)].map(f32::to_le_bytes).as_flattened());
+            let [category, instance] = [columns.category_id[row], columns.instance_id[row]];
+            labels.extend(known.of([category, instance], || label(category, instance)).to_le_bytes());
         }
         if !unknown.is_empty() {
             let names = unknown.into_iter().collect::<Vec<_>>().join(", ");
@@ -213,12 +211,14 @@ impl Write for Writer<'_> {
 fn moving(cloud: &PointCloud) -> HashSet<u32> {
     let columns = &cloud.columns;
     let mut speeds: HashMap<u32, (f32, u32)> = HashMap::new();
-    for row in 0..cloud.len {
-        let velocity = Vec3::new(columns.velocity_x[row], columns.velocity_y[row], columns.velocity_z[row]);
-        if columns.instance_id[row] != 0 && velocity.is_finite() {
-            let (sum, count) = speeds.entry(columns.instance_id[row]).or_default();
-            *sum += velocity.length();
-            *count += 1;
+    for (instance, rows) in runs(&columns.instance_id).filter(|(instance, _)| *instance != 0) {
+        let (sum, count) = speeds.entry(instance).or_default();
+        for row in rows {
+            let velocity = Vec3::new(columns.velocity_x[row], columns.velocity_y[row], columns.velocity_z[row]);
+            if velocity.is_finite() {
+                *sum += velocity.length();
+                *count += 1;
+            }
         }
     }
     speeds.into_iter().filter(|(_, (sum, count))| *sum > STANDING_M_S * *count as f32).map(|(id, _)| id).collect()

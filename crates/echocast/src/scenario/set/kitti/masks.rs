@@ -4,6 +4,7 @@ use crate::export::images::{Samples, write_numbers};
 use crate::ground::error::Result;
 use crate::ground::report::Report;
 use crate::image::RangeImage;
+use crate::scenario::set::points::Known;
 use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 
@@ -90,10 +91,8 @@ pub(super) fn write(
     [semantic, instance]: [&Path; 2],
     report: &mut Report,
 ) -> Result<()> {
-    let mut known: HashMap<u32, u32> = HashMap::new();
-    let mut of = |category: u32| {
-        *known.entry(category).or_insert_with(|| image.labels.category.name(category).map_or(0, &mut class))
-    };
+    let mut known = Known::new();
+    let mut of = |category: u32| known.of(category, || image.labels.category.name(category).map_or(0, &mut class));
     let classes: Vec<u32> = image.category_id.iter().map(|&category| of(category)).collect();
     let (instances, all) = instances(&classes, &image.instance_id);
     if !all {
