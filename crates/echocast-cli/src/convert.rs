@@ -65,7 +65,8 @@ pub fn run(args: &Args) -> Result<()> {
 /// Fails where the command says what cannot be.
 fn check(args: &Args) -> Result<()> {
     if pipe::is_standard(&args.output) {
-        return Outgoing::check(args.format.as_deref(), FieldSet::EMPTY);
+        // Which columns there are is not known yet.
+        return Outgoing::check(args.format.as_deref(), FieldSet::all());
     }
     output::check_kept(&args.output, &args.input)?;
     output::check_kept(&export::labels_path(&args.output), &args.input)

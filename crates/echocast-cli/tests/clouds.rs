@@ -70,6 +70,8 @@ fn clouds_come_from_standard_input_and_go_to_standard_output() {
     let of_file = stdout(folder.path(), "info DIR/a.las");
     assert_eq!(told.split_once('\n').unwrap().1, of_file.split_once('\n').unwrap().1);
     assert!(piped("preview - -o DIR/a.png", &las).status.success() && folder.path().join("a.png").exists());
+    let laz = piped("convert - -o - --format laz", &las);
+    assert!(laz.status.success() && piped("info -", &laz.stdout).status.success(), "{}", stderr(&laz));
     let lost = piped("convert - -o - --format csv", &las);
     assert!(stderr(&lost).contains("warning: -o -: csv has no room for the names of labels"), "{}", stderr(&lost));
     let cut = piped("convert - -o - --format npz", &las[..1000]);
