@@ -30,9 +30,9 @@ fn tolerance(cloud: &PointCloud, format: &str, field: Field, row: usize) -> f64 
         "las" | "laz" | "las2" if field == Field::Intensity => 0.5 / 65535.0,
         // Turned into the frame of the sensor and back, kilometres away.
         "e57" | "mcap" | "mcap_ouster" | "mcap_livox" if position => 1e-3,
-        // Drivers count from the stamp, in f32 or nanoseconds.
-        "mcap" if field == Field::Time => 1e-7,
-        "mcap_ouster" | "mcap_livox" if field == Field::Time => 2e-9,
+        // Drivers count from the stamp, in f32 or nanoseconds, or all nanoseconds in f64.
+        "mcap" if field == Field::Time => 1e-7 + 2.0 * value.abs() * f64::EPSILON,
+        "mcap_ouster" | "mcap_livox" if field == Field::Time => 2e-9 + 2.0 * value.abs() * f64::EPSILON,
         "mcap_ouster" if field == Field::Range => 0.5e-3 + f32_step,
         "csv" | "pcd_ascii" if far => 0.5e-6 + 1e-9 + f32_step,
         "ply" | "pcd" | "pcd_compressed" | "las" | "laz" | "las2" | "e57" if far => 1e-9,
@@ -52,6 +52,10 @@ fn compare(cloud: &PointCloud, format: &str, read: &PointCloud, rows: &[usize], 
             let (mut value, found) = (before.get_f64(row), after.get_f64(to));
             if format == "las2" && info.field == Field::CategoryId {
                 value = value.min(65535.0);
+            }
+            if format == "mcap_livox" && info.field == Field::Channel {
+                // A byte, as the driver has it.
+                value = value.min(255.0);
             }
             if format == "mcap_ouster" && info.field == Field::Range && value.is_nan() {
                 // As the driver has it.

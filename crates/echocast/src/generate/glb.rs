@@ -313,9 +313,22 @@ impl Glb {
         self.push("nodes", Glb::node(name, place))
     }
 
-    /// Gives a node without children its children.
+    /// Gives a node without children its children. What has its category, also below groups, says so no longer: it is
+    /// a part of it, and no instance of its own.
     pub fn adopt(&mut self, node: usize, children: &[usize]) {
-        self.lists["nodes"][node]["children"] = json!(children);
+        let nodes = &mut self.lists["nodes"];
+        nodes[node]["children"] = json!(children);
+        let category = nodes[node].get("extras").cloned();
+        let mut below = children.to_vec();
+        while let (Some(category), Some(child)) = (&category, below.pop()) {
+            let child = &mut nodes[child];
+            match child.get("extras") {
+                Some(own) if own != category => continue,
+                _ => child.as_object_mut().map(|child| child.remove("extras")),
+            };
+            let more = child.get("children").and_then(Value::as_array).into_iter().flatten();
+            below.extend(more.filter_map(|child| child.as_u64().map(|child| child as usize)));
+        }
     }
 
     /// Shows or hides a node and everything below it (KHR_node_visibility).

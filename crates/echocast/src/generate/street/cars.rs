@@ -138,14 +138,14 @@ pub(super) fn add(made: &mut Made, plan: &Plan, drives: &[Drive], seed: u64) -> 
         let mut children = Vec::new();
         for (corner, at) in kind.make.wheels() {
             let hub = steered.filter(|_| at.x > 0.0);
-            let (wheel_name, here) = (format!("{name}_Wheel_{corner}"), Placement { at, ..Placement::HERE });
+            let (wheel_name, here) = (format!("Wheel_{corner}_of_{name}"), Placement { at, ..Placement::HERE });
             let place = if hub.is_some() { Placement::HERE } else { here };
             let node = made.glb.object(&wheel_name, "car", wheel, place);
             made.glb.animate(node, "rotation", rolls);
             children.push(match hub {
                 None => node,
                 Some(steered) => {
-                    let hub = made.glb.group(&format!("{name}_Hub_{corner}"), here, &[node]);
+                    let hub = made.glb.group(&format!("Hub_{corner}_of_{name}"), here, &[node]);
                     made.glb.animate(hub, "rotation", steered);
                     hub
                 }
@@ -153,10 +153,10 @@ pub(super) fn add(made: &mut Made, plan: &Plan, drives: &[Drive], seed: u64) -> 
         }
         let seat =
             Placement { at: DVec3::new(kind.make.top[1] - 0.55, 0.37, kind.make.roof - 0.27), ..Placement::HERE };
-        children.push(made.glb.object(&format!("{name}_Driver"), "car", driver, seat));
+        children.push(made.glb.object(&format!("Driver_of_{name}"), "car", driver, seat));
         if carries_lidar {
             let rack = made.rounded_mesh("Rack", &rack(kind.make));
-            children.push(made.glb.object(&format!("{name}_Rack"), "car", rack, Placement::HERE));
+            children.push(made.glb.object(&format!("Rack_of_{name}"), "car", rack, Placement::HERE));
             children.push(made.glb.camera("Lidar", Placement { at: LIDAR, ..Placement::HERE }));
         }
         made.glb.adopt(car, &children);
@@ -196,7 +196,7 @@ fn park(made: &mut Made, plan: &Plan, kinds: &[Kind], wheel: usize, seed: u64) -
                     let wheels = wheels.map(|(corner, x, y)| {
                         let at = DVec3::new(x, y, TRUCK_WHEEL * WHEEL);
                         let place = Placement { at, scale: DVec3::splat(TRUCK_WHEEL), ..Placement::HERE };
-                        made.glb.object(&format!("{name}_Wheel_{corner}"), "truck", wheel, place)
+                        made.glb.object(&format!("Wheel_{corner}_of_{name}"), "truck", wheel, place)
                     });
                     made.glb.adopt(node, &wheels);
                     continue;
@@ -209,7 +209,7 @@ fn park(made: &mut Made, plan: &Plan, kinds: &[Kind], wheel: usize, seed: u64) -
                 let car = made.put(&name, "car", kind.bodies[paint], Placement { at, turned, ..Placement::HERE });
                 let wheels = kind.make.wheels().map(|(corner, at)| {
                     let place = Placement { at, ..Placement::HERE };
-                    made.glb.object(&format!("{name}_Wheel_{corner}"), "car", wheel, place)
+                    made.glb.object(&format!("Wheel_{corner}_of_{name}"), "car", wheel, place)
                 });
                 made.glb.adopt(car, &wheels);
             }

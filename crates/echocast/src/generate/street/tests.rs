@@ -266,7 +266,7 @@ fn wheels_turn_as_far_as_their_car_drives() {
     let file = File::new(made.bytes());
     for car in 1..=6 {
         let (_, places) = file.keys(&format!("Car_{car}"), "translation");
-        let (_, turns) = file.keys(&format!("Car_{car}_Wheel_RL"), "rotation");
+        let (_, turns) = file.keys(&format!("Wheel_RL_of_Car_{car}"), "rotation");
         // Chords of arcs are a little shorter than the arcs.
         let at: Vec<Vec3> = places.iter().skip(1).step_by(3).map(|row| Vec3::from_slice(row)).collect();
         let driven: f32 = at.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
