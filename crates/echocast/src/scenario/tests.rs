@@ -267,7 +267,8 @@ fn what_hangs_on_a_node_is_moved_with_it() {
         sample.built_at(time, 0.1).unwrap();
         before.built_at(time, 0.1).unwrap();
         let there = |sample: &Sample, name: &str| -> Vec<DVec3> {
-            let named = sample.scene().objects().filter(|(_, object)| object.name.starts_with(name));
+            let part = format!("_of_{name}");
+            let named = sample.scene().objects().filter(|(_, it)| it.name == name || it.name.ends_with(&part));
             named.map(|(_, object)| object.world_from_object.translation).collect()
         };
         for entry in sample.drawn() {
