@@ -29,12 +29,19 @@ def instances(extensions, accessors):
     return accessors[places["attributes"]["TRANSLATION"]]["count"] if places else 1
 
 
+def category(number, nodes, parents):
+    """What the node is: as it says, or the nearest above it."""
+    said = nodes[number].get("extras", {}).get("categoryID")
+    return said or category(parents[number], nodes, parents)
+
+
 def read(path):
     file = tree(path)
-    accessors = file["accessors"]
+    accessors, nodes = file["accessors"], file["nodes"]
+    parents = {child: number for number, node in enumerate(nodes) for child in node.get("children", [])}
     objects = [
-        [node["name"], node["extras"]["categoryID"], instances(node.get("extensions", {}), accessors)]
-        for node in file["nodes"]
+        [node["name"], category(number, nodes, parents), instances(node.get("extensions", {}), accessors)]
+        for number, node in enumerate(nodes)
         if "mesh" in node
     ]
     scene = trimesh.load_scene(path, process=False)
