@@ -47,7 +47,7 @@ def read(path):
     scene = trimesh.load_scene(path, process=False)
     triangles = 0
     for node in scene.graph.nodes_geometry:
-        kept = scene.graph.transforms.edge_data[scene.graph.transforms.parents[node], node]["metadata"]
+        kept = scene.graph.transforms.edge_data[scene.graph.transforms.parents[node], node].get("metadata", {})
         mesh = scene.geometry[scene.graph[node][1]]
         triangles += len(mesh.faces) * instances(kept.get("gltf_extensions", {}), accessors)
     finite = all(numpy.isfinite(mesh.vertices).all() for mesh in scene.geometry.values())
