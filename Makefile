@@ -9,6 +9,7 @@ help:
 	@echo "make test                  run every test"
 	@echo "make check                 format, lints and unit tests alone"
 	@echo "make build                 release build; the program is target/release/echocast"
+	@echo "make python                build the Python package and test it; the wheel is in target/python/wheels"
 	@echo "make bench                 how fast it is beside bare Embree; writes target/bench.json"
 	@echo "make install PREFIX=DIR    put program, C library and headers below DIR [$(PREFIX)]"
 	@echo "make clean                 remove what was built and written"
@@ -29,6 +30,9 @@ build:
 	@scripts/setup
 	cargo build --release --locked
 
+python:
+	@scripts/python
+
 bench:
 	@scripts/setup
 	cargo build --release --locked
@@ -41,4 +45,4 @@ clean:
 	cargo clean
 	rm -rf out fuzz/target
 
-.PHONY: help demo test check build bench install clean
+.PHONY: help demo test check build python bench install clean

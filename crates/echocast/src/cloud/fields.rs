@@ -243,13 +243,16 @@ macro_rules! columns {
             /// # Errors
             /// No memory; some columns are then in order and some are not.
             pub(crate) fn permute(&mut self, order: &[usize]) -> Result<()> {
-                $( if !self.$name.is_empty() {
-                    let mut sorted = Vec::new();
-                    sorted.try_reserve_exact(order.len()).map_err(|_| no_memory(order.len()))?;
-                    sorted.extend(order.iter().map(|&row| self.$name[row]));
-                    self.$name = sorted;
-                } )*
+                $( self.$name = gathered(&self.$name, order)?; )*
                 Ok(())
+            }
+
+            /// The rows `rows`, in that order, of every column.
+            ///
+            /// # Errors
+            /// No memory.
+            pub(crate) fn gather(&self, rows: &[usize]) -> Result<Columns> {
+                Ok(Columns { $( $name: gathered(&self.$name, rows)? ),* })
             }
 
             /// Mutable slices of rows `start..end` of every column that exists.
@@ -285,6 +288,16 @@ macro_rules! columns {
             }
         }
     };
+}
+
+/// The rows `rows` of `column`, which may be empty.
+fn gathered<T: Copy>(column: &[T], rows: &[usize]) -> Result<Vec<T>> {
+    let mut found = Vec::new();
+    if !column.is_empty() {
+        found.try_reserve_exact(rows.len()).map_err(|_| no_memory(rows.len()))?;
+        found.extend(rows.iter().map(|&row| column[row]));
+    }
+    Ok(found)
 }
 
 /// Puts values into the columns of a row that are there; `$columns` are [`Columns`] or [`Slices`].

@@ -159,6 +159,24 @@ impl PointCloud {
         Ok(())
     }
 
+    /// A cloud of the rows `rows`, in that order, without rows and columns of the sensor; boxes stay.
+    ///
+    /// # Errors
+    /// A row that is not there; no memory.
+    pub fn select(&self, rows: &[usize]) -> Result<PointCloud> {
+        self.check()?;
+        if let Some(row) = rows.iter().find(|&&row| row >= self.len) {
+            return Err(Error::invalid("row", row, format!("below {}, the length of the cloud", self.len)));
+        }
+        Ok(PointCloud {
+            columns: self.columns.gather(rows)?,
+            len: rows.len(),
+            organised: None,
+            boxes: self.boxes.clone(),
+            ..self.head()
+        })
+    }
+
     /// What the cloud is besides its rows and boxes, as if it had none.
     pub(crate) fn head(&self) -> PointCloud {
         PointCloud {

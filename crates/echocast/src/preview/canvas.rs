@@ -163,7 +163,10 @@ impl Picture {
     ///
     /// Names have few colours, which compress best unfiltered; scales have many, whose differences between neighbours
     /// compress better. The highest level of compression would take twice as long for one hundredth less.
-    pub(crate) fn packed(&self) -> io::Result<Vec<u8>> {
+    ///
+    /// # Errors
+    /// None but those of the PNG writer, which writes to memory.
+    pub fn to_png(&self) -> io::Result<Vec<u8>> {
         let filter = if self.colors() > FEW_COLORS { Filter::MinEntropy } else { Filter::NoFilter };
         let mut bytes = Vec::new();
         let mut encoder = png::Encoder::new(&mut bytes, self.width, self.height);
@@ -234,7 +237,7 @@ mod tests {
 
     #[test]
     fn flat_and_smooth_pictures_are_packed_well() {
-        let packed = |pixels: Vec<u8>| Picture { width: 400, height: 300, pixels }.packed().unwrap().len();
+        let packed = |pixels: Vec<u8>| Picture { width: 400, height: 300, pixels }.to_png().unwrap().len();
         let at = |i: usize| (i % 400, i / 400);
         let swatches = [[10u8, 200, 30], [240, 20, 90], [0, 0, 0], [90, 90, 250]];
         let flat = (0..400 * 300).map(at).flat_map(|(x, y)| swatches[(x * x + 7 * y * y) / 999 % 4]).collect();

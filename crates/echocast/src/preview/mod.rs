@@ -216,7 +216,7 @@ pub(crate) fn check_options(options: &PreviewOptions) -> Result<()> {
 pub(crate) fn write_new(cloud: &PointCloud, path: &Path, options: &PreviewOptions) -> Result<Report> {
     let mut report = Report::default();
     let picture = render(cloud, options, &mut report)?;
-    let bytes = picture.packed().map_err(|source| failed(path, source))?;
+    let bytes = picture.to_png().map_err(|source| failed(path, source))?;
     export::write_whole(path, &bytes)?;
     Ok(report)
 }
@@ -249,7 +249,7 @@ pub fn write_plan(scene: &Scene, built: &BuiltScene, path: &Path, width: u32) ->
 
 fn write_picture(picture: &Picture, path: &Path) -> Result<()> {
     let pending = Pending::create(path)?;
-    let written = picture.packed().and_then(|bytes| write_bytes(pending.path(), &bytes));
+    let written = picture.to_png().and_then(|bytes| write_bytes(pending.path(), &bytes));
     written.map_err(|source| failed(path, source))?;
     pending.commit()
 }

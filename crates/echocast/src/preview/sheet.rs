@@ -43,7 +43,7 @@ mod tests {
 
     #[test]
     fn pictures_lie_in_rows() {
-        let file = |width, height, color| Picture::new(width, height, color).packed().unwrap();
+        let file = |width, height, color| Picture::new(width, height, color).to_png().unwrap();
         let files: Vec<Vec<u8>> = (0..6).map(|k| file(10, 5 + u32::from(k), [k * 40; 3])).collect();
         let all = sheet(files.iter());
         assert_eq!((all.width, all.height), (40, 8 + 10));

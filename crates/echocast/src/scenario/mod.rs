@@ -59,6 +59,22 @@ pub struct Scenario {
     stage: Mutex<Option<Arc<Stage>>>,
 }
 
+impl Clone for Scenario {
+    /// The same, which shares the scene that is loaded already.
+    fn clone(&self) -> Self {
+        let Scenario { origin, file, folder, value, spec, engine, stage } = self;
+        Scenario {
+            origin: origin.clone(),
+            file: *file,
+            folder: folder.clone(),
+            value: value.clone(),
+            spec: spec.clone(),
+            engine: engine.clone(),
+            stage: Mutex::new(lock(stage).clone()),
+        }
+    }
+}
+
 impl Scenario {
     /// Reads a scenario file, or the report of `echocast scan --json`.
     ///

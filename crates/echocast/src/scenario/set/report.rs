@@ -66,7 +66,7 @@ pub(super) fn write(root: &Path, origin: &Origin, entries: &BTreeMap<u64, Entry>
     if !pictures.is_empty() {
         let path = root.join("contact_sheet.png");
         let sheet = preview::sheet(pictures.iter().map(|(_, file)| file))
-            .packed()
+            .to_png()
             .map_err(|source| export::failed(&path, source))?;
         folder::replace(&path, &sheet)?;
     }

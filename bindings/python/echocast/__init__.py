@@ -1,0 +1,67 @@
+"""echocast simulates depth sensors: LiDARs, depth cameras and sonars in a 3D scene, every point labelled.
+
+>>> import numpy as np
+>>> import echocast as ec
+>>> floor = np.array([[-9, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]], dtype=np.float32)
+>>> scene = ec.Scene.from_arrays(floor, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32), name="floor")
+>>> cloud = scene.scan(ec.Sensor("velodyne_vlp16"), at=(0, 0, 1.8), seed=7)
+>>> bool(abs(cloud.z.mean()) < 0.01)
+True
+
+Lengths are metres, times seconds, angles radians unless a name says otherwise (`rpy_deg`). Sensors look along x; y is left
+and z is up. Errors are `echocast.Error`, and also the ValueError, FileNotFoundError or OSError that one would expect.
+"""
+
+from echocast._echocast import (
+    Environment,
+    LiveScene,
+    PointCloud,
+    Pose,
+    Sample,
+    Scenario,
+    Scene,
+    Sensor,
+    Trajectory,
+    __version__,
+    finish,
+    formats,
+    presets,
+    read_cloud,
+    run,
+)
+from echocast._errors import (
+    ArgumentError,
+    CancelledError,
+    Error,
+    FileError,
+    FormatError,
+    NotFoundError,
+    OutOfMemoryError,
+    UnsupportedError,
+)
+
+__all__ = [
+    "ArgumentError",
+    "CancelledError",
+    "Environment",
+    "Error",
+    "FileError",
+    "FormatError",
+    "LiveScene",
+    "NotFoundError",
+    "OutOfMemoryError",
+    "PointCloud",
+    "Pose",
+    "Sample",
+    "Scenario",
+    "Scene",
+    "Sensor",
+    "Trajectory",
+    "UnsupportedError",
+    "__version__",
+    "finish",
+    "formats",
+    "presets",
+    "read_cloud",
+    "run",
+]

@@ -1,0 +1,58 @@
+"""Clouds as what other packages hold; each is imported when it is asked for."""
+
+import numpy as np
+
+
+def package(name, extra):
+    """The module `name`, or a sentence about how to get it."""
+    import importlib
+
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        raise ImportError(f"this needs the package {name}, which is not there; pip install {extra}") from error
+
+
+def to_dict(cloud):
+    """Columns by name, without copies; positions are relative to `cloud.origin`."""
+    return {name: cloud[name] for name in cloud.fields}
+
+
+def to_pandas(cloud):
+    """A pandas.DataFrame of all columns; `x`, `y` and `z` relative to `cloud.origin`, which is in its `attrs`."""
+    frame = package("pandas", "pandas").DataFrame(to_dict(cloud), copy=False)
+    frame.attrs["origin"] = tuple(cloud.origin)
+    frame.attrs["categories"] = cloud.categories
+    return frame
+
+
+def to_torch(cloud, columns=None):
+    """Tensors by name that own their memory: integers as int64, which networks take as classes."""
+    torch = package("torch", "torch")
+    tensors = {}
+    for name in columns or cloud.fields:
+        column = cloud[name]
+        tensors[name] = torch.from_numpy(column.astype(np.int64) if column.dtype.kind == "u" else column.copy())
+    return tensors
+
+
+def to_open3d(cloud):
+    """An open3d.t.geometry.PointCloud with all columns, positions relative to `cloud.origin`."""
+    o3d = package("open3d", "open3d")
+    made = o3d.t.geometry.PointCloud(o3d.core.Tensor(cloud.xyz))
+    for name in cloud.fields:
+        if name not in ("x", "y", "z"):
+            column = cloud[name]
+            wide = {"u2": np.int32, "u4": np.int64}.get(column.dtype.str[1:], column.dtype)
+            made.point[name] = o3d.core.Tensor(np.ascontiguousarray(column.astype(wide))[:, None])
+    return made
+
+
+def structured(cloud, dtype=None, copy=None):
+    """A structured array with a member for each column; a copy."""
+    if copy is False:
+        raise ValueError("an array of all columns is a copy; for one without, take a column: cloud.range")
+    array = np.empty(len(cloud), [(name, cloud[name].dtype) for name in cloud.fields])
+    for name in cloud.fields:
+        array[name] = cloud[name]
+    return array if dtype is None else array.astype(dtype)

@@ -1,0 +1,20 @@
+"""Clouds as bytes: NPZ, which holds all of a cloud."""
+
+import tempfile
+from pathlib import Path
+
+from echocast import _echocast
+
+
+def to_bytes(cloud):
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "cloud.npz")
+        cloud.write(path)
+        return path.read_bytes()
+
+
+def from_bytes(data):
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "cloud.npz")
+        path.write_bytes(data)
+        return _echocast.PointCloud.read(path)

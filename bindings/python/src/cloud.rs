@@ -1,0 +1,320 @@
+//! Clouds, and their columns as arrays that share their memory.
+
+use crate::error::{Failure, Outcome};
+use crate::place::Pose;
+use echocast::cloud::ColumnType;
+use echocast::preview::{ColorBy, PreviewOptions, View};
+use echocast::scene::NameTable;
+use echocast::{Field, Frame, Report, export, import, preview};
+use numpy::PyReadonlyArray1;
+use pyo3::exceptions::{PyAttributeError, PyKeyError};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PySlice};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// The points of a scan, or of a file: columns of equal length, read-only.
+///
+/// `cloud.range` or `cloud["range"]` is a column as a NumPy array without a copy; `cloud.xyz` the positions, n x 3 float32,
+/// relative to `cloud.origin`; `cloud[10:20]` and `cloud[cloud.range < 5]` are clouds of some of its points.
+#[pyclass(frozen, module = "echocast")]
+pub struct PointCloud(Arc<echocast::PointCloud>);
+
+/// A column of a cloud, which stays alive with it; `numpy.asarray` makes an array of it without a copy.
+#[pyclass(frozen, module = "echocast")]
+pub struct Column {
+    cloud: Arc<echocast::PointCloud>,
+    field: Field,
+}
+
+#[pymethods]
+impl Column {
+    /// NumPy's array interface, version 3.
+    #[getter]
+    fn __array_interface__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let column = self.cloud.column(self.field);
+        let kind = match column.kind() {
+            ColumnType::F32 => "=f4",
+            ColumnType::F64 => "=f8",
+            ColumnType::U8 => "|u1",
+            ColumnType::U16 => "=u2",
+            ColumnType::U32 => "=u4",
+        };
+        let kind = kind.replace('=', if cfg!(target_endian = "big") { ">" } else { "<" });
+        let interface = PyDict::new(py);
+        interface.set_item("version", 3)?;
+        interface.set_item("typestr", kind)?;
+        interface.set_item("shape", (column.len(),))?;
+        // It is read-only.
+        interface.set_item("data", (column.bytes().as_ptr() as usize, true))?;
+        Ok(interface)
+    }
+}
+
+/// Which points.
+#[derive(FromPyObject)]
+enum Rows<'py> {
+    Name(String),
+    Slice(Bound<'py, PySlice>),
+    Mask(PyReadonlyArray1<'py, bool>),
+    Numbers(PyReadonlyArray1<'py, i64>),
+}
+
+impl PointCloud {
+    pub fn of(cloud: echocast::PointCloud) -> PointCloud {
+        PointCloud(Arc::new(cloud))
+    }
+
+    /// The column `field` as an array.
+    fn array<'py>(&self, py: Python<'py>, field: Field) -> PyResult<Bound<'py, PyAny>> {
+        let column = Bound::new(py, Column { cloud: self.0.clone(), field })?;
+        py.import("numpy")?.call_method1("asarray", (column,))
+    }
+}
+
+#[pymethods]
+impl PointCloud {
+    /// Reads a cloud file; `read_cloud` also tells what a cloud has no place for.
+    #[staticmethod]
+    fn read(py: Python<'_>, path: PathBuf) -> Outcome<PointCloud> {
+        read_cloud(py, path).map(|(cloud, _)| cloud)
+    }
+
+    /// Writes it: the ending of `path` chooses the format, or `format` does. Returns warnings of what the format cannot
+    /// hold.
+    #[pyo3(signature = (path, format = None))]
+    fn write(&self, py: Python<'_>, path: PathBuf, format: Option<&str>) -> Outcome<Vec<String>> {
+        Ok(py.detach(|| export::write(&self.0, &path, format))?.warnings)
+    }
+
+    fn __len__(&self) -> usize {
+        self.0.len
+    }
+
+    /// Names of its columns.
+    #[getter]
+    fn fields(&self) -> Vec<&'static str> {
+        self.0.fields.iter().map(|info| info.name).collect()
+    }
+
+    fn __getitem__<'py>(&self, py: Python<'py>, key: Rows<'py>) -> Outcome<Bound<'py, PyAny>> {
+        let count = self.0.len;
+        let rows: Vec<usize> = match key {
+            Rows::Name(name) => {
+                let field = Field::from_name(&name).ok().filter(|&field| self.0.fields.contains(field));
+                let Some(field) = field else {
+                    let has = self.fields().join(", ");
+                    return Err(PyKeyError::new_err(format!("there is no column {name:?}; there are {has}")).into());
+                };
+                return Ok(self.array(py, field)?);
+            }
+            Rows::Slice(slice) => {
+                let found = slice.indices(count as isize)?;
+                (0..found.slicelength).map(|n| (found.start + n as isize * found.step) as usize).collect()
+            }
+            Rows::Mask(mask) => {
+                let mask = mask.as_array();
+                if mask.len() != count {
+                    return Err(Failure::argument("mask", format!("{} long", mask.len()), format!("{count} long")));
+                }
+                mask.iter().enumerate().filter(|(_, wanted)| **wanted).map(|(row, _)| row).collect()
+            }
+            Rows::Numbers(numbers) => {
+                let row = |&number: &i64| {
+                    let row = if number < 0 { number + count as i64 } else { number };
+                    let fits = (0..count as i64).contains(&row);
+                    fits.then_some(row as usize)
+                        .ok_or_else(|| Failure::argument("row", number, format!("-{count} to {}", count as i64 - 1)))
+                };
+                numbers.as_array().iter().map(row).collect::<Outcome<_>>()?
+            }
+        };
+        let cloud = py.detach(|| self.0.select(&rows))?;
+        Ok(Bound::new(py, PointCloud::of(cloud))?.into_any())
+    }
+
+    fn __getattr__<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+        match Field::from_name(name) {
+            Ok(field) if self.0.fields.contains(field) => self.array(py, field),
+            Ok(_) => {
+                let told = format!("the column {name:?} was not computed; ask for it with fields=\"default,{name}\"");
+                Err(PyAttributeError::new_err(told))
+            }
+            Err(_) => Err(PyAttributeError::new_err(format!("a PointCloud has no {name:?}"))),
+        }
+    }
+
+    fn __dir__(slf: &Bound<'_, Self>) -> PyResult<Vec<String>> {
+        let own: Vec<String> =
+            slf.get_type().call_method0("mro")?.try_iter()?.try_fold(Vec::new(), |mut all, class| {
+                all.extend(
+                    class?
+                        .getattr("__dict__")?
+                        .call_method0("keys")?
+                        .try_iter()?
+                        .filter_map(|name| name.ok()?.extract().ok()),
+                );
+                Ok::<_, PyErr>(all)
+            })?;
+        Ok(own.into_iter().chain(slf.get().fields().into_iter().map(str::to_owned)).collect())
+    }
+
+    /// Positions relative to `origin`: n x 3, float32, m; a copy.
+    #[getter]
+    fn xyz<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let columns = [Field::X, Field::Y, Field::Z].map(|field| self.__getattr__(py, field.info().name));
+        let [x, y, z] = columns;
+        py.import("numpy")?.call_method1("column_stack", ((x?, y?, z?),))
+    }
+
+    /// Coordinates of the position 0, 0, 0, m.
+    #[getter]
+    fn origin(&self) -> [f64; 3] {
+        self.0.origin.to_array()
+    }
+
+    /// Rows and columns of the sensor, if every beam has its point; else None.
+    #[getter]
+    fn organised(&self) -> Option<[u32; 2]> {
+        self.0.organised
+    }
+
+    /// "world" or "sensor": the frame of positions, normals and boxes.
+    #[getter]
+    fn coordinates(&self) -> &'static str {
+        match self.0.frame {
+            Frame::World => "world",
+            Frame::Sensor => "sensor",
+        }
+    }
+
+    /// Where the sensor was at the start of the scan.
+    #[getter]
+    fn sensor_pose(&self) -> Pose {
+        Pose(self.0.sensor_pose)
+    }
+
+    /// Full scale of `intensity`: 1 or 255; None for energies and levels.
+    #[getter]
+    fn intensity_full_scale(&self) -> Option<f32> {
+        self.0.intensity_full_scale
+    }
+
+    /// Names of the numbers in `category_id`.
+    #[getter]
+    fn categories(&self) -> BTreeMap<u32, String> {
+        names(&self.0.labels.category)
+    }
+
+    /// Names of the numbers in `part_id`.
+    #[getter]
+    fn parts(&self) -> BTreeMap<u32, String> {
+        names(&self.0.labels.part)
+    }
+
+    /// Names of the numbers in `instance_id`.
+    #[getter]
+    fn instances(&self) -> BTreeMap<u32, String> {
+        names(&self.0.labels.instance)
+    }
+
+    /// Names of the numbers in `material_id`.
+    #[getter]
+    fn materials(&self) -> BTreeMap<u32, String> {
+        names(&self.0.labels.material)
+    }
+
+    /// A picture as PNG, `width` pixels wide.
+    ///
+    /// `color`: "label", "intensity", "range", "height" and so on; `view`: "top", "perspective" or "range".
+    #[pyo3(signature = (*, color = None, view = "top", width = None))]
+    fn png<'py>(
+        &self,
+        py: Python<'py>,
+        color: Option<&str>,
+        view: &str,
+        width: Option<u32>,
+    ) -> Outcome<Bound<'py, pyo3::types::PyBytes>> {
+        let view: View = crate::sensor::named("view", view)?;
+        let color: ColorBy = color.map(|color| crate::sensor::named("color", color)).transpose()?.unwrap_or_default();
+        let mut options = PreviewOptions { view, color, ..PreviewOptions::default() };
+        if let Some(width) = width {
+            options.width = width;
+        }
+        let bytes = py.detach(|| {
+            let mut report = Report::default();
+            let picture = preview::render(&self.0, &options, &mut report)?;
+            picture.to_png().map_err(|source| echocast::Error::Io { path: "picture".into(), source })
+        })?;
+        Ok(pyo3::types::PyBytes::new(py, &bytes))
+    }
+
+    fn _repr_png_<'py>(&self, py: Python<'py>) -> Option<Bound<'py, pyo3::types::PyBytes>> {
+        self.png(py, None, "top", Some(640)).ok()
+    }
+
+    /// Columns by name, without copies.
+    fn to_dict<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        converted(slf, "to_dict")
+    }
+
+    /// A pandas.DataFrame of all columns; positions relative to `origin`, which is in its `attrs`.
+    fn to_pandas<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        converted(slf, "to_pandas")
+    }
+
+    /// An open3d.t.geometry.PointCloud with all columns; positions relative to `origin`.
+    fn to_open3d<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        converted(slf, "to_open3d")
+    }
+
+    /// Tensors by name: those of `columns`, or of all; integers as int64.
+    #[pyo3(signature = (columns = None))]
+    fn to_torch<'py>(slf: &Bound<'py, Self>, columns: Option<Vec<String>>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("echocast._convert")?.call_method1("to_torch", (slf, columns))
+    }
+
+    /// A structured array with a member for each column; a copy.
+    #[pyo3(signature = (dtype = None, copy = None))]
+    fn __array__<'py>(
+        slf: &Bound<'py, Self>,
+        dtype: Option<Bound<'py, PyAny>>,
+        copy: Option<bool>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("echocast._convert")?.call_method1("structured", (slf, dtype, copy))
+    }
+
+    fn __reduce__(slf: &Bound<'_, Self>) -> PyResult<(Py<PyAny>, (Py<PyAny>,))> {
+        let module = slf.py().import("echocast._pickle")?;
+        let bytes = module.call_method1("to_bytes", (slf,))?;
+        Ok((module.getattr("from_bytes")?.unbind(), (bytes.unbind(),)))
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<PointCloud: {} points; {}>", self.0.len, self.fields().join(", "))
+    }
+}
+
+/// `cloud` as the function `name` of the Python module makes it.
+fn converted<'py>(cloud: &Bound<'py, PointCloud>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+    cloud.py().import("echocast._convert")?.call_method1(name, (cloud,))
+}
+
+fn names(table: &NameTable) -> BTreeMap<u32, String> {
+    table.iter().map(|(id, name)| (id, name.to_owned())).collect()
+}
+
+/// The cloud in the file at `path`, and what it says that a cloud does not hold.
+#[pyfunction]
+pub fn read_cloud(py: Python<'_>, path: PathBuf) -> Outcome<(PointCloud, Vec<String>)> {
+    let mut report = Report::default();
+    let cloud = py.detach(|| import::read(&path, &mut report))?;
+    Ok((PointCloud::of(cloud), report.warnings))
+}
+
+/// Names of the formats that clouds are written in, with a line on each.
+#[pyfunction]
+pub fn formats() -> Vec<(&'static str, &'static str)> {
+    export::FORMATS.iter().map(|format| (format.name(), format.info().description)).collect()
+}

@@ -1,0 +1,34 @@
+//! The extension module of the Python package `echocast`: classes around the types of the Rust crate. What is better
+//! said in Python is in the folder `echocast`.
+
+mod cloud;
+mod error;
+mod live;
+mod options;
+mod place;
+mod scenario;
+mod scene;
+mod sensor;
+
+use pyo3::prelude::*;
+
+/// What `echocast/__init__.py` makes the package of.
+#[pymodule(gil_used = false)]
+mod _echocast {
+    #[pymodule_export]
+    use super::cloud::{Column, PointCloud, formats, read_cloud};
+    #[pymodule_export]
+    use super::live::LiveScene;
+    #[pymodule_export]
+    use super::place::{Pose, Trajectory};
+    #[pymodule_export]
+    use super::scenario::{Sample, Scenario, finish, run};
+    #[pymodule_export]
+    use super::scene::Scene;
+    #[pymodule_export]
+    use super::sensor::{Environment, Sensor, presets};
+
+    #[pymodule_export]
+    #[allow(non_upper_case_globals)]
+    const __version__: &str = env!("CARGO_PKG_VERSION");
+}

@@ -1,0 +1,120 @@
+//! How to scan: the keyword arguments of every method that scans.
+
+use crate::error::{Failure, Outcome};
+use crate::place::Place;
+use crate::sensor::{Air, named};
+use echocast::{BoxAxes, FieldSet, ScanOptions, Sensor, Trajectory};
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::ops::ControlFlow;
+
+/// Names of the arguments.
+const NAMES: &str = "at, fields, seed, frame, start_time, trajectory_time, freeze, frame_period, organised, coordinates, \
+                     order, boxes, profile, reflectance_source, mask, specular_depth, environment, progress";
+
+/// What a method that scans was asked for.
+pub struct Asked {
+    pub options: ScanOptions,
+    pub path: Trajectory,
+    progress: Option<Py<PyAny>>,
+}
+
+/// Columns: names in a list, or separated by commas.
+#[derive(FromPyObject)]
+enum Columns {
+    Text(String),
+    List(Vec<String>),
+}
+
+impl Asked {
+    /// Out of `keywords`, for scans with `sensor`.
+    pub fn of(keywords: Option<&Bound<'_, PyDict>>, sensor: &Sensor) -> Outcome<Asked> {
+        let mut asked = Asked {
+            options: ScanOptions { fields: sensor.default_fields(), ..ScanOptions::default() },
+            path: Trajectory::fixed(echocast::Pose::IDENTITY),
+            progress: None,
+        };
+        let options = &mut asked.options;
+        for (key, value) in keywords.into_iter().flatten() {
+            let key: String = key.extract()?;
+            let text = || value.extract::<String>();
+            match &*key {
+                // What is None is as it is without.
+                _ if value.is_none() => known(&key)?,
+                "at" => asked.path = value.extract::<Place>()?.path(),
+                "fields" => {
+                    let list = match value.extract()? {
+                        Columns::Text(text) => text,
+                        Columns::List(names) => names.join(","),
+                    };
+                    options.fields = FieldSet::parse_with(&list, sensor.default_fields())?;
+                }
+                "seed" => options.seed = value.extract()?,
+                "frame" => options.frame = value.extract()?,
+                "start_time" => options.start_time = value.extract()?,
+                "trajectory_time" => options.trajectory_time = value.extract()?,
+                "freeze" => options.freeze = value.extract()?,
+                "frame_period" => options.frame_period = value.extract()?,
+                "organised" => options.organised = value.extract()?,
+                "coordinates" => options.coordinates = named("coordinates", &text()?)?,
+                "order" => options.order = named("order", &text()?)?,
+                "boxes" => {
+                    options.boxes = match value.extract::<bool>() {
+                        Ok(wanted) => wanted.then_some(BoxAxes::default()),
+                        Err(_) => Some(named("boxes", &text()?)?),
+                    }
+                }
+                "profile" => options.profile = named("profile", &text()?)?,
+                "reflectance_source" => options.reflectance_source = Some(named("reflectance_source", &text()?)?),
+                "mask" => options.mask = value.extract()?,
+                "specular_depth" => options.specular_depth = value.extract()?,
+                "environment" => options.environment = value.extract::<Air>()?.environment()?,
+                "progress" => asked.progress = Some(value.unbind()),
+                _ => known(&key)?,
+            }
+        }
+        Ok(asked)
+    }
+
+    /// Does `work` without the interpreter, which it can ask how to go on.
+    pub fn run<T: Send>(
+        &self,
+        py: Python<'_>,
+        work: impl Send + FnOnce(&mut dyn FnMut(f64) -> ControlFlow<()>) -> echocast::Result<T>,
+    ) -> Outcome<T> {
+        let mut stopped: Option<PyErr> = None;
+        let done = py.detach(|| {
+            work(&mut |fraction| {
+                let told = Python::attach(|py| {
+                    // Ctrl-C.
+                    py.check_signals()?;
+                    let Some(progress) = &self.progress else { return Ok(true) };
+                    // What it returns does not matter, unless it says no.
+                    let answer = progress.bind(py).call1((fraction,))?;
+                    Ok(answer.is_none() || answer.is_truthy()?)
+                });
+                match told {
+                    Ok(true) => ControlFlow::Continue(()),
+                    Ok(false) => ControlFlow::Break(()),
+                    Err(error) => {
+                        stopped = Some(error);
+                        ControlFlow::Break(())
+                    }
+                }
+            })
+        });
+        match stopped {
+            Some(error) => Err(Failure::Python(error)),
+            None => Ok(done?),
+        }
+    }
+}
+
+/// Fails unless `key` is the name of an argument.
+fn known(key: &str) -> Outcome<()> {
+    if NAMES.split(", ").any(|name| name == key) {
+        return Ok(());
+    }
+    Err(PyTypeError::new_err(format!("there is no argument {key:?}; allowed: {NAMES}")).into())
+}

@@ -1,0 +1,150 @@
+//! Where sensors are.
+
+use crate::error::{Failure, Outcome};
+use numpy::PyReadonlyArray2;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::path::PathBuf;
+
+/// Place and orientation of a sensor in the world: x forward, y left, z up.
+///
+/// Pose(position=(0, 0, 0), *, rpy_deg=None, quaternion=None)
+///
+/// `position` in metres; `rpy_deg`: roll, pitch and yaw in degrees; `quaternion`: x, y, z, w, as in ROS.
+#[pyclass(frozen, eq, from_py_object, module = "echocast")]
+#[derive(Clone, Copy, PartialEq)]
+pub struct Pose(pub echocast::Pose);
+
+#[pymethods]
+impl Pose {
+    #[new]
+    #[pyo3(signature = (position = [0.0; 3], *, rpy_deg = None, quaternion = None))]
+    fn new(position: [f64; 3], rpy_deg: Option<[f64; 3]>, quaternion: Option<[f64; 4]>) -> Outcome<Pose> {
+        let [x, y, z] = position;
+        let pose = echocast::Pose::at(x, y, z);
+        let pose = match (rpy_deg, quaternion) {
+            (None, None) => pose,
+            (Some([roll, pitch, yaw]), None) => pose.with_rpy_deg(roll, pitch, yaw),
+            (None, Some([x, y, z, w])) => pose.with_quaternion(x, y, z, w),
+            (Some(_), Some(_)) => {
+                return Err(Failure::argument("quaternion", "there beside rpy_deg", "one of the two"));
+            }
+        };
+        if !(pose.position.is_finite() && (pose.orientation.length() - 1.0).abs() < 1e-6) {
+            return Err(Failure::argument("pose", "not finite, or its quaternion has no length", "finite numbers"));
+        }
+        Ok(Pose(pose))
+    }
+
+    /// x, y and z in the world, metres.
+    #[getter]
+    fn position(&self) -> [f64; 3] {
+        self.0.position.to_array()
+    }
+
+    /// Orientation as x, y, z, w, of unit length.
+    #[getter]
+    fn quaternion(&self) -> [f64; 4] {
+        self.0.orientation.to_array()
+    }
+
+    /// The 4 x 4 matrix, as nested tuples, that takes coordinates of the sensor to those of the world.
+    #[getter]
+    fn matrix(&self) -> [[f64; 4]; 4] {
+        let columns = self.0.rotation().to_cols_array_2d();
+        let position = self.0.position.to_array();
+        let row = |row: usize| [columns[0][row], columns[1][row], columns[2][row], position[row]];
+        [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]
+    }
+
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(([f64; 3],), Bound<'py, PyDict>)> {
+        let keywords = PyDict::new(py);
+        keywords.set_item("quaternion", self.quaternion())?;
+        Ok(((self.position(),), keywords))
+    }
+
+    fn __repr__(&self) -> String {
+        let ([x, y, z], [qx, qy, qz, qw]) = (self.position(), self.quaternion());
+        format!("Pose(({x}, {y}, {z}), quaternion=({qx}, {qy}, {qz}, {qw}))")
+    }
+}
+
+/// The path of a sensor: poses at rising times, linear in position and slerp in orientation between them.
+///
+/// Trajectory(times, positions, quaternions=None)
+///
+/// `times`: n, s; `positions`: n x 3, m; `quaternions`: n x 4 (x, y, z, w), float64.
+#[pyclass(frozen, from_py_object, module = "echocast")]
+#[derive(Clone)]
+pub struct Trajectory(pub echocast::Trajectory);
+
+#[pymethods]
+impl Trajectory {
+    #[new]
+    #[pyo3(signature = (times, positions, quaternions = None))]
+    fn new(
+        times: Vec<f64>,
+        positions: PyReadonlyArray2<'_, f64>,
+        quaternions: Option<PyReadonlyArray2<'_, f64>>,
+    ) -> Outcome<Trajectory> {
+        let positions = rows::<3>("positions", &positions, times.len())?;
+        let quaternions = match quaternions {
+            Some(array) => rows::<4>("quaternions", &array, times.len())?,
+            None => vec![[0.0, 0.0, 0.0, 1.0]; times.len()],
+        };
+        let pose = |([x, y, z], [qx, qy, qz, qw]): ([f64; 3], [f64; 4])| {
+            echocast::Pose::at(x, y, z).with_quaternion(qx, qy, qz, qw)
+        };
+        let poses = positions.into_iter().zip(quaternions).map(pose);
+        Ok(Trajectory(echocast::Trajectory::new(times.into_iter().zip(poses).collect())?))
+    }
+
+    /// Reads TUM text (`t x y z qx qy qz qw`) or CSV with a header.
+    #[staticmethod]
+    fn load(path: PathBuf) -> Outcome<Trajectory> {
+        Ok(Trajectory(echocast::Trajectory::load(path)?))
+    }
+
+    /// The pose at `time`, s.
+    fn at(&self, time: f64) -> Pose {
+        Pose(self.0.at(time))
+    }
+
+    /// Times of the first and the last pose, s.
+    #[getter]
+    fn span(&self) -> (f64, f64) {
+        self.0.span()
+    }
+}
+
+/// The rows of `array`, of which there must be `count`.
+fn rows<const N: usize>(name: &str, array: &PyReadonlyArray2<'_, f64>, count: usize) -> Outcome<Vec<[f64; N]>> {
+    let array = array.as_array();
+    let [height, width] = [array.nrows(), array.ncols()];
+    if (height, width) != (count, N) {
+        return Err(Failure::argument(
+            name,
+            format!("{height} x {width}"),
+            format!("{count} x {N}, a row for each time"),
+        ));
+    }
+    Ok(array.rows().into_iter().map(|row| std::array::from_fn(|column| row[column])).collect())
+}
+
+/// Where a scan is made from: a pose, a position, or a trajectory.
+#[derive(FromPyObject)]
+pub enum Place {
+    Pose(Pose),
+    Trajectory(Trajectory),
+    Position([f64; 3]),
+}
+
+impl Place {
+    pub fn path(self) -> echocast::Trajectory {
+        match self {
+            Place::Pose(Pose(pose)) => echocast::Trajectory::fixed(pose),
+            Place::Trajectory(Trajectory(path)) => path,
+            Place::Position([x, y, z]) => echocast::Trajectory::fixed(echocast::Pose::at(x, y, z)),
+        }
+    }
+}

@@ -1,0 +1,210 @@
+//! Scenarios, their samples, and sets.
+
+use crate::cloud::PointCloud;
+use crate::error::{Failure, Outcome};
+use crate::sensor::{Source, options_text};
+use echocast::Engine;
+use echocast::scenario::set::{self, Event, RunOptions};
+use pyo3::exceptions::PyIndexError;
+use pyo3::prelude::*;
+use std::path::PathBuf;
+use std::sync::{Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard};
+
+/// What a run is made of: scenes, rigs, trajectories, weather, and what varies from sample to sample.
+///
+/// Scenario(scenario, *, folder="", threads=None)
+///
+/// `scenario`: the path of a file, or its keys as a dict or YAML text, with files relative to `folder`. `len(scenario)` is
+/// its number of samples; `scenario[i]` makes one.
+#[pyclass(frozen, module = "echocast")]
+pub struct Scenario(RwLock<echocast::Scenario>);
+
+impl Scenario {
+    fn now(&self) -> RwLockReadGuard<'_, echocast::Scenario> {
+        self.0.read().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[pymethods]
+impl Scenario {
+    #[new]
+    #[pyo3(signature = (scenario, *, folder = PathBuf::new(), threads = None))]
+    fn new(scenario: Source<'_>, folder: PathBuf, threads: Option<usize>) -> Outcome<Scenario> {
+        let made = match scenario.yaml()? {
+            Some(text) => echocast::Scenario::from_yaml(&text, folder)?,
+            None => echocast::Scenario::load(scenario.path())?,
+        };
+        let made = match threads {
+            Some(threads) => made.with_engine(&Engine::with_threads(threads)?),
+            None => made,
+        };
+        Ok(Scenario(RwLock::new(made)))
+    }
+
+    /// Sets a key, as `--set KEY=VALUE` does.
+    fn set(&self, key: &str, value: &Bound<'_, PyAny>) -> Outcome<()> {
+        let text = options_text(value)?;
+        Ok(self.0.write().unwrap_or_else(PoisonError::into_inner).set(key, &text)?)
+    }
+
+    fn __len__(&self) -> usize {
+        usize::try_from(self.now().samples()).unwrap_or(usize::MAX)
+    }
+
+    /// Makes sample `index`: the same whenever and wherever it is made.
+    fn __getitem__(&self, py: Python<'_>, index: i64) -> Outcome<Sample> {
+        let count = self.__len__() as i64;
+        let number = if index < 0 { index + count } else { index };
+        if !(0..count).contains(&number) {
+            return Err(PyIndexError::new_err(format!("sample {index}; there are {count}")).into());
+        }
+        let sample = py.detach(|| self.now().sample(number as u64))?;
+        Ok(Sample { number: number as u64, sample: Mutex::new(sample) })
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<Scenario: {} samples>", self.__len__())
+    }
+}
+
+/// A sample of a scenario: what was drawn for it, and its scans.
+#[pyclass(frozen, module = "echocast")]
+pub struct Sample {
+    /// Its number.
+    #[pyo3(get)]
+    number: u64,
+    sample: Mutex<echocast::scenario::Sample>,
+}
+
+impl Sample {
+    fn lock(&self) -> MutexGuard<'_, echocast::scenario::Sample> {
+        self.sample.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[pymethods]
+impl Sample {
+    /// Names of its sensors.
+    #[getter]
+    fn sensors(&self) -> Vec<String> {
+        self.lock().scans().iter().map(|scan| scan.name().to_owned()).collect()
+    }
+
+    /// Numbers and times, s, of the frames of a sensor, by its place in `sensors`.
+    #[pyo3(signature = (sensor = 0))]
+    fn frames(&self, sensor: usize) -> Outcome<Vec<(u32, f64)>> {
+        self.check(sensor, 0)?;
+        Ok(self.lock().scans()[sensor].frames().iter().map(|frame| (frame.number, frame.start)).collect())
+    }
+
+    /// What `sensor` sees in its `frame`th frame, counted from 0.
+    #[pyo3(signature = (sensor = 0, frame = 0))]
+    fn cloud(&self, py: Python<'_>, sensor: usize, frame: usize) -> Outcome<PointCloud> {
+        self.check(sensor, frame)?;
+        Ok(PointCloud::of(py.detach(|| self.lock().cloud(sensor, frame))?))
+    }
+
+    /// What was drawn for it, in the order of the rules.
+    #[getter]
+    fn drawn<'py>(&self, py: Python<'py>) -> Outcome<Bound<'py, PyAny>> {
+        let text = serde_json::to_string(self.lock().drawn()).unwrap_or_default();
+        Ok(py.import("json")?.call_method1("loads", (text,))?)
+    }
+
+    /// What was noticed when it was made.
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.lock().report().warnings.clone()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<Sample {}: {}>", self.number, self.sensors().join(", "))
+    }
+}
+
+impl Sample {
+    fn check(&self, sensor: usize, frame: usize) -> Outcome<()> {
+        let sample = self.lock();
+        let Some(scan) = sample.scans().get(sensor) else {
+            let allowed = format!("below {}", sample.scans().len());
+            return Err(Failure::argument("sensor", sensor, allowed));
+        };
+        let frames = scan.frames().len();
+        if frame >= frames.max(1) {
+            return Err(Failure::argument("frame", frame, format!("below {frames}")));
+        }
+        Ok(())
+    }
+}
+
+/// Makes samples of a scenario and writes them as its `outputs` say, as `echocast run` does.
+///
+/// `samples`: (first, last) or (first, last, step); `shard`: (part, parts); `resume`: go on with a set that is there;
+/// `progress`: called with the number of samples done and of all. Returns a dict: folder, made, found, failed, points,
+/// seconds, warnings, complete.
+#[pyfunction]
+#[pyo3(signature = (scenario, folder = None, *, samples = None, shard = None, resume = false, threads = 0, progress = None))]
+#[allow(clippy::too_many_arguments)]
+pub fn run<'py>(
+    py: Python<'py>,
+    scenario: &Bound<'py, Scenario>,
+    folder: Option<PathBuf>,
+    samples: Option<Vec<u64>>,
+    shard: Option<[u64; 2]>,
+    resume: bool,
+    threads: usize,
+    progress: Option<Py<PyAny>>,
+) -> Outcome<Bound<'py, pyo3::types::PyDict>> {
+    let samples = match samples.as_deref() {
+        None => None,
+        Some(&[first, last]) => Some([first, last, 1]),
+        Some(&[first, last, step]) => Some([first, last, step]),
+        Some(other) => {
+            return Err(Failure::argument("samples", format!("{} numbers", other.len()), "first and last, and a step"));
+        }
+    };
+    let options = RunOptions { folder, samples, shard, resume, threads };
+    let scenario = scenario.get().now().clone();
+    let (stopped, done) = (Mutex::new(None::<PyErr>), Mutex::new((0, 0)));
+    let watch = |event: Event| {
+        let counts = {
+            let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
+            match event {
+                Event::Begins(all) => *done = (0, all),
+                Event::Made(_) | Event::Found(_) => done.0 += 1,
+            }
+            *done
+        };
+        let told = Python::attach(|py| {
+            py.check_signals()?;
+            progress.as_ref().map_or(Ok(()), |progress| progress.bind(py).call1(counts).map(drop))
+        });
+        if let Err(error) = told {
+            // Samples under way are completed; then it ends.
+            stopped.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+            echocast::export::cancel_flag().store(true, std::sync::atomic::Ordering::SeqCst);
+        }
+    };
+    let result = py.detach(|| set::run(scenario, &options, &watch));
+    if let Some(error) = stopped.into_inner().unwrap_or_else(PoisonError::into_inner) {
+        echocast::export::cancel_flag().store(false, std::sync::atomic::Ordering::SeqCst);
+        return Err(error.into());
+    }
+    let summary = result?;
+    let told = pyo3::types::PyDict::new(py);
+    told.set_item("folder", summary.folder)?;
+    told.set_item("made", summary.made)?;
+    told.set_item("found", summary.found)?;
+    told.set_item("failed", summary.failed)?;
+    told.set_item("points", summary.points)?;
+    told.set_item("seconds", summary.seconds)?;
+    told.set_item("warnings", summary.warnings)?;
+    told.set_item("complete", summary.complete)?;
+    Ok(told)
+}
+
+/// Completes a set whose shards are all made: tables, manifest and report, as `echocast run --finish` does.
+#[pyfunction]
+pub fn finish(py: Python<'_>, folder: PathBuf) -> Outcome<()> {
+    Ok(py.detach(|| set::finish(&folder))?)
+}

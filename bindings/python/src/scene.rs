@@ -1,0 +1,194 @@
+//! Scenes that do not change.
+
+use crate::cloud::PointCloud;
+use crate::error::{Failure, Outcome};
+use crate::options::Asked;
+use crate::sensor::{Instrument, options_text};
+use echocast::scene::{Mesh, Object, Part};
+use echocast::{BuiltScene, LoadOptions};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::path::PathBuf;
+use std::sync::{Arc, OnceLock};
+
+/// A scene that was loaded, or made of arrays: z up, metres.
+///
+/// `Scene.load("street.glb")`, `Scene.from_arrays(vertices, triangles)`. It is built for tracing at the first scan. Any
+/// number of threads may scan it.
+#[pyclass(frozen, module = "echocast")]
+pub struct Scene {
+    pub scene: echocast::Scene,
+    built: OnceLock<BuiltScene>,
+}
+
+impl Scene {
+    pub fn of(scene: echocast::Scene) -> Scene {
+        Scene { scene, built: OnceLock::new() }
+    }
+
+    /// Its structure, which the first to ask for it builds.
+    fn built(&self, py: Python<'_>) -> Outcome<BuiltScene> {
+        if let Some(built) = self.built.get() {
+            return Ok(built.clone());
+        }
+        let built = py.detach(|| self.scene.build())?;
+        Ok(self.built.get_or_init(|| built).clone())
+    }
+}
+
+/// A file, or several that are one scene.
+#[derive(FromPyObject)]
+enum Files {
+    One(PathBuf),
+    Several(Vec<PathBuf>),
+}
+
+/// A mesh of `triangles`, n x 3 indices of `vertices`, m x 3 metres, with a category for all, or for each triangle.
+pub fn mesh(
+    name: &str,
+    vertices: &PyReadonlyArray2<'_, f32>,
+    triangles: &PyReadonlyArray2<'_, u32>,
+) -> Outcome<Arc<Mesh>> {
+    let (vertices, triangles) = (vertices.as_array(), triangles.as_array());
+    for (name, width) in [("vertices", vertices.ncols()), ("triangles", triangles.ncols())] {
+        if width != 3 {
+            return Err(Failure::argument(name, format!("n x {width}"), "n x 3"));
+        }
+    }
+    let positions: Vec<[f32; 3]> = vertices.rows().into_iter().map(|row| [row[0], row[1], row[2]]).collect();
+    let triangles: Vec<[u32; 3]> = triangles.rows().into_iter().map(|row| [row[0], row[1], row[2]]).collect();
+    let part = Part { positions: positions.into(), triangles: triangles.into(), ..Part::default() };
+    Ok(Arc::new(Mesh::new(name, vec![part])?))
+}
+
+#[pymethods]
+impl Scene {
+    /// Reads a scene file, or several as one: glTF, OBJ, PLY, STL or FBX.
+    ///
+    /// `options`: those of the section `scene` of a scenario, such as `up="y"`, `scale=0.001`, `labels="rules.yaml"`,
+    /// `hide=["Sky*"]`.
+    #[staticmethod]
+    #[pyo3(signature = (files, **options))]
+    fn load(py: Python<'_>, files: Files, options: Option<&Bound<'_, PyDict>>) -> Outcome<Scene> {
+        let options = match options {
+            Some(keys) => LoadOptions::from_yaml(&options_text(keys)?)?,
+            None => LoadOptions::default(),
+        };
+        let files = match files {
+            Files::One(file) => vec![file],
+            Files::Several(files) => files,
+        };
+        Ok(Scene::of(py.detach(|| echocast::Scene::load_all(&files, &options))?))
+    }
+
+    /// Makes a scene of one mesh: `vertices`, n x 3 float32, m; `triangles`, m x 3 uint32, indices of vertices.
+    ///
+    /// `categories`: a number for each triangle (uint32), or None; `names`: a dict from number to name.
+    #[staticmethod]
+    #[pyo3(signature = (vertices, triangles, *, categories = None, names = None, name = "mesh"))]
+    fn from_arrays(
+        vertices: PyReadonlyArray2<'_, f32>,
+        triangles: PyReadonlyArray2<'_, u32>,
+        categories: Option<PyReadonlyArray1<'_, u32>>,
+        names: Option<std::collections::BTreeMap<u32, String>>,
+        name: &str,
+    ) -> Outcome<Scene> {
+        let mut scene = echocast::Scene::default();
+        let names = names.unwrap_or_default();
+        scene.labels.category.ids = names.keys().copied().filter(|&id| id > 0).collect();
+        scene.labels.category.names = names.iter().filter(|(id, _)| **id > 0).map(|(_, name)| name.clone()).collect();
+        let whole = mesh(name, &vertices, &triangles)?;
+        let Some(categories) = categories else {
+            scene.objects.push(Object { instance_id: 1, ..Object::new(name, whole) });
+            return Ok(Scene::of(scene));
+        };
+        let categories = categories.as_array();
+        let part = &whole.parts[0];
+        if categories.len() != part.triangles.len() {
+            let allowed = format!("{}, one for each triangle", part.triangles.len());
+            return Err(Failure::argument("categories", format!("{} numbers", categories.len()), allowed));
+        }
+        let mut kinds: Vec<u32> = categories.iter().copied().collect();
+        kinds.sort_unstable();
+        kinds.dedup();
+        for (place, &category_id) in kinds.iter().enumerate() {
+            let mine = part.triangles.iter().zip(categories.iter()).filter(|(_, kind)| **kind == category_id);
+            let triangles: Vec<[u32; 3]> = mine.map(|(triangle, _)| *triangle).collect();
+            let part = Part { positions: part.positions.clone(), triangles: triangles.into(), ..Part::default() };
+            let name = names.get(&category_id).cloned().unwrap_or_else(|| format!("{name} {category_id}"));
+            let mesh = Arc::new(Mesh::new(name.clone(), vec![part])?);
+            let object = Object { category_id, instance_id: place as u32 + 1, ..Object::new(name, mesh) };
+            scene.objects.push(object);
+        }
+        Ok(Scene::of(scene))
+    }
+
+    /// What `sensor` sees: a cloud. For a sonar, the points of a ping.
+    ///
+    /// Keyword arguments: `at` (a Pose, x, y and z in metres, or a Trajectory), `seed`, `fields` (names of columns),
+    /// `frame`, `start_time` (s), `organised`, `coordinates` ("world" or "sensor"), `order` ("beam" or "time"), `boxes`,
+    /// `profile`, `environment`, `progress` (called with 0 to 1; returning False stops it) and others that the stubs list.
+    #[pyo3(signature = (sensor, **options))]
+    fn scan(&self, py: Python<'_>, sensor: Instrument<'_>, options: Option<&Bound<'_, PyDict>>) -> Outcome<PointCloud> {
+        let sensor = sensor.sensor()?;
+        let asked = Asked::of(options, &sensor)?;
+        let built = self.built(py)?;
+        scan(py, &built, &sensor, &asked)
+    }
+
+    /// Names of the objects.
+    #[getter]
+    fn objects(&self) -> Vec<String> {
+        self.scene.objects.iter().map(|object| object.name.clone()).collect()
+    }
+
+    /// Names of the categories by their numbers.
+    #[getter]
+    fn categories(&self) -> std::collections::BTreeMap<u32, String> {
+        self.scene.labels.category.iter().map(|(id, name)| (id, name.to_owned())).collect()
+    }
+
+    /// Names of the camera nodes.
+    #[getter]
+    fn cameras(&self) -> Vec<String> {
+        self.scene.cameras.iter().map(|camera| camera.name.clone()).collect()
+    }
+
+    /// The pose of a sensor at the camera node called `name`.
+    fn camera(&self, name: &str) -> Outcome<crate::place::Pose> {
+        Ok(crate::place::Pose(self.scene.camera(name)?.pose))
+    }
+
+    /// Number of triangles.
+    #[getter]
+    fn triangles(&self) -> usize {
+        self.scene.triangle_count()
+    }
+
+    /// Lowest and highest coordinates, m; None if it is empty.
+    #[getter]
+    fn bounds(&self) -> Option<([f64; 3], [f64; 3])> {
+        self.scene.bounds().map(|(low, high)| (low.to_array(), high.to_array()))
+    }
+
+    /// What the reader noticed.
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.scene.report.warnings.clone()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<Scene: {} objects, {} triangles>", self.scene.objects.len(), self.scene.triangle_count())
+    }
+}
+
+/// Scans `built` as was asked for.
+pub fn scan(py: Python<'_>, built: &BuiltScene, sensor: &echocast::Sensor, asked: &Asked) -> Outcome<PointCloud> {
+    let cloud = asked.run(py, |progress| {
+        let mut cloud = echocast::PointCloud::default();
+        built.scan_with_progress(sensor, &asked.path, &asked.options, &mut cloud, progress)?;
+        Ok(cloud)
+    })?;
+    Ok(PointCloud::of(cloud))
+}

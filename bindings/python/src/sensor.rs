@@ -1,0 +1,228 @@
+//! Sensors and what is between them and surfaces.
+
+use crate::error::{Failure, Outcome};
+use pyo3::exceptions::PyKeyError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::path::{Path, PathBuf};
+use std::sync::{PoisonError, RwLock};
+
+/// An instrument: its beams, and the errors that it makes.
+///
+/// Sensor(sensor)
+///
+/// `sensor`: the name of a preset ("velodyne_vlp16"; a part that no other has is enough), the path of a sensor file, or
+/// its keys as a dict or YAML text. `sensor["noise.range_sigma_m"]` gets and sets a key.
+#[pyclass(frozen, module = "echocast")]
+pub struct Sensor(RwLock<echocast::Sensor>);
+
+impl Sensor {
+    /// It, as it is now.
+    pub fn now(&self) -> echocast::Sensor {
+        self.0.read().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    fn of(sensor: echocast::Sensor) -> Sensor {
+        Sensor(RwLock::new(sensor))
+    }
+}
+
+/// Keys and values of Python as YAML, which JSON is too.
+pub fn options_text(value: &Bound<'_, PyAny>) -> PyResult<String> {
+    value.py().import("json")?.call_method1("dumps", (value,))?.extract()
+}
+
+/// What a sensor, an environment or a scenario is made of.
+#[derive(FromPyObject)]
+pub enum Source<'py> {
+    Keys(Bound<'py, PyDict>),
+    Text(String),
+    Path(PathBuf),
+}
+
+impl Source<'_> {
+    /// YAML: JSON of keys, or text that is no name.
+    pub fn yaml(&self) -> PyResult<Option<String>> {
+        Ok(match self {
+            Source::Keys(keys) => Some(options_text(keys)?),
+            Source::Text(text) if text.contains(['\n', ':', '{']) && !Path::new(text).exists() => Some(text.clone()),
+            _ => None,
+        })
+    }
+
+    pub fn path(&self) -> &Path {
+        match self {
+            Source::Text(text) => Path::new(text),
+            Source::Path(path) => path,
+            Source::Keys(_) => Path::new(""),
+        }
+    }
+}
+
+#[pymethods]
+impl Sensor {
+    #[new]
+    fn new(sensor: Source<'_>) -> Outcome<Sensor> {
+        Ok(Sensor::of(match sensor.yaml()? {
+            Some(text) => echocast::Sensor::from_yaml(&text, "")?,
+            None => echocast::Sensor::open(sensor.path())?,
+        }))
+    }
+
+    /// Its name.
+    #[getter]
+    fn name(&self) -> String {
+        self.now().name().to_owned()
+    }
+
+    /// What it is called in full.
+    #[getter]
+    fn title(&self) -> String {
+        self.now().title().to_owned()
+    }
+
+    /// "lidar", "tof" or "sonar".
+    #[getter]
+    fn kind(&self) -> String {
+        self.now().kind().to_string()
+    }
+
+    /// Where its numbers come from.
+    #[getter]
+    fn source(&self) -> String {
+        self.now().source().to_owned()
+    }
+
+    /// Number of beams of a scan.
+    #[getter]
+    fn beams(&self) -> usize {
+        self.now().beams().len()
+    }
+
+    /// Time from scan to scan, s.
+    #[getter]
+    fn period(&self) -> f64 {
+        self.now().beams().period
+    }
+
+    /// All its keys as YAML, which makes the same sensor.
+    fn to_yaml(&self) -> Outcome<String> {
+        Ok(self.now().to_yaml()?)
+    }
+
+    /// The number at `key`; KeyError without one.
+    fn __getitem__(&self, key: &str) -> Outcome<f64> {
+        match self.now().parameter(key) {
+            Ok(found) => Ok(found.value),
+            Err(error) => Err(PyKeyError::new_err(error.to_string()).into()),
+        }
+    }
+
+    /// Sets `key` to a number, text or list, as `--set KEY=VALUE` does.
+    fn __setitem__(&self, key: &str, value: &Bound<'_, PyAny>) -> Outcome<()> {
+        let mut changed = self.now();
+        changed.set(key, &options_text(value)?)?;
+        *self.0.write().unwrap_or_else(PoisonError::into_inner) = changed;
+        Ok(())
+    }
+
+    fn __copy__(&self) -> Sensor {
+        Sensor::of(self.now())
+    }
+
+    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> Sensor {
+        Sensor::of(self.now())
+    }
+
+    fn __reduce__(slf: &Bound<'_, Self>) -> Outcome<(Py<PyAny>, (String,))> {
+        Ok((slf.get_type().into_any().unbind(), (slf.get().to_yaml()?,)))
+    }
+
+    fn __repr__(&self) -> String {
+        let sensor = self.now();
+        format!("<Sensor {}: {}, {} beams>", sensor.name(), sensor.kind(), sensor.beams().len())
+    }
+}
+
+/// The names of the presets, with their titles.
+#[pyfunction]
+pub fn presets() -> Vec<(String, String)> {
+    echocast::Sensor::presets().into_iter().map(|preset| (preset.name.to_owned(), preset.title.to_owned())).collect()
+}
+
+/// What is between sensor and surfaces: clear air, rain, fog, snow, dust; water for sonars.
+///
+/// Environment(environment=None)
+///
+/// `environment`: the keys of the section `environment` of a scenario, as a dict or YAML text, or the path of such a
+/// file. `Environment({"rain": {"rate_mm_h": 10}})`
+#[pyclass(frozen, module = "echocast")]
+pub struct Environment(pub echocast::Environment);
+
+#[pymethods]
+impl Environment {
+    #[new]
+    #[pyo3(signature = (environment = None))]
+    fn new(environment: Option<Source<'_>>) -> Outcome<Environment> {
+        let Some(source) = environment else { return Ok(Environment(echocast::Environment::default())) };
+        let made = match source.yaml()? {
+            Some(text) => echocast::Environment::from_yaml(&text)?,
+            None => echocast::Environment::load(source.path())?,
+        };
+        made.check()?;
+        Ok(Environment(made))
+    }
+
+    /// All its keys as YAML.
+    fn to_yaml(&self) -> Outcome<String> {
+        Ok(self.0.to_yaml()?)
+    }
+
+    fn __reduce__(slf: &Bound<'_, Self>) -> Outcome<(Py<PyAny>, (String,))> {
+        Ok((slf.get_type().into_any().unbind(), (slf.get().to_yaml()?,)))
+    }
+
+    fn __repr__(&self) -> String {
+        let text = self.0.to_yaml().unwrap_or_default();
+        format!("<Environment {}>", text.trim_end())
+    }
+}
+
+/// An environment, or what one is made of.
+#[derive(FromPyObject)]
+pub enum Air<'py> {
+    Made(Bound<'py, Environment>),
+    Source(Source<'py>),
+}
+
+impl Air<'_> {
+    pub fn environment(self) -> Outcome<echocast::Environment> {
+        match self {
+            Air::Made(made) => Ok(made.get().0.clone()),
+            Air::Source(source) => Ok(Environment::new(Some(source))?.0),
+        }
+    }
+}
+
+/// A sensor, or what one is made of.
+#[derive(FromPyObject)]
+pub enum Instrument<'py> {
+    Made(Bound<'py, Sensor>),
+    Source(Source<'py>),
+}
+
+impl Instrument<'_> {
+    pub fn sensor(self) -> Outcome<echocast::Sensor> {
+        match self {
+            Instrument::Made(made) => Ok(made.get().now()),
+            Instrument::Source(source) => Ok(Sensor::new(source)?.now()),
+        }
+    }
+}
+
+/// The value called `name` of a type of names.
+pub fn named<T: echocast::Named>(argument: &str, name: &str) -> Outcome<T> {
+    let found = T::NAMES.iter().find(|(known, _)| *known == name).map(|(_, value)| *value);
+    let all = || T::NAMES.iter().map(|(known, _)| *known).collect::<Vec<_>>().join(", ");
+    found.ok_or_else(|| Failure::argument(argument, format!("{name:?}"), all()))
+}

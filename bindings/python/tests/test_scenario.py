@@ -1,0 +1,57 @@
+"""Scenarios, samples and sets."""
+
+import numpy as np
+import pytest
+
+import echocast as ec
+
+TENT = "o tent\nv -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv 0 0 2\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n"
+
+
+@pytest.fixture
+def keys(tmp_path):
+    (tmp_path / "tent.obj").write_text(TENT)
+    return {
+        "scene": {"files": "tent.obj"},
+        "sensors": [{"sensor": "velodyne_vlp16"}],
+        "trajectory": {"position_m": [4, 0, 1]},
+        "samples": 5,
+        "seed": 3,
+        "outputs": [{"style": "plain", "format": "npz"}],
+        "set": {"folder": str(tmp_path / "set")},
+    }
+
+
+def test_samples_are_those_of_the_set(keys, tmp_path):
+    scenario = ec.Scenario(keys, folder=tmp_path)
+    assert len(scenario) == 5 and scenario[-1].number == 4
+    told = []
+    done = ec.run(scenario, progress=lambda made, all: told.append((made, all)))
+    assert (done["made"], done["complete"], told[-1]) == (5, True, (5, 5))
+    files = sorted((tmp_path / "set").rglob("*.npz"))
+    assert len(files) == 5
+    sample = scenario[2]
+    cloud, written = sample.cloud(), ec.PointCloud.read(files[2])
+    assert sample.sensors and sample.frames()[0][1] == 0.0
+    assert all(np.array_equal(cloud[name], written[name]) for name in cloud.fields)
+    with pytest.raises(ec.Error, match="resume"):
+        ec.run(scenario)
+    assert ec.run(scenario, resume=True)["found"] == 5
+
+
+def test_what_is_wrong_is_told(keys, tmp_path):
+    scenario = ec.Scenario(keys, folder=tmp_path)
+    with pytest.raises(IndexError):
+        scenario[5]
+    with pytest.raises(ec.ArgumentError, match="sensor is 1"):
+        scenario[0].cloud(1)
+    with pytest.raises(FileNotFoundError):
+        ec.Scenario("missing.yaml")
+
+    def stop(made, all):
+        raise RuntimeError("enough")
+
+    with pytest.raises(RuntimeError, match="enough"):
+        ec.run(scenario, progress=stop)
+    # Another run is not stopped by that.
+    assert ec.run(scenario, resume=True)["complete"]
