@@ -47,6 +47,12 @@ impl Scenario {
         Ok(self.0.write().unwrap_or_else(PoisonError::into_inner).set(key, &text)?)
     }
 
+    /// Seed of everything that is drawn.
+    #[getter]
+    fn seed(&self) -> u64 {
+        self.now().value().get("seed").and_then(serde_json::Value::as_u64).unwrap_or_default()
+    }
+
     fn __len__(&self) -> usize {
         usize::try_from(self.now().samples()).unwrap_or(usize::MAX)
     }
