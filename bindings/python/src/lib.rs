@@ -1,6 +1,7 @@
 //! The extension module of the Python package `echocast`: classes around the types of the Rust crate. What is better
 //! said in Python is in the folder `echocast`.
 
+mod array;
 mod cloud;
 mod error;
 mod live;

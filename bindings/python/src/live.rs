@@ -1,5 +1,6 @@
 //! Scenes that change from scan to scan.
 
+use crate::array::rows;
 use crate::cloud::PointCloud;
 use crate::error::{Failure, Outcome};
 use crate::options::Asked;
@@ -112,11 +113,7 @@ impl LiveScene {
 
     /// Moves the vertices of an object: n x 3 float32, as many as it has.
     fn set_vertices(&self, object: u64, vertices: PyReadonlyArray2<'_, f32>) -> Outcome<()> {
-        let vertices = vertices.as_array();
-        if vertices.ncols() != 3 {
-            return Err(Failure::argument("vertices", format!("n x {}", vertices.ncols()), "n x 3"));
-        }
-        let positions: Vec<[f32; 3]> = vertices.rows().into_iter().map(|row| [row[0], row[1], row[2]]).collect();
+        let positions = rows::<_, 3>("vertices", &vertices)?;
         Ok(self.lock().set_vertices(ObjectId::from_u64(object), positions.into(), None)?)
     }
 

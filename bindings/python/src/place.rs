@@ -1,5 +1,6 @@
 //! Where sensors are.
 
+use crate::array::rows;
 use crate::error::{Failure, Outcome};
 use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
@@ -87,9 +88,9 @@ impl Trajectory {
         positions: PyReadonlyArray2<'_, f64>,
         quaternions: Option<PyReadonlyArray2<'_, f64>>,
     ) -> Outcome<Trajectory> {
-        let positions = rows::<3>("positions", &positions, times.len())?;
+        let positions = counted::<3>("positions", &positions, times.len())?;
         let quaternions = match quaternions {
-            Some(array) => rows::<4>("quaternions", &array, times.len())?,
+            Some(array) => counted::<4>("quaternions", &array, times.len())?,
             None => vec![[0.0, 0.0, 0.0, 1.0]; times.len()],
         };
         let pose = |([x, y, z], [qx, qy, qz, qw]): ([f64; 3], [f64; 4])| {
@@ -118,17 +119,13 @@ impl Trajectory {
 }
 
 /// The rows of `array`, of which there must be `count`.
-fn rows<const N: usize>(name: &str, array: &PyReadonlyArray2<'_, f64>, count: usize) -> Outcome<Vec<[f64; N]>> {
-    let array = array.as_array();
-    let [height, width] = [array.nrows(), array.ncols()];
+fn counted<const N: usize>(name: &str, array: &PyReadonlyArray2<'_, f64>, count: usize) -> Outcome<Vec<[f64; N]>> {
+    let (height, width) = array.as_array().dim();
     if (height, width) != (count, N) {
-        return Err(Failure::argument(
-            name,
-            format!("{height} x {width}"),
-            format!("{count} x {N}, a row for each time"),
-        ));
+        let found = format!("{height} x {width}");
+        return Err(Failure::argument(name, found, format!("{count} x {N}, a row for each time")));
     }
-    Ok(array.rows().into_iter().map(|row| std::array::from_fn(|column| row[column])).collect())
+    rows(name, array)
 }
 
 /// Where a scan is made from: a pose, a position, or a trajectory.

@@ -1,5 +1,6 @@
 //! Scenes that do not change.
 
+use crate::array::rows;
 use crate::cloud::PointCloud;
 use crate::error::{Failure, Outcome};
 use crate::options::Asked;
@@ -44,20 +45,14 @@ enum Files {
     Several(Vec<PathBuf>),
 }
 
-/// A mesh of `triangles`, n x 3 indices of `vertices`, m x 3 metres, with a category for all, or for each triangle.
+/// A mesh of `triangles`, n x 3 indices of `vertices`, m x 3 metres.
 pub fn mesh(
     name: &str,
     vertices: &PyReadonlyArray2<'_, f32>,
     triangles: &PyReadonlyArray2<'_, u32>,
 ) -> Outcome<Arc<Mesh>> {
-    let (vertices, triangles) = (vertices.as_array(), triangles.as_array());
-    for (name, width) in [("vertices", vertices.ncols()), ("triangles", triangles.ncols())] {
-        if width != 3 {
-            return Err(Failure::argument(name, format!("n x {width}"), "n x 3"));
-        }
-    }
-    let positions: Vec<[f32; 3]> = vertices.rows().into_iter().map(|row| [row[0], row[1], row[2]]).collect();
-    let triangles: Vec<[u32; 3]> = triangles.rows().into_iter().map(|row| [row[0], row[1], row[2]]).collect();
+    let positions = rows::<_, 3>("vertices", vertices)?;
+    let triangles = rows::<_, 3>("triangles", triangles)?;
     let part = Part { positions: positions.into(), triangles: triangles.into(), ..Part::default() };
     Ok(Arc::new(Mesh::new(name, vec![part])?))
 }

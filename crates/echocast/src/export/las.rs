@@ -41,8 +41,7 @@ pub(super) const LAZ: Las = Las {
         name: "laz",
         extensions: &["laz"],
         description: "LAS 1.4 as las, compressed by LASzip: smaller, slower to write",
-        needs_positions: true,
-        holds_label_names: true,
+        ..LAS.info
     },
     compressed: true,
     ..LAS
@@ -54,8 +53,8 @@ pub(super) const LAS2: Las = Las {
         name: "las2",
         extensions: &[],
         description: "LAS 1.2, point format 2, category_id in point source id: the simplest LAS with colour",
-        needs_positions: true,
         holds_label_names: false,
+        ..LAS.info
     },
     version: (1, 2),
     point_format: 2,

@@ -34,8 +34,7 @@ pub(super) const MCAP_OUSTER: Mcap = Mcap {
         name: "mcap_ouster",
         extensions: &[],
         description: "bag with points as of Ouster's driver; time in ns, range in mm",
-        needs_positions: true,
-        holds_label_names: true,
+        ..MCAP.info
     },
     layout: &OUSTER,
 };
@@ -45,8 +44,7 @@ pub(super) const MCAP_LIVOX: Mcap = Mcap {
         name: "mcap_livox",
         extensions: &[],
         description: "bag with points as of Livox's driver; time in ns",
-        needs_positions: true,
-        holds_label_names: true,
+        ..MCAP.info
     },
     layout: &LIVOX,
 };

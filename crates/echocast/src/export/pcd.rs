@@ -27,13 +27,7 @@ pub(super) const PCD: Pcd = Pcd {
 };
 
 pub(super) const PCD_ASCII: Pcd = Pcd {
-    info: FormatInfo {
-        name: "pcd_ascii",
-        extensions: &[],
-        description: "PCD as text",
-        needs_positions: true,
-        holds_label_names: false,
-    },
+    info: FormatInfo { name: "pcd_ascii", extensions: &[], description: "PCD as text", ..PCD.info },
     data: Data::Text,
 };
 
@@ -42,8 +36,7 @@ pub(super) const PCD_COMPRESSED: Pcd = Pcd {
         name: "pcd_compressed",
         extensions: &[],
         description: "PCD with columns that are compressed by LZF, up to 4 GiB of them",
-        needs_positions: true,
-        holds_label_names: false,
+        ..PCD.info
     },
     data: Data::Compressed,
 };

@@ -61,6 +61,14 @@ impl Pose {
     }
 }
 
+/// Where what is at `mount` on a carrier is, if the carrier is at `carrier`.
+pub(crate) fn on(carrier: &Pose, mount: &Pose) -> Pose {
+    Pose {
+        position: carrier.position + carrier.orientation * mount.position,
+        orientation: (carrier.orientation * mount.orientation).normalize(),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -3,16 +3,13 @@
 
 use super::about::{ABOUT, About, Arrays};
 use super::rows::{Goal, Rows};
-use super::{Source, boxes, rows};
+use super::{MOST_OF_ONE, Source, boxes, rows};
 use crate::cloud::{FIELDS, FieldSet, PointCloud};
 use crate::export::hdf5_error;
 use crate::ground::error::{Error, Result};
 use crate::ground::report::Report;
 use ::hdf5::types::{TypeDescriptor, VarLenUnicode};
 use ::hdf5::{Dataset, File};
-
-/// Most bytes of numbers that are believed to be in a byte of the file: compression makes a thousand of one.
-const MOST: u64 = 1100;
 
 struct Datasets<'a> {
     source: &'a Source<'a>,
@@ -33,7 +30,7 @@ impl Datasets<'_> {
         }
         let dataset = self.file.dataset(name).map_err(|error| self.failed(error, name))?;
         let whole = dataset.size().saturating_mul(dataset.dtype().map_or(1, |kind| kind.size())) as u64;
-        if whole > dataset.storage_size().min(self.source.length).saturating_mul(MOST) {
+        if whole > dataset.storage_size().min(self.source.length).saturating_mul(MOST_OF_ONE) {
             let message = format!("says that it has {} numbers, of which it does not hold the bytes", dataset.size());
             return Err(Error::parse(self.source.path, name, message));
         }

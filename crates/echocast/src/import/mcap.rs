@@ -3,11 +3,11 @@
 use super::about::About;
 use super::ros::{Message, Points, Transform, transforms};
 use super::rows::{Goal, Rows};
-use super::{Source, contained};
+use super::{MOST_OF_ONE, Source, contained};
 use crate::cloud::{Field, Frame, PointCloud};
 use crate::emitter::Trajectory;
 use crate::ground::error::{Error, Result};
-use crate::ground::pose::Pose;
+use crate::ground::pose::{Pose, on};
 use crate::ground::report::Report;
 use ::mcap::records::Record;
 use ::mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
@@ -18,8 +18,6 @@ use std::io::{self, Read as _};
 
 /// Longest record, bytes: more than the cloud of a frame.
 const LONGEST: u64 = 1 << 30;
-/// Most bytes of points that are believed to be in a byte of the file: compression makes a thousand of one.
-const MOST: u64 = 1100;
 /// Most frames from one to the world.
 const DEPTH: usize = 100;
 
@@ -60,7 +58,7 @@ impl Topic {
 /// A file that is cut off or damaged; those of `work`.
 fn messages(source: &Source, mut work: impl FnMut(&Topic, &[u8]) -> Result<()>) -> Result<()> {
     let mut file = source.from(0)?;
-    let longest = LONGEST.min(source.length.saturating_mul(MOST));
+    let longest = LONGEST.min(source.length.saturating_mul(MOST_OF_ONE));
     let options = LinearReaderOptions::default().with_record_length_limit(longest as usize);
     let mut reader = LinearReader::new_with_options(options.with_validate_chunk_crcs(true));
     let mut kinds = BTreeMap::new();
@@ -130,10 +128,7 @@ impl Frames {
         for _ in 0..DEPTH {
             let Some((parent, path)) = self.paths.get(frame) else { break };
             let in_parent = path.at(time);
-            pose = Some(pose.map_or(in_parent, |pose: Pose| Pose {
-                position: in_parent.position + in_parent.orientation * pose.position,
-                orientation: in_parent.orientation * pose.orientation,
-            }));
+            pose = Some(pose.map_or(in_parent, |pose| on(&in_parent, &pose)));
             frame = parent;
         }
         Ok(pose)
@@ -171,7 +166,7 @@ impl Bag {
             CLOUD if mine => {
                 self.topic = Some(topic.name.clone());
                 self.bytes += bytes.len() as u64;
-                if self.bytes > source.length.saturating_mul(MOST) {
+                if self.bytes > source.length.saturating_mul(MOST_OF_ONE) {
                     return Err(source.error("says it has more points than its bytes can hold: it is damaged"));
                 }
                 let points = Points::read(bytes).map_err(|fault| topic.error(source, fault))?;

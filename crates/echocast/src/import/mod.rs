@@ -33,6 +33,9 @@ use std::path::Path;
 /// Bytes at the beginning of a file that tell its format.
 const BEGINNING: u64 = 4096;
 
+/// Most bytes that are believed to be in a compressed byte: deflate and zstd make a thousand of one.
+const MOST_OF_ONE: u64 = 1100;
+
 impl PointCloud {
     /// Reads the cloud file at `path`: of any format of [`crate::export::FORMATS`], and LAS, LAZ, PLY, PCD, E57, CSV
     /// and MCAP files of other programs. The content tells the format, whatever the name ends in. [`read()`] also reports what a

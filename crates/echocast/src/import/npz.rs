@@ -3,7 +3,7 @@
 use super::about::{ABOUT, About, Arrays};
 use super::number::{Member, blocks};
 use super::rows::{Goal, Rows};
-use super::{Source, boxes, rows};
+use super::{MOST_OF_ONE, Source, boxes, rows};
 use crate::cloud::{FIELDS, Field, FieldSet, PointCloud};
 use crate::ground::error::{Error, Result};
 use crate::ground::report::Report;
@@ -13,8 +13,6 @@ use std::fs::File;
 use std::io::{self, BufReader, Read};
 use zip::ZipArchive;
 
-/// Most bytes that are believed to be in a compressed byte.
-const MOST: u64 = 1100;
 /// Longest header of an array, bytes.
 const HEADER: usize = 1 << 16;
 
@@ -65,7 +63,7 @@ impl Archive<'_> {
         let fault = |error: io::Error| source.failed(error, &place);
         let mut file = self.zip.by_index(index).map_err(|error| fault(error.into()))?;
         let wrong = |message: String| Error::parse(source.path, &*place, message);
-        if file.size() > file.compressed_size().saturating_mul(MOST) || file.compressed_size() > source.length {
+        if file.size() > file.compressed_size().saturating_mul(MOST_OF_ONE) || file.compressed_size() > source.length {
             let (packed, whole) = (file.compressed_size(), file.size());
             return Err(wrong(format!("{packed} bytes in it cannot be {whole}: it is damaged")));
         }

@@ -7,7 +7,7 @@ use super::variation::Stand;
 use crate::cloud::{BoxAxes, FieldSet, Ping, PointCloud};
 use crate::emitter::Trajectory;
 use crate::ground::error::{Error, Result};
-use crate::ground::pose::Pose;
+use crate::ground::pose::{Pose, on};
 use crate::ground::report::Report;
 use crate::scan::ScanOptions;
 use crate::sensor::{Sensor, SensorKind};
@@ -348,10 +348,7 @@ fn mounted(carrier: &Trajectory, mount: &Pose) -> Result<Trajectory> {
     if *mount == Pose::IDENTITY {
         return Ok(carrier.clone());
     }
-    let on = |pose: &Pose| Pose {
-        position: pose.position + pose.orientation * mount.position,
-        orientation: (pose.orientation * mount.orientation).normalize(),
-    };
+    let on = |carrier: &Pose| on(carrier, mount);
     let keys = carrier.clone().into_keys();
     let mut all = Vec::with_capacity(keys.len());
     for ends in keys.windows(2) {

@@ -2,7 +2,7 @@
 
 mod masks;
 
-use super::points::{in_sensor, inverse, local, on, remission};
+use super::points::{in_sensor, inverse, local, remission};
 use super::rig::{self, Kind, find};
 use super::style::{Scanned, Style, Writer as Write, numbered};
 use super::whole::Whole;
@@ -11,7 +11,7 @@ use crate::emitter::{ImageGrid, Intrinsics, Outline};
 use crate::export::images::write_layer;
 use crate::export::{self, ImageLayer};
 use crate::ground::error::{Error, Result};
-use crate::ground::pose::Pose;
+use crate::ground::pose::{Pose, on};
 use crate::ground::report::Report;
 use crate::image::RangeImage;
 use crate::scenario::Sample;

@@ -2,7 +2,7 @@
 
 mod categories;
 
-use super::points::{Known, in_world, inverse, local, on, remission};
+use super::points::{Known, in_world, inverse, local, remission};
 use super::rig::{Kind, camera, find, kind};
 use super::style::{Scanned, Style, Writer as Write, numbered};
 use super::whole::Whole;
@@ -11,7 +11,7 @@ use crate::emitter::{ImageGrid, Intrinsics};
 use crate::export::images::write_layer;
 use crate::export::{self, ImageLayer};
 use crate::ground::error::{Error, Result};
-use crate::ground::pose::Pose;
+use crate::ground::pose::{Pose, on};
 use crate::ground::report::Report;
 use crate::ground::shown;
 use crate::image::RangeImage;

@@ -1,7 +1,7 @@
 //! Points of a cloud as the files of data sets have them.
 
 use crate::cloud::{Frame, InstanceBox, PointCloud};
-use crate::ground::pose::Pose;
+use crate::ground::pose::{Pose, on};
 use glam::Vec3;
 use std::collections::HashMap;
 use std::hash::Hash;
@@ -72,14 +72,6 @@ pub(super) fn in_sensor(cloud: &PointCloud, found: &InstanceBox) -> Pose {
     match cloud.frame {
         Frame::World => on(&inverse(&cloud.sensor_pose), &found.pose),
         Frame::Sensor => found.pose,
-    }
-}
-
-/// Where what is at `mount` on a carrier is, if the carrier is at `carrier`.
-pub(super) fn on(carrier: &Pose, mount: &Pose) -> Pose {
-    Pose {
-        position: carrier.position + carrier.orientation * mount.position,
-        orientation: (carrier.orientation * mount.orientation).normalize(),
     }
 }
 
