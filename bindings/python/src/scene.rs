@@ -32,6 +32,13 @@ impl Scene {
         Scene { scene, built: OnceLock::new() }
     }
 
+    /// It, whose instances are called as the first of their objects.
+    fn numbered(mut scene: echocast::Scene) -> Scene {
+        let objects = scene.objects.iter().rev();
+        scene.labels.instance = table(objects.map(|object| (object.instance_id, object.name.clone())).collect());
+        Scene::of(scene)
+    }
+
     /// Its structure, which the first to ask for it builds.
     fn built(&self, py: Python<'_>) -> Outcome<BuiltScene> {
         if let Some(built) = self.built.get() {
@@ -40,6 +47,13 @@ impl Scene {
         let built = py.detach(|| self.scene.build())?;
         Ok(self.built.get_or_init(|| built).clone())
     }
+}
+
+/// Names of label numbers; 0 has none.
+fn table(mut names: BTreeMap<u32, String>) -> NameTable {
+    names.remove(&0);
+    let (ids, names) = names.into_iter().unzip();
+    NameTable { ids, names }
 }
 
 /// A file, or several that are one scene.
@@ -118,12 +132,11 @@ impl Scene {
     ) -> Outcome<Scene> {
         let mut scene = echocast::Scene::default();
         let names = names.unwrap_or_default();
-        scene.labels.category.ids = names.keys().copied().filter(|&id| id > 0).collect();
-        scene.labels.category.names = names.iter().filter(|(id, _)| **id > 0).map(|(_, name)| name.clone()).collect();
+        scene.labels.category = table(names.clone());
         let whole = mesh(name, &vertices, &triangles)?;
         let Some(categories) = categories else {
             scene.objects.push(Object { instance_id: 1, ..Object::new(name, whole) });
-            return Ok(Scene::of(scene));
+            return Ok(Scene::numbered(scene));
         };
         let categories = categories.as_array();
         let part = &whole.parts[0];
@@ -143,7 +156,7 @@ impl Scene {
             let object = Object { category_id, instance_id: place as u32 + 1, ..Object::new(name, mesh) };
             scene.objects.push(object);
         }
-        Ok(Scene::of(scene))
+        Ok(Scene::numbered(scene))
     }
 
     /// Makes a scene of objects, a dict for each: `vertices` and `triangles` as for `from_arrays`; `name`; `pose`, a Pose, a
@@ -182,7 +195,7 @@ impl Scene {
             }
             scene.objects.push(object);
         }
-        Ok(Scene::of(scene))
+        Ok(Scene::numbered(scene))
     }
 
     /// Makes a scene of a trimesh.Trimesh or trimesh.Scene, an Open3D TriangleMesh, or a list of them.
