@@ -93,8 +93,12 @@ class Store:
     def remove(self, names):
         """Removes files."""
         with self._telling("written"):
-            if names:
-                self.fs.rm([self._path(name) for name in names])
+            paths = [self._path(name) for name in names]
+            if self.fs.async_impl and paths:
+                self.fs.rm(paths)
+            else:
+                for path in paths:
+                    self.fs.rm_file(path)
 
     def _path(self, name):
         return f"{self.root}/{name}"
