@@ -110,10 +110,9 @@ def test_values_are_yaml_1_2():
     }
 
 
-def command(*arguments, **options):
-    return subprocess.run(
-        [sys.executable, "-m", "echocast.ray", *map(str, arguments)], capture_output=True, text=True, timeout=100, **options
-    )
+def command(*arguments, folder=Path(__file__).parent, env=None):
+    program = [sys.executable, "-m", "echocast.ray", *map(str, arguments)]
+    return subprocess.run(program, capture_output=True, text=True, timeout=100, cwd=folder, env=env)
 
 
 def test_wrong_usage_ends_with_2():
@@ -196,10 +195,10 @@ def test_workers_that_see_other_files_are_refused(cluster, file, tmp_path):
     echocast.ray.run(file, tmp_path / "set", samples=(0, 0))
     origin = (tmp_path / "set/scenario.json").read_bytes()
     with pytest.raises(ec.FileError, match="does not hold the set that is made; allowed: a folder that all machines share"):
-        Worker(Source(file, "", {}), Store(tmp_path / "own")).make(origin, range(1))
+        Worker(Source(file, "", {}), Store(tmp_path / "own")).make(origin, 0, range(1))
     (tmp_path / "tent.obj").write_text(TENT.replace("0 0 2", "0 0 3"))
     with pytest.raises(ec.ArgumentError, match="worker on .* for which tent.obj had other contents"):
-        Worker(Source(file, "", {}), Store(tmp_path / "set")).make(origin, range(1))
+        Worker(Source(file, "", {}), Store(tmp_path / "set")).make(origin, 0, range(1))
 
 
 # --- what dies
@@ -223,7 +222,7 @@ def test_the_driver_is_killed(cluster, file, tmp_path):
     root = tmp_path / "set"
     _, expected = alone(file, tmp_path / "one", samples=300)
     arguments = [file, "-o", root, "--set", "samples=300", "--chunk", 2, "--address", cluster.address]
-    driver = subprocess.Popen([sys.executable, "-m", "echocast.ray", *map(str, arguments)])
+    driver = subprocess.Popen([sys.executable, "-m", "echocast.ray", *map(str, arguments)], cwd=Path(__file__).parent)
     end = time.monotonic() + 60
     while not list(root.glob("manifest.*.jsonl")) and time.monotonic() < end:
         time.sleep(0.02)
@@ -309,7 +308,8 @@ def test_the_command_writes_to_a_url(cluster, bucket, file, tmp_path):
     _, expected = alone(file, tmp_path / "one")
     keys = {"AWS_ENDPOINT_URL": bucket.url, "AWS_ACCESS_KEY_ID": "key", "AWS_SECRET_ACCESS_KEY": "secret"}
     # A cluster of its own, whose workers have the keys.
-    done = command(file.name, "-o", "s3://bucket/set", "--ship", "--workers", 1, cwd=file.parent, env={**os.environ, **keys})
+    arguments = [file.name, "-o", "s3://bucket/set", "--ship", "--workers", 1]
+    done = command(*arguments, folder=file.parent, env={**os.environ, **keys})
     assert done.returncode == 0, done.stderr
     same(download(bucket, tmp_path / "set"), expected)
 

@@ -77,7 +77,7 @@ def run(
         warnings = Counter()
         if progress:
             progress(len(there), len(wanted))
-        for task, made, failed, points, noticed in crew.make(origin, tasks, workers):
+        for task, made, failed, points, noticed in crew.make(origin, wanted[0], tasks, workers):
             summary["made"] += made
             summary["failed"] += failed
             summary["points"] += points
@@ -125,14 +125,14 @@ class Crew:
         except ray.exceptions.RayTaskError as error:
             raise error.cause from None
 
-    def make(self, origin, tasks, most):
+    def make(self, origin, first, tasks, most):
         """Has up to `most` workers make `tasks`; yields what `Worker.make` returns, as it comes."""
         self.most = max(1, min(most, len(tasks)))
         self.workers += [self.hire() for _ in range(self.most - 1)]
         # One task at a time for each, which copies its files before it gets another: nothing piles up anywhere.
         pool = ActorPool(self.workers)
         for task in tasks:
-            pool.submit(lambda worker, task: worker.make.remote(origin, task), task)
+            pool.submit(lambda worker, task: worker.make.remote(origin, first, task), task)
         left, reason = set(tasks), None
         while pool.has_next():
             try:

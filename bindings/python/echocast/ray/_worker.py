@@ -3,6 +3,7 @@
 import json
 import platform
 import tempfile
+from collections import Counter
 from pathlib import Path
 
 import echocast as ec
@@ -28,7 +29,7 @@ class Worker:
         is refused here: another scenario, styles that the sensors cannot fill. `first`: number of the first sample."""
         with tempfile.TemporaryDirectory(prefix="echocast-") as folder:
             try:
-                self._run(folder, origin, (first, first), progress=_begun)
+                self._run(folder, origin, range(first, first + 1), progress=_begun)
             except _Begun:
                 pass
             except ec.FileError as error:
@@ -38,22 +39,23 @@ class Worker:
                 raise type(error)(str(error).replace(folder, self.store.name)) from error
             return Path(folder, ORIGIN).read_bytes()
 
-    def make(self, origin, task):
-        """Makes the samples of a range, `task`, of the set that `origin` says. Returns `task`, how many were made, what has
-        failed, the number of points, and warnings, each with the number of its samples."""
+    def make(self, origin, first, task):
+        """Makes the samples of a range, `task`, of the set that `origin` says and that begins with `first`. Returns `task`,
+        how many were made, what has failed, the number of points, and warnings, each with the number of its samples."""
         if not self.sees and self.store.find(ORIGIN) != origin:
             allowed = "allowed: a folder that all machines share, or a bucket"
             raise self._told(ec.FileError(f"{self.store.name} does not hold the set that is made; {allowed}"))
         self.sees = True
         with tempfile.TemporaryDirectory(prefix="echocast-") as folder:
             try:
-                done = self._run(folder, origin, (task[0], task[-1], task.step))
+                self._make(folder, origin, first, task)
             except ec.Error as error:
                 raise self._told(error) from error
-            lines = [line for line in Path(folder, LOG).read_text().splitlines() if line]
-            entries = [json.loads(line) for line in lines]
-            for error in (entry.get("error") for entry in entries):
-                if error and folder in error:
+            noted = [(line, json.loads(line)) for line in Path(folder, LOG).read_text().splitlines() if line]
+            lines, entries = zip(*[(line, entry) for line, entry in noted if entry["sample"] in task])
+            failed = [(entry["sample"], entry["error"]) for entry in entries if "error" in entry]
+            for _, error in failed:
+                if folder in error:
                     # It is not the sample that is wrong, but this machine: its disk is full.
                     raise self._told(ec.FileError(error))
             self.store.put([file["path"] for entry in entries for file in entry["files"]], folder)
@@ -61,16 +63,35 @@ class Worker:
             log = f"manifest.{task[0]}_{task[-1]}_{task.step}.jsonl"
             Path(folder, log).write_text("".join(line + "\n" for line in lines))
             self.store.put([log], folder)
-        return task, done["made"], done["failed"], done["points"], done["warnings"]
+        points = sum(entry["points"] for entry in entries)
+        warnings = Counter(warning for entry in entries for warning in entry.get("warnings", ()))
+        return task, len(entries) - len(failed), failed, points, warnings
 
-    def _run(self, folder, origin, samples, progress=None):
+    def _make(self, folder, origin, first, task):
+        """Makes `task` in `folder`; samples that fail are noted there."""
+        while task:
+            try:
+                return self._run(folder, origin, task)
+            except ec.Error:
+                if task[0] == first:
+                    raise
+                # Before it begins, `echocast.run` makes the first sample to see whether the rest can be written, and ends
+                # if that fails. After one that is good, and noted as if it were made, the sample fails by itself.
+                noted = {"sample": first, "files": [], "points": 0, "categories": {}, "ranges": []}
+                with Path(folder, LOG).open("a") as log:
+                    log.write(f"\n{json.dumps(noted)}\n")
+                self._run(folder, origin, range(first, task[0] + 1, task[0] - first))
+                task = task[1:]
+
+    def _run(self, folder, origin, task, progress=None):
         """`echocast.run` to `folder`, which does not complete the set."""
         if self.scenario is None:
             self.scenario = self.source.read(threads=1)
         if origin is not None:
             # Who reads another scenario than the others, or other scenes, is refused.
             Path(folder, ORIGIN).write_bytes(origin)
-        return ec.run(self.scenario, folder, samples=samples, shard=(0, 1), threads=1, progress=progress)
+        options = {"samples": (task[0], task[-1], task.step), "shard": (0, 1), "resume": True, "threads": 1}
+        return ec.run(self.scenario, folder, progress=progress, **options)
 
     def _told(self, error):
         """`error` for people at another machine."""
