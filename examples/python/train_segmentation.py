@@ -37,20 +37,19 @@ STREETS = {
         "labels": {"numbers": {name: number for number, name in enumerate(NAMES, 1)}},
     },
     "sensors": [{"sensor": "velodyne_vlp16"}],
-    "trajectory": {
-        "on": {"category": "road"}, "height_m": 1.9, "turn_deg": {"uniform": [0, 360]}, "clearance_m": 1,
-    },
+    "trajectory": {"on": {"category": "road"}, "height_m": 1.9, "turn_deg": {"uniform": [0, 360]}, "clearance_m": 1},
     "variation": [{"set": "scene.generate.seed", "to": {"uniform": [1, 1000000]}}],
     "samples": 72,
     "seed": 1,
-}  # fmt: skip
+}
 LEARNT, HELD_OUT = range(64), range(64, 72)
 
 
-def classes(item):
-    """The class of each point instead of its category."""
-    item["class"] = CLASS[item.pop("category_id")]
-    return item
+def prepared(item):
+    """Every third point, which is enough to learn from, with its class instead of its category."""
+    points = {name: value[::3] for name, value in item.items() if name != "sample"}
+    points["class"] = CLASS[points.pop("category_id")]
+    return points
 
 
 class Pillars(nn.Module):
@@ -60,10 +59,10 @@ class Pillars(nn.Module):
 
     def __init__(self, width=48):
         super().__init__()
-        self.points = nn.Sequential(nn.Linear(7, width), nn.ReLU(), nn.Linear(width, width), nn.ReLU())
+        self.points = nn.Sequential(nn.Linear(7, width), nn.LayerNorm(width), nn.ReLU(), nn.Linear(width, width), nn.ReLU())
         wide = width * (1 + len(self.SIZES))
         self.head = nn.Sequential(
-            nn.Linear(wide, 2 * width), nn.ReLU(), nn.Linear(2 * width, width), nn.ReLU(), nn.Linear(width, len(CLASSES))
+            nn.Linear(wide, 2 * width), nn.LayerNorm(2 * width), nn.ReLU(), nn.Linear(2 * width, width), nn.ReLU(), nn.Linear(width, len(CLASSES))
         )
 
     def forward(self, batch):
@@ -72,7 +71,7 @@ class Pillars(nn.Module):
         height = positions[:, 2:]
         distance = positions.norm(dim=1, keepdim=True)
         inside = (positions[:, :2] - middles) / self.SIZES[0]
-        shape = [height / 2, -height / 2, distance / 20, inside, batch["intensity"][:, None], height / distance]
+        shape = [height / 2, -height / 2, distance / 20, inside, batch["intensity"][:, None] / 255, height / distance]
         points = self.points(torch.cat(shape, dim=1))
         return self.head(torch.cat([points, *(pooled(points, batch, size) for size in self.SIZES)], dim=1))
 
@@ -84,7 +83,8 @@ def pooled(points, batch, size):
     pillars = (pillars[:, 0] * 4096 + pillars[:, 1] + 2048) * 4096 + pillars[:, 2] + 2048
     numbers, pillar = pillars.unique(return_inverse=True)
     largest = points.new_zeros(len(numbers), points.shape[1])
-    return largest.index_reduce(0, pillar, points, "amax", include_self=False)[pillar]
+    # Features are at least 0.
+    return largest.scatter_reduce(0, pillar[:, None].expand_as(points), points, "amax")[pillar]
 
 
 @torch.no_grad()
@@ -107,14 +107,17 @@ def main():
     options = parser.parse_args()
 
     torch.manual_seed(1)
-    load = {"batch_size": 4, "num_workers": options.workers, "collate_fn": collate}
-    held_out = list(torch.utils.data.DataLoader(ScanDataset(STREETS, HELD_OUT, classes), **load))
-    stream = ScanStream(STREETS, LEARNT, classes, shuffle=True, epochs_differ=True)
+    load = {"batch_size": 2, "num_workers": options.workers, "collate_fn": collate}
+    held_out = list(torch.utils.data.DataLoader(ScanDataset(STREETS, HELD_OUT, prepared), **load))
+    stream = ScanStream(STREETS, LEARNT, prepared, shuffle=True, epochs_differ=True)
     loader = torch.utils.data.DataLoader(stream, **load, persistent_workers=options.workers > 0)
 
     network = Pillars()
     optimiser = torch.optim.AdamW(network.parameters(), lr=3e-3)
-    before = judge(network, held_out)
+    before = after = judge(network, held_out)
+    seen = torch.cat([batch["class"] for batch in held_out])
+    commonest = (seen[seen != NONE].bincount().max() / (seen != NONE).sum()).item()
+    print(f"held-out streets: {len(HELD_OUT)}, in which the commonest class alone would be right for {commonest:.3f}")
     print(f"before: accuracy {before[0]:.3f}, mean IoU {before[1]:.3f}", flush=True)
     start, streets, epoch = time.monotonic(), 0, 0
     while (spent := time.monotonic() - start) < options.seconds:
@@ -124,13 +127,13 @@ def main():
             optimiser.zero_grad()
             loss.backward()
             optimiser.step()
-            streets += len(batch["sample"])
+            streets += len(batch["starts"]) - 1
             if (spent := time.monotonic() - start) >= options.seconds:
                 break
         epoch += 1
-        accuracy, overlap = judge(network, held_out)
-        print(f"{spent:3.0f} s, {streets} streets: accuracy {accuracy:.3f}, mean IoU {overlap:.3f}", flush=True)
-    if accuracy <= before[0] or overlap <= before[1]:
+        after = judge(network, held_out)
+        print(f"after {spent:.0f} s and {streets} streets: accuracy {after[0]:.3f}, mean IoU {after[1]:.3f}", flush=True)
+    if not (after[0] > before[0] and after[1] > before[1]):
         sys.exit("the network has learnt nothing: accuracy and mean IoU on held-out streets must rise")
 
 
