@@ -10,24 +10,17 @@ import numpy as np
 import echocast as ec
 from echocast._convert import package
 
-torch = package("torch", "torch")
+torch = package("torch", "echocast[torch]")
 
 #: Columns that a sample has unless others are asked for.
 COLUMNS = ("intensity", "category_id")
 
+# Seeds of epochs lie this far apart, so that no epoch of one seed is an epoch of a seed near it, as of held-out samples.
+STRIDE = 0x9E3779B97F4A7C15
 
-class ScanDataset(torch.utils.data.Dataset):
-    """The samples of a scenario: item i is the cloud of sample `samples[i]`, the same in every process.
 
-    `scenario`: as `echocast.Scenario` takes it, with `folder`; it is read in each worker for itself. `samples`: their numbers;
-    None: all. `sensor` and `frame`: which of its scans. `columns`: those of an item beside `positions`. `transform`: called
-    with each item, a dict of tensors: `positions`, n x 3 float32, m, relative to the sensor's place at the start of the
-    scan; the columns, n long, integers as int64; `sample`, its number.
-
-    With `epochs_differ`, `set_epoch` changes the seed of everything that is drawn; epoch 0 is the set that
-    `echocast run` writes. Workers must then be made anew for each epoch, which is what DataLoader does unless
-    `persistent_workers` is set.
-    """
+class _Scans:
+    """What the data sets have in common: a scenario, which every process reads for itself, and the epoch."""
 
     def __init__(
         self, scenario, samples=None, transform=None, *, folder="", sensor=0, frame=0, columns=COLUMNS, epochs_differ=False
@@ -36,45 +29,114 @@ class ScanDataset(torch.utils.data.Dataset):
         self.transform, self.sensor, self.frame = transform, sensor, frame
         self.columns = tuple(columns)
         self.epochs_differ = epochs_differ
-        self.epoch = 0
-        count = len(ec.Scenario(scenario, folder=folder, threads=1))
-        self.samples = list(range(count)) if samples is None else list(samples)
-        # What a process has read, which others do not share.
+        # Workers that live on from epoch to epoch see what `set_epoch` writes here.
+        self._epoch = torch.zeros((), dtype=torch.int64).share_memory_()
+        # The scenario, once this process has read it, and the epoch whose seed it has.
         self._read = None
+        read = self._scenario()
+        self.seed = read.seed
+        self.samples = list(range(len(read)) if samples is None else samples)
 
-    def __len__(self):
-        return len(self.samples)
-
-    def __getitem__(self, index):
-        number = self.samples[index]
-        if self._read is None or self._read[0] != self.epoch:
+    def _scenario(self):
+        """The scenario as this process has it, with the seed of the epoch."""
+        if self._read is None:
             # Workers are processes: each with one thread.
-            scenario = ec.Scenario(self.source, folder=self.folder, threads=1)
-            if self.epoch:
-                scenario.set("seed", scenario.seed + self.epoch)
-            self._read = (self.epoch, scenario)
-        cloud = self._read[1][number].cloud(self.sensor, self.frame)
+            self._read = (ec.Scenario(self.source, folder=self.folder, threads=1), 0)
+        scenario, drawn = self._read
+        epoch = self.epoch if self.epochs_differ else 0
+        if epoch != drawn:
+            scenario.set("seed", (self.seed + epoch * STRIDE) % 2**64)
+            self._read = (scenario, epoch)
+        return scenario
+
+    def _item(self, number):
+        """Sample `number` as a dict of tensors, or what `transform` makes of that."""
+        cloud = self._scenario()[number].cloud(self.sensor, self.frame)
+        positions = cloud.xyz
         place = np.asarray(cloud.origin) - (cloud.sensor_pose.position if cloud.coordinates == "world" else 0)
-        item = {"positions": torch.from_numpy(cloud.xyz + place.astype(np.float32)), "sample": number}
-        item |= cloud.to_torch(list(self.columns))
+        positions += place.astype(np.float32)
+        item = {"positions": torch.from_numpy(positions), "sample": number} | cloud.to_torch(self.columns)
         return item if self.transform is None else self.transform(item)
 
+    @property
+    def epoch(self):
+        """Number of the epoch, from 0."""
+        return int(self._epoch)
+
     def set_epoch(self, epoch):
-        """Lets everything that is drawn be that of `epoch`, from 0, if epochs differ."""
-        if self.epochs_differ:
-            self.epoch = int(epoch)
+        """Begins `epoch`, from 0, in all workers, whether they are made anew or live on; between two runs through the
+        data."""
+        self._epoch.fill_(int(epoch))
 
     def __getstate__(self):
         # Engines and scenes do not go to other processes.
         return {**self.__dict__, "_read": None}
 
 
+class ScanDataset(_Scans, torch.utils.data.Dataset):
+    """The samples of a scenario: item i is the cloud of sample `samples[i]`, the same in every process.
+
+    `scenario`: as `echocast.Scenario` takes it, with `folder`; it is read in each worker for itself. `samples`: their numbers;
+    None: all. `sensor` and `frame`: which of its scans. `columns`: those of an item beside `positions`. `transform`: called
+    with each item, a dict of tensors: `positions`, n x 3 float32, m, relative to the sensor's place at the start of the
+    scan; the columns, n long, integers as int64; `sample`, its number.
+
+    With `epochs_differ`, `set_epoch` changes the seed of everything that is drawn; epoch 0 is the set that
+    `echocast run` writes.
+    """
+
+    def __len__(self):
+        return len(self.samples)
+
+    def __getitem__(self, index):
+        return self._item(self.samples[index])
+
+
+class ScanStream(_Scans, torch.utils.data.IterableDataset):
+    """The samples of a scenario one after the other, each once in an epoch, shared out over the ranks of
+    `torch.distributed`, if that is initialised, and over the workers of a DataLoader.
+
+    Takes what `ScanDataset` takes, and gives the same items. With `shuffle`, each epoch has an order of its own, which
+    follows from the scenario's seed and `set_epoch`. All ranks have equally many: where these do not divide the samples,
+    the first ones are there twice.
+    """
+
+    def __init__(self, scenario, samples=None, transform=None, *, shuffle=False, **options):
+        super().__init__(scenario, samples, transform, **options)
+        self.shuffle = shuffle
+        # Rank and ranks of the process that made this one.
+        self._ranks = None
+
+    def __iter__(self):
+        rank, ranks = _ranks() or self._ranks or (0, 1)
+        worker = torch.utils.data.get_worker_info()
+        first, step = (0, 1) if worker is None else (worker.id, worker.num_workers)
+        order = self.samples
+        if self.shuffle:
+            order = np.random.default_rng([self.seed, self.epoch]).permutation(order).tolist()
+        count = -(-len(order) // ranks)
+        mine = [order[(rank + place * ranks) % len(order)] for place in range(count)]
+        return map(self._item, mine[first::step])
+
+    def __getstate__(self):
+        # A worker that is spawned knows nothing of the ranks.
+        return {**super().__getstate__(), "_ranks": _ranks() or self._ranks}
+
+
+def _ranks():
+    """The rank of this process and how many there are, if they are known."""
+    distributed = torch.distributed
+    if distributed.is_available() and distributed.is_initialized():
+        return distributed.get_rank(), distributed.get_world_size()
+    return None
+
+
 def collate(items):
     """Clouds of unequal length as one batch: tensors one after the other, `batch`, the item of each point, and `starts`,
     the first point of each item and the end."""
-    lengths = [len(item["positions"]) for item in items]
-    batch = {"batch": torch.repeat_interleave(torch.arange(len(items)), torch.tensor(lengths))}
-    batch["starts"] = torch.tensor([0, *np.cumsum(lengths)])
+    lengths = torch.tensor([len(item["positions"]) for item in items])
+    starts = torch.nn.functional.pad(lengths.cumsum(0), (1, 0))
+    batch = {"batch": torch.repeat_interleave(torch.arange(len(items)), lengths), "starts": starts}
     for name, value in items[0].items():
         together = [item[name] for item in items]
         batch[name] = torch.cat(together) if torch.is_tensor(value) and value.ndim else torch.as_tensor(together)
