@@ -10,6 +10,7 @@ help:
 	@echo "make check                 format, lints and unit tests alone"
 	@echo "make build                 release build; the program is target/release/echocast"
 	@echo "make python                build the Python package and test it; the wheel is in target/python/wheels"
+	@echo "make wheel                 the same, as a wheel for other machines: manylinux_2_28, HDF5 built in"
 	@echo "make bench                 how fast it is beside bare Embree; writes target/bench.json"
 	@echo "make install PREFIX=DIR    put program, C library and headers below DIR [$(PREFIX)]"
 	@echo "make clean                 remove what was built and written"
@@ -33,6 +34,9 @@ build:
 python:
 	@scripts/python
 
+wheel:
+	@scripts/python --release
+
 bench:
 	@scripts/setup
 	cargo build --release --locked
@@ -45,4 +49,4 @@ clean:
 	cargo clean
 	rm -rf out fuzz/target
 
-.PHONY: help demo test check build python bench install clean
+.PHONY: help demo test check build python wheel bench install clean

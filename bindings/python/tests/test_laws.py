@@ -67,6 +67,8 @@ def test_meshes_are_made_or_refused(vertices, triangles):
         assert str(error)
 
 
+# Each example makes all calls.
+@settings(max_examples=10)
 @given(st.data())
 def test_wrong_arguments_are_told(room, cloud, data):
     """Whatever is passed for an array, a number or a name: an exception, or what it means."""
