@@ -13,8 +13,12 @@ and z is up. Errors are `echocast.Error`, and also the ValueError, FileNotFoundE
 """
 
 from echocast._echocast import (
+    Box,
     Environment,
+    Image,
     LiveScene,
+    Ping,
+    Pings,
     PointCloud,
     Pose,
     Sample,
@@ -42,14 +46,18 @@ from echocast._errors import (
 
 __all__ = [
     "ArgumentError",
+    "Box",
     "CancelledError",
     "Environment",
     "Error",
     "FileError",
     "FormatError",
+    "Image",
     "LiveScene",
     "NotFoundError",
     "OutOfMemoryError",
+    "Ping",
+    "Pings",
     "PointCloud",
     "Pose",
     "Sample",

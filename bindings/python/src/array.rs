@@ -1,7 +1,12 @@
-//! Arrays of rows.
+//! Arrays: rows that are read, columns that share the memory of what they belong to.
 
 use crate::error::{Failure, Outcome};
+use echocast::cloud::{self, ColumnType};
+use echocast::{Field, Pings, PointCloud};
 use numpy::{Element, PyReadonlyArray2};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+use std::sync::Arc;
 
 /// The rows of `array`, which the argument `name` is: `N` numbers each.
 pub fn rows<T: Element + Copy, const N: usize>(name: &str, array: &PyReadonlyArray2<'_, T>) -> Outcome<Vec<[T; N]>> {
@@ -10,4 +15,70 @@ pub fn rows<T: Element + Copy, const N: usize>(name: &str, array: &PyReadonlyArr
         return Err(Failure::argument(name, format!("n x {}", array.ncols()), format!("n x {N}")));
     }
     Ok(array.rows().into_iter().map(|row| std::array::from_fn(|column| row[column])).collect())
+}
+
+/// What a column belongs to, and which it is.
+#[derive(Clone)]
+pub enum Held {
+    Cloud(Arc<PointCloud>, Field),
+    /// Of the ping with this index.
+    Ping(Arc<Pings>, usize, Field),
+}
+
+impl Held {
+    pub fn column(&self) -> cloud::Column<'_> {
+        match self {
+            Held::Cloud(cloud, field) => cloud.column(*field),
+            Held::Ping(pings, ping, field) => pings.pings[*ping].column(*field),
+        }
+    }
+}
+
+/// Its bytes, in the machine's order.
+impl AsRef<[u8]> for Held {
+    fn as_ref(&self) -> &[u8] {
+        self.column().bytes()
+    }
+}
+
+/// A column of a cloud or ping, which stays alive with it; `numpy.asarray` makes a read-only array of it without a copy.
+#[pyclass(frozen, module = "echocast")]
+pub struct Column {
+    held: Held,
+    shape: Vec<usize>,
+}
+
+#[pymethods]
+impl Column {
+    /// NumPy's array interface, version 3.
+    #[getter]
+    fn __array_interface__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let column = self.held.column();
+        let kind = match column.kind() {
+            ColumnType::F32 => "=f4",
+            ColumnType::F64 => "=f8",
+            ColumnType::U8 => "|u1",
+            ColumnType::U16 => "=u2",
+            ColumnType::U32 => "=u4",
+        };
+        let kind = kind.replace('=', if cfg!(target_endian = "big") { ">" } else { "<" });
+        let interface = PyDict::new(py);
+        interface.set_item("version", 3)?;
+        interface.set_item("typestr", kind)?;
+        interface.set_item("shape", PyTuple::new(py, &self.shape)?)?;
+        // It is read-only.
+        interface.set_item("data", (column.bytes().as_ptr() as usize, true))?;
+        Ok(interface)
+    }
+}
+
+/// The column `held` as an array of `shape`.
+pub fn shared<'py>(py: Python<'py>, held: Held, shape: &[usize]) -> PyResult<Bound<'py, PyAny>> {
+    let column = Bound::new(py, Column { held, shape: shape.to_vec() })?;
+    py.import("numpy")?.call_method1("asarray", (column,))
+}
+
+/// `values` as an array of `shape`, which owns them.
+pub fn owned<'py, T: Element>(py: Python<'py>, values: Vec<T>, shape: &[usize]) -> PyResult<Bound<'py, PyAny>> {
+    numpy::PyArray1::from_vec(py, values).call_method1("reshape", (PyTuple::new(py, shape)?,))
 }

@@ -1,15 +1,17 @@
 //! Clouds, and their columns as arrays that share their memory.
 
+use crate::array::{Held, shared};
+use crate::boxes::PyBox;
 use crate::error::{Failure, Outcome};
 use crate::place::Pose;
-use echocast::cloud::ColumnType;
+use crate::sensor::Instrument;
 use echocast::preview::{ColorBy, PreviewOptions, View};
 use echocast::scene::NameTable;
 use echocast::{Field, Frame, Report, export, import, preview};
 use numpy::PyReadonlyArray1;
 use pyo3::exceptions::{PyAttributeError, PyKeyError};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PySlice};
+use pyo3::types::{PyCapsule, PyDict, PySlice};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -20,37 +22,6 @@ use std::sync::Arc;
 /// relative to `cloud.origin`; `cloud[10:20]` and `cloud[cloud.range < 5]` are clouds of some of its points.
 #[pyclass(frozen, module = "echocast")]
 pub struct PointCloud(Arc<echocast::PointCloud>);
-
-/// A column of a cloud, which stays alive with it; `numpy.asarray` makes an array of it without a copy.
-#[pyclass(frozen, module = "echocast")]
-pub struct Column {
-    cloud: Arc<echocast::PointCloud>,
-    field: Field,
-}
-
-#[pymethods]
-impl Column {
-    /// NumPy's array interface, version 3.
-    #[getter]
-    fn __array_interface__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let column = self.cloud.column(self.field);
-        let kind = match column.kind() {
-            ColumnType::F32 => "=f4",
-            ColumnType::F64 => "=f8",
-            ColumnType::U8 => "|u1",
-            ColumnType::U16 => "=u2",
-            ColumnType::U32 => "=u4",
-        };
-        let kind = kind.replace('=', if cfg!(target_endian = "big") { ">" } else { "<" });
-        let interface = PyDict::new(py);
-        interface.set_item("version", 3)?;
-        interface.set_item("typestr", kind)?;
-        interface.set_item("shape", (column.len(),))?;
-        // It is read-only.
-        interface.set_item("data", (column.bytes().as_ptr() as usize, true))?;
-        Ok(interface)
-    }
-}
 
 /// Which points.
 #[derive(FromPyObject)]
@@ -68,8 +39,7 @@ impl PointCloud {
 
     /// The column `field` as an array.
     fn array<'py>(&self, py: Python<'py>, field: Field) -> PyResult<Bound<'py, PyAny>> {
-        let column = Bound::new(py, Column { cloud: self.0.clone(), field })?;
-        py.import("numpy")?.call_method1("asarray", (column,))
+        shared(py, Held::Cloud(self.0.clone(), field), &[self.0.len])
     }
 }
 
@@ -225,6 +195,28 @@ impl PointCloud {
         names(&self.0.labels.material)
     }
 
+    /// Boxes around labelled instances, if the scan was asked for them (`boxes=True`); else None.
+    #[getter]
+    fn boxes(&self) -> Option<Vec<PyBox>> {
+        self.0.boxes.as_ref().map(|_| PyBox::all(&self.0))
+    }
+
+    /// What `sensor`, which made the cloud, shows as an image: rows x columns. Of a camera whose scan is organised, layers
+    /// of one column are views of the cloud, without a copy.
+    ///
+    /// `layer`: "depth" (along the axis of a camera; else "range"), "range" (m; NaN without a return), "category", "part",
+    /// "instance" (0 without a return), "color" (x 3, sRGB), "intensity" or "normal" (x 3: right, up, back).
+    fn image<'py>(&self, py: Python<'py>, layer: &str, sensor: Instrument<'_>) -> Outcome<Bound<'py, PyAny>> {
+        crate::image::layer(py, &self.0, layer, sensor)
+    }
+
+    /// What the image of `sensor` shows of each instance, a dict for each: `instance_id`, `category_id`, `bounds` (first
+    /// column and row, columns, rows), `area` (pixels), and if the scan was asked for `image_boxes`, `amodal` (left, top,
+    /// right, bottom of all of it, pixels), `truncation` and `occlusion` (0 to 1); else None.
+    fn annotations<'py>(&self, py: Python<'py>, sensor: Instrument<'_>) -> Outcome<Vec<Bound<'py, PyDict>>> {
+        crate::image::annotations(py, &self.0, &sensor.sensor()?)
+    }
+
     /// A picture as PNG, `width` pixels wide.
     ///
     /// `color`: "label", "intensity", "range", "height" and so on; `view`: "top", "perspective" or "range".
@@ -252,6 +244,30 @@ impl PointCloud {
 
     fn _repr_png_<'py>(&self, py: Python<'py>) -> Option<Bound<'py, pyo3::types::PyBytes>> {
         self.png(py, None, "top", Some(640)).ok()
+    }
+
+    /// Shows it: in the viewer of Rerun if the package rerun-sdk is there, else its picture; see `docs/python.md`.
+    #[pyo3(signature = (**options))]
+    fn show(slf: &Bound<'_, Self>, options: Option<&Bound<'_, PyDict>>) -> PyResult<()> {
+        slf.py().import("echocast._look")?.getattr("show")?.call((slf,), options).map(drop)
+    }
+
+    /// Draws it with Matplotlib, and returns the axes.
+    #[pyo3(signature = (**options))]
+    fn plot<'py>(slf: &Bound<'py, Self>, options: Option<&Bound<'py, PyDict>>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("echocast._look")?.getattr("plot")?.call((slf,), options)
+    }
+
+    /// The Arrow C stream interface: `pyarrow.table(cloud)`, `polars.DataFrame(cloud)`, without copies. `requested_schema`
+    /// is not heeded, as the interface allows.
+    #[pyo3(signature = (requested_schema = None))]
+    fn __arrow_c_stream__<'py>(
+        &self,
+        py: Python<'py>,
+        requested_schema: Option<Bound<'py, PyAny>>,
+    ) -> Outcome<Bound<'py, PyCapsule>> {
+        let _ = requested_schema;
+        crate::arrow::stream(py, &self.0)
     }
 
     /// Columns by name, without copies.
@@ -301,7 +317,7 @@ fn converted<'py>(cloud: &Bound<'py, PointCloud>, name: &str) -> PyResult<Bound<
     cloud.py().import("echocast._convert")?.call_method1(name, (cloud,))
 }
 
-fn names(table: &NameTable) -> BTreeMap<u32, String> {
+pub fn names(table: &NameTable) -> BTreeMap<u32, String> {
     table.iter().map(|(id, name)| (id, name.to_owned())).collect()
 }
 

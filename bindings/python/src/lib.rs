@@ -2,11 +2,16 @@
 //! said in Python is in the folder `echocast`.
 
 mod array;
+mod arrow;
+mod boxes;
 mod cloud;
 mod error;
+mod image;
 mod live;
 mod options;
+mod ping;
 mod place;
+mod program;
 mod scenario;
 mod scene;
 mod sensor;
@@ -17,11 +22,21 @@ use pyo3::prelude::*;
 #[pymodule(gil_used = false)]
 mod _echocast {
     #[pymodule_export]
-    use super::cloud::{Column, PointCloud, formats, read_cloud};
+    use super::array::Column;
+    #[pymodule_export]
+    use super::boxes::PyBox;
+    #[pymodule_export]
+    use super::cloud::{PointCloud, formats, read_cloud};
+    #[pymodule_export]
+    use super::image::Image;
     #[pymodule_export]
     use super::live::LiveScene;
     #[pymodule_export]
+    use super::ping::{Ping, Pings};
+    #[pymodule_export]
     use super::place::{Pose, Trajectory};
+    #[pymodule_export]
+    use super::program::program;
     #[pymodule_export]
     use super::scenario::{Sample, Scenario, finish, run};
     #[pymodule_export]

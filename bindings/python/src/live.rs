@@ -4,13 +4,15 @@ use crate::array::rows;
 use crate::cloud::PointCloud;
 use crate::error::{Failure, Outcome};
 use crate::options::Asked;
-use crate::place::Pose;
+use crate::ping::{Ping, ping};
+use crate::place::{Placement, Pose, affine};
 use crate::scene::{Scene, mesh, scan};
 use crate::sensor::Instrument;
 use echocast::scene::Object;
 use echocast::{Engine, ObjectId};
-use glam::{DAffine3, DMat4};
-use numpy::PyReadonlyArray2;
+use glam::DAffine3;
+use numpy::ndarray::ArrayView2;
+use numpy::{PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -22,32 +24,6 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 /// Objects are numbers, which `add`, `add_scene` and `find` give. One thread at a time changes or scans it.
 #[pyclass(frozen, module = "echocast")]
 pub struct LiveScene(Mutex<echocast::LiveScene>);
-
-/// A placement: a pose, or a 4 x 4 matrix (world from object), float64.
-#[derive(FromPyObject)]
-enum Placement<'py> {
-    Pose(Pose),
-    Matrix(PyReadonlyArray2<'py, f64>),
-    Position([f64; 3]),
-}
-
-impl Placement<'_> {
-    fn transform(&self) -> Outcome<DAffine3> {
-        match self {
-            Placement::Pose(Pose(pose)) => Ok(DAffine3::from_rotation_translation(pose.orientation, pose.position)),
-            Placement::Position(position) => Ok(DAffine3::from_translation((*position).into())),
-            Placement::Matrix(matrix) => {
-                let matrix = matrix.as_array();
-                if (matrix.nrows(), matrix.ncols()) != (4, 4) {
-                    let found = format!("{} x {}", matrix.nrows(), matrix.ncols());
-                    return Err(Failure::argument("pose", found, "a Pose, a position, or a matrix of 4 x 4"));
-                }
-                let columns = std::array::from_fn(|column| std::array::from_fn(|row| matrix[[row, column]]));
-                Ok(DAffine3::from_mat4(DMat4::from_cols_array_2d(&columns)))
-            }
-        }
-    }
-}
 
 impl LiveScene {
     fn lock(&self) -> MutexGuard<'_, echocast::LiveScene> {
@@ -117,6 +93,60 @@ impl LiveScene {
         Ok(self.lock().set_vertices(ObjectId::from_u64(object), positions.into(), None)?)
     }
 
+    /// Lets an object move during the scans that follow: `poses`, n x 4 x 4 float64 (world from object), at `times`, n, s;
+    /// between them linear in position and slerp in rotation.
+    fn set_motion(&self, object: u64, times: Vec<f64>, poses: PyReadonlyArray3<'_, f64>) -> Outcome<()> {
+        let poses = poses.as_array();
+        if poses.dim() != (times.len(), 4, 4) {
+            let (count, rows, columns) = poses.dim();
+            let allowed = format!("{} x 4 x 4, a matrix for each time", times.len());
+            return Err(Failure::argument("poses", format!("{count} x {rows} x {columns}"), allowed));
+        }
+        let keys: Vec<(f64, DAffine3)> = times.into_iter().zip(poses.outer_iter().map(affine)).collect();
+        Ok(self.lock().set_motion(ObjectId::from_u64(object), &keys)?)
+    }
+
+    /// Lets the vertices of an object move during the scans that follow: `vertices`, n x m x 3 float32, m, at `times`, n, s;
+    /// in straight lines between them.
+    fn set_vertex_motion(&self, object: u64, times: Vec<f64>, vertices: PyReadonlyArray3<'_, f32>) -> Outcome<()> {
+        let vertices = vertices.as_array();
+        let (count, points, columns) = vertices.dim();
+        if (count, columns) != (times.len(), 3) {
+            let allowed = format!("{} x m x 3, vertices for each time", times.len());
+            return Err(Failure::argument("vertices", format!("{count} x {points} x {columns}"), allowed));
+        }
+        let at = |vertices: ArrayView2<f32>| {
+            let rows = vertices.rows();
+            rows.into_iter().map(|row| [row[0], row[1], row[2]]).collect::<Vec<_>>().into()
+        };
+        let keys: Vec<_> = times.into_iter().zip(vertices.outer_iter().map(at)).collect();
+        Ok(self.lock().set_vertex_motion(ObjectId::from_u64(object), &keys)?)
+    }
+
+    /// Gives an object another category and instance.
+    #[pyo3(signature = (object, *, category, instance))]
+    fn set_labels(&self, object: u64, category: u32, instance: u32) -> Outcome<()> {
+        let (mut live, object) = (self.lock(), ObjectId::from_u64(object));
+        let parts = live.object(object)?.part_ids.clone();
+        Ok(live.set_labels(object, category, instance, &parts)?)
+    }
+
+    /// Names a number of the label `table`: "category", "part", "instance" or "material".
+    fn name_label(&self, table: &str, number: u32, name: &str) -> Outcome<()> {
+        Ok(self.lock().name_label(table, number, name)?)
+    }
+
+    /// Numbers and names of its objects.
+    #[getter]
+    fn objects(&self) -> std::collections::BTreeMap<u64, String> {
+        self.lock().objects().map(|(id, object)| (id.to_u64(), object.name.clone())).collect()
+    }
+
+    /// The pose of a sensor at the camera node called `name`, now.
+    fn camera(&self, name: &str) -> Outcome<Pose> {
+        Ok(Pose(self.lock().camera(name)?))
+    }
+
     /// Lets what moves by itself be where it is at `time`, s, during scans of `length`, s.
     #[pyo3(signature = (time, length = 0.0))]
     fn set_time(&self, time: f64, length: f64) -> Outcome<()> {
@@ -130,6 +160,15 @@ impl LiveScene {
         let asked = Asked::of(options, &sensor)?;
         let built = py.detach(|| self.lock().commit())?;
         scan(py, &built, &sensor, &asked)
+    }
+
+    /// A ping of a sonar, now; as `Scene.ping`.
+    #[pyo3(signature = (sensor, **options))]
+    fn ping(&self, py: Python<'_>, sensor: Instrument<'_>, options: Option<&Bound<'_, PyDict>>) -> Outcome<Ping> {
+        let sensor = sensor.sensor()?;
+        let asked = Asked::of(options, &sensor)?;
+        let built = py.detach(|| self.lock().commit())?;
+        ping(py, &built, &sensor, &asked)
     }
 
     fn __repr__(&self) -> String {

@@ -11,13 +11,14 @@ use std::ops::ControlFlow;
 
 /// Names of the arguments.
 const NAMES: &str = "at, fields, seed, frame, start_time, trajectory_time, freeze, frame_period, organised, coordinates, \
-                     order, boxes, profile, reflectance_source, mask, specular_depth, environment, progress";
+                     order, boxes, image_boxes, profile, reflectance_source, mask, specular_depth, environment, \
+                     progress";
 
 /// What a method that scans was asked for.
 pub struct Asked {
     pub options: ScanOptions,
     pub path: Trajectory,
-    progress: Option<Py<PyAny>>,
+    progress: Progress,
 }
 
 /// Columns: names in a list, or separated by commas.
@@ -33,7 +34,7 @@ impl Asked {
         let mut asked = Asked {
             options: ScanOptions { fields: sensor.default_fields(), ..ScanOptions::default() },
             path: Trajectory::fixed(echocast::Pose::IDENTITY),
-            progress: None,
+            progress: Progress::default(),
         };
         let options = &mut asked.options;
         for (key, value) in keywords.into_iter().flatten() {
@@ -65,12 +66,13 @@ impl Asked {
                         Err(_) => Some(named("boxes", &text()?)?),
                     }
                 }
+                "image_boxes" => options.image_boxes = value.extract()?,
                 "profile" => options.profile = named("profile", &text()?)?,
                 "reflectance_source" => options.reflectance_source = Some(named("reflectance_source", &text()?)?),
                 "mask" => options.mask = value.extract()?,
                 "specular_depth" => options.specular_depth = value.extract()?,
                 "environment" => options.environment = value.extract::<Air>()?.environment()?,
-                "progress" => asked.progress = Some(value.unbind()),
+                "progress" => asked.progress = Progress::of(&value, "scan")?,
                 _ => known(&key)?,
             }
         }
@@ -85,28 +87,57 @@ impl Asked {
     ) -> Outcome<T> {
         let mut stopped: Option<PyErr> = None;
         let done = py.detach(|| {
-            work(&mut |fraction| {
-                let told = Python::attach(|py| {
-                    // Ctrl-C.
-                    py.check_signals()?;
-                    let Some(progress) = &self.progress else { return Ok(true) };
-                    // What it returns does not matter, unless it says no.
-                    let answer = progress.bind(py).call1((fraction,))?;
-                    Ok(answer.is_none() || answer.is_truthy()?)
-                });
-                match told {
-                    Ok(true) => ControlFlow::Continue(()),
-                    Ok(false) => ControlFlow::Break(()),
-                    Err(error) => {
-                        stopped = Some(error);
-                        ControlFlow::Break(())
-                    }
+            work(&mut |fraction| match Python::attach(|py| self.progress.tell(py, (fraction,))) {
+                Ok(true) => ControlFlow::Continue(()),
+                Ok(false) => ControlFlow::Break(()),
+                Err(error) => {
+                    stopped = Some(error);
+                    ControlFlow::Break(())
                 }
             })
         });
+        self.progress.close(py)?;
         match stopped {
             Some(error) => Err(Failure::Python(error)),
             None => Ok(done?),
+        }
+    }
+}
+
+/// Who is told how far work has come.
+#[derive(Default)]
+pub struct Progress {
+    told: Option<Py<PyAny>>,
+    /// Whether it is a bar of this package.
+    is_bar: bool,
+}
+
+impl Progress {
+    /// Out of the argument `progress`: a function, or True for a bar that says it is about `what`.
+    pub fn of(progress: &Bound<'_, PyAny>, what: &str) -> PyResult<Progress> {
+        Ok(match progress.extract::<bool>() {
+            Ok(false) => Progress::default(),
+            Ok(true) => {
+                let bar = progress.py().import("echocast._progress")?.call_method1("bar", (what,))?;
+                Progress { told: Some(bar.unbind()), is_bar: true }
+            }
+            Err(_) => Progress { told: Some(progress.clone().unbind()), is_bar: false },
+        })
+    }
+
+    /// Tells it `counts`; whether to go on. Fails at Ctrl-C.
+    pub fn tell<'py>(&self, py: Python<'py>, counts: impl pyo3::call::PyCallArgs<'py>) -> PyResult<bool> {
+        py.check_signals()?;
+        let Some(told) = &self.told else { return Ok(true) };
+        // What it returns does not matter, unless it says no.
+        let answer = told.bind(py).call1(counts)?;
+        Ok(answer.is_none() || answer.is_truthy()?)
+    }
+
+    pub fn close(&self, py: Python<'_>) -> PyResult<()> {
+        match &self.told {
+            Some(bar) if self.is_bar => bar.bind(py).call_method0("close").map(drop),
+            _ => Ok(()),
         }
     }
 }

@@ -2,7 +2,9 @@
 
 use crate::array::rows;
 use crate::error::{Failure, Outcome};
+use glam::{DAffine3, DMat4};
 use numpy::PyReadonlyArray2;
+use numpy::ndarray::ArrayView2;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
@@ -144,4 +146,35 @@ impl Place {
             Place::Position([x, y, z]) => echocast::Trajectory::fixed(echocast::Pose::at(x, y, z)),
         }
     }
+}
+
+/// A placement: a pose, or a 4 x 4 matrix (world from object), float64.
+#[derive(FromPyObject)]
+pub enum Placement<'py> {
+    Pose(Pose),
+    Matrix(PyReadonlyArray2<'py, f64>),
+    Position([f64; 3]),
+}
+
+impl Placement<'_> {
+    pub fn transform(&self) -> Outcome<DAffine3> {
+        match self {
+            Placement::Pose(Pose(pose)) => Ok(DAffine3::from_rotation_translation(pose.orientation, pose.position)),
+            Placement::Position(position) => Ok(DAffine3::from_translation((*position).into())),
+            Placement::Matrix(matrix) => {
+                let matrix = matrix.as_array();
+                if (matrix.nrows(), matrix.ncols()) != (4, 4) {
+                    let found = format!("{} x {}", matrix.nrows(), matrix.ncols());
+                    return Err(Failure::argument("pose", found, "a Pose, a position, or a matrix of 4 x 4"));
+                }
+                Ok(affine(matrix))
+            }
+        }
+    }
+}
+
+/// The transform of a matrix of 4 x 4.
+pub fn affine(matrix: ArrayView2<f64>) -> DAffine3 {
+    let columns = std::array::from_fn(|column| std::array::from_fn(|row| matrix[[row, column]]));
+    DAffine3::from_mat4(DMat4::from_cols_array_2d(&columns))
 }

@@ -2,6 +2,7 @@
 
 use crate::cloud::PointCloud;
 use crate::error::{Failure, Outcome};
+use crate::options::Progress;
 use crate::sensor::{Source, options_text};
 use echocast::Engine;
 use echocast::scenario::set::{self, Event, RunOptions};
@@ -146,7 +147,7 @@ impl Sample {
 /// Makes samples of a scenario and writes them as its `outputs` say, as `echocast run` does.
 ///
 /// `samples`: (first, last) or (first, last, step); `shard`: (part, parts); `resume`: go on with a set that is there;
-/// `progress`: called with the number of samples done and of all. Returns a dict: folder, made, found, failed, points,
+/// `progress`: called with the number of samples done and of all, or True for a bar. Returns a dict: folder, made, found, failed, points,
 /// seconds, warnings, complete.
 #[pyfunction]
 #[pyo3(signature = (scenario, folder = None, *, samples = None, shard = None, resume = false, threads = 0, progress = None))]
@@ -159,7 +160,7 @@ pub fn run<'py>(
     shard: Option<[u64; 2]>,
     resume: bool,
     threads: usize,
-    progress: Option<Py<PyAny>>,
+    progress: Option<Bound<'py, PyAny>>,
 ) -> Outcome<Bound<'py, pyo3::types::PyDict>> {
     let samples = match samples.as_deref() {
         None => None,
@@ -171,6 +172,7 @@ pub fn run<'py>(
     };
     let options = RunOptions { folder, samples, shard, resume, threads };
     let scenario = scenario.get().now().clone();
+    let progress = progress.map_or_else(|| Ok(Progress::default()), |progress| Progress::of(&progress, "samples"))?;
     let (stopped, done) = (Mutex::new(None::<PyErr>), Mutex::new((0, 0)));
     let watch = |event: Event| {
         let counts = {
@@ -181,17 +183,17 @@ pub fn run<'py>(
             }
             *done
         };
-        let told = Python::attach(|py| {
-            py.check_signals()?;
-            progress.as_ref().map_or(Ok(()), |progress| progress.bind(py).call1(counts).map(drop))
-        });
-        if let Err(error) = told {
+        let told = Python::attach(|py| progress.tell(py, counts));
+        if let Err(error) =
+            told.and_then(|go| if go { Ok(()) } else { Err(Failure::from(echocast::Error::Cancelled).into()) })
+        {
             // Samples under way are completed; then it ends.
             stopped.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
             echocast::export::cancel_flag().store(true, std::sync::atomic::Ordering::SeqCst);
         }
     };
     let result = py.detach(|| set::run(scenario, &options, &watch));
+    progress.close(py)?;
     if let Some(error) = stopped.into_inner().unwrap_or_else(PoisonError::into_inner) {
         echocast::export::cancel_flag().store(false, std::sync::atomic::Ordering::SeqCst);
         return Err(error.into());

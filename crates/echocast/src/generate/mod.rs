@@ -29,9 +29,62 @@ pub use street::Street;
 
 use crate::export::{self, Pending};
 use crate::ground::error::{Error, Result};
+use crate::read::yaml;
 use crate::scene::{LoadOptions, Scene};
+use serde::Deserialize;
 use std::fmt;
 use std::path::Path;
+
+/// What to generate, and its seed, as in the section `scene.generate` of a scenario.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Generate {
+    /// A street, or several blocks of a town.
+    #[serde(default)]
+    pub street: Option<Street>,
+    /// A lake bed.
+    #[serde(default)]
+    pub seabed: Option<Seabed>,
+    /// Rooms.
+    #[serde(default)]
+    pub indoor: Option<Indoor>,
+    /// Open country.
+    #[serde(default)]
+    pub landscape: Option<Landscape>,
+    /// Seed of all random draws.
+    #[serde(default)]
+    pub seed: u64,
+}
+
+impl Generate {
+    /// Reads it from YAML: one of `street`, `seabed`, `indoor`, `landscape` with its options, and `seed`.
+    ///
+    /// # Errors
+    /// Line and key of what is wrong, with the most similar known key.
+    pub fn from_yaml(text: &str) -> Result<Generate> {
+        yaml::from_str("generated scene", text)
+    }
+
+    /// The scene. The names of files in it are relative to `folder`.
+    ///
+    /// # Errors
+    /// As those of the generators; none or several of them.
+    pub fn scene(&self, folder: &Path) -> Result<GeneratedScene> {
+        match (&self.street, &self.seabed, &self.indoor, &self.landscape) {
+            (Some(street), None, None, None) => street.scene(self.seed),
+            (None, Some(seabed), None, None) => seabed.scene(self.seed),
+            (None, None, Some(indoor), None) => indoor.scene(self.seed),
+            (None, None, None, Some(landscape)) => {
+                let mut landscape = landscape.clone();
+                if let Some(map) = &mut landscape.height_map {
+                    map.file = folder.join(&map.file);
+                }
+                landscape.scene(self.seed)
+            }
+            _ => Err(Error::invalid("scene.generate", "none or several", "one of street, seabed, indoor, landscape")),
+        }
+    }
+}
 
 /// A generated scene: a complete binary glTF file in memory. Same parameters, same seed: the same bytes.
 #[derive(Clone)]

@@ -30,6 +30,7 @@ pub use waterfall::waterfall;
 
 use crate::cloud::{Column, Field, Ping, Pings, SonarView};
 use crate::ground::error::{Error, Result};
+use crate::ground::named::named;
 use crate::scene::Labels;
 use glam::DVec3;
 use std::sync::Arc;
@@ -69,6 +70,8 @@ pub enum ImageRange {
     /// removed.
     Ground,
 }
+
+named! { ImageRange: Slant "slant", Ground "ground" }
 
 /// Pixels, their labels, and their positions.
 #[derive(Clone, Debug, PartialEq)]

@@ -7,6 +7,7 @@ use super::{
 use crate::cloud::{Pings, SonarView};
 use crate::ground::error::Result;
 use crate::ground::math::{LOG2_PER_DB, exp2};
+use crate::ground::named::named;
 use crate::ground::pose::Pose;
 use glam::{DMat2, DVec2};
 use std::sync::Arc;
@@ -30,6 +31,8 @@ pub enum Overlap {
     /// The one nearest to the sonar.
     Nearest,
 }
+
+named! { Overlap: Mean "mean", Max "max", Last "last", Nearest "nearest" }
 
 /// The pings of a side-scan, imaging or single-beam sonar on a map of squares of `cell_m` metres: each cell lies where
 /// its beam looks from the ping's position and heading, at its range. Roll and pitch are ignored, as is the height of

@@ -3,7 +3,7 @@
 use super::set::Splits;
 use super::variation::Rule;
 use crate::cloud::Frame;
-use crate::generate::{GeneratedScene, Indoor, Landscape, Seabed, Street};
+use crate::generate::Generate;
 use crate::ground::error::{Error, Result};
 use crate::ground::named::{Named, by_name};
 use crate::ground::pose::Pose;
@@ -129,45 +129,6 @@ impl Default for SceneSpec {
             hide: Vec::new(),
             place: Vec::new(),
             materials: MaterialRules::default(),
-        }
-    }
-}
-
-/// A generated scene.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Generate {
-    #[serde(default)]
-    pub street: Option<Street>,
-    #[serde(default)]
-    pub seabed: Option<Seabed>,
-    #[serde(default)]
-    pub indoor: Option<Indoor>,
-    #[serde(default)]
-    pub landscape: Option<Landscape>,
-    /// As of `echocast generate`.
-    #[serde(default)]
-    pub seed: u64,
-}
-
-impl Generate {
-    /// The names of files in it are relative to `folder`.
-    ///
-    /// # Errors
-    /// As those of the generators; none or several of them.
-    pub fn scene(&self, folder: &Path) -> Result<GeneratedScene> {
-        match (&self.street, &self.seabed, &self.indoor, &self.landscape) {
-            (Some(street), None, None, None) => street.scene(self.seed),
-            (None, Some(seabed), None, None) => seabed.scene(self.seed),
-            (None, None, Some(indoor), None) => indoor.scene(self.seed),
-            (None, None, None, Some(landscape)) => {
-                let mut landscape = landscape.clone();
-                if let Some(map) = &mut landscape.height_map {
-                    map.file = folder.join(&map.file);
-                }
-                landscape.scene(self.seed)
-            }
-            _ => Err(Error::invalid("scene.generate", "none or several", "one of street, seabed, indoor, landscape")),
         }
     }
 }

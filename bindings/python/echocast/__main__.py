@@ -1,0 +1,3 @@
+from echocast._program import main
+
+main()

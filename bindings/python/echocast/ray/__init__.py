@@ -1,0 +1,19 @@
+"""Sets and training data made on a Ray cluster. Needs the package `ray[data]`.
+
+>>> import echocast.ray                                                                    # doctest: +SKIP
+>>> echocast.ray.run("drive.yaml", "s3://bucket/set")                                      # doctest: +SKIP
+>>> for batch in echocast.ray.dataset("drive.yaml").iter_batches(batch_size=4):            # doctest: +SKIP
+...     batch["positions"][0], batch["category_id"][0]
+
+Ray schedules, retries and moves data; here is only what a set needs beside that. The bytes are those of `echocast run` on
+one machine.
+"""
+
+from echocast._convert import package
+
+package("ray", "'ray[data]'")
+
+from echocast.ray._dataset import dataset  # noqa: E402
+from echocast.ray._run import run  # noqa: E402
+
+__all__ = ["dataset", "run"]

@@ -1,0 +1,67 @@
+"""Scans as a `ray.data.Dataset`, made as they are needed, without files."""
+
+import numpy as np
+import ray.data
+
+from echocast.ray._source import Source
+
+#: Columns that a row has unless others are asked for.
+COLUMNS = ("intensity", "category_id")
+
+
+def dataset(
+    scenario, samples=None, *, columns=COLUMNS, sensor=0, frame=0, folder="", settings=None, workers=None, batch_size=4
+):
+    """A `ray.data.Dataset` with a row for each sample, made by Ray's workers while they are read.
+
+    `scenario`, `folder` and `settings`: as of `run`. `samples`: their numbers; None: all. `sensor` and `frame`: which of
+    the scans of a sample. `columns`: those of the cloud that a row has beside its positions. `workers`: the most processes,
+    with a CPU each; None: as many as the cluster has CPUs now. `batch_size`: samples that a worker makes at a time.
+
+    | column of a row | |
+    |---|---|
+    | `sample` | its number, int64 |
+    | `positions` | n x 3 float32, m, relative to the sensor's place at the start of the scan |
+    | `intensity`, … | n long, with the types and numbers of `scenario[sample].cloud()` |
+
+    Rows are as long as their clouds, so that a batch, as `iter_batches` gives them, is a dict of arrays of arrays. They come
+    as they are made; `ray.data.DataContext.get_current().execution_options.preserve_order` keeps them in order.
+    """
+    if not ray.is_initialized():
+        ray.init()
+    source = Source(scenario, folder, settings)
+    numbers = range(len(source.read())) if samples is None else list(samples)
+    workers = workers or max(1, int(ray.cluster_resources().get("CPU", 1)))
+    return ray.data.range(len(numbers)).map_batches(
+        Scans,
+        fn_constructor_args=(source, numbers, tuple(columns), sensor, frame),
+        batch_size=batch_size,
+        num_cpus=1,
+        compute=ray.data.ActorPoolStrategy(min_size=1, max_size=workers),
+    )
+
+
+class Scans:
+    """Makes the scans of a batch; an actor that keeps what it has read."""
+
+    def __init__(self, source, numbers, columns, sensor, frame):
+        self.scenario = source.read(threads=1)
+        self.numbers, self.columns, self.sensor, self.frame = numbers, columns, sensor, frame
+
+    def __call__(self, batch):
+        numbers = [self.numbers[index] for index in batch["id"]]
+        rows = {name: [] for name in ("positions", *self.columns)}
+        for number in numbers:
+            cloud = self.scenario[number].cloud(self.sensor, self.frame)
+            place = np.asarray(cloud.origin) - (cloud.sensor_pose.position if cloud.coordinates == "world" else 0)
+            rows["positions"].append(cloud.xyz + place.astype(np.float32))
+            for name in self.columns:
+                rows[name].append(np.array(cloud[name]))
+        return {"sample": np.array(numbers, dtype=np.int64)} | {name: _ragged(row) for name, row in rows.items()}
+
+
+def _ragged(arrays):
+    """An array of arrays of any lengths."""
+    together = np.empty(len(arrays), dtype=object)
+    together[:] = arrays
+    return together

@@ -1,0 +1,66 @@
+"""Which samples are made: those that are wanted and not there, in tasks."""
+
+import json
+
+import echocast as ec
+
+
+def wanted(count, samples):
+    """The samples that are asked for, of a scenario that has `count`: a range."""
+    given = (0, count - 1) if samples is None else tuple(samples)
+    if len(given) not in (2, 3):
+        raise ec.ArgumentError(f"samples is {len(given)} numbers; allowed: first and last, and a step")
+    first, last, step = (*given, 1)[:3]
+    if not 0 <= first <= last < count or step < 1:
+        found = f"{first} to {last}, every {step}"
+        raise ec.ArgumentError(f"samples is {found}; allowed: 0 to {count - 1}, which the scenario has")
+    return range(first, last + 1, step)
+
+
+def noted(store, sizes):
+    """What the manifests of a set say of its samples, by number: the newest success, else a failure."""
+    names = [name for name in sizes if name == "manifest.json" or is_log(name)]
+    known = {}
+    for name, text in sorted(store.read(names).items()):
+        for entry in json.loads(text) if name == "manifest.json" else _lines(text):
+            old = known.get(entry["sample"])
+            if old is None or "error" in old or "error" not in entry:
+                known[entry["sample"]] = entry
+    return known
+
+
+def is_log(name):
+    """Whether this is the manifest of a task, shard or run; it goes when the set is complete."""
+    return name.startswith("manifest") and name.endswith(".jsonl")
+
+
+def _lines(text):
+    for line in text.splitlines():
+        try:
+            yield json.loads(line)
+        except ValueError:
+            # A run that was killed has left half a line.
+            pass
+
+
+def complete(entry, sizes):
+    """Whether a sample was made and its files are all there, with their sizes."""
+
+    def is_there(file):
+        size = sizes.get(file["path"], -1)
+        offset = file.get("offset")
+        return size == file["bytes"] if offset is None else size >= offset + file["bytes"]
+
+    return "error" not in entry and all(map(is_there, entry["files"]))
+
+
+def tasks(numbers, most):
+    """Ranges of up to `most` of `numbers`, which rise."""
+    made = []
+    for number in numbers:
+        last = made[-1] if made else []
+        if 0 < len(last) < most and (len(last) == 1 or number - last[-1] == last[1] - last[0]):
+            last.append(number)
+        else:
+            made.append([number])
+    return [range(task[0], task[-1] + 1, task[1] - task[0] if len(task) > 1 else 1) for task in made]

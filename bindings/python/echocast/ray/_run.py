@@ -1,0 +1,164 @@
+"""Makes a set on a cluster: what is missing is found, divided among workers, and completed."""
+
+import json
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+
+import ray
+from ray.util import ActorPool
+
+import echocast as ec
+from echocast.ray import _plan
+from echocast.ray._finish import finish
+from echocast.ray._source import Source
+from echocast.ray._store import Store
+from echocast.ray._worker import ORIGIN, Worker
+
+#: Most samples of a task: what is made again when a worker dies.
+MOST = 32
+
+#: Tasks for each worker, if there are enough samples, so that all end at about the same time.
+TASKS = 8
+
+#: How often a task is tried again whose worker has died: a sample that kills them all must not do so for ever.
+RETRIES = 3
+
+
+def run(
+    scenario,
+    output,
+    *,
+    samples=None,
+    resume=False,
+    workers=None,
+    chunk=None,
+    filesystem=None,
+    folder="",
+    settings=None,
+    progress=None,
+):
+    """Makes samples of a scenario on the Ray cluster that this process is connected to, or on one of this machine alone.
+
+    `scenario`, `folder`: as `echocast.Scenario` takes them, with files where every worker finds them: on a file system that
+    all machines share, or relative to the `working_dir` that Ray ships. `settings`: keys of the scenario that are changed,
+    `{"environment.fog.visibility_m": 80}`. `output`: the set's folder, on a file system that all machines share, or a URL as
+    fsspec takes it, `s3://bucket/set`; with `filesystem`, of fsspec or `pyarrow.fs`, a path in that.
+
+    `samples`: (first, last) or (first, last, step); None: all. `resume`: go on with a set that is there; samples in its
+    manifests whose files have their sizes are not made again. `workers`: processes with a CPU each; None: as many as the
+    cluster has CPUs now. `chunk`: samples of a task; None: up to 32. `progress`: called with the number of samples done and
+    of all.
+
+    Returns what `echocast.run` does, and the number of `workers`. The files are those of `echocast run`, to the byte.
+    """
+    start = time.monotonic()
+    if not ray.is_initialized():
+        ray.init()
+    source, store = Source(scenario, folder, settings), Store(output, filesystem)
+    wanted = _plan.wanted(len(source.read()), samples)
+    sizes, origin = store.sizes(), store.find(ORIGIN)
+    if origin is None and any(not name.startswith(".") for name in sizes):
+        raise ec.ArgumentError(f"set.folder is {store.name}, which holds other files; allowed: an empty or a new folder")
+    crew = Crew(source, store)
+    try:
+        origin = crew.begin(origin, wanted[0])
+        known = _plan.noted(store, sizes)
+        there = {sample for sample in wanted if sample in known and _plan.complete(known[sample], sizes)}
+        if there and not resume:
+            found = f"{store.name}, in which {len(there)} of these samples are"
+            raise ec.ArgumentError(f"set.folder is {found}; allowed: another folder, or to go on with it (--resume)")
+        _write(store, ORIGIN, origin)
+        missing = [sample for sample in wanted if sample not in there]
+        workers = workers or max(1, int(ray.cluster_resources().get("CPU", 1)))
+        tasks = _plan.tasks(missing, chunk or max(1, min(MOST, len(missing) // (TASKS * workers))))
+        summary = {"folder": store.name, "made": 0, "found": len(there), "failed": [], "points": 0}
+        warnings = Counter()
+        if progress:
+            progress(len(there), len(wanted))
+        for task, made, failed, points, noticed in crew.make(origin, wanted[0], tasks, workers):
+            summary["made"] += made
+            summary["failed"] += failed
+            summary["points"] += points
+            warnings.update(noticed)
+            there.update(task)
+            if progress:
+                progress(len(there), len(wanted))
+    finally:
+        crew.end()
+    about = json.loads(origin)
+    whole = there.union(known).issuperset(range(about["samples"]))
+    if whole:
+        finish(store, about["roots"])
+    summary["failed"].sort()
+    return summary | {
+        "seconds": time.monotonic() - start,
+        "warnings": dict(sorted(warnings.items())),
+        "complete": whole,
+        "workers": crew.most,
+    }
+
+
+def _write(store, name, content):
+    """Writes a small file, unless it is there."""
+    if store.find(name) != content:
+        with tempfile.TemporaryDirectory(prefix="echocast-") as folder:
+            Path(folder, name).write_bytes(content)
+            store.put([name], folder)
+
+
+class Crew:
+    """The workers of a run: actors of Ray, which starts them again elsewhere when their machine is gone."""
+
+    def __init__(self, source, store):
+        # As long as it lives, a worker has a CPU.
+        worker = ray.remote(num_cpus=1, max_restarts=-1, max_task_retries=RETRIES)(Worker)
+        self.hire = lambda: worker.remote(source, store)
+        self.workers = [self.hire()]
+        self.most = 1
+
+    def begin(self, origin, first):
+        """`Worker.begin` of the first of them."""
+        try:
+            return ray.get(self.workers[0].begin.remote(origin, first))
+        except ray.exceptions.RayTaskError as error:
+            raise error.cause from None
+
+    def make(self, origin, first, tasks, most):
+        """Has up to `most` workers make `tasks`; yields what `Worker.make` returns, as it comes."""
+        self.most = max(1, min(most, len(tasks)))
+        self.workers += [self.hire() for _ in range(self.most - 1)]
+        # One task at a time for each, which copies its files before it gets another: nothing piles up anywhere.
+        pool = ActorPool(self.workers)
+        for task in tasks:
+            pool.submit(lambda worker, task: worker.make.remote(origin, first, task), task)
+        left, reason = set(tasks), None
+        while pool.has_next():
+            try:
+                result = pool.get_next_unordered()
+                left.discard(result[0])
+                yield result
+            except ray.exceptions.RayTaskError as error:
+                raise error.cause from None
+            except ray.exceptions.RayError as error:
+                # The others go on.
+                reason = error
+                if isinstance(error, ray.exceptions.ActorDiedError):
+                    self.workers.append(self.hire())
+                    pool.push(self.workers[-1])
+            # Who has nothing more to do leaves its CPU to those that have lost theirs with a machine.
+            while idle := pool.pop_idle():
+                ray.kill(idle)
+        if left:
+            lost = sorted(left, key=lambda task: task[0])
+            text = " ".join(str(reason).split())
+            raise ec.Error(
+                f"{sum(map(len, lost))} samples are not made, the first is {lost[0][0]}: their workers have died "
+                f"{RETRIES + 1} times: {text}; allowed: more memory, or to try them again (--resume)"
+            )
+
+    def end(self):
+        """Ends all workers."""
+        for worker in self.workers:
+            ray.kill(worker)

@@ -1,0 +1,113 @@
+"""Where a set is written to: a folder, or a prefix of a bucket."""
+
+import contextlib
+import os
+import uuid
+from pathlib import Path
+
+import fsspec
+from fsspec import AbstractFileSystem
+from fsspec.implementations.arrow import ArrowFSWrapper
+from fsspec.implementations.local import LocalFileSystem
+
+import echocast as ec
+
+#: How the names of files begin that are not complete yet.
+UNFINISHED = ".echocast-"
+
+
+class Store:
+    """A folder of a file system. Names of files are relative to it, with `/`.
+
+    `output`: a path, a URL that fsspec knows, or with `filesystem`, of fsspec or pyarrow, a path in that.
+    """
+
+    def __init__(self, output, filesystem=None):
+        self.name = os.fspath(output).rstrip("/")
+        with self._telling("reached"):
+            root = self.name
+            if filesystem is None:
+                filesystem, root = fsspec.url_to_fs(root)
+            # What has no way to rename of its own would copy.
+            self.renames = getattr(type(filesystem), "mv", None) is not AbstractFileSystem.mv
+            if not isinstance(filesystem, AbstractFileSystem):
+                self.renames = filesystem.type_name not in ("s3", "gcs", "abfs")
+                filesystem = LocalFileSystem() if filesystem.type_name == "local" else ArrowFSWrapper(filesystem)
+            self.fs, self.root = filesystem, filesystem._strip_protocol(root).rstrip("/")
+        #: The folder, if it is one that the system knows.
+        self.folder = Path(self.root) if isinstance(filesystem, LocalFileSystem) else None
+
+    def sizes(self):
+        """Lengths of all files, bytes, by name."""
+        with self._telling("read"):
+            self.fs.invalidate_cache()
+            try:
+                found = self.fs.find(self.root, detail=True)
+            except FileNotFoundError:
+                return {}
+            start = len(self.root) + 1
+            return {path[start:]: about["size"] for path, about in found.items()}
+
+    def find(self, name):
+        """The contents of a file; None if it is not there."""
+        with self._telling("read"):
+            try:
+                return self.fs.cat_file(self._path(name))
+            except FileNotFoundError:
+                return None
+
+    def read(self, names):
+        """Contents of files by name."""
+        with self._telling("read"):
+            paths = {self._path(name): name for name in names}
+            contents = self.fs.cat(list(paths)) if paths else {}
+            return {paths[path]: content for path, content in contents.items()}
+
+    def fetch(self, names, folder):
+        """Copies files to `folder` on this machine."""
+        with self._telling("read"):
+            if names:
+                self.fs.get([self._path(name) for name in names], [str(Path(folder, name)) for name in names])
+
+    def put(self, names, folder):
+        """Copies files from `folder` on this machine; each appears when it is complete."""
+        with self._telling("written"):
+            if not self.renames:
+                # Object stores show what is complete. Many are sent at a time.
+                if names:
+                    self.fs.put([str(Path(folder, name)) for name in names], [self._path(name) for name in names])
+                return
+            for parent in sorted({os.path.dirname(self._path(name)) for name in names}):
+                self.fs.makedirs(parent, exist_ok=True)
+            for name in names:
+                # Two workers may be at the same sample, if one was thought dead.
+                pending = f"{os.path.dirname(self._path(name))}/{UNFINISHED}{uuid.uuid4().hex}"
+                try:
+                    self.fs.put_file(str(Path(folder, name)), pending)
+                    self.fs.mv(pending, self._path(name))
+                except BaseException:
+                    with contextlib.suppress(Exception):
+                        self.fs.rm_file(pending)
+                    raise
+
+    def remove(self, names):
+        """Removes files."""
+        with self._telling("written"):
+            paths = [self._path(name) for name in names]
+            if self.fs.async_impl and paths:
+                self.fs.rm(paths)
+            else:
+                for path in paths:
+                    self.fs.rm_file(path)
+
+    def _path(self, name):
+        return f"{self.root}/{name}"
+
+    @contextlib.contextmanager
+    def _telling(self, what):
+        """Says of the errors of any file system in a sentence what could not be done."""
+        try:
+            yield
+        except Exception as error:
+            reason = " ".join(str(error).split()) or type(error).__name__
+            raise ec.FileError(f"{self.name} cannot be {what}: {reason}") from error

@@ -1,0 +1,109 @@
+"""What a worker of a run does."""
+
+import json
+import platform
+import tempfile
+from collections import Counter
+from pathlib import Path
+
+import echocast as ec
+
+#: What made a set; it appears first, and says which set this is.
+ORIGIN = "scenario.json"
+
+#: Where `echocast.run` of the only part of one notes its samples.
+LOG = "manifest.0_of_1.jsonl"
+
+
+class Worker:
+    """Makes samples in a folder of its own and copies what is complete to the set. It is an actor: a process that keeps
+    what it has read. `source` and `store`: what is made, and where it goes."""
+
+    def __init__(self, source, store):
+        self.source, self.store = source, store
+        self.scenario = None
+        self.sees = False
+
+    def begin(self, origin, first):
+        """The `scenario.json` of the set; `origin` is that of the one in the store, or None. What `echocast run` refuses
+        is refused here: another scenario, styles that the sensors cannot fill. `first`: number of the first sample."""
+        with tempfile.TemporaryDirectory(prefix="echocast-") as folder:
+            try:
+                self._run(folder, origin, range(first, first + 1), progress=_begun)
+            except _Begun:
+                pass
+            except ec.FileError as error:
+                raise self._told(error) from error
+            except ec.Error as error:
+                # The folder that is meant is not this one.
+                raise type(error)(str(error).replace(folder, self.store.name)) from error
+            return Path(folder, ORIGIN).read_bytes()
+
+    def make(self, origin, first, task):
+        """Makes the samples of a range, `task`, of the set that `origin` says and that begins with `first`. Returns `task`,
+        how many were made, what has failed, the number of points, and warnings, each with the number of its samples."""
+        if not self.sees and self.store.find(ORIGIN) != origin:
+            allowed = "allowed: a folder that all machines share, or a bucket"
+            raise self._told(ec.FileError(f"{self.store.name} does not hold the set that is made; {allowed}"))
+        self.sees = True
+        with tempfile.TemporaryDirectory(prefix="echocast-") as folder:
+            try:
+                self._make(folder, origin, first, task)
+            except ec.Error as error:
+                raise self._told(error) from error
+            noted = [(line, json.loads(line)) for line in Path(folder, LOG).read_text().splitlines() if line]
+            lines, entries = zip(*[(line, entry) for line, entry in noted if entry["sample"] in task])
+            failed = [(entry["sample"], entry["error"]) for entry in entries if "error" in entry]
+            for _, error in failed:
+                if folder in error:
+                    # It is not the sample that is wrong, but this machine: its disk is full.
+                    raise self._told(ec.FileError(error))
+            self.store.put([file["path"] for entry in entries for file in entry["files"]], folder)
+            # Samples are there once they are noted, which is what comes last.
+            log = f"manifest.{task[0]}_{task[-1]}_{task.step}.jsonl"
+            Path(folder, log).write_text("".join(line + "\n" for line in lines))
+            self.store.put([log], folder)
+        points = sum(entry["points"] for entry in entries)
+        warnings = Counter(warning for entry in entries for warning in entry.get("warnings", ()))
+        return task, len(entries) - len(failed), failed, points, warnings
+
+    def _make(self, folder, origin, first, task):
+        """Makes `task` in `folder`; samples that fail are noted there."""
+        while task:
+            try:
+                return self._run(folder, origin, task)
+            except ec.Error:
+                if task[0] == first:
+                    raise
+                # Before it begins, `echocast.run` makes the first sample to see whether the rest can be written, and ends
+                # if that fails. After one that is good, and noted as if it were made, the sample fails by itself.
+                noted = {"sample": first, "files": [], "points": 0, "categories": {}, "ranges": []}
+                with Path(folder, LOG).open("a") as log:
+                    log.write(f"\n{json.dumps(noted)}\n")
+                self._run(folder, origin, range(first, task[0] + 1, task[0] - first))
+                task = task[1:]
+
+    def _run(self, folder, origin, task, progress=None):
+        """`echocast.run` to `folder`, which does not complete the set."""
+        if self.scenario is None:
+            self.scenario = self.source.read(threads=1)
+        if origin is not None:
+            # Who reads another scenario than the others, or other scenes, is refused.
+            Path(folder, ORIGIN).write_bytes(origin)
+        options = {"samples": (task[0], task[-1], task.step), "shard": (0, 1), "resume": True, "threads": 1}
+        return ec.run(self.scenario, folder, progress=progress, **options)
+
+    def _told(self, error):
+        """`error` for people at another machine."""
+        text = f"worker on {platform.node()}: {error}"
+        if isinstance(error, FileNotFoundError):
+            text += "; allowed: files on a file system that all machines share, or in the folder that Ray ships"
+        return type(error)(text)
+
+
+class _Begun(Exception):
+    """A run has checked everything and begins with the first sample."""
+
+
+def _begun(done, all):
+    raise _Begun

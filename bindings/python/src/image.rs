@@ -1,0 +1,118 @@
+//! Images: of pings, and what cameras and other sensors with rows and columns see.
+
+use crate::array::{Held, owned, shared};
+use crate::error::{Failure, Outcome};
+use crate::sensor::{Instrument, named};
+use echocast::cloud::Column;
+use echocast::image::{Layer, Layers};
+use echocast::{Field, PointCloud, Sensor};
+use pyo3::exceptions::PyKeyError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// An image of pings: a waterfall, a mosaic, a fan or a map of depths.
+///
+/// `image.values` are its levels, dB re 1 uPa, or heights, m; `image["category_id"]` the labels of its pixels.
+#[pyclass(frozen, module = "echocast")]
+pub struct Image(pub echocast::image::Image);
+
+#[pymethods]
+impl Image {
+    /// "waterfall", "mosaic", "fan" or "depth_map".
+    #[getter]
+    fn kind(&self) -> &'static str {
+        self.0.kind.name()
+    }
+
+    /// Rows x columns, float32: echo levels with the gain of pictures, dB re 1 uPa; of a depth map heights, m. NaN where
+    /// there is nothing.
+    #[getter]
+    fn values<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        owned(py, self.0.values.clone(), &[self.0.height, self.0.width])
+    }
+
+    /// Names of its label columns.
+    #[getter]
+    fn fields(&self) -> Vec<&'static str> {
+        self.0.layers.iter().map(|layer| layer.field.info().name).collect()
+    }
+
+    /// A label column: rows x columns, uint32; 0 where there is nothing.
+    fn __getitem__<'py>(&self, py: Python<'py>, name: &str) -> Outcome<Bound<'py, PyAny>> {
+        let layer = Field::from_name(name).ok().and_then(|field| self.0.layer(field));
+        let Some(ids) = layer else {
+            let has = self.fields().join(", ");
+            return Err(PyKeyError::new_err(format!("there is no column {name:?}; there are: {has}")).into());
+        };
+        Ok(owned(py, ids.to_vec(), &[self.0.height, self.0.width])?)
+    }
+
+    /// Coordinates of the middle of a pixel; what they are is in `axes`.
+    fn coordinates(&self, column: usize, row: usize) -> [f64; 2] {
+        self.0.coordinates(column, row)
+    }
+
+    /// What the coordinates are, along columns and rows, with their units.
+    #[getter]
+    fn axes(&self) -> [&'static str; 2] {
+        self.0.place.axes
+    }
+
+    /// Writes it as PNG, NPZ or HDF5; returns warnings.
+    fn write(&self, py: Python<'_>, path: PathBuf) -> Outcome<Vec<String>> {
+        Ok(py.detach(|| self.0.write(path))?.warnings)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<Image: {}, {} x {} pixels>", self.0.kind.name(), self.0.width, self.0.height)
+    }
+}
+
+/// The layer called `layer` of what `sensor` has seen in `cloud`: rows x columns, or x 3 for colours and normals.
+pub fn layer<'py>(
+    py: Python<'py>,
+    cloud: &Arc<PointCloud>,
+    layer: &str,
+    sensor: Instrument<'_>,
+) -> Outcome<Bound<'py, PyAny>> {
+    let layer: Layer = named("layer", layer)?;
+    let grid = sensor.sensor()?.image_grid()?;
+    let mut layers = Layers::default();
+    let column = py.detach(|| layers.get(cloud, &grid, layer))?;
+    let shape = [grid.height, grid.width];
+    // Where the rows of the cloud are the pixels, it is a column.
+    let own = |field: &Field| cloud.column(*field).bytes().as_ptr() == column.bytes().as_ptr();
+    if let Some(field) = cloud.fields.iter().map(|info| info.field).find(own) {
+        return Ok(shared(py, Held::Cloud(cloud.clone(), field), &shape)?);
+    }
+    let pixels = shape[0] * shape[1];
+    let whole = [shape[0], shape[1], column.len() / pixels.max(1)];
+    let shape = if column.len() > pixels { &whole[..] } else { &whole[..2] };
+    Ok(match column {
+        Column::F32(values) => owned(py, values.to_vec(), shape),
+        Column::F64(values) => owned(py, values.to_vec(), shape),
+        Column::U8(values) => owned(py, values.to_vec(), shape),
+        Column::U16(values) => owned(py, values.to_vec(), shape),
+        Column::U32(values) => owned(py, values.to_vec(), shape),
+    }?)
+}
+
+/// What the image of `cloud` shows of each instance, as dicts.
+pub fn annotations<'py>(py: Python<'py>, cloud: &PointCloud, sensor: &Sensor) -> Outcome<Vec<Bound<'py, PyDict>>> {
+    let grid = sensor.image_grid()?;
+    let found = py.detach(|| Layers::default().annotations(cloud, &grid))?;
+    let told = found.into_iter().map(|seen| {
+        let told = PyDict::new(py);
+        told.set_item("instance_id", seen.instance_id)?;
+        told.set_item("category_id", seen.category_id)?;
+        told.set_item("bounds", seen.bounds)?;
+        told.set_item("area", seen.area)?;
+        told.set_item("amodal", seen.amodal)?;
+        told.set_item("truncation", seen.truncation)?;
+        told.set_item("occlusion", seen.occlusion)?;
+        Ok::<_, Failure>(told)
+    });
+    told.collect()
+}

@@ -1,0 +1,292 @@
+//! Pings of sonars.
+
+use crate::array::{Held, owned, shared};
+use crate::cloud::names;
+use crate::error::{Failure, Outcome};
+use crate::image::Image;
+use crate::options::Asked;
+use crate::place::Pose;
+use crate::sensor::named;
+use echocast::image::{self, ImageRange, Overlap};
+use echocast::preview::{self, PreviewOptions, View};
+use echocast::{BuiltScene, Field, Layout, Report, Sensor};
+use pyo3::exceptions::{PyIndexError, PyKeyError};
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Pings of one sonar, one after the other.
+///
+/// `scene.pings(sensor, 200, at=trajectory)` makes them; `pings[i]` is one; `waterfall`, `mosaic`, `fan` and `depth_map`
+/// are their images.
+#[pyclass(frozen, sequence, module = "echocast")]
+pub struct Pings(Arc<echocast::Pings>);
+
+impl Pings {
+    fn layout(&self) -> Outcome<&Layout> {
+        self.0.layout().ok_or_else(|| Failure::argument("pings", "none", "at least one"))
+    }
+}
+
+#[pymethods]
+impl Pings {
+    fn __len__(&self) -> usize {
+        self.0.pings.len()
+    }
+
+    fn __getitem__(&self, index: isize) -> PyResult<Ping> {
+        let count = self.0.pings.len();
+        let place = if index < 0 { index + count as isize } else { index };
+        match usize::try_from(place).ok().filter(|&place| place < count) {
+            Some(index) => Ok(Ping { pings: self.0.clone(), index }),
+            None => Err(PyIndexError::new_err(format!("ping {index}; there are {count}"))),
+        }
+    }
+
+    /// Writes them as NPZ or HDF5: arrays of pings x beams x bins. Returns warnings.
+    fn write(&self, py: Python<'_>, path: PathBuf) -> Outcome<Vec<String>> {
+        Ok(py.detach(|| self.0.write(path))?.warnings)
+    }
+
+    /// A row for each ping, the first at the top; for side-scan sonars port reversed and starboard side by side.
+    ///
+    /// `range`: "slant" or "ground"; `beam`: only this one.
+    #[pyo3(signature = (*, range = "slant", beam = None))]
+    fn waterfall(&self, py: Python<'_>, range: &str, beam: Option<usize>) -> Outcome<Image> {
+        let range: ImageRange = named("range", range)?;
+        Ok(Image(py.detach(|| image::waterfall(&self.0, range, beam))?))
+    }
+
+    /// The pings of a side-scan, imaging or single-beam sonar on a map of squares of `cell_m` metres.
+    ///
+    /// `overlap`, where several fall on a pixel: "mean", "max", "last" or "nearest".
+    #[pyo3(signature = (cell_m, *, range = "slant", overlap = "mean"))]
+    fn mosaic(&self, py: Python<'_>, cell_m: f64, range: &str, overlap: &str) -> Outcome<Image> {
+        let (range, overlap): (ImageRange, Overlap) = (named("range", range)?, named("overlap", overlap)?);
+        Ok(Image(py.detach(|| image::mosaic(&self.0, range, cell_m, overlap))?))
+    }
+
+    /// What a single beam that turns has seen, laid out around where the first ping was sent; the longer side has
+    /// `pixels` pixels.
+    #[pyo3(signature = (pixels = 800))]
+    fn fan(&self, py: Python<'_>, pixels: usize) -> Outcome<Image> {
+        Ok(Image(py.detach(|| image::turning_fan(&self.0, pixels))?))
+    }
+
+    /// Mean height of the soundings in squares of `cell_m` metres.
+    fn depth_map(&self, py: Python<'_>, cell_m: f64) -> Outcome<Image> {
+        Ok(Image(py.detach(|| image::depth_map(&self.0, cell_m))?))
+    }
+
+    /// A picture as PNG, `width` pixels wide; `view`: "waterfall", "track" or "fan".
+    #[pyo3(signature = (*, view = "waterfall", color = "intensity", width = None))]
+    fn png<'py>(&self, py: Python<'py>, view: &str, color: &str, width: Option<u32>) -> Outcome<Bound<'py, PyBytes>> {
+        let view: View = named("view", view)?;
+        let mut options = PreviewOptions { view, color: named("color", color)?, ..PreviewOptions::default() };
+        if let Some(width) = width {
+            options.width = width;
+        }
+        let bytes = py.detach(|| {
+            let picture = preview::render_pings(&self.0, &options, &mut Report::default())?;
+            picture.to_png().map_err(|source| echocast::Error::Io { path: "picture".into(), source })
+        })?;
+        Ok(PyBytes::new(py, &bytes))
+    }
+
+    fn _repr_png_<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyBytes>> {
+        self.png(py, "waterfall", "intensity", Some(640)).ok()
+    }
+
+    fn __repr__(&self) -> String {
+        match self.0.layout() {
+            Some(layout) => {
+                format!("<Pings: {} pings of {} beams x {} bins>", self.0.pings.len(), layout.beams(), layout.bins)
+            }
+            None => "<Pings: none>".into(),
+        }
+    }
+
+    /// Slant range of the middle of each bin, m.
+    #[getter]
+    fn ranges<'py>(&self, py: Python<'py>) -> Outcome<Bound<'py, PyAny>> {
+        ranges(py, self.layout()?)
+    }
+}
+
+/// A ping of a sonar: beams x bins, read-only.
+///
+/// `ping.levels` and `ping["category_id"]` are NumPy arrays without a copy; `ping.soundings` what the sonar reports as
+/// depths.
+#[pyclass(frozen, module = "echocast")]
+pub struct Ping {
+    pings: Arc<echocast::Pings>,
+    index: usize,
+}
+
+impl Ping {
+    fn ping(&self) -> &echocast::Ping {
+        &self.pings.pings[self.index]
+    }
+
+    fn array<'py>(&self, py: Python<'py>, field: Field) -> PyResult<Bound<'py, PyAny>> {
+        let layout = &self.ping().layout;
+        let held = Held::Ping(self.pings.clone(), self.index, field);
+        shared(py, held, &[layout.beams(), layout.bins])
+    }
+}
+
+#[pymethods]
+impl Ping {
+    /// Its number.
+    #[getter]
+    fn number(&self) -> u32 {
+        self.ping().number
+    }
+
+    /// When it was sent, s.
+    #[getter]
+    fn time(&self) -> f64 {
+        self.ping().time
+    }
+
+    /// Where the sonar was then.
+    #[getter]
+    fn pose(&self) -> Pose {
+        Pose(self.ping().pose)
+    }
+
+    /// Coordinates of the position 0, 0, 0 of `true_x`, `true_y`, `true_z`, m.
+    #[getter]
+    fn origin(&self) -> [f64; 3] {
+        self.ping().origin.to_array()
+    }
+
+    /// Echo levels, beams x bins, float32, dB re 1 uPa.
+    #[getter]
+    fn levels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.array(py, Field::Intensity)
+    }
+
+    /// Names of its columns.
+    #[getter]
+    fn fields(&self) -> Vec<&'static str> {
+        self.ping().fields.iter().map(|info| info.name).collect()
+    }
+
+    /// A column: beams x bins.
+    fn __getitem__<'py>(&self, py: Python<'py>, name: &str) -> Outcome<Bound<'py, PyAny>> {
+        match Field::from_name(name).ok().filter(|&field| self.ping().fields.contains(field)) {
+            Some(field) => Ok(self.array(py, field)?),
+            None => {
+                let has = self.fields().join(", ");
+                Err(PyKeyError::new_err(format!("there is no column {name:?}; there are {has}")).into())
+            }
+        }
+    }
+
+    /// "sidescan", "swath", "fan" or "single": how its beams lie.
+    #[getter]
+    fn view(&self) -> &'static str {
+        self.ping().layout.view.name()
+    }
+
+    /// Slant range of the middle of each bin, m.
+    #[getter]
+    fn ranges<'py>(&self, py: Python<'py>) -> Outcome<Bound<'py, PyAny>> {
+        ranges(py, &self.ping().layout)
+    }
+
+    /// Length of a bin, m.
+    #[getter]
+    fn bin_m(&self) -> f64 {
+        self.ping().layout.bin_m
+    }
+
+    /// Azimuth and elevation of the axis of each beam, sensor frame, rad: beams x 2, float32.
+    #[getter]
+    fn axes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let axes = &self.ping().layout.axes;
+        owned(py, axes.as_flattened().to_vec(), &[axes.len(), 2])
+    }
+
+    /// Level of the noise in a cell, dB re 1 uPa.
+    #[getter]
+    fn noise_db(&self) -> f32 {
+        self.ping().layout.noise_db
+    }
+
+    /// Lowest level that is reported as an echo, dB re 1 uPa, by bin.
+    #[getter]
+    fn threshold_db<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let levels = &self.ping().layout.threshold_db;
+        owned(py, levels.clone(), &[levels.len()])
+    }
+
+    /// Sound speed that ranges are reported with, m/s.
+    #[getter]
+    fn sound_speed(&self) -> f64 {
+        self.ping().layout.believed_speed
+    }
+
+    /// What is reported as depths: a dict of arrays, `beam`, `range` (m), `bin`, `level_db` and `quality` (0 to 1); empty
+    /// arrays for side-scan and imaging sonars.
+    #[getter]
+    fn soundings<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let (found, bins) = (&self.ping().soundings, self.ping().layout.bins.max(1) as u32);
+        let told = PyDict::new(py);
+        let count = [found.len()];
+        told.set_item("beam", owned(py, found.iter().map(|sounding| sounding.beam).collect(), &count)?)?;
+        told.set_item("range", owned(py, found.iter().map(|sounding| sounding.range).collect(), &count)?)?;
+        told.set_item("bin", owned(py, found.iter().map(|sounding| sounding.cell % bins).collect(), &count)?)?;
+        told.set_item("level_db", owned(py, found.iter().map(|sounding| sounding.level_db).collect(), &count)?)?;
+        told.set_item("quality", owned(py, found.iter().map(|sounding| sounding.quality).collect(), &count)?)?;
+        Ok(told)
+    }
+
+    /// Names of the numbers in `category_id`.
+    #[getter]
+    fn categories(&self) -> BTreeMap<u32, String> {
+        names(&self.ping().labels.category)
+    }
+
+    /// Laid out by beam and range; the longer side has `pixels` pixels. For imaging and swath sonars.
+    #[pyo3(signature = (pixels = 800))]
+    fn fan(&self, py: Python<'_>, pixels: usize) -> Outcome<Image> {
+        Ok(Image(py.detach(|| image::fan(self.ping(), pixels))?))
+    }
+
+    fn __repr__(&self) -> String {
+        let layout = &self.ping().layout;
+        format!("<Ping {}: {} beams x {} bins>", self.ping().number, layout.beams(), layout.bins)
+    }
+}
+
+fn ranges<'py>(py: Python<'py>, layout: &Layout) -> Outcome<Bound<'py, PyAny>> {
+    Ok(owned(py, (0..layout.bins).map(|bin| layout.range(bin)).collect(), &[layout.bins])?)
+}
+
+/// `count` pings of `sensor`, one after the other, from frame and time of what was `asked`.
+pub fn pings(py: Python<'_>, built: &BuiltScene, sensor: &Sensor, asked: &Asked, count: u32) -> Outcome<Pings> {
+    let period = asked.options.frame_period.unwrap_or(sensor.beams().period);
+    let made = asked.run(py, |progress| {
+        let mut pings = echocast::Pings::default();
+        for number in 0..count {
+            let mut options = asked.options.clone();
+            options.frame = options.frame.saturating_add(number);
+            options.start_time += f64::from(number) * period;
+            pings.push(built.ping(sensor, &asked.path, &options)?)?;
+            if progress(f64::from(number + 1) / f64::from(count)).is_break() {
+                return Err(echocast::Error::Cancelled);
+            }
+        }
+        Ok(pings)
+    })?;
+    Ok(Pings(Arc::new(made)))
+}
+
+/// One ping of `sensor`.
+pub fn ping(py: Python<'_>, built: &BuiltScene, sensor: &Sensor, asked: &Asked) -> Outcome<Ping> {
+    Ok(Ping { pings: pings(py, built, sensor, asked, 1)?.0, index: 0 })
+}

@@ -1,0 +1,114 @@
+"""Laws that hold for any array, slice and mask."""
+
+import faulthandler
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+import echocast as ec
+
+faulthandler.enable()
+settings.register_profile("quick", deadline=None, max_examples=60)
+settings.load_profile("quick")
+
+#: What somebody may pass for an array.
+ANYTHING = st.one_of(
+    st.none(),
+    st.text(max_size=5),
+    st.integers(),
+    st.floats(),
+    arrays.arrays(
+        dtype=st.one_of(
+            arrays.floating_dtypes(), arrays.integer_dtypes(), arrays.boolean_dtypes(), arrays.complex_number_dtypes()
+        ),
+        shape=arrays.array_shapes(min_dims=0, max_dims=4, min_side=0, max_side=6),
+    ),
+)
+VERTICES = arrays.arrays(
+    np.float32,
+    st.tuples(st.integers(0, 8), st.just(3)),
+    elements=st.floats(width=32) | st.floats(-10, 10, width=32),
+)
+TRIANGLES = arrays.arrays(np.uint32, st.tuples(st.integers(0, 6), st.just(3)), elements=st.integers(0, 9))
+
+
+def equal(part, cloud, key):
+    return all(np.array_equal(part[name], cloud[name][key], equal_nan=True) for name in cloud.fields)
+
+
+@given(st.slices(40))
+def test_slices_are_those_of_numpy(cloud, key):
+    few = cloud[:40]
+    assert equal(few[key], few, key)
+
+
+@given(arrays.arrays(bool, 40))
+def test_masks_are_those_of_numpy(cloud, mask):
+    few = cloud[100:140]
+    assert equal(few[mask], few, mask) and len(few[mask]) == mask.sum()
+
+
+@given(arrays.arrays(np.int64, st.integers(0, 30), elements=st.integers(-40, 39)))
+def test_row_numbers_are_those_of_numpy(cloud, rows):
+    few = cloud[:40]
+    assert equal(few[rows], few, rows)
+
+
+@given(VERTICES, TRIANGLES)
+def test_meshes_are_made_or_refused(vertices, triangles):
+    try:
+        scene = ec.Scene.from_arrays(vertices, triangles)
+        assert scene.triangles == len(triangles)
+        assert len(scene.scan("velodyne_vlp16", at=(0, 0, 0.5), fields="x,y,z,range")) <= ec.Sensor("velodyne_vlp16").beams
+    except ec.Error as error:
+        assert str(error)
+
+
+@given(st.data())
+def test_wrong_arguments_are_told(room, cloud, data):
+    """Whatever is passed for an array, a number or a name: an exception, or what it means."""
+    thing, other = data.draw(ANYTHING), data.draw(ANYTHING)
+    live = ec.LiveScene()
+    calls = [
+        lambda: ec.Scene.from_arrays(thing, other),
+        lambda: ec.Scene.from_arrays(np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.uint32), categories=thing),
+        lambda: ec.Scene.from_objects([dict(vertices=thing, triangles=other, pose=thing)]),
+        lambda: ec.Trajectory(thing, other),
+        lambda: ec.Trajectory([0.0, 1.0], thing, other),
+        lambda: ec.Pose(thing, quaternion=other),
+        lambda: cloud[thing],
+        lambda: live.add(thing, other),
+        lambda: live.add(np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.uint32), pose=thing),
+        lambda: live.set_pose(thing, other),
+        lambda: live.set_motion(0, [0.0], thing),
+        lambda: live.set_vertex_motion(0, thing, other),
+        lambda: live.remove(thing),
+        lambda: room.camera(thing),
+        lambda: cloud.image(thing, other),
+        lambda: ec.Sensor(thing),
+        lambda: ec.Environment(thing),
+        lambda: room.scan("velodyne_vlp16", at=thing, seed=other),
+        lambda: room.scan("velodyne_vlp16", fields=thing),
+        lambda: room.scan("velodyne_vlp16", environment=thing),
+        lambda: room.pings("sss_450", thing),
+        lambda: cloud.png(width=thing),
+        lambda: ec.Scenario(thing),
+    ]
+    for call in calls:
+        try:
+            call()
+        except (ec.Error, TypeError, ValueError, KeyError, IndexError, OverflowError, OSError) as error:
+            assert str(error) or isinstance(error, (KeyError, OSError))
+
+
+def test_huge_row_numbers_and_counts_are_told(room, cloud):
+    for rows in [2**62, -(2**62)]:
+        with pytest.raises(ec.ArgumentError):
+            cloud[np.array([rows])]
+    with pytest.raises(OverflowError):
+        room.scan("velodyne_vlp16", seed=2**70)
+    with pytest.raises(OverflowError):
+        room.pings("sss_450", -1)

@@ -1,0 +1,79 @@
+"""Scenes of objects, generated scenes, and what moves."""
+
+import numpy as np
+import pytest
+
+import echocast as ec
+
+SQUARE = np.array([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1]], dtype=np.float32)
+TWO = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)
+
+
+def places(cloud, category):
+    part = cloud[cloud.category_id == category]
+    return part.x + part.origin[0]
+
+
+def test_scenes_are_made_of_objects():
+    turned = np.array([[1.0, 0, 0, 5], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
+    scene = ec.Scene.from_objects(
+        [
+            dict(name="a", vertices=SQUARE, triangles=TWO, pose=(4, -2, 0), category="sign"),
+            dict(name="b", vertices=SQUARE, triangles=TWO, pose=turned, category=1, instance=9),
+            dict(vertices=SQUARE, triangles=TWO, pose=ec.Pose((6, 3, 0)), category="wall"),
+        ],
+        names={3: "wall"},
+    )
+    # "sign" does not take the number 1, which an object has.
+    assert scene.objects == ["a", "b", "mesh"] and scene.categories == {2: "sign", 3: "wall"}
+    cloud = scene.scan("velodyne_vlp16", at=(0, 0, 0))
+    assert {id: round(float(np.median(places(cloud, id)))) for id in (1, 2, 3)} == {1: 5, 2: 4, 3: 6}
+    assert cloud.instances == {1: "a", 3: "mesh", 9: "b"} and set(cloud.instance_id) == {1, 3, 9} and cloud.boxes is None
+    with pytest.raises(ec.ArgumentError, match="4 x 4"):
+        ec.Scene.from_objects([dict(vertices=SQUARE, triangles=TWO, pose=np.eye(3))])
+    with pytest.raises((KeyError, TypeError)):
+        ec.Scene.from_objects([dict(vertices=SQUARE)])
+
+
+def test_scenes_are_generated(tmp_path):
+    scene = ec.Scene.generate("indoor", seed=3, rooms=[1, 1], path=tmp_path / "room.glb")
+    assert scene.triangles == ec.Scene.load(tmp_path / "room.glb").triangles > 100
+    assert scene.categories and scene.cameras
+    assert len(scene.scan("velodyne_vlp16", at=scene.camera(scene.cameras[0]))) > 1000
+    with pytest.raises(ec.FormatError, match="roms"):
+        ec.Scene.generate("indoor", roms=[1, 1])
+    with pytest.raises(ec.FormatError, match="seebed"):
+        ec.Scene.generate("seebed")
+
+
+def test_objects_move_during_a_scan():
+    live = ec.LiveScene()
+    number = live.add(SQUARE, TWO, category=7, instance=1, name="door")
+    live.name_label("category", 7, "door")
+    poses = np.stack([np.eye(4), np.eye(4)])
+    poses[:, 0, 3] = [5, 7]
+    live.set_motion(number, [0.0, 1.0], poses)
+    for time, x in [(0.0, 5), (0.5, 6), (2.0, 7)]:
+        live.set_time(time)
+        cloud = live.scan("velodyne_vlp16", at=(0, 0, 0))
+        assert abs(np.median(places(cloud, 7)) - x) < 0.05
+    assert cloud.categories == {7: "door"} and live.objects == {number: "door"}
+    live.set_labels(number, category=8, instance=2)
+    assert set(live.scan("velodyne_vlp16").category_id) == {8}
+    with pytest.raises(ec.ArgumentError, match="2 x 4 x 4"):
+        live.set_motion(number, [0.0, 1.0], poses[:1])
+    with pytest.raises(ec.Error, match="never fall"):
+        live.set_motion(number, [1.0, 0.0], poses)
+
+
+def test_vertices_move_during_a_scan():
+    live = ec.LiveScene()
+    number = live.add(SQUARE, TWO, category=7)
+    moved = np.stack([SQUARE + np.float32([5, 0, 0]), SQUARE + np.float32([9, 0, 0])])
+    live.set_vertex_motion(number, [0.0, 2.0], moved)
+    live.set_time(1.0)
+    assert abs(np.median(places(live.scan("velodyne_vlp16"), 7)) - 7) < 0.05
+    with pytest.raises(ec.ArgumentError, match="1 x m x 3"):
+        live.set_vertex_motion(number, [0.0], moved)
+    with pytest.raises(ec.Error, match="as many as before"):
+        live.set_vertex_motion(number, [0.0, 2.0], moved[:, :3])

@@ -1,0 +1,360 @@
+"""Sets and data sets made on a cluster of three nodes: the bytes of one machine, whatever dies or refuses."""
+
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import echocast as ec
+
+ray = pytest.importorskip("ray")
+pytest.importorskip("ray.data")
+import ray.cluster_utils  # noqa: E402
+from fsspec.implementations.local import LocalFileSystem  # noqa: E402
+
+import echocast.ray  # noqa: E402
+from echocast.ray import _plan  # noqa: E402
+from echocast.ray.__main__ import yaml  # noqa: E402
+from echocast.ray._source import Source  # noqa: E402
+from echocast.ray._store import Store  # noqa: E402
+from echocast.ray._worker import Worker  # noqa: E402
+
+TENT = "o tent\nv -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv 0 0 2\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n"
+ALL_STYLES = [
+    {"style": "plain"},
+    {"style": "semantic_kitti", "sensor": "top"},
+    {"style": "kitti"},
+    {"style": "nuscenes"},
+    {"style": "webdataset", "samples": 4},
+    {"style": "coco", "panoptic": True},
+    {"style": "voc"},
+]
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    """Three nodes of one CPU; those that a test kills are replaced."""
+    node = {"num_cpus": 1, "object_store_memory": 100_000_000}
+    made = ray.cluster_utils.Cluster(initialize_head=True, head_node_args={**node, "include_dashboard": False})
+    made.more = [made.add_node(**node) for _ in range(2)]
+    ray.init(address=made.address, log_to_driver=False, logging_level="error")
+    yield made
+    ray.shutdown()
+    made.shutdown()
+
+
+@pytest.fixture
+def file(tmp_path):
+    """A scenario of twelve samples with a LiDAR and a camera."""
+    (tmp_path / "tent.obj").write_text(TENT)
+    camera = {"name": "eye", "kind": "lidar", "pattern": {"type": "pinhole", "resolution": [32, 24], "fov_deg": [60, 45]}}
+    keys = {
+        "scene": {"files": "tent.obj", "labels": {"objects": {"tent": "car"}}},
+        "sensors": [{"name": "top", "sensor": "velodyne_vlp16"}, {"name": "eye", "sensor": camera}],
+        "trajectory": {"position_m": [-4, 0, 1]},
+        "variation": [{"move": "tent", "by_m": [{"uniform": [-1, 1]}, 0, 0]}],
+        "samples": 12,
+        "seed": 3,
+        "set": {"splits": "70/30"},
+    }
+    path = tmp_path / "drive.yaml"
+    path.write_text(json.dumps(keys))
+    return path
+
+
+def alone(file, folder, **settings):
+    """What `echocast run` makes on one machine: its summary and its files."""
+    scenario = ec.Scenario(file)
+    for key, value in settings.items():
+        scenario.set(key, value)
+    return ec.run(scenario, folder), files(folder)
+
+
+def files(folder):
+    found = (path for path in Path(folder).rglob("*") if path.is_file())
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in found}
+
+
+def same(found, expected):
+    assert found.keys() == expected.keys()
+    assert [name for name in expected if found[name] != expected[name]] == []
+
+
+# --- what needs no cluster
+
+
+def test_samples_are_divided_into_ranges():
+    assert _plan.wanted(9, (1, 7, 3)) == range(1, 8, 3)
+    for wrong in [(0, 9), (5, 4), (0, 3, 0), (-1, 2)]:
+        with pytest.raises(ec.ArgumentError, match="allowed: 0 to 8, which the scenario has"):
+            _plan.wanted(9, wrong)
+    numbers = [0, 1, 2, 3, 4, 7, 9, 11, 20]
+    for most in (1, 2, 3, 50):
+        tasks = _plan.tasks(numbers, most)
+        assert [number for task in tasks for number in task] == numbers
+        assert max(map(len, tasks)) <= most
+    assert _plan.tasks(range(5, 300, 7), 100) == [range(5, 300, 7)]
+
+
+def test_values_are_yaml_1_2():
+    assert yaml("{on: {category: road}, to: [1, -2.5, 1e-3, ~, true, no]}") == {
+        "on": {"category": "road"},
+        "to": [1, -2.5, 1e-3, None, True, "no"],
+    }
+
+
+def command(*arguments, folder=Path(__file__).parent, env=None):
+    program = [sys.executable, "-m", "echocast.ray", *map(str, arguments)]
+    return subprocess.run(program, capture_output=True, text=True, timeout=100, cwd=folder, env=env)
+
+
+def test_wrong_usage_ends_with_2():
+    help = command("--help")
+    assert help.returncode == 0 and "--samples 0:99999 --address auto -o s3://bucket/set" in help.stdout
+    for arguments in [["drive.yaml"], ["drive.yaml", "-o", "x", "--samples", "7"], ["drive.yaml", "-o", "x", "--set", "seed"]]:
+        assert command(*arguments).returncode == 2
+
+
+# --- sets
+
+
+def test_every_style_has_the_bytes_of_one_machine(cluster, file, tmp_path):
+    done, expected = alone(file, tmp_path / "one", outputs=ALL_STYLES)
+    told = []
+    made = echocast.ray.run(
+        file,
+        tmp_path / "set",
+        settings={"outputs": ALL_STYLES},
+        chunk=2,
+        progress=lambda done, all: told.append((done, all)),
+    )
+    same(files(tmp_path / "set"), expected)
+    assert told == [(count, 12) for count in range(0, 13, 2)]
+    for key in ["made", "found", "failed", "points", "warnings", "complete"]:
+        assert made[key] == done[key]
+    assert made["workers"] == 3
+
+
+def test_samples_that_fail_are_told_and_the_others_go_on(cluster, file, tmp_path):
+    outputs, rule = [{"style": "plain"}], {"set": "environment.fog.visibility_m", "to": {"grid": [50, 50, -1]}}
+    settings = {"outputs": outputs, "variation": [rule]}
+    done, expected = alone(file, tmp_path / "one", **settings)
+    made = echocast.ray.run(file, tmp_path / "set", settings=settings)
+    assert made["failed"] == done["failed"] and [sample for sample, _ in made["failed"]] == [2, 5, 8, 11]
+    same(files(tmp_path / "set"), expected)
+
+
+def test_what_is_there_is_not_made_again(cluster, file, tmp_path):
+    _, expected = alone(file, tmp_path / "one")
+    root = tmp_path / "set"
+    first = echocast.ray.run(file, root, samples=(1, 9, 2), chunk=1)
+    assert (first["made"], first["complete"]) == (5, False)
+    with pytest.raises(ec.ArgumentError, match="5 of these samples are; allowed: another folder, or to go on"):
+        echocast.ray.run(file, root)
+    # One file is gone, one is too short, and a worker has left something unfinished.
+    (root / "data/000003/top.npz").unlink()
+    with (root / "data/000005/top.npz").open("r+b") as cut:
+        cut.truncate(100)
+    (root / "pictures/.echocast-left").write_text("half a picture")
+    then = (root / "data/000007/top.npz").stat().st_mtime_ns
+    second = echocast.ray.run(file, root, resume=True)
+    assert (second["found"], second["made"], second["complete"]) == (3, 9, True)
+    assert (root / "data/000007/top.npz").stat().st_mtime_ns == then
+    same(files(root), expected)
+    assert echocast.ray.run(file, root, resume=True)["found"] == 12
+    same(files(root), expected)
+
+
+def test_what_does_not_belong_together_is_refused(cluster, file, tmp_path):
+    root = tmp_path / "set"
+    echocast.ray.run(file, root, samples=(0, 1))
+    before = files(root)
+    with pytest.raises(ec.ArgumentError, match=f"^set.folder is {root}, which holds a set of another scenario"):
+        echocast.ray.run(file, root, resume=True, settings={"seed": 4})
+    with pytest.raises(ec.ArgumentError, match=f"^set.folder is {file.parent}, which holds other files"):
+        echocast.ray.run(file, file.parent)
+    with pytest.raises(ec.ArgumentError, match="samples is 0 to 12, every 1; allowed: 0 to 11"):
+        echocast.ray.run(file, root, samples=(0, 12))
+    with pytest.raises(ec.NotFoundError, match="absent.yaml"):
+        echocast.ray.run(tmp_path / "absent.yaml", root)
+    with pytest.raises(ec.NotFoundError, match="worker on .*absent.obj.*all machines share"):
+        echocast.ray.run(file, tmp_path / "other", settings={"scene.files": "absent.obj"})
+    with pytest.raises(ec.Error, match="nonsense"):
+        echocast.ray.run(file, tmp_path / "other", settings={"nonsense": 1})
+    assert files(root) == before and not (tmp_path / "other").exists()
+
+
+def test_workers_that_see_other_files_are_refused(cluster, file, tmp_path):
+    echocast.ray.run(file, tmp_path / "set", samples=(0, 0))
+    origin = (tmp_path / "set/scenario.json").read_bytes()
+    with pytest.raises(ec.FileError, match="does not hold the set that is made; allowed: a folder that all machines share"):
+        Worker(Source(file, "", {}), Store(tmp_path / "own")).make(origin, 0, range(1))
+    (tmp_path / "tent.obj").write_text(TENT.replace("0 0 2", "0 0 3"))
+    with pytest.raises(ec.ArgumentError, match="worker on .* for which tent.obj had other contents"):
+        Worker(Source(file, "", {}), Store(tmp_path / "set")).make(origin, 0, range(1))
+
+
+# --- what dies
+
+
+def test_a_node_is_killed_in_the_middle(cluster, file, tmp_path):
+    settings = {"samples": 60, "outputs": ALL_STYLES}
+    _, expected = alone(file, tmp_path / "one", **settings)
+
+    def kill(done, all):
+        if 10 <= done < all and len(cluster.more) == 2:
+            cluster.remove_node(cluster.more.pop(), allow_graceful=False)
+
+    made = echocast.ray.run(file, tmp_path / "set", settings=settings, chunk=2, progress=kill)
+    assert len(cluster.more) == 1 and (made["made"], made["complete"], made["workers"]) == (60, True, 3)
+    same(files(tmp_path / "set"), expected)
+    cluster.more.append(cluster.add_node(num_cpus=1, object_store_memory=100_000_000))
+
+
+def test_the_driver_is_killed(cluster, file, tmp_path):
+    root = tmp_path / "set"
+    _, expected = alone(file, tmp_path / "one", samples=300)
+    arguments = [file, "-o", root, "--set", "samples=300", "--chunk", 2, "--address", cluster.address]
+    driver = subprocess.Popen([sys.executable, "-m", "echocast.ray", *map(str, arguments)], cwd=Path(__file__).parent)
+    end = time.monotonic() + 60
+    while not list(root.glob("manifest.*.jsonl")) and time.monotonic() < end:
+        time.sleep(0.02)
+    driver.send_signal(signal.SIGKILL)
+    driver.wait()
+    assert not (root / "manifest.json").exists()
+    again = command(*arguments, "--resume")
+    assert again.returncode == 0, again.stderr
+    assert "were there" in again.stdout and "complete, see report.html" in again.stdout
+    same(files(root), expected)
+
+
+def test_a_sample_that_kills_its_workers_is_told(cluster, file, tmp_path):
+    # A class of a function goes to workers as a whole.
+    class Deadly(LocalFileSystem):
+        def put_file(self, path1, path2, **options):
+            if "000003" in path1:
+                os._exit(1)
+            super().put_file(path1, path2, **options)
+
+    with pytest.raises(ec.Error, match="^1 samples are not made, the first is 3: .* died 4 times.*--resume"):
+        echocast.ray.run(file, tmp_path / "set", samples=(0, 5), chunk=1, filesystem=Deadly())
+    assert echocast.ray.run(file, tmp_path / "set", samples=(0, 5), resume=True)["made"] == 1
+
+
+# --- buckets
+
+
+@pytest.fixture
+def bucket():
+    """A local S3 that takes objects while `room` lasts, and its file system."""
+    s3fs = pytest.importorskip("s3fs")
+    pytest.importorskip("moto")
+    from moto.server import DomainDispatcherApplication, create_backend_app
+    from werkzeug.serving import WSGIRequestHandler, make_server
+
+    class Silent(WSGIRequestHandler):
+        def log(self, *arguments):
+            pass
+
+    class Bucket:
+        room, refusal = 1e9, "QuotaExceeded"
+        inner = DomainDispatcherApplication(create_backend_app)
+
+        def __call__(self, environ, start_response):
+            if environ["REQUEST_METHOD"] == "PUT" and environ["PATH_INFO"].count("/") > 1:
+                environ["wsgi.input"] = io.BytesIO(environ["wsgi.input"].read(int(environ["CONTENT_LENGTH"] or 0)))
+                self.room -= 1
+                if self.room < 0:
+                    start_response("403 Forbidden", [("Content-Type", "application/xml")])
+                    return [f"<Error><Code>{self.refusal}</Code><Message>{self.refusal}</Message></Error>".encode()]
+            return self.inner(environ, start_response)
+
+    made = Bucket()
+    server = make_server("127.0.0.1", 0, made, threaded=True, request_handler=Silent)
+    import threading
+
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    made.url = f"http://127.0.0.1:{server.port}"
+    made.fs = s3fs.S3FileSystem(key="key", secret="secret", endpoint_url=made.url, skip_instance_cache=True)
+    made.fs.mkdir("bucket")
+    yield made
+    server.shutdown()
+
+
+def download(bucket, folder):
+    bucket.fs.invalidate_cache()
+    bucket.fs.get("bucket/set", str(folder), recursive=True)
+    return files(folder)
+
+
+def test_a_bucket_gets_the_bytes_of_one_machine(cluster, bucket, file, tmp_path):
+    _, expected = alone(file, tmp_path / "one", outputs=ALL_STYLES)
+    some = {"outputs": ALL_STYLES, "samples": 6}
+    assert echocast.ray.run(file, "bucket/set", filesystem=bucket.fs, settings=some)["complete"]
+    # It grows, so that archives are joined anew.
+    all = {"outputs": ALL_STYLES}
+    assert echocast.ray.run(file, "bucket/set", filesystem=bucket.fs, settings=all, resume=True)["found"] == 6
+    same(download(bucket, tmp_path / "set"), expected)
+
+
+def test_the_command_writes_to_a_url(cluster, bucket, file, tmp_path):
+    _, expected = alone(file, tmp_path / "one")
+    keys = {"AWS_ENDPOINT_URL": bucket.url, "AWS_ACCESS_KEY_ID": "key", "AWS_SECRET_ACCESS_KEY": "secret"}
+    # A cluster of its own, whose workers have the keys.
+    arguments = [file.name, "-o", "s3://bucket/set", "--ship", "--workers", 1]
+    done = command(*arguments, folder=file.parent, env={**os.environ, **keys})
+    assert done.returncode == 0, done.stderr
+    same(download(bucket, tmp_path / "set"), expected)
+
+
+@pytest.mark.parametrize(("room", "refusal"), [(0, "AccessDenied"), (30, "QuotaExceeded")])
+def test_a_bucket_that_takes_no_more_ends_the_run(cluster, bucket, file, tmp_path, room, refusal):
+    _, expected = alone(file, tmp_path / "one")
+    bucket.room, bucket.refusal = room, refusal
+    with pytest.raises(ec.FileError, match=f"bucket/set cannot be written: .*{refusal.replace('AccessDenied', 'Access')}"):
+        echocast.ray.run(file, "bucket/set", filesystem=bucket.fs, chunk=1)
+    bucket.room = 1e9
+    assert echocast.ray.run(file, "bucket/set", filesystem=bucket.fs, resume=True)["complete"]
+    same(download(bucket, tmp_path / "set"), expected)
+
+
+def test_pyarrow_writes_too(cluster, bucket, file, tmp_path):
+    from pyarrow import fs
+
+    _, expected = alone(file, tmp_path / "one", outputs=[{"style": "webdataset"}])
+    host = bucket.url.removeprefix("http://")
+    s3 = fs.S3FileSystem(access_key="key", secret_key="secret", endpoint_override=host, scheme="http", region="us-east-1")
+    settings = {"outputs": [{"style": "webdataset"}]}
+    assert echocast.ray.run(file, "bucket/set", filesystem=s3, settings=settings)["complete"]
+    same(download(bucket, tmp_path / "set"), expected)
+
+
+def test_a_folder_that_cannot_be_written_is_told(cluster, file, tmp_path):
+    (tmp_path / "taken").write_text("a file")
+    with pytest.raises(ec.FileError, match=f"{tmp_path}/taken/set cannot be written"):
+        echocast.ray.run(file, tmp_path / "taken/set")
+
+
+# --- training data
+
+
+def test_rows_are_the_samples(cluster, file):
+    columns = ["range", "category_id", "x"]
+    data = echocast.ray.dataset(file, [7, 2, 5], columns=columns, batch_size=2)
+    rows = {row["sample"]: row for row in data.iter_rows()}
+    assert rows.keys() == {2, 5, 7}
+    scenario = ec.Scenario(file)
+    for number, row in rows.items():
+        cloud = scenario[number].cloud()
+        assert all(np.array_equal(row[name], cloud[name]) and row[name].dtype == cloud[name].dtype for name in columns)
+        assert row["positions"].shape == (len(cloud), 3) and row["positions"].dtype == np.float32
+        assert np.allclose(np.linalg.norm(row["positions"], axis=1), cloud.range, atol=0.2)
+    batch = next(iter(echocast.ray.dataset(file, sensor=1).iter_batches(batch_size=12)))
+    assert sorted(batch["sample"]) == list(range(12)) and batch["positions"][3].shape[1] == 3

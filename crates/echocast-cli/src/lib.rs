@@ -1,0 +1,108 @@
+//! The `echocast` program: arguments, progress and printing. The work is the library's. A crate of its own, because the
+//! Python package brings the program too.
+#![forbid(unsafe_code)]
+
+mod bench;
+mod choice;
+mod cloud_info;
+mod completions;
+mod convert;
+mod formats;
+mod frames;
+mod generate;
+mod info;
+mod input;
+mod interrupt;
+mod output;
+mod pipe;
+mod place;
+mod preview;
+mod progress;
+mod record;
+mod report;
+mod run;
+mod scan;
+mod sensors;
+mod text;
+mod usage;
+mod weather;
+
+use clap::{Parser, Subcommand};
+use std::ffi::OsString;
+use std::io::Write as _;
+
+/// Simulates depth sensors: casts the beams of LiDARs, depth cameras and sonars into a 3D scene and writes what the
+/// instrument would have reported, every point labelled.
+#[derive(Parser)]
+#[command(
+    name = "echocast",
+    version,
+    arg_required_else_help = true,
+    after_help = "Example:\n  echocast generate street -o street.glb\n  echocast scan street.glb --sensor velodyne_vlp32c --camera Corner -o scan.las --preview scan.png\n\n\
+                  Exit codes:\n  \
+                  0    success\n  \
+                  1    the work has failed: a file cannot be read or written, or its content is wrong; the system\n       \
+                  gives no memory or threads; the simulation refuses\n  \
+                  2    wrong usage: an option, name, value or ending of the command is unknown, not allowed, or does\n       \
+                  not go with the others, the sensor or the scene; nothing is written\n  \
+                  130  interrupted"
+)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Scan(Box<scan::Args>),
+    Run(Box<run::Args>),
+    Sensors(sensors::Args),
+    Info(info::Args),
+    Convert(convert::Args),
+    Preview(preview::Args),
+    Generate(generate::Args),
+    Formats(formats::Args),
+    Bench(Box<bench::Args>),
+    Completions(completions::Args),
+}
+
+/// Does what the command line `arguments` asks for, the first of which is the program's name. Returns the exit code.
+///
+/// To be called once, by a process that does nothing else: it listens for signals, and ends the process at the second.
+pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    // If this fails, a file that grows too long ends the program, as usual.
+    let _ = interrupt::outlive_full_files();
+    let cli = match Cli::try_parse_from(arguments) {
+        Ok(cli) => cli,
+        Err(told) => {
+            // Help, the version, or what is wrong. If nobody reads it, there is nobody to tell.
+            let _ = told.print();
+            return u8::try_from(told.exit_code()).unwrap_or(u8::MAX);
+        }
+    };
+    let done = match cli.command {
+        Command::Scan(args) => scan::run(&args),
+        Command::Run(args) => run::run(&args),
+        Command::Sensors(args) => sensors::run(&args),
+        Command::Info(args) => info::run(&args),
+        Command::Convert(args) => convert::run(&args),
+        Command::Preview(args) => preview::run(&args),
+        Command::Generate(args) => generate::run(&args),
+        Command::Formats(args) => formats::run(&args),
+        Command::Bench(args) => bench::run(&args),
+        Command::Completions(args) => completions::run::<Cli>(&args),
+    };
+    match done {
+        Ok(()) => 0,
+        Err(error) => {
+            let code = usage::exit_code(&error);
+            if code == interrupt::INTERRUPTED {
+                interrupt::say();
+            } else {
+                // If stderr is closed, there is nobody to tell.
+                let _ = writeln!(std::io::stderr(), "error: {}", text::one_line(&error));
+            }
+            code
+        }
+    }
+}
