@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -38,7 +39,14 @@ MOST_NAMES = 16
 VIEWS = {"top": ("xy", "z", 1), "side": ("xz", "y", -1), "3d": ("xyz", None, 1)}
 
 
-def show(thing, *, path=None, name=None, time=None, color=None):
+def show(
+    thing: Any,
+    *,
+    path: str | os.PathLike[str] | None = None,
+    name: str | None = None,
+    time: float | None = None,
+    color: str | None = None,
+) -> None:
     """Shows a cloud, a trajectory, a ping, pings, or several of them: a list, or a dict by name.
 
     With rerun-sdk installed they are logged to Rerun: to the recording that is active, or to a viewer that is opened;
@@ -48,8 +56,7 @@ def show(thing, *, path=None, name=None, time=None, color=None):
     """
     if path is not None:
         package("rerun", "echocast[look]")
-        path = Path(path)
-        if path.suffix != ".rrd":
+        if Path(path).suffix != ".rrd":
             raise ArgumentError(f"path is {str(path)!r}; allowed: the name of a recording, which ends in .rrd")
     if path is None and importlib.util.find_spec("rerun") is None:
         open_picture(thing, color)
