@@ -52,6 +52,10 @@ def prepared(item):
     return points
 
 
+def layer(width, out):
+    return nn.Linear(width, out), nn.LayerNorm(out), nn.ReLU()
+
+
 class Pillars(nn.Module):
     """A class for each point, out of what it is itself and what stands in the upright pillars around it."""
 
@@ -59,11 +63,9 @@ class Pillars(nn.Module):
 
     def __init__(self, width=48):
         super().__init__()
-        self.points = nn.Sequential(nn.Linear(7, width), nn.LayerNorm(width), nn.ReLU(), nn.Linear(width, width), nn.ReLU())
+        self.points = nn.Sequential(*layer(7, width), *layer(width, width))
         wide = width * (1 + len(self.SIZES))
-        self.head = nn.Sequential(
-            nn.Linear(wide, 2 * width), nn.LayerNorm(2 * width), nn.ReLU(), nn.Linear(2 * width, width), nn.ReLU(), nn.Linear(width, len(CLASSES))
-        )
+        self.head = nn.Sequential(*layer(wide, 2 * width), *layer(2 * width, width), nn.Linear(width, len(CLASSES)))
 
     def forward(self, batch):
         positions = batch["positions"]
@@ -132,7 +134,7 @@ def main():
                 break
         epoch += 1
         after = judge(network, held_out)
-        print(f"after {spent:.0f} s and {streets} streets: accuracy {after[0]:.3f}, mean IoU {after[1]:.3f}", flush=True)
+        print(f"{spent:.0f} s, {streets} streets: accuracy {after[0]:.3f}, mean IoU {after[1]:.3f}", flush=True)
     if not (after[0] > before[0] and after[1] > before[1]):
         sys.exit("the network has learnt nothing: accuracy and mean IoU on held-out streets must rise")
 

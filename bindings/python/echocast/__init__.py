@@ -43,6 +43,7 @@ from echocast._errors import (
     OutOfMemoryError,
     UnsupportedError,
 )
+from echocast._look import show
 
 __all__ = [
     "ArgumentError",
@@ -72,4 +73,5 @@ __all__ = [
     "presets",
     "read_cloud",
     "run",
+    "show",
 ]

@@ -15,7 +15,7 @@ torch = package("torch", "echocast[torch]")
 #: Columns that a sample has unless others are asked for.
 COLUMNS = ("intensity", "category_id")
 
-# Seeds of epochs lie this far apart, so that no epoch of one seed is an epoch of a seed near it, as of held-out samples.
+# Seeds of epochs lie this far apart, so that no epoch of one seed is an epoch of a seed near it.
 STRIDE = 0x9E3779B97F4A7C15
 
 
@@ -23,7 +23,16 @@ class _Scans:
     """What the data sets have in common: a scenario, which every process reads for itself, and the epoch."""
 
     def __init__(
-        self, scenario, samples=None, transform=None, *, folder="", sensor=0, frame=0, columns=COLUMNS, epochs_differ=False
+        self,
+        scenario,
+        samples=None,
+        transform=None,
+        *,
+        folder="",
+        sensor=0,
+        frame=0,
+        columns=COLUMNS,
+        epochs_differ=False,
     ):
         self.source, self.folder = scenario, folder
         self.transform, self.sensor, self.frame = transform, sensor, frame
@@ -76,10 +85,10 @@ class _Scans:
 class ScanDataset(_Scans, torch.utils.data.Dataset):
     """The samples of a scenario: item i is the cloud of sample `samples[i]`, the same in every process.
 
-    `scenario`: as `echocast.Scenario` takes it, with `folder`; it is read in each worker for itself. `samples`: their numbers;
-    None: all. `sensor` and `frame`: which of its scans. `columns`: those of an item beside `positions`. `transform`: called
-    with each item, a dict of tensors: `positions`, n x 3 float32, m, relative to the sensor's place at the start of the
-    scan; the columns, n long, integers as int64; `sample`, its number.
+    `scenario`: as `echocast.Scenario` takes it, with `folder`; it is read in each worker for itself. `samples`: their
+    numbers; None: all. `sensor` and `frame`: which of its scans. `columns`: those of an item beside `positions`.
+    `transform`: called with each item, a dict of tensors: `positions`, n x 3 float32, m, relative to the sensor's place at
+    the start of the scan; the columns, n long, integers as int64; `sample`, its number.
 
     With `epochs_differ`, `set_epoch` changes the seed of everything that is drawn; epoch 0 is the set that
     `echocast run` writes.
@@ -97,8 +106,8 @@ class ScanStream(_Scans, torch.utils.data.IterableDataset):
     `torch.distributed`, if that is initialised, and over the workers of a DataLoader.
 
     Takes what `ScanDataset` takes, and gives the same items. With `shuffle`, each epoch has an order of its own, which
-    follows from the scenario's seed and `set_epoch`. All ranks have equally many: where these do not divide the samples,
-    the first ones are there twice.
+    follows from the scenario's seed and `set_epoch`. All ranks have equally many: where these do not divide the
+    samples, the first ones are there twice.
     """
 
     def __init__(self, scenario, samples=None, transform=None, *, shuffle=False, **options):
@@ -132,8 +141,8 @@ def _ranks():
 
 
 def collate(items):
-    """Clouds of unequal length as one batch: tensors one after the other, `batch`, the item of each point, and `starts`,
-    the first point of each item and the end."""
+    """Clouds of unequal length as one batch: tensors one after the other, `batch`, the item of each point, and
+    `starts`, the first point of each item and the end."""
     lengths = torch.tensor([len(item["positions"]) for item in items])
     starts = torch.nn.functional.pad(lengths.cumsum(0), (1, 0))
     batch = {"batch": torch.repeat_interleave(torch.arange(len(items)), lengths), "starts": starts}

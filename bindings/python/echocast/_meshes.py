@@ -1,0 +1,101 @@
+"""Meshes of trimesh and Open3D as scenes. Neither package is imported: what is built as theirs is taken."""
+
+import re
+
+import numpy as np
+
+from echocast._echocast import Scene
+from echocast._errors import ArgumentError
+
+# Rotations to z up, by the axis that points up.
+UP = {
+    "z": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+    "-z": [[1, 0, 0], [0, -1, 0], [0, 0, -1]],
+    "y": [[1, 0, 0], [0, 0, -1], [0, 1, 0]],
+    "-y": [[1, 0, 0], [0, 0, 1], [0, -1, 0]],
+    "x": [[0, 0, -1], [0, 1, 0], [1, 0, 0]],
+    "-x": [[0, 0, 1], [0, 1, 0], [-1, 0, 0]],
+}
+
+# Vertices farther from their origin than this get one among them: float32 is finer than 0.1 mm up to here.
+FAR = 1024.0
+
+
+def scene(thing, up="z", scale=1.0, category=None):
+    """An echocast.Scene of `thing`: a trimesh.Trimesh or trimesh.Scene, an Open3D TriangleMesh, or a list of them.
+
+    `up`: which of its axes points up; `scale`: metres per unit; `category`: of meshes that have no "category" in their
+    metadata; else it is their name without the number at its end.
+    """
+    if up not in UP:
+        raise ArgumentError(f"up is {up!r}; allowed: {', '.join(UP)}")
+    if not (np.isfinite(scale) and scale > 0):
+        raise ArgumentError(f"scale is {scale}; allowed: above 0")
+    world = np.eye(4)
+    world[:3, :3] = scale * np.array(UP[up])
+    objects = []
+    for name, vertices, triangles, matrix, metadata in meshes(thing):
+        vertices, middle = near(vertices, scale)
+        objects.append({
+            "name": name,
+            "vertices": vertices,
+            "triangles": triangles,
+            "pose": world @ matrix @ middle,
+            "category": label(metadata, category or re.sub(r"[ ._-]*\d+$", "", name) or name),
+        })
+    if not objects:
+        raise ArgumentError("what a scene is to be made of has no mesh; allowed: at least one")
+    return Scene.from_objects(objects)
+
+
+def meshes(thing):
+    """Yields name, vertices (n x 3), triangles (m x 3, uint32), the matrix to the axes of `thing` (4 x 4, float64) and
+    the metadata of each mesh in it."""
+    if isinstance(thing, (list, tuple)):
+        for one in thing:
+            yield from meshes(one)
+    elif hasattr(thing, "graph") and hasattr(thing, "geometry"):
+        for node in thing.graph.nodes_geometry:
+            matrix, geometry = thing.graph[node]
+            mesh = thing.geometry[geometry]
+            # Points and lines have no faces.
+            if hasattr(mesh, "faces"):
+                yield str(node), *arrays(mesh.vertices, mesh.faces), np.asarray(matrix, np.float64), mesh.metadata
+    elif hasattr(thing, "vertices") and hasattr(thing, "faces"):
+        metadata = getattr(thing, "metadata", {})
+        name = metadata.get("name") or metadata.get("file_name") or "mesh"
+        yield str(name), *arrays(thing.vertices, thing.faces), np.eye(4), metadata
+    elif hasattr(thing, "vertices") and hasattr(thing, "triangles"):
+        yield "mesh", *arrays(thing.vertices, thing.triangles), np.eye(4), {}
+    elif hasattr(thing, "vertex") and hasattr(thing, "triangle"):
+        # Tensors, which may be elsewhere than in main memory.
+        vertices, triangles = thing.vertex["positions"].cpu().numpy(), thing.triangle["indices"].cpu().numpy()
+        yield "mesh", *arrays(vertices, triangles), np.eye(4), {}
+    else:
+        allowed = "a trimesh.Trimesh or trimesh.Scene, an Open3D TriangleMesh, or a list of them"
+        raise ArgumentError(f"what a scene is to be made of is of the type {type(thing).__name__}; allowed: {allowed}")
+
+
+def arrays(vertices, triangles):
+    """Vertices as they are, and triangles as uint32."""
+    vertices, triangles = np.asarray(vertices), np.asarray(triangles)
+    if triangles.size and not 0 <= triangles.min() <= triangles.max() < len(vertices):
+        found = f"a triangle has the vertices {triangles.min()} to {triangles.max()}"
+        raise ArgumentError(f"{found}; allowed: 0 to {len(vertices) - 1}")
+    return vertices.reshape(-1, 3), triangles.reshape(-1, 3).astype(np.uint32)
+
+
+def near(vertices, scale):
+    """Vertices as float32, about a point among them if they are far from their origin, and the matrix that puts them
+    back."""
+    matrix = np.eye(4)
+    if len(vertices) and scale * np.abs(vertices).max() > FAR:
+        matrix[:3, 3] = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+        vertices = vertices - matrix[:3, 3]
+    return vertices.astype(np.float32), matrix
+
+
+def label(metadata, other):
+    """The category that `metadata` says, a name or a number, or `other`."""
+    found = metadata.get("category", other)
+    return found if isinstance(found, str) else int(found)

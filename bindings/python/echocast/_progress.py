@@ -1,0 +1,121 @@
+"""The bar of `progress=True`: how far a scan or a run is, and how long it will take."""
+
+import sys
+import threading
+import time
+
+#: s between two pictures of a bar.
+INTERVAL = 0.1
+
+#: Characters of a bar.
+WIDTH = 30
+
+
+def bar(what):
+    """A bar called `what` for the notebook or terminal that this program is in. Called with a fraction, 0 to 1, or with
+    numbers of what is done and of all, it shows them; `close()` leaves the last picture. Elsewhere it shows nothing."""
+    if in_notebook():
+        return Bar(what, NotebookScreen())
+    if sys.stderr is not None and sys.stderr.isatty():
+        return Bar(what, TerminalScreen(sys.stderr))
+    return Bar(what, None)
+
+
+def in_notebook():
+    """Whether a kernel of Jupyter runs this program."""
+    # Nobody is in a notebook who has not imported IPython.
+    ipython = sys.modules.get("IPython")
+    shell = ipython.get_ipython() if ipython else None
+    return getattr(shell, "kernel", None) is not None
+
+
+class Bar:
+    """Shows progress on `screen`, if there is one, from any thread."""
+
+    def __init__(self, what, screen):
+        self.what, self.screen = what, screen
+        self.start = time.monotonic()
+        self.shown = None
+        self.last = self.drawn = ""
+        self.lock = threading.Lock()
+
+    def __call__(self, done, of=None):
+        if self.screen is None:
+            return
+        now = time.monotonic()
+        with self.lock:
+            self.last = self._line(done, of, now - self.start)
+            if self.shown is None or now - self.shown >= INTERVAL:
+                self._draw(now)
+
+    def close(self):
+        """Shows the last that was told, and ends the line."""
+        with self.lock:
+            if self.screen is None or not self.last:
+                return
+            self._draw(time.monotonic())
+            self.screen.close()
+            self.screen = None
+
+    def _draw(self, now):
+        if self.last != self.drawn:
+            self.screen.draw(self.last)
+        self.shown, self.drawn = now, self.last
+
+    def _line(self, done, of, spent):
+        fraction = done if of is None else done / of if of else 1.0
+        fraction = min(max(fraction, 0.0), 1.0)
+        full = round(fraction * WIDTH)
+        count = "" if of is None else f" {done} of {of}"
+        if fraction == 1:
+            left = f" in {clock(spent)}"
+        else:
+            left = f", {clock(spent / fraction - spent)} left" if fraction else ""
+        return f"{self.what} {'█' * full}{'░' * (WIDTH - full)} {fraction:4.0%}{count}{left}"
+
+
+def clock(seconds):
+    """A time as it is read from a clock: 0:07, 1:02:03."""
+    minutes, seconds = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{seconds:02}" if hours else f"{minutes}:{seconds:02}"
+
+
+class TerminalScreen:
+    """One line that is written over."""
+
+    def __init__(self, stream):
+        self.stream = stream
+
+    def draw(self, line):
+        # What a terminal cannot write is a row of signs that all can.
+        try:
+            line.encode(self.stream.encoding or "ascii")
+        except UnicodeEncodeError:
+            line = line.replace("█", "#").replace("░", ".")
+        # Back to its start, and clear what is left of the one before.
+        self.stream.write(f"\r{line}\x1b[K")
+        self.stream.flush()
+
+    def close(self):
+        self.stream.write("\n")
+        self.stream.flush()
+
+
+class NotebookScreen:
+    """The output of a cell, which changes."""
+
+    def __init__(self):
+        self.handle = None
+
+    def draw(self, line):
+        from IPython.display import Pretty, display
+
+        # Text, which every program that shows notebooks can show.
+        if self.handle is None:
+            self.handle = display(Pretty(line), display_id=True)
+        else:
+            self.handle.update(Pretty(line))
+
+    def close(self):
+        self.handle = None
