@@ -1,12 +1,13 @@
 """Sets and data sets made on a cluster of three nodes: the bytes of one machine, whatever dies or refuses."""
 
-import io
 import json
 import os
 import signal
 import subprocess
 import sys
+import threading
 import time
+import urllib.request
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +18,9 @@ import echocast as ec
 ray = pytest.importorskip("ray")
 pytest.importorskip("ray.data")
 import ray.cluster_utils  # noqa: E402
-from fsspec.implementations.local import LocalFileSystem  # noqa: E402
 
 import echocast.ray  # noqa: E402
-from echocast.ray import _plan  # noqa: E402
+from echocast.ray import _plan, _run  # noqa: E402
 from echocast.ray.__main__ import yaml  # noqa: E402
 from echocast.ray._source import Source  # noqa: E402
 from echocast.ray._store import Store  # noqa: E402
@@ -97,10 +97,13 @@ def test_samples_are_divided_into_ranges():
             _plan.wanted(9, wrong)
     numbers = [0, 1, 2, 3, 4, 7, 9, 11, 20]
     for most in (1, 2, 3, 50):
-        tasks = _plan.tasks(numbers, most)
+        tasks = _plan.tasks(numbers, 3, most)
         assert [number for task in tasks for number in task] == numbers
         assert max(map(len, tasks)) <= most
-    assert _plan.tasks(range(5, 300, 7), 100) == [range(5, 300, 7)]
+    assert _plan.tasks(range(5, 300, 7), 1, 100) == [range(5, 300, 7)]
+    # The last tasks are short, so that nobody waits long for another.
+    lengths = [len(task) for task in _plan.tasks(range(1000), 4)]
+    assert sum(lengths) == 1000 and lengths == sorted(lengths, reverse=True) and (lengths[0], max(lengths[-4:])) == (32, 4)
 
 
 def test_values_are_yaml_1_2():
@@ -235,16 +238,15 @@ def test_the_driver_is_killed(cluster, file, tmp_path):
     same(files(root), expected)
 
 
-def test_a_sample_that_kills_its_workers_is_told(cluster, file, tmp_path):
-    # A class of a function goes to workers as a whole.
-    class Deadly(LocalFileSystem):
-        def put_file(self, path1, path2, **options):
-            if "000003" in path1:
-                os._exit(1)
-            super().put_file(path1, path2, **options)
+def test_a_sample_that_kills_its_workers_is_told(cluster, file, tmp_path, monkeypatch):
+    class Deadly(Worker):
+        def make(self, origin, first, task):
+            return os._exit(1) if 3 in task else super().make(origin, first, task)
 
-    with pytest.raises(ec.Error, match="^1 samples are not made, the first is 3: .* died 4 times.*--resume"):
-        echocast.ray.run(file, tmp_path / "set", samples=(0, 5), chunk=1, filesystem=Deadly())
+    with monkeypatch.context() as patch:
+        patch.setattr(_run, "Worker", Deadly)
+        with pytest.raises(ec.Error, match="^1 of these samples is not made, number 3: .* died 4 times.*--resume"):
+            echocast.ray.run(file, tmp_path / "set", samples=(0, 5), chunk=1)
     assert echocast.ray.run(file, tmp_path / "set", samples=(0, 5), resume=True)["made"] == 1
 
 
@@ -269,20 +271,20 @@ def bucket():
 
         def __call__(self, environ, start_response):
             if environ["REQUEST_METHOD"] == "PUT" and environ["PATH_INFO"].count("/") > 1:
-                environ["wsgi.input"] = io.BytesIO(environ["wsgi.input"].read(int(environ["CONTENT_LENGTH"] or 0)))
                 self.room -= 1
                 if self.room < 0:
+                    environ["wsgi.input"].read(int(environ.get("CONTENT_LENGTH") or 0))
                     start_response("403 Forbidden", [("Content-Type", "application/xml")])
                     return [f"<Error><Code>{self.refusal}</Code><Message>{self.refusal}</Message></Error>".encode()]
             return self.inner(environ, start_response)
 
     made = Bucket()
     server = make_server("127.0.0.1", 0, made, threaded=True, request_handler=Silent)
-    import threading
-
     threading.Thread(target=server.serve_forever, daemon=True).start()
     made.url = f"http://127.0.0.1:{server.port}"
     made.fs = s3fs.S3FileSystem(key="key", secret="secret", endpoint_url=made.url, skip_instance_cache=True)
+    # Its objects are in this process, whatever the server.
+    urllib.request.urlopen(f"{made.url}/moto-api/reset", data=b"").close()
     made.fs.mkdir("bucket")
     yield made
     server.shutdown()
@@ -308,7 +310,7 @@ def test_the_command_writes_to_a_url(cluster, bucket, file, tmp_path):
     _, expected = alone(file, tmp_path / "one")
     keys = {"AWS_ENDPOINT_URL": bucket.url, "AWS_ACCESS_KEY_ID": "key", "AWS_SECRET_ACCESS_KEY": "secret"}
     # A cluster of its own, whose workers have the keys.
-    arguments = [file.name, "-o", "s3://bucket/set", "--ship", "--workers", 1]
+    arguments = [file.name, "-o", "s3://bucket/set", "--ship", "--address", "local", "--workers", 1]
     done = command(*arguments, folder=file.parent, env={**os.environ, **keys})
     assert done.returncode == 0, done.stderr
     same(download(bucket, tmp_path / "set"), expected)

@@ -2,10 +2,12 @@
 
 import argparse
 import os
+import re
 import sys
 import time
 
 import echocast as ec
+import echocast.ray
 from echocast._convert import package
 
 EXAMPLES = """\
@@ -58,8 +60,7 @@ def yaml(text):
         ("int", "[-+]?[0-9]+", "-+0123456789"),
         ("float", r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?", "-+.0123456789"),
     ]:
-        regexp = __import__("re").compile(f"^(?:{pattern})$")
-        Loader.add_implicit_resolver(f"tag:yaml.org,2002:{tag}", regexp, list(first))
+        Loader.add_implicit_resolver(f"tag:yaml.org,2002:{tag}", re.compile(f"^(?:{pattern})$"), list(first))
     try:
         return yaml.load(text, Loader)
     except yaml.YAMLError as error:
@@ -128,31 +129,37 @@ def summarised(done):
     return "\n".join(lines)
 
 
-def main():
-    parser = arguments()
-    args = parser.parse_args()
+def run(args):
+    """Connects to the cluster and makes the set."""
+    ray = package("ray", "'ray[data]'")
+    shipped = {"working_dir": os.getcwd()} if args.ship else {}
     try:
-        ray = package("ray", "'ray[data]'")
-        import echocast.ray
+        ray.init(address=args.address, runtime_env=shipped, log_to_driver=False, logging_level="error")
+    except (OSError, ValueError, RuntimeError, ray.exceptions.RayError) as error:
+        raise ec.Error(f"--address {args.address}: {error}") from error
+    return echocast.ray.run(
+        args.scenario,
+        args.output,
+        samples=args.samples,
+        resume=args.resume,
+        workers=args.workers,
+        chunk=args.chunk,
+        settings=dict(args.set),
+        progress=Progress(args.quiet),
+    )
 
-        shipped = {"working_dir": os.getcwd()} if args.ship else {}
-        ray.init(address=args.address, runtime_env=shipped, log_to_driver=False, logging_level="warning")
-        done = echocast.ray.run(
-            args.scenario,
-            args.output,
-            samples=args.samples,
-            resume=args.resume,
-            workers=args.workers,
-            chunk=args.chunk,
-            settings=dict(args.set),
-            progress=Progress(args.quiet),
-        )
+
+def main():
+    args = arguments().parse_args()
+    try:
+        done = run(args)
     except KeyboardInterrupt:
         print("interrupted; --resume goes on", file=sys.stderr)
         return 130
-    except (ec.Error, ImportError, ConnectionError) as error:
+    except (ec.Error, ImportError) as error:
         print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
-        return 1
+        # It is named after the option.
+        return 2 if isinstance(error, ec.ArgumentError) and str(error).startswith("samples is ") else 1
     if not args.quiet:
         for warning, count in done["warnings"].items():
             print(f"warning: {warning}{f' ({count} samples)' if count > 1 else ''}", file=sys.stderr)

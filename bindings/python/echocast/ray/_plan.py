@@ -4,6 +4,12 @@ import json
 
 import echocast as ec
 
+#: Most samples of a task: what is made again when a worker dies.
+MOST = 32
+
+#: Fewest samples of a task, if there are enough: each begins with what its samples have in common.
+LEAST = 4
+
 
 def wanted(count, samples):
     """The samples that are asked for, of a scenario that has `count`: a range."""
@@ -54,13 +60,16 @@ def complete(entry, sizes):
     return "error" not in entry and all(map(is_there, entry["files"]))
 
 
-def tasks(numbers, most):
-    """Ranges of up to `most` of `numbers`, which rise."""
-    made = []
-    for number in numbers:
+def tasks(numbers, workers, most=None):
+    """Ranges that `numbers`, which rise, are divided into for some workers: of up to `most`, or if that is None, longer
+    ones first and shorter ones in the end, so that all workers end at about the same time."""
+    least = max(1, min(LEAST, len(numbers) // (4 * workers)))
+    made, size = [], 0
+    for index, number in enumerate(numbers):
         last = made[-1] if made else []
-        if 0 < len(last) < most and (len(last) == 1 or number - last[-1] == last[1] - last[0]):
+        if 0 < len(last) < size and (len(last) == 1 or number - last[-1] == last[1] - last[0]):
             last.append(number)
         else:
             made.append([number])
+            size = most or max(least, min(MOST, (len(numbers) - index) // (2 * workers)))
     return [range(task[0], task[-1] + 1, task[1] - task[0] if len(task) > 1 else 1) for task in made]

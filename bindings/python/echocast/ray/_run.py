@@ -16,12 +16,6 @@ from echocast.ray._source import Source
 from echocast.ray._store import Store
 from echocast.ray._worker import ORIGIN, Worker
 
-#: Most samples of a task: what is made again when a worker dies.
-MOST = 32
-
-#: Tasks for each worker, if there are enough samples, so that all end at about the same time.
-TASKS = 8
-
 #: How often a task is tried again whose worker has died: a sample that kills them all must not do so for ever.
 RETRIES = 3
 
@@ -72,7 +66,7 @@ def run(
         _write(store, ORIGIN, origin)
         missing = [sample for sample in wanted if sample not in there]
         workers = workers or max(1, int(ray.cluster_resources().get("CPU", 1)))
-        tasks = _plan.tasks(missing, chunk or max(1, min(MOST, len(missing) // (TASKS * workers))))
+        tasks = _plan.tasks(missing, workers, chunk)
         summary = {"folder": store.name, "made": 0, "found": len(there), "failed": [], "points": 0}
         warnings = Counter()
         if progress:
@@ -124,6 +118,8 @@ class Crew:
             return ray.get(self.workers[0].begin.remote(origin, first))
         except ray.exceptions.RayTaskError as error:
             raise error.cause from None
+        except ray.exceptions.RayError as error:
+            raise ec.Error(f"no worker can begin: {' '.join(str(error).split())}") from error
 
     def make(self, origin, first, tasks, most):
         """Has up to `most` workers make `tasks`; yields what `Worker.make` returns, as it comes."""
@@ -151,11 +147,12 @@ class Crew:
             while idle := pool.pop_idle():
                 ray.kill(idle)
         if left:
-            lost = sorted(left, key=lambda task: task[0])
-            text = " ".join(str(reason).split())
+            numbers = sorted(number for task in left for number in task)
+            one = f"1 of these samples is not made, number {numbers[0]}"
+            several = f"{len(numbers)} of these samples are not made, the first is {numbers[0]}"
             raise ec.Error(
-                f"{sum(map(len, lost))} samples are not made, the first is {lost[0][0]}: their workers have died "
-                f"{RETRIES + 1} times: {text}; allowed: more memory, or to try them again (--resume)"
+                f"{one if len(numbers) == 1 else several}: workers that made such have died {RETRIES + 1} times: "
+                f"{' '.join(str(reason).split())}; allowed: to try again (--resume), with more memory or smaller scenes"
             )
 
     def end(self):

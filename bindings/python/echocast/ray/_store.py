@@ -53,7 +53,7 @@ class Store:
         with self._telling("read"):
             try:
                 return self.fs.cat_file(self._path(name))
-            except FileNotFoundError:
+            except (FileNotFoundError, NotADirectoryError):
                 return None
 
     def read(self, names):
