@@ -245,7 +245,7 @@ def test_a_sample_that_kills_its_workers_is_told(cluster, file, tmp_path, monkey
 
     with monkeypatch.context() as patch:
         patch.setattr(_run, "Worker", Deadly)
-        with pytest.raises(ec.Error, match="^1 of these samples is not made, number 3: .* died 4 times.*--resume"):
+        with pytest.raises(ec.Error, match="^1 of these samples is not made, the first is 3: 4 workers have died of them.*--resume"):
             echocast.ray.run(file, tmp_path / "set", samples=(0, 5), chunk=1)
     assert echocast.ray.run(file, tmp_path / "set", samples=(0, 5), resume=True)["made"] == 1
 

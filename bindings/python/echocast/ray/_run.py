@@ -3,11 +3,10 @@
 import json
 import tempfile
 import time
-from collections import Counter
+from collections import Counter, deque
 from pathlib import Path
 
 import ray
-from ray.util import ActorPool
 
 import echocast as ec
 from echocast.ray import _plan
@@ -16,8 +15,8 @@ from echocast.ray._source import Source
 from echocast.ray._store import Store
 from echocast.ray._worker import ORIGIN, Worker
 
-#: How often a task is tried again whose worker has died: a sample that kills them all must not do so for ever.
-RETRIES = 3
+#: How many workers try a task: a sample that kills them all must not do so for ever.
+TRIES = 4
 
 
 def run(
@@ -103,59 +102,67 @@ def _write(store, name, content):
 
 
 class Crew:
-    """The workers of a run: actors of Ray, which starts them again elsewhere when their machine is gone."""
+    """The workers of a run: actors of Ray, which has a place for them on any machine of the cluster."""
 
     def __init__(self, source, store):
         # As long as it lives, a worker has a CPU.
-        worker = ray.remote(num_cpus=1, max_restarts=-1, max_task_retries=RETRIES)(Worker)
-        self.hire = lambda: worker.remote(source, store)
-        self.workers = [self.hire()]
+        worker = ray.remote(num_cpus=1)(Worker)
+        self.workers = []
+        self.hire = lambda: self.workers.append(worker.remote(source, store)) or self.workers[-1]
         self.most = 1
 
     def begin(self, origin, first):
         """`Worker.begin` of the first of them."""
         try:
-            return ray.get(self.workers[0].begin.remote(origin, first))
+            return ray.get(self.hire().begin.remote(origin, first))
         except ray.exceptions.RayTaskError as error:
             raise error.cause from None
         except ray.exceptions.RayError as error:
-            raise ec.Error(f"no worker can begin: {' '.join(str(error).split())}") from error
+            raise ec.Error(f"no worker can begin: {_line(error)}") from error
 
     def make(self, origin, first, tasks, most):
         """Has up to `most` workers make `tasks`; yields what `Worker.make` returns, as it comes."""
         self.most = max(1, min(most, len(tasks)))
-        self.workers += [self.hire() for _ in range(self.most - 1)]
-        # One task at a time for each, which copies its files before it gets another: nothing piles up anywhere.
-        pool = ActorPool(self.workers)
-        for task in tasks:
-            pool.submit(lambda worker, task: worker.make.remote(origin, first, task), task)
-        left, reason = set(tasks), None
-        while pool.has_next():
+        idle = self.workers + [self.hire() for _ in range(self.most - 1)]
+        queue, busy, tries, lost = deque(tasks), {}, Counter(), []
+        while queue or busy:
+            # One task at a time for each, which copies its files before it gets another: nothing piles up anywhere.
+            while queue and idle:
+                worker, task = idle.pop(), queue.popleft()
+                busy[worker.make.remote(origin, first, task)] = worker, task
+            # Who has nothing more to do leaves its CPU to those whose machine is gone and that have no other.
+            while idle:
+                ray.kill(idle.pop())
+            [ref], _ = ray.wait(list(busy))
+            worker, task = busy.pop(ref)
             try:
-                result = pool.get_next_unordered()
-                left.discard(result[0])
-                yield result
+                yield ray.get(ref)
+                idle.append(worker)
             except ray.exceptions.RayTaskError as error:
                 raise error.cause from None
             except ray.exceptions.RayError as error:
-                # The others go on.
-                reason = error
-                if isinstance(error, ray.exceptions.ActorDiedError):
-                    self.workers.append(self.hire())
-                    pool.push(self.workers[-1])
-            # Who has nothing more to do leaves its CPU to those that have lost theirs with a machine.
-            while idle := pool.pop_idle():
-                ray.kill(idle)
-        if left:
-            numbers = sorted(number for task in left for number in task)
-            one = f"1 of these samples is not made, number {numbers[0]}"
-            several = f"{len(numbers)} of these samples are not made, the first is {numbers[0]}"
+                # It has died, or cannot be reached any more.
+                ray.kill(worker)
+                idle.append(self.hire())
+                tries[task] += 1
+                if tries[task] < TRIES:
+                    queue.append(task)
+                else:
+                    lost += task
+                    reason = error
+        if lost:
+            one, several = "1 of these samples is not made", f"{len(lost)} of these samples are not made"
             raise ec.Error(
-                f"{one if len(numbers) == 1 else several}: workers that made such have died {RETRIES + 1} times: "
-                f"{' '.join(str(reason).split())}; allowed: to try again (--resume), with more memory or smaller scenes"
+                f"{one if len(lost) == 1 else several}, the first is {min(lost)}: {TRIES} workers have died of them, the last "
+                f"one: {_line(reason)}; allowed: to try again (--resume), with more memory or smaller scenes"
             )
 
     def end(self):
         """Ends all workers."""
         for worker in self.workers:
             ray.kill(worker)
+
+
+def _line(error):
+    """What Ray says, in one line."""
+    return " ".join(str(error).split())
