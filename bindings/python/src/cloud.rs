@@ -246,13 +246,15 @@ impl PointCloud {
         self.png(py, None, "top", Some(640)).ok()
     }
 
-    /// Opens its picture with the viewer of the system; with `path`, writes it there. `color` and `view` as for `png`.
+    /// Shows it in the viewer of Rerun, if the package rerun-sdk is there; else opens its picture. With `path`, a file .rrd,
+    /// it is recorded there.
     #[pyo3(signature = (**options))]
     fn show(slf: &Bound<'_, Self>, options: Option<&Bound<'_, PyDict>>) -> PyResult<()> {
         slf.py().import("echocast._look")?.getattr("show")?.call((slf,), options).map(drop)
     }
 
-    /// Draws it from above with Matplotlib, and returns the axes. `color`: a column; `axes`: to draw in.
+    /// Draws it with Matplotlib, and returns the axes. `color`: "category" and so on, or a column; `view`: "top", "side" or
+    /// "3d"; `ax`: axes to draw in.
     #[pyo3(signature = (**options))]
     fn plot<'py>(slf: &Bound<'py, Self>, options: Option<&Bound<'py, PyDict>>) -> PyResult<Bound<'py, PyAny>> {
         slf.py().import("echocast._look")?.getattr("plot")?.call((slf,), options)
