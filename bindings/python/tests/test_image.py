@@ -33,7 +33,7 @@ def test_layers_are_images(seen):
     with pytest.raises(ec.UnsupportedError, match="rows and columns"):
         seen.image("depth", "livox_mid40")
     with pytest.raises(ec.Error):
-        seen.image("depth", "velodyne_vlp16")
+        seen.image("depth", {**CAMERA, "pattern": {"type": "pinhole", "resolution": [8, 6], "fov_deg": [60, 45]}})
 
 
 def test_layers_of_one_column_share_the_memory_of_organised_clouds(seen):
