@@ -13,6 +13,18 @@ def package(name, extra):
         raise ImportError(f"this needs the package {name}, which is not there; pip install {extra}") from error
 
 
+#: Columns that training samples have unless others are asked for.
+COLUMNS = ("intensity", "category_id")
+
+
+def positions(cloud):
+    """Positions relative to the sensor's place at the start of the scan: n x 3 float32, m; a copy."""
+    xyz = cloud.xyz
+    place = np.asarray(cloud.origin) - (cloud.sensor_pose.position if cloud.coordinates == "world" else 0)
+    xyz += place.astype(np.float32)
+    return xyz
+
+
 def to_dict(cloud):
     """Columns by name, without copies; positions are relative to `cloud.origin`."""
     return {name: cloud[name] for name in cloud.fields}

@@ -58,7 +58,7 @@ def show(
         package("rerun", "echocast[look]")
         if Path(path).suffix != ".rrd":
             raise ArgumentError(f"path is {str(path)!r}; allowed: the name of a recording, which ends in .rrd")
-    if path is None and importlib.util.find_spec("rerun") is None:
+    elif importlib.util.find_spec("rerun") is None:
         open_picture(thing, color)
         return
     with recording(path) as stream:

@@ -8,12 +8,9 @@
 import numpy as np
 
 import echocast as ec
-from echocast._convert import package
+from echocast._convert import COLUMNS, package, positions
 
 torch = package("torch", "echocast[torch]")
-
-#: Columns that a sample has unless others are asked for.
-COLUMNS = ("intensity", "category_id")
 
 # Seeds of epochs lie this far apart, so that no epoch of one seed is an epoch of a seed near it.
 STRIDE = 0x9E3779B97F4A7C15
@@ -61,10 +58,7 @@ class _Scans:
     def _item(self, number):
         """Sample `number` as a dict of tensors, or what `transform` makes of that."""
         cloud = self._scenario()[number].cloud(self.sensor, self.frame)
-        positions = cloud.xyz
-        place = np.asarray(cloud.origin) - (cloud.sensor_pose.position if cloud.coordinates == "world" else 0)
-        positions += place.astype(np.float32)
-        item = {"positions": torch.from_numpy(positions), "sample": number} | cloud.to_torch(self.columns)
+        item = {"positions": torch.from_numpy(positions(cloud)), "sample": number} | cloud.to_torch(self.columns)
         return item if self.transform is None else self.transform(item)
 
     @property

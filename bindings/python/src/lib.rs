@@ -42,7 +42,7 @@ mod _echocast {
     #[pymodule_export]
     use super::scene::Scene;
     #[pymodule_export]
-    use super::sensor::{Environment, Sensor, presets};
+    use super::sensor::{Environment, Sensor, is_path, presets};
 
     #[pymodule_export]
     #[allow(non_upper_case_globals)]

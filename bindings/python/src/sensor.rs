@@ -59,6 +59,13 @@ impl Source<'_> {
     }
 }
 
+/// Whether `source`, of which a sensor, an environment or a scenario is made, is the path or name of a file, not its
+/// contents.
+#[pyfunction]
+pub fn is_path(source: Source<'_>) -> PyResult<bool> {
+    Ok(source.yaml()?.is_none())
+}
+
 #[pymethods]
 impl Sensor {
     #[new]

@@ -18,3 +18,11 @@ def room():
 @pytest.fixture(scope="session")
 def cloud(room):
     return room.scan("velodyne_vlp16", at=(0, 0, 1.8), seed=7)
+
+
+@pytest.fixture
+def tent(tmp_path):
+    """The file of a tent, 2 x 2 m and 2 m high."""
+    path = tmp_path / "tent.obj"
+    path.write_text("o tent\nv -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv 0 0 2\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n")
+    return path

@@ -26,7 +26,6 @@ from echocast.ray._source import Source  # noqa: E402
 from echocast.ray._store import Store  # noqa: E402
 from echocast.ray._worker import Worker  # noqa: E402
 
-TENT = "o tent\nv -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv 0 0 2\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n"
 ALL_STYLES = [
     {"style": "plain"},
     {"style": "semantic_kitti", "sensor": "top"},
@@ -51,9 +50,8 @@ def cluster():
 
 
 @pytest.fixture
-def file(tmp_path):
+def file(tent, tmp_path):
     """A scenario of twelve samples with a LiDAR and a camera."""
-    (tmp_path / "tent.obj").write_text(TENT)
     camera = {"name": "eye", "kind": "lidar", "pattern": {"type": "pinhole", "resolution": [32, 24], "fov_deg": [60, 45]}}
     keys = {
         "scene": {"files": "tent.obj", "labels": {"objects": {"tent": "car"}}},
@@ -194,12 +192,12 @@ def test_what_does_not_belong_together_is_refused(cluster, file, tmp_path):
     assert files(root) == before and not (tmp_path / "other").exists()
 
 
-def test_workers_that_see_other_files_are_refused(cluster, file, tmp_path):
+def test_workers_that_see_other_files_are_refused(cluster, file, tent, tmp_path):
     echocast.ray.run(file, tmp_path / "set", samples=(0, 0))
     origin = (tmp_path / "set/scenario.json").read_bytes()
     with pytest.raises(ec.FileError, match="does not hold the set that is made; allowed: a folder that all machines share"):
         Worker(Source(file, "", {}), Store(tmp_path / "own")).make(origin, 0, range(1))
-    (tmp_path / "tent.obj").write_text(TENT.replace("0 0 2", "0 0 3"))
+    tent.write_text(tent.read_text().replace("0 0 2", "0 0 3"))
     with pytest.raises(ec.ArgumentError, match="worker on .* for which tent.obj had other contents"):
         Worker(Source(file, "", {}), Store(tmp_path / "set")).make(origin, 0, range(1))
 

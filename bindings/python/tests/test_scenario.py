@@ -5,12 +5,9 @@ import pytest
 
 import echocast as ec
 
-TENT = "o tent\nv -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv 0 0 2\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n"
-
 
 @pytest.fixture
-def keys(tmp_path):
-    (tmp_path / "tent.obj").write_text(TENT)
+def keys(tent, tmp_path):
     return {
         "scene": {"files": "tent.obj"},
         "sensors": [{"sensor": "velodyne_vlp16"}],

@@ -14,12 +14,9 @@ from echocast.torch import ScanDataset, ScanStream, collate  # noqa: E402
 
 
 @pytest.fixture
-def keys(tmp_path):
-    (tmp_path / "tent.obj").write_text(
-        "o tent\nv -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv 0 0 2\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n"
-    )
+def keys(tent):
     return {
-        "scene": {"files": str(tmp_path / "tent.obj")},
+        "scene": {"files": str(tent)},
         "sensors": [{"sensor": "velodyne_vlp16"}],
         "trajectory": {"position_m": [4, 0, 1]},
         "variation": [{"move": "tent", "by_m": [{"uniform": [-1, 1]}, 0, 0]}],

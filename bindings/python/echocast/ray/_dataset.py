@@ -3,10 +3,9 @@
 import numpy as np
 import ray.data
 
+from echocast._convert import COLUMNS, positions
+from echocast.ray._cluster import connected
 from echocast.ray._source import Source
-
-#: Columns that a row has unless others are asked for.
-COLUMNS = ("intensity", "category_id")
 
 
 def dataset(
@@ -27,11 +26,9 @@ def dataset(
     Rows are as long as their clouds, so that a batch, as `iter_batches` gives them, is a dict of arrays of arrays. They come
     as they are made; `ray.data.DataContext.get_current().execution_options.preserve_order` keeps them in order.
     """
-    if not ray.is_initialized():
-        ray.init()
+    workers = connected(workers)
     source = Source(scenario, folder, settings)
     numbers = range(len(source.read())) if samples is None else list(samples)
-    workers = workers or max(1, int(ray.cluster_resources().get("CPU", 1)))
     return ray.data.range(len(numbers)).map_batches(
         Scans,
         fn_constructor_args=(source, numbers, tuple(columns), sensor, frame),
@@ -53,8 +50,7 @@ class Scans:
         rows = {name: [] for name in ("positions", *self.columns)}
         for number in numbers:
             cloud = self.scenario[number].cloud(self.sensor, self.frame)
-            place = np.asarray(cloud.origin) - (cloud.sensor_pose.position if cloud.coordinates == "world" else 0)
-            rows["positions"].append(cloud.xyz + place.astype(np.float32))
+            rows["positions"].append(positions(cloud))
             for name in self.columns:
                 rows[name].append(np.array(cloud[name]))
         return {"sample": np.array(numbers, dtype=np.int64)} | {name: _ragged(row) for name, row in rows.items()}

@@ -10,6 +10,7 @@ import ray
 
 import echocast as ec
 from echocast.ray import _plan
+from echocast.ray._cluster import connected
 from echocast.ray._finish import finish
 from echocast.ray._source import Source
 from echocast.ray._store import Store
@@ -47,8 +48,7 @@ def run(
     Returns what `echocast.run` does, and the number of `workers`. The files are those of `echocast run`, to the byte.
     """
     start = time.monotonic()
-    if not ray.is_initialized():
-        ray.init()
+    workers = connected(workers)
     source, store = Source(scenario, folder, settings), Store(output, filesystem)
     wanted = _plan.wanted(len(source.read()), samples)
     sizes, origin = store.sizes(), store.find(ORIGIN)
@@ -64,7 +64,6 @@ def run(
             raise ec.ArgumentError(f"set.folder is {found}; allowed: another folder, or to go on with it (--resume)")
         _write(store, ORIGIN, origin)
         missing = [sample for sample in wanted if sample not in there]
-        workers = workers or max(1, int(ray.cluster_resources().get("CPU", 1)))
         tasks = _plan.tasks(missing, workers, chunk)
         summary = {"folder": store.name, "made": 0, "found": len(there), "failed": [], "points": 0}
         warnings = Counter()

@@ -1,12 +1,11 @@
 """The scenario of a run, as it goes to the workers."""
 
 import os
-from collections.abc import Mapping
-from pathlib import Path
 
 import ray
 
 import echocast as ec
+from echocast._echocast import is_path
 
 
 class Source:
@@ -16,11 +15,10 @@ class Source:
     """
 
     def __init__(self, scenario, folder, settings):
-        text = isinstance(scenario, str) and any(sign in scenario for sign in "\n:{") and not Path(scenario).exists()
-        if text or isinstance(scenario, Mapping):
-            self.scenario, self.folder = scenario, _place(folder)
-        else:
+        if is_path(scenario):
             self.scenario, self.folder = _place(scenario), ""
+        else:
+            self.scenario, self.folder = scenario, _place(folder)
         self.settings = dict(settings or {})
 
     def read(self, threads=None):
