@@ -37,6 +37,7 @@ use draw::Draws;
 use serde_json::Value;
 use spec::Spec;
 use stage::Stage;
+use std::mem;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use variation::What;
@@ -140,7 +141,9 @@ impl Scenario {
         tree.as_object_mut().map(|keys| keys.shift_remove("folder"));
         let changed =
             Scenario::read(&Document::from_value(yaml::assignment(key, value), tree), &self.origin, &self.folder)?;
-        *self = Scenario { engine: self.engine.clone(), file: self.file, ..changed };
+        // Draws begin with the seed; what samples start from has none of them.
+        let stage = if key == "seed" { mem::take(&mut self.stage) } else { Mutex::default() };
+        *self = Scenario { engine: self.engine.clone(), file: self.file, stage, ..changed };
         Ok(())
     }
 

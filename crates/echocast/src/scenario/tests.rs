@@ -997,3 +997,20 @@ fn the_schema_has_the_keys_of_the_file() {
         assert_eq!(allowed, known, "{text}");
     }
 }
+
+/// Epochs of training differ by their seed alone.
+#[test]
+fn another_seed_has_the_same_scene_and_other_draws() {
+    let rule = "  - {move: \"Chair_*\", by_m: [{uniform: [-0.5, 0.5]}, 0, 0]}\n";
+    let (folder, mut changed) = rules(rule);
+    let ranges = |scenario: &Scenario| scenario.sample(3).unwrap().cloud(0, 0).unwrap().columns.range;
+    let before = ranges(&changed);
+    let stage = changed.stage().unwrap();
+    changed.set("seed", "5").unwrap();
+    assert!(Arc::ptr_eq(&stage, &changed.stage().unwrap()));
+    let after = ranges(&changed);
+    let fresh = scenario(&folder, &format!("seed: 5\nvariation:\n{rule}")).unwrap();
+    assert!(after == ranges(&fresh) && after != before);
+    changed.set("scene.scale", "2").unwrap();
+    assert!(!Arc::ptr_eq(&stage, &changed.stage().unwrap()));
+}
