@@ -4,7 +4,14 @@ use crate::place::Pose;
 use echocast::InstanceBox;
 use pyo3::prelude::*;
 
-/// The box around an instance as it was when the scan started, in the frame of the cloud.
+/// The box around an instance as it was when the scan started, in the axes of the cloud. `PointCloud.boxes` has them.
+///
+/// >>> square = np.array([[0, -1, 0], [0, 1, 0], [0, 1, 2], [0, -1, 2]], dtype=np.float32)
+/// >>> sign = {"vertices": square, "triangles": np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)}
+/// >>> scene = ec.Scene.from_objects([{**sign, "name": "stop", "category": "sign", "pose": (4, 0, 0)}])
+/// >>> (box,) = scene.scan("velodyne_vlp16", at=(0, 0, 1), boxes=True).boxes
+/// >>> box.name, box.category, box.center, box.size
+/// ('stop', 'sign', [4.0, 0.0, 1.0], [0.0, 2.0, 2.0])
 #[pyclass(frozen, name = "Box", module = "echocast")]
 pub struct PyBox {
     found: InstanceBox,
@@ -31,19 +38,19 @@ impl PyBox {
 
 #[pymethods]
 impl PyBox {
-    /// Its middle, m.
+    /// Its middle, m, in the axes of the cloud, not relative to `PointCloud.origin`.
     #[getter]
     fn center(&self) -> [f64; 3] {
         self.found.pose.position.to_array()
     }
 
-    /// Lengths along its axes, m.
+    /// Lengths along its x, y and z axes, m.
     #[getter]
     fn size(&self) -> [f64; 3] {
         self.found.size.to_array()
     }
 
-    /// Rotation from its axes: x, y, z, w.
+    /// Rotation from its axes to those of the cloud: x, y, z, w.
     #[getter]
     fn quaternion(&self) -> [f64; 4] {
         self.found.pose.orientation.to_array()
@@ -55,13 +62,13 @@ impl PyBox {
         Pose(self.found.pose)
     }
 
-    /// Eight corners, m.
+    /// Its eight corners, m: a list of x, y, z.
     #[getter]
     fn corners(&self) -> [[f64; 3]; 8] {
         self.found.corners().map(|corner| corner.to_array())
     }
 
-    /// How fast its middle moves over the ground, m/s.
+    /// How fast its middle moves over the ground, m/s: x, y, z.
     #[getter]
     fn velocity(&self) -> [f64; 3] {
         self.found.velocity.to_array()
@@ -85,7 +92,7 @@ impl PyBox {
         self.found.track_id
     }
 
-    /// Frame of the scan.
+    /// Number of the scan.
     #[getter]
     fn frame(&self) -> u32 {
         self.found.frame
@@ -103,14 +110,14 @@ impl PyBox {
         self.found.points
     }
 
-    /// How much of it is not hidden, 0 to 1.
+    /// How much of it is not hidden, 0 to 1: of the beams that would meet it if it were alone.
     #[getter]
     fn visible(&self) -> f64 {
         self.found.visible
     }
 
-    /// Left, top, right and bottom, pixels, of all of it in the sensor's image, whatever hides it, if the scan was asked for
-    /// `image_boxes`; else None.
+    /// Left, top, right and bottom, pixels, of all of it in the sensor's image, whatever hides it, if the scan was
+    /// asked for `image_boxes` and it is in front of a camera; else None.
     #[getter]
     fn image(&self) -> Option<[f64; 4]> {
         self.found.image

@@ -18,8 +18,46 @@ use std::sync::Arc;
 
 /// The points of a scan, or of a file: columns of equal length, read-only.
 ///
-/// `cloud.range` or `cloud["range"]` is a column as a NumPy array without a copy; `cloud.xyz` the positions, n x 3 float32,
-/// relative to `cloud.origin`; `cloud[10:20]` and `cloud[cloud.range < 5]` are clouds of some of its points.
+/// `cloud.range` and `cloud["range"]` are a column, as a NumPy array that shares the memory of the cloud and keeps it
+/// alive. `len(cloud)` is the number of points. A slice, a mask (bool, as long as the cloud) or row numbers (int64,
+/// negative ones from the end) give a cloud of some points. KeyError and AttributeError for a column that is not there,
+/// ArgumentError for a mask of another length and for numbers of no row. Clouds pickle.
+///
+/// >>> room = ec.Scene.generate("indoor", rooms=[1, 1])
+/// >>> cloud = room.scan("velodyne_vlp16", at=room.camera("Scanner"), seed=7)
+/// >>> cloud.range.dtype, cloud["category_id"].dtype, cloud.xyz.shape == (len(cloud), 3)
+/// (dtype('float32'), dtype('uint32'), True)
+/// >>> near = cloud[cloud.range < 2]
+/// >>> bool(near.range.max() < 2), len(cloud[:10]), len(cloud[np.array([0, -1])])
+/// (True, 10, 2)
+///
+/// | columns | type | |
+/// |---|---|---|
+/// | `x`, `y`, `z` | float32 | where it is measured, m, relative to `origin` |
+/// | `range` | float32 | measured slant range, m |
+/// | `intensity` | float32 | what the instrument reports, up to `intensity_full_scale`; of sonars dB re 1 uPa |
+/// | `category_id`, `part_id`, `instance_id`, `material_id` | uint32 | labels, 0: unlabelled |
+/// | `return_number`, `return_count` | uint8 | which return of its beam, from 1, of how many |
+/// | `channel` | uint16 | emitter; LAS and ROS say ring; of sonars the beam |
+/// | `time` | float64 | when it was measured, s since the start of the run |
+/// | `frame` | uint32 | number of the scan |
+/// | `beam`, `firing` | uint32 | index of the beam, row x columns + column; of the emission |
+/// | `azimuth`, `elevation` | float32 | reported direction, rad, in the sensor's axes |
+/// | `red`, `green`, `blue` | uint8 | base colour of the surface, sRGB |
+/// | `normal_x`, `normal_y`, `normal_z` | float32 | unit normal of the surface, on the sensor's side |
+/// | `cos_incidence` | float32 | cosine of the angle of incidence |
+/// | `depth` | float32 | measured distance along the sensor's x axis, m |
+/// | `true_x`, `true_y`, `true_z`, `true_range` | float32 | without errors, m |
+/// | `cause` | uint8 | why it is there, see below |
+/// | `bounces` | uint8 | mirrors and faces of glass on its path |
+/// | `first_category_id`, `first_instance_id` | uint32 | labels of the first surface on its path |
+/// | `velocity_x`, `velocity_y`, `velocity_z` | float32 | velocity of the point in the world, m/s |
+/// | `radial_velocity`, `doppler` | float32 | rate of the true range, and as the instrument measures it, m/s |
+/// | `flow_x`, `flow_y`, `flow_z` | float32 | how far the surface is one frame later, in the world, m |
+/// | `track_id` | uint32 | object over all frames, 0: unlabelled |
+///
+/// Causes: 0 surface, 1 seen in a mirror, 2 seen through glass, 3 rain, 4 fog, 5 snow, 6 dust, 7 noise, 8 mixed at an
+/// edge, 9 multipath, 10 sea surface.
 #[pyclass(frozen, module = "echocast")]
 pub struct PointCloud(Arc<echocast::PointCloud>);
 
@@ -45,14 +83,30 @@ impl PointCloud {
 
 #[pymethods]
 impl PointCloud {
-    /// Reads a cloud file; `read_cloud` also tells what a cloud has no place for.
+    /// Reads a cloud file, of echocast or of another program: LAS, LAZ, E57, PCD, PLY, HDF5, CSV, NPZ or MCAP.
+    ///
+    /// `read_cloud` also tells what a cloud has no place for. NotFoundError for a file that is not there, FormatError
+    /// for one that is broken.
+    ///
+    /// >>> room = ec.Scene.generate("indoor", rooms=[1, 1])
+    /// >>> room.scan("velodyne_vlp16", at=room.camera("Scanner")).write("room.npz")
+    /// []
+    /// >>> ec.PointCloud.read("room.npz").coordinates
+    /// 'world'
     #[staticmethod]
     fn read(py: Python<'_>, path: PathBuf) -> Outcome<PointCloud> {
         read_cloud(py, path).map(|(cloud, _)| cloud)
     }
 
-    /// Writes it: the ending of `path` chooses the format, or `format` does. Returns warnings of what the format cannot
-    /// hold.
+    /// Writes it to `path`, whose ending chooses one of the `formats`, or `format` does. Returns what the format cannot
+    /// hold, a sentence each. UnsupportedError for unknown endings, FileError if the file cannot be written; then there
+    /// is none.
+    ///
+    /// >>> room = ec.Scene.generate("indoor", rooms=[1, 1])
+    /// >>> cloud = room.scan("velodyne_vlp16", at=room.camera("Scanner"))
+    /// >>> warnings = cloud.write("room.las")
+    /// >>> len(ec.PointCloud.read("room.las")) == len(cloud)
+    /// True
     #[pyo3(signature = (path, format = None))]
     fn write(&self, py: Python<'_>, path: PathBuf, format: Option<&str>) -> Outcome<Vec<String>> {
         Ok(py.detach(|| export::write(&self.0, &path, format))?.warnings)
@@ -130,7 +184,7 @@ impl PointCloud {
         Ok(own.into_iter().chain(slf.get().fields().into_iter().map(str::to_owned)).collect())
     }
 
-    /// Positions relative to `origin`: n x 3, float32, m; a copy.
+    /// Positions relative to `origin`: n x 3 float32, m; a copy.
     #[getter]
     fn xyz<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let columns = [Field::X, Field::Y, Field::Z].map(|field| self.__getattr__(py, field.info().name));
@@ -138,7 +192,7 @@ impl PointCloud {
         py.import("numpy")?.call_method1("column_stack", ((x?, y?, z?),))
     }
 
-    /// Coordinates of the position 0, 0, 0, m.
+    /// What positions are relative to: x, y, z in the world (or the sensor's axes), m.
     #[getter]
     fn origin(&self) -> [f64; 3] {
         self.0.origin.to_array()
@@ -150,7 +204,7 @@ impl PointCloud {
         self.0.organised
     }
 
-    /// "world" or "sensor": the frame of positions, normals and boxes.
+    /// "world" or "sensor": the axes of positions, normals and boxes.
     #[getter]
     fn coordinates(&self) -> &'static str {
         match self.0.frame {
@@ -196,30 +250,57 @@ impl PointCloud {
     }
 
     /// Boxes around labelled instances, if the scan was asked for them (`boxes=True`); else None.
+    ///
+    /// >>> room = ec.Scene.generate("indoor", rooms=[1, 1])
+    /// >>> cloud = room.scan("velodyne_vlp16", at=room.camera("Scanner"), boxes=True)
+    /// >>> box = max(cloud.boxes, key=lambda box: box.points)
+    /// >>> int((cloud.instance_id == box.instance_id).sum()) == box.points
+    /// True
     #[getter]
     fn boxes(&self) -> Option<Vec<PyBox>> {
         self.0.boxes.as_ref().map(|_| PyBox::all(&self.0))
     }
 
-    /// What `sensor`, which made the cloud, shows as an image: rows x columns. Of a camera whose scan is organised, layers
-    /// of one column are views of the cloud, without a copy.
+    /// What `sensor`, which made the cloud, shows as an image: rows x columns. Of an organised scan of a camera, layers
+    /// of one column share the memory of the cloud.
     ///
-    /// `layer`: "depth" (along the axis of a camera; else "range"), "range" (m; NaN without a return), "category", "part",
-    /// "instance" (0 without a return), "color" (x 3, sRGB), "intensity" or "normal" (x 3: right, up, back).
+    /// `layer`: "depth" (along the axis of a camera; else the range), "range" (both float32, m; NaN without a return),
+    /// "category", "part", "instance" (uint32; 0 without a return), "color" (x 3 uint8, sRGB), "intensity" (float32) or
+    /// "normal" (x 3 float32: right, up, back). UnsupportedError for sensors without rows and columns, ArgumentError
+    /// for unknown layers and those whose columns the cloud has not.
+    ///
+    /// >>> camera = ec.Sensor("kinect_v2")
+    /// >>> room = ec.Scene.generate("indoor", rooms=[1, 1])
+    /// >>> cloud = room.scan(camera, at=room.camera("Camera_1"), organised=True, fields="default,depth")
+    /// >>> cloud.image("depth", camera).shape, cloud.image("category", camera).dtype
+    /// ((424, 512), dtype('uint32'))
     fn image<'py>(&self, py: Python<'py>, layer: &str, sensor: Instrument<'_>) -> Outcome<Bound<'py, PyAny>> {
         crate::image::layer(py, &self.0, layer, sensor)
     }
 
-    /// What the image of `sensor` shows of each instance, a dict for each: `instance_id`, `category_id`, `bounds` (first
-    /// column and row, columns, rows), `area` (pixels), and if the scan was asked for `image_boxes`, `amodal` (left, top,
-    /// right, bottom of all of it, pixels), `truncation` and `occlusion` (0 to 1); else None.
+    /// What the image of `sensor` shows of each instance, a dict for each:
+    ///
+    /// * `instance_id`, `category_id`: its label numbers.
+    /// * `bounds`: first column and row, columns and rows of what is visible, pixels.
+    /// * `area`: number of its pixels.
+    /// * `amodal`: left, top, right and bottom of all of it, pixels; `truncation` and `occlusion`, 0 to 1: how much of
+    ///   it is outside the image, and how much is hidden. None unless the scan was asked for `image_boxes`.
+    ///
+    /// >>> camera = ec.Sensor("kinect_v2")
+    /// >>> room = ec.Scene.generate("indoor", rooms=[1, 1])
+    /// >>> cloud = room.scan(camera, at=room.camera("Camera_1"), organised=True, fields="default,depth")
+    /// >>> seen = cloud.annotations(camera)[0]
+    /// >>> int((cloud.image("instance", camera) == seen["instance_id"]).sum()) == seen["area"]
+    /// True
     fn annotations<'py>(&self, py: Python<'py>, sensor: Instrument<'_>) -> Outcome<Vec<Bound<'py, PyDict>>> {
         crate::image::annotations(py, &self.0, &sensor.sensor()?)
     }
 
-    /// A picture as PNG, `width` pixels wide.
+    /// A picture as PNG, bytes.
     ///
-    /// `color`: "label", "intensity", "range", "height" and so on; `view`: "top", "perspective" or "range".
+    /// `color`: "label", "cause", "intensity", "range", "height", "velocity", "radial_velocity", "doppler" or
+    /// "density"; None: "label". `view`: "top", "perspective" (from behind the sensor) or "range" (as the sensor sees
+    /// it). `width`: 320 to 4096 pixels; None: 1600.
     #[pyo3(signature = (*, color = None, view = "top", width = None))]
     fn png<'py>(
         &self,
@@ -246,22 +327,24 @@ impl PointCloud {
         self.png(py, None, "top", Some(640)).ok()
     }
 
-    /// Shows it in the viewer of Rerun, if the package rerun-sdk is there; else opens its picture. With `path`, a file .rrd,
-    /// it is recorded there.
+    /// As `echocast.show`: in the viewer of Rerun or to a recording, `path`; without rerun-sdk its picture is opened.
     #[pyo3(signature = (**options))]
     fn show(slf: &Bound<'_, Self>, options: Option<&Bound<'_, PyDict>>) -> PyResult<()> {
         slf.py().import("echocast._look")?.getattr("show")?.call((slf,), options).map(drop)
     }
 
-    /// Draws it with Matplotlib, and returns the axes. `color`: "category" and so on, or a column; `view`: "top", "side" or
-    /// "3d"; `ax`: axes to draw in.
+    /// Draws it with matplotlib, m, in the coordinates of the world or of the sensor; returns the axes.
+    ///
+    /// `color`: "category", "part", "instance", "material" or a column. `view`: "top", "side" (along y) or "3d". `ax`:
+    /// axes to draw in, which have the projection "3d" for that view. ArgumentError for others, ImportError without
+    /// matplotlib.
     #[pyo3(signature = (**options))]
     fn plot<'py>(slf: &Bound<'py, Self>, options: Option<&Bound<'py, PyDict>>) -> PyResult<Bound<'py, PyAny>> {
         slf.py().import("echocast._look")?.getattr("plot")?.call((slf,), options)
     }
 
-    /// The Arrow C stream interface: `pyarrow.table(cloud)`, `polars.DataFrame(cloud)`, without copies. `requested_schema`
-    /// is not heeded, as the interface allows.
+    /// The Arrow C stream interface: `pyarrow.table(cloud)`, `polars.DataFrame(cloud)`, without copies.
+    /// `requested_schema` is not heeded, as the interface allows.
     #[pyo3(signature = (requested_schema = None))]
     fn __arrow_c_stream__<'py>(
         &self,
@@ -272,28 +355,53 @@ impl PointCloud {
         crate::arrow::stream(py, &self.0)
     }
 
-    /// Columns by name, without copies.
+    /// Columns by name, arrays that share the memory of the cloud; positions are relative to `origin`.
+    ///
+    /// >>> room = ec.Scene.generate("indoor", rooms=[1, 1])
+    /// >>> cloud = room.scan("velodyne_vlp16", at=room.camera("Scanner"), fields="x,y,z,range")
+    /// >>> list(cloud.to_dict())
+    /// ['x', 'y', 'z', 'range']
     fn to_dict<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         converted(slf, "to_dict")
     }
 
-    /// A pandas.DataFrame of all columns; positions relative to `origin`, which is in its `attrs`.
+    /// A pandas.DataFrame of all columns; positions are relative to `origin`, which is in its `attrs`, as are
+    /// `categories`. ImportError without pandas.
+    ///
+    /// >>> room = ec.Scene.generate("indoor", rooms=[1, 1])
+    /// >>> cloud = room.scan("velodyne_vlp16", at=room.camera("Scanner"))
+    /// >>> mean = cloud.to_pandas().groupby("category_id")["range"].mean()
+    /// >>> bool(mean.max() < 15)
+    /// True
     fn to_pandas<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         converted(slf, "to_pandas")
     }
 
-    /// An open3d.t.geometry.PointCloud with all columns; positions relative to `origin`.
+    /// An open3d.t.geometry.PointCloud with all columns; positions are relative to `origin`. ImportError without
+    /// Open3D.
+    ///
+    /// >>> room = ec.Scene.generate("indoor", rooms=[1, 1])
+    /// >>> cloud = room.scan("velodyne_vlp16", at=room.camera("Scanner"))
+    /// >>> thinned = cloud.to_open3d().voxel_down_sample(0.05)
+    /// >>> len(thinned.point.positions) < len(cloud)
+    /// True
     fn to_open3d<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         converted(slf, "to_open3d")
     }
 
-    /// Tensors by name: those of `columns`, or of all; integers as int64.
+    /// Tensors by name, copies: those of `columns`, or of all; integers as int64, which networks take as classes.
+    /// ImportError without PyTorch.
+    ///
+    /// >>> room = ec.Scene.generate("indoor", rooms=[1, 1])
+    /// >>> cloud = room.scan("velodyne_vlp16", at=room.camera("Scanner"))
+    /// >>> cloud.to_torch(["range", "category_id"])["category_id"].dtype
+    /// torch.int64
     #[pyo3(signature = (columns = None))]
     fn to_torch<'py>(slf: &Bound<'py, Self>, columns: Option<Vec<String>>) -> PyResult<Bound<'py, PyAny>> {
         slf.py().import("echocast._convert")?.call_method1("to_torch", (slf, columns))
     }
 
-    /// A structured array with a member for each column; a copy.
+    /// A structured array with a member for each column: `numpy.asarray(cloud)`; a copy.
     #[pyo3(signature = (dtype = None, copy = None))]
     fn __array__<'py>(
         slf: &Bound<'py, Self>,
@@ -323,7 +431,14 @@ pub fn names(table: &NameTable) -> BTreeMap<u32, String> {
     table.iter().map(|(id, name)| (id, name.to_owned())).collect()
 }
 
-/// The cloud in the file at `path`, and what it says that a cloud does not hold.
+/// The cloud in the file at `path`, and what the file has that a cloud has no place for, a sentence each. Errors as of
+/// `PointCloud.read`.
+///
+/// >>> room = ec.Scene.generate("indoor", rooms=[1, 1])
+/// >>> warnings = room.scan("velodyne_vlp16", at=room.camera("Scanner")).write("room.las")
+/// >>> cloud, left_out = ec.read_cloud("room.las")
+/// >>> len(cloud) > 1000, left_out
+/// (True, [])
 #[pyfunction]
 pub fn read_cloud(py: Python<'_>, path: PathBuf) -> Outcome<(PointCloud, Vec<String>)> {
     let mut report = Report::default();
@@ -332,6 +447,9 @@ pub fn read_cloud(py: Python<'_>, path: PathBuf) -> Outcome<(PointCloud, Vec<Str
 }
 
 /// Names of the formats that clouds are written in, with a line on each.
+///
+/// >>> "las" in dict(ec.formats())
+/// True
 #[pyfunction]
 pub fn formats() -> Vec<(&'static str, &'static str)> {
     export::FORMATS.iter().map(|format| (format.name(), format.info().description)).collect()

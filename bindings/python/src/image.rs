@@ -14,7 +14,15 @@ use std::sync::Arc;
 
 /// An image of pings: a waterfall, a mosaic, a fan or a map of depths.
 ///
-/// `image.values` are its levels, dB re 1 uPa, or heights, m; `image["category_id"]` the labels of its pixels.
+/// `image.values` are its levels or heights, `image["category_id"]` the labels of its pixels: rows x columns uint32, 0
+/// where there is nothing; KeyError for a column that the pings have not.
+///
+/// >>> lake = ec.Scene.generate("seabed", seed=3)
+/// >>> survey = ec.Trajectory([0.0, 10.0], np.array([[-15.0, 0, -2], [5, 0, -2]]))
+/// >>> pings = lake.pings("sss_450", 3, at=survey, fields="intensity,category_id")
+/// >>> image = pings.waterfall()
+/// >>> image.values.shape == image["category_id"].shape == (3, 2 * len(pings.ranges))
+/// True
 #[pyclass(frozen, module = "echocast")]
 pub struct Image(pub echocast::image::Image);
 
@@ -26,8 +34,8 @@ impl Image {
         self.0.kind.name()
     }
 
-    /// Rows x columns, float32: echo levels with the gain of pictures, dB re 1 uPa; of a depth map heights, m. NaN where
-    /// there is nothing.
+    /// Rows x columns float32: echo levels with the gain of pictures, dB re 1 uPa; of a depth map heights, m. NaN where
+    /// there is nothing. A copy.
     #[getter]
     fn values<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         owned(py, self.0.values.clone(), &[self.0.height, self.0.width])
@@ -39,7 +47,7 @@ impl Image {
         self.0.layers.iter().map(|layer| layer.field.info().name).collect()
     }
 
-    /// A label column: rows x columns, uint32; 0 where there is nothing.
+    /// A label column.
     fn __getitem__<'py>(&self, py: Python<'py>, name: &str) -> Outcome<Bound<'py, PyAny>> {
         let layer = Field::from_name(name).ok().and_then(|field| self.0.layer(field));
         let Some(ids) = layer else {
@@ -60,7 +68,7 @@ impl Image {
         self.0.place.axes
     }
 
-    /// Writes it as PNG, NPZ or HDF5; returns warnings.
+    /// Writes it as PNG, NPZ or HDF5, as the ending of `path` says; returns warnings.
     fn write(&self, py: Python<'_>, path: PathBuf) -> Outcome<Vec<String>> {
         Ok(py.detach(|| self.0.write(path))?.warnings)
     }

@@ -1,6 +1,9 @@
 //! The extension module of the Python package `echocast`: classes around the types of the Rust crate. What is better
 //! said in Python is in the folder `echocast`.
 
+// Docstrings are for Python, where >>> begins an example.
+#![allow(clippy::doc_lazy_continuation)]
+
 mod array;
 mod arrow;
 mod boxes;

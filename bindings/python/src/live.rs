@@ -17,11 +17,21 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// A scene whose objects move, change, come and go between scans.
+/// A scene whose objects move, change, come and go between scans, and move during scans.
 ///
-/// LiveScene(scene=None, *, threads=None)
+/// `scene`: whose objects it begins with, all fixed until they are moved. `threads`: that build and scan it; None: all
+/// cores. Objects are numbers, which `add`, `add_scene` and `find` give; the number of a removed one is not used again,
+/// and ArgumentError follows from using it. Threads may share it: each call waits for those before it; scans are made
+/// side by side, each of the scene as it was when the scan began.
 ///
-/// Objects are numbers, which `add`, `add_scene` and `find` give. One thread at a time changes or scans it.
+/// >>> live = ec.LiveScene()
+/// >>> square = np.array([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1]], dtype=np.float32)
+/// >>> door = live.add(square, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32), pose=(4, 0, 0))
+/// >>> for x in (4, 6):
+/// ...     live.set_pose(door, (x, 0, 0))
+/// ...     print(round(float(np.median(live.scan("velodyne_vlp16").x))))
+/// 4
+/// 6
 #[pyclass(frozen, module = "echocast")]
 pub struct LiveScene(Mutex<echocast::LiveScene>);
 
@@ -45,14 +55,17 @@ impl LiveScene {
         Ok(LiveScene(Mutex::new(live)))
     }
 
-    /// Adds all objects of `scene`; returns their numbers.
+    /// Adds all objects of `scene`, its cameras and the names of its labels; returns the numbers of the objects.
     fn add_scene(&self, py: Python<'_>, scene: Bound<'_, Scene>) -> Outcome<Vec<u64>> {
         let scene = &scene.get().scene;
         let added = py.detach(|| self.lock().add_scene(scene))?;
         Ok(added.into_iter().map(ObjectId::to_u64).collect())
     }
 
-    /// Adds a mesh: `vertices`, n x 3 float32, m; `triangles`, m x 3 uint32. Returns the number of the object.
+    /// Adds a mesh and returns the number of the object: `vertices`, n x 3 float32, m; `triangles`, m x 3 uint32.
+    ///
+    /// `pose`: a Pose, x, y, z, or a 4 x 4 float64 matrix (world from object); None: at 0, 0, 0. `category` and
+    /// `instance`: its label numbers, 0: unlabelled. Errors as of `Scene.from_arrays`.
     #[pyo3(signature = (vertices, triangles, *, pose = None, name = "mesh", category = 0, instance = 0))]
     fn add(
         &self,
@@ -76,25 +89,36 @@ impl LiveScene {
         Ok(self.lock().remove(ObjectId::from_u64(object))?)
     }
 
-    /// The number of the object called `name`.
+    /// The number of the first object called `name`; ArgumentError without one, with the nearest names.
     fn find(&self, name: &str) -> Outcome<u64> {
         Ok(self.lock().find(name)?.to_u64())
     }
 
-    /// Places an object: a Pose, x, y and z, or a matrix of 4 x 4, float64.
+    /// Places an object: a Pose, x, y, z, or a 4 x 4 float64 matrix (world from object).
     fn set_pose(&self, object: u64, pose: Placement<'_>) -> Outcome<()> {
         let pose = pose.transform()?;
         Ok(self.lock().set_pose(ObjectId::from_u64(object), pose)?)
     }
 
-    /// Moves the vertices of an object: n x 3 float32, as many as it has.
+    /// Gives the vertices of an object other places: n x 3 float32, m, as many as it has.
     fn set_vertices(&self, object: u64, vertices: PyReadonlyArray2<'_, f32>) -> Outcome<()> {
         let positions = rows::<_, 3>("vertices", &vertices)?;
         Ok(self.lock().set_vertices(ObjectId::from_u64(object), positions.into(), None)?)
     }
 
-    /// Lets an object move during the scans that follow: `poses`, n x 4 x 4 float64 (world from object), at `times`, n, s;
-    /// between them linear in position and slerp in rotation.
+    /// Lets an object move: `poses`, n x 4 x 4 float64 (world from object), at `times`, n, s, which never fall; between
+    /// them linear in position and slerp in rotation, before and after them it stands. `set_time` says which of it
+    /// scans see.
+    ///
+    /// >>> live = ec.LiveScene()
+    /// >>> square = np.array([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1]], dtype=np.float32)
+    /// >>> door = live.add(square, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32))
+    /// >>> poses = np.stack([np.eye(4), np.eye(4)])
+    /// >>> poses[:, 0, 3] = 4, 8  # x, m
+    /// >>> live.set_motion(door, [0.0, 1.0], poses)
+    /// >>> live.set_time(0.5)
+    /// >>> round(float(np.median(live.scan("velodyne_vlp16").x)))
+    /// 6
     fn set_motion(&self, object: u64, times: Vec<f64>, poses: PyReadonlyArray3<'_, f64>) -> Outcome<()> {
         let poses = poses.as_array();
         if poses.dim() != (times.len(), 4, 4) {
@@ -106,8 +130,8 @@ impl LiveScene {
         Ok(self.lock().set_motion(ObjectId::from_u64(object), &keys)?)
     }
 
-    /// Lets the vertices of an object move during the scans that follow: `vertices`, n x m x 3 float32, m, at `times`, n, s;
-    /// in straight lines between them.
+    /// Lets the vertices of an object move: `vertices`, n x m x 3 float32, m, as many as it has, at `times`, n, s,
+    /// which rise; in straight lines between them. `set_time` says which of it scans see.
     fn set_vertex_motion(&self, object: u64, times: Vec<f64>, vertices: PyReadonlyArray3<'_, f32>) -> Outcome<()> {
         let vertices = vertices.as_array();
         let (count, points, columns) = vertices.dim();
@@ -123,7 +147,7 @@ impl LiveScene {
         Ok(self.lock().set_vertex_motion(ObjectId::from_u64(object), &keys)?)
     }
 
-    /// Gives an object another category and instance.
+    /// Gives an object another category and instance, numbers; 0: unlabelled.
     #[pyo3(signature = (object, *, category, instance))]
     fn set_labels(&self, object: u64, category: u32, instance: u32) -> Outcome<()> {
         let (mut live, object) = (self.lock(), ObjectId::from_u64(object));
@@ -131,7 +155,7 @@ impl LiveScene {
         Ok(live.set_labels(object, category, instance, &parts)?)
     }
 
-    /// Names a number of the label `table`: "category", "part", "instance" or "material".
+    /// Names a number, from 1, of the label `table`: "category", "part" or "instance".
     fn name_label(&self, table: &str, number: u32, name: &str) -> Outcome<()> {
         Ok(self.lock().name_label(table, number, name)?)
     }
@@ -142,18 +166,20 @@ impl LiveScene {
         self.lock().objects().map(|(id, object)| (id.to_u64(), object.name.clone())).collect()
     }
 
-    /// The pose of a sensor at the camera node called `name`, now.
+    /// The pose of a sensor at the camera node called `name`, now; ArgumentError without one, with the nearest names.
     fn camera(&self, name: &str) -> Outcome<Pose> {
         Ok(Pose(self.lock().camera(name)?))
     }
 
-    /// Lets what moves by itself be where it is at `time`, s, during scans of `length`, s.
+    /// Sets the time of the scans that follow: everything that moves by itself is where it is at every moment from
+    /// `time` to `time + length`, s. With the `length` 0 it stands still as it is at `time`. A new scene stands still
+    /// at 0.
     #[pyo3(signature = (time, length = 0.0))]
     fn set_time(&self, time: f64, length: f64) -> Outcome<()> {
         Ok(self.lock().set_time(time, length)?)
     }
 
-    /// What `sensor` sees now; as `Scene.scan`.
+    /// What `sensor` sees now: a cloud. Keywords as those of `Scene.scan`.
     #[pyo3(signature = (sensor, **options))]
     fn scan(&self, py: Python<'_>, sensor: Instrument<'_>, options: Option<&Bound<'_, PyDict>>) -> Outcome<PointCloud> {
         let sensor = sensor.sensor()?;
@@ -162,7 +188,7 @@ impl LiveScene {
         scan(py, &built, &sensor, &asked)
     }
 
-    /// A ping of a sonar, now; as `Scene.ping`.
+    /// A ping of a sonar, now. Keywords as those of `Scene.scan`.
     #[pyo3(signature = (sensor, **options))]
     fn ping(&self, py: Python<'_>, sensor: Instrument<'_>, options: Option<&Bound<'_, PyDict>>) -> Outcome<Ping> {
         let sensor = sensor.sensor()?;

@@ -12,15 +12,23 @@ use echocast::preview::{self, PreviewOptions, View};
 use echocast::{BuiltScene, Field, Layout, Report, Sensor};
 use pyo3::exceptions::{PyIndexError, PyKeyError};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
+use pyo3::types::{PyBytes, PyDict, PyRange};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Pings of one sonar, one after the other.
 ///
-/// `scene.pings(sensor, 200, at=trajectory)` makes them; `pings[i]` is one; `waterfall`, `mosaic`, `fan` and `depth_map`
-/// are their images.
+/// `Scene.pings` makes them. `len(pings)` is their number, `pings[i]` one of them, from the end if i is below 0;
+/// IndexError for others. `waterfall`, `mosaic`, `fan` and `depth_map` are their images.
+///
+/// >>> lake = ec.Scene.generate("seabed", seed=3)
+/// >>> survey = ec.Trajectory([0.0, 10.0], np.array([[-15.0, 0, -2], [5, 0, -2]]))
+/// >>> pings = lake.pings("sss_450", 3, at=survey)
+/// >>> [ping.number for ping in pings], pings[-1].number
+/// ([0, 1, 2], 2)
+/// >>> pings.write("survey.npz"), pings.waterfall().write("survey.png")
+/// ([], [])
 #[pyclass(frozen, sequence, module = "echocast")]
 pub struct Pings(Arc<echocast::Pings>);
 
@@ -45,23 +53,31 @@ impl Pings {
         }
     }
 
-    /// Writes them as NPZ or HDF5: arrays of pings x beams x bins. Returns warnings.
+    fn __iter__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        let numbers = PyRange::new(slf.py(), 0, slf.get().__len__() as isize)?;
+        slf.py().import("builtins")?.call_method1("map", (slf.getattr("__getitem__")?, numbers))
+    }
+
+    /// Writes them as NPZ or HDF5, as the ending of `path` says: arrays of pings x beams x bins. Returns warnings.
     fn write(&self, py: Python<'_>, path: PathBuf) -> Outcome<Vec<String>> {
         Ok(py.detach(|| self.0.write(path))?.warnings)
     }
 
     /// A row for each ping, the first at the top; for side-scan sonars port reversed and starboard side by side.
     ///
-    /// `range`: "slant" or "ground"; `beam`: only this one.
+    /// `range`: "slant", or "ground", along a flat bed, without the water below the sonar. `beam`: only this one, from
+    /// 0.
     #[pyo3(signature = (*, range = "slant", beam = None))]
     fn waterfall(&self, py: Python<'_>, range: &str, beam: Option<usize>) -> Outcome<Image> {
         let range: ImageRange = named("range", range)?;
         Ok(Image(py.detach(|| image::waterfall(&self.0, range, beam))?))
     }
 
-    /// The pings of a side-scan, imaging or single-beam sonar on a map of squares of `cell_m` metres.
+    /// The pings of a side-scan, imaging or single-beam sonar on a map of squares of `cell_m` metres; ArgumentError for
+    /// others.
     ///
-    /// `overlap`, where several fall on a pixel: "mean", "max", "last" or "nearest".
+    /// `range`: as of `waterfall`. `overlap`, where several cells fall on a pixel: "mean" (of the power), "max", "last"
+    /// or "nearest" (to the sonar).
     #[pyo3(signature = (cell_m, *, range = "slant", overlap = "mean"))]
     fn mosaic(&self, py: Python<'_>, cell_m: f64, range: &str, overlap: &str) -> Outcome<Image> {
         let (range, overlap): (ImageRange, Overlap) = (named("range", range)?, named("overlap", overlap)?);
@@ -75,12 +91,15 @@ impl Pings {
         Ok(Image(py.detach(|| image::turning_fan(&self.0, pixels))?))
     }
 
-    /// Mean height of the soundings in squares of `cell_m` metres.
+    /// Mean height of the soundings in squares of `cell_m` metres; ArgumentError for sonars without.
     fn depth_map(&self, py: Python<'_>, cell_m: f64) -> Outcome<Image> {
         Ok(Image(py.detach(|| image::depth_map(&self.0, cell_m))?))
     }
 
-    /// A picture as PNG, `width` pixels wide; `view`: "waterfall", "track" or "fan".
+    /// A picture as PNG, bytes.
+    ///
+    /// `view`: "waterfall", "track" (on the map) or "fan". `color`: "intensity" or "label". `width`: 320 to 4096
+    /// pixels; None: 1600.
     #[pyo3(signature = (*, view = "waterfall", color = "intensity", width = None))]
     fn png<'py>(&self, py: Python<'py>, view: &str, color: &str, width: Option<u32>) -> Outcome<Bound<'py, PyBytes>> {
         let view: View = named("view", view)?;
@@ -108,7 +127,7 @@ impl Pings {
         }
     }
 
-    /// Slant range of the middle of each bin, m.
+    /// Slant range of the middle of each bin, m: float64; ArgumentError if there are no pings.
     #[getter]
     fn ranges<'py>(&self, py: Python<'py>) -> Outcome<Bound<'py, PyAny>> {
         ranges(py, self.layout()?)
@@ -117,8 +136,16 @@ impl Pings {
 
 /// A ping of a sonar: beams x bins, read-only.
 ///
-/// `ping.levels` and `ping["category_id"]` are NumPy arrays without a copy; `ping.soundings` what the sonar reports as
-/// depths.
+/// `ping.levels` and `ping["category_id"]` are NumPy arrays that share its memory, KeyError for a column that it has
+/// not; `ping.soundings` is what the sonar reports as depths. `Scene.ping` makes one.
+///
+/// >>> lake = ec.Scene.generate("seabed", seed=3)
+/// >>> ping = lake.ping("mbes_400", at=lake.camera("Sonar"), fields="intensity,category_id")
+/// >>> ping.levels.shape == ping["category_id"].shape == (len(ping.axes), len(ping.ranges))
+/// True
+/// >>> depths = ping.soundings
+/// >>> bool((depths["range"] <= ping.ranges[-1] + ping.bin_m).all())
+/// True
 #[pyclass(frozen, module = "echocast")]
 pub struct Ping {
     pings: Arc<echocast::Pings>,
@@ -139,13 +166,13 @@ impl Ping {
 
 #[pymethods]
 impl Ping {
-    /// Its number.
+    /// Its number, that of its frame.
     #[getter]
     fn number(&self) -> u32 {
         self.ping().number
     }
 
-    /// When it was sent, s.
+    /// When it was sent, s since the start of the run.
     #[getter]
     fn time(&self) -> f64 {
         self.ping().time
@@ -157,13 +184,13 @@ impl Ping {
         Pose(self.ping().pose)
     }
 
-    /// Coordinates of the position 0, 0, 0 of `true_x`, `true_y`, `true_z`, m.
+    /// What `true_x`, `true_y` and `true_z` are relative to: x, y, z in the world, m.
     #[getter]
     fn origin(&self) -> [f64; 3] {
         self.ping().origin.to_array()
     }
 
-    /// Echo levels, beams x bins, float32, dB re 1 uPa.
+    /// Echo levels, beams x bins float32, dB re 1 uPa; shares the memory of the ping.
     #[getter]
     fn levels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.array(py, Field::Intensity)
@@ -192,7 +219,7 @@ impl Ping {
         self.ping().layout.view.name()
     }
 
-    /// Slant range of the middle of each bin, m.
+    /// Slant range of the middle of each bin, m: float64.
     #[getter]
     fn ranges<'py>(&self, py: Python<'py>) -> Outcome<Bound<'py, PyAny>> {
         ranges(py, &self.ping().layout)
@@ -204,7 +231,7 @@ impl Ping {
         self.ping().layout.bin_m
     }
 
-    /// Azimuth and elevation of the axis of each beam, sensor frame, rad: beams x 2, float32.
+    /// Azimuth and elevation of the axis of each beam, sensor frame, rad: beams x 2 float32.
     #[getter]
     fn axes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let axes = &self.ping().layout.axes;
@@ -217,7 +244,7 @@ impl Ping {
         self.ping().layout.noise_db
     }
 
-    /// Lowest level that is reported as an echo, dB re 1 uPa, by bin.
+    /// Lowest level that is reported as an echo, dB re 1 uPa: float32, one for each bin.
     #[getter]
     fn threshold_db<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let levels = &self.ping().layout.threshold_db;
@@ -230,8 +257,8 @@ impl Ping {
         self.ping().layout.believed_speed
     }
 
-    /// What is reported as depths: a dict of arrays, `beam`, `range` (m), `bin`, `level_db` and `quality` (0 to 1); empty
-    /// arrays for side-scan and imaging sonars.
+    /// What is reported as depths, a dict of arrays: `beam`, uint32; `range`, float32, m; `bin`, uint32; `level_db`,
+    /// float32, dB re 1 uPa; `quality`, float32, 0 to 1. They are empty for side-scan and imaging sonars.
     #[getter]
     fn soundings<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let (found, bins) = (&self.ping().soundings, self.ping().layout.bins.max(1) as u32);
@@ -251,7 +278,8 @@ impl Ping {
         names(&self.ping().labels.category)
     }
 
-    /// Laid out by beam and range; the longer side has `pixels` pixels. For imaging and swath sonars.
+    /// Laid out by beam and range; the longer side has `pixels` pixels. For imaging and swath sonars; ArgumentError for
+    /// others.
     #[pyo3(signature = (pixels = 800))]
     fn fan(&self, py: Python<'_>, pixels: usize) -> Outcome<Image> {
         Ok(Image(py.detach(|| image::fan(self.ping(), pixels))?))

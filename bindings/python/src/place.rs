@@ -9,11 +9,18 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
 
-/// Place and orientation of a sensor in the world: x forward, y left, z up.
+/// Place and orientation of a sensor or an object in the world: x forward, y left, z up.
 ///
-/// Pose(position=(0, 0, 0), *, rpy_deg=None, quaternion=None)
+/// `position`: x, y, z, m, by default 0, 0, 0. `rpy_deg`: roll, pitch and yaw in degrees, the first about x, then about
+/// y, then about z. `quaternion`: x, y, z, w, as in ROS, of any length but 0. One of the two, or none: along the axes
+/// of the world. ArgumentError for both, and for what is not finite. Poses are equal if their numbers are, and pickle.
 ///
-/// `position` in metres; `rpy_deg`: roll, pitch and yaw in degrees; `quaternion`: x, y, z, w, as in ROS.
+/// >>> pose = ec.Pose((1, 2, 1.8), rpy_deg=(0, 0, 90))
+/// >>> pose.position
+/// [1.0, 2.0, 1.8]
+/// >>> ahead = np.array(pose.matrix) @ [1, 0, 0, 1]  # 1 m ahead of it
+/// >>> [round(float(place), 3) for place in ahead]
+/// [1.0, 3.0, 1.8, 1.0]
 #[pyclass(frozen, eq, from_py_object, module = "echocast")]
 #[derive(Clone, Copy, PartialEq)]
 pub struct Pose(pub echocast::Pose);
@@ -21,7 +28,10 @@ pub struct Pose(pub echocast::Pose);
 #[pymethods]
 impl Pose {
     #[new]
-    #[pyo3(signature = (position = [0.0; 3], *, rpy_deg = None, quaternion = None))]
+    #[pyo3(
+        signature = (position = [0.0; 3], *, rpy_deg = None, quaternion = None),
+        text_signature = "(position=(0.0, 0.0, 0.0), *, rpy_deg=None, quaternion=None)"
+    )]
     fn new(position: [f64; 3], rpy_deg: Option<[f64; 3]>, quaternion: Option<[f64; 4]>) -> Outcome<Pose> {
         let [x, y, z] = position;
         let pose = echocast::Pose::at(x, y, z);
@@ -39,19 +49,19 @@ impl Pose {
         Ok(Pose(pose))
     }
 
-    /// x, y and z in the world, metres.
+    /// x, y and z in the world, m.
     #[getter]
     fn position(&self) -> [f64; 3] {
         self.0.position.to_array()
     }
 
-    /// Orientation as x, y, z, w, of unit length.
+    /// Orientation as x, y, z, w, of length 1.
     #[getter]
     fn quaternion(&self) -> [f64; 4] {
         self.0.orientation.to_array()
     }
 
-    /// The 4 x 4 matrix, as nested tuples, that takes coordinates of the sensor to those of the world.
+    /// The 4 x 4 matrix, as a list of rows, that takes coordinates of the sensor or object to those of the world.
     #[getter]
     fn matrix(&self) -> [[f64; 4]; 4] {
         let columns = self.0.rotation().to_cols_array_2d();
@@ -72,11 +82,17 @@ impl Pose {
     }
 }
 
-/// The path of a sensor: poses at rising times, linear in position and slerp in orientation between them.
+/// The path of a sensor: poses at rising times, between them linear in position and slerp in orientation.
 ///
-/// Trajectory(times, positions, quaternions=None)
+/// `times`: n, s, at least one. `positions`: n x 3 float64, m. `quaternions`: n x 4 float64, x, y, z, w; None: along
+/// the axes of the world. ArgumentError for other shapes, times that do not rise and what is not finite, TypeError for
+/// other types.
 ///
-/// `times`: n, s; `positions`: n x 3, m; `quaternions`: n x 4 (x, y, z, w), float64.
+/// >>> path = ec.Trajectory([0.0, 2.0], np.array([[0.0, 0, 1.8], [10, 0, 1.8]]))
+/// >>> path.at(0.5).position
+/// [2.5, 0.0, 1.8]
+/// >>> path.span
+/// (0.0, 2.0)
 #[pyclass(frozen, from_py_object, module = "echocast")]
 #[derive(Clone)]
 pub struct Trajectory(pub echocast::Trajectory);
@@ -102,13 +118,18 @@ impl Trajectory {
         Ok(Trajectory(echocast::Trajectory::new(times.into_iter().zip(poses).collect())?))
     }
 
-    /// Reads TUM text (`t x y z qx qy qz qw`) or CSV with a header.
+    /// Reads a file: TUM text, lines of `t x y z qx qy qz qw`, or CSV with a header, s and m.
+    ///
+    /// >>> with open("drive.txt", "w") as file:
+    /// ...     print("0 0 0 1.8 0 0 0 1\n2 10 0 1.8 0 0 0 1", file=file)
+    /// >>> ec.Trajectory.load("drive.txt").span
+    /// (0.0, 2.0)
     #[staticmethod]
     fn load(path: PathBuf) -> Outcome<Trajectory> {
         Ok(Trajectory(echocast::Trajectory::load(path)?))
     }
 
-    /// The pose at `time`, s.
+    /// The pose at `time`, s; before the first and after the last, that one.
     fn at(&self, time: f64) -> Pose {
         Pose(self.0.at(time))
     }

@@ -13,10 +13,21 @@ use std::sync::{Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard};
 
 /// What a run is made of: scenes, rigs, trajectories, weather, and what varies from sample to sample.
 ///
-/// Scenario(scenario, *, folder="", threads=None)
+/// `scenario`: the path of a file, or its keys as a dict or YAML text, with names of files relative to `folder`.
+/// `threads`: that build and scan; None: all cores. NotFoundError for a file that is not there, FormatError and
+/// ArgumentError for wrong keys, with the nearest ones. `len(scenario)` is its number of samples, `scenario[i]` makes one,
+/// the same whenever and wherever, from the end if i is below 0; IndexError for others.
 ///
-/// `scenario`: the path of a file, or its keys as a dict or YAML text, with files relative to `folder`. `len(scenario)` is
-/// its number of samples; `scenario[i]` makes one.
+/// >>> scenario = ec.Scenario({
+/// ...     "scene": {"generate": {"indoor": {"rooms": [1, 1]}}},
+/// ...     "sensors": [{"name": "top", "sensor": "velodyne_vlp16"}],
+/// ...     "trajectory": {"camera": "Scanner"},
+/// ...     "variation": [{"set": "environment.fog.visibility_m", "to": {"uniform": [10, 50]}}],
+/// ...     "samples": 3,
+/// ... })
+/// >>> len(scenario), scenario[2].sensors
+/// (3, ['top'])
+/// >>> cloud = scenario[2].cloud()
 #[pyclass(frozen, module = "echocast")]
 pub struct Scenario(RwLock<echocast::Scenario>);
 
@@ -29,7 +40,10 @@ impl Scenario {
 #[pymethods]
 impl Scenario {
     #[new]
-    #[pyo3(signature = (scenario, *, folder = PathBuf::new(), threads = None))]
+    #[pyo3(
+        signature = (scenario, *, folder = PathBuf::new(), threads = None),
+        text_signature = "(scenario, *, folder='', threads=None)"
+    )]
     fn new(scenario: Source<'_>, folder: PathBuf, threads: Option<usize>) -> Outcome<Scenario> {
         let made = match scenario.yaml()? {
             Some(text) => echocast::Scenario::from_yaml(&text, folder)?,
@@ -42,13 +56,14 @@ impl Scenario {
         Ok(Scenario(RwLock::new(made)))
     }
 
-    /// Sets a key, as `--set KEY=VALUE` does.
+    /// Sets a key by its path, as `--set KEY=VALUE` does: `scenario.set("samples", 20)`. FormatError and ArgumentError
+    /// for unknown keys and wrong values, then it stays as it was.
     fn set(&self, key: &str, value: &Bound<'_, PyAny>) -> Outcome<()> {
         let text = options_text(value)?;
         Ok(self.0.write().unwrap_or_else(PoisonError::into_inner).set(key, &text)?)
     }
 
-    /// Seed of everything that is drawn.
+    /// Seed of everything that is drawn, 0 to 2^64 - 1.
     #[getter]
     fn seed(&self) -> u64 {
         self.now().value().get("seed").and_then(serde_json::Value::as_u64).unwrap_or_default()
@@ -74,7 +89,19 @@ impl Scenario {
     }
 }
 
-/// A sample of a scenario: what was drawn for it, and its scans.
+/// A sample of a scenario: what was drawn for it, and its scans. `scenario[i]` makes it.
+///
+/// >>> scenario = ec.Scenario({
+/// ...     "scene": {"generate": {"indoor": {"rooms": [1, 1]}}},
+/// ...     "sensors": [{"sensor": "velodyne_vlp16"}],
+/// ...     "trajectory": {"camera": "Scanner"},
+/// ...     "frames": {"first": 0, "last": 1, "fps": 10},
+/// ... })
+/// >>> sample = scenario[0]
+/// >>> sample.number, sample.sensors, sample.frames()
+/// (0, ['velodyne_vlp16'], [(0, 0.0), (1, 0.1)])
+/// >>> len(sample.cloud(0, frame=1)) > 1000
+/// True
 #[pyclass(frozen, module = "echocast")]
 pub struct Sample {
     /// Its number.
@@ -104,21 +131,22 @@ impl Sample {
         Ok(self.lock().scans()[sensor].frames().iter().map(|frame| (frame.number, frame.start)).collect())
     }
 
-    /// What `sensor` sees in its `frame`th frame, counted from 0.
+    /// What a sensor, by its place in `sensors`, sees in its `frame`th frame, counted from 0; ArgumentError for others.
     #[pyo3(signature = (sensor = 0, frame = 0))]
     fn cloud(&self, py: Python<'_>, sensor: usize, frame: usize) -> Outcome<PointCloud> {
         self.check(sensor, frame)?;
         Ok(PointCloud::of(py.detach(|| self.lock().cloud(sensor, frame))?))
     }
 
-    /// What was drawn for it, in the order of the rules.
+    /// What was drawn for it, in the order of the rules: enough to repeat or to choose by.
     #[getter]
     fn drawn<'py>(&self, py: Python<'py>) -> Outcome<Bound<'py, PyAny>> {
         let text = serde_json::to_string(self.lock().drawn()).unwrap_or_default();
         Ok(py.import("json")?.call_method1("loads", (text,))?)
     }
 
-    /// What was noticed when it was made.
+    /// What was noticed when it was made, a sentence each: objects that found no room, what the reader of the scene
+    /// says.
     #[getter]
     fn warnings(&self) -> Vec<String> {
         self.lock().report().warnings.clone()
@@ -146,9 +174,27 @@ impl Sample {
 
 /// Makes samples of a scenario and writes them as its `outputs` say, as `echocast run` does.
 ///
-/// `samples`: (first, last) or (first, last, step); `shard`: (part, parts); `resume`: go on with a set that is there;
-/// `progress`: called with the number of samples done and of all, or True for a bar. Returns a dict: folder, made, found, failed, points,
-/// seconds, warnings, complete.
+/// `folder`: of the set; None: as the scenario says. `samples`:
+/// (first, last) or (first, last, step), None: all. `shard`: (part, parts), of which it makes one, from 0; `finish`
+/// completes a set of shards. `resume`: True goes on with a set that is there, which is else an ArgumentError.
+/// `threads`: 0: all cores. `progress`: called with the number of samples done and of all; if it returns False, samples
+/// under way are completed and a CancelledError follows. True shows a bar.
+///
+/// Returns a dict: `folder`; `made` and `found`, numbers of samples; `failed`, number and error of each; `points`;
+/// `seconds`; `warnings`, with how many samples have them; `complete`, whether the set is.
+///
+/// >>> keys = {
+/// ...     "scene": {"generate": {"indoor": {"rooms": [1, 1]}}},
+/// ...     "sensors": [{"name": "top", "sensor": "velodyne_vlp16"}],
+/// ...     "trajectory": {"camera": "Scanner"},
+/// ...     "samples": 2,
+/// ...     "outputs": [{"style": "plain", "format": "las"}],
+/// ... }
+/// >>> done = ec.run(ec.Scenario(keys), "set")
+/// >>> done["made"], done["complete"]
+/// (2, True)
+/// >>> len(ec.PointCloud.read("set/data/000001/top.las")) > 1000
+/// True
 #[pyfunction]
 #[pyo3(signature = (scenario, folder = None, *, samples = None, shard = None, resume = false, threads = 0, progress = None))]
 #[allow(clippy::too_many_arguments)]
@@ -211,7 +257,21 @@ pub fn run<'py>(
     Ok(told)
 }
 
-/// Completes a set whose shards are all made: tables, manifest and report, as `echocast run --finish` does.
+/// Completes the set in `folder`, whose shards are all made: tables, manifest and report, as `echocast run --finish`
+/// does.
+///
+/// >>> keys = {
+/// ...     "scene": {"generate": {"indoor": {"rooms": [1, 1]}}},
+/// ...     "sensors": [{"sensor": "velodyne_vlp16"}],
+/// ...     "trajectory": {"camera": "Scanner"},
+/// ...     "samples": 2,
+/// ... }
+/// >>> for part in (0, 1):  # each on a machine of its own
+/// ...     done = ec.run(ec.Scenario(keys), "set", shard=(part, 2))
+/// >>> ec.finish("set")
+/// >>> import pathlib
+/// >>> pathlib.Path("set/report.html").exists()
+/// True
 #[pyfunction]
 pub fn finish(py: Python<'_>, folder: PathBuf) -> Outcome<()> {
     Ok(py.detach(|| set::finish(&folder))?)

@@ -17,10 +17,15 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
-/// A scene that was loaded, or made of arrays: z up, metres.
+/// Objects of triangles with labels and materials, which stay as they are: z up, m.
 ///
-/// `Scene.load("street.glb")`, `Scene.from_arrays(vertices, triangles)`. It is built for tracing at the first scan. Any
-/// number of threads may scan it.
+/// `load`, `from_arrays`, `from_objects`, `from_mesh` and `generate` make one. It is built for tracing at the first
+/// scan. Any number of threads may scan it. What comes, goes and moves is in a `LiveScene`.
+///
+/// >>> room = ec.Scene.generate("indoor", rooms=[1, 1])
+/// >>> cloud = room.scan("velodyne_vlp16", at=room.camera("Scanner"), seed=7)
+/// >>> bool(cloud.range.max() < 15)
+/// True
 #[pyclass(frozen, module = "echocast")]
 pub struct Scene {
     pub scene: echocast::Scene,
@@ -100,10 +105,25 @@ enum Category {
 
 #[pymethods]
 impl Scene {
-    /// Reads a scene file, or several as one: glTF, OBJ, PLY, STL or FBX.
+    /// Reads a scene file: glTF, OBJ, PLY, STL or FBX; or several, in a list, as one scene.
     ///
-    /// `options`: those of the section `scene` of a scenario, such as `up="y"`, `scale=0.001`, `labels="rules.yaml"`,
-    /// `hide=["Sky*"]`.
+    /// `options`: keys of the section `scene` of a scenario:
+    ///
+    /// * `labels`: a label file, its contents as a dict, or the name of rules that ship: "street", "forest",
+    ///   "semantic_kitti".
+    /// * `hide`: patterns of names of objects that are left out: `["Sky*"]`.
+    /// * `materials`: what surfaces are made of: `{"Wall*": {"reflectance": 0.3}}`.
+    /// * `up`: which axis points up in files that do not say it (OBJ, PLY, STL): "y", "z", "x", "-x", "-y" or "-z".
+    /// * `scale`: metres per unit of these files.
+    /// * `animation`, `loop`, `caches`, `texture_limit_mib`, `allow_outside_paths`: as the options of `echocast scan`.
+    ///
+    /// NotFoundError for a file that is not there, FormatError for one that is broken and for unknown options.
+    ///
+    /// >>> with open("tent.obj", "w") as file:
+    /// ...     print("o tent\nv -1 -1 0\nv 1 -1 0\nv 0 0 2\nf 1 2 3", file=file)
+    /// >>> tent = ec.Scene.load("tent.obj", up="z", labels={"objects": {"tent*": "tent"}})
+    /// >>> tent.objects, list(tent.categories.values())
+    /// (['tent'], ['tent'])
     #[staticmethod]
     #[pyo3(signature = (files, **options))]
     fn load(py: Python<'_>, files: Files, options: Option<&Bound<'_, PyDict>>) -> Outcome<Scene> {
@@ -118,9 +138,18 @@ impl Scene {
         Ok(Scene::of(py.detach(|| echocast::Scene::load_all(&files, &options))?))
     }
 
-    /// Makes a scene of one mesh: `vertices`, n x 3 float32, m; `triangles`, m x 3 uint32, indices of vertices.
+    /// A scene of one mesh: `vertices`, n x 3 float32, m; `triangles`, m x 3 uint32, indices of vertices.
     ///
-    /// `categories`: a number for each triangle (uint32), or None; `names`: a dict from number to name.
+    /// `categories`: m uint32, the number of each triangle; triangles of a number are an object. `names`: what the
+    /// numbers are called, a dict. `name`: of the object, if there are no categories. Arrays need not be contiguous;
+    /// they are copied. ArgumentError for other shapes and for what is not finite, TypeError for other types.
+    ///
+    /// >>> floor = np.array([[-9, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]], dtype=np.float32)
+    /// >>> triangles = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)
+    /// >>> numbers = np.array([40, 40], dtype=np.uint32)
+    /// >>> scene = ec.Scene.from_arrays(floor, triangles, categories=numbers, names={40: "road"})
+    /// >>> scene.scan("velodyne_vlp16", at=(0, 0, 1.8)).categories
+    /// {40: 'road'}
     #[staticmethod]
     #[pyo3(signature = (vertices, triangles, *, categories = None, names = None, name = "mesh"))]
     fn from_arrays(
@@ -159,9 +188,17 @@ impl Scene {
         Ok(Scene::numbered(scene))
     }
 
-    /// Makes a scene of objects, a dict for each: `vertices` and `triangles` as for `from_arrays`; `name`; `pose`, a Pose, a
-    /// position or a matrix of 4 x 4; `category`, a name, or a number that `names` names; `instance`, a number, by default
-    /// one of its own.
+    /// A scene of objects, a dict for each: `vertices` and `triangles` as for `from_arrays`; `name`; `pose`, a Pose, x,
+    /// y, z, or a 4 x 4 float64 matrix (world from object); `category`, a name, or a number that `names` may name;
+    /// `instance`, a number from 1, by default one of its own. Only vertices and
+    /// triangles are needed.
+    ///
+    /// >>> square = np.array([[0, -1, 0], [0, 1, 0], [0, 1, 2], [0, -1, 2]], dtype=np.float32)
+    /// >>> mesh = {"vertices": square, "triangles": np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)}
+    /// >>> signs = [{**mesh, "name": f"sign {x}", "pose": (x, 0, 0), "category": "sign"} for x in (4, 8)]
+    /// >>> scene = ec.Scene.from_objects(signs)
+    /// >>> scene.objects, scene.categories
+    /// (['sign 4', 'sign 8'], {1: 'sign'})
     #[staticmethod]
     #[pyo3(signature = (objects, *, names = None))]
     fn from_objects(objects: Vec<ObjectKeys<'_>>, names: Option<BTreeMap<u32, String>>) -> Outcome<Scene> {
@@ -198,20 +235,33 @@ impl Scene {
         Ok(Scene::numbered(scene))
     }
 
-    /// Makes a scene of a trimesh.Trimesh or trimesh.Scene, an Open3D TriangleMesh, or a list of them.
+    /// A scene of a trimesh.Trimesh or trimesh.Scene, an Open3D TriangleMesh, or a list of them.
     ///
-    /// `up`: "z", "-z", "y", …: which of its axes points up; `scale`: metres per unit; `category`: of meshes that have none
-    /// in their metadata, which else is their name.
+    /// `up`: "z", "-z", "y", "-y", "x" or "-x", which of its axes points up; by default "z". `scale`: metres per unit,
+    /// above 0; by default 1. `category`: of meshes that have no "category" in their metadata; by default their name
+    /// without the number at its end. ArgumentError for what is no mesh.
+    ///
+    /// >>> import types
+    /// >>> wall = types.SimpleNamespace(vertices=[[3, -1, 0], [3, 1, 0], [3, 0, 2]], faces=[[0, 1, 2]])
+    /// >>> ec.Scene.from_mesh(wall, category="wall").categories  # anything with vertices and faces
+    /// {1: 'wall'}
     #[staticmethod]
     #[pyo3(signature = (mesh, **options))]
     fn from_mesh<'py>(mesh: &Bound<'py, PyAny>, options: Option<&Bound<'py, PyDict>>) -> PyResult<Bound<'py, PyAny>> {
         mesh.py().import("echocast._meshes")?.getattr("scene")?.call((mesh,), options)
     }
 
-    /// Generates a scene: "street", "landscape", "indoor" or "seabed".
+    /// Makes a scene that is always the same for the same arguments: "street", "landscape", "indoor" or "seabed".
     ///
-    /// `options`: those of the section `scene.generate` of a scenario, such as `blocks=[3, 2]`; `path`: a .glb file that
-    /// keeps it.
+    /// `seed`: 0 to 2^64 - 1. `path`: a .glb file that keeps it. `options`: keys of `scene.generate` of a scenario,
+    /// such as `blocks=[3, 2]` of a street and `rooms=[1, 1]` of a flat; FormatError for unknown ones, with the
+    /// nearest.
+    ///
+    /// >>> flat = ec.Scene.generate("indoor", seed=3, rooms=[2, 1], path="flat.glb")
+    /// >>> sorted(flat.cameras)
+    /// ['Camera_1', 'Camera_2', 'Scanner']
+    /// >>> ec.Scene.load("flat.glb").triangles == flat.triangles
+    /// True
     #[staticmethod]
     #[pyo3(signature = (kind, *, seed = 0, path = None, **options))]
     fn generate(
@@ -235,11 +285,48 @@ impl Scene {
         Ok(Scene::of(scene))
     }
 
-    /// What `sensor` sees: a cloud. For a sonar, the points of a ping.
+    /// What `sensor`, a Sensor or what `Sensor` takes, sees: a cloud. Of a sonar, the points of a ping.
     ///
-    /// Keyword arguments: `at` (a Pose, x, y and z in metres, or a Trajectory), `seed`, `fields` (names of columns),
-    /// `frame`, `start_time` (s), `organised`, `coordinates` ("world" or "sensor"), `order` ("beam" or "time"), `boxes`,
-    /// `profile`, `environment`, `progress` (called with 0 to 1; returning False stops it) and others that the stubs list.
+    /// Everything else is by keyword; None is as without:
+    ///
+    /// * `at`: where the sensor is: a Pose; x, y and z, m; or a Trajectory, along which it moves during the scan.
+    ///   Default: at 0, 0, 0, along the axes of the world.
+    /// * `fields`: columns, a list or a string with commas, of the names that `PointCloud` lists. "default" stands for
+    ///   those that the sensor has by default, "all" for all, "velocity" and "flow" for three each. Default: "default".
+    /// * `seed`: of all random draws, 0 to 2^64 - 1. Default: 0.
+    /// * `frame`: number of the scan, 0 to 2^32 - 1; each draws other random numbers. Default: 0.
+    /// * `start_time`: when it starts, s since the start of the run; patterns that do not repeat go on with it.
+    ///   Default: 0.
+    /// * `trajectory_time`: time of the trajectory at which it starts, s. Default: `start_time`.
+    /// * `freeze`: True holds the scene still during the scan, as it is at the start. Default: False.
+    /// * `frame_period`: s, above 0, up to 1e9: time from frame to frame, over which scene flow is measured; of
+    ///   `pings`, from ping to ping. Default: the sensor's period.
+    /// * `organised`: True keeps beams without a return, with NaN and 0, so that each beam has its point: for sensors
+    ///   with one return a beam, in the order "beam". Default: False.
+    /// * `coordinates`: axes of positions, normals and boxes, "world" or "sensor". Default: "world".
+    /// * `order`: of points, "beam" or "time". Default: "beam".
+    /// * `boxes`: of labelled instances, for which beams are traced once more: True or "object", along the axes of each
+    ///   object; "frame", along those of the cloud. Default: False.
+    /// * `image_boxes`: True adds where all of an object is in the sensor's image, to boxes and to annotations.
+    ///   Default: False.
+    /// * `profile`: "physical"; "paper", equations as the paper prints them; "blainder", what the paper's program
+    ///   computes. Default: "physical".
+    /// * `reflectance_source`: where reflectance comes from that a material does not say: "library", "luminance" or
+    ///   "alpha". Default: "library"; of the profiles "paper" and "blainder", "luminance" and "alpha".
+    /// * `mask`: 32 bits; an object is seen whose own mask, by default all bits, shares one with it. Default: all bits.
+    /// * `specular_depth`: most mirrors and faces of glass that a path of light is followed over, 0 to 255. Default:
+    ///   10.
+    /// * `environment`: an Environment, or what `Environment` takes. Default: clear air, for sonars water.
+    /// * `progress`: called with what is done, 0 to 1; if it returns False the scan ends with a CancelledError. True
+    ///   shows a bar in terminals and notebooks. Default: None.
+    ///
+    /// ArgumentError for values that are not allowed, TypeError for unknown keywords. Ctrl-C ends it.
+    ///
+    /// >>> room = ec.Scene.generate("indoor", rooms=[1, 1])
+    /// >>> options = {"at": room.camera("Scanner"), "organised": True, "fields": "default,normal_z"}
+    /// >>> cloud = room.scan("velodyne_vlp16", seed=7, environment={"fog": {"visibility_m": 50}}, **options)
+    /// >>> cloud.organised[0], "normal_z" in cloud.fields
+    /// (16, True)
     #[pyo3(signature = (sensor, **options))]
     fn scan(&self, py: Python<'_>, sensor: Instrument<'_>, options: Option<&Bound<'_, PyDict>>) -> Outcome<PointCloud> {
         let sensor = sensor.sensor()?;
@@ -248,15 +335,27 @@ impl Scene {
         scan(py, &built, &sensor, &asked)
     }
 
-    /// A ping of a sonar: levels in range bins for each beam. Keyword arguments as those of `scan`.
+    /// A ping of a sonar: levels in range bins for each beam. Keywords as those of `Scene.scan`; ArgumentError for a
+    /// sensor that is no sonar.
+    ///
+    /// >>> lake = ec.Scene.generate("seabed", seed=3)
+    /// >>> ping = lake.ping("sbes_200", at=lake.camera("Sonar"))
+    /// >>> ping.levels.shape == (1, len(ping.ranges))
+    /// True
     #[pyo3(signature = (sensor, **options))]
     fn ping(&self, py: Python<'_>, sensor: Instrument<'_>, options: Option<&Bound<'_, PyDict>>) -> Outcome<Ping> {
         let sensor = sensor.sensor()?;
         ping(py, &self.built(py)?, &sensor, &Asked::of(options, &sensor)?)
     }
 
-    /// `count` pings of a sonar, one after the other along its trajectory. Keyword arguments as those of `scan`; `frame` and
-    /// `start_time` are those of the first.
+    /// `count` pings of a sonar, one after the other along its trajectory. Keywords as those of `Scene.scan`; `frame`
+    /// and `start_time` are those of the first, `progress` is called after each.
+    ///
+    /// >>> lake = ec.Scene.generate("seabed", seed=3)
+    /// >>> survey = ec.Trajectory([0.0, 10.0], np.array([[-15.0, 0, -2], [5, 0, -2]]))
+    /// >>> pings = lake.pings("sbes_200", 3, at=survey)
+    /// >>> len(pings), pings[2].time == 2 * ec.Sensor("sbes_200").period
+    /// (3, True)
     #[pyo3(signature = (sensor, count, **options))]
     fn pings(
         &self,
@@ -299,7 +398,7 @@ impl Scene {
         self.scene.cameras.iter().map(|camera| camera.name.clone()).collect()
     }
 
-    /// The pose of a sensor at the camera node called `name`.
+    /// The pose of a sensor at the camera node called `name`; ArgumentError without one, with the nearest names.
     fn camera(&self, name: &str) -> Outcome<crate::place::Pose> {
         Ok(crate::place::Pose(self.scene.camera(name)?.pose))
     }
@@ -310,13 +409,13 @@ impl Scene {
         self.scene.triangle_count()
     }
 
-    /// Lowest and highest coordinates, m; None if it is empty.
+    /// Lowest and highest x, y, z, m; None if it is empty.
     #[getter]
     fn bounds(&self) -> Option<([f64; 3], [f64; 3])> {
         self.scene.bounds().map(|(low, high)| (low.to_array(), high.to_array()))
     }
 
-    /// What the reader noticed.
+    /// What the reader of its files noticed, a sentence each.
     #[getter]
     fn warnings(&self) -> Vec<String> {
         self.scene.report.warnings.clone()

@@ -9,10 +9,22 @@ use std::sync::{PoisonError, RwLock};
 
 /// An instrument: its beams, and the errors that it makes.
 ///
-/// Sensor(sensor)
+/// `sensor`: the name of a preset of `presets` (a part that no other has is enough: "VLP-16"), the path of a sensor
+/// file, or its keys as a dict or YAML text. ArgumentError for an unknown name, with the nearest ones; FormatError for
+/// wrong keys.
 ///
-/// `sensor`: the name of a preset ("velodyne_vlp16"; a part that no other has is enough), the path of a sensor file, or
-/// its keys as a dict or YAML text. `sensor["noise.range_sigma_m"]` gets and sets a key.
+/// `sensor["noise.range_sigma_m"]` is the number at a key, by its path in the YAML; KeyError if there is none.
+/// `sensor["noise.range_sigma_m"] = 0` sets a key to a number, text, list or dict, and None takes an optional one away;
+/// on a FormatError or ArgumentError, which says what is allowed, the sensor stays as it was. Sensors copy and pickle,
+/// and threads may share them: a scan is made with the sensor as it was when the scan began.
+///
+/// >>> sensor = ec.Sensor("velodyne_vlp16")
+/// >>> sensor["noise.range_sigma_m"] = 0
+/// >>> sensor["noise.range_sigma_m"]
+/// 0.0
+/// >>> pattern = {"type": "pinhole", "resolution": [64, 48], "fov_deg": [60, 45]}
+/// >>> ec.Sensor({"name": "own", "kind": "tof", "pattern": pattern})
+/// <Sensor own: tof, 3072 beams>
 #[pyclass(frozen, module = "echocast")]
 pub struct Sensor(RwLock<echocast::Sensor>);
 
@@ -76,7 +88,7 @@ impl Sensor {
         }))
     }
 
-    /// Its name.
+    /// Its name: that of a preset, or the key `name`.
     #[getter]
     fn name(&self) -> String {
         self.now().name().to_owned()
@@ -94,7 +106,7 @@ impl Sensor {
         self.now().kind().to_string()
     }
 
-    /// Where its numbers come from.
+    /// Where its numbers come from: data sheets, papers.
     #[getter]
     fn source(&self) -> String {
         self.now().source().to_owned()
@@ -113,11 +125,15 @@ impl Sensor {
     }
 
     /// All its keys as YAML, which makes the same sensor.
+    ///
+    /// >>> sensor = ec.Sensor("velodyne_vlp16")
+    /// >>> ec.Sensor(sensor.to_yaml()).beams == sensor.beams
+    /// True
     fn to_yaml(&self) -> Outcome<String> {
         Ok(self.now().to_yaml()?)
     }
 
-    /// The number at `key`; KeyError without one.
+    /// The number at `key`.
     fn __getitem__(&self, key: &str) -> Outcome<f64> {
         match self.now().parameter(key) {
             Ok(found) => Ok(found.value),
@@ -125,7 +141,7 @@ impl Sensor {
         }
     }
 
-    /// Sets `key` to a number, text or list, as `--set KEY=VALUE` does.
+    /// Sets `key`, as `--set KEY=VALUE` does.
     fn __setitem__(&self, key: &str, value: &Bound<'_, PyAny>) -> Outcome<()> {
         let mut changed = self.now();
         changed.set(key, &options_text(value)?)?;
@@ -151,7 +167,10 @@ impl Sensor {
     }
 }
 
-/// The names of the presets, with their titles.
+/// Names of the sensors that come with echocast, with what they are called in full.
+///
+/// >>> dict(ec.presets())["velodyne_vlp16"]
+/// 'Velodyne VLP-16 Puck'
 #[pyfunction]
 pub fn presets() -> Vec<(String, String)> {
     echocast::Sensor::presets().into_iter().map(|preset| (preset.name.to_owned(), preset.title.to_owned())).collect()
@@ -159,10 +178,14 @@ pub fn presets() -> Vec<(String, String)> {
 
 /// What is between sensor and surfaces: clear air, rain, fog, snow, dust; water for sonars.
 ///
-/// Environment(environment=None)
-///
 /// `environment`: the keys of the section `environment` of a scenario, as a dict or YAML text, or the path of such a
-/// file. `Environment({"rain": {"rate_mm_h": 10}})`
+/// file; None: clear air. FormatError and ArgumentError for wrong keys and values. Environments pickle.
+///
+/// >>> fog = ec.Environment({"fog": {"visibility_m": 20}})
+/// >>> empty = ec.LiveScene()
+/// >>> cloud = empty.scan("velodyne_vlp16", environment=fog, fields="default,cause")
+/// >>> set(cloud.cause.tolist())  # what comes back is fog
+/// {4}
 #[pyclass(frozen, module = "echocast")]
 pub struct Environment(pub echocast::Environment);
 
@@ -180,7 +203,7 @@ impl Environment {
         Ok(Environment(made))
     }
 
-    /// All its keys as YAML.
+    /// All its keys as YAML, which makes the same environment.
     fn to_yaml(&self) -> Outcome<String> {
         Ok(self.0.to_yaml()?)
     }
